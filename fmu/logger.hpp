@@ -1,0 +1,85 @@
+// Log lines to the host, with the care that FMI loggers need.
+//
+// The callback is printf-like and may be null, may be written in a language that cannot read
+// varargs, and may dislike an undeclared category. So: text is finished before it is passed, every
+// % is doubled, no further argument follows, and the category is one of the table below, which
+// modelDescription.xml declares as well.
+#pragma once
+
+#include <fmi2Functions.h>
+
+#include <array>
+#include <string>
+#include <string_view>
+
+namespace dockloop {
+
+struct LogCategory {
+  const char* name;
+  const char* description;
+};
+
+/// The first four belong to the fmi2Status of the line; the last one is for debugging.
+enum Category : unsigned { kLogWarning, kLogDiscard, kLogError, kLogFatal, kLogEvents };
+constexpr std::array<LogCategory, 5> kLogCategories = {{
+    {"logStatusWarning", "Something that should be looked at; the run goes on"},
+    {"logStatusDiscard", "A step that failed and may succeed with a smaller step size"},
+    {"logStatusError", "A call that was refused or failed"},
+    {"logStatusFatal", "A failure that leaves the instance unusable"},
+    {"logEvents", "Changes of the docking phase, for debugging"},
+}};
+
+class Logger {
+ public:
+  Logger() = default;
+  /// `debug` false: everything but logEvents.
+  Logger(const fmi2CallbackFunctions& callbacks, const char* instance_name, bool debug)
+      : callback_(callbacks.logger),
+        environment_(callbacks.componentEnvironment),
+        instance_name_(instance_name ? instance_name : ""),
+        enabled_(debug ? kAll : kAll & ~bit(kLogEvents)) {}
+
+  bool enabled(Category category) const { return callback_ && (enabled_ & bit(category)); }
+
+  /// fmi2SetDebugLogging: exactly the named categories (none named: all), or silence.
+  /// @return the first unknown name, and then nothing is changed; null when all are known.
+  const char* select(bool on, size_t n, const fmi2String names[]) {
+    unsigned wanted = 0;
+    for (size_t i = 0; i < n; ++i) {
+      unsigned category = 0;
+      while (category < kLogCategories.size() &&
+             (!names[i] || kLogCategories[category].name != std::string(names[i]))) {
+        ++category;
+      }
+      if (category == kLogCategories.size()) return names[i] ? names[i] : "(null)";
+      wanted |= bit(category);
+    }
+    enabled_ = !on ? 0 : n == 0 ? kAll : wanted;
+    return nullptr;
+  }
+
+  /// One line. Never throws: a log line that cannot be written must not change what a call does.
+  void write(fmi2Status status, Category category, std::string_view text) const noexcept {
+    if (!enabled(category)) return;
+    try {
+      std::string safe;
+      safe.reserve(text.size());
+      for (const char c : text) safe.append(c == '%' ? 2 : 1, c);
+      callback_(environment_, instance_name_.c_str(), status, kLogCategories[category].name,
+                safe.c_str());
+    } catch (...) {
+    }
+  }
+  void error(std::string_view text) const noexcept { write(fmi2Error, kLogError, text); }
+
+ private:
+  static constexpr unsigned bit(unsigned category) { return 1u << category; }
+  static constexpr unsigned kAll = (1u << kLogCategories.size()) - 1;
+
+  fmi2CallbackLogger callback_ = nullptr;
+  fmi2ComponentEnvironment environment_ = nullptr;
+  std::string instance_name_;
+  unsigned enabled_ = 0;
+};
+
+}  // namespace dockloop

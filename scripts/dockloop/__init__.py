@@ -1,0 +1,17 @@
+"""dockloop: docking dynamics as FMUs. The Python side: from scene files to FMUs to results.
+
+Modules, in the order in which a docking passes through them::
+
+    cli        the command line; arguments in, text and exit status out
+    scene      scene file + mechanism file + overrides -> one resolved document
+    schema     both files against their JSON Schemas, errors as one sentence
+    core       calls the C++ program dockloop-core (checks, placement, model description)
+    fmu        resolved document + compiled library -> NAME.fmu
+    simulate   drives an FMU with FMPy and records its outputs
+    summary    a recorded docking in words and numbers
+    plots      the same as figures
+
+Nothing here computes dynamics; that is the C++ core inside the FMU.
+"""
+
+__version__ = "0.1.0"

@@ -1,0 +1,190 @@
+"""The command line: ``dockloop build | run | check``.
+
+Thin on purpose: arguments in, one call into the package, text and exit status out. Exit status:
+0 done, 1 the work failed, 2 bad usage or a bad file. Errors are one sentence on standard error;
+only a defect of this program shows a traceback, and only with ``--debug``.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+from typing import NoReturn
+
+from dockloop import __version__
+from dockloop.errors import DockloopError, UsageError
+
+_BUILD_EXAMPLE = (
+    "example: dockloop build idss_25t_350t --scene initial.closing_speed=0.05 -o slow.fmu"
+)
+_RUN_EXAMPLE = "example: dockloop run idss_25t_350t --set friction.coefficient=0.2 --stop 12"
+_CHECK_EXAMPLE = "example: dockloop check idss_hexapod"
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are one sentence, like all others."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(UsageError.exit_status, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        arguments: without the name of the program; default: those of the process.
+
+    Returns:
+        The exit status.
+    """
+    options = _make_parser().parse_args(arguments)
+    try:
+        options.command(options)
+    except DockloopError as error:
+        print(f"dockloop: {error}", file=sys.stderr)
+        return error.exit_status
+    except BrokenPipeError:  # the reader of our output has seen enough
+        sys.stdout = None
+        return 0
+    except KeyboardInterrupt:
+        print("dockloop: interrupted", file=sys.stderr)
+        return 130
+    except Exception as error:
+        if options.debug:
+            raise
+        kind = type(error).__name__
+        print(f"dockloop: defect: {kind}: {error}; --debug shows where", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _make_parser() -> argparse.ArgumentParser:
+    """Describe all commands."""
+    parser = _Parser(
+        prog="dockloop",
+        description="Spacecraft docking dynamics as FMUs: build them, run them, check mechanisms.",
+        epilog=_RUN_EXAMPLE,
+    )
+    parser.add_argument("--version", action="version", version=f"dockloop {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    build = _add(commands, "build", _build, "build the FMU of a scene", _BUILD_EXAMPLE)
+    build.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
+    _add_scene_option(build)
+    build.add_argument(
+        "-o", "--output", type=Path, metavar="FILE.fmu", help="default: build/fmu/SCENE.fmu"
+    )
+
+    run = _add(commands, "run", _run, "run one docking through its FMU", _RUN_EXAMPLE)
+    run.add_argument("scene", metavar="SCENE|FILE.fmu", help="a scene (built first), or an FMU")
+    _add_scene_option(run)
+    run.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="start value of an FMU variable (repeatable)",
+    )
+    run.add_argument("--stop", type=float, metavar="T", help="end of the run [s]")
+    run.add_argument("--step", type=float, metavar="H", help="communication step [s]")
+    run.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="RESULT",
+        help="result file, .csv or .npz; summary and plots are written beside it"
+        " (default: build/results/SCENE/SCENE.csv)",
+    )
+    run.add_argument("--no-plots", action="store_true", help="do not draw figures")
+    run.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+    check = _add(commands, "check", _check, "tell whether a mechanism is sound", _CHECK_EXAMPLE)
+    check.add_argument("mechanism", metavar="MECHANISM", help="name or .json file")
+    check.add_argument(
+        "--states",
+        type=Path,
+        metavar="FILE.json",
+        help="evaluate the mechanism at these states and print accelerations and forces as JSON",
+    )
+    check.add_argument("--json", action="store_true", help="print the report as JSON")
+    return parser
+
+
+def _add(commands, name: str, function, text: str, example: str) -> argparse.ArgumentParser:
+    """Add one command to the parser."""
+    command = commands.add_parser(name, help=text, description=text + ".", epilog=example)
+    command.set_defaults(command=function)
+    command.add_argument("--debug", action="store_true", help=argparse.SUPPRESS)
+    return command
+
+
+def _add_scene_option(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--scene",
+        dest="overrides",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="override a key of the scene, e.g. chaser.motion=driven (repeatable)",
+    )
+
+
+def _build(options: argparse.Namespace) -> None:
+    """Build an FMU and say where it is."""
+    from dockloop.fmu import build_fmu
+    from dockloop.paths import shown
+
+    fmu = build_fmu(options.scene, options.overrides, options.output)
+    print(f"{shown(fmu)} ({fmu.stat().st_size / 1e6:.1f} MB)")
+
+
+def _run(options: argparse.Namespace) -> None:
+    """Run one docking: FMU, recording, summary, result file, plots."""
+    from dockloop import paths
+    from dockloop.fmu import build_fmu
+    from dockloop.simulate import ProgressBar, run_fmu
+    from dockloop.summary import describe, summarise, write_result, write_summary
+
+    is_fmu = options.scene.endswith(".fmu")
+    if is_fmu and options.overrides:
+        raise UsageError("--scene changes a scene before it is built; for an FMU use --set")
+    if options.output and options.output.suffix not in (".csv", ".npz"):
+        raise UsageError(f"-o {options.output}: must end in .csv or .npz")
+
+    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
+        fmu = Path(options.scene)
+        if not is_fmu:
+            name = Path(options.scene).stem
+            fmu = build_fmu(options.scene, options.overrides, Path(folder) / f"{name}.fmu")
+        progress = ProgressBar(fmu.stem)
+        label = paths.shown(fmu) if is_fmu else f"scene {fmu.stem}"
+        run = run_fmu(fmu, options.set, options.stop, options.step, progress, label)
+
+    summary = summarise(run)
+    name = run.scene["name"]
+    result = options.output or paths.BUILD / "results" / name / f"{name}.csv"
+    summary_file = result.with_suffix(".json")
+    try:
+        write_result(run, result)
+        files = [result, summary_file]
+        if not options.no_plots:
+            from dockloop.plots import write_plots
+
+            files += write_plots(run, result.with_suffix(""))
+        summary["files"] = [paths.shown(file) for file in files]
+        write_summary(summary, summary_file)
+    except OSError as error:
+        raise DockloopError(f"{paths.shown(result)}: cannot be written ({error})") from None
+    print(json.dumps(summary, indent=2) if options.json else describe(summary))
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Check a mechanism."""
+    from dockloop.mechanism import check_mechanism, describe_report
+
+    report = check_mechanism(options.mechanism, options.states)
+    if options.json or options.states:
+        print(json.dumps(report, indent=2))
+    else:
+        print(describe_report(report))

@@ -1,0 +1,95 @@
+"""``dockloop check``: is this mechanism sound?
+
+The file is checked against its schema here; what needs kinematics (loops, closure, conditioning)
+is answered by the C++ core.
+"""
+
+import json
+from pathlib import Path
+
+from dockloop import schema
+from dockloop.core import run_core
+from dockloop.errors import UsageError, did_you_mean
+from dockloop.paths import MECHANISMS, shown
+from dockloop.scene import read_mechanism
+
+
+def find_mechanism(reference: str) -> Path:
+    """Find a mechanism by name (among the shipped ones) or by path."""
+    path = Path(reference)
+    if path.is_file():
+        return path
+    shipped = MECHANISMS / f"{reference}.json"
+    if path.suffix or not shipped.is_file():
+        names = [file.stem for file in sorted(MECHANISMS.glob("*.json"))]
+        raise UsageError(
+            f"{reference}: no such file, and no mechanism of that name in {shown(MECHANISMS)}"
+            f"{did_you_mean(reference, names)}: there are {', '.join(names)}"
+        )
+    return shipped
+
+
+def check_mechanism(reference: str, states: Path | None = None) -> dict | list:
+    """Check a mechanism, or evaluate it at given states.
+
+    Args:
+        reference: name or path of a mechanism.
+        states: file with a member ``states`` (coordinates, velocities, loads) to evaluate.
+
+    Returns:
+        The report of the core; with `states` one object per state.
+
+    Raises:
+        UsageError: naming file, member, value and limit.
+    """
+    path = find_mechanism(reference)
+    schema.check(read_mechanism(path), "mechanism", path)
+    if states is None:
+        return json.loads(run_core("check", path))
+    if not states.is_file():
+        raise UsageError(f"{shown(states)}: no such file of states")
+    return json.loads(run_core("check", path, "--states", str(states)))
+
+
+def describe_report(report: dict) -> str:
+    """Say the report of the core in words, one fact per line and a table of the loops."""
+    lines = []
+    for key, value in _name_first(report).items():
+        if key in ("loops", "warnings", "home_q"):
+            continue
+        lines.append(f"{key.replace('_', ' '):22} {_short(value)}")
+    loops = report.get("loops", [])
+    if loops:
+        columns = list(_name_first(loops[0]))
+        rows = [columns, *([_short(loop.get(c, "")) for c in columns] for loop in loops)]
+        widths = [max(len(row[i]) for row in rows) for i in range(len(columns))]
+        lines.append("loops")
+        for row in rows:
+            cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+            lines.append("  " + "  ".join(cells).rstrip())
+    lines += [f"warning: {text}" for text in report.get("warnings", [])]
+    return "\n".join(lines)
+
+
+def _name_first(report: dict) -> dict:
+    """Return a report with its member ``name`` in front."""
+    return {"name": report.get("name", ""), **report}
+
+
+def _joined(values: list) -> str:
+    """Return a list on one line, shortened when it is long."""
+    if any(isinstance(value, list) for value in values):
+        return " | ".join(_short(value) for value in values)
+    names = [_short(v.get("name", "?")) if isinstance(v, dict) else _short(v) for v in values]
+    if len(names) > 12:
+        names = [*names[:10], "...", f"({len(values)} in all)"]
+    return " ".join(names)
+
+
+def _short(value: object) -> str:
+    """Return a value as people want to read it."""
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {_short(entry)}" for name, entry in value.items())
+    if isinstance(value, list):
+        return _joined(value)
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

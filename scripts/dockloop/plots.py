@@ -1,0 +1,122 @@
+"""Figures of one docking: relative motion, interface loads, legs, energies and residuals.
+
+A figure whose outputs were not recorded is left out. Every figure is one PNG beside the result.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dockloop.simulate import Recording
+from dockloop.summary import LOADS
+
+
+def write_plots(run: Recording, stem: Path) -> list[Path]:
+    """Draw all figures that the recording allows.
+
+    Args:
+        run: what was recorded.
+        stem: result file without its suffix; ``_motion.png`` and so on is appended.
+
+    Returns:
+        The files written.
+    """
+    figures: dict[str, tuple[str, Callable]] = {
+        "motion": ("relative.axial", _plot_motion),
+        "ring": ("ring.position[1]", _plot_ring),
+        "loads": ("capture.compression", _plot_loads),
+        "legs": ("leg[1].length", _plot_legs),
+        "energy": ("energy.residual", _plot_energy),
+    }
+    files = []
+    for name, (needed, draw) in figures.items():
+        if needed in run:
+            path = stem.with_name(f"{stem.name}_{name}.png")
+            _draw(run, draw, path)
+            files.append(path)
+    return files
+
+
+def _draw(run: Recording, draw: Callable, path: Path) -> None:
+    """Let `draw` fill two panels over time and write them to a file."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    axes = figure.subplots(2, 1, sharex=True)
+    draw(run, axes)
+    for axis in axes:
+        axis.grid(alpha=0.3)
+        if axis.get_legend_handles_labels()[0]:
+            axis.legend(loc="upper right", fontsize="small")
+        if "time_of_contact" in run:
+            for event in ("time_of_contact", "time_of_capture"):
+                if run[event][-1] >= 0.0:
+                    axis.axvline(run[event][-1], color="0.6", linewidth=0.8, linestyle=":")
+    axes[-1].set_xlabel(
+        "time [s]; dotted: first contact, capture" if "outcome" in run else "time [s]"
+    )
+    axes[0].set_title(run.scene["title"], fontsize="medium")
+    figure.savefig(path, dpi=100)
+
+
+def _plot_motion(run: Recording, axes: Any) -> None:
+    """Motion of the passive interface P relative to the active one A."""
+    t = run["time"]
+    axes[0].plot(t, 1e3 * run["relative.axial"], label="axial")
+    axes[0].plot(t, 1e3 * run["relative.lateral"], label="lateral")
+    axes[0].set_ylabel("P relative to A [mm]")
+    axes[1].plot(t, np.degrees(run["relative.pitch_yaw"]), label="pitch/yaw")
+    axes[1].plot(t, np.degrees(run["relative.roll"]), label="roll")
+    axes[1].set_ylabel("misalignment [deg]")
+
+
+def _plot_ring(run: Recording, axes: Any) -> None:
+    """Motion of the ring G relative to A."""
+    t = run["time"]
+    for column, name in enumerate("xyz"):
+        axes[0].plot(t, 1e3 * run.vector("ring.position")[:, column], label=name)
+        axes[1].plot(t, 1e3 * run.vector("ring.velocity")[:, column], label=name)
+    axes[0].set_ylabel("ring position in A [mm]")
+    axes[1].set_ylabel("ring velocity in A [mm/s]")
+
+
+def _plot_loads(run: Recording, axes: Any) -> None:
+    """Loads on the target through the interface; rated values where they are in sight."""
+    t, rated = run["time"], run.scene["mechanism"].get("limits", {})
+    for name, unit in LOADS.items():
+        axis = axes[0] if unit == "N" else axes[1]
+        peak = run[f"capture.peak.{name}"][-1]
+        label = f"{name}, peak {peak:.0f}"
+        if name in rated:
+            label += f", rated {rated[name]:g}"
+        (line,) = axis.plot(t, run[f"capture.{name}"], label=label, linewidth=0.9)
+        if name in rated and peak > 0.5 * rated[name]:
+            axis.axhline(rated[name], color=line.get_color(), linestyle="--", linewidth=0.9)
+    axes[0].set_ylabel("force on the target [N]")
+    axes[1].set_ylabel("moment on the target [N m]")
+
+
+def _plot_legs(run: Recording, axes: Any) -> None:
+    """Length and force of every leg."""
+    count = sum(name.endswith("].length") for name in run.names)
+    for i in range(1, count + 1):
+        axes[0].plot(run["time"], 1e3 * run[f"leg[{i}].length"], label=f"leg {i}")
+        axes[1].plot(run["time"], run[f"leg[{i}].force"])
+    axes[0].set_ylabel("length [mm]")
+    axes[1].set_ylabel("force, + pushes apart [N]")
+
+
+def _plot_energy(run: Recording, axes: Any) -> None:
+    """Where the energy is, and what does not add up."""
+    t = run["time"]
+    for name in ("kinetic", "potential", "dissipated", "external"):
+        if f"energy.{name}" in run:
+            values = run[f"energy.{name}"]
+            axes[0].plot(t, values - values[0], label=f"{name}, change")
+    axes[0].set_ylabel("energy [J]")
+    axes[1].semilogy(t, np.abs(run["energy.residual"]) + 1e-16, label="energy residual [J]")
+    if "momentum.residual" in run:
+        axes[1].semilogy(t, run["momentum.residual"] + 1e-18, label="momentum residual [1]")
+    axes[1].set_ylabel("audit")

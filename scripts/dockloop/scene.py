@@ -1,0 +1,302 @@
+"""From a scene file to the one document that an FMU carries (``resources/model.json``).
+
+A scene (TOML) says which vehicles, which mechanism, how they meet, and what to export. Resolving it
+
+1. finds the scene and its mechanism (beside the scene first, then among the shipped ones),
+2. applies ``--scene KEY=VALUE`` overrides and ``[mechanism.set]``,
+3. checks both against their schemas,
+4. converts what people write (degrees, magnitudes with directions) to SI vectors.
+
+Frames: A is the active interface on the chaser, P the passive one on the target, both with +x along
+the docking axis into the target. All relative quantities are P with respect to A, axes of A.
+"""
+
+import copy
+import json
+import math
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from dockloop import schema
+from dockloop.errors import UsageError, did_you_mean
+from dockloop.paths import MECHANISMS, SCENES, shown
+
+FORMAT = "dockloop-scene/1"
+
+_VEHICLE = {
+    "motion": "free",
+    "interface_position": [0.0, 0.0, 0.0],
+    "interface_attitude": [1.0, 0.0, 0.0, 0.0],
+    "mass_includes_mechanism": 1,
+    "position": [0.0, 0.0, 0.0],
+    "velocity": [0.0, 0.0, 0.0],
+    "attitude": [1.0, 0.0, 0.0, 0.0],
+    "angular_velocity": [0.0, 0.0, 0.0],
+}
+_THRUST = {"contact_thrust": 0.0, "contact_thrust_delay": 0.0}
+_SOLVER = {"rtol": 1e-6, "atol_position": 1e-8, "atol_velocity": 1e-8, "atol_energy": 1e-7}
+_EXPERIMENT = {"start": 0.0, "stop": 20.0, "step": 0.01, "tolerance": 1e-6}
+_CAPTURE_BODY = {
+    name: [0.0, 0.0, 0.0]
+    for name in ("displacement", "rotation_vector", "velocity", "angular_velocity")
+}
+
+
+def find_scene(reference: str) -> Path:
+    """Find a scene by name (among the shipped ones) or by path.
+
+    Raises:
+        UsageError: there is none, or its name cannot name an FMU.
+    """
+    path = Path(reference)
+    if path.suffix != ".toml":
+        shipped = SCENES / f"{reference}.toml"
+        if not shipped.exists():
+            names = [file.stem for file in sorted(SCENES.glob("*.toml"))]
+            raise UsageError(
+                f"no scene '{reference}' in {shown(SCENES)}{did_you_mean(reference, names)}:"
+                f" there are {', '.join(names)}; a scene of your own is given by its path,"
+                " ending in .toml"
+            )
+        path = shipped
+    if not path.is_file():
+        raise UsageError(f"{shown(path)}: no such scene file")
+    if not re.fullmatch(r"[A-Za-z_]\w*", path.stem, re.ASCII):
+        raise UsageError(
+            f"{shown(path)}: the file name becomes the name of the FMU, so it must consist of"
+            " letters, digits and _ and not begin with a digit"
+        )
+    return path
+
+
+def resolve_scene(path: Path, overrides: list[str] | tuple[str, ...] = ()) -> dict:
+    """Read a scene and return the resolved document.
+
+    Args:
+        path: the scene file.
+        overrides: ``KEY=VALUE`` texts, as given to ``--scene``.
+
+    Returns:
+        The document "dockloop-scene/1"; start states are still those of the file.
+
+    Raises:
+        UsageError: naming file, member, value and limit.
+    """
+    scene = _read_toml(path)
+    for text in overrides:
+        apply_override(scene, text)
+    schema.check(scene, "scene", path)
+
+    mechanism = load_mechanism(scene["mechanism"], path)
+    law = scene.get("contact", {})
+    if law and mechanism.get("contact", {}).get("type") != "guide_ring":
+        raise UsageError(
+            f"{shown(path)}: [contact] overrides the law of a guide ring,"
+            f" but the mechanism '{scene['mechanism']['name']}' has none"
+        )
+    document = {
+        "format": FORMAT,
+        "name": path.stem,
+        "title": scene.get("title", path.stem),
+        "chaser": {**_VEHICLE, **_THRUST, **scene["chaser"]},
+        "mechanism": mechanism,
+        "contact": law,
+        "initial": _initial(scene, path),
+        "solver": {**_SOLVER, **scene.get("solver", {})},
+        "experiment": {**_EXPERIMENT, **scene.get("experiment", {})},
+        "outputs": {"groups": scene.get("outputs", {}).get("groups", [])},
+    }
+    if "target" in scene:
+        document["target"] = {**_VEHICLE, **scene["target"]}
+    experiment = document["experiment"]
+    if experiment["stop"] <= experiment["start"]:
+        raise UsageError(
+            f"{shown(path)}: experiment.stop is {experiment['stop']}:"
+            f" must be greater than experiment.start = {experiment['start']}"
+        )
+    return document
+
+
+def load_mechanism(reference: dict, scene_path: Path) -> dict:
+    """Find, read, modify and check the mechanism that a scene names.
+
+    Args:
+        reference: section ``[mechanism]`` of the scene: ``name`` and optionally ``set``.
+        scene_path: the scene file; a mechanism beside it wins over a shipped one.
+
+    Returns:
+        The mechanism document, angles in rad, comments removed.
+    """
+    name = reference["name"]
+    for folder in (scene_path.parent, MECHANISMS):
+        if (folder / f"{name}.json").is_file():
+            path = folder / f"{name}.json"
+            break
+    else:
+        names = sorted({f.stem for f in MECHANISMS.glob("*.json")})
+        raise UsageError(
+            f"{shown(scene_path)}: mechanism.name is '{name}': there is no {name}.json beside the"
+            f" scene or in {shown(MECHANISMS)}{did_you_mean(name, names)}"
+        )
+    mechanism = read_mechanism(path)
+    for dotted, value in reference.get("set", {}).items():
+        _set_member(mechanism, dotted, value, path)
+    schema.check(mechanism, "mechanism", path)
+    return {"name": name, **_plain(mechanism)}
+
+
+def read_mechanism(path: Path) -> dict:
+    """Read a mechanism file; the document may stand alone or under the key "mechanism"."""
+    try:
+        document = json.loads(path.read_text())
+    except OSError as error:
+        raise UsageError(f"{shown(path)}: cannot be read ({error.strerror})") from None
+    except ValueError as error:
+        raise UsageError(f"{shown(path)}: is not JSON ({error})") from None
+    if isinstance(document, dict):
+        document = document.get("mechanism", document)
+    if not isinstance(document, dict):
+        raise UsageError(f"{shown(path)}: is no mechanism, but {type(document).__name__}")
+    return document
+
+
+def apply_override(scene: dict, text: str) -> None:
+    """Apply one ``KEY=VALUE`` to a scene as read from its file.
+
+    Args:
+        scene: modified in place.
+        text: dotted key, ``=``, a TOML value; bare words are texts. What follows
+            ``mechanism.set.`` is a path into the mechanism file.
+
+    Raises:
+        UsageError: no ``=``, or a key that no scene has.
+    """
+    key, equals, value_text = (part.strip() for part in text.partition("="))
+    if not equals or not key:
+        raise UsageError(f"--scene {text}: must be KEY=VALUE, for example chaser.motion=driven")
+    value = parse_value(value_text)
+    if key.startswith("mechanism.set."):
+        changes = scene.setdefault("mechanism", {}).setdefault("set", {})
+        changes[key.removeprefix("mechanism.set.")] = value
+        return
+    known = _scene_keys()
+    if key not in known:
+        hint = did_you_mean(key, known)
+        if any(name.startswith(f"{key}.") for name in known):
+            hint = f" (it is a section: write {key}.MEMBER)"
+        raise UsageError(f"--scene {text}: a scene has no key '{key}'{hint}")
+    node = scene
+    *sections, last = key.split(".")
+    for section in sections:
+        node = node.setdefault(section, {})
+    node[last] = value
+
+
+def parse_value(text: str) -> Any:
+    """Parse the right side of KEY=VALUE: a TOML value, or a bare word as text."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _read_toml(path: Path) -> dict:
+    """Read a TOML file; errors as one sentence."""
+    try:
+        return tomllib.loads(path.read_text())
+    except tomllib.TOMLDecodeError as error:
+        raise UsageError(f"{shown(path)}: is not TOML ({error})") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"{shown(path)}: cannot be read ({error})") from None
+
+
+def _scene_keys() -> list[str]:
+    """Return every dotted key that the schema of scenes knows."""
+    root = schema.load_schema("scene")
+
+    def walk(node: dict, prefix: str) -> list[str]:
+        keys = []
+        for name, child in schema.known_members(node, root).items():
+            below = walk(schema.resolve(child, root), f"{prefix}{name}.")
+            keys += below or [f"{prefix}{name}"]
+        return keys
+
+    return walk(root, "")
+
+
+def _initial(scene: dict, path: Path) -> dict:
+    """Convert section [initial]: magnitudes and directions in degrees to SI vectors of A.
+
+    A direction of 0 is +y of A, turning towards +z. Tilt is the rotation vector of the swing.
+    """
+    given = scene.get("initial", {})
+    at = given.get("at", "start")
+    if at == "first_contact" and "target" not in scene:
+        raise UsageError(
+            f"{shown(path)}: initial.at is 'first_contact', which needs a [target] to touch"
+        )
+    if at == "first_contact" and "closing_speed" not in given:
+        raise UsageError(f"{shown(path)}: initial lacks the member 'closing_speed'")
+
+    def disc(magnitude: str, direction: str, unit: float = 1.0) -> list[float]:
+        size = unit * given.get(magnitude, 0.0)
+        angle = math.radians(given.get(direction, 0.0))
+        return [size * math.cos(angle), size * math.sin(angle)]
+
+    degree = math.radians(1.0)
+    rates = disc("pitch_yaw_rate_deg_s", "pitch_yaw_rate_direction_deg", degree)
+    return {
+        "at": at,
+        "approach_time": given.get("approach_time", 0.0),
+        "closing_speed": given.get("closing_speed", 0.0),
+        "lateral": disc("lateral_offset", "lateral_direction_deg"),
+        "tilt": disc("pitch_yaw_deg", "pitch_yaw_direction_deg", degree),
+        "roll": degree * given.get("roll_deg", 0.0),
+        "lateral_velocity": disc("lateral_speed", "lateral_speed_direction_deg"),
+        "angular_velocity": [degree * given.get("roll_rate_deg_s", 0.0), *rates],
+        "capture_body": {**_CAPTURE_BODY, **given.get("capture_body", {})},
+    }
+
+
+def _set_member(mechanism: dict, dotted: str, value: Any, path: Path) -> None:
+    """Set one member of a mechanism; list entries are addressed by name or number, from 1."""
+    node: Any = mechanism
+    walked = []
+    *groups, last = dotted.split(".")
+    for part in groups:
+        if isinstance(node, list):
+            names = [str(entry.get("name", i)) for i, entry in enumerate(node, 1)]
+            number = names.index(part) + 1 if part in names else int(part) if part.isdigit() else 0
+            child = node[number - 1] if 1 <= number <= len(node) else None
+        else:
+            names = [name for name in node if name != "comment"]
+            child = node.get(part)
+        if not isinstance(child, dict | list):
+            where = ".".join(walked) or "the mechanism"
+            raise UsageError(
+                f"mechanism.set '{dotted}': in {shown(path)}, {where} has no group '{part}'"
+                f"{did_you_mean(part, names)}"
+            )
+        node = child
+        walked.append(part)
+    if not isinstance(node, dict):
+        raise UsageError(f"mechanism.set '{dotted}': must end with the name of a member")
+    node[last] = copy.deepcopy(value)
+
+
+def _plain(node: Any) -> Any:
+    """Return a mechanism document without comments, with every NAME_deg as NAME in rad."""
+    if isinstance(node, list):
+        return [_plain(entry) for entry in node]
+    if not isinstance(node, dict):
+        return node
+    plain = {}
+    for key, value in node.items():
+        if key.endswith("_deg"):
+            to_rad = [math.radians(v) for v in value] if isinstance(value, list) else None
+            plain[key.removesuffix("_deg")] = math.radians(value) if to_rad is None else to_rad
+        elif key != "comment":
+            plain[key] = _plain(value)
+    return plain

@@ -1,0 +1,342 @@
+"""Drives one FMU through one docking with FMPy and records every output.
+
+The loop is kept lean, because it is the yardstick for the price of co-simulation: buffers are
+allocated once, and a communication step costs one fmi2DoStep and at most three get calls
+(all Reals, all Integers, all Booleans). Peaks between communication points are found inside the
+FMU, so the step may be as coarse as the plots allow.
+"""
+
+import ctypes
+import json
+import math
+import sys
+import tempfile
+import time
+import zipfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fmpy import fmi2, read_model_description
+from fmpy.fmi1 import FMICallException
+
+from dockloop.errors import DockloopError, UsageError, did_you_mean
+from dockloop.paths import shown
+
+_WARNING = 1  # fmi2Warning
+_MAX_STEPS = 10_000_000
+_BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
+
+
+@dataclass
+class Recording:
+    """What a run left behind.
+
+    Attributes:
+        scene: the resolved scene of the FMU (``resources/model.json``).
+        names: recorded variables, ``time`` first.
+        units: their units.
+        values: one row per communication point, one column per name.
+        parameters: value of every Real parameter after initialisation.
+        wall: wall time [s]: ``load`` (unpack, instantiate, initialise), ``loop``, and of the loop
+            ``do_step`` (inside fmi2DoStep) and ``read`` (inside the get calls).
+        warnings: what the FMU had to say.
+    """
+
+    scene: dict
+    names: list[str]
+    units: list[str]
+    values: np.ndarray
+    parameters: dict[str, float] = field(default_factory=dict)
+    wall: dict[str, float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    def __contains__(self, name: str) -> bool:
+        """Tell whether a variable was recorded."""
+        return name in self.names
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return one variable over time, shape (points,)."""
+        return self.values[:, self.names.index(name)]
+
+    def vector(self, name: str) -> np.ndarray:
+        """Return ``name[1], name[2], ...`` as columns, shape (points, entries)."""
+        columns = [i for i, n in enumerate(self.names) if n.startswith(f"{name}[")]
+        return self.values[:, columns]
+
+
+def run_fmu(
+    path: Path,
+    settings: Iterable[str] = (),
+    stop: float | None = None,
+    step: float | None = None,
+    progress: Callable[[float], None] | None = None,
+    label: str | None = None,
+) -> Recording:
+    """Run an FMU from its start time to `stop`.
+
+    Args:
+        path: the FMU.
+        settings: ``NAME=VALUE`` texts: start values to set before initialisation.
+        stop: end [s]; default: the FMU's default experiment.
+        step: communication step [s]; default: the FMU's default experiment.
+        progress: called now and then with the part of the run that is done, 0 to 1.
+        label: what errors call the FMU; default: its path.
+
+    Returns:
+        Every output at every communication point, start included.
+
+    Raises:
+        UsageError: the file is no FMU of this program, or a setting is bad or refused.
+        DockloopError: the FMU reported an error while running.
+    """
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
+        description, scene = _unpack(path, Path(folder))
+        starts = [_parse_setting(text, description) for text in settings]
+        times = _communication_points(description, stop, step)
+        with _Instance(description, folder, label or shown(path)) as instance:
+            instance.initialise(starts, times)
+            recorder = _Recorder(instance.slave, description, len(times))
+            recording = Recording(scene, recorder.names, recorder.units, recorder.values)
+            recording.parameters = instance.read_parameters()
+            loaded = time.perf_counter()
+            recording.wall = instance.loop(times, recorder, progress)
+            recording.wall["load"] = loaded - began
+            recording.warnings = instance.warnings
+    return recording
+
+
+class ProgressBar:
+    """A bar on standard error; shows nothing when that is not a terminal."""
+
+    def __init__(self, label: str) -> None:
+        """Prepare a bar that begins with `label`."""
+        self._label = label
+        self._active = sys.stderr.isatty()
+        self._next = 0.0
+
+    def __call__(self, part: float) -> None:
+        """Show that `part` (0 to 1) is done; drawn at most ten times a second."""
+        now = time.monotonic()
+        if not self._active or (now < self._next and part < 1.0):
+            return
+        self._next = now + 0.1
+        bar = "#" * round(30 * part)
+        end = "\r\033[K" if part >= 1.0 else ""
+        print(f"\r{self._label} [{bar:30}] {part:4.0%}{end}", end="", file=sys.stderr, flush=True)
+
+
+class _Instance:
+    """One instance of an FMU; as a context manager it is freed whatever happens."""
+
+    def __init__(self, description: Any, folder: str, label: str) -> None:
+        self._description = description
+        self._label = label
+        self._log: list[str] = []
+        self.warnings: list[str] = []
+        # The callbacks must live as long as the instance, so they are kept here.
+        self._callbacks = fmi2.fmi2CallbackFunctions()
+        self._callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(self._on_log)
+        self._callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
+        self._callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
+        try:
+            self.slave = fmi2.FMU2Slave(
+                guid=description.guid,
+                unzipDirectory=folder,
+                modelIdentifier=description.coSimulation.modelIdentifier,
+                instanceName=description.modelName,
+            )
+        except OSError as error:
+            raise DockloopError(f"{label}: its binary cannot be loaded ({error})") from None
+
+    def __enter__(self) -> "_Instance":
+        try:
+            self.slave.instantiate(callbacks=self._callbacks, loggingOn=True)
+        except Exception as error:  # noqa: BLE001  FMPy raises a bare Exception here
+            self.slave.freeLibrary()
+            raise UsageError(self._sentence(error)) from None
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.slave.freeInstance()
+
+    def initialise(self, starts: list[tuple], times: np.ndarray) -> None:
+        """Set start values and initialise at times[0]; refusals are the caller's fault."""
+        slave, experiment = self.slave, self._description.defaultExperiment
+        try:
+            slave.setupExperiment(
+                tolerance=float(experiment.tolerance) if experiment.tolerance else None,
+                startTime=times[0],
+                stopTime=times[-1],
+            )
+            for variable, value in starts:
+                setter = getattr(slave, f"set{variable.type}")
+                setter([variable.valueReference], [value])
+            slave.enterInitializationMode()
+            slave.exitInitializationMode()
+        except FMICallException as error:
+            raise UsageError(self._sentence(error)) from None
+
+    def read_parameters(self) -> dict[str, float]:
+        """Read every Real parameter."""
+        found = [
+            v
+            for v in self._description.modelVariables
+            if v.type == "Real" and v.causality in ("parameter", "calculatedParameter")
+        ]
+        values = self.slave.getReal([v.valueReference for v in found])
+        return {v.name: value for v, value in zip(found, values, strict=True)}
+
+    def loop(
+        self, times: np.ndarray, recorder: "_Recorder", progress: Callable | None
+    ) -> dict[str, float]:
+        """Step through all communication points; returns the wall time and its split [s]."""
+        do_step, component, clock = self.slave.fmi2DoStep, self.slave.component, time.perf_counter
+        points, stepping, reading, last = times.tolist(), 0.0, 0.0, len(times) - 1
+        began = clock()
+        try:
+            recorder.read(0, points[0])
+            for i in range(last):
+                t0 = clock()
+                do_step(component, points[i], points[i + 1] - points[i], fmi2.fmi2True)
+                t1 = clock()
+                recorder.read(i + 1, points[i + 1])
+                t2 = clock()
+                stepping += t1 - t0
+                reading += t2 - t1
+                if progress:
+                    progress((i + 1) / last)
+        except FMICallException as error:
+            raise DockloopError(self._sentence(error)) from None
+        self.slave.terminate()
+        return {"loop": clock() - began, "do_step": stepping, "read": reading}
+
+    def _on_log(self, _env: Any, _name: bytes, status: int, _category: bytes, text: bytes) -> None:
+        message = (text or b"").decode(errors="replace").replace("%%", "%").strip()
+        if status == _WARNING:
+            self.warnings.append(message)
+        elif status > _WARNING:
+            self._log.append(message)
+
+    def _sentence(self, error: Exception) -> str:
+        text = self._log[-1] if self._log else f"the FMU refused without a message ({error})"
+        return f"{self._label}: {text}"
+
+
+class _Recorder:
+    """Buffers for all outputs; reading them is one call per data type."""
+
+    def __init__(self, slave: fmi2.FMU2Slave, description: Any, points: int) -> None:
+        outputs = [v for v in description.modelVariables if v.causality == "output"]
+        self._component = slave.component
+        self._calls = []
+        self.names, self.units = ["time"], ["s"]
+        for type_name, getter, c_type in (
+            ("Real", slave.fmi2GetReal, ctypes.c_double),
+            ("Integer", slave.fmi2GetInteger, ctypes.c_int),
+            ("Boolean", slave.fmi2GetBoolean, ctypes.c_int),
+        ):
+            chosen = [v for v in outputs if v.type == type_name]
+            if not chosen:
+                continue
+            count = len(chosen)
+            references = (ctypes.c_uint * count)(*(v.valueReference for v in chosen))
+            buffer = (c_type * count)()
+            columns = slice(len(self.names), len(self.names) + count)
+            view = np.frombuffer(buffer, dtype=c_type)
+            self._calls.append((getter, references, count, buffer, view, columns))
+            self.names += [v.name for v in chosen]
+            self.units += [v.unit or "" for v in chosen]
+        self.values = np.zeros((points, len(self.names)))
+
+    def read(self, row: int, t: float) -> None:
+        """Store all outputs at time t [s] in one row."""
+        values = self.values[row]
+        values[0] = t
+        for getter, references, count, buffer, view, columns in self._calls:
+            getter(self._component, references, count, buffer)
+            values[columns] = view
+
+
+def _unpack(path: Path, folder: Path) -> tuple[Any, dict]:
+    """Unpack an FMU of this program; returns its model description and its scene."""
+    if not path.is_file():
+        raise UsageError(f"{shown(path)}: no such FMU")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            archive.extractall(folder)
+        description = read_model_description(str(folder), validate=False)
+        scene = json.loads((folder / "resources" / "model.json").read_text())
+    except zipfile.BadZipFile:
+        raise UsageError(f"{shown(path)}: is no FMU (not a zip file)") from None
+    except OSError as error:
+        name = Path(error.filename or "").name
+        raise UsageError(f"{shown(path)}: is no FMU built by dockloop (no {name})") from None
+    if description.coSimulation is None:
+        raise UsageError(f"{shown(path)}: has no co-simulation interface")
+    return description, scene
+
+
+def _parse_setting(text: str, description: Any) -> tuple[Any, Any]:
+    """Parse one NAME=VALUE against the variables of an FMU; returns variable and value."""
+    name, equals, value_text = (part.strip() for part in text.rpartition("="))
+    if not equals or not name:
+        raise UsageError(f"--set {text}: must be NAME=VALUE, for example friction.coefficient=0.2")
+    variables = {v.name: v for v in description.modelVariables}
+    if name not in variables:
+        raise UsageError(
+            f"--set {text}: the FMU has no variable '{name}'{did_you_mean(name, variables)}"
+        )
+    variable = variables[name]
+    settable = variable.causality in ("parameter", "input") or variable.initial in (
+        "exact",
+        "approx",
+    )
+    if not settable or variable.variability == "constant":
+        raise UsageError(f"--set {text}: '{name}' is computed by the FMU and has no start value")
+    try:
+        value = _parse_as(variable.type, value_text)
+    except ValueError:
+        kind = {"Real": "a finite number", "Integer": "a whole number", "Boolean": "true or false"}
+        raise UsageError(
+            f"--set {text}: '{name}' must be {kind.get(variable.type, variable.type)}"
+        ) from None
+    return variable, value
+
+
+def _parse_as(type_name: str, text: str) -> Any:
+    """Parse a value of an FMI data type. Raises ValueError."""
+    match type_name:
+        case "Real":
+            value = float(text)
+            if not math.isfinite(value):
+                raise ValueError
+            return value
+        case "Integer":
+            return int(text)
+        case "Boolean":
+            if text.lower() not in _BOOLEANS:
+                raise ValueError
+            return _BOOLEANS[text.lower()]
+    return text
+
+
+def _communication_points(description: Any, stop: float | None, step: float | None) -> np.ndarray:
+    """Return all communication points [s]; the last step is shorter if it must be."""
+    default = description.defaultExperiment
+    start = float(default.startTime or 0.0)
+    stop = float(default.stopTime if stop is None else stop)
+    step = float(default.stepSize if step is None else step)
+    if not (math.isfinite(stop) and stop > start):
+        raise UsageError(f"--stop {stop}: must be greater than the start time {start} s")
+    if not (math.isfinite(step) and step > 0.0):
+        raise UsageError(f"--step {step}: must be greater than 0")
+    count = math.ceil((stop - start) / step * (1.0 - 1e-12))
+    if count > _MAX_STEPS:
+        raise UsageError(f"--step {step}: needs {count} steps, more than {_MAX_STEPS}")
+    times = start + step * np.arange(count + 1)
+    times[-1] = stop
+    return times

@@ -1,0 +1,248 @@
+"""A recorded docking in numbers (a dictionary for programs) and in words (for people).
+
+Loads are those on the target through the capture interface; peaks are true peaks over the inner
+steps of the integrator, not samples. Energies are in J, times in s, forces in N, moments in N m.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from dockloop.simulate import Recording
+
+PHASES = (
+    "approach",
+    "contact",
+    "captured",
+    "attenuating",
+    "aligned",
+    "retracting",
+    "hard_docked",
+    "rebound",
+)
+OUTCOMES = ("undecided", "captured", "partial capture", "rebound", "miss")
+LOADS = {
+    "compression": "N",
+    "tension": "N",
+    "shear": "N",
+    "bending": "N m",
+    "torsion": "N m",
+}
+_SINKS = ("contact", "friction", "legs", "latches")
+
+
+def summarise(run: Recording) -> dict:
+    """Condense a recording.
+
+    Args:
+        run: what was recorded; groups of outputs that the scene leaves out are left out here.
+
+    Returns:
+        A dictionary that can be written as JSON.
+    """
+    simulated = float(run["time"][-1] - run["time"][0])
+    summary: dict = {
+        "scene": run.scene["name"],
+        "title": run.scene["title"],
+        "simulated_time": simulated,
+        "communication_steps": len(run.values) - 1,
+    }
+    if "outcome" in run:
+        summary |= _outcome(run)
+    if "capture.peak.compression" in run:
+        summary["peak_loads"] = _peak_loads(run)
+    if "energy.residual" in run:
+        summary["energy"] = _energy(run)
+    if "momentum.residual" in run:
+        summary["momentum_residual"] = float(np.max(np.abs(run["momentum.residual"])))
+    if "leg[1].length" in run:
+        summary["legs"] = _legs(run)
+    summary["time"] = _wall_time(run, simulated)
+    if "solver.steps" in run:
+        names = ("steps", "rhs_evaluations", "rejected_steps")
+        summary["solver"] = {name: int(run[f"solver.{name}"][-1]) for name in names}
+        summary["solver"]["closure_residual"] = float(np.max(run["solver.closure_residual"]))
+        evaluations = max(1, summary["solver"]["rhs_evaluations"])
+        summary["time"]["microseconds_per_rhs"] = 1e6 * run.wall["do_step"] / evaluations
+    if run.warnings:
+        summary["warnings"] = run.warnings
+    return summary
+
+
+def relative_energy(run: Recording) -> float:
+    """Return the kinetic energy of the relative motion at the start, m_eq v^2 / 2 [J].
+
+    A vehicle that is not free counts as infinitely heavy. Without a target: the energy of the
+    mechanism at the start.
+    """
+    if "relative.velocity[1]" not in run:
+        return float(run["energy.kinetic"][0] + run["energy.potential"][0])
+    inverse = sum(
+        1.0 / run.parameters[f"{name}.mass"]
+        for name in ("chaser", "target")
+        if run.scene[name]["motion"] == "free"
+    )
+    speed = np.linalg.norm(run.vector("relative.velocity")[0])
+    return float(0.5 * speed**2 / inverse) if inverse else 0.0
+
+
+def describe(summary: dict) -> str:
+    """Say a summary in words and numbers, one fact per line."""
+    lines = [f"{summary['scene']}: {summary['title']}", f"  {_outcome_sentence(summary)}"]
+    if "peak_loads" in summary:
+        lines.append("  peak loads on the target")
+        for name, load in summary["peak_loads"].items():
+            line = f"    {name:12}{load['value']:9.1f} {load['unit']:4}"
+            if "rated" in load:
+                line += f" {load['ratio']:6.1%} of the rated {load['rated']:.0f}"
+            lines.append(line)
+    if "legs" in summary:
+        legs = summary["legs"]
+        lines.append(
+            f"  legs         travel {1e3 * legs['shortest_travel']:+.0f} to"
+            f" {1e3 * legs['longest_travel']:+.0f} mm from the start,"
+            f" largest force {legs['largest_force']:.0f} N"
+        )
+    if "energy" in summary:
+        energy = summary["energy"]
+        parts = ", ".join(
+            f"{name} {energy[f'dissipated_{name}']:.2f}"
+            for name in _SINKS
+            if energy.get(f"dissipated_{name}", 0.0) >= 0.005
+        )
+        lines.append(
+            f"  energy       {energy['initial_relative']:.2f} J of relative motion at the start,"
+            f" {energy['dissipated']:.2f} J absorbed" + (f" ({parts})" if parts else "")
+        )
+        lines.append(
+            f"  audit        energy residual {energy['residual']:.1e} J"
+            f" ({energy['residual_ratio']:.1e} of the initial relative energy)"
+        )
+    if "momentum_residual" in summary:
+        lines.append(
+            f"               momentum residual {summary['momentum_residual']:.1e} (relative)"
+        )
+    clock = summary["time"]
+    lines.append(
+        f"  time         {summary['simulated_time']:g} s simulated in {clock['loop']:.2f} s"
+        f" ({clock['real_time_factor']:.0f} times real time)"
+        f" after {clock['load']:.2f} s of loading"
+    )
+    lines.append(
+        f"               inside fmi2DoStep {clock['do_step']:.3f} s, reading outputs"
+        f" {clock['read']:.3f} s, Python and FMPy {clock['python']:.3f} s"
+        f" over {summary['communication_steps']} steps"
+    )
+    if "solver" in summary:
+        solver = summary["solver"]
+        lines.append(
+            f"  solver       {solver['steps']} inner steps, {solver['rejected_steps']} rejected,"
+            f" {solver['rhs_evaluations']} evaluations"
+            f" of {clock['microseconds_per_rhs']:.1f} microseconds"
+        )
+    lines += [f"  warning      {text}" for text in summary.get("warnings", [])]
+    if "files" in summary:
+        lines.append(f"  files        {', '.join(summary['files'])}")
+    return "\n".join(lines)
+
+
+def write_result(run: Recording, path: Path) -> None:
+    """Write all recorded values.
+
+    Args:
+        run: what was recorded.
+        path: ``.csv`` (one header line) or ``.npz`` (arrays names, units, values: full precision).
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".npz":
+        np.savez_compressed(path, names=run.names, units=run.units, values=run.values)
+    else:
+        np.savetxt(path, run.values, "%.10g", ",", header=",".join(run.names), comments="")
+
+
+def write_summary(summary: dict, path: Path) -> None:
+    """Write a summary as JSON."""
+    path.write_text(json.dumps(summary, indent=2) + "\n")
+
+
+def _outcome(run: Recording) -> dict:
+    """Return outcome, phase and times of contact and capture (None: never)."""
+
+    def when(name: str) -> float | None:
+        value = float(run[name][-1])
+        return value if value >= 0.0 else None
+
+    latched = run.vector("latched")[-1] if "latched[1]" in run else np.zeros(0)
+    return {
+        "outcome": OUTCOMES[int(run["outcome"][-1]) - 1],
+        "captured": bool(run["captured"][-1]),
+        "phase": PHASES[int(run["phase"][-1]) - 1],
+        "time_of_contact": when("time_of_contact"),
+        "time_of_capture": when("time_of_capture"),
+        "latches_held": int(np.sum(latched)),
+        "latches": len(latched),
+    }
+
+
+def _peak_loads(run: Recording) -> dict:
+    """Return the largest loads since the start beside the rated ones."""
+    rated = run.scene["mechanism"].get("limits", {})
+    loads = {}
+    for name, unit in LOADS.items():
+        loads[name] = {"value": float(run[f"capture.peak.{name}"][-1]), "unit": unit}
+        if name in rated:
+            loads[name] |= {"rated": rated[name], "ratio": loads[name]["value"] / rated[name]}
+    return loads
+
+
+def _energy(run: Recording) -> dict:
+    """Return what became of the energy, and what does not add up."""
+    scale = relative_energy(run)
+    residual = float(np.max(np.abs(run["energy.residual"])))
+    energy = {
+        "initial_relative": scale,
+        "residual": residual,
+        "residual_ratio": residual / scale if scale > 0.0 else 0.0,
+    }
+    for name in ("dissipated", *(f"dissipated_{sink}" for sink in _SINKS), "external"):
+        if f"energy.{name}" in run:
+            energy[name] = float(run[f"energy.{name}"][-1])
+    return energy
+
+
+def _legs(run: Recording) -> dict:
+    """Return travel of the legs from their start [m] and the largest force [N]."""
+    count = sum(name.endswith("].length") for name in run.names)
+    lengths = np.column_stack([run[f"leg[{i + 1}].length"] for i in range(count)])
+    forces = np.column_stack([run[f"leg[{i + 1}].force"] for i in range(count)])
+    return {
+        "shortest_travel": float(np.min(lengths - lengths[0])),
+        "longest_travel": float(np.max(lengths - lengths[0])),
+        "largest_force": float(np.max(np.abs(forces))),
+    }
+
+
+def _wall_time(run: Recording, simulated: float) -> dict:
+    """Return wall times [s]; ``python`` is the loop without the calls into the FMU."""
+    wall = dict(run.wall)
+    wall["python"] = wall["loop"] - wall["do_step"] - wall["read"]
+    wall["real_time_factor"] = simulated / wall["loop"]
+    return wall
+
+
+def _outcome_sentence(summary: dict) -> str:
+    """Say how the docking ended."""
+    if "outcome" not in summary:
+        return f"ran to {summary['simulated_time']:g} s"
+    contact, capture = summary["time_of_contact"], summary["time_of_capture"]
+    if contact is None:
+        return f"no contact within {summary['simulated_time']:g} s (outcome: {summary['outcome']})"
+    begin = f"first contact at {contact:.3f} s"
+    end = f"{summary['outcome']}, phase {summary['phase']} at the end"
+    if capture is not None:
+        began = f"captured at {capture:.3f} s, {capture - contact:.3f} s after {begin}"
+        return began if summary["outcome"] == "captured" else f"{began}; {end}"
+    if summary["latches"]:
+        end += f", {summary['latches_held']} of {summary['latches']} latches held"
+    return f"not captured; {begin}; {end}"

@@ -1,0 +1,122 @@
+# Set-up shared by scripts/demo and scripts/test; meant to be sourced, after `set -euo pipefail`.
+#
+# Everything stays inside the project (.venv/, build/) but the system packages, and what is there
+# already is left alone: a second run costs seconds. Works on Debian 12 and Ubuntu 24.04, as root or
+# with sudo.
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+cd "$root"
+logs=$root/build/logs
+mkdir -p "$logs"
+SECONDS=0
+
+say() { printf '[%4d s] %s\n' "$SECONDS" "$*"; }
+
+fail() {
+  printf 'error: %s\n' "$*" >&2
+  exit 1
+}
+
+# quietly NAME COMMAND...: output goes to build/logs/NAME.log; its end is shown on failure.
+quietly() {
+  local log=$logs/$1.log
+  shift
+  if ! "$@" >"$log" 2>&1 </dev/null; then
+    tail -n 40 "$log" >&2
+    fail "'$*' failed (all of its output: ${log#"$root"/})"
+  fi
+}
+
+as_root() {
+  if [ "$(id -u)" = 0 ]; then
+    "$@"
+  elif command -v sudo >/dev/null; then
+    sudo "$@"
+  else
+    fail "'$*' needs root or sudo"
+  fi
+}
+
+apt_update() { # once per run
+  if [ -z "${apt_updated:-}" ]; then
+    command -v apt-get >/dev/null || fail "no apt-get here: install the packages of scripts/lib/setup.sh yourself"
+    quietly apt-update as_root apt-get -qq update
+    apt_updated=yes
+  fi
+}
+
+# ensure_system [test]: compiler, CMake, headers, Python; with `test` also GoogleTest.
+ensure_system() {
+  local missing=()
+  command -v g++ >/dev/null || missing+=(g++)
+  command -v cmake >/dev/null || missing+=(cmake)
+  command -v ninja >/dev/null || missing+=(ninja-build)
+  [ -d /usr/include/eigen3/Eigen ] || missing+=(libeigen3-dev)
+  [ -f /usr/include/nlohmann/json.hpp ] || missing+=(nlohmann-json3-dev)
+  command -v python3 >/dev/null || missing+=(python3)
+  python3 -c 'import ensurepip, venv' 2>/dev/null || missing+=(python3-venv)
+  if [ "${1:-}" = test ]; then
+    [ -f /usr/include/gtest/gtest.h ] || missing+=(libgtest-dev)
+  fi
+  if [ ${#missing[@]} -gt 0 ]; then
+    say "system packages: ${missing[*]}"
+    apt_update
+    quietly apt-install as_root env DEBIAN_FRONTEND=noninteractive \
+      apt-get -qq install -y --no-install-recommends "${missing[@]}"
+  fi
+  python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "Python 3.11 or newer is needed"
+}
+
+# SUNDIALS: headers and static archives of the Debian package, unpacked, not installed. Installing it
+# would drag PETSc, hypre, MPI and a Fortran compiler (hundreds of MB); unpacked it is about 1 MB here.
+ensure_sundials() {
+  local target=$root/build/deps/sundials
+  [ -f "$target/usr/include/arkode/arkode_erkstep.h" ] && return
+  say "SUNDIALS: headers and static libraries into build/deps"
+  local work=$root/build/deps/download
+  rm -rf "$work" "$target"
+  mkdir -p "$work" "$target"
+  (cd "$work" && quietly sundials-download apt-get -qq download -o APT::Sandbox::User=root libsundials-dev) 2>/dev/null || {
+    apt_update
+    (cd "$work" && quietly sundials-download apt-get -qq download -o APT::Sandbox::User=root libsundials-dev)
+  }
+  quietly sundials-unpack dpkg -x "$work"/libsundials-dev_*.deb "$work/unpacked"
+  (
+    cd "$work/unpacked"
+    find usr/include -name '*.h*' -exec cp --parents {} "$target" \;
+    find usr/lib \( -name 'libsundials_arkode.a' -o -name 'libsundials_nvecserial.a' \
+      -o -name 'libsundials_generic.a' \) -exec cp --parents {} "$target" \;
+    cp --parents usr/share/doc/libsundials-dev/copyright "$target"
+  )
+  rm -rf "$work"
+}
+
+# ensure_python [test]: .venv with this package (editable), so that .venv/bin/dockloop exists.
+ensure_python() {
+  local extra=${1:-} key stamp
+  key=$(cat pyproject.toml scripts/lib/setup.sh <(echo "$root") | sha256sum | cut -c 1-16)
+  stamp=.venv/.dockloop-$key
+  [ -x .venv/bin/dockloop ] && { [ -f "$stamp-test" ] || [ -f "$stamp-$extra" ]; } && return
+  say "Python packages into .venv"
+  [ -x .venv/bin/python ] || quietly venv python3 -m venv .venv
+  quietly pip .venv/bin/python -m pip install --disable-pip-version-check --no-input \
+    -e ".${extra:+[$extra]}"
+  touch "$stamp-$extra"
+}
+
+# compile [test]: build/release/dockloop.so and dockloop-core; with `test` also the C++ tests.
+compile() {
+  local tests=OFF
+  [ "${1:-}" = test ] && tests=ON
+  if [ ! -f build/release/build.ninja ] || { [ $tests = ON ] &&
+    ! grep -q 'DOCKLOOP_TESTS:BOOL=ON' build/release/CMakeCache.txt; }; then
+    say "configure"
+    quietly configure cmake --preset release -DDOCKLOOP_TESTS=$tests
+  fi
+  say "compile (build/logs/compile.log)"
+  if [ $tests = ON ]; then
+    quietly compile cmake --build --preset release
+  else
+    quietly compile cmake --build --preset release --target dockloop_fmu dockloop-core
+  fi
+}

@@ -1,0 +1,438 @@
+// Pair table, evaluation of pairs, neighbour list and bounds.
+//
+// Per pair: closest points p on G and q on P with V, n = (q - p)/sqrt(V), depth = rounding -
+// sqrt(V), depth rate = -n.v at c = (p + q)/2, force F n on P at c. n is not normalised (|n| < 1 by
+// about mu): only then is the elastic force the gradient of its potential.
+#include "contact/contact_model.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+namespace dockloop {
+namespace {
+
+constexpr double kDeepest = 0.98;          // depth/rounding beyond which no state is accepted [-]
+constexpr double kLeastRoot = 1e-6;        // [m] of sqrt(V)
+constexpr double kSlack = 1e-9;            // [m] rounding errors of the displacement bound
+constexpr double kLeastListRadius = 5e-3;  // [m] of the neighbour list
+constexpr double kGapLimit = 0.1;          // [m] beyond this a bound of a pair's gap is enough
+
+/// Displacement bound of the hardware of P from the reference pose [m], rounded up.
+/// 2 sin(theta/2) = |R - R_ref|_F/sqrt(2).
+template <class S>
+S find_displacement(const ContactModel& model, const ContactMemory& memory,
+                    const RelativeMotion<S>& x) {
+  using std::sqrt;
+  const S turn = (x.R - memory.R_ref.template cast<S>()).squaredNorm() / S(2);
+  return (x.p - memory.p_ref.template cast<S>()).norm() + sqrt(turn) * S(model.reach) + S(kSlack);
+}
+
+template <class S>
+void place_petals(const RelativeMotion<S>& x, ContactWorkspace<S>& work) {
+  for (size_t i = 0; i < work.passive_local.size(); ++i) {
+    work.passive_petals[i] = place_plate<S>(work.passive_local[i], x.R, x.p);
+  }
+}
+
+template <class S>
+Annulus<S> cast(const Annulus<double>& ring) {
+  return {S(ring.x), S(ring.inner), S(ring.outer)};
+}
+
+/// Closest points of one pair, first on G, second on P, axes of G; returns the gap [m].
+/// If a cheap lower bound of the gap exceeds `limit`, that is returned and `c` is not set.
+/// The pair kinds with a ring work in axes of the side that carries the ring.
+template <class S>
+S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMotion<S>& x,
+            const ContactWorkspace<S>& work, const S& limit, Closest<S>& c) {
+  using std::abs;
+  using std::max;
+  using std::min;
+  using std::sqrt;
+  const bool on_passive = pair.first_on_passive;
+  const CaptureHardware& side = on_passive ? model.passive : model.active;  // carries the first
+  const CaptureHardware& other = on_passive ? model.active : model.passive;
+  const std::vector<Plate<S>>& plates = on_passive ? work.active_petals : work.passive_petals;
+  const S rounding = S(pair.rounding);
+  const auto into_other = [&](const Vec3<double>& point) -> Vec3<S> {
+    const Vec3<S> r = point.template cast<S>();
+    return on_passive ? Vec3<S>(x.R * r + x.p) : Vec3<S>(x.R.transpose() * (r - x.p));
+  };
+  switch (pair.kind) {
+    case PairKind::kNodeRing: {
+      const Vec3<S> node = into_other(side.nodes[pair.first]);
+      const S bound = abs(node[0] - S(other.ring.x)) - rounding;
+      if (bound > limit) return bound;
+      c = find_point_annulus<S>(node, cast<S>(other.ring));
+      break;
+    }
+    case PairKind::kEdgeRing: {
+      const Plate<double>& petal = side.petals[pair.first / 2];
+      const int k = CaptureHardware::kSideEdge[pair.first % 2];
+      const Vec3<S> a = into_other(petal.corner[k]), b = into_other(petal.corner[(k + 1) % 4]);
+      // Slab of the ring face, and the bore of the ring (the radius is largest at an end).
+      const S xa = a[0] - S(other.ring.x), xb = b[0] - S(other.ring.x);
+      const S slab = xa * xb > S(0) ? min(abs(xa), abs(xb)) : S(0);
+      const S r2 = max(a[1] * a[1] + a[2] * a[2], b[1] * b[1] + b[2] * b[2]);
+      const S bound = max<S>(slab, S(other.ring.inner) - sqrt(r2)) - rounding;
+      if (bound > limit) return bound;
+      c = find_segment_annulus<S>(a, b - a, cast<S>(other.ring), S(model.law.regularisation));
+      break;
+    }
+    case PairKind::kPetalPetal: {
+      const Plate<S>&P = work.active_petals[pair.first], &Q = work.passive_petals[pair.second];
+      const S bound = (Q.centre - P.centre).norm() - P.radius - Q.radius - rounding;
+      if (bound > limit) return bound;
+      c = find_plate_plate<S>(P, Q, S(model.law.regularisation));
+      return sqrt(c.square) - rounding;
+    }
+    case PairKind::kNodePetal: {
+      const Vec3<S> node = side.nodes[pair.first].template cast<S>();
+      const Vec3<S> point = on_passive ? Vec3<S>(x.R * node + x.p) : node;
+      const Plate<S>& plate = plates[pair.second];
+      const Vec3<S> d = point - plate.centre;
+      const S bound = max<S>(abs(plate.normal.dot(d)), d.norm() - plate.radius) - rounding;
+      if (bound > limit) return bound;
+      c = find_point_plate<S>(point, plate);
+      if (on_passive) std::swap(c.first, c.second);
+      return sqrt(c.square) - rounding;
+    }
+  }
+  // Ring pairs: back from the axes of the ring side.
+  if (on_passive) {
+    std::swap(c.first, c.second);
+  } else {
+    c.first = x.R * c.first + x.p;
+    c.second = x.R * c.second + x.p;
+  }
+  return sqrt(c.square) - rounding;
+}
+
+/// Contribution of one closed pair; z, z_dot are its bristle or null.
+template <class S>
+void add_contact(const ContactModel& model, const ContactPair& pair, const RelativeMotion<S>& x,
+                 const Closest<S>& c, const S& gap, const S* z, S* z_dot, ContactResult<S>& out) {
+  const ContactLaw& law = model.law;
+  const Vec3<S> n = (c.second - c.first) / (gap + S(pair.rounding));
+  const Vec3<S> at = (c.first + c.second) / S(2);
+  const Vec3<S> v = x.v + x.w.cross(at - x.p);
+  const S rate = -n.dot(v);
+
+  // Normal force.
+  const double k = pair.kind == PairKind::kNodeRing ? law.node_stiffness : law.stiffness;
+  const Elastic<S> el = calc_contact_spring<S>(-gap, S(k), S(law.toe), S(pair.rounding));
+  const S normal = calc_damped_force<S>(el.force, S(law.damping), rate);
+  out.energy += el.energy;
+  out.contact_power += (normal - el.force) * rate;
+
+  // Friction in the tangent plane.
+  const Vec3<S> e = n.normalized();
+  const Vec3<S> v_t = v - e * e.dot(v);
+  Friction<S> friction;
+  if (z) {
+    friction = calc_bristle_friction<S>(law, normal, v_t, e, Eigen::Map<const Vec3<S>>(z));
+    Eigen::Map<Vec3<S>> rate_map(z_dot);
+    rate_map = friction.bristle_rate;
+  } else {
+    friction = calc_regularised_friction<S>(law, normal, v_t);
+  }
+  out.friction_power += friction.power;
+
+  // Sum.
+  const Vec3<S> f = n * normal + friction.force;
+  out.on_passive.f += f;
+  out.on_passive.t += at.cross(f);
+  if (pair.active_petal >= 0) out.petal_force[pair.active_petal] -= f;
+  out.depth_ratio = std::max<S>(out.depth_ratio, -gap / S(pair.rounding));
+  ++out.active_count;
+}
+
+/// Bristles of open pairs relax as those of closed ones do without normal force; all store energy.
+template <class S>
+void add_bristles(const ContactLaw& law, const std::vector<char>& closed, const S* z, S* z_dot,
+                  ContactResult<S>& out) {
+  const S k = S(law.bristle_stiffness), rate = k / S(law.bristle_relaxation);
+  for (size_t i = 0; i < closed.size(); ++i) {
+    const S square = Eigen::Map<const Vec3<S>>(z + 3 * i).squaredNorm();
+    out.energy += k * square / S(2);
+    if (closed[i]) continue;
+    out.friction_power += k * rate * square;
+    for (size_t j = 3 * i; j < 3 * i + 3; ++j) z_dot[j] = -z[j] * rate;
+  }
+}
+
+/// Sum over pairs in index order; those that spheres or the reference pose show to be open
+/// contribute exactly nothing, so skipping does not change a bit of the result.
+template <class S>
+Status add_pairs(const ContactModel& model, const ContactMemory& memory,
+                 const RelativeMotion<S>& motion, const S* z, S* z_dot, ContactWorkspace<S>& work,
+                 ContactResult<S>& out) {
+  // Asleep: the spheres of the two sides are apart, or nothing can have closed since the reference.
+  out.gap = motion.p.norm() - S(2 * model.reach);
+  if (out.gap > S(0)) return {};
+  const bool listed = memory.has_reference;
+  const S delta = listed ? find_displacement<S>(model, memory, motion) : S(0);
+  out.gap = listed ? S(memory.least_gap) - delta : S(0);
+  if (out.gap > S(0)) return {};
+
+  place_petals<S>(motion, work);
+  const bool near_only = listed && delta <= S(memory.radius);
+  out.gap = near_only ? S(memory.radius) - delta : S(kNoGap);
+  const int count = near_only ? static_cast<int>(memory.near.size()) : model.pair_count();
+  for (int k = 0; k < count; ++k) {
+    const int i = near_only ? memory.near[k] : k;
+    const ContactPair& pair = model.pairs[i];
+    const bool was_closed = listed && memory.closed[i];
+    if (listed && !was_closed && S(memory.gap[i]) > delta) {
+      out.gap = std::min<S>(out.gap, S(memory.gap[i]) - delta);
+      continue;
+    }
+    Closest<S> c;
+    const S gap = find_pair<S>(model, pair, motion, work, was_closed ? S(kNoGap) : S(0), c);
+    out.gap = std::min<S>(out.gap, gap);
+    if (gap >= S(0) && !was_closed) continue;
+
+    // States that must not be accepted.
+    const Vec3<S> pq = c.second - c.first;
+    const double margin = static_cast<double>(-gap) / pair.rounding;
+    if (was_closed && pq.dot(memory.n_last[i].template cast<S>()) < S(0)) {
+      return {StatusCode::kContactFlipped, i, margin};
+    }
+    if (gap >= S(0)) continue;
+    const S root = gap + S(pair.rounding), least = S((1 - kDeepest) * pair.rounding);
+    if (root <= least || root < S(kLeastRoot) || pq.norm() <= least) {
+      return {StatusCode::kContactTooDeep, i, margin};
+    }
+    add_contact<S>(model, pair, motion, c, gap, z ? z + 3 * i : nullptr,
+                   z ? z_dot + 3 * i : nullptr, out);
+    work.closed[i] = 1;
+  }
+  return {};
+}
+
+/// The absorber acts at the origin of P, where its depth is measured: its power is then -F d'.
+template <class S>
+void calc_absorber(const AbsorberLaw& law, const RelativeMotion<S>& x, ContactResult<S>& out) {
+  const S depth = -x.p[0], rate = -x.v[0];
+  out.gap = -depth;
+  if (depth <= S(0)) return;
+  const S elastic = S(law.stiffness) * depth;
+  S force = elastic + S(law.damping) * rate;
+  if (!law.pulls) force = std::max<S>(force, S(0));
+  out.on_passive.f = Vec3<S>(force, S(0), S(0));
+  out.on_passive.t = x.p.cross(out.on_passive.f);
+  out.energy = elastic * depth / S(2);
+  out.contact_power = (force - elastic) * rate;
+  out.active_count = 1;
+}
+
+void require(bool ok, const char* name, double value, const char* limit) {
+  if (!ok) {
+    throw ModelError(std::string("contact law: ") + name + " is " + std::to_string(value) +
+                     "; it must be " + limit);
+  }
+}
+
+}  // namespace
+
+ContactModel make_ring_contact(const GuideRing& active, const GuideRing& passive,
+                               const ContactLaw& law) {
+  ContactModel m;
+  m.kind = ContactModel::Kind::kRings;
+  m.active = make_capture_hardware(active);
+  m.passive = make_passive_hardware(passive);
+  m.reach = std::max(m.active.reach(), m.passive.reach());
+  set_law(m, law);
+
+  // Pairs, each kind once per carrier of its first core.
+  const auto add = [&](PairKind kind, bool flip, size_t first, size_t second, int petal, double r) {
+    m.pairs.push_back({kind, flip, static_cast<int>(first), static_cast<int>(second), petal, r});
+  };
+  for (const bool flip : {false, true}) {
+    const CaptureHardware &a = flip ? m.passive : m.active, &b = flip ? m.active : m.passive;
+    const double ring_ring = a.ring_rounding + b.ring_rounding;
+    const double petal_ring = a.petal_rounding + b.ring_rounding;
+    const double node_petal = a.ring_rounding + b.petal_rounding;
+    for (size_t i = 0; i < a.nodes.size(); ++i) add(PairKind::kNodeRing, flip, i, 0, -1, ring_ring);
+    for (size_t i = 0; i < 2 * a.petals.size(); ++i) {
+      add(PairKind::kEdgeRing, flip, i, 0, flip ? -1 : static_cast<int>(i / 2), petal_ring);
+    }
+    for (size_t i = 0; i < a.nodes.size(); ++i) {
+      for (size_t j = 0; j < b.petals.size(); ++j) {
+        add(PairKind::kNodePetal, flip, i, j, flip ? static_cast<int>(j) : -1, node_petal);
+      }
+    }
+  }
+  for (size_t i = 0; i < m.active.petals.size(); ++i) {
+    for (size_t j = 0; j < m.passive.petals.size(); ++j) {
+      add(PairKind::kPetalPetal, false, i, j, static_cast<int>(i),
+          m.active.petal_rounding + m.passive.petal_rounding);
+    }
+  }
+  m.least_rounding = kNoGap;
+  for (const ContactPair& pair : m.pairs) {
+    m.least_rounding = std::min(m.least_rounding, pair.rounding);
+  }
+  return m;
+}
+
+ContactModel make_absorber_contact(const AbsorberLaw& law) {
+  require(law.stiffness >= 0, "absorber stiffness", law.stiffness, "0 or more");
+  require(law.damping >= 0, "absorber damping", law.damping, "0 or more");
+  ContactModel m;
+  m.kind = ContactModel::Kind::kAbsorber;
+  m.absorber = law;
+  m.least_rounding = kNoGap;
+  return m;
+}
+
+void set_law(ContactModel& model, const ContactLaw& law) {
+  require(law.stiffness > 0, "stiffness", law.stiffness, "above 0");
+  require(law.node_stiffness > 0, "node_stiffness", law.node_stiffness, "above 0");
+  require(law.toe > 0, "toe", law.toe, "above 0");
+  require(law.damping >= 0, "damping", law.damping, "0 or more");
+  require(law.regularisation > 0 && law.regularisation <= 0.01, "regularisation",
+          law.regularisation, "above 0 and at most 0.01");
+  require(law.friction_coefficient >= 0, "friction_coefficient", law.friction_coefficient,
+          "0 or more");
+  require(law.friction_speed > 0, "friction_speed", law.friction_speed, "above 0");
+  require(law.friction_model == 1 || law.friction_model == 2, "friction_model", law.friction_model,
+          "1 (regularised) or 2 (bristle)");
+  require(law.bristle_stiffness > 0, "bristle_stiffness", law.bristle_stiffness, "above 0");
+  require(law.bristle_damping >= 0, "bristle_damping", law.bristle_damping, "0 or more");
+  require(law.bristle_relaxation > 0, "bristle_relaxation", law.bristle_relaxation, "above 0");
+  require(law.bristle_force_floor > 0, "bristle_force_floor", law.bristle_force_floor, "above 0");
+  model.law = law;
+}
+
+template <class S>
+ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
+  const auto cast_plate = [](const Plate<double>& petal) {
+    std::array<Vec3<S>, 4> corner;
+    for (int k = 0; k < 4; ++k) corner[k] = petal.corner[k].template cast<S>();
+    return make_plate<S>(corner);
+  };
+  for (const Plate<double>& petal : model.active.petals) active_petals.push_back(cast_plate(petal));
+  for (const Plate<double>& petal : model.passive.petals)
+    passive_local.push_back(cast_plate(petal));
+  passive_petals = passive_local;
+  closed.assign(model.pairs.size(), 0);
+}
+
+int bristle_state_count(const ContactModel& model) {
+  return model.law.friction_model == 2 ? 3 * model.pair_count() : 0;
+}
+
+template <class S>
+Status calc_contact(const ContactModel& model, const ContactMemory& memory,
+                    const RelativeMotion<S>& motion, const S* z, S* z_dot,
+                    ContactWorkspace<S>& work, ContactResult<S>& out) {
+  out = ContactResult<S>();
+  if (model.kind == ContactModel::Kind::kAbsorber) calc_absorber<S>(model.absorber, motion, out);
+  if (model.kind != ContactModel::Kind::kRings) return {};
+  std::fill(work.closed.begin(), work.closed.end(), 0);
+  const bool bristles = model.law.friction_model == 2;
+  const Status status =
+      add_pairs<S>(model, memory, motion, bristles ? z : nullptr, z_dot, work, out);
+  if (bristles && status.ok()) add_bristles<S>(model.law, work.closed, z, z_dot, out);
+  return status;
+}
+
+template <class S>
+S find_gap(const ContactModel& model, const RelativeMotion<S>& motion, ContactWorkspace<S>& work) {
+  if (model.kind == ContactModel::Kind::kAbsorber) return motion.p[0];
+  place_petals<S>(motion, work);
+  S gap = S(kNoGap);
+  for (const ContactPair& pair : model.pairs) {
+    Closest<S> c;
+    gap = std::min<S>(gap, find_pair<S>(model, pair, motion, work, gap, c));
+  }
+  return gap;
+}
+
+double update_contact_memory(const ContactModel& model, const RelativeMotion<double>& motion,
+                             double* z, ContactWorkspace<double>& work, ContactMemory& memory) {
+  const int count = model.pair_count();
+  memory.closed.assign(count, 0);
+  memory.n_last.resize(count, Vec3<double>::Zero());
+  if (find_sphere_gap(model, motion.p) <= 0 && count > 0) {
+    place_petals<double>(motion, work);
+
+    // A new reference pose once half of the list radius is used up.
+    double delta = memory.has_reference ? find_displacement<double>(model, memory, motion) : 0;
+    if (!memory.has_reference || delta > memory.radius / 2) {
+      memory.gap.resize(count);
+      memory.least_gap = kNoGap;
+      for (int i = 0; i < count; ++i) {
+        Closest<double> c;
+        memory.gap[i] = find_pair<double>(model, model.pairs[i], motion, work, kGapLimit, c);
+        memory.least_gap = std::min(memory.least_gap, memory.gap[i]);
+      }
+      memory.radius = std::max(kLeastListRadius, memory.least_gap / 2);
+      memory.near.clear();
+      for (int i = 0; i < count; ++i) {
+        if (memory.gap[i] <= memory.radius) memory.near.push_back(i);
+      }
+      memory.R_ref = motion.R;
+      memory.p_ref = motion.p;
+      memory.has_reference = true;
+      delta = kSlack;
+    }
+
+    // Closed pairs and their normals.
+    for (const int i : memory.near) {
+      Closest<double> c;
+      if (memory.gap[i] > delta ||
+          find_pair<double>(model, model.pairs[i], motion, work, 0.0, c) >= 0) {
+        continue;
+      }
+      memory.closed[i] = 1;
+      memory.n_last[i] = (c.second - c.first).normalized();
+    }
+  }
+
+  // Bristles of open pairs are dropped.
+  double dropped = 0.0;
+  for (int i = 0; z && i < bristle_state_count(model); ++i) {
+    if (memory.closed[i / 3]) continue;
+    dropped += model.law.bristle_stiffness * z[i] * z[i] / 2;
+    z[i] = 0.0;
+  }
+  return dropped;
+}
+
+double find_sphere_gap(const ContactModel& model, const Vec3<double>& p) {
+  return p.norm() - 2 * model.reach;
+}
+
+double find_approach_bound(const ContactModel& model, const RelativeMotion<double>& motion) {
+  return motion.v.norm() + motion.w.norm() * model.reach;
+}
+
+double find_step_bound(const ContactModel& model, double gap,
+                       const RelativeMotion<double>& motion) {
+  const double speed = find_approach_bound(model, motion);
+  const double way = std::max(gap, 0.0) + model.least_rounding / 4;
+  return way < kNever * speed ? way / speed : kNever;
+}
+
+double find_time_to_contact(double gap, double speed_bound, double acceleration_bound) {
+  if (gap <= 0) return 0.0;
+  // Root of a t^2/2 + v t - gap without cancellation.
+  const double rate =
+      speed_bound + std::sqrt(speed_bound * speed_bound + 2 * acceleration_bound * gap);
+  return 2 * gap < kNever * rate ? 2 * gap / rate : kNever;
+}
+
+#define DOCK_INSTANTIATE(S)                                                                     \
+  template struct ContactWorkspace<S>;                                                          \
+  template Status calc_contact<S>(const ContactModel&, const ContactMemory&,                    \
+                                  const RelativeMotion<S>&, const S*, S*, ContactWorkspace<S>&, \
+                                  ContactResult<S>&);                                           \
+  template S find_gap<S>(const ContactModel&, const RelativeMotion<S>&, ContactWorkspace<S>&);
+DOCK_INSTANTIATE(double)
+DOCK_INSTANTIATE(long double)
+#undef DOCK_INSTANTIATE
+
+}  // namespace dockloop

@@ -1,0 +1,55 @@
+// Capture hardware of one side: a ring face with contact nodes on it, and guide petals.
+//
+// Androgynous: both sides carry the same hardware. It is described once, as seen on the active
+// side (+x out of its interface, mating plane x = 0), and placed a second time on the passive side
+// turned by half a turn, so that its petals stand between the petals of the active side.
+#pragma once
+
+#include <vector>
+
+#include "contact/primitives.hpp"
+#include "math/types.hpp"
+
+namespace dockloop {
+
+/// Dimensions of one side, axes of its own interface; azimuth counts from y to z.
+/// Cores are what the rounding radii are added to. The defaults (all assumed but the base circle of
+/// 1.2 m, the free passage of 0.8 m and the three petals) seat with a play of 2.5 deg and 20 mm.
+struct GuideRing {
+  double core_x = -0.010;            ///< plane of the annulus core of the ring face [m]
+  double core_inner_radius = 0.617;  ///< [m]
+  double core_outer_radius = 0.647;  ///< [m]
+  double ring_rounding = 0.010;      ///< [m]
+  int node_count = 24;               ///< contact points on the ring face, 0 for none
+  double node_radius = 0.632;        ///< [m]
+  double node_azimuth_offset = 6.5449846949787359e-2;  ///< of the first node, here pi/48 [rad]
+  int petal_count = 3;               ///< middles at azimuth 0, 2 pi/n, ...; at most 6
+  double petal_rounding = 0.012;     ///< [m]
+  double petal_base_x = -0.010;      ///< [m]
+  double petal_base_radius = 0.585;  ///< of the two base corners [m]
+  double petal_base_half_angle = 0.48869219055841229;  ///< 28 deg [rad]
+  double petal_tip_x = 0.228;                          ///< [m]
+  double petal_tip_distance = 0.415;    ///< of the tip edge from the docking axis [m]
+  double petal_tip_half_width = 0.050;  ///< [m]
+};
+
+/// The cores of one side in axes of the body that carries them (G or P).
+struct CaptureHardware {
+  Annulus<double> ring{};
+  double ring_rounding = 0.0, petal_rounding = 0.0;  ///< [m]
+  std::vector<Vec3<double>> nodes;                   ///< [m]
+  std::vector<Plate<double>> petals;                 ///< corners: base -, base +, tip +, tip -
+  /// Side edge i = 0 (azimuth +) or 1 (azimuth -) of a petal: index of its edge in the plate.
+  static constexpr int kSideEdge[2] = {1, 3};
+  /// Radius of a sphere about the origin that contains the surfaces [m].
+  double reach() const;
+};
+
+/// Hardware of an active side. @throws ModelError if the dimensions make no ring or no petal.
+CaptureHardware make_capture_hardware(const GuideRing& ring);
+
+/// The same for a passive side: half a turn about the transverse axis at azimuth pi/(2 petals),
+/// which maps x to -x and azimuth f to pi/petals - f (a rotation, no mirror image).
+CaptureHardware make_passive_hardware(const GuideRing& ring);
+
+}  // namespace dockloop

@@ -1,0 +1,89 @@
+// Capture latches: a spring-loaded pawl on G catches a striker on P and then holds it.
+//
+// Latch i has its hook H at a point of G and its striker at a point of P; s = striker - H in axes
+// of G, s_x is the opening, rho = sqrt(s_y^2 + s_z^2) the lateral offset. The mode (open, held,
+// releasing, spent) is discrete state that the integrator changes at the zero of an event function.
+// Every force is the gradient of an energy or a power that is a square; the energy an event
+// destroys is returned to be booked. With play >= catch distance the force is zero on both sides of
+// the catch, so there is no jump and a late detection costs nothing.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "contact/contact_model.hpp"
+#include "math/types.hpp"
+
+namespace dockloop {
+
+/// Parameters of all latches of a set (defaults assumed).
+struct LatchLaw {
+  double pawl_range = 0.020;      ///< x_r: the pawl starts to push [m]
+  double catch_distance = 0.004;  ///< x_c: it has snapped in [m]
+  double play = 0.005;            ///< x_p >= x_c: the held striker is loose up to here [m]
+  double window = 0.025;          ///< w: lateral; the pawl force fades from w to 2 w [m]
+  double guard = 0.030;           ///< a striker this far beyond the hook is not caught [m]
+  double push_force = 20.0;       ///< F_l: peak of the pawl force [N]
+  double hold_stiffness = 1e6;    ///< k_l [N/m]
+  double hold_damping = 4.0;      ///< lambda_l [s/m]
+  double hold_toe = 5e-5;         ///< parabolic start of the tension [m]
+  bool releases_on_overload = false;
+  double rated_load = 0.0;     ///< tension at which it then lets go [N]
+  double release_ramp = 0.05;  ///< the tension fades over this time [s]
+};
+
+constexpr int kMaxLatches = 8;
+
+struct LatchSet {
+  LatchLaw law;
+  std::vector<Vec3<double>> hook;     ///< axes of G [m]
+  std::vector<Vec3<double>> striker;  ///< axes of P [m]
+  int count() const { return static_cast<int>(hook.size()); }
+};
+
+/// @throws ModelError for parameters out of range or hooks without strikers.
+void check_latches(const LatchSet& set);
+
+/// kSpent: released, and not ready before the opening has exceeded the pawl range again.
+enum class LatchMode : int { kOpen = 1, kHeld = 2, kReleasing = 3, kSpent = 4 };
+
+/// Discrete state of one latch. To release on command, set kReleasing and the time.
+struct LatchState {
+  LatchMode mode = LatchMode::kOpen;
+  double release_time = 0.0;  ///< start of the release [s], used in kReleasing only
+};
+
+template <class S>
+struct LatchResult {
+  Wrench<S> on_passive;                ///< about the origin of G, axes of G [N], [N m]
+  S energy = S(0);                     ///< pawls and holds [J]
+  S power = S(0);                      ///< dissipated by hold damping and release ramps, >= 0 [W]
+  std::array<S, kMaxLatches> opening;  ///< s_x [m]
+  std::array<S, kMaxLatches> force;    ///< along x, > 0 pulls the sides together [N]
+  std::array<S, kMaxLatches> event;    ///< <= 0: mode must change, see below (units differ by mode)
+  LatchResult() {
+    opening.fill(S(0));
+    force.fill(S(0));
+    event.fill(S(1));
+  }
+};
+
+/// Forces and event functions of all latches. On the open latch acts the gradient of E(s_x) W(rho):
+/// a push apart F_l sin^2 between x_c and x_r, and sideways out where W falls from 1 at w to 0 at
+/// 2 w. On the held one the tension k_l s(s_x - x_p) max(0, 1 + lambda_l s_x'), one-sided; while
+/// releasing, times 1 - 3 u^2 + 2 u^3 with u from 0 to 1 over the ramp.
+/// Events: open: striker inside the catch region (from the front or from the side); held:
+/// relative reserve to the rated load; releasing: time left; spent: pawl range - s_x.
+/// Limit: the latch holds along x only; lateral restraint is left to petals and rings.
+/// @pre set.count() <= kMaxLatches. No allocation.
+template <class S>
+void calc_latches(const LatchSet& set, const LatchState* state, S t,
+                  const RelativeMotion<S>& motion, LatchResult<S>& out);
+
+/// Change the mode of latch i if that is due (event <= 0 within 1e-9, as a root finder leaves it).
+/// @return energy lost by the change [J], to be booked as dissipated by latches; 0 if nothing is
+/// due.
+double update_latch(const LatchSet& set, int i, double t, const RelativeMotion<double>& motion,
+                    LatchState& state);
+
+}  // namespace dockloop

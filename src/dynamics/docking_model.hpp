@@ -1,0 +1,142 @@
+// Two vehicles, a mechanism between them, contact and latches: one system of ordinary equations.
+//
+// Frame O is where everything is computed: axes of N, origin near the docking. When both vehicles
+// can move it falls and drifts with them, so orbital positions and speeds never enter; gravity
+// then drops out exactly.
+//
+// State y (StateLayout): for each moving vehicle its pose and, instead of a velocity, the linear
+// and angular momentum (about the origin of O) of everything that moves with it, mechanism
+// included; for the mechanism its independent coordinates and velocities relative to the vehicle;
+// bristles; energy sinks and external impulses. Rates of the momenta are plain sums of forces, which
+// Runge-Kutta methods add up without error: momentum balances to rounding at any tolerance. The
+// vehicle's velocity follows from its momentum with the factor of the reduced inertia that the
+// accelerations need anyway.
+#pragma once
+
+#include <array>
+
+#include "contact/contact_model.hpp"
+#include "contact/latches.hpp"
+#include "dynamics/mechanism_dynamics.hpp"
+#include "forces/joint_forces.hpp"
+#include "model/scene.hpp"
+
+namespace dockloop {
+
+/// Energy sinks and other sums that are integrated with the state.
+enum Sum { kSumContact, kSumFriction, kSumLegs, kSumLatches, kSumExternal, kSumCount };
+
+/// Where things are in y; -1 = not there.
+struct StateLayout {
+  int mechanism_q = 0, mechanism_v = 0;          ///< independent coordinates, velocities
+  int mechanism_nq = 0, mechanism_nv = 0;        ///< without the vehicle's own
+  std::array<int, 2> pose{-1, -1};               ///< position (3) and quaternion (4) of a vehicle
+  std::array<int, 2> momentum{-1, -1};           ///< linear (3) and angular about O (3)
+  int bristles = 0, bristle_count = 0;
+  int sums = 0;     ///< kSumCount energies [J]
+  int impulse = 0;  ///< external impulse (3), external angular impulse about O (3)
+  int size = 0;
+};
+
+/// Everything that does not change during a run.
+struct DockingModel {
+  explicit DockingModel(Mechanism attached) : mechanism(std::move(attached)) {}
+  Mechanism mechanism;               ///< on the chaser (or on the immobile base)
+  std::array<bool, 2> present{true, true};
+  std::array<bool, 2> moves{true, true};
+  std::array<Pose<double>, 2> fixed_pose;     ///< in O, of a vehicle that does not move
+  std::array<Pose<double>, 2> interface_pose; ///< A in C, P in D
+  std::array<VehicleBody, 2> vehicle;         ///< bare vehicles
+  VehicleBody frozen;                         ///< mechanism at home that the stated chaser
+                                              ///< includes, axes of C; no mass if excluded
+  Pose<double> base_in_chaser;                ///< B in C
+  Pose<double> capture_in_body;               ///< G in axes of the capture body
+  std::vector<int> mechanism_bodies;          ///< independent bodies without the vehicle
+  ContactModel contact;
+  LatchSet latches;
+  double thrust = 0.0, thrust_delay = 0.0;    ///< [N] along x of A at the CoM, [s]
+  bool falling = true;                        ///< O falls with gravity
+  StateLayout layout;
+};
+
+/// What changes only at events.
+struct DiscreteState {
+  std::array<LatchState, kMaxLatches> latch;
+  bool contacted = false;         ///< first contact has happened
+  bool captured = false;          ///< all latches hold
+  double time_of_contact = -1.0;  ///< [s] since start
+  double time_of_capture = -1.0;  ///< [s] since start
+  bool thrust_on = false;
+  int phase = 1, outcome = 1;
+};
+
+/// Loads from outside, held over a step.
+struct Loads {
+  std::array<Vec3<double>, 2> force{Vec3<double>::Zero(), Vec3<double>::Zero()};   ///< in N axes
+  std::array<Vec3<double>, 2> torque{Vec3<double>::Zero(), Vec3<double>::Zero()};  ///< body axes
+  Vec3<double> gravity = Vec3<double>::Zero();  ///< in N axes [m/s2]
+  VecX<double> command;                         ///< per joint force [N]
+};
+
+/// Motion of a frame in O, axes of O.
+template <class S>
+struct FrameMotion {
+  Mat3<S> R = Mat3<S>::Identity();
+  Vec3<S> p = Vec3<S>::Zero(), w = Vec3<S>::Zero(), v = Vec3<S>::Zero();
+};
+
+/// Everything computed by calc_docking().
+template <class S>
+struct DockingData {
+  explicit DockingData(const DockingModel& model);
+  MechanismData<S> mechanism;
+  BaseMotion<S> base;
+  std::array<FrameMotion<S>, 2> vehicle;    ///< CoM frames C, D
+  std::array<FrameMotion<S>, 2> interface;  ///< A, P
+  FrameMotion<S> capture;                   ///< G
+  RelativeMotion<S> relative;               ///< P relative to G
+  ContactWorkspace<S> contact_work;
+  ContactResult<S> contact;
+  LatchResult<S> latch;
+  Wrench<S> on_passive;                     ///< contact and latches, about G, axes of O
+  JointForceSums<S> joints;
+  VecX<S> command, joint_force;             ///< per joint force [N]
+  VecX<S> bristle_rate;                     ///< scratch where no rates are wanted
+  Vec3<S> thrust = Vec3<S>::Zero();         ///< on the chaser's CoM, axes of O
+};
+
+DockingModel make_docking_model(const Scene& scene,
+                                const std::array<VehicleParameters, 2>& parameters,
+                                const ContactLaw& law, const Vec3<double>& origin_of_O);
+
+/// Kinematics, forces and (if ydot is not null) rates at one state.
+/// @param t  [s] since start
+template <class S>
+Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
+                    const ContactMemory& memory, const Loads& loads, S t, const S* y, S* ydot,
+                    DockingData<S>& data);
+
+/// Motion of a frame that is fixed on another one.
+template <class S>
+FrameMotion<S> find_frame_on(const FrameMotion<S>& body, const Pose<double>& pose);
+
+/// Motion of frame `to` relative to frame `from`, axes of `from`, from differences of states.
+template <class S>
+RelativeMotion<S> find_relative(const FrameMotion<S>& from, const FrameMotion<S>& to);
+
+/// Kinetic energy of everything [J]. @pre calc_docking
+template <class S>
+S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data);
+
+/// Momentum of one vehicle (with the mechanism for the chaser) as a sum over bodies, axes of O,
+/// angular part about the origin of O. Independent of the momentum states. @pre calc_docking
+template <class S>
+Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data);
+
+/// Put a vehicle's velocity (axes of O) and angular velocity (body axes) into the momentum states;
+/// poses, mechanism coordinates and velocities are taken from y as they stand.
+Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<double>& velocity,
+                            const Vec3<double>& angular_velocity, double* y,
+                            DockingData<double>& data);
+
+}  // namespace dockloop

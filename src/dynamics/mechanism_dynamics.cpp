@@ -1,0 +1,261 @@
+// The reduced equations of motion; see mechanism_dynamics.hpp.
+#include "dynamics/mechanism_dynamics.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+namespace dockloop {
+
+Mechanism::Mechanism(MechanismModel description, bool newton_only)
+    : model(std::move(description)), plan(make_loop_plan(model, newton_only)) {}
+
+template <class S>
+MechanismData<S>::MechanismData(const Mechanism& mechanism)
+    : tree(mechanism.model), loops(mechanism.model, mechanism.plan) {
+  const int nv = mechanism.model.nv, n_ind = static_cast<int>(mechanism.plan.ind_v.size());
+  A.setZero(nv, nv);
+  A_ind.setZero(n_ind, n_ind);
+  factor = Eigen::LLT<MatX<S>>(n_ind);
+  for (auto* x : {&b, &tau, &vdot}) x->setZero(nv);
+  b_ind.setZero(n_ind);
+  a_ind.setZero(n_ind);
+}
+
+template <class S>
+Status calc_position(const Mechanism& mechanism, MechanismData<S>& data) {
+  const MechanismModel& model = mechanism.model;
+  const std::vector<int>& ind = mechanism.plan.ind_v;
+  const Status status = calc_loop_position(model, mechanism.plan, data.tree, data.loops);
+  if (!status.ok()) return status;
+  calc_velocity_maps(mechanism.plan, data.loops);
+  calc_tree_position(model, data.tree);
+  // Reduce the joint-space inertia and gather what is left.                          [Y2 (10)]
+  calc_tree_inertia(model, data.tree);
+  data.A = data.tree.A;
+  reduce_inertia(mechanism.plan, data.A, data.loops);
+  for (size_t i = 0; i < ind.size(); ++i) {
+    for (size_t j = 0; j < ind.size(); ++j) {
+      data.A_ind(static_cast<int>(i), static_cast<int>(j)) = data.A(ind[i], ind[j]);
+    }
+  }
+  if (ind.empty()) return {};
+  data.factor.compute(data.A_ind);
+  if (data.factor.info() != Eigen::Success) return {StatusCode::kInertiaNotPositive, -1, 0.0, 0.0};
+  return {};
+}
+
+template <class S>
+void calc_velocity(const Mechanism& mechanism, const BaseMotion<S>& base, MechanismData<S>& data) {
+  calc_loop_velocity(mechanism.plan, data.tree, data.loops);
+  calc_tree_velocity(mechanism.model, base.w, data.tree);
+}
+
+template <class S>
+void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
+                       MechanismData<S>& data) {
+  const std::vector<int>& ind = mechanism.plan.ind_v;
+  // Right-hand side: applied less what zero joint accelerations would require.
+  const VecX<S>* none = nullptr;
+  calc_tree_acceleration(mechanism.model, base, none, data.tree);
+  calc_tree_forces(mechanism.model, data.tree);
+  data.b = data.tau - data.tree.tau_required;
+  // Reduce it and solve for the independent accelerations.                      [Y2 (10), (11)]
+  calc_loop_bias(mechanism.model, mechanism.plan, data.tree, data.loops);
+  reduce_forces(mechanism.plan, data.b, data.loops);
+  for (size_t i = 0; i < ind.size(); ++i) data.b_ind[static_cast<int>(i)] = data.b[ind[i]];
+  VecX<S>& x = data.a_ind;
+  x = data.b_ind;
+  if (!ind.empty()) data.factor.solveInPlace(x);
+  for (size_t i = 0; i < ind.size(); ++i) data.vdot[ind[i]] = x[static_cast<int>(i)];
+  // And the dependent ones from them.                                                [Y2 (6)]
+  calc_loop_acceleration(mechanism.plan, data.vdot, data.loops);
+}
+
+template <class S>
+void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int base_body,
+                    MechanismData<S>& data) {
+  calc_loop_forces(mechanism.plan, data.vdot, data.loops);
+  // Inverse dynamics with the true accelerations and no cut forces: what the children of the base
+  // need in total. Cut forces between moving bodies cancel in the sum, those on the base itself
+  // are part of what the base must supply.
+  calc_tree_acceleration(mechanism.model, base, &data.vdot, data.tree);
+  calc_tree_forces(mechanism.model, data.tree);
+  data.on_base = Wrench<S>();
+  for (size_t i = 0; i < mechanism.model.bodies.size(); ++i) {
+    if (mechanism.model.bodies[i].parent != base_body) continue;
+    const Wrench<S>& load = data.tree.transmitted[i];
+    data.on_base.f -= load.f;
+    data.on_base.t -= load.t + data.tree.r[i].cross(load.f);
+  }
+}
+
+template <class S>
+double find_closure_residual(const Mechanism& mechanism, const MechanismData<S>& data) {
+  double largest = 0.0;
+  for (size_t b = 0; b < mechanism.plan.blocks.size(); ++b) {
+    largest = std::max(
+        largest, static_cast<double>(data.loops.block[b].residual.template lpNorm<Eigen::Infinity>()));
+  }
+  return largest;
+}
+
+template <class S>
+double find_singularity_margin(const MechanismData<S>& data) {
+  double margin = 1.0;
+  for (const BlockData<S>& block : data.loops.block) margin = std::min(margin, block.margin);
+  return margin;
+}
+
+void close_home(Mechanism& mechanism, const std::string& source_name) {
+  MechanismModel& model = mechanism.model;
+  if (model.loops.empty()) return;
+  char text[256];
+  if (model.home_given) {
+    // A stated home must be closed as it stands.
+    MechanismData<double> data(mechanism);
+    for (size_t i = 0; i < model.bodies.size(); ++i) {
+      calc_joint_pose(model, static_cast<int>(i), data.tree);
+    }
+    calc_tree_position(model, data.tree);
+    for (size_t k = 0; k < model.loops.size(); ++k) {
+      const Loop& loop = model.loops[k];
+      const auto locate = [&](int body, const Vec3<double>& point) {
+        return body == kBase ? point
+                             : Vec3<double>(data.tree.R[body] * point + data.tree.p[body]);
+      };
+      Vec3<double> gap = locate(loop.terminal, loop.point_on_terminal) -
+                         locate(loop.closing, loop.point_on_closing);
+      if (loop.cut == CutType::kPlanarRevolute) {
+        const Mat3<double> R_root =
+            loop.root == kBase ? Mat3<double>::Identity() : data.tree.R[loop.root];
+        const Eigen::Vector2d in_plane = loop.plane_axes_in_root * (R_root.transpose() * gap);
+        gap = Vec3<double>(in_plane[0], in_plane[1], 0.0);
+      }
+      if (gap.norm() > 1e-6 * mechanism.plan.loop_size[k]) {
+        std::snprintf(text, sizeof text,
+                      "is open by %.6g m at the stated home (limit %.1g m); correct home_q or the "
+                      "cut points",
+                      gap.norm(), 1e-6 * mechanism.plan.loop_size[k]);
+        throw ModelError(source_name + ": loop '" + loop.name + "' " + text);
+      }
+    }
+  }
+  MechanismData<double> data(mechanism);
+  const Status status = calc_position(mechanism, data);
+  if (!status.ok() && status.index >= 0) {
+    const std::string reason = status.code == StatusCode::kOutOfReach    ? "its branch cannot reach"
+                               : status.code == StatusCode::kLoopSingular ? "it is singular there"
+                                                                          : "Newton does not converge";
+    throw ModelError(source_name + ": loop '" + model.loops[status.index].name +
+                     "' cannot be closed from the home pose (" + reason +
+                     "); correct the geometry or give home_q");
+  }
+  if (!status.ok()) {
+    throw ModelError(source_name +
+                     ": the inertia in the independent coordinates is not positive definite; give "
+                     "the bodies they move a mass");
+  }
+  // A slide that had to travel farther than the loop is long was not closed at home in any sense.
+  for (size_t k = 0; k < model.loops.size(); ++k) {
+    for (int body : model.loops[k].dependent) {
+      const Body& b = model.bodies[body];
+      if (b.joint != JointType::kPrismatic) continue;
+      const double moved = std::abs(data.tree.q[b.q_index] - model.home_q[b.q_index]);
+      if (moved > 0.5 * mechanism.plan.loop_size[k]) {
+        std::snprintf(text, sizeof text,
+                      "is open at home: slide '%s' would have to move by %.6g m (limit %.6g m, half "
+                      "the loop); correct the cut points or give home_q",
+                      b.name.c_str(), moved, 0.5 * mechanism.plan.loop_size[k]);
+        throw ModelError(source_name + ": loop '" + model.loops[k].name + "' " + text);
+      }
+    }
+  }
+  for (int i = 0; i < model.nq; ++i) model.home_q[i] = data.tree.q[i];
+}
+
+MechanismModel attach_vehicle(const MechanismModel& mechanism, const VehicleBody& vehicle,
+                              const Pose<double>& base_in_vehicle) {
+  MechanismModel model = mechanism;
+  Body body;
+  body.name = "vehicle";
+  body.mass = vehicle.mass;
+  body.com = vehicle.com;
+  body.inertia = vehicle.inertia;
+  model.bodies.insert(model.bodies.begin(), body);
+  for (size_t i = 1; i < model.bodies.size(); ++i) {
+    Body& b = model.bodies[i];
+    if (b.parent == kBase) b.placement = base_in_vehicle * b.placement;
+    b.parent += 1;  // kBase becomes body 0
+  }
+  for (Loop& loop : model.loops) {
+    // What was fixed on the base is now fixed on the vehicle, in vehicle axes.
+    if (loop.closing == kBase) {
+      loop.point_on_closing = base_in_vehicle.R * loop.point_on_closing + base_in_vehicle.p;
+      loop.axis_on_closing = base_in_vehicle.R * loop.axis_on_closing;
+    }
+    if (loop.root == kBase) {
+      loop.plane_axes_in_root = (loop.plane_axes_in_root * base_in_vehicle.R.transpose()).eval();
+    }
+    for (int* index : {&loop.root, &loop.first, &loop.terminal, &loop.closing}) *index += 1;
+    for (int& index : loop.dependent) index += 1;
+  }
+  for (JointForce& force : model.forces) force.body += 1;
+  for (Leg& leg : model.legs) leg.slide_body += 1;
+  model.capture_body += 1;
+  model.home_q.insert(model.home_q.begin(), {0, 0, 0, 1, 0, 0, 0});
+  number_coordinates(model);
+  return model;
+}
+
+MechanismModel fix_base(const MechanismModel& mechanism, const Pose<double>& base_pose) {
+  MechanismModel model = mechanism;
+  for (Body& body : model.bodies) {
+    if (body.parent == kBase) body.placement = base_pose * body.placement;
+  }
+  for (Loop& loop : model.loops) {
+    if (loop.closing == kBase) {
+      loop.point_on_closing = base_pose.R * loop.point_on_closing + base_pose.p;
+      loop.axis_on_closing = base_pose.R * loop.axis_on_closing;
+    }
+    if (loop.root == kBase) {
+      loop.plane_axes_in_root = (loop.plane_axes_in_root * base_pose.R.transpose()).eval();
+    }
+  }
+  return model;
+}
+
+VehicleBody find_frozen_body(const Mechanism& mechanism) {
+  MechanismData<double> data(mechanism);
+  if (!calc_position(mechanism, data).ok()) throw ModelError("mechanism cannot be closed at home");
+  VehicleBody frozen;
+  Vec3<double> first_moment = Vec3<double>::Zero();
+  for (size_t i = 0; i < mechanism.model.bodies.size(); ++i) {
+    frozen.mass += mechanism.model.bodies[i].mass;
+    first_moment += data.tree.h_body[i] + mechanism.model.bodies[i].mass * data.tree.p[i];
+  }
+  if (frozen.mass > 0.0) frozen.com = first_moment / frozen.mass;
+  for (size_t i = 0; i < mechanism.model.bodies.size(); ++i) {
+    const Body& body = mechanism.model.bodies[i];
+    const Mat3<double>& R = data.tree.R[i];
+    const Vec3<double> c = data.tree.p[i] + R * body.com - frozen.com;
+    frozen.inertia += R * body.inertia * R.transpose() +
+                      body.mass * (c.squaredNorm() * Mat3<double>::Identity() - c * c.transpose());
+  }
+  return frozen;
+}
+
+#define DOCK_INSTANTIATE(S)                                                                     \
+  template struct MechanismData<S>;                                                             \
+  template Status calc_position<S>(const Mechanism&, MechanismData<S>&);                        \
+  template void calc_velocity<S>(const Mechanism&, const BaseMotion<S>&, MechanismData<S>&);    \
+  template void calc_acceleration<S>(const Mechanism&, const BaseMotion<S>&, MechanismData<S>&); \
+  template void calc_reactions<S>(const Mechanism&, const BaseMotion<S>&, int,                  \
+                                  MechanismData<S>&);                                           \
+  template double find_closure_residual<S>(const Mechanism&, const MechanismData<S>&);          \
+  template double find_singularity_margin<S>(const MechanismData<S>&);
+
+DOCK_INSTANTIATE(double)
+DOCK_INSTANTIATE(long double)
+
+}  // namespace dockloop

@@ -1,0 +1,91 @@
+// A mechanism in its independent coordinates only: reads like the method.
+//
+//   position      close the loops, pose the tree, inertia, reduce, factorise      [Y2 (9), (10)]
+//   velocity      dependent velocities, velocities of all bodies                   [Y2 (5)]
+//   acceleration  bias, reduce the right-hand side, solve, dependent accelerations [Y2 (10), (11)]
+//   reactions     cut forces and the load on the base, only when somebody asks     [Y2 (11a)]
+//
+// The base of the tree is prescribed (usually at rest). A free-flying vehicle is a body with a free
+// joint: attach_vehicle() puts it between the base and the mechanism.
+#pragma once
+
+#include <Eigen/Cholesky>
+
+#include "loops/loops.hpp"
+
+namespace dockloop {
+
+/// Model and plan together; const during a run.
+struct Mechanism {
+  explicit Mechanism(MechanismModel description, bool newton_only = false);
+  MechanismModel model;
+  LoopPlan plan;
+  int vehicle = kBase;  ///< body of the vehicle if attach_vehicle() put one in
+};
+
+/// Everything computed. One per evaluation thread; sized by the constructor.
+template <class S>
+struct MechanismData {
+  explicit MechanismData(const Mechanism& mechanism);
+  TreeData<S> tree;
+  LoopData<S> loops;
+  MatX<S> A;                    ///< joint-space inertia while it is being reduced, nv x nv
+  MatX<S> A_ind;                ///< reduced inertia, n_ind x n_ind
+  Eigen::LLT<MatX<S>> factor;   ///< of A_ind
+  VecX<S> b, b_ind;             ///< right-hand side: full (nv), reduced (n_ind)
+  VecX<S> a_ind;                ///< independent accelerations (n_ind)
+  VecX<S> tau;                  ///< joint forces (nv), written by the caller
+  VecX<S> vdot;                 ///< all accelerations (nv)
+  Wrench<S> on_base;            ///< of the mechanism on its base body, about that body's origin,
+                                ///< base axes of the tree (calc_reactions)
+};
+
+/// In: independent entries of data.tree.q (dependent ones as a start).
+template <class S>
+Status calc_position(const Mechanism& mechanism, MechanismData<S>& data);
+
+/// In: independent entries of data.tree.v. @pre calc_position
+template <class S>
+void calc_velocity(const Mechanism& mechanism, const BaseMotion<S>& base, MechanismData<S>& data);
+
+/// In: data.tau, data.tree.external. Out: data.vdot. @pre calc_velocity
+template <class S>
+void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
+                       MechanismData<S>& data);
+
+/// Cut forces (data.loops.block[].lambda) and the load on `base_body`. @pre calc_acceleration
+template <class S>
+void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int base_body,
+                    MechanismData<S>& data);
+
+/// Largest loop gap [m] of the present position, for monitoring.
+template <class S>
+double find_closure_residual(const Mechanism& mechanism, const MechanismData<S>& data);
+
+/// Smallest loop margin [-] of the present position; 1 without loops.
+template <class S>
+double find_singularity_margin(const MechanismData<S>& data);
+
+/// Close the home pose: replaces the dependent entries of home_q by a solution.
+/// @throws ModelError when a loop is open at the home that the file states, or cannot be closed.
+void close_home(Mechanism& mechanism, const std::string& source_name);
+
+/// Rigid body onto which a mechanism is put.
+struct VehicleBody {
+  double mass = 0.0;
+  Vec3<double> com = Vec3<double>::Zero();
+  Mat3<double> inertia = Mat3<double>::Zero();  ///< about com
+};
+
+/// The mechanism on a free-flying vehicle: body 0 is "vehicle" with a free joint, and everything
+/// that hung on the base hangs on it. @param base_in_vehicle pose of B in the vehicle's axes.
+MechanismModel attach_vehicle(const MechanismModel& mechanism, const VehicleBody& vehicle,
+                              const Pose<double>& base_in_vehicle);
+
+/// The mechanism on a vehicle that does not move: base placements become `base_pose`.
+MechanismModel fix_base(const MechanismModel& mechanism, const Pose<double>& base_pose);
+
+/// Mass properties of the mechanism frozen at its (closed) home pose, in base axes.
+VehicleBody find_frozen_body(const Mechanism& mechanism);
+
+}  // namespace dockloop

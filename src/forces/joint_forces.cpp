@@ -1,0 +1,57 @@
+// Joint force laws; see joint_forces.hpp.
+#include "forces/joint_forces.hpp"
+
+#include <algorithm>
+
+namespace dockloop {
+namespace {
+
+/// Force of a stop on its own depth, never negative.
+template <class S>
+S calc_stop(const EndStops& stops, const S& depth, const S& depth_rate, JointForceSums<S>& sums) {
+  if (!(depth > S(0))) return S(0);
+  const S toe(stops.toe), k(stops.stiffness);
+  const S elastic = depth < toe ? k * depth * depth / (S(2) * toe) : k * (depth - toe / S(2));
+  sums.energy += depth < toe
+                     ? k * depth * depth * depth / (S(6) * toe)
+                     : k * ((depth - toe / S(2)) * (depth - toe / S(2)) / S(2) + toe * toe / S(24));
+  const S force = elastic * std::max(S(0), S(1) + S(stops.damping) * depth_rate);
+  sums.dissipation += (force - elastic) * depth_rate;
+  return force;
+}
+
+}  // namespace
+
+template <class S>
+JointForceSums<S> calc_joint_forces(const MechanismModel& model, const VecX<S>& q,
+                                    const VecX<S>& v, const VecX<S>& command, VecX<S>& force,
+                                    VecX<S>& tau) {
+  JointForceSums<S> sums;
+  for (size_t i = 0; i < model.forces.size(); ++i) {
+    const JointForce& law = model.forces[i];
+    const Body& body = model.bodies[law.body];
+    const S x = q[body.q_index] - S(law.rest), rate = v[body.v_index];
+    S total = S(law.preload) - S(law.stiffness) * x - S(law.damping) * rate;
+    sums.energy += S(0.5 * law.stiffness) * x * x - S(law.preload) * x;
+    sums.dissipation += S(law.damping) * rate * rate;
+    if (law.stops.present) {
+      total += calc_stop<S>(law.stops, S(law.stops.lower) - q[body.q_index], -rate, sums);
+      total -= calc_stop<S>(law.stops, q[body.q_index] - S(law.stops.upper), rate, sums);
+    }
+    total += command[static_cast<int>(i)];
+    sums.command_power += command[static_cast<int>(i)] * rate;
+    force[static_cast<int>(i)] = total;
+    tau[body.v_index] += total;
+  }
+  return sums;
+}
+
+template JointForceSums<double> calc_joint_forces<double>(const MechanismModel&,
+                                                          const VecX<double>&, const VecX<double>&,
+                                                          const VecX<double>&, VecX<double>&,
+                                                          VecX<double>&);
+template JointForceSums<long double> calc_joint_forces<long double>(
+    const MechanismModel&, const VecX<long double>&, const VecX<long double>&,
+    const VecX<long double>&, VecX<long double>&, VecX<long double>&);
+
+}  // namespace dockloop

@@ -1,0 +1,68 @@
+// Fixed-size vectors, poses, twists and wrenches, generic in the scalar type.
+//
+// Every other module speaks in these types. `S` is `double` in the product; tests instantiate the
+// same templates with `long double` (an oracle with more digits) and later with dual numbers.
+// No expression is ever held in `auto`: Eigen expressions refer to temporaries.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>  // cross products
+
+namespace dockloop {
+
+template <class S>
+using Vec3 = Eigen::Matrix<S, 3, 1>;
+template <class S>
+using Vec4 = Eigen::Matrix<S, 4, 1>;
+template <class S>
+using Vec6 = Eigen::Matrix<S, 6, 1>;
+template <class S>
+using Mat3 = Eigen::Matrix<S, 3, 3>;
+template <class S>
+using Mat6 = Eigen::Matrix<S, 6, 6>;
+template <class S>
+using VecX = Eigen::Matrix<S, Eigen::Dynamic, 1>;
+template <class S>
+using MatX = Eigen::Matrix<S, Eigen::Dynamic, Eigen::Dynamic>;
+
+/// Pose of frame B in frame A: x_A = R * x_B + p, with R = R_AB [-] and p = p_AB_A [m].
+template <class S>
+struct Pose {
+  Mat3<S> R = Mat3<S>::Identity();
+  Vec3<S> p = Vec3<S>::Zero();
+};
+
+/// Angular velocity w [rad/s] and velocity v [m/s] of a frame; the user of a Twist says whose axes.
+template <class S>
+struct Twist {
+  Vec3<S> w = Vec3<S>::Zero();
+  Vec3<S> v = Vec3<S>::Zero();
+};
+
+/// Force f [N] and moment t [N m] about a point; the user of a Wrench says which point and axes.
+template <class S>
+struct Wrench {
+  Vec3<S> f = Vec3<S>::Zero();
+  Vec3<S> t = Vec3<S>::Zero();
+};
+
+/// Symmetric matrix from its components in the order xx yy zz xy xz yz.
+inline Mat3<double> make_symmetric(const Vec6<double>& i) {
+  Mat3<double> m;
+  m << i[0], i[3], i[4], i[3], i[1], i[5], i[4], i[5], i[2];
+  return m;
+}
+
+/// pose_AC = pose_AB * pose_BC.
+template <class S>
+Pose<S> operator*(const Pose<S>& AB, const Pose<S>& BC) {
+  return {AB.R * BC.R, AB.R * BC.p + AB.p};
+}
+
+/// pose_BA from pose_AB.
+template <class S>
+Pose<S> inverse(const Pose<S>& AB) {
+  return {AB.R.transpose(), -(AB.R.transpose() * AB.p)};
+}
+
+}  // namespace dockloop

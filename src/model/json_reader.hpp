@@ -1,0 +1,137 @@
+// Reading JSON with messages a user can act on: every error names file, path of the member, value
+// and limit. A JsonReader is a cursor into a document that knows its own path.
+#pragma once
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "math/status.hpp"
+#include "math/types.hpp"
+
+namespace dockloop {
+
+/// Parse a document. @throws ModelError with the parser's own position.
+inline nlohmann::json parse_json(const std::string& text, const std::string& source_name) {
+  try {
+    return nlohmann::json::parse(text);
+  } catch (const nlohmann::json::exception& error) {
+    throw ModelError(source_name + ": not a JSON document: " + error.what());
+  }
+}
+
+class JsonReader {
+ public:
+  JsonReader(const nlohmann::json& node, std::string source, std::string path = "")
+      : node_(&node), source_(std::move(source)), path_(std::move(path)) {}
+
+  const nlohmann::json& node() const { return *node_; }
+  const std::string& path() const { return path_; }
+  bool has(const std::string& key) const { return node_->is_object() && node_->contains(key); }
+
+  [[noreturn]] void fail(const std::string& what) const {
+    throw ModelError(source_ + ": " + (path_.empty() ? "document" : path_) + " " + what);
+  }
+
+  JsonReader at(const std::string& key) const {
+    if (!node_->is_object()) fail("must be an object");
+    if (!node_->contains(key)) fail("lacks the member '" + key + "'");
+    return {(*node_)[key], source_, path_.empty() ? key : path_ + "." + key};
+  }
+
+  /// Elements of an array; empty if the member is absent.
+  std::vector<JsonReader> list(const std::string& key) const {
+    std::vector<JsonReader> items;
+    if (!has(key)) return items;
+    const JsonReader array = at(key);
+    if (!array.node_->is_array()) array.fail("must be a list");
+    for (size_t i = 0; i < array.node_->size(); ++i) {
+      items.push_back(
+          {(*array.node_)[i], source_, array.path_ + "[" + std::to_string(i + 1) + "]"});
+    }
+    return items;
+  }
+
+  std::string text() const {
+    if (!node_->is_string()) fail("must be a text, not " + node_->dump());
+    return node_->get<std::string>();
+  }
+  std::string text(const std::string& key, const std::string& fallback) const {
+    return has(key) ? at(key).text() : fallback;
+  }
+
+  double number() const {
+    if (!node_->is_number()) fail("must be a number, not " + node_->dump());
+    const double value = node_->get<double>();
+    if (!std::isfinite(value)) fail("must be finite");
+    return value;
+  }
+  double number(const std::string& key, double fallback) const {
+    return has(key) ? at(key).number() : fallback;
+  }
+  double non_negative(const std::string& key, double fallback) const {
+    const double value = number(key, fallback);
+    if (value < 0.0) at(key).fail("is " + at(key).node().dump() + "; it must be 0 or more");
+    return value;
+  }
+  double positive(const std::string& key) const {
+    const double value = at(key).number();
+    if (value <= 0.0) at(key).fail("is " + at(key).node().dump() + "; it must be above 0");
+    return value;
+  }
+  bool flag(const std::string& key, bool fallback) const {
+    if (!has(key)) return fallback;
+    if (!at(key).node().is_boolean()) at(key).fail("must be true or false");
+    return at(key).node().get<bool>();
+  }
+
+  template <int N>
+  Eigen::Matrix<double, N, 1> vector() const {
+    if (!node_->is_array() || node_->size() != static_cast<size_t>(N)) {
+      fail("must be a list of " + std::to_string(N) + " numbers");
+    }
+    Eigen::Matrix<double, N, 1> v;
+    for (int i = 0; i < N; ++i) {
+      v[i] = JsonReader((*node_)[static_cast<size_t>(i)], source_,
+                        path_ + "[" + std::to_string(i + 1) + "]")
+                 .number();
+    }
+    return v;
+  }
+  template <int N>
+  Eigen::Matrix<double, N, 1> vector(const std::string& key,
+                                     const Eigen::Matrix<double, N, 1>& fallback) const {
+    return has(key) ? at(key).template vector<N>() : fallback;
+  }
+
+  /// R x 3 matrix written as rows.
+  template <int R>
+  Eigen::Matrix<double, R, 3> matrix() const {
+    if (!node_->is_array() || node_->size() != static_cast<size_t>(R)) {
+      fail("must be a list of " + std::to_string(R) + " rows of 3 numbers");
+    }
+    Eigen::Matrix<double, R, 3> m;
+    for (int i = 0; i < R; ++i) {
+      m.row(i) = JsonReader((*node_)[static_cast<size_t>(i)], source_,
+                            path_ + "[" + std::to_string(i + 1) + "]")
+                     .template vector<3>()
+                     .transpose();
+    }
+    return m;
+  }
+
+  /// Unit vector; refuses what is not one to 1e-6, then normalises the rest away.
+  Vec3<double> unit_vector() const {
+    const Vec3<double> v = vector<3>();
+    if (std::abs(v.norm() - 1.0) > 1e-6) fail("must be a unit vector; its length is " +
+                                              std::to_string(v.norm()));
+    return v.normalized();
+  }
+
+ private:
+  const nlohmann::json* node_;
+  std::string source_, path_;
+};
+
+}  // namespace dockloop

@@ -1,0 +1,343 @@
+// Reads a mechanism document and expands its legs into bodies, loops and joint forces.
+//
+// The low-level members (bodies, loops) are the tree and the loop table as they are; `legs` is the
+// convenient form: a leg type with points, axes and masses. Both may stand in one file.
+#include <Eigen/Eigenvalues>
+#include <cmath>
+
+#include "model/json_reader.hpp"
+#include "model/mechanism_model.hpp"
+
+namespace dockloop {
+namespace {
+
+Pose<double> read_placement(const JsonReader& joint) {
+  Pose<double> pose;
+  pose.p = joint.vector<3>("position", Vec3<double>::Zero());
+  if (joint.has("rotation")) {
+    const JsonReader rotation = joint.at("rotation");
+    pose.R = rotation.matrix<3>();
+    if (!(pose.R * pose.R.transpose()).isIdentity(1e-9) || pose.R.determinant() < 0.0) {
+      rotation.fail("must be a rotation matrix (orthonormal rows, determinant +1, to 1e-9)");
+    }
+  }
+  return pose;
+}
+
+Body read_body(const JsonReader& item, const MechanismModel& model) {
+  Body body;
+  body.name = item.at("name").text();
+  if (body.name == "base") item.at("name").fail("'base' is reserved for the mechanism base");
+  for (const Body& other : model.bodies) {
+    if (other.name == body.name) item.at("name").fail("'" + body.name + "' is used twice");
+  }
+  body.parent = find_body(model, item.at("parent").text(), "body '" + body.name + "' (" + item.path() + ".parent)");
+  const JsonReader joint = item.at("joint");
+  const std::string type = joint.at("type").text();
+  if (type == "revolute" || type == "prismatic") {
+    body.joint = type == "revolute" ? JointType::kRevolute : JointType::kPrismatic;
+    body.axis = joint.at("axis").unit_vector();
+  } else if (type != "free") {
+    joint.at("type").fail("is '" + type + "'; known types are revolute, prismatic, free");
+  }
+  body.placement = read_placement(joint);
+  if (item.has("mass")) {
+    body.mass = item.at("mass").number();
+    if (body.mass < 0.0) {
+      item.at("mass").fail("of body '" + body.name + "' is " + item.at("mass").node().dump() +
+                           " kg; a mass must be 0 or more");
+    }
+  }
+  body.com = item.vector<3>("com", Vec3<double>::Zero());
+  if (item.has("inertia")) body.inertia = item.at("inertia").matrix<3>();
+  return body;
+}
+
+ClosureKind read_closure(const std::string& name) {
+  if (name == "R2P1R3") return ClosureKind::kR2P1R3;
+  if (name == "newton") return ClosureKind::kNewton;
+  return ClosureKind::kAutomatic;
+}
+
+Loop read_loop(const JsonReader& item, const MechanismModel& model) {
+  Loop loop;
+  loop.name = item.at("name").text();
+  const std::string who = "loop '" + loop.name + "' (" + item.path() + ".";
+  const auto body = [&](const char* key) {
+    return find_body(model, item.at(key).text(), who + key + ")");
+  };
+  loop.root = body("root");
+  loop.first = body("first");
+  loop.terminal = body("terminal");
+  loop.closing = body("closing");
+  if (loop.first == kBase || loop.terminal == kBase) {
+    item.fail("(loop '" + loop.name + "'): first and terminal must be moving bodies, not 'base'");
+  }
+  const JsonReader cut = item.at("cut");
+  const std::string type = cut.at("type").text();
+  if (type == "R3") {
+    loop.cut = CutType::kSpherical;
+  } else if (type == "R2") {
+    loop.cut = CutType::kUniversal;
+    loop.axis_on_terminal = cut.at("axis_on_terminal").unit_vector();
+    loop.axis_on_closing = cut.at("axis_on_closing").unit_vector();
+  } else if (type == "R1_planar") {
+    loop.cut = CutType::kPlanarRevolute;
+    loop.plane_axes_in_root = cut.at("plane_axes_in_root").matrix<2>();
+    if (!(loop.plane_axes_in_root * loop.plane_axes_in_root.transpose()).isIdentity(1e-9)) {
+      cut.at("plane_axes_in_root").fail("must be two orthonormal rows (to 1e-9)");
+    }
+  } else {
+    cut.at("type").fail("is '" + type + "'; known cuts are R3, R2, R1_planar");
+  }
+  loop.point_on_terminal = cut.at("point_on_terminal").vector<3>();
+  loop.point_on_closing = cut.at("point_on_closing").vector<3>();
+  if (item.has("dependent")) {
+    for (const JsonReader& name : item.list("dependent")) {
+      const int index = find_body(model, name.text(), who + "dependent)");
+      if (index == kBase) name.fail("is 'base', which has no joint");
+      loop.dependent.push_back(index);
+    }
+  } else {
+    // All joints from terminal up to first.
+    for (int i = loop.terminal;; i = model.bodies[i].parent) {
+      loop.dependent.insert(loop.dependent.begin(), i);
+      if (i == loop.first) break;
+      if (model.bodies[i].parent == kBase) {
+        item.fail("(loop '" + loop.name + "'): first is not on the path to terminal");
+      }
+    }
+  }
+  loop.closure = read_closure(item.text("closure", "automatic"));
+  loop.branch = item.number("branch", 1.0);
+  return loop;
+}
+
+/// A leg member, taken from the leg or from the defaults of all legs.
+struct LegReader {
+  JsonReader leg;
+  const JsonReader* defaults;
+  bool has(const std::string& key) const { return leg.has(key) || (defaults && defaults->has(key)); }
+  /// Whoever states the member; the leg itself (and its error message) if nobody does.
+  const JsonReader& owner(const std::string& key) const {
+    return !leg.has(key) && defaults && defaults->has(key) ? *defaults : leg;
+  }
+};
+
+Pose<double> find_home_pose(const MechanismModel& model, int body) {
+  Pose<double> pose;
+  for (; body != kBase; body = model.bodies[body].parent) pose = model.bodies[body].placement * pose;
+  return pose;
+}
+
+Mat3<double> make_axial_inertia(double axial, double transverse) {
+  return Vec3<double>(axial, transverse, transverse).asDiagonal();
+}
+
+/// Universal joint on the root, cylinder, rod sliding in it, spherical joint on the closing body.
+/// Leg axes at home: x along the leg, y the first universal axis, z the second.
+void add_slide_leg(const LegReader& in, MechanismModel& model) {
+  const std::string name = in.leg.at("name").text();
+  const std::string who = "leg '" + name + "' (" + in.leg.path() + ")";
+  const std::string root_name = in.owner("root").text("root", "base");
+  const int root = find_body(model, root_name, who);
+  const int closing = find_body(model, in.owner("closing").at("closing").text(), who);
+  const Vec3<double> root_point = in.owner("root_point").at("root_point").vector<3>();
+  const Vec3<double> closing_point = in.owner("closing_point").at("closing_point").vector<3>();
+  const Pose<double> closing_in_root =
+      inverse(find_home_pose(model, root)) * find_home_pose(model, closing);
+  const Vec3<double> along = closing_in_root.R * closing_point + closing_in_root.p - root_point;
+  const double length = along.norm();
+  if (length < 1e-6) in.leg.fail("(leg '" + name + "') has no length at home");
+  const Vec3<double> x = along / length;
+  Vec3<double> y;
+  if (in.has("first_axis")) {
+    const JsonReader axis = in.owner("first_axis").at("first_axis");
+    y = axis.unit_vector();
+    if (std::abs(y.dot(x)) > 1e-6) {
+      axis.fail("(leg '" + name + "') must be perpendicular to the leg at home; the cosine is " +
+                std::to_string(y.dot(x)));
+    }
+    y = (y - y.dot(x) * x).normalized();
+  } else {
+    const JsonReader& owner = in.owner("reference_axis");
+    const Vec3<double> reference =
+        owner.has("reference_axis") ? owner.at("reference_axis").unit_vector() : Vec3<double>::UnitX();
+    const Vec3<double> across = reference.cross(x);
+    if (across.norm() < 1e-6) {
+      in.leg.fail("(leg '" + name + "') is parallel to its reference axis; give 'first_axis'");
+    }
+    y = across.normalized();
+  }
+  const auto add_body = [&](const char* part, int parent, JointType joint, const Vec3<double>& axis) {
+    Body body;
+    body.name = name + "_" + part;
+    body.parent = parent;
+    body.joint = joint;
+    body.axis = axis;
+    for (const Body& other : model.bodies) {
+      if (other.name == body.name) in.leg.fail("needs the body name '" + body.name + "', in use");
+    }
+    model.bodies.push_back(body);
+    return static_cast<int>(model.bodies.size()) - 1;
+  };
+  const int cross = add_body("cross", root, JointType::kRevolute, Vec3<double>::UnitY());
+  Body& cross_body = model.bodies[cross];
+  cross_body.placement.R << x, y, x.cross(y);
+  cross_body.placement.p = root_point;
+  if (in.has("cross")) {
+    const JsonReader part = in.owner("cross").at("cross");
+    cross_body.mass = part.non_negative("mass", 0.0);
+    cross_body.inertia = part.non_negative("inertia", 0.0) * Mat3<double>::Identity();
+  }
+  const int cylinder = add_body("cyl", cross, JointType::kRevolute, Vec3<double>::UnitZ());
+  const int rod = add_body("rod", cylinder, JointType::kPrismatic, Vec3<double>::UnitX());
+  const auto read_part = [&](const char* key, Body& body, bool from_tip) {
+    if (!in.has(key)) return;
+    const JsonReader part = in.owner(key).at(key);
+    body.mass = part.non_negative("mass", 0.0);
+    const double com = part.number("com", 0.0);
+    body.com = Vec3<double>(from_tip ? length - com : com, 0.0, 0.0);
+    body.inertia = make_axial_inertia(part.non_negative("inertia_axial", 0.0),
+                                      part.non_negative("inertia_transverse", 0.0));
+  };
+  read_part("cylinder", model.bodies[cylinder], false);
+  read_part("rod", model.bodies[rod], true);
+
+  Loop loop;
+  loop.name = name;
+  loop.root = root;
+  loop.first = cross;
+  loop.terminal = rod;
+  loop.closing = closing;
+  loop.point_on_terminal = Vec3<double>(length, 0.0, 0.0);
+  loop.point_on_closing = closing_point;
+  loop.dependent = {cross, cylinder, rod};
+  loop.closure = ClosureKind::kR2P1R3;
+  model.loops.push_back(loop);
+
+  JointForce force;
+  force.body = rod;
+  force.stiffness = in.owner("stiffness").non_negative("stiffness", 0.0);
+  force.damping = in.owner("damping").non_negative("damping", 0.0);
+  force.rest = in.owner("free_length").number("free_length", length) - length;
+  force.preload = in.owner("preload").number("preload", 0.0);
+  if (in.has("stops")) {
+    const JsonReader stops = in.owner("stops").at("stops");
+    force.stops.present = true;
+    force.stops.lower = stops.positive("min_length") - length;
+    force.stops.upper = stops.positive("max_length") - length;
+    force.stops.stiffness = stops.positive("stiffness");
+    force.stops.damping = stops.non_negative("damping", 0.0);
+    force.stops.toe = stops.positive("toe");
+    if (!(force.stops.lower < 0.0 && force.stops.upper > 0.0)) {
+      stops.fail("(leg '" + name + "'): the home length " + std::to_string(length) +
+                 " m must lie between min_length and max_length");
+    }
+  }
+  model.legs.push_back({name, rod, length, static_cast<int>(model.forces.size())});
+  model.forces.push_back(force);
+}
+
+void read_joint_force(const JsonReader& item, MechanismModel& model) {
+  const std::string type = item.at("type").text();
+  if (type != "joint_spring_damper") {
+    item.at("type").fail("is '" + type + "'; the known type is joint_spring_damper");
+  }
+  JointForce force;
+  force.body = find_body(model, item.at("joint").text(), item.path() + ".joint");
+  if (force.body == kBase || model.bodies[force.body].joint == JointType::kFree) {
+    item.at("joint").fail("must name a revolute or prismatic joint");
+  }
+  force.stiffness = item.non_negative("stiffness", 0.0);
+  force.damping = item.non_negative("damping", 0.0);
+  force.rest = item.number("rest", 0.0);
+  force.preload = item.number("preload", 0.0);
+  model.forces.push_back(force);
+}
+
+}  // namespace
+
+int find_body(const MechanismModel& model, const std::string& body, const std::string& who) {
+  if (body == "base") return kBase;
+  for (size_t i = 0; i < model.bodies.size(); ++i) {
+    if (model.bodies[i].name == body) return static_cast<int>(i);
+  }
+  throw ModelError("mechanism '" + model.name + "': " + who + " names body '" + body +
+                   "', which does not exist before it in the list of bodies");
+}
+
+void number_coordinates(MechanismModel& model) {
+  model.nq = model.nv = 0;
+  for (Body& body : model.bodies) {
+    body.q_index = model.nq;
+    body.v_index = model.nv;
+    model.nq += body.nq();
+    model.nv += body.nv();
+  }
+  if (model.home_q.empty()) {
+    model.home_q.assign(static_cast<size_t>(model.nq), 0.0);
+    for (const Body& body : model.bodies) {
+      if (body.joint == JointType::kFree) model.home_q[body.q_index + 3] = 1.0;
+    }
+  }
+}
+
+void check_mechanism(const MechanismModel& model) {
+  const std::string who = "mechanism '" + model.name + "': ";
+  for (const Body& body : model.bodies) {
+    const double scale = body.inertia.norm();
+    if (!(body.inertia - body.inertia.transpose()).isZero(1e-9 * scale)) {
+      throw ModelError(who + "inertia of body '" + body.name + "' is not symmetric");
+    }
+    Eigen::SelfAdjointEigenSolver<Mat3<double>> eigen(body.inertia, Eigen::EigenvaluesOnly);
+    const Vec3<double> principal = eigen.eigenvalues();
+    if (principal[0] < -1e-12 * scale) {
+      throw ModelError(who + "inertia of body '" + body.name + "' has the negative principal value " +
+                       std::to_string(principal[0]) + " kg m2");
+    }
+  }
+  if (static_cast<int>(model.home_q.size()) != model.nq) {
+    throw ModelError(who + "home_q has " + std::to_string(model.home_q.size()) +
+                     " numbers, but the bodies have " + std::to_string(model.nq) + " coordinates");
+  }
+}
+
+MechanismModel read_mechanism(const std::string& json_text, const std::string& source_name) {
+  const nlohmann::json document = parse_json(json_text, source_name);
+  const JsonReader file(document, source_name);
+  const JsonReader root = file.has("mechanism") ? file.at("mechanism") : file;
+  MechanismModel model;
+  model.name = root.text("name", "unnamed");
+  model.gravity = root.vector<3>("gravity", Vec3<double>::Zero());
+  try {
+    for (const JsonReader& item : root.list("bodies")) model.bodies.push_back(read_body(item, model));
+    for (const JsonReader& item : root.list("loops")) model.loops.push_back(read_loop(item, model));
+    const bool shared = root.has("leg_defaults");
+    const JsonReader defaults = shared ? root.at("leg_defaults") : root;
+    for (const JsonReader& item : root.list("legs")) {
+      const LegReader leg{item, shared ? &defaults : nullptr};
+      const std::string type = leg.owner("type").at("type").text();
+      if (type != "R2P1R3") item.fail("has type '" + type + "'; the known leg type is R2P1R3");
+      add_slide_leg(leg, model);
+    }
+    for (const JsonReader& item : root.list("forces")) read_joint_force(item, model);
+    if (root.has("capture")) {
+      model.capture_body = find_body(model, root.at("capture").at("body").text(), "capture.body");
+    }
+    const JsonReader& home_owner = root.has("home_q") ? root : file;
+    if (home_owner.has("home_q")) {
+      for (const JsonReader& number : home_owner.list("home_q")) model.home_q.push_back(number.number());
+      model.home_given = true;
+    }
+    number_coordinates(model);
+    check_mechanism(model);
+  } catch (const ModelError& error) {
+    const std::string text = error.what();
+    if (text.rfind(source_name, 0) == 0) throw;
+    throw ModelError(source_name + ": " + text);
+  }
+  return model;
+}
+
+}  // namespace dockloop

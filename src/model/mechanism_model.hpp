@@ -1,0 +1,129 @@
+// A mechanism as data: bodies on a tree of joints, a table of loops, joint force laws.
+//
+// The tree is what remains when every loop is cut at one joint. Nothing here changes after
+// read_mechanism(); numbers that a run computes live in workspaces (tree/, loops/, dynamics/).
+// Conventions (joint axes, free joint, cut sign): src/README.md.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "math/types.hpp"
+
+namespace dockloop {
+
+constexpr int kBase = -1;  ///< body index of the base (frame B, or what the mechanism hangs on)
+
+enum class JointType { kRevolute, kPrismatic, kFree };
+
+/// A body and the joint that connects it to its parent (parent index < own index, or kBase).
+struct Body {
+  std::string name;
+  int parent = kBase;
+  JointType joint = JointType::kFree;
+  Vec3<double> axis = Vec3<double>::UnitZ();  ///< unit, joint axes; unused for free joints
+  Pose<double> placement;                     ///< joint axes in parent axes at zero coordinate
+  double mass = 0.0;                          ///< [kg]
+  Vec3<double> com = Vec3<double>::Zero();    ///< body axes [m]
+  Mat3<double> inertia = Mat3<double>::Zero();  ///< about the com, body axes [kg m2]
+  int q_index = 0;                            ///< first coordinate in q
+  int v_index = 0;                            ///< first velocity in v
+  int nq() const { return joint == JointType::kFree ? 7 : 1; }
+  int nv() const { return joint == JointType::kFree ? 6 : 1; }
+};
+
+/// What the removed joint of a loop leaves to be satisfied.
+enum class CutType {
+  kSpherical,      ///< 3 equations: points coincide
+  kUniversal,      ///< 4: points coincide, cross axes stay perpendicular
+  kPlanarRevolute  ///< 2: points coincide within the plane of the loop
+};
+
+/// How the dependent coordinates of a loop are found.
+enum class ClosureKind {
+  kAutomatic,  ///< closed form where the geometry allows one, else Newton
+  kNewton,
+  kR2P1R3  ///< universal joint, slide, spherical cut
+};
+
+/// One row of the loop table: branch first..terminal hangs on root and is cut from `closing`.
+struct Loop {
+  std::string name;
+  int root = kBase, first = 0, terminal = 0, closing = kBase;
+  CutType cut = CutType::kSpherical;
+  Vec3<double> point_on_terminal = Vec3<double>::Zero();  ///< axes of terminal [m]
+  Vec3<double> point_on_closing = Vec3<double>::Zero();   ///< axes of closing [m]
+  Vec3<double> axis_on_terminal = Vec3<double>::UnitX();  ///< universal cut: unit cross axes
+  Vec3<double> axis_on_closing = Vec3<double>::UnitY();
+  Eigen::Matrix<double, 2, 3> plane_axes_in_root =
+      Eigen::Matrix<double, 2, 3>::Zero();  ///< planar cut: orthonormal rows
+  std::vector<int> dependent;               ///< bodies whose joints this loop determines
+  ClosureKind closure = ClosureKind::kAutomatic;
+  double branch = 1.0;  ///< assembly branch of a closed form, +1 or -1
+};
+
+/// Number of cut equations.
+inline int equation_count(CutType cut) {
+  switch (cut) {
+    case CutType::kUniversal: return 4;
+    case CutType::kPlanarRevolute: return 2;
+    default: return 3;
+  }
+}
+
+/// One-sided elastic stop that begins at a limit; see forces/joint_forces.hpp for the law.
+struct EndStops {
+  bool present = false;
+  double lower = 0.0, upper = 0.0;  ///< joint coordinate at which they begin [m] or [rad]
+  double stiffness = 0.0;           ///< [N/m]
+  double damping = 0.0;             ///< [s/m], factor on the elastic force
+  double toe = 0.0;                 ///< [m] over which the stiffness builds up
+};
+
+/// Spring, damper and stops along one joint coordinate:
+/// tau = -stiffness (q - rest) - damping v + preload + stops.
+struct JointForce {
+  int body = 0;             ///< whose joint
+  double stiffness = 0.0;   ///< [N/m]
+  double damping = 0.0;     ///< [N s/m]
+  double rest = 0.0;        ///< [m]
+  double preload = 0.0;     ///< [N], positive extends
+  EndStops stops;
+};
+
+/// A leg as users speak of it: length, rate and force along one slide.
+struct Leg {
+  std::string name;
+  int slide_body = 0;        ///< whose prismatic joint is the leg
+  double home_length = 0.0;  ///< [m] between the end joints at slide coordinate 0
+  int force = 0;             ///< index into MechanismModel::forces
+};
+
+struct MechanismModel {
+  std::string name;
+  Vec3<double> gravity = Vec3<double>::Zero();  ///< base axes [m/s2]; used by `check` and tests
+  std::vector<Body> bodies;
+  std::vector<Loop> loops;
+  std::vector<JointForce> forces;
+  std::vector<Leg> legs;
+  std::vector<double> home_q;  ///< all coordinates, nq
+  bool home_given = false;     ///< the file states home_q
+  int capture_body = kBase;    ///< body that carries frame G
+  int nq = 0, nv = 0;
+};
+
+/// Number the coordinates in body order (q_index, v_index, nq, nv) and fill a zero home where none
+/// is given.
+void number_coordinates(MechanismModel& model);
+
+/// Check everything that does not need kinematics. @throws ModelError with element, value, limit.
+void check_mechanism(const MechanismModel& model);
+
+/// Read a mechanism document (low-level members, or under the key "mechanism"; `legs` expanded).
+/// @param source_name file name for messages. @throws ModelError
+MechanismModel read_mechanism(const std::string& json_text, const std::string& source_name);
+
+/// Index of a body; "base" is kBase. @throws ModelError naming `who` asked.
+int find_body(const MechanismModel& model, const std::string& body, const std::string& who);
+
+}  // namespace dockloop

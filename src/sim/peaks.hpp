@@ -1,0 +1,111 @@
+// Largest values over the inner steps of a run, refined between the steps.
+//
+// Sampling at communication points misses peaks, and even the inner steps of a high-order method
+// are far apart. A sample that tops both neighbours is refined by the polynomial through the last
+// five samples (fourth order in the spacing), bounded by what the parabola through the three
+// middle ones shows, so that a kink cannot make it overshoot.
+#pragma once
+
+#include <array>
+
+namespace dockloop {
+
+template <int N>
+class PeakTracker {
+ public:
+  /// Forget everything; the first sample of a run.
+  void start(double t, const std::array<double, N>& value) {
+    peak_ = value;
+    begin(t, value);
+  }
+
+  /// A value jumped or has a kink here: do not interpolate across it.
+  void begin(double t, const std::array<double, N>& value) {
+    count_ = 0;
+    push(t, value);
+    raise(value);
+  }
+
+  void add(double t, const std::array<double, N>& value) {
+    raise(value);
+    // Samples much closer than their neighbours would only amplify rounding.
+    if (count_ >= 2 && t - time_[count_ - 1] < 1e-2 * (time_[count_ - 1] - time_[count_ - 2])) return;
+    push(t, value);
+    if (count_ < kWindow) return;
+    for (int i = 0; i < N; ++i) {
+      const double mid = value_[2][i];
+      if (mid > value_[1][i] && mid > value_[3][i] && mid > 0.95 * peak_[i]) refine(i);
+    }
+  }
+
+  const std::array<double, N>& peak() const { return peak_; }
+  void restore(const PeakTracker& other) { *this = other; }
+
+ private:
+  static constexpr int kWindow = 5;
+
+  void raise(const std::array<double, N>& value) {
+    for (int i = 0; i < N; ++i) {
+      if (value[i] > peak_[i]) peak_[i] = value[i];
+    }
+  }
+
+  void push(double t, const std::array<double, N>& value) {
+    if (count_ == kWindow) {
+      for (int j = 1; j < kWindow; ++j) {
+        time_[j - 1] = time_[j];
+        value_[j - 1] = value_[j];
+      }
+      --count_;
+    }
+    time_[count_] = t;
+    value_[count_] = value;
+    ++count_;
+  }
+
+  /// Polynomial through samples first..last at time t.
+  double interpolate(int i, int first, int last, double t) const {
+    double sum = 0.0;
+    for (int j = first; j <= last; ++j) {
+      double weight = value_[j][i];
+      for (int k = first; k <= last; ++k) {
+        if (k != j) weight *= (t - time_[k]) / (time_[j] - time_[k]);
+      }
+      sum += weight;
+    }
+    return sum;
+  }
+
+  double find_maximum(int i, int first, int last) const {
+    constexpr double kGolden = 0.6180339887498949;
+    double a = time_[1], b = time_[3];
+    double largest = value_[2][i];
+    for (int n = 0; n < 40; ++n) {
+      const double c = b - kGolden * (b - a), d = a + kGolden * (b - a);
+      const double fc = interpolate(i, first, last, c), fd = interpolate(i, first, last, d);
+      largest = largest > fc ? largest : fc;
+      largest = largest > fd ? largest : fd;
+      if (fc > fd) {
+        b = d;
+      } else {
+        a = c;
+      }
+    }
+    return largest;
+  }
+
+  void refine(int i) {
+    const double mid = value_[2][i];
+    const double parabola = find_maximum(i, 1, 3);
+    double best = find_maximum(i, 0, 4);
+    if (best > mid + 2.0 * (parabola - mid)) best = parabola;
+    if (best > peak_[i]) peak_[i] = best;
+  }
+
+  int count_ = 0;
+  std::array<double, kWindow> time_{};
+  std::array<std::array<double, N>, kWindow> value_{};
+  std::array<double, N> peak_{};
+};
+
+}  // namespace dockloop

@@ -1,0 +1,44 @@
+// Phase and outcome logic; see phases.hpp.
+#include "sim/phases.hpp"
+
+namespace dockloop {
+namespace {
+
+void update_after_capture(const PhaseInputs& now, DiscreteState& state) {
+  // Captured while still closing; attenuating from the first reversal; aligned once at rest.
+  if (state.phase < kCaptured || state.phase == kRebound) state.phase = kCaptured;
+  if (state.phase == kCaptured && now.axial_rate > 0.0) state.phase = kAttenuating;
+  if (state.phase == kAttenuating && now.speed < kAlignedSpeed && now.angular_speed < kAlignedRate) {
+    state.phase = kAligned;
+  }
+}
+
+}  // namespace
+
+void update_phase(const PhaseInputs& now, DiscreteState& state) {
+  if (state.captured) {
+    update_after_capture(now, state);
+    state.outcome = kOutcomeCaptured;
+    return;
+  }
+  if (!state.contacted) {
+    state.phase = kApproach;
+    const bool passed = now.axial < -kPassedDepth;
+    const bool leaving = now.gap > kReboundGap && now.axial_rate > 0.0;
+    state.outcome = passed || leaving ? kMiss : kUndecided;
+    return;
+  }
+  const bool away = now.gap > kReboundGap && now.axial_rate > 0.0;
+  if (now.latched > 0) {
+    state.phase = kContact;
+    state.outcome = kPartialCapture;
+  } else if (away || (state.phase == kRebound && now.gap > 0.0)) {
+    state.phase = kRebound;
+    state.outcome = kOutcomeRebound;
+  } else {
+    state.phase = kContact;
+    state.outcome = kUndecided;
+  }
+}
+
+}  // namespace dockloop

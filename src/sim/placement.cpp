@@ -1,0 +1,151 @@
+// Placing and back-dating; see placement.hpp.
+#include "sim/placement.hpp"
+
+#include <cmath>
+
+#include "dynamics/docking_model.hpp"
+
+namespace dockloop {
+namespace {
+
+/// Distance along x of A at which the surfaces just touch, coming from afar. The gap changes by at
+/// most the distance travelled, so going forward by the gap can never jump over a contact.
+double find_touching_distance(const Scene& scene, const Mat3<double>& R_AP,
+                              const Vec3<double>& lateral, const Pose<double>& G_in_A,
+                              bool& touches) {
+  constexpr double kTouching = 1e-10;  // [m]
+  ContactWorkspace<double> work(scene.contact);
+  double x = 2.0 * scene.contact.reach;
+  touches = true;
+  for (int i = 0; i < 100000 && x > -scene.contact.reach; ++i) {
+    RelativeMotion<double> relative;
+    relative.R = G_in_A.R.transpose() * R_AP;
+    relative.p = G_in_A.R.transpose() * (Vec3<double>(x, lateral.y(), lateral.z()) - G_in_A.p);
+    const double gap = find_gap(scene.contact, relative, work);
+    if (gap <= kTouching) return x;
+    x -= gap;
+  }
+  touches = false;
+  return 0.0;
+}
+
+/// Motion of a rigid body under no load.
+struct FreeBody {
+  double mass = 0.0;
+  Vec3<double> com = Vec3<double>::Zero();  ///< of what moves, from the vehicle's CoM, body axes
+  Mat3<double> inertia = Mat3<double>::Zero();
+
+  /// State a time `duration` earlier. Attitude by RK4 in small steps, translation exactly.
+  void take_back(double duration, VehicleParameters& p) const {
+    constexpr int kSteps = 2000;
+    const double h = -duration / kSteps;
+    Vec4<double> q = p.attitude;
+    Vec3<double> w = p.angular_velocity;
+    const Vec3<double> centre = p.position + quat_to_matrix<double>(q) * com;
+    const Vec3<double> velocity =
+        p.velocity + quat_to_matrix<double>(q) * Vec3<double>(w.cross(com));
+    const Eigen::LLT<Mat3<double>> solver(inertia);
+    const auto wdot = [&](const Vec3<double>& rate) {
+      return Vec3<double>(solver.solve(Vec3<double>((inertia * rate).cross(rate))));
+    };
+    for (int i = 0; i < kSteps; ++i) {
+      const Vec3<double> k1 = wdot(w), w2 = w + 0.5 * h * k1;
+      const Vec4<double> l1 = quat_rate<double>(q, w), q2 = q + 0.5 * h * l1;
+      const Vec3<double> k2 = wdot(w2), w3 = w + 0.5 * h * k2;
+      const Vec4<double> l2 = quat_rate<double>(q2, w2), q3 = q + 0.5 * h * l2;
+      const Vec3<double> k3 = wdot(w3), w4 = w + h * k3;
+      const Vec4<double> l3 = quat_rate<double>(q3, w3), q4 = q + h * l3;
+      const Vec3<double> k4 = wdot(w4);
+      const Vec4<double> l4 = quat_rate<double>(q4, w4);
+      w += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+      q = (q + h / 6.0 * (l1 + 2.0 * l2 + 2.0 * l3 + l4)).normalized();
+    }
+    p.attitude = q;
+    p.angular_velocity = w;
+    p.position = centre - duration * velocity - quat_to_matrix<double>(q) * com;
+    p.velocity = velocity - quat_to_matrix<double>(q) * Vec3<double>(w.cross(com));
+  }
+};
+
+/// Vehicle with the mechanism frozen at home, unless its stated mass includes it already.
+FreeBody make_free_body(const Scene& scene, int i) {
+  const VehicleParameters& p = scene.vehicle[i];
+  FreeBody body{p.mass, Vec3<double>::Zero(), make_symmetric(p.inertia)};
+  if (i == kTarget || p.mass_includes_mechanism == 2 || scene.mechanism.bodies.empty()) return body;
+  const VehicleBody frozen = find_frozen_body(Mechanism(scene.mechanism));
+  const Pose<double> B =
+      Pose<double>{quat_to_matrix<double>(p.interface_attitude), p.interface_position} *
+      scene.base_in_interface;
+  const Vec3<double> c = B.R * frozen.com + B.p;
+  body.mass = p.mass + frozen.mass;
+  body.com = frozen.mass / body.mass * c;
+  const auto about = [](const Vec3<double>& arm, double mass) {
+    return Mat3<double>(mass * (arm.squaredNorm() * Mat3<double>::Identity() -
+                                arm * arm.transpose()));
+  };
+  body.inertia += about(body.com, p.mass) + B.R * frozen.inertia * B.R.transpose() +
+                  about(c - body.com, frozen.mass);
+  return body;
+}
+
+}  // namespace
+
+Placement find_placement(const Scene& scene) {
+  const ContactConditions& at = scene.conditions;
+  if (!at.given || !scene.has_target) {
+    throw ModelError("scene '" + scene.name + "' states no conditions at first contact");
+  }
+  if (scene.motion[kChaser] == Motion::kFixed) {
+    throw ModelError("scene '" + scene.name +
+                     "': conditions at first contact need a chaser that moves; set chaser.motion");
+  }
+  Placement placement;
+  placement.vehicle = scene.vehicle;
+  VehicleParameters& chaser = placement.vehicle[kChaser];
+  VehicleParameters& target = placement.vehicle[kTarget];
+
+  // P relative to A, axes of A: swing by the tilt, twist by the roll.
+  const Vec4<double> q_AP = quat_multiply<double>(
+      quat_exp<double>(at.tilt), quat_exp<double>(Vec3<double>(at.roll, 0.0, 0.0)));
+  const Mat3<double> R_AP = quat_to_matrix<double>(q_AP);
+  Pose<double> G_in_A = scene.base_in_interface;
+  if (scene.mechanism.capture_body != kBase) {
+    Mechanism mechanism(scene.mechanism);
+    MechanismData<double> data(mechanism);
+    if (!calc_position(mechanism, data).ok()) throw ModelError("mechanism cannot be closed at home");
+    const int body = scene.mechanism.capture_body;
+    G_in_A = scene.base_in_interface * Pose<double>{data.tree.R[body], data.tree.p[body]};
+  }
+  Vec3<double> p_AP = at.lateral;
+  p_AP.x() = scene.contact.empty()
+                 ? 0.0
+                 : find_touching_distance(scene, R_AP, at.lateral, G_in_A, placement.touches);
+  const Vec3<double> v_AP(-at.closing_speed, at.lateral_velocity.y(), at.lateral_velocity.z());
+
+  // Chaser from target, through A and P.
+  const Mat3<double> R_ND = quat_to_matrix<double>(target.attitude);
+  const Vec3<double> w_D = R_ND * target.angular_velocity;
+  const Vec3<double> arm_P = R_ND * target.interface_position;
+  const Mat3<double> R_NA =
+      R_ND * quat_to_matrix<double>(target.interface_attitude) * R_AP.transpose();
+  const Vec3<double> p_A = arm_P - R_NA * p_AP;  // from the target's CoM
+  const Vec3<double> w_A = w_D - R_NA * at.angular_velocity;
+  const Vec3<double> v_A = w_D.cross(arm_P) - R_NA * v_AP - w_A.cross(Vec3<double>(R_NA * p_AP));
+  const Mat3<double> R_NC = R_NA * quat_to_matrix<double>(chaser.interface_attitude).transpose();
+  const Vec3<double> arm_A = R_NC * chaser.interface_position;
+  chaser.attitude = quat_from_matrix<double>(R_NC);
+  chaser.angular_velocity = R_NC.transpose() * w_A;
+  chaser.position = target.position + (p_A - arm_A);
+  chaser.velocity = target.velocity + (v_A - w_A.cross(arm_A));
+
+  placement.time_of_contact = at.approach_time;
+  if (at.approach_time > 0.0) {
+    make_free_body(scene, kChaser).take_back(at.approach_time, chaser);
+    if (scene.motion[kTarget] != Motion::kFixed) {
+      make_free_body(scene, kTarget).take_back(at.approach_time, target);
+    }
+  }
+  return placement;
+}
+
+}  // namespace dockloop

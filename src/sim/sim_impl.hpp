@@ -1,0 +1,106 @@
+// Private parts of DockingSim, shared by docking_sim.cpp (motion) and outputs.cpp (reading out).
+#pragma once
+
+#include <array>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "integrate/erk_stepper.hpp"
+#include "sim/docking_sim.hpp"
+#include "sim/mean_load.hpp"
+#include "sim/peaks.hpp"
+#include "sim/phases.hpp"
+
+namespace dockloop {
+
+constexpr int kFixedRoots = 2;  ///< event functions before those of the latches
+constexpr int kPeakCount = Outputs::kLoadCount + 1;  ///< loads and load ratio
+
+struct DockingSim::Impl {
+  explicit Impl(std::shared_ptr<const Scene> scene);
+  void clear();
+  void initialise(double t0, double tolerance);
+  void check_parameters() const;
+  ContactLaw make_contact_law() const;
+  void choose_frame_O();
+  void make_stepper(double tolerance);
+  void set_start_state();
+  void put_pose(int vehicle, const Vec3<double>& position, const Vec4<double>& attitude);
+  Status put_velocity(int vehicle, const Vec3<double>& velocity,
+                      const Vec3<double>& angular_velocity);
+  void warn_about_start();
+  void read_inputs();
+  Status receive_driven_vehicles();
+  Status integrate(double h);
+  double find_next_stop(double tau, double h) const;
+  Status find_trouble(double tau) const;
+  Status step_to_root(double tau);
+  Status accept(double tau, bool& changed);
+  void begin_contact(double now);
+  void update_capture(double now);
+  bool update_thrust(double now);
+  Status evaluate(double tau);
+  void calc_event_functions(const DockingData<double>& at, double* roots) const;
+  void finish_step(double t, double h);
+
+  double find_total_energy() const;
+  double find_potential_energy() const;
+  PhaseInputs find_phase_inputs() const;
+  VehicleState find_vehicle_state(int vehicle) const;
+  std::array<double, kPeakCount> find_peak_values() const;
+  bool has_surfaces() const { return model->present[kTarget] && !model->contact.empty(); }
+  double* bristles() {
+    return model->layout.bristle_count > 0 ? stepper->y() + model->layout.bristles : nullptr;
+  }
+
+  // outputs.cpp, one per group
+  void update_outputs();
+  void update_vehicle_outputs();
+  void update_load_outputs();
+  void update_relative_outputs();
+  void update_contact_outputs();
+  void update_mechanism_outputs();
+  void update_energy_outputs();
+
+  std::shared_ptr<const Scene> scene;
+  Parameters parameters;
+  Inputs inputs;
+  Outputs outputs;
+  bool outputs_valid = false;
+  std::string status_text;
+  std::vector<std::string> warnings;
+
+  // set by initialise()
+  std::unique_ptr<DockingModel> model;
+  std::unique_ptr<DockingData<double>> data;       ///< at the last accepted state
+  std::unique_ptr<DockingData<double>> rate_data;  ///< at trial states of the integrator
+  std::unique_ptr<ErkStepper> stepper;             ///< owns the state y
+  double t_start = 0.0;
+  double energy_start = 0.0;
+  std::array<Wrench<double>, 2> momentum_start;    ///< per vehicle, with what the host changed
+  Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
+
+  // state beside y
+  double elapsed = 0.0;  ///< [s] from start to the last communication point
+  double h_warm = 0.0;   ///< step size for the next communication step [s]
+  Vec3<double> frame_velocity = Vec3<double>::Zero();  ///< of O in N [m/s]
+  Vec3<double> frame_shift = Vec3<double>::Zero();     ///< of O in N since the start [m]
+  DiscreteState discrete;
+  ContactMemory memory;  ///< a function of the last accepted state
+  Loads loads;
+  PeakTracker<kPeakCount> peaks;
+  double host_work = 0.0;          ///< energy that imposed motion brought in [J]
+  double momentum_residual = 0.0;  ///< [-]
+  double last_step = 0.0;          ///< [s]
+  std::array<VehicleState, 2> vehicle_before;  ///< at the start of the last communication step
+
+  // scratch
+  std::vector<char> due = std::vector<char>(kFixedRoots + kMaxLatches, 0);
+  Status last_trouble;
+  std::vector<double> y_before, y_accepted;
+  DiscreteState discrete_before;
+  PeakTracker<kPeakCount> peaks_before;
+};
+
+}  // namespace dockloop

@@ -1,0 +1,109 @@
+// dockloop-core: the C++ side of the command line, called by scripts/dockloop. One sentence on
+// stderr and exit status 2 for a bad file; results go to stdout.
+#include <cstring>
+#include <fstream>
+#include <iostream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "model_description.hpp"
+#include "sim/docking_sim.hpp"
+#include "sim/placement.hpp"
+#include "tool/mechanism_check.hpp"
+
+namespace {
+
+using dockloop::ModelError;
+using nlohmann::json;
+
+constexpr const char* kUsage =
+    "usage: dockloop-core check MECHANISM.json [--states STATES.json] [--newton]\n"
+    "       dockloop-core place MODEL.json\n"
+    "       dockloop-core describe MODEL.json --date ISO8601\n"
+    "example: dockloop-core check modelDescription/mechanisms/idss_hexapod.json\n";
+
+std::string read_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) throw ModelError(path + ": cannot be read");
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+std::string find_option(const std::vector<std::string>& arguments, const std::string& name) {
+  for (size_t i = 0; i + 1 < arguments.size(); ++i) {
+    if (arguments[i] == name) return arguments[i + 1];
+  }
+  return "";
+}
+
+bool has_flag(const std::vector<std::string>& arguments, const std::string& name) {
+  for (const std::string& argument : arguments) {
+    if (argument == name) return true;
+  }
+  return false;
+}
+
+template <int N>
+std::vector<double> to_list(const Eigen::Matrix<double, N, 1>& v) {
+  return {v.data(), v.data() + N};
+}
+
+json start_state(const dockloop::VehicleParameters& p) {
+  return {{"position", to_list<3>(p.position)},
+          {"velocity", to_list<3>(p.velocity)},
+          {"attitude", to_list<4>(p.attitude)},
+          {"angular_velocity", to_list<3>(p.angular_velocity)}};
+}
+
+int run(const std::vector<std::string>& arguments) {
+  const std::string command = arguments.empty() ? "" : arguments[0];
+  if (command == "--help" || command == "-h") {
+    std::cout << kUsage;
+    return 0;
+  }
+  if (arguments.size() < 2) {
+    std::cerr << kUsage;
+    return 2;
+  }
+  const std::string path = arguments[1];
+  if (command == "check") {
+    const std::string states = find_option(arguments, "--states");
+    const bool newton = has_flag(arguments, "--newton");
+    const json result = states.empty()
+                            ? dockloop::check_mechanism_file(read_file(path), path)
+                            : dockloop::evaluate_states(read_file(path), path, read_file(states),
+                                                        states, newton);
+    std::cout << result.dump(1) << "\n";
+    return 0;
+  }
+  const dockloop::Scene scene = dockloop::read_scene(read_file(path), path);
+  if (command == "place") {
+    const dockloop::Placement placement = dockloop::find_placement(scene);
+    const json result = {{"chaser", start_state(placement.vehicle[dockloop::kChaser])},
+                         {"target", start_state(placement.vehicle[dockloop::kTarget])},
+                         {"time_of_contact", placement.time_of_contact},
+                         {"touches", placement.touches}};
+    std::cout << result.dump(1) << "\n";
+    return 0;
+  }
+  if (command == "describe") {
+    dockloop::DockingSim sim(std::make_shared<const dockloop::Scene>(scene));
+    std::cout << dockloop::make_model_description(sim, find_option(arguments, "--date"));
+    return 0;
+  }
+  std::cerr << kUsage;
+  return 2;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run({argv + 1, argv + argc});
+  } catch (const std::exception& error) {
+    std::cerr << error.what() << "\n";
+    return 2;
+  }
+}

@@ -1,0 +1,190 @@
+// Checks and evaluations of a mechanism on its own; see mechanism_check.hpp.
+#include "tool/mechanism_check.hpp"
+
+#include <Eigen/SVD>
+#include <algorithm>
+
+#include "dynamics/mechanism_dynamics.hpp"
+#include "math/status.hpp"
+#include "model/json_reader.hpp"
+
+namespace dockloop {
+namespace {
+
+using nlohmann::json;
+
+json to_json(const VecX<double>& v) { return std::vector<double>(v.data(), v.data() + v.size()); }
+
+std::string describe_cut(CutType cut) {
+  switch (cut) {
+    case CutType::kUniversal: return "R2";
+    case CutType::kPlanarRevolute: return "R1_planar";
+    default: return "R3";
+  }
+}
+
+/// Independent coordinates a fraction s of the way from home to q (quaternions by normalised
+/// linear interpolation).
+void set_independents(const Mechanism& mechanism, const std::vector<double>& q, double s,
+                      MechanismData<double>& data) {
+  for (int i : mechanism.plan.ind_bodies) {
+    const Body& body = mechanism.model.bodies[i];
+    for (int j = body.q_index; j < body.q_index + body.nq(); ++j) {
+      data.tree.q[j] = (1.0 - s) * mechanism.model.home_q[j] + s * q[j];
+    }
+    if (body.joint == JointType::kFree) data.tree.q.segment<4>(body.q_index + 3).normalize();
+  }
+}
+
+double find_max_condition(const Mechanism& mechanism, const MechanismData<double>& data) {
+  double largest = 1.0;
+  for (size_t b = 0; b < mechanism.plan.blocks.size(); ++b) {
+    const int m = mechanism.plan.blocks[b].size();
+    Eigen::JacobiSVD<MatX<double>> svd(data.loops.block[b].G.leftCols(m));
+    largest = std::max(largest, svd.singularValues()[0] / svd.singularValues()[m - 1]);
+  }
+  return largest;
+}
+
+[[noreturn]] void fail_state(const std::string& source, size_t index, const Mechanism& mechanism,
+                             const Status& status) {
+  std::string text = source + ": state " + std::to_string(index + 1);
+  if (status.index >= 0) text += ", loop '" + mechanism.model.loops[status.index].name + "'";
+  throw ModelError(text + " cannot be closed or is singular (margin " +
+                   std::to_string(status.margin) + ")");
+}
+
+std::vector<double> read_numbers(const JsonReader& state, const std::string& key, int count) {
+  std::vector<double> values;
+  for (const JsonReader& item : state.list(key)) values.push_back(item.number());
+  if (static_cast<int>(values.size()) != count) {
+    state.fail("." + key + " has " + std::to_string(values.size()) + " numbers, expected " +
+               std::to_string(count));
+  }
+  return values;
+}
+
+}  // namespace
+
+json check_mechanism_file(const std::string& text, const std::string& source_name) {
+  Mechanism mechanism(read_mechanism(text, source_name));
+  close_home(mechanism, source_name);
+  const MechanismModel& model = mechanism.model;
+  MechanismData<double> data(mechanism);
+  const Status status = calc_position(mechanism, data);
+  if (!status.ok()) fail_state(source_name, 0, mechanism, status);
+
+  json result;
+  result["name"] = model.name;
+  result["bodies"] = model.bodies.size();
+  result["tree_velocities"] = model.nv;
+  result["degrees_of_freedom"] = mechanism.plan.ind_v.size();
+  json independent = json::array();
+  for (int i : mechanism.plan.ind_bodies) independent.push_back(model.bodies[i].name);
+  result["independent"] = independent;
+  json loops = json::array(), order = json::array();
+  for (size_t b = 0; b < mechanism.plan.blocks.size(); ++b) {
+    const LoopBlock& block = mechanism.plan.blocks[b];
+    json names = json::array();
+    for (int k : block.loops) {
+      names.push_back(model.loops[k].name);
+      const int row = block.row[static_cast<size_t>(
+          std::find(block.loops.begin(), block.loops.end(), k) - block.loops.begin())];
+      loops.push_back({{"name", model.loops[k].name},
+                       {"cut", describe_cut(model.loops[k].cut)},
+                       {"closure", block.slide_leg ? "R2P1R3" : "newton"},
+                       {"block", b + 1},
+                       {"size", mechanism.plan.loop_size[k]},
+                       {"gap", data.loops.block[b]
+                                   .residual.segment(row, equation_count(model.loops[k].cut))
+                                   .lpNorm<Eigen::Infinity>()},
+                       {"margin", data.loops.block[b].margin}});
+    }
+    order.push_back(names);
+  }
+  result["loops"] = loops;
+  result["order"] = order;
+  result["closure_residual"] = find_closure_residual(mechanism, data);
+  result["singularity_margin"] = find_singularity_margin(data);
+  result["max_condition"] = find_max_condition(mechanism, data);
+  result["home_q"] = model.home_q;
+  json mass = 0.0;
+  double total = 0.0;
+  for (const Body& body : model.bodies) total += body.mass;
+  mass = total;
+  result["mass"] = mass;
+  return result;
+}
+
+json evaluate_states(const std::string& text, const std::string& source_name,
+                     const std::string& states_text, const std::string& states_name,
+                     bool newton_only) {
+  Mechanism mechanism(read_mechanism(text, source_name), newton_only);
+  close_home(mechanism, source_name);
+  const MechanismModel& model = mechanism.model;
+  const json document = parse_json(states_text, states_name);
+  const JsonReader file(document, states_name);
+  if (!file.has("states")) file.fail("lacks the member 'states'");
+  json results = json::array();
+  const std::vector<JsonReader> states = file.list("states");
+  for (size_t n = 0; n < states.size(); ++n) {
+    const JsonReader& state = states[n];
+    MechanismData<double> data(mechanism);
+    // Approach the state from home in sub-steps, so that Newton stays on the assembly branch.
+    const std::vector<double> q = read_numbers(state, "q", model.nq);
+    constexpr int kSubSteps = 5;
+    for (int step = 1; step <= kSubSteps; ++step) {
+      set_independents(mechanism, q, static_cast<double>(step) / kSubSteps, data);
+      const Status status = calc_position(mechanism, data);
+      if (!status.ok()) fail_state(states_name, n, mechanism, status);
+    }
+    const std::vector<double> v =
+        read_numbers(state, "v_independent", static_cast<int>(mechanism.plan.ind_v.size()));
+    for (size_t i = 0; i < v.size(); ++i) data.tree.v[mechanism.plan.ind_v[i]] = v[i];
+    BaseMotion<double> base;
+    base.gravity = model.gravity;
+    if (state.has("base_motion")) {
+      const JsonReader motion = state.at("base_motion");
+      base.w = motion.vector<3>("angular_velocity", base.w);
+      base.alpha = motion.vector<3>("angular_acceleration", base.alpha);
+      base.a = motion.vector<3>("linear_acceleration", base.a);
+    }
+    const std::vector<double> tau = read_numbers(state, "tau", model.nv);
+    data.tau = Eigen::Map<const VecX<double>>(tau.data(), model.nv);
+    for (const JsonReader& load : state.list("external")) {
+      const int body = find_body(model, load.at("body").text(), load.path());
+      if (body == kBase) load.fail("acts on the base, which does not move");
+      data.tree.external[body].f = load.at("force").vector<3>();
+      data.tree.external[body].t = load.vector<3>("moment", Vec3<double>::Zero());
+    }
+    calc_velocity(mechanism, base, data);
+    calc_acceleration(mechanism, base, data);
+    calc_reactions(mechanism, base, kBase, data);
+
+    json out;
+    out["q"] = to_json(data.tree.q);
+    out["v"] = to_json(data.tree.v);
+    out["a"] = to_json(data.vdot);
+    json forces = json::object();
+    for (size_t b = 0; b < mechanism.plan.blocks.size(); ++b) {
+      const LoopBlock& block = mechanism.plan.blocks[b];
+      for (size_t i = 0; i < block.loops.size(); ++i) {
+        const Loop& loop = model.loops[block.loops[i]];
+        forces[loop.name] =
+            to_json(data.loops.block[b].lambda.segment(block.row[i], equation_count(loop.cut)));
+      }
+    }
+    out["loop_force"] = forces;
+    out["base_force"] = to_json(data.on_base.f);
+    out["base_moment"] = to_json(data.on_base.t);
+    json inertia = json::array();
+    for (int i = 0; i < data.A_ind.rows(); ++i) inertia.push_back(to_json(data.A_ind.row(i)));
+    out["reduced_inertia"] = inertia;
+    out["reduced_rhs"] = to_json(data.b_ind);
+    out["max_condition"] = find_max_condition(mechanism, data);
+    results.push_back(out);
+  }
+  return results;
+}
+
+}  // namespace dockloop

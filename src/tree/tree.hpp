@@ -1,0 +1,115 @@
+// Recursions over the tree that remains when the loops are cut: poses, velocities, inertia, forces.
+//
+// Everything is expressed in base axes but taken about each body's own origin: `r` leads from the
+// parent's origin to the body's origin, so a mechanism far from the base origin loses no digits.
+// Order of a full evaluation:
+//   calc_joint_pose (each joint) -> calc_tree_position -> calc_tree_inertia
+//   calc_tree_velocity -> calc_tree_bias -> calc_tree_forces -> calc_tree_acceleration
+#pragma once
+
+#include <vector>
+
+#include "math/rotation.hpp"
+#include "model/mechanism_model.hpp"
+
+namespace dockloop {
+
+/// All that the recursions compute. Sized once by the constructor; no function below allocates.
+template <class S>
+struct TreeData {
+  explicit TreeData(const MechanismModel& model);
+
+  VecX<S> q;  ///< coordinates, nq; independents set by the caller, dependents by the loops
+  VecX<S> v;  ///< velocities, nv
+
+  // written by calc_joint_pose
+  std::vector<Pose<S>> joint;  ///< pose of body i in its parent
+
+  // written by calc_tree_position
+  std::vector<Mat3<S>> R;  ///< body axes to base axes
+  std::vector<Vec3<S>> r;  ///< parent's origin to own origin, base axes [m]
+  std::vector<Vec3<S>> p;  ///< base origin to own origin, base axes [m]
+  std::vector<Vec3<S>> e;  ///< joint axis, base axes (not for free joints)
+
+  // written by calc_tree_inertia
+  std::vector<Vec3<S>> h_body;  ///< mass x com of the body alone, base axes [kg m]
+  std::vector<Mat3<S>> I_body;  ///< inertia of the body alone about its origin, base axes
+  std::vector<S> m_sum;         ///< mass of the subtree [kg]
+  std::vector<Vec3<S>> h_sum;   ///< first moment of the subtree about the origin of the body
+  std::vector<Mat3<S>> I_sum;   ///< inertia of the subtree about the origin of the body
+  MatX<S> A;                    ///< joint-space inertia, nv x nv
+
+  // written by calc_tree_velocity
+  std::vector<Vec3<S>> w, u;  ///< angular velocity; velocity of the origin, base axes
+
+  // written by calc_tree_bias (zero joint accelerations) and calc_tree_acceleration (true ones)
+  std::vector<Vec3<S>> alpha, a;  ///< angular acceleration; acceleration of the origin less gravity
+
+  // input of calc_tree_forces, written by the caller
+  std::vector<Wrench<S>> external;  ///< on each body about its origin, base axes
+
+  // written by calc_tree_forces
+  std::vector<Wrench<S>> transmitted;  ///< load that joint i must pass to body i, about its origin
+  VecX<S> tau_required;                ///< joint forces that these accelerations require, nv
+};
+
+/// Prescribed motion of the base, in base axes; gravity is told as part of it.
+template <class S>
+struct BaseMotion {
+  Vec3<S> w = Vec3<S>::Zero();        ///< angular velocity [rad/s]
+  Vec3<S> alpha = Vec3<S>::Zero();    ///< angular acceleration [rad/s2]
+  Vec3<S> a = Vec3<S>::Zero();        ///< acceleration of the base origin [m/s2]
+  Vec3<S> gravity = Vec3<S>::Zero();  ///< [m/s2]
+};
+
+/// Pose of body i in its parent from its coordinates; c, s = cos, sin of a revolute coordinate.
+template <class S>
+void calc_joint_pose(const MechanismModel& model, int i, const S& c, const S& s, TreeData<S>& data);
+/// The same with cos and sin taken from q.
+template <class S>
+void calc_joint_pose(const MechanismModel& model, int i, TreeData<S>& data);
+
+/// R, r, p, e of every body from the joint poses.
+template <class S>
+void calc_tree_position(const MechanismModel& model, TreeData<S>& data);
+
+/// Joint-space inertia A by composite bodies.      Featherstone, Rigid Body Dynamics Algorithms, 6.2
+template <class S>
+void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data);
+
+/// w, u of every body from v. The base turns with base_w and its origin is taken at rest.
+template <class S>
+void calc_tree_velocity(const MechanismModel& model, const Vec3<S>& base_w, TreeData<S>& data);
+
+/// alpha, a of every body for given joint accelerations (null = zero: the bias).
+/// Gravity enters as an acceleration of the base, so `a` is the true acceleration less gravity.
+template <class S>
+void calc_tree_acceleration(const MechanismModel& model, const BaseMotion<S>& base,
+                            const VecX<S>* vdot, TreeData<S>& data);
+
+/// Inverse dynamics: tau_required and transmitted loads for the alpha, a present.
+///                                          Featherstone, Rigid Body Dynamics Algorithms, 5.3
+template <class S>
+void calc_tree_forces(const MechanismModel& model, TreeData<S>& data);
+
+/// Column k of joint i at a point `r` from the body's origin: velocity of that point and angular
+/// velocity per unit joint velocity, base axes.
+template <class S>
+inline void get_joint_column(const Body& body, const Mat3<S>& R, const Vec3<S>& e, int k,
+                             Vec3<S>& angular, Vec3<S>& linear) {
+  angular.setZero();
+  linear.setZero();
+  switch (body.joint) {
+    case JointType::kRevolute: angular = e; break;
+    case JointType::kPrismatic: linear = e; break;
+    case JointType::kFree:
+      if (k < 3) {
+        linear = R.col(k);
+      } else {
+        angular = R.col(k - 3);
+      }
+      break;
+  }
+}
+
+}  // namespace dockloop

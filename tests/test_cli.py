@@ -1,0 +1,207 @@
+"""The command line from outside: help, examples, exit status, one-sentence errors."""
+
+import json
+import shlex
+import subprocess
+import sys
+import time
+
+import pytest
+
+from conftest import SCENES
+from dockloop import paths
+
+COMMANDS = ("build", "run", "check")
+
+
+def assert_refused(outcome, *words):
+    """One sentence on standard error that holds `words`, exit status 2, no traceback."""
+    assert outcome.status == 2, outcome
+    assert outcome.err.count("\n") == 1, outcome.err
+    assert "Traceback" not in outcome.err
+    for word in words:
+        assert word in outcome.err
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_example_of_every_help_text_runs(dockloop, command):
+    text = dockloop(command, "--help")
+    assert text.status == 0
+    example = text.out.partition("example: dockloop ")[2]
+    outcome = dockloop(*shlex.split(example))
+    assert outcome.status == 0, outcome.err
+    assert outcome.out
+
+
+def test_help_is_quick_and_needs_no_heavy_package():
+    began = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "dockloop", "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert time.perf_counter() - began < 5.0
+    for package in ("fmpy", "matplotlib", "numpy", "jsonschema"):
+        assert f" {package}\n" not in done.stderr
+
+
+def test_bad_usage_is_refused(dockloop):
+    assert_refused(dockloop(), "COMMAND")
+    assert_refused(dockloop("sail"), "sail")
+    assert_refused(dockloop("run", "idss_25t_350t", "--stop", "soon"), "--stop")
+    assert_refused(dockloop("run", "idss_25t_350t", "-o", "result.txt"), "result.txt", ".csv")
+    assert_refused(dockloop("run", "no.fmu"), "no.fmu")
+    assert_refused(dockloop("run", "no.fmu", "--scene", "chaser.mass=1"), "--set")
+
+
+def test_unknown_names_are_refused_with_near_matches(dockloop):
+    assert_refused(dockloop("build", "idss_25t"), "'idss_25t_350t'")
+    assert_refused(dockloop("check", "idss_hexpod"), "'idss_hexapod'")
+    assert_refused(dockloop("build", SCENES[0], "--scene", "mechanism.name=nope"), "nope.json")
+    assert_refused(dockloop("build", SCENES[0], "--scene", "chaser.mas=1"), "'chaser.mass'")
+
+
+def test_a_file_that_is_no_fmu_is_refused(dockloop, tmp_path):
+    (tmp_path / "text.fmu").write_text("not a zip file")
+    assert_refused(dockloop("run", "text.fmu"), "text.fmu", "not a zip file")
+
+
+@pytest.mark.parametrize(
+    ("setting", "word"),
+    [
+        ("friction.coeficient=0.2", "'friction.coefficient'"),
+        ("friction.coefficient=a", "finite number"),
+        ("friction.coefficient=nan", "finite number"),
+        ("friction.model=1.5", "whole number"),
+        ("friction.model", "NAME=VALUE"),
+        ("relative.axial=1", "computed"),
+        ("chaser.mass=-1", "mass"),
+        ("friction.model=7", "friction"),
+    ],
+)
+def test_a_bad_start_value_is_refused(dockloop, runs, setting, word):
+    fmu = runs.fmu("idss_25t_350t")
+    assert_refused(dockloop("run", fmu, "--set", setting), word)
+
+
+def spoil(change):
+    """Return the default mechanism with one change."""
+    mechanism = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text())
+    change(mechanism)
+    return mechanism
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda m: m["bodies"].clear(), ["ring"]),
+        (lambda m: m["bodies"][0].update(mass=-40.0), ["bodies[1].mass", "-40"]),
+        (lambda m: m["bodies"][0].update(parent="hull"), ["hull"]),
+        (lambda m: m["legs"][2].update(closing="rng"), ["rng"]),
+        (lambda m: m["legs"][2].update(root_point=[0, 0]), ["legs[3].root_point"]),
+        (
+            lambda m: m["legs"][2].update(closing_point=m["legs"][2]["root_point"]),
+            ["leg3", "length"],
+        ),
+        (lambda m: m["capture"].update(body="rign"), ["rign"]),
+        (lambda m: m.update(lags=[]), ["lags", "'legs'"]),
+    ],
+)
+def test_a_bad_mechanism_is_refused_by_check_and_by_build(dockloop, tmp_path, change, words):
+    mechanism = spoil(change)
+    (tmp_path / "bad.json").write_text(json.dumps(mechanism))
+    scene = (paths.SCENES / "idss_25t_350t.toml").read_text().replace('"idss_hexapod"', '"bad"')
+    (tmp_path / "own.toml").write_text(scene)
+    assert_refused(dockloop("check", "bad.json"), *words)
+    assert_refused(dockloop("build", "own.toml"), *words)
+
+
+def test_a_loop_that_cannot_close_is_refused(dockloop, tmp_path):
+    mechanism = {
+        "name": "open",
+        "bodies": [
+            {
+                "name": name,
+                "parent": parent,
+                "joint": {"type": "revolute", "axis": [0, 0, 1], "position": [x, 0, 0]},
+                "mass": 1.0,
+                "com": [0, 0, 0],
+                "inertia": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+            }
+            for name, parent, x in (
+                ("crank", "base", 0),
+                ("rocker", "base", 9),  # too far away for links of 1 m
+                ("rod", "rocker", 1),
+            )
+        ],
+        "loops": [
+            {
+                "name": "fourbar",
+                "root": "base",
+                "first": "rocker",
+                "terminal": "rod",
+                "closing": "crank",
+                "cut": {
+                    "type": "R1_planar",
+                    "point_on_terminal": [1, 0, 0],
+                    "point_on_closing": [1, 0, 0],
+                    "plane_axes_in_root": [[1, 0, 0], [0, 1, 0]],
+                },
+                "dependent": ["rocker", "rod"],
+            }
+        ],
+    }
+    (tmp_path / "open.json").write_text(json.dumps(mechanism))
+    assert_refused(dockloop("check", "open.json"), "open.json", "fourbar")
+
+
+@pytest.mark.parametrize("mechanism", ["idss_hexapod", "hexapod_bench"])
+def test_check_reports_a_sound_mechanism_in_words_and_as_json(dockloop, mechanism):
+    text = dockloop("check", mechanism)
+    assert text.status == 0, text.err
+    assert "leg6" in text.out
+    report = json.loads(dockloop("check", mechanism, "--json").out)
+    assert report["name"] == mechanism
+    assert len(report["loops"]) == 6
+    assert all(abs(loop["gap"]) < 1e-12 for loop in report["loops"])
+
+
+def test_check_evaluates_given_states(dockloop, tmp_path):
+    report = json.loads(dockloop("check", "hexapod_bench", "--json").out)
+    state = {"q": report["home_q"], "v_independent": [0.0] * 6, "tau": [0.0] * 24}
+    (tmp_path / "states.json").write_text(json.dumps({"states": [state]}))
+    outcome = dockloop("check", "hexapod_bench", "--states", "states.json")
+    assert outcome.status == 0, outcome.err
+    (result,) = json.loads(outcome.out)
+    for name in ("v", "a", "loop_force", "base_force", "base_moment", "reduced_inertia"):
+        assert name in result
+
+
+def test_run_writes_summary_result_and_plots_beside_the_result(dockloop, runs, tmp_path):
+    fmu = runs.fmu("idss_25t_350t")
+    result = tmp_path / "out" / "first.csv"
+    outcome = dockloop("run", fmu, "--stop", "3", "--step", "0.1", "-o", result, "--json")
+    assert outcome.status == 0, outcome.err
+    summary = json.loads(outcome.out)
+    assert summary["communication_steps"] == 30
+    assert summary == json.loads(result.with_suffix(".json").read_text())
+    for name in summary["files"]:
+        assert (tmp_path / name).stat().st_size > 100
+    assert {f"out/first_{n}.png" for n in ("motion", "ring", "loads", "legs", "energy")} <= set(
+        summary["files"]
+    )
+    header, *rows = result.read_text().splitlines()
+    assert header.startswith("time,chaser.position[1],")
+    assert len(rows) == 31
+
+
+def test_run_writes_full_precision_to_npz(dockloop, runs, tmp_path):
+    import numpy as np
+
+    fmu = runs.fmu("idss_25t_350t")
+    outcome = dockloop("run", fmu, "--stop", "0.1", "-o", "a.npz", "--no-plots")
+    assert outcome.status == 0, outcome.err
+    assert "not captured" in outcome.out or "no contact" in outcome.out
+    with np.load(tmp_path / "a.npz") as data:
+        assert data["values"].shape == (11, len(data["names"]))

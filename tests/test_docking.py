@@ -1,0 +1,136 @@
+"""Whole dockings through the FMU: captured or not, and do energy and momentum add up.
+
+Outcomes near the boundary of the capture envelope are sensitive to everything; the cases here lie
+well inside or well outside.
+"""
+
+import numpy as np
+import pytest
+
+from conftest import SCENES
+from dockloop.summary import describe, relative_energy, summarise
+
+DEFAULT = "idss_25t_350t"
+MOMENTUM_LIMIT = 1e-10  # relative
+ENERGY_LIMIT = 1e-6  # of the initial relative energy
+
+# No misalignment at all: what a test then adds is the only one.
+ALIGNED = (
+    "initial.lateral_offset=0",
+    "initial.pitch_yaw_deg=0",
+    "initial.roll_deg=0",
+    "initial.lateral_speed=0",
+    "initial.pitch_yaw_rate_deg_s=0",
+    "initial.roll_rate_deg_s=0",
+    "initial.approach_time=0.5",
+)
+
+
+def assert_audited(run):
+    assert np.max(run["momentum.residual"]) < MOMENTUM_LIMIT
+    assert np.max(np.abs(run["energy.residual"])) < ENERGY_LIMIT * relative_energy(run)
+    assert np.max(run["solver.closure_residual"]) < 1e-12
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_energy_and_momentum_add_up_in_every_shipped_scene(runs, scene):
+    run = runs.run(scene)
+    assert np.all(np.isfinite(run.values))
+    energy = relative_energy(run)
+    assert np.max(np.abs(run["energy.residual"])) < ENERGY_LIMIT * energy
+    if scene != "hexapod_bench":  # its base is held: momentum is not kept
+        assert np.max(run["momentum.residual"]) < MOMENTUM_LIMIT
+
+
+@pytest.mark.parametrize("speed", ["0.05", "0.10"])
+def test_the_default_docking_captures_at_both_ends_of_the_speed_band(runs, speed):
+    run = runs.run(DEFAULT, f"initial.closing_speed={speed}")
+    summary = summarise(run)
+    assert summary["outcome"] == "captured", describe(summary)
+    assert summary["time_of_contact"] == pytest.approx(2.0, abs=2e-3)
+    assert summary["time_of_capture"] > summary["time_of_contact"]
+    assert_audited(run)
+
+
+def test_the_start_is_placed_so_that_the_conditions_hold_at_first_contact(runs):
+    run = runs.run(DEFAULT)
+    before = np.flatnonzero(run["time"] < run["time_of_contact"][-1])[-1]
+    assert run["relative.lateral"][before] == pytest.approx(0.05, abs=2e-3)
+    assert np.degrees(run["relative.pitch_yaw"][before]) == pytest.approx(1.5, abs=0.02)
+    assert np.degrees(abs(run["relative.roll"][before])) == pytest.approx(1.5, abs=0.02)
+    assert run["relative.velocity[1]"][before] == pytest.approx(-0.10, abs=1e-6)
+    assert run["gap"][before] == pytest.approx(0.0, abs=2e-3)
+    assert np.hypot(*run.vector("relative.velocity")[before, 1:]) == pytest.approx(0.01, abs=1e-6)
+
+
+def test_peaks_are_no_smaller_than_samples_and_within_the_ratings(runs):
+    run = runs.run(DEFAULT)
+    for load in ("tension", "compression", "shear", "bending", "torsion"):
+        assert run[f"capture.peak.{load}"][-1] >= np.max(np.abs(run[f"capture.{load}"])) - 1e-9
+    assert run["capture.peak.load_ratio"][-1] < 1.0
+
+
+def test_a_lateral_offset_of_0_45_m_does_not_capture(runs):
+    run = runs.run(DEFAULT, *ALIGNED, "initial.lateral_offset=0.45")
+    assert not run["captured"][-1]
+    assert summarise(run)["outcome"] != "captured"
+    assert_audited(run)
+
+
+def test_the_peak_load_grows_with_the_closing_speed(runs):
+    peaks = []
+    for speed in ("0.05", "0.07", "0.10"):
+        run = runs.run(DEFAULT, *ALIGNED, f"initial.closing_speed={speed}", stop=5.0)
+        assert run["captured"][-1]
+        assert_audited(run)
+        peaks.append(run["capture.peak.compression"][-1])
+    assert peaks == sorted(peaks)
+    assert peaks[2] == pytest.approx(2.0 * peaks[0], rel=0.1)
+
+
+@pytest.mark.parametrize("offset", ["0", "0.1", "0.2"])
+def test_nothing_slips_through_at_1_m_per_s(runs, offset):
+    overrides = ("initial.closing_speed=1.0", f"initial.lateral_offset={offset}")
+    run = runs.run(DEFAULT, *ALIGNED, *overrides, stop=5.0)
+    assert np.max(run["contact.depth_ratio"]) < 1.0
+    assert np.min(run["relative.axial"]) > -0.6  # the ring stays in front of its base
+    assert_audited(run)
+
+
+def test_post_contact_thrust_presses_the_vehicles_together(runs):
+    plain = runs.run(DEFAULT, "initial.closing_speed=0.05")
+    overrides = ("initial.closing_speed=0.05", "chaser.contact_thrust=1500")
+    pushed = runs.run(DEFAULT, *overrides, "chaser.contact_thrust_delay=0.3")
+    assert pushed["captured"][-1]
+    assert pushed["time_of_capture"][-1] < plain["time_of_capture"][-1]
+    assert pushed["energy.external"][-1] > 1.0
+    assert_audited(pushed)
+
+
+def test_orbital_positions_and_speeds_change_nothing_that_matters(runs):
+    here = runs.run(DEFAULT, stop=4.0)
+    shifts = {"position": 7.0e6, "velocity": 7.5e3}
+    start = {
+        f"{vehicle}.{name}[2]": here[f"{vehicle}.{name}[2]"][0] + shift
+        for vehicle in ("chaser", "target")
+        for name, shift in shifts.items()
+    }
+    settings = tuple(f"{name}={value!r}" for name, value in start.items())
+    there = runs.run(DEFAULT, settings=settings, stop=4.0)
+    difference = there.vector("relative.position") - here.vector("relative.position")
+    # 7e6 m + 7.5e3 m/s t resolves 1e-9 m; contacts multiply that.
+    assert np.max(np.abs(difference)) < 1e-6
+
+
+def test_the_summary_says_in_words_what_happened(runs):
+    run = runs.run(DEFAULT)
+    text = describe(summarise(run))
+    for word in (
+        "captured at",
+        "first contact at",
+        "compression",
+        "of the rated",
+        "audit",
+        "times",
+    ):
+        assert word in text

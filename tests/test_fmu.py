@@ -1,0 +1,200 @@
+"""The packaged FMU as an outsider sees it: valid, deterministic, complete, strict about input."""
+
+import re
+import shutil
+import zipfile
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from fmpy import extract, read_model_description
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
+from fmpy.validation import validate_fmu
+
+from conftest import SCENES
+from dockloop.fmu import build_fmu
+
+DEFAULT = "idss_25t_350t"
+VARIANTS = [
+    *((scene,) for scene in SCENES),
+    (DEFAULT, "chaser.motion=driven"),
+    (DEFAULT, "target.motion=driven"),
+    (DEFAULT, "target.motion=fixed"),
+]
+
+# What the default scene must export: names are an interface and do not change.
+# V is chaser and target; [1..3] is three names; {a,b} is two.
+EXPECTED = """
+V.position[1..3] V.velocity[1..3] V.attitude[1..4] V.angular_velocity[1..3]
+V.force_ext[1..3] V.torque_ext[1..3] V.{force,torque,force_mean,torque_mean}[1..3]
+V.mass V.inertia[1..6] V.interface_position[1..3] V.interface_attitude[1..4]
+V.mass_includes_mechanism gravity[1..3]
+relative.{position,velocity,angular_velocity}[1..3] relative.attitude[1..4]
+relative.{axial,lateral,pitch_yaw,roll} gap
+capture.{force,torque}[1..3] capture.{tension,compression,shear,bending,torsion,load_ratio}
+capture.peak.{tension,compression,shear,bending,torsion,load_ratio}
+contact.petal[1..3].force contact.depth_ratio latch[1..3].{opening,force}
+friction.{coefficient,model} restitution restitution_speed
+phase captured latched[1..3] outcome time_to_contact time_of_contact time_of_capture
+chaser.{contact_thrust,contact_thrust_delay}
+ring.{position,velocity,angular_velocity}[1..3] ring.attitude[1..4]
+leg[1..6].{length,rate,force,force_command}
+energy.{kinetic,potential,dissipated,external,residual}
+energy.{dissipated_contact,dissipated_friction,dissipated_legs,dissipated_latches}
+momentum.residual momentum.{linear,angular,reference}[1..3]
+solver.{steps,rhs_evaluations,rejected_steps,closure_residual,singularity_margin}
+solver.{method,rtol,atol_position,atol_velocity}
+"""
+
+
+def expand(pattern):
+    """Expand the shorthand of EXPECTED into names."""
+    if pattern.startswith("V."):
+        return [n for v in ("chaser", "target") for n in expand(pattern.replace("V", v, 1))]
+    if match := re.search(r"\{(.*?)\}", pattern):
+        choices = match[1].split(",")
+    elif match := re.search(r"(?<=\[)1\.\.(\d)", pattern):
+        choices = [str(i + 1) for i in range(int(match[1]))]
+    else:
+        return [pattern]
+    head, tail = pattern[: match.start()], pattern[match.end() :]
+    return [name for choice in choices for name in expand(head + choice + tail)]
+
+
+@contextmanager
+def instance(fmu, initialised=True, **start_values):
+    """An instance of an FMU and a function from names to value references."""
+    description = read_model_description(fmu)
+    references = {v.name: v.valueReference for v in description.modelVariables}
+    folder = extract(fmu)
+    slave = FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=folder,
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName="test",
+    )
+    slave.instantiate()
+    try:
+        slave.setupExperiment(startTime=0.0)
+        for name, value in start_values.items():
+            slave.setReal([references[name]], [value])
+        if initialised:
+            slave.enterInitializationMode()
+            slave.exitInitializationMode()
+        yield slave, references
+    finally:
+        slave.freeInstance()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def set_and_step(slave, reference, value):
+    """Set one Real and make a step: one of the two must refuse a bad value."""
+    slave.setReal([reference], [value])
+    slave.doStep(0.0, 0.01)
+
+
+@pytest.mark.parametrize("variant", VARIANTS, ids=" ".join)
+def test_every_scene_gives_a_valid_fmu(runs, variant):
+    assert validate_fmu(str(runs.fmu(*variant))) == []
+
+
+def test_the_same_scene_gives_the_same_bytes(tmp_path):
+    first = build_fmu(DEFAULT, (), tmp_path / "a.fmu")
+    second = build_fmu(DEFAULT, (), tmp_path / "b" / "c.fmu")
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_the_archive_holds_what_fmi_asks_for(runs):
+    with zipfile.ZipFile(runs.fmu(DEFAULT)) as archive:
+        assert sorted(archive.namelist()) == [
+            f"binaries/linux64/{DEFAULT}.so",
+            "documentation/index.html",
+            "documentation/licenses/license.txt",
+            "modelDescription.xml",
+            "resources/model.json",
+        ]
+        page = archive.read("documentation/index.html").decode()
+    assert "capture.peak.compression" in page
+
+
+def test_the_default_scene_exports_every_variable_of_its_groups(runs):
+    names = {v.name for v in read_model_description(runs.fmu(DEFAULT)).modelVariables}
+    expected = [name for pattern in EXPECTED.split() for name in expand(pattern)]
+    assert [name for name in expected if name not in names] == []
+
+
+@pytest.mark.parametrize("variant", VARIANTS, ids=" ".join)
+def test_every_real_has_a_unit_and_every_variable_a_description(runs, variant):
+    for variable in read_model_description(runs.fmu(*variant)).modelVariables:
+        assert variable.description or variable.causality == "independent", variable.name
+        assert variable.type != "Real" or variable.unit, variable.name
+
+
+def test_groups_that_a_scene_leaves_out_are_not_exported(runs):
+    fmu = runs.fmu(DEFAULT, "outputs.groups=['relative']")
+    names = {v.name for v in read_model_description(fmu).modelVariables}
+    assert "relative.axial" in names
+    assert not any(name.startswith(("capture", "ring", "leg[", "energy")) for name in names)
+
+
+def test_a_driven_vehicle_has_its_motion_as_inputs(runs):
+    variables = {
+        v.name: v
+        for v in read_model_description(runs.fmu(DEFAULT, "chaser.motion=driven")).modelVariables
+    }
+    assert variables["chaser.position[1]"].causality == "input"
+    assert variables["target.position[1]"].causality == "output"
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf")])
+@pytest.mark.parametrize("name", ["chaser.force_ext[1]", "gravity[2]", "leg[1].force_command"])
+def test_an_input_that_is_not_finite_is_an_fmi_error(runs, name, bad):
+    with instance(runs.fmu(DEFAULT)) as (slave, references):
+        with pytest.raises(FMICallException):
+            set_and_step(slave, references[name], bad)
+        slave.reset()
+
+
+def test_a_pose_that_is_not_finite_is_an_fmi_error(runs):
+    fmu = runs.fmu(DEFAULT, "chaser.motion=driven")
+    for name in ("chaser.position[2]", "chaser.attitude[1]", "chaser.velocity[3]"):
+        with instance(fmu) as (slave, references), pytest.raises(FMICallException):
+            set_and_step(slave, references[name], float("nan"))
+
+
+def test_the_same_run_gives_the_same_bits_and_so_does_a_run_after_reset(runs):
+    with instance(runs.fmu(DEFAULT)) as (slave, references):
+        names = ("relative.axial", "ring.position[2]", "capture.peak.shear", "energy.kinetic")
+        chosen = [references[name] for name in names]
+
+        def run():
+            for i in range(30):
+                slave.doStep(0.1 * i, 0.1)
+            return slave.getReal(chosen)
+
+        first = run()
+        slave.reset()
+        slave.setupExperiment(startTime=0.0)
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        assert run() == first
+    with instance(runs.fmu(DEFAULT)) as (slave, _):
+        assert run() == first
+
+
+def test_two_instances_do_not_disturb_each_other(runs):
+    fmu = runs.fmu(DEFAULT)
+    alone = runs.run(DEFAULT, stop=3.0, step=0.1)
+    with instance(fmu) as (a, references), instance(fmu) as (b, _):
+        for i in range(30):
+            a.doStep(alone["time"][i], alone["time"][i + 1] - alone["time"][i])
+            b.doStep(0.05 * i, 0.05)
+        assert a.getReal([references["ring.position[1]"]]) == [alone["ring.position[1]"][-1]]
+
+
+def test_the_communication_step_does_not_matter_beyond_the_tolerance(runs):
+    coarse = runs.run(DEFAULT, stop=3.0, step=0.1)
+    fine = runs.run(DEFAULT, stop=3.0, step=0.01)
+    difference = coarse.vector("relative.position")[-1] - fine.vector("relative.position")[-1]
+    assert np.max(np.abs(difference)) < 1e-5

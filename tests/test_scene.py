@@ -1,0 +1,201 @@
+"""Scene and mechanism files: what is accepted, how it is converted, what an error says.
+
+These tests need no compiled part.
+"""
+
+import json
+import math
+
+import pytest
+
+from conftest import SCENES
+from dockloop import paths, schema
+from dockloop.errors import UsageError
+from dockloop.scene import (
+    apply_override,
+    find_scene,
+    load_mechanism,
+    read_mechanism,
+    resolve_scene,
+)
+
+DEFAULT = "idss_25t_350t"
+
+MINIMAL = """
+[chaser]
+mass = 1000
+inertia = [1000, 1000, 1000, 0, 0, 0]
+[mechanism]
+name = "own"
+"""
+
+# A low-level mechanism as other programs write it: under a key, with siblings of their own.
+LOW_LEVEL = {
+    "format": "whatever",
+    "states": [],
+    "mechanism": {
+        "name": "slider",
+        "gravity": [0, 0, -9.81],
+        "bodies": [
+            {
+                "name": "sled",
+                "parent": "base",
+                "joint": {"type": "prismatic", "axis": [1, 0, 0], "position": [0, 0, 0]},
+                "mass": 1.0,
+                "com": [0, 0, 0],
+                "inertia": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+            }
+        ],
+        "loops": [],
+    },
+}
+
+
+def resolve(*overrides, scene=DEFAULT):
+    return resolve_scene(find_scene(scene), overrides)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_shipped_scene_resolves_to_plain_si_json(scene):
+    document = resolve(scene=scene)
+    text = json.dumps(document, allow_nan=False)
+    assert document["name"] == scene
+    assert "_deg" not in text
+    assert "comment" not in text
+
+
+@pytest.mark.parametrize("path", sorted(paths.MECHANISMS.glob("*.json")), ids=lambda p: p.stem)
+def test_every_shipped_mechanism_satisfies_its_schema_and_is_named_like_its_file(path):
+    mechanism = read_mechanism(path)
+    schema.check(mechanism, "mechanism", path)
+    assert mechanism["name"] == path.stem
+
+
+def test_magnitudes_and_directions_become_vectors_of_a():
+    initial = resolve(
+        "initial.lateral_offset=0.2",
+        "initial.lateral_direction_deg=90",
+        "initial.pitch_yaw_deg=2",
+        "initial.pitch_yaw_direction_deg=180",
+        "initial.roll_deg=-3",
+        "initial.roll_rate_deg_s=0.1",
+        "initial.pitch_yaw_rate_deg_s=0.2",
+        "initial.pitch_yaw_rate_direction_deg=0",
+    )["initial"]
+    assert initial["lateral"] == pytest.approx([0.0, 0.2], abs=1e-15)
+    assert initial["tilt"] == pytest.approx([-math.radians(2), 0.0], abs=1e-15)
+    assert initial["roll"] == pytest.approx(-math.radians(3))
+    assert initial["angular_velocity"] == pytest.approx([math.radians(0.1), math.radians(0.2), 0.0])
+
+
+def test_degrees_of_the_mechanism_become_radians():
+    mechanism = resolve()["mechanism"]
+    assert mechanism["contact"]["petal_base_half_angle"] == pytest.approx(math.radians(28))
+    assert mechanism["latches"]["azimuth"] == pytest.approx([0, math.tau / 3, 2 * math.tau / 3])
+
+
+def test_overrides_reach_scene_mechanism_and_entries_of_lists_by_name():
+    document = resolve(
+        "chaser.motion=driven",
+        "outputs.groups=['ring', 'legs']",
+        "mechanism.set.leg_defaults.stiffness=7100.0",
+        "mechanism.set.bodies.ring.mass=41",
+        "mechanism.set.legs.4.preload=5",
+    )
+    assert document["chaser"]["motion"] == "driven"
+    assert document["outputs"]["groups"] == ["ring", "legs"]
+    assert document["mechanism"]["leg_defaults"]["stiffness"] == 7100.0
+    assert document["mechanism"]["bodies"][0]["mass"] == 41
+    assert document["mechanism"]["legs"][3]["preload"] == 5
+
+
+def test_a_mechanism_beside_the_scene_wins_and_may_stand_under_a_key(tmp_path):
+    (tmp_path / "mine.toml").write_text(MINIMAL)
+    (tmp_path / "own.json").write_text(json.dumps(LOW_LEVEL))
+    document = resolve_scene(tmp_path / "mine.toml")
+    assert document["mechanism"]["bodies"][0]["name"] == "sled"
+    assert "states" not in document["mechanism"]
+
+    (tmp_path / "idss_hexapod.json").write_text(json.dumps(LOW_LEVEL["mechanism"]))
+    mechanism = load_mechanism({"name": "idss_hexapod"}, tmp_path / "mine.toml")
+    assert len(mechanism["bodies"]) == 1
+    assert "legs" not in mechanism
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("chaser.mas=3", ["chaser.mas", "'chaser.mass'"]),
+        ("chaser", ["KEY=VALUE"]),
+        ("chaser=3", ["section", "chaser.MEMBER"]),
+        ("chaser.mass=-3", ["idss_25t_350t.toml", "chaser.mass", "-3", "greater than 0"]),
+        ("chaser.mass=nan", ["chaser.mass", "nan", "finite"]),
+        ("chaser.mass=heavy", ["chaser.mass", "heavy", "a number"]),
+        ("chaser.motion=drive", ["chaser.motion", "'driven'"]),
+        ("chaser.inertia=[1, 2]", ["chaser.inertia", "2 entries", "must have 6"]),
+        ("outputs.groups=['rings']", ["outputs.groups[1]", "'ring'"]),
+        ("experiment.stop=0", ["experiment.stop", "experiment.start"]),
+        ("mechanism.name=idss_hexapd", ["mechanism.name", "idss_hexapd", "'idss_hexapod'"]),
+        ("mechanism.set.bodies.rng.mass=1", ["bodies", "'rng'", "'ring'"]),
+        (
+            "mechanism.set.bodies.ring.mass=-1",
+            ["idss_hexapod.json", "bodies[1].mass", "-1", "'ring'"],
+        ),
+        ("mechanism.set.contact.law.tow=1", ["contact.law", "'tow'", "'toe'"]),
+        ("mechanism.set.leg_defaults.stops.toe=soft", ["leg_defaults.stops.toe", "a number"]),
+    ],
+)
+def test_a_bad_override_is_refused_in_one_sentence_that_names_member_and_limit(override, words):
+    with pytest.raises(UsageError) as error:
+        resolve(override)
+    text = str(error.value)
+    assert "\n" not in text
+    for word in words:
+        assert word in text
+
+
+def test_a_bad_mechanism_file_is_refused_with_the_path_of_the_member(tmp_path):
+    (tmp_path / "mine.toml").write_text(MINIMAL)
+    own = tmp_path / "own.json"
+    for change, words in (
+        (lambda m: m["bodies"][0].pop("joint"), ["own.json", "bodies[1]", "lacks", "'joint'"]),
+        (lambda m: m["bodies"][0].update(masss=1), ["bodies[1]", "'masss'", "'mass'"]),
+        (lambda m: m["bodies"][0]["joint"].pop("axis"), ["bodies[1].joint", "'axis'"]),
+        (lambda m: m.update(loops=[{"name": "a"}]), ["loops[1]", "lacks"]),
+    ):
+        document = json.loads(json.dumps(LOW_LEVEL))
+        change(document["mechanism"])
+        own.write_text(json.dumps(document))
+        with pytest.raises(UsageError) as error:
+            resolve_scene(tmp_path / "mine.toml")
+        for word in words:
+            assert word in str(error.value)
+    own.write_text("{")
+    with pytest.raises(UsageError, match="is not JSON"):
+        resolve_scene(tmp_path / "mine.toml")
+
+
+def test_a_bad_scene_file_is_refused(tmp_path):
+    bad = tmp_path / "bad.toml"
+    for text, words in (
+        ("[chaser", "is not TOML"),
+        ("[chaser]\nmass = 1\n", "lacks the member"),
+        (MINIMAL.replace("own", "nowhere"), "no nowhere.json"),
+        (MINIMAL.replace('name = "own"', 'nam = "own"'), "mechanism"),
+    ):
+        bad.write_text(text)
+        with pytest.raises(UsageError, match=words):
+            resolve_scene(bad)
+    with pytest.raises(UsageError, match="no such scene file"):
+        find_scene(str(tmp_path / "none.toml"))
+    (tmp_path / "my-scene.toml").write_text(MINIMAL)
+    with pytest.raises(UsageError, match="letters, digits and _"):
+        find_scene(str(tmp_path / "my-scene.toml"))
+
+
+def test_an_override_parses_toml_values_and_bare_words():
+    scene = {}
+    apply_override(scene, "chaser.mass = 2.5e4")
+    apply_override(scene, "chaser.motion=fixed")
+    apply_override(scene, "chaser.interface_position=[1, 2, 3]")
+    assert scene == {"chaser": {"mass": 2.5e4, "motion": "fixed", "interface_position": [1, 2, 3]}}

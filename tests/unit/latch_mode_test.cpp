@@ -1,0 +1,174 @@
+// Latches: forces, energy book-keeping and mode changes.
+// 1. the open pawl is conservative, also sideways; its energy peak is F_l (x_r - x_c)/2;
+// 2. force and moment are continuous at catch, from the front and from the side;
+// 3. power balance in every mode, release ramp included; hysteresis after release.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "contact/latches.hpp"
+#include "unit/contact_test_support.hpp"
+
+namespace dockloop {
+namespace {
+
+using V = Vec3<double>;
+
+LatchSet make_set() {
+  LatchSet set;
+  for (int i = 0; i < 3; ++i) {
+    const double a = 2 * 3.14159265358979323846 * i / 3;
+    set.hook.push_back(V(0, 0.6 * std::cos(a), 0.6 * std::sin(a)));
+    set.striker.push_back(set.hook.back());
+  }
+  return set;
+}
+
+template <class S>
+LatchResult<S> evaluate(const LatchSet& set, const std::vector<LatchState>& state, S t,
+                        const RelativeMotion<S>& x) {
+  LatchResult<S> r;
+  calc_latches<S>(set, state.data(), t, x, r);
+  return r;
+}
+
+/// One latch whose striker stands at s relative to the hook.
+LatchSet make_single() {
+  LatchSet set;
+  set.hook = {V(0, 0.6, 0)};
+  set.striker = {V(0, 0.6, 0)};
+  return set;
+}
+
+RelativeMotion<double> at(double x, double y, double z) {
+  RelativeMotion<double> motion;
+  motion.p = V(x, y, z);
+  return motion;
+}
+
+TEST(LatchMode, PowerOfEveryModeIsMinusEnergyRateMinusDissipation) {
+  const LatchSet set = make_set();
+  check_latches(set);
+  TestRandom random(21);
+  Worst worst;
+  int loaded[5] = {};
+  for (int i = 0; i < 4000; ++i) {
+    RelativeMotion<double> x;
+    x.R = rotation_of(random.vector(0.02));
+    x.p = V(random.uniform(-0.005, 0.03), random.uniform(-0.05, 0.05), random.uniform(-0.05, 0.05));
+    x.w = random.vector(0.2);
+    x.v = random.vector(0.1);
+    std::vector<LatchState> state(3);
+    for (LatchState& s : state) s = {static_cast<LatchMode>(1 + i % 4), 0.98};
+    const long double t = 1.0L, h = 1e-7L;
+    const auto energy = [&](long double step) {
+      RelativeMotion<long double> moved = cast_motion<long double>(x);
+      moved.R = quat_to_matrix<long double>(quat_exp<long double>(moved.w * step)) * moved.R;
+      moved.p += moved.v * step;
+      return evaluate<long double>(set, state, t + step, moved).energy;
+    };
+    const LatchResult<double> r = evaluate<double>(set, state, 1.0, x);
+    EXPECT_GE(r.power, 0.0);
+    const double rate = static_cast<double>((energy(h) - energy(-h)) / (2 * h));
+    loaded[1 + i % 4] += r.energy > 0;
+    worst.add((find_power(r.on_passive, x) + rate + r.power) / (1 + r.on_passive.f.norm()), i);
+  }
+  EXPECT_GT(loaded[1], 500);
+  EXPECT_GT(loaded[2], 500);
+  EXPECT_GT(loaded[3], 500);
+  EXPECT_EQ(loaded[4], 0);
+  EXPECT_WORST_BELOW(worst, 3e-8);  // measured 2.5e-9: difference across the toe
+}
+
+TEST(LatchMode, CatchFromTheFrontIsContinuousAndBooksThePawlEnergy) {
+  const LatchSet set = make_single();
+  std::vector<LatchState> state(1);
+  // Peak of the push in the middle of its range, energy at the catch F_l (x_r - x_c)/2.
+  EXPECT_NEAR(evaluate<double>(set, state, 0.0, at(0.012, 0, 0)).on_passive.f[0], 20.0, 1e-12);
+  EXPECT_NEAR(evaluate<double>(set, state, 0.0, at(0.004, 0, 0)).energy, 0.16, 1e-15);
+  EXPECT_EQ(update_latch(set, 0, 0.0, at(0.0041, 0, 0), state[0]), 0.0);
+  EXPECT_EQ(state[0].mode, LatchMode::kOpen);
+
+  const RelativeMotion<double> x = at(0.004 - 1e-9, 0.01, 0.005);
+  const LatchResult<double> before = evaluate<double>(set, state, 0.0, x);
+  EXPECT_LE(before.event[0], 0.0);
+  const double booked = update_latch(set, 0, 0.0, x, state[0]);
+  EXPECT_EQ(state[0].mode, LatchMode::kHeld);
+  EXPECT_NEAR(booked, 0.16, 1e-15);
+  const LatchResult<double> after = evaluate<double>(set, state, 0.0, x);
+  EXPECT_NEAR((after.on_passive.f - before.on_passive.f).norm(), 0.0, 1e-25);
+  EXPECT_EQ(after.energy, 0.0);
+  EXPECT_GT(after.event[0], 0.0);
+  EXPECT_NEAR(evaluate<double>(set, state, 0.0, at(0.006, 0, 0)).force[0], 1e6 * (1e-3 - 2.5e-5),
+              1e-9);
+}
+
+TEST(LatchMode, StrikerEnteringFromTheSideIsCaughtWithoutAJump) {
+  const LatchSet set = make_single();
+  std::vector<LatchState> state(1);
+  EXPECT_GT(evaluate<double>(set, state, 0.0, at(-0.01, 0.03, 0)).event[0], 0.0);
+  EXPECT_NE(evaluate<double>(set, state, 0.0, at(-0.01, 0.03, 0)).on_passive.f[1], 0.0);
+  const RelativeMotion<double> x = at(-0.01, 0.025, 0);
+  const LatchResult<double> before = evaluate<double>(set, state, 0.0, x);
+  EXPECT_NEAR(before.event[0], 0.0, 1e-15);
+  EXPECT_NEAR(before.on_passive.f.norm(), 0.0, 1e-10);
+  EXPECT_NEAR(update_latch(set, 0, 0.0, x, state[0]), 0.16, 1e-12);
+  EXPECT_EQ(evaluate<double>(set, state, 0.0, x).on_passive.f.norm(), 0.0);
+
+  // Far behind the hook nothing is caught.
+  std::vector<LatchState> open(1);
+  EXPECT_GT(evaluate<double>(set, open, 0.0, at(-0.04, 0, 0)).event[0], 0.0);
+}
+
+TEST(LatchMode, OverloadReleasesOverARampAndRearmsOnlyBeyondThePawlRange) {
+  LatchSet set = make_single();
+  std::vector<LatchState> state{{LatchMode::kHeld, 0.0}};
+  const RelativeMotion<double> x = at(0.0065, 0, 0);
+  EXPECT_GT(evaluate<double>(set, state, 1.0, x).event[0], 0.0);  // not enabled
+  set.law.releases_on_overload = true;
+  set.law.rated_load = 1000.0;
+  check_latches(set);
+  const LatchResult<double> held = evaluate<double>(set, state, 1.0, x);
+  EXPECT_LT(held.event[0], 0.0);
+  EXPECT_EQ(update_latch(set, 0, 1.0, x, state[0]), 0.0);
+  EXPECT_EQ(state[0].mode, LatchMode::kReleasing);
+  EXPECT_EQ(state[0].release_time, 1.0);
+  EXPECT_DOUBLE_EQ(evaluate<double>(set, state, 1.0, x).force[0], held.force[0]);
+  EXPECT_NEAR(evaluate<double>(set, state, 1.025, x).force[0], held.force[0] / 2, 1e-9);
+  EXPECT_NEAR(evaluate<double>(set, state, 1.05, x).force[0], 0.0, 1e-9);
+  EXPECT_EQ(evaluate<double>(set, state, 1.07, x).force[0], 0.0);
+
+  // At rest the ramp turns the whole stored energy into heat (Simpson's rule is exact here).
+  double heat = 0;
+  for (int k = 0; k <= 20; ++k) {
+    const double weight = k == 0 || k == 20 ? 1 : (k % 2 ? 4 : 2);
+    heat += weight * evaluate<double>(set, state, 1.0 + 0.05 * k / 20, x).power * 0.05 / 60;
+  }
+  EXPECT_NEAR(heat, held.energy, 1e-12);
+
+  EXPECT_EQ(update_latch(set, 0, 1.03, x, state[0]), 0.0);
+  EXPECT_EQ(state[0].mode, LatchMode::kReleasing);
+  EXPECT_NEAR(update_latch(set, 0, 1.05, x, state[0]), 0.0, 1e-12);
+  EXPECT_EQ(state[0].mode, LatchMode::kSpent);
+
+  // Spent: no force and no catch at the hook; ready again only beyond the pawl range.
+  EXPECT_EQ(evaluate<double>(set, state, 2.0, at(0.001, 0, 0)).on_passive.f.norm(), 0.0);
+  EXPECT_GT(evaluate<double>(set, state, 2.0, at(0.001, 0, 0)).event[0], 0.0);
+  EXPECT_EQ(update_latch(set, 0, 2.0, at(0.0201, 0, 0), state[0]), 0.0);
+  EXPECT_EQ(state[0].mode, LatchMode::kOpen);
+}
+
+TEST(LatchMode, BadParametersAreRefused) {
+  LatchSet set = make_single();
+  set.law.play = 0.003;
+  EXPECT_THROW(check_latches(set), ModelError);
+  set = make_single();
+  set.striker.clear();
+  EXPECT_THROW(check_latches(set), ModelError);
+  set = make_single();
+  set.law.releases_on_overload = true;
+  EXPECT_THROW(check_latches(set), ModelError);
+}
+
+}  // namespace
+}  // namespace dockloop
