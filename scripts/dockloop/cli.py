@@ -159,7 +159,7 @@ def _run(options: argparse.Namespace) -> None:
             fmu = build_fmu(options.scene, options.overrides, Path(folder) / f"{name}.fmu")
         progress = ProgressBar(fmu.stem)
         label = paths.shown(fmu) if is_fmu else f"scene {fmu.stem}"
-        run = run_fmu(fmu, options.set, options.stop, options.step, progress, label)
+        run = run_fmu(fmu, options.set, options.stop, options.step, progress=progress, label=label)
 
     summary = summarise(run)
     name = run.scene["name"]

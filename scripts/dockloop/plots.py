@@ -49,7 +49,7 @@ def _draw(run: Recording, draw: Callable, path: Path) -> None:
     for axis in axes:
         axis.grid(alpha=0.3)
         if axis.get_legend_handles_labels()[0]:
-            axis.legend(loc="upper right", fontsize="small")
+            axis.legend(loc="best", fontsize="small")
         if "time_of_contact" in run:
             for event in ("time_of_contact", "time_of_capture"):
                 if run[event][-1] >= 0.0:

@@ -72,6 +72,7 @@ def run_fmu(
     settings: Iterable[str] = (),
     stop: float | None = None,
     step: float | None = None,
+    *,
     progress: Callable[[float], None] | None = None,
     label: str | None = None,
 ) -> Recording:

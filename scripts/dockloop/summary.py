@@ -112,7 +112,7 @@ def describe(summary: dict) -> str:
             if energy.get(f"dissipated_{name}", 0.0) >= 0.005
         )
         lines.append(
-            f"  energy       {energy['initial_relative']:.2f} J of relative motion at the start,"
+            f"  energy       {energy['initial_relative']:.2f} J {energy['initial_meaning']},"
             f" {energy['dissipated']:.2f} J absorbed" + (f" ({parts})" if parts else "")
         )
         lines.append(
@@ -143,7 +143,9 @@ def describe(summary: dict) -> str:
         )
     lines += [f"  warning      {text}" for text in summary.get("warnings", [])]
     if "files" in summary:
-        lines.append(f"  files        {', '.join(summary['files'])}")
+        first, *others = summary["files"]
+        kinds = ", ".join(sorted({Path(name).suffix[1:] for name in others}))
+        lines.append(f"  files        {first}; beside it {len(others)} more ({kinds})")
     return "\n".join(lines)
 
 
@@ -202,6 +204,9 @@ def _energy(run: Recording) -> dict:
     residual = float(np.max(np.abs(run["energy.residual"])))
     energy = {
         "initial_relative": scale,
+        "initial_meaning": "of relative motion at the start"
+        if "target" in run.scene
+        else "in the mechanism at the start",
         "residual": residual,
         "residual_ratio": residual / scale if scale > 0.0 else 0.0,
     }

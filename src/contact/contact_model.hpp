@@ -91,7 +91,7 @@ struct ContactMemory {
   std::vector<double> gap;           ///< per pair, lower bound at the reference pose [m]
   std::vector<int> near;             ///< pair indices, ascending
   std::vector<char> closed;          ///< per pair, 1 if in contact at the last accepted step
-  std::vector<Vec3<double>> n_last;  ///< normal of every closed pair, axes of G
+  std::vector<Vec3<double>> n_last;  ///< unit normal of every closed pair, axes of G
 };
 
 /// Scratch of one evaluation; preallocated, holds no state.
@@ -126,7 +126,7 @@ int bristle_state_count(const ContactModel& model);
 /// @return ok; kContactTooDeep (depth >= 0.98 rounding, or the cores as good as meet) or
 /// kContactFlipped (normal of a pair closed at the last accepted step reversed) with index = pair
 /// and margin = depth/rounding: not a state to accept, retry with a smaller step.
-/// No allocation. Far apart 10 ns, near 1 to 5 us.
+/// No allocation. Far apart or asleep 25 ns, sliding on one or two pairs 2 us, seated 4 us.
 template <class S>
 Status calc_contact(const ContactModel& model, const ContactMemory& memory,
                     const RelativeMotion<S>& motion, const S* z, S* z_dot,

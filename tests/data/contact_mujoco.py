@@ -79,17 +79,19 @@ def main():
     ]
     cases = []
     while len(cases) < 4:
-        vector = rng.uniform(-0.06, 0.06, 3)
+        vector = rng.uniform(-0.06, 0.06, 3) * [4, 1, 1]
         quat, turn = rotation(vector)
-        lateral = rng.uniform(-0.08, 0.08, 2)
+        lateral = rng.uniform(-0.15, 0.15, 2)
 
         def pair_at(x, lateral=lateral, turn=turn):
             return best_pair(active, passive @ turn.T + np.array([x, *lateral]))
 
         # From afar to a gap of 0.5 mm: coarse steps, then bisection.
         x = 0.5
-        while pair_at(x)[0] > 2 * RADIUS + 5e-4:
+        while pair_at(x)[0] > 2 * RADIUS + 5e-4 and x > 0:
             x -= 5e-3
+        if x <= 0:
+            continue
         low, high = x, x + 5e-3
         for _ in range(30):
             x = (low + high) / 2

@@ -172,17 +172,18 @@ TEST(ContactImpact, CrossingPetalEdgesAgreeWithMuJoCo) {
     }
     const Outcome out = run_impact(model, bodies, y, 1.0, 1e-10, true);
     ASSERT_TRUE(out.run.ok);
+    // Measured: velocities 3.8e-5, angular velocities (times 0.6 m) 4.7e-5 of the closing speed.
     const double closing = c["closing_speed"].get<double>();
     for (int b = 0; b < 2; ++b) {
       const double dv = (out.velocity[b] - to_vec3(c["after"][b]["velocity"])).norm();
       const double dw = (out.spin[b] - to_vec3(c["after"][b]["angular_velocity"])).norm();
-      EXPECT_LE(dv / closing, scaled_tolerance(1e-4)) << i << " body " << b;
-      EXPECT_LE(dw * 0.6 / closing, scaled_tolerance(1e-4)) << i << " body " << b;
+      EXPECT_LE(dv / closing, scaled_tolerance(4e-4)) << i << " body " << b;
+      EXPECT_LE(dw * 0.6 / closing, scaled_tolerance(5e-4)) << i << " body " << b;
     }
     EXPECT_LE(std::abs(out.depth_ratio * 0.024 / c["depth"].get<double>() - 1),
-              scaled_tolerance(3e-3));
-    EXPECT_LE(out.energy_error, scaled_tolerance(1e-8));
-    EXPECT_LE(out.momentum_error, scaled_tolerance(1e-11));
+              scaled_tolerance(6e-3));                         // measured 5.5e-4
+    EXPECT_LE(out.energy_error, scaled_tolerance(3.5e-8));     // measured 3.5e-9 J
+    EXPECT_LE(out.momentum_error, scaled_tolerance(1.5e-13));  // measured 1.5e-14
     ++i;
   }
   EXPECT_GE(i, 3);
@@ -210,13 +211,9 @@ TEST_P(ContactImpactFriction, RingOnRingBalancesEnergyAndMomentum) {
     ASSERT_TRUE(out.run.ok) << i;
     EXPECT_GT(out.depth_ratio, 0.0);
     EXPECT_GT(out.friction, 1e-4);
-    // Of about 0.7 J and 20 N s.
-    EXPECT_LE(out.energy_error, scaled_tolerance(1e-6)) << i;
-    EXPECT_LE(out.momentum_error, scaled_tolerance(1e-11)) << i;
-    if (std::getenv("DOCK_PRINT")) {
-      std::printf("case %d: depth %.3f friction %.4g J steps %d rejected %d gap %.4g\n", i,
-                  out.depth_ratio, out.friction, out.run.steps, out.run.rejected, out.final_gap);
-    }
+    // Measured 1.8e-7 of about 1 J, 2.8e-12 of about 20 N s.
+    EXPECT_LE(out.energy_error, scaled_tolerance(1.8e-6)) << i;
+    EXPECT_LE(out.momentum_error, scaled_tolerance(2.8e-11)) << i;
   }
 }
 

@@ -28,7 +28,7 @@ TEST(ContactLaws, StoredForcesAndEnergiesAreMet) {
     worst.add(find_restitution(j["c"]) - j["e"].get<double>(), n++);
   }
   EXPECT_EQ(n, 16);
-  EXPECT_WORST_BELOW(worst, 1e-14);
+  EXPECT_WORST_BELOW(worst, 1e-13);  // measured 1.1e-14
 }
 
 TEST(ContactLaws, ForceIsTheDerivativeOfTheEnergy) {
@@ -40,7 +40,7 @@ TEST(ContactLaws, ForceIsTheDerivativeOfTheEnergy) {
     const long double slope = (U(d + h).energy - U(d - h).energy) / (2 * h);
     worst.add(static_cast<double>(slope / U(d).force - 1), i);
   }
-  EXPECT_WORST_BELOW(worst, 1e-8);
+  EXPECT_WORST_BELOW(worst, 1e-9);  // measured 9.4e-11
 }
 
 TEST(ContactLaws, DampedForceNeverPullsAndNeverGainsEnergy) {
@@ -63,7 +63,7 @@ TEST(ContactLaws, DampingForARestitutionIsTheInverseOfRestitution) {
     const double e = i / 200.0, v = 0.07;
     worst.add(find_restitution(v * find_damping_for_restitution(e, v)) - e, i);
   }
-  EXPECT_WORST_BELOW(worst, 1e-14);
+  EXPECT_WORST_BELOW(worst, 7e-14);  // measured 7.2e-15
   EXPECT_THROW(find_damping_for_restitution(0.0, 0.1), ModelError);
   EXPECT_THROW(find_damping_for_restitution(1.1, 0.1), ModelError);
   EXPECT_THROW(find_damping_for_restitution(0.5, 0.0), ModelError);
@@ -71,7 +71,7 @@ TEST(ContactLaws, DampingForARestitutionIsTheInverseOfRestitution) {
 
 TEST(ContactLaws, RestitutionSeriesMeetsTheRootWithoutAStep) {
   const double below = find_restitution(1e-3 * (1 - 1e-9)), above = find_restitution(1e-3);
-  EXPECT_NEAR(below - above, 2.0 / 3 * 1e-12, scaled_tolerance(1e-11));
+  EXPECT_NEAR(below - above, 2.0 / 3 * 1e-12, scaled_tolerance(3e-13));  // measured 2.9e-14
 }
 
 struct Impact {
@@ -115,8 +115,8 @@ TEST(ContactLaws, ImpactHasTheExactRestitution) {
     worst.add(impact.restitution - e, i);
     audit.add(impact.audit, i++);
   }
-  EXPECT_WORST_BELOW(worst, 1e-10);
-  EXPECT_WORST_BELOW(audit, 1e-9);
+  EXPECT_WORST_BELOW(worst, 4e-10);  // measured 3.7e-11
+  EXPECT_WORST_BELOW(audit, 8e-10);  // measured 8.0e-11
 }
 
 TEST(ContactLaws, BarrierStopsTwentyThreeTonnesOnOnePair) {
@@ -124,10 +124,10 @@ TEST(ContactLaws, BarrierStopsTwentyThreeTonnesOnOnePair) {
                stiff = find_impact(23300.0, 2e8, 1.0, 1e-11);
   EXPECT_NEAR(soft.depth, 21.40e-3, 5e-6);
   EXPECT_NEAR(stiff.depth, 5.93e-3, 5e-6);
-  EXPECT_NEAR(soft.restitution, 0.2412785579, scaled_tolerance(1e-7));
-  EXPECT_NEAR(stiff.restitution, 0.2412785579, scaled_tolerance(1e-7));
-  EXPECT_LT(soft.audit, scaled_tolerance(1e-7));
-  EXPECT_LT(stiff.audit, scaled_tolerance(1e-7));
+  EXPECT_NEAR(soft.restitution, 0.24127855794, scaled_tolerance(3e-10));  // measured 2.9e-11
+  EXPECT_NEAR(stiff.restitution, 0.24127855794, scaled_tolerance(3e-10));
+  EXPECT_LT(soft.audit, scaled_tolerance(4e-9));   // measured 3.9e-10
+  EXPECT_LT(stiff.audit, scaled_tolerance(4e-9));  // measured 2.1e-10
 }
 
 /// 40 kg pressed on a plane by 500 N, mu = 0.1, pulled by `load`(t): position x(end) in m.
@@ -160,7 +160,7 @@ double find_slide(ContactLaw law, double v0, double end, Load load) {
   EXPECT_TRUE(run.ok);
   const double kinetic = mass * (y[1] * y[1] - v0 * v0) / 2;
   const double stored = law.friction_model == 2 ? law.bristle_stiffness * y[2] * y[2] / 2 : 0.0;
-  EXPECT_NEAR(kinetic + stored + y[3] - y[4], 0.0, scaled_tolerance(1e-5));
+  EXPECT_NEAR(kinetic + stored + y[3] - y[4], 0.0, scaled_tolerance(7e-7));  // measured 6.8e-8 J
   return y[0];
 }
 
@@ -193,7 +193,8 @@ TEST(ContactLaws, BristleSticksUnderConstantAndVibratingLoad) {
   EXPECT_NEAR(back, 0.0, 1e-6);
   // Onset: the sudden load overshoots to the limit once. Then 45 periods of vibration add nothing.
   const auto shaking = [](double t) { return 25 + 15 * std::sin(2 * kPi * 5 * t); };
-  const double early = find_slide(law, 0.0, 1.0, shaking), late = find_slide(law, 0.0, 10.0, shaking);
+  const double early = find_slide(law, 0.0, 1.0, shaking),
+               late = find_slide(law, 0.0, 10.0, shaking);
   EXPECT_NEAR(late - 25.0 / law.bristle_stiffness, 0.096e-3, 1e-5);
   EXPECT_NEAR(late - early, 0.0, 1e-6);
 }
@@ -215,7 +216,7 @@ TEST(ContactLaws, BristleDissipatesForEveryStateAndNormalForce) {
     balance.add((f.force.dot(v_t) + stored + f.power) / (1 + f.power), i);
     EXPECT_NEAR(f.force.dot(n), 0.0, 1e-10);
   }
-  EXPECT_WORST_BELOW(balance, 1e-13);
+  EXPECT_WORST_BELOW(balance, 1.3e-13);  // measured 1.3e-14
 }
 
 }  // namespace

@@ -461,6 +461,37 @@ TEST_F(Fmi, StatusIsMappedInOnePlace) {
   }
 }
 
+TEST_F(Fmi, AFailedStepLeavesTheInstanceAtTheLastPoint) {
+  start();
+  ASSERT_EQ(step(0, 0.01), fmi2OK) << last_text();
+  const std::vector<double> before = snapshot(c_);
+  ASSERT_EQ(set("chaser.force_ext[2]", 1e308), fmi2OK);
+  const fmi2Status status = step(0.01, 0.01);
+  ASSERT_TRUE(status == fmi2Discard || status == fmi2Error) << status;
+  ASSERT_EQ(lines_.size(), 1u);
+  EXPECT_EQ(lines_[0].category, status == fmi2Discard ? "logStatusDiscard" : "logStatusError");
+  EXPECT_EQ(self().state, status == fmi2Discard ? kStepFailed : kError);
+  fmi2Status kept = fmi2OK;
+  EXPECT_EQ(fmi2GetStatus(c_, fmi2DoStepStatus, &kept), fmi2OK);
+  EXPECT_EQ(kept, status);
+  double last = 0;
+  EXPECT_EQ(fmi2GetRealStatus(c_, fmi2LastSuccessfulTime, &last), fmi2OK);
+  EXPECT_EQ(last, 0.01);
+  self().state = kStepFailed;  // from where the step may be repeated
+  ASSERT_EQ(set("chaser.force_ext[2]", 0), fmi2OK);
+  const std::vector<double> after = snapshot(c_);
+  for (size_t i = 0, k = 0; i < self().variables.size(); ++i) {
+    const Variable& v = self().variables[i];
+    if (v.type != Type::kReal) continue;
+    // The price of the attempt is counted; everything else is as before.
+    if (v.name.rfind("solver.r", 0) != 0) {
+      EXPECT_EQ(after[k], before[k]) << v.name;
+    }
+    ++k;
+  }
+  EXPECT_EQ(step(0.01, 0.005), fmi2OK) << last_text();
+}
+
 TEST_F(Fmi, StatusFunctionsAnswerWhatIsKept) {
   start();
   ASSERT_EQ(step(0, 0.01), fmi2OK) << last_text();
