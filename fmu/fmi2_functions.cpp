@@ -85,8 +85,8 @@ void Instance::initialise() {
   }
 }
 
-/// The one place that decides what a failed step means to the host: fmi2Discard when a smaller step
-/// size may succeed, fmi2Error when it will not.
+/// The one place that decides what a failed step means to the host: fmi2Discard when the host can
+/// cure it (smaller step, corrected input), fmi2Error when it cannot.
 fmi2Status fmi_status(StatusCode code) {
   switch (code) {
     case StatusCode::kOk:
@@ -96,6 +96,7 @@ fmi2Status fmi_status(StatusCode code) {
     case StatusCode::kContactTooDeep:
     case StatusCode::kContactFlipped:
     case StatusCode::kIntegrationFailed:
+    case StatusCode::kBadInput:  // correct the input and repeat the step
       return fmi2Discard;
     case StatusCode::kOutOfReach:
     case StatusCode::kLoopSingular:

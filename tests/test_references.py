@@ -39,14 +39,6 @@ def flat(value):
     return np.ravel(np.array(value, dtype=float))
 
 
-def rotation(vector):
-    """Rotation matrix of a rotation vector [rad]."""
-    angle = np.linalg.norm(vector)
-    x, y, z = np.asarray(vector) / angle
-    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
-
-
 def quaternion_product(p, q):
     """Product of two quaternions (w, x, y, z)."""
     w = p[0] * q[0] - p[1:] @ q[1:]
@@ -115,7 +107,8 @@ def test_a_low_level_mechanism_moves_as_in_another_program(runs, tmp_path):
         tmp_path, mechanism, FIXED_BASE, start, f"[experiment]\nstop = 1.0\nstep = {step}",
         '[outputs]\ngroups = ["ring", "states", "energy", "solver"]',
     )  # fmt: skip
-    run = runs.run(scene)
+    gravity = tuple(f"gravity[{i}]={g}" for i, g in enumerate(mechanism["gravity"], 1))
+    run = runs.run(scene, settings=gravity)
     home = np.array(mechanism["bodies"][0]["joint"]["position"])
     for row, sample in enumerate(samples):
         assert run["time"][row] == pytest.approx(sample["t"])
@@ -201,11 +194,9 @@ def floating(runs, tmp_path_factory):
     return runs.run(scene)
 
 
-def test_a_free_floating_hexapod_starts_with_the_stated_energy_and_momentum(floating):
-    energy = floating["energy.kinetic"][0] + floating["energy.potential"][0]
-    assert energy == pytest.approx(0.4264357122151621, rel=1e-12)
+def test_a_free_floating_hexapod_starts_with_the_stated_momentum(floating):
     linear = floating.vector("momentum.linear")[0]
-    assert linear == pytest.approx([7.6833466, -1.46717431, -4.90236452], abs=1e-7)
+    assert linear == pytest.approx([7.6833466, -1.46717431, -4.90236452], abs=1e-8)
 
 
 def test_a_free_floating_hexapod_ends_where_two_other_programs_end(floating):

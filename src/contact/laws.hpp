@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/one_sided_spring.hpp"
 #include "math/types.hpp"
 
 namespace dockloop {
@@ -31,24 +32,6 @@ struct ContactLaw {
   double bristle_force_floor = 1.0;   ///< F0: keeps mu N away from zero [N]
 };
 
-/// Elastic force [N] and the energy stored [J].
-template <class S>
-struct Elastic {
-  S force, energy;
-};
-
-/// Spring with a parabolic toe: force k d^2/(2 eps) below d = eps, k (d - eps/2) above; C1.
-template <class S>
-Elastic<S> calc_toe_spring(const S& depth, const S& stiffness, const S& toe) {
-  if (depth <= S(0)) return {S(0), S(0)};
-  if (depth < toe) {
-    return {stiffness * depth * depth / (S(2) * toe),
-            stiffness * depth * depth * depth / (S(6) * toe)};
-  }
-  const S d = depth - toe / S(2);
-  return {stiffness * d, stiffness * (d * d / S(2) + toe * toe / S(24))};
-}
-
 /// Contact force: toe spring plus the barrier k w u^2/(1 - u)^2, u = (d - w)/w from half depth
 /// w = rounding/2 on, without bound as d reaches `rounding` (where the cores meet).
 template <class S>
@@ -63,13 +46,6 @@ Elastic<S> calc_contact_spring(const S& depth, const S& stiffness, const S& toe,
     e.energy += stiffness * w * w * (S(1) / left - left + S(2) * log1p(-u));
   }
   return e;
-}
-
-/// Damped force F_el max(0, 1 + lambda d'): never pulls. Dissipates (F - F_el) d' >= 0.
-/// Limit: restitution falls with speed; see find_restitution.
-template <class S>
-S calc_damped_force(const S& elastic, const S& lambda, const S& rate) {
-  return elastic * std::max<S>(S(0), S(1) + lambda * rate);
 }
 
 /// Tangential force on the second body [N], bristle rate [m/s], power turned into heat [W].

@@ -1,7 +1,7 @@
 // Joint force laws; see joint_forces.hpp.
 #include "forces/joint_forces.hpp"
 
-#include <algorithm>
+#include "math/one_sided_spring.hpp"
 
 namespace dockloop {
 namespace {
@@ -10,13 +10,10 @@ namespace {
 template <class S>
 S calc_stop(const EndStops& stops, const S& depth, const S& depth_rate, JointForceSums<S>& sums) {
   if (!(depth > S(0))) return S(0);
-  const S toe(stops.toe), k(stops.stiffness);
-  const S elastic = depth < toe ? k * depth * depth / (S(2) * toe) : k * (depth - toe / S(2));
-  sums.energy += depth < toe
-                     ? k * depth * depth * depth / (S(6) * toe)
-                     : k * ((depth - toe / S(2)) * (depth - toe / S(2)) / S(2) + toe * toe / S(24));
-  const S force = elastic * std::max(S(0), S(1) + S(stops.damping) * depth_rate);
-  sums.dissipation += (force - elastic) * depth_rate;
+  const Elastic<S> elastic = calc_toe_spring<S>(depth, S(stops.stiffness), S(stops.toe));
+  const S force = calc_damped_force<S>(elastic.force, S(stops.damping), depth_rate);
+  sums.energy += elastic.energy;
+  sums.dissipation += (force - elastic.force) * depth_rate;
   return force;
 }
 

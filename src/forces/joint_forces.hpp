@@ -2,10 +2,8 @@
 //
 //   tau = -k (q - rest) - c v + preload + stops + command
 //
-// An end stop is one-sided: with depth x past the limit, s(x) = x^2/(2 toe) below the toe and
-// x - toe/2 above, force k_s s(x) max(0, 1 + d x'). It is C1 at onset, never pulls, and what it
-// dissipates, (force - k_s s) x', is never negative. Limits: the toe must be small beside the
-// travel; the stop has no friction and no mass of its own.
+// An end stop is a one-sided spring (math/one_sided_spring.hpp) on the depth past its limit.
+// Limits: the toe must be small beside the travel; the stop has no friction and no mass of its own.
 #pragma once
 
 #include "math/types.hpp"

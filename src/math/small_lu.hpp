@@ -21,6 +21,7 @@ class SmallLu {
     lu_.setZero(n, n);
     pivot_.assign(static_cast<size_t>(n), 0);
     column_.setZero(n);
+    inverse_.setZero(n);
   }
   int size() const { return n_; }
 
@@ -42,6 +43,7 @@ class SmallLu {
         for (int j = 0; j < n_; ++j) std::swap(lu_(p, j), lu_(k, j));
       }
       const S inverse = S(1) / lu_(k, k);
+      inverse_[k] = inverse;
       for (int i = k + 1; i < n_; ++i) {
         const S factor = lu_(i, k) * inverse;
         lu_(i, k) = factor;
@@ -61,7 +63,7 @@ class SmallLu {
       for (int i = k + 1; i < n_; ++i) x[i] -= lu_(i, k) * x[k];
     }
     for (int k = n_ - 1; k >= 0; --k) {
-      x[k] /= lu_(k, k);
+      x[k] *= inverse_[k];
       for (int i = 0; i < k; ++i) x[i] -= lu_(i, k) * x[k];
     }
   }
@@ -71,7 +73,7 @@ class SmallLu {
   void solve_transposed(Column&& x) const {
     for (int k = 0; k < n_; ++k) {
       for (int i = 0; i < k; ++i) x[k] -= lu_(i, k) * x[i];
-      x[k] /= lu_(k, k);
+      x[k] *= inverse_[k];
     }
     for (int k = n_ - 1; k >= 0; --k) {
       for (int i = k + 1; i < n_; ++i) x[k] -= lu_(i, k) * x[i];
@@ -112,7 +114,7 @@ class SmallLu {
   int n_ = 0;
   MatX<S> lu_;
   std::vector<int> pivot_;
-  VecX<S> column_;
+  VecX<S> column_, inverse_;  // scratch; reciprocals of the pivots
 };
 
 }  // namespace dockloop

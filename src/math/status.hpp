@@ -21,6 +21,7 @@ enum class StatusCode {
   kContactFlipped,       ///< contact normal reversed: a surface was jumped over
   kIntegrationFailed,    ///< integrator could not meet its tolerance
   kNotFinite,            ///< NaN or infinity
+  kBadInput,             ///< the host imposed something impossible; correct it and repeat the step
 };
 
 /// Outcome of an evaluation or a step. `index` is the loop or contact pair, `margin` the normalised

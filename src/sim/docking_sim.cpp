@@ -51,6 +51,7 @@ std::string describe(const Status& status, const MechanismModel& mechanism) {
     case StatusCode::kIntegrationFailed:
       std::snprintf(text, sizeof text, "the integrator cannot meet its tolerance");
       break;
+    case StatusCode::kBadInput: std::snprintf(text, sizeof text, "an input is impossible"); break;
     case StatusCode::kNotFinite: std::snprintf(text, sizeof text, "a value is not finite"); break;
   }
   return text;
@@ -64,10 +65,15 @@ void check_quaternion(const Vec4<double>& q, const std::string& name) {
 }
 
 void check_vehicle(const VehicleParameters& p, const std::string& name) {
-  if (!(p.mass > 0.0)) throw ModelError(name + ".mass must be above 0 kg");
+  if (!(p.mass > 0.0)) {
+    throw ModelError(name + ".mass is " + std::to_string(p.mass) + " kg; it must be above 0");
+  }
   const Eigen::LLT<Mat3<double>> positive(make_symmetric(p.inertia));
   if (positive.info() != Eigen::Success) {
-    throw ModelError(name + ".inertia is not positive definite");
+    std::string values;
+    for (int i = 0; i < 6; ++i) values += " " + std::to_string(p.inertia[i]);
+    throw ModelError(name + ".inertia (xx yy zz xy xz yz) is" + values +
+                     "; it must be positive definite");
   }
   if (p.mass_includes_mechanism != 1 && p.mass_includes_mechanism != 2) {
     throw ModelError(name + ".mass_includes_mechanism must be 1 (excluded) or 2 (included)");
@@ -159,14 +165,17 @@ void DockingSim::Impl::check_parameters() const {
   check_vehicle(p.vehicle[kChaser], "chaser");
   if (scene->has_target) check_vehicle(p.vehicle[kTarget], "target");
   const auto positive = [](double value, const char* name) {
-    if (!(value > 0.0)) throw ModelError(std::string(name) + " must be above 0");
+    if (!(value > 0.0)) {
+      throw ModelError(std::string(name) + " is " + std::to_string(value) + "; it must be above 0");
+    }
   };
   positive(p.rtol, "solver.rtol");
   positive(p.atol_position, "solver.atol_position");
   positive(p.atol_velocity, "solver.atol_velocity");
   positive(p.atol_energy, "solver.atol_energy");
   if (p.solver_method != 1 && p.solver_method != 2) {
-    throw ModelError("solver.method must be 1 (auto) or 2 (explicit)");
+    throw ModelError("solver.method is " + std::to_string(p.solver_method) +
+                     "; it must be 1 (auto) or 2 (explicit)");
   }
   if (!(p.contact_thrust_delay >= 0.0)) {
     throw ModelError("chaser.contact_thrust_delay must be 0 s or more");
@@ -254,6 +263,17 @@ Status DockingSim::Impl::put_velocity(int i, const Vec3<double>& velocity,
 void DockingSim::Impl::initialise(double t0, double tolerance) {
   check_parameters();
   warnings.clear();
+  // A driven vehicle starts where its inputs are.
+  for (int i : {kChaser, kTarget}) {
+    if (scene->motion[i] != Motion::kDriven) continue;
+    VehicleParameters& p = parameters.vehicle[i];
+    const Inputs::Vehicle& in = inputs.vehicle[i];
+    check_quaternion(in.attitude, i == kChaser ? "chaser.attitude" : "target.attitude");
+    p.position = in.position;
+    p.velocity = in.velocity;
+    p.attitude = in.attitude;
+    p.angular_velocity = in.angular_velocity;
+  }
   choose_frame_O();
   model = std::make_unique<DockingModel>(
       make_docking_model(*scene, parameters.vehicle, make_contact_law(), frame_origin));
@@ -408,7 +428,7 @@ Status DockingSim::Impl::receive_driven_vehicles() {
                     "%s.attitude must be a unit quaternion (w, x, y, z); its norm is %.6g",
                     i == kChaser ? "chaser" : "target", in.attitude.norm());
       status_text = text;
-      return {StatusCode::kNotFinite, -1, in.attitude.norm(), elapsed};
+      return {StatusCode::kBadInput, -1, in.attitude.norm(), elapsed};
     }
     put_pose(i, in.position, in.attitude);
     status = put_velocity(i, in.velocity, in.angular_velocity);

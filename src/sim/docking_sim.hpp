@@ -164,7 +164,7 @@ class DockingSim {
   /// Mark the outputs as out of date (an input changed).
   void invalidate_outputs();
 
-  /// Back to the state after construction; parameters keep their values if `keep_parameters`.
+  /// Back to the state after construction: parameters and inputs have the scene's values again.
   void reset();
 
   /// Warnings gathered since the last call (parameters that break a rule of thumb, singular loops).

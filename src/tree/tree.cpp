@@ -125,16 +125,19 @@ void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data) {
       const int column = body.v_index + k;
       for (int j = i; j != kBase; j = model.bodies[j].parent) {
         const Body& ancestor = model.bodies[j];
-        const int rows = j == i ? k + 1 : ancestor.nv();
-        for (int l = 0; l < rows; ++l) {
-          Vec3<S> wl, ul;
-          get_joint_column(ancestor, data.R[j], data.e[j], l, wl, ul);
-          const S entry = wl.dot(t) + ul.dot(f);
-          data.A(ancestor.v_index + l, column) = entry;
-          data.A(column, ancestor.v_index + l) = entry;
+        const int row = ancestor.v_index;
+        switch (ancestor.joint) {
+          case JointType::kRevolute: data.A(row, column) = data.e[j].dot(t); break;
+          case JointType::kPrismatic: data.A(row, column) = data.e[j].dot(f); break;
+          case JointType::kFree:
+            data.A.col(column).template segment<3>(row).noalias() = data.R[j].transpose() * f;
+            data.A.col(column).template segment<3>(row + 3).noalias() = data.R[j].transpose() * t;
+            break;
         }
         t += data.r[j].cross(f);
       }
+      // Rows below the diagonal from symmetry: ancestors have smaller indices.
+      for (int row = 0; row < column; ++row) data.A(column, row) = data.A(row, column);
     }
   }
 }
