@@ -93,7 +93,7 @@ def test_nothing_slips_through_at_1_m_per_s(runs, offset):
     overrides = ("initial.closing_speed=1.0", f"initial.lateral_offset={offset}")
     run = runs.run(DEFAULT, *ALIGNED, *overrides, stop=2.0)
     assert np.max(run["contact.depth_ratio"]) < 1.0
-    assert np.min(run["relative.axial"]) > -0.6  # the ring stays in front of its base
+    assert np.min(run["relative.axial"]) > -0.75  # the ring stays in front of its base joints
     assert_audited(run)
 
 

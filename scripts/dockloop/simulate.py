@@ -166,13 +166,10 @@ class _Instance:
 
     def initialise(self, starts: list[tuple], times: np.ndarray) -> None:
         """Set start values and initialise at times[0]; refusals are the caller's fault."""
-        slave, experiment = self.slave, self._description.defaultExperiment
+        slave = self.slave
         try:
-            slave.setupExperiment(
-                tolerance=float(experiment.tolerance) if experiment.tolerance else None,
-                startTime=times[0],
-                stopTime=times[-1],
-            )
+            # No tolerance from here: the parameter solver.rtol decides.
+            slave.setupExperiment(startTime=times[0], stopTime=times[-1])
             for variable, value in starts:
                 setter = getattr(slave, f"set{variable.type}")
                 setter([variable.valueReference], [value])

@@ -12,6 +12,7 @@ namespace dockloop {
 namespace {
 
 constexpr int kMaxInnerSteps = 2000000;  ///< per communication step
+constexpr double kTouching = 1e-9;       ///< gap that counts as contact at the start [m]
 
 std::string describe(const Status& status, const MechanismModel& mechanism) {
   char text[240];
@@ -289,6 +290,7 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   t_start = t0;
   elapsed = 0.0;
   h_warm = 0.0;
+  std::fill(due.begin(), due.end(), char(0));
   host_work = 0.0;
   momentum_residual = 0.0;
   set_start_state();
@@ -305,9 +307,11 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   if (has_surfaces()) {
     update_contact_memory(model->contact, data->relative, bristles(), data->contact_work, memory);
     const double gap = find_gap(model->contact, data->relative, data->contact_work);
-    // A start that touches is a first contact at the start.
-    if (gap <= 1e-12) begin_contact(0.0);
+    // A start that touches is a first contact at the start; so is one within reach of a latch.
+    if (gap <= kTouching) begin_contact(0.0);
   }
+  if (update_latches(0.0) && !evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
+  update_capture(0.0);
   update_phase(find_phase_inputs(), discrete);
   peaks.start(0.0, find_peak_values());
   for (int i : {kChaser, kTarget}) vehicle_before[i] = find_vehicle_state(i);
@@ -574,12 +578,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
     jumped = true;
   }
   if (due[0] || due[1]) jumped = true;
-  for (int i = 0; i < model->latches.count(); ++i) {
-    if (!due[kFixedRoots + i]) continue;
-    stepper->y()[model->layout.sums + kSumLatches] +=
-        update_latch(model->latches, i, now, data->relative, discrete.latch[i]);
-    jumped = true;
-  }
+  if (update_latches(now)) jumped = true;
   update_capture(now);
   if (update_thrust(now)) jumped = true;
   changed = changed || jumped;
@@ -594,6 +593,19 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
     peaks.add(now, find_peak_values());
   }
   return {};
+}
+
+/// Change the mode of every latch that is due, by a root or because it starts there.
+bool DockingSim::Impl::update_latches(double now) {
+  bool changed = false;
+  for (int i = 0; i < model->latches.count(); ++i) {
+    if (!due[kFixedRoots + i] && data->latch.event[i] > 0.0) continue;
+    const LatchMode before = discrete.latch[i].mode;
+    stepper->y()[model->layout.sums + kSumLatches] +=
+        update_latch(model->latches, i, now, data->relative, discrete.latch[i]);
+    changed = changed || discrete.latch[i].mode != before;
+  }
+  return changed;
 }
 
 void DockingSim::Impl::begin_contact(double now) {

@@ -37,6 +37,7 @@ struct DockingSim::Impl {
   Status find_trouble(double tau) const;
   Status step_to_root(double tau);
   Status accept(double tau, bool& changed);
+  bool update_latches(double now);
   void begin_contact(double now);
   void update_capture(double now);
   bool update_thrust(double now);
