@@ -1,4 +1,4 @@
-"""Dependencies between the modules of the core point one way; outside libraries stay in their room."""
+"""Modules of the core depend on each other one way only; outside libraries stay in their room."""
 
 import re
 from pathlib import Path

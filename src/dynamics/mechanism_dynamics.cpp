@@ -107,38 +107,45 @@ double find_singularity_margin(const MechanismData<S>& data) {
   return margin;
 }
 
+std::vector<double> find_home_gaps(const Mechanism& mechanism) {
+  const MechanismModel& model = mechanism.model;
+  TreeData<double> tree(model);
+  for (size_t i = 0; i < model.bodies.size(); ++i) {
+    calc_joint_pose(model, static_cast<int>(i), tree);
+  }
+  calc_tree_position(model, tree);
+  const auto locate = [&](int body, const Vec3<double>& point) {
+    return body == kBase ? point : Vec3<double>(tree.R[body] * point + tree.p[body]);
+  };
+  std::vector<double> gaps;
+  for (const Loop& loop : model.loops) {
+    Vec3<double> gap = locate(loop.terminal, loop.point_on_terminal) -
+                       locate(loop.closing, loop.point_on_closing);
+    if (loop.cut == CutType::kPlanarRevolute) {
+      if (loop.root != kBase) gap = (tree.R[loop.root].transpose() * gap).eval();
+      gaps.push_back((loop.plane_axes_in_root * gap).norm());
+    } else {
+      gaps.push_back(gap.norm());
+    }
+  }
+  return gaps;
+}
+
 void close_home(Mechanism& mechanism, const std::string& source_name) {
   MechanismModel& model = mechanism.model;
   if (model.loops.empty()) return;
   char text[256];
   if (model.home_given) {
     // A stated home must be closed as it stands.
-    MechanismData<double> data(mechanism);
-    for (size_t i = 0; i < model.bodies.size(); ++i) {
-      calc_joint_pose(model, static_cast<int>(i), data.tree);
-    }
-    calc_tree_position(model, data.tree);
+    const std::vector<double> gaps = find_home_gaps(mechanism);
     for (size_t k = 0; k < model.loops.size(); ++k) {
-      const Loop& loop = model.loops[k];
-      const auto locate = [&](int body, const Vec3<double>& point) {
-        return body == kBase ? point
-                             : Vec3<double>(data.tree.R[body] * point + data.tree.p[body]);
-      };
-      Vec3<double> gap = locate(loop.terminal, loop.point_on_terminal) -
-                         locate(loop.closing, loop.point_on_closing);
-      if (loop.cut == CutType::kPlanarRevolute) {
-        const Mat3<double> R_root =
-            loop.root == kBase ? Mat3<double>::Identity() : data.tree.R[loop.root];
-        const Eigen::Vector2d in_plane = loop.plane_axes_in_root * (R_root.transpose() * gap);
-        gap = Vec3<double>(in_plane[0], in_plane[1], 0.0);
-      }
-      if (gap.norm() > 1e-6 * mechanism.plan.loop_size[k]) {
-        std::snprintf(text, sizeof text,
-                      "is open by %.6g m at the stated home (limit %.1g m); correct home_q or the "
-                      "cut points",
-                      gap.norm(), 1e-6 * mechanism.plan.loop_size[k]);
-        throw ModelError(source_name + ": loop '" + loop.name + "' " + text);
-      }
+      const double limit = kHomeGap * mechanism.plan.loop_size[k];
+      if (gaps[k] <= limit) continue;
+      std::snprintf(text, sizeof text,
+                    "is open by %.6g m at the stated home (limit %.1g m); correct home_q or the "
+                    "cut points",
+                    gaps[k], limit);
+      throw ModelError(source_name + ": loop '" + model.loops[k].name + "' " + text);
     }
   }
   MechanismData<double> data(mechanism);
@@ -156,20 +163,18 @@ void close_home(Mechanism& mechanism, const std::string& source_name) {
                      ": the inertia in the independent coordinates is not positive definite; give "
                      "the bodies they move a mass");
   }
-  // A slide that had to travel farther than the loop is long was not closed at home in any sense.
-  for (size_t k = 0; k < model.loops.size(); ++k) {
-    for (int body : model.loops[k].dependent) {
-      const Body& b = model.bodies[body];
-      if (b.joint != JointType::kPrismatic) continue;
-      const double moved = std::abs(data.tree.q[b.q_index] - model.home_q[b.q_index]);
-      if (moved > 0.5 * mechanism.plan.loop_size[k]) {
-        std::snprintf(text, sizeof text,
-                      "is open at home: slide '%s' would have to move by %.6g m (limit %.6g m, half "
-                      "the loop); correct the cut points or give home_q",
-                      b.name.c_str(), moved, 0.5 * mechanism.plan.loop_size[k]);
-        throw ModelError(source_name + ": loop '" + model.loops[k].name + "' " + text);
-      }
-    }
+  // A slide that must travel a good part of its leg to close was not closed at home in any sense.
+  for (const LoopBlock& block : mechanism.plan.blocks) {
+    if (!block.slide_leg) continue;
+    const Body& slide = model.bodies[block.slide_leg->slide];
+    const double moved = std::abs(data.tree.q[slide.q_index] - model.home_q[slide.q_index]);
+    const double limit = 0.25 * block.slide_leg->tip.norm();
+    if (moved <= limit) continue;
+    std::snprintf(text, sizeof text,
+                  "is open at home: slide '%s' would have to move by %.6g m (limit %.6g m, a "
+                  "quarter of the leg); correct the cut points or give home_q",
+                  slide.name.c_str(), moved, limit);
+    throw ModelError(source_name + ": loop '" + model.loops[block.loops[0]].name + "' " + text);
   }
   for (int i = 0; i < model.nq; ++i) model.home_q[i] = data.tree.q[i];
 }

@@ -66,6 +66,11 @@ double find_closure_residual(const Mechanism& mechanism, const MechanismData<S>&
 template <class S>
 double find_singularity_margin(const MechanismData<S>& data);
 
+/// Gap of every loop at home_q as it stands [m].
+std::vector<double> find_home_gaps(const Mechanism& mechanism);
+
+constexpr double kHomeGap = 1e-6;  ///< a stated home is closed to this part of the loop size [-]
+
 /// Close the home pose: replaces the dependent entries of home_q by a solution.
 /// @throws ModelError when a loop is open at the home that the file states, or cannot be closed.
 void close_home(Mechanism& mechanism, const std::string& source_name);

@@ -708,6 +708,9 @@ void DockingSim::Impl::finish_step(double t, double h) {
     difference.t[j] -= impulse[3 + j];
   }
   if (scale > 0.0) worst = difference.f.norm() / scale;
+  // An aligned docking has next to no angular momentum about O: measure it by the linear one at a
+  // lever of 1 m then.
+  angular_scale = std::max(angular_scale, scale * 1.0);
   if (angular_scale > 0.0) worst = std::max(worst, difference.t.norm() / angular_scale);
   momentum_residual = std::max(momentum_residual, worst);
 }

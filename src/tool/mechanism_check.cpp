@@ -68,6 +68,7 @@ std::vector<double> read_numbers(const JsonReader& state, const std::string& key
 
 json check_mechanism_file(const std::string& text, const std::string& source_name) {
   Mechanism mechanism(read_mechanism(text, source_name));
+  const std::vector<double> gaps = find_home_gaps(mechanism);
   close_home(mechanism, source_name);
   const MechanismModel& model = mechanism.model;
   MechanismData<double> data(mechanism);
@@ -108,11 +109,19 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
   result["singularity_margin"] = find_singularity_margin(data);
   result["max_condition"] = find_max_condition(mechanism, data);
   result["home_q"] = model.home_q;
-  json mass = 0.0;
-  double total = 0.0;
-  for (const Body& body : model.bodies) total += body.mass;
-  mass = total;
+  double mass = 0.0;
+  for (const Body& body : model.bodies) mass += body.mass;
   result["mass"] = mass;
+  json warnings = json::array();
+  for (size_t k = 0; k < model.loops.size(); ++k) {
+    if (gaps[k] <= kHomeGap * mechanism.plan.loop_size[k]) continue;
+    warnings.push_back("loop '" + model.loops[k].name + "' is open by " + std::to_string(gaps[k]) +
+                       " m at the zero pose (no home_q is given); it was closed from there");
+  }
+  if (find_singularity_margin(data) < kMarginWarning) {
+    warnings.push_back("a loop is close to singular at home");
+  }
+  result["warnings"] = warnings;
   return result;
 }
 

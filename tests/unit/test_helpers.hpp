@@ -65,9 +65,10 @@ double find_relative_error(const A& actual, const B& expected) {
   if (actual.size() != expected.size()) return std::numeric_limits<double>::infinity();
   if (expected.size() == 0) return 0.0;
   if (!actual.allFinite()) return std::numeric_limits<double>::infinity();
-  const double scale = static_cast<double>(expected.cwiseAbs().maxCoeff());
-  const double error = static_cast<double>((actual - expected).cwiseAbs().maxCoeff());
-  return scale > 0.0 ? error / scale : error;
+  const MatX<long double> a = actual.template cast<long double>();
+  const MatX<long double> b = expected.template cast<long double>();
+  const long double scale = b.cwiseAbs().maxCoeff(), error = (a - b).cwiseAbs().maxCoeff();
+  return static_cast<double>(scale > 0 ? error / scale : error);
 }
 
 /// Difference of angles modulo a full turn.

@@ -1,0 +1,141 @@
+// Peaks between samples.
+// 1. a damped cosine sampled irregularly: its largest value to 1e-6, far better than any sample;
+// 2. the peak never falls, is never below a sample, and channels do not mix;
+// 3. a kink does not make it overshoot; a jump is not interpolated across;
+// 4. a tracker can be put back to what it was.
+#include "sim/peaks.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "unit/test_helpers.hpp"
+
+namespace dockloop {
+namespace {
+
+TEST(Peaks, of_a_damped_cosine_between_irregular_samples_is_found_to_a_millionth) {
+  TestRandom random(51);
+  Residual refined;
+  double worst_sample = 0.0;
+  for (int trial = 0; trial < 300; ++trial) {
+    const double omega = random.uniform(2.0, 20.0), decay = random.uniform(0.0, 0.2) * omega;
+    const double phase = random.uniform(0.5, 2.0);
+    const auto value = [&](double t) {
+      return std::exp(-decay * t) * std::cos(omega * t - phase);
+    };
+    // d/dt = 0 at tan(omega t - phase) = -decay/omega.
+    const double peak = value((phase - std::atan(decay / omega)) / omega);
+    PeakTracker<1> tracker;
+    double t = -1.0 / omega;  // about 85 samples per period, spaced unevenly by a factor 2
+    double largest = value(t);
+    tracker.start(t, {value(t)});
+    while (t < (phase + 1.5) / omega) {
+      t += random.uniform(0.05, 0.10) / omega;
+      tracker.add(t, {value(t)});
+      largest = std::max(largest, value(t));
+    }
+    refined.add((tracker.peak()[0] - std::max(peak, value(-1.0 / omega))) / peak,
+                "trial " + std::to_string(trial));
+    worst_sample = std::max(worst_sample, 1.0 - largest / peak);
+  }
+  EXPECT_RESIDUAL_BELOW(refined, 1e-6);  // measured
+  EXPECT_GT(worst_sample, 5e-4);         // what samples alone would miss
+}
+
+TEST(Peaks, never_fall_and_are_never_below_a_sample) {
+  TestRandom random(52);
+  PeakTracker<2> tracker;
+  double t = 0.0, before = -1.0, largest = -1.0;
+  tracker.start(t, {-1.0, 5.0});
+  for (int i = 0; i < 5000; ++i) {
+    t += random.uniform(1e-4, 1e-1);
+    const double x = random.uniform(-1, 1);
+    largest = std::max(largest, x);
+    tracker.add(t, {x, 5.0});
+    EXPECT_GE(tracker.peak()[0], before);
+    EXPECT_GE(tracker.peak()[0], largest);
+    EXPECT_EQ(tracker.peak()[1], 5.0);  // a constant stays what it is
+    before = tracker.peak()[0];
+  }
+}
+
+TEST(Peaks, do_not_overshoot_at_a_kink) {
+  // |t| upside down with a corner at height 1: a parabola through three samples may exceed it a
+  // little, five samples would exceed it more and are held back.
+  TestRandom random(53);
+  Residual overshoot;
+  for (int trial = 0; trial < 500; ++trial) {
+    const double left = random.uniform(0.1, 3.0), right = random.uniform(0.1, 3.0);
+    const auto value = [&](double t) { return 1.0 - (t < 0 ? -left * t : right * t); };
+    double t = -0.5;
+    PeakTracker<1> tracker;
+    tracker.start(t, {value(t)});
+    double spacing = 0.0;
+    while (t < 0.5) {
+      const double h = random.uniform(0.01, 0.02);
+      spacing = std::max(spacing, h);
+      t += h;
+      tracker.add(t, {value(t)});
+    }
+    // In units of what the kink changes over one sample.
+    overshoot.add(std::max(0.0, tracker.peak()[0] - 1.0) / (spacing * std::max(left, right)));
+  }
+  EXPECT_LE(overshoot.value, 0.5) << "of the change over one sample";
+}
+
+TEST(Peaks, are_exact_at_a_kink_that_is_announced) {
+  PeakTracker<1> tracker;
+  tracker.start(0.0, {0.0});
+  for (int i = 1; i <= 10; ++i) tracker.add(0.1 * i, {0.1 * i});
+  tracker.begin(1.0, {1.0});  // the slope changes here
+  for (int i = 1; i <= 10; ++i) tracker.add(1.0 + 0.1 * i, {1.0 - 0.1 * i});
+  EXPECT_EQ(tracker.peak()[0], 1.0);
+}
+
+TEST(Peaks, take_both_sides_of_a_jump_and_nothing_between) {
+  PeakTracker<1> tracker;
+  tracker.start(0.0, {0.0});
+  for (int i = 1; i <= 5; ++i) tracker.add(0.1 * i, {0.0});
+  tracker.begin(0.5, {2.0});  // onset of a damper
+  for (int i = 1; i <= 10; ++i) tracker.add(0.5 + 0.1 * i, {2.0 - 0.15 * i});
+  EXPECT_EQ(tracker.peak()[0], 2.0);
+}
+
+TEST(Peaks, forget_everything_at_a_start) {
+  PeakTracker<1> tracker;
+  tracker.start(0.0, {7.0});
+  tracker.start(0.0, {1.0});
+  EXPECT_EQ(tracker.peak()[0], 1.0);
+}
+
+TEST(Peaks, bear_samples_at_the_same_or_nearly_the_same_time) {
+  PeakTracker<1> tracker;
+  const auto value = [](double t) { return std::cos(t - 1.0); };
+  tracker.start(0.0, {value(0.0)});
+  double t = 0.0;
+  for (int i = 0; i < 40; ++i) {
+    t += 0.05;
+    tracker.add(t, {value(t)});
+    tracker.add(t, {value(t)});
+    tracker.add(t + 1e-15, {value(t)});
+  }
+  EXPECT_NEAR(tracker.peak()[0], 1.0, scaled_tolerance(1e-6));
+  EXPECT_TRUE(std::isfinite(tracker.peak()[0]));
+}
+
+TEST(Peaks, go_on_alike_after_being_restored) {
+  const auto value = [](double t) { return std::sin(3 * t) + 0.3 * std::sin(7 * t); };
+  PeakTracker<1> tracker;
+  tracker.start(0.0, {value(0.0)});
+  for (int i = 1; i < 8; ++i) tracker.add(0.05 * i, {value(0.05 * i)});
+  const PeakTracker<1> kept = tracker;
+  for (int i = 8; i < 40; ++i) tracker.add(0.05 * i, {value(0.05 * i)});
+  const double first = tracker.peak()[0];
+  tracker.restore(kept);
+  for (int i = 8; i < 40; ++i) tracker.add(0.05 * i, {value(0.05 * i)});
+  EXPECT_EQ(tracker.peak()[0], first);
+}
+
+}  // namespace
+}  // namespace dockloop
