@@ -111,7 +111,7 @@ compile() {
   if [ ! -f build/release/build.ninja ] || { [ $tests = ON ] &&
     ! grep -q 'DOCKLOOP_TESTS:BOOL=ON' build/release/CMakeCache.txt; }; then
     say "configure"
-    quietly configure cmake --preset release -DDOCKLOOP_TESTS=$tests
+    quietly configure cmake --preset release -DDOCKLOOP_TESTS=$tests -DDOCKLOOP_WERROR=$tests
   fi
   say "compile (build/logs/compile.log)"
   if [ $tests = ON ]; then

@@ -356,6 +356,8 @@ double update_contact_memory(const ContactModel& model, const RelativeMotion<dou
   const int count = model.pair_count();
   memory.closed.assign(count, 0);
   memory.n_last.resize(count, Vec3<double>::Zero());
+  memory.gap.reserve(count);  // all allocation happens in the first call
+  memory.near.reserve(count);
   if (find_sphere_gap(model, motion.p) <= 0 && count > 0) {
     place_petals<double>(motion, work);
 

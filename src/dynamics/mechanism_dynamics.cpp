@@ -16,7 +16,7 @@ MechanismData<S>::MechanismData(const Mechanism& mechanism)
   const int nv = mechanism.model.nv, n_ind = static_cast<int>(mechanism.plan.ind_v.size());
   A.setZero(nv, nv);
   A_ind.setZero(n_ind, n_ind);
-  factor = Eigen::LLT<MatX<S>>(n_ind);
+  if (n_ind > 0) factor.compute(MatX<S>::Identity(n_ind, n_ind));  // sizes it
   for (auto* x : {&b, &tau, &vdot}) x->setZero(nv);
   b_ind.setZero(n_ind);
   a_ind.setZero(n_ind);

@@ -41,8 +41,8 @@ std::string describe(const Status& status, const MechanismModel& mechanism) {
       break;
     case StatusCode::kContactTooDeep:
       std::snprintf(text, sizeof text,
-                    "contact pair %d is %.2f of its rounding deep (limit 0.98): the speed is too "
-                    "high for the contact stiffness",
+                    "contact pair %d is %.2f of its rounding deep (limit 0.98): too fast for the "
+                    "contact stiffness, or placed inside a surface",
                     status.index + 1, status.margin);
       break;
     case StatusCode::kContactFlipped:
@@ -459,10 +459,17 @@ Status DockingSim::step(double t, double h) {
   me.peaks_before = me.peaks;
   const double host_work = me.host_work, elapsed = me.elapsed;
   const auto momentum_start = me.momentum_start;
+  const auto vehicle_before = me.vehicle_before;
   me.elapsed = t - me.t_start;
   me.read_inputs();
-  Status status = me.receive_driven_vehicles();
-  if (status.ok()) status = me.integrate(h);
+  Status status;
+  if (h > 0.0) {
+    status = me.receive_driven_vehicles();
+    if (status.ok()) status = me.integrate(h);
+  } else {
+    me.status_text = "the step must be longer than 0 s";
+    status.code = StatusCode::kBadInput;
+  }
   if (!status.ok()) {
     std::copy(me.y_before.begin(), me.y_before.end(), me.stepper->y());
     me.discrete = me.discrete_before;
@@ -470,6 +477,7 @@ Status DockingSim::step(double t, double h) {
     me.host_work = host_work;
     me.elapsed = elapsed;
     me.momentum_start = momentum_start;
+    me.vehicle_before = vehicle_before;
     // The state before the step was a valid one: this evaluation cannot fail.
     if (me.evaluate(0.0).ok() && me.has_surfaces()) {
       update_contact_memory(me.model->contact, me.data->relative, nullptr, me.data->contact_work,
@@ -546,7 +554,7 @@ Status DockingSim::Impl::find_trouble(double tau) const {
 /// A root lies in the step just made: replace its interpolated state by steps that end there.
 Status DockingSim::Impl::step_to_root(double tau) {
   const double root = stepper->time();
-  for (size_t i = 0; i < due.size(); ++i) due[i] = stepper->root_found(static_cast<int>(i));
+  for (int i = 0; i < kFixedRoots + model->latches.count(); ++i) due[i] = stepper->root_found(i);
   std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
   if (!(root > tau)) return {};
   stepper->restart(tau, root - tau);

@@ -1,4 +1,5 @@
 // Reading out: from the state at a communication point to the variables of the interface.
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -165,19 +166,37 @@ void DockingSim::Impl::update_relative_outputs() {
   outputs.capture_peak_load_ratio = peaks.peak()[Outputs::kLoadCount];
 }
 
+/// What loads from outside can at most do to the relative acceleration of any two points of the
+/// capture hardware before contact [m/s2].
+double DockingSim::Impl::find_acceleration_bound() const {
+  double bound = model->falling ? 0.0 : loads.gravity.norm();
+  for (int i : {kChaser, kTarget}) {
+    if (!model->moves[i]) continue;
+    const VehicleParameters& p = parameters.vehicle[i];
+    const double arm = p.interface_position.norm() + model->contact.reach;
+    const double least_inertia =
+        Eigen::SelfAdjointEigenSolver<Mat3<double>>(make_symmetric(p.inertia),
+                                                    Eigen::EigenvaluesOnly)
+            .eigenvalues()[0];
+    bound += loads.force[i].norm() / p.mass + loads.torque[i].norm() * arm / least_inertia;
+    if (i == kChaser) bound += data->thrust.norm() / p.mass;
+  }
+  const int ring = model->mechanism.model.capture_body;
+  if (ring != kBase && ring != model->mechanism.vehicle) {
+    const double mass = model->mechanism.model.bodies[ring].mass;
+    if (mass > 0.0) bound += loads.command.lpNorm<1>() / mass;
+  }
+  return bound;
+}
+
 void DockingSim::Impl::update_contact_outputs() {
   outputs.gap = kNoGap;
   outputs.time_to_contact = kNever;
   if (has_surfaces()) {
     outputs.gap = find_gap(model->contact, data->relative, data->contact_work);
-    // Outside accelerations are all that can change the relative motion before contact.
-    double acceleration = 0.0;
-    for (int i : {kChaser, kTarget}) {
-      if (model->moves[i]) acceleration += loads.force[i].norm() / parameters.vehicle[i].mass;
-    }
     outputs.time_to_contact =
         find_time_to_contact(outputs.gap, find_approach_bound(model->contact, data->relative),
-                             acceleration);
+                             find_acceleration_bound());
     for (size_t i = 0; i < outputs.petal_force.size(); ++i) {
       outputs.petal_force[i] = data->contact.petal_force[i].norm();
     }

@@ -50,6 +50,7 @@ struct DockingSim::Impl {
   PhaseInputs find_phase_inputs() const;
   VehicleState find_vehicle_state(int vehicle) const;
   std::array<double, kPeakCount> find_peak_values() const;
+  double find_acceleration_bound() const;
   bool has_surfaces() const { return model->present[kTarget] && !model->contact.empty(); }
   double* bristles() {
     return model->layout.bristle_count > 0 ? stepper->y() + model->layout.bristles : nullptr;

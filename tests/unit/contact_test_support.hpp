@@ -45,8 +45,8 @@ struct Worst {
   double value = 0;
   int index = -1;
   void add(double residual, int i) {
-    residual = std::abs(residual);
-    if (!(residual <= value)) {
+    residual = std::isnan(residual) ? HUGE_VAL : std::abs(residual);
+    if (residual > value) {
       value = residual;
       index = i;
     }

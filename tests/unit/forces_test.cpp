@@ -3,12 +3,11 @@
 // 2. the force is the negative gradient of the energy, and the energy its integral;
 // 3. the end stop is C1, never pulls, and takes energy only;
 // 4. power balances: force x rate = - d energy/dt - dissipation + command power.
-#include "forces/joint_forces.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
+#include "forces/joint_forces.hpp"
 #include "math/one_sided_spring.hpp"
 #include "unit/test_helpers.hpp"
 
@@ -185,7 +184,8 @@ TEST(JointForces, a_bounce_on_a_stop_loses_what_is_booked) {
   for (int i = 0; i < 20000 && y[0] >= 0.2; ++i) step_rk4<double>(rates, y, 1e-6);
   EXPECT_LT(y[0], 0.2);
   EXPECT_LT(y[1], -0.05);
-  EXPECT_NEAR(0.5 * y[1] * y[1] + y[2], 0.5 * 0.3 * 0.3, scaled_tolerance(2e-13));  // measured 1.7e-14
+  EXPECT_NEAR(0.5 * y[1] * y[1] + y[2], 0.5 * 0.3 * 0.3,
+              scaled_tolerance(2e-13));  // measured 1.7e-14
 }
 
 }  // namespace

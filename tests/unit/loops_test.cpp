@@ -89,9 +89,8 @@ TEST(LoopOrder, permuted_files_give_the_same_accelerations_and_forces) {
       std::vector<std::string> independent = document["independent"];
       std::vector<size_t> place(independent.size());
       std::iota(place.begin(), place.end(), size_t(0));
-      std::sort(place.begin(), place.end(), [&](size_t a, size_t b) {
-        return rank[independent[a]] < rank[independent[b]];
-      });
+      std::sort(place.begin(), place.end(),
+                [&](size_t a, size_t b) { return rank[independent[a]] < rank[independent[b]]; });
       for (json& state : permuted["states"]) {
         state["q"] = gather(order, slice(bodies, state["q"], true));
         state["tau"] = gather(order, slice(bodies, state["tau"], false));
@@ -147,8 +146,7 @@ json make_three_struts(bool lengths_independent) {
                       {"joint", {{"type", type}, {"axis", axis}, {"position", at}}},
                       {"mass", mass},
                       {"com", {0.1, 0.02, 0}},
-                      {"inertia",
-                       {{0.1 * mass, 0, 0}, {0, 0.1 * mass, 0}, {0, 0, 0.2 * mass}}}});
+                      {"inertia", {{0.1 * mass, 0, 0}, {0, 0.1 * mass, 0}, {0, 0, 0.2 * mass}}}});
   };
   add("px", "base", "prismatic", {1, 0, 0}, {0, 0, 0}, 0.5);
   add("py", "px", "prismatic", {0, 1, 0}, {0, 0, 0}, 0.3);
@@ -171,9 +169,8 @@ json make_three_struts(bool lengths_independent) {
            {"point_on_terminal", {0.2, 0, 0}},
            {"point_on_closing", {corner[k][0], corner[k][1], 0}},
            {"plane_axes_in_root", {{1, 0, 0}, {0, 1, 0}}}}},
-         {"dependent", lengths_independent
-                           ? json({name + "_cyl", plate[static_cast<size_t>(k)]})
-                           : json({name + "_cyl", name + "_rod"})}});
+         {"dependent", lengths_independent ? json({name + "_cyl", plate[static_cast<size_t>(k)]})
+                                           : json({name + "_cyl", name + "_rod"})}});
   }
   return {{"name", "three_struts"}, {"bodies", bodies}, {"loops", loops}};
 }
@@ -234,36 +231,37 @@ TEST(LoopOrder, a_block_of_three_loops_moves_like_three_blocks_of_one) {
 // A plate on one leg, with lateral offsets of the ball joint from the line of the slide.
 json make_leg(double L0, double offset_y, double offset_z, const std::string& closure) {
   const json inertia = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-  return {
-      {"name", "leg"},
-      {"bodies",
-       {{{"name", "plate"},
-         {"parent", "base"},
-         {"joint", {{"type", "free"}}},
-         {"mass", 1},
-         {"inertia", inertia}},
-        {{"name", "cross"},
-         {"parent", "base"},
-         {"joint", {{"type", "revolute"}, {"axis", {0, 1, 0}}}}},
-        {{"name", "cylinder"},
-         {"parent", "cross"},
-         {"joint", {{"type", "revolute"}, {"axis", {0, 0, 1}}}}},
-        {{"name", "rod"},
-         {"parent", "cylinder"},
-         {"joint",
-          {{"type", "prismatic"}, {"axis", {1, 0, 0}}, {"position", {0.3 * L0, 0.4 * offset_y, 0}}}},
-         {"mass", 0.1}}}},
-      {"loops",
-       {{{"name", "the_leg"},
-         {"root", "base"},
-         {"first", "cross"},
-         {"terminal", "rod"},
-         {"closing", "plate"},
-         {"closure", closure},
-         {"cut",
-          {{"type", "R3"},
-           {"point_on_terminal", {0.7 * L0, 0.6 * offset_y, offset_z}},
-           {"point_on_closing", {0, 0, 0}}}}}}}};
+  return {{"name", "leg"},
+          {"bodies",
+           {{{"name", "plate"},
+             {"parent", "base"},
+             {"joint", {{"type", "free"}}},
+             {"mass", 1},
+             {"inertia", inertia}},
+            {{"name", "cross"},
+             {"parent", "base"},
+             {"joint", {{"type", "revolute"}, {"axis", {0, 1, 0}}}}},
+            {{"name", "cylinder"},
+             {"parent", "cross"},
+             {"joint", {{"type", "revolute"}, {"axis", {0, 0, 1}}}}},
+            {{"name", "rod"},
+             {"parent", "cylinder"},
+             {"joint",
+              {{"type", "prismatic"},
+               {"axis", {1, 0, 0}},
+               {"position", {0.3 * L0, 0.4 * offset_y, 0}}}},
+             {"mass", 0.1}}}},
+          {"loops",
+           {{{"name", "the_leg"},
+             {"root", "base"},
+             {"first", "cross"},
+             {"terminal", "rod"},
+             {"closing", "plate"},
+             {"closure", closure},
+             {"cut",
+              {{"type", "R3"},
+               {"point_on_terminal", {0.7 * L0, 0.6 * offset_y, offset_z}},
+               {"point_on_closing", {0, 0, 0}}}}}}}};
 }
 
 Status close_leg(const Mechanism& mechanism, const V& L, MechanismData<double>& data) {
@@ -314,7 +312,7 @@ TEST(SlideLeg, stored_failures_are_reported_as_what_they_are) {
     MechanismData<double> data(mechanism);
     const Status status = close_leg(mechanism, to_v3(item["L"]), data);
     EXPECT_EQ(status.code, item["expected"]["error"] == "singular" ? StatusCode::kLoopSingular
-                                                                  : StatusCode::kOutOfReach)
+                                                                   : StatusCode::kOutOfReach)
         << item.dump();
     EXPECT_EQ(status.index, 0);
   }
@@ -323,11 +321,11 @@ TEST(SlideLeg, stored_failures_are_reported_as_what_they_are) {
 
 /// The same leg somewhere in space, on a carriage that turns, so that nothing is aligned.
 MechanismModel make_placed_leg(TestRandom& random) {
-  MechanismModel model = read_mechanism(
-      make_leg(random.uniform(0.3, 1.5), random.uniform(-0.1, 0.1), random.uniform(-0.1, 0.1),
-               "automatic")
-          .dump(),
-      "leg");
+  MechanismModel model =
+      read_mechanism(make_leg(random.uniform(0.3, 1.5), random.uniform(-0.1, 0.1),
+                              random.uniform(-0.1, 0.1), "automatic")
+                         .dump(),
+                     "leg");
   Body carriage;
   carriage.name = "carriage";
   carriage.joint = JointType::kRevolute;
@@ -457,7 +455,8 @@ TEST(Newton, a_changed_assembly_branch_is_noticed_once_the_start_has_fixed_it) {
   mirrored[1] = 2 * line - home[1];
   mirrored[2] = -home[2];
   data.tree.q = mirrored;
-  const Status unguarded = calc_loop_position(mechanism.model, mechanism.plan, data.tree, data.loops);
+  const Status unguarded =
+      calc_loop_position(mechanism.model, mechanism.plan, data.tree, data.loops);
   EXPECT_TRUE(unguarded.ok() || unguarded.index == 1);
   EXPECT_EQ(data.loops.block[0].sign, -sign);
   data.loops.reference_sign[0] = sign;
@@ -510,9 +509,7 @@ TEST(LoopTable, a_dependent_joint_off_the_loop_is_refused) {
 }
 
 TEST(LoopTable, a_root_off_the_path_is_refused) {
-  expect_mentions(refuse([](json& d) {
-                    d["mechanism"]["loops"][0]["root"] = "crank";
-                  }),
+  expect_mentions(refuse([](json& d) { d["mechanism"]["loops"][0]["root"] = "crank"; }),
                   {"'fb1'", "root"});
 }
 
@@ -527,15 +524,16 @@ TEST(LoopTable, an_unknown_cut_is_refused_with_the_known_ones) {
 }
 
 TEST(LoopTable, planes_that_are_not_orthonormal_are_refused) {
-  expect_mentions(refuse([](json& d) {
-                    d["mechanism"]["loops"][0]["cut"]["plane_axes_in_root"] = {{1, 0, 0},
-                                                                               {0.1, 1, 0}};
-                  }),
-                  {"wrong.json", "plane_axes_in_root", "orthonormal"});
+  expect_mentions(
+      refuse([](json& d) {
+        d["mechanism"]["loops"][0]["cut"]["plane_axes_in_root"] = {{1, 0, 0}, {0.1, 1, 0}};
+      }),
+      {"wrong.json", "plane_axes_in_root", "orthonormal"});
 }
 
 TEST(LoopTable, a_stated_home_that_is_open_is_refused_with_its_gap) {
-  expect_mentions(refuse([](json& d) { d["home_q"][0] = 1.01; }), {"'fb1'", "open by 0.00", "home_q"});
+  expect_mentions(refuse([](json& d) { d["home_q"][0] = 1.01; }),
+                  {"'fb1'", "open by 0.00", "home_q"});
 }
 
 TEST(LoopTable, free_joints_cannot_be_dependent) {
@@ -548,8 +546,9 @@ TEST(LoopTable, free_joints_cannot_be_dependent) {
 
 TEST(LoopTable, a_declared_closed_form_that_does_not_fit_is_refused) {
   json document = make_leg(1, 0, 0, "R2P1R3");
-  document["bodies"][2]["joint"]["axis"] = {0.01, 0, 0.99995};  // not square to the first axis: fits
-  document["bodies"][2]["joint"]["position"] = {0.1, 0, 0};     // but not through one point
+  document["bodies"][2]["joint"]["axis"] = {0.01, 0,
+                                            0.99995};        // not square to the first axis: fits
+  document["bodies"][2]["joint"]["position"] = {0.1, 0, 0};  // but not through one point
   expect_mentions(
       find_refusal([&] { Mechanism mechanism(read_mechanism(document.dump(), "leg")); }),
       {"'the_leg'", "R2P1R3", "leave 'closure' out"});

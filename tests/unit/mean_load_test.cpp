@@ -135,7 +135,7 @@ TEST(MeanLoad, held_over_the_step_reproduces_the_impulses_of_a_pulse) {
     fine.add(find_impulse_error(0.01, random));
     coarse.add(find_impulse_error(0.1, same));
   }
-  EXPECT_RESIDUAL_BELOW(fine, 1.2e-7);   // measured 1.2e-8
+  EXPECT_RESIDUAL_BELOW(fine, 1.2e-7);    // measured 1.2e-8
   EXPECT_RESIDUAL_BELOW(coarse, 1.1e-5);  // measured 1.1e-6
 }
 
@@ -149,9 +149,8 @@ TEST(MeanLoad, integrals_of_position_and_attitude_match_fine_quadrature) {
     const Result r = fly([&](double) { return held; }, start, h);
     position.add((find_position_integral(start, r.end, h) - r.position_integral).norm() /
                  (h * start.x.norm()));
-    attitude.add((find_attitude_integral(start, r.end, h) - r.attitude_integral)
-                     .cwiseAbs()
-                     .maxCoeff() / h);
+    attitude.add(
+        (find_attitude_integral(start, r.end, h) - r.attitude_integral).cwiseAbs().maxCoeff() / h);
   }
   EXPECT_RESIDUAL_BELOW(position, 1.3e-14);  // measured 1.3e-15: constant force is its exact case
   EXPECT_RESIDUAL_BELOW(attitude, 2e-7);     // measured 1.8e-8

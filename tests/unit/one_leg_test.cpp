@@ -4,9 +4,9 @@
 // 3. masses of the leg appear in the inertia of what it carries, and only there;
 // 4. the cut force is what the removed spherical joint carried, the base feels the leg's push.
 //
-// The leg starts at the origin of the base. At zero coordinates it lies along x and is 1 m long; its
-// first axis is y, its second z. It carries a plate that floats freely. The ball joint between the
-// tip of the rod and the origin of the plate is cut: three equations, which give the three
+// The leg starts at the origin of the base. At zero coordinates it lies along x and is 1 m long;
+// its first axis is y, its second z. It carries a plate that floats freely. The ball joint between
+// the tip of the rod and the origin of the plate is cut: three equations, which give the three
 // coordinates of the leg (the dependent ones). The six of the plate are independent.
 #include <gtest/gtest.h>
 

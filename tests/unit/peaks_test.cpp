@@ -21,9 +21,7 @@ TEST(Peaks, of_a_damped_cosine_between_irregular_samples_is_found_to_a_millionth
   for (int trial = 0; trial < 300; ++trial) {
     const double omega = random.uniform(2.0, 20.0), decay = random.uniform(0.0, 0.2) * omega;
     const double phase = random.uniform(0.5, 2.0);
-    const auto value = [&](double t) {
-      return std::exp(-decay * t) * std::cos(omega * t - phase);
-    };
+    const auto value = [&](double t) { return std::exp(-decay * t) * std::cos(omega * t - phase); };
     // d/dt = 0 at tan(omega t - phase) = -decay/omega.
     const double peak = value((phase - std::atan(decay / omega)) / omega);
     PeakTracker<1> tracker;
@@ -39,7 +37,7 @@ TEST(Peaks, of_a_damped_cosine_between_irregular_samples_is_found_to_a_millionth
                 "trial " + std::to_string(trial));
     worst_sample = std::max(worst_sample, 1.0 - largest / peak);
   }
-  EXPECT_RESIDUAL_BELOW(refined, 1e-6);  // measured
+  EXPECT_RESIDUAL_BELOW(refined, 1e-6);  // what is promised; measured 3.2e-7
   EXPECT_GT(worst_sample, 5e-4);         // what samples alone would miss
 }
 
@@ -82,6 +80,16 @@ TEST(Peaks, do_not_overshoot_at_a_kink) {
     overshoot.add(std::max(0.0, tracker.peak()[0] - 1.0) / (spacing * std::max(left, right)));
   }
   EXPECT_LE(overshoot.value, 0.5) << "of the change over one sample";
+}
+
+TEST(Peaks, do_not_overshoot_on_a_plateau_behind_a_steep_onset) {
+  // The fifth sample lies before the corner: the polynomial through all five would rise 4 % above
+  // the plateau.
+  const auto value = [](double t) { return t < -1.5 ? 0.0 : 1.0 - 1e-3 * t * t; };
+  PeakTracker<1> tracker;
+  tracker.start(-4.0, {value(-4.0)});
+  for (int i = -3; i <= 4; ++i) tracker.add(i, {value(i)});
+  EXPECT_NEAR(tracker.peak()[0], 1.0, scaled_tolerance(1e-12));  // measured 0
 }
 
 TEST(Peaks, are_exact_at_a_kink_that_is_announced) {

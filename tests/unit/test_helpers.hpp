@@ -2,7 +2,8 @@
 //
 // Tolerances are ten times the worst residual measured (g++ 12.2, x86-64; the measured figure
 // stands beside each). DOCK_TOL_SCALE scales all of them; 0 makes every test print its residual.
-// Random numbers (TestRandom, fixed seed) and scaled_tolerance() come from contact_test_support.hpp.
+// Random numbers (TestRandom, fixed seed) and scaled_tolerance() come from
+// contact_test_support.hpp.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -108,8 +109,8 @@ inline Mat3<double> make_inertia(TestRandom& random, double mass, double size) {
 /// The reduced equations as y' = f(y), y = (independent coordinates, independent velocities).
 /// @param put_loads  void(MechanismData<S>&): fills data.tau and data.tree.external
 template <class S, class PutLoads>
-Status calc_reduced_rates(const Mechanism& mechanism, const BaseMotion<S>& base,
-                          PutLoads put_loads, const S* y, S* ydot, MechanismData<S>& data) {
+Status calc_reduced_rates(const Mechanism& mechanism, const BaseMotion<S>& base, PutLoads put_loads,
+                          const S* y, S* ydot, MechanismData<S>& data) {
   const LoopPlan& plan = mechanism.plan;
   const size_t nq = plan.ind_q.size();
   for (size_t i = 0; i < nq; ++i) data.tree.q[plan.ind_q[i]] = y[i];

@@ -152,24 +152,23 @@ class FreeHexapod : public ::testing::Test {
                       {"root_point", {3 * std::cos(b), 3 * std::sin(b), 0}},
                       {"closing_point", {std::cos(t), std::sin(t), 0}}});
     }
-    const json document = {
-        {"name", "free_hexapod"},
-        {"bodies",
-         {{{"name", "ring"},
-           {"parent", "base"},
-           {"joint", {{"type", "free"}, {"position", {0, 0, 2}}}},
-           {"mass", 30},
-           {"inertia", {{8, 0, 0}, {0, 9, 0}, {0, 0, 15}}}}}},
-        {"leg_defaults",
-         {{"type", "R2P1R3"},
-          {"root", "base"},
-          {"closing", "ring"},
-          {"reference_axis", {0, 0, 1}},
-          {"cylinder", {{"mass", 4}, {"com", 0.6}, {"inertia_transverse", 0.5}}},
-          {"rod", {{"mass", 3}, {"com", 0.5}, {"inertia_transverse", 0.4}}},
-          {"stiffness", 2000},
-          {"damping", 40}}},
-        {"legs", legs}};
+    const json document = {{"name", "free_hexapod"},
+                           {"bodies",
+                            {{{"name", "ring"},
+                              {"parent", "base"},
+                              {"joint", {{"type", "free"}, {"position", {0, 0, 2}}}},
+                              {"mass", 30},
+                              {"inertia", {{8, 0, 0}, {0, 9, 0}, {0, 0, 15}}}}}},
+                           {"leg_defaults",
+                            {{"type", "R2P1R3"},
+                             {"root", "base"},
+                             {"closing", "ring"},
+                             {"reference_axis", {0, 0, 1}},
+                             {"cylinder", {{"mass", 4}, {"com", 0.6}, {"inertia_transverse", 0.5}}},
+                             {"rod", {{"mass", 3}, {"com", 0.5}, {"inertia_transverse", 0.4}}},
+                             {"stiffness", 2000},
+                             {"damping", 40}}},
+                           {"legs", legs}};
     VehicleBody base;
     base.mass = 500;
     base.inertia = V(900, 1100, 1500).asDiagonal();
@@ -180,7 +179,8 @@ class FreeHexapod : public ::testing::Test {
     Wrench<double> sum;
     const TreeData<double>& tree = motion.data.tree;
     for (size_t i = 0; i < motion.mechanism.model.bodies.size(); ++i) {
-      const V p = motion.mechanism.model.bodies[i].mass * tree.u[i] + tree.w[i].cross(tree.h_body[i]);
+      const V p =
+          motion.mechanism.model.bodies[i].mass * tree.u[i] + tree.w[i].cross(tree.h_body[i]);
       sum.f += p;
       sum.t += tree.p[i].cross(p) + tree.I_body[i] * tree.w[i] + tree.h_body[i].cross(tree.u[i]);
     }
@@ -241,8 +241,7 @@ TEST_F(FreeHexapod, is_after_two_seconds_where_the_reference_is) {
   state.add(distance(tree.w[0], {0.0030116344149, 0.0048237162344, -0.0004474452989}), "base w");
   state.add(distance(tree.u[kRing], {0.0190437985890, -0.0064655097245, -0.0005244825788}),
             "ring v");
-  state.add(distance(tree.w[kRing], {0.0033045687290, 0.0077588773864, 0.0006835770587}),
-            "ring w");
+  state.add(distance(tree.w[kRing], {0.0033045687290, 0.0077588773864, 0.0006835770587}), "ring w");
   const double length[6] = {3.153418355592, 3.153531227102, 3.153473361997,
                             3.153540275342, 3.15369576913,  3.153320900893};
   for (size_t i = 0; i < 6; ++i) {

@@ -75,8 +75,8 @@ TEST_P(Vectors, every_expected_figure_is_met) {
 
 INSTANTIATE_TEST_SUITE_P(
     files, Vectors,
-    // Measured: positions 2e-15 (crank_nested), the rest 1e-14 (planar_two_loop, hexapod by Newton).
-    // The reference itself promises 1e-12 and 1e-11.
+    // Measured: positions 2e-15 (crank_nested), the rest 1e-14 (planar_two_loop, hexapod by
+    // Newton). The reference itself promises 1e-12 and 1e-11.
     ::testing::Values(VectorCase{"hexapod_r2p1r3.json", false, 4e-15, 1e-13},
                       VectorCase{"hexapod_r2p1r3.json", true, 4e-15, 1e-13},
                       VectorCase{"crank_nested.json", false, 2e-14, 5e-14},
