@@ -160,7 +160,7 @@ def write_result(run: Recording, path: Path) -> None:
     if path.suffix == ".npz":
         np.savez_compressed(path, names=run.names, units=run.units, values=run.values)
     else:
-        np.savetxt(path, run.values, "%.10g", ",", header=",".join(run.names), comments="")
+        np.savetxt(path, run.values, "%.15g", ",", header=",".join(run.names), comments="")
 
 
 def write_summary(summary: dict, path: Path) -> None:
