@@ -185,9 +185,9 @@ Status calc_kinematics(const DockingModel& model, const S* y, DockingData<S>& da
     data.vehicle[kChaser] = get_body_motion(data.mechanism.tree, model.mechanism.vehicle);
   }
   data.interface[kChaser] = find_frame_on(data.vehicle[kChaser], model.interface_pose[kChaser]);
-  data.capture = find_frame_on(
-      get_body_motion(data.mechanism.tree, model.mechanism.model.capture_body),
-      model.capture_in_body);
+  data.capture =
+      find_frame_on(get_body_motion(data.mechanism.tree, model.mechanism.model.capture_body),
+                    model.capture_in_body);
   if (model.present[kTarget]) {
     data.vehicle[kTarget] = get_vehicle_pose(model, kTarget, y);
     if (model.moves[kTarget]) calc_target_velocity(model, y, data.vehicle[kTarget]);
@@ -206,11 +206,11 @@ Status calc_capture_forces(const DockingModel& model, const DiscreteState& discr
   if (!model.present[kTarget]) return {};
   if (!model.contact.empty()) {
     const bool bristles = model.layout.bristle_count > 0;
-    S* rates = bristles ? (ydot ? ydot + model.layout.bristles : data.bristle_rate.data()) : nullptr;
-    const Status status =
-        calc_contact(model.contact, memory, data.relative,
-                     bristles ? y + model.layout.bristles : nullptr, rates, data.contact_work,
-                     data.contact);
+    S* rates =
+        bristles ? (ydot ? ydot + model.layout.bristles : data.bristle_rate.data()) : nullptr;
+    const Status status = calc_contact(model.contact, memory, data.relative,
+                                       bristles ? y + model.layout.bristles : nullptr, rates,
+                                       data.contact_work, data.contact);
     if (!status.ok()) return status;
     data.on_passive = data.contact.on_passive;
   }
@@ -329,9 +329,8 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
     load.t -= data.on_passive.t +
               (data.capture.p - mechanism.tree.p[capture_body]).cross(data.on_passive.f);
   }
-  data.thrust = discrete.thrust_on
-                    ? Vec3<S>(data.interface[kChaser].R.col(0) * S(model.thrust))
-                    : Vec3<S>(Vec3<S>::Zero());
+  data.thrust = discrete.thrust_on ? Vec3<S>(data.interface[kChaser].R.col(0) * S(model.thrust))
+                                   : Vec3<S>(Vec3<S>::Zero());
   const Vec3<S> chaser_force = loads.force[kChaser].template cast<S>() + data.thrust;
   const Vec3<S> chaser_moment = chaser.R * loads.torque[kChaser].template cast<S>();
   if (model.mechanism.vehicle != kBase) {
@@ -363,8 +362,8 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
         (mechanism.tree.h_sum[0] + mass * mechanism.tree.p[0]).cross(gravity);
     const Vec3<S> force = chaser_force + mass * gravity;
     const Vec3<S> moment = chaser_moment + chaser.p.cross(chaser_force) + weight_moment;
-    put_vehicle_rates<S>(model, kChaser, chaser, force - data.on_passive.f,
-                         moment - capture_moment, y, ydot);
+    put_vehicle_rates<S>(model, kChaser, chaser, force - data.on_passive.f, moment - capture_moment,
+                         y, ydot);
     impulse += force;
     angular_impulse += moment;
     const S* momentum = y + model.layout.momentum[kChaser];
@@ -426,18 +425,16 @@ Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingDat
     if (!model.moves[kTarget]) return sum;
     const FrameMotion<S>& target = data.vehicle[kTarget];
     sum.f = S(model.vehicle[kTarget].mass) * target.v;
-    sum.t = target.p.cross(sum.f) +
-            target.R * (model.vehicle[kTarget].inertia.template cast<S>() *
-                        (target.R.transpose() * target.w));
+    sum.t = target.p.cross(sum.f) + target.R * (model.vehicle[kTarget].inertia.template cast<S>() *
+                                                (target.R.transpose() * target.w));
     return sum;
   }
   const TreeData<S>& tree = data.mechanism.tree;
   for (size_t i = 0; i < model.mechanism.model.bodies.size(); ++i) {
-    const Vec3<S> linear = S(model.mechanism.model.bodies[i].mass) * tree.u[i] +
-                           tree.w[i].cross(tree.h_body[i]);
+    const Vec3<S> linear =
+        S(model.mechanism.model.bodies[i].mass) * tree.u[i] + tree.w[i].cross(tree.h_body[i]);
     sum.f += linear;
-    sum.t += tree.p[i].cross(linear) + tree.I_body[i] * tree.w[i] +
-             tree.h_body[i].cross(tree.u[i]);
+    sum.t += tree.p[i].cross(linear) + tree.I_body[i] * tree.w[i] + tree.h_body[i].cross(tree.u[i]);
   }
   return sum;
 }
@@ -466,14 +463,13 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
   return {};
 }
 
-#define DOCK_INSTANTIATE(S)                                                                      \
-  template struct DockingData<S>;                                                                \
-  template Status calc_docking<S>(const DockingModel&, const DiscreteState&,                     \
-                                  const ContactMemory&, const Loads&, S, const S*, S*,           \
-                                  DockingData<S>&);                                              \
-  template FrameMotion<S> find_frame_on<S>(const FrameMotion<S>&, const Pose<double>&);          \
-  template RelativeMotion<S> find_relative<S>(const FrameMotion<S>&, const FrameMotion<S>&);     \
-  template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                 \
+#define DOCK_INSTANTIATE(S)                                                                        \
+  template struct DockingData<S>;                                                                  \
+  template Status calc_docking<S>(const DockingModel&, const DiscreteState&, const ContactMemory&, \
+                                  const Loads&, S, const S*, S*, DockingData<S>&);                 \
+  template FrameMotion<S> find_frame_on<S>(const FrameMotion<S>&, const Pose<double>&);            \
+  template RelativeMotion<S> find_relative<S>(const FrameMotion<S>&, const FrameMotion<S>&);       \
+  template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                   \
   template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);
 
 DOCK_INSTANTIATE(double)

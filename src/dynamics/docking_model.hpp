@@ -7,9 +7,9 @@
 // State y (StateLayout): for each moving vehicle its pose and, instead of a velocity, the linear
 // and angular momentum (about the origin of O) of everything that moves with it, mechanism
 // included; for the mechanism its independent coordinates and velocities relative to the vehicle;
-// bristles; energy sinks and external impulses. Rates of the momenta are plain sums of forces, which
-// Runge-Kutta methods add up without error: momentum balances to rounding at any tolerance. The
-// vehicle's velocity follows from its momentum with the factor of the reduced inertia that the
+// bristles; energy sinks and external impulses. Rates of the momenta are plain sums of forces,
+// which Runge-Kutta methods add up without error: momentum balances to rounding at any tolerance.
+// The vehicle's velocity follows from its momentum with the factor of the reduced inertia that the
 // accelerations need anyway.
 #pragma once
 
@@ -28,10 +28,10 @@ enum Sum { kSumContact, kSumFriction, kSumLegs, kSumLatches, kSumExternal, kSumC
 
 /// Where things are in y; -1 = not there.
 struct StateLayout {
-  int mechanism_q = 0, mechanism_v = 0;          ///< independent coordinates, velocities
-  int mechanism_nq = 0, mechanism_nv = 0;        ///< without the vehicle's own
-  std::array<int, 2> pose{-1, -1};               ///< position (3) and quaternion (4) of a vehicle
-  std::array<int, 2> momentum{-1, -1};           ///< linear (3) and angular about O (3)
+  int mechanism_q = 0, mechanism_v = 0;    ///< independent coordinates, velocities
+  int mechanism_nq = 0, mechanism_nv = 0;  ///< without the vehicle's own
+  std::array<int, 2> pose{-1, -1};         ///< position (3) and quaternion (4) of a vehicle
+  std::array<int, 2> momentum{-1, -1};     ///< linear (3) and angular about O (3)
   int bristles = 0, bristle_count = 0;
   int sums = 0;     ///< kSumCount energies [J]
   int impulse = 0;  ///< external impulse (3), external angular impulse about O (3)
@@ -41,21 +41,21 @@ struct StateLayout {
 /// Everything that does not change during a run.
 struct DockingModel {
   explicit DockingModel(Mechanism attached) : mechanism(std::move(attached)) {}
-  Mechanism mechanism;               ///< on the chaser (or on the immobile base)
+  Mechanism mechanism;  ///< on the chaser (or on the immobile base)
   std::array<bool, 2> present{true, true};
   std::array<bool, 2> moves{true, true};
-  std::array<Pose<double>, 2> fixed_pose;     ///< in O, of a vehicle that does not move
-  std::array<Pose<double>, 2> interface_pose; ///< A in C, P in D
-  std::array<VehicleBody, 2> vehicle;         ///< bare vehicles
-  VehicleBody frozen;                         ///< mechanism at home that the stated chaser
-                                              ///< includes, axes of C; no mass if excluded
-  Pose<double> base_in_chaser;                ///< B in C
-  Pose<double> capture_in_body;               ///< G in axes of the capture body
-  std::vector<int> mechanism_bodies;          ///< independent bodies without the vehicle
+  std::array<Pose<double>, 2> fixed_pose;      ///< in O, of a vehicle that does not move
+  std::array<Pose<double>, 2> interface_pose;  ///< A in C, P in D
+  std::array<VehicleBody, 2> vehicle;          ///< bare vehicles
+  VehicleBody frozen;                          ///< mechanism at home that the stated chaser
+                                               ///< includes, axes of C; no mass if excluded
+  Pose<double> base_in_chaser;                 ///< B in C
+  Pose<double> capture_in_body;                ///< G in axes of the capture body
+  std::vector<int> mechanism_bodies;           ///< independent bodies without the vehicle
   ContactModel contact;
   LatchSet latches;
-  double thrust = 0.0, thrust_delay = 0.0;    ///< [N] along x of A at the CoM, [s]
-  bool falling = true;                        ///< O falls with gravity
+  double thrust = 0.0, thrust_delay = 0.0;  ///< [N] along x of A at the CoM, [s]
+  bool falling = true;                      ///< O falls with gravity
   StateLayout layout;
 };
 
@@ -98,11 +98,11 @@ struct DockingData {
   ContactWorkspace<S> contact_work;
   ContactResult<S> contact;
   LatchResult<S> latch;
-  Wrench<S> on_passive;                     ///< contact and latches, about G, axes of O
+  Wrench<S> on_passive;  ///< contact and latches, about G, axes of O
   JointForceSums<S> joints;
-  VecX<S> command, joint_force;             ///< per joint force [N]
-  VecX<S> bristle_rate;                     ///< scratch where no rates are wanted
-  Vec3<S> thrust = Vec3<S>::Zero();         ///< on the chaser's CoM, axes of O
+  VecX<S> command, joint_force;      ///< per joint force [N]
+  VecX<S> bristle_rate;              ///< scratch where no rates are wanted
+  Vec3<S> thrust = Vec3<S>::Zero();  ///< on the chaser's CoM, axes of O
 };
 
 DockingModel make_docking_model(const Scene& scene,

@@ -95,7 +95,8 @@ double find_closure_residual(const Mechanism& mechanism, const MechanismData<S>&
   double largest = 0.0;
   for (size_t b = 0; b < mechanism.plan.blocks.size(); ++b) {
     largest = std::max(
-        largest, static_cast<double>(data.loops.block[b].residual.template lpNorm<Eigen::Infinity>()));
+        largest,
+        static_cast<double>(data.loops.block[b].residual.template lpNorm<Eigen::Infinity>()));
   }
   return largest;
 }
@@ -119,8 +120,8 @@ std::vector<double> find_home_gaps(const Mechanism& mechanism) {
   };
   std::vector<double> gaps;
   for (const Loop& loop : model.loops) {
-    Vec3<double> gap = locate(loop.terminal, loop.point_on_terminal) -
-                       locate(loop.closing, loop.point_on_closing);
+    Vec3<double> gap =
+        locate(loop.terminal, loop.point_on_terminal) - locate(loop.closing, loop.point_on_closing);
     if (loop.cut == CutType::kPlanarRevolute) {
       if (loop.root != kBase) gap = (tree.R[loop.root].transpose() * gap).eval();
       gaps.push_back((loop.plane_axes_in_root * gap).norm());
@@ -151,9 +152,10 @@ void close_home(Mechanism& mechanism, const std::string& source_name) {
   MechanismData<double> data(mechanism);
   const Status status = calc_position(mechanism, data);
   if (!status.ok() && status.index >= 0) {
-    const std::string reason = status.code == StatusCode::kOutOfReach    ? "its branch cannot reach"
-                               : status.code == StatusCode::kLoopSingular ? "it is singular there"
-                                                                          : "Newton does not converge";
+    const std::string reason = status.code == StatusCode::kOutOfReach ? "its branch cannot reach"
+                               : status.code == StatusCode::kLoopSingular
+                                   ? "it is singular there"
+                                   : "Newton does not converge";
     throw ModelError(source_name + ": loop '" + model.loops[status.index].name +
                      "' cannot be closed from the home pose (" + reason +
                      "); correct the geometry or give home_q");
@@ -250,14 +252,13 @@ VehicleBody find_frozen_body(const Mechanism& mechanism) {
   return frozen;
 }
 
-#define DOCK_INSTANTIATE(S)                                                                     \
-  template struct MechanismData<S>;                                                             \
-  template Status calc_position<S>(const Mechanism&, MechanismData<S>&);                        \
-  template void calc_velocity<S>(const Mechanism&, const BaseMotion<S>&, MechanismData<S>&);    \
-  template void calc_acceleration<S>(const Mechanism&, const BaseMotion<S>&, MechanismData<S>&); \
-  template void calc_reactions<S>(const Mechanism&, const BaseMotion<S>&, int,                  \
-                                  MechanismData<S>&);                                           \
-  template double find_closure_residual<S>(const Mechanism&, const MechanismData<S>&);          \
+#define DOCK_INSTANTIATE(S)                                                                        \
+  template struct MechanismData<S>;                                                                \
+  template Status calc_position<S>(const Mechanism&, MechanismData<S>&);                           \
+  template void calc_velocity<S>(const Mechanism&, const BaseMotion<S>&, MechanismData<S>&);       \
+  template void calc_acceleration<S>(const Mechanism&, const BaseMotion<S>&, MechanismData<S>&);   \
+  template void calc_reactions<S>(const Mechanism&, const BaseMotion<S>&, int, MechanismData<S>&); \
+  template double find_closure_residual<S>(const Mechanism&, const MechanismData<S>&);             \
   template double find_singularity_margin<S>(const MechanismData<S>&);
 
 DOCK_INSTANTIATE(double)

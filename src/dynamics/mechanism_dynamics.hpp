@@ -29,15 +29,15 @@ struct MechanismData {
   explicit MechanismData(const Mechanism& mechanism);
   TreeData<S> tree;
   LoopData<S> loops;
-  MatX<S> A;                    ///< joint-space inertia while it is being reduced, nv x nv
-  MatX<S> A_ind;                ///< reduced inertia, n_ind x n_ind
-  Eigen::LLT<MatX<S>> factor;   ///< of A_ind
-  VecX<S> b, b_ind;             ///< right-hand side: full (nv), reduced (n_ind)
-  VecX<S> a_ind;                ///< independent accelerations (n_ind)
-  VecX<S> tau;                  ///< joint forces (nv), written by the caller
-  VecX<S> vdot;                 ///< all accelerations (nv)
-  Wrench<S> on_base;            ///< of the mechanism on its base body, about that body's origin,
-                                ///< base axes of the tree (calc_reactions)
+  MatX<S> A;                   ///< joint-space inertia while it is being reduced, nv x nv
+  MatX<S> A_ind;               ///< reduced inertia, n_ind x n_ind
+  Eigen::LLT<MatX<S>> factor;  ///< of A_ind
+  VecX<S> b, b_ind;            ///< right-hand side: full (nv), reduced (n_ind)
+  VecX<S> a_ind;               ///< independent accelerations (n_ind)
+  VecX<S> tau;                 ///< joint forces (nv), written by the caller
+  VecX<S> vdot;                ///< all accelerations (nv)
+  Wrench<S> on_base;           ///< of the mechanism on its base body, about that body's origin,
+                               ///< base axes of the tree (calc_reactions)
 };
 
 /// In: independent entries of data.tree.q (dependent ones as a start).

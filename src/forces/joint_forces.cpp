@@ -20,9 +20,8 @@ S calc_stop(const EndStops& stops, const S& depth, const S& depth_rate, JointFor
 }  // namespace
 
 template <class S>
-JointForceSums<S> calc_joint_forces(const MechanismModel& model, const VecX<S>& q,
-                                    const VecX<S>& v, const VecX<S>& command, VecX<S>& force,
-                                    VecX<S>& tau) {
+JointForceSums<S> calc_joint_forces(const MechanismModel& model, const VecX<S>& q, const VecX<S>& v,
+                                    const VecX<S>& command, VecX<S>& force, VecX<S>& tau) {
   JointForceSums<S> sums;
   for (size_t i = 0; i < model.forces.size(); ++i) {
     const JointForce& law = model.forces[i];

@@ -25,8 +25,7 @@ struct JointForceSums {
 /// @param[out] force    force per entry of model.forces [N], positive extends
 /// @param[out] tau      joint forces (nv), added to
 template <class S>
-JointForceSums<S> calc_joint_forces(const MechanismModel& model, const VecX<S>& q,
-                                    const VecX<S>& v, const VecX<S>& command, VecX<S>& force,
-                                    VecX<S>& tau);
+JointForceSums<S> calc_joint_forces(const MechanismModel& model, const VecX<S>& q, const VecX<S>& v,
+                                    const VecX<S>& command, VecX<S>& force, VecX<S>& tau);
 
 }  // namespace dockloop

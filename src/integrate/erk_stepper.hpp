@@ -20,7 +20,8 @@ enum class StepOutcome {
 
 class ErkStepper {
  public:
-  /// What to integrate. Return 0, or > 0 for a state that cannot be evaluated (smaller step, please).
+  /// What to integrate. Return 0, or > 0 for a state that cannot be evaluated (smaller step,
+  /// please).
   struct Problem {
     int size = 0;
     int root_count = 0;

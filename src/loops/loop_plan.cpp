@@ -70,9 +70,9 @@ std::vector<Pose<double>> make_home_poses(const MechanismModel& model) {
 /// Scale of a loop: distance from the first joint to the cut point at home.
 double find_loop_size(const Loop& loop, const std::vector<Pose<double>>& home) {
   const Vec3<double> cut =
-      loop.closing == kBase ? loop.point_on_closing
-                            : Vec3<double>(home[loop.closing].R * loop.point_on_closing +
-                                           home[loop.closing].p);
+      loop.closing == kBase
+          ? loop.point_on_closing
+          : Vec3<double>(home[loop.closing].R * loop.point_on_closing + home[loop.closing].p);
   const double size = (cut - home[loop.first].p).norm();
   const double fallback = loop.point_on_terminal.norm();
   if (size > 1e-9) return size;
@@ -220,7 +220,8 @@ void fill_block(const MechanismModel& model, const LoopPlan& plan, LoopBlock& bl
   for (int k : block.loops) {
     for (const auto* path : {&plan.paths[k].terminal, &plan.paths[k].closing}) {
       for (int body : *path) {
-        for (int j = 0; j < model.bodies[body].nv(); ++j) on_path[model.bodies[body].v_index + j] = 1;
+        for (int j = 0; j < model.bodies[body].nv(); ++j)
+          on_path[model.bodies[body].v_index + j] = 1;
       }
     }
   }
@@ -249,7 +250,8 @@ void find_touched(const MechanismModel& model, LoopPlan& plan) {
     for (const Body* up = &body;;) {
       for (int i = 0; i < body.nv(); ++i) {
         for (int j = 0; j < up->nv(); ++j) {
-          nonzero[body.v_index + i][up->v_index + j] = nonzero[up->v_index + j][body.v_index + i] = 1;
+          nonzero[body.v_index + i][up->v_index + j] = nonzero[up->v_index + j][body.v_index + i] =
+              1;
         }
       }
       if (up->parent == kBase) break;

@@ -36,9 +36,9 @@ struct LoopBlock {
   std::vector<int> dep;         ///< velocity indices determined here, m of them
   std::vector<int> dep_bodies;  ///< their bodies (each with one velocity)
   std::vector<int> low;         ///< velocity indices on which they depend, ascending
-  std::vector<int> touched;     ///< velocity indices coupled to dep by inertia when it is eliminated
-  std::vector<int> column_of;   ///< column of each velocity in the block's matrix, -1 if none
-  VecX<double> dep_scale;       ///< 1 for a slide, loop size [m] for a turning joint
+  std::vector<int> touched;    ///< velocity indices coupled to dep by inertia when it is eliminated
+  std::vector<int> column_of;  ///< column of each velocity in the block's matrix, -1 if none
+  VecX<double> dep_scale;      ///< 1 for a slide, loop size [m] for a turning joint
   std::optional<SlideLeg> slide_leg;  ///< closed form, if one serves
   int size() const { return static_cast<int>(dep.size()); }
 };

@@ -10,8 +10,8 @@ namespace {
 
 /// Poses in L of the bodies on one path, and of a point on the last one.
 template <class S>
-Vec3<S> calc_path(const TreeData<S>& tree, const std::vector<int>& path,
-                  const Vec3<double>& point, std::vector<Pose<S>>& pose) {
+Vec3<S> calc_path(const TreeData<S>& tree, const std::vector<int>& path, const Vec3<double>& point,
+                  std::vector<Pose<S>>& pose) {
   for (size_t i = 0; i < path.size(); ++i) {
     pose[i] = i == 0 ? tree.joint[path[i]] : pose[i - 1] * tree.joint[path[i]];
   }
@@ -98,15 +98,13 @@ PathBias<S> calc_path_bias(const MechanismModel& model, const TreeData<S>& tree,
     origin = pose[i].p;
     switch (body.joint) {
       case JointType::kRevolute: {
-        const Vec3<S> rate =
-            pose[i].R * (body.axis.template cast<S>() * tree.v[body.v_index]);
+        const Vec3<S> rate = pose[i].R * (body.axis.template cast<S>() * tree.v[body.v_index]);
         m.alpha += m.w.cross(rate);
         m.w += rate;
         break;
       }
       case JointType::kPrismatic: {
-        const Vec3<S> rate =
-            pose[i].R * (body.axis.template cast<S>() * tree.v[body.v_index]);
+        const Vec3<S> rate = pose[i].R * (body.axis.template cast<S>() * tree.v[body.v_index]);
         m.a += S(2) * m.w.cross(rate);
         break;
       }
@@ -162,8 +160,7 @@ void calc_block_position(const MechanismModel& model, const LoopPlan& plan, cons
     calc_path_columns(model, loop, cut, paths.terminal, cut.terminal, cut.p_T, S(1), row,
                       block.column_of, data.G);
     calc_path_columns(model, loop, cut, paths.closing, cut.closing, cut.p_I, S(-1), row,
-                      block.column_of,
-                      data.G);
+                      block.column_of, data.G);
   }
 }
 
@@ -180,8 +177,8 @@ S find_angle(const S& c, const S& s, const S& near) {
 /// Universal joint that points `tip` at the closing point, and the slide between them.
 /// The direction of the leg in canonical axes is Ry(p1) Rz(p2) x.                  [Y2 (9a)]
 template <class S>
-Status calc_slide_leg(const MechanismModel& model, const LoopPlan& plan, int k,
-                      const SlideLeg& leg, TreeData<S>& tree, LoopData<S>& loops) {
+Status calc_slide_leg(const MechanismModel& model, const LoopPlan& plan, int k, const SlideLeg& leg,
+                      TreeData<S>& tree, LoopData<S>& loops) {
   using std::sqrt;
   const Loop& loop = model.loops[k];
   const LoopPaths& paths = plan.paths[k];
@@ -248,7 +245,8 @@ Status solve_by_newton(const MechanismModel& model, const LoopPlan& plan, const 
     S scaled(0);
     for (int i = 0; i < m; ++i) {
       const double turning = model.bodies[block.dep_bodies[i]].joint == JointType::kPrismatic
-                                 ? plan.loop_size[k] : 1.0;
+                                 ? plan.loop_size[k]
+                                 : 1.0;
       scaled = std::max(scaled, S(abs(data.step[i]) / S(turning)));
     }
     if (!(scaled < S(1e30))) return {StatusCode::kLoopNotClosed, k, 0.0, 0.0};
@@ -450,17 +448,17 @@ void calc_loop_forces(const LoopPlan& plan, const VecX<S>& vdot, LoopData<S>& lo
   }
 }
 
-#define DOCK_INSTANTIATE(S)                                                                       \
-  template struct LoopData<S>;                                                                    \
-  template Status calc_loop_position<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&,     \
-                                        LoopData<S>&);                                            \
-  template void calc_velocity_maps<S>(const LoopPlan&, LoopData<S>&);                             \
-  template void calc_loop_velocity<S>(const LoopPlan&, TreeData<S>&, const LoopData<S>&);         \
-  template void calc_loop_bias<S>(const MechanismModel&, const LoopPlan&, const TreeData<S>&,     \
-                                  LoopData<S>&);                                                  \
-  template void reduce_inertia<S>(const LoopPlan&, MatX<S>&, LoopData<S>&);                       \
-  template void reduce_forces<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);                        \
-  template void calc_loop_acceleration<S>(const LoopPlan&, VecX<S>&, const LoopData<S>&);         \
+#define DOCK_INSTANTIATE(S)                                                                   \
+  template struct LoopData<S>;                                                                \
+  template Status calc_loop_position<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&, \
+                                        LoopData<S>&);                                        \
+  template void calc_velocity_maps<S>(const LoopPlan&, LoopData<S>&);                         \
+  template void calc_loop_velocity<S>(const LoopPlan&, TreeData<S>&, const LoopData<S>&);     \
+  template void calc_loop_bias<S>(const MechanismModel&, const LoopPlan&, const TreeData<S>&, \
+                                  LoopData<S>&);                                              \
+  template void reduce_inertia<S>(const LoopPlan&, MatX<S>&, LoopData<S>&);                   \
+  template void reduce_forces<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);                    \
+  template void calc_loop_acceleration<S>(const LoopPlan&, VecX<S>&, const LoopData<S>&);     \
   template void calc_loop_forces<S>(const LoopPlan&, const VecX<S>&, LoopData<S>&);
 
 DOCK_INSTANTIATE(double)

@@ -4,12 +4,12 @@
 //   [Y2 (1)]  closure of a cut, position                        calc_cut_position        loops_test
 //   [Y2 (1u)] extra equation of a universal cut                 calc_cut_position, calc_cut_bias
 //   [Y2 (2)-(4)] loop equations, C_dep, C_low, gamma            calc_cut_jacobian, calc_cut_bias
-//   [Y2 (5),(7)] v_dep = H v_low                                calc_loop_velocity       vectors_test
-//   [Y2 (6),(8)] vdot_dep = H vdot_low + h                      calc_loop_bias           vectors_test
+//   [Y2 (5),(7)] v_dep = H v_low                                calc_loop_velocity vectors_test [Y2
+//   (6),(8)] vdot_dep = H vdot_low + h                      calc_loop_bias           vectors_test
 //   [Y2 (9)]  Newton iteration                                  calc_loop_position       loops_test
 //   [Y2 (9a)] closed form of a universal-slide-spherical leg    calc_loop_position       loops_test
 //   [Y2 (10)] reduction, last loop to first                     reduce_inertia, reduce_forces
-//   [Y2 (11a)] cut force from Q = C_dep^T lambda                calc_loop_forces         vectors_test
+//   [Y2 (11a)] cut force from Q = C_dep^T lambda                calc_loop_forces vectors_test
 //
 // All quantities of a loop are relative to, and in axes of, the lowest common ancestor L of its
 // terminal and closing bodies: joints above L drop out exactly, not to rounding. [Y2 (4), differs:

@@ -12,16 +12,16 @@ namespace dockloop {
 
 enum class StatusCode {
   kOk = 0,
-  kOutOfReach,           ///< a closed form has no real solution (radicand <= 0)
-  kLoopSingular,         ///< loop matrix too close to singular
-  kBranchChanged,        ///< assembly branch differs from the one at initialisation
-  kLoopNotClosed,        ///< Newton iteration did not converge
-  kInertiaNotPositive,   ///< reduced inertia is not positive definite
-  kContactTooDeep,       ///< rounded cores about to meet: a smaller step is needed
-  kContactFlipped,       ///< contact normal reversed: a surface was jumped over
-  kIntegrationFailed,    ///< integrator could not meet its tolerance
-  kNotFinite,            ///< NaN or infinity
-  kBadInput,             ///< the host imposed something impossible; correct it and repeat the step
+  kOutOfReach,          ///< a closed form has no real solution (radicand <= 0)
+  kLoopSingular,        ///< loop matrix too close to singular
+  kBranchChanged,       ///< assembly branch differs from the one at initialisation
+  kLoopNotClosed,       ///< Newton iteration did not converge
+  kInertiaNotPositive,  ///< reduced inertia is not positive definite
+  kContactTooDeep,      ///< rounded cores about to meet: a smaller step is needed
+  kContactFlipped,      ///< contact normal reversed: a surface was jumped over
+  kIntegrationFailed,   ///< integrator could not meet its tolerance
+  kNotFinite,           ///< NaN or infinity
+  kBadInput,            ///< the host imposed something impossible; correct it and repeat the step
 };
 
 /// Outcome of an evaluation or a step. `index` is the loop or contact pair, `margin` the normalised

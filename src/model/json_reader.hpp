@@ -124,8 +124,8 @@ class JsonReader {
   /// Unit vector; refuses what is not one to 1e-6, then normalises the rest away.
   Vec3<double> unit_vector() const {
     const Vec3<double> v = vector<3>();
-    if (std::abs(v.norm() - 1.0) > 1e-6) fail("must be a unit vector; its length is " +
-                                              std::to_string(v.norm()));
+    if (std::abs(v.norm() - 1.0) > 1e-6)
+      fail("must be a unit vector; its length is " + std::to_string(v.norm()));
     return v.normalized();
   }
 

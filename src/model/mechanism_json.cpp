@@ -31,7 +31,8 @@ Body read_body(const JsonReader& item, const MechanismModel& model) {
   for (const Body& other : model.bodies) {
     if (other.name == body.name) item.at("name").fail("'" + body.name + "' is used twice");
   }
-  body.parent = find_body(model, item.at("parent").text(), "body '" + body.name + "' (" + item.path() + ".parent)");
+  body.parent = find_body(model, item.at("parent").text(),
+                          "body '" + body.name + "' (" + item.path() + ".parent)");
   const JsonReader joint = item.at("joint");
   const std::string type = joint.at("type").text();
   if (type == "revolute" || type == "prismatic") {
@@ -117,7 +118,9 @@ Loop read_loop(const JsonReader& item, const MechanismModel& model) {
 struct LegReader {
   JsonReader leg;
   const JsonReader* defaults;
-  bool has(const std::string& key) const { return leg.has(key) || (defaults && defaults->has(key)); }
+  bool has(const std::string& key) const {
+    return leg.has(key) || (defaults && defaults->has(key));
+  }
   /// Whoever states the member; the leg itself (and its error message) if nobody does.
   const JsonReader& owner(const std::string& key) const {
     return !leg.has(key) && defaults && defaults->has(key) ? *defaults : leg;
@@ -126,7 +129,8 @@ struct LegReader {
 
 Pose<double> find_home_pose(const MechanismModel& model, int body) {
   Pose<double> pose;
-  for (; body != kBase; body = model.bodies[body].parent) pose = model.bodies[body].placement * pose;
+  for (; body != kBase; body = model.bodies[body].parent)
+    pose = model.bodies[body].placement * pose;
   return pose;
 }
 
@@ -161,15 +165,17 @@ void add_slide_leg(const LegReader& in, MechanismModel& model) {
     y = (y - y.dot(x) * x).normalized();
   } else {
     const JsonReader& owner = in.owner("reference_axis");
-    const Vec3<double> reference =
-        owner.has("reference_axis") ? owner.at("reference_axis").unit_vector() : Vec3<double>::UnitX();
+    const Vec3<double> reference = owner.has("reference_axis")
+                                       ? owner.at("reference_axis").unit_vector()
+                                       : Vec3<double>::UnitX();
     const Vec3<double> across = reference.cross(x);
     if (across.norm() < 1e-6) {
       in.leg.fail("(leg '" + name + "') is parallel to its reference axis; give 'first_axis'");
     }
     y = across.normalized();
   }
-  const auto add_body = [&](const char* part, int parent, JointType joint, const Vec3<double>& axis) {
+  const auto add_body = [&](const char* part, int parent, JointType joint,
+                            const Vec3<double>& axis) {
     Body body;
     body.name = name + "_" + part;
     body.parent = parent;
@@ -293,8 +299,9 @@ void check_mechanism(const MechanismModel& model) {
     Eigen::SelfAdjointEigenSolver<Mat3<double>> eigen(body.inertia, Eigen::EigenvaluesOnly);
     const Vec3<double> principal = eigen.eigenvalues();
     if (principal[0] < -1e-12 * scale) {
-      throw ModelError(who + "inertia of body '" + body.name + "' has the negative principal value " +
-                       std::to_string(principal[0]) + " kg m2");
+      throw ModelError(who + "inertia of body '" + body.name +
+                       "' has the negative principal value " + std::to_string(principal[0]) +
+                       " kg m2");
     }
   }
   if (static_cast<int>(model.home_q.size()) != model.nq) {
@@ -311,7 +318,8 @@ MechanismModel read_mechanism(const std::string& json_text, const std::string& s
   model.name = root.text("name", "unnamed");
   model.gravity = root.vector<3>("gravity", Vec3<double>::Zero());
   try {
-    for (const JsonReader& item : root.list("bodies")) model.bodies.push_back(read_body(item, model));
+    for (const JsonReader& item : root.list("bodies"))
+      model.bodies.push_back(read_body(item, model));
     for (const JsonReader& item : root.list("loops")) model.loops.push_back(read_loop(item, model));
     const bool shared = root.has("leg_defaults");
     const JsonReader defaults = shared ? root.at("leg_defaults") : root;
@@ -327,7 +335,8 @@ MechanismModel read_mechanism(const std::string& json_text, const std::string& s
     }
     const JsonReader& home_owner = root.has("home_q") ? root : file;
     if (home_owner.has("home_q")) {
-      for (const JsonReader& number : home_owner.list("home_q")) model.home_q.push_back(number.number());
+      for (const JsonReader& number : home_owner.list("home_q"))
+        model.home_q.push_back(number.number());
       model.home_given = true;
     }
     number_coordinates(model);

@@ -21,13 +21,13 @@ struct Body {
   std::string name;
   int parent = kBase;
   JointType joint = JointType::kFree;
-  Vec3<double> axis = Vec3<double>::UnitZ();  ///< unit, joint axes; unused for free joints
-  Pose<double> placement;                     ///< joint axes in parent axes at zero coordinate
-  double mass = 0.0;                          ///< [kg]
-  Vec3<double> com = Vec3<double>::Zero();    ///< body axes [m]
+  Vec3<double> axis = Vec3<double>::UnitZ();    ///< unit, joint axes; unused for free joints
+  Pose<double> placement;                       ///< joint axes in parent axes at zero coordinate
+  double mass = 0.0;                            ///< [kg]
+  Vec3<double> com = Vec3<double>::Zero();      ///< body axes [m]
   Mat3<double> inertia = Mat3<double>::Zero();  ///< about the com, body axes [kg m2]
-  int q_index = 0;                            ///< first coordinate in q
-  int v_index = 0;                            ///< first velocity in v
+  int q_index = 0;                              ///< first coordinate in q
+  int v_index = 0;                              ///< first velocity in v
   int nq() const { return joint == JointType::kFree ? 7 : 1; }
   int nv() const { return joint == JointType::kFree ? 6 : 1; }
 };
@@ -65,9 +65,12 @@ struct Loop {
 /// Number of cut equations.
 inline int equation_count(CutType cut) {
   switch (cut) {
-    case CutType::kUniversal: return 4;
-    case CutType::kPlanarRevolute: return 2;
-    default: return 3;
+    case CutType::kUniversal:
+      return 4;
+    case CutType::kPlanarRevolute:
+      return 2;
+    default:
+      return 3;
   }
 }
 
@@ -83,11 +86,11 @@ struct EndStops {
 /// Spring, damper and stops along one joint coordinate:
 /// tau = -stiffness (q - rest) - damping v + preload + stops.
 struct JointForce {
-  int body = 0;             ///< whose joint
-  double stiffness = 0.0;   ///< [N/m]
-  double damping = 0.0;     ///< [N s/m]
-  double rest = 0.0;        ///< [m]
-  double preload = 0.0;     ///< [N], positive extends
+  int body = 0;            ///< whose joint
+  double stiffness = 0.0;  ///< [N/m]
+  double damping = 0.0;    ///< [N s/m]
+  double rest = 0.0;       ///< [m]
+  double preload = 0.0;    ///< [N], positive extends
   EndStops stops;
 };
 

@@ -1,7 +1,7 @@
 // A resolved scene: everything a simulation needs, read from resources/model.json of an FMU.
 //
-// `dockloop build` (scripts/dockloop/scene.py) merges a scene file, overrides and the mechanism file
-// into that one JSON document ("dockloop-scene/1"); nothing else is read at run time.
+// `dockloop build` (scripts/dockloop/scene.py) merges a scene file, overrides and the mechanism
+// file into that one JSON document ("dockloop-scene/1"); nothing else is read at run time.
 #pragma once
 
 #include <array>
@@ -21,15 +21,15 @@ enum class Motion { kFree, kDriven, kFixed };
 
 /// Parameters and initial motion of one vehicle.
 struct VehicleParameters {
-  double mass = 1.0;                                         ///< [kg]
-  Vec6<double> inertia = Vec6<double>::Zero();               ///< xx yy zz xy xz yz about CoM [kg m2]
-  Vec3<double> interface_position = Vec3<double>::Zero();    ///< origin of A in C (P in D) [m]
-  Vec4<double> interface_attitude{1, 0, 0, 0};               ///< q_CA (q_DP)
-  int mass_includes_mechanism = 1;                           ///< 1 excluded, 2 included
-  Vec3<double> position = Vec3<double>::Zero();              ///< start: CoM in N [m]
-  Vec3<double> velocity = Vec3<double>::Zero();              ///< start [m/s]
-  Vec4<double> attitude{1, 0, 0, 0};                         ///< start: body to N
-  Vec3<double> angular_velocity = Vec3<double>::Zero();      ///< start: body axes [rad/s]
+  double mass = 1.0;                                       ///< [kg]
+  Vec6<double> inertia = Vec6<double>::Zero();             ///< xx yy zz xy xz yz about CoM [kg m2]
+  Vec3<double> interface_position = Vec3<double>::Zero();  ///< origin of A in C (P in D) [m]
+  Vec4<double> interface_attitude{1, 0, 0, 0};             ///< q_CA (q_DP)
+  int mass_includes_mechanism = 1;                         ///< 1 excluded, 2 included
+  Vec3<double> position = Vec3<double>::Zero();            ///< start: CoM in N [m]
+  Vec3<double> velocity = Vec3<double>::Zero();            ///< start [m/s]
+  Vec4<double> attitude{1, 0, 0, 0};                       ///< start: body to N
+  Vec3<double> angular_velocity = Vec3<double>::Zero();    ///< start: body axes [rad/s]
 };
 
 /// Start of the mechanism away from home: capture body relative to its home pose, axes of B.
@@ -43,13 +43,13 @@ struct CaptureBodyStart {
 /// Relative state wanted at first contact, P with respect to A in axes of A (the IDSS table).
 struct ContactConditions {
   bool given = false;
-  double approach_time = 0.0;                                    ///< [s] start this long before
-  double closing_speed = 0.0;                                    ///< [m/s] along -x of A
-  Vec3<double> lateral = Vec3<double>::Zero();                   ///< (unused, y, z) [m]
-  Vec3<double> tilt = Vec3<double>::Zero();                      ///< swing (unused, y, z) [rad]
-  double roll = 0.0;                                             ///< twist about x [rad]
-  Vec3<double> lateral_velocity = Vec3<double>::Zero();          ///< (unused, y, z) [m/s]
-  Vec3<double> angular_velocity = Vec3<double>::Zero();          ///< roll, pitch, yaw rate [rad/s]
+  double approach_time = 0.0;                            ///< [s] start this long before
+  double closing_speed = 0.0;                            ///< [m/s] along -x of A
+  Vec3<double> lateral = Vec3<double>::Zero();           ///< (unused, y, z) [m]
+  Vec3<double> tilt = Vec3<double>::Zero();              ///< swing (unused, y, z) [rad]
+  double roll = 0.0;                                     ///< twist about x [rad]
+  Vec3<double> lateral_velocity = Vec3<double>::Zero();  ///< (unused, y, z) [m/s]
+  Vec3<double> angular_velocity = Vec3<double>::Zero();  ///< roll, pitch, yaw rate [rad/s]
 };
 
 /// Rated loads of the capture interface; 0 = not rated.
@@ -70,15 +70,15 @@ struct Experiment {
 };
 
 struct Scene {
-  std::string name;         ///< file name of the scene, a C identifier
-  std::string title;        ///< one line for people
+  std::string name;   ///< file name of the scene, a C identifier
+  std::string title;  ///< one line for people
   std::string mechanism_name;
   std::array<Motion, 2> motion{Motion::kFree, Motion::kFree};
-  bool has_target = true;   ///< false: mechanism alone (no contact, no relative states)
+  bool has_target = true;  ///< false: mechanism alone (no contact, no relative states)
   std::array<VehicleParameters, 2> vehicle;
-  MechanismModel mechanism;          ///< on its base B, not yet attached to the chaser
-  Pose<double> base_in_interface;    ///< pose of B in A
-  ContactModel contact;              ///< no pairs when the scene has none
+  MechanismModel mechanism;        ///< on its base B, not yet attached to the chaser
+  Pose<double> base_in_interface;  ///< pose of B in A
+  ContactModel contact;            ///< no pairs when the scene has none
   LatchSet latches;
   RatedLoads rated;
   CaptureBodyStart capture_body_start;
@@ -87,8 +87,8 @@ struct Scene {
   double restitution = 1.0, restitution_speed = 0.1;        ///< [-] at [m/s]
   SolverSettings solver;
   Experiment experiment;
-  std::vector<std::string> groups;   ///< output groups of the FMU
-  std::string fingerprint;           ///< hash of the document, 32 hex digits: the GUID
+  std::vector<std::string> groups;  ///< output groups of the FMU
+  std::string fingerprint;          ///< hash of the document, 32 hex digits: the GUID
   bool has_group(const std::string& group) const;
 };
 

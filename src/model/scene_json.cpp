@@ -94,7 +94,8 @@ void read_contact_law(const JsonReader& item, ContactLaw& law, double& restituti
   read("regularisation", law.regularisation);
   read("friction_coefficient", law.friction_coefficient);
   read("friction_speed", law.friction_speed);
-  law.friction_model = static_cast<int>(std::lround(item.number("friction_model", law.friction_model)));
+  law.friction_model =
+      static_cast<int>(std::lround(item.number("friction_model", law.friction_model)));
   read("bristle_stiffness", law.bristle_stiffness);
   read("bristle_damping", law.bristle_damping);
   read("bristle_relaxation", law.bristle_relaxation);
@@ -124,7 +125,8 @@ void read_contact(const JsonReader& mechanism, const JsonReader* overrides, Scen
     item.at("type").fail("is '" + type + "'; known types are guide_ring, absorber");
   }
   ContactLaw law;
-  if (item.has("law")) read_contact_law(item.at("law"), law, scene.restitution, scene.restitution_speed);
+  if (item.has("law"))
+    read_contact_law(item.at("law"), law, scene.restitution, scene.restitution_speed);
   if (overrides) read_contact_law(*overrides, law, scene.restitution, scene.restitution_speed);
   // The same hardware on both sides.
   const GuideRing ring = read_guide_ring(item);

@@ -20,7 +20,8 @@ std::string describe(const Status& status, const MechanismModel& mechanism) {
     return status.index >= 0 ? mechanism.loops[status.index].name : std::string("?");
   };
   switch (status.code) {
-    case StatusCode::kOk: return "ok";
+    case StatusCode::kOk:
+      return "ok";
     case StatusCode::kOutOfReach:
       std::snprintf(text, sizeof text, "loop '%s' is out of reach (margin %.3g)", loop().c_str(),
                     status.margin);
@@ -46,14 +47,17 @@ std::string describe(const Status& status, const MechanismModel& mechanism) {
                     status.index + 1, status.margin);
       break;
     case StatusCode::kContactFlipped:
-      std::snprintf(text, sizeof text, "contact pair %d would be passed through",
-                    status.index + 1);
+      std::snprintf(text, sizeof text, "contact pair %d would be passed through", status.index + 1);
       break;
     case StatusCode::kIntegrationFailed:
       std::snprintf(text, sizeof text, "the integrator cannot meet its tolerance");
       break;
-    case StatusCode::kBadInput: std::snprintf(text, sizeof text, "an input is impossible"); break;
-    case StatusCode::kNotFinite: std::snprintf(text, sizeof text, "a value is not finite"); break;
+    case StatusCode::kBadInput:
+      std::snprintf(text, sizeof text, "an input is impossible");
+      break;
+    case StatusCode::kNotFinite:
+      std::snprintf(text, sizeof text, "a value is not finite");
+      break;
   }
   return text;
 }
@@ -141,7 +145,8 @@ void DockingSim::Impl::clear() {
   zero(outputs.latch_opening, static_cast<size_t>(scene->latches.count()));
   zero(outputs.latch_force, static_cast<size_t>(scene->latches.count()));
   outputs.latched.assign(static_cast<size_t>(scene->latches.count()), 0);
-  for (auto* v : {&outputs.leg_length, &outputs.leg_rate, &outputs.leg_force}) zero(*v, m.legs.size());
+  for (auto* v : {&outputs.leg_length, &outputs.leg_rate, &outputs.leg_force})
+    zero(*v, m.legs.size());
   const LoopPlan plan = make_loop_plan(m);
   zero(outputs.state_q, plan.ind_q.size());
   zero(outputs.state_v, plan.ind_v.size());
@@ -157,9 +162,7 @@ void DockingSim::Impl::clear() {
   outputs_valid = false;
 }
 
-void DockingSim::initialise(double t0, double tolerance) {
-  impl_->initialise(t0, tolerance);
-}
+void DockingSim::initialise(double t0, double tolerance) { impl_->initialise(t0, tolerance); }
 
 void DockingSim::Impl::check_parameters() const {
   const Parameters& p = parameters;
@@ -189,7 +192,8 @@ ContactLaw DockingSim::Impl::make_contact_law() const {
   law.friction_model = parameters.friction_model;
   if (parameters.restitution != scene->restitution ||
       parameters.restitution_speed != scene->restitution_speed) {
-    law.damping = find_damping_for_restitution(parameters.restitution, parameters.restitution_speed);
+    law.damping =
+        find_damping_for_restitution(parameters.restitution, parameters.restitution_speed);
   }
   return law;
 }
@@ -310,7 +314,8 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
     // A start that touches is a first contact at the start; so is one within reach of a latch.
     if (gap <= kTouching) begin_contact(0.0);
   }
-  if (update_latches(0.0) && !evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
+  if (update_latches(0.0) && !evaluate(0.0).ok())
+    throw ModelError("start state cannot be evaluated");
   update_capture(0.0);
   update_phase(find_phase_inputs(), discrete);
   peaks.start(0.0, find_peak_values());
@@ -341,8 +346,8 @@ void DockingSim::Impl::make_stepper(double tolerance) {
     return 0;
   };
   problem.roots = [this](double t, const double* y, double* roots) {
-    const Status status = calc_docking<double>(*model, discrete, memory, loads, elapsed + t, y,
-                                               nullptr, *rate_data);
+    const Status status =
+        calc_docking<double>(*model, discrete, memory, loads, elapsed + t, y, nullptr, *rate_data);
     if (!status.ok()) {
       last_trouble = status;
       return 1;
@@ -384,16 +389,17 @@ void DockingSim::Impl::warn_about_start() {
     warnings.push_back(text);
   }
   if (!scene->mechanism.gravity.isZero(0.0)) {
-    warnings.push_back("gravity in the mechanism file is used by 'dockloop check' only; connect the "
-                       "input 'gravity'");
+    warnings.push_back(
+        "gravity in the mechanism file is used by 'dockloop check' only; connect the "
+        "input 'gravity'");
   }
   if (!has_surfaces() || model->contact.kind != ContactModel::Kind::kRings) return;
   // k >= 4 m v^2/rounding^2 for what hits: the capture body on its legs.
   const int body = model->mechanism.model.capture_body;
   const double mass = body == kBase ? 0.0 : model->mechanism.model.bodies[body].mass;
   const double v = data->relative.v.norm();
-  const double needed = 4.0 * mass * v * v /
-                        (model->contact.least_rounding * model->contact.least_rounding);
+  const double needed =
+      4.0 * mass * v * v / (model->contact.least_rounding * model->contact.least_rounding);
   if (needed > model->contact.law.stiffness) {
     std::snprintf(text, sizeof text,
                   "contact stiffness %.3g N/m is low for a closing speed of %.3g m/s: at least "

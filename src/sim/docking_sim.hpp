@@ -22,25 +22,25 @@ namespace dockloop {
 /// Everything that can be chosen before the run starts. Start values come from the scene.
 struct Parameters {
   std::array<VehicleParameters, 2> vehicle;  ///< [kChaser], [kTarget]; model/scene.hpp
-  double contact_thrust = 0.0;               ///< [N] along +x of A, from first contact until captured
-  double contact_thrust_delay = 0.0;         ///< [s] after first contact
-  double friction_coefficient = 0.0;         ///< [-]
-  int friction_model = 1;                    ///< 1 regularised, 2 bristle
-  double restitution = 0.0;                  ///< [-] at restitution_speed
-  double restitution_speed = 0.0;            ///< [m/s]
-  int solver_method = 1;                     ///< 1 auto, 2 explicit
-  double rtol = 0.0;                         ///< [-]
-  double atol_position = 0.0;                ///< [m], also taken for attitude [-]
-  double atol_velocity = 0.0;                ///< [m/s], also for angular velocity [rad/s]
-  double atol_energy = 0.0;                  ///< [J] of the energy sinks
+  double contact_thrust = 0.0;        ///< [N] along +x of A, from first contact until captured
+  double contact_thrust_delay = 0.0;  ///< [s] after first contact
+  double friction_coefficient = 0.0;  ///< [-]
+  int friction_model = 1;             ///< 1 regularised, 2 bristle
+  double restitution = 0.0;           ///< [-] at restitution_speed
+  double restitution_speed = 0.0;     ///< [m/s]
+  int solver_method = 1;              ///< 1 auto, 2 explicit
+  double rtol = 0.0;                  ///< [-]
+  double atol_position = 0.0;         ///< [m], also taken for attitude [-]
+  double atol_velocity = 0.0;         ///< [m/s], also for angular velocity [rad/s]
+  double atol_energy = 0.0;           ///< [J] of the energy sinks
 };
 
 /// What the host may change at any communication point.
 struct Inputs {
   struct Vehicle {
-    Vec3<double> position = Vec3<double>::Zero();  ///< driven only: CoM in N [m]
-    Vec3<double> velocity = Vec3<double>::Zero();  ///< driven only: in N [m/s]
-    Vec4<double> attitude{1, 0, 0, 0};             ///< driven only: body to N, (w, x, y, z)
+    Vec3<double> position = Vec3<double>::Zero();          ///< driven only: CoM in N [m]
+    Vec3<double> velocity = Vec3<double>::Zero();          ///< driven only: in N [m/s]
+    Vec4<double> attitude{1, 0, 0, 0};                     ///< driven only: body to N, (w, x, y, z)
     Vec3<double> angular_velocity = Vec3<double>::Zero();  ///< driven only: body axes [rad/s]
     Vec3<double> force_ext = Vec3<double>::Zero();         ///< in N [N]
     Vec3<double> torque_ext = Vec3<double>::Zero();        ///< about CoM, body axes [N m]
@@ -70,8 +70,8 @@ struct Outputs {
   Vec4<double> relative_attitude{1, 0, 0, 0};                     ///< q_AP
   Vec3<double> relative_velocity = Vec3<double>::Zero();          ///< d/dt relative_position [m/s]
   Vec3<double> relative_angular_velocity = Vec3<double>::Zero();  ///< [rad/s]
-  double relative_axial = 0.0;      ///< relative_position[0] [m]
-  double relative_lateral = 0.0;    ///< norm of the y-z part [m]
+  double relative_axial = 0.0;                                    ///< relative_position[0] [m]
+  double relative_lateral = 0.0;                                  ///< norm of the y-z part [m]
   double relative_pitch_yaw = 0.0;  ///< angle between the docking axes [rad]
   double relative_roll = 0.0;       ///< twist about the docking axis [rad]
   double gap = 0.0;                 ///< smallest signed distance of the capture surfaces [m]
@@ -96,10 +96,10 @@ struct Outputs {
   int phase = 1;    ///< 1 approach ... 8 rebound, see interface
   int outcome = 1;  ///< 1 undecided, 2 captured, 3 partial capture, 4 rebound, 5 miss
   bool captured = false;
-  std::vector<char> latched;     ///< 0 or 1, one per latch (char: vector<bool> has no addresses)
-  double time_to_contact = 0.0;  ///< [s] lower bound from gap and closing speed
-  double time_of_contact = -1.0; ///< [s] simulation time, -1 before
-  double time_of_capture = -1.0; ///< [s] simulation time, -1 before
+  std::vector<char> latched;      ///< 0 or 1, one per latch (char: vector<bool> has no addresses)
+  double time_to_contact = 0.0;   ///< [s] lower bound from gap and closing speed
+  double time_of_contact = -1.0;  ///< [s] simulation time, -1 before
+  double time_of_capture = -1.0;  ///< [s] simulation time, -1 before
 
   // group ring: G with respect to A, axes of A (angular velocity in axes of A)
   Vec3<double> ring_position = Vec3<double>::Zero();
@@ -115,7 +115,7 @@ struct Outputs {
 
   // group loops
   std::vector<Vec3<double>> loop_force;  ///< cut force on the terminal body, axes of the lca [N]
-  Vec3<double> base_force = Vec3<double>::Zero();   ///< mechanism on its base, axes and origin of B
+  Vec3<double> base_force = Vec3<double>::Zero();  ///< mechanism on its base, axes and origin of B
   Vec3<double> base_torque = Vec3<double>::Zero();
 
   // group energy
@@ -125,7 +125,8 @@ struct Outputs {
   double energy_dissipated_legs = 0.0, energy_dissipated_latches = 0.0;
   double energy_external = 0.0;  ///< work done by forces from outside [J]
   double energy_residual = 0.0;  ///< what does not add up [J]
-  double momentum_residual = 0.0;  ///< largest |p - p(0) - impulse| / momentum scale since start [-]
+  double momentum_residual =
+      0.0;  ///< largest |p - p(0) - impulse| / momentum scale since start [-]
   Vec3<double> momentum_linear = Vec3<double>::Zero();     ///< in N axes [N s]
   Vec3<double> momentum_angular = Vec3<double>::Zero();    ///< about momentum_reference [N m s]
   Vec3<double> momentum_reference = Vec3<double>::Zero();  ///< in N [m]

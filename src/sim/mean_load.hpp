@@ -25,7 +25,8 @@ inline Vec3<double> find_position_integral(const VehicleState& a, const VehicleS
 
 /// Integral of R over a step [s]: Simpson with the Hermite middle attitude, error O(h^5).
 inline Mat3<double> find_attitude_integral(const VehicleState& a, const VehicleState& b, double h) {
-  const Vec3<double> turn = quat_log<double>(quat_multiply<double>(quat_conjugate<double>(a.q), b.q));
+  const Vec3<double> turn =
+      quat_log<double>(quat_multiply<double>(quat_conjugate<double>(a.q), b.q));
   const Vec3<double> middle =
       0.5 * turn + h / 8.0 * (a.w - b.w - turn.cross(Vec3<double>(0.5 * b.w)));
   const Mat3<double> R_middle =

@@ -14,8 +14,7 @@ Wrench<double> find_capture_load(const DockingData<double>& data) {
   const FrameMotion<double>& P = data.interface[kTarget];
   Wrench<double> load;
   load.f = P.R.transpose() * data.on_passive.f;
-  load.t = P.R.transpose() *
-           (data.on_passive.t + (data.capture.p - P.p).cross(data.on_passive.f));
+  load.t = P.R.transpose() * (data.on_passive.t + (data.capture.p - P.p).cross(data.on_passive.f));
   return load;
 }
 
@@ -174,10 +173,9 @@ double DockingSim::Impl::find_acceleration_bound() const {
     if (!model->moves[i]) continue;
     const VehicleParameters& p = parameters.vehicle[i];
     const double arm = p.interface_position.norm() + model->contact.reach;
-    const double least_inertia =
-        Eigen::SelfAdjointEigenSolver<Mat3<double>>(make_symmetric(p.inertia),
-                                                    Eigen::EigenvaluesOnly)
-            .eigenvalues()[0];
+    const double least_inertia = Eigen::SelfAdjointEigenSolver<Mat3<double>>(
+                                     make_symmetric(p.inertia), Eigen::EigenvaluesOnly)
+                                     .eigenvalues()[0];
     bound += loads.force[i].norm() / p.mass + loads.torque[i].norm() * arm / least_inertia;
     if (i == kChaser) bound += data->thrust.norm() / p.mass;
   }
@@ -243,18 +241,18 @@ void DockingSim::Impl::update_mechanism_outputs() {
   for (size_t b = 0; b < model->mechanism.plan.blocks.size(); ++b) {
     const LoopBlock& block = model->mechanism.plan.blocks[b];
     for (size_t i = 0; i < block.loops.size(); ++i) {
-      const int count = std::min(3, equation_count(model->mechanism.model.loops[block.loops[i]].cut));
+      const int count =
+          std::min(3, equation_count(model->mechanism.model.loops[block.loops[i]].cut));
       for (int j = 0; j < count; ++j) {
         outputs.loop_force[block.loops[i]][j] = mechanism.loops.block[b].lambda[block.row[i] + j];
       }
     }
   }
   // Load on the base in axes and about the origin of B.
-  const FrameMotion<double> B =
-      find_frame_on(data->vehicle[kChaser], model->base_in_chaser);
-  const Vec3<double> about =
-      model->mechanism.vehicle == kBase ? Vec3<double>(Vec3<double>::Zero())
-                                        : mechanism.tree.p[model->mechanism.vehicle];
+  const FrameMotion<double> B = find_frame_on(data->vehicle[kChaser], model->base_in_chaser);
+  const Vec3<double> about = model->mechanism.vehicle == kBase
+                                 ? Vec3<double>(Vec3<double>::Zero())
+                                 : mechanism.tree.p[model->mechanism.vehicle];
   outputs.base_force = B.R.transpose() * mechanism.on_base.f;
   outputs.base_torque =
       B.R.transpose() * (mechanism.on_base.t + (about - B.p).cross(mechanism.on_base.f));
@@ -285,9 +283,9 @@ void DockingSim::Impl::update_energy_outputs() {
     if (!model->moves[i]) continue;
     const double m = i == kChaser ? data->mechanism.tree.m_sum[0] : parameters.vehicle[i].mass;
     mass += m;
-    first_moment += i == kChaser ? Vec3<double>(data->mechanism.tree.h_sum[0] +
-                                                m * data->mechanism.tree.p[0])
-                                 : Vec3<double>(m * data->vehicle[i].p);
+    first_moment +=
+        i == kChaser ? Vec3<double>(data->mechanism.tree.h_sum[0] + m * data->mechanism.tree.p[0])
+                     : Vec3<double>(m * data->vehicle[i].p);
   }
   outputs.momentum_linear = sum.f + mass * frame_velocity;
   outputs.momentum_angular = sum.t + first_moment.cross(frame_velocity);

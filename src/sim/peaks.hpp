@@ -29,7 +29,8 @@ class PeakTracker {
   void add(double t, const std::array<double, N>& value) {
     raise(value);
     // Samples much closer than their neighbours would only amplify rounding.
-    if (count_ >= 2 && t - time_[count_ - 1] < 1e-2 * (time_[count_ - 1] - time_[count_ - 2])) return;
+    if (count_ >= 2 && t - time_[count_ - 1] < 1e-2 * (time_[count_ - 1] - time_[count_ - 2]))
+      return;
     push(t, value);
     if (count_ < kWindow) return;
     for (int i = 0; i < N; ++i) {

@@ -8,7 +8,8 @@ void update_after_capture(const PhaseInputs& now, DiscreteState& state) {
   // Captured while still closing; attenuating from the first reversal; aligned once at rest.
   if (state.phase < kCaptured || state.phase == kRebound) state.phase = kCaptured;
   if (state.phase == kCaptured && now.axial_rate > 0.0) state.phase = kAttenuating;
-  if (state.phase == kAttenuating && now.speed < kAlignedSpeed && now.angular_speed < kAlignedRate) {
+  if (state.phase == kAttenuating && now.speed < kAlignedSpeed &&
+      now.angular_speed < kAlignedRate) {
     state.phase = kAligned;
   }
 }

@@ -7,8 +7,16 @@ namespace dockloop {
 
 /// Numbers of the interface: phase 6 (retracting) and 7 (hard docked) need a retraction drive,
 /// which no shipped mechanism has.
-enum Phase { kApproach = 1, kContact, kCaptured, kAttenuating, kAligned, kRetracting, kHardDocked,
-             kRebound };
+enum Phase {
+  kApproach = 1,
+  kContact,
+  kCaptured,
+  kAttenuating,
+  kAligned,
+  kRetracting,
+  kHardDocked,
+  kRebound
+};
 enum Outcome { kUndecided = 1, kOutcomeCaptured, kPartialCapture, kOutcomeRebound, kMiss };
 
 /// What the phase logic looks at, P relative to A unless stated.
@@ -22,10 +30,10 @@ struct PhaseInputs {
 };
 
 /// Limits of the phase logic (assumptions).
-constexpr double kReboundGap = 0.05;      ///< open by this much and opening: rebound [m]
-constexpr double kPassedDepth = 0.05;     ///< interface behind the ring without contact: miss [m]
-constexpr double kAlignedSpeed = 1e-3;    ///< at rest below [m/s]
-constexpr double kAlignedRate = 3.5e-4;   ///< and below this angular rate, 0.02 deg/s [rad/s]
+constexpr double kReboundGap = 0.05;     ///< open by this much and opening: rebound [m]
+constexpr double kPassedDepth = 0.05;    ///< interface behind the ring without contact: miss [m]
+constexpr double kAlignedSpeed = 1e-3;   ///< at rest below [m/s]
+constexpr double kAlignedRate = 3.5e-4;  ///< and below this angular rate, 0.02 deg/s [rad/s]
 
 /// Update phase and outcome at an accepted step.
 void update_phase(const PhaseInputs& now, DiscreteState& state);

@@ -80,8 +80,8 @@ FreeBody make_free_body(const Scene& scene, int i) {
   body.mass = p.mass + frozen.mass;
   body.com = frozen.mass / body.mass * c;
   const auto about = [](const Vec3<double>& arm, double mass) {
-    return Mat3<double>(mass * (arm.squaredNorm() * Mat3<double>::Identity() -
-                                arm * arm.transpose()));
+    return Mat3<double>(mass *
+                        (arm.squaredNorm() * Mat3<double>::Identity() - arm * arm.transpose()));
   };
   body.inertia += about(body.com, p.mass) + B.R * frozen.inertia * B.R.transpose() +
                   about(c - body.com, frozen.mass);
@@ -112,7 +112,8 @@ Placement find_placement(const Scene& scene) {
   if (scene.mechanism.capture_body != kBase) {
     Mechanism mechanism(scene.mechanism);
     MechanismData<double> data(mechanism);
-    if (!calc_position(mechanism, data).ok()) throw ModelError("mechanism cannot be closed at home");
+    if (!calc_position(mechanism, data).ok())
+      throw ModelError("mechanism cannot be closed at home");
     const int body = scene.mechanism.capture_body;
     G_in_A = scene.base_in_interface * Pose<double>{data.tree.R[body], data.tree.p[body]};
   }

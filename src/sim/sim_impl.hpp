@@ -80,7 +80,7 @@ struct DockingSim::Impl {
   std::unique_ptr<ErkStepper> stepper;             ///< owns the state y
   double t_start = 0.0;
   double energy_start = 0.0;
-  std::array<Wrench<double>, 2> momentum_start;    ///< per vehicle, with what the host changed
+  std::array<Wrench<double>, 2> momentum_start;      ///< per vehicle, with what the host changed
   Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
 
   // state beside y
@@ -92,9 +92,9 @@ struct DockingSim::Impl {
   ContactMemory memory;  ///< a function of the last accepted state
   Loads loads;
   PeakTracker<kPeakCount> peaks;
-  double host_work = 0.0;          ///< energy that imposed motion brought in [J]
-  double momentum_residual = 0.0;  ///< [-]
-  double last_step = 0.0;          ///< [s]
+  double host_work = 0.0;                      ///< energy that imposed motion brought in [J]
+  double momentum_residual = 0.0;              ///< [-]
+  double last_step = 0.0;                      ///< [s]
   std::array<VehicleState, 2> vehicle_before;  ///< at the start of the last communication step
 
   // scratch

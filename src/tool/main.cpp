@@ -71,10 +71,10 @@ int run(const std::vector<std::string>& arguments) {
   if (command == "check") {
     const std::string states = find_option(arguments, "--states");
     const bool newton = has_flag(arguments, "--newton");
-    const json result = states.empty()
-                            ? dockloop::check_mechanism_file(read_file(path), path)
-                            : dockloop::evaluate_states(read_file(path), path, read_file(states),
-                                                        states, newton);
+    const json result =
+        states.empty()
+            ? dockloop::check_mechanism_file(read_file(path), path)
+            : dockloop::evaluate_states(read_file(path), path, read_file(states), states, newton);
     std::cout << result.dump(1) << "\n";
     return 0;
   }

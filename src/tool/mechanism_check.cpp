@@ -17,9 +17,12 @@ json to_json(const VecX<double>& v) { return std::vector<double>(v.data(), v.dat
 
 std::string describe_cut(CutType cut) {
   switch (cut) {
-    case CutType::kUniversal: return "R2";
-    case CutType::kPlanarRevolute: return "R1_planar";
-    default: return "R3";
+    case CutType::kUniversal:
+      return "R2";
+    case CutType::kPlanarRevolute:
+      return "R1_planar";
+    default:
+      return "R3";
   }
 }
 

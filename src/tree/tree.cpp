@@ -110,8 +110,8 @@ void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data) {
     data.m_sum[up] += m;
     data.h_sum[up] += h + m * r;
     const Mat3<S> mixed = r * (h + S(0.5) * m * r).transpose();
-    data.I_sum[up] += data.I_sum[i] + S(2) * mixed.trace() * Mat3<S>::Identity() - mixed -
-                      mixed.transpose();
+    data.I_sum[up] +=
+        data.I_sum[i] + S(2) * mixed.trace() * Mat3<S>::Identity() - mixed - mixed.transpose();
   }
   // Columns of A: momentum of the composite body under one unit joint velocity, seen by ancestors.
   data.A.setZero();
@@ -127,8 +127,12 @@ void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data) {
         const Body& ancestor = model.bodies[j];
         const int row = ancestor.v_index;
         switch (ancestor.joint) {
-          case JointType::kRevolute: data.A(row, column) = data.e[j].dot(t); break;
-          case JointType::kPrismatic: data.A(row, column) = data.e[j].dot(f); break;
+          case JointType::kRevolute:
+            data.A(row, column) = data.e[j].dot(t);
+            break;
+          case JointType::kPrismatic:
+            data.A(row, column) = data.e[j].dot(f);
+            break;
           case JointType::kFree:
             data.A.col(column).template segment<3>(row).noalias() = data.R[j].transpose() * f;
             data.A.col(column).template segment<3>(row + 3).noalias() = data.R[j].transpose() * t;
@@ -153,8 +157,12 @@ void calc_tree_velocity(const MechanismModel& model, const Vec3<S>& base_w, Tree
     data.u[i] = w_up.cross(data.r[i]);
     if (up != kBase) data.u[i] += data.u[up];
     switch (body.joint) {
-      case JointType::kRevolute: data.w[i] += data.e[i] * data.v[body.v_index]; break;
-      case JointType::kPrismatic: data.u[i] += data.e[i] * data.v[body.v_index]; break;
+      case JointType::kRevolute:
+        data.w[i] += data.e[i] * data.v[body.v_index];
+        break;
+      case JointType::kPrismatic:
+        data.u[i] += data.e[i] * data.v[body.v_index];
+        break;
       case JointType::kFree:
         data.u[i] += data.R[i] * data.v.template segment<3>(body.v_index);
         data.w[i] += data.R[i] * data.v.template segment<3>(body.v_index + 3);

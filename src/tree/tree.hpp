@@ -73,7 +73,8 @@ void calc_joint_pose(const MechanismModel& model, int i, TreeData<S>& data);
 template <class S>
 void calc_tree_position(const MechanismModel& model, TreeData<S>& data);
 
-/// Joint-space inertia A by composite bodies.      Featherstone, Rigid Body Dynamics Algorithms, 6.2
+/// Joint-space inertia A by composite bodies.      Featherstone, Rigid Body Dynamics
+/// Algorithms, 6.2
 template <class S>
 void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data);
 
@@ -100,8 +101,12 @@ inline void get_joint_column(const Body& body, const Mat3<S>& R, const Vec3<S>& 
   angular.setZero();
   linear.setZero();
   switch (body.joint) {
-    case JointType::kRevolute: angular = e; break;
-    case JointType::kPrismatic: linear = e; break;
+    case JointType::kRevolute:
+      angular = e;
+      break;
+    case JointType::kPrismatic:
+      linear = e;
+      break;
     case JointType::kFree:
       if (k < 3) {
         linear = R.col(k);

@@ -43,8 +43,8 @@ int main(int argc, char** argv) {
   text << file.rdbuf();
   const int repetitions = argc > 2 ? std::atoi(argv[2]) : 2000;
   const Scene scene = read_scene(text.str(), argv[1]);
-  const DockingModel model = make_docking_model(scene, scene.vehicle, scene.contact.law,
-                                                scene.vehicle[kChaser].position);
+  const DockingModel model =
+      make_docking_model(scene, scene.vehicle, scene.contact.law, scene.vehicle[kChaser].position);
   DockingData<double> data(model);
   std::vector<double> y(static_cast<size_t>(model.layout.size), 0.0), ydot(y);
   int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
