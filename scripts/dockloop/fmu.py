@@ -16,6 +16,7 @@ import datetime
 import html
 import json
 import os
+import sys
 import tempfile
 import xml.etree.ElementTree as ET
 import zipfile
@@ -76,6 +77,12 @@ def build_fmu(
         model.write_text(_to_json(document))
         if document["initial"]["at"] == "first_contact":
             placed = json.loads(run_core("place", model, source=source))
+            if not placed["touches"]:
+                print(
+                    f"dockloop: warning: {paths.shown(source)}: with these conditions the capture"
+                    " surfaces never touch; the mating planes meet at the stated time instead",
+                    file=sys.stderr,
+                )
             for vehicle in ("chaser", "target"):
                 document[vehicle] |= placed[vehicle]
             model.write_text(_to_json(document))

@@ -107,6 +107,12 @@ def run_fmu(
             recording.wall = instance.loop(times, recorder, progress)
             recording.wall["load"] = loaded - began
             recording.warnings = instance.warnings
+            recording.warnings += [
+                f"{vehicle} is driven, but nobody imposes its motion in this run: it is put back"
+                " to its start at every communication point"
+                for vehicle in ("chaser", "target")
+                if scene.get(vehicle, {}).get("motion") == "driven"
+            ]
     return recording
 
 

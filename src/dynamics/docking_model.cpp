@@ -419,6 +419,17 @@ S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
 }
 
 template <class S>
+Wrench<S> find_body_momentum(const DockingModel& model, int body, const DockingData<S>& data) {
+  const TreeData<S>& tree = data.mechanism.tree;
+  Wrench<S> p;
+  p.f = S(model.mechanism.model.bodies[body].mass) * tree.u[body] +
+        tree.w[body].cross(tree.h_body[body]);
+  p.t = tree.p[body].cross(p.f) + tree.I_body[body] * tree.w[body] +
+        tree.h_body[body].cross(tree.u[body]);
+  return p;
+}
+
+template <class S>
 Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data) {
   Wrench<S> sum;
   if (vehicle == kTarget) {
@@ -429,12 +440,10 @@ Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingDat
                                                 (target.R.transpose() * target.w));
     return sum;
   }
-  const TreeData<S>& tree = data.mechanism.tree;
   for (size_t i = 0; i < model.mechanism.model.bodies.size(); ++i) {
-    const Vec3<S> linear =
-        S(model.mechanism.model.bodies[i].mass) * tree.u[i] + tree.w[i].cross(tree.h_body[i]);
-    sum.f += linear;
-    sum.t += tree.p[i].cross(linear) + tree.I_body[i] * tree.w[i] + tree.h_body[i].cross(tree.u[i]);
+    const Wrench<S> p = find_body_momentum(model, static_cast<int>(i), data);
+    sum.f += p.f;
+    sum.t += p.t;
   }
   return sum;
 }
@@ -470,6 +479,7 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
   template FrameMotion<S> find_frame_on<S>(const FrameMotion<S>&, const Pose<double>&);            \
   template RelativeMotion<S> find_relative<S>(const FrameMotion<S>&, const FrameMotion<S>&);       \
   template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                   \
+  template Wrench<S> find_body_momentum<S>(const DockingModel&, int, const DockingData<S>&);       \
   template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);
 
 DOCK_INSTANTIATE(double)

@@ -128,6 +128,10 @@ RelativeMotion<S> find_relative(const FrameMotion<S>& from, const FrameMotion<S>
 template <class S>
 S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data);
 
+/// Momentum of one body of the tree, axes of O, angular part about the origin of O.
+template <class S>
+Wrench<S> find_body_momentum(const DockingModel& model, int body, const DockingData<S>& data);
+
 /// Momentum of one vehicle (with the mechanism for the chaser) as a sum over bodies, axes of O,
 /// angular part about the origin of O. Independent of the momentum states. @pre calc_docking
 template <class S>

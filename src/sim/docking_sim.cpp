@@ -11,8 +11,8 @@
 namespace dockloop {
 namespace {
 
-constexpr int kMaxInnerSteps = 2000000;  ///< per communication step
-constexpr double kTouching = 1e-9;       ///< gap that counts as contact at the start [m]
+constexpr int kMaxInnerSteps = 100000;  ///< per communication step
+constexpr double kTouching = 1e-9;      ///< gap that counts as contact at the start [m]
 
 std::string describe(const Status& status, const MechanismModel& mechanism) {
   char text[240];
@@ -297,6 +297,10 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   std::fill(due.begin(), due.end(), char(0));
   host_work = 0.0;
   momentum_residual = 0.0;
+  // At rest the scale is what the tolerance lets a vehicle move.
+  momentum_scale = parameters.atol_velocity * parameters.vehicle[kChaser].mass;
+  angular_momentum_scale = 0.0;
+  mean_load = {};
   set_start_state();
 
   const Status status = evaluate(0.0);
@@ -317,6 +321,9 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   if (update_latches(0.0) && !evaluate(0.0).ok())
     throw ModelError("start state cannot be evaluated");
   update_capture(0.0);
+  memory_before = memory;
+  memory_before.gap.reserve(static_cast<size_t>(model->contact.pair_count()));
+  memory_before.near.reserve(static_cast<size_t>(model->contact.pair_count()));
   update_phase(find_phase_inputs(), discrete);
   peaks.start(0.0, find_peak_values());
   for (int i : {kChaser, kTarget}) vehicle_before[i] = find_vehicle_state(i);
@@ -446,6 +453,12 @@ Status DockingSim::Impl::receive_driven_vehicles() {
   }
   status = evaluate(0.0);
   if (!status.ok()) return status;
+  // The jump may begin a contact, and its forces count as peaks.
+  if (has_surfaces()) {
+    update_contact_memory(model->contact, data->relative, bristles(), data->contact_work, memory);
+    if (!discrete.contacted && data->contact.gap <= 0.0) begin_contact(elapsed);
+  }
+  peaks.begin(elapsed, find_peak_values());
   // What the host did to the motion is its work and impulse, not an error of the integration.
   host_work += find_total_energy() - energy_before;
   for (int i : {kChaser, kTarget}) {
@@ -463,9 +476,9 @@ Status DockingSim::step(double t, double h) {
   std::copy(me.stepper->y(), me.stepper->y() + me.model->layout.size, me.y_before.begin());
   me.discrete_before = me.discrete;
   me.peaks_before = me.peaks;
+  me.memory_before = me.memory;
   const double host_work = me.host_work, elapsed = me.elapsed;
   const auto momentum_start = me.momentum_start;
-  const auto vehicle_before = me.vehicle_before;
   me.elapsed = t - me.t_start;
   me.read_inputs();
   Status status;
@@ -483,12 +496,9 @@ Status DockingSim::step(double t, double h) {
     me.host_work = host_work;
     me.elapsed = elapsed;
     me.momentum_start = momentum_start;
-    me.vehicle_before = vehicle_before;
-    // The state before the step was a valid one: this evaluation cannot fail.
-    if (me.evaluate(0.0).ok() && me.has_surfaces()) {
-      update_contact_memory(me.model->contact, me.data->relative, nullptr, me.data->contact_work,
-                            me.memory);
-    }
+    me.memory = me.memory_before;
+    // Outputs read after a refusal are those of before; the state was a valid one.
+    if (!me.evaluate(0.0).ok()) status.code = StatusCode::kNotFinite;
     char text[120];
     std::snprintf(text, sizeof text, "step from t = %.9g s over %.6g s: ", t, h);
     if (me.status_text.empty()) me.status_text = describe(status, me.model->mechanism.model);
@@ -534,6 +544,9 @@ Status DockingSim::Impl::integrate(double h) {
     }
     if (restart) stepper->restart(tau, std::min(proposal, h - tau));
   }
+  status_text =
+      "it needs more than " + std::to_string(kMaxInnerSteps) +
+      " inner steps: contact far too fast or too stiff; shorten the step or check the speeds";
   return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
 }
 
@@ -587,7 +600,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   }
   bool jumped = false;
   const double now = elapsed + tau;
-  if (due[0] && !discrete.contacted) {
+  if (!discrete.contacted && has_surfaces() && (due[0] || data->contact.gap <= 0.0)) {
     begin_contact(now);
     jumped = true;
   }
@@ -703,30 +716,56 @@ void DockingSim::Impl::finish_step(double t, double h) {
   }
   last_step = h;
   outputs_valid = false;
-  double worst = 0.0;
+  update_mean_loads(h);
+  update_momentum_audit();
+}
+
+/// Mean loads over the step just made, with the inputs that it was made with.
+void DockingSim::Impl::update_mean_loads(double h) {
+  for (int i : {kChaser, kTarget}) {
+    if (!model->present[i] || !model->moves[i]) continue;
+    // Impulse on the vehicle as its host knows it (stated mass and inertia), less known loads.
+    const VehicleParameters& p = parameters.vehicle[i];
+    const Mat3<double> I = make_symmetric(p.inertia);
+    const VehicleState before = vehicle_before[i], after = find_vehicle_state(i);
+    const auto spin = [&](const VehicleState& s) {
+      return Vec3<double>(p.mass * s.x.cross(s.v) +
+                          quat_to_matrix<double>(s.q) * Vec3<double>(I * s.w));
+    };
+    Wrench<double> impulse;
+    impulse.f = p.mass * (after.v - before.v);
+    impulse.t = spin(after) - spin(before);
+    mean_load[i] = find_mean_load(impulse, before, after, h);
+    mean_load[i].f -= loads.force[i];
+    if (!model->falling) mean_load[i].f -= p.mass * loads.gravity;
+    mean_load[i].t -= loads.torque[i];
+  }
+}
+
+/// Compare the momentum summed over bodies with its start and the impulses from outside.
+void DockingSim::Impl::update_momentum_audit() {
+  // An immobile vehicle takes up any momentum: there is nothing to compare then.
+  if (!model->moves[kChaser] || (model->present[kTarget] && !model->moves[kTarget])) return;
   Wrench<double> difference;
-  double scale = 0.0, angular_scale = 0.0;
-  const double* impulse = stepper->y() + model->layout.impulse;
-  if (!model->moves[kChaser]) return;
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i]) continue;
     const Wrench<double> now = find_momentum(*model, i, *data);
     difference.f += now.f - momentum_start[i].f;
     difference.t += now.t - momentum_start[i].t;
-    scale = std::max({scale, momentum_start[i].f.norm(), now.f.norm()});
-    angular_scale = std::max({angular_scale, momentum_start[i].t.norm(), now.t.norm()});
+    momentum_scale = std::max({momentum_scale, momentum_start[i].f.norm(), now.f.norm()});
+    angular_momentum_scale =
+        std::max({angular_momentum_scale, momentum_start[i].t.norm(), now.t.norm()});
   }
-  if (model->present[kTarget] && !model->moves[kTarget]) return;  // an immobile target absorbs it
+  const double* impulse = stepper->y() + model->layout.impulse;
   for (int j = 0; j < 3; ++j) {
     difference.f[j] -= impulse[j];
     difference.t[j] -= impulse[3 + j];
   }
-  if (scale > 0.0) worst = difference.f.norm() / scale;
   // An aligned docking has next to no angular momentum about O: measure it by the linear one at a
   // lever of 1 m then.
-  angular_scale = std::max(angular_scale, scale * 1.0);
-  if (angular_scale > 0.0) worst = std::max(worst, difference.t.norm() / angular_scale);
-  momentum_residual = std::max(momentum_residual, worst);
+  const double angular_scale = std::max(angular_momentum_scale, momentum_scale * 1.0);
+  momentum_residual = std::max({momentum_residual, difference.f.norm() / momentum_scale,
+                                difference.t.norm() / angular_scale});
 }
 
 }  // namespace dockloop

@@ -121,21 +121,8 @@ void DockingSim::Impl::update_load_outputs() {
       outputs.vehicle[i].torque_mean = outputs.vehicle[i].torque;
       continue;
     }
-    // Impulse on the vehicle as its host knows it (stated mass and inertia), less known loads.
-    const VehicleParameters& p = parameters.vehicle[i];
-    const Mat3<double> I = make_symmetric(p.inertia);
-    const VehicleState before = vehicle_before[i], after = find_vehicle_state(i);
-    Wrench<double> impulse;
-    impulse.f = p.mass * (after.v - before.v);
-    const auto spin = [&](const VehicleState& s) {
-      return Vec3<double>(p.mass * s.x.cross(s.v) +
-                          quat_to_matrix<double>(s.q) * Vec3<double>(I * s.w));
-    };
-    impulse.t = spin(after) - spin(before);
-    const Wrench<double> mean = find_mean_load(impulse, before, after, last_step);
-    outputs.vehicle[i].force_mean = mean.f - loads.force[i];
-    if (!model->falling) outputs.vehicle[i].force_mean -= p.mass * loads.gravity;
-    outputs.vehicle[i].torque_mean = mean.t - loads.torque[i];
+    outputs.vehicle[i].force_mean = mean_load[i].f;
+    outputs.vehicle[i].torque_mean = mean_load[i].t;
   }
 }
 
@@ -272,20 +259,25 @@ void DockingSim::Impl::update_energy_outputs() {
   outputs.energy_residual = outputs.energy_kinetic + outputs.energy_potential +
                             outputs.energy_dissipated - outputs.energy_external - energy_start;
   outputs.momentum_residual = momentum_residual;
+  // Everything inside but the driven vehicles themselves.
+  const TreeData<double>& tree = data->mechanism.tree;
   Wrench<double> sum;
   double mass = 0.0;
   Vec3<double> first_moment = Vec3<double>::Zero();
-  for (int i : {kChaser, kTarget}) {
-    if (!model->present[i] || scene->motion[i] == Motion::kDriven) continue;
-    const Wrench<double> p = find_momentum(*model, i, *data);
+  if (model->moves[kTarget] && scene->motion[kTarget] != Motion::kDriven) {
+    sum = find_momentum(*model, kTarget, *data);
+    mass = parameters.vehicle[kTarget].mass;
+    first_moment = mass * data->vehicle[kTarget].p;
+  }
+  const bool driven = scene->motion[kChaser] == Motion::kDriven;
+  for (int i = 0; i < static_cast<int>(tree.R.size()); ++i) {
+    if (driven && i == model->mechanism.vehicle) continue;
+    const Wrench<double> p = find_body_momentum(*model, i, *data);
+    const double m = model->mechanism.model.bodies[i].mass;
     sum.f += p.f;
     sum.t += p.t;
-    if (!model->moves[i]) continue;
-    const double m = i == kChaser ? data->mechanism.tree.m_sum[0] : parameters.vehicle[i].mass;
     mass += m;
-    first_moment +=
-        i == kChaser ? Vec3<double>(data->mechanism.tree.h_sum[0] + m * data->mechanism.tree.p[0])
-                     : Vec3<double>(m * data->vehicle[i].p);
+    first_moment += tree.h_body[i] + m * tree.p[i];
   }
   outputs.momentum_linear = sum.f + mass * frame_velocity;
   outputs.momentum_angular = sum.t + first_moment.cross(frame_velocity);

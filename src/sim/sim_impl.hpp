@@ -44,6 +44,8 @@ struct DockingSim::Impl {
   Status evaluate(double tau);
   void calc_event_functions(const DockingData<double>& at, double* roots) const;
   void finish_step(double t, double h);
+  void update_mean_loads(double h);
+  void update_momentum_audit();
 
   double find_total_energy() const;
   double find_potential_energy() const;
@@ -93,7 +95,9 @@ struct DockingSim::Impl {
   Loads loads;
   PeakTracker<kPeakCount> peaks;
   double host_work = 0.0;                      ///< energy that imposed motion brought in [J]
-  double momentum_residual = 0.0;              ///< [-]
+  double momentum_residual = 0.0;  ///< [-]
+  double momentum_scale = 0.0, angular_momentum_scale = 0.0;  ///< largest seen [N s], [N m s]
+  std::array<Wrench<double>, 2> mean_load;                    ///< of the step just made
   double last_step = 0.0;                      ///< [s]
   std::array<VehicleState, 2> vehicle_before;  ///< at the start of the last communication step
 
@@ -102,6 +106,7 @@ struct DockingSim::Impl {
   Status last_trouble;
   std::vector<double> y_before, y_accepted;
   DiscreteState discrete_before;
+  ContactMemory memory_before;
   PeakTracker<kPeakCount> peaks_before;
 };
 
