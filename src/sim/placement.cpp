@@ -1,6 +1,7 @@
 // Placing and back-dating; see placement.hpp.
 #include "sim/placement.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "dynamics/docking_model.hpp"
@@ -15,9 +16,9 @@ double find_touching_distance(const Scene& scene, const Mat3<double>& R_AP,
                               bool& touches) {
   constexpr double kTouching = 1e-10;  // [m]
   ContactWorkspace<double> work(scene.contact);
-  double x = 2.0 * scene.contact.reach;
+  double x = std::max(2.0 * scene.contact.reach, 1.0);  // an absorber has no reach
   touches = true;
-  for (int i = 0; i < 100000 && x > -scene.contact.reach; ++i) {
+  for (int i = 0; i < 100000 && x >= -scene.contact.reach; ++i) {
     RelativeMotion<double> relative;
     relative.R = G_in_A.R.transpose() * R_AP;
     relative.p = G_in_A.R.transpose() * (Vec3<double>(x, lateral.y(), lateral.z()) - G_in_A.p);
