@@ -23,7 +23,7 @@ void require(bool ok, const char* text) {
 }  // namespace
 
 double CaptureHardware::reach() const {
-  double r = std::hypot(ring.x, ring.outer) + ring_rounding;
+  double r = find_length(ring.x, ring.outer) + ring_rounding;
   for (const Vec3<double>& node : nodes) r = std::max(r, node.norm() + ring_rounding);
   for (const Plate<double>& petal : petals) {
     for (const Vec3<double>& c : petal.corner) r = std::max(r, c.norm() + petal_rounding);

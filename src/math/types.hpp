@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>  // cross products
+#include <cmath>
 
 namespace dockloop {
 
@@ -45,6 +46,10 @@ struct Wrench {
   Vec3<S> f = Vec3<S>::Zero();
   Vec3<S> t = Vec3<S>::Zero();
 };
+
+/// Length of (a, b). Plain: quantities of a docking neither overflow nor vanish, and the library's
+/// hypot would tie the binary to a new C library.
+inline double find_length(double a, double b) { return std::sqrt(a * a + b * b); }
 
 /// Symmetric matrix from its components in the order xx yy zz xy xz yz.
 inline Mat3<double> make_symmetric(const Vec6<double>& i) {

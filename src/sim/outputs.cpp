@@ -20,8 +20,9 @@ Wrench<double> find_capture_load(const DockingData<double>& data) {
 
 /// tension, compression, shear [N], bending, torsion [N m] of a capture load.
 std::array<double, Outputs::kLoadCount> find_load_components(const Wrench<double>& load) {
-  return {std::max(0.0, -load.f.x()), std::max(0.0, load.f.x()), std::hypot(load.f.y(), load.f.z()),
-          std::hypot(load.t.y(), load.t.z()), std::abs(load.t.x())};
+  return {std::max(0.0, -load.f.x()), std::max(0.0, load.f.x()),
+          find_length(load.f.y(), load.f.z()), find_length(load.t.y(), load.t.z()),
+          std::abs(load.t.x())};
 }
 
 double find_load_ratio(const std::array<double, Outputs::kLoadCount>& load,
@@ -134,10 +135,10 @@ void DockingSim::Impl::update_relative_outputs() {
   outputs.relative_velocity = relative.v;
   outputs.relative_angular_velocity = relative.w;
   outputs.relative_axial = relative.p.x();
-  outputs.relative_lateral = std::hypot(relative.p.y(), relative.p.z());
+  outputs.relative_lateral = find_length(relative.p.y(), relative.p.z());
   // Swing and twist about x: q = swing * twist.
   const Vec4<double>& q = outputs.relative_attitude;
-  outputs.relative_pitch_yaw = 2.0 * std::atan2(std::hypot(q[2], q[3]), std::hypot(q[0], q[1]));
+  outputs.relative_pitch_yaw = 2.0 * std::atan2(find_length(q[2], q[3]), find_length(q[0], q[1]));
   outputs.relative_roll = 2.0 * std::atan2(q[1], q[0]);
   if (outputs.relative_roll > M_PI) outputs.relative_roll -= 2.0 * M_PI;
   if (outputs.relative_roll < -M_PI) outputs.relative_roll += 2.0 * M_PI;
