@@ -125,12 +125,6 @@ double ErkStepper::next_step() const {
   return h;
 }
 
-double ErkStepper::last_step() const {
-  double h = 0.0;
-  ERKStepGetLastStep(impl_->ark, &h);
-  return h;
-}
-
 bool ErkStepper::root_found(int i) const { return impl_->root_info[i] != 0; }
 
 long ErkStepper::steps() const {

@@ -44,8 +44,6 @@ class ErkStepper {
   double time() const;
   /// Step size that error control proposes for the next step [s].
   double next_step() const;
-  /// Step that was just made [s].
-  double last_step() const;
   /// Event functions found at their root by the step that returned kRoot.
   bool root_found(int i) const;
 

@@ -282,7 +282,7 @@ LoopData<S>::LoopData(const MechanismModel& model, const LoopPlan& plan) {
     data.U.setZero(touched, low);
     data.A_dt.setZero(m, touched);
     data.A_dd.setZero(m, m);
-    for (auto* x : {&data.residual, &data.h, &data.b_d, &data.lambda, &data.q_dep, &data.step}) {
+    for (auto* x : {&data.residual, &data.h, &data.b_d, &data.lambda, &data.step}) {
       x->setZero(m);
     }
     block.push_back(data);

@@ -31,7 +31,6 @@ struct CutData {
   std::vector<Pose<S>> terminal, closing;  ///< pose in L of each body on the two paths
   Vec3<S> p_T, p_I;                        ///< cut point on terminal and closing body [m]
   Vec3<S> axis_T, axis_I;                  ///< universal cut: cross axes
-  Vec3<S> w_T, w_I;                        ///< angular velocities (calc_cut_bias)
   Eigen::Matrix<S, 2, 3> plane;            ///< planar cut: in-plane axes
 };
 
@@ -47,7 +46,7 @@ struct BlockData {
   MatX<S> U, W;         ///< scratch of reduce_inertia: n_touched x n_low, m x n_low
   VecX<S> b_d;          ///< m: saved when the block is eliminated
   VecX<S> lambda;       ///< m: cut forces on the terminal bodies, axes of L [N], [N m]
-  VecX<S> q_dep, step;  ///< m: scratch of Newton
+  VecX<S> step;         ///< m: scratch
   double margin = 1.0;  ///< dimensionless distance to singularity of C_dep [-]
   int sign = 0;         ///< of det C_dep
 };

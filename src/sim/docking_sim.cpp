@@ -454,10 +454,8 @@ Status DockingSim::Impl::receive_driven_vehicles() {
   status = evaluate(0.0);
   if (!status.ok()) return status;
   // The jump may begin a contact, and its forces count as peaks.
-  if (has_surfaces()) {
-    update_contact_memory(model->contact, data->relative, bristles(), data->contact_work, memory);
-    if (!discrete.contacted && data->contact.gap <= 0.0) begin_contact(elapsed);
-  }
+  update_memory();
+  if (has_surfaces() && !discrete.contacted && data->contact.gap <= 0.0) begin_contact(elapsed);
   peaks.begin(elapsed, find_peak_values());
   // What the host did to the motion is its work and impulse, not an error of the integration.
   host_work += find_total_energy() - energy_before;
@@ -590,14 +588,7 @@ Status DockingSim::Impl::step_to_root(double tau) {
 Status DockingSim::Impl::accept(double tau, bool& changed) {
   const Status status = evaluate(tau);
   if (!status.ok()) return status;
-  if (has_surfaces()) {
-    const double dropped = update_contact_memory(model->contact, data->relative, bristles(),
-                                                 data->contact_work, memory);
-    if (dropped > 0.0) {
-      stepper->y()[model->layout.sums + kSumFriction] += dropped;
-      changed = true;
-    }
-  }
+  if (update_memory()) changed = true;
   bool jumped = false;
   const double now = elapsed + tau;
   if (!discrete.contacted && has_surfaces() && (due[0] || data->contact.gap <= 0.0)) {
@@ -620,6 +611,16 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
     peaks.add(now, find_peak_values());
   }
   return {};
+}
+
+/// Bring the contact memory up to the present state and book the energy of bristles that it drops.
+/// @return true if the state changed by that
+bool DockingSim::Impl::update_memory() {
+  if (!has_surfaces()) return false;
+  const double dropped =
+      update_contact_memory(model->contact, data->relative, bristles(), data->contact_work, memory);
+  stepper->y()[model->layout.sums + kSumFriction] += dropped;
+  return dropped > 0.0;
 }
 
 /// Change the mode of every latch that is due, by a root or because it starts there.
@@ -688,8 +689,8 @@ PhaseInputs DockingSim::Impl::find_phase_inputs() const {
   in.axial_rate = relative.v.x();
   in.speed = relative.v.norm();
   in.angular_speed = relative.w.norm();
-  in.latches = model->latches.count();
-  for (int i = 0; i < in.latches; ++i) in.latched += discrete.latch[i].mode == LatchMode::kHeld;
+  for (int i = 0; i < model->latches.count(); ++i)
+    in.latched += discrete.latch[i].mode == LatchMode::kHeld;
   return in;
 }
 

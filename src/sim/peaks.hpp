@@ -40,7 +40,6 @@ class PeakTracker {
   }
 
   const std::array<double, N>& peak() const { return peak_; }
-  void restore(const PeakTracker& other) { *this = other; }
 
  private:
   static constexpr int kWindow = 5;

@@ -26,7 +26,7 @@ struct PhaseInputs {
   double axial_rate = 0.0;     ///< [m/s]
   double speed = 0.0;          ///< of P relative to A [m/s]
   double angular_speed = 0.0;  ///< [rad/s]
-  int latches = 0, latched = 0;
+  int latched = 0;             ///< latches that hold
 };
 
 /// Limits of the phase logic (assumptions).

@@ -37,6 +37,7 @@ struct DockingSim::Impl {
   Status find_trouble(double tau) const;
   Status step_to_root(double tau);
   Status accept(double tau, bool& changed);
+  bool update_memory();
   bool update_latches(double now);
   void begin_contact(double now);
   void update_capture(double now);
@@ -94,11 +95,11 @@ struct DockingSim::Impl {
   ContactMemory memory;  ///< a function of the last accepted state
   Loads loads;
   PeakTracker<kPeakCount> peaks;
-  double host_work = 0.0;                      ///< energy that imposed motion brought in [J]
+  double host_work = 0.0;          ///< energy that imposed motion brought in [J]
   double momentum_residual = 0.0;  ///< [-]
   double momentum_scale = 0.0, angular_momentum_scale = 0.0;  ///< largest seen [N s], [N m s]
   std::array<Wrench<double>, 2> mean_load;                    ///< of the step just made
-  double last_step = 0.0;                      ///< [s]
+  double last_step = 0.0;                                     ///< [s]
   std::array<VehicleState, 2> vehicle_before;  ///< at the start of the last communication step
 
   // scratch

@@ -140,7 +140,7 @@ TEST(Peaks, go_on_alike_after_being_restored) {
   const PeakTracker<1> kept = tracker;
   for (int i = 8; i < 40; ++i) tracker.add(0.05 * i, {value(0.05 * i)});
   const double first = tracker.peak()[0];
-  tracker.restore(kept);
+  tracker = kept;
   for (int i = 8; i < 40; ++i) tracker.add(0.05 * i, {value(0.05 * i)});
   EXPECT_EQ(tracker.peak()[0], first);
 }

@@ -25,7 +25,6 @@ class Phases : public ::testing::Test {
     now.axial = 0.4;
     now.axial_rate = -0.1;
     now.speed = 0.1;
-    now.latches = 3;
   }
   void touch() {
     approach();
