@@ -100,6 +100,7 @@ fmi2Status fmi_status(StatusCode code) {
       return fmi2Discard;
     case StatusCode::kOutOfReach:
     case StatusCode::kLoopSingular:
+    case StatusCode::kRedundancyLost:
     case StatusCode::kInertiaNotPositive:
     case StatusCode::kNotFinite:
       return fmi2Error;

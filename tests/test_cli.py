@@ -62,6 +62,19 @@ def test_unknown_names_are_refused_with_near_matches(dockloop):
     assert_refused(dockloop("build", SCENES[0], "--scene", "chaser.mas=1"), "'chaser.mass'")
 
 
+@pytest.mark.parametrize(
+    ("joint", "words"),
+    [
+        ("ring", ["initial.joints.ring", "free joint", "initial.capture_body"]),
+        ("leg1_rod", ["initial.joints.leg1_rod", "a loop determines"]),
+        ("leg9", ["initial.joints.leg9", "no body of that name"]),
+    ],
+)
+def test_a_start_of_a_joint_that_cannot_have_one_is_refused_by_build(dockloop, joint, words):
+    outcome = dockloop("build", "hexapod_bench", "--scene", f"initial.joints.{joint}.rate=1")
+    assert_refused(outcome, "hexapod_bench.toml", *words, "no joint of this mechanism")
+
+
 def test_a_file_that_is_no_fmu_is_refused(dockloop, tmp_path):
     (tmp_path / "text.fmu").write_text("not a zip file")
     assert_refused(dockloop("run", "text.fmu"), "text.fmu", "not a zip file")

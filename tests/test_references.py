@@ -13,23 +13,17 @@ import numpy as np
 import pytest
 
 from dockloop.mechanism import check_mechanism
+from own_mechanism import (
+    FIXED_BASE,
+    assert_quaternion,
+    capture_body_section,
+    quaternion_product,
+    turn,
+    write_scene,
+)
 
 DATA = Path(__file__).parent / "data"
 VECTORS = ("hexapod_r2p1r3", "crank_nested", "planar_two_loop")
-
-FIXED_BASE = """
-[chaser]
-motion = "fixed"
-mass = 1000
-inertia = [1000, 1000, 1000, 0, 0, 0]
-"""
-TIGHT = """
-[solver]
-rtol = 1e-11
-atol_position = 1e-13
-atol_velocity = 1e-13
-atol_energy = 1e-10
-"""
 
 
 def flat(value):
@@ -37,22 +31,6 @@ def flat(value):
     if isinstance(value, dict):
         return np.concatenate([flat(value[key]) for key in sorted(value)])
     return np.ravel(np.array(value, dtype=float))
-
-
-def quaternion_product(p, q):
-    """Product of two quaternions (w, x, y, z)."""
-    w = p[0] * q[0] - p[1:] @ q[1:]
-    return np.array([w, *(p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:]))])
-
-
-def turn(q, v):
-    """Turn a vector from body axes to reference axes by the quaternion q (w, x, y, z)."""
-    return v + 2.0 * np.cross(q[1:], np.cross(q[1:], v) + q[0] * v)
-
-
-def assert_quaternion(ours, theirs, tolerance):
-    sign = math.copysign(1.0, np.dot(ours, theirs))
-    assert np.max(np.abs(sign * np.asarray(ours) - theirs)) < tolerance
 
 
 @pytest.mark.parametrize("name", VECTORS)
@@ -65,29 +43,6 @@ def test_check_reproduces_states_of_another_program(name):
         for key, expected in state["expected"].items():
             scale = max(1.0, np.max(np.abs(flat(expected))))
             assert np.max(np.abs(flat(result[key]) - flat(expected))) < 1e-11 * scale, key
-
-
-def write_scene(folder, mechanism, *sections):
-    """Write a mechanism and a scene that uses it; returns the scene file."""
-    (folder / "own.json").write_text(json.dumps(mechanism))
-    scene = folder / "reference.toml"
-    scene.write_text(
-        "\n".join(('title = "reference"', *sections, '[mechanism]\nname = "own"', TIGHT))
-    )
-    return str(scene)
-
-
-def capture_body_section(displacement, rotation_vector, velocity, angular_velocity):
-    """Section [initial.capture_body] from four vectors."""
-    lines = ["[initial.capture_body]"]
-    for name, vector in (
-        ("displacement", displacement),
-        ("rotation_vector", rotation_vector),
-        ("velocity", velocity),
-        ("angular_velocity", angular_velocity),
-    ):
-        lines.append(f"{name} = [{', '.join(repr(float(x)) for x in vector)}]")
-    return "\n".join(lines)
 
 
 def test_a_low_level_mechanism_moves_as_in_another_program(runs, tmp_path):

@@ -101,12 +101,14 @@ def test_overrides_reach_scene_mechanism_and_entries_of_lists_by_name():
         "mechanism.set.leg_defaults.stiffness=7100.0",
         "mechanism.set.bodies.ring.mass=41",
         "mechanism.set.legs.4.preload=5",
+        "initial.joints.crank.rate=6",
     )
     assert document["chaser"]["motion"] == "driven"
     assert document["outputs"]["groups"] == ["ring", "legs"]
     assert document["mechanism"]["leg_defaults"]["stiffness"] == 7100.0
     assert document["mechanism"]["bodies"][0]["mass"] == 41
     assert document["mechanism"]["legs"][3]["preload"] == 5
+    assert document["initial"]["joints"] == {"crank": {"rate": 6}}
 
 
 def test_a_mechanism_beside_the_scene_wins_and_may_stand_under_a_key(tmp_path):
@@ -133,6 +135,9 @@ def test_a_mechanism_beside_the_scene_wins_and_may_stand_under_a_key(tmp_path):
         ("chaser.mass=heavy", ["chaser.mass", "heavy", "a number"]),
         ("chaser.motion=drive", ["chaser.motion", "'driven'"]),
         ("chaser.inertia=[1, 2]", ["chaser.inertia", "2 entries", "must have 6"]),
+        ("initial.joints.crank.rat=1", ["initial.joints.crank", "'rat'", "'rate'"]),
+        ("initial.joints.crank.rate=fast", ["initial.joints.crank.rate", "fast", "a number"]),
+        ("initial.joints.crank=1", ["initial.joints.crank", "a group of members"]),
         ("outputs.groups=['rings']", ["outputs.groups[1]", "'ring'"]),
         ("experiment.stop=0", ["experiment.stop", "experiment.start"]),
         ("mechanism.name=idss_hexapd", ["mechanism.name", "idss_hexapd", "'idss_hexapod'"]),

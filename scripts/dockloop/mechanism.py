@@ -52,28 +52,39 @@ def check_mechanism(reference: str, states: Path | None = None) -> dict | list:
 
 
 def describe_report(report: dict) -> str:
-    """Say the report of the core in words, one fact per line and a table of the loops."""
+    """Say the report of the core in words: one fact per line, tables of loops and of ranges."""
+    tables = {
+        "loops": "loops",
+        "ranges": "reach of each independent coordinate from home, the others held",
+    }
     lines = []
     for key, value in _name_first(report).items():
-        if key in ("loops", "warnings", "home_q"):
+        if key in ("warnings", "home_q") or key in tables:
             continue
         lines.append(f"{key.replace('_', ' '):22} {_short(value)}")
-    loops = report.get("loops", [])
-    if loops:
-        columns = list(_name_first(loops[0]))
-        rows = [columns, *([_short(loop.get(c, "")) for c in columns] for loop in loops)]
-        widths = [max(len(row[i]) for row in rows) for i in range(len(columns))]
-        lines.append("loops")
-        for row in rows:
-            cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-            lines.append("  " + "  ".join(cells).rstrip())
+    for key, title in tables.items():
+        if report.get(key):
+            lines += [title, *_table([_name_first(row) for row in report[key]])]
     lines += [f"warning: {text}" for text in report.get("warnings", [])]
     return "\n".join(lines)
 
 
+def _table(rows: list[dict]) -> list[str]:
+    """Return rows as lines of aligned columns under the names of all their members."""
+    columns = list(dict.fromkeys(column for row in rows for column in row))
+    cells = [[column.replace("_", " ") for column in columns]]
+    cells += [[_short(row.get(column, "")) for column in columns] for row in rows]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(columns))]
+    return [
+        "  "
+        + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in cells
+    ]
+
+
 def _name_first(report: dict) -> dict:
     """Return a report with its member ``name`` in front."""
-    return {"name": report.get("name", ""), **report}
+    return {"name": report["name"], **report} if "name" in report else report
 
 
 def _joined(values: list) -> str:

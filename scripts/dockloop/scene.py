@@ -168,7 +168,8 @@ def apply_override(scene: dict, text: str) -> None:
     Args:
         scene: modified in place.
         text: dotted key, ``=``, a TOML value; bare words are texts. What follows
-            ``mechanism.set.`` is a path into the mechanism file.
+            ``mechanism.set.`` is a path into the mechanism file; what follows ``initial.joints.``
+            begins with the name of a body.
 
     Raises:
         UsageError: no ``=``, or a key that no scene has.
@@ -182,7 +183,7 @@ def apply_override(scene: dict, text: str) -> None:
         changes[key.removeprefix("mechanism.set.")] = value
         return
     known = _scene_keys()
-    if key not in known:
+    if key not in known and not key.startswith("initial.joints."):
         hint = did_you_mean(key, known)
         if any(name.startswith(f"{key}.") for name in known):
             hint = f" (it is a section: write {key}.MEMBER)"
@@ -257,6 +258,7 @@ def _initial(scene: dict, path: Path) -> dict:
         "lateral_velocity": disc("lateral_speed", "lateral_speed_direction_deg"),
         "angular_velocity": [degree * given.get("roll_rate_deg_s", 0.0), *rates],
         "capture_body": {**_CAPTURE_BODY, **given.get("capture_body", {})},
+        "joints": given.get("joints", {}),
     }
 
 

@@ -256,7 +256,29 @@ void put_vehicle_rates(const DockingModel& model, int i, const FrameMotion<S>& f
   put<S>(ydot + momentum + 3, moment_about_O);
 }
 
+/// Bodies whose coordinates are states: the independent ones of the mechanism.
+void list_mechanism_bodies(DockingModel& model) {
+  model.mechanism_bodies.clear();
+  for (int i : model.mechanism.plan.ind_bodies) {
+    if (i != model.mechanism.vehicle) model.mechanism_bodies.push_back(i);
+  }
+}
+
 }  // namespace
+
+void set_mechanism(DockingModel& model, const Mechanism& mechanism) {
+  model.mechanism = mechanism;
+  list_mechanism_bodies(model);
+}
+
+void get_mechanism_state(const DockingModel& model, const TreeData<double>& tree, double* y) {
+  int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
+  for (int i : model.mechanism_bodies) {
+    const Body& body = model.mechanism.model.bodies[i];
+    for (int j = 0; j < body.nq(); ++j) y[q++] = tree.q[body.q_index + j];
+    for (int j = 0; j < body.nv(); ++j) y[v++] = tree.v[body.v_index + j];
+  }
+}
 
 template <class S>
 DockingData<S>::DockingData(const DockingModel& model)
@@ -295,9 +317,7 @@ DockingModel make_docking_model(const Scene& scene,
     model.capture_in_body =
         chaser_moves ? interface_pose[kChaser] : fixed_pose[kChaser] * interface_pose[kChaser];
   }
-  for (int i : model.mechanism.plan.ind_bodies) {
-    if (i != model.mechanism.vehicle) model.mechanism_bodies.push_back(i);
-  }
+  list_mechanism_bodies(model);
   model.contact = scene.contact;
   if (!model.contact.empty()) set_law(model.contact, law);
   model.latches = scene.latches;

@@ -109,6 +109,12 @@ DockingModel make_docking_model(const Scene& scene,
                                 const std::array<VehicleParameters, 2>& parameters,
                                 const ContactLaw& law, const Vec3<double>& origin_of_O);
 
+/// Put a mechanism in other independent coordinates into the model (the same bodies and loops).
+void set_mechanism(DockingModel& model, const Mechanism& mechanism);
+
+/// Mechanism coordinates and velocities from the tree into the state.
+void get_mechanism_state(const DockingModel& model, const TreeData<double>& tree, double* y);
+
 /// Kinematics, forces and (if ydot is not null) rates at one state.
 /// @param t  [s] since start
 template <class S>

@@ -5,10 +5,16 @@
 #include <cmath>
 #include <cstdio>
 
+#include "loops/loop_analysis.hpp"
+#include "math/scalar.hpp"
+
 namespace dockloop {
 
-Mechanism::Mechanism(MechanismModel description, bool newton_only)
-    : model(std::move(description)), plan(make_loop_plan(model, newton_only)) {}
+Mechanism::Mechanism(MechanismModel description, bool newton_only_)
+    : model(std::move(description)), newton_only(newton_only_) {
+  notes = remove_redundancy(model);
+  plan = make_loop_plan(model, model.home_q, newton_only);
+}
 
 template <class S>
 MechanismData<S>::MechanismData(const Mechanism& mechanism)
@@ -18,6 +24,8 @@ MechanismData<S>::MechanismData(const Mechanism& mechanism)
   A_ind.setZero(n_ind, n_ind);
   if (n_ind > 0) factor.compute(MatX<S>::Identity(n_ind, n_ind));  // sizes it
   for (auto* x : {&b, &tau, &vdot}) x->setZero(nv);
+  joint_load.resize(mechanism.model.bodies.size());
+  scratch.resize(mechanism.model.bodies.size());
   b_ind.setZero(n_ind);
   a_ind.setZero(n_ind);
 }
@@ -91,12 +99,71 @@ void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int b
 }
 
 template <class S>
+void calc_joint_loads(const Mechanism& mechanism, MechanismData<S>& data) {
+  const MechanismModel& model = mechanism.model;
+  TreeData<S>& tree = data.tree;
+  data.scratch = tree.external;
+  // Put the cut forces on both bodies as external loads; then the tree tells the rest.
+  for (size_t k = 0; k < model.loops.size(); ++k) {
+    const Loop& loop = model.loops[k];
+    if (loop.cut == CutType::kCoupling) continue;
+    const CutData<S>& cut = data.loops.cut[k];
+    S lambda[kMaxEquations];
+    for (int j = 0; j < equation_count(loop.cut); ++j) {
+      lambda[j] = get_cut_force(mechanism.plan, data.loops, static_cast<int>(k), j);
+    }
+    Vec3<S> force = Vec3<S>::Zero(), moment = Vec3<S>::Zero();
+    if (loop.cut == CutType::kPlanarRevolute) {
+      force = cut.plane.row(0).transpose() * lambda[0] + cut.plane.row(1).transpose() * lambda[1];
+    } else {
+      force = Vec3<S>(lambda[0], lambda[1], lambda[2]);
+    }
+    for (size_t j = 0; j < mechanism.plan.cross_axes[k].size(); ++j) {
+      moment += lambda[3 + j] * cut.axis_T[j].cross(cut.axis_I);
+    }
+    const int lca = mechanism.plan.paths[k].lca;
+    if (lca != kBase) {
+      force = (tree.R[lca] * force).eval();
+      moment = (tree.R[lca] * moment).eval();
+    }
+    const auto add = [&](int body, const Vec3<double>& point, const S& sign) {
+      if (body == kBase) return;
+      const Vec3<S> arm = tree.R[body] * point.template cast<S>();
+      tree.external[body].f += sign * force;
+      tree.external[body].t += sign * (moment + arm.cross(force));
+    };
+    add(loop.terminal, loop.point_on_terminal, S(1));
+    add(loop.closing, loop.point_on_closing, S(-1));
+  }
+  calc_tree_forces(model, tree);
+  data.joint_load = tree.transmitted;
+  tree.external = data.scratch;
+}
+
+std::optional<Mechanism> find_better_coordinates(const Mechanism& mechanism,
+                                                 const MechanismData<double>& data) {
+  const VecX<double>& q = data.tree.q;
+  const std::vector<double> pose(q.data(), q.data() + q.size());
+  const auto dependents = find_better_dependents(mechanism.model, pose);
+  if (!dependents) return std::nullopt;
+  Mechanism changed = mechanism;
+  for (size_t k = 0; k < changed.model.loops.size(); ++k) {
+    Loop& loop = changed.model.loops[k];
+    if (loop.dependent == (*dependents)[k]) continue;
+    loop.dependent = (*dependents)[k];
+    if (loop.closure != ClosureKind::kNewton) loop.closure = ClosureKind::kAutomatic;
+  }
+  changed.plan = make_loop_plan(changed.model, pose, mechanism.newton_only);
+  return changed;
+}
+
+template <class S>
 double find_closure_residual(const Mechanism& mechanism, const MechanismData<S>& data) {
   double largest = 0.0;
-  for (size_t b = 0; b < mechanism.plan.blocks.size(); ++b) {
-    largest = std::max(
-        largest,
-        static_cast<double>(data.loops.block[b].residual.template lpNorm<Eigen::Infinity>()));
+  for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
+    for (int j = 0; j < equation_count(mechanism.model.loops[k].cut); ++j) {
+      largest = std::max(largest, std::abs(to_double(data.loops.cut[k].residual[j])));
+    }
   }
   return largest;
 }
@@ -120,6 +187,14 @@ std::vector<double> find_home_gaps(const Mechanism& mechanism) {
   };
   std::vector<double> gaps;
   for (const Loop& loop : model.loops) {
+    if (loop.cut == CutType::kCoupling) {
+      double gap = model.home_q[model.bodies[loop.terminal].q_index] - loop.offset;
+      for (const CouplingTerm& term : loop.terms) {
+        gap -= term.ratio * model.home_q[model.bodies[term.body].q_index];
+      }
+      gaps.push_back(std::abs(gap));
+      continue;
+    }
     Vec3<double> gap =
         locate(loop.terminal, loop.point_on_terminal) - locate(loop.closing, loop.point_on_closing);
     if (loop.cut == CutType::kPlanarRevolute) {
@@ -165,12 +240,12 @@ void close_home(Mechanism& mechanism, const std::string& source_name) {
                      ": the inertia in the independent coordinates is not positive definite; give "
                      "the bodies they move a mass");
   }
-  // A slide that must travel a good part of its leg to close was not closed at home in any sense.
+  // A leg whose slide must travel a good part of its length to close was not closed at home.
   for (const LoopBlock& block : mechanism.plan.blocks) {
-    if (!block.slide_leg) continue;
-    const Body& slide = model.bodies[block.slide_leg->slide];
+    if (!block.form() || block.form()->kind != LegKind::kR2P1R3) continue;
+    const Body& slide = model.bodies[block.form()->joint[2].body];
     const double moved = std::abs(data.tree.q[slide.q_index] - model.home_q[slide.q_index]);
-    const double limit = 0.25 * block.slide_leg->tip.norm();
+    const double limit = 0.25 * block.form()->shape.tip.norm();
     if (moved <= limit) continue;
     std::snprintf(text, sizeof text,
                   "is open at home: slide '%s' would have to move by %.6g m (limit %.6g m, a "
@@ -179,6 +254,8 @@ void close_home(Mechanism& mechanism, const std::string& source_name) {
     throw ModelError(source_name + ": loop '" + model.loops[block.loops[0]].name + "' " + text);
   }
   for (int i = 0; i < model.nq; ++i) model.home_q[i] = data.tree.q[i];
+  // Closed forms take their branch from the closed pose.
+  mechanism.plan = make_loop_plan(model, model.home_q, mechanism.newton_only);
 }
 
 MechanismModel attach_vehicle(const MechanismModel& mechanism, const VehicleBody& vehicle,
@@ -206,6 +283,7 @@ MechanismModel attach_vehicle(const MechanismModel& mechanism, const VehicleBody
     }
     for (int* index : {&loop.root, &loop.first, &loop.terminal, &loop.closing}) *index += 1;
     for (int& index : loop.dependent) index += 1;
+    for (CouplingTerm& term : loop.terms) term.body += 1;
   }
   for (JointForce& force : model.forces) force.body += 1;
   for (Leg& leg : model.legs) leg.slide_body += 1;
@@ -257,11 +335,12 @@ VehicleBody find_frozen_body(const Mechanism& mechanism) {
   template Status calc_position<S>(const Mechanism&, MechanismData<S>&);                           \
   template void calc_velocity<S>(const Mechanism&, const BaseMotion<S>&, MechanismData<S>&);       \
   template void calc_acceleration<S>(const Mechanism&, const BaseMotion<S>&, MechanismData<S>&);   \
+  template void calc_joint_loads<S>(const Mechanism&, MechanismData<S>&);                          \
   template void calc_reactions<S>(const Mechanism&, const BaseMotion<S>&, int, MechanismData<S>&); \
   template double find_closure_residual<S>(const Mechanism&, const MechanismData<S>&);             \
   template double find_singularity_margin<S>(const MechanismData<S>&);
 
-DOCK_INSTANTIATE(double)
-DOCK_INSTANTIATE(long double)
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+#undef DOCK_INSTANTIATE
 
 }  // namespace dockloop

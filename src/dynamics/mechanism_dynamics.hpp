@@ -10,17 +10,23 @@
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "loops/loops.hpp"
 
 namespace dockloop {
 
-/// Model and plan together; const during a run.
+/// Model and plan together; const during a run (but for a change of independent coordinates).
 struct Mechanism {
+  /// Redundant equations are taken out, closed forms chosen on the branch of the home pose.
   explicit Mechanism(MechanismModel description, bool newton_only = false);
   MechanismModel model;
   LoopPlan plan;
-  int vehicle = kBase;  ///< body of the vehicle if attach_vehicle() put one in
+  bool newton_only = false;
+  std::vector<std::string> notes;  ///< what was found about redundant equations
+  int vehicle = kBase;             ///< body of the vehicle if attach_vehicle() put one in
 };
 
 /// Everything computed. One per evaluation thread; sized by the constructor.
@@ -29,15 +35,18 @@ struct MechanismData {
   explicit MechanismData(const Mechanism& mechanism);
   TreeData<S> tree;
   LoopData<S> loops;
-  MatX<S> A;                   ///< joint-space inertia while it is being reduced, nv x nv
-  MatX<S> A_ind;               ///< reduced inertia, n_ind x n_ind
-  Eigen::LLT<MatX<S>> factor;  ///< of A_ind
-  VecX<S> b, b_ind;            ///< right-hand side: full (nv), reduced (n_ind)
-  VecX<S> a_ind;               ///< independent accelerations (n_ind)
-  VecX<S> tau;                 ///< joint forces (nv), written by the caller
-  VecX<S> vdot;                ///< all accelerations (nv)
-  Wrench<S> on_base;           ///< of the mechanism on its base body, about that body's origin,
-                               ///< base axes of the tree (calc_reactions)
+  MatX<S> A;                          ///< joint-space inertia while it is being reduced, nv x nv
+  MatX<S> A_ind;                      ///< reduced inertia, n_ind x n_ind
+  Eigen::LLT<MatX<S>> factor;         ///< of A_ind
+  VecX<S> b, b_ind;                   ///< right-hand side: full (nv), reduced (n_ind)
+  VecX<S> a_ind;                      ///< independent accelerations (n_ind)
+  VecX<S> tau;                        ///< joint forces (nv), written by the caller
+  VecX<S> vdot;                       ///< all accelerations (nv)
+  std::vector<Wrench<S>> joint_load;  ///< per body: what its joint (with its parent) exerts on it,
+                                      ///< about its origin, base axes (calc_joint_loads)
+  std::vector<Wrench<S>> scratch;     ///< per body
+  Wrench<S> on_base;  ///< of the mechanism on its base body, about that body's origin,
+                      ///< base axes of the tree (calc_reactions)
 };
 
 /// In: independent entries of data.tree.q (dependent ones as a start).
@@ -57,6 +66,19 @@ void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
 template <class S>
 void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int base_body,
                     MechanismData<S>& data);
+
+/// Full load in every joint of the tree, cut forces taken into account: data.joint_load. The load
+/// of a planar cut across its plane is not determined and counts as zero. @pre calc_reactions
+template <class S>
+void calc_joint_loads(const Mechanism& mechanism, MechanismData<S>& data);
+
+/// The mechanism in the independent coordinates that suit the present pose best, if they are much
+/// better than its own; otherwise nothing. Allocates. @pre calc_position
+std::optional<Mechanism> find_better_coordinates(const Mechanism& mechanism,
+                                                 const MechanismData<double>& data);
+
+/// Below this margin a better choice of coordinates is looked for.
+constexpr double kChangeMargin = 0.1;
 
 /// Largest loop gap [m] of the present position, for monitoring.
 template <class S>

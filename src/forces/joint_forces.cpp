@@ -2,6 +2,7 @@
 #include "forces/joint_forces.hpp"
 
 #include "math/one_sided_spring.hpp"
+#include "math/scalar.hpp"
 
 namespace dockloop {
 namespace {
@@ -42,12 +43,11 @@ JointForceSums<S> calc_joint_forces(const MechanismModel& model, const VecX<S>& 
   return sums;
 }
 
-template JointForceSums<double> calc_joint_forces<double>(const MechanismModel&,
-                                                          const VecX<double>&, const VecX<double>&,
-                                                          const VecX<double>&, VecX<double>&,
-                                                          VecX<double>&);
-template JointForceSums<long double> calc_joint_forces<long double>(
-    const MechanismModel&, const VecX<long double>&, const VecX<long double>&,
-    const VecX<long double>&, VecX<long double>&, VecX<long double>&);
+#define DOCK_INSTANTIATE(S)                        \
+  template JointForceSums<S> calc_joint_forces<S>( \
+      const MechanismModel&, const VecX<S>&, const VecX<S>&, const VecX<S>&, VecX<S>&, VecX<S>&);
+
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+#undef DOCK_INSTANTIATE
 
 }  // namespace dockloop

@@ -20,6 +20,11 @@ std::vector<int> find_ancestors(const MechanismModel& model, int body) {
 
 LoopPaths make_paths(const MechanismModel& model, const Loop& loop) {
   LoopPaths paths;
+  if (loop.cut == CutType::kCoupling) {
+    paths.tied = loop.dependent;
+    for (const CouplingTerm& term : loop.terms) paths.tied.push_back(term.body);
+    return paths;
+  }
   const std::vector<int> up_T = find_ancestors(model, loop.terminal);
   const std::vector<int> up_I = find_ancestors(model, loop.closing);
   for (int body : up_T) {
@@ -36,39 +41,22 @@ LoopPaths make_paths(const MechanismModel& model, const Loop& loop) {
     if (body == paths.lca) break;
     paths.closing.insert(paths.closing.begin(), body);
   }
-  if (loop.root != paths.lca) {
-    const auto at = std::find(paths.terminal.begin(), paths.terminal.end(), loop.root);
-    if (at == paths.terminal.end()) {
-      throw ModelError("loop '" + loop.name + "': root is not on the path to the terminal body");
-    }
+  const auto at = std::find(paths.terminal.begin(), paths.terminal.end(), loop.root);
+  if (at != paths.terminal.end()) {
     paths.root_on_terminal = static_cast<int>(at - paths.terminal.begin());
+  } else if (std::find(up_T.begin(), up_T.end(), loop.root) == up_T.end()) {
+    throw ModelError("loop '" + loop.name + "': root is not on the path to the terminal body");
+  } else if (loop.root != paths.lca && loop.cut == CutType::kPlanarRevolute) {
+    throw ModelError("loop '" + loop.name +
+                     "': the root of a planar cut, whose axes its plane is given in, must not lie "
+                     "above the lowest common ancestor of terminal and closing body");
   }
   return paths;
 }
 
-/// Home poses of all bodies in the base, from home_q (dependents as they stand there).
-std::vector<Pose<double>> make_home_poses(const MechanismModel& model) {
-  std::vector<Pose<double>> pose(model.bodies.size());
-  for (size_t i = 0; i < model.bodies.size(); ++i) {
-    const Body& body = model.bodies[i];
-    Pose<double> joint;
-    const double* q = model.home_q.data() + body.q_index;
-    if (body.joint == JointType::kRevolute) {
-      joint.R = axis_rotation<double>(body.axis, std::cos(q[0]), std::sin(q[0]));
-    } else if (body.joint == JointType::kPrismatic) {
-      joint.p = body.axis * q[0];
-    } else {
-      joint.p = Vec3<double>(q[0], q[1], q[2]);
-      joint.R = quat_to_matrix<double>({q[3], q[4], q[5], q[6]});
-    }
-    pose[i] = body.placement * joint;
-    if (body.parent != kBase) pose[i] = pose[body.parent] * pose[i];
-  }
-  return pose;
-}
-
 /// Scale of a loop: distance from the first joint to the cut point at home.
 double find_loop_size(const Loop& loop, const std::vector<Pose<double>>& home) {
+  if (loop.cut == CutType::kCoupling) return 1.0;
   const Vec3<double> cut =
       loop.closing == kBase
           ? loop.point_on_closing
@@ -79,55 +67,13 @@ double find_loop_size(const Loop& loop, const std::vector<Pose<double>>& home) {
   return fallback > 1e-9 ? fallback : 1.0;
 }
 
-/// Universal joint, slide along its third axis, spherical cut, all hung on the root.
-std::optional<SlideLeg> find_slide_leg(const MechanismModel& model, const Loop& loop) {
-  if (loop.cut != CutType::kSpherical || loop.dependent.size() != 3) return std::nullopt;
-  const Body& third = model.bodies[loop.terminal];
-  if (third.parent == kBase || model.bodies[third.parent].parent == kBase) return std::nullopt;
-  const int second_index = third.parent;
-  const Body& second = model.bodies[second_index];
-  const int first_index = second.parent;
-  const Body& first = model.bodies[first_index];
-  if (first_index != loop.first || first.parent != loop.root) return std::nullopt;
-  for (int body : {first_index, second_index, loop.terminal}) {
-    if (std::find(loop.dependent.begin(), loop.dependent.end(), body) == loop.dependent.end()) {
-      return std::nullopt;
-    }
-  }
-  if (first.joint != JointType::kRevolute || second.joint != JointType::kRevolute ||
-      third.joint != JointType::kPrismatic) {
-    return std::nullopt;
-  }
-  // Geometry at zero coordinates, axes of the first joint.
-  constexpr double kFits = 1e-12;
-  const Vec3<double> a1 = first.axis;
-  const Vec3<double> a2 = second.placement.R * second.axis;
-  const Mat3<double> R3 = second.placement.R * third.placement.R;
-  const Vec3<double> a3 = R3 * third.axis;
-  if (second.placement.p.norm() > kFits || std::abs(a1.dot(a2)) > kFits ||
-      (a1.cross(a2) - a3).norm() > 2 * kFits) {
-    return std::nullopt;
-  }
-  Mat3<double> canonical;
-  canonical << a1.cross(a2), a1, a2;
-  SlideLeg leg;
-  leg.universal1 = first_index;
-  leg.universal2 = second_index;
-  leg.slide = loop.terminal;
-  leg.canonical_in_root = first.placement.R * canonical;
-  leg.centre_in_root = first.placement.p;
-  leg.tip = canonical.transpose() *
-            (second.placement.R * third.placement.p + R3 * loop.point_on_terminal);
-  return leg;
-}
-
 void check_loop_table(const MechanismModel& model) {
   std::vector<int> owner(model.bodies.size(), -1);
   for (size_t k = 0; k < model.loops.size(); ++k) {
     const Loop& loop = model.loops[k];
     const std::string who = "loop '" + loop.name + "': ";
-    const int m = equation_count(loop.cut);
-    if (static_cast<int>(loop.dependent.size()) != m) {
+    const size_t m = find_active_equations(loop).size();
+    if (loop.dependent.size() != m) {
       throw ModelError(who + std::to_string(m) + " cut equations but " +
                        std::to_string(loop.dependent.size()) +
                        " dependent joints; list exactly as many joints under 'dependent'");
@@ -150,6 +96,50 @@ void check_loop_table(const MechanismModel& model) {
   }
 }
 
+/// A planar cut leaves out the equations across its plane: the joints must keep them by themselves.
+void check_plane(const MechanismModel& model, const Loop& loop, const LoopPaths& paths,
+                 const std::vector<Pose<double>>& home, double size) {
+  if (loop.cut != CutType::kPlanarRevolute) return;
+  const std::string who = "loop '" + loop.name + "' is not planar: ";
+  const Vec3<double> in_root = Vec3<double>(loop.plane_axes_in_root.row(0))
+                                   .cross(Vec3<double>(loop.plane_axes_in_root.row(1)));
+  const Vec3<double> normal = loop.root == kBase ? in_root : home[loop.root].R * in_root;
+  for (const auto* path : {&paths.terminal, &paths.closing}) {
+    for (int index : *path) {
+      const Body& body = model.bodies[index];
+      const Vec3<double> axis = home[index].R * body.axis;
+      const bool fits = body.joint == JointType::kRevolute ? axis.cross(normal).norm() < 1e-9
+                                                           : body.joint == JointType::kPrismatic &&
+                                                                 std::abs(axis.dot(normal)) < 1e-9;
+      if (!fits) {
+        throw ModelError(who + "joint '" + body.name +
+                         "' leaves the plane of its cut; turn 'plane_axes_in_root' or use a "
+                         "spherical cut");
+      }
+    }
+  }
+  const auto locate = [&](int body, const Vec3<double>& point) {
+    return body == kBase ? point : Vec3<double>(home[body].R * point + home[body].p);
+  };
+  const double gap = normal.dot(locate(loop.terminal, loop.point_on_terminal) -
+                                locate(loop.closing, loop.point_on_closing));
+  if (std::abs(gap) > 1e-9 * size) {
+    throw ModelError(who + "its cut points are " + std::to_string(gap) +
+                     " m apart across the plane, which no joint of it can change");
+  }
+}
+
+/// Axes of the terminal body that stay square to an axis of the closing body.
+std::vector<Vec3<double>> find_cross_axes(const Loop& loop) {
+  if (loop.cut == CutType::kUniversal) return {loop.axis_on_terminal};
+  if (loop.cut != CutType::kRevolute) return {};
+  int least = 0;
+  loop.axis_on_terminal.cwiseAbs().minCoeff(&least);
+  const Vec3<double> first =
+      loop.axis_on_terminal.cross(Vec3<double>(Vec3<double>::Unit(least))).normalized();
+  return {first, loop.axis_on_terminal.cross(first)};
+}
+
 /// needs[a][b]: a joint on a path of loop a is determined by loop b (a != b), or reachable so.
 std::vector<std::vector<char>> make_needs(const MechanismModel& model, const LoopPlan& plan) {
   const size_t count = model.loops.size();
@@ -157,7 +147,8 @@ std::vector<std::vector<char>> make_needs(const MechanismModel& model, const Loo
   for (size_t a = 0; a < count; ++a) {
     for (size_t b = 0; b < count; ++b) {
       for (int body : model.loops[b].dependent) {
-        for (const auto* path : {&plan.paths[a].terminal, &plan.paths[a].closing}) {
+        for (const auto* path :
+             {&plan.paths[a].terminal, &plan.paths[a].closing, &plan.paths[a].tied}) {
           if (a != b && std::find(path->begin(), path->end(), body) != path->end()) {
             needs[a][b] = 1;
           }
@@ -179,52 +170,68 @@ void order_blocks(const MechanismModel& model, LoopPlan& plan) {
   const auto needs = make_needs(model, plan);
   const size_t count = model.loops.size();
   plan.block_of_loop.assign(count, -1);
-  for (size_t done = 0; done < count;) {
-    for (size_t a = 0; a < count; ++a) {
-      if (plan.block_of_loop[a] >= 0) continue;
-      bool ready = true;
-      for (size_t b = 0; b < count; ++b) {
-        if (needs[a][b] && !needs[b][a] && plan.block_of_loop[b] < 0) ready = false;
-      }
-      if (!ready) continue;
-      LoopBlock block;
-      for (size_t b = 0; b < count; ++b) {
-        if (b == a || (needs[a][b] && needs[b][a])) {
-          block.loops.push_back(static_cast<int>(b));
-          plan.block_of_loop[b] = static_cast<int>(plan.blocks.size());
-          ++done;
-        }
-      }
-      plan.blocks.push_back(block);
-      break;
+  std::vector<char> placed(count, 0);
+  for (size_t a = 0; a < count; ++a) placed[a] = model.loops[a].dependent.empty();
+  const auto is_ready = [&](size_t a) {
+    for (size_t b = 0; b < count; ++b) {
+      if (needs[a][b] && !needs[b][a] && !placed[b]) return false;
     }
+    return !placed[a];
+  };
+  for (size_t a = 0; a < count;) {
+    if (!is_ready(a)) {
+      ++a;
+      continue;
+    }
+    LoopBlock block;
+    for (size_t b = 0; b < count; ++b) {
+      if (b == a || (needs[a][b] && needs[b][a])) {
+        block.loops.push_back(static_cast<int>(b));
+        plan.block_of_loop[b] = static_cast<int>(plan.blocks.size());
+        placed[b] = 1;
+      }
+    }
+    plan.blocks.push_back(block);
+    a = 0;  // the first loop of the table that is ready now
   }
 }
 
 void fill_block(const MechanismModel& model, const LoopPlan& plan, LoopBlock& block) {
-  int row = 0;
-  std::vector<char> is_dep(model.nv, 0), is_low(model.nv, 0);
-  std::vector<double> scale;
+  std::vector<char> is_dep(model.nv, 0), on_path(model.nv, 0);
+  std::vector<double> dep_scale, row_scale;
   for (int k : block.loops) {
-    block.row.push_back(row);
-    row += equation_count(model.loops[k].cut);
-    for (int body : model.loops[k].dependent) {
+    const Loop& loop = model.loops[k];
+    const double size = plan.loop_size[k];
+    std::array<int, kMaxEquations> rows;
+    rows.fill(-1);
+    for (int equation : find_active_equations(loop)) {
+      rows[equation] = static_cast<int>(row_scale.size());
+      row_scale.push_back(equation < 3 ? size : 1.0);
+    }
+    block.row.push_back(rows);
+    for (int body : loop.dependent) {
       block.dep.push_back(model.bodies[body].v_index);
       block.dep_bodies.push_back(body);
       is_dep[model.bodies[body].v_index] = 1;
-      scale.push_back(model.bodies[body].joint == JointType::kPrismatic ? 1.0 : plan.loop_size[k]);
+      dep_scale.push_back(model.bodies[body].joint == JointType::kPrismatic ? size : 1.0);
     }
-  }
-  block.dep_scale = Eigen::Map<VecX<double>>(scale.data(), static_cast<int>(scale.size()));
-  std::vector<char> on_path(model.nv, 0);
-  for (int k : block.loops) {
-    for (const auto* path : {&plan.paths[k].terminal, &plan.paths[k].closing}) {
+    if (loop.cut == CutType::kCoupling) {
+      // A screw turns by far more than its slide moves: measure it by what it is geared to.
+      for (const CouplingTerm& term : loop.terms) {
+        dep_scale.back() = std::max(dep_scale.back(), std::abs(term.ratio));
+      }
+      row_scale.back() = dep_scale.back();
+    }
+    for (const auto* path :
+         {&plan.paths[k].terminal, &plan.paths[k].closing, &plan.paths[k].tied}) {
       for (int body : *path) {
         for (int j = 0; j < model.bodies[body].nv(); ++j)
           on_path[model.bodies[body].v_index + j] = 1;
       }
     }
   }
+  block.dep_scale = Eigen::Map<VecX<double>>(dep_scale.data(), static_cast<int>(dep_scale.size()));
+  block.row_scale = Eigen::Map<VecX<double>>(row_scale.data(), static_cast<int>(row_scale.size()));
   for (int d = 0; d < block.size(); ++d) {
     if (!on_path[block.dep[d]]) {
       throw ModelError("loop '" + model.loops[block.loops[0]].name + "': dependent joint '" +
@@ -273,30 +280,70 @@ void find_touched(const MechanismModel& model, LoopPlan& plan) {
   }
 }
 
+/// How the coordinates of a block are found.
+Recognition choose_closure(const MechanismModel& model, const LoopPlan& plan,
+                           const LoopBlock& block, const std::vector<Pose<double>>& home,
+                           const std::vector<double>& q, bool newton_only) {
+  const Loop& loop = model.loops[block.loops[0]];
+  if (newton_only || loop.closure == ClosureKind::kNewton)
+    return {std::nullopt, "as asked for", false};
+  if (block.loops.size() > 1) return {std::nullopt, "its loops depend on each other", false};
+  const int k = block.loops[0];
+  Recognition found = recognise_leg(model, loop, plan.paths[k], home, q, plan.loop_size[k]);
+  const bool fits = found.form ? fits_declaration(loop.closure, *found.form) : !found.misfit;
+  if (loop.closure == ClosureKind::kAutomatic || fits) return found;
+  throw ModelError("loop '" + loop.name + "': its joints do not fit the closure '" +
+                   describe_closure(loop.closure) + "' it declares (" +
+                   (found.form ? "they are " + describe_leg(*found.form) : found.reason) +
+                   "); correct the geometry or leave 'closure' out");
+}
+
 }  // namespace
 
-LoopPlan make_loop_plan(const MechanismModel& model, bool newton_only) {
-  check_loop_table(model);
+std::vector<Pose<double>> find_poses(const MechanismModel& model,
+                                     const std::vector<double>& q_all) {
+  std::vector<Pose<double>> pose(model.bodies.size());
+  for (size_t i = 0; i < model.bodies.size(); ++i) {
+    const Body& body = model.bodies[i];
+    Pose<double> joint;
+    const double* q = q_all.data() + body.q_index;
+    if (body.joint == JointType::kRevolute) {
+      joint.R = axis_rotation<double>(body.axis, std::cos(q[0]), std::sin(q[0]));
+    } else if (body.joint == JointType::kPrismatic) {
+      joint.p = body.axis * q[0];
+    } else {
+      joint.p = Vec3<double>(q[0], q[1], q[2]);
+      joint.R = quat_to_matrix<double>({q[3], q[4], q[5], q[6]});
+    }
+    pose[i] = body.placement * joint;
+    if (body.parent != kBase) pose[i] = pose[body.parent] * pose[i];
+  }
+  return pose;
+}
+
+LoopPlan make_loop_paths(const MechanismModel& model, const std::vector<Pose<double>>& home) {
   LoopPlan plan;
-  const std::vector<Pose<double>> home = make_home_poses(model);
   for (const Loop& loop : model.loops) {
     plan.paths.push_back(make_paths(model, loop));
     plan.loop_size.push_back(find_loop_size(loop, home));
+    plan.cross_axes.push_back(find_cross_axes(loop));
+    check_plane(model, loop, plan.paths.back(), home, plan.loop_size.back());
   }
+  return plan;
+}
+
+LoopPlan make_loop_plan(const MechanismModel& model, const std::vector<double>& q,
+                        bool newton_only) {
+  check_loop_table(model);
+  const std::vector<Pose<double>> home = find_poses(model, q);
+  LoopPlan plan = make_loop_paths(model, home);
   order_blocks(model, plan);
   for (LoopBlock& block : plan.blocks) {
     fill_block(model, plan, block);
-    if (block.loops.size() != 1) continue;
-    const Loop& loop = model.loops[block.loops[0]];
-    if (!newton_only && loop.closure != ClosureKind::kNewton && loop.branch > 0) {
-      block.slide_leg = find_slide_leg(model, loop);
-    }
-    if (loop.closure == ClosureKind::kR2P1R3 && !newton_only && !block.slide_leg) {
-      throw ModelError("loop '" + loop.name +
-                       "': closure 'R2P1R3' does not fit its joints (two orthogonal revolute axes "
-                       "through one point, then a slide along their cross product, branch +1); "
-                       "correct the geometry or leave 'closure' out");
-    }
+    block.closure = choose_closure(model, plan, block, home, q, newton_only);
+    block.is_coupling =
+        block.loops.size() == 1 && model.loops[block.loops[0]].cut == CutType::kCoupling;
+    plan.iterates = plan.iterates || (!block.form() && !block.is_coupling);
   }
   find_touched(model, plan);
   std::vector<char> dependent(model.nv, 0);

@@ -7,54 +7,56 @@
 // The order does not depend on the order of the file beyond breaking ties.      [Y2 list 3-7]
 #pragma once
 
-#include <optional>
+#include <array>
+#include <string>
 #include <vector>
 
+#include "loops/leg_geometry.hpp"
 #include "model/mechanism_model.hpp"
 
 namespace dockloop {
 
-/// The two paths of a loop, from below the lowest common ancestor down to terminal and closing.
-struct LoopPaths {
-  int lca = kBase;
-  std::vector<int> terminal, closing;  ///< bodies; empty if the lca is that body itself
-  int root_on_terminal = -1;  ///< position of the root in `terminal`, -1 if the root is the lca
-};
-
-/// Geometry of a leg that is solved in closed form: universal joint, slide, spherical cut.
-struct SlideLeg {
-  int universal1 = 0, universal2 = 0, slide = 0;  ///< bodies
-  Mat3<double> canonical_in_root;                 ///< columns: a1 x a2, a1, a2 at zero, root axes
-  Vec3<double> centre_in_root;                    ///< centre of the universal joint [m]
-  Vec3<double> tip;  ///< centre to cut point at zero coordinates, canonical axes [m]
-};
-
 /// Loops that are solved together.
 struct LoopBlock {
   std::vector<int> loops;
-  std::vector<int> row;         ///< first equation of each loop in the block
-  std::vector<int> dep;         ///< velocity indices determined here, m of them
-  std::vector<int> dep_bodies;  ///< their bodies (each with one velocity)
-  std::vector<int> low;         ///< velocity indices on which they depend, ascending
+  std::vector<std::array<int, kMaxEquations>> row;  ///< per loop: row of each equation, -1 unused
+  std::vector<int> dep;                             ///< velocity indices determined here, m of them
+  std::vector<int> dep_bodies;                      ///< their bodies (each with one velocity)
+  std::vector<int> low;        ///< velocity indices on which they depend, ascending
   std::vector<int> touched;    ///< velocity indices coupled to dep by inertia when it is eliminated
   std::vector<int> column_of;  ///< column of each velocity in the block's matrix, -1 if none
-  VecX<double> dep_scale;      ///< 1 for a slide, loop size [m] for a turning joint
-  std::optional<SlideLeg> slide_leg;  ///< closed form, if one serves
+  VecX<double> dep_scale;      ///< unit of each dependent: 1 rad, or the loop size [m] of a slide
+  VecX<double> row_scale;      ///< unit of each equation: the loop size [m], or 1 of a cosine
+  Recognition closure;         ///< closed form, or why Newton iteration it is
+  bool is_coupling = false;    ///< one coupling by itself
+  const ClosedForm* form() const { return closure.form ? &*closure.form : nullptr; }
   int size() const { return static_cast<int>(dep.size()); }
 };
 
 struct LoopPlan {
-  std::vector<LoopPaths> paths;    ///< per loop
-  std::vector<double> loop_size;   ///< per loop, home length [m]: scale of its equations
-  std::vector<int> block_of_loop;  ///< per loop
+  std::vector<LoopPaths> paths;   ///< per loop
+  std::vector<double> loop_size;  ///< per loop, home length [m]: scale of its equations
+  std::vector<std::vector<Vec3<double>>> cross_axes;  ///< per loop: axes of the terminal body that
+                                                      ///< stay square to the closing body's axis
+  std::vector<int> block_of_loop;  ///< per loop, -1 if all its equations are redundant
   std::vector<LoopBlock> blocks;   ///< in order of evaluation
   std::vector<int> ind_v;          ///< independent velocities, ascending
   std::vector<int> ind_q;          ///< independent coordinates, ascending
   std::vector<int> ind_bodies;     ///< bodies with independent joints
+  bool iterates = false;           ///< some block is solved by Newton iteration
 };
 
+/// @param q  pose at which closed forms choose their branch (all coordinates)
 /// @param newton_only never use a closed form (the oracle of the closed forms).
 /// @throws ModelError for a loop table that makes no sense, naming the loop.
-LoopPlan make_loop_plan(const MechanismModel& model, bool newton_only = false);
+LoopPlan make_loop_plan(const MechanismModel& model, const std::vector<double>& q,
+                        bool newton_only = false);
+
+/// Poses of all bodies in the base at q, dependents as they stand there.
+std::vector<Pose<double>> find_poses(const MechanismModel& model, const std::vector<double>& q);
+
+/// Paths, sizes and cross axes of every loop: what a plan knows before its order.
+/// @throws ModelError for paths that make no sense
+LoopPlan make_loop_paths(const MechanismModel& model, const std::vector<Pose<double>>& home);
 
 }  // namespace dockloop

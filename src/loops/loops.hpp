@@ -1,21 +1,16 @@
 // Loops: close them, differentiate them, and eliminate what they determine.
 //
-// Equation map (paper [Y2], src/README.md)                      function                 test
-//   [Y2 (1)]  closure of a cut, position                        calc_cut_position        loops_test
-//   [Y2 (1u)] extra equation of a universal cut                 calc_cut_position, calc_cut_bias
-//   [Y2 (2)-(4)] loop equations, C_dep, C_low, gamma            calc_cut_jacobian, calc_cut_bias
-//   [Y2 (5),(7)] v_dep = H v_low                                calc_loop_velocity vectors_test [Y2
-//   (6),(8)] vdot_dep = H vdot_low + h                      calc_loop_bias           vectors_test
-//   [Y2 (9)]  Newton iteration                                  calc_loop_position       loops_test
-//   [Y2 (9a)] closed form of a universal-slide-spherical leg    calc_loop_position       loops_test
-//   [Y2 (10)] reduction, last loop to first                     reduce_inertia, reduce_forces
-//   [Y2 (11a)] cut force from Q = C_dep^T lambda                calc_loop_forces vectors_test
-//
 // All quantities of a loop are relative to, and in axes of, the lowest common ancestor L of its
 // terminal and closing bodies: joints above L drop out exactly, not to rounding. [Y2 (4), differs:
-// Ci holds the columns of both paths, C_low = J_I - J_T; the printed form keeps J_I alone.]
+// C_low holds the columns of both paths, J_I - J_T; the printed form keeps J_I alone.]
+// Which equation of the paper is where, and which test shows it: README.md in this folder.
+//
+//   loop_equations.cpp   one cut: residual, columns of G, bias                [Y2 (1)-(4)]
+//   loop_position.cpp    dependent coordinates: closed forms, Newton          [Y2 (9)]
+//   loop_reduction.cpp   H, h, elimination, cut forces                        [Y2 (5)-(8), (10)]
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "loops/loop_plan.hpp"
@@ -28,27 +23,44 @@ namespace dockloop {
 /// Geometry of one cut, axes of L.
 template <class S>
 struct CutData {
-  std::vector<Pose<S>> terminal, closing;  ///< pose in L of each body on the two paths
-  Vec3<S> p_T, p_I;                        ///< cut point on terminal and closing body [m]
-  Vec3<S> axis_T, axis_I;                  ///< universal cut: cross axes
-  Eigen::Matrix<S, 2, 3> plane;            ///< planar cut: in-plane axes
+  std::vector<Pose<S>> terminal, closing;       ///< pose in L of each body on the two paths
+  std::vector<Vec3<S>> terminal_axis;           ///< joint axis of each body on the terminal path
+  Vec3<S> p_T, p_I;                             ///< cut point on terminal and closing body [m]
+  std::array<Vec3<S>, 2> axis_T;                ///< cross axes of the terminal body
+  Vec3<S> axis_I;                               ///< axis of the closing body they are square to
+  Eigen::Matrix<S, 2, 3> plane;                 ///< planar cut: in-plane axes
+  Eigen::Matrix<S, kMaxEquations, 1> residual;  ///< of all equations, redundant ones too
 };
 
 /// Matrices of one block. Shapes: m = block.size(), n_low, n_touched.
 template <class S>
 struct BlockData {
-  VecX<S> residual;     ///< m, cut residual [m], [-]
-  MatX<S> G;            ///< m x (m + n_low): columns of dep, then of low: residual rate = G v
-  SmallLu<S> lu;        ///< of C_dep = G[:, :m]
-  MatX<S> H;            ///< m x n_low: v_dep = H v_low
-  VecX<S> h;            ///< m: vdot_dep = H vdot_low + h
-  MatX<S> A_dt, A_dd;   ///< m x n_touched, m x m: saved when the block is eliminated
-  MatX<S> U, W;         ///< scratch of reduce_inertia: n_touched x n_low, m x n_low
-  VecX<S> b_d;          ///< m: saved when the block is eliminated
-  VecX<S> lambda;       ///< m: cut forces on the terminal bodies, axes of L [N], [N m]
-  VecX<S> step;         ///< m: scratch
-  double margin = 1.0;  ///< dimensionless distance to singularity of C_dep [-]
-  int sign = 0;         ///< of det C_dep
+  VecX<S> residual;      ///< m, cut residual [m], [-]
+  MatX<S> G;             ///< m x (m + n_low): columns of dep, then of low: residual rate = G v
+  LegSolution<S> leg;    ///< closed form: canonical coordinates
+  Mat3<S> leg_axes;      ///< closed form with inverse: leg axes in L, columns
+  MatX<S> inverse;       ///< closed form with inverse: of C_dep, m x m
+  SmallLu<S> lu;         ///< else: of C_dep = G[:, :m]
+  MatX<S> H;             ///< m x n_low: v_dep = H v_low
+  VecX<S> h;             ///< m: vdot_dep = H vdot_low + h
+  MatX<S> A_dt, A_dd;    ///< m x n_touched, m x m: saved when the block is eliminated
+  MatX<S> U, W;          ///< scratch of reduce_inertia: n_touched x n_low, m x n_low
+  VecX<S> b_d;           ///< m: saved when the block is eliminated
+  VecX<S> lambda;        ///< m: cut forces on the terminal bodies, axes of L [N], [N m]
+  VecX<S> step, column;  ///< m: scratch
+  double margin = 1.0;   ///< dimensionless distance to singularity of C_dep [-]
+  int sign = 0;          ///< of det C_dep
+};
+
+/// The last accepted pose: Newton iteration starts from its tangent, angles stay within half a turn
+/// of it, and the assembly branch must continue it. Results depend on it, not on what was tried in
+/// between.
+template <class S>
+struct LoopReference {
+  bool valid = false;
+  VecX<S> q;               ///< all coordinates
+  std::vector<MatX<S>> H;  ///< per block
+  std::vector<int> sign;   ///< per block: of det C_dep
 };
 
 template <class S>
@@ -56,20 +68,23 @@ struct LoopData {
   LoopData(const MechanismModel& model, const LoopPlan& plan);
   std::vector<CutData<S>> cut;      ///< per loop
   std::vector<BlockData<S>> block;  ///< per block
-  std::vector<int> reference_sign;  ///< per block: sign of det C_dep at initialisation, 0 = unset
+  LoopReference<S> reference;
+  VecX<S> moved, target;  ///< scratch: nv, from the reference pose; nq, pose that is sought
 };
-
-/// Limits of the dimensionless margin [-]: below, a loop counts as singular, or earns a warning.
-constexpr double kSingularMargin = 1e-4;
-constexpr double kMarginWarning = 1e-2;
 
 /// Solve every block for its dependent coordinates and set the joint poses of all bodies.
 /// In: independent entries of tree.q; dependent entries as starting point of Newton and to place
-/// angles within a turn. Out: all of tree.q, tree.joint, and G, lu, margin of every block.
-/// @return kOutOfReach, kLoopNotClosed, kLoopSingular, kBranchChanged with the loop index.
+/// angles within a turn (the reference pose, once there is one, serves instead).
+/// Out: all of tree.q, tree.joint, and G, inverse, margin of every block.
+/// @return kOutOfReach, kLoopNotClosed, kLoopSingular, kBranchChanged, kRedundancyLost with the
+/// loop index and margin.
 template <class S>
 Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                           LoopData<S>& loops);
+
+/// The present pose is accepted: continue from it. @pre calc_velocity_maps
+template <class S>
+void keep_reference(const TreeData<S>& tree, LoopData<S>& loops);
 
 /// H of every block.
 template <class S>
@@ -99,5 +114,9 @@ void calc_loop_acceleration(const LoopPlan& plan, VecX<S>& vdot, const LoopData<
 /// Cut forces on the terminal bodies. @pre reduce_forces, all of vdot               [Y2 (11a)]
 template <class S>
 void calc_loop_forces(const LoopPlan& plan, const VecX<S>& vdot, LoopData<S>& loops);
+
+/// Cut force of one equation of a loop; 0 of a redundant one. @pre calc_loop_forces
+template <class S>
+S get_cut_force(const LoopPlan& plan, const LoopData<S>& loops, int loop, int equation);
 
 }  // namespace dockloop

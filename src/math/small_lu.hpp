@@ -93,17 +93,17 @@ class SmallLu {
     return sign;
   }
 
-  /// Frobenius norm of D A^-1 with D = diag(row_scale): 1/norm bounds the smallest singular value
-  /// of A D^-1 from below (within sqrt(n)).
-  S inverse_norm(const VecX<S>& row_scale) {
+  /// Frobenius norm of the inverse of the scaled matrix A(i, j) column[j] / row[i]: its reciprocal
+  /// bounds the smallest singular value of that matrix from below (within sqrt(n)).
+  S scaled_inverse_norm(const VecX<double>& row, const VecX<double>& column) {
     using std::sqrt;
     S sum(0);
     for (int j = 0; j < n_; ++j) {
       column_.setZero();
-      column_[j] = S(1);
+      column_[j] = S(row[j]);
       solve(column_);
       for (int i = 0; i < n_; ++i) {
-        const S entry = row_scale[i] * column_[i];
+        const S entry = column_[i] / S(column[i]);
         sum += entry * entry;
       }
     }

@@ -16,6 +16,7 @@ enum class StatusCode {
   kLoopSingular,        ///< loop matrix too close to singular
   kBranchChanged,       ///< assembly branch differs from the one at initialisation
   kLoopNotClosed,       ///< Newton iteration did not converge
+  kRedundancyLost,      ///< an equation left out as redundant is not satisfied any more
   kInertiaNotPositive,  ///< reduced inertia is not positive definite
   kContactTooDeep,      ///< rounded cores about to meet: a smaller step is needed
   kContactFlipped,      ///< contact normal reversed: a surface was jumped over

@@ -3,7 +3,9 @@
 // The low-level members (bodies, loops) are the tree and the loop table as they are; `legs` is the
 // convenient form: a leg type with points, axes and masses. Both may stand in one file.
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "model/json_reader.hpp"
 #include "model/mechanism_model.hpp"
@@ -54,10 +56,17 @@ Body read_body(const JsonReader& item, const MechanismModel& model) {
   return body;
 }
 
+const std::map<std::string, ClosureKind> kClosures = {
+    {"newton", ClosureKind::kNewton}, {"R2P1R3", ClosureKind::kR2P1R3},
+    {"R2C2R2", ClosureKind::kR2C2R2}, {"R1R2R3", ClosureKind::kR1R2R3},
+    {"P1R2R3", ClosureKind::kP1R2R3}, {"R2R1R3", ClosureKind::kR2R1R3},
+    {"R1P1R1", ClosureKind::kR1P1R1}, {"R1R1R1", ClosureKind::kR1R1R1},
+    {"P1R1R1", ClosureKind::kP1R1R1}, {"R1R2R3_perp", ClosureKind::kR1R2R3}};
+
+/// Names that are not known leave the choice to the program.
 ClosureKind read_closure(const std::string& name) {
-  if (name == "R2P1R3") return ClosureKind::kR2P1R3;
-  if (name == "newton") return ClosureKind::kNewton;
-  return ClosureKind::kAutomatic;
+  const auto found = kClosures.find(name);
+  return found == kClosures.end() ? ClosureKind::kAutomatic : found->second;
 }
 
 Loop read_loop(const JsonReader& item, const MechanismModel& model) {
@@ -82,6 +91,10 @@ Loop read_loop(const JsonReader& item, const MechanismModel& model) {
     loop.cut = CutType::kUniversal;
     loop.axis_on_terminal = cut.at("axis_on_terminal").unit_vector();
     loop.axis_on_closing = cut.at("axis_on_closing").unit_vector();
+  } else if (type == "R1") {
+    loop.cut = CutType::kRevolute;
+    loop.axis_on_terminal = cut.at("axis_on_terminal").unit_vector();
+    loop.axis_on_closing = cut.at("axis_on_closing").unit_vector();
   } else if (type == "R1_planar") {
     loop.cut = CutType::kPlanarRevolute;
     loop.plane_axes_in_root = cut.at("plane_axes_in_root").matrix<2>();
@@ -89,7 +102,7 @@ Loop read_loop(const JsonReader& item, const MechanismModel& model) {
       cut.at("plane_axes_in_root").fail("must be two orthonormal rows (to 1e-9)");
     }
   } else {
-    cut.at("type").fail("is '" + type + "'; known cuts are R3, R2, R1_planar");
+    cut.at("type").fail("is '" + type + "'; known cuts are R3, R2, R1, R1_planar");
   }
   loop.point_on_terminal = cut.at("point_on_terminal").vector<3>();
   loop.point_on_closing = cut.at("point_on_closing").vector<3>();
@@ -111,6 +124,36 @@ Loop read_loop(const JsonReader& item, const MechanismModel& model) {
   }
   loop.closure = read_closure(item.text("closure", "automatic"));
   loop.branch = item.number("branch", 1.0);
+  return loop;
+}
+
+/// A gear, differential or screw: one joint coordinate is a linear function of others.
+Loop read_coupling(const JsonReader& item, const MechanismModel& model) {
+  Loop loop;
+  loop.cut = CutType::kCoupling;
+  loop.name = item.at("name").text();
+  const auto read_joint = [&](const JsonReader& name) {
+    const int body =
+        find_body(model, name.text(), "coupling '" + loop.name + "' (" + name.path() + ")");
+    if (body == kBase || model.bodies[body].joint == JointType::kFree) {
+      name.fail("(coupling '" + loop.name + "') must name a revolute or prismatic joint");
+    }
+    return body;
+  };
+  loop.dependent = {read_joint(item.at("dependent"))};
+  loop.first = loop.terminal = loop.dependent[0];
+  loop.root = model.bodies[loop.first].parent;
+  for (const JsonReader& term : item.list("terms")) {
+    const int body = read_joint(term.at("joint"));
+    for (const CouplingTerm& other : loop.terms) {
+      if (other.body == body) term.at("joint").fail("(coupling '" + loop.name + "') is used twice");
+    }
+    loop.terms.push_back({body, term.at("ratio").number()});
+    if (loop.terms.back().body == loop.first) {
+      term.at("joint").fail("(coupling '" + loop.name + "') is the dependent joint itself");
+    }
+  }
+  loop.offset = item.number("offset", 0.0);
   return loop;
 }
 
@@ -273,6 +316,23 @@ int find_body(const MechanismModel& model, const std::string& body, const std::s
                    "', which does not exist before it in the list of bodies");
 }
 
+std::string describe_closure(ClosureKind kind) {
+  for (const auto& [name, value] : kClosures) {
+    if (value == kind) return name;
+  }
+  return "automatic";
+}
+
+std::vector<int> find_active_equations(const Loop& loop) {
+  std::vector<int> active;
+  for (int i = 0; i < equation_count(loop.cut); ++i) {
+    if (std::find(loop.redundant.begin(), loop.redundant.end(), i) == loop.redundant.end()) {
+      active.push_back(i);
+    }
+  }
+  return active;
+}
+
 void number_coordinates(MechanismModel& model) {
   model.nq = model.nv = 0;
   for (Body& body : model.bodies) {
@@ -328,6 +388,14 @@ MechanismModel read_mechanism(const std::string& json_text, const std::string& s
       const std::string type = leg.owner("type").at("type").text();
       if (type != "R2P1R3") item.fail("has type '" + type + "'; the known leg type is R2P1R3");
       add_slide_leg(leg, model);
+    }
+    for (const JsonReader& item : root.list("couplings")) {
+      model.loops.push_back(read_coupling(item, model));
+    }
+    if (root.has("singularity")) {
+      const JsonReader limits = root.at("singularity");
+      if (limits.has("error")) model.singularity.error = limits.positive("error");
+      if (limits.has("warning")) model.singularity.warning = limits.positive("warning");
     }
     for (const JsonReader& item : root.list("forces")) read_joint_force(item, model);
     if (root.has("capture")) {

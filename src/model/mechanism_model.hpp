@@ -34,45 +34,82 @@ struct Body {
 
 /// What the removed joint of a loop leaves to be satisfied.
 enum class CutType {
-  kSpherical,      ///< 3 equations: points coincide
-  kUniversal,      ///< 4: points coincide, cross axes stay perpendicular
-  kPlanarRevolute  ///< 2: points coincide within the plane of the loop
+  kSpherical,       ///< 3 equations: points coincide
+  kUniversal,       ///< 4: points coincide, cross axes stay perpendicular
+  kPlanarRevolute,  ///< 2: points coincide within the plane of the loop
+  kRevolute,        ///< 5: points coincide, hinge axes stay parallel
+  kCoupling         ///< 1: a joint coordinate is a linear function of others (gear, screw)
 };
+
+constexpr int kMaxEquations = 5;  ///< of one cut
 
 /// How the dependent coordinates of a loop are found.
 enum class ClosureKind {
   kAutomatic,  ///< closed form where the geometry allows one, else Newton
   kNewton,
-  kR2P1R3  ///< universal joint, slide, spherical cut
+  kR2P1R3,  ///< universal joint, slide, spherical cut
+  kR2C2R2,  ///< the same with a spin about the slide and a universal cut
+  kR1R2R3,  ///< crank, universal joint (either order of its axes), spherical cut
+  kP1R2R3,  ///< slide, universal joint with a strut, spherical cut
+  kR2R1R3,  ///< universal joint, elbow, spherical cut
+  kR1P1R1,  ///< planar: hinge, slide
+  kR1R1R1,  ///< planar: two hinges
+  kP1R1R1   ///< planar: slide, hinge
+};
+
+/// Its name in a file.
+std::string describe_closure(ClosureKind kind);
+
+/// One term of a coupling: ratio x coordinate of a joint.
+struct CouplingTerm {
+  int body = 0;
+  double ratio = 0.0;  ///< unit of the dependent coordinate per unit of this one
 };
 
 /// One row of the loop table: branch first..terminal hangs on root and is cut from `closing`.
+/// A coupling is a row too: its dependent joint follows q_dep = offset + sum of terms.
 struct Loop {
   std::string name;
   int root = kBase, first = 0, terminal = 0, closing = kBase;
   CutType cut = CutType::kSpherical;
   Vec3<double> point_on_terminal = Vec3<double>::Zero();  ///< axes of terminal [m]
   Vec3<double> point_on_closing = Vec3<double>::Zero();   ///< axes of closing [m]
-  Vec3<double> axis_on_terminal = Vec3<double>::UnitX();  ///< universal cut: unit cross axes
-  Vec3<double> axis_on_closing = Vec3<double>::UnitY();
+  Vec3<double> axis_on_terminal = Vec3<double>::UnitX();  ///< universal cut: unit cross axes;
+  Vec3<double> axis_on_closing = Vec3<double>::UnitY();   ///< revolute cut: unit hinge axes
   Eigen::Matrix<double, 2, 3> plane_axes_in_root =
       Eigen::Matrix<double, 2, 3>::Zero();  ///< planar cut: orthonormal rows
-  std::vector<int> dependent;               ///< bodies whose joints this loop determines
+  std::vector<CouplingTerm> terms;          ///< coupling
+  double offset = 0.0;                      ///< coupling [m] or [rad]
+  std::vector<int> dependent;               ///< bodies whose joints this row determines
+  std::vector<int> redundant;  ///< cut equations left out because they follow from others
   ClosureKind closure = ClosureKind::kAutomatic;
-  double branch = 1.0;  ///< assembly branch of a closed form, +1 or -1
+  double branch = 1.0;  ///< assembly branch of a closed form where no home_q tells it, +1 or -1
 };
 
-/// Number of cut equations.
+/// Number of equations of a cut.
 inline int equation_count(CutType cut) {
   switch (cut) {
     case CutType::kUniversal:
       return 4;
     case CutType::kPlanarRevolute:
       return 2;
-    default:
-      return 3;
+    case CutType::kRevolute:
+      return 5;
+    case CutType::kCoupling:
+      return 1;
+    case CutType::kSpherical:
+      break;
   }
+  return 3;
 }
+
+/// Equations of a row that are in use: those of its cut without the redundant ones.
+std::vector<int> find_active_equations(const Loop& loop);
+
+/// Limits of the dimensionless margin of a loop [-]: below, it is singular, or earns a warning.
+struct SingularityLimits {
+  double error = 1e-4, warning = 1e-2;
+};
 
 /// One-sided elastic stop that begins at a limit; see forces/joint_forces.hpp for the law.
 struct EndStops {
@@ -106,7 +143,8 @@ struct MechanismModel {
   std::string name;
   Vec3<double> gravity = Vec3<double>::Zero();  ///< base axes [m/s2]; used by `check` and tests
   std::vector<Body> bodies;
-  std::vector<Loop> loops;
+  std::vector<Loop> loops;  ///< couplings last
+  SingularityLimits singularity;
   std::vector<JointForce> forces;
   std::vector<Leg> legs;
   std::vector<double> home_q;  ///< all coordinates, nq

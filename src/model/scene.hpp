@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,13 @@ struct CaptureBodyStart {
   Vec3<double> rotation_vector = Vec3<double>::Zero();   ///< [rad]
   Vec3<double> velocity = Vec3<double>::Zero();          ///< [m/s]
   Vec3<double> angular_velocity = Vec3<double>::Zero();  ///< [rad/s]
+};
+
+/// Start of one independent revolute or prismatic joint of the mechanism.
+struct JointStart {
+  std::string name;                ///< of the body that the joint moves
+  std::optional<double> position;  ///< joint coordinate, home if not given [rad] or [m]
+  double rate = 0.0;               ///< [rad/s] or [m/s]
 };
 
 /// Relative state wanted at first contact, P with respect to A in axes of A (the IDSS table).
@@ -82,6 +90,7 @@ struct Scene {
   LatchSet latches;
   RatedLoads rated;
   CaptureBodyStart capture_body_start;
+  std::vector<JointStart> joint_starts;
   ContactConditions conditions;
   double contact_thrust = 0.0, contact_thrust_delay = 0.0;  ///< [N], [s]
   double restitution = 1.0, restitution_speed = 0.1;        ///< [-] at [m/s]

@@ -186,6 +186,15 @@ void read_initial(const JsonReader& item, Scene& scene) {
     s.velocity = body.vector<3>("velocity", s.velocity);
     s.angular_velocity = body.vector<3>("angular_velocity", s.angular_velocity);
   }
+  if (item.has("joints")) {
+    const JsonReader joints = item.at("joints");
+    for (const auto& member : joints.node().items()) {
+      const JsonReader joint = joints.at(member.key());
+      JointStart start{member.key(), std::nullopt, joint.number("rate", 0.0)};
+      if (joint.has("position")) start.position = joint.at("position").number();
+      scene.joint_starts.push_back(start);
+    }
+  }
 }
 
 Scene read_members(const JsonReader& root, const std::string& source_name) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 
 #include "sim/sim_impl.hpp"
 
@@ -13,6 +14,7 @@ namespace {
 
 constexpr int kMaxInnerSteps = 100000;  ///< per communication step
 constexpr double kTouching = 1e-9;      ///< gap that counts as contact at the start [m]
+constexpr int kStartSteps = 50;         ///< from home to a stated start of joints
 
 std::string describe(const Status& status, const MechanismModel& mechanism) {
   char text[240];
@@ -28,7 +30,7 @@ std::string describe(const Status& status, const MechanismModel& mechanism) {
       break;
     case StatusCode::kLoopSingular:
       std::snprintf(text, sizeof text, "loop '%s' is singular (margin %.3g, limit %.1g)",
-                    loop().c_str(), status.margin, kSingularMargin);
+                    loop().c_str(), status.margin, mechanism.singularity.error);
       break;
     case StatusCode::kBranchChanged:
       std::snprintf(text, sizeof text, "loop '%s' has left its assembly branch", loop().c_str());
@@ -36,6 +38,12 @@ std::string describe(const Status& status, const MechanismModel& mechanism) {
     case StatusCode::kLoopNotClosed:
       std::snprintf(text, sizeof text, "loop '%s' cannot be closed by Newton iteration",
                     loop().c_str());
+      break;
+    case StatusCode::kRedundancyLost:
+      std::snprintf(text, sizeof text,
+                    "an equation of loop '%s' that follows from others at home is violated (by "
+                    "%.3g): its parts do not fit together here",
+                    loop().c_str(), status.margin);
       break;
     case StatusCode::kInertiaNotPositive:
       std::snprintf(text, sizeof text, "the reduced inertia is not positive definite");
@@ -58,6 +66,10 @@ std::string describe(const Status& status, const MechanismModel& mechanism) {
     case StatusCode::kNotFinite:
       std::snprintf(text, sizeof text, "a value is not finite");
       break;
+  }
+  if (status.time > 0.0) {
+    const size_t used = std::strlen(text);
+    std::snprintf(text + used, sizeof text - used, " at t = %.9g s", status.time);
   }
   return text;
 }
@@ -147,7 +159,8 @@ void DockingSim::Impl::clear() {
   outputs.latched.assign(static_cast<size_t>(scene->latches.count()), 0);
   for (auto* v : {&outputs.leg_length, &outputs.leg_rate, &outputs.leg_force})
     zero(*v, m.legs.size());
-  const LoopPlan plan = make_loop_plan(m);
+  const LoopPlan plan = Mechanism(m).plan;
+  check_joint_starts(plan);
   zero(outputs.state_q, plan.ind_q.size());
   zero(outputs.state_v, plan.ind_v.size());
   zero(outputs.state_a, plan.ind_v.size());
@@ -186,6 +199,33 @@ void DockingSim::Impl::check_parameters() const {
   }
 }
 
+/// Only single joints that no loop determines can be told where to start.
+void DockingSim::Impl::check_joint_starts(const LoopPlan& plan) const {
+  const std::vector<Body>& bodies = scene->mechanism.bodies;
+  const auto is_independent = [&](int i) {
+    return std::find(plan.ind_bodies.begin(), plan.ind_bodies.end(), i) != plan.ind_bodies.end();
+  };
+  for (const JointStart& start : scene->joint_starts) {
+    int at = kBase;
+    std::string choice;
+    for (int i = 0; i < static_cast<int>(bodies.size()); ++i) {
+      if (bodies[i].name == start.name) at = i;
+      if (is_independent(i) && bodies[i].joint != JointType::kFree)
+        choice += (choice.empty() ? "" : ", ") + bodies[i].name;
+    }
+    if (at != kBase && is_independent(at) && bodies[at].joint != JointType::kFree) continue;
+    const std::string reason =
+        at == kBase ? "the mechanism has no body of that name"
+        : !is_independent(at)
+            ? "a loop determines this joint"
+            : "a free joint has no single coordinate (initial.capture_body displaces a free "
+              "capture body)";
+    throw ModelError("initial.joints." + start.name + ": " + reason +
+                     (choice.empty() ? "; no joint of this mechanism can be given a start"
+                                     : "; joints that can be given a start are " + choice));
+  }
+}
+
 ContactLaw DockingSim::Impl::make_contact_law() const {
   ContactLaw law = scene->contact.law;
   law.friction_coefficient = parameters.friction_coefficient;
@@ -212,11 +252,28 @@ void DockingSim::Impl::choose_frame_O() {
   frame_shift.setZero();
 }
 
+/// Close the loops at the start of the joints, coming from home in small steps: Newton closes a
+/// loop on the assembly branch it comes from.
+Status DockingSim::Impl::bring_joints_to_start() {
+  if (scene->joint_starts.empty()) return {};
+  const MechanismModel& m = model->mechanism.model;
+  for (int step = 1; step <= kStartSteps; ++step) {
+    for (const JointStart& start : scene->joint_starts) {
+      const int q = m.bodies[find_body(m, start.name, "initial.joints")].q_index;
+      const double way = start.position.value_or(m.home_q[q]) - m.home_q[q];
+      data->mechanism.tree.q[q] = m.home_q[q] + way * step / kStartSteps;
+    }
+    const Status status = calc_position(model->mechanism, data->mechanism);
+    if (!status.ok()) return status;
+  }
+  return {};
+}
+
 void DockingSim::Impl::set_start_state() {
   double* y = stepper->y();
   const StateLayout& layout = model->layout;
   std::fill(y, y + layout.size, 0.0);
-  // Mechanism at home, the capture body possibly displaced from it.
+  // Mechanism at home, the capture body and single joints possibly displaced from it.
   int q = layout.mechanism_q, v = layout.mechanism_v;
   for (int i : model->mechanism_bodies) {
     const Body& body = model->mechanism.model.bodies[i];
@@ -239,6 +296,11 @@ void DockingSim::Impl::set_start_state() {
         y[v + 3 + j] = rate[j];
       }
       for (int j = 0; j < 4; ++j) y[q + 3 + j] = quat[j];
+    }
+    for (const JointStart& start : scene->joint_starts) {
+      if (start.name != body.name) continue;
+      y[q] = start.position.value_or(y[q]);
+      y[v] = start.rate;
     }
     q += body.nq();
     v += body.nv();
@@ -282,6 +344,7 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   choose_frame_O();
   model = std::make_unique<DockingModel>(
       make_docking_model(*scene, parameters.vehicle, make_contact_law(), frame_origin));
+  state_bodies = model->mechanism_bodies;
   model->thrust = parameters.contact_thrust;
   model->thrust_delay = parameters.contact_thrust_delay;
   data = std::make_unique<DockingData<double>>(*model);
@@ -294,6 +357,7 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   t_start = t0;
   elapsed = 0.0;
   h_warm = 0.0;
+  warned_margin = false;
   std::fill(due.begin(), due.end(), char(0));
   host_work = 0.0;
   momentum_residual = 0.0;
@@ -301,14 +365,14 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   momentum_scale = parameters.atol_velocity * parameters.vehicle[kChaser].mass;
   angular_momentum_scale = 0.0;
   mean_load = {};
-  set_start_state();
 
-  const Status status = evaluate(0.0);
-  if (!status.ok()) throw ModelError("start state: " + describe(status, model->mechanism.model));
-  for (size_t b = 0; b < data->mechanism.loops.block.size(); ++b) {
-    rate_data->mechanism.loops.reference_sign[b] = data->mechanism.loops.block[b].sign;
-    data->mechanism.loops.reference_sign[b] = data->mechanism.loops.block[b].sign;
+  Status status = bring_joints_to_start();
+  if (status.ok()) {
+    set_start_state();
+    status = evaluate(0.0);
   }
+  if (!status.ok()) throw ModelError("start state: " + describe(status, model->mechanism.model));
+  keep_pose();
   energy_start = find_total_energy();
   for (int i : {kChaser, kTarget}) momentum_start[i] = find_momentum(*model, i, *data);
   warn_about_start();
@@ -342,6 +406,7 @@ void DockingSim::Impl::make_stepper(double tolerance) {
         calc_docking<double>(*model, discrete, memory, loads, elapsed + t, y, ydot, *rate_data);
     if (!status.ok()) {
       last_trouble = status;
+      last_trouble.time = elapsed + t;
       return 1;
     }
     double sum = 0.0;
@@ -391,7 +456,7 @@ void DockingSim::Impl::make_stepper(double tolerance) {
 void DockingSim::Impl::warn_about_start() {
   const double margin = find_singularity_margin(data->mechanism);
   char text[300];
-  if (margin < kMarginWarning) {
+  if (margin < model->mechanism.model.singularity.warning) {
     std::snprintf(text, sizeof text, "a loop starts close to singular (margin %.3g)", margin);
     warnings.push_back(text);
   }
@@ -475,6 +540,8 @@ Status DockingSim::step(double t, double h) {
   me.discrete_before = me.discrete;
   me.peaks_before = me.peaks;
   me.memory_before = me.memory;
+  me.reference_before = me.data->mechanism.loops.reference;
+  me.coordinates_before.reset();
   const double host_work = me.host_work, elapsed = me.elapsed;
   const auto momentum_start = me.momentum_start;
   me.elapsed = t - me.t_start;
@@ -488,6 +555,9 @@ Status DockingSim::step(double t, double h) {
     status.code = StatusCode::kBadInput;
   }
   if (!status.ok()) {
+    if (me.coordinates_before) me.use_coordinates(*me.coordinates_before);
+    me.data->mechanism.loops.reference = me.reference_before;
+    me.rate_data->mechanism.loops.reference = me.reference_before;
     std::copy(me.y_before.begin(), me.y_before.end(), me.stepper->y());
     me.discrete = me.discrete_before;
     me.peaks = me.peaks_before;
@@ -514,10 +584,12 @@ Status DockingSim::Impl::integrate(double h) {
   for (int i : {kChaser, kTarget}) vehicle_before[i] = find_vehicle_state(i);
   std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
   double tau = 0.0;
+  Status trouble;            // the last one that a smaller step got around
   double proposal = h_warm;  // step size that error control asks for; stops do not count
   stepper->restart(0.0, std::min(proposal, h));
   for (int inner = 0; inner < kMaxInnerSteps; ++inner) {
     const double stop = find_next_stop(tau, h);
+    if (!last_trouble.ok()) trouble = last_trouble;
     last_trouble = Status();
     const StepOutcome outcome = stepper->step(stop, true);
     if (outcome == StepOutcome::kFailed) return find_trouble(tau);
@@ -542,6 +614,7 @@ Status DockingSim::Impl::integrate(double h) {
     }
     if (restart) stepper->restart(tau, std::min(proposal, h - tau));
   }
+  if (!trouble.ok()) return trouble;
   status_text =
       "it needs more than " + std::to_string(kMaxInnerSteps) +
       " inner steps: contact far too fast or too stiff; shorten the step or check the speeds";
@@ -588,6 +661,8 @@ Status DockingSim::Impl::step_to_root(double tau) {
 Status DockingSim::Impl::accept(double tau, bool& changed) {
   const Status status = evaluate(tau);
   if (!status.ok()) return status;
+  if (update_coordinates(tau)) changed = true;
+  keep_pose();
   if (update_memory()) changed = true;
   bool jumped = false;
   const double now = elapsed + tau;
@@ -611,6 +686,44 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
     peaks.add(now, find_peak_values());
   }
   return {};
+}
+
+/// The present pose of the mechanism is accepted: the next ones continue from it.
+void DockingSim::Impl::keep_pose() {
+  keep_reference(data->mechanism.tree, data->mechanism.loops);
+  rate_data->mechanism.loops.reference = data->mechanism.loops.reference;
+}
+
+/// Near a pose where the independent coordinates stop being independent, go over to others. All
+/// coordinates and velocities stay as they are, so momentum and energy do too.
+/// @return true if the meaning of the state changed
+bool DockingSim::Impl::update_coordinates(double tau) {
+  const double margin = find_singularity_margin(data->mechanism);
+  if (margin >= kChangeMargin) return false;
+  if (margin < model->mechanism.model.singularity.warning && !warned_margin) {
+    char text[120];
+    std::snprintf(text, sizeof text, "a loop is close to singular (margin %.3g) at t = %.9g s",
+                  margin, elapsed + tau);
+    warnings.push_back(text);
+    warned_margin = true;
+  }
+  std::optional<Mechanism> better = find_better_coordinates(model->mechanism, data->mechanism);
+  if (!better) return false;
+  const VecX<double> q = data->mechanism.tree.q, v = data->mechanism.tree.v;
+  if (!coordinates_before) coordinates_before = std::make_unique<Mechanism>(model->mechanism);
+  use_coordinates(*better);
+  TreeData<double>& tree = data->mechanism.tree;
+  tree.q = q;
+  tree.v = v;
+  get_mechanism_state(*model, tree, stepper->y());
+  return evaluate(tau).ok();
+}
+
+/// Take over a mechanism that differs from the present one in its independent coordinates only.
+void DockingSim::Impl::use_coordinates(const Mechanism& mechanism) {
+  set_mechanism(*model, mechanism);
+  data->mechanism = MechanismData<double>(model->mechanism);
+  rate_data->mechanism = MechanismData<double>(model->mechanism);
 }
 
 /// Bring the contact memory up to the present state and book the energy of bristles that it drops.

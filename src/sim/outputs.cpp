@@ -218,7 +218,7 @@ void DockingSim::Impl::update_mechanism_outputs() {
     outputs.leg_force[i] = data->joint_force[leg.force];
   }
   int q = 0, v = 0;
-  for (int i : model->mechanism_bodies) {
+  for (int i : state_bodies) {
     const Body& body = model->mechanism.model.bodies[i];
     for (int j = 0; j < body.nq(); ++j) outputs.state_q[q++] = mechanism.tree.q[body.q_index + j];
     for (int j = 0; j < body.nv(); ++j) {
@@ -226,14 +226,11 @@ void DockingSim::Impl::update_mechanism_outputs() {
       outputs.state_a[v++] = mechanism.vdot[body.v_index + j];
     }
   }
-  for (size_t b = 0; b < model->mechanism.plan.blocks.size(); ++b) {
-    const LoopBlock& block = model->mechanism.plan.blocks[b];
-    for (size_t i = 0; i < block.loops.size(); ++i) {
-      const int count =
-          std::min(3, equation_count(model->mechanism.model.loops[block.loops[i]].cut));
-      for (int j = 0; j < count; ++j) {
-        outputs.loop_force[block.loops[i]][j] = mechanism.loops.block[b].lambda[block.row[i] + j];
-      }
+  for (size_t k = 0; k < outputs.loop_force.size(); ++k) {
+    const int count = std::min(3, equation_count(model->mechanism.model.loops[k].cut));
+    for (int j = 0; j < count; ++j) {
+      outputs.loop_force[k][j] =
+          get_cut_force(model->mechanism.plan, mechanism.loops, static_cast<int>(k), j);
     }
   }
   // Load on the base in axes and about the origin of B.

@@ -25,6 +25,8 @@ struct DockingSim::Impl {
   ContactLaw make_contact_law() const;
   void choose_frame_O();
   void make_stepper(double tolerance);
+  void check_joint_starts(const LoopPlan& plan) const;
+  Status bring_joints_to_start();
   void set_start_state();
   void put_pose(int vehicle, const Vec3<double>& position, const Vec4<double>& attitude);
   Status put_velocity(int vehicle, const Vec3<double>& velocity,
@@ -37,6 +39,9 @@ struct DockingSim::Impl {
   Status find_trouble(double tau) const;
   Status step_to_root(double tau);
   Status accept(double tau, bool& changed);
+  void keep_pose();
+  bool update_coordinates(double tau);
+  void use_coordinates(const Mechanism& mechanism);
   bool update_memory();
   bool update_latches(double now);
   void begin_contact(double now);
@@ -81,12 +86,13 @@ struct DockingSim::Impl {
   std::unique_ptr<DockingData<double>> data;       ///< at the last accepted state
   std::unique_ptr<DockingData<double>> rate_data;  ///< at trial states of the integrator
   std::unique_ptr<ErkStepper> stepper;             ///< owns the state y
+  std::vector<int> state_bodies;  ///< joints of state.*: the independent ones at the start
   double t_start = 0.0;
   double energy_start = 0.0;
   std::array<Wrench<double>, 2> momentum_start;      ///< per vehicle, with what the host changed
   Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
 
-  // state beside y
+  // state beside y; also the reference pose data->mechanism.loops.reference
   double elapsed = 0.0;  ///< [s] from start to the last communication point
   double h_warm = 0.0;   ///< step size for the next communication step [s]
   Vec3<double> frame_velocity = Vec3<double>::Zero();  ///< of O in N [m/s]
@@ -100,6 +106,7 @@ struct DockingSim::Impl {
   double momentum_scale = 0.0, angular_momentum_scale = 0.0;  ///< largest seen [N s], [N m s]
   std::array<Wrench<double>, 2> mean_load;                    ///< of the step just made
   double last_step = 0.0;                                     ///< [s]
+  bool warned_margin = false;                  ///< a loop close to singular was told once
   std::array<VehicleState, 2> vehicle_before;  ///< at the start of the last communication step
 
   // scratch
@@ -109,6 +116,8 @@ struct DockingSim::Impl {
   DiscreteState discrete_before;
   ContactMemory memory_before;
   PeakTracker<kPeakCount> peaks_before;
+  LoopReference<double> reference_before;
+  std::unique_ptr<Mechanism> coordinates_before;  ///< if they changed since the step began
 };
 
 }  // namespace dockloop

@@ -7,6 +7,7 @@
 #include "dynamics/mechanism_dynamics.hpp"
 #include "math/status.hpp"
 #include "model/json_reader.hpp"
+#include "tool/reachable_range.hpp"
 
 namespace dockloop {
 namespace {
@@ -21,9 +22,14 @@ std::string describe_cut(CutType cut) {
       return "R2";
     case CutType::kPlanarRevolute:
       return "R1_planar";
-    default:
-      return "R3";
+    case CutType::kRevolute:
+      return "R1";
+    case CutType::kCoupling:
+      return "coupling";
+    case CutType::kSpherical:
+      break;
   }
+  return "R3";
 }
 
 /// Independent coordinates a fraction s of the way from home to q (quaternions by normalised
@@ -37,6 +43,11 @@ void set_independents(const Mechanism& mechanism, const std::vector<double>& q, 
     }
     if (body.joint == JointType::kFree) data.tree.q.segment<4>(body.q_index + 3).normalize();
   }
+}
+
+std::string describe_solution(const LoopBlock& block) {
+  if (block.form()) return describe_leg(*block.form());
+  return block.is_coupling ? "linear" : "newton";
 }
 
 double find_max_condition(const Mechanism& mechanism, const MechanismData<double>& data) {
@@ -67,6 +78,39 @@ std::vector<double> read_numbers(const JsonReader& state, const std::string& key
   return values;
 }
 
+/// Ranges of the independent coordinates, with what ends them.
+json describe_ranges(const Mechanism& mechanism) {
+  json list = json::array();
+  for (const CoordinateRange& range : find_reachable_ranges(mechanism)) {
+    const auto describe = [&](const RangeEnd& end) -> std::string {
+      const std::string loop = end.status.index < 0
+                                   ? ""
+                                   : "loop '" + mechanism.model.loops[end.status.index].name + "' ";
+      switch (end.status.code) {
+        case StatusCode::kOk:
+          return "not limited";
+        case StatusCode::kOutOfReach:
+          return loop + "out of reach";
+        case StatusCode::kLoopSingular:
+          return loop + "singular";
+        case StatusCode::kBranchChanged:
+          return loop + "at the end of its branch";
+        case StatusCode::kInertiaNotPositive:
+          return "inertia not positive";
+        default:
+          return loop + "cannot be closed";
+      }
+    };
+    list.push_back({{"coordinate", range.coordinate},
+                    {"unit", range.is_angle ? "rad" : "m"},
+                    {"lower", range.lower.value},
+                    {"lower_end", describe(range.lower)},
+                    {"upper", range.upper.value},
+                    {"upper_end", describe(range.upper)}});
+  }
+  return list;
+}
+
 }  // namespace
 
 json check_mechanism_file(const std::string& text, const std::string& source_name) {
@@ -91,18 +135,18 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
     const LoopBlock& block = mechanism.plan.blocks[b];
     json names = json::array();
     for (int k : block.loops) {
-      names.push_back(model.loops[k].name);
-      const int row = block.row[static_cast<size_t>(
-          std::find(block.loops.begin(), block.loops.end(), k) - block.loops.begin())];
-      loops.push_back({{"name", model.loops[k].name},
-                       {"cut", describe_cut(model.loops[k].cut)},
-                       {"closure", block.slide_leg ? "R2P1R3" : "newton"},
-                       {"block", b + 1},
-                       {"size", mechanism.plan.loop_size[k]},
-                       {"gap", data.loops.block[b]
-                                   .residual.segment(row, equation_count(model.loops[k].cut))
-                                   .lpNorm<Eigen::Infinity>()},
-                       {"margin", data.loops.block[b].margin}});
+      const Loop& loop = model.loops[k];
+      names.push_back(loop.name);
+      loops.push_back(
+          {{"name", loop.name},
+           {"cut", describe_cut(loop.cut)},
+           {"closure", describe_solution(block)},
+           {"block", b + 1},
+           {"size", mechanism.plan.loop_size[k]},
+           {"gap",
+            data.loops.cut[k].residual.head(equation_count(loop.cut)).lpNorm<Eigen::Infinity>()},
+           {"margin", data.loops.block[b].margin}});
+      if (!block.form() && !block.is_coupling) loops.back()["why_newton"] = block.closure.reason;
     }
     order.push_back(names);
   }
@@ -121,9 +165,11 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
     warnings.push_back("loop '" + model.loops[k].name + "' is open by " + std::to_string(gaps[k]) +
                        " m at the zero pose (no home_q is given); it was closed from there");
   }
-  if (find_singularity_margin(data) < kMarginWarning) {
+  if (find_singularity_margin(data) < model.singularity.warning) {
     warnings.push_back("a loop is close to singular at home");
   }
+  for (const std::string& note : mechanism.notes) warnings.push_back(note);
+  result["ranges"] = describe_ranges(mechanism);
   result["warnings"] = warnings;
   return result;
 }
@@ -166,29 +212,35 @@ json evaluate_states(const std::string& text, const std::string& source_name,
     for (const JsonReader& load : state.list("external")) {
       const int body = find_body(model, load.at("body").text(), load.path());
       if (body == kBase) load.fail("acts on the base, which does not move");
-      data.tree.external[body].f = load.at("force").vector<3>();
-      data.tree.external[body].t = load.vector<3>("moment", Vec3<double>::Zero());
+      data.tree.external[body].f += load.at("force").vector<3>();
+      data.tree.external[body].t += load.vector<3>("moment", Vec3<double>::Zero());
     }
     calc_velocity(mechanism, base, data);
     calc_acceleration(mechanism, base, data);
     calc_reactions(mechanism, base, kBase, data);
+    calc_joint_loads(mechanism, data);
 
     json out;
     out["q"] = to_json(data.tree.q);
     out["v"] = to_json(data.tree.v);
     out["a"] = to_json(data.vdot);
     json forces = json::object();
-    for (size_t b = 0; b < mechanism.plan.blocks.size(); ++b) {
-      const LoopBlock& block = mechanism.plan.blocks[b];
-      for (size_t i = 0; i < block.loops.size(); ++i) {
-        const Loop& loop = model.loops[block.loops[i]];
-        forces[loop.name] =
-            to_json(data.loops.block[b].lambda.segment(block.row[i], equation_count(loop.cut)));
+    for (size_t k = 0; k < model.loops.size(); ++k) {
+      std::vector<double> force;
+      for (int j = 0; j < equation_count(model.loops[k].cut); ++j) {
+        force.push_back(get_cut_force(mechanism.plan, data.loops, static_cast<int>(k), j));
       }
+      forces[model.loops[k].name] = force;
     }
     out["loop_force"] = forces;
     out["base_force"] = to_json(data.on_base.f);
     out["base_moment"] = to_json(data.on_base.t);
+    json joints = json::object();
+    for (size_t i = 0; i < model.bodies.size(); ++i) {
+      const Wrench<double>& load = data.joint_load[i];
+      joints[model.bodies[i].name] = {{"force", to_json(load.f)}, {"moment", to_json(load.t)}};
+    }
+    out["joint_load"] = joints;
     json inertia = json::array();
     for (int i = 0; i < data.A_ind.rows(); ++i) inertia.push_back(to_json(data.A_ind.row(i)));
     out["reduced_inertia"] = inertia;

@@ -1,6 +1,8 @@
 // Tree recursions; see tree.hpp for what is computed, about which point and in which axes.
 #include "tree/tree.hpp"
 
+#include "math/scalar.hpp"
+
 namespace dockloop {
 
 template <class S>
@@ -259,7 +261,7 @@ void calc_tree_forces(const MechanismModel& model, TreeData<S>& data) {
                                           const VecX<S>*, TreeData<S>&);                          \
   template void calc_tree_forces<S>(const MechanismModel&, TreeData<S>&);
 
-DOCK_INSTANTIATE(double)
-DOCK_INSTANTIATE(long double)
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+#undef DOCK_INSTANTIATE
 
 }  // namespace dockloop

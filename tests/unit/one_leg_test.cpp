@@ -68,7 +68,7 @@ TEST_P(OneLeg, the_plate_is_independent_and_the_leg_dependent) {
   EXPECT_EQ(mechanism.plan.ind_v, (std::vector<int>{0, 1, 2, 3, 4, 5}));
   ASSERT_EQ(mechanism.plan.blocks.size(), 1u);
   EXPECT_EQ(mechanism.plan.blocks[0].dep, (std::vector<int>{kVCross, kVCylinder, kVSlide}));
-  EXPECT_EQ(mechanism.plan.blocks[0].slide_leg.has_value(), !GetParam());
+  EXPECT_EQ(mechanism.plan.blocks[0].form() != nullptr, !GetParam());
 }
 
 TEST_P(OneLeg, its_angles_point_it_at_the_plate_and_the_slide_makes_up_the_length) {

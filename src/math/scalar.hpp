@@ -1,0 +1,34 @@
+// The scalars for which the algorithms of the core are compiled, in one place.
+//
+//   double       the product
+//   long double  the oracle of the tests: the same algorithm with more digits
+//   Derivative   exact derivatives with respect to eight inputs at a time (math/dual.hpp)
+//
+// Eight lanes: 64 bytes of derivatives are a whole number of registers in every vector instruction
+// set. A pass costs about seven plain evaluations (with sixteen lanes twelve to sixteen); the 13
+// columns of a ring on legs take two passes, those of a planar mechanism one.
+// Algorithms are templates with their definitions in .cpp files; each such file ends with
+//   #define DOCK_INSTANTIATE(S) template void calc_something<S>(...);
+//   DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+// A test with a scalar of its own includes those .cpp files and defines the list itself before.
+#pragma once
+
+#include "math/dual.hpp"
+
+namespace dockloop {
+
+using Derivative = Dual<8>;
+
+/// Plain value of a scalar: what a Status, a margin or a print-out shows.
+inline double to_double(double x) { return x; }
+inline double to_double(long double x) { return static_cast<double>(x); }
+template <int N>
+double to_double(const Dual<N>& x) {
+  return x.value;
+}
+
+}  // namespace dockloop
+
+#ifndef DOCK_INSTANTIATE_FOR_SCALARS
+#define DOCK_INSTANTIATE_FOR_SCALARS(X) X(double) X(long double) X(Derivative)
+#endif

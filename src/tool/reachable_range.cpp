@@ -1,0 +1,92 @@
+// Walks along each independent coordinate until a loop refuses; see reachable_range.hpp.
+#include "tool/reachable_range.hpp"
+
+#include <algorithm>
+
+namespace dockloop {
+namespace {
+
+/// Move one velocity coordinate of a body by s from home.
+void set_coordinate(const Mechanism& mechanism, const Body& body, int k, double s,
+                    VecX<double>& q) {
+  for (size_t i = 0; i < mechanism.model.home_q.size(); ++i) {
+    q[static_cast<int>(i)] = mechanism.model.home_q[i];
+  }
+  if (body.joint != JointType::kFree) {
+    q[body.q_index] += s;
+    return;
+  }
+  Vec3<double> direction = Vec3<double>::Zero();
+  direction[k % 3] = s;
+  const Vec4<double> quat = q.segment<4>(body.q_index + 3);
+  if (k < 3) {
+    q.segment<3>(body.q_index) += quat_to_matrix<double>(quat) * direction;
+  } else {
+    q.segment<4>(body.q_index + 3) = quat_multiply<double>(quat, quat_exp<double>(direction));
+  }
+}
+
+RangeEnd find_end(const Mechanism& mechanism, const Body& body, int k, double step, double limit) {
+  MechanismData<double> data(mechanism);
+  RangeEnd end;
+  end.status = calc_position(mechanism, data);
+  if (!end.status.ok()) return end;
+  keep_reference(data.tree, data.loops);
+  const auto reach = [&](double s) {
+    set_coordinate(mechanism, body, k, s, data.tree.q);
+    return calc_position(mechanism, data);
+  };
+  constexpr double kSmallest = 1e-6;  // of a step
+  double size = step;
+  while (std::abs(end.value) < limit && std::abs(size) > kSmallest * std::abs(step)) {
+    const Status status = reach(end.value + size);
+    if (status.ok()) {
+      end.value += size;
+      keep_reference(data.tree, data.loops);
+      if (size != step) size *= 0.5;
+    } else {
+      end.status = status;
+      size *= 0.5;
+    }
+  }
+  if (std::abs(end.value) >= limit) {
+    end.value = std::copysign(limit, step);
+    end.status = Status();
+  }
+  return end;
+}
+
+}  // namespace
+
+std::vector<CoordinateRange> find_reachable_ranges(const Mechanism& mechanism) {
+  static const char* const kNames[] = {".x", ".y", ".z", ".rx", ".ry", ".rz"};
+  constexpr double kTurn = 6.28318530717958647692;
+  double length = 0.0;
+  for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
+    if (mechanism.model.loops[k].cut == CutType::kCoupling) continue;
+    length = std::max(length, mechanism.plan.loop_size[k]);
+  }
+  std::vector<CoordinateRange> ranges;
+  for (int i : mechanism.plan.ind_bodies) {
+    const Body& body = mechanism.model.bodies[i];
+    for (int k = 0; k < body.nv(); ++k) {
+      const bool used = std::any_of(
+          mechanism.plan.blocks.begin(), mechanism.plan.blocks.end(), [&](const LoopBlock& block) {
+            return std::find(block.low.begin(), block.low.end(), body.v_index + k) !=
+                   block.low.end();
+          });
+      if (!used) continue;  // no loop depends on it
+      CoordinateRange range;
+      range.coordinate = body.name + (body.joint == JointType::kFree ? kNames[k] : "");
+      range.is_angle =
+          body.joint == JointType::kRevolute || (body.joint == JointType::kFree && k >= 3);
+      const double limit = range.is_angle ? kTurn : 2.0 * length;
+      range.lower = find_end(mechanism, body, k, -limit / 400.0, limit);
+      range.upper = find_end(mechanism, body, k, limit / 400.0, limit);
+      ranges.push_back(range);
+    }
+  }
+  return ranges;
+}
+
+}  // namespace dockloop

@@ -1,0 +1,26 @@
+// How far each independent coordinate can go from home, one at a time, before a loop stops it.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "dynamics/mechanism_dynamics.hpp"
+
+namespace dockloop {
+
+/// One end of a range.
+struct RangeEnd {
+  double value = 0.0;  ///< distance from home [m] or [rad]
+  Status status;       ///< why it ends there; ok if nothing stopped the search
+};
+
+struct CoordinateRange {
+  std::string coordinate;  ///< body name; of a free joint with .x .y .z .rx .ry .rz (body axes)
+  bool is_angle = false;
+  RangeEnd lower, upper;
+};
+
+/// Searched up to a full turn and to twice the size of the largest loop, from the closed home.
+std::vector<CoordinateRange> find_reachable_ranges(const Mechanism& mechanism);
+
+}  // namespace dockloop
