@@ -1,7 +1,7 @@
 """The equation map of ``src/loops/README.md``: no tag dangles, in the table or in the code.
 
-A tag is ``[Y2 (7)]``, ``[Y2 (1)-(4)]``, ``[Y2 list 3-7]`` and the like. Every tag in the code must be
-a row of the map; every row must name a function and a test that exist; the published equations (1)
+A tag is ``[Y2 (7)]``, ``[Y2 (1)-(4)]``, ``[Y2 list 3-7]`` and the like. Every tag in the code is
+a row of the map; every row names a function and a test that exist; the published equations (1)
 to (11) and the ten items of the list are all there.
 """
 
@@ -32,12 +32,12 @@ ROWS = read_rows()
 def expand(text: str) -> list[str]:
     """Single tags of the inside of one bracket: "(1)-(4), (9a)" or "list 3-7"."""
     tags = []
-    text = text.split(", differs")[0]
-    if found := re.fullmatch(r"list (\d+)(?:[-–](\d+))?", text):
+    text = text.split(", differs", maxsplit=1)[0]
+    if found := re.fullmatch(r"list (\d+)(?:-(\d+))?", text):
         first, last = int(found[1]), int(found[2] or found[1])
         return [f"list {i}" for i in range(first, last + 1)]
     for part in text.split(","):
-        found = re.fullmatch(r"\s*\((\w+)\)(?:[-–]\((\d+)\))?\s*", part)
+        found = re.fullmatch(r"\s*\((\w+)\)(?:-\((\d+)\))?\s*", part)
         assert found, f"a tag that is not understood: [Y2 {text}]"
         if found[2]:
             tags += [f"({i})" for i in range(int(found[1]), int(found[2]) + 1)]

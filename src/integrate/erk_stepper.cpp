@@ -5,6 +5,8 @@
 #include <nvector/nvector_serial.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <stdexcept>
 #include <vector>
 
@@ -18,6 +20,7 @@ struct ErkStepper::Impl {
   double t = 0.0;
   double t_restart = 0.0, h_restart = 0.0;
   bool watch_roots = false;
+  int trouble = 0;  // what the rates said last
   std::vector<int> root_info;
   std::vector<double> y_before;
 
@@ -57,7 +60,10 @@ struct ErkStepper::Impl {
     if (flag < 0) throw std::runtime_error("ARKODE refused a setting");
   }
   static int call_rates(realtype t, N_Vector y, N_Vector ydot, void* self) {
-    return static_cast<Impl*>(self)->problem.rates(t, NV_DATA_S(y), NV_DATA_S(ydot));
+    Impl& me = *static_cast<Impl*>(self);
+    const int trouble = me.problem.rates(t, NV_DATA_S(y), NV_DATA_S(ydot));
+    if (trouble > 0) me.trouble = trouble;
+    return trouble;
   }
   static int call_roots(realtype t, N_Vector y, realtype* roots, void* self) {
     Impl& me = *static_cast<Impl*>(self);
@@ -87,15 +93,20 @@ void ErkStepper::restart(double t, double h) {
 }
 
 StepOutcome ErkStepper::step(double t_stop, bool watch_roots) {
-  // A state that cannot be evaluated is cured by a smaller step: quarter it, from the same start.
+  // A state that cannot be evaluated is cured by a smaller step, from the same start. A pose that
+  // must be stepped over is cured by sizes that put no stage on it: some that end well before or beyond it.
   constexpr int kRetries = 24;
+  static constexpr std::array<double, 14> kLeaps = {1.5, 1.25, 0.55, 0.45, 0.35, 0.27, 0.2,
+                                                    0.7, 0.8,  2.5,  4.0,  6.5,  10.0, 16.0};
   Impl& me = *impl_;
   me.watch_roots = watch_roots;
   const double t_before = me.t;
-  double h = 0.0;
+  double h_first = 0.0;
+  size_t leaps = 0;
   std::copy(y(), y() + me.problem.size, me.y_before.begin());
-  for (int retry = 0; retry < kRetries; ++retry) {
+  for (int retry = 0; retry < kRetries;) {
     ERKStepSetStopTime(me.ark, t_stop);
+    me.trouble = 0;
     const int flag = ERKStepEvolve(me.ark, t_stop, me.y, &me.t, ARK_ONE_STEP);
     if (flag == ARK_TSTOP_RETURN) {
       me.t = t_stop;
@@ -106,13 +117,16 @@ StepOutcome ErkStepper::step(double t_stop, bool watch_roots) {
       return StepOutcome::kRoot;
     }
     if (flag >= 0) return StepOutcome::kStepped;
-    double attempted = 0.0;
-    ERKStepGetCurrentStep(me.ark, &attempted);
-    if (retry == 0) h = attempted > 0.0 ? attempted : me.h_restart;
-    if (!(h > 0.0)) h = t_stop - t_before;
-    h = std::min(h, t_stop - t_before) / 4.0;
+    if (retry == 0 && leaps == 0) {
+      ERKStepGetCurrentStep(me.ark, &h_first);
+      if (!(h_first > 0.0)) h_first = me.h_restart;
+      if (!(h_first > 0.0)) h_first = t_stop - t_before;
+      h_first = std::min(h_first, t_stop - t_before);
+    }
+    const bool leap = me.trouble == kStepOver && leaps < kLeaps.size();
+    const double factor = leap ? kLeaps[leaps++] : std::pow(0.25, ++retry);
     std::copy(me.y_before.begin(), me.y_before.end(), y());
-    restart(t_before, h);
+    restart(t_before, std::min(factor * h_first, t_stop - t_before));
   }
   return StepOutcome::kFailed;
 }

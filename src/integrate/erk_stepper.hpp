@@ -20,8 +20,9 @@ enum class StepOutcome {
 
 class ErkStepper {
  public:
-  /// What to integrate. Return 0, or > 0 for a state that cannot be evaluated (smaller step,
-  /// please).
+  /// What to integrate. `rates` returns 0, or why a state cannot be evaluated:
+  static constexpr int kSmaller = 1;   ///< a smaller step, please
+  static constexpr int kStepOver = 2;  ///< this state only: a step of another size may avoid it
   struct Problem {
     int size = 0;
     int root_count = 0;

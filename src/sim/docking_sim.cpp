@@ -358,6 +358,7 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   elapsed = 0.0;
   h_warm = 0.0;
   warned_margin = false;
+  margin_looked_at = kChangeMargin;
   std::fill(due.begin(), due.end(), char(0));
   host_work = 0.0;
   momentum_residual = 0.0;
@@ -407,7 +408,8 @@ void DockingSim::Impl::make_stepper(double tolerance) {
     if (!status.ok()) {
       last_trouble = status;
       last_trouble.time = elapsed + t;
-      return 1;
+      return status.code == StatusCode::kLoopSingular ? ErkStepper::kStepOver
+                                                      : ErkStepper::kSmaller;
     }
     double sum = 0.0;
     for (int i = 0; i < model->layout.size; ++i) sum += ydot[i];
@@ -543,6 +545,7 @@ Status DockingSim::step(double t, double h) {
   me.reference_before = me.data->mechanism.loops.reference;
   me.coordinates_before.reset();
   const double host_work = me.host_work, elapsed = me.elapsed;
+  const double margin_looked_at = me.margin_looked_at;
   const auto momentum_start = me.momentum_start;
   me.elapsed = t - me.t_start;
   me.read_inputs();
@@ -562,6 +565,7 @@ Status DockingSim::step(double t, double h) {
     me.discrete = me.discrete_before;
     me.peaks = me.peaks_before;
     me.host_work = host_work;
+    me.margin_looked_at = margin_looked_at;
     me.elapsed = elapsed;
     me.momentum_start = momentum_start;
     me.memory = me.memory_before;
@@ -583,6 +587,7 @@ Status DockingSim::Impl::integrate(double h) {
   if (!status.ok()) return status;
   for (int i : {kChaser, kTarget}) vehicle_before[i] = find_vehicle_state(i);
   std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
+  margin_before = find_singularity_margin(data->mechanism);
   double tau = 0.0;
   Status trouble;            // the last one that a smaller step got around
   double proposal = h_warm;  // step size that error control asks for; stops do not count
@@ -594,13 +599,13 @@ Status DockingSim::Impl::integrate(double h) {
     const StepOutcome outcome = stepper->step(stop, true);
     if (outcome == StepOutcome::kFailed) return find_trouble(tau);
     bool restart = false;
+    const double made = stepper->time() - tau;
     if (outcome == StepOutcome::kRoot) {
       status = step_to_root(tau);
       if (!status.ok()) return status;
       restart = true;
     } else {
       std::fill(due.begin(), due.end(), char(0));
-      const double made = stepper->time() - tau;
       const bool cut_short = outcome == StepOutcome::kStopped && made < proposal;
       proposal = cut_short ? std::max(proposal, stepper->next_step()) : stepper->next_step();
     }
@@ -612,13 +617,35 @@ Status DockingSim::Impl::integrate(double h) {
       h_warm = proposal;
       return {};
     }
-    if (restart) stepper->restart(tau, std::min(proposal, h - tau));
+    const double leap = find_leap(made, proposal);
+    if (leap > 0.0) {
+      stepper->restart(tau, std::min(leap, h - tau));
+    } else if (restart) {
+      stepper->restart(tau, std::min(proposal, h - tau));
+    }
   }
   if (!trouble.ok()) return trouble;
   status_text =
       "it needs more than " + std::to_string(kMaxInnerSteps) +
       " inner steps: contact far too fast or too stiff; shorten the step or check the speeds";
   return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
+}
+
+/// A mechanism on its way through a pose where its loops lose rank is fine on both sides of it, but
+/// cannot be evaluated on it: size of a step that has no stage there, or one that ends where such a
+/// step can begin. @param made, proposal  last step, size that error control asks for
+/// @return 0 if there is nothing to leap over
+double DockingSim::Impl::find_leap(double made, double proposal) {
+  const double margin = find_singularity_margin(data->mechanism);
+  const double rate = (margin_before - margin) / made;
+  margin_before = margin;
+  if (!(rate > 0.0) || margin > 3.0 * kChangeMargin) return 0.0;
+  const double way = margin / rate;  // to the pose, if the margin goes on like this
+  const double width = model->mechanism.model.singularity.error / rate;
+  if (way - width > 1.3 * proposal) return 0.0;
+  // Stages lie at 0.2, 0.3, 0.8, 0.89 and 1 of a step: put the pose into the largest gap.
+  const double leap = way / 0.55;
+  return leap <= 1.6 * proposal ? leap : way - 0.5 * proposal;
 }
 
 /// Where the next inner step must end at the latest: the end of the communication step, the onset
@@ -699,7 +726,13 @@ void DockingSim::Impl::keep_pose() {
 /// @return true if the meaning of the state changed
 bool DockingSim::Impl::update_coordinates(double tau) {
   const double margin = find_singularity_margin(data->mechanism);
-  if (margin >= kChangeMargin) return false;
+  if (margin >= kChangeMargin) {
+    margin_looked_at = kChangeMargin;
+    return false;
+  }
+  // The search is dear: look again only where things got much worse.
+  if (margin > 0.7 * margin_looked_at) return false;
+  margin_looked_at = margin;
   if (margin < model->mechanism.model.singularity.warning && !warned_margin) {
     char text[120];
     std::snprintf(text, sizeof text, "a loop is close to singular (margin %.3g) at t = %.9g s",

@@ -35,6 +35,7 @@ struct DockingSim::Impl {
   void read_inputs();
   Status receive_driven_vehicles();
   Status integrate(double h);
+  double find_leap(double made, double proposal);
   double find_next_stop(double tau, double h) const;
   Status find_trouble(double tau) const;
   Status step_to_root(double tau);
@@ -106,12 +107,14 @@ struct DockingSim::Impl {
   double momentum_scale = 0.0, angular_momentum_scale = 0.0;  ///< largest seen [N s], [N m s]
   std::array<Wrench<double>, 2> mean_load;                    ///< of the step just made
   double last_step = 0.0;                                     ///< [s]
+  double margin_looked_at = kChangeMargin;     ///< where other coordinates were last looked for
   bool warned_margin = false;                  ///< a loop close to singular was told once
   std::array<VehicleState, 2> vehicle_before;  ///< at the start of the last communication step
 
   // scratch
   std::vector<char> due = std::vector<char>(kFixedRoots + kMaxLatches, 0);
   Status last_trouble;
+  double margin_before = 1.0;  ///< of the loops, at the last accepted state
   std::vector<double> y_before, y_accepted;
   DiscreteState discrete_before;
   ContactMemory memory_before;
