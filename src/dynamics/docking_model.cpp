@@ -153,6 +153,15 @@ void calc_chaser_velocity(const DockingModel& model, const FrameMotion<S>& chase
   for (int j = 6; j < static_cast<int>(ind.size()); ++j) {
     p -= data.A_ind.col(j).template head<6>() * data.tree.v[ind[j]];
   }
+  if (model.mechanism.plan.is_driven) {
+    // Momentum of the joints that move by themselves, everything else at rest.
+    TreeData<S>& tree = data.tree;
+    data.scratch_v = tree.v;
+    for (int j : ind) tree.v[j] = S(0);
+    calc_loop_velocity(model.mechanism.plan, tree, data.loops);
+    p -= tree.A.template topRows<6>().lazyProduct(tree.v);
+    tree.v = data.scratch_v;
+  }
   // The leading block of a Cholesky factor is the factor of the leading block.
   const Mat6<S> L = data.factor.matrixLLT().template topLeftCorner<6, 6>();
   L.template triangularView<Eigen::Lower>().solveInPlace(p);
@@ -172,8 +181,9 @@ void calc_target_velocity(const DockingModel& model, const S* y, FrameMotion<S>&
 
 /// Everything that follows from position and velocity alone.
 template <class S>
-Status calc_kinematics(const DockingModel& model, const S* y, DockingData<S>& data) {
+Status calc_kinematics(const DockingModel& model, const S& t, const S* y, DockingData<S>& data) {
   put_mechanism_state(model, y, data.mechanism.tree);
+  data.mechanism.tree.time = t;
   data.vehicle[kChaser] = get_vehicle_pose(model, kChaser, y);
   const Status status = calc_position(model.mechanism, data.mechanism);
   if (!status.ok()) return status;
@@ -330,7 +340,7 @@ template <class S>
 Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
                     const ContactMemory& memory, const Loads& loads, S t, const S* y, S* ydot,
                     DockingData<S>& data) {
-  Status status = calc_kinematics(model, y, data);
+  Status status = calc_kinematics(model, t, y, data);
   if (!status.ok()) return status;
   status = calc_capture_forces(model, discrete, memory, t, y, ydot, data);
   if (!status.ok()) return status;
@@ -375,6 +385,10 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
   // Vehicles: the capture force acts on both at the same point, so their rates cancel exactly.
   Vec3<S> impulse = Vec3<S>::Zero(), angular_impulse = Vec3<S>::Zero();
   S power = data.joints.command_power;
+  if (model.mechanism.plan.is_driven) {
+    calc_loop_forces(model.mechanism.plan, mechanism.vdot, mechanism.loops);
+    power += find_drive_power(model.mechanism.model, model.mechanism.plan, mechanism.loops);
+  }
   const Vec3<S> capture_moment = data.capture.p.cross(data.on_passive.f) + data.on_passive.t;
   if (model.moves[kChaser]) {
     const S mass = mechanism.tree.m_sum[0];

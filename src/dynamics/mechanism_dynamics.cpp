@@ -24,6 +24,7 @@ MechanismData<S>::MechanismData(const Mechanism& mechanism)
   A_ind.setZero(n_ind, n_ind);
   if (n_ind > 0) factor.compute(MatX<S>::Identity(n_ind, n_ind));  // sizes it
   for (auto* x : {&b, &tau, &vdot}) x->setZero(nv);
+  scratch_v.setZero(nv);
   joint_load.resize(mechanism.model.bodies.size());
   scratch.resize(mechanism.model.bodies.size());
   b_ind.setZero(n_ind);
@@ -36,7 +37,7 @@ Status calc_position(const Mechanism& mechanism, MechanismData<S>& data) {
   const std::vector<int>& ind = mechanism.plan.ind_v;
   const Status status = calc_loop_position(model, mechanism.plan, data.tree, data.loops);
   if (!status.ok()) return status;
-  calc_velocity_maps(mechanism.plan, data.loops);
+  calc_velocity_maps(model, mechanism.plan, data.loops);
   calc_tree_position(model, data.tree);
   // Reduce the joint-space inertia and gather what is left.                          [Y2 (10)]
   calc_tree_inertia(model, data.tree);

@@ -45,6 +45,7 @@ struct MechanismData {
   std::vector<Wrench<S>> joint_load;  ///< per body: what its joint (with its parent) exerts on it,
                                       ///< about its origin, base axes (calc_joint_loads)
   std::vector<Wrench<S>> scratch;     ///< per body
+  VecX<S> scratch_v;                  ///< nv
   Wrench<S> on_base;  ///< of the mechanism on its base body, about that body's origin,
                       ///< base axes of the tree (calc_reactions)
 };

@@ -94,7 +94,8 @@ void ErkStepper::restart(double t, double h) {
 
 StepOutcome ErkStepper::step(double t_stop, bool watch_roots) {
   // A state that cannot be evaluated is cured by a smaller step, from the same start. A pose that
-  // must be stepped over is cured by sizes that put no stage on it: some that end well before or beyond it.
+  // must be stepped over is cured by sizes that put no stage on it: some that end well before or
+  // beyond it.
   constexpr int kRetries = 24;
   static constexpr std::array<double, 14> kLeaps = {1.5, 1.25, 0.55, 0.45, 0.35, 0.27, 0.2,
                                                     0.7, 0.8,  2.5,  4.0,  6.5,  10.0, 16.0};

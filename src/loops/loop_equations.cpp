@@ -126,7 +126,8 @@ void calc_cut_position(const MechanismModel& model, const LoopPlan& plan, int lo
   const Loop& loop = model.loops[loop_index];
   const LoopPaths& paths = plan.paths[loop_index];
   if (loop.cut == CutType::kCoupling) {
-    S residual = tree.q[model.bodies[loop.terminal].q_index] - S(loop.offset);
+    S residual =
+        tree.q[model.bodies[loop.terminal].q_index] - S(loop.offset) - S(loop.rate) * tree.time;
     for (const CouplingTerm& term : loop.terms) {
       residual -= S(term.ratio) * tree.q[model.bodies[term.body].q_index];
     }

@@ -343,6 +343,8 @@ LoopPlan make_loop_plan(const MechanismModel& model, const std::vector<double>& 
     block.closure = choose_closure(model, plan, block, home, q, newton_only);
     block.is_coupling =
         block.loops.size() == 1 && model.loops[block.loops[0]].cut == CutType::kCoupling;
+    for (int k : block.loops) block.is_driven = block.is_driven || model.loops[k].rate != 0.0;
+    plan.is_driven = plan.is_driven || block.is_driven;
     plan.iterates = plan.iterates || (!block.form() && !block.is_coupling);
   }
   find_touched(model, plan);

@@ -29,6 +29,7 @@ struct LoopBlock {
   VecX<double> row_scale;      ///< unit of each equation: the loop size [m], or 1 of a cosine
   Recognition closure;         ///< closed form, or why Newton iteration it is
   bool is_coupling = false;    ///< one coupling by itself
+  bool is_driven = false;      ///< some coupling in it moves with time
   const ClosedForm* form() const { return closure.form ? &*closure.form : nullptr; }
   int size() const { return static_cast<int>(dep.size()); }
 };
@@ -44,6 +45,7 @@ struct LoopPlan {
   std::vector<int> ind_q;          ///< independent coordinates, ascending
   std::vector<int> ind_bodies;     ///< bodies with independent joints
   bool iterates = false;           ///< some block is solved by Newton iteration
+  bool is_driven = false;          ///< some joint moves with time by itself
 };
 
 /// @param q  pose at which closed forms choose their branch (all coordinates)

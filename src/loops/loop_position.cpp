@@ -120,7 +120,7 @@ Status solve_by_formula(const MechanismModel& model, const LoopPlan& plan, const
 /// A coupling by itself: its joint follows.
 template <class S>
 void solve_coupling(const MechanismModel& model, const Loop& loop, TreeData<S>& tree) {
-  S q(loop.offset);
+  S q = S(loop.offset) + S(loop.rate) * tree.time;
   for (const CouplingTerm& term : loop.terms) {
     q += S(term.ratio) * tree.q[model.bodies[term.body].q_index];
   }

@@ -26,7 +26,8 @@ LoopData<S>::LoopData(const MechanismModel& model, const LoopPlan& plan) {
     data.U.setZero(touched, low);
     data.A_dt.setZero(m, touched);
     data.A_dd.setZero(m, m);
-    for (auto* x : {&data.residual, &data.h, &data.b_d, &data.lambda, &data.step, &data.column}) {
+    for (auto* x :
+         {&data.residual, &data.g, &data.h, &data.b_d, &data.lambda, &data.step, &data.column}) {
       x->setZero(m);
     }
     block.push_back(data);
@@ -39,8 +40,29 @@ LoopData<S>::LoopData(const MechanismModel& model, const LoopPlan& plan) {
 }
 
 template <class S>
-void calc_velocity_maps(const LoopPlan& plan, LoopData<S>& loops) {
-  for (size_t b = 0; b < plan.blocks.size(); ++b) calc_block_map(plan.blocks[b], loops.block[b]);
+void calc_velocity_maps(const MechanismModel& model, const LoopPlan& plan, LoopData<S>& loops) {
+  for (size_t b = 0; b < plan.blocks.size(); ++b) {
+    const LoopBlock& block = plan.blocks[b];
+    BlockData<S>& data = loops.block[b];
+    calc_block_map(block, data);
+    if (!block.is_driven) continue;
+    data.g.setZero();
+    for (size_t i = 0; i < block.loops.size(); ++i) {
+      const Loop& loop = model.loops[block.loops[i]];
+      if (loop.rate != 0.0) data.g[block.row[i][0]] = S(loop.rate);
+    }
+    solve_block<S>(block, data, data.g);
+  }
+}
+
+template <class S>
+S find_drive_power(const MechanismModel& model, const LoopPlan& plan, const LoopData<S>& loops) {
+  S power(0);
+  for (size_t k = 0; k < model.loops.size(); ++k) {
+    if (model.loops[k].rate == 0.0) continue;
+    power += S(model.loops[k].rate) * get_cut_force(plan, loops, static_cast<int>(k), 0);
+  }
+  return power;
 }
 
 template <class S>
@@ -49,7 +71,7 @@ void calc_loop_velocity(const LoopPlan& plan, TreeData<S>& tree, const LoopData<
     const LoopBlock& block = plan.blocks[b];
     const BlockData<S>& data = loops.block[b];
     for (int i = 0; i < block.size(); ++i) {
-      S sum(0);
+      S sum = data.g[i];
       for (int j = 0; j < data.H.cols(); ++j) sum += data.H(i, j) * tree.v[block.low[j]];
       tree.v[block.dep[i]] = sum;
     }
@@ -174,7 +196,8 @@ S get_cut_force(const LoopPlan& plan, const LoopData<S>& loops, int loop, int eq
 
 #define DOCK_INSTANTIATE(S)                                                                   \
   template struct LoopData<S>;                                                                \
-  template void calc_velocity_maps<S>(const LoopPlan&, LoopData<S>&);                         \
+  template void calc_velocity_maps<S>(const MechanismModel&, const LoopPlan&, LoopData<S>&);  \
+  template S find_drive_power<S>(const MechanismModel&, const LoopPlan&, const LoopData<S>&); \
   template void calc_loop_velocity<S>(const LoopPlan&, TreeData<S>&, const LoopData<S>&);     \
   template void calc_loop_bias<S>(const MechanismModel&, const LoopPlan&, const TreeData<S>&, \
                                   LoopData<S>&);                                              \

@@ -42,6 +42,7 @@ struct BlockData {
   MatX<S> inverse;       ///< closed form with inverse: of C_dep, m x m
   SmallLu<S> lu;         ///< else: of C_dep = G[:, :m]
   MatX<S> H;             ///< m x n_low: v_dep = H v_low
+  VecX<S> g;             ///< m: v_dep = H v_low + g; zero unless something is driven
   VecX<S> h;             ///< m: vdot_dep = H vdot_low + h
   MatX<S> A_dt, A_dd;    ///< m x n_touched, m x m: saved when the block is eliminated
   MatX<S> U, W;          ///< scratch of reduce_inertia: n_touched x n_low, m x n_low
@@ -86,9 +87,9 @@ Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, Tre
 template <class S>
 void keep_reference(const TreeData<S>& tree, LoopData<S>& loops);
 
-/// H of every block.
+/// H of every block, and g.
 template <class S>
-void calc_velocity_maps(const LoopPlan& plan, LoopData<S>& loops);
+void calc_velocity_maps(const MechanismModel& model, const LoopPlan& plan, LoopData<S>& loops);
 
 /// Dependent entries of tree.v from the independent ones.
 template <class S>
@@ -114,6 +115,10 @@ void calc_loop_acceleration(const LoopPlan& plan, VecX<S>& vdot, const LoopData<
 /// Cut forces on the terminal bodies. @pre reduce_forces, all of vdot               [Y2 (11a)]
 template <class S>
 void calc_loop_forces(const LoopPlan& plan, const VecX<S>& vdot, LoopData<S>& loops);
+
+/// Power that drives put in [W]. @pre calc_loop_forces
+template <class S>
+S find_drive_power(const MechanismModel& model, const LoopPlan& plan, const LoopData<S>& loops);
 
 /// Cut force of one equation of a loop; 0 of a redundant one. @pre calc_loop_forces
 template <class S>

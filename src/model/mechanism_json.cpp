@@ -154,6 +154,11 @@ Loop read_coupling(const JsonReader& item, const MechanismModel& model) {
     }
   }
   loop.offset = item.number("offset", 0.0);
+  loop.rate = item.number("rate", 0.0);
+  if (loop.terms.empty() && !item.has("offset") && !item.has("rate")) {
+    item.fail("(coupling '" + loop.name +
+              "') ties its joint to nothing; give terms, rate or offset");
+  }
   return loop;
 }
 

@@ -67,7 +67,7 @@ struct CouplingTerm {
 };
 
 /// One row of the loop table: branch first..terminal hangs on root and is cut from `closing`.
-/// A coupling is a row too: its dependent joint follows q_dep = offset + sum of terms.
+/// A coupling is a row too: its dependent joint follows q_dep = offset + rate t + sum of terms.
 struct Loop {
   std::string name;
   int root = kBase, first = 0, terminal = 0, closing = kBase;
@@ -80,6 +80,7 @@ struct Loop {
       Eigen::Matrix<double, 2, 3>::Zero();  ///< planar cut: orthonormal rows
   std::vector<CouplingTerm> terms;          ///< coupling
   double offset = 0.0;                      ///< coupling [m] or [rad]
+  double rate = 0.0;                        ///< coupling: of a drive [m/s] or [rad/s]
   std::vector<int> dependent;               ///< bodies whose joints this row determines
   std::vector<int> redundant;  ///< cut equations left out because they follow from others
   ClosureKind closure = ClosureKind::kAutomatic;

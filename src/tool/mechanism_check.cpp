@@ -188,6 +188,7 @@ json evaluate_states(const std::string& text, const std::string& source_name,
   for (size_t n = 0; n < states.size(); ++n) {
     const JsonReader& state = states[n];
     MechanismData<double> data(mechanism);
+    data.tree.time = state.number("time", 0.0);
     // Approach the state from home in sub-steps, so that Newton stays on the assembly branch.
     const std::vector<double> q = read_numbers(state, "q", model.nq);
     constexpr int kSubSteps = 5;

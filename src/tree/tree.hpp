@@ -19,8 +19,9 @@ template <class S>
 struct TreeData {
   explicit TreeData(const MechanismModel& model);
 
-  VecX<S> q;  ///< coordinates, nq; independents set by the caller, dependents by the loops
-  VecX<S> v;  ///< velocities, nv
+  VecX<S> q;      ///< coordinates, nq; independents set by the caller, dependents by the loops
+  VecX<S> v;      ///< velocities, nv
+  S time = S(0);  ///< since the start, for joints that are driven [s]; set by the caller
 
   // written by calc_joint_pose
   std::vector<Pose<S>> joint;  ///< pose of body i in its parent

@@ -176,7 +176,7 @@ class CountedEvaluation {
     const MechanismModel& model = mechanism.model;
     const LoopPlan& plan = mechanism.plan;
     run("closing the loops", [&] { calc_loop_position(model, plan, data.tree, data.loops); });
-    run("velocity maps", [&] { calc_velocity_maps(plan, data.loops); });
+    run("velocity maps", [&] { calc_velocity_maps(mechanism.model, plan, data.loops); });
     run("tree positions", [&] { calc_tree_position(model, data.tree); });
     run("tree inertia", [&] { calc_tree_inertia(model, data.tree); });
     run("reduction of the inertia", [&] {

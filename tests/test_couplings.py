@@ -1,0 +1,175 @@
+"""Gears, screws and drives through the FMU, and other coordinates on a vehicle that floats.
+
+1. A joint driven at constant speed follows the time; the vehicle recoils so that momentum stays,
+   and the work of the drive closes the balance of energy.
+2. A screw between slide and rotor swings like the mass that it reflects, exactly.
+3. Two slider-cranks on a floating vehicle, their sliders independent, run through their dead
+   centres (their coordinates change several times): motion, momentum and energy are those of the
+   cranks.
+4. Coupling tables that make no sense are refused in one sentence.
+"""
+
+import copy
+import json
+import math
+
+import numpy as np
+import pytest
+
+import mechanism_benchmarks as benchmarks
+from dockloop.errors import UsageError
+from dockloop.mechanism import check_mechanism
+from own_mechanism import FIXED_BASE, write_scene
+
+FREE_BASE = FIXED_BASE.replace("fixed", "free").replace("mass = 1000", "mass = 20")
+GROUPS = '[outputs]\ngroups = ["ring", "states", "energy", "solver"]'
+
+
+def move(runs, folder, mechanism, *sections, stop=1.0, step=0.1, settings=()):
+    """Run a mechanism; returns the recording."""
+    experiment = f"[experiment]\nstop = {stop}\nstep = {step}"
+    return runs.run(
+        write_scene(folder, mechanism, *sections, experiment, GROUPS), settings=settings
+    )
+
+
+def test_a_driven_crank_follows_the_time_and_its_work_closes_the_balance(runs, tmp_path):
+    mechanism = benchmarks.slider_crank()
+    mechanism["couplings"] = [
+        {"name": "motor", "dependent": "crank", "rate": 5.0, "offset": math.pi / 2}
+    ]
+    # Something that swings, so that there is more to it than kinematics.
+    mechanism["bodies"].append(
+        {
+            "name": "pendulum",
+            "parent": "slider",
+            "joint": {"type": "revolute", "axis": [0, 0, 1]},
+            "mass": 0.5,
+            "com": [0, -0.2, 0],
+            "inertia": [[0, 0, 0], [0, 0, 0], [0, 0, 1e-3]],
+        }
+    )
+    mechanism["home_q"].append(0.0)
+    run = move(runs, tmp_path, mechanism, FREE_BASE, stop=2.0)
+    angle = math.pi / 2 + 5.0 * run["time"]
+    slider = 0.1 * np.cos(angle) + np.sqrt(0.09 - (0.1 * np.sin(angle)) ** 2)
+    assert np.max(np.abs(run["ring.position[1]"] - slider)) < 1e-14
+    assert np.max(run["momentum.residual"]) < 1e-12
+    assert np.max(np.abs(run["chaser.velocity[1]"])) > 1e-3  # it does recoil
+    assert np.ptp(run["energy.kinetic"]) > 0.02  # the motor works, both ways
+    assert np.max(np.abs(run["energy.residual"])) < 1e-9
+
+
+def test_a_screw_swings_like_the_mass_that_it_reflects(runs, tmp_path):
+    lead, mass, rotor, stiffness = 0.02, 2.0, 4e-5, 500.0
+    ratio = 2 * math.pi / lead
+    mechanism = {
+        "name": "screw",
+        "bodies": [
+            {
+                "name": "slide",
+                "parent": "base",
+                "joint": {"type": "prismatic", "axis": [1, 0, 0]},
+                "mass": mass,
+            },
+            {
+                "name": "rotor",
+                "parent": "slide",
+                "joint": {"type": "revolute", "axis": [1, 0, 0]},
+                "inertia": [[rotor, 0, 0], [0, 1e-5, 0], [0, 0, 1e-5]],
+            },
+        ],
+        "couplings": [
+            {
+                "name": "thread",
+                "dependent": "rotor",
+                "terms": [{"joint": "slide", "ratio": ratio}],
+            }
+        ],
+        "forces": [
+            {
+                "type": "joint_spring_damper",
+                "joint": "slide",
+                "stiffness": stiffness,
+                "damping": 0,
+            }
+        ],
+        "capture": {"body": "slide"},
+    }
+    start = "[initial.joints.slide]\nposition = 0.05"
+    run = move(runs, tmp_path, mechanism, FIXED_BASE, start, stop=3.0)
+    frequency = math.sqrt(stiffness / (mass + rotor * ratio**2))
+    exact = 0.05 * np.cos(frequency * run["time"])
+    assert np.max(np.abs(run["state.q[1]"] - exact)) < 1e-11
+
+
+def two_slider_cranks(independent):
+    """Two slider-cranks side by side, the second one turned and heavier."""
+    first, second = (benchmarks.slider_crank(independent) for _ in range(2))
+    renamed = json.loads(
+        json.dumps(second)
+        .replace('"crank"', '"crank2"')
+        .replace('"rod"', '"rod2"')
+        .replace('"slider"', '"slider2"')
+        .replace('"pin"', '"pin2"')
+    )
+    for body in renamed["bodies"]:
+        body["mass"] = 1.7 * body["mass"]
+        if body["parent"] == "base":
+            body["joint"]["position"] = [0.1, -0.3, 0.2]
+    first["bodies"] += renamed["bodies"]
+    first["loops"] += renamed["loops"]
+    first["home_q"] += renamed["home_q"]
+    return first
+
+
+def start_slider_cranks(independent, crank_rates):
+    """Sections that start both; a crank at the top moves its slider by -0.1 m per radian."""
+    factor = 1.0 if independent == "crank" else -0.1
+    return [
+        f"[initial.joints.{independent}{suffix}]\nrate = {factor * rate!r}"
+        for suffix, rate in zip(("", "2"), crank_rates, strict=True)
+    ]
+
+
+def test_coordinates_change_on_a_floating_vehicle_and_nothing_else_does(runs, tmp_path):
+    results = {}
+    for independent in ("crank", "slider"):
+        folder = tmp_path / independent
+        folder.mkdir()
+        sections = [FREE_BASE, *start_slider_cranks(independent, (9.0, -7.0))]
+        results[independent] = move(
+            runs, folder, two_slider_cranks(independent), *sections, stop=2.0
+        )
+    cranks, sliders = results["crank"], results["slider"]
+    # Both coordinates of the sliders turn back several times on the way.
+    assert abs(cranks["state.q[1]"][-1] - cranks["state.q[1]"][0]) > 4 * math.pi
+    for name in ("chaser.position", "chaser.velocity", "chaser.angular_velocity", "ring.position"):
+        difference = np.max(np.abs(sliders.vector(name) - cranks.vector(name)))
+        assert difference < 1e-8, f"{name}: {difference}"
+    assert np.max(sliders["momentum.residual"]) < 1e-12
+    scale = np.max(cranks["energy.kinetic"])
+    assert np.max(np.abs(sliders["energy.residual"])) < 1e-8 * scale
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"terms": [{"joint": "rotr", "ratio": 2}]}, ["motor", "rotr"]),
+        ({"terms": [{"joint": "crank", "ratio": 2}]}, ["motor", "itself"]),
+        ({"dependent": "rod"}, ["'rod'", "already determined", "pin"]),
+        ({"rate": "fast"}, ["couplings", "rate"]),
+        ({"ratio": 2}, ["couplings", "ratio"]),
+    ],
+)
+def test_couplings_that_make_no_sense_are_refused(tmp_path, change, words):
+    mechanism = copy.deepcopy(benchmarks.slider_crank())
+    mechanism["couplings"] = [{"name": "motor", "dependent": "crank", "rate": 1.0} | change]
+    path = tmp_path / "own.json"
+    path.write_text(json.dumps(mechanism))
+    with pytest.raises(UsageError) as error:
+        check_mechanism(str(path))
+    text = str(error.value)
+    assert "\n" not in text
+    for word in ["own.json", *words]:
+        assert word in text
