@@ -88,7 +88,7 @@ json describe_ranges(const Mechanism& mechanism) {
                                    : "loop '" + mechanism.model.loops[end.status.index].name + "' ";
       switch (end.status.code) {
         case StatusCode::kOk:
-          return "not limited";
+          return "no limit found";
         case StatusCode::kOutOfReach:
           return loop + "out of reach";
         case StatusCode::kLoopSingular:
