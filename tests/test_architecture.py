@@ -18,7 +18,7 @@ MAY_SEE = {
     "dynamics": {"math", "model", "tree", "loops", "forces", "contact"},
     "integrate": set(),
     "sim": {"math", "model", "contact", "dynamics", "integrate"},
-    "tool": {"math", "model", "dynamics", "sim"},
+    "tool": {"math", "model", "forces", "dynamics", "sim"},
 }
 # Where an outside library may be included: library header prefix -> folders.
 ROOMS = {

@@ -56,6 +56,7 @@ def describe_report(report: dict) -> str:
     tables = {
         "loops": "loops",
         "ranges": "reach of each independent coordinate from home, the others held",
+        "modes": "vibration about home, base at rest, joint forces of the file",
     }
     lines = []
     for key, value in _name_first(report).items():

@@ -38,6 +38,7 @@ int start_jacobian_columns(const Mechanism& mechanism, const BaseMotion<double>&
   copy_constants(base.gravity, work.base.gravity);
   copy_constants(at.tree.q, tree.q);
   copy_constants(at.tree.v, tree.v);
+  tree.time = Derivative(at.tree.time);
   copy_constants(at.tau, work.dual.tau);
   for (size_t i = 0; i < tree.external.size(); ++i) {
     copy_constants(at.tree.external[i].f, tree.external[i].f);
@@ -75,6 +76,9 @@ void calc_force_jacobian(const Mechanism& mechanism, const MechanismData<double>
     calc_loop_velocity(mechanism.plan, work.tree, at.loops);
     dtau.row(static_cast<int>(i)) = work.tree.v.transpose();
     work.tree.v[ind_v[i]] = 0.0;
+    if (!mechanism.plan.is_driven) continue;
+    calc_loop_velocity(mechanism.plan, work.tree, at.loops);  // what moves by itself
+    dtau.row(static_cast<int>(i)) -= work.tree.v.transpose();
   }
   for (int j = 0; j < dtau.cols(); ++j) {
     work.column = dtau.col(j);

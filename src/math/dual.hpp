@@ -13,11 +13,11 @@
 // the dead t. Here every operation returns a Dual.
 //
 // Conventions:
-//  * comparisons look at the value only, so branches are those of the plain evaluation;
+//  * < and > look at the value only, so branches are those of the plain evaluation; == looks at
+//    everything, because libraries skip what equals zero, and a zero that varies must not be;
 //  * at a kink the derivative is that of the branch taken: abs(0) as from above, floor is flat;
 //  * a lane in which no argument varies has derivative 0, even where the function has none. In
-//  other
-//    lanes sqrt(0) gives an infinite derivative and atan2(0, 0) NaN.
+//    other lanes sqrt(0) gives an infinite derivative and atan2(0, 0) NaN.
 #pragma once
 
 #include <Eigen/Core>
@@ -111,8 +111,12 @@ struct Dual {
   Dual& operator*=(const Dual& b) { return *this = *this * b; }
   Dual& operator/=(const Dual& b) { return *this = *this / b; }
 
-  friend bool operator==(const Dual& a, const Dual& b) { return a.value == b.value; }
-  friend bool operator!=(const Dual& a, const Dual& b) { return a.value != b.value; }
+  friend bool operator==(const Dual& a, const Dual& b) {
+    bool same = a.value == b.value;
+    for (int i = 0; i < N; ++i) same = same && a.d[i] == b.d[i];
+    return same;
+  }
+  friend bool operator!=(const Dual& a, const Dual& b) { return !(a == b); }
   friend bool operator<(const Dual& a, const Dual& b) { return a.value < b.value; }
   friend bool operator<=(const Dual& a, const Dual& b) { return a.value <= b.value; }
   friend bool operator>(const Dual& a, const Dual& b) { return a.value > b.value; }

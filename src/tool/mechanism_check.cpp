@@ -7,6 +7,7 @@
 #include "dynamics/mechanism_dynamics.hpp"
 #include "math/status.hpp"
 #include "model/json_reader.hpp"
+#include "tool/mechanism_modes.hpp"
 #include "tool/reachable_range.hpp"
 
 namespace dockloop {
@@ -170,6 +171,11 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
   }
   for (const std::string& note : mechanism.notes) warnings.push_back(note);
   result["ranges"] = describe_ranges(mechanism);
+  json modes = json::array();
+  for (const Mode& mode : find_modes(mechanism)) {
+    modes.push_back({{"frequency_rad_s", mode.frequency}, {"damping_ratio", mode.damping}});
+  }
+  result["modes"] = modes;
   result["warnings"] = warnings;
   return result;
 }

@@ -1,0 +1,82 @@
+// Eigenvalues of the reduced equations at home; see mechanism_modes.hpp.
+#include "tool/mechanism_modes.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "dynamics/mechanism_jacobian.hpp"
+#include "forces/joint_forces.hpp"
+
+namespace dockloop {
+namespace {
+
+/// Joint forces of the file into data.tau.
+template <class S>
+void put_joint_forces(const MechanismModel& model, MechanismData<S>& data) {
+  const VecX<S> command = VecX<S>::Zero(static_cast<int>(model.forces.size()));
+  VecX<S> force = command;
+  data.tau.setZero();
+  calc_joint_forces(model, data.tree.q, data.tree.v, command, force, data.tau);
+}
+
+/// Rates of the independent coordinates per unit independent velocity, ind_q x ind_v.
+MatX<double> find_coordinate_map(const Mechanism& mechanism, const VecX<double>& q) {
+  const LoopPlan& plan = mechanism.plan;
+  MatX<double> map =
+      MatX<double>::Zero(static_cast<int>(plan.ind_q.size()), static_cast<int>(plan.ind_v.size()));
+  int row = 0, column = 0;
+  for (int i : plan.ind_bodies) {
+    const Body& body = mechanism.model.bodies[i];
+    if (body.joint == JointType::kFree) {
+      const Vec4<double> quat = q.segment<4>(body.q_index + 3);
+      map.block<3, 3>(row, column) = quat_to_matrix<double>(quat);
+      for (int k = 0; k < 3; ++k) {
+        map.block<4, 1>(row + 3, column + 3 + k) =
+            quat_rate<double>(quat, Vec3<double>(Vec3<double>::Unit(k)));
+      }
+    } else {
+      map(row, column) = 1.0;
+    }
+    row += body.nq();
+    column += body.nv();
+  }
+  return map;
+}
+
+}  // namespace
+
+std::vector<Mode> find_modes(const Mechanism& mechanism) {
+  const int n = static_cast<int>(mechanism.plan.ind_v.size());
+  MechanismData<double> data(mechanism);
+  BaseMotion<double> base;
+  base.gravity = mechanism.model.gravity;
+  std::vector<Mode> modes;
+  if (n == 0 || !calc_position(mechanism, data).ok()) return modes;
+  calc_velocity(mechanism, base, data);
+  put_joint_forces(mechanism.model, data);
+  calc_acceleration(mechanism, base, data);
+  JacobianData work(mechanism);
+  AccelerationJacobian jacobian(mechanism);
+  const auto put_loads = [&](MechanismData<Derivative>& dual) {
+    put_joint_forces(mechanism.model, dual);
+  };
+  if (!calc_acceleration_jacobian(mechanism, base, data, put_loads, work, jacobian).ok()) {
+    return modes;
+  }
+  MatX<double> system = MatX<double>::Zero(2 * n, 2 * n);
+  system.topRightCorner(n, n).setIdentity();
+  system.bottomLeftCorner(n, n) = jacobian.dq * find_coordinate_map(mechanism, data.tree.q);
+  system.bottomRightCorner(n, n) = jacobian.dv;
+  const Eigen::EigenSolver<MatX<double>> solver(system, false);
+  for (const std::complex<double>& value : solver.eigenvalues()) {
+    if (value.imag() < 0.0) continue;  // the other one of a pair
+    const double frequency = std::abs(value);
+    modes.push_back({frequency, frequency > 0.0 ? -value.real() / frequency : 0.0});
+  }
+  std::sort(modes.begin(), modes.end(),
+            [](const Mode& a, const Mode& b) { return a.frequency < b.frequency; });
+  return modes;
+}
+
+}  // namespace dockloop
