@@ -130,6 +130,7 @@ fmi2Status Instance::step(double t, double h) {
   }
   state = kStepComplete;
   time = t + h;
+  for (const std::string& text : sim.take_warnings()) logger.write(fmi2OK, kLogWarning, text);
   if (logger.enabled(kLogEvents) && sim.outputs().phase != phase) {
     phase = sim.outputs().phase;
     logger.write(fmi2OK, kLogEvents,

@@ -4,12 +4,16 @@ The C++ parts must be compiled (scripts/test does that); tests never build them.
 """
 
 import functools
+import os
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+
+# Threads of numpy's linear algebra wait for each other on small matrices, on busy cores for long.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from dockloop import cli, paths
 from dockloop.fmu import build_fmu

@@ -357,3 +357,46 @@ def slider_crank(independent="crank"):
         "home_q": [math.pi / 2, -math.pi / 2 - slope, x],
         "capture": {"body": "slider"},
     }
+
+
+def parallelogram(closure=None):
+    """Three bars of 1 m and 1 kg, rocker and coupler in one chain that is cut at the crank's tip.
+
+    Unlike in `four_bars` the chain has a closed form (two hinges). Angles from the vertical.
+    """
+    backwards = [0, 0, -1]
+    bar, coupler = (1.0, (0, 0.5), 1 / 12), (1.0, (-0.5, 0), 1 / 12)
+    loop = planar_loop(
+        "bar", ("rocker", "coupler"), "crank", ["rocker", "coupler"], ((-1, 0), (0, 1))
+    )
+    return {
+        "name": "parallelogram",
+        "bodies": [
+            planar_body("crank", "base", (0, 0), bar, backwards),
+            planar_body("rocker", "base", (1, 0), bar, backwards),
+            planar_body("coupler", "rocker", (0, 1), coupler, backwards),
+        ],
+        "loops": [loop | ({"closure": closure} if closure else {})],
+        "capture": {"body": "coupler"},
+    }
+
+
+def isosceles_slider_crank(closure=None):
+    """Slider-crank with crank and rod of 0.1 m, slider and rod in one chain (closed form).
+
+    At crank angles of 90 deg the rod folds onto the crank and two motions meet: the slider goes on
+    (x = 0.2 cos) or rests on the crank's axis.
+    """
+    load, rod = (0.4, (0.05, 0), 4e-4), (0.6, (0.05, 0), 5e-3)
+    loop = planar_loop("pin", ("slider", "rod"), "crank", ["slider", "rod"], ((0.1, 0), (0.1, 0)))
+    return {
+        "name": "isosceles",
+        "bodies": [
+            planar_body("crank", "base", (0, 0), load),
+            {"name": "slider", "parent": "base", "joint": joint("prismatic", X), "mass": 1.0},
+            planar_body("rod", "slider", (0, 0), rod),
+        ],
+        "loops": [loop | ({"closure": closure} if closure else {})],
+        "home_q": [1.0, 0.2 * math.cos(1.0), math.pi - 1.0],
+        "capture": {"body": "slider"},
+    }

@@ -1,15 +1,18 @@
 """Random closed-chain mechanisms and states, as strategies of the library hypothesis.
 
 What is drawn is small and readable: a `Plan` with a trunk of independent joints, a list of branches
-(kind, what it hangs on, what it closes on, a few switches and the seed of its dimensions) and a
-list of states. `build` turns it into a document with ``mechanism`` and ``states``, closed by
-construction: joints are stacked at chosen coordinates, and the cut point of the closing body is put
-where the tip of the branch came to lie. A failing plan shrinks to few branches with all switches
-off; dimensions come from seeds and stay generic.
+or couplings (kind, what it hangs on, what it closes on, a few switches and the seed of its
+dimensions) and a list of states. `build` turns it into a document with ``mechanism`` and
+``states``, closed by construction: joints are stacked at chosen coordinates, and the cut point of
+the closing body is put where the tip of the branch came to lie. A failing plan shrinks to few
+branches with all switches off; dimensions come from seeds and stay generic.
 
 Switches of a branch: `lateral` tip beside the leg axis; `turned` arbitrary body axes; `flipped`
 joint axes reversed; `zeroed` other zeros of the coordinates, some whole turns away; `extra` an
 independent joint within the branch; `massless` links without mass; `closure` stated or not.
+With other kinds `extra` means: `twice` lists it as dependent of the copy, which has no row left for
+it; `geared_leg` always has it and ties it to a dependent joint of the leg; `gear`, `flywheel` have
+another term; `screw` lets a rotor push a new slide.
 """
 
 from collections import Counter
@@ -18,7 +21,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from hypothesis import strategies as st
 
-from absolute_kkt import Mechanism, axis_rotation, find_joint_jacobian, find_margin, find_poses
+from absolute_kkt import (
+    RANK,
+    Mechanism,
+    axis_rotation,
+    find_joint_jacobian,
+    find_margin,
+    find_pivots,
+    find_poses,
+)
 
 X, Y, Z = np.eye(3)
 ORIGIN = np.zeros(3)
@@ -26,7 +37,16 @@ CANONICAL = ("R2P1R3", "R2C2R2", "R1R2R3", "R1R2R3_perp", "P1R2R3", "R2R1R3")
 OTHER = ("R3P1R2", "R2R2R2", "R1R3R2", "three_random", "four_random")
 PLANAR = ("R1R1R1", "R1P1R1", "P1R1R1")
 MUTUAL = ("mutual", "mutual_above")  # with the root of the first loop at or above its paths
-KINDS = (*CANONICAL, *OTHER, *PLANAR, *MUTUAL)
+HINGED = ("R2P1R2", "five_random")  # five joints and a revolute cut
+OVERCONSTRAINED = ("planar_hinge", "twice")  # planar with a revolute cut; any branch closed twice
+COUPLED = ("gear", "flywheel", "screw", "geared_leg")
+KINDS = (*CANONICAL, *OTHER, *PLANAR, *MUTUAL, *HINGED, *OVERCONSTRAINED, *COUPLED)
+SHAPES = {  # chains of kinds that are not named after theirs
+    "planar_hinge": PLANAR,
+    "twice": (*CANONICAL, *OTHER, *PLANAR, *HINGED),
+    "geared_leg": ("three_random", "R1R2R3", "R2P1R3", "five_random"),
+}
+CUTS = {3: "R3", 4: "R2", 5: "R1"}  # by the number of dependent joints
 TRUNKS = ("free", "revolute", "prismatic", "carriage_free", "serial_6", "serial_3", "two")
 
 BEST_OF = 8  # dimensions tried per branch
@@ -38,7 +58,7 @@ ANGLE, LENGTH = 0.1, 0.05  # displacement of independent coordinates from home
 
 @dataclass(frozen=True)
 class Branch:
-    """One loop (kind `mutual`: two) to be hung on what is there already."""
+    """One loop (`mutual`, `twice`: two) or coupling to be hung on what is there already."""
 
     kind: str
     root: str = "ground"  # ground, trunk, leg
@@ -96,6 +116,7 @@ class Drawing:
     bodies: list[dict] = field(default_factory=list)
     home_q: list[float] = field(default_factory=list)
     loops: list[dict] = field(default_factory=list)
+    couplings: list[dict] = field(default_factory=list)
     pose: dict = field(default_factory=lambda: {"base": (np.eye(3), np.zeros(3))})
     axes: dict = field(default_factory=lambda: {"base": np.eye(3)})
     planes: list = field(default_factory=list)  # bodies that move in one plane, its normal
@@ -103,7 +124,7 @@ class Drawing:
 
     def mark(self):
         """How much there is, to come back to."""
-        lists = (self.bodies, self.home_q, self.loops, self.planes)
+        lists = (self.bodies, self.home_q, self.loops, self.planes, self.couplings)
         return *(len(part) for part in lists), self.features.copy()
 
     def rewind(self, mark):
@@ -111,11 +132,12 @@ class Drawing:
         for body in self.bodies[mark[0] :]:
             del self.pose[body["name"]], self.axes[body["name"]]
         del self.bodies[mark[0] :], self.home_q[mark[1] :]
-        del self.loops[mark[2] :], self.planes[mark[3] :]
-        self.features = mark[4].copy()
+        del self.loops[mark[2] :], self.planes[mark[3] :], self.couplings[mark[4] :]
+        self.features = mark[5].copy()
 
     def document(self) -> dict:
-        return {"bodies": self.bodies, "loops": self.loops, "home_q": self.home_q}
+        named = {name: getattr(self, name) for name in ("bodies", "loops", "couplings", "home_q")}
+        return {name: part for name, part in named.items() if part or name != "couplings"}
 
 
 def unit(source):
@@ -281,6 +303,11 @@ def make_chain(kind, rng, lateral):
         "R1R3R2": ([turn(Z, a), turn(Z, bent, elbow), turn(Y, b), turn(X, c)], near),
         "three_random": ([turn(unit(rng), a), anything(b), anything(c)], somewhere),
         "four_random": ([turn(unit(rng), a), anything(b), anything(c), anything(d)], somewhere),
+        "R2P1R2": ([*universal, push(X), turn(Y, c, far), turn(Z, d)], near),
+        "five_random": (
+            [turn(unit(rng), a), turn(unit(rng), b), *map(anything, (c, d, round_leg))],
+            somewhere,
+        ),
         "R1R1R1": ([turn(Z, 3 * a), turn(Z, bent, elbow)], near),
         "R1P1R1": ([turn(Z, 3 * a), push(X)], far),
         "P1R1R1": ([push(X), turn(Z, backward)], far),
@@ -336,23 +363,29 @@ def insert_extra_joint(chain, kind, rng):
     return place
 
 
-def close(drawing, root, names, closing, *, dependent, tip, across=X, normal=None):
+def close(drawing, root, names, closing, *, dependent, tip, across=X, normal=None, hinge=False):
     """Add the row of the loop table that cuts the last body of `names` from `closing`.
 
-    A planar cut where there is a `normal` of the plane, else a universal one where there are four
-    dependent joints, else a spherical one.
+    A planar cut where there is a `normal` of the plane (or a `hinge` along it), else what the
+    number of dependent joints asks for; `across` is the axis of a universal or revolute cut.
     """
     rng, terminal = drawing.rng, names[-1]
     axes = drawing.axes[terminal]
     rotation, origin = drawing.pose[terminal]
     at = origin + rotation @ axes @ tip
-    cut = {"type": "R3", "point_on_terminal": listed(axes @ tip)}
     if normal is not None:
-        cut["type"] = "R1_planar"
+        kind, across = ("R1", Z) if hinge else ("R1_planar", None)
+    else:
+        kind = CUTS[len(dependent)]
+    cut = {"type": kind, "point_on_terminal": listed(axes @ tip)}
+    if kind == "R1_planar":
         cut["plane_axes_in_root"] = listed(find_plane(normal) @ drawing.pose[root][0])
-    elif len(dependent) == 4:
-        cut["type"] = "R2"
-        on_closing = unit(np.cross(rotation @ axes @ across, unit(rng)))
+    elif kind != "R3":
+        in_base = rotation @ axes @ across
+        if kind == "R2":
+            on_closing = unit(np.cross(in_base, unit(rng)))
+        else:
+            on_closing = rng.choice([-1.0, 1.0]) * in_base
         cut["axis_on_terminal"] = listed(axes @ across)
         cut["axis_on_closing"] = listed(drawing.pose[closing][0].T @ on_closing)
     rotation, origin = drawing.pose[closing]
@@ -363,24 +396,51 @@ def close(drawing, root, names, closing, *, dependent, tip, across=X, normal=Non
     return loop
 
 
-def find_branch_margin(drawing, count):
-    """Smallest singular value of the last `count` loops in their own dependents."""
+def find_branch_margin(drawing, mark):
+    """Smallest singular value of the rows added after a mark in their own dependents."""
     m = Mechanism(drawing.document())
-    G = find_joint_jacobian(m, *find_poses(m, m.home_q[None]))[0]  # noqa: N806
-    loops = m.loops[-count:]
-    dep = [m.v_start[b] for loop in loops for b in loop.dependent]
-    rows = np.concatenate([G[loop.rows] for loop in loops])
-    return np.linalg.svd(rows[:, dep], compute_uv=False)[-1]
+    G = find_joint_jacobian(m, *find_poses(m, m.home_q[None]))[0] * m.unit  # noqa: N806
+    new = m.loops[mark[2] :]
+    rows = [*range(new[0].rows.start if new else m.cut_rows, m.cut_rows)]
+    rows += range(m.cut_rows + mark[4], m.rows)
+    dep = [m.v_start[b] for loop in new for b in loop.dependent] + m.coupled[mark[4] :]
+    values = np.linalg.svd(G[rows][:, dep], compute_uv=False)
+    return min(values[values > RANK], default=0.0)  # a joint that is freed adds a zero
 
 
 def draw_branch(drawing, branch, name):
-    """Add one branch; returns how many loops it has."""
-    rng = drawing.rng
+    """Add one branch."""
+    drawing.features[f"kind {branch.kind}"] += 1
+    if branch.kind in ("gear", "flywheel", "screw"):
+        {"gear": draw_gear, "flywheel": draw_flywheel, "screw": draw_screw}[branch.kind](
+            drawing, branch, name
+        )
+    elif branch.kind in MUTUAL:
+        draw_mutual(drawing, branch, name)
+    else:
+        draw_loop(drawing, branch, name)
+
+
+def state_closure(loop, branch, sign):
+    """Put the closure that a branch asks for into its row of the loop table."""
+    if branch.closure == "newton":
+        loop["closure"] = "newton"
+    elif branch.closure == "stated" and branch.kind in (*CANONICAL, *PLANAR):
+        loop["closure"] = branch.kind
+        if sign:
+            loop["branch"] = sign
+
+
+def draw_loop(drawing, branch, name):
+    """Add a branch of one chain."""
+    rng, special = drawing.rng, branch.kind
+    shapes = SHAPES.get(special, (special,))
+    branch = replace(branch, kind=shapes[branch.pick % len(shapes)])
+    if special == "geared_leg":
+        branch = replace(branch, extra=True, closure="absent")
     if branch.closure == "stated":  # a name is stated only where the geometry is that of its name
         lateral = branch.lateral and branch.kind in ("R2P1R3", "R1P1R1")
         branch = replace(branch, lateral=lateral, flipped=0, zeroed=False, extra=False)
-    if branch.kind in MUTUAL:
-        return draw_mutual(drawing, branch, name)
     chain, tip, across, sign = make_chain(branch.kind, rng, branch.lateral)
     own = list(range(len(chain)))
     if branch.extra:
@@ -398,21 +458,21 @@ def draw_branch(drawing, branch, name):
     loop = close(
         drawing, root, names, closing,
         dependent=[names[i] for i in own], tip=tip, across=across, normal=normal,
+        hinge=special == "planar_hinge",
     )  # fmt: skip
-    if normal is not None and branch.flipped & 8:
+    if loop["cut"]["type"] == "R1_planar" and branch.flipped & 8:
         loop["cut"]["plane_axes_in_root"].reverse()
     if branch.pick % 3 == 1:
         loop["dependent"].reverse()
-    if branch.closure == "newton":
-        loop["closure"] = "newton"
-    elif branch.closure == "stated" and branch.kind in (*CANONICAL, *PLANAR):
-        loop["closure"] = branch.kind
-        if sign:
-            loop["branch"] = sign
+    state_closure(loop, branch, sign)
     if not branch.listed and not branch.extra:
         del loop["dependent"]
     note_features(drawing, branch, loop)
-    return 1
+    if special == "twice":
+        freed = [names[place]] if branch.extra else []  # listed, but no row is left for it
+        drawing.loops.append(loop | {"name": f"{name}_again", "dependent": freed})
+    if special == "geared_leg":
+        add_coupling(drawing, name, names[place], [names[own[branch.pick // 4 % len(own)]]])
 
 
 def draw_plane(drawing, branch, name, count):
@@ -455,8 +515,67 @@ def draw_mutual(drawing, branch, name):
     first = (root, a) if branch.kind == "mutual_above" else (a[0], a[1:])
     close(drawing, *first, b[1], dependent=[a[1], a[2], b[0]], tip=tip_a)
     close(drawing, a[0], b, closing, dependent=[a[0], b[1], b[2]], tip=tip_b)
-    drawing.features[f"kind {branch.kind}"] += 1
-    return 2
+
+
+def find_joints(drawing):
+    """Names of all single joints: all, slides, dependent ones of loops, independent ones."""
+    m = Mechanism(drawing.document())
+    single = [j for j in range(m.nv) if m.kind[m.body_of_v[j]] != "free"]
+    named = {j: m.names[m.body_of_v[j]] for j in single}
+    slides = [named[j] for j in single if m.kind[m.body_of_v[j]] == "prismatic"]
+    dependent = [named[j] for j in m.dep if j not in m.coupled]
+    return [*named.values()], slides, dependent, [named[j] for j in single if j in m.ind]
+
+
+def add_drive(drawing, branch, name, kind, mass):
+    """Add a body on a joint of its own, to be tied to others."""
+    rng = drawing.rng
+    root, _ = pick_bodies(drawing, branch)
+    joint = (kind, unit(rng), rng.uniform(-0.5, 0.5, 3), rng.uniform(-0.3, 0.3), np.eye(3))
+    return add_body(drawing, name, root, joint, branch, flip=branch.flipped & 1, mass=mass)
+
+
+def add_coupling(drawing, name, dependent, joints, ratio=None):
+    """Tie a joint to others as they stand, by ratios about 1 unless one is given."""
+    rng = drawing.rng
+    terms = [{"joint": joint, "ratio": ratio or signed(rng, 0.4, 2.5)} for joint in joints]
+    coupling = {"name": f"{name}_gear", "dependent": dependent, "terms": terms}
+    drawing.couplings.append(coupling)
+    m = Mechanism(drawing.document())
+    coupling["offset"] = float(m.ratios[-1] @ m.home_q[m.q_of_v])
+
+
+def draw_gear(drawing, branch, name):
+    """Tie an independent joint to one or two others, as a gear or a differential."""
+    while len(independent := find_joints(drawing)[3]) < 2:
+        add_drive(drawing, branch, f"{name}_{len(independent)}", "revolute", 1.0)
+    first = branch.pick % len(independent)
+    dependent, *others = independent[first:] + independent[:first]
+    add_coupling(drawing, name, dependent, others[: 1 + branch.extra])
+
+
+def draw_flywheel(drawing, branch, name):
+    """Gear a new flywheel to a dependent joint of a loop, and perhaps to any other too."""
+    every, _, dependent, _ = find_joints(drawing)
+    wheel = add_drive(drawing, branch, name, "revolute", 0.3)
+    joints = dependent or every or [add_drive(drawing, branch, f"{name}_shaft", "prismatic", 1.0)]
+    joint = joints[branch.pick % len(joints)]
+    others = [other for other in every if other != joint][: int(branch.extra)]
+    add_coupling(drawing, name, wheel, [joint, *others])
+
+
+def draw_screw(drawing, branch, name):
+    """Let a slide turn a small rotor by hundreds of radians per metre, or a rotor push a slide."""
+    ratio = signed(drawing.rng, 400.0, 700.0)
+    slides = find_joints(drawing)[1]
+    rotor = add_drive(drawing, branch, f"{name}_rotor", "revolute", 0.005)
+    if not slides or branch.extra:
+        slides = [add_drive(drawing, branch, f"{name}_nut", "prismatic", 1.0)]
+    slide = slides[branch.pick % len(slides)]
+    if branch.extra:
+        add_coupling(drawing, name, slide, [rotor], 1.0 / ratio)
+    else:
+        add_coupling(drawing, name, rotor, [slide], ratio)
 
 
 def note_features(drawing, branch, loop):
@@ -467,7 +586,6 @@ def note_features(drawing, branch, loop):
     switches = ("turned", "flipped", "zeroed", "extra", "lateral", "massless")
     drawing.features.update(
         [
-            f"kind {branch.kind}",
             " to ".join(ends),
             f"closure {loop.get('closure', 'absent')}",
             *(switch for switch in switches if getattr(branch, switch)),
@@ -477,40 +595,35 @@ def note_features(drawing, branch, loop):
 
 
 def find_shared_blocks(m):
-    """Number of loops that another loop needs and that need it: joints on each other's paths."""
-    needs = np.zeros((len(m.loops), len(m.loops)), bool)
-    for i, a in enumerate(m.loops):
-        path = m.moves[a.terminal] ^ m.moves[a.closing]
-        for j, b in enumerate(m.loops):
-            needs[i, j] = any(path[m.v_start[body]] for body in b.dependent)
-    for via in range(len(m.loops)):
+    """Number of loops and couplings that another one needs and that need it."""
+    paths = [m.moves[loop.terminal] ^ m.moves[loop.closing] for loop in m.loops]
+    paths += [row != 0.0 for row in m.ratios]
+    dependent = [[m.v_start[body] for body in loop.dependent] for loop in m.loops]
+    dependent += [[j] for j in m.coupled]
+    needs = np.array([[any(path[own]) for own in dependent] for path in paths], bool)
+    needs = needs.reshape(len(paths), len(paths)) & ~np.eye(len(paths), dtype=bool)
+    for via in range(len(paths)):
         needs |= needs[:, via, None] & needs[via]
-    np.fill_diagonal(needs, False)
-    return int(np.sum(np.any(needs & needs.T, axis=1)))
+    shared = np.any(needs & needs.T & ~np.eye(len(paths), dtype=bool), axis=1)
+    return int(np.sum(shared)), int(np.sum(shared[len(m.loops) :]))
 
 
 def choose_other_dependents(drawing, seed):
     """Let the loops determine other joints than those of their branches, if they can.
 
-    Columns of the loop matrix are taken greedily by weighted length of what is left of them;
-    each loop then gets as many as it has equations, all of them on its own paths.
+    Joints that no coupling determines are taken greedily by weighted length of what is left of
+    their columns; each loop then gets as many as it has equations, all of them on its own paths.
     """
     m = Mechanism(drawing.document())
-    if not m.loops:
+    if not m.loops or m.redundant:
         return False
     rng = np.random.default_rng(seed)
-    G = find_joint_jacobian(m, *find_poses(m, m.home_q[None]))[0]  # noqa: N806
-    single = [m.kind[b] != "free" for b in m.body_of_v]
-    left = G * single * rng.uniform(0.2, 1.0, m.nv)
-    chosen = []
-    for _ in range(m.cut_rows):
-        j = int(np.argmax(np.linalg.norm(left, axis=0)))
-        length = np.linalg.norm(left[:, j])
-        if length < 1e-3:
-            return False
-        direction = left[:, j] / length
-        left = left - np.outer(direction, direction @ left)
-        chosen.append(j)
+    G = find_joint_jacobian(m, *find_poses(m, m.home_q[None]))[0] * m.unit  # noqa: N806
+    weight = np.array([m.kind[b] != "free" for b in m.body_of_v]) * rng.uniform(0.2, 1.0, m.nv)
+    weight[m.coupled] = 0.0
+    chosen = find_pivots(G[: m.cut_rows] * weight)
+    if len(chosen) < m.cut_rows:
+        return False
     owner: dict[int, int] = {}  # slot (row of G) -> velocity
 
     def place(j, seen):
@@ -528,7 +641,7 @@ def choose_other_dependents(drawing, seed):
 
     if not all(place(j, set()) for j in chosen):
         return False
-    if np.linalg.svd(G[:, chosen], compute_uv=False)[-1] < SMALLEST_MARGIN:
+    if np.linalg.svd(G[:, chosen + m.coupled], compute_uv=False)[-1] < SMALLEST_MARGIN:
         return False
     for loop, item in zip(m.loops, drawing.loops, strict=True):
         slots = range(loop.rows.start, loop.rows.stop)
@@ -558,7 +671,7 @@ def make_state(m, state, floating):
     item["v_independent"] = listed(rng.uniform(-1, 1, len(m.ind)) * state.moving)
     item["tau"] = listed(rng.uniform(-5, 5, m.nv) * state.loaded)
     if state.loaded:
-        bodies = rng.choice(np.arange(1, m.count + 1), min(2, m.count), replace=False)
+        bodies = rng.choice(np.arange(1, m.count + 1), 3)  # loads on one body add up
         item["external"] = [
             {
                 "body": m.names[b],
@@ -593,7 +706,8 @@ def build(plan: Plan):
         for attempt in [*range(BEST_OF), None]:
             seed = max(tried)[1] if attempt is None else attempt
             drawing.rng = np.random.default_rng([2, branch.seed, seed])
-            margin = find_branch_margin(drawing, draw_branch(drawing, branch, f"leg{number}"))
+            draw_branch(drawing, branch, f"leg{number}")
+            margin = find_branch_margin(drawing, mark)
             if margin > GOOD_MARGIN or attempt is None:
                 break
             tried.append((margin, seed))
@@ -610,10 +724,17 @@ def build(plan: Plan):
     if margin < SMALLEST_MARGIN or condition > LARGEST_CONDITION:
         return None
     drawing.features.update([f"trunk {plan.trunk}", f"{len(plan.branches)} branches"])
-    drawing.features["solved together"] += find_shared_blocks(m)
+    together, coupled = find_shared_blocks(m)
+    drawing.features.update(
+        {"solved together": together, "coupling in a block": coupled, "freed": m.freed,
+         "redundant": m.redundant, "overconstrained": m.redundant > 0}
+    )  # fmt: skip
     drawing.features.update(s for s in ("floating", "gravity", "order") if getattr(plan, s))
     states = [make_state(m, state, plan.floating) for state in plan.states]
     drawing.features["base motion"] += any("base_motion" in state for state in states)
+    for state in states:
+        loads = [load["body"] for load in state.get("external", [])]
+        drawing.features["loads on one body"] += len(set(loads)) < len(loads)
     return {"mechanism": mechanism, "states": states}, +drawing.features
 
 

@@ -371,6 +371,61 @@ def test_a_slider_crank_passes_its_dead_centres_with_the_slider_as_coordinate(mo
 
 
 # ------------------------------------------------------------------------------------------------
+# 5a. Poses where two branches meet, passed by a closed form and by Newton iteration.
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-10])
+@pytest.mark.parametrize("closure", ["newton", None])
+def test_a_parallelogram_stays_one_however_it_is_closed(move, closure, rtol):
+    run = move(
+        benchmarks.parallelogram(closure),
+        2.0,
+        0.02,
+        gravity=(0, -GRAVITY, 0),
+        joints={"crank": {"rate": 1.0}},
+        settings=find_tolerances(rtol),
+    )
+    p = run["state.q[1]"]
+    assert p[-1] > 2 * math.pi  # through four such poses
+    right = np.stack([1 + np.sin(p), np.cos(p)], axis=1)
+    assert np.max(np.abs(run.vector("ring.position")[:, :2] - right)) < 1e-9
+    assert np.max(np.abs(run["energy.residual"])) < 3 * rtol * 20.0 + 2e-7
+
+
+@pytest.mark.parametrize("closure", ["newton", None])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
+def test_an_isosceles_slider_crank_keeps_its_slider_going(move, closure, rtol):
+    run = move(
+        benchmarks.isosceles_slider_crank(closure),
+        2.0,
+        0.02,
+        joints={"crank": {"rate": 5.0}},
+        settings=find_tolerances(rtol),
+    )
+    angle = run["state.q[1]"]
+    assert angle[-1] > 2 * math.pi
+    assert np.max(np.abs(run["ring.position[1]"] - 0.2 * np.cos(angle))) < 1e-9
+
+
+def test_a_far_state_is_closed_on_the_branch_of_home(tmp_path):
+    mechanism = benchmarks.slider_crank()
+    (tmp_path / "own.json").write_text(json.dumps(mechanism))
+    for angle in (-6.0, -5.5, 9.0, 40.0):
+        state = {"q": [angle, 0, 0], "v_independent": [1.0], "tau": [0, 0, 0]}
+        (tmp_path / "states.json").write_text(json.dumps({"states": [state]}))
+        q = check_mechanism(str(tmp_path / "own.json"), tmp_path / "states.json")[0]["q"]
+        reach = math.sqrt(0.09 - (0.1 * math.sin(angle)) ** 2)
+        assert q[2] == pytest.approx(0.1 * math.cos(angle) + reach, abs=1e-14), angle
+
+
+def test_a_crank_may_turn_a_thousand_times(move):
+    run = move(
+        benchmarks.slider_crank() | {"loops": [
+            benchmarks.slider_crank()["loops"][0] | {"closure": "newton"}]},
+        4.0, 1.0, joints={"crank": {"rate": 2000.0}}, settings=find_tolerances(1e-6),
+    )  # fmt: skip
+    assert run["state.q[1]"][-1] > 1000 * 2 * math.pi
+
+
+# ------------------------------------------------------------------------------------------------
 # 6. Starts of joints.
 @pytest.mark.parametrize(
     ("member", "value", "angle", "rate"),

@@ -152,6 +152,81 @@ def test_coordinates_change_on_a_floating_vehicle_and_nothing_else_does(runs, tm
     assert np.max(np.abs(sliders["energy.residual"])) < 1e-8 * scale
 
 
+def geared_five_bar():
+    """Two cranks whose tips two links join at a pin; a gear turns the cranks against each other.
+
+    At home the cranks stand at 60 and 120 deg. Whichever joint is independent at the start meets a
+    pose where it stops being so.
+    """
+    crank, link = (1.0, (0.1, 0), 5e-3), (0.5, (0.2, 0), 8e-3)
+    a, throw, length, half = math.pi / 3, 0.2, 0.6, 0.25
+    tip = -half + throw * math.cos(a), throw * math.sin(a)
+    slope = math.acos(-tip[0] / length)
+    return {
+        "name": "five_bar",
+        "bodies": [
+            benchmarks.planar_body("A", "base", (-half, 0), crank),
+            benchmarks.planar_body("B", "base", (half, 0), crank),
+            benchmarks.planar_body("linkA", "A", (throw, 0), link),
+            benchmarks.planar_body("linkB", "B", (throw, 0), link),
+        ],
+        "loops": [
+            benchmarks.planar_loop(
+                "pin", ("A", "linkA"), "linkB", ["linkA", "linkB"], ((length, 0), (length, 0))
+            )
+        ],
+        "couplings": [
+            {
+                "name": "gear",
+                "dependent": "A",
+                "offset": math.pi,
+                "terms": [{"joint": "B", "ratio": -1.0}],
+            }
+        ],
+        "home_q": [a, math.pi - a, slope - a, a - slope],
+        "capture": {"body": "linkA"},
+    }
+
+
+@pytest.mark.parametrize("step", [0.01, 0.5])
+def test_a_geared_linkage_changes_its_coordinates_and_goes_on(runs, tmp_path, step):
+    run = move(
+        runs, tmp_path, geared_five_bar(), FIXED_BASE, "[initial.joints.B]\nrate = 2.0",
+        stop=4.0, step=step, settings=("gravity[2]=-9.81",),
+    )  # fmt: skip
+    # The pin moves on the line of symmetry only.
+    assert np.max(np.abs(run["energy.residual"])) < 1e-8
+    assert np.max(run["solver.closure_residual"]) < 1e-13
+    assert np.ptp(run["ring.position[2]"]) > 0.1
+
+
+def test_gears_that_say_the_same_twice_are_one_gear(tmp_path):
+    body = {"joint": {"type": "revolute", "axis": [0, 0, 1]}, "mass": 1}
+    inertia = {"inertia": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}
+    mechanism = {
+        "name": "twice",
+        "bodies": [{"name": name, "parent": "base", **body, **inertia} for name in "ab"],
+        "couplings": [
+            {"name": "one", "dependent": "a", "terms": [{"joint": "b", "ratio": 2.0}]},
+            {"name": "two", "dependent": "b", "terms": [{"joint": "a", "ratio": 0.5}]},
+        ],
+    }
+    path, states = tmp_path / "own.json", tmp_path / "states.json"
+    path.write_text(json.dumps(mechanism))
+    report = check_mechanism(str(path))
+    assert report["degrees_of_freedom"] == 1
+    assert "rank 1" in " ".join(report["warnings"])
+    free = report["independent"] == ["a"]
+    q = [3.0, 0.0] if free else [0.0, 1.5]
+    state = {"q": q, "v_independent": [2.0 if free else 1.0], "tau": [4.0, 2.0]}
+    states.write_text(json.dumps({"states": [state]}))
+    result = check_mechanism(str(path), states)[0]
+    assert result["q"] == pytest.approx([3.0, 1.5])
+    assert result["v"] == pytest.approx([2.0, 1.0])
+    # 1 + 1/4 kg m2 seen from a, driven by 4 + 2/2 N m.
+    assert result["a"] == pytest.approx([4.0, 2.0])
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -1,10 +1,11 @@
 """Random mechanisms of every kind of loop against a dense solution in absolute coordinates.
 
 1. The oracle (`absolute_kkt.py`) reproduces the three stored files of another program.
-2. For each kind of branch, mechanisms that hold one of that kind among up to five others
-   (`random_mechanisms.py`) are evaluated by ``check --states``: positions, velocities,
-   accelerations, cut forces, base loads and reduced inertia are those of the oracle, all cuts are
-   closed by the oracle's own kinematics, and no state that is well-conditioned is refused.
+2. For each kind of branch or coupling, mechanisms that hold one of that kind among up to five
+   others (`random_mechanisms.py`) are evaluated by ``check --states``: positions, velocities,
+   accelerations, forces of cuts and couplings, joint loads, base loads and reduced inertia are
+   those of the oracle, all rows are closed by the oracle's own kinematics, and no state that is
+   well-conditioned is refused. Forces of overconstrained mechanisms agree up to self-stresses.
 3. Every feature of the generator was really exercised.
 
 ``DOCKLOOP_EXAMPLES`` sets the mechanisms per kind, ``DOCKLOOP_SEED`` draws others (without it
@@ -27,6 +28,7 @@ from absolute_kkt import (
     close_states,
     find_errors,
     find_gap,
+    follow_core,
     read_states,
     run_check,
     solve,
@@ -37,11 +39,11 @@ from random_mechanisms import KINDS, TRUNKS, build, plans
 
 DATA = Path(__file__).parent / "data"
 VECTORS = ("hexapod_r2p1r3", "crank_nested", "planar_two_loop")
-USUAL_EXAMPLES = 30
+USUAL_EXAMPLES = 20
 EXAMPLES = int(os.environ.get("DOCKLOOP_EXAMPLES", USUAL_EXAMPLES))
 SEED = int(os.environ.get("DOCKLOOP_SEED", "0"))
 NEAR_SINGULAR = 0.02  # states that come nearer to a singular pose of the loops are not asked for
-TOLERANCE = 2e-11  # relative; measured over 7200 mechanisms: 2e-12 (base_force), 8e-13 (a)
+TOLERANCE = 7e-11  # relative; measured over 5000 mechanisms: 7e-12 (a, loop_force, joint_load)
 GAP = 1e-12  # [m]; measured: 2e-15
 
 tally: Counter = Counter()  # features of the mechanisms compared so far, in all tests
@@ -62,14 +64,18 @@ def test_the_oracle_reproduces_states_of_another_program(name):
 def compare(document: dict, kind: str, newton: bool, file: Path) -> bool:
     """Compare core and oracle on one document; False where no state is well-conditioned."""
     m = Mechanism(document["mechanism"])
-    q, margin = close_states(m, read_states(m, document["states"])["q"])
-    good = margin > NEAR_SINGULAR
-    if not np.any(good):
-        return False
-    states = [state for state, use in zip(document["states"], good, strict=True) if use]
-    text = json.dumps(document | {"states": states})
+    text = json.dumps(document)
     file.write_text(text)
+    margin = np.full(1, np.nan)
     try:
+        follow_core(m, file)
+        q, margin = close_states(m, read_states(m, document["states"])["q"])
+        good = margin > NEAR_SINGULAR
+        if not np.any(good):
+            return False
+        states = [state for state, use in zip(document["states"], good, strict=True) if use]
+        text = json.dumps(document | {"states": states})
+        file.write_text(text)
         results = run_check(file, newton)
         errors = find_errors(results, solve(m, states, q[good])) | {"gap": find_gap(m, results)}
         wrong = [k for k, error in errors.items() if not error < (GAP if k == "gap" else TOLERANCE)]
@@ -80,8 +86,7 @@ def compare(document: dict, kind: str, newton: bool, file: Path) -> bool:
         kept.write_text(text)
         repeat = f"tests/absolute_kkt.py {shown(kept)}{' --newton' if newton else ''}"
         raise AssertionError(
-            f"{error}\nsmallest singular value {np.min(margin[good]):.3g}"
-            f"\nrepeat with: .venv/bin/python {repeat}"
+            f"{error}\nsmallest singular values {margin}\nrepeat with: .venv/bin/python {repeat}"
         ) from None
     for key, value in errors.items():
         worst[key] = max(worst.get(key, 0.0), value)
@@ -119,6 +124,7 @@ def test_every_feature_was_exercised():
     features += ["closure absent", "closure newton", "dependent absent", "--newton"]
     features += ["turned", "flipped", "zeroed", "extra", "lateral", "massless"]
     features += ["floating", "gravity", "order", "base motion", "other dependents"]
+    features += ["overconstrained", "freed", "coupling in a block", "loads on one body"]
     features += ["solved together", "planar driver", *(f"{n} branches" for n in range(1, 7))]
     print(dict(sorted(tally.items())), worst)
     missing = [feature for feature in features if not tally[feature]]

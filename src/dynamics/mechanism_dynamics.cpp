@@ -54,6 +54,49 @@ Status calc_position(const Mechanism& mechanism, MechanismData<S>& data) {
   return {};
 }
 
+Status move_to(const Mechanism& mechanism, const VecX<double>& q, MechanismData<double>& data) {
+  const MechanismModel& model = mechanism.model;
+  double length = 1e-9, way = 0.0;
+  for (const double size : mechanism.plan.loop_size) length = std::max(length, size);
+  for (int i : mechanism.plan.ind_bodies) {
+    const Body& body = model.bodies[i];
+    for (int j = body.q_index; j < body.q_index + body.nq(); ++j) {
+      const bool is_length = body.joint == JointType::kPrismatic ||
+                             (body.joint == JointType::kFree && j < body.q_index + 3);
+      way = std::max(way, std::abs(q[j] - model.home_q[j]) / (is_length ? length : 1.0));
+    }
+  }
+  constexpr double kStep = 0.1;       // rad, or part of the largest loop
+  constexpr double kSmallest = 1e-3;  // of that
+  const double usual = way > kStep ? kStep / way : 1.0;
+  for (size_t i = 0; i < model.home_q.size(); ++i)
+    data.tree.q[static_cast<int>(i)] = model.home_q[i];
+  data.loops.reference.valid = false;
+  Status status = calc_position(mechanism, data);
+  if (status.ok()) keep_reference(data.tree, data.loops);
+  double done = 0.0, step = usual;
+  while (status.ok() && done < 1.0) {
+    const double part = done + step < 1.0 - 1e-9 ? done + step : 1.0;
+    for (int i : mechanism.plan.ind_bodies) {
+      const Body& body = model.bodies[i];
+      for (int j = body.q_index; j < body.q_index + body.nq(); ++j) {
+        data.tree.q[j] = part < 1.0 ? (1.0 - part) * model.home_q[j] + part * q[j] : q[j];
+      }
+      if (body.joint == JointType::kFree) data.tree.q.segment<4>(body.q_index + 3).normalize();
+    }
+    const Status reached = calc_position(mechanism, data);
+    if (reached.ok()) {
+      keep_reference(data.tree, data.loops);
+      done = part;
+      step = std::min(usual, 2.0 * step);
+    } else {
+      step *= 0.5;
+      if (step < kSmallest * usual) status = reached;
+    }
+  }
+  return status;
+}
+
 template <class S>
 void calc_velocity(const Mechanism& mechanism, const BaseMotion<S>& base, MechanismData<S>& data) {
   calc_loop_velocity(mechanism.plan, data.tree, data.loops);
@@ -145,7 +188,11 @@ std::optional<Mechanism> find_better_coordinates(const Mechanism& mechanism,
                                                  const MechanismData<double>& data) {
   const VecX<double>& q = data.tree.q;
   const std::vector<double> pose(q.data(), q.data() + q.size());
-  const auto dependents = find_better_dependents(mechanism.model, pose);
+  std::optional<Dependents> dependents;
+  try {
+    dependents = find_better_dependents(mechanism.model, pose);
+  } catch (const ModelError&) {  // rounding made a plane look bent: stay with what there is
+  }
   if (!dependents) return std::nullopt;
   Mechanism changed = mechanism;
   for (size_t k = 0; k < changed.model.loops.size(); ++k) {
@@ -154,6 +201,8 @@ std::optional<Mechanism> find_better_coordinates(const Mechanism& mechanism,
     loop.dependent = (*dependents)[k];
     if (loop.closure != ClosureKind::kNewton) loop.closure = ClosureKind::kAutomatic;
   }
+  // Closed forms take the branch of this pose.
+  changed.model.home_given = true;
   changed.plan = make_loop_plan(changed.model, pose, mechanism.newton_only);
   return changed;
 }
@@ -210,7 +259,6 @@ std::vector<double> find_home_gaps(const Mechanism& mechanism) {
 
 void close_home(Mechanism& mechanism, const std::string& source_name) {
   MechanismModel& model = mechanism.model;
-  if (model.loops.empty()) return;
   char text[256];
   if (model.home_given) {
     // A stated home must be closed as it stands.
@@ -218,10 +266,16 @@ void close_home(Mechanism& mechanism, const std::string& source_name) {
     for (size_t k = 0; k < model.loops.size(); ++k) {
       const double limit = kHomeGap * mechanism.plan.loop_size[k];
       if (gaps[k] <= limit) continue;
-      std::snprintf(text, sizeof text,
-                    "is open by %.6g m at the stated home (limit %.1g m); correct home_q or the "
-                    "cut points",
-                    gaps[k], limit);
+      if (model.loops[k].cut == CutType::kCoupling) {
+        std::snprintf(text, sizeof text,
+                      "(a coupling) is open by %.6g at the stated home; correct home_q or 'offset'",
+                      gaps[k]);
+      } else {
+        std::snprintf(text, sizeof text,
+                      "is open by %.6g m at the stated home (limit %.1g m); correct home_q or the "
+                      "cut points",
+                      gaps[k], limit);
+      }
       throw ModelError(source_name + ": loop '" + model.loops[k].name + "' " + text);
     }
   }
@@ -243,19 +297,22 @@ void close_home(Mechanism& mechanism, const std::string& source_name) {
   }
   // A leg whose slide must travel a good part of its length to close was not closed at home.
   for (const LoopBlock& block : mechanism.plan.blocks) {
-    if (!block.form() || block.form()->kind != LegKind::kR2P1R3) continue;
-    const Body& slide = model.bodies[block.form()->joint[2].body];
-    const double moved = std::abs(data.tree.q[slide.q_index] - model.home_q[slide.q_index]);
-    const double limit = 0.25 * block.form()->shape.tip.norm();
-    if (moved <= limit) continue;
-    std::snprintf(text, sizeof text,
-                  "is open at home: slide '%s' would have to move by %.6g m (limit %.6g m, a "
-                  "quarter of the leg); correct the cut points or give home_q",
-                  slide.name.c_str(), moved, limit);
-    throw ModelError(source_name + ": loop '" + model.loops[block.loops[0]].name + "' " + text);
+    for (size_t i = 0; block.form() && i < block.form()->joint.size(); ++i) {
+      const Body& slide = model.bodies[block.form()->joint[i].body];
+      if (slide.joint != JointType::kPrismatic) continue;
+      const double moved = std::abs(data.tree.q[slide.q_index] - model.home_q[slide.q_index]);
+      const double limit = 0.25 * mechanism.plan.loop_size[block.loops[0]];
+      if (moved <= limit) continue;
+      std::snprintf(text, sizeof text,
+                    "is open at home: slide '%s' would have to move by %.6g m (limit %.6g m, a "
+                    "quarter of the leg); correct the cut points or give home_q",
+                    slide.name.c_str(), moved, limit);
+      throw ModelError(source_name + ": loop '" + model.loops[block.loops[0]].name + "' " + text);
+    }
   }
   for (int i = 0; i < model.nq; ++i) model.home_q[i] = data.tree.q[i];
   // Closed forms take their branch from the closed pose.
+  model.home_given = true;
   mechanism.plan = make_loop_plan(model, model.home_q, mechanism.newton_only);
 }
 

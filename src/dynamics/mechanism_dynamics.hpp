@@ -54,6 +54,10 @@ struct MechanismData {
 template <class S>
 Status calc_position(const Mechanism& mechanism, MechanismData<S>& data);
 
+/// Walk from home to a pose in steps small enough to stay on the assembly branch, each the
+/// reference of the next. @param q  all coordinates; the independent ones count
+Status move_to(const Mechanism& mechanism, const VecX<double>& q, MechanismData<double>& data);
+
 /// In: independent entries of data.tree.v. @pre calc_position
 template <class S>
 void calc_velocity(const Mechanism& mechanism, const BaseMotion<S>& base, MechanismData<S>& data);

@@ -26,7 +26,7 @@ template <class S>
 bool aim(const Vec3<S>& d, const Vec3<S>& L, const S& square, int flip, int a, int b,
          LegSolution<S>& leg, S& X) {
   if (!take_root<S>(square, X, leg)) return false;
-  X *= S(flip);
+  if (flip < 0) X = -X;
   const S in_plane = d.x() * d.x() + d.y() * d.y();
   const S across = X * X + d.z() * d.z();
   leg.c[b] = (d.x() * X + d.y() * L.y()) / in_plane;
@@ -75,6 +75,7 @@ void solve_slide_leg(const LegShape& shape, LegBranch branch, const Vec3<S>& L,
     leg.code = StatusCode::kOutOfReach;  // a leg of no length has no direction either
     return;
   }
+  if (branch.elbow < 0) xi = -xi;
   const Vec3<S> d(xi, dy, dz);
   if (!aim<S>(d, L, L.x() * L.x() + L.z() * L.z() - dz * dz, branch.flip, 0, 1, leg, X)) return;
   leg.slide = xi - S(shape.tip.x());
@@ -93,7 +94,7 @@ void solve_crank_leg(const LegShape& shape, LegBranch branch, const Vec3<S>& L,
   S X;
   if (!take_root<S>(square - h * h, X, leg)) return;
   const S margin = X / sqrt(square);
-  X *= S(branch.flip);
+  if (branch.flip < 0) X = -X;
   leg.c[2] = (a * X + c * h) / square;
   leg.s[2] = (c * X - a * h) / square;
   const S l2 = sqrt(X * X + b * b);
@@ -168,16 +169,18 @@ void solve_elbow_leg(const LegShape& shape, LegBranch branch, const Vec3<S>& L,
 }
 
 template <class S>
-void solve_planar_slide(const LegShape& shape, const Vec3<S>& L, LegSolution<S>& leg) {
+void solve_planar_slide(const LegShape& shape, LegBranch branch, const Vec3<S>& L,
+                        LegSolution<S>& leg) {
   using std::sqrt;
   const S d(shape.tip.y());
   const S square = L.x() * L.x() + L.y() * L.y();
   S xi;
   if (!take_root<S>(square - d * d, xi, leg)) return;
+  if (branch.elbow < 0) xi = -xi;
   leg.c[0] = (xi * L.x() + d * L.y()) / square;
   leg.s[0] = (xi * L.y() - d * L.x()) / square;
   leg.slide = xi - S(shape.tip.x());
-  leg.margin = to_double(S(xi / sqrt(square)));
+  leg.margin = std::abs(to_double(S(xi / sqrt(square))));
 }
 
 template <class S>
@@ -235,7 +238,7 @@ LegSolution<S> solve_leg(LegKind kind, const LegShape& shape, LegBranch branch, 
       solve_elbow_leg(shape, branch, L, leg);
       break;
     case LegKind::kR1P1R1:
-      solve_planar_slide(shape, L, leg);
+      solve_planar_slide(shape, branch, L, leg);
       break;
     case LegKind::kR1R1R1:
       solve_planar_elbow(shape, branch, L, leg);
@@ -283,6 +286,7 @@ int find_leg_sign(LegKind kind, const LegShape& shape, const LegSolution<S>& leg
   const S c2 = leg.c[1], s2 = leg.s[1];
   S determinant = d.x() * d.y();
   if (kind == LegKind::kR2P1R3) determinant = c2 * d.x() - s2 * d.y();
+  if (kind == LegKind::kR2P1R3 && d.x() < S(0)) determinant = -determinant;
   if (kind == LegKind::kR1R2R3) determinant = -d.x() * (s2 * d.x() + c2 * d.y());
   return determinant < S(0) ? -1 : 1;
 }

@@ -5,8 +5,9 @@
 // sine. Which mechanism leg is which type, and where its canonical axes are: leg_geometry.hpp.
 //
 // A root that is not real is out of reach, a root that is exactly zero is singular; nothing is ever
-// clamped. Two signs choose the assembly branch: `elbow` (which way an elbow bends, which way a
-// strut leans) and `flip` (a universal joint turned over: first angle + pi, second pi - angle).
+// clamped. Two signs choose the assembly branch: `elbow` (which way an elbow bends or a strut
+// leans, whether a slide points at its target or away from it) and `flip` (a universal joint turned
+// over: first angle + pi, second pi - angle).
 #pragma once
 
 #include <array>

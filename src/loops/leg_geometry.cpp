@@ -267,24 +267,24 @@ double find_distance(const MechanismModel& model, const ClosedForm& form,
   return distance;
 }
 
-/// Choose the signs with which the closed form gives the pose q. @return false if none does
-bool choose_branch(const MechanismModel& model, const V& L, const std::vector<double>& q,
-                   double size, ClosedForm& form) {
+/// Choose the signs with which the closed form comes nearest to the pose q; `elbow` may be given.
+/// @return distance, infinite if no branch reaches the point
+double choose_branch(const MechanismModel& model, const V& L, const std::vector<double>& q,
+                     double size, int elbow_given, ClosedForm& form) {
   double nearest = std::numeric_limits<double>::infinity();
-  LegBranch best;
   for (const int elbow : {1, -1}) {
+    if (elbow_given != 0 && elbow != elbow_given) continue;
     for (const int flip : {1, -1}) {
       const LegSolution<double> leg = solve_leg<double>(form.kind, form.shape, {elbow, flip}, L);
       if (leg.code != StatusCode::kOk) continue;
       const double distance = find_distance(model, form, leg, q, size);
       if (distance < nearest) {
         nearest = distance;
-        best = {elbow, flip};
+        form.branch = {elbow, flip};
       }
     }
   }
-  form.branch = best;
-  return nearest < 1e-5;
+  return nearest;
 }
 
 }  // namespace
@@ -337,11 +337,10 @@ Recognition recognise_leg(const MechanismModel& model, const Loop& loop, const L
   const Pose<double> centre = (parent == kBase ? Pose<double>() : home[parent]) * form.in_parent;
   if (planar) gap = (gap - gap.dot(V(centre.R.col(2))) * centre.R.col(2)).eval();
   const V L = centre.R.transpose() * (closing - centre.p);
-  if (gap.norm() > 1e-6 * size) {
-    form.branch = {loop.branch < 0.0 ? -1 : 1, 1};
-    return {form, "", false};
-  }
-  if (!choose_branch(model, L, q, size, form)) {
+  const bool closed = gap.norm() <= 1e-6 * size;
+  const double distance =
+      choose_branch(model, L, q, size, model.home_given ? 0 : loop.branch, form);
+  if (closed && model.home_given && !(distance < 1e-5)) {
     return {std::nullopt, "its pose lies on no branch of the closed form", false};
   }
   if (form.spin) {

@@ -18,7 +18,7 @@ struct LoopPaths {
   int lca = kBase;
   std::vector<int> terminal, closing;  ///< bodies; empty if the lca is that body itself
   int root_on_terminal = -1;  ///< position of the root in `terminal`, -1 if it is the lca or above
-  std::vector<int> tied;      ///< bodies of a coupling (whose paths are empty), dependent one first
+  std::vector<int> tied;      ///< bodies of a coupling, whose paths are empty
 };
 
 /// Canonical coordinate of a joint: theta = sign x q + zero.
@@ -57,8 +57,8 @@ struct Recognition {
 };
 
 /// @param home  poses of all bodies in the base at q
-/// @param q     all coordinates; the branch is the one they lie on if the loop is closed there,
-///              else the one that Loop::branch tells
+/// @param q     all coordinates; the branch is the one nearest to them, with the sign of
+///              Loop::branch where the file states no home pose
 Recognition recognise_leg(const MechanismModel& model, const Loop& loop, const LoopPaths& paths,
                           const std::vector<Pose<double>>& home, const std::vector<double>& q,
                           double size);

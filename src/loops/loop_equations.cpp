@@ -126,10 +126,9 @@ void calc_cut_position(const MechanismModel& model, const LoopPlan& plan, int lo
   const Loop& loop = model.loops[loop_index];
   const LoopPaths& paths = plan.paths[loop_index];
   if (loop.cut == CutType::kCoupling) {
-    S residual =
-        tree.q[model.bodies[loop.terminal].q_index] - S(loop.offset) - S(loop.rate) * tree.time;
-    for (const CouplingTerm& term : loop.terms) {
-      residual -= S(term.ratio) * tree.q[model.bodies[term.body].q_index];
+    S residual = -S(loop.offset) - S(loop.rate) * tree.time;
+    for (int body : paths.tied) {
+      residual += S(find_coupling_factor(loop, body)) * tree.q[model.bodies[body].q_index];
     }
     cut.residual[0] = residual;
     return;
@@ -161,12 +160,10 @@ void calc_cut_columns(const MechanismModel& model, const LoopPlan& plan, int loo
                       const CutData<S>& cut, MatX<S>& G) {
   const Loop& loop = model.loops[loop_index];
   if (loop.cut == CutType::kCoupling) {
-    const auto put = [&](int body, double value) {
+    for (int body : plan.paths[loop_index].tied) {
       const int column = column_of[model.bodies[body].v_index];
-      if (rows[0] >= 0 && column >= 0) G(rows[0], column) = S(value);
-    };
-    put(loop.terminal, 1.0);
-    for (const CouplingTerm& term : loop.terms) put(term.body, -term.ratio);
+      if (rows[0] >= 0 && column >= 0) G(rows[0], column) = S(find_coupling_factor(loop, body));
+    }
     return;
   }
   const LoopPaths& paths = plan.paths[loop_index];

@@ -21,7 +21,7 @@ std::vector<int> find_ancestors(const MechanismModel& model, int body) {
 LoopPaths make_paths(const MechanismModel& model, const Loop& loop) {
   LoopPaths paths;
   if (loop.cut == CutType::kCoupling) {
-    paths.tied = loop.dependent;
+    paths.tied = {loop.terminal};
     for (const CouplingTerm& term : loop.terms) paths.tied.push_back(term.body);
     return paths;
   }
@@ -54,17 +54,22 @@ LoopPaths make_paths(const MechanismModel& model, const Loop& loop) {
   return paths;
 }
 
-/// Scale of a loop: distance from the first joint to the cut point at home.
-double find_loop_size(const Loop& loop, const std::vector<Pose<double>>& home) {
+/// Scale of a loop: length of its terminal path laid straight, the same at every pose.
+double find_loop_size(const MechanismModel& model, const Loop& loop, const LoopPaths& paths) {
   if (loop.cut == CutType::kCoupling) return 1.0;
-  const Vec3<double> cut =
-      loop.closing == kBase
-          ? loop.point_on_closing
-          : Vec3<double>(home[loop.closing].R * loop.point_on_closing + home[loop.closing].p);
-  const double size = (cut - home[loop.first].p).norm();
-  const double fallback = loop.point_on_terminal.norm();
+  const auto find_length = [&](const std::vector<int>& path, const Vec3<double>& point) {
+    double length = point.norm();
+    for (size_t i = 0; i < path.size(); ++i) {
+      const Body& body = model.bodies[path[i]];
+      if (i > 0) length += body.placement.p.norm();
+      if (body.joint == JointType::kPrismatic) length += std::abs(model.home_q[body.q_index]);
+    }
+    return length;
+  };
+  const double size = find_length(paths.terminal, loop.point_on_terminal);
   if (size > 1e-9) return size;
-  return fallback > 1e-9 ? fallback : 1.0;
+  const double other = find_length(paths.closing, loop.point_on_closing);
+  return other > 1e-9 ? other : 1.0;
 }
 
 void check_loop_table(const MechanismModel& model) {
@@ -217,10 +222,12 @@ void fill_block(const MechanismModel& model, const LoopPlan& plan, LoopBlock& bl
     }
     if (loop.cut == CutType::kCoupling) {
       // A screw turns by far more than its slide moves: measure it by what it is geared to.
-      for (const CouplingTerm& term : loop.terms) {
-        dep_scale.back() = std::max(dep_scale.back(), std::abs(term.ratio));
+      const double factor = std::abs(find_coupling_factor(loop, loop.dependent[0]));
+      for (int body : plan.paths[k].tied) {
+        const double ratio = std::abs(find_coupling_factor(loop, body)) / factor;
+        dep_scale.back() = std::max(dep_scale.back(), ratio);
       }
-      row_scale.back() = dep_scale.back();
+      row_scale.back() = factor * dep_scale.back();
     }
     for (const auto* path :
          {&plan.paths[k].terminal, &plan.paths[k].closing, &plan.paths[k].tied}) {
@@ -325,7 +332,7 @@ LoopPlan make_loop_paths(const MechanismModel& model, const std::vector<Pose<dou
   LoopPlan plan;
   for (const Loop& loop : model.loops) {
     plan.paths.push_back(make_paths(model, loop));
-    plan.loop_size.push_back(find_loop_size(loop, home));
+    plan.loop_size.push_back(find_loop_size(model, loop, plan.paths.back()));
     plan.cross_axes.push_back(find_cross_axes(loop));
     check_plane(model, loop, plan.paths.back(), home, plan.loop_size.back());
   }

@@ -51,12 +51,43 @@ void put_joint(const MechanismModel& model, const JointMap& joint, const LegSolu
   calc_joint_pose(model, joint.body, c, s, tree);
 }
 
+/// Near a singular pose two branches meet, and a mechanism that moves on leaves it on the one that
+/// continues its motion: the branch nearest to the predicted coordinates in tree.q.
+template <class S>
+void follow_branch(const MechanismModel& model, const ClosedForm& form, const Vec3<S>& L,
+                   double size, const TreeData<S>& tree, BlockData<S>& data) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const int elbow : {1, -1}) {
+    for (const int flip : {1, -1}) {
+      const LegSolution<S> leg = solve_leg<S>(form.kind, form.shape, {elbow, flip}, L);
+      if (leg.code != StatusCode::kOk) continue;
+      double distance = 0.0;
+      for (size_t i = 0; i < form.joint.size(); ++i) {
+        const Body& body = model.bodies[form.joint[i].body];
+        const double at = to_double(tree.q[body.q_index]);
+        if (body.joint == JointType::kPrismatic) {
+          distance = std::max(distance, std::abs(to_double(leg.slide) - at) / size);
+          continue;
+        }
+        S c, s;
+        find_joint_angle<S>(form.joint[i], leg.c[i], leg.s[i], c, s);
+        distance = std::max(distance,
+                            find_length(to_double(c) - std::cos(at), to_double(s) - std::sin(at)));
+      }
+      if (distance < nearest) {
+        nearest = distance;
+        data.branch = {elbow, flip};
+      }
+    }
+  }
+}
+
 /// Spin about the leg that makes the cross axes square: A.B = k + alpha cos + beta sin = 0.
 /// [Y2 (9a)]
 template <class S>
 Status calc_spin(const MechanismModel& model, const LoopPaths& paths, const Loop& loop, int k,
-                 const LegSpin& spin, const LoopReference<S>& reference, TreeData<S>& tree,
-                 double& margin) {
+                 const LegSpin& spin, const LoopReference<S>& reference, bool follows,
+                 TreeData<S>& tree, BlockData<S>& data) {
   using std::sqrt;
   const Body& body = model.bodies[spin.body];
   Mat3<S> R = Mat3<S>::Identity();  // axes of the spin joint at zero spin, in L
@@ -78,14 +109,36 @@ Status calc_spin(const MechanismModel& model, const LoopPaths& paths, const Loop
     return {radicand < S(0) ? StatusCode::kOutOfReach : StatusCode::kLoopSingular, k,
             to_double(radicand), 0.0};
   }
-  const S w = S(spin.branch) * sqrt(radicand);
+  S& q = tree.q[body.q_index];
+  const S root = sqrt(radicand);
+  if (follows) {
+    // f' = beta cos - alpha sin has the sign of the branch: take that of the predicted angle.
+    const double at = to_double(q);
+    const double slope = to_double(beta) * std::cos(at) - to_double(alpha) * std::sin(at);
+    data.spin_branch = slope < 0.0 ? -1 : 1;
+  }
+  const S w = S(data.spin_branch) * root;
   const S c = (-constant * alpha + w * beta) / square;
   const S s = (-constant * beta - w * alpha) / square;
-  S& q = tree.q[body.q_index];
   q = find_angle<S>(c, s, reference.valid ? S(reference.q[body.q_index]) : q);
   calc_joint_pose(model, spin.body, c, s, tree);
-  margin = std::min(margin, std::abs(to_double(w)));
+  data.margin = std::min(data.margin, std::abs(to_double(w)));
   return {};
+}
+
+/// Was the reference pose of a block near a singular one, for what its joints are predicted to
+/// move?
+template <class S>
+bool is_near_singular(const MechanismModel& model, const LoopBlock& block, const TreeData<S>& tree,
+                      const LoopReference<S>& reference, size_t b) {
+  constexpr double kNear = 0.3;
+  double moved = 0.0;
+  for (int i = 0; i < block.size(); ++i) {
+    const int at = model.bodies[block.dep_bodies[i]].q_index;
+    const double step = to_double(S(tree.q[at] - reference.q[at]));
+    moved = std::max(moved, std::abs(step) / block.dep_scale[i]);
+  }
+  return reference.margin[b] < std::max(kNear, 2.0 * moved);
 }
 
 /// A leg in closed form.                                                      [Y2 (9a), (9b)]
@@ -96,6 +149,14 @@ Status solve_by_formula(const MechanismModel& model, const LoopPlan& plan, const
   const int k = block.loops[0];
   const Loop& loop = model.loops[k];
   const LoopPaths& paths = plan.paths[k];
+  const LoopReference<S>& reference = loops.reference;
+  bool follows = false;
+  if (reference.valid) {
+    const size_t b = static_cast<size_t>(plan.block_of_loop[k]);
+    data.branch = reference.branch[b];
+    data.spin_branch = reference.spin_branch[b];
+    follows = is_near_singular(model, block, tree, reference, b);
+  }
   // Vector from the leg's centre to the closing point, canonical axes.
   Vec3<S> L = loop.point_on_closing.template cast<S>();
   for (size_t i = paths.closing.size(); i-- > 0;) {
@@ -107,25 +168,29 @@ Status solve_by_formula(const MechanismModel& model, const LoopPlan& plan, const
     L = joint.R.transpose() * (L - joint.p);
   }
   L = form.in_parent.R.template cast<S>().transpose() * (L - form.in_parent.p.template cast<S>());
-  data.leg = solve_leg<S>(form.kind, form.shape, form.branch, L);
+  if (follows) follow_branch(model, form, L, plan.loop_size[k], tree, data);
+  data.leg = solve_leg<S>(form.kind, form.shape, data.branch, L);
   if (data.leg.code != StatusCode::kOk) return {data.leg.code, k, 0.0, 0.0};
   for (size_t i = 0; i < form.joint.size(); ++i) {
-    put_joint(model, form.joint[i], data.leg, i, loops.reference, tree);
+    put_joint(model, form.joint[i], data.leg, i, reference, tree);
   }
   data.margin = data.leg.margin;
   if (!form.spin) return {};
-  return calc_spin(model, paths, loop, k, *form.spin, loops.reference, tree, data.margin);
+  return calc_spin(model, paths, loop, k, *form.spin, reference, follows, tree, data);
 }
 
 /// A coupling by itself: its joint follows.
 template <class S>
-void solve_coupling(const MechanismModel& model, const Loop& loop, TreeData<S>& tree) {
-  S q = S(loop.offset) + S(loop.rate) * tree.time;
-  for (const CouplingTerm& term : loop.terms) {
-    q += S(term.ratio) * tree.q[model.bodies[term.body].q_index];
+void solve_coupling(const MechanismModel& model, const Loop& loop, const LoopPaths& paths,
+                    TreeData<S>& tree) {
+  const int dependent = loop.dependent[0];
+  S rest = S(loop.offset) + S(loop.rate) * tree.time;
+  for (int body : paths.tied) {
+    if (body == dependent) continue;
+    rest -= S(find_coupling_factor(loop, body)) * tree.q[model.bodies[body].q_index];
   }
-  tree.q[model.bodies[loop.terminal].q_index] = q;
-  calc_joint_pose(model, loop.terminal, tree);
+  tree.q[model.bodies[dependent].q_index] = rest / S(find_coupling_factor(loop, dependent));
+  calc_joint_pose(model, dependent, tree);
 }
 
 /// Newton iteration for the dependent coordinates of a block.                       [Y2 (9)]
@@ -145,20 +210,26 @@ Status solve_by_newton(const MechanismModel& model, const LoopPlan& plan, const 
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     calc_block_position(model, plan, block, tree, loops, data);
     bool rounding = true;
+    double turned = 1.0;  // an angle is known to its own rounding only
+    for (int i = 0; i < m; ++i) {
+      const Body& body = model.bodies[block.dep_bodies[i]];
+      if (body.joint == JointType::kRevolute) {
+        turned = std::max(turned, std::abs(to_double(tree.q[body.q_index])));
+      }
+    }
     for (size_t i = 0; i < block.loops.size(); ++i) {
       const int loop = block.loops[i];
       const CutData<S>& cut = loops.cut[loop];
       if (model.loops[loop].cut == CutType::kCoupling) {
-        const double turned =
-            1.0 + std::abs(to_double(tree.q[model.bodies[model.loops[loop].terminal].q_index]));
-        rounding = rounding && std::abs(to_double(cut.residual[0])) <= 8.0 * eps * turned;
+        const double bound = 8.0 * eps * turned * block.row_scale[block.row[i][0]];
+        rounding = rounding && std::abs(to_double(cut.residual[0])) <= bound;
         continue;
       }
       const double reach = to_double(S(cut.p_T.norm() + cut.p_I.norm()));
       for (int j = 0; j < kMaxEquations; ++j) {
         if (block.row[i][j] < 0) continue;
         const double open = std::abs(to_double(cut.residual[j]));
-        rounding = rounding && open <= 8.0 * eps * (j < 3 ? reach : 1.0);
+        rounding = rounding && open <= 8.0 * eps * turned * (j < 3 ? reach : 1.0);
       }
     }
     if (!data.lu.factorise(data.G)) return {StatusCode::kLoopSingular, k, 0.0, 0.0};
@@ -175,7 +246,7 @@ Status solve_by_newton(const MechanismModel& model, const LoopPlan& plan, const 
       tree.q[model.bodies[block.dep_bodies[i]].q_index] -= factor * data.step[i];
       calc_joint_pose(model, block.dep_bodies[i], tree);
     }
-    if (scaled <= converged || rounding) return {};
+    if (scaled <= converged * turned || rounding) return {};
   }
   return {StatusCode::kLoopNotClosed, k, 0.0, 0.0};
 }
@@ -261,14 +332,16 @@ Status calc_block_inverse(const MechanismModel& model, const LoopPlan& plan, con
 
 /// Equations left out as redundant must be satisfied all the same.
 template <class S>
-Status check_redundant(const MechanismModel& model, const LoopPlan& plan, const LoopBlock& block,
-                       const LoopData<S>& loops) {
+Status check_redundant(const MechanismModel& model, const LoopPlan& plan, const TreeData<S>& tree,
+                       LoopData<S>& loops) {
   constexpr double kLimit = 1e-6;
-  for (int k : block.loops) {
+  for (size_t k = 0; k < model.loops.size(); ++k) {
+    const int loop = static_cast<int>(k);
+    if (plan.block_of_loop[k] < 0) calc_cut_position(model, plan, loop, tree, loops.cut[k]);
     for (int equation : model.loops[k].redundant) {
       const double open = std::abs(to_double(loops.cut[k].residual[equation])) /
                           (equation < 3 ? plan.loop_size[k] : 1.0);
-      if (!(open <= kLimit)) return {StatusCode::kRedundancyLost, k, open, 0.0};
+      if (!(open <= kLimit)) return {StatusCode::kRedundancyLost, loop, open, 0.0};
     }
   }
   return {};
@@ -311,12 +384,12 @@ Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from
     const LoopBlock& block = plan.blocks[b];
     BlockData<S>& data = loops.block[b];
     Status status;
+    if (from_reference && !block.is_coupling) predict(model, b, block, tree, loops);
     if (block.form()) {
       status = solve_by_formula(model, plan, block, tree, loops, data);
     } else if (block.is_coupling) {
-      solve_coupling(model, model.loops[block.loops[0]], tree);
+      solve_coupling(model, model.loops[block.loops[0]], plan.paths[block.loops[0]], tree);
     } else {
-      if (from_reference) predict(model, b, block, tree, loops);
       status = solve_by_newton(model, plan, block, tree, loops, data);
     }
     if (!status.ok()) return status;
@@ -333,10 +406,8 @@ Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from
         !continues_reference(model, b, block, loops, data)) {
       return {StatusCode::kBranchChanged, block.loops[0], data.margin, 0.0};
     }
-    status = check_redundant(model, plan, block, loops);
-    if (!status.ok()) return status;
   }
-  return {};
+  return check_redundant(model, plan, tree, loops);
 }
 
 }  // namespace
@@ -344,8 +415,7 @@ Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from
 template <class S>
 Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                           LoopData<S>& loops) {
-  const bool predicts = plan.iterates && loops.reference.valid;
-  if (!predicts) return solve_blocks(model, plan, false, tree, loops);
+  if (!loops.reference.valid) return solve_blocks(model, plan, false, tree, loops);
   loops.target = tree.q;
   Status status = solve_blocks(model, plan, true, tree, loops);
   if (status.code != StatusCode::kLoopNotClosed) return status;
@@ -370,6 +440,9 @@ void keep_reference(const TreeData<S>& tree, LoopData<S>& loops) {
   reference.q = tree.q;
   for (size_t b = 0; b < loops.block.size(); ++b) {
     reference.H[b] = loops.block[b].H;
+    reference.margin[b] = loops.block[b].margin;
+    reference.branch[b] = loops.block[b].branch;
+    reference.spin_branch[b] = loops.block[b].spin_branch;
     reference.sign[b] = loops.block[b].sign;
   }
 }

@@ -13,6 +13,9 @@ LoopData<S>::LoopData(const MechanismModel& model, const LoopPlan& plan) {
     cut[k].terminal.resize(plan.paths[k].terminal.size());
     cut[k].closing.resize(plan.paths[k].closing.size());
     cut[k].residual.setZero();
+    cut[k].plane.setZero();
+    cut[k].axis_T = {Vec3<S>(Vec3<S>::Zero()), Vec3<S>(Vec3<S>::Zero())};
+    cut[k].axis_I.setZero();
   }
   for (const LoopBlock& b : plan.blocks) {
     const int m = b.size(), low = static_cast<int>(b.low.size());
@@ -30,11 +33,18 @@ LoopData<S>::LoopData(const MechanismModel& model, const LoopPlan& plan) {
          {&data.residual, &data.g, &data.h, &data.b_d, &data.lambda, &data.step, &data.column}) {
       x->setZero(m);
     }
+    if (b.form()) {
+      data.branch = b.form()->branch;
+      if (b.form()->spin) data.spin_branch = b.form()->spin->branch;
+    }
     block.push_back(data);
     reference.H.push_back(data.H);
   }
   reference.q.setZero(model.nq);
   reference.sign.assign(plan.blocks.size(), 0);
+  reference.margin.assign(plan.blocks.size(), 1.0);
+  reference.branch.resize(plan.blocks.size());
+  reference.spin_branch.assign(plan.blocks.size(), 1);
   moved.setZero(model.nv);
   target.setZero(model.nq);
 }

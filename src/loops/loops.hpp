@@ -38,6 +38,8 @@ struct BlockData {
   VecX<S> residual;      ///< m, cut residual [m], [-]
   MatX<S> G;             ///< m x (m + n_low): columns of dep, then of low: residual rate = G v
   LegSolution<S> leg;    ///< closed form: canonical coordinates
+  LegBranch branch;      ///< closed form: the branch they are on
+  int spin_branch = 1;   ///< and that of the spin
   Mat3<S> leg_axes;      ///< closed form with inverse: leg axes in L, columns
   MatX<S> inverse;       ///< closed form with inverse: of C_dep, m x m
   SmallLu<S> lu;         ///< else: of C_dep = G[:, :m]
@@ -53,15 +55,18 @@ struct BlockData {
   int sign = 0;          ///< of det C_dep
 };
 
-/// The last accepted pose: Newton iteration starts from its tangent, angles stay within half a turn
-/// of it, and the assembly branch must continue it. Results depend on it, not on what was tried in
-/// between.
+/// The last accepted pose: Newton iteration starts from its tangent, closed forms near a singular
+/// pose take the branch nearest to its tangent, angles stay within half a turn of it. Results
+/// depend on it, not on what was tried in between.
 template <class S>
 struct LoopReference {
   bool valid = false;
-  VecX<S> q;               ///< all coordinates
-  std::vector<MatX<S>> H;  ///< per block
-  std::vector<int> sign;   ///< per block: of det C_dep
+  VecX<S> q;                      ///< all coordinates
+  std::vector<MatX<S>> H;         ///< per block
+  std::vector<int> sign;          ///< per block: of det C_dep
+  std::vector<double> margin;     ///< per block
+  std::vector<LegBranch> branch;  ///< per block with a closed form
+  std::vector<int> spin_branch;   ///< per block with a closed form and a spin
 };
 
 template <class S>

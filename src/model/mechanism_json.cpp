@@ -69,9 +69,16 @@ ClosureKind read_closure(const std::string& name) {
   return found == kClosures.end() ? ClosureKind::kAutomatic : found->second;
 }
 
+void check_loop_name(const JsonReader& item, const std::string& name, const MechanismModel& model) {
+  for (const Loop& other : model.loops) {
+    if (other.name == name) item.at("name").fail("'" + name + "' is used twice");
+  }
+}
+
 Loop read_loop(const JsonReader& item, const MechanismModel& model) {
   Loop loop;
   loop.name = item.at("name").text();
+  check_loop_name(item, loop.name, model);
   const std::string who = "loop '" + loop.name + "' (" + item.path() + ".";
   const auto body = [&](const char* key) {
     return find_body(model, item.at(key).text(), who + key + ")");
@@ -123,7 +130,7 @@ Loop read_loop(const JsonReader& item, const MechanismModel& model) {
     }
   }
   loop.closure = read_closure(item.text("closure", "automatic"));
-  loop.branch = item.number("branch", 1.0);
+  if (item.has("branch")) loop.branch = item.at("branch").number() < 0.0 ? -1 : 1;
   return loop;
 }
 
@@ -132,6 +139,7 @@ Loop read_coupling(const JsonReader& item, const MechanismModel& model) {
   Loop loop;
   loop.cut = CutType::kCoupling;
   loop.name = item.at("name").text();
+  check_loop_name(item, loop.name, model);
   const auto read_joint = [&](const JsonReader& name) {
     const int body =
         find_body(model, name.text(), "coupling '" + loop.name + "' (" + name.path() + ")");
@@ -328,6 +336,14 @@ std::string describe_closure(ClosureKind kind) {
   return "automatic";
 }
 
+double find_coupling_factor(const Loop& loop, int body) {
+  if (body == loop.terminal) return 1.0;
+  for (const CouplingTerm& term : loop.terms) {
+    if (term.body == body) return -term.ratio;
+  }
+  return 0.0;
+}
+
 std::vector<int> find_active_equations(const Loop& loop) {
   std::vector<int> active;
   for (int i = 0; i < equation_count(loop.cut); ++i) {
@@ -401,6 +417,10 @@ MechanismModel read_mechanism(const std::string& json_text, const std::string& s
       const JsonReader limits = root.at("singularity");
       if (limits.has("error")) model.singularity.error = limits.positive("error");
       if (limits.has("warning")) model.singularity.warning = limits.positive("warning");
+      if (!(model.singularity.error < 0.1) ||
+          !(model.singularity.warning >= model.singularity.error)) {
+        limits.fail("needs error below 0.1 and warning not below error");
+      }
     }
     for (const JsonReader& item : root.list("forces")) read_joint_force(item, model);
     if (root.has("capture")) {

@@ -84,7 +84,8 @@ struct Loop {
   std::vector<int> dependent;               ///< bodies whose joints this row determines
   std::vector<int> redundant;  ///< cut equations left out because they follow from others
   ClosureKind closure = ClosureKind::kAutomatic;
-  double branch = 1.0;  ///< assembly branch of a closed form where no home_q tells it, +1 or -1
+  /// Assembly branch of a closed form where no home_q tells it: +1 or -1, 0 = the nearest.
+  int branch = 0;
 };
 
 /// Number of equations of a cut.
@@ -103,6 +104,9 @@ inline int equation_count(CutType cut) {
   }
   return 3;
 }
+
+/// Factor of a joint's coordinate in the equation of a coupling: q_dep - offset - sum of terms = 0.
+double find_coupling_factor(const Loop& loop, int body);
 
 /// Equations of a row that are in use: those of its cut without the redundant ones.
 std::vector<int> find_active_equations(const Loop& loop);

@@ -12,9 +12,9 @@
 namespace dockloop {
 namespace {
 
+constexpr int kMaxRefused = 12;         ///< end states in a row that cannot be evaluated
 constexpr int kMaxInnerSteps = 100000;  ///< per communication step
 constexpr double kTouching = 1e-9;      ///< gap that counts as contact at the start [m]
-constexpr int kStartSteps = 50;         ///< from home to a stated start of joints
 
 std::string describe(const Status& status, const MechanismModel& mechanism) {
   char text[240];
@@ -252,21 +252,17 @@ void DockingSim::Impl::choose_frame_O() {
   frame_shift.setZero();
 }
 
-/// Close the loops at the start of the joints, coming from home in small steps: Newton closes a
-/// loop on the assembly branch it comes from.
+/// Close the loops at the start of the joints, coming from home in small steps: a loop is closed on
+/// the assembly branch it comes from.
 Status DockingSim::Impl::bring_joints_to_start() {
   if (scene->joint_starts.empty()) return {};
   const MechanismModel& m = model->mechanism.model;
-  for (int step = 1; step <= kStartSteps; ++step) {
-    for (const JointStart& start : scene->joint_starts) {
-      const int q = m.bodies[find_body(m, start.name, "initial.joints")].q_index;
-      const double way = start.position.value_or(m.home_q[q]) - m.home_q[q];
-      data->mechanism.tree.q[q] = m.home_q[q] + way * step / kStartSteps;
-    }
-    const Status status = calc_position(model->mechanism, data->mechanism);
-    if (!status.ok()) return status;
+  VecX<double> target = data->mechanism.tree.q;
+  for (const JointStart& start : scene->joint_starts) {
+    const int q = m.bodies[find_body(m, start.name, "initial.joints")].q_index;
+    target[q] = start.position.value_or(m.home_q[q]);
   }
-  return {};
+  return move_to(model->mechanism, target, data->mechanism);
 }
 
 void DockingSim::Impl::set_start_state() {
@@ -415,7 +411,7 @@ void DockingSim::Impl::make_stepper(double tolerance) {
     for (int i = 0; i < model->layout.size; ++i) sum += ydot[i];
     if (!std::isfinite(sum)) {
       last_trouble = {StatusCode::kNotFinite, -1, 0.0, elapsed + t};
-      return 1;
+      return ErkStepper::kSmaller;
     }
     return 0;
   };
@@ -589,7 +585,9 @@ Status DockingSim::Impl::integrate(double h) {
   std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
   margin_before = find_singularity_margin(data->mechanism);
   double tau = 0.0;
-  Status trouble;            // the last one that a smaller step got around
+  int refused = 0;  // end states in a row that could not be evaluated
+  Status trouble;   // of this inner step
+  last_trouble = Status();
   double proposal = h_warm;  // step size that error control asks for; stops do not count
   stepper->restart(0.0, std::min(proposal, h));
   for (int inner = 0; inner < kMaxInnerSteps; ++inner) {
@@ -609,9 +607,20 @@ Status DockingSim::Impl::integrate(double h) {
       const bool cut_short = outcome == StepOutcome::kStopped && made < proposal;
       proposal = cut_short ? std::max(proposal, stepper->next_step()) : stepper->next_step();
     }
+    status = evaluate(stepper->time());
+    if (!status.ok()) {
+      // Error control was content with a state that cannot be evaluated: take smaller steps to it.
+      if (++refused > kMaxRefused) return status;
+      std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
+      proposal = 0.25 * made;
+      stepper->restart(tau, proposal);
+      continue;
+    }
+    refused = 0;
     tau = stepper->time();
     status = accept(tau, restart);
     if (!status.ok()) return status;
+    trouble = Status();
     std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
     if (tau >= h) {
       h_warm = proposal;
@@ -643,7 +652,8 @@ double DockingSim::Impl::find_leap(double made, double proposal) {
   const double way = margin / rate;  // to the pose, if the margin goes on like this
   const double width = model->mechanism.model.singularity.error / rate;
   if (way - width > 1.3 * proposal) return 0.0;
-  // Stages lie at 0.2, 0.3, 0.8, 0.89 and 1 of a step: put the pose into the largest gap.
+  // Stages lie at 0.2, 0.3, 0.8, 0.89 and 1 of a step: put the pose into the middle of the largest
+  // gap. If that asks for a longer step than error control likes, end half a step before the pose.
   const double leap = way / 0.55;
   return leap <= 1.6 * proposal ? leap : way - 0.5 * proposal;
 }
@@ -683,12 +693,12 @@ Status DockingSim::Impl::step_to_root(double tau) {
   return find_trouble(tau);
 }
 
-/// Everything that happens once per accepted inner step. @param changed set if the state or the
+/// Everything that happens once per accepted inner step. @pre evaluate(tau)
+/// @param changed  set if the state or the
 /// equations changed, so that the integrator must start again.
 Status DockingSim::Impl::accept(double tau, bool& changed) {
-  const Status status = evaluate(tau);
-  if (!status.ok()) return status;
-  if (update_coordinates(tau)) changed = true;
+  const Status moved = update_coordinates(tau, changed);
+  if (!moved.ok()) return moved;
   keep_pose();
   if (update_memory()) changed = true;
   bool jumped = false;
@@ -723,16 +733,9 @@ void DockingSim::Impl::keep_pose() {
 
 /// Near a pose where the independent coordinates stop being independent, go over to others. All
 /// coordinates and velocities stay as they are, so momentum and energy do too.
-/// @return true if the meaning of the state changed
-bool DockingSim::Impl::update_coordinates(double tau) {
+/// @param changed  set if the meaning of the state changed
+Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
   const double margin = find_singularity_margin(data->mechanism);
-  if (margin >= kChangeMargin) {
-    margin_looked_at = kChangeMargin;
-    return false;
-  }
-  // The search is dear: look again only where things got much worse.
-  if (margin > 0.7 * margin_looked_at) return false;
-  margin_looked_at = margin;
   if (margin < model->mechanism.model.singularity.warning && !warned_margin) {
     char text[120];
     std::snprintf(text, sizeof text, "a loop is close to singular (margin %.3g) at t = %.9g s",
@@ -740,8 +743,15 @@ bool DockingSim::Impl::update_coordinates(double tau) {
     warnings.push_back(text);
     warned_margin = true;
   }
+  if (margin >= kChangeMargin) {
+    margin_looked_at = kChangeMargin;
+    return {};
+  }
+  // The search is dear: look again only where things got much worse.
+  if (margin > 0.7 * margin_looked_at) return {};
+  margin_looked_at = margin;
   std::optional<Mechanism> better = find_better_coordinates(model->mechanism, data->mechanism);
-  if (!better) return false;
+  if (!better) return {};
   const VecX<double> q = data->mechanism.tree.q, v = data->mechanism.tree.v;
   if (!coordinates_before) coordinates_before = std::make_unique<Mechanism>(model->mechanism);
   use_coordinates(*better);
@@ -749,7 +759,8 @@ bool DockingSim::Impl::update_coordinates(double tau) {
   tree.q = q;
   tree.v = v;
   get_mechanism_state(*model, tree, stepper->y());
-  return evaluate(tau).ok();
+  changed = true;
+  return evaluate(tau);
 }
 
 /// Take over a mechanism that differs from the present one in its independent coordinates only.
@@ -805,8 +816,10 @@ bool DockingSim::Impl::update_thrust(double now) {
 
 /// Everything at one state of the stepper, tau after the last communication point.
 Status DockingSim::Impl::evaluate(double tau) {
-  return calc_docking<double>(*model, discrete, memory, loads, elapsed + tau, stepper->y(), nullptr,
-                              *data);
+  Status status = calc_docking<double>(*model, discrete, memory, loads, elapsed + tau, stepper->y(),
+                                       nullptr, *data);
+  if (!status.ok()) status.time = elapsed + tau;
+  return status;
 }
 
 /// Roots: first contact (for an absorber every onset), end of an absorber's contact, latches.

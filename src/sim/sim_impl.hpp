@@ -41,7 +41,7 @@ struct DockingSim::Impl {
   Status step_to_root(double tau);
   Status accept(double tau, bool& changed);
   void keep_pose();
-  bool update_coordinates(double tau);
+  Status update_coordinates(double tau, bool& changed);
   void use_coordinates(const Mechanism& mechanism);
   bool update_memory();
   bool update_latches(double now);

@@ -33,19 +33,6 @@ std::string describe_cut(CutType cut) {
   return "R3";
 }
 
-/// Independent coordinates a fraction s of the way from home to q (quaternions by normalised
-/// linear interpolation).
-void set_independents(const Mechanism& mechanism, const std::vector<double>& q, double s,
-                      MechanismData<double>& data) {
-  for (int i : mechanism.plan.ind_bodies) {
-    const Body& body = mechanism.model.bodies[i];
-    for (int j = body.q_index; j < body.q_index + body.nq(); ++j) {
-      data.tree.q[j] = (1.0 - s) * mechanism.model.home_q[j] + s * q[j];
-    }
-    if (body.joint == JointType::kFree) data.tree.q.segment<4>(body.q_index + 3).normalize();
-  }
-}
-
 std::string describe_solution(const LoopBlock& block) {
   if (block.form()) return describe_leg(*block.form());
   return block.is_coupling ? "linear" : "newton";
@@ -61,12 +48,33 @@ double find_max_condition(const Mechanism& mechanism, const MechanismData<double
   return largest;
 }
 
+/// What a loop is, in words, when it cannot be evaluated.
+std::string describe(const Status& status) {
+  switch (status.code) {
+    case StatusCode::kOutOfReach:
+      return "is out of reach";
+    case StatusCode::kLoopSingular:
+      return "is singular";
+    case StatusCode::kBranchChanged:
+      return "leaves its assembly branch";
+    case StatusCode::kRedundancyLost:
+      return "violates an equation that follows from others at home";
+    case StatusCode::kInertiaNotPositive:
+      return "inertia is not positive definite";
+    default:
+      return "cannot be closed";
+  }
+}
+
 [[noreturn]] void fail_state(const std::string& source, size_t index, const Mechanism& mechanism,
                              const Status& status) {
   std::string text = source + ": state " + std::to_string(index + 1);
-  if (status.index >= 0) text += ", loop '" + mechanism.model.loops[status.index].name + "'";
-  throw ModelError(text + " cannot be closed or is singular (margin " +
-                   std::to_string(status.margin) + ")");
+  if (status.index >= 0) {
+    text += ", loop '" + mechanism.model.loops[status.index].name + "' " + describe(status);
+  } else {
+    text += ": the inertia in the independent coordinates is not positive definite";
+  }
+  throw ModelError(text);
 }
 
 std::vector<double> read_numbers(const JsonReader& state, const std::string& key, int count) {
@@ -83,31 +91,19 @@ std::vector<double> read_numbers(const JsonReader& state, const std::string& key
 json describe_ranges(const Mechanism& mechanism) {
   json list = json::array();
   for (const CoordinateRange& range : find_reachable_ranges(mechanism)) {
-    const auto describe = [&](const RangeEnd& end) -> std::string {
+    const auto describe_end = [&](const RangeEnd& end) {
+      if (end.status.ok()) return std::string("none within reach of the search");
       const std::string loop = end.status.index < 0
                                    ? ""
                                    : "loop '" + mechanism.model.loops[end.status.index].name + "' ";
-      switch (end.status.code) {
-        case StatusCode::kOk:
-          return "no limit found";
-        case StatusCode::kOutOfReach:
-          return loop + "out of reach";
-        case StatusCode::kLoopSingular:
-          return loop + "singular";
-        case StatusCode::kBranchChanged:
-          return loop + "at the end of its branch";
-        case StatusCode::kInertiaNotPositive:
-          return "inertia not positive";
-        default:
-          return loop + "cannot be closed";
-      }
+      return loop + describe(end.status);
     };
     list.push_back({{"coordinate", range.coordinate},
                     {"unit", range.is_angle ? "rad" : "m"},
                     {"lower", range.lower.value},
-                    {"lower_end", describe(range.lower)},
+                    {"lower_end", describe_end(range.lower)},
                     {"upper", range.upper.value},
-                    {"upper_end", describe(range.upper)}});
+                    {"upper_end", describe_end(range.upper)}});
   }
   return list;
 }
@@ -120,8 +116,7 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
   close_home(mechanism, source_name);
   const MechanismModel& model = mechanism.model;
   MechanismData<double> data(mechanism);
-  const Status status = calc_position(mechanism, data);
-  if (!status.ok()) fail_state(source_name, 0, mechanism, status);
+  calc_position(mechanism, data);  // closed already
 
   json result;
   result["name"] = model.name;
@@ -150,6 +145,15 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
       if (!block.form() && !block.is_coupling) loops.back()["why_newton"] = block.closure.reason;
     }
     order.push_back(names);
+  }
+  for (size_t k = 0; k < model.loops.size(); ++k) {
+    if (mechanism.plan.block_of_loop[k] >= 0) continue;
+    loops.push_back({{"name", model.loops[k].name},
+                     {"cut", describe_cut(model.loops[k].cut)},
+                     {"closure", "redundant"},
+                     {"gap", data.loops.cut[k]
+                                 .residual.head(equation_count(model.loops[k].cut))
+                                 .lpNorm<Eigen::Infinity>()}});
   }
   result["loops"] = loops;
   result["order"] = order;
@@ -195,14 +199,10 @@ json evaluate_states(const std::string& text, const std::string& source_name,
     const JsonReader& state = states[n];
     MechanismData<double> data(mechanism);
     data.tree.time = state.number("time", 0.0);
-    // Approach the state from home in sub-steps, so that Newton stays on the assembly branch.
     const std::vector<double> q = read_numbers(state, "q", model.nq);
-    constexpr int kSubSteps = 5;
-    for (int step = 1; step <= kSubSteps; ++step) {
-      set_independents(mechanism, q, static_cast<double>(step) / kSubSteps, data);
-      const Status status = calc_position(mechanism, data);
-      if (!status.ok()) fail_state(states_name, n, mechanism, status);
-    }
+    const Status status =
+        move_to(mechanism, Eigen::Map<const VecX<double>>(q.data(), model.nq), data);
+    if (!status.ok()) fail_state(states_name, n, mechanism, status);
     const std::vector<double> v =
         read_numbers(state, "v_independent", static_cast<int>(mechanism.plan.ind_v.size()));
     for (size_t i = 0; i < v.size(); ++i) data.tree.v[mechanism.plan.ind_v[i]] = v[i];

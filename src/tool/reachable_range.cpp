@@ -32,9 +32,16 @@ RangeEnd find_end(const Mechanism& mechanism, const Body& body, int k, double st
   end.status = calc_position(mechanism, data);
   if (!end.status.ok()) return end;
   keep_reference(data.tree, data.loops);
-  const auto reach = [&](double s) {
+  const auto reach = [&](double s) -> Status {
     set_coordinate(mechanism, body, k, s, data.tree.q);
-    return calc_position(mechanism, data);
+    const Status status = calc_position(mechanism, data);
+    if (!status.ok()) return status;
+    // A pose that was stepped over, straight on: the determinant shows it.
+    for (size_t b = 0; b < data.loops.block.size(); ++b) {
+      if (data.loops.block[b].sign == data.loops.reference.sign[b]) continue;
+      return {StatusCode::kLoopSingular, mechanism.plan.blocks[b].loops[0], 0.0, 0.0};
+    }
+    return {};
   };
   constexpr double kSmallest = 1e-6;  // of a step
   double size = step;
