@@ -80,7 +80,7 @@ void Instance::initialise() {
   initialised = true;
   std::vector<std::string> warnings = sim.take_warnings();
   if (warnings != last_warnings) {
-    for (const std::string& text : warnings) logger.write(fmi2OK, kLogWarning, text);
+    for (const std::string& text : warnings) logger.write(fmi2Warning, kLogWarning, text);
     last_warnings = std::move(warnings);
   }
 }
@@ -130,7 +130,7 @@ fmi2Status Instance::step(double t, double h) {
   }
   state = kStepComplete;
   time = t + h;
-  for (const std::string& text : sim.take_warnings()) logger.write(fmi2OK, kLogWarning, text);
+  for (const std::string& text : sim.take_warnings()) logger.write(fmi2Warning, kLogWarning, text);
   if (logger.enabled(kLogEvents) && sim.outputs().phase != phase) {
     phase = sim.outputs().phase;
     logger.write(fmi2OK, kLogEvents,

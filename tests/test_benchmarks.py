@@ -390,6 +390,14 @@ def test_a_parallelogram_stays_one_however_it_is_closed(move, closure, rtol):
     assert np.max(np.abs(run["energy.residual"])) < 3 * rtol * 20.0 + 2e-7
 
 
+def test_a_run_says_once_that_a_loop_comes_close_to_singular(move):
+    mechanism = benchmarks.parallelogram() | {"singularity": {"warning": 0.09}}
+    run = move(mechanism, 2.0, 0.02, gravity=(0, -GRAVITY, 0), joints={"crank": {"rate": 1.0}})
+    told = [text for text in run.warnings if "close to singular" in text]
+    assert len(told) == 1
+    assert "at t = 0." in told[0]
+
+
 @pytest.mark.parametrize("closure", ["newton", None])
 @pytest.mark.parametrize("rtol", [1e-4, 1e-8])
 def test_an_isosceles_slider_crank_keeps_its_slider_going(move, closure, rtol):

@@ -1,7 +1,8 @@
 // Dual numbers: exact derivatives of every operation the core uses.
 // 1. every function and operator: the analytic derivative, in each lane, to rounding;
 // 2. the same and compositions of them: central differences of sixth order in long double;
-// 3. plain numbers on either side are constants, order looks at the value only, equality at everything;
+// 3. plain numbers on either side are constants, order looks at the value only, equality at
+// everything;
 // 4. kinks and singular points behave as the header says;
 // 5. in Eigen: the derivative of a Cholesky solution; in rotations: exp and log undo each other, at
 //    the zero rotation too; a spring's force is the derivative of its energy.
