@@ -400,3 +400,55 @@ def isosceles_slider_crank(closure=None):
         "home_q": [1.0, 0.2 * math.cos(1.0), math.pi - 1.0],
         "capture": {"body": "slider"},
     }
+
+
+def shrinking_leg(closure=None):
+    """Universal joint, slide and a tip 0.3 m beside it, pulled by a slide past the universal joint.
+
+    At 0.2 m of that slide the leg's own slide has run in to the foot of the tip: the leg cannot be
+    shorter, and the motion turns back.
+    """
+    beside, height, across = 0.3, 0.4, (0.2, 0.1)
+    flat = math.hypot(*across)
+    out = math.sqrt(flat**2 + height**2 - beside**2)
+    turn = [math.atan2(-across[1], across[0]), math.atan2(height, flat) - math.atan2(beside, out)]
+    inertia = diagonal(0.01, 0.02, 0.025)
+    loop = {
+        "name": "leg",
+        "root": "base",
+        "first": "first",
+        "terminal": "rod",
+        "closing": "tip",
+        "cut": {"type": "R3", "point_on_terminal": [0, beside, 0], "point_on_closing": [0, 0, 0]},
+        "dependent": ["first", "second", "rod"],
+    }
+    return {
+        "name": "shrinking_leg",
+        "bodies": [
+            {
+                "name": "tip",
+                "parent": "base",
+                "joint": joint("prismatic", [0, -1, 0], (across[0], height, across[1])),
+                "mass": 1.0,
+            },
+            {"name": "first", "parent": "base", "joint": joint("revolute", Y)},
+            {
+                "name": "second",
+                "parent": "first",
+                "joint": joint("revolute", Z),
+                "mass": 0.5,
+                "com": [0.1, 0.05, 0],
+                "inertia": inertia,
+            },
+            {
+                "name": "rod",
+                "parent": "second",
+                "joint": joint("prismatic", X),
+                "mass": 0.2,
+                "inertia": inertia,
+            },
+        ],
+        "loops": [loop | ({"closure": closure} if closure else {})],
+        "home_q": [0, *turn, out],
+        "capture": {"body": "tip"},
+    }

@@ -390,6 +390,18 @@ def test_a_parallelogram_stays_one_however_it_is_closed(move, closure, rtol):
     assert np.max(np.abs(run["energy.residual"])) < 3 * rtol * 20.0 + 2e-7
 
 
+def test_a_leg_that_cannot_be_shorter_turns_the_motion_back(move):
+    runs = [
+        move(benchmarks.shrinking_leg(closure), 0.6, 0.05, joints={"tip": {"rate": 1.0}})
+        for closure in (None, "newton")
+    ]
+    for run in runs:
+        assert run["state.v[1]"][-1] < -1.0  # it came back, with all its energy
+        assert np.max(np.abs(run["energy.residual"])) < 1e-6  # of 0.9 J
+    difference = runs[0]["state.q[1]"] - runs[1]["state.q[1]"]
+    assert np.max(np.abs(difference)) < 1e-6
+
+
 def test_a_run_says_once_that_a_loop_comes_close_to_singular(move):
     mechanism = benchmarks.parallelogram() | {"singularity": {"warning": 0.09}}
     run = move(mechanism, 2.0, 0.02, gravity=(0, -GRAVITY, 0), joints={"crank": {"rate": 1.0}})

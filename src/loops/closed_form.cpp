@@ -79,7 +79,8 @@ void solve_slide_leg(const LegShape& shape, LegBranch branch, const Vec3<S>& L,
   const Vec3<S> d(xi, dy, dz);
   if (!aim<S>(d, L, L.x() * L.x() + L.z() * L.z() - dz * dz, branch.flip, 0, 1, leg, X)) return;
   leg.slide = xi - S(shape.tip.x());
-  leg.margin = std::abs(to_double(S(X / sqrt(square))));
+  const S length = sqrt(square);
+  leg.margin = find_margin<S>(X / length, xi / length);
 }
 
 /// [Y2 (9b)]; the published steps carry errors in signs and denominators that are mended here.

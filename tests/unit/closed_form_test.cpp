@@ -271,6 +271,12 @@ TEST(ClosedForm, margins_are_the_factors_of_the_determinant) {
     const V planar = find_tip<double>(LegKind::kR1R1R1, arm, V(0.3, angle, 0.0));
     EXPECT_NEAR(solve_leg<double>(LegKind::kR1R1R1, arm, {1, 1}, planar).margin, std::sin(angle),
                 1e-9);
+    // Slide leg whose cut point lies beside it: the slide nearly at its foot.
+    LegShape beside;
+    beside.tip = V(0, 0.3, 0);
+    const V foot = find_tip<double>(LegKind::kR2P1R3, beside, V(0.3, 0.2, 0.3 * std::tan(angle)));
+    EXPECT_LE(solve_leg<double>(LegKind::kR2P1R3, beside, {1, 1}, foot).margin,
+              std::sin(angle) + 1e-9);
     // Slide leg: nearly along the first axis of its universal joint.
     const double turned = 0.5 * 3.14159265358979323846 - angle;
     const V aligned = find_tip<double>(LegKind::kR2P1R3, arm, V(0.3, turned, 0.1));

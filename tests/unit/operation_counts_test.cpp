@@ -72,10 +72,10 @@ const std::string kData = DOCKLOOP_TEST_DATA "/", kModels = DOCKLOOP_MODELS "/me
 INSTANTIATE_TEST_SUITE_P(
     mechanisms, OperationCounts,
     ::testing::Values(
-        Limit{"hexapod_r2p1r3", kData + "hexapod_r2p1r3.json", 18670, 10781, 22492, 13836},
-        Limit{"crank_nested", kData + "crank_nested.json", 45389, 22151, 53128, 27960},
+        Limit{"hexapod_r2p1r3", kData + "hexapod_r2p1r3.json", 18676, 10787, 22498, 13842},
+        Limit{"crank_nested", kData + "crank_nested.json", 45392, 22154, 53131, 27963},
         Limit{"planar_two_loop", kData + "planar_two_loop.json", 4513, 1245, 5600, 1851},
-        Limit{"hexapod_bench", kModels + "hexapod_bench.json", 17722, 9359, 21544, 12033}),
+        Limit{"hexapod_bench", kModels + "hexapod_bench.json", 17728, 9365, 21550, 12039}),
     [](const ::testing::TestParamInfo<Limit>& at) { return at.param.name; });
 
 }  // namespace
