@@ -246,9 +246,18 @@ void fill_block(const MechanismModel& model, const LoopPlan& plan, LoopBlock& bl
                        "' is not on the loop; it cannot close it");
     }
   }
-  for (int j = 0; j < model.nv; ++j) {
-    if (on_path[j] && !is_dep[j]) block.low.push_back(j);
+  std::vector<double> low_scale;
+  for (const Body& body : model.bodies) {
+    for (int k = 0; k < body.nv(); ++k) {
+      const int j = body.v_index + k;
+      if (!on_path[j] || is_dep[j]) continue;
+      const bool turns =
+          body.joint == JointType::kRevolute || (body.joint == JointType::kFree && k >= 3);
+      block.low.push_back(j);
+      low_scale.push_back(turns ? 1.0 : plan.loop_size[block.loops[0]]);
+    }
   }
+  block.low_scale = Eigen::Map<VecX<double>>(low_scale.data(), static_cast<int>(low_scale.size()));
   block.column_of.assign(model.nv, -1);
   for (int i = 0; i < block.size(); ++i) block.column_of[block.dep[i]] = i;
   for (size_t j = 0; j < block.low.size(); ++j) {

@@ -26,6 +26,7 @@ struct LoopBlock {
   std::vector<int> touched;    ///< velocity indices coupled to dep by inertia when it is eliminated
   std::vector<int> column_of;  ///< column of each velocity in the block's matrix, -1 if none
   VecX<double> dep_scale;      ///< unit of each dependent: 1 rad, or the loop size [m] of a slide
+  VecX<double> low_scale;      ///< unit of each of `low`: 1 rad, or the loop size [m]
   VecX<double> row_scale;      ///< unit of each equation: the loop size [m], or 1 of a cosine
   Recognition closure;         ///< closed form, or why Newton iteration it is
   bool is_coupling = false;    ///< one coupling by itself

@@ -351,21 +351,12 @@ Status check_redundant(const MechanismModel& model, const LoopPlan& plan, const 
 /// a mechanism may run straight through a pose where branches meet, but must not turn back on
 /// another branch, where H jumps.
 template <class S>
-bool continues_reference(const MechanismModel& model, size_t b, const LoopBlock& block,
-                         const LoopData<S>& loops, BlockData<S>& data) {
+bool continues_reference(const LoopBlock& block, const MatX<S>& H0, BlockData<S>& data) {
   calc_block_map(block, data);
-  const MatX<S>& H0 = loops.reference.H[b];
   double change = 0.0, size = 1.0;
   for (int j = 0; j < H0.cols(); ++j) {
-    double unit = block.row_scale[0];
-    for (const Body& body : model.bodies) {
-      const int k = block.low[j] - body.v_index;
-      if (k < 0 || k >= body.nv()) continue;
-      if (body.joint == JointType::kRevolute || (body.joint == JointType::kFree && k >= 3))
-        unit = 1;
-    }
     for (int i = 0; i < H0.rows(); ++i) {
-      const double scale = unit / block.dep_scale[i];
+      const double scale = block.low_scale[j] / block.dep_scale[i];
       change = std::max(change, scale * std::abs(to_double(S(data.H(i, j) - H0(i, j)))));
       size = std::max(size, scale * std::abs(to_double(H0(i, j))));
     }
@@ -403,7 +394,7 @@ Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from
       return {StatusCode::kLoopSingular, block.loops[0], data.margin, 0.0};
     }
     if (loops.reference.valid && loops.reference.sign[b] != data.sign &&
-        !continues_reference(model, b, block, loops, data)) {
+        !continues_reference(block, loops.reference.H[b], data)) {
       return {StatusCode::kBranchChanged, block.loops[0], data.margin, 0.0};
     }
   }
@@ -425,7 +416,8 @@ Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, Tre
   for (int step = 1; step <= kSubSteps; ++step) {
     const S part = S(step) / S(kSubSteps);
     for (int i : plan.ind_q) {
-      tree.q[i] = loops.reference.q[i] + part * (loops.target[i] - loops.reference.q[i]);
+      const S& from = loops.reference.q[i];
+      tree.q[i] = step == kSubSteps ? loops.target[i] : S(from + part * (loops.target[i] - from));
     }
     status = solve_blocks(model, plan, false, tree, loops);
     if (!status.ok()) return status;
