@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "loops/loop_analysis.hpp"
+#include "loops/loop_equations.hpp"
 #include "math/scalar.hpp"
 
 namespace dockloop {
@@ -231,28 +232,12 @@ std::vector<double> find_home_gaps(const Mechanism& mechanism) {
   for (size_t i = 0; i < model.bodies.size(); ++i) {
     calc_joint_pose(model, static_cast<int>(i), tree);
   }
-  calc_tree_position(model, tree);
-  const auto locate = [&](int body, const Vec3<double>& point) {
-    return body == kBase ? point : Vec3<double>(tree.R[body] * point + tree.p[body]);
-  };
+  LoopData<double> loops(model, mechanism.plan);
   std::vector<double> gaps;
-  for (const Loop& loop : model.loops) {
-    if (loop.cut == CutType::kCoupling) {
-      double gap = model.home_q[model.bodies[loop.terminal].q_index] - loop.offset;
-      for (const CouplingTerm& term : loop.terms) {
-        gap -= term.ratio * model.home_q[model.bodies[term.body].q_index];
-      }
-      gaps.push_back(std::abs(gap));
-      continue;
-    }
-    Vec3<double> gap =
-        locate(loop.terminal, loop.point_on_terminal) - locate(loop.closing, loop.point_on_closing);
-    if (loop.cut == CutType::kPlanarRevolute) {
-      if (loop.root != kBase) gap = (tree.R[loop.root].transpose() * gap).eval();
-      gaps.push_back((loop.plane_axes_in_root * gap).norm());
-    } else {
-      gaps.push_back(gap.norm());
-    }
+  for (size_t k = 0; k < model.loops.size(); ++k) {
+    calc_cut_position(model, mechanism.plan, static_cast<int>(k), tree, loops.cut[k]);
+    const int points = std::min(3, equation_count(model.loops[k].cut));
+    gaps.push_back(loops.cut[k].residual.head(points).norm());
   }
   return gaps;
 }

@@ -10,6 +10,8 @@
 #include <cmath>
 #include <limits>
 
+#include "math/scalar.hpp"
+
 namespace dockloop {
 namespace {
 
@@ -249,45 +251,38 @@ std::string fit(const MechanismModel& model, const Loop& loop, Chain& chain, Clo
   return "no closed form is known for joints " + type;
 }
 
-/// Largest difference between the joints of a solution and those of the pose q.
-double find_distance(const MechanismModel& model, const ClosedForm& form,
-                     const LegSolution<double>& leg, const std::vector<double>& q, double size) {
-  double distance = 0.0;
-  for (size_t i = 0; i < form.joint.size(); ++i) {
-    const Body& body = model.bodies[form.joint[i].body];
-    const double at = q[static_cast<size_t>(body.q_index)];
-    if (body.joint == JointType::kPrismatic) {
-      distance = std::max(distance, std::abs(leg.slide - at) / size);
-      continue;
-    }
-    double c, s;
-    find_joint_angle<double>(form.joint[i], leg.c[i], leg.s[i], c, s);
-    distance = std::max(distance, find_length(c - std::cos(at), s - std::sin(at)));
-  }
-  return distance;
-}
+}  // namespace
 
-/// Choose the signs with which the closed form comes nearest to the pose q; `elbow` may be given.
-/// @return distance, infinite if no branch reaches the point
-double choose_branch(const MechanismModel& model, const V& L, const std::vector<double>& q,
-                     double size, int elbow_given, ClosedForm& form) {
+template <class S>
+double choose_branch(const MechanismModel& model, const ClosedForm& form, const Vec3<S>& L,
+                     const VecX<S>& q, double size, int elbow_given, LegBranch& branch) {
   double nearest = std::numeric_limits<double>::infinity();
   for (const int elbow : {1, -1}) {
     if (elbow_given != 0 && elbow != elbow_given) continue;
     for (const int flip : {1, -1}) {
-      const LegSolution<double> leg = solve_leg<double>(form.kind, form.shape, {elbow, flip}, L);
+      const LegSolution<S> leg = solve_leg<S>(form.kind, form.shape, {elbow, flip}, L);
       if (leg.code != StatusCode::kOk) continue;
-      const double distance = find_distance(model, form, leg, q, size);
+      double distance = 0.0;
+      for (size_t i = 0; i < form.joint.size(); ++i) {
+        const Body& body = model.bodies[form.joint[i].body];
+        const double at = to_double(q[body.q_index]);
+        if (body.joint == JointType::kPrismatic) {
+          distance = std::max(distance, std::abs(to_double(leg.slide) - at) / size);
+          continue;
+        }
+        S c, s;
+        find_joint_angle<S>(form.joint[i], leg.c[i], leg.s[i], c, s);
+        distance = std::max(distance,
+                            find_length(to_double(c) - std::cos(at), to_double(s) - std::sin(at)));
+      }
       if (distance < nearest) {
         nearest = distance;
-        form.branch = {elbow, flip};
+        branch = {elbow, flip};
       }
     }
   }
   return nearest;
 }
-
-}  // namespace
 
 Recognition recognise_leg(const MechanismModel& model, const Loop& loop, const LoopPaths& paths,
                           const std::vector<Pose<double>>& home, const std::vector<double>& q,
@@ -309,7 +304,6 @@ Recognition recognise_leg(const MechanismModel& model, const Loop& loop, const L
   if (planar && parent != loop.root)
     return {std::nullopt, "its dependent joints do not begin at its root", false};
   Pose<double> zero;
-  std::vector<int> rows;
   for (size_t i = first; i < paths.terminal.size(); ++i) {
     const int index = paths.terminal[i];
     const auto row = std::find(loop.dependent.begin(), loop.dependent.end(), index);
@@ -338,8 +332,9 @@ Recognition recognise_leg(const MechanismModel& model, const Loop& loop, const L
   if (planar) gap = (gap - gap.dot(V(centre.R.col(2))) * centre.R.col(2)).eval();
   const V L = centre.R.transpose() * (closing - centre.p);
   const bool closed = gap.norm() <= 1e-6 * size;
-  const double distance =
-      choose_branch(model, L, q, size, model.home_given ? 0 : loop.branch, form);
+  const VecX<double> pose = Eigen::Map<const VecX<double>>(q.data(), model.nq);
+  const double distance = choose_branch<double>(model, form, L, pose, size,
+                                                model.home_given ? 0 : loop.branch, form.branch);
   if (closed && model.home_given && !(distance < 1e-5)) {
     return {std::nullopt, "its pose lies on no branch of the closed form", false};
   }
@@ -406,5 +401,12 @@ bool fits_declaration(ClosureKind declared, const ClosedForm& form) {
   }
   return form.kind == LegKind::kP1R1R1;
 }
+
+#define DOCK_INSTANTIATE(S)                                                                  \
+  template double choose_branch<S>(const MechanismModel&, const ClosedForm&, const Vec3<S>&, \
+                                   const VecX<S>&, double, int, LegBranch&);
+
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+#undef DOCK_INSTANTIATE
 
 }  // namespace dockloop

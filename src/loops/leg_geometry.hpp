@@ -63,6 +63,12 @@ Recognition recognise_leg(const MechanismModel& model, const Loop& loop, const L
                           const std::vector<Pose<double>>& home, const std::vector<double>& q,
                           double size);
 
+/// Signs with which a closed form comes nearest to the joints in q. @param elbow_given  0 = free
+/// @return distance [-], infinite if no branch reaches the point L (canonical axes)
+template <class S>
+double choose_branch(const MechanismModel& model, const ClosedForm& form, const Vec3<S>& L,
+                     const VecX<S>& q, double size, int elbow_given, LegBranch& branch);
+
 /// Name of the leg type, as in the loop table of a file.
 std::string describe_leg(const ClosedForm& form);
 

@@ -1,5 +1,5 @@
 // One cut: its residual, the columns of its joints, its bias. Used by the other files of this
-// folder and by loop_analysis; users of loops call loops.hpp.
+// folder and for the gaps at home; users of loops call loops.hpp.
 #pragma once
 
 #include "loops/loops.hpp"

@@ -51,37 +51,6 @@ void put_joint(const MechanismModel& model, const JointMap& joint, const LegSolu
   calc_joint_pose(model, joint.body, c, s, tree);
 }
 
-/// Near a singular pose two branches meet, and a mechanism that moves on leaves it on the one that
-/// continues its motion: the branch nearest to the predicted coordinates in tree.q.
-template <class S>
-void follow_branch(const MechanismModel& model, const ClosedForm& form, const Vec3<S>& L,
-                   double size, const TreeData<S>& tree, BlockData<S>& data) {
-  double nearest = std::numeric_limits<double>::infinity();
-  for (const int elbow : {1, -1}) {
-    for (const int flip : {1, -1}) {
-      const LegSolution<S> leg = solve_leg<S>(form.kind, form.shape, {elbow, flip}, L);
-      if (leg.code != StatusCode::kOk) continue;
-      double distance = 0.0;
-      for (size_t i = 0; i < form.joint.size(); ++i) {
-        const Body& body = model.bodies[form.joint[i].body];
-        const double at = to_double(tree.q[body.q_index]);
-        if (body.joint == JointType::kPrismatic) {
-          distance = std::max(distance, std::abs(to_double(leg.slide) - at) / size);
-          continue;
-        }
-        S c, s;
-        find_joint_angle<S>(form.joint[i], leg.c[i], leg.s[i], c, s);
-        distance = std::max(distance,
-                            find_length(to_double(c) - std::cos(at), to_double(s) - std::sin(at)));
-      }
-      if (distance < nearest) {
-        nearest = distance;
-        data.branch = {elbow, flip};
-      }
-    }
-  }
-}
-
 /// Spin about the leg that makes the cross axes square: A.B = k + alpha cos + beta sin = 0.
 /// [Y2 (9a)]
 template <class S>
@@ -168,7 +137,9 @@ Status solve_by_formula(const MechanismModel& model, const LoopPlan& plan, const
     L = joint.R.transpose() * (L - joint.p);
   }
   L = form.in_parent.R.template cast<S>().transpose() * (L - form.in_parent.p.template cast<S>());
-  if (follows) follow_branch(model, form, L, plan.loop_size[k], tree, data);
+  // Near a singular pose two branches meet, and a mechanism that moves on leaves it on the one that
+  // continues its motion: the branch nearest to the predicted coordinates.
+  if (follows) choose_branch<S>(model, form, L, tree.q, plan.loop_size[k], 0, data.branch);
   data.leg = solve_leg<S>(form.kind, form.shape, data.branch, L);
   if (data.leg.code != StatusCode::kOk) return {data.leg.code, k, 0.0, 0.0};
   for (size_t i = 0; i < form.joint.size(); ++i) {

@@ -585,14 +585,11 @@ Status DockingSim::Impl::integrate(double h) {
   std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
   margin_before = find_singularity_margin(data->mechanism);
   double tau = 0.0;
-  int refused = 0;  // end states in a row that could not be evaluated
-  Status trouble;   // of this inner step
-  last_trouble = Status();
+  int refused = 0;           // end states in a row that could not be evaluated
   double proposal = h_warm;  // step size that error control asks for; stops do not count
   stepper->restart(0.0, std::min(proposal, h));
   for (int inner = 0; inner < kMaxInnerSteps; ++inner) {
     const double stop = find_next_stop(tau, h);
-    if (!last_trouble.ok()) trouble = last_trouble;
     last_trouble = Status();
     const StepOutcome outcome = stepper->step(stop, true);
     if (outcome == StepOutcome::kFailed) return find_trouble(tau);
@@ -620,7 +617,6 @@ Status DockingSim::Impl::integrate(double h) {
     tau = stepper->time();
     status = accept(tau, restart);
     if (!status.ok()) return status;
-    trouble = Status();
     std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
     if (tau >= h) {
       h_warm = proposal;
@@ -633,7 +629,7 @@ Status DockingSim::Impl::integrate(double h) {
       stepper->restart(tau, std::min(proposal, h - tau));
     }
   }
-  if (!trouble.ok()) return trouble;
+  if (!last_trouble.ok()) return last_trouble;  // what the last steps had to get around
   status_text =
       "it needs more than " + std::to_string(kMaxInnerSteps) +
       " inner steps: contact far too fast or too stiff; shorten the step or check the speeds";

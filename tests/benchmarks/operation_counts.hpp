@@ -101,6 +101,7 @@ struct Eigen::NumTraits<dockloop::Counted> : Eigen::GenericNumTraits<dockloop::C
 
 #include "dynamics/mechanism_dynamics.cpp"
 #include "loops/closed_form.cpp"
+#include "loops/leg_geometry.cpp"
 #include "loops/loop_equations.cpp"
 #include "loops/loop_position.cpp"
 #include "loops/loop_reduction.cpp"
