@@ -11,22 +11,37 @@ namespace dockloop {
 enum State : unsigned {
   kInstantiated = 1,
   kInitializationMode = 2,
-  kStepComplete = 4,
-  kStepFailed = 8,  ///< fmi2DoStep returned fmi2Discard; still at the last communication point
-  kTerminated = 16,
-  kError = 32,  ///< fmi2DoStep returned fmi2Error
+  kEventMode = 4,           ///< model exchange
+  kContinuousTimeMode = 8,  ///< model exchange
+  kStepComplete = 16,       ///< co-simulation
+  kStepFailed = 32,         ///< fmi2DoStep returned fmi2Discard; still at the last point
+  kTerminated = 64,
+  kError = 128,  ///< fmi2DoStep returned fmi2Error
 };
+constexpr State kStates[] = {kInstantiated, kInitializationMode, kEventMode,  kContinuousTimeMode,
+                             kStepComplete, kStepFailed,         kTerminated, kError};
+
+/// For which interface a function is there.
+enum Side : unsigned { kForCoSimulation = 1, kForModelExchange = 2, kForBoth = 3 };
 
 /// A function of the interface and where it may be called.
 struct Call {
   const char* name;
   unsigned permitted;  ///< set of State
+  Side side = kForBoth;
 };
 
-constexpr unsigned kAnyState = 63;
+constexpr unsigned kAnyState = 255;
 constexpr unsigned kBeforeStart = kInstantiated | kInitializationMode;
-constexpr unsigned kRunning = kStepComplete | kStepFailed;
+constexpr unsigned kStepping = kStepComplete | kStepFailed;
+constexpr unsigned kIntegrating = kEventMode | kContinuousTimeMode;
+constexpr unsigned kRunning = kStepping | kIntegrating;
 constexpr unsigned kStarted = kRunning | kTerminated | kError;
+
+/// States that an instance for one side can be in.
+constexpr unsigned states_of(Side side) {
+  return kAnyState & ~(side == kForCoSimulation ? kIntegrating : kStepping);
+}
 
 /// More than the standard demands is permitted where it can do no harm: start values can be read
 /// back before the initialisation, and a discarded step can be tried again with a smaller step
@@ -54,16 +69,35 @@ inline constexpr Call kSerializeFMUstate{"fmi2SerializeFMUstate", kAnyState};
 inline constexpr Call kDeSerializeFMUstate{"fmi2DeSerializeFMUstate", kAnyState};
 inline constexpr Call kGetDirectionalDerivative{"fmi2GetDirectionalDerivative",
                                                 kInitializationMode | kStarted};
+
 inline constexpr Call kSetRealInputDerivatives{"fmi2SetRealInputDerivatives",
-                                               kBeforeStart | kRunning};
-inline constexpr Call kGetRealOutputDerivatives{"fmi2GetRealOutputDerivatives", kStarted};
-inline constexpr Call kDoStep{"fmi2DoStep", kRunning};
-inline constexpr Call kCancelStep{"fmi2CancelStep", kRunning};
-inline constexpr Call kGetStatus{"fmi2GetStatus", kStarted};
-inline constexpr Call kGetRealStatus{"fmi2GetRealStatus", kStarted};
-inline constexpr Call kGetIntegerStatus{"fmi2GetIntegerStatus", kStarted};
-inline constexpr Call kGetBooleanStatus{"fmi2GetBooleanStatus", kStarted};
-inline constexpr Call kGetStringStatus{"fmi2GetStringStatus", kStarted};
+                                               kBeforeStart | kRunning, kForCoSimulation};
+inline constexpr Call kGetRealOutputDerivatives{"fmi2GetRealOutputDerivatives", kStarted,
+                                                kForCoSimulation};
+inline constexpr Call kDoStep{"fmi2DoStep", kStepping, kForCoSimulation};
+inline constexpr Call kCancelStep{"fmi2CancelStep", kStepping, kForCoSimulation};
+inline constexpr Call kGetStatus{"fmi2GetStatus", kStarted, kForCoSimulation};
+inline constexpr Call kGetRealStatus{"fmi2GetRealStatus", kStarted, kForCoSimulation};
+inline constexpr Call kGetIntegerStatus{"fmi2GetIntegerStatus", kStarted, kForCoSimulation};
+inline constexpr Call kGetBooleanStatus{"fmi2GetBooleanStatus", kStarted, kForCoSimulation};
+inline constexpr Call kGetStringStatus{"fmi2GetStringStatus", kStarted, kForCoSimulation};
+
+inline constexpr Call kEnterEventMode{"fmi2EnterEventMode", kIntegrating, kForModelExchange};
+inline constexpr Call kNewDiscreteStates{"fmi2NewDiscreteStates", kEventMode, kForModelExchange};
+inline constexpr Call kEnterContinuousTimeMode{"fmi2EnterContinuousTimeMode", kEventMode,
+                                               kForModelExchange};
+inline constexpr Call kCompletedIntegratorStep{"fmi2CompletedIntegratorStep", kContinuousTimeMode,
+                                               kForModelExchange};
+inline constexpr Call kSetTime{"fmi2SetTime", kIntegrating, kForModelExchange};
+inline constexpr Call kSetContinuousStates{"fmi2SetContinuousStates", kContinuousTimeMode,
+                                           kForModelExchange};
+inline constexpr unsigned kEvaluable = kInitializationMode | kStarted;
+inline constexpr Call kGetDerivatives{"fmi2GetDerivatives", kEvaluable, kForModelExchange};
+inline constexpr Call kGetEventIndicators{"fmi2GetEventIndicators", kEvaluable, kForModelExchange};
+inline constexpr Call kGetContinuousStates{"fmi2GetContinuousStates", kEvaluable,
+                                           kForModelExchange};
+inline constexpr Call kGetNominals{"fmi2GetNominalsOfContinuousStates", kEvaluable,
+                                   kForModelExchange};
 }  // namespace call
 
 inline const char* name_of(State state) {
@@ -72,6 +106,10 @@ inline const char* name_of(State state) {
       return "instantiated";
     case kInitializationMode:
       return "initialization mode";
+    case kEventMode:
+      return "event mode";
+    case kContinuousTimeMode:
+      return "continuous-time mode";
     case kStepComplete:
       return "step complete";
     case kStepFailed:
@@ -85,15 +123,29 @@ inline const char* name_of(State state) {
 }
 
 /// One sentence for the log: what is forbidden, and which call leads to where it is permitted.
-inline std::string forbidden_text(const Call& call, State state) {
-  const bool state_lies_ahead = call.permitted > 2u * state - 1u;
-  const char* advice = !state_lies_ahead        ? "fmi2Reset"
-                       : state != kInstantiated ? "fmi2ExitInitializationMode"
-                       : call.permitted & kInitializationMode
-                           ? "fmi2EnterInitializationMode"
-                           : "fmi2EnterInitializationMode and fmi2ExitInitializationMode";
-  return std::string(call.name) + " is not permitted in state '" + name_of(state) + "': call " +
-         advice + " first";
+inline std::string forbidden_text(const Call& call, State state, Side side) {
+  const std::string name = call.name;
+  if (!(call.side & side)) {
+    return name + (side == kForCoSimulation
+                       ? " is for model exchange, but this instance is for co-simulation"
+                       : " is for co-simulation, but this instance is for model exchange");
+  }
+  const unsigned permitted = call.permitted & states_of(side);
+  const unsigned now = state;
+  const bool lies_ahead = permitted > 2u * now - 1u;
+  const char* advice = "fmi2Reset";
+  if (state == kContinuousTimeMode && (permitted & kEventMode)) {
+    advice = "fmi2EnterEventMode";
+  } else if (lies_ahead && state == kEventMode) {
+    advice = "fmi2EnterContinuousTimeMode";
+  } else if (lies_ahead && state != kInstantiated) {
+    advice = "fmi2ExitInitializationMode";
+  } else if (lies_ahead) {
+    advice = permitted & kInitializationMode
+                 ? "fmi2EnterInitializationMode"
+                 : "fmi2EnterInitializationMode and fmi2ExitInitializationMode";
+  }
+  return name + " is not permitted in state '" + name_of(state) + "': call " + advice + " first";
 }
 
 }  // namespace dockloop

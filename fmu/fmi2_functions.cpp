@@ -1,5 +1,5 @@
-// The C interface of FMI 2.0 for co-simulation: an instance, how it is stepped and how its
-// variables are read and written, then the 34 functions that such an FMU must export.
+// The C interface of FMI 2.0 for co-simulation and model exchange: how variables are read and
+// written, then the 44 functions that such an FMU must export.
 //
 // Every function passes through guarded(): no exception leaves, and a call in the wrong state is
 // refused with a line that says what to call first. A refused call changes nothing. There are no
@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <memory>
@@ -16,169 +17,15 @@
 #include <utility>
 #include <vector>
 
-#include "call_order.hpp"
-#include "logger.hpp"
+#include "instance.hpp"
 #include "model_description.hpp"
 #include "resource_location.hpp"
-#include "sim/docking_sim.hpp"
-#include "variables.hpp"
 
 namespace dockloop {
 namespace {
 
-/// A host asked for something impossible: becomes one log line and fmi2Error.
-struct Refusal : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
-// ---------------------------------------------------------------- the instance
-
-struct Instance {
-  Instance(std::shared_ptr<const Scene> scene, Logger log)
-      : logger(std::move(log)), sim(std::move(scene)), variables(make_variables(sim)) {
-    start_time = time = sim.scene().experiment.start;
-  }
-
-  void setup(double t0, double wanted_tolerance) {
-    start_time = time = t0;
-    tolerance = wanted_tolerance;
-  }
-  /// Start state from parameters and start values, if it is not there yet or one of them changed.
-  void initialise();
-  fmi2Status step(double t, double h);
-  void reset();
-
-  /// Where the present value of a row is; computes the outputs when they are out of date.
-  const void* current(const Variable& v);
-  /// Throws unless the row can be set now.
-  void check_settable(const Variable& v, const char* function) const;
-  /// A value was written.
-  void note_change();
-
-  bool before_start() const { return (state & kBeforeStart) != 0; }
-
-  Logger logger;
-  DockingSim sim;
-  std::vector<Variable> variables;
-  State state = kInstantiated;
-  bool initialised = false;                ///< the start state fits the present parameters
-  double start_time = 0.0;                 ///< [s]
-  double tolerance = 0.0;                  ///< relative, of the host; 0 = none given
-  double time = 0.0;                       ///< [s] last communication point, by the host's clock
-  fmi2Status step_status = fmi2OK;         ///< of the last fmi2DoStep
-  int phase = 0;                           ///< as last logged
-  std::vector<std::string> last_warnings;  ///< as last logged: an initialisation may be repeated
-};
-
 std::string quoted(const Variable& v, fmi2ValueReference reference) {
   return "'" + v.name + "' (value reference " + std::to_string(reference) + ")";
-}
-
-void Instance::initialise() {
-  if (initialised) return;
-  sim.initialise(start_time, tolerance);
-  initialised = true;
-  std::vector<std::string> warnings = sim.take_warnings();
-  if (warnings != last_warnings) {
-    for (const std::string& text : warnings) logger.write(fmi2Warning, kLogWarning, text);
-    last_warnings = std::move(warnings);
-  }
-}
-
-/// The one place that decides what a failed step means to the host: fmi2Discard when the host can
-/// cure it (smaller step, corrected input), fmi2Error when it cannot.
-fmi2Status fmi_status(StatusCode code) {
-  switch (code) {
-    case StatusCode::kOk:
-      return fmi2OK;
-    case StatusCode::kBranchChanged:
-    case StatusCode::kLoopNotClosed:
-    case StatusCode::kContactTooDeep:
-    case StatusCode::kContactFlipped:
-    case StatusCode::kIntegrationFailed:
-    case StatusCode::kBadInput:  // correct the input and repeat the step
-      return fmi2Discard;
-    case StatusCode::kOutOfReach:
-    case StatusCode::kLoopSingular:
-    case StatusCode::kRedundancyLost:
-    case StatusCode::kInertiaNotPositive:
-    case StatusCode::kNotFinite:
-      return fmi2Error;
-  }
-  return fmi2Error;
-}
-
-fmi2Status Instance::step(double t, double h) {
-  if (!(std::isfinite(h) && h > 0.0)) {
-    throw Refusal("fmi2DoStep: communicationStepSize is " + shortest(h) +
-                  " s, but must be positive and finite");
-  }
-  // Rounding of the host's clock (some count nanoseconds) is accepted, a gap or overlap is not.
-  const double slack = 1e-6 * h + 1e-12 * std::max(std::abs(t), h);
-  if (!(std::abs(t - time) <= slack)) {
-    throw Refusal("fmi2DoStep: currentCommunicationPoint is " + shortest(t) + " s, expected " +
-                  shortest(time) + " s, the end of the last step");
-  }
-  state = kError;  // stays if anything below throws
-  step_status = fmi2Error;
-  step_status = fmi_status(sim.step(t, h).code);
-  if (step_status != fmi2OK) {
-    const bool discard = step_status == fmi2Discard;
-    if (discard) state = kStepFailed;
-    logger.write(step_status, discard ? kLogDiscard : kLogError, sim.status_text());
-    return step_status;
-  }
-  state = kStepComplete;
-  time = t + h;
-  for (const std::string& text : sim.take_warnings()) logger.write(fmi2Warning, kLogWarning, text);
-  if (logger.enabled(kLogEvents) && sim.outputs().phase != phase) {
-    phase = sim.outputs().phase;
-    logger.write(fmi2OK, kLogEvents,
-                 "phase " + std::to_string(phase) + " at t = " + shortest(time) + " s");
-  }
-  return fmi2OK;
-}
-
-void Instance::reset() {
-  sim.reset();
-  variables = make_variables(sim);
-  setup(sim.scene().experiment.start, 0.0);
-  state = kInstantiated;
-  initialised = false;
-  step_status = fmi2OK;
-  phase = 0;
-  last_warnings.clear();
-}
-
-const void* Instance::current(const Variable& v) {
-  if (v.has_start() && before_start()) return v.start;
-  if (v.causality == Causality::kOutput) {
-    if (state == kInstantiated) {
-      throw Refusal("'" + v.name + "' has no value yet: call fmi2EnterInitializationMode first");
-    }
-    if (state == kInitializationMode) initialise();
-    sim.outputs();
-  }
-  return v.value;
-}
-
-void Instance::check_settable(const Variable& v, const char* function) const {
-  const auto refuse = [&](const char* why) {
-    throw Refusal(std::string(function) + ": '" + v.name + "' " + why);
-  };
-  if (!v.has_start()) refuse("is computed by the FMU and cannot be set");
-  if (v.causality == Causality::kInput || before_start()) return;
-  refuse(v.causality == Causality::kParameter
-             ? "is a fixed parameter: it can be set only before fmi2ExitInitializationMode"
-             : "is a state: its start value can be set only before fmi2ExitInitializationMode");
-}
-
-void Instance::note_change() {
-  if (before_start()) {
-    initialised = false;
-  } else {
-    sim.invalidate_outputs();
-  }
 }
 
 // ---------------------------------------------------------------- get and set
@@ -244,22 +91,37 @@ fmi2Status get(Instance& self, const Call& call, const fmi2ValueReference vr[], 
   return fmi2OK;
 }
 
-/// All or nothing: every reference and value is checked before the first is written.
+/// All or nothing: every reference and value is checked before the first is written, and values
+/// that cannot be used together are taken back.
 template <Type type>
 fmi2Status set(Instance& self, const Call& call, const fmi2ValueReference vr[], size_t n,
                const typename Wire<type>::Passed value[]) {
   const char* function = call.name;
   check_arrays(vr, n, value, function);
+  bool tunables = false;
   for (size_t i = 0; i < n; ++i) {
     const Variable& v = row<type>(self, vr[i], function);
     self.check_settable(v, function);
     check_value(v, value[i], function);
+    tunables = tunables || v.variability == Variability::kTunable;
   }
   using Stored = typename Wire<type>::Stored;
-  for (size_t i = 0; i < n; ++i) {
-    *static_cast<Stored*>(self.variables[vr[i]].start) = static_cast<Stored>(value[i]);
+  const auto cell = [&](size_t i) { return static_cast<Stored*>(self.variables[vr[i]].start); };
+  if (!tunables || self.before_start()) {
+    for (size_t i = 0; i < n; ++i) *cell(i) = static_cast<Stored>(value[i]);
+    if (n > 0) self.note_change(false);
+    return fmi2OK;
   }
-  if (n > 0) self.note_change();
+  const Parameters parameters = self.sim.parameters();
+  const Inputs inputs = self.sim.inputs();
+  for (size_t i = 0; i < n; ++i) *cell(i) = static_cast<Stored>(value[i]);
+  try {
+    self.note_change(true);
+  } catch (...) {
+    self.sim.parameters() = parameters;
+    self.sim.inputs() = inputs;
+    throw;
+  }
   return fmi2OK;
 }
 
@@ -271,7 +133,9 @@ fmi2Status guarded(fmi2Component c, const Call& call, Body&& body) noexcept {
   if (!c) return fmi2Error;
   Instance& self = *static_cast<Instance*>(c);
   try {
-    if (!(call.permitted & self.state)) throw Refusal(forbidden_text(call, self.state));
+    if (!(call.permitted & self.state) || !(call.side & self.side())) {
+      throw Refusal(forbidden_text(call, self.state, self.side()));
+    }
     return body(self);
   } catch (const std::bad_alloc&) {
     self.logger.error("out of memory");
@@ -283,24 +147,40 @@ fmi2Status guarded(fmi2Component c, const Call& call, Body&& body) noexcept {
   return fmi2Error;
 }
 
-/// A function that modelDescription.xml says is not there.
-fmi2Status not_supported(fmi2Component c, const Call& call, const char* flag,
-                         const char* value = "false") {
-  return guarded(c, call, [&](Instance&) -> fmi2Status {
-    throw Refusal(std::string(call.name) + " is not supported: capability flag " + flag + " is " +
-                  value);
-  });
-}
-
 /// fmi2Get*Status for a kind that the function does not answer.
 fmi2Status no_such_status(Instance& self, const Call& call) {
   self.logger.write(fmi2Discard, kLogDiscard, std::string(call.name) + ": no such status is kept");
   return fmi2Discard;
 }
 
+const SavedInstance& saved_state(fmi2FMUstate saved, const char* function) {
+  if (!saved) throw Refusal(std::string(function) + ": the state is null");
+  return *static_cast<const SavedInstance*>(saved);
+}
+
+void check_derivative(const Instance& self, const Status& status, const char* function) {
+  if (!status.ok()) throw Refusal(std::string(function) + ": " + self.sim.describe(status));
+}
+
+void check_finite(const Variable& v, double derivative, const char* function) {
+  if (!std::isfinite(derivative)) {
+    throw Refusal(std::string(function) + ": '" + v.name + "' has no derivative here");
+  }
+}
+
+/// Arrays over the continuous states. Brings the start state about if it is asked for already.
+void check_count(Instance& self, const void* array, size_t n, const char* function) {
+  check_arrays(array, n, array, function);
+  if (n != static_cast<size_t>(self.sim.state_count())) {
+    throw Refusal(std::string(function) + ": there are " + std::to_string(self.sim.state_count()) +
+                  " continuous states, not " + std::to_string(n));
+  }
+  if (self.state == kInitializationMode) self.initialise();
+}
+
 Scene read_scene_file(const std::string& location) {
   const std::string name = resource_folder(location) + "/model.json";
-  std::ifstream file(name, std::ios::binary);
+  std::ifstream file(std::filesystem::u8path(name), std::ios::binary);  // Windows: not its code page
   if (!file) throw Refusal("cannot read '" + name + "' (fmuResourceLocation '" + location + "')");
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   return read_scene(text, name);
@@ -309,7 +189,9 @@ Scene read_scene_file(const std::string& location) {
 std::unique_ptr<Instance> make_instance(const char* name, fmi2Type type, const char* guid,
                                         const char* location, Logger logger) {
   if (!name || !*name) throw Refusal("instanceName is missing");
-  if (type != fmi2CoSimulation) throw Refusal("this FMU is for co-simulation only");
+  if (type != fmi2CoSimulation && type != fmi2ModelExchange) {
+    throw Refusal("fmuType must be 0 (model exchange) or 1 (co-simulation)");
+  }
   if (!guid) throw Refusal("fmuGUID is missing");
   if (!location) throw Refusal("fmuResourceLocation is missing");
   auto scene = std::make_shared<const Scene>(read_scene_file(location));
@@ -317,7 +199,15 @@ std::unique_ptr<Instance> make_instance(const char* name, fmi2Type type, const c
     throw Refusal(std::string("fmuGUID is '") + guid + "', but this FMU is '" + scene->fingerprint +
                   "': modelDescription.xml and resources belong to different builds");
   }
-  return std::make_unique<Instance>(std::move(scene), std::move(logger));
+  if (type == fmi2ModelExchange && !offers_model_exchange(*scene)) {
+    throw Refusal(
+        "a vehicle of this scene is driven at communication points, so this FMU is for "
+        "co-simulation only: set the scene keys chaser.motion and target.motion to \"free\" "
+        "or \"fixed\" and build it again for model exchange");
+  }
+  const Interface interface =
+      type == fmi2CoSimulation ? Interface::kCoSimulation : Interface::kModelExchange;
+  return std::make_unique<Instance>(std::move(scene), interface, std::move(logger));
 }
 
 }  // namespace
@@ -393,7 +283,7 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
   return guarded(c, call::kExitInitializationMode, [](Instance& self) {
     self.initialise();
-    self.state = kStepComplete;
+    self.state = self.side() == kForCoSimulation ? kStepComplete : kEventMode;
     return fmi2OK;
   });
 }
@@ -508,38 +398,267 @@ fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind, fmi2String
                  [](Instance& self) { return no_such_status(self, call::kGetStringStatus); });
 }
 
-// Capabilities that are not there
+// Saved states
 
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate*) {
-  return not_supported(c, call::kGetFMUstate, "canGetAndSetFMUstate");
+fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate* saved) {
+  return guarded(c, call::kGetFMUstate, [&](Instance& self) {
+    check_arrays(saved, 1, saved, "fmi2GetFMUstate");
+    if (*saved) {
+      self.save(*static_cast<SavedInstance*>(*saved));
+    } else {
+      auto created = std::make_unique<SavedInstance>();
+      self.save(*created);
+      *saved = created.release();
+    }
+    return fmi2OK;
+  });
 }
-fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate) {
-  return not_supported(c, call::kSetFMUstate, "canGetAndSetFMUstate");
+fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate saved) {
+  return guarded(c, call::kSetFMUstate, [&](Instance& self) {
+    self.load(saved_state(saved, "fmi2SetFMUstate"));
+    return fmi2OK;
+  });
 }
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate*) {
-  return not_supported(c, call::kFreeFMUstate, "canGetAndSetFMUstate");
+fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate* saved) {
+  return guarded(c, call::kFreeFMUstate, [&](Instance&) {
+    if (!saved) return fmi2OK;  // nothing to free, like a null state
+    delete static_cast<SavedInstance*>(*saved);
+    *saved = nullptr;
+    return fmi2OK;
+  });
 }
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate, size_t*) {
-  return not_supported(c, call::kSerializedFMUstateSize, "canSerializeFMUstate");
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate saved, size_t* size) {
+  return guarded(c, call::kSerializedFMUstateSize, [&](Instance&) {
+    check_arrays(size, 1, size, "fmi2SerializedFMUstateSize");
+    *size = serialise(saved_state(saved, "fmi2SerializedFMUstateSize")).size();
+    return fmi2OK;
+  });
 }
-fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate, fmi2Byte[], size_t) {
-  return not_supported(c, call::kSerializeFMUstate, "canSerializeFMUstate");
+fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate saved, fmi2Byte bytes[],
+                                 size_t size) {
+  return guarded(c, call::kSerializeFMUstate, [&](Instance&) {
+    check_arrays(bytes, 1, bytes, "fmi2SerializeFMUstate");
+    const std::vector<char> all = serialise(saved_state(saved, "fmi2SerializeFMUstate"));
+    if (size < all.size()) {
+      throw Refusal("fmi2SerializeFMUstate: " + std::to_string(all.size()) +
+                    " bytes are needed, but there is room for " + std::to_string(size));
+    }
+    std::copy(all.begin(), all.end(), bytes);
+    return fmi2OK;
+  });
 }
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte[], size_t, fmi2FMUstate*) {
-  return not_supported(c, call::kDeSerializeFMUstate, "canSerializeFMUstate");
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size,
+                                   fmi2FMUstate* saved) {
+  return guarded(c, call::kDeSerializeFMUstate, [&](Instance& self) {
+    check_arrays(bytes, 1, bytes, "fmi2DeSerializeFMUstate");
+    check_arrays(saved, 1, saved, "fmi2DeSerializeFMUstate");
+    auto read = std::make_unique<SavedInstance>();
+    deserialise(bytes, size, self.sim.scene().fingerprint, *read);
+    if (*saved) {
+      *static_cast<SavedInstance*>(*saved) = std::move(*read);
+    } else {
+      *saved = read.release();
+    }
+    return fmi2OK;
+  });
 }
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference[], size_t,
-                                        const fmi2ValueReference[], size_t, const fmi2Real[],
-                                        fmi2Real[]) {
-  return not_supported(c, call::kGetDirectionalDerivative, "providesDirectionalDerivative");
+
+// Derivatives
+
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n,
+                                       const fmi2Integer order[], const fmi2Real value[]) {
+  return guarded(c, call::kSetRealInputDerivatives, [&](Instance& self) {
+    const char* function = call::kSetRealInputDerivatives.name;
+    check_arrays(vr, n, value, function);
+    check_arrays(vr, n, order, function);
+    for (size_t i = 0; i < n; ++i) {
+      const Variable& v = row<Type::kReal>(self, vr[i], function);
+      const auto refuse = [&](const std::string& why) {
+        throw Refusal(std::string(function) + ": " + quoted(v, vr[i]) + why);
+      };
+      if (v.causality != Causality::kInput) refuse(" is not an input");
+      if (order[i] != 1)
+        refuse(": only derivatives of order 1 are used, not of order " + std::to_string(order[i]));
+      if (!std::isfinite(value[i])) refuse(": the derivative is not a finite number");
+    }
+    for (size_t i = 0; i < n; ++i) *self.variables[vr[i]].slope = value[i];
+    return fmi2OK;
+  });
 }
-fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference[], size_t,
-                                       const fmi2Integer[], const fmi2Real[]) {
-  return not_supported(c, call::kSetRealInputDerivatives, "canInterpolateInputs");
+/// Order 1 is exact. Higher ones are zero, as the standard wants for orders that a model has not.
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n,
+                                        const fmi2Integer order[], fmi2Real value[]) {
+  return guarded(c, call::kGetRealOutputDerivatives, [&](Instance& self) {
+    const char* function = call::kGetRealOutputDerivatives.name;
+    check_arrays(vr, n, value, function);
+    check_arrays(vr, n, order, function);
+    for (size_t i = 0; i < n; ++i) {
+      const Variable& v = row<Type::kReal>(self, vr[i], function);
+      if (v.causality != Causality::kOutput) {
+        throw Refusal(std::string(function) + ": " + quoted(v, vr[i]) + " is not an output");
+      }
+      if (order[i] < 1) {
+        throw Refusal(std::string(function) + ": order " + std::to_string(order[i]) +
+                      " is not a derivative");
+      }
+    }
+    if (n == 0) return fmi2OK;
+    check_derivative(self, self.sim.calc_time_derivative(), function);
+    const auto find = [&](size_t i) {
+      const int place = self.variables[vr[i]].output;  // the others jump or rest
+      return place < 0 || order[i] > 1 ? 0.0 : self.sim.output_derivative(place);
+    };
+    for (size_t i = 0; i < n; ++i) check_finite(self.variables[vr[i]], find(i), function);
+    for (size_t i = 0; i < n; ++i) value[i] = find(i);
+    return fmi2OK;
+  });
 }
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference[], size_t,
-                                        const fmi2Integer[], fmi2Real[]) {
-  return not_supported(c, call::kGetRealOutputDerivatives, "maxOutputDerivativeOrder", "0");
+
+/// The sum over the knowns of (partial derivative of the unknown) x seed.
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[],
+                                        size_t unknowns, const fmi2ValueReference known[],
+                                        size_t knowns, const fmi2Real seed[], fmi2Real value[]) {
+  return guarded(c, call::kGetDirectionalDerivative, [&](Instance& self) {
+    const char* function = call::kGetDirectionalDerivative.name;
+    check_arrays(unknown, unknowns, value, function);
+    check_arrays(known, knowns, seed, function);
+    std::vector<Seed> direction;
+    for (size_t i = 0; i < knowns; ++i) {
+      const Variable& v = row<Type::kReal>(self, known[i], function);
+      if (v.input < 0 && v.state < 0) {
+        throw Refusal(std::string(function) + ": " + quoted(v, known[i]) +
+                      " is neither an input nor a continuous state");
+      }
+      if (!std::isfinite(seed[i])) {
+        throw Refusal(std::string(function) + ": the seed of " + quoted(v, known[i]) +
+                      " is not a finite number");
+      }
+      direction.push_back(v.input >= 0 ? Seed{Seed::Of::kInput, v.input, seed[i]}
+                                       : Seed{Seed::Of::kState, v.state, seed[i]});
+    }
+    for (size_t i = 0; i < unknowns; ++i) {
+      const Variable& v = row<Type::kReal>(self, unknown[i], function);
+      if (v.rate < 0 && v.causality != Causality::kOutput) {
+        throw Refusal(std::string(function) + ": " + quoted(v, unknown[i]) +
+                      " is neither an output nor the derivative of a state");
+      }
+    }
+    if (unknowns == 0) return fmi2OK;
+    if (self.state == kInitializationMode) self.initialise();
+    check_derivative(self, self.sim.calc_directional_derivative(direction), function);
+    const auto find = [&](size_t i) {
+      const Variable& v = self.variables[unknown[i]];
+      if (v.rate >= 0) return self.sim.rate_derivative(v.rate);
+      return v.output < 0 ? 0.0 : self.sim.output_derivative(v.output);
+    };
+    for (size_t i = 0; i < unknowns; ++i)
+      check_finite(self.variables[unknown[i]], find(i), function);
+    for (size_t i = 0; i < unknowns; ++i) value[i] = find(i);
+    return fmi2OK;
+  });
+}
+
+// Model exchange
+
+fmi2Status fmi2EnterEventMode(fmi2Component c) {
+  return guarded(c, call::kEnterEventMode, [](Instance& self) {
+    self.state = kEventMode;
+    return fmi2OK;
+  });
+}
+fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo* info) {
+  return guarded(c, call::kNewDiscreteStates, [&](Instance& self) {
+    check_arrays(info, 1, info, "fmi2NewDiscreteStates");
+    EventUpdate update;
+    const Status status = self.sim.update_discrete_states(update);
+    if (!status.ok()) {
+      throw Refusal("fmi2NewDiscreteStates: " + self.sim.describe(status));
+    }
+    info->newDiscreteStatesNeeded = fmi2False;
+    info->terminateSimulation = fmi2False;
+    info->nominalsOfContinuousStatesChanged = update.nominals_changed;
+    info->valuesOfContinuousStatesChanged = update.states_changed;
+    info->nextEventTimeDefined = update.next_time_defined;
+    info->nextEventTime = update.next_time;
+    self.log_events();
+    return fmi2OK;
+  });
+}
+fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
+  return guarded(c, call::kEnterContinuousTimeMode, [](Instance& self) {
+    self.state = kContinuousTimeMode;
+    return fmi2OK;
+  });
+}
+fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean /*no_rollback*/,
+                                       fmi2Boolean* enter_event_mode, fmi2Boolean* terminate) {
+  return guarded(c, call::kCompletedIntegratorStep, [&](Instance& self) {
+    check_arrays(enter_event_mode, 1, enter_event_mode, "fmi2CompletedIntegratorStep");
+    check_arrays(terminate, 1, terminate, "fmi2CompletedIntegratorStep");
+    bool due = false;
+    const Status status = self.sim.complete_step(due);
+    if (!status.ok()) {
+      throw Refusal("fmi2CompletedIntegratorStep: " + self.sim.describe(status));
+    }
+    *enter_event_mode = due ? fmi2True : fmi2False;
+    *terminate = fmi2False;  // this FMU never ends a run from inside
+    return fmi2OK;
+  });
+}
+fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) {
+  return guarded(c, call::kSetTime, [&](Instance& self) {
+    if (!std::isfinite(time)) throw Refusal("fmi2SetTime: the time is not a finite number");
+    self.sim.set_time(time);
+    self.time = time;
+    return fmi2OK;
+  });
+}
+fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n) {
+  return guarded(c, call::kSetContinuousStates, [&](Instance& self) {
+    check_count(self, x, n, "fmi2SetContinuousStates");
+    for (size_t i = 0; i < n; ++i) {
+      if (!std::isfinite(x[i])) {
+        throw Refusal("fmi2SetContinuousStates: state " + std::to_string(i + 1) +
+                      " is not a finite number");
+      }
+    }
+    self.sim.set_states(x);
+    return fmi2OK;
+  });
+}
+fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real rates[], size_t n) {
+  return guarded(c, call::kGetDerivatives, [&](Instance& self) {
+    check_count(self, rates, n, "fmi2GetDerivatives");
+    const Status status = self.sim.get_rates(rates);
+    return status.ok() ? fmi2OK : self.discard(status, "fmi2GetDerivatives");
+  });
+}
+fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t n) {
+  return guarded(c, call::kGetEventIndicators, [&](Instance& self) {
+    check_arrays(indicators, n, indicators, "fmi2GetEventIndicators");
+    if (n != static_cast<size_t>(self.sim.indicator_count())) {
+      throw Refusal("fmi2GetEventIndicators: there are " +
+                    std::to_string(self.sim.indicator_count()) + " event indicators, not " +
+                    std::to_string(n));
+    }
+    if (self.state == kInitializationMode) self.initialise();
+    const Status status = self.sim.get_indicators(indicators);
+    return status.ok() ? fmi2OK : self.discard(status, "fmi2GetEventIndicators");
+  });
+}
+fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n) {
+  return guarded(c, call::kGetContinuousStates, [&](Instance& self) {
+    check_count(self, x, n, "fmi2GetContinuousStates");
+    self.sim.get_states(x);
+    return fmi2OK;
+  });
+}
+fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t n) {
+  return guarded(c, call::kGetNominals, [&](Instance& self) {
+    check_count(self, nominals, n, "fmi2GetNominalsOfContinuousStates");
+    self.sim.get_nominals(nominals);
+    return fmi2OK;
+  });
 }
 
 }  // extern "C"

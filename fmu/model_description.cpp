@@ -1,12 +1,15 @@
-// Writes modelDescription.xml of FMI 2.0 for co-simulation: a small XML writer, then one function
+// Writes modelDescription.xml of FMI 2.0 for both interfaces: a small XML writer, then one function
 // per section of the file in the order the schema demands.
 //
 // Capability flags say what the functions in fmi2_functions.cpp really do; whoever makes one true
 // writes the test that fails when the function has no effect.
 #include "model_description.hpp"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <memory>
+#include <set>
 #include <utility>
 
 #include "logger.hpp"
@@ -56,8 +59,8 @@ class XmlWriter {
 
 // Names in the file, indexed by the enumerations of variables.hpp.
 constexpr const char* kTypes[] = {"Real", "Integer", "Boolean"};
-constexpr const char* kCausalities[] = {"parameter", "input", "output"};
-constexpr const char* kVariabilities[] = {"fixed", "discrete", "continuous"};
+constexpr const char* kCausalities[] = {"parameter", "input", "output", "local"};
+constexpr const char* kVariabilities[] = {"fixed", "tunable", "discrete", "continuous"};
 template <class Enumeration, size_t n>
 const char* name_of(Enumeration value, const char* const (&names)[n]) {
   return names[static_cast<size_t>(value)];
@@ -76,17 +79,24 @@ std::string start_text(const Variable& v) {
 }
 
 void write_capabilities(XmlWriter& xml, const Scene& scene) {
-  xml.leaf("CoSimulation", {{"modelIdentifier", scene.name},
-                            {"needsExecutionTool", "false"},
-                            {"canHandleVariableCommunicationStepSize", "true"},
-                            {"canInterpolateInputs", "false"},
-                            {"maxOutputDerivativeOrder", "0"},
-                            {"canRunAsynchronuously", "false"},
-                            {"canBeInstantiatedOnlyOncePerProcess", "false"},
-                            {"canNotUseMemoryManagementFunctions", "true"},
-                            {"canGetAndSetFMUstate", "false"},
-                            {"canSerializeFMUstate", "false"},
-                            {"providesDirectionalDerivative", "false"}});
+  const XmlWriter::Attributes shared = {{"modelIdentifier", scene.name},
+                                        {"needsExecutionTool", "false"},
+                                        {"canBeInstantiatedOnlyOncePerProcess", "false"},
+                                        {"canNotUseMemoryManagementFunctions", "true"},
+                                        {"canGetAndSetFMUstate", "true"},
+                                        {"canSerializeFMUstate", "true"},
+                                        {"providesDirectionalDerivative", "true"}};
+  if (offers_model_exchange(scene)) {
+    XmlWriter::Attributes attributes = shared;
+    attributes.push_back({"completedIntegratorStepNotNeeded", "false"});
+    xml.leaf("ModelExchange", attributes);
+  }
+  XmlWriter::Attributes attributes = shared;
+  attributes.insert(attributes.end(), {{"canHandleVariableCommunicationStepSize", "true"},
+                                       {"canInterpolateInputs", "true"},
+                                       {"maxOutputDerivativeOrder", "1"},
+                                       {"canRunAsynchronuously", "false"}});
+  xml.leaf("CoSimulation", attributes);
 }
 
 void write_units(XmlWriter& xml) {
@@ -108,6 +118,25 @@ void write_units(XmlWriter& xml) {
   xml.close("UnitDefinitions");
 }
 
+/// The types that the variables of this scene refer to, in the order in which they occur.
+void write_types(XmlWriter& xml, const std::vector<Variable>& variables) {
+  std::set<std::string> written;
+  for (const Variable& v : variables) {
+    const Quantity& type = v.quantity;
+    if (v.type != Type::kReal || !written.insert(type.name).second) continue;
+    if (written.size() == 1) xml.open("TypeDefinitions");  // the schema wants no empty section
+    xml.open("SimpleType", {{"name", type.name}, {"description", type.description}});
+    XmlWriter::Attributes real;
+    if (*type.physical != '\0') real.push_back({"quantity", type.physical});
+    real.push_back({"unit", type.unit});
+    if (*type.display != '\0') real.push_back({"displayUnit", type.display});
+    if (type.nominal != 1.0) real.push_back({"nominal", shortest(type.nominal)});
+    xml.leaf("Real", real);
+    xml.close("SimpleType");
+  }
+  if (!written.empty()) xml.close("TypeDefinitions");
+}
+
 void write_log_categories(XmlWriter& xml) {
   xml.open("LogCategories");
   for (const LogCategory& category : kLogCategories) {
@@ -123,7 +152,7 @@ void write_experiment(XmlWriter& xml, const Experiment& e) {
                                  {"stepSize", shortest(e.step)}});
 }
 
-void write_variable(XmlWriter& xml, const Variable& v, size_t reference) {
+void write_variable(XmlWriter& xml, const Variable& v, size_t reference, size_t state_count) {
   XmlWriter::Attributes scalar = {{"name", v.name},
                                   {"valueReference", std::to_string(reference)},
                                   {"description", v.description},
@@ -140,35 +169,99 @@ void write_variable(XmlWriter& xml, const Variable& v, size_t reference) {
     if (std::isfinite(value)) type.push_back({name, shortest(value)});
   };
   if (v.type == Type::kReal) {
+    // The unit is repeated for importers that do not look into the declared type.
+    type.push_back({"declaredType", v.quantity.name});
     type.push_back({"unit", v.unit});
     if (*v.display_unit != '\0') type.push_back({"displayUnit", v.display_unit});
   }
   limit("min", v.min);
   limit("max", v.max);
-  if (v.type == Type::kReal && v.nominal != 1.0) limit("nominal", v.nominal);
+  if (v.type == Type::kReal && (v.nominal != 1.0 || v.quantity.nominal != 1.0)) {
+    limit("nominal", v.nominal);
+  }
   if (v.has_start()) type.push_back({"start", start_text(v)});
+  // Rates follow the states in the table.
+  if (v.rate >= 0) type.push_back({"derivative", std::to_string(reference + 1 - state_count)});
   xml.leaf(name_of(v.type, kTypes), type);
   xml.close("ScalarVariable");
 }
 
-/// Outputs: all, in order. InitialUnknowns: those without a start value. No `dependencies`, which
-/// means "may depend on everything" and is true: contact couples all inputs to all outputs.
-void write_structure(XmlWriter& xml, const std::vector<Variable>& variables) {
-  const auto section = [&](const char* name, bool computed_only) {
-    XmlWriter::Attributes indices;
-    for (size_t i = 0; i < variables.size(); ++i) {
-      const Variable& v = variables[i];
-      if (v.causality != Causality::kOutput || (computed_only && v.has_start())) continue;
-      indices.push_back({"index", std::to_string(i + 1)});
+/// What only an initialised simulation can tell. Empty where the start values cannot be simulated
+/// as they are: dependencies are then left out, which means "on everything".
+struct StartFacts {
+  std::vector<std::vector<size_t>> known;  ///< per unknown row: indices (from 1) it follows from
+  std::vector<double> nominal;             ///< per continuous state
+};
+
+/// Dependencies are merged over both interfaces, which treat gravity differently.
+StartFacts find_start_facts(const std::shared_ptr<const Scene>& scene,
+                            const std::vector<Variable>& variables) {
+  StartFacts facts;
+  std::vector<std::vector<size_t>> known(variables.size());
+  for (const Interface interface : {Interface::kCoSimulation, Interface::kModelExchange}) {
+    if (interface == Interface::kModelExchange && !offers_model_exchange(*scene)) continue;
+    DockingSim sim(scene, interface);
+    try {
+      sim.initialise(scene->experiment.start, 0.0);
+    } catch (const ModelError&) {
+      return {};
     }
-    if (indices.empty()) return;  // the schema wants no empty section
+    facts.nominal.resize(static_cast<size_t>(sim.state_count()));
+    sim.get_nominals(facts.nominal.data());
+    const Dependencies found = sim.find_dependencies();
+    for (size_t i = 0; i < variables.size(); ++i) {
+      const Variable& unknown = variables[i];
+      if (unknown.output < 0 && unknown.rate < 0) continue;
+      const Dependencies::Row& row = unknown.rate >= 0
+                                         ? found.rate[static_cast<size_t>(unknown.rate)]
+                                         : found.output[static_cast<size_t>(unknown.output)];
+      for (size_t j = 0; j < variables.size(); ++j) {
+        const Variable& v = variables[j];
+        if ((v.input >= 0 && row.input[static_cast<size_t>(v.input)]) ||
+            (v.state >= 0 && row.state[static_cast<size_t>(v.state)])) {
+          known[i].push_back(j + 1);
+        }
+      }
+    }
+  }
+  for (std::vector<size_t>& rows : known) {
+    std::sort(rows.begin(), rows.end());
+    rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  }
+  facts.known = std::move(known);
+  return facts;
+}
+
+/// Outputs: all, in order. Derivatives: the rates of all states, in order. InitialUnknowns: outputs
+/// without a start value, states and rates; these follow from parameters and start values as well,
+/// so they have no dependencies ("on everything").
+void write_structure(XmlWriter& xml, const std::vector<Variable>& variables,
+                     const std::vector<std::vector<size_t>>& known) {
+  const auto section = [&](const char* name, bool initial, auto&& belongs) {
+    std::vector<size_t> rows;
+    for (size_t i = 0; i < variables.size(); ++i) {
+      if (belongs(variables[i])) rows.push_back(i);
+    }
+    if (rows.empty()) return;  // the schema wants no empty section
     xml.open(name);
-    for (const XmlWriter::Attribute& index : indices) xml.leaf("Unknown", {index});
+    for (const size_t i : rows) {
+      XmlWriter::Attributes attributes = {{"index", std::to_string(i + 1)}};
+      if (!initial && !known.empty()) {
+        std::string list;
+        for (const size_t j : known[i]) list += (list.empty() ? "" : " ") + std::to_string(j);
+        attributes.push_back({"dependencies", list});
+      }
+      xml.leaf("Unknown", attributes);
+    }
     xml.close(name);
   };
+  const auto is_output = [](const Variable& v) { return v.causality == Causality::kOutput; };
   xml.open("ModelStructure");
-  section("Outputs", false);
-  section("InitialUnknowns", true);
+  section("Outputs", false, is_output);
+  section("Derivatives", false, [](const Variable& v) { return v.rate >= 0; });
+  section("InitialUnknowns", true, [&](const Variable& v) {
+    return (is_output(v) && !v.has_start()) || v.state >= 0 || v.rate >= 0;
+  });
   xml.close("ModelStructure");
 }
 
@@ -176,24 +269,33 @@ void write_structure(XmlWriter& xml, const std::vector<Variable>& variables) {
 
 std::string make_model_description(DockingSim& sim, const std::string& generation_time) {
   const Scene& scene = sim.scene();
-  const std::vector<Variable> variables = make_variables(sim);
+  std::vector<Variable> variables = make_variables(sim);
+  const bool exchanges = offers_model_exchange(scene);
+  const size_t state_count = exchanges ? static_cast<size_t>(sim.state_count()) : 0;
+  const StartFacts facts = find_start_facts(sim.shared_scene(), variables);
+  for (Variable& v : variables) {
+    if (v.state >= 0 && !facts.nominal.empty())
+      v.nominal = facts.nominal[static_cast<size_t>(v.state)];
+  }
   XmlWriter xml;
-  xml.open("fmiModelDescription", {{"fmiVersion", "2.0"},
-                                   {"modelName", scene.name},
-                                   {"guid", scene.fingerprint},
-                                   {"description", scene.title},
-                                   {"generationTool", "dockloop " DOCKLOOP_VERSION},
-                                   {"generationDateAndTime", generation_time},
-                                   {"variableNamingConvention", "structured"},
-                                   {"numberOfEventIndicators", "0"}});
+  xml.open("fmiModelDescription",
+           {{"fmiVersion", "2.0"},
+            {"modelName", scene.name},
+            {"guid", scene.fingerprint},
+            {"description", scene.title},
+            {"generationTool", "dockloop " DOCKLOOP_VERSION},
+            {"generationDateAndTime", generation_time},
+            {"variableNamingConvention", "structured"},
+            {"numberOfEventIndicators", std::to_string(exchanges ? sim.indicator_count() : 0)}});
   write_capabilities(xml, scene);
   write_units(xml);
+  write_types(xml, variables);
   write_log_categories(xml);
   write_experiment(xml, scene.experiment);
   xml.open("ModelVariables");
-  for (size_t i = 0; i < variables.size(); ++i) write_variable(xml, variables[i], i);
+  for (size_t i = 0; i < variables.size(); ++i) write_variable(xml, variables[i], i, state_count);
   xml.close("ModelVariables");
-  write_structure(xml, variables);
+  write_structure(xml, variables, facts.known);
   xml.close("fmiModelDescription");
   return xml.take();
 }

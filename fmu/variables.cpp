@@ -4,47 +4,71 @@
 // meanings in the description, because several importers drop Enumeration variables.
 #include "variables.hpp"
 
+#include <map>
 #include <utility>
 
 namespace dockloop {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kPi = 3.141592653589793;
 constexpr double kDegrees = 57.29577951308232;  // [deg/rad]
 
-/// What a number measures: unit, the unit people read it in, and its typical size.
-struct Quantity {
-  const char* unit;
-  const char* display = "";
-  double nominal = 1.0;
-};
-constexpr Quantity kNone{"1"};
-constexpr Quantity kLength{"m"};
-constexpr Quantity kSmallLength{"m", "mm", 0.1};
-constexpr Quantity kVelocity{"m/s", "", 0.1};
-constexpr Quantity kSmallVelocity{"m/s", "mm/s", 0.1};
-constexpr Quantity kAngle{"rad", "deg", 0.1};
-constexpr Quantity kAngularVelocity{"rad/s", "deg/s", 0.01};
-constexpr Quantity kAcceleration{"m/s2"};
-constexpr Quantity kTime{"s"};
-constexpr Quantity kMass{"kg", "", 1e3};
-constexpr Quantity kInertia{"kg.m2", "", 1e3};
-constexpr Quantity kForce{"N", "", 100};
-constexpr Quantity kTorque{"N.m", "", 100};
-constexpr Quantity kEnergy{"J"};
-constexpr Quantity kMomentum{"N.s", "", 100};
-constexpr Quantity kAngularMomentum{"N.m.s", "", 100};
+// Types: name, unit, unit people read it in, typical size, physical quantity, text.
+constexpr Quantity kNone{"Ratio", "1", "", 1.0, "", "Number without a unit"};
+constexpr Quantity kQuaternion{"QuaternionComponent",
+                               "1",
+                               "",
+                               1.0,
+                               "Quaternion",
+                               "Component of a unit quaternion (w, x, y, z)"};
+constexpr Quantity kCount{"Count", "1", "", 1e3, "", "Count since the start"};
+constexpr Quantity kCoordinate{
+    "Coordinate", "1", "", 0.1, "", "Coordinate of a joint or its rates; 1 stands for m or rad"};
+constexpr Quantity kLength{"Length", "m", "", 1.0, "Length", "Place of a vehicle or interface"};
+constexpr Quantity kSmallLength{
+    "MechanismLength", "m", "mm", 0.1, "Length", "Length in the docking mechanism"};
+constexpr Quantity kVelocity{"Velocity", "m/s", "", 0.1, "Velocity", "Velocity of a vehicle"};
+constexpr Quantity kSmallVelocity{
+    "MechanismVelocity", "m/s", "mm/s", 0.1, "Velocity", "Velocity in the docking mechanism"};
+constexpr Quantity kAngle{"Angle", "rad", "deg", 0.1, "Angle", "Angle"};
+constexpr Quantity kAngularVelocity{"AngularVelocity", "rad/s",           "deg/s", 0.01,
+                                    "AngularVelocity", "Angular velocity"};
+constexpr Quantity kAcceleration{
+    "Acceleration", "m/s2", "", 1.0, "Acceleration", "Acceleration of free fall"};
+constexpr Quantity kTime{"Time", "s", "", 1.0, "Time", "Time or duration"};
+constexpr Quantity kMass{"Mass", "kg", "t", 1e4, "Mass", "Mass of a vehicle"};
+constexpr Quantity kInertia{
+    "Inertia", "kg.m2", "", 1e6, "MomentOfInertia", "Moment or product of inertia of a vehicle"};
+constexpr Quantity kForce{"Force", "N", "", 100.0, "Force", "Force"};
+constexpr Quantity kTorque{"Torque", "N.m", "", 100.0, "Torque", "Torque or moment"};
+constexpr Quantity kEnergy{"Energy", "J", "", 10.0, "Energy", "Energy or work"};
+constexpr Quantity kPower{"Power", "W", "", 10.0, "Power", "Power"};
+constexpr Quantity kPerSecond{"PerSecond", "1/s", "", 1.0, "", "Rate of change, per second"};
+constexpr Quantity kMomentum{"Momentum", "N.s", "", 1e3, "Momentum", "Linear momentum or impulse"};
+constexpr Quantity kAngularMomentum{"AngularMomentum", "N.m.s",           "", 1e3,
+                                    "AngularMomentum", "Angular momentum"};
 
 /// Name of element i of a vector of n: what the reader of a description expects.
 std::string element_name(size_t i, size_t n) {
   static constexpr const char* kAxes[] = {"x", "y", "z"};
-  static constexpr const char* kQuaternion[] = {"w", "x", "y", "z"};
+  static constexpr const char* kQuaternionOrder[] = {"w", "x", "y", "z"};
   static constexpr const char* kInertiaOrder[] = {"xx", "yy", "zz", "xy", "xz", "yz"};
-  return n == 3 ? kAxes[i] : n == 4 ? kQuaternion[i] : kInertiaOrder[i];
+  return n == 3 ? kAxes[i] : n == 4 ? kQuaternionOrder[i] : kInertiaOrder[i];
 }
 
 std::string indexed(const std::string& name, size_t i) {
   return name + "[" + std::to_string(i + 1) + "]";
+}
+
+/// What the rate of change of a quantity measures.
+Quantity rate_of(const Quantity& quantity) {
+  const std::string unit = quantity.unit;
+  if (unit == "m") return kVelocity;
+  if (unit == "N.s") return kForce;
+  if (unit == "N.m.s") return kTorque;
+  if (unit == "J") return kPower;
+  return kPerSecond;
 }
 
 constexpr Type type_of(const double*) { return Type::kReal; }
@@ -53,23 +77,37 @@ constexpr Type type_of(const char*) { return Type::kBoolean; }
 constexpr Type type_of(const bool*) { return Type::kBoolean; }
 static_assert(sizeof(bool) == sizeof(char), "Boolean rows read bool through char");
 
-/// Limits of a row that was just added, so that a row reads as one statement.
+/// Limits of what was just added (one row, or all of a vector), so that it reads as one statement.
 class Row {
  public:
-  explicit Row(Variable& variable) : variable_(variable) {}
+  Row(std::vector<Variable>& rows, size_t first) : rows_(rows), first_(first) {}
   Row limits(double min, double max) {
-    variable_.min = min;
-    variable_.max = max;
-    return *this;
+    return each([&](Variable& v) {
+      v.min = min;
+      v.max = max;
+    });
   }
   Row not_negative() { return limits(0.0, kInfinity); }
+  Row nominal(double size) {
+    return each([&](Variable& v) { v.nominal = size; });
+  }
+  /// May be changed between steps.
+  Row tunable() {
+    return each([](Variable& v) { v.variability = Variability::kTunable; });
+  }
   Row discrete() {
-    variable_.variability = Variability::kDiscrete;
-    return *this;
+    return each([](Variable& v) { v.variability = Variability::kDiscrete; });
   }
 
  private:
-  Variable& variable_;
+  template <class F>
+  Row each(F&& change) {
+    for (size_t i = first_; i < rows_.size(); ++i) change(rows_[i]);
+    return *this;
+  }
+
+  std::vector<Variable>& rows_;
+  size_t first_;
 };
 
 class Table {
@@ -90,6 +128,11 @@ class Table {
   Row output(std::string name, const T* value, Quantity quantity, std::string description) {
     return add(std::move(name), Causality::kOutput, natural(value), nullptr, value, quantity,
                std::move(description));
+  }
+  /// Neither input nor output: the state vector and its rates.
+  Row local(std::string name, const double* value, Quantity quantity, std::string description) {
+    return append(std::move(name), Causality::kLocal, Variability::kContinuous, Type::kReal,
+                  nullptr, value, quantity, std::move(description));
   }
   /// Computed from the start value that the host may set.
   Row state(std::string name, double* start, const double* value, Quantity quantity,
@@ -112,10 +155,12 @@ class Table {
     });
   }
   template <class V>
-  void outputs(const std::string& name, V& value, Quantity quantity, const std::string& text) {
+  Row outputs(const std::string& name, V& value, Quantity quantity, const std::string& text) {
+    const size_t first = rows_.size();
     each(name, value, text, [&](size_t i, std::string element, std::string description) {
       output(std::move(element), &value[i], quantity, std::move(description));
     });
+    return Row(rows_, first);
   }
   template <class V>
   void states(const std::string& name, V& start, V& value, Quantity quantity,
@@ -123,6 +168,18 @@ class Table {
     each(name, value, text, [&](size_t i, std::string element, std::string description) {
       state(std::move(element), &start[i], &value[i], quantity, std::move(description));
     });
+  }
+
+  /// A row der(x) for every row x of the state vector, and its place.
+  void add_rates(const std::vector<double>& states, const std::vector<double>& rates) {
+    const size_t first = rows_.size() - states.size();
+    for (size_t i = 0; i < states.size(); ++i) {
+      rows_[first + i].state = static_cast<int>(i);
+      const std::string name = rows_[first + i].name;
+      const Quantity quantity = rate_of(rows_[first + i].quantity);
+      local("der(" + name + ")", &rates[i], quantity, "Rate of change of " + name + ", per second");
+      rows_.back().rate = static_cast<int>(i);
+    }
   }
 
   std::vector<Variable> take() { return std::move(rows_); }
@@ -160,13 +217,14 @@ class Table {
     v.causality = causality;
     v.variability = variability;
     if (type == Type::kReal) {
+      v.quantity = quantity;
       v.unit = quantity.unit;
       v.display_unit = quantity.display;
       v.nominal = quantity.nominal;
     }
     v.start = start;
     v.value = value;
-    return Row(v);
+    return Row(rows_, rows_.size() - 1);
   }
 
   std::vector<Variable> rows_;
@@ -198,7 +256,7 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
       "velocity", [](auto& s) -> auto& { return s.velocity; }, kVelocity,
       "Velocity of the centre of mass" + of + " in N");
   motion_rows(
-      "attitude", [](auto& s) -> auto& { return s.attitude; }, kNone,
+      "attitude", [](auto& s) -> auto& { return s.attitude; }, kQuaternion,
       "Attitude quaternion" + of + ", body axes to N");
   motion_rows(
       "angular_velocity", [](auto& s) -> auto& { return s.angular_velocity; }, kAngularVelocity,
@@ -223,7 +281,7 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
   table.parameters(v + "interface_position", parameter.interface_position, kLength,
                    "Origin of the docking interface " + interface + " in " + body);
   table.parameters(
-      v + "interface_attitude", parameter.interface_attitude, kNone,
+      v + "interface_attitude", parameter.interface_attitude, kQuaternion,
       "Attitude quaternion of the docking interface, axes of " + interface + " to axes of " + body);
 
   table.outputs(v + "force", output.force, kForce,
@@ -241,21 +299,29 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
 void add_relative(Table& table, Outputs& out) {
   table.outputs("relative.position", out.relative_position, kLength,
                 "Origin of P with respect to A, axes of A");
-  table.outputs("relative.attitude", out.relative_attitude, kNone,
-                "Attitude quaternion of P with respect to A, axes of P to axes of A");
+  table
+      .outputs("relative.attitude", out.relative_attitude, kQuaternion,
+               "Attitude quaternion of P with respect to A, axes of P to axes of A")
+      .limits(-1, 1);
   table.outputs("relative.velocity", out.relative_velocity, kSmallVelocity,
                 "Velocity of the origin of P with respect to A, axes of A");
   table.outputs("relative.angular_velocity", out.relative_angular_velocity, kAngularVelocity,
                 "Angular velocity of P with respect to A, axes of A");
   table.output("relative.axial", &out.relative_axial, kSmallLength,
                "Distance of the mating planes along the docking axis of A");
-  table.output("relative.lateral", &out.relative_lateral, kSmallLength,
-               "Offset of the origin of P across the docking axis of A");
-  table.output("relative.pitch_yaw", &out.relative_pitch_yaw, kAngle,
-               "Angle between the docking axes of A and P");
-  table.output("relative.roll", &out.relative_roll, kAngle, "Twist of P about the docking axis");
+  table
+      .output("relative.lateral", &out.relative_lateral, kSmallLength,
+              "Offset of the origin of P across the docking axis of A")
+      .not_negative();
+  table
+      .output("relative.pitch_yaw", &out.relative_pitch_yaw, kAngle,
+              "Angle between the docking axes of A and P")
+      .limits(0, kPi);
+  table.output("relative.roll", &out.relative_roll, kAngle, "Twist of P about the docking axis")
+      .limits(-kPi, kPi);
   table.output("gap", &out.gap, kSmallLength,
-               "Smallest signed distance between the two capture surfaces, negative in contact");
+               "Smallest signed distance between the two capture surfaces, negative in contact "
+               "(1e9 where there are no surfaces)");
 }
 
 void add_capture(Table& table, Outputs& out) {
@@ -278,27 +344,40 @@ void add_capture(Table& table, Outputs& out) {
       {Outputs::kTorsion, "torsion", "Torsion moment in the capture interface", kTorque},
   };
   for (const Load& load : loads) {
-    table.output(std::string("capture.") + load.name, &out.capture_load[load.index], load.quantity,
-                 load.text);
+    table
+        .output(std::string("capture.") + load.name, &out.capture_load[load.index], load.quantity,
+                load.text)
+        .not_negative();
   }
-  table.output("capture.load_ratio", &out.capture_load_ratio, kNone,
-               "Largest ratio of a load in the capture interface to its rated value");
+  table
+      .output("capture.load_ratio", &out.capture_load_ratio, kNone,
+              "Largest ratio of a load in the capture interface to its rated value")
+      .not_negative();
   const std::string largest = ", largest since the start over all inner steps";
   for (const Load& load : loads) {
-    table.output(std::string("capture.peak.") + load.name, &out.capture_peak[load.index],
-                 load.quantity, load.text + largest);
+    table
+        .output(std::string("capture.peak.") + load.name, &out.capture_peak[load.index],
+                load.quantity, load.text + largest)
+        .not_negative();
   }
-  table.output("capture.peak.load_ratio", &out.capture_peak_load_ratio, kNone,
-               "Ratio of a load in the capture interface to its rated value" + largest);
+  table
+      .output("capture.peak.load_ratio", &out.capture_peak_load_ratio, kNone,
+              "Ratio of a load in the capture interface to its rated value" + largest)
+      .not_negative();
 }
 
 void add_contact(Table& table, Parameters& parameter, Outputs& out) {
   for (size_t i = 0; i < out.petal_force.size(); ++i) {
-    table.output(indexed("contact.petal", i) + ".force", &out.petal_force[i], kForce,
-                 "Size of the resultant contact force on this petal");
+    table
+        .output(indexed("contact.petal", i) + ".force", &out.petal_force[i], kForce,
+                "Size of the resultant contact force on this petal")
+        .not_negative();
   }
-  table.output("contact.depth_ratio", &out.contact_depth_ratio, kNone,
-               "Largest contact depth as a fraction of the rounding of the surfaces");
+  table
+      .output("contact.depth_ratio", &out.contact_depth_ratio, kNone,
+              "Largest contact depth as a fraction of the rounding of the surfaces")
+      .limits(0, 1)
+      .nominal(0.1);
   for (size_t i = 0; i < out.latch_opening.size(); ++i) {
     table.output(indexed("latch", i) + ".opening", &out.latch_opening[i], kSmallLength,
                  "Axial distance from the hook of this latch to its striker");
@@ -308,7 +387,9 @@ void add_contact(Table& table, Parameters& parameter, Outputs& out) {
   table
       .parameter("friction.coefficient", &parameter.friction_coefficient, kNone,
                  "Coefficient of friction of the capture surfaces")
-      .not_negative();
+      .not_negative()
+      .nominal(0.1)
+      .tunable();
   table
       .parameter("friction.model", &parameter.friction_model, kNone,
                  "Friction law: 1 regularised (slides slowly where it should stick), 2 bristle "
@@ -317,11 +398,13 @@ void add_contact(Table& table, Parameters& parameter, Outputs& out) {
   table
       .parameter("restitution", &parameter.restitution, kNone,
                  "Coefficient of restitution of the capture surfaces at restitution_speed")
-      .limits(0, 1);
+      .limits(0, 1)
+      .tunable();
   table
       .parameter("restitution_speed", &parameter.restitution_speed, kSmallVelocity,
                  "Approach speed at which restitution holds")
-      .not_negative();
+      .not_negative()
+      .tunable();
 }
 
 void add_phase(Table& table, Parameters& parameter, Outputs& out) {
@@ -339,8 +422,12 @@ void add_phase(Table& table, Parameters& parameter, Outputs& out) {
               "Outcome so far: 1 undecided, 2 captured, 3 partial capture (some latches hold), "
               "4 rebound, 5 miss")
       .limits(1, 5);
-  table.output("time_to_contact", &out.time_to_contact, kTime,
-               "Lower bound of the time until first contact, from gap and closing speed");
+  table
+      .output("time_to_contact", &out.time_to_contact, kTime,
+              "Lower bound of the time until first contact, from gap and closing speed "
+              "(1e9: none in sight)")
+      .limits(0, 1e9)
+      .discrete();
   table
       .output("time_of_contact", &out.time_of_contact, kTime,
               "Simulation time of the first contact, -1 before it")
@@ -349,19 +436,24 @@ void add_phase(Table& table, Parameters& parameter, Outputs& out) {
       .output("time_of_capture", &out.time_of_capture, kTime,
               "Simulation time at which all latches held, -1 before it")
       .discrete();
-  table.parameter("chaser.contact_thrust", &parameter.contact_thrust, kForce,
-                  "Thrust on the chaser along +x of A from first contact until captured");
+  table
+      .parameter("chaser.contact_thrust", &parameter.contact_thrust, kForce,
+                 "Thrust on the chaser along +x of A from first contact until captured")
+      .tunable();
   table
       .parameter("chaser.contact_thrust_delay", &parameter.contact_thrust_delay, kTime,
                  "Time from first contact to the contact thrust")
-      .not_negative();
+      .not_negative()
+      .tunable();
 }
 
 void add_ring(Table& table, Outputs& out) {
   table.outputs("ring.position", out.ring_position, kSmallLength,
                 "Origin of the guide ring G with respect to A, axes of A");
-  table.outputs("ring.attitude", out.ring_attitude, kNone,
-                "Attitude quaternion of the guide ring, axes of G to axes of A");
+  table
+      .outputs("ring.attitude", out.ring_attitude, kQuaternion,
+               "Attitude quaternion of the guide ring, axes of G to axes of A")
+      .limits(-1, 1);
   table.outputs("ring.velocity", out.ring_velocity, kSmallVelocity,
                 "Velocity of the origin of the guide ring with respect to A, axes of A");
   table.outputs("ring.angular_velocity", out.ring_angular_velocity, kAngularVelocity,
@@ -371,7 +463,8 @@ void add_ring(Table& table, Outputs& out) {
 void add_legs(Table& table, Inputs& in, Outputs& out) {
   for (size_t i = 0; i < out.leg_length.size(); ++i) {
     const std::string leg = indexed("leg", i);
-    table.output(leg + ".length", &out.leg_length[i], kSmallLength, "Length of this leg");
+    table.output(leg + ".length", &out.leg_length[i], kSmallLength, "Length of this leg")
+        .not_negative();
     table.output(leg + ".rate", &out.leg_rate[i], kSmallVelocity, "Rate of change of its length");
     table.output(leg + ".force", &out.leg_force[i], kForce,
                  "Force along this leg, positive when it pushes its ends apart");
@@ -385,7 +478,7 @@ void add_states(Table& table, Outputs& out) {
   // Slides and turns share these arrays: unit 1 stands for m or rad.
   const auto rows = [&](const char* name, std::vector<double>& values, const char* text) {
     for (size_t i = 0; i < values.size(); ++i) {
-      table.output(indexed(name, i), &values[i], kNone, text);
+      table.output(indexed(name, i), &values[i], kCoordinate, text);
     }
   };
   rows("state.q", out.state_q, "Independent coordinate of the mechanism [m or rad]");
@@ -420,10 +513,15 @@ void add_energy(Table& table, Outputs& out) {
                "Energy dissipated in the latches");
   table.output("energy.external", &out.energy_external, kEnergy,
                "Work of forces from outside since the start");
-  table.output("energy.residual", &out.energy_residual, kEnergy,
-               "Energy that does not add up since the start");
-  table.output("momentum.residual", &out.momentum_residual, kNone,
-               "Largest momentum that does not add up since the start, as a fraction");
+  table
+      .output("energy.residual", &out.energy_residual, kEnergy,
+              "Energy that does not add up since the start")
+      .nominal(1e-6);
+  table
+      .output("momentum.residual", &out.momentum_residual, kNone,
+              "Largest momentum that does not add up since the start, as a fraction")
+      .not_negative()
+      .nominal(1e-14);
   table.outputs("momentum.linear", out.momentum_linear, kMomentum,
                 "Linear momentum of all inside but the driven vehicles, in N");
   table.outputs("momentum.angular", out.momentum_angular, kAngularMomentum,
@@ -433,41 +531,117 @@ void add_energy(Table& table, Outputs& out) {
                 "Reference point of momentum.angular in N");
 }
 
+/// The state vector of the integration and its rates, in the order of StateLayout: for hosts that
+/// integrate by themselves. Positions and momenta are relative to frame O near the docking.
+void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
+  size_t next = 0;
+  const auto rows = [&](const std::string& name, size_t count, Quantity quantity,
+                        const std::string& text) {
+    for (size_t i = 0; i < count; ++i, ++next) {
+      const std::string element = count == 1 ? name : indexed(name, i);
+      table.local(element, &out.states[next], quantity, text);
+    }
+  };
+  rows("ode.mechanism.q", out.state_q.size(), kCoordinate,
+       "Coordinate that is integrated [m, rad, 1]");
+  rows("ode.mechanism.v", out.state_v.size(), kCoordinate,
+       "Velocity that is integrated [m/s, rad/s]");
+  for (const int i : {kChaser, kTarget}) {
+    if (scene.motion[i] == Motion::kFixed || (i == kTarget && !scene.has_target)) continue;
+    const std::string v = i == kChaser ? "ode.chaser." : "ode.target.";
+    const std::string carried = i == kChaser ? " of chaser and mechanism" : " of the target";
+    rows(v + "position", 3, kLength, "Centre of mass in frame O, axes of N");
+    rows(v + "attitude", 4, kQuaternion, "Attitude quaternion, body to N");
+    rows(v + "momentum", 3, kMomentum, "Linear momentum" + carried + " in frame O");
+    rows(v + "angular_momentum", 3, kAngularMomentum,
+         "Angular momentum" + carried + " about the origin of O");
+  }
+  for (const char* sink : {"contact", "friction", "legs", "latches"}) {
+    rows(std::string("ode.dissipated_") + sink, 1, kEnergy, "Energy dissipated since the start");
+  }
+  rows("ode.external", 1, kEnergy, "Work of forces from outside since the start");
+  rows("ode.impulse", 3, kMomentum, "Impulse of forces from outside since the start");
+  rows("ode.angular_impulse", 3, kAngularMomentum, "Angular impulse of forces from outside");
+  rows("ode.bristle", out.states.size() - next, kSmallLength, "Deflection of a bristle");
+  table.add_rates(out.states, out.rates);
+}
+
+/// Ties rows to what they are for input slopes and derivatives: places by address.
+void number_values(std::vector<Variable>& rows, DockingSim& sim) {
+  std::map<const void*, int> inputs, outputs;
+  std::vector<double*> slopes;
+  const auto number = [](std::map<const void*, int>& places) {
+    return [&places](double& value) { places.emplace(&value, static_cast<int>(places.size())); };
+  };
+  for_each_value(sim.inputs(), number(inputs));
+  for_each_value(static_cast<OutputValues<double>&>(sim.output_storage()), number(outputs));
+  for_each_value(sim.input_slopes(), [&](double& slope) { slopes.push_back(&slope); });
+  for (Variable& row : rows) {
+    if (row.type != Type::kReal) continue;
+    if (row.causality == Causality::kInput) {
+      row.input = inputs.at(row.value);
+      row.slope = slopes[static_cast<size_t>(row.input)];
+    } else if (const auto place = outputs.find(row.value); place != outputs.end()) {
+      row.output = place->second;
+    }
+  }
+}
+
 void add_solver_parameters(Table& table, Parameters& parameter) {
   table
       .parameter("solver.method", &parameter.solver_method, kNone,
-                 "Integration method: 1 auto, 2 explicit (adaptive one-step)")
-      .limits(1, 2);
+                 "Integration method: 1 auto, 2 explicit (adaptive one-step), 7 fixed_rk4 (equal "
+                 "steps of solver.step, bounded cost); 3 implicit, 4 imex, 5 adams, 6 bdf, 8 "
+                 "fixed_implicit and 9 dae are not built yet")
+      .limits(1, 9);
+  table
+      .parameter("solver.step", &parameter.step, kTime,
+                 "Inner step of the fixed methods; a communication step is divided into equal "
+                 "steps that are not longer")
+      .not_negative();
   table.parameter("solver.rtol", &parameter.rtol, kNone, "Relative tolerance of the integration")
-      .limits(0, 1);
+      .limits(0, 1)
+      .nominal(1e-8);
   table
       .parameter("solver.atol_position", &parameter.atol_position, kSmallLength,
                  "Absolute tolerance of positions, also of attitudes [rad]")
-      .not_negative();
+      .not_negative()
+      .nominal(1e-10);
   table
       .parameter("solver.atol_velocity", &parameter.atol_velocity, kSmallVelocity,
                  "Absolute tolerance of velocities, also of angular velocities [rad/s]")
-      .not_negative();
+      .not_negative()
+      .nominal(1e-10);
   table
       .parameter("solver.atol_energy", &parameter.atol_energy, kEnergy,
                  "Absolute tolerance of dissipated energies and external work")
-      .not_negative();
+      .not_negative()
+      .nominal(1e-8);
 }
 
 void add_solver_outputs(Table& table, Outputs& out) {
-  table.output("solver.steps", &out.solver_steps, kNone, "Inner steps since the start").discrete();
+  table.output("solver.steps", &out.solver_steps, kCount, "Inner steps since the start")
+      .not_negative()
+      .discrete();
   table
-      .output("solver.rhs_evaluations", &out.solver_rhs_evaluations, kNone,
+      .output("solver.rhs_evaluations", &out.solver_rhs_evaluations, kCount,
               "Evaluations of the equations of motion since the start")
+      .not_negative()
       .discrete();
   table
-      .output("solver.rejected_steps", &out.solver_rejected_steps, kNone,
+      .output("solver.rejected_steps", &out.solver_rejected_steps, kCount,
               "Inner steps that were tried and repeated with a smaller one since the start")
+      .not_negative()
       .discrete();
-  table.output("solver.closure_residual", &out.solver_closure_residual, kSmallLength,
-               "Largest gap of a closed loop");
-  table.output("solver.singularity_margin", &out.solver_singularity_margin, kNone,
-               "Smallest normalised distance of a loop to a singular pose");
+  table
+      .output("solver.closure_residual", &out.solver_closure_residual, kSmallLength,
+              "Largest gap of a closed loop")
+      .not_negative()
+      .nominal(1e-14);
+  table
+      .output("solver.singularity_margin", &out.solver_singularity_margin, kNone,
+              "Smallest normalised distance of a loop to a singular pose")
+      .limits(0, 1);
 }
 
 }  // namespace
@@ -481,13 +655,15 @@ const std::vector<Unit>& unit_definitions() {
       {"rad", 0, 0, 0, 1, {{"deg", kDegrees}}},
       {"rad/s", 0, 0, -1, 1, {{"deg/s", kDegrees}}},
       {"s", 0, 0, 1, 0, {}},
-      {"kg", 1, 0, 0, 0, {}},
+      {"kg", 1, 0, 0, 0, {{"t", 1e-3}}},
       {"kg.m2", 1, 2, 0, 0, {}},
       {"N", 1, 1, -2, 0, {}},
       {"N.m", 1, 2, -2, 0, {}},
       {"N.s", 1, 1, -1, 0, {}},
       {"N.m.s", 1, 2, -1, 0, {}},
       {"J", 1, 2, -2, 0, {}},
+      {"W", 1, 2, -3, 0, {}},
+      {"1/s", 0, 0, -1, 0, {}},
   };
   return kUnits;
 }
@@ -518,7 +694,10 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   if (wants("energy")) add_energy(table, outputs);
   add_solver_parameters(table, parameters);
   if (wants("solver")) add_solver_outputs(table, outputs);
-  return table.take();
+  if (offers_model_exchange(scene)) add_state_vector(table, scene, outputs);
+  std::vector<Variable> rows = table.take();
+  number_values(rows, sim);
+  return rows;
 }
 
 }  // namespace dockloop

@@ -18,8 +18,18 @@ namespace dockloop {
 
 /// FMI type of a row, and what its pointers point at: double, int, char (0 or 1).
 enum class Type { kReal, kInteger, kBoolean };
-enum class Causality { kParameter, kInput, kOutput };
-enum class Variability { kFixed, kDiscrete, kContinuous };
+enum class Causality { kParameter, kInput, kOutput, kLocal };
+enum class Variability { kFixed, kTunable, kDiscrete, kContinuous };
+
+/// What a number measures: a type of modelDescription.xml, to which every Real row refers.
+struct Quantity {
+  const char* name = "";     ///< of the type
+  const char* unit = "";     ///< a name in unit_definitions()
+  const char* display = "";  ///< unit that people read it in: a display unit of that unit, or empty
+  double nominal = 1.0;      ///< typical size, in the unit
+  const char* physical = "";     ///< physical quantity, empty when it is just a number
+  const char* description = "";  ///< one line
+};
 
 struct Variable {
   std::string name;         ///< structured, a.b[1]
@@ -27,6 +37,7 @@ struct Variable {
   Type type = Type::kReal;
   Causality causality = Causality::kOutput;
   Variability variability = Variability::kContinuous;
+  Quantity quantity{};            ///< Real only: its declared type
   const char* unit = "";          ///< Real only, a name in unit_definitions()
   const char* display_unit = "";  ///< a display unit of that unit, or empty
   double min = -std::numeric_limits<double>::infinity();  ///< inclusive, infinite = no limit
@@ -34,6 +45,11 @@ struct Variable {
   double nominal = 1.0;         ///< typical size, in the unit
   void* start = nullptr;        ///< what a set writes; null: computed, initial="calculated"
   const void* value = nullptr;  ///< what a get reads after initialisation
+  double* slope = nullptr;      ///< input: where its rate over the coming step is written
+  int input = -1;               ///< place among the inputs, as for_each_value() counts, or -1
+  int output = -1;              ///< place among the continuous outputs, the same way, or -1
+  int state = -1;               ///< place in the state vector, or -1
+  int rate = -1;                ///< place of the state that this is the rate of, or -1
 
   /// Can be set before initialisation (or at any time: input). Otherwise the FMU computes it.
   bool has_start() const { return start != nullptr; }

@@ -11,7 +11,7 @@ import pytest
 from conftest import SCENES
 from dockloop import paths
 
-COMMANDS = ("build", "run", "check")
+COMMANDS = ("build", "ssp", "run", "check")
 
 
 def assert_refused(outcome, *words):

@@ -4,6 +4,8 @@
 2. A driven vehicle that is put into contact begins the contact there and then.
 3. A step that is refused leaves the FMU as it was: the corrected step succeeds.
 4. Vehicles at rest audit as at rest.
+5. A host that begins with zeros in every input, before it passes anything on, is understood: the
+   first step begins at the start values. Later, or with a position, zeros are no attitude.
 """
 
 import numpy as np
@@ -116,3 +118,37 @@ def test_vehicles_at_rest_audit_as_at_rest(host):
         host.step()
     assert host.get("momentum.residual")[0] < 1e-6
     assert abs(host.get("energy.residual")[0]) < 1e-12
+
+
+MOTION = {"position": 3, "velocity": 3, "attitude": 4, "angular_velocity": 3}
+
+
+def put_zeros(host, but=()):
+    """Set every input of the target's motion to 0, but those named."""
+    for name, count in MOTION.items():
+        if name not in but:
+            host.put(f"target.{name}", [0.0] * count)
+
+
+@pytest.mark.parametrize(
+    "host", [("target.motion=driven", "target.position=[9, 8, 7]")], indirect=True
+)
+def test_a_host_may_begin_with_zeros_in_every_input(host):
+    before = host.vector("relative.position")
+    host.start()
+    put_zeros(host)
+    host.step()
+    # The vehicles approach each other at 0.1 m/s from where they were.
+    assert 0.0 < np.linalg.norm(host.vector("relative.position") - before) < 2e-3
+    with pytest.raises(FMICallException):
+        host.step()
+
+
+@pytest.mark.parametrize(
+    "host", [("target.motion=driven", "target.position=[9, 8, 7]")], indirect=True
+)
+def test_zeros_are_no_attitude_where_a_position_is_told(host):
+    host.start()
+    put_zeros(host, but=["position"])
+    with pytest.raises(FMICallException):
+        host.step()

@@ -29,6 +29,8 @@ inertia = [1000, 1000, 1000, 0, 0, 0]
 name = "own"
 """
 
+ALONE = MINIMAL.partition("[mechanism]")[0]
+
 # A low-level mechanism as other programs write it: under a key, with siblings of their own.
 LOW_LEVEL = {
     "format": "whatever",
@@ -180,6 +182,15 @@ def test_a_bad_mechanism_file_is_refused_with_the_path_of_the_member(tmp_path):
         resolve_scene(tmp_path / "mine.toml")
 
 
+def test_a_scene_without_mechanism_is_a_vehicle_by_itself(tmp_path):
+    scene = tmp_path / "alone.toml"
+    scene.write_text(ALONE)
+    document = resolve_scene(scene)
+    assert document["mechanism"] == {"name": "none"}
+    assert document["chaser"]["motion"] == "free"
+    assert "target" not in document
+
+
 def test_a_bad_scene_file_is_refused(tmp_path):
     bad = tmp_path / "bad.toml"
     for text, words in (
@@ -187,6 +198,7 @@ def test_a_bad_scene_file_is_refused(tmp_path):
         ("[chaser]\nmass = 1\n", "lacks the member"),
         (MINIMAL.replace("own", "nowhere"), "no nowhere.json"),
         (MINIMAL.replace('name = "own"', 'nam = "own"'), "mechanism"),
+        (ALONE + "[contact]\nstiffness = 1e6\n", "guide ring, but there is none"),
     ):
         bad.write_text(text)
         with pytest.raises(UsageError, match=words):

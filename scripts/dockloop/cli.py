@@ -1,4 +1,4 @@
-"""The command line: ``dockloop build | run | check``.
+"""The command line: ``dockloop build | ssp | run | check``.
 
 Thin on purpose: arguments in, one call into the package, text and exit status out. Exit status:
 0 done, 1 the work failed, 2 bad usage or a bad file. Errors are one sentence on standard error;
@@ -18,6 +18,7 @@ from dockloop.errors import DockloopError, UsageError
 _BUILD_EXAMPLE = (
     "example: dockloop build idss_25t_350t --scene initial.closing_speed=0.05 -o slow.fmu"
 )
+_SSP_EXAMPLE = "example: dockloop ssp idss_25t_350t --scene experiment.step=0.002 -o docking.ssp"
 _RUN_EXAMPLE = "example: dockloop run idss_25t_350t --set friction.coefficient=0.2 --stop 12"
 _CHECK_EXAMPLE = "example: dockloop check idss_hexapod"
 
@@ -74,6 +75,24 @@ def _make_parser() -> argparse.ArgumentParser:
     _add_scene_option(build)
     build.add_argument(
         "-o", "--output", type=Path, metavar="FILE.fmu", help="default: build/fmu/SCENE.fmu"
+    )
+    build.add_argument(
+        "--reference",
+        action="store_true",
+        help="run the default experiment and put its result into the FMU (folder extra)",
+    )
+
+    ssp = _add(
+        commands,
+        "ssp",
+        _ssp,
+        "build an SSP package: the docking FMU connected to one FMU per vehicle",
+        _SSP_EXAMPLE,
+    )
+    ssp.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
+    _add_scene_option(ssp)
+    ssp.add_argument(
+        "-o", "--output", type=Path, metavar="FILE.ssp", help="default: build/ssp/SCENE.ssp"
     )
 
     run = _add(commands, "run", _run, "run one docking through its FMU", _RUN_EXAMPLE)
@@ -136,7 +155,20 @@ def _build(options: argparse.Namespace) -> None:
     from dockloop.paths import shown
 
     fmu = build_fmu(options.scene, options.overrides, options.output)
+    if options.reference:
+        from dockloop.reference import add_reference
+
+        add_reference(fmu)
     print(f"{shown(fmu)} ({fmu.stat().st_size / 1e6:.1f} MB)")
+
+
+def _ssp(options: argparse.Namespace) -> None:
+    """Build an SSP package and say where it is."""
+    from dockloop.paths import shown
+    from dockloop.ssp import build_ssp
+
+    package = build_ssp(options.scene, options.overrides, options.output)
+    print(f"{shown(package)} ({package.stat().st_size / 1e6:.1f} MB)")
 
 
 def _run(options: argparse.Namespace) -> None:

@@ -4,45 +4,38 @@ Layout (FMI 2.0)::
 
     modelDescription.xml                what the FMU exports, from dockloop-core
     binaries/linux64/NAME.so            the compiled library, the same for every scene
+    binaries/win64/NAME.dll             ... and whatever else scripts/platforms has built
+    sources/                            what a compiler needs to make the library again
     resources/model.json                the resolved scene, all that the library reads
-    documentation/index.html            frames and variables for people
-    documentation/licenses/license.txt
+    documentation/index.html            all that a stranger needs to know
+    documentation/externalDependencies.txt
+    documentation/licenses/             of the project and of every part of the library
+    terminalsAndIcons/                  which variables belong together; the icon (FMI 2.0.4)
+    model.png                           the icon
 
 The same scene and library give the same bytes: entries are sorted and dated alike. The date is
 1980-01-01 (the first that a zip file can hold) unless SOURCE_DATE_EPOCH says otherwise.
 """
 
 import datetime
-import html
 import json
 import os
 import sys
 import tempfile
-import xml.etree.ElementTree as ET
 import zipfile
 from pathlib import Path
 
 from dockloop import paths
+from dockloop.binaries import find_libraries
 from dockloop.core import run_core
+from dockloop.documentation import describe_needs, make_page
 from dockloop.errors import DockloopError
+from dockloop.licenses import read_licenses
 from dockloop.scene import find_scene, resolve_scene
+from dockloop.sources import list_sources, source_entries
+from dockloop.terminals import make_terminals
 
 _FIRST_ZIP_DATE = 315532800  # 1980-01-01T00:00:00Z, s since 1970
-
-_FRAMES = """
-<table>
-<tr><th>frame</th><th>where</th></tr>
-<tr><td>N</td><td>any non-rotating frame the host uses</td></tr>
-<tr><td>C, D</td><td>bodies of chaser and target, origin at the centre of mass</td></tr>
-<tr><td>A</td><td>active interface on the chaser, +x out of it along the docking axis</td></tr>
-<tr><td>P</td><td>passive interface on the target, +x into the target: A and P coincide when
-docked</td></tr>
-<tr><td>B</td><td>base of the mechanism, fixed on the chaser (here equal to A)</td></tr>
-<tr><td>G</td><td>guide ring</td></tr>
-</table>
-<p>Quaternions are (w, x, y, z), body axes to reference axes. Angular velocities are in body axes,
-positions and velocities of vehicles in N.</p>
-"""
 
 
 def build_fmu(
@@ -64,96 +57,110 @@ def build_fmu(
     """
     source = find_scene(reference)
     document = resolve_scene(source, overrides)
-    if not paths.LIBRARY.exists():
+    place_vehicles(document, source)
+    output = output or paths.BUILD / "fmu" / f"{document['name']}.fmu"
+    write_fmu(document, source, output)
+    return output
+
+
+def place_vehicles(document: dict, source: Path) -> None:
+    """Put the start states of both vehicles into a document that states them at first contact.
+
+    Args:
+        document: a resolved scene, changed in place.
+        source: the scene file, for messages.
+    """
+    if document["initial"]["at"] != "first_contact":
+        return
+    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
+        model = Path(folder) / "model.json"
+        model.write_text(_to_json(document))
+        placed = json.loads(run_core("place", model, source=source))
+    if not placed["touches"]:
+        print(
+            f"dockloop: warning: {paths.shown(source)}: with these conditions the capture"
+            " surfaces never touch; the mating planes meet at the stated time instead",
+            file=sys.stderr,
+        )
+    for vehicle in ("chaser", "target"):
+        document[vehicle] |= placed[vehicle]
+
+
+def write_fmu(document: dict, source: Path, output: Path) -> None:
+    """Write the FMU of a resolved document whose vehicles are placed.
+
+    Args:
+        document: all that the FMU will read.
+        source: the scene file, for messages.
+        output: the FMU.
+    """
+    libraries = find_libraries()
+    if not libraries:
         raise DockloopError(
             f"{paths.shown(paths.LIBRARY)} is not there: build it with scripts/demo, scripts/test"
             " or 'cmake --preset release && cmake --build --preset release'"
         )
-    stamp = int(os.environ.get("SOURCE_DATE_EPOCH", _FIRST_ZIP_DATE))
-    date = datetime.datetime.fromtimestamp(max(stamp, _FIRST_ZIP_DATE), datetime.UTC)
-
+    date = find_date().strftime("%Y-%m-%dT%H:%M:%SZ")
     with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
         model = Path(folder) / "model.json"
         model.write_text(_to_json(document))
-        if document["initial"]["at"] == "first_contact":
-            placed = json.loads(run_core("place", model, source=source))
-            if not placed["touches"]:
-                print(
-                    f"dockloop: warning: {paths.shown(source)}: with these conditions the capture"
-                    " surfaces never touch; the mating planes meet at the stated time instead",
-                    file=sys.stderr,
-                )
-            for vehicle in ("chaser", "target"):
-                document[vehicle] |= placed[vehicle]
-            model.write_text(_to_json(document))
-        description = run_core(
-            "describe", model, "--date", date.strftime("%Y-%m-%dT%H:%M:%SZ"), source=source
-        )
-
+        mechanism = Path(folder) / "mechanism.json"
+        mechanism.write_text(_to_json(document["mechanism"]))
+        description = run_core("describe", model, "--date", date, source=source)
+        report = json.loads(run_core("check", mechanism, source=source))
     name = document["name"]
+    sources = source_entries(name)
     entries = {
-        "modelDescription.xml": description.encode(),
-        f"binaries/linux64/{name}.so": paths.LIBRARY.read_bytes(),
+        "modelDescription.xml": list_sources(description, sources).encode(),
+        **{
+            f"binaries/{platform}/{name}{library.suffix}": library.read_bytes()
+            for platform, library in libraries.items()
+        },
         "resources/model.json": _to_json(document).encode(),
-        "documentation/index.html": _documentation(document, description).encode(),
-        "documentation/licenses/license.txt": (paths.ROOT / "LICENSE").read_bytes(),
+        **_companions(document, description, report, libraries.get("linux64") != paths.LIBRARY),
+        **sources,
     }
-    output = output or paths.BUILD / "fmu" / f"{name}.fmu"
+    write_zip(output, entries)
+
+
+def find_date() -> datetime.datetime:
+    """Return the date of everything built: SOURCE_DATE_EPOCH, or the first of a zip file."""
+    stamp = int(os.environ.get("SOURCE_DATE_EPOCH", _FIRST_ZIP_DATE))
+    return datetime.datetime.fromtimestamp(max(stamp, _FIRST_ZIP_DATE), datetime.UTC)
+
+
+def write_zip(output: Path, entries: dict[str, bytes]) -> None:
+    """Write a zip file whose bytes depend on its content only; replaces `output` at once."""
+    date = find_date().timetuple()[:6]
+    partial = output.with_suffix(".partial")
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
-        _write_zip(output, entries, date)
+        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, content in entries.items():
+                info = zipfile.ZipInfo(name, date)
+                info.compress_type = zipfile.ZIP_DEFLATED
+                info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+                archive.writestr(info, content)
+        partial.replace(output)
     except OSError as error:
         raise DockloopError(f"{output}: cannot be written ({error.strerror})") from None
-    return output
+
+
+def _companions(document: dict, description: str, report: dict, portable: bool) -> dict[str, bytes]:
+    """Return what makes an FMU friendly: page, licences, terminals, icons."""
+    terminals = make_terminals(description)
+    needs = describe_needs(portable)
+    page = make_page(document, description, report, needs, terminals["icon.svg"])
+    return {
+        "model.png": terminals["icon.png"],
+        "documentation/index.html": page.encode(),
+        "documentation/externalDependencies.txt": needs.encode(),
+        **{f"documentation/licenses/{name}": text for name, text in read_licenses().items()},
+        **{f"terminalsAndIcons/{name}": content for name, content in terminals.items()},
+    }
 
 
 def _to_json(document: dict) -> str:
     """Return a document as JSON text, one top-level member per line."""
     lines = (f"{json.dumps(key)}: {json.dumps(value)}" for key, value in document.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
-
-
-def _write_zip(output: Path, entries: dict[str, bytes], date: datetime.datetime) -> None:
-    """Write a zip file whose bytes depend on its content only; replaces `output` at once."""
-    partial = output.with_suffix(".partial")
-    with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in entries.items():
-            info = zipfile.ZipInfo(name, date.timetuple()[:6])
-            info.compress_type = zipfile.ZIP_DEFLATED
-            info.external_attr = (0o755 if name.endswith(".so") else 0o644) << 16
-            archive.writestr(info, content)
-    partial.replace(output)
-
-
-def _documentation(document: dict, description: str) -> str:
-    """Return a page that tells a stranger what the FMU is and what its variables mean."""
-    root = ET.fromstring(description)
-    rows = []
-    for variable in root.iter("ScalarVariable"):
-        kind = variable[0]
-        cells = (
-            variable.get("name"),
-            variable.get("causality", "local"),
-            kind.tag,
-            kind.get("unit", ""),
-            kind.get("start", ""),
-            variable.get("description", ""),
-        )
-        rows.append("<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in cells) + "</tr>")
-    head = ("variable", "causality", "type", "unit", "start", "meaning")
-    table = "<tr>" + "".join(f"<th>{text}</th>" for text in head) + "</tr>\n" + "\n".join(rows)
-    title = html.escape(document["title"])
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title>
-<style>body {{ font-family: sans-serif; max-width: 70em; margin: 2em auto; padding: 0 1em }}
-td, th {{ text-align: left; padding: 0.1em 0.8em 0.1em 0; vertical-align: top }}</style></head>
-<body>
-<h1>{title}</h1>
-<p>Docking of two spacecraft as an FMI 2.0 co-simulation FMU, built by dockloop from the scene
-<code>{document["name"]}</code>. The FMU never ends a run: after capture or rebound it goes on.
-The whole scene is in <code>resources/model.json</code>.</p>
-<h2>Frames</h2>{_FRAMES}
-<h2>Variables</h2><table>
-{table}
-</table></body></html>
-"""

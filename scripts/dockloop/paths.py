@@ -15,6 +15,8 @@ BUILD = ROOT / "build"
 COMPILED = Path(os.environ.get("DOCKLOOP_BUILD", BUILD / "release"))
 CORE = COMPILED / "dockloop-core"
 LIBRARY = COMPILED / "dockloop.so"
+PLATFORMS = BUILD / "platforms"  # made by scripts/platforms
+OUTSIDE = BUILD / "deps" / "source"  # sources of the outside packages, for portable binaries
 
 
 def shown(path: Path | str) -> str:

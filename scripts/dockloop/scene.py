@@ -36,7 +36,13 @@ _VEHICLE = {
     "angular_velocity": [0.0, 0.0, 0.0],
 }
 _THRUST = {"contact_thrust": 0.0, "contact_thrust_delay": 0.0}
-_SOLVER = {"rtol": 1e-6, "atol_position": 1e-8, "atol_velocity": 1e-8, "atol_energy": 1e-7}
+_SOLVER = {
+    "rtol": 1e-6,
+    "atol_position": 1e-8,
+    "atol_velocity": 1e-8,
+    "atol_energy": 1e-7,
+    "step": 1e-3,
+}
 _EXPERIMENT = {"start": 0.0, "stop": 20.0, "step": 0.01, "tolerance": 1e-6}
 _CAPTURE_BODY = {
     name: [0.0, 0.0, 0.0]
@@ -89,12 +95,14 @@ def resolve_scene(path: Path, overrides: list[str] | tuple[str, ...] = ()) -> di
         apply_override(scene, text)
     schema.check(scene, "scene", path)
 
-    mechanism = load_mechanism(scene["mechanism"], path)
+    # A scene without mechanism is a vehicle by itself (or two that pass through each other).
+    named = scene.get("mechanism")
+    mechanism = load_mechanism(named, path) if named else {"name": "none"}
     law = scene.get("contact", {})
     if law and mechanism.get("contact", {}).get("type") != "guide_ring":
         raise UsageError(
             f"{shown(path)}: [contact] overrides the law of a guide ring,"
-            f" but the mechanism '{scene['mechanism']['name']}' has none"
+            + (f" but the mechanism '{named['name']}' has none" if named else " but there is none")
         )
     document = {
         "format": FORMAT,

@@ -1,4 +1,5 @@
-# Set-up shared by scripts/demo and scripts/test; meant to be sourced, after `set -euo pipefail`.
+# Set-up shared by scripts/demo, scripts/test and scripts/platforms; meant to be sourced, after
+# `set -euo pipefail`.
 #
 # Everything stays inside the project (.venv/, build/) but the system packages, and what is there
 # already is left alone: a second run costs seconds. Works on Debian 12 and Ubuntu 24.04, as root or
@@ -45,7 +46,8 @@ apt_update() { # once per run
   fi
 }
 
-# ensure_system [test]: compiler, CMake, headers, Python; with `test` also GoogleTest.
+# ensure_system [test]: compiler, CMake, headers, Python; with `test` also GoogleTest, what the
+# importer ecos needs, and Wine if DOCKLOOP_PLATFORMS has win64.
 ensure_system() {
   local missing=()
   command -v g++ >/dev/null || missing+=(g++)
@@ -57,6 +59,10 @@ ensure_system() {
   python3 -c 'import ensurepip, venv' 2>/dev/null || missing+=(python3-venv)
   if [ "${1:-}" = test ]; then
     [ -f /usr/include/gtest/gtest.h ] || missing+=(libgtest-dev)
+    [ -e "/usr/lib/$(uname -m)-linux-gnu/libtbb.so.12" ] || missing+=(libtbb12)
+    if [[ " ${DOCKLOOP_PLATFORMS:-} " = *" win64 "* ]]; then
+      [ -x /usr/lib/wine/wine64 ] || missing+=(wine64)
+    fi
   fi
   if [ ${#missing[@]} -gt 0 ]; then
     say "system packages: ${missing[*]}"
@@ -91,7 +97,31 @@ ensure_sundials() {
   rm -rf "$work"
 }
 
-# ensure_python [test]: .venv with this package (editable), so that .venv/bin/dockloop exists.
+# The sources of Eigen, nlohmann-json and SUNDIALS in build/deps/source (see sources.cmake), from
+# which portable binaries are compiled. SUNDIALS has the version of the package libsundials-dev.
+ensure_sources() {
+  local target=$root/build/deps/source key
+  key=$(sha256sum <scripts/lib/sources.cmake)
+  [ "$(cat "$target.key" 2>/dev/null)" = "$key" ] && return
+  say "sources of Eigen, nlohmann-json and SUNDIALS into build/deps"
+  local work=$root/build/deps/download uri suite component
+  rm -rf "$work"
+  mkdir -p "$work/lists/partial"
+  [ -n "$(apt-cache madison libsundials-dev 2>/dev/null)" ] || apt_update
+  read -r uri suite < <(apt-cache madison libsundials-dev | awk -F '|' 'NR == 1 {print $3}')
+  component=${suite#*/} component=${component%% *} suite=${suite%%/*}
+  echo "deb-src $uri $suite $component" >"$work/sources.list"  # of this folder, not of the system
+  local apt=(apt-get -qq -o "Dir::Etc::SourceList=$work/sources.list" -o Dir::Etc::SourceParts=-
+    -o "Dir::State::Lists=$work/lists" -o APT::Sandbox::User=root)
+  quietly sources-list "${apt[@]}" update
+  (cd "$work" && quietly sources-download "${apt[@]}" source --download-only sundials)
+  quietly sources-unpack cmake "-DARCHIVE=$(ls "$work"/sundials_*.orig.tar.*)" "-DTARGET=$target" \
+    -P scripts/lib/sources.cmake
+  echo "$key" >"$target.key"
+  rm -rf "$work"
+}
+
+# ensure_python [platforms|test]: .venv with this package (editable), and with .venv/bin/dockloop.
 ensure_python() {
   local extra=${1:-} key stamp
   key=$(cat pyproject.toml scripts/lib/setup.sh <(echo "$root") | sha256sum | cut -c 1-16)

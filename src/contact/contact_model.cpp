@@ -9,6 +9,8 @@
 #include <cmath>
 #include <string>
 
+#include "math/scalar.hpp"
+
 namespace dockloop {
 namespace {
 
@@ -195,7 +197,7 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
 
     // States that must not be accepted.
     const Vec3<S> pq = c.second - c.first;
-    const double margin = static_cast<double>(-gap) / pair.rounding;
+    const double margin = to_double(-gap) / pair.rounding;
     if (was_closed && pq.dot(memory.n_last[i].template cast<S>()) < S(0)) {
       return {StatusCode::kContactFlipped, i, margin};
     }
@@ -433,8 +435,8 @@ double find_time_to_contact(double gap, double speed_bound, double acceleration_
                                   const RelativeMotion<S>&, const S*, S*, ContactWorkspace<S>&, \
                                   ContactResult<S>&);                                           \
   template S find_gap<S>(const ContactModel&, const RelativeMotion<S>&, ContactWorkspace<S>&);
-DOCK_INSTANTIATE(double)
-DOCK_INSTANTIATE(long double)
+
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
 #undef DOCK_INSTANTIATE
 
 }  // namespace dockloop

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "contact/laws.hpp"
+#include "math/scalar.hpp"
 #include "math/status.hpp"
 
 namespace dockloop {
@@ -146,10 +147,11 @@ double update_latch(const LatchSet& set, int i, double t, const RelativeMotion<d
   return before.energy - calc_latch<double>(set.law, state, t, s, rate).energy;
 }
 
-template void calc_latches<double>(const LatchSet&, const LatchState*, double,
-                                   const RelativeMotion<double>&, LatchResult<double>&);
-template void calc_latches<long double>(const LatchSet&, const LatchState*, long double,
-                                        const RelativeMotion<long double>&,
-                                        LatchResult<long double>&);
+#define DOCK_INSTANTIATE(S)                                                                      \
+  template void calc_latches<S>(const LatchSet&, const LatchState*, S, const RelativeMotion<S>&, \
+                                LatchResult<S>&);
+
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+#undef DOCK_INSTANTIATE
 
 }  // namespace dockloop

@@ -17,6 +17,7 @@
 #include <limits>
 #include <utility>
 
+#include "math/dual.hpp"
 #include "math/types.hpp"
 
 namespace dockloop {
@@ -199,22 +200,19 @@ Closest<S> find_plate_plate(const Plate<S>& P, const Plate<S>& Q, const S& mu) {
   return best;
 }
 
-/// Segment p0 + t d, 0 <= t <= 1, on annulus: minimum of
-///     f(t) = (x - ring.x)^2 + (r - clamp(r))^2 + mu |d|^2 (t - 1/2)^2,  r = sqrt(y^2 + z^2),
-/// regularised by the middle of the segment only. Nine samples bracket the lowest valley, Newton on
-/// f' (bisection where it leaves the bracket) finds its floor. Within 50 mm of a ring of 0.6 m the
-/// valley is the only one.
+/// Segment p0 + t d, 0 <= t <= 1, and an annulus: what is to be minimised is
+///     f(t) = (x - ring.x)^2 + (r - clamp(r))^2 + weight (t - 1/2)^2,  r = sqrt(y^2 + z^2),
+/// regularised by the middle of the segment only.
 template <class S>
-Closest<S> find_segment_annulus(const Vec3<S>& p0, const Vec3<S>& d, const Annulus<S>& ring,
-                                const S& mu) {
-  using std::abs;
-  using std::sqrt;
-  constexpr int kSamples = 8;
-  const S weight = mu * d.squaredNorm(), dr2 = d[1] * d[1] + d[2] * d[2];
+struct SegmentOnAnnulus {
+  Vec3<S> p0, d;
+  Annulus<S> ring;
+  S weight, dr2;  ///< mu |d|^2; square of d across the axis
   struct Local {
-    S value, slope, curvature;  // of f/2, and of f itself for `value`
+    S value, slope, curvature;  ///< of f/2, and of f itself for `value`
   };
-  const auto local = [&](const S& t, bool derivatives) -> Local {
+  Local at(const S& t, bool derivatives) const {
+    using std::sqrt;
     const S x = p0[0] + t * d[0] - ring.x, y = p0[1] + t * d[1], z = p0[2] + t * d[2];
     const S r = std::max<S>(sqrt(y * y + z * z), S(1e-9));
     const S out = r - std::min<S>(std::max<S>(r, ring.inner), ring.outer);
@@ -227,11 +225,19 @@ Closest<S> find_segment_annulus(const Vec3<S>& p0, const Vec3<S>& d, const Annul
       if (out != S(0)) l.curvature += r1 * r1 + out * (dr2 - r1 * r1) / r;
     }
     return l;
-  };
+  }
+};
+
+/// Nine samples bracket the lowest valley, Newton on f' (bisection where it leaves the bracket)
+/// finds its floor. Within 50 mm of a ring of 0.6 m the valley is the only one.
+template <class S>
+S find_lowest(const SegmentOnAnnulus<S>& f) {
+  using std::abs;
+  constexpr int kSamples = 8;
   int k = 0;
-  S lowest = local(S(0), false).value;
+  S lowest = f.at(S(0), false).value;
   for (int i = 1; i <= kSamples; ++i) {
-    const S value = local(S(i) / S(kSamples), false).value;
+    const S value = f.at(S(i) / S(kSamples), false).value;
     if (value < lowest) {
       lowest = value;
       k = i;
@@ -240,7 +246,7 @@ Closest<S> find_segment_annulus(const Vec3<S>& p0, const Vec3<S>& d, const Annul
   S t = S(k) / S(kSamples);
   S low = S(std::max(k - 1, 0)) / S(kSamples), high = S(std::min(k + 1, kSamples)) / S(kSamples);
   for (int i = 0; i < 60; ++i) {
-    const Local l = local(t, true);
+    const auto l = f.at(t, true);
     (l.slope > S(0) ? high : low) = t;
     S next = t - l.slope / l.curvature;
     if (!(l.curvature > S(0)) || next <= low || next >= high) next = (low + high) / S(2);
@@ -248,6 +254,36 @@ Closest<S> find_segment_annulus(const Vec3<S>& p0, const Vec3<S>& d, const Annul
     t = next;
     if (change <= S(4) * std::numeric_limits<S>::epsilon()) break;
   }
+  return t;
+}
+
+/// The same with derivatives: the search runs on values, whatever way it ends; inside the segment
+/// f'(t) = 0 then tells how its result moves (implicit function theorem). At an end it stays.
+template <int N>
+Dual<N> find_lowest(const SegmentOnAnnulus<Dual<N>>& f) {
+  constexpr double kEnd = 1e-14;  // as close as bisection comes to an end
+  const auto plain = [](const Vec3<Dual<N>>& x) {
+    return Vec3<double>(x[0].value, x[1].value, x[2].value);
+  };
+  const double lowest =
+      find_lowest<double>({plain(f.p0),
+                           plain(f.d),
+                           {f.ring.x.value, f.ring.inner.value, f.ring.outer.value},
+                           f.weight.value,
+                           f.dr2.value});
+  Dual<N> t(lowest);
+  if (lowest < kEnd || lowest > 1.0 - kEnd) return t;
+  const auto l = f.at(t, true);
+  for (int i = 0; i < N; ++i) t.d[i] = -l.slope.d[i] / l.curvature.value;
+  return t;
+}
+
+/// Segment on annulus: closest points from the lowest point of f, mu > 0.
+template <class S>
+Closest<S> find_segment_annulus(const Vec3<S>& p0, const Vec3<S>& d, const Annulus<S>& ring,
+                                const S& mu) {
+  const S weight = mu * d.squaredNorm();
+  const S t = find_lowest(SegmentOnAnnulus<S>{p0, d, ring, weight, d[1] * d[1] + d[2] * d[2]});
   Closest<S> c = find_point_annulus<S>(p0 + d * t, ring);
   c.square += weight * (t - S(0.5)) * (t - S(0.5));
   return c;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "math/scalar.hpp"
+
 namespace dockloop {
 
 template <class S>
@@ -338,8 +340,8 @@ DockingModel make_docking_model(const Scene& scene,
 
 template <class S>
 Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
-                    const ContactMemory& memory, const Loads& loads, S t, const S* y, S* ydot,
-                    DockingData<S>& data) {
+                    const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
+                    S* ydot, DockingData<S>& data) {
   Status status = calc_kinematics(model, t, y, data);
   if (!status.ok()) return status;
   status = calc_capture_forces(model, discrete, memory, t, y, ydot, data);
@@ -347,8 +349,7 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
 
   // Loads on the bodies of the tree: capture body, chaser, joints.
   MechanismData<S>& mechanism = data.mechanism;
-  const Vec3<S> gravity =
-      model.falling ? Vec3<S>(Vec3<S>::Zero()) : Vec3<S>(loads.gravity.template cast<S>());
+  const Vec3<S> gravity = model.falling ? Vec3<S>(Vec3<S>::Zero()) : loads.gravity;
   data.base.gravity = gravity;
   const FrameMotion<S>& chaser = data.vehicle[kChaser];
   for (Wrench<S>& load : mechanism.tree.external) load = Wrench<S>();
@@ -361,14 +362,14 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
   }
   data.thrust = discrete.thrust_on ? Vec3<S>(data.interface[kChaser].R.col(0) * S(model.thrust))
                                    : Vec3<S>(Vec3<S>::Zero());
-  const Vec3<S> chaser_force = loads.force[kChaser].template cast<S>() + data.thrust;
-  const Vec3<S> chaser_moment = chaser.R * loads.torque[kChaser].template cast<S>();
+  const Vec3<S> chaser_force = loads.force[kChaser] + data.thrust;
+  const Vec3<S> chaser_moment = chaser.R * loads.torque[kChaser];
   if (model.mechanism.vehicle != kBase) {
     mechanism.tree.external[model.mechanism.vehicle].f += chaser_force;
     mechanism.tree.external[model.mechanism.vehicle].t += chaser_moment;
   }
   mechanism.tau.setZero();
-  data.command = loads.command.template cast<S>();
+  data.command = loads.command;
   data.joints = calc_joint_forces(model.mechanism.model, mechanism.tree.q, mechanism.tree.v,
                                   data.command, data.joint_force, mechanism.tau);
   calc_acceleration(model.mechanism, data.base, mechanism);
@@ -413,9 +414,8 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
   }
   if (model.moves[kTarget]) {
     const FrameMotion<S>& target = data.vehicle[kTarget];
-    const Vec3<S> force =
-        loads.force[kTarget].template cast<S>() + S(model.vehicle[kTarget].mass) * gravity;
-    const Vec3<S> moment = target.R * loads.torque[kTarget].template cast<S>();
+    const Vec3<S> force = loads.force[kTarget] + S(model.vehicle[kTarget].mass) * gravity;
+    const Vec3<S> moment = target.R * loads.torque[kTarget];
     const Vec3<S> moment_about_O = moment + target.p.cross(force);
     put_vehicle_rates<S>(model, kTarget, target, force + data.on_passive.f,
                          moment_about_O + capture_moment, y, ydot);
@@ -509,14 +509,14 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
 #define DOCK_INSTANTIATE(S)                                                                        \
   template struct DockingData<S>;                                                                  \
   template Status calc_docking<S>(const DockingModel&, const DiscreteState&, const ContactMemory&, \
-                                  const Loads&, S, const S*, S*, DockingData<S>&);                 \
+                                  const ExternalLoads<S>&, S, const S*, S*, DockingData<S>&);      \
   template FrameMotion<S> find_frame_on<S>(const FrameMotion<S>&, const Pose<double>&);            \
   template RelativeMotion<S> find_relative<S>(const FrameMotion<S>&, const FrameMotion<S>&);       \
   template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                   \
   template Wrench<S> find_body_momentum<S>(const DockingModel&, int, const DockingData<S>&);       \
   template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);
 
-DOCK_INSTANTIATE(double)
-DOCK_INSTANTIATE(long double)
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+#undef DOCK_INSTANTIATE
 
 }  // namespace dockloop

@@ -71,12 +71,14 @@ struct DiscreteState {
 };
 
 /// Loads from outside, held over a step.
-struct Loads {
-  std::array<Vec3<double>, 2> force{Vec3<double>::Zero(), Vec3<double>::Zero()};   ///< in N axes
-  std::array<Vec3<double>, 2> torque{Vec3<double>::Zero(), Vec3<double>::Zero()};  ///< body axes
-  Vec3<double> gravity = Vec3<double>::Zero();  ///< in N axes [m/s2]
-  VecX<double> command;                         ///< per joint force [N]
+template <class S>
+struct ExternalLoads {
+  std::array<Vec3<S>, 2> force{Vec3<S>::Zero(), Vec3<S>::Zero()};   ///< at the CoM, N axes [N]
+  std::array<Vec3<S>, 2> torque{Vec3<S>::Zero(), Vec3<S>::Zero()};  ///< body axes [N m]
+  Vec3<S> gravity = Vec3<S>::Zero();                                ///< in N axes [m/s2]
+  VecX<S> command;                                                  ///< per joint force [N]
 };
+using Loads = ExternalLoads<double>;
 
 /// Motion of a frame in O, axes of O.
 template <class S>
@@ -119,8 +121,8 @@ void get_mechanism_state(const DockingModel& model, const TreeData<double>& tree
 /// @param t  [s] since start
 template <class S>
 Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
-                    const ContactMemory& memory, const Loads& loads, S t, const S* y, S* ydot,
-                    DockingData<S>& data);
+                    const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
+                    S* ydot, DockingData<S>& data);
 
 /// Motion of a frame that is fixed on another one.
 template <class S>

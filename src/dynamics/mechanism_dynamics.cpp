@@ -185,26 +185,41 @@ void calc_joint_loads(const Mechanism& mechanism, MechanismData<S>& data) {
   tree.external = data.scratch;
 }
 
-std::optional<Mechanism> find_better_coordinates(const Mechanism& mechanism,
-                                                 const MechanismData<double>& data) {
+std::optional<Coordinates> find_better_coordinates(const Mechanism& mechanism,
+                                                   const MechanismData<double>& data) {
   const VecX<double>& q = data.tree.q;
-  const std::vector<double> pose(q.data(), q.data() + q.size());
-  std::optional<Dependents> dependents;
+  Coordinates better;
+  better.pose.assign(q.data(), q.data() + q.size());
   try {
-    dependents = find_better_dependents(mechanism.model, pose);
+    std::optional<Dependents> dependents = find_better_dependents(mechanism.model, better.pose);
+    if (!dependents) return std::nullopt;
+    better.dependent = std::move(*dependents);
   } catch (const ModelError&) {  // rounding made a plane look bent: stay with what there is
+    return std::nullopt;
   }
-  if (!dependents) return std::nullopt;
+  for (size_t k = 0; k < better.dependent.size(); ++k) {
+    const Loop& loop = mechanism.model.loops[k];
+    const bool searched =
+        loop.dependent != better.dependent[k] && loop.closure != ClosureKind::kNewton;
+    better.closure.push_back(searched ? ClosureKind::kAutomatic : loop.closure);
+  }
+  return better;
+}
+
+Mechanism with_coordinates(const Mechanism& mechanism, const Coordinates& coordinates) {
   Mechanism changed = mechanism;
-  for (size_t k = 0; k < changed.model.loops.size(); ++k) {
-    Loop& loop = changed.model.loops[k];
-    if (loop.dependent == (*dependents)[k]) continue;
-    loop.dependent = (*dependents)[k];
-    if (loop.closure != ClosureKind::kNewton) loop.closure = ClosureKind::kAutomatic;
+  const size_t count = changed.model.loops.size();
+  if (coordinates.dependent.size() != count || coordinates.closure.size() != count ||
+      coordinates.pose.size() != static_cast<size_t>(changed.model.nq)) {
+    throw ModelError("a choice of coordinates belongs to another mechanism");
+  }
+  for (size_t k = 0; k < count; ++k) {
+    changed.model.loops[k].dependent = coordinates.dependent[k];
+    changed.model.loops[k].closure = coordinates.closure[k];
   }
   // Closed forms take the branch of this pose.
   changed.model.home_given = true;
-  changed.plan = make_loop_plan(changed.model, pose, mechanism.newton_only);
+  changed.plan = make_loop_plan(changed.model, coordinates.pose, mechanism.newton_only);
   return changed;
 }
 

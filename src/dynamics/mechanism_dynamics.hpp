@@ -77,10 +77,21 @@ void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int b
 template <class S>
 void calc_joint_loads(const Mechanism& mechanism, MechanismData<S>& data);
 
-/// The mechanism in the independent coordinates that suit the present pose best, if they are much
-/// better than its own; otherwise nothing. Allocates. @pre calc_position
-std::optional<Mechanism> find_better_coordinates(const Mechanism& mechanism,
-                                                 const MechanismData<double>& data);
+/// A choice of independent coordinates: the joints that each loop determines, how it is closed, and
+/// the pose whose assembly branch counts.
+struct Coordinates {
+  std::vector<std::vector<int>> dependent;  ///< per loop
+  std::vector<ClosureKind> closure;         ///< per loop
+  std::vector<double> pose;                 ///< all coordinates, nq
+};
+
+/// The choice that suits the present pose best, if it is much better than the mechanism's own;
+/// otherwise nothing. Allocates. @pre calc_position
+std::optional<Coordinates> find_better_coordinates(const Mechanism& mechanism,
+                                                   const MechanismData<double>& data);
+
+/// The mechanism in other independent coordinates. @throws ModelError if they do not fit it
+Mechanism with_coordinates(const Mechanism& mechanism, const Coordinates& coordinates);
 
 /// Below this margin a better choice of coordinates is looked for.
 constexpr double kChangeMargin = 0.1;

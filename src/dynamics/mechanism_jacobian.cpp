@@ -2,19 +2,16 @@
 #include "dynamics/mechanism_jacobian.hpp"
 
 #include <algorithm>
-#include <type_traits>
 
 namespace dockloop {
-namespace {
 
-constexpr int kLanes = static_cast<int>(std::extent_v<decltype(Derivative::d)>);
-
-template <class To, class From>
-void copy_constants(const From& from, To& to) {
-  to = from.template cast<Derivative>();
+void copy_pose(const MechanismData<double>& at, MechanismData<Derivative>& dual) {
+  copy_constants(at.tree.q, dual.tree.q);
+  for (size_t i = 0; i < at.loops.block.size(); ++i) {
+    dual.loops.block[i].branch = at.loops.block[i].branch;
+    dual.loops.block[i].spin_branch = at.loops.block[i].spin_branch;
+  }
 }
-
-}  // namespace
 
 AccelerationJacobian::AccelerationJacobian(const Mechanism& mechanism) {
   const int n = static_cast<int>(mechanism.plan.ind_v.size());
@@ -36,7 +33,7 @@ int start_jacobian_columns(const Mechanism& mechanism, const BaseMotion<double>&
   copy_constants(base.alpha, work.base.alpha);
   copy_constants(base.a, work.base.a);
   copy_constants(base.gravity, work.base.gravity);
-  copy_constants(at.tree.q, tree.q);
+  copy_pose(at, work.dual);
   copy_constants(at.tree.v, tree.v);
   tree.time = Derivative(at.tree.time);
   copy_constants(at.tau, work.dual.tau);

@@ -18,6 +18,16 @@
 
 namespace dockloop {
 
+/// Plain numbers into dual ones, whose derivatives are then zero.
+template <class To, class From>
+void copy_constants(const From& from, To& to) {
+  to = from.template cast<Derivative>();
+}
+
+/// A solved pose into dual numbers: all coordinates, and the branches that they are on. Loops are
+/// closed from there, without a reference pose.
+void copy_pose(const MechanismData<double>& at, MechanismData<Derivative>& dual);
+
 /// Rows: independent velocities, in the order of LoopPlan::ind_v.
 struct AccelerationJacobian {
   explicit AccelerationJacobian(const Mechanism& mechanism);

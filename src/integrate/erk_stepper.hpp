@@ -1,4 +1,4 @@
-// Adaptive explicit Runge-Kutta steps by SUNDIALS ARKODE, one at a time.
+// Explicit Runge-Kutta steps by SUNDIALS ARKODE, adaptive or of fixed size, one at a time.
 //
 // A one-step method restarts at no cost, which is what co-simulation asks for: every communication
 // point is a stop, and inputs may change there. The stepper never passes the stop time it is given,
@@ -30,7 +30,10 @@ class ErkStepper {
     std::function<int(double t, const double* y, double* roots)> roots;  ///< roots fall through 0
   };
 
-  explicit ErkStepper(Problem problem);
+  /// kDormandPrince: adaptive, order 5(4). kClassicRk4: every step is what restart() asks for.
+  enum class Method { kDormandPrince, kClassicRk4 };
+
+  explicit ErkStepper(Problem problem, Method method = Method::kDormandPrince);
   ~ErkStepper();
   ErkStepper(const ErkStepper&) = delete;
   ErkStepper& operator=(const ErkStepper&) = delete;

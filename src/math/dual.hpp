@@ -133,6 +133,7 @@ struct Dual {
   friend Dual floor(const Dual& a) { return Dual(std::floor(a.value)); }
   friend Dual sin(const Dual& a) { return a.with(std::sin(a.value), std::cos(a.value)); }
   friend Dual cos(const Dual& a) { return a.with(std::cos(a.value), -std::sin(a.value)); }
+  friend Dual log1p(const Dual& a) { return a.with(std::log1p(a.value), 1.0 / (1.0 + a.value)); }
   friend Dual atan2(const Dual& y, const Dual& x) {
     Dual r;
     r.value = std::atan2(y.value, x.value);

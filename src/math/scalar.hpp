@@ -17,7 +17,8 @@
 
 namespace dockloop {
 
-using Derivative = Dual<8>;
+constexpr int kLanes = 8;
+using Derivative = Dual<kLanes>;
 
 /// Plain value of a scalar: what a Status, a margin or a print-out shows.
 inline double to_double(double x) { return x; }

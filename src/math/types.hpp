@@ -1,7 +1,7 @@
 // Fixed-size vectors, poses, twists and wrenches, generic in the scalar type.
 //
 // Every other module speaks in these types. `S` is `double` in the product; tests instantiate the
-// same templates with `long double` (an oracle with more digits) and later with dual numbers.
+// same templates with `long double` (an oracle with more digits); dual numbers give derivatives.
 // No expression is ever held in `auto`: Eigen expressions refer to temporaries.
 #pragma once
 
@@ -49,7 +49,11 @@ struct Wrench {
 
 /// Length of (a, b). Plain: quantities of a docking neither overflow nor vanish, and the library's
 /// hypot would tie the binary to a new C library.
-inline double find_length(double a, double b) { return std::sqrt(a * a + b * b); }
+template <class S>
+S find_length(const S& a, const S& b) {
+  using std::sqrt;
+  return sqrt(a * a + b * b);
+}
 
 /// Symmetric matrix from its components in the order xx yy zz xy xz yz.
 inline Mat3<double> make_symmetric(const Vec6<double>& i) {

@@ -71,6 +71,7 @@ struct SolverSettings {
   double atol_position = 1e-8;  ///< [m]
   double atol_velocity = 1e-8;  ///< [m/s]
   double atol_energy = 1e-7;    ///< [J]
+  double step = 1e-3;           ///< [s] inner step of the fixed methods
 };
 
 struct Experiment {

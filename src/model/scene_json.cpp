@@ -236,7 +236,8 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
     for (const auto& [key, value] : {std::pair<const char*, double*>{"rtol", &s.rtol},
                                      {"atol_position", &s.atol_position},
                                      {"atol_velocity", &s.atol_velocity},
-                                     {"atol_energy", &s.atol_energy}}) {
+                                     {"atol_energy", &s.atol_energy},
+                                     {"step", &s.step}}) {
       if (solver.has(key)) *value = solver.positive(key);
     }
   }

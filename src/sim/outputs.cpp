@@ -1,4 +1,9 @@
-// Reading out: from the state at a communication point to the variables of the interface.
+// Reading out: from an evaluated state to the variables of the interface.
+//
+// The continuous outputs are read by templates, one per group: with plain numbers for the host,
+// with dual numbers for their derivatives (derivatives.cpp).
+#include "sim/outputs.hpp"
+
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -8,35 +13,248 @@
 namespace dockloop {
 namespace {
 
-/// Rotate everything about a docking capture into the axes it is reported in: load on the target
-/// about the origin of P, axes of P.
-Wrench<double> find_capture_load(const DockingData<double>& data) {
-  const FrameMotion<double>& P = data.interface[kTarget];
-  Wrench<double> load;
+using std::abs;
+using std::atan2;
+using std::max;
+
+/// Load on the target about the origin of P, axes of P.
+template <class S>
+Wrench<S> find_capture_load(const DockingData<S>& data) {
+  const FrameMotion<S>& P = data.interface[kTarget];
+  Wrench<S> load;
   load.f = P.R.transpose() * data.on_passive.f;
   load.t = P.R.transpose() * (data.on_passive.t + (data.capture.p - P.p).cross(data.on_passive.f));
   return load;
 }
 
 /// tension, compression, shear [N], bending, torsion [N m] of a capture load.
-std::array<double, Outputs::kLoadCount> find_load_components(const Wrench<double>& load) {
-  return {std::max(0.0, -load.f.x()), std::max(0.0, load.f.x()),
-          find_length(load.f.y(), load.f.z()), find_length(load.t.y(), load.t.z()),
-          std::abs(load.t.x())};
+template <class S>
+std::array<S, Outputs::kLoadCount> find_load_components(const Wrench<S>& load) {
+  return {max<S>(S(0), -load.f.x()), max<S>(S(0), load.f.x()),
+          find_length<S>(load.f.y(), load.f.z()), find_length<S>(load.t.y(), load.t.z()),
+          abs(load.t.x())};
 }
 
-double find_load_ratio(const std::array<double, Outputs::kLoadCount>& load,
-                       const RatedLoads& rated) {
+template <class S>
+S find_load_ratio(const std::array<S, Outputs::kLoadCount>& load, const RatedLoads& rated) {
   const std::array<double, Outputs::kLoadCount> limit = {rated.tension, rated.compression,
                                                          rated.shear, rated.bending, rated.torsion};
-  double ratio = 0.0;
+  S ratio(0);
   for (int i = 0; i < Outputs::kLoadCount; ++i) {
-    if (limit[i] > 0.0) ratio = std::max(ratio, load[i] / limit[i]);
+    if (limit[i] > 0.0) ratio = max<S>(ratio, load[i] / S(limit[i]));
   }
   return ratio;
 }
 
+template <class S>
+void read_vehicles(const OutputSource<S>& from, OutputValues<S>& out) {
+  const DockingModel& model = from.model;
+  for (int i : {kChaser, kTarget}) {
+    if (!model.present[i]) continue;
+    typename OutputValues<S>::Vehicle& vehicle = out.vehicle[i];
+    if (!model.moves[i]) {
+      const VehicleParameters& p = from.parameters.vehicle[i];
+      vehicle.position = p.position.template cast<S>();
+      vehicle.attitude = p.attitude.template cast<S>();
+      continue;
+    }
+    const S* at = from.y + model.layout.pose[i];
+    vehicle.position =
+        from.frame_origin.template cast<S>() + (from.frame_shift + Vec3<S>(at[0], at[1], at[2]));
+    vehicle.attitude = Vec4<S>(at[3], at[4], at[5], at[6]).normalized();
+    vehicle.velocity = from.frame_velocity + from.data.vehicle[i].v;
+    vehicle.angular_velocity = from.data.vehicle[i].R.transpose() * from.data.vehicle[i].w;
+  }
+}
+
+/// Load of the docking system on each vehicle: now, and its mean over the step just made.
+template <class S>
+void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
+  const DockingModel& model = from.model;
+  const DockingData<S>& data = from.data;
+  const int chaser_body = model.mechanism.vehicle;
+  for (int i : {kChaser, kTarget}) {
+    if (!model.present[i]) continue;
+    const FrameMotion<S>& frame = data.vehicle[i];
+    Wrench<S> load;  // about the CoM, axes of O
+    if (i == kTarget) {
+      load.f = data.on_passive.f;
+      load.t = data.on_passive.t + (data.capture.p - frame.p).cross(data.on_passive.f);
+    } else {
+      load = data.mechanism.on_base;
+      if (chaser_body == kBase) load.t -= frame.p.cross(load.f);
+      if (model.mechanism.model.capture_body == chaser_body) {
+        load.f -= data.on_passive.f;
+        load.t -= data.on_passive.t + (data.capture.p - frame.p).cross(data.on_passive.f);
+      }
+      load.f += data.thrust;
+      if (model.frozen.mass > 0.0) {
+        // The stated vehicle carries the mechanism frozen at home: what moves that mass along is
+        // part of the load that the stated vehicle must feel.
+        const Vec3<S> a = data.mechanism.tree.a[0], alpha = data.mechanism.tree.alpha[0];
+        const Vec3<S> c = frame.R * model.frozen.com.template cast<S>();
+        const Mat3<S> I = frame.R * model.frozen.inertia.template cast<S>() * frame.R.transpose();
+        const Vec3<S> f =
+            S(model.frozen.mass) * (a + alpha.cross(c) + frame.w.cross(Vec3<S>(frame.w.cross(c))));
+        load.f += f;
+        load.t += c.cross(f) + I * alpha + frame.w.cross(Vec3<S>(I * frame.w));
+      }
+    }
+    typename OutputValues<S>::Vehicle& vehicle = out.vehicle[i];
+    vehicle.force = load.f;
+    vehicle.torque = frame.R.transpose() * load.t;
+    const bool has_mean = from.has_mean && model.moves[i];
+    vehicle.force_mean = has_mean ? Vec3<S>(from.mean[i].f.template cast<S>()) : vehicle.force;
+    vehicle.torque_mean = has_mean ? Vec3<S>(from.mean[i].t.template cast<S>()) : vehicle.torque;
+  }
+}
+
+template <class S>
+void read_relative(const OutputSource<S>& from, OutputValues<S>& out) {
+  const RelativeMotion<S> relative =
+      find_relative(from.data.interface[kChaser], from.data.interface[kTarget]);
+  out.relative_position = relative.p;
+  out.relative_attitude = quat_from_matrix<S>(relative.R);
+  out.relative_velocity = relative.v;
+  out.relative_angular_velocity = relative.w;
+  out.relative_axial = relative.p.x();
+  out.relative_lateral = find_length<S>(relative.p.y(), relative.p.z());
+  // Swing and twist about x: q = swing * twist.
+  const Vec4<S>& q = out.relative_attitude;
+  out.relative_pitch_yaw = S(2) * atan2(find_length<S>(q[2], q[3]), find_length<S>(q[0], q[1]));
+  out.relative_roll = S(2) * atan2(q[1], q[0]);
+  constexpr double kPi = static_cast<double>(EIGEN_PI);
+  if (out.relative_roll > S(kPi)) out.relative_roll -= S(2.0 * kPi);
+  if (out.relative_roll < S(-kPi)) out.relative_roll += S(2.0 * kPi);
+
+  const Wrench<S> load = find_capture_load(from.data);
+  out.capture_force = load.f;
+  out.capture_torque = load.t;
+  out.capture_load = find_load_components(load);
+  out.capture_load_ratio = find_load_ratio(out.capture_load, from.rated);
+}
+
+template <class S>
+void read_contact(const OutputSource<S>& from, OutputValues<S>& out) {
+  const DockingModel& model = from.model;
+  DockingData<S>& data = from.data;
+  out.gap = S(kNoGap);
+  if (model.present[kTarget] && !model.contact.empty()) {
+    out.gap = find_gap(model.contact, data.relative, data.contact_work);
+    for (size_t i = 0; i < out.petal_force.size(); ++i) {
+      out.petal_force[i] = data.contact.petal_force[i].norm();
+    }
+    out.contact_depth_ratio = data.contact.depth_ratio;
+  }
+  for (int i = 0; i < model.latches.count(); ++i) {
+    out.latch_opening[i] = data.latch.opening[i];
+    out.latch_force[i] = data.latch.force[i];
+  }
+}
+
+template <class S>
+void read_mechanism(const OutputSource<S>& from, OutputValues<S>& out) {
+  const DockingModel& model = from.model;
+  const MechanismData<S>& mechanism = from.data.mechanism;
+  const RelativeMotion<S> ring = find_relative(from.data.interface[kChaser], from.data.capture);
+  out.ring_position = ring.p;
+  out.ring_attitude = quat_from_matrix<S>(ring.R);
+  out.ring_velocity = ring.v;
+  out.ring_angular_velocity = ring.w;
+  for (size_t i = 0; i < model.mechanism.model.legs.size(); ++i) {
+    const Leg& leg = model.mechanism.model.legs[i];
+    const Body& slide = model.mechanism.model.bodies[leg.slide_body];
+    out.leg_length[i] = S(leg.home_length) + mechanism.tree.q[slide.q_index];
+    out.leg_rate[i] = mechanism.tree.v[slide.v_index];
+    out.leg_force[i] = from.data.joint_force[leg.force];
+  }
+  int q = 0, v = 0;
+  for (int i : from.state_bodies) {
+    const Body& body = model.mechanism.model.bodies[i];
+    for (int j = 0; j < body.nq(); ++j) out.state_q[q++] = mechanism.tree.q[body.q_index + j];
+    for (int j = 0; j < body.nv(); ++j) {
+      out.state_v[v] = mechanism.tree.v[body.v_index + j];
+      out.state_a[v++] = mechanism.vdot[body.v_index + j];
+    }
+  }
+  for (size_t k = 0; k < out.loop_force.size(); ++k) {
+    const int count = std::min(3, equation_count(model.mechanism.model.loops[k].cut));
+    for (int j = 0; j < count; ++j) {
+      out.loop_force[k][j] =
+          get_cut_force(model.mechanism.plan, mechanism.loops, static_cast<int>(k), j);
+    }
+  }
+  // Load on the base in axes and about the origin of B.
+  const FrameMotion<S> B = find_frame_on(from.data.vehicle[kChaser], model.base_in_chaser);
+  const Vec3<S> about = model.mechanism.vehicle == kBase
+                            ? Vec3<S>(Vec3<S>::Zero())
+                            : mechanism.tree.p[model.mechanism.vehicle];
+  out.base_force = B.R.transpose() * mechanism.on_base.f;
+  out.base_torque =
+      B.R.transpose() * (mechanism.on_base.t + (about - B.p).cross(mechanism.on_base.f));
+}
+
+template <class S>
+void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
+  const DockingModel& model = from.model;
+  const DockingData<S>& data = from.data;
+  const S* sums = from.y + model.layout.sums;
+  out.energy_kinetic = find_kinetic_energy(model, data);
+  out.energy_potential = data.joints.energy + data.contact.energy + data.latch.energy;
+  out.energy_dissipated_contact = sums[kSumContact];
+  out.energy_dissipated_friction = sums[kSumFriction];
+  out.energy_dissipated_legs = sums[kSumLegs];
+  out.energy_dissipated_latches = sums[kSumLatches];
+  out.energy_dissipated =
+      sums[kSumContact] + sums[kSumFriction] + sums[kSumLegs] + sums[kSumLatches];
+  out.energy_external = sums[kSumExternal] + S(from.host_work);
+  out.energy_residual = out.energy_kinetic + out.energy_potential + out.energy_dissipated -
+                        out.energy_external - S(from.energy_start);
+  // Everything inside but the driven vehicles themselves.
+  const TreeData<S>& tree = data.mechanism.tree;
+  Wrench<S> sum;
+  S mass(0);
+  Vec3<S> first_moment = Vec3<S>::Zero();
+  if (model.moves[kTarget] && from.motion[kTarget] != Motion::kDriven) {
+    sum = find_momentum(model, kTarget, data);
+    mass = S(from.parameters.vehicle[kTarget].mass);
+    first_moment = mass * data.vehicle[kTarget].p;
+  }
+  const bool driven = from.motion[kChaser] == Motion::kDriven;
+  for (int i = 0; i < static_cast<int>(tree.R.size()); ++i) {
+    if (driven && i == model.mechanism.vehicle) continue;
+    const Wrench<S> p = find_body_momentum(model, i, data);
+    const S m(model.mechanism.model.bodies[i].mass);
+    sum.f += p.f;
+    sum.t += p.t;
+    mass += m;
+    first_moment += tree.h_body[i] + m * tree.p[i];
+  }
+  out.momentum_linear = sum.f + mass * from.frame_velocity;
+  out.momentum_angular = sum.t + first_moment.cross(from.frame_velocity);
+  out.momentum_reference = from.frame_origin.template cast<S>() + from.frame_shift;
+}
+
 }  // namespace
+
+template <class S>
+void read_outputs(const OutputSource<S>& from, OutputValues<S>& out) {
+  calc_reactions(from.model.mechanism, from.data.base, from.model.mechanism.vehicle,
+                 from.data.mechanism);
+  read_vehicles(from, out);
+  read_vehicle_loads(from, out);
+  if (from.model.present[kTarget]) read_relative(from, out);
+  read_contact(from, out);
+  read_mechanism(from, out);
+  read_energy(from, out);
+}
+
+#define DOCK_INSTANTIATE(S) template void read_outputs<S>(const OutputSource<S>&, OutputValues<S>&);
+DOCK_INSTANTIATE(double)
+DOCK_INSTANTIATE(Derivative)
+#undef DOCK_INSTANTIATE
+
+// ---------------------------------------------------------------- DockingSim
 
 std::array<double, kPeakCount> DockingSim::Impl::find_peak_values() const {
   std::array<double, kPeakCount> values{};
@@ -47,110 +265,27 @@ std::array<double, kPeakCount> DockingSim::Impl::find_peak_values() const {
   return values;
 }
 
-void DockingSim::Impl::update_outputs() {
+Status DockingSim::Impl::update_outputs() {
   read_inputs();
-  if (!evaluate(0.0).ok()) return;  // cannot happen: the state was accepted
-  const int base_body = model->mechanism.vehicle;
-  calc_reactions(model->mechanism, data->base, base_body, data->mechanism);
-  outputs.time = t_start + elapsed;
-  update_vehicle_outputs();
-  update_load_outputs();
-  if (model->present[kTarget]) update_relative_outputs();
-  update_contact_outputs();
-  update_mechanism_outputs();
-  update_energy_outputs();
-  outputs.solver_steps = static_cast<double>(stepper->steps());
-  outputs.solver_rhs_evaluations = static_cast<double>(stepper->rate_evaluations());
-  outputs.solver_rejected_steps = static_cast<double>(stepper->rejected_steps());
-  outputs.solver_closure_residual = find_closure_residual(model->mechanism, data->mechanism);
-  outputs.solver_singularity_margin = find_singularity_margin(data->mechanism);
-  outputs_valid = true;
-}
-
-void DockingSim::Impl::update_vehicle_outputs() {
-  for (int i : {kChaser, kTarget}) {
-    if (!model->present[i]) continue;
-    Outputs::Vehicle& out = outputs.vehicle[i];
-    if (!model->moves[i]) {
-      const VehicleParameters& p = parameters.vehicle[i];
-      out.position = p.position;
-      out.attitude = p.attitude;
-      continue;
-    }
-    const double* at = stepper->y() + model->layout.pose[i];
-    out.position = frame_origin + (frame_shift + Vec3<double>(at[0], at[1], at[2]));
-    out.attitude = Vec4<double>(at[3], at[4], at[5], at[6]).normalized();
-    out.velocity = frame_velocity + data->vehicle[i].v;
-    out.angular_velocity = data->vehicle[i].R.transpose() * data->vehicle[i].w;
-  }
-}
-
-/// Load of the docking system on each vehicle: now, and its mean over the step just made.
-void DockingSim::Impl::update_load_outputs() {
-  const int chaser_body = model->mechanism.vehicle;
-  for (int i : {kChaser, kTarget}) {
-    if (!model->present[i]) continue;
-    const FrameMotion<double>& frame = data->vehicle[i];
-    Wrench<double> load;  // about the CoM, axes of O
-    if (i == kTarget) {
-      load.f = data->on_passive.f;
-      load.t = data->on_passive.t + (data->capture.p - frame.p).cross(data->on_passive.f);
-    } else {
-      load = data->mechanism.on_base;
-      if (chaser_body == kBase) load.t -= frame.p.cross(load.f);
-      if (model->mechanism.model.capture_body == chaser_body) {
-        load.f -= data->on_passive.f;
-        load.t -= data->on_passive.t + (data->capture.p - frame.p).cross(data->on_passive.f);
-      }
-      load.f += data->thrust;
-      if (model->frozen.mass > 0.0) {
-        // The stated vehicle carries the mechanism frozen at home: what moves that mass along is
-        // part of the load that the stated vehicle must feel.
-        const Vec3<double> a = data->mechanism.tree.a[0], alpha = data->mechanism.tree.alpha[0];
-        const Vec3<double> c = frame.R * model->frozen.com;
-        const Mat3<double> I = frame.R * model->frozen.inertia * frame.R.transpose();
-        const Vec3<double> f = model->frozen.mass *
-                               (a + alpha.cross(c) + frame.w.cross(Vec3<double>(frame.w.cross(c))));
-        load.f += f;
-        load.t += c.cross(f) + I * alpha + frame.w.cross(Vec3<double>(I * frame.w));
-      }
-    }
-    outputs.vehicle[i].force = load.f;
-    outputs.vehicle[i].torque = frame.R.transpose() * load.t;
-    if (!(last_step > 0.0) || !model->moves[i]) {
-      outputs.vehicle[i].force_mean = load.f;
-      outputs.vehicle[i].torque_mean = outputs.vehicle[i].torque;
-      continue;
-    }
-    outputs.vehicle[i].force_mean = mean_load[i].f;
-    outputs.vehicle[i].torque_mean = mean_load[i].t;
-  }
-}
-
-void DockingSim::Impl::update_relative_outputs() {
-  const RelativeMotion<double> relative =
-      find_relative(data->interface[kChaser], data->interface[kTarget]);
-  outputs.relative_position = relative.p;
-  outputs.relative_attitude = quat_from_matrix<double>(relative.R);
-  outputs.relative_velocity = relative.v;
-  outputs.relative_angular_velocity = relative.w;
-  outputs.relative_axial = relative.p.x();
-  outputs.relative_lateral = find_length(relative.p.y(), relative.p.z());
-  // Swing and twist about x: q = swing * twist.
-  const Vec4<double>& q = outputs.relative_attitude;
-  outputs.relative_pitch_yaw = 2.0 * std::atan2(find_length(q[2], q[3]), find_length(q[0], q[1]));
-  outputs.relative_roll = 2.0 * std::atan2(q[1], q[0]);
-  if (outputs.relative_roll > M_PI) outputs.relative_roll -= 2.0 * M_PI;
-  if (outputs.relative_roll < -M_PI) outputs.relative_roll += 2.0 * M_PI;
-
-  const Wrench<double> load = find_capture_load(*data);
-  outputs.capture_force = load.f;
-  outputs.capture_torque = load.t;
-  outputs.capture_load = find_load_components(load);
-  outputs.capture_load_ratio = find_load_ratio(outputs.capture_load, scene->rated);
+  const Status status = evaluate(0.0);
+  if (!status.ok()) return status;
+  const OutputSource<double> source =
+      make_output_source(*data, stepper->y(), frame_velocity, frame_shift);
+  read_outputs<double>(source, outputs);
+  outputs.time = setup->t_start + elapsed;
   std::copy_n(peaks.peak().begin(), static_cast<int>(Outputs::kLoadCount),
               outputs.capture_peak.begin());
   outputs.capture_peak_load_ratio = peaks.peak()[Outputs::kLoadCount];
+  update_phase_outputs();
+  outputs.momentum_residual = momentum_residual;
+  const Counters counters = find_counters();
+  outputs.solver_steps = static_cast<double>(counters.steps);
+  outputs.solver_rhs_evaluations = static_cast<double>(counters.rate_evaluations);
+  outputs.solver_rejected_steps = static_cast<double>(counters.rejected_steps);
+  outputs.solver_closure_residual = find_closure_residual(model->mechanism, data->mechanism);
+  outputs.solver_singularity_margin = find_singularity_margin(data->mechanism);
+  outputs_valid = true;
+  return {};
 }
 
 /// What loads from outside can at most do to the relative acceleration of any two points of the
@@ -175,111 +310,24 @@ double DockingSim::Impl::find_acceleration_bound() const {
   return bound;
 }
 
-void DockingSim::Impl::update_contact_outputs() {
-  outputs.gap = kNoGap;
+void DockingSim::Impl::update_phase_outputs() {
   outputs.time_to_contact = kNever;
   if (has_surfaces()) {
-    outputs.gap = find_gap(model->contact, data->relative, data->contact_work);
     outputs.time_to_contact =
         find_time_to_contact(outputs.gap, find_approach_bound(model->contact, data->relative),
                              find_acceleration_bound());
-    for (size_t i = 0; i < outputs.petal_force.size(); ++i) {
-      outputs.petal_force[i] = data->contact.petal_force[i].norm();
-    }
-    outputs.contact_depth_ratio = data->contact.depth_ratio;
   }
   for (int i = 0; i < model->latches.count(); ++i) {
-    outputs.latch_opening[i] = data->latch.opening[i];
-    outputs.latch_force[i] = data->latch.force[i];
     outputs.latched[i] = discrete.latch[i].mode == LatchMode::kHeld ? 1 : 0;
   }
   outputs.phase = discrete.phase;
   outputs.outcome = discrete.outcome;
   outputs.captured = discrete.captured;
   const auto report = [this](double since_start) {
-    return since_start < 0.0 ? -1.0 : t_start + since_start;
+    return since_start < 0.0 ? -1.0 : setup->t_start + since_start;
   };
   outputs.time_of_contact = report(discrete.time_of_contact);
   outputs.time_of_capture = report(discrete.time_of_capture);
-}
-
-void DockingSim::Impl::update_mechanism_outputs() {
-  const MechanismData<double>& mechanism = data->mechanism;
-  const RelativeMotion<double> ring = find_relative(data->interface[kChaser], data->capture);
-  outputs.ring_position = ring.p;
-  outputs.ring_attitude = quat_from_matrix<double>(ring.R);
-  outputs.ring_velocity = ring.v;
-  outputs.ring_angular_velocity = ring.w;
-  for (size_t i = 0; i < model->mechanism.model.legs.size(); ++i) {
-    const Leg& leg = model->mechanism.model.legs[i];
-    const Body& slide = model->mechanism.model.bodies[leg.slide_body];
-    outputs.leg_length[i] = leg.home_length + mechanism.tree.q[slide.q_index];
-    outputs.leg_rate[i] = mechanism.tree.v[slide.v_index];
-    outputs.leg_force[i] = data->joint_force[leg.force];
-  }
-  int q = 0, v = 0;
-  for (int i : state_bodies) {
-    const Body& body = model->mechanism.model.bodies[i];
-    for (int j = 0; j < body.nq(); ++j) outputs.state_q[q++] = mechanism.tree.q[body.q_index + j];
-    for (int j = 0; j < body.nv(); ++j) {
-      outputs.state_v[v] = mechanism.tree.v[body.v_index + j];
-      outputs.state_a[v++] = mechanism.vdot[body.v_index + j];
-    }
-  }
-  for (size_t k = 0; k < outputs.loop_force.size(); ++k) {
-    const int count = std::min(3, equation_count(model->mechanism.model.loops[k].cut));
-    for (int j = 0; j < count; ++j) {
-      outputs.loop_force[k][j] =
-          get_cut_force(model->mechanism.plan, mechanism.loops, static_cast<int>(k), j);
-    }
-  }
-  // Load on the base in axes and about the origin of B.
-  const FrameMotion<double> B = find_frame_on(data->vehicle[kChaser], model->base_in_chaser);
-  const Vec3<double> about = model->mechanism.vehicle == kBase
-                                 ? Vec3<double>(Vec3<double>::Zero())
-                                 : mechanism.tree.p[model->mechanism.vehicle];
-  outputs.base_force = B.R.transpose() * mechanism.on_base.f;
-  outputs.base_torque =
-      B.R.transpose() * (mechanism.on_base.t + (about - B.p).cross(mechanism.on_base.f));
-}
-
-void DockingSim::Impl::update_energy_outputs() {
-  const double* sums = stepper->y() + model->layout.sums;
-  outputs.energy_kinetic = find_kinetic_energy(*model, *data);
-  outputs.energy_potential = find_potential_energy();
-  outputs.energy_dissipated_contact = sums[kSumContact];
-  outputs.energy_dissipated_friction = sums[kSumFriction];
-  outputs.energy_dissipated_legs = sums[kSumLegs];
-  outputs.energy_dissipated_latches = sums[kSumLatches];
-  outputs.energy_dissipated =
-      sums[kSumContact] + sums[kSumFriction] + sums[kSumLegs] + sums[kSumLatches];
-  outputs.energy_external = sums[kSumExternal] + host_work;
-  outputs.energy_residual = outputs.energy_kinetic + outputs.energy_potential +
-                            outputs.energy_dissipated - outputs.energy_external - energy_start;
-  outputs.momentum_residual = momentum_residual;
-  // Everything inside but the driven vehicles themselves.
-  const TreeData<double>& tree = data->mechanism.tree;
-  Wrench<double> sum;
-  double mass = 0.0;
-  Vec3<double> first_moment = Vec3<double>::Zero();
-  if (model->moves[kTarget] && scene->motion[kTarget] != Motion::kDriven) {
-    sum = find_momentum(*model, kTarget, *data);
-    mass = parameters.vehicle[kTarget].mass;
-    first_moment = mass * data->vehicle[kTarget].p;
-  }
-  const bool driven = scene->motion[kChaser] == Motion::kDriven;
-  for (int i = 0; i < static_cast<int>(tree.R.size()); ++i) {
-    if (driven && i == model->mechanism.vehicle) continue;
-    const Wrench<double> p = find_body_momentum(*model, i, *data);
-    const double m = model->mechanism.model.bodies[i].mass;
-    sum.f += p.f;
-    sum.t += p.t;
-    mass += m;
-    first_moment += tree.h_body[i] + m * tree.p[i];
-  }
-  outputs.momentum_linear = sum.f + mass * frame_velocity;
-  outputs.momentum_angular = sum.t + first_moment.cross(frame_velocity);
-  outputs.momentum_reference = frame_origin + frame_shift;
 }
 
 }  // namespace dockloop

@@ -8,6 +8,8 @@
 
 #include <array>
 
+#include "sim/archive.hpp"
+
 namespace dockloop {
 
 template <int N>
@@ -40,6 +42,13 @@ class PeakTracker {
   }
 
   const std::array<double, N>& peak() const { return peak_; }
+
+  /// For saved states (sim/archive.hpp).
+  template <class A>
+  friend void transfer(A& archive, PeakTracker& peaks) {
+    transfer_all(archive, peaks.count_, peaks.time_, peaks.value_, peaks.peak_);
+    if (peaks.count_ < 0 || peaks.count_ > kWindow) throw ModelError("the saved state is damaged");
+  }
 
  private:
   static constexpr int kWindow = 5;

@@ -1,6 +1,8 @@
 // Phase and outcome logic; see phases.hpp.
 #include "sim/phases.hpp"
 
+#include <algorithm>
+
 namespace dockloop {
 namespace {
 
@@ -40,6 +42,21 @@ void update_phase(const PhaseInputs& now, DiscreteState& state) {
     state.phase = kContact;
     state.outcome = kUndecided;
   }
+}
+
+double find_phase_indicator(const PhaseInputs& now, const DiscreteState& state) {
+  if (state.captured) {
+    if (state.phase == kCaptured) return -now.axial_rate;
+    if (state.phase != kAttenuating) return 1.0;
+    return std::max(now.speed / kAlignedSpeed, now.angular_speed / kAlignedRate) - 1.0;
+  }
+  const double leaving = std::max(kReboundGap - now.gap, -now.axial_rate);  // < 0: open and opening
+  if (!state.contacted) {
+    const double miss = std::min(now.axial + kPassedDepth, leaving);
+    return state.outcome == kMiss ? -miss : miss;
+  }
+  if (now.latched > 0) return 1.0;
+  return state.phase == kRebound ? now.gap : leaving;
 }
 
 }  // namespace dockloop

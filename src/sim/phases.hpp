@@ -38,4 +38,9 @@ constexpr double kAlignedRate = 3.5e-4;  ///< and below this angular rate, 0.02 
 /// Update phase and outcome at an accepted step.
 void update_phase(const PhaseInputs& now, DiscreteState& state);
 
+/// Positive while update_phase() would leave phase and outcome as they are, falls through zero
+/// where it would not. Changes that contact and latches bring about have event functions of their
+/// own.
+double find_phase_indicator(const PhaseInputs& now, const DiscreteState& state);
+
 }  // namespace dockloop

@@ -1,30 +1,58 @@
-// Private parts of DockingSim, shared by docking_sim.cpp (motion) and outputs.cpp (reading out).
+// Private parts of DockingSim, shared by the files of this folder:
+//
+//   start.cpp           from scene and parameters to the start state
+//   steps.cpp           communication steps, inputs, audits
+//   events.cpp          what happens at accepted states: contact, latches, phases, coordinates
+//   model_exchange.cpp  the same equations for a host that integrates by itself
+//   outputs.cpp         reading out
+//   derivatives.cpp     derivatives of what is read out
+//   docking_sim.cpp     the facade; keeping and restoring
 #pragma once
 
 #include <array>
 #include <memory>
+#include <random>
 #include <string>
 #include <vector>
 
+#include "dynamics/docking_jacobian.hpp"
 #include "integrate/erk_stepper.hpp"
 #include "sim/docking_sim.hpp"
-#include "sim/mean_load.hpp"
-#include "sim/peaks.hpp"
+#include "sim/outputs.hpp"
 #include "sim/phases.hpp"
+#include "sim/sim_state.hpp"
 
 namespace dockloop {
 
-constexpr int kFixedRoots = 2;  ///< event functions before those of the latches
-constexpr int kPeakCount = Outputs::kLoadCount + 1;  ///< loads and load ratio
+constexpr int kFixedRoots = 2;      ///< event functions before those of the latches
+constexpr double kTouching = 1e-9;  ///< gap that counts as contact at the start [m]
+constexpr double kLookAgain = 0.7;  ///< other coordinates are looked for where the margin fell so
 
-struct DockingSim::Impl {
-  explicit Impl(std::shared_ptr<const Scene> scene);
+/// Derivatives of everything that can be read out, along eight directions at a time.
+struct DerivativePass {
+  explicit DerivativePass(const DockingModel& model) : docking(model) {}
+  DockingPass docking;
+  Vec3<Derivative> frame_velocity, frame_shift;
+  OutputValues<Derivative> output;
+  std::vector<Derivative*> output_cells;           ///< as for_each_value() counts them
+  std::shared_ptr<const Coordinates> coordinates;  ///< that it was made for
+};
+
+/// What a Status means, in one sentence.
+std::string find_status_text(const Status& status, const MechanismModel& mechanism);
+
+struct DockingSim::Impl : SimState {
+  Impl(std::shared_ptr<const Scene> scene, Interface interface);
+
+  // start.cpp
   void clear();
   void initialise(double t0, double tolerance);
+  void start(std::shared_ptr<const Setup> from);
   void check_parameters() const;
   ContactLaw make_contact_law() const;
   void choose_frame_O();
-  void make_stepper(double tolerance);
+  void make_stepper();
+  std::vector<double> find_absolute_tolerances() const;
   void check_joint_starts(const LoopPlan& plan) const;
   Status bring_joints_to_start();
   void set_start_state();
@@ -32,95 +60,114 @@ struct DockingSim::Impl {
   Status put_velocity(int vehicle, const Vec3<double>& velocity,
                       const Vec3<double>& angular_velocity);
   void warn_about_start();
+
+  // steps.cpp
+  Status step(double t, double h);
   void read_inputs();
+  const Loads& find_loads(double tau);
+  void advance_inputs(double h);
   Status receive_driven_vehicles();
   Status integrate(double h);
+  Status integrate_fixed(double h);
   double find_leap(double made, double proposal);
   double find_next_stop(double tau, double h) const;
   Status find_trouble(double tau) const;
   Status step_to_root(double tau);
+  void finish_step(double h);
+  void update_mean_loads(double h);
+  void update_momentum_audit();
+  double find_total_energy() const;
+  double find_potential_energy() const;
+  VehicleState find_vehicle_state(int vehicle) const;
+
+  // events.cpp
   Status accept(double tau, bool& changed);
   void keep_pose();
   Status update_coordinates(double tau, bool& changed);
-  void use_coordinates(const Mechanism& mechanism);
+  void use_coordinates(std::shared_ptr<const Coordinates> choice);
   bool update_memory();
   bool update_latches(double now);
   void begin_contact(double now);
   void update_capture(double now);
+  bool is_thrust_due(double now) const;
   bool update_thrust(double now);
   Status evaluate(double tau);
   void calc_event_functions(const DockingData<double>& at, double* roots) const;
-  void finish_step(double t, double h);
-  void update_mean_loads(double h);
-  void update_momentum_audit();
+  PhaseInputs find_phase_inputs(const DockingData<double>& at) const;
 
-  double find_total_energy() const;
-  double find_potential_energy() const;
-  PhaseInputs find_phase_inputs() const;
-  VehicleState find_vehicle_state(int vehicle) const;
+  // model_exchange.cpp
+  Status calc_rates(double* ydot);
+  bool is_event_due() const;
+
+  // docking_sim.cpp
+  void keep(Snapshot& into) const;
+  void restore(const Snapshot& from);
+  void save(SavedSim& into) const;
+  void load(const SavedSim& from);
+  void adopt_tunables();
+
+  // outputs.cpp
   std::array<double, kPeakCount> find_peak_values() const;
   double find_acceleration_bound() const;
+  Status update_outputs();
+  void update_phase_outputs();
+  template <class S>
+  OutputSource<S> make_output_source(DockingData<S>& at, const S* y, const Vec3<S>& velocity,
+                                     const Vec3<S>& shift) const {
+    return {*model,    parameters,   scene->rated, scene->motion, state_bodies,    at,
+            y,         frame_origin, velocity,     shift,         last_step > 0.0, mean_load,
+            host_work, energy_start};
+  }
+
+  // derivatives.cpp
+  Status start_pass();
+  void seed(const Seed& seed, int lane);
+  Status finish_pass();
+  void spread_states(std::mt19937_64& random);
+  void add_dependencies(Dependencies& found);
+
+  void invalidate() { outputs_valid = rates_valid = false; }
   bool has_surfaces() const { return model->present[kTarget] && !model->contact.empty(); }
+  bool is_fixed_step() const { return setup->parameters.solver_method == kFixedRk4; }
   double* bristles() {
     return model->layout.bristle_count > 0 ? stepper->y() + model->layout.bristles : nullptr;
   }
-
-  // outputs.cpp, one per group
-  void update_outputs();
-  void update_vehicle_outputs();
-  void update_load_outputs();
-  void update_relative_outputs();
-  void update_contact_outputs();
-  void update_mechanism_outputs();
-  void update_energy_outputs();
+  Counters find_counters() const;
 
   std::shared_ptr<const Scene> scene;
+  Interface interface;
   Parameters parameters;
   Inputs inputs;
+  Inputs slopes;  ///< rates of the inputs over the coming step
   Outputs outputs;
-  bool outputs_valid = false;
+  bool outputs_valid = false, rates_valid = false;
   std::string status_text;
   std::vector<std::string> warnings;
 
-  // set by initialise()
+  // set by start(), constant afterwards but for tunable parameters and the choice of coordinates
+  std::shared_ptr<const Setup> setup;  ///< null before
   std::unique_ptr<DockingModel> model;
+  std::unique_ptr<Mechanism> start_mechanism;      ///< in the coordinates of the start
   std::unique_ptr<DockingData<double>> data;       ///< at the last accepted state
   std::unique_ptr<DockingData<double>> rate_data;  ///< at trial states of the integrator
   std::unique_ptr<ErkStepper> stepper;             ///< owns the state y
+  int state_count = 0;                             ///< of y; fixed at construction
   std::vector<int> state_bodies;  ///< joints of state.*: the independent ones at the start
-  double t_start = 0.0;
-  double energy_start = 0.0;
-  std::array<Wrench<double>, 2> momentum_start;      ///< per vehicle, with what the host changed
   Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
-
-  // state beside y; also the reference pose data->mechanism.loops.reference
-  double elapsed = 0.0;  ///< [s] from start to the last communication point
-  double h_warm = 0.0;   ///< step size for the next communication step [s]
-  Vec3<double> frame_velocity = Vec3<double>::Zero();  ///< of O in N [m/s]
-  Vec3<double> frame_shift = Vec3<double>::Zero();     ///< of O in N since the start [m]
-  DiscreteState discrete;
-  ContactMemory memory;  ///< a function of the last accepted state
-  Loads loads;
-  PeakTracker<kPeakCount> peaks;
-  double host_work = 0.0;          ///< energy that imposed motion brought in [J]
-  double momentum_residual = 0.0;  ///< [-]
-  double momentum_scale = 0.0, angular_momentum_scale = 0.0;  ///< largest seen [N s], [N m s]
-  std::array<Wrench<double>, 2> mean_load;                    ///< of the step just made
-  double last_step = 0.0;                                     ///< [s]
-  double margin_looked_at = kChangeMargin;     ///< where other coordinates were last looked for
-  bool warned_margin = false;                  ///< a loop close to singular was told once
-  std::array<VehicleState, 2> vehicle_before;  ///< at the start of the last communication step
+  std::unique_ptr<DerivativePass> derivative_pass;   ///< made when first asked for
+  Counters counted_elsewhere;  ///< work of other integrators that led to the present state
 
   // scratch
+  Loads loads;       ///< at the start of a step
+  Loads load_rates;  ///< their rates over the step, used if some input has a slope
+  Loads loads_now;   ///< at the time of an evaluation, then
+  bool sloped = false;
+  std::array<VehicleState, 2> vehicle_before;  ///< at the start of the last communication step
   std::vector<char> due = std::vector<char>(kFixedRoots + kMaxLatches, 0);
   Status last_trouble;
   double margin_before = 1.0;  ///< of the loops, at the last accepted state
-  std::vector<double> y_before, y_accepted;
-  DiscreteState discrete_before;
-  ContactMemory memory_before;
-  PeakTracker<kPeakCount> peaks_before;
-  LoopReference<double> reference_before;
-  std::unique_ptr<Mechanism> coordinates_before;  ///< if they changed since the step began
+  std::vector<double> y_accepted;
+  Snapshot step_start;  ///< what a refused step goes back to
 };
 
 }  // namespace dockloop

@@ -11,7 +11,7 @@
 #include <sstream>
 #include <vector>
 
-#include "dynamics/docking_model.hpp"
+#include "dynamics/docking_jacobian.hpp"
 #include "math/rotation.hpp"
 
 namespace {
@@ -94,5 +94,11 @@ int main(int argc, char** argv) {
     update_contact_memory(model.contact, data.relative, nullptr, data.contact_work, memory);
     std::printf("%-24s %8.3f us\n", "in contact", find_best_time(repetitions, rates));
   }
+  DockingPass pass(model);
+  std::printf("%-24s %8.3f us\n", "eight derivatives", find_best_time(repetitions / 10 + 1, [&] {
+                start_docking_pass(model, loads, 0.0, y.data(), pass);
+                for (int lane = 0; lane < kLanes; ++lane) pass.y[lane].d[lane] = 1.0;
+                calc_docking_pass(model, discrete, memory, data, pass);
+              }));
   return 0;
 }

@@ -12,6 +12,7 @@
 
 #include <cmath>
 
+#include "unit/random_docking.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {
@@ -19,104 +20,6 @@ namespace {
 
 using V = Vec3<double>;
 using L = long double;
-
-Scene read_test_scene(const std::string& name) { return read_scene(read_test_file(name), name); }
-
-/// A docking with a random state near the docking, for whatever scene.
-struct Docking {
-  explicit Docking(const Scene& from, int friction_model = 1)
-      : scene(from), model(make(from, friction_model)), data(model), y(model.layout.size, 0.0) {
-    loads.command.setZero(static_cast<int>(model.mechanism.model.forces.size()));
-    model.fixed_pose[kTarget].p = V(30, 0, 0);
-    put_pose(kTarget, model.fixed_pose[kTarget]);  // out of the way until the ring is placed
-  }
-  static DockingModel make(const Scene& scene, int friction_model) {
-    ContactLaw law = scene.contact.law;
-    law.friction_model = friction_model;
-    return make_docking_model(scene, scene.vehicle, law, V(-15, 0, 0));
-  }
-
-  /// @param depth of the surfaces [m]; below 0 they are apart
-  void set_random_state(TestRandom& random, double depth) {
-    int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
-    for (int i : model.mechanism_bodies) {
-      const Body& body = model.mechanism.model.bodies[i];
-      ASSERT_EQ(body.joint, JointType::kFree);
-      const V p = random.vector(0.03);
-      const Vec4<double> quat = quat_exp<double>(random.vector(0.05));
-      for (int j = 0; j < 3; ++j) y[q + j] = p[j];
-      for (int j = 0; j < 4; ++j) y[q + 3 + j] = quat[j];
-      for (int j = 0; j < 6; ++j) y[v + j] = random.uniform(-0.03, 0.03);
-      q += body.nq();
-      v += body.nv();
-    }
-    for (int i : {kChaser, kTarget}) {
-      if (model.layout.pose[i] < 0) continue;
-      velocity[i] = random.vector(0.03);
-      rate[i] = random.vector(0.003);
-    }
-    put_pose(kChaser, {rotation_of(random.vector(0.3)), V(-4, 0, 0) + random.vector(0.3)});
-    ASSERT_TRUE(
-        set_vehicle_velocity(model, kChaser, velocity[kChaser], rate[kChaser], y.data(), data)
-            .ok());
-    evaluate();  // where is G?
-    if (model.present[kTarget]) {
-      Pose<double> P_in_G;
-      if (model.contact.kind == ContactModel::Kind::kRings) {
-        ContactWorkspace<double> work(model.contact);
-        const RelativeMotion<double> x = make_touching_motion(model.contact, work, random, depth);
-        P_in_G = {x.R, x.p};
-      } else {
-        P_in_G = {rotation_of(random.vector(0.1)), V(-depth, 0.02, 0.01)};
-      }
-      put_pose(kTarget, Pose<double>{data.capture.R, data.capture.p} * P_in_G *
-                            inverse(model.interface_pose[kTarget]));
-      ASSERT_TRUE(
-          set_vehicle_velocity(model, kTarget, velocity[kTarget], rate[kTarget], y.data(), data)
-              .ok());
-    }
-    for (int j = 0; j < model.layout.bristle_count; ++j) {
-      y[model.layout.bristles + j] = 0.0;
-    }
-  }
-  void set_random_loads(TestRandom& random) {
-    for (int i : {kChaser, kTarget}) {
-      loads.force[i] = random.vector(100.0);
-      loads.torque[i] = random.vector(50.0);
-    }
-    for (int j = 0; j < loads.command.size(); ++j) loads.command[j] = random.uniform(-30, 30);
-    loads.gravity = random.vector(0.5);
-    discrete.thrust_on = true;
-    model.thrust = 120.0;
-  }
-
-  void put_pose(int i, const Pose<double>& pose) {
-    const int at = model.layout.pose[i];
-    if (at < 0) {
-      if (i == kTarget) model.fixed_pose[i] = pose;
-      return;
-    }
-    const Vec4<double> quat = quat_from_matrix<double>(pose.R);
-    for (int j = 0; j < 3; ++j) y[at + j] = pose.p[j];
-    for (int j = 0; j < 4; ++j) y[at + 3 + j] = quat[j];
-  }
-  void evaluate() {
-    ydot.assign(y.size(), 0.0);
-    ASSERT_TRUE(
-        calc_docking<double>(model, discrete, memory, loads, 0.0, y.data(), ydot.data(), data)
-            .ok());
-  }
-  V rate3(int at) const { return V(ydot[at], ydot[at + 1], ydot[at + 2]); }
-
-  Scene scene;
-  DockingModel model;
-  DockingData<double> data;
-  std::vector<double> y, ydot;
-  DiscreteState discrete;
-  ContactMemory memory;
-  Loads loads;
-  std::array<V, 2> velocity{V(V::Zero()), V(V::Zero())}, rate{V(V::Zero()), V(V::Zero())};
-};
 
 TEST(MomentumStates, give_back_the_velocity_that_was_put_in) {
   Residual ring, bare;
@@ -222,10 +125,10 @@ Balance find_balance(const Docking& docking, L h) {
   const DockingModel& model = docking.model;
   const StateLayout& layout = model.layout;
   DockingData<L> data(model);
+  const ExternalLoads<L> loads = cast_loads<L>(docking.loads);
   const auto rates = [&](const L* y, L* ydot) {
     ASSERT_TRUE(
-        calc_docking<L>(model, docking.discrete, docking.memory, docking.loads, 0, y, ydot, data)
-            .ok());
+        calc_docking<L>(model, docking.discrete, docking.memory, loads, 0, y, ydot, data).ok());
   };
   struct Sample {
     L energy;

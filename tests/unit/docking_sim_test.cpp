@@ -23,101 +23,13 @@
 #include "sim/placement.hpp"
 #include "unit/allocations.hpp"
 #include "unit/minimal_scene.hpp"
+#include "unit/sim_test_support.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {
 namespace {
 
 using V = Vec3<double>;
-
-Scene ring_scene() { return read_scene(read_test_file("scene_ring.json"), "scene_ring.json"); }
-
-std::shared_ptr<const Scene> share(Scene scene) {
-  return std::make_shared<const Scene>(std::move(scene));
-}
-
-/// The ring scene just before contact (approach 0.1 s), so that runs need not be long.
-Scene short_ring_scene() {
-  Scene scene = ring_scene();
-  scene.conditions.approach_time = 0.1;
-  scene.vehicle = find_placement(scene).vehicle;
-  return scene;
-}
-
-/// Every number of the outputs, in a fixed order. @param with_solver also step counters
-std::vector<double> flatten(const Outputs& o, bool with_solver = false) {
-  std::vector<double> all;
-  const auto add = [&](const auto& v) {
-    for (int i = 0; i < v.size(); ++i) all.push_back(v[i]);
-  };
-  const auto put = [&](const auto& list) {
-    for (const auto& value : list) all.push_back(static_cast<double>(value));
-  };
-  all.push_back(o.time);
-  for (const Outputs::Vehicle& v : o.vehicle) {
-    for (const V& x : {v.position, v.velocity, v.angular_velocity, v.force, v.torque, v.force_mean,
-                       v.torque_mean}) {
-      add(x);
-    }
-    add(v.attitude);
-  }
-  for (const V& x :
-       {o.relative_position, o.relative_velocity, o.relative_angular_velocity, o.capture_force,
-        o.capture_torque, o.ring_position, o.ring_velocity, o.ring_angular_velocity, o.base_force,
-        o.base_torque, o.momentum_linear, o.momentum_angular, o.momentum_reference}) {
-    add(x);
-  }
-  add(o.relative_attitude);
-  add(o.ring_attitude);
-  put(o.capture_load);
-  put(o.capture_peak);
-  put(o.petal_force);
-  put(o.latch_opening);
-  put(o.latch_force);
-  put(o.latched);
-  put(o.leg_length);
-  put(o.leg_rate);
-  put(o.leg_force);
-  put(o.state_q);
-  put(o.state_v);
-  put(o.state_a);
-  for (const V& x : o.loop_force) add(x);
-  const double rest[] = {o.relative_axial,
-                         o.relative_lateral,
-                         o.relative_pitch_yaw,
-                         o.relative_roll,
-                         o.gap,
-                         o.capture_load_ratio,
-                         o.capture_peak_load_ratio,
-                         o.contact_depth_ratio,
-                         double(o.phase),
-                         double(o.outcome),
-                         double(o.captured),
-                         o.time_to_contact,
-                         o.time_of_contact,
-                         o.time_of_capture,
-                         o.energy_kinetic,
-                         o.energy_potential,
-                         o.energy_dissipated,
-                         o.energy_dissipated_contact,
-                         o.energy_dissipated_friction,
-                         o.energy_dissipated_legs,
-                         o.energy_dissipated_latches,
-                         o.energy_external,
-                         o.energy_residual,
-                         o.momentum_residual,
-                         o.solver_closure_residual,
-                         o.solver_singularity_margin};
-  put(rest);
-  if (with_solver) {
-    put(std::array<double, 3>{o.solver_steps, o.solver_rhs_evaluations, o.solver_rejected_steps});
-  }
-  return all;
-}
-
-bool same_bits(const std::vector<double>& a, const std::vector<double>& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0;
-}
 
 /// Where two lists of outputs differ first, for messages.
 std::string first_difference(const std::vector<double>& a, const std::vector<double>& b) {

@@ -66,7 +66,7 @@ void check(const char* name, F f, Fx f_x, Fy f_y, Residual& analytic, Residual& 
 }
 
 TEST(Dual, every_operation_has_its_derivative) {
-  using std::abs, std::atan2, std::cos, std::floor, std::sin, std::sqrt;
+  using std::abs, std::atan2, std::cos, std::floor, std::log1p, std::sin, std::sqrt;
   Residual analytic, difference;
   const auto run = [&](const char* name, auto f, auto f_x, auto f_y) {
     check(name, f, f_x, f_y, analytic, difference);
@@ -111,6 +111,9 @@ TEST(Dual, every_operation_has_its_derivative) {
   run(
       "cos", [](auto x, auto) { return cos(x); }, [](double x, double) { return -std::sin(x); },
       zero);
+  run(
+      "log1p", [](auto x, auto) { return log1p(x * x); },
+      [](double x, double) { return 2 * x / (1 + x * x); }, zero);
   run(
       "atan2", [](auto y, auto x) { return atan2(y, x); },
       [](double y, double x) { return x / (x * x + y * y); },

@@ -87,7 +87,9 @@ TEST(VariableTable, EveryRowIsComplete) {
     for (const Variable& v : make_variables(*sim)) {
       SCOPED_TRACE(v.name);
       EXPECT_TRUE(names.insert(v.name).second) << "name is not unique";
-      EXPECT_TRUE(is_structured(v.name));
+      const bool is_rate = has_prefix(v.name, "der(") && v.name.back() == ')';
+      EXPECT_TRUE(is_structured(is_rate ? v.name.substr(4, v.name.size() - 5) : v.name));
+      EXPECT_EQ(is_rate, v.rate >= 0);
       EXPECT_FALSE(v.description.empty());
       EXPECT_NE(v.value, nullptr);
       EXPECT_LE(v.min, v.max);
@@ -102,10 +104,15 @@ TEST(VariableTable, EveryRowIsComplete) {
         EXPECT_STREQ(v.unit, "");
         EXPECT_NE(v.variability, Variability::kContinuous);
       }
-      if (v.causality != Causality::kOutput) {
+      if (v.causality == Causality::kParameter || v.causality == Causality::kInput) {
         EXPECT_EQ(v.start, v.value);
       }
-      EXPECT_EQ(v.causality == Causality::kParameter, v.variability == Variability::kFixed);
+      EXPECT_EQ(v.causality == Causality::kParameter,
+                v.variability == Variability::kFixed || v.variability == Variability::kTunable);
+      // Rows of the state vector and their rates, one for one.
+      EXPECT_EQ(v.causality == Causality::kLocal, v.state >= 0 || v.rate >= 0);
+      EXPECT_EQ(v.causality == Causality::kInput, v.input >= 0);
+      EXPECT_EQ(v.causality == Causality::kInput, v.slope != nullptr);
       if (v.has_start()) {
         EXPECT_TRUE(std::isfinite(start_of(v)));
         EXPECT_GE(start_of(v), v.min);
@@ -113,6 +120,24 @@ TEST(VariableTable, EveryRowIsComplete) {
       }
     }
   }
+}
+
+TEST(VariableTable, RowsOfOneTypeAgree) {
+  const auto sim = make_sim();
+  std::map<std::string, Quantity> types;
+  for (const Variable& v : make_variables(*sim)) {
+    SCOPED_TRACE(v.name);
+    if (v.type != Type::kReal) continue;
+    EXPECT_STRNE(v.quantity.name, "");
+    EXPECT_STREQ(v.quantity.unit, v.unit);
+    EXPECT_STREQ(v.quantity.display, v.display_unit);
+    const Quantity& first = types.emplace(v.quantity.name, v.quantity).first->second;
+    EXPECT_STREQ(first.unit, v.quantity.unit);
+    EXPECT_STREQ(first.display, v.quantity.display);
+    EXPECT_EQ(first.nominal, v.quantity.nominal);
+    EXPECT_GT(v.nominal, 0.0);
+  }
+  EXPECT_GT(types.size(), 10u);
 }
 
 TEST(VariableTable, HasTheNamesOfTheInterface) {
@@ -238,7 +263,8 @@ TEST(VariableTable, OutputsOfNoGroupDoNotExist) {
   const auto sim = make_sim({});
   for (const Variable& v : make_variables(*sim)) {
     EXPECT_TRUE(has_prefix(v.name, "chaser.") || has_prefix(v.name, "target.") ||
-                has_prefix(v.name, "gravity") || has_prefix(v.name, "solver."))
+                has_prefix(v.name, "gravity") || has_prefix(v.name, "solver.") ||
+                v.causality == Causality::kLocal)
         << v.name;
   }
   EXPECT_EQ(by_name(*sim).count("solver.steps"), 0u);
@@ -356,9 +382,10 @@ TEST(ModelDescription, TagsAreBalanced) {
 TEST(ModelDescription, SectionsStandInTheOrderOfTheSchema) {
   const std::string xml = make_model_description(*make_sim(), kTime);
   size_t last = 0;
-  for (const char* element : {"<fmiModelDescription", "<CoSimulation", "<UnitDefinitions",
-                              "<LogCategories", "<DefaultExperiment", "<ModelVariables",
-                              "<ModelStructure", "<Outputs", "<InitialUnknowns"}) {
+  for (const char* element :
+       {"<fmiModelDescription", "<CoSimulation", "<UnitDefinitions", "<TypeDefinitions",
+        "<LogCategories", "<DefaultExperiment", "<ModelVariables", "<ModelStructure", "<Outputs",
+        "<InitialUnknowns"}) {
     const size_t at = xml.find(element);
     ASSERT_NE(at, std::string::npos) << element;
     EXPECT_GT(at, last) << element;
@@ -392,6 +419,7 @@ TEST(ModelDescription, ListsFollowTheTable) {
       references.push_back(std::to_string(i));
       if (rows[i].has_start()) ++starts;
       if (rows[i].causality != Causality::kInput) ++initials;
+      if (rows[i].causality == Causality::kLocal) unknowns.push_back(std::to_string(i + 1));
       if (rows[i].causality != Causality::kOutput) continue;
       outputs.push_back(std::to_string(i + 1));
       if (!rows[i].has_start()) unknowns.push_back(std::to_string(i + 1));

@@ -256,12 +256,15 @@ TEST(Coordinates, near_dead_centre_the_crank_takes_over_from_the_slider) {
     const Mechanism mechanism = make_slider_crank(independent, crank);
     MechanismData<double> data(mechanism);
     EXPECT_TRUE(calc_position(mechanism, data).ok());
-    return find_better_coordinates(mechanism, data);
+    std::vector<int> independent_bodies;
+    if (const auto better = find_better_coordinates(mechanism, data))
+      independent_bodies = with_coordinates(mechanism, *better).plan.ind_bodies;
+    return independent_bodies;
   };
-  EXPECT_FALSE(change("crank", 0.02).has_value());
-  const std::optional<Mechanism> changed = change("slider", 0.02);
-  ASSERT_TRUE(changed.has_value());
-  EXPECT_NE(changed->plan.ind_bodies, (std::vector<int>{2}));  // either hinge will do
+  EXPECT_TRUE(change("crank", 0.02).empty());
+  const std::vector<int> changed = change("slider", 0.02);
+  ASSERT_EQ(changed.size(), 1u);
+  EXPECT_NE(changed, (std::vector<int>{2}));  // either hinge will do
 }
 
 TEST(Coordinates, a_change_leaves_motion_and_accelerations_as_they_are) {
@@ -274,16 +277,17 @@ TEST(Coordinates, a_change_leaves_motion_and_accelerations_as_they_are) {
   a.tau << 0.3, -0.2, 1.0;
   calc_acceleration(slider, base, a);
   calc_reactions(slider, base, kBase, a);
-  const std::optional<Mechanism> crank = find_better_coordinates(slider, a);
-  ASSERT_TRUE(crank.has_value());
-  MechanismData<double> b(*crank);
+  const std::optional<Coordinates> better = find_better_coordinates(slider, a);
+  ASSERT_TRUE(better.has_value());
+  const Mechanism crank = with_coordinates(slider, *better);
+  MechanismData<double> b(crank);
   b.tree.q = a.tree.q;
   b.tree.v = a.tree.v;
   b.tau = a.tau;
-  ASSERT_TRUE(calc_position(*crank, b).ok());
-  calc_velocity(*crank, base, b);
-  calc_acceleration(*crank, base, b);
-  calc_reactions(*crank, base, kBase, b);
+  ASSERT_TRUE(calc_position(crank, b).ok());
+  calc_velocity(crank, base, b);
+  calc_acceleration(crank, base, b);
+  calc_reactions(crank, base, kBase, b);
   EXPECT_LT((b.tree.v - a.tree.v).norm(), 1e-13 * a.tree.v.norm());
   EXPECT_LT((b.vdot - a.vdot).norm(), 1e-11 * a.vdot.norm());
   EXPECT_LT((b.on_base.f - a.on_base.f).norm(), 1e-10 * a.on_base.f.norm());

@@ -1,0 +1,266 @@
+// The life of one instance: initialisation, steps, values, saved states.
+#include "instance.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "model_description.hpp"
+
+namespace dockloop {
+
+fmi2Status fmi_status(StatusCode code) {
+  switch (code) {
+    case StatusCode::kOk:
+      return fmi2OK;
+    case StatusCode::kBranchChanged:
+    case StatusCode::kLoopNotClosed:
+    case StatusCode::kContactTooDeep:
+    case StatusCode::kContactFlipped:
+    case StatusCode::kIntegrationFailed:
+    case StatusCode::kBadInput:  // correct the input and repeat the step
+      return fmi2Discard;
+    case StatusCode::kOutOfReach:
+    case StatusCode::kLoopSingular:
+    case StatusCode::kRedundancyLost:
+    case StatusCode::kInertiaNotPositive:
+    case StatusCode::kNotFinite:
+      return fmi2Error;
+  }
+  return fmi2Error;
+}
+
+Instance::Instance(std::shared_ptr<const Scene> scene, Interface interface, Logger log)
+    : logger(std::move(log)), sim(std::move(scene), interface), variables(make_variables(sim)) {
+  start_time = time = sim.scene().experiment.start;
+}
+
+void Instance::setup(double t0, double wanted_tolerance) {
+  start_time = time = t0;
+  tolerance = wanted_tolerance;
+}
+
+void Instance::initialise() {
+  if (initialised) return;
+  sim.initialise(start_time, tolerance);
+  initialised = true;
+  std::vector<std::string> warnings = sim.take_warnings();
+  if (warnings != last_warnings) {
+    for (const std::string& text : warnings) logger.write(fmi2Warning, kLogWarning, text);
+    last_warnings = std::move(warnings);
+  }
+}
+
+void Instance::log_events() {
+  for (const std::string& text : sim.take_warnings()) logger.write(fmi2Warning, kLogWarning, text);
+  if (!logger.enabled(kLogEvents) || !sim.update_outputs().ok()) return;
+  if (sim.outputs().phase == phase) return;
+  phase = sim.outputs().phase;
+  logger.write(fmi2OK, kLogEvents,
+               "phase " + std::to_string(phase) + " at t = " + shortest(time) + " s");
+}
+
+fmi2Status Instance::step(double t, double h) {
+  if (!(std::isfinite(h) && h > 0.0)) {
+    throw Refusal("fmi2DoStep: communicationStepSize is " + shortest(h) +
+                  " s, but must be positive and finite");
+  }
+  // Rounding of the host's clock (some count nanoseconds) is accepted, a gap or overlap is not.
+  const double slack = 1e-6 * h + 1e-12 * std::max(std::abs(t), h);
+  if (!(std::abs(t - time) <= slack)) {
+    throw Refusal("fmi2DoStep: currentCommunicationPoint is " + shortest(t) + " s, expected " +
+                  shortest(time) + " s, the end of the last step");
+  }
+  state = kError;  // stays if anything below throws
+  step_status = fmi2Error;
+  step_status = fmi_status(sim.step(t, h).code);
+  if (step_status != fmi2OK) {
+    const bool can_repeat = step_status == fmi2Discard;
+    if (can_repeat) state = kStepFailed;
+    logger.write(step_status, can_repeat ? kLogDiscard : kLogError, sim.status_text());
+    return step_status;
+  }
+  state = kStepComplete;
+  time = t + h;
+  log_events();
+  return fmi2OK;
+}
+
+void Instance::reset() {
+  sim.reset();
+  variables = make_variables(sim);
+  setup(sim.scene().experiment.start, 0.0);
+  state = kInstantiated;
+  initialised = false;
+  step_status = fmi2OK;
+  phase = 0;
+  last_warnings.clear();
+}
+
+fmi2Status Instance::discard(const Status& status, const char* function) {
+  logger.write(fmi2Discard, kLogDiscard,
+               std::string(function) + ": " + sim.describe(status) + ": take a smaller step");
+  return fmi2Discard;
+}
+
+// ---------------------------------------------------------------- values
+
+const void* Instance::current(const Variable& v) {
+  if (v.has_start() && before_start()) return v.start;
+  if (v.causality == Causality::kOutput || v.causality == Causality::kLocal) {
+    if (state == kInstantiated) {
+      throw Refusal("'" + v.name + "' has no value yet: call fmi2EnterInitializationMode first");
+    }
+    if (state == kInitializationMode) initialise();
+    const Status status =
+        v.causality == Causality::kLocal ? sim.update_states() : sim.update_outputs();
+    if (!status.ok()) throw Refusal("'" + v.name + "' has no value here: " + sim.describe(status));
+  }
+  return v.value;
+}
+
+void Instance::check_settable(const Variable& v, const char* function) const {
+  const auto refuse = [&](const char* why) {
+    throw Refusal(std::string(function) + ": '" + v.name + "' " + why);
+  };
+  if (!v.has_start()) refuse("is computed by the FMU and cannot be set");
+  if (v.causality == Causality::kInput || before_start()) return;
+  if (v.variability == Variability::kTunable && (state & (kStepping | kEventMode))) return;
+  refuse(v.variability == Variability::kTunable
+             ? "is a tunable parameter: it can be set between steps or in event mode only"
+         : v.causality == Causality::kParameter
+             ? "is a fixed parameter: it can be set only before fmi2ExitInitializationMode"
+             : "is a state: its start value can be set only before fmi2ExitInitializationMode");
+}
+
+void Instance::note_change(bool tunables) {
+  if (before_start()) {
+    initialised = false;
+    return;
+  }
+  if (tunables) sim.adopt_tunables();
+  sim.invalidate_outputs();
+}
+
+// ---------------------------------------------------------------- saved states
+
+void Instance::save(SavedInstance& into) const {
+  into.fingerprint = sim.scene().fingerprint;
+  into.interface = sim.interface();
+  into.state = state;
+  into.initialised = initialised;
+  into.start_time = start_time;
+  into.tolerance = tolerance;
+  into.time = time;
+  into.step_status = step_status;
+  into.phase = phase;
+  sim.save(into.sim);
+}
+
+void Instance::load(const SavedInstance& from) {
+  if (from.fingerprint != sim.scene().fingerprint) {
+    throw Refusal("the state is of the FMU with GUID '" + from.fingerprint + "', this one is '" +
+                  sim.scene().fingerprint + "'");
+  }
+  if (from.interface != sim.interface()) {
+    throw Refusal(
+        "the state is of an instance for the other interface (co-simulation or model "
+        "exchange)");
+  }
+  sim.load(from.sim);
+  state = from.state;
+  initialised = from.initialised;
+  start_time = from.start_time;
+  tolerance = from.tolerance;
+  time = from.time;
+  step_status = static_cast<fmi2Status>(from.step_status);
+  phase = from.phase;
+}
+
+namespace {
+
+constexpr char kMagic[8] = {'D', 'O', 'C', 'K', 'L', 'O', 'O', 'P'};
+constexpr std::uint32_t kByteOrder = 0x01020304;
+/// To be raised whenever the contents change.
+constexpr std::uint32_t kStateFormat = 1;
+
+struct Header {
+  char magic[8];
+  std::uint32_t byte_order, format;
+  char version[16];              ///< of dockloop, zero-terminated
+  char fingerprint[32];          ///< of the scene
+  std::uint64_t size, checksum;  ///< of the contents
+};
+static_assert(sizeof(Header) == 80, "no padding: the header goes to files as it is");
+
+/// FNV-1a, 64 bits.
+std::uint64_t find_checksum(const char* bytes, size_t size) {
+  std::uint64_t hash = 14695981039346656037ull;
+  for (size_t i = 0; i < size; ++i) {
+    hash = (hash ^ static_cast<unsigned char>(bytes[i])) * 1099511628211ull;
+  }
+  return hash;
+}
+
+template <class A>
+void transfer(A& archive, SavedInstance& saved) {
+  transfer_all(archive, saved.interface, saved.state, saved.initialised, saved.start_time,
+               saved.tolerance, saved.time, saved.step_status, saved.phase, saved.sim);
+}
+
+}  // namespace
+
+std::vector<char> serialise(const SavedInstance& saved) {
+  ByteWriter writer;
+  transfer(writer, const_cast<SavedInstance&>(saved));  // writing reads only
+  const std::vector<char> contents = writer.take();
+  Header header{};
+  std::memcpy(header.magic, kMagic, sizeof kMagic);
+  header.byte_order = kByteOrder;
+  header.format = kStateFormat;
+  std::strncpy(header.version, DOCKLOOP_VERSION, sizeof header.version - 1);
+  std::copy_n(saved.fingerprint.begin(),
+              std::min(saved.fingerprint.size(), sizeof header.fingerprint), header.fingerprint);
+  header.size = contents.size();
+  header.checksum = find_checksum(contents.data(), contents.size());
+  std::vector<char> bytes(sizeof header + contents.size());
+  std::memcpy(bytes.data(), &header, sizeof header);
+  std::copy(contents.begin(), contents.end(), bytes.data() + sizeof header);
+  return bytes;
+}
+
+void deserialise(const char* bytes, size_t size, const std::string& fingerprint,
+                 SavedInstance& into) {
+  Header header;
+  if (size < sizeof header) throw Refusal("too short for a saved state");
+  std::memcpy(&header, bytes, sizeof header);
+  if (std::memcmp(header.magic, kMagic, sizeof kMagic) != 0) {
+    throw Refusal("these bytes are not a saved state of a dockloop FMU");
+  }
+  if (header.byte_order != kByteOrder) throw Refusal("saved on a machine of other byte order");
+  header.version[sizeof header.version - 1] = '\0';
+  if (header.format != kStateFormat || std::string(header.version) != DOCKLOOP_VERSION) {
+    throw Refusal("saved by dockloop " + std::string(header.version) + " in format " +
+                  std::to_string(header.format) +
+                  "; this is dockloop " DOCKLOOP_VERSION " with format " +
+                  std::to_string(kStateFormat));
+  }
+  const std::string scene(header.fingerprint, sizeof header.fingerprint);
+  if (scene != fingerprint) {
+    throw Refusal("saved by the FMU with GUID '" + scene + "', this one is '" + fingerprint + "'");
+  }
+  const char* contents = bytes + sizeof header;
+  if (header.size != size - sizeof header ||
+      header.checksum != find_checksum(contents, header.size)) {
+    throw Refusal("the saved state is damaged (length or checksum)");
+  }
+  ByteReader reader(contents, header.size);
+  transfer(reader, into);
+  const bool is_state =
+      std::find(std::begin(kStates), std::end(kStates), into.state) != std::end(kStates);
+  if (reader.left() != 0 || !is_state) throw Refusal("the saved state is damaged");
+  into.fingerprint = fingerprint;
+}
+
+}  // namespace dockloop

@@ -1,0 +1,47 @@
+# This file is sources/CMakeLists.txt of every FMU that holds its sources. It compiles the FMU for
+# the machine at hand with nothing but CMake and a compiler of C and C++17. In the unpacked FMU:
+#
+#   cmake -S sources -B build && cmake --build build --target install --config Release
+#
+# Then the library is in binaries/PLATFORM. FMPy does the same from buildDescription.xml.
+cmake_minimum_required(VERSION 3.15)
+project(dockloop LANGUAGES C CXX)
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+file(STRINGS ${CMAKE_SOURCE_DIR}/buildDescription.xml name REGEX "modelIdentifier=")
+string(REGEX REPLACE ".*modelIdentifier=\"([^\"]+)\".*" "\\1" name "${name}")
+
+file(GLOB files *.cpp */*.cpp */*.c)
+add_library(${name} SHARED ${files})
+target_include_directories(${name} SYSTEM PRIVATE ${CMAKE_SOURCE_DIR})
+set_target_properties(${name} PROPERTIES PREFIX "" CXX_STANDARD 17 CXX_STANDARD_REQUIRED ON
+  C_VISIBILITY_PRESET hidden CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
+if(MSVC)
+  target_compile_options(${name} PRIVATE /bigobj)
+else()
+  target_compile_options(${name} PRIVATE -fno-math-errno -ffp-contract=off)
+endif()
+if(UNIX AND NOT APPLE)
+  target_link_libraries(${name} PRIVATE m)
+  target_link_options(${name} PRIVATE -Wl,--version-script=${CMAKE_SOURCE_DIR}/exports.map)
+endif()
+
+# Folder names of FMI 2.0, and those of FMI 3.0 where 2.0 has none.
+string(TOLOWER "${CMAKE_SYSTEM_PROCESSOR}" processor)
+string(REPLACE "arm64" "aarch64" processor "${processor}")
+set(system linux)
+if(WIN32)
+  set(system windows)
+elseif(APPLE)
+  set(system darwin)
+endif()
+if(processor MATCHES "^(x86_64|amd64|i[3-6]86|x86)$")
+  math(EXPR bits "8 * ${CMAKE_SIZEOF_VOID_P}")
+  string(REPLACE "windows" "win" platform "${system}${bits}")
+else()
+  set(platform ${processor}-${system})
+endif()
+set(folder ${CMAKE_SOURCE_DIR}/../binaries/${platform})
+install(TARGETS ${name} RUNTIME DESTINATION ${folder} LIBRARY DESTINATION ${folder}
+        ARCHIVE DESTINATION ${CMAKE_BINARY_DIR})

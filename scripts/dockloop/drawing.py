@@ -1,0 +1,374 @@
+"""Figures of the documentation page: SVG text made from the numbers of a scene, nothing else.
+
+:class:`Drawing` is a sheet with a few kinds of marks. The functions below draw the frames, the legs
+at home, the phases of a docking and the coupling of a driven vehicle. Axes are coloured as usual:
+x red, y green, z blue. The same scene gives the same text.
+"""
+
+import html
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+Point = tuple[float, float]
+View = Callable[[Sequence[float]], Point]  # from a point in space to the sheet
+
+INK, FAINT, PAPER = "#1d2733", "#8a97a6", "#ffffff"
+CHASER, TARGET, RING, LEG = "#dbe7f5", "#f3e7d3", "#c2483d", "#2f6db5"
+AXES = {"x": "#c0392b", "y": "#2e8b57", "z": "#2f5fc4"}
+
+
+class Drawing:
+    """A sheet of SVG, measured in points from the upper left corner."""
+
+    def __init__(self, width: float, height: float, title: str) -> None:
+        self._head = (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {height:g}" role="img"'
+            f' font-family="sans-serif" font-size="13" fill="{INK}">'
+            f"<title>{html.escape(title)}</title>"
+        )
+        self._marks: list[str] = []
+
+    def text_of(self) -> str:
+        """Return the sheet as one SVG element."""
+        return "\n".join([self._head, *self._marks, "</svg>"])
+
+    def line(
+        self,
+        *points: Point,
+        color: str = INK,
+        width: float = 1.5,
+        dash: str = "",
+        fill: str = "none",
+        close: bool = False,
+    ) -> None:
+        """Draw a line through points, or a filled polygon."""
+        kind = "polygon" if close else "polyline"
+        path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+        dashed = f' stroke-dasharray="{dash}"' if dash else ""
+        self._marks.append(
+            f'<{kind} points="{path}" fill="{fill}" stroke="{color}" stroke-width="{width:g}"'
+            f' stroke-linejoin="round" stroke-linecap="round"{dashed}/>'
+        )
+
+    def box(self, at: Point, size: Point, fill: str) -> None:
+        """Draw a rectangle with rounded corners, `at` its upper left one."""
+        (x, y), (width, height) = at, size
+        self._marks.append(
+            f'<rect x="{x:g}" y="{y:g}" width="{width:g}" height="{height:g}" rx="8"'
+            f' fill="{fill}" stroke="{INK}" stroke-width="1.2"/>'
+        )
+
+    def circle(
+        self, at: Point, radius: float, fill: str = "none", color: str = INK, width: float = 1.5
+    ) -> None:
+        """Draw a circle."""
+        self._marks.append(
+            f'<circle cx="{at[0]:.1f}" cy="{at[1]:.1f}" r="{radius:.1f}" fill="{fill}"'
+            f' stroke="{color}" stroke-width="{width:g}"/>'
+        )
+
+    def label(
+        self,
+        at: Point,
+        text: str,
+        *,
+        anchor: str = "middle",
+        color: str = INK,
+        size: float = 13,
+        bold: bool = False,
+        code: bool = False,
+        clear: bool = False,
+    ) -> None:
+        """Write one line of text, `at` its base line; `clear` keeps lines away from it."""
+        style = ' font-weight="bold"' if bold else ""
+        style += ' font-family="monospace"' if code else ""
+        halo = f' paint-order="stroke" stroke="{PAPER}" stroke-width="4"' if clear else ""
+        self._marks.append(
+            f'<text x="{at[0]:.1f}" y="{at[1]:.1f}" text-anchor="{anchor}" fill="{color}"'
+            f' font-size="{size:g}"{style}{halo}>{html.escape(text)}</text>'
+        )
+
+    def arrow(
+        self, *points: Point, color: str = INK, width: float = 1.5, dash: str = "", head: float = 7
+    ) -> None:
+        """Draw a line through points with a head at its end."""
+        (x0, y0), (x1, y1) = points[-2:]
+        length = math.hypot(x1 - x0, y1 - y0)
+        ux, uy = (x1 - x0) / length, (y1 - y0) / length
+        foot = (x1 - head * ux, y1 - head * uy)
+        side = (-0.4 * head * uy, 0.4 * head * ux)
+        self.line(*points[:-1], foot, color=color, width=width, dash=dash)
+        tips = [(foot[0] + side[0], foot[1] + side[1]), (foot[0] - side[0], foot[1] - side[1])]
+        self.line((x1, y1), *tips, color=color, width=0.5, fill=color, close=True)
+
+    def axes(
+        self,
+        at: Point,
+        name: str,
+        place: Point,
+        names: Sequence[str] = "xyz",
+        size: float = 34,
+    ) -> None:
+        """Draw a right-handed frame: axes to the right, up and out of the sheet."""
+        right, up, out = names
+        x, y = at
+        self.arrow(at, (x + size, y), color=AXES[right], width=2)
+        self.arrow(at, (x, y - size), color=AXES[up], width=2)
+        self.circle(at, 4.5, fill=PAPER, color=AXES[out], width=1.8)
+        self.circle(at, 1.2, fill=AXES[out], color=AXES[out], width=0.5)
+        self.label((x + size + 6, y + 4), right, color=AXES[right], size=11)
+        self.label((x, y - size - 4), up, color=AXES[up], size=11)
+        if name:
+            self.label((x + place[0], y + place[1]), name, bold=True, size=15)
+
+
+def draw_frames(has_target: bool, has_ring: bool) -> str:
+    """Draw where the frames are, not to scale, with the vectors that are variables."""
+    d = Drawing(760, 318, "Frames N, C, A, B, G, P, D and the vectors between them")
+    c, a, g, p, t, n = (120, 160), (250, 160), (345, 160), (505, 160), (635, 160), (48, 286)
+    d.box((40, 90), (210, 140), CHASER)
+    d.label((58, 112), "chaser", anchor="start", color="#42607f")
+    if has_target:
+        d.box((505, 80), (215, 160), TARGET)
+        d.label((703, 102), "target", anchor="end", color="#80683c")
+        d.line((505, 108), (505, 212), width=5, color="#80683c")
+    d.line((250, 112), (250, 208), width=5, color="#42607f")
+    if has_ring:
+        for y0, y1 in ((112, 106), (126, 196), (194, 124), (208, 214)):
+            d.line((250, y0), (g[0], y1), color=LEG, width=2)
+        d.line((g[0], 100), (g[0], 220), color=RING, width=7)
+    grey = "#55616e"
+    for start, end, text, place in (
+        (n, c, "chaser.position", (66, 250)),
+        *([(n, t, "target.position", (330, 243))] if has_target else []),
+    ):
+        d.arrow(start, (end[0] - 5, end[1] + 5), color=FAINT, width=1.2, dash="5 4")
+        d.label(place, text, anchor="start", size=11, code=True, color=grey, clear=True)
+    for start, end, text, y, top in (
+        (c, a, "chaser.interface_position", 66, 120),
+        *([(t, p, "target.interface_position", 56, 120)] if has_target else []),
+        *([(a, g, "ring.position", 84, 98)] if has_ring else []),
+        *([(a, p, "relative.position", 28, 106)] if has_target else []),
+    ):
+        for x, _ in (start, end):
+            d.line((x, top), (x, y - 4), color=FAINT, width=0.7, dash="2 3")
+        d.arrow((start[0], y), (end[0], y), color=grey, width=1.2)
+        middle = (start[0] + end[0]) / 2
+        d.label((middle, y - 6), text, size=11, code=True, color=grey, clear=True)
+    d.axes(n, "N", place=(-22, 6))
+    d.axes(c, "C", place=(-20, 4))
+    d.axes(a, "A, B", place=(-28, 5))
+    if has_ring:
+        d.axes(g, "G", place=(-16, 5))
+    if has_target:
+        d.axes(p, "P", place=(-14, 5))
+        d.axes(t, "D", place=(14, 20))
+    return d.text_of()
+
+
+def draw_phases() -> str:
+    """Draw the phases of a docking and what leads from one to the next."""
+    d = Drawing(760, 214, "Phases of a docking")
+    boxes = {
+        1: ("approach", 10, 60),
+        2: ("contact", 165, 60),
+        3: ("captured", 330, 60),
+        4: ("attenuating", 490, 60),
+        5: ("aligned", 650, 60),
+        8: ("rebound", 165, 160),
+    }
+    for number, (name, x, y) in boxes.items():
+        fill = "#fbe3e0" if number == 8 else "#e4f2e7" if number == 5 else "#eef3f8"
+        d.box((x, y), (100, 42), fill)
+        d.label((x + 50, y + 26), f"{number} {name}")
+    for start, end, lines in (
+        (110, 165, ("first", "touch")),
+        (265, 330, ("all latches", "hold")),
+        (430, 490, ("motion", "reversed")),
+        (590, 650, ("at rest", "")),
+    ):
+        d.arrow((start, 81), (end, 81))
+        for i, text in enumerate(lines):
+            d.label(((start + end) / 2, 28 + 13 * i), text, size=11, color="#55616e")
+        d.line(((start + end) / 2, 45), ((start + end) / 2, 74), color=FAINT, width=0.7, dash="2 3")
+    d.arrow((198, 102), (198, 160))
+    d.label((191, 128), "open by 50 mm and opening,", anchor="end", size=11, color="#55616e")
+    d.label((191, 142), "no latch holds", anchor="end", size=11, color="#55616e")
+    d.arrow((232, 160), (232, 102))
+    d.label(
+        (240, 142), "touches again, or a latch catches", anchor="start", size=11, color="#55616e"
+    )
+    d.arrow((700, 102), (700, 181), (265, 181))
+    d.label((490, 174), "latches let go (also from 3 and 4; to 2 while it touches)", size=11)
+    return d.text_of()
+
+
+def draw_coupling(vehicle: str) -> str:
+    """Draw who tells whom what when a vehicle is driven by the host."""
+    d = Drawing(760, 150, f"Coupling of the driven vehicle {vehicle}")
+    d.box((20, 30), (200, 100), CHASER if vehicle == "chaser" else TARGET)
+    d.label((120, 70), "vehicle model of the host", size=13)
+    d.label((120, 92), "from t to t + h", size=12, color="#55616e")
+    d.box((540, 30), (200, 100), "#eef3f8")
+    d.label((640, 70), "this FMU", bold=True)
+    d.label((640, 92), "from t to t + h", size=12, color="#55616e")
+    d.arrow((220, 55), (540, 55))
+    d.label((380, 30), f"at t: {vehicle}.position, velocity,", size=12)
+    d.label((380, 46), "attitude, angular_velocity", size=12)
+    d.arrow((540, 105), (220, 105))
+    d.label((380, 98), f"after the step: {vehicle}.force_mean, torque_mean", size=12)
+    d.label((380, 124), "constant over the step, exact impulse", size=11, color="#55616e")
+    return d.text_of()
+
+
+# ------------------------------------------------------------------- legs at home
+
+
+def find_body_places(
+    mechanism: dict, home_q: Sequence[float] = ()
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return rotation and position of every listed body at home, axes and origin of the base.
+
+    Args:
+        mechanism: its description.
+        home_q: coordinates of the joints, body by body; default: where the joints have their zero.
+    """
+    places = {"base": (np.eye(3), np.zeros(3))}
+    rest = list(home_q)
+    for body in mechanism.get("bodies", []):
+        joint = body["joint"]
+        count = 7 if joint["type"] == "free" else 1
+        q = rest[:count] or [0, 0, 0, 1, 0, 0, 0][:count]
+        del rest[:count]
+        rotation, position = places[body["parent"]]
+        position = position + rotation @ np.array(joint.get("position", (0, 0, 0)), float)
+        rotation = rotation @ np.array(joint.get("rotation", np.eye(3)), float)
+        if joint["type"] == "free":
+            position, turn = position + rotation @ np.array(q[:3]), q[3:]
+        elif joint["type"] == "prismatic":
+            position, turn = position + rotation @ (q[0] * np.array(joint["axis"])), (1, 0, 0, 0)
+        else:
+            turn = (math.cos(q[0] / 2), *(math.sin(q[0] / 2) * np.array(joint["axis"])))
+        places[body["name"]] = rotation @ _matrix(turn), position
+    return places
+
+
+def _matrix(quaternion: Sequence[float]) -> np.ndarray:
+    """Return the rotation matrix of a unit quaternion (w, x, y, z)."""
+    w, x, y, z = quaternion
+    cross = np.array(((0, -z, y), (z, 0, -x), (-y, x, 0)))
+    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
+
+
+def find_legs(
+    mechanism: dict, home_q: Sequence[float] = ()
+) -> list[tuple[str, np.ndarray, np.ndarray]]:
+    """Return name and both ends at home of every leg, axes and origin of the base."""
+    places, defaults = find_body_places(mechanism, home_q), mechanism.get("leg_defaults", {})
+    legs = []
+    for leg in mechanism.get("legs", []):
+        full = {"root": "base", **defaults, **leg}
+        ends = []
+        for body, point in (("root", "root_point"), ("closing", "closing_point")):
+            rotation, position = places[full[body]]
+            ends.append(position + rotation @ np.array(full[point], float))
+        legs.append((full["name"], *ends))
+    return legs
+
+
+def draw_legs(mechanism: dict, home_q: Sequence[float] = ()) -> str:
+    """Draw side view and front view of the legs at home, to scale; empty if there are none."""
+    legs = find_legs(mechanism, home_q)
+    if not legs:
+        return ""
+    roots, ends = (np.array([leg[i] for leg in legs]) for i in (1, 2))
+    along = int(np.argmax(np.abs(np.mean(ends - roots, axis=0))))
+    right, up = (along + 1) % 3, (along + 2) % 3
+    names = "xyz"
+    contact = mechanism.get("contact", {})
+    capture = mechanism.get("capture", {}).get("body", "base")
+    has_ring = contact.get("type") == "guide_ring"
+    everything = np.vstack([roots, ends])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    radius = max(np.hypot(everything[:, right], everything[:, up]))
+    if has_ring:
+        high[along] = max(high[along], contact["petal_tip_x"])
+        radius = max(radius, contact["core_outer_radius"] + contact["ring_rounding"])
+    scale = min(150 / radius, 310 / (high[along] - low[along]))
+    d = Drawing(760, 380, "Legs at home, from the side and from the front")
+
+    def side(point: Sequence[float]) -> Point:
+        return 30 + scale * (point[along] - low[along]), 185 - scale * point[right]
+
+    def front(point: Sequence[float]) -> Point:
+        return 570 + scale * point[right], 185 - scale * point[up]
+
+    d.label(
+        (30, 372), f"from the side ({names[along]} to the right)", anchor="start", color="#55616e"
+    )
+    d.label((570, 372), f"from the front (against {names[along]})", color="#55616e")
+    if has_ring:
+        rotation, position = find_body_places(mechanism, home_q)[capture]
+        views = [
+            lambda p, view=view: view(position + rotation @ np.array(p, float))
+            for view in (side, front)
+        ]
+        _draw_ring(d, mechanism, scale, *views)
+    for i, (_, root, end) in enumerate(legs):
+        middle = root + 0.3 * (end - root)
+        for view in (side, front):
+            d.line(view(root), view(end), color=LEG, width=3)
+            d.circle(view(end), 3.5, fill=PAPER, color=LEG)
+            x, y = view(root)
+            d.line(
+                *((x + sx, y + sy) for sx, sy in ((-4, -4), (4, -4), (4, 4), (-4, 4))),
+                color=INK,
+                width=1,
+                fill=INK,
+                close=True,
+            )
+        d.circle(front(middle), 9, fill=PAPER, color=LEG, width=1)
+        d.label((front(middle)[0], front(middle)[1] + 4), str(i + 1), size=11)
+    origin = np.zeros(3)
+    order = names[along] + names[right] + names[up]
+    d.axes(side(origin), "B", (-12, 17), order)
+    d.axes(front(origin), "B", (-12, 17), order[1:] + order[0])
+    length = 10 ** math.floor(math.log10(radius))
+    d.line((30, 345), (30 + scale * length, 345), width=2)
+    d.label((30 + scale * length + 8, 349), f"{length:g} m", anchor="start", size=11)
+    return d.text_of()
+
+
+def _draw_ring(d: Drawing, mechanism: dict, scale: float, side: View, front: View) -> None:
+    """Draw guide ring, petals and latches; the ring stands across x, azimuth from y to z."""
+    contact, latches = mechanism["contact"], mechanism.get("latches", {})
+    middle = front((0, 0, 0))
+    inner = contact["core_inner_radius"] - contact["ring_rounding"]
+    outer = contact["core_outer_radius"] + contact["ring_rounding"]
+    d.circle(middle, scale * (inner + outer) / 2, color="#e8b9b4", width=scale * (outer - inner))
+    for radius in (inner, outer):
+        d.circle(middle, scale * radius, color=RING, width=0.8)
+    x = contact["core_x"]
+    corners = [side((x + dx, r, 0)) for dx, r in ((-0.01, -outer), (0.01, -outer))]
+    corners += [side((x + dx, r, 0)) for dx, r in ((0.01, outer), (-0.01, outer))]
+    d.line(*corners, color=RING, width=0.8, fill="#e8b9b4", close=True)
+    count = contact["petal_count"]
+    base = contact["petal_base_half_angle"]
+    for k in range(count):
+        azimuth = 2 * math.pi * k / count
+        radial = np.array((0, math.cos(azimuth), math.sin(azimuth)))
+        across = np.array((0, -math.sin(azimuth), math.cos(azimuth)))
+        flat, wide = (contact["petal_base_radius"] * f(base) for f in (math.cos, math.sin))
+        foot = np.array((contact["petal_base_x"], 0, 0)) + flat * radial
+        tip = np.array((contact["petal_tip_x"], 0, 0)) + contact["petal_tip_distance"] * radial
+        narrow = contact["petal_tip_half_width"]
+        outline = [foot - wide * across, foot + wide * across]
+        outline += [tip + narrow * across, tip - narrow * across]
+        for view in (side, front):
+            d.line(*map(view, outline), color=RING, width=1, fill="#f7dedb", close=True)
+    for azimuth in latches.get("azimuth", []):
+        r = latches["radius"]
+        place = front((0, r * math.cos(azimuth), r * math.sin(azimuth)))
+        d.circle(place, 4.5, fill="#f0b429", color=INK, width=1)

@@ -1,0 +1,242 @@
+"""Builds an SSP package: the docking FMU and one FMU per vehicle, connected (SSP 1.0).
+
+A package shows how a host couples its own vehicle models to a docking, and runs as it stands in
+libcosim, ecos, fmpy.ssp and as a container FMU. Layout::
+
+    SystemStructure.ssd        components, connections, parameters, how to run
+    resources/docking.fmu      the scene with its vehicles `driven`
+    resources/chaser.fmu       the chaser as a rigid body: the same library, a scene of one vehicle
+    resources/target.fmu       likewise the target
+
+Each vehicle tells the docking how it moves, the docking tells the vehicle what it feels::
+
+    V.chaser.position, velocity, attitude, angular_velocity  ->  docking.V.position, ...
+    docking.V.force_mean, torque_mean                        ->  V.chaser.force_ext, torque_ext
+
+(V is chaser or target. In its own FMU every vehicle is called `chaser`, the one vehicle of a scene
+that has no other.) The mean load of a step carries the whole impulse of that step.
+
+Conditions at first contact are placed once, with the vehicles free; all FMUs start from the result.
+What is written is what every importer understands: the connectors that are connected and the
+outputs of the docking (fmpy.ssp fails on inputs that are not connected), no Enumeration, parameter
+values inside their component under one name, `PARAMETER_SET` (ecos applies a set that is named), a
+master algorithm for OMSimulator (which refuses a system without).
+"""
+
+import copy
+import tempfile
+import xml.etree.ElementTree as ET
+import zipfile
+from pathlib import Path
+
+from dockloop import __version__, paths
+from dockloop.errors import UsageError
+from dockloop.fmu import find_date, place_vehicles, write_fmu, write_zip
+from dockloop.scene import find_scene, resolve_scene
+
+PARAMETER_SET = "scene"
+
+_VEHICLES = ("chaser", "target")
+_MOTION = {"position": 3, "velocity": 3, "attitude": 4, "angular_velocity": 3}
+_LOADS = {"force_mean": "force_ext", "torque_mean": "torque_ext"}  # docking -> vehicle, 3 each
+_TYPES = ("Real", "Integer", "Boolean")
+_NAMESPACES = {
+    "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
+    "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
+    "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
+    "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
+}
+
+
+def build_ssp(
+    reference: str, overrides: list[str] | tuple[str, ...] = (), output: Path | None = None
+) -> Path:
+    """Build the SSP package of a scene.
+
+    Args:
+        reference: name or path of the scene.
+        overrides: ``KEY=VALUE`` texts that replace keys of the scene.
+        output: the package to write; default ``build/ssp/SCENE.ssp`` of the project.
+
+    Returns:
+        The package.
+
+    Raises:
+        UsageError: scene, mechanism or override is bad, or no vehicle can be taken out.
+        DockloopError: the compiled parts are missing, or the file cannot be written.
+    """
+    source = find_scene(reference)
+    document = resolve_scene(source, overrides)
+    documents = _split(document, source)
+    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
+        archives = {name: Path(folder) / f"{name}.fmu" for name in documents}
+        for name, archive in archives.items():
+            write_fmu(documents[name], source, archive)
+        structure = _describe_system(document, {n: _Fmu(a) for n, a in archives.items()})
+        entries = {"SystemStructure.ssd": structure}
+        entries |= {f"resources/{a.name}": a.read_bytes() for a in archives.values()}
+    output = output or paths.BUILD / "ssp" / f"{document['name']}.ssp"
+    write_zip(output, entries)
+    return output
+
+
+def _split(document: dict, source: Path) -> dict[str, dict]:
+    """Return the documents of all FMUs: the vehicles that move, then `docking`.
+
+    In this order, because a host may initialise the components one after the other, and a docking
+    must know where its vehicles are.
+    """
+    taken_out = [v for v in _VEHICLES if document.get(v, {"motion": "fixed"})["motion"] != "fixed"]
+    if not taken_out:
+        raise UsageError(
+            f"{paths.shown(source)}: no vehicle is free or driven, so there is nothing to connect;"
+            " set chaser.motion or target.motion"
+        )
+    if document["mechanism"].keys() == {"name"}:
+        raise UsageError(
+            f"{paths.shown(source)}: has no [mechanism], so nothing acts between the vehicles;"
+            " 'dockloop build' makes the FMU of a vehicle by itself"
+        )
+    place_vehicles(document, source)
+    docking = copy.deepcopy(document)
+    documents = {}
+    for vehicle in taken_out:
+        docking[vehicle]["motion"] = "driven"
+        documents[vehicle] = {
+            "format": document["format"],
+            "name": vehicle,
+            "title": f"Rigid body moved by the loads it is told: {vehicle} of {document['name']}",
+            "chaser": {**document[vehicle], "motion": "free"},
+            "mechanism": {"name": "none"},
+            "initial": {"at": "start"},
+            "solver": document["solver"],
+            "experiment": document["experiment"],
+            "outputs": {"groups": []},
+        }
+    return {**documents, "docking": docking}
+
+
+class _Fmu:
+    """What the model description of an FMU says, as far as a system structure needs it."""
+
+    def __init__(self, archive: Path) -> None:
+        with zipfile.ZipFile(archive) as opened:
+            root = ET.fromstring(opened.read("modelDescription.xml"))
+        self.units = root.findall("UnitDefinitions/Unit")
+        self.variables = {v.get("name"): v for v in root.iter("ScalarVariable")}
+
+    def names(self, causality: str) -> list[str]:
+        """Return the variables of a causality that every importer understands."""
+        return [
+            name
+            for name, variable in self.variables.items()
+            if variable.get("causality") == causality and variable[0].tag in _TYPES
+        ]
+
+
+def _find_connections(vehicle: str) -> list[tuple[str, str, str, str]]:
+    """Return (start element, start connector, end element, end connector) for one vehicle."""
+    motion = [f"{name}[{i + 1}]" for name, count in _MOTION.items() for i in range(count)]
+    tells = [(vehicle, f"chaser.{name}", "docking", f"{vehicle}.{name}") for name in motion]
+    feels = [
+        ("docking", f"{vehicle}.{mean}[{i + 1}]", vehicle, f"chaser.{told}[{i + 1}]")
+        for mean, told in _LOADS.items()
+        for i in range(3)
+    ]
+    return tells + feels
+
+
+def _describe_system(document: dict, fmus: dict[str, _Fmu]) -> bytes:
+    """Return SystemStructure.ssd."""
+    connections = [
+        link for vehicle in fmus if vehicle != "docking" for link in _find_connections(vehicle)
+    ]
+    experiment = document["experiment"]
+    root = ET.Element(
+        _tag("ssd", "SystemStructureDescription"),
+        version="1.0",
+        name=document["name"],
+        description=document["title"],
+        generationTool=f"dockloop {__version__}",
+        generationDateAndTime=find_date().strftime("%Y-%m-%dT%H:%M:%SZ"),
+    )
+    system = _add(root, "ssd:System", name=document["name"])
+    elements = _add(system, "ssd:Elements")
+    for name, fmu in fmus.items():
+        _add_component(elements, name, fmu, connections)
+    lines = _add(system, "ssd:Connections")
+    for link in connections:
+        keys = ("startElement", "startConnector", "endElement", "endConnector")
+        _add(lines, "ssd:Connection", **dict(zip(keys, link, strict=True)))
+    _add_master_of_omsimulator(system, experiment)
+    units = _add(root, "ssd:Units")
+    for unit in fmus["docking"].units:
+        base = unit.find("BaseUnit").attrib
+        _add(_add(units, "ssc:Unit", name=unit.get("name")), "ssc:BaseUnit", **base)
+    _add(
+        root,
+        "ssd:DefaultExperiment",
+        startTime=repr(experiment["start"]),
+        stopTime=repr(experiment["stop"]),
+    )
+    for prefix, uri in _NAMESPACES.items():
+        ET.register_namespace(prefix, uri)
+    ET.indent(root)
+    return ET.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
+
+
+def _add_component(elements: ET.Element, name: str, fmu: _Fmu, connections: list[tuple]) -> None:
+    """Add one FMU: its connectors, and the values of its parameters."""
+    component = _add(
+        elements,
+        "ssd:Component",
+        name=name,
+        type="application/x-fmu-sharedlibrary",
+        source=f"resources/{name}.fmu",
+        implementation="CoSimulation",
+    )
+    inputs = [link[3] for link in connections if link[2] == name]
+    connectors = _add(component, "ssd:Connectors")
+    for kind, names in (("input", inputs), ("output", fmu.names("output"))):
+        for variable in names:
+            connector = _add(connectors, "ssd:Connector", name=variable, kind=kind)
+            _add_value(connector, "ssc", fmu.variables[variable][0])
+    bindings = _add(component, "ssd:ParameterBindings")
+    values = _add(_add(bindings, "ssd:ParameterBinding"), "ssd:ParameterValues")
+    parameter_set = _add(values, "ssv:ParameterSet", version="1.0", name=PARAMETER_SET)
+    parameters = _add(parameter_set, "ssv:Parameters")
+    for variable in fmu.names("parameter"):
+        kind = fmu.variables[variable][0]
+        parameter = _add(parameters, "ssv:Parameter", name=variable)
+        _add_value(parameter, "ssv", kind, value=kind.get("start"))
+
+
+def _add_value(parent: ET.Element, prefix: str, kind: ET.Element, /, **attributes: str) -> None:
+    """Add data type and unit of a variable; `kind` is its element in the model description."""
+    if unit := kind.get("unit"):
+        attributes["unit"] = unit
+    _add(parent, f"{prefix}:{kind.tag}", **attributes)
+
+
+def _add_master_of_omsimulator(system: ET.Element, experiment: dict) -> None:
+    """Add the annotation without which OMSimulator does not know how to step the system."""
+    annotations = _add(system, "ssd:Annotations")
+    annotation = _add(annotations, "ssc:Annotation", type="org.openmodelica")
+    information = _add(_add(annotation, "oms:Annotations"), "oms:SimulationInformation")
+    _add(
+        information,
+        "oms:FixedStepMaster",
+        description="oms-ma",
+        stepSize=repr(experiment["step"]),
+        absoluteTolerance=repr(experiment["tolerance"]),
+        relativeTolerance=repr(experiment["tolerance"]),
+    )
+
+
+def _tag(prefix: str, name: str) -> str:
+    return f"{{{_NAMESPACES[prefix]}}}{name}"
+
+
+def _add(parent: ET.Element, tag: str, /, **attributes: str) -> ET.Element:
+    """Add an element; `tag` is PREFIX:NAME."""
+    return ET.SubElement(parent, _tag(*tag.split(":")), attributes)

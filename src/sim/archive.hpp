@@ -1,0 +1,113 @@
+// Plain data to bytes and back, with one function per struct for both directions.
+//
+// A struct takes part by a function `transfer(archive, value)` that names its members once;
+// ByteWriter appends them, ByteReader fills them from bytes that may be damaged: it never reads
+// beyond the end and never believes a length that the bytes cannot hold. The byte order is that of
+// the machine (little-endian on all that are supported; the header of a saved state tells).
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+#include <vector>
+
+#include "math/status.hpp"
+
+namespace dockloop {
+
+class ByteWriter {
+ public:
+  static constexpr bool kReads = false;
+  void raw(const void* from, size_t size) {
+    const char* bytes = static_cast<const char*>(from);
+    bytes_.insert(bytes_.end(), bytes, bytes + size);
+  }
+  std::vector<char> take() { return std::move(bytes_); }
+
+ private:
+  std::vector<char> bytes_;
+};
+
+class ByteReader {
+ public:
+  static constexpr bool kReads = true;
+  ByteReader(const char* bytes, size_t size) : at_(bytes), left_(size) {}
+  /// @throws ModelError at the end of the bytes
+  void raw(void* to, size_t size) {
+    if (size > left_) throw ModelError("the saved state ends too early");
+    std::memcpy(to, at_, size);
+    at_ += size;
+    left_ -= size;
+  }
+  size_t left() const { return left_; }
+
+ private:
+  const char* at_;
+  size_t left_;
+};
+
+/// A length, checked against what is left: every element takes at least one byte.
+template <class A>
+size_t transfer_size(A& archive, size_t size) {
+  std::uint64_t count = size;
+  archive.raw(&count, sizeof count);
+  if constexpr (A::kReads) {
+    if (count > archive.left()) throw ModelError("the saved state has an impossible length");
+  }
+  return static_cast<size_t>(count);
+}
+
+/// Numbers and enumerations, of types that have the same size everywhere (no long, no size_t).
+template <class A, class T>
+std::enable_if_t<std::is_arithmetic_v<T> || std::is_enum_v<T>> transfer(A& archive, T& value) {
+  if constexpr (std::is_same_v<T, bool>) {
+    unsigned char byte = value ? 1 : 0;
+    archive.raw(&byte, 1);
+    value = byte != 0;
+  } else {
+    archive.raw(&value, sizeof value);
+  }
+}
+
+template <class A, class T, size_t n>
+void transfer(A& archive, std::array<T, n>& values) {
+  for (T& value : values) transfer(archive, value);
+}
+
+template <class A, class T>
+void transfer(A& archive, std::vector<T>& values) {
+  const size_t count = transfer_size(archive, values.size());
+  if constexpr (A::kReads) values.resize(count);
+  for (T& value : values) transfer(archive, value);
+}
+
+template <class A, class T, int rows, int cols, int options, int max_rows, int max_cols>
+void transfer(A& archive, Eigen::Matrix<T, rows, cols, options, max_rows, max_cols>& m) {
+  if constexpr (rows == Eigen::Dynamic || cols == Eigen::Dynamic) {
+    const size_t r = transfer_size(archive, static_cast<size_t>(m.rows()));
+    const size_t c = transfer_size(archive, static_cast<size_t>(m.cols()));
+    if constexpr (A::kReads) {
+      if (c > 0 && r > archive.left() / sizeof(T) / c) {
+        throw ModelError("the saved state has an impossible length");
+      }
+      if (rows != Eigen::Dynamic && r != static_cast<size_t>(rows)) {
+        throw ModelError("the saved state does not fit this model");
+      }
+      if (cols != Eigen::Dynamic && c != static_cast<size_t>(cols)) {
+        throw ModelError("the saved state does not fit this model");
+      }
+      m.resize(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c));
+    }
+  }
+  archive.raw(m.data(), static_cast<size_t>(m.size()) * sizeof(T));
+}
+
+/// Members one after the other.
+template <class A, class... T>
+void transfer_all(A& archive, T&... values) {
+  (transfer(archive, values), ...);
+}
+
+}  // namespace dockloop

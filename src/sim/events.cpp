@@ -1,0 +1,168 @@
+// What happens at accepted states: first contact, latches, capture, thrust, phase, the memory of
+// the contact search, peaks, and going over to other independent coordinates.
+#include <algorithm>
+#include <cstdio>
+
+#include "sim/sim_impl.hpp"
+
+namespace dockloop {
+
+/// Everything that happens once per accepted inner step. @pre evaluate(tau)
+/// @param changed  set if the state or the equations changed, so that the integrator must start
+/// again.
+Status DockingSim::Impl::accept(double tau, bool& changed) {
+  const Status moved = update_coordinates(tau, changed);
+  if (!moved.ok()) return moved;
+  keep_pose();
+  if (update_memory()) changed = true;
+  bool jumped = false;
+  const double now = elapsed + tau;
+  if (!discrete.contacted && has_surfaces() && (due[0] || data->contact.gap <= 0.0)) {
+    begin_contact(now);
+    jumped = true;
+  }
+  if (due[0] || due[1]) jumped = true;
+  if (update_latches(now)) jumped = true;
+  update_capture(now);
+  if (update_thrust(now)) jumped = true;
+  changed = changed || jumped;
+  update_phase(find_phase_inputs(*data), discrete);
+  // Peaks see the forces on both sides of a jump.
+  if (jumped) {
+    peaks.add(now, find_peak_values());
+    const Status after = evaluate(tau);
+    if (!after.ok()) return after;
+    peaks.begin(now, find_peak_values());
+  } else {
+    peaks.add(now, find_peak_values());
+  }
+  return {};
+}
+
+/// The present pose of the mechanism is accepted: the next ones continue from it.
+void DockingSim::Impl::keep_pose() {
+  keep_reference(data->mechanism.tree, data->mechanism.loops);
+  rate_data->mechanism.loops.reference = data->mechanism.loops.reference;
+}
+
+/// Near a pose where the independent coordinates stop being independent, go over to others. All
+/// coordinates and velocities stay as they are, so momentum and energy do too.
+/// @param changed  set if the meaning of the state changed
+Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
+  const double margin = find_singularity_margin(data->mechanism);
+  if (margin < model->mechanism.model.singularity.warning && !warned_margin) {
+    char text[120];
+    std::snprintf(text, sizeof text, "a loop is close to singular (margin %.3g) at t = %.9g s",
+                  margin, elapsed + tau);
+    warnings.push_back(text);
+    warned_margin = true;
+  }
+  if (margin >= kChangeMargin) {
+    margin_looked_at = kChangeMargin;
+    return {};
+  }
+  // The search is dear: look again only where things got much worse.
+  if (margin > kLookAgain * margin_looked_at) return {};
+  margin_looked_at = margin;
+  std::optional<Coordinates> better = find_better_coordinates(model->mechanism, data->mechanism);
+  if (!better) return {};
+  const VecX<double> q = data->mechanism.tree.q, v = data->mechanism.tree.v;
+  use_coordinates(std::make_shared<const Coordinates>(std::move(*better)));
+  TreeData<double>& tree = data->mechanism.tree;
+  tree.q = q;
+  tree.v = v;
+  get_mechanism_state(*model, tree, stepper->y());
+  changed = true;
+  return evaluate(tau);
+}
+
+/// Go over to a choice of independent coordinates; null: that of the start.
+void DockingSim::Impl::use_coordinates(std::shared_ptr<const Coordinates> choice) {
+  if (!start_mechanism) start_mechanism = std::make_unique<Mechanism>(model->mechanism);
+  set_mechanism(*model, choice ? with_coordinates(*start_mechanism, *choice) : *start_mechanism);
+  data->mechanism = MechanismData<double>(model->mechanism);
+  rate_data->mechanism = MechanismData<double>(model->mechanism);
+  coordinates = std::move(choice);
+}
+
+/// Bring the contact memory up to the present state and book the energy of bristles that it drops.
+/// @return true if the state changed by that
+bool DockingSim::Impl::update_memory() {
+  if (!has_surfaces()) return false;
+  const double dropped =
+      update_contact_memory(model->contact, data->relative, bristles(), data->contact_work, memory);
+  stepper->y()[model->layout.sums + kSumFriction] += dropped;
+  return dropped > 0.0;
+}
+
+/// Change the mode of every latch that is due, by a root or because it starts there.
+bool DockingSim::Impl::update_latches(double now) {
+  bool changed = false;
+  for (int i = 0; i < model->latches.count(); ++i) {
+    if (!due[kFixedRoots + i] && data->latch.event[i] > 0.0) continue;
+    const LatchMode before = discrete.latch[i].mode;
+    stepper->y()[model->layout.sums + kSumLatches] +=
+        update_latch(model->latches, i, now, data->relative, discrete.latch[i]);
+    changed = changed || discrete.latch[i].mode != before;
+  }
+  return changed;
+}
+
+void DockingSim::Impl::begin_contact(double now) {
+  discrete.contacted = true;
+  discrete.time_of_contact = now;
+}
+
+void DockingSim::Impl::update_capture(double now) {
+  const int count = model->latches.count();
+  bool all = count > 0;
+  for (int i = 0; i < count; ++i) all = all && discrete.latch[i].mode == LatchMode::kHeld;
+  if (all && !discrete.captured && discrete.time_of_capture < 0.0) discrete.time_of_capture = now;
+  discrete.captured = all;
+}
+
+/// Contact thrust acts from its delay after first contact until capture.
+bool DockingSim::Impl::is_thrust_due(double now) const {
+  return model->thrust != 0.0 && discrete.contacted && !discrete.captured &&
+         now >= discrete.time_of_contact + model->thrust_delay;
+}
+
+bool DockingSim::Impl::update_thrust(double now) {
+  const bool on = is_thrust_due(now);
+  const bool changed = on != discrete.thrust_on;
+  discrete.thrust_on = on;
+  return changed;
+}
+
+/// Everything at one state of the stepper, tau after the last communication point.
+Status DockingSim::Impl::evaluate(double tau) {
+  Status status = calc_docking<double>(*model, discrete, memory, find_loads(tau), elapsed + tau,
+                                       stepper->y(), nullptr, *data);
+  if (!status.ok()) status.time = elapsed + tau;
+  return status;
+}
+
+/// Roots: first contact (for an absorber every onset), end of an absorber's contact, latches.
+void DockingSim::Impl::calc_event_functions(const DockingData<double>& at, double* roots) const {
+  const bool absorber = model->contact.kind == ContactModel::Kind::kAbsorber;
+  roots[0] = has_surfaces() && (absorber || !discrete.contacted) ? at.contact.gap : 1.0;
+  roots[1] = has_surfaces() && absorber ? -at.contact.gap : 1.0;
+  for (int i = 0; i < model->latches.count(); ++i) roots[kFixedRoots + i] = at.latch.event[i];
+}
+
+PhaseInputs DockingSim::Impl::find_phase_inputs(const DockingData<double>& at) const {
+  PhaseInputs in;
+  if (!model->present[kTarget]) return in;
+  const RelativeMotion<double> relative =
+      find_relative(at.interface[kChaser], at.interface[kTarget]);
+  in.gap = at.contact.gap;
+  in.axial = at.relative.p.x();
+  in.axial_rate = relative.v.x();
+  in.speed = relative.v.norm();
+  in.angular_speed = relative.w.norm();
+  for (int i = 0; i < model->latches.count(); ++i)
+    in.latched += discrete.latch[i].mode == LatchMode::kHeld;
+  return in;
+}
+
+}  // namespace dockloop

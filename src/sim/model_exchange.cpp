@@ -1,0 +1,138 @@
+// The same equations for a host that integrates by itself (FMI for model exchange).
+//
+// The host sets time and states, asks for rates, and says which states it has accepted. Between
+// events only what guides the search for contacts and loops follows the accepted states; everything
+// that changes the equations happens in update_discrete_states(). Frame O drifts with constant
+// velocity and does not fall here, so that it is a function of time alone.
+#include <algorithm>
+#include <cmath>
+
+#include "sim/sim_impl.hpp"
+
+namespace dockloop {
+
+int DockingSim::state_count() const { return impl_->state_count; }
+
+int DockingSim::indicator_count() const {
+  return kFixedRoots + impl_->scene->latches.count() + 1;  // the last one: phase
+}
+
+void DockingSim::set_time(double t) {
+  Impl& me = *impl_;
+  me.elapsed = t - me.setup->t_start;
+  me.frame_shift = me.frame_velocity * me.elapsed;
+  me.invalidate();
+}
+
+void DockingSim::set_states(const double* y) {
+  std::copy(y, y + impl_->state_count, impl_->stepper->y());
+  impl_->invalidate();
+}
+
+void DockingSim::get_states(double* y) const {
+  std::copy(impl_->stepper->y(), impl_->stepper->y() + impl_->state_count, y);
+}
+
+/// A solver that takes its relative tolerance times these gets the absolute tolerances of the
+/// scene.
+void DockingSim::get_nominals(double* nominal) const {
+  for (const double atol : impl_->find_absolute_tolerances()) {
+    *nominal++ = atol / impl_->parameters.rtol;
+  }
+}
+
+Status DockingSim::get_rates(double* ydot) {
+  ++impl_->counted_elsewhere.rate_evaluations;
+  return impl_->calc_rates(ydot);
+}
+
+Status DockingSim::Impl::calc_rates(double* ydot) {
+  read_inputs();
+  const Status status = calc_docking<double>(*model, discrete, memory, loads, elapsed, stepper->y(),
+                                             ydot, *rate_data);
+  if (!status.ok()) return status;
+  const bool finite =
+      std::all_of(ydot, ydot + state_count, [](double rate) { return std::isfinite(rate); });
+  return finite ? Status() : Status{StatusCode::kNotFinite, -1, 0.0, elapsed};
+}
+
+Status DockingSim::get_indicators(double* indicator) {
+  Impl& me = *impl_;
+  me.read_inputs();
+  const Status status = calc_docking<double>(*me.model, me.discrete, me.memory, me.loads,
+                                             me.elapsed, me.stepper->y(), nullptr, *me.rate_data);
+  if (!status.ok()) return status;
+  me.calc_event_functions(*me.rate_data, indicator);
+  indicator[indicator_count() - 1] =
+      find_phase_indicator(me.find_phase_inputs(*me.rate_data), me.discrete);
+  return {};
+}
+
+Status DockingSim::complete_step(bool& event_due) {
+  Impl& me = *impl_;
+  me.read_inputs();
+  const Status status = me.evaluate(0.0);
+  if (!status.ok()) return status;
+  ++me.counted_elsewhere.steps;
+  me.keep_pose();
+  // Bristles of pairs that have opened fade away by themselves; dropping them would be an event.
+  if (me.has_surfaces()) {
+    update_contact_memory(me.model->contact, me.data->relative, nullptr, me.data->contact_work,
+                          me.memory);
+  }
+  me.peaks.add(me.elapsed, me.find_peak_values());
+  me.update_momentum_audit();
+  event_due = me.is_event_due();
+  return {};
+}
+
+/// Would update_discrete_states() change anything here? @pre evaluate(0)
+bool DockingSim::Impl::is_event_due() const {
+  double roots[kFixedRoots + kMaxLatches];
+  calc_event_functions(*data, roots);
+  const bool touched = !discrete.contacted && has_surfaces() && data->contact.gap <= 0.0;
+  const bool latch = std::any_of(roots + kFixedRoots, roots + kFixedRoots + model->latches.count(),
+                                 [](double root) { return root <= 0.0; });
+  DiscreteState next = discrete;
+  update_phase(find_phase_inputs(*data), next);
+  const double margin = find_singularity_margin(data->mechanism);
+  return touched || latch || next.phase != discrete.phase || next.outcome != discrete.outcome ||
+         is_thrust_due(elapsed) != discrete.thrust_on ||
+         (margin < kChangeMargin && margin <= kLookAgain * margin_looked_at);
+}
+
+Status DockingSim::update_discrete_states(EventUpdate& update) {
+  Impl& me = *impl_;
+  update = EventUpdate();
+  me.read_inputs();
+  const std::shared_ptr<const Coordinates> coordinates = me.coordinates;
+  std::copy(me.stepper->y(), me.stepper->y() + me.state_count, me.y_accepted.begin());
+  // An event may bring about the next one.
+  constexpr int kPasses = 8;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    Status status = me.evaluate(0.0);
+    if (!status.ok()) return status;
+    double roots[kFixedRoots + kMaxLatches];
+    me.calc_event_functions(*me.data, roots);
+    for (int i = 0; i < kFixedRoots + me.model->latches.count(); ++i) {
+      me.due[i] = roots[i] <= kTouching;
+    }
+    bool changed = false;
+    status = me.accept(0.0, changed);
+    if (!status.ok()) return status;
+    if (!me.is_event_due()) break;
+  }
+  me.invalidate();
+  update.nominals_changed = me.coordinates != coordinates;
+  update.states_changed = update.nominals_changed ||
+                          !std::equal(me.y_accepted.begin(), me.y_accepted.end(), me.stepper->y());
+  const DiscreteState& d = me.discrete;
+  if (me.model->thrust != 0.0 && d.contacted && !d.captured && !d.thrust_on) {
+    const double onset = d.time_of_contact + me.model->thrust_delay;
+    update.next_time_defined = onset > me.elapsed;
+    update.next_time = me.setup->t_start + onset;
+  }
+  return {};
+}
+
+}  // namespace dockloop

@@ -1,0 +1,33 @@
+// From an evaluated state to the continuous outputs, for plain and for dual numbers.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "dynamics/docking_model.hpp"
+#include "sim/values.hpp"
+
+namespace dockloop {
+
+/// What outputs are read from.
+template <class S>
+struct OutputSource {
+  const DockingModel& model;
+  const Parameters& parameters;
+  const RatedLoads& rated;
+  const std::array<Motion, 2>& motion;
+  const std::vector<int>& state_bodies;  ///< joints of state.*
+  DockingData<S>& data;                  ///< after calc_docking; cut forces are written into it
+  const S* y;                            ///< the state that it was evaluated at
+  Vec3<double> frame_origin;             ///< O in N at the start [m]
+  Vec3<S> frame_velocity, frame_shift;   ///< of O in N [m/s], [m]
+  bool has_mean;                         ///< a step has been made
+  std::array<Wrench<double>, 2> mean;    ///< mean load over it
+  double host_work, energy_start;        ///< [J]
+};
+
+/// @pre calc_docking
+template <class S>
+void read_outputs(const OutputSource<S>& from, OutputValues<S>& out);
+
+}  // namespace dockloop

@@ -1,0 +1,177 @@
+// Everything that decides the future of a docking simulation, so that it can be kept and restored:
+// within a step (a refused step leaves no trace), by the host (get and set FMU state), and in
+// another process (as bytes).
+//
+//   Setup      what the model was built from; fixed by initialise()
+//   SimState   what changes during a run, beside the vector y of the integrator
+//   Snapshot   SimState, y and the reference pose of the loops
+//   SavedSim   all of it with parameters, inputs and counters: complete
+//
+// Whatever is not here (workspaces, outputs) is computed from these and never read before that.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "dynamics/docking_model.hpp"
+#include "sim/mean_load.hpp"
+#include "sim/peaks.hpp"
+#include "sim/values.hpp"
+
+namespace dockloop {
+
+constexpr int kPeakCount = Outputs::kLoadCount + 1;  ///< loads and load ratio
+
+struct Setup {
+  Parameters parameters;   ///< driven vehicles: where they were received
+  double t_start = 0.0;    ///< [s]
+  double tolerance = 0.0;  ///< relative, of the host; 0 = none given
+};
+
+struct SimState {
+  double elapsed = 0.0;    ///< [s] from start to the last communication point
+  double h_warm = 0.0;     ///< step size for the next communication step [s]
+  double last_step = 0.0;  ///< [s]
+  Vec3<double> frame_velocity = Vec3<double>::Zero();  ///< of O in N [m/s]
+  Vec3<double> frame_shift = Vec3<double>::Zero();     ///< of O in N since the start [m]
+  DiscreteState discrete;
+  ContactMemory memory;  ///< a function of the last accepted state
+  PeakTracker<kPeakCount> peaks;
+  std::array<Wrench<double>, 2> mean_load;  ///< of the step just made
+  double margin_looked_at = kChangeMargin;  ///< where other coordinates were last looked for
+  bool warned_margin = false;               ///< a loop close to singular was told once
+  /// Choice of independent coordinates, if it is not that of the start any more.
+  std::shared_ptr<const Coordinates> coordinates;
+
+  // audits
+  double energy_start = 0.0;                     ///< [J]
+  double host_work = 0.0;                        ///< that imposed motion brought in [J]
+  std::array<Wrench<double>, 2> momentum_start;  ///< per vehicle, with what the host changed
+  double momentum_residual = 0.0;                ///< [-]
+  double momentum_scale = 0.0, angular_momentum_scale = 0.0;  ///< largest seen [N s], [N m s]
+};
+
+struct Snapshot {
+  SimState state;
+  std::vector<double> y;
+  LoopReference<double> reference;
+};
+
+/// Work of the integrator since the start.
+struct Counters {
+  std::int64_t steps = 0, rejected_steps = 0, rate_evaluations = 0;
+};
+
+struct SavedSim {
+  Parameters parameters;
+  Inputs inputs, slopes;
+  std::shared_ptr<const Setup> setup;  ///< null before initialise()
+  Snapshot snapshot;                   ///< with a setup only
+  Counters counters;
+};
+
+// ---------------------------------------------------------------- to bytes and back
+
+template <class A>
+void transfer(A& archive, VehicleParameters& v) {
+  transfer_all(archive, v.mass, v.inertia, v.interface_position, v.interface_attitude,
+               v.mass_includes_mechanism, v.position, v.velocity, v.attitude, v.angular_velocity);
+}
+
+template <class A>
+void transfer(A& archive, Parameters& p) {
+  transfer_all(archive, p.vehicle, p.contact_thrust, p.contact_thrust_delay, p.friction_coefficient,
+               p.friction_model, p.restitution, p.restitution_speed, p.solver_method, p.step,
+               p.rtol, p.atol_position, p.atol_velocity, p.atol_energy);
+}
+
+template <class A>
+void transfer(A& archive, Inputs& inputs) {
+  const size_t legs = transfer_size(archive, inputs.leg_force_command.size());
+  if constexpr (A::kReads) inputs.leg_force_command.resize(legs);
+  for_each_value(inputs, [&](double& value) { transfer(archive, value); });
+}
+
+template <class A>
+void transfer(A& archive, Setup& setup) {
+  transfer_all(archive, setup.parameters, setup.t_start, setup.tolerance);
+}
+
+template <class A>
+void transfer(A& archive, Wrench<double>& wrench) {
+  transfer_all(archive, wrench.f, wrench.t);
+}
+
+template <class A>
+void transfer(A& archive, LatchState& latch) {
+  transfer_all(archive, latch.mode, latch.release_time);
+}
+
+template <class A>
+void transfer(A& archive, DiscreteState& d) {
+  transfer_all(archive, d.latch, d.contacted, d.captured, d.time_of_contact, d.time_of_capture,
+               d.thrust_on, d.phase, d.outcome);
+}
+
+template <class A>
+void transfer(A& archive, ContactMemory& m) {
+  transfer_all(archive, m.has_reference, m.R_ref, m.p_ref, m.least_gap, m.radius, m.gap, m.near,
+               m.closed, m.n_last);
+}
+
+template <class A>
+void transfer(A& archive, LegBranch& branch) {
+  transfer_all(archive, branch.elbow, branch.flip);
+}
+
+template <class A>
+void transfer(A& archive, LoopReference<double>& r) {
+  transfer_all(archive, r.valid, r.q, r.H, r.sign, r.margin, r.branch, r.spin_branch);
+}
+
+template <class A>
+void transfer(A& archive, Coordinates& c) {
+  transfer_all(archive, c.dependent, c.closure, c.pose);
+}
+
+/// Something that may be absent.
+template <class A, class T>
+void transfer(A& archive, std::shared_ptr<const T>& pointer) {
+  bool there = pointer != nullptr;
+  transfer(archive, there);
+  if (!there) {
+    pointer.reset();
+    return;
+  }
+  T value = pointer ? *pointer : T();
+  transfer(archive, value);
+  if constexpr (A::kReads) pointer = std::make_shared<const T>(std::move(value));
+}
+
+template <class A>
+void transfer(A& archive, SimState& s) {
+  transfer_all(archive, s.elapsed, s.h_warm, s.last_step, s.frame_velocity, s.frame_shift,
+               s.discrete, s.memory, s.peaks, s.mean_load, s.margin_looked_at, s.warned_margin,
+               s.coordinates, s.energy_start, s.host_work, s.momentum_start, s.momentum_residual,
+               s.momentum_scale, s.angular_momentum_scale);
+}
+
+template <class A>
+void transfer(A& archive, Snapshot& snapshot) {
+  transfer_all(archive, snapshot.state, snapshot.y, snapshot.reference);
+}
+
+template <class A>
+void transfer(A& archive, Counters& c) {
+  transfer_all(archive, c.steps, c.rejected_steps, c.rate_evaluations);
+}
+
+template <class A>
+void transfer(A& archive, SavedSim& saved) {
+  transfer_all(archive, saved.parameters, saved.inputs, saved.slopes, saved.setup, saved.snapshot,
+               saved.counters);
+}
+
+}  // namespace dockloop

@@ -1,0 +1,428 @@
+// From scene and parameters to the start state: checks, model, integrator, warnings.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "sim/sim_impl.hpp"
+
+namespace dockloop {
+namespace {
+
+void check_quaternion(const Vec4<double>& q, const std::string& name) {
+  if (!(std::abs(q.norm() - 1.0) < 1e-3)) {
+    throw ModelError(name + " must be a unit quaternion (w, x, y, z); its norm is " +
+                     std::to_string(q.norm()));
+  }
+}
+
+void check_vehicle(const VehicleParameters& p, const std::string& name) {
+  if (!(p.mass > 0.0)) {
+    throw ModelError(name + ".mass is " + std::to_string(p.mass) + " kg; it must be above 0");
+  }
+  const Eigen::LLT<Mat3<double>> positive(make_symmetric(p.inertia));
+  if (positive.info() != Eigen::Success) {
+    std::string values;
+    for (int i = 0; i < 6; ++i) values += " " + std::to_string(p.inertia[i]);
+    throw ModelError(name + ".inertia (xx yy zz xy xz yz) is" + values +
+                     "; it must be positive definite");
+  }
+  if (p.mass_includes_mechanism != 1 && p.mass_includes_mechanism != 2) {
+    throw ModelError(name + ".mass_includes_mechanism must be 1 (excluded) or 2 (included)");
+  }
+  check_quaternion(p.interface_attitude, name + ".interface_attitude");
+  check_quaternion(p.attitude, name + ".attitude");
+}
+
+}  // namespace
+
+DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, Interface i)
+    : scene(std::move(s)), interface(i) {
+  clear();
+}
+
+/// Back to the scene's values; storage stays where it is: the variable table points into it.
+void DockingSim::Impl::clear() {
+  parameters.vehicle = scene->vehicle;
+  parameters.contact_thrust = scene->contact_thrust;
+  parameters.contact_thrust_delay = scene->contact_thrust_delay;
+  parameters.friction_coefficient = scene->contact.law.friction_coefficient;
+  parameters.friction_model = scene->contact.law.friction_model;
+  parameters.restitution = scene->restitution;
+  parameters.restitution_speed = scene->restitution_speed;
+  parameters.solver_method = kAuto;
+  parameters.step = scene->solver.step;
+  parameters.rtol = scene->solver.rtol;
+  parameters.atol_position = scene->solver.atol_position;
+  parameters.atol_velocity = scene->solver.atol_velocity;
+  parameters.atol_energy = scene->solver.atol_energy;
+  const MechanismModel& m = scene->mechanism;
+  const auto zero = [](std::vector<double>& v, size_t n) { v.assign(n, 0.0); };
+  for (int i : {kChaser, kTarget}) {
+    inputs.vehicle[i] = Inputs::Vehicle();
+    inputs.vehicle[i].position = scene->vehicle[i].position;
+    inputs.vehicle[i].velocity = scene->vehicle[i].velocity;
+    inputs.vehicle[i].attitude = scene->vehicle[i].attitude;
+    inputs.vehicle[i].angular_velocity = scene->vehicle[i].angular_velocity;
+    outputs.vehicle[i] = Outputs::Vehicle();
+  }
+  inputs.gravity.setZero();
+  zero(inputs.leg_force_command, m.legs.size());
+  zero(outputs.petal_force, static_cast<size_t>(scene->contact.petal_count()));
+  zero(outputs.latch_opening, static_cast<size_t>(scene->latches.count()));
+  zero(outputs.latch_force, static_cast<size_t>(scene->latches.count()));
+  outputs.latched.assign(static_cast<size_t>(scene->latches.count()), 0);
+  for (auto* v : {&outputs.leg_length, &outputs.leg_rate, &outputs.leg_force})
+    zero(*v, m.legs.size());
+  const LoopPlan plan = Mechanism(m).plan;
+  check_joint_starts(plan);
+  zero(outputs.state_q, plan.ind_q.size());
+  zero(outputs.state_v, plan.ind_v.size());
+  zero(outputs.state_a, plan.ind_v.size());
+  state_count = kSumCount + 6 + bristle_state_count(scene->contact);
+  for (int i : plan.ind_bodies) state_count += m.bodies[i].nq() + m.bodies[i].nv();
+  for (int i : {kChaser, kTarget}) {
+    const bool moves = scene->motion[i] != Motion::kFixed && (i == kChaser || scene->has_target);
+    if (moves) state_count += 7 + 6;
+  }
+  zero(outputs.states, static_cast<size_t>(state_count));
+  zero(outputs.rates, static_cast<size_t>(state_count));
+  outputs.loop_force.assign(m.loops.size(), Vec3<double>::Zero());
+  slopes = inputs;
+  for_each_value(slopes, [](double& slope) { slope = 0.0; });
+  static_cast<SimState&>(*this) = SimState();
+  setup.reset();
+  model.reset();
+  start_mechanism.reset();
+  data.reset();
+  rate_data.reset();
+  stepper.reset();
+  status_text.clear();
+  warnings.clear();
+  invalidate();
+}
+
+void DockingSim::Impl::check_parameters() const {
+  const Parameters& p = parameters;
+  check_vehicle(p.vehicle[kChaser], "chaser");
+  if (scene->has_target) check_vehicle(p.vehicle[kTarget], "target");
+  const auto positive = [](double value, const char* name) {
+    if (!(value > 0.0)) {
+      throw ModelError(std::string(name) + " is " + std::to_string(value) + "; it must be above 0");
+    }
+  };
+  positive(p.rtol, "solver.rtol");
+  positive(p.atol_position, "solver.atol_position");
+  positive(p.atol_velocity, "solver.atol_velocity");
+  positive(p.atol_energy, "solver.atol_energy");
+  positive(p.step, "solver.step");
+  if (p.solver_method != kAuto && p.solver_method != kExplicit && p.solver_method != kFixedRk4) {
+    throw ModelError("solver.method is " + std::to_string(p.solver_method) +
+                     "; it must be 1 (auto), 2 (explicit) or 7 (fixed_rk4)");
+  }
+  if (interface == Interface::kModelExchange &&
+      p.friction_model != scene->contact.law.friction_model) {
+    throw ModelError("friction.model is " + std::to_string(p.friction_model) +
+                     ", which changes the number of continuous states: for model exchange set it "
+                     "in the scene (key contact.friction_model) and build the FMU again");
+  }
+  if (!(p.contact_thrust_delay >= 0.0)) {
+    throw ModelError("chaser.contact_thrust_delay must be 0 s or more");
+  }
+}
+
+/// Only single joints that no loop determines can be told where to start.
+void DockingSim::Impl::check_joint_starts(const LoopPlan& plan) const {
+  const std::vector<Body>& bodies = scene->mechanism.bodies;
+  const auto is_independent = [&](int i) {
+    return std::find(plan.ind_bodies.begin(), plan.ind_bodies.end(), i) != plan.ind_bodies.end();
+  };
+  for (const JointStart& start : scene->joint_starts) {
+    int at = kBase;
+    std::string choice;
+    for (int i = 0; i < static_cast<int>(bodies.size()); ++i) {
+      if (bodies[i].name == start.name) at = i;
+      if (is_independent(i) && bodies[i].joint != JointType::kFree)
+        choice += (choice.empty() ? "" : ", ") + bodies[i].name;
+    }
+    if (at != kBase && is_independent(at) && bodies[at].joint != JointType::kFree) continue;
+    const std::string reason =
+        at == kBase ? "the mechanism has no body of that name"
+        : !is_independent(at)
+            ? "a loop determines this joint"
+            : "a free joint has no single coordinate (initial.capture_body displaces a free "
+              "capture body)";
+    throw ModelError("initial.joints." + start.name + ": " + reason +
+                     (choice.empty() ? "; no joint of this mechanism can be given a start"
+                                     : "; joints that can be given a start are " + choice));
+  }
+}
+
+ContactLaw DockingSim::Impl::make_contact_law() const {
+  ContactLaw law = scene->contact.law;
+  law.friction_coefficient = parameters.friction_coefficient;
+  law.friction_model = parameters.friction_model;
+  if (parameters.restitution != scene->restitution ||
+      parameters.restitution_speed != scene->restitution_speed) {
+    law.damping =
+        find_damping_for_restitution(parameters.restitution, parameters.restitution_speed);
+  }
+  return law;
+}
+
+void DockingSim::Impl::choose_frame_O() {
+  // Origin near the docking interface of the target (else at the chaser). Whole metres from the
+  // vehicle's position, so that the differences below are exact even at orbital distances.
+  const int anchor = scene->has_target ? kTarget : kChaser;
+  const VehicleParameters& p = parameters.vehicle[anchor];
+  Vec3<double> offset = Vec3<double>::Zero();
+  if (scene->has_target) offset = quat_to_matrix<double>(p.attitude) * p.interface_position;
+  frame_origin = p.position + Vec3<double>(offset.array().round());
+  const bool drifts = scene->motion[kChaser] != Motion::kFixed &&
+                      (!scene->has_target || scene->motion[kTarget] != Motion::kFixed);
+  frame_velocity = drifts ? p.velocity : Vec3<double>(Vec3<double>::Zero());
+  frame_shift.setZero();
+}
+
+/// Close the loops at the start of the joints, coming from home in small steps: a loop is closed on
+/// the assembly branch it comes from.
+Status DockingSim::Impl::bring_joints_to_start() {
+  if (scene->joint_starts.empty()) return {};
+  const MechanismModel& m = model->mechanism.model;
+  VecX<double> target = data->mechanism.tree.q;
+  for (const JointStart& start : scene->joint_starts) {
+    const int q = m.bodies[find_body(m, start.name, "initial.joints")].q_index;
+    target[q] = start.position.value_or(m.home_q[q]);
+  }
+  return move_to(model->mechanism, target, data->mechanism);
+}
+
+void DockingSim::Impl::set_start_state() {
+  double* y = stepper->y();
+  const StateLayout& layout = model->layout;
+  std::fill(y, y + layout.size, 0.0);
+  // Mechanism at home, the capture body and single joints possibly displaced from it.
+  int q = layout.mechanism_q, v = layout.mechanism_v;
+  for (int i : model->mechanism_bodies) {
+    const Body& body = model->mechanism.model.bodies[i];
+    for (int j = 0; j < body.nq(); ++j) y[q + j] = model->mechanism.model.home_q[body.q_index + j];
+    if (i == model->mechanism.model.capture_body && body.joint == JointType::kFree) {
+      // The start is stated in axes of B; the free joint counts in axes of its placement.
+      const CaptureBodyStart& start = scene->capture_body_start;
+      const int home = scene->mechanism.capture_body;
+      const Mat3<double> R_BJ = scene->mechanism.bodies[home].placement.R;
+      const Vec3<double> p = R_BJ.transpose() * start.displacement;
+      const Vec4<double> home_quat(y[q + 3], y[q + 4], y[q + 5], y[q + 6]);
+      const Vec4<double> turn = quat_exp<double>(R_BJ.transpose() * start.rotation_vector);
+      const Vec4<double> quat = quat_multiply<double>(turn, home_quat);
+      const Mat3<double> R = R_BJ * quat_to_matrix<double>(quat);
+      const Vec3<double> velocity = R.transpose() * start.velocity;
+      const Vec3<double> rate = R.transpose() * start.angular_velocity;
+      for (int j = 0; j < 3; ++j) {
+        y[q + j] += p[j];
+        y[v + j] = velocity[j];
+        y[v + 3 + j] = rate[j];
+      }
+      for (int j = 0; j < 4; ++j) y[q + 3 + j] = quat[j];
+    }
+    for (const JointStart& start : scene->joint_starts) {
+      if (start.name != body.name) continue;
+      y[q] = start.position.value_or(y[q]);
+      y[v] = start.rate;
+    }
+    q += body.nq();
+    v += body.nv();
+  }
+  for (int i : {kChaser, kTarget}) {
+    if (!model->present[i] || !model->moves[i]) continue;
+    const VehicleParameters& p = parameters.vehicle[i];
+    put_pose(i, p.position, p.attitude);
+    put_velocity(i, p.velocity, p.angular_velocity);
+  }
+}
+
+void DockingSim::Impl::put_pose(int i, const Vec3<double>& position, const Vec4<double>& attitude) {
+  double* at = stepper->y() + model->layout.pose[i];
+  const Vec3<double> x = position - frame_origin - frame_shift;
+  const double norm = attitude.norm();
+  for (int j = 0; j < 3; ++j) at[j] = x[j];
+  for (int j = 0; j < 4; ++j) at[3 + j] = attitude[j] / norm;
+}
+
+Status DockingSim::Impl::put_velocity(int i, const Vec3<double>& velocity,
+                                      const Vec3<double>& angular_velocity) {
+  return set_vehicle_velocity(*model, i, velocity - frame_velocity, angular_velocity, stepper->y(),
+                              *data);
+}
+
+/// Fix the set-up from parameters and inputs as they are now, and start from it.
+void DockingSim::Impl::initialise(double t0, double tolerance) {
+  // A driven vehicle starts where its inputs are.
+  for (int i : {kChaser, kTarget}) {
+    if (scene->motion[i] != Motion::kDriven) continue;
+    VehicleParameters& p = parameters.vehicle[i];
+    const Inputs::Vehicle& in = inputs.vehicle[i];
+    check_quaternion(in.attitude, i == kChaser ? "chaser.attitude" : "target.attitude");
+    p.position = in.position;
+    p.velocity = in.velocity;
+    p.attitude = in.attitude;
+    p.angular_velocity = in.angular_velocity;
+  }
+  check_parameters();
+  try {
+    start(std::make_shared<const Setup>(Setup{parameters, t0, tolerance}));
+  } catch (...) {
+    setup.reset();  // nothing to run
+    throw;
+  }
+}
+
+void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
+  static_cast<SimState&>(*this) = SimState();
+  warnings.clear();
+  setup = std::move(from);
+  parameters = setup->parameters;
+  choose_frame_O();
+  model = std::make_unique<DockingModel>(
+      make_docking_model(*scene, parameters.vehicle, make_contact_law(), frame_origin));
+  start_mechanism.reset();
+  state_bodies = model->mechanism_bodies;
+  model->thrust = parameters.contact_thrust;
+  model->thrust_delay = parameters.contact_thrust_delay;
+  // A host that integrates by itself knows frame O by its time only: O then drifts and does not
+  // fall.
+  if (interface == Interface::kModelExchange) model->falling = false;
+  data = std::make_unique<DockingData<double>>(*model);
+  rate_data = std::make_unique<DockingData<double>>(*model);
+  make_stepper();
+  loads.command.setZero(static_cast<int>(model->mechanism.model.forces.size()));
+  load_rates = loads_now = loads;
+  read_inputs();
+  counted_elsewhere = Counters();
+  std::fill(due.begin(), due.end(), char(0));
+  // At rest the scale is what the tolerance lets a vehicle move.
+  momentum_scale = parameters.atol_velocity * parameters.vehicle[kChaser].mass;
+
+  Status status = bring_joints_to_start();
+  if (status.ok()) {
+    set_start_state();
+    status = evaluate(0.0);
+  }
+  if (!status.ok())
+    throw ModelError("start state: " + find_status_text(status, model->mechanism.model));
+  keep_pose();
+  energy_start = find_total_energy();
+  for (int i : {kChaser, kTarget}) momentum_start[i] = find_momentum(*model, i, *data);
+  warn_about_start();
+  if (has_surfaces()) {
+    update_contact_memory(model->contact, data->relative, bristles(), data->contact_work, memory);
+    const double gap = find_gap(model->contact, data->relative, data->contact_work);
+    // A start that touches is a first contact at the start; so is one within reach of a latch.
+    if (gap <= kTouching) begin_contact(0.0);
+  }
+  if (update_latches(0.0) && !evaluate(0.0).ok())
+    throw ModelError("start state cannot be evaluated");
+  update_capture(0.0);
+  update_phase(find_phase_inputs(*data), discrete);
+  peaks.start(0.0, find_peak_values());
+  keep(step_start);
+  invalidate();
+}
+
+void DockingSim::Impl::make_stepper() {
+  const StateLayout& layout = model->layout;
+  ErkStepper::Problem problem;
+  problem.size = layout.size;
+  problem.root_count = kFixedRoots + model->latches.count();
+  problem.rates = [this](double t, const double* y, double* ydot) {
+    const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
+                                               y, ydot, *rate_data);
+    if (!status.ok()) {
+      last_trouble = status;
+      last_trouble.time = elapsed + t;
+      return status.code == StatusCode::kLoopSingular ? ErkStepper::kStepOver
+                                                      : ErkStepper::kSmaller;
+    }
+    double sum = 0.0;
+    for (int i = 0; i < model->layout.size; ++i) sum += ydot[i];
+    if (!std::isfinite(sum)) {
+      last_trouble = {StatusCode::kNotFinite, -1, 0.0, elapsed + t};
+      return ErkStepper::kSmaller;
+    }
+    return 0;
+  };
+  problem.roots = [this](double t, const double* y, double* roots) {
+    const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
+                                               y, nullptr, *rate_data);
+    if (!status.ok()) {
+      last_trouble = status;
+      return 1;
+    }
+    calc_event_functions(*rate_data, roots);
+    return 0;
+  };
+  stepper = std::make_unique<ErkStepper>(
+      std::move(problem),
+      is_fixed_step() ? ErkStepper::Method::kClassicRk4 : ErkStepper::Method::kDormandPrince);
+
+  const std::vector<double> atol = find_absolute_tolerances();
+  const double rtol =
+      setup->tolerance > 0.0 ? std::min(setup->tolerance, parameters.rtol) : parameters.rtol;
+  // The norm is a mean over components: bristles at rest must not loosen it.
+  const double share = static_cast<double>(layout.size - layout.bristle_count) / layout.size;
+  stepper->set_tolerances(rtol * std::sqrt(share), atol.data());
+  y_accepted.assign(static_cast<size_t>(layout.size), 0.0);
+}
+
+/// Per state, by kind; momenta are velocities times mass or inertia.
+std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
+  const StateLayout& layout = model->layout;
+  std::vector<double> atol(static_cast<size_t>(layout.size), parameters.atol_position);
+  std::fill_n(atol.begin() + layout.mechanism_v, layout.mechanism_nv, parameters.atol_velocity);
+  for (int i : {kChaser, kTarget}) {
+    if (layout.momentum[i] < 0) continue;
+    const VehicleParameters& p = parameters.vehicle[i];
+    const double lever2 = p.interface_position.squaredNorm();
+    const double inertia = p.inertia.head<3>().maxCoeff() + p.mass * lever2;
+    std::fill_n(atol.begin() + layout.momentum[i], 3, parameters.atol_velocity * p.mass);
+    std::fill_n(atol.begin() + layout.momentum[i] + 3, 3, parameters.atol_velocity * inertia);
+    if (i == kChaser) {
+      std::fill_n(atol.begin() + layout.impulse, 3, parameters.atol_velocity * p.mass);
+      std::fill_n(atol.begin() + layout.impulse + 3, 3, parameters.atol_velocity * inertia);
+    }
+  }
+  std::fill_n(atol.begin() + layout.sums, static_cast<int>(kSumCount), parameters.atol_energy);
+  const double share = static_cast<double>(layout.size - layout.bristle_count) / layout.size;
+  for (double& value : atol) value *= std::sqrt(share);
+  return atol;
+}
+
+/// What should be looked at, but need not be wrong.
+void DockingSim::Impl::warn_about_start() {
+  const double margin = find_singularity_margin(data->mechanism);
+  char text[300];
+  if (margin < model->mechanism.model.singularity.warning) {
+    std::snprintf(text, sizeof text, "a loop starts close to singular (margin %.3g)", margin);
+    warnings.push_back(text);
+  }
+  if (!scene->mechanism.gravity.isZero(0.0)) {
+    warnings.push_back(
+        "gravity in the mechanism file is used by 'dockloop check' only; connect the "
+        "input 'gravity'");
+  }
+  if (!has_surfaces() || model->contact.kind != ContactModel::Kind::kRings) return;
+  // k >= 4 m v^2/rounding^2 for what hits: the capture body on its legs.
+  const int body = model->mechanism.model.capture_body;
+  const double mass = body == kBase ? 0.0 : model->mechanism.model.bodies[body].mass;
+  const double v = data->relative.v.norm();
+  const double needed =
+      4.0 * mass * v * v / (model->contact.least_rounding * model->contact.least_rounding);
+  if (needed > model->contact.law.stiffness) {
+    std::snprintf(text, sizeof text,
+                  "contact stiffness %.3g N/m is low for a closing speed of %.3g m/s: at least "
+                  "%.3g N/m keeps the depth below half the rounding",
+                  model->contact.law.stiffness, v, needed);
+    warnings.push_back(text);
+  }
+}
+
+}  // namespace dockloop

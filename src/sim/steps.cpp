@@ -1,0 +1,379 @@
+// Communication steps: inputs, integration through events, refusal without loss, audits.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "sim/sim_impl.hpp"
+
+namespace dockloop {
+namespace {
+
+constexpr int kMaxRefused = 12;         ///< end states in a row that cannot be evaluated
+constexpr int kMaxInnerSteps = 100000;  ///< per communication step
+
+/// Some hosts begin with zeros in every input, before they pass anything on. As a motion this is
+/// impossible: zeros are no attitude.
+bool is_all_zero(const Inputs::Vehicle& in) {
+  return in.position.isZero(0.0) && in.velocity.isZero(0.0) && in.attitude.isZero(0.0) &&
+         in.angular_velocity.isZero(0.0);
+}
+
+}  // namespace
+
+void DockingSim::Impl::read_inputs() {
+  const auto read = [this](const Inputs& from, Loads& to) {
+    for (int i : {kChaser, kTarget}) {
+      to.force[i] = from.vehicle[i].force_ext;
+      to.torque[i] = from.vehicle[i].torque_ext;
+    }
+    to.gravity = from.gravity;
+    for (size_t i = 0; i < scene->mechanism.legs.size(); ++i) {
+      to.command[scene->mechanism.legs[i].force] = from.leg_force_command[i];
+    }
+  };
+  read(inputs, loads);
+  read(slopes, load_rates);
+  sloped = false;
+  for_each_value(slopes, [this](double& slope) { sloped = sloped || slope != 0.0; });
+}
+
+/// Loads tau after the start of the step.
+const Loads& DockingSim::Impl::find_loads(double tau) {
+  if (!sloped) return loads;
+  for (int i : {kChaser, kTarget}) {
+    loads_now.force[i] = loads.force[i] + tau * load_rates.force[i];
+    loads_now.torque[i] = loads.torque[i] + tau * load_rates.torque[i];
+  }
+  loads_now.gravity = loads.gravity + tau * load_rates.gravity;
+  loads_now.command = loads.command + tau * load_rates.command;
+  return loads_now;
+}
+
+/// A slope holds for one step: its input goes on from the value that it has reached. Motion of
+/// driven vehicles is predicted by the equations, not by slopes.
+void DockingSim::Impl::advance_inputs(double h) {
+  if (!sloped) return;
+  for (int i : {kChaser, kTarget}) {
+    inputs.vehicle[i].force_ext += h * slopes.vehicle[i].force_ext;
+    inputs.vehicle[i].torque_ext += h * slopes.vehicle[i].torque_ext;
+  }
+  inputs.gravity += h * slopes.gravity;
+  for (size_t i = 0; i < inputs.leg_force_command.size(); ++i) {
+    inputs.leg_force_command[i] += h * slopes.leg_force_command[i];
+  }
+  for_each_value(slopes, [](double& slope) { slope = 0.0; });
+}
+
+Status DockingSim::Impl::receive_driven_vehicles() {
+  const bool any = (scene->motion[kChaser] == Motion::kDriven) ||
+                   (scene->has_target && scene->motion[kTarget] == Motion::kDriven);
+  if (!any) return {};
+  Status status = evaluate(0.0);
+  if (!status.ok()) return status;
+  const double energy_before = find_total_energy();
+  Wrench<double> before[2];
+  for (int i : {kChaser, kTarget}) before[i] = find_momentum(*model, i, *data);
+  for (int i : {kChaser, kTarget}) {
+    if (!model->present[i] || scene->motion[i] != Motion::kDriven) continue;
+    const Inputs::Vehicle& in = inputs.vehicle[i];
+    if (!(last_step > 0.0) && is_all_zero(in)) {
+      warnings.push_back(std::string(i == kChaser ? "chaser" : "target") +
+                         " is driven, but its motion is all zeros in the first step: taken as not"
+                         " told yet, the step begins at the start values");
+      continue;
+    }
+    if (!(std::abs(in.attitude.norm() - 1.0) < 1e-3)) {
+      char text[160];
+      std::snprintf(text, sizeof text,
+                    "%s.attitude must be a unit quaternion (w, x, y, z); its norm is %.6g",
+                    i == kChaser ? "chaser" : "target", in.attitude.norm());
+      status_text = text;
+      return {StatusCode::kBadInput, -1, in.attitude.norm(), elapsed};
+    }
+    put_pose(i, in.position, in.attitude);
+    status = put_velocity(i, in.velocity, in.angular_velocity);
+    if (!status.ok()) return status;
+  }
+  status = evaluate(0.0);
+  if (!status.ok()) return status;
+  // The jump may begin a contact, and its forces count as peaks.
+  update_memory();
+  if (has_surfaces() && !discrete.contacted && data->contact.gap <= 0.0) begin_contact(elapsed);
+  peaks.begin(elapsed, find_peak_values());
+  // What the host did to the motion is its work and impulse, not an error of the integration.
+  host_work += find_total_energy() - energy_before;
+  for (int i : {kChaser, kTarget}) {
+    const Wrench<double> now = find_momentum(*model, i, *data);
+    momentum_start[i].f += now.f - before[i].f;
+    momentum_start[i].t += now.t - before[i].t;
+  }
+  return {};
+}
+
+/// One communication step from t to exactly t + h. On failure everything is as before the call.
+Status DockingSim::Impl::step(double t, double h) {
+  status_text.clear();
+  keep(step_start);
+  // The host's clock counts, but what its rounding at large times would lose is kept.
+  const double told = t - setup->t_start;
+  const double rounding = 4e-16 * std::max(std::abs(t), std::abs(setup->t_start));
+  if (std::abs(told - elapsed) > rounding) elapsed = told;
+  read_inputs();
+  Status status;
+  if (h > 0.0) {
+    status = receive_driven_vehicles();
+    if (status.ok()) status = is_fixed_step() ? integrate_fixed(h) : integrate(h);
+  } else {
+    status_text = "the step must be longer than 0 s";
+    status.code = StatusCode::kBadInput;
+  }
+  if (status.ok()) {
+    finish_step(h);
+    return status;
+  }
+  restore(step_start);
+  // Outputs read after a refusal are those of before; the state was a valid one.
+  if (!evaluate(0.0).ok()) status.code = StatusCode::kNotFinite;
+  char text[120];
+  std::snprintf(text, sizeof text, "step from t = %.9g s over %.6g s: ", t, h);
+  if (status_text.empty()) status_text = find_status_text(status, model->mechanism.model);
+  status_text = text + status_text;
+  return status;
+}
+
+/// Advance by h from the present state, through events. On failure the state is undefined.
+Status DockingSim::Impl::integrate(double h) {
+  Status status = evaluate(0.0);
+  if (!status.ok()) return status;
+  for (int i : {kChaser, kTarget}) vehicle_before[i] = find_vehicle_state(i);
+  std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
+  margin_before = find_singularity_margin(data->mechanism);
+  double tau = 0.0;
+  int refused = 0;           // end states in a row that could not be evaluated
+  double proposal = h_warm;  // step size that error control asks for; stops do not count
+  stepper->restart(0.0, std::min(proposal, h));
+  for (int inner = 0; inner < kMaxInnerSteps; ++inner) {
+    const double stop = find_next_stop(tau, h);
+    last_trouble = Status();
+    const StepOutcome outcome = stepper->step(stop, true);
+    if (outcome == StepOutcome::kFailed) return find_trouble(tau);
+    bool restart = false;
+    const double made = stepper->time() - tau;
+    if (outcome == StepOutcome::kRoot) {
+      status = step_to_root(tau);
+      if (!status.ok()) return status;
+      restart = true;
+    } else {
+      std::fill(due.begin(), due.end(), char(0));
+      const bool cut_short = outcome == StepOutcome::kStopped && made < proposal;
+      proposal = cut_short ? std::max(proposal, stepper->next_step()) : stepper->next_step();
+    }
+    status = evaluate(stepper->time());
+    if (!status.ok()) {
+      // Error control was content with a state that cannot be evaluated: take smaller steps to it.
+      if (++refused > kMaxRefused) return status;
+      std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
+      proposal = 0.25 * made;
+      stepper->restart(tau, proposal);
+      continue;
+    }
+    refused = 0;
+    tau = stepper->time();
+    status = accept(tau, restart);
+    if (!status.ok()) return status;
+    std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
+    if (tau >= h) {
+      h_warm = proposal;
+      return {};
+    }
+    const double leap = find_leap(made, proposal);
+    if (leap > 0.0) {
+      stepper->restart(tau, std::min(leap, h - tau));
+    } else if (restart) {
+      stepper->restart(tau, std::min(proposal, h - tau));
+    }
+  }
+  if (!last_trouble.ok()) return last_trouble;  // what the last steps had to get around
+  status_text =
+      "it needs more than " + std::to_string(kMaxInnerSteps) +
+      " inner steps: contact far too fast or too stiff; shorten the step or check the speeds";
+  return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
+}
+
+/// The same with a number of inner steps that depends on h only: equal steps of the classic
+/// Runge-Kutta method, events seen at their ends. The cost is bounded; errors are not controlled.
+Status DockingSim::Impl::integrate_fixed(double h) {
+  Status status = evaluate(0.0);
+  if (!status.ok()) return status;
+  for (int i : {kChaser, kTarget}) vehicle_before[i] = find_vehicle_state(i);
+  const double wanted = std::ceil(h / parameters.step * (1.0 - 1e-9));
+  if (wanted > kMaxInnerSteps) {
+    status_text = "it needs " + std::to_string(static_cast<long long>(std::min(wanted, 1e15))) +
+                  " inner steps of solver.step = " + std::to_string(parameters.step) +
+                  " s; at most " + std::to_string(kMaxInnerSteps) +
+                  " are made: shorten the step or raise solver.step";
+    return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed};
+  }
+  const int count = std::max(1, static_cast<int>(wanted));
+  double tau = 0.0;
+  for (int inner = 1; inner <= count; ++inner) {
+    const double end = inner == count ? h : h * inner / count;
+    last_trouble = Status();
+    stepper->restart(tau, end - tau);
+    if (stepper->step(end, false) == StepOutcome::kFailed) return find_trouble(tau);
+    tau = end;
+    status = evaluate(tau);
+    if (!status.ok()) return status;
+    double roots[kFixedRoots + kMaxLatches];
+    calc_event_functions(*data, roots);
+    for (int i = 0; i < kFixedRoots + model->latches.count(); ++i) due[i] = roots[i] <= 0.0;
+    bool changed = false;
+    status = accept(tau, changed);
+    if (!status.ok()) return status;
+  }
+  return {};
+}
+
+/// A mechanism on its way through a pose where its loops lose rank is fine on both sides of it, but
+/// cannot be evaluated on it: size of a step that has no stage there, or one that ends where such a
+/// step can begin. @param made, proposal  last step, size that error control asks for
+/// @return 0 if there is nothing to leap over
+double DockingSim::Impl::find_leap(double made, double proposal) {
+  const double margin = find_singularity_margin(data->mechanism);
+  const double rate = (margin_before - margin) / made;
+  margin_before = margin;
+  if (!(rate > 0.0) || margin > 3.0 * kChangeMargin) return 0.0;
+  const double way = margin / rate;  // to the pose, if the margin goes on like this
+  const double width = model->mechanism.model.singularity.error / rate;
+  if (way - width > 1.3 * proposal) return 0.0;
+  // Stages lie at 0.2, 0.3, 0.8, 0.89 and 1 of a step: put the pose into the middle of the largest
+  // gap. If that asks for a longer step than error control likes, end half a step before the pose.
+  const double leap = way / 0.55;
+  return leap <= 1.6 * proposal ? leap : way - 0.5 * proposal;
+}
+
+/// Where the next inner step must end at the latest: the end of the communication step, the onset
+/// of thrust, and never so far that a surface could be passed unseen.
+double DockingSim::Impl::find_next_stop(double tau, double h) const {
+  double stop = h;
+  if (model->thrust != 0.0 && discrete.contacted && !discrete.captured && !discrete.thrust_on) {
+    const double onset = discrete.time_of_contact + model->thrust_delay - elapsed;
+    if (onset > tau) stop = std::min(stop, onset);
+  }
+  if (has_surfaces() && model->contact.kind == ContactModel::Kind::kRings) {
+    const double bound = find_step_bound(model->contact, data->contact.gap, data->relative);
+    if (tau + bound < stop) stop = tau + bound;
+  }
+  return stop;
+}
+
+Status DockingSim::Impl::find_trouble(double tau) const {
+  if (!last_trouble.ok()) return last_trouble;
+  return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
+}
+
+/// A root lies in the step just made: replace its interpolated state by steps that end there.
+Status DockingSim::Impl::step_to_root(double tau) {
+  const double root = stepper->time();
+  for (int i = 0; i < kFixedRoots + model->latches.count(); ++i) due[i] = stepper->root_found(i);
+  std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
+  if (!(root > tau)) return {};
+  stepper->restart(tau, root - tau);
+  for (int inner = 0; inner < kMaxInnerSteps; ++inner) {
+    const StepOutcome outcome = stepper->step(root, false);
+    if (outcome == StepOutcome::kFailed) return find_trouble(tau);
+    if (outcome == StepOutcome::kStopped) return {};
+  }
+  return find_trouble(tau);
+}
+
+double DockingSim::Impl::find_total_energy() const {
+  return find_kinetic_energy(*model, *data) + find_potential_energy();
+}
+
+double DockingSim::Impl::find_potential_energy() const {
+  return data->joints.energy + data->contact.energy + data->latch.energy;
+}
+
+/// Motion of a vehicle's CoM frame in O, from the last evaluation.
+VehicleState DockingSim::Impl::find_vehicle_state(int i) const {
+  VehicleState state;
+  if (!model->present[i]) return state;
+  const FrameMotion<double>& frame = data->vehicle[i];
+  state.x = frame.p;
+  state.v = frame.v;
+  state.q = quat_from_matrix<double>(frame.R);
+  state.w = frame.R.transpose() * frame.w;
+  return state;
+}
+
+/// Close a communication step that succeeded.
+void DockingSim::Impl::finish_step(double h) {
+  // O drifts with its velocity and falls with gravity, which its contents then do not feel.
+  frame_shift += frame_velocity * h;
+  if (model->falling) {
+    frame_shift += 0.5 * h * h * loads.gravity;
+    frame_velocity += h * loads.gravity;
+    if (sloped) {
+      frame_shift += h * h * h / 6.0 * load_rates.gravity;
+      frame_velocity += 0.5 * h * h * load_rates.gravity;
+    }
+  }
+  elapsed += h;
+  last_step = h;
+  invalidate();
+  update_mean_loads(h);
+  update_momentum_audit();
+  advance_inputs(h);
+}
+
+/// Mean loads over the step just made, with the inputs that it was made with.
+void DockingSim::Impl::update_mean_loads(double h) {
+  for (int i : {kChaser, kTarget}) {
+    if (!model->present[i] || !model->moves[i]) continue;
+    // Impulse on the vehicle as its host knows it (stated mass and inertia), less known loads.
+    const VehicleParameters& p = parameters.vehicle[i];
+    const Mat3<double> I = make_symmetric(p.inertia);
+    const VehicleState before = vehicle_before[i], after = find_vehicle_state(i);
+    const auto spin = [&](const VehicleState& s) {
+      return Vec3<double>(p.mass * s.x.cross(s.v) +
+                          quat_to_matrix<double>(s.q) * Vec3<double>(I * s.w));
+    };
+    Wrench<double> impulse;
+    impulse.f = p.mass * (after.v - before.v);
+    impulse.t = spin(after) - spin(before);
+    mean_load[i] = find_mean_load(impulse, before, after, h);
+    const Loads& known = find_loads(0.5 * h);
+    mean_load[i].f -= known.force[i];
+    if (!model->falling) mean_load[i].f -= p.mass * known.gravity;
+    mean_load[i].t -= known.torque[i];
+  }
+}
+
+/// Compare the momentum summed over bodies with its start and the impulses from outside.
+void DockingSim::Impl::update_momentum_audit() {
+  // An immobile vehicle takes up any momentum: there is nothing to compare then.
+  if (!model->moves[kChaser] || (model->present[kTarget] && !model->moves[kTarget])) return;
+  Wrench<double> difference;
+  for (int i : {kChaser, kTarget}) {
+    if (!model->present[i]) continue;
+    const Wrench<double> now = find_momentum(*model, i, *data);
+    difference.f += now.f - momentum_start[i].f;
+    difference.t += now.t - momentum_start[i].t;
+    momentum_scale = std::max({momentum_scale, momentum_start[i].f.norm(), now.f.norm()});
+    angular_momentum_scale =
+        std::max({angular_momentum_scale, momentum_start[i].t.norm(), now.t.norm()});
+  }
+  const double* impulse = stepper->y() + model->layout.impulse;
+  for (int j = 0; j < 3; ++j) {
+    difference.f[j] -= impulse[j];
+    difference.t[j] -= impulse[3 + j];
+  }
+  // An aligned docking has next to no angular momentum about O: measure it by the linear one at a
+  // lever of 1 m then.
+  const double angular_scale = std::max(angular_momentum_scale, momentum_scale * 1.0);
+  momentum_residual = std::max({momentum_residual, difference.f.norm() / momentum_scale,
+                                difference.t.norm() / angular_scale});
+}
+
+}  // namespace dockloop

@@ -1,0 +1,67 @@
+// What a Status means, in one sentence for the log.
+#include <cstdio>
+#include <cstring>
+
+#include "sim/sim_impl.hpp"
+
+namespace dockloop {
+
+std::string find_status_text(const Status& status, const MechanismModel& mechanism) {
+  char text[240];
+  const auto loop = [&]() {
+    return status.index >= 0 ? mechanism.loops[status.index].name : std::string("?");
+  };
+  switch (status.code) {
+    case StatusCode::kOk:
+      return "ok";
+    case StatusCode::kOutOfReach:
+      std::snprintf(text, sizeof text, "loop '%s' is out of reach (margin %.3g)", loop().c_str(),
+                    status.margin);
+      break;
+    case StatusCode::kLoopSingular:
+      std::snprintf(text, sizeof text, "loop '%s' is singular (margin %.3g, limit %.1g)",
+                    loop().c_str(), status.margin, mechanism.singularity.error);
+      break;
+    case StatusCode::kBranchChanged:
+      std::snprintf(text, sizeof text, "loop '%s' has left its assembly branch", loop().c_str());
+      break;
+    case StatusCode::kLoopNotClosed:
+      std::snprintf(text, sizeof text, "loop '%s' cannot be closed by Newton iteration",
+                    loop().c_str());
+      break;
+    case StatusCode::kRedundancyLost:
+      std::snprintf(text, sizeof text,
+                    "an equation of loop '%s' that follows from others at home is violated (by "
+                    "%.3g): its parts do not fit together here",
+                    loop().c_str(), status.margin);
+      break;
+    case StatusCode::kInertiaNotPositive:
+      std::snprintf(text, sizeof text, "the reduced inertia is not positive definite");
+      break;
+    case StatusCode::kContactTooDeep:
+      std::snprintf(text, sizeof text,
+                    "contact pair %d is %.2f of its rounding deep (limit 0.98): too fast for the "
+                    "contact stiffness, or placed inside a surface",
+                    status.index + 1, status.margin);
+      break;
+    case StatusCode::kContactFlipped:
+      std::snprintf(text, sizeof text, "contact pair %d would be passed through", status.index + 1);
+      break;
+    case StatusCode::kIntegrationFailed:
+      std::snprintf(text, sizeof text, "the integrator cannot meet its tolerance");
+      break;
+    case StatusCode::kBadInput:
+      std::snprintf(text, sizeof text, "an input is impossible");
+      break;
+    case StatusCode::kNotFinite:
+      std::snprintf(text, sizeof text, "a value is not finite");
+      break;
+  }
+  if (status.time > 0.0) {
+    const size_t used = std::strlen(text);
+    std::snprintf(text + used, sizeof text - used, " at t = %.9g s", status.time);
+  }
+  return text;
+}
+
+}  // namespace dockloop

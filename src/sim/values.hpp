@@ -1,0 +1,203 @@
+// What goes in and out of a docking simulation: plain data in the names and units of the FMU
+// (frames: src/README.md). The variable table in fmu/variables.cpp points into these structs.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "math/types.hpp"
+#include "model/scene.hpp"
+
+namespace dockloop {
+
+/// Values of solver.method; numbers of the interface. The others are not built yet.
+enum SolverMethod { kAuto = 1, kExplicit = 2, kFixedRk4 = 7 };
+
+/// Everything that can be chosen before the run starts. Start values come from the scene.
+struct Parameters {
+  std::array<VehicleParameters, 2> vehicle;  ///< [kChaser], [kTarget]; model/scene.hpp
+  double contact_thrust = 0.0;        ///< [N] along +x of A, from first contact until captured
+  double contact_thrust_delay = 0.0;  ///< [s] after first contact
+  double friction_coefficient = 0.0;  ///< [-]
+  int friction_model = 1;             ///< 1 regularised, 2 bristle
+  double restitution = 0.0;           ///< [-] at restitution_speed
+  double restitution_speed = 0.0;     ///< [m/s]
+  int solver_method = 1;              ///< see SolverMethod
+  double step = 0.0;                  ///< [s] inner step of the fixed methods
+  double rtol = 0.0;                  ///< [-]
+  double atol_position = 0.0;         ///< [m], also taken for attitude [-]
+  double atol_velocity = 0.0;         ///< [m/s], also for angular velocity [rad/s]
+  double atol_energy = 0.0;           ///< [J] of the energy sinks
+};
+
+/// What the host may change at any communication point.
+struct Inputs {
+  struct Vehicle {
+    Vec3<double> position = Vec3<double>::Zero();          ///< driven only: CoM in N [m]
+    Vec3<double> velocity = Vec3<double>::Zero();          ///< driven only: in N [m/s]
+    Vec4<double> attitude{1, 0, 0, 0};                     ///< driven only: body to N, (w, x, y, z)
+    Vec3<double> angular_velocity = Vec3<double>::Zero();  ///< driven only: body axes [rad/s]
+    Vec3<double> force_ext = Vec3<double>::Zero();         ///< in N [N]
+    Vec3<double> torque_ext = Vec3<double>::Zero();        ///< about CoM, body axes [N m]
+  };
+  std::array<Vehicle, 2> vehicle;
+  Vec3<double> gravity = Vec3<double>::Zero();  ///< in N [m/s2]
+  std::vector<double> leg_force_command;        ///< [N], one per leg
+};
+
+/// Calls f(double&) for every input, in an order that depends on the sizes only.
+template <class F>
+void for_each_value(Inputs& inputs, F&& f) {
+  const auto each = [&](auto& vector) {
+    for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(vector.size()); ++i) f(vector[i]);
+  };
+  for (Inputs::Vehicle& v : inputs.vehicle) {
+    for (Vec3<double>* x :
+         {&v.position, &v.velocity, &v.angular_velocity, &v.force_ext, &v.torque_ext}) {
+      each(*x);
+    }
+    each(v.attitude);
+  }
+  each(inputs.gravity);
+  each(inputs.leg_force_command);
+}
+
+/// Outputs that follow continuously from state and inputs; with S = Derivative, their derivatives.
+template <class S>
+struct OutputValues {
+  struct Vehicle {
+    Vec3<S> position = Vec3<S>::Zero();          ///< CoM in N [m]
+    Vec3<S> velocity = Vec3<S>::Zero();          ///< in N [m/s]
+    Vec4<S> attitude{S(1), S(0), S(0), S(0)};    ///< body to N
+    Vec3<S> angular_velocity = Vec3<S>::Zero();  ///< body axes [rad/s]
+    Vec3<S> force = Vec3<S>::Zero();             ///< of the docking system, in N [N]
+    Vec3<S> torque = Vec3<S>::Zero();            ///< about CoM, body axes [N m]
+    Vec3<S> force_mean = Vec3<S>::Zero();        ///< over the step just made, in N [N]
+    Vec3<S> torque_mean = Vec3<S>::Zero();       ///< about CoM, body axes [N m]
+  };
+  std::array<Vehicle, 2> vehicle;
+
+  // group relative: P with respect to A, axes of A
+  Vec3<S> relative_position = Vec3<S>::Zero();          ///< [m]
+  Vec4<S> relative_attitude{S(1), S(0), S(0), S(0)};    ///< q_AP
+  Vec3<S> relative_velocity = Vec3<S>::Zero();          ///< d/dt relative_position [m/s]
+  Vec3<S> relative_angular_velocity = Vec3<S>::Zero();  ///< [rad/s]
+  S relative_axial = S(0);                              ///< relative_position[0] [m]
+  S relative_lateral = S(0);                            ///< norm of the y-z part [m]
+  S relative_pitch_yaw = S(0);                          ///< angle between the docking axes [rad]
+  S relative_roll = S(0);                               ///< twist about the docking axis [rad]
+  S gap = S(0);  ///< smallest signed distance of the capture surfaces [m]
+
+  // group capture: load on the target through the capture interface, about the origin of P, axes P
+  Vec3<S> capture_force = Vec3<S>::Zero();   ///< [N]
+  Vec3<S> capture_torque = Vec3<S>::Zero();  ///< [N m]
+  /// tension, compression, shear [N], bending, torsion [N m]
+  enum Load { kTension, kCompression, kShear, kBending, kTorsion, kLoadCount };
+  std::array<S, kLoadCount> capture_load{};  ///< now
+  S capture_load_ratio = S(0);               ///< largest |load|/rated now [-]
+
+  // group contact
+  std::vector<S> petal_force;    ///< [N] resultant on each active petal
+  S contact_depth_ratio = S(0);  ///< largest depth / rounding [-]
+  std::vector<S> latch_opening;  ///< [m]
+  std::vector<S> latch_force;    ///< [N]
+
+  // group ring: G with respect to A, axes of A (angular velocity in axes of A)
+  Vec3<S> ring_position = Vec3<S>::Zero();
+  Vec4<S> ring_attitude{S(1), S(0), S(0), S(0)};
+  Vec3<S> ring_velocity = Vec3<S>::Zero();
+  Vec3<S> ring_angular_velocity = Vec3<S>::Zero();
+
+  // group legs
+  std::vector<S> leg_length, leg_rate, leg_force;  ///< [m], [m/s], [N] (+ pushes ends apart)
+
+  // group states: independent coordinates of the mechanism (without the vehicles)
+  std::vector<S> state_q, state_v, state_a;
+
+  // group loops
+  std::vector<Vec3<S>> loop_force;       ///< cut force on the terminal body, axes of the lca [N]
+  Vec3<S> base_force = Vec3<S>::Zero();  ///< mechanism on its base, axes and origin of B
+  Vec3<S> base_torque = Vec3<S>::Zero();
+
+  // group energy
+  S energy_kinetic = S(0), energy_potential = S(0);  ///< [J]; kinetic in the internal frame
+  S energy_dissipated = S(0);                        ///< sum of the four below [J]
+  S energy_dissipated_contact = S(0), energy_dissipated_friction = S(0);
+  S energy_dissipated_legs = S(0), energy_dissipated_latches = S(0);
+  S energy_external = S(0);                      ///< work done by forces from outside [J]
+  S energy_residual = S(0);                      ///< what does not add up [J]
+  Vec3<S> momentum_linear = Vec3<S>::Zero();     ///< in N axes [N s]
+  Vec3<S> momentum_angular = Vec3<S>::Zero();    ///< about momentum_reference [N m s]
+  Vec3<S> momentum_reference = Vec3<S>::Zero();  ///< in N [m]
+};
+
+/// Calls f(S&) for every number of `values`, in an order that depends on the sizes only.
+template <class S, class F>
+void for_each_value(OutputValues<S>& values, F&& f) {
+  const auto each = [&](auto& vector) {
+    for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(vector.size()); ++i) f(vector[i]);
+  };
+  for (typename OutputValues<S>::Vehicle& v : values.vehicle) {
+    for (Vec3<S>* x : {&v.position, &v.velocity, &v.angular_velocity, &v.force, &v.torque,
+                       &v.force_mean, &v.torque_mean}) {
+      each(*x);
+    }
+    each(v.attitude);
+  }
+  for (Vec3<S>* x :
+       {&values.relative_position, &values.relative_velocity, &values.relative_angular_velocity,
+        &values.capture_force, &values.capture_torque, &values.ring_position, &values.ring_velocity,
+        &values.ring_angular_velocity, &values.base_force, &values.base_torque,
+        &values.momentum_linear, &values.momentum_angular, &values.momentum_reference}) {
+    each(*x);
+  }
+  each(values.relative_attitude);
+  each(values.ring_attitude);
+  each(values.capture_load);
+  for (S* x :
+       {&values.relative_axial, &values.relative_lateral, &values.relative_pitch_yaw,
+        &values.relative_roll, &values.gap, &values.capture_load_ratio, &values.contact_depth_ratio,
+        &values.energy_kinetic, &values.energy_potential, &values.energy_dissipated,
+        &values.energy_dissipated_contact, &values.energy_dissipated_friction,
+        &values.energy_dissipated_legs, &values.energy_dissipated_latches, &values.energy_external,
+        &values.energy_residual}) {
+    f(*x);
+  }
+  for (std::vector<S>* x :
+       {&values.petal_force, &values.latch_opening, &values.latch_force, &values.leg_length,
+        &values.leg_rate, &values.leg_force, &values.state_q, &values.state_v, &values.state_a}) {
+    each(*x);
+  }
+  for (Vec3<S>& x : values.loop_force) each(x);
+}
+
+/// Everything that can be read at a communication point (and after initialise()).
+struct Outputs : OutputValues<double> {
+  double time = 0.0;  ///< [s]
+
+  // group capture: largest since the start, over inner steps
+  std::array<double, kLoadCount> capture_peak{};
+  double capture_peak_load_ratio = 0.0;  ///< [-]
+
+  // group phase
+  int phase = 1;    ///< 1 approach ... 8 rebound, see interface
+  int outcome = 1;  ///< 1 undecided, 2 captured, 3 partial capture, 4 rebound, 5 miss
+  bool captured = false;
+  std::vector<char> latched;      ///< 0 or 1, one per latch (char: vector<bool> has no addresses)
+  double time_to_contact = 0.0;   ///< [s] lower bound from gap and closing speed
+  double time_of_contact = -1.0;  ///< [s] simulation time, -1 before
+  double time_of_capture = -1.0;  ///< [s] simulation time, -1 before
+
+  /// group energy: largest |p - p(0) - impulse| / momentum scale since the start [-]
+  double momentum_residual = 0.0;
+
+  // the state vector of the integration and its rates, in the order of StateLayout
+  std::vector<double> states, rates;
+
+  // group solver
+  double solver_steps = 0, solver_rhs_evaluations = 0, solver_rejected_steps = 0;
+  double solver_closure_residual = 0.0;    ///< largest loop gap [m]
+  double solver_singularity_margin = 1.0;  ///< smallest margin over loops [-]
+};
+
+}  // namespace dockloop

@@ -1,0 +1,190 @@
+"""Runs a file in FMPy and in other importers: libcosim, ecos, fmpy.ssp, a container FMU.
+
+Used by tests that show that the same file runs elsewhere. Every importer runs in a process of its
+own: they are compiled programs that know nothing of each other, and one that crashes fails one
+test. By hand::
+
+    .venv/bin/python tests/importers.py ecos build/fmu/idss_25t_350t.fmu 0.01 400 relative.axial
+
+A file is an FMU, or an SSP package with a component called `docking`. Here 400 steps of 0.01 s are
+made from time 0, and the value of `relative.axial` at the end is printed as JSON.
+"""
+
+import ctypes
+import importlib.util
+import json
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+
+COMPONENT = "docking"
+PARAMETER_SET = "scene"  # ecos applies the set that it is told
+
+
+def run_importer(importer: str, file: Path, step: float, count: int, names: Iterable[str]) -> dict:
+    """Run a file in an importer; skips the test, with the reason, where that is not installed.
+
+    Returns:
+        The value of each variable at the end.
+    """
+    if reason := find_obstacle(importer):
+        pytest.skip(reason)
+    done = subprocess.run(
+        [sys.executable, __file__, importer, file, repr(step), str(count), *names],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, f"{importer} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}"
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def find_obstacle(importer: str) -> str:
+    """Return why an importer cannot run here, or nothing."""
+    packages = {
+        "fmpy": "fmpy",
+        "libcosim": "libcosimpy",
+        "ecos": "ecospy",
+        "fmpy.ssp": "fmpy",
+        "container": "fmu_manipulation_toolbox",
+    }
+    package = packages[importer]
+    if importlib.util.find_spec(package) is None:
+        version = f"{sys.version_info.major}.{sys.version_info.minor}"
+        return f"the Python package {package} is not installed (Python {version})"
+    if importer == "ecos":
+        try:
+            ctypes.CDLL("libtbb.so.12")
+        except OSError:
+            return "ecospy needs the system package libtbb12"
+    return ""
+
+
+def run_libcosim(file: Path, step: float, count: int, names: list[str], folder: Path) -> list:
+    """Libcosim counts time in whole nanoseconds and wants an SSP package unpacked."""
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    log_output_level(CosimLogLevel.ERROR)
+    step_ns = round(step * 1e9)
+    if file.suffix == ".ssp":
+        with zipfile.ZipFile(file) as archive:
+            archive.extractall(folder)
+        execution = CosimExecution.from_ssp_file(ssp_path=str(folder), step_size=step_ns)
+        fmu = folder / "resources" / f"{COMPONENT}.fmu"
+    else:
+        execution = CosimExecution.from_step_size(step_size=step_ns)
+        slave = CosimLocalSlave(fmu_path=str(file), instance_name=COMPONENT)
+        execution.add_local_slave(local_slave=slave)
+        fmu = file
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer=observer)
+    index = execution.slave_index_from_instance_name(COMPONENT)
+    assert execution.simulate_until(target_time=count * step_ns)
+    readers = {
+        "Real": observer.last_real_values,
+        "Integer": observer.last_integer_values,
+        "Boolean": observer.last_boolean_values,
+    }
+    variables = find_variables(fmu)
+    return [readers[v.type](index, [v.valueReference])[0] for v in map(variables.get, names)]
+
+
+def run_ecos(file: Path, step: float, count: int, names: list[str], folder: Path) -> list:
+    """Ecos takes an SSP package as it is; FMUs are put together in a structure."""
+    from ecospy.EcosSimulation import EcosSimulation
+    from ecospy.EcosSimulationStructure import EcosSimulationStructure
+    from ecospy.lib import EcosLib
+
+    EcosLib.set_log_level("warn")
+    if file.suffix == ".ssp":
+        simulation = EcosSimulation(ssp_path=str(file), step_size=step)
+        simulation.init(parameter_set=PARAMETER_SET)
+        with zipfile.ZipFile(file) as archive:
+            fmu = archive.extract(f"resources/{COMPONENT}.fmu", folder)
+    else:
+        structure = EcosSimulationStructure()
+        structure.add_model(COMPONENT, str(file))
+        simulation = EcosSimulation(structure=structure, step_size=step)
+        simulation.init()
+        fmu = file
+    simulation.step(count)
+    readers = {
+        "Real": simulation.get_real,
+        "Integer": simulation.get_integer,
+        "Boolean": simulation.get_bool,
+    }
+    variables = find_variables(fmu)
+    values = [readers[variables[name].type](f"{COMPONENT}::{name}") for name in names]
+    simulation.terminate()
+    return values
+
+
+def run_fmpy(file: Path, step: float, count: int, names: list[str], folder: Path) -> list:
+    """FMPy runs FMUs only; each step ends at a whole multiple of the step."""
+    from fmpy import simulate_fmu
+
+    result = simulate_fmu(
+        str(file), stop_time=count * step, step_size=step, output_interval=step, output=names
+    )
+    return [result[name][-1].item() for name in names]
+
+
+def run_fmpy_ssp(file: Path, step: float, count: int, names: list[str], folder: Path) -> list:
+    """fmpy.ssp adds up its time, and ends with the first step that begins at the end or later."""
+    from fmpy.ssp.simulation import simulate_ssp
+
+    result = simulate_ssp(str(file), stop_time=(count - 0.5) * step, step_size=step)
+    assert len(result) == count
+    return [result[f"{COMPONENT}.{name}"][-1].item() for name in names]
+
+
+def run_container(file: Path, step: float, count: int, names: list[str], folder: Path) -> list:
+    """The fmu-manipulation-toolbox makes one FMU of all, which FMPy runs."""
+    from fmu_manipulation_toolbox.assembly import Assembly
+
+    (folder / file.name).write_bytes(file.read_bytes())
+    description = file.name
+    if file.suffix == ".fmu":
+        description = "box.json"
+        content = {"name": "box.fmu", "fmu": [file.name], "step_size": step}
+        (folder / description).write_text(json.dumps(content))
+    assembly = Assembly(description, fmu_directory=folder, default_step_size=step)
+    assembly.root.auto_output = True
+    assembly.make_fmu()
+    made = "box.fmu" if file.suffix == ".fmu" else f"{file.stem}.fmu"
+    return run_fmpy(folder / made, step, count, names, folder)
+
+
+def find_variables(fmu: Path | str) -> dict:
+    """Return the variables of an FMU by name."""
+    from fmpy import read_model_description
+
+    return {v.name: v for v in read_model_description(str(fmu)).modelVariables}
+
+
+def main() -> None:
+    """Run what the command line says, as one process."""
+    runs = {
+        "fmpy": run_fmpy,
+        "libcosim": run_libcosim,
+        "ecos": run_ecos,
+        "fmpy.ssp": run_fmpy_ssp,
+        "container": run_container,
+    }
+    importer, file, step, count, *names = sys.argv[1:]
+    with tempfile.TemporaryDirectory(prefix="dockloop-test-") as folder:
+        values = runs[importer](Path(file), float(step), int(count), names, Path(folder))
+    print()
+    print(json.dumps(dict(zip(names, values, strict=True))), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,140 @@
+// A docking at a random state, with random loads: shared by the tests of rates and derivatives.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "dynamics/docking_model.hpp"
+#include "unit/test_helpers.hpp"
+
+namespace dockloop {
+
+inline Scene read_test_scene(const std::string& name) {
+  return read_scene(read_test_file(name), name);
+}
+
+/// A docking with a random state near the docking, for whatever scene.
+struct Docking {
+  explicit Docking(const Scene& from, int friction_model = 1)
+      : scene(from), model(make(from, friction_model)), data(model), y(model.layout.size, 0.0) {
+    loads.command.setZero(static_cast<int>(model.mechanism.model.forces.size()));
+    model.fixed_pose[kTarget].p = Vec3<double>(30, 0, 0);
+    put_pose(kTarget, model.fixed_pose[kTarget]);  // out of the way until the ring is placed
+  }
+  static DockingModel make(const Scene& scene, int friction_model) {
+    ContactLaw law = scene.contact.law;
+    law.friction_model = friction_model;
+    return make_docking_model(scene, scene.vehicle, law, Vec3<double>(-15, 0, 0));
+  }
+
+  /// @param depth of the surfaces [m]; below 0 they are apart
+  /// @param lateral, tilt  bounds of the offsets of P from G [m], [rad]
+  void set_random_state(TestRandom& random, double depth, double lateral = 0.2,
+                        double tilt = 0.12) {
+    using V = Vec3<double>;
+    int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
+    for (int i : model.mechanism_bodies) {
+      const Body& body = model.mechanism.model.bodies[i];
+      ASSERT_EQ(body.joint, JointType::kFree);
+      const V p = random.vector(0.03);
+      const Vec4<double> quat = quat_exp<double>(random.vector(0.05));
+      for (int j = 0; j < 3; ++j) y[q + j] = p[j];
+      for (int j = 0; j < 4; ++j) y[q + 3 + j] = quat[j];
+      for (int j = 0; j < 6; ++j) y[v + j] = random.uniform(-0.03, 0.03);
+      q += body.nq();
+      v += body.nv();
+    }
+    for (int i : {kChaser, kTarget}) {
+      if (model.layout.pose[i] < 0) continue;
+      velocity[i] = random.vector(0.03);
+      rate[i] = random.vector(0.003);
+    }
+    put_pose(kChaser, {rotation_of(random.vector(0.3)), V(-4, 0, 0) + random.vector(0.3)});
+    ASSERT_TRUE(
+        set_vehicle_velocity(model, kChaser, velocity[kChaser], rate[kChaser], y.data(), data)
+            .ok());
+    evaluate();  // where is G?
+    if (model.present[kTarget]) {
+      Pose<double> P_in_G;
+      if (model.contact.kind == ContactModel::Kind::kRings) {
+        ContactWorkspace<double> work(model.contact);
+        const RelativeMotion<double> x =
+            make_touching_motion(model.contact, work, random, depth, lateral, tilt);
+        P_in_G = {x.R, x.p};
+      } else {
+        P_in_G = {rotation_of(random.vector(std::min(tilt, 0.1))), V(-depth, 0.02, 0.01)};
+      }
+      put_pose(kTarget, Pose<double>{data.capture.R, data.capture.p} * P_in_G *
+                            inverse(model.interface_pose[kTarget]));
+      ASSERT_TRUE(
+          set_vehicle_velocity(model, kTarget, velocity[kTarget], rate[kTarget], y.data(), data)
+              .ok());
+    }
+    for (int j = 0; j < model.layout.bristle_count; ++j) {
+      y[model.layout.bristles + j] = 0.0;
+    }
+  }
+  void set_random_loads(TestRandom& random) {
+    for (int i : {kChaser, kTarget}) {
+      loads.force[i] = random.vector(100.0);
+      loads.torque[i] = random.vector(50.0);
+    }
+    for (int j = 0; j < loads.command.size(); ++j) loads.command[j] = random.uniform(-30, 30);
+    loads.gravity = random.vector(0.5);
+    discrete.thrust_on = true;
+    model.thrust = 120.0;
+  }
+
+  /// All loops by Newton iteration from here on.
+  void close_by_newton() {
+    Mechanism newton(model.mechanism.model, true);
+    newton.vehicle = model.mechanism.vehicle;
+    set_mechanism(model, newton);
+    data = DockingData<double>(model);
+  }
+
+  void put_pose(int i, const Pose<double>& pose) {
+    const int at = model.layout.pose[i];
+    if (at < 0) {
+      if (i == kTarget) model.fixed_pose[i] = pose;
+      return;
+    }
+    const Vec4<double> quat = quat_from_matrix<double>(pose.R);
+    for (int j = 0; j < 3; ++j) y[at + j] = pose.p[j];
+    for (int j = 0; j < 4; ++j) y[at + 3 + j] = quat[j];
+  }
+  Status try_evaluate() {
+    ydot.assign(y.size(), 0.0);
+    return calc_docking<double>(model, discrete, memory, loads, t, y.data(), ydot.data(), data);
+  }
+  void evaluate() { ASSERT_TRUE(try_evaluate().ok()); }
+  Vec3<double> rate3(int at) const { return {ydot[at], ydot[at + 1], ydot[at + 2]}; }
+
+  Scene scene;
+  DockingModel model;
+  DockingData<double> data;
+  std::vector<double> y, ydot;
+  DiscreteState discrete;
+  ContactMemory memory;
+  Loads loads;
+  double t = 0.0;
+  std::array<Vec3<double>, 2> velocity{Vec3<double>::Zero(), Vec3<double>::Zero()};
+  std::array<Vec3<double>, 2> rate{Vec3<double>::Zero(), Vec3<double>::Zero()};
+};
+
+template <class S>
+ExternalLoads<S> cast_loads(const Loads& loads) {
+  ExternalLoads<S> cast;
+  for (int i : {kChaser, kTarget}) {
+    cast.force[i] = loads.force[i].cast<S>();
+    cast.torque[i] = loads.torque[i].cast<S>();
+  }
+  cast.gravity = loads.gravity.cast<S>();
+  cast.command = loads.command.cast<S>();
+  return cast;
+}
+
+}  // namespace dockloop

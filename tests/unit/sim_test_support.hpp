@@ -1,0 +1,56 @@
+// Scenes for tests of DockingSim, and all its outputs as numbers to compare.
+#pragma once
+
+#include <array>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "sim/docking_sim.hpp"
+#include "sim/placement.hpp"
+#include "unit/test_helpers.hpp"
+
+namespace dockloop {
+
+/// idss_25t_350t as `dockloop build` resolves it: contact after 2 s.
+inline Scene ring_scene() {
+  return read_scene(read_test_file("scene_ring.json"), "scene_ring.json");
+}
+
+/// The same just before contact (approach 0.1 s), so that runs need not be long.
+inline Scene short_ring_scene() {
+  Scene scene = ring_scene();
+  scene.conditions.approach_time = 0.1;
+  scene.vehicle = find_placement(scene).vehicle;
+  return scene;
+}
+
+inline std::shared_ptr<const Scene> share(Scene scene) {
+  return std::make_shared<const Scene>(std::move(scene));
+}
+
+/// Every number of the outputs, in a fixed order. @param with_solver also step counters
+inline std::vector<double> flatten(const Outputs& outputs, bool with_solver = false) {
+  Outputs o = outputs;
+  std::vector<double> all;
+  for_each_value(static_cast<OutputValues<double>&>(o), [&](double& x) { all.push_back(x); });
+  const auto put = [&](const auto& list) {
+    for (const auto& value : list) all.push_back(static_cast<double>(value));
+  };
+  put(o.capture_peak);
+  put(o.latched);
+  put(std::array<double, 12>{o.time, o.capture_peak_load_ratio, double(o.phase), double(o.outcome),
+                             double(o.captured), o.time_to_contact, o.time_of_contact,
+                             o.time_of_capture, o.momentum_residual, o.solver_closure_residual,
+                             o.solver_singularity_margin, 0.0});
+  if (with_solver) {
+    put(std::array<double, 3>{o.solver_steps, o.solver_rhs_evaluations, o.solver_rejected_steps});
+  }
+  return all;
+}
+
+inline bool same_bits(const std::vector<double>& a, const std::vector<double>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0;
+}
+
+}  // namespace dockloop
