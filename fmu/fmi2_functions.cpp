@@ -70,11 +70,14 @@ const Variable& row(const Instance& self, fmi2ValueReference reference, const ch
   return v;
 }
 
+constexpr double kLargestValue = 1e30;  ///< in SI units; products of larger ones would overflow
+
 void check_value(const Variable& v, double value, const char* function) {
   const auto refuse = [&](const std::string& why) {
     throw Refusal(std::string(function) + ": '" + v.name + "' = " + shortest(value) + why);
   };
   if (!std::isfinite(value)) refuse(" is not a finite number");
+  if (std::abs(value) > kLargestValue) refuse(" is too large to be computed with: limit 1e30");
   if (value < v.min) refuse(" is below its minimum " + shortest(v.min) + ' ' + v.unit);
   if (value > v.max) refuse(" is above its maximum " + shortest(v.max) + ' ' + v.unit);
 }
@@ -180,7 +183,8 @@ void check_count(Instance& self, const void* array, size_t n, const char* functi
 
 Scene read_scene_file(const std::string& location) {
   const std::string name = resource_folder(location) + "/model.json";
-  std::ifstream file(std::filesystem::u8path(name), std::ios::binary);  // Windows: not its code page
+  std::ifstream file(std::filesystem::u8path(name),
+                     std::ios::binary);  // Windows: not its code page
   if (!file) throw Refusal("cannot read '" + name + "' (fmuResourceLocation '" + location + "')");
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   return read_scene(text, name);
@@ -479,7 +483,9 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
       if (v.causality != Causality::kInput) refuse(" is not an input");
       if (order[i] != 1)
         refuse(": only derivatives of order 1 are used, not of order " + std::to_string(order[i]));
-      if (!std::isfinite(value[i])) refuse(": the derivative is not a finite number");
+      if (!(std::abs(value[i]) <= kLargestValue)) {
+        refuse(": the derivative is not a finite number or beyond 1e30");
+      }
     }
     for (size_t i = 0; i < n; ++i) *self.variables[vr[i]].slope = value[i];
     return fmi2OK;
@@ -617,9 +623,9 @@ fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n
   return guarded(c, call::kSetContinuousStates, [&](Instance& self) {
     check_count(self, x, n, "fmi2SetContinuousStates");
     for (size_t i = 0; i < n; ++i) {
-      if (!std::isfinite(x[i])) {
+      if (!(std::abs(x[i]) <= kLargestValue)) {
         throw Refusal("fmi2SetContinuousStates: state " + std::to_string(i + 1) +
-                      " is not a finite number");
+                      " is not a finite number or beyond 1e30");
       }
     }
     self.sim.set_states(x);

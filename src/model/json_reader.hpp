@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -12,12 +13,26 @@
 
 namespace dockloop {
 
+constexpr int kMaxNesting = 64;       ///< of lists and objects in each other
+constexpr double kMaxNumber = 1e30;   ///< in SI units; products of larger ones would overflow
+constexpr size_t kMaxItems = 1000;    ///< of a list that describes a model
+constexpr size_t kMaxReason = 160;    ///< characters of the parser's own message
+constexpr size_t kMaxShownText = 60;  ///< characters of a value that a message quotes
+
 /// Parse a document. @throws ModelError with the parser's own position.
 inline nlohmann::json parse_json(const std::string& text, const std::string& source_name) {
+  const auto check_nesting = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
+    if (depth > kMaxNesting) {
+      throw ModelError(source_name + ": lists and objects are nested too deeply; the limit is " +
+                       std::to_string(kMaxNesting));
+    }
+    return true;
+  };
   try {
-    return nlohmann::json::parse(text);
+    return nlohmann::json::parse(text, check_nesting);
   } catch (const nlohmann::json::exception& error) {
-    throw ModelError(source_name + ": not a JSON document: " + error.what());
+    const std::string why = error.what();  // quotes what was read last, however long it is
+    throw ModelError(source_name + ": not a JSON document: " + why.substr(0, kMaxReason));
   }
 }
 
@@ -30,6 +45,12 @@ class JsonReader {
   const std::string& path() const { return path_; }
   bool has(const std::string& key) const { return node_->is_object() && node_->contains(key); }
 
+  /// The value as a message quotes it.
+  std::string shown() const {
+    const std::string text = node_->dump();
+    return text.size() > kMaxShownText ? text.substr(0, kMaxShownText) + "..." : text;
+  }
+
   [[noreturn]] void fail(const std::string& what) const {
     throw ModelError(source_ + ": " + (path_.empty() ? "document" : path_) + " " + what);
   }
@@ -41,11 +62,16 @@ class JsonReader {
   }
 
   /// Elements of an array; empty if the member is absent.
-  std::vector<JsonReader> list(const std::string& key) const {
+  std::vector<JsonReader> list(const std::string& key,
+                               size_t most = std::numeric_limits<size_t>::max()) const {
     std::vector<JsonReader> items;
     if (!has(key)) return items;
     const JsonReader array = at(key);
     if (!array.node_->is_array()) array.fail("must be a list");
+    if (array.node_->size() > most) {
+      array.fail("has " + std::to_string(array.node_->size()) + " elements; the limit is " +
+                 std::to_string(most));
+    }
     for (size_t i = 0; i < array.node_->size(); ++i) {
       items.push_back(
           {(*array.node_)[i], source_, array.path_ + "[" + std::to_string(i + 1) + "]"});
@@ -54,7 +80,7 @@ class JsonReader {
   }
 
   std::string text() const {
-    if (!node_->is_string()) fail("must be a text, not " + node_->dump());
+    if (!node_->is_string()) fail("must be a text, not " + shown());
     return node_->get<std::string>();
   }
   std::string text(const std::string& key, const std::string& fallback) const {
@@ -62,9 +88,11 @@ class JsonReader {
   }
 
   double number() const {
-    if (!node_->is_number()) fail("must be a number, not " + node_->dump());
+    if (!node_->is_number()) fail("must be a number, not " + shown());
     const double value = node_->get<double>();
-    if (!std::isfinite(value)) fail("must be finite");
+    if (!(std::abs(value) <= kMaxNumber)) {
+      fail("is " + shown() + "; numbers above 1e30 cannot be computed with");
+    }
     return value;
   }
   double number(const std::string& key, double fallback) const {
@@ -72,13 +100,21 @@ class JsonReader {
   }
   double non_negative(const std::string& key, double fallback) const {
     const double value = number(key, fallback);
-    if (value < 0.0) at(key).fail("is " + at(key).node().dump() + "; it must be 0 or more");
+    if (value < 0.0) at(key).fail("is " + at(key).shown() + "; it must be 0 or more");
     return value;
   }
   double positive(const std::string& key) const {
     const double value = at(key).number();
-    if (value <= 0.0) at(key).fail("is " + at(key).node().dump() + "; it must be above 0");
+    if (value <= 0.0) at(key).fail("is " + at(key).shown() + "; it must be above 0");
     return value;
+  }
+  int whole(const std::string& key, int fallback, int least, int most) const {
+    const double value = number(key, fallback);
+    if (!(value >= least && value <= most) || value != std::floor(value)) {
+      at(key).fail("is " + at(key).shown() + "; it must be a whole number from " +
+                   std::to_string(least) + " to " + std::to_string(most));
+    }
+    return static_cast<int>(value);
   }
   bool flag(const std::string& key, bool fallback) const {
     if (!has(key)) return fallback;

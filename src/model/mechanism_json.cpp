@@ -13,6 +13,8 @@
 namespace dockloop {
 namespace {
 
+constexpr int kMaxVelocities = 600;  ///< degrees of freedom of a tree; its matrices are dense
+
 Pose<double> read_placement(const JsonReader& joint) {
   Pose<double> pose;
   pose.p = joint.vector<3>("position", Vec3<double>::Zero());
@@ -47,7 +49,7 @@ Body read_body(const JsonReader& item, const MechanismModel& model) {
   if (item.has("mass")) {
     body.mass = item.at("mass").number();
     if (body.mass < 0.0) {
-      item.at("mass").fail("of body '" + body.name + "' is " + item.at("mass").node().dump() +
+      item.at("mass").fail("of body '" + body.name + "' is " + item.at("mass").shown() +
                            " kg; a mass must be 0 or more");
     }
   }
@@ -114,7 +116,7 @@ Loop read_loop(const JsonReader& item, const MechanismModel& model) {
   loop.point_on_terminal = cut.at("point_on_terminal").vector<3>();
   loop.point_on_closing = cut.at("point_on_closing").vector<3>();
   if (item.has("dependent")) {
-    for (const JsonReader& name : item.list("dependent")) {
+    for (const JsonReader& name : item.list("dependent", kMaxItems)) {
       const int index = find_body(model, name.text(), who + "dependent)");
       if (index == kBase) name.fail("is 'base', which has no joint");
       loop.dependent.push_back(index);
@@ -151,7 +153,7 @@ Loop read_coupling(const JsonReader& item, const MechanismModel& model) {
   loop.dependent = {read_joint(item.at("dependent"))};
   loop.first = loop.terminal = loop.dependent[0];
   loop.root = model.bodies[loop.first].parent;
-  for (const JsonReader& term : item.list("terms")) {
+  for (const JsonReader& term : item.list("terms", kMaxItems)) {
     const int body = read_joint(term.at("joint"));
     for (const CouplingTerm& other : loop.terms) {
       if (other.body == body) term.at("joint").fail("(coupling '" + loop.name + "') is used twice");
@@ -372,6 +374,10 @@ void number_coordinates(MechanismModel& model) {
 
 void check_mechanism(const MechanismModel& model) {
   const std::string who = "mechanism '" + model.name + "': ";
+  if (model.nv > kMaxVelocities) {
+    throw ModelError(who + "its bodies have " + std::to_string(model.nv) +
+                     " degrees of freedom; the limit is " + std::to_string(kMaxVelocities));
+  }
   for (const Body& body : model.bodies) {
     const double scale = body.inertia.norm();
     if (!(body.inertia - body.inertia.transpose()).isZero(1e-9 * scale)) {
@@ -389,6 +395,16 @@ void check_mechanism(const MechanismModel& model) {
     throw ModelError(who + "home_q has " + std::to_string(model.home_q.size()) +
                      " numbers, but the bodies have " + std::to_string(model.nq) + " coordinates");
   }
+  for (const Body& body : model.bodies) {
+    if (body.joint != JointType::kFree) continue;
+    const double* q = &model.home_q[body.q_index + 3];
+    const double norm = Vec4<double>(q[0], q[1], q[2], q[3]).norm();
+    if (!(std::abs(norm - 1.0) < 1e-3)) {
+      throw ModelError(who + "home_q of the free joint of body '" + body.name +
+                       "' must end in a unit quaternion (w, x, y, z); its norm is " +
+                       std::to_string(norm));
+    }
+  }
 }
 
 MechanismModel read_mechanism(const std::string& json_text, const std::string& source_name) {
@@ -399,18 +415,19 @@ MechanismModel read_mechanism(const std::string& json_text, const std::string& s
   model.name = root.text("name", "unnamed");
   model.gravity = root.vector<3>("gravity", Vec3<double>::Zero());
   try {
-    for (const JsonReader& item : root.list("bodies"))
+    for (const JsonReader& item : root.list("bodies", kMaxItems))
       model.bodies.push_back(read_body(item, model));
-    for (const JsonReader& item : root.list("loops")) model.loops.push_back(read_loop(item, model));
+    for (const JsonReader& item : root.list("loops", kMaxItems))
+      model.loops.push_back(read_loop(item, model));
     const bool shared = root.has("leg_defaults");
     const JsonReader defaults = shared ? root.at("leg_defaults") : root;
-    for (const JsonReader& item : root.list("legs")) {
+    for (const JsonReader& item : root.list("legs", kMaxItems)) {
       const LegReader leg{item, shared ? &defaults : nullptr};
       const std::string type = leg.owner("type").at("type").text();
       if (type != "R2P1R3") item.fail("has type '" + type + "'; the known leg type is R2P1R3");
       add_slide_leg(leg, model);
     }
-    for (const JsonReader& item : root.list("couplings")) {
+    for (const JsonReader& item : root.list("couplings", kMaxItems)) {
       model.loops.push_back(read_coupling(item, model));
     }
     if (root.has("singularity")) {
@@ -422,13 +439,13 @@ MechanismModel read_mechanism(const std::string& json_text, const std::string& s
         limits.fail("needs error below 0.1 and warning not below error");
       }
     }
-    for (const JsonReader& item : root.list("forces")) read_joint_force(item, model);
+    for (const JsonReader& item : root.list("forces", kMaxItems)) read_joint_force(item, model);
     if (root.has("capture")) {
       model.capture_body = find_body(model, root.at("capture").at("body").text(), "capture.body");
     }
     const JsonReader& home_owner = root.has("home_q") ? root : file;
     if (home_owner.has("home_q")) {
-      for (const JsonReader& number : home_owner.list("home_q"))
+      for (const JsonReader& number : home_owner.list("home_q", kMaxItems))
         model.home_q.push_back(number.number());
       model.home_given = true;
     }

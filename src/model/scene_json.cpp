@@ -13,6 +13,8 @@ namespace {
 /// Change whenever the same document leads to other variables or another meaning of them.
 constexpr const char* kVariableTableVersion = "dockloop-variables/1";
 
+constexpr int kMaxNodes = 360;  ///< of a guide ring
+
 /// 128 bits of FNV-1a (two offsets), as 32 hex digits.
 std::string make_fingerprint(const std::string& text) {
   std::uint64_t a = 14695981039346656037ull, b = 1099511628211ull ^ 0x9e3779b97f4a7c15ull;
@@ -52,7 +54,7 @@ VehicleParameters read_vehicle(const JsonReader& item) {
   p.inertia = item.at("inertia").vector<6>();
   p.interface_position = item.vector<3>("interface_position", p.interface_position);
   p.interface_attitude = read_quaternion(item, "interface_attitude");
-  p.mass_includes_mechanism = static_cast<int>(item.number("mass_includes_mechanism", 1));
+  p.mass_includes_mechanism = item.whole("mass_includes_mechanism", 1, 1, 2);
   p.position = item.vector<3>("position", p.position);
   p.velocity = item.vector<3>("velocity", p.velocity);
   p.attitude = read_quaternion(item, "attitude");
@@ -63,17 +65,17 @@ VehicleParameters read_vehicle(const JsonReader& item) {
 GuideRing read_guide_ring(const JsonReader& item) {
   GuideRing ring;
   const auto read = [&](const char* key, double& value) { value = item.number(key, value); };
-  const auto count = [&](const char* key, int& value) {
-    value = static_cast<int>(std::lround(item.number(key, value)));
+  const auto count = [&](const char* key, int& value, int most) {
+    value = item.whole(key, value, 0, most);
   };
   read("core_x", ring.core_x);
   read("core_inner_radius", ring.core_inner_radius);
   read("core_outer_radius", ring.core_outer_radius);
   read("ring_rounding", ring.ring_rounding);
-  count("node_count", ring.node_count);
+  count("node_count", ring.node_count, kMaxNodes);
   read("node_radius", ring.node_radius);
   read("node_azimuth_offset", ring.node_azimuth_offset);
-  count("petal_count", ring.petal_count);
+  count("petal_count", ring.petal_count, kMaxPetals);
   read("petal_rounding", ring.petal_rounding);
   read("petal_base_x", ring.petal_base_x);
   read("petal_base_radius", ring.petal_base_radius);
@@ -94,8 +96,7 @@ void read_contact_law(const JsonReader& item, ContactLaw& law, double& restituti
   read("regularisation", law.regularisation);
   read("friction_coefficient", law.friction_coefficient);
   read("friction_speed", law.friction_speed);
-  law.friction_model =
-      static_cast<int>(std::lround(item.number("friction_model", law.friction_model)));
+  law.friction_model = item.whole("friction_model", law.friction_model, 1, 2);
   read("bristle_stiffness", law.bristle_stiffness);
   read("bristle_damping", law.bristle_damping);
   read("bristle_relaxation", law.bristle_relaxation);
@@ -146,7 +147,7 @@ void read_latches(const JsonReader& item, Scene& scene) {
   law.releases_on_overload = item.flag("releases_on_overload", law.releases_on_overload);
   law.rated_load = item.number("rated_load", law.rated_load);
   const double radius = item.positive("radius");
-  for (const JsonReader& azimuth : item.list("azimuth")) {
+  for (const JsonReader& azimuth : item.list("azimuth", kMaxItems)) {
     const double angle = azimuth.number();
     const Vec3<double> point(0.0, radius * std::cos(angle), radius * std::sin(angle));
     // Hook and striker face each other when A and P coincide.
@@ -251,7 +252,7 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
     if (!(e.stop > e.start)) experiment.fail("must have stop above start");
   }
   if (root.has("outputs")) {
-    for (const JsonReader& group : root.at("outputs").list("groups")) {
+    for (const JsonReader& group : root.at("outputs").list("groups", kMaxItems)) {
       scene.groups.push_back(group.text());
     }
   }

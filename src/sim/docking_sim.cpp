@@ -94,6 +94,13 @@ Counters DockingSim::Impl::find_counters() const {
           counted_elsewhere.rate_evaluations + stepper->rate_evaluations()};
 }
 
+void DockingSim::Impl::set_counters(const Counters& wanted) {
+  const Counters here = find_counters();
+  counted_elsewhere.steps += wanted.steps - here.steps;
+  counted_elsewhere.rejected_steps += wanted.rejected_steps - here.rejected_steps;
+  counted_elsewhere.rate_evaluations += wanted.rate_evaluations - here.rate_evaluations;
+}
+
 void DockingSim::Impl::save(SavedSim& into) const {
   into.parameters = parameters;
   into.inputs = inputs;
@@ -179,10 +186,7 @@ void DockingSim::Impl::load(const SavedSim& from) {
   if (!setup) return;
   restore(from.snapshot);
   adopt_tunables();
-  const Counters here = find_counters();
-  counted_elsewhere.steps += from.counters.steps - here.steps;
-  counted_elsewhere.rejected_steps += from.counters.rejected_steps - here.rejected_steps;
-  counted_elsewhere.rate_evaluations += from.counters.rate_evaluations - here.rate_evaluations;
+  set_counters(from.counters);
 }
 
 /// Take over parameters that may be changed during a run.

@@ -18,20 +18,20 @@ struct VehicleState {
   Vec3<double> w = Vec3<double>::Zero();  ///< body axes [rad/s]
 };
 
-/// Integral of x over a step of constant force [m s].
-inline Vec3<double> find_position_integral(const VehicleState& a, const VehicleState& b, double h) {
-  return 0.5 * h * (a.x + b.x) + h * h / 12.0 * (a.v - b.v);
+/// Mean of x over a step of constant force [m].
+inline Vec3<double> find_mean_position(const VehicleState& a, const VehicleState& b, double h) {
+  return 0.5 * (a.x + b.x) + h / 12.0 * (a.v - b.v);
 }
 
-/// Integral of R over a step [s]: Simpson with the Hermite middle attitude, error O(h^5).
-inline Mat3<double> find_attitude_integral(const VehicleState& a, const VehicleState& b, double h) {
+/// Mean of R over a step: Simpson with the Hermite middle attitude, error O(h^4).
+inline Mat3<double> find_mean_attitude(const VehicleState& a, const VehicleState& b, double h) {
   const Vec3<double> turn =
       quat_log<double>(quat_multiply<double>(quat_conjugate<double>(a.q), b.q));
   const Vec3<double> middle =
       0.5 * turn + h / 8.0 * (a.w - b.w - turn.cross(Vec3<double>(0.5 * b.w)));
   const Mat3<double> R_middle =
       quat_to_matrix<double>(quat_multiply<double>(a.q, quat_exp<double>(middle)));
-  return h / 6.0 * (quat_to_matrix<double>(a.q) + 4.0 * R_middle + quat_to_matrix<double>(b.q));
+  return (quat_to_matrix<double>(a.q) + 4.0 * R_middle + quat_to_matrix<double>(b.q)) / 6.0;
 }
 
 /// @param impulse  linear, and angular about O, given to the vehicle over the step
@@ -40,8 +40,8 @@ inline Wrench<double> find_mean_load(const Wrench<double>& impulse, const Vehicl
                                      const VehicleState& b, double h) {
   Wrench<double> mean;
   mean.f = impulse.f / h;
-  const Vec3<double> rest = impulse.t - find_position_integral(a, b, h).cross(mean.f);
-  mean.t = find_attitude_integral(a, b, h).inverse() * rest;
+  const Vec3<double> rest = impulse.t / h - find_mean_position(a, b, h).cross(mean.f);
+  mean.t = find_mean_attitude(a, b, h).inverse() * rest;
   return mean;
 }
 

@@ -133,6 +133,7 @@ struct DockingSim::Impl : SimState {
     return model->layout.bristle_count > 0 ? stepper->y() + model->layout.bristles : nullptr;
   }
   Counters find_counters() const;
+  void set_counters(const Counters& wanted);
 
   std::shared_ptr<const Scene> scene;
   Interface interface;

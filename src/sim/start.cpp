@@ -16,11 +16,15 @@ void check_quaternion(const Vec4<double>& q, const std::string& name) {
 }
 
 void check_vehicle(const VehicleParameters& p, const std::string& name) {
-  if (!(p.mass > 0.0)) {
-    throw ModelError(name + ".mass is " + std::to_string(p.mass) + " kg; it must be above 0");
+  // Far below any vehicle, far above numbers whose inverse is no number.
+  constexpr double kLeastMass = 1e-9, kLeastInertia = 1e-12;  // [kg], [kg m2]
+  if (!(p.mass >= kLeastMass)) {
+    throw ModelError(name + ".mass is " + std::to_string(p.mass) +
+                     " kg; it must be above 0 (1e-9)");
   }
-  const Eigen::LLT<Mat3<double>> positive(make_symmetric(p.inertia));
-  if (positive.info() != Eigen::Success) {
+  const Mat3<double> inertia = make_symmetric(p.inertia);
+  const Eigen::LLT<Mat3<double>> positive(inertia);
+  if (positive.info() != Eigen::Success || !(inertia.diagonal().minCoeff() >= kLeastInertia)) {
     std::string values;
     for (int i = 0; i < 6; ++i) values += " " + std::to_string(p.inertia[i]);
     throw ModelError(name + ".inertia (xx yy zz xy xz yz) is" + values +

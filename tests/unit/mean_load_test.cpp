@@ -3,12 +3,11 @@
 // 2. held over the step, it gives the linear and angular impulse that it was made from: to
 //    1e-8 for a hard pulse within 10 ms;
 // 3. the integrals of position and attitude against fine quadrature.
-#include "sim/mean_load.hpp"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 
+#include "sim/mean_load.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {
@@ -147,10 +146,10 @@ TEST(MeanLoad, integrals_of_position_and_attitude_match_fine_quadrature) {
     const Wrench<double> held{random.vector(500.0), random.vector(300.0)};
     const double h = 0.1;
     const Result r = fly([&](double) { return held; }, start, h);
-    position.add((find_position_integral(start, r.end, h) - r.position_integral).norm() /
+    position.add((h * find_mean_position(start, r.end, h) - r.position_integral).norm() /
                  (h * start.x.norm()));
     attitude.add(
-        (find_attitude_integral(start, r.end, h) - r.attitude_integral).cwiseAbs().maxCoeff() / h);
+        (h * find_mean_attitude(start, r.end, h) - r.attitude_integral).cwiseAbs().maxCoeff() / h);
   }
   EXPECT_RESIDUAL_BELOW(position, 1.3e-14);  // measured 1.3e-15: constant force is its exact case
   EXPECT_RESIDUAL_BELOW(attitude, 2e-7);     // measured 1.8e-8
@@ -164,7 +163,7 @@ TEST(MeanLoad, the_attitude_integral_converges_with_the_fourth_power_of_the_step
   for (double h : {1.6, 0.8, 0.4}) {
     const Result r = fly([&](double) { return held; }, start, h);
     const double error =
-        (find_attitude_integral(start, r.end, h) - r.attitude_integral).cwiseAbs().maxCoeff() / h;
+        (h * find_mean_attitude(start, r.end, h) - r.attitude_integral).cwiseAbs().maxCoeff() / h;
     if (last > 0.0) {
       EXPECT_GT(last / error, 11.0);
       EXPECT_LT(last / error, 40.0);
