@@ -194,13 +194,28 @@ struct Header {
 };
 static_assert(sizeof(Header) == 80, "no padding: the header goes to files as it is");
 
-/// FNV-1a, 64 bits.
-std::uint64_t find_checksum(const char* bytes, size_t size) {
-  std::uint64_t hash = 14695981039346656037ull;
+std::uint64_t add_to_hash(std::uint64_t hash, const char* bytes, size_t size) {
   for (size_t i = 0; i < size; ++i) {
     hash = (hash ^ static_cast<unsigned char>(bytes[i])) * 1099511628211ull;
   }
   return hash;
+}
+
+/// FNV-1a, 64 bits, of the header (without this number) and the contents.
+std::uint64_t find_checksum(const Header& header, const char* contents, size_t size) {
+  Header plain = header;
+  plain.checksum = 0;
+  std::uint64_t hash =
+      add_to_hash(14695981039346656037ull, reinterpret_cast<const char*>(&plain), sizeof plain);
+  return add_to_hash(hash, contents, size);
+}
+
+/// What can be shown in a log line of any host.
+std::string printable(std::string text) {
+  for (char& c : text) {
+    if (c < 0x20 || c > 0x7e) c = '?';
+  }
+  return text;
 }
 
 template <class A>
@@ -223,7 +238,7 @@ std::vector<char> serialise(const SavedInstance& saved) {
   std::copy_n(saved.fingerprint.begin(),
               std::min(saved.fingerprint.size(), sizeof header.fingerprint), header.fingerprint);
   header.size = contents.size();
-  header.checksum = find_checksum(contents.data(), contents.size());
+  header.checksum = find_checksum(header, contents.data(), contents.size());
   std::vector<char> bytes(sizeof header + contents.size());
   std::memcpy(bytes.data(), &header, sizeof header);
   std::copy(contents.begin(), contents.end(), bytes.data() + sizeof header);
@@ -239,20 +254,20 @@ void deserialise(const char* bytes, size_t size, const std::string& fingerprint,
     throw Refusal("these bytes are not a saved state of a dockloop FMU");
   }
   if (header.byte_order != kByteOrder) throw Refusal("saved on a machine of other byte order");
-  header.version[sizeof header.version - 1] = '\0';
-  if (header.format != kStateFormat || std::string(header.version) != DOCKLOOP_VERSION) {
-    throw Refusal("saved by dockloop " + std::string(header.version) + " in format " +
-                  std::to_string(header.format) +
-                  "; this is dockloop " DOCKLOOP_VERSION " with format " +
-                  std::to_string(kStateFormat));
+  const std::string version(header.version, strnlen(header.version, sizeof header.version));
+  if (header.format != kStateFormat || version != DOCKLOOP_VERSION) {
+    throw Refusal(
+        "saved by dockloop " + printable(version) + " in format " + std::to_string(header.format) +
+        "; this is dockloop " DOCKLOOP_VERSION " with format " + std::to_string(kStateFormat));
   }
   const std::string scene(header.fingerprint, sizeof header.fingerprint);
   if (scene != fingerprint) {
-    throw Refusal("saved by the FMU with GUID '" + scene + "', this one is '" + fingerprint + "'");
+    throw Refusal("saved by the FMU with GUID '" + printable(scene) + "', this one is '" +
+                  fingerprint + "'");
   }
   const char* contents = bytes + sizeof header;
   if (header.size != size - sizeof header ||
-      header.checksum != find_checksum(contents, header.size)) {
+      header.checksum != find_checksum(header, contents, header.size)) {
     throw Refusal("the saved state is damaged (length or checksum)");
   }
   ByteReader reader(contents, header.size);

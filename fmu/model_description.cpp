@@ -201,6 +201,10 @@ StartFacts find_start_facts(const std::shared_ptr<const Scene>& scene,
   for (const Interface interface : {Interface::kCoSimulation, Interface::kModelExchange}) {
     if (interface == Interface::kModelExchange && !offers_model_exchange(*scene)) continue;
     DockingSim sim(scene, interface);
+    // What a host can switch on counts as there.
+    Parameters& parameters = sim.parameters();
+    parameters.friction_coefficient = std::max(parameters.friction_coefficient, 0.1);
+    parameters.restitution = std::min(parameters.restitution, 0.9);
     try {
       sim.initialise(scene->experiment.start, 0.0);
     } catch (const ModelError&) {

@@ -521,7 +521,8 @@ void add_energy(Table& table, Outputs& out) {
       .output("momentum.residual", &out.momentum_residual, kNone,
               "Largest momentum that does not add up since the start, as a fraction")
       .not_negative()
-      .nominal(1e-14);
+      .nominal(1e-14)
+      .discrete();
   table.outputs("momentum.linear", out.momentum_linear, kMomentum,
                 "Linear momentum of all inside but the driven vehicles, in N");
   table.outputs("momentum.angular", out.momentum_angular, kAngularMomentum,
@@ -637,11 +638,13 @@ void add_solver_outputs(Table& table, Outputs& out) {
       .output("solver.closure_residual", &out.solver_closure_residual, kSmallLength,
               "Largest gap of a closed loop")
       .not_negative()
-      .nominal(1e-14);
+      .nominal(1e-14)
+      .discrete();
   table
       .output("solver.singularity_margin", &out.solver_singularity_margin, kNone,
               "Smallest normalised distance of a loop to a singular pose")
-      .limits(0, 1);
+      .limits(0, 1)
+      .discrete();
 }
 
 }  // namespace

@@ -10,49 +10,9 @@
 
 import numpy as np
 import pytest
-from fmpy import extract, read_model_description
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
 
-STEP = 0.01  # s
-
-
-class Host:
-    """An FMU with variables by name."""
-
-    def __init__(self, fmu):
-        self.description = read_model_description(str(fmu))
-        self._reference = {v.name: v.valueReference for v in self.description.modelVariables}
-        self.slave = FMU2Slave(
-            guid=self.description.guid,
-            unzipDirectory=extract(str(fmu)),
-            modelIdentifier=self.description.coSimulation.modelIdentifier,
-            instanceName="test",
-        )
-        self.slave.instantiate()
-        self.slave.setupExperiment(startTime=0.0)
-        self.slave.enterInitializationMode()
-        self.time = 0.0
-
-    def start(self):
-        self.slave.exitInitializationMode()
-
-    def get(self, *names):
-        return np.array(self.slave.getReal([self._reference[name] for name in names]))
-
-    def vector(self, name, count=3):
-        return self.get(*(f"{name}[{i + 1}]" for i in range(count)))
-
-    def put(self, name, values):
-        names = [self._reference[f"{name}[{i + 1}]"] for i in range(len(values))]
-        self.slave.setReal(names, [float(value) for value in values])
-
-    def phase(self):
-        return self.slave.getInteger([self._reference["phase"]])[0]
-
-    def step(self):
-        self.slave.doStep(self.time, STEP)
-        self.time += STEP
+from fmi_host import Host
 
 
 @pytest.fixture

@@ -50,7 +50,9 @@ void DockingSim::Impl::seed(const Seed& seed, int lane) {
   DockingPass& pass = derivative_pass->docking;
   const auto add = [&](Derivative& to) { to.d[lane] += seed.weight; };
   if (seed.of == Seed::Of::kState) {
-    add(pass.y[static_cast<size_t>(seed.place)]);
+    // Bristles that another friction model has not have no effect.
+    if (static_cast<size_t>(seed.place) < pass.y.size())
+      add(pass.y[static_cast<size_t>(seed.place)]);
     return;
   }
   const int place = seed.place;
@@ -93,9 +95,7 @@ Status DockingSim::calc_time_derivative() {
   if (!states.ok()) return states;
   DerivativePass& pass = *me.derivative_pass;
   pass.docking.t.d[0] = 1.0;
-  for (size_t i = 0; i < me.outputs.rates.size(); ++i) {
-    pass.docking.y[i].d[0] = me.outputs.rates[i];
-  }
+  for (size_t i = 0; i < me.rates.size(); ++i) pass.docking.y[i].d[0] = me.rates[i];
   for (int j = 0; j < 3; ++j) {
     pass.frame_shift[j].d[0] = me.frame_velocity[j];
     if (me.model->falling) pass.frame_velocity[j].d[0] = me.loads.gravity[j];
@@ -113,7 +113,8 @@ double DockingSim::output_derivative(int place) const {
 }
 
 double DockingSim::rate_derivative(int place) const {
-  return impl_->derivative_pass->docking.ydot[static_cast<size_t>(place)].d[0];
+  const std::vector<Derivative>& ydot = impl_->derivative_pass->docking.ydot;
+  return static_cast<size_t>(place) < ydot.size() ? ydot[static_cast<size_t>(place)].d[0] : 0.0;
 }
 
 // ---------------------------------------------------------------- what follows from what

@@ -43,9 +43,14 @@ const Outputs& DockingSim::outputs() {
 Status DockingSim::update_states() {
   Impl& me = *impl_;
   if (me.rates_valid || !me.setup) return {};
-  const Status status = me.calc_rates(me.outputs.rates.data());
+  const Status status = me.calc_rates(me.rates.data());
   if (!status.ok()) return status;
-  get_states(me.outputs.states.data());
+  // Another friction model than the scene's has bristles more or less, the last states.
+  const size_t shared = std::min(me.rates.size(), me.outputs.rates.size());
+  std::fill(me.outputs.rates.begin(), me.outputs.rates.end(), 0.0);
+  std::fill(me.outputs.states.begin(), me.outputs.states.end(), 0.0);
+  std::copy_n(me.rates.begin(), shared, me.outputs.rates.begin());
+  std::copy_n(me.stepper->y(), shared, me.outputs.states.begin());
   me.rates_valid = true;
   return {};
 }
@@ -191,9 +196,9 @@ void DockingSim::Impl::load(const SavedSim& from) {
 
 /// Take over parameters that may be changed during a run.
 void DockingSim::Impl::adopt_tunables() {
+  if (!model->contact.empty()) set_law(model->contact, make_contact_law());  // may throw
   model->thrust = parameters.contact_thrust;
   model->thrust_delay = parameters.contact_thrust_delay;
-  if (!model->contact.empty()) set_law(model->contact, make_contact_law());
 }
 
 }  // namespace dockloop

@@ -121,10 +121,15 @@ void DockingSim::Impl::update_capture(double now) {
   discrete.captured = all;
 }
 
+/// Rounding of the host's clock [s].
+double DockingSim::Impl::find_clock_rounding(double now) const {
+  return 4e-16 * (std::abs(setup->t_start) + std::abs(now));
+}
+
 /// Contact thrust acts from its delay after first contact until capture.
 bool DockingSim::Impl::is_thrust_due(double now) const {
   return model->thrust != 0.0 && discrete.contacted && !discrete.captured &&
-         now >= discrete.time_of_contact + model->thrust_delay;
+         now + find_clock_rounding(now) >= discrete.time_of_contact + model->thrust_delay;
 }
 
 bool DockingSim::Impl::update_thrust(double now) {

@@ -129,7 +129,7 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   const DiscreteState& d = me.discrete;
   if (me.model->thrust != 0.0 && d.contacted && !d.captured && !d.thrust_on) {
     const double onset = d.time_of_contact + me.model->thrust_delay;
-    update.next_time_defined = onset > me.elapsed;
+    update.next_time_defined = onset > me.elapsed + me.find_clock_rounding(me.elapsed);
     update.next_time = me.setup->t_start + onset;
   }
   return {};

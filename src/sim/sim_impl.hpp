@@ -89,6 +89,7 @@ struct DockingSim::Impl : SimState {
   bool update_latches(double now);
   void begin_contact(double now);
   void update_capture(double now);
+  double find_clock_rounding(double now) const;
   bool is_thrust_due(double now) const;
   bool update_thrust(double now);
   Status evaluate(double tau);
@@ -167,7 +168,7 @@ struct DockingSim::Impl : SimState {
   std::vector<char> due = std::vector<char>(kFixedRoots + kMaxLatches, 0);
   Status last_trouble;
   double margin_before = 1.0;  ///< of the loops, at the last accepted state
-  std::vector<double> y_accepted;
+  std::vector<double> y_accepted, rates;
   Snapshot step_start;  ///< what a refused step goes back to
 };
 

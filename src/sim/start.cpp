@@ -297,6 +297,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   if (interface == Interface::kModelExchange) model->falling = false;
   data = std::make_unique<DockingData<double>>(*model);
   rate_data = std::make_unique<DockingData<double>>(*model);
+  derivative_pass.reset();
   make_stepper();
   loads.command.setZero(static_cast<int>(model->mechanism.model.forces.size()));
   load_rates = loads_now = loads;
@@ -368,13 +369,18 @@ void DockingSim::Impl::make_stepper() {
       std::move(problem),
       is_fixed_step() ? ErkStepper::Method::kClassicRk4 : ErkStepper::Method::kDormandPrince);
 
-  const std::vector<double> atol = find_absolute_tolerances();
-  const double rtol =
-      setup->tolerance > 0.0 ? std::min(setup->tolerance, parameters.rtol) : parameters.rtol;
+  std::vector<double> atol = find_absolute_tolerances();
+  // A host that asks for less relative error gets less absolute error too, down to rounding.
+  const double wanted = setup->tolerance > 0.0 ? setup->tolerance : parameters.rtol;
+  const double rtol = std::min(wanted, parameters.rtol), share_of_atol = rtol / parameters.rtol;
+  constexpr double kRounding = 1e-13;  // [m], [m/s]; of positions and speeds near the docking
+  const double least = kRounding / std::max(parameters.atol_position, kRounding);
+  for (double& value : atol) value *= std::max(share_of_atol, least);
   // The norm is a mean over components: bristles at rest must not loosen it.
   const double share = static_cast<double>(layout.size - layout.bristle_count) / layout.size;
   stepper->set_tolerances(rtol * std::sqrt(share), atol.data());
   y_accepted.assign(static_cast<size_t>(layout.size), 0.0);
+  rates = y_accepted;
 }
 
 /// Per state, by kind; momenta are velocities times mass or inertia.

@@ -10,9 +10,14 @@ namespace {
 
 constexpr int kMaxRefused = 12;   ///< end states in a row that cannot be evaluated
 #ifndef DOCKLOOP_MAX_INNER_STEPS  // the fuzzers wait less long
-#define DOCKLOOP_MAX_INNER_STEPS 100000
+#define DOCKLOOP_MAX_INNER_STEPS 10000
 #endif
-constexpr int kMaxInnerSteps = DOCKLOOP_MAX_INNER_STEPS;  ///< per communication step
+
+/// Inner steps after which a communication step is given up: a refusal must not take minutes.
+int find_inner_step_limit(double h) {
+  constexpr double kPerSecond = 20000.0, kMost = 1e6;
+  return static_cast<int>(std::min(DOCKLOOP_MAX_INNER_STEPS + kPerSecond * h, kMost));
+}
 
 /// Some hosts begin with zeros in every input, before they pass anything on. As a motion this is
 /// impossible: zeros are no attitude.
@@ -126,6 +131,7 @@ Status DockingSim::Impl::step(double t, double h) {
   Status status;
   if (h > 0.0) {
     status = receive_driven_vehicles();
+    update_thrust(elapsed);  // it may have been told only now
     if (status.ok()) status = is_fixed_step() ? integrate_fixed(h) : integrate(h);
   } else {
     status_text = "the step must be longer than 0 s";
@@ -157,7 +163,8 @@ Status DockingSim::Impl::integrate(double h) {
   int refused = 0;           // end states in a row that could not be evaluated
   double proposal = h_warm;  // step size that error control asks for; stops do not count
   stepper->restart(0.0, std::min(proposal, h));
-  for (int inner = 0; inner < kMaxInnerSteps; ++inner) {
+  const int limit = find_inner_step_limit(h);
+  for (int inner = 0; inner < limit; ++inner) {
     const double stop = find_next_stop(tau, h);
     last_trouble = Status();
     const StepOutcome outcome = stepper->step(stop, true);
@@ -200,7 +207,7 @@ Status DockingSim::Impl::integrate(double h) {
   }
   if (!last_trouble.ok()) return last_trouble;  // what the last steps had to get around
   status_text =
-      "it needs more than " + std::to_string(kMaxInnerSteps) +
+      "it needs more than " + std::to_string(limit) +
       " inner steps: contact far too fast or too stiff; shorten the step or check the speeds";
   return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
 }
@@ -212,11 +219,15 @@ Status DockingSim::Impl::integrate_fixed(double h) {
   if (!status.ok()) return status;
   for (int i : {kChaser, kTarget}) vehicle_before[i] = find_vehicle_state(i);
   const double wanted = std::ceil(h / parameters.step * (1.0 - 1e-9));
-  if (wanted > kMaxInnerSteps) {
-    status_text = "it needs " + std::to_string(static_cast<long long>(std::min(wanted, 1e15))) +
-                  " inner steps of solver.step = " + std::to_string(parameters.step) +
-                  " s; at most " + std::to_string(kMaxInnerSteps) +
-                  " are made: shorten the step or raise solver.step";
+  const int limit = find_inner_step_limit(h);
+  if (wanted > limit) {
+    char text[200];
+    std::snprintf(
+        text, sizeof text,
+        "it needs %.6g inner steps of solver.step = %.6g s; at most %d are made: shorten the "
+        "step or raise solver.step",
+        wanted, parameters.step, limit);
+    status_text = text;
     return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed};
   }
   const int count = std::max(1, static_cast<int>(wanted));
@@ -284,7 +295,7 @@ Status DockingSim::Impl::step_to_root(double tau) {
   std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
   if (!(root > tau)) return {};
   stepper->restart(tau, root - tau);
-  for (int inner = 0; inner < kMaxInnerSteps; ++inner) {
+  for (int inner = 0; inner < DOCKLOOP_MAX_INNER_STEPS; ++inner) {
     const StepOutcome outcome = stepper->step(root, false);
     if (outcome == StepOutcome::kFailed) return find_trouble(tau);
     if (outcome == StepOutcome::kStopped) return {};
