@@ -1,0 +1,58 @@
+"""Prints how well the two interfaces and the derivatives of the FMU agree, as tables.
+
+1. Model exchange, integrated by FMPy's CVODE, against co-simulation at tight tolerance.
+2. Directional derivatives against central differences of sixth order through the interface, all
+   declared pairs.
+
+Example:
+    .venv/bin/python tests/studies/fmi.py
+"""
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import test_derivatives as derivatives
+import test_model_exchange as exchange
+from dockloop.fmu import build_fmu
+
+TOLERANCES = (1e-5, 1e-7, 1e-9, 1e-10)
+
+
+def print_exchange(folder):
+    """One row per scene and tolerance of CVODE."""
+    print("| scene | tolerance of CVODE | pose | time of contact, of capture |\n|---|---|---|---|")
+    for scene, (overrides, stop, pose, times, _) in exchange.SCENES.items():
+        fmu = build_fmu(scene, overrides, Path(folder) / f"{scene}.fmu")
+        names = [*pose, *times]
+        reference = exchange.simulate(fmu, "CoSimulation", names, stop, 0.01)
+        for tolerance in TOLERANCES:
+            run = exchange.simulate(fmu, "ModelExchange", names, stop, 0.005, tolerance=tolerance)
+            late = f"{exchange.worst(run, reference, times):.1e} s" if times else "-"
+            away = exchange.worst(run, reference, pose)
+            print(f"| {scene} | {tolerance:.0e} | {away:.1e} m | {late} |")
+
+
+def print_derivatives(folder):
+    """One row per instant of the default docking."""
+    print("\n| instant | pairs declared, of | largest error of a row | group |\n|---|---|---|---|")
+    for instant, (overrides, time, size, _) in derivatives.INSTANTS.items():
+        path = Path(folder) / f"{len(instant)}.fmu"
+        fmu = build_fmu(derivatives.DEFAULT, (derivatives.NEAR, *overrides), path)
+        with derivatives.bring_to(fmu, time, size) as host:
+            bristles = [n for n in host.variables if "ode.bristle" in n]
+            some = [name for i, name in enumerate(bristles) if i % 40]
+            jacobian = derivatives.Jacobian(host, leave_out=some)
+            by_group, _ = jacobian.errors(jacobian.told())
+            worst = max(by_group, key=by_group.get)
+            pairs = f"{np.count_nonzero(jacobian.declared)}, {jacobian.declared.size}"
+            print(f"| {instant} | {pairs} | {by_group[worst]:.1e} | {worst} |")
+
+
+with tempfile.TemporaryDirectory() as temporary:
+    print_exchange(temporary)
+    print_derivatives(temporary)
