@@ -218,3 +218,10 @@ def test_run_writes_full_precision_to_npz(dockloop, runs, tmp_path):
     assert "not captured" in outcome.out or "no contact" in outcome.out
     with np.load(tmp_path / "a.npz") as data:
         assert data["values"].shape == (11, len(data["names"]))
+
+
+def test_a_scene_key_given_as_a_variable_is_told_how_to_change_it(dockloop, runs):
+    fmu = runs.fmu("absorber_1d")
+    outcome = dockloop("run", fmu, "--set", "chaser.motion=driven")
+    assert outcome.status == 2
+    assert "build with --scene chaser.motion=driven" in outcome.err

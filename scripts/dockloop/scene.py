@@ -190,7 +190,7 @@ def apply_override(scene: dict, text: str) -> None:
         changes = scene.setdefault("mechanism", {}).setdefault("set", {})
         changes[key.removeprefix("mechanism.set.")] = value
         return
-    known = _scene_keys()
+    known = scene_keys()
     if key not in known and not key.startswith("initial.joints."):
         hint = did_you_mean(key, known)
         if any(name.startswith(f"{key}.") for name in known):
@@ -221,7 +221,7 @@ def _read_toml(path: Path) -> dict:
         raise UsageError(f"{shown(path)}: cannot be read ({error})") from None
 
 
-def _scene_keys() -> list[str]:
+def scene_keys() -> list[str]:
     """Return every dotted key that the schema of scenes knows."""
     root = schema.load_schema("scene")
 

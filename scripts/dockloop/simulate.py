@@ -24,6 +24,7 @@ from fmpy.fmi1 import FMICallException
 
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.paths import shown
+from dockloop.scene import scene_keys
 
 _WARNING = 1  # fmi2Warning
 _MAX_STEPS = 10_000_000
@@ -291,9 +292,10 @@ def _parse_setting(text: str, description: Any) -> tuple[Any, Any]:
         raise UsageError(f"--set {text}: must be NAME=VALUE, for example friction.coefficient=0.2")
     variables = {v.name: v for v in description.modelVariables}
     if name not in variables:
-        raise UsageError(
-            f"--set {text}: the FMU has no variable '{name}'{did_you_mean(name, variables)}"
-        )
+        hint = did_you_mean(name, variables)
+        if name in scene_keys():
+            hint = f"; it is a key of the scene: build with --scene {name}={value_text}"
+        raise UsageError(f"--set {text}: the FMU has no variable '{name}'{hint}")
     variable = variables[name]
     settable = variable.causality in ("parameter", "input") or variable.initial in (
         "exact",
