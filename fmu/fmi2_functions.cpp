@@ -140,6 +140,9 @@ fmi2Status guarded(fmi2Component c, const Call& call, Body&& body) noexcept {
       throw Refusal(forbidden_text(call, self.state, self.side()));
     }
     return body(self);
+  } catch (const Discard& e) {
+    self.logger.write(fmi2Discard, kLogDiscard, e.what());
+    return fmi2Discard;
   } catch (const std::bad_alloc&) {
     self.logger.error("out of memory");
   } catch (const std::exception& e) {
@@ -161,8 +164,9 @@ const SavedInstance& saved_state(fmi2FMUstate saved, const char* function) {
   return *static_cast<const SavedInstance*>(saved);
 }
 
-void check_derivative(const Instance& self, const Status& status, const char* function) {
-  if (!status.ok()) throw Refusal(std::string(function) + ": " + self.sim.describe(status));
+void check_evaluated(const Instance& self, const Status& status, const char* function) {
+  if (status.ok()) return;
+  throw Discard(std::string(function) + ": " + self.sim.describe(status) + ": take a smaller step");
 }
 
 void check_finite(const Variable& v, double derivative, const char* function) {
@@ -509,7 +513,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
       }
     }
     if (n == 0) return fmi2OK;
-    check_derivative(self, self.sim.calc_time_derivative(), function);
+    check_evaluated(self, self.sim.calc_time_derivative(), function);
     const auto find = [&](size_t i) {
       const int place = self.variables[vr[i]].output;  // the others jump or rest
       return place < 0 || order[i] > 1 ? 0.0 : self.sim.output_derivative(place);
@@ -551,7 +555,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
     }
     if (unknowns == 0) return fmi2OK;
     if (self.state == kInitializationMode) self.initialise();
-    check_derivative(self, self.sim.calc_directional_derivative(direction), function);
+    check_evaluated(self, self.sim.calc_directional_derivative(direction), function);
     const auto find = [&](size_t i) {
       const Variable& v = self.variables[unknown[i]];
       if (v.rate >= 0) return self.sim.rate_derivative(v.rate);
@@ -602,10 +606,7 @@ fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean /*no_rollbac
     check_arrays(enter_event_mode, 1, enter_event_mode, "fmi2CompletedIntegratorStep");
     check_arrays(terminate, 1, terminate, "fmi2CompletedIntegratorStep");
     bool due = false;
-    const Status status = self.sim.complete_step(due);
-    if (!status.ok()) {
-      throw Refusal("fmi2CompletedIntegratorStep: " + self.sim.describe(status));
-    }
+    check_evaluated(self, self.sim.complete_step(due), "fmi2CompletedIntegratorStep");
     *enter_event_mode = due ? fmi2True : fmi2False;
     *terminate = fmi2False;  // this FMU never ends a run from inside
     return fmi2OK;
@@ -635,8 +636,8 @@ fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n
 fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real rates[], size_t n) {
   return guarded(c, call::kGetDerivatives, [&](Instance& self) {
     check_count(self, rates, n, "fmi2GetDerivatives");
-    const Status status = self.sim.get_rates(rates);
-    return status.ok() ? fmi2OK : self.discard(status, "fmi2GetDerivatives");
+    check_evaluated(self, self.sim.get_rates(rates), "fmi2GetDerivatives");
+    return fmi2OK;
   });
 }
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t n) {
@@ -648,8 +649,8 @@ fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real indicators[], size_t
                     std::to_string(n));
     }
     if (self.state == kInitializationMode) self.initialise();
-    const Status status = self.sim.get_indicators(indicators);
-    return status.ok() ? fmi2OK : self.discard(status, "fmi2GetEventIndicators");
+    check_evaluated(self, self.sim.get_indicators(indicators), "fmi2GetEventIndicators");
+    return fmi2OK;
   });
 }
 fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t n) {

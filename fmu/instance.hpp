@@ -27,6 +27,11 @@ struct Refusal : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// A trial state cannot be evaluated: the host must take a smaller step.
+struct Discard : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 /// What fmi2GetFMUstate keeps: the simulation, and where the instance stands in its life.
 struct SavedInstance {
   std::string fingerprint;  ///< of the scene it belongs to
@@ -46,9 +51,6 @@ struct Instance {
   void initialise();
   fmi2Status step(double t, double h);
   void reset();
-  /// A log line and fmi2Discard for a state that cannot be evaluated: the host takes a smaller
-  /// step.
-  fmi2Status discard(const Status& status, const char* function);
 
   /// Where the present value of a row is; computes what it belongs to when that is out of date.
   const void* current(const Variable& v);

@@ -12,6 +12,7 @@
 #include <set>
 #include <utility>
 
+#include "dynamics/mechanism_dynamics.hpp"
 #include "logger.hpp"
 #include "variables.hpp"
 
@@ -180,6 +181,7 @@ void write_variable(XmlWriter& xml, const Variable& v, size_t reference, size_t 
     limit("nominal", v.nominal);
   }
   if (v.has_start()) type.push_back({"start", start_text(v)});
+  if (v.jumps) type.push_back({"reinit", "true"});
   // Rates follow the states in the table.
   if (v.rate >= 0) type.push_back({"derivative", std::to_string(reference + 1 - state_count)});
   xml.leaf(name_of(v.type, kTypes), type);
@@ -187,11 +189,20 @@ void write_variable(XmlWriter& xml, const Variable& v, size_t reference, size_t 
 }
 
 /// What only an initialised simulation can tell. Empty where the start values cannot be simulated
-/// as they are: dependencies are then left out, which means "on everything".
+/// as they are, or where dependencies may change: they are then left out ("on everything").
 struct StartFacts {
   std::vector<std::vector<size_t>> known;  ///< per unknown row: indices (from 1) it follows from
   std::vector<double> nominal;             ///< per continuous state
 };
+
+/// Near singular poses other joints may become the states, on which then other outputs depend.
+bool may_change_coordinates(const Scene& scene) {
+  const Mechanism mechanism(scene.mechanism);
+  const std::vector<int>& bodies = mechanism.plan.ind_bodies;
+  return !scene.mechanism.loops.empty() && std::any_of(bodies.begin(), bodies.end(), [&](int body) {
+    return mechanism.model.bodies[static_cast<size_t>(body)].joint != JointType::kFree;
+  });
+}
 
 /// Dependencies are merged over both interfaces, which treat gravity differently.
 StartFacts find_start_facts(const std::shared_ptr<const Scene>& scene,
@@ -232,7 +243,7 @@ StartFacts find_start_facts(const std::shared_ptr<const Scene>& scene,
     std::sort(rows.begin(), rows.end());
     rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
   }
-  facts.known = std::move(known);
+  if (!may_change_coordinates(*scene)) facts.known = std::move(known);
   return facts;
 }
 

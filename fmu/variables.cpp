@@ -91,6 +91,10 @@ class Row {
   Row nominal(double size) {
     return each([&](Variable& v) { v.nominal = size; });
   }
+  /// A state that events may set anew.
+  Row jumps() {
+    return each([](Variable& v) { v.jumps = true; });
+  }
   /// May be changed between steps.
   Row tunable() {
     return each([](Variable& v) { v.variability = Variability::kTunable; });
@@ -537,16 +541,17 @@ void add_energy(Table& table, Outputs& out) {
 void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
   size_t next = 0;
   const auto rows = [&](const std::string& name, size_t count, Quantity quantity,
-                        const std::string& text) {
+                        const std::string& text, bool jumps = false) {
     for (size_t i = 0; i < count; ++i, ++next) {
       const std::string element = count == 1 ? name : indexed(name, i);
-      table.local(element, &out.states[next], quantity, text);
+      Row row = table.local(element, &out.states[next], quantity, text);
+      if (jumps) row.jumps();
     }
   };
   rows("ode.mechanism.q", out.state_q.size(), kCoordinate,
-       "Coordinate that is integrated [m, rad, 1]");
+       "Coordinate that is integrated [m, rad, 1]", true);
   rows("ode.mechanism.v", out.state_v.size(), kCoordinate,
-       "Velocity that is integrated [m/s, rad/s]");
+       "Velocity that is integrated [m/s, rad/s]", true);
   for (const int i : {kChaser, kTarget}) {
     if (scene.motion[i] == Motion::kFixed || (i == kTarget && !scene.has_target)) continue;
     const std::string v = i == kChaser ? "ode.chaser." : "ode.target.";
@@ -558,12 +563,13 @@ void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
          "Angular momentum" + carried + " about the origin of O");
   }
   for (const char* sink : {"contact", "friction", "legs", "latches"}) {
-    rows(std::string("ode.dissipated_") + sink, 1, kEnergy, "Energy dissipated since the start");
+    rows(std::string("ode.dissipated_") + sink, 1, kEnergy, "Energy dissipated since the start",
+         true);
   }
   rows("ode.external", 1, kEnergy, "Work of forces from outside since the start");
   rows("ode.impulse", 3, kMomentum, "Impulse of forces from outside since the start");
   rows("ode.angular_impulse", 3, kAngularMomentum, "Angular impulse of forces from outside");
-  rows("ode.bristle", out.states.size() - next, kSmallLength, "Deflection of a bristle");
+  rows("ode.bristle", out.states.size() - next, kSmallLength, "Deflection of a bristle", true);
   table.add_rates(out.states, out.rates);
 }
 

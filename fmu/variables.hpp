@@ -49,6 +49,7 @@ struct Variable {
   int input = -1;               ///< place among the inputs, as for_each_value() counts, or -1
   int output = -1;              ///< place among the continuous outputs, the same way, or -1
   int state = -1;               ///< place in the state vector, or -1
+  bool jumps = false;           ///< a state that events may set anew
   int rate = -1;                ///< place of the state that this is the rate of, or -1
 
   /// Can be set before initialisation (or at any time: input). Otherwise the FMU computes it.

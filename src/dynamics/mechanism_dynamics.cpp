@@ -213,7 +213,15 @@ Mechanism with_coordinates(const Mechanism& mechanism, const Coordinates& coordi
       coordinates.pose.size() != static_cast<size_t>(changed.model.nq)) {
     throw ModelError("a choice of coordinates belongs to another mechanism");
   }
+  const int bodies = static_cast<int>(changed.model.bodies.size());
   for (size_t k = 0; k < count; ++k) {
+    const bool known = std::all_of(coordinates.dependent[k].begin(), coordinates.dependent[k].end(),
+                                   [&](int body) { return body >= 0 && body < bodies; });
+    const ClosureKind closure = coordinates.closure[k];
+    if (!known || closure < ClosureKind::kAutomatic || closure > ClosureKind::kP1R1R1 ||
+        coordinates.dependent[k].size() != changed.model.loops[k].dependent.size()) {
+      throw ModelError("a choice of coordinates names joints or closures that do not exist");
+    }
     changed.model.loops[k].dependent = coordinates.dependent[k];
     changed.model.loops[k].closure = coordinates.closure[k];
   }

@@ -183,14 +183,20 @@ void DockingSim::Impl::load(const SavedSim& from) {
     }
     warnings.clear();  // told when the state was made
   }
+  const Parameters present = parameters;
   parameters = from.parameters;
+  try {
+    if (from.setup) adopt_tunables();
+  } catch (...) {
+    parameters = present;
+    throw;
+  }
   inputs = from.inputs;
   slopes = from.slopes;
   setup = from.setup;
   invalidate();
   if (!setup) return;
   restore(from.snapshot);
-  adopt_tunables();
   set_counters(from.counters);
 }
 
@@ -199,6 +205,7 @@ void DockingSim::Impl::adopt_tunables() {
   if (!model->contact.empty()) set_law(model->contact, make_contact_law());  // may throw
   model->thrust = parameters.contact_thrust;
   model->thrust_delay = parameters.contact_thrust_delay;
+  update_thrust(elapsed);
 }
 
 }  // namespace dockloop

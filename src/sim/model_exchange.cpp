@@ -82,7 +82,11 @@ Status DockingSim::complete_step(bool& event_due) {
   }
   me.peaks.add(me.elapsed, me.find_peak_values());
   me.update_momentum_audit();
+  if (find_singularity_margin(me.data->mechanism) >= kChangeMargin) {
+    me.margin_looked_at = kChangeMargin;
+  }
   event_due = me.is_event_due();
+  me.invalidate();
   return {};
 }
 

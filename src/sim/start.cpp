@@ -327,6 +327,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   if (update_latches(0.0) && !evaluate(0.0).ok())
     throw ModelError("start state cannot be evaluated");
   update_capture(0.0);
+  update_thrust(0.0);
   update_phase(find_phase_inputs(*data), discrete);
   peaks.start(0.0, find_peak_values());
   keep(step_start);

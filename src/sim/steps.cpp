@@ -208,7 +208,7 @@ Status DockingSim::Impl::integrate(double h) {
   if (!last_trouble.ok()) return last_trouble;  // what the last steps had to get around
   status_text =
       "it needs more than " + std::to_string(limit) +
-      " inner steps: contact far too fast or too stiff; shorten the step or check the speeds";
+      " inner steps: shorten the step, or check speeds and stiffnesses of contact and legs";
   return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
 }
 

@@ -99,7 +99,8 @@ TEST_F(Lifecycle, ten_thousand_instances_leave_no_memory_behind) {
   const size_t before = mallinfo2().uordblks;
   for (int i = 0; i < 10000; ++i) live(i);
   const size_t after = mallinfo2().uordblks;
-  EXPECT_LE(after, before + 1000) << "bytes in use before and after";
+  // Two bytes an instance: the smallest object that is forgotten takes 24.
+  EXPECT_LE(after, before + 20000) << "bytes in use before and after";
 }
 #endif
 

@@ -3,11 +3,12 @@
 // 2. held over the step, it gives the linear and angular impulse that it was made from: to
 //    1e-8 for a hard pulse within 10 ms;
 // 3. the integrals of position and attitude against fine quadrature.
+#include "sim/mean_load.hpp"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "sim/mean_load.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {
