@@ -43,6 +43,7 @@ void DockingSim::get_nominals(double* nominal) const {
 
 Status DockingSim::get_rates(double* ydot) {
   ++impl_->counted_elsewhere.rate_evaluations;
+  impl_->outputs_valid = false;  // the count is one of them
   return impl_->calc_rates(ydot);
 }
 

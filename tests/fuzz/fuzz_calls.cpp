@@ -23,7 +23,6 @@
 
 #include "abort_with.hpp"
 #include "byte_source.hpp"
-#include "model_description.hpp"
 #include "sim/docking_sim.hpp"
 #include "variables.hpp"
 
@@ -56,13 +55,6 @@ json read_stored(const std::string& name) {
   if (!file) abort_with("start", "cannot read " + name);
   return json::parse(file);
 }
-
-size_t count(const std::string& text, const std::string& part) {
-  size_t n = 0;
-  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++n;
-  return n;
-}
-
 class Scenes {
  public:
   Scenes() {
@@ -112,12 +104,10 @@ class Scenes {
                                             : made.integers_computed;
       list.push_back(static_cast<fmi2ValueReference>(i));
     }
-    const std::string xml = make_model_description(*made.sim, "2000-01-01T00:00:00Z");
-    const size_t from = xml.find("<Derivatives>"), to = xml.find("</Derivatives>");
-    if (from != std::string::npos) made.states = count(xml.substr(from, to - from), "<Unknown ");
-    const std::string key = "numberOfEventIndicators=\"";
-    const size_t at = xml.find(key);
-    if (at != std::string::npos) made.indicators = std::stoul(xml.substr(at + key.size()));
+    if (offers_model_exchange(made.sim->scene())) {
+      made.states = static_cast<size_t>(made.sim->state_count());
+      made.indicators = static_cast<size_t>(made.sim->indicator_count());
+    }
   }
 
   std::string root_;
