@@ -221,6 +221,19 @@ std::unique_ptr<Instance> make_instance(const char* name, fmi2Type type, const c
 }  // namespace
 }  // namespace dockloop
 
+#if defined(__ELF__) && defined(__clang__)
+// Compilers with a runtime of their own (zig) leave out the part that runs destructors of statics
+// when a library is unloaded: they would run at the end of the process, where there is no code any
+// more. Calling this twice does no harm.
+extern "C" {
+extern void* __dso_handle;
+void __cxa_finalize(void*);
+}
+namespace {
+__attribute__((destructor)) void finish_statics() { __cxa_finalize(&__dso_handle); }
+}  // namespace
+#endif
+
 // ---------------------------------------------------------------- the C interface
 
 using namespace dockloop;
