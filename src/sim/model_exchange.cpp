@@ -53,7 +53,7 @@ Status DockingSim::Impl::calc_rates(double* ydot) {
                                              ydot, *rate_data);
   if (!status.ok()) return status;
   const bool finite =
-      std::all_of(ydot, ydot + state_count, [](double rate) { return std::isfinite(rate); });
+      std::all_of(ydot, ydot + model->layout.size, [](double rate) { return std::isfinite(rate); });
   return finite ? Status() : Status{StatusCode::kNotFinite, -1, 0.0, elapsed};
 }
 
