@@ -183,9 +183,10 @@ constexpr std::uint32_t kStateFormat = 1;
 struct Header {
   char magic[8];
   std::uint32_t byte_order, format;
-  char version[16];              ///< of dockloop, zero-terminated
-  char fingerprint[32];          ///< of the scene
-  std::uint64_t size, checksum;  ///< of the contents
+  char version[16];        ///< of dockloop, zero-terminated
+  char fingerprint[32];    ///< of the scene
+  std::uint64_t size;      ///< of the contents
+  std::uint64_t checksum;  ///< of header and contents
 };
 static_assert(sizeof(Header) == 80, "no padding: the header goes to files as it is");
 

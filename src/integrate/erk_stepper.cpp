@@ -23,9 +23,9 @@ struct ErkStepper::Impl {
   void* ark = nullptr;
   double t = 0.0;
   double h_restart = 0.0;
-  bool restarted = true;                  // no step was made since restart()
-  int trouble = 0;    // what the rates said last
-  bool idle = false;  // the rates are zero
+  bool restarted = true;  // no step was made since restart()
+  int trouble = 0;        // what the rates said last
+  bool idle = false;      // the rates are zero
   long idle_steps = 0, idle_evaluations = 0;
   std::vector<double> low, high, middle;  // event functions at both ends of a step, and inside
   bool low_valid = false;                 // low is that of the present state

@@ -25,16 +25,7 @@ Status DockingSim::Impl::start_pass() {
     derivative_pass = std::make_unique<DerivativePass>(*model);
     derivative_pass->coordinates = coordinates;
     OutputValues<Derivative>& out = derivative_pass->output;
-    out.petal_force.resize(outputs.petal_force.size());
-    out.latch_opening.resize(outputs.latch_opening.size());
-    out.latch_force.resize(outputs.latch_force.size());
-    out.leg_length.resize(outputs.leg_length.size());
-    out.leg_rate.resize(outputs.leg_rate.size());
-    out.leg_force.resize(outputs.leg_force.size());
-    out.state_q.resize(outputs.state_q.size());
-    out.state_v.resize(outputs.state_v.size());
-    out.state_a.resize(outputs.state_a.size());
-    out.loop_force.resize(outputs.loop_force.size());
+    match_sizes(outputs, out);
     for_each_value(out, [this](Derivative& cell) {
       cell = Derivative(0.0);
       derivative_pass->output_cells.push_back(&cell);

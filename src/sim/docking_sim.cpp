@@ -149,46 +149,43 @@ bool are_modes(const DiscreteState& discrete) {
 
 }  // namespace
 
-void DockingSim::Impl::load(const SavedSim& from) {
-  // Another instance, or another process: build what the state belongs to.
-  const bool rebuild = from.setup && from.setup != setup;
-  if (rebuild) {
-    SavedSim present;
-    save(present);
-    try {
-      inputs = from.inputs;
-      start(from.setup);
-      if (from.snapshot.state.coordinates) use_coordinates(from.snapshot.state.coordinates);
-      Snapshot fresh;
-      keep(fresh);
-      fresh.reference.valid = from.snapshot.reference.valid;
-      if (!have_same_shape(fresh, from.snapshot) ||
-          !fits(from.snapshot.state.memory, model->contact) ||
-          !are_modes(from.snapshot.state.discrete)) {
-        throw ModelError("the saved state does not fit this model");
-      }
-      setup = from.setup;
-    } catch (...) {
-      if (present.setup) {
-        start(present.setup);
-        restore(present.snapshot);
-        counted_elsewhere = present.counters;
-      } else {
-        setup.reset();
-      }
-      parameters = present.parameters;
-      inputs = present.inputs;
-      warnings.clear();
-      throw;
-    }
-    warnings.clear();  // told when the state was made
+/// Build the model that a saved state belongs to: it came from other parameters, or from another
+/// process. @throws ModelError if they do not fit
+void DockingSim::Impl::build_for(const SavedSim& from) {
+  inputs = from.inputs;
+  start(from.setup);
+  if (from.snapshot.state.coordinates) use_coordinates(from.snapshot.state.coordinates);
+  Snapshot fresh;
+  keep(fresh);
+  fresh.reference.valid = from.snapshot.reference.valid;
+  if (!have_same_shape(fresh, from.snapshot) || !fits(from.snapshot.state.memory, model->contact) ||
+      !are_modes(from.snapshot.state.discrete)) {
+    throw ModelError("the saved state does not fit this model");
   }
-  const Parameters present = parameters;
-  parameters = from.parameters;
+  warnings.clear();  // told when the state was made
+}
+
+void DockingSim::Impl::load(const SavedSim& from) {
+  const bool rebuild = from.setup && from.setup != setup;
+  const Parameters parameters_before = parameters;
+  SavedSim before;
+  if (rebuild) save(before);
   try {
+    if (rebuild) build_for(from);
+    parameters = from.parameters;
     if (from.setup) adopt_tunables();
   } catch (...) {
-    parameters = present;
+    if (rebuild) {
+      setup.reset();
+      if (before.setup) {
+        start(before.setup);
+        restore(before.snapshot);
+        counted_elsewhere = before.counters;
+      }
+      inputs = before.inputs;
+      warnings.clear();
+    }
+    parameters = parameters_before;
     throw;
   }
   inputs = from.inputs;

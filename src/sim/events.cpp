@@ -1,6 +1,7 @@
 // What happens at accepted states: first contact, latches, capture, thrust, phase, the memory of
 // the contact search, peaks, and going over to other independent coordinates.
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "sim/sim_impl.hpp"
@@ -126,10 +127,16 @@ double DockingSim::Impl::find_clock_rounding(double now) const {
   return 4e-16 * (std::abs(setup->t_start) + std::abs(now));
 }
 
-/// Contact thrust acts from its delay after first contact until capture.
+/// Contact thrust acts from its delay after first contact until capture: when it begins or began [s
+/// since the start], if it is to act.
+std::optional<double> DockingSim::Impl::find_thrust_onset() const {
+  if (model->thrust == 0.0 || !discrete.contacted || discrete.captured) return std::nullopt;
+  return discrete.time_of_contact + model->thrust_delay;
+}
+
 bool DockingSim::Impl::is_thrust_due(double now) const {
-  return model->thrust != 0.0 && discrete.contacted && !discrete.captured &&
-         now + find_clock_rounding(now) >= discrete.time_of_contact + model->thrust_delay;
+  const std::optional<double> onset = find_thrust_onset();
+  return onset && now + find_clock_rounding(now) >= *onset;
 }
 
 bool DockingSim::Impl::update_thrust(double now) {

@@ -131,12 +131,9 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   update.nominals_changed = me.coordinates != coordinates;
   update.states_changed = update.nominals_changed ||
                           !std::equal(me.y_accepted.begin(), me.y_accepted.end(), me.stepper->y());
-  const DiscreteState& d = me.discrete;
-  if (me.model->thrust != 0.0 && d.contacted && !d.captured && !d.thrust_on) {
-    const double onset = d.time_of_contact + me.model->thrust_delay;
-    update.next_time_defined = onset > me.elapsed + me.find_clock_rounding(me.elapsed);
-    update.next_time = me.setup->t_start + onset;
-  }
+  const std::optional<double> onset = me.find_thrust_onset();
+  update.next_time_defined = onset && !me.is_thrust_due(me.elapsed);
+  if (update.next_time_defined) update.next_time = me.setup->t_start + *onset;
   return {};
 }
 

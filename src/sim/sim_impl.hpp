@@ -11,6 +11,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <random>
 #include <string>
 #include <vector>
@@ -90,6 +91,7 @@ struct DockingSim::Impl : SimState {
   void begin_contact(double now);
   void update_capture(double now);
   double find_clock_rounding(double now) const;
+  std::optional<double> find_thrust_onset() const;
   bool is_thrust_due(double now) const;
   bool update_thrust(double now);
   Status evaluate(double tau);
@@ -105,6 +107,7 @@ struct DockingSim::Impl : SimState {
   void restore(const Snapshot& from);
   void save(SavedSim& into) const;
   void load(const SavedSim& from);
+  void build_for(const SavedSim& from);
   void adopt_tunables();
 
   // outputs.cpp

@@ -132,6 +132,8 @@ Status DockingSim::Impl::step(double t, double h) {
   if (h > 0.0) {
     status = receive_driven_vehicles();
     update_thrust(elapsed);  // it may have been told only now
+    if (status.ok()) status = evaluate(0.0);
+    for (int i : {kChaser, kTarget}) vehicle_before[i] = find_vehicle_state(i);
     if (status.ok()) status = is_fixed_step() ? integrate_fixed(h) : integrate(h);
   } else {
     status_text = "the step must be longer than 0 s";
@@ -153,10 +155,9 @@ Status DockingSim::Impl::step(double t, double h) {
 }
 
 /// Advance by h from the present state, through events. On failure the state is undefined.
+/// @pre evaluate(0)
 Status DockingSim::Impl::integrate(double h) {
-  Status status = evaluate(0.0);
-  if (!status.ok()) return status;
-  for (int i : {kChaser, kTarget}) vehicle_before[i] = find_vehicle_state(i);
+  Status status;
   std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
   margin_before = find_singularity_margin(data->mechanism);
   double tau = 0.0;
@@ -214,10 +215,8 @@ Status DockingSim::Impl::integrate(double h) {
 
 /// The same with a number of inner steps that depends on h only: equal steps of the classic
 /// Runge-Kutta method, events seen at their ends. The cost is bounded; errors are not controlled.
+/// @pre evaluate(0)
 Status DockingSim::Impl::integrate_fixed(double h) {
-  Status status = evaluate(0.0);
-  if (!status.ok()) return status;
-  for (int i : {kChaser, kTarget}) vehicle_before[i] = find_vehicle_state(i);
   const double wanted = std::ceil(h / parameters.step * (1.0 - 1e-9));
   const int limit = find_inner_step_limit(h);
   if (wanted > limit) {
@@ -238,7 +237,7 @@ Status DockingSim::Impl::integrate_fixed(double h) {
     stepper->restart(tau, end - tau);
     if (stepper->step(end, false) == StepOutcome::kFailed) return find_trouble(tau);
     tau = end;
-    status = evaluate(tau);
+    Status status = evaluate(tau);
     if (!status.ok()) return status;
     double roots[kFixedRoots + kMaxLatches];
     calc_event_functions(*data, roots);
@@ -272,9 +271,9 @@ double DockingSim::Impl::find_leap(double made, double proposal) {
 /// of thrust, and never so far that a surface could be passed unseen.
 double DockingSim::Impl::find_next_stop(double tau, double h) const {
   double stop = h;
-  if (model->thrust != 0.0 && discrete.contacted && !discrete.captured && !discrete.thrust_on) {
-    const double onset = discrete.time_of_contact + model->thrust_delay - elapsed;
-    if (onset > tau) stop = std::min(stop, onset);
+  const std::optional<double> onset = find_thrust_onset();
+  if (onset && !discrete.thrust_on && *onset - elapsed > tau) {
+    stop = std::min(stop, *onset - elapsed);
   }
   if (has_surfaces() && model->contact.kind == ContactModel::Kind::kRings) {
     const double bound = find_step_bound(model->contact, data->contact.gap, data->relative);

@@ -171,6 +171,21 @@ void for_each_value(OutputValues<S>& values, F&& f) {
   for (Vec3<S>& x : values.loop_force) each(x);
 }
 
+/// Gives `to` as many legs, latches, ... as `from` has.
+template <class S>
+void match_sizes(const OutputValues<double>& from, OutputValues<S>& to) {
+  to.petal_force.resize(from.petal_force.size());
+  to.latch_opening.resize(from.latch_opening.size());
+  to.latch_force.resize(from.latch_force.size());
+  to.leg_length.resize(from.leg_length.size());
+  to.leg_rate.resize(from.leg_rate.size());
+  to.leg_force.resize(from.leg_force.size());
+  to.state_q.resize(from.state_q.size());
+  to.state_v.resize(from.state_v.size());
+  to.state_a.resize(from.state_a.size());
+  to.loop_force.resize(from.loop_force.size());
+}
+
 /// Everything that can be read at a communication point (and after initialise()).
 struct Outputs : OutputValues<double> {
   double time = 0.0;  ///< [s]
