@@ -107,8 +107,9 @@ const void* Instance::current(const Variable& v) {
       throw Refusal("'" + v.name + "' has no value yet: call fmi2EnterInitializationMode first");
     }
     if (state == kInitializationMode) initialise();
-    const Status status =
-        v.causality == Causality::kLocal ? sim.update_states() : sim.update_outputs();
+    const Status status = v.causality == Causality::kLocal ? sim.update_states()
+                          : v.monitor                      ? sim.update_coupling_outputs()
+                                                           : sim.update_outputs();
     if (!status.ok()) throw Discard("'" + v.name + "' has no value here: " + sim.describe(status));
   }
   return v.value;
@@ -178,7 +179,7 @@ namespace {
 constexpr char kMagic[8] = {'D', 'O', 'C', 'K', 'L', 'O', 'O', 'P'};
 constexpr std::uint32_t kByteOrder = 0x01020304;
 /// To be raised whenever the contents change.
-constexpr std::uint32_t kStateFormat = 1;
+constexpr std::uint32_t kStateFormat = 2;
 
 struct Header {
   char magic[8];

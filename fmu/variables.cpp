@@ -99,6 +99,9 @@ class Row {
   Row tunable() {
     return each([](Variable& v) { v.variability = Variability::kTunable; });
   }
+  Row monitor() {
+    return each([](Variable& v) { v.monitor = true; });
+  }
   Row discrete() {
     return each([](Variable& v) { v.variability = Variability::kDiscrete; });
   }
@@ -293,11 +296,13 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
   table.outputs(v + "torque", output.torque, kTorque,
                 "Torque of the docking system on the vehicle at the end of the step, about the "
                 "centre of mass, body axes");
+  const std::string step = " (the step just made; coupling.mode = 2: the coming step)";
   table.outputs(v + "force_mean", output.force_mean, kForce,
-                "Constant force with the impulse that the vehicle received over the step, in N");
+                "Force that, held over a step, gives the vehicle its impulse, in N" + step);
   table.outputs(v + "torque_mean", output.torque_mean, kTorque,
-                "Constant torque with the angular impulse that the vehicle received over the "
-                "step, about the centre of mass, body axes");
+                "Torque that, held over a step, gives the vehicle its angular impulse, about the "
+                "centre of mass, body axes" +
+                    step);
 }
 
 void add_relative(Table& table, Outputs& out) {
@@ -573,6 +578,63 @@ void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
   table.add_rates(out.states, out.rates);
 }
 
+/// What the host of a driven vehicle can choose and should know.
+void add_coupling_parameters(Table& table, Parameters& parameter, Inputs& in) {
+  table
+      .parameter("coupling.mode", &parameter.coupling_mode, kNone,
+                 "Order of exchange with the host of a driven vehicle: 1 sequential (this FMU "
+                 "steps first, the host makes the same step with the mean load), 2 parallel (both "
+                 "step at once, the mean load of the coming step is announced)")
+      .limits(1, 2);
+  table
+      .parameter("coupling.expected_step", &parameter.coupling_expected_step, kTime,
+                 "Communication step over which the first load is announced (parallel)")
+      .not_negative();
+  table
+      .parameter("coupling.velocity_tolerance", &parameter.coupling_velocity_tolerance,
+                 kSmallVelocity, "Error of velocity per step that coupling.suggested_step keeps")
+      .not_negative()
+      .nominal(1e-4);
+  table
+      .input("coupling.next_step", &in.next_step, kTime,
+             "Length of the step after the coming one, over which its load is announced "
+             "(parallel; 0: as the coming one)")
+      .not_negative();
+}
+
+void add_coupling_outputs(Table& table, Outputs& out) {
+  table
+      .output("coupling.work_residual", &out.coupling_work_residual, kEnergy,
+              "Work that the hosts' vehicles took up less what the mechanism gave")
+      .discrete()
+      .monitor();
+  table
+      .output("coupling.mass_mismatch", &out.coupling_mass_mismatch, kNone,
+              "True mass of a driven vehicle, as its motion shows it, over the stated one, less 1")
+      .discrete()
+      .monitor();
+  table
+      .output("coupling.frequency", &out.coupling_frequency, kAngularVelocity,
+              "Highest frequency between the vehicles through the capture interface")
+      .not_negative()
+      .discrete()
+      .monitor();
+  table
+      .output("coupling.suggested_step", &out.coupling_suggested_step, kTime,
+              "Communication step that keeps coupling.velocity_tolerance")
+      .not_negative()
+      .discrete()
+      .monitor();
+  table
+      .outputs("coupling.pending_impulse", out.coupling_pending_impulse, kMomentum,
+               "Impulse owed to the hosts of driven vehicles, in N")
+      .discrete();
+  table
+      .outputs("coupling.pending_angular_impulse", out.coupling_pending_angular_impulse,
+               kAngularMomentum, "Angular impulse owed to them about momentum.reference, in N")
+      .discrete();
+}
+
 /// Ties rows to what they are for input slopes and derivatives: places by address.
 void number_values(std::vector<Variable>& rows, DockingSim& sim) {
   std::map<const void*, int> inputs, outputs;
@@ -701,6 +763,9 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   if (wants("states")) add_states(table, outputs);
   if (wants("loops")) add_loops(table, outputs);
   if (wants("energy")) add_energy(table, outputs);
+  const bool is_driven = !offers_model_exchange(scene);
+  if (is_driven) add_coupling_parameters(table, parameters, inputs);
+  if (is_driven && wants("coupling")) add_coupling_outputs(table, outputs);
   add_solver_parameters(table, parameters);
   if (wants("solver")) add_solver_outputs(table, outputs);
   if (offers_model_exchange(scene)) add_state_vector(table, scene, outputs);

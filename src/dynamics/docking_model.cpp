@@ -94,6 +94,9 @@ StateLayout make_layout(const DockingModel& model) {
   }
   layout.sums = take(kSumCount);
   layout.impulse = take(6);
+  for (int i : {kChaser, kTarget}) {
+    if (model.driven[i]) layout.told[i] = take(6);
+  }
   layout.bristle_count = bristle_state_count(model.contact);
   layout.bristles = take(layout.bristle_count);
   layout.size = at;
@@ -317,6 +320,10 @@ DockingModel make_docking_model(const Scene& scene,
                                              base_in_chaser, fixed_pose[kChaser], bare, frozen));
   model.present = {true, scene.has_target};
   model.moves = {chaser_moves, scene.has_target && scene.motion[kTarget] != Motion::kFixed};
+  for (int i : {kChaser, kTarget}) {
+    model.driven[i] = model.present[i] && scene.motion[i] == Motion::kDriven;
+    model.stated_mass[i] = parameters[i].mass;
+  }
   model.fixed_pose = fixed_pose;
   model.interface_pose = interface_pose;
   model.vehicle[kChaser] = bare;
@@ -431,6 +438,13 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
   sums[kSumExternal] = power;
   put<S>(ydot + model.layout.impulse, impulse);
   put<S>(ydot + model.layout.impulse + 3, angular_impulse);
+  for (int i : {kChaser, kTarget}) {
+    if (model.layout.told[i] < 0) continue;
+    const FrameMotion<S>& frame = data.vehicle[i];
+    const Vec3<S> force = loads.force[i] + S(model.stated_mass[i]) * gravity;
+    put<S>(ydot + model.layout.told[i], force);
+    put<S>(ydot + model.layout.told[i] + 3, frame.R * loads.torque[i] + frame.p.cross(force));
+  }
   return {};
 }
 
@@ -482,6 +496,49 @@ Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingDat
   return sum;
 }
 
+template <class S>
+Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& data, S& mass,
+                               Vec3<S>& first_moment) {
+  Wrench<S> sum;
+  mass = S(0);
+  first_moment.setZero();
+  if (model.moves[kTarget] && !model.driven[kTarget]) {
+    sum = find_momentum(model, kTarget, data);
+    mass = S(model.vehicle[kTarget].mass);
+    first_moment = mass * data.vehicle[kTarget].p;
+  }
+  const TreeData<S>& tree = data.mechanism.tree;
+  for (int i = 0; i < static_cast<int>(tree.R.size()); ++i) {
+    if (model.driven[kChaser] && i == model.mechanism.vehicle) continue;
+    const Wrench<S> p = find_body_momentum(model, i, data);
+    const S m(model.mechanism.model.bodies[i].mass);
+    sum.f += p.f;
+    sum.t += p.t;
+    mass += m;
+    first_moment += tree.h_body[i] + m * tree.p[i];
+  }
+  if (model.driven[kChaser] && model.frozen.mass > 0.0) {
+    // The host's vehicle carries the mechanism frozen at home already.
+    const S m(model.frozen.mass);
+    const Vec3<S> c = tree.R[0] * model.frozen.com.template cast<S>(), at = tree.p[0] + c;
+    const Vec3<S> p = m * (tree.u[0] + tree.w[0].cross(c));
+    const Mat3<S> I = tree.R[0] * model.frozen.inertia.template cast<S>() * tree.R[0].transpose();
+    sum.f -= p;
+    sum.t -= at.cross(p) + I * tree.w[0];
+    mass -= m;
+    first_moment -= m * at;
+  }
+  return sum;
+}
+
+void set_vehicle_pose(const DockingModel& model, int vehicle, const Vec3<double>& position,
+                      const Vec4<double>& attitude, double* y) {
+  double* at = y + model.layout.pose[vehicle];
+  const double norm = attitude.norm();
+  for (int j = 0; j < 3; ++j) at[j] = position[j];
+  for (int j = 0; j < 4; ++j) at[3 + j] = attitude[j] / norm;
+}
+
 Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<double>& velocity,
                             const Vec3<double>& angular_velocity, double* y,
                             DockingData<double>& data) {
@@ -514,7 +571,9 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
   template RelativeMotion<S> find_relative<S>(const FrameMotion<S>&, const FrameMotion<S>&);       \
   template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                   \
   template Wrench<S> find_body_momentum<S>(const DockingModel&, int, const DockingData<S>&);       \
-  template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);
+  template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);            \
+  template Wrench<S> find_inside_momentum<S>(const DockingModel&, const DockingData<S>&, S&,       \
+                                             Vec3<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
 #undef DOCK_INSTANTIATE

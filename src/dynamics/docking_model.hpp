@@ -33,8 +33,10 @@ struct StateLayout {
   std::array<int, 2> pose{-1, -1};         ///< position (3) and quaternion (4) of a vehicle
   std::array<int, 2> momentum{-1, -1};     ///< linear (3) and angular about O (3)
   int bristles = 0, bristle_count = 0;
-  int sums = 0;     ///< kSumCount energies [J]
-  int impulse = 0;  ///< external impulse (3), external angular impulse about O (3)
+  int sums = 0;                     ///< kSumCount energies [J]
+  int impulse = 0;                  ///< external impulse (3), external angular impulse about O (3)
+  std::array<int, 2> told{-1, -1};  ///< impulses (6) of what the host of a driven vehicle applies
+                                    ///< to it by itself: known loads, gravity
   int size = 0;
 };
 
@@ -44,14 +46,17 @@ struct DockingModel {
   Mechanism mechanism;  ///< on the chaser (or on the immobile base)
   std::array<bool, 2> present{true, true};
   std::array<bool, 2> moves{true, true};
-  std::array<Pose<double>, 2> fixed_pose;      ///< in O, of a vehicle that does not move
-  std::array<Pose<double>, 2> interface_pose;  ///< A in C, P in D
-  std::array<VehicleBody, 2> vehicle;          ///< bare vehicles
-  VehicleBody frozen;                          ///< mechanism at home that the stated chaser
-                                               ///< includes, axes of C; no mass if excluded
-  Pose<double> base_in_chaser;                 ///< B in C
-  Pose<double> capture_in_body;                ///< G in axes of the capture body
-  std::vector<int> mechanism_bodies;           ///< independent bodies without the vehicle
+  std::array<bool, 2> driven{false, false};     ///< moved by a host, between communication points
+                                                ///< by the equations
+  std::array<double, 2> stated_mass{0.0, 0.0};  ///< of vehicles as their host knows them [kg]
+  std::array<Pose<double>, 2> fixed_pose;       ///< in O, of a vehicle that does not move
+  std::array<Pose<double>, 2> interface_pose;   ///< A in C, P in D
+  std::array<VehicleBody, 2> vehicle;           ///< bare vehicles
+  VehicleBody frozen;                           ///< mechanism at home that the stated chaser
+                                                ///< includes, axes of C; no mass if excluded
+  Pose<double> base_in_chaser;                  ///< B in C
+  Pose<double> capture_in_body;                 ///< G in axes of the capture body
+  std::vector<int> mechanism_bodies;            ///< independent bodies without the vehicle
   ContactModel contact;
   LatchSet latches;
   double thrust = 0.0, thrust_delay = 0.0;  ///< [N] along x of A at the CoM, [s]
@@ -145,10 +150,20 @@ Wrench<S> find_body_momentum(const DockingModel& model, int body, const DockingD
 template <class S>
 Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data);
 
+/// Momentum of everything but the driven vehicles, axes of O, angular part about the origin of O.
+/// @param mass, first_moment  of the same [kg], [kg m]. @pre calc_docking
+template <class S>
+Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& data, S& mass,
+                               Vec3<S>& first_moment);
+
 /// Put a vehicle's velocity (axes of O) and angular velocity (body axes) into the momentum states;
 /// poses, mechanism coordinates and velocities are taken from y as they stand.
 Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<double>& velocity,
                             const Vec3<double>& angular_velocity, double* y,
                             DockingData<double>& data);
+
+/// Put a pose (axes of O) into the states of a vehicle.
+void set_vehicle_pose(const DockingModel& model, int vehicle, const Vec3<double>& position,
+                      const Vec4<double>& attitude, double* y);
 
 }  // namespace dockloop

@@ -48,8 +48,10 @@ void DockingSim::Impl::seed(const Seed& seed, int lane) {
   }
   const int place = seed.place;
   if (place >= kCommandInput) {
-    add(pass.loads
-            .command[scene->mechanism.legs[static_cast<size_t>(place - kCommandInput)].force]);
+    // After the commands comes the next step: nothing follows from it directly.
+    const size_t leg = static_cast<size_t>(place - kCommandInput);
+    if (leg < scene->mechanism.legs.size())
+      add(pass.loads.command[scene->mechanism.legs[leg].force]);
   } else if (place >= kGravityInput) {
     add(pass.loads.gravity[place - kGravityInput]);
   } else {

@@ -55,6 +55,14 @@ Status DockingSim::update_states() {
   return {};
 }
 
+Status DockingSim::update_coupling_outputs() {
+  Impl& me = *impl_;
+  if (me.coupling_valid || !me.setup) return {};
+  const Status status = update_outputs();
+  if (status.ok()) me.update_coupling_outputs();
+  return status;
+}
+
 std::string DockingSim::describe(const Status& status) const {
   return find_status_text(status, impl_->scene->mechanism);
 }

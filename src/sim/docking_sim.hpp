@@ -89,6 +89,8 @@ class DockingSim {
 
   /// States and their rates into Outputs::states and Outputs::rates, the same way.
   Status update_states();
+  /// Monitors of the coupling with hosts, the same way. They are dear: asked for by themselves.
+  Status update_coupling_outputs();
   /// What a Status means, in one sentence.
   std::string describe(const Status& status) const;
 

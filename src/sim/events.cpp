@@ -83,6 +83,7 @@ void DockingSim::Impl::use_coordinates(std::shared_ptr<const Coordinates> choice
   set_mechanism(*model, choice ? with_coordinates(*start_mechanism, *choice) : *start_mechanism);
   data->mechanism = MechanismData<double>(model->mechanism);
   rate_data->mechanism = MechanismData<double>(model->mechanism);
+  if (interface_work) interface_work = std::make_unique<InterfaceWorkspace>(*model);
   coordinates = std::move(choice);
 }
 

@@ -23,17 +23,38 @@ inline Vec3<double> find_mean_position(const VehicleState& a, const VehicleState
   return 0.5 * (a.x + b.x) + h / 12.0 * (a.v - b.v);
 }
 
-/// Mean of R over a step: Simpson with the Hermite middle attitude, error O(h^4).
+/// Mean of R over a step: Lobatto quadrature (5 points) of the cubic that has both attitudes and
+/// both rates; error O(h^4) of the attitude between.
 inline Mat3<double> find_mean_attitude(const VehicleState& a, const VehicleState& b, double h) {
   const Vec3<double> turn =
       quat_log<double>(quat_multiply<double>(quat_conjugate<double>(a.q), b.q));
-  const Vec3<double> middle =
-      0.5 * turn + h / 8.0 * (a.w - b.w - turn.cross(Vec3<double>(0.5 * b.w)));
-  const Mat3<double> R_middle =
-      quat_to_matrix<double>(quat_multiply<double>(a.q, quat_exp<double>(middle)));
-  return (quat_to_matrix<double>(a.q) + 4.0 * R_middle + quat_to_matrix<double>(b.q)) / 6.0;
+  // Rates of the rotation vector at both ends, per step: the series of the inverse of its Jacobian.
+  const Vec3<double> first = h * a.w, w = h * b.w, lag = turn.cross(w);
+  const Vec3<double> last = w + 0.5 * lag + turn.cross(lag) / 12.0;
+  const auto attitude = [&](double s) {
+    const double s2 = s * s, s3 = s2 * s;
+    const Vec3<double> r =
+        (3.0 * s2 - 2.0 * s3) * turn + (s - 2.0 * s2 + s3) * first + (s3 - s2) * last;
+    return quat_to_matrix<double>(quat_multiply<double>(a.q, quat_exp<double>(r)));
+  };
+  constexpr double kNode = 0.32732683535398857;  // sqrt(3/7)/2
+  return (quat_to_matrix<double>(a.q) + quat_to_matrix<double>(b.q)) / 20.0 +
+         49.0 / 180.0 * (attitude(0.5 - kNode) + attitude(0.5 + kNode)) +
+         16.0 / 45.0 * attitude(0.5);
 }
 
+/// What a held load gives a vehicle over a step: impulse, and angular impulse about O.
+/// @param load  force in axes of O, torque about the CoM in body axes
+inline Wrench<double> find_delivered_impulse(const Wrench<double>& load, const VehicleState& a,
+                                             const VehicleState& b, double h) {
+  Wrench<double> impulse;
+  impulse.f = h * load.f;
+  impulse.t =
+      h * (find_mean_position(a, b, h).cross(load.f) + find_mean_attitude(a, b, h) * load.t);
+  return impulse;
+}
+
+/// The load that delivers a given impulse.
 /// @param impulse  linear, and angular about O, given to the vehicle over the step
 /// @return force in axes of O, torque about the CoM in body axes
 inline Wrench<double> find_mean_load(const Wrench<double>& impulse, const VehicleState& a,

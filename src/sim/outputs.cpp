@@ -210,26 +210,9 @@ void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
   out.energy_external = sums[kSumExternal] + S(from.host_work);
   out.energy_residual = out.energy_kinetic + out.energy_potential + out.energy_dissipated -
                         out.energy_external - S(from.energy_start);
-  // Everything inside but the driven vehicles themselves.
-  const TreeData<S>& tree = data.mechanism.tree;
-  Wrench<S> sum;
   S mass(0);
-  Vec3<S> first_moment = Vec3<S>::Zero();
-  if (model.moves[kTarget] && from.motion[kTarget] != Motion::kDriven) {
-    sum = find_momentum(model, kTarget, data);
-    mass = S(from.parameters.vehicle[kTarget].mass);
-    first_moment = mass * data.vehicle[kTarget].p;
-  }
-  const bool driven = from.motion[kChaser] == Motion::kDriven;
-  for (int i = 0; i < static_cast<int>(tree.R.size()); ++i) {
-    if (driven && i == model.mechanism.vehicle) continue;
-    const Wrench<S> p = find_body_momentum(model, i, data);
-    const S m(model.mechanism.model.bodies[i].mass);
-    sum.f += p.f;
-    sum.t += p.t;
-    mass += m;
-    first_moment += tree.h_body[i] + m * tree.p[i];
-  }
+  Vec3<S> first_moment;
+  const Wrench<S> sum = find_inside_momentum(model, data, mass, first_moment);
   out.momentum_linear = sum.f + mass * from.frame_velocity;
   out.momentum_angular = sum.t + first_moment.cross(from.frame_velocity);
   out.momentum_reference = from.frame_origin.template cast<S>() + from.frame_shift;
@@ -278,6 +261,16 @@ Status DockingSim::Impl::update_outputs() {
   outputs.capture_peak_load_ratio = peaks.peak()[Outputs::kLoadCount];
   update_phase_outputs();
   outputs.momentum_residual = momentum_residual;
+  if (has_host()) {
+    outputs.coupling_pending_impulse.setZero();
+    outputs.coupling_pending_angular_impulse.setZero();
+    for (int i : {kChaser, kTarget}) {
+      if (!model->driven[i]) continue;
+      const Wrench<double> owed = find_owed_impulse(i);
+      outputs.coupling_pending_impulse += owed.f;
+      outputs.coupling_pending_angular_impulse += owed.t;
+    }
+  }
   const Counters counters = find_counters();
   outputs.solver_steps = static_cast<double>(counters.steps);
   outputs.solver_rhs_evaluations = static_cast<double>(counters.rate_evaluations);
@@ -310,13 +303,16 @@ double DockingSim::Impl::find_acceleration_bound() const {
   return bound;
 }
 
+/// Lower bound of the time until surfaces touch [s].
+double DockingSim::Impl::find_earliest_contact() const {
+  return find_time_to_contact(find_gap(model->contact, data->relative, data->contact_work),
+                              find_approach_bound(model->contact, data->relative),
+                              find_acceleration_bound());
+}
+
 void DockingSim::Impl::update_phase_outputs() {
   outputs.time_to_contact = kNever;
-  if (has_surfaces()) {
-    outputs.time_to_contact =
-        find_time_to_contact(outputs.gap, find_approach_bound(model->contact, data->relative),
-                             find_acceleration_bound());
-  }
+  if (has_surfaces()) outputs.time_to_contact = find_earliest_contact();
   for (int i = 0; i < model->latches.count(); ++i) {
     outputs.latched[i] = discrete.latch[i].mode == LatchMode::kHeld ? 1 : 0;
   }

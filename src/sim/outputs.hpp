@@ -15,7 +15,6 @@ struct OutputSource {
   const DockingModel& model;
   const Parameters& parameters;
   const RatedLoads& rated;
-  const std::array<Motion, 2>& motion;
   const std::vector<int>& state_bodies;  ///< joints of state.*
   DockingData<S>& data;                  ///< after calc_docking; cut forces are written into it
   const S* y;                            ///< the state that it was evaluated at

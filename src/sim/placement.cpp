@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "dynamics/docking_model.hpp"
+#include "dynamics/rigid_body.hpp"
 
 namespace dockloop {
 namespace {
@@ -38,29 +39,12 @@ struct FreeBody {
 
   /// State a time `duration` earlier. Attitude by RK4 in small steps, translation exactly.
   void take_back(double duration, VehicleParameters& p) const {
-    constexpr int kSteps = 2000;
-    const double h = -duration / kSteps;
     Vec4<double> q = p.attitude;
     Vec3<double> w = p.angular_velocity;
     const Vec3<double> centre = p.position + quat_to_matrix<double>(q) * com;
     const Vec3<double> velocity =
         p.velocity + quat_to_matrix<double>(q) * Vec3<double>(w.cross(com));
-    const Eigen::LLT<Mat3<double>> solver(inertia);
-    const auto wdot = [&](const Vec3<double>& rate) {
-      return Vec3<double>(solver.solve(Vec3<double>((inertia * rate).cross(rate))));
-    };
-    for (int i = 0; i < kSteps; ++i) {
-      const Vec3<double> k1 = wdot(w), w2 = w + 0.5 * h * k1;
-      const Vec4<double> l1 = quat_rate<double>(q, w), q2 = q + 0.5 * h * l1;
-      const Vec3<double> k2 = wdot(w2), w3 = w + 0.5 * h * k2;
-      const Vec4<double> l2 = quat_rate<double>(q2, w2), q3 = q + 0.5 * h * l2;
-      const Vec3<double> k3 = wdot(w3), w4 = w + h * k3;
-      const Vec4<double> l3 = quat_rate<double>(q3, w3), q4 = q + h * l3;
-      const Vec3<double> k4 = wdot(w4);
-      const Vec4<double> l4 = quat_rate<double>(q4, w4);
-      w += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
-      q = (q + h / 6.0 * (l1 + 2.0 * l2 + 2.0 * l3 + l4)).normalized();
-    }
+    turn_rigid_body(inertia, Vec3<double>::Zero(), -duration, 2000, q, w);
     p.attitude = q;
     p.angular_velocity = w;
     p.position = centre - duration * velocity - quat_to_matrix<double>(q) * com;

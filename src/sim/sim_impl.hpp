@@ -2,6 +2,8 @@
 //
 //   start.cpp           from scene and parameters to the start state
 //   steps.cpp           communication steps, inputs, audits
+//   coupling.cpp        what hosts of driven vehicles tell, are owed and are told
+//   coupling_monitors.cpp  what such a host should know about its side
 //   events.cpp          what happens at accepted states: contact, latches, phases, coordinates
 //   model_exchange.cpp  the same equations for a host that integrates by itself
 //   outputs.cpp         reading out
@@ -16,7 +18,9 @@
 #include <string>
 #include <vector>
 
+#include "dynamics/base_jump.hpp"
 #include "dynamics/docking_jacobian.hpp"
+#include "dynamics/interface_stiffness.hpp"
 #include "integrate/erk_stepper.hpp"
 #include "sim/docking_sim.hpp"
 #include "sim/outputs.hpp"
@@ -67,7 +71,6 @@ struct DockingSim::Impl : SimState {
   void read_inputs();
   const Loads& find_loads(double tau);
   void advance_inputs(double h);
-  Status receive_driven_vehicles();
   Status integrate(double h);
   Status integrate_fixed(double h);
   double find_leap(double made, double proposal);
@@ -80,6 +83,41 @@ struct DockingSim::Impl : SimState {
   double find_total_energy() const;
   double find_potential_energy() const;
   VehicleState find_vehicle_state(int vehicle) const;
+
+  // coupling.cpp
+  const char* name_of(int vehicle) const;
+  bool has_host() const;
+  bool announces() const;
+  Mat3<double> find_stated_inertia(int vehicle) const;
+  Wrench<double> find_stated_momentum(int vehicle, const VehicleState& state) const;
+  VehicleState find_told_state(int vehicle) const;
+  Status check_told_attitude(int vehicle);
+  VehicleState predict_host(int vehicle, const VehicleState& from, const Wrench<double>& load,
+                            double h);
+  void start_coupling();
+  Status receive(double h);
+  Status match_momenta(const std::array<bool, 2>& told, std::array<FrameMotion<double>, 2> motion,
+                       const Wrench<double>& inside_before);
+  Wrench<double> find_inside_momentum() const;
+  void note_start(CouplingStart& start) const;
+  Wrench<double> find_exerted_impulse(int vehicle, const CouplingStart& start) const;
+  void update_ledgers(double h);
+  void look_ahead(double h);
+  Wrench<double> find_owed_impulse(int vehicle) const;
+
+  // coupling_monitors.cpp
+  void warn_once(int vehicle, CouplingWarning what, const std::string& text);
+  double find_mass_mismatch(int vehicle) const;
+  bool is_mass_confirmed(int vehicle) const;
+  void look_at_first_state(int vehicle, const VehicleState& told, double h);
+  void look_at_innovation(int vehicle, const VehicleState& told);
+  void warn_of_exchange(int vehicle, const Vec3<double>& innovation, const Vec3<double>& load);
+  void warn_of_mass(int vehicle);
+  void note_step(int vehicle, const Wrench<double>& exerted, const VehicleState& end, double h);
+  double find_interface_frequency();
+  double find_suggested_step(double frequency) const;
+  double find_expected_step();
+  void update_coupling_outputs();
 
   // events.cpp
   Status accept(double tau, bool& changed);
@@ -113,14 +151,15 @@ struct DockingSim::Impl : SimState {
   // outputs.cpp
   std::array<double, kPeakCount> find_peak_values() const;
   double find_acceleration_bound() const;
+  double find_earliest_contact() const;
   Status update_outputs();
   void update_phase_outputs();
   template <class S>
   OutputSource<S> make_output_source(DockingData<S>& at, const S* y, const Vec3<S>& velocity,
                                      const Vec3<S>& shift) const {
-    return {*model,    parameters,   scene->rated, scene->motion, state_bodies,    at,
-            y,         frame_origin, velocity,     shift,         last_step > 0.0, mean_load,
-            host_work, energy_start};
+    return {*model,    parameters,   scene->rated, state_bodies, at,
+            y,         frame_origin, velocity,     shift,        last_step > 0.0 || announces(),
+            mean_load, host_work,    energy_start};
   }
 
   // derivatives.cpp
@@ -130,7 +169,7 @@ struct DockingSim::Impl : SimState {
   void spread_states(std::mt19937_64& random);
   void add_dependencies(Dependencies& found);
 
-  void invalidate() { outputs_valid = rates_valid = false; }
+  void invalidate() { outputs_valid = rates_valid = coupling_valid = false; }
   bool has_surfaces() const { return model->present[kTarget] && !model->contact.empty(); }
   bool is_fixed_step() const { return setup->parameters.solver_method == kFixedRk4; }
   double* bristles() {
@@ -145,7 +184,7 @@ struct DockingSim::Impl : SimState {
   Inputs inputs;
   Inputs slopes;  ///< rates of the inputs over the coming step
   Outputs outputs;
-  bool outputs_valid = false, rates_valid = false;
+  bool outputs_valid = false, rates_valid = false, coupling_valid = false;
   std::string status_text;
   std::vector<std::string> warnings;
 
@@ -167,7 +206,10 @@ struct DockingSim::Impl : SimState {
   Loads load_rates;  ///< their rates over the step, used if some input has a slope
   Loads loads_now;   ///< at the time of an evaluation, then
   bool sloped = false;
-  std::array<VehicleState, 2> vehicle_before;  ///< at the start of the last communication step
+  CouplingStart step_begin;                      ///< at the start of the last communication step
+  std::unique_ptr<BaseJumpWorkspace> jump_work;  ///< with a driven vehicle only
+  std::unique_ptr<InterfaceWorkspace> interface_work;  ///< with a driven vehicle only
+  std::unique_ptr<Snapshot> look_ahead_start;          ///< where loads are announced only
   std::vector<char> due = std::vector<char>(kFixedRoots + kMaxLatches, 0);
   Status last_trouble;
   double margin_before = 1.0;  ///< of the loops, at the last accepted state

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "dynamics/docking_model.hpp"
-#include "sim/mean_load.hpp"
+#include "sim/coupling.hpp"
 #include "sim/peaks.hpp"
 #include "sim/values.hpp"
 
@@ -39,7 +39,8 @@ struct SimState {
   DiscreteState discrete;
   ContactMemory memory;  ///< a function of the last accepted state
   PeakTracker<kPeakCount> peaks;
-  std::array<Wrench<double>, 2> mean_load;  ///< of the step just made
+  std::array<Wrench<double>, 2> mean_load;  ///< of the step just made; announced: of the coming
+  CouplingState coupling;                   ///< with hosts that drive vehicles
   double margin_looked_at = kChangeMargin;  ///< where other coordinates were last looked for
   bool warned_margin = false;               ///< a loop close to singular was told once
   /// Choice of independent coordinates, if it is not that of the start any more.
@@ -84,7 +85,8 @@ template <class A>
 void transfer(A& archive, Parameters& p) {
   transfer_all(archive, p.vehicle, p.contact_thrust, p.contact_thrust_delay, p.friction_coefficient,
                p.friction_model, p.restitution, p.restitution_speed, p.solver_method, p.step,
-               p.rtol, p.atol_position, p.atol_velocity, p.atol_energy);
+               p.rtol, p.atol_position, p.atol_velocity, p.atol_energy, p.coupling_mode,
+               p.coupling_expected_step, p.coupling_velocity_tolerance);
 }
 
 template <class A>
@@ -102,6 +104,35 @@ void transfer(A& archive, Setup& setup) {
 template <class A>
 void transfer(A& archive, Wrench<double>& wrench) {
   transfer_all(archive, wrench.f, wrench.t);
+}
+
+template <class A>
+void transfer(A& archive, VehicleState& s) {
+  transfer_all(archive, s.x, s.v, s.q, s.w);
+}
+
+template <class A>
+void transfer(A& archive, Inputs::Vehicle& v) {
+  transfer_all(archive, v.position, v.velocity, v.attitude, v.angular_velocity, v.force_ext,
+               v.torque_ext);
+}
+
+template <class A>
+void transfer(A& archive, InnovationSums& s) {
+  transfer_all(archive, s.predicted2, s.told_predicted, s.samples, s.innovation2, s.load2,
+               s.innovation_load, s.shifted2, s.loaded, s.unmodelled);
+}
+
+template <class A>
+void transfer(A& archive, DrivenVehicle& v) {
+  transfer_all(archive, v.received, v.predicted, v.held, v.before, v.pending, v.work, v.innovation,
+               v.error, v.told, v.sums);
+}
+
+template <class A>
+void transfer(A& archive, CouplingState& c) {
+  transfer_all(archive, c.vehicle, c.work_residual, c.suggestion, c.follows, c.frequency,
+               c.held_latches, c.warned);
 }
 
 template <class A>
@@ -153,9 +184,9 @@ void transfer(A& archive, std::shared_ptr<const T>& pointer) {
 template <class A>
 void transfer(A& archive, SimState& s) {
   transfer_all(archive, s.elapsed, s.h_warm, s.last_step, s.frame_velocity, s.frame_shift,
-               s.discrete, s.memory, s.peaks, s.mean_load, s.margin_looked_at, s.warned_margin,
-               s.coordinates, s.energy_start, s.host_work, s.momentum_start, s.momentum_residual,
-               s.momentum_scale, s.angular_momentum_scale);
+               s.discrete, s.memory, s.peaks, s.mean_load, s.coupling, s.margin_looked_at,
+               s.warned_margin, s.coordinates, s.energy_start, s.host_work, s.momentum_start,
+               s.momentum_residual, s.momentum_scale, s.angular_momentum_scale);
 }
 
 template <class A>

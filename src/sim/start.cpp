@@ -59,6 +59,9 @@ void DockingSim::Impl::clear() {
   parameters.atol_position = scene->solver.atol_position;
   parameters.atol_velocity = scene->solver.atol_velocity;
   parameters.atol_energy = scene->solver.atol_energy;
+  parameters.coupling_mode = kSequential;
+  parameters.coupling_expected_step = scene->experiment.step;
+  parameters.coupling_velocity_tolerance = Parameters().coupling_velocity_tolerance;
   const MechanismModel& m = scene->mechanism;
   const auto zero = [](std::vector<double>& v, size_t n) { v.assign(n, 0.0); };
   for (int i : {kChaser, kTarget}) {
@@ -70,6 +73,7 @@ void DockingSim::Impl::clear() {
     outputs.vehicle[i] = Outputs::Vehicle();
   }
   inputs.gravity.setZero();
+  inputs.next_step = 0.0;
   zero(inputs.leg_force_command, m.legs.size());
   zero(outputs.petal_force, static_cast<size_t>(scene->contact.petal_count()));
   zero(outputs.latch_opening, static_cast<size_t>(scene->latches.count()));
@@ -87,6 +91,7 @@ void DockingSim::Impl::clear() {
   for (int i : {kChaser, kTarget}) {
     const bool moves = scene->motion[i] != Motion::kFixed && (i == kChaser || scene->has_target);
     if (moves) state_count += 7 + 6;
+    if (moves && scene->motion[i] == Motion::kDriven) state_count += 6;
   }
   zero(outputs.states, static_cast<size_t>(state_count));
   zero(outputs.rates, static_cast<size_t>(state_count));
@@ -119,6 +124,12 @@ void DockingSim::Impl::check_parameters() const {
   positive(p.atol_velocity, "solver.atol_velocity");
   positive(p.atol_energy, "solver.atol_energy");
   positive(p.step, "solver.step");
+  positive(p.coupling_expected_step, "coupling.expected_step");
+  positive(p.coupling_velocity_tolerance, "coupling.velocity_tolerance");
+  if (p.coupling_mode != kSequential && p.coupling_mode != kParallel) {
+    throw ModelError("coupling.mode is " + std::to_string(p.coupling_mode) +
+                     "; it must be 1 (sequential) or 2 (parallel)");
+  }
   if (p.solver_method != kAuto && p.solver_method != kExplicit && p.solver_method != kFixedRk4) {
     throw ModelError("solver.method is " + std::to_string(p.solver_method) +
                      "; it must be 1 (auto), 2 (explicit) or 7 (fixed_rk4)");
@@ -245,11 +256,7 @@ void DockingSim::Impl::set_start_state() {
 }
 
 void DockingSim::Impl::put_pose(int i, const Vec3<double>& position, const Vec4<double>& attitude) {
-  double* at = stepper->y() + model->layout.pose[i];
-  const Vec3<double> x = position - frame_origin - frame_shift;
-  const double norm = attitude.norm();
-  for (int j = 0; j < 3; ++j) at[j] = x[j];
-  for (int j = 0; j < 4; ++j) at[3 + j] = attitude[j] / norm;
+  set_vehicle_pose(*model, i, position - frame_origin - frame_shift, attitude, stepper->y());
 }
 
 Status DockingSim::Impl::put_velocity(int i, const Vec3<double>& velocity,
@@ -274,6 +281,7 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   check_parameters();
   try {
     start(std::make_shared<const Setup>(Setup{parameters, t0, tolerance}));
+    if (announces()) look_ahead(parameters.coupling_expected_step);
   } catch (...) {
     setup.reset();  // nothing to run
     throw;
@@ -298,6 +306,14 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   data = std::make_unique<DockingData<double>>(*model);
   rate_data = std::make_unique<DockingData<double>>(*model);
   derivative_pass.reset();
+  jump_work.reset();
+  interface_work.reset();
+  look_ahead_start.reset();
+  if (has_host()) {
+    jump_work = std::make_unique<BaseJumpWorkspace>(model->mechanism);
+    interface_work = std::make_unique<InterfaceWorkspace>(*model);
+  }
+  if (announces()) look_ahead_start = std::make_unique<Snapshot>();
   make_stepper();
   loads.command.setZero(static_cast<int>(model->mechanism.model.forces.size()));
   load_rates = loads_now = loads;
@@ -330,7 +346,9 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   update_thrust(0.0);
   update_phase(find_phase_inputs(*data), discrete);
   peaks.start(0.0, find_peak_values());
+  start_coupling();
   keep(step_start);
+  if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
 }
 
@@ -403,6 +421,10 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
   }
   std::fill_n(atol.begin() + layout.sums, static_cast<int>(kSumCount), parameters.atol_energy);
   const double share = static_cast<double>(layout.size - layout.bristle_count) / layout.size;
+  for (int i : {kChaser, kTarget}) {
+    if (layout.told[i] < 0) continue;
+    std::copy_n(atol.begin() + layout.momentum[i], 6, atol.begin() + layout.told[i]);
+  }
   for (double& value : atol) value *= std::sqrt(share);
   return atol;
 }

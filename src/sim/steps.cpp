@@ -19,13 +19,6 @@ int find_inner_step_limit(double h) {
   return static_cast<int>(std::min(DOCKLOOP_MAX_INNER_STEPS + kPerSecond * h, kMost));
 }
 
-/// Some hosts begin with zeros in every input, before they pass anything on. As a motion this is
-/// impossible: zeros are no attitude.
-bool is_all_zero(const Inputs::Vehicle& in) {
-  return in.position.isZero(0.0) && in.velocity.isZero(0.0) && in.attitude.isZero(0.0) &&
-         in.angular_velocity.isZero(0.0);
-}
-
 }  // namespace
 
 void DockingSim::Impl::read_inputs() {
@@ -72,52 +65,6 @@ void DockingSim::Impl::advance_inputs(double h) {
   for_each_value(slopes, [](double& slope) { slope = 0.0; });
 }
 
-Status DockingSim::Impl::receive_driven_vehicles() {
-  const bool any = (scene->motion[kChaser] == Motion::kDriven) ||
-                   (scene->has_target && scene->motion[kTarget] == Motion::kDriven);
-  if (!any) return {};
-  Status status = evaluate(0.0);
-  if (!status.ok()) return status;
-  const double energy_before = find_total_energy();
-  Wrench<double> before[2];
-  for (int i : {kChaser, kTarget}) before[i] = find_momentum(*model, i, *data);
-  for (int i : {kChaser, kTarget}) {
-    if (!model->present[i] || scene->motion[i] != Motion::kDriven) continue;
-    const Inputs::Vehicle& in = inputs.vehicle[i];
-    if (!(last_step > 0.0) && is_all_zero(in)) {
-      warnings.push_back(std::string(i == kChaser ? "chaser" : "target") +
-                         " is driven, but its motion is all zeros in the first step: taken as not"
-                         " told yet, the step begins at the start values");
-      continue;
-    }
-    if (!(std::abs(in.attitude.norm() - 1.0) < 1e-3)) {
-      char text[160];
-      std::snprintf(text, sizeof text,
-                    "%s.attitude must be a unit quaternion (w, x, y, z); its norm is %.6g",
-                    i == kChaser ? "chaser" : "target", in.attitude.norm());
-      status_text = text;
-      return {StatusCode::kBadInput, -1, in.attitude.norm(), elapsed};
-    }
-    put_pose(i, in.position, in.attitude);
-    status = put_velocity(i, in.velocity, in.angular_velocity);
-    if (!status.ok()) return status;
-  }
-  status = evaluate(0.0);
-  if (!status.ok()) return status;
-  // The jump may begin a contact, and its forces count as peaks.
-  update_memory();
-  if (has_surfaces() && !discrete.contacted && data->contact.gap <= 0.0) begin_contact(elapsed);
-  peaks.begin(elapsed, find_peak_values());
-  // What the host did to the motion is its work and impulse, not an error of the integration.
-  host_work += find_total_energy() - energy_before;
-  for (int i : {kChaser, kTarget}) {
-    const Wrench<double> now = find_momentum(*model, i, *data);
-    momentum_start[i].f += now.f - before[i].f;
-    momentum_start[i].t += now.t - before[i].t;
-  }
-  return {};
-}
-
 /// One communication step from t to exactly t + h. On failure everything is as before the call.
 Status DockingSim::Impl::step(double t, double h) {
   status_text.clear();
@@ -130,10 +77,10 @@ Status DockingSim::Impl::step(double t, double h) {
   read_inputs();
   Status status;
   if (h > 0.0) {
-    status = receive_driven_vehicles();
+    status = receive(h);
     update_thrust(elapsed);  // it may have been told only now
     if (status.ok()) status = evaluate(0.0);
-    for (int i : {kChaser, kTarget}) vehicle_before[i] = find_vehicle_state(i);
+    note_start(step_begin);
     if (status.ok()) status = is_fixed_step() ? integrate_fixed(h) : integrate(h);
   } else {
     status_text = "the step must be longer than 0 s";
@@ -335,32 +282,34 @@ void DockingSim::Impl::finish_step(double h) {
     }
   }
   elapsed += h;
+  coupling.follows = h == coupling.suggestion && (coupling.follows || h != last_step);
   last_step = h;
   invalidate();
   update_mean_loads(h);
+  if (has_host()) update_ledgers(h);
   update_momentum_audit();
   advance_inputs(h);
+  if (announces()) {
+    read_inputs();
+    look_ahead(find_expected_step());
+  }
 }
 
-/// Mean loads over the step just made, with the inputs that it was made with.
+/// Mean loads over the step just made on vehicles that no host drives, as if one did.
 void DockingSim::Impl::update_mean_loads(double h) {
+  CouplingStart now;
+  note_start(now);
   for (int i : {kChaser, kTarget}) {
-    if (!model->present[i] || !model->moves[i]) continue;
-    // Impulse on the vehicle as its host knows it (stated mass and inertia), less known loads.
-    const VehicleParameters& p = parameters.vehicle[i];
-    const Mat3<double> I = make_symmetric(p.inertia);
-    const VehicleState before = vehicle_before[i], after = find_vehicle_state(i);
-    const auto spin = [&](const VehicleState& s) {
-      return Vec3<double>(p.mass * s.x.cross(s.v) +
-                          quat_to_matrix<double>(s.q) * Vec3<double>(I * s.w));
-    };
+    if (!model->present[i] || !model->moves[i] || model->driven[i]) continue;
+    const VehicleState &before = step_begin.vehicle[i], &after = now.vehicle[i];
+    const Wrench<double> a = find_stated_momentum(i, before), b = find_stated_momentum(i, after);
     Wrench<double> impulse;
-    impulse.f = p.mass * (after.v - before.v);
-    impulse.t = spin(after) - spin(before);
+    impulse.f = b.f - a.f;
+    impulse.t = b.t - a.t;
     mean_load[i] = find_mean_load(impulse, before, after, h);
     const Loads& known = find_loads(0.5 * h);
     mean_load[i].f -= known.force[i];
-    if (!model->falling) mean_load[i].f -= p.mass * known.gravity;
+    if (!model->falling) mean_load[i].f -= model->stated_mass[i] * known.gravity;
     mean_load[i].t -= known.torque[i];
   }
 }

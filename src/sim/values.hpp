@@ -16,18 +16,21 @@ enum SolverMethod { kAuto = 1, kExplicit = 2, kFixedRk4 = 7 };
 /// Everything that can be chosen before the run starts. Start values come from the scene.
 struct Parameters {
   std::array<VehicleParameters, 2> vehicle;  ///< [kChaser], [kTarget]; model/scene.hpp
-  double contact_thrust = 0.0;        ///< [N] along +x of A, from first contact until captured
-  double contact_thrust_delay = 0.0;  ///< [s] after first contact
-  double friction_coefficient = 0.0;  ///< [-]
-  int friction_model = 1;             ///< 1 regularised, 2 bristle
-  double restitution = 0.0;           ///< [-] at restitution_speed
-  double restitution_speed = 0.0;     ///< [m/s]
-  int solver_method = 1;              ///< see SolverMethod
-  double step = 0.0;                  ///< [s] inner step of the fixed methods
-  double rtol = 0.0;                  ///< [-]
-  double atol_position = 0.0;         ///< [m], also taken for attitude [-]
-  double atol_velocity = 0.0;         ///< [m/s], also for angular velocity [rad/s]
-  double atol_energy = 0.0;           ///< [J] of the energy sinks
+  double contact_thrust = 0.0;          ///< [N] along +x of A, from first contact until captured
+  double contact_thrust_delay = 0.0;    ///< [s] after first contact
+  double friction_coefficient = 0.0;    ///< [-]
+  int friction_model = 1;               ///< 1 regularised, 2 bristle
+  double restitution = 0.0;             ///< [-] at restitution_speed
+  double restitution_speed = 0.0;       ///< [m/s]
+  int solver_method = 1;                ///< see SolverMethod
+  double step = 0.0;                    ///< [s] inner step of the fixed methods
+  double rtol = 0.0;                    ///< [-]
+  double atol_position = 0.0;           ///< [m], also taken for attitude [-]
+  double atol_velocity = 0.0;           ///< [m/s], also for angular velocity [rad/s]
+  double atol_energy = 0.0;             ///< [J] of the energy sinks
+  int coupling_mode = 1;                ///< see CouplingMode
+  double coupling_expected_step = 0.0;  ///< [s] of the first announced load
+  double coupling_velocity_tolerance = 1e-4;  ///< [m/s] that the suggested step keeps
 };
 
 /// What the host may change at any communication point.
@@ -43,6 +46,7 @@ struct Inputs {
   std::array<Vehicle, 2> vehicle;
   Vec3<double> gravity = Vec3<double>::Zero();  ///< in N [m/s2]
   std::vector<double> leg_force_command;        ///< [N], one per leg
+  double next_step = 0.0;  ///< [s] of the step after the coming one, 0 = as that
 };
 
 /// Calls f(double&) for every input, in an order that depends on the sizes only.
@@ -60,6 +64,7 @@ void for_each_value(Inputs& inputs, F&& f) {
   }
   each(inputs.gravity);
   each(inputs.leg_force_command);
+  f(inputs.next_step);
 }
 
 /// Outputs that follow continuously from state and inputs; with S = Derivative, their derivatives.
@@ -205,6 +210,14 @@ struct Outputs : OutputValues<double> {
 
   /// group energy: largest |p - p(0) - impulse| / momentum scale since the start [-]
   double momentum_residual = 0.0;
+
+  // group coupling, where a vehicle is driven
+  double coupling_work_residual = 0.0;                                   ///< [J]
+  double coupling_mass_mismatch = 0.0;                                   ///< [-]
+  double coupling_frequency = 0.0;                                       ///< [rad/s]
+  double coupling_suggested_step = 0.0;                                  ///< [s]
+  Vec3<double> coupling_pending_impulse = Vec3<double>::Zero();          ///< [N s]
+  Vec3<double> coupling_pending_angular_impulse = Vec3<double>::Zero();  ///< [N m s]
 
   // the state vector of the integration and its rates, in the order of StateLayout
   std::vector<double> states, rates;

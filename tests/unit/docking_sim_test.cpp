@@ -508,8 +508,9 @@ TEST(Driven, along_its_own_free_path_a_vehicle_gives_nearly_the_free_run) {
     largest = std::max(largest, a.capture_force.norm());
   }
   EXPECT_GT(largest, 100.0);
-  EXPECT_RESIDUAL_BELOW(target, 1.6e-8);  // measured 1.6e-9 of the closing speed
-  EXPECT_RESIDUAL_BELOW(force, 0.24);     // measured 0.024 [N]
+  // This host moves under the true loads, not under their means: its pose differs by H^2 a/12.
+  EXPECT_RESIDUAL_BELOW(target, 2.6e-7);  // measured 2.6e-8 of the closing speed
+  EXPECT_RESIDUAL_BELOW(force, 0.24);     // measured 0.019 [N]
 }
 
 /// A rigid body of the host under a force (N axes) and a torque (body axes) held over h.

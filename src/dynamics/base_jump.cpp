@@ -1,0 +1,133 @@
+// Impulse and displacement of the base under a mechanism; see base_jump.hpp.
+#include "dynamics/base_jump.hpp"
+
+#include <Eigen/Eigenvalues>
+
+namespace dockloop {
+namespace {
+
+/// Independent mechanism velocities come after the six of the vehicle they hang on.
+constexpr int kVehicle = 6;
+
+int count_coordinates(const Mechanism& mechanism) {
+  return mechanism.vehicle == kBase ? 0 : static_cast<int>(mechanism.plan.ind_v.size()) - kVehicle;
+}
+
+/// Where G moves when the independent velocities in the tree are as they are; (linear, angular).
+Vec6<double> find_capture_velocity(const DockingModel& model, const DockingData<double>& data) {
+  const TreeData<double>& tree = data.mechanism.tree;
+  const int body = model.mechanism.model.capture_body;
+  Vec6<double> velocity;
+  velocity.head<3>() =
+      tree.u[body] + tree.w[body].cross(Vec3<double>(tree.R[body] * model.capture_in_body.p));
+  velocity.tail<3>() = tree.w[body];
+  return velocity;
+}
+
+/// Move the coordinates of the mechanism in y along independent velocities.
+void move_coordinates(const DockingModel& model, const VecX<double>& dq, double* y) {
+  int q = model.layout.mechanism_q, v = 0;
+  for (int i : model.mechanism_bodies) {
+    const Body& body = model.mechanism.model.bodies[i];
+    if (body.joint == JointType::kFree) {
+      Eigen::Map<Vec3<double>> p(y + q);
+      Eigen::Map<Vec4<double>> quat(y + q + 3);
+      p += quat_to_matrix<double>(quat) * dq.segment<3>(v);
+      quat = quat_multiply<double>(quat, quat_exp<double>(Vec3<double>(dq.segment<3>(v + 3))))
+                 .normalized();
+    } else {
+      y[q] += dq[v];
+    }
+    q += body.nq();
+    v += body.nv();
+  }
+}
+
+}  // namespace
+
+BaseJumpWorkspace::BaseJumpWorkspace(const Mechanism& mechanism) {
+  const int n = count_coordinates(mechanism);
+  A_qq.setIdentity(n, n);
+  J_T.setZero(n, 6);
+  X.setZero(n, 6);
+  factor.compute(A_qq);
+  dq.setZero(n);
+  dv.setZero(n);
+}
+
+Status jump_to_velocity(const DockingModel& model, int vehicle, const FrameMotion<double>& before,
+                        const Vec3<double>& velocity, const Vec3<double>& angular_velocity,
+                        double* y, DockingData<double>& data, BaseJumpWorkspace& work) {
+  const int n = static_cast<int>(work.dv.size());
+  if (vehicle == kChaser && n > 0) {
+    const Status status = set_vehicle_velocity(model, vehicle, velocity, angular_velocity, y, data);
+    if (!status.ok()) return status;
+    MechanismData<double>& mechanism = data.mechanism;
+    const Mat3<double>& R = mechanism.tree.R[model.mechanism.vehicle];
+    Vec6<double> jump;
+    jump.head<3>() = R.transpose() * (velocity - before.v);
+    jump.tail<3>() = angular_velocity - R.transpose() * before.w;
+    work.A_qq = mechanism.A_ind.bottomRightCorner(n, n);
+    work.factor.compute(work.A_qq);
+    if (work.factor.info() != Eigen::Success)
+      return {StatusCode::kInertiaNotPositive, -1, 0.0, 0.0};
+    work.dv.noalias() = mechanism.A_ind.block(kVehicle, 0, n, kVehicle).lazyProduct(jump);
+    work.factor.solveInPlace(work.dv);
+    const std::vector<int>& ind = model.mechanism.plan.ind_v;
+    for (int j = 0; j < n; ++j) mechanism.tree.v[ind[kVehicle + j]] -= work.dv[j];
+    get_mechanism_state(model, mechanism.tree, y);
+  }
+  return set_vehicle_velocity(model, vehicle, velocity, angular_velocity, y, data);
+}
+
+Status hold_capture_body(const DockingModel& model, const FrameMotion<double>& capture, double* y,
+                         DockingData<double>& data, BaseJumpWorkspace& work) {
+  const int n = static_cast<int>(work.dq.size());
+  const int body = model.mechanism.model.capture_body;
+  if (n == 0 || body == kBase || body == model.mechanism.vehicle) return {};
+  // Position with the vehicle at rest: the Jacobian does not depend on velocities.
+  const Vec3<double> rest = Vec3<double>::Zero();
+  const Status status = set_vehicle_velocity(model, kChaser, rest, rest, y, data);
+  if (!status.ok()) return status;
+  MechanismData<double>& mechanism = data.mechanism;
+  TreeData<double>& tree = mechanism.tree;
+  const std::vector<int>& ind = model.mechanism.plan.ind_v;
+  for (int j : ind) tree.v[j] = 0.0;
+  calc_velocity(model.mechanism, data.base, mechanism);
+  const Vec6<double> drift =
+      find_capture_velocity(model, data);  // of joints that move by themselves
+  for (int j = 0; j < n; ++j) {
+    tree.v[ind[kVehicle + j]] = 1.0;
+    calc_velocity(model.mechanism, data.base, mechanism);
+    work.J_T.row(j) = (find_capture_velocity(model, data) - drift).transpose();
+    tree.v[ind[kVehicle + j]] = 0.0;
+  }
+  // Least kinetic energy: dq = inv(A) J^T inv(J inv(A) J^T) way; what J cannot reach stays.
+  work.A_qq = mechanism.A_ind.bottomRightCorner(n, n);
+  work.factor.compute(work.A_qq);
+  if (work.factor.info() != Eigen::Success) return {StatusCode::kInertiaNotPositive, -1, 0.0, 0.0};
+  work.X = work.J_T;
+  work.factor.solveInPlace(work.X);
+  const Mat6<double> mobility = work.J_T.transpose().lazyProduct(work.X);
+  const Eigen::SelfAdjointEigenSolver<Mat6<double>> modes(mobility);
+  const Mat3<double> R_now = tree.R[body] * model.capture_in_body.R;
+  const Vec3<double> p_now = tree.p[body] + tree.R[body] * model.capture_in_body.p;
+  Vec6<double> way;
+  way.head<3>() = capture.p - p_now;
+  way.tail<3>() =
+      quat_log<double>(quat_from_matrix<double>(Mat3<double>(capture.R * R_now.transpose())));
+  // Farther than this is no correction but another place, to which the mechanism goes along.
+  constexpr double kLongestWay = 0.02;  // [m]
+  if (way.head<3>().norm() > kLongestWay) return {};
+  constexpr double kReachable = 1e-9;  // of the largest mobility
+  Vec6<double> share = modes.eigenvectors().transpose() * way;
+  for (int k = 0; k < 6; ++k) {
+    const double mobile = modes.eigenvalues()[k];
+    share[k] = mobile > kReachable * modes.eigenvalues()[5] ? share[k] / mobile : 0.0;
+  }
+  work.dq.noalias() = work.X.lazyProduct(Vec6<double>(modes.eigenvectors() * share));
+  move_coordinates(model, work.dq, y);
+  return {};
+}
+
+}  // namespace dockloop

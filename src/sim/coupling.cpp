@@ -1,0 +1,349 @@
+// The scheme of coupling.hpp: what the host tells, what it is owed, what it is told.
+#include "sim/coupling.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "dynamics/base_jump.hpp"
+#include "dynamics/rigid_body.hpp"
+#include "sim/sim_impl.hpp"
+
+namespace dockloop {
+namespace {
+
+constexpr double kHostStep = 1e-3;  ///< of the host model's attitude [s]
+constexpr int kMaxHostSteps = 10000;
+
+/// Some hosts begin with zeros in every input, before they pass anything on. As a motion this is
+/// impossible: zeros are no attitude.
+bool is_all_zero(const Inputs::Vehicle& in) {
+  return in.position.isZero(0.0) && in.velocity.isZero(0.0) && in.attitude.isZero(0.0) &&
+         in.angular_velocity.isZero(0.0);
+}
+
+/// Without a jump of the loads, peaks are refined across a communication point.
+bool is_same_within_rounding(const std::array<double, kPeakCount>& a,
+                             const std::array<double, kPeakCount>& b) {
+  constexpr double kRounding = 1e-7;  // of stiff loads
+  for (size_t i = 0; i < a.size(); ++i) {
+    if (std::abs(a[i] - b[i]) > kRounding * std::max(std::abs(a[i]), std::abs(b[i]))) return false;
+  }
+  return true;
+}
+
+bool is_same_motion(const Inputs::Vehicle& a, const Inputs::Vehicle& b) {
+  return a.position == b.position && a.velocity == b.velocity && a.attitude == b.attitude &&
+         a.angular_velocity == b.angular_velocity;
+}
+
+}  // namespace
+
+const char* DockingSim::Impl::name_of(int vehicle) const {
+  return vehicle == kChaser ? "chaser" : "target";
+}
+
+bool DockingSim::Impl::has_host() const { return model->driven[kChaser] || model->driven[kTarget]; }
+
+bool DockingSim::Impl::announces() const {
+  return has_host() && setup->parameters.coupling_mode == kParallel;
+}
+
+/// Stated inertia: of the vehicle as its host knows it.
+Mat3<double> DockingSim::Impl::find_stated_inertia(int i) const {
+  return make_symmetric(setup->parameters.vehicle[i].inertia);
+}
+
+Wrench<double> DockingSim::Impl::find_stated_momentum(int i, const VehicleState& s) const {
+  return find_rigid_momentum(model->stated_mass[i], find_stated_inertia(i), s);
+}
+
+/// Motion as the inputs have it, in frame O.
+VehicleState DockingSim::Impl::find_told_state(int i) const {
+  const Inputs::Vehicle& in = inputs.vehicle[i];
+  VehicleState z;
+  z.x = in.position - frame_origin - frame_shift;
+  z.v = in.velocity - frame_velocity;
+  z.q = in.attitude.normalized();
+  z.w = in.angular_velocity;
+  return z;
+}
+
+/// A quaternion that is off by rounding is one; one that is off by more is an error of its host.
+Status DockingSim::Impl::check_told_attitude(int i) {
+  const double norm = inputs.vehicle[i].attitude.norm();
+  char text[200];
+  if (!(std::abs(norm - 1.0) < 1e-3)) {
+    std::snprintf(text, sizeof text,
+                  "%s.attitude must be a unit quaternion (w, x, y, z); its norm is %.6g",
+                  name_of(i), norm);
+    status_text = text;
+    return {StatusCode::kBadInput, -1, norm, elapsed};
+  }
+  if (std::abs(norm - 1.0) > 1e-6) {
+    std::snprintf(text, sizeof text,
+                  "%s.attitude has the norm %.9g; it is taken as normalised, but the host's "
+                  "integration should keep it at 1",
+                  name_of(i), norm);
+    warn_once(i, kToldNorm, text);
+  }
+  return {};
+}
+
+/// What the host makes of a load over h, as far as stated mass and told loads are right.
+VehicleState DockingSim::Impl::predict_host(int i, const VehicleState& z,
+                                            const Wrench<double>& load, double h) {
+  const Loads& known = find_loads(0.5 * h);
+  const double mass = model->stated_mass[i];
+  Vec3<double> force = load.f + known.force[i];
+  if (!model->falling) force += mass * known.gravity;
+  VehicleState next = z;
+  next.x += h * z.v + (0.5 * h * h / mass) * force;
+  next.v += (h / mass) * force;
+  const int count = std::clamp(static_cast<int>(std::ceil(h / kHostStep)), 1, kMaxHostSteps);
+  turn_rigid_body(find_stated_inertia(i), load.t + known.torque[i], h, count, next.q, next.w);
+  return next;
+}
+
+/// The ledger starts empty; the first load is announced from the start state.
+void DockingSim::Impl::start_coupling() {
+  coupling = CouplingState();
+  for (int i : {kChaser, kTarget}) {
+    if (!model->driven[i]) continue;
+    coupling.vehicle[i].received = coupling.vehicle[i].predicted = find_vehicle_state(i);
+    coupling.vehicle[i].told = inputs.vehicle[i];
+  }
+}
+
+/// Take over what hosts tell of their vehicles, at the start of a step of h.
+Status DockingSim::Impl::receive(double h) {
+  if (!has_host()) return {};
+  Status status = evaluate(0.0);
+  if (!status.ok()) return status;
+  const bool first = !(last_step > 0.0);
+  const double energy_before = find_total_energy();
+  const FrameMotion<double> capture = data->capture;
+  const std::array<FrameMotion<double>, 2> before = data->vehicle;
+  std::array<Wrench<double>, 2> momentum_before;
+  for (int i : {kChaser, kTarget}) momentum_before[i] = find_momentum(*model, i, *data);
+  const Wrench<double> inside_before = find_inside_momentum();
+  const std::array<double, kPeakCount> loads_before = find_peak_values();
+  bool grips = has_surfaces() && data->contact.gap <= 0.0;
+  for (int i = 0; i < model->latches.count(); ++i) {
+    grips = grips || discrete.latch[i].mode == LatchMode::kHeld;
+  }
+
+  std::array<bool, 2> told{false, false};
+  for (int i : {kChaser, kTarget}) {
+    if (!model->driven[i]) continue;
+    if (first && is_all_zero(inputs.vehicle[i])) {
+      warnings.push_back(std::string(name_of(i)) +
+                         " is driven, but its motion is all zeros in the first step: taken as not"
+                         " told yet, the step begins at the start values");
+      continue;
+    }
+    status = check_told_attitude(i);
+    if (!status.ok()) return status;
+    told[i] = true;
+    DrivenVehicle& v = coupling.vehicle[i];
+    const VehicleState z = find_told_state(i), inside = find_vehicle_state(i);
+    if (first) {
+      look_at_first_state(i, z, h);
+    } else {
+      const Wrench<double> delivered = find_delivered_impulse(v.held, v.received, z, last_step);
+      v.pending.f -= delivered.f;
+      v.pending.t -= delivered.t;
+      look_at_innovation(i, z);
+    }
+    const VehicleState moved = carry_along(z, v.predicted, inside);
+    set_vehicle_pose(*model, i, moved.x, moved.q, stepper->y());
+    v.received = z;
+    v.told = inputs.vehicle[i];
+  }
+  if (told[kChaser] && grips) {
+    status = hold_capture_body(*model, capture, stepper->y(), *data, *jump_work);
+    if (!status.ok()) return status;
+  }
+  status = match_momenta(told, before, inside_before);
+  if (!status.ok()) return status;
+  status = evaluate(0.0);
+  if (!status.ok()) return status;
+  // The jump may begin a contact, and its forces count as peaks.
+  update_memory();
+  if (has_surfaces() && !discrete.contacted && data->contact.gap <= 0.0) begin_contact(elapsed);
+  const std::array<double, kPeakCount> loads_after = find_peak_values();
+  if (!is_same_within_rounding(loads_before, loads_after)) peaks.begin(elapsed, loads_after);
+  // What the host did to the motion is its work and impulse, not an error of the integration.
+  host_work += find_total_energy() - energy_before;
+  for (int i : {kChaser, kTarget}) {
+    const Wrench<double> now = find_momentum(*model, i, *data);
+    momentum_start[i].f += now.f - momentum_before[i].f;
+    momentum_start[i].t += now.t - momentum_before[i].t;
+  }
+  return {};
+}
+
+/// Momentum of each internal vehicle = momentum of the host's + what it is owed. The mechanism is
+/// referred to the new velocities; what that changes of its momentum is owed, too, so repeat.
+Status DockingSim::Impl::match_momenta(const std::array<bool, 2>& told,
+                                       std::array<FrameMotion<double>, 2> motion,
+                                       const Wrench<double>& inside_before) {
+  constexpr int kRounds = 3;           // contracts with mass of the mechanism / of the vehicle
+  constexpr double kRounding = 1e-14;  // of the momentum
+  const std::array<Wrench<double>, 2> owed{coupling.vehicle[kChaser].pending,
+                                           coupling.vehicle[kTarget].pending};
+  for (int round = 0; round < kRounds; ++round) {
+    for (int i : {kChaser, kTarget}) {
+      if (!told[i]) continue;
+      const DrivenVehicle& v = coupling.vehicle[i];
+      const double* at = stepper->y() + model->layout.pose[i];
+      VehicleState s;
+      s.x = Vec3<double>(at[0], at[1], at[2]);
+      s.q = Vec4<double>(at[3], at[4], at[5], at[6]);
+      Wrench<double> momentum = find_stated_momentum(i, v.received);
+      momentum.f += v.pending.f;
+      momentum.t += v.pending.t;
+      const Mat3<double> R = quat_to_matrix<double>(s.q);
+      s.v = momentum.f / model->stated_mass[i];
+      s.w = find_stated_inertia(i).llt().solve(
+          Vec3<double>(R.transpose() * (momentum.t - s.x.cross(momentum.f))));
+      const Status status =
+          jump_to_velocity(*model, i, motion[i], s.v, s.w, stepper->y(), *data, *jump_work);
+      if (!status.ok()) return status;
+      motion[i].v = s.v;
+      motion[i].w = R * s.w;
+    }
+    if (!told[kChaser]) return {};
+    const Wrench<double> now = find_inside_momentum();
+    Wrench<double>& pending = coupling.vehicle[kChaser].pending;
+    const Wrench<double> last = pending;
+    pending.f = owed[kChaser].f + inside_before.f - now.f;
+    pending.t = owed[kChaser].t + inside_before.t - now.t;
+    const double change = (pending.f - last.f).norm();
+    if (change <= kRounding * model->stated_mass[kChaser] * motion[kChaser].v.norm()) return {};
+  }
+  return {};
+}
+
+Wrench<double> DockingSim::Impl::find_inside_momentum() const {
+  double mass = 0.0;
+  Vec3<double> first_moment;
+  return dockloop::find_inside_momentum<double>(*model, *data, mass, first_moment);
+}
+
+/// Where a driven vehicle is and what its host applied by itself, at the start of an integration.
+void DockingSim::Impl::note_start(CouplingStart& start) const {
+  for (int i : {kChaser, kTarget}) {
+    start.vehicle[i] = find_vehicle_state(i);
+    if (model->layout.told[i] < 0) continue;
+    const double* told = stepper->y() + model->layout.told[i];
+    for (int j = 0; j < 3; ++j) {
+      start.told[i].f[j] = told[j];
+      start.told[i].t[j] = told[3 + j];
+    }
+  }
+}
+
+/// Impulse of the docking system on a vehicle since then: the change of its momentum, not a
+/// quadrature of the load.
+Wrench<double> DockingSim::Impl::find_exerted_impulse(int i, const CouplingStart& start) const {
+  CouplingStart now;
+  note_start(now);
+  const Wrench<double> a = find_stated_momentum(i, start.vehicle[i]),
+                       b = find_stated_momentum(i, now.vehicle[i]);
+  Wrench<double> impulse;
+  impulse.f = (b.f - a.f) - (now.told[i].f - start.told[i].f);
+  impulse.t = (b.t - a.t) - (now.told[i].t - start.told[i].t);
+  return impulse;
+}
+
+/// After a step of h from step_begin: book what was exerted, find the load to tell. Inputs are
+/// still those of the step. @pre evaluate at its end
+void DockingSim::Impl::update_ledgers(double h) {
+  for (int i : {kChaser, kTarget}) {
+    if (!model->driven[i]) continue;
+    DrivenVehicle& v = coupling.vehicle[i];
+    const Wrench<double> exerted = find_exerted_impulse(i, step_begin);
+    v.pending.f += exerted.f;
+    v.pending.t += exerted.t;
+    const VehicleState end = find_vehicle_state(i);
+    v.before = v.held;
+    if (announces()) {
+      v.held = mean_load[i];  // announced for this step
+    } else {
+      const VehicleState told_end = carry_along(v.received, step_begin.vehicle[i], end);
+      v.held = mean_load[i] = find_mean_load(v.pending, v.received, told_end, h);
+    }
+    v.predicted = predict_host(i, v.received, v.held, h);
+    note_step(i, exerted, end, h);
+  }
+  int held = 0;
+  for (int i = 0; i < model->latches.count(); ++i) {
+    held += discrete.latch[i].mode == LatchMode::kHeld;
+  }
+  if (held != coupling.held_latches) {
+    coupling.held_latches = held;
+    coupling.frequency = find_interface_frequency();
+  }
+}
+
+/// Announce the loads of the coming step of h: integrate a copy over it and drop it. What the host
+/// is still owed then is added. @pre inputs are read
+void DockingSim::Impl::look_ahead(double h) {
+  keep(*look_ahead_start);
+  const Counters counters = find_counters();
+  const size_t told = warnings.size();
+  std::array<Wrench<double>, 2> owed{};
+  for (int i : {kChaser, kTarget}) {
+    if (!model->driven[i]) continue;
+    const DrivenVehicle& v = coupling.vehicle[i];
+    owed[i] = v.pending;
+    if (!(last_step > 0.0)) continue;
+    const Wrench<double> delivered =
+        find_delivered_impulse(v.held, v.received, v.predicted, last_step);
+    owed[i].f -= delivered.f;
+    owed[i].t -= delivered.t;
+  }
+  Status status = evaluate(0.0);
+  CouplingStart begin;
+  note_start(begin);
+  if (status.ok()) status = is_fixed_step() ? integrate_fixed(h) : integrate(h);
+  std::array<Wrench<double>, 2> exerted{};
+  std::array<VehicleState, 2> end;
+  if (status.ok()) {
+    for (int i : {kChaser, kTarget}) {
+      if (!model->driven[i]) continue;
+      exerted[i] = find_exerted_impulse(i, begin);
+      end[i] = find_vehicle_state(i);
+    }
+  } else {
+    end = begin.vehicle;  // the step itself will fail and say why; what is owed is announced
+  }
+  restore(*look_ahead_start);
+  set_counters(counters);
+  warnings.resize(told);
+  status_text.clear();
+  for (int i : {kChaser, kTarget}) {
+    if (!model->driven[i]) continue;
+    owed[i].f += exerted[i].f;
+    owed[i].t += exerted[i].t;
+    const VehicleState& from = coupling.vehicle[i].predicted;
+    mean_load[i] = find_mean_load(owed[i], from, carry_along(from, begin.vehicle[i], end[i]), h);
+  }
+}
+
+/// What the host is owed at the present communication point: from the motion that it told since
+/// the step, or from what is predicted of it.
+Wrench<double> DockingSim::Impl::find_owed_impulse(int i) const {
+  const DrivenVehicle& v = coupling.vehicle[i];
+  Wrench<double> owed = v.pending;
+  if (!(last_step > 0.0)) return owed;
+  const bool is_told = !is_same_motion(inputs.vehicle[i], v.told);
+  const Wrench<double> delivered = find_delivered_impulse(
+      v.held, v.received, is_told ? find_told_state(i) : v.predicted, last_step);
+  owed.f -= delivered.f;
+  owed.t -= delivered.t;
+  return owed;
+}
+
+}  // namespace dockloop

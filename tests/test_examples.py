@@ -1,0 +1,93 @@
+"""The examples for users (scripts/examples), run as users run them, give what one FMU gives.
+
+1. The host in numpy, in both modes: the same outcome, the same times, the same peak loads.
+2. Basilisk in orbit, in both modes: likewise.
+3. With the gravity of the target inside the FMU, the vehicles fly to each other as the gradient of
+   gravity says; with that of the chaser they do not notice that they are in orbit.
+4. Options that make no sense are refused in a sentence.
+"""
+
+import importlib.util
+import re
+import subprocess
+import sys
+
+import pytest
+
+from dockloop import paths
+
+EXAMPLES = paths.ROOT / "scripts" / "examples"
+MODES = ("parallel", "sequential")
+PEAKS = [
+    f"capture.peak.{load}" for load in ("compression", "tension", "shear", "bending", "torsion")
+]
+NEEDS_BASILISK = pytest.mark.skipif(
+    importlib.util.find_spec("Basilisk") is None, reason="Basilisk (package bsk) is not installed"
+)
+
+
+def run_example(name, *options):
+    """Run an example; returns the finished process."""
+    return subprocess.run(
+        [sys.executable, EXAMPLES / name, *options], capture_output=True, text=True, check=False
+    )
+
+
+def read_table(name, *options):
+    """Run an example; returns (value with one FMU, difference) by name, outcomes, distance."""
+    process = run_example(name, *options)
+    assert process.returncode == 0, process.stdout + process.stderr
+    assert "WARNING" not in process.stdout
+    rows = re.findall(r"^(\S+) +(?:s|N|N\.m) +\S+ +(\S+) +(\S+)$", process.stdout, re.MULTILINE)
+    table = {quantity: (float(alone), float(difference)) for quantity, alone, difference in rows}
+    table["outcome"] = re.search(r"^outcome +(\S+) +(\S+)$", process.stdout, re.MULTILINE).groups()
+    (table["distance"],) = map(float, re.findall(r"at the end: (\S+) m", process.stdout))
+    return table
+
+
+def check_agreement(table, *, peaks, times, distance):
+    """Both runs capture; peaks differ by less than a fraction, times by s, places by m."""
+    assert table["outcome"] == ("captured", "captured")
+    assert table["time_of_capture"][0] > table["time_of_contact"][0] > 0.0
+    assert all(table[name][0] > 0.0 for name in PEAKS)
+    limits = {"time_of_contact": times, "time_of_capture": times}
+    limits |= {name: peaks * table[name][0] for name in PEAKS}
+    beyond = {n: (table[n][1], limit) for n, limit in limits.items() if abs(table[n][1]) >= limit}
+    assert beyond == {}
+    assert table["distance"] < distance
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_host_in_numpy_docks_as_one_fmu_does(mode):
+    table = read_table("python_host.py", "--mode", mode)
+    # Found: 1.3e-7 of a peak (1e-4 with other steps: impacts magnify rounding), 2.1e-9 s, 2.6e-7 m.
+    check_agreement(table, peaks=1e-3, times=2e-8, distance=2.6e-6)
+
+
+@NEEDS_BASILISK
+@pytest.mark.parametrize("mode", MODES)
+def test_basilisk_docks_in_orbit_as_one_fmu_does_at_rest(mode):
+    table = read_table("basilisk_host.py", "--mode", mode)
+    # Found: 2.2e-5 of a peak (likewise), 1.7e-6 s, 1.8e-7 m: gravity is held over a step, which
+    # moves the target by 8e-10 m a step against the orbit of the chaser.
+    check_agreement(table, peaks=1e-3, times=1.7e-5, distance=1.8e-6)
+
+
+@NEEDS_BASILISK
+def test_the_gradient_of_gravity_pulls_as_it_should_or_not_at_all():
+    # Before contact, one behind the other in orbit: they approach by mu/r^3 times their distance.
+    stop, gradient = 1.5, 3.986004e14 / 6.8e6**3
+    chaser = read_table("basilisk_host.py", "--stop", str(stop))
+    target = read_table("basilisk_host.py", "--stop", str(stop), "--gravity-at", "target")
+    assert chaser["outcome"] == target["outcome"] == ("undecided", "undecided")
+    expected = 0.5 * gradient * 19.25 * stop**2  # the distance falls from 19.3 to 19.1 m
+    assert target["distance"] == pytest.approx(expected, rel=0.01)
+    assert chaser["distance"] < 0.01 * expected
+
+
+@pytest.mark.parametrize("options", [("--step", "0"), ("--stop", "nan"), ("--mode", "both")])
+def test_options_that_make_no_sense_are_refused_in_a_sentence(options):
+    process = run_example("python_host.py", *options)
+    assert process.returncode == 2
+    assert f"argument {options[0]}" in process.stderr
+    assert "Traceback" not in process.stderr
