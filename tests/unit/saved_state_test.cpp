@@ -67,6 +67,8 @@ std::vector<Run> make_runs() {
   runs.push_back({"fixed_steps", ring, [](Parameters& p) { p.solver_method = kFixedRk4; }});
   runs.push_back({"sloped_inputs", ring, [](Parameters& p) { p.contact_thrust = 50.0; }, push});
   runs.push_back({"driven", driven_scene(), [](Parameters&) {}, drive});
+  runs.push_back(
+      {"announced", driven_scene(), [](Parameters& p) { p.coupling_mode = kParallel; }, drive});
   runs.push_back({"other_coordinates", slider_crank_scene()});
   runs.back().seen = "coordinates";
   return runs;
