@@ -6,11 +6,9 @@
 namespace dockloop {
 namespace {
 
-/// Independent mechanism velocities come after the six of the vehicle they hang on.
-constexpr int kVehicle = 6;
-
-int count_coordinates(const Mechanism& mechanism) {
-  return mechanism.vehicle == kBase ? 0 : static_cast<int>(mechanism.plan.ind_v.size()) - kVehicle;
+/// Independent mechanism velocities come after the six of a vehicle that moves.
+int count_vehicle_velocities(const Mechanism& mechanism) {
+  return mechanism.vehicle == kBase ? 0 : 6;
 }
 
 /// Where G moves when the independent velocities in the tree are as they are; (linear, angular).
@@ -46,7 +44,7 @@ void move_coordinates(const DockingModel& model, const VecX<double>& dq, double*
 }  // namespace
 
 BaseJumpWorkspace::BaseJumpWorkspace(const Mechanism& mechanism) {
-  const int n = count_coordinates(mechanism);
+  const int n = static_cast<int>(mechanism.plan.ind_v.size()) - count_vehicle_velocities(mechanism);
   A_qq.setIdentity(n, n);
   J_T.setZero(n, 6);
   X.setZero(n, 6);
@@ -60,8 +58,9 @@ Status jump_to_velocity(const DockingModel& model, int vehicle, const FrameMotio
                         double* y, DockingData<double>& data, BaseJumpWorkspace& work) {
   const int n = static_cast<int>(work.dv.size());
   if (vehicle == kChaser && n > 0) {
-    const Status status = set_vehicle_velocity(model, vehicle, velocity, angular_velocity, y, data);
+    const Status status = calc_mechanism_position(model, y, data);
     if (!status.ok()) return status;
+    const int first = count_vehicle_velocities(model.mechanism);
     MechanismData<double>& mechanism = data.mechanism;
     const Mat3<double>& R = mechanism.tree.R[model.mechanism.vehicle];
     Vec6<double> jump;
@@ -71,36 +70,35 @@ Status jump_to_velocity(const DockingModel& model, int vehicle, const FrameMotio
     work.factor.compute(work.A_qq);
     if (work.factor.info() != Eigen::Success)
       return {StatusCode::kInertiaNotPositive, -1, 0.0, 0.0};
-    work.dv.noalias() = mechanism.A_ind.block(kVehicle, 0, n, kVehicle).lazyProduct(jump);
+    work.dv.noalias() = mechanism.A_ind.block(first, 0, n, first).lazyProduct(jump);
     work.factor.solveInPlace(work.dv);
     const std::vector<int>& ind = model.mechanism.plan.ind_v;
-    for (int j = 0; j < n; ++j) mechanism.tree.v[ind[kVehicle + j]] -= work.dv[j];
+    for (int j = 0; j < n; ++j) mechanism.tree.v[ind[first + j]] -= work.dv[j];
     get_mechanism_state(model, mechanism.tree, y);
   }
   return set_vehicle_velocity(model, vehicle, velocity, angular_velocity, y, data);
 }
 
-Status hold_capture_body(const DockingModel& model, const FrameMotion<double>& capture, double* y,
+Status hold_capture_body(const DockingModel& model, const Pose<double>& capture, double* y,
                          DockingData<double>& data, BaseJumpWorkspace& work) {
   const int n = static_cast<int>(work.dq.size());
   const int body = model.mechanism.model.capture_body;
   if (n == 0 || body == kBase || body == model.mechanism.vehicle) return {};
-  // Position with the vehicle at rest: the Jacobian does not depend on velocities.
-  const Vec3<double> rest = Vec3<double>::Zero();
-  const Status status = set_vehicle_velocity(model, kChaser, rest, rest, y, data);
+  const Status status = calc_mechanism_position(model, y, data);
   if (!status.ok()) return status;
   MechanismData<double>& mechanism = data.mechanism;
   TreeData<double>& tree = mechanism.tree;
   const std::vector<int>& ind = model.mechanism.plan.ind_v;
-  for (int j : ind) tree.v[j] = 0.0;
+  const int first = count_vehicle_velocities(model.mechanism);
+  for (int j : ind) tree.v[j] = 0.0;  // the Jacobian does not depend on velocities
   calc_velocity(model.mechanism, data.base, mechanism);
   const Vec6<double> drift =
       find_capture_velocity(model, data);  // of joints that move by themselves
   for (int j = 0; j < n; ++j) {
-    tree.v[ind[kVehicle + j]] = 1.0;
+    tree.v[ind[first + j]] = 1.0;
     calc_velocity(model.mechanism, data.base, mechanism);
     work.J_T.row(j) = (find_capture_velocity(model, data) - drift).transpose();
-    tree.v[ind[kVehicle + j]] = 0.0;
+    tree.v[ind[first + j]] = 0.0;
   }
   // Least kinetic energy: dq = inv(A) J^T inv(J inv(A) J^T) way; what J cannot reach stays.
   work.A_qq = mechanism.A_ind.bottomRightCorner(n, n);

@@ -5,8 +5,8 @@
 //
 //   velocity   as by an impulse on the vehicle: the joints are free, so loose bodies keep their
 //              momentum and guided ones are taken along, v_q -= inv(A_qq) A_qb dV
-//   pose       a capture body that is in contact stays where it is, for a stiff contact would feel
-//              a micrometre; everything else goes with the vehicle
+//   pose       a capture body that is in contact stays where it is on the target, for a stiff
+//              contact would feel a micrometre; everything else goes with the vehicle
 #pragma once
 
 #include "dynamics/docking_model.hpp"
@@ -28,11 +28,10 @@ Status jump_to_velocity(const DockingModel& model, int vehicle, const FrameMotio
                         const Vec3<double>& velocity, const Vec3<double>& angular_velocity,
                         double* y, DockingData<double>& data, BaseJumpWorkspace& work);
 
-/// After a change of the chaser's pose in y: bring the capture body back to where it was, as far
-/// as the mechanism can, by the motion of least kinetic energy. Nothing happens for a change of
-/// more than 20 mm.
-/// @param capture  motion of G before. @post y
-Status hold_capture_body(const DockingModel& model, const FrameMotion<double>& capture, double* y,
+/// After a change of vehicle poses in y: bring the capture body to a pose, as far as the mechanism
+/// can, by the motion of least kinetic energy. Nothing happens for a way of more than 20 mm.
+/// @param capture  wanted pose of G in O. @post coordinates of the mechanism in y
+Status hold_capture_body(const DockingModel& model, const Pose<double>& capture, double* y,
                          DockingData<double>& data, BaseJumpWorkspace& work);
 
 }  // namespace dockloop

@@ -531,6 +531,12 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
   return sum;
 }
 
+Status calc_mechanism_position(const DockingModel& model, const double* y,
+                               DockingData<double>& data) {
+  put_mechanism_state(model, y, data.mechanism.tree);
+  return calc_position(model.mechanism, data.mechanism);
+}
+
 void set_vehicle_pose(const DockingModel& model, int vehicle, const Vec3<double>& position,
                       const Vec4<double>& attitude, double* y) {
   double* at = y + model.layout.pose[vehicle];
@@ -550,8 +556,7 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
     data.vehicle[kTarget].v = velocity;
     data.vehicle[kTarget].w = frame.R * angular_velocity;
   } else {
-    put_mechanism_state(model, y, data.mechanism.tree);
-    const Status status = calc_position(model.mechanism, data.mechanism);
+    const Status status = calc_mechanism_position(model, y, data);
     if (!status.ok()) return status;
     data.mechanism.tree.v.head<3>() = frame.R.transpose() * velocity;
     data.mechanism.tree.v.segment<3>(3) = angular_velocity;

@@ -162,6 +162,10 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
                             const Vec3<double>& angular_velocity, double* y,
                             DockingData<double>& data);
 
+/// Position, inertia and its factor of the mechanism at the coordinates in y, nothing else.
+Status calc_mechanism_position(const DockingModel& model, const double* y,
+                               DockingData<double>& data);
+
 /// Put a pose (axes of O) into the states of a vehicle.
 void set_vehicle_pose(const DockingModel& model, int vehicle, const Vec3<double>& position,
                       const Vec4<double>& attitude, double* y);

@@ -90,6 +90,15 @@ Status DockingSim::Impl::check_told_attitude(int i) {
   return {};
 }
 
+/// Pose of a docking interface in O, from the state as it stands.
+Pose<double> DockingSim::Impl::find_interface_pose(int i) const {
+  if (!model->moves[i]) return model->fixed_pose[i] * model->interface_pose[i];
+  const double* y = stepper->y() + model->layout.pose[i];
+  const Pose<double> vehicle{quat_to_matrix<double>(Vec4<double>(y[3], y[4], y[5], y[6])),
+                             Vec3<double>(y[0], y[1], y[2])};
+  return vehicle * model->interface_pose[i];
+}
+
 /// What the host makes of a load over h, as far as stated mass and told loads are right.
 VehicleState DockingSim::Impl::predict_host(int i, const VehicleState& z,
                                             const Wrench<double>& load, double h) {
@@ -122,7 +131,8 @@ Status DockingSim::Impl::receive(double h) {
   if (!status.ok()) return status;
   const bool first = !(last_step > 0.0);
   const double energy_before = find_total_energy();
-  const FrameMotion<double> capture = data->capture;
+  const Pose<double> capture{data->capture.R, data->capture.p};
+  const Pose<double> passive{data->interface[kTarget].R, data->interface[kTarget].p};
   const std::array<FrameMotion<double>, 2> before = data->vehicle;
   std::array<Wrench<double>, 2> momentum_before;
   for (int i : {kChaser, kTarget}) momentum_before[i] = find_momentum(*model, i, *data);
@@ -160,8 +170,10 @@ Status DockingSim::Impl::receive(double h) {
     v.received = z;
     v.told = inputs.vehicle[i];
   }
-  if (told[kChaser] && grips) {
-    status = hold_capture_body(*model, capture, stepper->y(), *data, *jump_work);
+  if (grips) {
+    // It stays where it is on the target, which may have been told to be elsewhere.
+    const Pose<double> on_target = find_interface_pose(kTarget) * inverse(passive) * capture;
+    status = hold_capture_body(*model, on_target, stepper->y(), *data, *jump_work);
     if (!status.ok()) return status;
   }
   status = match_momenta(told, before, inside_before);

@@ -91,6 +91,7 @@ struct DockingSim::Impl : SimState {
   Mat3<double> find_stated_inertia(int vehicle) const;
   Wrench<double> find_stated_momentum(int vehicle, const VehicleState& state) const;
   VehicleState find_told_state(int vehicle) const;
+  Pose<double> find_interface_pose(int vehicle) const;
   Status check_told_attitude(int vehicle);
   VehicleState predict_host(int vehicle, const VehicleState& from, const Wrench<double>& load,
                             double h);

@@ -142,7 +142,7 @@ TEST(BaseJump, of_nothing_changes_nothing) {
 TEST(BaseJump, holds_a_capture_body_in_its_pose) {
   RingOnChaser at;
   at.evaluate();
-  const FrameMotion<double> capture = at.data.capture;
+  const Pose<double> capture{at.data.capture.R, at.data.capture.p};
   for (const double size : {1e-3, 1e-4}) {
     RingOnChaser moved;
     const VehicleParameters& p = moved.scene.vehicle[kChaser];
@@ -248,7 +248,7 @@ TEST(Coupling, with_the_right_mass_gives_the_run_in_which_nothing_is_driven) {
     DockingSim free(share(scene));
     free.initialise(0.0, 0.0);
     std::vector<V> velocity;
-    for (int i = 0; i < 40; ++i) {
+    for (int i = 0; i < 24; ++i) {
       ASSERT_TRUE(free.step(h * i, h).ok());
       velocity.push_back(free.outputs().relative_velocity);
     }
@@ -271,7 +271,8 @@ TEST(Coupling, with_the_right_mass_gives_the_run_in_which_nothing_is_driven) {
         }
         const std::string which =
             std::to_string(mode) + std::to_string(who[0]) + std::to_string(who[1]);
-        EXPECT_LE(worst.value, scaled_tolerance(1e-6)) << which << " at " << worst.where;
+        EXPECT_LE(worst.value, scaled_tolerance(3e-9))  // measured 3e-10 of the closing speed
+            << which << " at " << worst.where;
         EXPECT_LE(std::abs(host.sim.outputs().capture_peak[Outputs::kCompression] / peak - 1.0),
                   1e-6)
             << which;
