@@ -361,17 +361,18 @@ over this step, give the vehicle exactly the linear and angular impulse it recei
 <p>Set {v}mass</code>, {v}inertia</code> and the interface to those of your vehicle, {other}. Do
 not feed the loads of the FMU back through <code>force_ext</code>. {v}force</code> and
 {v}torque</code> are the loads at the end of the step; samples of them miss impulses.</p>
-<p>That is the sequential order, <code>coupling.mode</code> = 1. Where all models of a simulation step
-at once with the values of t, as plain masters do, set <code>coupling.mode</code> = 2: then
-{v}force_mean</code> and {v}torque_mean</code> are announced for the coming step, the first time after
-initialisation, for a step of <code>coupling.expected_step</code>. Tell a change of the step beforehand in
-<code>coupling.next_step</code>.</p>
+<p>That is the sequential order, <code>coupling.mode</code> = 1. Where all models of a simulation
+step at once with the values of t, as plain masters do, set <code>coupling.mode</code> = 2: then
+{v}force_mean</code> and {v}torque_mean</code> are announced for the coming step, the first time
+after initialisation, for a step of <code>coupling.expected_step</code>. Tell a change of the step
+beforehand in <code>coupling.next_step</code>.</p>
 <p>Connect <code>gravity</code> if your frame falls, and tell every other load on the vehicle in
-{v}force_ext</code> and {v}torque_ext</code>. Then the step may be long: what the FMU cannot predict of
-your vehicle is corrected at the next communication point, and impulse that your vehicle is still owed is
-kept in <code>coupling.pending_impulse</code>. With a wrong mass the coupling is of first order in the
-step. A wrong mass, a wrong order and a missing gravity are reported in the log (category
-<code>logStatusWarning</code>), with numbers. The default experiment has steps of {step:g} s.</p>"""
+{v}force_ext</code> and {v}torque_ext</code>. Then the step may be long: what the FMU cannot
+predict of your vehicle is corrected at the next communication point, and impulse that your vehicle
+is still owed is kept in <code>coupling.pending_impulse</code>. With a wrong mass the coupling is of
+first order in the step. A wrong mass, a wrong order and a missing gravity are reported in the log
+(category <code>logStatusWarning</code>), with numbers. The default experiment has steps of
+{step:g} s.</p>"""
     )
 
 
