@@ -14,6 +14,10 @@ namespace {
 
 constexpr double kHostStep = 1e-3;  ///< of the host model's attitude [s]
 constexpr int kMaxHostSteps = 10000;
+constexpr double kNormError = 1e-3;    ///< of a quaternion, that is refused
+constexpr double kNormWarning = 1e-6;  ///< that is told
+
+bool is_attitude(const Vec4<double>& q) { return std::abs(q.norm() - 1.0) < kNormError; }
 
 /// Some hosts begin with zeros in every input, before they pass anything on. As a motion this is
 /// impossible: zeros are no attitude.
@@ -73,14 +77,14 @@ VehicleState DockingSim::Impl::find_told_state(int i) const {
 Status DockingSim::Impl::check_told_attitude(int i) {
   const double norm = inputs.vehicle[i].attitude.norm();
   char text[200];
-  if (!(std::abs(norm - 1.0) < 1e-3)) {
+  if (!is_attitude(inputs.vehicle[i].attitude)) {
     std::snprintf(text, sizeof text,
                   "%s.attitude must be a unit quaternion (w, x, y, z); its norm is %.6g",
                   name_of(i), norm);
     status_text = text;
     return {StatusCode::kBadInput, -1, norm, elapsed};
   }
-  if (std::abs(norm - 1.0) > 1e-6) {
+  if (std::abs(norm - 1.0) > kNormWarning) {
     std::snprintf(text, sizeof text,
                   "%s.attitude has the norm %.9g; it is taken as normalised, but the host's "
                   "integration should keep it at 1",
@@ -150,6 +154,7 @@ Status DockingSim::Impl::receive(double h) {
       warnings.push_back(std::string(name_of(i)) +
                          " is driven, but its motion is all zeros in the first step: taken as not"
                          " told yet, the step begins at the start values");
+      mean_load[i] = Wrench<double>();  // a host that passes nothing on was not told either
       continue;
     }
     status = check_told_attitude(i);
@@ -350,7 +355,8 @@ Wrench<double> DockingSim::Impl::find_owed_impulse(int i) const {
   const DrivenVehicle& v = coupling.vehicle[i];
   Wrench<double> owed = v.pending;
   if (!(last_step > 0.0)) return owed;
-  const bool is_told = !is_same_motion(inputs.vehicle[i], v.told);
+  const bool is_told =
+      !is_same_motion(inputs.vehicle[i], v.told) && is_attitude(inputs.vehicle[i].attitude);
   const Wrench<double> delivered = find_delivered_impulse(
       v.held, v.received, is_told ? find_told_state(i) : v.predicted, last_step);
   owed.f -= delivered.f;
