@@ -5,7 +5,8 @@
 3. A step that is refused leaves the FMU as it was: the corrected step succeeds.
 4. Vehicles at rest audit as at rest.
 5. A host that begins with zeros in every input, before it passes anything on, is understood: the
-   first step begins at the start values. Later, or with a position, zeros are no attitude.
+   first step begins at the start values. The same in initialization mode. Later, or with a
+   position, zeros are no attitude.
 """
 
 import numpy as np
@@ -102,6 +103,21 @@ def test_a_host_may_begin_with_zeros_in_every_input(host):
     assert 0.0 < np.linalg.norm(host.vector("relative.position") - before) < 2e-3
     with pytest.raises(FMICallException):
         host.step()
+
+
+@pytest.mark.parametrize(
+    "host", [("target.motion=driven", "target.position=[9, 8, 7]")], indirect=True
+)
+def test_a_host_may_initialise_with_zeros_in_every_input(host):
+    motion = {name: host.vector(f"target.{name}", count) for name, count in MOTION.items()}
+    expected = host.vector("relative.position")
+    put_zeros(host)
+    host.start()
+    assert np.array_equal(host.vector("relative.position"), expected)
+    for name, values in motion.items():
+        host.put(f"target.{name}", values)
+    host.step()
+    assert 0.0 < np.linalg.norm(host.vector("relative.position") - expected) < 2e-3
 
 
 @pytest.mark.parametrize(

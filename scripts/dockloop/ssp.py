@@ -14,7 +14,16 @@ Each vehicle tells the docking how it moves, the docking tells the vehicle what 
     docking.V.force_mean, torque_mean                        ->  V.chaser.force_ext, torque_ext
 
 (V is chaser or target. In its own FMU every vehicle is called `chaser`, the one vehicle of a scene
-that has no other.) The mean load of a step carries the whole impulse of that step.
+that has no other.)
+
+The mean load of a step carries the whole impulse of that step, and a vehicle holds it over the
+step. Which step that is depends on the host. Most are parallel: all components make a step with
+what the others told at its start, so the docking announces the mean of the coming step, for the
+first one already when initialised (`coupling.mode` 2, `coupling.expected_step` that of the
+experiment). For a sequential host, which steps one component after the other, build the package
+with ``--scene coupling.mode=sequential``: the docking comes first then and tells the mean of the
+step that it has just made, and its vehicles make the same step (`coupling.mode` 1). The docking FMU
+starts with the mode by itself, because fmpy.ssp and containers read no values from a package.
 
 Conditions at first contact are placed once, with the vehicles free; all FMUs start from the result.
 What is written is what every importer understands: the connectors that are connected and the
@@ -81,10 +90,10 @@ def build_ssp(
 
 
 def _split(document: dict, source: Path) -> dict[str, dict]:
-    """Return the documents of all FMUs: the vehicles that move, then `docking`.
+    """Return the documents of all FMUs: `docking` and the vehicles that move.
 
-    In this order, because a host may initialise the components one after the other, and a docking
-    must know where its vehicles are.
+    A host may go through them in this order. In parallel mode the docking is the last, so that it
+    is told where its vehicles are before it is initialised; in sequential mode it steps first.
     """
     taken_out = [v for v in _VEHICLES if document.get(v, {"motion": "fixed"})["motion"] != "fixed"]
     if not taken_out:
@@ -99,6 +108,7 @@ def _split(document: dict, source: Path) -> dict[str, dict]:
         )
     place_vehicles(document, source)
     docking = copy.deepcopy(document)
+    docking["coupling"] = {"mode": "parallel", **document.get("coupling", {})}
     documents = {}
     for vehicle in taken_out:
         docking[vehicle]["motion"] = "driven"
@@ -113,6 +123,8 @@ def _split(document: dict, source: Path) -> dict[str, dict]:
             "experiment": document["experiment"],
             "outputs": {"groups": []},
         }
+    if docking["coupling"]["mode"] == "sequential":
+        return {"docking": docking, **documents}
     return {**documents, "docking": docking}
 
 

@@ -97,6 +97,7 @@ struct Scene {
   double restitution = 1.0, restitution_speed = 0.1;        ///< [-] at [m/s]
   SolverSettings solver;
   Experiment experiment;
+  bool parallel_host = false;       ///< start value of coupling.mode
   std::vector<std::string> groups;  ///< output groups of the FMU
   std::string fingerprint;          ///< hash of the document, 32 hex digits: the GUID
   bool has_group(const std::string& group) const;

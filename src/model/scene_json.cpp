@@ -251,6 +251,13 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
     e.tolerance = experiment.has("tolerance") ? experiment.positive("tolerance") : e.tolerance;
     if (!(e.stop > e.start)) experiment.fail("must have stop above start");
   }
+  if (root.has("coupling")) {
+    const JsonReader mode = root.at("coupling").at("mode");
+    scene.parallel_host = mode.text() == "parallel";
+    if (!scene.parallel_host && mode.text() != "sequential") {
+      mode.fail("is '" + mode.text() + "'; it must be sequential or parallel");
+    }
+  }
   if (root.has("outputs")) {
     for (const JsonReader& group : root.at("outputs").list("groups", kMaxItems)) {
       scene.groups.push_back(group.text());

@@ -19,13 +19,6 @@ constexpr double kNormWarning = 1e-6;  ///< that is told
 
 bool is_attitude(const Vec4<double>& q) { return std::abs(q.norm() - 1.0) < kNormError; }
 
-/// Some hosts begin with zeros in every input, before they pass anything on. As a motion this is
-/// impossible: zeros are no attitude.
-bool is_all_zero(const Inputs::Vehicle& in) {
-  return in.position.isZero(0.0) && in.velocity.isZero(0.0) && in.attitude.isZero(0.0) &&
-         in.angular_velocity.isZero(0.0);
-}
-
 /// Without a jump of the loads, peaks are refined across a communication point.
 bool is_same_within_rounding(const std::array<double, kPeakCount>& a,
                              const std::array<double, kPeakCount>& b) {
@@ -151,10 +144,11 @@ Status DockingSim::Impl::receive(double h) {
   for (int i : {kChaser, kTarget}) {
     if (!model->driven[i]) continue;
     if (first && is_all_zero(inputs.vehicle[i])) {
+      coupling.vehicle[i].told = inputs.vehicle[i];
+      mean_load[i] = Wrench<double>();  // a host that was told nothing either holds no load
       warnings.push_back(std::string(name_of(i)) +
                          " is driven, but its motion is all zeros in the first step: taken as not"
                          " told yet, the step begins at the start values");
-      mean_load[i] = Wrench<double>();  // a host that passes nothing on was not told either
       continue;
     }
     status = check_told_attitude(i);

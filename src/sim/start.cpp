@@ -8,6 +8,16 @@
 namespace dockloop {
 namespace {
 
+/// Motion of a vehicle that starts as its scene says.
+Inputs::Vehicle find_start(const VehicleParameters& p) {
+  Inputs::Vehicle start;
+  start.position = p.position;
+  start.velocity = p.velocity;
+  start.attitude = p.attitude;
+  start.angular_velocity = p.angular_velocity;
+  return start;
+}
+
 void check_quaternion(const Vec4<double>& q, const std::string& name) {
   if (!(std::abs(q.norm() - 1.0) < 1e-3)) {
     throw ModelError(name + " must be a unit quaternion (w, x, y, z); its norm is " +
@@ -59,17 +69,13 @@ void DockingSim::Impl::clear() {
   parameters.atol_position = scene->solver.atol_position;
   parameters.atol_velocity = scene->solver.atol_velocity;
   parameters.atol_energy = scene->solver.atol_energy;
-  parameters.coupling_mode = kSequential;
+  parameters.coupling_mode = scene->parallel_host ? kParallel : kSequential;
   parameters.coupling_expected_step = scene->experiment.step;
   parameters.coupling_velocity_tolerance = Parameters().coupling_velocity_tolerance;
   const MechanismModel& m = scene->mechanism;
   const auto zero = [](std::vector<double>& v, size_t n) { v.assign(n, 0.0); };
   for (int i : {kChaser, kTarget}) {
-    inputs.vehicle[i] = Inputs::Vehicle();
-    inputs.vehicle[i].position = scene->vehicle[i].position;
-    inputs.vehicle[i].velocity = scene->vehicle[i].velocity;
-    inputs.vehicle[i].attitude = scene->vehicle[i].attitude;
-    inputs.vehicle[i].angular_velocity = scene->vehicle[i].angular_velocity;
+    inputs.vehicle[i] = find_start(scene->vehicle[i]);
     outputs.vehicle[i] = Outputs::Vehicle();
   }
   inputs.gravity.setZero();
@@ -267,11 +273,12 @@ Status DockingSim::Impl::put_velocity(int i, const Vec3<double>& velocity,
 
 /// Fix the set-up from parameters and inputs as they are now, and start from it.
 void DockingSim::Impl::initialise(double t0, double tolerance) {
-  // A driven vehicle starts where its inputs are.
+  // A driven vehicle starts where its inputs are, or where the scene says if nothing is told yet.
   for (int i : {kChaser, kTarget}) {
     if (scene->motion[i] != Motion::kDriven) continue;
     VehicleParameters& p = parameters.vehicle[i];
-    const Inputs::Vehicle& in = inputs.vehicle[i];
+    const bool untold = is_all_zero(inputs.vehicle[i]);
+    const Inputs::Vehicle in = untold ? find_start(scene->vehicle[i]) : inputs.vehicle[i];
     check_quaternion(in.attitude, i == kChaser ? "chaser.attitude" : "target.attitude");
     p.position = in.position;
     p.velocity = in.velocity;

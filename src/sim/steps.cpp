@@ -282,7 +282,10 @@ void DockingSim::Impl::finish_step(double h) {
     }
   }
   elapsed += h;
-  coupling.follows = h == coupling.suggestion && (coupling.follows || h != last_step);
+  // Suggested for the first step is what is expected: only a change of step shows that the host
+  // follows.
+  const bool changed = last_step > 0.0 && h != last_step;
+  coupling.follows = h == coupling.suggestion && (coupling.follows || changed);
   last_step = h;
   invalidate();
   update_mean_loads(h);

@@ -49,6 +49,13 @@ struct Inputs {
   double next_step = 0.0;  ///< [s] of the step after the coming one, 0 = as that
 };
 
+/// Some hosts begin with zeros in every input, before they pass anything on. As a motion this is
+/// impossible: zeros are no attitude.
+inline bool is_all_zero(const Inputs::Vehicle& in) {
+  return in.position.isZero(0.0) && in.velocity.isZero(0.0) && in.attitude.isZero(0.0) &&
+         in.angular_velocity.isZero(0.0);
+}
+
 /// Calls f(double&) for every input, in an order that depends on the sizes only.
 template <class F>
 void for_each_value(Inputs& inputs, F&& f) {
