@@ -599,7 +599,7 @@ void add_coupling_parameters(Table& table, Parameters& parameter, Inputs& in) {
       .input("coupling.next_step", &in.next_step, kTime,
              "Length of the step after the coming one, over which its load is announced "
              "(parallel; 0: as the coming one)")
-      .not_negative();
+      .limits(0, 10);
 }
 
 void add_coupling_outputs(Table& table, Outputs& out) {

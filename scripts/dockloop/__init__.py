@@ -11,6 +11,13 @@ Modules, in the order in which a docking passes through them::
     summary    a recorded docking in words and numbers
     plots      the same as figures
 
+and many of them::
+
+    sampling      sweep file -> the values of every case
+    sweep         cases -> start values, Dask workers, a journal that can be resumed
+    cases         what happens on a worker: one case of a loaded FMU
+    sweep_report  the table, its summary in words and numbers, figures
+
 Nothing here computes dynamics; that is the C++ core inside the FMU.
 """
 

@@ -1,4 +1,4 @@
-"""The command line: ``dockloop build | ssp | run | check``.
+"""The command line: ``dockloop build | ssp | run | sweep | check``.
 
 Thin on purpose: arguments in, one call into the package, text and exit status out. Exit status:
 0 done, 1 the work failed, 2 bad usage or a bad file. Errors are one sentence on standard error;
@@ -20,6 +20,7 @@ _BUILD_EXAMPLE = (
 )
 _SSP_EXAMPLE = "example: dockloop ssp idss_25t_350t --scene experiment.step=0.002 -o docking.ssp"
 _RUN_EXAMPLE = "example: dockloop run idss_25t_350t --set friction.coefficient=0.2 --stop 12"
+_SWEEP_EXAMPLE = "example: dockloop sweep absorber_1d_speeds --workers 2 --csv"
 _CHECK_EXAMPLE = "example: dockloop check idss_hexapod"
 
 
@@ -118,6 +119,36 @@ def _make_parser() -> argparse.ArgumentParser:
     run.add_argument("--no-plots", action="store_true", help="do not draw figures")
     run.add_argument("--json", action="store_true", help="print the summary as JSON")
 
+    sweep = _add(
+        commands,
+        "sweep",
+        _sweep,
+        "run many dockings: how many capture, and under which loads",
+        _SWEEP_EXAMPLE,
+    )
+    sweep.add_argument("sweep", metavar="SWEEP", help="name of a shipped sweep, or a .toml file")
+    where = sweep.add_mutually_exclusive_group()
+    where.add_argument(
+        "--workers", type=_positive, metavar="N", help="local processes (default: one per core)"
+    )
+    where.add_argument(
+        "--scheduler", metavar="ADDRESS", help="use this Dask cluster, e.g. tcp://host:8786"
+    )
+    sweep.add_argument(
+        "--resume", action="store_true", help="go on with a sweep that was interrupted"
+    )
+    sweep.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="TABLE.parquet",
+        help="the table; journal, summary and plots are written beside it"
+        " (default: build/sweeps/SWEEP/SWEEP.parquet)",
+    )
+    sweep.add_argument("--csv", action="store_true", help="write the table as CSV too")
+    sweep.add_argument("--no-plots", action="store_true", help="do not draw figures")
+    sweep.add_argument("--json", action="store_true", help="print the summary as JSON")
+
     check = _add(commands, "check", _check, "tell whether a mechanism is sound", _CHECK_EXAMPLE)
     check.add_argument("mechanism", metavar="MECHANISM", help="name or .json file")
     check.add_argument(
@@ -136,6 +167,13 @@ def _add(commands, name: str, function, text: str, example: str) -> argparse.Arg
     command.set_defaults(command=function)
     command.add_argument("--debug", action="store_true", help=argparse.SUPPRESS)
     return command
+
+
+def _positive(text: str) -> int:
+    """Parse a whole number above 0. Raises ValueError."""
+    if int(text) < 1:
+        raise argparse.ArgumentTypeError(f"is {text}: must be at least 1")
+    return int(text)
 
 
 def _add_scene_option(command: argparse.ArgumentParser) -> None:
@@ -209,6 +247,52 @@ def _run(options: argparse.Namespace) -> None:
     except OSError as error:
         raise DockloopError(f"{paths.shown(result)}: cannot be written ({error})") from None
     print(json.dumps(summary, indent=2) if options.json else describe(summary))
+
+
+def _sweep(options: argparse.Namespace) -> None:
+    """Run a sweep: cases, table, summary, plots."""
+    if options.output and options.output.suffix != ".parquet":
+        raise UsageError(f"-o {options.output}: must end in .parquet")
+    try:
+        import distributed  # noqa: F401
+        import pyarrow  # noqa: F401
+        import scipy  # noqa: F401
+    except ImportError as error:
+        raise DockloopError(
+            f"sweeps need the package {error.name}: .venv/bin/pip install -e '.[sweep]'"
+        ) from None
+    from dockloop import paths, sweep_report
+    from dockloop.sampling import read_sweep
+    from dockloop.simulate import ProgressBar
+    from dockloop.summary import write_summary
+    from dockloop.sweep import run_sweep
+
+    sweep = read_sweep(options.sweep)
+    name = sweep.path.stem
+    output = options.output or paths.BUILD / "sweeps" / name / f"{name}.parquet"
+    ran = run_sweep(
+        sweep,
+        output,
+        workers=options.workers,
+        scheduler=options.scheduler,
+        resume=options.resume,
+        progress=ProgressBar(name),
+    )
+    planner = ran["planner"]
+    table = sweep_report.make_table(sweep, planner, ran["results"])
+    summary = sweep_report.summarise_sweep(sweep, planner, table, ran)
+    try:
+        files = sweep_report.write_table(table, output, as_csv=options.csv)
+        if not options.no_plots:
+            files += sweep_report.write_sweep_plots(sweep, planner, table, output.with_suffix(""))
+        files.append(output.with_suffix(".json"))
+        summary["files"] = [paths.shown(file) for file in files]
+        write_summary(summary, files[-1])
+    except OSError as error:
+        raise DockloopError(f"{paths.shown(output)}: cannot be written ({error})") from None
+    print(json.dumps(summary, indent=2) if options.json else sweep_report.describe_sweep(summary))
+    if "done" not in summary["status"]:
+        raise DockloopError(f"no case was done, for example: {summary['reasons']['example']}")
 
 
 def _check(options: argparse.Namespace) -> None:

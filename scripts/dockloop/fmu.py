@@ -70,20 +70,26 @@ def place_vehicles(document: dict, source: Path) -> None:
         document: a resolved scene, changed in place.
         source: the scene file, for messages.
     """
+    if warning := find_placement(document, source):
+        print(f"dockloop: warning: {paths.shown(source)}: {warning}", file=sys.stderr)
+
+
+def find_placement(document: dict, source: Path) -> str:
+    """Do the work of `place_vehicles`; returns a warning, or an empty text."""
     if document["initial"]["at"] != "first_contact":
-        return
+        return ""
     with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
         model = Path(folder) / "model.json"
         model.write_text(_to_json(document))
         placed = json.loads(run_core("place", model, source=source))
-    if not placed["touches"]:
-        print(
-            f"dockloop: warning: {paths.shown(source)}: with these conditions the capture"
-            " surfaces never touch; the mating planes meet at the stated time instead",
-            file=sys.stderr,
-        )
     for vehicle in ("chaser", "target"):
         document[vehicle] |= placed[vehicle]
+    if placed["touches"]:
+        return ""
+    return (
+        "with these conditions the capture surfaces never touch; the mating planes meet at the"
+        " stated time instead"
+    )
 
 
 def write_fmu(document: dict, source: Path, output: Path) -> None:

@@ -11,6 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MODELS = ROOT / "modelDescription"
 SCENES = MODELS / "scenes"
 MECHANISMS = MODELS / "mechanisms"
+SWEEPS = MODELS / "sweeps"
 BUILD = ROOT / "build"
 COMPILED = Path(os.environ.get("DOCKLOOP_BUILD", BUILD / "release"))
 CORE = COMPILED / "dockloop-core"

@@ -90,7 +90,7 @@ def resolve_scene(path: Path, overrides: list[str] | tuple[str, ...] = ()) -> di
     Raises:
         UsageError: naming file, member, value and limit.
     """
-    scene = _read_toml(path)
+    scene = read_toml(path)
     for text in overrides:
         apply_override(scene, text)
     schema.check(scene, "scene", path)
@@ -213,7 +213,7 @@ def parse_value(text: str) -> Any:
         return text
 
 
-def _read_toml(path: Path) -> dict:
+def read_toml(path: Path) -> dict:
     """Read a TOML file; errors as one sentence."""
     try:
         return tomllib.loads(path.read_text())

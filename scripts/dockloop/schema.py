@@ -1,4 +1,4 @@
-"""Scene and mechanism files against their JSON Schemas, with errors people can act on.
+"""Scene, mechanism and sweep files against their JSON Schemas, with errors people can act on.
 
 The schemas are part of the project (``modelDescription/*.schema.json``) and document every member.
 An error says which file, which member, its value and the limit, in one sentence.
@@ -26,7 +26,7 @@ _NAMED_TYPES = {
 
 @cache
 def load_schema(name: str) -> dict:
-    """Return ``modelDescription/NAME.schema.json``; `name` is ``scene`` or ``mechanism``."""
+    """Return ``modelDescription/NAME.schema.json`` for ``scene``, ``mechanism`` or ``sweep``."""
     return json.loads((MODELS / f"{name}.schema.json").read_text())
 
 
@@ -44,7 +44,7 @@ def check(document: Any, schema_name: str, source: Path) -> None:
 
     Args:
         document: what was read from the file.
-        schema_name: ``scene`` or ``mechanism``.
+        schema_name: ``scene``, ``mechanism`` or ``sweep``.
         source: the file, for the message.
 
     Raises:

@@ -96,10 +96,10 @@ def run_fmu(
     """
     began = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
-        description, scene = _unpack(path, Path(folder))
+        description, scene = unpack_fmu(path, Path(folder))
         starts = [_parse_setting(text, description) for text in settings]
-        times = _communication_points(description, stop, step)
-        with _Instance(description, folder, label or shown(path)) as instance:
+        times = communication_points(description, stop, step)
+        with Instance(description, folder, label or shown(path)) as instance:
             instance.initialise(starts, times)
             recorder = _Recorder(instance.slave, description, len(times))
             recording = Recording(scene, recorder.names, recorder.units, recorder.values)
@@ -126,18 +126,19 @@ class ProgressBar:
         self._active = sys.stderr.isatty()
         self._next = 0.0
 
-    def __call__(self, part: float) -> None:
-        """Show that `part` (0 to 1) is done; drawn at most ten times a second."""
+    def __call__(self, part: float, note: str = "") -> None:
+        """Show that `part` (0 to 1) is done, and a note; drawn at most ten times a second."""
         now = time.monotonic()
         if not self._active or (now < self._next and part < 1.0):
             return
         self._next = now + 0.1
         bar = "#" * round(30 * part)
         end = "\r\033[K" if part >= 1.0 else ""
-        print(f"\r{self._label} [{bar:30}] {part:4.0%}{end}", end="", file=sys.stderr, flush=True)
+        text = f"\r{self._label} [{bar:30}] {part:4.0%} {note}\033[K{end}"
+        print(text, end="", file=sys.stderr, flush=True)
 
 
-class _Instance:
+class Instance:
     """One instance of an FMU; as a context manager it is freed whatever happens."""
 
     def __init__(self, description: Any, folder: str, label: str) -> None:
@@ -160,16 +161,22 @@ class _Instance:
         except OSError as error:
             raise DockloopError(f"{label}: its binary cannot be loaded ({error})") from None
 
-    def __enter__(self) -> "_Instance":
+    def __enter__(self) -> "Instance":
         try:
             self.slave.instantiate(callbacks=self._callbacks, loggingOn=True)
         except Exception as error:  # noqa: BLE001  FMPy raises a bare Exception here
             self.slave.freeLibrary()
-            raise UsageError(self._sentence(error)) from None
+            raise UsageError(self.sentence(error)) from None
         return self
 
     def __exit__(self, *_: object) -> None:
         self.slave.freeInstance()
+
+    def reset(self) -> None:
+        """Go back to the state after loading; what was logged is forgotten."""
+        self.slave.reset()
+        self.warnings.clear()
+        self._log.clear()
 
     def initialise(self, starts: list[tuple], times: np.ndarray) -> None:
         """Set start values and initialise at times[0]; refusals are the caller's fault."""
@@ -183,7 +190,7 @@ class _Instance:
             slave.enterInitializationMode()
             slave.exitInitializationMode()
         except FMICallException as error:
-            raise UsageError(self._sentence(error)) from None
+            raise UsageError(self.sentence(error)) from None
 
     def read_parameters(self) -> dict[str, float]:
         """Read every Real parameter."""
@@ -215,7 +222,7 @@ class _Instance:
                 if progress:
                     progress((i + 1) / last)
         except FMICallException as error:
-            raise DockloopError(self._sentence(error)) from None
+            raise DockloopError(self.sentence(error)) from None
         self.slave.terminate()
         return {"loop": clock() - began, "do_step": stepping, "read": reading}
 
@@ -226,7 +233,8 @@ class _Instance:
         elif status > _WARNING:
             self._log.append(message)
 
-    def _sentence(self, error: Exception) -> str:
+    def sentence(self, error: Exception) -> str:
+        """Return why the last call failed, in the words of the FMU."""
         text = self._log[-1] if self._log else f"the FMU refused without a message ({error})"
         return f"{self._label}: {text}"
 
@@ -266,7 +274,7 @@ class _Recorder:
             values[columns] = view
 
 
-def _unpack(path: Path, folder: Path) -> tuple[Any, dict]:
+def unpack_fmu(path: Path, folder: Path) -> tuple[Any, dict]:
     """Unpack an FMU of this program; returns its model description and its scene."""
     if not path.is_file():
         raise UsageError(f"{shown(path)}: no such FMU")
@@ -330,7 +338,7 @@ def _parse_as(type_name: str, text: str) -> Any:
     return text
 
 
-def _communication_points(description: Any, stop: float | None, step: float | None) -> np.ndarray:
+def communication_points(description: Any, stop: float | None, step: float | None) -> np.ndarray:
     """Return all communication points [s]; the last step is shorter if it must be."""
     default = description.defaultExperiment
     start = float(default.startTime or 0.0)

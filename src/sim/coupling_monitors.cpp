@@ -123,7 +123,8 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
                   name, coupling.vehicle[i].held.f.norm(), last_step, name, name);
     warn_once(i, kToldLate, text);
   }
-  if (sums.loaded < kEnoughSteps) return;
+  // A motion that is told a step ahead looks like many other things.
+  if (sums.loaded < kEnoughSteps || (coupling.warned[i] & kToldFirst) != 0) return;
   // What a wrong mass leaves unexplained.
   const double by_mass =
       sums.load2 > 0.0 ? sums.innovation2 - sums.innovation_load * sums.innovation_load / sums.load2

@@ -1,0 +1,170 @@
+"""Runs single cases of a sweep; this is all that happens on a worker.
+
+A worker receives the bytes of an FMU once, loads it once and resets it (``fmi2Reset``) before every
+case, so that a case does not know what ran before it, nor where. What goes wrong in a case is its
+result: a status and a sentence.
+"""
+
+import itertools
+import tempfile
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fmpy import fmi2
+from fmpy.fmi1 import FMICallException
+
+from dockloop.errors import DockloopError, UsageError
+from dockloop.simulate import Instance, communication_points, unpack_fmu
+
+_MOST_LOADED = 4  # FMUs that a thread keeps loaded
+_DECIDED = (2, 4, 5)  # outcomes captured, rebound, miss; a partial capture may still become one
+_MINE = threading.local()  # FMUs of this thread: their digest -> LoadedFmu
+
+
+@dataclass(frozen=True)
+class Job:
+    """What to do with an FMU in one case.
+
+    Attributes:
+        starts: start values to set, by name.
+        outputs: outputs to read at the end.
+        stop: end [s]; None: of the default experiment.
+        step: communication step [s]; None: of the default experiment.
+        end_after_outcome: end when the outcome has been decided for this long [s]; None: never.
+    """
+
+    starts: tuple[tuple[str, float | int | bool], ...]
+    outputs: tuple[str, ...]
+    stop: float | None
+    step: float | None
+    end_after_outcome: float | None
+
+
+@dataclass
+class Result:
+    """What became of one case.
+
+    Attributes:
+        status: ``done``, ``refused`` (its start), ``failed`` (a step), ``lost`` (with its worker).
+        reason: why it is not done.
+        warning: what the FMU or the placement had to say.
+        end_time: where it ended [s].
+        outputs: the values of the outputs there; empty unless done.
+    """
+
+    status: str
+    reason: str | None = None
+    warning: str | None = None
+    end_time: float | None = None
+    outputs: tuple[float | int | bool, ...] = ()
+
+
+def run_case(fmu: bytes, digest: str, job: Job) -> Result:
+    """Run one case.
+
+    Args:
+        fmu: the FMU file.
+        digest: its SHA-256.
+        job: what to do.
+    """
+    loaded = _find_loaded(fmu, digest)
+    try:
+        return loaded.run(job)
+    except DockloopError as error:  # start with a fresh instance after a failure
+        _MINE.loaded.pop(digest).close()
+        status = "refused" if isinstance(error, UsageError) else "failed"
+        return Result(status, str(error), end_time=loaded.time)
+
+
+def say_version() -> str:
+    """Return the version of this package; a worker that has it can run cases."""
+    from dockloop import __version__
+
+    return __version__
+
+
+class LoadedFmu:
+    """One instance of an FMU, ready to run case after case."""
+
+    def __init__(self, fmu: bytes) -> None:
+        """Unpack and load the FMU."""
+        self._folder = tempfile.TemporaryDirectory(prefix="dockloop-", dir=_worker_folder())
+        path = Path(self._folder.name) / "case.fmu"
+        path.write_bytes(fmu)
+        self._description, _ = unpack_fmu(path, path.parent)
+        self._variables = {v.name: v for v in self._description.modelVariables}
+        self._instance = Instance(self._description, str(path.parent), "the FMU").__enter__()
+        self._used = False
+        self.time: float | None = None
+
+    def close(self) -> None:
+        """Free the instance and its files."""
+        self._instance.__exit__()
+        self._folder.cleanup()
+
+    def run(self, job: Job) -> Result:
+        """Run one case from its start to its end.
+
+        Raises:
+            UsageError: the start was refused.
+            DockloopError: a step was.
+        """
+        if self._used:
+            self._instance.reset()
+        self._used = True
+        times = communication_points(self._description, job.stop, job.step)
+        self.time = float(times[0])
+        starts = [(self._variables[name], value) for name, value in job.starts]
+        self._instance.initialise(starts, times)
+        try:
+            self._step(times.tolist(), job.end_after_outcome)
+            outputs = tuple(self._read(name) for name in job.outputs)
+            self._instance.slave.terminate()
+        except FMICallException as error:
+            raise DockloopError(f"at {self.time:.9g} s: {self._instance.sentence(error)}") from None
+        warning = "; ".join(self._instance.warnings) or None
+        return Result("done", warning=warning, end_time=self.time, outputs=outputs)
+
+    def _step(self, points: list[float], patience: float | None) -> None:
+        """Step through all points, or until the outcome has been decided for `patience` seconds."""
+        do_step, component = self._instance.slave.fmi2DoStep, self._instance.slave.component
+        decision, since = 0, points[0]
+        for begin, end in itertools.pairwise(points):
+            do_step(component, begin, end - begin, fmi2.fmi2True)
+            self.time = end
+            if patience is not None:
+                outcome = self._read("outcome")
+                if outcome != decision:
+                    decision, since = outcome, end
+                if decision in _DECIDED and end - since >= patience:
+                    return
+
+    def _read(self, name: str) -> Any:
+        variable = self._variables[name]
+        return getattr(self._instance.slave, f"get{variable.type}")([variable.valueReference])[0]
+
+
+def _find_loaded(fmu: bytes, digest: str) -> LoadedFmu:
+    """Return this thread's instance of an FMU; those used longest ago make room."""
+    if not hasattr(_MINE, "loaded"):
+        _MINE.loaded = OrderedDict()
+    loaded = _MINE.loaded
+    if digest not in loaded:
+        if len(loaded) == _MOST_LOADED:
+            loaded.popitem(last=False)[1].close()
+        loaded[digest] = LoadedFmu(fmu)
+    loaded.move_to_end(digest)
+    return loaded[digest]
+
+
+def _worker_folder() -> str | None:
+    """Return the folder of this worker, which outlives no cluster; None outside of one."""
+    from distributed import get_worker
+
+    try:
+        return get_worker().local_directory
+    except ValueError:
+        return None

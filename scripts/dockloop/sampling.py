@@ -1,0 +1,233 @@
+"""From a sweep file to its cases: which values each quantity takes in each case.
+
+Distributions are sampled together, over a unit cube with one dimension per quantity (two per disc):
+at random, as a Latin hypercube or as a scrambled Sobol sequence, always from the seed of the file.
+Every point of the grids meets the same samples, so that differences between grid points are not
+those of chance.
+"""
+
+import itertools
+import math
+import re
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dockloop import schema
+from dockloop.errors import UsageError, did_you_mean
+from dockloop.paths import SWEEPS, shown
+from dockloop.scene import find_scene, read_toml
+
+_MAX_CASES = 10_000_000
+Value = float | int | bool | str
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What varies: its name and, if known, its unit."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep file, checked.
+
+    Attributes:
+        path: the file.
+        text: what it says.
+        scene: the scene file.
+        document: its members, with defaults for all that have one.
+        quantities: what varies, in the order of the columns of `cases`.
+        cases: the value of every quantity in every case.
+    """
+
+    path: Path
+    text: str
+    scene: Path
+    document: dict
+    quantities: list[Quantity]
+    cases: list[tuple[Value, ...]]
+
+
+def read_sweep(reference: str) -> Sweep:
+    """Read a sweep file and draw its cases.
+
+    Args:
+        reference: name of a shipped sweep, or path of a .toml file.
+
+    Raises:
+        UsageError: naming file, member, value and limit.
+    """
+    path = _find_sweep(reference)
+    given = read_toml(path)
+    schema.check(given, "sweep", path)
+    _check_members(given, path)
+    document = {"title": path.stem, "seed": 0, "cases": 1, "sampling": "sobol", "set": {}, **given}
+    document["experiment"] = given.get("experiment", {})
+    beside = path.parent / given["scene"]
+    try:
+        scene = find_scene(str(beside) if beside.suffix == ".toml" else given["scene"])
+    except UsageError as error:
+        raise UsageError(f"{shown(path)}: scene: {error}") from None
+    cases = _draw(document)
+    return Sweep(path, path.read_text(), scene, document, list_quantities(document), cases)
+
+
+def list_quantities(document: dict) -> list[Quantity]:
+    """Return what varies, in the order of the sweep file; a disc gives two."""
+    quantities = []
+    for entry in document["vary"]:
+        first, *direction = _names(entry)
+        quantities.append(Quantity(first, entry.get("unit", "")))
+        quantities += [Quantity(name, "deg") for name in direction]
+    return quantities
+
+
+def list_discs(document: dict) -> list[tuple[str, str]]:
+    """Return magnitude and direction of every disc."""
+    return [tuple(_names(entry)) for entry in document["vary"] if entry["type"] == "disc"]
+
+
+def _find_sweep(reference: str) -> Path:
+    """Find a sweep by name (among the shipped ones) or by path."""
+    path = Path(reference)
+    if path.suffix != ".toml":
+        path = SWEEPS / f"{reference}.toml"
+        if not path.exists():
+            names = [file.stem for file in sorted(SWEEPS.glob("*.toml"))]
+            raise UsageError(
+                f"no sweep '{reference}' in {shown(SWEEPS)}{did_you_mean(reference, names)}:"
+                f" there are {', '.join(names)}; a sweep of your own is given by its path,"
+                " ending in .toml"
+            )
+    if not path.is_file():
+        raise UsageError(f"{shown(path)}: no such sweep file")
+    return path
+
+
+def _names(entry: dict) -> list[str]:
+    return [entry["magnitude"], entry["direction"]] if entry["type"] == "disc" else [entry["name"]]
+
+
+def _check_members(document: dict, path: Path) -> None:
+    """Check what a schema cannot say."""
+    owners: dict[str, str] = dict.fromkeys(document.get("set", {}), "set")
+    grid_points = 1
+    for number, entry in enumerate(document["vary"], 1):
+        where = f"{shown(path)}: vary[{number}]"
+        for name in _names(entry):
+            if name in owners:
+                raise UsageError(f"{where} varies '{name}', which {owners[name]} decides already")
+            owners[name] = f"vary[{number}]"
+        if entry["type"] == "grid":
+            grid_points *= len(entry["values"])
+            kinds = {str if isinstance(v, str) else type(v) for v in entry["values"]}
+            if kinds - {int, float} and len(kinds) > 1:
+                raise UsageError(f"{where}.values has {entry['values']}: must be all of one kind")
+        elif "range" in entry:
+            low, high = entry["range"]
+            if low > high or (low == high and entry["type"] != "disc"):
+                raise UsageError(f"{where}.range is [{low}, {high}]: must ascend")
+            if entry["type"] == "disc" and low < 0.0:
+                raise UsageError(f"{where}.range[1] is {low}: a radius must be at least 0")
+        if entry["type"] == "disc" and not re.search("_deg$", entry["direction"]):
+            raise UsageError(
+                f"{where}.direction is '{entry['direction']}': must be a key in degrees (..._deg)"
+            )
+    total = grid_points * document.get("cases", 1)
+    if total > _MAX_CASES:
+        raise UsageError(
+            f"{shown(path)}: cases times the points of the grids is {total}: must be at most"
+            f" {_MAX_CASES}"
+        )
+    if document.get("cases", 1) > 1 and all(entry["type"] == "grid" for entry in document["vary"]):
+        raise UsageError(
+            f"{shown(path)}: cases is {document['cases']}: must be 1 when only grids vary"
+        )
+
+
+def _draw(document: dict) -> list[tuple[Value, ...]]:
+    """Return the cases: all samples at the first point of the grids, then at the next."""
+    entries = document["vary"]
+    grids = [entry["values"] for entry in entries if entry["type"] == "grid"]
+    drawn = [entry for entry in entries if entry["type"] != "grid"]
+    width = sum(len(_names(entry)) for entry in drawn)
+    cube = _sample_cube(document["sampling"], document["cases"], width, document["seed"])
+    columns: list[np.ndarray] = []
+    for entry in drawn:
+        place = len(columns)
+        columns += _TRANSFORMS[entry["type"]](entry, *cube.T[place : place + len(_names(entry))])
+    samples = np.column_stack(columns).tolist() if columns else [[]]
+
+    cases = []
+    for point in itertools.product(*grids):
+        for sample in samples:
+            on_grid, off_grid = iter(point), iter(sample)
+            case = []
+            for entry in entries:
+                source = on_grid if entry["type"] == "grid" else off_grid
+                case += itertools.islice(source, len(_names(entry)))
+            cases.append(tuple(case))
+    return cases
+
+
+def _sample_cube(sampling: str, count: int, width: int, seed: int) -> np.ndarray:
+    """Return points of the unit cube, shape (count, width)."""
+    from scipy.stats import qmc
+
+    if width == 0 or sampling == "random":
+        return np.random.default_rng(seed).random((count, width))
+    if sampling == "latin_hypercube":
+        return qmc.LatinHypercube(width, rng=np.random.default_rng(seed)).random(count)
+    with warnings.catch_warnings():  # "balanced only if a power of 2": the file decides that
+        warnings.simplefilter("ignore", UserWarning)
+        return qmc.Sobol(width, rng=np.random.default_rng(seed)).random(count)
+
+
+def _uniform(entry: dict, u: np.ndarray) -> list[np.ndarray]:
+    low, high = entry["range"]
+    return [low + (high - low) * u]
+
+
+def _normal(entry: dict, u: np.ndarray) -> list[np.ndarray]:
+    """Invert the distribution function, so that strata of `u` are strata of the quantity."""
+    from scipy.stats import truncnorm
+
+    mean, deviation = entry["mean"], entry["deviation"]
+    low, high = ((x - mean) / deviation for x in entry.get("range", (-math.inf, math.inf)))
+    smallest = 2.0**-53  # a sample of exactly 0 would be at minus infinity
+    return [mean + deviation * truncnorm.ppf(np.maximum(u, smallest), low, high)]
+
+
+def _disc(entry: dict, u: np.ndarray, w: np.ndarray) -> list[np.ndarray]:
+    """Areas within a radius grow with its square, so the square is uniform."""
+    inner, outer = entry["range"]
+    return [np.sqrt(inner**2 + (outer**2 - inner**2) * u), 360.0 * w]
+
+
+_TRANSFORMS: dict[str, Callable[..., list[np.ndarray]]] = {
+    "uniform": _uniform,
+    "normal": _normal,
+    "disc": _disc,
+}
+
+
+def to_text(value: Value) -> str:
+    """Return a value as it is written in TOML and after ``KEY=``, with all digits."""
+    match value:
+        case bool():
+            return str(value).lower()
+        case str():
+            return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return repr(value)
+
+
+def as_setting(name: str, value: Any) -> str:
+    """Return ``NAME=VALUE`` for ``--scene`` or ``--set``."""
+    return f"{name}={to_text(value)}"

@@ -1,0 +1,577 @@
+"""Runs many dockings: plans the cases, sends them to Dask workers, keeps every result at once.
+
+Planning a case means resolving the scene with its values and placing the vehicles, here, by
+dockloop-core; workers need neither core nor scene. What an FMU can be told by start values is told
+that way, so that cases share one FMU; it is built once per combination of all other scene keys.
+
+Results are appended to a journal (JSON lines) as they arrive, in any order. ``--resume`` reads it
+back and runs what is missing: a case is known by its values, not by its number, so that a sweep may
+also be continued with more cases.
+"""
+
+import datetime
+import fcntl
+import hashlib
+import itertools
+import json
+import logging
+import os
+import tempfile
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from dockloop import __version__
+from dockloop.cases import Job, Result, run_case, say_version
+from dockloop.errors import DockloopError, UsageError, did_you_mean
+from dockloop.fmu import find_placement, write_fmu
+from dockloop.paths import shown
+from dockloop.sampling import Quantity, Sweep, Value, as_setting
+from dockloop.scene import resolve_scene, scene_keys
+from dockloop.simulate import ProgressBar, communication_points, unpack_fmu
+
+# Members of a resolved scene that an FMU takes as start values, with the names of their variables.
+_SETTABLE = {
+    **{
+        (vehicle, member): f"{vehicle}.{member}"
+        for vehicle in ("chaser", "target")
+        for member in (
+            *("position", "velocity", "attitude", "angular_velocity"),
+            *("mass", "mass_includes_mechanism"),
+            *("contact_thrust", "contact_thrust_delay"),
+        )
+    },
+    ("contact", "friction_coefficient"): "friction.coefficient",
+}
+_PLACED = ("capture_body", "joints")  # of [initial], all that the FMU reads itself
+_OUTCOMES = (
+    *("outcome", "time_of_contact", "time_of_capture"),
+    *(f"capture.peak.{load}" for load in ("compression", "tension", "shear", "bending", "torsion")),
+    *("capture.peak.load_ratio", "energy.residual"),
+)
+_UNITS = {"_deg_s": "deg/s", "_deg": "deg", "_speed": "m/s", "_offset": "m", "_time": "s"}
+_KEPT_FMUS = 16  # that cases of a sweep share at a time
+_AHEAD = 4  # cases planned per thread of the cluster
+_SYNC = 1.0  # s between two times that the journal is forced to the disk
+
+
+class InterruptedSweepError(DockloopError):
+    """Stopped by the user; what is done is in the journal."""
+
+    exit_status = 130
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A case that can be sent to a worker.
+
+    Attributes:
+        fmu: key of its FMU, for `Planner.fmu`.
+        job: what to do with it.
+        warning: what the placement had to say.
+    """
+
+    fmu: str
+    job: Job
+    warning: str | None
+
+
+class Planner:
+    """Turns the values of a case into start values of an FMU.
+
+    Attributes:
+        base: the resolved scene with ``[set]``, before anything varies.
+        base_key: key of its FMU.
+        quantities: what varies, with units.
+        outcomes: names of the outputs to collect.
+        variables: of the FMU of `base`, by name.
+        base_digest: SHA-256 of that FMU.
+        built: number of FMUs built so far.
+        times: communication points of a case that runs to its stop.
+    """
+
+    def __init__(self, sweep: Sweep) -> None:
+        """Build the FMU of the base scene and check all names of the sweep against it."""
+        self._sweep = sweep
+        self._keys = set(scene_keys())
+        self._fmus: OrderedDict[str, tuple[str, bytes]] = OrderedDict()
+        self.built = 0
+        fixed = sweep.document["set"]
+        self._fixed_scene = [as_setting(n, v) for n, v in fixed.items() if self.is_scene_key(n)]
+        self._fixed_starts = {n: v for n, v in fixed.items() if not self.is_scene_key(n)}
+        self.base = resolve_scene(sweep.scene, self._fixed_scene)
+        find_placement(self.base, sweep.scene)
+        self.base_key = json.dumps(self.base)
+        self.base_digest, fmu = self.fmu(self.base_key)
+        description = _read_description(fmu)
+        self.variables = {v.name: v for v in description.modelVariables}
+        for name, value in fixed.items():
+            self._check_name(name, "set", [value])
+        for number, quantity in enumerate(sweep.quantities):
+            examples = {type(case[number]): case[number] for case in sweep.cases}
+            self._check_name(quantity.name, "vary", examples.values())
+        self.quantities = [self._with_unit(quantity) for quantity in sweep.quantities]
+        self.outcomes = self._find_outcomes()
+        experiment = sweep.document["experiment"]
+        self.times = communication_points(
+            description, experiment.get("stop"), experiment.get("step")
+        )
+
+    def is_scene_key(self, name: str) -> bool:
+        """Tell whether a name is a key of the scene; if not, it is a start value of the FMU."""
+        return name in self._keys or name.startswith(("mechanism.set.", "initial.joints."))
+
+    def plan(self, values: tuple[Value, ...]) -> Plan:
+        """Plan one case.
+
+        Raises:
+            UsageError: the scene refuses these values.
+        """
+        scene, starts = list(self._fixed_scene), dict(self._fixed_starts)
+        for quantity, value in zip(self.quantities, values, strict=True):
+            if self.is_scene_key(quantity.name):
+                scene.append(as_setting(quantity.name, value))
+            else:
+                starts[quantity.name] = value
+        document = resolve_scene(self._sweep.scene, scene)
+        warning = find_placement(document, self._sweep.scene)
+        key = self._key(document)
+        told = {**self._differences(document), **starts}
+        experiment = self._sweep.document["experiment"]
+        job = Job(
+            tuple((name, self._as_type(name, value)) for name, value in told.items()),
+            tuple(self.outcomes),
+            experiment.get("stop"),
+            experiment.get("step"),
+            experiment.get("end_after_outcome"),
+        )
+        return Plan(key, job, warning or None)
+
+    def fmu(self, key: str) -> tuple[str, bytes]:
+        """Return the SHA-256 and the bytes of the FMU of a key; builds it if it is not at hand."""
+        if key not in self._fmus:
+            with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
+                path = Path(folder) / "sweep.fmu"
+                write_fmu(json.loads(key), self._sweep.scene, path)
+                fmu = path.read_bytes()
+            self._fmus[key] = (hashlib.sha256(fmu).hexdigest(), fmu)
+            self.built += 1
+            if len(self._fmus) > _KEPT_FMUS:
+                self._fmus.popitem(last=False)
+        self._fmus.move_to_end(key)
+        return self._fmus[key]
+
+    def make_command(self, values: tuple[Value, ...], end: float) -> list[str]:
+        """Return the words of the command that runs one case by itself."""
+        names = [quantity.name for quantity in self.quantities]
+        settings = {**self._sweep.document["set"], **dict(zip(names, values, strict=True))}
+        words = ["dockloop", "run", self._sweep.document["scene"]]
+        if self._sweep.document["scene"].endswith(".toml"):
+            words[-1] = shown(self._sweep.scene)
+        for name, value in settings.items():
+            words += ["--scene" if self.is_scene_key(name) else "--set", as_setting(name, value)]
+        step = self._sweep.document["experiment"].get("step", self.base["experiment"]["step"])
+        return [*words, "--stop", repr(float(end)), "--step", repr(step)]
+
+    def without_folder(self, text: str) -> str:
+        """Return a sentence that names the scene file wherever one stands."""
+        return text.replace(shown(self._sweep.scene), self._sweep.scene.name)
+
+    def _key(self, document: dict) -> str:
+        """Return the document of the FMU for this one: what can be set is as in the base."""
+        common = json.loads(json.dumps(document))
+        for section, name in self._settable(document):
+            common[section][name] = self.base[section][name]
+        common["initial"] = {
+            **self.base["initial"],
+            **{name: document["initial"][name] for name in _PLACED},
+        }
+        return json.dumps(common)
+
+    def _settable(self, document: dict) -> Iterator[tuple[str, str]]:
+        """Yield the members of a document that the FMU of the base takes as start values."""
+        for (section, member), variable in _SETTABLE.items():
+            both = (self.base.get(section, {}), document.get(section, {}))
+            known = variable in self.variables or f"{variable}[1]" in self.variables
+            if known and all(member in group for group in both):
+                yield section, member
+
+    def _differences(self, document: dict) -> dict[str, Any]:
+        """Return what the FMU of `_key(document)` must be told to be that of the document."""
+        told = {}
+        for section, member in self._settable(document):
+            value, variable = document[section][member], _SETTABLE[section, member]
+            if value == self.base[section][member]:
+                continue
+            if isinstance(value, list):
+                told |= {f"{variable}[{i}]": entry for i, entry in enumerate(value, 1)}
+            else:
+                told[variable] = value
+        return told
+
+    def _as_type(self, name: str, value: Value) -> Value:
+        return {"Real": float, "Integer": int, "Boolean": bool}[self.variables[name].type](value)
+
+    def _check_name(self, name: str, where: str, values: Any) -> None:
+        """Check that there is something of this name that takes values of this kind."""
+        place = f"{shown(self._sweep.path)}: {where} '{name}'"
+        if self.is_scene_key(name):
+            placed = name.startswith("initial.") and name.split(".")[1] not in ("at", *_PLACED)
+            if placed and where == "vary" and self.base["initial"]["at"] != "first_contact":
+                raise UsageError(f"{place}: has no effect while initial.at is not 'first_contact'")
+            return
+        variable = self.variables.get(name)
+        if variable is None:
+            near = did_you_mean(name, [*self._keys, *self.variables])
+            raise UsageError(
+                f"{place}: is neither a key of the scene nor a variable of its FMU{near}"
+            )
+        if variable.causality not in ("parameter", "input") and variable.initial != "exact":
+            raise UsageError(f"{place}: is computed by the FMU and has no start value")
+        kinds = {"Real": (int, float), "Integer": (int,), "Boolean": (bool,)}[variable.type]
+        for value in values:
+            if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
+                kind = {"Real": "a number", "Integer": "a whole number", "Boolean": "true or false"}
+                raise UsageError(f"{place}: takes {value!r}: must be {kind[variable.type]}")
+
+    def _with_unit(self, quantity: Quantity) -> Quantity:
+        """Fill in a unit that the sweep file leaves out."""
+        name, unit = quantity.name, quantity.unit
+        section, _, member = name.partition(".")
+        variable = self.variables.get(_SETTABLE.get((section, member), name))
+        if not unit and variable is not None:
+            unit = variable.unit or ""
+        if not unit and section == "initial":
+            unit = next((text for end, text in _UNITS.items() if name.endswith(end)), "")
+        return Quantity(name, unit)
+
+    def _find_outcomes(self) -> list[str]:
+        """Return the outputs to collect, checked against those of the FMU."""
+        outputs = [v.name for v in self.variables.values() if v.causality == "output"]
+        document, place = self._sweep.document, shown(self._sweep.path)
+        chosen = document.get("outcomes", [name for name in _OUTCOMES if name in outputs])
+        for name in chosen:
+            if name not in outputs:
+                near = did_you_mean(name, outputs)
+                raise UsageError(
+                    f"{place}: outcomes lists '{name}', which is no output of the FMU of"
+                    f" {shown(self._sweep.scene)}{near}"
+                )
+        if not chosen:
+            raise UsageError(f"{place}: outcomes must list some: the scene has none of the usual")
+        if document.get("worst", chosen[0]) not in chosen:
+            raise UsageError(
+                f"{place}: worst is '{document['worst']}': must be one of the outcomes"
+                f"{did_you_mean(document['worst'], chosen)}"
+            )
+        if "end_after_outcome" in document["experiment"] and "outcome" not in outputs:
+            raise UsageError(
+                f"{place}: experiment.end_after_outcome needs the output 'outcome' (group phase)"
+            )
+        return list(chosen)
+
+
+class Journal:
+    """Results of a sweep, one line each, appended as they arrive.
+
+    Attributes:
+        known: results by the values of their cases.
+        path: the file.
+    """
+
+    def __init__(self, path: Path, setup: dict, cases: int, *, resume: bool) -> None:
+        """Open a journal, or begin it anew.
+
+        Args:
+            path: the file.
+            setup: all that decides the results beside the values; must be that of the file.
+            cases: how many there will be.
+            resume: go on with what the file holds.
+
+        Raises:
+            UsageError: the file belongs to another set-up, or is unfinished and not to be resumed.
+        """
+        self.path, self.known = path, {}
+        self._synced = time.monotonic()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("a+b")
+        except OSError as error:
+            raise DockloopError(f"{shown(path)}: cannot be written ({error.strerror})") from None
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise UsageError(f"{shown(path)}: another sweep is writing it") from None
+        header, intact = self._read()
+        if header is not None and not resume and len(self.known) < header["cases"]:
+            raise UsageError(
+                f"{shown(path)}: holds {len(self.known)} of {header['cases']} cases of a sweep that"
+                " was interrupted: go on with --resume, or delete the file"
+            )
+        if header is not None and resume:
+            old = header["setup"]
+            other = [name for name in setup if old.get(name) != setup[name]]
+            if other:
+                raise UsageError(
+                    f"{shown(path)}: cannot be resumed, it was made with another"
+                    f" {', '.join(other)}: delete the file, or write elsewhere with -o"
+                )
+        else:
+            self.known.clear()
+            intact = 0
+        self._file.truncate(intact)  # what was cut off in the middle of a line is done again
+        if not intact:
+            self._write({"setup": setup, "cases": cases})
+
+    def add(self, values: tuple[Value, ...], result: Result) -> None:
+        """Append one result; a case that was lost with its worker is not recorded."""
+        self.known[values] = result
+        if result.status != "lost":
+            self._write({"values": values, **asdict(result)})
+
+    def close(self) -> None:
+        """Force everything to the disk."""
+        os.fsync(self._file.fileno())
+        self._file.close()
+
+    def _write(self, line: dict) -> None:
+        self._file.write(json.dumps(line).encode() + b"\n")
+        self._file.flush()
+        now = time.monotonic()
+        if now - self._synced > _SYNC:
+            os.fsync(self._file.fileno())
+            self._synced = now
+
+    def _read(self) -> tuple[dict | None, int]:
+        """Return the header and the length of the intact part; fills `known`."""
+        header, intact = None, 0
+        self._file.seek(0)
+        for raw in self._file:
+            try:
+                line = json.loads(raw) if raw.endswith(b"\n") else None
+                if line is None:
+                    break
+                if header is None:
+                    header = {"setup": line["setup"], "cases": line["cases"]}
+                else:
+                    values = tuple(line.pop("values"))
+                    result = Result(**line)
+                    result.outputs = tuple(result.outputs)
+                    self.known[values] = result
+            except (ValueError, KeyError, TypeError):
+                raise UsageError(f"{shown(self.path)}: is no journal of a sweep") from None
+            intact += len(raw)
+        return header, intact
+
+
+def run_sweep(
+    sweep: Sweep,
+    output: Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    progress: ProgressBar | None = None,
+) -> dict:
+    """Run all cases of a sweep that are not done yet.
+
+    Args:
+        sweep: what to do.
+        output: the table that will be written; the journal is beside it.
+        workers: local processes; default: one per processor.
+        scheduler: address of a Dask scheduler to use instead.
+        resume: go on with an interrupted sweep.
+        progress: shows how far it is.
+
+    Returns:
+        ``planner``, ``results`` (one per case, in order), ``ran`` (cases run now), ``wall`` [s] and
+        ``workers``.
+
+    Raises:
+        UsageError: the sweep, a name in it or the journal is bad.
+        DockloopError: the cluster cannot be used, or a defect showed on a worker.
+        InterruptedSweepError: by Ctrl-C.
+    """
+    planner = Planner(sweep)
+    setup = {
+        "dockloop": __version__,
+        "FMU": planner.base_digest,
+        "set": sweep.document["set"],
+        "quantities": [quantity.name for quantity in planner.quantities],
+        "outcomes": planner.outcomes,
+        "experiment": sweep.document["experiment"],
+    }
+    journal = Journal(output.with_suffix(".jsonl"), setup, len(sweep.cases), resume=resume)
+    missing = [values for values in dict.fromkeys(sweep.cases) if values not in journal.known]
+    done = len(sweep.cases) - len(missing)
+    began, threads = time.perf_counter(), 0
+    try:
+        if missing:
+            with _open_cluster(workers, scheduler, len(missing)) as client:
+                began = time.perf_counter()
+                threads = sum(client.nthreads().values())
+                report = _make_report(progress, done, len(sweep.cases), journal)
+                _run_cases(client, planner, missing, journal.add, report)
+    except KeyboardInterrupt:
+        raise InterruptedSweepError(
+            f"interrupted with {sum(case in journal.known for case in sweep.cases)} of"
+            f" {len(sweep.cases)} cases in {shown(journal.path)}; the same command with --resume"
+            " goes on"
+        ) from None
+    finally:
+        journal.close()
+    return {
+        "planner": planner,
+        "results": [journal.known[values] for values in sweep.cases],
+        "ran": len(missing),
+        "wall": time.perf_counter() - began,
+        "workers": threads,
+    }
+
+
+def _run_cases(
+    client: Any,
+    planner: Planner,
+    cases: list[tuple],
+    keep: Callable[[tuple, Result], None],
+    report: Callable[[], None],
+) -> None:
+    """Plan cases, send a few more than the cluster has threads, keep what comes back.
+
+    An FMU travels as the result of a task of its own: every worker that needs it gets it once, and
+    when the workers that had it are gone the scheduler makes it again.
+    """
+    from distributed import as_completed
+
+    todo, running, arriving = iter(cases), {}, as_completed()
+    sent: OrderedDict[str, tuple[str, Any]] = OrderedDict()
+
+    def submit_next() -> bool:
+        for values in todo:
+            try:
+                plan = planner.plan(values)
+                if plan.fmu not in sent:
+                    digest, fmu = planner.fmu(plan.fmu)
+                    sent[plan.fmu] = (digest, client.submit(bytes, fmu, key=f"fmu-{digest}"))
+            except UsageError as error:
+                keep(values, Result("refused", planner.without_folder(str(error))))
+                report()
+                continue
+            sent.move_to_end(plan.fmu)
+            if len(sent) > _KEPT_FMUS:
+                sent.popitem(last=False)
+            digest, fmu_there = sent[plan.fmu]
+            future = client.submit(run_case, fmu_there, digest, plan.job, pure=False)
+            running[future] = (values, plan)
+            arriving.add(future)
+            return True
+        return False
+
+    def fill() -> None:
+        most = _AHEAD * max(1, sum(client.nthreads().values()))
+        while len(running) < most and submit_next():
+            pass
+
+    fill()
+    for future in arriving:
+        values, plan = running.pop(future)
+        result = _get_result(future)
+        warnings = [text for text in (plan.warning, result.warning) if text]
+        result.warning = "; ".join(warnings) or None
+        keep(values, result)
+        report()
+        fill()
+
+
+def _get_result(future: Any) -> Result:
+    """Return what a worker made of a case, or say what became of the worker."""
+    from distributed import CancelledError, KilledWorker
+
+    try:
+        return future.result()
+    except KilledWorker as error:
+        attempts = getattr(error, "allowed_failures", 0) + 1
+        return Result("lost", f"{attempts} workers in turn died while they had this case")
+    except (CancelledError, OSError) as error:
+        raise DockloopError(
+            f"the Dask scheduler is gone ({error}); the same command with --resume goes on"
+        ) from None
+
+
+@contextmanager
+def _open_cluster(workers: int | None, scheduler: str | None, cases: int) -> Iterator[Any]:
+    """Connect to a scheduler, or start local processes that end with the sweep."""
+    import dask
+    from distributed import Client, LocalCluster
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout=10)
+        except (OSError, ValueError) as error:
+            raise DockloopError(f"--scheduler {scheduler}: cannot be reached ({error})") from None
+        with client:
+            _check_workers(client, scheduler)
+            yield client
+        return
+    count = min(workers or len(os.sched_getaffinity(0)), cases)
+    # A Ctrl-C reaches all processes of a terminal: workers leave it to this one.
+    ignore = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+    with (
+        dask.config.set({"distributed.worker.preload": [ignore]}),
+        tempfile.TemporaryDirectory(prefix="dockloop-", ignore_cleanup_errors=True) as folder,
+        LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            dashboard_address=None,
+            scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # its page of health, unseen
+            memory_limit=None,
+            silence_logs=logging.CRITICAL,
+            local_directory=folder,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+def _check_workers(client: Any, scheduler: str) -> None:
+    """Check that the workers of a foreign cluster have this package."""
+    found: set[str] = set()
+    with suppress(Exception):  # whatever it is, the sentence below says what is needed
+        client.wait_for_workers(1, timeout=30)
+        found = set(client.run(say_version).values())
+    if found != {__version__}:
+        raise DockloopError(
+            f"--scheduler {scheduler}: it must have at least one worker, and all of them need the"
+            f" Python package dockloop {__version__} (nothing compiled)"
+        )
+
+
+def _make_report(
+    progress: ProgressBar | None, done: int, total: int, journal: Journal
+) -> Callable[[], None]:
+    """Return a function that moves the progress bar by one case: rate and remaining time."""
+    began, ran = time.monotonic(), itertools.count(1)
+
+    def report() -> None:
+        now = next(ran)
+        rate = now / max(time.monotonic() - began, 1e-9)
+        left = max(0, total - done - now)
+        if progress:
+            left_time = datetime.timedelta(seconds=round(left / rate))
+            note = f"{done + now} of {total}, {rate:.2f} per second, {left_time} left"
+            progress((done + now) / total, note)
+
+    return report
+
+
+def _read_description(fmu: bytes) -> Any:
+    """Return the model description of an FMU."""
+    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
+        path = Path(folder) / "sweep.fmu"
+        path.write_bytes(fmu)
+        return unpack_fmu(path, Path(folder))[0]

@@ -1,0 +1,392 @@
+"""What a sweep found: the table, a summary for programs and for people, figures.
+
+The table (Parquet) has one row per case: its number, the quantities, the status and the reason of
+a failure, the outcomes at its end. It knows nothing of workers and clocks, so that the same sweep
+gives the same file. Units and descriptions are in the metadata of the columns; the whole set-up is
+in the metadata of the table, under keys that begin with ``dockloop.``.
+"""
+
+import csv
+import json
+import math
+import platform
+import shlex
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dockloop import __version__
+from dockloop.cases import Result
+from dockloop.sampling import Sweep, list_discs
+from dockloop.summary import LOADS, OUTCOMES, PHASES
+from dockloop.sweep import Planner
+
+_TEXTS = {"outcome": OUTCOMES, "phase": PHASES}  # Integers of the FMU that the table spells out
+_NEVER = ("time_of_contact", "time_of_capture")  # negative: it did not happen; null in the table
+_STATUS = ("done", "refused", "failed", "lost")
+_COLOURS = {
+    "captured": "tab:blue",
+    "partial capture": "tab:orange",
+    "rebound": "tab:red",
+    "miss": "tab:purple",
+    "undecided": "0.5",
+    "not run": "black",
+}
+_PEAK = "capture.peak."
+_BINS = 8
+_COLUMNS = 4  # panels of a figure side by side
+
+
+def make_table(sweep: Sweep, planner: Planner, results: list[Result]) -> Any:
+    """Return the table of a sweep as a ``pyarrow.Table``.
+
+    Args:
+        sweep: what was to be done.
+        planner: how it was done.
+        results: one per case.
+    """
+    import pyarrow
+
+    columns, fields = [], []
+
+    def add(name: str, values: list, unit: str = "", description: str = "") -> None:
+        array = pyarrow.array(values)
+        if pyarrow.types.is_null(array.type):
+            array = array.cast(pyarrow.string() if name in ("reason", "warning") else "double")
+        columns.append(array)
+        metadata = {"unit": unit, "description": description}
+        fields.append(pyarrow.field(name, array.type, metadata=metadata))
+
+    add("case", list(range(1, len(results) + 1)), description="number of the case, from 1")
+    for number, quantity in enumerate(planner.quantities):
+        values = [case[number] for case in sweep.cases]
+        if {type(value) for value in values} == {int, float}:
+            values = [float(value) for value in values]
+        add(quantity.name, values, quantity.unit, "varied")
+    add("status", [r.status for r in results], description=", ".join(_STATUS))
+    add("reason", [r.reason for r in results], description="why a case is not done")
+    add("warning", [r.warning for r in results], description="what placement or FMU had to say")
+    add("end_time", [r.end_time for r in results], "s", "where the case ended")
+    for number, name in enumerate(planner.outcomes):
+        values = [_outcome_value(name, r.outputs[number]) if r.outputs else None for r in results]
+        variable = planner.variables[name]
+        add(name, values, variable.unit or "", variable.description or "")
+
+    schema = pyarrow.schema(fields, metadata=_make_metadata(sweep, planner))
+    return pyarrow.Table.from_arrays(columns, schema=schema)
+
+
+def write_table(table: Any, path: Path, *, as_csv: bool = False) -> list[Path]:
+    """Write the table as Parquet, on request also as CSV; returns the files."""
+    from pyarrow import parquet
+
+    files = [path]
+    partial = path.with_suffix(".partial")
+    parquet.write_table(table, partial)
+    partial.replace(path)
+    if as_csv:
+        files.append(path.with_suffix(".csv"))
+        with files[-1].open("w", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(table.column_names)
+            writer.writerows(zip(*(c.to_pylist() for c in table.columns), strict=True))
+    return files
+
+
+def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> dict:
+    """Condense a sweep.
+
+    Args:
+        sweep: what was to be done.
+        planner: how it was done.
+        table: of `make_table`.
+        ran: of `run_sweep`: cases run now, wall time [s], workers.
+
+    Returns:
+        A dictionary that can be written as JSON.
+    """
+    status = table["status"].to_pylist()
+    summary: dict = {
+        "sweep": sweep.path.stem,
+        "title": sweep.document["title"],
+        "scene": sweep.document["scene"],
+        "seed": sweep.document["seed"],
+        "sampling": sweep.document["sampling"],
+        "cases": len(status),
+        "fmus_built": planner.built,
+        "status": {name: status.count(name) for name in _STATUS if name in status},
+    }
+    reasons = [reason for reason in table["reason"].to_pylist() if reason]
+    if reasons:
+        most = max(set(reasons), key=lambda text: (reasons.count(text), text))
+        summary["reasons"] = {"different": len(set(reasons)), "example": most}
+    if "outcome" in table.column_names and "done" in status:
+        found = [name for name in table["outcome"].to_pylist() if name is not None]
+        summary["outcomes"] = {name: found.count(name) for name in OUTCOMES if name in found}
+        summary["captured"] = _estimate_fraction(found.count("captured"), len(found))
+    summary["peak_loads"] = _count_loads(planner, table)
+    worst = _find_worst(sweep, planner, table)
+    if worst:
+        summary["worst"] = worst
+    wall = ran["wall"]
+    summary["time"] = {"ran": ran["ran"], "wall": wall, "workers": ran["workers"]}
+    if ran["ran"]:
+        summary["time"]["cases_per_second"] = ran["ran"] / wall
+    return summary
+
+
+def describe_sweep(summary: dict) -> str:
+    """Say a summary in words and numbers."""
+    status = summary["status"]
+    lines = [
+        f"{summary['sweep']}: {summary['title']}",
+        f"  cases        {summary['cases']} of scene {summary['scene']}"
+        f" ({summary['sampling']}, seed {summary['seed']}): "
+        + ", ".join(f"{count} {name}" for name, count in status.items()),
+    ]
+    if "reasons" in summary:
+        lines.append(f"               for example: {summary['reasons']['example']}")
+    if status.get("lost"):
+        lines.append("               --resume tries again what was lost with its worker")
+    if "captured" in summary:
+        part = summary["captured"]
+        others = ", ".join(f"{n} {name}" for name, n in summary["outcomes"].items())
+        lines.append(
+            f"  captured     {part['fraction']:.1%} (95 % interval {part['low']:.1%} to"
+            f" {part['high']:.1%}): {others}"
+        )
+    if summary["peak_loads"]:
+        lines.append("  peak loads        median      95 %      99 %   largest")
+        for name, load in summary["peak_loads"].items():
+            line = f"    {name:12}" + "".join(
+                f"{load[key]:10.4g}" for key in ("median", "q95", "q99", "largest")
+            )
+            line += f" {load['unit']:4}"
+            if "rated" in load:
+                line += f" rated {load['rated']:.0f}, above it in {load['above_rated']:.1%}"
+            lines.append(line.rstrip())
+    if "worst" in summary:
+        worst = summary["worst"]
+        lines.append(f"  worst case   {worst['case']}: {worst['by']} {worst['value']:.4g}; alone:")
+        lines.append(f"    {worst['command']}")
+    clock = summary["time"]
+    if clock["ran"]:
+        lines.append(
+            f"  time         {clock['ran']} cases in {clock['wall']:.1f} s,"
+            f" {clock['cases_per_second']:.2f} per second with {clock['workers']} workers"
+        )
+    if "files" in summary:
+        first, *others = summary["files"]
+        kinds = ", ".join(sorted({Path(name).suffix[1:] for name in others}))
+        lines.append(f"  files        {first}; beside it {len(others)} more ({kinds})")
+    return "\n".join(lines)
+
+
+def write_sweep_plots(sweep: Sweep, planner: Planner, table: Any, stem: Path) -> list[Path]:
+    """Draw the capture envelope and the distribution of the loads.
+
+    Args:
+        sweep: what was to be done.
+        planner: how it was done.
+        table: of `make_table`.
+        stem: of the files; ``_envelope.png`` and ``_loads.png`` is appended.
+
+    Returns:
+        The files written.
+    """
+    files = []
+    if "outcome" in table.column_names:
+        files.append(stem.with_name(f"{stem.name}_envelope.png"))
+        _plot_envelope(sweep, planner, table, files[-1])
+    if any(name.startswith(_PEAK) for name in table.column_names):
+        files.append(stem.with_name(f"{stem.name}_loads.png"))
+        _plot_loads(sweep, planner, table, files[-1])
+    return files
+
+
+def _outcome_value(name: str, value: Any) -> Any:
+    """Return an output as the table shows it."""
+    if name in _TEXTS:
+        return _TEXTS[name][value - 1]
+    return None if name in _NEVER and value < 0.0 else value
+
+
+def _make_metadata(sweep: Sweep, planner: Planner) -> dict[str, str]:
+    """Return all that is needed to make the table again."""
+    versions = {"dockloop": __version__, "python": platform.python_version()}
+    for package in ("numpy", "scipy", "fmpy", "dask", "distributed", "pyarrow"):
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            versions[package] = "unknown"
+    return {
+        "dockloop.sweep": sweep.text,
+        "dockloop.scene": sweep.scene.read_text(),
+        "dockloop.model": json.dumps(planner.base),
+        "dockloop.seed": str(sweep.document["seed"]),
+        "dockloop.experiment": json.dumps(
+            {
+                "stop": float(planner.times[-1]),
+                "step": float(planner.times[1] - planner.times[0]),
+                "end_after_outcome": sweep.document["experiment"].get("end_after_outcome"),
+            }
+        ),
+        "dockloop.versions": json.dumps(versions),
+        "dockloop.fmu_sha256": planner.base_digest,
+    }
+
+
+def _estimate_fraction(count: int, total: int) -> dict:
+    """Return a fraction with its 95 % interval by Wilson, as for cases drawn at random."""
+    z = 1.959963984540054
+    p = count / total
+    centre = (p + z * z / (2 * total)) / (1 + z * z / total)
+    half = z / (1 + z * z / total) * math.sqrt(p * (1 - p) / total + z * z / (4 * total * total))
+    return {"count": count, "of": total, "fraction": p, "low": centre - half, "high": centre + half}
+
+
+def _peaks(table: Any) -> dict[str, np.ndarray]:
+    """Return the peak loads of the cases that were done, by the name of the load."""
+    peaks = {}
+    for name in table.column_names:
+        if name.startswith(_PEAK):
+            values = np.array([v for v in table[name].to_pylist() if v is not None], dtype=float)
+            if len(values):
+                peaks[name.removeprefix(_PEAK)] = values
+    return peaks
+
+
+def _count_loads(planner: Planner, table: Any) -> dict:
+    """Return quantiles of the peak loads beside the rated loads."""
+    rated = planner.base["mechanism"].get("limits", {})
+    loads = {}
+    for name, values in _peaks(table).items():
+        quantiles = np.quantile(values, (0.5, 0.95, 0.99))
+        loads[name] = {
+            "unit": LOADS.get(name, ""),
+            **dict(zip(("median", "q95", "q99"), quantiles.tolist(), strict=True)),
+            "largest": float(values.max()),
+        }
+        if name in rated:
+            loads[name] |= {
+                "rated": rated[name],
+                "above_rated": float(np.mean(values > rated[name])),
+            }
+    return loads
+
+
+def _find_worst(sweep: Sweep, planner: Planner, table: Any) -> dict | None:
+    """Return the case with the largest value of the outcome that counts, and its command."""
+    by = sweep.document.get("worst", f"{_PEAK}load_ratio")
+    if by not in table.column_names:
+        return None
+    values = [
+        value if isinstance(value, int | float) and not isinstance(value, bool) else -math.inf
+        for value in table[by].to_pylist()
+    ]
+    row = int(np.argmax(values))
+    if not math.isfinite(values[row]):
+        return None
+    command = planner.make_command(sweep.cases[row], table["end_time"][row].as_py())
+    return {"case": row + 1, "by": by, "value": values[row], "command": shlex.join(command)}
+
+
+def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> None:
+    """Cases by outcome over what varied; below, which part captured in bins of each quantity."""
+    from matplotlib.figure import Figure
+
+    outcome = np.array([name or "not run" for name in table["outcome"].to_pylist()])
+    numbers = {
+        quantity.name: (np.array(table[quantity.name].to_pylist(), dtype=float), quantity.unit)
+        for quantity in planner.quantities
+        if all(isinstance(v, int | float) for v in table[quantity.name].to_pylist())
+    }
+    discs = list_discs(sweep.document)
+    directions = {direction for _, direction in discs}
+    alone = [n for n in numbers if n not in directions and n not in {m for m, _ in discs}]
+    pairs = [(alone[i], alone[i + 1]) for i in range(0, len(alone) - 1, 2)]
+    if len(alone) % 2:
+        others = [name for name in numbers if name not in directions and name != alone[-1]]
+        pairs.append((alone[-1], others[0] if others else alone[-1]))
+    scalars = [name for name in numbers if name not in directions]
+    clouds = [(True, *disc) for disc in discs] + [(False, *pair) for pair in pairs]
+    cloud_rows, scalar_rows = (math.ceil(len(x) / _COLUMNS) for x in (clouds, scalars))
+    rows = max(1, cloud_rows + scalar_rows)
+    figure = Figure(figsize=(3.4 * _COLUMNS, 3.3 * rows), layout="constrained")
+    axes = figure.subplots(rows, _COLUMNS, squeeze=False)
+    cloud_axes, scalar_axes = axes[:cloud_rows].flat, axes[cloud_rows:].flat
+
+    for axis, (is_disc, first, second) in zip(cloud_axes, clouds, strict=False):
+        (x, x_unit), (y, y_unit) = numbers[first], numbers[second]
+        axis.set_xlabel(f"{first} [{x_unit}]")
+        axis.set_ylabel(f"{second} [{y_unit}]" if second != first else "")
+        if is_disc:
+            angle = np.radians(y)
+            x, y = x * np.cos(angle), x * np.sin(angle)
+            axis.set_aspect("equal")
+            axis.set_xlabel(f"{first} along y [{x_unit}]", fontsize="small")
+            axis.set_ylabel(f"along z [{x_unit}]")
+        for name, colour in _COLOURS.items():
+            chosen = outcome == name
+            if chosen.any():
+                label = f"{name}: {chosen.sum()}"
+                size = 4 if name == "captured" else 12
+                axis.scatter(x[chosen], y[chosen], size, color=colour, label=label, linewidths=0)
+    for axis, name in zip(scalar_axes, scalars, strict=False):
+        values, unit = numbers[name]
+        _plot_fraction(axis, values, outcome == "captured")
+        axis.set_xlabel(f"{name} [{unit}]")
+        axis.set_ylabel("part captured")
+        axis.set_ylim(-0.03, 1.03)
+        axis.grid(alpha=0.3)
+    for axis in (*cloud_axes[len(clouds) :], *scalar_axes[len(scalars) :]):
+        axis.set_visible(False)
+    if clouds:
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
+    figure.suptitle(sweep.document["title"], fontsize="medium")
+    figure.savefig(path, dpi=100)
+
+
+def _plot_fraction(axis: Any, values: np.ndarray, captured: np.ndarray) -> None:
+    """Draw the part captured in bins of equal count (or per value), with intervals."""
+    different = np.unique(values)
+    if len(different) <= _BINS:
+        groups = [values == value for value in different]
+    else:
+        order = np.argsort(values, kind="stable")
+        groups = np.array_split(order, min(_BINS, max(1, len(values) // 4)))
+    for group in groups:
+        part = _estimate_fraction(int(captured[group].sum()), len(captured[group]))
+        middle = float(np.mean(values[group]))
+        axis.plot([middle, middle], [part["low"], part["high"]], color="tab:blue", linewidth=0.9)
+        axis.plot(middle, part["fraction"], "o", color="tab:blue", markersize=4)
+
+
+def _plot_loads(sweep: Sweep, planner: Planner, table: Any, path: Path) -> None:
+    """Part of the cases whose peak exceeds a load; rated loads dashed."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 4.5), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    rated = planner.base["mechanism"].get("limits", {})
+    for name, values in _peaks(table).items():
+        if name not in LOADS:
+            continue
+        axis = axes[0] if LOADS[name] == "N" else axes[1]
+        exceeded = 1.0 - np.arange(len(values)) / len(values)
+        label = f"{name}, largest {values.max():.0f}"
+        label += f", rated {rated[name]:g}" if name in rated else ""
+        (line,) = axis.step(np.sort(values), exceeded, where="pre", label=label, linewidth=0.9)
+        if name in rated:
+            axis.axvline(rated[name], color=line.get_color(), linestyle="--", linewidth=0.9)
+    for axis, text in zip(axes, ("peak force [N]", "peak moment [N m]"), strict=True):
+        axis.set_xlabel(f"{text}; dashed: rated")
+        axis.set_yscale("log")
+        axis.grid(alpha=0.3)
+        if axis.get_legend_handles_labels()[0]:
+            axis.legend(loc="best", fontsize="small")
+    axes[0].set_ylabel("part of the cases at or above")
+    figure.suptitle(sweep.document["title"], fontsize="medium")
+    figure.savefig(path, dpi=100)

@@ -1,0 +1,244 @@
+"""How well do hosts that hold loads over a step couple their vehicles to the FMU?
+
+Runs the dockings of tests/coupling_scenes.py with every scheme of tests/coupling_host.py and steps
+from 0.1 to 100 ms against one FMU that integrates both vehicles, and prints tables (Markdown):
+
+* largest error of the interface velocity over the closing speed, for every step;
+* error of the peak loads, of the time of capture, of the final attitude of the chaser;
+* momentum that does not add up for an outsider, worst of all steps, over the largest there is;
+* what the look-ahead of the parallel mode costs: time in fmi2DoStep over that of the sequential
+  mode, of two instances that step in turn.
+
+"x 0.5" and "x 1.5": the FMU is told that share of the true mass and inertia of the vehicles.
+
+Example:
+    .venv/bin/python tests/studies/coupling.py --scenes default pressed --steps 1 10 --stop 1
+"""
+
+import argparse
+import functools
+import multiprocessing
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import numpy as np
+
+from coupling_host import Coupling
+from coupling_scenes import SCENES, TIGHT, compare, equal_steps, run_coupled, run_truth
+from dockloop import paths
+from dockloop.fmu import build_fmu
+
+STUDIED = ("default", "light", "pressed", "both")
+STEPS = (0.1, 1.0, 3.0, 10.0, 30.0, 100.0)  # ms
+OWN = ("parallel", "sequential")
+OTHERS = ("iterated", "end_of_step")
+LEAST_ITERATED = 1.0  # ms; below, a run takes an hour
+GRID = 1e-3  # s, of the truth
+SHOWN = 10.0  # ms, step of the columns beside the velocity
+FIGURE = paths.MODELS / "figures" / "coupling_errors.png"
+
+
+class Runs:
+    """Builds every FMU once, in a folder."""
+
+    def __init__(self, folder):
+        self.folder = Path(folder)
+
+    @functools.cache
+    def fmu(self, scene, *overrides):
+        """The FMU of a scene with overrides."""
+        number = len(list(self.folder.iterdir()))
+        return build_fmu(scene, overrides, self.folder / str(number) / f"{scene}.fmu")
+
+
+@functools.cache
+def find_truth(fmu, name, stop):
+    """The truth of a scene, once per process."""
+    return run_truth(fmu, equal_steps(GRID, stop), SCENES[name].loads)
+
+
+def run_case(case):
+    """Run one scene with one scheme, step and mass. Returns errors (None if it broke) and audit."""
+    name, scheme, told, step, stop, free, driven = case
+    scene = SCENES[name]
+    sizes = equal_steps(1e-3 * step, stop)
+    course = run_coupled(driven, sizes, scheme, told=told, loads=scene.loads)
+    errors = None
+    if not course.broken and np.isfinite(course.velocity).all():
+        errors = compare(course, find_truth(free, name, stop), scene)
+    return case, errors, course.audit
+
+
+def find_cost(fmu, name, stop, step=0.01):
+    """Time in fmi2DoStep of the parallel mode over that of the sequential one, step by step."""
+    scene, spent = SCENES[name], np.zeros(2)
+    pairs = [
+        Coupling(fmu, scheme, loads=scene.loads, settings=TIGHT, first_step=step) for scheme in OWN
+    ]
+    for i in range(round(stop / step)):
+        for k in (0, 1) if i % 2 else (1, 0):
+            doing = pairs[k].host.slave.doStep
+
+            def timed(*arguments, doing=doing, k=k):
+                begin = time.perf_counter()
+                doing(*arguments)
+                spent[k] += time.perf_counter() - begin
+
+            pairs[k].host.slave.doStep = timed
+            pairs[k].step(step)
+            pairs[k].host.slave.doStep = doing
+    for pair in pairs:
+        pair.host.free()
+    return float(spent[0] / spent[1])
+
+
+# ---------------------------------------------------------------- tables and figure
+
+
+def show(value, limit=20.0):
+    """A figure of a table; what is not there, or absurd, as a dash."""
+    return "-" if value is None or not value < limit else f"{value:.1e}"
+
+
+def label(scheme, told):
+    """What a row of the table is called."""
+    return scheme.replace("_", " ") + ("" if told == 1.0 else f", mass x {told:g}")
+
+
+def make_table(name, results, steps):
+    """The table of one scene: results by (scheme, told, step)."""
+    columns = [f"{step:g} ms" for step in steps]
+    beside = SHOWN if SHOWN in steps else steps[0]
+    rest = [f"{what}, {beside:g} ms" for what in ("peak loads", "capture s", "attitude rad")]
+    lines = [
+        f"\n| {name}: velocity error | " + " | ".join([*columns, *rest, "momentum"]) + " |",
+        "|" + "---|" * (len(columns) + 5),
+    ]
+    rows = dict.fromkeys((scheme, told) for scheme, told, _ in results)
+    for row in rows:
+        found = [results.get((*row, step), (None, None)) for step in steps]
+        cells = [show(errors and errors.velocity) for errors, _ in found]
+        errors = results.get((*row, beside), (None, None))[0]
+        cells += [
+            show(errors and getattr(errors, what)) for what in ("peak", "capture", "attitude")
+        ]
+        cells.append(show(max((audit for e, audit in found if e), default=None)))
+        lines.append(f"| {label(*row)} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def draw(results, steps, file):
+    """Velocity error over the step, one panel per scene."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    rows, columns = -(-len(results) // 2), min(len(results), 2)
+    figure, axes = plt.subplots(
+        rows, columns, figsize=(4.2 * columns, 3.4 * rows), sharex=True, sharey=True, squeeze=False
+    )
+    styles = {"parallel": "o", "sequential": "x", "iterated": "^", "end_of_step": "s"}
+    colours = {1.0: "tab:blue", 0.5: "tab:orange", 1.5: "tab:green"}
+    for axis, (name, found) in zip(axes.flat, results.items(), strict=False):
+        for scheme, told in dict.fromkeys((scheme, told) for scheme, told, _ in found):
+            line = [
+                (step, errors.velocity)
+                for step in steps
+                if (errors := found.get((scheme, told, step), (None, None))[0])
+                and errors.velocity < 20.0
+            ]
+            if not line or (scheme == "sequential" and told != 1.0):
+                continue
+            axis.loglog(
+                *zip(*line, strict=True),
+                marker=styles[scheme],
+                color=colours.get(told, "tab:gray") if scheme in OWN else "0.45",
+                linestyle="--" if scheme == "sequential" else "-",
+                linewidth=1.0,
+                markersize=4.0,
+                label=label(scheme, told),
+            )
+        axis.set_title(name, fontsize=10)
+        axis.grid(alpha=0.3)
+    figure.supxlabel("communication step [ms]", fontsize=10)
+    figure.supylabel("velocity error / closing speed", fontsize=10)
+    axes[0][0].legend(fontsize=7, loc="upper left", ncols=2)
+    figure.tight_layout()
+    figure.savefig(file, dpi=110)
+
+
+def report_progress(done, count):
+    """Draw a progress bar, where somebody looks at it."""
+    if sys.stderr.isatty():
+        filled = 40 * done // count
+        bar = "#" * filled + "." * (40 - filled)
+        print(f"\r[{bar}] {done} of {count}", end="", file=sys.stderr, flush=True)
+
+
+def make_cases(options, fmus):
+    """All runs, long ones last: a host's scheme is tried with wrong masses where it is ours."""
+    cases = []
+    for name in options.scenes:
+        for scheme in options.schemes:
+            for told in options.told if scheme in OWN else [1.0]:
+                for step in options.steps:
+                    if scheme == "iterated" and step < LEAST_ITERATED:
+                        continue
+                    cases.append((name, scheme, told, step, options.stop, *fmus[name]))
+    return cases
+
+
+def main():
+    """Run all cases, print and write tables."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--scenes", nargs="+", choices=SCENES, default=STUDIED)
+    parser.add_argument("--schemes", nargs="+", choices=OWN + OTHERS, default=OWN + OTHERS)
+    parser.add_argument("--steps", nargs="+", type=float, default=STEPS, help="ms")
+    parser.add_argument("--told", nargs="+", type=float, default=(1.0, 0.5, 1.5))
+    parser.add_argument("--stop", type=float, default=3.0, help="s, a multiple of all steps")
+    parser.add_argument("--workers", type=int, default=1, help="processes")
+    parser.add_argument("-o", "--output", type=Path, help="file for the tables (Markdown)")
+    parser.add_argument(
+        "--figure", nargs="?", type=Path, const=FIGURE, help=f"PNG; default {paths.shown(FIGURE)}"
+    )
+    options = parser.parse_args()
+    for step in options.steps:
+        count = 1e3 * options.stop / step
+        if count < 1.0 or abs(count - round(count)) > 1e-6:
+            parser.error(f"--stop {options.stop:g} s is not a multiple of --steps {step:g} ms")
+    results, texts = {name: {} for name in options.scenes}, []
+    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
+        runs = Runs(folder)
+        fmus = {
+            name: (SCENES[name].build(runs, free=True), SCENES[name].build(runs))
+            for name in options.scenes
+        }
+        cases = make_cases(options, fmus)
+        with multiprocessing.Pool(options.workers) as pool:
+            for done, (case, errors, audit) in enumerate(pool.imap(run_case, cases), 1):
+                name, scheme, told, step = case[:4]
+                results[name][scheme, told, step] = (errors, audit)
+                report_progress(done, len(cases))
+        texts += [make_table(name, found, options.steps) for name, found in results.items()]
+        costs = ", ".join(
+            f"{name} {find_cost(fmus[name][1], name, min(options.stop, 1.0)):.2f}"
+            for name in options.scenes
+        )
+    texts.append(f"\nTime of a step of 10 ms, parallel over sequential mode: {costs}")
+    print("\n".join(texts))
+    if options.output:
+        options.output.write_text("\n".join(texts).lstrip() + "\n")
+    if options.figure:
+        draw(results, options.steps, options.figure)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

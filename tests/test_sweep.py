@@ -1,0 +1,571 @@
+"""Sweeps: how cases are sampled, run on workers, kept, resumed and reported.
+
+1. Samples: every kind of distribution has its shape; the seed decides; grids meet equal samples.
+2. Files: bad sweeps are refused with file, member, value and limit.
+3. Planning: one FMU told by start values, and reset between cases, gives the bits of an FMU of its
+   own, for every kind of quantity; an early end gives the bits of a run to that time.
+4. The table: the same bytes with two workers, one of which is killed on the way, with one worker
+   after Ctrl-C and a torn journal, and from a foreign scheduler; the worst case runs alone to the
+   bits of its row; the metadata holds the set-up; the linear absorber gives its linear answer.
+5. Failures are rows: refused by the scene, by the FMU, a step discarded, a worker lost.
+"""
+
+import json
+import math
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("distributed")
+pytest.importorskip("pyarrow")
+pytest.importorskip("scipy")
+
+import dask
+from distributed import LocalCluster
+from pyarrow import parquet
+
+from dockloop import paths, sweep, sweep_report
+from dockloop.cases import Job, LoadedFmu
+from dockloop.errors import UsageError
+from dockloop.sampling import as_setting, read_sweep
+from dockloop.simulate import ProgressBar
+from dockloop.sweep import Journal, Planner, run_sweep
+
+SHIPPED = sorted(file.stem for file in paths.SWEEPS.glob("*.toml"))
+
+# Twelve short dockings with adaptive steps.
+SHORT = """
+scene = "idss_25t_350t"
+seed = 7
+cases = 12
+[set]
+"initial.approach_time" = 0.1
+[[vary]]
+type = "disc"
+magnitude = "initial.lateral_offset"
+direction = "initial.lateral_direction_deg"
+range = [0.0, 0.1]
+[[vary]]
+type = "uniform"
+name = "initial.closing_speed"
+range = [0.05, 0.1]
+[[vary]]
+type = "uniform"
+name = "friction.coefficient"
+range = [0.0, 0.3]
+[experiment]
+stop = 1.5
+step = 0.25
+"""
+
+
+def write(folder: Path, text: str, name: str = "mine") -> Path:
+    path = folder / f"{name}.toml"
+    path.write_text(text)
+    return path
+
+
+def vary(text: str, cases: int = 1, more: str = "") -> str:
+    """Return a sweep of the absorber in which one thing varies."""
+    return f'scene = "absorber_1d"\ncases = {cases}\n{more}\n[[vary]]\n{text}\n'
+
+
+def make_cluster(workers: int) -> LocalCluster:
+    return LocalCluster(
+        n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
+    )
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two worker processes of a scheduler that sweeps reach by its address."""
+    with make_cluster(2) as two:
+        yield two
+
+
+# ---------------------------------------------------------------- samples
+
+UNIFORM = 'type = "uniform"\nname = "chaser.mass"\nrange = [10.0, 20.0]'
+NORMAL = 'type = "normal"\nname = "chaser.mass"\nmean = 10.0\ndeviation = 2.0\nrange = [9.0, 14.0]'
+DISC = (
+    'type = "disc"\nmagnitude = "initial.lateral_offset"\n'
+    'direction = "initial.lateral_direction_deg"\nrange = [0.1, 0.3]'
+)
+
+
+def columns(folder, text, cases, sampling, seed=1):
+    more = f'sampling = "{sampling}"\nseed = {seed}'
+    return np.array(read_sweep(str(write(folder, vary(text, cases, more)))).cases).T
+
+
+def normal_part(x):
+    """Return the distribution function of NORMAL, by the error function."""
+    phi = [0.5 * (1.0 + math.erf((v - 10.0) / 2.0 / math.sqrt(2.0))) for v in (*x, 9.0, 14.0)]
+    return (np.array(phi[:-2]) - phi[-2]) / (phi[-1] - phi[-2])
+
+
+@pytest.mark.parametrize("sampling", ["random", "latin_hypercube", "sobol"])
+def test_distributions_have_their_shape(tmp_path, sampling):
+    """Each quantity, mapped to what must be uniform, against the uniform distribution."""
+    (u,) = columns(tmp_path, UNIFORM, 1024, sampling)
+    (x,) = columns(tmp_path, NORMAL, 1024, sampling)
+    r, direction = columns(tmp_path, DISC, 1024, sampling)
+    assert 9.0 <= x.min() <= x.max() <= 14.0
+    assert 0.1 <= r.min() <= r.max() <= 0.3
+    parts = {
+        "uniform": (u - 10.0) / 10.0,
+        "normal": normal_part(x),
+        "disc, area": (r**2 - 0.01) / 0.08,
+        "disc, direction": direction / 360.0,
+    }
+    for name, part in parts.items():
+        if sampling == "random":
+            steps = np.arange(1024) / 1024
+            distance = np.abs(np.sort(part) - steps).max()
+            assert distance < 1.95 / 32.0, (name, distance)  # Kolmogorov, 0.1 %
+        else:  # one sample in each of 1024 strata
+            strata = np.floor(part * 1024 * (1.0 + 1e-13)).astype(int)
+            assert len(set(strata.tolist())) == 1024, (name, len(set(strata.tolist())))
+
+
+def test_a_disc_is_uniform_over_its_area(tmp_path):
+    """Sobol: every cell of 8 rings of equal area and 8 sectors gets its 16 of 1024 samples."""
+    r, direction = columns(tmp_path, DISC, 1024, "sobol")
+    ring = np.floor((r**2 - 0.01) / 0.08 * 8).astype(int).clip(0, 7)
+    sector = np.floor(direction / 45.0).astype(int)
+    counts = np.zeros((8, 8), int)
+    np.add.at(counts, (ring, sector), 1)
+    assert (counts == 16).all(), counts
+    y, z = r * np.cos(np.radians(direction)), r * np.sin(np.radians(direction))
+    assert abs(y.mean()) < 1e-3, y.mean()
+    assert abs(z.mean()) < 1e-3, z.mean()
+
+
+def test_a_disc_of_equal_radii_is_its_rim(tmp_path):
+    r, direction = columns(tmp_path, DISC.replace("0.1, 0.3", "0.3, 0.3"), 16, "sobol")
+    assert (r == 0.3).all(), r
+    assert len(set(direction)) == 16
+
+
+@pytest.mark.parametrize("sampling", ["random", "latin_hypercube", "sobol"])
+def test_the_seed_decides_the_samples(tmp_path, sampling):
+    first = columns(tmp_path, DISC, 64, sampling)
+    assert (columns(tmp_path, DISC, 64, sampling) == first).all()
+    assert (columns(tmp_path, DISC, 64, sampling, seed=2) != first).any(axis=1).all()
+
+
+def test_more_cases_of_a_sobol_sequence_begin_with_the_same_cases(tmp_path):
+    few, many = (columns(tmp_path, DISC, count, "sobol") for count in (24, 100))
+    assert (many[:, :24] == few).all()
+
+
+def test_every_grid_point_meets_the_same_samples(tmp_path):
+    grids = (
+        'type = "grid"\nname = "target.mass"\nvalues = [1, 2]\n[[vary]]\n'
+        + UNIFORM
+        + '\n[[vary]]\ntype = "grid"\nname = "mechanism.name"\nvalues = ["a", "b", "c"]'
+    )
+    cases = read_sweep(str(write(tmp_path, vary(grids, 4)))).cases
+    points = [(m, n) for m in (1, 2) for n in ("a", "b", "c")]
+    assert [(case[0], case[2]) for case in cases] == [p for p in points for _ in range(4)]
+    samples = [case[1] for case in cases]
+    assert samples == 6 * samples[:4]
+    assert len(set(samples)) == 4
+
+
+def test_the_shipped_sweep_fills_the_box_of_the_standard():
+    """Limits of IDSS table 3.3.1.1-2: reached to a percent, never passed."""
+    shipped = read_sweep("idss_initial_conditions")
+    values = dict(zip((q.name for q in shipped.quantities), np.array(shipped.cases).T, strict=True))
+    limits = {
+        "initial.lateral_offset": 0.10,
+        "initial.lateral_speed": 0.04,
+        "initial.pitch_yaw_deg": 4.0,
+        "initial.pitch_yaw_rate_deg_s": 0.2,
+        "initial.roll_deg": 4.0,
+        "initial.roll_rate_deg_s": 0.2,
+        "initial.closing_speed": 0.10,
+    }
+    for name, limit in limits.items():
+        largest = np.abs(values[name]).max()
+        assert 0.99 * limit < largest <= limit, (name, largest)
+    assert 0.05 <= values["initial.closing_speed"].min() < 0.0505
+
+
+# ---------------------------------------------------------------- files
+
+BAD_FILES = {
+    "scene lacks": ("[[vary]]\n" + UNIFORM, "lacks the member 'scene'"),
+    "no cases": (vary(UNIFORM, 0), "cases is 0: must be at least 1"),
+    "sampling": (vary(UNIFORM, 2, 'sampling = "sobl"'), "(did you mean 'sobol'?)"),
+    "type": (vary(UNIFORM.replace("uniform", "unifrom")), 'vary[1].type is "unifrom": must be'),
+    "member": (vary(UNIFORM + "\nlimit = 3"), "vary[1] has an unknown member 'limit'"),
+    "range": (vary(UNIFORM.replace("10.0, 20.0", "3.0, 2.0")), "vary[1].range is [3.0, 2.0]: must"),
+    "radius": (vary(DISC.replace("0.1, 0.3", "-1.0, 0.3")), "vary[1].range[1] is -1.0: a radius"),
+    "direction": (vary(DISC.replace("_direction_deg", "_speed")), "must be a key in degrees"),
+    "deviation": (vary(NORMAL.replace("2.0", "0.0")), "deviation is 0.0: must be greater than 0"),
+    "twice": (vary(UNIFORM + "\n[[vary]]\n" + NORMAL), "vary[2] varies 'chaser.mass', which vary"),
+    "mixed": (
+        vary('type = "grid"\nname = "chaser.mass"\nvalues = [1, "b"]'),
+        "vary[1].values has [1, 'b']: must be all of one kind",
+    ),
+    "repeated": (
+        vary('type = "grid"\nname = "chaser.mass"\nvalues = [1, 2]', 3),
+        "cases is 3: must be 1 when only grids vary",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_FILES)
+def test_a_bad_sweep_file_is_refused(tmp_path, name):
+    text, words = BAD_FILES[name]
+    with pytest.raises(UsageError) as error:
+        read_sweep(str(write(tmp_path, text)))
+    assert words in str(error.value)
+    assert "mine.toml" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+BAD_NAMES = {
+    "unknown": ('type = "uniform"\nname = "chaser.mas"\nrange = [1, 2]', "mean 'chaser.mass'"),
+    "computed": ('type = "uniform"\nname = "energy.kinetic"\nrange = [1, 2]', "is computed"),
+    "whole": ('type = "uniform"\nname = "solver.method"\nrange = [1, 2]', "must be a whole number"),
+    "outcome": (UNIFORM, "outcomes lists 'outcom', which is no output", 'outcomes = ["outcom"]'),
+    "worst": (
+        UNIFORM,
+        "worst is 'phase': must be one of the outcomes",
+        'worst = "phase"\noutcomes = ["outcome"]',
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_NAMES)
+def test_a_name_that_the_scene_and_its_fmu_do_not_have_is_refused(tmp_path, name):
+    text, words, *more = BAD_NAMES[name]
+    with pytest.raises(UsageError) as error:
+        Planner(read_sweep(str(write(tmp_path, vary(text, more="".join(more))))))
+    assert words in str(error.value)
+
+
+def test_the_command_line_refuses_bad_usage(dockloop):
+    for arguments, words in (
+        (["sweep", "idss_initial"], "did you mean 'idss_initial_conditions'"),
+        (["sweep", "no.toml"], "no.toml: no such sweep file"),
+        (["sweep", "absorber_1d_speeds", "--workers", "0"], "must be at least 1"),
+        (["sweep", "absorber_1d_speeds", "-o", "t.csv"], "must end in .parquet"),
+    ):
+        refused = dockloop(*arguments)
+        assert refused.status == 2, refused
+        assert words in refused.err, refused
+        assert refused.err.count("\n") == 1, refused
+
+
+# ---------------------------------------------------------------- planning
+
+QUANTITIES = {
+    "initial.closing_speed": 0.07,
+    "chaser.mass": 12e3,
+    "chaser.mass_includes_mechanism": 2,
+    "chaser.contact_thrust": 1500.0,
+    "contact.friction_coefficient": 0.25,
+    "chaser.interface_position[2]": 0.01,  # no scene key: a start value of the FMU
+    "mechanism.set.leg_defaults.stiffness": 2500.0,  # no start value: an FMU of its own
+    "solver.rtol": 1e-5,
+}
+CAPTURED = "idss_25t_350t"
+ENDS = ("time_of_contact", "capture.peak.compression", "capture.peak.bending", "relative.axial")
+
+
+def test_one_fmu_that_is_reset_gives_the_bits_of_an_fmu_for_each_case(tmp_path, runs):
+    """Every kind of quantity, one case after the other, against FMUs built for one case each."""
+    entries = "".join(
+        f'[[vary]]\ntype = "grid"\nname = "{name}"\nvalues = [{value}]\n'
+        for name, value in QUANTITIES.items()
+    )
+    text = f'scene = "{CAPTURED}"\noutcomes = {json.dumps(ENDS)}\n' + entries
+    text += "[experiment]\nstop = 2.5\nstep = 0.5\n"
+    planner = Planner(read_sweep(str(write(tmp_path, text))))
+    quantities, loaded, fmus = planner.quantities, {}, set()
+    for quantity in quantities:
+        planner.quantities = [quantity]  # the others stay as in the scene
+        value = QUANTITIES[quantity.name]
+        plan = planner.plan((value,))
+        fmus.add(plan.fmu)
+        if plan.fmu not in loaded:
+            loaded[plan.fmu] = LoadedFmu(planner.fmu(plan.fmu)[1])
+        result = loaded[plan.fmu].run(plan.job)
+        told = [as_setting(quantity.name, value)]
+        scene_key = planner.is_scene_key(quantity.name)
+        alone = runs.run(
+            CAPTURED,
+            *(told if scene_key else ()),
+            settings=() if scene_key else tuple(told),
+            stop=2.5,
+            step=0.5,
+        )
+        assert result.outputs == tuple(alone[name][-1] for name in ENDS), quantity
+    for fmu in loaded.values():
+        fmu.close()
+    assert len(fmus) == 3, len(fmus)  # the base, another mechanism, another tolerance
+
+
+def test_an_early_end_gives_the_bits_of_a_run_to_that_time(runs):
+    fmu = LoadedFmu(runs.fmu(CAPTURED).read_bytes())
+    result = fmu.run(Job((), ENDS, 20.0, 0.25, 1.5))
+    fmu.close()
+    captured_at = 3.0  # the first communication point after 2.82 s
+    assert result.end_time == captured_at + 1.5
+    alone = runs.run(CAPTURED, stop=result.end_time, step=0.25)
+    assert result.outputs == tuple(alone[name][-1] for name in ENDS)
+
+
+# ---------------------------------------------------------------- the table
+
+
+def run(path: Path, output: Path, **options) -> Path:
+    """Run a sweep and write its table, without the command line."""
+    read = read_sweep(str(path))
+    ran = run_sweep(read, output, **options)
+    table = sweep_report.make_table(read, ran["planner"], ran["results"])
+    sweep_report.write_table(table, output)
+    return output
+
+
+@pytest.fixture(scope="module")
+def reference(cluster, tmp_path_factory):
+    """The sweep SHORT and its table from two workers."""
+    folder = tmp_path_factory.mktemp("reference")
+    path = write(folder, SHORT)
+    return path, run(path, folder / "mine.parquet", scheduler=cluster.scheduler_address)
+
+
+def lines_of(journal: Path) -> int:
+    return journal.read_bytes().count(b"\n") - 1 if journal.exists() else 0
+
+
+def wait_for_lines(journal: Path, count: int) -> None:
+    for _ in range(6000):
+        if lines_of(journal) >= count:
+            return
+        time.sleep(0.01)
+    raise AssertionError(f"{journal} has {lines_of(journal)} results, not {count}")
+
+
+def test_a_killed_worker_changes_no_bit(cluster, reference, tmp_path):
+    path, whole = reference
+    output = tmp_path / "mine.parquet"
+    killed = []
+
+    def kill() -> None:
+        wait_for_lines(output.with_suffix(".jsonl"), 2)
+        victim = next(iter(cluster.workers.values())).pid
+        killed.append(lines_of(output.with_suffix(".jsonl")))
+        os.kill(victim, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    run(path, output, scheduler=cluster.scheduler_address)
+    killer.join()
+    assert killed[0] < 12, "the sweep was over before the worker was killed"
+    assert output.read_bytes() == whole.read_bytes()
+
+
+def test_an_interrupted_sweep_goes_on_to_the_same_table_with_one_worker(
+    dockloop, reference, tmp_path
+):
+    """Ctrl-C, then a line torn in the middle, then --resume: nothing twice, no bit different."""
+    path, whole = reference
+    output, journal = tmp_path / "mine.parquet", tmp_path / "mine.jsonl"
+    command = ["sweep", str(path), "--workers", "1", "-o", str(output), "--no-plots"]
+    program = [sys.executable, "-m", "dockloop"]
+    first = subprocess.Popen(
+        [*program, *command], stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    wait_for_lines(journal, 3)
+    os.killpg(first.pid, signal.SIGINT)  # as a terminal does: to all processes
+    said = first.communicate(timeout=60)[1]
+    assert first.returncode == 130, said
+    assert said.count("\n") == 1, said
+    assert "of 12 cases" in said, said
+    assert "--resume" in said, said
+    kept = lines_of(journal)
+    assert 3 <= kept < 12, kept
+    assert not output.exists()
+
+    refused = dockloop(*command)
+    assert refused.status == 2, refused
+    assert f"holds {kept} of 12 cases" in refused.err, refused
+    journal.write_bytes(journal.read_bytes()[:-10])
+    done = dockloop(*command, "--resume", "--json")
+    assert done.status == 0, done
+    summary = json.loads(done.out)
+    assert summary["time"]["ran"] == 12 - (kept - 1)
+    assert summary["time"]["workers"] == 1
+    assert output.read_bytes() == whole.read_bytes()
+    _, *lines = journal.read_text().splitlines()
+    assert len({str(json.loads(line)["values"]) for line in lines}) == len(lines) == 12
+
+
+def test_a_finished_sweep_goes_on_with_more_cases(cluster, reference, tmp_path):
+    path, whole = reference
+    more = write(tmp_path, SHORT.replace("cases = 12", "cases = 14"))
+    journal = tmp_path / "mine.jsonl"
+    journal.write_bytes((path.parent / "mine.jsonl").read_bytes())
+    output = run(more, tmp_path / "mine.parquet", scheduler=cluster.scheduler_address, resume=True)
+    both = [parquet.read_table(file).to_pylist() for file in (whole, output)]
+    assert len(both[1]) == 14
+    assert both[1][:12] == both[0]
+    other = write(tmp_path, SHORT.replace("step = 0.25", "step = 0.5"))
+    with pytest.raises(UsageError, match="made with another experiment"):
+        run(other, tmp_path / "mine.parquet", resume=True)
+
+
+def test_two_sweeps_do_not_write_one_journal(tmp_path):
+    first = Journal(tmp_path / "a.jsonl", {}, 1, resume=False)
+    with pytest.raises(UsageError, match="another sweep is writing it"):
+        Journal(tmp_path / "a.jsonl", {}, 1, resume=True)
+    first.close()
+
+
+def test_the_worst_case_runs_alone_to_the_bits_of_its_row(dockloop, cluster, reference, tmp_path):
+    path, _ = reference
+    told = dockloop("sweep", path, "--scheduler", cluster.scheduler_address, "--json", "--csv")
+    assert told.status == 0, told.err
+    summary = json.loads(told.out)
+    for file in summary["files"]:
+        assert Path(file).stat().st_size > 0, file
+    assert {Path(file).suffix for file in summary["files"]} == {".parquet", ".csv", ".png", ".json"}
+    rows = parquet.read_table(summary["files"][0]).to_pylist()
+    worst = rows[summary["worst"]["case"] - 1]
+    assert worst["capture.peak.load_ratio"] == max(row["capture.peak.load_ratio"] for row in rows)
+
+    program, *command = shlex.split(summary["worst"]["command"])
+    assert program == "dockloop"
+    alone = dockloop(*command, "--no-plots", "--json", "-o", "worst.npz")
+    assert alone.status == 0, alone.err
+    assert json.loads(alone.out)["outcome"] == worst["outcome"]
+    recorded = np.load("worst.npz")
+    last = dict(zip(recorded["names"].tolist(), recorded["values"][-1].tolist(), strict=True))
+    compared = [name for name in worst if name in last and name != "outcome"]
+    assert len(compared) >= 9, compared
+    for name in compared:
+        expected = last[name] if last[name] >= 0.0 or "time" not in name else None
+        assert worst[name] == expected, name
+    assert worst["end_time"] == last["time"]
+
+
+def test_the_metadata_of_the_table_holds_units_and_the_whole_set_up(reference, tmp_path):
+    path, whole = reference
+    schema = parquet.read_schema(whole)
+    told = {key.decode(): value.decode() for key, value in schema.metadata.items()}
+    assert told["dockloop.sweep"] == SHORT
+    assert told["dockloop.scene"] == (paths.SCENES / "idss_25t_350t.toml").read_text()
+    assert json.loads(told["dockloop.model"])["mechanism"]["name"] == "idss_hexapod"
+    assert told["dockloop.seed"] == "7"
+    assert json.loads(told["dockloop.experiment"])["step"] == 0.25
+    assert set(json.loads(told["dockloop.versions"])) >= {"dockloop", "numpy", "scipy", "fmpy"}
+    assert len(bytes.fromhex(told["dockloop.fmu_sha256"])) == 32
+    units = {field.name: field.metadata[b"unit"].decode() for field in schema}
+    assert units["initial.lateral_offset"] == "m"
+    assert units["initial.lateral_direction_deg"] == "deg"
+    assert units["initial.closing_speed"] == "m/s"
+    assert units["friction.coefficient"] == "1"
+    assert units["capture.peak.compression"] == "N"
+    assert units["capture.peak.bending"] == "N.m"
+    # The table alone is enough to make the sweep again.
+    again = write(tmp_path, told["dockloop.sweep"], "again")
+    assert read_sweep(str(again)).cases == read_sweep(str(path)).cases
+
+
+def test_the_linear_absorber_gives_a_linear_answer(cluster, tmp_path):
+    """Twice the speed, twice the peak, for each mass: relative error below 1e-6."""
+    read = read_sweep("absorber_1d_speeds")
+    output = tmp_path / "speeds.parquet"
+    ran = run_sweep(
+        read, output, scheduler=cluster.scheduler_address, progress=ProgressBar("speeds")
+    )
+    rows = sweep_report.make_table(read, ran["planner"], ran["results"]).to_pylist()
+    slow, fast = rows[:4], rows[4:]
+    for one, two in zip(slow, fast, strict=True):
+        assert one["chaser.mass"] == two["chaser.mass"]
+        error = two["capture.peak.compression"] / one["capture.peak.compression"] / 2.0 - 1.0
+        assert abs(error) < 1e-6, error
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_names_of_a_shipped_sweep_are_known(name):
+    planner = Planner(read_sweep(name))
+    assert all(quantity.unit for quantity in planner.quantities)
+    assert "capture.peak.compression" in planner.outcomes
+
+
+# ---------------------------------------------------------------- failures
+
+FAILING = """
+scene = "idss_25t_350t"
+[set]
+"initial.approach_time" = 0.1
+"solver.method" = 7
+[[vary]]
+type = "grid"
+name = "initial.pitch_yaw_deg"
+values = [1.0, 31.0]
+[[vary]]
+type = "grid"
+name = "restitution"
+values = [0.5, -1.0]
+[[vary]]
+type = "grid"
+name = "solver.step"
+values = [1e-3, 1e-9]
+[experiment]
+stop = 0.5
+step = 0.25
+"""
+
+
+def test_failures_are_rows_with_a_reason(dockloop, cluster, tmp_path):
+    path = write(tmp_path, FAILING)
+    told = dockloop("sweep", path, "--scheduler", cluster.scheduler_address)
+    assert told.status == 0, told.err
+    assert "1 done, 6 refused, 1 failed" in told.out, told.out
+    rows = parquet.read_table("build/sweeps/mine/mine.parquet").to_pylist()
+    assert [row["status"] for row in rows] == ["done", "failed", *["refused"] * 6]
+    assert rows[0]["reason"] is None
+    assert "inner steps" in rows[1]["reason"], rows[1]
+    assert rows[1]["end_time"] == 0.0
+    assert "'restitution' = -1" in rows[2]["reason"], rows[2]
+    assert "initial.pitch_yaw_deg is 31.0: must be less than 30" in rows[4]["reason"], rows[4]
+    for row in rows[1:]:
+        assert row["capture.peak.compression"] is None
+        assert row["outcome"] is None
+
+    path.write_text(FAILING.replace("[1.0, 31.0]", "[31.0]"))
+    told = dockloop("sweep", path, "--scheduler", cluster.scheduler_address)
+    assert told.status == 1, told
+    assert "no case was done, for example" in told.err, told.err
+
+
+def test_a_case_that_is_lost_with_its_workers_is_tried_again_by_resume(tmp_path, monkeypatch):
+    path, output = write(tmp_path, vary(UNIFORM.replace("10.0, 20.0", "1e4, 2e4"))), tmp_path / "t"
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        make_cluster(1) as one,
+    ):
+        address = one.scheduler_address
+        with monkeypatch.context() as broken:
+            broken.setattr(sweep, "run_case", lambda *_: __import__("os")._exit(1))
+            ran = run_sweep(read_sweep(str(path)), output, scheduler=address)
+        (lost,) = ran["results"]
+        assert lost.status == "lost"
+        assert "died" in lost.reason
+        ran = run_sweep(read_sweep(str(path)), output, scheduler=address, resume=True)
+        assert ran["results"][0].status == "done", ran["results"][0]
