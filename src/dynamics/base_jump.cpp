@@ -50,33 +50,31 @@ BaseJumpWorkspace::BaseJumpWorkspace(const Mechanism& mechanism) {
   X.setZero(n, 6);
   factor.compute(A_qq);
   dq.setZero(n);
-  dv.setZero(n);
+  dv.setZero(static_cast<int>(mechanism.plan.ind_v.size()));
 }
 
-Status jump_to_velocity(const DockingModel& model, int vehicle, const FrameMotion<double>& before,
-                        const Vec3<double>& velocity, const Vec3<double>& angular_velocity,
-                        double* y, DockingData<double>& data, BaseJumpWorkspace& work) {
-  const int n = static_cast<int>(work.dv.size());
-  if (vehicle == kChaser && n > 0) {
-    const Status status = calc_mechanism_position(model, y, data);
-    if (!status.ok()) return status;
-    const int first = count_vehicle_velocities(model.mechanism);
-    MechanismData<double>& mechanism = data.mechanism;
-    const Mat3<double>& R = mechanism.tree.R[model.mechanism.vehicle];
-    Vec6<double> jump;
-    jump.head<3>() = R.transpose() * (velocity - before.v);
-    jump.tail<3>() = angular_velocity - R.transpose() * before.w;
-    work.A_qq = mechanism.A_ind.bottomRightCorner(n, n);
-    work.factor.compute(work.A_qq);
-    if (work.factor.info() != Eigen::Success)
-      return {StatusCode::kInertiaNotPositive, -1, 0.0, 0.0};
-    work.dv.noalias() = mechanism.A_ind.block(first, 0, n, first).lazyProduct(jump);
-    work.factor.solveInPlace(work.dv);
-    const std::vector<int>& ind = model.mechanism.plan.ind_v;
-    for (int j = 0; j < n; ++j) mechanism.tree.v[ind[first + j]] -= work.dv[j];
-    get_mechanism_state(model, mechanism.tree, y);
-  }
-  return set_vehicle_velocity(model, vehicle, velocity, angular_velocity, y, data);
+Status jump_to_momentum(const DockingModel& model, const FrameMotion<double>& before,
+                        const Wrench<double>& momentum, double* y, DockingData<double>& data,
+                        BaseJumpWorkspace& work) {
+  const Status status = calc_mechanism_position(model, y, data);
+  if (!status.ok()) return status;
+  TreeData<double>& tree = data.mechanism.tree;
+  const int vehicle = model.mechanism.vehicle;
+  const Mat3<double> R = tree.R[vehicle];
+  tree.v.head<3>() = R.transpose() * before.v;
+  tree.v.segment<3>(3) = R.transpose() * before.w;
+  calc_velocity(model.mechanism, data.base, data.mechanism);
+  const Wrench<double> now = find_momentum(model, kChaser, data);
+  const Vec3<double> impulse = momentum.f - now.f;
+  work.dv.setZero();
+  work.dv.head<3>() = R.transpose() * impulse;
+  work.dv.segment<3>(3) = R.transpose() * (momentum.t - now.t - tree.p[vehicle].cross(impulse));
+  data.mechanism.factor.solveInPlace(work.dv);
+  const std::vector<int>& ind = model.mechanism.plan.ind_v;
+  for (size_t j = 0; j < ind.size(); ++j) tree.v[ind[j]] += work.dv[static_cast<int>(j)];
+  get_mechanism_state(model, tree, y);
+  set_momentum(model, kChaser, momentum, y);
+  return {};
 }
 
 Status hold_capture_body(const DockingModel& model, const Pose<double>& capture, double* y,
@@ -88,6 +86,15 @@ Status hold_capture_body(const DockingModel& model, const Pose<double>& capture,
   if (!status.ok()) return status;
   MechanismData<double>& mechanism = data.mechanism;
   TreeData<double>& tree = mechanism.tree;
+  const Mat3<double> R_now = tree.R[body] * model.capture_in_body.R;
+  const Vec3<double> p_now = tree.p[body] + tree.R[body] * model.capture_in_body.p;
+  Vec6<double> way;
+  way.head<3>() = capture.p - p_now;
+  way.tail<3>() =
+      quat_log<double>(quat_from_matrix<double>(Mat3<double>(capture.R * R_now.transpose())));
+  // Farther than this is no correction but another place, to which the mechanism goes along.
+  constexpr double kLongestWay = 0.02, kRounding = 1e-13;  // [m], [rad]
+  if (way.head<3>().norm() > kLongestWay || way.norm() < kRounding) return {};
   const std::vector<int>& ind = model.mechanism.plan.ind_v;
   const int first = count_vehicle_velocities(model.mechanism);
   for (int j : ind) tree.v[j] = 0.0;  // the Jacobian does not depend on velocities
@@ -108,15 +115,6 @@ Status hold_capture_body(const DockingModel& model, const Pose<double>& capture,
   work.factor.solveInPlace(work.X);
   const Mat6<double> mobility = work.J_T.transpose().lazyProduct(work.X);
   const Eigen::SelfAdjointEigenSolver<Mat6<double>> modes(mobility);
-  const Mat3<double> R_now = tree.R[body] * model.capture_in_body.R;
-  const Vec3<double> p_now = tree.p[body] + tree.R[body] * model.capture_in_body.p;
-  Vec6<double> way;
-  way.head<3>() = capture.p - p_now;
-  way.tail<3>() =
-      quat_log<double>(quat_from_matrix<double>(Mat3<double>(capture.R * R_now.transpose())));
-  // Farther than this is no correction but another place, to which the mechanism goes along.
-  constexpr double kLongestWay = 0.02;  // [m]
-  if (way.head<3>().norm() > kLongestWay) return {};
   constexpr double kReachable = 1e-9;  // of the largest mobility
   Vec6<double> share = modes.eigenvectors().transpose() * way;
   for (int k = 0; k < 6; ++k) {

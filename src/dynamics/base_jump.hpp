@@ -4,7 +4,7 @@
 // mechanism, whose coordinates are relative to the vehicle, is referred to the new motion:
 //
 //   velocity   as by an impulse on the vehicle: the joints are free, so loose bodies keep their
-//              momentum and guided ones are taken along, v_q -= inv(A_qq) A_qb dV
+//              momentum and guided ones are taken along
 //   pose       a capture body that is in contact stays where it is on the target, for a stiff
 //              contact would feel a micrometre; everything else goes with the vehicle
 #pragma once
@@ -18,15 +18,16 @@ struct BaseJumpWorkspace {
   explicit BaseJumpWorkspace(const Mechanism& mechanism);
   MatX<double> A_qq, J_T, X;  ///< n x n, n x 6, n x 6 for n coordinates of the mechanism
   Eigen::LLT<MatX<double>> factor;
-  VecX<double> dq, dv;
+  VecX<double> dq, dv;  ///< n; all independent velocities
 };
 
-/// Give a vehicle a velocity (axes of O) and an angular velocity (body axes).
-/// @param before  its motion of which mechanism velocities in y are relative; R is not read
-/// @pre its pose is in y. @post y, data.mechanism (chaser) or data.vehicle (target)
-Status jump_to_velocity(const DockingModel& model, int vehicle, const FrameMotion<double>& before,
-                        const Vec3<double>& velocity, const Vec3<double>& angular_velocity,
-                        double* y, DockingData<double>& data, BaseJumpWorkspace& work);
+/// Give the chaser, with the mechanism on it, a momentum (axes of O, about O) by one impulse on the
+/// vehicle: A [dV; dv_q] = [J; 0].
+/// @param before  motion of the vehicle that mechanism velocities in y are relative to; v and w
+/// @pre its pose is in y. @post momentum and mechanism velocities in y
+Status jump_to_momentum(const DockingModel& model, const FrameMotion<double>& before,
+                        const Wrench<double>& momentum, double* y, DockingData<double>& data,
+                        BaseJumpWorkspace& work);
 
 /// After a change of vehicle poses in y: bring the capture body to a pose, as far as the mechanism
 /// can, by the motion of least kinetic energy. Nothing happens for a way of more than 20 mm.

@@ -537,6 +537,12 @@ Status calc_mechanism_position(const DockingModel& model, const double* y,
   return calc_position(model.mechanism, data.mechanism);
 }
 
+void set_momentum(const DockingModel& model, int vehicle, const Wrench<double>& momentum,
+                  double* y) {
+  put<double>(y + model.layout.momentum[vehicle], momentum.f);
+  put<double>(y + model.layout.momentum[vehicle] + 3, momentum.t);
+}
+
 void set_vehicle_pose(const DockingModel& model, int vehicle, const Vec3<double>& position,
                       const Vec4<double>& attitude, double* y) {
   double* at = y + model.layout.pose[vehicle];
@@ -550,7 +556,6 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
                             DockingData<double>& data) {
   if (!model.moves[vehicle]) return {};
   FrameMotion<double> frame = get_vehicle_pose(model, vehicle, y);
-  double* momentum = y + model.layout.momentum[vehicle];
   if (vehicle == kTarget) {
     data.vehicle[kTarget] = frame;
     data.vehicle[kTarget].v = velocity;
@@ -562,9 +567,7 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
     data.mechanism.tree.v.segment<3>(3) = angular_velocity;
     calc_velocity(model.mechanism, data.base, data.mechanism);
   }
-  const Wrench<double> sum = find_momentum(model, vehicle, data);
-  put<double>(momentum, sum.f);
-  put<double>(momentum + 3, sum.t);
+  set_momentum(model, vehicle, find_momentum(model, vehicle, data), y);
   return {};
 }
 

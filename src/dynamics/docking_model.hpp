@@ -166,6 +166,10 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
 Status calc_mechanism_position(const DockingModel& model, const double* y,
                                DockingData<double>& data);
 
+/// Put momentum (axes of O, angular part about O) into the states of a vehicle.
+void set_momentum(const DockingModel& model, int vehicle, const Wrench<double>& momentum,
+                  double* y);
+
 /// Put a pose (axes of O) into the states of a vehicle.
 void set_vehicle_pose(const DockingModel& model, int vehicle, const Vec3<double>& position,
                       const Vec4<double>& attitude, double* y);

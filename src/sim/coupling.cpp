@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kHostStep = 1e-3;  ///< of the host model's attitude [s]
 constexpr int kMaxHostSteps = 10000;
+constexpr int kStepsAhead = 10;  ///< inner steps of a look ahead, as a multiple of the last step's
 constexpr double kNormError = 1e-3;    ///< of a quaternion, that is refused
 constexpr double kNormWarning = 1e-6;  ///< that is told
 
@@ -130,10 +131,10 @@ Status DockingSim::Impl::receive(double h) {
   const double energy_before = find_total_energy();
   const Pose<double> capture{data->capture.R, data->capture.p};
   const Pose<double> passive{data->interface[kTarget].R, data->interface[kTarget].p};
-  const std::array<FrameMotion<double>, 2> before = data->vehicle;
+  const FrameMotion<double> chaser_before = data->vehicle[kChaser];
   std::array<Wrench<double>, 2> momentum_before;
   for (int i : {kChaser, kTarget}) momentum_before[i] = find_momentum(*model, i, *data);
-  const Wrench<double> inside_before = find_inside_momentum();
+  const Wrench<double> mechanism_before = find_mechanism_momentum();
   const std::array<double, kPeakCount> loads_before = find_peak_values();
   bool grips = has_surfaces() && data->contact.gap <= 0.0;
   for (int i = 0; i < model->latches.count(); ++i) {
@@ -175,10 +176,16 @@ Status DockingSim::Impl::receive(double h) {
     status = hold_capture_body(*model, on_target, stepper->y(), *data, *jump_work);
     if (!status.ok()) return status;
   }
-  status = match_momenta(told, before, inside_before);
+  status = match_momenta(told, chaser_before, mechanism_before);
   if (!status.ok()) return status;
   status = evaluate(0.0);
   if (!status.ok()) return status;
+  if (told[kChaser]) {
+    const Wrench<double> mechanism = find_mechanism_momentum();
+    Wrench<double>& pending = coupling.vehicle[kChaser].pending;
+    pending.f += mechanism_before.f - mechanism.f;
+    pending.t += mechanism_before.t - mechanism.t;
+  }
   // The jump may begin a contact, and its forces count as peaks.
   update_memory();
   if (has_surfaces() && !discrete.contacted && data->contact.gap <= 0.0) begin_contact(elapsed);
@@ -195,51 +202,37 @@ Status DockingSim::Impl::receive(double h) {
 }
 
 /// Momentum of each internal vehicle = momentum of the host's + what it is owed. The mechanism is
-/// referred to the new velocities; what that changes of its momentum is owed, too, so repeat.
+/// referred to the new motion of the chaser; what that changes of its own momentum is owed, too
+/// (receive), so the chaser and what it carries get: host + owed + mechanism before.
 Status DockingSim::Impl::match_momenta(const std::array<bool, 2>& told,
-                                       std::array<FrameMotion<double>, 2> motion,
-                                       const Wrench<double>& inside_before) {
-  constexpr int kRounds = 3;           // contracts with mass of the mechanism / of the vehicle
-  constexpr double kRounding = 1e-14;  // of the momentum
-  const std::array<Wrench<double>, 2> owed{coupling.vehicle[kChaser].pending,
-                                           coupling.vehicle[kTarget].pending};
-  for (int round = 0; round < kRounds; ++round) {
-    for (int i : {kChaser, kTarget}) {
-      if (!told[i]) continue;
-      const DrivenVehicle& v = coupling.vehicle[i];
-      const double* at = stepper->y() + model->layout.pose[i];
-      VehicleState s;
-      s.x = Vec3<double>(at[0], at[1], at[2]);
-      s.q = Vec4<double>(at[3], at[4], at[5], at[6]);
-      Wrench<double> momentum = find_stated_momentum(i, v.received);
-      momentum.f += v.pending.f;
-      momentum.t += v.pending.t;
-      const Mat3<double> R = quat_to_matrix<double>(s.q);
-      s.v = momentum.f / model->stated_mass[i];
-      s.w = find_stated_inertia(i).llt().solve(
-          Vec3<double>(R.transpose() * (momentum.t - s.x.cross(momentum.f))));
-      const Status status =
-          jump_to_velocity(*model, i, motion[i], s.v, s.w, stepper->y(), *data, *jump_work);
-      if (!status.ok()) return status;
-      motion[i].v = s.v;
-      motion[i].w = R * s.w;
+                                       const FrameMotion<double>& chaser_before,
+                                       const Wrench<double>& mechanism_before) {
+  for (int i : {kChaser, kTarget}) {
+    if (!told[i]) continue;
+    const DrivenVehicle& v = coupling.vehicle[i];
+    Wrench<double> momentum = find_stated_momentum(i, v.received);
+    momentum.f += v.pending.f;
+    momentum.t += v.pending.t;
+    if (i == kTarget) {
+      set_momentum(*model, i, momentum, stepper->y());
+      continue;
     }
-    if (!told[kChaser]) return {};
-    const Wrench<double> now = find_inside_momentum();
-    Wrench<double>& pending = coupling.vehicle[kChaser].pending;
-    const Wrench<double> last = pending;
-    pending.f = owed[kChaser].f + inside_before.f - now.f;
-    pending.t = owed[kChaser].t + inside_before.t - now.t;
-    const double change = (pending.f - last.f).norm();
-    if (change <= kRounding * model->stated_mass[kChaser] * motion[kChaser].v.norm()) return {};
+    momentum.f += mechanism_before.f;
+    momentum.t += mechanism_before.t;
+    const Status status =
+        jump_to_momentum(*model, chaser_before, momentum, stepper->y(), *data, *jump_work);
+    if (!status.ok()) return status;
   }
   return {};
 }
 
-Wrench<double> DockingSim::Impl::find_inside_momentum() const {
-  double mass = 0.0;
-  Vec3<double> first_moment;
-  return dockloop::find_inside_momentum<double>(*model, *data, mass, first_moment);
+/// Of what moves with the chaser, beyond the vehicle as its host knows it. @pre evaluate
+Wrench<double> DockingSim::Impl::find_mechanism_momentum() const {
+  Wrench<double> momentum = find_momentum(*model, kChaser, *data);
+  const Wrench<double> vehicle = find_stated_momentum(kChaser, find_vehicle_state(kChaser));
+  momentum.f -= vehicle.f;
+  momentum.t -= vehicle.t;
+  return momentum;
 }
 
 /// Where a driven vehicle is and what its host applied by itself, at the start of an integration.
@@ -298,49 +291,75 @@ void DockingSim::Impl::update_ledgers(double h) {
   }
 }
 
-/// Announce the loads of the coming step of h: integrate a copy over it and drop it. What the host
-/// is still owed then is added. @pre inputs are read
-void DockingSim::Impl::look_ahead(double h) {
-  keep(*look_ahead_start);
-  const Counters counters = find_counters();
-  const size_t told = warnings.size();
-  std::array<Wrench<double>, 2> owed{};
+/// Announce the loads of the coming step, which is expected to be h: what will be exerted over it,
+/// and what the host is owed. @pre inputs are read
+void DockingSim::Impl::announce(double h) {
+  std::array<Wrench<double>, 2> exerted{};
+  std::array<VehicleState, 2> begin, end;
+  Status status = look_ahead(h, begin, end, exerted);
+  if (!status.ok() && last_step > 0.0 && h > last_step) {
+    h = last_step;
+    status = look_ahead(h, begin, end, exerted);
+  }
+  if (!status.ok()) {
+    for (int i : {kChaser, kTarget}) {
+      if (!model->driven[i]) continue;
+      char text[400];
+      std::snprintf(text, sizeof text,
+                    "the loads of the step after t = %.9g s could not be announced (looking %.6g s "
+                    "ahead: %s); the host is told what it is owed only",
+                    setup->t_start + elapsed, h,
+                    find_status_text(status, model->mechanism.model).c_str());
+      warn_once(i, kToldLookAhead, text);
+    }
+  }
+  // After a step that was much shorter than the others its ledger is not returned as fast.
+  const double share = h / std::max(h, coupling.regular_step);
   for (int i : {kChaser, kTarget}) {
     if (!model->driven[i]) continue;
     const DrivenVehicle& v = coupling.vehicle[i];
-    owed[i] = v.pending;
-    if (!(last_step > 0.0)) continue;
-    const Wrench<double> delivered =
-        find_delivered_impulse(v.held, v.received, v.predicted, last_step);
-    owed[i].f -= delivered.f;
-    owed[i].t -= delivered.t;
+    Wrench<double> impulse = v.pending;
+    if (last_step > 0.0) {
+      const Wrench<double> delivered =
+          find_delivered_impulse(v.held, v.received, v.predicted, last_step);
+      impulse.f -= delivered.f;
+      impulse.t -= delivered.t;
+    }
+    impulse.f = share * impulse.f + exerted[i].f;
+    impulse.t = share * impulse.t + exerted[i].t;
+    mean_load[i] =
+        find_mean_load(impulse, v.predicted, carry_along(v.predicted, begin[i], end[i]), h);
   }
+}
+
+/// Integrate over h and drop the result; nothing but the arguments changes.
+Status DockingSim::Impl::look_ahead(double h, std::array<VehicleState, 2>& begin,
+                                    std::array<VehicleState, 2>& end,
+                                    std::array<Wrench<double>, 2>& exerted) {
+  keep(*look_ahead_start);
+  const Counters counters = find_counters();
+  const size_t told = warnings.size();
   Status status = evaluate(0.0);
-  CouplingStart begin;
-  note_start(begin);
-  if (status.ok()) status = is_fixed_step() ? integrate_fixed(h) : integrate(h);
-  std::array<Wrench<double>, 2> exerted{};
-  std::array<VehicleState, 2> end;
+  CouplingStart start;
+  note_start(start);
+  begin = end = start.vehicle;
+  exerted = {};
+  // Not much dearer than the step that was just made.
+  int limit = find_inner_step_limit(h);
+  if (coupling.inner_steps > 0) limit = std::min(limit, kStepsAhead * (100 + coupling.inner_steps));
+  if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
   if (status.ok()) {
     for (int i : {kChaser, kTarget}) {
       if (!model->driven[i]) continue;
-      exerted[i] = find_exerted_impulse(i, begin);
+      exerted[i] = find_exerted_impulse(i, start);
       end[i] = find_vehicle_state(i);
     }
-  } else {
-    end = begin.vehicle;  // the step itself will fail and say why; what is owed is announced
   }
   restore(*look_ahead_start);
   set_counters(counters);
   warnings.resize(told);
   status_text.clear();
-  for (int i : {kChaser, kTarget}) {
-    if (!model->driven[i]) continue;
-    owed[i].f += exerted[i].f;
-    owed[i].t += exerted[i].t;
-    const VehicleState& from = coupling.vehicle[i].predicted;
-    mean_load[i] = find_mean_load(owed[i], from, carry_along(from, begin.vehicle[i], end[i]), h);
-  }
+  return status;
 }
 
 /// What the host is owed at the present communication point: from the motion that it told since

@@ -27,22 +27,25 @@ namespace dockloop {
 /// Values of coupling.mode.
 enum CouplingMode { kSequential = 1, kParallel = 2 };
 
-/// Sums over the steps of one vehicle; those of the mass are forgotten with time.
+/// Sums over the steps of one vehicle, forgotten with time.
 struct InnovationSums {
-  double predicted2 = 0.0, told_predicted = 0.0, samples = 0.0;  ///< changes of velocity [m2/s2]
-  double innovation2 = 0.0, load2 = 0.0, innovation_load = 0.0;  ///< of loaded steps [m2/s2]
+  double predicted2 = 0.0;            ///< changes of velocity as predicted, gravity apart [m2/s2]
+  double innovation_predicted = 0.0;  ///< innovation times these [m2/s2]
+  double innovation2 = 0.0;           ///< [m2/s2]
   double shifted2 = 0.0;  ///< what remains if the load of the step beside was applied [m2/s2]
-  int loaded = 0;         ///< steps with a load that can be seen
-  int unmodelled = 0;     ///< steps in a row with an innovation that no load explains
+  double turn2 = 0.0, innovation_turn = 0.0;  ///< the same of angular velocities [rad2/s2]
+  int loaded = 0;                             ///< steps with a change that can be seen
+  int unmodelled = 0;  ///< steps in a row with an innovation that no load explains
 };
 
 /// What was told to and by the host of one driven vehicle. Frame O, which falls with gravity.
 struct DrivenVehicle {
-  VehicleState received;    ///< at the start of the last step
-  VehicleState predicted;   ///< of the host at its end
-  Wrench<double> held;      ///< load that the host held over it: force (axes of O), torque (body)
-  Wrench<double> before;    ///< the same, a step earlier
-  Wrench<double> pending;   ///< ledger: impulse, angular impulse about O, as of `received`
+  VehicleState received;   ///< at the start of the last step
+  VehicleState predicted;  ///< of the host at its end
+  Wrench<double> held;     ///< load that the host held over it: force (axes of O), torque (body)
+  Wrench<double> before;   ///< the same, a step earlier
+  Wrench<double> pending;  ///< ledger: impulse, angular impulse about O, as of `received`
+  Vec3<double> fall = Vec3<double>::Zero();  ///< change of velocity by gravity over it [m/s]
   double work = 0.0;        ///< of the mechanism on the internal vehicle over the last step [J]
   double innovation = 0.0;  ///< of the velocity at the interface, at `received` [m/s]
   double error = 0.0;       ///< of the last step, at the interface [m/s]
@@ -60,6 +63,8 @@ enum CouplingWarning {
   kToldStep = 32,
   kToldFirst = 64,
   kToldLookAhead = 128,
+  kToldNoForce = 256,
+  kToldNoTorque = 512,
 };
 
 /// Motion and told impulses at the start of an integration.
@@ -71,8 +76,10 @@ struct CouplingStart {
 struct CouplingState {
   std::array<DrivenVehicle, 2> vehicle;
   double work_residual = 0.0;  ///< [J]
-  double suggestion = 0.0;     ///< last suggested step [s], 0 = none yet
+  double suggestion = 0.0;     ///< step that loads are announced for, to a host that follows [s]
   bool follows = false;        ///< the host makes the steps that are suggested
+  double regular_step = 0.0;   ///< longest of the last few steps [s]
+  int inner_steps = 0;         ///< of the last step
   double frequency = 0.0;      ///< of the interface when a latch last changed [rad/s], 0 = unknown
   int held_latches = 0;        ///< then
   std::array<int, 2> warned{0, 0};

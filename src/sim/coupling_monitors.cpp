@@ -9,16 +9,19 @@
 namespace dockloop {
 namespace {
 
-constexpr double kForget = 0.98;       ///< of the sums of the mass, per kForgetTime
-constexpr double kForgetTime = 0.01;   ///< [s]
-constexpr double kLeastChange = 1e-6;  ///< change of velocity that says something [m/s]
+constexpr double kForget = 0.98;      ///< of the sums, per kForgetTime
+constexpr double kForgetTime = 0.01;  ///< [s]
+constexpr double kRounding = 1e-11;   ///< change of velocity that says nothing, [m/s], [rad/s] ...
+constexpr double kRelativeRounding = 1e-14;  ///< ... and of the speed in N [-]
 constexpr int kEnoughSteps = 10;
-constexpr double kMassWarning = 0.05;        ///< mismatch that is told [-]
-constexpr double kMassConfirmed = 0.1;       ///< mismatch below which no step is too long [-]
-constexpr double kStableRange = 0.8;         ///< frequency x step with a mass that is not confirmed
-constexpr double kLongestStep = 0.1;         ///< that is suggested [s]
-constexpr double kShare = 0.3;               ///< of the tolerance that the next step may use
-constexpr double kLeastAcceleration = 1e-4;  ///< unmodelled, that is told [m/s2]
+constexpr double kExplained = 0.05;     ///< of the squares of innovations, by an explanation
+constexpr double kMassWarning = 0.05;   ///< mismatch that is told [-]
+constexpr double kMassConfirmed = 0.1;  ///< mismatch below which no step is too long [-]
+constexpr double kLeastFelt = 0.1;      ///< of a predicted change, less is none at all
+constexpr double kStableRange = 0.8;    ///< frequency x step with a mass that is not confirmed
+constexpr double kLongestStep = 0.1;    ///< that is suggested [s]
+constexpr double kShare = 0.3;          ///< of the tolerance that the next step may use
+constexpr double kUnmodelled = 1e-4;    ///< acceleration that is told [m/s2], and part of gravity
 
 }  // namespace
 
@@ -32,15 +35,22 @@ void DockingSim::Impl::warn_once(int i, CouplingWarning what, const std::string&
 /// True mass / stated mass - 1 as the motion shows it; 0 while it shows nothing.
 double DockingSim::Impl::find_mass_mismatch(int i) const {
   const InnovationSums& sums = coupling.vehicle[i].sums;
-  if (!(sums.predicted2 > kLeastChange * kLeastChange * sums.samples)) return 0.0;
-  if (!(sums.told_predicted > 0.0)) return 0.0;
-  return sums.predicted2 / sums.told_predicted - 1.0;
+  if (sums.loaded == 0 || !(sums.predicted2 > 0.0)) return 0.0;
+  const double felt = 1.0 + sums.innovation_predicted / sums.predicted2;
+  constexpr double kLeast = 1e-3;  // lighter or heavier by more: it does not move at all
+  return 1.0 / std::max(felt, kLeast) - 1.0;
+}
+
+/// Squares of innovations that another mass does not explain [m2/s2].
+double DockingSim::Impl::find_unexplained_by_mass(const InnovationSums& sums) {
+  if (!(sums.predicted2 > 0.0)) return sums.innovation2;
+  return sums.innovation2 - sums.innovation_predicted * sums.innovation_predicted / sums.predicted2;
 }
 
 bool DockingSim::Impl::is_mass_confirmed(int i) const {
   const InnovationSums& sums = coupling.vehicle[i].sums;
-  return sums.predicted2 > kLeastChange * kLeastChange * sums.samples &&
-         sums.told_predicted > 0.0 && std::abs(find_mass_mismatch(i)) < kMassConfirmed;
+  return sums.loaded >= kEnoughSteps && std::abs(find_mass_mismatch(i)) < kMassConfirmed &&
+         find_unexplained_by_mass(sums) < kExplained * sums.predicted2;
 }
 
 /// The first motion that is told must be that of the start, not of a step later.
@@ -74,93 +84,116 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
       quat_log<double>(quat_multiply<double>(quat_conjugate<double>(v.received.q), z.q));
   coupling.work_residual += v.held.f.dot(z.x - v.received.x) + v.held.t.dot(turn) - v.work;
 
-  // Mass: changes of velocity, gravity apart.
-  const Vec3<double> fall =
-      model->falling ? Vec3<double>(Vec3<double>::Zero()) : Vec3<double>(h * loads.gravity);
-  const Vec3<double> predicted = v.predicted.v - v.received.v - fall;
-  const Vec3<double> told = z.v - v.received.v - fall;
+  // Changes of velocity, gravity apart.
+  const Vec3<double> predicted = v.predicted.v - v.received.v - v.fall;
+  const Vec3<double> turned = v.predicted.w - v.received.w;
   const double keep = std::pow(kForget, h / kForgetTime);
-  sums.predicted2 = keep * sums.predicted2 + predicted.squaredNorm();
-  sums.told_predicted = keep * sums.told_predicted + told.dot(predicted);
-  sums.samples = keep * sums.samples + 1.0;
-
-  // Order of exchange: as if the load of the step beside had been applied, a step late (sequential
-  // exchange expected) or a step early (announced load applied at once).
-  const Vec3<double> load = h / mass * v.held.f;
-  const Vec3<double> beside = h / mass * (announces() ? mean_load[i].f : v.before.f);
-  if (load.norm() > kLeastChange || beside.norm() > kLeastChange) {
-    ++sums.loaded;
-    sums.innovation2 += innovation.squaredNorm();
-    sums.load2 += load.squaredNorm();
-    sums.innovation_load += innovation.dot(load);
-    sums.shifted2 += (innovation - (beside - load)).squaredNorm();
+  for (double* sum : {&sums.predicted2, &sums.innovation_predicted, &sums.innovation2,
+                      &sums.shifted2, &sums.turn2, &sums.innovation_turn}) {
+    *sum *= keep;
   }
-  const double known = h / mass * loads.force[i].norm();
-  const bool unmodelled = innovation.norm() > h * kLeastAcceleration &&
-                          innovation.norm() > 10.0 * (load.norm() + known);
+  const double rounding = kRounding + kRelativeRounding * inputs.vehicle[i].velocity.norm();
+  if (predicted.norm() > rounding) {
+    ++sums.loaded;
+    sums.predicted2 += predicted.squaredNorm();
+    sums.innovation_predicted += innovation.dot(predicted);
+    sums.innovation2 += innovation.squaredNorm();
+    // Order of exchange: as if the load of the step beside had been applied, a step late
+    // (sequential exchange expected) or a step early (announced load applied at once).
+    const Vec3<double> beside = announces() ? mean_load[i].f : v.before.f;
+    sums.shifted2 += (innovation - h / mass * (beside - v.held.f)).squaredNorm();
+  }
+  if (turned.norm() > kRounding) {
+    sums.turn2 += turned.squaredNorm();
+    sums.innovation_turn += (z.w - v.predicted.w).dot(turned);
+  }
+  const double told = predicted.norm();
+  const double limit = kUnmodelled * std::max(1.0, loads.gravity.norm());
+  const bool unmodelled = innovation.norm() > h * limit && innovation.norm() > 10.0 * told;
   sums.unmodelled = unmodelled ? sums.unmodelled + 1 : 0;
-  warn_of_exchange(i, innovation, load);
-  warn_of_mass(i);
+  warn_of_exchange(i, innovation);
 }
 
-void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
-                                        const Vec3<double>& load) {
-  const InnovationSums& sums = coupling.vehicle[i].sums;
+/// Find the reason of innovations: one warning that fits is better than three that may.
+void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation) {
+  const DrivenVehicle& v = coupling.vehicle[i];
+  const InnovationSums& sums = v.sums;
   const char* name = name_of(i);
+  const double h = last_step, stated = model->stated_mass[i];
   char text[400];
-  if (sums.unmodelled == 5) {
+  const auto unmodelled = [&](double acceleration) {
     std::snprintf(text, sizeof text,
                   "%s has an unmodelled acceleration of %.3g m/s2: is 'gravity' connected, and is "
                   "every other load told in %s.force_ext?",
-                  name, innovation.norm() / last_step, name);
+                  name, acceleration, name);
     warn_once(i, kToldGravity, text);
-  }
-  if (announces() && sums.loaded == 1 && load.norm() > kLeastChange &&
-      (innovation + load).norm() < 0.05 * load.norm()) {
+  };
+  // A motion that is told a step ahead looks like many other things.
+  if ((coupling.warned[i] & kToldFirst) != 0) return;
+  if (sums.unmodelled == 5) unmodelled(innovation.norm() / h);
+  const Vec3<double> held = h / stated * v.held.f;
+  if (announces() && sums.loaded == 1 && (innovation + held).norm() < 0.05 * held.norm()) {
     std::snprintf(text, sizeof text,
                   "%s did not feel the first announced load (%.6g N over %.6g s): read "
                   "%s.force_mean and %s.torque_mean after initialisation, before the first step",
-                  name, coupling.vehicle[i].held.f.norm(), last_step, name, name);
+                  name, v.held.f.norm(), h, name, name);
     warn_once(i, kToldLate, text);
   }
-  // A motion that is told a step ahead looks like many other things.
-  if (sums.loaded < kEnoughSteps || (coupling.warned[i] & kToldFirst) != 0) return;
-  // What a wrong mass leaves unexplained.
-  const double by_mass =
-      sums.load2 > 0.0 ? sums.innovation2 - sums.innovation_load * sums.innovation_load / sums.load2
-                       : sums.innovation2;
-  if (sums.innovation2 > 1e-4 * sums.load2 && sums.shifted2 < 0.01 * by_mass) {
+  if (sums.loaded < kEnoughSteps) return;
+  if (sums.turn2 > 0.0 && 1.0 + sums.innovation_turn / sums.turn2 < kLeastFelt) {
+    std::snprintf(text, sizeof text,
+                  "%s does not turn as predicted (%.3g of it): is %s.torque_mean connected, about "
+                  "the centre of mass, in body axes, with its sign?",
+                  name, 1.0 + sums.innovation_turn / sums.turn2, name);
+    warn_once(i, kToldNoTorque, text);
+  }
+  const double unexplained = find_unexplained_by_mass(sums);
+  const double size = std::sqrt(sums.innovation2 / sums.predicted2);
+  if (size < 1e-5) return;
+  if (sums.shifted2 < 0.01 * unexplained) {
     std::snprintf(
         text, sizeof text,
         announces()
-            ? "%s applies the announced load a step early (innovation of velocity %.3g m/s): the "
-              "host makes each step after this FMU; set coupling.mode = 1 (sequential)"
-            : "%s applies the mean load a step late (innovation of velocity %.3g m/s): the host "
-              "makes each step at the same time as this FMU; set coupling.mode = 2 (parallel)",
-        name, innovation.norm());
+            ? "%s applies the announced load a step early (innovations are %.3g of the changes of "
+              "velocity): the host makes each step after this FMU; set coupling.mode = 1 "
+              "(sequential)"
+            : "%s applies the mean load a step late (innovations are %.3g of the changes of "
+              "velocity): the host makes each step at the same time as this FMU; set "
+              "coupling.mode = 2 (parallel)",
+        name, size);
     warn_once(i, kToldOrder, text);
+    return;
   }
-}
-
-void DockingSim::Impl::warn_of_mass(int i) {
-  const InnovationSums& sums = coupling.vehicle[i].sums;
-  const double mismatch = find_mass_mismatch(i), stated = model->stated_mass[i];
-  if (sums.loaded < kEnoughSteps || std::abs(mismatch) < kMassWarning) return;
-  if ((coupling.warned[i] & (kToldOrder | kToldLate)) != 0) return;  // says nothing then
-  char text[300];
+  if ((coupling.warned[i] & kToldOrder) != 0 || size < kMassWarning) return;
+  const double felt = 1.0 + sums.innovation_predicted / sums.predicted2;
+  if (unexplained > kExplained * sums.innovation2) {
+    const double rest = std::sqrt(unexplained / sums.predicted2) *
+                        (v.predicted.v - v.received.v - v.fall).norm() / h;
+    if (rest > kUnmodelled * std::max(1.0, loads.gravity.norm())) unmodelled(rest);
+    return;
+  }
+  if (felt < kLeastFelt) {
+    std::snprintf(text, sizeof text,
+                  "%s does not move as predicted (%.3g of it): is %s.force_mean connected, in N, "
+                  "with its sign?",
+                  name, felt, name);
+    warn_once(i, kToldNoForce, text);
+    return;
+  }
+  const double mismatch = find_mass_mismatch(i);
   std::snprintf(text, sizeof text,
                 "%s moves as if its mass were %.6g kg, but %s.mass is %.6g kg (mismatch %.3g): "
                 "loads are right to first order of the step only; see also "
                 "%s.mass_includes_mechanism",
-                name_of(i), stated * (1.0 + mismatch), name_of(i), stated, mismatch, name_of(i));
+                name, stated * (1.0 + mismatch), name, stated, mismatch, name);
   warn_once(i, kToldMass, text);
-  const double product = coupling.frequency * last_step;
+  const double product = coupling.frequency * h;
   if (product > kStableRange && std::abs(mismatch) > kMassConfirmed) {
     std::snprintf(text, sizeof text,
                   "the interface has a frequency of %.4g rad/s; times the step of %.4g s this is "
                   "%.3g, above %.1g, which is not stable with a mass that is wrong by %.3g: take "
                   "steps below %.3g s",
-                  coupling.frequency, last_step, product, kStableRange, mismatch,
+                  coupling.frequency, h, product, kStableRange, mismatch,
                   kStableRange / coupling.frequency);
     warn_once(i, kToldStep, text);
   }
@@ -177,8 +210,9 @@ void DockingSim::Impl::note_step(int i, const Wrench<double>& exerted, const Veh
   const Vec3<double> turn =
       quat_log<double>(quat_multiply<double>(quat_conjugate<double>(start.q), end.q));
   const Loads& known = find_loads(0.5 * h);
-  Vec3<double> force = known.force[i];
-  if (!model->falling) force += mass * known.gravity;
+  v.fall.setZero();
+  if (!model->falling) v.fall = h * known.gravity;
+  const Vec3<double> force = known.force[i] + mass / h * v.fall;
   v.work = find_rigid_energy(mass, I, end) - find_rigid_energy(mass, I, start) - force.dot(way) -
            known.torque[i].dot(turn);
   // Announced beside exerted load; the first moment of the load, seen in the position.
@@ -211,7 +245,20 @@ double DockingSim::Impl::find_suggested_step(double frequency) const {
   return step;
 }
 
-/// Step over which loads are announced: what the host says, what it was suggested if it follows
+/// A host that changes its step to the suggested one follows suggestions. What is suggested
+/// follows from the state alone, whether it was read or not.
+void DockingSim::Impl::notice_step(double h) {
+  constexpr double kSame = 1e-6;
+  if (!(last_step > 0.0)) return;
+  double suggested = coupling.suggestion;
+  if (!coupling.follows) {
+    if (h == last_step || !evaluate(0.0).ok()) return;
+    suggested = find_suggested_step(find_interface_frequency());
+  }
+  coupling.follows = std::abs(h - suggested) <= kSame * suggested;
+}
+
+/// Step over which loads are announced: what the host says, what is suggested to it if it follows
 /// suggestions, or as the last.
 double DockingSim::Impl::find_expected_step() {
   if (inputs.next_step > 0.0) return inputs.next_step;
@@ -240,8 +287,8 @@ void DockingSim::Impl::update_coupling_outputs() {
     }
   }
   outputs.coupling_frequency = find_interface_frequency();
-  coupling.suggestion = find_suggested_step(outputs.coupling_frequency);
-  outputs.coupling_suggested_step = coupling.suggestion;
+  outputs.coupling_suggested_step =
+      coupling.follows ? coupling.suggestion : find_suggested_step(outputs.coupling_frequency);
 }
 
 }  // namespace dockloop

@@ -71,8 +71,9 @@ struct DockingSim::Impl : SimState {
   void read_inputs();
   const Loads& find_loads(double tau);
   void advance_inputs(double h);
-  Status integrate(double h);
-  Status integrate_fixed(double h);
+  int find_inner_step_limit(double h) const;
+  Status integrate(double h, int limit);
+  Status integrate_fixed(double h, int limit);
   double find_leap(double made, double proposal);
   double find_next_stop(double tau, double h) const;
   Status find_trouble(double tau) const;
@@ -97,13 +98,15 @@ struct DockingSim::Impl : SimState {
                             double h);
   void start_coupling();
   Status receive(double h);
-  Status match_momenta(const std::array<bool, 2>& told, std::array<FrameMotion<double>, 2> motion,
-                       const Wrench<double>& inside_before);
-  Wrench<double> find_inside_momentum() const;
+  Status match_momenta(const std::array<bool, 2>& told, const FrameMotion<double>& chaser_before,
+                       const Wrench<double>& mechanism_before);
+  Wrench<double> find_mechanism_momentum() const;
   void note_start(CouplingStart& start) const;
   Wrench<double> find_exerted_impulse(int vehicle, const CouplingStart& start) const;
   void update_ledgers(double h);
-  void look_ahead(double h);
+  void announce(double h);
+  Status look_ahead(double h, std::array<VehicleState, 2>& begin, std::array<VehicleState, 2>& end,
+                    std::array<Wrench<double>, 2>& exerted);
   Wrench<double> find_owed_impulse(int vehicle) const;
 
   // coupling_monitors.cpp
@@ -112,11 +115,12 @@ struct DockingSim::Impl : SimState {
   bool is_mass_confirmed(int vehicle) const;
   void look_at_first_state(int vehicle, const VehicleState& told, double h);
   void look_at_innovation(int vehicle, const VehicleState& told);
-  void warn_of_exchange(int vehicle, const Vec3<double>& innovation, const Vec3<double>& load);
-  void warn_of_mass(int vehicle);
+  void warn_of_exchange(int vehicle, const Vec3<double>& innovation);
+  static double find_unexplained_by_mass(const InnovationSums& sums);
   void note_step(int vehicle, const Wrench<double>& exerted, const VehicleState& end, double h);
   double find_interface_frequency();
   double find_suggested_step(double frequency) const;
+  void notice_step(double h);
   double find_expected_step();
   void update_coupling_outputs();
 

@@ -119,20 +119,20 @@ void transfer(A& archive, Inputs::Vehicle& v) {
 
 template <class A>
 void transfer(A& archive, InnovationSums& s) {
-  transfer_all(archive, s.predicted2, s.told_predicted, s.samples, s.innovation2, s.load2,
-               s.innovation_load, s.shifted2, s.loaded, s.unmodelled);
+  transfer_all(archive, s.predicted2, s.innovation_predicted, s.innovation2, s.shifted2, s.turn2,
+               s.innovation_turn, s.loaded, s.unmodelled);
 }
 
 template <class A>
 void transfer(A& archive, DrivenVehicle& v) {
-  transfer_all(archive, v.received, v.predicted, v.held, v.before, v.pending, v.work, v.innovation,
-               v.error, v.told, v.sums);
+  transfer_all(archive, v.received, v.predicted, v.held, v.before, v.pending, v.fall, v.work,
+               v.innovation, v.error, v.told, v.sums);
 }
 
 template <class A>
 void transfer(A& archive, CouplingState& c) {
-  transfer_all(archive, c.vehicle, c.work_residual, c.suggestion, c.follows, c.frequency,
-               c.held_latches, c.warned);
+  transfer_all(archive, c.vehicle, c.work_residual, c.suggestion, c.follows, c.regular_step,
+               c.inner_steps, c.frequency, c.held_latches, c.warned);
 }
 
 template <class A>

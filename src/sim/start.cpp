@@ -288,7 +288,7 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   check_parameters();
   try {
     start(std::make_shared<const Setup>(Setup{parameters, t0, tolerance}));
-    if (announces()) look_ahead(parameters.coupling_expected_step);
+    if (announces()) announce(parameters.coupling_expected_step);
   } catch (...) {
     setup.reset();  // nothing to run
     throw;

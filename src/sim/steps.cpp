@@ -8,18 +8,19 @@
 namespace dockloop {
 namespace {
 
+constexpr double kFade = 0.7;     ///< of a long step in what counts as regular, per step
 constexpr int kMaxRefused = 12;   ///< end states in a row that cannot be evaluated
 #ifndef DOCKLOOP_MAX_INNER_STEPS  // the fuzzers wait less long
 #define DOCKLOOP_MAX_INNER_STEPS 10000
 #endif
 
+}  // namespace
+
 /// Inner steps after which a communication step is given up: a refusal must not take minutes.
-int find_inner_step_limit(double h) {
+int DockingSim::Impl::find_inner_step_limit(double h) const {
   constexpr double kPerSecond = 20000.0, kMost = 1e6;
   return static_cast<int>(std::min(DOCKLOOP_MAX_INNER_STEPS + kPerSecond * h, kMost));
 }
-
-}  // namespace
 
 void DockingSim::Impl::read_inputs() {
   const auto read = [this](const Inputs& from, Loads& to) {
@@ -77,16 +78,19 @@ Status DockingSim::Impl::step(double t, double h) {
   read_inputs();
   Status status;
   if (h > 0.0) {
+    if (announces()) notice_step(h);
     status = receive(h);
     update_thrust(elapsed);  // it may have been told only now
     if (status.ok()) status = evaluate(0.0);
     note_start(step_begin);
-    if (status.ok()) status = is_fixed_step() ? integrate_fixed(h) : integrate(h);
+    const int limit = find_inner_step_limit(h);
+    if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
   } else {
     status_text = "the step must be longer than 0 s";
     status.code = StatusCode::kBadInput;
   }
   if (status.ok()) {
+    coupling.inner_steps = static_cast<int>(find_counters().steps - counters.steps);
     finish_step(h);
     return status;
   }
@@ -103,7 +107,7 @@ Status DockingSim::Impl::step(double t, double h) {
 
 /// Advance by h from the present state, through events. On failure the state is undefined.
 /// @pre evaluate(0)
-Status DockingSim::Impl::integrate(double h) {
+Status DockingSim::Impl::integrate(double h, int limit) {
   Status status;
   std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
   margin_before = find_singularity_margin(data->mechanism);
@@ -111,7 +115,6 @@ Status DockingSim::Impl::integrate(double h) {
   int refused = 0;           // end states in a row that could not be evaluated
   double proposal = h_warm;  // step size that error control asks for; stops do not count
   stepper->restart(0.0, std::min(proposal, h));
-  const int limit = find_inner_step_limit(h);
   for (int inner = 0; inner < limit; ++inner) {
     const double stop = find_next_stop(tau, h);
     last_trouble = Status();
@@ -163,9 +166,8 @@ Status DockingSim::Impl::integrate(double h) {
 /// The same with a number of inner steps that depends on h only: equal steps of the classic
 /// Runge-Kutta method, events seen at their ends. The cost is bounded; errors are not controlled.
 /// @pre evaluate(0)
-Status DockingSim::Impl::integrate_fixed(double h) {
+Status DockingSim::Impl::integrate_fixed(double h, int limit) {
   const double wanted = std::ceil(h / parameters.step * (1.0 - 1e-9));
-  const int limit = find_inner_step_limit(h);
   if (wanted > limit) {
     char text[200];
     std::snprintf(
@@ -282,10 +284,7 @@ void DockingSim::Impl::finish_step(double h) {
     }
   }
   elapsed += h;
-  // Suggested for the first step is what is expected: only a change of step shows that the host
-  // follows.
-  const bool changed = last_step > 0.0 && h != last_step;
-  coupling.follows = h == coupling.suggestion && (coupling.follows || changed);
+  coupling.regular_step = std::max(h, kFade * coupling.regular_step);
   last_step = h;
   invalidate();
   update_mean_loads(h);
@@ -294,7 +293,7 @@ void DockingSim::Impl::finish_step(double h) {
   advance_inputs(h);
   if (announces()) {
     read_inputs();
-    look_ahead(find_expected_step());
+    announce(find_expected_step());
   }
 }
 
