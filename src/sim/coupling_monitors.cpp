@@ -18,6 +18,7 @@ constexpr double kExplained = 0.05;     ///< of the squares of innovations, by a
 constexpr double kMassWarning = 0.05;   ///< mismatch that is told [-]
 constexpr double kMassConfirmed = 0.1;  ///< mismatch below which no step is too long [-]
 constexpr double kLeastFelt = 0.1;      ///< of a predicted change, less is none at all
+constexpr double kMostFelt = 10.0;      ///< more is not the effect of that load
 constexpr double kStableRange = 0.8;    ///< frequency x step with a mass that is not confirmed
 constexpr double kLongestStep = 0.1;    ///< that is suggested [s]
 constexpr double kShare = 0.3;          ///< of the tolerance that the next step may use
@@ -37,7 +38,8 @@ double DockingSim::Impl::find_mass_mismatch(int i) const {
   const InnovationSums& sums = coupling.vehicle[i].sums;
   if (sums.loaded == 0 || !(sums.predicted2 > 0.0)) return 0.0;
   const double felt = 1.0 + sums.innovation_predicted / sums.predicted2;
-  constexpr double kLeast = 1e-3;  // lighter or heavier by more: it does not move at all
+  if (std::abs(felt) > kMostFelt) return 0.0;  // something else moves it
+  constexpr double kLeast = 1e-3;              // heavier by more: it does not move at all
   return 1.0 / std::max(felt, kLeast) - 1.0;
 }
 
@@ -92,7 +94,9 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
                       &sums.shifted2, &sums.turn2, &sums.innovation_turn}) {
     *sum *= keep;
   }
-  const double rounding = kRounding + kRelativeRounding * inputs.vehicle[i].velocity.norm();
+  // Gravity that is told as a constant over the step is not known better than this.
+  const double rounding = kRounding + kRelativeRounding * inputs.vehicle[i].velocity.norm() +
+                          h * kUnmodelled * loads.gravity.norm();
   if (predicted.norm() > rounding) {
     ++sums.loaded;
     sums.predicted2 += predicted.squaredNorm();
@@ -166,9 +170,8 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation) {
   }
   if ((coupling.warned[i] & kToldOrder) != 0 || size < kMassWarning) return;
   const double felt = 1.0 + sums.innovation_predicted / sums.predicted2;
-  if (unexplained > kExplained * sums.innovation2) {
-    const double rest = std::sqrt(unexplained / sums.predicted2) *
-                        (v.predicted.v - v.received.v - v.fall).norm() / h;
+  if (unexplained > kExplained * sums.innovation2 || std::abs(felt) > kMostFelt) {
+    const double rest = size * (v.predicted.v - v.received.v - v.fall).norm() / h;
     if (rest > kUnmodelled * std::max(1.0, loads.gravity.norm())) unmodelled(rest);
     return;
   }
