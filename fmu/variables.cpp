@@ -659,9 +659,13 @@ void number_values(std::vector<Variable>& rows, DockingSim& sim) {
 void add_solver_parameters(Table& table, Parameters& parameter) {
   table
       .parameter("solver.method", &parameter.solver_method, kNone,
-                 "Integration method: 1 auto, 2 explicit (adaptive one-step), 7 fixed_rk4 (equal "
-                 "steps of solver.step, bounded cost); 3 implicit, 4 imex, 5 adams, 6 bdf, 8 "
-                 "fixed_implicit and 9 dae are not built yet")
+                 "Integration method: 1 auto (as 2), 2 explicit (adaptive one-step), 3 implicit "
+                 "(the same for stiff contact, latches or friction), 5 adams and 6 bdf (multistep, "
+                 "bdf for stiff ones: they start again with order 1 at every communication point "
+                 "and event, so they are for long communication steps), 7 fixed_rk4 (equal steps "
+                 "of solver.step, bounded cost), 8 fixed_implicit (the same, stable where 7 is "
+                 "not); refused: 4 imex (every part of a split would cost as much as all) and 9 "
+                 "dae (loops are solved in the rates)")
       .limits(1, 9);
   table
       .parameter("solver.step", &parameter.step, kTime,
@@ -694,7 +698,8 @@ void add_solver_outputs(Table& table, Outputs& out) {
       .discrete();
   table
       .output("solver.rhs_evaluations", &out.solver_rhs_evaluations, kCount,
-              "Evaluations of the equations of motion since the start")
+              "Evaluations of the equations of motion since the start; a Jacobian of an implicit "
+              "method counts as one per column")
       .not_negative()
       .discrete();
   table

@@ -23,7 +23,12 @@ MAY_SEE = {
 # Where an outside library may be included: library header prefix -> folders.
 ROOMS = {
     "arkode/": {"src/integrate"},
+    "cvode/": {"src/integrate"},
     "nvector/": {"src/integrate"},
+    "sundials/": {"src/integrate"},
+    "sunlinsol/": {"src/integrate"},
+    "sunmatrix/": {"src/integrate"},
+    "sunnonlinsol/": {"src/integrate"},
     "nlohmann/": {"src/model", "src/tool", "tests/unit"},
     "fmi2": {"fmu", "tests/unit"},
 }

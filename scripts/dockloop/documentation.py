@@ -549,8 +549,8 @@ def _model(document: dict, report: dict) -> str:
     text = _table((), rows, "s")
     text += (
         "<p>Loops are cut and eliminated: only the independent coordinates are integrated, by an"
-        " explicit Runge&ndash;Kutta method with error control. There are no multipliers and"
-        " nothing drifts apart.</p>"
+        " explicit Runge&ndash;Kutta method with error control unless <code>solver.method</code>"
+        " says otherwise. There are no multipliers and nothing drifts apart.</p>"
     )
     figure = drawing.draw_legs(mechanism, report["home_q"])
     if figure:
@@ -609,7 +609,10 @@ def _limits(document: dict) -> str:
                 f"End stops of the legs at {1e3 * stops['min_length']:g} mm and"
                 f" {1e3 * stops['max_length']:g} mm."
             )
-    items.append("Bodies are rigid. The method is explicit: very stiff parts make it slow.")
+    items.append(
+        "Bodies are rigid. Very stiff parts make the explicit default slow: choose an implicit"
+        " <code>solver.method</code> for them."
+    )
     return text + "<h3>Validity</h3>" + _list(items)
 
 

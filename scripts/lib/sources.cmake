@@ -19,17 +19,18 @@ endforeach()
 
 file(COPY /usr/include/nlohmann DESTINATION ${TARGET})
 
-# SUNDIALS: ARKODE with serial vectors, dense and band matrices and solvers. What its own build
-# would find out about the compiler holds for every compiler of C99 and is written down here.
+# SUNDIALS: ARKODE and CVODE with serial vectors, dense and band matrices and solvers. What its own
+# build would find out about the compiler holds for every compiler of C99 and is written down here.
 file(ARCHIVE_EXTRACT INPUT ${ARCHIVE} DESTINATION ${TARGET}.unpacked)
 file(GLOB sundials ${TARGET}.unpacked/*)
-foreach(part arkode nvector/serial sundials sunmatrix/dense sunmatrix/band sunlinsol/dense
+foreach(part arkode cvode nvector/serial sundials sunmatrix/dense sunmatrix/band sunlinsol/dense
         sunlinsol/band sunnonlinsol/newton sunnonlinsol/fixedpoint)
   string(REGEX REPLACE "/.*" "" folder ${part})
   string(REPLACE "/" "_" header ${part})
   set(from ${sundials}/src/${part})
   file(GLOB files ${from}/*.c ${from}/*.h ${from}/*.def ${sundials}/include/${folder}/${header}*.h*)
-  list(FILTER files EXCLUDE REGEX "_(cuda|hip|sycl|profiler|xbraid|futils|lapack)|/f[a-z]*_")
+  list(FILTER files EXCLUDE REGEX
+    "_(cuda|hip|hypamgpre|sycl|profiler|xbraid|futils|lapack)|/f[a-z]*_")
   foreach(file ${files})  # private headers are found from the root, too
     file(READ ${file} text)
     string(REPLACE "#include \"sundials_" "#include \"sundials/sundials_" text "${text}")

@@ -84,6 +84,7 @@ void DockingSim::Impl::use_coordinates(std::shared_ptr<const Coordinates> choice
   data->mechanism = MechanismData<double>(model->mechanism);
   rate_data->mechanism = MechanismData<double>(model->mechanism);
   if (interface_work) interface_work = std::make_unique<InterfaceWorkspace>(*model);
+  if (jacobian_pass) make_jacobian_pass();
   coordinates = std::move(choice);
 }
 

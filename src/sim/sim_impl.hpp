@@ -21,7 +21,7 @@
 #include "dynamics/base_jump.hpp"
 #include "dynamics/docking_jacobian.hpp"
 #include "dynamics/interface_stiffness.hpp"
-#include "integrate/erk_stepper.hpp"
+#include "integrate/stepper.hpp"
 #include "sim/docking_sim.hpp"
 #include "sim/outputs.hpp"
 #include "sim/phases.hpp"
@@ -57,6 +57,8 @@ struct DockingSim::Impl : SimState {
   ContactLaw make_contact_law() const;
   void choose_frame_O();
   void make_stepper();
+  void make_jacobian_pass();
+  int calc_jacobian(double t, const double* y, double* by_columns);
   std::vector<double> find_absolute_tolerances() const;
   void check_joint_starts(const LoopPlan& plan) const;
   Status bring_joints_to_start();
@@ -176,7 +178,14 @@ struct DockingSim::Impl : SimState {
 
   void invalidate() { outputs_valid = rates_valid = coupling_valid = false; }
   bool has_surfaces() const { return model->present[kTarget] && !model->contact.empty(); }
-  bool is_fixed_step() const { return setup->parameters.solver_method == kFixedRk4; }
+  bool is_fixed_step() const {
+    const int method = setup->parameters.solver_method;
+    return method == kFixedRk4 || method == kFixedImplicit;
+  }
+  bool needs_jacobian() const {
+    const int method = setup->parameters.solver_method;
+    return method == kImplicit || method == kBdf || method == kFixedImplicit;
+  }
   double* bristles() {
     return model->layout.bristle_count > 0 ? stepper->y() + model->layout.bristles : nullptr;
   }
@@ -199,7 +208,7 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<Mechanism> start_mechanism;      ///< in the coordinates of the start
   std::unique_ptr<DockingData<double>> data;       ///< at the last accepted state
   std::unique_ptr<DockingData<double>> rate_data;  ///< at trial states of the integrator
-  std::unique_ptr<ErkStepper> stepper;             ///< owns the state y
+  std::unique_ptr<Stepper> stepper;                ///< owns the state y
   int state_count = 0;                             ///< of y; fixed at construction
   std::vector<int> state_bodies;  ///< joints of state.*: the independent ones at the start
   Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
@@ -216,6 +225,8 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<InterfaceWorkspace> interface_work;  ///< with a driven vehicle only
   std::unique_ptr<Snapshot> look_ahead_start;          ///< where loads are announced only
   std::vector<char> due = std::vector<char>(kFixedRoots + kMaxLatches, 0);
+  std::unique_ptr<DockingPass> jacobian_pass;  ///< for implicit methods only
+  MatX<double> jacobian;                       ///< with it
   Status last_trouble;
   double margin_before = 1.0;  ///< of the loops, at the last accepted state
   std::vector<double> y_accepted, rates;

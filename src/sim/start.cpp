@@ -47,6 +47,42 @@ void check_vehicle(const VehicleParameters& p, const std::string& name) {
   check_quaternion(p.attitude, name + ".attitude");
 }
 
+void check_method(int method) {
+  const char* reason = "";
+  if (method == kImex) {
+    reason =
+        "4 (imex) is not offered, because nothing is gained by a split: stiff forces act through "
+        "the inertia of the whole mechanism, so that each part would cost as much as all";
+  } else if (method == kDae) {
+    reason =
+        "9 (dae) is not offered, because loops are solved in the rates and leave no algebraic "
+        "equations";
+  } else if (method >= kAuto && method <= kDae) {
+    return;
+  }
+  throw ModelError("solver.method is " + std::to_string(method) +
+                   "; it must be 1 (auto), 2 (explicit), 3 (implicit), 5 (adams), 6 (bdf), 7 "
+                   "(fixed_rk4) or 8 (fixed_implicit)" +
+                   (*reason ? std::string("; ") + reason : std::string()));
+}
+
+Stepper::Method find_stepper_method(int method) {
+  switch (method) {
+    case kImplicit:
+      return Stepper::Method::kEsdirk;
+    case kAdams:
+      return Stepper::Method::kAdams;
+    case kBdf:
+      return Stepper::Method::kBdf;
+    case kFixedRk4:
+      return Stepper::Method::kClassicRk4;
+    case kFixedImplicit:
+      return Stepper::Method::kSdirk;
+    default:
+      return Stepper::Method::kDormandPrince;
+  }
+}
+
 }  // namespace
 
 DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, Interface i)
@@ -136,10 +172,7 @@ void DockingSim::Impl::check_parameters() const {
     throw ModelError("coupling.mode is " + std::to_string(p.coupling_mode) +
                      "; it must be 1 (sequential) or 2 (parallel)");
   }
-  if (p.solver_method != kAuto && p.solver_method != kExplicit && p.solver_method != kFixedRk4) {
-    throw ModelError("solver.method is " + std::to_string(p.solver_method) +
-                     "; it must be 1 (auto), 2 (explicit) or 7 (fixed_rk4)");
-  }
+  check_method(p.solver_method);
   if (interface == Interface::kModelExchange &&
       p.friction_model != scene->contact.law.friction_model) {
     throw ModelError("friction.model is " + std::to_string(p.friction_model) +
@@ -361,7 +394,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
 
 void DockingSim::Impl::make_stepper() {
   const StateLayout& layout = model->layout;
-  ErkStepper::Problem problem;
+  Stepper::Problem problem;
   problem.size = layout.size;
   problem.root_count = kFixedRoots + model->latches.count();
   problem.rates = [this](double t, const double* y, double* ydot) {
@@ -370,14 +403,13 @@ void DockingSim::Impl::make_stepper() {
     if (!status.ok()) {
       last_trouble = status;
       last_trouble.time = elapsed + t;
-      return status.code == StatusCode::kLoopSingular ? ErkStepper::kStepOver
-                                                      : ErkStepper::kSmaller;
+      return status.code == StatusCode::kLoopSingular ? Stepper::kStepOver : Stepper::kSmaller;
     }
     double sum = 0.0;
     for (int i = 0; i < model->layout.size; ++i) sum += ydot[i];
     if (!std::isfinite(sum)) {
       last_trouble = {StatusCode::kNotFinite, -1, 0.0, elapsed + t};
-      return ErkStepper::kSmaller;
+      return Stepper::kSmaller;
     }
     return 0;
   };
@@ -391,9 +423,16 @@ void DockingSim::Impl::make_stepper() {
     calc_event_functions(*rate_data, roots);
     return 0;
   };
-  stepper = std::make_unique<ErkStepper>(
-      std::move(problem),
-      is_fixed_step() ? ErkStepper::Method::kClassicRk4 : ErkStepper::Method::kDormandPrince);
+  jacobian_pass.reset();
+  if (needs_jacobian()) {
+    make_jacobian_pass();
+    problem.jacobian = [this](double t, const double* y, double* by_columns) {
+      return calc_jacobian(t, y, by_columns);
+    };
+    problem.jacobian_cost = layout.sums + layout.bristle_count;  // about one per column, measured
+  }
+  stepper = std::make_unique<Stepper>(std::move(problem),
+                                      find_stepper_method(setup->parameters.solver_method));
 
   std::vector<double> atol = find_absolute_tolerances();
   // A host that asks for less relative error gets less absolute error too, down to rounding.
@@ -407,6 +446,28 @@ void DockingSim::Impl::make_stepper() {
   stepper->set_tolerances(rtol * std::sqrt(share), atol.data());
   y_accepted.assign(static_cast<size_t>(layout.size), 0.0);
   rates = y_accepted;
+}
+
+void DockingSim::Impl::make_jacobian_pass() {
+  jacobian_pass = std::make_unique<DockingPass>(*model);
+  jacobian.setZero(model->layout.size, model->layout.size);
+}
+
+/// Derivatives of the rates by the states, by columns, for implicit methods. @return as the rates
+int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_columns) {
+  Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t, y,
+                                       nullptr, *rate_data);
+  if (status.ok()) {
+    status = calc_docking_jacobian(*model, discrete, memory, *rate_data, find_loads(t), elapsed + t,
+                                   y, *jacobian_pass, jacobian);
+  }
+  if (!status.ok() || !jacobian.allFinite()) {
+    last_trouble = status.ok() ? Status{StatusCode::kNotFinite, -1, 0.0, 0.0} : status;
+    last_trouble.time = elapsed + t;
+    return status.code == StatusCode::kLoopSingular ? Stepper::kStepOver : Stepper::kSmaller;
+  }
+  std::copy_n(jacobian.data(), jacobian.size(), by_columns);
+  return 0;
 }
 
 /// Per state, by kind; momenta are velocities times mass or inertia.

@@ -163,8 +163,8 @@ Status DockingSim::Impl::integrate(double h, int limit) {
   return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
 }
 
-/// The same with a number of inner steps that depends on h only: equal steps of the classic
-/// Runge-Kutta method, events seen at their ends. The cost is bounded; errors are not controlled.
+/// The same with a number of inner steps that depends on h only: equal steps of a Runge-Kutta
+/// method, events seen at their ends. The cost is bounded; errors are not controlled.
 /// @pre evaluate(0)
 Status DockingSim::Impl::integrate_fixed(double h, int limit) {
   const double wanted = std::ceil(h / parameters.step * (1.0 - 1e-9));

@@ -10,8 +10,18 @@
 
 namespace dockloop {
 
-/// Values of solver.method; numbers of the interface. The others are not built yet.
-enum SolverMethod { kAuto = 1, kExplicit = 2, kFixedRk4 = 7 };
+/// Values of solver.method; numbers of the interface. 4 (imex) and 9 (dae) are refused.
+enum SolverMethod {
+  kAuto = 1,           ///< as kExplicit
+  kExplicit = 2,       ///< adaptive, one-step
+  kImplicit = 3,       ///< adaptive, one-step, for stiff contact, latches and friction
+  kImex = 4,           ///< refused: check_method() in start.cpp says why
+  kAdams = 5,          ///< multistep
+  kBdf = 6,            ///< multistep, stiff
+  kFixedRk4 = 7,       ///< equal steps
+  kFixedImplicit = 8,  ///< equal steps, stiff
+  kDae = 9,            ///< refused
+};
 
 /// Everything that can be chosen before the run starts. Start values come from the scene.
 struct Parameters {

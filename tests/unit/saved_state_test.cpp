@@ -1,8 +1,7 @@
 // Keeping and restoring a simulation, in the middle of whatever goes on.
 // 1. saved and restored around every step, a run gives the bits of the uninterrupted run: in
-// contact,
-//    with bristles, latched, with fixed steps, with driven vehicles and sloped inputs, through a
-//    change of independent coordinates;
+//    contact, with bristles, latched, with every method of integration, with driven vehicles and
+//    sloped inputs, through a change of independent coordinates;
 // 2. the same in another simulation, and through bytes;
 // 3. saving again allocates nothing;
 // 4. what does not fit is refused, and the simulation goes on as if nothing had been asked.
@@ -65,11 +64,33 @@ std::vector<Run> make_runs() {
   runs.back().seen = "latched";
   runs.push_back({"bristles", ring, [](Parameters& p) { p.friction_model = 2; }});
   runs.push_back({"fixed_steps", ring, [](Parameters& p) { p.solver_method = kFixedRk4; }});
+  runs.push_back({"fixed_implicit", ring, [](Parameters& p) { p.solver_method = kFixedImplicit; }});
+  const auto add_method = [&](const char* name, void (*choose)(Parameters&)) {
+    runs.push_back({name, ring, choose});
+    runs.back().steps = 100;
+    runs.back().seen = "latched";
+  };
+  add_method("implicit", [](Parameters& p) { p.solver_method = kImplicit; });
+  add_method("adams", [](Parameters& p) { p.solver_method = kAdams; });
+  add_method("bdf", [](Parameters& p) { p.solver_method = kBdf; });
   runs.push_back({"sloped_inputs", ring, [](Parameters& p) { p.contact_thrust = 50.0; }, push});
   runs.push_back({"driven", driven_scene(), [](Parameters&) {}, drive});
   runs.push_back(
       {"announced", driven_scene(), [](Parameters& p) { p.coupling_mode = kParallel; }, drive});
+  runs.push_back({"bristles_implicit", ring, [](Parameters& p) {
+                    p.friction_model = 2;
+                    p.solver_method = kImplicit;
+                  }});
+  runs.push_back({"announced_bdf", driven_scene(),
+                  [](Parameters& p) {
+                    p.coupling_mode = kParallel;
+                    p.solver_method = kBdf;
+                  },
+                  drive});
   runs.push_back({"other_coordinates", slider_crank_scene()});
+  runs.back().seen = "coordinates";
+  runs.push_back({"other_coordinates_implicit", slider_crank_scene(),
+                  [](Parameters& p) { p.solver_method = kImplicit; }});
   runs.back().seen = "coordinates";
   return runs;
 }

@@ -4,7 +4,7 @@
 //    energy, and the whole state after 2 s to the digits in which the reference is stated;
 // 3. a ring on six legs: accelerations at the start and the motion over 0.5 s.
 //
-// The reduced equations are integrated by ErkStepper (the product's integrator) at a tolerance far
+// The reduced equations are integrated by Stepper (the product's integrator) at a tolerance far
 // below what is asked.
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 #include <memory>
 
 #include "forces/joint_forces.hpp"
-#include "integrate/erk_stepper.hpp"
+#include "integrate/stepper.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {
@@ -29,14 +29,14 @@ class FreeMotion {
     force = command;
     base.gravity = mechanism.model.gravity;
     const int size = static_cast<int>(mechanism.plan.ind_q.size() + mechanism.plan.ind_v.size());
-    ErkStepper::Problem problem;
+    Stepper::Problem problem;
     problem.size = size + 1;  // and the energy dissipated
     problem.rates = [this, size](double, const double* y, double* ydot) {
       if (!rates(y, ydot).ok()) return 1;
       ydot[size] = sums.dissipation;
       return 0;
     };
-    stepper = std::make_unique<ErkStepper>(std::move(problem));
+    stepper = std::make_unique<Stepper>(std::move(problem));
   }
 
   Status rates(const double* y, double* ydot) {
@@ -84,7 +84,7 @@ class FreeMotion {
   BaseMotion<double> base;
   JointForceSums<double> sums;
   VecX<double> command, force;
-  std::unique_ptr<ErkStepper> stepper;
+  std::unique_ptr<Stepper> stepper;
 };
 
 class Trajectory : public ::testing::TestWithParam<const char*> {};

@@ -1,9 +1,9 @@
-// Explicit Runge-Kutta steps by SUNDIALS ARKODE, adaptive or of fixed size, one at a time.
+// Steps of one initial value problem by SUNDIALS, one at a time.
 //
-// A one-step method restarts at no cost, which is what co-simulation asks for: every communication
-// point is a stop, and inputs may change there. The stepper never passes the stop time it is given,
-// reports roots of event functions inside a step, and keeps no state beyond y and the step size:
-// the same y, time and step size give the same bits.
+// Every communication point is a stop, and inputs may change there: the integration starts again.
+// One-step methods do so at no cost, multistep methods with order 1. The stepper never passes the
+// stop time it is given, reports roots of event functions inside a step, and keeps no state beyond
+// y and the step size when it is restarted: the same y, time and step size give the same bits.
 #pragma once
 
 #include <functional>
@@ -18,7 +18,7 @@ enum class StepOutcome {
   kFailed,   ///< no acceptable step; y is as before the call
 };
 
-class ErkStepper {
+class Stepper {
  public:
   /// What to integrate. `rates` returns 0, or why a state cannot be evaluated:
   static constexpr int kSmaller = 1;   ///< a smaller step, please
@@ -28,20 +28,30 @@ class ErkStepper {
     int root_count = 0;
     std::function<int(double t, const double* y, double* ydot)> rates;
     std::function<int(double t, const double* y, double* roots)> roots;  ///< roots fall through 0
+    /// d rates / d y by columns, for implicit methods; without it SUNDIALS takes differences.
+    std::function<int(double t, const double* y, double* jacobian)> jacobian;
+    int jacobian_cost = 0;  ///< evaluations of the rates that a Jacobian is counted as
   };
 
-  /// kDormandPrince: adaptive, order 5(4). kClassicRk4: every step is what restart() asks for.
-  enum class Method { kDormandPrince, kClassicRk4 };
+  enum class Method {
+    kDormandPrince,  ///< explicit one-step, order 5(4)
+    kClassicRk4,     ///< the same of order 4; every step is what restart() asks for
+    kEsdirk,         ///< implicit one-step, L-stable, order 4(3)
+    kSdirk,          ///< the same of order 3; every step is what restart() asks for
+    kAdams,          ///< multistep, order up to 12
+    kBdf,            ///< multistep, stiff, order up to 5
+  };
 
-  explicit ErkStepper(Problem problem, Method method = Method::kDormandPrince);
-  ~ErkStepper();
-  ErkStepper(const ErkStepper&) = delete;
-  ErkStepper& operator=(const ErkStepper&) = delete;
+  explicit Stepper(Problem problem, Method method = Method::kDormandPrince);
+  ~Stepper();
+  Stepper(const Stepper&) = delete;
+  Stepper& operator=(const Stepper&) = delete;
 
   double* y();
   /// Tolerances: |error_i| <= rtol |y_i| + atol[i] in the root-mean-square sense.
   void set_tolerances(double rtol, const double* atol);
-  /// Start (again) at time t from y() with first step h (0 = choose).
+  /// Start (again) at time t from y() with first step h (0 = choose); multistep methods choose one
+  /// that is not longer.
   void restart(double t, double h);
   /// One step towards t_stop. @param watch_roots report roots of the event functions
   StepOutcome step(double t_stop, bool watch_roots);
@@ -52,7 +62,7 @@ class ErkStepper {
   bool root_found(int i) const;
 
   long steps() const;             ///< accepted, since construction
-  long rejected_steps() const;    ///< since construction
+  long rejected_steps() const;    ///< since construction, also where Newton failed
   long rate_evaluations() const;  ///< since construction
 
  private:

@@ -1,0 +1,64 @@
+// What Stepper asks of a method of SUNDIALS, and what every method sees of the problem.
+//
+//   explicit_solver.cpp   Runge-Kutta, adaptive or of fixed size (ERKStep)
+//   implicit_solver.cpp   diagonally implicit Runge-Kutta, adaptive or of fixed size (ARKStep)
+//   multistep_solver.cpp  Adams and BDF (CVODE)
+//
+// After restart() a solver is as good as new: what it did before leaves no trace in any bit. It
+// allocates in its first step only.
+#pragma once
+
+#include <nvector/nvector_serial.h>
+#include <sundials/sundials_matrix.h>
+
+#include <memory>
+
+#include "integrate/stepper.hpp"
+
+namespace dockloop {
+
+/// The problem as SUNDIALS calls it. Solvers pass a System as user data.
+struct System {
+  explicit System(Stepper::Problem problem);
+  ~System();
+  System(const System&) = delete;
+  System& operator=(const System&) = delete;
+
+  /// A new vector, or an exception. To be destroyed by the caller.
+  N_Vector make_vector() const;
+  static int call_rates(realtype t, N_Vector y, N_Vector ydot, void* system);
+  static int call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacobian, void* system,
+                           N_Vector, N_Vector, N_Vector);
+  static void ignore_message(int, const char*, const char*, char*, void*) {}
+  /// @throws std::runtime_error
+  static void check(int flag);
+
+  Stepper::Problem problem;
+  SUNContext context = nullptr;
+  N_Vector y = nullptr, atol = nullptr;
+  int trouble = 0;       ///< what the rates said last
+  bool idle = false;     ///< the rates are zero, and nothing is counted
+  double ahead = 0.0;    ///< Jacobians are taken so long ahead of the state, along its rates [s]
+  long evaluations = 0;  ///< of rates; a Jacobian counts as Problem::jacobian_cost
+};
+
+class Solver {
+ public:
+  virtual ~Solver() = default;
+  virtual void set_tolerances(double rtol, N_Vector atol) = 0;
+  /// Start from y at t. @param h  first step, 0 = choose; multistep methods take it as a bound
+  virtual void restart(double t, N_Vector y, double h) = 0;
+  /// One step towards t_stop; on failure y and t say nothing.
+  virtual StepOutcome step(double t_stop, N_Vector y, double& t) = 0;
+  /// State inside the last step.
+  virtual bool interpolate(double t, N_Vector y) = 0;
+  virtual double next_step() const = 0;
+  virtual long steps() const = 0;           ///< accepted, since construction
+  virtual long rejected_steps() const = 0;  ///< for their errors or because Newton failed
+};
+
+std::unique_ptr<Solver> make_explicit_solver(System& system, bool fixed);
+std::unique_ptr<Solver> make_implicit_solver(System& system, bool fixed);
+std::unique_ptr<Solver> make_multistep_solver(System& system, bool stiff);
+
+}  // namespace dockloop

@@ -1,0 +1,260 @@
+// What all methods have in common: retries and roots. Roots are searched here, on the dense output
+// of the last step: the search of SUNDIALS remembers, beyond a reset, that there was a root once,
+// and a run restored in a fresh integrator would not give the same bits.
+#include "integrate/stepper.hpp"
+
+#include <sunmatrix/sunmatrix_dense.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+#include "integrate/solver.hpp"
+
+namespace dockloop {
+
+// ---------------------------------------------------------------- the problem for SUNDIALS
+
+System::System(Stepper::Problem p) : problem(std::move(p)) {
+  check(SUNContext_Create(nullptr, &context));
+  y = make_vector();
+  atol = make_vector();
+  N_VConst(0.0, y);
+  N_VConst(1e-8, atol);
+}
+
+System::~System() {
+  if (y) N_VDestroy(y);
+  if (atol) N_VDestroy(atol);
+  if (context) SUNContext_Free(&context);
+}
+
+N_Vector System::make_vector() const {
+  const N_Vector vector = N_VNew_Serial(problem.size, context);
+  if (!vector) throw std::runtime_error("SUNDIALS vectors cannot be allocated");
+  return vector;
+}
+
+void System::check(int flag) {
+  if (flag < 0) throw std::runtime_error("SUNDIALS refused a setting");
+}
+
+int System::call_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
+  System& me = *static_cast<System*>(system);
+  if (me.idle) {
+    N_VConst(0.0, ydot);
+    return 0;
+  }
+  ++me.evaluations;
+  const int trouble = me.problem.rates(t, NV_DATA_S(y), NV_DATA_S(ydot));
+  if (trouble > 0) me.trouble = trouble;
+  return trouble;
+}
+
+int System::call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacobian, void* system,
+                          N_Vector scratch, N_Vector, N_Vector) {
+  System& me = *static_cast<System*>(system);
+  if (me.idle) return SUNMatZero(jacobian);
+  me.evaluations += me.problem.jacobian_cost;
+  if (me.ahead > 0.0) {
+    N_VLinearSum(1.0, y, me.ahead, ydot, scratch);
+    // Where that state cannot be evaluated, the present one has to do.
+    if (me.problem.jacobian(t, NV_DATA_S(scratch), SM_DATA_D(jacobian)) == 0) return 0;
+  }
+  const int trouble = me.problem.jacobian(t, NV_DATA_S(y), SM_DATA_D(jacobian));
+  if (trouble > 0) me.trouble = trouble;
+  return trouble;
+}
+
+namespace {
+
+std::unique_ptr<Solver> make_solver(System& system, Stepper::Method method) {
+  switch (method) {
+    case Stepper::Method::kDormandPrince:
+      return make_explicit_solver(system, false);
+    case Stepper::Method::kClassicRk4:
+      return make_explicit_solver(system, true);
+    case Stepper::Method::kEsdirk:
+      return make_implicit_solver(system, false);
+    case Stepper::Method::kSdirk:
+      return make_implicit_solver(system, true);
+    case Stepper::Method::kAdams:
+      return make_multistep_solver(system, false);
+    case Stepper::Method::kBdf:
+      return make_multistep_solver(system, true);
+  }
+  throw std::logic_error("no such method");
+}
+
+}  // namespace
+
+// ---------------------------------------------------------------- the stepper
+
+struct Stepper::Impl {
+  System system;
+  bool fixed;
+  std::unique_ptr<Solver> solver;
+  double t = 0.0;
+  double h_restart = 0.0;
+  bool restarted = true;  // no step was made since restart()
+  long idle_steps = 0;
+  std::vector<double> low, high, middle;  // event functions at both ends of a step, and inside
+  bool low_valid = false;                 // low is that of the present state
+  N_Vector y_inside = nullptr;
+  std::vector<char> root_info;
+  std::vector<double> y_before;
+
+  Impl(Problem p, Method method)
+      : system(std::move(p)),
+        fixed(method == Method::kClassicRk4 || method == Method::kSdirk),
+        solver(make_solver(system, method)) {
+    const size_t roots = static_cast<size_t>(system.problem.root_count);
+    root_info.assign(roots, 0);
+    for (auto* values : {&low, &high, &middle}) values->assign(roots, 0.0);
+    y_before.assign(static_cast<size_t>(system.problem.size), 0.0);
+    y_inside = system.make_vector();
+  }
+  ~Impl() {
+    if (y_inside) N_VDestroy(y_inside);
+  }
+
+  bool find_roots(double at, N_Vector state, std::vector<double>& values) {
+    return system.problem.roots(at, NV_DATA_S(state), values.data()) == 0;
+  }
+
+  /// Does an event function fall through zero in the step from low to high? Then t is set to where
+  /// the first one has done so, y to the state there. @return false if a state cannot be evaluated
+  bool search_roots(double t_before, bool& found) {
+    found = false;
+    for (size_t i = 0; i < low.size(); ++i) {
+      root_info[i] = low[i] > 0.0 && high[i] <= 0.0;
+      found = found || root_info[i];
+    }
+    if (!found) return true;
+    // The least of those that cross, each relative to where it started, crosses first. Illinois.
+    const auto least = [this](const std::vector<double>& values) {
+      double smallest = 1.0;
+      for (size_t i = 0; i < values.size(); ++i) {
+        if (root_info[i]) smallest = std::min(smallest, values[i] / low[i]);
+      }
+      return smallest;
+    };
+    double a = t_before, b = t, fa = 1.0, fb = least(high);
+    const double tolerance = 1e-14 * (std::abs(t) + (t - t_before));
+    int side = 0;
+    for (int i = 0; i < 100 && b - a > tolerance && fb < 0.0; ++i) {
+      double c = (fa * b - fb * a) / (fa - fb);
+      if (!(c > a + 0.5 * tolerance)) c = a + 0.5 * tolerance;
+      if (!(c < b - 0.5 * tolerance)) c = b - 0.5 * tolerance;
+      if (!solver->interpolate(c, y_inside)) return false;
+      if (!find_roots(c, y_inside, middle)) return false;
+      const double fc = least(middle);
+      if (fc > 0.0) {
+        a = c;
+        fa = fc;
+        if (side == 1) fb *= 0.5;
+        side = 1;
+      } else {
+        b = c;
+        fb = fc;
+        if (side == -1) fa *= 0.5;
+        side = -1;
+        high = middle;
+      }
+    }
+    for (size_t i = 0; i < high.size(); ++i) root_info[i] = root_info[i] && high[i] <= 0.0;
+    if (b < t) {
+      if (!solver->interpolate(b, system.y)) return false;
+      t = b;
+    }
+    return true;
+  }
+};
+
+Stepper::Stepper(Problem problem, Method method) : impl_(new Impl(std::move(problem), method)) {
+  // SUNDIALS allocates in its first step: make one that leads nowhere.
+  Impl& me = *impl_;
+  me.system.idle = true;
+  restart(0.0, 1.0);
+  if (me.solver->step(1.0, me.system.y, me.t) == StepOutcome::kFailed ||
+      !me.solver->interpolate(0.5 * me.t, me.y_inside)) {
+    throw std::runtime_error("SUNDIALS cannot make a step");
+  }
+  me.idle_steps = steps();
+  me.system.idle = false;
+}
+Stepper::~Stepper() = default;
+
+double* Stepper::y() { return NV_DATA_S(impl_->system.y); }
+
+void Stepper::set_tolerances(double rtol, const double* atol) {
+  System& system = impl_->system;
+  std::copy(atol, atol + system.problem.size, NV_DATA_S(system.atol));
+  impl_->solver->set_tolerances(rtol, system.atol);
+}
+
+void Stepper::restart(double t, double h) {
+  impl_->t = t;
+  impl_->h_restart = h;
+  impl_->restarted = true;
+  impl_->low_valid = false;
+  impl_->solver->restart(t, impl_->system.y, h);
+}
+
+StepOutcome Stepper::step(double t_stop, bool watch_roots) {
+  // A state that cannot be evaluated is cured by a smaller step, from the same start. A pose that
+  // must be stepped over is cured by sizes that put no stage on it: some that end well before or
+  // beyond it.
+  constexpr int kRetries = 24;
+  static constexpr std::array<double, 14> kLeaps = {1.5, 1.25, 0.55, 0.45, 0.35, 0.27, 0.2,
+                                                    0.7, 0.8,  2.5,  4.0,  6.5,  10.0, 16.0};
+  Impl& me = *impl_;
+  const bool watch = watch_roots && !me.low.empty();
+  const double t_before = me.t;
+  double h_first = 0.0;
+  size_t leaps = 0;
+  std::copy(y(), y() + me.system.problem.size, me.y_before.begin());
+  if (watch && !me.low_valid && !me.find_roots(me.t, me.system.y, me.low))
+    return StepOutcome::kFailed;
+  for (int retry = 0; retry < kRetries;) {
+    me.system.trouble = 0;
+    const StepOutcome made = me.solver->step(t_stop, me.system.y, me.t);
+    if (made == StepOutcome::kStopped) me.t = t_stop;
+    bool found = false;
+    if (made != StepOutcome::kFailed && (!watch || (me.find_roots(me.t, me.system.y, me.high) &&
+                                                    me.search_roots(t_before, found)))) {
+      me.restarted = false;
+      me.low_valid = watch && !found;
+      if (me.low_valid) std::swap(me.low, me.high);
+      return found ? StepOutcome::kRoot : made;
+    }
+    if (me.fixed) return StepOutcome::kFailed;  // no other size is allowed
+    if (retry == 0 && leaps == 0) {
+      // The solver still holds the size of the step before a restart.
+      if (me.restarted) {
+        h_first = me.h_restart;
+      } else {
+        h_first = me.solver->next_step();
+      }
+      if (!(h_first > 0.0)) h_first = t_stop - t_before;
+      h_first = std::min(h_first, t_stop - t_before);
+    }
+    const bool leap = me.system.trouble == kStepOver && leaps < kLeaps.size();
+    const double factor = leap ? kLeaps[leaps++] : std::pow(0.25, ++retry);
+    std::copy(me.y_before.begin(), me.y_before.end(), y());
+    restart(t_before, std::min(factor * h_first, t_stop - t_before));
+    me.low_valid = watch;  // the start is where it was
+  }
+  return StepOutcome::kFailed;
+}
+
+double Stepper::time() const { return impl_->t; }
+double Stepper::next_step() const { return impl_->solver->next_step(); }
+bool Stepper::root_found(int i) const { return impl_->root_info[i] != 0; }
+long Stepper::steps() const { return impl_->solver->steps() - impl_->idle_steps; }
+long Stepper::rejected_steps() const { return impl_->solver->rejected_steps(); }
+long Stepper::rate_evaluations() const { return impl_->system.evaluations; }
+
+}  // namespace dockloop

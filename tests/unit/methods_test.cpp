@@ -1,0 +1,178 @@
+// The whole docking by every method of integration (solver.method).
+// 1. all capture, and agree with an explicit run at tight tolerance: peak load, times of contact
+// and
+//    capture, pose at the end; energy adds up;
+// 2. every run repeats to the last bit, and a step that was refused leaves nothing behind;
+// 3. where the legs are heavily damped (stiff), implicit methods need far fewer steps, and equal
+//    implicit steps are stable where equal explicit ones are not;
+// 4. what is not offered is refused with the reason.
+//
+// Scene: idss_25t_350t, shortly before contact.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+
+#include "unit/sim_test_support.hpp"
+
+namespace dockloop {
+namespace {
+
+constexpr double kEnd = 1.2;       ///< [s]; captured at 0.92
+constexpr double kStiffEnd = 0.6;  ///< [s]; the largest load is over
+
+std::shared_ptr<const Scene> stiff_scene() {
+  Scene scene = short_ring_scene();
+  for (JointForce& force : scene.mechanism.forces) {
+    if (force.damping > 0.0) force.damping = 1e5;  // 100 times that of the legs
+  }
+  return share(scene);
+}
+
+std::unique_ptr<DockingSim> start(const std::shared_ptr<const Scene>& scene, int method,
+                                  double rtol = 1e-6) {
+  auto sim = std::make_unique<DockingSim>(scene);
+  sim->parameters().solver_method = method;
+  sim->initialise(0.0, rtol);
+  return sim;
+}
+
+/// @return status of the first step that is refused, or of the last one
+Status run(DockingSim& sim, double h = 0.01, double end = kEnd) {
+  Status status;
+  for (int i = 0; i < std::lround(end / h) && status.ok(); ++i) status = sim.step(i * h, h);
+  return status;
+}
+
+void print(const char* name, const Outputs& out) {
+  std::printf("%s: peak %.6g N, capture at %.7f s, %.0f steps, %.0f evaluations\n", name,
+              out.capture_peak[Outputs::kCompression], out.time_of_capture, out.solver_steps,
+              out.solver_rhs_evaluations);
+}
+
+/// Limits of the differences from the run at tight tolerance: about three times those measured.
+struct MethodCase {
+  int method;
+  const char* name;
+  double peak;  ///< relative
+  double time;  ///< [s] of capture
+  double pose;  ///< [m] at the end
+};
+void PrintTo(const MethodCase& c, std::ostream* out) { *out << c.name; }
+
+class Methods : public ::testing::TestWithParam<MethodCase> {};
+
+TEST_P(Methods, capture_as_a_tight_explicit_run_does) {
+  static const Outputs expected = [] {
+    const auto sim = start(share(short_ring_scene()), kExplicit, 1e-10);
+    EXPECT_TRUE(run(*sim).ok());
+    print("tight", sim->outputs());
+    return sim->outputs();
+  }();
+  const auto sim = start(share(short_ring_scene()), GetParam().method);
+  ASSERT_TRUE(run(*sim).ok()) << sim->status_text();
+  const Outputs& out = sim->outputs();
+  print(GetParam().name, out);
+  EXPECT_TRUE(out.captured);
+  EXPECT_EQ(out.outcome, expected.outcome);
+  const double peak = expected.capture_peak[Outputs::kCompression];
+  EXPECT_NEAR(out.capture_peak[Outputs::kCompression], peak, GetParam().peak * peak);
+  EXPECT_NEAR(out.time_of_contact, expected.time_of_contact, GetParam().time);
+  EXPECT_NEAR(out.time_of_capture, expected.time_of_capture, GetParam().time);
+  const double pose = (out.relative_position - expected.relative_position).norm();
+  EXPECT_LE(pose, GetParam().pose);
+  std::printf("  differences: peak %.1e, capture %.1e s, pose %.1e m; energy residual %.1e J\n",
+              out.capture_peak[Outputs::kCompression] / peak - 1.0,
+              out.time_of_capture - expected.time_of_capture, pose, out.energy_residual);
+  EXPECT_LE(std::abs(out.energy_residual), 0.01 * expected.energy_dissipated);
+}
+
+TEST_P(Methods, repeat_to_the_last_bit_also_after_a_refused_step) {
+  const auto scene = share(short_ring_scene());
+  const auto sim = start(scene, GetParam().method), other = start(scene, GetParam().method);
+  int refused = 0;
+  constexpr int kSteps = 16;
+  for (int i = 0; i < kSteps; ++i) {
+    ASSERT_TRUE(sim->step(0.01 * i, 0.01).ok()) << sim->status_text();
+    if (i % 7 == 1) {                                          // twice before contact, once in it
+      other->inputs().vehicle[kChaser].force_ext.x() = 1e200;  // nothing finite comes of it
+      refused += !other->step(0.01 * i, 0.03).ok();
+      other->inputs().vehicle[kChaser].force_ext.x() = 0.0;
+    }
+    ASSERT_TRUE(other->step(0.01 * i, 0.01).ok()) << other->status_text();
+    ASSERT_TRUE(same_bits(flatten(sim->outputs(), true), flatten(other->outputs(), true)))
+        << "step " << i;
+  }
+  EXPECT_EQ(refused, 3);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Methods,
+                         ::testing::Values(MethodCase{kExplicit, "explicit", 3e-5, 1e-6, 1e-8},
+                                           MethodCase{kImplicit, "implicit", 1e-4, 1e-6, 1e-8},
+                                           MethodCase{kAdams, "adams", 1e-4, 1e-6, 1e-5},
+                                           MethodCase{kBdf, "bdf", 1e-4, 3e-6, 1e-5},
+                                           MethodCase{kFixedRk4, "fixed_rk4", 1e-2, 1.1e-3, 1e-7},
+                                           MethodCase{kFixedImplicit, "fixed_implicit", 1e-2,
+                                                      1.1e-3, 1e-7}),
+                         [](const auto& c) { return std::string(c.param.name); });
+
+TEST(StiffLegs, need_few_implicit_steps) {
+  double steps[2];
+  Outputs out[2];
+  for (int i : {0, 1}) {
+    const auto sim = start(stiff_scene(), i == 0 ? kExplicit : kImplicit);
+    ASSERT_TRUE(run(*sim, 0.01, kStiffEnd).ok()) << sim->status_text();
+    out[i] = sim->outputs();
+    steps[i] = out[i].solver_steps;
+    print(i == 0 ? "explicit" : "implicit", out[i]);
+  }
+  EXPECT_GT(steps[0], 5.0 * steps[1]);
+  EXPECT_GT(out[0].solver_rhs_evaluations, 1.5 * out[1].solver_rhs_evaluations);
+  const double peak = out[0].capture_peak[Outputs::kCompression];
+  EXPECT_NEAR(out[1].capture_peak[Outputs::kCompression], peak, 1e-4 * peak);
+  EXPECT_LE((out[1].relative_position - out[0].relative_position).norm(), 1e-7);
+}
+
+TEST(StiffLegs, are_stable_with_equal_implicit_steps_only) {
+  const auto reference = start(stiff_scene(), kImplicit);
+  ASSERT_TRUE(run(*reference, 0.01, kStiffEnd).ok()) << reference->status_text();
+  const auto implicit = start(stiff_scene(), kFixedImplicit);
+  ASSERT_TRUE(run(*implicit, 0.01, kStiffEnd).ok()) << implicit->status_text();
+  const Outputs &expected = reference->outputs(), &out = implicit->outputs();
+  print("fixed_implicit", out);
+  const double peak = expected.capture_peak[Outputs::kCompression];
+  EXPECT_NEAR(out.capture_peak[Outputs::kCompression], peak, 1e-4 * peak);
+  EXPECT_LE((out.relative_position - expected.relative_position).norm(), 1e-7);
+  const auto explicit_ = start(stiff_scene(), kFixedRk4);
+  EXPECT_FALSE(run(*explicit_, 0.01, kStiffEnd).ok())
+      << "peak " << explicit_->outputs().capture_peak[Outputs::kCompression];
+}
+
+TEST(StiffLegs, are_crossed_in_long_communication_steps) {
+  for (int method : {kImplicit, kBdf}) {
+    const auto sim = start(stiff_scene(), method);
+    ASSERT_TRUE(run(*sim, 0.6, kStiffEnd).ok()) << sim->status_text();
+    print(method == kBdf ? "bdf, 0.6 s" : "implicit, 0.6 s", sim->outputs());
+    EXPECT_EQ(sim->outputs().phase, 2) << "in contact, not yet captured";
+    EXPECT_LT(sim->outputs().solver_steps, 1000.0);
+  }
+}
+
+TEST(MethodsThatAreNotOffered, are_refused_with_the_reason) {
+  for (const auto& [method, reason] : {std::pair{int(kImex), "4 (imex) is not offered"},
+                                       {int(kDae), "9 (dae) is not offered"},
+                                       {0, "solver.method is 0; it must be"},
+                                       {10, "solver.method is 10; it must be"}}) {
+    DockingSim sim(share(short_ring_scene()));
+    sim.parameters().solver_method = method;
+    try {
+      sim.initialise(0.0, 0.0);
+      ADD_FAILURE() << method << " was accepted";
+    } catch (const ModelError& error) {
+      EXPECT_NE(std::string(error.what()).find(reason), std::string::npos) << error.what();
+    }
+  }
+}
+
+}  // namespace
+}  // namespace dockloop

@@ -1,0 +1,291 @@
+// Every method of integration on small problems whose solutions are known.
+// 1. adaptive methods keep to their tolerance;
+// 2. fixed steps have the order of their method, and the same number of evaluations in every step;
+// 3. a restart leaves no trace of what was before, to the last bit: with another problem half way,
+//    after refusals, with and without a Jacobian;
+// 4. steps and restarts do not allocate;
+// 5. roots are found where they are; a state that cannot be evaluated makes the step smaller;
+// 6. what stiffness costs: implicit methods need few steps where explicit ones need many, and equal
+//    implicit steps are stable where explicit ones of the same size are not.
+#include "integrate/stepper.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "unit/allocations.hpp"
+
+namespace dockloop {
+namespace {
+
+using Method = Stepper::Method;
+
+struct Case {
+  Method method;
+  const char* name;
+  bool fixed;
+};
+void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
+
+const std::array<Case, 6> kCases = {{{Method::kDormandPrince, "dormand_prince", false},
+                                     {Method::kClassicRk4, "classic_rk4", true},
+                                     {Method::kEsdirk, "esdirk", false},
+                                     {Method::kSdirk, "sdirk", true},
+                                     {Method::kAdams, "adams", false},
+                                     {Method::kBdf, "bdf", false}}};
+
+std::vector<Case> find_adaptive() {
+  std::vector<Case> cases;
+  for (const Case& c : kCases) {
+    if (!c.fixed) cases.push_back(c);
+  }
+  return cases;
+}
+
+/// y0 = 1/(1 + t^2), y1 = cos t, y2 = -sin t: nonlinear, not autonomous, an oscillation.
+Stepper::Problem make_smooth(bool with_jacobian = false) {
+  Stepper::Problem p;
+  p.size = 3;
+  p.root_count = 1;
+  p.rates = [](double t, const double* y, double* ydot) {
+    ydot[0] = -2.0 * t * y[0] * y[0];
+    ydot[1] = y[2];
+    ydot[2] = -y[1];
+    return 0;
+  };
+  p.roots = [](double, const double* y, double* roots) {
+    roots[0] = y[1];
+    return 0;
+  };
+  if (with_jacobian) {
+    p.jacobian = [](double t, const double* y, double* by_columns) {
+      const double J[9] = {-4.0 * t * y[0], 0, 0, 0, 0, -1, 0, 1, 0};
+      std::memcpy(by_columns, J, sizeof J);
+      return 0;
+    };
+  }
+  return p;
+}
+void set_smooth(double* y) {
+  y[0] = y[1] = 1.0;
+  y[2] = 0.0;
+}
+double find_smooth_error(double t, const double* y) {
+  return std::max({std::abs(y[0] - 1.0 / (1.0 + t * t)), std::abs(y[1] - std::cos(t)),
+                   std::abs(y[2] + std::sin(t))});
+}
+
+void set_tolerance(Stepper& stepper, int size, double tolerance) {
+  stepper.set_tolerances(tolerance, std::vector<double>(size, tolerance).data());
+}
+
+/// @return was the end reached?
+bool run_to(Stepper& stepper, double end, bool watch_roots = false) {
+  for (int i = 0; i < 1000000; ++i) {
+    const StepOutcome outcome = stepper.step(end, watch_roots);
+    if (outcome != StepOutcome::kStepped) return outcome == StepOutcome::kStopped;
+  }
+  return false;
+}
+
+/// Equal steps, each a restart, as the simulation makes them.
+bool run_fixed(Stepper& stepper, double end, int count) {
+  for (int i = 0; i < count; ++i) {
+    const double t = end * i / count, next = end * (i + 1) / count;
+    stepper.restart(t, next - t);
+    if (stepper.step(next, false) == StepOutcome::kFailed) return false;
+  }
+  return true;
+}
+
+class Steppers : public ::testing::TestWithParam<Case> {
+ protected:
+  bool advance(Stepper& stepper, double end) const {
+    return GetParam().fixed ? run_fixed(stepper, end, 200) : run_to(stepper, end);
+  }
+};
+
+TEST_P(Steppers, keep_the_tolerance_or_have_their_order) {
+  std::vector<double> error;
+  for (int level = 0; level < 3; ++level) {
+    Stepper stepper(make_smooth(level == 1), GetParam().method);
+    set_smooth(stepper.y());
+    if (GetParam().fixed) {
+      ASSERT_TRUE(run_fixed(stepper, 3.0, 30 << level));
+    } else {
+      set_tolerance(stepper, 3, 1e-5 * std::pow(0.1, 2 * level));
+      stepper.restart(0.0, 0.0);
+      ASSERT_TRUE(run_to(stepper, 3.0));
+    }
+    error.push_back(find_smooth_error(3.0, stepper.y()));
+    std::printf("%s, level %d: error %.2e, %ld steps, %ld evaluations\n", GetParam().name, level,
+                error.back(), stepper.steps(), stepper.rate_evaluations());
+  }
+  if (GetParam().fixed) {
+    const double order = std::log2(error[1] / error[2]);
+    EXPECT_NEAR(order, GetParam().method == Method::kSdirk ? 3.0 : 4.0, 0.1)
+        << "errors " << error[1] << ", " << error[2];
+    return;
+  }
+  for (int level = 0; level < 3; ++level) {  // measured: 31 tolerances, BDF
+    EXPECT_LT(error[level], 100.0 * 1e-5 * std::pow(0.1, 2 * level)) << "level " << level;
+  }
+}
+
+TEST_P(Steppers, forget_everything_at_a_restart) {
+  for (const bool with_jacobian : {false, true}) {
+    const auto run = [&](Stepper& stepper) {
+      set_tolerance(stepper, 3, 1e-7);
+      set_smooth(stepper.y());
+      stepper.restart(0.0, 0.01);
+      EXPECT_TRUE(advance(stepper, 1.0));
+      return std::vector<double>(stepper.y(), stepper.y() + 3);
+    };
+    Stepper fresh(make_smooth(with_jacobian), GetParam().method);
+    const std::vector<double> expected = run(fresh);
+    Stepper used(make_smooth(with_jacobian), GetParam().method);
+    for (double where : {30.0, -2.0, 0.3}) {  // other states, times, tolerances and lengths
+      set_tolerance(used, 3, where < 0.0 ? 1e-4 : 1e-9);
+      set_smooth(used.y());
+      used.y()[1] *= where;
+      used.restart(where, 0.1);
+      for (int i = 0; i < 7; ++i) used.step(where + 1.0, i > 3);
+      const std::vector<double> actual = run(used);
+      EXPECT_EQ(std::memcmp(actual.data(), expected.data(), 3 * sizeof(double)), 0)
+          << "after a run from " << where << ": " << actual[0] - expected[0];
+    }
+  }
+}
+
+#ifdef DOCKLOOP_COUNTS_ALLOCATIONS
+TEST_P(Steppers, do_not_allocate) {
+  Stepper stepper(make_smooth(true), GetParam().method);
+  set_tolerance(stepper, 3, 1e-7);
+  set_smooth(stepper.y());
+  bool ok = true;
+  const long allocated = count_allocations([&] {
+    stepper.restart(0.0, 0.01);
+    ok = ok && advance(stepper, 1.0);
+    if (!GetParam().fixed) {
+      stepper.restart(1.0, 0.0);
+      for (int i = 0; i < 100; ++i) ok = ok && stepper.step(3.0, true) != StepOutcome::kFailed;
+    }
+  });
+  EXPECT_TRUE(ok);
+  EXPECT_EQ(allocated, 0);
+}
+#endif
+
+class AdaptiveSteppers : public Steppers {};
+
+TEST_P(AdaptiveSteppers, find_roots) {
+  Stepper stepper(make_smooth(true), GetParam().method);
+  set_tolerance(stepper, 3, 1e-9);
+  set_smooth(stepper.y());
+  stepper.restart(0.0, 0.0);
+  StepOutcome outcome = StepOutcome::kStepped;
+  while (outcome == StepOutcome::kStepped) outcome = stepper.step(3.0, true);
+  ASSERT_EQ(outcome, StepOutcome::kRoot);
+  EXPECT_TRUE(stepper.root_found(0));
+  EXPECT_NEAR(stepper.time(), std::acos(0.0), 1e-7);
+  EXPECT_NEAR(stepper.y()[1], 0.0, 1e-7);
+}
+
+TEST_P(AdaptiveSteppers, get_around_states_that_cannot_be_evaluated) {
+  Stepper::Problem p;
+  p.size = 1;
+  p.rates = [](double, const double* y, double* ydot) {
+    ydot[0] = -2.0 * std::sqrt(y[0]);  // y = (1 - t)^2
+    return y[0] > 0.0 ? 0 : Stepper::kSmaller;
+  };
+  Stepper stepper(p, GetParam().method);
+  set_tolerance(stepper, 1, 1e-6);
+  stepper.y()[0] = 1.0;
+  stepper.restart(0.0, 50.0);
+  ASSERT_TRUE(run_to(stepper, 0.9));
+  EXPECT_NEAR(stepper.y()[0], 0.01, 1e-4);
+}
+
+/// y' = -k (y - cos t) - sin t, y = cos t.
+Stepper::Problem make_stiff(double k) {
+  Stepper::Problem p;
+  p.size = 1;
+  p.rates = [k](double t, const double* y, double* ydot) {
+    ydot[0] = -k * (y[0] - std::cos(t)) - std::sin(t);
+    return 0;
+  };
+  return p;
+}
+
+TEST(StiffProblems, are_stepped_over_by_implicit_methods_only) {
+  long steps[6] = {};
+  for (size_t i = 0; i < kCases.size(); ++i) {
+    if (kCases[i].fixed) continue;
+    Stepper stepper(make_stiff(1e5), kCases[i].method);
+    set_tolerance(stepper, 1, 1e-6);
+    stepper.y()[0] = 1.0;
+    stepper.restart(0.0, 0.0);
+    ASSERT_TRUE(run_to(stepper, 3.0)) << kCases[i].name;
+    EXPECT_NEAR(stepper.y()[0], std::cos(3.0), 1e-5) << kCases[i].name;
+    steps[i] = stepper.steps();
+    std::printf("%s: %ld steps, %ld evaluations\n", kCases[i].name, steps[i],
+                stepper.rate_evaluations());
+  }
+  EXPECT_GT(steps[0], 100 * steps[2]) << "explicit against implicit";
+  EXPECT_GT(steps[4], 100 * steps[5]) << "Adams against BDF";
+}
+
+TEST(StiffProblems, are_stable_with_equal_implicit_steps) {
+  for (const Case& c : kCases) {
+    if (!c.fixed) continue;
+    Stepper stepper(make_stiff(1e5), c.method);
+    stepper.y()[0] = 2.0;  // not on the slow solution
+    const bool made = run_fixed(stepper, 3.0, 300);
+    const double error =
+        made ? std::abs(stepper.y()[0] - std::cos(3.0)) : std::numeric_limits<double>::infinity();
+    std::printf("%s: error %.2e\n", c.name, error);
+    if (c.method == Method::kSdirk) {
+      EXPECT_LT(error, 1e-6);
+    } else {
+      EXPECT_FALSE(error < 1e100);
+    }
+  }
+}
+
+TEST(FixedSteps, cost_the_same_wherever_they_are) {
+  for (const Case& c : kCases) {
+    if (!c.fixed) continue;
+    for (const double k : {0.0, 1.0, 1e5}) {
+      Stepper::Problem problem = make_stiff(k);
+      problem.jacobian = [k](double, const double*, double* J) {
+        J[0] = -k;
+        return 0;
+      };
+      problem.jacobian_cost = 100;
+      Stepper stepper(problem, c.method);
+      stepper.y()[0] = 1.0;
+      for (int i = 0; i < 20; ++i) {
+        const long before = stepper.rate_evaluations();
+        stepper.restart(0.01 * i, 0.01);
+        ASSERT_NE(stepper.step(0.01 * (i + 1), false), StepOutcome::kFailed);
+        EXPECT_EQ(stepper.rate_evaluations() - before, c.method == Method::kSdirk ? 107 : 4)
+            << c.name << ", k = " << k << ", step " << i;
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Methods, AdaptiveSteppers, ::testing::ValuesIn(find_adaptive()),
+                         [](const auto& c) { return std::string(c.param.name); });
+INSTANTIATE_TEST_SUITE_P(Methods, Steppers, ::testing::ValuesIn(kCases),
+                         [](const auto& c) { return std::string(c.param.name); });
+
+}  // namespace
+}  // namespace dockloop
