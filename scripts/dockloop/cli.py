@@ -1,4 +1,4 @@
-"""The command line: ``dockloop build | ssp | run | sweep | check``.
+"""The command line: ``dockloop build | ssp | run | sweep | check | extremes``.
 
 Thin on purpose: arguments in, one call into the package, text and exit status out. Exit status:
 0 done, 1 the work failed, 2 bad usage or a bad file. Errors are one sentence on standard error;
@@ -22,6 +22,7 @@ _SSP_EXAMPLE = "example: dockloop ssp idss_25t_350t --scene experiment.step=0.00
 _RUN_EXAMPLE = "example: dockloop run idss_25t_350t --set friction.coefficient=0.2 --stop 12"
 _SWEEP_EXAMPLE = "example: dockloop sweep absorber_1d_speeds --workers 2 --csv"
 _CHECK_EXAMPLE = "example: dockloop check idss_hexapod"
+_EXTREMES_EXAMPLE = "example: dockloop extremes --item 10 --quick"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -158,6 +159,27 @@ def _make_parser() -> argparse.ArgumentParser:
         help="evaluate the mechanism at these states and print accelerations and forces as JSON",
     )
     check.add_argument("--json", action="store_true", help="print the report as JSON")
+
+    extremes = _add(
+        commands,
+        "extremes",
+        _extremes,
+        "run the numerical extremes and print a verdict for each: right, refused or bad",
+        _EXTREMES_EXAMPLE,
+    )
+    extremes.add_argument(
+        "--item",
+        dest="items",
+        action="append",
+        type=int,
+        default=[],
+        metavar="N",
+        help="only this item, 1 to 12 (repeatable); default: all",
+    )
+    extremes.add_argument(
+        "--quick", action="store_true", help="the shorter ranges, about a minute in all"
+    )
+    extremes.add_argument("--json", action="store_true", help="print the report as JSON")
     return parser
 
 
@@ -304,3 +326,18 @@ def _check(options: argparse.Namespace) -> None:
         print(json.dumps(report, indent=2))
     else:
         print(describe_report(report))
+
+
+def _extremes(options: argparse.Namespace) -> None:
+    """Run the extremes; a bad verdict is a failure."""
+    from dockloop.extremes import describe, run_extremes
+    from dockloop.simulate import ProgressBar
+
+    rows = run_extremes(options.items, options.quick, ProgressBar("extremes"))
+    print(json.dumps(rows, indent=2) if options.json else describe(rows))
+    bad = [row for row in rows if row["verdict"] == "bad"]
+    if bad:
+        raise DockloopError(
+            f"extremes: {len(bad)} of {len(rows)} verdicts are bad, the first one:"
+            f" item {bad[0]['item']}, {bad[0]['bad'][0]}"
+        )

@@ -69,7 +69,8 @@ Status move_to(const Mechanism& mechanism, const VecX<double>& q, MechanismData<
   }
   constexpr double kStep = 0.1;       // rad, or part of the largest loop
   constexpr double kSmallest = 1e-3;  // of that
-  const double usual = way > kStep ? kStep / way : 1.0;
+  // Without loops there is no branch to stay on.
+  const double usual = way > kStep && !model.loops.empty() ? kStep / way : 1.0;
   for (size_t i = 0; i < model.home_q.size(); ++i)
     data.tree.q[static_cast<int>(i)] = model.home_q[i];
   data.loops.reference.valid = false;

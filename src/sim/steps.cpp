@@ -8,9 +8,10 @@
 namespace dockloop {
 namespace {
 
-constexpr double kFade = 0.7;     ///< of a long step in what counts as regular, per step
-constexpr int kMaxRefused = 12;   ///< end states in a row that cannot be evaluated
-#ifndef DOCKLOOP_MAX_INNER_STEPS  // the fuzzers wait less long
+constexpr double kLongestStep = 1e9;  ///< [s]
+constexpr double kFade = 0.7;         ///< of a long step in what counts as regular, per step
+constexpr int kMaxRefused = 12;       ///< end states in a row that cannot be evaluated
+#ifndef DOCKLOOP_MAX_INNER_STEPS      // the fuzzers wait less long
 #define DOCKLOOP_MAX_INNER_STEPS 10000
 #endif
 
@@ -77,7 +78,7 @@ Status DockingSim::Impl::step(double t, double h) {
   if (std::abs(told - elapsed) > rounding) elapsed = told;
   read_inputs();
   Status status;
-  if (h > 0.0) {
+  if (h > 0.0 && h <= kLongestStep) {
     if (announces()) notice_step(h);
     status = receive(h);
     update_thrust(elapsed);  // it may have been told only now
@@ -86,7 +87,7 @@ Status DockingSim::Impl::step(double t, double h) {
     const int limit = find_inner_step_limit(h);
     if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
   } else {
-    status_text = "the step must be longer than 0 s";
+    status_text = "the step must be longer than 0 s and not longer than 1e9 s";
     status.code = StatusCode::kBadInput;
   }
   if (status.ok()) {
