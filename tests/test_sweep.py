@@ -385,7 +385,8 @@ def test_an_interrupted_sweep_goes_on_to_the_same_table_with_one_worker(
     path, whole = reference
     output, journal = tmp_path / "mine.parquet", tmp_path / "mine.jsonl"
     command = ["sweep", str(path), "--workers", "1", "-o", str(output), "--no-plots"]
-    program = [sys.executable, "-m", "dockloop"]
+    # Where tests run in the background, Ctrl-C is ignored, and that is inherited.
+    program = ["env", "--default-signal=INT", sys.executable, "-m", "dockloop"]
     first = subprocess.Popen(
         [*program, *command], stderr=subprocess.PIPE, text=True, start_new_session=True
     )
