@@ -11,14 +11,11 @@ int count_vehicle_velocities(const Mechanism& mechanism) {
   return mechanism.vehicle == kBase ? 0 : 6;
 }
 
-/// Where G moves when the independent velocities in the tree are as they are; (linear, angular).
+/// Linear and angular velocity of G, axes of O.
 Vec6<double> find_capture_velocity(const DockingModel& model, const DockingData<double>& data) {
-  const TreeData<double>& tree = data.mechanism.tree;
-  const int body = model.mechanism.model.capture_body;
+  const FrameMotion<double> G = find_capture_motion(model, data.mechanism.tree);
   Vec6<double> velocity;
-  velocity.head<3>() =
-      tree.u[body] + tree.w[body].cross(Vec3<double>(tree.R[body] * model.capture_in_body.p));
-  velocity.tail<3>() = tree.w[body];
+  velocity << G.v, G.w;
   return velocity;
 }
 
@@ -86,12 +83,11 @@ Status hold_capture_body(const DockingModel& model, const Pose<double>& capture,
   if (!status.ok()) return status;
   MechanismData<double>& mechanism = data.mechanism;
   TreeData<double>& tree = mechanism.tree;
-  const Mat3<double> R_now = tree.R[body] * model.capture_in_body.R;
-  const Vec3<double> p_now = tree.p[body] + tree.R[body] * model.capture_in_body.p;
+  const FrameMotion<double> now = find_capture_motion(model, tree);
   Vec6<double> way;
-  way.head<3>() = capture.p - p_now;
+  way.head<3>() = capture.p - now.p;
   way.tail<3>() =
-      quat_log<double>(quat_from_matrix<double>(Mat3<double>(capture.R * R_now.transpose())));
+      quat_log<double>(quat_from_matrix<double>(Mat3<double>(capture.R * now.R.transpose())));
   // Farther than this is no correction but another place, to which the mechanism goes along.
   constexpr double kLongestWay = 0.02, kRounding = 1e-13;  // [m], [rad]
   if (way.head<3>().norm() > kLongestWay || way.norm() < kRounding) return {};

@@ -31,6 +31,42 @@ RelativeMotion<S> find_relative(const FrameMotion<S>& from, const FrameMotion<S>
   return relative;
 }
 
+template <class S>
+FrameMotion<S> get_vehicle_pose(const DockingModel& model, int i, const S* y) {
+  FrameMotion<S> frame;
+  if (model.layout.pose[i] < 0) {
+    frame.R = model.fixed_pose[i].R.template cast<S>();
+    frame.p = model.fixed_pose[i].p.template cast<S>();
+    return frame;
+  }
+  const S* x = y + model.layout.pose[i];
+  frame.p = Vec3<S>(x[0], x[1], x[2]);
+  frame.R = quat_to_matrix<S>(Vec4<S>(x[3], x[4], x[5], x[6]));
+  return frame;
+}
+
+namespace {
+
+/// Motion of a body of the tree, or of what its base stands for.
+template <class S>
+FrameMotion<S> get_body_motion(const TreeData<S>& tree, int body) {
+  FrameMotion<S> frame;
+  if (body == kBase) return frame;
+  frame.R = tree.R[body];
+  frame.p = tree.p[body];
+  frame.w = tree.w[body];
+  frame.v = tree.u[body];
+  return frame;
+}
+
+}  // namespace
+
+template <class S>
+FrameMotion<S> find_capture_motion(const DockingModel& model, const TreeData<S>& tree) {
+  return find_frame_on(get_body_motion(tree, model.mechanism.model.capture_body),
+                       model.capture_in_body);
+}
+
 namespace {
 
 /// Mechanism on a moving or fixed chaser. @return with `bare` the chaser without mechanism.
@@ -103,33 +139,6 @@ StateLayout make_layout(const DockingModel& model) {
   return layout;
 }
 
-/// Motion of a body of the tree, or of what its base stands for.
-template <class S>
-FrameMotion<S> get_body_motion(const TreeData<S>& tree, int body) {
-  FrameMotion<S> frame;
-  if (body == kBase) return frame;
-  frame.R = tree.R[body];
-  frame.p = tree.p[body];
-  frame.w = tree.w[body];
-  frame.v = tree.u[body];
-  return frame;
-}
-
-/// Pose of a vehicle from its states, velocities still zero.
-template <class S>
-FrameMotion<S> get_vehicle_pose(const DockingModel& model, int i, const S* y) {
-  FrameMotion<S> frame;
-  if (model.layout.pose[i] < 0) {
-    frame.R = model.fixed_pose[i].R.template cast<S>();
-    frame.p = model.fixed_pose[i].p.template cast<S>();
-    return frame;
-  }
-  const S* x = y + model.layout.pose[i];
-  frame.p = Vec3<S>(x[0], x[1], x[2]);
-  frame.R = quat_to_matrix<S>(Vec4<S>(x[3], x[4], x[5], x[6]));
-  return frame;
-}
-
 /// Mechanism coordinates and velocities from the state into the tree; chaser pose with them.
 template <class S>
 void put_mechanism_state(const DockingModel& model, const S* y, TreeData<S>& tree) {
@@ -200,9 +209,7 @@ Status calc_kinematics(const DockingModel& model, const S& t, const S* y, Dockin
     data.vehicle[kChaser] = get_body_motion(data.mechanism.tree, model.mechanism.vehicle);
   }
   data.interface[kChaser] = find_frame_on(data.vehicle[kChaser], model.interface_pose[kChaser]);
-  data.capture =
-      find_frame_on(get_body_motion(data.mechanism.tree, model.mechanism.model.capture_body),
-                    model.capture_in_body);
+  data.capture = find_capture_motion(model, data.mechanism.tree);
   if (model.present[kTarget]) {
     data.vehicle[kTarget] = get_vehicle_pose(model, kTarget, y);
     if (model.moves[kTarget]) calc_target_velocity(model, y, data.vehicle[kTarget]);
@@ -231,8 +238,7 @@ Status calc_capture_forces(const DockingModel& model, const DiscreteState& discr
   }
   if (model.latches.count() > 0) {
     calc_latches(model.latches, discrete.latch.data(), t, data.relative, data.latch);
-    data.on_passive.f += data.latch.on_passive.f;
-    data.on_passive.t += data.latch.on_passive.t;
+    data.on_passive += data.latch.on_passive;
   }
   data.on_passive.f = (data.capture.R * data.on_passive.f).eval();
   data.on_passive.t = (data.capture.R * data.on_passive.t).eval();
@@ -489,9 +495,7 @@ Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingDat
     return sum;
   }
   for (size_t i = 0; i < model.mechanism.model.bodies.size(); ++i) {
-    const Wrench<S> p = find_body_momentum(model, static_cast<int>(i), data);
-    sum.f += p.f;
-    sum.t += p.t;
+    sum += find_body_momentum(model, static_cast<int>(i), data);
   }
   return sum;
 }
@@ -510,10 +514,8 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
   const TreeData<S>& tree = data.mechanism.tree;
   for (int i = 0; i < static_cast<int>(tree.R.size()); ++i) {
     if (model.driven[kChaser] && i == model.mechanism.vehicle) continue;
-    const Wrench<S> p = find_body_momentum(model, i, data);
     const S m(model.mechanism.model.bodies[i].mass);
-    sum.f += p.f;
-    sum.t += p.t;
+    sum += find_body_momentum(model, i, data);
     mass += m;
     first_moment += tree.h_body[i] + m * tree.p[i];
   }
@@ -577,6 +579,8 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
                                   const ExternalLoads<S>&, S, const S*, S*, DockingData<S>&);      \
   template FrameMotion<S> find_frame_on<S>(const FrameMotion<S>&, const Pose<double>&);            \
   template RelativeMotion<S> find_relative<S>(const FrameMotion<S>&, const FrameMotion<S>&);       \
+  template FrameMotion<S> get_vehicle_pose<S>(const DockingModel&, int, const S*);                 \
+  template FrameMotion<S> find_capture_motion<S>(const DockingModel&, const TreeData<S>&);         \
   template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                   \
   template Wrench<S> find_body_momentum<S>(const DockingModel&, int, const DockingData<S>&);       \
   template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);            \

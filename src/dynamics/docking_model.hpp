@@ -137,6 +137,14 @@ FrameMotion<S> find_frame_on(const FrameMotion<S>& body, const Pose<double>& pos
 template <class S>
 RelativeMotion<S> find_relative(const FrameMotion<S>& from, const FrameMotion<S>& to);
 
+/// Pose of a vehicle in O from its states, velocities zero.
+template <class S>
+FrameMotion<S> get_vehicle_pose(const DockingModel& model, int vehicle, const S* y);
+
+/// Motion of G from the tree.
+template <class S>
+FrameMotion<S> find_capture_motion(const DockingModel& model, const TreeData<S>& tree);
+
 /// Kinetic energy of everything [J]. @pre calc_docking
 template <class S>
 S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data);

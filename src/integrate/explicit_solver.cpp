@@ -58,18 +58,18 @@ class ExplicitSolver : public Solver {
     ERKStepGetCurrentStep(ark_, &h);
     return h;
   }
-  long steps() const override {
+
+ private:
+  long present_steps() const override {
     long n = 0;
     ERKStepGetNumSteps(ark_, &n);
     return n;
   }
-  long rejected_steps() const override {
+  long present_rejected() const override {
     long n = 0;
     ERKStepGetNumErrTestFails(ark_, &n);
     return n;
   }
-
- private:
   void set_classic_table() {
     double c[] = {0.0, 0.5, 0.5, 1.0};
     double A[] = {0, 0, 0, 0, 0.5, 0, 0, 0, 0, 0.5, 0, 0, 0, 0, 1, 0};

@@ -6,8 +6,6 @@
 // one factorisation and kIterations Newton iterations per stage, whatever happens. The Jacobian is
 // that at the end of an Euler step, so that it knows the contact that the step runs into.
 #include <arkode/arkode_arkstep.h>
-#include <sunlinsol/sunlinsol_dense.h>
-#include <sunmatrix/sunmatrix_dense.h>
 #include <sunnonlinsol/sunnonlinsol_newton.h>
 
 #include <stdexcept>
@@ -21,15 +19,13 @@ constexpr int kIterations = 2;  ///< one would leave order 2
 
 class ImplicitSolver : public Solver {
  public:
-  ImplicitSolver(System& system, bool fixed) : system_(system), fixed_(fixed) {
-    matrix_ = SUNDenseMatrix(system.problem.size, system.problem.size, system.context);
-    if (matrix_) linear_ = SUNLinSol_Dense(system.y, matrix_, system.context);
+  ImplicitSolver(System& system, bool fixed) : system_(system), dense_(system), fixed_(fixed) {
     newton_ = SUNNonlinSol_Newton(system.y, system.context);
     ark_ = ARKStepCreate(nullptr, &System::call_rates, 0.0, system.y, system.context);
-    if (!linear_ || !newton_ || !ark_) throw std::runtime_error("ARKODE cannot be created");
+    if (!newton_ || !ark_) throw std::runtime_error("ARKODE cannot be created");
     System::check(ARKStepSetUserData(ark_, &system));
     System::check(ARKStepSetNonlinearSolver(ark_, newton_));
-    System::check(ARKStepSetLinearSolver(ark_, linear_, matrix_));
+    System::check(ARKStepSetLinearSolver(ark_, dense_.linear, dense_.matrix));
     if (system.problem.jacobian) System::check(ARKStepSetJacFn(ark_, &System::call_jacobian));
     System::check(ARKStepSVtolerances(ark_, 1e-6, system.atol));
     System::check(ARKStepSetErrHandlerFn(ark_, &System::ignore_message, nullptr));
@@ -53,8 +49,6 @@ class ImplicitSolver : public Solver {
   ~ImplicitSolver() override {
     if (ark_) ARKStepFree(&ark_);
     if (newton_) SUNNonlinSolFree(newton_);
-    if (linear_) SUNLinSolFree(linear_);
-    if (matrix_) SUNMatDestroy(matrix_);
   }
 
   void set_tolerances(double rtol, N_Vector atol) override {
@@ -62,8 +56,7 @@ class ImplicitSolver : public Solver {
   }
   void restart(double t, N_Vector y, double h) override {
     // ARKStepReset would go on with the Jacobian of before.
-    steps_ += present_steps();
-    rejected_ += present_rejected();
+    keep_counts();
     ARKStepReInit(ark_, nullptr, &System::call_rates, t, y);
     if (fixed_) {
       system_.ahead = h;
@@ -86,16 +79,14 @@ class ImplicitSolver : public Solver {
     ARKStepGetCurrentStep(ark_, &h);
     return h;
   }
-  long steps() const override { return steps_ + present_steps(); }
-  long rejected_steps() const override { return rejected_ + present_rejected(); }
 
  private:
-  long present_steps() const {
+  long present_steps() const override {
     long n = 0;
     ARKStepGetNumSteps(ark_, &n);
     return n;
   }
-  long present_rejected() const {
+  long present_rejected() const override {
     long errors = 0, unsolved = 0;
     ARKStepGetNumErrTestFails(ark_, &errors);
     ARKStepGetNumStepSolveFails(ark_, &unsolved);
@@ -121,12 +112,10 @@ class ImplicitSolver : public Solver {
   }
 
   System& system_;
-  SUNMatrix matrix_ = nullptr;
-  SUNLinearSolver linear_ = nullptr;
+  DenseSolver dense_;
   SUNNonlinearSolver newton_ = nullptr;
   void* ark_ = nullptr;
   bool fixed_;
-  long steps_ = 0, rejected_ = 0;  // before the last restart
 };
 
 }  // namespace

@@ -4,8 +4,6 @@
 // They live on their history. A restart begins with order 1 and a small step again, which is what
 // every communication point and every event costs.
 #include <cvode/cvode.h>
-#include <sunlinsol/sunlinsol_dense.h>
-#include <sunmatrix/sunmatrix_dense.h>
 #include <sunnonlinsol/sunnonlinsol_fixedpoint.h>
 #include <sunnonlinsol/sunnonlinsol_newton.h>
 
@@ -35,25 +33,20 @@ class MultistepSolver : public Solver {
     if (!iteration_) throw std::runtime_error("CVODE cannot be created");
     System::check(CVodeSetNonlinearSolver(cvode_, iteration_));
     if (!stiff) return;
-    matrix_ = SUNDenseMatrix(system.problem.size, system.problem.size, system.context);
-    if (matrix_) linear_ = SUNLinSol_Dense(system.y, matrix_, system.context);
-    if (!linear_) throw std::runtime_error("CVODE cannot be created");
-    System::check(CVodeSetLinearSolver(cvode_, linear_, matrix_));
+    dense_ = std::make_unique<DenseSolver>(system);
+    System::check(CVodeSetLinearSolver(cvode_, dense_->linear, dense_->matrix));
     if (system.problem.jacobian) System::check(CVodeSetJacFn(cvode_, &System::call_jacobian));
   }
   ~MultistepSolver() override {
     if (cvode_) CVodeFree(&cvode_);
     if (iteration_) SUNNonlinSolFree(iteration_);
-    if (linear_) SUNLinSolFree(linear_);
-    if (matrix_) SUNMatDestroy(matrix_);
   }
 
   void set_tolerances(double rtol, N_Vector atol) override {
     System::check(CVodeSVtolerances(cvode_, rtol, atol));
   }
   void restart(double t, N_Vector y, double h) override {
-    steps_ += present_steps();
-    rejected_ += present_rejected();
+    keep_counts();
     CVodeReInit(cvode_, t, y);
     CVodeSetMaxStep(cvode_, h);  // of the first step; 0 = none
     t_restart_ = t;
@@ -82,16 +75,14 @@ class MultistepSolver : public Solver {
     CVodeGetCurrentStep(cvode_, &h);
     return h;
   }
-  long steps() const override { return steps_ + present_steps(); }
-  long rejected_steps() const override { return rejected_ + present_rejected(); }
 
  private:
-  long present_steps() const {
+  long present_steps() const override {
     long n = 0;
     CVodeGetNumSteps(cvode_, &n);
     return n;
   }
-  long present_rejected() const {
+  long present_rejected() const override {
     long errors = 0, unsolved = 0;
     CVodeGetNumErrTestFails(cvode_, &errors);
     CVodeGetNumStepSolveFails(cvode_, &unsolved);
@@ -100,11 +91,9 @@ class MultistepSolver : public Solver {
 
   void* cvode_ = nullptr;
   SUNNonlinearSolver iteration_ = nullptr;
-  SUNMatrix matrix_ = nullptr;
-  SUNLinearSolver linear_ = nullptr;
+  std::unique_ptr<DenseSolver> dense_;  // BDF only
   double t_restart_ = 0.0;
   bool first_ = true;
-  long steps_ = 0, rejected_ = 0;  // before the last restart
 };
 
 }  // namespace

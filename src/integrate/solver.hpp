@@ -9,6 +9,7 @@
 #pragma once
 
 #include <nvector/nvector_serial.h>
+#include <sundials/sundials_linearsolver.h>
 #include <sundials/sundials_matrix.h>
 
 #include <memory>
@@ -42,6 +43,17 @@ struct System {
   long evaluations = 0;  ///< of rates; a Jacobian counts as Problem::jacobian_cost
 };
 
+/// Newton matrix of an implicit method and its factors.
+struct DenseSolver {
+  explicit DenseSolver(const System& system);
+  ~DenseSolver();
+  DenseSolver(const DenseSolver&) = delete;
+  DenseSolver& operator=(const DenseSolver&) = delete;
+
+  SUNMatrix matrix = nullptr;
+  SUNLinearSolver linear = nullptr;
+};
+
 class Solver {
  public:
   virtual ~Solver() = default;
@@ -53,8 +65,21 @@ class Solver {
   /// State inside the last step.
   virtual bool interpolate(double t, N_Vector y) = 0;
   virtual double next_step() const = 0;
-  virtual long steps() const = 0;           ///< accepted, since construction
-  virtual long rejected_steps() const = 0;  ///< for their errors or because Newton failed
+  long steps() const { return steps_ + present_steps(); }  ///< accepted, since construction
+  /// Since construction, for their errors or because Newton failed.
+  long rejected_steps() const { return rejected_ + present_rejected(); }
+
+ protected:
+  virtual long present_steps() const = 0;  ///< as SUNDIALS counts them
+  virtual long present_rejected() const = 0;
+  /// SUNDIALS is about to count from zero again.
+  void keep_counts() {
+    steps_ += present_steps();
+    rejected_ += present_rejected();
+  }
+
+ private:
+  long steps_ = 0, rejected_ = 0;  // before SUNDIALS began to count
 };
 
 std::unique_ptr<Solver> make_explicit_solver(System& system, bool fixed);

@@ -3,6 +3,7 @@
 // and a run restored in a fresh integrator would not give the same bits.
 #include "integrate/stepper.hpp"
 
+#include <sunlinsol/sunlinsol_dense.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
 #include <algorithm>
@@ -35,6 +36,19 @@ N_Vector System::make_vector() const {
   const N_Vector vector = N_VNew_Serial(problem.size, context);
   if (!vector) throw std::runtime_error("SUNDIALS vectors cannot be allocated");
   return vector;
+}
+
+DenseSolver::DenseSolver(const System& system)
+    : matrix(SUNDenseMatrix(system.problem.size, system.problem.size, system.context)) {
+  if (matrix) linear = SUNLinSol_Dense(system.y, matrix, system.context);
+  if (linear) return;
+  if (matrix) SUNMatDestroy(matrix);
+  throw std::runtime_error("a dense solver of SUNDIALS cannot be allocated");
+}
+
+DenseSolver::~DenseSolver() {
+  SUNLinSolFree(linear);
+  SUNMatDestroy(matrix);
 }
 
 void System::check(int flag) {

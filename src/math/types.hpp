@@ -47,6 +47,32 @@ struct Wrench {
   Vec3<S> t = Vec3<S>::Zero();
 };
 
+/// Of wrenches about the same point, in the same axes.
+template <class S>
+Wrench<S>& operator+=(Wrench<S>& a, const Wrench<S>& b) {
+  a.f += b.f;
+  a.t += b.t;
+  return a;
+}
+template <class S>
+Wrench<S>& operator-=(Wrench<S>& a, const Wrench<S>& b) {
+  a.f -= b.f;
+  a.t -= b.t;
+  return a;
+}
+template <class S>
+Wrench<S> operator+(Wrench<S> a, const Wrench<S>& b) {
+  return a += b;
+}
+template <class S>
+Wrench<S> operator-(Wrench<S> a, const Wrench<S>& b) {
+  return a -= b;
+}
+template <class S>
+Wrench<S> operator*(const S& factor, const Wrench<S>& a) {
+  return {factor * a.f, factor * a.t};
+}
+
 /// Length of (a, b). Plain: quantities of a docking neither overflow nor vanish, and the library's
 /// hypot would tie the binary to a new C library.
 template <class S>

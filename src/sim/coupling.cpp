@@ -15,10 +15,7 @@ namespace {
 constexpr double kHostStep = 1e-3;  ///< of the host model's attitude [s]
 constexpr int kMaxHostSteps = 10000;
 constexpr int kStepsAhead = 10;  ///< inner steps of a look ahead, as a multiple of the last step's
-constexpr double kNormError = 1e-3;    ///< of a quaternion, that is refused
-constexpr double kNormWarning = 1e-6;  ///< that is told
-
-bool is_attitude(const Vec4<double>& q) { return std::abs(q.norm() - 1.0) < kNormError; }
+constexpr double kNormWarning = 1e-6;  ///< error of the norm of a quaternion that is told
 
 /// Without a jump of the loads, peaks are refined across a communication point.
 bool is_same_within_rounding(const std::array<double, kPeakCount>& a,
@@ -88,15 +85,6 @@ Status DockingSim::Impl::check_told_attitude(int i) {
   return {};
 }
 
-/// Pose of a docking interface in O, from the state as it stands.
-Pose<double> DockingSim::Impl::find_interface_pose(int i) const {
-  if (!model->moves[i]) return model->fixed_pose[i] * model->interface_pose[i];
-  const double* y = stepper->y() + model->layout.pose[i];
-  const Pose<double> vehicle{quat_to_matrix<double>(Vec4<double>(y[3], y[4], y[5], y[6])),
-                             Vec3<double>(y[0], y[1], y[2])};
-  return vehicle * model->interface_pose[i];
-}
-
 /// What the host makes of a load over h, as far as stated mass and told loads are right.
 VehicleState DockingSim::Impl::predict_host(int i, const VehicleState& z,
                                             const Wrench<double>& load, double h) {
@@ -136,10 +124,7 @@ Status DockingSim::Impl::receive(double h) {
   for (int i : {kChaser, kTarget}) momentum_before[i] = find_momentum(*model, i, *data);
   const Wrench<double> mechanism_before = find_mechanism_momentum();
   const std::array<double, kPeakCount> loads_before = find_peak_values();
-  bool grips = has_surfaces() && data->contact.gap <= 0.0;
-  for (int i = 0; i < model->latches.count(); ++i) {
-    grips = grips || discrete.latch[i].mode == LatchMode::kHeld;
-  }
+  const bool grips = (has_surfaces() && data->contact.gap <= 0.0) || count_held_latches() > 0;
 
   std::array<bool, 2> told{false, false};
   for (int i : {kChaser, kTarget}) {
@@ -160,9 +145,7 @@ Status DockingSim::Impl::receive(double h) {
     if (first) {
       look_at_first_state(i, z, h);
     } else {
-      const Wrench<double> delivered = find_delivered_impulse(v.held, v.received, z, last_step);
-      v.pending.f -= delivered.f;
-      v.pending.t -= delivered.t;
+      v.pending = find_owed_impulse(i, z);
       look_at_innovation(i, z);
     }
     const VehicleState moved = carry_along(z, v.predicted, inside);
@@ -172,7 +155,9 @@ Status DockingSim::Impl::receive(double h) {
   }
   if (grips) {
     // It stays where it is on the target, which may have been told to be elsewhere.
-    const Pose<double> on_target = find_interface_pose(kTarget) * inverse(passive) * capture;
+    const FrameMotion<double> P = find_frame_on(
+        get_vehicle_pose<double>(*model, kTarget, stepper->y()), model->interface_pose[kTarget]);
+    const Pose<double> on_target = Pose<double>{P.R, P.p} * inverse(passive) * capture;
     status = hold_capture_body(*model, on_target, stepper->y(), *data, *jump_work);
     if (!status.ok()) return status;
   }
@@ -181,10 +166,7 @@ Status DockingSim::Impl::receive(double h) {
   status = evaluate(0.0);
   if (!status.ok()) return status;
   if (told[kChaser]) {
-    const Wrench<double> mechanism = find_mechanism_momentum();
-    Wrench<double>& pending = coupling.vehicle[kChaser].pending;
-    pending.f += mechanism_before.f - mechanism.f;
-    pending.t += mechanism_before.t - mechanism.t;
+    coupling.vehicle[kChaser].pending += mechanism_before - find_mechanism_momentum();
   }
   // The jump may begin a contact, and its forces count as peaks.
   update_memory();
@@ -194,9 +176,7 @@ Status DockingSim::Impl::receive(double h) {
   // What the host did to the motion is its work and impulse, not an error of the integration.
   host_work += find_total_energy() - energy_before;
   for (int i : {kChaser, kTarget}) {
-    const Wrench<double> now = find_momentum(*model, i, *data);
-    momentum_start[i].f += now.f - momentum_before[i].f;
-    momentum_start[i].t += now.t - momentum_before[i].t;
+    momentum_start[i] += find_momentum(*model, i, *data) - momentum_before[i];
   }
   return {};
 }
@@ -210,17 +190,13 @@ Status DockingSim::Impl::match_momenta(const std::array<bool, 2>& told,
   for (int i : {kChaser, kTarget}) {
     if (!told[i]) continue;
     const DrivenVehicle& v = coupling.vehicle[i];
-    Wrench<double> momentum = find_stated_momentum(i, v.received);
-    momentum.f += v.pending.f;
-    momentum.t += v.pending.t;
+    const Wrench<double> momentum = find_stated_momentum(i, v.received) + v.pending;
     if (i == kTarget) {
       set_momentum(*model, i, momentum, stepper->y());
       continue;
     }
-    momentum.f += mechanism_before.f;
-    momentum.t += mechanism_before.t;
-    const Status status =
-        jump_to_momentum(*model, chaser_before, momentum, stepper->y(), *data, *jump_work);
+    const Status status = jump_to_momentum(*model, chaser_before, momentum + mechanism_before,
+                                           stepper->y(), *data, *jump_work);
     if (!status.ok()) return status;
   }
   return {};
@@ -228,63 +204,50 @@ Status DockingSim::Impl::match_momenta(const std::array<bool, 2>& told,
 
 /// Of what moves with the chaser, beyond the vehicle as its host knows it. @pre evaluate
 Wrench<double> DockingSim::Impl::find_mechanism_momentum() const {
-  Wrench<double> momentum = find_momentum(*model, kChaser, *data);
-  const Wrench<double> vehicle = find_stated_momentum(kChaser, find_vehicle_state(kChaser));
-  momentum.f -= vehicle.f;
-  momentum.t -= vehicle.t;
-  return momentum;
+  return find_momentum(*model, kChaser, *data) -
+         find_stated_momentum(kChaser, find_vehicle_state(kChaser));
 }
 
-/// Where a driven vehicle is and what its host applied by itself, at the start of an integration.
-void DockingSim::Impl::note_start(CouplingStart& start) const {
+/// Where vehicles are and what their hosts applied by themselves so far. @pre evaluate
+CouplingPoint DockingSim::Impl::find_coupling_point() const {
+  CouplingPoint now;
   for (int i : {kChaser, kTarget}) {
-    start.vehicle[i] = find_vehicle_state(i);
+    now.vehicle[i] = find_vehicle_state(i);
     if (model->layout.told[i] < 0) continue;
     const double* told = stepper->y() + model->layout.told[i];
-    for (int j = 0; j < 3; ++j) {
-      start.told[i].f[j] = told[j];
-      start.told[i].t[j] = told[3 + j];
-    }
+    now.told[i] = {Vec3<double>(told[0], told[1], told[2]),
+                   Vec3<double>(told[3], told[4], told[5])};
   }
+  return now;
 }
 
-/// Impulse of the docking system on a vehicle since then: the change of its momentum, not a
-/// quadrature of the load.
-Wrench<double> DockingSim::Impl::find_exerted_impulse(int i, const CouplingStart& start) const {
-  CouplingStart now;
-  note_start(now);
-  const Wrench<double> a = find_stated_momentum(i, start.vehicle[i]),
-                       b = find_stated_momentum(i, now.vehicle[i]);
-  Wrench<double> impulse;
-  impulse.f = (b.f - a.f) - (now.told[i].f - start.told[i].f);
-  impulse.t = (b.t - a.t) - (now.told[i].t - start.told[i].t);
-  return impulse;
+/// Impulse of the docking system on a vehicle: the change of its momentum, not a quadrature of the
+/// load.
+Wrench<double> DockingSim::Impl::find_exerted_impulse(int i, const CouplingPoint& from,
+                                                      const CouplingPoint& to) const {
+  return (find_stated_momentum(i, to.vehicle[i]) - find_stated_momentum(i, from.vehicle[i])) -
+         (to.told[i] - from.told[i]);
 }
 
 /// After a step of h from step_begin: book what was exerted, find the load to tell. Inputs are
 /// still those of the step. @pre evaluate at its end
-void DockingSim::Impl::update_ledgers(double h) {
+void DockingSim::Impl::update_ledgers(double h, const CouplingPoint& end) {
   for (int i : {kChaser, kTarget}) {
     if (!model->driven[i]) continue;
     DrivenVehicle& v = coupling.vehicle[i];
-    const Wrench<double> exerted = find_exerted_impulse(i, step_begin);
-    v.pending.f += exerted.f;
-    v.pending.t += exerted.t;
-    const VehicleState end = find_vehicle_state(i);
+    const Wrench<double> exerted = find_exerted_impulse(i, step_begin, end);
+    v.pending += exerted;
     v.before = v.held;
     if (announces()) {
       v.held = mean_load[i];  // announced for this step
     } else {
-      const VehicleState told_end = carry_along(v.received, step_begin.vehicle[i], end);
+      const VehicleState told_end = carry_along(v.received, step_begin.vehicle[i], end.vehicle[i]);
       v.held = mean_load[i] = find_mean_load(v.pending, v.received, told_end, h);
     }
     v.predicted = predict_host(i, v.received, v.held, h);
-    note_step(i, exerted, end, h);
+    note_step(i, exerted, end.vehicle[i], h);
   }
-  int held = 0;
-  for (int i = 0; i < model->latches.count(); ++i) {
-    held += discrete.latch[i].mode == LatchMode::kHeld;
-  }
+  const int held = count_held_latches();
   if (held != coupling.held_latches) {
     coupling.held_latches = held;
     coupling.frequency = find_interface_frequency();
@@ -294,12 +257,11 @@ void DockingSim::Impl::update_ledgers(double h) {
 /// Announce the loads of the coming step, which is expected to be h: what will be exerted over it,
 /// and what the host is owed. @pre inputs are read
 void DockingSim::Impl::announce(double h) {
-  std::array<Wrench<double>, 2> exerted{};
-  std::array<VehicleState, 2> begin, end;
-  Status status = look_ahead(h, begin, end, exerted);
+  CouplingPoint begin, end;
+  Status status = look_ahead(h, begin, end);
   if (!status.ok() && last_step > 0.0 && h > last_step) {
     h = last_step;
-    status = look_ahead(h, begin, end, exerted);
+    status = look_ahead(h, begin, end);
   }
   if (!status.ok()) {
     for (int i : {kChaser, kTarget}) {
@@ -318,43 +280,26 @@ void DockingSim::Impl::announce(double h) {
   for (int i : {kChaser, kTarget}) {
     if (!model->driven[i]) continue;
     const DrivenVehicle& v = coupling.vehicle[i];
-    Wrench<double> impulse = v.pending;
-    if (last_step > 0.0) {
-      const Wrench<double> delivered =
-          find_delivered_impulse(v.held, v.received, v.predicted, last_step);
-      impulse.f -= delivered.f;
-      impulse.t -= delivered.t;
-    }
-    impulse.f = share * impulse.f + exerted[i].f;
-    impulse.t = share * impulse.t + exerted[i].t;
-    mean_load[i] =
-        find_mean_load(impulse, v.predicted, carry_along(v.predicted, begin[i], end[i]), h);
+    const Wrench<double> impulse =
+        share * find_owed_impulse(i, v.predicted) + find_exerted_impulse(i, begin, end);
+    mean_load[i] = find_mean_load(impulse, v.predicted,
+                                  carry_along(v.predicted, begin.vehicle[i], end.vehicle[i]), h);
   }
 }
 
 /// Integrate over h and drop the result; nothing but the arguments changes.
-Status DockingSim::Impl::look_ahead(double h, std::array<VehicleState, 2>& begin,
-                                    std::array<VehicleState, 2>& end,
-                                    std::array<Wrench<double>, 2>& exerted) {
+/// @param begin, end  of the integration; the same if it failed
+Status DockingSim::Impl::look_ahead(double h, CouplingPoint& begin, CouplingPoint& end) {
   keep(*look_ahead_start);
   const Counters counters = find_counters();
   const size_t told = warnings.size();
   Status status = evaluate(0.0);
-  CouplingStart start;
-  note_start(start);
-  begin = end = start.vehicle;
-  exerted = {};
+  begin = end = find_coupling_point();
   // Not much dearer than the step that was just made.
   int limit = find_inner_step_limit(h);
   if (coupling.inner_steps > 0) limit = std::min(limit, kStepsAhead * (100 + coupling.inner_steps));
   if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
-  if (status.ok()) {
-    for (int i : {kChaser, kTarget}) {
-      if (!model->driven[i]) continue;
-      exerted[i] = find_exerted_impulse(i, start);
-      end[i] = find_vehicle_state(i);
-    }
-  }
+  if (status.ok()) end = find_coupling_point();
   restore(*look_ahead_start);
   set_counters(counters);
   warnings.resize(told);
@@ -362,19 +307,20 @@ Status DockingSim::Impl::look_ahead(double h, std::array<VehicleState, 2>& begin
   return status;
 }
 
-/// What the host is owed at the present communication point: from the motion that it told since
-/// the step, or from what is predicted of it.
-Wrench<double> DockingSim::Impl::find_owed_impulse(int i) const {
+/// What a host is owed when it is at a state, after the last step.
+Wrench<double> DockingSim::Impl::find_owed_impulse(int i, const VehicleState& host) const {
   const DrivenVehicle& v = coupling.vehicle[i];
-  Wrench<double> owed = v.pending;
-  if (!(last_step > 0.0)) return owed;
+  if (!(last_step > 0.0)) return v.pending;
+  return v.pending - find_delivered_impulse(v.held, v.received, host, last_step);
+}
+
+/// What a host is owed at the present communication point: from the motion that it told since the
+/// step, or from what is predicted of it.
+Wrench<double> DockingSim::Impl::find_pending_impulse(int i) const {
+  const DrivenVehicle& v = coupling.vehicle[i];
   const bool is_told =
       !is_same_motion(inputs.vehicle[i], v.told) && is_attitude(inputs.vehicle[i].attitude);
-  const Wrench<double> delivered = find_delivered_impulse(
-      v.held, v.received, is_told ? find_told_state(i) : v.predicted, last_step);
-  owed.f -= delivered.f;
-  owed.t -= delivered.t;
-  return owed;
+  return find_owed_impulse(i, is_told ? find_told_state(i) : v.predicted);
 }
 
 }  // namespace dockloop

@@ -67,8 +67,8 @@ enum CouplingWarning {
   kToldNoTorque = 512,
 };
 
-/// Motion and told impulses at the start of an integration.
-struct CouplingStart {
+/// One end of an integration: motion, and impulses that hosts gave by themselves until then.
+struct CouplingPoint {
   std::array<VehicleState, 2> vehicle;
   std::array<Wrench<double>, 2> told;
 };

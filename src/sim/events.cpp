@@ -116,10 +116,17 @@ void DockingSim::Impl::begin_contact(double now) {
   discrete.time_of_contact = now;
 }
 
+int DockingSim::Impl::count_held_latches() const {
+  int held = 0;
+  for (int i = 0; i < model->latches.count(); ++i) {
+    held += discrete.latch[i].mode == LatchMode::kHeld;
+  }
+  return held;
+}
+
 void DockingSim::Impl::update_capture(double now) {
   const int count = model->latches.count();
-  bool all = count > 0;
-  for (int i = 0; i < count; ++i) all = all && discrete.latch[i].mode == LatchMode::kHeld;
+  const bool all = count > 0 && count_held_latches() == count;
   if (all && !discrete.captured && discrete.time_of_capture < 0.0) discrete.time_of_capture = now;
   discrete.captured = all;
 }
@@ -174,8 +181,7 @@ PhaseInputs DockingSim::Impl::find_phase_inputs(const DockingData<double>& at) c
   in.axial_rate = relative.v.x();
   in.speed = relative.v.norm();
   in.angular_speed = relative.w.norm();
-  for (int i = 0; i < model->latches.count(); ++i)
-    in.latched += discrete.latch[i].mode == LatchMode::kHeld;
+  in.latched = count_held_latches();
   return in;
 }
 

@@ -266,7 +266,7 @@ Status DockingSim::Impl::update_outputs() {
     outputs.coupling_pending_angular_impulse.setZero();
     for (int i : {kChaser, kTarget}) {
       if (!model->driven[i]) continue;
-      const Wrench<double> owed = find_owed_impulse(i);
+      const Wrench<double> owed = find_pending_impulse(i);
       outputs.coupling_pending_impulse += owed.f;
       outputs.coupling_pending_angular_impulse += owed.t;
     }

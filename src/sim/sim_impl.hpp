@@ -63,9 +63,6 @@ struct DockingSim::Impl : SimState {
   void check_joint_starts(const LoopPlan& plan) const;
   Status bring_joints_to_start();
   void set_start_state();
-  void put_pose(int vehicle, const Vec3<double>& position, const Vec4<double>& attitude);
-  Status put_velocity(int vehicle, const Vec3<double>& velocity,
-                      const Vec3<double>& angular_velocity);
   void warn_about_start();
 
   // steps.cpp
@@ -81,7 +78,7 @@ struct DockingSim::Impl : SimState {
   Status find_trouble(double tau) const;
   Status step_to_root(double tau);
   void finish_step(double h);
-  void update_mean_loads(double h);
+  void update_mean_loads(double h, const CouplingPoint& end);
   void update_momentum_audit();
   double find_total_energy() const;
   double find_potential_energy() const;
@@ -94,7 +91,6 @@ struct DockingSim::Impl : SimState {
   Mat3<double> find_stated_inertia(int vehicle) const;
   Wrench<double> find_stated_momentum(int vehicle, const VehicleState& state) const;
   VehicleState find_told_state(int vehicle) const;
-  Pose<double> find_interface_pose(int vehicle) const;
   Status check_told_attitude(int vehicle);
   VehicleState predict_host(int vehicle, const VehicleState& from, const Wrench<double>& load,
                             double h);
@@ -103,13 +99,14 @@ struct DockingSim::Impl : SimState {
   Status match_momenta(const std::array<bool, 2>& told, const FrameMotion<double>& chaser_before,
                        const Wrench<double>& mechanism_before);
   Wrench<double> find_mechanism_momentum() const;
-  void note_start(CouplingStart& start) const;
-  Wrench<double> find_exerted_impulse(int vehicle, const CouplingStart& start) const;
-  void update_ledgers(double h);
+  CouplingPoint find_coupling_point() const;
+  Wrench<double> find_exerted_impulse(int vehicle, const CouplingPoint& from,
+                                      const CouplingPoint& to) const;
+  void update_ledgers(double h, const CouplingPoint& end);
   void announce(double h);
-  Status look_ahead(double h, std::array<VehicleState, 2>& begin, std::array<VehicleState, 2>& end,
-                    std::array<Wrench<double>, 2>& exerted);
-  Wrench<double> find_owed_impulse(int vehicle) const;
+  Status look_ahead(double h, CouplingPoint& begin, CouplingPoint& end);
+  Wrench<double> find_owed_impulse(int vehicle, const VehicleState& host) const;
+  Wrench<double> find_pending_impulse(int vehicle) const;
 
   // coupling_monitors.cpp
   void warn_once(int vehicle, CouplingWarning what, const std::string& text);
@@ -133,6 +130,7 @@ struct DockingSim::Impl : SimState {
   void use_coordinates(std::shared_ptr<const Coordinates> choice);
   bool update_memory();
   bool update_latches(double now);
+  int count_held_latches() const;
   void begin_contact(double now);
   void update_capture(double now);
   double find_clock_rounding(double now) const;
@@ -220,7 +218,7 @@ struct DockingSim::Impl : SimState {
   Loads load_rates;  ///< their rates over the step, used if some input has a slope
   Loads loads_now;   ///< at the time of an evaluation, then
   bool sloped = false;
-  CouplingStart step_begin;                      ///< at the start of the last communication step
+  CouplingPoint step_begin;                      ///< at the start of the last communication step
   std::unique_ptr<BaseJumpWorkspace> jump_work;  ///< with a driven vehicle only
   std::unique_ptr<InterfaceWorkspace> interface_work;  ///< with a driven vehicle only
   std::unique_ptr<Snapshot> look_ahead_start;          ///< where loads are announced only

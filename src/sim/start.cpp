@@ -19,7 +19,7 @@ Inputs::Vehicle find_start(const VehicleParameters& p) {
 }
 
 void check_quaternion(const Vec4<double>& q, const std::string& name) {
-  if (!(std::abs(q.norm() - 1.0) < 1e-3)) {
+  if (!is_attitude(q)) {
     throw ModelError(name + " must be a unit quaternion (w, x, y, z); its norm is " +
                      std::to_string(q.norm()));
   }
@@ -289,19 +289,9 @@ void DockingSim::Impl::set_start_state() {
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i] || !model->moves[i]) continue;
     const VehicleParameters& p = parameters.vehicle[i];
-    put_pose(i, p.position, p.attitude);
-    put_velocity(i, p.velocity, p.angular_velocity);
+    set_vehicle_pose(*model, i, p.position - frame_origin - frame_shift, p.attitude, y);
+    set_vehicle_velocity(*model, i, p.velocity - frame_velocity, p.angular_velocity, y, *data);
   }
-}
-
-void DockingSim::Impl::put_pose(int i, const Vec3<double>& position, const Vec4<double>& attitude) {
-  set_vehicle_pose(*model, i, position - frame_origin - frame_shift, attitude, stepper->y());
-}
-
-Status DockingSim::Impl::put_velocity(int i, const Vec3<double>& velocity,
-                                      const Vec3<double>& angular_velocity) {
-  return set_vehicle_velocity(*model, i, velocity - frame_velocity, angular_velocity, stepper->y(),
-                              *data);
 }
 
 /// Fix the set-up from parameters and inputs as they are now, and start from it.
@@ -312,7 +302,7 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
     VehicleParameters& p = parameters.vehicle[i];
     const bool untold = is_all_zero(inputs.vehicle[i]);
     const Inputs::Vehicle in = untold ? find_start(scene->vehicle[i]) : inputs.vehicle[i];
-    check_quaternion(in.attitude, i == kChaser ? "chaser.attitude" : "target.attitude");
+    check_quaternion(in.attitude, std::string(name_of(i)) + ".attitude");
     p.position = in.position;
     p.velocity = in.velocity;
     p.attitude = in.attitude;

@@ -83,7 +83,7 @@ Status DockingSim::Impl::step(double t, double h) {
     status = receive(h);
     update_thrust(elapsed);  // it may have been told only now
     if (status.ok()) status = evaluate(0.0);
-    note_start(step_begin);
+    step_begin = find_coupling_point();
     const int limit = find_inner_step_limit(h);
     if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
   } else {
@@ -288,8 +288,9 @@ void DockingSim::Impl::finish_step(double h) {
   coupling.regular_step = std::max(h, kFade * coupling.regular_step);
   last_step = h;
   invalidate();
-  update_mean_loads(h);
-  if (has_host()) update_ledgers(h);
+  const CouplingPoint end = find_coupling_point();
+  update_mean_loads(h, end);
+  if (has_host()) update_ledgers(h, end);
   update_momentum_audit();
   advance_inputs(h);
   if (announces()) {
@@ -299,16 +300,11 @@ void DockingSim::Impl::finish_step(double h) {
 }
 
 /// Mean loads over the step just made on vehicles that no host drives, as if one did.
-void DockingSim::Impl::update_mean_loads(double h) {
-  CouplingStart now;
-  note_start(now);
+void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& end) {
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i] || !model->moves[i] || model->driven[i]) continue;
-    const VehicleState &before = step_begin.vehicle[i], &after = now.vehicle[i];
-    const Wrench<double> a = find_stated_momentum(i, before), b = find_stated_momentum(i, after);
-    Wrench<double> impulse;
-    impulse.f = b.f - a.f;
-    impulse.t = b.t - a.t;
+    const VehicleState &before = step_begin.vehicle[i], &after = end.vehicle[i];
+    const Wrench<double> impulse = find_stated_momentum(i, after) - find_stated_momentum(i, before);
     mean_load[i] = find_mean_load(impulse, before, after, h);
     const Loads& known = find_loads(0.5 * h);
     mean_load[i].f -= known.force[i];
@@ -325,8 +321,7 @@ void DockingSim::Impl::update_momentum_audit() {
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i]) continue;
     const Wrench<double> now = find_momentum(*model, i, *data);
-    difference.f += now.f - momentum_start[i].f;
-    difference.t += now.t - momentum_start[i].t;
+    difference += now - momentum_start[i];
     momentum_scale = std::max({momentum_scale, momentum_start[i].f.norm(), now.f.norm()});
     angular_momentum_scale =
         std::max({angular_momentum_scale, momentum_start[i].t.norm(), now.t.norm()});

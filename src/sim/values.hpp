@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <vector>
 
 #include "math/types.hpp"
@@ -58,6 +59,9 @@ struct Inputs {
   std::vector<double> leg_force_command;        ///< [N], one per leg
   double next_step = 0.0;  ///< [s] of the step after the coming one, 0 = as that
 };
+
+/// Is it a unit quaternion, but for what rounding and sloppy integration make of one?
+inline bool is_attitude(const Vec4<double>& q) { return std::abs(q.norm() - 1.0) < 1e-3; }
 
 /// Some hosts begin with zeros in every input, before they pass anything on. As a motion this is
 /// impossible: zeros are no attitude.
