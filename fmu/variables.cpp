@@ -658,6 +658,12 @@ void number_values(std::vector<Variable>& rows, DockingSim& sim) {
 
 void add_solver_parameters(Table& table, Parameters& parameter) {
   table
+      .parameter("model.flight", &parameter.flight, kNone,
+                 "The mechanism far from contact: 1 resting (once it has kept its place for 1 s it "
+                 "is carried along by its vehicle and costs nothing), 2 integrated (always). "
+                 "Resting needs free or fixed vehicles, no loads, an adaptive method")
+      .limits(1, 2);
+  table
       .parameter("solver.method", &parameter.solver_method, kNone,
                  "Integration method: 1 auto (as 2), 2 explicit (adaptive one-step), 3 implicit "
                  "(the same for stiff contact, latches or friction), 5 adams and 6 bdf (multistep, "

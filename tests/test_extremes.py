@@ -1,7 +1,7 @@
 """The numerical extremes (``dockloop extremes``), every part in its quick range.
 
 1. Every case of every part is right within its limit or refused with a reason; what cannot be
-   right is refused. Parts that show a known defect are expected to fail until it is mended.
+   right is refused.
 2. The score counts as bad what is beyond a limit, NaN, a refusal without words, a part that breaks
    down and one without a case.
 3. The command prints the table or JSON, and fails when a verdict is bad.
@@ -16,20 +16,10 @@ from dockloop import extremes
 from dockloop.errors import DockloopError, UsageError
 from dockloop.extremes import Part, Score, list_parts, run_part
 
-KNOWN_DEFECTS = {
-    "start with the surfaces gone through each other": "it is accepted without a word",
-}
 PARTS = list_parts()
 
 
-def marked(part):
-    """A part as a parameter, expected to fail where it shows a known defect."""
-    reason = KNOWN_DEFECTS.get(part.what)
-    marks = [pytest.mark.xfail(reason=reason, strict=True)] if reason else []
-    return pytest.param(part, id=f"{part.item}: {part.what}", marks=marks)
-
-
-@pytest.mark.parametrize("part", [marked(part) for part in PARTS])
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: f"{part.item}: {part.what}")
 def test_every_case_is_right_or_refused(part):
     row = run_part(part, quick=True)
     assert row["bad"] == [], f"{len(row['bad'])} of {row['cases']} cases"
@@ -38,9 +28,8 @@ def test_every_case_is_right_or_refused(part):
     assert row["cases"] == row["right"] + row["refused"]
 
 
-def test_every_item_of_the_list_has_a_part_and_known_defects_are_parts():
+def test_every_item_of_the_list_has_a_part():
     assert {part.item for part in PARTS} == set(extremes.TITLES) == set(range(1, 13))
-    assert set(KNOWN_DEFECTS) <= {part.what for part in PARTS}
 
 
 def fail():

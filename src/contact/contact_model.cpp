@@ -410,6 +410,14 @@ double find_sphere_gap(const ContactModel& model, const Vec3<double>& p) {
   return p.norm() - 2 * model.reach;
 }
 
+bool have_rings_passed(const ContactModel& model, const RelativeMotion<double>& motion) {
+  if (model.kind != ContactModel::Kind::kRings || find_sphere_gap(model, motion.p) > 0)
+    return false;
+  const Annulus<double>&active = model.active.ring, &passive = model.passive.ring;
+  const Vec3<double> center = motion.p + motion.R.col(0) * passive.x;
+  return center.x() < active.x && center.tail<2>().norm() < active.outer + passive.outer;
+}
+
 double find_approach_bound(const ContactModel& model, const RelativeMotion<double>& motion) {
   return motion.v.norm() + motion.w.norm() * model.reach;
 }

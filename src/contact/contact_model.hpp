@@ -145,6 +145,10 @@ double update_contact_memory(const ContactModel& model, const RelativeMotion<dou
 /// Lower bound of the gap from two spheres about the origins of G and P [m].
 double find_sphere_gap(const ContactModel& model, const Vec3<double>& p);
 
+/// Is the passive ring behind the active one? Surfaces keep it from getting there; only a start can
+/// put it where neither touches any more and nothing that follows has a meaning.
+bool have_rings_passed(const ContactModel& model, const RelativeMotion<double>& motion);
+
 /// Upper bound of the speed of any point of P's hardware relative to G [m/s].
 double find_approach_bound(const ContactModel& model, const RelativeMotion<double>& motion);
 

@@ -129,10 +129,11 @@ namespace {
 /// Same numbers of everything: the saved state was made by the same model.
 bool have_same_shape(const Snapshot& a, const Snapshot& b) {
   const LoopReference<double>&r = a.reference, &s = b.reference;
-  bool same = a.y.size() == b.y.size() && r.valid == s.valid && r.q.size() == s.q.size() &&
-              r.H.size() == s.H.size() && r.sign.size() == s.sign.size() &&
-              r.margin.size() == s.margin.size() && r.branch.size() == s.branch.size() &&
-              r.spin_branch.size() == s.spin_branch.size();
+  bool same = a.y.size() == b.y.size() &&
+              a.state.rest_state.q.size() == b.state.rest_state.q.size() && r.valid == s.valid &&
+              r.q.size() == s.q.size() && r.H.size() == s.H.size() &&
+              r.sign.size() == s.sign.size() && r.margin.size() == s.margin.size() &&
+              r.branch.size() == s.branch.size() && r.spin_branch.size() == s.spin_branch.size();
   for (size_t k = 0; same && k < r.H.size(); ++k) {
     same = r.H[k].rows() == s.H[k].rows() && r.H[k].cols() == s.H[k].cols();
   }

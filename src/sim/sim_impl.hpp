@@ -4,6 +4,7 @@
 //   steps.cpp           communication steps, inputs, audits
 //   coupling.cpp        what hosts of driven vehicles tell, are owed and are told
 //   coupling_monitors.cpp  what such a host should know about its side
+//   flight.cpp          far from contact: a mechanism at rest, vehicles in free motion
 //   events.cpp          what happens at accepted states: contact, latches, phases, coordinates
 //   model_exchange.cpp  the same equations for a host that integrates by itself
 //   outputs.cpp         reading out
@@ -60,6 +61,7 @@ struct DockingSim::Impl : SimState {
   void make_jacobian_pass();
   int calc_jacobian(double t, const double* y, double* by_columns);
   std::vector<double> find_absolute_tolerances() const;
+  double find_relative_tolerance() const;
   void check_joint_starts(const LoopPlan& plan) const;
   Status bring_joints_to_start();
   void set_start_state();
@@ -122,6 +124,14 @@ struct DockingSim::Impl : SimState {
   void notice_step(double h);
   double find_expected_step();
   void update_coupling_outputs();
+
+  // flight.cpp
+  bool may_rest() const;
+  double find_free_gap() const;
+  Status watch_rest(double tau);
+  double find_flight_time() const;
+  VehicleBody find_flying_body(int vehicle) const;
+  void fly(double duration);
 
   // events.cpp
   Status accept(double tau, bool& changed);

@@ -30,6 +30,13 @@ struct Setup {
   double tolerance = 0.0;  ///< relative, of the host; 0 = none given
 };
 
+/// Is the mechanism at rest on its vehicle? (flight.cpp)
+struct RestState {
+  bool resting = false;
+  double since = 0.0;     ///< the coordinates have kept their place since then [s since start]
+  std::vector<double> q;  ///< that place: mechanism coordinates, as in y
+};
+
 struct SimState {
   double elapsed = 0.0;    ///< [s] from start to the last communication point
   double h_warm = 0.0;     ///< step size for the next communication step [s]
@@ -41,6 +48,7 @@ struct SimState {
   PeakTracker<kPeakCount> peaks;
   std::array<Wrench<double>, 2> mean_load;  ///< of the step just made; announced: of the coming
   CouplingState coupling;                   ///< with hosts that drive vehicles
+  RestState rest_state;
   double margin_looked_at = kChangeMargin;  ///< where other coordinates were last looked for
   bool warned_margin = false;               ///< a loop close to singular was told once
   /// Choice of independent coordinates, if it is not that of the start any more.
@@ -84,8 +92,8 @@ void transfer(A& archive, VehicleParameters& v) {
 template <class A>
 void transfer(A& archive, Parameters& p) {
   transfer_all(archive, p.vehicle, p.contact_thrust, p.contact_thrust_delay, p.friction_coefficient,
-               p.friction_model, p.restitution, p.restitution_speed, p.solver_method, p.step,
-               p.rtol, p.atol_position, p.atol_velocity, p.atol_energy, p.coupling_mode,
+               p.friction_model, p.restitution, p.restitution_speed, p.flight, p.solver_method,
+               p.step, p.rtol, p.atol_position, p.atol_velocity, p.atol_energy, p.coupling_mode,
                p.coupling_expected_step, p.coupling_velocity_tolerance);
 }
 
@@ -133,6 +141,11 @@ template <class A>
 void transfer(A& archive, CouplingState& c) {
   transfer_all(archive, c.vehicle, c.work_residual, c.suggestion, c.follows, c.regular_step,
                c.inner_steps, c.frequency, c.held_latches, c.warned);
+}
+
+template <class A>
+void transfer(A& archive, RestState& rest) {
+  transfer_all(archive, rest.resting, rest.since, rest.q);
 }
 
 template <class A>
@@ -184,9 +197,9 @@ void transfer(A& archive, std::shared_ptr<const T>& pointer) {
 template <class A>
 void transfer(A& archive, SimState& s) {
   transfer_all(archive, s.elapsed, s.h_warm, s.last_step, s.frame_velocity, s.frame_shift,
-               s.discrete, s.memory, s.peaks, s.mean_load, s.coupling, s.margin_looked_at,
-               s.warned_margin, s.coordinates, s.energy_start, s.host_work, s.momentum_start,
-               s.momentum_residual, s.momentum_scale, s.angular_momentum_scale);
+               s.discrete, s.memory, s.peaks, s.mean_load, s.coupling, s.rest_state,
+               s.margin_looked_at, s.warned_margin, s.coordinates, s.energy_start, s.host_work,
+               s.momentum_start, s.momentum_residual, s.momentum_scale, s.angular_momentum_scale);
 }
 
 template <class A>

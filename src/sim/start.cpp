@@ -99,6 +99,7 @@ void DockingSim::Impl::clear() {
   parameters.friction_model = scene->contact.law.friction_model;
   parameters.restitution = scene->restitution;
   parameters.restitution_speed = scene->restitution_speed;
+  parameters.flight = kResting;
   parameters.solver_method = kAuto;
   parameters.step = scene->solver.step;
   parameters.rtol = scene->solver.rtol;
@@ -171,6 +172,10 @@ void DockingSim::Impl::check_parameters() const {
   if (p.coupling_mode != kSequential && p.coupling_mode != kParallel) {
     throw ModelError("coupling.mode is " + std::to_string(p.coupling_mode) +
                      "; it must be 1 (sequential) or 2 (parallel)");
+  }
+  if (p.flight != kResting && p.flight != kIntegrated) {
+    throw ModelError("model.flight is " + std::to_string(p.flight) +
+                     "; it must be 1 (resting) or 2 (integrated)");
   }
   check_method(p.solver_method);
   if (interface == Interface::kModelExchange &&
@@ -365,6 +370,13 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   for (int i : {kChaser, kTarget}) momentum_start[i] = find_momentum(*model, i, *data);
   warn_about_start();
   if (has_surfaces()) {
+    if (have_rings_passed(model->contact, data->relative)) {
+      throw ModelError(
+          "start state: the passive ring is behind the active one, the surfaces have gone through "
+          "each other (relative.position[1] would be " +
+          std::to_string(data->relative.p.x()) +
+          " m as seen from the ring); start with the target further along +x of A");
+    }
     update_contact_memory(model->contact, data->relative, bristles(), data->contact_work, memory);
     const double gap = find_gap(model->contact, data->relative, data->contact_work);
     // A start that touches is a first contact at the start; so is one within reach of a latch.
@@ -376,10 +388,18 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   update_thrust(0.0);
   update_phase(find_phase_inputs(*data), discrete);
   peaks.start(0.0, find_peak_values());
+  const double* q = stepper->y() + model->layout.mechanism_q;
+  rest_state.q.assign(q, q + model->layout.mechanism_nq);
   start_coupling();
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
+}
+
+/// The tighter one of what parameter and host ask for.
+double DockingSim::Impl::find_relative_tolerance() const {
+  const double asked = setup->tolerance;
+  return asked > 0.0 ? std::min(asked, parameters.rtol) : parameters.rtol;
 }
 
 void DockingSim::Impl::make_stepper() {
@@ -426,8 +446,7 @@ void DockingSim::Impl::make_stepper() {
 
   std::vector<double> atol = find_absolute_tolerances();
   // A host that asks for less relative error gets less absolute error too, down to rounding.
-  const double wanted = setup->tolerance > 0.0 ? setup->tolerance : parameters.rtol;
-  const double rtol = std::min(wanted, parameters.rtol), share_of_atol = rtol / parameters.rtol;
+  const double rtol = find_relative_tolerance(), share_of_atol = rtol / parameters.rtol;
   constexpr double kRounding = 1e-13;  // [m], [m/s]; of positions and speeds near the docking
   const double least = kRounding / std::max(parameters.atol_position, kRounding);
   for (double& value : atol) value *= std::max(share_of_atol, least);

@@ -117,6 +117,22 @@ Status DockingSim::Impl::integrate(double h, int limit) {
   double proposal = h_warm;  // step size that error control asks for; stops do not count
   stepper->restart(0.0, std::min(proposal, h));
   for (int inner = 0; inner < limit; ++inner) {
+    status = watch_rest(tau);
+    if (!status.ok()) return status;
+    if (rest_state.resting) {
+      const double flight = std::min(find_flight_time(), h - tau);
+      fly(flight);
+      tau = flight < h - tau ? tau + flight : h;
+      std::fill(due.begin(), due.end(), char(0));
+      bool changed = false;
+      status = evaluate(tau);
+      if (status.ok()) status = accept(tau, changed);
+      if (!status.ok()) return status;
+      std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
+      if (tau >= h) return {};
+      stepper->restart(tau, std::min(proposal, h - tau));
+      continue;
+    }
     const double stop = find_next_stop(tau, h);
     last_trouble = Status();
     const StepOutcome outcome = stepper->step(stop, true);

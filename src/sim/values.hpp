@@ -24,6 +24,12 @@ enum SolverMethod {
   kDae = 9,            ///< refused
 };
 
+/// Values of model.flight.
+enum FlightModel {
+  kResting = 1,     ///< far from contact a mechanism that keeps its place is carried along
+  kIntegrated = 2,  ///< it is always integrated
+};
+
 /// Everything that can be chosen before the run starts. Start values come from the scene.
 struct Parameters {
   std::array<VehicleParameters, 2> vehicle;  ///< [kChaser], [kTarget]; model/scene.hpp
@@ -33,6 +39,7 @@ struct Parameters {
   int friction_model = 1;               ///< 1 regularised, 2 bristle
   double restitution = 0.0;             ///< [-] at restitution_speed
   double restitution_speed = 0.0;       ///< [m/s]
+  int flight = kResting;                ///< see FlightModel
   int solver_method = 1;                ///< see SolverMethod
   double step = 0.0;                    ///< [s] inner step of the fixed methods
   double rtol = 0.0;                    ///< [-]

@@ -1,0 +1,149 @@
+// Flight far from contact: what nothing acts on need not be integrated.
+//
+// Once the mechanism has kept its place for a while, it is carried along by its vehicle: vehicle
+// and mechanism fly as one rigid body, whose centre of mass moves straight on and whose attitude
+// follows Euler's equations. Momentum states stay what they are, to the last bit; so do the
+// mechanism's coordinates. Any load, thrust or command ends the rest, and so does a gap of a
+// centimetre: the mechanism then is where it would have been, within ten absolute tolerances.
+#include <algorithm>
+#include <cmath>
+
+#include "dynamics/rigid_body.hpp"
+#include "sim/sim_impl.hpp"
+
+namespace dockloop {
+namespace {
+
+constexpr double kAwake = 0.01;    ///< gap below which the mechanism is integrated [m]
+constexpr double kQuiet = 1.0;     ///< time for which it must have kept its place [s]
+constexpr double kPlace = 10.0;    ///< what counts as the same place, in absolute tolerances
+constexpr double kTurn = 0.005;    ///< turn of a vehicle in one step of its attitude [rad]
+constexpr int kMostTurns = 10000;  ///< steps of the attitude in one flight
+
+/// Upper bound of the angular speed that a free body ever reaches [rad/s]: its energy and its
+/// least principal inertia, which is at least 4 det/trace^2, bound it.
+double find_spin_bound(const Mat3<double>& inertia, const Vec3<double>& w) {
+  return std::sqrt(w.dot(inertia * w) / inertia.determinant()) * inertia.trace() / 2.0;
+}
+
+}  // namespace
+
+/// Does nothing act on vehicles and mechanism but their inertia, and is rest wanted?
+bool DockingSim::Impl::may_rest() const {
+  if (setup->parameters.flight != kResting || is_fixed_step() || has_host()) return false;
+  if (sloped || discrete.thrust_on || find_thrust_onset()) return false;
+  if (model->mechanism.plan.is_driven || !loads.command.isZero(0.0)) return false;
+  if (!model->falling && !loads.gravity.isZero(0.0)) return false;
+  return loads.force[kChaser].isZero(0.0) && loads.force[kTarget].isZero(0.0) &&
+         loads.torque[kChaser].isZero(0.0) && loads.torque[kTarget].isZero(0.0);
+}
+
+/// Lower bound of the way to any contact force [m]; 0 while a latch is not open. @pre evaluate()
+double DockingSim::Impl::find_free_gap() const {
+  if (!model->present[kTarget]) return kNoGap;
+  double gap = data->contact.gap;  // a cheap bound; the exact one is worth it to go on resting
+  if (gap <= kAwake && rest_state.resting && has_surfaces()) {
+    gap = find_gap(model->contact, data->relative, data->contact_work);
+  }
+  const LatchLaw& law = model->latches.law;
+  for (int i = 0; i < model->latches.count(); ++i) {
+    if (discrete.latch[i].mode != LatchMode::kOpen) return 0.0;
+    const Vec3<double> s =
+        data->relative.R * model->latches.striker[i] + data->relative.p - model->latches.hook[i];
+    gap = std::min(gap, std::max(s.x() - law.pawl_range, s.tail<2>().norm() - 2.0 * law.window));
+  }
+  return gap;
+}
+
+/// Let the mechanism come to rest, or end its rest. @pre evaluate(tau) at an accepted state
+Status DockingSim::Impl::watch_rest(double tau) {
+  const double now = elapsed + tau;
+  const StateLayout& layout = model->layout;
+  const double* const q = stepper->y() + layout.mechanism_q;
+  double* const v = stepper->y() + layout.mechanism_v;
+  const double rtol = find_relative_tolerance();
+  bool kept = true;
+  for (int j = 0; j < layout.mechanism_nq; ++j) {
+    const double tolerance = kPlace * parameters.atol_position + rtol * std::abs(q[j]);
+    kept = kept && std::abs(q[j] - rest_state.q[j]) <= tolerance;
+  }
+  if (!kept) {
+    std::copy_n(q, layout.mechanism_nq, rest_state.q.begin());
+    rest_state.since = now;
+  }
+  if (!may_rest() || find_free_gap() <= kAwake) {
+    rest_state.resting = false;
+    rest_state.since = now;
+    return {};
+  }
+  if (rest_state.resting) return {};
+  double speed = 0.0, acceleration = 0.0;
+  for (int i : model->mechanism_bodies) {
+    const Body& body = model->mechanism.model.bodies[i];
+    const auto vdot = data->mechanism.vdot.segment(body.v_index, body.nv());
+    acceleration = std::max(acceleration, vdot.lpNorm<Eigen::Infinity>());
+  }
+  for (int j = 0; j < layout.mechanism_nv; ++j) speed = std::max(speed, std::abs(v[j]));
+  const bool still = std::max(speed, acceleration * kQuiet) <= parameters.atol_velocity;
+  if (!still && now - rest_state.since < kQuiet) return {};
+  std::fill_n(v, layout.mechanism_nv, 0.0);
+  rest_state.resting = true;
+  return evaluate(tau);
+}
+
+/// The vehicle with all that it carries, as one body: axes of the vehicle. @pre evaluate()
+VehicleBody DockingSim::Impl::find_flying_body(int i) const {
+  if (i == kTarget) return model->vehicle[kTarget];
+  VehicleBody body;
+  const TreeData<double>& tree = data->mechanism.tree;
+  body.mass = tree.m_sum[0];
+  body.com = tree.R[0].transpose() * tree.h_sum[0] / body.mass;
+  const Vec3<double>& c = body.com;
+  body.inertia = data->mechanism.A_ind.block<3, 3>(3, 3) -
+                 body.mass * (c.squaredNorm() * Mat3<double>::Identity() - c * c.transpose());
+  return body;
+}
+
+/// Time in which no contact force can come up, and attitudes can be followed [s]. @pre evaluate()
+double DockingSim::Impl::find_flight_time() const {
+  double longest = kNever, speed = 0.0;
+  std::array<Vec3<double>, 2> v{Vec3<double>::Zero(), Vec3<double>::Zero()};
+  for (int i : {kChaser, kTarget}) {
+    if (!model->present[i] || !model->moves[i]) continue;
+    const VehicleBody body = find_flying_body(i);
+    const FrameMotion<double>& frame = data->vehicle[i];
+    const Vec3<double> arm = frame.R * body.com;
+    const double spin = find_spin_bound(body.inertia, frame.R.transpose() * frame.w);
+    v[i] = frame.v + frame.w.cross(arm);
+    if (spin > 0.0) longest = std::min(longest, kMostTurns * kTurn / spin);
+    const Vec3<double>& port = i == kChaser ? data->capture.p : data->interface[kTarget].p;
+    speed += spin * ((port - frame.p - arm).norm() + model->contact.reach);
+    // Latches and the absorber measure along axes of G, which turn with the chaser.
+    if (i == kChaser) speed += spin * data->relative.p.norm();
+  }
+  if (!model->present[kTarget]) return longest;
+  speed += (v[kTarget] - v[kChaser]).norm();
+  const double way = find_free_gap() - 0.5 * kAwake;
+  return way < longest * speed ? way / speed : longest;
+}
+
+/// Free motion of both vehicles. @pre evaluate() @post y is ahead of the last evaluation
+void DockingSim::Impl::fly(double duration) {
+  for (int i : {kChaser, kTarget}) {
+    if (!model->present[i] || !model->moves[i]) continue;
+    const VehicleBody body = find_flying_body(i);
+    double* const pose = stepper->y() + model->layout.pose[i];
+    const double* const momentum = stepper->y() + model->layout.momentum[i];
+    const FrameMotion<double>& frame = data->vehicle[i];
+    Vec4<double> q = Vec4<double>(pose[3], pose[4], pose[5], pose[6]).normalized();
+    Vec3<double> w = frame.R.transpose() * frame.w;
+    const Vec3<double> center =
+        frame.p + frame.R * body.com +
+        duration / body.mass * Vec3<double>(momentum[0], momentum[1], momentum[2]);
+    const int turns = static_cast<int>(std::ceil(w.norm() * duration / kTurn));
+    turn_rigid_body(body.inertia, Vec3<double>::Zero(), duration, std::max(1, turns), q, w);
+    set_vehicle_pose(*model, i, center - quat_to_matrix<double>(q) * body.com, q, stepper->y());
+  }
+}
+
+}  // namespace dockloop

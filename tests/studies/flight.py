@@ -1,0 +1,80 @@
+"""What a long approach costs, and whether anybody can tell that the mechanism rested meanwhile.
+
+Flies ten minutes to the default docking with the mechanism at rest far from contact
+(``model.flight`` 1) and always integrated (2), at several communication steps. Printed: the share of
+the flight in all evaluations and in the time inside ``fmi2DoStep``, and how far the docking that
+follows is from the same docking integrated at 1e-10.
+
+    .venv/bin/python tests/studies/flight.py            # about a minute
+"""
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from dockloop.fmu import build_fmu
+from fmi_host import Host
+
+FLIGHT, DOCKING = 600.0, 20.0  # s
+TIGHT = {"solver__rtol": 1e-10, "solver__atol_position": 1e-12, "solver__atol_velocity": 1e-12}
+GROUPS = 'outputs.groups=["relative", "capture", "phase", "ring", "solver"]'
+LOADS = [f"capture.peak.{n}" for n in ("tension", "compression", "shear", "bending", "torsion")]
+MOTION = [f"relative.{n}[{i}]" for n in ("position", "velocity") for i in (1, 2, 3)]
+
+
+def run(fmu, flight, size, **values):
+    """One approach and docking: loads, times, motion, cost in flight and in all."""
+    with Host(fmu) as host:
+        host.choose(model__flight=flight)
+        host.set(**values)
+        host.start()
+        cost = []
+        begin = time.perf_counter()
+        for end in (FLIGHT - 1.0, FLIGHT + DOCKING):
+            count = round((end - host.time) / size)
+            for _ in range(count):
+                host.slave.doStep(host.time, size)
+                host.time += size
+            cost.append((host.value("solver.rhs_evaluations"), time.perf_counter() - begin))
+        times = host.get("time_of_contact", "time_of_capture")
+        return host.get(*LOADS), times, host.get(*MOTION), cost
+
+
+def main():
+    """Print the table."""
+    with tempfile.TemporaryDirectory() as folder:
+        fmu = build_fmu(
+            "idss_25t_350t",
+            (f"initial.approach_time={FLIGHT}", GROUPS),
+            Path(folder) / "approach.fmu",
+        )
+        truth = run(fmu, 2, 1.0, **TIGHT)
+        print(
+            "| flight | step s | evaluations in flight / all | share | share of time "
+            "| peak loads off by | times s | motion m, m/s |\n|---|---|---|---|---|---|---|---|"
+        )
+        for name, flight, size in (
+            ("integrated", 2, 1.0),
+            ("resting", 1, 1.0),
+            ("integrated", 2, 0.1),
+            ("resting", 1, 0.1),
+            ("resting", 1, 0.01),
+        ):
+            loads, times, motion, cost = run(fmu, flight, size)
+            (before, seconds), (total, total_seconds) = cost
+            print(
+                f"| {name} | {size:g} | {before:.0f} / {total:.0f} | {before / total:.2%} "
+                f"| {seconds / total_seconds:.1%} "
+                f"| {np.abs(loads - truth[0]).max() / truth[0].max():.0e} "
+                f"| {np.abs(times - truth[1]).max():.0e} | {np.abs(motion - truth[2]).max():.0e} |",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,174 @@
+"""Far from contact the mechanism is at rest and costs nothing, and nobody can tell.
+
+1. After a minute of flight a docking has the loads, times and motion of one in which everything
+   was always integrated; the minute costs next to nothing. Momentum adds up, runs repeat.
+2. A load in the middle of the rest moves the ring as it would have; so does a leg command.
+3. A run saved while it rests, and restored in another instance, goes on with the same bits.
+4. Vehicles of any inertia that tumble fast are where the integrator puts them, however long the
+   steps are.
+5. A mechanism that moves does not rest: not while it swings, not close to contact.
+"""
+
+import json
+
+import numpy as np
+import pytest
+
+from dockloop import paths
+from fmi_host import Host
+
+RESTING, INTEGRATED = 1, 2
+FLIGHT = 60.0  # s
+GROUPS = (
+    'outputs.groups=["relative", "capture", "phase", "ring", "legs", "states", "energy", "solver"]'
+)
+RATES = ("initial.pitch_yaw_rate_deg_s=0.2", "initial.roll_rate_deg_s=-0.2")
+PEAKS = [f"capture.peak.{name}" for name in ("compression", "shear", "bending", "torsion")]
+KINDS = (("attitude", 4), ("position", 3))
+RING = [f"ring.position[{i}]" for i in (1, 2, 3)]
+
+
+@pytest.fixture(scope="module")
+def docking(runs):
+    """The default scene with a minute of flight before first contact."""
+    return runs.fmu("idss_25t_350t", f"initial.approach_time={FLIGHT}", GROUPS, *RATES)
+
+
+def started(fmu, flight=RESTING, **values):
+    host = Host(fmu)
+    host.choose(model__flight=flight)
+    host.set(**values)
+    host.start()
+    return host
+
+
+def evaluations(host):
+    return host.value("solver.rhs_evaluations")
+
+
+def test_a_flight_costs_nothing_and_changes_nothing(docking):
+    runs = {}
+    for name, flight, size, values in (
+        ("truth", INTEGRATED, 1.0, {"solver__rtol": 1e-9, "solver__atol_velocity": 1e-10}),
+        ("integrated", INTEGRATED, 1.0, {}),
+        ("resting", RESTING, 1.0, {}),
+        ("short steps", RESTING, 0.1, {}),
+    ):
+        with started(docking, flight, **values) as host:
+            while host.time < FLIGHT - 1.0 - 1e-6:
+                host.step(size)
+            in_flight = evaluations(host)
+            while host.time < FLIGHT + 5.0 - 1e-6:
+                host.step(size)
+            runs[name] = (
+                in_flight,
+                evaluations(host),
+                host.get(*PEAKS),
+                host.get("time_of_contact", "time_of_capture", *RING, "relative.axial"),
+            )
+            assert abs(host.value("momentum.residual")) < 1e-13, name
+    share = runs["resting"][0] / runs["resting"][1]
+    before = runs["integrated"][0] / runs["integrated"][1]
+    print(f"flight: {100 * share:.2f} % of the evaluations, integrated {100 * before:.0f} %")
+    assert before > 0.2, before
+    assert share < 0.08, share
+    scale = runs["truth"][2].max()
+    for name in ("integrated", "resting", "short steps"):
+        loads = np.abs(runs[name][2] - runs["truth"][2]).max() / scale
+        motion = np.abs(runs[name][3] - runs["truth"][3]).max()
+        print(f"{name}: peak loads off by {loads:.1e}, times and motion by {motion:.1e} s, m")
+        assert loads < 3e-5, (name, loads)
+        assert motion < 2e-6, (name, motion)
+
+
+def test_loads_and_commands_wake_the_mechanism(docking):
+    shaken = {}
+    for flight in (RESTING, INTEGRATED):
+        with started(docking, flight) as host:
+            for _ in range(8):
+                host.step(1.0)
+            before = evaluations(host)
+            host.step(0.5)
+            calm = evaluations(host) - before
+            assert (calm == 0) == (flight == RESTING), calm
+            host.put("chaser.force_ext", [2000.0, 500.0, -300.0])
+            host.step(0.02)
+            host.put("chaser.force_ext", [0.0, 0.0, 0.0])
+            seen = []
+            for _ in range(20):
+                host.step(0.02)
+                seen.append(host.get(*RING, "relative.velocity[2]"))
+            host.set(**{"leg[2]__force_command": 50.0})
+            for _ in range(20):
+                host.step(0.02)
+                seen.append(host.get(*RING, "relative.velocity[2]"))
+            shaken[flight] = np.array(seen)
+    swing = np.ptp(shaken[INTEGRATED][:, :3], axis=0).max()
+    off = np.abs(shaken[RESTING] - shaken[INTEGRATED]).max()
+    print(f"ring moved by {1e3 * swing:.2f} mm, difference {off:.1e}")
+    assert swing > 1e-3, swing
+    assert off < 1e-6, off
+
+
+def test_a_rest_is_part_of_the_saved_state(docking):
+    with started(docking) as host, started(docking) as other:
+        for _ in range(10):
+            host.step(0.7)
+        data = host.save_bytes()
+        before = evaluations(host)
+        host.step(0.7)
+        assert evaluations(host) == before, "it should rest here"
+        other.restore_bytes(data, 7.0)
+        other.time = host.time - 0.7
+        other.step(0.7)
+        for _ in range(6):
+            host.step(10.3)
+            other.step(10.3)
+        assert host.differences(other) == []
+        assert host.value("time_of_contact") > 0.0
+
+
+def test_tumbling_vehicles_are_where_the_integrator_puts_them(runs, tmp_path):
+    mechanism = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text())
+    for part in ("bodies", "legs", "leg_defaults", "capture"):
+        del mechanism[part]
+    file = tmp_path / "rigid_ring.json"
+    file.write_text(json.dumps(mechanism))
+    fmu = runs.fmu(
+        "idss_25t_350t",
+        f"mechanism.name={file.with_suffix('')}",
+        'outputs.groups=["relative", "energy", "solver"]',
+        "initial.at=start",
+        "chaser.inertia=[60.5e3, 132e3, 90e3, 5e3, -8e3, 2e3]",
+        "chaser.position=[-200, 0, 0]",
+        "chaser.angular_velocity=[0.03, -0.05, 0.04]",
+        "target.angular_velocity=[0.02, 0.03, -0.01]",
+    )
+    tight = {"solver__rtol": 1e-11, "solver__atol_position": 1e-12, "solver__atol_velocity": 1e-12}
+    names = [(f"{v}.{q}", n) for v in ("chaser", "target") for q, n in KINDS]
+    ends = {}
+    for flight in (RESTING, INTEGRATED):
+        with started(fmu, flight, **(tight if flight == INTEGRATED else {})) as host:
+            for size in (20.0, 0.1, 7.3, 60.0, 60.0):
+                host.step(size)
+            ends[flight] = np.concatenate([host.vector(name, count) for name, count in names])
+            work = evaluations(host)
+            assert (work == 0) == (flight == RESTING), work
+    off = np.abs(ends[RESTING] - ends[INTEGRATED]).max()
+    print(f"attitudes and positions differ by {off:.1e}")
+    assert off < 1e-6, off
+
+
+@pytest.mark.parametrize("case", ["swinging", "close"])
+def test_what_moves_or_is_close_does_not_rest(runs, case):
+    swinging = (
+        "initial.approach_time=30",
+        "mechanism.set.leg_defaults.damping=0",
+        "initial.capture_body.velocity=[0, 1e-4, 0]",
+    )
+    scene = swinging if case == "swinging" else ("initial.approach_time=0.1",)
+    with started(runs.fmu("idss_25t_350t", GROUPS, *scene)) as host:
+        for _ in range(5):
+            before = evaluations(host)
+            host.step(1.0 if case == "swinging" else 0.015)
+            assert evaluations(host) > before
