@@ -18,6 +18,7 @@ MAY_SEE = {
     "dynamics": {"math", "model", "tree", "loops", "forces", "contact"},
     "integrate": set(),
     "sim": {"math", "model", "contact", "dynamics", "integrate"},
+    "truth": {"math", "integrate", "sim"},  # outside the core: it may know Impl of sim
     "tool": {"math", "model", "forces", "dynamics", "sim"},
 }
 # Where an outside library may be included: library header prefix -> folders.

@@ -11,7 +11,7 @@ import pytest
 from conftest import SCENES
 from dockloop import paths
 
-COMMANDS = ("build", "ssp", "run", "sweep", "check", "extremes")
+COMMANDS = ("build", "ssp", "run", "sweep", "check", "extremes", "truth")
 
 
 def assert_refused(outcome, *words):

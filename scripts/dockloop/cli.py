@@ -1,4 +1,4 @@
-"""The command line: ``dockloop build | ssp | run | sweep | check | extremes``.
+"""The command line: ``dockloop build | ssp | run | sweep | check | extremes | truth``.
 
 Thin on purpose: arguments in, one call into the package, text and exit status out. Exit status:
 0 done, 1 the work failed, 2 bad usage or a bad file. Errors are one sentence on standard error;
@@ -23,6 +23,9 @@ _RUN_EXAMPLE = "example: dockloop run idss_25t_350t --set friction.coefficient=0
 _SWEEP_EXAMPLE = "example: dockloop sweep absorber_1d_speeds --workers 2 --csv"
 _CHECK_EXAMPLE = "example: dockloop check idss_hexapod"
 _EXTREMES_EXAMPLE = "example: dockloop extremes --item 10 --quick"
+_TRUTH_EXAMPLE = (
+    "example: dockloop truth absorber_1d --output relative.axial --stop 1 --step 0.1 --check"
+)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -180,6 +183,52 @@ def _make_parser() -> argparse.ArgumentParser:
         "--quick", action="store_true", help="the shorter ranges, about a minute in all"
     )
     extremes.add_argument("--json", action="store_true", help="print the report as JSON")
+
+    truth = _add(
+        commands,
+        "truth",
+        _truth,
+        "integrate a scene with 32 digits, to measure errors against",
+        _TRUTH_EXAMPLE,
+    )
+    truth.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
+    _add_scene_option(truth)
+    truth.add_argument(
+        "--output",
+        dest="outputs",
+        action="append",
+        required=True,
+        metavar="NAME",
+        help="FMU variable to write (repeatable)",
+    )
+    truth.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="start value of an FMU variable (repeatable)",
+    )
+    truth.add_argument("--stop", type=float, metavar="T", help="end of the run [s]")
+    truth.add_argument("--step", type=float, metavar="H", help="distance of the time points [s]")
+    truth.add_argument(
+        "--tolerance",
+        type=float,
+        default=1e-18,
+        metavar="TOL",
+        help="of the steps inside, relative (default: 1e-18)",
+    )
+    truth.add_argument(
+        "--check",
+        action="store_true",
+        help="run again with 1000 times the tolerance and state the differences",
+    )
+    truth.add_argument(
+        "-o",
+        "--file",
+        type=Path,
+        metavar="FILE.json",
+        help="default: build/results/SCENE/SCENE_truth.json",
+    )
     return parser
 
 
@@ -341,3 +390,36 @@ def _extremes(options: argparse.Namespace) -> None:
             f"extremes: {len(bad)} of {len(rows)} verdicts are bad, the first one:"
             f" item {bad[0]['item']}, {bad[0]['bad'][0]}"
         )
+
+
+def _truth(options: argparse.Namespace) -> None:
+    """Integrate with extended precision, write the document, say what it took."""
+    from dockloop import paths
+    from dockloop.simulate import ProgressBar
+    from dockloop.truth import make_truth
+
+    truth = make_truth(
+        options.scene,
+        options.outputs,
+        overrides=options.overrides,
+        settings=options.set,
+        stop=options.stop,
+        step=options.step,
+        tolerance=options.tolerance,
+        check=options.check,
+        progress=ProgressBar("truth"),
+    )
+    name = truth["scene"]
+    file = options.file or paths.BUILD / "results" / name / f"{name}_truth.json"
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps(truth, indent=1) + "\n")
+    except OSError as error:
+        raise DockloopError(f"{paths.shown(file)}: cannot be written ({error})") from None
+    work = truth["work"]
+    print(
+        f"{paths.shown(file)}: {len(truth['time'])} time points,"
+        f" {work['steps']:.0f} steps, {work['evaluations']:.0f} evaluations"
+    )
+    for output, difference in truth.get("check", {}).get("difference", {}).items():
+        print(f"  {output}: {difference:.2g} from the run with 1000 times the tolerance")

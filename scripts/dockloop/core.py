@@ -1,10 +1,13 @@
 """Calls the compiled program ``dockloop-core``, which knows mechanisms and FMU variables.
 
-Three of its commands are used: ``check`` (is a mechanism sound), ``place`` (start states from
-conditions at first contact) and ``describe`` (modelDescription.xml).
+Four of its commands are used: ``check`` (is a mechanism sound), ``place`` (start states from
+conditions at first contact), ``describe`` (modelDescription.xml) and ``truth`` (a run with 32
+digits).
 """
 
 import subprocess
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from dockloop import paths
@@ -12,14 +15,21 @@ from dockloop.errors import DockloopError, UsageError
 from dockloop.paths import shown
 
 
-def run_core(command: str, file: Path, *options: str, source: Path | None = None) -> str:
+def run_core(
+    command: str,
+    file: Path,
+    *options: str,
+    source: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> str:
     """Run one command of dockloop-core.
 
     Args:
-        command: ``check``, ``place`` or ``describe``.
+        command: ``check``, ``place``, ``describe`` or ``truth``.
         file: the file it reads.
         options: further arguments.
         source: the file people know, if `file` was made from it; named in errors instead.
+        progress: told the part that is done, 0 to 1 (``truth`` says it, in lines of its own).
 
     Returns:
         What the program prints.
@@ -33,17 +43,25 @@ def run_core(command: str, file: Path, *options: str, source: Path | None = None
             f"{shown(paths.CORE)} is not there: build it with scripts/demo, scripts/test or"
             " 'cmake --preset release && cmake --build --preset release'"
         )
-    done = subprocess.run(
-        [paths.CORE, command, file, *options], capture_output=True, text=True, check=False
-    )
-    if done.returncode == 0:
-        return done.stdout
-    lines = done.stderr.strip().splitlines() or [
-        f"dockloop-core {command} ended with status {done.returncode} and no message"
-    ]
+    lines = []
+    with tempfile.TemporaryFile("w+") as printed:
+        with subprocess.Popen(
+            [paths.CORE, command, file, *options], stdout=printed, stderr=subprocess.PIPE, text=True
+        ) as process:
+            for line in process.stderr:
+                if not line.startswith("progress "):
+                    lines += [line.strip()] if line.strip() else []
+                elif progress:
+                    done, of = line.split()[1:]
+                    progress(int(done) / int(of))
+        if process.returncode == 0:
+            printed.seek(0)
+            return printed.read()
+    if not lines:
+        lines = [f"dockloop-core {command} ended with status {process.returncode} and no message"]
     text = lines[-1].removeprefix("dockloop-core: ").removeprefix("error: ")
     if source is not None:
         text = text.replace(str(file), shown(source))
     if shown(source or file) not in text:
         text = f"{shown(source or file)}: {text}"
-    raise (UsageError if done.returncode == UsageError.exit_status else DockloopError)(text)
+    raise (UsageError if process.returncode == UsageError.exit_status else DockloopError)(text)

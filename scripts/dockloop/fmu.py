@@ -80,7 +80,7 @@ def find_placement(document: dict, source: Path) -> str:
         return ""
     with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
         model = Path(folder) / "model.json"
-        model.write_text(_to_json(document))
+        model.write_text(to_json(document))
         placed = json.loads(run_core("place", model, source=source))
     for vehicle in ("chaser", "target"):
         document[vehicle] |= placed[vehicle]
@@ -109,9 +109,9 @@ def write_fmu(document: dict, source: Path, output: Path) -> None:
     date = find_date().strftime("%Y-%m-%dT%H:%M:%SZ")
     with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
         model = Path(folder) / "model.json"
-        model.write_text(_to_json(document))
+        model.write_text(to_json(document))
         mechanism = Path(folder) / "mechanism.json"
-        mechanism.write_text(_to_json(document["mechanism"]))
+        mechanism.write_text(to_json(document["mechanism"]))
         description = run_core("describe", model, "--date", date, source=source)
         report = json.loads(run_core("check", mechanism, source=source))
     name = document["name"]
@@ -122,7 +122,7 @@ def write_fmu(document: dict, source: Path, output: Path) -> None:
             f"binaries/{platform}/{name}{library.suffix}": library.read_bytes()
             for platform, library in libraries.items()
         },
-        "resources/model.json": _to_json(document).encode(),
+        "resources/model.json": to_json(document).encode(),
         **_companions(document, description, report, libraries.get("linux64") != paths.LIBRARY),
         **sources,
     }
@@ -166,7 +166,7 @@ def _companions(document: dict, description: str, report: dict, portable: bool) 
     }
 
 
-def _to_json(document: dict) -> str:
+def to_json(document: dict) -> str:
     """Return a document as JSON text, one top-level member per line."""
     lines = (f"{json.dumps(key)}: {json.dumps(value)}" for key, value in document.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"

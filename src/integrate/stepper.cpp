@@ -85,6 +85,7 @@ int System::call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacob
 namespace {
 
 std::unique_ptr<Solver> make_solver(System& system, Stepper::Method method) {
+  if (system.problem.solver) return system.problem.solver(system);
   switch (method) {
     case Stepper::Method::kDormandPrince:
       return make_explicit_solver(system, false);
@@ -156,7 +157,7 @@ struct Stepper::Impl {
       return smallest;
     };
     double a = t_before, b = t, fa = 1.0, fb = least(high);
-    const double tolerance = 1e-14 * (std::abs(t) + (t - t_before));
+    const double tolerance = system.problem.root_tolerance * (std::abs(t) + (t - t_before));
     int side = 0;
     for (int i = 0; i < 100 && b - a > tolerance && fb < 0.0; ++i) {
       double c = (fa * b - fb * a) / (fa - fb);

@@ -11,6 +11,9 @@
 
 namespace dockloop {
 
+class Solver;
+struct System;
+
 enum class StepOutcome {
   kStepped,  ///< one step was accepted
   kStopped,  ///< one step was accepted and ends at the stop time
@@ -31,6 +34,9 @@ class Stepper {
     /// d rates / d y by columns, for implicit methods; without it SUNDIALS takes differences.
     std::function<int(double t, const double* y, double* jacobian)> jacobian;
     int jacobian_cost = 0;  ///< evaluations of the rates that a Jacobian is counted as
+    /// Makes a method of its own, instead of those below (src/truth).
+    std::function<std::unique_ptr<Solver>(System&)> solver;
+    double root_tolerance = 1e-14;  ///< of the times of roots, relative
   };
 
   enum class Method {

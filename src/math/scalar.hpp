@@ -1,7 +1,8 @@
 // The scalars for which the algorithms of the core are compiled, in one place.
 //
 //   double       the product
-//   long double  the oracle of the tests: the same algorithm with more digits
+//   Extended     the oracle of the truth and the tests: twice the digits (math/extended.hpp), where
+//                the build asks for it (DOCKLOOP_EXTENDED); portable binaries do without
 //   Derivative   exact derivatives with respect to eight inputs at a time (math/dual.hpp)
 //
 // Eight lanes: 64 bytes of derivatives are a whole number of registers in every vector instruction
@@ -14,6 +15,7 @@
 #pragma once
 
 #include "math/dual.hpp"
+#include "math/extended.hpp"
 
 namespace dockloop {
 
@@ -22,7 +24,7 @@ using Derivative = Dual<kLanes>;
 
 /// Plain value of a scalar: what a Status, a margin or a print-out shows.
 inline double to_double(double x) { return x; }
-inline double to_double(long double x) { return static_cast<double>(x); }
+inline double to_double(const Extended& x) { return x.high; }
 template <int N>
 double to_double(const Dual<N>& x) {
   return x.value;
@@ -31,5 +33,9 @@ double to_double(const Dual<N>& x) {
 }  // namespace dockloop
 
 #ifndef DOCK_INSTANTIATE_FOR_SCALARS
-#define DOCK_INSTANTIATE_FOR_SCALARS(X) X(double) X(long double) X(Derivative)
+#ifdef DOCKLOOP_EXTENDED
+#define DOCK_INSTANTIATE_FOR_SCALARS(X) X(double) X(Extended) X(Derivative)
+#else
+#define DOCK_INSTANTIATE_FOR_SCALARS(X) X(double) X(Derivative)
+#endif
 #endif

@@ -1,7 +1,7 @@
 // Fixed-size vectors, poses, twists and wrenches, generic in the scalar type.
 //
-// Every other module speaks in these types. `S` is `double` in the product; tests instantiate the
-// same templates with `long double` (an oracle with more digits); dual numbers give derivatives.
+// Every other module speaks in these types. `S` is `double` in the product; the truth and the tests
+// instantiate the same templates with twice the digits; dual numbers give derivatives.
 // No expression is ever held in `auto`: Eigen expressions refer to temporaries.
 #pragma once
 

@@ -46,6 +46,7 @@ struct Dependencies {
 };
 
 struct SavedSim;
+struct Extended;
 
 class DockingSim {
  public:
@@ -138,6 +139,16 @@ class DockingSim {
   /// The present state is accepted. @return whether an event is due
   Status complete_step(bool& event_due);
   Status update_discrete_states(EventUpdate& update);
+
+  // The truth: defined in src/truth, which the FMU does without
+
+  /// Integrate with 32 digits and steps of high order from the next initialise() on, whatever
+  /// solver.method says. @param tolerance  of steps, in units of the scene's tolerances per rtol
+  void use_extended_precision(double tolerance);
+  /// The state with all its digits, in the order of StateLayout. @pre use_extended_precision()
+  const Extended* extended_states() const;
+  /// Continuous outputs, computed with all digits and rounded once, as for_each_value() counts them.
+  Status calc_extended_outputs(std::vector<double>& output);
 
  private:
   struct Impl;

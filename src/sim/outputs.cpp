@@ -233,8 +233,7 @@ void read_outputs(const OutputSource<S>& from, OutputValues<S>& out) {
 }
 
 #define DOCK_INSTANTIATE(S) template void read_outputs<S>(const OutputSource<S>&, OutputValues<S>&);
-DOCK_INSTANTIATE(double)
-DOCK_INSTANTIATE(Derivative)
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
 #undef DOCK_INSTANTIATE
 
 // ---------------------------------------------------------------- DockingSim

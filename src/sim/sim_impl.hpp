@@ -13,6 +13,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <random>
@@ -43,6 +44,8 @@ struct DerivativePass {
   std::vector<Derivative*> output_cells;           ///< as for_each_value() counts them
   std::shared_ptr<const Coordinates> coordinates;  ///< that it was made for
 };
+
+struct ExtendedEquations;  ///< of src/truth
 
 /// What a Status means, in one sentence.
 std::string find_status_text(const Status& status, const MechanismModel& mechanism);
@@ -222,6 +225,10 @@ struct DockingSim::Impl : SimState {
   Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
   std::unique_ptr<DerivativePass> derivative_pass;   ///< made when first asked for
   Counters counted_elsewhere;  ///< work of other integrators that led to the present state
+
+  // set by DockingSim::use_extended_precision() only
+  std::function<void(Stepper::Problem&)> adapt_problem;  ///< other rates, roots and method
+  std::shared_ptr<ExtendedEquations> extended;
 
   // scratch
   Loads loads;       ///< at the start of a step

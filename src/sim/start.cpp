@@ -441,6 +441,7 @@ void DockingSim::Impl::make_stepper() {
     };
     problem.jacobian_cost = layout.sums + layout.bristle_count;  // about one per column, measured
   }
+  if (adapt_problem) adapt_problem(problem);
   stepper = std::make_unique<Stepper>(std::move(problem),
                                       find_stepper_method(setup->parameters.solver_method));
 

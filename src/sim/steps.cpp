@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "sim/sim_impl.hpp"
 
@@ -20,6 +21,7 @@ constexpr int kMaxRefused = 12;       ///< end states in a row that cannot be ev
 /// Inner steps after which a communication step is given up: a refusal must not take minutes.
 int DockingSim::Impl::find_inner_step_limit(double h) const {
   constexpr double kPerSecond = 20000.0, kMost = 1e6;
+  if (adapt_problem) return std::numeric_limits<int>::max();  // the truth takes its time
   return static_cast<int>(std::min(DOCKLOOP_MAX_INNER_STEPS + kPerSecond * h, kMost));
 }
 

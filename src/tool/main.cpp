@@ -11,6 +11,7 @@
 #include "sim/docking_sim.hpp"
 #include "sim/placement.hpp"
 #include "tool/mechanism_check.hpp"
+#include "tool/truth.hpp"
 
 namespace {
 
@@ -21,6 +22,8 @@ constexpr const char* kUsage =
     "usage: dockloop-core check MECHANISM.json [--states STATES.json] [--newton]\n"
     "       dockloop-core place MODEL.json\n"
     "       dockloop-core describe MODEL.json --date ISO8601\n"
+    "       dockloop-core truth MODEL.json --stop T --step H --output NAME [--output NAME...]\n"
+    "                     [--set NAME=VALUE...] [--tolerance 1e-18] [--check]\n"
     "example: dockloop-core check modelDescription/mechanisms/idss_hexapod.json\n";
 
 std::string read_file(const std::string& path) {
@@ -36,6 +39,26 @@ std::string find_option(const std::vector<std::string>& arguments, const std::st
     if (arguments[i] == name) return arguments[i + 1];
   }
   return "";
+}
+
+/// Values of an option that may be given several times.
+std::vector<std::string> find_options(const std::vector<std::string>& arguments,
+                                      const std::string& name) {
+  std::vector<std::string> values;
+  for (size_t i = 0; i + 1 < arguments.size(); ++i) {
+    if (arguments[i] == name) values.push_back(arguments[i + 1]);
+  }
+  return values;
+}
+
+double find_number(const std::vector<std::string>& arguments, const std::string& name,
+                   double otherwise) {
+  const std::string text = find_option(arguments, name);
+  if (text.empty()) return otherwise;
+  char* end = nullptr;
+  const double number = std::strtod(text.c_str(), &end);
+  if (*end) throw ModelError(name + " " + text + ": must be a number");
+  return number;
 }
 
 bool has_flag(const std::vector<std::string>& arguments, const std::string& name) {
@@ -92,6 +115,21 @@ int run(const std::vector<std::string>& arguments) {
     dockloop::DockingSim sim(std::make_shared<const dockloop::Scene>(scene));
     std::cout << dockloop::make_model_description(sim, find_option(arguments, "--date"));
     return 0;
+  }
+  if (command == "truth") {
+#ifdef DOCKLOOP_EXTENDED
+    dockloop::TruthOrder order;
+    order.stop = find_number(arguments, "--stop", 0.0);
+    order.step = find_number(arguments, "--step", 0.0);
+    order.tolerance = find_number(arguments, "--tolerance", order.tolerance);
+    order.check = has_flag(arguments, "--check");
+    order.outputs = find_options(arguments, "--output");
+    order.settings = find_options(arguments, "--set");
+    std::cout << make_truth(std::make_shared<const dockloop::Scene>(scene), order).dump(1) << "\n";
+    return 0;
+#else
+    throw ModelError("this build has double precision only: configure with -DDOCKLOOP_EXTENDED=ON");
+#endif
   }
   std::cerr << kUsage;
   return 2;

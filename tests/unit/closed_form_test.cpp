@@ -1,7 +1,7 @@
 // Closed forms of legs, without a mechanism around them.
 // 1. stored coordinates of every leg type are met, and stored failures told apart;
 // 2. putting the solution into the chain of turns and slides leads to the point asked for, on every
-//    branch, also in long double;
+//    branch, also in Extended;
 // 3. the inverse of the loop matrix, its sign and the acceleration of the tip agree with numerical
 //    differentiation of that chain;
 // 4. margins are the factors of the determinant: they fall to zero where a leg becomes singular.
@@ -204,13 +204,13 @@ void check_branches(double tolerance) {
 
 TEST(ClosedForm, the_chain_leads_back_to_the_point_on_every_branch) {
   check_branches<double>(1e-13);
-  check_branches<long double>(1e-14);
+  check_branches<Extended>(1e-14);
 }
 
 TEST(ClosedForm, rates_sign_and_acceleration_agree_with_the_chain_differentiated) {
   TestRandom random(11);
   Residual inverse, bias;
-  using L = long double;
+  using L = Extended;
   for (const LegKind kind : {LegKind::kR2P1R3, LegKind::kR1R2R3, LegKind::kR1R2R3Perpendicular}) {
     for (int trial = 0; trial < 50; ++trial) {
       const LegShape shape = make_random_shape(kind, random);
@@ -234,9 +234,9 @@ TEST(ClosedForm, rates_sign_and_acceleration_agree_with_the_chain_differentiated
       Mat3<double> C;
       for (int j = 0; j < 3; ++j) {
         const Vec3<L> e = Vec3<L>::Unit(j);
-        C.col(j) =
-            (((along(e, h) - along(e, -h)) * 8 - (along(e, 2 * h) - along(e, -2 * h))) / (12 * h))
-                .cast<double>();
+        C.col(j) = (((along(e, h) - along(e, -h)) * L(8) - (along(e, 2 * h) - along(e, -2 * h))) /
+                    (12 * h))
+                       .cast<double>();
       }
       const Mat3<double> found = find_leg_inverse<double>(kind, shape, leg, axes);
       inverse.add((found * C - Mat3<double>::Identity()).norm(), std::to_string(trial));
@@ -244,8 +244,8 @@ TEST(ClosedForm, rates_sign_and_acceleration_agree_with_the_chain_differentiated
       if (kind == LegKind::kR1R2R3Perpendicular) continue;
       const V rate = random.vector(1.0);
       const Vec3<L> r = rate.cast<L>();
-      const Vec3<L> second = ((along(r, h) + along(r, -h)) * 16 -
-                              (along(r, 2 * h) + along(r, -2 * h)) - along(r, 0) * 30) /
+      const Vec3<L> second = ((along(r, h) + along(r, -h)) * L(16) -
+                              (along(r, 2 * h) + along(r, -2 * h)) - along(r, 0) * L(30)) /
                              (12 * h * h);
       const V w = axes * find_leg_bias<double>(kind, shape, leg, rate);
       bias.add((w - second.cast<double>()).norm(), std::to_string(trial));

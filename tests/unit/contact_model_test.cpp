@@ -3,7 +3,7 @@
 // 2. the elastic wrench is the gradient of the energy, power balances to rounding, sinks only
 //    take, the wrench is continuous along paths;
 // 3. sleep by pair changes no bit; gap bounds are bounds; guards reject jumped surfaces;
-// 4. long double agrees with double; the absorber and the bounds of step and time.
+// 4. Extended agrees with double; the absorber and the bounds of step and time.
 #include "contact/contact_model.hpp"
 
 #include <gtest/gtest.h>
@@ -86,22 +86,22 @@ TEST(ContactModel, StoredWrenchesAreMet) {
 TEST(ContactModel, ElasticWrenchIsTheGradientOfTheEnergy) {
   const ContactModel model = make_ring_contact({}, {}, make_elastic_law());
   ContactWorkspace<double> work(model);
-  ContactWorkspace<long double> wide(model);
+  ContactWorkspace<Extended> wide(model);
   TestRandom random(11);
   std::vector<double> residuals;
   for (int i = 0; i < 600; ++i) {
-    const RelativeMotion<long double> x =
-        cast_motion<long double>(make_touching_motion(model, work, random, 1e-3));
-    const auto energy = [&](long double h) {
-      RelativeMotion<long double> moved = x;
-      moved.R = quat_to_matrix<long double>(quat_exp<long double>(x.w * h)) * x.R;
+    const RelativeMotion<Extended> x =
+        cast_motion<Extended>(make_touching_motion(model, work, random, 1e-3));
+    const auto energy = [&](Extended h) {
+      RelativeMotion<Extended> moved = x;
+      moved.R = quat_to_matrix<Extended>(quat_exp<Extended>(x.w * h)) * x.R;
       moved.p += x.v * h;
-      return evaluate<long double>(model, moved, wide).energy;
+      return evaluate<Extended>(model, moved, wide).energy;
     };
-    const ContactResult<long double> r = evaluate<long double>(model, x, wide);
-    const long double h = 1e-6L;
-    const long double rate = (energy(h) - energy(-h)) / (2 * h);
-    const long double scale = r.on_passive.f.norm() * 0.17L;
+    const ContactResult<Extended> r = evaluate<Extended>(model, x, wide);
+    const Extended h = 1e-6L;
+    const Extended rate = (energy(h) - energy(-h)) / (2 * h);
+    const Extended scale = r.on_passive.f.norm() * 0.17;
     residuals.push_back(
         std::abs(static_cast<double>((find_power(r.on_passive, x) + rate) / scale)));
   }
@@ -197,13 +197,13 @@ TEST(ContactModel, WrenchIsContinuousAlongPathsThroughContact) {
 TEST(ContactModel, LongDoubleAgreesWithDouble) {
   ContactModel model = make_ring_contact({}, {}, {});
   ContactWorkspace<double> work(model);
-  ContactWorkspace<long double> wide(model);
+  ContactWorkspace<Extended> wide(model);
   TestRandom random(14);
   Worst worst;
   for (int i = 0; i < 300; ++i) {
     const auto x = make_touching_motion(model, work, random, random.uniform(-1e-3, 6e-3));
     const ContactResult<double> a = evaluate<double>(model, x, work);
-    const auto b = evaluate<long double>(model, cast_motion<long double>(x), wide);
+    const auto b = evaluate<Extended>(model, cast_motion<Extended>(x), wide);
     const double scale = 1 + a.on_passive.f.norm();
     worst.add((a.on_passive.f - b.on_passive.f.cast<double>()).norm() / scale, i);
     worst.add((a.on_passive.t - b.on_passive.t.cast<double>()).norm() / scale, i);

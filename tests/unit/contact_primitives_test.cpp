@@ -166,28 +166,27 @@ TEST(ContactPrimitives, SegmentOnAnnulusFindsTheLowestValley) {
 TEST(ContactPrimitives, DirectionIsTheGradientOfTheDistance) {
   TestRandom random(4);
   Worst gradient;
-  const long double mu = 1e-4L, h = 1e-7L;
+  const Extended mu = 1e-4L, h = 1e-7L;
   const auto wide = [](const Plate<double>& p) {
-    std::array<Vec3<long double>, 4> corner;
-    for (int k = 0; k < 4; ++k) corner[k] = p.corner[k].cast<long double>();
-    return make_plate<long double>(corner);
+    std::array<Vec3<Extended>, 4> corner;
+    for (int k = 0; k < 4; ++k) corner[k] = p.corner[k].cast<Extended>();
+    return make_plate<Extended>(corner);
   };
   for (int i = 0; i < 1000; ++i) {
-    const Plate<long double> P = wide(random_plate(random, 0, 3)),
-                             Q = wide(random_plate(random, 0.3, 3));
-    const Vec3<long double> u = random.vector(1).normalized().cast<long double>();
-    const auto root = [&](long double s) {
-      const Mat3<long double> I = Mat3<long double>::Identity();
-      return std::sqrt(
-          find_plate_plate<long double>(P, place_plate<long double>(Q, I, u * s), mu).square);
+    const Plate<Extended> P = wide(random_plate(random, 0, 3)),
+                          Q = wide(random_plate(random, 0.3, 3));
+    const Vec3<Extended> u = random.vector(1).normalized().cast<Extended>();
+    const auto root = [&](Extended s) {
+      const Mat3<Extended> I = Mat3<Extended>::Identity();
+      return sqrt(find_plate_plate<Extended>(P, place_plate<Extended>(Q, I, u * s), mu).square);
     };
-    const Closest<long double> c = find_plate_plate<long double>(P, Q, mu);
+    const Closest<Extended> c = find_plate_plate<Extended>(P, Q, mu);
     if (c.square < 1e-4L) continue;
-    const long double slope = (root(h) - root(-h)) / (2 * h);
-    const long double exact = u.dot(c.second - c.first) / std::sqrt(c.square);
+    const Extended slope = (root(h) - root(-h)) / (2 * h);
+    const Extended exact = u.dot(c.second - c.first) / sqrt(c.square);
     // Where the feature changes within h the quotient is off by the kink of the second derivative.
     gradient.add(static_cast<double>(slope - exact), i);
-    EXPECT_LE(std::abs(root(0.01L) - root(0)), 0.01L * (1 + 1e-12L));
+    EXPECT_LE(abs(root(0.01L) - root(0)), 0.01L * (1 + 1e-12L));
   }
   EXPECT_WORST_BELOW(gradient, 1e-10);  // measured 1.1e-11
 }

@@ -18,6 +18,7 @@
 
 #include "contact/contact_model.hpp"
 #include "math/rotation.hpp"
+#include "math/scalar.hpp"
 
 namespace dockloop {
 

@@ -1,6 +1,6 @@
 // Exact derivatives of the whole docking, by dual numbers.
 // 1. rates, capture force, latch forces, relative motion and energy by states, loads and time are
-//    those of central differences of sixth order in long double: free flight, contact of every
+//    those of central differences of sixth order in Extended: free flight, contact of every
 //    kind of surface with either friction law, latches open, held and releasing, absorber, thrust,
 //    gravity, a drive, Newton closures;
 // 2. the Jacobian by states is what passes in mixed directions give;
@@ -25,7 +25,7 @@ namespace {
 
 using nlohmann::json;
 using V = Vec3<double>;
-using L = long double;
+using L = Extended;
 
 constexpr int kTrials = 6;
 constexpr double kApart = -0.05;       // [m] so far apart no surface and no latch is felt
@@ -222,11 +222,11 @@ void compare(const std::vector<Column>& columns, const std::vector<std::string>&
     for (int c = 0; c < found.cols(); ++c) {
       const Column& column = columns[static_cast<size_t>(c)];
       Block& block = blocks[column.kind][kinds[static_cast<size_t>(r)]];
-      const L difference = std::abs(static_cast<L>(found(r, c)) - expected(r, c));
+      const L difference = abs(static_cast<L>(found(r, c)) - expected(r, c));
       block.difference = std::isfinite(found(r, c)) ? std::max(block.difference, difference)
                                                     : std::numeric_limits<L>::infinity();
-      block.scale = std::max(
-          {block.scale, std::abs(expected(r, c)), 1e-6L * (size[r] + 1e-9L) / column.step});
+      block.scale =
+          std::max<L>({block.scale, abs(expected(r, c)), 1e-6 * (size[r] + 1e-9) / column.step});
     }
   }
   for (const auto& [column, results] : blocks) {

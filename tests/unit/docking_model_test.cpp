@@ -19,7 +19,7 @@ namespace dockloop {
 namespace {
 
 using V = Vec3<double>;
-using L = long double;
+using L = Extended;
 
 TEST(MomentumStates, give_back_the_velocity_that_was_put_in) {
   Residual ring, bare;
@@ -149,8 +149,8 @@ Balance find_balance(const Docking& docking, L h) {
   std::vector<L> y0(docking.y.begin(), docking.y.end()), ydot(y0.size());
   rates(y0.data(), ydot.data());
   // The scale: all powers, and the kinetic power of the contact and leg forces.
-  L power = 1e-3L + std::abs(ydot[layout.sums + kSumExternal]);
-  for (int k = 0; k < kSumCount; ++k) power += std::abs(ydot[layout.sums + k]);
+  L power = 1e-3L + abs(ydot[layout.sums + kSumExternal]);
+  for (int k = 0; k < kSumCount; ++k) power += abs(ydot[layout.sums + k]);
   power += data.on_passive.f.norm() * (data.relative.v.norm() + L(0.1));
   Balance balance;
   L energy_rate = 0;
@@ -169,7 +169,7 @@ Balance find_balance(const Docking& docking, L h) {
       }
     }
   }
-  balance.energy = static_cast<double>(std::abs(energy_rate) / power);
+  balance.energy = static_cast<double>(abs(energy_rate) / power);
   for (int i : {kChaser, kTarget}) {
     if (layout.momentum[i] < 0) continue;
     const L* at = ydot.data() + layout.momentum[i];

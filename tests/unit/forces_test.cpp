@@ -96,7 +96,7 @@ TEST(JointForces, two_forces_on_one_joint_add) {
 }
 
 TEST(JointForces, the_stop_is_continuous_with_its_slope) {
-  using L = long double;
+  using L = Extended;
   const L k = 5e5L, toe = 1e-3L, step = 1e-12L;
   for (const L at : {L(0), toe}) {
     const Elastic<L> below = calc_toe_spring<L>(at - step, k, toe);
@@ -127,7 +127,7 @@ TEST(JointForces, the_energy_of_a_stop_is_the_integral_of_its_force) {
 }
 
 TEST(JointForces, the_elastic_force_is_the_gradient_of_the_energy) {
-  using L = long double;
+  using L = Extended;
   const OneForce all(make_full());
   TestRandom random(31);
   Residual worst;
@@ -137,7 +137,7 @@ TEST(JointForces, the_elastic_force_is_the_gradient_of_the_energy) {
     all.evaluate<L>(q + h, 0, 0, above);
     all.evaluate<L>(q - h, 0, 0, below);
     const L force = all.evaluate<L>(q, 0, 0, sums);
-    const L scale = 45.0L + std::abs(force);
+    const L scale = 45 + abs(force);
     worst.add(static_cast<double>((force + (above.energy - below.energy) / (2 * h)) / scale),
               "q = " + std::to_string(static_cast<double>(q)));
   }

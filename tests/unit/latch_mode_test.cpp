@@ -60,12 +60,12 @@ TEST(LatchMode, PowerOfEveryModeIsMinusEnergyRateMinusDissipation) {
     x.v = random.vector(0.1);
     std::vector<LatchState> state(3);
     for (LatchState& s : state) s = {static_cast<LatchMode>(1 + i % 4), 0.98};
-    const long double t = 1.0L, h = 1e-7L;
-    const auto energy = [&](long double step) {
-      RelativeMotion<long double> moved = cast_motion<long double>(x);
-      moved.R = quat_to_matrix<long double>(quat_exp<long double>(moved.w * step)) * moved.R;
+    const Extended t = 1.0L, h = 1e-7L;
+    const auto energy = [&](Extended step) {
+      RelativeMotion<Extended> moved = cast_motion<Extended>(x);
+      moved.R = quat_to_matrix<Extended>(quat_exp<Extended>(moved.w * step)) * moved.R;
       moved.p += moved.v * step;
-      return evaluate<long double>(set, state, t + step, moved).energy;
+      return evaluate<Extended>(set, state, t + step, moved).energy;
     };
     const LatchResult<double> r = evaluate<double>(set, state, 1.0, x);
     EXPECT_GE(r.power, 0.0);

@@ -1,5 +1,5 @@
 // Exact Jacobians of the independent accelerations.
-// 1. against central differences of sixth order in long double: by coordinates, velocities and
+// 1. against central differences of sixth order in Extended: by coordinates, velocities and
 // joint
 //    forces, at several states of three mechanisms, base moving or not, with closed forms and by
 //    Newton iteration alone;
@@ -23,7 +23,7 @@ namespace dockloop {
 namespace {
 
 using nlohmann::json;
-using L = long double;
+using L = Extended;
 
 constexpr double kDifferences = 6e-14;  // worst residual 5.7e-15 (planar_two_loop)
 constexpr double kClosures = 4e-14;     // worst residual 3.8e-15 (crank_nested)
@@ -242,7 +242,7 @@ TEST(MechanismJacobianForces, springs_and_dampers_of_the_legs_enter) {
     ASSERT_TRUE(calc_acceleration_jacobian(mechanism, base, data, work, held).ok());
     EXPECT_GT((jacobian.dq - held.dq).norm(), jacobian.dq.norm() / 2) << "stiffness rules here";
     Residual residual;
-    compare_with_differences(mechanism, base, data, make_loads(0.0L), jacobian, false,
+    compare_with_differences(mechanism, base, data, make_loads(L(0)), jacobian, false,
                              floating ? "floating" : "base at rest", residual);
     EXPECT_RESIDUAL_BELOW(residual, kDifferences);
   }

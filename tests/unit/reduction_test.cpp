@@ -1,11 +1,11 @@
 // The reduction against a method that shares nothing with it, on random mechanisms.
 // 1. accelerations, cut forces and load on the base equal those of one dense system in all tree
 //    coordinates with multipliers (KKT); its loop equations come from positions alone, by numerical
-//    differentiation in long double;
+//    differentiation in Extended;
 // 2. the reduced inertia is symmetric, positive definite and gives the kinetic energy;
 // 3. cut forces do no work; the load on the base is the rate of momentum, gravity and external
 //    loads taken off;
-// 4. long double agrees with double to rounding.
+// 4. Extended agrees with double to rounding.
 //
 // A random mechanism is a ring on one to six legs, each a universal joint, a slide and a cut ball
 // joint with lateral offsets. Legs are rooted on the base, on a turning carriage or on the cylinder
@@ -22,7 +22,7 @@ namespace dockloop {
 namespace {
 
 using V = Vec3<double>;
-using L = long double;
+using L = Extended;
 
 Body make_body(TestRandom& random, const std::string& name, int parent, JointType joint,
                double mass, double size) {
@@ -160,12 +160,12 @@ VecX<L> flow(const MechanismModel& model, const VecX<L>& q, const VecX<L>& v, L 
       term = (w.cross(term) * (t / L(n))).eval();
     }
     moved.segment<3>(body.q_index) += quat_to_matrix<L>(quat) * sum;
-    // Exponential map with all digits of long double.
+    // Exponential map with all digits of Extended.
     const L angle = w.norm() * t;
     Vec4<L> turn(1, 0, 0, 0);
     if (angle != 0) {
-      const Vec3<L> axis = w / w.norm() * std::sin(angle / 2);
-      turn << std::cos(angle / 2), axis[0], axis[1], axis[2];
+      const Vec3<L> axis = w / w.norm() * sin(angle / 2);
+      turn << cos(angle / 2), axis[0], axis[1], axis[2];
     }
     moved.segment<4>(body.q_index + 3) = quat_multiply<L>(quat, turn);
   }
@@ -199,7 +199,7 @@ struct NumericalLoops {
 
 NumericalLoops differentiate(const MechanismModel& model, const VecX<L>& q, const VecX<L>& v) {
   // Central differences of sixth order; step sized for 64 bits of mantissa.
-  constexpr L h = 4e-3L;
+  const L h = 4e-3L;
   const L first[3] = {3.0L / 4, -3.0L / 20, 1.0L / 60};
   const L second[3] = {3.0L / 2, -3.0L / 20, 1.0L / 90};
   TreeData<L> tree(model);
@@ -438,7 +438,7 @@ TEST(Reduction, loads_the_base_with_the_rate_of_momentum) {
                       mechanism, base_L, [](MechanismData<L>&) {}, y, ydot, data)
                       .ok());
     };
-    constexpr L h = 5e-4L;
+    const L h = 5e-4L;
     const L weight[3] = {3.0L / 4, -3.0L / 20, 1.0L / 60};
     Wrench<L> rate;
     for (int s = 1; s <= 3; ++s) {

@@ -18,6 +18,7 @@
 
 #include "dynamics/mechanism_dynamics.hpp"
 #include "math/rotation.hpp"
+#include "math/scalar.hpp"
 #include "unit/contact_test_support.hpp"
 
 namespace dockloop {
@@ -65,11 +66,11 @@ template <class A, class B>
 double find_relative_error(const A& actual, const B& expected) {
   if (actual.size() != expected.size()) return std::numeric_limits<double>::infinity();
   if (expected.size() == 0) return 0.0;
-  if (!actual.allFinite()) return std::numeric_limits<double>::infinity();
-  const MatX<long double> a = actual.template cast<long double>();
-  const MatX<long double> b = expected.template cast<long double>();
-  const long double scale = b.cwiseAbs().maxCoeff(), error = (a - b).cwiseAbs().maxCoeff();
-  return static_cast<double>(scale > 0 ? error / scale : error);
+  if (!actual.template cast<double>().allFinite()) return std::numeric_limits<double>::infinity();
+  const MatX<Extended> a = actual.template cast<Extended>();
+  const MatX<Extended> b = expected.template cast<Extended>();
+  const Extended scale = b.cwiseAbs().maxCoeff(), error = (a - b).cwiseAbs().maxCoeff();
+  return to_double(scale > 0 ? error / scale : error);
 }
 
 /// Difference of angles modulo a full turn.

@@ -1,0 +1,145 @@
+// Runs a scene through DockingSim with extended precision; see truth.hpp.
+#include "tool/truth.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+
+#include "math/extended.hpp"
+#include "math/status.hpp"
+#include "sim/docking_sim.hpp"
+#include "variables.hpp"
+
+namespace dockloop {
+namespace {
+
+using nlohmann::json;
+
+const Variable& find_variable(const std::vector<Variable>& variables, const std::string& name) {
+  for (const Variable& variable : variables) {
+    if (variable.name == name) return variable;
+  }
+  throw ModelError("there is no variable '" + name +
+                   "': names are those of modelDescription.xml in the FMU of this scene");
+}
+
+void set(const std::vector<Variable>& variables, const std::string& setting) {
+  const size_t equals = setting.find('=');
+  const Variable& v = find_variable(variables, setting.substr(0, equals));
+  const std::string text = equals == std::string::npos ? "" : setting.substr(equals + 1);
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end || !(value >= v.min && value <= v.max) || !std::isfinite(value)) {
+    throw ModelError(setting + ": must be NAME=NUMBER with a number from " + std::to_string(v.min) +
+                     " to " + std::to_string(v.max));
+  }
+  if (!v.has_start()) throw ModelError(v.name + " is computed and cannot be set");
+  switch (v.type) {
+    case Type::kReal:
+      *static_cast<double*>(v.start) = value;
+      break;
+    case Type::kInteger:
+      *static_cast<int*>(v.start) = static_cast<int>(value);
+      break;
+    case Type::kBoolean:
+      *static_cast<char*>(v.start) = value != 0.0;
+      break;
+  }
+}
+
+double get_plain(const Variable& v) {
+  switch (v.type) {
+    case Type::kInteger:
+      return *static_cast<const int*>(v.value);
+    case Type::kBoolean:
+      return *static_cast<const char*>(v.value);
+    default:
+      return *static_cast<const double*>(v.value);
+  }
+}
+
+/// Values per output and time point, and the work that they took.
+struct Run {
+  std::vector<double> time;
+  std::vector<std::vector<double>> values;
+  double steps = 0.0, rejected = 0.0, evaluations = 0.0;
+};
+
+Run run(const std::shared_ptr<const Scene>& scene, const TruthOrder& order, double tolerance,
+        int done_before, int of) {
+  DockingSim sim(scene);
+  const std::vector<Variable> variables = make_variables(sim);
+  for (const std::string& setting : order.settings) set(variables, setting);
+  sim.use_extended_precision(tolerance);
+  std::vector<const Variable*> wanted;
+  for (const std::string& name : order.outputs) wanted.push_back(&find_variable(variables, name));
+  sim.initialise(0.0, 0.0);
+  Run result;
+  result.values.resize(wanted.size());
+  const int count = static_cast<int>(std::round(order.stop / order.step));
+  std::vector<double> extended;
+  for (int k = 0; k <= count; ++k) {
+    Status status;
+    if (k > 0) status = sim.step((k - 1) * order.step, order.step);
+    if (!status.ok()) throw std::runtime_error(sim.status_text());
+    status = sim.calc_extended_outputs(extended);
+    if (!status.ok()) throw std::runtime_error(sim.describe(status));
+    sim.update_outputs();
+    sim.update_states();
+    result.time.push_back(k * order.step);
+    for (size_t i = 0; i < wanted.size(); ++i) {
+      const int place = wanted[i]->output, state = wanted[i]->state;
+      result.values[i].push_back(place >= 0   ? extended[static_cast<size_t>(place)]
+                                 : state >= 0 ? sim.extended_states()[state].high
+                                              : get_plain(*wanted[i]));
+    }
+    std::cerr << "progress " << done_before + k << " " << of << std::endl;
+  }
+  const Outputs& end = sim.outputs();
+  result.steps = end.solver_steps;
+  result.rejected = end.solver_rejected_steps;
+  result.evaluations = end.solver_rhs_evaluations;
+  return result;
+}
+
+}  // namespace
+
+json make_truth(std::shared_ptr<const Scene> scene, const TruthOrder& order) {
+  constexpr double kCoarser = 1000.0;
+  constexpr double kLeast = 1e-26, kMost = 1e-3, kMostSteps = 1e6;
+  if (!(order.step > 0.0 && order.stop >= order.step && order.stop <= kMostSteps * order.step)) {
+    throw ModelError("--stop and --step must be times with 0 < step <= stop <= 1e6 step");
+  }
+  if (!(order.tolerance >= kLeast && order.tolerance <= kMost)) {
+    throw ModelError("--tolerance must be from 1e-26 to 1e-3");
+  }
+  if (order.outputs.empty()) throw ModelError("say what to write: --output NAME (repeatable)");
+  const int points = static_cast<int>(std::round(order.stop / order.step)) + 1;
+  const int all = order.check ? 2 * points : points;
+  const Run truth = run(scene, order, order.tolerance, 0, all - 1);
+  json result = {{"scene", scene->name},
+                 {"settings", order.settings},
+                 {"digits", std::numeric_limits<Extended>::digits10},
+                 {"tolerance", order.tolerance},
+                 {"work",
+                  {{"steps", truth.steps},
+                   {"rejected_steps", truth.rejected},
+                   {"evaluations", truth.evaluations}}},
+                 {"time", truth.time}};
+  for (size_t i = 0; i < order.outputs.size(); ++i) {
+    result["output"][order.outputs[i]] = truth.values[i];
+  }
+  if (!order.check) return result;
+  const Run coarse = run(scene, order, kCoarser * order.tolerance, points, all - 1);
+  result["check"]["tolerance"] = kCoarser * order.tolerance;
+  for (size_t i = 0; i < order.outputs.size(); ++i) {
+    double largest = 0.0;
+    for (size_t k = 0; k < truth.time.size(); ++k) {
+      largest = std::max(largest, std::abs(truth.values[i][k] - coarse.values[i][k]));
+    }
+    result["check"]["difference"][order.outputs[i]] = largest;
+  }
+  return result;
+}
+
+}  // namespace dockloop
