@@ -31,6 +31,7 @@ double find_spin_bound(const Mat3<double>& inertia, const Vec3<double>& w) {
 /// Does nothing act on vehicles and mechanism but their inertia, and is rest wanted?
 bool DockingSim::Impl::may_rest() const {
   if (setup->parameters.flight != kResting || is_fixed_step() || has_host()) return false;
+  if (adapt_problem) return false;  // the truth integrates everything
   if (sloped || discrete.thrust_on || find_thrust_onset()) return false;
   if (model->mechanism.plan.is_driven || !loads.command.isZero(0.0)) return false;
   if (!model->falling && !loads.gravity.isZero(0.0)) return false;

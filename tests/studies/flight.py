@@ -1,9 +1,9 @@
 """What a long approach costs, and whether anybody can tell that the mechanism rested meanwhile.
 
 Flies ten minutes to the default docking with the mechanism at rest far from contact
-(``model.flight`` 1) and always integrated (2), at several communication steps. Printed: the share of
-the flight in all evaluations and in the time inside ``fmi2DoStep``, and how far the docking that
-follows is from the same docking integrated at 1e-10.
+(``model.flight`` 1) and always integrated (2), at several communication steps. Printed: the share
+of the flight in all evaluations and in the time inside ``fmi2DoStep``, and how far the docking
+that follows is from the same docking integrated at 1e-10.
 
     .venv/bin/python tests/studies/flight.py            # about a minute
 """
