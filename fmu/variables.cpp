@@ -664,15 +664,22 @@ void add_solver_parameters(Table& table, Parameters& parameter) {
                  "Resting needs free or fixed vehicles, no loads, an adaptive method")
       .limits(1, 2);
   table
-      .parameter("solver.method", &parameter.solver_method, kNone,
-                 "Integration method: 1 auto (as 2), 2 explicit (adaptive one-step), 3 implicit "
-                 "(the same for stiff contact, latches or friction), 5 adams and 6 bdf (multistep, "
-                 "bdf for stiff ones: they start again with order 1 at every communication point "
-                 "and event, so they are for long communication steps), 7 fixed_rk4 (equal steps "
-                 "of solver.step, bounded cost), 8 fixed_implicit (the same, stable where 7 is "
-                 "not); refused: 4 imex (every part of a split would cost as much as all) and 9 "
-                 "dae (loops are solved in the rates)")
+      .parameter(
+          "solver.method", &parameter.solver_method, kNone,
+          "Integration method: 1 auto (as 2), 2 explicit (adaptive one-step), 3 implicit (the "
+          "same for stiff contact, latches or friction), 4 imex (implicit for contact and latches "
+          "only), 5 adams and 6 bdf (multistep, bdf for stiff ones: they start again with order 1 "
+          "at every communication point and event, so they are for long communication steps), 7 "
+          "fixed_rk4 (equal steps of solver.step, bounded cost), 8 fixed_implicit (the same, "
+          "stable where 7 is not), 9 dae (all joint coordinates, loops held by multipliers: a "
+          "reference to compare with)")
       .limits(1, 9);
+  table
+      .parameter("solver.dae_form", &parameter.dae_form, kNone,
+                 "How method 9 holds the loops: 1 by accelerations (index 1, drifts), 2 the same "
+                 "with Baumgarte stabilisation (time constant 0.01 s), 3 by velocities and "
+                 "positions (stabilised index 2)")
+      .limits(1, 3);
   table
       .parameter("solver.step", &parameter.step, kTime,
                  "Inner step of the fixed methods; a communication step is divided into equal "
@@ -715,7 +722,7 @@ void add_solver_outputs(Table& table, Outputs& out) {
       .discrete();
   table
       .output("solver.closure_residual", &out.solver_closure_residual, kSmallLength,
-              "Largest gap of a closed loop")
+              "Largest gap of a closed loop; with method 9 at the inner steps of the last step")
       .not_negative()
       .nominal(1e-14)
       .discrete();

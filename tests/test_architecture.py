@@ -25,6 +25,7 @@ MAY_SEE = {
 ROOMS = {
     "arkode/": {"src/integrate"},
     "cvode/": {"src/integrate"},
+    "ida/": {"src/integrate"},
     "nvector/": {"src/integrate"},
     "sundials/": {"src/integrate"},
     "sunlinsol/": {"src/integrate"},

@@ -550,7 +550,7 @@ def _model(document: dict, report: dict) -> str:
     text += (
         "<p>Loops are cut and eliminated: only the independent coordinates are integrated, by an"
         " explicit Runge&ndash;Kutta method with error control unless <code>solver.method</code>"
-        " says otherwise. There are no multipliers and nothing drifts apart.</p>"
+        " says otherwise. There are no multipliers (but for method 9) and nothing drifts apart.</p>"
     )
     figure = drawing.draw_legs(mechanism, report["home_q"])
     if figure:

@@ -77,7 +77,7 @@ ensure_system() {
 # would drag PETSc, hypre, MPI and a Fortran compiler (hundreds of MB); unpacked it is about 1 MB here.
 ensure_sundials() {
   local target=$root/build/deps/sundials
-  compgen -G "$target/usr/lib/*/libsundials_cvode.a" >/dev/null && return
+  compgen -G "$target/usr/lib/*/libsundials_ida.a" >/dev/null && return
   say "SUNDIALS: headers and static libraries into build/deps"
   local work=$root/build/deps/download
   rm -rf "$work" "$target"
@@ -90,7 +90,7 @@ ensure_sundials() {
   (
     cd "$work/unpacked"
     find usr/include -name '*.h*' -exec cp --parents {} "$target" \;
-    find usr/lib \( -name 'libsundials_arkode.a' -o -name 'libsundials_cvode.a' \
+    find usr/lib \( -name 'libsundials_arkode.a' -o -name 'libsundials_cvode.a' -o -name 'libsundials_ida.a' \
       -o -name 'libsundials_nvecserial.a' -o -name 'libsundials_generic.a' \) -exec cp --parents {} "$target" \;
     cp --parents usr/share/doc/libsundials-dev/copyright "$target"
   )

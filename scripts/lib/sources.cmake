@@ -19,11 +19,11 @@ endforeach()
 
 file(COPY /usr/include/nlohmann DESTINATION ${TARGET})
 
-# SUNDIALS: ARKODE and CVODE with serial vectors, dense and band matrices and solvers. What its own
+# SUNDIALS: ARKODE, CVODE and IDA with serial vectors, dense and band matrices and solvers. What its own
 # build would find out about the compiler holds for every compiler of C99 and is written down here.
 file(ARCHIVE_EXTRACT INPUT ${ARCHIVE} DESTINATION ${TARGET}.unpacked)
 file(GLOB sundials ${TARGET}.unpacked/*)
-foreach(part arkode cvode nvector/serial sundials sunmatrix/dense sunmatrix/band sunlinsol/dense
+foreach(part arkode cvode ida nvector/serial sundials sunmatrix/dense sunmatrix/band sunlinsol/dense
         sunlinsol/band sunnonlinsol/newton sunnonlinsol/fixedpoint)
   string(REGEX REPLACE "/.*" "" folder ${part})
   string(REPLACE "/" "_" header ${part})

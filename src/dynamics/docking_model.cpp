@@ -139,7 +139,8 @@ StateLayout make_layout(const DockingModel& model) {
   return layout;
 }
 
-/// Mechanism coordinates and velocities from the state into the tree; chaser pose with them.
+}  // namespace
+
 template <class S>
 void put_mechanism_state(const DockingModel& model, const S* y, TreeData<S>& tree) {
   int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
@@ -152,6 +153,8 @@ void put_mechanism_state(const DockingModel& model, const S* y, TreeData<S>& tre
     for (int j = 0; j < 7; ++j) tree.q[j] = y[model.layout.pose[kChaser] + j];
   }
 }
+
+namespace {
 
 /// Velocity of the chaser from the momentum of everything that moves with it:
 /// A_cc v_c + A_cm v_m = p, with p the momentum in body axes about the chaser's origin.
@@ -198,16 +201,23 @@ template <class S>
 Status calc_kinematics(const DockingModel& model, const S& t, const S* y, DockingData<S>& data) {
   put_mechanism_state(model, y, data.mechanism.tree);
   data.mechanism.tree.time = t;
-  data.vehicle[kChaser] = get_vehicle_pose(model, kChaser, y);
   const Status status = calc_position(model.mechanism, data.mechanism);
   if (!status.ok()) return status;
   if (model.mechanism.vehicle != kBase) {
-    calc_chaser_velocity(model, data.vehicle[kChaser], y, data.mechanism);
+    calc_chaser_velocity(model, get_vehicle_pose(model, kChaser, y), y, data.mechanism);
   }
   calc_velocity(model.mechanism, data.base, data.mechanism);
-  if (model.mechanism.vehicle != kBase) {
-    data.vehicle[kChaser] = get_body_motion(data.mechanism.tree, model.mechanism.vehicle);
-  }
+  calc_frames(model, y, data);
+  return {};
+}
+
+}  // namespace
+
+template <class S>
+void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data) {
+  data.vehicle[kChaser] = model.mechanism.vehicle != kBase
+                              ? get_body_motion(data.mechanism.tree, model.mechanism.vehicle)
+                              : get_vehicle_pose(model, kChaser, y);
   data.interface[kChaser] = find_frame_on(data.vehicle[kChaser], model.interface_pose[kChaser]);
   data.capture = find_capture_motion(model, data.mechanism.tree);
   if (model.present[kTarget]) {
@@ -216,8 +226,9 @@ Status calc_kinematics(const DockingModel& model, const S& t, const S* y, Dockin
     data.interface[kTarget] = find_frame_on(data.vehicle[kTarget], model.interface_pose[kTarget]);
     data.relative = find_relative(data.capture, data.interface[kTarget]);
   }
-  return {};
 }
+
+namespace {
 
 /// Contact and latches, and their load on the capture body.
 template <class S>
@@ -226,6 +237,12 @@ Status calc_capture_forces(const DockingModel& model, const DiscreteState& discr
                            DockingData<S>& data) {
   data.on_passive = Wrench<S>();
   if (!model.present[kTarget]) return {};
+  if (!data.touches) {
+    data.contact = ContactResult<S>();
+    data.latch.power = S(0);
+    if (ydot) std::fill_n(ydot + model.layout.bristles, model.layout.bristle_count, S(0));
+    return {};
+  }
   if (!model.contact.empty()) {
     const bool bristles = model.layout.bristle_count > 0;
     S* rates =
@@ -245,19 +262,22 @@ Status calc_capture_forces(const DockingModel& model, const DiscreteState& discr
   return {};
 }
 
-/// Rates of the coordinates of one independent mechanism body.
+}  // namespace
+
 template <class S>
-void calc_coordinate_rates(const Body& body, const TreeData<S>& tree, S* qdot) {
+void calc_coordinate_rates(const Body& body, const VecX<S>& q, const VecX<S>& v, S* qdot) {
   if (body.joint != JointType::kFree) {
-    qdot[0] = tree.v[body.v_index];
+    qdot[0] = v[body.v_index];
     return;
   }
-  const Vec4<S> quat = tree.q.template segment<4>(body.q_index + 3);
-  const Vec3<S> rate = quat_to_matrix<S>(quat) * tree.v.template segment<3>(body.v_index);
-  const Vec4<S> quat_dot = quat_rate<S>(quat, tree.v.template segment<3>(body.v_index + 3));
+  const Vec4<S> quat = q.template segment<4>(body.q_index + 3);
+  const Vec3<S> rate = quat_to_matrix<S>(quat) * v.template segment<3>(body.v_index);
+  const Vec4<S> quat_dot = quat_rate<S>(quat, v.template segment<3>(body.v_index + 3));
   for (int j = 0; j < 3; ++j) qdot[j] = rate[j];
   for (int j = 0; j < 4; ++j) qdot[3 + j] = quat_dot[j];
 }
+
+namespace {
 
 template <class S>
 void put(S* at, const Vec3<S>& v) {
@@ -352,19 +372,16 @@ DockingModel make_docking_model(const Scene& scene,
 }
 
 template <class S>
-Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
-                    const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
-                    S* ydot, DockingData<S>& data) {
-  Status status = calc_kinematics(model, t, y, data);
-  if (!status.ok()) return status;
-  status = calc_capture_forces(model, discrete, memory, t, y, ydot, data);
+Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
+                  const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
+                  S* ydot, DockingData<S>& data) {
+  const Status status = calc_capture_forces(model, discrete, memory, t, y, ydot, data);
   if (!status.ok()) return status;
 
   // Loads on the bodies of the tree: capture body, chaser, joints.
   MechanismData<S>& mechanism = data.mechanism;
   const Vec3<S> gravity = model.falling ? Vec3<S>(Vec3<S>::Zero()) : loads.gravity;
   data.base.gravity = gravity;
-  const FrameMotion<S>& chaser = data.vehicle[kChaser];
   for (Wrench<S>& load : mechanism.tree.external) load = Wrench<S>();
   const int capture_body = model.mechanism.model.capture_body;
   if (capture_body != kBase) {
@@ -375,16 +392,27 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
   }
   data.thrust = discrete.thrust_on ? Vec3<S>(data.interface[kChaser].R.col(0) * S(model.thrust))
                                    : Vec3<S>(Vec3<S>::Zero());
-  const Vec3<S> chaser_force = loads.force[kChaser] + data.thrust;
-  const Vec3<S> chaser_moment = chaser.R * loads.torque[kChaser];
   if (model.mechanism.vehicle != kBase) {
-    mechanism.tree.external[model.mechanism.vehicle].f += chaser_force;
-    mechanism.tree.external[model.mechanism.vehicle].t += chaser_moment;
+    Wrench<S>& load = mechanism.tree.external[model.mechanism.vehicle];
+    load.f += loads.force[kChaser] + data.thrust;
+    load.t += data.vehicle[kChaser].R * loads.torque[kChaser];
   }
   mechanism.tau.setZero();
   data.command = loads.command;
   data.joints = calc_joint_forces(model.mechanism.model, mechanism.tree.q, mechanism.tree.v,
                                   data.command, data.joint_force, mechanism.tau);
+  return {};
+}
+
+template <class S>
+Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
+                    const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
+                    S* ydot, DockingData<S>& data) {
+  Status status = calc_kinematics(model, t, y, data);
+  if (!status.ok()) return status;
+  status = calc_loads(model, discrete, memory, loads, t, y, ydot, data);
+  if (!status.ok()) return status;
+  MechanismData<S>& mechanism = data.mechanism;
   calc_acceleration(model.mechanism, data.base, mechanism);
   if (!ydot) return {};
 
@@ -392,15 +420,29 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
   int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
   for (int i : model.mechanism_bodies) {
     const Body& body = model.mechanism.model.bodies[i];
-    calc_coordinate_rates(body, mechanism.tree, ydot + q);
+    calc_coordinate_rates(body, mechanism.tree.q, mechanism.tree.v, ydot + q);
     q += body.nq();
     for (int j = 0; j < body.nv(); ++j) ydot[v++] = mechanism.vdot[body.v_index + j];
   }
+  if (model.mechanism.plan.is_driven) {
+    calc_loop_forces(model.mechanism.plan, mechanism.vdot, mechanism.loops);
+  }
+  calc_vehicle_rates(model, loads, y, ydot, data);
+  return {};
+}
+
+template <class S>
+void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads, const S* y,
+                        S* ydot, DockingData<S>& data) {
+  const MechanismData<S>& mechanism = data.mechanism;
+  const Vec3<S> gravity = data.base.gravity;
+  const FrameMotion<S>& chaser = data.vehicle[kChaser];
+  const Vec3<S> chaser_force = loads.force[kChaser] + data.thrust;
+  const Vec3<S> chaser_moment = chaser.R * loads.torque[kChaser];
   // Vehicles: the capture force acts on both at the same point, so their rates cancel exactly.
   Vec3<S> impulse = Vec3<S>::Zero(), angular_impulse = Vec3<S>::Zero();
   S power = data.joints.command_power;
   if (model.mechanism.plan.is_driven) {
-    calc_loop_forces(model.mechanism.plan, mechanism.vdot, mechanism.loops);
     power += find_drive_power(model.mechanism.model, model.mechanism.plan, mechanism.loops);
   }
   const Vec3<S> capture_moment = data.capture.p.cross(data.on_passive.f) + data.on_passive.t;
@@ -451,7 +493,6 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
     put<S>(ydot + model.layout.told[i], force);
     put<S>(ydot + model.layout.told[i] + 3, frame.R * loads.torque[i] + frame.p.cross(force));
   }
-  return {};
 }
 
 template <class S>
@@ -574,6 +615,13 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
 }
 
 #define DOCK_INSTANTIATE(S)                                                                        \
+  template void put_mechanism_state<S>(const DockingModel&, const S*, TreeData<S>&);               \
+  template void calc_frames<S>(const DockingModel&, const S*, DockingData<S>&);                    \
+  template void calc_coordinate_rates<S>(const Body&, const VecX<S>&, const VecX<S>&, S*);         \
+  template Status calc_loads<S>(const DockingModel&, const DiscreteState&, const ContactMemory&,   \
+                                const ExternalLoads<S>&, S, const S*, S*, DockingData<S>&);        \
+  template void calc_vehicle_rates<S>(const DockingModel&, const ExternalLoads<S>&, const S*, S*,  \
+                                      DockingData<S>&);                                            \
   template struct DockingData<S>;                                                                  \
   template Status calc_docking<S>(const DockingModel&, const DiscreteState&, const ContactMemory&, \
                                   const ExternalLoads<S>&, S, const S*, S*, DockingData<S>&);      \

@@ -109,6 +109,7 @@ struct DockingData {
   JointForceSums<S> joints;
   VecX<S> command, joint_force;      ///< per joint force [N]
   VecX<S> bristle_rate;              ///< scratch where no rates are wanted
+  bool touches = true;               ///< false: as if contact and latches were not there
   Vec3<S> thrust = Vec3<S>::Zero();  ///< on the chaser's CoM, axes of O
 };
 
@@ -128,6 +129,34 @@ template <class S>
 Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
                     const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
                     S* ydot, DockingData<S>& data);
+
+// The parts of calc_docking(), for who finds the motion of the tree in another way.
+
+/// Independent coordinates and velocities of the mechanism from the state into the tree; chaser
+/// pose with them.
+template <class S>
+void put_mechanism_state(const DockingModel& model, const S* y, TreeData<S>& tree);
+
+/// Vehicles, interfaces, capture body. @pre calc_tree_velocity
+template <class S>
+void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data);
+
+/// Contact and latches, and all loads on the bodies and joints of the tree. @pre calc_frames
+/// @param ydot  rates of bristles; may be null
+template <class S>
+Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
+                  const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
+                  S* ydot, DockingData<S>& data);
+
+/// Rates of the coordinates of one body of the tree that moves with velocities v.
+template <class S>
+void calc_coordinate_rates(const Body& body, const VecX<S>& q, const VecX<S>& v, S* qdot);
+
+/// Rates of all but the mechanism and bristles: vehicles and sums. @pre calc_loads; cut forces,
+/// where a joint is driven
+template <class S>
+void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads, const S* y,
+                        S* ydot, DockingData<S>& data);
 
 /// Motion of a frame that is fixed on another one.
 template <class S>

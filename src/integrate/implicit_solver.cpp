@@ -5,6 +5,9 @@
 // Fixed: Alexander's L-stable method of order 3 with three stages. Every step takes one Jacobian,
 // one factorisation and kIterations Newton iterations per stage, whatever happens. The Jacobian is
 // that at the end of an Euler step, so that it knows the contact that the step runs into.
+// Split: the pair ARK4(3)6L[2]SA of the same authors, which integrates Problem::mild_rates
+// explicitly and the rest of the rates implicitly. Newton uses the Jacobian of all rates: the mild
+// part adds little to it.
 #include <arkode/arkode_arkstep.h>
 #include <sunnonlinsol/sunnonlinsol_newton.h>
 
@@ -19,9 +22,14 @@ constexpr int kIterations = 2;  ///< one would leave order 2
 
 class ImplicitSolver : public Solver {
  public:
-  ImplicitSolver(System& system, bool fixed) : system_(system), dense_(system), fixed_(fixed) {
+  ImplicitSolver(System& system, Stepper::Method method)
+      : system_(system),
+        dense_(system, system.y),
+        fixed_(method == Stepper::Method::kSdirk),
+        mild_(method == Stepper::Method::kImex ? &System::call_mild_rates : nullptr),
+        stiff_(mild_ ? &System::call_stiff_rates : &System::call_rates) {
     newton_ = SUNNonlinSol_Newton(system.y, system.context);
-    ark_ = ARKStepCreate(nullptr, &System::call_rates, 0.0, system.y, system.context);
+    ark_ = ARKStepCreate(mild_, stiff_, 0.0, system.y, system.context);
     if (!newton_ || !ark_) throw std::runtime_error("ARKODE cannot be created");
     System::check(ARKStepSetUserData(ark_, &system));
     System::check(ARKStepSetNonlinearSolver(ark_, newton_));
@@ -32,13 +40,15 @@ class ImplicitSolver : public Solver {
     System::check(ARKStepSetMaxNumSteps(ark_, -1));
     System::check(ARKStepSetMaxErrTestFails(ark_, 20));
     // Rates of a stage follow from its solution; evaluating them there would cost more, and amplify
-    // what Newton has left over.
-    System::check(ARKStepSetDeduceImplicitRhs(ark_, SUNTRUE));
-    if (fixed) {
+    // what Newton has left over. With an inexact Jacobian (split) that would be too much.
+    System::check(ARKStepSetDeduceImplicitRhs(ark_, mild_ ? SUNFALSE : SUNTRUE));
+    if (fixed_) {
       set_alexander_table();
       System::check(SUNNonlinSolSetConvTestFn(newton_, &count_iterations, nullptr));
     } else {
-      System::check(ARKStepSetTableNum(ark_, ARKODE_ESDIRK437L2SA_7_3_4, ARKODE_ERK_NONE));
+      System::check(mild_ ? ARKStepSetTableNum(ark_, ARKODE_ARK436L2SA_DIRK_6_3_4,
+                                               ARKODE_ARK436L2SA_ERK_6_3_4)
+                          : ARKStepSetTableNum(ark_, ARKODE_ESDIRK437L2SA_7_3_4, ARKODE_ERK_NONE));
       // Newton starts from the last step, extrapolated; less far for later stages.
       System::check(ARKStepSetPredictorMethod(ark_, 2));
       // As in explicit_solver.cpp.
@@ -57,7 +67,7 @@ class ImplicitSolver : public Solver {
   void restart(double t, N_Vector y, double h) override {
     // ARKStepReset would go on with the Jacobian of before.
     keep_counts();
-    ARKStepReInit(ark_, nullptr, &System::call_rates, t, y);
+    ARKStepReInit(ark_, mild_, stiff_, t, y);
     if (fixed_) {
       system_.ahead = h;
       ARKStepSetFixedStep(ark_, h);
@@ -116,12 +126,13 @@ class ImplicitSolver : public Solver {
   SUNNonlinearSolver newton_ = nullptr;
   void* ark_ = nullptr;
   bool fixed_;
+  ARKRhsFn mild_, stiff_;
 };
 
 }  // namespace
 
-std::unique_ptr<Solver> make_implicit_solver(System& system, bool fixed) {
-  return std::make_unique<ImplicitSolver>(system, fixed);
+std::unique_ptr<Solver> make_implicit_solver(System& system, Stepper::Method method) {
+  return std::make_unique<ImplicitSolver>(system, method);
 }
 
 }  // namespace dockloop

@@ -33,7 +33,7 @@ class MultistepSolver : public Solver {
     if (!iteration_) throw std::runtime_error("CVODE cannot be created");
     System::check(CVodeSetNonlinearSolver(cvode_, iteration_));
     if (!stiff) return;
-    dense_ = std::make_unique<DenseSolver>(system);
+    dense_ = std::make_unique<DenseSolver>(system, system.y);
     System::check(CVodeSetLinearSolver(cvode_, dense_->linear, dense_->matrix));
     if (system.problem.jacobian) System::check(CVodeSetJacFn(cvode_, &System::call_jacobian));
   }

@@ -1,8 +1,9 @@
 // What Stepper asks of a method of SUNDIALS, and what every method sees of the problem.
 //
 //   explicit_solver.cpp   Runge-Kutta, adaptive or of fixed size (ERKStep)
-//   implicit_solver.cpp   diagonally implicit Runge-Kutta, adaptive or of fixed size (ARKStep)
+//   implicit_solver.cpp   diagonally implicit Runge-Kutta, adaptive, split or fixed (ARKStep)
 //   multistep_solver.cpp  Adams and BDF (CVODE)
+//   dae_solver.cpp        BDF for the equations with multipliers (IDA)
 //
 // After restart() a solver is as good as new: what it did before leaves no trace in any bit. It
 // allocates in its first step only.
@@ -28,24 +29,35 @@ struct System {
   /// A new vector, or an exception. To be destroyed by the caller.
   N_Vector make_vector() const;
   static int call_rates(realtype t, N_Vector y, N_Vector ydot, void* system);
+  static int call_mild_rates(realtype t, N_Vector y, N_Vector ydot, void* system);
+  /// All rates less the mild ones: two evaluations.
+  static int call_stiff_rates(realtype t, N_Vector y, N_Vector ydot, void* system);
   static int call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacobian, void* system,
                            N_Vector, N_Vector, N_Vector);
   static void ignore_message(int, const char*, const char*, char*, void*) {}
   /// @throws std::runtime_error
   static void check(int flag);
+  /// What an evaluation says is kept, and handed on to SUNDIALS.
+  int note(int said) {
+    if (said > 0) trouble = said;
+    return said;
+  }
 
   Stepper::Problem problem;
   SUNContext context = nullptr;
-  N_Vector y = nullptr, atol = nullptr;
-  int trouble = 0;       ///< what the rates said last
-  bool idle = false;     ///< the rates are zero, and nothing is counted
-  double ahead = 0.0;    ///< Jacobians are taken so long ahead of the state, along its rates [s]
-  long evaluations = 0;  ///< of rates; a Jacobian counts as Problem::jacobian_cost
+  N_Vector y = nullptr;
+  N_Vector mild = nullptr;  ///< scratch
+  N_Vector atol = nullptr;  ///< of y, or of all unknowns of Problem::dae
+  int trouble = 0;          ///< what the rates said last
+  bool idle = false;        ///< the rates are zero, and nothing is counted
+  double ahead = 0.0;       ///< Jacobians are taken so long ahead of the state, along its rates [s]
+  long evaluations = 0;     ///< of rates; a Jacobian counts as Problem::jacobian_cost
 };
 
 /// Newton matrix of an implicit method and its factors.
 struct DenseSolver {
-  explicit DenseSolver(const System& system);
+  /// @param like  vector of the unknowns
+  DenseSolver(const System& system, N_Vector like);
   ~DenseSolver();
   DenseSolver(const DenseSolver&) = delete;
   DenseSolver& operator=(const DenseSolver&) = delete;
@@ -65,6 +77,8 @@ class Solver {
   /// State inside the last step.
   virtual bool interpolate(double t, N_Vector y) = 0;
   virtual double next_step() const = 0;
+  /// All unknowns of Problem::dae at the end of the last step; else null.
+  virtual const double* unknowns() const { return nullptr; }
   long steps() const { return steps_ + present_steps(); }  ///< accepted, since construction
   /// Since construction, for their errors or because Newton failed.
   long rejected_steps() const { return rejected_ + present_rejected(); }
@@ -83,7 +97,8 @@ class Solver {
 };
 
 std::unique_ptr<Solver> make_explicit_solver(System& system, bool fixed);
-std::unique_ptr<Solver> make_implicit_solver(System& system, bool fixed);
+std::unique_ptr<Solver> make_implicit_solver(System& system, Stepper::Method method);
 std::unique_ptr<Solver> make_multistep_solver(System& system, bool stiff);
+std::unique_ptr<Solver> make_dae_solver(System& system);
 
 }  // namespace dockloop

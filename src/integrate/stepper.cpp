@@ -21,13 +21,16 @@ namespace dockloop {
 System::System(Stepper::Problem p) : problem(std::move(p)) {
   check(SUNContext_Create(nullptr, &context));
   y = make_vector();
-  atol = make_vector();
+  mild = make_vector();
+  atol = problem.dae.size > 0 ? N_VNew_Serial(problem.dae.size, context) : make_vector();
+  if (!atol) throw std::runtime_error("SUNDIALS vectors cannot be allocated");
   N_VConst(0.0, y);
   N_VConst(1e-8, atol);
 }
 
 System::~System() {
   if (y) N_VDestroy(y);
+  if (mild) N_VDestroy(mild);
   if (atol) N_VDestroy(atol);
   if (context) SUNContext_Free(&context);
 }
@@ -38,9 +41,9 @@ N_Vector System::make_vector() const {
   return vector;
 }
 
-DenseSolver::DenseSolver(const System& system)
-    : matrix(SUNDenseMatrix(system.problem.size, system.problem.size, system.context)) {
-  if (matrix) linear = SUNLinSol_Dense(system.y, matrix, system.context);
+DenseSolver::DenseSolver(const System& system, N_Vector like)
+    : matrix(SUNDenseMatrix(NV_LENGTH_S(like), NV_LENGTH_S(like), system.context)) {
+  if (matrix) linear = SUNLinSol_Dense(like, matrix, system.context);
   if (linear) return;
   if (matrix) SUNMatDestroy(matrix);
   throw std::runtime_error("a dense solver of SUNDIALS cannot be allocated");
@@ -62,9 +65,22 @@ int System::call_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
     return 0;
   }
   ++me.evaluations;
-  const int trouble = me.problem.rates(t, NV_DATA_S(y), NV_DATA_S(ydot));
-  if (trouble > 0) me.trouble = trouble;
-  return trouble;
+  return me.note(me.problem.rates(t, NV_DATA_S(y), NV_DATA_S(ydot)));
+}
+
+int System::call_mild_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
+  System& me = *static_cast<System*>(system);
+  if (me.idle) return call_rates(t, y, ydot, system);
+  ++me.evaluations;
+  return me.note(me.problem.mild_rates(t, NV_DATA_S(y), NV_DATA_S(ydot)));
+}
+
+int System::call_stiff_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
+  System& me = *static_cast<System*>(system);
+  int said = call_mild_rates(t, y, me.mild, system);
+  if (said == 0) said = call_rates(t, y, ydot, system);
+  if (said == 0) N_VLinearSum(1.0, ydot, -1.0, me.mild, ydot);
+  return said;
 }
 
 int System::call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacobian, void* system,
@@ -77,9 +93,7 @@ int System::call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacob
     // Where that state cannot be evaluated, the present one has to do.
     if (me.problem.jacobian(t, NV_DATA_S(scratch), SM_DATA_D(jacobian)) == 0) return 0;
   }
-  const int trouble = me.problem.jacobian(t, NV_DATA_S(y), SM_DATA_D(jacobian));
-  if (trouble > 0) me.trouble = trouble;
-  return trouble;
+  return me.note(me.problem.jacobian(t, NV_DATA_S(y), SM_DATA_D(jacobian)));
 }
 
 namespace {
@@ -92,13 +106,15 @@ std::unique_ptr<Solver> make_solver(System& system, Stepper::Method method) {
     case Stepper::Method::kClassicRk4:
       return make_explicit_solver(system, true);
     case Stepper::Method::kEsdirk:
-      return make_implicit_solver(system, false);
+    case Stepper::Method::kImex:
     case Stepper::Method::kSdirk:
-      return make_implicit_solver(system, true);
+      return make_implicit_solver(system, method);
     case Stepper::Method::kAdams:
       return make_multistep_solver(system, false);
     case Stepper::Method::kBdf:
       return make_multistep_solver(system, true);
+    case Stepper::Method::kDae:
+      return make_dae_solver(system);
   }
   throw std::logic_error("no such method");
 }
@@ -206,7 +222,7 @@ double* Stepper::y() { return NV_DATA_S(impl_->system.y); }
 
 void Stepper::set_tolerances(double rtol, const double* atol) {
   System& system = impl_->system;
-  std::copy(atol, atol + system.problem.size, NV_DATA_S(system.atol));
+  std::copy(atol, atol + NV_LENGTH_S(system.atol), NV_DATA_S(system.atol));
   impl_->solver->set_tolerances(rtol, system.atol);
 }
 
@@ -267,6 +283,7 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
 
 double Stepper::time() const { return impl_->t; }
 double Stepper::next_step() const { return impl_->solver->next_step(); }
+const double* Stepper::unknowns() const { return impl_->solver->unknowns(); }
 bool Stepper::root_found(int i) const { return impl_->root_info[i] != 0; }
 long Stepper::steps() const { return impl_->solver->steps() - impl_->idle_steps; }
 long Stepper::rejected_steps() const { return impl_->solver->rejected_steps(); }

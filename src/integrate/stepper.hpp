@@ -37,15 +37,32 @@ class Stepper {
     /// Makes a method of its own, instead of those below (src/truth).
     std::function<std::unique_ptr<Solver>(System&)> solver;
     double root_tolerance = 1e-14;  ///< of the times of roots, relative
+    /// The part of the rates that is never stiff, for kImex.
+    std::function<int(double t, const double* y, double* ydot)> mild_rates;
+
+    /// The same as 0 = residual(t, z, zdot) in more unknowns z, of which y is the first part.
+    struct Dae {
+      int size = 0;  ///< of z; 0 = there is no such form
+      std::function<int(double t, const double* z, const double* zdot, double* residual)> residual;
+      /// d residual / d z + alpha d residual / d zdot, by columns.
+      std::function<int(double t, double alpha, const double* z, const double* zdot,
+                        const double* residual, double* jacobian)>
+          jacobian;
+      int jacobian_cost = 0;
+      /// The rest of z and zdot, so that all equations hold. Called where rates(y) has just been.
+      std::function<void(double* z, double* zdot)> complete;
+    } dae;
   };
 
   enum class Method {
     kDormandPrince,  ///< explicit one-step, order 5(4)
     kClassicRk4,     ///< the same of order 4; every step is what restart() asks for
     kEsdirk,         ///< implicit one-step, L-stable, order 4(3)
-    kSdirk,          ///< the same of order 3; every step is what restart() asks for
+    kImex,           ///< explicit for Problem::mild_rates, implicit for the rest, order 4(3)
+    kSdirk,          ///< as kEsdirk of order 3; every step is what restart() asks for
     kAdams,          ///< multistep, order up to 12
     kBdf,            ///< multistep, stiff, order up to 5
+    kDae,            ///< the same for Problem::dae
   };
 
   explicit Stepper(Problem problem, Method method = Method::kDormandPrince);
@@ -54,7 +71,7 @@ class Stepper {
   Stepper& operator=(const Stepper&) = delete;
 
   double* y();
-  /// Tolerances: |error_i| <= rtol |y_i| + atol[i] in the root-mean-square sense.
+  /// Tolerances: |error_i| <= rtol |y_i| + atol[i] in the root-mean-square sense; for kDae of z.
   void set_tolerances(double rtol, const double* atol);
   /// Start (again) at time t from y() with first step h (0 = choose); multistep methods choose one
   /// that is not longer.
@@ -64,6 +81,8 @@ class Stepper {
   double time() const;
   /// Step size that error control proposes for the next step [s].
   double next_step() const;
+  /// All unknowns of Problem::dae at the end of the last step; null for other methods.
+  const double* unknowns() const;
   /// Event functions found at their root by the step that returned kRoot.
   bool root_found(int i) const;
 

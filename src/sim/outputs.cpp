@@ -274,7 +274,8 @@ Status DockingSim::Impl::update_outputs() {
   outputs.solver_steps = static_cast<double>(counters.steps);
   outputs.solver_rhs_evaluations = static_cast<double>(counters.rate_evaluations);
   outputs.solver_rejected_steps = static_cast<double>(counters.rejected_steps);
-  outputs.solver_closure_residual = find_closure_residual(model->mechanism, data->mechanism);
+  outputs.solver_closure_residual =
+      std::max(find_closure_residual(model->mechanism, data->mechanism), drift);
   outputs.solver_singularity_margin = find_singularity_margin(data->mechanism);
   outputs_valid = true;
   return {};

@@ -1,6 +1,7 @@
 // Private parts of DockingSim, shared by the files of this folder:
 //
 //   start.cpp           from scene and parameters to the start state
+//   reference_form.cpp  what IDA is told about the form with multipliers
 //   steps.cpp           communication steps, inputs, audits
 //   coupling.cpp        what hosts of driven vehicles tell, are owed and are told
 //   coupling_monitors.cpp  what such a host should know about its side
@@ -23,6 +24,7 @@
 #include "dynamics/base_jump.hpp"
 #include "dynamics/docking_jacobian.hpp"
 #include "dynamics/interface_stiffness.hpp"
+#include "dynamics/reference_model.hpp"
 #include "integrate/stepper.hpp"
 #include "sim/docking_sim.hpp"
 #include "sim/outputs.hpp"
@@ -61,14 +63,25 @@ struct DockingSim::Impl : SimState {
   ContactLaw make_contact_law() const;
   void choose_frame_O();
   void make_stepper();
+  int find_trouble_code(Status status, double t, const double* values, int count);
   void make_jacobian_pass();
   int calc_jacobian(double t, const double* y, double* by_columns);
   std::vector<double> find_absolute_tolerances() const;
   double find_relative_tolerance() const;
+  double find_share_of_norm() const;
   void check_joint_starts(const LoopPlan& plan) const;
   Status bring_joints_to_start();
   void set_start_state();
   void warn_about_start();
+
+  // reference_form.cpp
+  bool has_reference() const {
+    return setup->parameters.solver_method == kDae && interface == Interface::kCoSimulation;
+  }
+  void make_reference();
+  void describe_reference(Stepper::Problem& problem);
+  void add_reference_tolerances(std::vector<double>& atol) const;
+  void update_drift(double tau);
 
   // steps.cpp
   Status step(double t, double h);
@@ -195,7 +208,7 @@ struct DockingSim::Impl : SimState {
   }
   bool needs_jacobian() const {
     const int method = setup->parameters.solver_method;
-    return method == kImplicit || method == kBdf || method == kFixedImplicit;
+    return method == kImplicit || method == kImex || method == kBdf || method == kFixedImplicit;
   }
   double* bristles() {
     return model->layout.bristle_count > 0 ? stepper->y() + model->layout.bristles : nullptr;
@@ -240,8 +253,11 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<InterfaceWorkspace> interface_work;  ///< with a driven vehicle only
   std::unique_ptr<Snapshot> look_ahead_start;          ///< where loads are announced only
   std::vector<char> due = std::vector<char>(kFixedRoots + kMaxLatches, 0);
-  std::unique_ptr<DockingPass> jacobian_pass;  ///< for implicit methods only
-  MatX<double> jacobian;                       ///< with it
+  std::unique_ptr<DockingPass> jacobian_pass;     ///< for implicit methods only
+  MatX<double> jacobian;                          ///< with it
+  std::unique_ptr<ReferenceModel> reference;      ///< for method 9 only
+  std::unique_ptr<ReferenceData> reference_data;  ///< with it
+  VecX<double> reference_nominal;                 ///< size of its unknowns
   Status last_trouble;
   double margin_before = 1.0;  ///< of the loops, at the last accepted state
   std::vector<double> y_accepted, rates;

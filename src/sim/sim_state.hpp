@@ -54,6 +54,9 @@ struct SimState {
   /// Choice of independent coordinates, if it is not that of the start any more.
   std::shared_ptr<const Coordinates> coordinates;
 
+  double drift = 0.0;  ///< largest gap at inner steps of the last step, if multipliers hold the
+                       ///< cuts [m]
+
   // audits
   double energy_start = 0.0;                     ///< [J]
   double host_work = 0.0;                        ///< that imposed motion brought in [J]
@@ -93,8 +96,8 @@ template <class A>
 void transfer(A& archive, Parameters& p) {
   transfer_all(archive, p.vehicle, p.contact_thrust, p.contact_thrust_delay, p.friction_coefficient,
                p.friction_model, p.restitution, p.restitution_speed, p.flight, p.solver_method,
-               p.step, p.rtol, p.atol_position, p.atol_velocity, p.atol_energy, p.coupling_mode,
-               p.coupling_expected_step, p.coupling_velocity_tolerance);
+               p.dae_form, p.step, p.rtol, p.atol_position, p.atol_velocity, p.atol_energy,
+               p.coupling_mode, p.coupling_expected_step, p.coupling_velocity_tolerance);
 }
 
 template <class A>
@@ -198,8 +201,9 @@ template <class A>
 void transfer(A& archive, SimState& s) {
   transfer_all(archive, s.elapsed, s.h_warm, s.last_step, s.frame_velocity, s.frame_shift,
                s.discrete, s.memory, s.peaks, s.mean_load, s.coupling, s.rest_state,
-               s.margin_looked_at, s.warned_margin, s.coordinates, s.energy_start, s.host_work,
-               s.momentum_start, s.momentum_residual, s.momentum_scale, s.angular_momentum_scale);
+               s.margin_looked_at, s.warned_margin, s.coordinates, s.drift, s.energy_start,
+               s.host_work, s.momentum_start, s.momentum_residual, s.momentum_scale,
+               s.angular_momentum_scale);
 }
 
 template <class A>

@@ -47,29 +47,17 @@ void check_vehicle(const VehicleParameters& p, const std::string& name) {
   check_quaternion(p.attitude, name + ".attitude");
 }
 
-void check_method(int method) {
-  const char* reason = "";
-  if (method == kImex) {
-    reason =
-        "4 (imex) is not offered, because nothing is gained by a split: stiff forces act through "
-        "the inertia of the whole mechanism, so that each part would cost as much as all";
-  } else if (method == kDae) {
-    reason =
-        "9 (dae) is not offered, because loops are solved in the rates and leave no algebraic "
-        "equations";
-  } else if (method >= kAuto && method <= kDae) {
-    return;
-  }
-  throw ModelError("solver.method is " + std::to_string(method) +
-                   "; it must be 1 (auto), 2 (explicit), 3 (implicit), 5 (adams), 6 (bdf), 7 "
-                   "(fixed_rk4) or 8 (fixed_implicit)" +
-                   (*reason ? std::string("; ") + reason : std::string()));
+void check_choice(int value, int most, const char* name, const char* choice) {
+  if (value >= 1 && value <= most) return;
+  throw ModelError(std::string(name) + " is " + std::to_string(value) + "; it must be " + choice);
 }
 
 Stepper::Method find_stepper_method(int method) {
   switch (method) {
     case kImplicit:
       return Stepper::Method::kEsdirk;
+    case kImex:
+      return Stepper::Method::kImex;
     case kAdams:
       return Stepper::Method::kAdams;
     case kBdf:
@@ -101,6 +89,7 @@ void DockingSim::Impl::clear() {
   parameters.restitution_speed = scene->restitution_speed;
   parameters.flight = kResting;
   parameters.solver_method = kAuto;
+  parameters.dae_form = Parameters().dae_form;
   parameters.step = scene->solver.step;
   parameters.rtol = scene->solver.rtol;
   parameters.atol_position = scene->solver.atol_position;
@@ -173,11 +162,13 @@ void DockingSim::Impl::check_parameters() const {
     throw ModelError("coupling.mode is " + std::to_string(p.coupling_mode) +
                      "; it must be 1 (sequential) or 2 (parallel)");
   }
-  if (p.flight != kResting && p.flight != kIntegrated) {
-    throw ModelError("model.flight is " + std::to_string(p.flight) +
-                     "; it must be 1 (resting) or 2 (integrated)");
-  }
-  check_method(p.solver_method);
+  check_choice(p.flight, kIntegrated, "model.flight", "1 (resting) or 2 (integrated)");
+  check_choice(
+      p.solver_method, kDae, "solver.method",
+      "1 (auto), 2 (explicit), 3 (implicit), 4 (imex), 5 (adams), 6 (bdf), 7 (fixed_rk4), 8 "
+      "(fixed_implicit) or 9 (dae)");
+  check_choice(p.dae_form, static_cast<int>(DaeForm::kStabilised), "solver.dae_form",
+               "1 (index 1), 2 (index 1 with Baumgarte stabilisation) or 3 (stabilised index 2)");
   if (interface == Interface::kModelExchange &&
       p.friction_model != scene->contact.law.friction_model) {
     throw ModelError("friction.model is " + std::to_string(p.friction_model) +
@@ -410,18 +401,14 @@ void DockingSim::Impl::make_stepper() {
   problem.rates = [this](double t, const double* y, double* ydot) {
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
                                                y, ydot, *rate_data);
-    if (!status.ok()) {
-      last_trouble = status;
-      last_trouble.time = elapsed + t;
-      return status.code == StatusCode::kLoopSingular ? Stepper::kStepOver : Stepper::kSmaller;
-    }
-    double sum = 0.0;
-    for (int i = 0; i < model->layout.size; ++i) sum += ydot[i];
-    if (!std::isfinite(sum)) {
-      last_trouble = {StatusCode::kNotFinite, -1, 0.0, elapsed + t};
-      return Stepper::kSmaller;
-    }
-    return 0;
+    return find_trouble_code(status, t, ydot, model->layout.size);
+  };
+  problem.mild_rates = [this](double t, const double* y, double* ydot) {
+    rate_data->touches = false;
+    const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
+                                               y, ydot, *rate_data);
+    rate_data->touches = true;
+    return find_trouble_code(status, t, ydot, model->layout.size);
   };
   problem.roots = [this](double t, const double* y, double* roots) {
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
@@ -441,9 +428,12 @@ void DockingSim::Impl::make_stepper() {
     };
     problem.jacobian_cost = layout.sums + layout.bristle_count;  // about one per column, measured
   }
+  reference.reset();
+  if (has_reference()) describe_reference(problem);
   if (adapt_problem) adapt_problem(problem);
-  stepper = std::make_unique<Stepper>(std::move(problem),
-                                      find_stepper_method(setup->parameters.solver_method));
+  stepper = std::make_unique<Stepper>(
+      std::move(problem),
+      reference ? Stepper::Method::kDae : find_stepper_method(setup->parameters.solver_method));
 
   std::vector<double> atol = find_absolute_tolerances();
   // A host that asks for less relative error gets less absolute error too, down to rounding.
@@ -451,11 +441,26 @@ void DockingSim::Impl::make_stepper() {
   constexpr double kRounding = 1e-13;  // [m], [m/s]; of positions and speeds near the docking
   const double least = kRounding / std::max(parameters.atol_position, kRounding);
   for (double& value : atol) value *= std::max(share_of_atol, least);
-  // The norm is a mean over components: bristles at rest must not loosen it.
-  const double share = static_cast<double>(layout.size - layout.bristle_count) / layout.size;
-  stepper->set_tolerances(rtol * std::sqrt(share), atol.data());
+  stepper->set_tolerances(rtol * std::sqrt(find_share_of_norm()), atol.data());
+  if (reference) {
+    reference_nominal = Eigen::Map<VecX<double>>(atol.data(), reference->size) / rtol;
+  }
   y_accepted.assign(static_cast<size_t>(layout.size), 0.0);
   rates = y_accepted;
+}
+
+/// @param values  what was computed: all must be finite
+/// @return what Stepper::Problem is to be told
+int DockingSim::Impl::find_trouble_code(Status status, double t, const double* values, int count) {
+  if (status.ok()) {
+    double sum = 0.0;
+    for (int i = 0; i < count; ++i) sum += values[i];
+    if (std::isfinite(sum)) return 0;
+    status.code = StatusCode::kNotFinite;
+  }
+  last_trouble = status;
+  last_trouble.time = elapsed + t;
+  return status.code == StatusCode::kLoopSingular ? Stepper::kStepOver : Stepper::kSmaller;
 }
 
 void DockingSim::Impl::make_jacobian_pass() {
@@ -471,13 +476,8 @@ int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_column
     status = calc_docking_jacobian(*model, discrete, memory, *rate_data, find_loads(t), elapsed + t,
                                    y, *jacobian_pass, jacobian);
   }
-  if (!status.ok() || !jacobian.allFinite()) {
-    last_trouble = status.ok() ? Status{StatusCode::kNotFinite, -1, 0.0, 0.0} : status;
-    last_trouble.time = elapsed + t;
-    return status.code == StatusCode::kLoopSingular ? Stepper::kStepOver : Stepper::kSmaller;
-  }
   std::copy_n(jacobian.data(), jacobian.size(), by_columns);
-  return 0;
+  return find_trouble_code(status, t, by_columns, static_cast<int>(jacobian.size()));
 }
 
 /// Per state, by kind; momenta are velocities times mass or inertia.
@@ -498,13 +498,20 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
     }
   }
   std::fill_n(atol.begin() + layout.sums, static_cast<int>(kSumCount), parameters.atol_energy);
-  const double share = static_cast<double>(layout.size - layout.bristle_count) / layout.size;
+  if (reference) add_reference_tolerances(atol);
   for (int i : {kChaser, kTarget}) {
     if (layout.told[i] < 0) continue;
     std::copy_n(atol.begin() + layout.momentum[i], 6, atol.begin() + layout.told[i]);
   }
-  for (double& value : atol) value *= std::sqrt(share);
+  for (double& value : atol) value *= std::sqrt(find_share_of_norm());
   return atol;
+}
+
+/// Error norms are means over unknowns: bristles at rest, and multipliers, must not loosen them.
+double DockingSim::Impl::find_share_of_norm() const {
+  const int all = reference ? reference->size : model->layout.size;
+  const int counted = reference ? reference->lambda : all;
+  return static_cast<double>(counted - model->layout.bristle_count) / all;
 }
 
 /// What should be looked at, but need not be wrong.

@@ -86,6 +86,7 @@ Status DockingSim::Impl::step(double t, double h) {
     update_thrust(elapsed);  // it may have been told only now
     if (status.ok()) status = evaluate(0.0);
     step_begin = find_coupling_point();
+    drift = 0.0;
     const int limit = find_inner_step_limit(h);
     if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
   } else {

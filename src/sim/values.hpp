@@ -11,17 +11,17 @@
 
 namespace dockloop {
 
-/// Values of solver.method; numbers of the interface. 4 (imex) and 9 (dae) are refused.
+/// Values of solver.method; numbers of the interface.
 enum SolverMethod {
   kAuto = 1,           ///< as kExplicit
   kExplicit = 2,       ///< adaptive, one-step
   kImplicit = 3,       ///< adaptive, one-step, for stiff contact, latches and friction
-  kImex = 4,           ///< refused: check_method() in start.cpp says why
+  kImex = 4,           ///< adaptive, one-step, implicit for contact and latches only
   kAdams = 5,          ///< multistep
   kBdf = 6,            ///< multistep, stiff
   kFixedRk4 = 7,       ///< equal steps
   kFixedImplicit = 8,  ///< equal steps, stiff
-  kDae = 9,            ///< refused
+  kDae = 9,            ///< loops held by multipliers: dynamics/reference_model.hpp
 };
 
 /// Values of model.flight.
@@ -41,6 +41,7 @@ struct Parameters {
   double restitution_speed = 0.0;       ///< [m/s]
   int flight = kResting;                ///< see FlightModel
   int solver_method = 1;                ///< see SolverMethod
+  int dae_form = 3;                     ///< of method 9: see DaeForm
   double step = 0.0;                    ///< [s] inner step of the fixed methods
   double rtol = 0.0;                    ///< [-]
   double atol_position = 0.0;           ///< [m], also taken for attitude [-]
@@ -252,7 +253,7 @@ struct Outputs : OutputValues<double> {
 
   // group solver
   double solver_steps = 0, solver_rhs_evaluations = 0, solver_rejected_steps = 0;
-  double solver_closure_residual = 0.0;    ///< largest loop gap [m]
+  double solver_closure_residual = 0.0;    ///< largest loop gap, see SimState::drift [m]
   double solver_singularity_margin = 1.0;  ///< smallest margin over loops [-]
 };
 

@@ -217,6 +217,7 @@ TEST(VariableTable, HasTheNamesOfTheInterface) {
                            "solver.closure_residual",
                            "solver.singularity_margin",
                            "solver.method",
+                           "solver.dae_form",
                            "solver.rtol",
                            "solver.atol_position",
                            "solver.atol_velocity",

@@ -1,17 +1,18 @@
 // The whole docking by every method of integration (solver.method).
 // 1. all capture, and agree with an explicit run at tight tolerance: peak load, times of contact
 // and
-//    capture, pose at the end; energy adds up;
+//    capture, pose at the end; energy and momentum add up;
 // 2. every run repeats to the last bit, and a step that was refused leaves nothing behind;
 // 3. where the legs are heavily damped (stiff), implicit methods need far fewer steps, and equal
 //    implicit steps are stable where equal explicit ones are not;
-// 4. what is not offered is refused with the reason.
+// 4. numbers that stand for nothing are refused.
 //
 // Scene: idss_25t_350t, shortly before contact.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstdio>
+#include <tuple>
 
 #include "unit/sim_test_support.hpp"
 
@@ -81,10 +82,14 @@ TEST_P(Methods, capture_as_a_tight_explicit_run_does) {
   EXPECT_NEAR(out.time_of_capture, expected.time_of_capture, GetParam().time);
   const double pose = (out.relative_position - expected.relative_position).norm();
   EXPECT_LE(pose, GetParam().pose);
-  std::printf("  differences: peak %.1e, capture %.1e s, pose %.1e m; energy residual %.1e J\n",
-              out.capture_peak[Outputs::kCompression] / peak - 1.0,
-              out.time_of_capture - expected.time_of_capture, pose, out.energy_residual);
+  std::printf(
+      "  differences: peak %.1e, capture %.1e s, pose %.1e m; energy residual %.1e J, momentum "
+      "residual %.1e\n",
+      out.capture_peak[Outputs::kCompression] / peak - 1.0,
+      out.time_of_capture - expected.time_of_capture, pose, out.energy_residual,
+      out.momentum_residual);
   EXPECT_LE(std::abs(out.energy_residual), 0.01 * expected.energy_dissipated);
+  EXPECT_LE(out.momentum_residual, 1e-12);
 }
 
 TEST_P(Methods, repeat_to_the_last_bit_also_after_a_refused_step) {
@@ -109,11 +114,13 @@ TEST_P(Methods, repeat_to_the_last_bit_also_after_a_refused_step) {
 INSTANTIATE_TEST_SUITE_P(All, Methods,
                          ::testing::Values(MethodCase{kExplicit, "explicit", 3e-5, 1e-6, 1e-8},
                                            MethodCase{kImplicit, "implicit", 1e-4, 1e-6, 1e-8},
+                                           MethodCase{kImex, "imex", 1e-4, 1e-6, 1e-8},
                                            MethodCase{kAdams, "adams", 1e-4, 1e-6, 1e-5},
                                            MethodCase{kBdf, "bdf", 1e-4, 3e-6, 1e-5},
                                            MethodCase{kFixedRk4, "fixed_rk4", 1e-2, 1.1e-3, 1e-7},
                                            MethodCase{kFixedImplicit, "fixed_implicit", 1e-2,
-                                                      1.1e-3, 1e-7}),
+                                                      1.1e-3, 1e-7},
+                                           MethodCase{kDae, "dae", 1e-4, 3e-6, 1e-5}),
                          [](const auto& c) { return std::string(c.param.name); });
 
 TEST(StiffLegs, need_few_implicit_steps) {
@@ -158,13 +165,14 @@ TEST(StiffLegs, are_crossed_in_long_communication_steps) {
   }
 }
 
-TEST(MethodsThatAreNotOffered, are_refused_with_the_reason) {
-  for (const auto& [method, reason] : {std::pair{int(kImex), "4 (imex) is not offered"},
-                                       {int(kDae), "9 (dae) is not offered"},
-                                       {0, "solver.method is 0; it must be"},
-                                       {10, "solver.method is 10; it must be"}}) {
+TEST(MethodsThatDoNotExist, are_refused_with_the_choice) {
+  for (const auto& [method, form, reason] :
+       {std::tuple{0, 3, "solver.method is 0; it must be 1 (auto)"},
+        std::tuple{10, 3, "solver.method is 10; it must be 1 (auto)"},
+        std::tuple{int(kDae), 4, "solver.dae_form is 4; it must be 1 (index 1)"}}) {
     DockingSim sim(share(short_ring_scene()));
     sim.parameters().solver_method = method;
+    sim.parameters().dae_form = form;
     try {
       sim.initialise(0.0, 0.0);
       ADD_FAILURE() << method << " was accepted";

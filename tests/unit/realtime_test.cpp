@@ -167,15 +167,16 @@ TEST_P(FixedSteps, take_the_same_work_everywhere) {
 }
 
 const auto kNameOf = [](const ::testing::TestParamInfo<int>& method) {
-  const char* names[] = {"",      "auto", "explicit",  "implicit",      "imex",
-                         "adams", "bdf",  "fixed_rk4", "fixed_implicit"};
+  const char* names[] = {"",      "auto", "explicit",  "implicit",       "imex",
+                         "adams", "bdf",  "fixed_rk4", "fixed_implicit", "dae"};
   return std::string(names[method.param]);
 };
 INSTANTIATE_TEST_SUITE_P(Methods, FixedSteps,
                          ::testing::Values(int(kFixedRk4), int(kFixedImplicit)), kNameOf);
 INSTANTIATE_TEST_SUITE_P(Methods, RealTime,
-                         ::testing::Values(int(kExplicit), int(kImplicit), int(kAdams), int(kBdf),
-                                           int(kFixedRk4), int(kFixedImplicit)),
+                         ::testing::Values(int(kExplicit), int(kImplicit), int(kImex), int(kAdams),
+                                           int(kBdf), int(kFixedRk4), int(kFixedImplicit),
+                                           int(kDae)),
                          kNameOf);
 
 }  // namespace

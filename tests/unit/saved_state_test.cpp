@@ -73,6 +73,8 @@ std::vector<Run> make_runs() {
   add_method("implicit", [](Parameters& p) { p.solver_method = kImplicit; });
   add_method("adams", [](Parameters& p) { p.solver_method = kAdams; });
   add_method("bdf", [](Parameters& p) { p.solver_method = kBdf; });
+  add_method("imex", [](Parameters& p) { p.solver_method = kImex; });
+  add_method("dae", [](Parameters& p) { p.solver_method = kDae; });
   runs.push_back({"sloped_inputs", ring, [](Parameters& p) { p.contact_thrust = 50.0; }, push});
   runs.push_back({"driven", driven_scene(), [](Parameters&) {}, drive});
   runs.push_back(
@@ -87,10 +89,19 @@ std::vector<Run> make_runs() {
                     p.solver_method = kBdf;
                   },
                   drive});
+  runs.push_back({"announced_dae", driven_scene(),
+                  [](Parameters& p) {
+                    p.coupling_mode = kParallel;
+                    p.solver_method = kDae;
+                  },
+                  drive});
   runs.push_back({"other_coordinates", slider_crank_scene()});
   runs.back().seen = "coordinates";
   runs.push_back({"other_coordinates_implicit", slider_crank_scene(),
                   [](Parameters& p) { p.solver_method = kImplicit; }});
+  runs.back().seen = "coordinates";
+  runs.push_back({"other_coordinates_dae", slider_crank_scene(),
+                  [](Parameters& p) { p.solver_method = kDae; }});
   runs.back().seen = "coordinates";
   return runs;
 }
