@@ -216,6 +216,7 @@ StartFacts find_start_facts(const std::shared_ptr<const Scene>& scene,
     Parameters& parameters = sim.parameters();
     parameters.friction_coefficient = std::max(parameters.friction_coefficient, 0.1);
     parameters.restitution = std::min(parameters.restitution, 0.9);
+    parameters.model_level = kReduced;  // on which everything depends that any level knows
     try {
       sim.initialise(scene->experiment.start, 0.0);
     } catch (const ModelError&) {

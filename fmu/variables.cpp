@@ -656,6 +656,16 @@ void number_values(std::vector<Variable>& rows, DockingSim& sim) {
   }
 }
 
+void add_model_parameters(Table& table, Parameters& parameter) {
+  table
+      .parameter("model.level", &parameter.model_level, kNone,
+                 "Level of the model: 1 rigid (the mechanism is locked at its start pose: one body "
+                 "with the chaser), 2 massless_legs (masses of leg parts are put to the ends of "
+                 "their legs), 3 reduced (every body), 4 reference (every body, unreduced tree "
+                 "with multipliers; takes solver.method 9)")
+      .limits(1, 4);
+}
+
 void add_solver_parameters(Table& table, Parameters& parameter) {
   table
       .parameter("model.flight", &parameter.flight, kNone,
@@ -666,13 +676,14 @@ void add_solver_parameters(Table& table, Parameters& parameter) {
   table
       .parameter(
           "solver.method", &parameter.solver_method, kNone,
-          "Integration method: 1 auto (as 2), 2 explicit (adaptive one-step), 3 implicit (the "
+          "Integration method: 1 auto (as 2, at model.level 4 as 9), 2 explicit (adaptive "
+          "one-step), 3 implicit (the "
           "same for stiff contact, latches or friction), 4 imex (implicit for contact and latches "
           "only), 5 adams and 6 bdf (multistep, bdf for stiff ones: they start again with order 1 "
           "at every communication point and event, so they are for long communication steps), 7 "
           "fixed_rk4 (equal steps of solver.step, bounded cost), 8 fixed_implicit (the same, "
-          "stable where 7 is not), 9 dae (all joint coordinates, loops held by multipliers: a "
-          "reference to compare with)")
+          "stable where 7 is not), 9 dae (all joint coordinates, loops held by multipliers: "
+          "with model.level 4 only)")
       .limits(1, 9);
   table
       .parameter("solver.dae_form", &parameter.dae_form, kNone,
@@ -784,6 +795,7 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   const bool is_driven = !offers_model_exchange(scene);
   if (is_driven) add_coupling_parameters(table, parameters, inputs);
   if (is_driven && wants("coupling")) add_coupling_outputs(table, outputs);
+  add_model_parameters(table, parameters);
   add_solver_parameters(table, parameters);
   if (wants("solver")) add_solver_outputs(table, outputs);
   if (offers_model_exchange(scene)) add_state_vector(table, scene, outputs);

@@ -550,7 +550,10 @@ def _model(document: dict, report: dict) -> str:
     text += (
         "<p>Loops are cut and eliminated: only the independent coordinates are integrated, by an"
         " explicit Runge&ndash;Kutta method with error control unless <code>solver.method</code>"
-        " says otherwise. There are no multipliers (but for method 9) and nothing drifts apart.</p>"
+        " says otherwise. There are no multipliers (but at level 4) and nothing drifts apart.</p>"
+        "<p><code>model.level</code> chooses how much of the mechanism is modelled: 3 every body, 2"
+        " legs without mass, 1 locked at its start pose (then the legs show what their springs"
+        " would exert, and cut forces are zero); 4 is 3 with multipliers, to compare with.</p>"
     )
     figure = drawing.draw_legs(mechanism, report["home_q"])
     if figure:

@@ -116,8 +116,9 @@ def resolve_scene(path: Path, overrides: list[str] | tuple[str, ...] = ()) -> di
         "experiment": {**_EXPERIMENT, **scene.get("experiment", {})},
         "outputs": {"groups": scene.get("outputs", {}).get("groups", [])},
     }
-    if "coupling" in scene:
-        document["coupling"] = scene["coupling"]
+    for key in ("coupling", "model"):
+        if key in scene:
+            document[key] = scene[key]
     if "target" in scene:
         document["target"] = {**_VEHICLE, **scene["target"]}
     experiment = document["experiment"]

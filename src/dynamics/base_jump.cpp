@@ -53,6 +53,10 @@ BaseJumpWorkspace::BaseJumpWorkspace(const Mechanism& mechanism) {
 Status jump_to_momentum(const DockingModel& model, const FrameMotion<double>& before,
                         const Wrench<double>& momentum, double* y, DockingData<double>& data,
                         BaseJumpWorkspace& work) {
+  if (model.locked.on) {  // what is carried goes along
+    set_momentum(model, kChaser, momentum, y);
+    return {};
+  }
   const Status status = calc_mechanism_position(model, y, data);
   if (!status.ok()) return status;
   TreeData<double>& tree = data.mechanism.tree;
@@ -78,7 +82,7 @@ Status hold_capture_body(const DockingModel& model, const Pose<double>& capture,
                          DockingData<double>& data, BaseJumpWorkspace& work) {
   const int n = static_cast<int>(work.dq.size());
   const int body = model.mechanism.model.capture_body;
-  if (n == 0 || body == kBase || body == model.mechanism.vehicle) return {};
+  if (n == 0 || body == kBase || body == model.mechanism.vehicle || model.locked.on) return {};
   const Status status = calc_mechanism_position(model, y, data);
   if (!status.ok()) return status;
   MechanismData<double>& mechanism = data.mechanism;

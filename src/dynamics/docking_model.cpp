@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "dynamics/massless_legs.hpp"
 #include "math/scalar.hpp"
 
 namespace dockloop {
@@ -70,16 +71,17 @@ FrameMotion<S> find_capture_motion(const DockingModel& model, const TreeData<S>&
 namespace {
 
 /// Mechanism on a moving or fixed chaser. @return with `bare` the chaser without mechanism.
-Mechanism make_attached_mechanism(const Scene& scene, const VehicleParameters& chaser, bool moves,
+Mechanism make_attached_mechanism(const MechanismModel& described, const VehicleBody& on_base,
+                                  const VehicleParameters& chaser, bool moves,
                                   const Pose<double>& base_in_chaser,
                                   const Pose<double>& chaser_pose, VehicleBody& bare,
                                   VehicleBody& frozen_in_chaser) {
   bare.mass = chaser.mass;
   bare.inertia = make_symmetric(chaser.inertia);
-  if (!moves) return Mechanism(fix_base(scene.mechanism, chaser_pose * base_in_chaser));
-  if (chaser.mass_includes_mechanism == 2 && !scene.mechanism.bodies.empty()) {
+  if (!moves) return Mechanism(fix_base(described, chaser_pose * base_in_chaser));
+  if (chaser.mass_includes_mechanism == 2 && !described.bodies.empty()) {
     // The stated vehicle is the bare one plus the mechanism frozen at home: take it out again.
-    const VehicleBody frozen = find_frozen_body(Mechanism(scene.mechanism));
+    const VehicleBody frozen = find_frozen_body(Mechanism(described));
     const Vec3<double> c = base_in_chaser.R * frozen.com + base_in_chaser.p;
     const Mat3<double> I_frozen =
         base_in_chaser.R * frozen.inertia * base_in_chaser.R.transpose() +
@@ -102,8 +104,12 @@ Mechanism make_attached_mechanism(const Scene& scene, const VehicleParameters& c
     if (positive.info() != Eigen::Success) {
       throw ModelError("chaser.inertia is less than that of the mechanism it is said to include");
     }
+  } else if (on_base.mass > 0.0) {
+    const VehicleBody feet = transform(base_in_chaser, on_base);
+    bare = join(bare, feet);
+    frozen_in_chaser = {-feet.mass, feet.com, -feet.inertia};
   }
-  Mechanism mechanism(attach_vehicle(scene.mechanism, bare, base_in_chaser));
+  Mechanism mechanism(attach_vehicle(described, bare, base_in_chaser));
   mechanism.vehicle = 0;
   return mechanism;
 }
@@ -196,17 +202,46 @@ void calc_target_velocity(const DockingModel& model, const S* y, FrameMotion<S>&
   target.w = target.R * (inverse_inertia * spin);
 }
 
+/// Motion of the chaser with a locked mechanism, and what else evaluations read of the tree.
+template <class S>
+void calc_locked_kinematics(const DockingModel& model, const S* y, DockingData<S>& data) {
+  FrameMotion<S>& chaser = data.vehicle[kChaser];
+  chaser = get_vehicle_pose(model, kChaser, y);
+  TreeData<S>& tree = data.mechanism.tree;
+  tree.q = model.locked.q.template cast<S>();
+  tree.v.setZero();
+  data.mechanism.vdot.setZero();
+  if (model.mechanism.vehicle != kBase) {
+    const VehicleBody& whole = model.locked.whole;
+    const S* x = y + model.layout.momentum[kChaser];
+    const Vec3<S> linear(x[0], x[1], x[2]), angular(x[3], x[4], x[5]);
+    const Vec3<S> c = chaser.R * whole.com.template cast<S>();
+    const Vec3<S> spin = chaser.R.transpose() * (angular - Vec3<S>(chaser.p + c).cross(linear));
+    const Mat3<double> inverse_inertia = whole.inertia.inverse();
+    chaser.w = chaser.R * (inverse_inertia.template cast<S>() * spin);
+    chaser.v = linear / S(whole.mass) - chaser.w.cross(c);
+    tree.p[0] = chaser.p;
+    tree.m_sum[0] = S(whole.mass);
+    tree.h_sum[0] = S(whole.mass) * c;
+  }
+  data.capture = find_frame_on(chaser, model.locked.capture);
+}
+
 /// Everything that follows from position and velocity alone.
 template <class S>
 Status calc_kinematics(const DockingModel& model, const S& t, const S* y, DockingData<S>& data) {
-  put_mechanism_state(model, y, data.mechanism.tree);
-  data.mechanism.tree.time = t;
-  const Status status = calc_position(model.mechanism, data.mechanism);
-  if (!status.ok()) return status;
-  if (model.mechanism.vehicle != kBase) {
-    calc_chaser_velocity(model, get_vehicle_pose(model, kChaser, y), y, data.mechanism);
+  if (model.locked.on) {
+    calc_locked_kinematics(model, y, data);
+  } else {
+    put_mechanism_state(model, y, data.mechanism.tree);
+    data.mechanism.tree.time = t;
+    const Status status = calc_position(model.mechanism, data.mechanism);
+    if (!status.ok()) return status;
+    if (model.mechanism.vehicle != kBase) {
+      calc_chaser_velocity(model, get_vehicle_pose(model, kChaser, y), y, data.mechanism);
+    }
+    calc_velocity(model.mechanism, data.base, data.mechanism);
   }
-  calc_velocity(model.mechanism, data.base, data.mechanism);
   calc_frames(model, y, data);
   return {};
 }
@@ -215,11 +250,13 @@ Status calc_kinematics(const DockingModel& model, const S& t, const S* y, Dockin
 
 template <class S>
 void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data) {
-  data.vehicle[kChaser] = model.mechanism.vehicle != kBase
-                              ? get_body_motion(data.mechanism.tree, model.mechanism.vehicle)
-                              : get_vehicle_pose(model, kChaser, y);
+  if (!model.locked.on) {
+    data.vehicle[kChaser] = model.mechanism.vehicle != kBase
+                                ? get_body_motion(data.mechanism.tree, model.mechanism.vehicle)
+                                : get_vehicle_pose(model, kChaser, y);
+    data.capture = find_capture_motion(model, data.mechanism.tree);
+  }
   data.interface[kChaser] = find_frame_on(data.vehicle[kChaser], model.interface_pose[kChaser]);
-  data.capture = find_capture_motion(model, data.mechanism.tree);
   if (model.present[kTarget]) {
     data.vehicle[kTarget] = get_vehicle_pose(model, kTarget, y);
     if (model.moves[kTarget]) calc_target_velocity(model, y, data.vehicle[kTarget]);
@@ -332,7 +369,7 @@ DockingData<S>::DockingData(const DockingModel& model)
 
 DockingModel make_docking_model(const Scene& scene,
                                 const std::array<VehicleParameters, 2>& parameters,
-                                const ContactLaw& law, const Vec3<double>& origin_of_O) {
+                                const ContactLaw& law, const Vec3<double>& origin_of_O, int level) {
   std::array<Pose<double>, 2> interface_pose, fixed_pose;
   for (int i : {kChaser, kTarget}) {
     const VehicleParameters& p = parameters[i];
@@ -341,9 +378,13 @@ DockingModel make_docking_model(const Scene& scene,
   }
   const bool chaser_moves = scene.motion[kChaser] != Motion::kFixed;
   const Pose<double> base_in_chaser = interface_pose[kChaser] * scene.base_in_interface;
+  const MasslessLegs described = level == kMasslessLegs ? make_legs_massless(scene.mechanism)
+                                                        : MasslessLegs{scene.mechanism, {}};
   VehicleBody bare, frozen;
-  DockingModel model(make_attached_mechanism(scene, parameters[kChaser], chaser_moves,
-                                             base_in_chaser, fixed_pose[kChaser], bare, frozen));
+  DockingModel model(make_attached_mechanism(described.model, described.on_base,
+                                             parameters[kChaser], chaser_moves, base_in_chaser,
+                                             fixed_pose[kChaser], bare, frozen));
+  if (level == kMasslessLegs) skip_massless_legs(model.mechanism);
   model.present = {true, scene.has_target};
   model.moves = {chaser_moves, scene.has_target && scene.motion[kTarget] != Motion::kFixed};
   for (int i : {kChaser, kTarget}) {
@@ -371,6 +412,68 @@ DockingModel make_docking_model(const Scene& scene,
   return model;
 }
 
+void lock_mechanism(DockingModel& model, const DockingData<double>& data) {
+  const TreeData<double>& tree = data.mechanism.tree;
+  const FrameMotion<double>& chaser = data.vehicle[kChaser];
+  const Pose<double> to_chaser = inverse(Pose<double>{chaser.R, chaser.p});
+  LockedMechanism& locked = model.locked;
+  locked.on = true;
+  locked.q = tree.q;
+  locked.capture = to_chaser * Pose<double>{data.capture.R, data.capture.p};
+  locked.mechanism = VehicleBody();
+  for (int i = 0; i < static_cast<int>(tree.R.size()); ++i) {
+    if (i == model.mechanism.vehicle) continue;
+    const Body& body = model.mechanism.model.bodies[i];
+    locked.mechanism =
+        join(locked.mechanism, transform(to_chaser * Pose<double>{tree.R[i], tree.p[i]},
+                                         {body.mass, body.com, body.inertia}));
+  }
+  locked.whole =
+      model.moves[kChaser] ? join(model.vehicle[kChaser], locked.mechanism) : locked.mechanism;
+}
+
+template <class S>
+Wrench<S> find_inertial_load(const VehicleBody& part, const FrameMotion<S>& chaser,
+                             const Vec3<S>& a, const Vec3<S>& alpha) {
+  const Vec3<S> c = chaser.R * part.com.template cast<S>();
+  const Mat3<S> I = chaser.R * part.inertia.template cast<S>() * chaser.R.transpose();
+  Wrench<S> load;
+  load.f = S(part.mass) * (a + alpha.cross(c) + chaser.w.cross(Vec3<S>(chaser.w.cross(c))));
+  load.t = c.cross(load.f) + I * alpha + chaser.w.cross(Vec3<S>(I * chaser.w));
+  return load;
+}
+
+template <class S>
+void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
+  const int vehicle = model.mechanism.vehicle;
+  if (!model.locked.on) {
+    calc_reactions(model.mechanism, data.base, vehicle, data.mechanism);
+    return;
+  }
+  const FrameMotion<S>& chaser = data.vehicle[kChaser];
+  Wrench<S> captured;  // load of the capture interface on the mechanism, about the chaser's origin
+  captured.f = -data.on_passive.f;
+  captured.t = -data.on_passive.t - (data.capture.p - chaser.p).cross(data.on_passive.f);
+  Vec3<S> a = -data.base.gravity, alpha = Vec3<S>::Zero();
+  if (vehicle != kBase) {
+    const VehicleBody& whole = model.locked.whole;
+    const Wrench<S> load = data.mechanism.tree.external[vehicle] + captured;
+    const Vec3<S> c = chaser.R * whole.com.template cast<S>();
+    const Vec3<S> w = chaser.R.transpose() * chaser.w;
+    const Mat3<S> I = whole.inertia.template cast<S>();
+    const Vec3<S> moment = chaser.R.transpose() * (load.t - c.cross(load.f));
+    const Mat3<double> inverse_inertia = whole.inertia.inverse();
+    alpha = chaser.R * (inverse_inertia.template cast<S>() * (moment - w.cross(Vec3<S>(I * w))));
+    a = load.f / S(whole.mass) - alpha.cross(c) - chaser.w.cross(Vec3<S>(chaser.w.cross(c)));
+    data.mechanism.tree.a[vehicle] = a;
+    data.mechanism.tree.alpha[vehicle] = alpha;
+  }
+  Wrench<S>& on_base = data.mechanism.on_base;
+  on_base = S(-1) * find_inertial_load(model.locked.mechanism, chaser, a, alpha);
+  if (model.mechanism.model.capture_body != vehicle) on_base += captured;
+  if (vehicle == kBase) on_base.t += chaser.p.cross(on_base.f);
+}
+
 template <class S>
 Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
                   const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
@@ -378,13 +481,12 @@ Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
   const Status status = calc_capture_forces(model, discrete, memory, t, y, ydot, data);
   if (!status.ok()) return status;
 
-  // Loads on the bodies of the tree: capture body, chaser, joints.
   MechanismData<S>& mechanism = data.mechanism;
   const Vec3<S> gravity = model.falling ? Vec3<S>(Vec3<S>::Zero()) : loads.gravity;
   data.base.gravity = gravity;
   for (Wrench<S>& load : mechanism.tree.external) load = Wrench<S>();
   const int capture_body = model.mechanism.model.capture_body;
-  if (capture_body != kBase) {
+  if (capture_body != kBase && !model.locked.on) {
     Wrench<S>& load = mechanism.tree.external[capture_body];
     load.f -= data.on_passive.f;
     load.t -= data.on_passive.t +
@@ -413,7 +515,7 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
   status = calc_loads(model, discrete, memory, loads, t, y, ydot, data);
   if (!status.ok()) return status;
   MechanismData<S>& mechanism = data.mechanism;
-  calc_acceleration(model.mechanism, data.base, mechanism);
+  if (!model.locked.on) calc_acceleration(model.mechanism, data.base, mechanism);
   if (!ydot) return {};
 
   // Mechanism relative to its vehicle.
@@ -459,7 +561,7 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
     const S* momentum = y + model.layout.momentum[kChaser];
     power += chaser_force.dot(chaser.v) + chaser_moment.dot(chaser.w) +
              gravity.dot(Vec3<S>(momentum[0], momentum[1], momentum[2]));
-  } else {
+  } else if (!model.locked.on) {
     // Weight of mechanism bodies on an immobile base, seen through the moving bodies.
     for (size_t i = 0; i < model.mechanism.model.bodies.size(); ++i) {
       const Vec3<S> m_v = S(model.mechanism.model.bodies[i].mass) * mechanism.tree.u[i] +
@@ -495,11 +597,31 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
   }
 }
 
+namespace {
+
+/// Momentum of a part of the chaser, axes of O, angular part about the origin of O.
+template <class S>
+Wrench<S> find_part_momentum(const VehicleBody& part, const FrameMotion<S>& chaser) {
+  const Vec3<S> c = chaser.R * part.com.template cast<S>(), at = chaser.p + c;
+  const Mat3<S> I = chaser.R * part.inertia.template cast<S>() * chaser.R.transpose();
+  Wrench<S> p;
+  p.f = S(part.mass) * (chaser.v + chaser.w.cross(c));
+  p.t = at.cross(p.f) + I * chaser.w;
+  return p;
+}
+
+}  // namespace
+
 template <class S>
 S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
   S energy(0);
   const TreeData<S>& tree = data.mechanism.tree;
-  for (size_t i = 0; i < model.mechanism.model.bodies.size(); ++i) {
+  if (model.locked.on) {
+    const FrameMotion<S>& chaser = data.vehicle[kChaser];
+    const Wrench<S> p = find_part_momentum(model.locked.whole, chaser);
+    energy += S(0.5) * (chaser.v.dot(p.f) + chaser.w.dot(Vec3<S>(p.t - chaser.p.cross(p.f))));
+  }
+  for (size_t i = 0; !model.locked.on && i < model.mechanism.model.bodies.size(); ++i) {
     energy += S(0.5 * model.mechanism.model.bodies[i].mass) * tree.u[i].squaredNorm() +
               tree.u[i].dot(tree.w[i].cross(tree.h_body[i])) +
               S(0.5) * tree.w[i].dot(tree.I_body[i] * tree.w[i]);
@@ -535,6 +657,7 @@ Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingDat
                                                 (target.R.transpose() * target.w));
     return sum;
   }
+  if (model.locked.on) return find_part_momentum(model.locked.whole, data.vehicle[kChaser]);
   for (size_t i = 0; i < model.mechanism.model.bodies.size(); ++i) {
     sum += find_body_momentum(model, static_cast<int>(i), data);
   }
@@ -553,24 +676,24 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
     first_moment = mass * data.vehicle[kTarget].p;
   }
   const TreeData<S>& tree = data.mechanism.tree;
-  for (int i = 0; i < static_cast<int>(tree.R.size()); ++i) {
+  const FrameMotion<S>& chaser = data.vehicle[kChaser];
+  const auto add = [&](const VehicleBody& part, const S& sign) {
+    sum += sign * find_part_momentum(part, chaser);
+    mass += sign * S(part.mass);
+    first_moment += sign * S(part.mass) * (chaser.p + chaser.R * part.com.template cast<S>());
+  };
+  if (model.locked.on) {
+    add(model.driven[kChaser] ? model.locked.mechanism : model.locked.whole, S(1));
+  }
+  for (int i = 0; !model.locked.on && i < static_cast<int>(tree.R.size()); ++i) {
     if (model.driven[kChaser] && i == model.mechanism.vehicle) continue;
     const S m(model.mechanism.model.bodies[i].mass);
     sum += find_body_momentum(model, i, data);
     mass += m;
     first_moment += tree.h_body[i] + m * tree.p[i];
   }
-  if (model.driven[kChaser] && model.frozen.mass > 0.0) {
-    // The host's vehicle carries the mechanism frozen at home already.
-    const S m(model.frozen.mass);
-    const Vec3<S> c = tree.R[0] * model.frozen.com.template cast<S>(), at = tree.p[0] + c;
-    const Vec3<S> p = m * (tree.u[0] + tree.w[0].cross(c));
-    const Mat3<S> I = tree.R[0] * model.frozen.inertia.template cast<S>() * tree.R[0].transpose();
-    sum.f -= p;
-    sum.t -= at.cross(p) + I * tree.w[0];
-    mass -= m;
-    first_moment -= m * at;
-  }
+  // The host's vehicle carries the mechanism frozen at home already.
+  if (model.driven[kChaser] && model.frozen.mass != 0.0) add(model.frozen, S(-1));
   return sum;
 }
 
@@ -625,6 +748,9 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
   template struct DockingData<S>;                                                                  \
   template Status calc_docking<S>(const DockingModel&, const DiscreteState&, const ContactMemory&, \
                                   const ExternalLoads<S>&, S, const S*, S*, DockingData<S>&);      \
+  template void calc_docking_reactions<S>(const DockingModel&, DockingData<S>&);                   \
+  template Wrench<S> find_inertial_load<S>(const VehicleBody&, const FrameMotion<S>&,              \
+                                           const Vec3<S>&, const Vec3<S>&);                        \
   template FrameMotion<S> find_frame_on<S>(const FrameMotion<S>&, const Pose<double>&);            \
   template RelativeMotion<S> find_relative<S>(const FrameMotion<S>&, const FrameMotion<S>&);       \
   template FrameMotion<S> get_vehicle_pose<S>(const DockingModel&, int, const S*);                 \

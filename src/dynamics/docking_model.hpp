@@ -11,6 +11,9 @@
 // which Runge-Kutta methods add up without error: momentum balances to rounding at any tolerance.
 // The vehicle's velocity follows from its momentum with the factor of the reduced inertia that the
 // accelerations need anyway.
+//
+// A mechanism may be locked (lock_mechanism): chaser and mechanism are then one rigid body whose
+// constants are known, loops and inertia are not evaluated, the states of the mechanism rest.
 #pragma once
 
 #include <array>
@@ -40,6 +43,16 @@ struct StateLayout {
   int size = 0;
 };
 
+/// A mechanism that is held still relative to its vehicle: with it, it is one rigid body, and
+/// evaluations need nothing else of it. Axes and origin of the chaser.
+struct LockedMechanism {
+  bool on = false;
+  VehicleBody mechanism;  ///< all bodies but the chaser
+  VehicleBody whole;      ///< chaser (if it moves) and mechanism
+  Pose<double> capture;   ///< G
+  VecX<double> q;         ///< all coordinates, where they are held
+};
+
 /// Everything that does not change during a run.
 struct DockingModel {
   explicit DockingModel(Mechanism attached) : mechanism(std::move(attached)) {}
@@ -52,11 +65,13 @@ struct DockingModel {
   std::array<Pose<double>, 2> fixed_pose;       ///< in O, of a vehicle that does not move
   std::array<Pose<double>, 2> interface_pose;   ///< A in C, P in D
   std::array<VehicleBody, 2> vehicle;           ///< bare vehicles
-  VehicleBody frozen;                           ///< mechanism at home that the stated chaser
-                                                ///< includes, axes of C; no mass if excluded
-  Pose<double> base_in_chaser;                  ///< B in C
-  Pose<double> capture_in_body;                 ///< G in axes of the capture body
-  std::vector<int> mechanism_bodies;            ///< independent bodies without the vehicle
+  VehicleBody frozen;                           ///< stated less bare chaser, axes of C: the
+                                                ///< mechanism at home if it is included; negative:
+                                                ///< feet of massless legs if it is not
+  LockedMechanism locked;
+  Pose<double> base_in_chaser;        ///< B in C
+  Pose<double> capture_in_body;       ///< G in axes of the capture body
+  std::vector<int> mechanism_bodies;  ///< independent bodies without the vehicle
   ContactModel contact;
   LatchSet latches;
   double thrust = 0.0, thrust_delay = 0.0;  ///< [N] along x of A at the CoM, [s]
@@ -115,7 +130,13 @@ struct DockingData {
 
 DockingModel make_docking_model(const Scene& scene,
                                 const std::array<VehicleParameters, 2>& parameters,
-                                const ContactLaw& law, const Vec3<double>& origin_of_O);
+                                const ContactLaw& law, const Vec3<double>& origin_of_O,
+                                int level = kReduced);
+
+/// Hold the mechanism where it is: from now on its coordinates and velocities in y are not read,
+/// their rates are zero. model.locked.on = false releases it.
+/// @pre calc_docking with the mechanism at rest and not locked
+void lock_mechanism(DockingModel& model, const DockingData<double>& data);
 
 /// Put a mechanism in other independent coordinates into the model (the same bodies and loops).
 void set_mechanism(DockingModel& model, const Mechanism& mechanism);
@@ -157,6 +178,16 @@ void calc_coordinate_rates(const Body& body, const VecX<S>& q, const VecX<S>& v,
 template <class S>
 void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads, const S* y,
                         S* ydot, DockingData<S>& data);
+/// Load of the mechanism on its base (data.mechanism.on_base), acceleration of the chaser, and cut
+/// forces unless the mechanism is locked: nothing tells them then. @pre calc_docking
+template <class S>
+void calc_docking_reactions(const DockingModel& model, DockingData<S>& data);
+
+/// Load that a part of the chaser needs to be accelerated so, about the chaser's origin, axes of O.
+/// @param a  of the chaser's origin less gravity
+template <class S>
+Wrench<S> find_inertial_load(const VehicleBody& part, const FrameMotion<S>& chaser,
+                             const Vec3<S>& a, const Vec3<S>& alpha);
 
 /// Motion of a frame that is fixed on another one.
 template <class S>

@@ -32,13 +32,25 @@ Mat6<double> make_transfer(const Vec3<double>& r) {
   return J;
 }
 
+/// Inertia of the chaser with a locked mechanism about its origin.
+Mat6<double> make_locked_inertia(const VehicleBody& whole) {
+  Mat6<double> A = Mat6<double>::Zero();
+  const Mat3<double> h = whole.mass * skew<double>(whole.com);
+  A.topLeftCorner<3, 3>() = whole.mass * Mat3<double>::Identity();
+  A.topRightCorner<3, 3>() = -h;
+  A.bottomLeftCorner<3, 3>() = h;
+  A.bottomRightCorner<3, 3>() = whole.inertia - h * skew<double>(whole.com);
+  return A;
+}
+
 /// Inverse of the mass that relative motion at G meets.
 Mat6<double> find_mobility(const DockingModel& model, const DockingData<double>& at,
                            const Interface& geometry, VecX<double>& column) {
   Mat6<double> sum = Mat6<double>::Zero();
   if (model.moves[kChaser]) {
     Mat6<double> inverse;  // with free joints: the leading block of the whole inverse
-    for (int i = 0; i < 6; ++i) {
+    if (model.locked.on) inverse = make_locked_inertia(model.locked.whole).inverse();
+    for (int i = 0; !model.locked.on && i < 6; ++i) {
       column.setZero();
       column[i] = 1.0;
       at.mechanism.factor.solveInPlace(column);
@@ -81,6 +93,7 @@ class Seeds {
     const bool with_vehicle = model_.moves[kChaser];
     const MatX<double>& A = at_.mechanism.A_ind;
     if (direction < model_.layout.mechanism_nv) {
+      if (model_.locked.on) return;
       seeded_[model_.layout.mechanism_v + direction].d[lane] = 1.0;
       if (with_vehicle) put_chaser_momentum(A.col(6 + direction).head<6>(), lane);
       return;
@@ -89,7 +102,9 @@ class Seeds {
     if (mover() == kChaser) {
       Vec6<double> body;
       body << geometry_.R.transpose() * twist.v, geometry_.R.transpose() * twist.w;
-      return put_chaser_momentum(A.topLeftCorner<6, 6>() * body, lane);
+      const Mat6<double> inertia = model_.locked.on ? make_locked_inertia(model_.locked.whole)
+                                                    : Mat6<double>(A.topLeftCorner<6, 6>());
+      return put_chaser_momentum(inertia * body, lane);
     }
     const FrameMotion<double>& target = at_.vehicle[kTarget];
     const Vec3<double> linear = model_.vehicle[kTarget].mass * twist.v;

@@ -17,6 +17,32 @@ Mechanism::Mechanism(MechanismModel description, bool newton_only_)
   plan = make_loop_plan(model, model.home_q, newton_only);
 }
 
+namespace {
+
+/// Per body: do dependent joints move it?
+std::vector<char> find_moved_by_loops(const MechanismModel& model, const LoopPlan& plan) {
+  std::vector<char> moved(model.bodies.size(), 1);
+  for (int i : plan.ind_bodies) moved[i] = 0;
+  for (size_t i = 0; i < moved.size(); ++i) {
+    const int up = model.bodies[i].parent;
+    if (up != kBase && moved[up]) moved[i] = 1;
+  }
+  return moved;
+}
+
+}  // namespace
+
+void skip_massless_legs(Mechanism& mechanism) {
+  const std::vector<char> moved = find_moved_by_loops(mechanism.model, mechanism.plan);
+  mechanism.skips_massless = true;
+  for (size_t i = 0; i < moved.size(); ++i) {
+    const Body& body = mechanism.model.bodies[i];
+    const bool counts = body.mass != 0.0 || !body.inertia.isZero(0.0) ||
+                        static_cast<int>(i) == mechanism.model.capture_body;
+    if (moved[i] && counts) mechanism.skips_massless = false;
+  }
+}
+
 template <class S>
 MechanismData<S>::MechanismData(const Mechanism& mechanism)
     : tree(mechanism.model), loops(mechanism.model, mechanism.plan) {
@@ -30,6 +56,11 @@ MechanismData<S>::MechanismData(const Mechanism& mechanism)
   scratch.resize(mechanism.model.bodies.size());
   b_ind.setZero(n_ind);
   a_ind.setZero(n_ind);
+  if (!mechanism.skips_massless) return;
+  const std::vector<char> moved = find_moved_by_loops(mechanism.model, mechanism.plan);
+  tree.active.erase(
+      std::remove_if(tree.active.begin(), tree.active.end(), [&](int i) { return moved[i] != 0; }),
+      tree.active.end());
 }
 
 template <class S>
@@ -42,11 +73,14 @@ Status calc_position(const Mechanism& mechanism, MechanismData<S>& data) {
   calc_tree_position(model, data.tree);
   // Reduce the joint-space inertia and gather what is left.                          [Y2 (10)]
   calc_tree_inertia(model, data.tree);
-  data.A = data.tree.A;
-  reduce_inertia(mechanism.plan, data.A, data.loops);
+  if (!mechanism.skips_massless) {
+    data.A = data.tree.A;
+    reduce_inertia(mechanism.plan, data.A, data.loops);
+  }
+  const MatX<S>& A = mechanism.skips_massless ? data.tree.A : data.A;
   for (size_t i = 0; i < ind.size(); ++i) {
     for (size_t j = 0; j < ind.size(); ++j) {
-      data.A_ind(static_cast<int>(i), static_cast<int>(j)) = data.A(ind[i], ind[j]);
+      data.A_ind(static_cast<int>(i), static_cast<int>(j)) = A(ind[i], ind[j]);
     }
   }
   if (ind.empty()) return {};
@@ -115,20 +149,28 @@ void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
   calc_tree_forces(mechanism.model, data.tree);
   data.b = data.tau - data.tree.tau_required;
   // Reduce it and solve for the independent accelerations.                      [Y2 (10), (11)]
-  calc_loop_bias(mechanism.model, mechanism.plan, data.tree, data.loops);
-  reduce_forces(mechanism.plan, data.b, data.loops);
+  if (mechanism.skips_massless) {
+    map_forces(mechanism.plan, data.b, data.loops);
+  } else {
+    calc_loop_bias(mechanism.model, mechanism.plan, data.tree, data.loops);
+    reduce_forces(mechanism.plan, data.b, data.loops);
+  }
   for (size_t i = 0; i < ind.size(); ++i) data.b_ind[static_cast<int>(i)] = data.b[ind[i]];
   VecX<S>& x = data.a_ind;
   x = data.b_ind;
   if (!ind.empty()) data.factor.solveInPlace(x);
   for (size_t i = 0; i < ind.size(); ++i) data.vdot[ind[i]] = x[static_cast<int>(i)];
-  // And the dependent ones from them.                                                [Y2 (6)]
-  calc_loop_acceleration(mechanism.plan, data.vdot, data.loops);
+  // And the dependent ones from them, unless nothing follows from those.             [Y2 (6)]
+  if (!mechanism.skips_massless) calc_loop_acceleration(mechanism.plan, data.vdot, data.loops);
 }
 
 template <class S>
 void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int base_body,
                     MechanismData<S>& data) {
+  if (mechanism.skips_massless) {
+    calc_loop_bias(mechanism.model, mechanism.plan, data.tree, data.loops);
+    calc_loop_acceleration(mechanism.plan, data.vdot, data.loops);
+  }
   calc_loop_forces(mechanism.plan, data.vdot, data.loops);
   // Inverse dynamics with the true accelerations and no cut forces: what the children of the base
   // need in total. Cut forces between moving bodies cancel in the sum, those on the base itself
@@ -229,6 +271,7 @@ Mechanism with_coordinates(const Mechanism& mechanism, const Coordinates& coordi
   // Closed forms take the branch of this pose.
   changed.model.home_given = true;
   changed.plan = make_loop_plan(changed.model, coordinates.pose, mechanism.newton_only);
+  if (mechanism.skips_massless) skip_massless_legs(changed);
   return changed;
 }
 
@@ -375,6 +418,22 @@ MechanismModel fix_base(const MechanismModel& mechanism, const Pose<double>& bas
     }
   }
   return model;
+}
+
+VehicleBody join(const VehicleBody& a, const VehicleBody& b) {
+  VehicleBody both;
+  both.mass = a.mass + b.mass;
+  both.inertia = a.inertia + b.inertia;
+  if (!(both.mass > 0.0)) return both;
+  both.com = (a.mass * a.com + b.mass * b.com) / both.mass;
+  const Vec3<double> d = b.com - a.com;
+  both.inertia += a.mass * b.mass / both.mass *
+                  (d.squaredNorm() * Mat3<double>::Identity() - d * d.transpose());
+  return both;
+}
+
+VehicleBody transform(const Pose<double>& pose, const VehicleBody& body) {
+  return {body.mass, pose.R * body.com + pose.p, pose.R * body.inertia * pose.R.transpose()};
 }
 
 VehicleBody find_frozen_body(const Mechanism& mechanism) {

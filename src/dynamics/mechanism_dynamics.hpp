@@ -5,6 +5,8 @@
 //   acceleration  bias, reduce the right-hand side, solve, dependent accelerations [Y2 (10), (11)]
 //   reactions     cut forces and the load on the base, only when somebody asks     [Y2 (11a)]
 //
+// Where dependent joints move no mass (massless_legs.hpp), half of this is left out.
+//
 // The base of the tree is prescribed (usually at rest). A free-flying vehicle is a body with a free
 // joint: attach_vehicle() puts it between the base and the mechanism.
 #pragma once
@@ -27,6 +29,8 @@ struct Mechanism {
   bool newton_only = false;
   std::vector<std::string> notes;  ///< what was found about redundant equations
   int vehicle = kBase;             ///< body of the vehicle if attach_vehicle() put one in
+  bool skips_massless = false;     ///< what dependent joints move has no mass: evaluations leave it
+                                   ///< out (skip_massless_legs)
 };
 
 /// Everything computed. One per evaluation thread; sized by the constructor.
@@ -96,6 +100,10 @@ Mechanism with_coordinates(const Mechanism& mechanism, const Coordinates& coordi
 /// Below this margin a better choice of coordinates is looked for.
 constexpr double kChangeMargin = 0.1;
 
+/// Leave out what dependent joints move, if none of it has mass: the inertia is that of the
+/// independent bodies alone, and forces map by H^T. Results are the same but for rounding.
+void skip_massless_legs(Mechanism& mechanism);
+
 /// Largest loop gap [m] of the present position, for monitoring.
 template <class S>
 double find_closure_residual(const Mechanism& mechanism, const MechanismData<S>& data);
@@ -119,6 +127,12 @@ struct VehicleBody {
   Vec3<double> com = Vec3<double>::Zero();
   Mat3<double> inertia = Mat3<double>::Zero();  ///< about com
 };
+
+/// Two bodies that are one.
+VehicleBody join(const VehicleBody& a, const VehicleBody& b);
+
+/// The same body in other axes.
+VehicleBody transform(const Pose<double>& pose, const VehicleBody& body);
 
 /// The mechanism on a free-flying vehicle: body 0 is "vehicle" with a free joint, and everything
 /// that hung on the base hangs on it. @param base_in_vehicle pose of B in the vehicle's axes.

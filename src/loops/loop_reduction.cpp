@@ -159,6 +159,20 @@ void reduce_forces(const LoopPlan& plan, VecX<S>& b, LoopData<S>& loops) {
 }
 
 template <class S>
+void map_forces(const LoopPlan& plan, VecX<S>& b, LoopData<S>& loops) {
+  for (size_t k = plan.blocks.size(); k-- > 0;) {
+    const LoopBlock& block = plan.blocks[k];
+    BlockData<S>& data = loops.block[k];
+    for (int i = 0; i < block.size(); ++i) data.b_d[i] = b[block.dep[i]];
+    for (int j = 0; j < data.H.cols(); ++j) {
+      S sum(0);
+      for (int i = 0; i < block.size(); ++i) sum += data.H(i, j) * data.b_d[i];
+      b[block.low[j]] += sum;
+    }
+  }
+}
+
+template <class S>
 void calc_loop_acceleration(const LoopPlan& plan, VecX<S>& vdot, const LoopData<S>& loops) {
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
@@ -213,6 +227,7 @@ S get_cut_force(const LoopPlan& plan, const LoopData<S>& loops, int loop, int eq
                                   LoopData<S>&);                                              \
   template void reduce_inertia<S>(const LoopPlan&, MatX<S>&, LoopData<S>&);                   \
   template void reduce_forces<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);                    \
+  template void map_forces<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);                       \
   template void calc_loop_acceleration<S>(const LoopPlan&, VecX<S>&, const LoopData<S>&);     \
   template void calc_loop_forces<S>(const LoopPlan&, const VecX<S>&, LoopData<S>&);           \
   template S get_cut_force<S>(const LoopPlan&, const LoopData<S>&, int, int);

@@ -113,6 +113,10 @@ void reduce_inertia(const LoopPlan& plan, MatX<S>& A, LoopData<S>& loops);
 template <class S>
 void reduce_forces(const LoopPlan& plan, VecX<S>& b, LoopData<S>& loops);
 
+/// The same where no dependent joint moves any mass: nothing but H^T maps forces.
+template <class S>
+void map_forces(const LoopPlan& plan, VecX<S>& b, LoopData<S>& loops);
+
 /// Dependent accelerations from the independent ones, first block to last.          [Y2 (6)]
 template <class S>
 void calc_loop_acceleration(const LoopPlan& plan, VecX<S>& vdot, const LoopData<S>& loops);

@@ -20,6 +20,14 @@ enum VehicleIndex { kChaser = 0, kTarget = 1 };
 /// How a vehicle moves: integrated inside, imposed by the host at communication points, or not.
 enum class Motion { kFree, kDriven, kFixed };
 
+/// Values of model.level, from coarse to fine; numbers of the interface.
+enum ModelLevel {
+  kRigid = 1,         ///< the mechanism is locked at its start pose
+  kMasslessLegs = 2,  ///< masses of leg parts at their ends (dynamics/massless_legs.hpp)
+  kReduced = 3,       ///< every body, in the independent coordinates
+  kReference = 4      ///< every body, unreduced tree with multipliers
+};
+
 /// Parameters and initial motion of one vehicle.
 struct VehicleParameters {
   double mass = 1.0;                                       ///< [kg]
@@ -98,6 +106,7 @@ struct Scene {
   SolverSettings solver;
   Experiment experiment;
   bool parallel_host = false;       ///< start value of coupling.mode
+  int level = kReduced;             ///< start value of model.level
   std::vector<std::string> groups;  ///< output groups of the FMU
   std::string fingerprint;          ///< hash of the document, 32 hex digits: the GUID
   bool has_group(const std::string& group) const;

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <iterator>
 
 #include "model/json_reader.hpp"
 #include "model/scene.hpp"
@@ -257,6 +258,16 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
     if (!scene.parallel_host && mode.text() != "sequential") {
       mode.fail("is '" + mode.text() + "'; it must be sequential or parallel");
     }
+  }
+  if (root.has("model")) {
+    const JsonReader level = root.at("model").at("level");
+    constexpr const char* kNames[] = {"rigid", "massless_legs", "reduced", "reference"};
+    const auto name = std::find(std::begin(kNames), std::end(kNames), level.text());
+    if (name == std::end(kNames)) {
+      level.fail("is '" + level.text() +
+                 "'; it must be rigid, massless_legs, reduced or reference");
+    }
+    scene.level = kRigid + static_cast<int>(name - std::begin(kNames));
   }
   if (root.has("outputs")) {
     for (const JsonReader& group : root.at("outputs").list("groups", kMaxItems)) {

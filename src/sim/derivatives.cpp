@@ -19,7 +19,7 @@ constexpr int kGravityInput = 2 * kInputsPerVehicle, kCommandInput = kGravityInp
 /// Values of the present state, nothing varies. @post data is evaluated
 Status DockingSim::Impl::start_pass() {
   read_inputs();
-  const Status status = evaluate(0.0);
+  const Status status = evaluate(0.0, false);  // a push would wake the mechanism
   if (!status.ok()) return status;
   if (!derivative_pass || derivative_pass->coordinates != coordinates) {
     derivative_pass = std::make_unique<DerivativePass>(*model);

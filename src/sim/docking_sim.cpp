@@ -98,6 +98,7 @@ void DockingSim::Impl::restore(const Snapshot& from) {
   std::copy(from.y.begin(), from.y.end(), stepper->y());
   data->mechanism.loops.reference = from.reference;
   rate_data->mechanism.loops.reference = from.reference;
+  if (rest_state.resting) lock_at_rest();
   invalidate();
 }
 

@@ -147,7 +147,8 @@ class DockingSim {
   void use_extended_precision(double tolerance);
   /// The state with all its digits, in the order of StateLayout. @pre use_extended_precision()
   const Extended* extended_states() const;
-  /// Continuous outputs, computed with all digits and rounded once, as for_each_value() counts them.
+  /// Continuous outputs, computed with all digits and rounded once, as for_each_value() counts
+  /// them.
   Status calc_extended_outputs(std::vector<double>& output);
 
  private:

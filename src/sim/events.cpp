@@ -43,6 +43,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
 
 /// The present pose of the mechanism is accepted: the next ones continue from it.
 void DockingSim::Impl::keep_pose() {
+  if (model->locked.on) return;
   keep_reference(data->mechanism.tree, data->mechanism.loops);
   rate_data->mechanism.loops.reference = data->mechanism.loops.reference;
 }
@@ -51,6 +52,7 @@ void DockingSim::Impl::keep_pose() {
 /// coordinates and velocities stay as they are, so momentum and energy do too.
 /// @param changed  set if the meaning of the state changed
 Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
+  if (model->locked.on) return {};
   const double margin = find_singularity_margin(data->mechanism);
   if (margin < model->mechanism.model.singularity.warning && !warned_margin) {
     char text[120];
@@ -158,7 +160,11 @@ bool DockingSim::Impl::update_thrust(double now) {
 }
 
 /// Everything at one state of the stepper, tau after the last communication point.
-Status DockingSim::Impl::evaluate(double tau) {
+/// @param may_be_locked  as one body with the chaser, if the mechanism is at rest
+Status DockingSim::Impl::evaluate(double tau, bool may_be_locked) {
+  if (parameters.model_level != kRigid) {
+    model->locked.on = may_be_locked && rest_state.resting && may_rest();
+  }
   Status status = calc_docking<double>(*model, discrete, memory, find_loads(tau), elapsed + tau,
                                        stepper->y(), nullptr, *data);
   if (!status.ok()) status.time = elapsed + tau;

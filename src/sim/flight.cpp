@@ -73,9 +73,10 @@ Status DockingSim::Impl::watch_rest(double tau) {
     rest_state.since = now;
   }
   if (!may_rest() || find_free_gap() <= kAwake) {
+    const bool wakes = rest_state.resting;
     rest_state.resting = false;
     rest_state.since = now;
-    return {};
+    return wakes ? evaluate(tau) : Status();
   }
   if (rest_state.resting) return {};
   double speed = 0.0, acceleration = 0.0;
@@ -89,20 +90,27 @@ Status DockingSim::Impl::watch_rest(double tau) {
   if (!still && now - rest_state.since < kQuiet) return {};
   std::fill_n(v, layout.mechanism_nv, 0.0);
   rest_state.resting = true;
+  lock_at_rest();
   return evaluate(tau);
 }
 
-/// The vehicle with all that it carries, as one body: axes of the vehicle. @pre evaluate()
-VehicleBody DockingSim::Impl::find_flying_body(int i) const {
-  if (i == kTarget) return model->vehicle[kTarget];
-  VehicleBody body;
-  const TreeData<double>& tree = data->mechanism.tree;
-  body.mass = tree.m_sum[0];
-  body.com = tree.R[0].transpose() * tree.h_sum[0] / body.mass;
-  const Vec3<double>& c = body.com;
-  body.inertia = data->mechanism.A_ind.block<3, 3>(3, 3) -
-                 body.mass * (c.squaredNorm() * Mat3<double>::Identity() - c * c.transpose());
-  return body;
+/// What evaluations need of a mechanism at rest. It follows from the mechanism's coordinates alone,
+/// not from where its vehicle is, so that a restored run has the same bits.
+void DockingSim::Impl::lock_at_rest() {
+  if (parameters.model_level == kRigid) return;
+  std::copy(stepper->y(), stepper->y() + model->layout.size, rates.begin());
+  if (model->moves[kChaser]) {
+    set_vehicle_pose(*model, kChaser, Vec3<double>::Zero(), {1, 0, 0, 0}, rates.data());
+  }
+  calc_mechanism_position(*model, rates.data(), *data);  // it was there before
+  data->vehicle[kChaser] = get_vehicle_pose(*model, kChaser, rates.data());
+  data->capture = find_capture_motion(*model, data->mechanism.tree);
+  lock_mechanism(*model, *data);
+}
+
+/// The vehicle with all that it carries, as one body: axes of the vehicle.
+const VehicleBody& DockingSim::Impl::find_flying_body(int i) const {
+  return i == kTarget ? model->vehicle[kTarget] : model->locked.whole;
 }
 
 /// Time in which no contact force can come up, and attitudes can be followed [s]. @pre evaluate()
@@ -111,7 +119,7 @@ double DockingSim::Impl::find_flight_time() const {
   std::array<Vec3<double>, 2> v{Vec3<double>::Zero(), Vec3<double>::Zero()};
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i] || !model->moves[i]) continue;
-    const VehicleBody body = find_flying_body(i);
+    const VehicleBody& body = find_flying_body(i);
     const FrameMotion<double>& frame = data->vehicle[i];
     const Vec3<double> arm = frame.R * body.com;
     const double spin = find_spin_bound(body.inertia, frame.R.transpose() * frame.w);
@@ -132,7 +140,7 @@ double DockingSim::Impl::find_flight_time() const {
 void DockingSim::Impl::fly(double duration) {
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i] || !model->moves[i]) continue;
-    const VehicleBody body = find_flying_body(i);
+    const VehicleBody& body = find_flying_body(i);
     double* const pose = stepper->y() + model->layout.pose[i];
     const double* const momentum = stepper->y() + model->layout.momentum[i];
     const FrameMotion<double>& frame = data->vehicle[i];

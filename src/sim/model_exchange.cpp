@@ -103,7 +103,7 @@ bool DockingSim::Impl::is_event_due() const {
   const double margin = find_singularity_margin(data->mechanism);
   return touched || latch || next.phase != discrete.phase || next.outcome != discrete.outcome ||
          is_thrust_due(elapsed) != discrete.thrust_on ||
-         (margin < kChangeMargin && margin <= kLookAgain * margin_looked_at);
+         (!model->locked.on && margin < kChangeMargin && margin <= kLookAgain * margin_looked_at);
 }
 
 Status DockingSim::update_discrete_states(EventUpdate& update) {

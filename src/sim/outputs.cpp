@@ -88,16 +88,11 @@ void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
         load.t -= data.on_passive.t + (data.capture.p - frame.p).cross(data.on_passive.f);
       }
       load.f += data.thrust;
-      if (model.frozen.mass > 0.0) {
+      if (model.frozen.mass != 0.0) {
         // The stated vehicle carries the mechanism frozen at home: what moves that mass along is
         // part of the load that the stated vehicle must feel.
-        const Vec3<S> a = data.mechanism.tree.a[0], alpha = data.mechanism.tree.alpha[0];
-        const Vec3<S> c = frame.R * model.frozen.com.template cast<S>();
-        const Mat3<S> I = frame.R * model.frozen.inertia.template cast<S>() * frame.R.transpose();
-        const Vec3<S> f =
-            S(model.frozen.mass) * (a + alpha.cross(c) + frame.w.cross(Vec3<S>(frame.w.cross(c))));
-        load.f += f;
-        load.t += c.cross(f) + I * alpha + frame.w.cross(Vec3<S>(I * frame.w));
+        load += find_inertial_load(model.frozen, frame, data.mechanism.tree.a[0],
+                                   data.mechanism.tree.alpha[0]);
       }
     }
     typename OutputValues<S>::Vehicle& vehicle = out.vehicle[i];
@@ -179,6 +174,8 @@ void read_mechanism(const OutputSource<S>& from, OutputValues<S>& out) {
   }
   for (size_t k = 0; k < out.loop_force.size(); ++k) {
     const int count = std::min(3, equation_count(model.mechanism.model.loops[k].cut));
+    out.loop_force[k].setZero();
+    if (model.locked.on) continue;  // nothing tells them
     for (int j = 0; j < count; ++j) {
       out.loop_force[k][j] =
           get_cut_force(model.mechanism.plan, mechanism.loops, static_cast<int>(k), j);
@@ -222,8 +219,7 @@ void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
 
 template <class S>
 void read_outputs(const OutputSource<S>& from, OutputValues<S>& out) {
-  calc_reactions(from.model.mechanism, from.data.base, from.model.mechanism.vehicle,
-                 from.data.mechanism);
+  calc_docking_reactions(from.model, from.data);
   read_vehicles(from, out);
   read_vehicle_loads(from, out);
   if (from.model.present[kTarget]) read_relative(from, out);

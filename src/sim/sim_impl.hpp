@@ -70,13 +70,14 @@ struct DockingSim::Impl : SimState {
   double find_relative_tolerance() const;
   double find_share_of_norm() const;
   void check_joint_starts(const LoopPlan& plan) const;
+  void check_mechanism_rests() const;
   Status bring_joints_to_start();
   void set_start_state();
   void warn_about_start();
 
   // reference_form.cpp
   bool has_reference() const {
-    return setup->parameters.solver_method == kDae && interface == Interface::kCoSimulation;
+    return setup->parameters.model_level == kReference && interface == Interface::kCoSimulation;
   }
   void make_reference();
   void describe_reference(Stepper::Problem& problem);
@@ -146,7 +147,8 @@ struct DockingSim::Impl : SimState {
   double find_free_gap() const;
   Status watch_rest(double tau);
   double find_flight_time() const;
-  VehicleBody find_flying_body(int vehicle) const;
+  void lock_at_rest();
+  const VehicleBody& find_flying_body(int vehicle) const;
   void fly(double duration);
 
   // events.cpp
@@ -163,7 +165,7 @@ struct DockingSim::Impl : SimState {
   std::optional<double> find_thrust_onset() const;
   bool is_thrust_due(double now) const;
   bool update_thrust(double now);
-  Status evaluate(double tau);
+  Status evaluate(double tau, bool may_be_locked = true);
   void calc_event_functions(const DockingData<double>& at, double* roots) const;
   PhaseInputs find_phase_inputs(const DockingData<double>& at) const;
 

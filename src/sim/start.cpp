@@ -52,6 +52,30 @@ void check_choice(int value, int most, const char* name, const char* choice) {
   throw ModelError(std::string(name) + " is " + std::to_string(value) + "; it must be " + choice);
 }
 
+/// Multipliers need a method that knows them, and it nothing else.
+void check_level(const Parameters& p, Interface interface) {
+  check_choice(p.model_level, kReference, "model.level",
+               "1 (rigid), 2 (massless_legs), 3 (reduced) or 4 (reference)");
+  if (interface == Interface::kModelExchange) {
+    if (p.model_level != kReference) return;
+    throw ModelError(
+        "model.level is 4 (reference), which has equations that no host integrates: "
+        "take 3 (reduced), or co-simulation");
+  }
+  if (p.model_level == kReference && p.solver_method != kDae && p.solver_method != kAuto) {
+    throw ModelError(
+        "model.level is 4 (reference), which only solver.method 9 (dae) or 1 (auto) "
+        "integrates; solver.method is " +
+        std::to_string(p.solver_method));
+  }
+  if (p.model_level != kReference && p.solver_method == kDae) {
+    throw ModelError(
+        "solver.method is 9 (dae), which integrates the mechanism with multipliers: "
+        "set model.level to 4 (reference); it is " +
+        std::to_string(p.model_level));
+  }
+}
+
 Stepper::Method find_stepper_method(int method) {
   switch (method) {
     case kImplicit:
@@ -88,6 +112,7 @@ void DockingSim::Impl::clear() {
   parameters.restitution = scene->restitution;
   parameters.restitution_speed = scene->restitution_speed;
   parameters.flight = kResting;
+  parameters.model_level = scene->level;
   parameters.solver_method = kAuto;
   parameters.dae_form = Parameters().dae_form;
   parameters.step = scene->solver.step;
@@ -162,6 +187,7 @@ void DockingSim::Impl::check_parameters() const {
     throw ModelError("coupling.mode is " + std::to_string(p.coupling_mode) +
                      "; it must be 1 (sequential) or 2 (parallel)");
   }
+  check_level(p, interface);
   check_choice(p.flight, kIntegrated, "model.flight", "1 (resting) or 2 (integrated)");
   check_choice(
       p.solver_method, kDae, "solver.method",
@@ -204,6 +230,22 @@ void DockingSim::Impl::check_joint_starts(const LoopPlan& plan) const {
     throw ModelError("initial.joints." + start.name + ": " + reason +
                      (choice.empty() ? "; no joint of this mechanism can be given a start"
                                      : "; joints that can be given a start are " + choice));
+  }
+}
+
+/// What is locked must not move. @pre evaluate
+void DockingSim::Impl::check_mechanism_rests() const {
+  for (const Body& body : model->mechanism.model.bodies) {
+    if (&body == &model->mechanism.model.bodies[0] && model->mechanism.vehicle != kBase) continue;
+    const double rate = data->mechanism.tree.v.segment(body.v_index, body.nv()).norm();
+    if (rate == 0.0) continue;
+    char text[320];
+    std::snprintf(text, sizeof text,
+                  "model.level is 1 (rigid), but the joint of body '%s' starts at a rate of %.6g; "
+                  "leave out rates in initial.capture_body and initial.joints (and couplings that "
+                  "are driven), or take model.level = 3 (reduced)",
+                  body.name.c_str(), rate);
+    throw ModelError(text);
   }
 }
 
@@ -320,8 +362,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   setup = std::move(from);
   parameters = setup->parameters;
   choose_frame_O();
-  model = std::make_unique<DockingModel>(
-      make_docking_model(*scene, parameters.vehicle, make_contact_law(), frame_origin));
+  model = std::make_unique<DockingModel>(make_docking_model(
+      *scene, parameters.vehicle, make_contact_law(), frame_origin, parameters.model_level));
   start_mechanism.reset();
   state_bodies = model->mechanism_bodies;
   model->thrust = parameters.contact_thrust;
@@ -357,6 +399,11 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   if (!status.ok())
     throw ModelError("start state: " + find_status_text(status, model->mechanism.model));
   keep_pose();
+  if (parameters.model_level == kRigid) {
+    check_mechanism_rests();
+    lock_mechanism(*model, *data);
+    if (!evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
+  }
   energy_start = find_total_energy();
   for (int i : {kChaser, kTarget}) momentum_start[i] = find_momentum(*model, i, *data);
   warn_about_start();
@@ -381,6 +428,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   peaks.start(0.0, find_peak_values());
   const double* q = stepper->y() + model->layout.mechanism_q;
   rest_state.q.assign(q, q + model->layout.mechanism_nq);
+  if (!model->locked.on) model->locked.q = data->mechanism.tree.q;  // room for a rest
   start_coupling();
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
@@ -528,9 +576,15 @@ void DockingSim::Impl::warn_about_start() {
         "input 'gravity'");
   }
   if (!has_surfaces() || model->contact.kind != ContactModel::Kind::kRings) return;
-  // k >= 4 m v^2/rounding^2 for what hits: the capture body on its legs.
+  // k >= 4 m v^2/rounding^2 for what hits: the capture body on its legs, or all there is.
   const int body = model->mechanism.model.capture_body;
-  const double mass = body == kBase ? 0.0 : model->mechanism.model.bodies[body].mass;
+  double mass = body == kBase ? 0.0 : model->mechanism.model.bodies[body].mass;
+  if (model->locked.on) {
+    double inverse_mass = 0.0;
+    if (model->moves[kChaser]) inverse_mass += 1.0 / model->locked.whole.mass;
+    if (model->moves[kTarget]) inverse_mass += 1.0 / model->vehicle[kTarget].mass;
+    mass = inverse_mass > 0.0 ? 1.0 / inverse_mass : 0.0;
+  }
   const double v = data->relative.v.norm();
   const double needed =
       4.0 * mass * v * v / (model->contact.least_rounding * model->contact.least_rounding);

@@ -40,6 +40,7 @@ struct Parameters {
   double restitution = 0.0;             ///< [-] at restitution_speed
   double restitution_speed = 0.0;       ///< [m/s]
   int flight = kResting;                ///< see FlightModel
+  int model_level = kReduced;           ///< see ModelLevel
   int solver_method = 1;                ///< see SolverMethod
   int dae_form = 3;                     ///< of method 9: see DaeForm
   double step = 0.0;                    ///< [s] inner step of the fixed methods

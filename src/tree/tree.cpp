@@ -21,6 +21,7 @@ TreeData<S>::TreeData(const MechanismModel& model) {
   A.setZero(model.nv, model.nv);
   external.resize(n);
   transmitted.resize(n);
+  for (size_t i = 0; i < n; ++i) active.push_back(static_cast<int>(i));
   tau_required.setZero(model.nv);
   for (size_t i = 0; i < model.home_q.size(); ++i) q[static_cast<int>(i)] = S(model.home_q[i]);
 }
@@ -64,8 +65,7 @@ void calc_joint_pose(const MechanismModel& model, int i, TreeData<S>& data) {
 
 template <class S>
 void calc_tree_position(const MechanismModel& model, TreeData<S>& data) {
-  const int n = static_cast<int>(model.bodies.size());
-  for (int i = 0; i < n; ++i) {
+  for (int i : data.active) {
     const Body& body = model.bodies[i];
     const int up = body.parent;
     if (up == kBase) {
@@ -84,9 +84,8 @@ void calc_tree_position(const MechanismModel& model, TreeData<S>& data) {
 
 template <class S>
 void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data) {
-  const int n = static_cast<int>(model.bodies.size());
   // Bodies alone, about their own origins, in base axes.
-  for (int i = 0; i < n; ++i) {
+  for (int i : data.active) {
     const Body& body = model.bodies[i];
     if (body.mass == 0.0 && body.inertia.isZero(0.0)) {
       data.h_body[i].setZero();
@@ -103,7 +102,8 @@ void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data) {
     data.I_sum[i] = data.I_body[i];
   }
   // Composite bodies, leaves to root.
-  for (int i = n - 1; i >= 0; --i) {
+  for (auto it = data.active.rbegin(); it != data.active.rend(); ++it) {
+    const int i = *it;
     const int up = model.bodies[i].parent;
     if (up == kBase) continue;
     const Vec3<S>& r = data.r[i];
@@ -117,7 +117,7 @@ void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data) {
   }
   // Columns of A: momentum of the composite body under one unit joint velocity, seen by ancestors.
   data.A.setZero();
-  for (int i = 0; i < n; ++i) {
+  for (int i : data.active) {
     const Body& body = model.bodies[i];
     for (int k = 0; k < body.nv(); ++k) {
       Vec3<S> angular, linear;
@@ -150,8 +150,7 @@ void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data) {
 
 template <class S>
 void calc_tree_velocity(const MechanismModel& model, const Vec3<S>& base_w, TreeData<S>& data) {
-  const int n = static_cast<int>(model.bodies.size());
-  for (int i = 0; i < n; ++i) {
+  for (int i : data.active) {
     const Body& body = model.bodies[i];
     const int up = body.parent;
     const Vec3<S> w_up = up == kBase ? base_w : data.w[up];
@@ -176,9 +175,8 @@ void calc_tree_velocity(const MechanismModel& model, const Vec3<S>& base_w, Tree
 template <class S>
 void calc_tree_acceleration(const MechanismModel& model, const BaseMotion<S>& base,
                             const VecX<S>* vdot, TreeData<S>& data) {
-  const int n = static_cast<int>(model.bodies.size());
   const Vec3<S> base_a = base.a - base.gravity;
-  for (int i = 0; i < n; ++i) {
+  for (int i : data.active) {
     const Body& body = model.bodies[i];
     const int up = body.parent;
     const Vec3<S> w_up = up == kBase ? base.w : data.w[up];
@@ -216,9 +214,8 @@ void calc_tree_acceleration(const MechanismModel& model, const BaseMotion<S>& ba
 
 template <class S>
 void calc_tree_forces(const MechanismModel& model, TreeData<S>& data) {
-  const int n = static_cast<int>(model.bodies.size());
   // Newton and Euler for each body alone, about its own origin.
-  for (int i = 0; i < n; ++i) {
+  for (int i : data.active) {
     const Vec3<S>& w = data.w[i];
     const Vec3<S>& h = data.h_body[i];
     Wrench<S>& load = data.transmitted[i];
@@ -228,7 +225,8 @@ void calc_tree_forces(const MechanismModel& model, TreeData<S>& data) {
              h.cross(data.a[i]) - data.external[i].t;
   }
   // Leaves to root: what a body needs, its parent must pass on.
-  for (int i = n - 1; i >= 0; --i) {
+  for (auto it = data.active.rbegin(); it != data.active.rend(); ++it) {
+    const int i = *it;
     const Body& body = model.bodies[i];
     const Wrench<S>& load = data.transmitted[i];
     switch (body.joint) {

@@ -22,6 +22,9 @@ struct TreeData {
   VecX<S> q;      ///< coordinates, nq; independents set by the caller, dependents by the loops
   VecX<S> v;      ///< velocities, nv
   S time = S(0);  ///< since the start, for joints that are driven [s]; set by the caller
+  std::vector<int>
+      active;  ///< bodies that the recursions go over, ascending: all, unless some have
+               ///< no mass and carry none (their members below stay as they were made)
 
   // written by calc_joint_pose
   std::vector<Pose<S>> joint;  ///< pose of body i in its parent

@@ -1,8 +1,9 @@
 // Time of one right-hand side: `rates_bench MODEL.json [repetitions]`.
 //
-// Evaluates the rates of a scene at its start state (for scenes with contact conditions: at first
-// contact, pressed 1 mm into the surfaces) and prints microseconds for the whole and for its parts.
-// The best of several batches counts, because shared machines are noisy.
+// Evaluates the rates of a scene, at its level (key model.level), at its start state (for scenes
+// with contact conditions: at first contact, pressed 1 mm into the surfaces) and prints
+// microseconds for the whole and for its parts. The best of several batches counts, because shared
+// machines are noisy.
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -43,8 +44,8 @@ int main(int argc, char** argv) {
   text << file.rdbuf();
   const int repetitions = argc > 2 ? std::atoi(argv[2]) : 2000;
   const Scene scene = read_scene(text.str(), argv[1]);
-  const DockingModel model =
-      make_docking_model(scene, scene.vehicle, scene.contact.law, scene.vehicle[kChaser].position);
+  DockingModel model = make_docking_model(scene, scene.vehicle, scene.contact.law,
+                                          scene.vehicle[kChaser].position, scene.level);
   DockingData<double> data(model);
   std::vector<double> y(static_cast<size_t>(model.layout.size), 0.0), ydot(y);
   int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
@@ -70,6 +71,7 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "the start state cannot be evaluated\n");
     return 1;
   }
+  if (scene.level == kRigid) lock_mechanism(model, data);
   std::printf("%-24s %8.3f us\n", "start state", find_best_time(repetitions, rates));
   MechanismData<double>& mechanism = data.mechanism;
   std::printf("%-24s %8.3f us\n", "  close loops", find_best_time(repetitions, [&] {

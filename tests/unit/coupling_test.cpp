@@ -242,9 +242,14 @@ Scene make_accurate(Scene scene) {
 }
 
 TEST(Coupling, with_the_right_mass_gives_the_run_in_which_nothing_is_driven) {
-  for (const int includes : {1, 2}) {
+  for (const auto& [includes, level] :
+       {std::pair{1, kReduced}, {2, kReduced}, {1, kMasslessLegs}, {1, kRigid}, {2, kRigid}}) {
     Scene scene = make_accurate(short_ring_scene());
     scene.vehicle[kChaser].mass_includes_mechanism = includes;
+    scene.level = level;
+    // Without legs that give, contact is hard: errors of the integration grow with every impact.
+    if (level == kRigid) scene.vehicle[kChaser].mass = 15e3;
+    const double limit = scaled_tolerance(level == kRigid ? 1e-5 : 3e-9);
     const double h = 0.05;
     DockingSim free(share(scene));
     free.initialise(0.0, 0.0);
@@ -270,12 +275,13 @@ TEST(Coupling, with_the_right_mass_gives_the_run_in_which_nothing_is_driven) {
           worst.add((host.sim.outputs().relative_velocity - velocity[i]).norm() / 0.1,
                     "step " + std::to_string(i));
         }
-        const std::string which =
-            std::to_string(mode) + std::to_string(who[0]) + std::to_string(who[1]);
-        EXPECT_LE(worst.value, scaled_tolerance(3e-9))  // measured 3e-10 of the closing speed
+        const std::string which = std::to_string(mode) + std::to_string(who[0]) +
+                                  std::to_string(who[1]) + ", mass " + std::to_string(includes) +
+                                  ", level " + std::to_string(level);
+        EXPECT_LE(worst.value, limit)  // measured 3e-10 of the closing speed, rigid 9e-7
             << which << " at " << worst.where;
         EXPECT_LE(std::abs(host.sim.outputs().capture_peak[Outputs::kCompression] / peak - 1.0),
-                  1e-6)
+                  level == kRigid ? 1e-4 : 1e-6)
             << which;
         for (const std::string& warning : host.sim.take_warnings()) ADD_FAILURE() << warning;
       }

@@ -121,6 +121,7 @@ Outputs swing(const Scene& scene, int method, DaeForm form, double rtol) {
   DockingSim sim(share(scene));
   Parameters& p = sim.parameters();
   p.solver_method = method;
+  p.model_level = method == kDae ? kReference : kReduced;
   p.dae_form = static_cast<int>(form);
   p.rtol = rtol;
   p.atol_position = p.atol_velocity = 1e-2 * rtol;
@@ -160,7 +161,7 @@ TEST(ReferenceForm, comes_near_the_reduced_form_and_tells_how_far_loops_open) {
 
 TEST(ReferenceForm, begins_closed_at_every_communication_point) {
   DockingSim sim(share(hexapod_scene()));
-  sim.parameters().solver_method = kDae;
+  sim.parameters().model_level = kReference;
   sim.parameters().dae_form = static_cast<int>(DaeForm::kIndex1);
   sim.parameters().rtol = 1e-5;
   sim.initialise(0.0, 0.0);

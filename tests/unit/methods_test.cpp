@@ -34,6 +34,7 @@ std::unique_ptr<DockingSim> start(const std::shared_ptr<const Scene>& scene, int
                                   double rtol = 1e-6) {
   auto sim = std::make_unique<DockingSim>(scene);
   sim->parameters().solver_method = method;
+  sim->parameters().model_level = method == kDae ? kReference : kReduced;
   sim->initialise(0.0, rtol);
   return sim;
 }
@@ -172,6 +173,7 @@ TEST(MethodsThatDoNotExist, are_refused_with_the_choice) {
         std::tuple{int(kDae), 4, "solver.dae_form is 4; it must be 1 (index 1)"}}) {
     DockingSim sim(share(short_ring_scene()));
     sim.parameters().solver_method = method;
+    sim.parameters().model_level = method == kDae ? kReference : kReduced;
     sim.parameters().dae_form = form;
     try {
       sim.initialise(0.0, 0.0);

@@ -74,8 +74,12 @@ std::vector<Run> make_runs() {
   add_method("adams", [](Parameters& p) { p.solver_method = kAdams; });
   add_method("bdf", [](Parameters& p) { p.solver_method = kBdf; });
   add_method("imex", [](Parameters& p) { p.solver_method = kImex; });
-  add_method("dae", [](Parameters& p) { p.solver_method = kDae; });
+  add_method("dae", [](Parameters& p) { p.model_level = kReference; });
   runs.push_back({"sloped_inputs", ring, [](Parameters& p) { p.contact_thrust = 50.0; }, push});
+  runs.push_back({"massless_legs", ring, [](Parameters& p) { p.model_level = kMasslessLegs; }});
+  runs.back().steps = 100;
+  runs.back().seen = "latched";
+  runs.push_back({"rigid", ring, [](Parameters& p) { p.model_level = kRigid; }, push});
   runs.push_back({"driven", driven_scene(), [](Parameters&) {}, drive});
   runs.push_back(
       {"announced", driven_scene(), [](Parameters& p) { p.coupling_mode = kParallel; }, drive});
@@ -92,7 +96,7 @@ std::vector<Run> make_runs() {
   runs.push_back({"announced_dae", driven_scene(),
                   [](Parameters& p) {
                     p.coupling_mode = kParallel;
-                    p.solver_method = kDae;
+                    p.model_level = kReference;
                   },
                   drive});
   runs.push_back({"other_coordinates", slider_crank_scene()});
@@ -101,7 +105,7 @@ std::vector<Run> make_runs() {
                   [](Parameters& p) { p.solver_method = kImplicit; }});
   runs.back().seen = "coordinates";
   runs.push_back({"other_coordinates_dae", slider_crank_scene(),
-                  [](Parameters& p) { p.solver_method = kDae; }});
+                  [](Parameters& p) { p.model_level = kReference; }});
   runs.back().seen = "coordinates";
   return runs;
 }
