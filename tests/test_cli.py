@@ -11,7 +11,7 @@ import pytest
 from conftest import SCENES
 from dockloop import paths
 
-COMMANDS = ("build", "ssp", "run", "sweep", "check", "extremes", "truth")
+COMMANDS = ("build", "ssp", "run", "sweep", "trade", "truth", "check", "extremes")
 
 
 def assert_refused(outcome, *words):

@@ -1,4 +1,4 @@
-"""The command line: ``dockloop build | ssp | run | sweep | check | extremes | truth``.
+"""The command line: ``dockloop build | ssp | run | sweep | trade | truth | check | extremes``.
 
 Thin on purpose: arguments in, one call into the package, text and exit status out. Exit status:
 0 done, 1 the work failed, 2 bad usage or a bad file. Errors are one sentence on standard error;
@@ -7,6 +7,8 @@ only a defect of this program shows a traceback, and only with ``--debug``.
 
 import argparse
 import json
+import math
+import shlex
 import sys
 import tempfile
 from pathlib import Path
@@ -21,6 +23,9 @@ _BUILD_EXAMPLE = (
 _SSP_EXAMPLE = "example: dockloop ssp idss_25t_350t --scene experiment.step=0.002 -o docking.ssp"
 _RUN_EXAMPLE = "example: dockloop run idss_25t_350t --set friction.coefficient=0.2 --stop 12"
 _SWEEP_EXAMPLE = "example: dockloop sweep absorber_1d_speeds --workers 2 --csv"
+_TRADE_EXAMPLE = (
+    "example: dockloop trade absorber_1d --methods explicit,adams --tolerances 1e-4,1e-8"
+)
 _CHECK_EXAMPLE = "example: dockloop check idss_hexapod"
 _EXTREMES_EXAMPLE = "example: dockloop extremes --item 10 --quick"
 _TRUTH_EXAMPLE = (
@@ -153,6 +158,8 @@ def _make_parser() -> argparse.ArgumentParser:
     sweep.add_argument("--no-plots", action="store_true", help="do not draw figures")
     sweep.add_argument("--json", action="store_true", help="print the summary as JSON")
 
+    _add_trade(commands)
+
     check = _add(commands, "check", _check, "tell whether a mechanism is sound", _CHECK_EXAMPLE)
     check.add_argument("mechanism", metavar="MECHANISM", help="name or .json file")
     check.add_argument(
@@ -238,6 +245,39 @@ def _add(commands, name: str, function, text: str, example: str) -> argparse.Arg
     command.set_defaults(command=function)
     command.add_argument("--debug", action="store_true", help=argparse.SUPPRESS)
     return command
+
+
+def _add_trade(commands) -> None:
+    """Add the command that measures what accuracy costs."""
+    trade = _add(
+        commands,
+        "trade",
+        _trade,
+        "measure what accuracy costs: settings against the truth, and what pays",
+        _TRADE_EXAMPLE,
+    )
+    trade.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
+    _add_scene_option(trade)
+    trade.add_argument("--levels", metavar="L,...", help="only these levels of the model")
+    trade.add_argument("--methods", metavar="M,...", help="only these methods, e.g. explicit,bdf")
+    trade.add_argument("--tolerances", metavar="R,...", help="relative tolerances to try")
+    trade.add_argument("--steps", metavar="H,...", help="communication steps to try [s]")
+    trade.add_argument(
+        "--stop",
+        type=float,
+        metavar="T",
+        help="end of the runs [s] (default: a second after the capture, or that of the scene)",
+    )
+    trade.add_argument("--quick", action="store_true", help="a small grid, each setting timed once")
+    trade.add_argument("--resume", action="store_true", help="go on after an interruption")
+    trade.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FOLDER",
+        help="for tables, figure and journal (default: build/results/trade_SCENE)",
+    )
+    trade.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
 def _positive(text: str) -> int:
@@ -364,6 +404,49 @@ def _sweep(options: argparse.Namespace) -> None:
     print(json.dumps(summary, indent=2) if options.json else sweep_report.describe_sweep(summary))
     if "done" not in summary["status"]:
         raise DockloopError(f"no case was done, for example: {summary['reasons']['example']}")
+
+
+def _trade(options: argparse.Namespace) -> None:
+    """Measure what accuracy costs: runs, tables, figure, recommendation."""
+    from dockloop import paths, trade
+    from dockloop.fmu import build_fmu
+    from dockloop.simulate import ProgressBar
+    from dockloop.trade import report
+    from dockloop.trade.bench import Bench
+
+    choice = trade.Choice(
+        trade.parse_names("--levels", options.levels, trade.LEVELS),
+        trade.parse_names("--methods", options.methods, trade.METHODS),
+        trade.parse_numbers("--tolerances", options.tolerances, 0.0, 1.0),
+        trade.parse_numbers("--steps", options.steps, 0.0, math.inf),
+        options.stop,
+        options.quick,
+    )
+    name = Path(options.scene).stem
+    folder = options.output or paths.BUILD / "results" / f"trade_{name}"
+    with tempfile.TemporaryDirectory(prefix="dockloop-") as temporary:
+        fmu = build_fmu(options.scene, options.overrides, Path(temporary) / f"{name}.fmu")
+        bench = Bench(fmu)
+    progress = ProgressBar(name)
+    measured = trade.run_trade(bench, choice, folder, resume=options.resume, progress=progress)
+    summary = report.summarise_trade(measured, _trade_command(options))
+    try:
+        summary["files"] = [paths.shown(file) for file in report.write_trade(summary, folder)]
+    except OSError as error:
+        raise DockloopError(f"{paths.shown(folder)}: cannot be written ({error})") from None
+    print(json.dumps(summary, indent=2) if options.json else report.describe_trade(summary))
+
+
+def _trade_command(options: argparse.Namespace) -> str:
+    """Return the command that repeats a trade; where it writes does not matter."""
+    scene = Path(options.scene)
+    words = ["dockloop", "trade", scene.name if scene.is_absolute() else options.scene]
+    for text in options.overrides:
+        words += ["--scene", text]
+    for name in ("levels", "methods", "tolerances", "steps", "stop"):
+        value = getattr(options, name)
+        words += [] if value is None else [f"--{name}", str(value)]
+    return shlex.join(words + ["--quick"] * options.quick)
 
 
 def _check(options: argparse.Namespace) -> None:

@@ -101,19 +101,31 @@ def run_fmu(
         times = communication_points(description, stop, step)
         with Instance(description, folder, label or shown(path)) as instance:
             instance.initialise(starts, times)
-            recorder = _Recorder(instance.slave, description, len(times))
-            recording = Recording(scene, recorder.names, recorder.units, recorder.values)
-            recording.parameters = instance.read_parameters()
             loaded = time.perf_counter()
-            recording.wall = instance.loop(times, recorder, progress)
+            recording = record(instance, scene, times, progress)
             recording.wall["load"] = loaded - began
-            recording.warnings = instance.warnings
             recording.warnings += [
                 f"{vehicle} is driven, but nobody imposes its motion in this run: it is put back"
                 " to its start at every communication point"
                 for vehicle in ("chaser", "target")
                 if scene.get(vehicle, {}).get("motion") == "driven"
             ]
+    return recording
+
+
+def record(
+    instance: "Instance",
+    scene: dict,
+    times: np.ndarray,
+    progress: Callable[[float], None] | None = None,
+    clock: Callable[[], float] = time.perf_counter,
+) -> Recording:
+    """Step an initialised instance through all communication points; `clock` times it [s]."""
+    recorder = Recorder(instance.slave, instance.description, len(times))
+    recording = Recording(scene, recorder.names, recorder.units, recorder.values)
+    recording.parameters = instance.read_parameters()
+    recording.wall = instance.loop(times, recorder, progress, clock)
+    recording.warnings = instance.warnings
     return recording
 
 
@@ -142,7 +154,7 @@ class Instance:
     """One instance of an FMU; as a context manager it is freed whatever happens."""
 
     def __init__(self, description: Any, folder: str, label: str) -> None:
-        self._description = description
+        self.description = description
         self._label = label
         self._log: list[str] = []
         self.warnings: list[str] = []
@@ -196,17 +208,21 @@ class Instance:
         """Read every Real parameter."""
         found = [
             v
-            for v in self._description.modelVariables
+            for v in self.description.modelVariables
             if v.type == "Real" and v.causality in ("parameter", "calculatedParameter")
         ]
         values = self.slave.getReal([v.valueReference for v in found])
         return {v.name: value for v, value in zip(found, values, strict=True)}
 
     def loop(
-        self, times: np.ndarray, recorder: "_Recorder", progress: Callable | None
+        self,
+        times: np.ndarray,
+        recorder: "Recorder",
+        progress: Callable | None,
+        clock: Callable[[], float],
     ) -> dict[str, float]:
-        """Step through all communication points; returns the wall time and its split [s]."""
-        do_step, component, clock = self.slave.fmi2DoStep, self.slave.component, time.perf_counter
+        """Step through all communication points; returns the time by `clock`, and its split [s]."""
+        do_step, component = self.slave.fmi2DoStep, self.slave.component
         points, stepping, reading, last = times.tolist(), 0.0, 0.0, len(times) - 1
         began = clock()
         try:
@@ -239,7 +255,7 @@ class Instance:
         return f"{self._label}: {text}"
 
 
-class _Recorder:
+class Recorder:
     """Buffers for all outputs; reading them is one call per data type."""
 
     def __init__(self, slave: fmi2.FMU2Slave, description: Any, points: int) -> None:

@@ -9,10 +9,7 @@ back and runs what is missing: a case is known by its values, not by its number,
 also be continued with more cases.
 """
 
-import datetime
-import fcntl
 import hashlib
-import itertools
 import json
 import logging
 import os
@@ -21,7 +18,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +26,7 @@ from dockloop import __version__
 from dockloop.cases import Job, Result, run_case, say_version
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.fmu import find_placement, write_fmu
+from dockloop.journal import InterruptedWorkError, Journal, make_report
 from dockloop.paths import shown
 from dockloop.sampling import Quantity, Sweep, Value, as_setting
 from dockloop.scene import resolve_scene, scene_keys
@@ -56,13 +54,6 @@ _OUTCOMES = (
 _UNITS = {"_deg_s": "deg/s", "_deg": "deg", "_speed": "m/s", "_offset": "m", "_time": "s"}
 _KEPT_FMUS = 16  # that cases of a sweep share at a time
 _AHEAD = 4  # cases planned per thread of the cluster
-_SYNC = 1.0  # s between two times that the journal is forced to the disk
-
-
-class InterruptedSweepError(DockloopError):
-    """Stopped by the user; what is done is in the journal."""
-
-    exit_status = 130
 
 
 @dataclass(frozen=True)
@@ -275,99 +266,6 @@ class Planner:
         return list(chosen)
 
 
-class Journal:
-    """Results of a sweep, one line each, appended as they arrive.
-
-    Attributes:
-        known: results by the values of their cases.
-        path: the file.
-    """
-
-    def __init__(self, path: Path, setup: dict, cases: int, *, resume: bool) -> None:
-        """Open a journal, or begin it anew.
-
-        Args:
-            path: the file.
-            setup: all that decides the results beside the values; must be that of the file.
-            cases: how many there will be.
-            resume: go on with what the file holds.
-
-        Raises:
-            UsageError: the file belongs to another set-up, or is unfinished and not to be resumed.
-        """
-        self.path, self.known = path, {}
-        self._synced = time.monotonic()
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("a+b")
-        except OSError as error:
-            raise DockloopError(f"{shown(path)}: cannot be written ({error.strerror})") from None
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise UsageError(f"{shown(path)}: another sweep is writing it") from None
-        header, intact = self._read()
-        if header is not None and not resume and len(self.known) < header["cases"]:
-            raise UsageError(
-                f"{shown(path)}: holds {len(self.known)} of {header['cases']} cases of a sweep that"
-                " was interrupted: go on with --resume, or delete the file"
-            )
-        if header is not None and resume:
-            old = header["setup"]
-            other = [name for name in setup if old.get(name) != setup[name]]
-            if other:
-                raise UsageError(
-                    f"{shown(path)}: cannot be resumed, it was made with another"
-                    f" {', '.join(other)}: delete the file, or write elsewhere with -o"
-                )
-        else:
-            self.known.clear()
-            intact = 0
-        self._file.truncate(intact)  # what was cut off in the middle of a line is done again
-        if not intact:
-            self._write({"setup": setup, "cases": cases})
-
-    def add(self, values: tuple[Value, ...], result: Result) -> None:
-        """Append one result; a case that was lost with its worker is not recorded."""
-        self.known[values] = result
-        if result.status != "lost":
-            self._write({"values": values, **asdict(result)})
-
-    def close(self) -> None:
-        """Force everything to the disk."""
-        os.fsync(self._file.fileno())
-        self._file.close()
-
-    def _write(self, line: dict) -> None:
-        self._file.write(json.dumps(line).encode() + b"\n")
-        self._file.flush()
-        now = time.monotonic()
-        if now - self._synced > _SYNC:
-            os.fsync(self._file.fileno())
-            self._synced = now
-
-    def _read(self) -> tuple[dict | None, int]:
-        """Return the header and the length of the intact part; fills `known`."""
-        header, intact = None, 0
-        self._file.seek(0)
-        for raw in self._file:
-            try:
-                line = json.loads(raw) if raw.endswith(b"\n") else None
-                if line is None:
-                    break
-                if header is None:
-                    header = {"setup": line["setup"], "cases": line["cases"]}
-                else:
-                    values = tuple(line.pop("values"))
-                    result = Result(**line)
-                    result.outputs = tuple(result.outputs)
-                    self.known[values] = result
-            except (ValueError, KeyError, TypeError):
-                raise UsageError(f"{shown(self.path)}: is no journal of a sweep") from None
-            intact += len(raw)
-        return header, intact
-
-
 def run_sweep(
     sweep: Sweep,
     output: Path,
@@ -394,7 +292,7 @@ def run_sweep(
     Raises:
         UsageError: the sweep, a name in it or the journal is bad.
         DockloopError: the cluster cannot be used, or a defect showed on a worker.
-        InterruptedSweepError: by Ctrl-C.
+        InterruptedWorkError: by Ctrl-C.
     """
     planner = Planner(sweep)
     setup = {
@@ -414,10 +312,10 @@ def run_sweep(
             with _open_cluster(workers, scheduler, len(missing)) as client:
                 began = time.perf_counter()
                 threads = sum(client.nthreads().values())
-                report = _make_report(progress, done, len(sweep.cases), journal)
+                report = make_report(progress, done, len(sweep.cases))
                 _run_cases(client, planner, missing, journal.add, report)
     except KeyboardInterrupt:
-        raise InterruptedSweepError(
+        raise InterruptedWorkError(
             f"interrupted with {sum(case in journal.known for case in sweep.cases)} of"
             f" {len(sweep.cases)} cases in {shown(journal.path)}; the same command with --resume"
             " goes on"
@@ -549,24 +447,6 @@ def _check_workers(client: Any, scheduler: str) -> None:
             f"--scheduler {scheduler}: it must have at least one worker, and all of them need the"
             f" Python package dockloop {__version__} (nothing compiled)"
         )
-
-
-def _make_report(
-    progress: ProgressBar | None, done: int, total: int, journal: Journal
-) -> Callable[[], None]:
-    """Return a function that moves the progress bar by one case: rate and remaining time."""
-    began, ran = time.monotonic(), itertools.count(1)
-
-    def report() -> None:
-        now = next(ran)
-        rate = now / max(time.monotonic() - began, 1e-9)
-        left = max(0, total - done - now)
-        if progress:
-            left_time = datetime.timedelta(seconds=round(left / rate))
-            note = f"{done + now} of {total}, {rate:.2f} per second, {left_time} left"
-            progress((done + now) / total, note)
-
-    return report
 
 
 def _read_description(fmu: bytes) -> Any:

@@ -38,9 +38,9 @@ class RealTime : public ::testing::TestWithParam<int> {
   }
   fmi2Component start(fmi2Type type) {
     const fmi2Component c = instantiate(type);
-    const fmi2ValueReference method = find(c, "solver.method");
-    const fmi2Integer value = GetParam();
-    EXPECT_EQ(fmi2SetInteger(c, &method, 1, &value), fmi2OK);
+    const fmi2ValueReference choices[] = {find(c, "solver.method"), find(c, "model.level")};
+    const fmi2Integer values[] = {GetParam(), GetParam() == kDae ? kReference : kReduced};
+    EXPECT_EQ(fmi2SetInteger(c, choices, 2, values), fmi2OK);
     EXPECT_EQ(fmi2SetupExperiment(c, fmi2False, 0, 0, fmi2False, 0), fmi2OK);
     EXPECT_EQ(fmi2EnterInitializationMode(c), fmi2OK);
     EXPECT_EQ(fmi2ExitInitializationMode(c), fmi2OK);

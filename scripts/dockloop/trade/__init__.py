@@ -1,0 +1,391 @@
+"""``dockloop trade``: what accuracy costs, measured on one scene.
+
+A grid of settings (level of the model, method of integration, tolerance or inner step,
+communication step) is run through the FMU. Each run is compared with the truth and priced:
+evaluations, steps, and processor time beside that of the default setting, which is run again next
+to every setting. What pays is the Pareto front; what the FMU refuses is a row with the reason.
+
+| file | what it holds |
+|---|---|
+| ``__init__.py`` | the grid; which settings of it are run; one row; all rows, kept in a journal |
+| ``bench.py`` | the FMU, loaded once and run again and again |
+| ``truth.py`` | the truth: of dockloop-core, or of the FMU at its tightest tolerance |
+| ``errors.py`` | figures of a run against the truth, and the scalar that sums them up |
+| ``report.py`` | front, recommendation, table, figure |
+"""
+
+import itertools
+import math
+import statistics
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, astuple, dataclass
+from pathlib import Path
+from typing import Any
+
+from dockloop import __version__
+from dockloop.cases import Result
+from dockloop.errors import DockloopError, UsageError, did_you_mean
+from dockloop.journal import InterruptedWorkError, Journal, make_report
+from dockloop.paths import shown
+from dockloop.simulate import ProgressBar, Recording
+from dockloop.trade.bench import Bench
+from dockloop.trade.errors import (
+    AUDITS,
+    ERRORS,
+    find_audits,
+    find_compared,
+    find_errors,
+    find_scales,
+    find_times,
+)
+from dockloop.trade.truth import find_truth
+
+LEVELS = {1: "rigid", 2: "massless_legs", 3: "reduced", 4: "reference"}
+METHODS = dict(
+    enumerate(
+        ("auto", "explicit", "implicit", "imex", "adams", "bdf", "fixed_rk4", "fixed_implicit"), 1
+    )
+) | {9: "dae"}
+_REFERENCE = 4
+
+
+@dataclass(frozen=True)
+class Block:
+    """Every combination of these values is a setting of the grid.
+
+    Attributes:
+        methods: values of solver.method.
+        tolerances: of solver.rtol; the absolute ones keep their ratio to it.
+        inner_steps: of solver.step [s], for fixed methods.
+        steps: communication steps over that of the scene; none is longer than the run.
+        levels: values of model.level; None: that of the FMU.
+        forms: values of solver.dae_form.
+    """
+
+    methods: tuple[int, ...]
+    tolerances: tuple[float | None, ...] = (None,)
+    inner_steps: tuple[float | None, ...] = (None,)
+    steps: tuple[int, ...] = (1, 10, 100)
+    levels: tuple[int | None, ...] = (None,)
+    forms: tuple[int | None, ...] = (None,)
+
+
+_LADDER = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10, 1e-12)
+_SHORT = (1e-3, 1e-6, 1e-9)
+GRID = (
+    Block(methods=(2, 3, 5, 6), tolerances=_LADDER),
+    Block(methods=(4,), tolerances=_SHORT, steps=(10,)),
+    Block(methods=(7,), inner_steps=(4e-3, 2e-3, 1e-3, 5e-4), steps=(1,)),
+    Block(methods=(8,), inner_steps=(4e-3, 2e-3, 1e-3), steps=(1,)),
+    Block(levels=(1, 2), methods=(2, 3), tolerances=_SHORT),
+    Block(levels=(4,), methods=(9,), forms=(1, 2, 3), tolerances=_SHORT, steps=(10, 100)),
+)
+_QUICK_STEPS, _QUICK_STRIDE = (10,), 3  # --quick: one step, every third value of a ladder
+_LOOKS = 40  # times, at least, at which a run is compared with the truth
+_AFTER_CAPTURE = 1.0  # s that a run goes on by default
+_PAIRS = 5  # most runs of a setting and of the default, one after the other ...
+_ENOUGH = 1.0  # ... until those of the setting have taken so long [s]
+
+COSTS = {
+    "evaluations": "`solver.rhs_evaluations`; a Jacobian counts as one per column",
+    "steps": "`solver.steps`",
+    "rejected_steps": "`solver.rejected_steps`",
+    "time_ratio": "processor time inside fmi2DoStep over that of the default setting, which was run"
+    " next to it by turns: ratio of the medians",
+    "time_ratio_of_best": "ratio of the shortest ones",
+}
+FIGURES = (*ERRORS, *AUDITS, *COSTS)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One setting of the FMU and of its host; None: the FMU has no such thing, or ignores it."""
+
+    level: int | None
+    method: int
+    dae_form: int | None
+    rtol: float | None
+    inner_step: float | None
+    step: float
+
+    @property
+    def scheme(self) -> str:
+        """Name of level and method, for example ``rigid, explicit``."""
+        words = [] if self.level is None else [LEVELS.get(self.level, f"level {self.level}")]
+        words.append(METHODS.get(self.method, f"method {self.method}"))
+        if self.dae_form is not None:
+            words[-1] += f" {self.dae_form}"
+        return ", ".join(words)
+
+    @property
+    def label(self) -> str:
+        """The setting in words."""
+        tuned = [f"rtol {self.rtol:g}"] if self.rtol is not None else []
+        tuned += [f"inner step {self.inner_step:g} s"] if self.inner_step is not None else []
+        return ", ".join([self.scheme, *tuned, f"step {self.step:g} s"])
+
+    def starts(self, bench: Bench) -> dict[str, Any]:
+        """Return the start values that make it."""
+        told = {
+            "model.level": self.level,
+            "solver.method": self.method,
+            "solver.dae_form": self.dae_form,
+            "solver.step": self.inner_step,
+        }
+        told = {name: value for name, value in told.items() if value is not None}
+        return told | (bench.tolerances(self.rtol) if self.rtol is not None else {})
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What the user wants of the grid; empty: all of it.
+
+    Attributes:
+        levels: only these.
+        methods: only these.
+        tolerances: instead of those of the grid.
+        steps: communication steps [s] instead of those of the grid.
+        stop: end [s]; None: 1 s after the capture, in whole seconds, or that of the scene.
+        quick: one communication step, a third of the tolerances, no repeated timing.
+    """
+
+    levels: tuple[int, ...] = ()
+    methods: tuple[int, ...] = ()
+    tolerances: tuple[float, ...] = ()
+    steps: tuple[float, ...] = ()
+    stop: float | None = None
+    quick: bool = False
+
+
+@dataclass
+class Trade:
+    """All that was measured.
+
+    Attributes:
+        rows: one per setting: its fields, ``setting``, ``scheme``, ``status``, ``reason``,
+            ``is_default``, ``options`` (those of `dockloop run`) and the `FIGURES`.
+        about: scene, end, truth, scales.
+    """
+
+    rows: list[dict]
+    about: dict
+
+
+def parse_numbers(option: str, text: str | None, least: float, most: float) -> tuple[float, ...]:
+    """Parse numbers that are greater than `least`, at most `most` and separated by commas."""
+    if text is None:
+        return ()
+    try:
+        numbers = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        raise UsageError(f"{option} {text}: must be numbers separated by commas") from None
+    for number in numbers:
+        if not least < number <= most:
+            limit = f" and at most {most:g}" if math.isfinite(most) else ""
+            raise UsageError(f"{option} {text}: must be greater than {least:g}{limit}")
+    return numbers
+
+
+def parse_names(option: str, text: str | None, names: dict[int, str]) -> tuple[int, ...]:
+    """Parse names or numbers of methods or levels, separated by commas."""
+    numbers = {name: number for number, name in names.items()}
+    numbers |= {str(number): number for number in names}
+    chosen = []
+    for word in text.split(",") if text is not None else ():
+        if word.strip() not in numbers:
+            near = did_you_mean(word.strip(), names.values()) or f": must be of {_list(names)}"
+            raise UsageError(f"{option} {text}: there is no '{word.strip()}'{near}")
+        chosen.append(numbers[word.strip()])
+    return tuple(chosen)
+
+
+def find_default(bench: Bench) -> Setting:
+    """Return the setting that the scene has by itself."""
+    level, method = bench.start("model.level"), bench.start("solver.method")
+    return Setting(level, method, None, bench.start("solver.rtol"), None, bench.step)
+
+
+def make_settings(bench: Bench, choice: Choice, stop: float) -> list[Setting]:
+    """Return the chosen settings of the grid, the default first.
+
+    Raises:
+        UsageError: there are none.
+    """
+    settings = [setting for block in GRID for setting in _expand(block, bench, choice, stop)]
+    if choice.levels and bench.start("model.level") is None:
+        raise UsageError("--levels: the FMU of this scene has no variable 'model.level'")
+    if not settings:
+        raise UsageError("the grid has no setting with these --levels and --methods: leave one out")
+    return list(dict.fromkeys([find_default(bench), *settings]))
+
+
+def run_trade(
+    bench: Bench,
+    choice: Choice,
+    folder: Path,
+    *,
+    resume: bool = False,
+    progress: ProgressBar | None = None,
+) -> Trade:
+    """Run the settings that are not done yet, and return all.
+
+    Args:
+        bench: the FMU of the scene.
+        choice: of the grid.
+        folder: for the journal.
+        resume: go on with an interrupted run.
+        progress: shows how far it is.
+
+    Raises:
+        UsageError: the choice or the journal is bad.
+        InterruptedWorkError: by Ctrl-C.
+    """
+    default = find_default(bench)
+    stop = choice.stop if choice.stop is not None else _find_stop(bench, default)
+    settings = make_settings(bench, choice, stop)
+    names = find_compared(bench.outputs)
+    try:
+        truth = find_truth(bench, stop, find_interval(bench.step, stop), names, _say)
+        setup = {
+            "dockloop": __version__,
+            "FMU": bench.fmu_digest,
+            "stop": stop,
+            "truth": truth.key,
+            "figures": list(FIGURES),
+        }
+        journal = Journal(folder / "trade.jsonl", setup, len(settings), resume=resume, work="trade")
+    except KeyboardInterrupt:
+        raise InterruptedWorkError("interrupted before the first case") from None
+    try:
+        missing = [s for s in settings if astuple(s) not in journal.known]
+        report = make_report(progress, len(settings) - len(missing), len(settings))
+        pairs = 1 if choice.quick else _PAIRS
+        for setting in missing:
+            result = measure(bench, setting, default, truth.recording, stop, pairs=pairs)
+            journal.add(astuple(setting), result)
+            report()
+    except KeyboardInterrupt:
+        raise InterruptedWorkError(
+            f"interrupted with {sum(astuple(s) in journal.known for s in settings)} of"
+            f" {len(settings)} cases in {shown(journal.path)}; the same command with --resume"
+            " goes on"
+        ) from None
+    finally:
+        journal.close()
+    doubt = find_errors(truth.recording, truth.doubt)["error"] if truth.doubt else None
+    about = {
+        "scene": bench.scene["name"],
+        "title": bench.scene["title"],
+        "stop": stop,
+        "interval": float(truth.recording["time"][1]),
+        "default": default.label,
+        "truth": {"source": truth.source, **truth.facts, "error": doubt},
+        "scales": find_scales(truth.recording),
+    }
+    rows = [make_row(bench, s, default, journal.known[astuple(s)], stop) for s in settings]
+    return Trade(rows, about)
+
+
+def measure(
+    bench: Bench,
+    setting: Setting,
+    default: Setting,
+    truth: Recording,
+    stop: float,
+    *,
+    pairs: int = _PAIRS,
+) -> Result:
+    """Run one setting and the default by turns; compare and time it.
+
+    Returns:
+        ``outputs`` are the values of `FIGURES`.
+    """
+    starts, ordinary = setting.starts(bench), default.starts(bench)
+    times, ordinary_times, first = [], [], None
+    try:
+        while len(times) < pairs and sum(times) < _ENOUGH:
+            run = bench.run(starts, stop, setting.step)
+            times.append(run.wall["do_step"])
+            ordinary_times.append(bench.run(ordinary, stop, default.step).wall["do_step"])
+            first = first or run
+        seen = first
+        if find_times(truth["time"], first["time"]) is None:
+            seen = bench.probe(starts, stop, setting.step, truth["time"])
+    except DockloopError as error:
+        return Result("refused" if isinstance(error, UsageError) else "failed", str(error))
+    figures = find_errors(truth, seen) | find_audits(seen)
+    for name, output in (
+        ("evaluations", "solver.rhs_evaluations"),
+        ("steps", "solver.steps"),
+        ("rejected_steps", "solver.rejected_steps"),
+    ):
+        figures[name] = round(first[output][-1])
+    figures["time_ratio"] = statistics.median(times) / statistics.median(ordinary_times)
+    figures["time_ratio_of_best"] = min(times) / min(ordinary_times)
+    warning = "; ".join(first.warnings) or None
+    return Result("done", None, warning, stop, tuple(figures[name] for name in FIGURES))
+
+
+def make_row(bench: Bench, setting: Setting, default: Setting, result: Result, stop: float) -> dict:
+    """Return all that is known of one setting."""
+    words = [f"--set {n}={v:.12g}" for n, v in setting.starts(bench).items()]
+    options = [*words, f"--stop {stop:g}", f"--step {setting.step:g}"]
+    return {
+        "setting": setting.label,
+        "scheme": setting.scheme,
+        **asdict(setting),
+        "is_default": setting == default,
+        "status": result.status,
+        "reason": result.reason,
+        "options": " ".join(options),
+        **dict(zip(FIGURES, result.outputs or [None] * len(FIGURES), strict=True)),
+    }
+
+
+def _expand(block: Block, bench: Bench, choice: Choice, stop: float) -> Iterator[Setting]:
+    """Yield the settings of a block that are wanted and that the FMU can be asked for."""
+    stride = _QUICK_STRIDE if choice.quick else 1
+    tolerances, inner_steps = block.tolerances[::stride], block.inner_steps[::stride]
+    if choice.tolerances and block.tolerances != (None,):
+        tolerances = choice.tolerances
+    multiples = _QUICK_STEPS if choice.quick else block.steps
+    steps = choice.steps or [multiple * bench.step for multiple in multiples]
+    steps = sorted({float(f"{min(step, stop):.12g}") for step in steps})
+    own_level = bench.start("model.level")
+    if own_level is None:  # an FMU without levels: what it says to method dae is worth a row
+        levels = [None for level in block.levels if level in (None, _REFERENCE)]
+    else:
+        levels = [own_level if level is None else level for level in block.levels]
+        levels = [level for level in levels if not choice.levels or level in choice.levels]
+    forms = block.forms if "solver.dae_form" in bench.variables else (None,)
+    methods = [m for m in block.methods if not choice.methods or m in choice.methods]
+    combined = itertools.product(levels, methods, forms, tolerances, inner_steps, steps)
+    yield from itertools.starmap(Setting, combined)
+
+
+def find_interval(step: float, stop: float) -> float:
+    """Return how often runs are compared with the truth [s]: as often whatever their own steps.
+
+    About ten or a hundred times the step of the scene, as long as that is often enough.
+    """
+    coarser = 10 ** math.floor(math.log10(max(1.0, stop / step / _LOOKS)))
+    return stop / math.ceil(stop / (step * coarser) * (1.0 - 1e-12))
+
+
+def _find_stop(bench: Bench, default: Setting) -> float:
+    """Return the end by default: a little after the capture, or that of the scene."""
+    if "time_of_capture" in bench.outputs:
+        capture = bench.run(default.starts(bench), bench.stop, default.step)["time_of_capture"][-1]
+        if capture >= 0.0:
+            return min(bench.stop, float(math.ceil(capture + _AFTER_CAPTURE)))
+    return bench.stop
+
+
+def _list(names: dict[int, str]) -> str:
+    return ", ".join(f"{number} {name}" for number, name in names.items())
+
+
+def _say(text: str) -> None:
+    if sys.stderr.isatty():
+        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,179 @@
+"""How wrong a run is: figures of a docking against the truth, and the one scalar that sums them up.
+
+Every figure that has a unit is divided by a scale of the truth before the worst one is taken. The
+moving frame is P seen from A (``relative``) where there is a target, and otherwise the ring. Runs
+are compared at the points of time that they have in common with the truth.
+"""
+
+import math
+
+import numpy as np
+
+from dockloop.errors import UsageError
+from dockloop.simulate import Recording
+
+_FORCES = ("compression", "tension", "shear")
+_MOMENTS = ("bending", "torsion")
+_ENTRIES = {"position": 3, "attitude": 4, "velocity": 3, "angular_velocity": 3}
+
+# What each relative figure is divided by: name of the figure -> unit and words for the scale.
+SCALES = {
+    "peaks": ("N", "largest peak force"),
+    "peak_moments": ("N m", "largest peak moment"),
+    "stroke": ("m", "stroke: largest displacement of the ring from its start"),
+    "capture_time_s": ("s", "time from first contact to capture"),
+    "position_m": ("m", "largest displacement from the start"),
+    "attitude_rad": ("rad", "largest turn from the start"),
+    "end_velocity_m_s": ("m/s", "largest velocity"),
+    "end_angular_velocity_rad_s": ("rad/s", "largest angular velocity"),
+}
+_LEAST = 1e-3  # no scale is smaller, in its unit
+
+ERRORS = {
+    "error": "the worst of the relative ones below; empty when the outcome is another",
+    "decided_by": "which one it is",
+    "peaks": "peak loads until the end, worst of the five: forces over the largest peak force,"
+    " moments over the largest peak moment",
+    "stroke": "largest displacement of the ring from its start, relative",
+    "capture_time_s": "time of capture [s]",
+    "position_m": "largest error of the position of {frame} [m]",
+    "attitude_rad": "largest error of the attitude of {frame} [rad]",
+    "end_velocity_m_s": "velocity of {frame} at the end [m/s]",
+    "end_angular_velocity_rad_s": "angular velocity of {frame} at the end [rad/s]",
+    "outcome_matches": "whether the outcome and whether it is captured are those of the truth",
+}
+AUDITS = {
+    "momentum_residual": "largest `momentum.residual` of the run",
+    "energy_residual_J": "largest `energy.residual` of the run [J]",
+    "loop_gap_m": "largest `solver.closure_residual` of the run [m]",
+}
+_AUDITED = dict(
+    zip(AUDITS, ("momentum.residual", "energy.residual", "solver.closure_residual"), strict=True)
+)
+
+
+def find_frame(outputs: list[str]) -> str:
+    """Return the moving frame whose motion is compared.
+
+    Raises:
+        UsageError: the scene exports no motion.
+    """
+    for frame in ("relative", "ring"):
+        if f"{frame}.position[1]" in outputs:
+            return frame
+    raise UsageError(
+        "the scene exports neither the outputs 'relative' nor 'ring', with which the truth is"
+        " compared: add one of them to outputs.groups"
+    )
+
+
+def find_compared(outputs: list[str]) -> list[str]:
+    """Return those of an FMU's outputs that are compared with the truth."""
+    frame = find_frame(outputs)
+    names = [f"{frame}.{name}[{i + 1}]" for name, n in _ENTRIES.items() for i in range(n)]
+    names += [f"ring.position[{i}]" for i in (1, 2, 3)]
+    names += [f"capture.peak.{load}" for load in (*_FORCES, *_MOMENTS)]
+    names += ["outcome", "time_of_contact", "time_of_capture"]
+    return [name for name in dict.fromkeys(names) if name in outputs]
+
+
+def find_scales(truth: Recording) -> dict[str, float]:
+    """Return what the figures are divided by, those of `SCALES` that the truth has."""
+    frame, scales = find_frame(truth.names), {}
+
+    def peak(loads: tuple) -> float:
+        return max(truth[f"capture.peak.{load}"][-1] for load in loads)
+
+    if "capture.peak.shear" in truth:
+        scales["peaks"], scales["peak_moments"] = peak(_FORCES), peak(_MOMENTS)
+    if "ring.position[1]" in truth:
+        scales["stroke"] = _stroke(truth.vector("ring.position"))
+    if "time_of_capture" in truth and truth["time_of_capture"][-1] >= 0.0:
+        scales["capture_time_s"] = truth["time_of_capture"][-1] - truth["time_of_contact"][-1]
+    turns = truth.vector(f"{frame}.attitude")
+    scales["position_m"] = _stroke(truth.vector(f"{frame}.position"))
+    scales["attitude_rad"] = float(np.max(_angles(turns, turns[:1])))
+    for figure, name in (
+        ("end_velocity_m_s", "velocity"),
+        ("end_angular_velocity_rad_s", "angular_velocity"),
+    ):
+        scales[figure] = np.max(np.linalg.norm(truth.vector(f"{frame}.{name}"), axis=1))
+    return {name: max(float(scale), _LEAST) for name, scale in scales.items()}
+
+
+def find_errors(truth: Recording, run: Recording) -> dict:
+    """Compare a run with the truth; figures that a scene does not have are None.
+
+    Returns:
+        A value for each name in `ERRORS`.
+    """
+    scales, frame = find_scales(truth), find_frame(truth.names)
+    here = find_times(truth["time"], run["time"])
+    figures = dict.fromkeys(ERRORS)
+
+    def pair(name: str) -> tuple[np.ndarray, np.ndarray]:
+        return run.vector(name)[here], truth.vector(name)
+
+    if "peaks" in scales:
+        figures["peaks"] = max(
+            abs(run[f"capture.peak.{load}"][-1] - truth[f"capture.peak.{load}"][-1])
+            / scales["peaks" if load in _FORCES else "peak_moments"]
+            for load in (*_FORCES, *_MOMENTS)
+        )
+    if "stroke" in scales:
+        ours, theirs = (_stroke(points) for points in pair("ring.position"))
+        figures["stroke"] = abs(ours - theirs) / scales["stroke"]
+    ours, theirs = pair(f"{frame}.position")
+    figures["position_m"] = np.max(np.linalg.norm(ours - theirs, axis=1))
+    figures["attitude_rad"] = np.max(_angles(*pair(f"{frame}.attitude")))
+    for figure, name in (
+        ("end_velocity_m_s", "velocity"),
+        ("end_angular_velocity_rad_s", "angular_velocity"),
+    ):
+        ours, theirs = pair(f"{frame}.{name}")
+        figures[figure] = np.linalg.norm(ours[-1] - theirs[-1])
+    figures["outcome_matches"] = True
+    if "time_of_capture" in truth:
+        when = [r["time_of_capture"][-1] for r in (run, truth)]
+        if min(when) >= 0.0:
+            figures["capture_time_s"] = abs(when[0] - when[1])
+        same = round(run["outcome"][-1]) == round(truth["outcome"][-1])
+        figures["outcome_matches"] = same and (when[0] >= 0.0) == (when[1] >= 0.0)
+    relative = {
+        name: value / (1.0 if name in ("peaks", "stroke") else scales[name])
+        for name, value in figures.items()
+        if name in scales and value is not None
+    }
+    worst = max(relative, key=relative.get)
+    if figures["outcome_matches"] and all(math.isfinite(value) for value in relative.values()):
+        figures["error"], figures["decided_by"] = relative[worst], worst
+    return {
+        name: value.item() if isinstance(value, np.generic) else value
+        for name, value in figures.items()
+    }
+
+
+def find_audits(run: Recording) -> dict[str, float | None]:
+    """Return the residuals of a run by itself, a value for each name in `AUDITS`."""
+    return {
+        name: float(np.max(np.abs(run[output]))) if output in run else None
+        for name, output in _AUDITED.items()
+    }
+
+
+def find_times(wanted: np.ndarray, times: np.ndarray) -> np.ndarray | None:
+    """Return the indices of the wanted times, to a nanosecond; None if one is not there."""
+    nearest = np.abs(times[np.newaxis, :] - wanted[:, np.newaxis]).argmin(axis=1)
+    return nearest if np.max(np.abs(times[nearest] - wanted)) < 1e-9 else None
+
+
+def _stroke(positions: np.ndarray) -> float:
+    return float(np.max(np.linalg.norm(positions - positions[0], axis=1)))
+
+
+def _angles(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Angles [rad] between the attitudes of two lists of quaternions, scalar first."""
+    vector = (
+        a[:, :1] * b[:, 1:] - b[:, :1] * a[:, 1:] - np.cross(a[:, 1:], b[:, 1:])
+    )  # of the quaternion from one to the other; small without cancellation
+    return 2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(vector, axis=1)))

@@ -1,0 +1,169 @@
+"""The truth that every run is compared with, from whoever knows it best.
+
+`dockloop-core truth`, where it exists: the same model in extended precision. Otherwise the FMU
+itself, by its explicit method at the tightest tolerance, and how far that may be off by a second
+run at ten times the tolerance. Where both are there, a peak is that of the one that states the
+smaller error: the long steps of a high order know the motion best, but short ones the peaks. The
+result is a file in ``build/truth``, named by a key of all that decides it, so that it is found
+once::
+
+    {"source": ..., "time": [...], "values": {NAME: [...]}, "error": {NAME: ...},
+     "tolerance": ..., "digits": ..., "evaluations": ...}
+"""
+
+import hashlib
+import json
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dockloop import paths
+from dockloop.core import run_core
+from dockloop.errors import DockloopError
+from dockloop.paths import shown
+from dockloop.simulate import Recording
+from dockloop.trade.bench import Bench
+
+_EXPLICIT = 2  # solver.method
+_REDUCED = 3  # model.level
+_RTOL = 1e-13
+_CORE_TOLERANCE = 1e-16  # far below what any setting reaches; less only takes longer
+
+
+@dataclass
+class Truth:
+    """What should have come out.
+
+    Attributes:
+        recording: the outputs at every point of time.
+        doubt: the same, off by the errors that are stated; None if none are.
+        source: who says so.
+        key: of all that decides it.
+        facts: tolerance, digits and evaluations.
+    """
+
+    recording: Recording
+    doubt: Recording | None
+    source: str
+    key: str
+    facts: dict
+
+
+def find_truth(
+    bench: Bench,
+    stop: float,
+    step: float,
+    names: list[str],
+    say: Callable[[str], None] = lambda _: None,
+) -> Truth:
+    """Return the truth of a scene, from its file or found anew.
+
+    Args:
+        bench: the FMU of the scene.
+        stop: end [s].
+        step: between two points of time [s].
+        names: outputs.
+        say: told when it must be found anew.
+    """
+    of_core = _has_core_truth()
+    decides = [bench.fmu_digest, stop, step, names, _RTOL]
+    if of_core:
+        core = hashlib.sha256(paths.CORE.read_bytes()).hexdigest()
+        decides += [core, _CORE_TOLERANCE]
+    key = hashlib.sha256(json.dumps(decides).encode()).hexdigest()[:16]
+    file = paths.BUILD / "truth" / f"{bench.scene['name']}_{key}.json"
+    if file.is_file():
+        document = json.loads(file.read_text())
+    else:
+        say("finding the truth")
+        document = (_ask_core if of_core else _ask_fmu)(bench, stop, step, names)
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            partial = file.with_suffix(".partial")
+            partial.write_text(json.dumps(document))
+            partial.replace(file)
+        except OSError as error:
+            raise DockloopError(f"{shown(file)}: cannot be written ({error.strerror})") from None
+    return _read(document, names, bench, key)
+
+
+def _read(document: dict, names: list[str], bench: Bench, key: str) -> Truth:
+    columns = [document["time"], *(document["values"][name] for name in names)]
+    values = np.array(columns, dtype=float).T
+    units = ["s", *(bench.variables[name].unit or "" for name in names)]
+    recording = Recording(bench.scene, ["time", *names], units, values)
+    doubt, error = None, document.get("error")
+    if isinstance(error, dict) and set(names) <= set(error):
+        doubt = Recording(bench.scene, recording.names, units, values.copy())
+        for column, name in enumerate(names, 1):
+            doubt.values[:, column] += error[name]  # a number, or one for each time
+    facts = {n: document[n] for n in ("tolerance", "digits", "evaluations") if document.get(n)}
+    return Truth(recording, doubt, document["source"], key, facts)
+
+
+def _has_core_truth() -> bool:
+    """Tell whether dockloop-core knows the command ``truth``."""
+    if not paths.CORE.exists():
+        return False
+    for words in (["truth", "--help"], []):
+        done = subprocess.run([paths.CORE, *words], capture_output=True, text=True, check=False)
+        if "dockloop-core truth" in done.stdout + done.stderr:
+            return True
+    return False
+
+
+def _level(bench: Bench) -> dict[str, int]:
+    """Return the start value that chooses the whole mechanism, if the FMU has levels."""
+    return {} if bench.start("model.level") is None else {"model.level": _REDUCED}
+
+
+def _ask_core(bench: Bench, stop: float, step: float, names: list[str]) -> dict:
+    options = ["--stop", repr(stop), "--step", repr(step)]
+    options += ["--tolerance", repr(_CORE_TOLERANCE), "--check"]
+    options += [word for name in names for word in ("--output", name)]
+    options += [word for name, n in _level(bench).items() for word in ("--set", f"{name}={n}")]
+    of_fmu = _ask_fmu(bench, stop, step, names)
+    try:
+        told = json.loads(run_core("truth", bench.model, *options))
+    except DockloopError as error:
+        reason = str(error).replace(f"{shown(bench.model)}: ", "")
+        return {**of_fmu, "source": f"{of_fmu['source']} (dockloop-core truth: {reason})"}
+    document = {
+        "source": "dockloop-core truth",
+        "time": told["time"],
+        "values": told.get("values") or told["output"],
+        "error": told.get("error") or told.get("check", {}).get("difference"),
+        "tolerance": told.get("tolerance"),
+        "digits": told.get("digits"),
+        "evaluations": told.get("evaluations") or told.get("work", {}).get("evaluations"),
+    }
+    peaks = (
+        [name for name in names if name.startswith("capture.peak.")] if document["error"] else []
+    )
+    worse = [name for name in peaks if np.max(document["error"][name]) > of_fmu["error"][name]]
+    for name in worse:
+        for member in ("values", "error"):
+            document[member][name] = of_fmu[member][name]
+    if worse:
+        document["source"] += f"; {', '.join(worse)}: {of_fmu['source']}"
+    return document
+
+
+def _ask_fmu(bench: Bench, stop: float, step: float, names: list[str]) -> dict:
+    def run(rtol: float) -> Recording:
+        starts = {**_level(bench), "solver.method": _EXPLICIT, **bench.tolerances(rtol)}
+        return bench.run(starts, stop, step)
+
+    best, check = run(_RTOL), run(10.0 * _RTOL)
+    return {
+        "source": f"the FMU itself, explicit at a relative tolerance of {_RTOL:g}, its error by a"
+        " second run at ten times that",
+        "time": best["time"].tolist(),
+        "values": {name: best[name].tolist() for name in names},
+        "error": {name: float(np.max(np.abs(best[name] - check[name]))) for name in names},
+        "tolerance": _RTOL,
+        "digits": 16,
+        "evaluations": float(best["solver.rhs_evaluations"][-1]),
+    }

@@ -1,0 +1,495 @@
+"""Speed against accuracy: are its errors the true ones, and does it recommend what pays.
+
+1. Errors: those of the absorber are those against its closed form, those of the hexapod bench those
+   against a reference of another program, between communication points too; a perturbed truth
+   raises each figure by what it was perturbed by; another outcome has no error.
+2. The truth: found once; of dockloop-core when that knows it.
+3. Rows: a refused setting is one with a reason; an interrupted trade goes on to the same rows; the
+   default against itself costs its own time; the grid asks for what the FMU has.
+4. Front, recommendation and verdicts on made-up rows.
+"""
+
+import csv
+import json
+import math
+import stat
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dockloop import paths, trade
+from dockloop.errors import UsageError
+from dockloop.journal import InterruptedWorkError
+from dockloop.simulate import Recording
+from dockloop.trade import Choice, Setting, report
+from dockloop.trade.bench import Bench
+from dockloop.trade.errors import find_compared, find_errors, find_scales
+from dockloop.trade.truth import find_truth
+from test_absorber import Exact
+
+HEXAPOD = json.loads((Path(__file__).parent / "data/hexapod_bench_reference.json").read_text())
+MEASURED = ("time_ratio", "time_ratio_of_best", "front_by_time")  # the rest repeats bit for bit
+
+
+@pytest.fixture(scope="module")
+def build(tmp_path_factory):
+    """A folder for truths and results of this file."""
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("build")
+        patch.setattr(paths, "BUILD", folder)
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def absorber(runs, build):
+    """The absorber of the scene (zeta = 0.3), which lets go when its force is zero."""
+    return Bench(runs.fmu("absorber_1d"))
+
+
+@pytest.fixture(scope="module")
+def measured(absorber, build):
+    """Its quick grid."""
+    return trade.run_trade(absorber, Choice(quick=True), build / "absorber")
+
+
+def done(rows):
+    return [row for row in rows if row["status"] == "done"]
+
+
+# ---------------------------------------------------------------- errors
+
+
+def find_exact(t):
+    """Position and velocity of P seen from A at t, and the largest force, in closed form."""
+    exact = Exact(0.3)
+    release = exact.time_of_release
+    if t <= release:
+        return -exact.position(t), -exact.speed(t)
+    speed = -exact.speed(release)
+    return -exact.position(release) + speed * (t - release), speed
+
+
+def test_errors_of_the_absorber_are_those_against_its_closed_form(absorber, measured):
+    """Every setting of the quick grid is run again here and compared without the truth."""
+    exact = Exact(0.3)
+    force = exact.force(exact.time_of_peak)
+    settings = trade.make_settings(absorber, Choice(quick=True), absorber.stop)
+    for row, setting in zip(measured.rows, settings, strict=True):
+        if row["status"] != "done":
+            continue
+        run = absorber.run(setting.starts(absorber), absorber.stop, setting.step)
+        there = np.array([find_exact(t) for t in run["time"]])
+        moved = run["relative.position[1]"] - run["relative.position[1]"][0]
+        looked_at = slice(None, None, round(0.1 / setting.step))
+        position = np.max(np.abs(moved - there[:, 0])[looked_at])
+        speed = abs(run["relative.velocity[1]"][-1] - there[-1, 1])
+        peak = abs(run["capture.peak.compression"][-1] / force - 1.0)
+        told = (row["position_m"], row["end_velocity_m_s"], row["peaks"])
+        # The truth is good to 1e-10 m, m/s and of the peak, or better.
+        assert told == pytest.approx((position, speed, peak), rel=1e-6, abs=1e-10), row["setting"]
+        scales = measured.about["scales"]
+        worst = max(position / scales["position_m"], speed / scales["end_velocity_m_s"], peak)
+        assert row["error"] == pytest.approx(worst, rel=1e-6, abs=1e-9), row["setting"]
+    assert max(row["error"] for row in done(measured.rows)) > 1e-5
+    assert measured.about["truth"]["error"] < 1e-9, measured.about["truth"]
+
+
+def test_the_quick_grid_of_the_hexapod_bench_from_the_command_line(dockloop, runs):
+    """Positions against the reference of another program, files, and what was refused."""
+    told = dockloop(
+        "trade", "hexapod_bench", "--quick", "--methods", "explicit,adams,dae", "--json"
+    )
+    assert told.status == 0, told.err
+    summary = json.loads(told.out)
+    folder = paths.BUILD / "results" / "trade_hexapod_bench"
+    assert [Path(file).name for file in summary["files"]] == [
+        "trade.csv",
+        "trade.md",
+        "work_precision.png",
+    ]
+    bench = Bench(runs.fmu("hexapod_bench"))
+    for row in done(summary["rows"]):
+        starts = {"solver.method": row["method"], **bench.tolerances(row["rtol"])}
+        if row["rtol"] > 1e-5:  # a run of its own to each point: its last step is a shorter one
+            ends = [
+                bench.run(starts, t, row["step"]).vector("ring.position")[-1]
+                for t in HEXAPOD["t"][1:]
+            ]
+            error = np.max(np.linalg.norm(np.array(ends) - HEXAPOD["p"][1:], axis=1))
+            assert row["position_m"] == pytest.approx(error, rel=1e-6, abs=2e-13), row["setting"]
+        else:
+            assert row["position_m"] < 0.1 * row["rtol"], row
+        assert row["loop_gap_m"] < 1e-12, row
+    assert len(done(summary["rows"])) == 7
+    page = (folder / "trade.md").read_text()
+    assert "`dockloop trade hexapod_bench --methods explicit,adams,dae --quick`" in page
+    with (folder / "trade.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert len(table) == len(summary["rows"])
+    evaluations = [int(row["evaluations"]) for row in table if row["status"] == "done"]
+    assert evaluations == sorted(evaluations)
+    for entry in summary["recommendations"]:
+        if entry["best"]:
+            assert entry["best"]["error"] <= entry["wanted"], entry
+            assert entry["best"]["setting"] in page
+    assert "use" in summary["recommendations"][0]["sentence"]
+
+
+def test_looking_between_communication_points_changes_no_bit(runs, build):
+    bench, starts = Bench(runs.fmu("hexapod_bench")), {"solver.method": 5, "solver.rtol": 1e-4}
+    run = bench.run(starts, 3.0, 1.0)
+    seen = bench.probe(starts, 3.0, 1.0, np.linspace(0.0, 3.0, 13))
+    assert (seen.values[::4] == run.values).all(), run.names
+    alone = bench.run(starts, 1.75, 1.0)
+    assert (seen.values[7] == alone.values[-1]).all(), run.names
+
+
+def make_docking() -> Recording:
+    """A docking that never was: three points of time, captured at 1.5 s."""
+    entries = {
+        "relative.position": [[0.5, 0.0, 0.0], [0.2, 0.0, 0.0], [0.1, 0.0, 0.0]],
+        "relative.attitude": [[1.0, 0.0, 0.0, 0.0]] * 3,
+        "relative.velocity": [[-0.1, 0.0, 0.0], [-0.2, 0.0, 0.0], [0.0, 0.0, 0.0]],
+        "relative.angular_velocity": [[0.0, 0.01, 0.0], [0.0, 0.0, 0.02], [0.0, 0.0, 0.0]],
+        "ring.position": [[0.3, 0.0, 0.0], [0.1, 0.0, 0.0], [0.25, 0.0, 0.0]],
+    }
+    names, columns = ["time"], [[0.0, 1.0, 2.0]]
+    for name, points in entries.items():
+        names += [f"{name}[{i + 1}]" for i in range(len(points[0]))]
+        columns += np.transpose(points).tolist()
+    for name, value in {
+        "capture.peak.compression": 1000.0,
+        "capture.peak.tension": 10.0,
+        "capture.peak.shear": 300.0,
+        "capture.peak.bending": 200.0,
+        "capture.peak.torsion": 50.0,
+        "outcome": 2.0,
+        "time_of_contact": 1.0,
+        "time_of_capture": 1.5,
+    }.items():
+        names.append(name)
+        columns.append([value] * 3)
+    return Recording({}, names, [""] * len(names), np.array(columns).T)
+
+
+# Perturbed variable, at which point, by what -> figure, its value, the error that it makes.
+PERTURBED = {
+    "force": ("capture.peak.tension", 2, 5.0, "peaks", 5e-3, 5e-3),
+    "moment": ("capture.peak.torsion", 2, 5.0, "peaks", 0.025, 0.025),
+    "stroke": ("ring.position[1]", 1, -0.01, "stroke", 0.05, 0.05),
+    "capture": ("time_of_capture", 2, 0.01, "capture_time_s", 0.01, 0.02),
+    "position": ("relative.position[2]", 1, 3e-3, "position_m", 3e-3, 3e-3 / 0.4),
+    "turn": ("relative.attitude[3]", 1, 1e-6, "attitude_rad", 2e-6, 2e-3),  # scale: at least 1e-3
+    "velocity": ("relative.velocity[3]", 2, 4e-3, "end_velocity_m_s", 4e-3, 0.02),
+    "rate": (
+        "relative.angular_velocity[1]",
+        2,
+        1e-4,
+        "end_angular_velocity_rad_s",
+        1e-4,
+        5e-3,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PERTURBED)
+def test_a_perturbed_run_has_the_error_of_its_perturbation(name):
+    variable, point, amount, figure, value, error = PERTURBED[name]
+    truth, run = make_docking(), make_docking()
+    assert find_errors(truth, run)["error"] == 0.0
+    run.values[point, run.names.index(variable)] += amount
+    found = find_errors(truth, run)
+    assert found[figure] == pytest.approx(value, rel=1e-9), found
+    assert found["error"] == pytest.approx(error, rel=1e-9), found
+    assert found["outcome_matches"] is True
+    assert found["decided_by"] in (figure, "peaks"), found
+
+
+@pytest.mark.parametrize(("variable", "value"), [("outcome", 3.0), ("time_of_capture", -1.0)])
+def test_another_outcome_is_flagged_and_has_no_error(variable, value):
+    truth, run = make_docking(), make_docking()
+    run.values[2, run.names.index(variable)] = value
+    found = find_errors(truth, run)
+    assert found["outcome_matches"] is False
+    assert found["error"] is None
+
+
+def test_a_perturbed_truth_raises_the_errors_of_real_runs(absorber):
+    names = find_compared(absorber.outputs)
+    truth = find_truth(absorber, absorber.stop, absorber.step, names).recording
+    run = absorber.run(absorber.tolerances(1e-6), absorber.stop, absorber.step)
+    before = find_errors(truth, run)
+    truth.values[250:, truth.names.index("relative.position[1]")] += 1e-3
+    after = find_errors(truth, run)
+    assert before["position_m"] < 1e-5, before
+    assert after["position_m"] > 9e-4, after
+    assert after["error"] > before["error"]
+
+
+def test_a_scene_without_motion_to_compare_is_refused():
+    with pytest.raises(UsageError, match=r"neither the outputs 'relative' nor 'ring'"):
+        find_compared(["time", "energy.residual"])
+
+
+# ---------------------------------------------------------------- the truth
+
+
+def test_the_truth_is_found_once(absorber, build, monkeypatch):
+    said = []
+    names = ["relative.position[1]"]
+    first = find_truth(absorber, 0.5, 0.1, names, said.append)
+    again = find_truth(absorber, 0.5, 0.1, names, said.append)
+    assert len(said) == 1
+    assert again.key == first.key
+    assert (again.recording.values == first.recording.values).all()
+    assert np.max(np.abs(first.doubt.values - first.recording.values)) < 1e-10
+    assert find_truth(absorber, 0.5, 0.05, names, said.append).key != first.key
+    assert len(said) == 2
+
+
+def make_core(folder, monkeypatch, answer):
+    """Put a program in the place of dockloop-core that knows the truth, or says it does."""
+    core = folder / "core"
+    usage = 'echo "usage: dockloop-core truth MODEL.json"'
+    core.write_text(f'#!/bin/sh\nif [ "$2" = --help ]; then {usage}; exit; fi\n{answer}\n')
+    core.chmod(core.stat().st_mode | stat.S_IEXEC)
+    monkeypatch.setattr(paths, "CORE", core)
+
+
+@pytest.mark.parametrize(("values", "error"), [("values", "error"), ("output", "check")])
+def test_the_truth_of_the_core_is_used_where_it_is_known(
+    absorber, tmp_path, monkeypatch, values, error
+):
+    """A program that is sure of a position of 42 m, but not of a peak of 42 N."""
+    names = ["relative.position[1]", "capture.peak.compression"]
+    sure = dict(zip(names, (1e-14, 1.0), strict=True))
+    answer = {"time": [0.0, 0.5], values: {name: [42.0, 42.0] for name in names}, "digits": 33}
+    answer[error] = sure if error == "error" else {"difference": sure}
+    make_core(tmp_path, monkeypatch, f"echo '{json.dumps(answer)}'")
+    truth = find_truth(absorber, 0.5, 0.5, names)
+    assert truth.source.startswith("dockloop-core truth; capture.peak.compression: the FMU itself")
+    assert truth.facts == {"digits": 33}
+    assert truth.recording[names[0]].tolist() == [42.0, 42.0]
+    assert truth.doubt[names[0]] == pytest.approx([42.0, 42.0], rel=1e-12)
+    ours = absorber.run(absorber.tolerances(1e-12), 0.5, 0.5)[names[1]]
+    assert truth.recording[names[1]] == pytest.approx(ours, rel=1e-9)
+
+
+def test_where_the_core_fails_the_fmu_says_the_truth_and_the_reason_is_kept(
+    absorber, tmp_path, monkeypatch
+):
+    make_core(tmp_path, monkeypatch, "echo 'double precision only' >&2; exit 2")
+    truth = find_truth(absorber, 0.5, 0.5, ["relative.position[1]"])
+    assert truth.source.startswith("the FMU itself"), truth.source
+    assert truth.source.endswith("(dockloop-core truth: double precision only)"), truth.source
+
+
+# ---------------------------------------------------------------- rows
+
+
+def test_a_refused_setting_is_a_row_with_the_reason(measured):
+    rows = {row["scheme"]: row for row in measured.rows}
+    refused = rows["imex"]
+    assert refused["status"] == "refused"
+    assert refused["reason"].startswith("solver.method is 4; it must be"), refused["reason"]
+    assert all(refused[name] is None for name in trade.FIGURES), refused
+
+
+def test_an_interrupted_trade_goes_on_to_the_same_rows(absorber, measured, build, monkeypatch):
+    real, calls = trade.measure, []
+
+    def measure(*arguments, **options):
+        calls.append(arguments[1])
+        if len(calls) == 5:
+            raise KeyboardInterrupt
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(trade, "measure", measure)
+    choice, folder = Choice(quick=True), build / "interrupted"
+    with pytest.raises(InterruptedWorkError, match=r"with 4 of 18 cases in .*--resume"):
+        trade.run_trade(absorber, choice, folder)
+    with pytest.raises(UsageError, match="holds 4 of 18 cases of a trade"):
+        trade.run_trade(absorber, choice, folder)
+    rows = trade.run_trade(absorber, choice, folder, resume=True).rows
+    assert len(calls) == 5 + 14, len(calls)
+    for row, whole in zip(rows, measured.rows, strict=True):
+        assert {n: row[n] for n in row if n not in MEASURED} == {
+            n: whole[n] for n in whole if n not in MEASURED
+        }
+    with pytest.raises(UsageError, match="made with another stop, truth"):
+        trade.run_trade(absorber, Choice(quick=True, stop=2.0), folder, resume=True)
+
+
+def test_the_default_is_the_first_row_and_costs_its_own_time(measured):
+    rows = measured.rows
+    assert [row["is_default"] for row in rows] == [True] + [False] * (len(rows) - 1)
+    assert rows[0]["step"] == 0.01
+    assert 0.2 < rows[0]["time_ratio"] < 5.0, rows[0]["time_ratio"]  # timed once, busy or not
+
+
+def test_runs_are_compared_as_often_whatever_their_step():
+    for step, stop, interval in ((0.01, 4.0, 0.1), (0.1, 5.0, 0.1), (0.01, 50.0, 1.0)):
+        assert trade.find_interval(step, stop) == interval, (step, stop)
+    assert trade.find_interval(0.01, 0.55) == pytest.approx(0.01)
+    uneven = 5.005 / trade.find_interval(0.01, 5.005)
+    assert uneven == pytest.approx(51.0, rel=1e-12), uneven
+
+
+def make_bench(levels=True):
+    """A bench that has been told what its FMU has."""
+    start = {"solver.method": 1, "solver.rtol": 1e-6, "model.level": 3 if levels else None}
+    names = ["solver.method", *(["model.level", "solver.dae_form"] if levels else [])]
+    return SimpleNamespace(start=start.get, variables=dict.fromkeys(names), step=0.01)
+
+
+def test_the_grid_asks_for_what_the_fmu_has():
+    settings = trade.make_settings(make_bench(), Choice(), 4.0)
+    assert settings[0] == Setting(3, 1, None, 1e-6, None, 0.01)
+    assert {(s.method, s.dae_form) for s in settings if s.level == 4} == {(9, f) for f in (1, 2, 3)}
+    assert {s.level for s in settings} == {1, 2, 3, 4}
+    for setting in settings[1:]:
+        fixed = setting.method in (7, 8)
+        assert (setting.rtol is None, setting.inner_step is None) == (fixed, not fixed), setting
+    assert max(s.step for s in settings) == 1.0
+    assert max(s.step for s in trade.make_settings(make_bench(), Choice(), 0.5)) == 0.5
+    without = trade.make_settings(make_bench(levels=False), Choice(), 4.0)
+    assert {s.level for s in without} == {None}
+    assert [s.dae_form for s in without if s.method == 9] == [None] * 6
+
+
+def test_a_choice_restricts_the_grid():
+    choice = Choice(levels=(3,), methods=(2, 7), tolerances=(1e-5,), steps=(0.02,))
+    settings = trade.make_settings(make_bench(), choice, 4.0)[1:]
+    assert {s.method for s in settings} == {2, 7}
+    assert {s.rtol for s in settings} == {1e-5, None}
+    assert {s.step for s in settings} == {0.02}
+    assert {s.level for s in settings} == {3}
+    with pytest.raises(UsageError, match="no setting with these"):
+        trade.make_settings(make_bench(), Choice(levels=(1,), methods=(8,)), 4.0)
+    with pytest.raises(UsageError, match=r"no variable 'model\.level'"):
+        trade.make_settings(make_bench(levels=False), Choice(levels=(1,)), 4.0)
+
+
+def test_bad_usage_is_refused_with_one_sentence(dockloop):
+    for arguments, words in (
+        (["hexapod"], "did you mean 'hexapod_bench'"),
+        (["absorber_1d", "--methods", "implict"], "there is no 'implict' (did you mean 'implicit'"),
+        (["absorber_1d", "--levels", "stiff"], "must be of 1 rigid, 2 massless_legs"),
+        (["absorber_1d", "--tolerances", "1e-3,x"], "must be numbers separated by commas"),
+        (["absorber_1d", "--tolerances", "2"], "must be greater than 0 and at most 1"),
+        (["absorber_1d", "--steps", "0"], "must be greater than 0"),
+        (["absorber_1d", "--stop", "-1"], "--stop -1.0: must be greater than"),
+    ):
+        refused = dockloop("trade", *arguments)
+        assert refused.status == 2, refused
+        assert words in refused.err, refused
+        assert refused.err.count("\n") == 1, refused
+
+
+# ---------------------------------------------------------------- what pays
+
+
+def make_row(scheme, error, evaluations, time_ratio, *, step=0.1, status="done", **more):
+    return {
+        "setting": f"{scheme}, {error}, step {step:g} s",
+        "scheme": scheme,
+        "status": status,
+        "reason": None,
+        "error": error,
+        "evaluations": evaluations,
+        "time_ratio": time_ratio,
+        "step": step,
+        "level": None,
+        "is_default": False,
+        "options": "",
+        "outcome_matches": error is not None,
+        **more,
+    }
+
+
+ROWS = [
+    make_row("quick", 3e-2, 100, 0.5),
+    make_row("quick", 5e-4, 400, 1.0),
+    make_row("dear", 5e-4, 300, 2.0),  # fewer evaluations, but each costs more
+    make_row("dear", 2e-7, 900, 3.0),
+    make_row("coarse", 5e-4, 200, 0.9, step=1.0),
+    make_row("beaten", 2e-2, 500, 1.5),
+    make_row("wrong", None, 10, 0.1),  # another outcome
+    make_row("refused", None, None, None, status="refused", outcome_matches=None),
+]
+
+
+def test_the_front_holds_what_nothing_beats():
+    by_time = report.find_front(ROWS, "time_ratio")
+    assert [row["setting"] for row in by_time] == [
+        "quick, 0.03, step 0.1 s",
+        "coarse, 0.0005, step 1 s",
+        "dear, 2e-07, step 0.1 s",
+    ]
+    by_evaluations = report.find_front(ROWS, "evaluations")
+    assert [row["evaluations"] for row in by_evaluations] == [100, 200, 900]
+    assert report.find_front(ROWS[6:], "time_ratio") == []
+
+
+def test_the_cheapest_that_is_good_enough_is_recommended():
+    assert report.recommend(ROWS, 1e-1)["evaluations"] == 100
+    assert report.recommend(ROWS, 1e-3)["evaluations"] == 200
+    assert report.recommend(ROWS, 5e-4)["evaluations"] == 200
+    assert report.recommend(ROWS, 4e-4)["evaluations"] == 900
+    assert report.recommend(ROWS, 1e-9) is None
+
+
+def summarise(rows, doubt=1e-12):
+    about = {"truth": {"source": "a test", "error": doubt}, "scales": {"position_m": 1.0}}
+    return report.summarise_trade(trade.Trade(rows, about), "dockloop trade")
+
+
+def test_the_recommendation_says_it_in_words():
+    summary = summarise(ROWS)
+    sentences = {e["wanted"]: e["sentence"] for e in summary["recommendations"]}
+    assert sentences[1e-3].startswith(
+        "for 1e-03 use coarse, 0.0005, step 1 s: 200 evaluations, 0.9"
+    )
+    assert sentences[1e-8] == "for 1e-08: no setting of the grid reaches it"
+    by_step = {e["wanted"]: e["by_step"] for e in summary["recommendations"]}
+    assert by_step[1e-3]["0.1"]["evaluations"] == 400
+    assert by_step[1e-6]["1"] is None
+    doubtful = summarise(ROWS, doubt=1e-5)["recommendations"][4]
+    assert doubtful["best"] is None
+    assert doubtful["sentence"] == "for 1e-06: the truth itself is good to 1e-05 only"
+
+
+def test_what_does_not_pay_and_what_levels_cost_is_said():
+    assert summarise(ROWS)["does_not_pay"] == [
+        "does not pay: beaten, at best 3 times the time of the cheapest (for 1e-01, step 0.1 s)"
+    ]
+    slow = [*ROWS, make_row("slow", 4e-3, 1000, 1.3, level=2), make_row("slow", 1e-7, 5000, 6.0)]
+    summary = summarise([make_row("level", 2e-1, 10, 0.2, level=1), *slow])
+    assert summary["does_not_pay"][0] == "does not pay: level, error 2.0e-01 at best"
+    assert summary["does_not_pay"][-1] == (
+        "does not pay: slow, at best 1.3 times the time of the cheapest (for 1e-02, step 0.1 s)"
+    )
+    assert [text.partition(";")[0] for text in summary["levels"]] == [
+        "level rigid: error 2.0e-01 at best",
+        "level massless_legs: error 4.0e-03 at best",
+    ]
+    assert summary["other_outcome"] == ["wrong, None, step 0.1 s"]
+
+
+def test_scales_are_those_of_the_truth():
+    scales = find_scales(make_docking())
+    assert scales == pytest.approx(
+        {
+            "peaks": 1000.0,
+            "peak_moments": 200.0,
+            "stroke": 0.2,
+            "capture_time_s": 0.5,
+            "position_m": 0.4,
+            "attitude_rad": 1e-3,
+            "end_velocity_m_s": 0.2,
+            "end_angular_velocity_rad_s": 0.02,
+        }
+    )
+    assert all(math.isfinite(scale) for scale in scales.values())
