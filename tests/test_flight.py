@@ -77,7 +77,7 @@ def test_a_flight_costs_nothing_and_changes_nothing(docking):
         loads = np.abs(runs[name][2] - runs["truth"][2]).max() / scale
         motion = np.abs(runs[name][3] - runs["truth"][3]).max()
         print(f"{name}: peak loads off by {loads:.1e}, times and motion by {motion:.1e} s, m")
-        assert loads < 3e-5, (name, loads)
+        assert loads < 1e-4, (name, loads)  # taken at inner steps
         assert motion < 2e-6, (name, motion)
 
 

@@ -2,7 +2,7 @@
 
 1. The scene key `model.level` is the start value of the parameter; a wrong name is refused.
 2. The level is chosen before the run: default, massless legs and locked mechanism differ as they
-   should; the level that is not offered is refused with one sentence.
+   should; a level that does not fit is refused with one sentence.
 3. A host that integrates by itself can choose a level, too: the states are the same.
 """
 

@@ -191,6 +191,20 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     extremes.add_argument("--json", action="store_true", help="print the report as JSON")
 
+    _add_truth(commands)
+    return parser
+
+
+def _add(commands, name: str, function, text: str, example: str) -> argparse.ArgumentParser:
+    """Add one command to the parser."""
+    command = commands.add_parser(name, help=text, description=text + ".", epilog=example)
+    command.set_defaults(command=function)
+    command.add_argument("--debug", action="store_true", help=argparse.SUPPRESS)
+    return command
+
+
+def _add_truth(commands) -> None:
+    """Add the command that integrates with 32 digits."""
     truth = _add(
         commands,
         "truth",
@@ -236,15 +250,6 @@ def _make_parser() -> argparse.ArgumentParser:
         metavar="FILE.json",
         help="default: build/results/SCENE/SCENE_truth.json",
     )
-    return parser
-
-
-def _add(commands, name: str, function, text: str, example: str) -> argparse.ArgumentParser:
-    """Add one command to the parser."""
-    command = commands.add_parser(name, help=text, description=text + ".", epilog=example)
-    command.set_defaults(command=function)
-    command.add_argument("--debug", action="store_true", help=argparse.SUPPRESS)
-    return command
 
 
 def _add_trade(commands) -> None:

@@ -63,8 +63,9 @@ def summarise(run: Recording) -> dict:
         names = ("steps", "rhs_evaluations", "rejected_steps")
         summary["solver"] = {name: int(run[f"solver.{name}"][-1]) for name in names}
         summary["solver"]["closure_residual"] = float(np.max(run["solver.closure_residual"]))
-        evaluations = max(1, summary["solver"]["rhs_evaluations"])
-        summary["time"]["microseconds_per_rhs"] = 1e6 * run.wall["do_step"] / evaluations
+        evaluations = summary["solver"]["rhs_evaluations"]
+        if evaluations > 0:
+            summary["time"]["microseconds_per_rhs"] = 1e6 * run.wall["do_step"] / evaluations
     if run.warnings:
         summary["warnings"] = run.warnings
     return summary
@@ -139,7 +140,11 @@ def describe(summary: dict) -> str:
         lines.append(
             f"  solver       {solver['steps']} inner steps, {solver['rejected_steps']} rejected,"
             f" {solver['rhs_evaluations']} evaluations"
-            f" of {clock['microseconds_per_rhs']:.1f} microseconds"
+            + (
+                f" of {each:.1f} microseconds"
+                if (each := clock.get("microseconds_per_rhs"))
+                else ""
+            )
         )
     lines += [f"  warning      {text}" for text in summary.get("warnings", [])]
     if "files" in summary:

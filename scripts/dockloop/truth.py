@@ -51,7 +51,8 @@ def make_truth(
     document = resolve_scene(source, tuple(overrides))
     place_vehicles(document, source)
     experiment = document["experiment"]
-    options = ["--stop", repr(float(stop or experiment["stop"] - experiment["start"]))]
+    duration = experiment["stop"] - experiment["start"] if stop is None else stop
+    options = ["--stop", repr(float(duration))]
     options += ["--step", repr(float(step or experiment["step"]))]
     options += ["--tolerance", repr(tolerance)]
     for flag, values in (("--output", outputs), ("--set", settings)):

@@ -4,7 +4,8 @@
 // and mechanism fly as one rigid body, whose centre of mass moves straight on and whose attitude
 // follows Euler's equations. Momentum states stay what they are, to the last bit; so do the
 // mechanism's coordinates. Any load, thrust or command ends the rest, and so does a gap of a
-// centimetre: the mechanism then is where it would have been, within ten absolute tolerances.
+// centimetre, and a change of spin that would move the mechanism: it then is where it would have
+// been, within some ten absolute tolerances.
 #include <algorithm>
 #include <cmath>
 
@@ -14,11 +15,12 @@
 namespace dockloop {
 namespace {
 
-constexpr double kAwake = 0.01;    ///< gap below which the mechanism is integrated [m]
-constexpr double kQuiet = 1.0;     ///< time for which it must have kept its place [s]
-constexpr double kPlace = 10.0;    ///< what counts as the same place, in absolute tolerances
-constexpr double kTurn = 0.005;    ///< turn of a vehicle in one step of its attitude [rad]
-constexpr int kMostTurns = 10000;  ///< steps of the attitude in one flight
+constexpr double kAwake = 0.01;      ///< gap below which the mechanism is integrated [m]
+constexpr double kQuiet = 1.0;       ///< time for which it must have kept its place [s]
+constexpr double kPlace = 10.0;      ///< what counts as the same place, in absolute tolerances
+constexpr double kSlowSpin = 1e-12;  ///< [rad/s] rounding
+constexpr double kTurn = 0.005;      ///< turn of a vehicle in one step of its attitude [rad]
+constexpr int kMostTurns = 10000;    ///< steps of the attitude in one flight
 
 /// Upper bound of the angular speed that a free body ever reaches [rad/s]: its energy and its
 /// least principal inertia, which is at least 4 det/trace^2, bound it.
@@ -28,12 +30,16 @@ double find_spin_bound(const Mat3<double>& inertia, const Vec3<double>& w) {
 
 }  // namespace
 
-/// Does nothing act on vehicles and mechanism but their inertia, and is rest wanted?
+/// Is rest wanted, and does nothing forbid it for all of the run? The truth integrates everything.
+bool DockingSim::Impl::can_rest() const {
+  return setup->parameters.flight == kResting && interface == Interface::kCoSimulation &&
+         !is_fixed_step() && !has_host() && !adapt_problem && !model->mechanism.plan.is_driven;
+}
+
+/// Does nothing act on vehicles and mechanism now but their inertia?
 bool DockingSim::Impl::may_rest() const {
-  if (setup->parameters.flight != kResting || is_fixed_step() || has_host()) return false;
-  if (adapt_problem) return false;  // the truth integrates everything
-  if (sloped || discrete.thrust_on || find_thrust_onset()) return false;
-  if (model->mechanism.plan.is_driven || !loads.command.isZero(0.0)) return false;
+  if (!can_rest() || sloped || discrete.thrust_on || find_thrust_onset()) return false;
+  if (!loads.command.isZero(0.0)) return false;
   if (!model->falling && !loads.gravity.isZero(0.0)) return false;
   return loads.force[kChaser].isZero(0.0) && loads.force[kTarget].isZero(0.0) &&
          loads.torque[kChaser].isZero(0.0) && loads.torque[kTarget].isZero(0.0);
@@ -72,26 +78,87 @@ Status DockingSim::Impl::watch_rest(double tau) {
     std::copy_n(q, layout.mechanism_nq, rest_state.q.begin());
     rest_state.since = now;
   }
-  if (!may_rest() || find_free_gap() <= kAwake) {
+  const FrameMotion<double>& chaser = data->vehicle[kChaser];
+  const Vec3<double> change = chaser.R.transpose() * chaser.w - rest_state.spin;
+  const bool swung = rest_state.resting && layout.mechanism_nv > 0 &&
+                     change.norm() > rest_state.slack * rest_state.spin.norm() + kSlowSpin;
+  if (swung || !may_rest() || find_free_gap() <= kAwake) {
     const bool wakes = rest_state.resting;
     rest_state.resting = false;
     rest_state.since = now;
     return wakes ? evaluate(tau) : Status();
   }
   if (rest_state.resting) return {};
-  double speed = 0.0, acceleration = 0.0;
-  for (int i : model->mechanism_bodies) {
-    const Body& body = model->mechanism.model.bodies[i];
-    const auto vdot = data->mechanism.vdot.segment(body.v_index, body.nv());
-    acceleration = std::max(acceleration, vdot.lpNorm<Eigen::Infinity>());
-  }
+  // A start at rest may rest at once; later it must have kept its place.
+  double speed = 0.0;
   for (int j = 0; j < layout.mechanism_nv; ++j) speed = std::max(speed, std::abs(v[j]));
-  const bool still = std::max(speed, acceleration * kQuiet) <= parameters.atol_velocity;
-  if (!still && now - rest_state.since < kQuiet) return {};
+  const bool starts = now == 0.0 && speed <= parameters.atol_velocity;
+  if (!starts && now - rest_state.since < kQuiet) return {};
+  if (!is_in_balance(tau)) {
+    rest_state.since = now;
+    return {};
+  }
   std::fill_n(v, layout.mechanism_nv, 0.0);
   rest_state.resting = true;
   lock_at_rest();
   return evaluate(tau);
+}
+
+/// Is the mechanism in balance where it stands, and how far may the spin of its vehicle change
+/// until it is not? Its stiffness tells how far it is from balance: J shift = -acceleration, of
+/// least norm. Without stiffness nothing is in balance but what is not pulled at all.
+bool DockingSim::Impl::is_in_balance(double tau) {
+  const StateLayout& layout = model->layout;
+  const int n = layout.mechanism_nv, at = layout.mechanism_v;
+  if (n == 0) return true;
+  double *y = rates.data(), *ydot = balance->ydot.data();
+  const auto find_pull = [&](VecX<double>& pull) {
+    const Status status =
+        calc_docking<double>(*model, discrete, memory, loads, elapsed + tau, y, ydot, *rate_data);
+    ++counted_elsewhere.rate_evaluations;
+    for (int j = 0; j < n; ++j) pull[j] = ydot[at + j];
+    return status.ok() && pull.allFinite();
+  };
+  std::copy(stepper->y(), stepper->y() + layout.size, y);
+  std::fill_n(y + at, n, 0.0);
+  VecX<double>&pull = balance->pull, &spinning = balance->spinning;
+  rest_state.spin.setZero();
+  rest_state.slack = 1.0;
+  if (model->moves[kChaser]) {
+    // What spin does is what is missing without it.
+    if (!find_pull(spinning)) return false;
+    rest_state.spin = rate_data->vehicle[kChaser].R.transpose() * rate_data->vehicle[kChaser].w;
+    std::fill_n(y + layout.momentum[kChaser], 6, 0.0);
+    if (!find_pull(pull)) return false;
+    spinning -= pull;
+    pull += spinning;
+    std::copy_n(stepper->y() + layout.momentum[kChaser], 6, y + layout.momentum[kChaser]);
+  }
+  if (!find_pull(pull)) return false;
+  if (pull.isZero(0.0)) return true;
+  if (!calc_docking_jacobian(*model, discrete, memory, *rate_data, loads, elapsed + tau, y,
+                             *jacobian_pass, jacobian)
+           .ok()) {
+    return false;
+  }
+  counted_elsewhere.rate_evaluations += layout.sums;
+  const auto J = jacobian.block(at, layout.mechanism_q, n, layout.mechanism_nq);
+  balance->square = J.lazyProduct(J.transpose());
+  balance->factor.compute(balance->square);
+  if (balance->factor.info() != Eigen::Success) return false;
+  const auto find_shift = [&](VecX<double>& x) {
+    balance->factor.solveInPlace(x);
+    double largest = 0.0;
+    for (int j = 0; j < layout.mechanism_nq; ++j) {
+      largest = std::max(largest, std::abs(J.col(j).dot(x)));
+    }
+    return largest;
+  };
+  const double place = kPlace * parameters.atol_position;
+  if (!(find_shift(pull) <= place)) return false;
+  // The load of spin is quadratic in it.
+  rest_state.slack = 0.5 * place / std::max(find_shift(spinning), 0.5 * place);
+  return true;
 }
 
 /// What evaluations need of a mechanism at rest. It follows from the mechanism's coordinates alone,

@@ -49,6 +49,7 @@ Status DockingSim::get_rates(double* ydot) {
 
 Status DockingSim::Impl::calc_rates(double* ydot) {
   read_inputs();
+  if (parameters.model_level != kRigid) model->locked.on = false;  // as the equations have them
   const Status status = calc_docking<double>(*model, discrete, memory, loads, elapsed, stepper->y(),
                                              ydot, *rate_data);
   if (!status.ok()) return status;
@@ -60,6 +61,7 @@ Status DockingSim::Impl::calc_rates(double* ydot) {
 Status DockingSim::get_indicators(double* indicator) {
   Impl& me = *impl_;
   me.read_inputs();
+  if (me.parameters.model_level != kRigid) me.model->locked.on = false;
   const Status status = calc_docking<double>(*me.model, me.discrete, me.memory, me.loads,
                                              me.elapsed, me.stepper->y(), nullptr, *me.rate_data);
   if (!status.ok()) return status;

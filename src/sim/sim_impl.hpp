@@ -52,6 +52,20 @@ struct ExtendedEquations;  ///< of src/truth
 /// What a Status means, in one sentence.
 std::string find_status_text(const Status& status, const MechanismModel& mechanism);
 
+/// Scratch of DockingSim::Impl::is_in_balance.
+struct BalanceWorkspace {
+  explicit BalanceWorkspace(const StateLayout& layout)
+      : ydot(static_cast<size_t>(layout.size)), factor(layout.mechanism_nv) {
+    pull.setZero(layout.mechanism_nv);
+    spinning = pull;
+    square.setIdentity(layout.mechanism_nv, layout.mechanism_nv);
+  }
+  std::vector<double> ydot;
+  VecX<double> pull, spinning;  ///< accelerations of the mechanism: all, of spin
+  MatX<double> square;          ///< J J^T
+  Eigen::LLT<MatX<double>> factor;
+};
+
 struct DockingSim::Impl : SimState {
   Impl(std::shared_ptr<const Scene> scene, Interface interface);
 
@@ -77,7 +91,8 @@ struct DockingSim::Impl : SimState {
 
   // reference_form.cpp
   bool has_reference() const {
-    return setup->parameters.model_level == kReference && interface == Interface::kCoSimulation;
+    return setup->parameters.model_level == kReference && !adapt_problem &&
+           interface == Interface::kCoSimulation;
   }
   void make_reference();
   void describe_reference(Stepper::Problem& problem);
@@ -143,10 +158,12 @@ struct DockingSim::Impl : SimState {
   void update_coupling_outputs();
 
   // flight.cpp
+  bool can_rest() const;
   bool may_rest() const;
   double find_free_gap() const;
   Status watch_rest(double tau);
   double find_flight_time() const;
+  bool is_in_balance(double tau);
   void lock_at_rest();
   const VehicleBody& find_flying_body(int vehicle) const;
   void fly(double duration);
@@ -255,8 +272,9 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<InterfaceWorkspace> interface_work;  ///< with a driven vehicle only
   std::unique_ptr<Snapshot> look_ahead_start;          ///< where loads are announced only
   std::vector<char> due = std::vector<char>(kFixedRoots + kMaxLatches, 0);
-  std::unique_ptr<DockingPass> jacobian_pass;     ///< for implicit methods only
+  std::unique_ptr<DockingPass> jacobian_pass;     ///< for implicit methods and rest only
   MatX<double> jacobian;                          ///< with it
+  std::unique_ptr<BalanceWorkspace> balance;      ///< where a mechanism may come to rest
   std::unique_ptr<ReferenceModel> reference;      ///< for method 9 only
   std::unique_ptr<ReferenceData> reference_data;  ///< with it
   VecX<double> reference_nominal;                 ///< size of its unknowns

@@ -35,6 +35,8 @@ struct RestState {
   bool resting = false;
   double since = 0.0;     ///< the coordinates have kept their place since then [s since start]
   std::vector<double> q;  ///< that place: mechanism coordinates, as in y
+  Vec3<double> spin = Vec3<double>::Zero();  ///< of the chaser when the rest began [rad/s]
+  double slack = 0.0;                        ///< by which it may change, relative
 };
 
 struct SimState {
@@ -149,7 +151,7 @@ void transfer(A& archive, CouplingState& c) {
 
 template <class A>
 void transfer(A& archive, RestState& rest) {
-  transfer_all(archive, rest.resting, rest.since, rest.q);
+  transfer_all(archive, rest.resting, rest.since, rest.q, rest.spin, rest.slack);
 }
 
 template <class A>

@@ -469,8 +469,13 @@ void DockingSim::Impl::make_stepper() {
     return 0;
   };
   jacobian_pass.reset();
-  if (needs_jacobian()) {
+  balance.reset();
+  if (can_rest()) {
+    balance = std::make_unique<BalanceWorkspace>(layout);
     make_jacobian_pass();
+  }
+  if (needs_jacobian()) {
+    if (!jacobian_pass) make_jacobian_pass();
     problem.jacobian = [this](double t, const double* y, double* by_columns) {
       return calc_jacobian(t, y, by_columns);
     };

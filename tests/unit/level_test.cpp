@@ -4,7 +4,7 @@
 // 2. massless_legs: mass and first moment stay where they were; leaving out what is massless gives
 //    what the general equations give; legs that are really light tend to it;
 // 3. energy and momentum add up at every level, and steps allocate nothing;
-// 4. what is not offered, or cannot be, is refused with the reason.
+// 4. what does not fit together, or cannot be, is refused with the reason.
 //
 // Scene: idss_25t_350t. Saved states of every level: saved_state_test.cpp, hosts:
 // coupling_test.cpp.
