@@ -225,3 +225,28 @@ def test_a_scene_key_given_as_a_variable_is_told_how_to_change_it(dockloop, runs
     outcome = dockloop("run", fmu, "--set", "chaser.motion=driven")
     assert outcome.status == 2
     assert "build with --scene chaser.motion=driven" in outcome.err
+
+
+def test_conditions_at_first_contact_that_no_approach_leads_to_are_refused(dockloop):
+    """The surfaces would part there: half a second before, they would be in each other."""
+    conditions = {
+        "approach_time": 0.5,
+        "closing_speed": 0.05091,
+        "lateral_offset": 0.08533,
+        "lateral_direction_deg": 166.117,
+        "lateral_speed": 0.03512,
+        "lateral_speed_direction_deg": 358.687,
+        "pitch_yaw_deg": 3.4194,
+        "pitch_yaw_direction_deg": 53.836,
+        "pitch_yaw_rate_deg_s": 0.11489,
+        "pitch_yaw_rate_direction_deg": 296.286,
+        "roll_deg": -2.5763,
+        "roll_rate_deg_s": 0.14496,
+    }
+    keys = [f"--scene=initial.{name}={value}" for name, value in conditions.items()]
+    refused = dockloop("build", "idss_25t_350t", *keys)
+    assert refused.status == 2, refused
+    assert "no free motion of 0.5 s leads to these conditions" in refused.err
+    assert "initial.approach_time" in refused.err
+    status, _, err = dockloop("build", "idss_25t_350t", *keys, "--scene=initial.approach_time=0")
+    assert status == 0, err

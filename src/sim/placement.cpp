@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 
 #include "dynamics/docking_model.hpp"
 #include "dynamics/rigid_body.hpp"
@@ -29,6 +30,23 @@ double find_touching_distance(const Scene& scene, const Mat3<double>& R_AP,
   }
   touches = false;
   return 0.0;
+}
+
+/// Gap of the surfaces where the vehicles start, mechanism at home [m].
+double find_start_gap(const Scene& scene, const Placement& placement, const Pose<double>& G_in_A) {
+  std::array<Pose<double>, 2> interface;
+  for (int i : {kChaser, kTarget}) {
+    const VehicleParameters& p = placement.vehicle[i];
+    const Vec3<double> from_target = p.position - placement.vehicle[kTarget].position;
+    interface[i] = Pose<double>{quat_to_matrix<double>(p.attitude), from_target} *
+                   Pose<double>{quat_to_matrix<double>(p.interface_attitude), p.interface_position};
+  }
+  const Pose<double> G_to_P = inverse(interface[kChaser] * G_in_A) * interface[kTarget];
+  RelativeMotion<double> relative;
+  relative.R = G_to_P.R;
+  relative.p = G_to_P.p;
+  ContactWorkspace<double> work(scene.contact);
+  return find_gap(scene.contact, relative, work);
 }
 
 /// Motion of a rigid body under no load.
@@ -129,6 +147,16 @@ Placement find_placement(const Scene& scene) {
     make_free_body(scene, kChaser).take_back(at.approach_time, chaser);
     if (scene.motion[kTarget] != Motion::kFixed) {
       make_free_body(scene, kTarget).take_back(at.approach_time, target);
+    }
+    const double gap = scene.contact.empty() ? 0.0 : find_start_gap(scene, placement, G_in_A);
+    if (gap < 0.0) {
+      char text[400];
+      std::snprintf(text, sizeof text,
+                    "scene '%s': no free motion of %.6g s leads to these conditions at first "
+                    "contact, because it starts with the surfaces %.3g mm in each other; shorten "
+                    "initial.approach_time, or change offsets, tilt or their rates",
+                    scene.name.c_str(), at.approach_time, -1e3 * gap);
+      throw ModelError(text);
     }
   }
   return placement;

@@ -17,7 +17,8 @@ struct Placement {
   bool touches = true;  ///< false: the surfaces never meet on this line; A and P coincide axially
 };
 
-/// @throws ModelError if the scene states no conditions or its chaser cannot move.
+/// @throws ModelError if the scene states no conditions, its chaser cannot move, or the way to them
+/// would begin inside the surfaces.
 Placement find_placement(const Scene& scene);
 
 }  // namespace dockloop
