@@ -192,6 +192,10 @@ double DockingSim::Impl::find_flight_time() const {
     const double spin = find_spin_bound(body.inertia, frame.R.transpose() * frame.w);
     v[i] = frame.v + frame.w.cross(arm);
     if (spin > 0.0) longest = std::min(longest, kMostTurns * kTurn / spin);
+    if (i == kChaser && spin > 0.0 && model->layout.mechanism_nv > 0) {
+      // No principal inertia differs from another by more than the third: |w'| <= w^2.
+      longest = std::min(longest, 0.5 * rest_state.slack / spin);
+    }
     const Vec3<double>& port = i == kChaser ? data->capture.p : data->interface[kTarget].p;
     speed += spin * ((port - frame.p - arm).norm() + model->contact.reach);
     // Latches and the absorber measure along axes of G, which turn with the chaser.
