@@ -141,7 +141,8 @@ compile() {
   if [ ! -f build/release/build.ninja ] || { [ $tests = ON ] &&
     ! grep -q 'DOCKLOOP_TESTS:BOOL=ON' build/release/CMakeCache.txt; }; then
     say "configure"
-    quietly configure cmake --preset release -DDOCKLOOP_TESTS=$tests -DDOCKLOOP_WERROR=$tests
+    quietly configure cmake --preset release -DDOCKLOOP_TESTS=$tests -DDOCKLOOP_WERROR=$tests \
+      -DDOCKLOOP_EXTENDED=ON  # dockloop truth and trade need it
   fi
   say "compile (build/logs/compile.log)"
   if [ $tests = ON ]; then
