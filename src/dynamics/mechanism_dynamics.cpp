@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <type_traits>
 
 #include "loops/loop_analysis.hpp"
 #include "loops/loop_equations.hpp"
@@ -65,6 +66,10 @@ MechanismData<S>::MechanismData(const Mechanism& mechanism)
 
 template <class S>
 Status calc_position(const Mechanism& mechanism, MechanismData<S>& data) {
+  if constexpr (std::is_same_v<S, double>) {
+    data.by_kernel = data.kernel && data.kernel->calc_position(data);
+    if (data.by_kernel) return {};
+  }
   const MechanismModel& model = mechanism.model;
   const std::vector<int>& ind = mechanism.plan.ind_v;
   const Status status = calc_loop_position(model, mechanism.plan, data.tree, data.loops);
@@ -135,6 +140,9 @@ Status move_to(const Mechanism& mechanism, const VecX<double>& q, MechanismData<
 
 template <class S>
 void calc_velocity(const Mechanism& mechanism, const BaseMotion<S>& base, MechanismData<S>& data) {
+  if constexpr (std::is_same_v<S, double>) {
+    if (data.by_kernel) return data.kernel->calc_velocity(base, data);
+  }
   calc_loop_velocity(mechanism.plan, data.tree, data.loops);
   calc_tree_velocity(mechanism.model, base.w, data.tree);
 }
@@ -142,6 +150,9 @@ void calc_velocity(const Mechanism& mechanism, const BaseMotion<S>& base, Mechan
 template <class S>
 void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
                        MechanismData<S>& data) {
+  if constexpr (std::is_same_v<S, double>) {
+    if (data.by_kernel) return data.kernel->calc_acceleration(base, data);
+  }
   const std::vector<int>& ind = mechanism.plan.ind_v;
   // Right-hand side: applied less what zero joint accelerations would require.
   const VecX<S>* none = nullptr;

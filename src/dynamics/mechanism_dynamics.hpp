@@ -12,10 +12,12 @@
 #pragma once
 
 #include <Eigen/Cholesky>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "dynamics/mechanism_kernel.hpp"
 #include "loops/loops.hpp"
 
 namespace dockloop {
@@ -52,6 +54,8 @@ struct MechanismData {
   VecX<S> scratch_v;                  ///< nv
   Wrench<S> on_base;  ///< of the mechanism on its base body, about that body's origin,
                       ///< base axes of the tree (calc_reactions)
+  std::shared_ptr<MechanismKernel> kernel;  ///< tried first, if there is one; only for double
+  bool by_kernel = false;                   ///< the present position was found by it
 };
 
 /// In: independent entries of data.tree.q (dependent ones as a start).

@@ -1,0 +1,40 @@
+// Another way to evaluate a mechanism: the same results to rounding, faster.
+//
+// The general code (mechanism_dynamics.hpp) stays the reference and what takes over wherever a
+// kernel does not apply. A kernel finds what an integrator asks for: motion of the independent
+// bodies, coordinates and rates of the joints that carry a force, and independent accelerations.
+// Everything else of MechanismData (motion of the legs, cut forces, loads on the base, angles that
+// no force depends on) is left as it was: who needs it evaluates without a kernel.
+// Kinds of kernels: src/kernels.
+#pragma once
+
+#include <memory>
+
+#include "tree/tree.hpp"
+
+namespace dockloop {
+
+template <class S>
+struct MechanismData;
+
+class MechanismKernel {
+ public:
+  virtual ~MechanismKernel() = default;
+
+  /// In: independent entries of data.tree.q. Out: entries of tree.q of joints with a force law;
+  /// tree.R, r, p of the independent bodies; tree.m_sum[0], h_sum[0] where body 0 is a vehicle;
+  /// data.A_ind and data.factor.
+  /// @return false if the kernel cannot tell: a loop does not close or is close to singular, the
+  /// assembly branch or the turn of an angle is in doubt. The general code then decides.
+  virtual bool calc_position(MechanismData<double>& data) = 0;
+
+  /// In: independent entries of data.tree.v. Out: entries of tree.v of joints with a force law;
+  /// tree.w, u of the independent bodies.
+  virtual void calc_velocity(const BaseMotion<double>& base, MechanismData<double>& data) = 0;
+
+  /// In: data.tau, data.tree.external of the independent bodies. Out: data.vdot of the independent
+  /// joints.
+  virtual void calc_acceleration(const BaseMotion<double>& base, MechanismData<double>& data) = 0;
+};
+
+}  // namespace dockloop
