@@ -16,8 +16,9 @@ MAY_SEE = {
     "forces": {"math", "model"},
     "contact": {"math"},
     "dynamics": {"math", "model", "tree", "loops", "forces", "contact"},
+    "kernels": {"math", "dynamics"},
     "integrate": set(),
-    "sim": {"math", "model", "contact", "dynamics", "integrate"},
+    "sim": {"math", "model", "contact", "dynamics", "kernels", "integrate"},
     "truth": {"math", "integrate", "sim"},  # outside the core: it may know Impl of sim
     "tool": {"math", "model", "forces", "dynamics", "sim"},
 }

@@ -89,6 +89,7 @@ void DockingSim::Impl::use_coordinates(std::shared_ptr<const Coordinates> choice
   if (interface_work) interface_work = std::make_unique<InterfaceWorkspace>(*model);
   if (jacobian_pass) make_jacobian_pass();
   if (reference) make_reference();
+  attach_kernel();
   coordinates = std::move(choice);
 }
 

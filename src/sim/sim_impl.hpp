@@ -77,6 +77,7 @@ struct DockingSim::Impl : SimState {
   ContactLaw make_contact_law() const;
   void choose_frame_O();
   void make_stepper();
+  void attach_kernel();
   int find_trouble_code(Status status, double t, const double* values, int count);
   void make_jacobian_pass();
   int calc_jacobian(double t, const double* y, double* by_columns);

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "kernels/kernels.hpp"
 #include "sim/sim_impl.hpp"
 
 namespace dockloop {
@@ -383,6 +384,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   }
   if (announces()) look_ahead_start = std::make_unique<Snapshot>();
   make_stepper();
+  attach_kernel();
   loads.command.setZero(static_cast<int>(model->mechanism.model.forces.size()));
   load_rates = loads_now = loads;
   read_inputs();
@@ -439,6 +441,12 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
 double DockingSim::Impl::find_relative_tolerance() const {
   const double asked = setup->tolerance;
   return asked > 0.0 ? std::min(asked, parameters.rtol) : parameters.rtol;
+}
+
+/// Trial states of the integrator are evaluated by a kernel, if there is one; accepted ones by the
+/// general code, which finds everything. The form with multipliers and the truth need all of it.
+void DockingSim::Impl::attach_kernel() {
+  if (!reference && !adapt_problem) rate_data->mechanism.kernel = make_kernel(model->mechanism);
 }
 
 void DockingSim::Impl::make_stepper() {
