@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <type_traits>
 
 #include "math/scalar.hpp"
 
@@ -164,6 +165,76 @@ void add_bristles(const ContactLaw& law, const std::vector<char>& closed, const 
   }
 }
 
+enum class NodesFound { kAdded, kTooDeep, kRefused };
+
+/// All pairs of a set of nodes at once. kTooDeep: one by one, please; nothing was added.
+NodesFound add_nodes(const ContactModel& model, const NodeSet& set, const ContactMemory& memory,
+                     const RelativeMotion<double>& motion, ContactWorkspace<double>& work,
+                     ContactResult<double>& out, Status& status) {
+  const CaptureHardware& other = set.on_passive ? model.active : model.passive;
+  const ContactLaw& law = model.law;
+  nodes::NodeContact contact;
+  contact.on_passive = set.on_passive;
+  Eigen::Map<Mat3<double>>(contact.R) = motion.R;
+  Eigen::Map<Vec3<double>>(contact.p) = motion.p;
+  Eigen::Map<Vec3<double>>(contact.w) = motion.w;
+  Eigen::Map<Vec3<double>>(contact.v) = motion.v;
+  contact.ring_x = other.ring.x;
+  contact.ring_inner = other.ring.inner;
+  contact.ring_outer = other.ring.outer;
+  contact.rounding = model.pairs[set.first].rounding;
+  contact.stiffness = law.node_stiffness;
+  contact.toe = law.toe;
+  contact.damping = law.damping;
+  contact.friction_coefficient = law.friction_coefficient;
+  contact.friction_speed = law.friction_speed;
+  alignas(64) double lanes[nodes::kNodeSums][kGroup] = {};
+  const auto find_count = [&](size_t g) {
+    return std::min(kGroup, set.count - static_cast<int>(g) * kGroup);
+  };
+  const auto find_before = [&](size_t g) {  // in contact at the last accepted step?
+    return memory.has_reference ? &memory.closed[set.first + g * kGroup] : nullptr;
+  };
+  for (size_t g = 0; g < set.groups.size(); ++g) {
+    const char* before = find_before(g);
+    const bool ways = before && std::find(before, before + find_count(g), 1) != before + find_count(g);
+    if (work.node_functions->add_group(set.groups[g], find_count(g), contact, ways,
+                                       work.node_gaps[g], lanes) == nodes::Touch::kDeep) {
+      return NodesFound::kTooDeep;
+    }
+  }
+  double least = kNoGap;
+  for (size_t g = 0; g < set.groups.size(); ++g) {
+    const nodes::NodeGaps& gaps = work.node_gaps[g];
+    const char* before = find_before(g);
+    for (int i = 0; i < find_count(g); ++i) {
+      const int pair = set.first + static_cast<int>(g) * kGroup + i;
+      const double gap = gaps.gap[i], part = -gap / contact.rounding;
+      least = std::min(least, gap);
+      if (before && before[i]) {
+        const Vec3<double> way(gaps.way[0][i], gaps.way[1][i], gaps.way[2][i]);
+        if (way.dot(memory.n_last[pair]) < 0.0) {
+          status = {StatusCode::kContactFlipped, pair, part};
+          return NodesFound::kRefused;
+        }
+      }
+      if (!(gap < 0.0)) continue;
+      out.depth_ratio = std::max(out.depth_ratio, part);
+      ++out.active_count;
+      work.closed[pair] = 1;
+    }
+  }
+  double sums[nodes::kNodeSums];
+  work.node_functions->add_lanes(lanes, nodes::kNodeSums, sums);
+  out.gap = std::min(out.gap, least);
+  out.on_passive.f += Eigen::Map<const Vec3<double>>(sums + nodes::kSumForce);
+  out.on_passive.t += Eigen::Map<const Vec3<double>>(sums + nodes::kSumMoment);
+  out.energy += sums[nodes::kSumEnergy];
+  out.contact_power += sums[nodes::kSumContactPower];
+  out.friction_power += sums[nodes::kSumFrictionPower];
+  return NodesFound::kAdded;
+}
+
 /// Sum over pairs in index order; those that spheres or the reference pose show to be open
 /// contribute exactly nothing, so skipping does not change a bit of the result.
 template <class S>
@@ -182,6 +253,7 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
   const bool near_only = listed && delta <= S(memory.radius);
   out.gap = near_only ? S(memory.radius) - delta : S(kNoGap);
   const int count = near_only ? static_cast<int>(memory.near.size()) : model.pair_count();
+  [[maybe_unused]] int one_by_one = 0;  // pairs before this one are not evaluated together
   for (int k = 0; k < count; ++k) {
     const int i = near_only ? memory.near[k] : k;
     const ContactPair& pair = model.pairs[i];
@@ -189,6 +261,20 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
     if (listed && !was_closed && S(memory.gap[i]) > delta) {
       out.gap = std::min<S>(out.gap, S(memory.gap[i]) - delta);
       continue;
+    }
+    if constexpr (std::is_same_v<S, double>) {
+      const NodeSet& set = model.nodes[pair.first_on_passive];
+      const int end = set.first + set.count;
+      if (pair.kind == PairKind::kNodeRing && !z && one_by_one < end) {
+        Status status;
+        const NodesFound found = add_nodes(model, set, memory, motion, work, out, status);
+        if (found == NodesFound::kRefused) return status;
+        if (found == NodesFound::kAdded) {  // on with what follows the set
+          while (k + 1 < count && (near_only ? memory.near[k + 1] : k + 1) < end) ++k;
+          continue;
+        }
+        one_by_one = end;
+      }
     }
     Closest<S> c;
     const S gap = find_pair<S>(model, pair, motion, work, was_closed ? S(kNoGap) : S(0), c);
@@ -229,6 +315,19 @@ void calc_absorber(const AbsorberLaw& law, const RelativeMotion<S>& x, ContactRe
   out.active_count = 1;
 }
 
+NodeSet make_node_set(int first, bool on_passive, const std::vector<Vec3<double>>& points) {
+  NodeSet set;
+  set.first = first;
+  set.count = static_cast<int>(points.size());
+  set.on_passive = on_passive;
+  set.groups.resize((points.size() + kGroup - 1) / kGroup);
+  for (size_t i = 0; i < set.groups.size() * kGroup; ++i) {
+    const Vec3<double>& point = points[std::min(i, points.size() - 1)];
+    for (int j = 0; j < 3; ++j) set.groups[i / kGroup].position[j][i % kGroup] = point[j];
+  }
+  return set;
+}
+
 void require(bool ok, const char* name, double value, const char* limit) {
   if (!ok) {
     throw ModelError(std::string("contact law: ") + name + " is " + std::to_string(value) +
@@ -256,6 +355,7 @@ ContactModel make_ring_contact(const GuideRing& active, const GuideRing& passive
     const double ring_ring = a.ring_rounding + b.ring_rounding;
     const double petal_ring = a.petal_rounding + b.ring_rounding;
     const double node_petal = a.ring_rounding + b.petal_rounding;
+    m.nodes[flip] = make_node_set(m.pair_count(), flip, a.nodes);
     for (size_t i = 0; i < a.nodes.size(); ++i) add(PairKind::kNodeRing, flip, i, 0, -1, ring_ring);
     for (size_t i = 0; i < 2 * a.petals.size(); ++i) {
       add(PairKind::kEdgeRing, flip, i, 0, flip ? -1 : static_cast<int>(i / 2), petal_ring);
@@ -320,6 +420,8 @@ ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
     passive_local.push_back(cast_plate(petal));
   passive_petals = passive_local;
   closed.assign(model.pairs.size(), 0);
+  node_functions = &nodes::find_node_functions();
+  node_gaps.resize(std::max(model.nodes[0].groups.size(), model.nodes[1].groups.size()));
 }
 
 int bristle_state_count(const ContactModel& model) {

@@ -13,6 +13,7 @@
 
 #include "contact/guide_ring.hpp"
 #include "contact/laws.hpp"
+#include "contact/node_lanes.hpp"
 #include "contact/primitives.hpp"
 #include "math/status.hpp"
 #include "math/types.hpp"
@@ -44,10 +45,18 @@ struct ContactPair {
   double rounding;    ///< sum of the rounding radii [m]
 };
 
+/// Nodes of one side on the ring of the other: pairs that are evaluated together.
+struct NodeSet {
+  int first = 0, count = 0;  ///< of its pairs
+  bool on_passive = false;   ///< the nodes belong to P
+  std::vector<nodes::NodeGroup> groups;
+};
+
 struct ContactModel {
   enum class Kind { kNone, kRings, kAbsorber } kind = Kind::kNone;
   CaptureHardware active, passive;  ///< in axes of G and of P
   std::vector<ContactPair> pairs;   ///< fixed order: the order of summation
+  std::array<NodeSet, 2> nodes;     ///< of G and of P
   ContactLaw law;
   AbsorberLaw absorber;
   double reach = 0.0;  ///< radius of a sphere about the origin of G (of P) with that side [m]
@@ -102,6 +111,8 @@ struct ContactWorkspace {
   std::vector<Plate<S>> passive_local;   ///< axes of P, written by the constructor
   std::vector<Plate<S>> passive_petals;  ///< axes of G, written by every evaluation
   std::vector<char> closed;              ///< per pair, written by calc_contact
+  const nodes::NodeFunctions* node_functions = nullptr;  ///< for plain numbers
+  std::vector<nodes::NodeGaps> node_gaps;                ///< with them, per group of a set
 };
 
 template <class S>

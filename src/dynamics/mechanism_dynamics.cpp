@@ -67,7 +67,7 @@ MechanismData<S>::MechanismData(const Mechanism& mechanism)
 template <class S>
 Status calc_position(const Mechanism& mechanism, MechanismData<S>& data) {
   if constexpr (std::is_same_v<S, double>) {
-    data.by_kernel = data.kernel && data.kernel->calc_position(data);
+    data.by_kernel = data.kernel && !data.whole && data.kernel->calc_position(data);
     if (data.by_kernel) return {};
   }
   const MechanismModel& model = mechanism.model;
@@ -178,6 +178,9 @@ void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
 template <class S>
 void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int base_body,
                     MechanismData<S>& data) {
+  if constexpr (std::is_same_v<S, double>) {
+    if (data.by_kernel) return data.kernel->calc_reactions(base, data);
+  }
   if (mechanism.skips_massless) {
     calc_loop_bias(mechanism.model, mechanism.plan, data.tree, data.loops);
     calc_loop_acceleration(mechanism.plan, data.vdot, data.loops);
@@ -299,6 +302,9 @@ double find_closure_residual(const Mechanism& mechanism, const MechanismData<S>&
 
 template <class S>
 double find_singularity_margin(const MechanismData<S>& data) {
+  if constexpr (std::is_same_v<S, double>) {
+    if (data.by_kernel) return data.kernel->find_margin();
+  }
   double margin = 1.0;
   for (const BlockData<S>& block : data.loops.block) margin = std::min(margin, block.margin);
   return margin;

@@ -56,6 +56,7 @@ struct MechanismData {
                       ///< base axes of the tree (calc_reactions)
   std::shared_ptr<MechanismKernel> kernel;  ///< tried first, if there is one; only for double
   bool by_kernel = false;                   ///< the present position was found by it
+  bool whole = false;  ///< all of this is wanted: no kernel, please; set by the caller
 };
 
 /// In: independent entries of data.tree.q (dependent ones as a start).

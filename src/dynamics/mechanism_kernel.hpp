@@ -35,6 +35,17 @@ class MechanismKernel {
   /// In: data.tau, data.tree.external of the independent bodies. Out: data.vdot of the independent
   /// joints.
   virtual void calc_acceleration(const BaseMotion<double>& base, MechanismData<double>& data) = 0;
+
+  // What accepted states need beside, if the kernel serves them.
+
+  virtual bool serves_accepted_states() const { return false; }
+  /// Smallest loop margin [-]. @pre calc_position
+  virtual double find_margin() const { return 0.0; }
+  /// As keep_reference() of loops.hpp, into data.loops.reference. @pre calc_position
+  virtual void keep_reference(MechanismData<double>&) const {}
+  /// As calc_reactions() of mechanism_dynamics.hpp: data.on_base, lambda of the blocks; tree.a,
+  /// alpha of a vehicle. @pre calc_acceleration
+  virtual void calc_reactions(const BaseMotion<double>&, MechanismData<double>&) {}
 };
 
 }  // namespace dockloop

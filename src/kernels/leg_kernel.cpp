@@ -2,13 +2,13 @@
 #include "kernels/leg_kernel.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "kernels/leg_lanes.hpp"
 
 namespace dockloop {
 namespace {
 
-using legs::kGroup;
 using legs::LegGroup;
 using V = Vec3<double>;
 using Mat = Mat3<double>;
@@ -42,13 +42,14 @@ Moments find_moments(const Body& body, const Pose<double>& pose) {
 
 /// One joint of a leg.
 struct LegJoint {
-  int q = 0, v = 0;
+  JointMap map;
+  int q = 0, v = 0;  ///< indices of its coordinate
   double sign = 1.0;
 };
 
 struct LegPlace {
   LegJoint joint[3];
-  int block = 0;
+  size_t block = 0;
   LegBranch branch;
 };
 
@@ -59,11 +60,20 @@ class LegKernel : public MechanismKernel {
   bool calc_position(MechanismData<double>& data) override;
   void calc_velocity(const BaseMotion<double>& base, MechanismData<double>& data) override;
   void calc_acceleration(const BaseMotion<double>& base, MechanismData<double>& data) override;
+  bool serves_accepted_states() const override { return true; }
+  double find_margin() const override;
+  void keep_reference(MechanismData<double>& data) const override;
+  void calc_reactions(const BaseMotion<double>& base, MechanismData<double>& data) override;
 
  private:
   void add_leg(const Mechanism& mechanism, int loop, int lane);
   bool continues(const LoopReference<double>& reference) const;
   bool calc_legs(bool moving);
+  double find_margin(size_t leg) const;
+  double get_work(size_t leg, int row) const {
+    return groups_[leg / kGroup].work[row][leg % kGroup];
+  }
+  Wrench<double> find_ring_load(const V& a0, const V& alpha0, const V& vdot, const V& wdot) const;
   void put_pose(const Body& body, int index, TreeData<double>& tree) const;
 
   const legs::LegFunctions& functions_;
@@ -77,6 +87,7 @@ class LegKernel : public MechanismKernel {
   double leg_mass_ = 0.0;
   legs::Platform platform_{};
   double sums_[legs::kPositionSums] = {}, bias_[legs::kBiasSums] = {};
+  V root_a_ = V::Zero(), root_alpha_ = V::Zero();  ///< of the root, as far as known before, P
 };
 
 LegKernel::LegKernel(const Mechanism& mechanism, const legs::LegFunctions& functions)
@@ -108,7 +119,7 @@ void LegKernel::add_leg(const Mechanism& mechanism, int k, int lane) {
   const MechanismModel& model = mechanism.model;
   const Loop& loop = model.loops[k];
   LegPlace& place = places_[k];
-  place.block = mechanism.plan.block_of_loop[k];
+  place.block = static_cast<size_t>(mechanism.plan.block_of_loop[k]);
   const ClosedForm& form = *mechanism.plan.blocks[place.block].form();
   place.branch = form.branch;
   LegGroup& group = groups_[lane / kGroup];
@@ -135,7 +146,7 @@ void LegKernel::add_leg(const Mechanism& mechanism, int k, int lane) {
   for (int i = 0; i < 3; ++i) {
     const JointMap& joint = form.joint[static_cast<size_t>(i)];
     const Body& body = model.bodies[joint.body];
-    place.joint[i] = {body.q_index, body.v_index, static_cast<double>(joint.sign)};
+    place.joint[i] = {joint, body.q_index, body.v_index, static_cast<double>(joint.sign)};
     pose = pose * body.placement;
     // theta = sign q + zero = 0
     if (body.joint == JointType::kRevolute) {
@@ -159,7 +170,7 @@ void LegKernel::add_leg(const Mechanism& mechanism, int k, int lane) {
 bool LegKernel::continues(const LoopReference<double>& reference) const {
   if (!reference.valid) return true;
   for (const LegPlace& place : places_) {
-    const size_t b = static_cast<size_t>(place.block);
+    const size_t b = place.block;
     if (!(reference.margin[b] >= kLeastReference) ||
         reference.branch[b].elbow != place.branch.elbow ||
         reference.branch[b].flip != place.branch.flip) {
@@ -201,7 +212,7 @@ bool LegKernel::calc_position(MechanismData<double>& data) {
   if (!calc_legs(is_free_)) return false;
   for (size_t k = 0; k < places_.size(); ++k) {
     const LegJoint& slide = places_[k].joint[2];
-    tree.q[slide.q] = slide.sign * groups_[k / kGroup].work[legs::kSlide][k % kGroup];
+    tree.q[slide.q] = slide.sign * get_work(k, legs::kSlide);
   }
   // The ring's own inertia and that of the legs at their tips, axes and origin of the ring.
   const double m = ring_moments_.mass;
@@ -260,7 +271,7 @@ void LegKernel::calc_velocity(const BaseMotion<double>& base, MechanismData<doub
   functions_.calc_rates(groups_.data(), static_cast<int>(groups_.size()), platform_);
   for (size_t k = 0; k < places_.size(); ++k) {
     const LegJoint& slide = places_[k].joint[2];
-    tree.v[slide.v] = slide.sign * groups_[k / kGroup].work[legs::kRate + 2][k % kGroup];
+    tree.v[slide.v] = slide.sign * get_work(k, legs::kRate + 2);
   }
 }
 
@@ -275,53 +286,44 @@ void LegKernel::calc_acceleration(const BaseMotion<double>& base, MechanismData<
   }
   // Acceleration of the root's origin less gravity, and its angular acceleration, axes of P, as far
   // as they are known.
-  const V w = Eigen::Map<const V>(platform_.w), v = Eigen::Map<const V>(platform_.v);
   const V root = Eigen::Map<const V>(platform_.root);
-  V a0 = base.a - base.gravity, alpha0 = base.alpha;
-  const bool moving = is_free_ || !a0.isZero(0.0) || !alpha0.isZero(0.0) || !root.isZero(0.0);
+  root_a_ = base.a - base.gravity;
+  root_alpha_ = base.alpha;
+  if (is_free_) {
+    const Mat& RV = tree.R[0];
+    const V v = tree.v.head<3>(), w = tree.v.segment<3>(3), base_w = RV.transpose() * base.w;
+    const V arm = RV.transpose() * tree.r[0];
+    root_a_ = RV.transpose() * (root_a_ + base.alpha.cross(tree.r[0])) +
+              base_w.cross(base_w.cross(arm)) + 2.0 * base_w.cross(v) + w.cross(v);
+    root_alpha_ = RV.transpose() * base.alpha + base_w.cross(w);
+  }
+  const bool moving =
+      is_free_ || !root_a_.isZero(0.0) || !root_alpha_.isZero(0.0) || !root.isZero(0.0);
   if (moving && !is_free_) calc_legs(true);  // what it carries was not needed before
   functions_.calc_bias(groups_.data(), static_cast<int>(groups_.size()), platform_, moving, bias_);
   const Mat& R = tree.joint[ring_index_].R;
-  const V r = tree.joint[ring_index_].p;
-  const V rootC = R.transpose() * root;
-  const V wC = rootC + w;
-  V a = w.cross(v), alpha = V::Zero();
-  if (moving) {
-    a += R.transpose() * root.cross(root.cross(r)) + 2.0 * rootC.cross(v);
-    alpha = rootC.cross(w);
-  }
+  const V& r = tree.joint[ring_index_].p;
   const V& h = ring_moments_.first;
-  const V ring_force = ring_moments_.mass * a + alpha.cross(h) + wC.cross(wC.cross(h));
-  const V ring_moment = h.cross(a) + ring_moments_.inertia * alpha +
-                        wC.cross(V(ring_moments_.inertia * wC));
+  const Wrench<double> ring = find_ring_load(V::Zero(), V::Zero(), V::Zero(), V::Zero());
   const Mat& RC = tree.R[ring_index_];
   const Wrench<double>& load = tree.external[ring_index_];
   VecX<double>& x = data.a_ind;
   const int at = is_free_ ? 6 : 0;
-  x.segment<3>(at) =
-      RC.transpose() * load.f - ring_force - get_vector(bias_ + legs::kSumTipForce);
-  x.segment<3>(at + 3) =
-      RC.transpose() * load.t - ring_moment - get_vector(bias_ + legs::kSumTipMoment);
+  const V force = RC.transpose() * load.f - ring.f, moment = RC.transpose() * load.t - ring.t;
+  x.segment<3>(at) = force - get_vector(bias_ + legs::kSumTipForce);
+  x.segment<3>(at + 3) = moment - get_vector(bias_ + legs::kSumTipMoment);
   if (is_free_) {
     const Mat& RV = tree.R[0];
-    const V vV = tree.v.head<3>(), wV = tree.v.segment<3>(3);
-    // The known part of the vehicle's acceleration, as if the base were a third body.
-    const V base_w = RV.transpose() * base.w;
-    const V arm = RV.transpose() * tree.r[0];
-    alpha0 = RV.transpose() * alpha0 + base_w.cross(wV);
-    a0 = RV.transpose() * (base.a - base.gravity + base.alpha.cross(tree.r[0])) +
-         base_w.cross(base_w.cross(arm)) + 2.0 * base_w.cross(vV) + wV.cross(vV);
-    const V& hV = vehicle_moments_.first;
-    const V force = root.cross(root.cross(hV)), moment = root.cross(V(vehicle_moments_.inertia * root));
-    const V ring_push = R * ring_force;
     const Wrench<double>& on_vehicle = tree.external[0];
-    x.head<3>() = RV.transpose() * on_vehicle.f + R * (RC.transpose() * load.f) - force - ring_push -
+    const Moments& own = vehicle_moments_;
+    const V push = R * force;
+    x.head<3>() = RV.transpose() * on_vehicle.f + push - root.cross(root.cross(own.first)) -
                   get_vector(bias_ + legs::kSumRootForce);
-    x.segment<3>(3) = RV.transpose() * on_vehicle.t + R * (RC.transpose() * load.t) +
-                      r.cross(V(R * (RC.transpose() * load.f))) - moment - R * ring_moment -
-                      r.cross(ring_push) - get_vector(bias_ + legs::kSumRootMoment);
-    x -= data.A_ind.leftCols<3>() * a0;
-    x -= data.A_ind.middleCols<3>(3) * alpha0;
+    x.segment<3>(3) = RV.transpose() * on_vehicle.t + R * moment + r.cross(push) -
+                      root.cross(V(own.inertia * root)) -
+                      get_vector(bias_ + legs::kSumRootMoment);
+    x -= data.A_ind.leftCols<3>() * root_a_;
+    x -= data.A_ind.middleCols<3>(3) * root_alpha_;
   } else if (moving) {
     // Momentum of legs and ring per acceleration of the base, seen by the ring: transposed.
     const Mat Rh = R * skew(h), lever = skew(r);
@@ -330,12 +332,109 @@ void LegKernel::calc_acceleration(const BaseMotion<double>& base, MechanismData<
     const Mat LW = get_rows(sums_ + legs::kSumLW) - Rh;
     const Mat AV = get_rows(sums_ + legs::kSumAV) + m * lever * R + Rh;
     const Mat AW = get_rows(sums_ + legs::kSumAW) - lever * Rh + R * ring_moments_.inertia;
-    x.head<3>() -= LV.transpose() * a0 + AV.transpose() * alpha0;
-    x.segment<3>(3) -= LW.transpose() * a0 + AW.transpose() * alpha0;
+    x.head<3>() -= LV.transpose() * root_a_ + AV.transpose() * root_alpha_;
+    x.segment<3>(3) -= LW.transpose() * root_a_ + AW.transpose() * root_alpha_;
   }
   data.factor.solveInPlace(x);
   if (is_free_) data.vdot.head<6>() = x.head<6>();
   data.vdot.segment<6>(ring_.v_index) = x.segment<6>(at);
+}
+
+/// What moves the ring, about its origin, C. @param a0, alpha0  of the root, P
+Wrench<double> LegKernel::find_ring_load(const V& a0, const V& alpha0, const V& vdot,
+                                         const V& wdot) const {
+  const Mat R = get_columns(platform_.R);
+  const V r = get_vector(platform_.p), v = get_vector(platform_.v), w = get_vector(platform_.w);
+  const V root = get_vector(platform_.root), rootC = R.transpose() * root, wC = rootC + w;
+  const V a = R.transpose() * V(a0 + alpha0.cross(r) + root.cross(root.cross(r))) +
+              2.0 * rootC.cross(v) + w.cross(v) + vdot;
+  const V alpha = R.transpose() * alpha0 + rootC.cross(w) + wdot;
+  const Moments& own = ring_moments_;
+  return {own.mass * a + alpha.cross(own.first) + wC.cross(wC.cross(own.first)),
+          own.first.cross(a) + own.inertia * alpha + wC.cross(V(own.inertia * wC))};
+}
+
+void LegKernel::calc_reactions(const BaseMotion<double>&, MechanismData<double>& data) {
+  TreeData<double>& tree = data.tree;
+  const V vdot = data.vdot.segment<3>(ring_.v_index), wdot = data.vdot.segment<3>(ring_.v_index + 3);
+  V a = root_a_, alpha = root_alpha_;
+  if (is_free_) {
+    a += data.vdot.head<3>();
+    alpha += data.vdot.segment<3>(3);
+  }
+  legs::Accelerations at;
+  Eigen::Map<V>(at.v) = vdot;
+  Eigen::Map<V>(at.w) = wdot;
+  Eigen::Map<V>(at.a) = a;
+  Eigen::Map<V>(at.alpha) = alpha;
+  double sums[legs::kLoadSums];
+  functions_.calc_loads(groups_.data(), static_cast<int>(groups_.size()), platform_, at, sums);
+  for (size_t k = 0; k < places_.size(); ++k) {
+    VecX<double>& lambda = data.loops.block[places_[k].block].lambda;
+    for (int i = 0; i < 3; ++i) lambda[i] = get_work(k, legs::kCut + i);
+  }
+  const Wrench<double> ring = find_ring_load(a, alpha, vdot, wdot);
+  const Mat& R = tree.joint[ring_index_].R;
+  const Mat& RC = tree.R[ring_index_];
+  const V& r = tree.joint[ring_index_].p;
+  const Wrench<double>& load = tree.external[ring_index_];
+  const V push = R * V(RC.transpose() * load.f - ring.f);
+  Wrench<double>& on_base = data.on_base;
+  on_base.f = push - get_vector(sums + legs::kSumLoad);
+  on_base.t = R * V(RC.transpose() * load.t - ring.t) + r.cross(push) -
+              get_vector(sums + legs::kSumLoadMoment);
+  if (!is_free_) return;
+  on_base = {tree.R[0] * on_base.f, tree.R[0] * on_base.t};
+  tree.a[0] = tree.R[0] * a;
+  tree.alpha[0] = tree.R[0] * alpha;
+}
+
+double LegKernel::find_margin(size_t leg) const {
+  return std::sqrt(get_work(leg, legs::kReach) / get_work(leg, legs::kReach + 1));
+}
+
+double LegKernel::find_margin() const {
+  double margin = 1.0;
+  for (size_t k = 0; k < places_.size(); ++k) margin = std::min(margin, find_margin(k));
+  return margin;
+}
+
+void LegKernel::keep_reference(MechanismData<double>& data) const {
+  LoopReference<double>& reference = data.loops.reference;
+  TreeData<double>& tree = data.tree;
+  for (size_t k = 0; k < places_.size(); ++k) {
+    const LegPlace& place = places_[k];
+    const auto get = [&](int row) { return get_work(k, row); };
+    const auto parameter = [&](int row) { return groups_[k / kGroup].parameter[row][k % kGroup]; };
+    for (int i = 0; i < 2; ++i) {
+      const LegJoint& joint = place.joint[i];
+      double c, s;
+      find_joint_angle(joint.map, get(i == 0 ? legs::kFirst : legs::kCosine),
+                       get(i == 0 ? legs::kFirst + 1 : legs::kSine), c, s);
+      tree.q[joint.q] = find_angle(c, s, reference.valid ? reference.q[joint.q] : tree.q[joint.q]);
+    }
+    // v_dep = H v_low with the six velocities of the ring for v_low.
+    const V ring(parameter(legs::kRing), parameter(legs::kRing + 1), parameter(legs::kRing + 2));
+    Mat axes;
+    for (int i = 0; i < 9; ++i) axes(i % 3, i / 3) = get(legs::kAxesC + i);
+    const V rows[] = {get(legs::kInverse) * axes.col(2),
+                      get(legs::kInverse + 1) * axes.col(1) + get(legs::kInverse + 2) * axes.col(2),
+                      axes.col(0) + get(legs::kInverse + 3) * axes.col(1) +
+                          get(legs::kInverse + 4) * axes.col(2)};
+    for (int i = 0; i < 3; ++i) {
+      const LegJoint& joint = place.joint[i];
+      reference.H[place.block].row(joint.map.row) << joint.sign * rows[i].transpose(),
+          joint.sign * ring.cross(rows[i]).transpose();
+    }
+    reference.margin[place.block] = find_margin(k);
+    reference.branch[place.block] = place.branch;
+    reference.spin_branch[place.block] = 1;
+    const double xi = get(legs::kXi);
+    const double determinant = get(legs::kCosine) * xi - get(legs::kSine) * parameter(legs::kTip + 1);
+    reference.sign[place.block] = (determinant < 0.0) != (xi < 0.0) ? -1 : 1;
+  }
+  reference.q = tree.q;
+  reference.valid = true;
 }
 
 bool is_slide_leg(const Mechanism& mechanism, int k, int root, int ring) {
@@ -343,7 +442,12 @@ bool is_slide_leg(const Mechanism& mechanism, int k, int root, int ring) {
   const Loop& loop = model.loops[k];
   const int b = mechanism.plan.block_of_loop[k];
   if (b < 0 || mechanism.plan.blocks[b].loops.size() != 1) return false;
-  const ClosedForm* form = mechanism.plan.blocks[b].form();
+  const LoopBlock& block = mechanism.plan.blocks[b];
+  const int first = model.bodies[ring].v_index;
+  if (block.low != std::vector<int>{first, first + 1, first + 2, first + 3, first + 4, first + 5}) {
+    return false;
+  }
+  const ClosedForm* form = block.form();
   if (!form || form->kind != LegKind::kR2P1R3 || form->spin) return false;
   int parent = root;
   for (const JointMap& joint : form->joint) {

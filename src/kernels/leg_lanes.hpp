@@ -10,9 +10,9 @@
 // acceleration of the tip relative to P.
 #pragma once
 
-namespace dockloop::legs {
+#include "math/lanes.hpp"
 
-constexpr int kGroup = 8;  ///< legs in a group, whatever the width of a register
+namespace dockloop::legs {
 
 /// Rows of LegGroup::parameter. Unused lanes repeat a leg without mass.
 enum Parameter {
@@ -49,8 +49,11 @@ enum Work {
   kRate = kCarried + 18,     ///< of the three joints
   kTipC = kRate + 3,         ///< v_C x velocity of the tip, C (3)
   kForce = kTipC + 3,        ///< generalised forces of the three joints, written by the caller
-  kTipForce = kForce + 3,    ///< b of the tip, E (3)
-  kWork = kTipForce + 3
+  kTipFree = kForce + 3,     ///< y at zero accelerations of root and joints, E (3)
+  kReach = kTipFree + 3,     ///< squares whose quotient is the square of the margin (2)
+  kFirst = kReach + 2,       ///< cosine and sine of the first joint (2)
+  kCut = kFirst + 2,         ///< force of the cut on the rod, P (3), by calc_loads
+  kWork = kCut + 3
 };
 
 struct alignas(64) LegGroup {
@@ -92,6 +95,15 @@ enum BiasSum {
   kBiasSums = kSumRootMoment + 3
 };
 
+/// Accelerations of root and platform, once they are known.
+struct Accelerations {
+  double v[3], w[3];        ///< derivatives of Platform::v, w, C
+  double a[3], alpha[3];    ///< of the origin of P less gravity, and angular, P
+};
+
+/// Rows of sums over legs after calc_loads: what moves the legs, about P, P.
+enum LoadSum { kSumLoad = 0, kSumLoadMoment = 3, kLoadSums = 6 };
+
 /// The stages of an evaluation, for one instruction set. `moving`: P moves or falls.
 struct LegFunctions {
   /// @param limit  smallest margin
@@ -101,6 +113,8 @@ struct LegFunctions {
   void (*calc_rates)(LegGroup* groups, int count, const Platform& platform);
   void (*calc_bias)(LegGroup* groups, int count, const Platform& platform, bool moving,
                     double* sums);
+  void (*calc_loads)(LegGroup* groups, int count, const Platform& platform,
+                     const Accelerations& at, double* sums);
   const char* name;
 };
 

@@ -1,106 +1,14 @@
 // Arithmetic of legs in lanes; see leg_lanes.hpp. Included once per instruction set, with LANES
-// (lanes in a register) and FUNCTIONS (name of the table) defined. Includes nothing of a library:
-// what a library defines inline could be merged with copies for other instruction sets.
+// (lanes in a register), FUNCTIONS (name of the table) and NAME defined.
 //
 // Formulas: universal joint about y and z, slide along x, cut at (xi, dy, dz) in rod axes;
 // src/kernels/README.md derives them.
+#include "math/lanes.inl"
+
 namespace dockloop::legs {
 namespace {
 
-typedef double Lanes __attribute__((vector_size(8 * LANES)));
-typedef long long Mask __attribute__((vector_size(8 * LANES)));
-
-inline Lanes take_root(Lanes x) {
-  Lanes root;
-  for (int i = 0; i < LANES; ++i) root[i] = __builtin_sqrt(x[i]);
-  return root;
-}
-
-struct V {
-  Lanes x, y, z;
-};
-inline V operator+(V a, V b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline V operator-(V a, V b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline V operator*(Lanes f, V a) { return {f * a.x, f * a.y, f * a.z}; }
-inline Lanes dot(V a, V b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline V cross(V a, V b) {
-  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-}
-
-/// By columns.
-struct M {
-  V x, y, z;
-};
-inline V operator*(const M& m, V a) { return a.x * m.x + a.y * m.y + a.z * m.z; }
-inline V turn_back(const M& m, V a) { return {dot(m.x, a), dot(m.y, a), dot(m.z, a)}; }
-inline M operator*(const M& a, const M& b) { return {a * b.x, a * b.y, a * b.z}; }
-inline M transpose(const M& m) {
-  return {{m.x.x, m.y.x, m.z.x}, {m.x.y, m.y.y, m.z.y}, {m.x.z, m.y.z, m.z.z}};
-}
-
-/// Symmetric.
-struct Sym {
-  Lanes xx, yy, zz, xy, xz, yz;
-};
-inline Sym operator+(Sym a, Sym b) {
-  return {a.xx + b.xx, a.yy + b.yy, a.zz + b.zz, a.xy + b.xy, a.xz + b.xz, a.yz + b.yz};
-}
-inline V operator*(const Sym& s, V a) {
-  return {s.xx * a.x + s.xy * a.y + s.xz * a.z, s.xy * a.x + s.yy * a.y + s.yz * a.z,
-          s.xz * a.x + s.yz * a.y + s.zz * a.z};
-}
-/// R s R^T
-inline Sym turn(const M& R, const Sym& s) {
-  const V x = {s.xx, s.xy, s.xz}, y = {s.xy, s.yy, s.yz}, z = {s.xz, s.yz, s.zz};
-  const M half = {R * x, R * y, R * z};  // R s
-  const M rows = transpose(R);
-  const V a = half * rows.x, b = half * rows.y;
-  return {a.x, b.y, half.x.z * R.x.z + half.y.z * R.y.z + half.z.z * R.z.z, a.y, a.z, b.z};
-}
-
-/// One register's worth of rows.
-struct Cells {
-  double (*row)[kGroup];
-  int at;
-  Lanes get(int i) const { return *reinterpret_cast<const Lanes*>(&row[i][at]); }
-  V get_vector(int i) const { return {get(i), get(i + 1), get(i + 2)}; }
-  M get_matrix(int i) const { return {get_vector(i), get_vector(i + 3), get_vector(i + 6)}; }
-  Sym get_symmetric(int i) const {
-    return {get(i), get(i + 1), get(i + 2), get(i + 3), get(i + 4), get(i + 5)};
-  }
-  void put(int i, Lanes x) const { *reinterpret_cast<Lanes*>(&row[i][at]) = x; }
-  void put(int i, V v) const { put(i, v.x), put(i + 1, v.y), put(i + 2, v.z); }
-  void put(int i, const M& m) const { put(i, m.x), put(i + 3, m.y), put(i + 6, m.z); }
-  void put(int i, const Sym& s) const {
-    put(i, s.xx), put(i + 1, s.yy), put(i + 2, s.zz);
-    put(i + 3, s.xy), put(i + 4, s.xz), put(i + 5, s.yz);
-  }
-  void add(int i, Lanes x) const { put(i, get(i) + x); }
-  void add(int i, V v) const { add(i, v.x), add(i + 1, v.y), add(i + 2, v.z); }
-  void add(int i, const M& m) const { add(i, m.x), add(i + 3, m.y), add(i + 6, m.z); }
-  void add(int i, const Sym& s) const {
-    add(i, s.xx), add(i + 1, s.yy), add(i + 2, s.zz);
-    add(i + 3, s.xy), add(i + 4, s.xz), add(i + 5, s.yz);
-  }
-};
-
-inline Lanes spread(double x) { return x - Lanes{}; }
-inline V spread3(const double* x) { return {spread(x[0]), spread(x[1]), spread(x[2])}; }
-
-/// Sums of rows over the lanes of a group, in one order for every instruction set.
-inline void add_lanes(const double (*row)[kGroup], int count, double* sums) {
-  for (int i = 0; i < count; ++i) {
-    const double* x = row[i];
-    sums[i] = ((x[0] + x[4]) + (x[2] + x[6])) + ((x[1] + x[5]) + (x[3] + x[7]));
-  }
-}
-
-bool is_below(Lanes a, Lanes b) {  // in any lane; true for what is not a number
-  const Mask fine = a >= b;
-  long long all = -1;
-  for (int i = 0; i < LANES; ++i) all &= fine[i];
-  return all == 0;
-}
+using namespace lanes;
 
 template <bool kMoving>
 bool calc_group_position(LegGroup& group, int at, const M& R, V p, Lanes limit,
@@ -117,7 +25,8 @@ bool calc_group_position(LegGroup& group, int at, const M& R, V p, Lanes limit,
   const Lanes xi2 = square - d0.y * d0.y - d0.z * d0.z;
   const Lanes X2 = L.x * L.x + L.z * L.z - d0.z * d0.z;
   const Lanes least = limit * limit * square;
-  if (is_below(xi2, least) || is_below(X2, least)) return false;
+  const Lanes reach = xi2 < X2 ? xi2 : X2;
+  if (has_any(~(reach >= least) | ~(xi2 >= least))) return false;  // nor what is not a number
   const Lanes xi = in.get(kElbow) * take_root(xi2), X = in.get(kFlip) * take_root(X2);
   const Lanes in_plane = 1.0 / (xi2 + d0.y * d0.y), across = 1.0 / (X2 + d0.z * d0.z);
   const Lanes c2 = (xi * X + d0.y * L.y) * in_plane, s2 = (xi * L.y - d0.y * X) * in_plane;
@@ -152,6 +61,10 @@ bool calc_group_position(LegGroup& group, int at, const M& R, V p, Lanes limit,
                         wy.z, wz.z, k1z * wy.x + k2z * wy.y + k3z * wy.z};
 
   work.put(kAxesC, EC);
+  work.put(kReach, reach);
+  work.put(kReach + 1, square);
+  work.put(kFirst, c1);
+  work.put(kFirst + 1, s1);
   work.put(kSine, s2);
   work.put(kCosine, c2);
   work.put(kXi, xi);
@@ -249,6 +162,21 @@ bool calc_position(LegGroup* groups, int count, const Platform& platform, bool m
                 : calc_all_positions<false>(groups, count, platform, limit, sums);
 }
 
+/// Joint rates per tip velocity, and tip forces per generalised force: the inverse of the loop
+/// matrix and its transpose.
+struct LegInverse {
+  Lanes k1z, k2y, k2z, k3y, k3z;
+  explicit LegInverse(const Cells& work)
+      : k1z(work.get(kInverse)), k2y(work.get(kInverse + 1)), k2z(work.get(kInverse + 2)),
+        k3y(work.get(kInverse + 3)), k3z(work.get(kInverse + 4)) {}
+  V find_rates(V y) const {
+    return {k1z * y.z, k2y * y.y + k2z * y.z, y.x + k3y * y.y + k3z * y.z};
+  }
+  V find_tip_force(V joint) const {
+    return {joint.z, k2y * joint.y + k3y * joint.z, k1z * joint.x + k2z * joint.y + k3z * joint.z};
+  }
+};
+
 void calc_rates(LegGroup* groups, int count, const Platform& platform) {
   const V v = spread3(platform.v), w = spread3(platform.w);
   for (int g = 0; g < count; ++g) {
@@ -256,13 +184,59 @@ void calc_rates(LegGroup* groups, int count, const Platform& platform) {
       const Cells in{groups[g].parameter, at};
       const Cells work{groups[g].work, at};
       const V tip = v + cross(w, in.get_vector(kRing));
-      const V y = turn_back(work.get_matrix(kAxesC), tip);
-      work.put(kRate, work.get(kInverse) * y.z);
-      work.put(kRate + 1, work.get(kInverse + 1) * y.y + work.get(kInverse + 2) * y.z);
-      work.put(kRate + 2, y.x + work.get(kInverse + 3) * y.y + work.get(kInverse + 4) * y.z);
+      work.put(kRate, LegInverse(work).find_rates(turn_back(work.get_matrix(kAxesC), tip)));
       work.put(kTipC, cross(w, tip));
     }
   }
+}
+
+/// Motion and load of one leg, E; `cross` in axes turned by the first joint only.
+struct LegMotion {
+  V w0, w1, w2;              ///< angular velocity of P, cross, tube and rod
+  V alpha1, alpha2, a, rod;  ///< angular accelerations; of the centre; of the rod along the tube
+};
+struct LegLoad {
+  V force, moment;  ///< that move the leg, moment about the centre
+  V joint;          ///< generalised forces of the three joints
+};
+
+/// Velocities, and the accelerations that follow from them.
+/// @param a  acceleration of the centre, E
+LegMotion find_motion(V w0, V alpha0, V a, V rate, Lanes s2, Lanes c2, V acceleration) {
+  LegMotion motion;
+  const V e1 = {s2, c2, Lanes{}};
+  motion.w0 = w0;
+  motion.w1 = w0 + rate.x * e1;
+  motion.w2 = {motion.w1.x, motion.w1.y, motion.w1.z + rate.y};
+  motion.alpha1 = alpha0 + rate.x * cross(w0, e1) + acceleration.x * e1;
+  motion.alpha2 = {motion.alpha1.x + motion.w1.y * rate.y, motion.alpha1.y - motion.w1.x * rate.y,
+                   motion.alpha1.z + acceleration.y};
+  motion.a = a;
+  const Lanes twice = 2.0 * rate.z;
+  motion.rod = {acceleration.z, twice * motion.w2.z, -(twice * motion.w2.y)};
+  return motion;
+}
+
+LegLoad find_load(const Cells& in, const Cells& work, const LegMotion& at) {
+  const Lanes s2 = work.get(kSine), c2 = work.get(kCosine), m3 = in.get(kRod);
+  const V h = work.get_vector(kMoment), h3 = work.get_vector(kRodMoment);
+  const Sym J = work.get_symmetric(kInertia);
+  const auto turn_up = [&](V v) { return V{c2 * v.x - s2 * v.y, s2 * v.x + c2 * v.y, v.z}; };
+  const auto turn_down = [&](V v) { return V{c2 * v.x + s2 * v.y, c2 * v.y - s2 * v.x, v.z}; };
+  const V wh3 = cross(at.w2, h3);
+  const Lanes axial = m3 * (at.a.x + at.rod.x) + at.alpha2.y * h3.z - at.alpha2.z * h3.y +
+                      at.w2.y * wh3.z - at.w2.z * wh3.y;
+  const V force = (in.get(kTubeMass) + m3) * at.a + cross(at.alpha2, h) +
+                  cross(at.w2, cross(at.w2, h)) + m3 * at.rod;
+  const V moment =
+      J * at.alpha2 + cross(at.w2, J * at.w2) + cross(h, at.a) + cross(h3, at.rod);
+  const V w = turn_up(at.w1), alpha = turn_up(at.alpha1), a = turn_up(at.a);
+  const V h1 = in.get_vector(kCross + 1);
+  const Sym J1 = in.get_symmetric(kCross + 4);
+  const V force1 = in.get(kCross) * a + cross(alpha, h1) + cross(w, cross(w, h1));
+  const V moment1 = J1 * alpha + cross(w, J1 * w) + cross(h1, a);
+  return {force + turn_down(force1), moment + turn_down(moment1),
+          {s2 * moment.x + c2 * moment.y + moment1.y, moment.z, axial}};
 }
 
 template <bool kMoving>
@@ -274,75 +248,43 @@ void calc_all_biases(LegGroup* groups, int count, const Platform& platform, doub
       const Cells in{groups[g].parameter, at};
       const Cells work{groups[g].work, at};
       const Cells total{sum, at};
-      const Lanes s2 = work.get(kSine), c2 = work.get(kCosine), xi = work.get(kXi);
+      const Lanes s2 = work.get(kSine), c2 = work.get(kCosine);
       const V rate = work.get_vector(kRate);
-      const V d0 = in.get_vector(kTip), d = {xi, d0.y, d0.z};
-      const V h = work.get_vector(kMoment), h3 = work.get_vector(kRodMoment);
-      const Sym J = work.get_symmetric(kInertia);
+      const V d0 = in.get_vector(kTip), d = {work.get(kXi), d0.y, d0.z};
       const M EC = work.get_matrix(kAxesC);
       // Motion relative to P at zero joint accelerations.
       const V w = {s2 * rate.x, c2 * rate.x, rate.y};
-      const Lanes both = rate.x * rate.y;
+      const Lanes both = rate.x * rate.y, twice = 2.0 * rate.z;
       const V alpha = {c2 * both, -s2 * both, Lanes{}};
-      const Lanes twice = 2.0 * rate.z;
       const V slip = {Lanes{}, twice * w.z, -(twice * w.y)};
-      const V bias = cross(alpha, d) + cross(w, cross(w, d)) + slip;
-      V nu, F = {}, N = {};
-      if constexpr (!kMoving) {
-        const V moment = J * alpha + cross(w, J * w) + cross(h3, slip);
-        const V wh3 = cross(w, h3);
-        nu = {s2 * moment.x + c2 * moment.y, moment.z,
-              alpha.y * h3.z - alpha.z * h3.y + w.y * wh3.z - w.z * wh3.y};
-      } else {
-        // The same with the motion of P, and the load on it.
+      const V free = turn_back(EC, work.get_vector(kTipC)) -
+                     (cross(alpha, d) + cross(w, cross(w, d)) + slip);
+      work.put(kTipFree, free);
+      LegLoad load;
+      if constexpr (kMoving) {
         const V root = spread3(platform.root);
         const M EP = work.get_matrix(kAxesP);
-        const V w0 = turn_back(EP, root), e1 = {s2, c2, Lanes{}};
-        const V centre = in.get_vector(kCentre);
-        const V a0 = turn_back(EP, cross(root, cross(root, centre)));
-        const V w1 = w0 + rate.x * e1, alpha1 = rate.x * cross(w0, e1);
-        const V w2 = {w1.x, w1.y, w1.z + rate.y};
-        const V alpha2 = {alpha1.x + w1.y * rate.y, alpha1.y - w1.x * rate.y, alpha1.z};
-        const V slip2 = {Lanes{}, twice * w2.z, -(twice * w2.y)};
-        const Lanes m3 = in.get(kRod);
-        F = (in.get(kTubeMass) + m3) * a0 + cross(alpha2, h) + cross(w2, cross(w2, h)) +
-            m3 * slip2;
-        N = J * alpha2 + cross(w2, J * w2) + cross(h, a0) + cross(h3, slip2);
-        const V wh3 = cross(w2, h3);
-        const Lanes axial = m3 * a0.x + alpha2.y * h3.z - alpha2.z * h3.y + w2.y * wh3.z -
-                            w2.z * wh3.y;
-        // The cross, in axes turned by the first joint only.
-        const auto unturn = [&](V a) {
-          return V{c2 * a.x - s2 * a.y, s2 * a.x + c2 * a.y, a.z};
-        };
-        const auto turn_z = [&](V a) {
-          return V{c2 * a.x + s2 * a.y, c2 * a.y - s2 * a.x, a.z};
-        };
-        const V wY = unturn(w1), alphaY = unturn(alpha1), aY = unturn(a0);
-        const V h1 = in.get_vector(kCross + 1);
-        const Sym J1 = in.get_symmetric(kCross + 4);
-        const V F1 = in.get(kCross) * aY + cross(alphaY, h1) + cross(wY, cross(wY, h1));
-        const V N1 = J1 * alphaY + cross(wY, J1 * wY) + cross(h1, aY);
-        nu = {s2 * N.x + c2 * N.y + N1.y, N.z, axial};
-        F = F + turn_z(F1);
-        N = N + turn_z(N1);
+        const V swing = cross(root, cross(root, in.get_vector(kCentre)));
+        load = find_load(in, work,
+                         find_motion(turn_back(EP, root), V{}, turn_back(EP, swing), rate, s2, c2,
+                                     V{}));
+      } else {  // the same where P is at rest
+        const V h3 = work.get_vector(kRodMoment), wh3 = cross(w, h3);
+        const Sym J = work.get_symmetric(kInertia);
+        const V moment = J * alpha + cross(w, J * w) + cross(h3, slip);
+        load.joint = {s2 * moment.x + c2 * moment.y, moment.z,
+                      alpha.y * h3.z - alpha.z * h3.y + w.y * wh3.z - w.z * wh3.y};
       }
-      const V z = turn_back(EC, work.get_vector(kTipC)) - bias;
-      const V force = work.get_vector(kForce), left = nu - force;
-      const V b0 = work.get_symmetric(kApparent) * z;
-      const Lanes k1z = work.get(kInverse), k2 = work.get(kInverse + 1),
-                  k2z = work.get(kInverse + 2), k3y = work.get(kInverse + 3),
-                  k3z = work.get(kInverse + 4);
-      const V b = {b0.x + left.z, b0.y + k2 * left.y + k3y * left.z,
-                   b0.z + k1z * left.x + k2z * left.y + k3z * left.z};
-      work.put(kTipForce, b);
+      const LegInverse inverse(work);
+      const V b = work.get_symmetric(kApparent) * free +
+                  inverse.find_tip_force(load.joint - work.get_vector(kForce));
       const V bC = EC * b;
       total.add(kSumTipForce, bC);
       total.add(kSumTipMoment, cross(in.get_vector(kRing), bC));
       if constexpr (kMoving) {
         const M EP = work.get_matrix(kAxesP);
-        const V fP = EP * (F + work.get_matrix(kCarried) * z);
-        const V nP = EP * (N + work.get_matrix(kCarried + 9) * z);
+        const V fP = EP * (load.force + work.get_matrix(kCarried) * free);
+        const V nP = EP * (load.moment + work.get_matrix(kCarried + 9) * free);
         total.add(kSumRootForce, fP);
         total.add(kSumRootMoment, nP + cross(in.get_vector(kCentre), fP));
       }
@@ -356,8 +298,38 @@ void calc_bias(LegGroup* groups, int count, const Platform& platform, bool movin
   calc_all_biases<false>(groups, count, platform, sums);
 }
 
+/// Inverse dynamics of the legs: cut forces, and what moves the legs.
+void calc_loads(LegGroup* groups, int count, const Platform& platform, const Accelerations& given,
+                double* sums) {
+  alignas(64) double sum[kLoadSums][kGroup] = {};
+  const M R = {spread3(platform.R), spread3(platform.R + 3), spread3(platform.R + 6)};
+  const V root = spread3(platform.root), alpha0 = spread3(given.alpha);
+  for (int g = 0; g < count; ++g) {
+    for (int at = 0; at < kGroup; at += LANES) {
+      const Cells in{groups[g].parameter, at};
+      const Cells work{groups[g].work, at};
+      const Cells total{sum, at};
+      const M EC = work.get_matrix(kAxesC), EP = R * EC;
+      const V centre = in.get_vector(kCentre);
+      const V tip = spread3(given.v) + cross(spread3(given.w), in.get_vector(kRing));
+      const LegInverse inverse(work);
+      const V joint = inverse.find_rates(turn_back(EC, tip) + work.get_vector(kTipFree));
+      const V a = spread3(given.a) + cross(alpha0, centre) + cross(root, cross(root, centre));
+      const LegLoad load = find_load(
+          in, work,
+          find_motion(turn_back(EP, root), turn_back(EP, alpha0), turn_back(EP, a),
+                      work.get_vector(kRate), work.get(kSine), work.get(kCosine), joint));
+      work.put(kCut, EP * inverse.find_tip_force(load.joint - work.get_vector(kForce)));
+      const V force = EP * load.force;
+      total.add(kSumLoad, force);
+      total.add(kSumLoadMoment, EP * load.moment + cross(centre, force));
+    }
+  }
+  add_lanes(sum, kLoadSums, sums);
+}
+
 }  // namespace
 
-const LegFunctions FUNCTIONS = {calc_position, calc_rates, calc_bias, NAME};
+const LegFunctions FUNCTIONS = {calc_position, calc_rates, calc_bias, calc_loads, NAME};
 
 }  // namespace dockloop::legs

@@ -4,6 +4,7 @@
 // axes may point either way. The branch sign is the one of the home pose.
 #pragma once
 
+#include <cmath>
 #include <optional>
 #include <string>
 #include <vector>
@@ -80,6 +81,16 @@ template <class S>
 void find_joint_angle(const JointMap& joint, const S& c, const S& s, S& c_joint, S& s_joint) {
   c_joint = c * S(joint.c) + s * S(joint.s);
   s_joint = S(joint.sign) * (s * S(joint.c) - c * S(joint.s));
+}
+
+/// Angle of (c, s) that lies nearest to `near`.
+template <class S>
+S find_angle(const S& c, const S& s, const S& near) {
+  using std::atan2;
+  using std::floor;
+  const S turn = S(2) * S(3.14159265358979323846264338327950288L);
+  const S angle = atan2(s, c);
+  return angle + turn * floor((near - angle) / turn + S(0.5));
 }
 
 }  // namespace dockloop

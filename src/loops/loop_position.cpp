@@ -9,16 +9,6 @@
 namespace dockloop {
 namespace {
 
-/// Angle of (c, s) that lies nearest to `near`.
-template <class S>
-S find_angle(const S& c, const S& s, const S& near) {
-  using std::atan2;
-  using std::floor;
-  const S turn = S(2) * S(3.14159265358979323846264338327950288L);
-  const S angle = atan2(s, c);
-  return angle + turn * floor((near - angle) / turn + S(0.5));
-}
-
 /// Residual and G of a block from the joint poses.
 template <class S>
 void calc_block_position(const MechanismModel& model, const LoopPlan& plan, const LoopBlock& block,

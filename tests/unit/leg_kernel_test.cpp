@@ -76,6 +76,24 @@ void evaluate(const Mechanism& mechanism, const BaseMotion<double>& base,
   ASSERT_TRUE(calc_position(mechanism, data).ok());
   calc_velocity(mechanism, base, data);
   calc_acceleration(mechanism, base, data);
+  calc_reactions(mechanism, base, mechanism.plan.ind_bodies.size() == 2 ? 0 : kBase, data);
+}
+
+/// The present pose becomes the reference of both, found by either way.
+void compare_references(const Mechanism& mechanism, MechanismData<double>& data,
+                        MechanismData<double>& general, const std::string& where, Residual& worst) {
+  worst.add(data.kernel->find_margin() - find_singularity_margin(general), where + ", margin");
+  data.kernel->keep_reference(data);
+  keep_reference(general.tree, general.loops);
+  const LoopReference<double>&found = data.loops.reference, &expected = general.loops.reference;
+  for (size_t b = 0; b < mechanism.plan.blocks.size(); ++b) {
+    worst.add(find_relative_error(found.H[b], expected.H[b]), where + ", H");
+    worst.add(found.margin[b] - expected.margin[b], where + ", margin of a leg");
+    EXPECT_EQ(found.sign[b], expected.sign[b]);
+    EXPECT_EQ(found.branch[b].elbow, expected.branch[b].elbow);
+    EXPECT_EQ(found.branch[b].flip, expected.branch[b].flip);
+  }
+  worst.add((found.q - expected.q).cwiseAbs().maxCoeff(), where + ", coordinates");
 }
 
 class LegKernels : public ::testing::TestWithParam<LegCase> {};
@@ -126,10 +144,22 @@ TEST_P(LegKernels, agree_with_the_general_code_in_any_number_of_lanes) {
       worst.add(find_relative_error(data.tree.w[i], general.tree.w[i]), where + ", w");
       worst.add(find_relative_error(data.tree.u[i], general.tree.u[i]), where + ", u");
     }
+    const auto add = [&](const auto& found, const auto& wanted, const char* what) {
+      worst.add(find_relative_error(found, wanted), where + ", " + what);
+    };
+    add(data.on_base.f, general.on_base.f, "force on the base");
+    add(data.on_base.t, general.on_base.t, "moment on the base");
+    for (size_t b = 0; b < mechanism.plan.blocks.size(); ++b) {
+      add(data.loops.block[b].lambda, general.loops.block[b].lambda, "cut force");
+    }
     if (at.root == Root::kFree) {
+      add(data.tree.a[0], general.tree.a[0], "a of the vehicle");
+      add(data.tree.alpha[0], general.tree.alpha[0], "alpha of the vehicle");
       worst.add(data.tree.m_sum[0] / general.tree.m_sum[0] - 1.0, where + ", mass");
       worst.add(find_relative_error(data.tree.h_sum[0], general.tree.h_sum[0]), where + ", h");
     }
+    compare_references(mechanism, fast[2], general, where, worst);
+    for (MechanismData<double>& each : fast) each.loops.reference = general.loops.reference;
   }
   EXPECT_RESIDUAL_BELOW(worst, 1e-13);
 }
@@ -151,6 +181,85 @@ TEST(LegKernel, serves_the_shipped_hexapods) {
     close_home(mechanism, name);
     EXPECT_TRUE(make_leg_kernel(mechanism)) << name;
   }
+}
+
+/// A ring on `count` legs around it.
+MechanismModel make_ring_on_legs(int count) {
+  nlohmann::json legs = nlohmann::json::array();
+  for (int k = 0; k < count; ++k) {
+    const double at = 2.0 * 3.14159265358979 * k / count, lean = k % 2 == 0 ? 0.4 : -0.4;
+    legs.push_back({{"name", "leg" + std::to_string(k + 1)},
+                    {"root_point", {0.65 * std::cos(at), 0.65 * std::sin(at), 0.0}},
+                    {"closing_point", {0.6 * std::cos(at + lean), 0.6 * std::sin(at + lean), 0.0}}});
+  }
+  std::ifstream file(std::string(DOCKLOOP_MODELS) + "/mechanisms/hexapod_bench.json");
+  nlohmann::json document = nlohmann::json::parse(file);
+  document["legs"] = legs;
+  return read_mechanism(document.dump(), "ring on legs");
+}
+
+TEST(LegKernel, serves_any_number_of_legs) {
+  for (const int count : {3, 7, 8, 9, 24, 60}) {
+    TestRandom random(11);
+    Mechanism mechanism(make_ring_on_legs(count));
+    close_home(mechanism, "ring on legs");
+    MechanismData<double> general(mechanism), fast(general);
+    fast.kernel = make_leg_kernel(mechanism);
+    ASSERT_TRUE(fast.kernel) << count;
+    BaseMotion<double> base;
+    put_random_state(mechanism, Root::kDriven, random, general, base);
+    fast.tree.q = general.tree.q;
+    fast.tree.v = general.tree.v;
+    fast.tau = general.tau;
+    fast.tree.external = general.tree.external;
+    evaluate(mechanism, base, general);
+    evaluate(mechanism, base, fast);
+    ASSERT_TRUE(fast.by_kernel);
+    EXPECT_LE(find_relative_error(fast.vdot.head<6>(), general.vdot.head<6>()), 1e-13) << count;
+    EXPECT_LE(find_relative_error(fast.on_base.f, general.on_base.f), 1e-13) << count;
+  }
+}
+
+TEST(LegKernel, leaves_poses_near_a_singular_one_to_the_general_code) {
+  Mechanism mechanism(make_ring_on_legs(6));
+  close_home(mechanism, "ring on legs");
+  MechanismData<double> data(mechanism);
+  data.kernel = make_leg_kernel(mechanism);
+  ASSERT_TRUE(calc_position(mechanism, data).ok());
+  EXPECT_TRUE(data.by_kernel);
+  // A leg along the first axis of its universal joint: its centre and the tip on that axis.
+  const ClosedForm& form = *mechanism.plan.blocks[0].form();
+  const Vec3<double> wanted = form.in_parent.p + 0.5 * form.in_parent.R.col(1);
+  const Vec3<double> tip = mechanism.model.loops[0].point_on_closing;
+  const Body& ring = mechanism.model.bodies[mechanism.plan.ind_bodies[0]];
+  data.tree.q.segment<3>(ring.q_index) =
+      ring.placement.R.transpose() * (wanted - ring.placement.p) - tip +
+      Vec3<double>(0.0, 0.0, 0.02);
+  calc_position(mechanism, data);
+  EXPECT_FALSE(data.by_kernel);
+  // A reference pose on another branch, or close to a singular one, is not the kernel's either.
+  data.tree.q.head(mechanism.model.nq) =
+      Eigen::Map<const VecX<double>>(mechanism.model.home_q.data(), mechanism.model.nq);
+  ASSERT_TRUE(calc_position(mechanism, data).ok());
+  ASSERT_TRUE(data.by_kernel);
+  data.kernel->keep_reference(data);
+  data.loops.reference.branch[2].flip *= -1;
+  calc_position(mechanism, data);
+  EXPECT_FALSE(data.by_kernel);
+  data.loops.reference.branch[2].flip *= -1;
+  data.loops.reference.margin[3] = 0.2;
+  calc_position(mechanism, data);
+  EXPECT_FALSE(data.by_kernel);
+}
+
+TEST(LegKernel, is_not_asked_where_everything_is_wanted) {
+  Mechanism mechanism(make_ring_on_legs(6));
+  close_home(mechanism, "ring on legs");
+  MechanismData<double> data(mechanism);
+  data.kernel = make_leg_kernel(mechanism);
+  data.whole = true;
+  ASSERT_TRUE(calc_position(mechanism, data).ok());
+  EXPECT_FALSE(data.by_kernel);
 }
 
 TEST(LegKernel, leaves_other_mechanisms_alone) {

@@ -1,0 +1,59 @@
+// Nodes of one ring on the face of the other, side by side: eight nodes to a group.
+//
+// The laws are those of laws.hpp with regularised friction, the geometry that of
+// find_point_annulus(); compiled for several instruction sets like the legs (math/lanes.inl).
+#pragma once
+
+#include "math/lanes.hpp"
+
+namespace dockloop::nodes {
+
+/// Where the nodes are, axes of the side that carries them [m]. Unused lanes repeat a node.
+struct alignas(64) NodeGroup {
+  double position[3][kGroup];
+};
+
+/// Motion of P relative to G (axes of G), the ring that is touched, and the law.
+struct NodeContact {
+  bool on_passive;  ///< the nodes belong to P
+  double R[9];      ///< R_GP by columns
+  double p[3], w[3], v[3];
+  double ring_x, ring_inner, ring_outer, rounding;
+  double stiffness, toe, damping, friction_coefficient, friction_speed;
+};
+
+/// Of every node: gap [m] and way from G to P (3) [m], axes of G, if `ways` or some node touches.
+struct alignas(64) NodeGaps {
+  double gap[kGroup];
+  double way[3][kGroup];
+};
+
+/// Rows of sums over the nodes of one group: what ContactResult adds up.
+enum NodeSum {
+  kSumForce = 0,
+  kSumMoment = 3,
+  kSumEnergy = 6,
+  kSumContactPower = 7,
+  kSumFrictionPower = 8,
+  kNodeSums = 9
+};
+
+enum class Touch { kNone, kShallow, kDeep };  ///< deeper than the law here: half the rounding
+
+struct NodeFunctions {
+  /// Adds to sums[row][lane]; nothing is added for kNone, what is added for kDeep is not meant.
+  /// @param count  nodes in the group
+  Touch (*add_group)(const NodeGroup& group, int count, const NodeContact& contact, bool ways,
+                     NodeGaps& gaps, double (*sums)[kGroup]);
+  void (*add_lanes)(const double (*row)[kGroup], int count, double* sums);
+};
+
+extern const NodeFunctions kBaseFunctions;
+#ifdef DOCKLOOP_X86_LANES
+extern const NodeFunctions kAvx2Functions, kAvx512Functions;
+#endif
+
+/// The widest that this processor has. @param widest  lanes at most
+const NodeFunctions& find_node_functions(int widest = kGroup);
+
+}  // namespace dockloop::nodes
