@@ -9,8 +9,9 @@ namespace dockloop::nodes {
 
 const NodeFunctions& find_node_functions(int widest) {
 #ifdef DOCKLOOP_X86_LANES
-  if (widest >= 8 && __builtin_cpu_supports("avx512f")) return kAvx512Functions;
-  if (widest >= 4 && __builtin_cpu_supports("avx2")) return kAvx2Functions;
+  const int lanes = find_lane_count();
+  if (lanes >= 8 && widest >= 8) return kAvx512Functions;
+  if (lanes >= 4 && widest >= 4) return kAvx2Functions;
 #endif
   (void)widest;
   return kBaseFunctions;

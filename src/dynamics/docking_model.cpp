@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <type_traits>
 
 #include "dynamics/massless_legs.hpp"
 #include "math/scalar.hpp"
@@ -561,9 +562,12 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
     const S* momentum = y + model.layout.momentum[kChaser];
     power += chaser_force.dot(chaser.v) + chaser_moment.dot(chaser.w) +
              gravity.dot(Vec3<S>(momentum[0], momentum[1], momentum[2]));
-  } else if (!model.locked.on) {
+  } else if (!model.locked.on && !(gravity.array() == S(0)).all()) {
     // Weight of mechanism bodies on an immobile base, seen through the moving bodies.
-    for (size_t i = 0; i < model.mechanism.model.bodies.size(); ++i) {
+    if constexpr (std::is_same_v<S, double>) {
+      if (mechanism.by_kernel) power += gravity.dot(mechanism.kernel->find_linear_momentum());
+    }
+    for (size_t i = 0; !mechanism.by_kernel && i < model.mechanism.model.bodies.size(); ++i) {
       const Vec3<S> m_v = S(model.mechanism.model.bodies[i].mass) * mechanism.tree.u[i] +
                           mechanism.tree.w[i].cross(mechanism.tree.h_body[i]);
       power += gravity.dot(m_v);
@@ -621,7 +625,19 @@ S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
     const Wrench<S> p = find_part_momentum(model.locked.whole, chaser);
     energy += S(0.5) * (chaser.v.dot(p.f) + chaser.w.dot(Vec3<S>(p.t - chaser.p.cross(p.f))));
   }
-  for (size_t i = 0; !model.locked.on && i < model.mechanism.model.bodies.size(); ++i) {
+  const bool by_kernel = data.mechanism.by_kernel && !model.locked.on;
+  if (by_kernel) {  // of the chaser too
+    const MechanismData<S>& mechanism = data.mechanism;
+    const std::vector<int>& ind = model.mechanism.plan.ind_v;
+    for (size_t j = 0; j < ind.size(); ++j) {
+      for (size_t i = 0; i < ind.size(); ++i) {
+        energy += S(0.5) * tree.v[ind[i]] * tree.v[ind[j]] *
+                  mechanism.A_ind(static_cast<int>(i), static_cast<int>(j));
+      }
+    }
+  }
+  for (size_t i = 0; !model.locked.on && !by_kernel && i < model.mechanism.model.bodies.size();
+       ++i) {
     energy += S(0.5 * model.mechanism.model.bodies[i].mass) * tree.u[i].squaredNorm() +
               tree.u[i].dot(tree.w[i].cross(tree.h_body[i])) +
               S(0.5) * tree.w[i].dot(tree.I_body[i] * tree.w[i]);

@@ -60,6 +60,8 @@ class LegKernel : public MechanismKernel {
   bool calc_position(MechanismData<double>& data) override;
   void calc_velocity(const BaseMotion<double>& base, MechanismData<double>& data) override;
   void calc_acceleration(const BaseMotion<double>& base, MechanismData<double>& data) override;
+  bool finds_momentum() const override { return true; }
+  V find_linear_momentum() const override;
   bool serves_accepted_states() const override { return true; }
   double find_margin() const override;
   void keep_reference(MechanismData<double>& data) const override;
@@ -322,8 +324,8 @@ void LegKernel::calc_acceleration(const BaseMotion<double>& base, MechanismData<
     x.segment<3>(3) = RV.transpose() * on_vehicle.t + R * moment + r.cross(push) -
                       root.cross(V(own.inertia * root)) -
                       get_vector(bias_ + legs::kSumRootMoment);
-    x -= data.A_ind.leftCols<3>() * root_a_;
-    x -= data.A_ind.middleCols<3>(3) * root_alpha_;
+    x.noalias() -= data.A_ind.leftCols<3>().lazyProduct(root_a_);
+    x.noalias() -= data.A_ind.middleCols<3>(3).lazyProduct(root_alpha_);
   } else if (moving) {
     // Momentum of legs and ring per acceleration of the base, seen by the ring: transposed.
     const Mat Rh = R * skew(h), lever = skew(r);
@@ -387,6 +389,12 @@ void LegKernel::calc_reactions(const BaseMotion<double>&, MechanismData<double>&
   on_base = {tree.R[0] * on_base.f, tree.R[0] * on_base.t};
   tree.a[0] = tree.R[0] * a;
   tree.alpha[0] = tree.R[0] * alpha;
+}
+
+V LegKernel::find_linear_momentum() const {
+  const V v = get_vector(platform_.v), w = get_vector(platform_.w);
+  return get_columns(platform_.R) * V(ring_moments_.mass * v + w.cross(ring_moments_.first)) +
+         get_rows(sums_ + legs::kSumLV) * v + get_rows(sums_ + legs::kSumLW) * w;
 }
 
 double LegKernel::find_margin(size_t leg) const {

@@ -5,4 +5,7 @@ namespace dockloop {
 
 constexpr int kGroup = 8;  ///< lanes of a group, whatever the width of a register
 
+/// Lanes of the widest registers that this processor has: 2, 4 (AVX2) or 8 (AVX-512).
+int find_lane_count();
+
 }  // namespace dockloop
