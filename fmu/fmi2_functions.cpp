@@ -70,18 +70,6 @@ const Variable& row(const Instance& self, fmi2ValueReference reference, const ch
   return v;
 }
 
-constexpr double kLargestValue = 1e30;  ///< in SI units; products of larger ones would overflow
-
-void check_value(const Variable& v, double value, const char* function) {
-  const auto refuse = [&](const std::string& why) {
-    throw Refusal(std::string(function) + ": '" + v.name + "' = " + shortest(value) + why);
-  };
-  if (!std::isfinite(value)) refuse(" is not a finite number");
-  if (std::abs(value) > kLargestValue) refuse(" is too large to be computed with: limit 1e30");
-  if (value < v.min) refuse(" is below its minimum " + shortest(v.min) + ' ' + v.unit);
-  if (value > v.max) refuse(" is above its maximum " + shortest(v.max) + ' ' + v.unit);
-}
-
 template <Type type>
 fmi2Status get(Instance& self, const Call& call, const fmi2ValueReference vr[], size_t n,
                typename Wire<type>::Passed value[]) {

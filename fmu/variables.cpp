@@ -4,8 +4,11 @@
 // meanings in the description, because several importers drop Enumeration variables.
 #include "variables.hpp"
 
+#include <cmath>
 #include <map>
 #include <utility>
+
+#include "model_description.hpp"
 
 namespace dockloop {
 namespace {
@@ -802,6 +805,16 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   std::vector<Variable> rows = table.take();
   number_values(rows, sim);
   return rows;
+}
+
+void check_value(const Variable& v, double value, const char* function) {
+  const auto refuse = [&](const std::string& why) {
+    throw ModelError(std::string(function) + ": '" + v.name + "' = " + shortest(value) + why);
+  };
+  if (!std::isfinite(value)) refuse(" is not a finite number");
+  if (std::abs(value) > kLargestValue) refuse(" is too large to be computed with: limit 1e30");
+  if (value < v.min) refuse(" is below its minimum " + shortest(v.min) + ' ' + v.unit);
+  if (value > v.max) refuse(" is above its maximum " + shortest(v.max) + ' ' + v.unit);
 }
 
 }  // namespace dockloop

@@ -72,4 +72,10 @@ const std::vector<Unit>& unit_definitions();
 /// The rows of this instance. Pointers stay valid as long as `sim` lives.
 std::vector<Variable> make_variables(DockingSim& sim);
 
+constexpr double kLargestValue = 1e30;  ///< in SI units; products of larger ones would overflow
+
+/// Can a row hold this value? `function` is who was told it.
+/// @throws ModelError naming function, variable, value and limit
+void check_value(const Variable& v, double value, const char* function);
+
 }  // namespace dockloop

@@ -10,6 +10,7 @@
 #include "model_description.hpp"
 #include "sim/docking_sim.hpp"
 #include "sim/placement.hpp"
+#include "tool/batch.hpp"
 #include "tool/mechanism_check.hpp"
 #include "tool/truth.hpp"
 
@@ -24,6 +25,9 @@ constexpr const char* kUsage =
     "       dockloop-core describe MODEL.json --date ISO8601\n"
     "       dockloop-core truth MODEL.json --stop T --step H --output NAME [--output NAME...]\n"
     "                     [--set NAME=VALUE...] [--tolerance 1e-18] [--check]\n"
+    "       dockloop-core batch MODEL.json --output NAME [--output NAME...] [--stop T] [--step H]\n"
+    "                     [--end-after-outcome T] [--threads N] < CASES.jsonl > RESULTS.jsonl\n"
+    "                     a case is {\"scene\": {changes}, \"set\": {\"NAME\": VALUE}}\n"
     "example: dockloop-core check modelDescription/mechanisms/idss_hexapod.json\n";
 
 std::string read_file(const std::string& path) {
@@ -99,6 +103,20 @@ int run(const std::vector<std::string>& arguments) {
             ? dockloop::check_mechanism_file(read_file(path), path)
             : dockloop::evaluate_states(read_file(path), path, read_file(states), states, newton);
     std::cout << result.dump(1) << "\n";
+    return 0;
+  }
+  if (command == "batch") {
+    dockloop::BatchOrder order;
+    const auto time = [&](const char* name) -> std::optional<double> {
+      if (find_option(arguments, name).empty()) return std::nullopt;
+      return find_number(arguments, name, 0.0);
+    };
+    order.stop = time("--stop");
+    order.step = time("--step");
+    order.end_after_outcome = find_number(arguments, "--end-after-outcome", order.end_after_outcome);
+    order.threads = static_cast<int>(find_number(arguments, "--threads", 1.0));
+    order.outputs = find_options(arguments, "--output");
+    dockloop::run_batch(read_file(path), path, order, std::cin, std::cout);
     return 0;
   }
   const dockloop::Scene scene = dockloop::read_scene(read_file(path), path);

@@ -8,20 +8,12 @@
 #include "math/extended.hpp"
 #include "math/status.hpp"
 #include "sim/docking_sim.hpp"
-#include "variables.hpp"
+#include "tool/variable_access.hpp"
 
 namespace dockloop {
 namespace {
 
 using nlohmann::json;
-
-const Variable& find_variable(const std::vector<Variable>& variables, const std::string& name) {
-  for (const Variable& variable : variables) {
-    if (variable.name == name) return variable;
-  }
-  throw ModelError("there is no variable '" + name +
-                   "': names are those of modelDescription.xml in the FMU of this scene");
-}
 
 void set(const std::vector<Variable>& variables, const std::string& setting) {
   const size_t equals = setting.find('=');
@@ -29,33 +21,8 @@ void set(const std::vector<Variable>& variables, const std::string& setting) {
   const std::string text = equals == std::string::npos ? "" : setting.substr(equals + 1);
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
-  if (text.empty() || *end || !(value >= v.min && value <= v.max) || !std::isfinite(value)) {
-    throw ModelError(setting + ": must be NAME=NUMBER with a number from " + std::to_string(v.min) +
-                     " to " + std::to_string(v.max));
-  }
-  if (!v.has_start()) throw ModelError(v.name + " is computed and cannot be set");
-  switch (v.type) {
-    case Type::kReal:
-      *static_cast<double*>(v.start) = value;
-      break;
-    case Type::kInteger:
-      *static_cast<int*>(v.start) = static_cast<int>(value);
-      break;
-    case Type::kBoolean:
-      *static_cast<char*>(v.start) = value != 0.0;
-      break;
-  }
-}
-
-double get_plain(const Variable& v) {
-  switch (v.type) {
-    case Type::kInteger:
-      return *static_cast<const int*>(v.value);
-    case Type::kBoolean:
-      return *static_cast<const char*>(v.value);
-    default:
-      return *static_cast<const double*>(v.value);
-  }
+  if (text.empty() || *end) throw ModelError(setting + ": must be NAME=NUMBER");
+  set_start(v, value);
 }
 
 /// Values per output and time point, and the work that they took.
@@ -91,7 +58,7 @@ Run run(const std::shared_ptr<const Scene>& scene, const TruthOrder& order, doub
       const int place = wanted[i]->output, state = wanted[i]->state;
       result.values[i].push_back(place >= 0   ? extended[static_cast<size_t>(place)]
                                  : state >= 0 ? sim.extended_states()[state].high
-                                              : get_plain(*wanted[i]));
+                                              : get_value(*wanted[i]));
     }
     std::cerr << "progress " << done_before + k << " " << of << std::endl;
   }
