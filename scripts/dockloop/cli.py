@@ -22,7 +22,7 @@ _BUILD_EXAMPLE = (
 )
 _SSP_EXAMPLE = "example: dockloop ssp idss_25t_350t --scene experiment.step=0.002 -o docking.ssp"
 _RUN_EXAMPLE = "example: dockloop run idss_25t_350t --set friction.coefficient=0.2 --stop 12"
-_SWEEP_EXAMPLE = "example: dockloop sweep absorber_1d_speeds --workers 2 --csv"
+_SWEEP_EXAMPLE = "example: dockloop sweep absorber_1d_speeds --engine core --workers 2 --csv"
 _TRADE_EXAMPLE = (
     "example: dockloop trade absorber_1d --methods explicit,adams --tolerances 1e-4,1e-8"
 )
@@ -136,9 +136,19 @@ def _make_parser() -> argparse.ArgumentParser:
         _SWEEP_EXAMPLE,
     )
     sweep.add_argument("sweep", metavar="SWEEP", help="name of a shipped sweep, or a .toml file")
+    sweep.add_argument(
+        "--engine",
+        choices=("auto", "core", "fmu"),
+        default="auto",
+        help="core: threads of one process; fmu: FMPy in Dask workers, for clusters;"
+        " auto (default): core, unless there is a --scheduler; results are the same",
+    )
     where = sweep.add_mutually_exclusive_group()
     where.add_argument(
-        "--workers", type=_positive, metavar="N", help="local processes (default: one per core)"
+        "--workers",
+        type=_positive,
+        metavar="N",
+        help="local threads or processes (default: one per processor)",
     )
     where.add_argument(
         "--scheduler", metavar="ADDRESS", help="use this Dask cluster, e.g. tcp://host:8786"
@@ -369,6 +379,8 @@ def _sweep(options: argparse.Namespace) -> None:
     """Run a sweep: cases, table, summary, plots."""
     if options.output and options.output.suffix != ".parquet":
         raise UsageError(f"-o {options.output}: must end in .parquet")
+    if options.engine == "core" and options.scheduler:
+        raise UsageError("--engine core runs on this machine; a --scheduler needs --engine fmu")
     try:
         import distributed  # noqa: F401
         import pyarrow  # noqa: F401
@@ -389,6 +401,7 @@ def _sweep(options: argparse.Namespace) -> None:
     ran = run_sweep(
         sweep,
         output,
+        engine=options.engine,
         workers=options.workers,
         scheduler=options.scheduler,
         resume=options.resume,

@@ -1,8 +1,8 @@
 """Calls the compiled program ``dockloop-core``, which knows mechanisms and FMU variables.
 
-Four of its commands are used: ``check`` (is a mechanism sound), ``place`` (start states from
+Four of its commands are called here: ``check`` (is a mechanism sound), ``place`` (start states from
 conditions at first contact), ``describe`` (modelDescription.xml) and ``truth`` (a run with 32
-digits).
+digits); ``batch`` (many runs) is called by `dockloop.batch`.
 """
 
 import subprocess
@@ -13,6 +13,16 @@ from pathlib import Path
 from dockloop import paths
 from dockloop.errors import DockloopError, UsageError
 from dockloop.paths import shown
+
+
+def find_core() -> Path:
+    """Return the program. Raises DockloopError if it is missing."""
+    if not paths.CORE.exists():
+        raise DockloopError(
+            f"{shown(paths.CORE)} is not there: build it with scripts/demo, scripts/test or"
+            " 'cmake --preset release && cmake --build --preset release'"
+        )
+    return paths.CORE
 
 
 def run_core(
@@ -38,15 +48,10 @@ def run_core(
         UsageError: the file is bad.
         DockloopError: the program is missing or failed.
     """
-    if not paths.CORE.exists():
-        raise DockloopError(
-            f"{shown(paths.CORE)} is not there: build it with scripts/demo, scripts/test or"
-            " 'cmake --preset release && cmake --build --preset release'"
-        )
-    lines = []
+    program, lines = find_core(), []
     with tempfile.TemporaryFile("w+") as printed:
         with subprocess.Popen(
-            [paths.CORE, command, file, *options], stdout=printed, stderr=subprocess.PIPE, text=True
+            [program, command, file, *options], stdout=printed, stderr=subprocess.PIPE, text=True
         ) as process:
             for line in process.stderr:
                 if not line.startswith("progress "):

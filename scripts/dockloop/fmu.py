@@ -35,6 +35,10 @@ from dockloop.scene import find_scene, resolve_scene
 from dockloop.sources import list_sources, source_entries
 from dockloop.terminals import make_terminals
 
+NEVER_TOUCH = (
+    "with these conditions the capture surfaces never touch; the mating planes meet at the"
+    " stated time instead"
+)
 _FIRST_ZIP_DATE = 315532800  # 1980-01-01T00:00:00Z, s since 1970
 
 
@@ -86,10 +90,7 @@ def find_placement(document: dict, source: Path) -> str:
         document[vehicle] |= placed[vehicle]
     if placed["touches"]:
         return ""
-    return (
-        "with these conditions the capture surfaces never touch; the mating planes meet at the"
-        " stated time instead"
-    )
+    return NEVER_TOUCH
 
 
 def write_fmu(document: dict, source: Path, output: Path) -> None:

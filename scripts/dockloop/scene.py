@@ -16,6 +16,7 @@ import json
 import math
 import re
 import tomllib
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from dockloop.errors import UsageError, did_you_mean
 from dockloop.paths import MECHANISMS, SCENES, shown
 
 FORMAT = "dockloop-scene/1"
+_KEPT = 16  # mechanisms, with what is set in them, that a reader of a scene remembers
 
 _VEHICLE = {
     "motion": "free",
@@ -90,14 +92,33 @@ def resolve_scene(path: Path, overrides: list[str] | tuple[str, ...] = ()) -> di
     Raises:
         UsageError: naming file, member, value and limit.
     """
-    scene = read_toml(path)
-    for text in overrides:
-        apply_override(scene, text)
-    schema.check(scene, "scene", path)
+    return SceneReader(path).resolve(overrides)
 
-    # A scene without mechanism is a vehicle by itself (or two that pass through each other).
+
+class SceneReader:
+    """Resolves one scene with many overrides: files are read once, mechanisms checked once."""
+
+    def __init__(self, path: Path) -> None:
+        """Read the scene. Raises UsageError."""
+        self._path = path
+        self._scene = read_toml(path)
+        self._mechanism = lru_cache(_KEPT)(lambda text: load_mechanism(json.loads(text), path))
+
+    def resolve(self, overrides: list[str] | tuple[str, ...] = ()) -> dict:
+        """Do the work of `resolve_scene`; documents of equal mechanisms share them."""
+        scene = copy.deepcopy(self._scene)
+        for text in overrides:
+            apply_override(scene, text)
+        schema.check(scene, "scene", self._path)
+        # A scene without mechanism is a vehicle by itself (or two that pass through each other).
+        named = scene.get("mechanism")
+        text = json.dumps(named, default=str)
+        return _resolve(scene, self._mechanism(text) if named else {"name": "none"}, self._path)
+
+
+def _resolve(scene: dict, mechanism: dict, path: Path) -> dict:
+    """Put the document together from a scene that its schema accepts, and its mechanism."""
     named = scene.get("mechanism")
-    mechanism = load_mechanism(named, path) if named else {"name": "none"}
     law = scene.get("contact", {})
     if law and mechanism.get("contact", {}).get("type") != "guide_ring":
         raise UsageError(
@@ -224,6 +245,7 @@ def read_toml(path: Path) -> dict:
         raise UsageError(f"{shown(path)}: cannot be read ({error})") from None
 
 
+@cache
 def scene_keys() -> list[str]:
     """Return every dotted key that the schema of scenes knows."""
     root = schema.load_schema("scene")

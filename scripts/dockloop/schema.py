@@ -30,6 +30,13 @@ def load_schema(name: str) -> dict:
     return json.loads((MODELS / f"{name}.schema.json").read_text())
 
 
+@cache
+def _make_validator(name: str) -> Any:
+    import jsonschema
+
+    return jsonschema.Draft202012Validator(load_schema(name))
+
+
 def member_path(path: tuple | list) -> str:
     """Return ``bodies[1].joint.axis`` for ``("bodies", 0, "joint", "axis")``.
 
@@ -50,13 +57,11 @@ def check(document: Any, schema_name: str, source: Path) -> None:
     Raises:
         UsageError: naming file, member, value and limit of the most telling violation.
     """
-    import jsonschema
-
     for path, value in _numbers(document):
         if not math.isfinite(value):
             raise UsageError(f"{shown(source)}: {member_path(path)} is {value}: must be finite")
     schema = load_schema(schema_name)
-    errors = list(jsonschema.Draft202012Validator(schema).iter_errors(document))
+    errors = list(_make_validator(schema_name).iter_errors(document))
     if errors:
         # A violation inside a group makes its "unevaluated" rule fail too: the deepest is meant.
         error = max(errors, key=lambda e: (len(e.absolute_path), "Properties" not in e.validator))

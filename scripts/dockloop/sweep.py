@@ -1,14 +1,17 @@
-"""Runs many dockings: plans the cases, sends them to Dask workers, keeps every result at once.
+"""Runs many dockings: plans the cases, runs them by one of two engines, keeps every result at once.
 
-Planning a case means resolving the scene with its values and placing the vehicles, here, by
-dockloop-core; workers need neither core nor scene. What an FMU can be told by start values is told
-that way, so that cases share one FMU; it is built once per combination of all other scene keys.
+Planning a case means resolving the scene with its values. The engine ``core`` gets what differs
+from the scene of the sweep (`dockloop.batch`). For the engine ``fmu`` vehicles are placed here, by
+dockloop-core, so that Dask workers need neither core nor scene. What an FMU can be told by start
+values is told that way, so that cases share one FMU; it is built once per combination of all other
+scene keys. Results, journal and table are the same for both.
 
 Results are appended to a journal (JSON lines) as they arrive, in any order. ``--resume`` reads it
 back and runs what is missing: a case is known by its values, not by its number, so that a sweep may
 also be continued with more cases.
 """
 
+import copy
 import hashlib
 import json
 import logging
@@ -23,13 +26,14 @@ from pathlib import Path
 from typing import Any
 
 from dockloop import __version__
+from dockloop.batch import make_patch, run_batch
 from dockloop.cases import Job, Result, run_case, say_version
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.fmu import find_placement, write_fmu
 from dockloop.journal import InterruptedWorkError, Journal, make_report
 from dockloop.paths import shown
 from dockloop.sampling import Quantity, Sweep, Value, as_setting
-from dockloop.scene import resolve_scene, scene_keys
+from dockloop.scene import SceneReader, scene_keys
 from dockloop.simulate import ProgressBar, communication_points, unpack_fmu
 
 # Members of a resolved scene that an FMU takes as start values, with the names of their variables.
@@ -72,15 +76,17 @@ class Plan:
 
 
 class Planner:
-    """Turns the values of a case into start values of an FMU.
+    """Turns the values of a case into what an engine runs.
 
     Attributes:
-        base: the resolved scene with ``[set]``, before anything varies.
+        unplaced: the resolved scene with ``[set]``, before anything varies.
+        base: the same with both vehicles at their start.
         base_key: key of its FMU.
         quantities: what varies, with units.
         outcomes: names of the outputs to collect.
         variables: of the FMU of `base`, by name.
         base_digest: SHA-256 of that FMU.
+        experiment: ``stop``, ``step``, ``end_after_outcome`` [s], those that the sweep gives.
         built: number of FMUs built so far.
         times: communication points of a case that runs to its stop.
     """
@@ -88,13 +94,16 @@ class Planner:
     def __init__(self, sweep: Sweep) -> None:
         """Build the FMU of the base scene and check all names of the sweep against it."""
         self._sweep = sweep
+        self.experiment = sweep.document["experiment"]
         self._keys = set(scene_keys())
         self._fmus: OrderedDict[str, tuple[str, bytes]] = OrderedDict()
         self.built = 0
         fixed = sweep.document["set"]
         self._fixed_scene = [as_setting(n, v) for n, v in fixed.items() if self.is_scene_key(n)]
         self._fixed_starts = {n: v for n, v in fixed.items() if not self.is_scene_key(n)}
-        self.base = resolve_scene(sweep.scene, self._fixed_scene)
+        self._reader = SceneReader(sweep.scene)
+        self.unplaced = self._reader.resolve(self._fixed_scene)
+        self.base = copy.deepcopy(self.unplaced)
         find_placement(self.base, sweep.scene)
         self.base_key = json.dumps(self.base)
         self.base_digest, fmu = self.fmu(self.base_key)
@@ -107,9 +116,8 @@ class Planner:
             self._check_name(quantity.name, "vary", examples.values())
         self.quantities = [self._with_unit(quantity) for quantity in sweep.quantities]
         self.outcomes = self._find_outcomes()
-        experiment = sweep.document["experiment"]
         self.times = communication_points(
-            description, experiment.get("stop"), experiment.get("step")
+            description, self.experiment.get("stop"), self.experiment.get("step")
         )
 
     def is_scene_key(self, name: str) -> bool:
@@ -117,30 +125,28 @@ class Planner:
         return name in self._keys or name.startswith(("mechanism.set.", "initial.joints."))
 
     def plan(self, values: tuple[Value, ...]) -> Plan:
-        """Plan one case.
+        """Plan one case for a worker with its FMU.
 
         Raises:
             UsageError: the scene refuses these values.
         """
-        scene, starts = list(self._fixed_scene), dict(self._fixed_starts)
-        for quantity, value in zip(self.quantities, values, strict=True):
-            if self.is_scene_key(quantity.name):
-                scene.append(as_setting(quantity.name, value))
-            else:
-                starts[quantity.name] = value
-        document = resolve_scene(self._sweep.scene, scene)
+        document, starts = self._resolve(values)
         warning = find_placement(document, self._sweep.scene)
         key = self._key(document)
         told = {**self._differences(document), **starts}
-        experiment = self._sweep.document["experiment"]
         job = Job(
-            tuple((name, self._as_type(name, value)) for name, value in told.items()),
+            tuple(self._as_types(told).items()),
             tuple(self.outcomes),
-            experiment.get("stop"),
-            experiment.get("step"),
-            experiment.get("end_after_outcome"),
+            self.experiment.get("stop"),
+            self.experiment.get("step"),
+            self.experiment.get("end_after_outcome"),
         )
         return Plan(key, job, warning or None)
+
+    def plan_batch(self, values: tuple[Value, ...]) -> dict:
+        """Plan one case for ``dockloop-core batch``. Raises UsageError like `plan`."""
+        document, starts = self._resolve(values)
+        return {"scene": make_patch(self.unplaced, document), "set": self._as_types(starts)}
 
     def fmu(self, key: str) -> tuple[str, bytes]:
         """Return the SHA-256 and the bytes of the FMU of a key; builds it if it is not at hand."""
@@ -165,12 +171,22 @@ class Planner:
             words[-1] = shown(self._sweep.scene)
         for name, value in settings.items():
             words += ["--scene" if self.is_scene_key(name) else "--set", as_setting(name, value)]
-        step = self._sweep.document["experiment"].get("step", self.base["experiment"]["step"])
+        step = self.experiment.get("step", self.base["experiment"]["step"])
         return [*words, "--stop", repr(float(end)), "--step", repr(step)]
 
     def without_folder(self, text: str) -> str:
         """Return a sentence that names the scene file wherever one stands."""
         return text.replace(shown(self._sweep.scene), self._sweep.scene.name)
+
+    def _resolve(self, values: tuple[Value, ...]) -> tuple[dict, dict[str, Value]]:
+        """Return the scene of a case, vehicles not placed, and its other start values."""
+        scene, starts = list(self._fixed_scene), dict(self._fixed_starts)
+        for quantity, value in zip(self.quantities, values, strict=True):
+            if self.is_scene_key(quantity.name):
+                scene.append(as_setting(quantity.name, value))
+            else:
+                starts[quantity.name] = value
+        return self._reader.resolve(scene), starts
 
     def _key(self, document: dict) -> str:
         """Return the document of the FMU for this one: what can be set is as in the base."""
@@ -204,8 +220,9 @@ class Planner:
                 told[variable] = value
         return told
 
-    def _as_type(self, name: str, value: Value) -> Value:
-        return {"Real": float, "Integer": int, "Boolean": bool}[self.variables[name].type](value)
+    def _as_types(self, starts: dict[str, Value]) -> dict[str, Value]:
+        types = {"Real": float, "Integer": int, "Boolean": bool}
+        return {name: types[self.variables[name].type](value) for name, value in starts.items()}
 
     def _check_name(self, name: str, where: str, values: Any) -> None:
         """Check that there is something of this name that takes values of this kind."""
@@ -270,6 +287,7 @@ def run_sweep(
     sweep: Sweep,
     output: Path,
     *,
+    engine: str = "auto",
     workers: int | None = None,
     scheduler: str | None = None,
     resume: bool = False,
@@ -280,18 +298,19 @@ def run_sweep(
     Args:
         sweep: what to do.
         output: the table that will be written; the journal is beside it.
-        workers: local processes; default: one per processor.
+        engine: ``core``, ``fmu`` or ``auto``: the core, unless there is a scheduler.
+        workers: local threads (of the core) or processes; default: one per processor.
         scheduler: address of a Dask scheduler to use instead.
         resume: go on with an interrupted sweep.
         progress: shows how far it is.
 
     Returns:
-        ``planner``, ``results`` (one per case, in order), ``ran`` (cases run now), ``wall`` [s] and
-        ``workers``.
+        ``planner``, ``results`` (one per case, in order), ``ran`` (cases run now), ``wall`` [s],
+        ``engine`` and ``workers``.
 
     Raises:
         UsageError: the sweep, a name in it or the journal is bad.
-        DockloopError: the cluster cannot be used, or a defect showed on a worker.
+        DockloopError: the engine cannot be used, or a defect showed on it.
         InterruptedWorkError: by Ctrl-C.
     """
     planner = Planner(sweep)
@@ -307,8 +326,14 @@ def run_sweep(
     missing = [values for values in dict.fromkeys(sweep.cases) if values not in journal.known]
     done = len(sweep.cases) - len(missing)
     began, threads = time.perf_counter(), 0
+    if engine == "auto":
+        engine = "fmu" if scheduler else "core"
     try:
-        if missing:
+        if missing and engine == "core":
+            threads = _count_workers(workers, len(missing))
+            report = make_report(progress, done, len(sweep.cases))
+            run_batch(planner, missing, threads, journal.add, report)
+        elif missing:
             with _open_cluster(workers, scheduler, len(missing)) as client:
                 began = time.perf_counter()
                 threads = sum(client.nthreads().values())
@@ -327,8 +352,13 @@ def run_sweep(
         "results": [journal.known[values] for values in sweep.cases],
         "ran": len(missing),
         "wall": time.perf_counter() - began,
+        "engine": engine,
         "workers": threads,
     }
+
+
+def _count_workers(wanted: int | None, cases: int) -> int:
+    return min(wanted or len(os.sched_getaffinity(0)), cases)
 
 
 def _run_cases(
@@ -416,7 +446,7 @@ def _open_cluster(workers: int | None, scheduler: str | None, cases: int) -> Ite
             _check_workers(client, scheduler)
             yield client
         return
-    count = min(workers or len(os.sched_getaffinity(0)), cases)
+    count = _count_workers(workers, cases)
     # A Ctrl-C reaches all processes of a terminal: workers leave it to this one.
     ignore = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
     with (

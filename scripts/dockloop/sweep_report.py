@@ -102,7 +102,7 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
         sweep: what was to be done.
         planner: how it was done.
         table: of `make_table`.
-        ran: of `run_sweep`: cases run now, wall time [s], workers.
+        ran: of `run_sweep`: cases run now, wall time [s], engine, workers.
 
     Returns:
         A dictionary that can be written as JSON.
@@ -131,7 +131,7 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
     if worst:
         summary["worst"] = worst
     wall = ran["wall"]
-    summary["time"] = {"ran": ran["ran"], "wall": wall, "workers": ran["workers"]}
+    summary["time"] = {name: ran[name] for name in ("ran", "wall", "engine", "workers")}
     if ran["ran"]:
         summary["time"]["cases_per_second"] = ran["ran"] / wall
     return summary
@@ -176,6 +176,7 @@ def describe_sweep(summary: dict) -> str:
         lines.append(
             f"  time         {clock['ran']} cases in {clock['wall']:.1f} s,"
             f" {clock['cases_per_second']:.2f} per second with {clock['workers']} workers"
+            f" (engine {clock['engine']})"
         )
     if "files" in summary:
         first, *others = summary["files"]
