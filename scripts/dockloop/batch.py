@@ -51,6 +51,7 @@ def run_batch(
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             encoding="utf-8",
+            start_new_session=True,  # a Ctrl-C is for this process, which ends the core
         ) as core:
             planned: SimpleQueue = SimpleQueue()
             feeding = pool.submit(_feed, planner, cases, core.stdin, planned)
