@@ -5,8 +5,9 @@
 3. Planning: one FMU told by start values, and reset between cases, gives the bits of an FMU of its
    own, for every kind of quantity; an early end gives the bits of a run to that time.
 4. The table: the same bytes with two workers, one of which is killed on the way, with one worker
-   after Ctrl-C and a torn journal, and from a foreign scheduler; the worst case runs alone to the
-   bits of its row; the metadata holds the set-up; the linear absorber gives its linear answer.
+   after Ctrl-C and a torn journal (by either engine), and from a foreign scheduler; the worst case
+   runs alone to the bits of its row; the metadata holds the set-up; the linear absorber gives its
+   linear answer.
 5. Failures are rows: refused by the scene, by the FMU, a step discarded, a worker lost.
 """
 
@@ -378,13 +379,15 @@ def test_a_killed_worker_changes_no_bit(cluster, reference, tmp_path):
     assert output.read_bytes() == whole.read_bytes()
 
 
+@pytest.mark.parametrize("engine", ["core", "fmu"])
 def test_an_interrupted_sweep_goes_on_to_the_same_table_with_one_worker(
-    dockloop, reference, tmp_path
+    dockloop, reference, tmp_path, engine
 ):
     """Ctrl-C, then a line torn in the middle, then --resume: nothing twice, no bit different."""
     path, whole = reference
     output, journal = tmp_path / "mine.parquet", tmp_path / "mine.jsonl"
-    command = ["sweep", str(path), "--workers", "1", "-o", str(output), "--no-plots"]
+    command = ["sweep", str(path), "--engine", engine, "--workers", "1", "-o", str(output)]
+    command.append("--no-plots")
     # Where tests run in the background, Ctrl-C is ignored, and that is inherited.
     program = ["env", "--default-signal=INT", sys.executable, "-m", "dockloop"]
     first = subprocess.Popen(

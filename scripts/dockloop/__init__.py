@@ -14,7 +14,8 @@ Modules, in the order in which a docking passes through them::
 and many of them::
 
     sampling      sweep file -> the values of every case
-    sweep         cases -> start values, Dask workers, a journal that can be resumed
+    sweep         plans cases, runs them on Dask workers, keeps a journal that can be resumed
+    batch         the same cases on threads of the compiled core
     cases         what happens on a worker: one case of a loaded FMU
     sweep_report  the table, its summary in words and numbers, figures
 

@@ -6,6 +6,7 @@ only a defect of this program shows a traceback, and only with ``--debug``.
 """
 
 import argparse
+import importlib
 import json
 import math
 import shlex
@@ -107,16 +108,7 @@ def _make_parser() -> argparse.ArgumentParser:
 
     run = _add(commands, "run", _run, "run one docking through its FMU", _RUN_EXAMPLE)
     run.add_argument("scene", metavar="SCENE|FILE.fmu", help="a scene (built first), or an FMU")
-    _add_scene_option(run)
-    run.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="start value of an FMU variable (repeatable)",
-    )
-    run.add_argument("--stop", type=float, metavar="T", help="end of the run [s]")
-    run.add_argument("--step", type=float, metavar="H", help="communication step [s]")
+    _add_run_options(run)
     run.add_argument(
         "-o",
         "--output",
@@ -223,7 +215,7 @@ def _add_truth(commands) -> None:
         _TRUTH_EXAMPLE,
     )
     truth.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
-    _add_scene_option(truth)
+    _add_run_options(truth)
     truth.add_argument(
         "--output",
         dest="outputs",
@@ -232,15 +224,6 @@ def _add_truth(commands) -> None:
         metavar="NAME",
         help="FMU variable to write (repeatable)",
     )
-    truth.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="start value of an FMU variable (repeatable)",
-    )
-    truth.add_argument("--stop", type=float, metavar="T", help="end of the run [s]")
-    truth.add_argument("--step", type=float, metavar="H", help="distance of the time points [s]")
     truth.add_argument(
         "--tolerance",
         type=float,
@@ -313,6 +296,20 @@ def _add_scene_option(command: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_run_options(command: argparse.ArgumentParser) -> None:
+    """Add what tells one run of a scene from another."""
+    _add_scene_option(command)
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="start value of an FMU variable (repeatable)",
+    )
+    command.add_argument("--stop", type=float, metavar="T", help="end of the run [s]")
+    command.add_argument("--step", type=float, metavar="H", help="communication step [s]")
+
+
 def _build(options: argparse.Namespace) -> None:
     """Build an FMU and say where it is."""
     from dockloop.fmu import build_fmu
@@ -381,10 +378,10 @@ def _sweep(options: argparse.Namespace) -> None:
         raise UsageError(f"-o {options.output}: must end in .parquet")
     if options.engine == "core" and options.scheduler:
         raise UsageError("--engine core runs on this machine; a --scheduler needs --engine fmu")
+    uses_dask = options.engine == "fmu" or options.scheduler
     try:
-        import distributed  # noqa: F401
-        import pyarrow  # noqa: F401
-        import scipy  # noqa: F401
+        for package in ("pyarrow", "scipy", *(["distributed"] if uses_dask else [])):
+            importlib.import_module(package)
     except ImportError as error:
         raise DockloopError(
             f"sweeps need the package {error.name}: .venv/bin/pip install -e '.[sweep]'"
