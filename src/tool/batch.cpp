@@ -1,7 +1,6 @@
 // Cases by threads: each takes the next line when it has finished the last one; see batch.hpp.
 #include "tool/batch.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <istream>
 #include <map>
@@ -183,9 +182,9 @@ void run_batch(const std::string& document, const std::string& source, const Bat
       std::string result = find_result(base, source, order, line);
       const std::lock_guard<std::mutex> lock(writing);
       waiting.emplace(number, std::move(result));
-      for (auto next = waiting.begin(); next != waiting.end() && next->first == written; ++written) {
-        results << next->second << std::endl;
-        next = waiting.erase(next);
+      for (; !waiting.empty() && waiting.begin()->first == written; ++written) {
+        results << waiting.begin()->second << std::endl;
+        waiting.erase(waiting.begin());
       }
     }
   };

@@ -1,6 +1,6 @@
 // dockloop-core: the C++ side of the command line, called by scripts/dockloop. One sentence on
 // stderr and exit status 2 for a bad file; results go to stdout.
-#include <cstring>
+#include <cstdlib>
 #include <fstream>
 #include <iostream>
 #include <sstream>
@@ -113,8 +113,10 @@ int run(const std::vector<std::string>& arguments) {
     };
     order.stop = time("--stop");
     order.step = time("--step");
-    order.end_after_outcome = find_number(arguments, "--end-after-outcome", order.end_after_outcome);
-    order.threads = static_cast<int>(find_number(arguments, "--threads", 1.0));
+    order.end_after_outcome =
+        find_number(arguments, "--end-after-outcome", order.end_after_outcome);
+    const double threads = find_number(arguments, "--threads", 1.0);
+    order.threads = threads >= 1.0 && threads <= 1e6 ? static_cast<int>(threads) : 0;
     order.outputs = find_options(arguments, "--output");
     dockloop::run_batch(read_file(path), path, order, std::cin, std::cout);
     return 0;
