@@ -29,11 +29,11 @@ from dockloop.scene import find_scene, resolve_scene
 from dockloop.simulate import ProgressBar
 from dockloop.sweep import Planner, run_sweep
 
-# Two samples at each of 24 points: of the second inner step a fixed method needs too many.
+# Geometry, conditions and start values; a tilt and a friction that are refused, and an inner step
+# of which a communication step needs too many.
 MIXED = """
 scene = "idss_25t_350t"
 seed = 3
-cases = 2
 outcomes = ["outcome", "captured", "capture.peak.compression", "relative.roll", "energy.residual"]
 [set]
 "initial.approach_time" = 0.1
@@ -118,8 +118,8 @@ def mixed(tmp_path_factory) -> tuple[Sweep, list[Result]]:
 def test_the_core_gives_the_bits_of_the_fmu_for_any_number_of_threads(mixed, tmp_path, threads):
     sweep, expected = mixed
     status = [result.status for result in expected]
-    assert [status.count(name) for name in ("done", "refused", "failed")] == [8, 32, 8]
-    assert len({result.outputs for result in expected}) == 9
+    assert [status.count(name) for name in ("done", "refused", "failed")] == [4, 16, 4]
+    assert len({result.outputs for result in expected}) == 4 + 1
     found = run_core(sweep, tmp_path, threads, progress=ProgressBar("mixed"))
     for one, other in zip(found, expected, strict=True):
         assert repr(one) == repr(other)  # 0.0 is not -0.0

@@ -111,7 +111,7 @@ def _read_result(core: subprocess.Popen, model: Path, planner: "Planner") -> Res
         status, said = core.wait(), core.stderr.read().strip().replace(str(model), "the scene")
         raise DockloopError(
             f"dockloop-core batch ended with status {status} ({said or 'no message'});"
-            " the same command with --resume goes on"
+            " the same command with --resume goes on, with --engine fmu even past what ends it"
         )
     told = json.loads(line)
     status, reason, time = told["status"], told.get("reason"), told.get("end_time")
