@@ -1,6 +1,6 @@
-// What Stepper asks of a method of SUNDIALS, and what every method sees of the problem.
+// What Stepper asks of a method, and what every method sees of the problem.
 //
-//   explicit_solver.cpp   Runge-Kutta, adaptive or of fixed size (ERKStep)
+//   explicit_solver.cpp   Runge-Kutta, adaptive or of fixed size (our own; runge_kutta.hpp)
 //   implicit_solver.cpp   diagonally implicit Runge-Kutta, adaptive, split or fixed (ARKStep)
 //   multistep_solver.cpp  Adams and BDF (CVODE)
 //   dae_solver.cpp        BDF for the equations with multipliers (IDA)
@@ -28,6 +28,8 @@ struct System {
 
   /// A new vector, or an exception. To be destroyed by the caller.
   N_Vector make_vector() const;
+  /// The rates, counted; not 0 where they cannot be told.
+  int calc_rates(double t, const double* state, double* ydot);
   static int call_rates(realtype t, N_Vector y, N_Vector ydot, void* system);
   static int call_mild_rates(realtype t, N_Vector y, N_Vector ydot, void* system);
   /// All rates less the mild ones: two evaluations.
@@ -72,6 +74,8 @@ class Solver {
   virtual void set_tolerances(double rtol, N_Vector atol) = 0;
   /// Start from y at t. @param h  first step, 0 = choose; multistep methods take it as a bound
   virtual void restart(double t, N_Vector y, double h) = 0;
+  /// The rates at the start, if somebody knows them already: for methods that begin with them.
+  virtual void set_rates(const double* /*rates*/) {}
   /// One step towards t_stop; on failure y and t say nothing.
   virtual StepOutcome step(double t_stop, N_Vector y, double& t) = 0;
   /// State inside the last step.
@@ -96,7 +100,7 @@ class Solver {
   long steps_ = 0, rejected_ = 0;  // before SUNDIALS began to count
 };
 
-std::unique_ptr<Solver> make_explicit_solver(System& system, bool fixed);
+std::unique_ptr<Solver> make_explicit_solver(System& system, Stepper::Method method);
 std::unique_ptr<Solver> make_implicit_solver(System& system, Stepper::Method method);
 std::unique_ptr<Solver> make_multistep_solver(System& system, bool stiff);
 std::unique_ptr<Solver> make_dae_solver(System& system);

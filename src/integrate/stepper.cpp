@@ -58,14 +58,17 @@ void System::check(int flag) {
   if (flag < 0) throw std::runtime_error("SUNDIALS refused a setting");
 }
 
-int System::call_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
-  System& me = *static_cast<System*>(system);
-  if (me.idle) {
-    N_VConst(0.0, ydot);
+int System::calc_rates(double t, const double* state, double* ydot) {
+  if (idle) {
+    std::fill_n(ydot, problem.size, 0.0);
     return 0;
   }
-  ++me.evaluations;
-  return me.note(me.problem.rates(t, NV_DATA_S(y), NV_DATA_S(ydot)));
+  ++evaluations;
+  return note(problem.rates(t, state, ydot));
+}
+
+int System::call_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
+  return static_cast<System*>(system)->calc_rates(t, NV_DATA_S(y), NV_DATA_S(ydot));
 }
 
 int System::call_mild_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
@@ -102,9 +105,10 @@ std::unique_ptr<Solver> make_solver(System& system, Stepper::Method method) {
   if (system.problem.solver) return system.problem.solver(system);
   switch (method) {
     case Stepper::Method::kDormandPrince:
-      return make_explicit_solver(system, false);
+    case Stepper::Method::kDop853:
+    case Stepper::Method::kStabilised:
     case Stepper::Method::kClassicRk4:
-      return make_explicit_solver(system, true);
+      return make_explicit_solver(system, method);
     case Stepper::Method::kEsdirk:
     case Stepper::Method::kImex:
     case Stepper::Method::kSdirk:
@@ -226,12 +230,13 @@ void Stepper::set_tolerances(double rtol, const double* atol) {
   impl_->solver->set_tolerances(rtol, system.atol);
 }
 
-void Stepper::restart(double t, double h) {
+void Stepper::restart(double t, double h, const double* rates) {
   impl_->t = t;
   impl_->h_restart = h;
   impl_->restarted = true;
   impl_->low_valid = false;
   impl_->solver->restart(t, impl_->system.y, h);
+  if (rates) impl_->solver->set_rates(rates);
 }
 
 StepOutcome Stepper::step(double t_stop, bool watch_roots) {

@@ -1,4 +1,4 @@
-// Steps of one initial value problem by SUNDIALS, one at a time.
+// Steps of one initial value problem, one at a time.
 //
 // Every communication point is a stop, and inputs may change there: the integration starts again.
 // One-step methods do so at no cost, multistep methods with order 1. The stepper never passes the
@@ -56,6 +56,8 @@ class Stepper {
 
   enum class Method {
     kDormandPrince,  ///< explicit one-step, order 5(4)
+    kDop853,         ///< the same of order 8(5,3)
+    kStabilised,     ///< the same of order 4(3) with a long real interval of stability
     kClassicRk4,     ///< the same of order 4; every step is what restart() asks for
     kEsdirk,         ///< implicit one-step, L-stable, order 4(3)
     kImex,           ///< explicit for Problem::mild_rates, implicit for the rest, order 4(3)
@@ -74,8 +76,8 @@ class Stepper {
   /// Tolerances: |error_i| <= rtol |y_i| + atol[i] in the root-mean-square sense; for kDae of z.
   void set_tolerances(double rtol, const double* atol);
   /// Start (again) at time t from y() with first step h (0 = choose); multistep methods choose one
-  /// that is not longer.
-  void restart(double t, double h);
+  /// that is not longer. @param rates  there, if they are known already
+  void restart(double t, double h, const double* rates = nullptr);
   /// One step towards t_stop. @param watch_roots report roots of the event functions
   StepOutcome step(double t_stop, bool watch_roots);
   double time() const;

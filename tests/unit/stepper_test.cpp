@@ -34,12 +34,14 @@ struct Case {
 };
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
-const std::array<Case, 6> kCases = {{{Method::kDormandPrince, "dormand_prince", false},
+const std::array<Case, 8> kCases = {{{Method::kDormandPrince, "dormand_prince", false},
                                      {Method::kClassicRk4, "classic_rk4", true},
                                      {Method::kEsdirk, "esdirk", false},
                                      {Method::kSdirk, "sdirk", true},
                                      {Method::kAdams, "adams", false},
-                                     {Method::kBdf, "bdf", false}}};
+                                     {Method::kBdf, "bdf", false},
+                                     {Method::kDop853, "dop853", false},
+                                     {Method::kStabilised, "stabilised", false}}};
 
 std::vector<Case> find_adaptive() {
   std::vector<Case> cases;
@@ -225,7 +227,7 @@ Stepper::Problem make_stiff(double k) {
 }
 
 TEST(StiffProblems, are_stepped_over_by_implicit_methods_only) {
-  long steps[6] = {};
+  long steps[8] = {};
   for (size_t i = 0; i < kCases.size(); ++i) {
     if (kCases[i].fixed) continue;
     Stepper stepper(make_stiff(1e5), kCases[i].method);
