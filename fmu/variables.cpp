@@ -686,8 +686,9 @@ void add_solver_parameters(Table& table, Parameters& parameter) {
           "at every communication point and event, so they are for long communication steps), 7 "
           "fixed_rk4 (equal steps of solver.step, bounded cost), 8 fixed_implicit (the same, "
           "stable where 7 is not), 9 dae (all joint coordinates, loops held by multipliers: "
-          "with model.level 4 only)")
-      .limits(1, 9);
+          "with model.level 4 only), 10 high_order (as 2 of order 8, for tight tolerances), 11 "
+          "stabilised (as 2 of order 4, stable in longer steps)")
+      .limits(1, 11);
   table
       .parameter("solver.dae_form", &parameter.dae_form, kNone,
                  "How method 9 holds the loops: 1 by accelerations (index 1, drifts), 2 the same "

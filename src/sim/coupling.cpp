@@ -293,7 +293,7 @@ Status DockingSim::Impl::look_ahead(double h, CouplingPoint& begin, CouplingPoin
   keep(*look_ahead_start);
   const Counters counters = find_counters();
   const size_t told = warnings.size();
-  Status status = evaluate(0.0);
+  Status status = evaluate_start();
   begin = end = find_coupling_point();
   // Not much dearer than the step that was just made.
   int limit = find_inner_step_limit(h);

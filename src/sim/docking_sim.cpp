@@ -80,7 +80,8 @@ void DockingSim::save(SavedSim& into) const { impl_->save(into); }
 void DockingSim::load(const SavedSim& from) { impl_->load(from); }
 
 /// @post restore(into) leads back here. Allocates only where `into` was never used.
-void DockingSim::Impl::keep(Snapshot& into) const {
+/// @param with_pose  if not, `into` holds the reference of the loops already
+void DockingSim::Impl::keep(Snapshot& into, bool with_pose) const {
   // How many pairs of surfaces are near differs from save to save.
   const size_t pairs = static_cast<size_t>(model->contact.pair_count());
   into.state.memory.gap.reserve(pairs);
@@ -89,7 +90,7 @@ void DockingSim::Impl::keep(Snapshot& into) const {
   into.state.memory.n_last.reserve(pairs);
   into.state = *this;
   into.y.assign(stepper->y(), stepper->y() + model->layout.size);
-  into.reference = data->mechanism.loops.reference;
+  if (with_pose) into.reference = data->mechanism.loops.reference;
 }
 
 void DockingSim::Impl::restore(const Snapshot& from) {
@@ -99,6 +100,7 @@ void DockingSim::Impl::restore(const Snapshot& from) {
   data->mechanism.loops.reference = from.reference;
   rate_data->mechanism.loops.reference = from.reference;
   if (rest_state.resting) lock_at_rest();
+  flown = pose_is_kept = false;
   invalidate();
 }
 
@@ -210,6 +212,7 @@ void DockingSim::Impl::load(const SavedSim& from) {
 /// Take over parameters that may be changed during a run.
 void DockingSim::Impl::adopt_tunables() {
   if (!model->contact.empty()) set_law(model->contact, make_contact_law());  // may throw
+  flown = false;
   model->thrust = parameters.contact_thrust;
   model->thrust_delay = parameters.contact_thrust_delay;
   update_thrust(elapsed);

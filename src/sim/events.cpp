@@ -44,6 +44,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
 /// The present pose of the mechanism is accepted: the next ones continue from it.
 void DockingSim::Impl::keep_pose() {
   if (model->locked.on) return;
+  pose_is_kept = false;
   keep_reference(data->mechanism.tree, data->mechanism.loops);
   rate_data->mechanism.loops.reference = data->mechanism.loops.reference;
 }
@@ -82,6 +83,7 @@ Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
 
 /// Go over to a choice of independent coordinates; null: that of the start.
 void DockingSim::Impl::use_coordinates(std::shared_ptr<const Coordinates> choice) {
+  pose_is_kept = false;
   if (!start_mechanism) start_mechanism = std::make_unique<Mechanism>(model->mechanism);
   set_mechanism(*model, choice ? with_coordinates(*start_mechanism, *choice) : *start_mechanism);
   data->mechanism = MechanismData<double>(model->mechanism);
@@ -162,14 +164,57 @@ bool DockingSim::Impl::update_thrust(double now) {
 
 /// Everything at one state of the stepper, tau after the last communication point.
 /// @param may_be_locked  as one body with the chaser, if the mechanism is at rest
-Status DockingSim::Impl::evaluate(double tau, bool may_be_locked) {
+/// @param ydot  rates, if they are wanted
+Status DockingSim::Impl::evaluate(double tau, bool may_be_locked, double* ydot) {
+  flown = false;
   if (parameters.model_level != kRigid) {
     model->locked.on = may_be_locked && rest_state.resting && may_rest();
   }
   Status status = calc_docking<double>(*model, discrete, memory, find_loads(tau), elapsed + tau,
-                                       stepper->y(), nullptr, *data);
+                                       stepper->y(), ydot, *data);
   if (!status.ok()) status.time = elapsed + tau;
   return status;
+}
+
+/// evaluate(0), unless a flight has left just that.
+Status DockingSim::Impl::evaluate_present() {
+  if (flown && rest_state.resting && model->locked.on && may_rest()) return {};
+  return evaluate(0.0);
+}
+
+/// The same at the start of a communication step, with the rates for methods that begin with them.
+Status DockingSim::Impl::evaluate_start() {
+  evaluated = Evaluated::kNothing;
+  if (rest_state.resting || !begins_with_rates()) return evaluate_present();
+  const Status status = evaluate(0.0, true, start_rates.data());
+  ++counted_elsewhere.rate_evaluations;
+  note_evaluation(0.0, stepper->y());
+  evaluated = Evaluated::kStart;
+  return status;
+}
+
+const double* DockingSim::Impl::find_start_rates() const {
+  return evaluated == Evaluated::kStart ? start_rates.data() : nullptr;
+}
+
+/// The same at the end of a step of the integrator, which has often evaluated just that.
+Status DockingSim::Impl::evaluate_end(double tau) {
+  if (evaluated != Evaluated::kTrial || !is_evaluated(tau, stepper->y())) return evaluate(tau);
+  std::swap(data, rate_data);
+  evaluated = Evaluated::kNothing;
+  return {};
+}
+
+/// rate_data is that of the state y at tau.
+void DockingSim::Impl::note_evaluation(double tau, const double* y) {
+  evaluated = Evaluated::kTrial;
+  tau_evaluated = tau;
+  std::copy_n(y, y_evaluated.size(), y_evaluated.begin());
+}
+
+bool DockingSim::Impl::is_evaluated(double tau, const double* y) const {
+  return evaluated != Evaluated::kNothing && tau == tau_evaluated &&
+         std::equal(y_evaluated.begin(), y_evaluated.end(), y);
 }
 
 /// Roots: first contact (for an absorber every onset), end of an absorber's contact, latches.

@@ -245,7 +245,7 @@ std::array<double, kPeakCount> DockingSim::Impl::find_peak_values() const {
 
 Status DockingSim::Impl::update_outputs() {
   read_inputs();
-  const Status status = evaluate(0.0);
+  const Status status = evaluate_present();
   if (!status.ok()) return status;
   const OutputSource<double> source =
       make_output_source(*data, stepper->y(), frame_velocity, frame_shift);

@@ -162,6 +162,7 @@ struct DockingSim::Impl : SimState {
   bool can_rest() const;
   bool may_rest() const;
   double find_free_gap() const;
+  bool is_far() const;
   Status watch_rest(double tau);
   double find_flight_time() const;
   bool is_in_balance(double tau);
@@ -183,7 +184,14 @@ struct DockingSim::Impl : SimState {
   std::optional<double> find_thrust_onset() const;
   bool is_thrust_due(double now) const;
   bool update_thrust(double now);
-  Status evaluate(double tau, bool may_be_locked = true);
+  Status evaluate(double tau, bool may_be_locked = true, double* ydot = nullptr);
+  Status evaluate_present();
+  Status evaluate_start();
+  Status evaluate_end(double tau);
+  const double* find_start_rates() const;
+  StepOutcome make_inner_step(double stop, bool watch_roots);
+  void note_evaluation(double tau, const double* y);
+  bool is_evaluated(double tau, const double* y) const;
   void calc_event_functions(const DockingData<double>& at, double* roots) const;
   PhaseInputs find_phase_inputs(const DockingData<double>& at) const;
 
@@ -192,7 +200,7 @@ struct DockingSim::Impl : SimState {
   bool is_event_due() const;
 
   // docking_sim.cpp
-  void keep(Snapshot& into) const;
+  void keep(Snapshot& into, bool with_pose = true) const;
   void restore(const Snapshot& from);
   void save(SavedSim& into) const;
   void load(const SavedSim& from);
@@ -229,6 +237,13 @@ struct DockingSim::Impl : SimState {
   bool needs_jacobian() const {
     const int method = setup->parameters.solver_method;
     return method == kImplicit || method == kImex || method == kBdf || method == kFixedImplicit;
+  }
+  /// Does the method begin a step with the rates there?
+  bool begins_with_rates() const {
+    const int method = setup->parameters.solver_method;
+    const bool is_explicit = method == kAuto || method == kExplicit || method == kFixedRk4 ||
+                             method == kHighOrder || method == kStabilised;
+    return is_explicit && !reference && !adapt_problem;
   }
   double* bristles() {
     return model->layout.bristle_count > 0 ? stepper->y() + model->layout.bristles : nullptr;
@@ -282,6 +297,14 @@ struct DockingSim::Impl : SimState {
   Status last_trouble;
   double margin_before = 1.0;  ///< of the loops, at the last accepted state
   std::vector<double> y_accepted, rates;
+  std::vector<double> start_rates;  ///< where a communication step starts
+  /// What was evaluated last inside a step of the integrator: nothing of use, the start of the
+  /// communication step (into data), or a trial state (into rate_data).
+  enum class Evaluated { kNothing, kStart, kTrial } evaluated = Evaluated::kNothing;
+  double tau_evaluated = 0.0;
+  std::vector<double> y_evaluated;
+  bool flown = false;         ///< data is that of the present state: a flight has just ended here
+  bool pose_is_kept = false;  ///< step_start holds the present reference of the loops
   Snapshot step_start;  ///< what a refused step goes back to
 };
 

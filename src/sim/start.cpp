@@ -91,6 +91,10 @@ Stepper::Method find_stepper_method(int method) {
       return Stepper::Method::kClassicRk4;
     case kFixedImplicit:
       return Stepper::Method::kSdirk;
+    case kHighOrder:
+      return Stepper::Method::kDop853;
+    case kStabilised:
+      return Stepper::Method::kStabilised;
     default:
       return Stepper::Method::kDormandPrince;
   }
@@ -191,9 +195,9 @@ void DockingSim::Impl::check_parameters() const {
   check_level(p, interface);
   check_choice(p.flight, kIntegrated, "model.flight", "1 (resting) or 2 (integrated)");
   check_choice(
-      p.solver_method, kDae, "solver.method",
+      p.solver_method, kStabilised, "solver.method",
       "1 (auto), 2 (explicit), 3 (implicit), 4 (imex), 5 (adams), 6 (bdf), 7 (fixed_rk4), 8 "
-      "(fixed_implicit) or 9 (dae)");
+      "(fixed_implicit), 9 (dae), 10 (high_order) or 11 (stabilised)");
   check_choice(p.dae_form, static_cast<int>(DaeForm::kStabilised), "solver.dae_form",
                "1 (index 1), 2 (index 1 with Baumgarte stabilisation) or 3 (stabilised index 2)");
   if (interface == Interface::kModelExchange &&
@@ -457,9 +461,11 @@ void DockingSim::Impl::make_stepper() {
   problem.rates = [this](double t, const double* y, double* ydot) {
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
                                                y, ydot, *rate_data);
+    note_evaluation(t, y);
     return find_trouble_code(status, t, ydot, model->layout.size);
   };
   problem.mild_rates = [this](double t, const double* y, double* ydot) {
+    evaluated = Evaluated::kNothing;
     rate_data->touches = false;
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
                                                y, ydot, *rate_data);
@@ -467,9 +473,15 @@ void DockingSim::Impl::make_stepper() {
     return find_trouble_code(status, t, ydot, model->layout.size);
   };
   problem.roots = [this](double t, const double* y, double* roots) {
+    if (is_evaluated(t, y)) {
+      calc_event_functions(evaluated == Evaluated::kStart ? *data : *rate_data, roots);
+      return 0;
+    }
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
                                                y, nullptr, *rate_data);
+    note_evaluation(t, y);
     if (!status.ok()) {
+      evaluated = Evaluated::kNothing;
       last_trouble = status;
       return 1;
     }
@@ -507,7 +519,7 @@ void DockingSim::Impl::make_stepper() {
     reference_nominal = Eigen::Map<VecX<double>>(atol.data(), reference->size) / rtol;
   }
   y_accepted.assign(static_cast<size_t>(layout.size), 0.0);
-  rates = y_accepted;
+  rates = start_rates = y_evaluated = y_accepted;
 }
 
 /// @param values  what was computed: all must be finite
@@ -531,6 +543,7 @@ void DockingSim::Impl::make_jacobian_pass() {
 
 /// Derivatives of the rates by the states, by columns, for implicit methods. @return as the rates
 int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_columns) {
+  evaluated = Evaluated::kNothing;
   Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t, y,
                                        nullptr, *rate_data);
   if (status.ok()) {

@@ -72,19 +72,23 @@ void DockingSim::Impl::advance_inputs(double h) {
 /// One communication step from t to exactly t + h. On failure everything is as before the call.
 Status DockingSim::Impl::step(double t, double h) {
   status_text.clear();
-  keep(step_start);
+  keep(step_start, !pose_is_kept);
+  pose_is_kept = true;
   const Counters counters = find_counters();
   // The host's clock counts, but what its rounding at large times would lose is kept.
   const double told = t - setup->t_start;
   const double rounding = 4e-16 * std::max(std::abs(t), std::abs(setup->t_start));
-  if (std::abs(told - elapsed) > rounding) elapsed = told;
+  if (std::abs(told - elapsed) > rounding) {
+    elapsed = told;
+    flown = false;
+  }
   read_inputs();
   Status status;
   if (h > 0.0 && h <= kLongestStep) {
     if (announces()) notice_step(h);
     status = receive(h);
     update_thrust(elapsed);  // it may have been told only now
-    if (status.ok()) status = evaluate(0.0);
+    if (status.ok()) status = evaluate_start();
     step_begin = find_coupling_point();
     drift = 0.0;
     const int limit = find_inner_step_limit(h);
@@ -109,8 +113,14 @@ Status DockingSim::Impl::step(double t, double h) {
   return status;
 }
 
+/// A step of the integrator, which notes what it has evaluated last.
+StepOutcome DockingSim::Impl::make_inner_step(double stop, bool watch_roots) {
+  if (evaluated == Evaluated::kTrial) evaluated = Evaluated::kNothing;
+  return stepper->step(stop, watch_roots);
+}
+
 /// Advance by h from the present state, through events. On failure the state is undefined.
-/// @pre evaluate(0)
+/// @pre evaluate_start()
 Status DockingSim::Impl::integrate(double h, int limit) {
   Status status;
   std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
@@ -118,7 +128,7 @@ Status DockingSim::Impl::integrate(double h, int limit) {
   double tau = 0.0;
   int refused = 0;           // end states in a row that could not be evaluated
   double proposal = h_warm;  // step size that error control asks for; stops do not count
-  stepper->restart(0.0, std::min(proposal, h));
+  stepper->restart(0.0, std::min(proposal, h), find_start_rates());
   for (int inner = 0; inner < limit; ++inner) {
     status = watch_rest(tau);
     if (!status.ok()) return status;
@@ -132,13 +142,14 @@ Status DockingSim::Impl::integrate(double h, int limit) {
       if (status.ok()) status = accept(tau, changed);
       if (!status.ok()) return status;
       std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
+      flown = tau >= h && !changed && is_far();
       if (tau >= h) return {};
       stepper->restart(tau, std::min(proposal, h - tau));
       continue;
     }
     const double stop = find_next_stop(tau, h);
     last_trouble = Status();
-    const StepOutcome outcome = stepper->step(stop, true);
+    const StepOutcome outcome = make_inner_step(stop, true);
     if (outcome == StepOutcome::kFailed) return find_trouble(tau);
     bool restart = false;
     const double made = stepper->time() - tau;
@@ -151,7 +162,7 @@ Status DockingSim::Impl::integrate(double h, int limit) {
       const bool cut_short = outcome == StepOutcome::kStopped && made < proposal;
       proposal = cut_short ? std::max(proposal, stepper->next_step()) : stepper->next_step();
     }
-    status = evaluate(stepper->time());
+    status = evaluate_end(stepper->time());
     if (!status.ok()) {
       // Error control was content with a state that cannot be evaluated: take smaller steps to it.
       if (++refused > kMaxRefused) return status;
@@ -185,7 +196,7 @@ Status DockingSim::Impl::integrate(double h, int limit) {
 
 /// The same with a number of inner steps that depends on h only: equal steps of a Runge-Kutta
 /// method, events seen at their ends. The cost is bounded; errors are not controlled.
-/// @pre evaluate(0)
+/// @pre evaluate_start()
 Status DockingSim::Impl::integrate_fixed(double h, int limit) {
   const double wanted = std::ceil(h / parameters.step * (1.0 - 1e-9));
   if (wanted > limit) {
@@ -203,10 +214,10 @@ Status DockingSim::Impl::integrate_fixed(double h, int limit) {
   for (int inner = 1; inner <= count; ++inner) {
     const double end = inner == count ? h : h * inner / count;
     last_trouble = Status();
-    stepper->restart(tau, end - tau);
-    if (stepper->step(end, false) == StepOutcome::kFailed) return find_trouble(tau);
+    stepper->restart(tau, end - tau, inner == 1 ? find_start_rates() : nullptr);
+    if (make_inner_step(end, false) == StepOutcome::kFailed) return find_trouble(tau);
     tau = end;
-    Status status = evaluate(tau);
+    Status status = evaluate_end(tau);
     if (!status.ok()) return status;
     double roots[kFixedRoots + kMaxLatches];
     calc_event_functions(*data, roots);
@@ -264,7 +275,7 @@ Status DockingSim::Impl::step_to_root(double tau) {
   if (!(root > tau)) return {};
   stepper->restart(tau, root - tau);
   for (int inner = 0; inner < DOCKLOOP_MAX_INNER_STEPS; ++inner) {
-    const StepOutcome outcome = stepper->step(root, false);
+    const StepOutcome outcome = make_inner_step(root, false);
     if (outcome == StepOutcome::kFailed) return find_trouble(tau);
     if (outcome == StepOutcome::kStopped) return {};
   }

@@ -22,6 +22,8 @@ enum SolverMethod {
   kFixedRk4 = 7,       ///< equal steps
   kFixedImplicit = 8,  ///< equal steps, stiff
   kDae = 9,            ///< loops held by multipliers: dynamics/reference_model.hpp
+  kHighOrder = 10,     ///< as kExplicit of order 8, for tight tolerances
+  kStabilised = 11,    ///< as kExplicit of order 4, stable in longer steps
 };
 
 /// Values of model.flight.

@@ -169,7 +169,7 @@ TEST(StiffLegs, are_crossed_in_long_communication_steps) {
 TEST(MethodsThatDoNotExist, are_refused_with_the_choice) {
   for (const auto& [method, form, reason] :
        {std::tuple{0, 3, "solver.method is 0; it must be 1 (auto)"},
-        std::tuple{10, 3, "solver.method is 10; it must be 1 (auto)"},
+        std::tuple{12, 3, "solver.method is 12; it must be 1 (auto)"},
         std::tuple{int(kDae), 4, "solver.dae_form is 4; it must be 1 (index 1)"}}) {
     DockingSim sim(share(short_ring_scene()));
     sim.parameters().solver_method = method;
