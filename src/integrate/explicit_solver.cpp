@@ -4,6 +4,11 @@
 // much again (tests/benchmarks/stepper_bench.cpp). Step sizes follow the PI controller of ARKODE
 // with its constants. The end of a step is evaluated last: it is the first stage of the next step,
 // and who asks what holds there finds everything computed.
+//
+// With a second, stabilised table the solver goes over to it where stability limits the steps of
+// the usual one, and back. Both tables evaluate the end of the step twice, from two approximations:
+// the ratio of these differences tells the fastest rate of the solution (Hairer, Wanner: Solving
+// Ordinary Differential Equations II, IV.2).
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -19,25 +24,41 @@ constexpr double kProportional = 0.8, kIntegral = 0.31;
 constexpr double kGrowth = 25.0, kShrink = 0.2;  ///< limits of a change of the step size
 constexpr int kMaxRejected = 20;                 ///< in a row
 constexpr int kLanes = 4;                        ///< states that are added up together
+// Step size times fastest rate:
+constexpr double kLimited = 2.8;    ///< where stability begins to limit Dormand-Prince steps
+constexpr double kWorthwhile = 5.0; ///< where a stabilised step is cheaper than several of those
+constexpr double kFade = 0.7;       ///< of the fastest rate seen, per step
+
+/// A table, and what follows from it.
+struct Method {
+  explicit Method(const RungeKuttaTable& t) : table(t), c(t.stages, 0.0), probe(t.stages, 0.0) {
+    const double* a = table.a;
+    for (int i = 1; i < table.stages; a += i++) {
+      for (int j = 0; j < i; ++j) c[i] += a[j];
+      if (i + 1 < table.stages) continue;
+      for (int j = 0; j <= i; ++j) probe[j] = table.b[j] - (j < i ? a[j] : 0.0);
+    }
+  }
+  RungeKuttaTable table;
+  std::vector<double> c;
+  std::vector<double> probe;  ///< weights of the end less the last stage, which is at the end too
+};
 
 class ExplicitSolver : public Solver {
  public:
-  ExplicitSolver(System& system, const RungeKuttaTable& table, bool fixed)
+  /// @param stable  a table to go over to, or one without stages
+  ExplicitSolver(System& system, const RungeKuttaTable& usual, const RungeKuttaTable& stable = {})
       : system_(system),
-        table_(table),
-        fixed_(fixed),
+        usual_(usual),
+        stable_(stable),
+        fixed_(!usual.error),
         size_(system.problem.size),
         stride_((size_ + kLanes - 1) / kLanes * kLanes),
-        rates_(static_cast<size_t>(stride_) * (table.stages + 1), 0.0),
-        c_(table.stages, 0.0) {
+        rates_(static_cast<size_t>(stride_) * (std::max(usual.stages, stable.stages) + 1), 0.0) {
     for (auto* x : {&start_, &end_, &error_, &scale_, &atol_}) {
       x->assign(static_cast<size_t>(stride_), 0.0);
     }
     std::copy_n(NV_DATA_S(system.atol), size_, atol_.begin());
-    const double* a = table_.a;
-    for (int i = 1; i < table_.stages; a += i++) {
-      for (int j = 0; j < i; ++j) c_[i] += a[j];
-    }
   }
 
   void set_tolerances(double rtol, N_Vector atol) override {
@@ -48,12 +69,16 @@ class ExplicitSolver : public Solver {
     t_ = t;
     h_ = h;
     last_error_ = 1.0;
+    used_ = &usual_;
+    fastest_ = 0.0;
     rated_ = at_end_ = false;
   }
-  void set_rates(const double* rates) override {
-    std::copy_n(rates, size_, get_rates(0));
-    rated_ = true;
+  void set_known(const Stepper::Known& known) override {
+    if (known.rates) std::copy_n(known.rates, size_, get_rates(0));
+    rated_ = known.rates != nullptr;
+    fastest_ = known.fastest_rate;
   }
+  double fastest_rate() const override { return fastest_; }
   StepOutcome step(double t_stop, N_Vector y, double& t) override;
   bool interpolate(double t, N_Vector y) override;
   double next_step() const override { return h_; }
@@ -67,16 +92,18 @@ class ExplicitSolver : public Solver {
   bool calc_end(double h);
   double find_error(double h);
   double find_norm(const double* weight, double h);
+  void choose_method(double room);
+  void update_fastest_rate(double h);
   bool find_first_step(double room);
   long present_steps() const override { return steps_; }
   long present_rejected() const override { return rejected_; }
 
   System& system_;
-  const RungeKuttaTable table_;
+  const Method usual_, stable_;
+  const Method* used_ = &usual_;  // in the last step
   const bool fixed_;
   const int size_, stride_;
   std::vector<double> rates_;  // of the stages, one after another; last: at the end
-  std::vector<double> c_;
   std::vector<double> start_, end_;  // of the step
   std::vector<double> error_;        // scratch
   std::vector<double> scale_;        // 1/(rtol |y| + atol)
@@ -85,6 +112,7 @@ class ExplicitSolver : public Solver {
   double t_ = 0.0, h_ = 0.0;     // end of the last step, size of the next one [s]
   double made_ = 0.0;            // size of the last one [s]
   double last_error_ = 1.0;      // of the step before, in tolerances
+  double fastest_ = 0.0;         // rate of the solution [1/s]; 0 = not known
   bool rated_ = false;           // stage 0 holds the rates at t_
   bool at_end_ = false;          // the last stage does
   long steps_ = 0, rejected_ = 0;
@@ -105,19 +133,20 @@ void ExplicitSolver::add_up(const double* weight, int count, double h, const dou
 
 /// All stages but the last, and the state at the end.
 bool ExplicitSolver::calc_end(double h) {
-  const double* a = table_.a;
-  for (int i = 1; i < table_.stages; a += i++) {
+  const RungeKuttaTable& table = used_->table;
+  const double* a = table.a;
+  for (int i = 1; i < table.stages; a += i++) {
     add_up(a, i, h, start_.data(), end_.data());
-    if (!calc_rates(t_ + c_[i] * h, end_.data(), i)) return false;
+    if (!calc_rates(t_ + used_->c[i] * h, end_.data(), i)) return false;
   }
-  add_up(table_.b, table_.stages, h, start_.data(), end_.data());
+  add_up(table.b, table.stages, h, start_.data(), end_.data());
   return true;
 }
 
 /// Sum of squares of an estimate, in tolerances.
 double ExplicitSolver::find_norm(const double* weight, double h) {
   std::fill(error_.begin(), error_.end(), 0.0);
-  add_up(weight, table_.stages + 1, h, error_.data(), error_.data());
+  add_up(weight, used_->table.stages + 1, h, error_.data(), error_.data());
   double sum = 0.0;
   for (int i = 0; i < size_; ++i) {
     const double e = error_[i] * scale_[i];
@@ -128,11 +157,38 @@ double ExplicitSolver::find_norm(const double* weight, double h) {
 
 /// Estimated error of the step, in tolerances (root mean square).
 double ExplicitSolver::find_error(double h) {
-  const double high = find_norm(table_.error, h);
-  if (!table_.low_error) return std::sqrt(high / size_);
-  const double low = find_norm(table_.low_error, h);
+  const RungeKuttaTable& table = used_->table;
+  const double high = find_norm(table.error, h);
+  if (!table.low_error) return std::sqrt(high / size_);
+  const double low = find_norm(table.low_error, h);
   const double both = high + 0.01 * low;  // as DOP853 has it
   return both > 0.0 ? high / std::sqrt(both * size_) : 0.0;
+}
+
+/// Goes over to the other table where its steps are cheaper. @param room  for the next step [s]
+void ExplicitSolver::choose_method(double room) {
+  if (stable_.table.stages == 0) return;
+  const double wanted = h_ * fastest_, most = room * fastest_;
+  const bool stiff = used_ == &stable_ ? std::min(wanted, most) > kWorthwhile
+                                       : wanted > kLimited && most > kWorthwhile;
+  used_ = stiff ? &stable_ : &usual_;
+  if (stiff) h_ = std::min(h_, kStabilisedInterval / fastest_);
+}
+
+/// From the two evaluations at the end of a step.
+void ExplicitSolver::update_fastest_rate(double h) {
+  if (stable_.table.stages == 0) return;
+  std::fill(error_.begin(), error_.end(), 0.0);
+  add_up(used_->probe.data(), used_->table.stages, h, error_.data(), error_.data());
+  const double *last = get_rates(used_->table.stages - 1), *end = get_rates(used_->table.stages);
+  double apart = 0.0, change = 0.0;
+  for (int i = 0; i < size_; ++i) {
+    const double y = error_[i] * scale_[i], rate = (end[i] - last[i]) * scale_[i];
+    apart += y * y;
+    change += rate * rate;
+  }
+  const double seen = apart > 0.0 ? std::sqrt(change / apart) : 0.0;
+  fastest_ = std::max(std::isfinite(seen) ? seen : 0.0, kFade * fastest_);
 }
 
 /// Where nobody says: from the sizes of rates and of their change (Hairer, Norsett, Wanner, II.4).
@@ -151,13 +207,14 @@ bool ExplicitSolver::find_first_step(double room) {
   for (int i = 0; i < size_; ++i) error_[i] = (get_rates(1)[i] - get_rates(0)[i]) / h;
   const double most = std::max(speed, find_size(error_.data()));
   const double wanted =
-      most > 1e-15 ? std::pow(0.01 / most, 1.0 / (table_.error_order + 1)) : std::max(1e-6, 1e-3 * h);
+      most > 1e-15 ? std::pow(0.01 / most, 1.0 / (usual_.table.error_order + 1))
+                   : std::max(1e-6, 1e-3 * h);
   h_ = std::min({100.0 * h, wanted, room});
   return true;
 }
 
 StepOutcome ExplicitSolver::step(double t_stop, N_Vector y, double& t) {
-  if (at_end_) std::copy_n(get_rates(table_.stages), size_, get_rates(0));
+  if (at_end_) std::copy_n(get_rates(used_->table.stages), size_, get_rates(0));
   std::copy_n(NV_DATA_S(y), size_, start_.begin());
   if (!rated_ && !at_end_ && !calc_rates(t_, start_.data(), 0)) return StepOutcome::kFailed;
   rated_ = true;
@@ -167,6 +224,8 @@ StepOutcome ExplicitSolver::step(double t_stop, N_Vector y, double& t) {
   if (!fixed_ && !(h_ > 0.0) && !find_first_step(room)) return StepOutcome::kFailed;
   bool grows = true;
   for (int tries = 0; tries < kMaxRejected; ++tries) {
+    choose_method(room);
+    const int order = used_->table.error_order, stages = used_->table.stages;
     // What is left is divided evenly: a last step that is much shorter would be wasted.
     const bool stops = h_ >= room * (1.0 - 1e-12);
     const double h = stops ? room : std::min(h_, 0.5 * room);
@@ -174,18 +233,19 @@ StepOutcome ExplicitSolver::step(double t_stop, N_Vector y, double& t) {
     if (!calc_end(h)) return StepOutcome::kFailed;
     double factor = 1.0;
     if (!fixed_) {
-      if (!calc_rates(t_ + h, end_.data(), table_.stages)) return StepOutcome::kFailed;
+      if (!calc_rates(t_ + h, end_.data(), stages)) return StepOutcome::kFailed;
+      update_fastest_rate(h);
       const double error = find_error(h);
       if (!(error <= 1.0)) {
         ++rejected_;
-        const double shrink = std::pow(kBias * error, -1.0 / (table_.error_order + 1));
+        const double shrink = std::pow(kBias * error, -1.0 / (order + 1));
         h_ = h * (shrink > kShrink ? std::min(0.9, kSafety * shrink) : kShrink);
         grows = false;
         continue;
       }
       const double now = std::max(kBias * error, 1e-10);
-      factor = kSafety * std::pow(now, -kProportional / table_.error_order) *
-               std::pow(last_error_, kIntegral / table_.error_order);
+      factor = kSafety * std::pow(now, -kProportional / order) *
+               std::pow(last_error_, kIntegral / order);
       factor = std::clamp(factor, kShrink, grows ? kGrowth : 1.0);
       last_error_ = now;
       at_end_ = true;
@@ -206,8 +266,9 @@ bool ExplicitSolver::interpolate(double t, N_Vector y) {
   if (fixed_) return true;  // nobody looks inside
   if (!at_end_) return false;
   const double s = 1.0 - (t_ - t) / made_, r = 1.0 - s;
-  add_up(table_.dense, table_.stages + 1, made_ * s * s * r * r, start_.data(), error_.data());
-  const double *first = get_rates(0), *last = get_rates(table_.stages);
+  const int stages = used_->table.stages;
+  add_up(used_->table.dense, stages + 1, made_ * s * s * r * r, start_.data(), error_.data());
+  const double *first = get_rates(0), *last = get_rates(stages);
   for (int i = 0; i < size_; ++i) {
     const double way = end_[i] - start_[i];
     const double bend = r * (made_ * first[i] - way) + s * (way - made_ * last[i]);
@@ -221,13 +282,14 @@ bool ExplicitSolver::interpolate(double t, N_Vector y) {
 std::unique_ptr<Solver> make_explicit_solver(System& system, Stepper::Method method) {
   switch (method) {
     case Stepper::Method::kClassicRk4:
-      return std::make_unique<ExplicitSolver>(system, get_classic(), true);
+      return std::make_unique<ExplicitSolver>(system, get_classic());
     case Stepper::Method::kDop853:
-      return std::make_unique<ExplicitSolver>(system, get_dop853(), false);
+      return std::make_unique<ExplicitSolver>(system, get_dop853());
     case Stepper::Method::kStabilised:
-      return std::make_unique<ExplicitSolver>(system, get_stabilised(), false);
+      return std::make_unique<ExplicitSolver>(system, get_dormand_prince(),
+                                              get_stabilised());
     default:
-      return std::make_unique<ExplicitSolver>(system, get_dormand_prince(), false);
+      return std::make_unique<ExplicitSolver>(system, get_dormand_prince());
   }
 }
 

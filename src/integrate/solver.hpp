@@ -74,8 +74,9 @@ class Solver {
   virtual void set_tolerances(double rtol, N_Vector atol) = 0;
   /// Start from y at t. @param h  first step, 0 = choose; multistep methods take it as a bound
   virtual void restart(double t, N_Vector y, double h) = 0;
-  /// The rates at the start, if somebody knows them already: for methods that begin with them.
-  virtual void set_rates(const double* /*rates*/) {}
+  /// What is known at the start; for methods that have a use for it.
+  virtual void set_known(const Stepper::Known&) {}
+  virtual double fastest_rate() const { return 0.0; }
   /// One step towards t_stop; on failure y and t say nothing.
   virtual StepOutcome step(double t_stop, N_Vector y, double& t) = 0;
   /// State inside the last step.

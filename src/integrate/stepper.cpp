@@ -230,13 +230,13 @@ void Stepper::set_tolerances(double rtol, const double* atol) {
   impl_->solver->set_tolerances(rtol, system.atol);
 }
 
-void Stepper::restart(double t, double h, const double* rates) {
+void Stepper::restart(double t, double h, const Known& known) {
   impl_->t = t;
   impl_->h_restart = h;
   impl_->restarted = true;
   impl_->low_valid = false;
   impl_->solver->restart(t, impl_->system.y, h);
-  if (rates) impl_->solver->set_rates(rates);
+  impl_->solver->set_known(known);
 }
 
 StepOutcome Stepper::step(double t_stop, bool watch_roots) {
@@ -280,7 +280,8 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
     const bool leap = me.system.trouble == kStepOver && leaps < kLeaps.size();
     const double factor = leap ? kLeaps[leaps++] : std::pow(0.25, ++retry);
     std::copy(me.y_before.begin(), me.y_before.end(), y());
-    restart(t_before, std::min(factor * h_first, t_stop - t_before));
+    restart(t_before, std::min(factor * h_first, t_stop - t_before),
+            {nullptr, me.solver->fastest_rate()});
     me.low_valid = watch;  // the start is where it was
   }
   return StepOutcome::kFailed;
@@ -288,6 +289,7 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
 
 double Stepper::time() const { return impl_->t; }
 double Stepper::next_step() const { return impl_->solver->next_step(); }
+double Stepper::fastest_rate() const { return impl_->solver->fastest_rate(); }
 const double* Stepper::unknowns() const { return impl_->solver->unknowns(); }
 bool Stepper::root_found(int i) const { return impl_->root_info[i] != 0; }
 long Stepper::steps() const { return impl_->solver->steps() - impl_->idle_steps; }

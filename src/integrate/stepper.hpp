@@ -57,7 +57,8 @@ class Stepper {
   enum class Method {
     kDormandPrince,  ///< explicit one-step, order 5(4)
     kDop853,         ///< the same of order 8(5,3)
-    kStabilised,     ///< the same of order 4(3) with a long real interval of stability
+    kStabilised,     ///< kDormandPrince, and where stability would limit it a method of order 4(3)
+                     ///< with a long interval of stability
     kClassicRk4,     ///< the same of order 4; every step is what restart() asks for
     kEsdirk,         ///< implicit one-step, L-stable, order 4(3)
     kImex,           ///< explicit for Problem::mild_rates, implicit for the rest, order 4(3)
@@ -65,6 +66,12 @@ class Stepper {
     kAdams,          ///< multistep, order up to 12
     kBdf,            ///< multistep, stiff, order up to 5
     kDae,            ///< the same for Problem::dae
+  };
+
+  /// What is known where the integration starts.
+  struct Known {
+    const double* rates = nullptr;  ///< there
+    double fastest_rate = 0.0;      ///< as fastest_rate() told it last [1/s]
   };
 
   explicit Stepper(Problem problem, Method method = Method::kDormandPrince);
@@ -76,13 +83,16 @@ class Stepper {
   /// Tolerances: |error_i| <= rtol |y_i| + atol[i] in the root-mean-square sense; for kDae of z.
   void set_tolerances(double rtol, const double* atol);
   /// Start (again) at time t from y() with first step h (0 = choose); multistep methods choose one
-  /// that is not longer. @param rates  there, if they are known already
-  void restart(double t, double h, const double* rates = nullptr);
+  /// that is not longer.
+  void restart(double t, double h, const Known& known);
+  void restart(double t, double h) { restart(t, h, Known()); }
   /// One step towards t_stop. @param watch_roots report roots of the event functions
   StepOutcome step(double t_stop, bool watch_roots);
   double time() const;
   /// Step size that error control proposes for the next step [s].
   double next_step() const;
+  /// Fastest rate of the solution, as far as the method tells it [1/s]; 0 = not known.
+  double fastest_rate() const;
   /// All unknowns of Problem::dae at the end of the last step; null for other methods.
   const double* unknowns() const;
   /// Event functions found at their root by the step that returned kRoot.

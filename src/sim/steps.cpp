@@ -113,6 +113,11 @@ Status DockingSim::Impl::step(double t, double h) {
   return status;
 }
 
+/// Start the integrator (again) from its state. @param known_rates  there, or null
+void DockingSim::Impl::start_stepper(double tau, double h, const double* known_rates) {
+  stepper->restart(tau, h, {known_rates, fastest_rate});
+}
+
 /// A step of the integrator, which notes what it has evaluated last.
 StepOutcome DockingSim::Impl::make_inner_step(double stop, bool watch_roots) {
   if (evaluated == Evaluated::kTrial) evaluated = Evaluated::kNothing;
@@ -128,7 +133,7 @@ Status DockingSim::Impl::integrate(double h, int limit) {
   double tau = 0.0;
   int refused = 0;           // end states in a row that could not be evaluated
   double proposal = h_warm;  // step size that error control asks for; stops do not count
-  stepper->restart(0.0, std::min(proposal, h), find_start_rates());
+  start_stepper(0.0, std::min(proposal, h), find_start_rates());
   for (int inner = 0; inner < limit; ++inner) {
     status = watch_rest(tau);
     if (!status.ok()) return status;
@@ -144,7 +149,7 @@ Status DockingSim::Impl::integrate(double h, int limit) {
       std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
       flown = tau >= h && !changed && is_far();
       if (tau >= h) return {};
-      stepper->restart(tau, std::min(proposal, h - tau));
+      start_stepper(tau, std::min(proposal, h - tau));
       continue;
     }
     const double stop = find_next_stop(tau, h);
@@ -162,13 +167,14 @@ Status DockingSim::Impl::integrate(double h, int limit) {
       const bool cut_short = outcome == StepOutcome::kStopped && made < proposal;
       proposal = cut_short ? std::max(proposal, stepper->next_step()) : stepper->next_step();
     }
+    fastest_rate = stepper->fastest_rate();
     status = evaluate_end(stepper->time());
     if (!status.ok()) {
       // Error control was content with a state that cannot be evaluated: take smaller steps to it.
       if (++refused > kMaxRefused) return status;
       std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
       proposal = 0.25 * made;
-      stepper->restart(tau, proposal);
+      start_stepper(tau, proposal);
       continue;
     }
     refused = 0;
@@ -182,9 +188,9 @@ Status DockingSim::Impl::integrate(double h, int limit) {
     }
     const double leap = find_leap(made, proposal);
     if (leap > 0.0) {
-      stepper->restart(tau, std::min(leap, h - tau));
+      start_stepper(tau, std::min(leap, h - tau));
     } else if (restart) {
-      stepper->restart(tau, std::min(proposal, h - tau));
+      start_stepper(tau, std::min(proposal, h - tau));
     }
   }
   if (!last_trouble.ok()) return last_trouble;  // what the last steps had to get around
@@ -214,7 +220,7 @@ Status DockingSim::Impl::integrate_fixed(double h, int limit) {
   for (int inner = 1; inner <= count; ++inner) {
     const double end = inner == count ? h : h * inner / count;
     last_trouble = Status();
-    stepper->restart(tau, end - tau, inner == 1 ? find_start_rates() : nullptr);
+    start_stepper(tau, end - tau, inner == 1 ? find_start_rates() : nullptr);
     if (make_inner_step(end, false) == StepOutcome::kFailed) return find_trouble(tau);
     tau = end;
     Status status = evaluate_end(tau);
@@ -273,7 +279,7 @@ Status DockingSim::Impl::step_to_root(double tau) {
   for (int i = 0; i < kFixedRoots + model->latches.count(); ++i) due[i] = stepper->root_found(i);
   std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
   if (!(root > tau)) return {};
-  stepper->restart(tau, root - tau);
+  start_stepper(tau, root - tau);
   for (int inner = 0; inner < DOCKLOOP_MAX_INNER_STEPS; ++inner) {
     const StepOutcome outcome = make_inner_step(root, false);
     if (outcome == StepOutcome::kFailed) return find_trouble(tau);
