@@ -679,15 +679,16 @@ void add_solver_parameters(Table& table, Parameters& parameter) {
   table
       .parameter(
           "solver.method", &parameter.solver_method, kNone,
-          "Integration method: 1 auto (as 2, at model.level 4 as 9), 2 explicit (adaptive "
+          "Integration method: 1 auto (as 11, at model.level 4 as 9), 2 explicit (adaptive "
           "one-step), 3 implicit (the "
           "same for stiff contact, latches or friction), 4 imex (implicit for contact and latches "
           "only), 5 adams and 6 bdf (multistep, bdf for stiff ones: they start again with order 1 "
           "at every communication point and event, so they are for long communication steps), 7 "
           "fixed_rk4 (equal steps of solver.step, bounded cost), 8 fixed_implicit (the same, "
           "stable where 7 is not), 9 dae (all joint coordinates, loops held by multipliers: "
-          "with model.level 4 only), 10 high_order (as 2 of order 8, for tight tolerances), 11 "
-          "stabilised (as 2 of order 4, stable in longer steps)")
+          "with model.level 4 only), 10 high_order (as 2 of order 8, for smooth motion at tight "
+          "tolerances), 11 stabilised (as 2, in longer steps of order 4 where stability would limit "
+          "those of 2)")
       .limits(1, 11);
   table
       .parameter("solver.dae_form", &parameter.dae_form, kNone,

@@ -221,6 +221,7 @@ StepOutcome ExplicitSolver::step(double t_stop, N_Vector y, double& t) {
   at_end_ = false;
   for (int i = 0; i < size_; ++i) scale_[i] = 1.0 / (rtol_ * std::abs(start_[i]) + atol_[i]);
   const double room = t_stop - t_;
+  if (!(room > 0.0)) return StepOutcome::kStopped;
   if (!fixed_ && !(h_ > 0.0) && !find_first_step(room)) return StepOutcome::kFailed;
   bool grows = true;
   for (int tries = 0; tries < kMaxRejected; ++tries) {

@@ -17,7 +17,7 @@ struct System;
 enum class StepOutcome {
   kStepped,  ///< one step was accepted
   kStopped,  ///< one step was accepted and ends at the stop time
-  kRoot,     ///< a root lies inside the step; y is interpolated there
+  kRoot,     ///< a root lies inside the step; y is interpolated there: restart() to go on
   kFailed,   ///< no acceptable step; y is as before the call
 };
 

@@ -199,7 +199,8 @@ const double* DockingSim::Impl::find_start_rates() const {
 
 /// The same at the end of a step of the integrator, which has often evaluated just that.
 Status DockingSim::Impl::evaluate_end(double tau) {
-  if (evaluated != Evaluated::kTrial || !is_evaluated(tau, stepper->y())) return evaluate(tau);
+  const bool is_there = evaluated == Evaluated::kTrial && is_evaluated(tau, stepper->y());
+  if (!is_there || model->locked.on) return evaluate(tau);  // locked, some of rate_data is stale
   std::swap(data, rate_data);
   evaluated = Evaluated::kNothing;
   return {};

@@ -93,6 +93,7 @@ Stepper::Method find_stepper_method(int method) {
       return Stepper::Method::kSdirk;
     case kHighOrder:
       return Stepper::Method::kDop853;
+    case kAuto:
     case kStabilised:
       return Stepper::Method::kStabilised;
     default:

@@ -13,7 +13,7 @@ namespace dockloop {
 
 /// Values of solver.method; numbers of the interface.
 enum SolverMethod {
-  kAuto = 1,           ///< as kExplicit
+  kAuto = 1,           ///< as kStabilised
   kExplicit = 2,       ///< adaptive, one-step
   kImplicit = 3,       ///< adaptive, one-step, for stiff contact, latches and friction
   kImex = 4,           ///< adaptive, one-step, implicit for contact and latches only
@@ -23,7 +23,7 @@ enum SolverMethod {
   kFixedImplicit = 8,  ///< equal steps, stiff
   kDae = 9,            ///< loops held by multipliers: dynamics/reference_model.hpp
   kHighOrder = 10,     ///< as kExplicit of order 8, for tight tolerances
-  kStabilised = 11,    ///< as kExplicit of order 4, stable in longer steps
+  kStabilised = 11,    ///< as kExplicit; where stability limits its steps, of order 4, longer ones
 };
 
 /// Values of model.flight.

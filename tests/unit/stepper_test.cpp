@@ -244,6 +244,56 @@ TEST(StiffProblems, are_stepped_over_by_implicit_methods_only) {
   EXPECT_GT(steps[4], 100 * steps[5]) << "Adams against BDF";
 }
 
+TEST(StiffProblems, are_cheaper_with_stabilised_steps_and_as_accurate) {
+  double error[2];
+  long evaluations[2];
+  const Method methods[] = {Method::kDormandPrince, Method::kStabilised};
+  for (int i = 0; i < 2; ++i) {
+    Stepper stepper(make_stiff(2e3), methods[i]);
+    set_tolerance(stepper, 1, 1e-4);
+    stepper.y()[0] = 1.0;
+    stepper.restart(0.0, 0.0);
+    ASSERT_TRUE(run_to(stepper, 3.0));
+    error[i] = std::abs(stepper.y()[0] - std::cos(3.0));
+    evaluations[i] = stepper.rate_evaluations();
+    EXPECT_NEAR(stepper.fastest_rate(), i == 0 ? 0.0 : 2e3, 50.0);
+    std::printf("error %.2e, %ld evaluations\n", error[i], evaluations[i]);
+  }
+  EXPECT_LT(2 * evaluations[1], evaluations[0]);
+  EXPECT_LT(error[1], 1e-4);
+}
+
+TEST(SmoothProblems, are_never_handed_to_the_stabilised_pair) {
+  double end[2];
+  const Method methods[] = {Method::kDormandPrince, Method::kStabilised};
+  for (int i = 0; i < 2; ++i) {
+    Stepper stepper(make_smooth(), methods[i]);
+    set_tolerance(stepper, 3, 1e-7);
+    set_smooth(stepper.y());
+    stepper.restart(0.0, 0.01);
+    ASSERT_TRUE(run_to(stepper, 3.0));
+    end[i] = stepper.y()[0];
+  }
+  EXPECT_EQ(end[0], end[1]);
+}
+
+TEST(Restarts, with_known_rates_give_the_same_bits_and_cost_less) {
+  double end[2];
+  long evaluations[2];
+  for (int i = 0; i < 2; ++i) {
+    Stepper stepper(make_smooth(), Method::kDormandPrince);
+    set_tolerance(stepper, 3, 1e-7);
+    set_smooth(stepper.y());
+    const double rates[] = {0.0, 0.0, -1.0};
+    stepper.restart(0.0, 0.01, {i == 0 ? nullptr : rates, 0.0});
+    ASSERT_TRUE(run_to(stepper, 3.0));
+    end[i] = stepper.y()[0];
+    evaluations[i] = stepper.rate_evaluations();
+  }
+  EXPECT_EQ(end[0], end[1]);
+  EXPECT_EQ(evaluations[1], evaluations[0] - 1);
+}
+
 TEST(StiffProblems, are_stable_with_equal_implicit_steps) {
   for (const Case& c : kCases) {
     if (!c.fixed) continue;
