@@ -187,7 +187,6 @@ Status DockingSim::Impl::evaluate_start() {
   evaluated = Evaluated::kNothing;
   if (rest_state.resting || !begins_with_rates()) return evaluate_present();
   const Status status = evaluate(0.0, true, start_rates.data());
-  ++counted_elsewhere.rate_evaluations;
   note_evaluation(0.0, stepper->y());
   evaluated = Evaluated::kStart;
   return status;

@@ -121,6 +121,7 @@ void DockingSim::Impl::start_stepper(double tau, double h, const double* known_r
 /// A step of the integrator, which notes what it has evaluated last.
 StepOutcome DockingSim::Impl::make_inner_step(double stop, bool watch_roots) {
   if (evaluated == Evaluated::kTrial) evaluated = Evaluated::kNothing;
+  if (evaluated == Evaluated::kStart) ++counted_elsewhere.rate_evaluations;
   return stepper->step(stop, watch_roots);
 }
 
@@ -140,6 +141,7 @@ Status DockingSim::Impl::integrate(double h, int limit) {
     if (rest_state.resting) {
       const double flight = std::min(find_flight_time(), h - tau);
       fly(flight);
+      evaluated = Evaluated::kNothing;
       tau = flight < h - tau ? tau + flight : h;
       std::fill(due.begin(), due.end(), char(0));
       bool changed = false;
