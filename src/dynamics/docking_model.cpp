@@ -716,7 +716,10 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
 Status calc_mechanism_position(const DockingModel& model, const double* y,
                                DockingData<double>& data) {
   put_mechanism_state(model, y, data.mechanism.tree);
-  return calc_position(model.mechanism, data.mechanism);
+  data.mechanism.whole = true;
+  const Status status = calc_position(model.mechanism, data.mechanism);
+  data.mechanism.whole = false;
+  return status;
 }
 
 void set_momentum(const DockingModel& model, int vehicle, const Wrench<double>& momentum,

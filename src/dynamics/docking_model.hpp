@@ -230,7 +230,8 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
                             const Vec3<double>& angular_velocity, double* y,
                             DockingData<double>& data);
 
-/// Position, inertia and its factor of the mechanism at the coordinates in y, nothing else.
+/// Position, inertia and its factor of the mechanism at the coordinates in y, nothing else; of all
+/// bodies, by the general code.
 Status calc_mechanism_position(const DockingModel& model, const double* y,
                                DockingData<double>& data);
 

@@ -175,6 +175,24 @@ void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
   if (!mechanism.skips_massless) calc_loop_acceleration(mechanism.plan, data.vdot, data.loops);
 }
 
+Status complete(const Mechanism& mechanism, const BaseMotion<double>& base,
+                MechanismData<double>& data) {
+  if (!data.by_kernel) return {};
+  data.whole = true;
+  const Status status = calc_position(mechanism, data);
+  if (status.ok()) {
+    calc_velocity(mechanism, base, data);
+    calc_acceleration(mechanism, base, data);
+  }
+  data.whole = false;
+  return status;
+}
+
+void keep_reference(MechanismData<double>& data) {
+  if (data.by_kernel) return data.kernel->keep_reference(data);
+  keep_reference(data.tree, data.loops);
+}
+
 template <class S>
 void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int base_body,
                     MechanismData<S>& data) {

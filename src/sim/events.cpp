@@ -45,7 +45,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
 void DockingSim::Impl::keep_pose() {
   if (model->locked.on) return;
   pose_is_kept = false;
-  keep_reference(data->mechanism.tree, data->mechanism.loops);
+  keep_reference(data->mechanism);
   rate_data->mechanism.loops.reference = data->mechanism.loops.reference;
 }
 
@@ -199,7 +199,8 @@ const double* DockingSim::Impl::find_start_rates() const {
 /// The same at the end of a step of the integrator, which has often evaluated just that.
 Status DockingSim::Impl::evaluate_end(double tau) {
   const bool is_there = evaluated == Evaluated::kTrial && is_evaluated(tau, stepper->y());
-  if (!is_there || model->locked.on) return evaluate(tau);  // locked, some of rate_data is stale
+  // Locked, some of rate_data is stale.
+  if (!is_there || model->locked.on || !shares_evaluations()) return evaluate(tau);
   std::swap(data, rate_data);
   evaluated = Evaluated::kNothing;
   return {};

@@ -245,7 +245,10 @@ std::array<double, kPeakCount> DockingSim::Impl::find_peak_values() const {
 
 Status DockingSim::Impl::update_outputs() {
   read_inputs();
-  const Status status = evaluate_present();
+  Status status = evaluate_present();
+  if (status.ok() && !model->locked.on) {
+    status = complete(model->mechanism, data->base, data->mechanism);
+  }
   if (!status.ok()) return status;
   const OutputSource<double> source =
       make_output_source(*data, stepper->y(), frame_velocity, frame_shift);
@@ -255,7 +258,7 @@ Status DockingSim::Impl::update_outputs() {
               outputs.capture_peak.begin());
   outputs.capture_peak_load_ratio = peaks.peak()[Outputs::kLoadCount];
   update_phase_outputs();
-  outputs.momentum_residual = momentum_residual;
+  outputs.momentum_residual = std::max(momentum_residual, find_momentum_residual());
   if (has_host()) {
     outputs.coupling_pending_impulse.setZero();
     outputs.coupling_pending_angular_impulse.setZero();

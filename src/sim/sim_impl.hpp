@@ -78,6 +78,7 @@ struct DockingSim::Impl : SimState {
   void choose_frame_O();
   void make_stepper();
   void attach_kernel();
+  bool shares_evaluations() const;
   int find_trouble_code(Status status, double t, const double* values, int count);
   void make_jacobian_pass();
   int calc_jacobian(double t, const double* y, double* by_columns);
@@ -115,6 +116,8 @@ struct DockingSim::Impl : SimState {
   void finish_step(double h);
   void update_mean_loads(double h, const CouplingPoint& end);
   void update_momentum_audit();
+  double find_momentum_residual() const;
+  bool conserves_momentum() const;
   double find_total_energy() const;
   double find_potential_energy() const;
   VehicleState find_vehicle_state(int vehicle) const;

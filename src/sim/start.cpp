@@ -389,7 +389,6 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   }
   if (announces()) look_ahead_start = std::make_unique<Snapshot>();
   make_stepper();
-  attach_kernel();
   loads.command.setZero(static_cast<int>(model->mechanism.model.forces.size()));
   load_rates = loads_now = loads;
   read_inputs();
@@ -437,6 +436,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   rest_state.q.assign(q, q + model->layout.mechanism_nq);
   if (!model->locked.on) model->locked.q = data->mechanism.tree.q;  // room for a rest
   start_coupling();
+  attach_kernel();
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
@@ -448,10 +448,23 @@ double DockingSim::Impl::find_relative_tolerance() const {
   return asked > 0.0 ? std::min(asked, parameters.rtol) : parameters.rtol;
 }
 
-/// Trial states of the integrator are evaluated by a kernel, if there is one; accepted ones by the
-/// general code, which finds everything. The form with multipliers and the truth need all of it.
+/// Trial states are evaluated by a kernel, if there is one; accepted ones too, unless somebody needs
+/// all of what the general code finds: a host of a vehicle, or one that integrates by itself. The
+/// form with multipliers and the truth know no kernels.
 void DockingSim::Impl::attach_kernel() {
-  if (!reference && !adapt_problem) rate_data->mechanism.kernel = make_kernel(model->mechanism);
+  if (reference || adapt_problem) return;
+  MechanismData<double>&trial = rate_data->mechanism, &accepted = data->mechanism;
+  trial.kernel = make_kernel(model->mechanism);
+  if (!trial.kernel) return;
+  if (!model->moves[kChaser] && !trial.kernel->finds_momentum()) trial.kernel.reset();
+  if (shares_evaluations()) accepted.kernel = make_kernel(model->mechanism);
+}
+
+/// May a trial state that turns out to be accepted be taken for evaluated?
+bool DockingSim::Impl::shares_evaluations() const {
+  const MechanismKernel* kernel = rate_data->mechanism.kernel.get();
+  return !kernel || (kernel->serves_accepted_states() && !has_host() &&
+                     interface == Interface::kCoSimulation);
 }
 
 void DockingSim::Impl::make_stepper() {

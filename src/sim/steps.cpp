@@ -351,18 +351,34 @@ void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& end) {
   }
 }
 
-/// Compare the momentum summed over bodies with its start and the impulses from outside.
+/// Is there momentum to compare? An immobile vehicle takes up any.
+bool DockingSim::Impl::conserves_momentum() const {
+  return model->moves[kChaser] && (!model->present[kTarget] || model->moves[kTarget]);
+}
+
+/// Momentum summed over bodies against its start and the impulses from outside, at this
+/// communication point, where the sum is known; else it is found when somebody asks.
 void DockingSim::Impl::update_momentum_audit() {
-  // An immobile vehicle takes up any momentum: there is nothing to compare then.
-  if (!model->moves[kChaser] || (model->present[kTarget] && !model->moves[kTarget])) return;
-  Wrench<double> difference;
+  if (!conserves_momentum()) return;
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i]) continue;
-    const Wrench<double> now = find_momentum(*model, i, *data);
-    difference += now - momentum_start[i];
-    momentum_scale = std::max({momentum_scale, momentum_start[i].f.norm(), now.f.norm()});
+    const double* now = stepper->y() + model->layout.momentum[i];
+    const double linear = Eigen::Map<const Vec3<double>>(now).norm();
+    const double angular = Eigen::Map<const Vec3<double>>(now + 3).norm();
+    momentum_scale = std::max({momentum_scale, momentum_start[i].f.norm(), linear});
     angular_momentum_scale =
-        std::max({angular_momentum_scale, momentum_start[i].t.norm(), now.t.norm()});
+        std::max({angular_momentum_scale, momentum_start[i].t.norm(), angular});
+  }
+  if (data->mechanism.by_kernel && !model->locked.on) return;
+  momentum_residual = std::max(momentum_residual, find_momentum_residual());
+}
+
+/// At the present state. @pre nothing was left out by a kernel
+double DockingSim::Impl::find_momentum_residual() const {
+  if (!conserves_momentum()) return 0.0;
+  Wrench<double> difference;
+  for (int i : {kChaser, kTarget}) {
+    if (model->present[i]) difference += find_momentum(*model, i, *data) - momentum_start[i];
   }
   const double* impulse = stepper->y() + model->layout.impulse;
   for (int j = 0; j < 3; ++j) {
@@ -372,8 +388,7 @@ void DockingSim::Impl::update_momentum_audit() {
   // An aligned docking has next to no angular momentum about O: measure it by the linear one at a
   // lever of 1 m then.
   const double angular_scale = std::max(angular_momentum_scale, momentum_scale * 1.0);
-  momentum_residual = std::max({momentum_residual, difference.f.norm() / momentum_scale,
-                                difference.t.norm() / angular_scale});
+  return std::max(difference.f.norm() / momentum_scale, difference.t.norm() / angular_scale);
 }
 
 }  // namespace dockloop
