@@ -1,0 +1,148 @@
+// What one evaluation of a mechanism costs, whole and phase by phase, with Google Benchmark.
+//
+//   mechanism_bench MECHANISM.json... [--benchmark_... options]
+//
+// Names of benchmarks: MECHANISM/CODE/WHAT. CODE is `general` (the core), `kernel` (the fastest
+// kernel that applies, if any) or `hand-written` (only for hexapod_bench); WHAT is `accelerations`,
+// `with reactions` (cut forces and the load on the base too) or a phase of the general code.
+#include <benchmark/benchmark.h>
+
+#include <cstdio>
+#include <deque>
+
+#include "benchmarks/hand_written_hexapod.hpp"
+#include "benchmarks/mechanism_evaluation.hpp"
+#include "loops/loop_equations.hpp"
+
+namespace {
+
+using namespace dockloop;
+
+/// Register `work()`, which is evaluated at the next state each time.
+template <class Work>
+void add(const std::string& name, MechanismEvaluation& at, Work work) {
+  benchmark::RegisterBenchmark(name.c_str(), [&at, work](benchmark::State& state) {
+    for ([[maybe_unused]] auto _ : state) {
+      at.put_next_state();
+      work();
+      benchmark::ClobberMemory();
+    }
+  });
+}
+
+/// The phases, in their order. They are timed one by one at a state that has been evaluated, so
+/// their sum is a little less than the whole.
+void add_phases(const std::string& name, MechanismEvaluation& at) {
+  const MechanismModel& model = at.mechanism.model;
+  const LoopPlan& plan = at.mechanism.plan;
+  MechanismData<double>& data = at.data;
+  const BaseMotion<double>& base = at.base;
+  const auto phase = [&](const char* what, auto work) { add(name + what, at, work); };
+  phase("1 close the loops", [&] { calc_loop_position(model, plan, data.tree, data.loops); });
+  phase("2 velocity maps", [&] { calc_velocity_maps(model, plan, data.loops); });
+  phase("3 tree positions", [&] { calc_tree_position(model, data.tree); });
+  phase("4 tree inertia", [&] { calc_tree_inertia(model, data.tree); });
+  phase("5 reduce the inertia", [&] {
+    data.A = data.tree.A;
+    reduce_inertia(plan, data.A, data.loops);
+  });
+  phase("6 factorise", [&] { data.factor.compute(data.A_ind); });
+  phase("7 velocities", [&] { calc_velocity(at.mechanism, base, data); });
+  phase("8 joint forces", [&] { at.calc_forces(); });
+  phase("9 bias and required forces", [&] {
+    const VecX<double>* none = nullptr;
+    calc_tree_acceleration(model, base, none, data.tree);
+    calc_tree_forces(model, data.tree);
+    data.b = data.tau - data.tree.tau_required;
+  });
+  phase("10 reduce the forces", [&] {
+    calc_loop_bias(model, plan, data.tree, data.loops);
+    reduce_forces(plan, data.b, data.loops);
+  });
+  phase("11 solve", [&] {
+    data.a_ind = data.b_ind;
+    data.factor.solveInPlace(data.a_ind);
+  });
+  phase("12 dependent accelerations",
+        [&] { calc_loop_acceleration(plan, data.vdot, data.loops); });
+  phase("13 cut forces", [&] { calc_loop_forces(plan, data.vdot, data.loops); });
+  phase("14 load on the base", [&] {
+    calc_tree_acceleration(model, base, &data.vdot, data.tree);
+    calc_tree_forces(model, data.tree);
+  });
+}
+
+struct Subject {
+  explicit Subject(const std::string& file) : general(file), by_kernel(file) {
+    by_kernel.data.kernel = find_kernel(by_kernel.mechanism);
+    if (general.mechanism.model.name == "hexapod_bench") hand_written.emplace(general.mechanism);
+  }
+
+  void add_benchmarks() {
+    const std::string& name = general.mechanism.model.name;
+    add(name + "/general/accelerations", general, [this] { general.calc_accelerations(); });
+    add(name + "/general/with reactions", general, [this] {
+      general.calc_accelerations();
+      calc_reactions(general.mechanism, general.base, kBase, general.data);
+    });
+    if (by_kernel.data.kernel) {
+      add(name + "/kernel/accelerations", by_kernel, [this] { by_kernel.calc_accelerations(); });
+      add(name + "/kernel/1 position", by_kernel,
+          [this] { calc_position(by_kernel.mechanism, by_kernel.data); });
+      add(name + "/kernel/2 velocity", by_kernel,
+          [this] { calc_velocity(by_kernel.mechanism, by_kernel.base, by_kernel.data); });
+      add(name + "/kernel/3 joint forces", by_kernel, [this] { by_kernel.calc_forces(); });
+      add(name + "/kernel/4 acceleration", by_kernel,
+          [this] { calc_acceleration(by_kernel.mechanism, by_kernel.base, by_kernel.data); });
+    }
+    if (hand_written) add_hand_written(name);
+    add_phases(name + "/phase/", general);
+  }
+
+  void add_hand_written(const std::string& name) {
+    for (int k = 0; k < MechanismEvaluation::kStates; ++k) {
+      general.put_next_state();
+      general.calc_accelerations();
+      HandWrittenHexapod::get_state(general.data.tree, y[k]);
+    }
+    benchmark::RegisterBenchmark((name + "/hand-written/accelerations").c_str(),
+                                 [this](benchmark::State& state) {
+                                   for ([[maybe_unused]] auto _ : state) {
+                                     hand_written->calc_rates(y[next++ % MechanismEvaluation::kStates], dy);
+                                     benchmark::ClobberMemory();
+                                   }
+                                 });
+    benchmark::RegisterBenchmark((name + "/hand-written/with reactions").c_str(),
+                                 [this](benchmark::State& state) {
+                                   for ([[maybe_unused]] auto _ : state) {
+                                     hand_written->calc_rates<true>(y[next++ % MechanismEvaluation::kStates], dy, &reactions);
+                                     benchmark::ClobberMemory();
+                                   }
+                                 });
+  }
+
+  MechanismEvaluation general, by_kernel;
+  std::optional<HandWrittenHexapod> hand_written;
+  HandWrittenHexapod::Reactions reactions;
+  double y[MechanismEvaluation::kStates][HandWrittenHexapod::kStates], dy[13];
+  size_t next = 0;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
+  if (argc < 2) {
+    std::fprintf(stderr, "usage: mechanism_bench MECHANISM.json... [--benchmark_... options]\n");
+    return 2;
+  }
+  try {
+    std::deque<Subject> subjects;  // addresses stay
+    for (int i = 1; i < argc; ++i) subjects.emplace_back(argv[i]).add_benchmarks();
+    benchmark::RunSpecifiedBenchmarks();
+  } catch (const ModelError& error) {
+    std::fprintf(stderr, "mechanism_bench: %s\n", error.what());
+    return 1;
+  }
+  return 0;
+}
