@@ -1,0 +1,244 @@
+"""Mechanisms of the benchmarks as documents: for dockloop, and for engines that know no legs.
+
+``hexapod`` makes the ring on legs of ``hexapod_bench`` with any number of legs. ``expand`` writes
+its legs out as bodies and loops, at states that are closed: the format of
+``tests/data/crank_nested.json``. ``to_mjcf`` tells such a document to MuJoCo.
+"""
+
+import copy
+import math
+
+import numpy as np
+
+RING_STATES = 16  # expand() makes so many
+
+
+def hexapod(bench: dict, count: int) -> dict:
+    """Put the ring of the bench on `count` equal legs, evenly spread, leaning by turns.
+
+    Args:
+        bench: the document ``modelDescription/mechanisms/hexapod_bench.json``.
+        count: number of legs, at least 3.
+
+    Returns:
+        A mechanism document with ``legs``.
+    """
+
+    def on_circle(radius: float, azimuth_deg: float) -> list[float]:
+        azimuth = math.radians(azimuth_deg)
+        return [radius * math.cos(azimuth), radius * math.sin(azimuth), 0.0]
+
+    document = copy.deepcopy(bench)
+    document["name"] = f"legs_{count}"
+    document["legs"] = [
+        {
+            "name": f"leg{i + 1}",
+            "root_point": on_circle(0.65, 360 * i / count),
+            "closing_point": on_circle(0.60, 360 * i / count + 48 * (-1) ** i),
+        }
+        for i in range(count)
+    ]
+    return document
+
+
+def rotation_of(vector: np.ndarray) -> np.ndarray:
+    """Return the 3x3 rotation about a rotation vector [rad]."""
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector / angle if angle else (1.0, 0.0, 0.0)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+def quaternion_of(vector: np.ndarray) -> np.ndarray:
+    """Return the quaternion w x y z of a rotation vector [rad]."""
+    angle = float(np.linalg.norm(vector))
+    axis = vector / angle if angle else np.zeros(3)
+    return np.concatenate([[math.cos(angle / 2)], math.sin(angle / 2) * axis])
+
+
+class _Leg:
+    """A leg of the bench: x along it at home, y its first axis, z its second."""
+
+    def __init__(self, leg: dict, home: np.ndarray) -> None:
+        self.root = np.array(leg["root_point"])
+        self.closing = np.array(leg["closing_point"])
+        along = home + self.closing - self.root
+        self.length = float(np.linalg.norm(along))
+        x = along / self.length
+        y = np.cross([0, 0, 1], x)
+        y /= np.linalg.norm(y)
+        self.axes = np.column_stack([x, y, np.cross(x, y)])
+
+    def find_motion(self, point: np.ndarray, velocity: np.ndarray) -> tuple[list, list]:
+        """Return the three coordinates [rad, rad, m] of the leg and their rates for its tip."""
+        local, rate = self.axes.T @ (point - self.root), self.axes.T @ velocity
+        across = math.hypot(local[0], local[2])
+        length = math.hypot(across, local[1])
+        c1, s1 = local[0] / across, -local[2] / across
+        c2, s2 = across / length, local[1] / length
+        u, z = np.array([c1 * c2, s2, -s1 * c2]), np.array([s1, 0.0, c1])
+        y = np.cross(z, u)
+        q = [math.atan2(s1, c1), math.atan2(s2, c2), length - self.length]
+        return q, [-float(z @ rate) / across, float(y @ rate) / length, float(u @ rate)]
+
+
+def expand(document: dict, start: dict) -> dict:
+    """Write a ring on legs (`hexapod`) out as bodies and loops, with closed states.
+
+    Args:
+        document: a mechanism with one free body and equal R2P1R3 legs.
+        start: member ``initial`` of ``tests/data/hexapod_bench.json``, the first state.
+
+    Returns:
+        name, mechanism (bodies, loops), forces, states (q, v_independent, v, tau); without
+        expected accelerations.
+    """
+    common, ring = document["leg_defaults"], document["bodies"][0]
+    home = np.array(ring["joint"]["position"])
+    legs = [_Leg(leg, home) for leg in document["legs"]]
+    bodies, loops, forces = [ring], [], []
+    for spec, leg in zip(document["legs"], legs, strict=True):
+        name = spec["name"]
+
+        def add(part, parent, kind, axis, com=0.0, name=name, **placement):
+            data = common.get(part, {})
+            across = data.get("inertia_transverse", 0.0)
+            inertia = np.diag([data.get("inertia_axial", 0.0), across, across]).tolist()
+            bodies.append(
+                {
+                    "name": f"{name}_{part}",
+                    "parent": parent,
+                    "joint": {"type": kind, "axis": axis, **placement},
+                    "mass": data.get("mass", 0.0),
+                    "com": [com, 0.0, 0.0],
+                    "inertia": inertia,
+                }
+            )
+
+        placement = {"position": leg.root.tolist(), "rotation": leg.axes.tolist()}
+        add("cross", "base", "revolute", [0.0, 1.0, 0.0], **placement)
+        cylinder, rod = common["cylinder"]["com"], leg.length - common["rod"]["com"]
+        add("cylinder", f"{name}_cross", "revolute", [0.0, 0.0, 1.0], cylinder)
+        add("rod", f"{name}_cylinder", "prismatic", [1.0, 0.0, 0.0], rod)
+        loops.append(
+            {
+                "name": name,
+                "root": "base",
+                "first": f"{name}_cross",
+                "terminal": f"{name}_rod",
+                "closing": ring["name"],
+                "cut": {
+                    "type": "R3",
+                    "point_on_terminal": [leg.length, 0.0, 0.0],
+                    "point_on_closing": leg.closing.tolist(),
+                },
+                "dependent": [f"{name}_{part}" for part in ("cross", "cylinder", "rod")],
+            }
+        )
+        law = {key: common[key] for key in ("stiffness", "damping")}
+        forces.append({"body": f"{name}_rod", **law})
+
+    states = []
+    for k in range(RING_STATES):
+        wave = np.sin(0.3 * k + 1.7 * np.arange(12))  # smooth in k, none of it special
+        displaced, turned = 0.03 * wave[:3], 0.03 * (1 + wave[3:6])
+        velocity, spin = 0.1 * wave[6:9], 0.1 * wave[9:]
+        if k == 0:
+            displaced, turned, velocity, spin = (
+                np.array(start[key])
+                for key in (
+                    "ring_displacement",
+                    "ring_rotation_vector",
+                    "ring_linear_velocity",
+                    "ring_angular_velocity",
+                )
+            )
+        rotation = rotation_of(turned)
+        of_ring = [*(rotation.T @ velocity), *(rotation.T @ spin)]
+        q, v = [*displaced, *quaternion_of(turned)], list(of_ring)
+        tau = [0.0] * 6
+        for leg in legs:
+            arm = rotation @ leg.closing
+            of_leg, rates = leg.find_motion(home + displaced + arm, velocity + np.cross(spin, arm))
+            q += of_leg
+            v += rates
+            tau += [0.0, 0.0, -common["stiffness"] * of_leg[2] - common["damping"] * rates[2]]
+        states.append({"q": q, "v_independent": of_ring, "v": v, "tau": tau})
+    mechanism = {"gravity": document["gravity"], "bodies": bodies, "loops": loops}
+    return {
+        "name": document["name"],
+        "mechanism": mechanism,
+        "forces": forces,
+        "states": [
+            {key: np.asarray(value, float).tolist() for key, value in state.items()}
+            for state in states
+        ],
+    }
+
+
+def to_mjcf(document: dict) -> str:
+    """Return a document of `expand` as MuJoCo's XML: loops are `connect` constraints.
+
+    A body without mass, which MuJoCo refuses, becomes a further joint of the body on it.
+    """
+
+    def words(values) -> str:
+        return " ".join(repr(float(x)) for x in np.ravel(values))
+
+    laws = {force["body"]: force for force in document.get("forces", [])}
+    bodies = document["mechanism"]["bodies"]
+    kinds = {"revolute": "hinge", "prismatic": "slide"}
+
+    def joints_of(body: dict) -> str:
+        joint = body["joint"]
+        if joint["type"] == "free":
+            return "<freejoint/>"
+        law = laws.get(body["name"], {"stiffness": 0, "damping": 0})
+        return (
+            f'<joint type="{kinds[joint["type"]]}" axis="{words(joint["axis"])}" '
+            f'stiffness="{law["stiffness"]}" damping="{law["damping"]}"/>'
+        )
+
+    def write(parent: str) -> str:
+        text = ""
+        for body in bodies:
+            if body["parent"] != parent:
+                continue
+            joint, joints, name = body["joint"], "", body["name"]
+            while not body.get("mass"):  # its joint belongs to the one body that it carries
+                joints += joints_of(body)
+                (body,) = [b for b in bodies if b["parent"] == body["name"]]
+                name = body["name"]
+            axes = np.array(joint.get("rotation", np.eye(3)))
+            inertia = np.array(body.get("inertia", np.zeros((3, 3))))
+            six = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+            text += (
+                f'<body name="{name}" pos="{words(joint.get("position", [0, 0, 0]))}" '
+                f'xyaxes="{words(axes.T[:2])}">{joints}{joints_of(body)}'
+                f'<inertial pos="{words(body.get("com", [0, 0, 0]))}" mass="{body["mass"]}" '
+                f'fullinertia="{words(six)}"/>{write(name)}</body>'
+            )
+        return text
+
+    def anchor(loop: dict) -> str:
+        return (
+            f'<connect site1="{loop["name"]}_terminal" site2="{loop["name"]}_closing" '
+            'solref="0.002 1" solimp="0.9999 0.9999 0.001"/>'
+        )
+
+    text = write("base")
+    for loop in document["mechanism"]["loops"]:
+        for end in ("terminal", "closing"):
+            at = words(loop["cut"][f"point_on_{end}"])
+            site = f'<site name="{loop["name"]}_{end}" pos="{at}"/>'
+            head = f'<body name="{loop[end]}"'
+            start = text.index(">", text.index(head)) + 1
+            text = text[:start] + site + text[start:]
+    gravity = words(document["mechanism"].get("gravity", [0, 0, 0]))
+    return (
+        f'<mujoco model="{document["name"]}"><option integrator="RK4" gravity="{gravity}" '
+        'tolerance="1e-14"/><compiler balanceinertia="false" boundmass="0" boundinertia="0"/>'
+        f"<worldbody>{text}</worldbody>"
+        f"<equality>{''.join(anchor(loop) for loop in document['mechanism']['loops'])}</equality>"
+        "</mujoco>"
+    )
