@@ -1,106 +1,169 @@
-// Time of one right-hand side: `rates_bench MODEL.json [repetitions]`.
+// What one right-hand side of a docking costs, whole and phase by phase, with Google Benchmark.
 //
-// Evaluates the rates of a scene, at its level (key model.level), at its start state (for scenes
-// with contact conditions: at first contact, pressed 1 mm into the surfaces) and prints
-// microseconds for the whole and for its parts. The best of several batches counts, because shared
-// machines are noisy.
-#include <algorithm>
-#include <chrono>
+//   rates_bench MODEL.json... [--benchmark_... options]
+//
+// MODEL.json is resources/model.json of an FMU. The scene is evaluated at its level (model.level),
+// at its start state and, where it has contact, with the capture surfaces 1 mm into each other.
+// Names: SCENE/CODE/WHAT, CODE as in mechanism_bench.
+#include <benchmark/benchmark.h>
+
 #include <cstdio>
-#include <cstdlib>
+#include <deque>
 #include <fstream>
 #include <sstream>
 #include <vector>
 
+#include "benchmarks/mechanism_evaluation.hpp"
 #include "dynamics/docking_jacobian.hpp"
-#include "math/rotation.hpp"
 
 namespace {
 
 using namespace dockloop;
 
-template <class Work>
-double find_best_time(int repetitions, Work work) {
-  double best = 1e9;
-  for (int batch = 0; batch < 10; ++batch) {
-    const auto begin = std::chrono::steady_clock::now();
-    for (int i = 0; i < repetitions; ++i) work();
-    const std::chrono::duration<double, std::micro> spent =
-        std::chrono::steady_clock::now() - begin;
-    best = std::min(best, spent.count() / repetitions);
-  }
-  return best;
+std::string read_file(const std::string& name) {
+  std::ifstream file(name);
+  if (!file) throw ModelError("cannot read " + name);
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
 }
+
+std::string find_name(const std::string& file) {  // FOLDER/SCENE/resources/model.json
+  std::string folder = file.substr(0, file.rfind("/resources"));
+  return folder.substr(folder.rfind('/') + 1);
+}
+
+class Docking {
+ public:
+  Docking(const std::string& file, bool by_kernel)
+      : scene_(read_scene(read_file(file), file)),
+        model_(make_docking_model(scene_, scene_.vehicle, scene_.contact.law,
+                                  scene_.vehicle[kChaser].position, scene_.level)),
+        data_(model_),
+        y_(static_cast<size_t>(model_.layout.size), 0.0),
+        ydot_(y_) {
+    if (by_kernel) data_.mechanism.kernel = find_kernel(model_.mechanism);
+    int q = model_.layout.mechanism_q, v = model_.layout.mechanism_v;
+    for (int i : model_.mechanism_bodies) {
+      const Body& body = model_.mechanism.model.bodies[i];
+      for (int j = 0; j < body.nq(); ++j) {
+        y_[q++] = model_.mechanism.model.home_q[body.q_index + j];
+      }
+      for (int j = 0; j < body.nv(); ++j) y_[v++] = 0.01 * (j + 1);
+    }
+    for (int i : {kChaser, kTarget}) {
+      if (model_.layout.pose[i] < 0) continue;
+      const Vec3<double> x = scene_.vehicle[i].position - scene_.vehicle[kChaser].position;
+      for (int j = 0; j < 3; ++j) y_[model_.layout.pose[i] + j] = x[j];
+      for (int j = 0; j < 4; ++j) {
+        y_[model_.layout.pose[i] + 3 + j] = scene_.vehicle[i].attitude[j];
+      }
+    }
+    loads_.command.setZero(static_cast<int>(model_.mechanism.model.forces.size()));
+    if (!rates().ok()) throw ModelError(file + ": the start state cannot be evaluated");
+    if (scene_.level == kRigid) lock_mechanism(model_, data_);
+    touching_ = y_;
+    has_contact_ = model_.present[kTarget] && !model_.contact.empty();
+    if (!has_contact_) return;
+    // Surfaces that are far apart sleep until they could meet.
+    update_contact_memory(model_.contact, data_.relative, nullptr, data_.contact_work, asleep_);
+    // Bring them together along the docking axis; the gap is a lower bound of the way.
+    const Vec3<double> axis = data_.interface[kTarget].R.col(0);
+    for (double gap = 1.0; gap > -kDepth + 1e-5;) {
+      if (!evaluate(touching_, awake_).ok()) throw ModelError(file + ": contact is too deep");
+      gap = find_gap(model_.contact, data_.relative, data_.contact_work);
+      for (int j = 0; j < 3; ++j) {
+        touching_[model_.layout.pose[kTarget] + j] -= (gap + kDepth) * axis[j];
+      }
+    }
+    evaluate(touching_, awake_);
+    update_contact_memory(model_.contact, data_.relative, nullptr, data_.contact_work, closed_);
+  }
+
+  bool has_kernel() const { return data_.mechanism.kernel != nullptr; }
+
+  void add_benchmarks(const std::string& name) {
+    MechanismData<double>& mechanism = data_.mechanism;
+    add(name + "/1 whole", [this] { rates(); });
+    if (!model_.locked.on) {
+      add(name + "/2 position",
+          [this, &mechanism] { calc_position(model_.mechanism, mechanism); });
+      add(name + "/3 velocity",
+          [this, &mechanism] { calc_velocity(model_.mechanism, data_.base, mechanism); });
+      add(name + "/6 acceleration",
+          [this, &mechanism] { calc_acceleration(model_.mechanism, data_.base, mechanism); });
+    }
+    add(name + "/4 frames", [this] { calc_frames(model_, y_.data(), data_); });
+    add(name + "/5 loads", [this] {
+      calc_loads(model_, discrete_, asleep_, loads_, 0.0, y_.data(), ydot_.data(), data_);
+    });
+    add(name + "/7 rates of vehicles and sums",
+        [this] { calc_vehicle_rates(model_, loads_, y_.data(), ydot_.data(), data_); });
+    if (has_contact_) {
+      add(name + "/8 whole, surfaces near", [this] { evaluate(y_, awake_); });
+      add(name + "/9 whole, in contact", [this] { evaluate(touching_, closed_); });
+    }
+    if (!has_kernel()) {
+      pass_.emplace(model_);
+      add(name + "/eight derivatives", [this] {
+        start_docking_pass(model_, loads_, 0.0, y_.data(), *pass_);
+        for (int lane = 0; lane < kLanes; ++lane) pass_->y[lane].d[lane] = 1.0;
+        calc_docking_pass(model_, discrete_, asleep_, data_, *pass_);
+      });
+    }
+  }
+
+ private:
+  Status evaluate(const std::vector<double>& y, const ContactMemory& memory) {
+    return calc_docking<double>(model_, discrete_, memory, loads_, 0.0, y.data(), ydot_.data(),
+                                data_);
+  }
+  Status rates() { return evaluate(y_, asleep_); }
+
+  /// Register work(), timed after the whole has been evaluated at the start state.
+  template <class Work>
+  void add(const std::string& name, Work work) {
+    benchmark::RegisterBenchmark(name.c_str(), [this, work](benchmark::State& state) {
+      rates();
+      for ([[maybe_unused]] auto _ : state) {
+        work();
+        benchmark::ClobberMemory();
+      }
+    });
+  }
+  static constexpr double kDepth = 1e-3;  // [m]
+  Scene scene_;
+  DockingModel model_;
+  DockingData<double> data_;
+  DiscreteState discrete_;
+  ContactMemory awake_, asleep_, closed_;  ///< knows nothing; far apart; in contact
+  Loads loads_;
+  std::vector<double> y_, ydot_, touching_;
+  std::optional<DockingPass> pass_;
+  bool has_contact_ = false;
+};
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
   if (argc < 2) {
-    std::fprintf(stderr, "usage: rates_bench MODEL.json [repetitions]\n");
+    std::fprintf(stderr, "usage: rates_bench MODEL.json... [--benchmark_... options]\n");
     return 2;
   }
-  std::ifstream file(argv[1]);
-  std::stringstream text;
-  text << file.rdbuf();
-  const int repetitions = argc > 2 ? std::atoi(argv[2]) : 2000;
-  const Scene scene = read_scene(text.str(), argv[1]);
-  DockingModel model = make_docking_model(scene, scene.vehicle, scene.contact.law,
-                                          scene.vehicle[kChaser].position, scene.level);
-  DockingData<double> data(model);
-  std::vector<double> y(static_cast<size_t>(model.layout.size), 0.0), ydot(y);
-  int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
-  for (int i : model.mechanism_bodies) {
-    const Body& body = model.mechanism.model.bodies[i];
-    for (int j = 0; j < body.nq(); ++j) y[q++] = model.mechanism.model.home_q[body.q_index + j];
-    for (int j = 0; j < body.nv(); ++j) y[v++] = 0.01 * (j + 1);
-  }
-  for (int i : {kChaser, kTarget}) {
-    if (model.layout.pose[i] < 0) continue;
-    const Vec3<double> x = scene.vehicle[i].position - scene.vehicle[kChaser].position;
-    for (int j = 0; j < 3; ++j) y[model.layout.pose[i] + j] = x[j];
-    for (int j = 0; j < 4; ++j) y[model.layout.pose[i] + 3 + j] = scene.vehicle[i].attitude[j];
-  }
-  const DiscreteState discrete;
-  ContactMemory memory;
-  Loads loads;
-  loads.command.setZero(static_cast<int>(model.mechanism.model.forces.size()));
-  const auto rates = [&] {
-    return calc_docking<double>(model, discrete, memory, loads, 0.0, y.data(), ydot.data(), data);
-  };
-  if (!rates().ok()) {
-    std::fprintf(stderr, "the start state cannot be evaluated\n");
+  try {
+    std::deque<Docking> dockings;  // addresses stay
+    for (int i = 1; i < argc; ++i) {
+      for (const bool by_kernel : {false, true}) {
+        Docking& docking = dockings.emplace_back(argv[i], by_kernel);
+        if (by_kernel && !docking.has_kernel()) continue;
+        docking.add_benchmarks(find_name(argv[i]) + (by_kernel ? "/kernel" : "/general"));
+      }
+    }
+    benchmark::RunSpecifiedBenchmarks();
+  } catch (const ModelError& error) {
+    std::fprintf(stderr, "rates_bench: %s\n", error.what());
     return 1;
   }
-  if (scene.level == kRigid) lock_mechanism(model, data);
-  std::printf("%-24s %8.3f us\n", "start state", find_best_time(repetitions, rates));
-  MechanismData<double>& mechanism = data.mechanism;
-  std::printf("%-24s %8.3f us\n", "  close loops", find_best_time(repetitions, [&] {
-                calc_loop_position(model.mechanism.model, model.mechanism.plan, mechanism.tree,
-                                   mechanism.loops);
-              }));
-  std::printf("%-24s %8.3f us\n", "  position (all)",
-              find_best_time(repetitions, [&] { calc_position(model.mechanism, mechanism); }));
-  std::printf("%-24s %8.3f us\n", "  velocity", find_best_time(repetitions, [&] {
-                calc_velocity(model.mechanism, data.base, mechanism);
-              }));
-  std::printf("%-24s %8.3f us\n", "  acceleration", find_best_time(repetitions, [&] {
-                calc_acceleration(model.mechanism, data.base, mechanism);
-              }));
-  if (model.present[kTarget] && !model.contact.empty()) {
-    // Bring the surfaces together along the docking axis.
-    const Vec3<double> axis = data.interface[kTarget].R.col(0);
-    const double gap = find_gap(model.contact, data.relative, data.contact_work);
-    for (int j = 0; j < 3; ++j) y[model.layout.pose[kTarget] + j] -= (gap + 1e-3) * axis[j];
-    if (!rates().ok()) return 1;
-    std::printf("%-24s %8.3f us\n", "in contact, no memory", find_best_time(repetitions, rates));
-    update_contact_memory(model.contact, data.relative, nullptr, data.contact_work, memory);
-    std::printf("%-24s %8.3f us\n", "in contact", find_best_time(repetitions, rates));
-  }
-  DockingPass pass(model);
-  std::printf("%-24s %8.3f us\n", "eight derivatives", find_best_time(repetitions / 10 + 1, [&] {
-                start_docking_pass(model, loads, 0.0, y.data(), pass);
-                for (int lane = 0; lane < kLanes; ++lane) pass.y[lane].d[lane] = 1.0;
-                calc_docking_pass(model, discrete, memory, data, pass);
-              }));
   return 0;
 }
