@@ -18,6 +18,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import mechanisms
+
 from dockloop import paths
 from dockloop.core import run_core
 from dockloop.fmu import build_fmu
@@ -309,9 +310,7 @@ def fmu_table(figures: dict, fmpy: dict[str, float]) -> str:
             )
             if key in figure
         ]
-        notes += [
-            f"{key} {us(figure[key])} µs" for key in ("median", "worst") if key in figure
-        ]
+        notes += [f"{key} {us(figure[key])} µs" for key in ("median", "worst") if key in figure]
         rows.append([name, us(figure["ns"]), ", ".join(notes)])
     whole = figures["docking/whole"]["ns"]
     for key, label in (

@@ -100,7 +100,7 @@ def expand(document: dict, start: dict) -> dict:
     for spec, leg in zip(document["legs"], legs, strict=True):
         name = spec["name"]
 
-        def add(part, parent, kind, axis, com=0.0, name=name, **placement):
+        def add(part, parent, kind, axis, *, com=0.0, name=name, **placement):
             data = common.get(part, {})
             across = data.get("inertia_transverse", 0.0)
             inertia = np.diag([data.get("inertia_axial", 0.0), across, across]).tolist()
@@ -118,8 +118,8 @@ def expand(document: dict, start: dict) -> dict:
         placement = {"position": leg.root.tolist(), "rotation": leg.axes.tolist()}
         add("cross", "base", "revolute", [0.0, 1.0, 0.0], **placement)
         cylinder, rod = common["cylinder"]["com"], leg.length - common["rod"]["com"]
-        add("cylinder", f"{name}_cross", "revolute", [0.0, 0.0, 1.0], cylinder)
-        add("rod", f"{name}_cylinder", "prismatic", [1.0, 0.0, 0.0], rod)
+        add("cylinder", f"{name}_cross", "revolute", [0.0, 0.0, 1.0], com=cylinder)
+        add("rod", f"{name}_cylinder", "prismatic", [1.0, 0.0, 0.0], com=rod)
         loops.append(
             {
                 "name": name,
@@ -201,14 +201,14 @@ def to_mjcf(document: dict) -> str:
 
     def write(parent: str) -> str:
         text = ""
-        for body in bodies:
-            if body["parent"] != parent:
+        for child in bodies:
+            if child["parent"] != parent:
                 continue
-            joint, joints, name = body["joint"], "", body["name"]
+            body, joint, joints = child, child["joint"], ""
             while not body.get("mass"):  # its joint belongs to the one body that it carries
                 joints += joints_of(body)
                 (body,) = [b for b in bodies if b["parent"] == body["name"]]
-                name = body["name"]
+            name = body["name"]
             axes = np.array(joint.get("rotation", np.eye(3)))
             inertia = np.array(body.get("inertia", np.zeros((3, 3))))
             six = [inertia[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
