@@ -1,0 +1,91 @@
+"""Work that the product does, watched: counts and sizes, which repeat, instead of seconds.
+
+``data/budgets.json`` says what each figure is today and how far it may move, up or down. After a
+change that is meant, ``.venv/bin/python tests/test_budgets.py`` writes the new figures.
+"""
+
+import functools
+import json
+import subprocess
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from dockloop import paths
+from dockloop.fmu import build_fmu
+from dockloop.simulate import run_fmu
+
+FILE = Path(__file__).parent / "data" / "budgets.json"
+BUDGETS = json.loads(FILE.read_text())["budgets"]
+
+
+@functools.cache
+def run(scene: str, stop: float, step: float, *settings: str) -> dict[str, float]:
+    """Return the last values of all outputs of a run."""
+    with tempfile.TemporaryDirectory(prefix="dockloop-test-") as folder:
+        recording = run_fmu(build_fmu(scene, (), Path(folder) / "it.fmu"), settings, stop, step)
+    return {name: recording[name][-1] for name in recording.names}
+
+
+@functools.cache
+def recorded(program: str, test: str) -> dict[str, str]:
+    """Return what a C++ test has recorded."""
+    with tempfile.TemporaryDirectory(prefix="dockloop-test-") as folder:
+        file = Path(folder) / "out.json"
+        options = [f"--gtest_filter={test}", f"--gtest_output=json:{file}"]
+        subprocess.run([paths.COMPILED / program, *options], capture_output=True, check=True)
+        suites = json.loads(file.read_text())["testsuites"]
+    return suites[0]["testsuite"][0] if suites else {}
+
+
+def stripped_size(library: Path) -> int:
+    """Return the size of a library without symbols [B]."""
+    with tempfile.TemporaryDirectory(prefix="dockloop-test-") as folder:
+        stripped = Path(folder) / "stripped"
+        subprocess.run(["strip", "-o", stripped, library], check=True)
+        return stripped.stat().st_size
+
+
+def measure(budget: dict) -> float | None:
+    """Return the figure of today; None where it cannot be had (sanitizers, other C libraries)."""
+    source = budget["source"]
+    if "scene" in source:
+        settings = source.get("settings", [])
+        return run(source["scene"], source["stop"], source["step"], *settings)[source["output"]]
+    if "test" in source:
+        value = recorded(source["program"], source["test"]).get(source["property"])
+        return None if value is None else float(value)
+    return stripped_size(paths.COMPILED / source["library"])
+
+
+@pytest.mark.parametrize("budget", BUDGETS, ids=[budget["name"] for budget in BUDGETS])
+def test_a_figure_is_what_the_budget_says(budget):
+    if "library" in budget["source"] and paths.COMPILED.name != "release":
+        pytest.skip("sizes are those of a release build")
+    figure = measure(budget)
+    if figure is None:
+        pytest.skip("not counted by this build")
+    room = budget["tolerance"] * budget["figure"]
+    assert abs(figure - budget["figure"]) <= room, (
+        f"{budget['name']}: {figure:.0f} {budget['unit']}, budget {budget['figure']:.0f} within "
+        f"{budget['tolerance']:.0%}. If that is meant, write it into tests/data/budgets.json: "
+        "'.venv/bin/python tests/test_budgets.py'"
+    )
+
+
+def update() -> None:
+    """Write the figures of today into the file."""
+    document = json.loads(FILE.read_text())
+    for budget in document["budgets"]:
+        figure = measure(budget)
+        if figure is None:
+            print(f"{budget['name']}: not counted by this build, left as it is")
+        elif round(figure) != budget["figure"]:
+            print(f"{budget['name']}: {budget['figure']} -> {round(figure)} {budget['unit']}")
+            budget["figure"] = round(figure)
+    FILE.write_text(json.dumps(document, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    update()
