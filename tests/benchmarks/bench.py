@@ -17,8 +17,8 @@ from datetime import date
 from pathlib import Path
 
 import matplotlib as mpl
-import mechanisms
 
+from benchmarks import mechanisms
 from dockloop import paths
 from dockloop.core import run_core
 from dockloop.fmu import build_fmu

@@ -1,0 +1,77 @@
+"""The benchmarks compare the same mechanism, and say so when somebody's accelerations are wrong.
+
+1. The mechanisms told to other engines, bodies and loops, are those that dockloop reads as legs.
+2. The report chooses the cheapest setting of an accuracy, and marks times without a meaning.
+3. ``scripts/bench`` explains itself and refuses what it does not know.
+"""
+
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+from benchmarks import bench, mechanisms
+from dockloop import paths
+from dockloop.core import run_core
+
+BENCH = json.loads(bench.BENCH.read_text())
+START = json.loads((bench.DATA / "hexapod_bench.json").read_text())["initial"]
+
+
+@pytest.mark.parametrize("count", [None, 3, 7])
+def test_other_engines_are_told_the_same_mechanism(count, tmp_path):
+    document = BENCH if count is None else mechanisms.hexapod(BENCH, count)
+    expanded = mechanisms.expand(document, START)
+    for state in expanded["states"]:
+        state["external"] = []
+    legs, bodies = tmp_path / "legs.json", tmp_path / "bodies.json"
+    legs.write_text(json.dumps(document))
+    bodies.write_text(json.dumps(expanded))
+    ours, theirs = (
+        json.loads(run_core("check", file, "--states", str(bodies))) for file in (legs, bodies)
+    )
+    for state, a, b in zip(expanded["states"], ours, theirs, strict=True):
+        assert np.array(b["v"]) == pytest.approx(np.array(state["v"]), abs=1e-14)
+        for key in ("a", "base_force", "base_moment"):
+            scale = np.max(np.abs(a[key]))
+            assert np.array(b[key]) == pytest.approx(np.array(a[key]), abs=1e-12 * scale)
+
+
+def test_a_motion_is_priced_by_the_cheapest_setting_that_is_accurate():
+    figures = {
+        "hand-written/A/1e-05": {"ns": 2e6, "error": 5e-7, "evaluations": 100},
+        "hand-written/B/1e-05": {"ns": 1e6, "error": 5e-7, "evaluations": 200},
+        "hand-written/A/1e-08": {"ns": 9e6, "error": 5e-9, "evaluations": 900},
+    }
+    (row,) = bench.motions_table(figures).split("\n")[2:]
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    assert cells[1] == cells[2] == "1 (200, B 1e-05)"
+    assert cells[3:] == ["9 (900, A 1e-08)", "not reached"]
+
+
+def test_accelerations_that_are_wrong_are_called_so():
+    figures = {
+        "m/hand-written/accelerations": {"ns": 400.0},
+        "m/good/with reactions": {"ns": 8000.0, "error": 1e-12},
+        "m/bad/with reactions": {"ns": 100.0, "error": 0.4},
+    }
+    table = bench.evaluations_table(figures, "m")
+    assert "| bad (accelerations wrong) |" in table
+    assert "| good |" in table
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "text"),
+    [
+        (["--help"], 0, "example: scripts/bench"),
+        (["--peers", "abacus"], 2, "--peers needs"),
+        (["--rounds", "0"], 2, "--rounds needs"),
+        (["--fast"], 2, "'--fast' is not known"),
+    ],
+)
+def test_the_command_explains_itself(arguments, status, text):
+    command = [paths.ROOT / "scripts" / "bench", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == status
+    assert text in done.stdout + done.stderr
