@@ -1,10 +1,10 @@
 // What one evaluation of a mechanism costs, whole and phase by phase, with Google Benchmark.
 //
-//   mechanism_bench MECHANISM.json... [--benchmark_... options]
+//   mechanism_bench MECHANISM.json[,KERNEL.so]... [--benchmark_... options]
 //
-// Names of benchmarks: MECHANISM/CODE/WHAT. CODE is `general` (the core), `kernel` (the fastest
-// kernel that applies, if any) or `hand-written` (only for hexapod_bench); WHAT is `accelerations`,
-// `with reactions` (cut forces and the load on the base too) or a phase of the general code.
+// Names of benchmarks: MECHANISM/CODE/WHAT. CODE is `general` (the core), `leg kernel`, `generated
+// kernel` (where they apply) or `hand-written` (only for hexapod_bench); WHAT is `accelerations`,
+// `with reactions` (cut forces and the load on the base too) or a phase.
 #include <benchmark/benchmark.h>
 
 #include <cstdio>
@@ -72,10 +72,19 @@ void add_phases(const std::string& name, MechanismEvaluation& at) {
   });
 }
 
-struct Subject {
-  explicit Subject(const std::string& file) : general(file), by_kernel(file) {
-    by_kernel.data.kernel = find_kernel(by_kernel.mechanism);
+/// All codes for one mechanism.
+struct Codes {
+  explicit Codes(const Subject& subject) : general(subject.file) {
     if (general.mechanism.model.name == "hexapod_bench") hand_written.emplace(general.mechanism);
+    for (const NamedKernel& kernel : find_kernels(general.mechanism, subject.library)) {
+      MechanismEvaluation& at = by_kernel.emplace_back(subject.file);
+      names.push_back(kernel.name);
+      if (at.use(kernel.kernel)) continue;
+      std::fprintf(stderr, "the %s refuses states of %s\n", kernel.name.c_str(),
+                   subject.file.c_str());
+      by_kernel.pop_back();
+      names.pop_back();
+    }
   }
 
   void add_benchmarks() {
@@ -85,18 +94,17 @@ struct Subject {
       general.calc_accelerations();
       calc_reactions(general.mechanism, general.base, kBase, general.data);
     });
-    if (by_kernel.data.kernel) {
-      add(name + "/kernel/accelerations", by_kernel, [this] { by_kernel.calc_accelerations(); });
-      add(name + "/kernel/1 position", by_kernel,
-          [this] { calc_position(by_kernel.mechanism, by_kernel.data); });
-      add(name + "/kernel/2 velocity", by_kernel,
-          [this] { calc_velocity(by_kernel.mechanism, by_kernel.base, by_kernel.data); });
-      add(name + "/kernel/3 joint forces", by_kernel, [this] { by_kernel.calc_forces(); });
-      add(name + "/kernel/4 acceleration", by_kernel,
-          [this] { calc_acceleration(by_kernel.mechanism, by_kernel.base, by_kernel.data); });
-    }
+    for (size_t i = 0; i < by_kernel.size(); ++i) add_kernel(name + "/" + names[i], by_kernel[i]);
     if (hand_written) add_hand_written(name);
     add_phases(name + "/phase/", general);
+  }
+
+  static void add_kernel(const std::string& name, MechanismEvaluation& at) {
+    add(name + "/accelerations", at, [&] { at.calc_accelerations(); });
+    add(name + "/1 position", at, [&] { calc_position(at.mechanism, at.data); });
+    add(name + "/2 velocity", at, [&] { calc_velocity(at.mechanism, at.base, at.data); });
+    add(name + "/3 joint forces", at, [&] { at.calc_forces(); });
+    add(name + "/4 acceleration", at, [&] { calc_acceleration(at.mechanism, at.base, at.data); });
   }
 
   void add_hand_written(const std::string& name) {
@@ -121,7 +129,9 @@ struct Subject {
                                  });
   }
 
-  MechanismEvaluation general, by_kernel;
+  MechanismEvaluation general;
+  std::deque<MechanismEvaluation> by_kernel;  // addresses stay
+  std::vector<std::string> names;
   std::optional<HandWrittenHexapod> hand_written;
   HandWrittenHexapod::Reactions reactions;
   double y[MechanismEvaluation::kStates][HandWrittenHexapod::kStates], dy[13];
@@ -133,14 +143,14 @@ struct Subject {
 int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   if (argc < 2) {
-    std::fprintf(stderr, "usage: mechanism_bench MECHANISM.json... [--benchmark_... options]\n");
+    std::fprintf(stderr, "usage: mechanism_bench MECHANISM.json[,KERNEL.so]... [--benchmark_...]\n");
     return 2;
   }
   try {
-    std::deque<Subject> subjects;  // addresses stay
-    for (int i = 1; i < argc; ++i) subjects.emplace_back(argv[i]).add_benchmarks();
+    std::deque<Codes> codes;  // addresses stay
+    for (int i = 1; i < argc; ++i) codes.emplace_back(Subject(argv[i])).add_benchmarks();
     benchmark::RunSpecifiedBenchmarks();
-  } catch (const ModelError& error) {
+  } catch (const std::exception& error) {
     std::fprintf(stderr, "mechanism_bench: %s\n", error.what());
     return 1;
   }

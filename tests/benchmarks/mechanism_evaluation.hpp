@@ -20,14 +20,36 @@
 
 namespace dockloop {
 
-/// The fastest kernel that applies to a mechanism; null if there is none.
-inline std::shared_ptr<MechanismKernel> find_kernel([[maybe_unused]] const Mechanism& mechanism) {
+struct NamedKernel {
+  std::string name;
+  std::shared_ptr<MechanismKernel> kernel;
+};
+
+/// The kernels that apply to a mechanism.
+/// @param library  with a generated kernel; may be empty
+inline std::vector<NamedKernel> find_kernels([[maybe_unused]] const Mechanism& mechanism,
+                                             [[maybe_unused]] const std::string& library) {
+  std::vector<NamedKernel> found;
 #if __has_include("kernels/kernels.hpp")
-  return make_kernel(mechanism);
-#else
-  return nullptr;
+  if (auto kernel = make_kernel(mechanism, nullptr)) found.push_back({"leg kernel", kernel});
+  if (library.empty()) return found;
+  const auto generated = std::make_shared<const KernelLibrary>(library);
+  for (const KernelScope scope : {KernelScope::kDocking, KernelScope::kAny}) {
+    if (generated->hash() != find_kernel_hash(mechanism, scope)) continue;
+    found.push_back({"generated kernel", std::make_shared<GeneratedKernel>(mechanism, generated)});
+    break;
+  }
 #endif
+  return found;
 }
+
+/// What to measure, from an argument `FILE.json[,KERNEL.so]`.
+struct Subject {
+  explicit Subject(const std::string& argument)
+      : file(argument.substr(0, argument.find(','))),
+        library(file.size() < argument.size() ? argument.substr(file.size() + 1) : "") {}
+  std::string file, library;
+};
 
 class MechanismEvaluation {
  public:
@@ -49,6 +71,22 @@ class MechanismEvaluation {
       put_next_state();
       if (!calc_accelerations()) throw ModelError(file + " cannot be closed near home");
     }
+    accept();
+  }
+
+  /// The present pose is what continuation starts from.
+  void accept() { keep_reference(data.tree, data.loops); }
+
+  /// Evaluate by a kernel from now on. @return whether it takes all of the states
+  bool use(const std::shared_ptr<MechanismKernel>& kernel) {
+    data.kernel = kernel;
+    bool applies = true;
+    for (int k = 0; k < kStates; ++k) {
+      put_next_state();
+      calc_accelerations();
+      applies = applies && data.by_kernel;
+    }
+    return applies;
   }
 
   /// Independent coordinates and velocities of the next state.

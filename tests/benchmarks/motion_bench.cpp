@@ -1,10 +1,11 @@
 // What 5 s of hexapod_bench cost at which accuracy, with nothing but a Runge-Kutta method around
-// the evaluations (runge_kutta.hpp): the hand-written hexapod, the core, the kernel.
+// the evaluations (runge_kutta.hpp): the hand-written hexapod, the core, kernels.
 //
-//   motion_bench hexapod_bench.json hexapod_bench_reference.json [--benchmark_... options]
+//   motion_bench hexapod_bench.json[,KERNEL.so] REFERENCE.json [--benchmark_... options]
 #include <benchmark/benchmark.h>
 
 #include <cstdio>
+#include <deque>
 
 #include "benchmarks/hand_written_hexapod.hpp"
 #include "benchmarks/mechanism_evaluation.hpp"
@@ -45,7 +46,8 @@ void add_core(const std::string& name, const ReferenceMotion& reference, Mechani
   add_motions<kStates>(
       name, reference,
       [home](const ReferenceMotion& from) { return find_joint_state(from, home); }, rates,
-      [home](const double* y) {
+      [home, &at](const double* y) {  // of a sample: kernels stay near the last one
+        at.accept();
         return Vec3<double>(home.p + Eigen::Map<const Vec3<double>>(y));
       });
 }
@@ -55,20 +57,25 @@ void add_core(const std::string& name, const ReferenceMotion& reference, Mechani
 int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   if (argc != 3) {
-    std::fprintf(stderr, "usage: motion_bench MECHANISM.json REFERENCE.json [--benchmark_...]\n");
+    std::fprintf(stderr, "usage: motion_bench MECHANISM.json[,KERNEL.so] REFERENCE.json [--benchmark_...]\n");
     return 2;
   }
   try {
     const ReferenceMotion reference(argv[2]);
-    MechanismEvaluation general(argv[1]), by_kernel(argv[1]);
-    by_kernel.data.kernel = find_kernel(by_kernel.mechanism);
+    const Subject subject(argv[1]);
+    MechanismEvaluation general(subject.file);
     HandWrittenHexapod hexapod(general.mechanism);
     add_motions<kStates>(
         "hand-written", reference, [](const ReferenceMotion& from) { return from.start; },
         [&](const double* y, double* dy) { hexapod.calc_rates(y, dy); },
         [](const double* y) { return Vec3<double>(y[0], y[1], y[2]); });
     add_core("general", reference, general);
-    if (by_kernel.data.kernel) add_core("kernel", reference, by_kernel);
+    std::deque<MechanismEvaluation> by_kernel;  // addresses stay
+    for (const NamedKernel& kernel : find_kernels(general.mechanism, subject.library)) {
+      MechanismEvaluation& at = by_kernel.emplace_back(subject.file);
+      at.data.kernel = kernel.kernel;
+      add_core(kernel.name, reference, at);
+    }
     benchmark::RunSpecifiedBenchmarks();
   } catch (const std::exception& error) {
     std::fprintf(stderr, "motion_bench: %s\n", error.what());

@@ -1,6 +1,6 @@
 // What one right-hand side of a docking costs, whole and phase by phase, with Google Benchmark.
 //
-//   rates_bench MODEL.json... [--benchmark_... options]
+//   rates_bench MODEL.json[,KERNEL.so]... [--benchmark_... options]
 //
 // MODEL.json is resources/model.json of an FMU. The scene is evaluated at its level (model.level),
 // at its start state and, where it has contact, with the capture surfaces 1 mm into each other.
@@ -35,14 +35,13 @@ std::string find_name(const std::string& file) {  // FOLDER/SCENE/resources/mode
 
 class Docking {
  public:
-  Docking(const std::string& file, bool by_kernel)
+  explicit Docking(const std::string& file)
       : scene_(read_scene(read_file(file), file)),
         model_(make_docking_model(scene_, scene_.vehicle, scene_.contact.law,
                                   scene_.vehicle[kChaser].position, scene_.level)),
         data_(model_),
         y_(static_cast<size_t>(model_.layout.size), 0.0),
         ydot_(y_) {
-    if (by_kernel) data_.mechanism.kernel = find_kernel(model_.mechanism);
     int q = model_.layout.mechanism_q, v = model_.layout.mechanism_v;
     for (int i : model_.mechanism_bodies) {
       const Body& body = model_.mechanism.model.bodies[i];
@@ -80,7 +79,16 @@ class Docking {
     update_contact_memory(model_.contact, data_.relative, nullptr, data_.contact_work, closed_);
   }
 
-  bool has_kernel() const { return data_.mechanism.kernel != nullptr; }
+  const Mechanism& mechanism() const { return model_.mechanism; }
+
+  /// Evaluate by a kernel from now on. @return whether it takes the start state
+  bool use(const std::shared_ptr<MechanismKernel>& kernel) {
+    rates();
+    keep_reference(data_.mechanism.tree, data_.mechanism.loops);
+    data_.mechanism.kernel = kernel;
+    rates();
+    return data_.mechanism.by_kernel;
+  }
 
   void add_benchmarks(const std::string& name) {
     MechanismData<double>& mechanism = data_.mechanism;
@@ -103,7 +111,7 @@ class Docking {
       add(name + "/8 whole, surfaces near", [this] { evaluate(y_, awake_); });
       add(name + "/9 whole, in contact", [this] { evaluate(touching_, closed_); });
     }
-    if (!has_kernel()) {
+    if (!data_.mechanism.kernel) {
       pass_.emplace(model_);
       add(name + "/eight derivatives", [this] {
         start_docking_pass(model_, loads_, 0.0, y_.data(), *pass_);
@@ -148,20 +156,28 @@ class Docking {
 int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   if (argc < 2) {
-    std::fprintf(stderr, "usage: rates_bench MODEL.json... [--benchmark_... options]\n");
+    std::fprintf(stderr, "usage: rates_bench MODEL.json[,KERNEL.so]... [--benchmark_... options]\n");
     return 2;
   }
   try {
     std::deque<Docking> dockings;  // addresses stay
     for (int i = 1; i < argc; ++i) {
-      for (const bool by_kernel : {false, true}) {
-        Docking& docking = dockings.emplace_back(argv[i], by_kernel);
-        if (by_kernel && !docking.has_kernel()) continue;
-        docking.add_benchmarks(find_name(argv[i]) + (by_kernel ? "/kernel" : "/general"));
+      const Subject subject(argv[i]);
+      const std::string name = find_name(subject.file);
+      Docking& general = dockings.emplace_back(subject.file);
+      general.add_benchmarks(name + "/general");
+      for (const NamedKernel& kernel : find_kernels(general.mechanism(), subject.library)) {
+        Docking& docking = dockings.emplace_back(subject.file);
+        if (docking.use(kernel.kernel)) {
+          docking.add_benchmarks(name + "/" + kernel.name);
+        } else {
+          std::fprintf(stderr, "the %s refuses the start of %s\n", kernel.name.c_str(),
+                       name.c_str());
+        }
       }
     }
     benchmark::RunSpecifiedBenchmarks();
-  } catch (const ModelError& error) {
+  } catch (const std::exception& error) {
     std::fprintf(stderr, "rates_bench: %s\n", error.what());
     return 1;
   }
