@@ -62,8 +62,8 @@ double find_least(Work work, int batches = 50, int calls = 200) {
   double least = 1e300;
   for (int i = 0; i < batches; ++i) {
     least = std::min(least, time([&] {
-                       for (int j = 0; j < calls; ++j) work();
-                     }) / calls);
+                              for (int j = 0; j < calls; ++j) work();
+                            }) / calls);
   }
   return least;
 }
@@ -78,7 +78,8 @@ double get(const FmuLibrary& fmu, fmi2Component c, const std::string& name) {
 /// Value references of all Reals that change during a run.
 std::vector<fmi2ValueReference> find_outputs(const FmuLibrary& fmu) {
   std::vector<fmi2ValueReference> found;
-  const std::regex variable("<ScalarVariable[^>]*>[^<]*<Real"), reference("valueReference=\"(\\d+)");
+  const std::regex variable("<ScalarVariable[^>]*>[^<]*<Real"),
+      reference("valueReference=\"(\\d+)");
   for (std::sregex_iterator at(fmu.xml().begin(), fmu.xml().end(), variable), end; at != end;
        ++at) {
     const std::string text = at->str();
@@ -135,7 +136,8 @@ void measure_docking(const std::string& folder, bool quick) {
     }
     if (times.empty()) continue;
     std::sort(times.begin(), times.end());
-    json& one = put("docking/step in phase " + std::to_string(p), sum / static_cast<double>(times.size()));
+    json& one =
+        put("docking/step in phase " + std::to_string(p), sum / static_cast<double>(times.size()));
     one["median"] = times[times.size() / 2];
     one["worst"] = times.back();
     one["steps"] = times.size();
@@ -246,8 +248,9 @@ int main(int argc, char** argv) {
     } else if (what == "motion" && argc >= 4) {
       measure_motion(argv[2], argv[3], argc - quick > 4 ? argv[4] : "", quick);
     } else {
-      std::fprintf(stderr, "usage: fmu_bench docking FOLDER [--quick]\n"
-                           "       fmu_bench motion FOLDER REFERENCE.json [METHOD] [--quick]\n");
+      std::fprintf(stderr,
+                   "usage: fmu_bench docking FOLDER [--quick]\n"
+                   "       fmu_bench motion FOLDER REFERENCE.json [METHOD] [--quick]\n");
       return 2;
     }
   } catch (const std::exception& error) {

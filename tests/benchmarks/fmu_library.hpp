@@ -21,8 +21,8 @@ class FmuLibrary {
     xml_.assign(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
     if (xml_.empty()) throw std::runtime_error("cannot read " + folder + "/modelDescription.xml");
     guid_ = attribute("<fmiModelDescription", "guid");
-    const std::string path = folder + "/binaries/linux64/" +
-                             attribute("<CoSimulation", "modelIdentifier") + ".so";
+    const std::string path =
+        folder + "/binaries/linux64/" + attribute("<CoSimulation", "modelIdentifier") + ".so";
     library_ = dlopen(path.c_str(), RTLD_NOW);
     if (!library_) throw std::runtime_error(dlerror());
     load("fmi2Instantiate", instantiate_);

@@ -29,8 +29,8 @@ class HandWrittenHexapod {
   /// base axes
   static constexpr int kStates = 13;
   struct Reactions {
-    std::array<V3, kLegs> cut_force;                ///< on the leg, base axes [N]
-    V3 force = V3::Zero(), torque = V3::Zero();     ///< on the base, about its origin [N], [N m]
+    std::array<V3, kLegs> cut_force;             ///< on the leg, base axes [N]
+    V3 force = V3::Zero(), torque = V3::Zero();  ///< on the base, about its origin [N], [N m]
   };
 
   /// @param mechanism  hexapod_bench: the ring is its first body, then come six legs
@@ -44,8 +44,8 @@ class HandWrittenHexapod {
       const Body &cross = model.bodies[loop.first], &cylinder = model.bodies[loop.first + 1],
                  &rod = model.bodies[loop.terminal];
       const Mat3<double>& axes = cross.placement.R;
-      legs_[i] = {cross.placement.p,       loop.point_on_closing, axes.col(0), axes.col(1),
-                  axes.col(2), loop.point_on_terminal[0]};
+      legs_[i] = {cross.placement.p, loop.point_on_closing, axes.col(0),
+                  axes.col(1),       axes.col(2),           loop.point_on_terminal[0]};
       m1_ = cylinder.mass;
       m2_ = rod.mass;
       c1_ = cylinder.com[0];
@@ -186,14 +186,14 @@ class HandWrittenHexapod {
 
  private:
   struct Leg {
-    V3 base, ring;        ///< ends: base axes; ring axes [m]
-    V3 x0, y0, z0;        ///< leg at home, first axis, second axis at home; base axes
-    double home_length;   ///< [m]
+    V3 base, ring;       ///< ends: base axes; ring axes [m]
+    V3 x0, y0, z0;       ///< leg at home, first axis, second axis at home; base axes
+    double home_length;  ///< [m]
   };
   struct Tip {
-    V3 s, u, y, z;               ///< ring point from the ring's centre; leg axes; base axes
-    V3 force, centripetal;       ///< on the leg at zero acceleration; w x (w x s)
-    double mass_y, mass_z;       ///< apparent mass across the leg; along it, it is that of the rod
+    V3 s, u, y, z;          ///< ring point from the ring's centre; leg axes; base axes
+    V3 force, centripetal;  ///< on the leg at zero acceleration; w x (w x s)
+    double mass_y, mass_z;  ///< apparent mass across the leg; along it, it is that of the rod
   };
 
   /// From the accelerations of the ring: what each leg feels at its tip, and what is left for the
@@ -215,8 +215,8 @@ class HandWrittenHexapod {
       const V3 du = (vt - dxi * t.u) * per_xi;
       const double ddxi = t.u.dot(at) + xi * du.squaredNorm();
       const V3 ddu = (at - ddxi * t.u - 2.0 * dxi * du) * per_xi;
-      const V3 on_base = force - (m1_ * c1_ + m2_ * (xi - delta_)) * ddu -
-                         m2_ * (ddxi * t.u + 2.0 * dxi * du);
+      const V3 on_base =
+          force - (m1_ * c1_ + m2_ * (xi - delta_)) * ddu - m2_ * (ddxi * t.u + 2.0 * dxi * du);
       // The universal joint passes a moment across its two axes: what the axial spin needs.
       const double s2 = t.u.dot(leg.y0), c2 = t.z.cross(t.u).dot(leg.y0);
       const double dp1 = -t.z.dot(du) / c2, dp2 = t.y.dot(du);

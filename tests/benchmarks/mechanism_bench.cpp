@@ -63,8 +63,7 @@ void add_phases(const std::string& name, MechanismEvaluation& at) {
     data.a_ind = data.b_ind;
     data.factor.solveInPlace(data.a_ind);
   });
-  phase("12 dependent accelerations",
-        [&] { calc_loop_acceleration(plan, data.vdot, data.loops); });
+  phase("12 dependent accelerations", [&] { calc_loop_acceleration(plan, data.vdot, data.loops); });
   phase("13 cut forces", [&] { calc_loop_forces(plan, data.vdot, data.loops); });
   phase("14 load on the base", [&] {
     calc_tree_acceleration(model, base, &data.vdot, data.tree);
@@ -113,17 +112,18 @@ struct Codes {
       general.calc_accelerations();
       HandWrittenHexapod::get_state(general.data.tree, y[k]);
     }
-    benchmark::RegisterBenchmark((name + "/hand-written/accelerations").c_str(),
-                                 [this](benchmark::State& state) {
-                                   for ([[maybe_unused]] auto _ : state) {
-                                     hand_written->calc_rates(y[next++ % MechanismEvaluation::kStates], dy);
-                                     benchmark::ClobberMemory();
-                                   }
-                                 });
+    benchmark::RegisterBenchmark(
+        (name + "/hand-written/accelerations").c_str(), [this](benchmark::State& state) {
+          for ([[maybe_unused]] auto _ : state) {
+            hand_written->calc_rates(y[next++ % MechanismEvaluation::kStates], dy);
+            benchmark::ClobberMemory();
+          }
+        });
     benchmark::RegisterBenchmark((name + "/hand-written/with reactions").c_str(),
                                  [this](benchmark::State& state) {
                                    for ([[maybe_unused]] auto _ : state) {
-                                     hand_written->calc_rates<true>(y[next++ % MechanismEvaluation::kStates], dy, &reactions);
+                                     hand_written->calc_rates<true>(
+                                         y[next++ % MechanismEvaluation::kStates], dy, &reactions);
                                      benchmark::ClobberMemory();
                                    }
                                  });
@@ -143,7 +143,8 @@ struct Codes {
 int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   if (argc < 2) {
-    std::fprintf(stderr, "usage: mechanism_bench MECHANISM.json[,KERNEL.so]... [--benchmark_...]\n");
+    std::fprintf(stderr,
+                 "usage: mechanism_bench MECHANISM.json[,KERNEL.so]... [--benchmark_...]\n");
     return 2;
   }
   try {

@@ -44,9 +44,8 @@ void add_core(const std::string& name, const ReferenceMotion& reference, Mechani
     for (int i = 0; i < 6; ++i) dy[7 + i] = at.data.vdot[i];
   };
   add_motions<kStates>(
-      name, reference,
-      [home](const ReferenceMotion& from) { return find_joint_state(from, home); }, rates,
-      [home, &at](const double* y) {  // of a sample: kernels stay near the last one
+      name, reference, [home](const ReferenceMotion& from) { return find_joint_state(from, home); },
+      rates, [home, &at](const double* y) {  // of a sample: kernels stay near the last one
         at.accept();
         return Vec3<double>(home.p + Eigen::Map<const Vec3<double>>(y));
       });
@@ -57,7 +56,9 @@ void add_core(const std::string& name, const ReferenceMotion& reference, Mechani
 int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   if (argc != 3) {
-    std::fprintf(stderr, "usage: motion_bench MECHANISM.json[,KERNEL.so] REFERENCE.json [--benchmark_...]\n");
+    std::fprintf(
+        stderr,
+        "usage: motion_bench MECHANISM.json[,KERNEL.so] REFERENCE.json [--benchmark_...]\n");
     return 2;
   }
   try {

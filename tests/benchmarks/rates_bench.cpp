@@ -94,8 +94,7 @@ class Docking {
     MechanismData<double>& mechanism = data_.mechanism;
     add(name + "/1 whole", [this] { rates(); });
     if (!model_.locked.on) {
-      add(name + "/2 position",
-          [this, &mechanism] { calc_position(model_.mechanism, mechanism); });
+      add(name + "/2 position", [this, &mechanism] { calc_position(model_.mechanism, mechanism); });
       add(name + "/3 velocity",
           [this, &mechanism] { calc_velocity(model_.mechanism, data_.base, mechanism); });
       add(name + "/6 acceleration",
@@ -156,7 +155,8 @@ class Docking {
 int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   if (argc < 2) {
-    std::fprintf(stderr, "usage: rates_bench MODEL.json[,KERNEL.so]... [--benchmark_... options]\n");
+    std::fprintf(stderr,
+                 "usage: rates_bench MODEL.json[,KERNEL.so]... [--benchmark_... options]\n");
     return 2;
   }
   try {

@@ -16,8 +16,9 @@ TEST(FmuMemory, is_not_allocated_while_a_docking_is_stepped) {
   const Resources resources("resources", text);
   const std::string guid = read_scene(text, "scene").fingerprint;
   const fmi2CallbackFunctions callbacks{ignore_log, nullptr, nullptr, nullptr, nullptr};
-  const fmi2Component c = fmi2Instantiate("one", fmi2CoSimulation, guid.c_str(),
-                                          resources.uri().c_str(), &callbacks, fmi2False, fmi2False);
+  const fmi2Component c =
+      fmi2Instantiate("one", fmi2CoSimulation, guid.c_str(), resources.uri().c_str(), &callbacks,
+                      fmi2False, fmi2False);
   ASSERT_NE(c, nullptr);
   ASSERT_EQ(fmi2SetupExperiment(c, fmi2False, 0, 0, fmi2False, 0), fmi2OK);
   ASSERT_EQ(fmi2EnterInitializationMode(c), fmi2OK);

@@ -1,9 +1,8 @@
 // The hand-written hexapod, by which benchmarks measure the core, is the same mechanism.
 // 1. accelerations of the ring, cut forces and the load on the base are those of the core.
-#include "benchmarks/hand_written_hexapod.hpp"
-
 #include <gtest/gtest.h>
 
+#include "benchmarks/hand_written_hexapod.hpp"
 #include "benchmarks/mechanism_evaluation.hpp"
 #include "unit/test_helpers.hpp"
 

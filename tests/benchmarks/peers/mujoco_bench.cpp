@@ -120,16 +120,15 @@ int main(int argc, char** argv) {
     std::deque<Peer> peers;
     for (int i = first; i + 1 < argc; i += 2) {
       Peer& peer = peers.emplace_back(argv[i], argv[i + 1]);
-      benchmark::RegisterBenchmark(
-          (peer.name + "/MuJoCo/with reactions").c_str(),
-          [&peer](benchmark::State& state) {
-            size_t k = 0;
-            for ([[maybe_unused]] auto _ : state) {
-              peer.put_state(peer.states[k++ % peer.states.size()]);
-              mj_forward(peer.model, peer.data);
-            }
-            state.counters["error"] = peer.find_worst_error();
-          });
+      benchmark::RegisterBenchmark((peer.name + "/MuJoCo/with reactions").c_str(),
+                                   [&peer](benchmark::State& state) {
+                                     size_t k = 0;
+                                     for ([[maybe_unused]] auto _ : state) {
+                                       peer.put_state(peer.states[k++ % peer.states.size()]);
+                                       mj_forward(peer.model, peer.data);
+                                     }
+                                     state.counters["error"] = peer.find_worst_error();
+                                   });
       if (i == first && !reference.is_null()) add_motion(peer, reference);
     }
     benchmark::RunSpecifiedBenchmarks();

@@ -111,8 +111,8 @@ class Peer {
     for (const State& s : states) {
       const Vector& a = calc_accelerations(s.q, s.v, s.tau);
       if (!a.allFinite()) return std::numeric_limits<double>::infinity();
-      worst = std::max(worst, (a - s.expected).cwiseAbs().maxCoeff() /
-                                  s.expected.cwiseAbs().maxCoeff());
+      worst = std::max(worst,
+                       (a - s.expected).cwiseAbs().maxCoeff() / s.expected.cwiseAbs().maxCoeff());
     }
     return worst;
   }
@@ -178,11 +178,10 @@ class Peer {
               : axis.z() == 1.0 ? put(pin::JointModelPZ())
                                 : put(pin::JointModelPrismaticUnaligned(axis));
     }
-    model_.appendBodyToJoint(
-        index,
-        pin::Inertia(body.value("mass", 0.0), read_vector(body, "com"),
-                     read_matrix(body, "inertia", Eigen::Matrix3d::Zero())),
-        pin::SE3::Identity());
+    model_.appendBodyToJoint(index,
+                             pin::Inertia(body.value("mass", 0.0), read_vector(body, "com"),
+                                          read_matrix(body, "inertia", Eigen::Matrix3d::Zero())),
+                             pin::SE3::Identity());
   }
 
   void add_loop(const json& loop) {
@@ -223,8 +222,8 @@ constexpr int kQ = 25, kV = 24;  // of hexapod_bench
 
 void add_motion(const std::string& name, const dockloop::ReferenceMotion& reference, Peer& peer) {
   if (peer.nq() != kQ || peer.nv() != kV) throw std::runtime_error("not the mechanism that moves");
-  const auto rates = [&peer, q = Vector(kQ), v = Vector(kV), tau = Vector(kV)](
-                         const double* y, double* dy) mutable {
+  const auto rates = [&peer, q = Vector(kQ), v = Vector(kV), tau = Vector(kV)](const double* y,
+                                                                               double* dy) mutable {
     q = Eigen::Map<const Vector>(y, kQ);
     v = Eigen::Map<const Vector>(y + kQ, kV);
     q.segment<4>(3).normalize();
@@ -267,11 +266,10 @@ int main(int argc, char** argv) {
     for (int i = first; i < argc; ++i) {
       for (const Algorithm algorithm : {Algorithm::kConstraintDynamics, Algorithm::kLcaba}) {
         Peer& peer = peers.emplace_back(argv[i], algorithm);
-        const std::string code = algorithm == Algorithm::kLcaba ? "Pinocchio lcaba"
-                                                                : "Pinocchio constraintDynamics";
+        const std::string code =
+            algorithm == Algorithm::kLcaba ? "Pinocchio lcaba" : "Pinocchio constraintDynamics";
         benchmark::RegisterBenchmark(
-            (peer.name + "/" + code + "/with reactions").c_str(),
-            [&peer](benchmark::State& state) {
+            (peer.name + "/" + code + "/with reactions").c_str(), [&peer](benchmark::State& state) {
               size_t k = 0;
               for ([[maybe_unused]] auto _ : state) {
                 const State& s = peer.states[k++ % peer.states.size()];
