@@ -7,6 +7,7 @@ report are good; its microseconds are those of one machine.
 
 import argparse
 import json
+import math
 import platform
 import re
 import subprocess
@@ -368,6 +369,82 @@ def legs_table(figures: dict) -> str:
     return table(head, rows)
 
 
+def aims_table(figures: dict, fmpy: dict[str, float]) -> str:
+    """Compare what was reached with what is aimed at; dockloop counts by its fastest code."""
+
+    def best(mechanism: str, what: str, *codes: str) -> float:
+        """Least time [ns] of the codes whose names contain one of `codes`."""
+        times = [
+            figure["ns"]
+            for name, figure in figures.items()
+            if name.startswith(f"{mechanism}/")
+            and name.endswith(f"/{what}")
+            and any(code in name for code in codes)
+            and figure.get("error", 0.0) < TRUSTED
+        ]
+        return min(times, default=float("nan"))
+
+    def motion(accuracy: float, *codes: str) -> float:
+        times = [
+            ns
+            for code, points in find_motions(figures).items()
+            for error, ns, *_ in points
+            if error <= accuracy and any(part in code for part in codes)
+        ]
+        return min(times, default=float("nan"))
+
+    ours, peer = ("general", "kernel"), ("Pinocchio", "MuJoCo")
+    alone = best("hexapod_bench", "accelerations", *ours)
+    floor = best("hexapod_bench", "accelerations", FLOOR)
+    engine = best("hexapod_bench", "with reactions", *peer)
+    nested = best("crank_nested", "with reactions", *peer)
+    docking = figures["docking/whole"]
+    rows = [
+        ("hexapod_bench, accelerations / floor", alone / floor, "<", 0.5),
+        (
+            "hexapod_bench, with reactions / floor's accelerations",
+            best("hexapod_bench", "with reactions", *ours) / floor,
+            "<",
+            0.8,
+        ),
+        ("hexapod_bench, best engine / accelerations", engine / alone, ">", 25),
+        (
+            "crank_nested, best engine / accelerations",
+            nested / best("crank_nested", "accelerations", *ours),
+            ">",
+            10,
+        ),
+        *(
+            (
+                f"5 s to {accuracy:.0e} m, Pinocchio / FMU",
+                motion(accuracy, "Pinocchio") / motion(accuracy, "dockloop FMU"),
+                ">",
+                30,
+            )
+            for accuracy in ACCURACIES
+        ),
+        (
+            "fmi2DoStep far from contact, median µs",
+            figures["docking/step in phase 1"]["median"] / 1e3,
+            "<",
+            2,
+        ),
+        ("default docking, times real time", docking["times_real_time"], ">", 2000),
+        (
+            "the same through FMPy / C interface",
+            fmpy["20 s in steps of 10 ms"] / docking["ns"],
+            "<",
+            3,
+        ),
+    ]
+    cells = []
+    for name, value, sign, aim in rows:
+        met = value < aim if sign == "<" else value > aim
+        verdict = "-" if math.isnan(value) else "yes" if met else "no"
+        cells.append([name, f"{value:.3g}", f"{sign} {aim:g}", verdict])
+    return table(["aim", "measured", "wanted", "met"], cells)
+
+
 def fmu_table(figures: dict, fmpy: dict[str, float]) -> str:
     """What the FMU of the default docking costs its host."""
     rows = []
@@ -429,6 +506,8 @@ def write_report(results: dict, folder: Path) -> None:
         f"{', '.join(codes[1:]) or 'none'}), `{FLOOR}` the same mechanism reduced by hand in plain "
         "scalar C++ (the floor). Other engines always find cut forces along with accelerations; "
         "their error is the largest difference of an acceleration from that of dockloop.",
+        "## Aims",
+        aims_table(figures, results["fmpy"]),
         "## One evaluation: hexapod_bench",
         evaluations_table(figures, "hexapod_bench"),
         "## One evaluation: crank_nested (12 loops, nested)",
