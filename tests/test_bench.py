@@ -11,7 +11,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from benchmarks import bench, mechanisms
+from benchmarks import bench, mechanisms, report
 from dockloop import paths
 from dockloop.core import run_core
 
@@ -44,7 +44,7 @@ def test_a_motion_is_priced_by_the_cheapest_setting_that_is_accurate():
         "hand-written/B/1e-05": {"ns": 1e6, "error": 5e-7, "evaluations": 200},
         "hand-written/A/1e-08": {"ns": 9e6, "error": 5e-9, "evaluations": 900},
     }
-    (row,) = bench.motions_table(figures).split("\n")[2:]
+    (row,) = report.motions_table(figures).split("\n")[2:]
     cells = [cell.strip() for cell in row.strip("|").split("|")]
     assert cells[1] == cells[2] == "1 (200, B 1e-05)"
     assert cells[3:] == ["9 (900, A 1e-08)", "not reached"]
@@ -56,7 +56,7 @@ def test_accelerations_that_are_wrong_are_called_so():
         "m/good/with reactions": {"ns": 8000.0, "error": 1e-12},
         "m/bad/with reactions": {"ns": 100.0, "error": 0.4},
     }
-    table = bench.evaluations_table(figures, "m")
+    table = report.evaluations_table(figures, "m")
     assert "| bad (accelerations wrong) |" in table
     assert "| good |" in table
 

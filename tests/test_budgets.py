@@ -84,7 +84,9 @@ def update() -> None:
         elif round(figure) != budget["figure"]:
             print(f"{budget['name']}: {budget['figure']} -> {round(figure)} {budget['unit']}")
             budget["figure"] = round(figure)
-    FILE.write_text(json.dumps(document, indent=1) + "\n")
+    comment = json.dumps(document["comment"], indent=2).replace("\n", "\n  ")
+    lines = ",\n    ".join(json.dumps(budget) for budget in document["budgets"])
+    FILE.write_text(f'{{\n  "comment": {comment},\n  "budgets": [\n    {lines}\n  ]\n}}\n')
 
 
 if __name__ == "__main__":
