@@ -40,7 +40,9 @@ def evaluations_table(figures: dict, mechanism: str) -> str:
             codes.setdefault(code, {})[what] = figure
     floor = codes.get(FLOOR, {})
     rows = []
-    for code, told in codes.items():
+    for code, told in sorted(
+        codes.items(), key=lambda item: min(x["ns"] for x in item[1].values())
+    ):
         error = next((x["error"] for x in told.values() if "error" in x), None)
         trusted = error is None or error < TRUSTED
 
@@ -84,7 +86,8 @@ def find_motions(figures: dict) -> dict[str, list[tuple[float, float, float, str
 def motions_table(figures: dict) -> str:
     """Cheapest setting of each code for each accuracy."""
     rows = []
-    for code, points in find_motions(figures).items():
+    motions = find_motions(figures).items()
+    for code, points in sorted(motions, key=lambda item: min(point[1] for point in item[1])):
         row = [code]
         for accuracy in ACCURACIES:
             good = [point for point in points if point[0] <= accuracy]
@@ -139,6 +142,7 @@ def legs_table(figures: dict) -> str:
         if not found or figure.get("error", 0.0) > TRUSTED * 1e3:
             continue
         times.setdefault(f"{found[2]}, {found[3]}", {})[int(found[1])] = figure["ns"]
+    times = dict(sorted(times.items(), key=lambda item: min(item[1].values())))
     counts = sorted({count for each in times.values() for count in each})
     rows = [[code, *(us(each.get(count)) for count in counts)] for code, each in times.items()]
     for row, each in zip(rows, times.values(), strict=True):
