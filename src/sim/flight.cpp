@@ -45,11 +45,6 @@ bool DockingSim::Impl::may_rest() const {
          loads.torque[kChaser].isZero(0.0) && loads.torque[kTarget].isZero(0.0);
 }
 
-/// Are the surroundings of the two rings apart? Nothing depends on the memory of contacts then.
-bool DockingSim::Impl::is_far() const {
-  return !has_surfaces() || find_sphere_gap(model->contact, data->relative.p) > 0.0;
-}
-
 /// Lower bound of the way to any contact force [m]; 0 while a latch is not open. @pre evaluate()
 double DockingSim::Impl::find_free_gap() const {
   if (!model->present[kTarget]) return kNoGap;

@@ -165,7 +165,6 @@ struct DockingSim::Impl : SimState {
   bool can_rest() const;
   bool may_rest() const;
   double find_free_gap() const;
-  bool is_far() const;
   Status watch_rest(double tau);
   double find_flight_time() const;
   bool is_in_balance(double tau);

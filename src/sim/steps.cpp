@@ -145,11 +145,13 @@ Status DockingSim::Impl::integrate(double h, int limit) {
       tau = flight < h - tau ? tau + flight : h;
       std::fill(due.begin(), due.end(), char(0));
       bool changed = false;
+      const Vec3<double> looked_from = memory.p_ref;
       status = evaluate(tau);
       if (status.ok()) status = accept(tau, changed);
       if (!status.ok()) return status;
       std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
-      flown = tau >= h && !changed && is_far();
+      // Only a new list of near surfaces makes another evaluation tell more about the gap.
+      flown = !changed && memory.p_ref == looked_from;
       if (tau >= h) return {};
       start_stepper(tau, std::min(proposal, h - tau));
       continue;
