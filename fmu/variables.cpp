@@ -687,7 +687,8 @@ void add_solver_parameters(Table& table, Parameters& parameter) {
           "fixed_rk4 (equal steps of solver.step, bounded cost), 8 fixed_implicit (the same, "
           "stable where 7 is not), 9 dae (all joint coordinates, loops held by multipliers: "
           "with model.level 4 only), 10 high_order (as 2 of order 8, for smooth motion at tight "
-          "tolerances), 11 stabilised (as 2, in longer steps of order 4 where stability would limit "
+          "tolerances), 11 stabilised (as 2, in longer steps of order 4 where stability would "
+          "limit "
           "those of 2)")
       .limits(1, 11);
   table

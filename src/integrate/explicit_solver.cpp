@@ -25,9 +25,9 @@ constexpr double kGrowth = 25.0, kShrink = 0.2;  ///< limits of a change of the 
 constexpr int kMaxRejected = 20;                 ///< in a row
 constexpr int kLanes = 4;                        ///< states that are added up together
 // Step size times fastest rate:
-constexpr double kLimited = 2.8;    ///< where stability begins to limit Dormand-Prince steps
-constexpr double kWorthwhile = 5.0; ///< where a stabilised step is cheaper than several of those
-constexpr double kFade = 0.7;       ///< of the fastest rate seen, per step
+constexpr double kLimited = 2.8;     ///< where stability begins to limit Dormand-Prince steps
+constexpr double kWorthwhile = 5.0;  ///< where a stabilised step is cheaper than several of those
+constexpr double kFade = 0.7;        ///< of the fastest rate seen, per step
 
 /// A table, and what follows from it.
 struct Method {
@@ -103,18 +103,18 @@ class ExplicitSolver : public Solver {
   const Method* used_ = &usual_;  // in the last step
   const bool fixed_;
   const int size_, stride_;
-  std::vector<double> rates_;  // of the stages, one after another; last: at the end
+  std::vector<double> rates_;        // of the stages, one after another; last: at the end
   std::vector<double> start_, end_;  // of the step
   std::vector<double> error_;        // scratch
   std::vector<double> scale_;        // 1/(rtol |y| + atol)
   std::vector<double> atol_;
   double rtol_ = 1e-6;
-  double t_ = 0.0, h_ = 0.0;     // end of the last step, size of the next one [s]
-  double made_ = 0.0;            // size of the last one [s]
-  double last_error_ = 1.0;      // of the step before, in tolerances
-  double fastest_ = 0.0;         // rate of the solution [1/s]; 0 = not known
-  bool rated_ = false;           // stage 0 holds the rates at t_
-  bool at_end_ = false;          // the last stage does
+  double t_ = 0.0, h_ = 0.0;  // end of the last step, size of the next one [s]
+  double made_ = 0.0;         // size of the last one [s]
+  double last_error_ = 1.0;   // of the step before, in tolerances
+  double fastest_ = 0.0;      // rate of the solution [1/s]; 0 = not known
+  bool rated_ = false;        // stage 0 holds the rates at t_
+  bool at_end_ = false;       // the last stage does
   long steps_ = 0, rejected_ = 0;
 };
 
@@ -206,9 +206,8 @@ bool ExplicitSolver::find_first_step(double room) {
   if (!calc_rates(t_ + h, end_.data(), 1)) return false;
   for (int i = 0; i < size_; ++i) error_[i] = (get_rates(1)[i] - get_rates(0)[i]) / h;
   const double most = std::max(speed, find_size(error_.data()));
-  const double wanted =
-      most > 1e-15 ? std::pow(0.01 / most, 1.0 / (usual_.table.error_order + 1))
-                   : std::max(1e-6, 1e-3 * h);
+  const double wanted = most > 1e-15 ? std::pow(0.01 / most, 1.0 / (usual_.table.error_order + 1))
+                                     : std::max(1e-6, 1e-3 * h);
   h_ = std::min({100.0 * h, wanted, room});
   return true;
 }
@@ -287,8 +286,7 @@ std::unique_ptr<Solver> make_explicit_solver(System& system, Stepper::Method met
     case Stepper::Method::kDop853:
       return std::make_unique<ExplicitSolver>(system, get_dop853());
     case Stepper::Method::kStabilised:
-      return std::make_unique<ExplicitSolver>(system, get_dormand_prince(),
-                                              get_stabilised());
+      return std::make_unique<ExplicitSolver>(system, get_dormand_prince(), get_stabilised());
     default:
       return std::make_unique<ExplicitSolver>(system, get_dormand_prince());
   }

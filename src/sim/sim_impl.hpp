@@ -308,7 +308,7 @@ struct DockingSim::Impl : SimState {
   std::vector<double> y_evaluated;
   bool flown = false;         ///< data is that of the present state: a flight has just ended here
   bool pose_is_kept = false;  ///< step_start holds the present reference of the loops
-  Snapshot step_start;  ///< what a refused step goes back to
+  Snapshot step_start;        ///< what a refused step goes back to
 };
 
 }  // namespace dockloop

@@ -40,9 +40,9 @@ struct RestState {
 };
 
 struct SimState {
-  double elapsed = 0.0;    ///< [s] from start to the last communication point
-  double h_warm = 0.0;     ///< step size for the next communication step [s]
-  double last_step = 0.0;  ///< [s]
+  double elapsed = 0.0;       ///< [s] from start to the last communication point
+  double h_warm = 0.0;        ///< step size for the next communication step [s]
+  double last_step = 0.0;     ///< [s]
   double fastest_rate = 0.0;  ///< of the solution, as the integrator saw it last [1/s]
   Vec3<double> frame_velocity = Vec3<double>::Zero();  ///< of O in N [m/s]
   Vec3<double> frame_shift = Vec3<double>::Zero();     ///< of O in N since the start [m]
@@ -203,8 +203,8 @@ void transfer(A& archive, std::shared_ptr<const T>& pointer) {
 
 template <class A>
 void transfer(A& archive, SimState& s) {
-  transfer_all(archive, s.elapsed, s.h_warm, s.last_step, s.fastest_rate, s.frame_velocity, s.frame_shift,
-               s.discrete, s.memory, s.peaks, s.mean_load, s.coupling, s.rest_state,
+  transfer_all(archive, s.elapsed, s.h_warm, s.last_step, s.fastest_rate, s.frame_velocity,
+               s.frame_shift, s.discrete, s.memory, s.peaks, s.mean_load, s.coupling, s.rest_state,
                s.margin_looked_at, s.warned_margin, s.coordinates, s.drift, s.energy_start,
                s.host_work, s.momentum_start, s.momentum_residual, s.momentum_scale,
                s.angular_momentum_scale);

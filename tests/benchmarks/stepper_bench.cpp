@@ -79,8 +79,9 @@ int main(int argc, char** argv) {
                          }));
       }
       const double count = static_cast<double>(evaluations);
-      std::printf("%-22s %2d states: %5.0f ns per evaluation, %3.0f of them in the rates; %ld of %s\n",
-                  row.name, size, least / count, rates / count, evaluations, "them");
+      std::printf(
+          "%-22s %2d states: %5.0f ns per evaluation, %3.0f of them in the rates; %ld of %s\n",
+          row.name, size, least / count, rates / count, evaluations, "them");
     }
   }
   return 0;

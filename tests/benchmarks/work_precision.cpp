@@ -2,11 +2,11 @@
 //
 //   work_precision MODEL STEP STOP METHOD...
 //
-// MODEL is resources/model.json of an FMU; STEP in s between communication points, STOP in s; METHOD
-// are values of solver.method. Every method runs at relative tolerances from 1e-3 to 1e-9, absolute
-// ones in proportion, always integrated (model.flight 2). Errors are the largest differences from
-// Dormand-Prince at 1e-11, every 0.1 s, of the target's place seen from the chaser and of the
-// ring's.
+// MODEL is resources/model.json of an FMU; STEP in s between communication points, STOP in s;
+// METHOD are values of solver.method. Every method runs at relative tolerances from 1e-3 to 1e-9,
+// absolute ones in proportion, always integrated (model.flight 2). Errors are the largest
+// differences from Dormand-Prince at 1e-11, every 0.1 s, of the target's place seen from the chaser
+// and of the ring's.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -76,7 +76,8 @@ int main(int argc, char** argv) {
   const auto scene = std::make_shared<const Scene>(read_scene(text, argv[1]));
   const double step = std::atof(argv[2]), stop = std::atof(argv[3]);
   const Result truth = run(scene, kExplicit, 1e-11, step, stop);
-  std::printf("| method | rtol | evaluations | relative m | ring m | peak |\n|---|---|---|---|---|---|\n");
+  std::printf(
+      "| method | rtol | evaluations | relative m | ring m | peak |\n|---|---|---|---|---|---|\n");
   for (int k = 4; k < argc; ++k) {
     const int method = std::atoi(argv[k]);
     for (int digits = 3; digits <= 9; ++digits) {

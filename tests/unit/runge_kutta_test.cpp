@@ -54,7 +54,8 @@ Step make_step(const RungeKuttaTable& table, double t, const State& y, double h)
   step.error = add_up(table.error, k.size());
   const State bulge = add_up(table.dense, k.size());
   for (size_t i = 0; i < 2; ++i) {
-    step.middle[i] = (y[i] + step.end[i]) / 2 + h * (k.front()[i] - k.back()[i]) / 8 + bulge[i] / 16;
+    step.middle[i] =
+        (y[i] + step.end[i]) / 2 + h * (k.front()[i] - k.back()[i]) / 8 + bulge[i] / 16;
   }
   return step;
 }
@@ -69,10 +70,9 @@ TEST(RungeKuttaTables, have_their_orders) {
     RungeKuttaTable table;
     double order, h;
   };
-  for (const Case& c : {Case{"Dormand-Prince", get_dormand_prince(), 5, 0.1},
-                        Case{"DOP853", get_dop853(), 8, 0.3},
-                        Case{"stabilised", get_stabilised(), 4, 0.2},
-                        Case{"classic", get_classic(), 4, 0.1}}) {
+  for (const Case& c :
+       {Case{"Dormand-Prince", get_dormand_prince(), 5, 0.1}, Case{"DOP853", get_dop853(), 8, 0.3},
+        Case{"stabilised", get_stabilised(), 4, 0.2}, Case{"classic", get_classic(), 4, 0.1}}) {
     // One step: errors are of one order more.
     const State start = find_exact(0.3);
     double error[2], estimate[2], middle[2];
@@ -123,8 +123,8 @@ TEST(StabilisedPair, is_stable_where_dockings_have_their_rates) {
   double largest = 0.0, stages = 0.0;
   for (int i = 1; i <= 1000; ++i) {
     const double part = i / 1000.0;
-    for (const std::complex<double> z : {std::complex<double>(-kStabilisedInterval, 0.0),
-                                         {-0.3, 2.7}, {-0.6, 2.8}, {-0.5, 1.7}}) {
+    for (const std::complex<double> z :
+         {std::complex<double>(-kStabilisedInterval, 0.0), {-0.3, 2.7}, {-0.6, 2.8}, {-0.5, 1.7}}) {
       largest = std::max(largest, find_growth(table, part * z, false));
       stages = std::max(stages, find_growth(table, part * z, true));
     }
