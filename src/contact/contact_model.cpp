@@ -197,7 +197,8 @@ NodesFound add_nodes(const ContactModel& model, const NodeSet& set, const Contac
   };
   for (size_t g = 0; g < set.groups.size(); ++g) {
     const char* before = find_before(g);
-    const bool ways = before && std::find(before, before + find_count(g), 1) != before + find_count(g);
+    const bool ways =
+        before && std::find(before, before + find_count(g), 1) != before + find_count(g);
     if (work.node_functions->add_group(set.groups[g], find_count(g), contact, ways,
                                        work.node_gaps[g], lanes) == nodes::Touch::kDeep) {
       return NodesFound::kTooDeep;

@@ -42,8 +42,8 @@ Touch add_nodes(const NodeGroup& group, int at, Mask used, const NodeContact& co
   const Lanes past = depth - toe / 2.0;
   const Mask in_toe = depth < toe;
   const Lanes elastic = in_toe ? k * depth * depth / (2.0 * toe) : k * past;
-  const Lanes energy = in_toe ? k * depth * depth * depth / (6.0 * toe)
-                              : k * (past * past / 2.0 + toe * toe / 24.0);
+  const Lanes energy =
+      in_toe ? k * depth * depth * depth / (6.0 * toe) : k * (past * past / 2.0 + toe * toe / 24.0);
   const Lanes factor = 1.0 + spread(contact.damping) * rate;
   const Lanes normal = elastic * (factor > zero ? factor : zero);
   // Friction in the tangent plane.
@@ -60,7 +60,7 @@ Touch add_nodes(const NodeGroup& group, int at, Mask used, const NodeContact& co
   add(kSumContactPower, (normal - elastic) * rate);
   add(kSumFrictionPower, drag * square);
   return has_any((depth > spread(contact.rounding / 2.0)) & closed) ? Touch::kDeep
-                                                                     : Touch::kShallow;
+                                                                    : Touch::kShallow;
 }
 
 Touch add_group(const NodeGroup& group, int count, const NodeContact& contact, bool ways,

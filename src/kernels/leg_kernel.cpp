@@ -243,8 +243,7 @@ bool LegKernel::calc_position(MechanismData<double>& data) {
     A.block<3, 3>(0, 6) = m * R + get_rows(sums_ + legs::kSumLV);
     A.block<3, 3>(0, 9) = get_rows(sums_ + legs::kSumLW) - Rh;
     A.block<3, 3>(3, 6) = get_rows(sums_ + legs::kSumAV) + m * lever * R + Rh;
-    A.block<3, 3>(3, 9) =
-        get_rows(sums_ + legs::kSumAW) - lever * Rh + R * ring_moments_.inertia;
+    A.block<3, 3>(3, 9) = get_rows(sums_ + legs::kSumAW) - lever * Rh + R * ring_moments_.inertia;
     A.block<6, 6>(6, 0) = A.block<6, 6>(0, 6).transpose();
     tree.m_sum[0] = mass;
     tree.h_sum[0] = tree.R[0] * first;
@@ -322,8 +321,7 @@ void LegKernel::calc_acceleration(const BaseMotion<double>& base, MechanismData<
     x.head<3>() = RV.transpose() * on_vehicle.f + push - root.cross(root.cross(own.first)) -
                   get_vector(bias_ + legs::kSumRootForce);
     x.segment<3>(3) = RV.transpose() * on_vehicle.t + R * moment + r.cross(push) -
-                      root.cross(V(own.inertia * root)) -
-                      get_vector(bias_ + legs::kSumRootMoment);
+                      root.cross(V(own.inertia * root)) - get_vector(bias_ + legs::kSumRootMoment);
     x.noalias() -= data.A_ind.leftCols<3>().lazyProduct(root_a_);
     x.noalias() -= data.A_ind.middleCols<3>(3).lazyProduct(root_alpha_);
   } else if (moving) {
@@ -358,7 +356,8 @@ Wrench<double> LegKernel::find_ring_load(const V& a0, const V& alpha0, const V& 
 
 void LegKernel::calc_reactions(const BaseMotion<double>&, MechanismData<double>& data) {
   TreeData<double>& tree = data.tree;
-  const V vdot = data.vdot.segment<3>(ring_.v_index), wdot = data.vdot.segment<3>(ring_.v_index + 3);
+  const V vdot = data.vdot.segment<3>(ring_.v_index),
+          wdot = data.vdot.segment<3>(ring_.v_index + 3);
   V a = root_a_, alpha = root_alpha_;
   if (is_free_) {
     a += data.vdot.head<3>();
@@ -438,7 +437,8 @@ void LegKernel::keep_reference(MechanismData<double>& data) const {
     reference.branch[place.block] = place.branch;
     reference.spin_branch[place.block] = 1;
     const double xi = get(legs::kXi);
-    const double determinant = get(legs::kCosine) * xi - get(legs::kSine) * parameter(legs::kTip + 1);
+    const double determinant =
+        get(legs::kCosine) * xi - get(legs::kSine) * parameter(legs::kTip + 1);
     reference.sign[place.block] = (determinant < 0.0) != (xi < 0.0) ? -1 : 1;
   }
   reference.q = tree.q;

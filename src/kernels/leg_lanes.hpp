@@ -16,34 +16,34 @@ namespace dockloop::legs {
 
 /// Rows of LegGroup::parameter. Unused lanes repeat a leg without mass.
 enum Parameter {
-  kAxesK = 0,                     ///< R_PK by columns (9)
-  kCentre = kAxesK + 9,           ///< of the universal joint, P (3) [m]
-  kCentreK = kCentre + 3,         ///< the same in K (3)
-  kRing = kCentreK + 3,           ///< tip on C, axes of C (3) [m]
-  kTip = kRing + 3,               ///< tip in E at slide coordinate 0 (3) [m]
-  kElbow = kTip + 3,              ///< +1 or -1
-  kFlip = kElbow + 1,             ///< +1 or -1
-  kCross = kFlip + 1,             ///< cross: mass, first moment (3), inertia about the centre (6),
-                                  ///< in K turned by the first joint
-  kTube = kCross + 10,            ///< what turns with both joints: first moment (3), inertia (6), E
-  kRod = kTube + 9,               ///< what slides: mass, first moment (3), inertia (6) at slide 0, E
-  kTubeMass = kRod + 10,          ///< [kg]
+  kAxesK = 0,              ///< R_PK by columns (9)
+  kCentre = kAxesK + 9,    ///< of the universal joint, P (3) [m]
+  kCentreK = kCentre + 3,  ///< the same in K (3)
+  kRing = kCentreK + 3,    ///< tip on C, axes of C (3) [m]
+  kTip = kRing + 3,        ///< tip in E at slide coordinate 0 (3) [m]
+  kElbow = kTip + 3,       ///< +1 or -1
+  kFlip = kElbow + 1,      ///< +1 or -1
+  kCross = kFlip + 1,      ///< cross: mass, first moment (3), inertia about the centre (6),
+                           ///< in K turned by the first joint
+  kTube = kCross + 10,     ///< what turns with both joints: first moment (3), inertia (6), E
+  kRod = kTube + 9,        ///< what slides: mass, first moment (3), inertia (6) at slide 0, E
+  kTubeMass = kRod + 10,   ///< [kg]
   kParameters = kTubeMass + 1
 };
 
 /// Rows of LegGroup::work: what later stages need of earlier ones.
 enum Work {
-  kAxesC = 0,                ///< R_CE by columns (9)
-  kAxesP = kAxesC + 9,       ///< R_PE by columns (9); moving only
-  kSine = kAxesP + 9,        ///< of the second joint
+  kAxesC = 0,           ///< R_CE by columns (9)
+  kAxesP = kAxesC + 9,  ///< R_PE by columns (9); moving only
+  kSine = kAxesP + 9,   ///< of the second joint
   kCosine = kSine + 1,
-  kXi = kCosine + 1,         ///< tip along x of E [m]
-  kSlide = kXi + 1,          ///< coordinate of the slide [m]
-  kInverse = kSlide + 1,     ///< of the loop matrix: (1,z) (2,y) (2,z) (3,y) (3,z); (3,x) = 1
-  kMoment = kInverse + 5,    ///< first moment of tube and rod about the centre, E (3)
-  kRodMoment = kMoment + 3,  ///< of the rod alone (3)
-  kInertia = kRodMoment + 3, ///< of tube and rod about the centre, E (6): xx yy zz xy xz yz
-  kApparent = kInertia + 6,  ///< apparent inertia at the tip, E (6)
+  kXi = kCosine + 1,          ///< tip along x of E [m]
+  kSlide = kXi + 1,           ///< coordinate of the slide [m]
+  kInverse = kSlide + 1,      ///< of the loop matrix: (1,z) (2,y) (2,z) (3,y) (3,z); (3,x) = 1
+  kMoment = kInverse + 5,     ///< first moment of tube and rod about the centre, E (3)
+  kRodMoment = kMoment + 3,   ///< of the rod alone (3)
+  kInertia = kRodMoment + 3,  ///< of tube and rod about the centre, E (6): xx yy zz xy xz yz
+  kApparent = kInertia + 6,   ///< apparent inertia at the tip, E (6)
   kCarried = kApparent + 6,  ///< momentum per tip velocity: linear, angular about the centre, E, by
                              ///< columns (9 + 9); moving only
   kRate = kCarried + 18,     ///< of the three joints
@@ -72,16 +72,16 @@ struct Platform {
 
 /// Rows of sums over legs after calc_position: inertia at C.
 enum PositionSum {
-  kSumA = 0,                  ///< sum of apparent inertias, C (6)
-  kSumK = kSumA + 6,          ///< [s] A by columns (9)
-  kSumD = kSumK + 9,          ///< [s] A [s]^T (6)
-  kFixedSums = kSumD + 6,     ///< what follows only if P moves:
-  kSumH = kFixedSums,         ///< first moment about P, P (3)
-  kSumJ = kSumH + 3,          ///< inertia about P, P (6)
-  kSumLV = kSumJ + 6,         ///< linear momentum per v of C, rows P, columns C, by rows (9)
-  kSumLW = kSumLV + 9,        ///< per w of C (9)
-  kSumAV = kSumLW + 9,        ///< angular momentum about P per v of C (9)
-  kSumAW = kSumAV + 9,        ///< per w of C (9)
+  kSumA = 0,               ///< sum of apparent inertias, C (6)
+  kSumK = kSumA + 6,       ///< [s] A by columns (9)
+  kSumD = kSumK + 9,       ///< [s] A [s]^T (6)
+  kFixedSums = kSumD + 6,  ///< what follows only if P moves:
+  kSumH = kFixedSums,      ///< first moment about P, P (3)
+  kSumJ = kSumH + 3,       ///< inertia about P, P (6)
+  kSumLV = kSumJ + 6,      ///< linear momentum per v of C, rows P, columns C, by rows (9)
+  kSumLW = kSumLV + 9,     ///< per w of C (9)
+  kSumAV = kSumLW + 9,     ///< angular momentum about P per v of C (9)
+  kSumAW = kSumAV + 9,     ///< per w of C (9)
   kPositionSums = kSumAW + 9
 };
 
@@ -97,8 +97,8 @@ enum BiasSum {
 
 /// Accelerations of root and platform, once they are known.
 struct Accelerations {
-  double v[3], w[3];        ///< derivatives of Platform::v, w, C
-  double a[3], alpha[3];    ///< of the origin of P less gravity, and angular, P
+  double v[3], w[3];      ///< derivatives of Platform::v, w, C
+  double a[3], alpha[3];  ///< of the origin of P less gravity, and angular, P
 };
 
 /// Rows of sums over legs after calc_loads: what moves the legs, about P, P.
@@ -113,8 +113,8 @@ struct LegFunctions {
   void (*calc_rates)(LegGroup* groups, int count, const Platform& platform);
   void (*calc_bias)(LegGroup* groups, int count, const Platform& platform, bool moving,
                     double* sums);
-  void (*calc_loads)(LegGroup* groups, int count, const Platform& platform,
-                     const Accelerations& at, double* sums);
+  void (*calc_loads)(LegGroup* groups, int count, const Platform& platform, const Accelerations& at,
+                     double* sums);
   const char* name;
 };
 

@@ -57,8 +57,12 @@ bool calc_group_position(LegGroup& group, int at, const M& R, V p, Lanes limit,
   const V wy = {A12 * k2 + A13 * k3y, A22 * k2 + A23 * k3y, A23 * k2 + A33 * k3y};
   const V wz = {A11 * k1z + A12 * k2z + A13 * k3z, A12 * k1z + A22 * k2z + A23 * k3z,
                 A13 * k1z + A23 * k2z + A33 * k3z};
-  const Sym apparent = {A33, k2 * wy.y + k3y * wy.z, k1z * wz.x + k2z * wz.y + k3z * wz.z,
-                        wy.z, wz.z, k1z * wy.x + k2z * wy.y + k3z * wy.z};
+  const Sym apparent = {A33,
+                        k2 * wy.y + k3y * wy.z,
+                        k1z * wz.x + k2z * wz.y + k3z * wz.z,
+                        wy.z,
+                        wz.z,
+                        k1z * wy.x + k2z * wy.y + k3z * wy.z};
 
   work.put(kAxesC, EC);
   work.put(kReach, reach);
@@ -167,8 +171,11 @@ bool calc_position(LegGroup* groups, int count, const Platform& platform, bool m
 struct LegInverse {
   Lanes k1z, k2y, k2z, k3y, k3z;
   explicit LegInverse(const Cells& work)
-      : k1z(work.get(kInverse)), k2y(work.get(kInverse + 1)), k2z(work.get(kInverse + 2)),
-        k3y(work.get(kInverse + 3)), k3z(work.get(kInverse + 4)) {}
+      : k1z(work.get(kInverse)),
+        k2y(work.get(kInverse + 1)),
+        k2z(work.get(kInverse + 2)),
+        k3y(work.get(kInverse + 3)),
+        k3z(work.get(kInverse + 4)) {}
   V find_rates(V y) const {
     return {k1z * y.z, k2y * y.y + k2z * y.z, y.x + k3y * y.y + k3z * y.z};
   }
@@ -228,14 +235,14 @@ LegLoad find_load(const Cells& in, const Cells& work, const LegMotion& at) {
                       at.w2.y * wh3.z - at.w2.z * wh3.y;
   const V force = (in.get(kTubeMass) + m3) * at.a + cross(at.alpha2, h) +
                   cross(at.w2, cross(at.w2, h)) + m3 * at.rod;
-  const V moment =
-      J * at.alpha2 + cross(at.w2, J * at.w2) + cross(h, at.a) + cross(h3, at.rod);
+  const V moment = J * at.alpha2 + cross(at.w2, J * at.w2) + cross(h, at.a) + cross(h3, at.rod);
   const V w = turn_up(at.w1), alpha = turn_up(at.alpha1), a = turn_up(at.a);
   const V h1 = in.get_vector(kCross + 1);
   const Sym J1 = in.get_symmetric(kCross + 4);
   const V force1 = in.get(kCross) * a + cross(alpha, h1) + cross(w, cross(w, h1));
   const V moment1 = J1 * alpha + cross(w, J1 * w) + cross(h1, a);
-  return {force + turn_down(force1), moment + turn_down(moment1),
+  return {force + turn_down(force1),
+          moment + turn_down(moment1),
           {s2 * moment.x + c2 * moment.y + moment1.y, moment.z, axial}};
 }
 
@@ -257,17 +264,17 @@ void calc_all_biases(LegGroup* groups, int count, const Platform& platform, doub
       const Lanes both = rate.x * rate.y, twice = 2.0 * rate.z;
       const V alpha = {c2 * both, -s2 * both, Lanes{}};
       const V slip = {Lanes{}, twice * w.z, -(twice * w.y)};
-      const V free = turn_back(EC, work.get_vector(kTipC)) -
-                     (cross(alpha, d) + cross(w, cross(w, d)) + slip);
+      const V free =
+          turn_back(EC, work.get_vector(kTipC)) - (cross(alpha, d) + cross(w, cross(w, d)) + slip);
       work.put(kTipFree, free);
       LegLoad load;
       if constexpr (kMoving) {
         const V root = spread3(platform.root);
         const M EP = work.get_matrix(kAxesP);
         const V swing = cross(root, cross(root, in.get_vector(kCentre)));
-        load = find_load(in, work,
-                         find_motion(turn_back(EP, root), V{}, turn_back(EP, swing), rate, s2, c2,
-                                     V{}));
+        load = find_load(
+            in, work,
+            find_motion(turn_back(EP, root), V{}, turn_back(EP, swing), rate, s2, c2, V{}));
       } else {  // the same where P is at rest
         const V h3 = work.get_vector(kRodMoment), wh3 = cross(w, h3);
         const Sym J = work.get_symmetric(kInertia);
@@ -315,10 +322,10 @@ void calc_loads(LegGroup* groups, int count, const Platform& platform, const Acc
       const LegInverse inverse(work);
       const V joint = inverse.find_rates(turn_back(EC, tip) + work.get_vector(kTipFree));
       const V a = spread3(given.a) + cross(alpha0, centre) + cross(root, cross(root, centre));
-      const LegLoad load = find_load(
-          in, work,
-          find_motion(turn_back(EP, root), turn_back(EP, alpha0), turn_back(EP, a),
-                      work.get_vector(kRate), work.get(kSine), work.get(kCosine), joint));
+      const LegLoad load =
+          find_load(in, work,
+                    find_motion(turn_back(EP, root), turn_back(EP, alpha0), turn_back(EP, a),
+                                work.get_vector(kRate), work.get(kSine), work.get(kCosine), joint));
       work.put(kCut, EP * inverse.find_tip_force(load.joint - work.get_vector(kForce)));
       const V force = EP * load.force;
       total.add(kSumLoad, force);

@@ -12,7 +12,7 @@ namespace dockloop {
 
 int find_lane_count() {
 #ifdef DOCKLOOP_X86_LANES
-  constexpr unsigned kOsSaves = 1u << 27, kAvx = 1u << 28;                        // leaf 1, ecx
+  constexpr unsigned kOsSaves = 1u << 27, kAvx = 1u << 28;                       // leaf 1, ecx
   constexpr unsigned kAvx2 = 1u << 5, kAvx512 = 1u << 16 | 1u << 17 | 1u << 31;  // leaf 7, ebx
   unsigned a = 0, b = 0, c = 0, d = 0;
   if (!__get_cpuid(1, &a, &b, &c, &d)) return 2;

@@ -448,9 +448,9 @@ double DockingSim::Impl::find_relative_tolerance() const {
   return asked > 0.0 ? std::min(asked, parameters.rtol) : parameters.rtol;
 }
 
-/// Trial states are evaluated by a kernel, if there is one; accepted ones too, unless somebody needs
-/// all of what the general code finds: a host of a vehicle, or one that integrates by itself. The
-/// form with multipliers and the truth know no kernels.
+/// Trial states are evaluated by a kernel, if there is one; accepted ones too, unless somebody
+/// needs all of what the general code finds: a host of a vehicle, or one that integrates by itself.
+/// The form with multipliers and the truth know no kernels.
 void DockingSim::Impl::attach_kernel() {
   if (reference || adapt_problem) return;
   MechanismData<double>&trial = rate_data->mechanism, &accepted = data->mechanism;
@@ -463,8 +463,8 @@ void DockingSim::Impl::attach_kernel() {
 /// May a trial state that turns out to be accepted be taken for evaluated?
 bool DockingSim::Impl::shares_evaluations() const {
   const MechanismKernel* kernel = rate_data->mechanism.kernel.get();
-  return !kernel || (kernel->serves_accepted_states() && !has_host() &&
-                     interface == Interface::kCoSimulation);
+  return !kernel ||
+         (kernel->serves_accepted_states() && !has_host() && interface == Interface::kCoSimulation);
 }
 
 void DockingSim::Impl::make_stepper() {

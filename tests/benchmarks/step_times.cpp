@@ -28,7 +28,8 @@ void measure(const std::string& folder, double h, fmi2Integer method, double inn
   const int count = static_cast<int>(fmu.experiment("stopTime") / h + 0.5);
   std::vector<double> times;  // [us]
   constexpr int kRuns = 5;
-  const fmi2ValueReference at_phase = fmu.reference("phase");
+  const bool has_phases = fmu.xml().find("name=\"phase\"") != std::string::npos;
+  const fmi2ValueReference at_phase = has_phases ? fmu.reference("phase") : 0;
   std::vector<double> least(static_cast<size_t>(count), 1e99);  // of every step [us]
   std::vector<fmi2Integer> phases(static_cast<size_t>(count), 0);
   for (int run = 0; run < kRuns; ++run) {
@@ -43,7 +44,8 @@ void measure(const std::string& folder, double h, fmi2Integer method, double inn
       times.push_back(std::chrono::duration<double, std::micro>(after - before).count());
       const size_t place = static_cast<size_t>(i);
       least[place] = std::min(least[place], times.back());
-      if (run + 1 == kRuns) FmuLibrary::check(fmu.get_integer(c, &at_phase, 1, &phases[place]));
+      if (has_phases && run + 1 == kRuns)
+        FmuLibrary::check(fmu.get_integer(c, &at_phase, 1, &phases[place]));
     }
     fmu.release(c);
   }

@@ -164,20 +164,20 @@ TEST_P(LegKernels, agree_with_the_general_code_in_any_number_of_lanes) {
   EXPECT_RESIDUAL_BELOW(worst, 1e-13);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    roots, LegKernels,
-    ::testing::Values(LegCase{"resting", Root::kResting, false},
-                      LegCase{"resting_general", Root::kResting, true},
-                      LegCase{"driven", Root::kDriven, false},
-                      LegCase{"driven_general", Root::kDriven, true},
-                      LegCase{"free", Root::kFree, false},
-                      LegCase{"free_general", Root::kFree, true}),
-    [](const ::testing::TestParamInfo<LegCase>& at) { return std::string(at.param.name); });
+INSTANTIATE_TEST_SUITE_P(roots, LegKernels,
+                         ::testing::Values(LegCase{"resting", Root::kResting, false},
+                                           LegCase{"resting_general", Root::kResting, true},
+                                           LegCase{"driven", Root::kDriven, false},
+                                           LegCase{"driven_general", Root::kDriven, true},
+                                           LegCase{"free", Root::kFree, false},
+                                           LegCase{"free_general", Root::kFree, true}),
+                         [](const ::testing::TestParamInfo<LegCase>& at) {
+                           return std::string(at.param.name);
+                         });
 
 TEST(LegKernel, serves_the_shipped_hexapods) {
   for (const char* name : {"hexapod_bench", "idss_hexapod"}) {
-    Mechanism mechanism(
-        read_model(std::string(DOCKLOOP_MODELS) + "/mechanisms/" + name + ".json"));
+    Mechanism mechanism(read_model(std::string(DOCKLOOP_MODELS) + "/mechanisms/" + name + ".json"));
     close_home(mechanism, name);
     EXPECT_TRUE(make_leg_kernel(mechanism)) << name;
   }
@@ -188,9 +188,10 @@ MechanismModel make_ring_on_legs(int count) {
   nlohmann::json legs = nlohmann::json::array();
   for (int k = 0; k < count; ++k) {
     const double at = 2.0 * 3.14159265358979 * k / count, lean = k % 2 == 0 ? 0.4 : -0.4;
-    legs.push_back({{"name", "leg" + std::to_string(k + 1)},
-                    {"root_point", {0.65 * std::cos(at), 0.65 * std::sin(at), 0.0}},
-                    {"closing_point", {0.6 * std::cos(at + lean), 0.6 * std::sin(at + lean), 0.0}}});
+    legs.push_back(
+        {{"name", "leg" + std::to_string(k + 1)},
+         {"root_point", {0.65 * std::cos(at), 0.65 * std::sin(at), 0.0}},
+         {"closing_point", {0.6 * std::cos(at + lean), 0.6 * std::sin(at + lean), 0.0}}});
   }
   std::ifstream file(std::string(DOCKLOOP_MODELS) + "/mechanisms/hexapod_bench.json");
   nlohmann::json document = nlohmann::json::parse(file);
