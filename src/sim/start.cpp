@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "sim/frame_origin.hpp"
 #include "sim/sim_impl.hpp"
 
 namespace dockloop {
@@ -262,15 +263,10 @@ ContactLaw DockingSim::Impl::make_contact_law() const {
 }
 
 void DockingSim::Impl::choose_frame_O() {
-  // Origin near the docking interface of the target (else at the chaser). Whole metres from the
-  // vehicle's position, so that the differences below are exact even at orbital distances.
-  const int anchor = scene->has_target ? kTarget : kChaser;
-  const VehicleParameters& p = parameters.vehicle[anchor];
-  Vec3<double> offset = Vec3<double>::Zero();
-  if (scene->has_target) offset = quat_to_matrix<double>(p.attitude) * p.interface_position;
-  frame_origin = p.position + Vec3<double>(offset.array().round());
+  frame_origin = find_frame_origin(*scene, parameters.vehicle);
   const bool drifts = scene->motion[kChaser] != Motion::kFixed &&
                       (!scene->has_target || scene->motion[kTarget] != Motion::kFixed);
+  const VehicleParameters& p = parameters.vehicle[scene->has_target ? kTarget : kChaser];
   frame_velocity = drifts ? p.velocity : Vec3<double>(Vec3<double>::Zero());
   frame_shift.setZero();
 }

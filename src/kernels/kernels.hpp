@@ -1,0 +1,14 @@
+// Which kernel evaluates a mechanism: the generated one if there is one and it was made for this
+// mechanism, else none (the general code). README.md in this folder.
+#pragma once
+
+#include "kernels/generated_kernel.hpp"
+
+namespace dockloop {
+
+/// @param generated  library that came with the model; may be null
+/// @return null: the general code
+std::shared_ptr<MechanismKernel> make_kernel(const Mechanism& mechanism,
+                                             std::shared_ptr<const KernelLibrary> generated);
+
+}  // namespace dockloop
