@@ -34,13 +34,13 @@ const char* const kUsage =
     "       dockloop-kernel mechanism FILE.json    by itself, on a base that moves, with any loads\n"
     "prints C on standard output; exit status 1: no kernel can be made, 2: bad usage or file\n";
 
-Symbolic make_input(KernelArray array, int index, double value) {
-  return {value, current_trace->make_input(array, index, value)};
+Symbolic make_input(KernelArray array, int index, double home, double way) {
+  return Symbolic::at(current_trace->make_input(array, index, home, way));
 }
 
 template <class Vector>
 void make_inputs(KernelArray array, int first, Vector&& v) {
-  for (int j = 0; j < v.size(); ++j) v[j] = make_input(array, first + j, 0.3 + 0.1 * j);
+  for (int j = 0; j < v.size(); ++j) v[j] = make_input(array, first + j, 0.3 + 0.1 * j, 1.0);
 }
 
 /// Mass properties that no other number equals: wherever one turns up, it is the input.
@@ -84,9 +84,9 @@ class Recorder {
   void record_position(TraceFunction& iterate, TraceFunction& position) {
     const MechanismModel& model = mechanism_.model;
     TreeData<Symbolic>& tree = data_.tree;
-    for (int i = 0; i < model.nq; ++i) tree.q[i] = make_input(kKernelNear, i, model.home_q[i]);
-    for (int i : mechanism_.plan.ind_q) tree.q[i] = make_input(kKernelQ, i, model.home_q[i]);
-    tree.time = make_input(kKernelTime, 0, 0.0);
+    for (int i = 0; i < model.nq; ++i) tree.q[i] = make_input(kKernelNear, i, model.home_q[i], 0.02);
+    for (int i : mechanism_.plan.ind_q) tree.q[i] = make_input(kKernelQ, i, model.home_q[i], 0.02);
+    tree.time = make_input(kKernelTime, 0, 0.0, 1.0);
     const Status status = calc_position(mechanism_, data_);
     if (!status.ok()) throw ModelError("the mechanism cannot be evaluated at home");
     iterate.name = "iterate";
@@ -127,7 +127,7 @@ class Recorder {
 
   void record_velocity(TraceFunction& velocity) {
     TreeData<Symbolic>& tree = data_.tree;
-    for (int i : mechanism_.plan.ind_v) tree.v[i] = make_input(kKernelV, i, 0.1);
+    for (int i : mechanism_.plan.ind_v) tree.v[i] = make_input(kKernelV, i, 0.1, 1.0);
     calc_velocity(mechanism_, base_, data_);
     velocity.name = "velocity";
     for (int i : bodies_.sprung) {
@@ -149,7 +149,7 @@ class Recorder {
     for (int i : bodies_.forced) {
       const Body& body = model.bodies[i];
       for (int j = 0; j < body.nv(); ++j) {
-        data_.tau[body.v_index + j] = make_input(kKernelTau, body.v_index + j, 1.0);
+        data_.tau[body.v_index + j] = make_input(kKernelTau, body.v_index + j, 1.0, 1.0);
       }
     }
     for (int i : bodies_.loaded) {

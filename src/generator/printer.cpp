@@ -46,12 +46,12 @@ class Printer {
  private:
   std::vector<int> operands(int i) const {
     const Node& n = trace_.nodes[i];
-    if (n.op == Op::kConstant || n.op == Op::kInput) return {};
+    if (is_given(i)) return {};
     if (n.b < 0) return {n.a};
     return {n.a, n.b};
   }
   bool is_given(int i) const {
-    return trace_.nodes[i].op == Op::kConstant || trace_.nodes[i].op == Op::kInput;
+    return trace_.is_constant(i) || trace_.nodes[i].op == Op::kInput;
   }
 
   std::vector<char> find_needed(size_t f) const {
@@ -74,8 +74,8 @@ class Printer {
   std::string name(int i) const {
     const Node& n = trace_.nodes[i];
     char text[40];
-    if (n.op == Op::kConstant) {
-      std::snprintf(text, sizeof text, n.value < 0.0 ? "(%.17g)" : "%.17g", n.value);
+    if (trace_.is_constant(i)) {
+      std::snprintf(text, sizeof text, n.value[0] < 0.0 ? "(%.17g)" : "%.17g", n.value[0]);
       std::string number = text;
       if (number.find_first_of(".en") == std::string::npos) number.insert(number.find(')') == std::string::npos ? number.size() : number.size() - 1, ".0");
       return number;
@@ -131,7 +131,7 @@ class Printer {
     };
     // Inputs and shared numbers are read where they are first needed.
     const auto fetch = [&](int i) {
-      if (declared[i] || trace_.nodes[i].op == Op::kConstant) return;
+      if (declared[i] || trace_.is_constant(i)) return;
       if (trace_.nodes[i].op == Op::kInput) {
         arrays.insert(trace_.nodes[i].a);
         put(i, print_operation(i));
