@@ -31,7 +31,8 @@ namespace {
 
 const char* const kUsage =
     "usage: dockloop-kernel scene MODEL.json       the mechanism of a scene, as a simulation has it\n"
-    "       dockloop-kernel mechanism FILE.json    by itself, on a base that moves, with any loads\n"
+    "       dockloop-kernel mechanism FILE.json [newton|vehicle]\n"
+    "         by itself, on a base that moves, with any loads; without closed forms, or on a vehicle\n"
     "prints C on standard output; exit status 1: no kernel can be made, 2: bad usage or file\n";
 
 Symbolic make_input(KernelArray array, int index, double home, double way) {
@@ -234,9 +235,14 @@ int run(const std::vector<std::string>& arguments) {
     std::cout << write_kernel(read_scene_mechanism(arguments[1]), KernelScope::kDocking);
     return 0;
   }
-  if (arguments.size() == 2 && arguments[0] == "mechanism") {
-    Mechanism mechanism(read_mechanism(read_file(arguments[1]), arguments[1]));
+  if (arguments.size() >= 2 && arguments[0] == "mechanism") {
+    const std::string form = arguments.size() > 2 ? arguments[2] : "";
+    Mechanism mechanism(read_mechanism(read_file(arguments[1]), arguments[1]), form == "newton");
     close_home(mechanism, arguments[1]);
+    if (form == "vehicle") {
+      mechanism = Mechanism(attach_vehicle(mechanism.model, {}, {}));
+      mechanism.vehicle = 0;
+    }
     std::cout << write_kernel(std::move(mechanism), KernelScope::kAny);
     return 0;
   }

@@ -9,6 +9,8 @@
 
 #ifdef _WIN32
 #include <windows.h>
+
+#include <filesystem>
 #else
 #include <dlfcn.h>
 #endif
@@ -138,7 +140,7 @@ KernelBodies::KernelBodies(const Mechanism& mechanism, KernelScope scope) {
 
 KernelLibrary::KernelLibrary(const std::string& file) : file_(file) {
 #ifdef _WIN32
-  const HMODULE handle = LoadLibraryA(file.c_str());
+  const HMODULE handle = LoadLibraryW(std::filesystem::u8path(file).c_str());
   if (!handle) throw ModelError(file + ": cannot be loaded");
   handle_ = {handle, [](void* h) { FreeLibrary(static_cast<HMODULE>(h)); }};
 #else

@@ -86,6 +86,7 @@ void DockingSim::Impl::use_coordinates(std::shared_ptr<const Coordinates> choice
   set_mechanism(*model, choice ? with_coordinates(*start_mechanism, *choice) : *start_mechanism);
   data->mechanism = MechanismData<double>(model->mechanism);
   rate_data->mechanism = MechanismData<double>(model->mechanism);
+  choose_kernel();
   if (interface_work) interface_work = std::make_unique<InterfaceWorkspace>(*model);
   if (jacobian_pass) make_jacobian_pass();
   if (reference) make_reference();

@@ -369,6 +369,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   if (interface == Interface::kModelExchange) model->falling = false;
   data = std::make_unique<DockingData<double>>(*model);
   rate_data = std::make_unique<DockingData<double>>(*model);
+  choose_kernel();
   derivative_pass.reset();
   jump_work.reset();
   interface_work.reset();
@@ -519,6 +520,7 @@ void DockingSim::Impl::make_jacobian_pass() {
 
 /// Derivatives of the rates by the states, by columns, for implicit methods. @return as the rates
 int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_columns) {
+  const WithoutKernel general(rate_data->mechanism);
   Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t, y,
                                        nullptr, *rate_data);
   if (status.ok()) {
@@ -563,6 +565,12 @@ double DockingSim::Impl::find_share_of_norm() const {
   return static_cast<double>(counted - model->layout.bristle_count) / all;
 }
 
+/// Trial states take the fast way, accepted ones the general one, which finds everything.
+void DockingSim::Impl::choose_kernel() {
+  const bool reduced = parameters.model_level == kReduced || parameters.model_level == kMasslessLegs;
+  rate_data->mechanism.kernel = reduced ? make_kernel(model->mechanism, kernels) : nullptr;
+}
+
 /// What should be looked at, but need not be wrong.
 void DockingSim::Impl::warn_about_start() {
   const double margin = find_singularity_margin(data->mechanism);
@@ -575,6 +583,11 @@ void DockingSim::Impl::warn_about_start() {
     warnings.push_back(
         "gravity in the mechanism file is used by 'dockloop check' only; connect the "
         "input 'gravity'");
+  }
+  if (kernels && !model->locked.on && !rate_data->mechanism.kernel) {
+    warnings.push_back(
+        "the kernel in the FMU was made for other parameters, so the general code computes (same "
+        "results, slower); to have one, build the FMU with these");
   }
   if (!has_surfaces() || model->contact.kind != ContactModel::Kind::kRings) return;
   // k >= 4 m v^2/rounding^2 for what hits: the capture body on its legs, or all there is.
