@@ -9,7 +9,8 @@
 // (x + 0, x 1, 0 x) makes no node. Divisions become products with reciprocals, which are shared.
 //
 // A decision that depends on inputs is kept as a guard, to be tested at run time:
-//   sign        x > 0 (a root, a determinant): x keeps its sign and a hundredth of its home value
+//   sign        x > 0 (a root, a determinant): x keeps its sign and a hundredth of its home value;
+//               x <= 0 (the test of a factorisation): x keeps its sign
 //   pivot       |a| > |b|: the order of pivots of home stays while none is beaten eightfold
 // Numbers that are made plain (to_double) decide nothing here: margins are watched by the caller of
 // a kernel.
@@ -135,11 +136,10 @@ class Trace {
     return find_or_add(op, a, b, value);
   }
 
-  void keep_sign(int a, bool positive) {
-    if (!is_constant(a)) {
-      const double least = 0.01 * std::abs(nodes[a].value[0]);
-      guards.push_back({a, make_constant(least), 1.0, positive ? 1 : -1});
-    }
+  void keep_sign(int a, bool positive, double part = 0.01) {
+    if (is_constant(a)) return;
+    const int least = make_constant(part * std::abs(nodes[a].value[0]));
+    guards.push_back({a, least, 1.0, positive ? 1 : -1});
   }
   void keep_pivot(int big, int small) {
     constexpr double kBeaten = 0.125;
@@ -259,7 +259,11 @@ struct Symbolic {
     return is;
   }
   friend bool operator<(const Symbolic& a, const Symbolic& b) { return b > a; }
-  friend bool operator<=(const Symbolic& a, const Symbolic& b) { return !(a > b); }
+  friend bool operator<=(const Symbolic& a, const Symbolic& b) {
+    const bool is = a.value() <= b.value();
+    current_trace->keep_sign(current_trace->subtract(a.node, b.node), !is, 1e-300);
+    return is;
+  }
   friend bool operator>=(const Symbolic& a, const Symbolic& b) { return !(b > a); }
   /// Equal for every input.
   friend bool operator==(const Symbolic& a, const Symbolic& b) { return a.node == b.node; }

@@ -197,6 +197,19 @@ GeneratedKernel::GeneratedKernel(const Mechanism& mechanism,
     iterates_ = iterates_ || block.iterates;
     blocks_.push_back(block);
   }
+  constexpr double kFarthest = 0.1;  // rad, or part of the largest loop
+  double size = 0.0;
+  for (const double length : mechanism.plan.loop_size) size = std::max(size, length);
+  for (int i : mechanism.plan.ind_bodies) {
+    if (i == mechanism.vehicle) continue;
+    const Body& body = mechanism.model.bodies[i];
+    for (int j = 0; j < body.nq(); ++j) {
+      const bool is_angle = body.joint == JointType::kRevolute;
+      const bool is_quaternion = body.joint == JointType::kFree && j >= 3;
+      ind_q_.push_back(body.q_index + j);
+      farthest_.push_back(kFarthest * (is_angle ? 1.0 : is_quaternion ? 0.5 : size));
+    }
+  }
   if (mechanism.vehicle != kBase) {
     const Body& body = mechanism.model.bodies[mechanism.vehicle];
     const Mat3<double>& I = body.inertia;
@@ -205,9 +218,11 @@ GeneratedKernel::GeneratedKernel(const Mechanism& mechanism,
   }
 }
 
-/// Far enough from every singular pose, and on the branch that the kernel was made for?
-bool GeneratedKernel::is_near_home_branch(const LoopReference<double>& reference) const {
+/// Is the accepted pose far from every singular one, on the branch that the kernel was made for, and
+/// so near that the mechanism has stayed on it?
+bool GeneratedKernel::is_near_accepted_pose(const MechanismData<double>& data) const {
   constexpr double kMargin = 0.1;
+  const LoopReference<double>& reference = data.loops.reference;
   if (blocks_.empty()) return true;
   if (!reference.valid) return false;
   for (size_t b = 0; b < blocks_.size(); ++b) {
@@ -216,6 +231,10 @@ bool GeneratedKernel::is_near_home_branch(const LoopReference<double>& reference
         reference.branch[b].flip != blocks_[b].branch.flip ||
         reference.spin_branch[b] != blocks_[b].spin_branch)
       return false;
+  }
+  for (size_t i = 0; i < ind_q_.size(); ++i) {
+    const int at = ind_q_[i];
+    if (!(std::abs(data.tree.q[at] - reference.q[at]) <= farthest_[i])) return false;
   }
   return true;
 }
@@ -244,9 +263,8 @@ bool GeneratedKernel::calc_position(MechanismData<double>& data) {
   static_assert(sizeof(Vec3<double>) == 3 * sizeof(double), "arrays of vectors are plain");
   static_assert(sizeof(Mat3<double>) == 9 * sizeof(double), "arrays of matrices are plain");
   static_assert(sizeof(Wrench<double>) == 6 * sizeof(double), "arrays of wrenches are plain");
-  const LoopReference<double>& reference = data.loops.reference;
-  if (!is_near_home_branch(reference)) return false;
-  std::copy_n(reference.q.data(), near_.size(), near_.begin());
+  if (!is_near_accepted_pose(data)) return false;
+  std::copy_n(data.loops.reference.q.data(), near_.size(), near_.begin());
   TreeData<double>& tree = data.tree;
   const auto put = [this](KernelArray array, double* at) { array_[array] = at; };
   put(kKernelQ, tree.q.data());

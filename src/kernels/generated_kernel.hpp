@@ -117,10 +117,12 @@ class GeneratedKernel : public MechanismKernel {
     LegBranch branch;
     int spin_branch;
   };
-  bool is_near_home_branch(const LoopReference<double>& reference) const;
+  bool is_near_accepted_pose(const MechanismData<double>& data) const;
   bool close_by_iteration();
   std::shared_ptr<const KernelLibrary> library_;
   std::vector<Block> blocks_;
+  std::vector<int> ind_q_;       ///< independent coordinates of the mechanism
+  std::vector<double> farthest_;  ///< how far each may be from the accepted pose
   bool iterates_ = false;
   std::vector<double> near_, next_, vehicle_, work_;
   BaseMotion<double> base_;
