@@ -16,7 +16,7 @@ from pathlib import Path
 
 from dockloop import paths
 
-FLAGS = "-O2 -std=c99 -fno-math-errno -ffp-contract=off -shared -fPIC -s".split()
+FLAGS = "-O2 -fno-tree-slp-vectorize -fno-math-errno -ffp-contract=off -shared -fPIC -s".split()
 _PLATFORMS = {("Linux", "x86_64"): "linux64", ("Linux", "aarch64"): "aarch64-linux"}
 
 

@@ -198,6 +198,10 @@ std::string write_kernel(Mechanism mechanism, KernelScope scope) {
          "#include <math.h>\n\n"
          "#ifdef _WIN32\n#define EXPORT __declspec(dllexport)\n#else\n"
          "#define EXPORT __attribute__((visibility(\"default\")))\n#endif\n\n"
+         "/* Once more for new processors; the same operations, and so the same bits. */\n"
+         "#if defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__) && __GNUC__ >= 12\n"
+         "#define CLONED __attribute__((target_clones(\"arch=x86-64-v3\", \"default\")))\n"
+         "#else\n#define CLONED\n#endif\n\n"
          "EXPORT const int dockloop_kernel_format = " +
          std::to_string(kKernelFormat) + ";\nEXPORT const char dockloop_kernel_hash[] = \"" + hash +
          "\";\nEXPORT const int dockloop_kernel_counts[] = {" + std::to_string(work) + ", " +

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <functional>
 #include <set>
 
 namespace dockloop {
@@ -76,9 +77,7 @@ class Printer {
     char text[40];
     if (trace_.is_constant(i)) {
       std::snprintf(text, sizeof text, n.value[0] < 0.0 ? "(%.17g)" : "%.17g", n.value[0]);
-      std::string number = text;
-      if (number.find_first_of(".en") == std::string::npos) number.insert(number.find(')') == std::string::npos ? number.size() : number.size() - 1, ".0");
-      return number;
+      return text;  // an integer becomes a double where it meets one
     }
     std::snprintf(text, sizeof text, "t%d", i);
     return text;
@@ -151,8 +150,10 @@ class Printer {
                 "] = " + name(i) + ";\n";
       }
     };
-    for (int i = 0; i < trace_.size(); ++i) {
-      if (!makes(i)) continue;
+    // Every result is followed back to what it needs: little is alive at a time.
+    const std::function<void(int)> compute = [&](int i) {
+      if (!makes(i) || declared[i]) return;
+      for (int operand : operands(i)) compute(operand);
       for (int operand : operands(i)) fetch(operand);
       put(i, print_operation(i));
       const Op op = trace_.nodes[i].op;
@@ -161,6 +162,13 @@ class Printer {
       if (function.shares && slot_[i] >= 0)
         body += "  work[" + std::to_string(slot_[i]) + "] = " + name(i) + ";\n";
       write(i);
+    };
+    for (int i = 0; i < trace_.size(); ++i) {
+      if (!writes[i].empty() || slot_[i] >= 0) compute(i);
+    }
+    for (const Guard& guard : function.guards) {
+      compute(guard.big);
+      compute(guard.small);
     }
     for (int i = 0; i < trace_.size(); ++i) {
       if (writes[i].empty() || makes(i)) continue;
@@ -178,7 +186,7 @@ class Printer {
               big + ";\n";
     }
     body += function.guards.empty() ? "  return 1;\n" : "  return holds;\n";
-    std::string head = "EXPORT int dockloop_kernel_" + function.name +
+    std::string head = "EXPORT CLONED int dockloop_kernel_" + function.name +
                        "(double* const* x, double* restrict work) {\n";
     for (int array : arrays) {
       head += "  double* restrict const x" + std::to_string(array) + " = x[" +

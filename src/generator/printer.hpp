@@ -1,8 +1,7 @@
 // Writes a trace as C: straight-line functions that share a work array.
 //
 // A function computes what its outputs and guards need and no earlier function has computed. What a
-// later function needs of it goes through `work`. Statements keep the order of the trace, in which
-// operands stand near to what uses them.
+// later function needs of it goes through `work`.
 #pragma once
 
 #include <string>

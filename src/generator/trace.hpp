@@ -116,6 +116,11 @@ class Trace {
     if (is(b, 1.0)) return a;
     if (nodes[a].op == Op::kNegative) return negate(multiply(nodes[a].a, b));
     if (nodes[b].op == Op::kNegative) return negate(multiply(a, nodes[b].a));
+    if (is_constant(b)) std::swap(a, b);
+    if (is_constant(a) && nodes[b].op == Op::kMultiply && is_constant(nodes[b].a)) {
+      const int factor = make_constant(nodes[a].value[0] * nodes[nodes[b].a].value[0]);
+      return multiply(factor, nodes[b].b);
+    }
     return make(Op::kMultiply, a, b, [](double x, double y) { return x * y; });
   }
   int invert(int a) {
