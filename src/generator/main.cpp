@@ -32,7 +32,8 @@ namespace {
 const char* const kUsage =
     "usage: dockloop-kernel scene MODEL.json       the mechanism of a scene, as a simulation has it\n"
     "       dockloop-kernel mechanism FILE.json [newton|vehicle]\n"
-    "         by itself, on a base that moves, with any loads; without closed forms, or on a vehicle\n"
+    "         by itself, on a base that moves, with any loads; without closed forms; or on a vehicle\n"
+    "         that floats, loaded as in a docking\n"
     "prints C on standard output; exit status 1: no kernel can be made, 2: bad usage or file\n";
 
 Symbolic make_input(KernelArray array, int index, double home, double way) {
@@ -61,6 +62,10 @@ void mark_vehicle(Mechanism& mechanism) {
 }
 
 /// Runs the three stages at the home pose and collects what each has to write.
+///
+/// A vehicle on a base at rest may stand anywhere: inertia and accelerations, in body axes, are the
+/// same. The stages then run in its axes (it stands at zero), and what comes in and goes out is
+/// turned.
 class Recorder {
  public:
   Recorder(const Mechanism& mechanism, KernelScope scope)
@@ -70,6 +75,7 @@ class Recorder {
       make_inputs(kKernelBaseAlpha, 0, base_.alpha);
       make_inputs(kKernelBaseA, 0, base_.a);
     }
+    in_vehicle_axes_ = scope == KernelScope::kDocking && mechanism.vehicle != kBase;
     make_inputs(kKernelGravity, 0, base_.gravity);
   }
 
@@ -87,6 +93,11 @@ class Recorder {
     TreeData<Symbolic>& tree = data_.tree;
     for (int i = 0; i < model.nq; ++i) tree.q[i] = make_input(kKernelNear, i, model.home_q[i], 0.02);
     for (int i : mechanism_.plan.ind_q) tree.q[i] = make_input(kKernelQ, i, model.home_q[i], 0.02);
+    if (in_vehicle_axes_) {
+      vehicle_ = {quat_to_matrix<Symbolic>(tree.q.segment<4>(3)), tree.q.head<3>()};
+      base_.gravity = (vehicle_.R.transpose() * base_.gravity).eval();
+      for (int i = 0; i < 7; ++i) tree.q[i] = Symbolic(i == 3 ? 1.0 : 0.0);
+    }
     tree.time = make_input(kKernelTime, 0, 0.0, 1.0);
     const Status status = calc_position(mechanism_, data_);
     if (!status.ok()) throw ModelError("the mechanism cannot be evaluated at home");
@@ -105,16 +116,18 @@ class Recorder {
       if (!is_independent(i)) add(position, kKernelQ, model.bodies[i].q_index, tree.q);
     }
     for (int i : bodies_.moving) {
+      const Mat3<Symbolic> R = vehicle_.R * tree.R[i];
       for (int j = 0; j < 9; ++j) {
-        position.outputs.push_back({kKernelR, 9 * i + j, tree.R[i](j % 3, j / 3).node});
+        position.outputs.push_back({kKernelR, 9 * i + j, R(j % 3, j / 3).node});
       }
-      add(position, kKernelArm, 3 * i, tree.r[i]);
-      add(position, kKernelP, 3 * i, tree.p[i]);
+      const bool is_vehicle = in_vehicle_axes_ && i == mechanism_.vehicle;
+      add(position, kKernelArm, 3 * i, is_vehicle ? vehicle_.p : turn(tree.r[i]));
+      add(position, kKernelP, 3 * i, Vec3<Symbolic>(vehicle_.p + turn(tree.p[i])));
     }
     for (int i : bodies_.weighing) add(position, kKernelHBody, 3 * i, tree.h_body[i]);
     if (mechanism_.vehicle != kBase) {
       position.outputs.push_back({kKernelMSum, 0, tree.m_sum[0].node});
-      add(position, kKernelHSum, 0, tree.h_sum[0]);
+      add(position, kKernelHSum, 0, turn(tree.h_sum[0]));
     }
     const int n = static_cast<int>(data_.A_ind.rows());
     for (int j = 0; j < n; ++j) {
@@ -139,8 +152,8 @@ class Recorder {
       if (std::find(shown.begin(), shown.end(), i) == shown.end()) shown.push_back(i);
     }
     for (int i : shown) {
-      add(velocity, kKernelW, 3 * i, tree.w[i]);
-      add(velocity, kKernelU, 3 * i, tree.u[i]);
+      add(velocity, kKernelW, 3 * i, turn(tree.w[i]));
+      add(velocity, kKernelU, 3 * i, turn(tree.u[i]));
     }
   }
 
@@ -154,8 +167,10 @@ class Recorder {
       }
     }
     for (int i : bodies_.loaded) {
-      make_inputs(kKernelExternal, 6 * i, data_.tree.external[i].f);
-      make_inputs(kKernelExternal, 6 * i + 3, data_.tree.external[i].t);
+      Wrench<Symbolic> load;
+      make_inputs(kKernelExternal, 6 * i, load.f);
+      make_inputs(kKernelExternal, 6 * i + 3, load.t);
+      data_.tree.external[i] = {vehicle_.R.transpose() * load.f, vehicle_.R.transpose() * load.t};
     }
     calc_acceleration(mechanism_, base_, data_);
     acceleration.name = "acceleration";
@@ -164,6 +179,7 @@ class Recorder {
     }
   }
 
+  Vec3<Symbolic> turn(const Vec3<Symbolic>& v) const { return vehicle_.R * v; }
   bool is_independent(int body) const {
     const std::vector<int>& ind = mechanism_.plan.ind_bodies;
     return std::find(ind.begin(), ind.end(), body) != ind.end();
@@ -180,6 +196,8 @@ class Recorder {
   KernelBodies bodies_;
   MechanismData<Symbolic> data_;
   BaseMotion<Symbolic> base_;
+  bool in_vehicle_axes_ = false;
+  Pose<Symbolic> vehicle_;  // pose of the vehicle then, else nothing
 };
 
 std::string write_kernel(Mechanism mechanism, KernelScope scope) {
@@ -241,13 +259,15 @@ int run(const std::vector<std::string>& arguments) {
   }
   if (arguments.size() >= 2 && arguments[0] == "mechanism") {
     const std::string form = arguments.size() > 2 ? arguments[2] : "";
+    KernelScope scope = KernelScope::kAny;
     Mechanism mechanism(read_mechanism(read_file(arguments[1]), arguments[1]), form == "newton");
     close_home(mechanism, arguments[1]);
     if (form == "vehicle") {
       mechanism = Mechanism(attach_vehicle(mechanism.model, {}, {}));
       mechanism.vehicle = 0;
+      scope = KernelScope::kDocking;
     }
-    std::cout << write_kernel(std::move(mechanism), KernelScope::kAny);
+    std::cout << write_kernel(std::move(mechanism), scope);
     return 0;
   }
   std::cerr << kUsage;

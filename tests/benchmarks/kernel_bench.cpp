@@ -120,11 +120,11 @@ void measure_scene(const std::string& file, std::shared_ptr<const KernelLibrary>
         find_times(repetitions,
                    [&] { evaluate(model.mechanism, general.base, general.mechanism); },
                    [&] { evaluate(model.mechanism, special.base, special.mechanism); }),
-        error / size);
+        error / std::max(size, 1e-300));
   print(scene.name + ", all rates", operations,
         find_times(repetitions, [&] { rates(general, ydot); },
                    [&] { rates(special, ydot_special); }),
-        error / size);
+        error / std::max(size, 1e-300));
 }
 
 }  // namespace

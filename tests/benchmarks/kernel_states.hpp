@@ -26,8 +26,9 @@ inline Mechanism read_closed_mechanism(const std::string& file, bool newton_only
 
 class KernelComparison {
  public:
-  KernelComparison(const Mechanism& from, std::shared_ptr<MechanismKernel> kernel)
-      : mechanism(from), general(from), special(from) {
+  KernelComparison(const Mechanism& from, std::shared_ptr<MechanismKernel> kernel,
+                   KernelScope in = KernelScope::kAny)
+      : mechanism(from), general(from), special(from), bodies(from, in), scope(in) {
     if (!calc_position(mechanism, general).ok()) throw ModelError("cannot be closed at home");
     keep_reference(general.tree, general.loops);
     special.loops.reference = general.loops.reference;
@@ -35,7 +36,7 @@ class KernelComparison {
   }
 
   /// State number `seed`: home, moved by up to `way` (m, rad), and rates and loads to it.
-  void take_state(unsigned seed, double way = 0.03, bool base_moves = true) {
+  void take_state(unsigned seed, double way = 0.03) {
     std::mt19937 random(seed);
     std::uniform_real_distribution<double> part(-1.0, 1.0);
     const MechanismModel& model = mechanism.model;
@@ -52,13 +53,17 @@ class KernelComparison {
     }
     for (int i : mechanism.plan.ind_v) tree.v[i] = 0.2 * part(random);
     general.tau.setZero();
-    for (int i = 0; i < model.nv; ++i) general.tau[i] = 4.0 * part(random);
-    for (int i : KernelBodies(mechanism, KernelScope::kAny).loaded) {
+    for (int i : bodies.forced) {
+      for (int j = 0; j < model.bodies[i].nv(); ++j)
+        general.tau[model.bodies[i].v_index + j] = 4.0 * part(random);
+    }
+    for (int i : bodies.loaded) {
       for (int j = 0; j < 3; ++j) tree.external[i].f[j] = 3.0 * part(random);
       for (int j = 0; j < 3; ++j) tree.external[i].t[j] = part(random);
     }
     for (Vec3<double>* x : {&base.w, &base.alpha, &base.a, &base.gravity}) {
-      for (int j = 0; j < 3; ++j) (*x)[j] = base_moves ? part(random) : 0.0;
+      const bool moves = scope == KernelScope::kAny || x == &base.gravity;
+      for (int j = 0; j < 3; ++j) (*x)[j] = moves ? part(random) : 0.0;
     }
     special.tree.q = tree.q;
     special.tree.v = tree.v;
@@ -83,10 +88,10 @@ class KernelComparison {
       if (apart > 0.0) worst = std::max(worst, apart / size);
     };
     const TreeData<double>&x = general.tree, &y = special.tree;
-    const KernelBodies bodies(mechanism, KernelScope::kAny);
     for (int i : bodies.moving) {
       compare(x.R[i], y.R[i]);
       compare(x.p[i], y.p[i]);
+      compare(x.r[i], y.r[i]);
       compare(x.w[i], y.w[i]);
       compare(x.u[i], y.u[i]);
     }
@@ -94,6 +99,15 @@ class KernelComparison {
       const Body& body = mechanism.model.bodies[i];
       compare(x.q.segment(body.q_index, 1), y.q.segment(body.q_index, 1));
       compare(x.v.segment(body.v_index, 1), y.v.segment(body.v_index, 1));
+    }
+    for (int i : bodies.weighing) {
+      compare(x.h_body[i], y.h_body[i]);
+      compare(x.w[i], y.w[i]);
+      compare(x.u[i], y.u[i]);
+    }
+    if (mechanism.vehicle != kBase) {
+      compare(x.h_sum[0], y.h_sum[0]);
+      worst = std::max(worst, std::abs(x.m_sum[0] - y.m_sum[0]) / x.m_sum[0]);
     }
     compare(general.A_ind, special.A_ind);
     const MatX<double> L = general.factor.matrixL(), M = special.factor.matrixL();
@@ -110,6 +124,8 @@ class KernelComparison {
   const Mechanism mechanism;
   MechanismData<double> general, special;
   BaseMotion<double> base;
+  const KernelBodies bodies;
+  const KernelScope scope;
 };
 
 }  // namespace dockloop
