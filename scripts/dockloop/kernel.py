@@ -64,7 +64,7 @@ def make_kernel(model: Path) -> Kernel:
         return Kernel(f"none: {said.replace(f'{model}: ', '')}")
     source = written.stdout
     key = hashlib.sha256(f"{compiler} {FLAGS}\n{source}".encode()).hexdigest()[:32]
-    library = paths.BUILD / "kernels" / f"{key}.so"
+    library = paths.KERNELS / f"{key}.so"
     if not library.exists():
         error = _compile(compiler, source, library)
         if error:

@@ -1,8 +1,9 @@
-// dockloop-kernel: writes the kernel of a mechanism as C, by running the algorithms of the core with
-// a number that remembers how it was computed (trace.hpp). What a kernel is: src/kernels/README.md.
+// dockloop-kernel: writes the kernel of a mechanism as C, by running the algorithms of the core
+// with a number that remembers how it was computed (trace.hpp). What a kernel is:
+// src/kernels/README.md.
 //
-// The algorithms are templates defined in .cpp files, and the library holds them for its own scalars
-// only; the .cpp files are therefore included here, with the list of scalars replaced.
+// The algorithms are templates defined in .cpp files, and the library holds them for its own
+// scalars only; the .cpp files are therefore included here, with the list of scalars replaced.
 #include "generator/trace.hpp"
 
 #define DOCK_INSTANTIATE_FOR_SCALARS(X) X(Symbolic)
@@ -30,10 +31,11 @@ namespace dockloop {
 namespace {
 
 const char* const kUsage =
-    "usage: dockloop-kernel scene MODEL.json       the mechanism of a scene, as a simulation has it\n"
+    "usage: dockloop-kernel scene MODEL.json\n"
+    "         the mechanism of a scene, as its simulation has it\n"
     "       dockloop-kernel mechanism FILE.json [newton|vehicle]\n"
-    "         by itself, on a base that moves, with any loads; without closed forms; or on a vehicle\n"
-    "         that floats, loaded as in a docking\n"
+    "         by itself, on a base that moves, with any loads; the same without closed forms; or on\n"
+    "         a vehicle that floats, loaded as in a docking\n"
     "prints C on standard output; exit status 1: no kernel can be made, 2: bad usage or file\n";
 
 Symbolic make_input(KernelArray array, int index, double home, double way) {
@@ -91,7 +93,9 @@ class Recorder {
   void record_position(TraceFunction& iterate, TraceFunction& position) {
     const MechanismModel& model = mechanism_.model;
     TreeData<Symbolic>& tree = data_.tree;
-    for (int i = 0; i < model.nq; ++i) tree.q[i] = make_input(kKernelNear, i, model.home_q[i], 0.02);
+    for (int i = 0; i < model.nq; ++i) {
+      tree.q[i] = make_input(kKernelNear, i, model.home_q[i], 0.02);
+    }
     for (int i : mechanism_.plan.ind_q) tree.q[i] = make_input(kKernelQ, i, model.home_q[i], 0.02);
     if (in_vehicle_axes_) {
       vehicle_ = {quat_to_matrix<Symbolic>(tree.q.segment<4>(3)), tree.q.head<3>()};

@@ -2,11 +2,12 @@
 // run to obtain a kernel.
 //
 // A `Symbolic` is the place of a node in the current `Trace`. Each node knows its value at three
-// states: the home pose, which decides the branches of the algorithm, and two random states near it.
-// Numbers that agree at all three are the same number (up to rounding, 46 bits), however they were
-// computed: that finds common sub-expressions, halves of symmetric matrices, and what is always zero
-// or constant, such as cos^2 + sin^2; none of it is computed twice. What is known without arithmetic
-// (x + 0, x 1, 0 x) makes no node. Divisions become products with reciprocals, which are shared.
+// states: the home pose, which decides the branches of the algorithm, and two random states near
+// it. Numbers that agree at all three are the same number (up to rounding, 46 bits), however they
+// were computed: that finds common sub-expressions, halves of symmetric matrices, and what is
+// always zero or constant, such as cos^2 + sin^2; none of it is computed twice. What is known
+// without arithmetic (x + 0, x 1, 0 x) makes no node. Divisions become products with reciprocals,
+// which are shared.
 //
 // A decision that depends on inputs is kept as a guard, to be tested at run time:
 //   sign        x > 0 (a root, a determinant): x keeps its sign and a hundredth of its home value;
@@ -75,7 +76,9 @@ class Trace {
   /// @param home  value at the home pose; the random states are within `way` of it
   int make_input(int array, int index, double home, double way) {
     const auto [at, is_new] = inputs_.try_emplace({array, index}, size());
-    if (is_new) nodes.push_back({Op::kInput, array, index, {home, pick(home, way), pick(home, way)}});
+    if (is_new) {
+      nodes.push_back({Op::kInput, array, index, {home, pick(home, way), pick(home, way)}});
+    }
     return at->second;
   }
   /// From now on, the double `mark` stands for this input.

@@ -3,9 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <cstdio>
 #include <cstring>
+
+#include "model/text_hash.hpp"
 
 #ifdef _WIN32
 #include <windows.h>
@@ -66,19 +67,6 @@ void describe(const ClosedForm& form, Text& text) {
     text << joint.body << joint.row << joint.sign << joint.c << joint.s;
   }
   if (form.spin) text << "spin" << form.spin->body << form.spin->cross_axis << form.spin->branch;
-}
-
-/// 128 bits of FNV-1a (two offsets), as 32 hexadecimal digits.
-std::string hash_text(const std::string& text) {
-  std::uint64_t a = 14695981039346656037ull, b = 1099511628211ull ^ 0x9e3779b97f4a7c15ull;
-  for (unsigned char c : text) {
-    a = (a ^ c) * 1099511628211ull;
-    b = (b ^ (c + 0x51u)) * 1099511628211ull;
-  }
-  char hex[33];
-  std::snprintf(hex, sizeof hex, "%016llx%016llx", static_cast<unsigned long long>(a),
-                static_cast<unsigned long long>(b));
-  return hex;
 }
 
 }  // namespace
@@ -218,8 +206,8 @@ GeneratedKernel::GeneratedKernel(const Mechanism& mechanism,
   }
 }
 
-/// Is the accepted pose far from every singular one, on the branch that the kernel was made for, and
-/// so near that the mechanism has stayed on it?
+/// Is the accepted pose far from every singular one, on the branch that the kernel was made for,
+/// and so near that the mechanism has stayed on it?
 bool GeneratedKernel::is_near_accepted_pose(const MechanismData<double>& data) const {
   constexpr double kMargin = 0.1;
   const LoopReference<double>& reference = data.loops.reference;

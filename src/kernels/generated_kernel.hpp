@@ -1,8 +1,8 @@
-// A kernel made for one mechanism: straight-line code that the generator (src/generator) has written
-// and a C compiler has turned into a shared library.
+// A kernel made for one mechanism: straight-line code that the generator (src/generator) has
+// written and a C compiler has turned into a shared library.
 //
 // Library and mechanism meet in a hash of everything that the code was made from. What may change
-// without a new kernel are inputs of it: the mass properties of the vehicle, gravity, loads, motion.
+// without a new kernel is an input of it: mass properties of the vehicle, gravity, loads, motion.
 // Interface of the library (C, plain arrays of doubles):
 //
 //   const int dockloop_kernel_format;       kKernelFormat of the generator

@@ -567,8 +567,10 @@ double DockingSim::Impl::find_share_of_norm() const {
 
 /// Trial states take the fast way, accepted ones the general one, which finds everything.
 void DockingSim::Impl::choose_kernel() {
-  const bool reduced = parameters.model_level == kReduced || parameters.model_level == kMasslessLegs;
-  rate_data->mechanism.kernel = reduced ? make_kernel(model->mechanism, kernels) : nullptr;
+  const int level = parameters.model_level;
+  rate_data->mechanism.kernel = level == kReduced || level == kMasslessLegs
+                                    ? make_kernel(model->mechanism, kernels)
+                                    : nullptr;
 }
 
 /// What should be looked at, but need not be wrong.
