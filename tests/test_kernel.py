@@ -3,8 +3,9 @@
 1. Shipped scenes with and without their kernels: the same docking; two runs have the same bits.
 2. Where no kernel can be made (no compiler, one that fails) the FMU has none, and the command says
    why; asked for expressly, it is an error.
-3. A kernel that is damaged, or was made for other parameters, is a warning; the results have the
-   bits of the FMU without one. A vehicle's mass is no other parameter.
+3. A kernel that is damaged, or of another mechanism, is a warning, and one that was made for other
+   parameters is left out; the results have the bits of the FMU without one. A vehicle's mass is no
+   other parameter.
 4. An FMU is the same file whenever and wherever it is built.
 """
 
@@ -153,13 +154,12 @@ def test_a_damaged_kernel_is_a_warning(pair, tmp_path):
 @needs_compiler
 def test_a_kernel_of_another_mechanism_is_a_warning(pair, tmp_path):
     """Another scene's kernel has another hash."""
-    fmu, without = pair(SCENE)
-    other = pair(DOCKING, NEAR)[0]
+    _, without = pair(DOCKING, NEAR)
+    other = pair(SCENE)[0]
     mixed = tmp_path / "mixed.fmu"
     shutil.copy(without, mixed)
     with zipfile.ZipFile(other) as source, zipfile.ZipFile(mixed, "a") as target:
         target.writestr(ENTRY, source.read(ENTRY))
-    assert fmu.read_bytes() != mixed.read_bytes()
     bits, _, lines = run(mixed, 10)
     assert len(warnings(lines)) == 1
     assert bits == run(without, 10)[0]
@@ -170,7 +170,7 @@ def test_parameters_that_the_kernel_was_not_made_for_are_computed_without_it(pai
     fmu, without = pair(DOCKING, NEAR)
     moved = {"chaser__interface_position[2]": 0.001}
     bits, _, lines = run(fmu, 30, **moved)
-    assert len(warnings(lines)) == 1
+    assert not warnings(lines)
     assert bits == run(without, 30, **moved)[0]
 
 

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <fstream>
 
+#include "unit/allocations.hpp"
 #include "benchmarks/kernel_states.hpp"
 
 namespace dockloop {
@@ -83,6 +84,20 @@ TEST_P(EveryKernel, RepeatsBitForBit) {
                              sizeof(double) * static_cast<size_t>(mechanism.model.nv)));
   }
 }
+
+#ifdef DOCKLOOP_COUNTS_ALLOCATIONS
+TEST_P(EveryKernel, EvaluatesWithoutAllocating) {
+  KernelComparison comparison = make_comparison();
+  comparison.take_state(1);
+  MechanismData<double>& data = comparison.special;
+  EXPECT_EQ(0, count_allocations([&] {
+              calc_position(mechanism, data);
+              calc_velocity(mechanism, comparison.base, data);
+              calc_acceleration(mechanism, comparison.base, data);
+            }));
+  EXPECT_TRUE(data.by_kernel);
+}
+#endif
 
 // Nothing is known of a pose that no accepted one leads to, or that is near a singular one.
 TEST_P(EveryKernel, LeavesDoubtToTheGeneralCode) {
