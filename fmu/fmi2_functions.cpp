@@ -203,7 +203,9 @@ std::unique_ptr<Instance> make_instance(const char* name, fmi2Type type, const c
   }
   const Interface interface =
       type == fmi2CoSimulation ? Interface::kCoSimulation : Interface::kModelExchange;
-  return std::make_unique<Instance>(std::move(scene), interface, std::move(logger));
+  auto instance = std::make_unique<Instance>(std::move(scene), interface, std::move(logger));
+  instance->load_kernel(resource_folder(location));
+  return instance;
 }
 
 }  // namespace

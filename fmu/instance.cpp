@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <utility>
 
+#include "kernels/generated_kernel.hpp"
 #include "model_description.hpp"
 
 namespace dockloop {
@@ -34,6 +36,35 @@ fmi2Status fmi_status(StatusCode code) {
 Instance::Instance(std::shared_ptr<const Scene> scene, Interface interface, Logger log)
     : logger(std::move(log)), sim(std::move(scene), interface), variables(make_variables(sim)) {
   start_time = time = sim.scene().experiment.start;
+}
+
+namespace {
+
+/// Folder of this platform, as below binaries/, and file of a kernel in it.
+#if defined(_WIN32)
+constexpr const char* kKernelFile = "win64/kernel.dll";
+#elif defined(__APPLE__) && defined(__aarch64__)
+constexpr const char* kKernelFile = "aarch64-darwin/kernel.dylib";
+#elif defined(__APPLE__)
+constexpr const char* kKernelFile = "darwin64/kernel.dylib";
+#elif defined(__aarch64__)
+constexpr const char* kKernelFile = "aarch64-linux/kernel.so";
+#else
+constexpr const char* kKernelFile = "linux64/kernel.so";
+#endif
+
+}  // namespace
+
+void Instance::load_kernel(const std::string& resources) {
+  const std::string file = resources + "/kernels/" + kKernelFile;
+  std::error_code none;
+  if (!std::filesystem::exists(std::filesystem::u8path(file), none)) return;
+  try {
+    sim.use_kernels(std::make_shared<const KernelLibrary>(file));
+  } catch (const std::exception& e) {
+    logger.write(fmi2Warning, kLogWarning,
+                 std::string(e.what()) + "; the general code computes (same results, slower)");
+  }
 }
 
 void Instance::setup(double t0, double wanted_tolerance) {

@@ -46,6 +46,9 @@ struct SavedInstance {
 struct Instance {
   Instance(std::shared_ptr<const Scene> scene, Interface interface, Logger log);
 
+  /// Use the kernel that the FMU carries for this platform, if it does; one that cannot be loaded
+  /// is a warning. Before initialise(). @param resources  folder, UTF-8
+  void load_kernel(const std::string& resources);
   void setup(double t0, double wanted_tolerance);
   /// Start state from parameters and start values, if it is not there yet or one of them changed.
   void initialise();

@@ -23,7 +23,7 @@ else()
   target_compile_options(${name} PRIVATE -fno-math-errno -ffp-contract=off)
 endif()
 if(UNIX AND NOT APPLE)
-  target_link_libraries(${name} PRIVATE m)
+  target_link_libraries(${name} PRIVATE m ${CMAKE_DL_LIBS})
   target_link_options(${name} PRIVATE -Wl,--version-script=${CMAKE_SOURCE_DIR}/exports.map)
 endif()
 

@@ -16,10 +16,12 @@ MAY_SEE = {
     "forces": {"math", "model"},
     "contact": {"math"},
     "dynamics": {"math", "model", "tree", "loops", "forces", "contact"},
-    "kernels": {"math", "dynamics"},
+    "kernels": {"math", "model", "tree", "loops", "dynamics"},
     "integrate": set(),
     "sim": {"math", "model", "contact", "dynamics", "kernels", "integrate"},
     "truth": {"math", "integrate", "sim"},  # outside the core: it may know Impl of sim
+    # a program of its own, which compiles the algorithms once more
+    "generator": {"math", "model", "tree", "loops", "dynamics", "kernels", "sim"},
     "tool": {"math", "model", "forces", "dynamics", "sim"},
 }
 # Where an outside library may be included: library header prefix -> folders.

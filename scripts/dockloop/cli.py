@@ -92,6 +92,12 @@ def _make_parser() -> argparse.ArgumentParser:
         action="store_true",
         help="run the default experiment and put its result into the FMU (folder extra)",
     )
+    build.add_argument(
+        "--kernel",
+        action=argparse.BooleanOptionalAction,
+        help="with compiled code of its own for the mechanism, or without (default: with it where"
+        " there is a C compiler; results are the same)",
+    )
 
     ssp = _add(
         commands,
@@ -315,7 +321,7 @@ def _build(options: argparse.Namespace) -> None:
     from dockloop.fmu import build_fmu
     from dockloop.paths import shown
 
-    fmu = build_fmu(options.scene, options.overrides, options.output)
+    fmu = build_fmu(options.scene, options.overrides, options.output, options.kernel, print)
     if options.reference:
         from dockloop.reference import add_reference
 

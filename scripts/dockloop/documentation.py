@@ -98,7 +98,7 @@ _STATUSES = (
 _NATIVE_NEEDS = """\
 binaries/linux64 was built for this machine. It needs the C and C++ runtime of the system:
 
-  libc.so.6, libm.so.6            glibc 2.32 or newer
+  libc.so.6, libm.so.6            glibc 2.34 or newer
   libstdc++.so.6, libgcc_s.so.1   GCC 11 or newer
 
 Debian 12, Ubuntu 22.04 and newer have them (packages libc6, libstdc++6, libgcc-s1).

@@ -7,6 +7,7 @@ Layout (FMI 2.0)::
     binaries/win64/NAME.dll             ... and whatever else scripts/platforms has built
     sources/                            what a compiler needs to make the library again
     resources/model.json                the resolved scene, all that the library reads
+    resources/kernels/linux64/kernel.so fast code for its mechanism, used where it fits
     documentation/index.html            all that a stranger needs to know
     documentation/externalDependencies.txt
     documentation/licenses/             of the project and of every part of the library
@@ -23,6 +24,7 @@ import os
 import sys
 import tempfile
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 from dockloop import paths
@@ -30,6 +32,7 @@ from dockloop.binaries import find_libraries
 from dockloop.core import run_core
 from dockloop.documentation import describe_needs, make_page
 from dockloop.errors import DockloopError
+from dockloop.kernel import Kernel, make_kernel
 from dockloop.licenses import read_licenses
 from dockloop.scene import find_scene, resolve_scene
 from dockloop.sources import list_sources, source_entries
@@ -43,7 +46,11 @@ _FIRST_ZIP_DATE = 315532800  # 1980-01-01T00:00:00Z, s since 1970
 
 
 def build_fmu(
-    reference: str, overrides: list[str] | tuple[str, ...] = (), output: Path | None = None
+    reference: str,
+    overrides: list[str] | tuple[str, ...] = (),
+    output: Path | None = None,
+    kernel: bool | None = None,
+    report: Callable[[str], None] = lambda _: None,
 ) -> Path:
     """Build the FMU of a scene.
 
@@ -51,19 +58,22 @@ def build_fmu(
         reference: name or path of the scene.
         overrides: ``KEY=VALUE`` texts that replace keys of the scene.
         output: the FMU to write; default ``build/fmu/SCENE.fmu`` of the project.
+        kernel: with a kernel of the mechanism or without; None: with one where it can be made.
+        report: told in one line what became of the kernel.
 
     Returns:
         The FMU.
 
     Raises:
         UsageError: scene, mechanism or override is bad.
-        DockloopError: the compiled parts are missing, or the file cannot be written.
+        DockloopError: the compiled parts are missing, the file cannot be written, or there is no
+            kernel though one is asked for.
     """
     source = find_scene(reference)
     document = resolve_scene(source, overrides)
     place_vehicles(document, source)
     output = output or paths.BUILD / "fmu" / f"{document['name']}.fmu"
-    write_fmu(document, source, output)
+    write_fmu(document, source, output, kernel, report)
     return output
 
 
@@ -93,13 +103,21 @@ def find_placement(document: dict, source: Path) -> str:
     return NEVER_TOUCH
 
 
-def write_fmu(document: dict, source: Path, output: Path) -> None:
+def write_fmu(
+    document: dict,
+    source: Path,
+    output: Path,
+    kernel: bool | None = None,
+    report: Callable[[str], None] = lambda _: None,
+) -> None:
     """Write the FMU of a resolved document whose vehicles are placed.
 
     Args:
         document: all that the FMU will read.
         source: the scene file, for messages.
         output: the FMU.
+        kernel: as for `build_fmu`.
+        report: as for `build_fmu`.
     """
     libraries = find_libraries()
     if not libraries:
@@ -114,7 +132,11 @@ def write_fmu(document: dict, source: Path, output: Path) -> None:
         mechanism = Path(folder) / "mechanism.json"
         mechanism.write_text(to_json(document["mechanism"]))
         description = run_core("describe", model, "--date", date, source=source)
-        report = json.loads(run_core("check", mechanism, source=source))
+        check = json.loads(run_core("check", mechanism, source=source))
+        made = Kernel("none: not wanted") if kernel is False else make_kernel(model, bool(kernel))
+    if kernel and not made.entries:
+        raise DockloopError(f"{paths.shown(source)}: kernel: {made.note}")
+    report(f"kernel: {made.note}")
     name = document["name"]
     sources = source_entries(name)
     entries = {
@@ -124,7 +146,8 @@ def write_fmu(document: dict, source: Path, output: Path) -> None:
             for platform, library in libraries.items()
         },
         "resources/model.json": to_json(document).encode(),
-        **_companions(document, description, report, libraries.get("linux64") != paths.LIBRARY),
+        **made.entries,
+        **_companions(document, description, check, libraries.get("linux64") != paths.LIBRARY),
         **sources,
     }
     write_zip(output, entries)

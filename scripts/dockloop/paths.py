@@ -16,6 +16,8 @@ BUILD = ROOT / "build"
 COMPILED = Path(os.environ.get("DOCKLOOP_BUILD", BUILD / "release"))
 CORE = COMPILED / "dockloop-core"
 LIBRARY = COMPILED / "dockloop.so"
+GENERATOR = COMPILED / "dockloop-kernel"
+KERNELS = BUILD / "kernels"  # compiled ones, by the hash of their source
 PLATFORMS = BUILD / "platforms"  # made by scripts/platforms
 OUTSIDE = BUILD / "deps" / "source"  # sources of the outside packages, for portable binaries
 

@@ -148,6 +148,6 @@ compile() {
   if [ $tests = ON ]; then
     quietly compile cmake --build --preset release
   else
-    quietly compile cmake --build --preset release --target dockloop_fmu dockloop-core
+    quietly compile cmake --build --preset release --target dockloop_fmu dockloop-core dockloop-kernel
   fi
 }

@@ -564,10 +564,12 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
              gravity.dot(Vec3<S>(momentum[0], momentum[1], momentum[2]));
   } else if (!model.locked.on && !(gravity.array() == S(0)).all()) {
     // Weight of mechanism bodies on an immobile base, seen through the moving bodies.
+    bool told = false;
     if constexpr (std::is_same_v<S, double>) {
-      if (mechanism.by_kernel) power += gravity.dot(mechanism.kernel->find_linear_momentum());
+      told = mechanism.by_kernel && mechanism.kernel->finds_momentum();
+      if (told) power += gravity.dot(mechanism.kernel->find_linear_momentum());
     }
-    for (size_t i = 0; !mechanism.by_kernel && i < model.mechanism.model.bodies.size(); ++i) {
+    for (size_t i = 0; !told && i < model.mechanism.model.bodies.size(); ++i) {
       const Vec3<S> m_v = S(model.mechanism.model.bodies[i].mass) * mechanism.tree.u[i] +
                           mechanism.tree.w[i].cross(mechanism.tree.h_body[i]);
       power += gravity.dot(m_v);
@@ -716,10 +718,8 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
 Status calc_mechanism_position(const DockingModel& model, const double* y,
                                DockingData<double>& data) {
   put_mechanism_state(model, y, data.mechanism.tree);
-  data.mechanism.whole = true;
-  const Status status = calc_position(model.mechanism, data.mechanism);
-  data.mechanism.whole = false;
-  return status;
+  const Whole general(data.mechanism);
+  return calc_position(model.mechanism, data.mechanism);
 }
 
 void set_momentum(const DockingModel& model, int vehicle, const Wrench<double>& momentum,

@@ -178,13 +178,11 @@ void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
 Status complete(const Mechanism& mechanism, const BaseMotion<double>& base,
                 MechanismData<double>& data) {
   if (!data.by_kernel) return {};
-  data.whole = true;
+  const Whole general(data);
   const Status status = calc_position(mechanism, data);
-  if (status.ok()) {
-    calc_velocity(mechanism, base, data);
-    calc_acceleration(mechanism, base, data);
-  }
-  data.whole = false;
+  if (!status.ok()) return status;
+  calc_velocity(mechanism, base, data);
+  calc_acceleration(mechanism, base, data);
   return status;
 }
 

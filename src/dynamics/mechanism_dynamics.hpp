@@ -56,7 +56,22 @@ struct MechanismData {
                       ///< base axes of the tree (calc_reactions)
   std::shared_ptr<MechanismKernel> kernel;  ///< tried first, if there is one; only for double
   bool by_kernel = false;                   ///< the present position was found by it
-  bool whole = false;  ///< all of this is wanted: no kernel, please; set by the caller
+  bool whole = false;                       ///< all of this is wanted: no kernel, please (Whole)
+};
+
+/// While it lives, the general code evaluates: for who needs more than a kernel finds.
+class Whole {
+ public:
+  explicit Whole(MechanismData<double>& data) : data_(data), before_(data.whole) {
+    data.whole = true;
+  }
+  ~Whole() { data_.whole = before_; }
+  Whole(const Whole&) = delete;
+  Whole& operator=(const Whole&) = delete;
+
+ private:
+  MechanismData<double>& data_;
+  const bool before_;
 };
 
 /// In: independent entries of data.tree.q (dependent ones as a start).

@@ -1,13 +1,16 @@
-// Which kernel a mechanism gets; see dynamics/mechanism_kernel.hpp for what a kernel is.
+// Which kernel evaluates a mechanism; README.md in this folder.
 #pragma once
 
+#include "kernels/generated_kernel.hpp"
 #include "kernels/leg_kernel.hpp"
 
 namespace dockloop {
 
-/// The fastest kernel there is for a mechanism; null if only the general code serves it.
-inline std::shared_ptr<MechanismKernel> make_kernel(const Mechanism& mechanism) {
-  return make_leg_kernel(mechanism);
-}
+/// The generated one if there is one and it was made for this mechanism, else legs side by side if
+/// it is a ring on such legs.
+/// @param generated  library that came with the model; may be null
+/// @return null: the general code
+std::shared_ptr<MechanismKernel> make_kernel(const Mechanism& mechanism,
+                                             std::shared_ptr<const KernelLibrary> generated);
 
 }  // namespace dockloop

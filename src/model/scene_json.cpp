@@ -1,12 +1,12 @@
 // Reads the scene document that an FMU carries; see scene.hpp.
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <cstdio>
 #include <iterator>
 
 #include "model/json_reader.hpp"
 #include "model/scene.hpp"
+#include "model/text_hash.hpp"
 
 namespace dockloop {
 namespace {
@@ -15,21 +15,6 @@ namespace {
 constexpr const char* kVariableTableVersion = "dockloop-variables/1";
 
 constexpr int kMaxNodes = 360;  ///< of a guide ring
-
-/// 128 bits of FNV-1a (two offsets), as 32 hex digits.
-std::string make_fingerprint(const std::string& text) {
-  std::uint64_t a = 14695981039346656037ull, b = 1099511628211ull ^ 0x9e3779b97f4a7c15ull;
-  for (const std::string& part : {std::string(kVariableTableVersion), text}) {
-    for (unsigned char c : part) {
-      a = (a ^ c) * 1099511628211ull;
-      b = (b ^ (c + 0x51u)) * 1099511628211ull;
-    }
-  }
-  char hex[33];
-  std::snprintf(hex, sizeof hex, "%016llx%016llx", static_cast<unsigned long long>(a),
-                static_cast<unsigned long long>(b));
-  return hex;
-}
 
 Motion read_motion(const JsonReader& vehicle) {
   const std::string motion = vehicle.text("motion", "free");
@@ -292,7 +277,7 @@ Scene read_scene(const std::string& json_text, const std::string& source_name) {
   }
   try {
     Scene scene = read_members(root, source_name);
-    scene.fingerprint = make_fingerprint(json_text);
+    scene.fingerprint = hash_text(kVariableTableVersion + json_text);
     return scene;
   } catch (const ModelError& error) {
     const std::string text = error.what();

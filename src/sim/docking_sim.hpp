@@ -47,6 +47,7 @@ struct Dependencies {
 
 struct SavedSim;
 struct Extended;
+class KernelLibrary;
 
 class DockingSim {
  public:
@@ -115,6 +116,10 @@ class DockingSim {
   double rate_derivative(int place) const;    ///< in the state vector
   /// Found by derivatives at random states, apart and in contact, in all modes of the latches.
   Dependencies find_dependencies();
+
+  /// From the next initialise() on, trial states are evaluated by the kernel of this library, if it
+  /// was made for the mechanism as the parameters then have it. Null: by the general code.
+  void use_kernels(std::shared_ptr<const KernelLibrary> library);
 
   // Keeping and restoring (sim/sim_state.hpp)
 

@@ -26,6 +26,7 @@
 #include "dynamics/interface_stiffness.hpp"
 #include "dynamics/reference_model.hpp"
 #include "integrate/stepper.hpp"
+#include "kernels/kernels.hpp"
 #include "sim/docking_sim.hpp"
 #include "sim/outputs.hpp"
 #include "sim/phases.hpp"
@@ -270,6 +271,7 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<Mechanism> start_mechanism;      ///< in the coordinates of the start
   std::unique_ptr<DockingData<double>> data;       ///< at the last accepted state
   std::unique_ptr<DockingData<double>> rate_data;  ///< at trial states of the integrator
+  std::shared_ptr<const KernelLibrary> kernels;    ///< came with the scene; may be null
   std::unique_ptr<Stepper> stepper;                ///< owns the state y
   int state_count = 0;                             ///< of y; fixed at construction
   std::vector<int> state_bodies;  ///< joints of state.*: the independent ones at the start

@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "kernels/kernels.hpp"
+#include "sim/frame_origin.hpp"
 #include "sim/sim_impl.hpp"
 
 namespace dockloop {
@@ -268,15 +269,10 @@ ContactLaw DockingSim::Impl::make_contact_law() const {
 }
 
 void DockingSim::Impl::choose_frame_O() {
-  // Origin near the docking interface of the target (else at the chaser). Whole metres from the
-  // vehicle's position, so that the differences below are exact even at orbital distances.
-  const int anchor = scene->has_target ? kTarget : kChaser;
-  const VehicleParameters& p = parameters.vehicle[anchor];
-  Vec3<double> offset = Vec3<double>::Zero();
-  if (scene->has_target) offset = quat_to_matrix<double>(p.attitude) * p.interface_position;
-  frame_origin = p.position + Vec3<double>(offset.array().round());
+  frame_origin = find_frame_origin(*scene, parameters.vehicle);
   const bool drifts = scene->motion[kChaser] != Motion::kFixed &&
                       (!scene->has_target || scene->motion[kTarget] != Motion::kFixed);
+  const VehicleParameters& p = parameters.vehicle[scene->has_target ? kTarget : kChaser];
   frame_velocity = drifts ? p.velocity : Vec3<double>(Vec3<double>::Zero());
   frame_shift.setZero();
 }
@@ -412,6 +408,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   }
   energy_start = find_total_energy();
   for (int i : {kChaser, kTarget}) momentum_start[i] = find_momentum(*model, i, *data);
+  attach_kernel();
   warn_about_start();
   if (has_surfaces()) {
     if (have_rings_passed(model->contact, data->relative)) {
@@ -436,7 +433,6 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   rest_state.q.assign(q, q + model->layout.mechanism_nq);
   if (!model->locked.on) model->locked.q = data->mechanism.tree.q;  // room for a rest
   start_coupling();
-  attach_kernel();
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
@@ -452,12 +448,13 @@ double DockingSim::Impl::find_relative_tolerance() const {
 /// needs all of what the general code finds: a host of a vehicle, or one that integrates by itself.
 /// The form with multipliers and the truth know no kernels.
 void DockingSim::Impl::attach_kernel() {
-  if (reference || adapt_problem) return;
   MechanismData<double>&trial = rate_data->mechanism, &accepted = data->mechanism;
-  trial.kernel = make_kernel(model->mechanism);
-  if (!trial.kernel) return;
-  if (!model->moves[kChaser] && !trial.kernel->finds_momentum()) trial.kernel.reset();
-  if (shares_evaluations()) accepted.kernel = make_kernel(model->mechanism);
+  trial.kernel = accepted.kernel = nullptr;
+  if (reference || adapt_problem || parameters.model_level == kRigid) return;
+  trial.kernel = make_kernel(model->mechanism, kernels);
+  if (trial.kernel && shares_evaluations()) {
+    accepted.kernel = make_kernel(model->mechanism, kernels);
+  }
 }
 
 /// May a trial state that turns out to be accepted be taken for evaluated?
@@ -558,6 +555,7 @@ void DockingSim::Impl::make_jacobian_pass() {
 /// Derivatives of the rates by the states, by columns, for implicit methods. @return as the rates
 int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_columns) {
   evaluated = Evaluated::kNothing;
+  const Whole general(rate_data->mechanism);
   Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t, y,
                                        nullptr, *rate_data);
   if (status.ok()) {
@@ -614,6 +612,16 @@ void DockingSim::Impl::warn_about_start() {
     warnings.push_back(
         "gravity in the mechanism file is used by 'dockloop check' only; connect the "
         "input 'gravity'");
+  }
+  const VehicleParameters &p = parameters.vehicle[kChaser], &stated = scene->vehicle[kChaser];
+  const bool as_stated = parameters.model_level == scene->level && !model->locked.on &&
+                         p.interface_position == stated.interface_position &&
+                         p.interface_attitude == stated.interface_attitude &&
+                         model->moves[kChaser];
+  if (kernels && as_stated && !rate_data->mechanism.kernel) {
+    warnings.push_back(
+        "the kernel in the FMU was made for another mechanism; the general code computes (same "
+        "results, slower)");
   }
   if (!has_surfaces() || model->contact.kind != ContactModel::Kind::kRings) return;
   // k >= 4 m v^2/rounding^2 for what hits: the capture body on its legs, or all there is.

@@ -1,0 +1,90 @@
+"""Makes the kernel of a scene's mechanism: straight-line C from dockloop-kernel, compiled here.
+
+What a kernel is and when an FMU uses it: ``src/kernels/README.md``. The compiled one is kept in
+``build/kernels`` under the hash of its source: most scenes that are built share a mechanism.
+"""
+
+import hashlib
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dockloop import paths
+
+FLAGS = [
+    *("-O2", "-fno-tree-slp-vectorize"),  # vectors of two cost more than they save here, measured
+    *("-fno-math-errno", "-ffp-contract=off"),
+    *("-shared", "-fPIC", "-s"),
+]
+_PLATFORMS = {("Linux", "x86_64"): "linux64", ("Linux", "aarch64"): "aarch64-linux"}
+
+
+@dataclass
+class Kernel:
+    """What came of it: entries of the FMU (none without a kernel), and one line that says why."""
+
+    note: str
+    entries: dict[str, bytes] = field(default_factory=dict)
+
+
+def find_compiler() -> list[str]:
+    """Return the command of a C compiler (``CC`` decides if it is set), or nothing."""
+    names = [os.environ["CC"]] if "CC" in os.environ else ["cc", "gcc", "clang"]
+    for name in names:
+        command = shlex.split(name)
+        if command and shutil.which(command[0]):
+            return command
+    return []
+
+
+def make_kernel(model: Path, needed: bool) -> Kernel:
+    """Make the kernel of a resolved scene for the platform at hand, if that is possible.
+
+    Args:
+        model: the scene, as FMUs hold it.
+        needed: make one also where the core has a kernel of its own.
+    """
+    folder = _PLATFORMS.get((platform.system(), platform.machine()))
+    compiler = find_compiler()
+    if not folder:
+        return Kernel(f"none: not made on {platform.system()} {platform.machine()}")
+    if not paths.GENERATOR.exists():
+        return Kernel(f"none: {paths.shown(paths.GENERATOR)} is not there")
+    if not compiler:
+        return Kernel("none: no C compiler was found (cc, gcc, clang or what CC names)")
+    written = subprocess.run(
+        [paths.GENERATOR, "scene", model, *([] if needed else ["if-needed"])],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    said = written.stderr.strip()
+    if written.returncode != 0:
+        return Kernel(f"none: {said.replace(f'{model}: ', '')}")
+    source = written.stdout
+    key = hashlib.sha256(f"{compiler} {FLAGS}\n{source}".encode()).hexdigest()[:32]
+    library = paths.KERNELS / f"{key}.so"
+    if not library.exists():
+        error = _compile(compiler, source, library)
+        if error:
+            return Kernel(f"none: {compiler[0]} failed: {error}")
+    content = library.read_bytes()
+    return Kernel(f"{said}, by {compiler[0]}", {f"resources/kernels/{folder}/kernel.so": content})
+
+
+def _compile(compiler: list[str], source: str, library: Path) -> str:
+    """Compile C into a shared library; returns what went wrong, or an empty text."""
+    library.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".kernel-", dir=library.parent) as folder:
+        (Path(folder) / "kernel.c").write_text(source)
+        command = [*compiler, *FLAGS, "-o", "kernel.so", "kernel.c", "-lm"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            return (done.stderr.strip().splitlines() or ["no message"])[-1]
+        (Path(folder) / "kernel.so").replace(library)  # at once: others may build the same
+    return ""
