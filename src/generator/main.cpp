@@ -19,7 +19,6 @@
 #include <fstream>
 #include <iostream>
 #include <iterator>
-#include <optional>
 
 #include "dynamics/massless_legs.hpp"
 #include "generator/printer.hpp"
