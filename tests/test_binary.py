@@ -28,7 +28,7 @@ LIBRARIES = ["native", *binaries.EXTENSIONS]
 
 # Newest symbol versions that each library may ask for, and the libraries it may load.
 FLOORS = {
-    "native": {"GLIBC": (2, 34), "GLIBCXX": (3, 4, 29), "CXXABI": (1, 3, 9)},
+    "native": {"GLIBC": (2, 34), "GLIBCXX": (3, 4, 29), "CXXABI": (1, 3, 11)},
     "linux64": {"GLIBC": (2, 17)},
     "aarch64-linux": {"GLIBC": (2, 17)},
 }

@@ -8,33 +8,34 @@
 
 #define DOCK_INSTANTIATE_FOR_SCALARS(X) X(Symbolic)
 
-#include "dynamics/mechanism_dynamics.cpp"
-#include "loops/closed_form.cpp"
-#include "loops/leg_geometry.cpp"
-#include "loops/loop_equations.cpp"
-#include "loops/loop_position.cpp"
-#include "loops/loop_reduction.cpp"
-#include "tree/tree.cpp"
-
 #include <fstream>
 #include <iostream>
 #include <iterator>
 
 #include "dynamics/massless_legs.hpp"
+#include "dynamics/mechanism_dynamics.cpp"
 #include "generator/printer.hpp"
 #include "kernels/generated_kernel.hpp"
 #include "kernels/leg_kernel.hpp"
+#include "loops/closed_form.cpp"
+#include "loops/leg_geometry.cpp"
+#include "loops/loop_equations.cpp"
+#include "loops/loop_position.cpp"
+#include "loops/loop_reduction.cpp"
 #include "model/scene.hpp"
 #include "sim/frame_origin.hpp"
+#include "tree/tree.cpp"
 
 namespace dockloop {
 namespace {
 
 const char* const kUsage =
     "usage: dockloop-kernel scene MODEL.json [if-needed]\n"
-    "         the mechanism of a scene, as its simulation has it; only if no kernel of the core serves\n"
+    "         the mechanism of a scene, as its simulation has it; only if no kernel of the core "
+    "serves\n"
     "       dockloop-kernel mechanism FILE.json [newton|vehicle]\n"
-    "         by itself, on a base that moves, with any loads; the same without closed forms; or on\n"
+    "         by itself, on a base that moves, with any loads; the same without closed forms; or "
+    "on\n"
     "         a vehicle that floats, loaded as in a docking\n"
     "prints C on standard output; exit status 1: no kernel can be made, 2: bad usage or file\n";
 
@@ -243,9 +244,8 @@ Mechanism read_scene_mechanism(const std::string& file) {
   const Pose<double> base_in_chaser =
       Pose<double>{quat_to_matrix<double>(chaser.interface_attitude), chaser.interface_position} *
       scene.base_in_interface;
-  const MechanismModel described = scene.level == kMasslessLegs
-                                       ? make_legs_massless(scene.mechanism).model
-                                       : scene.mechanism;
+  const MechanismModel described =
+      scene.level == kMasslessLegs ? make_legs_massless(scene.mechanism).model : scene.mechanism;
   const bool moves = scene.motion[kChaser] != Motion::kFixed;
   const Pose<double> chaser_pose{quat_to_matrix<double>(chaser.attitude),
                                  chaser.position - find_frame_origin(scene, scene.vehicle)};

@@ -51,9 +51,7 @@ class Printer {
     if (n.b < 0) return {n.a};
     return {n.a, n.b};
   }
-  bool is_given(int i) const {
-    return trace_.is_constant(i) || trace_.nodes[i].op == Op::kInput;
-  }
+  bool is_given(int i) const { return trace_.is_constant(i) || trace_.nodes[i].op == Op::kInput; }
 
   std::vector<char> find_needed(size_t f) const {
     std::vector<char> needed(trace_.nodes.size(), 0);

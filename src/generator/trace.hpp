@@ -53,7 +53,7 @@ using Values = std::array<double, 3>;  ///< at the home pose and at two random s
 
 struct Node {
   Op op = Op::kConstant;
-  int a = 0, b = -1;   ///< operands; of an input: array and index
+  int a = 0, b = -1;  ///< operands; of an input: array and index
   Values value{};
 };
 

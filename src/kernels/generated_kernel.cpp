@@ -201,8 +201,8 @@ GeneratedKernel::GeneratedKernel(const Mechanism& mechanism,
   if (mechanism.vehicle != kBase) {
     const Body& body = mechanism.model.bodies[mechanism.vehicle];
     const Mat3<double>& I = body.inertia;
-    vehicle_ = {body.mass, body.com.x(), body.com.y(), body.com.z(), I(0, 0), I(1, 1),
-                I(2, 2),   I(0, 1),      I(0, 2),      I(1, 2)};
+    vehicle_ = {body.mass, body.com.x(), body.com.y(), body.com.z(), I(0, 0),
+                I(1, 1),   I(2, 2),      I(0, 1),      I(0, 2),      I(1, 2)};
   }
 }
 

@@ -28,13 +28,13 @@ constexpr int kKernelFormat = 1;  ///< of interface and code, to be raised with 
 /// Arrays that a kernel reads and writes: members of TreeData, MechanismData and BaseMotion as they
 /// lie in memory, and some of the kernel's own.
 enum KernelArray {
-  kKernelQ,         ///< tree.q
-  kKernelNear,      ///< nq: reference pose; dependents of Newton loops: start of the step
-  kKernelNext,      ///< nq: where the step leads
-  kKernelTime,      ///< tree.time
-  kKernelVehicle,   ///< mass, com (3), inertia (xx yy zz xy xz yz) of body 0, if it is the vehicle
-  kKernelV,         ///< tree.v
-  kKernelBaseW,     ///< motion of the base
+  kKernelQ,        ///< tree.q
+  kKernelNear,     ///< nq: reference pose; dependents of Newton loops: start of the step
+  kKernelNext,     ///< nq: where the step leads
+  kKernelTime,     ///< tree.time
+  kKernelVehicle,  ///< mass, com (3), inertia (xx yy zz xy xz yz) of body 0, if it is the vehicle
+  kKernelV,        ///< tree.v
+  kKernelBaseW,    ///< motion of the base
   kKernelBaseAlpha,
   kKernelBaseA,
   kKernelGravity,
@@ -121,7 +121,7 @@ class GeneratedKernel : public MechanismKernel {
   bool close_by_iteration();
   std::shared_ptr<const KernelLibrary> library_;
   std::vector<Block> blocks_;
-  std::vector<int> ind_q_;       ///< independent coordinates of the mechanism
+  std::vector<int> ind_q_;        ///< independent coordinates of the mechanism
   std::vector<double> farthest_;  ///< how far each may be from the accepted pose
   bool iterates_ = false;
   std::vector<double> near_, next_, vehicle_, work_;

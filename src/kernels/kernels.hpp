@@ -6,6 +6,9 @@
 
 namespace dockloop {
 
+/// Was a library made for a mechanism, as docking simulations have it?
+bool is_made_for(const KernelLibrary& generated, const Mechanism& mechanism);
+
 /// The generated one if there is one and it was made for this mechanism, else legs side by side if
 /// it is a ring on such legs.
 /// @param generated  library that came with the model; may be null

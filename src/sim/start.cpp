@@ -616,12 +616,11 @@ void DockingSim::Impl::warn_about_start() {
   const VehicleParameters &p = parameters.vehicle[kChaser], &stated = scene->vehicle[kChaser];
   const bool as_stated = parameters.model_level == scene->level && !model->locked.on &&
                          p.interface_position == stated.interface_position &&
-                         p.interface_attitude == stated.interface_attitude &&
-                         model->moves[kChaser];
-  if (kernels && as_stated && !rate_data->mechanism.kernel) {
+                         p.interface_attitude == stated.interface_attitude && model->moves[kChaser];
+  if (kernels && as_stated && !is_made_for(*kernels, model->mechanism)) {
     warnings.push_back(
-        "the kernel in the FMU was made for another mechanism; the general code computes (same "
-        "results, slower)");
+        "the kernel in the FMU was made for another mechanism and is left out (same results, "
+        "slower)");
   }
   if (!has_surfaces() || model->contact.kind != ContactModel::Kind::kRings) return;
   // k >= 4 m v^2/rounding^2 for what hits: the capture body on its legs, or all there is.
