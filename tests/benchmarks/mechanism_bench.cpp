@@ -100,6 +100,12 @@ struct Codes {
 
   static void add_kernel(const std::string& name, MechanismEvaluation& at) {
     add(name + "/accelerations", at, [&] { at.calc_accelerations(); });
+    if (at.data.kernel->serves_accepted_states()) {
+      add(name + "/with reactions", at, [&] {
+        at.calc_accelerations();
+        calc_reactions(at.mechanism, at.base, kBase, at.data);
+      });
+    }
     add(name + "/1 position", at, [&] { calc_position(at.mechanism, at.data); });
     add(name + "/2 velocity", at, [&] { calc_velocity(at.mechanism, at.base, at.data); });
     add(name + "/3 joint forces", at, [&] { at.calc_forces(); });
