@@ -63,7 +63,7 @@ void Instance::load_kernel(const std::string& resources) {
     sim.use_kernels(std::make_shared<const KernelLibrary>(file));
   } catch (const std::exception& e) {
     logger.write(fmi2Warning, kLogWarning,
-                 std::string(e.what()) + "; the general code computes (same results, slower)");
+                 std::string(e.what()) + "; it is left out (same results, slower)");
   }
 }
 

@@ -1,5 +1,5 @@
 # This file is sources/CMakeLists.txt of every FMU that holds its sources. It compiles the FMU for
-# the machine at hand with nothing but CMake and a compiler of C and C++17. In the unpacked FMU:
+# the machine at hand with nothing but CMake and GCC or Clang (C, C++17). In the unpacked FMU:
 #
 #   cmake -S sources -B build && cmake --build build --target install --config Release
 #
@@ -13,15 +13,24 @@ file(STRINGS ${CMAKE_SOURCE_DIR}/buildDescription.xml name REGEX "modelIdentifie
 string(REGEX REPLACE ".*modelIdentifier=\"([^\"]+)\".*" "\\1" name "${name}")
 
 file(GLOB files *.cpp */*.cpp */*.c)
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$")  # vector registers are chosen at run time
+  add_compile_definitions(DOCKLOOP_X86_LANES)
+  foreach(file ${files})
+    if(file MATCHES "_avx2\\.cpp$")
+      set_source_files_properties(${file} PROPERTIES COMPILE_OPTIONS -mavx2)
+    elseif(file MATCHES "_avx512\\.cpp$")
+      set_source_files_properties(${file} PROPERTIES
+                                  COMPILE_OPTIONS "-mavx512f;-mavx512dq;-mavx512vl")
+    endif()
+  endforeach()
+else()
+  list(FILTER files EXCLUDE REGEX "_avx(2|512)\\.cpp$")
+endif()
 add_library(${name} SHARED ${files})
 target_include_directories(${name} SYSTEM PRIVATE ${CMAKE_SOURCE_DIR})
 set_target_properties(${name} PROPERTIES PREFIX "" CXX_STANDARD 17 CXX_STANDARD_REQUIRED ON
   C_VISIBILITY_PRESET hidden CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
-if(MSVC)
-  target_compile_options(${name} PRIVATE /bigobj)
-else()
-  target_compile_options(${name} PRIVATE -fno-math-errno -ffp-contract=off)
-endif()
+target_compile_options(${name} PRIVATE -fno-math-errno -ffp-contract=off)
 if(UNIX AND NOT APPLE)
   target_link_libraries(${name} PRIVATE m ${CMAKE_DL_LIBS})
   target_link_options(${name} PRIVATE -Wl,--version-script=${CMAKE_SOURCE_DIR}/exports.map)

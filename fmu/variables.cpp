@@ -531,7 +531,8 @@ void add_energy(Table& table, Outputs& out) {
       .nominal(1e-6);
   table
       .output("momentum.residual", &out.momentum_residual, kNone,
-              "Largest momentum that does not add up since the start, as a fraction")
+              "Momentum that does not add up since the start, as a fraction; where all "
+              "bodies are evaluated anyway the largest so far, else the present one")
       .not_negative()
       .nominal(1e-14)
       .discrete();

@@ -107,8 +107,16 @@ def run_core(sweep: Sweep, folder: Path, threads: int, **options) -> list[Result
     return run_sweep(sweep, output, engine="core", workers=threads, **options)["results"]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def native():
+    """FMUs hold the library that was compiled with the core: another compiler rounds otherwise."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("dockloop.fmu.find_libraries", lambda: {"linux64": paths.LIBRARY})
+        yield
+
+
 @pytest.fixture(scope="module")
-def mixed(tmp_path_factory) -> tuple[Sweep, list[Result]]:
+def mixed(native, tmp_path_factory) -> tuple[Sweep, list[Result]]:
     """The sweep MIXED, and its results by FMUs."""
     sweep = write(tmp_path_factory.mktemp("mixed"), MIXED)
     return sweep, run_fmus(sweep)

@@ -1,7 +1,8 @@
 """Runs the cases of a sweep in the compiled core, on threads of one process: no FMU, no Dask.
 
 ``dockloop-core batch`` steps the same simulation through the same communication points as a worker
-steps the FMU, so results are the same to the last bit. Cases go to it as they are planned, one line
+steps the FMU, so results are the same to the last bit if both were made by one compiler, else to
+rounding. Cases go to it as they are planned, one line
 of JSON each; results come back in the order of the cases.
 """
 

@@ -3,4 +3,4 @@
 
 #define LANES 4
 #define FUNCTIONS kAvx2Functions
-#include "contact/node_lanes.inl"
+#include "contact/node_lanes_body.hpp"

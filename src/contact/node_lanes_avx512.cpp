@@ -3,4 +3,4 @@
 
 #define LANES 8
 #define FUNCTIONS kAvx512Functions
-#include "contact/node_lanes.inl"
+#include "contact/node_lanes_body.hpp"

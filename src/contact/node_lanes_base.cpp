@@ -3,7 +3,7 @@
 
 #define LANES 2
 #define FUNCTIONS kBaseFunctions
-#include "contact/node_lanes.inl"
+#include "contact/node_lanes_body.hpp"
 
 namespace dockloop::nodes {
 

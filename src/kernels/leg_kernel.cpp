@@ -483,6 +483,9 @@ std::shared_ptr<MechanismKernel> make_leg_kernel(const Mechanism& mechanism, int
   for (size_t k = 0; k < model.loops.size(); ++k) {
     if (!is_slide_leg(mechanism, static_cast<int>(k), root, ind.back())) return {};
   }
+  // Loads act on the ring and on the root only, and where they act must be found.
+  const int captured = model.capture_body;
+  if (captured != kBase && captured != root && captured != ind.back()) return {};
   for (const JointForce& force : model.forces) {  // turns of the legs are not found
     if (model.bodies[force.body].joint != JointType::kPrismatic) return {};
   }

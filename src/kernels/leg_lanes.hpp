@@ -1,6 +1,6 @@
 // Legs side by side: one leg per lane of a vector register, eight to a group.
 //
-// Plain arrays and functions, so that the same source (leg_lanes.inl) can be compiled for several
+// Plain arrays and functions, so that the same source (leg_lanes_body.hpp) can be compiled for several
 // instruction sets without any of it reaching code that runs without a test of the processor.
 // Operations are those of IEEE 754, one by one and in one order: results do not depend on the
 // instruction set, to the last bit.

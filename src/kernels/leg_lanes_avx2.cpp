@@ -4,4 +4,4 @@
 #define LANES 4
 #define FUNCTIONS kAvx2Functions
 #define NAME "4 lanes, AVX2"
-#include "kernels/leg_lanes.inl"
+#include "kernels/leg_lanes_body.hpp"

@@ -4,4 +4,4 @@
 #define LANES 8
 #define FUNCTIONS kAvx512Functions
 #define NAME "8 lanes, AVX-512"
-#include "kernels/leg_lanes.inl"
+#include "kernels/leg_lanes_body.hpp"

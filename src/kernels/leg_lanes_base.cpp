@@ -4,7 +4,7 @@
 #define LANES 2
 #define FUNCTIONS kBaseFunctions
 #define NAME "2 lanes"
-#include "kernels/leg_lanes.inl"
+#include "kernels/leg_lanes_body.hpp"
 
 namespace dockloop::legs {
 

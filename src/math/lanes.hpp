@@ -1,4 +1,4 @@
-// How many numbers stand side by side in the groups that math/lanes.inl computes with.
+// How many numbers stand side by side in the groups that math/lane_arithmetic.hpp computes with.
 #pragma once
 
 namespace dockloop {

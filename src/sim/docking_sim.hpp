@@ -118,7 +118,7 @@ class DockingSim {
   Dependencies find_dependencies();
 
   /// From the next initialise() on, trial states are evaluated by the kernel of this library, if it
-  /// was made for the mechanism as the parameters then have it. Null: by the general code.
+  /// was made for the mechanism as the parameters then have it. Null: by what the core has.
   void use_kernels(std::shared_ptr<const KernelLibrary> library);
 
   // Keeping and restoring (sim/sim_state.hpp)

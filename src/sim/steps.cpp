@@ -145,13 +145,13 @@ Status DockingSim::Impl::integrate(double h, int limit) {
       tau = flight < h - tau ? tau + flight : h;
       std::fill(due.begin(), due.end(), char(0));
       bool changed = false;
-      const Vec3<double> looked_from = memory.p_ref;
+      const Pose<double> looked_from{memory.R_ref, memory.p_ref};
       status = evaluate(tau);
       if (status.ok()) status = accept(tau, changed);
       if (!status.ok()) return status;
       std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
       // Only a new list of near surfaces makes another evaluation tell more about the gap.
-      flown = !changed && memory.p_ref == looked_from;
+      flown = !changed && memory.p_ref == looked_from.p && memory.R_ref == looked_from.R;
       if (tau >= h) return {};
       start_stepper(tau, std::min(proposal, h - tau));
       continue;
@@ -192,7 +192,7 @@ Status DockingSim::Impl::integrate(double h, int limit) {
     }
     const double leap = find_leap(made, proposal);
     if (leap > 0.0) {
-      start_stepper(tau, std::min(leap, h - tau));
+      stepper->restart(tau, std::min(leap, h - tau));  // by the table that find_leap() knows
     } else if (restart) {
       start_stepper(tau, std::min(proposal, h - tau));
     }

@@ -240,7 +240,7 @@ struct Outputs : OutputValues<double> {
   double time_of_contact = -1.0;  ///< [s] simulation time, -1 before
   double time_of_capture = -1.0;  ///< [s] simulation time, -1 before
 
-  /// group energy: largest |p - p(0) - impulse| / momentum scale since the start [-]
+  /// group energy: |p - p(0) - impulse| / momentum scale [-]; with kernels at present, else largest
   double momentum_residual = 0.0;
 
   // group coupling, where a vehicle is driven

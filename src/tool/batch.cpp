@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <ostream>
+#include <system_error>
 #include <thread>
 
 #include "model/json_reader.hpp"
@@ -189,7 +190,11 @@ void run_batch(const std::string& document, const std::string& source, const Bat
     }
   };
   std::vector<std::thread> threads;
-  for (int i = 0; i < order.threads; ++i) threads.emplace_back(work);
+  try {
+    for (int i = 1; i < order.threads; ++i) threads.emplace_back(work);
+  } catch (const std::system_error&) {  // no more to be had: the others do the work
+  }
+  work();
   for (std::thread& thread : threads) thread.join();
 }
 

@@ -11,7 +11,8 @@
 //
 // `status` is done, refused (the start) or failed (a step), the latter two with a `reason`;
 // `outputs` are values of the ordered variables at `end_time` [s]; `touches` is that of Placement.
-// A case is run as the FMU of its scene would be, to the same bits, whatever runs beside it.
+// A case is run as the FMU of its scene would be, to the same bits if one compiler made both,
+// whatever runs beside it.
 #pragma once
 
 #include <iosfwd>

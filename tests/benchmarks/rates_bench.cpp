@@ -163,7 +163,7 @@ int main(int argc, char** argv) {
     std::deque<Docking> dockings;  // addresses stay
     for (int i = 1; i < argc; ++i) {
       const Subject subject(argv[i]);
-      const std::string name = find_name(subject.file);
+      const std::string name = "rates of " + find_name(subject.file);
       Docking& general = dockings.emplace_back(subject.file);
       general.add_benchmarks(name + "/general");
       for (const NamedKernel& kernel : find_kernels(general.mechanism(), subject.library)) {

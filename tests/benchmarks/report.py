@@ -271,7 +271,7 @@ def write_report(results: dict, folder: Path) -> None:
     figures = results["figures"]
     draw_motions(figures, folder / "work_precision.png")
     codes = ["general"]
-    codes += sorted({name.split("/")[1] for name in figures if "kernel/" in name})
+    codes += sorted({x for name in figures for x in name.split("/") if x.endswith(" kernel")})
     phase_titles = [
         (f"Phases of an evaluation: {mechanism}, general", f"{mechanism}/phase/")
         for mechanism in ("hexapod_bench", "crank_nested")
@@ -280,8 +280,9 @@ def write_report(results: dict, folder: Path) -> None:
         if code != "general":
             title = f"Phases of an evaluation: hexapod_bench, {code}"
             phase_titles.append((title, f"hexapod_bench/{code}/"))
-        title = f"Right-hand side of the default docking, {code}"
-        phase_titles.append((title, f"idss_25t_350t/{code}/"))
+        for scene in ("idss_25t_350t", "hexapod_bench"):
+            title = f"Right-hand side of the scene {scene}, {code}"
+            phase_titles.append((title, f"rates of {scene}/{code}/"))
     text = [
         "# Benchmarks",
         f"Made by `{results['command']}` on {results['date']}: {results['machine']}; "

@@ -3,7 +3,7 @@
 //
 // Formulas: universal joint about y and z, slide along x, cut at (xi, dy, dz) in rod axes;
 // src/kernels/README.md derives them.
-#include "math/lanes.inl"
+#include "math/lane_arithmetic.hpp"
 
 namespace dockloop::legs {
 namespace {

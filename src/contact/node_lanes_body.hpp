@@ -1,6 +1,6 @@
 // Arithmetic of nodes in lanes; see node_lanes.hpp. Included once per instruction set, with LANES
 // (lanes in a register) and FUNCTIONS (name of the table) defined.
-#include "math/lanes.inl"
+#include "math/lane_arithmetic.hpp"
 
 namespace dockloop::nodes {
 namespace {
