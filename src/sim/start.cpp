@@ -407,7 +407,11 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     if (!evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
   }
   energy_start = find_total_energy();
-  for (int i : {kChaser, kTarget}) momentum_start[i] = find_momentum(*model, i, *data);
+  for (int i : {kChaser, kTarget}) {
+    momentum_start[i] = find_momentum(*model, i, *data);
+    momentum_scale = std::max(momentum_scale, momentum_start[i].f.norm());
+    angular_momentum_scale = std::max(angular_momentum_scale, momentum_start[i].t.norm());
+  }
   attach_kernel();
   warn_about_start();
   if (has_surfaces()) {
