@@ -113,7 +113,6 @@ struct DockingSim::Impl : SimState {
   double find_leap(double made, double proposal);
   double find_next_stop(double tau, double h) const;
   Status find_trouble(double tau) const;
-  Status step_exactly(double from, double to);
   Status step_to_root(double tau);
   void finish_step(double h);
   void update_mean_loads(double h, const CouplingPoint& end);

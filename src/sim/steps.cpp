@@ -277,38 +277,19 @@ Status DockingSim::Impl::find_trouble(double tau) const {
   return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
 }
 
-/// Steps from a state of the stepper at `from` that end exactly at `to`.
-Status DockingSim::Impl::step_exactly(double from, double to) {
-  start_stepper(from, to - from);
-  for (int inner = 0; inner < DOCKLOOP_MAX_INNER_STEPS; ++inner) {
-    const StepOutcome outcome = make_inner_step(to, false);
-    if (outcome == StepOutcome::kFailed) return find_trouble(from);
-    if (outcome == StepOutcome::kStopped) return {};
-  }
-  return find_trouble(from);
-}
-
-/// A root lies in the step just made: replace its interpolated state by steps that end there. The
-/// interpolant of a short step close to the root tells better where it is than that of the whole.
+/// A root lies in the step just made: replace its interpolated state by steps that end there.
 Status DockingSim::Impl::step_to_root(double tau) {
-  constexpr double kClose = 0.02;  // of the way to the root
-  double root = stepper->time();
+  const double root = stepper->time();
   for (int i = 0; i < kFixedRoots + model->latches.count(); ++i) due[i] = stepper->root_found(i);
   std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
   if (!(root > tau)) return {};
-  const double close = kClose * (root - tau), before = root - close;
-  const Status status = step_exactly(tau, before);
-  if (!status.ok()) return status;
-  std::copy_n(stepper->y(), rates.size(), rates.begin());
-  start_stepper(before, 2.0 * close);
-  if (make_inner_step(root + close, true) == StepOutcome::kRoot && stepper->time() > before) {
-    root = stepper->time();
-    for (int i = 0; i < kFixedRoots + model->latches.count(); ++i) {
-      if (stepper->root_found(i)) due[i] = 1;
-    }
+  start_stepper(tau, root - tau);
+  for (int inner = 0; inner < DOCKLOOP_MAX_INNER_STEPS; ++inner) {
+    const StepOutcome outcome = make_inner_step(root, false);
+    if (outcome == StepOutcome::kFailed) return find_trouble(tau);
+    if (outcome == StepOutcome::kStopped) return {};
   }
-  std::copy(rates.begin(), rates.end(), stepper->y());
-  return step_exactly(before, root);
+  return find_trouble(tau);
 }
 
 double DockingSim::Impl::find_total_energy() const {
