@@ -75,6 +75,7 @@ class LegKernel : public MechanismKernel {
   double get_work(size_t leg, int row) const {
     return groups_[leg / kGroup].work[row][leg % kGroup];
   }
+  Mat6<double> find_carried() const;
   Wrench<double> find_ring_load(const V& a0, const V& alpha0, const V& vdot, const V& wdot) const;
   void put_pose(const Body& body, int index, TreeData<double>& tree) const;
 
@@ -239,11 +240,7 @@ bool LegKernel::calc_position(MechanismData<double>& data) {
     A.block<3, 3>(3, 3) = vehicle_moments_.inertia + get_symmetric(sums_ + legs::kSumJ) +
                           R * ring_moments_.inertia * R.transpose() +
                           2.0 * mixed.trace() * Mat::Identity() - mixed - mixed.transpose();
-    const Mat Rh = R * h, lever = skew(joint.p);
-    A.block<3, 3>(0, 6) = m * R + get_rows(sums_ + legs::kSumLV);
-    A.block<3, 3>(0, 9) = get_rows(sums_ + legs::kSumLW) - Rh;
-    A.block<3, 3>(3, 6) = get_rows(sums_ + legs::kSumAV) + m * lever * R + Rh;
-    A.block<3, 3>(3, 9) = get_rows(sums_ + legs::kSumAW) - lever * Rh + R * ring_moments_.inertia;
+    A.block<6, 6>(0, 6) = find_carried();
     A.block<6, 6>(6, 0) = A.block<6, 6>(0, 6).transpose();
     tree.m_sum[0] = mass;
     tree.h_sum[0] = tree.R[0] * first;
@@ -304,7 +301,6 @@ void LegKernel::calc_acceleration(const BaseMotion<double>& base, MechanismData<
   functions_.calc_bias(groups_.data(), static_cast<int>(groups_.size()), platform_, moving, bias_);
   const Mat& R = tree.joint[ring_index_].R;
   const V& r = tree.joint[ring_index_].p;
-  const V& h = ring_moments_.first;
   const Wrench<double> ring = find_ring_load(V::Zero(), V::Zero(), V::Zero(), V::Zero());
   const Mat& RC = tree.R[ring_index_];
   const Wrench<double>& load = tree.external[ring_index_];
@@ -325,19 +321,28 @@ void LegKernel::calc_acceleration(const BaseMotion<double>& base, MechanismData<
     x.noalias() -= data.A_ind.leftCols<3>().lazyProduct(root_a_);
     x.noalias() -= data.A_ind.middleCols<3>(3).lazyProduct(root_alpha_);
   } else if (moving) {
-    // Momentum of legs and ring per acceleration of the base, seen by the ring: transposed.
-    const Mat Rh = R * skew(h), lever = skew(r);
-    const double m = ring_moments_.mass;
-    const Mat LV = m * R + get_rows(sums_ + legs::kSumLV);
-    const Mat LW = get_rows(sums_ + legs::kSumLW) - Rh;
-    const Mat AV = get_rows(sums_ + legs::kSumAV) + m * lever * R + Rh;
-    const Mat AW = get_rows(sums_ + legs::kSumAW) - lever * Rh + R * ring_moments_.inertia;
-    x.head<3>() -= LV.transpose() * root_a_ + AV.transpose() * root_alpha_;
-    x.segment<3>(3) -= LW.transpose() * root_a_ + AW.transpose() * root_alpha_;
+    Vec6<double> root_acceleration;
+    root_acceleration << root_a_, root_alpha_;
+    x -= find_carried().transpose() * root_acceleration;
   }
   data.factor.solveInPlace(x);
   if (is_free_) data.vdot.head<6>() = x.head<6>();
   data.vdot.segment<6>(ring_.v_index) = x.segment<6>(at);
+}
+
+/// Momentum of ring and legs, linear and angular about P, axes of P, per velocity of the ring,
+/// linear and angular, C. @pre calc_legs(true)
+Mat6<double> LegKernel::find_carried() const {
+  const Mat R = get_columns(platform_.R), Rh = R * skew(ring_moments_.first);
+  const Mat lever = skew(get_vector(platform_.p));
+  const double m = ring_moments_.mass;
+  Mat6<double> carried;
+  carried.topLeftCorner<3, 3>() = m * R + get_rows(sums_ + legs::kSumLV);
+  carried.topRightCorner<3, 3>() = get_rows(sums_ + legs::kSumLW) - Rh;
+  carried.bottomLeftCorner<3, 3>() = get_rows(sums_ + legs::kSumAV) + m * lever * R + Rh;
+  carried.bottomRightCorner<3, 3>() =
+      get_rows(sums_ + legs::kSumAW) - lever * Rh + R * ring_moments_.inertia;
+  return carried;
 }
 
 /// What moves the ring, about its origin, C. @param a0, alpha0  of the root, P
@@ -391,9 +396,9 @@ void LegKernel::calc_reactions(const BaseMotion<double>&, MechanismData<double>&
 }
 
 V LegKernel::find_linear_momentum() const {
-  const V v = get_vector(platform_.v), w = get_vector(platform_.w);
-  return get_columns(platform_.R) * V(ring_moments_.mass * v + w.cross(ring_moments_.first)) +
-         get_rows(sums_ + legs::kSumLV) * v + get_rows(sums_ + legs::kSumLW) * w;
+  Vec6<double> velocity;
+  velocity << get_vector(platform_.v), get_vector(platform_.w);
+  return find_carried().topRows<3>() * velocity;
 }
 
 double LegKernel::find_margin(size_t leg) const {

@@ -75,7 +75,7 @@ void add_phases(const std::string& name, MechanismEvaluation& at) {
 struct Codes {
   explicit Codes(const Subject& subject) : general(subject.file) {
     if (general.mechanism.model.name == "hexapod_bench") hand_written.emplace(general.mechanism);
-    for (const NamedKernel& kernel : find_kernels(general.mechanism, subject.library)) {
+    for (const NamedKernel& kernel : find_kernels(general.mechanism, subject.kernel_file)) {
       MechanismEvaluation& at = by_kernel.emplace_back(subject.file);
       names.push_back(kernel.name);
       if (at.use(kernel.kernel)) continue;

@@ -47,8 +47,8 @@ inline std::vector<NamedKernel> find_kernels([[maybe_unused]] const Mechanism& m
 struct Subject {
   explicit Subject(const std::string& argument)
       : file(argument.substr(0, argument.find(','))),
-        library(file.size() < argument.size() ? argument.substr(file.size() + 1) : "") {}
-  std::string file, library;
+        kernel_file(file.size() < argument.size() ? argument.substr(file.size() + 1) : "") {}
+  std::string file, kernel_file;
 };
 
 class MechanismEvaluation {

@@ -72,7 +72,7 @@ int main(int argc, char** argv) {
         [](const double* y) { return Vec3<double>(y[0], y[1], y[2]); });
     add_core("general", reference, general);
     std::deque<MechanismEvaluation> by_kernel;  // addresses stay
-    for (const NamedKernel& kernel : find_kernels(general.mechanism, subject.library)) {
+    for (const NamedKernel& kernel : find_kernels(general.mechanism, subject.kernel_file)) {
       MechanismEvaluation& at = by_kernel.emplace_back(subject.file);
       at.data.kernel = kernel.kernel;
       add_core(kernel.name, reference, at);

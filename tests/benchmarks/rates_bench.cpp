@@ -166,7 +166,7 @@ int main(int argc, char** argv) {
       const std::string name = "rates of " + find_name(subject.file);
       Docking& general = dockings.emplace_back(subject.file);
       general.add_benchmarks(name + "/general");
-      for (const NamedKernel& kernel : find_kernels(general.mechanism(), subject.library)) {
+      for (const NamedKernel& kernel : find_kernels(general.mechanism(), subject.kernel_file)) {
         Docking& docking = dockings.emplace_back(subject.file);
         if (docking.use(kernel.kernel)) {
           docking.add_benchmarks(name + "/" + kernel.name);
