@@ -36,8 +36,8 @@ class MechanismKernel {
   /// joints.
   virtual void calc_acceleration(const BaseMotion<double>& base, MechanismData<double>& data) = 0;
 
-  /// Linear momentum of all bodies, base axes [N s], if the kernel knows it (else it serves where
-  /// no weight acts on a mechanism on an immobile base). @pre calc_acceleration with a gravity
+  /// Linear momentum of all bodies on a base at rest, base axes [N s], if the kernel tells it; else
+  /// it fills tree.w, u, h_body of all bodies there. @pre calc_acceleration with a gravity
   virtual bool finds_momentum() const { return false; }
   virtual Vec3<double> find_linear_momentum() const { return Vec3<double>::Zero(); }
 

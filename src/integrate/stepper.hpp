@@ -59,7 +59,7 @@ class Stepper {
     kDop853,         ///< the same of order 8(5,3)
     kStabilised,     ///< kDormandPrince, and where stability would limit it a method of order 4(3)
                      ///< with a long interval of stability
-    kClassicRk4,     ///< the same of order 4; every step is what restart() asks for
+    kClassicRk4,     ///< as kDormandPrince of order 4; every step is what restart() asks for
     kEsdirk,         ///< implicit one-step, L-stable, order 4(3)
     kImex,           ///< explicit for Problem::mild_rates, implicit for the rest, order 4(3)
     kSdirk,          ///< as kEsdirk of order 3; every step is what restart() asks for

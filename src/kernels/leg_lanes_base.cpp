@@ -10,12 +10,10 @@ namespace dockloop::legs {
 
 const LegFunctions& find_leg_functions(int widest) {
 #ifdef DOCKLOOP_X86_LANES
-  const int lanes = find_lane_count();
-  if (lanes >= 8 && widest >= 8) return kAvx512Functions;
-  if (lanes >= 4 && widest >= 4) return kAvx2Functions;
+  return choose_lanes(widest, kBaseFunctions, kAvx2Functions, kAvx512Functions);
+#else
+  return choose_lanes(widest, kBaseFunctions, kBaseFunctions, kBaseFunctions);
 #endif
-  (void)widest;
-  return kBaseFunctions;
 }
 
 }  // namespace dockloop::legs

@@ -5,18 +5,14 @@
 #pragma once
 
 #include <cmath>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "dynamics/mechanism_dynamics.hpp"
+#include "benchmarks/closed_mechanism.hpp"
 #include "forces/joint_forces.hpp"
-#include "math/rotation.hpp"
-#if __has_include("kernels/kernels.hpp")
 #include "kernels/kernels.hpp"
-#endif
+#include "math/rotation.hpp"
 
 namespace dockloop {
 
@@ -27,10 +23,9 @@ struct NamedKernel {
 
 /// The kernels that apply to a mechanism.
 /// @param library  with a generated kernel; may be empty
-inline std::vector<NamedKernel> find_kernels([[maybe_unused]] const Mechanism& mechanism,
-                                             [[maybe_unused]] const std::string& library) {
+inline std::vector<NamedKernel> find_kernels(const Mechanism& mechanism,
+                                             const std::string& library) {
   std::vector<NamedKernel> found;
-#if __has_include("kernels/kernels.hpp")
   if (auto kernel = make_kernel(mechanism, nullptr)) found.push_back({"leg kernel", kernel});
   if (library.empty()) return found;
   const auto generated = std::make_shared<const KernelLibrary>(library);
@@ -39,7 +34,6 @@ inline std::vector<NamedKernel> find_kernels([[maybe_unused]] const Mechanism& m
     found.push_back({"generated kernel", std::make_shared<GeneratedKernel>(mechanism, generated)});
     break;
   }
-#endif
   return found;
 }
 
@@ -55,7 +49,7 @@ class MechanismEvaluation {
  public:
   /// @throws ModelError if the mechanism cannot be read or closed
   explicit MechanismEvaluation(const std::string& file)
-      : mechanism(read_closed(file)), data(mechanism) {
+      : mechanism(read_closed_mechanism(file)), data(mechanism) {
     base.gravity = mechanism.model.gravity;
     command_.setZero(static_cast<int>(mechanism.model.forces.size()));
     force_ = command_;
@@ -135,16 +129,6 @@ class MechanismEvaluation {
         quat_exp<double>(0.03 * Vec3<double>(1.0 + wave(3), 1.0 + wave(4), 1.0 + wave(5)));
     state.q.segment<4>(body.q_index + 3) =
         quat_multiply<double>(turn, state.q.segment<4>(body.q_index + 3));
-  }
-
-  static Mechanism read_closed(const std::string& file) {
-    std::ifstream stream(file);
-    if (!stream) throw ModelError("cannot read " + file);
-    const std::string text{std::istreambuf_iterator<char>(stream),
-                           std::istreambuf_iterator<char>()};
-    Mechanism mechanism(read_mechanism(text, file));
-    close_home(mechanism, file);
-    return mechanism;
   }
 
   std::vector<State> states_;

@@ -14,8 +14,6 @@
 
 #include <Eigen/Core>
 #include <cmath>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <string>
 #include <vector>
@@ -99,6 +97,7 @@ struct Eigen::NumTraits<dockloop::Counted> : Eigen::GenericNumTraits<dockloop::C
   enum { IsComplex = 0, IsInteger = 0, IsSigned = 1, RequireInitialization = 0 };
 };
 
+#include "benchmarks/closed_mechanism.hpp"
 #include "dynamics/mechanism_dynamics.cpp"
 #include "loops/closed_form.cpp"
 #include "loops/leg_geometry.cpp"
@@ -118,7 +117,7 @@ struct Phase {
 class CountedEvaluation {
  public:
   CountedEvaluation(const std::string& file, bool base_moves)
-      : mechanism(read_closed(file)), data(mechanism), exact(mechanism) {
+      : mechanism(read_closed_mechanism(file)), data(mechanism), exact(mechanism) {
     const auto next = [this](double bound) {  // a fixed sequence without round numbers
       phase_ += 1.0;
       return bound * std::sin(1.7 * phase_ * phase_ + 0.4);
@@ -223,15 +222,6 @@ class CountedEvaluation {
         data.tree.q[mechanism.model.bodies[i].q_index].value += 1e-14;
       }
     }
-  }
-  static Mechanism read_closed(const std::string& file) {
-    std::ifstream stream(file);
-    if (!stream) throw ModelError("cannot read " + file);
-    const std::string text{std::istreambuf_iterator<char>(stream),
-                           std::istreambuf_iterator<char>()};
-    Mechanism mechanism(read_mechanism(text, file));
-    close_home(mechanism, file);
-    return mechanism;
   }
   double phase_ = 0.0;
 };
