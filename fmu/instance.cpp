@@ -85,9 +85,9 @@ void Instance::initialise() {
 
 void Instance::log_events() {
   for (const std::string& text : sim.take_warnings()) logger.write(fmi2Warning, kLogWarning, text);
-  if (!logger.enabled(kLogEvents) || !sim.update_outputs().ok()) return;
-  if (sim.outputs().phase == phase) return;
-  phase = sim.outputs().phase;
+  if (!logger.enabled(kLogEvents) || !sim.update(OutputGroup::kMain).ok()) return;
+  if (sim.output_storage().phase == phase) return;
+  phase = sim.output_storage().phase;
   logger.write(fmi2OK, kLogEvents,
                "phase " + std::to_string(phase) + " at t = " + shortest(time) + " s");
 }
@@ -138,9 +138,7 @@ const void* Instance::current(const Variable& v) {
       throw Refusal("'" + v.name + "' has no value yet: call fmi2EnterInitializationMode first");
     }
     if (state == kInitializationMode) initialise();
-    const Status status = v.causality == Causality::kLocal ? sim.update_states()
-                          : v.monitor                      ? sim.update_coupling_outputs()
-                                                           : sim.update_outputs();
+    const Status status = sim.update(v.group);
     if (!status.ok()) throw Discard("'" + v.name + "' has no value here: " + sim.describe(status));
   }
   return v.value;

@@ -102,8 +102,8 @@ class Row {
   Row tunable() {
     return each([](Variable& v) { v.variability = Variability::kTunable; });
   }
-  Row monitor() {
-    return each([](Variable& v) { v.monitor = true; });
+  Row group(OutputGroup group) {
+    return each([&](Variable& v) { v.group = group; });
   }
   Row discrete() {
     return each([](Variable& v) { v.variability = Variability::kDiscrete; });
@@ -142,7 +142,8 @@ class Table {
   /// Neither input nor output: the state vector and its rates.
   Row local(std::string name, const double* value, Quantity quantity, std::string description) {
     return append(std::move(name), Causality::kLocal, Variability::kContinuous, Type::kReal,
-                  nullptr, value, quantity, std::move(description));
+                  nullptr, value, quantity, std::move(description))
+        .group(OutputGroup::kStateVector);
   }
   /// Computed from the start value that the host may set.
   Row state(std::string name, double* start, const double* value, Quantity quantity,
@@ -535,14 +536,21 @@ void add_energy(Table& table, Outputs& out) {
               "bodies are evaluated anyway the largest so far, else the present one")
       .not_negative()
       .nominal(1e-14)
-      .discrete();
-  table.outputs("momentum.linear", out.momentum_linear, kMomentum,
-                "Linear momentum of all inside but the driven vehicles, in N");
-  table.outputs("momentum.angular", out.momentum_angular, kAngularMomentum,
-                "Angular momentum of all inside but the driven vehicles about "
-                "momentum.reference, in N");
-  table.outputs("momentum.reference", out.momentum_reference, kLength,
-                "Reference point of momentum.angular in N");
+      .discrete()
+      .group(OutputGroup::kBodies);
+  table
+      .outputs("momentum.linear", out.momentum_linear, kMomentum,
+               "Linear momentum of all inside but the driven vehicles, in N")
+      .group(OutputGroup::kBodies);
+  table
+      .outputs("momentum.angular", out.momentum_angular, kAngularMomentum,
+               "Angular momentum of all inside but the driven vehicles about "
+               "momentum.reference, in N")
+      .group(OutputGroup::kBodies);
+  table
+      .outputs("momentum.reference", out.momentum_reference, kLength,
+               "Reference point of momentum.angular in N")
+      .group(OutputGroup::kBodies);
 }
 
 /// The state vector of the integration and its rates, in the order of StateLayout: for hosts that
@@ -611,24 +619,24 @@ void add_coupling_outputs(Table& table, Outputs& out) {
       .output("coupling.work_residual", &out.coupling_work_residual, kEnergy,
               "Work that the hosts' vehicles took up less what the mechanism gave")
       .discrete()
-      .monitor();
+      .group(OutputGroup::kCoupling);
   table
       .output("coupling.mass_mismatch", &out.coupling_mass_mismatch, kNone,
               "True mass of a driven vehicle, as its motion shows it, over the stated one, less 1")
       .discrete()
-      .monitor();
+      .group(OutputGroup::kCoupling);
   table
       .output("coupling.frequency", &out.coupling_frequency, kAngularVelocity,
               "Highest frequency between the vehicles through the capture interface")
       .not_negative()
       .discrete()
-      .monitor();
+      .group(OutputGroup::kCoupling);
   table
       .output("coupling.suggested_step", &out.coupling_suggested_step, kTime,
               "Communication step that keeps coupling.velocity_tolerance")
       .not_negative()
       .discrete()
-      .monitor();
+      .group(OutputGroup::kCoupling);
   table
       .outputs("coupling.pending_impulse", out.coupling_pending_impulse, kMomentum,
                "Impulse owed to the hosts of driven vehicles, in N")
@@ -743,7 +751,8 @@ void add_solver_outputs(Table& table, Outputs& out) {
               "Largest gap of a closed loop; with method 9 at the inner steps of the last step")
       .not_negative()
       .nominal(1e-14)
-      .discrete();
+      .discrete()
+      .group(OutputGroup::kBodies);
   table
       .output("solver.singularity_margin", &out.solver_singularity_margin, kNone,
               "Smallest normalised distance of a loop to a singular pose")

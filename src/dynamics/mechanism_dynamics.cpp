@@ -175,17 +175,6 @@ void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
   if (!mechanism.skips_massless) calc_loop_acceleration(mechanism.plan, data.vdot, data.loops);
 }
 
-Status complete(const Mechanism& mechanism, const BaseMotion<double>& base,
-                MechanismData<double>& data) {
-  if (!data.by_kernel) return {};
-  const Whole general(data);
-  const Status status = calc_position(mechanism, data);
-  if (!status.ok()) return status;
-  calc_velocity(mechanism, base, data);
-  calc_acceleration(mechanism, base, data);
-  return status;
-}
-
 void keep_reference(MechanismData<double>& data) {
   if (data.by_kernel) return data.kernel->keep_reference(data);
   keep_reference(data.tree, data.loops);

@@ -91,11 +91,6 @@ template <class S>
 void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
                        MechanismData<S>& data);
 
-/// What a kernel has left out: position, velocity and acceleration by the general code, where the
-/// data are those of a kernel. @pre calc_acceleration
-Status complete(const Mechanism& mechanism, const BaseMotion<double>& base,
-                MechanismData<double>& data);
-
 /// The present pose is accepted, by whatever way it was found: keep_reference() of loops.hpp.
 void keep_reference(MechanismData<double>& data);
 

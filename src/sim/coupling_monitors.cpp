@@ -243,7 +243,8 @@ double DockingSim::Impl::find_suggested_step(double frequency) const {
   if (!confirmed && frequency > 0.0) step = std::min(step, kStableRange / frequency);
   // The first contact is the worst moment: come to it in steps that are meant for it.
   if (!discrete.contacted && has_surfaces()) {
-    step = std::min(step, std::max(find_earliest_contact(), p.coupling_expected_step));
+    const double gap = find_gap(model->contact, data->relative, data->contact_work);
+    step = std::min(step, std::max(find_earliest_contact(gap), p.coupling_expected_step));
   }
   return step;
 }
@@ -276,9 +277,8 @@ double DockingSim::Impl::find_interface_frequency() {
                                             stepper->y(), *interface_work);
 }
 
-/// @pre update_outputs
-void DockingSim::Impl::update_coupling_outputs() {
-  coupling_valid = true;
+/// @pre update_main
+void DockingSim::Impl::update_coupling() {
   if (!has_host()) return;
   outputs.coupling_work_residual = coupling.work_residual;
   outputs.coupling_mass_mismatch = 0.0;

@@ -70,6 +70,7 @@ Status DockingSim::Impl::finish_pass() {
   const OutputSource<Derivative> source = make_output_source<Derivative>(
       pass.docking.data, pass.docking.y.data(), pass.frame_velocity, pass.frame_shift);
   read_outputs<Derivative>(source, pass.output);
+  read_momentum<Derivative>(source, pass.output);
   return {};
 }
 
@@ -84,7 +85,7 @@ Status DockingSim::calc_time_derivative() {
   Impl& me = *impl_;
   const Status status = me.start_pass();
   if (!status.ok()) return status;
-  const Status states = update_states();
+  const Status states = update(OutputGroup::kStateVector);
   if (!states.ok()) return states;
   DerivativePass& pass = *me.derivative_pass;
   pass.docking.t.d[0] = 1.0;

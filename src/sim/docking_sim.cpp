@@ -33,37 +33,20 @@ std::vector<std::string> DockingSim::take_warnings() {
   return taken;
 }
 
-Status DockingSim::update_outputs() {
-  if (impl_->outputs_valid || !impl_->setup) return {};
-  return impl_->update_outputs();
+Status DockingSim::update(OutputGroup group) {
+  bool& valid = impl_->valid[static_cast<size_t>(group)];
+  if (valid || !impl_->setup) return {};
+  Status status;
+  if (group == OutputGroup::kCoupling) status = update(OutputGroup::kMain);
+  if (status.ok()) status = impl_->update(group);
+  valid = status.ok();
+  return status;
 }
 
 const Outputs& DockingSim::outputs() {
-  update_outputs();
+  update(OutputGroup::kMain);
+  update(OutputGroup::kBodies);
   return impl_->outputs;
-}
-
-Status DockingSim::update_states() {
-  Impl& me = *impl_;
-  if (me.rates_valid || !me.setup) return {};
-  const Status status = me.calc_rates(me.rates.data());
-  if (!status.ok()) return status;
-  // Another friction model than the scene's has bristles more or less, the last states.
-  const size_t shared = std::min(me.rates.size(), me.outputs.rates.size());
-  std::fill(me.outputs.rates.begin(), me.outputs.rates.end(), 0.0);
-  std::fill(me.outputs.states.begin(), me.outputs.states.end(), 0.0);
-  std::copy_n(me.rates.begin(), shared, me.outputs.rates.begin());
-  std::copy_n(me.stepper->y(), shared, me.outputs.states.begin());
-  me.rates_valid = true;
-  return {};
-}
-
-Status DockingSim::update_coupling_outputs() {
-  Impl& me = *impl_;
-  if (me.coupling_valid || !me.setup) return {};
-  const Status status = update_outputs();
-  if (status.ok()) me.update_coupling_outputs();
-  return status;
 }
 
 std::string DockingSim::describe(const Status& status) const {

@@ -37,6 +37,15 @@ struct Seed {
   double weight = 1.0;  ///< unit of the component per unit of the direction
 };
 
+/// Outputs that are computed together, when one of them is first asked for.
+enum class OutputGroup {
+  kMain,         ///< all but the following
+  kBodies,       ///< sums over all bodies and loops: momentum, gaps of loops
+  kCoupling,     ///< monitors of the coupling with hosts: dear
+  kStateVector,  ///< and its rates
+  kCount
+};
+
 /// Whether continuous outputs and rates follow directly from inputs and states.
 struct Dependencies {
   struct Row {
@@ -81,18 +90,13 @@ class DockingSim {
   /// Values at the last communication point (model exchange: at the present time and states);
   /// computed once, when first asked for.
   /// @return not ok if the host's trial states cannot be evaluated
-  Status update_outputs();
-  /// The same where it cannot fail.
+  Status update(OutputGroup group);
+  /// Groups main and bodies, where they cannot fail.
   const Outputs& outputs();
   /// The struct that is filled; its address and vector sizes are fixed at construction.
   Outputs& output_storage();
   /// Mark the outputs as out of date (an input or a tunable parameter changed).
   void invalidate_outputs();
-
-  /// States and their rates into Outputs::states and Outputs::rates, the same way.
-  Status update_states();
-  /// Monitors of the coupling with hosts, the same way. They are dear: asked for by themselves.
-  Status update_coupling_outputs();
   /// What a Status means, in one sentence.
   std::string describe(const Status& status) const;
 

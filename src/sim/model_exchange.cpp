@@ -43,7 +43,7 @@ void DockingSim::get_nominals(double* nominal) const {
 
 Status DockingSim::get_rates(double* ydot) {
   ++impl_->counted_elsewhere.rate_evaluations;
-  impl_->outputs_valid = false;  // the count is one of them
+  impl_->invalidate();  // the count is one of the outputs
   return impl_->calc_rates(ydot);
 }
 

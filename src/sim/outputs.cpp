@@ -4,7 +4,6 @@
 // with dual numbers for their derivatives (derivatives.cpp).
 #include "sim/outputs.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -207,15 +206,19 @@ void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
   out.energy_external = sums[kSumExternal] + S(from.host_work);
   out.energy_residual = out.energy_kinetic + out.energy_potential + out.energy_dissipated -
                         out.energy_external - S(from.energy_start);
+}
+
+}  // namespace
+
+template <class S>
+void read_momentum(const OutputSource<S>& from, OutputValues<S>& out) {
   S mass(0);
   Vec3<S> first_moment;
-  const Wrench<S> sum = find_inside_momentum(model, data, mass, first_moment);
+  const Wrench<S> sum = find_inside_momentum(from.model, from.data, mass, first_moment);
   out.momentum_linear = sum.f + mass * from.frame_velocity;
   out.momentum_angular = sum.t + first_moment.cross(from.frame_velocity);
   out.momentum_reference = from.frame_origin.template cast<S>() + from.frame_shift;
 }
-
-}  // namespace
 
 template <class S>
 void read_outputs(const OutputSource<S>& from, OutputValues<S>& out) {
@@ -228,7 +231,9 @@ void read_outputs(const OutputSource<S>& from, OutputValues<S>& out) {
   read_energy(from, out);
 }
 
-#define DOCK_INSTANTIATE(S) template void read_outputs<S>(const OutputSource<S>&, OutputValues<S>&);
+#define DOCK_INSTANTIATE(S)                                                \
+  template void read_outputs<S>(const OutputSource<S>&, OutputValues<S>&); \
+  template void read_momentum<S>(const OutputSource<S>&, OutputValues<S>&);
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
 #undef DOCK_INSTANTIATE
 
@@ -243,22 +248,30 @@ std::array<double, kPeakCount> DockingSim::Impl::find_peak_values() const {
   return values;
 }
 
-Status DockingSim::Impl::update_outputs() {
-  read_inputs();
-  Status status = evaluate_present();
-  if (status.ok() && !model->locked.on) {
-    status = complete(model->mechanism, data->base, data->mechanism);
+Status DockingSim::Impl::update(OutputGroup group) {
+  switch (group) {
+    case OutputGroup::kMain: return update_main();
+    case OutputGroup::kBodies: return update_bodies();
+    case OutputGroup::kStateVector: return update_states();
+    default: break;
   }
+  update_coupling();
+  return {};
+}
+
+Status DockingSim::Impl::update_main() {
+  read_inputs();
+  // In other coordinates than those of the start, state.* holds what a kernel does not find.
+  std::optional<Whole> general;
+  if (state_bodies != model->mechanism_bodies) general.emplace(data->mechanism);
+  const Status status = evaluate_present();
   if (!status.ok()) return status;
-  const OutputSource<double> source =
-      make_output_source(*data, stepper->y(), frame_velocity, frame_shift);
-  read_outputs<double>(source, outputs);
+  read_outputs<double>(find_present_source(), outputs);
   outputs.time = setup->t_start + elapsed;
   std::copy_n(peaks.peak().begin(), static_cast<int>(Outputs::kLoadCount),
               outputs.capture_peak.begin());
   outputs.capture_peak_load_ratio = peaks.peak()[Outputs::kLoadCount];
   update_phase_outputs();
-  outputs.momentum_residual = std::max(momentum_residual, find_momentum_residual());
   if (has_host()) {
     outputs.coupling_pending_impulse.setZero();
     outputs.coupling_pending_angular_impulse.setZero();
@@ -273,10 +286,31 @@ Status DockingSim::Impl::update_outputs() {
   outputs.solver_steps = static_cast<double>(counters.steps);
   outputs.solver_rhs_evaluations = static_cast<double>(counters.rate_evaluations);
   outputs.solver_rejected_steps = static_cast<double>(counters.rejected_steps);
+  outputs.solver_singularity_margin = find_singularity_margin(data->mechanism);
+  return {};
+}
+
+Status DockingSim::Impl::update_bodies() {
+  read_inputs();
+  const Whole general(data->mechanism);
+  const Status status = evaluate_present();
+  if (!status.ok()) return status;
+  read_momentum<double>(find_present_source(), outputs);
+  outputs.momentum_residual = std::max(momentum_residual, find_momentum_residual());
   outputs.solver_closure_residual =
       std::max(find_closure_residual(model->mechanism, data->mechanism), drift);
-  outputs.solver_singularity_margin = find_singularity_margin(data->mechanism);
-  outputs_valid = true;
+  return {};
+}
+
+Status DockingSim::Impl::update_states() {
+  const Status status = calc_rates(rates.data());
+  if (!status.ok()) return status;
+  // Another friction model than the scene's has bristles more or less, the last states.
+  const size_t shared = std::min(rates.size(), outputs.rates.size());
+  std::fill(outputs.rates.begin(), outputs.rates.end(), 0.0);
+  std::fill(outputs.states.begin(), outputs.states.end(), 0.0);
+  std::copy_n(rates.begin(), shared, outputs.rates.begin());
+  std::copy_n(stepper->y(), shared, outputs.states.begin());
   return {};
 }
 
@@ -288,10 +322,7 @@ double DockingSim::Impl::find_acceleration_bound() const {
     if (!model->moves[i]) continue;
     const VehicleParameters& p = parameters.vehicle[i];
     const double arm = p.interface_position.norm() + model->contact.reach;
-    const double least_inertia = Eigen::SelfAdjointEigenSolver<Mat3<double>>(
-                                     make_symmetric(p.inertia), Eigen::EigenvaluesOnly)
-                                     .eigenvalues()[0];
-    bound += loads.force[i].norm() / p.mass + loads.torque[i].norm() * arm / least_inertia;
+    bound += loads.force[i].norm() / p.mass + loads.torque[i].norm() * arm / least_inertia[i];
     if (i == kChaser) bound += data->thrust.norm() / p.mass;
   }
   const int ring = model->mechanism.model.capture_body;
@@ -302,16 +333,15 @@ double DockingSim::Impl::find_acceleration_bound() const {
   return bound;
 }
 
-/// Lower bound of the time until surfaces touch [s].
-double DockingSim::Impl::find_earliest_contact() const {
-  return find_time_to_contact(find_gap(model->contact, data->relative, data->contact_work),
-                              find_approach_bound(model->contact, data->relative),
+/// Lower bound of the time until surfaces touch [s]. @param gap  of find_gap() [m]
+double DockingSim::Impl::find_earliest_contact(double gap) const {
+  return find_time_to_contact(gap, find_approach_bound(model->contact, data->relative),
                               find_acceleration_bound());
 }
 
 void DockingSim::Impl::update_phase_outputs() {
   outputs.time_to_contact = kNever;
-  if (has_surfaces()) outputs.time_to_contact = find_earliest_contact();
+  if (has_surfaces()) outputs.time_to_contact = find_earliest_contact(outputs.gap);
   for (int i = 0; i < model->latches.count(); ++i) {
     outputs.latched[i] = discrete.latch[i].mode == LatchMode::kHeld ? 1 : 0;
   }

@@ -25,8 +25,12 @@ struct OutputSource {
   double host_work, energy_start;        ///< [J]
 };
 
-/// @pre calc_docking
+/// All but momentum. @pre calc_docking
 template <class S>
 void read_outputs(const OutputSource<S>& from, OutputValues<S>& out);
+
+/// Momentum as a sum over bodies. @pre calc_docking, by the general code
+template <class S>
+void read_momentum(const OutputSource<S>& from, OutputValues<S>& out);
 
 }  // namespace dockloop

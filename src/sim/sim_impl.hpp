@@ -160,7 +160,7 @@ struct DockingSim::Impl : SimState {
   double find_suggested_step(double frequency) const;
   void notice_step(double h);
   double find_expected_step();
-  void update_coupling_outputs();
+  void update_coupling();
 
   // flight.cpp
   bool can_rest() const;
@@ -214,9 +214,15 @@ struct DockingSim::Impl : SimState {
   // outputs.cpp
   std::array<double, kPeakCount> find_peak_values() const;
   double find_acceleration_bound() const;
-  double find_earliest_contact() const;
-  Status update_outputs();
+  double find_earliest_contact(double gap) const;
+  Status update(OutputGroup group);
+  Status update_main();
+  Status update_bodies();
+  Status update_states();
   void update_phase_outputs();
+  OutputSource<double> find_present_source() {
+    return make_output_source(*data, stepper->y(), frame_velocity, frame_shift);
+  }
   template <class S>
   OutputSource<S> make_output_source(DockingData<S>& at, const S* y, const Vec3<S>& velocity,
                                      const Vec3<S>& shift) const {
@@ -232,7 +238,7 @@ struct DockingSim::Impl : SimState {
   void spread_states(std::mt19937_64& random);
   void add_dependencies(Dependencies& found);
 
-  void invalidate() { outputs_valid = rates_valid = coupling_valid = false; }
+  void invalidate() { valid.fill(false); }
   bool has_surfaces() const { return model->present[kTarget] && !model->contact.empty(); }
   bool is_fixed_step() const {
     const int method = setup->parameters.solver_method;
@@ -261,7 +267,7 @@ struct DockingSim::Impl : SimState {
   Inputs inputs;
   Inputs slopes;  ///< rates of the inputs over the coming step
   Outputs outputs;
-  bool outputs_valid = false, rates_valid = false, coupling_valid = false;
+  std::array<bool, static_cast<size_t>(OutputGroup::kCount)> valid{};
   std::string status_text;
   std::vector<std::string> warnings;
 
@@ -276,6 +282,7 @@ struct DockingSim::Impl : SimState {
   int state_count = 0;                             ///< of y; fixed at construction
   std::vector<int> state_bodies;  ///< joints of state.*: the independent ones at the start
   Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
+  std::array<double, 2> least_inertia{};             ///< of the vehicles, about any axis [kg m2]
   std::unique_ptr<DerivativePass> derivative_pass;   ///< made when first asked for
   Counters counted_elsewhere;  ///< work of other integrators that led to the present state
 

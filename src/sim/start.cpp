@@ -1,4 +1,5 @@
 // From scene and parameters to the start state: checks, model, integrator, warnings.
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -390,6 +391,11 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   read_inputs();
   counted_elsewhere = Counters();
   std::fill(due.begin(), due.end(), char(0));
+  for (int i : {kChaser, kTarget}) {
+    const Mat3<double> inertia = make_symmetric(parameters.vehicle[i].inertia);
+    least_inertia[i] =
+        Eigen::SelfAdjointEigenSolver<Mat3<double>>(inertia, Eigen::EigenvaluesOnly).eigenvalues()[0];
+  }
   // At rest the scale is what the tolerance lets a vehicle move.
   momentum_scale = parameters.atol_velocity * parameters.vehicle[kChaser].mass;
 

@@ -95,9 +95,9 @@ void step_to_end(DockingSim& sim, const Schedule& schedule, double patience, jso
     result["end_time"] = end;
     take_warnings(sim, result);
     if (std::isinf(patience)) continue;
-    check(sim, sim.update_outputs());
-    if (sim.outputs().outcome != decision) {
-      decision = sim.outputs().outcome;
+    check(sim, sim.update(OutputGroup::kMain));
+    if (sim.output_storage().outcome != decision) {
+      decision = sim.output_storage().outcome;
       since = end;
     }
     // A partial capture may still become one.
@@ -108,7 +108,7 @@ void step_to_end(DockingSim& sim, const Schedule& schedule, double patience, jso
 void read_outputs(DockingSim& sim, const std::vector<const Variable*>& outputs, json& result) {
   result["outputs"] = json::array();
   for (const Variable* v : outputs) {
-    check(sim, v->monitor ? sim.update_coupling_outputs() : sim.update_outputs());
+    check(sim, sim.update(v->group));
     const double value = get_value(*v);
     result["outputs"].push_back(v->type == Type::kReal ? json(value) : json(int(value)));
   }

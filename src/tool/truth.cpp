@@ -51,8 +51,7 @@ Run run(const std::shared_ptr<const Scene>& scene, const TruthOrder& order, doub
     if (!status.ok()) throw std::runtime_error(sim.status_text());
     status = sim.calc_extended_outputs(extended);
     if (!status.ok()) throw std::runtime_error(sim.describe(status));
-    sim.update_outputs();
-    sim.update_states();
+    for (const Variable* v : wanted) sim.update(v->group);
     result.time.push_back(k * order.step);
     for (size_t i = 0; i < wanted.size(); ++i) {
       const int place = wanted[i]->output, state = wanted[i]->state;

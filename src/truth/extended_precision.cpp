@@ -125,8 +125,10 @@ Status DockingSim::calc_extended_outputs(std::vector<double>& output) {
   }
   const Vec3<Extended> velocity = me.frame_velocity.cast<Extended>();
   const Vec3<Extended> shift = me.frame_shift.cast<Extended>();
-  read_outputs<Extended>(me.make_output_source<Extended>(*extended.data, y.data(), velocity, shift),
-                         extended.output);
+  const OutputSource<Extended> source =
+      me.make_output_source<Extended>(*extended.data, y.data(), velocity, shift);
+  read_outputs<Extended>(source, extended.output);
+  read_momentum<Extended>(source, extended.output);
   output.clear();
   for (const Extended* cell : extended.output_cells) output.push_back(to_double(*cell));
   return {};

@@ -319,7 +319,7 @@ TEST(Coupling, finds_out_the_mass_that_a_host_really_has) {
   for (const int mode : {kSequential, kParallel}) {
     Host host(scene, mode, 0.8);
     for (int i = 0; i < 80; ++i) host.step(0.01);
-    ASSERT_TRUE(host.sim.update_coupling_outputs().ok());
+    ASSERT_TRUE(host.sim.update(OutputGroup::kCoupling).ok());
     EXPECT_NEAR(host.sim.outputs().coupling_mass_mismatch, 0.25, 1e-6);
     bool told = false;
     for (const std::string& text : host.sim.take_warnings()) {
@@ -336,11 +336,11 @@ TEST(Coupling, allocates_nothing_in_steps) {
     scene.motion[kChaser] = scene.motion[kTarget] = Motion::kDriven;
     Host host(scene, mode);
     for (int i = 0; i < 3; ++i) host.step(0.01);
-    ASSERT_TRUE(host.sim.update_coupling_outputs().ok());
+    ASSERT_TRUE(host.sim.update(OutputGroup::kCoupling).ok());
     const long count = count_allocations([&] {
       for (int i = 0; i < 200; ++i) {
         host.step(0.01);
-        host.sim.update_coupling_outputs();
+        host.sim.update(OutputGroup::kCoupling);
       }
     });
     EXPECT_EQ(count, 0) << "mode " << mode;
