@@ -208,7 +208,7 @@ namespace {
 constexpr char kMagic[8] = {'D', 'O', 'C', 'K', 'L', 'O', 'O', 'P'};
 constexpr std::uint32_t kByteOrder = 0x01020304;
 /// To be raised whenever the contents change.
-constexpr std::uint32_t kStateFormat = 4;
+constexpr std::uint32_t kStateFormat = 5;
 
 struct Header {
   char magic[8];

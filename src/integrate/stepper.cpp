@@ -90,6 +90,11 @@ int System::call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacob
                           N_Vector scratch, N_Vector, N_Vector) {
   System& me = *static_cast<System*>(system);
   if (me.idle) return SUNMatZero(jacobian);
+  if (me.known_jacobian) {
+    std::copy_n(me.known_jacobian, me.problem.size * me.problem.size, SM_DATA_D(jacobian));
+    me.known_jacobian = nullptr;
+    return 0;
+  }
   me.evaluations += me.problem.jacobian_cost;
   if (me.ahead > 0.0) {
     N_VLinearSum(1.0, y, me.ahead, ydot, scratch);
@@ -237,6 +242,7 @@ void Stepper::restart(double t, double h, const Known& known) {
   impl_->low_valid = false;
   impl_->solver->restart(t, impl_->system.y, h);
   impl_->solver->set_known(known);
+  impl_->system.known_jacobian = known.jacobian;
 }
 
 StepOutcome Stepper::step(double t_stop, bool watch_roots) {
@@ -281,7 +287,7 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
     const double factor = leap ? kLeaps[leaps++] : std::pow(0.25, ++retry);
     std::copy(me.y_before.begin(), me.y_before.end(), y());
     restart(t_before, std::min(factor * h_first, t_stop - t_before),
-            {nullptr, me.solver->fastest_rate()});
+            {nullptr, me.solver->fastest_rate(), nullptr});
     me.low_valid = watch;  // the start is where it was
   }
   return StepOutcome::kFailed;

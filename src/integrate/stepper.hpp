@@ -72,6 +72,9 @@ class Stepper {
   struct Known {
     const double* rates = nullptr;  ///< there
     double fastest_rate = 0.0;      ///< as fastest_rate() told it last [1/s]
+    /// By columns, of a state not far away: stands for the first one that an implicit method asks
+    /// for. Where Newton iteration fails with it, a new one is made.
+    const double* jacobian = nullptr;
   };
 
   explicit Stepper(Problem problem, Method method = Method::kDormandPrince);

@@ -119,7 +119,9 @@ namespace {
 bool have_same_shape(const Snapshot& a, const Snapshot& b) {
   const LoopReference<double>&r = a.reference, &s = b.reference;
   bool same = a.y.size() == b.y.size() &&
-              a.state.rest_state.q.size() == b.state.rest_state.q.size() && r.valid == s.valid &&
+              a.state.rest_state.q.size() == b.state.rest_state.q.size() &&
+              a.state.kept_jacobian.entries.size() == b.state.kept_jacobian.entries.size() &&
+              r.valid == s.valid &&
               r.q.size() == s.q.size() && r.H.size() == s.H.size() &&
               r.sign.size() == s.sign.size() && r.margin.size() == s.margin.size() &&
               r.branch.size() == s.branch.size() && r.spin_branch.size() == s.spin_branch.size();
@@ -198,7 +200,7 @@ void DockingSim::Impl::load(const SavedSim& from) {
 /// Take over parameters that may be changed during a run.
 void DockingSim::Impl::adopt_tunables() {
   if (!model->contact.empty()) set_law(model->contact, make_contact_law());  // may throw
-  flown = false;
+  flown = kept_jacobian.valid = false;
   model->thrust = parameters.contact_thrust;
   model->thrust_delay = parameters.contact_thrust_delay;
   update_thrust(elapsed);

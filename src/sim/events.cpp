@@ -28,6 +28,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   update_capture(now);
   if (update_thrust(now)) jumped = true;
   changed = changed || jumped;
+  if (changed) kept_jacobian.valid = false;
   update_phase(find_phase_inputs(*data), discrete);
   // Peaks see the forces on both sides of a jump.
   if (jumped) {

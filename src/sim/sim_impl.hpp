@@ -193,6 +193,7 @@ struct DockingSim::Impl : SimState {
   Status evaluate_end(double tau);
   const double* find_start_rates() const;
   void start_stepper(double tau, double h, const double* known_rates = nullptr);
+  void go_on(double h);
   StepOutcome make_inner_step(double stop, bool watch_roots);
   void note_evaluation(double tau, const double* y);
   bool is_evaluated(double tau, const double* y) const;

@@ -39,6 +39,13 @@ struct RestState {
   double slack = 0.0;                        ///< by which it may change, relative
 };
 
+/// The last Jacobian of an implicit method, by columns: the next communication step begins with it.
+struct KeptJacobian {
+  bool valid = false;
+  std::int64_t step = 0;        ///< at which it was made, as Counters has them
+  std::vector<double> entries;  ///< none where no method asks for them
+};
+
 struct SimState {
   double elapsed = 0.0;       ///< [s] from start to the last communication point
   double h_warm = 0.0;        ///< step size for the next communication step [s]
@@ -56,6 +63,8 @@ struct SimState {
   bool warned_margin = false;               ///< a loop close to singular was told once
   /// Choice of independent coordinates, if it is not that of the start any more.
   std::shared_ptr<const Coordinates> coordinates;
+
+  KeptJacobian kept_jacobian;
 
   double drift = 0.0;  ///< largest gap at inner steps of the last step, if multipliers hold the
                        ///< cuts [m]
@@ -202,10 +211,15 @@ void transfer(A& archive, std::shared_ptr<const T>& pointer) {
 }
 
 template <class A>
+void transfer(A& archive, KeptJacobian& kept) {
+  transfer_all(archive, kept.valid, kept.step, kept.entries);
+}
+
+template <class A>
 void transfer(A& archive, SimState& s) {
   transfer_all(archive, s.elapsed, s.h_warm, s.last_step, s.fastest_rate, s.frame_velocity,
                s.frame_shift, s.discrete, s.memory, s.peaks, s.mean_load, s.coupling, s.rest_state,
-               s.margin_looked_at, s.warned_margin, s.coordinates, s.drift, s.energy_start,
+               s.margin_looked_at, s.warned_margin, s.coordinates, s.kept_jacobian, s.drift, s.energy_start,
                s.host_work, s.momentum_start, s.momentum_residual, s.momentum_scale,
                s.angular_momentum_scale);
 }

@@ -517,6 +517,7 @@ void DockingSim::Impl::make_stepper() {
   }
   if (needs_jacobian()) {
     if (!jacobian_pass) make_jacobian_pass();
+    kept_jacobian.entries.assign(static_cast<size_t>(layout.size * layout.size), 0.0);
     problem.jacobian = [this](double t, const double* y, double* by_columns) {
       return calc_jacobian(t, y, by_columns);
     };
@@ -573,6 +574,9 @@ int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_column
                                    y, *jacobian_pass, jacobian);
   }
   std::copy_n(jacobian.data(), jacobian.size(), by_columns);
+  std::copy_n(by_columns, jacobian.size(), kept_jacobian.entries.begin());
+  kept_jacobian.valid = status.ok();
+  kept_jacobian.step = find_counters().steps;
   return find_trouble_code(status, t, by_columns, static_cast<int>(jacobian.size()));
 }
 

@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kLongestStep = 1e9;  ///< [s]
 constexpr double kFade = 0.7;         ///< of a long step in what counts as regular, per step
+constexpr int kJacobianSteps = 50;    ///< for which a Jacobian is good, unless Newton fails
 constexpr int kMaxRefused = 12;       ///< end states in a row that cannot be evaluated
 #ifndef DOCKLOOP_MAX_INNER_STEPS      // the fuzzers wait less long
 #define DOCKLOOP_MAX_INNER_STEPS 10000
@@ -115,7 +116,15 @@ Status DockingSim::Impl::step(double t, double h) {
 
 /// Start the integrator (again) from its state. @param known_rates  there, or null
 void DockingSim::Impl::start_stepper(double tau, double h, const double* known_rates) {
-  stepper->restart(tau, h, {known_rates, fastest_rate});
+  stepper->restart(tau, h, {known_rates, fastest_rate, nullptr});
+}
+
+/// The same at the start of a communication step, which goes on where the last one ended.
+void DockingSim::Impl::go_on(double h) {
+  const bool is_good = kept_jacobian.valid && !is_fixed_step() &&
+                       find_counters().steps - kept_jacobian.step < kJacobianSteps;
+  const double* known = is_good ? kept_jacobian.entries.data() : nullptr;
+  stepper->restart(0.0, h, {find_start_rates(), fastest_rate, known});
 }
 
 /// A step of the integrator, which notes what it has evaluated last.
@@ -134,7 +143,7 @@ Status DockingSim::Impl::integrate(double h, int limit) {
   double tau = 0.0;
   int refused = 0;           // end states in a row that could not be evaluated
   double proposal = h_warm;  // step size that error control asks for; stops do not count
-  start_stepper(0.0, std::min(proposal, h), find_start_rates());
+  go_on(std::min(proposal, h));
   for (int inner = 0; inner < limit; ++inner) {
     status = watch_rest(tau);
     if (!status.ok()) return status;
