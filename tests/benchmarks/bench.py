@@ -21,6 +21,7 @@ from benchmarks import mechanisms, report
 from dockloop import paths
 from dockloop.core import run_core
 from dockloop.fmu import build_fmu
+from dockloop.kernel import FLAGS
 
 DATA = paths.ROOT / "tests" / "data"
 REFERENCE = DATA / "hexapod_bench_reference.json"
@@ -83,8 +84,7 @@ def make_kernels(arguments: dict[Path, str], folder: Path) -> dict[Path, str]:
         source, kernel = folder / f"kernel{number}.c", folder / f"kernel{number}.so"
         made = subprocess.run([generator, kind, file], capture_output=True, text=True, check=False)
         source.write_text(made.stdout)
-        options = ["-O2", "-fno-math-errno", "-ffp-contract=off", "-shared", "-fPIC"]
-        command = ["cc", *options, "-o", kernel, source, "-lm"]
+        command = ["cc", *FLAGS, "-o", kernel, source, "-lm"]
         if made.returncode or subprocess.run(command, check=False).returncode:
             print(f"bench: no kernel of {file.name}: {made.stderr.strip()}", file=sys.stderr)
         else:
