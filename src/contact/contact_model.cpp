@@ -302,13 +302,15 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
 
 /// The absorber acts at the origin of P, where its depth is measured: its power is then -F d'.
 template <class S>
-void calc_absorber(const AbsorberLaw& law, const RelativeMotion<S>& x, ContactResult<S>& out) {
+void calc_absorber(const AbsorberLaw& law, Acting acting, const RelativeMotion<S>& x,
+                   ContactResult<S>& out) {
   const S depth = -x.p[0], rate = -x.v[0];
+  const S elastic = S(law.stiffness) * depth, pushing = elastic + S(law.damping) * rate;
   out.gap = -depth;
-  if (depth <= S(0)) return;
-  const S elastic = S(law.stiffness) * depth;
-  S force = elastic + S(law.damping) * rate;
-  if (!law.pulls) force = std::max<S>(force, S(0));
+  out.pressed = law.pulls ? depth : std::min<S>(depth, pushing);
+  const bool acts = acting == Acting::kByState ? out.pressed > S(0) : acting == Acting::kYes;
+  if (!acts && depth <= S(0)) return;  // one that was let go comes back by itself
+  const S force = acts ? pushing : S(0);
   out.on_passive.f = Vec3<S>(force, S(0), S(0));
   out.on_passive.t = x.p.cross(out.on_passive.f);
   out.energy = elastic * depth / S(2);
@@ -434,7 +436,9 @@ Status calc_contact(const ContactModel& model, const ContactMemory& memory,
                     const RelativeMotion<S>& motion, const S* z, S* z_dot,
                     ContactWorkspace<S>& work, ContactResult<S>& out) {
   out = ContactResult<S>();
-  if (model.kind == ContactModel::Kind::kAbsorber) calc_absorber<S>(model.absorber, motion, out);
+  if (model.kind == ContactModel::Kind::kAbsorber) {
+    calc_absorber<S>(model.absorber, memory.absorber, motion, out);
+  }
   if (model.kind != ContactModel::Kind::kRings) return {};
   std::fill(work.closed.begin(), work.closed.end(), 0);
   const bool bristles = model.law.friction_model == 2;

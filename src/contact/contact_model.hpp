@@ -23,6 +23,8 @@ namespace dockloop {
 /// One-dimensional absorber for scenes with an exact solution: depth d = -p_x, force
 /// k d + c d' along x of G for d > 0, on P at its origin. With `pulls` false the force stays >= 0.
 /// Limit: jumps at onset (c v) and, if it pulls, at the end; blind to lateral offset and tilt.
+/// A step with the jump inside, be it at its very start, is a wrong one: whoever locates onset and
+/// end says which side holds (ContactMemory::absorber).
 struct AbsorberLaw {
   double stiffness = 0.0;  ///< k [N/m]
   double damping = 0.0;    ///< c [N s/m]
@@ -86,6 +88,10 @@ struct RelativeMotion {
   Vec3<S> v = Vec3<S>::Zero();      ///< d/dt p as seen in G [m/s]
 };
 
+/// Does the absorber act? Either its depth and force say so at every state, or what holds from one
+/// event to the next, beyond the surface too.
+enum class Acting : signed char { kByState, kNo, kYes };
+
 /// What is remembered from the last accepted step. Plain data, may be copied and stored.
 /// The neighbour list (a reference pose with lower bounds of all gaps there) only saves work: a
 /// point of P moves by at most delta = |p - p_ref| + 2 sin(theta/2) reach from the reference pose,
@@ -101,6 +107,7 @@ struct ContactMemory {
   std::vector<int> near;             ///< pair indices, ascending
   std::vector<char> closed;          ///< per pair, 1 if in contact at the last accepted step
   std::vector<Vec3<double>> n_last;  ///< unit normal of every closed pair, axes of G
+  Acting absorber = Acting::kByState;
 };
 
 /// Scratch of one evaluation; preallocated, holds no state.
@@ -123,6 +130,7 @@ struct ContactResult {
   S friction_power = S(0);  ///< dissipated by friction, >= 0 [W]
   S gap = S(kNoGap);        ///< exact where < 0, else a lower bound of find_gap [m]
   S depth_ratio = S(0);     ///< largest depth/rounding sum, 1 = cores meet [-]
+  S pressed = S(0);         ///< positive where an absorber acts, falls through zero where it ends
   int active_count = 0;     ///< pairs in contact
   std::array<Vec3<S>, kMaxPetals> petal_force;  ///< on each active petal, axes of G [N]
   ContactResult() { petal_force.fill(Vec3<S>::Zero()); }

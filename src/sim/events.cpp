@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "sim/sim_impl.hpp"
 
@@ -23,7 +24,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
     begin_contact(now);
     jumped = true;
   }
-  if (due[0] || due[1]) jumped = true;
+  if (update_absorber()) jumped = true;
   if (update_latches(now)) jumped = true;
   update_capture(now);
   if (update_thrust(now)) jumped = true;
@@ -104,6 +105,15 @@ bool DockingSim::Impl::update_memory() {
       update_contact_memory(model->contact, data->relative, bristles(), data->contact_work, memory);
   stepper->y()[model->layout.sums + kSumFriction] += dropped;
   return dropped > 0.0;
+}
+
+/// An absorber acts from event to event; where none was located, its depth and force tell.
+/// @return true if that changed
+bool DockingSim::Impl::update_absorber() {
+  if (memory.absorber == Acting::kByState) return due[0] || due[1];
+  const bool acts = due[0] || (!due[1] && data->contact.pressed >= 0.0);
+  const Acting before = std::exchange(memory.absorber, acts ? Acting::kYes : Acting::kNo);
+  return due[0] || due[1] || memory.absorber != before;
 }
 
 /// Change the mode of every latch that is due, by a root or because it starts there.
@@ -219,11 +229,16 @@ bool DockingSim::Impl::is_evaluated(double tau, const double* y) const {
          std::equal(y_evaluated.begin(), y_evaluated.end(), y);
 }
 
-/// Roots: first contact (for an absorber every onset), end of an absorber's contact, latches.
+/// Roots: first contact (for an absorber every onset), where an absorber ceases to act, latches.
 void DockingSim::Impl::calc_event_functions(const DockingData<double>& at, double* roots) const {
   const bool absorber = model->contact.kind == ContactModel::Kind::kAbsorber;
-  roots[0] = has_surfaces() && (absorber || !discrete.contacted) ? at.contact.gap : 1.0;
-  roots[1] = has_surfaces() && absorber ? -at.contact.gap : 1.0;
+  roots[0] = has_surfaces() && !discrete.contacted ? at.contact.gap : 1.0;
+  roots[1] = 1.0;
+  if (has_surfaces() && absorber) {
+    const bool by_state = memory.absorber == Acting::kByState;
+    roots[0] = by_state ? at.contact.gap : -at.contact.pressed;
+    roots[1] = by_state ? -at.contact.gap : at.contact.pressed;
+  }
   for (int i = 0; i < model->latches.count(); ++i) roots[kFixedRoots + i] = at.latch.event[i];
 }
 

@@ -179,6 +179,7 @@ struct DockingSim::Impl : SimState {
   Status update_coordinates(double tau, bool& changed);
   void use_coordinates(std::shared_ptr<const Coordinates> choice);
   bool update_memory();
+  bool update_absorber();
   bool update_latches(double now);
   int count_held_latches() const;
   void begin_contact(double now);
@@ -244,6 +245,10 @@ struct DockingSim::Impl : SimState {
   bool is_fixed_step() const {
     const int method = setup->parameters.solver_method;
     return method == kFixedRk4 || method == kFixedImplicit;
+  }
+  /// Does a step end where something jumps?
+  bool locates_events() const {
+    return interface == Interface::kCoSimulation && !is_fixed_step();
   }
   bool needs_jacobian() const {
     const int method = setup->parameters.solver_method;

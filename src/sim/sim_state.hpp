@@ -178,7 +178,7 @@ void transfer(A& archive, DiscreteState& d) {
 template <class A>
 void transfer(A& archive, ContactMemory& m) {
   transfer_all(archive, m.has_reference, m.R_ref, m.p_ref, m.least_gap, m.radius, m.gap, m.near,
-               m.closed, m.n_last);
+               m.closed, m.n_last, m.absorber);
 }
 
 template <class A>

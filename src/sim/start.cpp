@@ -430,6 +430,10 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     }
     update_contact_memory(model->contact, data->relative, bristles(), data->contact_work, memory);
     const double gap = find_gap(model->contact, data->relative, data->contact_work);
+    if (model->contact.kind == ContactModel::Kind::kAbsorber && locates_events()) {
+      memory.absorber = data->contact.pressed >= 0.0 ? Acting::kYes : Acting::kNo;
+      if (!evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
+    }
     // A start that touches is a first contact at the start; so is one within reach of a latch.
     if (gap <= kTouching) begin_contact(0.0);
   }

@@ -73,6 +73,7 @@ int calc_roots(Sim& sim, double time, const double* y, double* roots) {
   const DockingData<Extended>& at = *sim.extended->data;
   DockingData<double>& rounded = *sim.rate_data;
   rounded.contact.gap = to_double(at.contact.gap);
+  rounded.contact.pressed = to_double(at.contact.pressed);
   for (int i = 0; i < sim.model->latches.count(); ++i) {
     rounded.latch.event[i] = to_double(at.latch.event[i]);
   }
