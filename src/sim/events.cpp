@@ -31,15 +31,13 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   changed = changed || jumped;
   if (changed) kept_jacobian.valid = false;
   update_phase(find_phase_inputs(*data), discrete);
-  // Peaks see the forces on both sides of a jump.
-  if (jumped) {
-    peaks.add(now, find_peak_values());
-    const Status after = evaluate(tau);
-    if (!after.ok()) return after;
-    peaks.begin(now, find_peak_values());
-  } else {
-    peaks.add(now, find_peak_values());
-  }
+  // Peaks see the forces on both sides of a jump. An absorber that does not pull is let go where its
+  // force is zero, to rounding of either sign.
+  if (!due[1] || model->contact.absorber.pulls) peaks.add(now, find_peak_values());
+  if (!jumped) return {};
+  const Status after = evaluate(tau);
+  if (!after.ok()) return after;
+  peaks.begin(now, find_peak_values());
   return {};
 }
 

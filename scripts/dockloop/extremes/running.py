@@ -593,7 +593,7 @@ def list_ladders(shop, quick):
     )  # fmt: skip
     yield (
         "absorber, speed in contact", shop.shipped("absorber_1d"), 2.0, ["relative.velocity[1]"],
-        {}, lambda row: abs(row[0] - find_absorber(2.0)[1]) / 0.1, 1e-10,
+        {}, lambda row: abs(row[0] - find_absorber(2.0)[1]) / 0.1, 1e-11,
     )  # fmt: skip
     if quick:
         return
