@@ -223,6 +223,7 @@ NodesFound add_nodes(const ContactModel& model, const NodeSet& set, const Contac
       out.depth_ratio = std::max(out.depth_ratio, part);
       ++out.active_count;
       work.closed[pair] = 1;
+      work.way[pair] = {gaps.way[0][i], gaps.way[1][i], gaps.way[2][i]};
     }
   }
   double sums[nodes::kNodeSums];
@@ -296,6 +297,7 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
     add_contact<S>(model, pair, motion, c, gap, z ? z + 3 * i : nullptr,
                    z ? z_dot + 3 * i : nullptr, out);
     work.closed[i] = 1;
+    work.way[i] = pq;
   }
   return {};
 }
@@ -423,6 +425,7 @@ ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
     passive_local.push_back(cast_plate(petal));
   passive_petals = passive_local;
   closed.assign(model.pairs.size(), 0);
+  way.assign(model.pairs.size(), Vec3<S>::Zero());
   node_functions = &nodes::find_node_functions();
   node_gaps.resize(std::max(model.nodes[0].groups.size(), model.nodes[1].groups.size()));
 }
@@ -463,16 +466,19 @@ S find_gap(const ContactModel& model, const RelativeMotion<S>& motion, ContactWo
 double update_contact_memory(const ContactModel& model, const RelativeMotion<double>& motion,
                              double* z, ContactWorkspace<double>& work, ContactMemory& memory) {
   const int count = model.pair_count();
-  memory.closed.assign(count, 0);
+  memory.closed = work.closed;
   memory.n_last.resize(count, Vec3<double>::Zero());
+  for (int i = 0; i < count; ++i) {
+    if (memory.closed[i]) memory.n_last[i] = work.way[i].normalized();
+  }
   memory.gap.reserve(count);  // all allocation happens in the first call
   memory.near.reserve(count);
   if (find_sphere_gap(model, motion.p) <= 0 && count > 0) {
-    place_petals<double>(motion, work);
-
     // A new reference pose once half of the list radius is used up.
-    double delta = memory.has_reference ? find_displacement<double>(model, memory, motion) : 0;
+    const double delta =
+        memory.has_reference ? find_displacement<double>(model, memory, motion) : 0;
     if (!memory.has_reference || delta > memory.radius / 2) {
+      place_petals<double>(motion, work);
       memory.gap.resize(count);
       memory.least_gap = kNoGap;
       for (int i = 0; i < count; ++i) {
@@ -488,18 +494,6 @@ double update_contact_memory(const ContactModel& model, const RelativeMotion<dou
       memory.R_ref = motion.R;
       memory.p_ref = motion.p;
       memory.has_reference = true;
-      delta = kSlack;
-    }
-
-    // Closed pairs and their normals.
-    for (const int i : memory.near) {
-      Closest<double> c;
-      if (memory.gap[i] > delta ||
-          find_pair<double>(model, model.pairs[i], motion, work, 0.0, c) >= 0) {
-        continue;
-      }
-      memory.closed[i] = 1;
-      memory.n_last[i] = (c.second - c.first).normalized();
     }
   }
 

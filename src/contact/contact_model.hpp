@@ -118,6 +118,7 @@ struct ContactWorkspace {
   std::vector<Plate<S>> passive_local;                   ///< axes of P, written by the constructor
   std::vector<Plate<S>> passive_petals;                  ///< axes of G, written by every evaluation
   std::vector<char> closed;                              ///< per pair, written by calc_contact
+  std::vector<Vec3<S>> way;  ///< with it: from G to P in every closed pair, axes of G [m]
   const nodes::NodeFunctions* node_functions = nullptr;  ///< for plain numbers
   std::vector<nodes::NodeGaps> node_gaps;                ///< with them, per group of a set
 };
@@ -156,6 +157,7 @@ template <class S>
 S find_gap(const ContactModel& model, const RelativeMotion<S>& motion, ContactWorkspace<S>& work);
 
 /// Call at accepted steps only. Opened pairs lose their bristle.
+/// @pre calc_contact() at this motion, with this workspace
 /// @param[in,out] z  bristles or null
 /// @return energy of the bristles dropped [J], to be booked as friction.
 double update_contact_memory(const ContactModel& model, const RelativeMotion<double>& motion,

@@ -234,16 +234,15 @@ template <class S>
 S find_lowest(const SegmentOnAnnulus<S>& f) {
   using std::abs;
   constexpr int kSamples = 8;
-  int k = 0;
-  S lowest = f.at(S(0), false).value;
-  for (int i = 1; i <= kSamples; ++i) {
-    const S value = f.at(S(i) / S(kSamples), false).value;
-    if (value < lowest) {
-      lowest = value;
-      k = i;
-    }
-  }
+  std::array<S, kSamples + 1> sample;  // side by side in vector registers
+  for (int i = 0; i <= kSamples; ++i) sample[i] = f.at(S(i) / S(kSamples), false).value;
+  const int k =
+      static_cast<int>(std::min_element(sample.begin(), sample.end()) - sample.begin());
   S t = S(k) / S(kSamples);
+  if (k > 0 && k < kSamples) {  // begin at the vertex of the parabola through three samples
+    const S bend = sample[k - 1] - S(2) * sample[k] + sample[k + 1];
+    if (bend > S(0)) t += (sample[k - 1] - sample[k + 1]) / (S(2 * kSamples) * bend);
+  }
   S low = S(std::max(k - 1, 0)) / S(kSamples), high = S(std::min(k + 1, kSamples)) / S(kSamples);
   for (int i = 0; i < 60; ++i) {
     const auto l = f.at(t, true);

@@ -186,10 +186,7 @@ void calc_chaser_velocity(const DockingModel& model, const FrameMotion<S>& chase
     p -= tree.A.template topRows<6>().lazyProduct(tree.v);
     tree.v = data.scratch_v;
   }
-  // The leading block of a Cholesky factor is the factor of the leading block.
-  const Mat6<S> L = data.factor.matrixLLT().template topLeftCorner<6, 6>();
-  L.template triangularView<Eigen::Lower>().solveInPlace(p);
-  L.transpose().template triangularView<Eigen::Upper>().solveInPlace(p);
+  solve_leading<6>(data.factor, p);
   data.tree.v.template head<6>() = p;
 }
 

@@ -11,7 +11,6 @@
 // joint: attach_vehicle() puts it between the base and the mechanism.
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <memory>
 #include <optional>
 #include <string>
@@ -19,6 +18,7 @@
 
 #include "dynamics/mechanism_kernel.hpp"
 #include "loops/loops.hpp"
+#include "math/small_cholesky.hpp"
 
 namespace dockloop {
 
@@ -43,7 +43,7 @@ struct MechanismData {
   LoopData<S> loops;
   MatX<S> A;                          ///< joint-space inertia while it is being reduced, nv x nv
   MatX<S> A_ind;                      ///< reduced inertia, n_ind x n_ind
-  Eigen::LLT<MatX<S>> factor;         ///< of A_ind
+  Cholesky<S> factor;                 ///< of A_ind
   VecX<S> b, b_ind;                   ///< right-hand side: full (nv), reduced (n_ind)
   VecX<S> a_ind;                      ///< independent accelerations (n_ind)
   VecX<S> tau;                        ///< joint forces (nv), written by the caller

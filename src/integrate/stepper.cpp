@@ -294,6 +294,11 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
 }
 
 double Stepper::time() const { return impl_->t; }
+bool Stepper::interpolate(double t, double* y) const {
+  if (!impl_->solver->interpolate(t, impl_->y_inside)) return false;
+  std::copy_n(NV_DATA_S(impl_->y_inside), impl_->system.problem.size, y);
+  return true;
+}
 double Stepper::next_step() const { return impl_->solver->next_step(); }
 double Stepper::fastest_rate() const { return impl_->solver->fastest_rate(); }
 const double* Stepper::unknowns() const { return impl_->solver->unknowns(); }

@@ -92,6 +92,8 @@ class Stepper {
   /// One step towards t_stop. @param watch_roots report roots of the event functions
   StepOutcome step(double t_stop, bool watch_roots);
   double time() const;
+  /// State inside the last step, unless a root cut that short. @return false if it is not known
+  bool interpolate(double t, double* y) const;
   /// Step size that error control proposes for the next step [s].
   double next_step() const;
   /// Fastest rate of the solution, as far as the method tells it [1/s]; 0 = not known.

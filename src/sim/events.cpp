@@ -31,8 +31,8 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   changed = changed || jumped;
   if (changed) kept_jacobian.valid = false;
   update_phase(find_phase_inputs(*data), discrete);
-  // Peaks see the forces on both sides of a jump. An absorber that does not pull is let go where its
-  // force is zero, to rounding of either sign.
+  // Peaks see the forces on both sides of a jump. An absorber that does not pull is let go where
+  // its force is zero, give or take rounding.
   if (!due[1] || model->contact.absorber.pulls) peaks.add(now, find_peak_values());
   if (!jumped) return {};
   const Status after = evaluate(tau);

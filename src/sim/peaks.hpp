@@ -1,9 +1,10 @@
 // Largest values over the inner steps of a run, refined between the steps.
 //
 // Sampling at communication points misses peaks, and even the inner steps of a high-order method
-// are far apart. A sample that tops both neighbours is refined by the polynomial through the last
-// five samples (fourth order in the spacing), bounded by what the parabola through the three
-// middle ones shows, so that a kink cannot make it overshoot.
+// are far apart: the middle of a step is looked at too where is_near() says so. A sample that tops
+// both neighbours is refined by the polynomial through the last five samples (fourth order in the
+// spacing), bounded by what the parabola through the three middle ones shows, so that a kink cannot
+// make it overshoot.
 #pragma once
 
 #include <array>
@@ -37,11 +38,19 @@ class PeakTracker {
     if (count_ < kWindow) return;
     for (int i = 0; i < N; ++i) {
       const double mid = value_[2][i];
-      if (mid > value_[1][i] && mid > value_[3][i] && mid > 0.95 * peak_[i]) refine(i);
+      if (mid > value_[1][i] && mid > value_[3][i] && mid > kNear * peak_[i]) refine(i);
     }
   }
 
   const std::array<double, N>& peak() const { return peak_; }
+
+  /// Is there a value near its peak, or above it?
+  bool is_near(const std::array<double, N>& value) const {
+    for (int i = 0; i < N; ++i) {
+      if (value[i] > 0.0 && value[i] > kNear * peak_[i]) return true;
+    }
+    return false;
+  }
 
   /// For saved states (sim/archive.hpp).
   template <class A>
@@ -52,6 +61,7 @@ class PeakTracker {
 
  private:
   static constexpr int kWindow = 5;
+  static constexpr double kNear = 0.95;  // of the peak
 
   void raise(const std::array<double, N>& value) {
     for (int i = 0; i < N; ++i) {

@@ -110,6 +110,7 @@ struct DockingSim::Impl : SimState {
   int find_inner_step_limit(double h) const;
   Status integrate(double h, int limit);
   Status integrate_fixed(double h, int limit);
+  void look_into_step(double from, double to);
   double find_leap(double made, double proposal);
   double find_next_stop(double tau, double h) const;
   Status find_trouble(double tau) const;

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <utility>
 
 #include "sim/sim_impl.hpp"
 
@@ -191,6 +192,7 @@ Status DockingSim::Impl::integrate(double h, int limit) {
       continue;
     }
     refused = 0;
+    if (outcome != StepOutcome::kRoot) look_into_step(tau, stepper->time());
     tau = stepper->time();
     status = accept(tau, restart);
     if (!status.ok()) return status;
@@ -246,6 +248,23 @@ Status DockingSim::Impl::integrate_fixed(double h, int limit) {
     if (!status.ok()) return status;
   }
   return {};
+}
+
+/// Where the loads at the end of a step are near their peaks, those in its middle are looked at too.
+/// @pre evaluate_end(to)
+void DockingSim::Impl::look_into_step(double from, double to) {
+  if (adapt_problem || !peaks.is_near(find_peak_values())) return;
+  const double middle = 0.5 * (from + to);
+  if (!stepper->interpolate(middle, rates.data())) return;
+  evaluated = Evaluated::kNothing;
+  ++counted_elsewhere.rate_evaluations;
+  const Status status =
+      calc_docking<double>(*model, discrete, memory, find_loads(middle), elapsed + middle,
+                           rates.data(), nullptr, *rate_data);
+  if (!status.ok()) return;
+  std::swap(data, rate_data);
+  peaks.add(elapsed + middle, find_peak_values());
+  std::swap(data, rate_data);
 }
 
 /// A mechanism on its way through a pose where its loops lose rank is fine on both sides of it, but

@@ -110,7 +110,8 @@ class KernelComparison {
       worst = std::max(worst, std::abs(x.m_sum[0] - y.m_sum[0]) / x.m_sum[0]);
     }
     compare(general.A_ind, special.A_ind);
-    const MatX<double> L = general.factor.matrixL(), M = special.factor.matrixL();
+    const MatX<double> L = general.factor.matrixLLT().triangularView<Eigen::Lower>(),
+                       M = special.factor.matrixLLT().triangularView<Eigen::Lower>();
     compare(L, M);
     VecX<double> a(mechanism.plan.ind_v.size()), b(a);
     for (int i = 0; i < a.size(); ++i) {

@@ -121,6 +121,7 @@ Outcome run_impact(const ContactModel& model, const Bodies& bodies, std::vector<
   bool touched = false;
   const auto accepted = [&](double, double* s) {
     const Frame f[2] = {find_frame(bodies, s, 0), find_frame(bodies, s, 1)};
+    if (!rhs(0, s, scratch.data())) return false;
     s[kSinks + 1] +=
         update_contact_memory(model, find_relative(f[0], f[1]),
                               bristle_state_count(model) ? s + kBristles : nullptr, work, memory);

@@ -267,6 +267,8 @@ TEST(ContactModel, SleepByPairChangesNoBit) {
           make_touching_motion(model, work, random, random.uniform(-0.02, 2e-3));
       const V step = random.vector(8e-4), turn = random.vector(1e-3);
       for (int k = 0; k < 20; ++k) {
+        ContactResult<double> now;
+        if (!calc_contact<double>(model, {}, x, z.data(), dot_a.data(), work, now).ok()) break;
         update_contact_memory(model, x, nullptr, work, memory);
         x.R = rotation_of(turn) * x.R;
         x.p += step;
@@ -319,6 +321,7 @@ TEST(ContactModel, TooDeepAndFlippedStatesAreRejected) {
   double axial = 0.1;
   while (gap_at(axial) > -1e-3) axial -= 1e-4;
   ContactMemory memory;
+  EXPECT_TRUE(calc_contact<double>(model, {}, x, nullptr, nullptr, work, r).ok());
   update_contact_memory(model, x, nullptr, work, memory);
   EXPECT_TRUE(calc_contact<double>(model, memory, x, nullptr, nullptr, work, r).ok());
   EXPECT_GT(r.active_count, 0);
