@@ -2,7 +2,7 @@
 // 1. a damped cosine sampled irregularly: its largest value to 1e-6, far better than any sample;
 // 2. the peak never falls, is never below a sample, and channels do not mix;
 // 3. a kink does not make it overshoot; a jump is not interpolated across;
-// 4. a tracker can be put back to what it was.
+// 4. a tracker can be put back to what it was, and tells what is near a peak.
 #include "sim/peaks.hpp"
 
 #include <gtest/gtest.h>
@@ -108,6 +108,14 @@ TEST(Peaks, take_both_sides_of_a_jump_and_nothing_between) {
   tracker.begin(0.5, {2.0});  // onset of a damper
   for (int i = 1; i <= 10; ++i) tracker.add(0.5 + 0.1 * i, {2.0 - 0.15 * i});
   EXPECT_EQ(tracker.peak()[0], 2.0);
+}
+
+TEST(Peaks, are_near_from_a_twentieth_below_in_any_channel) {
+  PeakTracker<2> tracker;
+  tracker.start(0.0, {0.0, 10.0});
+  EXPECT_FALSE(tracker.is_near({0.0, 9.4}));  // nothing is no peak of nothing
+  EXPECT_TRUE(tracker.is_near({0.0, 9.6}));
+  EXPECT_TRUE(tracker.is_near({1e-3, 0.0}));
 }
 
 TEST(Peaks, forget_everything_at_a_start) {
