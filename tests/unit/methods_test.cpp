@@ -114,7 +114,7 @@ TEST_P(Methods, repeat_to_the_last_bit_also_after_a_refused_step) {
 
 INSTANTIATE_TEST_SUITE_P(All, Methods,
                          ::testing::Values(MethodCase{kExplicit, "explicit", 5e-6, 1e-6, 1e-8},
-                                           MethodCase{kImplicit, "implicit", 1e-4, 1e-6, 5e-7},
+                                           MethodCase{kImplicit, "implicit", 5e-5, 1e-6, 5e-7},
                                            MethodCase{kImex, "imex", 1e-5, 1e-6, 1e-8},
                                            MethodCase{kAdams, "adams", 5e-6, 1e-6, 1e-5},
                                            MethodCase{kBdf, "bdf", 2e-5, 3e-6, 1e-5},
