@@ -1,4 +1,4 @@
-// Set-up and assembly of a ring on slide legs; see leg_kernel.hpp.
+// Set-up and assembly of a ring on legs; see leg_kernel.hpp.
 #include "kernels/leg_kernel.hpp"
 
 #include <algorithm>
@@ -15,6 +15,10 @@ using Mat = Mat3<double>;
 
 constexpr double kLeastMargin = 0.1;     ///< below, the general code watches branches [-]
 constexpr double kLeastReference = 0.3;  ///< the same for the last accepted pose
+
+static_assert(static_cast<int>(LegKind::kR2P1R3) == legs::kSlideLeg &&
+              static_cast<int>(LegKind::kR1R2R3) == legs::kCrankLeg &&
+              static_cast<int>(LegKind::kR1R2R3Perpendicular) == legs::kSquareCrankLeg);
 
 Mat get_symmetric(const double* s) {
   Mat m;
@@ -40,18 +44,33 @@ Moments find_moments(const Body& body, const Pose<double>& pose) {
               body.mass * (c.squaredNorm() * Mat::Identity() - c * c.transpose())};
 }
 
-/// One joint of a leg.
-struct LegJoint {
-  JointMap map;
-  int q = 0, v = 0;  ///< indices of its coordinate
-  double sign = 1.0;
+/// A leg and the lane in which it stands.
+struct LegPlace {
+  size_t block = 0, group = 0;
+  int lane = 0;
+  ClosedForm form;
+  V ring;                    ///< tip on the ring, axes of the ring
+  int q[3] = {}, v[3] = {};  ///< indices of the joint coordinates, from the root outwards
 };
 
-struct LegPlace {
-  LegJoint joint[3];
-  size_t block = 0;
-  LegBranch branch;
+/// A joint whose motion is found: one that slides or carries a force.
+struct ToldJoint {
+  size_t leg = 0;
+  int joint = 0, q = 0, v = 0;
+  bool slides = false, needs_angle = false;
 };
+
+/// Does a force depend on the coordinate of its joint?
+bool depends_on_place(const JointForce& law) {
+  return law.stiffness != 0.0 || law.preload != 0.0 || law.stops.present;
+}
+
+/// Axes of a leg (columns) so that the axis of its second joint, y, becomes z.
+Mat rename_axes(const Mat& axes) {
+  Mat renamed;
+  renamed << axes.col(2), axes.col(0), axes.col(1);
+  return renamed;
+}
 
 class LegKernel : public MechanismKernel {
  public:
@@ -68,12 +87,16 @@ class LegKernel : public MechanismKernel {
   void calc_reactions(const BaseMotion<double>& base, MechanismData<double>& data) override;
 
  private:
-  void add_leg(const Mechanism& mechanism, int loop, int lane);
+  void add_leg(const Mechanism& mechanism, LegPlace& place, int loop);
   bool continues(const LoopReference<double>& reference) const;
   bool calc_legs(bool moving);
-  double find_margin(size_t leg) const;
-  double get_work(size_t leg, int row) const {
-    return groups_[leg / kGroup].work[row][leg % kGroup];
+  double find_margin(const LegPlace& leg) const;
+  double get_work(const LegPlace& leg, int row) const {
+    return groups_[leg.group].work[row][leg.lane];
+  }
+  void find_turn(const LegPlace& leg, int joint, double& c, double& s) const {
+    find_joint_angle(leg.form.joint[joint], get_work(leg, legs::kTurns + 2 * joint),
+                     get_work(leg, legs::kTurns + 2 * joint + 1), c, s);
   }
   Mat6<double> find_carried() const;
   Wrench<double> find_ring_load(const V& a0, const V& alpha0, const V& vdot, const V& wdot) const;
@@ -81,6 +104,7 @@ class LegKernel : public MechanismKernel {
 
   const legs::LegFunctions& functions_;
   std::vector<LegPlace> places_;
+  std::vector<ToldJoint> told_;
   std::vector<LegGroup> groups_;
   Body ring_, vehicle_;
   int ring_index_ = 0;
@@ -105,78 +129,111 @@ LegKernel::LegKernel(const Mechanism& mechanism, const legs::LegFunctions& funct
     vehicle_moments_ = find_moments(vehicle_, {});
   }
   margin_ = std::max(kLeastMargin, model.singularity.error);
-  const int count = static_cast<int>(model.loops.size());
   places_.resize(model.loops.size());
-  groups_.resize((model.loops.size() + kGroup - 1) / kGroup);
-  for (LegGroup& group : groups_) group = LegGroup{};
-  for (int k = 0; k < count; ++k) add_leg(mechanism, k, k);
-  // What is left of the last group: the first leg again, without mass and force.
-  for (int lane = count; lane < static_cast<int>(groups_.size()) * kGroup; ++lane) {
-    for (int i = 0; i < legs::kCross; ++i) {
-      groups_[lane / kGroup].parameter[i][lane % kGroup] = groups_[0].parameter[i][0];
+  for (int type = legs::kSlideLeg; type <= legs::kSquareCrankLeg; ++type) {
+    int lane = kGroup;
+    for (size_t k = 0; k < places_.size(); ++k) {
+      LegPlace& place = places_[k];
+      place.block = static_cast<size_t>(mechanism.plan.block_of_loop[k]);
+      place.form = *mechanism.plan.blocks[place.block].form();
+      if (static_cast<int>(place.form.kind) != type) continue;
+      if (lane == kGroup) {
+        groups_.push_back(LegGroup{{}, {}, static_cast<legs::LegType>(type)});
+        lane = 0;
+      }
+      place.group = groups_.size() - 1;
+      place.lane = lane++;
+      add_leg(mechanism, place, static_cast<int>(k));
+    }
+    // What is left of the last group: its first leg again, without mass and force.
+    for (; lane < kGroup; ++lane) {
+      for (int i = 0; i < legs::kMasses; ++i) {
+        groups_.back().parameter[i][lane] = groups_.back().parameter[i][0];
+      }
+    }
+  }
+  for (size_t k = 0; k < places_.size(); ++k) {
+    for (int i = 0; i < 3; ++i) {
+      const int body = places_[k].form.joint[static_cast<size_t>(i)].body;
+      const bool slides = model.bodies[body].joint == JointType::kPrismatic;
+      bool forced = false, needs_angle = false;
+      for (const JointForce& law : model.forces) {
+        forced = forced || law.body == body;
+        needs_angle = needs_angle || (law.body == body && depends_on_place(law));
+      }
+      if (!slides && !forced) continue;
+      told_.push_back({k, i, places_[k].q[i], places_[k].v[i], slides, needs_angle});
     }
   }
 }
 
-void LegKernel::add_leg(const Mechanism& mechanism, int k, int lane) {
+void LegKernel::add_leg(const Mechanism& mechanism, LegPlace& place, int k) {
   const MechanismModel& model = mechanism.model;
-  const Loop& loop = model.loops[k];
-  LegPlace& place = places_[k];
-  place.block = static_cast<size_t>(mechanism.plan.block_of_loop[k]);
-  const ClosedForm& form = *mechanism.plan.blocks[place.block].form();
-  place.branch = form.branch;
-  LegGroup& group = groups_[lane / kGroup];
-  const int at = lane % kGroup;
-  const auto put = [&](int row, double x) { group.parameter[row][at] = x; };
+  const ClosedForm& form = place.form;
+  LegGroup& group = groups_[place.group];
+  const auto put = [&](int row, double x) { group.parameter[row][place.lane] = x; };
   const auto put_vector = [&](int row, const V& x) {
     for (int i = 0; i < 3; ++i) put(row + i, x[i]);
   };
-  const auto put_symmetric = [&](int row, const Mat& m) {
+  const auto put_moments = [&](int row, const Moments& of) {
+    const Mat& m = of.inertia;
     const double cells[] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
-    for (int i = 0; i < 6; ++i) put(row + i, cells[i]);
+    put(row, of.mass);
+    put_vector(row + 1, of.first);
+    for (int i = 0; i < 6; ++i) put(row + 4 + i, cells[i]);
   };
-  const Pose<double>& K = form.in_parent;
+  place.ring = model.loops[k].point_on_closing;
+  Pose<double> K = form.in_parent;
+  V elbow(form.shape.l1, 0.0, form.shape.height), tip = form.shape.tip;
+  int axis = form.kind == LegKind::kR2P1R3 ? 1 : 2;  // of the first joint
+  if (form.kind == LegKind::kR2P1R3) elbow.setZero();
+  if (form.kind == LegKind::kR1R2R3Perpendicular) {  // lanes have its second joint about z
+    K.R = rename_axes(K.R);
+    elbow = {form.shape.height, form.shape.l1, 0.0};
+    tip = {0.0, form.shape.l2, 0.0};
+    axis = 0;
+  }
   for (int i = 0; i < 3; ++i) put_vector(legs::kAxesK + 3 * i, K.R.col(i));
   put_vector(legs::kCentre, K.p);
   put_vector(legs::kCentreK, K.R.transpose() * K.p);
-  put_vector(legs::kRing, loop.point_on_closing);
-  put_vector(legs::kTip, form.shape.tip);
+  put_vector(legs::kRing, place.ring);
+  put_vector(legs::kTip, tip);
   put(legs::kElbow, form.branch.elbow);
   put(legs::kFlip, form.branch.flip);
-  // The three bodies at canonical coordinates zero, axes K at the centre.
+  put(legs::kCrank, form.shape.l1);
+  put(legs::kCrank + 1, form.shape.height);
+  // The three bodies at canonical coordinates zero, axes K; the outer two about the elbow.
   Pose<double> pose = inverse(K);
   Moments moments[3];
-  for (int i = 0; i < 3; ++i) {
-    const JointMap& joint = form.joint[static_cast<size_t>(i)];
+  for (size_t i = 0; i < 3; ++i) {
+    const JointMap& joint = form.joint[i];
     const Body& body = model.bodies[joint.body];
-    place.joint[i] = {joint, body.q_index, body.v_index, static_cast<double>(joint.sign)};
+    place.q[i] = body.q_index;
+    place.v[i] = body.v_index;
     pose = pose * body.placement;
     // theta = sign q + zero = 0
     if (body.joint == JointType::kRevolute) {
       pose.R = pose.R * axis_rotation<double>(body.axis, joint.c, -joint.sign * joint.s);
     }
-    moments[i] = find_moments(body, pose);
+    moments[i] = find_moments(body, {pose.R, i == 0 ? pose.p : V(pose.p - elbow)});
     leg_mass_ += body.mass;
   }
-  put(legs::kCross, moments[0].mass);
-  put_vector(legs::kCross + 1, moments[0].first);
-  put_symmetric(legs::kCross + 4, moments[0].inertia);
-  put_vector(legs::kTube, moments[1].first);
-  put_symmetric(legs::kTube + 3, moments[1].inertia);
-  put(legs::kTubeMass, moments[1].mass);
-  put(legs::kRod, moments[2].mass);
-  put_vector(legs::kRod + 1, moments[2].first);
-  put_symmetric(legs::kRod + 4, moments[2].inertia);
+  put_moments(legs::kCross, moments[0]);
+  put_moments(legs::kTube, moments[1]);
+  put_moments(legs::kRod, moments[2]);
+  elbow[axis] = 0.0;
+  put(legs::kTurned, moments[0].inertia(axis, axis) +
+                         (moments[1].mass + moments[2].mass) * elbow.squaredNorm());
 }
 
 /// Does the last accepted pose lie on the branch for which the kernel was made, well inside?
 bool LegKernel::continues(const LoopReference<double>& reference) const {
   if (!reference.valid) return true;
-  for (const LegPlace& place : places_) {
-    const size_t b = place.block;
+  for (const LegPlace& leg : places_) {
+    const size_t b = leg.block;
     if (!(reference.margin[b] >= kLeastReference) ||
-        reference.branch[b].elbow != place.branch.elbow ||
-        reference.branch[b].flip != place.branch.flip) {
+        reference.branch[b].elbow != leg.form.branch.elbow ||
+        reference.branch[b].flip != leg.form.branch.flip) {
       return false;
     }
   }
@@ -213,9 +270,17 @@ bool LegKernel::calc_position(MechanismData<double>& data) {
   Eigen::Map<Mat>(platform_.R) = joint.R;
   Eigen::Map<V>(platform_.p) = joint.p;
   if (!calc_legs(is_free_)) return false;
-  for (size_t k = 0; k < places_.size(); ++k) {
-    const LegJoint& slide = places_[k].joint[2];
-    tree.q[slide.q] = slide.sign * get_work(k, legs::kSlide);
+  const LoopReference<double>& reference = data.loops.reference;
+  for (const ToldJoint& told : told_) {
+    const LegPlace& leg = places_[told.leg];
+    double& q = tree.q[told.q];
+    if (told.slides) {
+      q = get_work(leg, legs::kSlide);
+    } else if (told.needs_angle) {
+      double c, s;
+      find_turn(leg, told.joint, c, s);
+      q = find_angle(c, s, reference.valid ? reference.q[told.q] : q);
+    }
   }
   // The ring's own inertia and that of the legs at their tips, axes and origin of the ring.
   const double m = ring_moments_.mass;
@@ -267,20 +332,17 @@ void LegKernel::calc_velocity(const BaseMotion<double>& base, MechanismData<doub
   tree.w[i] = root_w + tree.R[i] * w;
   tree.u[i] = root_u + root_w.cross(tree.r[i]) + tree.R[i] * v;
   functions_.calc_rates(groups_.data(), static_cast<int>(groups_.size()), platform_);
-  for (size_t k = 0; k < places_.size(); ++k) {
-    const LegJoint& slide = places_[k].joint[2];
-    tree.v[slide.v] = slide.sign * get_work(k, legs::kRate + 2);
+  for (const ToldJoint& told : told_) {
+    const LegPlace& leg = places_[told.leg];
+    tree.v[told.v] = leg.form.joint[told.joint].sign * get_work(leg, legs::kRate + told.joint);
   }
 }
 
 void LegKernel::calc_acceleration(const BaseMotion<double>& base, MechanismData<double>& data) {
   TreeData<double>& tree = data.tree;
-  for (size_t k = 0; k < places_.size(); ++k) {
-    double(*force)[kGroup] = groups_[k / kGroup].work + legs::kForce;
-    for (int j = 0; j < 3; ++j) {
-      const LegJoint& joint = places_[k].joint[j];
-      force[j][k % kGroup] = joint.sign * data.tau[joint.v];
-    }
+  for (const LegPlace& leg : places_) {
+    double(*force)[kGroup] = groups_[leg.group].work + legs::kForce;
+    for (int j = 0; j < 3; ++j) force[j][leg.lane] = leg.form.joint[j].sign * data.tau[leg.v[j]];
   }
   // Acceleration of the root's origin less gravity, and its angular acceleration, axes of P, as far
   // as they are known.
@@ -375,9 +437,9 @@ void LegKernel::calc_reactions(const BaseMotion<double>&, MechanismData<double>&
   Eigen::Map<V>(at.alpha) = alpha;
   double sums[legs::kLoadSums];
   functions_.calc_loads(groups_.data(), static_cast<int>(groups_.size()), platform_, at, sums);
-  for (size_t k = 0; k < places_.size(); ++k) {
-    VecX<double>& lambda = data.loops.block[places_[k].block].lambda;
-    for (int i = 0; i < 3; ++i) lambda[i] = get_work(k, legs::kCut + i);
+  for (const LegPlace& leg : places_) {
+    VecX<double>& lambda = data.loops.block[leg.block].lambda;
+    for (int i = 0; i < 3; ++i) lambda[i] = get_work(leg, legs::kCut + i);
   }
   const Wrench<double> ring = find_ring_load(a, alpha, vdot, wdot);
   const Mat& R = tree.joint[ring_index_].R;
@@ -401,56 +463,53 @@ V LegKernel::find_linear_momentum() const {
   return find_carried().topRows<3>() * velocity;
 }
 
-double LegKernel::find_margin(size_t leg) const {
+double LegKernel::find_margin(const LegPlace& leg) const {
   return std::sqrt(get_work(leg, legs::kReach) / get_work(leg, legs::kReach + 1));
 }
 
 double LegKernel::find_margin() const {
   double margin = 1.0;
-  for (size_t k = 0; k < places_.size(); ++k) margin = std::min(margin, find_margin(k));
+  for (const LegPlace& leg : places_) margin = std::min(margin, find_margin(leg));
   return margin;
 }
 
 void LegKernel::keep_reference(MechanismData<double>& data) const {
   LoopReference<double>& reference = data.loops.reference;
   TreeData<double>& tree = data.tree;
-  for (size_t k = 0; k < places_.size(); ++k) {
-    const LegPlace& place = places_[k];
-    const auto get = [&](int row) { return get_work(k, row); };
-    const auto parameter = [&](int row) { return groups_[k / kGroup].parameter[row][k % kGroup]; };
-    for (int i = 0; i < 2; ++i) {
-      const LegJoint& joint = place.joint[i];
+  for (const LegPlace& leg : places_) {
+    const ClosedForm& form = leg.form;
+    LegSolution<double> solution;
+    solution.slide = get_work(leg, legs::kSlide);
+    for (int i = 0; i < 3; ++i) {
+      solution.c[i] = get_work(leg, legs::kTurns + 2 * i);
+      solution.s[i] = get_work(leg, legs::kTurns + 2 * i + 1);
+      if (form.kind == LegKind::kR2P1R3 && i == 2) continue;
       double c, s;
-      find_joint_angle(joint.map, get(i == 0 ? legs::kFirst : legs::kCosine),
-                       get(i == 0 ? legs::kFirst + 1 : legs::kSine), c, s);
-      tree.q[joint.q] = find_angle(c, s, reference.valid ? reference.q[joint.q] : tree.q[joint.q]);
+      find_turn(leg, i, c, s);
+      double& q = tree.q[leg.q[i]];
+      q = find_angle(c, s, reference.valid ? reference.q[leg.q[i]] : q);
     }
     // v_dep = H v_low with the six velocities of the ring for v_low.
-    const V ring(parameter(legs::kRing), parameter(legs::kRing + 1), parameter(legs::kRing + 2));
-    Mat axes;
-    for (int i = 0; i < 9; ++i) axes(i % 3, i / 3) = get(legs::kAxesC + i);
-    const V rows[] = {get(legs::kInverse) * axes.col(2),
-                      get(legs::kInverse + 1) * axes.col(1) + get(legs::kInverse + 2) * axes.col(2),
-                      axes.col(0) + get(legs::kInverse + 3) * axes.col(1) +
-                          get(legs::kInverse + 4) * axes.col(2)};
+    Mat axes;  // of the leg, C
+    for (int i = 0; i < 9; ++i) axes(i % 3, i / 3) = get_work(leg, legs::kAxesC + i);
+    if (form.kind == LegKind::kR1R2R3Perpendicular) axes = rename_axes(rename_axes(axes));
+    const Mat rows = find_leg_inverse(form.kind, form.shape, solution, axes);
     for (int i = 0; i < 3; ++i) {
-      const LegJoint& joint = place.joint[i];
-      reference.H[place.block].row(joint.map.row) << joint.sign * rows[i].transpose(),
-          joint.sign * ring.cross(rows[i]).transpose();
+      const V row = form.joint[i].sign * rows.row(i);
+      reference.H[leg.block].row(form.joint[i].row) << row.transpose(),
+          leg.ring.cross(row).transpose();
     }
-    reference.margin[place.block] = find_margin(k);
-    reference.branch[place.block] = place.branch;
-    reference.spin_branch[place.block] = 1;
-    const double xi = get(legs::kXi);
-    const double determinant =
-        get(legs::kCosine) * xi - get(legs::kSine) * parameter(legs::kTip + 1);
-    reference.sign[place.block] = (determinant < 0.0) != (xi < 0.0) ? -1 : 1;
+    reference.margin[leg.block] = find_margin(leg);
+    reference.branch[leg.block] = form.branch;
+    reference.spin_branch[leg.block] = 1;
+    reference.sign[leg.block] = find_leg_sign(form.kind, form.shape, solution);
   }
   reference.q = tree.q;
   reference.valid = true;
 }
 
-bool is_slide_leg(const Mechanism& mechanism, int k, int root, int ring) {
+/// Does a leg of a kind that lanes know hang on the root and hold the ring?
+bool is_leg(const Mechanism& mechanism, int k, int root, int ring) {
   const MechanismModel& model = mechanism.model;
   const Loop& loop = model.loops[k];
   const int b = mechanism.plan.block_of_loop[k];
@@ -461,7 +520,7 @@ bool is_slide_leg(const Mechanism& mechanism, int k, int root, int ring) {
     return false;
   }
   const ClosedForm* form = block.form();
-  if (!form || form->kind != LegKind::kR2P1R3 || form->spin) return false;
+  if (!form || !form->has_inverse()) return false;
   int parent = root;
   for (const JointMap& joint : form->joint) {
     if (model.bodies[joint.body].parent != parent) return false;
@@ -486,14 +545,11 @@ std::shared_ptr<MechanismKernel> make_leg_kernel(const Mechanism& mechanism, int
   }
   if (model.bodies.size() != ind.size() + 3 * model.loops.size()) return {};
   for (size_t k = 0; k < model.loops.size(); ++k) {
-    if (!is_slide_leg(mechanism, static_cast<int>(k), root, ind.back())) return {};
+    if (!is_leg(mechanism, static_cast<int>(k), root, ind.back())) return {};
   }
   // Loads act on the ring and on the root only, and where they act must be found.
   const int captured = model.capture_body;
   if (captured != kBase && captured != root && captured != ind.back()) return {};
-  for (const JointForce& force : model.forces) {  // turns of the legs are not found
-    if (model.bodies[force.body].joint != JointType::kPrismatic) return {};
-  }
   return std::make_shared<LegKernel>(mechanism, legs::find_leg_functions(widest));
 }
 

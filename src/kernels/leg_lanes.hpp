@@ -5,60 +5,70 @@
 // Operations are those of IEEE 754, one by one and in one order: results do not depend on the
 // instruction set, to the last bit.
 //
+// Three kinds of legs; a group holds one of them. All have three bodies, here named as those of a
+// slide leg: cross (the crank), tube and rod. Their second joint turns about z, and its centre is
+// the elbow.
+//
 // Axes: P of the body on which the legs hang, C of the body they hold, K canonical axes of a leg at
-// the centre of its universal joint, E those of its rod (x along the slide). y = velocity or
-// acceleration of the tip relative to P.
+// the centre of its first joint, E those of its tube. y = velocity or acceleration of the tip
+// relative to P.
 #pragma once
 
 #include "math/lanes.hpp"
 
 namespace dockloop::legs {
 
+/// By their joints, K; in the order of LegKind.
+enum LegType {
+  kSlideLeg,       ///< turns about y and z, slide along x; the elbow is the centre
+  kCrankLeg,       ///< turns about z, z, y; elbow (l1, 0, height)
+  kSquareCrankLeg  ///< turns about x, z, x; elbow (height, l1, 0), tip (0, l2, 0)
+};
+
 /// Rows of LegGroup::parameter. Unused lanes repeat a leg without mass.
 enum Parameter {
   kAxesK = 0,              ///< R_PK by columns (9)
-  kCentre = kAxesK + 9,    ///< of the universal joint, P (3) [m]
+  kCentre = kAxesK + 9,    ///< of the first joint, P (3) [m]
   kCentreK = kCentre + 3,  ///< the same in K (3)
   kRing = kCentreK + 3,    ///< tip on C, axes of C (3) [m]
-  kTip = kRing + 3,        ///< tip in E at slide coordinate 0 (3) [m]
+  kTip = kRing + 3,        ///< elbow to tip, E, at coordinate 0 of the last joint (3) [m]
   kElbow = kTip + 3,       ///< +1 or -1
   kFlip = kElbow + 1,      ///< +1 or -1
-  kCross = kFlip + 1,      ///< cross: mass, first moment (3), inertia about the centre (6),
-                           ///< in K turned by the first joint
-  kTube = kCross + 10,     ///< what turns with both joints: first moment (3), inertia (6), E
-  kRod = kTube + 9,        ///< what slides: mass, first moment (3), inertia (6) at slide 0, E
-  kTubeMass = kRod + 10,   ///< [kg]
-  kParameters = kTubeMass + 1
+  kCrank = kFlip + 1,      ///< l1 and height (2) [m]
+  kMasses = kCrank + 2,    ///< from here: mass, first moment (3), inertia (6)
+  kCross = kMasses,        ///< about the centre, in K turned by the first joint
+  kTube = kCross + 10,     ///< about the elbow, E
+  kRod = kTube + 10,       ///< about the elbow, E, at coordinate 0 of the last joint
+  kTurned = kRod + 10,     ///< inertia about the first axis: cross, and the others in the elbow
+  kParameters = kTurned + 1
 };
 
 /// Rows of LegGroup::work: what later stages need of earlier ones.
 enum Work {
-  kAxesC = 0,           ///< R_CE by columns (9)
-  kAxesP = kAxesC + 9,  ///< R_PE by columns (9); moving only
-  kSine = kAxesP + 9,   ///< of the second joint
-  kCosine = kSine + 1,
-  kXi = kCosine + 1,          ///< tip along x of E [m]
-  kSlide = kXi + 1,           ///< coordinate of the slide [m]
-  kInverse = kSlide + 1,      ///< of the loop matrix: (1,z) (2,y) (2,z) (3,y) (3,z); (3,x) = 1
-  kMoment = kInverse + 5,     ///< first moment of tube and rod about the centre, E (3)
-  kRodMoment = kMoment + 3,   ///< of the rod alone (3)
-  kInertia = kRodMoment + 3,  ///< of tube and rod about the centre, E (6): xx yy zz xy xz yz
-  kApparent = kInertia + 6,   ///< apparent inertia at the tip, E (6)
-  kCarried = kApparent + 6,  ///< momentum per tip velocity: linear, angular about the centre, E, by
-                             ///< columns (9 + 9); moving only
-  kRate = kCarried + 18,     ///< of the three joints
-  kTipC = kRate + 3,         ///< v_C x velocity of the tip, C (3)
-  kForce = kTipC + 3,        ///< generalised forces of the three joints, written by the caller
-  kTipFree = kForce + 3,     ///< y at zero accelerations of root and joints, E (3)
-  kReach = kTipFree + 3,     ///< squares whose quotient is the square of the margin (2)
-  kFirst = kReach + 2,       ///< cosine and sine of the first joint (2)
-  kCut = kFirst + 2,         ///< force of the cut on the rod, P (3), by calc_loads
+  kAxesC = 0,                   ///< R_CE by columns (9)
+  kAxesP = kAxesC + 9,          ///< R_PE by columns (9); moving only
+  kTurns = kAxesP + 9,          ///< cosine and sine of each joint (6), of those that turn
+  kSlide = kTurns + 6,          ///< coordinate of the slide [m]
+  kArm = kSlide + 1,            ///< elbow to tip, E (3) [m]
+  kInverse = kArm + 3,          ///< of the loop matrix (9; slide legs 5)
+  kRodMoment = kInverse + 9,    ///< first moment of the rod about the elbow, E (3)
+  kRodInertia = kRodMoment + 3, ///< inertia of the rod about the elbow, E (6): xx yy zz xy xz yz
+  kApparent = kRodInertia + 6,  ///< apparent inertia at the tip, E (6)
+  kCarried = kApparent + 6,     ///< momentum per tip velocity: linear, angular about the centre, E,
+                                ///< by columns (9 + 9); moving only
+  kRate = kCarried + 18,        ///< of the three joints
+  kTipC = kRate + 3,            ///< v_C x velocity of the tip, C (3)
+  kForce = kTipC + 3,           ///< generalised forces of the three joints, written by the caller
+  kTipFree = kForce + 3,        ///< y at zero accelerations of root and joints, E (3)
+  kReach = kTipFree + 3,        ///< squares whose quotient is the square of the margin (2)
+  kCut = kReach + 2,            ///< force of the cut on the rod, P (3), by calc_loads
   kWork = kCut + 3
 };
 
 struct alignas(64) LegGroup {
   double parameter[kParameters][kGroup];
   double work[kWork][kGroup];
+  LegType type;
 };
 
 /// Relative pose and velocity of C in P: what all legs share.

@@ -1,86 +1,75 @@
 // Arithmetic of legs in lanes; see leg_lanes.hpp. Included once per instruction set, with LANES
 // (lanes in a register), FUNCTIONS (name of the table) and NAME defined.
 //
-// Formulas: universal joint about y and z, slide along x, cut at (xi, dy, dz) in rod axes;
-// src/kernels/README.md derives them.
+// Formulas: src/kernels/README.md derives them; leg_types.hpp has what kinds of legs do their own
+// way.
 #include "math/lane_arithmetic.hpp"
+
+#include "kernels/leg_types.hpp"
 
 namespace dockloop::legs {
 namespace {
 
-using namespace lanes;
+/// Call work(leg, in, work, at) for the legs of all registers, with a leg of their kind.
+/// @return false as soon as a call does
+template <class Work>
+bool visit_legs(LegGroup* groups, int count, const Work& work) {
+  for (int g = 0; g < count; ++g) {
+    for (int at = 0; at < kGroup; at += LANES) {
+      const Cells in{groups[g].parameter, at}, cells{groups[g].work, at};
+      bool fine = true;
+      switch (groups[g].type) {
+        case kSlideLeg:
+          fine = work(SlideLeg(), in, cells, at);
+          break;
+        case kCrankLeg:
+          fine = work(CrankLeg(), in, cells, at);
+          break;
+        case kSquareCrankLeg:
+          fine = work(SquareCrankLeg(), in, cells, at);
+          break;
+      }
+      if (!fine) return false;
+    }
+  }
+  return true;
+}
 
-template <bool kMoving>
-bool calc_group_position(LegGroup& group, int at, const M& R, V p, Lanes limit,
-                         double (*sum)[kGroup]) {
-  const Cells in{group.parameter, at};
-  const Cells work{group.work, at};
-  const Cells total{sum, at};
-  // Where the tip must be, and the joint angles that bring it there.                 [Y2 (9a)]
+/// Loop, inertia at the tip, and what a leg adds to the sums. @param R, p  pose of C in P
+/// @return false if the leg does not reach its tip or is too close to singular
+template <bool kMoving, class AnyLeg>
+bool calc_leg_position(AnyLeg leg, const Cells& in, const Cells& work, const Cells& total,
+                       const M& R, V p, Lanes limit) {
+  // Where the tip must be, and the joint coordinates that bring it there.        [Y2 (9a), (9b)]
   const M K = in.get_matrix(kAxesK);
   const M KC = {turn_back(K, R.x), turn_back(K, R.y), turn_back(K, R.z)};  // C in K
-  const V s = in.get_vector(kRing), d0 = in.get_vector(kTip);
+  const V s = in.get_vector(kRing);
   const V L = turn_back(K, p) - in.get_vector(kCentreK) + KC * s;
-  const Lanes square = dot(L, L);
-  const Lanes xi2 = square - d0.y * d0.y - d0.z * d0.z;
-  const Lanes X2 = L.x * L.x + L.z * L.z - d0.z * d0.z;
-  const Lanes least = limit * limit * square;
-  const Lanes reach = xi2 < X2 ? xi2 : X2;
-  if (has_any(~(reach >= least) | ~(xi2 >= least))) return false;  // nor what is not a number
-  const Lanes xi = in.get(kElbow) * take_root(xi2), X = in.get(kFlip) * take_root(X2);
-  const Lanes in_plane = 1.0 / (xi2 + d0.y * d0.y), across = 1.0 / (X2 + d0.z * d0.z);
-  const Lanes c2 = (xi * X + d0.y * L.y) * in_plane, s2 = (xi * L.y - d0.y * X) * in_plane;
-  const Lanes c1 = (X * L.x + d0.z * L.z) * across, s1 = (d0.z * L.x - X * L.z) * across;
-  const M E = {{c1 * c2, s2, -s1 * c2}, {-c1 * s2, c2, s1 * s2}, {s1, Lanes{}, c1}};  // in K
+  Lanes reach, square;
+  if (!leg.solve(in, L, limit, reach, square)) return false;
+  const M E = leg.find_axes();
   const M EC = {turn_back(KC, E.x), turn_back(KC, E.y), turn_back(KC, E.z)};
-  const Lanes slide = xi - d0.x;
-
-  // Tube and rod about the centre, E.
-  const V h2 = in.get_vector(kTube), h3_0 = in.get_vector(kRod + 1);
-  const Lanes m3 = in.get(kRod);
-  const V h3 = {h3_0.x + m3 * slide, h3_0.y, h3_0.z};
-  Sym J = in.get_symmetric(kTube + 3) + in.get_symmetric(kRod + 4);
-  const Lanes spread_x = slide * (h3_0.x + h3.x);
-  J.yy += spread_x;
-  J.zz += spread_x;
-  J.xy -= slide * h3.y;
-  J.xz -= slide * h3.z;
-  const V h = h2 + h3;
 
   // Inertia in the joint coordinates, inverse of the loop matrix, apparent inertia at the tip.
-  const Lanes A11 = in.get(kCross + 5) + s2 * s2 * J.xx + 2.0 * s2 * c2 * J.xy + c2 * c2 * J.yy;
-  const Lanes A12 = s2 * J.xz + c2 * J.yz, A22 = J.zz, A13 = c2 * h3.z, A23 = -h3.y, A33 = m3;
-  const Lanes k2 = 1.0 / xi;
-  const Lanes k1z = 1.0 / (s2 * d0.y - c2 * xi);
-  const Lanes k2z = k2 * s2 * d0.z * k1z;
-  const Lanes k3y = d0.y * k2, k3z = d0.y * k2z - c2 * d0.z * k1z;
-  const V wy = {A12 * k2 + A13 * k3y, A22 * k2 + A23 * k3y, A23 * k2 + A33 * k3y};
-  const V wz = {A11 * k1z + A12 * k2z + A13 * k3z, A12 * k1z + A22 * k2z + A23 * k3z,
-                A13 * k1z + A23 * k2z + A33 * k3z};
-  const Sym apparent = {A33,
-                        k2 * wy.y + k3y * wy.z,
-                        k1z * wz.x + k2z * wz.y + k3z * wz.z,
-                        wy.z,
-                        wz.z,
-                        k1z * wy.x + k2z * wy.y + k3z * wy.z};
+  const Moments rod = leg.place_rod(get_moments(in, kRod)), outer = get_moments(in, kTube) + rod;
+  const Wrench second = {{-outer.h.y, outer.h.x, Lanes{}}, {outer.J.xz, outer.J.yz, outer.J.zz}};
+  const Wrench last = leg.carry_last(rod);  // momentum per joint rate
+  const Sym inertia = {in.get(kTurned) + leg.find_turned(outer),
+                       outer.J.zz,
+                       leg.find_last(last),
+                       leg.find_first(second),
+                       leg.find_first(last),
+                       last.n.z};
+  const auto inverse = leg.find_inverse();
+  const Sym apparent = inverse.find_apparent(inertia);
 
+  leg.write(work);
+  inverse.write(work);
   work.put(kAxesC, EC);
   work.put(kReach, reach);
   work.put(kReach + 1, square);
-  work.put(kFirst, c1);
-  work.put(kFirst + 1, s1);
-  work.put(kSine, s2);
-  work.put(kCosine, c2);
-  work.put(kXi, xi);
-  work.put(kSlide, slide);
-  work.put(kInverse, k1z);
-  work.put(kInverse + 1, k2);
-  work.put(kInverse + 2, k2z);
-  work.put(kInverse + 3, k3y);
-  work.put(kInverse + 4, k3z);
-  work.put(kMoment, h);
-  work.put(kRodMoment, h3);
-  work.put(kInertia, J);
+  work.put(kRodMoment, rod.h);
+  work.put(kRodInertia, rod.J);
   work.put(kApparent, apparent);
 
   const Sym A = turn(EC, apparent);
@@ -92,26 +81,17 @@ bool calc_group_position(LegGroup& group, int at, const M& R, V p, Lanes limit,
   total.add(kSumK, K_);
   total.add(kSumD, Sym{Dx.x, Dy.y, Dz.z, Dx.y, Dx.z, Dy.z});
   if constexpr (kMoving) {
-    // The whole leg as one rigid body, and the momentum that its joints carry.
+    // The whole leg as one rigid body about the centre, and the momentum that its joints carry.
     const M EP = K * E;
-    const V h1 = in.get_vector(kCross + 1);
-    const Sym J1 = in.get_symmetric(kCross + 4);
-    const V h1E = {c2 * h1.x + s2 * h1.y, c2 * h1.y - s2 * h1.x, h1.z};
-    const Lanes cc = c2 * c2, ss = s2 * s2, cs = c2 * s2, between = 2.0 * cs * J1.xy;
-    const Sym J1E = {cc * J1.xx + between + ss * J1.yy,
-                     ss * J1.xx - between + cc * J1.yy,
-                     J1.zz,
-                     cs * (J1.yy - J1.xx) + (cc - ss) * J1.xy,
-                     c2 * J1.xz + s2 * J1.yz,
-                     c2 * J1.yz - s2 * J1.xz};
-    const V ht = h + h1E;
-    const Sym Jt = J + J1E;
-    const V e1 = {s2, c2, Lanes{}};
-    const V f1 = cross(e1, ht), n1 = Jt * e1;
-    const V f2 = {-h.y, h.x, Lanes{}}, n2 = {J.xz, J.yz, J.zz};
-    const V f3 = {m3, Lanes{}, Lanes{}}, n3 = {Lanes{}, h3.z, -h3.y};
-    const M linear = {f3, k2 * f2 + k3y * f3, k1z * f1 + k2z * f2 + k3z * f3};
-    const M angular = {n3, k2 * n2 + k3y * n3, k1z * n1 + k2z * n2 + k3z * n3};
+    const auto elbow = leg.find_elbow();
+    const Moments cross0 = get_moments(in, kCross);
+    const Moments whole = shift(outer, elbow) +
+                          Moments{cross0.m, turn_back(leg.second, cross0.h),
+                                  turn(reverse(leg.second), cross0.J)};
+    const V axis = leg.get_axis();
+    const M linear = inverse.carry({cross(axis, whole.h), second.f, last.f});
+    const M angular = inverse.carry(
+        {whole.J * axis, second.n + cross(elbow, second.f), last.n + cross(elbow, last.f)});
     work.put(kAxesP, EP);
     work.put(kCarried, linear);
     work.put(kCarried + 9, angular);
@@ -127,19 +107,9 @@ bool calc_group_position(LegGroup& group, int at, const M& R, V p, Lanes limit,
     total.add(kSumLW, M{cross(s, lV.x), cross(s, lV.y), cross(s, lV.z)});
     total.add(kSumAV, aV);
     total.add(kSumAW, M{cross(s, aV.x), cross(s, aV.y), cross(s, aV.z)});
-    const Lanes mass = in.get(kCross) + in.get(kTubeMass) + m3;
-    const V hP = EP * ht;
-    Sym JP = turn(EP, Jt);
-    const Lanes trace = 2.0 * dot(centre, hP) + mass * dot(centre, centre);
-    const V q = hP + hP + mass * centre;
-    JP.xx += trace - centre.x * q.x;
-    JP.yy += trace - centre.y * q.y;
-    JP.zz += trace - centre.z * q.z;
-    JP.xy -= centre.x * hP.y + centre.y * (hP.x + mass * centre.x);
-    JP.xz -= centre.x * hP.z + centre.z * (hP.x + mass * centre.x);
-    JP.yz -= centre.y * hP.z + centre.z * (hP.y + mass * centre.y);
-    total.add(kSumH, hP + mass * centre);
-    total.add(kSumJ, JP);
+    const Moments about_P = shift({whole.m, EP * whole.h, turn(EP, whole.J)}, centre);
+    total.add(kSumH, about_P.h);
+    total.add(kSumJ, about_P.J);
   }
   return true;
 }
@@ -151,13 +121,13 @@ bool calc_all_positions(LegGroup* groups, int count, const Platform& platform, d
   alignas(64) double sum[kSums][kGroup] = {};
   const M R = {spread3(platform.R), spread3(platform.R + 3), spread3(platform.R + 6)};
   const V p = spread3(platform.p);
-  for (int g = 0; g < count; ++g) {
-    for (int at = 0; at < kGroup; at += LANES) {
-      if (!calc_group_position<kMoving>(groups[g], at, R, p, spread(limit), sum)) return false;
-    }
-  }
-  add_lanes(sum, kSums, sums);
-  return true;
+  const Lanes least = spread(limit);
+  const bool fine =
+      visit_legs(groups, count, [&](auto leg, const Cells& in, const Cells& work, int at) {
+        return calc_leg_position<kMoving>(leg, in, work, Cells{sum, at}, R, p, least);
+      });
+  if (fine) add_lanes(sum, kSums, sums);
+  return fine;
 }
 
 bool calc_position(LegGroup* groups, int count, const Platform& platform, bool moving, double limit,
@@ -166,137 +136,121 @@ bool calc_position(LegGroup* groups, int count, const Platform& platform, bool m
                 : calc_all_positions<false>(groups, count, platform, limit, sums);
 }
 
-/// Joint rates per tip velocity, and tip forces per generalised force: the inverse of the loop
-/// matrix and its transpose.
-struct LegInverse {
-  Lanes k1z, k2y, k2z, k3y, k3z;
-  explicit LegInverse(const Cells& work)
-      : k1z(work.get(kInverse)),
-        k2y(work.get(kInverse + 1)),
-        k2z(work.get(kInverse + 2)),
-        k3y(work.get(kInverse + 3)),
-        k3z(work.get(kInverse + 4)) {}
-  V find_rates(V y) const {
-    return {k1z * y.z, k2y * y.y + k2z * y.z, y.x + k3y * y.y + k3z * y.z};
-  }
-  V find_tip_force(V joint) const {
-    return {joint.z, k2y * joint.y + k3y * joint.z, k1z * joint.x + k2z * joint.y + k3z * joint.z};
-  }
-};
+template <class AnyLeg>
+auto read_inverse(const AnyLeg&, const Cells& work) {
+  decltype(AnyLeg().find_inverse()) inverse;
+  inverse.read(work);
+  return inverse;
+}
 
 void calc_rates(LegGroup* groups, int count, const Platform& platform) {
   const V v = spread3(platform.v), w = spread3(platform.w);
-  for (int g = 0; g < count; ++g) {
-    for (int at = 0; at < kGroup; at += LANES) {
-      const Cells in{groups[g].parameter, at};
-      const Cells work{groups[g].work, at};
-      const V tip = v + cross(w, in.get_vector(kRing));
-      work.put(kRate, LegInverse(work).find_rates(turn_back(work.get_matrix(kAxesC), tip)));
-      work.put(kTipC, cross(w, tip));
-    }
-  }
+  visit_legs(groups, count, [&](auto leg, const Cells& in, const Cells& work, int) {
+    const V tip = v + cross(w, in.get_vector(kRing));
+    work.put(kRate, read_inverse(leg, work).find_rates(turn_back(work.get_matrix(kAxesC), tip)));
+    work.put(kTipC, cross(w, tip));
+    return true;
+  });
 }
 
-/// Motion and load of one leg, E; `cross` in axes turned by the first joint only.
+template <class A, class B, class C>
 struct LegMotion {
-  V w0, w1, w2;              ///< angular velocity of P, cross, tube and rod
-  V alpha1, alpha2, a, rod;  ///< angular accelerations; of the centre; of the rod along the tube
-};
-struct LegLoad {
-  V force, moment;  ///< that move the leg, moment about the centre
-  V joint;          ///< generalised forces of the three joints
+  Motion<A> cross;
+  Motion<B> tube;
+  Motion<C> rod;
 };
 
 /// Velocities, and the accelerations that follow from them.
-/// @param a  acceleration of the centre, E
-LegMotion find_motion(V w0, V alpha0, V a, V rate, Lanes s2, Lanes c2, V acceleration) {
-  LegMotion motion;
-  const V e1 = {s2, c2, Lanes{}};
-  motion.w0 = w0;
-  motion.w1 = w0 + rate.x * e1;
-  motion.w2 = {motion.w1.x, motion.w1.y, motion.w1.z + rate.y};
-  motion.alpha1 = alpha0 + rate.x * cross(w0, e1) + acceleration.x * e1;
-  motion.alpha2 = {motion.alpha1.x + motion.w1.y * rate.y, motion.alpha1.y - motion.w1.x * rate.y,
-                   motion.alpha1.z + acceleration.y};
-  motion.a = a;
-  const Lanes twice = 2.0 * rate.z;
-  motion.rod = {acceleration.z, twice * motion.w2.z, -(twice * motion.w2.y)};
-  return motion;
+/// @param w, alpha      of P, E
+/// @param a             acceleration of the centre, E
+/// @param rate          of the joints
+/// @param acceleration  of the joints, or Zero
+template <class AnyLeg, class W, class Alpha, class A, class Acceleration>
+auto find_motion(const AnyLeg& leg, W w, Alpha alpha, A a, V rate, Acceleration acceleration) {
+  const V axis = leg.get_axis();
+  const V w1 = w + rate.x * axis, w2 = {w1.x, w1.y, w1.z + rate.y};
+  const auto alpha1 = alpha + rate.x * cross(w, axis) + acceleration.x * axis;
+  const V alpha2 = V{w1.y * rate.y, -(w1.x * rate.y), acceleration.y} + alpha1;
+  const auto arm = leg.find_elbow();
+  const auto elbow = a + (cross(alpha1, arm) + cross(w1, cross(w1, arm)));
+  const Motion<decltype(a + Zero())> of_cross{a, w1, alpha1};
+  const Motion<decltype(elbow + Zero())> tube{elbow, w2, alpha2};
+  const auto rod = leg.move_rod(tube, rate.z, acceleration.z);
+  return LegMotion<A, decltype(elbow + Zero()), decltype(rod.a + Zero())>{of_cross, tube, rod};
 }
 
-LegLoad find_load(const Cells& in, const Cells& work, const LegMotion& at) {
-  const Lanes s2 = work.get(kSine), c2 = work.get(kCosine), m3 = in.get(kRod);
-  const V h = work.get_vector(kMoment), h3 = work.get_vector(kRodMoment);
-  const Sym J = work.get_symmetric(kInertia);
-  const auto turn_up = [&](V v) { return V{c2 * v.x - s2 * v.y, s2 * v.x + c2 * v.y, v.z}; };
-  const auto turn_down = [&](V v) { return V{c2 * v.x + s2 * v.y, c2 * v.y - s2 * v.x, v.z}; };
-  const V wh3 = cross(at.w2, h3);
-  const Lanes axial = m3 * (at.a.x + at.rod.x) + at.alpha2.y * h3.z - at.alpha2.z * h3.y +
-                      at.w2.y * wh3.z - at.w2.z * wh3.y;
-  const V force = (in.get(kTubeMass) + m3) * at.a + cross(at.alpha2, h) +
-                  cross(at.w2, cross(at.w2, h)) + m3 * at.rod;
-  const V moment = J * at.alpha2 + cross(at.w2, J * at.w2) + cross(h, at.a) + cross(h3, at.rod);
-  const V w = turn_up(at.w1), alpha = turn_up(at.alpha1), a = turn_up(at.a);
-  const V h1 = in.get_vector(kCross + 1);
-  const Sym J1 = in.get_symmetric(kCross + 4);
-  const V force1 = in.get(kCross) * a + cross(alpha, h1) + cross(w, cross(w, h1));
-  const V moment1 = J1 * alpha + cross(w, J1 * w) + cross(h1, a);
-  return {force + turn_down(force1),
-          moment + turn_down(moment1),
-          {s2 * moment.x + c2 * moment.y + moment1.y, moment.z, axial}};
+/// Joint accelerations that are zero.
+struct NoAcceleration {
+  Zero x, y, z;
+};
+
+/// Forces that move a leg.
+struct LegLoad {
+  Wrench whole;  ///< about the centre, E
+  V joint;       ///< generalised forces of the three joints
+};
+
+/// Of tube and rod; about the elbow.
+template <class AnyLeg, class AnyMotion>
+LegLoad find_outer_load(const AnyLeg& leg, const Cells& in, const Cells& work,
+                        const AnyMotion& at) {
+  const Wrench rod = find_load(
+      {in.get(kRod), work.get_vector(kRodMoment), work.get_symmetric(kRodInertia)}, at.rod);
+  const Wrench both = find_load(get_moments(in, kTube), at.tube) + rod;
+  return {both, {leg.find_first(both), both.n.z, leg.find_last(rod)}};
+}
+
+template <class AnyLeg, class AnyMotion>
+LegLoad find_leg_load(const AnyLeg& leg, const Cells& in, const Cells& work, const AnyMotion& at) {
+  const LegLoad outer = find_outer_load(leg, in, work, at);
+  const Turn turn1 = leg.second;  // from E to axes turned by the first joint only
+  const Motion<V> cross_at = {turn1 * at.cross.a, turn1 * at.cross.w, turn1 * at.cross.alpha};
+  const Wrench of_cross = find_load(get_moments(in, kCross), cross_at);
+  return {{outer.whole.f + turn_back(turn1, of_cross.f),
+           outer.whole.n + cross(leg.find_elbow(), outer.whole.f) + turn_back(turn1, of_cross.n)},
+          {outer.joint.x + leg.get_along_axis(of_cross.n), outer.joint.y, outer.joint.z}};
 }
 
 template <bool kMoving>
 void calc_all_biases(LegGroup* groups, int count, const Platform& platform, double* sums) {
   constexpr int kSums = kMoving ? kBiasSums : kFixedBiasSums;
   alignas(64) double sum[kSums][kGroup] = {};
-  for (int g = 0; g < count; ++g) {
-    for (int at = 0; at < kGroup; at += LANES) {
-      const Cells in{groups[g].parameter, at};
-      const Cells work{groups[g].work, at};
-      const Cells total{sum, at};
-      const Lanes s2 = work.get(kSine), c2 = work.get(kCosine);
-      const V rate = work.get_vector(kRate);
-      const V d0 = in.get_vector(kTip), d = {work.get(kXi), d0.y, d0.z};
-      const M EC = work.get_matrix(kAxesC);
-      // Motion relative to P at zero joint accelerations.
-      const V w = {s2 * rate.x, c2 * rate.x, rate.y};
-      const Lanes both = rate.x * rate.y, twice = 2.0 * rate.z;
-      const V alpha = {c2 * both, -s2 * both, Lanes{}};
-      const V slip = {Lanes{}, twice * w.z, -(twice * w.y)};
-      const V free =
-          turn_back(EC, work.get_vector(kTipC)) - (cross(alpha, d) + cross(w, cross(w, d)) + slip);
-      work.put(kTipFree, free);
-      LegLoad load;
-      if constexpr (kMoving) {
-        const V root = spread3(platform.root);
-        const M EP = work.get_matrix(kAxesP);
-        const V swing = cross(root, cross(root, in.get_vector(kCentre)));
-        load = find_load(
-            in, work,
-            find_motion(turn_back(EP, root), V{}, turn_back(EP, swing), rate, s2, c2, V{}));
-      } else {  // the same where P is at rest
-        const V h3 = work.get_vector(kRodMoment), wh3 = cross(w, h3);
-        const Sym J = work.get_symmetric(kInertia);
-        const V moment = J * alpha + cross(w, J * w) + cross(h3, slip);
-        load.joint = {s2 * moment.x + c2 * moment.y, moment.z,
-                      alpha.y * h3.z - alpha.z * h3.y + w.y * wh3.z - w.z * wh3.y};
-      }
-      const LegInverse inverse(work);
-      const V b = work.get_symmetric(kApparent) * free +
-                  inverse.find_tip_force(load.joint - work.get_vector(kForce));
-      const V bC = EC * b;
-      total.add(kSumTipForce, bC);
-      total.add(kSumTipMoment, cross(in.get_vector(kRing), bC));
-      if constexpr (kMoving) {
-        const M EP = work.get_matrix(kAxesP);
-        const V fP = EP * (load.force + work.get_matrix(kCarried) * free);
-        const V nP = EP * (load.moment + work.get_matrix(kCarried + 9) * free);
-        total.add(kSumRootForce, fP);
-        total.add(kSumRootMoment, nP + cross(in.get_vector(kCentre), fP));
-      }
+  visit_legs(groups, count, [&](auto leg, const Cells& in, const Cells& work, int at) {
+    leg.read(in, work);
+    const Cells total{sum, at};
+    const V rate = work.get_vector(kRate);
+    const M EC = work.get_matrix(kAxesC);
+    // Motion relative to P at zero joint accelerations.
+    const auto relative = find_motion(leg, Zero(), Zero(), Zero(), rate, NoAcceleration());
+    const V free = turn_back(EC, work.get_vector(kTipC)) -
+                   (cross(relative.rod.alpha, leg.tip) +
+                    cross(relative.rod.w, cross(relative.rod.w, leg.tip)) + relative.rod.a);
+    work.put(kTipFree, free);
+    LegLoad load;
+    if constexpr (kMoving) {
+      const V root = spread3(platform.root);
+      const M EP = work.get_matrix(kAxesP);
+      const V swing = cross(root, cross(root, in.get_vector(kCentre)));
+      load = find_leg_load(leg, in, work,
+                           find_motion(leg, turn_back(EP, root), Zero(), turn_back(EP, swing), rate,
+                                       NoAcceleration()));
+    } else {  // the cross turns about an axis at rest
+      load = find_outer_load(leg, in, work, relative);
     }
-  }
+    const V b = work.get_symmetric(kApparent) * free +
+                read_inverse(leg, work).find_tip_force(load.joint - work.get_vector(kForce));
+    const V bC = EC * b;
+    total.add(kSumTipForce, bC);
+    total.add(kSumTipMoment, cross(in.get_vector(kRing), bC));
+    if constexpr (kMoving) {
+      const M EP = work.get_matrix(kAxesP);
+      const V fP = EP * (load.whole.f + work.get_matrix(kCarried) * free);
+      const V nP = EP * (load.whole.n + work.get_matrix(kCarried + 9) * free);
+      total.add(kSumRootForce, fP);
+      total.add(kSumRootMoment, nP + cross(in.get_vector(kCentre), fP));
+    }
+    return true;
+  });
   add_lanes(sum, kSums, sums);
 }
 
@@ -311,27 +265,25 @@ void calc_loads(LegGroup* groups, int count, const Platform& platform, const Acc
   alignas(64) double sum[kLoadSums][kGroup] = {};
   const M R = {spread3(platform.R), spread3(platform.R + 3), spread3(platform.R + 6)};
   const V root = spread3(platform.root), alpha0 = spread3(given.alpha);
-  for (int g = 0; g < count; ++g) {
-    for (int at = 0; at < kGroup; at += LANES) {
-      const Cells in{groups[g].parameter, at};
-      const Cells work{groups[g].work, at};
-      const Cells total{sum, at};
-      const M EC = work.get_matrix(kAxesC), EP = R * EC;
-      const V centre = in.get_vector(kCentre);
-      const V tip = spread3(given.v) + cross(spread3(given.w), in.get_vector(kRing));
-      const LegInverse inverse(work);
-      const V joint = inverse.find_rates(turn_back(EC, tip) + work.get_vector(kTipFree));
-      const V a = spread3(given.a) + cross(alpha0, centre) + cross(root, cross(root, centre));
-      const LegLoad load =
-          find_load(in, work,
-                    find_motion(turn_back(EP, root), turn_back(EP, alpha0), turn_back(EP, a),
-                                work.get_vector(kRate), work.get(kSine), work.get(kCosine), joint));
-      work.put(kCut, EP * inverse.find_tip_force(load.joint - work.get_vector(kForce)));
-      const V force = EP * load.force;
-      total.add(kSumLoad, force);
-      total.add(kSumLoadMoment, EP * load.moment + cross(centre, force));
-    }
-  }
+  visit_legs(groups, count, [&](auto leg, const Cells& in, const Cells& work, int at) {
+    leg.read(in, work);
+    const Cells total{sum, at};
+    const M EC = work.get_matrix(kAxesC), EP = R * EC;
+    const V centre = in.get_vector(kCentre);
+    const V tip = spread3(given.v) + cross(spread3(given.w), in.get_vector(kRing));
+    const auto inverse = read_inverse(leg, work);
+    const V joint = inverse.find_rates(turn_back(EC, tip) + work.get_vector(kTipFree));
+    const V a = spread3(given.a) + cross(alpha0, centre) + cross(root, cross(root, centre));
+    const LegLoad load = find_leg_load(
+        leg, in, work,
+        find_motion(leg, turn_back(EP, root), turn_back(EP, alpha0), turn_back(EP, a),
+                    work.get_vector(kRate), joint));
+    work.put(kCut, EP * inverse.find_tip_force(load.joint - work.get_vector(kForce)));
+    const V force = EP * load.whole.f;
+    total.add(kSumLoad, force);
+    total.add(kSumLoadMoment, EP * load.whole.n + cross(centre, force));
+    return true;
+  });
   add_lanes(sum, kLoadSums, sums);
 }
 

@@ -37,6 +37,25 @@ inline V cross(V a, V b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
+/// A vector, or one of its components, that is zero and costs nothing.
+struct Zero {
+  operator Lanes() const { return Lanes{}; }
+  operator V() const { return V{}; }
+};
+inline V operator+(V a, Zero) { return a; }
+inline V operator+(Zero, V a) { return a; }
+inline Zero operator+(Zero, Zero) { return {}; }
+inline Lanes operator+(Lanes a, Zero) { return a; }
+inline Zero operator*(Lanes, Zero) { return {}; }
+inline Zero operator*(Zero, V) { return {}; }
+inline Zero cross(Zero, V) { return {}; }
+inline Zero cross(V, Zero) { return {}; }
+inline Zero cross(Zero, Zero) { return {}; }
+
+/// Axes renamed y z x, and z x y.
+inline V roll(V a) { return {a.y, a.z, a.x}; }
+inline V roll_back(V a) { return {a.z, a.x, a.y}; }
+
 /// By columns.
 struct M {
   V x, y, z;
@@ -55,6 +74,8 @@ struct Sym {
 inline Sym operator+(Sym a, Sym b) {
   return {a.xx + b.xx, a.yy + b.yy, a.zz + b.zz, a.xy + b.xy, a.xz + b.xz, a.yz + b.yz};
 }
+inline Sym roll(Sym s) { return {s.yy, s.zz, s.xx, s.yz, s.xy, s.xz}; }
+inline Sym roll_back(Sym s) { return {s.zz, s.xx, s.yy, s.xz, s.yz, s.xy}; }
 inline V operator*(const Sym& s, V a) {
   return {s.xx * a.x + s.xy * a.y + s.xz * a.z, s.xy * a.x + s.yy * a.y + s.yz * a.z,
           s.xz * a.x + s.yz * a.y + s.zz * a.z};
@@ -68,17 +89,36 @@ inline Sym turn(const M& R, const Sym& s) {
   return {a.x, b.y, half.x.z * R.x.z + half.y.z * R.y.z + half.z.z * R.z.z, a.y, a.z, b.z};
 }
 
+/// A turn about z.
+struct Turn {
+  Lanes c, s;
+};
+inline V operator*(Turn t, V a) { return {t.c * a.x - t.s * a.y, t.s * a.x + t.c * a.y, a.z}; }
+inline V turn_back(Turn t, V a) { return {t.c * a.x + t.s * a.y, t.c * a.y - t.s * a.x, a.z}; }
+inline Sym turn(Turn t, Sym s) {
+  const Lanes cc = t.c * t.c, ss = t.s * t.s, cs = t.c * t.s, between = 2.0 * cs * s.xy;
+  return {cc * s.xx - between + ss * s.yy,
+          ss * s.xx + between + cc * s.yy,
+          s.zz,
+          cs * (s.xx - s.yy) + (cc - ss) * s.xy,
+          t.c * s.xz - t.s * s.yz,
+          t.s * s.xz + t.c * s.yz};
+}
+inline Turn reverse(Turn t) { return {t.c, -t.s}; }
+
 /// One register's worth of rows.
 struct Cells {
   double (*row)[kGroup];
   int at;
   Lanes get(int i) const { return *reinterpret_cast<const Lanes*>(&row[i][at]); }
   V get_vector(int i) const { return {get(i), get(i + 1), get(i + 2)}; }
+  Turn get_turn(int i) const { return {get(i), get(i + 1)}; }
   M get_matrix(int i) const { return {get_vector(i), get_vector(i + 3), get_vector(i + 6)}; }
   Sym get_symmetric(int i) const {
     return {get(i), get(i + 1), get(i + 2), get(i + 3), get(i + 4), get(i + 5)};
   }
   void put(int i, Lanes x) const { *reinterpret_cast<Lanes*>(&row[i][at]) = x; }
+  void put(int i, Turn t) const { put(i, t.c), put(i + 1, t.s); }
   void put(int i, V v) const { put(i, v.x), put(i + 1, v.y), put(i + 2, v.z); }
   void put(int i, const M& m) const { put(i, m.x), put(i + 3, m.y), put(i + 6, m.z); }
   void put(int i, const Sym& s) const {

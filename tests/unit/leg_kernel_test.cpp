@@ -1,10 +1,12 @@
 // Legs in vector lanes against the general code.
-// 1. inertia, slides, rates, accelerations of a ring on a base at rest, on a driven base under
-//    gravity and on a free vehicle, with legs of any mass properties and cut points beside the
-//    slide: 1e-13;
+// 1. inertia, coordinates and rates of joints that carry a force, accelerations and reactions of a
+//    ring on a base at rest, on a driven base under gravity and on a free vehicle, on slide legs, on
+//    crank legs of either order and on all of them together, with any mass properties and cut points
+//    beside the legs: 1e-13;
 // 2. the same bits with two, four and eight lanes, and from run to run;
 // 3. near a singular pose and for other mechanisms the general code takes over;
-// 4. three to sixty legs.
+// 4. three to sixty legs;
+// 5. angles go on counting turns.
 #include "kernels/leg_kernel.hpp"
 
 #include <gtest/gtest.h>
@@ -21,7 +23,99 @@ struct LegCase {
   const char* name;
   Root root;
   bool general;  ///< mass properties and cut points without any symmetry
+  std::vector<LegKind> legs = {};  ///< of made-up legs; none: those of hexapod_r2p1r3
 };
+
+/// A joint of a leg in its canonical axes (closed_form.hpp) and where it stands at home.
+struct LegStep {
+  JointType type;
+  Vec3<double> axis, point;  ///< point: on the body before, at its coordinate 0
+  double home;
+};
+
+std::vector<LegStep> find_steps(LegKind kind, const Vec3<double>& elbow, double elbow_side) {
+  const auto x = Vec3<double>::UnitX(), y = Vec3<double>::UnitY(), z = Vec3<double>::UnitZ();
+  const Vec3<double> o = Vec3<double>::Zero();
+  const JointType turn = JointType::kRevolute;
+  if (kind == LegKind::kR2P1R3) {
+    return {{turn, y, o, 0.2}, {turn, z, o, 0.3}, {JointType::kPrismatic, x, o, 0.1}};
+  }
+  if (kind == LegKind::kR1R2R3) {
+    return {{turn, z, o, 0.3}, {turn, z, elbow, 1.1 * elbow_side}, {turn, y, o, -0.3}};
+  }
+  return {{turn, z, o, 0.3}, {turn, y, elbow, 0.4}, {turn, z, o, 0.8 * elbow_side}};
+}
+
+/// A free ring on six legs, these kinds by turns: body axes, zeros and signs of joints, dimensions
+/// and elbow sides at random, springs on first and last joints.
+MechanismModel make_ring_on(const std::vector<LegKind>& kinds, TestRandom& random) {
+  MechanismModel model;
+  model.name = "ring_on_legs";
+  Body ring;
+  ring.name = "ring";
+  ring.joint = JointType::kFree;
+  ring.placement = {rotation_of(random.vector(0.3)), {0.0, 0.0, 0.4}};
+  ring.mass = 30.0;
+  ring.com = random.vector(0.1);
+  ring.inertia = make_inertia(random, 30.0, 0.4);
+  model.bodies.push_back(ring);
+  model.home_q = {0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
+  model.capture_body = 0;
+  for (size_t k = 0; k < 6; ++k) {
+    const LegKind kind = kinds[k % kinds.size()];
+    const double side = random.uniform(-1.0, 1.0) < 0.0 ? -1.0 : 1.0;
+    const Vec3<double> elbow(random.uniform(0.25, 0.4), 0.0, random.uniform(-0.1, 0.1));
+    Vec3<double> tip(random.uniform(0.4, 0.6), 0.03, -0.05);
+    if (kind == LegKind::kR1R2R3Perpendicular) tip.tail<2>().setZero();
+    Pose<double> before{rotation_of(random.vector(2.0)), Vec3<double>::Zero()};  // canonical axes
+    Pose<double> at = before;
+    int parent = kBase;
+    Loop loop;
+    loop.name = "leg" + std::to_string(k + 1);
+    for (const LegStep& step : find_steps(kind, elbow, side)) {
+      const Mat3<double> axes = rotation_of(random.vector(2.0));
+      const bool turns = step.type == JointType::kRevolute;
+      const double sign = random.uniform(-1.0, 1.0) < 0.0 && turns ? -1.0 : 1.0;
+      const double zero = turns ? random.uniform(-2.0, 2.0) : 0.0;
+      Body body;
+      body.name = loop.name + "_" + std::to_string(model.bodies.size());
+      body.parent = parent;
+      body.joint = step.type;
+      body.placement = before * Pose<double>{rotation_of(zero * step.axis) * axes, step.point};
+      body.axis = sign * (axes.transpose() * step.axis);
+      body.mass = random.uniform(0.2, 3.0);
+      body.com = random.vector(0.2);
+      body.inertia = make_inertia(random, body.mass, 0.2);
+      parent = static_cast<int>(model.bodies.size());
+      model.bodies.push_back(body);
+      loop.dependent.push_back(parent);
+      model.home_q.push_back(sign * (step.home - zero));
+      before = {axes.transpose(), Vec3<double>::Zero()};
+      at.p += at.R * step.point;
+      if (turns) at.R = at.R * rotation_of(step.home * step.axis);
+      if (!turns) at.p += at.R * (step.home * step.axis);
+    }
+    loop.first = loop.dependent[0];
+    loop.terminal = parent;
+    loop.closing = 0;
+    loop.point_on_terminal = before.R * tip;
+    loop.point_on_closing = random.vector(0.5);
+    // The leg stands where its tip is on the ring.
+    model.bodies[static_cast<size_t>(loop.first)].placement.p =
+        ring.placement.R * loop.point_on_closing + ring.placement.p - at.R * tip - at.p;
+    model.loops.push_back(loop);
+    for (const int joint : {0, 2}) {
+      JointForce law;
+      law.body = loop.dependent[static_cast<size_t>(joint)];
+      law.stiffness = 100.0;
+      model.forces.push_back(law);
+    }
+  }
+  model.home_given = true;
+  number_coordinates(model);
+  check_mechanism(model);
+  return model;
+}
 
 MechanismModel read_model(const std::string& path) {
   std::ifstream file(path);
@@ -30,7 +124,9 @@ MechanismModel read_model(const std::string& path) {
 }
 
 MechanismModel make_model(const LegCase& at, TestRandom& random) {
-  MechanismModel model = read_mechanism(read_test_file("hexapod_r2p1r3.json"), "hexapod");
+  MechanismModel model =
+      at.legs.empty() ? read_mechanism(read_test_file("hexapod_r2p1r3.json"), "hexapod")
+                      : make_ring_on(at.legs, random);
   for (size_t i = 0; at.general && i < model.bodies.size(); ++i) {
     Body& body = model.bodies[i];
     body.mass = random.uniform(0.2, 3.0);
@@ -46,14 +142,14 @@ MechanismModel make_model(const LegCase& at, TestRandom& random) {
   return attach_vehicle(model, vehicle, {rotation_of(Vec3<double>(0.3, -0.2, 0.5)), {1, 0.2, 0.1}});
 }
 
-/// Independent states, loads and motion of the base at random.
+/// Independent states, loads and motion of the base at random. @param far  of the ring from home
 void put_random_state(const Mechanism& mechanism, Root root, TestRandom& random,
-                      MechanismData<double>& data, BaseMotion<double>& base) {
+                      MechanismData<double>& data, BaseMotion<double>& base, double far = 1.0) {
   for (int i : mechanism.plan.ind_bodies) {
     const Body& body = mechanism.model.bodies[i];
     const bool is_vehicle = body.parent == kBase && root == Root::kFree;
-    data.tree.q.segment<3>(body.q_index) = random.vector(is_vehicle ? 3.0 : 0.05);
-    const Vec3<double> turn = random.vector(is_vehicle ? 1.0 : 0.1);
+    data.tree.q.segment<3>(body.q_index) = random.vector(is_vehicle ? 3.0 : 0.05 * far);
+    const Vec3<double> turn = random.vector(is_vehicle ? 1.0 : 0.1 * far);
     data.tree.q.segment<4>(body.q_index + 3) << 1.0, turn;  // of any norm
   }
   for (int i : mechanism.plan.ind_v) data.tree.v[i] = random.uniform(-0.5, 0.5);
@@ -96,6 +192,12 @@ void compare_references(const Mechanism& mechanism, MechanismData<double>& data,
   worst.add((found.q - expected.q).cwiseAbs().maxCoeff(), where + ", coordinates");
 }
 
+bool has_force(const MechanismModel& model, size_t body) {
+  return std::any_of(model.forces.begin(), model.forces.end(), [&](const JointForce& law) {
+    return law.body == static_cast<int>(body);
+  });
+}
+
 class LegKernels : public ::testing::TestWithParam<LegCase> {};
 
 TEST_P(LegKernels, agree_with_the_general_code_in_any_number_of_lanes) {
@@ -110,7 +212,7 @@ TEST_P(LegKernels, agree_with_the_general_code_in_any_number_of_lanes) {
   Residual worst;
   for (int n = 0; n < 50; ++n) {
     BaseMotion<double> base;
-    put_random_state(mechanism, at.root, random, general, base);
+    put_random_state(mechanism, at.root, random, general, base, at.legs.empty() ? 1.0 : 0.2);
     for (MechanismData<double>& data : fast) {
       data.tree.q = general.tree.q;
       data.tree.v = general.tree.v;
@@ -133,10 +235,11 @@ TEST_P(LegKernels, agree_with_the_general_code_in_any_number_of_lanes) {
     }
     worst.add(find_relative_error(actual, expected), where + ", accelerations");
     worst.add(find_relative_error(data.A_ind, general.A_ind), where + ", inertia");
-    for (const Body& slide : mechanism.model.bodies) {
-      if (slide.joint != JointType::kPrismatic) continue;
-      worst.add(data.tree.q[slide.q_index] - general.tree.q[slide.q_index], where + ", slide");
-      worst.add(data.tree.v[slide.v_index] - general.tree.v[slide.v_index], where + ", rate");
+    for (size_t i = 0; i < mechanism.model.bodies.size(); ++i) {
+      const Body& body = mechanism.model.bodies[i];
+      if (body.joint != JointType::kPrismatic && !has_force(mechanism.model, i)) continue;
+      worst.add(data.tree.q[body.q_index] - general.tree.q[body.q_index], where + ", coordinate");
+      worst.add(data.tree.v[body.v_index] - general.tree.v[body.v_index], where + ", rate");
     }
     for (int i : mechanism.plan.ind_bodies) {
       worst.add(find_relative_error(data.tree.R[i], general.tree.R[i]), where + ", R");
@@ -164,13 +267,27 @@ TEST_P(LegKernels, agree_with_the_general_code_in_any_number_of_lanes) {
   EXPECT_RESIDUAL_BELOW(worst, 1e-13);
 }
 
+const std::vector<LegKind> kCranks = {LegKind::kR1R2R3};
+const std::vector<LegKind> kSquare = {LegKind::kR1R2R3Perpendicular};
+const std::vector<LegKind> kMixed = {LegKind::kR1R2R3, LegKind::kR2P1R3,
+                                     LegKind::kR1R2R3Perpendicular};
+
 INSTANTIATE_TEST_SUITE_P(roots, LegKernels,
                          ::testing::Values(LegCase{"resting", Root::kResting, false},
                                            LegCase{"resting_general", Root::kResting, true},
                                            LegCase{"driven", Root::kDriven, false},
                                            LegCase{"driven_general", Root::kDriven, true},
                                            LegCase{"free", Root::kFree, false},
-                                           LegCase{"free_general", Root::kFree, true}),
+                                           LegCase{"free_general", Root::kFree, true},
+                                           LegCase{"resting_cranks", Root::kResting, false, kCranks},
+                                           LegCase{"driven_cranks", Root::kDriven, false, kCranks},
+                                           LegCase{"free_cranks", Root::kFree, false, kCranks},
+                                           LegCase{"resting_square", Root::kResting, false, kSquare},
+                                           LegCase{"driven_square", Root::kDriven, false, kSquare},
+                                           LegCase{"free_square", Root::kFree, false, kSquare},
+                                           LegCase{"resting_mixed", Root::kResting, false, kMixed},
+                                           LegCase{"driven_mixed", Root::kDriven, false, kMixed},
+                                           LegCase{"free_mixed", Root::kFree, false, kMixed}),
                          [](const ::testing::TestParamInfo<LegCase>& at) {
                            return std::string(at.param.name);
                          });
