@@ -48,9 +48,10 @@ Moments find_moments(const Body& body, const Pose<double>& pose) {
 struct LegPlace {
   size_t block = 0, group = 0;
   int lane = 0;
-  ClosedForm form;
-  V ring;                    ///< tip on the ring, axes of the ring
   int q[3] = {}, v[3] = {};  ///< indices of the joint coordinates, from the root outwards
+  double sign[3] = {};       ///< of the canonical coordinates in them
+  V ring;                    ///< tip on the ring, axes of the ring
+  ClosedForm form;
 };
 
 /// A joint whose motion is found: one that slides or carries a force.
@@ -210,6 +211,7 @@ void LegKernel::add_leg(const Mechanism& mechanism, LegPlace& place, int k) {
     const Body& body = model.bodies[joint.body];
     place.q[i] = body.q_index;
     place.v[i] = body.v_index;
+    place.sign[i] = joint.sign;
     pose = pose * body.placement;
     // theta = sign q + zero = 0
     if (body.joint == JointType::kRevolute) {
@@ -334,7 +336,7 @@ void LegKernel::calc_velocity(const BaseMotion<double>& base, MechanismData<doub
   functions_.calc_rates(groups_.data(), static_cast<int>(groups_.size()), platform_);
   for (const ToldJoint& told : told_) {
     const LegPlace& leg = places_[told.leg];
-    tree.v[told.v] = leg.form.joint[told.joint].sign * get_work(leg, legs::kRate + told.joint);
+    tree.v[told.v] = leg.sign[told.joint] * get_work(leg, legs::kRate + told.joint);
   }
 }
 
@@ -342,7 +344,7 @@ void LegKernel::calc_acceleration(const BaseMotion<double>& base, MechanismData<
   TreeData<double>& tree = data.tree;
   for (const LegPlace& leg : places_) {
     double(*force)[kGroup] = groups_[leg.group].work + legs::kForce;
-    for (int j = 0; j < 3; ++j) force[j][leg.lane] = leg.form.joint[j].sign * data.tau[leg.v[j]];
+    for (int j = 0; j < 3; ++j) force[j][leg.lane] = leg.sign[j] * data.tau[leg.v[j]];
   }
   // Acceleration of the root's origin less gravity, and its angular acceleration, axes of P, as far
   // as they are known.
@@ -495,7 +497,7 @@ void LegKernel::keep_reference(MechanismData<double>& data) const {
     if (form.kind == LegKind::kR1R2R3Perpendicular) axes = rename_axes(rename_axes(axes));
     const Mat rows = find_leg_inverse(form.kind, form.shape, solution, axes);
     for (int i = 0; i < 3; ++i) {
-      const V row = form.joint[i].sign * rows.row(i);
+      const V row = leg.sign[i] * rows.row(i);
       reference.H[leg.block].row(form.joint[i].row) << row.transpose(),
           leg.ring.cross(row).transpose();
     }

@@ -130,7 +130,7 @@ bool calc_all_positions(LegGroup* groups, int count, const Platform& platform, d
   return fine;
 }
 
-bool calc_position(LegGroup* groups, int count, const Platform& platform, bool moving, double limit,
+[[gnu::flatten]] bool calc_position(LegGroup* groups, int count, const Platform& platform, bool moving, double limit,
                    double* sums) {
   return moving ? calc_all_positions<true>(groups, count, platform, limit, sums)
                 : calc_all_positions<false>(groups, count, platform, limit, sums);
@@ -194,10 +194,17 @@ struct LegLoad {
 template <class AnyLeg, class AnyMotion>
 LegLoad find_outer_load(const AnyLeg& leg, const Cells& in, const Cells& work,
                         const AnyMotion& at) {
-  const Wrench rod = find_load(
-      {in.get(kRod), work.get_vector(kRodMoment), work.get_symmetric(kRodInertia)}, at.rod);
-  const Wrench both = find_load(get_moments(in, kTube), at.tube) + rod;
-  return {both, {leg.find_first(both), both.n.z, leg.find_last(rod)}};
+  const Moments tube = get_moments(in, kTube);
+  const Moments rod = {in.get(kRod), work.get_vector(kRodMoment), work.get_symmetric(kRodInertia)};
+  const Wrench of_rod = find_load(rod, at.rod);
+  Wrench both;
+  if constexpr (AnyLeg::kTurnsAsOne) {
+    const V slip = at.rod.a - at.tube.a;
+    both = find_load(tube + rod, at.tube) + Wrench{rod.m * slip, cross(rod.h, slip)};
+  } else {
+    both = find_load(tube, at.tube) + of_rod;
+  }
+  return {both, {leg.find_first(both), both.n.z, leg.find_last(of_rod)}};
 }
 
 template <class AnyLeg, class AnyMotion>
@@ -254,13 +261,13 @@ void calc_all_biases(LegGroup* groups, int count, const Platform& platform, doub
   add_lanes(sum, kSums, sums);
 }
 
-void calc_bias(LegGroup* groups, int count, const Platform& platform, bool moving, double* sums) {
+[[gnu::flatten]] void calc_bias(LegGroup* groups, int count, const Platform& platform, bool moving, double* sums) {
   if (moving) return calc_all_biases<true>(groups, count, platform, sums);
   calc_all_biases<false>(groups, count, platform, sums);
 }
 
 /// Inverse dynamics of the legs: cut forces, and what moves the legs.
-void calc_loads(LegGroup* groups, int count, const Platform& platform, const Accelerations& given,
+[[gnu::flatten]] void calc_loads(LegGroup* groups, int count, const Platform& platform, const Accelerations& given,
                 double* sums) {
   alignas(64) double sum[kLoadSums][kGroup] = {};
   const M R = {spread3(platform.R), spread3(platform.R + 3), spread3(platform.R + 6)};

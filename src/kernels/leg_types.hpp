@@ -143,9 +143,11 @@ struct Leg {
 //                  what it would have as a point there
 //   carry_last     momentum of the rod about the elbow per rate of the last joint
 //   move_rod       motion of the rod. @param rate, acceleration  of the last joint
+//   kTurnsAsOne    tube and rod turn together: they take one turn of arithmetic, not two
 
 /// [Y2 (9a)]
 struct SlideLeg : Leg {
+  static constexpr bool kTurnsAsOne = true;
   bool solve(const Cells& in, V L, Lanes limit, Lanes& reach, Lanes& square) {
     const V d = in.get_vector(kTip);
     square = dot(L, L);
@@ -208,6 +210,7 @@ struct SlideLeg : Leg {
 
 /// [Y2 (9b)]: seen along z, crank and rod are two links.
 struct CrankLeg : Leg {
+  static constexpr bool kTurnsAsOne = false;
   bool solve(const Cells& in, V L, Lanes limit, Lanes& reach, Lanes& square) {
     const V d = in.get_vector(kTip);
     l1 = in.get(kCrank);
@@ -268,6 +271,7 @@ struct CrankLeg : Leg {
 
 /// The rod turns in the plane of x and z of the tube's second joint: tip (0, l2 cos, l2 sin).
 struct SquareCrankLeg : Leg {
+  static constexpr bool kTurnsAsOne = false;
   bool solve(const Cells& in, V L, Lanes limit, Lanes& reach, Lanes& square) {
     const Lanes l2 = in.get(kTip + 1);
     l1 = in.get(kCrank);

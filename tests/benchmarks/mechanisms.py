@@ -41,6 +41,84 @@ def hexapod(bench: dict, count: int) -> dict:
     return document
 
 
+def crank_hexapod(bench: dict, name: str, second_axis: list[float]) -> dict:
+    """Put the ring of the bench on crank legs (R1R2R3) in place of its slide legs.
+
+    Each has the ends and masses of the slide leg it replaces; crank and rod are equally long and
+    bend upwards. A spring with damper turns each crank.
+
+    Args:
+        bench: the document ``modelDescription/mechanisms/hexapod_bench.json``.
+        name: of the mechanism.
+        second_axis: of the universal joint at the elbow: ``[0, 0, 1]`` parallel to the crank's
+            axis, ``[0, 1, 0]`` square to it; the third axis is the other one.
+
+    Returns:
+        A mechanism document with bodies and loops, closed with all coordinates at zero.
+    """
+    bend = 1.1  # rad, elbow at home
+    ring, common = bench["bodies"][0], bench["leg_defaults"]
+    c, s = math.cos(bend), math.sin(bend)
+    bent = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
+    parallel = second_axis[2] != 0
+    bodies, loops, forces = [ring], [], []
+    for leg in bench["legs"]:
+        root, closing = np.array(leg["root_point"]), np.array(leg["closing_point"])
+        between = np.array(ring["joint"]["position"]) + closing - root
+        length = float(np.linalg.norm(between)) / (2 * math.cos(bend / 2))
+        along = between / np.linalg.norm(between)
+        z = np.cross(along, [0.0, 0.0, 1.0])
+        z /= np.linalg.norm(z)
+        x = math.cos(bend / 2) * along - math.sin(bend / 2) * np.cross(z, along)
+        axes = np.column_stack([x, np.cross(z, x), z])
+
+        def add(part, parent, axis, like, *, leg=leg, **placement):
+            across, data = common.get(like, {}).get("inertia_transverse", 0.0), common.get(like, {})
+            inertia = np.diag([data.get("inertia_axial", 0.0), across, across]).tolist()
+            bodies.append(
+                {
+                    "name": f"{leg['name']}_{part}",
+                    "parent": parent,
+                    "joint": {"type": "revolute", "axis": axis, **placement},
+                    "mass": data.get("mass", 0.0),
+                    "com": [data.get("com", 0.0), 0.0, 0.0],
+                    "inertia": inertia,
+                }
+            )
+            return bodies[-1]["name"]
+
+        elbow = {"position": [length, 0.0, 0.0]} | ({"rotation": bent} if parallel else {})
+        crank = add(
+            "crank", "base", [0, 0, 1], "cylinder", position=root.tolist(), rotation=axes.tolist()
+        )
+        cross = add("cross", crank, second_axis, "", **elbow)
+        third_axis = [0, 1, 0] if parallel else [0, 0, 1]
+        rod = add("rod", cross, third_axis, "rod", **({} if parallel else {"rotation": bent}))
+        cut = {"point_on_terminal": [length, 0.0, 0.0], "point_on_closing": closing.tolist()}
+        loops.append(
+            {
+                "name": leg["name"],
+                "root": "base",
+                "first": crank,
+                "terminal": rod,
+                "closing": ring["name"],
+                "cut": {"type": "R3", **cut},
+                "dependent": [crank, cross, rod],
+            }
+        )
+        law = {key: common[key] for key in ("stiffness", "damping")}
+        forces.append({"type": "joint_spring_damper", "joint": crank, **law})
+    home = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0] + [0.0] * (len(bodies) - 1)
+    return {
+        "name": name,
+        "gravity": bench["gravity"],
+        "bodies": bodies,
+        "loops": loops,
+        "forces": forces,
+        "home_q": home,
+    }
+
+
 def rotation_of(vector: np.ndarray) -> np.ndarray:
     """Return the 3x3 rotation about a rotation vector [rad]."""
     angle = float(np.linalg.norm(vector))
