@@ -66,13 +66,6 @@ bool depends_on_place(const JointForce& law) {
   return law.stiffness != 0.0 || law.preload != 0.0 || law.stops.present;
 }
 
-/// Axes of a leg (columns) so that the axis of its second joint, y, becomes z.
-Mat rename_axes(const Mat& axes) {
-  Mat renamed;
-  renamed << axes.col(2), axes.col(0), axes.col(1);
-  return renamed;
-}
-
 class LegKernel : public MechanismKernel {
  public:
   LegKernel(const Mechanism& mechanism, const legs::LegFunctions& functions);
@@ -189,7 +182,8 @@ void LegKernel::add_leg(const Mechanism& mechanism, LegPlace& place, int k) {
   int axis = form.kind == LegKind::kR2P1R3 ? 1 : 2;  // of the first joint
   if (form.kind == LegKind::kR2P1R3) elbow.setZero();
   if (form.kind == LegKind::kR1R2R3Perpendicular) {  // lanes have its second joint about z
-    K.R = rename_axes(K.R);
+    const Mat& axes = form.in_parent.R;
+    K.R << axes.col(2), axes.col(0), axes.col(1);
     elbow = {form.shape.height, form.shape.l1, 0.0};
     tip = {0.0, form.shape.l2, 0.0};
     axis = 0;
@@ -492,12 +486,13 @@ void LegKernel::keep_reference(MechanismData<double>& data) const {
       q = find_angle(c, s, reference.valid ? reference.q[leg.q[i]] : q);
     }
     // v_dep = H v_low with the six velocities of the ring for v_low.
-    Mat axes;  // of the leg, C
-    for (int i = 0; i < 9; ++i) axes(i % 3, i / 3) = get_work(leg, legs::kAxesC + i);
-    if (form.kind == LegKind::kR1R2R3Perpendicular) axes = rename_axes(rename_axes(axes));
-    const Mat rows = find_leg_inverse(form.kind, form.shape, solution, axes);
+    Mat axes, rows;  // E in C; inverse of the loop matrix by columns
+    for (int i = 0; i < 9; ++i) {
+      axes(i % 3, i / 3) = get_work(leg, legs::kAxesC + i);
+      rows(i % 3, i / 3) = get_work(leg, legs::kInverse + i);
+    }
     for (int i = 0; i < 3; ++i) {
-      const V row = leg.sign[i] * rows.row(i);
+      const V row = leg.sign[i] * (axes * rows.col(i));
       reference.H[leg.block].row(form.joint[i].row) << row.transpose(),
           leg.ring.cross(row).transpose();
     }

@@ -45,24 +45,24 @@ enum Parameter {
 
 /// Rows of LegGroup::work: what later stages need of earlier ones.
 enum Work {
-  kAxesC = 0,                   ///< R_CE by columns (9)
-  kAxesP = kAxesC + 9,          ///< R_PE by columns (9); moving only
-  kTurns = kAxesP + 9,          ///< cosine and sine of each joint (6), of those that turn
-  kSlide = kTurns + 6,          ///< coordinate of the slide [m]
-  kArm = kSlide + 1,            ///< elbow to tip, E (3) [m]
-  kInverse = kArm + 3,          ///< of the loop matrix (9; slide legs 5)
-  kRodMoment = kInverse + 9,    ///< first moment of the rod about the elbow, E (3)
-  kRodInertia = kRodMoment + 3, ///< inertia of the rod about the elbow, E (6): xx yy zz xy xz yz
-  kApparent = kRodInertia + 6,  ///< apparent inertia at the tip, E (6)
-  kCarried = kApparent + 6,     ///< momentum per tip velocity: linear, angular about the centre, E,
-                                ///< by columns (9 + 9); moving only
-  kRate = kCarried + 18,        ///< of the three joints
-  kTipC = kRate + 3,            ///< v_C x velocity of the tip, C (3)
-  kForce = kTipC + 3,           ///< generalised forces of the three joints, written by the caller
-  kTipFree = kForce + 3,        ///< y at zero accelerations of root and joints, E (3)
-  kReach = kTipFree + 3,        ///< squares whose quotient is the square of the margin (2)
-  kCut = kReach + 2,            ///< force of the cut on the rod, P (3), by calc_loads
-  kWork = kCut + 3
+  kAxesC = 0,                    ///< R_CE by columns (9)
+  kAxesP = kAxesC + 9,           ///< R_PE by columns (9); moving only
+  kTurns = kAxesP + 9,           ///< cosine and sine of each joint (6), of those that turn
+  kSlide = kTurns + 6,           ///< coordinate of the slide [m]
+  kArm = kSlide + 1,             ///< elbow to tip, E (3) [m]
+  kInverse = kArm + 3,           ///< of the loop matrix, by rows (9): rates per tip velocity, E
+  kRodMoment = kInverse + 9,     ///< first moment of the rod about the elbow, E (3)
+  kRodInertia = kRodMoment + 3,  ///< inertia of the rod about the elbow, E (6): xx yy zz xy xz yz
+  kApparent = kRodInertia + 6,   ///< apparent inertia at the tip, E (6)
+  kCarried = kApparent + 6,      ///< momentum per tip velocity: linear, angular about the centre, E,
+                                 ///< by columns (9 + 9); moving only
+  kRate = kCarried + 18,         ///< of the three joints
+  kTipC = kRate + 3,             ///< v_C x velocity of the tip, C (3)
+  kForce = kTipC + 3,            ///< generalised forces of the three joints, written by the caller
+  kTipFree = kForce + 3,         ///< y at zero accelerations of root and joints, E (3)
+  kReach = kTipFree + 3,         ///< squares whose quotient is the square of the margin (2)
+  kCut = kReach + 2,             ///< force of the cut on the rod, P (3), by calc_loads
+  kWork = kCut + 3               ///< 
 };
 
 struct alignas(64) LegGroup {

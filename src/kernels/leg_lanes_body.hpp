@@ -1,8 +1,8 @@
 // Arithmetic of legs in lanes; see leg_lanes.hpp. Included once per instruction set, with LANES
 // (lanes in a register), FUNCTIONS (name of the table) and NAME defined.
 //
-// Formulas: src/kernels/README.md derives them; leg_types.hpp has what kinds of legs do their own
-// way.
+// Formulas: src/kernels/README.md derives them; what each kind of leg does its own way is in
+// leg_types.hpp. Stages are flattened: vectors that pass through memory on calls cost a tenth.
 #include "math/lane_arithmetic.hpp"
 
 #include "kernels/leg_types.hpp"
@@ -60,11 +60,15 @@ bool calc_leg_position(AnyLeg leg, const Cells& in, const Cells& work, const Cel
                        leg.find_first(second),
                        leg.find_first(last),
                        last.n.z};
-  const auto inverse = leg.find_inverse();
-  const Sym apparent = inverse.find_apparent(inertia);
+  const M inverse = leg.find_inverse();
+  const M per_tip = transpose(inverse);
+  const V x = inverse * (inertia * per_tip.x);
+  const V y = inverse * (inertia * per_tip.y);
+  const V z = inverse * (inertia * per_tip.z);
+  const Sym apparent = {x.x, y.y, z.z, x.y, x.z, y.z};
 
   leg.write(work);
-  inverse.write(work);
+  work.put(kInverse, inverse);
   work.put(kAxesC, EC);
   work.put(kReach, reach);
   work.put(kReach + 1, square);
@@ -85,13 +89,14 @@ bool calc_leg_position(AnyLeg leg, const Cells& in, const Cells& work, const Cel
     const M EP = K * E;
     const auto elbow = leg.find_elbow();
     const Moments cross0 = get_moments(in, kCross);
-    const Moments whole = shift(outer, elbow) +
-                          Moments{cross0.m, turn_back(leg.second, cross0.h),
-                                  turn(reverse(leg.second), cross0.J)};
+    const Moments crossE = {cross0.m, turn_back(leg.second, cross0.h),
+                            turn(reverse(leg.second), cross0.J)};
+    const Moments whole = shift(outer, elbow) + crossE;
     const V axis = leg.get_axis();
-    const M linear = inverse.carry({cross(axis, whole.h), second.f, last.f});
-    const M angular = inverse.carry(
-        {whole.J * axis, second.n + cross(elbow, second.f), last.n + cross(elbow, last.f)});
+    const M linear = M{cross(axis, whole.h), second.f, last.f} * per_tip;
+    const M angular = M{whole.J * axis, second.n + cross(elbow, second.f),
+                        last.n + cross(elbow, last.f)} *
+                      per_tip;
     work.put(kAxesP, EP);
     work.put(kCarried, linear);
     work.put(kCarried + 9, angular);
@@ -130,27 +135,23 @@ bool calc_all_positions(LegGroup* groups, int count, const Platform& platform, d
   return fine;
 }
 
-[[gnu::flatten]] bool calc_position(LegGroup* groups, int count, const Platform& platform, bool moving, double limit,
-                   double* sums) {
+[[gnu::flatten]] bool calc_position(LegGroup* groups, int count, const Platform& platform,
+                                    bool moving, double limit, double* sums) {
   return moving ? calc_all_positions<true>(groups, count, platform, limit, sums)
                 : calc_all_positions<false>(groups, count, platform, limit, sums);
 }
 
-template <class AnyLeg>
-auto read_inverse(const AnyLeg&, const Cells& work) {
-  decltype(AnyLeg().find_inverse()) inverse;
-  inverse.read(work);
-  return inverse;
-}
-
 void calc_rates(LegGroup* groups, int count, const Platform& platform) {
   const V v = spread3(platform.v), w = spread3(platform.w);
-  visit_legs(groups, count, [&](auto leg, const Cells& in, const Cells& work, int) {
-    const V tip = v + cross(w, in.get_vector(kRing));
-    work.put(kRate, read_inverse(leg, work).find_rates(turn_back(work.get_matrix(kAxesC), tip)));
-    work.put(kTipC, cross(w, tip));
-    return true;
-  });
+  for (int g = 0; g < count; ++g) {
+    for (int at = 0; at < kGroup; at += LANES) {
+      const Cells in{groups[g].parameter, at}, work{groups[g].work, at};
+      const V tip = v + cross(w, in.get_vector(kRing));
+      const V y = turn_back(work.get_matrix(kAxesC), tip);
+      work.put(kRate, turn_back(work.get_matrix(kInverse), y));
+      work.put(kTipC, cross(w, tip));
+    }
+  }
 }
 
 template <class A, class B, class C>
@@ -194,17 +195,10 @@ struct LegLoad {
 template <class AnyLeg, class AnyMotion>
 LegLoad find_outer_load(const AnyLeg& leg, const Cells& in, const Cells& work,
                         const AnyMotion& at) {
-  const Moments tube = get_moments(in, kTube);
-  const Moments rod = {in.get(kRod), work.get_vector(kRodMoment), work.get_symmetric(kRodInertia)};
-  const Wrench of_rod = find_load(rod, at.rod);
-  Wrench both;
-  if constexpr (AnyLeg::kTurnsAsOne) {
-    const V slip = at.rod.a - at.tube.a;
-    both = find_load(tube + rod, at.tube) + Wrench{rod.m * slip, cross(rod.h, slip)};
-  } else {
-    both = find_load(tube, at.tube) + of_rod;
-  }
-  return {both, {leg.find_first(both), both.n.z, leg.find_last(of_rod)}};
+  const Wrench rod = find_load(
+      {in.get(kRod), work.get_vector(kRodMoment), work.get_symmetric(kRodInertia)}, at.rod);
+  const Wrench both = find_load(get_moments(in, kTube), at.tube) + rod;
+  return {both, {leg.find_first(both), both.n.z, leg.find_last(rod)}};
 }
 
 template <class AnyLeg, class AnyMotion>
@@ -245,7 +239,7 @@ void calc_all_biases(LegGroup* groups, int count, const Platform& platform, doub
       load = find_outer_load(leg, in, work, relative);
     }
     const V b = work.get_symmetric(kApparent) * free +
-                read_inverse(leg, work).find_tip_force(load.joint - work.get_vector(kForce));
+                work.get_matrix(kInverse) * (load.joint - work.get_vector(kForce));
     const V bC = EC * b;
     total.add(kSumTipForce, bC);
     total.add(kSumTipMoment, cross(in.get_vector(kRing), bC));
@@ -261,14 +255,15 @@ void calc_all_biases(LegGroup* groups, int count, const Platform& platform, doub
   add_lanes(sum, kSums, sums);
 }
 
-[[gnu::flatten]] void calc_bias(LegGroup* groups, int count, const Platform& platform, bool moving, double* sums) {
+[[gnu::flatten]] void calc_bias(LegGroup* groups, int count, const Platform& platform, bool moving,
+                                double* sums) {
   if (moving) return calc_all_biases<true>(groups, count, platform, sums);
   calc_all_biases<false>(groups, count, platform, sums);
 }
 
 /// Inverse dynamics of the legs: cut forces, and what moves the legs.
-[[gnu::flatten]] void calc_loads(LegGroup* groups, int count, const Platform& platform, const Accelerations& given,
-                double* sums) {
+[[gnu::flatten]] void calc_loads(LegGroup* groups, int count, const Platform& platform,
+                                 const Accelerations& given, double* sums) {
   alignas(64) double sum[kLoadSums][kGroup] = {};
   const M R = {spread3(platform.R), spread3(platform.R + 3), spread3(platform.R + 6)};
   const V root = spread3(platform.root), alpha0 = spread3(given.alpha);
@@ -278,14 +273,14 @@ void calc_all_biases(LegGroup* groups, int count, const Platform& platform, doub
     const M EC = work.get_matrix(kAxesC), EP = R * EC;
     const V centre = in.get_vector(kCentre);
     const V tip = spread3(given.v) + cross(spread3(given.w), in.get_vector(kRing));
-    const auto inverse = read_inverse(leg, work);
-    const V joint = inverse.find_rates(turn_back(EC, tip) + work.get_vector(kTipFree));
+    const M inverse = work.get_matrix(kInverse);
+    const V joint = turn_back(inverse, turn_back(EC, tip) + work.get_vector(kTipFree));
     const V a = spread3(given.a) + cross(alpha0, centre) + cross(root, cross(root, centre));
     const LegLoad load = find_leg_load(
         leg, in, work,
         find_motion(leg, turn_back(EP, root), turn_back(EP, alpha0), turn_back(EP, a),
                     work.get_vector(kRate), joint));
-    work.put(kCut, EP * inverse.find_tip_force(load.joint - work.get_vector(kForce)));
+    work.put(kCut, EP * (inverse * (load.joint - work.get_vector(kForce))));
     const V force = EP * load.whole.f;
     total.add(kSumLoad, force);
     total.add(kSumLoadMoment, EP * load.whole.n + cross(centre, force));

@@ -1,9 +1,8 @@
 // The kinds of legs in lanes: what each of them does its own way. Included by leg_lanes_body.hpp.
 //
-// A leg is three bodies and the turns and the slide between them: see LegType. Its members answer
-// for its joints: where they must be to bring the tip to a point, the axis of the first and what
-// force and moment do along the first and the last, the loop matrix and its inverse, how the rod
-// moves on the tube. Everything else is the same for all.
+// All legs have three bodies and three joints (LegType), and everything is computed alike but for
+// this: which joint coordinates bring the tip to a point, the inverse of the loop matrix, what
+// force and moment do along the first and along the last joint, and how the rod moves on the tube.
 namespace dockloop::legs {
 namespace {
 
@@ -57,58 +56,6 @@ Wrench find_load(const Moments& of, const Motion<A>& at) {
           of.J * at.alpha + cross(at.w, of.J * at.w) + cross(of.h, at.a)};
 }
 
-/// Joint rates per tip velocity, and tip forces per generalised force: the inverse of the loop
-/// matrix and its transpose.
-struct Inverse {
-  M rows;  ///< the first, second and third row of the inverse
-  void read(const Cells& work) { rows = work.get_matrix(kInverse); }
-  void write(const Cells& work) const { work.put(kInverse, rows); }
-  V find_rates(V y) const { return turn_back(rows, y); }
-  V find_tip_force(V joint) const { return rows * joint; }
-  Sym find_apparent(const Sym& A) const {
-    const M columns = transpose(rows);
-    const V x = find_tip_force(A * columns.x), y = find_tip_force(A * columns.y);
-    return {x.x, y.y, dot({rows.x.z, rows.y.z, rows.z.z}, A * columns.z), x.y, x.z, y.z};
-  }
-  /// @param of  by columns: of the joints
-  /// @return    by columns: per tip velocity
-  M carry(const M& of) const { return of * transpose(rows); }
-};
-
-/// The same of a slide leg, whose tip moves across the slide by its turns alone.
-struct SlideInverse {
-  Lanes k1z, k2y, k2z, k3y, k3z;  // by row and column; (3, x) = 1
-  void read(const Cells& work) {
-    k1z = work.get(kInverse);
-    k2y = work.get(kInverse + 1);
-    k2z = work.get(kInverse + 2);
-    k3y = work.get(kInverse + 3);
-    k3z = work.get(kInverse + 4);
-  }
-  void write(const Cells& work) const {
-    work.put(kInverse, k1z);
-    work.put(kInverse + 1, k2y);
-    work.put(kInverse + 2, k2z);
-    work.put(kInverse + 3, k3y);
-    work.put(kInverse + 4, k3z);
-  }
-  V find_rates(V y) const {
-    return {k1z * y.z, k2y * y.y + k2z * y.z, y.x + k3y * y.y + k3z * y.z};
-  }
-  V find_tip_force(V joint) const {
-    return {joint.z, k2y * joint.y + k3y * joint.z, k1z * joint.x + k2z * joint.y + k3z * joint.z};
-  }
-  Sym find_apparent(const Sym& A) const {
-    const V y = find_tip_force({k2y * A.xy + k3y * A.xz, k2y * A.yy + k3y * A.yz,
-                                k2y * A.yz + k3y * A.zz});
-    const V z = find_tip_force(A * V{k1z, k2z, k3z});
-    return {A.zz, y.y, z.z, y.x, z.x, z.y};
-  }
-  M carry(const M& of) const {
-    return {of.z, k2y * of.y + k3y * of.z, k1z * of.x + k2z * of.y + k3z * of.z};
-  }
-};
-
 /// What all kinds have.
 struct Leg {
   Turn first, second, third;
@@ -135,6 +82,7 @@ struct Leg {
 //   solve          joint coordinates that bring the tip to L, K; false if it is out of reach or the
 //                  margin, the root of reach / square, is below the limit (or not a number)
 //   find_axes      of E, in K
+//   find_inverse   of the loop matrix: its rows, E, are joint rates per velocity of the tip
 //   find_elbow     from the centre, E
 //   get_axis       of the first joint, E; get_along_axis: component along it, K turned by it
 //   find_first     what force and moment about the elbow do along the first joint
@@ -143,11 +91,9 @@ struct Leg {
 //                  what it would have as a point there
 //   carry_last     momentum of the rod about the elbow per rate of the last joint
 //   move_rod       motion of the rod. @param rate, acceleration  of the last joint
-//   kTurnsAsOne    tube and rod turn together: they take one turn of arithmetic, not two
 
 /// [Y2 (9a)]
 struct SlideLeg : Leg {
-  static constexpr bool kTurnsAsOne = true;
   bool solve(const Cells& in, V L, Lanes limit, Lanes& reach, Lanes& square) {
     const V d = in.get_vector(kTip);
     square = dot(L, L);
@@ -169,14 +115,12 @@ struct SlideLeg : Leg {
     const Turn a = first, b = second;
     return {{a.c * b.c, b.s, -a.s * b.c}, {-a.c * b.s, b.c, a.s * b.s}, {a.s, Lanes{}, a.c}};
   }
-  SlideInverse find_inverse() const {
-    SlideInverse k;
-    k.k2y = 1.0 / tip.x;
-    k.k1z = 1.0 / (second.s * tip.y - second.c * tip.x);
-    k.k2z = k.k2y * second.s * tip.z * k.k1z;
-    k.k3y = tip.y * k.k2y;
-    k.k3z = tip.y * k.k2z - second.c * tip.z * k.k1z;
-    return k;
+  M find_inverse() const {
+    const Lanes k2y = 1.0 / tip.x, k1z = 1.0 / (second.s * tip.y - second.c * tip.x);
+    const Lanes k2z = k2y * second.s * tip.z * k1z, no{};
+    return {{no, no, k1z},
+            {no, k2y, k2z},
+            {1.0 + no, tip.y * k2y, tip.y * k2z - second.c * tip.z * k1z}};
   }
   Zero find_elbow() const { return {}; }
   V get_axis() const { return {second.s, second.c, Lanes{}}; }
@@ -210,7 +154,6 @@ struct SlideLeg : Leg {
 
 /// [Y2 (9b)]: seen along z, crank and rod are two links.
 struct CrankLeg : Leg {
-  static constexpr bool kTurnsAsOne = false;
   bool solve(const Cells& in, V L, Lanes limit, Lanes& reach, Lanes& square) {
     const V d = in.get_vector(kTip);
     l1 = in.get(kCrank);
@@ -238,11 +181,11 @@ struct CrankLeg : Leg {
     const Lanes s = first.s * second.c + first.c * second.s, no{};
     return {{c, s, no}, {-s, c, no}, {no, no, 1.0 + no}};
   }
-  Inverse find_inverse() const {
+  M find_inverse() const {
     const Lanes across = second.s * tip.x + second.c * tip.y, in = 1.0 / (l1 * across);
     const Lanes in_X = 1.0 / tip.x, no{};
     const V turn1 = in * tip, both = (l1 * in) * V{-second.c, second.s, -second.c * tip.z * in_X};
-    return {{turn1, both - turn1, {no, no, -in_X}}};
+    return {turn1, both - turn1, {no, no, -in_X}};
   }
   V find_elbow() const { return turn_back(second, V{l1, Lanes{}, height}); }
   V get_axis() const { return {Lanes{}, Lanes{}, 1.0 + Lanes{}}; }
@@ -271,7 +214,6 @@ struct CrankLeg : Leg {
 
 /// The rod turns in the plane of x and z of the tube's second joint: tip (0, l2 cos, l2 sin).
 struct SquareCrankLeg : Leg {
-  static constexpr bool kTurnsAsOne = false;
   bool solve(const Cells& in, V L, Lanes limit, Lanes& reach, Lanes& square) {
     const Lanes l2 = in.get(kTip + 1);
     l1 = in.get(kCrank);
@@ -296,11 +238,11 @@ struct SquareCrankLeg : Leg {
     const Turn a = first, b = second;
     return {{b.c, a.c * b.s, a.s * b.s}, {-b.s, a.c * b.c, a.s * b.c}, {Lanes{}, -a.s, a.c}};
   }
-  Inverse find_inverse() const {
+  M find_inverse() const {
     const Lanes in_z = 1.0 / tip.z, in_l1 = 1.0 / l1, in_y = 1.0 / tip.y, no{};
     const V turn1 = {no, tip.y * in_z * in_l1, in_l1};
     const V turn2 = -(second.s * tip.z * in_y) * turn1, turn3 = -second.c * turn1;
-    return {{turn1, {-in_y, turn2.y, turn2.z}, {no, turn3.y - in_z, turn3.z}}};
+    return {turn1, {-in_y, turn2.y, turn2.z}, {no, turn3.y - in_z, turn3.z}};
   }
   V find_elbow() const { return turn_back(second, V{height, l1, Lanes{}}); }
   V get_axis() const { return {second.c, -second.s, Lanes{}}; }

@@ -44,7 +44,6 @@ struct Zero {
 };
 inline V operator+(V a, Zero) { return a; }
 inline V operator+(Zero, V a) { return a; }
-inline V operator-(V a, Zero) { return a; }
 inline Zero operator+(Zero, Zero) { return {}; }
 inline Lanes operator+(Lanes a, Zero) { return a; }
 inline Zero operator*(Lanes, Zero) { return {}; }

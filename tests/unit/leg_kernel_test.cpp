@@ -1,8 +1,8 @@
 // Legs in vector lanes against the general code.
 // 1. inertia, coordinates and rates of joints that carry a force, accelerations and reactions of a
-//    ring on a base at rest, on a driven base under gravity and on a free vehicle, on slide legs, on
-//    crank legs of either order and on all of them together, with any mass properties and cut points
-//    beside the legs: 1e-13;
+//    ring on a base at rest, on a driven base under gravity and on a free vehicle; on slide legs,
+//    on crank legs of either order and on all of them together; with any mass properties and cut
+//    points beside the legs: 1e-13;
 // 2. the same bits with two, four and eight lanes, and from run to run;
 // 3. near a singular pose and for other mechanisms the general code takes over;
 // 4. three to sixty legs;
@@ -46,9 +46,10 @@ std::vector<LegStep> find_steps(LegKind kind, const Vec3<double>& elbow, double 
   return {{turn, z, o, 0.3}, {turn, y, elbow, 0.4}, {turn, z, o, 0.8 * elbow_side}};
 }
 
-/// A free ring on six legs, these kinds by turns: body axes, zeros and signs of joints, dimensions
-/// and elbow sides at random, springs on first and last joints.
-MechanismModel make_ring_on(const std::vector<LegKind>& kinds, TestRandom& random) {
+/// A free ring on legs, these kinds by turns: body axes, zeros and signs of joints, dimensions and
+/// elbow sides at random, springs on first and last joints.
+MechanismModel make_ring_on(const std::vector<LegKind>& kinds, TestRandom& random,
+                            size_t count = 6) {
   MechanismModel model;
   model.name = "ring_on_legs";
   Body ring;
@@ -61,7 +62,7 @@ MechanismModel make_ring_on(const std::vector<LegKind>& kinds, TestRandom& rando
   model.bodies.push_back(ring);
   model.home_q = {0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
   model.capture_body = 0;
-  for (size_t k = 0; k < 6; ++k) {
+  for (size_t k = 0; k < count; ++k) {
     const LegKind kind = kinds[k % kinds.size()];
     const double side = random.uniform(-1.0, 1.0) < 0.0 ? -1.0 : 1.0;
     const Vec3<double> elbow(random.uniform(0.25, 0.4), 0.0, random.uniform(-0.1, 0.1));
@@ -212,7 +213,8 @@ TEST_P(LegKernels, agree_with_the_general_code_in_any_number_of_lanes) {
   Residual worst;
   for (int n = 0; n < 50; ++n) {
     BaseMotion<double> base;
-    put_random_state(mechanism, at.root, random, general, base, at.legs.empty() ? 1.0 : 0.2);
+    const double far = at.legs.empty() ? 1.0 : 0.2;  // cranks reach less far
+    put_random_state(mechanism, at.root, random, general, base, far);
     for (MechanismData<double>& data : fast) {
       data.tree.q = general.tree.q;
       data.tree.v = general.tree.v;
@@ -272,25 +274,24 @@ const std::vector<LegKind> kSquare = {LegKind::kR1R2R3Perpendicular};
 const std::vector<LegKind> kMixed = {LegKind::kR1R2R3, LegKind::kR2P1R3,
                                      LegKind::kR1R2R3Perpendicular};
 
-INSTANTIATE_TEST_SUITE_P(roots, LegKernels,
-                         ::testing::Values(LegCase{"resting", Root::kResting, false},
-                                           LegCase{"resting_general", Root::kResting, true},
-                                           LegCase{"driven", Root::kDriven, false},
-                                           LegCase{"driven_general", Root::kDriven, true},
-                                           LegCase{"free", Root::kFree, false},
-                                           LegCase{"free_general", Root::kFree, true},
-                                           LegCase{"resting_cranks", Root::kResting, false, kCranks},
-                                           LegCase{"driven_cranks", Root::kDriven, false, kCranks},
-                                           LegCase{"free_cranks", Root::kFree, false, kCranks},
-                                           LegCase{"resting_square", Root::kResting, false, kSquare},
-                                           LegCase{"driven_square", Root::kDriven, false, kSquare},
-                                           LegCase{"free_square", Root::kFree, false, kSquare},
-                                           LegCase{"resting_mixed", Root::kResting, false, kMixed},
-                                           LegCase{"driven_mixed", Root::kDriven, false, kMixed},
-                                           LegCase{"free_mixed", Root::kFree, false, kMixed}),
-                         [](const ::testing::TestParamInfo<LegCase>& at) {
-                           return std::string(at.param.name);
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    roots, LegKernels,
+    ::testing::Values(LegCase{"resting", Root::kResting, false},
+                      LegCase{"resting_general", Root::kResting, true},
+                      LegCase{"driven", Root::kDriven, false},
+                      LegCase{"driven_general", Root::kDriven, true},
+                      LegCase{"free", Root::kFree, false},
+                      LegCase{"free_general", Root::kFree, true},
+                      LegCase{"resting_cranks", Root::kResting, false, kCranks},
+                      LegCase{"driven_cranks", Root::kDriven, false, kCranks},
+                      LegCase{"free_cranks", Root::kFree, false, kCranks},
+                      LegCase{"resting_square", Root::kResting, false, kSquare},
+                      LegCase{"driven_square", Root::kDriven, false, kSquare},
+                      LegCase{"free_square", Root::kFree, false, kSquare},
+                      LegCase{"resting_mixed", Root::kResting, false, kMixed},
+                      LegCase{"driven_mixed", Root::kDriven, false, kMixed},
+                      LegCase{"free_mixed", Root::kFree, false, kMixed}),
+    [](const ::testing::TestParamInfo<LegCase>& at) { return std::string(at.param.name); });
 
 TEST(LegKernel, serves_the_shipped_hexapods) {
   for (const char* name : {"hexapod_bench", "idss_hexapod"}) {
@@ -368,6 +369,58 @@ TEST(LegKernel, leaves_poses_near_a_singular_one_to_the_general_code) {
   data.loops.reference.margin[3] = 0.2;
   calc_position(mechanism, data);
   EXPECT_FALSE(data.by_kernel);
+}
+
+TEST(LegKernel, leaves_crank_legs_near_a_singular_pose_to_the_general_code) {
+  for (const LegKind kind : {LegKind::kR1R2R3, LegKind::kR1R2R3Perpendicular}) {
+    TestRandom random(3);
+    Mechanism mechanism(make_ring_on({kind}, random, 1));
+    close_home(mechanism, "ring on a crank leg");
+    MechanismData<double> data(mechanism);
+    data.kernel = make_leg_kernel(mechanism);
+    ASSERT_TRUE(data.kernel);
+    ASSERT_TRUE(calc_position(mechanism, data).ok());
+    EXPECT_TRUE(data.by_kernel);
+    const ClosedForm& form = *mechanism.plan.blocks[0].form();
+    const LegShape& shape = form.shape;
+    const bool parallel = kind == LegKind::kR1R2R3;
+    const double rod = parallel ? shape.tip.norm() : shape.l2;
+    const Body& ring = mechanism.model.bodies[0];
+    const auto reaches = [&](double x, double y, double z) {  // the tip to there, canonical axes
+      const Vec3<double> tip = form.in_parent.p + form.in_parent.R * Vec3<double>(x, y, z);
+      data.tree.q.segment<3>(0) = ring.placement.R.transpose() * (tip - ring.placement.p) -
+                                  mechanism.model.loops[0].point_on_closing;
+      return data.kernel->calc_position(data);
+    };
+    // Crank and rod level and in one line: less is fine, all but that and more are not.
+    const double stretched = shape.l1 + rod;
+    EXPECT_TRUE(reaches(0.95 * stretched, 0.0, shape.height));
+    EXPECT_FALSE(reaches((1.0 - 1e-4) * stretched, 0.0, shape.height));
+    EXPECT_FALSE(reaches((1.0 + 1e-4) * stretched, 0.0, shape.height));
+    // The rod along the first axis of its universal joint.
+    const double up = parallel ? 0.999 * std::hypot(shape.tip.x(), shape.tip.z()) : 0.0;
+    EXPECT_FALSE(reaches(shape.l1, parallel ? 0.0 : rod, shape.height + up));
+  }
+}
+
+TEST(LegKernel, counts_the_turns_of_joints_with_a_force_that_depends_on_them) {
+  TestRandom random(5);
+  const MechanismModel model = make_ring_on({LegKind::kR1R2R3}, random);
+  Mechanism mechanism(model);
+  close_home(mechanism, "ring on crank legs");
+  MechanismData<double> data(mechanism);
+  data.kernel = make_leg_kernel(mechanism);
+  ASSERT_TRUE(calc_position(mechanism, data).ok());
+  const int at = model.bodies[static_cast<size_t>(model.loops[4].first)].q_index;
+  const double home = data.tree.q[at], turn = 2.0 * 3.14159265358979323846;
+  data.tree.q[at] = home + turn + 0.3;  // where the search starts
+  ASSERT_TRUE(calc_position(mechanism, data).ok());
+  EXPECT_NEAR(data.tree.q[at], home + turn, 1e-14);
+  keep_reference(data);
+  data.loops.reference.q[at] = home - 2.0 * turn;
+  ASSERT_TRUE(calc_position(mechanism, data).ok());
+  ASSERT_TRUE(data.by_kernel);
+  EXPECT_NEAR(data.tree.q[at], home - 2.0 * turn, 1e-14);
 }
 
 TEST(LegKernel, is_not_asked_where_everything_is_wanted) {
