@@ -1,8 +1,9 @@
 """The benchmarks compare the same mechanism, and say so when somebody's accelerations are wrong.
 
 1. The mechanisms told to other engines, bodies and loops, are those that dockloop reads as legs.
-2. The report chooses the cheapest setting of an accuracy, and marks times without a meaning.
-3. ``scripts/bench`` explains itself and refuses what it does not know.
+2. The ring on crank legs is closed at home, by the closed form of the order of axes asked for.
+3. The report chooses the cheapest setting of an accuracy, and marks times without a meaning.
+4. ``scripts/bench`` explains itself and refuses what it does not know.
 """
 
 import json
@@ -36,6 +37,19 @@ def test_other_engines_are_told_the_same_mechanism(count, tmp_path):
         for key in ("a", "base_force", "base_moment"):
             scale = np.max(np.abs(a[key]))
             assert np.array(b[key]) == pytest.approx(np.array(a[key]), abs=1e-12 * scale)
+
+
+@pytest.mark.parametrize(
+    ("second_axis", "closure"), [([0, 0, 1], "R1R2R3"), ([0, 1, 0], "R1R2R3_perp")]
+)
+def test_crank_legs_are_closed_at_home(second_axis, closure, tmp_path):
+    file = tmp_path / "cranks.json"
+    file.write_text(json.dumps(mechanisms.crank_hexapod(BENCH, "cranks", second_axis)))
+    checked = json.loads(run_core("check", file))
+    assert [loop["closure"] for loop in checked["loops"]] == [closure] * 6
+    assert checked["closure_residual"] < 1e-14
+    assert checked["singularity_margin"] > 0.5
+    assert checked["home_q"] == pytest.approx([0.0] * 3 + [1.0] + [0.0] * 21, abs=1e-13)
 
 
 def test_a_motion_is_priced_by_the_cheapest_setting_that_is_accurate():

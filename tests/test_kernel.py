@@ -1,15 +1,17 @@
 """An FMU with a kernel computes what one without computes, and never fails because of it.
 
 1. Shipped scenes with and without their kernels: the same docking; two runs have the same bits.
-2. Where no kernel can be made (no compiler, one that fails) the FMU has none, and the command says
+2. A ring on crank legs, whose legs stand side by side, moves as its generated kernel says.
+3. Where no kernel can be made (no compiler, one that fails) the FMU has none, and the command says
    why; asked for expressly, it is an error.
-3. A kernel that is damaged, or of another mechanism, is a warning, and one that was made for other
+4. A kernel that is damaged, or of another mechanism, is a warning, and one that was made for other
    parameters is left out; the results have the bits of the FMU without one. A vehicle's mass is no
    other parameter.
-4. An FMU is the same file whenever and wherever it is built.
+5. An FMU is the same file whenever and wherever it is built.
 """
 
 import functools
+import json
 import shutil
 import tempfile
 import zipfile
@@ -18,10 +20,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.mechanisms import crank_hexapod
 from dockloop import paths
 from dockloop.fmu import build_fmu
 from dockloop.kernel import find_compiler
 from fmi_host import WARNING, Host
+from own_mechanism import FIXED_BASE, capture_body_section, write_scene
 
 ENTRY = "resources/kernels/linux64/kernel.so"
 SCENE = "hexapod_bench"
@@ -87,6 +91,29 @@ def test_a_docking_is_the_same_with_and_without_a_kernel(pair, scene, overrides,
     assert apart.max() <= 1e-6 * size
     if scene != "absorber_1d":  # one slide: there is nothing to round in another way
         assert with_kernel[0] != without[0], "the kernel was not used"
+
+
+@needs_compiler
+@pytest.mark.parametrize("second_axis", [[0, 0, 1], [0, 1, 0]])
+def test_crank_legs_side_by_side_move_as_their_generated_kernel_says(pair, tmp_path, second_axis):
+    bench = json.loads((paths.MECHANISMS / "hexapod_bench.json").read_text())
+    start = capture_body_section(
+        [0.02, -0.015, -0.03], [0.03, -0.02, 0.04], [0.05, 0.02, -0.1], [0.01, 0.02, -0.015]
+    )
+    scene = write_scene(
+        tmp_path,
+        crank_hexapod(bench, "own", second_axis),
+        FIXED_BASE,
+        '[initial]\nat = "start"',
+        start,
+    )
+    notes = []
+    build_fmu(scene, (), tmp_path / "default.fmu", None, notes.append)
+    assert "its legs are evaluated side by side" in notes[-1]
+    generated, lanes = (run(fmu, 100) for fmu in pair(scene, 'outputs.groups=["states"]'))
+    assert not warnings(generated[2])
+    apart = np.abs(generated[1] - lanes[1]).max()
+    assert 0.0 < apart < 1e-9  # tolerance 1e-11
 
 
 @needs_compiler

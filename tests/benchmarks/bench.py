@@ -27,6 +27,7 @@ DATA = paths.ROOT / "tests" / "data"
 REFERENCE = DATA / "hexapod_bench_reference.json"
 BENCH = paths.MECHANISMS / "hexapod_bench.json"
 LEGS = (3, 6, 12, 24, 36, 48, 60)
+CRANKS = {"hexapod_r1r2r3": [0, 0, 1], "hexapod_r1r2r3_square": [0, 1, 0]}  # name: second axis
 PEERS = ("pinocchio", "mujoco")
 
 
@@ -37,6 +38,9 @@ def make_documents(folder: Path) -> None:
     nested = json.loads((DATA / "crank_nested.json").read_text())
     keys = ("q", "v_independent", "tau")  # base at rest, no loads but these
     states = [{key: state[key] for key in keys} for state in nested["states"]]
+    for name, second_axis in CRANKS.items():
+        document = mechanisms.crank_hexapod(bench, name, second_axis)
+        (folder / f"{name}.json").write_text(json.dumps(document))
     documents = [
         mechanisms.expand(bench, start),
         {"name": "crank_nested", "mechanism": nested["mechanism"], "states": states},
@@ -107,8 +111,9 @@ def list_programs(folder: Path, peers: list[str], quick: bool) -> dict[str, list
         return str(folder / f"{name}_states.json")
 
     several = [f"legs_{n}" for n in legs]
+    others = [*CRANKS, *several]
     phases = r"--benchmark_filter=^(hexapod_bench|crank_nested)/|/(accelerations|with reactions)$"
-    mechanism_files = [BENCH, DATA / "crank_nested.json", *(folder / f"{x}.json" for x in several)]
+    mechanism_files = [BENCH, DATA / "crank_nested.json", *(folder / f"{x}.json" for x in others)]
     scenes = {name: folder / name for name in ("idss_25t_350t", "hexapod_bench")}
     models = [at / "resources" / "model.json" for at in scenes.values()]
     told = make_kernels(

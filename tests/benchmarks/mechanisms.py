@@ -56,7 +56,7 @@ def crank_hexapod(bench: dict, name: str, second_axis: list[float]) -> dict:
     Returns:
         A mechanism document with bodies and loops, closed with all coordinates at zero.
     """
-    bend = 1.1  # rad, elbow at home
+    bend = 0.93  # rad, elbow at home: far from stretched and from square
     ring, common = bench["bodies"][0], bench["leg_defaults"]
     c, s = math.cos(bend), math.sin(bend)
     bent = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
@@ -73,7 +73,8 @@ def crank_hexapod(bench: dict, name: str, second_axis: list[float]) -> dict:
         axes = np.column_stack([x, np.cross(z, x), z])
 
         def add(part, parent, axis, like, *, leg=leg, **placement):
-            across, data = common.get(like, {}).get("inertia_transverse", 0.0), common.get(like, {})
+            data = common.get(like, {})
+            across = data.get("inertia_transverse", 0.0)
             inertia = np.diag([data.get("inertia_axial", 0.0), across, across]).tolist()
             bodies.append(
                 {
@@ -116,6 +117,7 @@ def crank_hexapod(bench: dict, name: str, second_axis: list[float]) -> dict:
         "loops": loops,
         "forces": forces,
         "home_q": home,
+        "capture": {"body": ring["name"]},
     }
 
 

@@ -299,6 +299,9 @@ def write_report(results: dict, folder: Path) -> None:
         evaluations_table(figures, "crank_nested"),
         "Planar loops leave two equations; other engines have the three of a point, one of them "
         "redundant.",
+        "## One evaluation: the ring of hexapod_bench on crank legs, R1R2R3 and R1R2R3_perp",
+        evaluations_table(figures, "hexapod_r1r2r3"),
+        evaluations_table(figures, "hexapod_r1r2r3_square"),
         "## 5 s of hexapod_bench: milliseconds for an accuracy",
         "Cheapest setting that reaches it: time in ms (evaluations, setting). Without an "
         "integrator of its own a code is moved by the same bare Runge-Kutta steps; the FMU has "
