@@ -56,9 +56,11 @@ struct LegPlace {
 
 /// A joint whose motion is found: one that slides or carries a force.
 struct ToldJoint {
-  size_t leg = 0;
+  const LegPlace* leg = nullptr;
   int joint = 0, q = 0, v = 0;
-  bool slides = false, needs_angle = false;
+  double sign = 1.0;
+  const double *rate = nullptr, *slide = nullptr;  ///< in its lane; null: it turns
+  bool needs_angle = false;
 };
 
 /// Does a force depend on the coordinate of its joint?
@@ -146,9 +148,10 @@ LegKernel::LegKernel(const Mechanism& mechanism, const legs::LegFunctions& funct
       }
     }
   }
-  for (size_t k = 0; k < places_.size(); ++k) {
+  for (const LegPlace& leg : places_) {
+    const double(*work)[kGroup] = groups_[leg.group].work;
     for (int i = 0; i < 3; ++i) {
-      const int body = places_[k].form.joint[static_cast<size_t>(i)].body;
+      const int body = leg.form.joint[i].body;
       const bool slides = model.bodies[body].joint == JointType::kPrismatic;
       bool forced = false, needs_angle = false;
       for (const JointForce& law : model.forces) {
@@ -156,7 +159,8 @@ LegKernel::LegKernel(const Mechanism& mechanism, const legs::LegFunctions& funct
         needs_angle = needs_angle || (law.body == body && depends_on_place(law));
       }
       if (!slides && !forced) continue;
-      told_.push_back({k, i, places_[k].q[i], places_[k].v[i], slides, needs_angle});
+      told_.push_back({&leg, i, leg.q[i], leg.v[i], leg.sign[i], &work[legs::kRate + i][leg.lane],
+                       slides ? &work[legs::kSlide][leg.lane] : nullptr, needs_angle});
     }
   }
 }
@@ -268,13 +272,12 @@ bool LegKernel::calc_position(MechanismData<double>& data) {
   if (!calc_legs(is_free_)) return false;
   const LoopReference<double>& reference = data.loops.reference;
   for (const ToldJoint& told : told_) {
-    const LegPlace& leg = places_[told.leg];
     double& q = tree.q[told.q];
-    if (told.slides) {
-      q = get_work(leg, legs::kSlide);
+    if (told.slide) {
+      q = *told.slide;
     } else if (told.needs_angle) {
       double c, s;
-      find_turn(leg, told.joint, c, s);
+      find_turn(*told.leg, told.joint, c, s);
       q = find_angle(c, s, reference.valid ? reference.q[told.q] : q);
     }
   }
@@ -328,10 +331,7 @@ void LegKernel::calc_velocity(const BaseMotion<double>& base, MechanismData<doub
   tree.w[i] = root_w + tree.R[i] * w;
   tree.u[i] = root_u + root_w.cross(tree.r[i]) + tree.R[i] * v;
   functions_.calc_rates(groups_.data(), static_cast<int>(groups_.size()), platform_);
-  for (const ToldJoint& told : told_) {
-    const LegPlace& leg = places_[told.leg];
-    tree.v[told.v] = leg.sign[told.joint] * get_work(leg, legs::kRate + told.joint);
-  }
+  for (const ToldJoint& told : told_) tree.v[told.v] = told.sign * *told.rate;
 }
 
 void LegKernel::calc_acceleration(const BaseMotion<double>& base, MechanismData<double>& data) {
