@@ -56,12 +56,19 @@ struct LegPlace {
 
 /// A joint whose motion is found: one that slides or carries a force.
 struct ToldJoint {
-  const LegPlace* leg = nullptr;
-  int joint = 0, q = 0, v = 0;
-  double sign = 1.0;
-  const double *rate = nullptr, *slide = nullptr;  ///< in its lane; null: it turns
-  bool needs_angle = false;
+  int q = 0, v = 0;
+  double sign = 1.0, zero = 0.0;  ///< canonical coordinate = sign q + zero
+  const double* rate = nullptr;   ///< canonical, in its lane
+  const double *slide = nullptr, *angle = nullptr;  ///< either, where it is needed
 };
+
+/// An angle and so many turns that it lies nearest to `near`.
+double add_turns(double angle, double near) {
+  constexpr double kTurn = 2.0 * 3.14159265358979323846;
+  const double apart = near - angle;
+  if (std::abs(apart) < 0.5 * kTurn) return angle;  // as a rule
+  return angle + kTurn * std::floor(apart / kTurn + 0.5);
+}
 
 /// Does a force depend on the coordinate of its joint?
 bool depends_on_place(const JointForce& law) {
@@ -90,10 +97,6 @@ class LegKernel : public MechanismKernel {
   double get_work(const LegPlace& leg, int row) const {
     return groups_[leg.group].work[row][leg.lane];
   }
-  void find_turn(const LegPlace& leg, int joint, double& c, double& s) const {
-    find_joint_angle(leg.form.joint[joint], get_work(leg, legs::kTurns + 2 * joint),
-                     get_work(leg, legs::kTurns + 2 * joint + 1), c, s);
-  }
   Mat6<double> find_carried() const;
   Wrench<double> find_ring_load(const V& a0, const V& alpha0, const V& vdot, const V& wdot) const;
   void put_pose(const Body& body, int index, TreeData<double>& tree) const;
@@ -101,6 +104,7 @@ class LegKernel : public MechanismKernel {
   const legs::LegFunctions& functions_;
   std::vector<LegPlace> places_;
   std::vector<ToldJoint> told_;
+  bool angles_[3] = {};  ///< is one told of the first, second, third joints?
   std::vector<LegGroup> groups_;
   Body ring_, vehicle_;
   int ring_index_ = 0;
@@ -159,8 +163,12 @@ LegKernel::LegKernel(const Mechanism& mechanism, const legs::LegFunctions& funct
         needs_angle = needs_angle || (law.body == body && depends_on_place(law));
       }
       if (!slides && !forced) continue;
-      told_.push_back({&leg, i, leg.q[i], leg.v[i], leg.sign[i], &work[legs::kRate + i][leg.lane],
-                       slides ? &work[legs::kSlide][leg.lane] : nullptr, needs_angle});
+      needs_angle = needs_angle && !slides;
+      angles_[i] = angles_[i] || needs_angle;
+      told_.push_back({leg.q[i], leg.v[i], leg.sign[i], leg.form.joint[i].zero,
+                       &work[legs::kRate + i][leg.lane],
+                       slides ? &work[legs::kSlide][leg.lane] : nullptr,
+                       needs_angle ? &work[legs::kAngles + i][leg.lane] : nullptr});
     }
   }
 }
@@ -271,14 +279,15 @@ bool LegKernel::calc_position(MechanismData<double>& data) {
   Eigen::Map<V>(platform_.p) = joint.p;
   if (!calc_legs(is_free_)) return false;
   const LoopReference<double>& reference = data.loops.reference;
+  for (int i = 0; i < 3; ++i) {
+    if (angles_[i]) functions_.calc_angles(groups_.data(), static_cast<int>(groups_.size()), i);
+  }
   for (const ToldJoint& told : told_) {
     double& q = tree.q[told.q];
-    if (told.slide) {
-      q = *told.slide;
-    } else if (told.needs_angle) {
-      double c, s;
-      find_turn(*told.leg, told.joint, c, s);
-      q = find_angle(c, s, reference.valid ? reference.q[told.q] : q);
+    if (told.slide) q = *told.slide;
+    if (told.angle) {
+      const double near = reference.valid ? reference.q[told.q] : q;
+      q = add_turns(told.sign * (*told.angle - told.zero), near);
     }
   }
   // The ring's own inertia and that of the legs at their tips, axes and origin of the ring.
@@ -481,7 +490,7 @@ void LegKernel::keep_reference(MechanismData<double>& data) const {
       solution.s[i] = get_work(leg, legs::kTurns + 2 * i + 1);
       if (form.kind == LegKind::kR2P1R3 && i == 2) continue;
       double c, s;
-      find_turn(leg, i, c, s);
+      find_joint_angle(form.joint[i], solution.c[i], solution.s[i], c, s);
       double& q = tree.q[leg.q[i]];
       q = find_angle(c, s, reference.valid ? reference.q[leg.q[i]] : q);
     }

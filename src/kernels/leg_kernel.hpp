@@ -2,9 +2,9 @@
 //
 // For one platform with a free joint on one root (the base, at rest or driven, or a free vehicle),
 // held by nothing but R2P1R3 and R1R2R3 legs. Then what the general reduction does to the tree of
-// all bodies is a sum over legs of a 3 x 3 apparent inertia and a force at the tip, and, if the root
-// moves, of what the leg carries along with it: README.md in this folder. Legs of a kind fill the
-// lanes of vector registers (leg_lanes.hpp).
+// all bodies is a sum over legs of a 3 x 3 apparent inertia and a force at the tip, and, if the
+// root moves, of what the leg carries along with it: README.md in this folder. Legs of a kind fill
+// the lanes of vector registers (leg_lanes.hpp).
 #pragma once
 
 #include "dynamics/mechanism_dynamics.hpp"

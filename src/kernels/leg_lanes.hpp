@@ -1,7 +1,8 @@
 // Legs side by side: one leg per lane of a vector register, eight to a group.
 //
-// Plain arrays and functions, so that the same source (leg_lanes_body.hpp) can be compiled for several
-// instruction sets without any of it reaching code that runs without a test of the processor.
+// Plain arrays and functions, so that the same source (leg_lanes_body.hpp) can be compiled for
+// several instruction sets without any of it reaching code that runs without a test of the
+// processor.
 // Operations are those of IEEE 754, one by one and in one order: results do not depend on the
 // instruction set, to the last bit.
 //
@@ -48,14 +49,15 @@ enum Work {
   kAxesC = 0,                    ///< R_CE by columns (9)
   kAxesP = kAxesC + 9,           ///< R_PE by columns (9); moving only
   kTurns = kAxesP + 9,           ///< cosine and sine of each joint (6), of those that turn
-  kSlide = kTurns + 6,           ///< coordinate of the slide [m]
+  kAngles = kTurns + 6,          ///< of each joint that turns (3), -pi to pi, by calc_angles
+  kSlide = kAngles + 3,          ///< coordinate of the slide [m]
   kArm = kSlide + 1,             ///< elbow to tip, E (3) [m]
   kInverse = kArm + 3,           ///< of the loop matrix, by rows (9): rates per tip velocity, E
   kRodMoment = kInverse + 9,     ///< first moment of the rod about the elbow, E (3)
   kRodInertia = kRodMoment + 3,  ///< inertia of the rod about the elbow, E (6): xx yy zz xy xz yz
   kApparent = kRodInertia + 6,   ///< apparent inertia at the tip, E (6)
-  kCarried = kApparent + 6,      ///< momentum per tip velocity: linear, angular about the centre, E,
-                                 ///< by columns (9 + 9); moving only
+  kCarried = kApparent + 6,      ///< momentum per tip velocity: linear, angular about the centre,
+                                 ///< E, by columns (9 + 9); moving only
   kRate = kCarried + 18,         ///< of the three joints
   kTipC = kRate + 3,             ///< v_C x velocity of the tip, C (3)
   kForce = kTipC + 3,            ///< generalised forces of the three joints, written by the caller
@@ -120,6 +122,8 @@ struct LegFunctions {
   /// @return false if a leg does not reach its tip or is closer to singular than that
   bool (*calc_position)(LegGroup* groups, int count, const Platform& platform, bool moving,
                         double limit, double* sums);
+  /// Angles of the first, second or third joint of each leg. @param joint  0 to 2
+  void (*calc_angles)(LegGroup* groups, int count, int joint);
   void (*calc_rates)(LegGroup* groups, int count, const Platform& platform);
   void (*calc_bias)(LegGroup* groups, int count, const Platform& platform, bool moving,
                     double* sums);

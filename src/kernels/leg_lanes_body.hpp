@@ -141,6 +141,15 @@ bool calc_all_positions(LegGroup* groups, int count, const Platform& platform, d
                 : calc_all_positions<false>(groups, count, platform, limit, sums);
 }
 
+void calc_angles(LegGroup* groups, int count, int joint) {
+  for (int g = 0; g < count; ++g) {
+    for (int at = 0; at < kGroup; at += LANES) {
+      const Cells work{groups[g].work, at};
+      work.put(kAngles + joint, find_angle(work.get_turn(kTurns + 2 * joint)));
+    }
+  }
+}
+
 void calc_rates(LegGroup* groups, int count, const Platform& platform) {
   const V v = spread3(platform.v), w = spread3(platform.w);
   for (int g = 0; g < count; ++g) {
@@ -291,6 +300,7 @@ void calc_all_biases(LegGroup* groups, int count, const Platform& platform, doub
 
 }  // namespace
 
-const LegFunctions FUNCTIONS = {calc_position, calc_rates, calc_bias, calc_loads, NAME};
+const LegFunctions FUNCTIONS = {calc_position, calc_angles, calc_rates,
+                                calc_bias,     calc_loads,  NAME};
 
 }  // namespace dockloop::legs

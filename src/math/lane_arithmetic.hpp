@@ -105,6 +105,27 @@ inline Sym turn(Turn t, Sym s) {
           t.s * s.xz + t.c * s.yz};
 }
 inline Turn reverse(Turn t) { return {t.c, -t.s}; }
+/// Its angle, from -pi to pi [rad], to rounding: twice the arctangent of at most tan(pi/8), by the
+/// rational approximation of the library Cephes (atan.c).
+inline Lanes find_angle(Turn t) {
+  const Lanes c = t.c < 0.0 ? -t.c : t.c, s = t.s < 0.0 ? -t.s : t.s;
+  const auto steep = s > c;
+  const Lanes x = (steep ? c : s) / (1.0 + (steep ? s : c)), z = x * x;
+  Lanes over = -8.750608600031904122785e-1 * z - 1.615753718733365076637e1;
+  over = over * z - 7.500855792314704667340e1;
+  over = over * z - 1.228866684490136173410e2;
+  over = over * z - 6.485021904942025371773e1;
+  Lanes under = z + 2.485846490142306297962e1;
+  under = under * z + 1.650270098316988542046e2;
+  under = under * z + 4.328810604912902668951e2;
+  under = under * z + 4.853903996359136964868e2;
+  under = under * z + 1.945506571482613964425e2;
+  constexpr double kPi = 3.14159265358979323846;
+  const Lanes least = 2.0 * (x + x * z * over / under);
+  const Lanes first = steep ? 0.5 * kPi - least : least;
+  const Lanes half = t.c < 0.0 ? kPi - first : first;
+  return t.s < 0.0 ? -half : half;
+}
 
 /// One register's worth of rows.
 struct Cells {

@@ -6,7 +6,7 @@
 // 2. the same bits with two, four and eight lanes, and from run to run;
 // 3. near a singular pose and for other mechanisms the general code takes over;
 // 4. three to sixty legs;
-// 5. angles go on counting turns.
+// 5. angles are right all around, and go on counting turns.
 #include "kernels/leg_kernel.hpp"
 
 #include <gtest/gtest.h>
@@ -421,6 +421,28 @@ TEST(LegKernel, counts_the_turns_of_joints_with_a_force_that_depends_on_them) {
   ASSERT_TRUE(calc_position(mechanism, data).ok());
   ASSERT_TRUE(data.by_kernel);
   EXPECT_NEAR(data.tree.q[at], home - 2.0 * turn, 1e-14);
+}
+
+TEST(LegKernel, finds_angles_to_rounding_all_around) {
+  for (const int widest : {2, 4, 8}) {
+    const legs::LegFunctions& functions = legs::find_leg_functions(widest);
+    Residual worst;
+    for (int n = -2000; n <= 2000; ++n) {
+      legs::LegGroup group{};
+      const double step = 3.14159265358979323846 / 2000.0, angle = n * step;
+      for (int lane = 0; lane < kGroup; ++lane) {
+        group.work[legs::kTurns + 2][lane] = std::cos(angle + 0.1 * lane * step);
+        group.work[legs::kTurns + 3][lane] = std::sin(angle + 0.1 * lane * step);
+      }
+      functions.calc_angles(&group, 1, 1);
+      for (int lane = 0; lane < kGroup; ++lane) {
+        const double expected =
+            std::atan2(group.work[legs::kTurns + 3][lane], group.work[legs::kTurns + 2][lane]);
+        worst.add(group.work[legs::kAngles + 1][lane] - expected, std::to_string(expected));
+      }
+    }
+    EXPECT_RESIDUAL_BELOW(worst, 1e-15);
+  }
 }
 
 TEST(LegKernel, is_not_asked_where_everything_is_wanted) {
