@@ -26,8 +26,8 @@ constexpr int kMaxRejected = 20;                 ///< in a row
 constexpr int kLanes = 4;                        ///< states that are added up together
 // Step size times fastest rate:
 constexpr double kLimited = 2.8;     ///< where stability begins to limit Dormand-Prince steps
-constexpr double kWorthwhile = 5.0;  ///< where a stabilised step is cheaper than several of those
-constexpr double kFade = 0.7;        ///< of the fastest rate seen, per step
+constexpr double kWorthwhile = 4.0;  ///< where a stabilised step is cheaper than two of those
+constexpr double kFade = 0.9;        ///< of the fastest rate seen, per step
 
 /// A table, and what follows from it.
 struct Method {
