@@ -94,8 +94,13 @@ def test_a_docking_is_the_same_with_and_without_a_kernel(pair, scene, overrides,
 
 
 @needs_compiler
-@pytest.mark.parametrize("second_axis", [[0, 0, 1], [0, 1, 0]])
-def test_crank_legs_side_by_side_move_as_their_generated_kernel_says(pair, tmp_path, second_axis):
+@pytest.mark.parametrize(
+    ("second_axis", "level"),
+    [([0, 0, 1], "reduced"), ([0, 1, 0], "reduced"), ([0, 0, 1], "massless_legs")],
+)
+def test_crank_legs_side_by_side_move_as_their_generated_kernel_says(
+    pair, tmp_path, second_axis, level
+):
     bench = json.loads((paths.MECHANISMS / "hexapod_bench.json").read_text())
     start = capture_body_section(
         [0.02, -0.015, -0.03], [0.03, -0.02, 0.04], [0.05, 0.02, -0.1], [0.01, 0.02, -0.015]
@@ -110,7 +115,8 @@ def test_crank_legs_side_by_side_move_as_their_generated_kernel_says(pair, tmp_p
     notes = []
     build_fmu(scene, (), tmp_path / "default.fmu", None, notes.append)
     assert "its legs are evaluated side by side" in notes[-1]
-    generated, lanes = (run(fmu, 100) for fmu in pair(scene, 'outputs.groups=["states"]'))
+    overrides = (f"model.level={level}", 'outputs.groups=["states"]')
+    generated, lanes = (run(fmu, 100) for fmu in pair(scene, *overrides))
     assert not warnings(generated[2])
     apart = np.abs(generated[1] - lanes[1]).max()
     assert 0.0 < apart < 1e-9  # tolerance 1e-11
