@@ -72,7 +72,7 @@ def test_a_flight_costs_nothing_and_changes_nothing(docking):
     share = runs["resting"][0] / runs["resting"][1]
     before = runs["integrated"][0] / runs["integrated"][1]
     print(f"flight: {100 * share:.2f} % of the evaluations, integrated {100 * before:.0f} %")
-    assert before > 0.2, before
+    assert before > 0.15, before
     assert share < 0.08, share
     scale = runs["truth"][2].max()
     for name in ("integrated", "resting", "short steps"):
