@@ -114,10 +114,10 @@ struct ContactMemory {
 template <class S>
 struct ContactWorkspace {
   explicit ContactWorkspace(const ContactModel& model);
-  std::vector<Plate<S>> active_petals;                   ///< axes of G, written by the constructor
-  std::vector<Plate<S>> passive_local;                   ///< axes of P, written by the constructor
-  std::vector<Plate<S>> passive_petals;                  ///< axes of G, written by every evaluation
-  std::vector<char> closed;                              ///< per pair, written by calc_contact
+  std::vector<Plate<S>> active_petals;   ///< axes of G, written by the constructor
+  std::vector<Plate<S>> passive_local;   ///< axes of P, written by the constructor
+  std::vector<Plate<S>> passive_petals;  ///< axes of G, written by every evaluation
+  std::vector<char> closed;              ///< per pair, written by calc_contact
   std::vector<Vec3<S>> way;  ///< with it: from G to P in every closed pair, axes of G [m]
   const nodes::NodeFunctions* node_functions = nullptr;  ///< for plain numbers
   std::vector<nodes::NodeGaps> node_gaps;                ///< with them, per group of a set

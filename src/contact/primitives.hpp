@@ -236,8 +236,7 @@ S find_lowest(const SegmentOnAnnulus<S>& f) {
   constexpr int kSamples = 8;
   std::array<S, kSamples + 1> sample;  // side by side in vector registers
   for (int i = 0; i <= kSamples; ++i) sample[i] = f.at(S(i) / S(kSamples), false).value;
-  const int k =
-      static_cast<int>(std::min_element(sample.begin(), sample.end()) - sample.begin());
+  const int k = static_cast<int>(std::min_element(sample.begin(), sample.end()) - sample.begin());
   S t = S(k) / S(kSamples);
   if (k > 0 && k < kSamples) {  // begin at the vertex of the parabola through three samples
     const S bend = sample[k - 1] - S(2) * sample[k] + sample[k + 1];

@@ -248,9 +248,7 @@ struct DockingSim::Impl : SimState {
     return method == kFixedRk4 || method == kFixedImplicit;
   }
   /// Does a step end where something jumps?
-  bool locates_events() const {
-    return interface == Interface::kCoSimulation && !is_fixed_step();
-  }
+  bool locates_events() const { return interface == Interface::kCoSimulation && !is_fixed_step(); }
   bool needs_jacobian() const {
     const int method = setup->parameters.solver_method;
     return method == kImplicit || method == kImex || method == kBdf || method == kFixedImplicit;

@@ -250,7 +250,7 @@ Status DockingSim::Impl::integrate_fixed(double h, int limit) {
   return {};
 }
 
-/// Where the loads at the end of a step are near their peaks, those in its middle are looked at too.
+/// Where the loads at the end of a step are near their peaks, those in its middle count too.
 /// @pre evaluate_end(to)
 void DockingSim::Impl::look_into_step(double from, double to) {
   if (adapt_problem || !peaks.is_near(find_peak_values())) return;
@@ -258,9 +258,8 @@ void DockingSim::Impl::look_into_step(double from, double to) {
   if (!stepper->interpolate(middle, rates.data())) return;
   evaluated = Evaluated::kNothing;
   ++counted_elsewhere.rate_evaluations;
-  const Status status =
-      calc_docking<double>(*model, discrete, memory, find_loads(middle), elapsed + middle,
-                           rates.data(), nullptr, *rate_data);
+  const Status status = calc_docking<double>(*model, discrete, memory, find_loads(middle),
+                                             elapsed + middle, rates.data(), nullptr, *rate_data);
   if (!status.ok()) return;
   std::swap(data, rate_data);
   peaks.add(elapsed + middle, find_peak_values());
