@@ -51,7 +51,7 @@ struct Variable {
   int state = -1;               ///< place in the state vector, or -1
   bool jumps = false;           ///< a state that events may set anew
   OutputGroup group = OutputGroup::kMain;  ///< what is computed when it is asked for
-  int rate = -1;                ///< place of the state that this is the rate of, or -1
+  int rate = -1;                           ///< place of the state that this is the rate of, or -1
 
   /// Can be set before initialisation (or at any time: input). Otherwise the FMU computes it.
   bool has_start() const { return start != nullptr; }

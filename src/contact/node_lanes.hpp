@@ -1,7 +1,8 @@
 // Nodes of one ring on the face of the other, side by side: eight nodes to a group.
 //
 // The laws are those of laws.hpp with regularised friction, the geometry that of
-// find_point_annulus(); compiled for several instruction sets like the legs (math/lane_arithmetic.hpp).
+// find_point_annulus(); compiled for several instruction sets like the legs
+// (math/lane_arithmetic.hpp).
 #pragma once
 
 #include "math/lanes.hpp"

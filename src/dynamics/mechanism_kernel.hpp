@@ -22,8 +22,8 @@ class MechanismKernel {
   virtual ~MechanismKernel() = default;
 
   /// In: independent entries of data.tree.q. Out: entries of tree.q of joints with a force law that
-  /// depends on them; tree.R, r, p of the independent bodies; tree.m_sum[0], h_sum[0] where body 0 is
-  /// a vehicle; data.A_ind and data.factor.
+  /// depends on them; tree.R, r, p of the independent bodies; tree.m_sum[0], h_sum[0] where body 0
+  /// is a vehicle; data.A_ind and data.factor.
   /// @return false if the kernel cannot tell: a loop does not close or is close to singular, the
   /// assembly branch or the turn of an angle is in doubt. The general code then decides.
   virtual bool calc_position(MechanismData<double>& data) = 0;

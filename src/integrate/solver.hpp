@@ -48,13 +48,13 @@ struct System {
   Stepper::Problem problem;
   SUNContext context = nullptr;
   N_Vector y = nullptr;
-  N_Vector mild = nullptr;  ///< scratch
-  N_Vector atol = nullptr;  ///< of y, or of all unknowns of Problem::dae
-  int trouble = 0;          ///< what the rates said last
-  bool idle = false;        ///< the rates are zero, and nothing is counted
+  N_Vector mild = nullptr;                 ///< scratch
+  N_Vector atol = nullptr;                 ///< of y, or of all unknowns of Problem::dae
+  int trouble = 0;                         ///< what the rates said last
+  bool idle = false;                       ///< the rates are zero, and nothing is counted
   const double* known_jacobian = nullptr;  ///< for the next call that asks for one; may be null
-  double ahead = 0.0;       ///< Jacobians are taken so long ahead of the state, along its rates [s]
-  long evaluations = 0;     ///< of rates; a Jacobian counts as Problem::jacobian_cost
+  double ahead = 0.0;    ///< Jacobians are taken so long ahead of the state, along its rates [s]
+  long evaluations = 0;  ///< of rates; a Jacobian counts as Problem::jacobian_cost
 };
 
 /// Newton matrix of an implicit method and its factors.

@@ -57,8 +57,8 @@ struct LegPlace {
 /// A joint whose motion is found: one that slides or carries a force.
 struct ToldJoint {
   int q = 0, v = 0;
-  double sign = 1.0, zero = 0.0;  ///< canonical coordinate = sign q + zero
-  const double* rate = nullptr;   ///< canonical, in its lane
+  double sign = 1.0, zero = 0.0;                    ///< canonical coordinate = sign q + zero
+  const double* rate = nullptr;                     ///< canonical, in its lane
   const double *slide = nullptr, *angle = nullptr;  ///< either, where it is needed
 };
 
@@ -230,8 +230,8 @@ void LegKernel::add_leg(const Mechanism& mechanism, LegPlace& place, int k) {
   put_moments(legs::kTube, moments[1]);
   put_moments(legs::kRod, moments[2]);
   elbow[axis] = 0.0;
-  put(legs::kTurned, moments[0].inertia(axis, axis) +
-                         (moments[1].mass + moments[2].mass) * elbow.squaredNorm());
+  put(legs::kTurned,
+      moments[0].inertia(axis, axis) + (moments[1].mass + moments[2].mass) * elbow.squaredNorm());
 }
 
 /// Does the last accepted pose lie on the branch for which the kernel was made, well inside?

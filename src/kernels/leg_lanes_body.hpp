@@ -3,9 +3,8 @@
 //
 // Formulas: src/kernels/README.md derives them; what each kind of leg does its own way is in
 // leg_types.hpp. Stages are flattened: vectors that pass through memory on calls cost a tenth.
-#include "math/lane_arithmetic.hpp"
-
 #include "kernels/leg_types.hpp"
+#include "math/lane_arithmetic.hpp"
 
 namespace dockloop::legs {
 namespace {
@@ -94,9 +93,9 @@ bool calc_leg_position(AnyLeg leg, const Cells& in, const Cells& work, const Cel
     const Moments whole = shift(outer, elbow) + crossE;
     const V axis = leg.get_axis();
     const M linear = M{cross(axis, whole.h), second.f, last.f} * per_tip;
-    const M angular = M{whole.J * axis, second.n + cross(elbow, second.f),
-                        last.n + cross(elbow, last.f)} *
-                      per_tip;
+    const M angular =
+        M{whole.J * axis, second.n + cross(elbow, second.f), last.n + cross(elbow, last.f)} *
+        per_tip;
     work.put(kAxesP, EP);
     work.put(kCarried, linear);
     work.put(kCarried + 9, angular);
@@ -285,10 +284,10 @@ void calc_all_biases(LegGroup* groups, int count, const Platform& platform, doub
     const M inverse = work.get_matrix(kInverse);
     const V joint = turn_back(inverse, turn_back(EC, tip) + work.get_vector(kTipFree));
     const V a = spread3(given.a) + cross(alpha0, centre) + cross(root, cross(root, centre));
-    const LegLoad load = find_leg_load(
-        leg, in, work,
-        find_motion(leg, turn_back(EP, root), turn_back(EP, alpha0), turn_back(EP, a),
-                    work.get_vector(kRate), joint));
+    const LegLoad load =
+        find_leg_load(leg, in, work,
+                      find_motion(leg, turn_back(EP, root), turn_back(EP, alpha0), turn_back(EP, a),
+                                  work.get_vector(kRate), joint));
     work.put(kCut, EP * (inverse * (load.joint - work.get_vector(kForce))));
     const V force = EP * load.whole.f;
     total.add(kSumLoad, force);

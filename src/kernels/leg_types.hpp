@@ -3,6 +3,8 @@
 // All legs have three bodies and three joints (LegType), and everything is computed alike but for
 // this: which joint coordinates bring the tip to a point, the inverse of the loop matrix, what
 // force and moment do along the first and along the last joint, and how the rod moves on the tube.
+#include "math/lane_arithmetic.hpp"
+
 namespace dockloop::legs {
 namespace {
 

@@ -6,6 +6,8 @@
 // what is inline elsewhere could be merged with copies compiled for other instruction sets.
 // Operations are those of IEEE 754, one by one; sums over lanes have one order: results do not
 // depend on LANES, to the last bit.
+#pragma once
+
 #include "math/lanes.hpp"
 
 namespace dockloop::lanes {

@@ -121,8 +121,7 @@ bool have_same_shape(const Snapshot& a, const Snapshot& b) {
   bool same = a.y.size() == b.y.size() &&
               a.state.rest_state.q.size() == b.state.rest_state.q.size() &&
               a.state.kept_jacobian.entries.size() == b.state.kept_jacobian.entries.size() &&
-              r.valid == s.valid &&
-              r.q.size() == s.q.size() && r.H.size() == s.H.size() &&
+              r.valid == s.valid && r.q.size() == s.q.size() && r.H.size() == s.H.size() &&
               r.sign.size() == s.sign.size() && r.margin.size() == s.margin.size() &&
               r.branch.size() == s.branch.size() && r.spin_branch.size() == s.spin_branch.size();
   for (size_t k = 0; same && k < r.H.size(); ++k) {

@@ -250,10 +250,14 @@ std::array<double, kPeakCount> DockingSim::Impl::find_peak_values() const {
 
 Status DockingSim::Impl::update(OutputGroup group) {
   switch (group) {
-    case OutputGroup::kMain: return update_main();
-    case OutputGroup::kBodies: return update_bodies();
-    case OutputGroup::kStateVector: return update_states();
-    default: break;
+    case OutputGroup::kMain:
+      return update_main();
+    case OutputGroup::kBodies:
+      return update_bodies();
+    case OutputGroup::kStateVector:
+      return update_states();
+    default:
+      break;
   }
   update_coupling();
   return {};

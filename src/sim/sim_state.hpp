@@ -219,8 +219,8 @@ template <class A>
 void transfer(A& archive, SimState& s) {
   transfer_all(archive, s.elapsed, s.h_warm, s.last_step, s.fastest_rate, s.frame_velocity,
                s.frame_shift, s.discrete, s.memory, s.peaks, s.mean_load, s.coupling, s.rest_state,
-               s.margin_looked_at, s.warned_margin, s.coordinates, s.kept_jacobian, s.drift, s.energy_start,
-               s.host_work, s.momentum_start, s.momentum_residual, s.momentum_scale,
+               s.margin_looked_at, s.warned_margin, s.coordinates, s.kept_jacobian, s.drift,
+               s.energy_start, s.host_work, s.momentum_start, s.momentum_residual, s.momentum_scale,
                s.angular_momentum_scale);
 }
 

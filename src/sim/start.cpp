@@ -393,8 +393,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   std::fill(due.begin(), due.end(), char(0));
   for (int i : {kChaser, kTarget}) {
     const Mat3<double> inertia = make_symmetric(parameters.vehicle[i].inertia);
-    least_inertia[i] =
-        Eigen::SelfAdjointEigenSolver<Mat3<double>>(inertia, Eigen::EigenvaluesOnly).eigenvalues()[0];
+    least_inertia[i] = Eigen::SelfAdjointEigenSolver<Mat3<double>>(inertia, Eigen::EigenvaluesOnly)
+                           .eigenvalues()[0];
   }
   // At rest the scale is what the tolerance lets a vehicle move.
   momentum_scale = parameters.atol_velocity * parameters.vehicle[kChaser].mass;

@@ -68,9 +68,9 @@ void measure_mechanism(const std::string& file, std::shared_ptr<const KernelLibr
     comparison.take_state(i);
     error = std::max(error, comparison.find_error());
   }
-  const Times times =
-      find_times(repetitions, [&] { evaluate(mechanism, comparison.base, comparison.general); },
-                 [&] { evaluate(mechanism, comparison.base, comparison.special); });
+  const Times times = find_times(
+      repetitions, [&] { evaluate(mechanism, comparison.base, comparison.general); },
+      [&] { evaluate(mechanism, comparison.base, comparison.special); });
   print(mechanism.model.name, library->counts().operations, times, error);
 }
 
@@ -117,13 +117,13 @@ void measure_scene(const std::string& file, std::shared_ptr<const KernelLibrary>
   }
   const int operations = library->counts().operations;
   print(scene.name + ", mechanism", operations,
-        find_times(repetitions,
-                   [&] { evaluate(model.mechanism, general.base, general.mechanism); },
-                   [&] { evaluate(model.mechanism, special.base, special.mechanism); }),
+        find_times(
+            repetitions, [&] { evaluate(model.mechanism, general.base, general.mechanism); },
+            [&] { evaluate(model.mechanism, special.base, special.mechanism); }),
         error / std::max(size, 1e-300));
   print(scene.name + ", all rates", operations,
-        find_times(repetitions, [&] { rates(general, ydot); },
-                   [&] { rates(special, ydot_special); }),
+        find_times(
+            repetitions, [&] { rates(general, ydot); }, [&] { rates(special, ydot_special); }),
         error / std::max(size, 1e-300));
 }
 

@@ -22,7 +22,7 @@ enum class Root { kResting, kDriven, kFree };
 struct LegCase {
   const char* name;
   Root root;
-  bool general;  ///< mass properties and cut points without any symmetry
+  bool general;                    ///< mass properties and cut points without any symmetry
   std::vector<LegKind> legs = {};  ///< of made-up legs; none: those of hexapod_r2p1r3
 };
 
@@ -125,9 +125,9 @@ MechanismModel read_model(const std::string& path) {
 }
 
 MechanismModel make_model(const LegCase& at, TestRandom& random) {
-  MechanismModel model =
-      at.legs.empty() ? read_mechanism(read_test_file("hexapod_r2p1r3.json"), "hexapod")
-                      : make_ring_on(at.legs, random);
+  MechanismModel model = at.legs.empty()
+                             ? read_mechanism(read_test_file("hexapod_r2p1r3.json"), "hexapod")
+                             : make_ring_on(at.legs, random);
   for (size_t i = 0; at.general && i < model.bodies.size(); ++i) {
     Body& body = model.bodies[i];
     body.mass = random.uniform(0.2, 3.0);
@@ -194,9 +194,8 @@ void compare_references(const Mechanism& mechanism, MechanismData<double>& data,
 }
 
 bool has_force(const MechanismModel& model, size_t body) {
-  return std::any_of(model.forces.begin(), model.forces.end(), [&](const JointForce& law) {
-    return law.body == static_cast<int>(body);
-  });
+  return std::any_of(model.forces.begin(), model.forces.end(),
+                     [&](const JointForce& law) { return law.body == static_cast<int>(body); });
 }
 
 class LegKernels : public ::testing::TestWithParam<LegCase> {};
@@ -276,21 +275,19 @@ const std::vector<LegKind> kMixed = {LegKind::kR1R2R3, LegKind::kR2P1R3,
 
 INSTANTIATE_TEST_SUITE_P(
     roots, LegKernels,
-    ::testing::Values(LegCase{"resting", Root::kResting, false},
-                      LegCase{"resting_general", Root::kResting, true},
-                      LegCase{"driven", Root::kDriven, false},
-                      LegCase{"driven_general", Root::kDriven, true},
-                      LegCase{"free", Root::kFree, false},
-                      LegCase{"free_general", Root::kFree, true},
-                      LegCase{"resting_cranks", Root::kResting, false, kCranks},
-                      LegCase{"driven_cranks", Root::kDriven, false, kCranks},
-                      LegCase{"free_cranks", Root::kFree, false, kCranks},
-                      LegCase{"resting_square", Root::kResting, false, kSquare},
-                      LegCase{"driven_square", Root::kDriven, false, kSquare},
-                      LegCase{"free_square", Root::kFree, false, kSquare},
-                      LegCase{"resting_mixed", Root::kResting, false, kMixed},
-                      LegCase{"driven_mixed", Root::kDriven, false, kMixed},
-                      LegCase{"free_mixed", Root::kFree, false, kMixed}),
+    ::testing::Values(
+        LegCase{"resting", Root::kResting, false}, LegCase{"resting_general", Root::kResting, true},
+        LegCase{"driven", Root::kDriven, false}, LegCase{"driven_general", Root::kDriven, true},
+        LegCase{"free", Root::kFree, false}, LegCase{"free_general", Root::kFree, true},
+        LegCase{"resting_cranks", Root::kResting, false, kCranks},
+        LegCase{"driven_cranks", Root::kDriven, false, kCranks},
+        LegCase{"free_cranks", Root::kFree, false, kCranks},
+        LegCase{"resting_square", Root::kResting, false, kSquare},
+        LegCase{"driven_square", Root::kDriven, false, kSquare},
+        LegCase{"free_square", Root::kFree, false, kSquare},
+        LegCase{"resting_mixed", Root::kResting, false, kMixed},
+        LegCase{"driven_mixed", Root::kDriven, false, kMixed},
+        LegCase{"free_mixed", Root::kFree, false, kMixed}),
     [](const ::testing::TestParamInfo<LegCase>& at) { return std::string(at.param.name); });
 
 TEST(LegKernel, serves_the_shipped_hexapods) {
