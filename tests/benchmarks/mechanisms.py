@@ -41,6 +41,33 @@ def hexapod(bench: dict, count: int) -> dict:
     return document
 
 
+def _make_part(name: str, parent: str, joint: dict, data: dict, com: float) -> dict:
+    """Make a rod-like part of a leg, its axis x, with the masses of `data` (leg_defaults)."""
+    across = data.get("inertia_transverse", 0.0)
+    return {
+        "name": name,
+        "parent": parent,
+        "joint": joint,
+        "mass": data.get("mass", 0.0),
+        "com": [com, 0.0, 0.0],
+        "inertia": np.diag([data.get("inertia_axial", 0.0), across, across]).tolist(),
+    }
+
+
+def _make_loop(name: str, parts: list[str], ring: str, length: float, closing: list) -> dict:
+    """Make the loop of a leg whose last part meets the ring at x = `length`."""
+    cut = {"type": "R3", "point_on_terminal": [length, 0.0, 0.0], "point_on_closing": closing}
+    return {
+        "name": name,
+        "root": "base",
+        "first": parts[0],
+        "terminal": parts[-1],
+        "closing": ring,
+        "cut": cut,
+        "dependent": parts,
+    }
+
+
 def crank_hexapod(bench: dict, name: str, second_axis: list[float]) -> dict:
     """Put the ring of the bench on crank legs (R1R2R3) in place of its slide legs.
 
@@ -73,20 +100,11 @@ def crank_hexapod(bench: dict, name: str, second_axis: list[float]) -> dict:
         axes = np.column_stack([x, np.cross(z, x), z])
 
         def add(part, parent, axis, like, *, leg=leg, **placement):
+            joint = {"type": "revolute", "axis": axis, **placement}
             data = common.get(like, {})
-            across = data.get("inertia_transverse", 0.0)
-            inertia = np.diag([data.get("inertia_axial", 0.0), across, across]).tolist()
-            bodies.append(
-                {
-                    "name": f"{leg['name']}_{part}",
-                    "parent": parent,
-                    "joint": {"type": "revolute", "axis": axis, **placement},
-                    "mass": data.get("mass", 0.0),
-                    "com": [data.get("com", 0.0), 0.0, 0.0],
-                    "inertia": inertia,
-                }
-            )
-            return bodies[-1]["name"]
+            name = f"{leg['name']}_{part}"
+            bodies.append(_make_part(name, parent, joint, data, data.get("com", 0.0)))
+            return name
 
         elbow = {"position": [length, 0.0, 0.0]} | ({"rotation": bent} if parallel else {})
         crank = add(
@@ -95,18 +113,8 @@ def crank_hexapod(bench: dict, name: str, second_axis: list[float]) -> dict:
         cross = add("cross", crank, second_axis, "", **elbow)
         third_axis = [0, 1, 0] if parallel else [0, 0, 1]
         rod = add("rod", cross, third_axis, "rod", **({} if parallel else {"rotation": bent}))
-        cut = {"point_on_terminal": [length, 0.0, 0.0], "point_on_closing": closing.tolist()}
-        loops.append(
-            {
-                "name": leg["name"],
-                "root": "base",
-                "first": crank,
-                "terminal": rod,
-                "closing": ring["name"],
-                "cut": {"type": "R3", **cut},
-                "dependent": [crank, cross, rod],
-            }
-        )
+        parts = [crank, cross, rod]
+        loops.append(_make_loop(leg["name"], parts, ring["name"], length, closing.tolist()))
         law = {key: common[key] for key in ("stiffness", "damping")}
         forces.append({"type": "joint_spring_damper", "joint": crank, **law})
     home = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0] + [0.0] * (len(bodies) - 1)
@@ -181,40 +189,16 @@ def expand(document: dict, start: dict) -> dict:
         name = spec["name"]
 
         def add(part, parent, kind, axis, *, com=0.0, name=name, **placement):
-            data = common.get(part, {})
-            across = data.get("inertia_transverse", 0.0)
-            inertia = np.diag([data.get("inertia_axial", 0.0), across, across]).tolist()
-            bodies.append(
-                {
-                    "name": f"{name}_{part}",
-                    "parent": parent,
-                    "joint": {"type": kind, "axis": axis, **placement},
-                    "mass": data.get("mass", 0.0),
-                    "com": [com, 0.0, 0.0],
-                    "inertia": inertia,
-                }
-            )
+            joint = {"type": kind, "axis": axis, **placement}
+            bodies.append(_make_part(f"{name}_{part}", parent, joint, common.get(part, {}), com))
 
         placement = {"position": leg.root.tolist(), "rotation": leg.axes.tolist()}
         add("cross", "base", "revolute", [0.0, 1.0, 0.0], **placement)
         cylinder, rod = common["cylinder"]["com"], leg.length - common["rod"]["com"]
         add("cylinder", f"{name}_cross", "revolute", [0.0, 0.0, 1.0], com=cylinder)
         add("rod", f"{name}_cylinder", "prismatic", [1.0, 0.0, 0.0], com=rod)
-        loops.append(
-            {
-                "name": name,
-                "root": "base",
-                "first": f"{name}_cross",
-                "terminal": f"{name}_rod",
-                "closing": ring["name"],
-                "cut": {
-                    "type": "R3",
-                    "point_on_terminal": [leg.length, 0.0, 0.0],
-                    "point_on_closing": leg.closing.tolist(),
-                },
-                "dependent": [f"{name}_{part}" for part in ("cross", "cylinder", "rod")],
-            }
-        )
+        parts = [f"{name}_{part}" for part in ("cross", "cylinder", "rod")]
+        loops.append(_make_loop(name, parts, ring["name"], leg.length, leg.closing.tolist()))
         law = {key: common[key] for key in ("stiffness", "damping")}
         forces.append({"body": f"{name}_rod", **law})
 
