@@ -2,10 +2,10 @@
 //
 // The general code (mechanism_dynamics.hpp) stays the reference and what takes over wherever a
 // kernel does not apply. A kernel finds what an integrator asks for: motion of the independent
-// bodies, coordinates and rates of the joints that carry a force, and independent accelerations.
-// Everything else of MechanismData (motion of the legs, cut forces, loads on the base, angles that
-// no force depends on) is left as it was: who needs it evaluates without a kernel.
-// Kinds of kernels: src/kernels.
+// bodies, coordinates and rates of the joints that carry a force, and independent accelerations;
+// one that serves accepted states also cut forces and loads on the base, when asked. Everything
+// else of MechanismData (motion of the legs, angles that no force depends on) is left as it was:
+// who needs it evaluates without a kernel (Whole). Kinds of kernels: src/kernels.
 #pragma once
 
 #include <memory>
@@ -43,6 +43,7 @@ class MechanismKernel {
 
   // What accepted states need beside, if the kernel serves them.
 
+  /// Then calc_position also finds tree.q of all slides of legs.
   virtual bool serves_accepted_states() const { return false; }
   /// Smallest loop margin [-]. @pre calc_position
   virtual double find_margin() const { return 0.0; }

@@ -3,7 +3,8 @@
 // Every communication point is a stop, and inputs may change there: the integration starts again.
 // One-step methods do so at no cost, multistep methods with order 1. The stepper never passes the
 // stop time it is given, reports roots of event functions inside a step, and keeps no state beyond
-// y and the step size when it is restarted: the same y, time and step size give the same bits.
+// y and the step size when it is restarted: the same y, time, step size and what is known (Known)
+// give the same bits.
 #pragma once
 
 #include <functional>

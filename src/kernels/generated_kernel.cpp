@@ -274,8 +274,7 @@ bool GeneratedKernel::calc_position(MechanismData<double>& data) {
   put(kKernelMSum, tree.m_sum.data());
   put(kKernelHSum, tree.h_sum.data()->data());
   put(kKernelInertia, data.A_ind.data());
-  // Eigen knows no way to hand over a factor that somebody else has found.
-  put(kKernelFactor, const_cast<double*>(data.factor.matrixLLT().data()));
+  put(kKernelFactor, data.factor.data());
   put(kKernelW, tree.w.data()->data());
   put(kKernelU, tree.u.data()->data());
   put(kKernelVdot, data.vdot.data());

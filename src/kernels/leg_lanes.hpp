@@ -64,7 +64,7 @@ enum Work {
   kTipFree = kForce + 3,         ///< y at zero accelerations of root and joints, E (3)
   kReach = kTipFree + 3,         ///< squares whose quotient is the square of the margin (2)
   kCut = kReach + 2,             ///< force of the cut on the rod, P (3), by calc_loads
-  kWork = kCut + 3               ///<
+  kWork = kCut + 3               ///< their number
 };
 
 struct alignas(64) LegGroup {

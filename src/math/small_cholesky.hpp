@@ -37,6 +37,7 @@ class SmallCholesky {
 
   /// The factor in the lower triangle.
   const MatX<double>& matrixLLT() const { return L_; }
+  double* data() { return L_.data(); }  ///< by columns, for who finds the factor by itself
 
   /// x := A^-1 x, every column.
   template <class Derived>

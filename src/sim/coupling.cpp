@@ -170,6 +170,8 @@ Status DockingSim::Impl::receive(double h) {
   }
   // The jump may begin a contact, and its forces count as peaks.
   update_memory();
+  status = decide_absorber();
+  if (!status.ok()) return status;
   if (has_surfaces() && !discrete.contacted && data->contact.gap <= 0.0) begin_contact(elapsed);
   const std::array<double, kPeakCount> loads_after = find_peak_values();
   if (!is_same_within_rounding(loads_before, loads_after)) peaks.begin(elapsed, loads_after);

@@ -37,7 +37,8 @@ struct Seed {
   double weight = 1.0;  ///< unit of the component per unit of the direction
 };
 
-/// Outputs that are computed together, when one of them is first asked for.
+/// Outputs that are computed together, when one of them is first asked for (not the groups of the
+/// interface, which say what outputs there are).
 enum class OutputGroup {
   kMain,         ///< all but the following
   kBodies,       ///< sums over all bodies and loops: momentum, gaps of loops

@@ -114,6 +114,19 @@ bool DockingSim::Impl::update_absorber() {
   return due[0] || due[1] || memory.absorber != before;
 }
 
+/// The same where no event was located: at the start, and where a host has moved a vehicle. Where
+/// surfaces just touch, what they are about to do counts, not the rounding of a gap.
+/// @pre evaluate(0). @post the same
+Status DockingSim::Impl::decide_absorber() {
+  if (model->contact.kind != ContactModel::Kind::kAbsorber || !locates_events()) return {};
+  const bool touches = std::abs(data->contact.gap) <= kTouching;
+  const bool acts = touches ? data->relative.v.x() < 0.0 : data->contact.pressed > 0.0;
+  const Acting before = std::exchange(memory.absorber, acts ? Acting::kYes : Acting::kNo);
+  if (memory.absorber == before) return {};
+  kept_jacobian.valid = false;
+  return evaluate(0.0);
+}
+
 /// Change the mode of every latch that is due, by a root or because it starts there.
 bool DockingSim::Impl::update_latches(double now) {
   bool changed = false;

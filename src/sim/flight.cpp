@@ -100,6 +100,7 @@ Status DockingSim::Impl::watch_rest(double tau) {
   }
   std::fill_n(v, layout.mechanism_nv, 0.0);
   rest_state.resting = true;
+  kept_jacobian.valid = false;
   lock_at_rest();
   return evaluate(tau);
 }

@@ -256,18 +256,17 @@ Status DockingSim::Impl::update(OutputGroup group) {
       return update_bodies();
     case OutputGroup::kStateVector:
       return update_states();
-    default:
+    case OutputGroup::kCoupling:
+      update_coupling();
+      break;
+    case OutputGroup::kCount:
       break;
   }
-  update_coupling();
   return {};
 }
 
 Status DockingSim::Impl::update_main() {
   read_inputs();
-  // In other coordinates than those of the start, state.* holds what a kernel does not find.
-  std::optional<Whole> general;
-  if (state_bodies != model->mechanism_bodies) general.emplace(data->mechanism);
   const Status status = evaluate_present();
   if (!status.ok()) return status;
   read_outputs<double>(find_present_source(), outputs);

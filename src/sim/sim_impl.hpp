@@ -181,6 +181,7 @@ struct DockingSim::Impl : SimState {
   void use_coordinates(std::shared_ptr<const Coordinates> choice);
   bool update_memory();
   bool update_absorber();
+  Status decide_absorber();
   bool update_latches(double now);
   int count_held_latches() const;
   void begin_contact(double now);
@@ -252,6 +253,10 @@ struct DockingSim::Impl : SimState {
   bool needs_jacobian() const {
     const int method = setup->parameters.solver_method;
     return method == kImplicit || method == kImex || method == kBdf || method == kFixedImplicit;
+  }
+  /// Does the next communication step begin with the last Jacobian?
+  bool keeps_jacobian() const {
+    return needs_jacobian() && !is_fixed_step() && interface == Interface::kCoSimulation;
   }
   /// Does the method begin a step with the rates there?
   bool begins_with_rates() const {

@@ -430,10 +430,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     }
     update_contact_memory(model->contact, data->relative, bristles(), data->contact_work, memory);
     const double gap = find_gap(model->contact, data->relative, data->contact_work);
-    if (model->contact.kind == ContactModel::Kind::kAbsorber && locates_events()) {
-      memory.absorber = data->contact.pressed >= 0.0 ? Acting::kYes : Acting::kNo;
-      if (!evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
-    }
+    if (!decide_absorber().ok()) throw ModelError("start state cannot be evaluated");
     // A start that touches is a first contact at the start; so is one within reach of a latch.
     if (gap <= kTouching) begin_contact(0.0);
   }
@@ -521,7 +518,9 @@ void DockingSim::Impl::make_stepper() {
   }
   if (needs_jacobian()) {
     if (!jacobian_pass) make_jacobian_pass();
-    kept_jacobian.entries.assign(static_cast<size_t>(layout.size * layout.size), 0.0);
+    if (keeps_jacobian()) {
+      kept_jacobian.entries.assign(static_cast<size_t>(layout.size * layout.size), 0.0);
+    }
     problem.jacobian = [this](double t, const double* y, double* by_columns) {
       return calc_jacobian(t, y, by_columns);
     };
@@ -578,10 +577,13 @@ int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_column
                                    y, *jacobian_pass, jacobian);
   }
   std::copy_n(jacobian.data(), jacobian.size(), by_columns);
-  std::copy_n(by_columns, jacobian.size(), kept_jacobian.entries.begin());
-  kept_jacobian.valid = status.ok();
-  kept_jacobian.step = find_counters().steps;
-  return find_trouble_code(status, t, by_columns, static_cast<int>(jacobian.size()));
+  const int trouble = find_trouble_code(status, t, by_columns, static_cast<int>(jacobian.size()));
+  if (keeps_jacobian()) {
+    kept_jacobian.entries.assign(by_columns, by_columns + jacobian.size());
+    kept_jacobian.valid = trouble == 0;
+    kept_jacobian.step = find_counters().steps;
+  }
+  return trouble;
 }
 
 /// Per state, by kind; momenta are velocities times mass or inertia.

@@ -89,7 +89,7 @@ Status DockingSim::Impl::step(double t, double h) {
   if (h > 0.0 && h <= kLongestStep) {
     if (announces()) notice_step(h);
     status = receive(h);
-    update_thrust(elapsed);  // it may have been told only now
+    if (update_thrust(elapsed)) kept_jacobian.valid = false;  // it may have been told only now
     if (status.ok()) status = evaluate_start();
     step_begin = find_coupling_point();
     drift = 0.0;
@@ -122,8 +122,8 @@ void DockingSim::Impl::start_stepper(double tau, double h, const double* known_r
 
 /// The same at the start of a communication step, which goes on where the last one ended.
 void DockingSim::Impl::go_on(double h) {
-  const bool is_good = kept_jacobian.valid && !is_fixed_step() &&
-                       find_counters().steps - kept_jacobian.step < kJacobianSteps;
+  const bool is_good =
+      kept_jacobian.valid && find_counters().steps - kept_jacobian.step < kJacobianSteps;
   const double* known = is_good ? kept_jacobian.entries.data() : nullptr;
   stepper->restart(0.0, h, {find_start_rates(), fastest_rate, known});
 }

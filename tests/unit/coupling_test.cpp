@@ -14,6 +14,7 @@
 #include "dynamics/base_jump.hpp"
 #include "dynamics/rigid_body.hpp"
 #include "unit/allocations.hpp"
+#include "unit/minimal_scene.hpp"
 #include "unit/sim_test_support.hpp"
 
 namespace dockloop {
@@ -325,6 +326,32 @@ TEST(Coupling, finds_out_the_mass_that_a_host_really_has) {
       told = told || text.find("as if its mass were 25000 kg") != std::string::npos;
     }
     EXPECT_TRUE(told);
+  }
+}
+
+// The damper of an absorber pushes from the first moment on. Whether surfaces that touch are a
+// rounding error apart or into each other must not decide when: at the start, or as a host tells
+// it.
+TEST(Coupling, of_an_absorber_that_touches_does_not_hang_on_rounding) {
+  Scene scene = minimal_scene();
+  scene.motion[kTarget] = Motion::kDriven;
+  scene.vehicle[kChaser].interface_position.x() = 4.1;
+  scene.vehicle[kTarget].interface_position.x() = -15.3;
+  for (const double speed : {0.1, -0.1}) {
+    scene.vehicle[kChaser].velocity.x() = speed;
+    for (const double gap : {-1e-12, 0.0, 1e-12}) {
+      for (const double told : {-1e-12, 0.0, 1e-12}) {
+        scene.vehicle[kTarget].position.x() = 19.4 + gap;
+        DockingSim sim(share(scene));
+        sim.initialise(0.0, 0.0);
+        EXPECT_NEAR(sim.outputs().capture_force.x(), speed > 0.0 ? 1296.148 : 0.0, 1e-6) << gap;
+        sim.inputs().vehicle[kTarget].position.x() = 19.4 + told;
+        ASSERT_TRUE(sim.step(0.0, 1e-3).ok());
+        // 1296 N less what decays within a millisecond; nothing is pulled.
+        EXPECT_NEAR(sim.outputs().capture_force.x(), speed > 0.0 ? 1297.1 : 0.0, 1.0) << told;
+        EXPECT_EQ(sim.outputs().solver_rejected_steps, 0.0) << gap << ", told " << told;
+      }
+    }
   }
 }
 

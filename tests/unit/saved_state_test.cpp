@@ -11,6 +11,7 @@
 
 #include "sim/sim_state.hpp"
 #include "unit/allocations.hpp"
+#include "unit/minimal_scene.hpp"
 #include "unit/sim_test_support.hpp"
 
 namespace dockloop {
@@ -99,6 +100,10 @@ std::vector<Run> make_runs() {
                     p.model_level = kReference;
                   },
                   drive});
+  runs.push_back({"absorber", share(minimal_scene())});
+  runs.back().h = 0.05;
+  runs.back().steps = 60;
+  runs.back().seen = "released";
   runs.push_back({"other_coordinates", slider_crank_scene()});
   runs.back().seen = "coordinates";
   runs.push_back({"other_coordinates_implicit", slider_crank_scene(),
@@ -136,6 +141,10 @@ class SavedState : public ::testing::TestWithParam<Run> {
     sim->save(last);
     if (GetParam().seen == std::string("latched")) {
       EXPECT_TRUE(sim->outputs().captured);
+    }
+    if (GetParam().seen == std::string("released")) {
+      EXPECT_TRUE(last.snapshot.state.discrete.contacted);
+      EXPECT_EQ(last.snapshot.state.memory.absorber, Acting::kNo);
     }
     if (GetParam().seen == std::string("coordinates")) {
       EXPECT_NE(last.snapshot.state.coordinates, nullptr);
