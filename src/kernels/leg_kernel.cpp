@@ -62,14 +62,6 @@ struct ToldJoint {
   const double *slide = nullptr, *angle = nullptr;  ///< either, where it is needed
 };
 
-/// An angle and so many turns that it lies nearest to `near`.
-double add_turns(double angle, double near) {
-  constexpr double kTurn = 2.0 * 3.14159265358979323846;
-  const double apart = near - angle;
-  if (std::abs(apart) < 0.5 * kTurn) return angle;  // as a rule
-  return angle + kTurn * std::floor(apart / kTurn + 0.5);
-}
-
 /// Does a force depend on the coordinate of its joint?
 bool depends_on_place(const JointForce& law) {
   return law.stiffness != 0.0 || law.preload != 0.0 || law.stops.present;
@@ -130,12 +122,14 @@ LegKernel::LegKernel(const Mechanism& mechanism, const legs::LegFunctions& funct
   }
   margin_ = std::max(kLeastMargin, model.singularity.error);
   places_.resize(model.loops.size());
+  for (size_t k = 0; k < places_.size(); ++k) {
+    places_[k].block = static_cast<size_t>(mechanism.plan.block_of_loop[k]);
+    places_[k].form = *mechanism.plan.blocks[places_[k].block].form();
+  }
   for (int type = legs::kSlideLeg; type <= legs::kSquareCrankLeg; ++type) {
     int lane = kGroup;
     for (size_t k = 0; k < places_.size(); ++k) {
       LegPlace& place = places_[k];
-      place.block = static_cast<size_t>(mechanism.plan.block_of_loop[k]);
-      place.form = *mechanism.plan.blocks[place.block].form();
       if (static_cast<int>(place.form.kind) != type) continue;
       if (lane == kGroup) {
         groups_.push_back(LegGroup{{}, {}, static_cast<legs::LegType>(type)});
@@ -270,7 +264,8 @@ void LegKernel::put_pose(const Body& body, int index, TreeData<double>& tree) co
 }
 
 bool LegKernel::calc_position(MechanismData<double>& data) {
-  if (!continues(data.loops.reference)) return false;
+  const LoopReference<double>& reference = data.loops.reference;
+  if (!continues(reference)) return false;
   TreeData<double>& tree = data.tree;
   if (is_free_) put_pose(vehicle_, 0, tree);
   put_pose(ring_, ring_index_, tree);
@@ -278,7 +273,6 @@ bool LegKernel::calc_position(MechanismData<double>& data) {
   Eigen::Map<Mat>(platform_.R) = joint.R;
   Eigen::Map<V>(platform_.p) = joint.p;
   if (!calc_legs(is_free_)) return false;
-  const LoopReference<double>& reference = data.loops.reference;
   for (int i = 0; i < 3; ++i) {
     if (angles_[i]) functions_.calc_angles(groups_.data(), static_cast<int>(groups_.size()), i);
   }
@@ -287,7 +281,7 @@ bool LegKernel::calc_position(MechanismData<double>& data) {
     if (told.slide) q = *told.slide;
     if (told.angle) {
       const double near = reference.valid ? reference.q[told.q] : q;
-      q = add_turns(told.sign * (*told.angle - told.zero), near);
+      q = add_turns<double>(told.sign * (*told.angle - told.zero), near);
     }
   }
   // The ring's own inertia and that of the legs at their tips, axes and origin of the ring.

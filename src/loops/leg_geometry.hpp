@@ -83,14 +83,19 @@ void find_joint_angle(const JointMap& joint, const S& c, const S& s, S& c_joint,
   s_joint = S(joint.sign) * (s * S(joint.c) - c * S(joint.s));
 }
 
+/// An angle and so many turns that it lies nearest to `near`.
+template <class S>
+S add_turns(const S& angle, const S& near) {
+  using std::floor;
+  const S turn = S(2) * S(3.14159265358979323846264338327950288L);
+  return angle + turn * floor((near - angle) / turn + S(0.5));
+}
+
 /// Angle of (c, s) that lies nearest to `near`.
 template <class S>
 S find_angle(const S& c, const S& s, const S& near) {
   using std::atan2;
-  using std::floor;
-  const S turn = S(2) * S(3.14159265358979323846264338327950288L);
-  const S angle = atan2(s, c);
-  return angle + turn * floor((near - angle) / turn + S(0.5));
+  return add_turns<S>(atan2(s, c), near);
 }
 
 }  // namespace dockloop
