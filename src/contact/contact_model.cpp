@@ -333,7 +333,7 @@ NodeSet make_node_set(int first, bool on_passive, const std::vector<Vec3<double>
   return set;
 }
 
-void require(bool ok, const char* name, double value, const char* limit) {
+void require_value(bool ok, const char* name, double value, const char* limit) {
   if (!ok) {
     throw ModelError(std::string("contact law: ") + name + " is " + std::to_string(value) +
                      "; it must be " + limit);
@@ -385,8 +385,8 @@ ContactModel make_ring_contact(const GuideRing& active, const GuideRing& passive
 }
 
 ContactModel make_absorber_contact(const AbsorberLaw& law) {
-  require(law.stiffness >= 0, "absorber stiffness", law.stiffness, "0 or more");
-  require(law.damping >= 0, "absorber damping", law.damping, "0 or more");
+  require_value(law.stiffness >= 0, "absorber stiffness", law.stiffness, "0 or more");
+  require_value(law.damping >= 0, "absorber damping", law.damping, "0 or more");
   ContactModel m;
   m.kind = ContactModel::Kind::kAbsorber;
   m.absorber = law;
@@ -395,21 +395,23 @@ ContactModel make_absorber_contact(const AbsorberLaw& law) {
 }
 
 void set_law(ContactModel& model, const ContactLaw& law) {
-  require(law.stiffness > 0, "stiffness", law.stiffness, "above 0");
-  require(law.node_stiffness > 0, "node_stiffness", law.node_stiffness, "above 0");
-  require(law.toe > 0, "toe", law.toe, "above 0");
-  require(law.damping >= 0, "damping", law.damping, "0 or more");
-  require(law.regularisation > 0 && law.regularisation <= 0.01, "regularisation",
-          law.regularisation, "above 0 and at most 0.01");
-  require(law.friction_coefficient >= 0, "friction_coefficient", law.friction_coefficient,
-          "0 or more");
-  require(law.friction_speed > 0, "friction_speed", law.friction_speed, "above 0");
-  require(law.friction_model == 1 || law.friction_model == 2, "friction_model", law.friction_model,
-          "1 (regularised) or 2 (bristle)");
-  require(law.bristle_stiffness > 0, "bristle_stiffness", law.bristle_stiffness, "above 0");
-  require(law.bristle_damping >= 0, "bristle_damping", law.bristle_damping, "0 or more");
-  require(law.bristle_relaxation > 0, "bristle_relaxation", law.bristle_relaxation, "above 0");
-  require(law.bristle_force_floor > 0, "bristle_force_floor", law.bristle_force_floor, "above 0");
+  require_value(law.stiffness > 0, "stiffness", law.stiffness, "above 0");
+  require_value(law.node_stiffness > 0, "node_stiffness", law.node_stiffness, "above 0");
+  require_value(law.toe > 0, "toe", law.toe, "above 0");
+  require_value(law.damping >= 0, "damping", law.damping, "0 or more");
+  require_value(law.regularisation > 0 && law.regularisation <= 0.01, "regularisation",
+                law.regularisation, "above 0 and at most 0.01");
+  require_value(law.friction_coefficient >= 0, "friction_coefficient", law.friction_coefficient,
+                "0 or more");
+  require_value(law.friction_speed > 0, "friction_speed", law.friction_speed, "above 0");
+  require_value(law.friction_model == 1 || law.friction_model == 2, "friction_model",
+                law.friction_model, "1 (regularised) or 2 (bristle)");
+  require_value(law.bristle_stiffness > 0, "bristle_stiffness", law.bristle_stiffness, "above 0");
+  require_value(law.bristle_damping >= 0, "bristle_damping", law.bristle_damping, "0 or more");
+  require_value(law.bristle_relaxation > 0, "bristle_relaxation", law.bristle_relaxation,
+                "above 0");
+  require_value(law.bristle_force_floor > 0, "bristle_force_floor", law.bristle_force_floor,
+                "above 0");
   model.law = law;
 }
 

@@ -16,10 +16,6 @@ Vec3<double> at_azimuth(double x, double radius, double azimuth) {
   return {x, radius * std::cos(azimuth), radius * std::sin(azimuth)};
 }
 
-void require(bool ok, const char* text) {
-  if (!ok) throw ModelError(std::string("guide ring: ") + text);
-}
-
 }  // namespace
 
 double CaptureHardware::reach() const {
@@ -32,12 +28,15 @@ double CaptureHardware::reach() const {
 }
 
 CaptureHardware make_capture_hardware(const GuideRing& g) {
-  require(g.core_inner_radius > 0 && g.core_outer_radius >= g.core_inner_radius,
+  require("guide ring", g.core_inner_radius > 0 && g.core_outer_radius >= g.core_inner_radius,
           "core radii must satisfy 0 < inner <= outer");
-  require(g.ring_rounding > 0 && g.petal_rounding > 0, "rounding radii must be above 0");
-  require(g.node_count >= 0, "node_count must not be negative");
-  require(g.petal_count >= 0 && g.petal_count <= 6, "petal_count must be between 0 and 6");
-  require(g.petal_base_radius > 0 && g.petal_base_half_angle > 0 && g.petal_tip_half_width > 0 &&
+  require("guide ring", g.ring_rounding > 0 && g.petal_rounding > 0,
+          "rounding radii must be above 0");
+  require("guide ring", g.node_count >= 0, "node_count must not be negative");
+  require("guide ring", g.petal_count >= 0 && g.petal_count <= 6,
+          "petal_count must be between 0 and 6");
+  require("guide ring",
+          g.petal_base_radius > 0 && g.petal_base_half_angle > 0 && g.petal_tip_half_width > 0 &&
               g.petal_tip_x != g.petal_base_x,
           "a petal needs a base angle, a tip width and a height other than 0");
   CaptureHardware h;

@@ -81,26 +81,23 @@ OneLatch<S> calc_latch(const LatchLaw& law, const LatchState& state, const S& t,
   return {Vec3<S>::Zero(), S(0), S(0), S(law.pawl_range) - s[0]};
 }
 
-void require(bool ok, const char* text) {
-  if (!ok) throw ModelError(std::string("latches: ") + text);
-}
-
 }  // namespace
 
 void check_latches(const LatchSet& set) {
   const LatchLaw& law = set.law;
-  require(set.hook.size() == set.striker.size(), "every hook needs a striker");
-  require(set.count() <= kMaxLatches, "at most 8 latches are possible");
-  require(law.catch_distance > 0 && law.pawl_range > law.catch_distance,
+  require("latches", set.hook.size() == set.striker.size(), "every hook needs a striker");
+  require("latches", set.count() <= kMaxLatches, "at most 8 latches are possible");
+  require("latches", law.catch_distance > 0 && law.pawl_range > law.catch_distance,
           "catch_distance must be above 0 and below pawl_range");
-  require(law.play >= law.catch_distance,
+  require("latches", law.play >= law.catch_distance,
           "play must not be below catch_distance, or the force jumps at the catch");
-  require(law.window > 0 && law.guard > 0, "window and guard must be above 0");
+  require("latches", law.window > 0 && law.guard > 0, "window and guard must be above 0");
   require(
+      "latches",
       law.push_force >= 0 && law.hold_stiffness > 0 && law.hold_toe > 0 && law.hold_damping >= 0,
       "hold_stiffness and hold_toe must be above 0, push_force and hold_damping 0 or more");
-  require(law.release_ramp > 0, "release_ramp must be above 0");
-  require(!law.releases_on_overload || law.rated_load > 0,
+  require("latches", law.release_ramp > 0, "release_ramp must be above 0");
+  require("latches", !law.releases_on_overload || law.rated_load > 0,
           "rated_load must be above 0 if latches release on overload");
 }
 

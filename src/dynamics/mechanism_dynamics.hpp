@@ -74,6 +74,9 @@ class Whole {
   const bool before_;
 };
 
+/// Per body: do dependent joints move it?
+std::vector<char> find_moved_by_loops(const MechanismModel& model, const LoopPlan& plan);
+
 /// In: independent entries of data.tree.q (dependent ones as a start).
 template <class S>
 Status calc_position(const Mechanism& mechanism, MechanismData<S>& data);

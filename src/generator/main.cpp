@@ -2,8 +2,8 @@
 // with a number that remembers how it was computed (trace.hpp). What a kernel is:
 // src/kernels/README.md.
 //
-// The algorithms are templates defined in .cpp files, and the library holds them for its own
-// scalars only; the .cpp files are therefore included here, with the list of scalars replaced.
+// The algorithms are templates that the library holds for its own scalars only; their definitions
+// (*_body.hpp) are therefore included here, with the list of scalars replaced.
 #include "generator/trace.hpp"
 
 #define DOCK_INSTANTIATE_FOR_SCALARS(X) X(Symbolic)
@@ -13,18 +13,18 @@
 #include <iterator>
 
 #include "dynamics/massless_legs.hpp"
-#include "dynamics/mechanism_dynamics.cpp"
+#include "dynamics/mechanism_dynamics_body.hpp"
 #include "generator/printer.hpp"
 #include "kernels/generated_kernel.hpp"
 #include "kernels/leg_kernel.hpp"
-#include "loops/closed_form.cpp"
-#include "loops/leg_geometry.cpp"
-#include "loops/loop_equations.cpp"
-#include "loops/loop_position.cpp"
-#include "loops/loop_reduction.cpp"
+#include "loops/closed_form_body.hpp"
+#include "loops/leg_geometry_body.hpp"
+#include "loops/loop_equations_body.hpp"
+#include "loops/loop_position_body.hpp"
+#include "loops/loop_reduction_body.hpp"
 #include "model/scene.hpp"
 #include "sim/frame_origin.hpp"
-#include "tree/tree.cpp"
+#include "tree/tree_body.hpp"
 
 namespace dockloop {
 namespace {

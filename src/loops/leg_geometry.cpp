@@ -10,7 +10,7 @@
 #include <cmath>
 #include <limits>
 
-#include "math/scalar.hpp"
+#include "loops/leg_geometry_body.hpp"
 
 namespace dockloop {
 namespace {
@@ -253,37 +253,6 @@ std::string fit(const MechanismModel& model, const Loop& loop, Chain& chain, Clo
 
 }  // namespace
 
-template <class S>
-double choose_branch(const MechanismModel& model, const ClosedForm& form, const Vec3<S>& L,
-                     const VecX<S>& q, double size, int elbow_given, LegBranch& branch) {
-  double nearest = std::numeric_limits<double>::infinity();
-  for (const int elbow : {1, -1}) {
-    if (elbow_given != 0 && elbow != elbow_given) continue;
-    for (const int flip : {1, -1}) {
-      const LegSolution<S> leg = solve_leg<S>(form.kind, form.shape, {elbow, flip}, L);
-      if (leg.code != StatusCode::kOk) continue;
-      double distance = 0.0;
-      for (size_t i = 0; i < form.joint.size(); ++i) {
-        const Body& body = model.bodies[form.joint[i].body];
-        const double at = to_double(q[body.q_index]);
-        if (body.joint == JointType::kPrismatic) {
-          distance = std::max(distance, std::abs(to_double(leg.slide) - at) / size);
-          continue;
-        }
-        S c, s;
-        find_joint_angle<S>(form.joint[i], leg.c[i], leg.s[i], c, s);
-        distance = std::max(distance,
-                            find_length(to_double(c) - std::cos(at), to_double(s) - std::sin(at)));
-      }
-      if (distance < nearest) {
-        nearest = distance;
-        branch = {elbow, flip};
-      }
-    }
-  }
-  return nearest;
-}
-
 Recognition recognise_leg(const MechanismModel& model, const Loop& loop, const LoopPaths& paths,
                           const std::vector<Pose<double>>& home, const std::vector<double>& q,
                           double size) {
@@ -401,12 +370,5 @@ bool fits_declaration(ClosureKind declared, const ClosedForm& form) {
   }
   return form.kind == LegKind::kP1R1R1;
 }
-
-#define DOCK_INSTANTIATE(S)                                                                  \
-  template double choose_branch<S>(const MechanismModel&, const ClosedForm&, const Vec3<S>&, \
-                                   const VecX<S>&, double, int, LegBranch&);
-
-DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
-#undef DOCK_INSTANTIATE
 
 }  // namespace dockloop

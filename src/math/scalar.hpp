@@ -11,7 +11,8 @@
 // Algorithms are templates with their definitions in .cpp files; each such file ends with
 //   #define DOCK_INSTANTIATE(S) template void calc_something<S>(...);
 //   DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
-// A test with a scalar of its own includes those .cpp files and defines the list itself before.
+// Those that programs with a scalar of their own compile again (the generator, the operation counter)
+// are in a header *_body.hpp, which a .cpp file includes; such a program defines the list before.
 #pragma once
 
 #include "math/dual.hpp"

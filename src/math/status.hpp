@@ -42,4 +42,9 @@ class ModelError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// @throws ModelError "part: text" unless `ok`.
+inline void require(const char* part, bool ok, const char* text) {
+  if (!ok) throw ModelError(std::string(part) + ": " + text);
+}
+
 }  // namespace dockloop

@@ -4,25 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <random>
 #include <string>
 
+#include "benchmarks/closed_mechanism.hpp"
 #include "kernels/kernels.hpp"
 #include "math/rotation.hpp"
 
 namespace dockloop {
-
-inline Mechanism read_closed_mechanism(const std::string& file, bool newton_only = false) {
-  std::ifstream stream(file);
-  if (!stream) throw ModelError("cannot read " + file);
-  const std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
-  Mechanism mechanism(read_mechanism(text, file), newton_only);
-  close_home(mechanism, file);
-  return mechanism;
-}
 
 class KernelComparison {
  public:

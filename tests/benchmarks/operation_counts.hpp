@@ -1,9 +1,8 @@
 // Counts the arithmetic operations of one evaluation of a mechanism, phase by phase.
 //
 // `Counted` is a double that counts what is done with it. The algorithms of the core are templates
-// defined in .cpp files, and the library holds them for its own scalars only; the .cpp files are
-// therefore included here, with the list of scalars replaced by this one. Whoever includes this
-// header must be a program of its own: it holds a second copy of what those files define.
+// that the library holds for its own scalars only; their definitions (*_body.hpp) are therefore
+// included here, with the list of scalars replaced by this one.
 //
 // An operation is + - * / or a call of sqrt, sin, cos, atan2. Sign changes, abs, floor, comparisons
 // and copies are not counted. An operation is *trivial* if a symbolic program would fold it away:
@@ -98,13 +97,13 @@ struct Eigen::NumTraits<dockloop::Counted> : Eigen::GenericNumTraits<dockloop::C
 };
 
 #include "benchmarks/closed_mechanism.hpp"
-#include "dynamics/mechanism_dynamics.cpp"
-#include "loops/closed_form.cpp"
-#include "loops/leg_geometry.cpp"
-#include "loops/loop_equations.cpp"
-#include "loops/loop_position.cpp"
-#include "loops/loop_reduction.cpp"
-#include "tree/tree.cpp"
+#include "dynamics/mechanism_dynamics_body.hpp"
+#include "loops/closed_form_body.hpp"
+#include "loops/leg_geometry_body.hpp"
+#include "loops/loop_equations_body.hpp"
+#include "loops/loop_position_body.hpp"
+#include "loops/loop_reduction_body.hpp"
+#include "tree/tree_body.hpp"
 
 namespace dockloop {
 

@@ -19,6 +19,8 @@
 namespace dockloop {
 namespace {
 
+using L = Extended;
+
 using nlohmann::json;
 using V = Vec3<double>;
 
@@ -71,8 +73,8 @@ LegShape read_shape(LegKind kind, const json& p) {
 }
 
 V read_target(const json& item) {
-  const json& L = item["L"];
-  return {L[0], L[1], L.size() > 2 ? L[2].get<double>() : 0.0};
+  const json& tip = item["L"];
+  return {tip[0], tip[1], tip.size() > 2 ? tip[2].get<double>() : 0.0};
 }
 
 template <class S>
@@ -175,15 +177,15 @@ void check_branches(double tolerance) {
       const LegShape shape = make_random_shape(kind, random);
       V p(random.uniform(-3, 3), random.uniform(-3, 3), random.uniform(-3, 3));
       if (find_slide(kind) >= 0) p[find_slide(kind)] = random.uniform(-0.2, 0.5);
-      const Vec3<S> L = find_tip<S>(kind, shape, p.cast<S>());
+      const Vec3<S> tip = find_tip<S>(kind, shape, p.cast<S>());
       bool found = false;
       for (const int elbow : {1, -1}) {
         for (const int flip : {1, -1}) {
-          const LegSolution<S> leg = solve_leg<S>(kind, shape, {elbow, flip}, L);
+          const LegSolution<S> leg = solve_leg<S>(kind, shape, {elbow, flip}, tip);
           if (leg.code != StatusCode::kOk) continue;  // the other lean may not reach
           const Vec3<S> again = get_coordinates(kind, leg);
           if (leg.margin > 0.1) {
-            gap.add(static_cast<double>((find_tip<S>(kind, shape, again) - L).norm()), name);
+            gap.add(static_cast<double>((find_tip<S>(kind, shape, again) - tip).norm()), name);
           }
           double distance = 0;
           for (int i = 0; i < (is_planar(kind) ? 2 : 3); ++i) {
@@ -210,7 +212,6 @@ TEST(ClosedForm, the_chain_leads_back_to_the_point_on_every_branch) {
 TEST(ClosedForm, rates_sign_and_acceleration_agree_with_the_chain_differentiated) {
   TestRandom random(11);
   Residual inverse, bias;
-  using L = Extended;
   for (const LegKind kind : {LegKind::kR2P1R3, LegKind::kR1R2R3, LegKind::kR1R2R3Perpendicular}) {
     for (int trial = 0; trial < 50; ++trial) {
       const LegShape shape = make_random_shape(kind, random);

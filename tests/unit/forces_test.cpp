@@ -14,6 +14,8 @@
 namespace dockloop {
 namespace {
 
+using L = Extended;
+
 /// One slide with one force on it.
 struct OneForce {
   explicit OneForce(const JointForce& law) {
@@ -96,7 +98,6 @@ TEST(JointForces, two_forces_on_one_joint_add) {
 }
 
 TEST(JointForces, the_stop_is_continuous_with_its_slope) {
-  using L = Extended;
   const L k = 5e5L, toe = 1e-3L, step = 1e-12L;
   for (const L at : {L(0), toe}) {
     const Elastic<L> below = calc_toe_spring<L>(at - step, k, toe);
@@ -127,7 +128,6 @@ TEST(JointForces, the_energy_of_a_stop_is_the_integral_of_its_force) {
 }
 
 TEST(JointForces, the_elastic_force_is_the_gradient_of_the_energy) {
-  using L = Extended;
   const OneForce all(make_full());
   TestRandom random(31);
   Residual worst;

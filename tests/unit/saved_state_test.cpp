@@ -88,6 +88,8 @@ std::vector<Run> make_runs() {
                     p.friction_model = 2;
                     p.solver_method = kImplicit;
                   }});
+  runs.back().steps = 12;  // with 600 bristles a Jacobian costs as much as a second of other runs
+  runs.back().seen = "contact";
   runs.push_back({"announced_bdf", driven_scene(),
                   [](Parameters& p) {
                     p.coupling_mode = kParallel;
@@ -100,6 +102,8 @@ std::vector<Run> make_runs() {
                     p.model_level = kReference;
                   },
                   drive});
+  runs.back().steps = 15;
+  runs.back().seen = "contact";
   runs.push_back({"absorber", share(minimal_scene())});
   runs.back().h = 0.05;
   runs.back().steps = 60;
@@ -145,6 +149,9 @@ class SavedState : public ::testing::TestWithParam<Run> {
     if (GetParam().seen == std::string("released")) {
       EXPECT_TRUE(last.snapshot.state.discrete.contacted);
       EXPECT_EQ(last.snapshot.state.memory.absorber, Acting::kNo);
+    }
+    if (GetParam().seen == std::string("contact")) {
+      EXPECT_TRUE(last.snapshot.state.discrete.contacted);
     }
     if (GetParam().seen == std::string("coordinates")) {
       EXPECT_NE(last.snapshot.state.coordinates, nullptr);

@@ -1,0 +1,413 @@
+// Dependent coordinates: closed forms where a leg has one, Newton iteration elsewhere.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "loops/loop_equations.hpp"
+#include "math/scalar.hpp"
+
+namespace dockloop {
+namespace {
+
+/// Residual and G of a block from the joint poses.
+template <class S>
+void calc_block_position(const MechanismModel& model, const LoopPlan& plan, const LoopBlock& block,
+                         const TreeData<S>& tree, LoopData<S>& loops, BlockData<S>& data) {
+  if (block.loops.size() > 1) data.G.setZero();
+  for (size_t i = 0; i < block.loops.size(); ++i) {
+    const int k = block.loops[i];
+    calc_cut_position(model, plan, k, tree, loops.cut[k]);
+    for (int j = 0; j < kMaxEquations; ++j) {
+      if (block.row[i][j] >= 0) data.residual[block.row[i][j]] = loops.cut[k].residual[j];
+    }
+    calc_cut_columns(model, plan, k, block.row[i], block.column_of, loops.cut[k], data.G);
+  }
+}
+
+/// Put a solved joint into the tree.
+template <class S>
+void put_joint(const MechanismModel& model, const JointMap& joint, const LegSolution<S>& leg,
+               size_t i, const LoopReference<S>& reference, TreeData<S>& tree) {
+  const Body& body = model.bodies[joint.body];
+  S& q = tree.q[body.q_index];
+  if (body.joint == JointType::kPrismatic) {
+    q = leg.slide;
+    calc_joint_pose(model, joint.body, tree);
+    return;
+  }
+  S c, s;
+  find_joint_angle<S>(joint, leg.c[i], leg.s[i], c, s);
+  q = find_angle<S>(c, s, reference.valid ? S(reference.q[body.q_index]) : q);
+  calc_joint_pose(model, joint.body, c, s, tree);
+}
+
+/// Spin about the leg that makes the cross axes square: A.B = k + alpha cos + beta sin = 0.
+/// [Y2 (9a)]
+template <class S>
+Status calc_spin(const MechanismModel& model, const LoopPaths& paths, const Loop& loop, int k,
+                 const LegSpin& spin, const LoopReference<S>& reference, bool follows,
+                 TreeData<S>& tree, BlockData<S>& data) {
+  using std::sqrt;
+  const Body& body = model.bodies[spin.body];
+  Mat3<S> R = Mat3<S>::Identity();  // axes of the spin joint at zero spin, in L
+  for (int index : paths.terminal) {
+    if (index == spin.body) break;
+    R = R * tree.joint[index].R;
+  }
+  R = R * body.placement.R.template cast<S>();
+  Mat3<S> R_closing = Mat3<S>::Identity();
+  for (int index : paths.closing) R_closing = R_closing * tree.joint[index].R;
+  const Vec3<S> B = R.transpose() * (R_closing * loop.axis_on_closing.template cast<S>());
+  const Vec3<S> e = body.axis.template cast<S>(), A = spin.cross_axis.template cast<S>();
+  const S along = e.dot(A);
+  const S constant = along * e.dot(B);
+  const S alpha = (A - along * e).dot(B), beta = e.cross(A).dot(B);
+  const S square = alpha * alpha + beta * beta;
+  const S radicand = square - constant * constant;
+  if (!(radicand > S(0))) {
+    return {radicand < S(0) ? StatusCode::kOutOfReach : StatusCode::kLoopSingular, k,
+            to_double(radicand), 0.0};
+  }
+  S& q = tree.q[body.q_index];
+  const S root = sqrt(radicand);
+  if (follows) {
+    // f' = beta cos - alpha sin has the sign of the branch: take that of the predicted angle.
+    const double at = to_double(q);
+    const double slope = to_double(beta) * std::cos(at) - to_double(alpha) * std::sin(at);
+    data.spin_branch = slope < 0.0 ? -1 : 1;
+  }
+  const S w = S(data.spin_branch) * root;
+  const S c = (-constant * alpha + w * beta) / square;
+  const S s = (-constant * beta - w * alpha) / square;
+  q = find_angle<S>(c, s, reference.valid ? S(reference.q[body.q_index]) : q);
+  calc_joint_pose(model, spin.body, c, s, tree);
+  data.margin = std::min(data.margin, std::abs(to_double(w)));
+  return {};
+}
+
+/// Was the reference pose of a block near a singular one, for what its joints are predicted to
+/// move?
+template <class S>
+bool is_near_singular(const MechanismModel& model, const LoopBlock& block, const TreeData<S>& tree,
+                      const LoopReference<S>& reference, size_t b) {
+  constexpr double kNear = 0.3;
+  double moved = 0.0;
+  for (int i = 0; i < block.size(); ++i) {
+    const int at = model.bodies[block.dep_bodies[i]].q_index;
+    const double step = to_double(S(tree.q[at] - reference.q[at]));
+    moved = std::max(moved, std::abs(step) / block.dep_scale[i]);
+  }
+  return reference.margin[b] < std::max(kNear, 2.0 * moved);
+}
+
+/// A leg in closed form.                                                      [Y2 (9a), (9b)]
+template <class S>
+Status solve_by_formula(const MechanismModel& model, const LoopPlan& plan, const LoopBlock& block,
+                        TreeData<S>& tree, LoopData<S>& loops, BlockData<S>& data) {
+  const ClosedForm& form = *block.form();
+  const int k = block.loops[0];
+  const Loop& loop = model.loops[k];
+  const LoopPaths& paths = plan.paths[k];
+  const LoopReference<S>& reference = loops.reference;
+  bool follows = false;
+  if (reference.valid) {
+    const size_t b = static_cast<size_t>(plan.block_of_loop[k]);
+    data.branch = reference.branch[b];
+    data.spin_branch = reference.spin_branch[b];
+    follows = is_near_singular(model, block, tree, reference, b);
+  }
+  // Vector from the leg's centre to the closing point, canonical axes.
+  Vec3<S> L = loop.point_on_closing.template cast<S>();
+  for (size_t i = paths.closing.size(); i-- > 0;) {
+    const Pose<S>& joint = tree.joint[paths.closing[i]];
+    L = joint.R * L + joint.p;
+  }
+  for (int i = 0; i <= form.parent_on_terminal; ++i) {
+    const Pose<S>& joint = tree.joint[paths.terminal[i]];
+    L = joint.R.transpose() * (L - joint.p);
+  }
+  L = form.in_parent.R.template cast<S>().transpose() * (L - form.in_parent.p.template cast<S>());
+  // Near a singular pose two branches meet, and a mechanism that moves on leaves it on the one that
+  // continues its motion: the branch nearest to the predicted coordinates.
+  if (follows) choose_branch<S>(model, form, L, tree.q, plan.loop_size[k], 0, data.branch);
+  data.leg = solve_leg<S>(form.kind, form.shape, data.branch, L);
+  if (data.leg.code != StatusCode::kOk) return {data.leg.code, k, 0.0, 0.0};
+  for (size_t i = 0; i < form.joint.size(); ++i) {
+    put_joint(model, form.joint[i], data.leg, i, reference, tree);
+  }
+  data.margin = data.leg.margin;
+  if (!form.spin) return {};
+  return calc_spin(model, paths, loop, k, *form.spin, reference, follows, tree, data);
+}
+
+/// A coupling by itself: its joint follows.
+template <class S>
+void solve_coupling(const MechanismModel& model, const Loop& loop, const LoopPaths& paths,
+                    TreeData<S>& tree) {
+  const int dependent = loop.dependent[0];
+  S rest = S(loop.offset) + S(loop.rate) * tree.time;
+  for (int body : paths.tied) {
+    if (body == dependent) continue;
+    rest -= S(find_coupling_factor(loop, body)) * tree.q[model.bodies[body].q_index];
+  }
+  tree.q[model.bodies[dependent].q_index] = rest / S(find_coupling_factor(loop, dependent));
+  calc_joint_pose(model, dependent, tree);
+}
+
+/// Newton iteration for the dependent coordinates of a block.                       [Y2 (9)]
+/// Steps are measured and capped in scaled form (angles in rad, slides in loop sizes); the accepted
+/// closure is at rounding level, and a test tighter than that could cycle for ever. With a scalar
+/// that carries derivatives the last step, taken at the solution, is the implicit function theorem.
+template <class S>
+Status solve_by_newton(const MechanismModel& model, const LoopPlan& plan, const LoopBlock& block,
+                       TreeData<S>& tree, LoopData<S>& loops, BlockData<S>& data) {
+  constexpr int kIterations = 25;
+  constexpr double kCap = 0.3;
+  const double eps = to_double(S(std::numeric_limits<S>::epsilon()));
+  const double converged = 1e-13 * std::max(eps / 2.3e-16, 1e-3);
+  const int k = block.loops[0];
+  const int m = block.size();
+  for (int i = 0; i < m; ++i) calc_joint_pose(model, block.dep_bodies[i], tree);
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    calc_block_position(model, plan, block, tree, loops, data);
+    bool rounding = true;
+    double turned = 1.0;  // an angle is known to its own rounding only
+    for (int i = 0; i < m; ++i) {
+      const Body& body = model.bodies[block.dep_bodies[i]];
+      if (body.joint == JointType::kRevolute) {
+        turned = std::max(turned, std::abs(to_double(tree.q[body.q_index])));
+      }
+    }
+    for (size_t i = 0; i < block.loops.size(); ++i) {
+      const int loop = block.loops[i];
+      const CutData<S>& cut = loops.cut[loop];
+      if (model.loops[loop].cut == CutType::kCoupling) {
+        const double bound = 8.0 * eps * turned * block.row_scale[block.row[i][0]];
+        rounding = rounding && std::abs(to_double(cut.residual[0])) <= bound;
+        continue;
+      }
+      const double reach = to_double(S(cut.p_T.norm() + cut.p_I.norm()));
+      for (int j = 0; j < kMaxEquations; ++j) {
+        if (block.row[i][j] < 0) continue;
+        const double open = std::abs(to_double(cut.residual[j]));
+        rounding = rounding && open <= 8.0 * eps * turned * (j < 3 ? reach : 1.0);
+      }
+    }
+    if (!data.lu.factorise(data.G)) return {StatusCode::kLoopSingular, k, 0.0, 0.0};
+    data.step = data.residual;
+    data.lu.solve(data.step);
+    double scaled = 0.0;
+    for (int i = 0; i < m; ++i) {
+      const double step = std::abs(to_double(data.step[i])) / block.dep_scale[i];
+      if (!(step < 1e30)) return {StatusCode::kLoopNotClosed, k, 0.0, 0.0};
+      scaled = std::max(scaled, step);
+    }
+    const S factor(scaled > kCap ? kCap / scaled : 1.0);
+    for (int i = 0; i < m; ++i) {
+      tree.q[model.bodies[block.dep_bodies[i]].q_index] -= factor * data.step[i];
+      calc_joint_pose(model, block.dep_bodies[i], tree);
+    }
+    if (scaled <= converged * turned || rounding) return {};
+  }
+  return {StatusCode::kLoopNotClosed, k, 0.0, 0.0};
+}
+
+/// How far a joint has moved from the reference pose, in its velocity coordinates.
+template <class S>
+void calc_moved(const MechanismModel& model, int index, const TreeData<S>& tree,
+                LoopData<S>& loops) {
+  const Body& body = model.bodies[index];
+  const VecX<S>& q0 = loops.reference.q;
+  if (body.joint != JointType::kFree) {
+    loops.moved[body.v_index] = tree.q[body.q_index] - q0[body.q_index];
+    return;
+  }
+  const Vec4<S> quat0 = q0.template segment<4>(body.q_index + 3);
+  const Vec4<S> quat = tree.q.template segment<4>(body.q_index + 3);
+  const Vec3<S> shift =
+      tree.q.template segment<3>(body.q_index) - q0.template segment<3>(body.q_index);
+  // A small turn: twice the vector part of the quaternion between the two attitudes.
+  const Vec4<S> turn = quat_multiply<S>(quat_conjugate<S>(quat0), quat);
+  loops.moved.template segment<3>(body.v_index) = quat_to_matrix<S>(quat0).transpose() * shift;
+  loops.moved.template segment<3>(body.v_index + 3) =
+      turn.template tail<3>() * (turn[0] < S(0) ? S(-2) : S(2));
+}
+
+/// Start the dependent coordinates of a block on the tangent of the reference pose.
+template <class S>
+void predict(const MechanismModel& model, size_t b, const LoopBlock& block, TreeData<S>& tree,
+             const LoopData<S>& loops) {
+  const MatX<S>& H = loops.reference.H[b];
+  for (int i = 0; i < block.size(); ++i) {
+    const int at = model.bodies[block.dep_bodies[i]].q_index;
+    S q = loops.reference.q[at];
+    for (int j = 0; j < H.cols(); ++j) q += H(i, j) * loops.moved[block.low[j]];
+    tree.q[at] = q;
+  }
+}
+
+/// Leg axes in L: two joint axes of the leg and what is square to them.
+template <class S>
+void calc_leg_axes(const LoopPaths& paths, const MechanismModel& model, const ClosedForm& form,
+                   const CutData<S>& cut, Mat3<S>& axes) {
+  const auto axis = [&](int i) {
+    const JointMap& joint = form.joint[i];
+    const size_t at = static_cast<size_t>(form.parent_on_terminal + 1 + i);
+    return Vec3<S>(S(joint.sign) *
+                   (cut.terminal[at].R * model.bodies[paths.terminal[at]].axis.template cast<S>()));
+  };
+  if (form.kind == LegKind::kR2P1R3) {
+    axes.col(0) =
+        cut.terminal.back().R * model.bodies[paths.terminal.back()].axis.template cast<S>();
+    axes.col(2) = axis(1);
+    axes.col(1) = axes.col(2).cross(axes.col(0));
+    return;
+  }
+  axes.col(1) = form.kind == LegKind::kR1R2R3 ? axis(2) : axis(1);
+  axes.col(2) = form.kind == LegKind::kR1R2R3 ? axis(0) : axis(2);
+  axes.col(0) = axes.col(1).cross(axes.col(2));
+}
+
+/// C_dep^-1 (or its factors), margin and sign of a closed block.
+template <class S>
+Status calc_block_inverse(const MechanismModel& model, const LoopPlan& plan, const LoopBlock& block,
+                          LoopData<S>& loops, BlockData<S>& data) {
+  const int k = block.loops[0];
+  const ClosedForm* form = block.form();
+  if (form && form->has_inverse()) {
+    calc_leg_axes(plan.paths[k], model, *form, loops.cut[k], data.leg_axes);
+    const Mat3<S> inverse = find_leg_inverse<S>(form->kind, form->shape, data.leg, data.leg_axes);
+    data.sign = find_leg_sign<S>(form->kind, form->shape, data.leg);
+    for (int i = 0; i < 3; ++i) {
+      data.inverse.row(form->joint[i].row) = S(form->joint[i].sign) * inverse.row(i);
+    }
+    return {};
+  }
+  if (!data.lu.factorise(data.G)) return {StatusCode::kLoopSingular, k, 0.0, 0.0};
+  data.sign = data.lu.determinant_sign();
+  if (!form) {
+    data.margin = 1.0 / to_double(data.lu.scaled_inverse_norm(block.row_scale, block.dep_scale));
+  }
+  return {};
+}
+
+/// Equations left out as redundant must be satisfied all the same.
+template <class S>
+Status check_redundant(const MechanismModel& model, const LoopPlan& plan, const TreeData<S>& tree,
+                       LoopData<S>& loops) {
+  constexpr double kLimit = 1e-6;
+  for (size_t k = 0; k < model.loops.size(); ++k) {
+    const int loop = static_cast<int>(k);
+    if (plan.block_of_loop[k] < 0) calc_cut_position(model, plan, loop, tree, loops.cut[k]);
+    for (int equation : model.loops[k].redundant) {
+      const double open = std::abs(to_double(loops.cut[k].residual[equation])) /
+                          (equation < 3 ? plan.loop_size[k] : 1.0);
+      if (!(open <= kLimit)) return {StatusCode::kRedundancyLost, loop, open, 0.0};
+    }
+  }
+  return {};
+}
+
+/// Does H continue the one of the reference pose? Only asked when det C_dep has changed its sign:
+/// a mechanism may run straight through a pose where branches meet, but must not turn back on
+/// another branch, where H jumps.
+template <class S>
+bool continues_reference(const LoopBlock& block, const MatX<S>& H0, BlockData<S>& data) {
+  calc_block_map(block, data);
+  double change = 0.0, size = 1.0;
+  for (int j = 0; j < H0.cols(); ++j) {
+    for (int i = 0; i < H0.rows(); ++i) {
+      const double scale = block.low_scale[j] / block.dep_scale[i];
+      change = std::max(change, scale * std::abs(to_double(S(data.H(i, j) - H0(i, j)))));
+      size = std::max(size, scale * std::abs(to_double(H0(i, j))));
+    }
+  }
+  return change <= 0.25 * size;
+}
+
+template <class S>
+Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from_reference,
+                    TreeData<S>& tree, LoopData<S>& loops) {
+  for (int i : plan.ind_bodies) calc_joint_pose(model, i, tree);
+  if (from_reference) {
+    for (int i : plan.ind_bodies) calc_moved(model, i, tree, loops);
+  }
+  for (size_t b = 0; b < plan.blocks.size(); ++b) {
+    const LoopBlock& block = plan.blocks[b];
+    BlockData<S>& data = loops.block[b];
+    Status status;
+    if (from_reference && !block.is_coupling) predict(model, b, block, tree, loops);
+    if (block.form()) {
+      status = solve_by_formula(model, plan, block, tree, loops, data);
+    } else if (block.is_coupling) {
+      solve_coupling(model, model.loops[block.loops[0]], plan.paths[block.loops[0]], tree);
+    } else {
+      status = solve_by_newton(model, plan, block, tree, loops, data);
+    }
+    if (!status.ok()) return status;
+    if (from_reference) {
+      for (int i : block.dep_bodies) calc_moved(model, i, tree, loops);
+    }
+    calc_block_position(model, plan, block, tree, loops, data);
+    status = calc_block_inverse(model, plan, block, loops, data);
+    if (!status.ok()) return status;
+    if (!(data.margin >= model.singularity.error)) {
+      return {StatusCode::kLoopSingular, block.loops[0], data.margin, 0.0};
+    }
+    if (loops.reference.valid && loops.reference.sign[b] != data.sign &&
+        !continues_reference(block, loops.reference.H[b], data)) {
+      return {StatusCode::kBranchChanged, block.loops[0], data.margin, 0.0};
+    }
+  }
+  return check_redundant(model, plan, tree, loops);
+}
+
+}  // namespace
+
+template <class S>
+Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
+                          LoopData<S>& loops) {
+  if (!loops.reference.valid) return solve_blocks(model, plan, false, tree, loops);
+  loops.target = tree.q;
+  Status status = solve_blocks(model, plan, true, tree, loops);
+  if (status.code != StatusCode::kLoopNotClosed) return status;
+  // Too far for one leap: walk there from the reference pose.
+  constexpr int kSubSteps = 5;
+  tree.q = loops.reference.q;
+  for (int step = 1; step <= kSubSteps; ++step) {
+    const S part = S(step) / S(kSubSteps);
+    for (int i : plan.ind_q) {
+      const S& from = loops.reference.q[i];
+      tree.q[i] = step == kSubSteps ? loops.target[i] : S(from + part * (loops.target[i] - from));
+    }
+    status = solve_blocks(model, plan, false, tree, loops);
+    if (!status.ok()) return status;
+  }
+  return status;
+}
+
+template <class S>
+void keep_reference(const TreeData<S>& tree, LoopData<S>& loops) {
+  LoopReference<S>& reference = loops.reference;
+  reference.valid = true;
+  reference.q = tree.q;
+  for (size_t b = 0; b < loops.block.size(); ++b) {
+    reference.H[b] = loops.block[b].H;
+    reference.margin[b] = loops.block[b].margin;
+    reference.branch[b] = loops.block[b].branch;
+    reference.spin_branch[b] = loops.block[b].spin_branch;
+    reference.sign[b] = loops.block[b].sign;
+  }
+}
+
+#define DOCK_INSTANTIATE(S)                                                                   \
+  template Status calc_loop_position<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&, \
+                                        LoopData<S>&);                                        \
+  template void keep_reference<S>(const TreeData<S>&, LoopData<S>&);
+
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+#undef DOCK_INSTANTIATE
+
+}  // namespace dockloop
