@@ -13,6 +13,7 @@
 #include <sundials/sundials_linearsolver.h>
 #include <sundials/sundials_matrix.h>
 
+#include <limits>
 #include <memory>
 
 #include "integrate/stepper.hpp"
@@ -39,6 +40,9 @@ struct System {
   static void ignore_message(int, const char*, const char*, char*, void*) {}
   /// @throws std::runtime_error
   static void check(int flag);
+  /// No more evaluations: SUNDIALS gives up at a negative value.
+  static constexpr int kGiveUp = -1;
+  bool is_exhausted() const { return evaluations >= evaluation_limit; }
   /// What an evaluation says is kept, and handed on to SUNDIALS.
   int note(int said) {
     if (said > 0) trouble = said;
@@ -55,6 +59,7 @@ struct System {
   const double* known_jacobian = nullptr;  ///< for the next call that asks for one; may be null
   double ahead = 0.0;    ///< Jacobians are taken so long ahead of the state, along its rates [s]
   long evaluations = 0;  ///< of rates; a Jacobian counts as Problem::jacobian_cost
+  long evaluation_limit = std::numeric_limits<long>::max();
 };
 
 /// Newton matrix of an implicit method and its factors.

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <vector>
 
@@ -63,6 +64,7 @@ int System::calc_rates(double t, const double* state, double* ydot) {
     std::fill_n(ydot, problem.size, 0.0);
     return 0;
   }
+  if (is_exhausted()) return kGiveUp;
   ++evaluations;
   return note(problem.rates(t, state, ydot));
 }
@@ -74,6 +76,7 @@ int System::call_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
 int System::call_mild_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
   System& me = *static_cast<System*>(system);
   if (me.idle) return call_rates(t, y, ydot, system);
+  if (me.is_exhausted()) return kGiveUp;
   ++me.evaluations;
   return me.note(me.problem.mild_rates(t, NV_DATA_S(y), NV_DATA_S(ydot)));
 }
@@ -95,6 +98,7 @@ int System::call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacob
     me.known_jacobian = nullptr;
     return 0;
   }
+  if (me.is_exhausted()) return kGiveUp;
   me.evaluations += me.problem.jacobian_cost;
   if (me.ahead > 0.0) {
     N_VLinearSum(1.0, y, me.ahead, ydot, scratch);
@@ -141,7 +145,15 @@ struct Stepper::Impl {
   bool restarted = true;  // no step was made since restart()
   long idle_steps = 0;
   std::vector<double> low, high, middle;  // event functions at both ends of a step, and inside
+  std::vector<double> low_speed, high_speed;  // and how fast they may change
   bool low_valid = false;                 // low is that of the present state
+  /// Event functions inside a step, in the order of time. The first and the last are its ends.
+  struct Probe {
+    double t = 0.0;
+    std::vector<double> value, speed;
+  };
+  static constexpr size_t kMostProbes = 24;
+  std::array<Probe, kMostProbes> probes;
   N_Vector y_inside = nullptr;
   std::vector<char> root_info;
   std::vector<double> y_before;
@@ -152,7 +164,11 @@ struct Stepper::Impl {
         solver(make_solver(system, method)) {
     const size_t roots = static_cast<size_t>(system.problem.root_count);
     root_info.assign(roots, 0);
-    for (auto* values : {&low, &high, &middle}) values->assign(roots, 0.0);
+    for (auto* values : {&low, &high, &middle, &low_speed, &high_speed}) values->assign(roots, 0.0);
+    for (Probe& probe : probes) {
+      probe.value.assign(roots, 0.0);
+      probe.speed.assign(roots, 0.0);
+    }
     y_before.assign(static_cast<size_t>(system.problem.size), 0.0);
     y_inside = system.make_vector();
   }
@@ -160,14 +176,78 @@ struct Stepper::Impl {
     if (y_inside) N_VDestroy(y_inside);
   }
 
-  bool find_roots(double at, N_Vector state, std::vector<double>& values) {
-    return system.problem.roots(at, NV_DATA_S(state), values.data()) == 0;
+  bool find_roots(double at, N_Vector state, std::vector<double>& values,
+                  std::vector<double>& speeds) {
+    if (system.problem.roots(at, NV_DATA_S(state), values.data()) != 0) return false;
+    if (system.problem.root_speeds) system.problem.root_speeds(speeds.data());
+    return true;
+  }
+
+  /// Where two neighbouring probes leave room for an event function to be below zero between them:
+  /// the index of the first of the pair with most room. @return -1 if there is none
+  int find_room(size_t count) const {
+    constexpr double kSurely = 1.5;        // speeds between two probes are at most so much higher
+    constexpr double kFine = 1.0 / 256.0;  // of a step: time that is not looked into
+    const double fine = kFine * (probes[count - 1].t - probes[0].t);
+    double most = fine;
+    int at = -1;
+    for (size_t k = 0; k + 1 < count; ++k) {
+      const Probe &a = probes[k], &b = probes[k + 1];
+      for (size_t i = 0; i < low.size(); ++i) {
+        const double speed = kSurely * std::max(a.speed[i], b.speed[i]);
+        // It falls to zero and comes back: what is left of the time is spent below zero.
+        const double room = (b.t - a.t) - (a.value[i] + b.value[i]) / speed;
+        if (!(speed > 0.0 && a.value[i] > 0.0 && b.value[i] > 0.0) || !(room > most)) continue;
+        most = room;
+        at = static_cast<int>(k);
+      }
+    }
+    return at;
+  }
+
+  /// Is an event function below zero inside the step, but above it at both ends? Then `end` and
+  /// `high` become those of a time at which it is. @return false if a state cannot be evaluated
+  bool search_dips(double t_before, double& end) {
+    if (!system.problem.root_speeds) return true;
+    const auto take = [](Probe& to, double at, const std::vector<double>& value,
+                         const std::vector<double>& speed) {
+      to.t = at;
+      to.value = value;
+      to.speed = speed;
+    };
+    take(probes[0], t_before, low, low_speed);
+    take(probes[1], end, high, high_speed);
+    for (size_t count = 2; count < kMostProbes; ++count) {
+      const int k = find_room(count);
+      if (k < 0) return true;
+      const double at = 0.5 * (probes[k].t + probes[k + 1].t);
+      if (!(at > probes[k].t && at < probes[k + 1].t)) return true;
+      if (!solver->interpolate(at, y_inside)) return false;
+      Probe& fresh = probes[count];
+      fresh.t = at;
+      if (!find_roots(at, y_inside, fresh.value, fresh.speed)) return false;
+      for (size_t i = 0; i < low.size(); ++i) {
+        if (!(low[i] > 0.0 && fresh.value[i] <= 0.0)) continue;
+        end = at;
+        high = fresh.value;
+        high_speed = fresh.speed;
+        return true;
+      }
+      std::rotate(probes.begin() + k + 1, probes.begin() + count, probes.begin() + count + 1);
+    }
+    return true;
   }
 
   /// Does an event function fall through zero in the step from low to high? Then t is set to where
   /// the first one has done so, y to the state there. @return false if a state cannot be evaluated
   bool search_roots(double t_before, bool& found) {
     found = false;
+    double end = t;
+    // Where a dip is found there may be an earlier one of another function.
+    for (double before = 2.0 * end - t_before; end < before;) {
+      before = end;
+      if (!search_dips(t_before, end)) return false;
+    }
     for (size_t i = 0; i < low.size(); ++i) {
       root_info[i] = low[i] > 0.0 && high[i] <= 0.0;
       found = found || root_info[i];
@@ -181,7 +261,7 @@ struct Stepper::Impl {
       }
       return smallest;
     };
-    double a = t_before, b = t, fa = 1.0, fb = least(high);
+    double a = t_before, b = end, fa = 1.0, fb = least(high);
     const double tolerance = system.problem.root_tolerance * (std::abs(t) + (t - t_before));
     int side = 0;
     for (int i = 0; i < 100 && b - a > tolerance && fb < 0.0; ++i) {
@@ -189,7 +269,7 @@ struct Stepper::Impl {
       if (!(c > a + 0.5 * tolerance)) c = a + 0.5 * tolerance;
       if (!(c < b - 0.5 * tolerance)) c = b - 0.5 * tolerance;
       if (!solver->interpolate(c, y_inside)) return false;
-      if (!find_roots(c, y_inside, middle)) return false;
+      if (!find_roots(c, y_inside, middle, high_speed)) return false;
       const double fc = least(middle);
       if (fc > 0.0) {
         a = c;
@@ -227,6 +307,13 @@ Stepper::Stepper(Problem problem, Method method) : impl_(new Impl(std::move(prob
 }
 Stepper::~Stepper() = default;
 
+void Stepper::set_evaluation_limit(long count) {
+  System& system = impl_->system;
+  constexpr long kMost = std::numeric_limits<long>::max();
+  system.evaluation_limit = count < kMost - system.evaluations ? system.evaluations + count : kMost;
+}
+bool Stepper::is_exhausted() const { return impl_->system.is_exhausted(); }
+
 double* Stepper::y() { return NV_DATA_S(impl_->system.y); }
 
 void Stepper::set_tolerances(double rtol, const double* atol) {
@@ -258,21 +345,25 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
   double h_first = 0.0;
   size_t leaps = 0;
   std::copy(y(), y() + me.system.problem.size, me.y_before.begin());
-  if (watch && !me.low_valid && !me.find_roots(me.t, me.system.y, me.low))
+  if (watch && !me.low_valid && !me.find_roots(me.t, me.system.y, me.low, me.low_speed))
     return StepOutcome::kFailed;
   for (int retry = 0; retry < kRetries;) {
     me.system.trouble = 0;
     const StepOutcome made = me.solver->step(t_stop, me.system.y, me.t);
     if (made == StepOutcome::kStopped) me.t = t_stop;
     bool found = false;
-    if (made != StepOutcome::kFailed && (!watch || (me.find_roots(me.t, me.system.y, me.high) &&
-                                                    me.search_roots(t_before, found)))) {
+    if (made != StepOutcome::kFailed &&
+        (!watch || (me.find_roots(me.t, me.system.y, me.high, me.high_speed) &&
+                    me.search_roots(t_before, found)))) {
       me.restarted = false;
       me.low_valid = watch && !found;
-      if (me.low_valid) std::swap(me.low, me.high);
+      if (me.low_valid) {
+        std::swap(me.low, me.high);
+        std::swap(me.low_speed, me.high_speed);
+      }
       return found ? StepOutcome::kRoot : made;
     }
-    if (me.fixed) return StepOutcome::kFailed;  // no other size is allowed
+    if (me.fixed || me.system.is_exhausted()) return StepOutcome::kFailed;
     if (retry == 0 && leaps == 0) {
       // The solver still holds the size of the step before a restart.
       if (me.restarted) {

@@ -32,6 +32,11 @@ class Stepper {
     int root_count = 0;
     std::function<int(double t, const double* y, double* ydot)> rates;
     std::function<int(double t, const double* y, double* roots)> roots;  ///< roots fall through 0
+    /// How fast each event function may change [1/s times its unit] at the state that `roots` was
+    /// called for last; 0 = fast enough to be seen at the ends of a step, or not known. Where the
+    /// bounds allow that a function is below zero inside a step and above it at both ends, as the
+    /// largest of several conditions may be, the step is searched. May be empty.
+    std::function<void(double* speeds)> root_speeds;
     /// d rates / d y by columns, for implicit methods; without it SUNDIALS takes differences.
     std::function<int(double t, const double* y, double* jacobian)> jacobian;
     int jacobian_cost = 0;  ///< evaluations of the rates that a Jacobian is counted as
@@ -84,6 +89,10 @@ class Stepper {
   Stepper& operator=(const Stepper&) = delete;
 
   double* y();
+  /// From now on so many evaluations of the rates are made, and no more: steps fail then.
+  void set_evaluation_limit(long count);
+  /// Did a step fail for that?
+  bool is_exhausted() const;
   /// Tolerances: |error_i| <= rtol |y_i| + atol[i] in the root-mean-square sense; for kDae of z.
   void set_tolerances(double rtol, const double* atol);
   /// Start (again) at time t from y() with first step h (0 = choose); multistep methods choose one

@@ -6,7 +6,9 @@
 // 4. steps and restarts do not allocate;
 // 5. roots are found where they are; a state that cannot be evaluated makes the step smaller;
 // 6. what stiffness costs: implicit methods need few steps where explicit ones need many, and equal
-//    implicit steps are stable where explicit ones of the same size are not.
+//    implicit steps are stable where explicit ones of the same size are not;
+// 7. an event function that is below zero inside a step only is seen, if its speed is known;
+// 8. steps fail once all evaluations that are allowed have been made.
 #include "integrate/stepper.hpp"
 
 #include <gtest/gtest.h>
@@ -338,6 +340,70 @@ INSTANTIATE_TEST_SUITE_P(Methods, AdaptiveSteppers, ::testing::ValuesIn(find_ada
                          [](const auto& c) { return std::string(c.param.name); });
 INSTANTIATE_TEST_SUITE_P(Methods, Steppers, ::testing::ValuesIn(kCases),
                          [](const auto& c) { return std::string(c.param.name); });
+
+// ---------------------------------------------------------------- events inside a step
+
+/// y' = 1, and an event function that is the largest of two conditions: below zero for `length`.
+Stepper::Problem make_dip(double from, double length, bool knows_speed) {
+  Stepper::Problem p;
+  p.size = 1;
+  p.root_count = 2;
+  p.rates = [](double, const double*, double* ydot) {
+    ydot[0] = 1.0;
+    return 0;
+  };
+  p.roots = [from, length](double, const double* y, double* roots) {
+    roots[0] = 1.0;
+    roots[1] = std::max(from - y[0], y[0] - (from + length));
+    return 0;
+  };
+  if (knows_speed) {
+    p.root_speeds = [](double* speeds) {
+      speeds[0] = 0.0;
+      speeds[1] = 1.0;
+    };
+  }
+  return p;
+}
+
+TEST(Roots, between_two_positive_ends_are_found_where_the_speed_is_known) {
+  for (const double from : {0.013, 0.3, 0.5, 0.77, 0.98}) {
+    for (const double length : {0.2, 0.05, 0.019, 0.004}) {
+      if (from + length >= 1.0) continue;
+      Stepper stepper(make_dip(from, length, true), Method::kDormandPrince);
+      stepper.y()[0] = 0.0;
+      stepper.restart(0.0, 1.0);
+      EXPECT_EQ(stepper.step(1.0, true), StepOutcome::kRoot) << from << " + " << length;
+      EXPECT_NEAR(stepper.time(), from, 1e-9);
+      EXPECT_TRUE(stepper.root_found(1));
+      EXPECT_FALSE(stepper.root_found(0));
+    }
+  }
+}
+
+TEST(Roots, between_two_positive_ends_are_not_looked_for_where_it_is_not) {
+  Stepper stepper(make_dip(0.5, 0.05, false), Method::kDormandPrince);
+  stepper.y()[0] = 0.0;
+  stepper.restart(0.0, 1.0);
+  EXPECT_EQ(stepper.step(1.0, true), StepOutcome::kStopped);
+}
+
+TEST_P(AdaptiveSteppers, fail_when_their_evaluations_are_used_up) {
+  Stepper stepper(make_smooth(true), GetParam().method);
+  const std::array<double, 3> atol = {1e-12, 1e-12, 1e-12};
+  stepper.set_tolerances(1e-10, atol.data());
+  stepper.y()[0] = stepper.y()[1] = 1.0;
+  stepper.y()[2] = 0.0;
+  const long before = stepper.rate_evaluations();
+  constexpr long kAllowed = 60;
+  stepper.set_evaluation_limit(kAllowed);
+  stepper.restart(0.0, 1e-3);
+  StepOutcome outcome = StepOutcome::kStepped;
+  while (outcome == StepOutcome::kStepped) outcome = stepper.step(1e3, false);
+  EXPECT_EQ(outcome, StepOutcome::kFailed);
+  EXPECT_TRUE(stepper.is_exhausted());
+  EXPECT_LE(stepper.rate_evaluations() - before, kAllowed + 10);  // a Jacobian counts as a few
+}
 
 }  // namespace
 }  // namespace dockloop
