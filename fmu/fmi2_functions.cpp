@@ -271,6 +271,9 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, f
                                fmi2Real stop_time) {
   return guarded(c, call::kSetupExperiment, [&](Instance& self) {
     if (!std::isfinite(start_time)) throw Refusal("fmi2SetupExperiment: startTime is not finite");
+    if (stop_time_defined && !std::isfinite(stop_time)) {
+      throw Refusal("fmi2SetupExperiment: stopTime is not finite");
+    }
     if (stop_time_defined && !(stop_time >= start_time)) {
       throw Refusal("fmi2SetupExperiment: stopTime " + shortest(stop_time) +
                     " s is before startTime " + shortest(start_time) + " s");
@@ -279,7 +282,8 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, f
       throw Refusal("fmi2SetupExperiment: tolerance is " + shortest(tolerance) +
                     ", but must lie between 0 and 1");
     }
-    self.setup(start_time, tolerance_defined ? tolerance : 0.0);
+    self.setup(start_time, tolerance_defined ? tolerance : 0.0,
+               stop_time_defined ? stop_time : Instance::kNoStop);
     return fmi2OK;
   });
 }

@@ -67,9 +67,10 @@ void Instance::load_kernel(const std::string& resources) {
   }
 }
 
-void Instance::setup(double t0, double wanted_tolerance) {
+void Instance::setup(double t0, double wanted_tolerance, double stop) {
   start_time = time = t0;
   tolerance = wanted_tolerance;
+  stop_time = stop;
 }
 
 void Instance::initialise() {
@@ -98,10 +99,14 @@ fmi2Status Instance::step(double t, double h) {
                   " s, but must be positive and finite");
   }
   // Rounding of the host's clock (some count nanoseconds) is accepted, a gap or overlap is not.
-  const double slack = 1e-6 * h + 1e-15 * std::abs(t);
+  const double slack = 1e-6 * h + 1e-15 * std::abs(time);
   if (!(std::abs(t - time) <= slack)) {
     throw Refusal("fmi2DoStep: currentCommunicationPoint is " + shortest(t) + " s, expected " +
                   shortest(time) + " s, the end of the last step");
+  }
+  if (!(t + h <= stop_time + slack)) {
+    throw Refusal("fmi2DoStep: the step ends at " + shortest(t + h) +
+                  " s, after the stopTime of fmi2SetupExperiment, " + shortest(stop_time) + " s");
   }
   state = kError;  // stays if anything below throws
   step_status = fmi2Error;
@@ -121,7 +126,7 @@ fmi2Status Instance::step(double t, double h) {
 void Instance::reset() {
   sim.reset();
   variables = make_variables(sim);
-  setup(sim.scene().experiment.start, 0.0);
+  setup(sim.scene().experiment.start, 0.0, kNoStop);
   state = kInstantiated;
   initialised = false;
   step_status = fmi2OK;
@@ -176,6 +181,8 @@ void Instance::save(SavedInstance& into) const {
   into.initialised = initialised;
   into.start_time = start_time;
   into.tolerance = tolerance;
+  into.has_stop_time = stop_time < kNoStop;
+  into.stop_time = into.has_stop_time ? stop_time : 0.0;
   into.time = time;
   into.step_status = step_status;
   into.phase = phase;
@@ -198,6 +205,7 @@ void Instance::load(const SavedInstance& from) {
   initialised = from.initialised;
   start_time = from.start_time;
   tolerance = from.tolerance;
+  stop_time = from.has_stop_time ? from.stop_time : kNoStop;
   time = from.time;
   step_status = static_cast<fmi2Status>(from.step_status);
   phase = from.phase;
@@ -208,7 +216,7 @@ namespace {
 constexpr char kMagic[8] = {'D', 'O', 'C', 'K', 'L', 'O', 'O', 'P'};
 constexpr std::uint32_t kByteOrder = 0x01020304;
 /// To be raised whenever the contents change.
-constexpr std::uint32_t kStateFormat = 5;
+constexpr std::uint32_t kStateFormat = 6;
 
 struct Header {
   char magic[8];
@@ -247,7 +255,8 @@ std::string printable(std::string text) {
 template <class A>
 void transfer(A& archive, SavedInstance& saved) {
   transfer_all(archive, saved.interface, saved.state, saved.initialised, saved.start_time,
-               saved.tolerance, saved.time, saved.step_status, saved.phase, saved.sim);
+               saved.tolerance, saved.has_stop_time, saved.stop_time, saved.time, saved.step_status,
+               saved.phase, saved.sim);
 }
 
 }  // namespace

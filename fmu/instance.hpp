@@ -6,6 +6,7 @@
 
 #include <fmi2Functions.h>
 
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -39,17 +40,21 @@ struct SavedInstance {
   State state = kInstantiated;
   bool initialised = false;
   double start_time = 0.0, tolerance = 0.0, time = 0.0;
+  bool has_stop_time = false;
+  double stop_time = 0.0;
   int step_status = fmi2OK, phase = 0;
   SavedSim sim;
 };
 
 struct Instance {
+  static constexpr double kNoStop = std::numeric_limits<double>::infinity();
   Instance(std::shared_ptr<const Scene> scene, Interface interface, Logger log);
 
   /// Use the kernel that the FMU carries for this platform, if it does; one that cannot be loaded
   /// is a warning. Before initialise(). @param resources  folder, UTF-8
   void load_kernel(const std::string& resources);
-  void setup(double t0, double wanted_tolerance);
+  /// @param stop  end of the experiment, infinite if there is none [s]
+  void setup(double t0, double wanted_tolerance, double stop);
   /// Start state from parameters and start values, if it is not there yet or one of them changed.
   void initialise();
   fmi2Status step(double t, double h);
@@ -81,6 +86,7 @@ struct Instance {
   bool initialised = false;                ///< the start state fits the present parameters
   double start_time = 0.0;                 ///< [s]
   double tolerance = 0.0;                  ///< relative, of the host; 0 = none given
+  double stop_time = kNoStop;              ///< [s] no step may lead beyond it
   double time = 0.0;                       ///< [s] last communication point, by the host's clock
   fmi2Status step_status = fmi2OK;         ///< of the last fmi2DoStep
   int phase = 0;                           ///< as last logged

@@ -394,8 +394,17 @@ void add_contact(Table& table, Parameters& parameter, Outputs& out) {
   for (size_t i = 0; i < out.latch_opening.size(); ++i) {
     table.output(indexed("latch", i) + ".opening", &out.latch_opening[i], kSmallLength,
                  "Axial distance from the hook of this latch to its striker");
+    table
+        .output(indexed("latch", i) + ".lateral", &out.latch_lateral[i], kSmallLength,
+                "Distance of the striker of this latch from its hook across the docking axis")
+        .not_negative();
     table.output(indexed("latch", i) + ".force", &out.latch_force[i], kForce,
                  "Force in this latch, tension positive");
+    table
+        .output(indexed("latch", i) + ".state", &out.latch_state[i], kNone,
+                "State of this latch: 1 free, 2 pushed (its pawl, from outside the lateral "
+                "window), 3 in reach (pushed within the window), 4 held, 5 releasing")
+        .limits(1, 5);
   }
   table
       .parameter("friction.coefficient", &parameter.friction_coefficient, kNone,
@@ -436,6 +445,18 @@ void add_phase(Table& table, Parameters& parameter, Outputs& out) {
               "4 rebound, 5 miss")
       .limits(1, 5);
   table
+      .output(
+          "capture.reason", &out.capture_reason, kNone,
+          "Why there is no capture: 1 none (captured), 2 no contact so far, 3 in contact and "
+          "still moving, 4 seated, but a striker stands outside the window of its latch, 5 hung "
+          "up on a petal, 6 at rest in contact, too slow to close, 7 rebound, 8 miss")
+      .limits(1, 8);
+  table
+      .output("capture.seated_time", &out.seated_time, kTime,
+              "Time for which the rings were seated without capture")
+      .not_negative()
+      .discrete();
+  table
       .output("time_to_contact", &out.time_to_contact, kTime,
               "Lower bound of the time until first contact, from gap and closing speed "
               "(1e9: none in sight)")
@@ -443,7 +464,8 @@ void add_phase(Table& table, Parameters& parameter, Outputs& out) {
       .discrete();
   table
       .output("time_of_contact", &out.time_of_contact, kTime,
-              "Simulation time of the first contact, -1 before it")
+              "Simulation time of the first contact of surfaces, or of the first catch of a latch, "
+              "-1 before it")
       .discrete();
   table
       .output("time_of_capture", &out.time_of_capture, kTime,
@@ -480,7 +502,8 @@ void add_legs(Table& table, Inputs& in, Outputs& out) {
         .not_negative();
     table.output(leg + ".rate", &out.leg_rate[i], kSmallVelocity, "Rate of change of its length");
     table.output(leg + ".force", &out.leg_force[i], kForce,
-                 "Force along this leg, positive when it pushes its ends apart");
+                 "Force that this leg transmits along itself, with what couplings exert on its "
+                 "slide, positive when it pushes its ends apart");
     table.input(leg + ".force_command", &in.leg_force_command[i], kForce,
                 "Force commanded to the actuator of this leg, positive when it pushes its ends "
                 "apart");

@@ -116,17 +116,65 @@ void calc_latches(const LatchSet& set, const LatchState* state, S t,
     out.energy += latch.energy;
     out.power += latch.power;
     out.opening[i] = s[0];
+    out.lateral[i] = find_length<S>(s[1], s[2]);
     out.force[i] = -latch.force[0];
     out.event[i] = latch.event;
   }
 }
 
+LatchMotion find_latch_motion(const LatchSet& set, int i, const RelativeMotion<double>& motion) {
+  const Vec3<double> lever = motion.R * set.striker[i];
+  return {motion.p + lever - set.hook[i], motion.v + motion.w.cross(lever)};
+}
+
+std::array<double, 2> find_conditions(const LatchLaw& law, const LatchState& state,
+                                      const LatchMotion& motion, double event) {
+  if (state.mode != LatchMode::kOpen) return {event, event};
+  const double x = motion.s[0], rho = find_length(motion.s[1], motion.s[2]);
+  return {x - law.catch_distance, std::max(rho - law.window, -x - law.guard)};
+}
+
+double find_event_speed(const LatchState& state, const LatchMotion& motion) {
+  switch (state.mode) {
+    case LatchMode::kOpen:  // the largest of three lengths along or across
+      return motion.rate.norm();
+    case LatchMode::kSpent:
+      return std::abs(motion.rate[0]);
+    case LatchMode::kReleasing:
+      return 1.0;  // the time that is left
+    case LatchMode::kHeld:
+      break;
+  }
+  return 0.0;
+}
+
+bool is_passed(const LatchLaw& law, const LatchState& state, const LatchMotion& from,
+               const LatchMotion& to, double h) {
+  if (state.mode != LatchMode::kOpen && state.mode != LatchMode::kSpent) return false;
+  const auto find_event = [&](double u) {  // Hermite
+    const double v = 1.0 - u;
+    const Vec3<double> s = v * v * (1.0 + 2.0 * u) * from.s + u * u * (1.0 + 2.0 * v) * to.s +
+                           h * u * v * (v * from.rate - u * to.rate);
+    return calc_latch<double>(law, state, 0.0, s, 0.0).event;
+  };
+  constexpr int kPlaces = 64;
+  // Not faster than both ends and the way between them allow: next to all steps end here.
+  const double speed = 1.5 * std::max({find_event_speed(state, from), find_event_speed(state, to),
+                                       (to.s - from.s).norm() / h});
+  if (find_event(0.0) + find_event(1.0) > speed * h) return false;
+  for (int k = 1; k < kPlaces; ++k) {
+    if (find_event(static_cast<double>(k) / kPlaces) <= 0.0) return true;
+  }
+  return false;
+}
+
 double update_latch(const LatchSet& set, int i, double t, const RelativeMotion<double>& motion,
-                    LatchState& state) {
-  const Vec3<double> s = motion.R * set.striker[i] + motion.p - set.hook[i];
-  const double rate = motion.v[0] + motion.w.cross(Vec3<double>(motion.R * set.striker[i]))[0];
+                    LatchState& state, bool passed) {
+  const LatchMotion at = find_latch_motion(set, i, motion);
+  const Vec3<double>& s = at.s;
+  const double rate = at.rate[0];
   const OneLatch<double> before = calc_latch<double>(set.law, state, t, s, rate);
-  if (before.event > kDue) return 0.0;
+  if (before.event > kDue && !passed) return 0.0;
   switch (state.mode) {
     case LatchMode::kOpen:
       state.mode = LatchMode::kHeld;

@@ -59,10 +59,12 @@ struct LatchResult {
   S energy = S(0);                     ///< pawls and holds [J]
   S power = S(0);                      ///< dissipated by hold damping and release ramps, >= 0 [W]
   std::array<S, kMaxLatches> opening;  ///< s_x [m]
+  std::array<S, kMaxLatches> lateral;  ///< rho [m]
   std::array<S, kMaxLatches> force;    ///< along x, > 0 pulls the sides together [N]
   std::array<S, kMaxLatches> event;    ///< <= 0: mode must change, see below (units differ by mode)
   LatchResult() {
     opening.fill(S(0));
+    lateral.fill(S(0));
     force.fill(S(0));
     event.fill(S(1));
   }
@@ -80,10 +82,30 @@ template <class S>
 void calc_latches(const LatchSet& set, const LatchState* state, S t,
                   const RelativeMotion<S>& motion, LatchResult<S>& out);
 
+/// Where the striker of latch i is as seen from its hook, and how fast it moves, axes of G.
+struct LatchMotion {
+  Vec3<double> s, rate;  ///< [m], [m/s]
+};
+LatchMotion find_latch_motion(const LatchSet& set, int i, const RelativeMotion<double>& motion);
+
+/// The conditions of which the event function of latch i is the largest, for who looks at signs at
+/// the ends of steps only: those along its axis and those across.
+std::array<double, 2> find_conditions(const LatchLaw& law, const LatchState& state,
+                                      const LatchMotion& motion, double event);
+
+/// Bound of how fast the event function of a latch changes [1/s times its unit]; 0 = not known.
+double find_event_speed(const LatchState& state, const LatchMotion& motion);
+
+/// Was the event function of a latch below zero on the way from one motion to another, h later?
+/// The way is the cubic through both.
+bool is_passed(const LatchLaw& law, const LatchState& state, const LatchMotion& from,
+               const LatchMotion& to, double h);
+
 /// Change the mode of latch i if that is due (event <= 0 within 1e-9, as a root finder leaves it).
+/// @param passed  it is due whatever the event function says here: it was below zero just before
 /// @return energy lost by the change [J], to be booked as dissipated by latches; 0 if nothing is
 /// due.
 double update_latch(const LatchSet& set, int i, double t, const RelativeMotion<double>& motion,
-                    LatchState& state);
+                    LatchState& state, bool passed = false);
 
 }  // namespace dockloop

@@ -88,6 +88,9 @@ struct DiscreteState {
   double time_of_capture = -1.0;  ///< [s] since start
   bool thrust_on = false;
   int phase = 1, outcome = 1;
+  bool seated = false;       ///< every striker is as deep as a catch needs, not all are caught
+  double seated_time = 0.0;  ///< [s] for which that was so
+  double seen = 0.0;         ///< time of the last accepted state [s since start]
 };
 
 /// Loads from outside, held over a step.

@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
@@ -24,6 +25,7 @@ class ByteWriter {
     const char* bytes = static_cast<const char*>(from);
     bytes_.insert(bytes_.end(), bytes, bytes + size);
   }
+  void numbers(const double* from, size_t count) { raw(from, count * sizeof(double)); }
   std::vector<char> take() { return std::move(bytes_); }
 
  private:
@@ -37,13 +39,25 @@ class ByteReader {
   /// @throws ModelError at the end of the bytes
   void raw(void* to, size_t size) {
     if (size > left_) throw ModelError("the saved state ends too early");
+    if (size == 0) return;  // then `to` may be null
     std::memcpy(to, at_, size);
     at_ += size;
     left_ -= size;
   }
+  /// The same with numbers of which none may be infinite, nor so large that its square is.
+  /// @throws ModelError if one is
+  void numbers(double* to, size_t count) {
+    raw(to, count * sizeof(double));
+    for (size_t i = 0; i < count; ++i) {
+      if (!(std::abs(to[i]) <= kLargest)) {
+        throw ModelError("the saved state holds a number that is not finite or beyond 1e100");
+      }
+    }
+  }
   size_t left() const { return left_; }
 
  private:
+  static constexpr double kLargest = 1e100;
   const char* at_;
   size_t left_;
 };
@@ -66,6 +80,8 @@ std::enable_if_t<std::is_arithmetic_v<T> || std::is_enum_v<T>> transfer(A& archi
     unsigned char byte = value ? 1 : 0;
     archive.raw(&byte, 1);
     value = byte != 0;
+  } else if constexpr (std::is_same_v<T, double>) {
+    archive.numbers(&value, 1);
   } else {
     archive.raw(&value, sizeof value);
   }
@@ -101,7 +117,11 @@ void transfer(A& archive, Eigen::Matrix<T, rows, cols, options, max_rows, max_co
       m.resize(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c));
     }
   }
-  archive.raw(m.data(), static_cast<size_t>(m.size()) * sizeof(T));
+  if constexpr (std::is_same_v<T, double>) {
+    archive.numbers(m.data(), static_cast<size_t>(m.size()));
+  } else {
+    archive.raw(m.data(), static_cast<size_t>(m.size()) * sizeof(T));
+  }
 }
 
 /// Members one after the other.

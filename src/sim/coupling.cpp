@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kHostStep = 1e-3;  ///< of the host model's attitude [s]
 constexpr int kMaxHostSteps = 10000;
-constexpr int kStepsAhead = 10;  ///< inner steps of a look ahead, as a multiple of the last step's
+constexpr long kWorkAhead = 10;  ///< work of a look ahead, as a multiple of that of the last step
 constexpr double kNormWarning = 1e-6;  ///< error of the norm of a quaternion that is told
 
 /// Without a jump of the loads, peaks are refined across a communication point.
@@ -298,8 +298,8 @@ Status DockingSim::Impl::look_ahead(double h, CouplingPoint& begin, CouplingPoin
   Status status = evaluate_start();
   begin = end = find_coupling_point();
   // Not much dearer than the step that was just made.
-  int limit = find_inner_step_limit(h);
-  if (coupling.inner_steps > 0) limit = std::min(limit, kStepsAhead * (100 + coupling.inner_steps));
+  long limit = find_work_limit(h);
+  if (coupling.work > 0) limit = std::min(limit, kWorkAhead * (1000 + coupling.work));
   if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
   if (status.ok()) end = find_coupling_point();
   restore(*look_ahead_start);

@@ -33,7 +33,8 @@ struct InnovationSums {
   double innovation_predicted = 0.0;  ///< innovation times these [m2/s2]
   double innovation2 = 0.0;           ///< [m2/s2]
   double shifted2 = 0.0;  ///< what remains if the load of the step beside was applied [m2/s2]
-  double turn2 = 0.0, innovation_turn = 0.0;  ///< the same of angular velocities [rad2/s2]
+  /// The same of angular velocities: predicted2, innovation_predicted, innovation2 [rad2/s2]
+  double turn2 = 0.0, innovation_turn = 0.0, turn_innovation2 = 0.0;
   int loaded = 0;                             ///< steps with a change that can be seen
   int unmodelled = 0;  ///< steps in a row with an innovation that no load explains
 };
@@ -65,6 +66,7 @@ enum CouplingWarning {
   kToldLookAhead = 128,
   kToldNoForce = 256,
   kToldNoTorque = 512,
+  kToldNoTorqueExt = 1024,
 };
 
 /// One end of an integration: motion, and impulses that hosts gave by themselves until then.
@@ -79,7 +81,7 @@ struct CouplingState {
   double suggestion = 0.0;     ///< step that loads are announced for, to a host that follows [s]
   bool follows = false;        ///< the host makes the steps that are suggested
   double regular_step = 0.0;   ///< longest of the last few steps [s]
-  int inner_steps = 0;         ///< of the last step
+  std::int64_t work = 0;       ///< of the last step, in evaluations
   double frequency = 0.0;      ///< of the interface when a latch last changed [rad/s], 0 = unknown
   int held_latches = 0;        ///< then
   std::array<int, 2> warned{0, 0};

@@ -91,7 +91,7 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
   const Vec3<double> turned = v.predicted.w - v.received.w;
   const double keep = std::pow(kForget, h / kForgetTime);
   for (double* sum : {&sums.predicted2, &sums.innovation_predicted, &sums.innovation2,
-                      &sums.shifted2, &sums.turn2, &sums.innovation_turn}) {
+                      &sums.shifted2, &sums.turn2, &sums.innovation_turn, &sums.turn_innovation2}) {
     *sum *= keep;
   }
   // Gravity that is told as a constant over the step is not known better than this.
@@ -110,6 +110,7 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
   if (turned.norm() > kRounding) {
     sums.turn2 += turned.squaredNorm();
     sums.innovation_turn += (z.w - v.predicted.w).dot(turned);
+    sums.turn_innovation2 += (z.w - v.predicted.w).squaredNorm();
   }
   const double told = predicted.norm();
   const double limit = kUnmodelled * std::max(1.0, loads.gravity.norm());
@@ -144,11 +145,24 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation) {
     warn_once(i, kToldLate, text);
   }
   if (sums.loaded < kEnoughSteps) return;
-  if (sums.turn2 > 0.0 && 1.0 + sums.innovation_turn / sums.turn2 < kLeastFelt) {
+  const double turn_felt = sums.turn2 > 0.0 ? 1.0 + sums.innovation_turn / sums.turn2 : 1.0;
+  const double turn_left =
+      sums.turn2 > 0.0
+          ? sums.turn_innovation2 - sums.innovation_turn * sums.innovation_turn / sums.turn2
+          : 0.0;
+  if (turn_felt < kLeastFelt &&
+      (turn_felt < -kMostFelt || turn_left > kExplained * sums.turn_innovation2)) {
+    // Too much, or about another axis: no torque of the mechanism, whatever its sign.
+    std::snprintf(text, sizeof text,
+                  "%s has an unmodelled angular acceleration of %.3g rad/s2: is every torque that "
+                  "acts on it reported in %s.torque_ext, about the centre of mass, in body axes?",
+                  name, std::sqrt(sums.turn_innovation2 / sums.loaded) / h, name);
+    warn_once(i, kToldNoTorqueExt, text);
+  } else if (turn_felt < kLeastFelt) {
     std::snprintf(text, sizeof text,
                   "%s does not turn as predicted (%.3g of it): is %s.torque_mean connected, about "
                   "the centre of mass, in body axes, with its sign?",
-                  name, 1.0 + sums.innovation_turn / sums.turn2, name);
+                  name, turn_felt, name);
     warn_once(i, kToldNoTorque, text);
   }
   const double unexplained = find_unexplained_by_mass(sums);

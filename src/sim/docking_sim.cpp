@@ -141,9 +141,19 @@ bool fits(const ContactMemory& memory, const ContactModel& contact) {
 }
 
 bool are_modes(const DiscreteState& discrete) {
-  return std::all_of(discrete.latch.begin(), discrete.latch.end(), [](const LatchState& latch) {
-    return latch.mode >= LatchMode::kOpen && latch.mode <= LatchMode::kSpent;
-  });
+  const bool named = discrete.phase >= kApproach && discrete.phase <= kRebound &&
+                     discrete.outcome >= kUndecided && discrete.outcome <= kMiss;
+  return named &&
+         std::all_of(discrete.latch.begin(), discrete.latch.end(), [](const LatchState& latch) {
+           return latch.mode >= LatchMode::kOpen && latch.mode <= LatchMode::kSpent;
+         });
+}
+
+/// Assembly branches are signs.
+bool are_branches(const LoopReference<double>& reference) {
+  const auto is_sign = [](int sign) { return sign == 1 || sign == -1; };
+  return std::all_of(reference.branch.begin(), reference.branch.end(),
+                     [&](const LegBranch& b) { return is_sign(b.elbow) && is_sign(b.flip); });
 }
 
 }  // namespace
@@ -158,10 +168,56 @@ void DockingSim::Impl::build_for(const SavedSim& from) {
   keep(fresh);
   fresh.reference.valid = from.snapshot.reference.valid;
   if (!have_same_shape(fresh, from.snapshot) || !fits(from.snapshot.state.memory, model->contact) ||
-      !are_modes(from.snapshot.state.discrete)) {
+      !are_modes(from.snapshot.state.discrete) || !are_branches(from.snapshot.reference)) {
     throw ModelError("the saved state does not fit this model");
   }
   warnings.clear();  // told when the state was made
+}
+
+/// What was restored from bytes can be continued: attitudes are attitudes, and all that follows
+/// from the state is finite. @throws ModelError
+void DockingSim::Impl::check_restored() {
+  const double* y = stepper->y();
+  const auto check_attitude = [&](int at, const std::string& name) {
+    if (is_attitude({y[at], y[at + 1], y[at + 2], y[at + 3]})) return;
+    throw ModelError("the saved state is damaged: the attitude of " + name +
+                     " is no unit quaternion");
+  };
+  for (int i : {kChaser, kTarget}) {
+    if (model->layout.pose[i] >= 0) check_attitude(model->layout.pose[i] + 3, name_of(i));
+  }
+  int q = model->layout.mechanism_q;
+  for (int i : model->mechanism_bodies) {
+    const Body& body = model->mechanism.model.bodies[i];
+    if (body.joint == JointType::kFree) check_attitude(q + 3, "body '" + body.name + "'");
+    q += body.nq();
+  }
+  Status status = update_states();
+  if (status.ok()) status = update_main();
+  if (status.ok()) status = update_bodies();
+  if (!status.ok()) {
+    throw ModelError("the saved state is damaged: " +
+                     find_status_text(status, model->mechanism.model));
+  }
+  for_each_value<double>(outputs, [](double value) {
+    if (!std::isfinite(value)) {
+      throw ModelError("the saved state is damaged: what follows from it is not finite");
+    }
+  });
+  invalidate();
+}
+
+/// Everything that is kept, into the model that it belongs to.
+void DockingSim::Impl::take(const SavedSim& from) {
+  parameters = from.parameters;
+  if (from.setup) adopt_tunables();
+  inputs = from.inputs;
+  slopes = from.slopes;
+  setup = from.setup;
+  invalidate();
+  if (!setup) return;
+  restore(from.snapshot);
+  set_counters(from.counters);
 }
 
 void DockingSim::Impl::load(const SavedSim& from) {
@@ -171,29 +227,18 @@ void DockingSim::Impl::load(const SavedSim& from) {
   if (rebuild) save(before);
   try {
     if (rebuild) build_for(from);
-    parameters = from.parameters;
-    if (from.setup) adopt_tunables();
+    take(from);
+    if (rebuild) check_restored();
   } catch (...) {
+    parameters = parameters_before;
     if (rebuild) {
       setup.reset();
-      if (before.setup) {
-        start(before.setup);
-        restore(before.snapshot);
-        counted_elsewhere = before.counters;
-      }
-      inputs = before.inputs;
+      if (before.setup) start(before.setup);
+      take(before);
       warnings.clear();
     }
-    parameters = parameters_before;
     throw;
   }
-  inputs = from.inputs;
-  slopes = from.slopes;
-  setup = from.setup;
-  invalidate();
-  if (!setup) return;
-  restore(from.snapshot);
-  set_counters(from.counters);
 }
 
 /// Take over parameters that may be changed during a run.

@@ -30,7 +30,9 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (update_thrust(now)) jumped = true;
   changed = changed || jumped;
   if (changed) kept_jacobian.valid = false;
-  update_phase(find_phase_inputs(*data), discrete);
+  const PhaseInputs phase_inputs = find_phase_inputs(*data);
+  update_seat(phase_inputs, now, discrete);
+  update_phase(phase_inputs, discrete);
   // Peaks see the forces on both sides of a jump. An absorber that does not pull is let go where
   // its force is zero, give or take rounding.
   if (!due[1] || model->contact.absorber.pulls) peaks.add(now, find_peak_values());
@@ -131,11 +133,13 @@ Status DockingSim::Impl::decide_absorber() {
 bool DockingSim::Impl::update_latches(double now) {
   bool changed = false;
   for (int i = 0; i < model->latches.count(); ++i) {
-    if (!due[kFixedRoots + i] && data->latch.event[i] > 0.0) continue;
+    if (!due[kFixedRoots + i] && !passed[i] && data->latch.event[i] > 0.0) continue;
     const LatchMode before = discrete.latch[i].mode;
     stepper->y()[model->layout.sums + kSumLatches] +=
-        update_latch(model->latches, i, now, data->relative, discrete.latch[i]);
+        update_latch(model->latches, i, now, data->relative, discrete.latch[i], passed[i] != 0);
     changed = changed || discrete.latch[i].mode != before;
+    // In a central docking the first latch catches before any surface touches.
+    if (discrete.latch[i].mode == LatchMode::kHeld && !discrete.contacted) begin_contact(now);
   }
   return changed;
 }
@@ -253,6 +257,34 @@ void DockingSim::Impl::calc_event_functions(const DockingData<double>& at, doubl
   for (int i = 0; i < model->latches.count(); ++i) roots[kFixedRoots + i] = at.latch.event[i];
 }
 
+/// How fast the event functions may change where they may be below zero between two states.
+void DockingSim::Impl::calc_event_speeds(const DockingData<double>& at, double* speeds) const {
+  std::fill_n(speeds, kFixedRoots, 0.0);
+  if (has_surfaces() && model->contact.kind == ContactModel::Kind::kRings && !discrete.contacted) {
+    speeds[0] = find_approach_bound(model->contact, at.relative);
+  }
+  for (int i = 0; i < model->latches.count(); ++i) {
+    speeds[kFixedRoots + i] =
+        find_event_speed(discrete.latch[i], find_latch_motion(model->latches, i, at.relative));
+  }
+}
+
+/// A fixed step begins: where its latches are. @pre evaluate()
+void DockingSim::Impl::note_latches() {
+  for (int i = 0; i < model->latches.count(); ++i) {
+    latches_before[i] = find_latch_motion(model->latches, i, data->relative);
+  }
+}
+
+/// The latches that a fixed step of size h has passed. @pre note_latches() at its start, evaluate()
+/// at its end
+void DockingSim::Impl::find_passed_latches(double h) {
+  for (int i = 0; i < model->latches.count(); ++i) {
+    passed[i] = is_passed(model->latches.law, discrete.latch[i], latches_before[i],
+                          find_latch_motion(model->latches, i, data->relative), h);
+  }
+}
+
 PhaseInputs DockingSim::Impl::find_phase_inputs(const DockingData<double>& at) const {
   PhaseInputs in;
   if (!model->present[kTarget]) return in;
@@ -264,6 +296,13 @@ PhaseInputs DockingSim::Impl::find_phase_inputs(const DockingData<double>& at) c
   in.speed = relative.v.norm();
   in.angular_speed = relative.w.norm();
   in.latched = count_held_latches();
+  in.seated = model->latches.count() > 0;
+  for (int i = 0; i < model->latches.count(); ++i) {
+    in.seated = in.seated && at.latch.opening[i] <= model->latches.law.catch_distance;
+  }
+  for (int i = 0; i < model->contact.petal_count(); ++i) {
+    in.on_petal = in.on_petal || !at.contact.petal_force[i].isZero(0.0);
+  }
   return in;
 }
 

@@ -14,7 +14,7 @@ namespace dockloop {
 int DockingSim::state_count() const { return impl_->state_count; }
 
 int DockingSim::indicator_count() const {
-  return kFixedRoots + impl_->scene->latches.count() + 1;  // the last one: phase
+  return kFixedRoots + 2 * impl_->scene->latches.count() + 1;
 }
 
 void DockingSim::set_time(double t) {
@@ -65,7 +65,17 @@ Status DockingSim::get_indicators(double* indicator) {
   const Status status = calc_docking<double>(*me.model, me.discrete, me.memory, me.loads,
                                              me.elapsed, me.stepper->y(), nullptr, *me.rate_data);
   if (!status.ok()) return status;
-  me.calc_event_functions(*me.rate_data, indicator);
+  // A host sees signs at the ends of its steps only. Each condition for a catch has an indicator of
+  // its own, so that two of them that are met in turn within one step are not missed.
+  double roots[kFixedRoots + kMaxLatches];
+  me.calc_event_functions(*me.rate_data, roots);
+  std::copy_n(roots, kFixedRoots, indicator);
+  for (int i = 0; i < me.model->latches.count(); ++i) {
+    const LatchMotion motion = find_latch_motion(me.model->latches, i, me.rate_data->relative);
+    const std::array<double, 2> both = find_conditions(me.model->latches.law, me.discrete.latch[i],
+                                                       motion, roots[kFixedRoots + i]);
+    std::copy(both.begin(), both.end(), indicator + kFixedRoots + 2 * i);
+  }
   indicator[indicator_count() - 1] =
       find_phase_indicator(me.find_phase_inputs(*me.rate_data), me.discrete);
   return {};
@@ -83,6 +93,7 @@ Status DockingSim::complete_step(bool& event_due) {
     update_contact_memory(me.model->contact, me.data->relative, nullptr, me.data->contact_work,
                           me.memory);
   }
+  me.watch_energy(me.find_energy_balance(), 0.0);
   me.peaks.add(me.elapsed, me.find_peak_values());
   me.update_momentum_audit();
   if (find_singularity_margin(me.data->mechanism) >= kChangeMargin) {

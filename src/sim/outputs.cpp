@@ -142,8 +142,27 @@ void read_contact(const OutputSource<S>& from, OutputValues<S>& out) {
   }
   for (int i = 0; i < model.latches.count(); ++i) {
     out.latch_opening[i] = data.latch.opening[i];
+    out.latch_lateral[i] = data.latch.lateral[i];
     out.latch_force[i] = data.latch.force[i];
   }
+}
+
+/// What a leg transmits along itself: its spring, damper, stops and command, and what couplings (a
+/// screw with its rotor, a differential) exert on its slide. @pre calc_docking_reactions()
+template <class S>
+S find_leg_force(const DockingModel& model, const DockingData<S>& data, const Leg& leg) {
+  const Mechanism& mechanism = model.mechanism;
+  S force = data.joint_force[leg.force];
+  if (model.locked.on) return force;  // nothing tells what couplings carry
+  for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
+    const Loop& loop = mechanism.model.loops[k];
+    if (loop.cut != CutType::kCoupling) continue;
+    const double factor = find_coupling_factor(loop, leg.slide_body);
+    if (factor == 0.0) continue;
+    force +=
+        S(factor) * get_cut_force(mechanism.plan, data.mechanism.loops, static_cast<int>(k), 0);
+  }
+  return force;
 }
 
 template <class S>
@@ -160,7 +179,7 @@ void read_mechanism(const OutputSource<S>& from, OutputValues<S>& out) {
     const Body& slide = model.mechanism.model.bodies[leg.slide_body];
     out.leg_length[i] = S(leg.home_length) + mechanism.tree.q[slide.q_index];
     out.leg_rate[i] = mechanism.tree.v[slide.v_index];
-    out.leg_force[i] = from.data.joint_force[leg.force];
+    out.leg_force[i] = find_leg_force(model, from.data, leg);
   }
   int q = 0, v = 0;
   for (int i : from.state_bodies) {
@@ -342,12 +361,34 @@ double DockingSim::Impl::find_earliest_contact(double gap) const {
                               find_acceleration_bound());
 }
 
+LatchReport DockingSim::Impl::find_latch_report(int i) const {
+  const LatchLaw& law = model->latches.law;
+  switch (discrete.latch[i].mode) {
+    case LatchMode::kHeld:
+      return kCaught;
+    case LatchMode::kReleasing:
+      return kLettingGo;
+    case LatchMode::kSpent:
+      return kFree;
+    case LatchMode::kOpen:
+      break;
+  }
+  const double opening = data->latch.opening[i], lateral = data->latch.lateral[i];
+  if (opening >= law.pawl_range || opening <= -law.guard || lateral >= 2.0 * law.window) {
+    return kFree;
+  }
+  return lateral < law.window ? kInReach : kPushed;
+}
+
 void DockingSim::Impl::update_phase_outputs() {
   outputs.time_to_contact = kNever;
   if (has_surfaces()) outputs.time_to_contact = find_earliest_contact(outputs.gap);
   for (int i = 0; i < model->latches.count(); ++i) {
     outputs.latched[i] = discrete.latch[i].mode == LatchMode::kHeld ? 1 : 0;
+    outputs.latch_state[i] = find_latch_report(i);
   }
+  outputs.capture_reason = find_capture_reason(find_phase_inputs(*data), discrete);
+  outputs.seated_time = discrete.seated_time;
   outputs.phase = discrete.phase;
   outputs.outcome = discrete.outcome;
   outputs.captured = discrete.captured;

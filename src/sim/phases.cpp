@@ -44,6 +44,22 @@ void update_phase(const PhaseInputs& now, DiscreteState& state) {
   }
 }
 
+void update_seat(const PhaseInputs& now, double t, DiscreteState& state) {
+  if (state.seated) state.seated_time += t - state.seen;
+  state.seated = now.seated && !state.captured;
+  state.seen = t;
+}
+
+CaptureReason find_capture_reason(const PhaseInputs& now, const DiscreteState& state) {
+  if (state.captured) return kNoReason;
+  if (state.outcome == kMiss) return kReasonMiss;
+  if (!state.contacted) return kNotTouched;
+  if (state.phase == kRebound) return kReasonRebound;
+  if (now.seated) return kBesideWindow;
+  if (now.speed >= kAlignedSpeed || now.angular_speed >= kAlignedRate) return kInMotion;
+  return now.on_petal ? kHungUp : kTooSlow;
+}
+
 double find_phase_indicator(const PhaseInputs& now, const DiscreteState& state) {
   if (state.captured) {
     if (state.phase == kCaptured) return -now.axial_rate;

@@ -67,6 +67,13 @@ struct BalanceWorkspace {
   Eigen::LLT<MatX<double>> factor;
 };
 
+/// The energy audit at one state.
+struct EnergyBalance {
+  double residual = 0.0;  ///< what does not add up since the start [J]
+  double in_play = 0.0;   ///< sum of the amounts that should add up [J]
+  double brought = 0.0;   ///< the part of it that came from outside [J]
+};
+
 struct DockingSim::Impl : SimState {
   Impl(std::shared_ptr<const Scene> scene, Interface interface);
 
@@ -107,9 +114,13 @@ struct DockingSim::Impl : SimState {
   void read_inputs();
   const Loads& find_loads(double tau);
   void advance_inputs(double h);
-  int find_inner_step_limit(double h) const;
-  Status integrate(double h, int limit);
-  Status integrate_fixed(double h, int limit);
+  double find_evaluation_cost() const;
+  double find_factor_cost() const;
+  long find_work_limit(double h) const;
+  long find_work() const;
+  Status refuse_work(double h, long limit, double tau);
+  Status integrate(double h, long limit);
+  Status integrate_fixed(double h, long limit);
   void look_into_step(double from, double to);
   double find_leap(double made, double proposal);
   double find_next_stop(double tau, double h) const;
@@ -121,6 +132,10 @@ struct DockingSim::Impl : SimState {
   double find_momentum_residual() const;
   bool conserves_momentum() const;
   double find_total_energy() const;
+  EnergyBalance find_energy_balance() const;
+  double find_least_energy() const;
+  bool makes_energy(const EnergyBalance& balance, double tau);
+  void watch_energy(const EnergyBalance& balance, double tau);
   double find_potential_energy() const;
   VehicleState find_vehicle_state(int vehicle) const;
 
@@ -172,7 +187,7 @@ struct DockingSim::Impl : SimState {
   bool is_in_balance(double tau);
   void lock_at_rest();
   const VehicleBody& find_flying_body(int vehicle) const;
-  void fly(double duration);
+  long fly(double duration);
 
   // events.cpp
   Status accept(double tau, bool& changed);
@@ -201,6 +216,9 @@ struct DockingSim::Impl : SimState {
   void note_evaluation(double tau, const double* y);
   bool is_evaluated(double tau, const double* y) const;
   void calc_event_functions(const DockingData<double>& at, double* roots) const;
+  void calc_event_speeds(const DockingData<double>& at, double* speeds) const;
+  void note_latches();
+  void find_passed_latches(double h);
   PhaseInputs find_phase_inputs(const DockingData<double>& at) const;
 
   // model_exchange.cpp
@@ -213,6 +231,8 @@ struct DockingSim::Impl : SimState {
   void save(SavedSim& into) const;
   void load(const SavedSim& from);
   void build_for(const SavedSim& from);
+  void check_restored();
+  void take(const SavedSim& from);
   void adopt_tunables();
 
   // outputs.cpp
@@ -223,6 +243,7 @@ struct DockingSim::Impl : SimState {
   Status update_main();
   Status update_bodies();
   Status update_states();
+  LatchReport find_latch_report(int latch) const;
   void update_phase_outputs();
   OutputSource<double> find_present_source() {
     return make_output_source(*data, stepper->y(), frame_velocity, frame_shift);
@@ -254,6 +275,8 @@ struct DockingSim::Impl : SimState {
     const int method = setup->parameters.solver_method;
     return method == kImplicit || method == kImex || method == kBdf || method == kFixedImplicit;
   }
+  /// Of a Jacobian, in evaluations: about one per column, measured.
+  int find_jacobian_cost() const { return model->layout.sums + model->layout.bristle_count; }
   /// Does the next communication step begin with the last Jacobian?
   bool keeps_jacobian() const {
     return needs_jacobian() && !is_fixed_step() && interface == Interface::kCoSimulation;
@@ -310,6 +333,9 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<InterfaceWorkspace> interface_work;  ///< with a driven vehicle only
   std::unique_ptr<Snapshot> look_ahead_start;          ///< where loads are announced only
   std::vector<char> due = std::vector<char>(kFixedRoots + kMaxLatches, 0);
+  std::vector<char> passed = std::vector<char>(kMaxLatches, 0);  ///< due, if not at this state
+  std::array<LatchMotion, kMaxLatches> latches_before;           ///< at the start of a fixed step
+  const DockingData<double>* roots_at = nullptr;  ///< what the event functions were found from
   std::unique_ptr<DockingPass> jacobian_pass;     ///< for implicit methods and rest only
   MatX<double> jacobian;                          ///< with it
   std::unique_ptr<BalanceWorkspace> balance;      ///< where a mechanism may come to rest

@@ -71,6 +71,9 @@ struct SimState {
 
   // audits
   double energy_start = 0.0;                     ///< [J]
+  double energy_in_play = 0.0;                   ///< largest so far, see find_energy_balance() [J]
+  double energy_residual = 0.0;                  ///< at the last accepted inner step [J]
+  bool warned_energy = false;                    ///< a residual that matters was reported once
   double host_work = 0.0;                        ///< that imposed motion brought in [J]
   std::array<Wrench<double>, 2> momentum_start;  ///< per vehicle, with what the host changed
   double momentum_residual = 0.0;                ///< [-]
@@ -144,7 +147,7 @@ void transfer(A& archive, Inputs::Vehicle& v) {
 template <class A>
 void transfer(A& archive, InnovationSums& s) {
   transfer_all(archive, s.predicted2, s.innovation_predicted, s.innovation2, s.shifted2, s.turn2,
-               s.innovation_turn, s.loaded, s.unmodelled);
+               s.innovation_turn, s.turn_innovation2, s.loaded, s.unmodelled);
 }
 
 template <class A>
@@ -155,8 +158,8 @@ void transfer(A& archive, DrivenVehicle& v) {
 
 template <class A>
 void transfer(A& archive, CouplingState& c) {
-  transfer_all(archive, c.vehicle, c.work_residual, c.suggestion, c.follows, c.regular_step,
-               c.inner_steps, c.frequency, c.held_latches, c.warned);
+  transfer_all(archive, c.vehicle, c.work_residual, c.suggestion, c.follows, c.regular_step, c.work,
+               c.frequency, c.held_latches, c.warned);
 }
 
 template <class A>
@@ -172,7 +175,7 @@ void transfer(A& archive, LatchState& latch) {
 template <class A>
 void transfer(A& archive, DiscreteState& d) {
   transfer_all(archive, d.latch, d.contacted, d.captured, d.time_of_contact, d.time_of_capture,
-               d.thrust_on, d.phase, d.outcome);
+               d.thrust_on, d.phase, d.outcome, d.seated, d.seated_time, d.seen);
 }
 
 template <class A>
@@ -220,8 +223,8 @@ void transfer(A& archive, SimState& s) {
   transfer_all(archive, s.elapsed, s.h_warm, s.last_step, s.fastest_rate, s.frame_velocity,
                s.frame_shift, s.discrete, s.memory, s.peaks, s.mean_load, s.coupling, s.rest_state,
                s.margin_looked_at, s.warned_margin, s.coordinates, s.kept_jacobian, s.drift,
-               s.energy_start, s.host_work, s.momentum_start, s.momentum_residual, s.momentum_scale,
-               s.angular_momentum_scale);
+               s.energy_start, s.energy_in_play, s.energy_residual, s.warned_energy, s.host_work,
+               s.momentum_start, s.momentum_residual, s.momentum_scale, s.angular_momentum_scale);
 }
 
 template <class A>

@@ -43,6 +43,18 @@ void check_vehicle(const VehicleParameters& p, const std::string& name) {
     throw ModelError(name + ".inertia (xx yy zz xy xz yz) is" + values +
                      "; it must be positive definite");
   }
+  // Sums of squares: no body has a principal moment larger than the two others together.
+  const Vec3<double> moment =
+      Eigen::SelfAdjointEigenSolver<Mat3<double>>(inertia, Eigen::EigenvaluesOnly).eigenvalues();
+  constexpr double kRounding = 1e-6;  // of numbers typed from a data sheet
+  if (moment[2] > (moment[0] + moment[1]) * (1.0 + kRounding)) {
+    char text[300];
+    std::snprintf(text, sizeof text,
+                  "%s.inertia has the principal moments %.6g, %.6g and %.6g kg m2; no body has one "
+                  "larger than the sum of the two others: check the order xx yy zz xy xz yz",
+                  name.c_str(), moment[0], moment[1], moment[2]);
+    throw ModelError(text);
+  }
   if (p.mass_includes_mechanism != 1 && p.mass_includes_mechanism != 2) {
     throw ModelError(name + ".mass_includes_mechanism must be 1 (excluded) or 2 (included)");
   }
@@ -142,7 +154,9 @@ void DockingSim::Impl::clear() {
   zero(inputs.leg_force_command, m.legs.size());
   zero(outputs.petal_force, static_cast<size_t>(scene->contact.petal_count()));
   zero(outputs.latch_opening, static_cast<size_t>(scene->latches.count()));
+  zero(outputs.latch_lateral, static_cast<size_t>(scene->latches.count()));
   zero(outputs.latch_force, static_cast<size_t>(scene->latches.count()));
+  outputs.latch_state.assign(static_cast<size_t>(scene->latches.count()), kFree);
   outputs.latched.assign(static_cast<size_t>(scene->latches.count()), 0);
   for (auto* v : {&outputs.leg_length, &outputs.leg_rate, &outputs.leg_force})
     zero(*v, m.legs.size());
@@ -413,6 +427,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     if (!evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
   }
   energy_start = find_total_energy();
+  energy_in_play = find_energy_balance().in_play;
   for (int i : {kChaser, kTarget}) {
     momentum_start[i] = find_momentum(*model, i, *data);
     momentum_scale = std::max(momentum_scale, momentum_start[i].f.norm());
@@ -496,7 +511,8 @@ void DockingSim::Impl::make_stepper() {
   };
   problem.roots = [this](double t, const double* y, double* roots) {
     if (is_evaluated(t, y)) {
-      calc_event_functions(evaluated == Evaluated::kStart ? *data : *rate_data, roots);
+      roots_at = evaluated == Evaluated::kStart ? data.get() : rate_data.get();
+      calc_event_functions(*roots_at, roots);
       return 0;
     }
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
@@ -507,9 +523,11 @@ void DockingSim::Impl::make_stepper() {
       last_trouble = status;
       return 1;
     }
-    calc_event_functions(*rate_data, roots);
+    roots_at = rate_data.get();
+    calc_event_functions(*roots_at, roots);
     return 0;
   };
+  problem.root_speeds = [this](double* speeds) { calc_event_speeds(*roots_at, speeds); };
   jacobian_pass.reset();
   balance.reset();
   if (can_rest()) {
@@ -524,7 +542,7 @@ void DockingSim::Impl::make_stepper() {
     problem.jacobian = [this](double t, const double* y, double* by_columns) {
       return calc_jacobian(t, y, by_columns);
     };
-    problem.jacobian_cost = layout.sums + layout.bristle_count;  // about one per column, measured
+    problem.jacobian_cost = find_jacobian_cost();
   }
   reference.reset();
   if (has_reference()) describe_reference(problem);

@@ -14,17 +14,62 @@ constexpr double kLongestStep = 1e9;  ///< [s]
 constexpr double kFade = 0.7;         ///< of a long step in what counts as regular, per step
 constexpr int kJacobianSteps = 50;    ///< for which a Jacobian is good, unless Newton fails
 constexpr int kMaxRefused = 12;       ///< end states in a row that cannot be evaluated
-#ifndef DOCKLOOP_MAX_INNER_STEPS      // the fuzzers wait less long
-#define DOCKLOOP_MAX_INNER_STEPS 10000
+
+// A refusal must not take minutes. Its time on a slow processor [s]:
+#ifndef DOCKLOOP_REFUSAL_TIME  // the fuzzers wait less long
+#define DOCKLOOP_REFUSAL_TIME 0.5
 #endif
+constexpr double kRefusalTime = DOCKLOOP_REFUSAL_TIME, kRefusalTimePerSecond = 5.0;
+constexpr double kLongestRefusal = 60.0;
 
 }  // namespace
 
-/// Inner steps after which a communication step is given up: a refusal must not take minutes.
-int DockingSim::Impl::find_inner_step_limit(double h) const {
-  constexpr double kPerSecond = 20000.0, kMost = 1e6;
-  if (adapt_problem) return std::numeric_limits<int>::max();  // the truth takes its time
-  return static_cast<int>(std::min(DOCKLOOP_MAX_INNER_STEPS + kPerSecond * h, kMost));
+/// Time that one evaluation takes at most on a slow processor [s]: estimated from what the model
+/// holds, not measured, because the work after which a step is refused must be the same everywhere.
+double DockingSim::Impl::find_evaluation_cost() const {
+  constexpr double kBasic = 3e-6, kPerBody = 0.6e-6, kKernel = 6e-6, kPerBristle = 3e-9;
+  const double mechanism = kPerBody * static_cast<double>(model->mechanism.model.bodies.size());
+  const double general = (reference ? 4.0 : 1.0) * (kBasic + mechanism);
+  return (rate_data->mechanism.kernel ? kKernel : general) +
+         kPerBristle * model->layout.bristle_count;
+}
+
+/// What an implicit step costs beside its evaluations, in evaluations: it factorises a matrix,
+/// which many states make dearer than all else.
+double DockingSim::Impl::find_factor_cost() const {
+  if (!needs_jacobian() && !reference) return 0.0;
+  constexpr double kPerEntry = 0.5e-9;  // [s], on a slow processor
+  const double n = reference ? reference->size : model->layout.size;
+  return kPerEntry * n * n * n / 3.0 / find_evaluation_cost();
+}
+
+/// Work after which a communication step is refused, in evaluations. A model whose steps are so
+/// dear that few of them take that long may make some nevertheless.
+long DockingSim::Impl::find_work_limit(double h) const {
+  if (adapt_problem) return std::numeric_limits<long>::max();  // the truth takes its time
+  constexpr double kLeastSteps = 200.0, kEvaluationsPerStep = 10.0;
+  const double time = std::min(kRefusalTime + kRefusalTimePerSecond * h, kLongestRefusal);
+  const double factor = find_factor_cost(), derivatives = factor > 0.0 ? find_jacobian_cost() : 0.0;
+  return static_cast<long>(std::max(time / find_evaluation_cost(),
+                                    kLeastSteps * (kEvaluationsPerStep + derivatives + factor)));
+}
+
+/// Work since the start, in evaluations.
+long DockingSim::Impl::find_work() const {
+  const Counters made = find_counters();
+  const double steps = static_cast<double>(made.steps + made.rejected_steps);
+  return made.rate_evaluations + static_cast<long>(find_factor_cost() * steps);
+}
+
+Status DockingSim::Impl::refuse_work(double h, long limit, double tau) {
+  char text[240];
+  std::snprintf(
+      text, sizeof text,
+      "it needs more work than %ld evaluations, the limit for a step of %.6g s of this model: "
+      "shorten the step, or check speeds, spins and stiffnesses of contact and legs",
+      limit, h);
+  status_text = text;
+  return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
 }
 
 void DockingSim::Impl::read_inputs() {
@@ -77,6 +122,7 @@ Status DockingSim::Impl::step(double t, double h) {
   keep(step_start, !pose_is_kept);
   pose_is_kept = true;
   const Counters counters = find_counters();
+  const long work = find_work();
   // The host's clock counts, but what its rounding at large times would lose is kept.
   const double told = t - setup->t_start;
   const double rounding = 4e-16 * std::max(std::abs(t), std::abs(setup->t_start));
@@ -93,14 +139,14 @@ Status DockingSim::Impl::step(double t, double h) {
     if (status.ok()) status = evaluate_start();
     step_begin = find_coupling_point();
     drift = 0.0;
-    const int limit = find_inner_step_limit(h);
+    const long limit = find_work_limit(h);
     if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
   } else {
     status_text = "the step must be longer than 0 s and not longer than 1e9 s";
     status.code = StatusCode::kBadInput;
   }
   if (status.ok()) {
-    coupling.inner_steps = static_cast<int>(find_counters().steps - counters.steps);
+    coupling.work = find_work() - work;
     finish_step(h);
     return status;
   }
@@ -137,20 +183,22 @@ StepOutcome DockingSim::Impl::make_inner_step(double stop, bool watch_roots) {
 
 /// Advance by h from the present state, through events. On failure the state is undefined.
 /// @pre evaluate_start()
-Status DockingSim::Impl::integrate(double h, int limit) {
+Status DockingSim::Impl::integrate(double h, long limit) {
   Status status;
+  const long begun = find_work();
+  stepper->set_evaluation_limit(limit);
   std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
   margin_before = find_singularity_margin(data->mechanism);
   double tau = 0.0;
   int refused = 0;           // end states in a row that could not be evaluated
   double proposal = h_warm;  // step size that error control asks for; stops do not count
   go_on(std::min(proposal, h));
-  for (int inner = 0; inner < limit; ++inner) {
+  for (long turns = 0; find_work() - begun + turns < limit;) {
     status = watch_rest(tau);
     if (!status.ok()) return status;
     if (rest_state.resting) {
       const double flight = std::min(find_flight_time(), h - tau);
-      fly(flight);
+      turns += fly(flight);
       evaluated = Evaluated::kNothing;
       tau = flight < h - tau ? tau + flight : h;
       std::fill(due.begin(), due.end(), char(0));
@@ -169,7 +217,9 @@ Status DockingSim::Impl::integrate(double h, int limit) {
     const double stop = find_next_stop(tau, h);
     last_trouble = Status();
     const StepOutcome outcome = make_inner_step(stop, true);
-    if (outcome == StepOutcome::kFailed) return find_trouble(tau);
+    if (outcome == StepOutcome::kFailed) {
+      return stepper->is_exhausted() ? refuse_work(h, limit, tau) : find_trouble(tau);
+    }
     bool restart = false;
     const double made = stepper->time() - tau;
     if (outcome == StepOutcome::kRoot) {
@@ -183,8 +233,14 @@ Status DockingSim::Impl::integrate(double h, int limit) {
     }
     fastest_rate = stepper->fastest_rate();
     status = evaluate_end(stepper->time());
+    EnergyBalance audit;
+    if (status.ok()) audit = find_energy_balance();
+    if (status.ok() && makes_energy(audit, stepper->time())) {
+      status.code = StatusCode::kIntegrationFailed;
+    }
     if (!status.ok()) {
-      // Error control was content with a state that cannot be evaluated: take smaller steps to it.
+      // Error control was content with a state that cannot be evaluated, or with one that cannot
+      // be: take smaller steps to it.
       if (++refused > kMaxRefused) return status;
       std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
       proposal = 0.25 * made;
@@ -192,8 +248,10 @@ Status DockingSim::Impl::integrate(double h, int limit) {
       continue;
     }
     refused = 0;
+    status_text.clear();
     if (outcome != StepOutcome::kRoot) look_into_step(tau, stepper->time());
     tau = stepper->time();
+    watch_energy(audit, tau);
     status = accept(tau, restart);
     if (!status.ok()) return status;
     std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
@@ -208,25 +266,24 @@ Status DockingSim::Impl::integrate(double h, int limit) {
       start_stepper(tau, std::min(proposal, h - tau));
     }
   }
-  if (!last_trouble.ok()) return last_trouble;  // what the last steps had to get around
-  status_text =
-      "it needs more than " + std::to_string(limit) +
-      " inner steps: shorten the step, or check speeds and stiffnesses of contact and legs";
-  return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
+  return refuse_work(h, limit, tau);
 }
 
 /// The same with a number of inner steps that depends on h only: equal steps of a Runge-Kutta
 /// method, events seen at their ends. The cost is bounded; errors are not controlled.
 /// @pre evaluate_start()
-Status DockingSim::Impl::integrate_fixed(double h, int limit) {
+Status DockingSim::Impl::integrate_fixed(double h, long limit) {
   const double wanted = std::ceil(h / parameters.step * (1.0 - 1e-9));
-  if (wanted > limit) {
+  constexpr int kRk4 = 4, kSdirk = 7;  // evaluations, and a Jacobian
+  const bool implicit = parameters.solver_method == kFixedImplicit;
+  const double each = implicit ? kSdirk + find_jacobian_cost() : kRk4;
+  if (wanted * each > static_cast<double>(limit)) {
     char text[200];
     std::snprintf(
         text, sizeof text,
-        "it needs %.6g inner steps of solver.step = %.6g s; at most %d are made: shorten the "
+        "it needs %.6g inner steps of solver.step = %.6g s; at most %.6g are made: shorten the "
         "step or raise solver.step",
-        wanted, parameters.step, limit);
+        wanted, parameters.step, std::floor(static_cast<double>(limit) / each));
     status_text = text;
     return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed};
   }
@@ -235,16 +292,23 @@ Status DockingSim::Impl::integrate_fixed(double h, int limit) {
   for (int inner = 1; inner <= count; ++inner) {
     const double end = inner == count ? h : h * inner / count;
     last_trouble = Status();
+    note_latches();
     start_stepper(tau, end - tau, inner == 1 ? find_start_rates() : nullptr);
     if (make_inner_step(end, false) == StepOutcome::kFailed) return find_trouble(tau);
+    const double made = end - tau;
     tau = end;
     Status status = evaluate_end(tau);
     if (!status.ok()) return status;
+    const EnergyBalance audit = find_energy_balance();
+    if (makes_energy(audit, tau)) return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
+    watch_energy(audit, tau);
     double roots[kFixedRoots + kMaxLatches];
     calc_event_functions(*data, roots);
     for (int i = 0; i < kFixedRoots + model->latches.count(); ++i) due[i] = roots[i] <= 0.0;
+    find_passed_latches(made);
     bool changed = false;
     status = accept(tau, changed);
+    std::fill(passed.begin(), passed.end(), char(0));
     if (!status.ok()) return status;
   }
   return {};
@@ -311,17 +375,66 @@ Status DockingSim::Impl::step_to_root(double tau) {
   std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
   if (!(root > tau)) return {};
   start_stepper(tau, root - tau);
-  for (int inner = 0; inner < DOCKLOOP_MAX_INNER_STEPS; ++inner) {
+  for (;;) {  // the evaluations that are left end it
     const StepOutcome outcome = make_inner_step(root, false);
     if (outcome == StepOutcome::kFailed) return find_trouble(tau);
     if (outcome == StepOutcome::kStopped) return {};
   }
-  return find_trouble(tau);
 }
 
 double DockingSim::Impl::find_total_energy() const {
   return find_kinetic_energy(*model, *data) + find_potential_energy();
 }
+
+/// What should add up, and what does not, at the state of the last evaluation.
+EnergyBalance DockingSim::Impl::find_energy_balance() const {
+  const double* sums = stepper->y() + model->layout.sums;
+  const double kinetic = find_kinetic_energy(*model, *data), potential = find_potential_energy();
+  double dissipated = 0.0;
+  for (int i : {kSumContact, kSumFriction, kSumLegs, kSumLatches}) dissipated += sums[i];
+  EnergyBalance audit;
+  audit.brought = sums[kSumExternal] + host_work;
+  audit.residual = kinetic + potential + dissipated - audit.brought - energy_start;
+  audit.brought = std::abs(audit.brought);
+  audit.in_play = kinetic + std::abs(potential) + dissipated + audit.brought;
+  return audit;
+}
+
+/// Did the step that ends here make more energy than there was? Then it was a wrong one, whatever
+/// error control said; status_text says so.
+bool DockingSim::Impl::makes_energy(const EnergyBalance& audit, double tau) {
+  const double made = audit.residual - energy_residual;
+  const double there = std::max({energy_in_play, audit.brought, find_least_energy()});
+  if (std::abs(made) <= there) return false;
+  char text[300];
+  std::snprintf(text, sizeof text,
+                "the inner step to t = %.9g s makes %.3g J out of nothing, where %.3g J are in "
+                "play: shorten the step (solver.step of a fixed-step method), or take "
+                "solver.method 1 (auto)",
+                setup->t_start + elapsed + tau, made, there);
+  status_text = text;
+  return true;
+}
+
+/// Keeps the audit of energy, and warns once where what does not add up matters.
+void DockingSim::Impl::watch_energy(const EnergyBalance& audit, double tau) {
+  constexpr double kMatters = 0.01;  // of the energy in play
+  energy_residual = audit.residual;
+  energy_in_play = std::max(energy_in_play, audit.in_play);
+  const double there = std::max(energy_in_play, find_least_energy());
+  if (warned_energy || std::abs(energy_residual) <= kMatters * there) return;
+  warned_energy = true;
+  char text[300];
+  std::snprintf(text, sizeof text,
+                "the energy audit is off by %.3g J at t = %.9g s, %.2g of the %.3g J in play: "
+                "loads and motion may be wrong by as much; take a smaller %s",
+                energy_residual, setup->t_start + elapsed + tau, std::abs(energy_residual) / there,
+                there, is_fixed_step() ? "solver.step, or solver.method 1 (auto)" : "solver.rtol");
+  warnings.push_back(text);
+}
+
+/// Below this, energy is what absolute tolerances leave open [J].
+double DockingSim::Impl::find_least_energy() const { return 1e4 * parameters.atol_energy; }
 
 double DockingSim::Impl::find_potential_energy() const {
   return data->joints.energy + data->contact.energy + data->latch.energy;

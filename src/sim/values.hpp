@@ -137,6 +137,7 @@ struct OutputValues {
   std::vector<S> petal_force;    ///< [N] resultant on each active petal
   S contact_depth_ratio = S(0);  ///< largest depth / rounding [-]
   std::vector<S> latch_opening;  ///< [m]
+  std::vector<S> latch_lateral;  ///< [m]
   std::vector<S> latch_force;    ///< [N]
 
   // group ring: G with respect to A, axes of A (angular velocity in axes of A)
@@ -200,9 +201,9 @@ void for_each_value(OutputValues<S>& values, F&& f) {
         &values.energy_residual}) {
     f(*x);
   }
-  for (std::vector<S>* x :
-       {&values.petal_force, &values.latch_opening, &values.latch_force, &values.leg_length,
-        &values.leg_rate, &values.leg_force, &values.state_q, &values.state_v, &values.state_a}) {
+  for (std::vector<S>* x : {&values.petal_force, &values.latch_opening, &values.latch_lateral,
+                            &values.latch_force, &values.leg_length, &values.leg_rate,
+                            &values.leg_force, &values.state_q, &values.state_v, &values.state_a}) {
     each(*x);
   }
   for (Vec3<S>& x : values.loop_force) each(x);
@@ -213,6 +214,7 @@ template <class S>
 void match_sizes(const OutputValues<double>& from, OutputValues<S>& to) {
   to.petal_force.resize(from.petal_force.size());
   to.latch_opening.resize(from.latch_opening.size());
+  to.latch_lateral.resize(from.latch_lateral.size());
   to.latch_force.resize(from.latch_force.size());
   to.leg_length.resize(from.leg_length.size());
   to.leg_rate.resize(from.leg_rate.size());
@@ -236,6 +238,9 @@ struct Outputs : OutputValues<double> {
   int outcome = 1;  ///< 1 undecided, 2 captured, 3 partial capture, 4 rebound, 5 miss
   bool captured = false;
   std::vector<char> latched;      ///< 0 or 1, one per latch (char: vector<bool> has no addresses)
+  std::vector<int> latch_state;   ///< see LatchReport, one per latch
+  int capture_reason = 1;         ///< see CaptureReason
+  double seated_time = 0.0;       ///< [s] seated without capture
   double time_to_contact = 0.0;   ///< [s] lower bound from gap and closing speed
   double time_of_contact = -1.0;  ///< [s] simulation time, -1 before
   double time_of_capture = -1.0;  ///< [s] simulation time, -1 before

@@ -77,6 +77,12 @@ int calc_roots(Sim& sim, double time, const double* y, double* roots) {
   for (int i = 0; i < sim.model->latches.count(); ++i) {
     rounded.latch.event[i] = to_double(at.latch.event[i]);
   }
+  const auto round = [](const auto& x) {
+    return x.unaryExpr([](const Extended& number) { return to_double(number); }).eval();
+  };
+  rounded.relative = {round(at.relative.R), round(at.relative.p), round(at.relative.w),
+                      round(at.relative.v)};
+  sim.roots_at = &rounded;
   sim.calc_event_functions(rounded, roots);
   return 0;
 }

@@ -235,7 +235,7 @@ TEST(VariableTable, HasTheNamesOfTheInterface) {
   for (const char* tail : {".length", ".rate", ".force", ".force_command"}) {
     expect_count("leg", tail, out.leg_length.size());
   }
-  for (const char* tail : {".opening", ".force"}) {
+  for (const char* tail : {".opening", ".lateral", ".force", ".state"}) {
     expect_count("latch", tail, out.latch_opening.size());
   }
   expect_count("latched", "", out.latched.size());

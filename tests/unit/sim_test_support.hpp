@@ -39,10 +39,12 @@ inline std::vector<double> flatten(const Outputs& outputs, bool with_solver = fa
   };
   put(o.capture_peak);
   put(o.latched);
+  put(o.latch_state);
   put(std::array<double, 12>{o.time, o.capture_peak_load_ratio, double(o.phase), double(o.outcome),
                              double(o.captured), o.time_to_contact, o.time_of_contact,
                              o.time_of_capture, o.momentum_residual, o.solver_closure_residual,
-                             o.solver_singularity_margin, 0.0});
+                             o.solver_singularity_margin, o.seated_time});
+  put(std::array<double, 1>{double(o.capture_reason)});
   if (with_solver) {
     put(std::array<double, 3>{o.solver_steps, o.solver_rhs_evaluations, o.solver_rejected_steps});
   }
