@@ -8,7 +8,6 @@ of JSON each; results come back in the order of the cases.
 
 import json
 import subprocess
-import tempfile
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
@@ -20,6 +19,7 @@ from dockloop.cases import Result
 from dockloop.core import find_core
 from dockloop.errors import DockloopError, UsageError
 from dockloop.fmu import NEVER_TOUCH, to_json
+from dockloop.outputs import scratch
 
 if TYPE_CHECKING:
     from dockloop.sweep import Planner
@@ -44,9 +44,9 @@ def run_batch(
     Raises:
         DockloopError: the core is missing or ended early.
     """
-    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder, ThreadPoolExecutor(1) as pool:
-        model = Path(folder) / "model.json"
-        model.write_text(to_json(planner.unplaced))
+    with scratch() as folder, ThreadPoolExecutor(1) as pool:
+        model = folder / "model.json"
+        model.write_text(to_json(planner.unplaced), encoding="utf-8")
         with subprocess.Popen(
             [find_core(), "batch", model, *_list_options(planner, threads)],
             stdin=subprocess.PIPE,

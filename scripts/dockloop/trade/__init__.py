@@ -26,7 +26,7 @@ from typing import Any
 from dockloop import __version__
 from dockloop.cases import Result
 from dockloop.errors import DockloopError, UsageError, did_you_mean
-from dockloop.journal import InterruptedWorkError, Journal, make_report
+from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
 from dockloop.paths import shown
 from dockloop.simulate import ProgressBar, Recording
 from dockloop.trade.bench import Bench
@@ -262,7 +262,14 @@ def run_trade(
             "truth": truth.key,
             "figures": list(FIGURES),
         }
-        journal = Journal(folder / "trade.jsonl", setup, len(settings), resume=resume, work="trade")
+        journal = Journal(
+            find_journal(folder),
+            setup,
+            len(settings),
+            resume=resume,
+            work="trade",
+            digest=make_digest([bench.scene, stop, [astuple(setting) for setting in settings]]),
+        )
     except KeyboardInterrupt:
         raise InterruptedWorkError("interrupted before the first case") from None
     try:
@@ -293,6 +300,11 @@ def run_trade(
     }
     rows = [make_row(bench, s, default, journal.known[astuple(s)], stop) for s in settings]
     return Trade(rows, about)
+
+
+def find_journal(folder: Path) -> Path:
+    """Return where the journal of a trade is."""
+    return folder / "trade.jsonl"
 
 
 def measure(
