@@ -64,6 +64,18 @@ def runs() -> Iterator[Runs]:
 
 
 @pytest.fixture
+def permissions(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Skip a test where permissions of files do not bind this process, as those of root."""
+    folder = tmp_path_factory.mktemp("closed")
+    folder.chmod(0o500)
+    try:
+        (folder / "file").touch()
+    except PermissionError:
+        return
+    pytest.skip("this process may read and write everything")
+
+
+@pytest.fixture
 def dockloop(
     capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> Callable[..., Outcome]:

@@ -198,7 +198,7 @@ def test_run_writes_summary_result_and_plots_beside_the_result(dockloop, runs, t
     assert outcome.status == 0, outcome.err
     summary = json.loads(outcome.out)
     assert summary["communication_steps"] == 30
-    assert summary == json.loads(result.with_suffix(".json").read_text())
+    assert summary == json.loads((tmp_path / "out" / "first_summary.json").read_text())
     for name in summary["files"]:
         assert (tmp_path / name).stat().st_size > 100
     assert {f"out/first_{n}.png" for n in ("motion", "ring", "loads", "legs", "energy")} <= set(

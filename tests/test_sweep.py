@@ -9,6 +9,8 @@
    runs alone to the bits of its row; the metadata holds the set-up; the linear absorber gives its
    linear answer.
 5. Failures are rows: refused by the scene, by the FMU, a step discarded, a worker lost.
+6. The journal: a line that was changed is told once and its case is run again, all others are kept;
+   a full disk loses nothing; the finished table of another sweep stays.
 """
 
 import json
@@ -34,7 +36,7 @@ from distributed import LocalCluster
 from pyarrow import parquet
 
 from dockloop import paths, sweep, sweep_report
-from dockloop.cases import Job, LoadedFmu
+from dockloop.cases import Job, LoadedFmu, Result
 from dockloop.errors import UsageError
 from dockloop.sampling import as_setting, read_sweep
 from dockloop.simulate import ProgressBar
@@ -556,7 +558,7 @@ def test_failures_are_rows_with_a_reason(dockloop, cluster, tmp_path):
         assert row["outcome"] is None
 
     path.write_text(FAILING.replace("[1.0, 31.0]", "[31.0]"))
-    told = dockloop("sweep", path, "--scheduler", cluster.scheduler_address)
+    told = dockloop("sweep", path, "--scheduler", cluster.scheduler_address, "-o", "bad.parquet")
     assert told.status == 1, told
     assert "no case was done, for example" in told.err, told.err
 
@@ -576,3 +578,202 @@ def test_a_case_that_is_lost_with_its_workers_is_tried_again_by_resume(tmp_path,
         assert "died" in lost.reason
         ran = run_sweep(read_sweep(str(path)), output, scheduler=address, resume=True)
         assert ran["results"][0].status == "done", ran["results"][0]
+
+
+# ---------------------------------------------------------------- the journal
+
+SPEEDS = ["sweep", "absorber_1d_speeds", "--no-plots", "-o", "mine.parquet"]
+
+
+def change_figure(line: str) -> str:
+    """One digit of an outcome."""
+    place = line.index('"outputs"') + 20
+    digit = next(i for i in range(place, len(line)) if line[i] in "123456789")
+    return line[:digit] + str(10 - int(line[digit])) + line[digit + 1 :]
+
+
+DAMAGE = {
+    "figure": change_figure,
+    "value": lambda line: line.replace('"values": [0.', '"values": [1.'),
+    "status": lambda line: line.replace('"done"', '"nonsense"'),
+    "checksum": lambda line: line[:-4] + '0"}' if line[-4] != "0" else line[:-4] + '1"}',
+    "half": lambda line: line[: len(line) // 2],
+    "empty": lambda line: "",
+    "other": lambda line: '{"a": 1}',
+    "binary": lambda line: "\x00\x01\x02",
+    "list": lambda line: "[1, 2]",
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_changed_line_is_told_once_and_only_its_case_is_run_again(dockloop, tmp_path, damage):
+    assert dockloop(*SPEEDS).status == 0
+    whole, journal = (tmp_path / "mine.parquet").read_bytes(), tmp_path / "mine.jsonl"
+    lines = journal.read_text().splitlines()
+    changed = DAMAGE[damage](lines[3])
+    assert changed != lines[3]
+    journal.write_text("\n".join([*lines[:3], changed, *lines[4:], ""]))
+    refused = dockloop(*SPEEDS)
+    assert refused.status == 2, refused
+    assert "holds 7 of 8 cases" in refused.err
+    told = dockloop(*SPEEDS, "--resume", "--json")
+    assert told.status == 0, told
+    assert told.err == (
+        "dockloop: warning: mine.jsonl: line 4 is damaged or was changed: its case is run again\n"
+    )
+    assert json.loads(told.out)["time"]["ran"] == 1
+    assert (tmp_path / "mine.parquet").read_bytes() == whole
+    again = dockloop(*SPEEDS, "--resume", "--json")
+    assert (again.status, again.err) == (0, ""), again
+    assert json.loads(again.out)["time"]["ran"] == 0
+    assert sorted(journal.read_text().splitlines()[1:]) == sorted(lines[1:])
+
+
+def test_many_changed_lines_are_told_in_one(dockloop, tmp_path):
+    assert dockloop(*SPEEDS).status == 0
+    journal = tmp_path / "mine.jsonl"
+    header, *lines = journal.read_text().splitlines()
+    journal.write_text("\n".join([header, *("?" for _ in lines[:-1]), lines[-1], ""]))
+    told = dockloop(*SPEEDS, "--resume", "--json")
+    assert "lines 2, 3, 4, 5, 6, 7, 8 are damaged" in told.err
+    assert told.err.count("\n") == 1
+    assert json.loads(told.out)["time"]["ran"] == 7
+
+
+def test_a_status_that_nobody_knows_is_no_result(tmp_path):
+    """Not even with the right checksum."""
+    journal = Journal(tmp_path / "a.jsonl", {}, 2, resume=False)
+    journal.add((1.0,), Result("done", outputs=(1.0,)))
+    journal.add((2.0,), Result("nonsense"))
+    journal.close()
+    assert set(Journal(tmp_path / "a.jsonl", {}, 2, resume=True).known) == {(1.0,)}
+
+
+def test_a_journal_without_its_first_line_is_refused(dockloop, tmp_path):
+    assert dockloop(*SPEEDS).status == 0
+    journal = tmp_path / "mine.jsonl"
+    text = journal.read_text()
+    journal.write_text(text.replace('"quantities"', '"quantitles"', 1))
+    for more in ([], ["--resume"]):
+        refused = dockloop(*SPEEDS, *more)
+        assert refused.status == 2, refused
+        assert "mine.jsonl: line 1 is damaged or was changed" in refused.err
+        assert refused.err.count("\n") == 1
+    assert journal.read_text() == text.replace('"quantities"', '"quantitles"', 1)
+
+
+def test_the_finished_table_of_another_sweep_stays(dockloop, tmp_path):
+    """Other cases, another seed, another scene, other outcomes; the same sweep is made again."""
+    shipped = (paths.SWEEPS / "absorber_1d_speeds.toml").read_text()
+    path, table, journal = write(tmp_path, shipped), tmp_path / "t.parquet", tmp_path / "t.jsonl"
+    command = ["sweep", str(path), "--no-plots", "-o", "t.parquet"]
+    assert dockloop(*command).status == 0
+    before, lines = table.read_bytes(), journal.read_bytes()
+    for old, new in (
+        ("0.05, 0.10", "0.05, 0.11"),
+        ("seed = 1", "seed = 2"),
+        ("step = 0.5", "step = 0.25"),
+        ('worst = "capture.peak.compression"', 'outcomes = ["outcome"]'),
+        ("[experiment]", "[set]\n'solver.rtol' = 1e-9\n[experiment]"),
+    ):
+        assert old in shipped
+        write(tmp_path, shipped.replace(old, new))
+        for without in (None, journal, table):  # either is enough to know it
+            held = without.read_bytes() if without else b""
+            if without:
+                without.unlink()
+            refused = dockloop(*command)
+            assert refused.status == 2, (refused, new)
+            assert "of another sweep" in refused.err
+            assert "choose another -o or delete" in refused.err
+            assert refused.err.count("\n") == 1
+            if without:
+                assert not without.exists()
+                without.write_bytes(held)
+        assert (table.read_bytes(), journal.read_bytes()) == (before, lines)
+    path.write_text(f"# a comment\n{shipped}")
+    assert dockloop(*command).status == 0
+    assert dockloop(*command, "--resume").status == 0
+
+
+def test_resume_makes_the_table_of_more_cases_and_of_those_that_it_had(dockloop, tmp_path):
+    shipped = (paths.SWEEPS / "absorber_1d_speeds.toml").read_text()
+    path, table = write(tmp_path, shipped), tmp_path / "t.parquet"
+    command = ["sweep", str(path), "--no-plots", "-o", "t.parquet"]
+    assert dockloop(*command).status == 0
+    write(tmp_path, shipped.replace("0.05, 0.10", "0.05, 0.10, 0.11"))
+    assert dockloop(*command).status == 2
+    told = dockloop(*command, "--resume", "--json")
+    assert json.loads(told.out)["time"]["ran"] == 4, told.err
+    assert dockloop(*command).status == 0  # it is the same sweep now
+    assert parquet.read_table(table).num_rows == 12
+    foreign = tmp_path / "else.parquet"
+    assert dockloop("sweep", "absorber_1d_speeds", "--no-plots", "-o", str(foreign)).status == 0
+    foreign.replace(table)
+    (tmp_path / "t.jsonl").unlink()
+    refused = dockloop(*command, "--resume")  # the table of fewer cases, but nothing to go on with
+    assert refused.status == 2, refused
+    assert "of another sweep" in refused.err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
+def test_a_full_disk_loses_no_case(dockloop, tmp_path, monkeypatch):
+    """First there is no space for the first line of the journal, then none for its fifth."""
+    real, written = Journal._write, []
+
+    def write_line(self, line):
+        written.append(line)
+        if len(written) in (1, 6):
+            self._file.close()
+            self._file = Path("/dev/full").open("wb")  # noqa: SIM115  the journal closes it
+        real(self, line)
+
+    monkeypatch.setattr(Journal, "_write", write_line)
+    for kept in (0, 3):
+        told = dockloop(*SPEEDS)
+        assert told.status == 1, told
+        assert told.err == (
+            "dockloop: mine.jsonl: cannot be written (no space is left on the disk); the same"
+            " command with --resume goes on\n"
+        )
+        assert (tmp_path / "mine.jsonl").exists() == bool(kept)
+        assert not (tmp_path / "mine.parquet").exists()
+    told = dockloop(*SPEEDS, "--resume", "--json")
+    assert json.loads(told.out)["time"]["ran"] == 8 - kept, told
+
+
+def test_a_table_that_cannot_be_written_is_told_before_the_first_case(
+    dockloop, tmp_path, monkeypatch
+):
+    def fail(*_, **__):
+        raise AssertionError("a case was run")
+
+    monkeypatch.setattr("dockloop.sweep.run_batch", fail)
+    (tmp_path / "mine.parquet").mkdir()
+    refused = dockloop(*SPEEDS)
+    assert refused.status == 2, refused
+    assert "mine.parquet: is a folder" in refused.err
+    assert not (tmp_path / "mine.jsonl").exists()
+
+
+def test_a_journal_that_holds_nothing_needs_no_resume(dockloop):
+    """What is left when the scheduler cannot be reached."""
+    failed = dockloop(*SPEEDS, "--scheduler", "nonsense://x")
+    assert failed.status == 1, failed
+    assert "cannot be reached" in failed.err
+    assert dockloop(*SPEEDS).status == 0
+
+
+def test_another_dockloop_that_writes_the_journal_is_told(tmp_path):
+    """Also while the file is put in order."""
+    journal = Journal(tmp_path / "a.jsonl", {}, 2, resume=False)
+    journal.add((1.0,), Result("done"))
+    journal.close()
+    path = tmp_path / "a.jsonl"
+    path.write_text(path.read_text() + "?\n")
+    second = Journal(path, {}, 2, resume=True)
+    with pytest.raises(UsageError, match="another sweep is writing it"):
+        Journal(path, {}, 2, resume=True)
+    second.add((2.0,), Result("done"))
+    second.close()
+    assert set(Journal(path, {}, 2, resume=True).known) == {(1.0,), (2.0,)}

@@ -12,6 +12,7 @@
 import csv
 import json
 import math
+import re
 import stat
 from pathlib import Path
 from types import SimpleNamespace
@@ -370,6 +371,16 @@ def test_a_choice_restricts_the_grid():
         trade.make_settings(make_bench(), Choice(levels=(1,), methods=(8,)), 4.0)
     with pytest.raises(UsageError, match=r"no variable 'model\.level'"):
         trade.make_settings(make_bench(levels=False), Choice(levels=(1,)), 4.0)
+
+
+def test_every_method_of_the_fmu_can_be_asked_for_by_its_name(absorber):
+    variable = absorber.variables["solver.method"]
+    assert list(trade.METHODS) == list(range(int(variable.min), int(variable.max) + 1))
+    for number, name in trade.METHODS.items():
+        assert re.search(rf"\b{number} {name}\b", variable.description), (number, name)
+        assert trade.parse_names("--methods", name, trade.METHODS) == (number,)
+        settings = trade.make_settings(make_bench(), Choice(methods=(number,)), 4.0)
+        assert {s.method for s in settings[1:]} == {number}, name
 
 
 def test_bad_usage_is_refused_with_one_sentence(dockloop):

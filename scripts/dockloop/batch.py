@@ -8,17 +8,18 @@ of JSON each; results come back in the order of the cases.
 
 import json
 import subprocess
-import tempfile
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from queue import SimpleQueue
+from threading import Event
 from typing import TYPE_CHECKING, Any, TextIO
 
 from dockloop.cases import Result
 from dockloop.core import find_core
 from dockloop.errors import DockloopError, UsageError
 from dockloop.fmu import NEVER_TOUCH, to_json
+from dockloop.outputs import scratch
 
 if TYPE_CHECKING:
     from dockloop.sweep import Planner
@@ -43,9 +44,9 @@ def run_batch(
     Raises:
         DockloopError: the core is missing or ended early.
     """
-    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder, ThreadPoolExecutor(1) as pool:
-        model = Path(folder) / "model.json"
-        model.write_text(to_json(planner.unplaced))
+    with scratch() as folder, ThreadPoolExecutor(1) as pool:
+        model = folder / "model.json"
+        model.write_text(to_json(planner.unplaced), encoding="utf-8")
         with subprocess.Popen(
             [find_core(), "batch", model, *_list_options(planner, threads)],
             stdin=subprocess.PIPE,
@@ -55,14 +56,17 @@ def run_batch(
             start_new_session=True,  # a Ctrl-C is for this process, which ends the core
         ) as core:
             planned: SimpleQueue = SimpleQueue()
-            feeding = pool.submit(_feed, planner, cases, core.stdin, planned)
+            ended = Event()
+            feeding = pool.submit(_feed, planner, cases, core.stdin, planned, ended)
             try:
                 while (case := planned.get()) is not None:
                     values, refusal = case
                     keep(values, refusal or _read_result(core, model, planner))
                     report()
             except BaseException:
+                ended.set()
                 core.kill()
+                wait([feeding])  # who closes its pipe, as leaving this block does
                 raise
         feeding.result()  # raises what the planner did
 
@@ -89,11 +93,18 @@ def _list_options(planner: "Planner", threads: int) -> list[str]:
     return words
 
 
-def _feed(planner: "Planner", cases: Iterable[tuple], core: TextIO, planned: SimpleQueue) -> None:
-    """Plan cases, write them to the core; `planned` gets values and refusal of each, then None."""
+def _feed(
+    planner: "Planner", cases: Iterable[tuple], core: TextIO, planned: SimpleQueue, ended: Event
+) -> None:
+    """Plan cases, write them to the core; `planned` gets values and refusal of each, then None.
+
+    Stops when `ended` is set, or when the core reads no more.
+    """
     try:
         with core:
             for values in cases:
+                if ended.is_set():
+                    break
                 try:
                     line = json.dumps(planner.plan_batch(values))
                 except UsageError as error:

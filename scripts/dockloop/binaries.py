@@ -7,10 +7,10 @@ never packed.
 
 import hashlib
 import os
-import sys
 from pathlib import Path
 
 from dockloop import paths
+from dockloop.errors import warn
 
 STAMP = "sources.sha256"
 EXTENSIONS = {
@@ -61,10 +61,9 @@ def find_libraries() -> dict[str, Path]:
         else:
             stale.append(platform)
     if stale:
-        print(
-            f"dockloop: warning: portable binaries of other sources than the present ones are left"
-            f" out; to build them again: scripts/platforms {' '.join(stale)}",
-            file=sys.stderr,
+        warn(
+            "portable binaries of other sources than the present ones are left out; to build them"
+            f" again: scripts/platforms {' '.join(stale)}"
         )
     return libraries
 

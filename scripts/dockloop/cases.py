@@ -6,19 +6,20 @@ result: a status and a sentence.
 """
 
 import itertools
-import tempfile
 import threading
 from collections import OrderedDict
+from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 
 from dockloop.errors import DockloopError, UsageError
+from dockloop.outputs import scratch
 from dockloop.simulate import Instance, communication_points, unpack_fmu
 
+STATUSES = ("done", "refused", "failed", "lost")  # what can become of a case
 _MOST_LOADED = 4  # FMUs that a thread keeps loaded
 _DECIDED = (2, 4, 5)  # outcomes captured, rebound, miss; a partial capture may still become one
 _MINE = threading.local()  # FMUs of this thread: their digest -> LoadedFmu
@@ -48,7 +49,7 @@ class Result:
     """What became of one case.
 
     Attributes:
-        status: ``done``, ``refused`` (its start), ``failed`` (a step), ``lost`` (with its worker).
+        status: one of `STATUSES`: refused is its start, failed a step, lost its worker.
         reason: why it is not done.
         warning: what the FMU or the placement had to say.
         end_time: where it ended [s].
@@ -91,19 +92,21 @@ class LoadedFmu:
 
     def __init__(self, fmu: bytes) -> None:
         """Unpack and load the FMU."""
-        self._folder = tempfile.TemporaryDirectory(prefix="dockloop-", dir=_worker_folder())
-        path = Path(self._folder.name) / "case.fmu"
-        path.write_bytes(fmu)
-        self._description, _ = unpack_fmu(path, path.parent)
-        self._variables = {v.name: v for v in self._description.modelVariables}
-        self._instance = Instance(self._description, str(path.parent), "the FMU").__enter__()
         self._used = False
         self.time: float | None = None
+        with ExitStack() as made:
+            folder = made.enter_context(scratch(_worker_folder()))
+            path = folder / "case.fmu"
+            path.write_bytes(fmu)
+            self._description, _ = unpack_fmu(path, folder)
+            self._variables = {v.name: v for v in self._description.modelVariables}
+            self._instance = Instance(self._description, str(folder), "the FMU")
+            made.enter_context(self._instance)
+            self._made = made.pop_all()
 
     def close(self) -> None:
         """Free the instance and its files."""
-        self._instance.__exit__()
-        self._folder.cleanup()
+        self._made.close()
 
     def run(self, job: Job) -> Result:
         """Run one case from its start to its end.

@@ -11,12 +11,13 @@ import json
 import math
 import shlex
 import sys
-import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
-from dockloop import __version__
-from dockloop.errors import DockloopError, UsageError
+from dockloop import __version__, paths
+from dockloop.errors import DockloopError, UsageError, find_reason, one_line
 
 _BUILD_EXAMPLE = (
     "example: dockloop build idss_25t_350t --scene initial.closing_speed=0.05 -o slow.fmu"
@@ -34,11 +35,16 @@ _TRUTH_EXAMPLE = (
 )
 
 
+class _ReaderGoneError(Exception):
+    """Whoever reads our output has seen enough."""
+
+
 class _Parser(argparse.ArgumentParser):
     """A parser whose errors are one sentence, like all others."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(UsageError.exit_status, f"{self.prog}: {message}; see {self.prog} --help\n")
+        text = one_line(f"{self.prog}: {message}; see {self.prog} --help")
+        self.exit(UsageError.exit_status, f"{text}\n")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -51,24 +57,56 @@ def main(arguments: list[str] | None = None) -> int:
         The exit status.
     """
     options = _make_parser().parse_args(arguments)
+    if hasattr(sys.stdout, "reconfigure"):  # names of files may hold what a terminal cannot show
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         options.command(options)
+        with _printing():
+            print(end="", flush=True)
     except DockloopError as error:
-        print(f"dockloop: {error}", file=sys.stderr)
+        _say(str(error))
         return error.exit_status
-    except BrokenPipeError:  # the reader of our output has seen enough
-        sys.stdout = None
+    except _ReaderGoneError:
         return 0
     except KeyboardInterrupt:
-        print("dockloop: interrupted", file=sys.stderr)
+        _say("interrupted")
         return 130
+    except OSError as error:  # of a disk, a folder, a program: nothing that is wrong in here
+        if options.debug:
+            raise
+        where = f"{paths.shown(str(error.filename))}: " if error.filename else ""
+        _say(f"{where}{find_reason(error)}")
+        return 1
     except Exception as error:
         if options.debug:
             raise
-        kind = type(error).__name__
-        print(f"dockloop: defect: {kind}: {error}; --debug shows where", file=sys.stderr)
+        _say(f"defect: {type(error).__name__}: {error}; --debug shows where")
         return 1
     return 0
+
+
+def _say(text: str) -> None:
+    """Say in one line why a command fails."""
+    print(one_line(f"dockloop: {text}"), file=sys.stderr)
+
+
+def _tell(text: str) -> None:
+    """Print what a command found out; it arrives when the command is done."""
+    with _printing():
+        print(text)
+
+
+@contextmanager
+def _printing() -> Iterator[None]:
+    """Say that standard output cannot be written when that is so."""
+    try:
+        yield
+    except BrokenPipeError:
+        sys.stdout = None
+        raise _ReaderGoneError from None
+    except OSError as error:
+        sys.stdout = None
+        raise DockloopError(f"standard output cannot be written ({find_reason(error)})") from None
 
 
 def _make_parser() -> argparse.ArgumentParser:
@@ -120,7 +158,7 @@ def _make_parser() -> argparse.ArgumentParser:
         "--output",
         type=Path,
         metavar="RESULT",
-        help="result file, .csv or .npz; summary and plots are written beside it"
+        help="result file, .csv or .npz; RESULT_summary.json and plots are written beside it"
         " (default: build/results/SCENE/SCENE.csv)",
     )
     run.add_argument("--no-plots", action="store_true", help="do not draw figures")
@@ -159,7 +197,7 @@ def _make_parser() -> argparse.ArgumentParser:
         "--output",
         type=Path,
         metavar="TABLE.parquet",
-        help="the table; journal, summary and plots are written beside it"
+        help="the table; journal, TABLE_summary.json and plots are written beside it"
         " (default: build/sweeps/SWEEP/SWEEP.parquet)",
     )
     sweep.add_argument("--csv", action="store_true", help="write the table as CSV too")
@@ -285,10 +323,14 @@ def _add_trade(commands) -> None:
 
 
 def _positive(text: str) -> int:
-    """Parse a whole number above 0. Raises ValueError."""
-    if int(text) < 1:
+    """Parse a whole number above 0."""
+    try:
+        number = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"is {text}: must be a whole number") from None
+    if number < 1:
         raise argparse.ArgumentTypeError(f"is {text}: must be at least 1")
-    return int(text)
+    return number
 
 
 def _add_scene_option(command: argparse.ArgumentParser) -> None:
@@ -319,31 +361,46 @@ def _add_run_options(command: argparse.ArgumentParser) -> None:
 def _build(options: argparse.Namespace) -> None:
     """Build an FMU and say where it is."""
     from dockloop.fmu import build_fmu
-    from dockloop.paths import shown
+    from dockloop.reference import add_reference
 
-    fmu = build_fmu(options.scene, options.overrides, options.output, options.kernel, print)
-    if options.reference:
-        from dockloop.reference import add_reference
-
-        add_reference(fmu)
-    print(f"{shown(fmu)} ({fmu.stat().st_size / 1e6:.1f} MB)")
+    notes: list[str] = []  # told when the FMU is there, whoever reads them or not
+    finish = add_reference if options.reference else None
+    fmu = build_fmu(
+        options.scene,
+        options.overrides,
+        options.output,
+        options.kernel,
+        notes.append,
+        finish=finish,
+    )
+    _tell("\n".join([*notes, f"{paths.shown(fmu)} ({fmu.stat().st_size / 1e6:.1f} MB)"]))
 
 
 def _ssp(options: argparse.Namespace) -> None:
     """Build an SSP package and say where it is."""
-    from dockloop.paths import shown
     from dockloop.ssp import build_ssp
 
     package = build_ssp(options.scene, options.overrides, options.output)
-    print(f"{shown(package)} ({package.stat().st_size / 1e6:.1f} MB)")
+    _tell(f"{paths.shown(package)} ({package.stat().st_size / 1e6:.1f} MB)")
 
 
 def _run(options: argparse.Namespace) -> None:
     """Run one docking: FMU, recording, summary, result file, plots."""
-    from dockloop import paths
+    from dockloop.figures import can_draw
     from dockloop.fmu import build_fmu
-    from dockloop.simulate import ProgressBar, run_fmu
-    from dockloop.summary import describe, summarise, write_result, write_summary
+    from dockloop.outputs import claim, figure_kind, json_kind, scratch
+    from dockloop.plots import list_plots, write_plots
+    from dockloop.scene import find_scene
+    from dockloop.simulate import ProgressBar, read_scene, run_fmu
+    from dockloop.summary import (
+        COMMAND,
+        RESULT,
+        describe,
+        find_summary,
+        summarise,
+        write_result,
+        write_summary,
+    )
 
     is_fmu = options.scene.endswith(".fmu")
     if is_fmu and options.overrides:
@@ -351,31 +408,30 @@ def _run(options: argparse.Namespace) -> None:
     if options.output and options.output.suffix not in (".csv", ".npz"):
         raise UsageError(f"-o {options.output}: must end in .csv or .npz")
 
-    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
-        fmu = Path(options.scene)
+    fmu = Path(options.scene)
+    name = read_scene(fmu)["name"] if is_fmu else find_scene(options.scene).stem
+    result = options.output or paths.BUILD / "results" / name / f"{name}.csv"
+    summary_file, stem = find_summary(result), result.with_suffix("")
+    claim(result, RESULT)
+    claim(summary_file, json_kind("summary", COMMAND))
+    for file in [] if options.no_plots else list_plots(stem):
+        claim(file, figure_kind(COMMAND))
+
+    with scratch() as folder:
         if not is_fmu:
-            name = Path(options.scene).stem
-            fmu = build_fmu(options.scene, options.overrides, Path(folder) / f"{name}.fmu")
+            fmu = build_fmu(options.scene, options.overrides, folder / f"{name}.fmu")
         progress = ProgressBar(fmu.stem)
         label = paths.shown(fmu) if is_fmu else f"scene {fmu.stem}"
         run = run_fmu(fmu, options.set, options.stop, options.step, progress=progress, label=label)
 
     summary = summarise(run)
-    name = run.scene["name"]
-    result = options.output or paths.BUILD / "results" / name / f"{name}.csv"
-    summary_file = result.with_suffix(".json")
-    try:
-        write_result(run, result)
-        files = [result, summary_file]
-        if not options.no_plots:
-            from dockloop.plots import write_plots
-
-            files += write_plots(run, result.with_suffix(""))
-        summary["files"] = [paths.shown(file) for file in files]
-        write_summary(summary, summary_file)
-    except OSError as error:
-        raise DockloopError(f"{paths.shown(result)}: cannot be written ({error})") from None
-    print(json.dumps(summary, indent=2) if options.json else describe(summary))
+    write_result(run, result)
+    files = [result, summary_file]
+    if not options.no_plots and can_draw():
+        files += write_plots(run, stem)
+    summary["files"] = [paths.shown(file) for file in files]
+    write_summary(summary, summary_file)
+    _tell(json.dumps(summary, indent=2) if options.json else describe(summary))
 
 
 def _sweep(options: argparse.Namespace) -> None:
@@ -392,15 +448,20 @@ def _sweep(options: argparse.Namespace) -> None:
         raise DockloopError(
             f"sweeps need the package {error.name}: .venv/bin/pip install -e '.[sweep]'"
         ) from None
-    from dockloop import paths, sweep_report
+    from dockloop import sweep_report
+    from dockloop.figures import can_draw
+    from dockloop.outputs import claim
     from dockloop.sampling import read_sweep
     from dockloop.simulate import ProgressBar
-    from dockloop.summary import write_summary
+    from dockloop.summary import find_summary, write_summary
     from dockloop.sweep import run_sweep
 
     sweep = read_sweep(options.sweep)
     name = sweep.path.stem
     output = options.output or paths.BUILD / "sweeps" / name / f"{name}.parquet"
+    plots = not options.no_plots
+    for file, kind in sweep_report.list_files(output, as_csv=options.csv, plots=plots):
+        claim(file, kind)
     ran = run_sweep(
         sweep,
         output,
@@ -413,24 +474,23 @@ def _sweep(options: argparse.Namespace) -> None:
     planner = ran["planner"]
     table = sweep_report.make_table(sweep, planner, ran["results"])
     summary = sweep_report.summarise_sweep(sweep, planner, table, ran)
-    try:
-        files = sweep_report.write_table(table, output, as_csv=options.csv)
-        if not options.no_plots:
-            files += sweep_report.write_sweep_plots(sweep, planner, table, output.with_suffix(""))
-        files.append(output.with_suffix(".json"))
-        summary["files"] = [paths.shown(file) for file in files]
-        write_summary(summary, files[-1])
-    except OSError as error:
-        raise DockloopError(f"{paths.shown(output)}: cannot be written ({error})") from None
-    print(json.dumps(summary, indent=2) if options.json else sweep_report.describe_sweep(summary))
+    files = sweep_report.write_table(table, output, as_csv=options.csv)
+    if plots and can_draw():
+        files += sweep_report.write_sweep_plots(sweep, planner, table, output.with_suffix(""))
+    files.append(find_summary(output))
+    summary["files"] = [paths.shown(file) for file in files]
+    write_summary(summary, files[-1])
+    _tell(json.dumps(summary, indent=2) if options.json else sweep_report.describe_sweep(summary))
     if "done" not in summary["status"]:
         raise DockloopError(f"no case was done, for example: {summary['reasons']['example']}")
 
 
 def _trade(options: argparse.Namespace) -> None:
     """Measure what accuracy costs: runs, tables, figure, recommendation."""
-    from dockloop import paths, trade
+    from dockloop import trade
     from dockloop.fmu import build_fmu
+    from dockloop.outputs import claim, scratch
+    from dockloop.scene import find_scene
     from dockloop.simulate import ProgressBar
     from dockloop.trade import report
     from dockloop.trade.bench import Bench
@@ -443,19 +503,19 @@ def _trade(options: argparse.Namespace) -> None:
         options.stop,
         options.quick,
     )
-    name = Path(options.scene).stem
+    name = find_scene(options.scene).stem
     folder = options.output or paths.BUILD / "results" / f"trade_{name}"
-    with tempfile.TemporaryDirectory(prefix="dockloop-") as temporary:
-        fmu = build_fmu(options.scene, options.overrides, Path(temporary) / f"{name}.fmu")
-        bench = Bench(fmu)
+    for file, kind in report.list_files(folder):
+        claim(file, kind)
+    with scratch() as temporary:
+        bench = Bench(
+            build_fmu(options.scene, options.overrides, temporary / f"{name}.fmu"),
+        )
     progress = ProgressBar(name)
     measured = trade.run_trade(bench, choice, folder, resume=options.resume, progress=progress)
     summary = report.summarise_trade(measured, _trade_command(options))
-    try:
-        summary["files"] = [paths.shown(file) for file in report.write_trade(summary, folder)]
-    except OSError as error:
-        raise DockloopError(f"{paths.shown(folder)}: cannot be written ({error})") from None
-    print(json.dumps(summary, indent=2) if options.json else report.describe_trade(summary))
+    summary["files"] = [paths.shown(file) for file in report.write_trade(summary, folder)]
+    _tell(json.dumps(summary, indent=2) if options.json else report.describe_trade(summary))
 
 
 def _trade_command(options: argparse.Namespace) -> str:
@@ -476,9 +536,9 @@ def _check(options: argparse.Namespace) -> None:
 
     report = check_mechanism(options.mechanism, options.states)
     if options.json or options.states:
-        print(json.dumps(report, indent=2))
+        _tell(json.dumps(report, indent=2))
     else:
-        print(describe_report(report))
+        _tell(describe_report(report))
 
 
 def _extremes(options: argparse.Namespace) -> None:
@@ -487,7 +547,7 @@ def _extremes(options: argparse.Namespace) -> None:
     from dockloop.simulate import ProgressBar
 
     rows = run_extremes(options.items, options.quick, ProgressBar("extremes"))
-    print(json.dumps(rows, indent=2) if options.json else describe(rows))
+    _tell(json.dumps(rows, indent=2) if options.json else describe(rows))
     bad = [row for row in rows if row["verdict"] == "bad"]
     if bad:
         raise DockloopError(
@@ -498,10 +558,14 @@ def _extremes(options: argparse.Namespace) -> None:
 
 def _truth(options: argparse.Namespace) -> None:
     """Integrate with extended precision, write the document, say what it took."""
-    from dockloop import paths
+    from dockloop.outputs import MADE_BY, claim, write_text
+    from dockloop.scene import find_scene
     from dockloop.simulate import ProgressBar
-    from dockloop.truth import make_truth
+    from dockloop.truth import FILE, make_truth
 
+    name = find_scene(options.scene).stem
+    file = options.file or paths.BUILD / "results" / name / f"{name}_truth.json"
+    claim(file, FILE)
     truth = make_truth(
         options.scene,
         options.outputs,
@@ -513,17 +577,12 @@ def _truth(options: argparse.Namespace) -> None:
         check=options.check,
         progress=ProgressBar("truth"),
     )
-    name = truth["scene"]
-    file = options.file or paths.BUILD / "results" / name / f"{name}_truth.json"
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(truth, indent=1) + "\n")
-    except OSError as error:
-        raise DockloopError(f"{paths.shown(file)}: cannot be written ({error})") from None
+    document = {MADE_BY: FILE.command, **truth}
+    write_text(file, FILE, json.dumps(document, indent=1) + "\n")
     work = truth["work"]
-    print(
+    _tell(
         f"{paths.shown(file)}: {len(truth['time'])} time points,"
         f" {work['steps']:.0f} steps, {work['evaluations']:.0f} evaluations"
     )
     for output, difference in truth.get("check", {}).get("difference", {}).items():
-        print(f"  {output}: {difference:.2g} from the run with 1000 times the tolerance")
+        _tell(f"  {output}: {difference:.2g} from the run with 1000 times the tolerance")

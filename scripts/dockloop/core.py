@@ -5,10 +5,12 @@ conditions at first contact), ``describe`` (modelDescription.xml) and ``truth`` 
 digits); ``batch`` (many runs) is called by `dockloop.batch`.
 """
 
+import json
 import subprocess
-import tempfile
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 from dockloop import paths
 from dockloop.errors import DockloopError, UsageError
@@ -49,24 +51,42 @@ def run_core(
         DockloopError: the program is missing or failed.
     """
     program, lines = find_core(), []
-    with tempfile.TemporaryFile("w+") as printed:
-        with subprocess.Popen(
-            [program, command, file, *options], stdout=printed, stderr=subprocess.PIPE, text=True
-        ) as process:
-            for line in process.stderr:
-                if not line.startswith("progress "):
-                    lines += [line.strip()] if line.strip() else []
-                elif progress:
-                    done, of = line.split()[1:]
-                    progress(int(done) / int(of))
-        if process.returncode == 0:
-            printed.seek(0)
-            return printed.read()
+    with (
+        subprocess.Popen(
+            [program, command, file, *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            encoding="utf-8",
+            errors="surrogateescape",  # as in the names of files
+        ) as process,
+        ThreadPoolExecutor(1) as pool,
+    ):
+        printed = pool.submit(process.stdout.read)
+        for line in process.stderr:
+            if not line.startswith("progress "):
+                lines += [line.strip()] if line.strip() else []
+            elif progress:
+                done, of = line.split()[1:]
+                progress(int(done) / int(of))
+    if process.returncode == 0:
+        return printed.result()
     if not lines:
         lines = [f"dockloop-core {command} ended with status {process.returncode} and no message"]
     text = lines[-1].removeprefix("dockloop-core: ").removeprefix("error: ")
     if source is not None:
         text = text.replace(str(file), shown(source))
-    if shown(source or file) not in text:
+    named = any(text.startswith(f"{option}: ") for option in options)  # a second file
+    if not named and shown(source or file) not in text:
         text = f"{shown(source or file)}: {text}"
     raise (UsageError if process.returncode == UsageError.exit_status else DockloopError)(text)
+
+
+def ask_core(command: str, file: Path, *options: str, **more: Any) -> Any:
+    """Run one command of dockloop-core that prints JSON; returns what that says, see `run_core`."""
+    printed = run_core(command, file, *options, **more)
+    try:
+        return json.loads(printed)
+    except ValueError as error:
+        raise DockloopError(
+            f"dockloop-core {command} printed what is no JSON document ({error})"
+        ) from None

@@ -1,7 +1,11 @@
-"""The two ways in which a command fails, and the help that a misspelt name gets."""
+"""The two ways in which a command fails, how it says so, and the help that a misspelt name gets."""
 
 import difflib
+import errno
+import sys
 from collections.abc import Iterable
+
+FULL = (errno.ENOSPC, errno.EDQUOT)  # errors of a disk that has no space left
 
 
 class DockloopError(Exception):
@@ -26,5 +30,21 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     Returns:
         `` (did you mean 'a' or 'b'?)`` with a leading blank, or an empty string.
     """
-    near = difflib.get_close_matches(word, list(known), n=3, cutoff=0.6)
+    near = difflib.get_close_matches(word, dict.fromkeys(known), n=3, cutoff=0.6)
     return f" (did you mean {' or '.join(repr(name) for name in near)}?)" if near else ""
+
+
+def find_reason(error: OSError) -> str:
+    """Return why the system refused something, without the name of the file."""
+    return "no space is left on the disk" if error.errno in FULL else error.strerror or str(error)
+
+
+def one_line(text: str) -> str:
+    """Return a text on one line; what cannot be printed, in names of others, is escaped."""
+    escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return "".join(escaped)
+
+
+def warn(text: str) -> None:
+    """Say in one line on standard error what a command goes on in spite of."""
+    print(one_line(f"dockloop: warning: {text}"), file=sys.stderr)

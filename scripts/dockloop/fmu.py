@@ -21,20 +21,20 @@ The same scene and library give the same bytes: entries are sorted and dated ali
 import datetime
 import json
 import os
-import sys
-import tempfile
+import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
 from dockloop import paths
 from dockloop.binaries import find_libraries
-from dockloop.core import run_core
+from dockloop.core import ask_core, run_core
 from dockloop.documentation import describe_needs, make_page
-from dockloop.errors import DockloopError
+from dockloop.errors import DockloopError, UsageError, warn
 from dockloop.kernel import Kernel, make_kernel
 from dockloop.licenses import read_licenses
-from dockloop.scene import find_scene, resolve_scene
+from dockloop.outputs import Kind, claim, read_entry, scratch, writing
+from dockloop.scene import FORMAT, find_scene, resolve_scene
 from dockloop.sources import list_sources, source_entries
 from dockloop.terminals import make_terminals
 
@@ -43,6 +43,33 @@ NEVER_TOUCH = (
     " stated time instead"
 )
 _FIRST_ZIP_DATE = 315532800  # 1980-01-01T00:00:00Z, s since 1970
+_LAST_ZIP_DATE = 4354819199  # 2107-12-31T23:59:59Z
+_MODEL = "resources/model.json"
+
+
+def read_model(path: Path) -> dict:
+    """Read the resolved scene that an FMU of this program carries.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is no such FMU; the text says why.
+    """
+    try:
+        document = json.loads(read_entry(path, _MODEL))
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError):
+        raise ValueError(f"its {_MODEL} is no JSON document") from None
+    members = document if isinstance(document, dict) else {}
+    name = members.get("name")
+    if members.get("format") != FORMAT or not (isinstance(name, str) and name.isidentifier()):
+        raise ValueError(f"its {_MODEL} is no scene of dockloop")
+    return document
+
+
+def _is_fmu(path: Path) -> bool:
+    return bool(read_model(path))
+
+
+FMU = Kind("FMU", "dockloop build", _is_fmu)
 
 
 def build_fmu(
@@ -51,6 +78,8 @@ def build_fmu(
     output: Path | None = None,
     kernel: bool | None = None,
     report: Callable[[str], None] = lambda _: None,
+    *,
+    finish: Callable[[Path], None] | None = None,
 ) -> Path:
     """Build the FMU of a scene.
 
@@ -60,6 +89,7 @@ def build_fmu(
         output: the FMU to write; default ``build/fmu/SCENE.fmu`` of the project.
         kernel: with a kernel of the mechanism or without; None: with one where it can be made.
         report: told in one line what became of the kernel.
+        finish: what else is done to the FMU before it is put in its place.
 
     Returns:
         The FMU.
@@ -71,9 +101,18 @@ def build_fmu(
     """
     source = find_scene(reference)
     document = resolve_scene(source, overrides)
-    place_vehicles(document, source)
     output = output or paths.BUILD / "fmu" / f"{document['name']}.fmu"
-    write_fmu(document, source, output, kernel, report)
+    claim(output, FMU)
+    place_vehicles(document, source)
+    if finish is None:
+        write_fmu(document, source, output, kernel, report)
+        return output
+    with scratch() as folder:
+        made = folder / f"{document['name']}.fmu"
+        write_fmu(document, source, made, kernel, report)
+        finish(made)
+        with writing(output, FMU) as partial:
+            shutil.copyfile(made, partial)
     return output
 
 
@@ -85,17 +124,17 @@ def place_vehicles(document: dict, source: Path) -> None:
         source: the scene file, for messages.
     """
     if warning := find_placement(document, source):
-        print(f"dockloop: warning: {paths.shown(source)}: {warning}", file=sys.stderr)
+        warn(f"{paths.shown(source)}: {warning}")
 
 
 def find_placement(document: dict, source: Path) -> str:
     """Do the work of `place_vehicles`; returns a warning, or an empty text."""
     if document["initial"]["at"] != "first_contact":
         return ""
-    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
-        model = Path(folder) / "model.json"
-        model.write_text(to_json(document))
-        placed = json.loads(run_core("place", model, source=source))
+    with scratch() as folder:
+        model = folder / "model.json"
+        model.write_text(to_json(document), encoding="utf-8")
+        placed = ask_core("place", model, source=source)
     for vehicle in ("chaser", "target"):
         document[vehicle] |= placed[vehicle]
     if placed["touches"]:
@@ -126,13 +165,12 @@ def write_fmu(
             " or 'cmake --preset release && cmake --build --preset release'"
         )
     date = find_date().strftime("%Y-%m-%dT%H:%M:%SZ")
-    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
-        model = Path(folder) / "model.json"
-        model.write_text(to_json(document))
-        mechanism = Path(folder) / "mechanism.json"
-        mechanism.write_text(to_json(document["mechanism"]))
+    with scratch() as folder:
+        model, mechanism = folder / "model.json", folder / "mechanism.json"
+        model.write_text(to_json(document), encoding="utf-8")
+        mechanism.write_text(to_json(document["mechanism"]), encoding="utf-8")
         description = run_core("describe", model, "--date", date, source=source)
-        check = json.loads(run_core("check", mechanism, source=source))
+        check = ask_core("check", mechanism, source=source)
         made = Kernel("none: not wanted") if kernel is False else make_kernel(model, bool(kernel))
     if kernel and not made.entries:
         raise DockloopError(f"{paths.shown(source)}: kernel: {made.note}")
@@ -145,35 +183,35 @@ def write_fmu(
             f"binaries/{platform}/{name}{library.suffix}": library.read_bytes()
             for platform, library in libraries.items()
         },
-        "resources/model.json": to_json(document).encode(),
+        _MODEL: to_json(document).encode(),
         **made.entries,
         **_companions(document, description, check, libraries.get("linux64") != paths.LIBRARY),
         **sources,
     }
-    write_zip(output, entries)
+    write_zip(output, FMU, entries)
 
 
 def find_date() -> datetime.datetime:
     """Return the date of everything built: SOURCE_DATE_EPOCH, or the first of a zip file."""
-    stamp = int(os.environ.get("SOURCE_DATE_EPOCH", _FIRST_ZIP_DATE))
-    return datetime.datetime.fromtimestamp(max(stamp, _FIRST_ZIP_DATE), datetime.UTC)
+    given = os.environ.get("SOURCE_DATE_EPOCH", str(_FIRST_ZIP_DATE))
+    try:
+        stamp = min(max(int(given), _FIRST_ZIP_DATE), _LAST_ZIP_DATE)
+    except ValueError:
+        raise UsageError(
+            f"SOURCE_DATE_EPOCH is '{given}': must be a whole number of seconds since 1970"
+        ) from None
+    return datetime.datetime.fromtimestamp(stamp, datetime.UTC)
 
 
-def write_zip(output: Path, entries: dict[str, bytes]) -> None:
+def write_zip(output: Path, kind: Kind, entries: dict[str, bytes]) -> None:
     """Write a zip file whose bytes depend on its content only; replaces `output` at once."""
     date = find_date().timetuple()[:6]
-    partial = output.with_suffix(".partial")
-    try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, content in entries.items():
-                info = zipfile.ZipInfo(name, date)
-                info.compress_type = zipfile.ZIP_DEFLATED
-                info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
-                archive.writestr(info, content)
-        partial.replace(output)
-    except OSError as error:
-        raise DockloopError(f"{output}: cannot be written ({error.strerror})") from None
+    with writing(output, kind) as partial, zipfile.ZipFile(partial, "w") as archive:
+        for name, content in entries.items():
+            info = zipfile.ZipInfo(name, date)
+            info.compress_type = zipfile.ZIP_DEFLATED
+            info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            archive.writestr(info, content)
 
 
 def _companions(document: dict, description: str, report: dict, portable: bool) -> dict[str, bytes]:

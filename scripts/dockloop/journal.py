@@ -4,31 +4,62 @@ Results are appended to a file (JSON lines) as they arrive, in any order. ``--re
 and runs what is missing: a case is known by its values, not by its number, so that the work may
 also be continued with more cases, and a killed run loses nothing. Used by ``dockloop sweep`` and
 ``dockloop trade``.
+
+The first line says who made the file, under which set-up, and for which cases (their number and a
+digest); another such line follows when the cases become others. Every line ends with a checksum of
+what stands before it: a line that was changed is told once, its case is run again, all other lines
+stay what they are.
 """
 
 import datetime
 import fcntl
+import hashlib
 import itertools
 import json
 import os
 import time
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any, BinaryIO
 
-from dockloop.cases import Result
-from dockloop.errors import DockloopError, UsageError
+from dockloop.cases import STATUSES, Result
+from dockloop.errors import DockloopError, UsageError, find_reason, warn
+from dockloop.outputs import MADE_BY, Kind, cannot_write, claim, json_kind, writing
 from dockloop.paths import shown
 from dockloop.sampling import Value
 from dockloop.simulate import ProgressBar
 
 _SYNC = 1.0  # s between two times that the journal is forced to the disk
+_SUM = b', "crc": "'  # stands between what a line says and its checksum
 
 
 class InterruptedWorkError(DockloopError):
     """Stopped by the user; what is done is in the journal."""
 
     exit_status = 130
+
+
+def journal_kind(work: str) -> Kind:
+    """Return the kind of the journal of ``dockloop WORK``."""
+    return json_kind("journal", f"dockloop {work}")
+
+
+def make_digest(content: Any) -> str:
+    """Return the SHA-256 of what can be written as JSON."""
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def find_digests(path: Path) -> set[str]:
+    """Return the digests of all cases that a journal was for; none if there is no journal."""
+    try:
+        with path.open("rb") as file:
+            lines = [_parse(raw) for raw in file if b'"setup"' in raw]
+    except OSError:  # the journal says so itself when it is opened
+        return set()
+    return {line["digest"] for line in lines if line and "digest" in line}
 
 
 class Journal:
@@ -40,7 +71,14 @@ class Journal:
     """
 
     def __init__(
-        self, path: Path, setup: dict, cases: int, *, resume: bool, work: str = "sweep"
+        self,
+        path: Path,
+        setup: dict,
+        cases: int,
+        *,
+        resume: bool,
+        work: str = "sweep",
+        digest: str = "",
     ) -> None:
         """Open a journal, or begin it anew.
 
@@ -50,81 +88,188 @@ class Journal:
             cases: how many there will be.
             resume: go on with what the file holds.
             work: what the cases belong to, for messages.
+            digest: of these cases; a finished journal of others is not begun anew.
 
         Raises:
             UsageError: the file belongs to another set-up, or is unfinished and not to be resumed.
+            DockloopError: it cannot be written.
         """
         self.path, self.known, self._work = path, {}, work
-        self._synced = time.monotonic()
+        self._synced, self._is_broken = time.monotonic(), False
+        claim(path, journal_kind(work))
+        header = {MADE_BY: f"dockloop {work}", "setup": setup, "cases": cases, "digest": digest}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("a+b")
+            try:
+                self._file, is_new = path.open("x+b"), True
+            except FileExistsError:
+                self._file, is_new = path.open("r+b"), False
         except OSError as error:
-            raise DockloopError(f"{shown(path)}: cannot be written ({error.strerror})") from None
+            raise cannot_write(path, error) from None
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise UsageError(f"{shown(path)}: another {work} is writing it") from None
-        header, intact = self._read()
-        if header is not None and not resume and len(self.known) < header["cases"]:
-            raise UsageError(
-                f"{shown(path)}: holds {len(self.known)} of {header['cases']} cases of a"
-                f" {work} that was interrupted: go on with --resume, or delete the file"
-            )
-        if header is not None and resume:
-            old = header["setup"]
-            other = [name for name in setup if old.get(name) != setup[name]]
-            if other:
-                raise UsageError(
-                    f"{shown(path)}: cannot be resumed, it was made with another"
-                    f" {', '.join(other)}: delete the file, or write elsewhere with -o"
-                )
-        else:
-            self.known.clear()
-            intact = 0
-        self._file.truncate(intact)  # what was cut off in the middle of a line is done again
-        if not intact:
-            self._write({"setup": setup, "cases": cases})
+            self._lock(self._file)
+            if is_new:
+                self._write(header)
+            else:
+                self._go_on(header, resume=resume)
+        except BaseException:
+            with suppress(OSError):
+                self._file.close()
+            if is_new:
+                path.unlink(missing_ok=True)
+            raise
 
     def add(self, values: tuple[Value, ...], result: Result) -> None:
-        """Append one result; a case that was lost with its worker is not recorded."""
+        """Append one result; a case that was lost with its worker is not recorded.
+
+        Raises:
+            DockloopError: it cannot be written.
+        """
         self.known[values] = result
         if result.status != "lost":
             self._write({"values": values, **asdict(result)})
 
     def close(self) -> None:
-        """Force everything to the disk."""
-        os.fsync(self._file.fileno())
+        """Force everything to the disk. Raises DockloopError: that fails."""
+        try:
+            if not self._is_broken:
+                os.fsync(self._file.fileno())
+            self._file.close()
+        except OSError as error:
+            if not self._is_broken:  # else it has been told
+                raise self._cannot_write(error) from None
+
+    def _lock(self, file: BinaryIO) -> None:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise UsageError(f"{shown(self.path)}: another {self._work} is writing it") from None
+
+    def _go_on(self, header: dict, *, resume: bool) -> None:
+        """Take over a file that is there, or begin it anew if it is finished."""
+        old, intact, damaged = self._read()
+        place = shown(self.path)
+        if not resume:
+            holds = self.known or damaged
+            if holds and len(self.known) < old["cases"]:
+                raise UsageError(
+                    f"{place}: holds {len(self.known)} of {old['cases']} cases of a {self._work}"
+                    " that was interrupted: go on with --resume, or delete the file"
+                )
+            if holds and old["digest"] != header["digest"]:
+                raise UsageError(
+                    f"{place}: holds the finished cases of another {self._work}: choose another"
+                    " -o or delete the file"
+                )
+            self.known.clear()
+            self._replace([_to_line(header)])
+            return
+        setup = header["setup"]
+        other = [name for name in setup if old["setup"].get(name) != setup[name]]
+        if other:
+            raise UsageError(
+                f"{place}: cannot be resumed, it was made with another {', '.join(other)}:"
+                " delete the file, or write elsewhere with -o"
+            )
+        if damaged:
+            warn(f"{place}: {_describe(damaged)} run again")
+            self._file.seek(0)
+            bad = set(damaged)
+            kept = (raw for number, raw in enumerate(self._file, 1) if number not in bad)
+            self._replace(raw for raw in kept if raw.endswith(b"\n"))
+        else:
+            self._file.truncate(intact)  # what was cut off in the middle of a line is done again
+            self._file.seek(intact)
+        if (old["cases"], old["digest"]) != (header["cases"], header["digest"]):
+            self._write(header)
+
+    def _read(self) -> tuple[dict, int, list[int]]:
+        """Read all lines; fills `known`.
+
+        Returns:
+            The last header, the length up to the last whole line, and the numbers of bad lines.
+        """
+        header, intact, damaged = None, 0, []
+        for number, raw in enumerate(self._file, 1):
+            if not raw.endswith(b"\n"):
+                break
+            intact += len(raw)
+            line = _parse(raw)
+            if line and "setup" in line:
+                header = line
+            elif not (line and self._keep(line)):
+                damaged.append(number)
+        if header is None:
+            raise UsageError(
+                f"{shown(self.path)}: line 1 is damaged or was changed, and no other says what the"
+                " cases belong to: delete the file, or write elsewhere with -o"
+            )
+        return header, intact, damaged
+
+    def _keep(self, line: dict) -> bool:
+        """Put the result that a line holds into `known`; tells whether it holds one."""
+        try:
+            values = tuple(line.pop("values"))
+            result = Result(**line)
+            result.outputs = tuple(result.outputs)
+            if result.status not in STATUSES:
+                return False
+            self.known[values] = result
+        except (KeyError, TypeError):
+            return False
+        return True
+
+    def _replace(self, lines: Iterable[bytes]) -> None:
+        """Put a file of these lines into the place of the present one, and go on with that."""
+        with writing(self.path, journal_kind(self._work)) as partial:
+            file = partial.open("x+b")
+            self._lock(file)
+            file.writelines(lines)
+            file.flush()
+            os.fsync(file.fileno())
         self._file.close()
+        self._file = file
 
     def _write(self, line: dict) -> None:
-        self._file.write(json.dumps(line).encode() + b"\n")
-        self._file.flush()
-        now = time.monotonic()
-        if now - self._synced > _SYNC:
-            os.fsync(self._file.fileno())
-            self._synced = now
+        try:
+            self._file.write(_to_line(line))
+            self._file.flush()
+            now = time.monotonic()
+            if now - self._synced > _SYNC:
+                os.fsync(self._file.fileno())
+                self._synced = now
+        except OSError as error:
+            self._is_broken = True
+            raise self._cannot_write(error) from None
 
-    def _read(self) -> tuple[dict | None, int]:
-        """Return the header and the length of the intact part; fills `known`."""
-        header, intact = None, 0
-        self._file.seek(0)
-        for raw in self._file:
-            try:
-                line = json.loads(raw) if raw.endswith(b"\n") else None
-                if line is None:
-                    break
-                if header is None:
-                    header = {"setup": line["setup"], "cases": line["cases"]}
-                else:
-                    values = tuple(line.pop("values"))
-                    result = Result(**line)
-                    result.outputs = tuple(result.outputs)
-                    self.known[values] = result
-            except (ValueError, KeyError, TypeError):
-                raise UsageError(f"{shown(self.path)}: is no journal of a {self._work}") from None
-            intact += len(raw)
-        return header, intact
+    def _cannot_write(self, error: OSError) -> DockloopError:
+        return DockloopError(
+            f"{shown(self.path)}: cannot be written ({find_reason(error)}); the same command with"
+            " --resume goes on"
+        )
+
+
+def _to_line(content: dict) -> bytes:
+    """Return a line of the file."""
+    said = json.dumps(content).encode()[:-1]
+    return said + _SUM + b'%08x"}\n' % zlib.crc32(said)
+
+
+def _parse(raw: bytes) -> dict | None:
+    """Return what a line says, without its checksum; None if that is wrong."""
+    said, _, checksum = raw.rstrip().rpartition(_SUM)
+    if checksum != b'%08x"}' % zlib.crc32(said):
+        return None
+    return json.loads(said + b"}")
+
+
+def _describe(numbers: list[int]) -> str:
+    """Say which lines are bad, the first ones of many."""
+    if len(numbers) == 1:
+        return f"line {numbers[0]} is damaged or was changed: its case is"
+    few = ", ".join(map(str, numbers[:10]))
+    more = f" and {len(numbers) - 10} more" if len(numbers) > 10 else ""
+    return f"lines {few}{more} are damaged or were changed: their cases are"
 
 
 def make_report(progress: ProgressBar | None, done: int, total: int) -> Callable[[], None]:

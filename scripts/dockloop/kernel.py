@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dockloop import paths
+from dockloop.errors import UsageError, find_reason
 
 FLAGS = [
     # Vectors of two, and another order of instructions, cost more than they save here, measured.
@@ -34,10 +35,17 @@ class Kernel:
 
 
 def find_compiler() -> list[str]:
-    """Return the command of a C compiler (``CC`` decides if it is set), or nothing."""
+    """Return the command of a C compiler (``CC`` decides if it is set), or nothing.
+
+    Raises:
+        UsageError: what ``CC`` says is no command.
+    """
     names = [os.environ["CC"]] if "CC" in os.environ else ["cc", "gcc", "clang"]
     for name in names:
-        command = shlex.split(name)
+        try:
+            command = shlex.split(name)
+        except ValueError as error:
+            raise UsageError(f"CC is '{name}': must be a command ({error})") from None
         if command and shutil.which(command[0]):
             return command
     return []
@@ -70,22 +78,25 @@ def make_kernel(model: Path, needed: bool) -> Kernel:
     source = written.stdout
     key = hashlib.sha256(f"{compiler} {FLAGS}\n{source}".encode()).hexdigest()[:32]
     library = paths.KERNELS / f"{key}.so"
-    if not library.exists():
-        error = _compile(compiler, source, library)
-        if error:
-            return Kernel(f"none: {compiler[0]} failed: {error}")
+    error = "" if library.exists() else _compile(compiler, source, library)
+    if error:
+        return Kernel(f"none: {error}")
     content = library.read_bytes()
     return Kernel(f"{said}, by {compiler[0]}", {f"resources/kernels/{folder}/kernel.so": content})
 
 
 def _compile(compiler: list[str], source: str, library: Path) -> str:
     """Compile C into a shared library; returns what went wrong, or an empty text."""
-    library.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".kernel-", dir=library.parent) as folder:
-        (Path(folder) / "kernel.c").write_text(source)
-        command = [*compiler, *FLAGS, "-o", "kernel.so", "kernel.c", "-lm"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            return (done.stderr.strip().splitlines() or ["no message"])[-1]
-        (Path(folder) / "kernel.so").replace(library)  # at once: others may build the same
+    command = [*compiler, *FLAGS, "-o", "kernel.so", "kernel.c", "-lm"]
+    try:
+        library.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".kernel-", dir=library.parent) as folder:
+            (Path(folder) / "kernel.c").write_text(source, encoding="utf-8")
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+            if done.returncode != 0:
+                said = (done.stderr.strip().splitlines() or ["no message"])[-1]
+                return f"{compiler[0]} failed: {said}"
+            (Path(folder) / "kernel.so").replace(library)  # at once: others may build the same
+    except OSError as error:
+        return f"{paths.shown(library.parent)} cannot be written ({find_reason(error)})"
     return ""

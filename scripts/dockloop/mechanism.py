@@ -6,21 +6,23 @@ is answered by the C++ core.
 
 import json
 from pathlib import Path
+from typing import Any
 
 from dockloop import schema
-from dockloop.core import run_core
+from dockloop.core import ask_core
 from dockloop.errors import UsageError, did_you_mean
-from dockloop.paths import MECHANISMS, shown
-from dockloop.scene import read_mechanism
+from dockloop.outputs import scratch
+from dockloop.paths import MECHANISMS, find_absence, is_file, shown
+from dockloop.scene import read_json, read_mechanism, without_nulls
 
 
 def find_mechanism(reference: str) -> Path:
     """Find a mechanism by name (among the shipped ones) or by path."""
     path = Path(reference)
-    if path.is_file():
+    if is_file(path):
         return path
     shipped = MECHANISMS / f"{reference}.json"
-    if path.suffix or not shipped.is_file():
+    if path.suffix or not is_file(shipped):
         names = [file.stem for file in sorted(MECHANISMS.glob("*.json"))]
         raise UsageError(
             f"{reference}: no such file, and no mechanism of that name in {shown(MECHANISMS)}"
@@ -43,12 +45,23 @@ def check_mechanism(reference: str, states: Path | None = None) -> dict | list:
         UsageError: naming file, member, value and limit.
     """
     path = find_mechanism(reference)
-    schema.check(read_mechanism(path), "mechanism", path)
+    mechanism = read_mechanism(path)
+    schema.check(mechanism, "mechanism", path)
+    if without_nulls(mechanism) == mechanism:
+        return _ask(path, states)
+    with scratch() as folder:  # the core does not know null
+        file = folder / "mechanism.json"
+        file.write_text(json.dumps(without_nulls(read_json(path))), encoding="utf-8")
+        return _ask(file, states, source=path)
+
+
+def _ask(file: Path, states: Path | None, **more: Any) -> dict | list:
+    """Return what the core says of a mechanism file that its schema accepts."""
     if states is None:
-        return json.loads(run_core("check", path))
-    if not states.is_file():
-        raise UsageError(f"{shown(states)}: no such file of states")
-    return json.loads(run_core("check", path, "--states", str(states)))
+        return ask_core("check", file, **more)
+    if not is_file(states):
+        raise UsageError(find_absence(states, "file of states"))
+    return ask_core("check", file, "--states", str(states), **more)
 
 
 def describe_report(report: dict) -> str:

@@ -5,6 +5,7 @@ The package is used from a clone (``pip install -e``), so everything is found re
 """
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,6 +27,25 @@ def shown(path: Path | str) -> str:
     """Return a path as people want to read it: relative when it is below the current folder."""
     path = Path(path)
     try:
-        return str(path.resolve().relative_to(Path.cwd()))
-    except ValueError:
+        return str(Path(os.path.normpath(Path.cwd() / path)).relative_to(Path.cwd()))
+    except (ValueError, OSError):  # elsewhere; there is no current folder
         return str(path)
+
+
+def is_file(path: Path) -> bool:
+    """Tell whether a file is there; what cannot be one, such as a name too long, is not."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
+
+
+def find_absence(path: Path, what: str) -> str:
+    """Say of a path where no file is what is wrong with it; `what` is what was looked for."""
+    wrong = f"no such {what}"
+    with suppress(OSError):
+        if path.is_dir():
+            wrong = f"is a folder, no {what}"
+        elif path.is_symlink():
+            wrong = f"is a link to nothing, no {what}"
+    return f"{shown(path)}: {wrong}"

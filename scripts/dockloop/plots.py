@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from dockloop.figures import save_figure
 from dockloop.simulate import Recording
-from dockloop.summary import LOADS
+from dockloop.summary import COMMAND, LOADS
 
 
 def write_plots(run: Recording, stem: Path) -> list[Path]:
@@ -23,20 +24,17 @@ def write_plots(run: Recording, stem: Path) -> list[Path]:
     Returns:
         The files written.
     """
-    figures: dict[str, tuple[str, Callable]] = {
-        "motion": ("relative.axial", _plot_motion),
-        "ring": ("ring.position[1]", _plot_ring),
-        "loads": ("capture.compression", _plot_loads),
-        "legs": ("leg[1].length", _plot_legs),
-        "energy": ("energy.residual", _plot_energy),
-    }
     files = []
-    for name, (needed, draw) in figures.items():
+    for (needed, draw), path in zip(_FIGURES.values(), list_plots(stem), strict=True):
         if needed in run:
-            path = stem.with_name(f"{stem.name}_{name}.png")
             _draw(run, draw, path)
             files.append(path)
     return files
+
+
+def list_plots(stem: Path) -> list[Path]:
+    """Return every file that `write_plots` could write."""
+    return [stem.with_name(f"{stem.name}_{name}.png") for name in _FIGURES]
 
 
 def _draw(run: Recording, draw: Callable, path: Path) -> None:
@@ -58,7 +56,7 @@ def _draw(run: Recording, draw: Callable, path: Path) -> None:
         "time [s]; dotted: first contact, capture" if "outcome" in run else "time [s]"
     )
     axes[0].set_title(run.scene["title"], fontsize="medium")
-    figure.savefig(path, dpi=100)
+    save_figure(figure, path, COMMAND)
 
 
 def _plot_motion(run: Recording, axes: Any) -> None:
@@ -120,3 +118,13 @@ def _plot_energy(run: Recording, axes: Any) -> None:
     if "momentum.residual" in run:
         axes[1].semilogy(t, run["momentum.residual"] + 1e-18, label="momentum residual [1]")
     axes[1].set_ylabel("audit")
+
+
+# Name of a figure: the output that it needs, and what draws it.
+_FIGURES: dict[str, tuple[str, Callable]] = {
+    "motion": ("relative.axial", _plot_motion),
+    "ring": ("ring.position[1]", _plot_ring),
+    "loads": ("capture.compression", _plot_loads),
+    "legs": ("leg[1].length", _plot_legs),
+    "energy": ("energy.residual", _plot_energy),
+}

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dockloop.outputs import cannot_write
 from dockloop.simulate import run_fmu
 
 FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
@@ -36,7 +37,10 @@ def add_reference(fmu: Path) -> None:
     """Run the default experiment of an FMU and add the result to the FMU.
 
     Args:
-        fmu: an FMU without a reference result.
+        fmu: an FMU without a reference result; half of it may be there after an error.
+
+    Raises:
+        DockloopError: the run fails, or the FMU cannot be written.
     """
     run = run_fmu(fmu)
     every = max(1, (len(run.values) - 1) // _ROWS)
@@ -50,10 +54,13 @@ def add_reference(fmu: Path) -> None:
         ),
         table: text.getvalue(),
     }
-    with zipfile.ZipFile(fmu, "a", zipfile.ZIP_DEFLATED) as archive:
-        date = archive.infolist()[0].date_time
-        for name, content in contents.items():
-            info = zipfile.ZipInfo(f"{FOLDER}/{name}", date)
-            info.compress_type = zipfile.ZIP_DEFLATED
-            info.external_attr = 0o644 << 16
-            archive.writestr(info, content)
+    try:
+        with zipfile.ZipFile(fmu, "a", zipfile.ZIP_DEFLATED) as archive:
+            date = archive.infolist()[0].date_time
+            for name, content in contents.items():
+                info = zipfile.ZipInfo(f"{FOLDER}/{name}", date)
+                info.compress_type = zipfile.ZIP_DEFLATED
+                info.external_attr = 0o644 << 16
+                archive.writestr(info, content)
+    except OSError as error:
+        raise cannot_write(fmu, error) from None

@@ -19,7 +19,7 @@ import numpy as np
 
 from dockloop import schema
 from dockloop.errors import UsageError, did_you_mean
-from dockloop.paths import SWEEPS, shown
+from dockloop.paths import SWEEPS, find_absence, is_file, shown
 from dockloop.scene import find_scene, read_toml
 
 _MAX_CASES = 10_000_000
@@ -65,7 +65,7 @@ def read_sweep(reference: str) -> Sweep:
         UsageError: naming file, member, value and limit.
     """
     path = _find_sweep(reference)
-    given = read_toml(path)
+    given, text = read_toml(path)
     schema.check(given, "sweep", path)
     _check_members(given, path)
     document = {"title": path.stem, "seed": 0, "cases": 1, "sampling": "sobol", "set": {}, **given}
@@ -76,7 +76,7 @@ def read_sweep(reference: str) -> Sweep:
     except UsageError as error:
         raise UsageError(f"{shown(path)}: scene: {error}") from None
     cases = _draw(document)
-    return Sweep(path, path.read_text(), scene, document, list_quantities(document), cases)
+    return Sweep(path, text, scene, document, list_quantities(document), cases)
 
 
 def list_quantities(document: dict) -> list[Quantity]:
@@ -99,15 +99,15 @@ def _find_sweep(reference: str) -> Path:
     path = Path(reference)
     if path.suffix != ".toml":
         path = SWEEPS / f"{reference}.toml"
-        if not path.exists():
+        if not is_file(path):
             names = [file.stem for file in sorted(SWEEPS.glob("*.toml"))]
             raise UsageError(
                 f"no sweep '{reference}' in {shown(SWEEPS)}{did_you_mean(reference, names)}:"
                 f" there are {', '.join(names)}; a sweep of your own is given by its path,"
                 " ending in .toml"
             )
-    if not path.is_file():
-        raise UsageError(f"{shown(path)}: no such sweep file")
+    if not is_file(path):
+        raise UsageError(find_absence(path, "sweep file"))
     return path
 
 

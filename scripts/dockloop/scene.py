@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 from dockloop import schema
-from dockloop.errors import UsageError, did_you_mean
-from dockloop.paths import MECHANISMS, SCENES, shown
+from dockloop.errors import UsageError, did_you_mean, find_reason
+from dockloop.paths import MECHANISMS, SCENES, find_absence, is_file, shown
 
 FORMAT = "dockloop-scene/1"
 _KEPT = 16  # mechanisms, with what is set in them, that a reader of a scene remembers
@@ -61,7 +61,7 @@ def find_scene(reference: str) -> Path:
     path = Path(reference)
     if path.suffix != ".toml":
         shipped = SCENES / f"{reference}.toml"
-        if not shipped.exists():
+        if not is_file(shipped):
             names = [file.stem for file in sorted(SCENES.glob("*.toml"))]
             raise UsageError(
                 f"no scene '{reference}' in {shown(SCENES)}{did_you_mean(reference, names)}:"
@@ -69,8 +69,8 @@ def find_scene(reference: str) -> Path:
                 " ending in .toml"
             )
         path = shipped
-    if not path.is_file():
-        raise UsageError(f"{shown(path)}: no such scene file")
+    if not is_file(path):
+        raise UsageError(find_absence(path, "scene file"))
     if not re.fullmatch(r"[A-Za-z_]\w*", path.stem, re.ASCII):
         raise UsageError(
             f"{shown(path)}: the file name becomes the name of the FMU, so it must consist of"
@@ -101,7 +101,7 @@ class SceneReader:
     def __init__(self, path: Path) -> None:
         """Read the scene. Raises UsageError."""
         self._path = path
-        self._scene = read_toml(path)
+        self._scene, _ = read_toml(path)
         self._mechanism = lru_cache(_KEPT)(lambda text: load_mechanism(json.loads(text), path))
 
     def resolve(self, overrides: list[str] | tuple[str, ...] = ()) -> dict:
@@ -163,7 +163,7 @@ def load_mechanism(reference: dict, scene_path: Path) -> dict:
     """
     name = reference["name"]
     for folder in (scene_path.parent, MECHANISMS):
-        if (folder / f"{name}.json").is_file():
+        if is_file(folder / f"{name}.json"):
             path = folder / f"{name}.json"
             break
     else:
@@ -173,25 +173,41 @@ def load_mechanism(reference: dict, scene_path: Path) -> dict:
             f" scene or in {shown(MECHANISMS)}{did_you_mean(name, names)}"
         )
     mechanism = read_mechanism(path)
-    for dotted, value in reference.get("set", {}).items():
-        _set_member(mechanism, dotted, value, path)
-    schema.check(mechanism, "mechanism", path)
-    return {"name": name, **_plain(mechanism)}
+    places = {
+        f"mechanism.set.{dotted}": _set_member(mechanism, dotted, value, path, scene_path)
+        for dotted, value in reference.get("set", {}).items()
+    }
+    if found := schema.find_violation(mechanism, "mechanism"):
+        schema.check(read_mechanism(path), "mechanism", path)  # of the file itself
+        keys = [key for key, place in places.items() if _is_below(found.path, place)]
+        keys = keys or [key for key, place in places.items() if _is_below(place, found.path)]
+        raise UsageError(
+            f"{shown(scene_path)}: {' and '.join(keys or places)} cannot be set in {shown(path)}:"
+            f" {found.sentence}"
+        )
+    return {"name": name, **_plain(without_nulls(mechanism))}
 
 
 def read_mechanism(path: Path) -> dict:
     """Read a mechanism file; the document may stand alone or under the key "mechanism"."""
-    try:
-        document = json.loads(path.read_text())
-    except OSError as error:
-        raise UsageError(f"{shown(path)}: cannot be read ({error.strerror})") from None
-    except ValueError as error:
-        raise UsageError(f"{shown(path)}: is not JSON ({error})") from None
+    document = read_json(path)
     if isinstance(document, dict):
         document = document.get("mechanism", document)
     if not isinstance(document, dict):
         raise UsageError(f"{shown(path)}: is no mechanism, but {type(document).__name__}")
     return document
+
+
+def read_json(path: Path) -> Any:
+    """Read a JSON file. Raises UsageError."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"{shown(path)}: cannot be read ({find_reason(error)})") from None
+    except ValueError as error:
+        raise UsageError(f"{shown(path)}: is not JSON ({error})") from None
+    except RecursionError:
+        raise UsageError(f"{shown(path)}: lists and groups are nested too deeply") from None
 
 
 def apply_override(scene: dict, text: str) -> None:
@@ -211,7 +227,7 @@ def apply_override(scene: dict, text: str) -> None:
         raise UsageError(f"--scene {text}: must be KEY=VALUE, for example chaser.motion=driven")
     value = parse_value(value_text)
     if key.startswith("mechanism.set."):
-        changes = scene.setdefault("mechanism", {}).setdefault("set", {})
+        changes = _find_section(scene, ["mechanism", "set"], text)
         changes[key.removeprefix("mechanism.set.")] = value
         return
     known = scene_keys()
@@ -220,29 +236,41 @@ def apply_override(scene: dict, text: str) -> None:
         if any(name.startswith(f"{key}.") for name in known):
             hint = f" (it is a section: write {key}.MEMBER)"
         raise UsageError(f"--scene {text}: a scene has no key '{key}'{hint}")
-    node = scene
     *sections, last = key.split(".")
-    for section in sections:
+    _find_section(scene, sections, text)[last] = value
+
+
+def _find_section(scene: dict, sections: list[str], text: str) -> dict:
+    """Return a section of a scene, made if it is not there; messages quote the override `text`."""
+    node: Any = scene
+    for number, section in enumerate(sections, 1):
         node = node.setdefault(section, {})
-    node[last] = value
+        if not isinstance(node, dict):
+            where = ".".join(sections[:number])
+            raise UsageError(f"--scene {text}: {where} of the scene is {node!r}: must be a section")
+    return node
 
 
 def parse_value(text: str) -> Any:
     """Parse the right side of KEY=VALUE: a TOML value, or a bare word as text."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        parsed = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
         return text
+    return parsed["value"] if len(parsed) == 1 else text
 
 
-def read_toml(path: Path) -> dict:
-    """Read a TOML file; errors as one sentence."""
+def read_toml(path: Path) -> tuple[dict, str]:
+    """Read a TOML file; returns what it says, and its text. Raises UsageError."""
     try:
-        return tomllib.loads(path.read_text())
-    except tomllib.TOMLDecodeError as error:
+        text = path.read_text(encoding="utf-8")
+        return tomllib.loads(text), text
+    except OSError as error:
+        raise UsageError(f"{shown(path)}: cannot be read ({find_reason(error)})") from None
+    except ValueError as error:
         raise UsageError(f"{shown(path)}: is not TOML ({error})") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{shown(path)}: cannot be read ({error})") from None
+    except RecursionError:
+        raise UsageError(f"{shown(path)}: lists and tables are nested too deeply") from None
 
 
 @cache
@@ -295,34 +323,60 @@ def _initial(scene: dict, path: Path) -> dict:
     }
 
 
-def _set_member(mechanism: dict, dotted: str, value: Any, path: Path) -> None:
-    """Set one member of a mechanism; list entries are addressed by name or number, from 1."""
+def _is_below(path: tuple, other: tuple) -> bool:
+    return path[: len(other)] == other
+
+
+def _set_member(mechanism: dict, dotted: str, value: Any, path: Path, scene_path: Path) -> tuple:
+    """Set one member of a mechanism; list entries are addressed by name or number, from 1.
+
+    Returns:
+        Where it is in the document, as schemas count.
+    """
     node: Any = mechanism
-    walked = []
+    walked, place = [], []
+    key = f"{shown(scene_path)}: mechanism.set.{dotted}"
     *groups, last = dotted.split(".")
     for part in groups:
         if isinstance(node, list):
-            names = [str(entry.get("name", i)) for i, entry in enumerate(node, 1)]
-            number = names.index(part) + 1 if part in names else int(part) if part.isdigit() else 0
+            names = [
+                str(entry.get("name", i)) if isinstance(entry, dict) else str(i)
+                for i, entry in enumerate(node, 1)
+            ]
+            number = names.index(part) + 1 if part in names else 0
+            if not number and part.isdecimal() and len(part) < 10:
+                number = int(part)
             child = node[number - 1] if 1 <= number <= len(node) else None
+            place.append(number - 1)
         else:
             names = [name for name in node if name != "comment"]
             child = node.get(part)
+            place.append(part)
         if not isinstance(child, dict | list):
             where = ".".join(walked) or "the mechanism"
-            raise UsageError(
-                f"mechanism.set '{dotted}': in {shown(path)}, {where} has no group '{part}'"
-                f"{did_you_mean(part, names)}"
-            )
+            wrong = f"{where} has no group '{part}'{did_you_mean(part, names)}"
+            if part in names:
+                wrong = f"{'.'.join((*walked, part))} is no group"
+            raise UsageError(f"{key} cannot be set in {shown(path)}: {wrong}")
         node = child
         walked.append(part)
     if not isinstance(node, dict):
-        raise UsageError(f"mechanism.set '{dotted}': must end with the name of a member")
+        raise UsageError(f"{key} must end with the name of a member")
     node[last] = copy.deepcopy(value)
+    return (*place, last)
+
+
+def without_nulls(node: Any) -> Any:
+    """Return a document without members that are null: they are as if left out."""
+    if isinstance(node, list):
+        return [without_nulls(entry) for entry in node]
+    if isinstance(node, dict):
+        return {key: without_nulls(value) for key, value in node.items() if value is not None}
+    return node
 
 
 def _plain(node: Any) -> Any:
-    """Return a mechanism document without comments, with every NAME_deg as NAME in rad."""
+    """Return a mechanism without comments, with every NAME_deg as NAME in rad."""
     if isinstance(node, list):
         return [_plain(entry) for entry in node]
     if not isinstance(node, dict):

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.paths import MODELS, shown
@@ -21,13 +21,14 @@ _NAMED_TYPES = {
     "integer": "a whole number",
     "string": "a text",
     "boolean": "true or false",
+    "null": "null",
 }
 
 
 @cache
 def load_schema(name: str) -> dict:
     """Return ``modelDescription/NAME.schema.json`` for ``scene``, ``mechanism`` or ``sweep``."""
-    return json.loads((MODELS / f"{name}.schema.json").read_text())
+    return json.loads((MODELS / f"{name}.schema.json").read_text(encoding="utf-8"))
 
 
 @cache
@@ -57,16 +58,37 @@ def check(document: Any, schema_name: str, source: Path) -> None:
     Raises:
         UsageError: naming file, member, value and limit of the most telling violation.
     """
-    for path, value in _numbers(document):
-        if not math.isfinite(value):
-            raise UsageError(f"{shown(source)}: {member_path(path)} is {value}: must be finite")
-    schema = load_schema(schema_name)
-    errors = list(_make_validator(schema_name).iter_errors(document))
-    if errors:
-        # A violation inside a group makes its "unevaluated" rule fail too: the deepest is meant.
-        error = max(errors, key=lambda e: (len(e.absolute_path), "Properties" not in e.validator))
-        owner = _owner(document, error.absolute_path)
-        raise UsageError(f"{shown(source)}: {_sentence(error, schema)}{owner}")
+    if found := find_violation(document, schema_name):
+        raise UsageError(f"{shown(source)}: {found.sentence}")
+
+
+class Violation(NamedTuple):
+    """What is wrong with a document: the member, and a sentence that begins with it."""
+
+    path: tuple
+    sentence: str
+
+
+def find_violation(document: Any, schema_name: str) -> Violation | None:
+    """Return the most telling violation of a schema, or None; arguments as for `check`."""
+    root = load_schema(schema_name)
+    try:
+        for path, value in _numbers(document):
+            if (wrong := _find_limit(value)) is not None:
+                return Violation(path, f"{member_path(path)} {wrong}")
+        errors = list(_make_validator(schema_name).iter_errors(document))
+    except RecursionError:
+        return Violation((), "lists and groups are nested too deeply")
+    if not errors:
+        return None
+    # A violation inside a group makes its "unevaluated" rule fail too: the deepest is meant.
+    error = max(errors, key=lambda e: (len(e.absolute_path), "Properties" not in e.validator))
+    if error.validator == "required":
+        error = _find_misspelt(error, errors, root) or error
+    path, extra = tuple(error.absolute_path), ()
+    if "Properties" in error.validator:
+        extra = (_find_extra(error, root),)
+    return Violation((*path, *extra), _sentence(error, root) + _owner(document, path))
 
 
 def known_members(node: dict, root: dict, instance: Any = None) -> dict[str, dict]:
@@ -112,15 +134,46 @@ def _owner(document: Any, path: Iterable) -> str:
     return owner
 
 
+def _find_misspelt(lack: Any, errors: list, root: dict) -> Any:
+    """Return the violation by a name that could be meant for what a group lacks, or None."""
+    missing = _find_missing(lack)
+    for error in errors:
+        if "Properties" in error.validator and error.absolute_path == lack.absolute_path:
+            known = known_members(error.schema, root, error.instance)
+            extra = [name for name in error.instance if name not in known]
+            if any(did_you_mean(name, [missing]) for name in extra):
+                return error
+    return None
+
+
+def _find_missing(error: Any) -> str:
+    """Return the member that a group lacks."""
+    return next(name for name in error.validator_value if name not in error.instance)
+
+
+def _find_extra(error: Any, root: dict) -> str:
+    """Return the first member of a group that is unknown."""
+    known = known_members(error.schema, root, error.instance)
+    return next((name for name in error.instance if name not in known), "?")
+
+
+def _find_limit(value: float) -> str | None:
+    """Say what is wrong with a number that cannot be computed with; None if nothing is."""
+    try:
+        return None if math.isfinite(value) else f"is {value}: must be finite"
+    except OverflowError:
+        return "is too large: must be below 1e308"
+
+
 def _numbers(node: Any, path: tuple = ()) -> Iterator[tuple[tuple, float]]:
-    """Yield path and value of every floating-point number in a document."""
+    """Yield path and value of every number in a document."""
     if isinstance(node, dict):
         for key, value in node.items():
             yield from _numbers(value, (*path, key))
     elif isinstance(node, list):
         for index, value in enumerate(node):
             yield from _numbers(value, (*path, index))
-    elif isinstance(node, float):
+    elif isinstance(node, float | int):
         yield path, node
 
 
@@ -129,14 +182,13 @@ def _sentence(error: Any, root: dict) -> str:
     path = member_path(error.absolute_path)
     where = path or "the document"
     value, limit = error.instance, error.validator_value
-    shown_value = json.dumps(value) if len(json.dumps(value, default=str)) < 60 else "what it is"
+    text = json.dumps(value, default=str)  # TOML has dates
+    shown_value = text if len(text) < 60 else "what it is"
     match error.validator:
         case "required":
-            missing = next(name for name in limit if name not in value)
-            return f"{where} lacks the member '{missing}'"
+            return f"{where} lacks the member '{_find_missing(error)}'"
         case "additionalProperties" | "unevaluatedProperties":
-            known = known_members(error.schema, root, value)
-            extra = next((name for name in value if name not in known), "?")
+            known, extra = known_members(error.schema, root, value), _find_extra(error, root)
             return f"{where} has an unknown member '{extra}'{did_you_mean(extra, known)}"
         case "exclusiveMinimum":
             return f"{where} is {shown_value}: must be greater than {limit}"

@@ -7,10 +7,9 @@ FMU, so the step may be as coarse as the plots allow.
 """
 
 import ctypes
-import json
 import math
+import os
 import sys
-import tempfile
 import time
 import zipfile
 from collections.abc import Callable, Iterable
@@ -22,8 +21,10 @@ import numpy as np
 from fmpy import fmi2, read_model_description
 from fmpy.fmi1 import FMICallException
 
-from dockloop.errors import DockloopError, UsageError, did_you_mean
-from dockloop.paths import shown
+from dockloop.errors import DockloopError, UsageError, did_you_mean, find_reason
+from dockloop.fmu import read_model
+from dockloop.outputs import filling, scratch
+from dockloop.paths import find_absence, is_file, shown
 from dockloop.scene import scene_keys
 
 _WARNING = 1  # fmi2Warning
@@ -95,11 +96,11 @@ def run_fmu(
         DockloopError: the FMU reported an error while running.
     """
     began = time.perf_counter()
-    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
-        description, scene = unpack_fmu(path, Path(folder))
+    with scratch() as folder:
+        description, scene = unpack_fmu(path, folder)
         starts = [_parse_setting(text, description) for text in settings]
         times = communication_points(description, stop, step)
-        with Instance(description, folder, label or shown(path)) as instance:
+        with Instance(description, str(folder), label or shown(path)) as instance:
             instance.initialise(starts, times)
             loaded = time.perf_counter()
             recording = record(instance, scene, times, progress)
@@ -123,7 +124,10 @@ def record(
     """Step an initialised instance through all communication points; `clock` times it [s]."""
     recorder = Recorder(instance.slave, instance.description, len(times))
     recording = Recording(scene, recorder.names, recorder.units, recorder.values)
-    recording.parameters = instance.read_parameters()
+    try:
+        recording.parameters = instance.read_parameters()
+    except FMICallException as error:
+        raise DockloopError(instance.sentence(error)) from None
     recording.wall = instance.loop(times, recorder, progress, clock)
     recording.warnings = instance.warnings
     return recording
@@ -155,7 +159,7 @@ class Instance:
 
     def __init__(self, description: Any, folder: str, label: str) -> None:
         self.description = description
-        self._label = label
+        self._label, self._folder = label, folder
         self._log: list[str] = []
         self.warnings: list[str] = []
         # The callbacks must live as long as the instance, so they are kept here.
@@ -163,6 +167,7 @@ class Instance:
         self._callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(self._on_log)
         self._callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
         self._callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
+        here = Path.cwd()  # FMPy goes elsewhere to load, and stays there when it fails
         try:
             self.slave = fmi2.FMU2Slave(
                 guid=description.guid,
@@ -170,8 +175,10 @@ class Instance:
                 modelIdentifier=description.coSimulation.modelIdentifier,
                 instanceName=description.modelName,
             )
-        except OSError as error:
-            raise DockloopError(f"{label}: its binary cannot be loaded ({error})") from None
+        except Exception as error:  # noqa: BLE001  FMPy raises a bare Exception here
+            os.chdir(here)
+            why = self._without_folder(str(error))
+            raise DockloopError(f"{label}: its binary cannot be loaded ({why})") from None
 
     def __enter__(self) -> "Instance":
         try:
@@ -252,7 +259,11 @@ class Instance:
     def sentence(self, error: Exception) -> str:
         """Return why the last call failed, in the words of the FMU."""
         text = self._log[-1] if self._log else f"the FMU refused without a message ({error})"
-        return f"{self._label}: {text}"
+        return f"{self._label}: {self._without_folder(text)}"
+
+    def _without_folder(self, text: str) -> str:
+        """Return a sentence that names files of the FMU as people know them."""
+        return text.replace(f"{self._folder}{os.sep}", "")
 
 
 class Recorder:
@@ -290,20 +301,45 @@ class Recorder:
             values[columns] = view
 
 
-def unpack_fmu(path: Path, folder: Path) -> tuple[Any, dict]:
-    """Unpack an FMU of this program; returns its model description and its scene."""
-    if not path.is_file():
-        raise UsageError(f"{shown(path)}: no such FMU")
+def read_scene(path: Path) -> dict:
+    """Return the scene of an FMU of this program. Raises UsageError: it is none."""
+    if not is_file(path):
+        raise UsageError(find_absence(path, "FMU"))
     try:
-        with zipfile.ZipFile(path) as archive:
-            archive.extractall(folder)
-        description = read_model_description(str(folder), validate=False)
-        scene = json.loads((folder / "resources" / "model.json").read_text())
-    except zipfile.BadZipFile:
-        raise UsageError(f"{shown(path)}: is no FMU (not a zip file)") from None
+        return read_model(path)
     except OSError as error:
-        name = Path(error.filename or "").name
-        raise UsageError(f"{shown(path)}: is no FMU built by dockloop (no {name})") from None
+        raise UsageError(f"{shown(path)}: cannot be read ({find_reason(error)})") from None
+    except ValueError as error:
+        raise UsageError(f"{shown(path)}: is no FMU built by dockloop ({error})") from None
+
+
+def unpack_fmu(path: Path, folder: Path) -> tuple[Any, dict]:
+    """Unpack an FMU of this program; returns its model description and its scene.
+
+    Raises:
+        UsageError: it is none, or is damaged.
+        DockloopError: there is no space for it.
+    """
+    scene = read_scene(path)
+    try:
+        with filling(folder), zipfile.ZipFile(path) as archive:
+            archive.extractall(folder)
+    except DockloopError:
+        raise
+    except Exception as error:  # noqa: BLE001  zip files break in a dozen ways
+        why = find_reason(error) if isinstance(error, OSError) else error
+        raise UsageError(
+            f"{shown(path)}: is damaged, it cannot be unpacked ({why}): build it again"
+        ) from None
+    try:
+        description = read_model_description(str(folder), validate=False)
+        given = description.defaultExperiment
+        for value in (given.startTime or 0.0, given.stopTime, given.stepSize):
+            float(value)
+    except Exception:  # noqa: BLE001  FMPy takes a description as it is
+        raise UsageError(
+            f"{shown(path)}: its modelDescription.xml is missing or damaged: build it again"
+        ) from None
     if description.coSimulation is None:
         raise UsageError(f"{shown(path)}: has no co-simulation interface")
     return description, scene
@@ -364,9 +400,10 @@ def communication_points(description: Any, stop: float | None, step: float | Non
         raise UsageError(f"--stop {stop}: must be greater than the start time {start} s")
     if not (math.isfinite(step) and step > 0.0):
         raise UsageError(f"--step {step}: must be greater than 0")
-    count = math.ceil((stop - start) / step * (1.0 - 1e-12))
-    if count > _MAX_STEPS:
-        raise UsageError(f"--step {step}: needs {count} steps, more than {_MAX_STEPS}")
+    steps = (stop - start) / step * (1.0 - 1e-12)
+    if not steps <= _MAX_STEPS:
+        raise UsageError(f"--step {step}: needs {steps:.6g} steps, more than {_MAX_STEPS}")
+    count = math.ceil(steps)
     times = start + step * np.arange(count + 1)
     times[-1] = stop
     return times

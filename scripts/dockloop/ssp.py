@@ -33,7 +33,6 @@ master algorithm for OMSimulator (which refuses a system without).
 """
 
 import copy
-import tempfile
 import xml.etree.ElementTree as ET
 import zipfile
 from pathlib import Path
@@ -41,6 +40,7 @@ from pathlib import Path
 from dockloop import __version__, paths
 from dockloop.errors import UsageError
 from dockloop.fmu import find_date, place_vehicles, write_fmu, write_zip
+from dockloop.outputs import Kind, claim, read_entry, scratch
 from dockloop.scene import find_scene, resolve_scene
 
 PARAMETER_SET = "scene"
@@ -55,6 +55,13 @@ _NAMESPACES = {
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
     "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
 }
+
+
+def _is_package(path: Path) -> bool:
+    return b'generationTool="dockloop ' in read_entry(path, "SystemStructure.ssd")
+
+
+PACKAGE = Kind("SSP package", "dockloop ssp", _is_package)
 
 
 def build_ssp(
@@ -76,16 +83,17 @@ def build_ssp(
     """
     source = find_scene(reference)
     document = resolve_scene(source, overrides)
+    output = output or paths.BUILD / "ssp" / f"{document['name']}.ssp"
+    claim(output, PACKAGE)
     documents = _split(document, source)
-    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
-        archives = {name: Path(folder) / f"{name}.fmu" for name in documents}
+    with scratch() as folder:
+        archives = {name: folder / f"{name}.fmu" for name in documents}
         for name, archive in archives.items():
             write_fmu(documents[name], source, archive)
         structure = _describe_system(document, {n: _Fmu(a) for n, a in archives.items()})
         entries = {"SystemStructure.ssd": structure}
         entries |= {f"resources/{a.name}": a.read_bytes() for a in archives.values()}
-    output = output or paths.BUILD / "ssp" / f"{document['name']}.ssp"
-    write_zip(output, entries)
+    write_zip(output, PACKAGE, entries)
     return output
 
 

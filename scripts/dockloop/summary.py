@@ -9,7 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from dockloop.outputs import MADE_BY, Kind, json_kind, read_head, write_text, writing
 from dockloop.simulate import Recording
+
+COMMAND = "dockloop run"
 
 PHASES = (
     "approach",
@@ -30,6 +33,23 @@ LOADS = {
     "torsion": "N m",
 }
 _SINKS = ("contact", "friction", "legs", "latches")
+_FIRST = ("time", "chaser.position[1]")  # columns of every result: the clock, and a first output
+
+
+def _is_result(path: Path) -> bool:
+    """Tell whether a file is a result, by its first columns."""
+    if path.suffix == ".npz":
+        with np.load(path) as arrays:
+            return tuple(arrays["names"][:2].tolist()) == _FIRST
+    return read_head(path).startswith(f"{','.join(_FIRST)},".encode())
+
+
+RESULT = Kind("result", COMMAND, _is_result)
+
+
+def find_summary(result: Path) -> Path:
+    """Return where the summary beside a result or a table is: ``own_summary.json`` for own.csv."""
+    return result.with_name(f"{result.stem}_summary.json")
 
 
 def summarise(run: Recording) -> dict:
@@ -43,6 +63,7 @@ def summarise(run: Recording) -> dict:
     """
     simulated = float(run["time"][-1] - run["time"][0])
     summary: dict = {
+        MADE_BY: COMMAND,
         "scene": run.scene["name"],
         "title": run.scene["title"],
         "simulated_time": simulated,
@@ -160,17 +181,21 @@ def write_result(run: Recording, path: Path) -> None:
     Args:
         run: what was recorded.
         path: ``.csv`` (one header line) or ``.npz`` (arrays names, units, values: full precision).
+
+    Raises:
+        DockloopError: it cannot be written.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if path.suffix == ".npz":
-        np.savez_compressed(path, names=run.names, units=run.units, values=run.values)
-    else:
-        np.savetxt(path, run.values, "%.15g", ",", header=",".join(run.names), comments="")
+    with writing(path, RESULT) as partial, partial.open("wb") as file:
+        if path.suffix == ".npz":
+            np.savez_compressed(file, names=run.names, units=run.units, values=run.values)
+        else:
+            header = ",".join(run.names)
+            np.savetxt(file, run.values, "%.15g", ",", header=header, comments="", encoding="utf-8")
 
 
 def write_summary(summary: dict, path: Path) -> None:
-    """Write a summary as JSON."""
-    path.write_text(json.dumps(summary, indent=2) + "\n")
+    """Write a summary as JSON. Raises DockloopError: it cannot be written."""
+    write_text(path, json_kind("summary", summary[MADE_BY]), json.dumps(summary, indent=2) + "\n")
 
 
 def _outcome(run: Recording) -> dict:

@@ -16,7 +16,6 @@ import hashlib
 import json
 import logging
 import os
-import tempfile
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
@@ -30,11 +29,15 @@ from dockloop.batch import make_patch, run_batch
 from dockloop.cases import Job, Result, run_case, say_version
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.fmu import find_placement, write_fmu
-from dockloop.journal import InterruptedWorkError, Journal, make_report
+from dockloop.journal import InterruptedWorkError, Journal, find_digests, make_digest, make_report
+from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import shown
 from dockloop.sampling import Quantity, Sweep, Value, as_setting
 from dockloop.scene import SceneReader, scene_keys
 from dockloop.simulate import ProgressBar, communication_points, unpack_fmu
+
+COMMAND = "dockloop sweep"
+DIGEST = "dockloop.digest"  # of a sweep, in the metadata of its table
 
 # Members of a resolved scene that an FMU takes as start values, with the names of their variables.
 _SETTABLE = {
@@ -89,6 +92,7 @@ class Planner:
         experiment: ``stop``, ``step``, ``end_after_outcome`` [s], those that the sweep gives.
         built: number of FMUs built so far.
         times: communication points of a case that runs to its stop.
+        digest: of all that the user decides: scene, what is set and varies, cases, outcomes.
     """
 
     def __init__(self, sweep: Sweep) -> None:
@@ -119,6 +123,9 @@ class Planner:
         self.times = communication_points(
             description, self.experiment.get("stop"), self.experiment.get("step")
         )
+        names = [quantity.name for quantity in self.quantities]
+        decided = [self.unplaced, fixed, names, sweep.cases, self.outcomes, self.experiment]
+        self.digest = make_digest(decided)
 
     def is_scene_key(self, name: str) -> bool:
         """Tell whether a name is a key of the scene; if not, it is a start value of the FMU."""
@@ -151,8 +158,8 @@ class Planner:
     def fmu(self, key: str) -> tuple[str, bytes]:
         """Return the SHA-256 and the bytes of the FMU of a key; builds it if it is not at hand."""
         if key not in self._fmus:
-            with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
-                path = Path(folder) / "sweep.fmu"
+            with scratch() as folder:
+                path = folder / "sweep.fmu"
                 write_fmu(json.loads(key), self._sweep.scene, path, kernel=False)
                 fmu = path.read_bytes()
             self._fmus[key] = (hashlib.sha256(fmu).hexdigest(), fmu)
@@ -322,7 +329,9 @@ def run_sweep(
         "outcomes": planner.outcomes,
         "experiment": sweep.document["experiment"],
     }
-    journal = Journal(output.with_suffix(".jsonl"), setup, len(sweep.cases), resume=resume)
+    path = find_journal(output)
+    _check_table(output, {planner.digest, *(find_digests(path) if resume else ())})
+    journal = Journal(path, setup, len(sweep.cases), resume=resume, digest=planner.digest)
     missing = [values for values in dict.fromkeys(sweep.cases) if values not in journal.known]
     done = len(sweep.cases) - len(missing)
     began, threads = time.perf_counter(), 0
@@ -355,6 +364,32 @@ def run_sweep(
         "engine": engine,
         "workers": threads,
     }
+
+
+def find_journal(output: Path) -> Path:
+    """Return where the journal beside the table of a sweep is."""
+    return output.with_suffix(".jsonl")
+
+
+def read_table_metadata(path: Path) -> dict[str, str]:
+    """Return the metadata of a table. Raises OSError or ValueError: it is none."""
+    from pyarrow import parquet
+
+    found = parquet.read_metadata(path).metadata or {}
+    return {key.decode(): value.decode() for key, value in found.items()}
+
+
+TABLE = Kind("table", COMMAND, lambda path: "dockloop.sweep" in read_table_metadata(path))
+
+
+def _check_table(path: Path, digests: set[str]) -> None:
+    """Refuse to replace anything but the table of a sweep that has one of these digests."""
+    claim(path, TABLE)
+    if path.exists() and read_table_metadata(path).get(DIGEST) not in digests:
+        raise UsageError(
+            f"{shown(path)}: holds the finished table of another sweep (cases, scene or outcomes"
+            " differ): choose another -o or delete it"
+        )
 
 
 def _count_workers(wanted: int | None, cases: int) -> int:
@@ -451,7 +486,7 @@ def _open_cluster(workers: int | None, scheduler: str | None, cases: int) -> Ite
     ignore = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
     with (
         dask.config.set({"distributed.worker.preload": [ignore]}),
-        tempfile.TemporaryDirectory(prefix="dockloop-", ignore_cleanup_errors=True) as folder,
+        scratch() as folder,
         LocalCluster(
             n_workers=count,
             threads_per_worker=1,
@@ -459,7 +494,7 @@ def _open_cluster(workers: int | None, scheduler: str | None, cases: int) -> Ite
             scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # its page of health, unseen
             memory_limit=None,
             silence_logs=logging.CRITICAL,
-            local_directory=folder,
+            local_directory=str(folder),
         ) as cluster,
         Client(cluster) as client,
     ):
@@ -481,7 +516,7 @@ def _check_workers(client: Any, scheduler: str) -> None:
 
 def _read_description(fmu: bytes) -> Any:
     """Return the model description of an FMU."""
-    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
-        path = Path(folder) / "sweep.fmu"
+    with scratch() as folder:
+        path = folder / "sweep.fmu"
         path.write_bytes(fmu)
-        return unpack_fmu(path, Path(folder))[0]
+        return unpack_fmu(path, folder)[0]

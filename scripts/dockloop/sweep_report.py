@@ -18,14 +18,16 @@ from typing import Any
 import numpy as np
 
 from dockloop import __version__
-from dockloop.cases import Result
+from dockloop.cases import STATUSES, Result
+from dockloop.figures import save_figure
+from dockloop.journal import journal_kind
+from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
 from dockloop.sampling import Sweep, list_discs
-from dockloop.summary import LOADS, OUTCOMES, PHASES
-from dockloop.sweep import Planner
+from dockloop.summary import LOADS, OUTCOMES, PHASES, find_summary
+from dockloop.sweep import COMMAND, DIGEST, TABLE, Planner, find_journal
 
 _TEXTS = {"outcome": OUTCOMES, "phase": PHASES}  # Integers of the FMU that the table spells out
 _NEVER = ("time_of_contact", "time_of_capture")  # negative: it did not happen; null in the table
-_STATUS = ("done", "refused", "failed", "lost")
 _COLOURS = {
     "captured": "tab:blue",
     "partial capture": "tab:orange",
@@ -37,6 +39,31 @@ _COLOURS = {
 _PEAK = "capture.peak."
 _BINS = 8
 _COLUMNS = 4  # panels of a figure side by side
+
+
+# A header has the number of the case, what varies, what became of it, outcomes.
+_CSV = table_kind("table", COMMAND, "case,", ",status,reason,warning,end_time")
+
+
+def list_files(output: Path, *, as_csv: bool, plots: bool) -> list[tuple[Path, Kind]]:
+    """Return every file that a sweep could write, and its kind.
+
+    Args:
+        output: the table.
+        as_csv: as for `write_table`.
+        plots: whether figures are wanted.
+    """
+    files = [(output, TABLE), (find_journal(output), journal_kind("sweep"))]
+    files.append((find_summary(output), json_kind("summary", COMMAND)))
+    if as_csv:
+        files.append((output.with_suffix(".csv"), _CSV))
+    if plots:
+        files += [(path, figure_kind(COMMAND)) for path in _list_plots(output.with_suffix(""))]
+    return files
+
+
+def _list_plots(stem: Path) -> list[Path]:
+    return [stem.with_name(f"{stem.name}_{name}.png") for name in ("envelope", "loads")]
 
 
 def make_table(sweep: Sweep, planner: Planner, results: list[Result]) -> Any:
@@ -65,7 +92,7 @@ def make_table(sweep: Sweep, planner: Planner, results: list[Result]) -> Any:
         if {type(value) for value in values} == {int, float}:
             values = [float(value) for value in values]
         add(quantity.name, values, quantity.unit, "varied")
-    add("status", [r.status for r in results], description=", ".join(_STATUS))
+    add("status", [r.status for r in results], description=", ".join(STATUSES))
     add("reason", [r.reason for r in results], description="why a case is not done")
     add("warning", [r.warning for r in results], description="what placement or FMU had to say")
     add("end_time", [r.end_time for r in results], "s", "where the case ended")
@@ -83,12 +110,14 @@ def write_table(table: Any, path: Path, *, as_csv: bool = False) -> list[Path]:
     from pyarrow import parquet
 
     files = [path]
-    partial = path.with_suffix(".partial")
-    parquet.write_table(table, partial)
-    partial.replace(path)
+    with writing(path, TABLE) as partial:
+        parquet.write_table(table, partial)
     if as_csv:
         files.append(path.with_suffix(".csv"))
-        with files[-1].open("w", newline="") as file:
+        with (
+            writing(files[-1], _CSV) as partial,
+            partial.open("w", newline="", encoding="utf-8") as file,
+        ):
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(table.column_names)
             writer.writerows(zip(*(c.to_pylist() for c in table.columns), strict=True))
@@ -109,6 +138,7 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
     """
     status = table["status"].to_pylist()
     summary: dict = {
+        MADE_BY: COMMAND,
         "sweep": sweep.path.stem,
         "title": sweep.document["title"],
         "scene": sweep.document["scene"],
@@ -116,7 +146,7 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
         "sampling": sweep.document["sampling"],
         "cases": len(status),
         "fmus_built": planner.built,
-        "status": {name: status.count(name) for name in _STATUS if name in status},
+        "status": {name: status.count(name) for name in STATUSES if name in status},
     }
     reasons = [reason for reason in table["reason"].to_pylist() if reason]
     if reasons:
@@ -197,13 +227,14 @@ def write_sweep_plots(sweep: Sweep, planner: Planner, table: Any, stem: Path) ->
     Returns:
         The files written.
     """
+    envelope, loads = _list_plots(stem)
     files = []
     if "outcome" in table.column_names:
-        files.append(stem.with_name(f"{stem.name}_envelope.png"))
-        _plot_envelope(sweep, planner, table, files[-1])
+        files.append(envelope)
+        _plot_envelope(sweep, planner, table, envelope)
     if any(name.startswith(_PEAK) for name in table.column_names):
-        files.append(stem.with_name(f"{stem.name}_loads.png"))
-        _plot_loads(sweep, planner, table, files[-1])
+        files.append(loads)
+        _plot_loads(sweep, planner, table, loads)
     return files
 
 
@@ -224,7 +255,7 @@ def _make_metadata(sweep: Sweep, planner: Planner) -> dict[str, str]:
             versions[package] = "unknown"
     return {
         "dockloop.sweep": sweep.text,
-        "dockloop.scene": sweep.scene.read_text(),
+        "dockloop.scene": sweep.scene.read_text(encoding="utf-8"),
         "dockloop.model": json.dumps(planner.base),
         "dockloop.seed": str(sweep.document["seed"]),
         "dockloop.experiment": json.dumps(
@@ -236,6 +267,7 @@ def _make_metadata(sweep: Sweep, planner: Planner) -> dict[str, str]:
         ),
         "dockloop.versions": json.dumps(versions),
         "dockloop.fmu_sha256": planner.base_digest,
+        DIGEST: planner.digest,
     }
 
 
@@ -347,7 +379,7 @@ def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> No
     if clouds:
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
     figure.suptitle(sweep.document["title"], fontsize="medium")
-    figure.savefig(path, dpi=100)
+    save_figure(figure, path, COMMAND)
 
 
 def _plot_fraction(axis: Any, values: np.ndarray, captured: np.ndarray) -> None:
@@ -390,4 +422,4 @@ def _plot_loads(sweep: Sweep, planner: Planner, table: Any, path: Path) -> None:
             axis.legend(loc="best", fontsize="small")
     axes[0].set_ylabel("part of the cases at or above")
     figure.suptitle(sweep.document["title"], fontsize="medium")
-    figure.savefig(path, dpi=100)
+    save_figure(figure, path, COMMAND)

@@ -5,14 +5,15 @@ and a method of any order. The result is one JSON document: ``time``, per output
 digit of a double counts), the work, and how far a run with 1000 times the tolerance is away.
 """
 
-import json
-import tempfile
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
-from dockloop.core import run_core
+from dockloop.core import ask_core
+from dockloop.errors import one_line
 from dockloop.fmu import place_vehicles, to_json
+from dockloop.outputs import json_kind, scratch
 from dockloop.scene import find_scene, resolve_scene
+
+FILE = json_kind("truth", "dockloop truth")
 
 
 def make_truth(
@@ -53,14 +54,14 @@ def make_truth(
     experiment = document["experiment"]
     duration = experiment["stop"] - experiment["start"] if stop is None else stop
     options = ["--stop", repr(float(duration))]
-    options += ["--step", repr(float(step or experiment["step"]))]
+    options += ["--step", repr(float(experiment["step"] if step is None else step))]
     options += ["--tolerance", repr(tolerance)]
     for flag, values in (("--output", outputs), ("--set", settings)):
         for value in values:
-            options += [flag, value]
+            options += [flag, one_line(value)]
     if check:
         options.append("--check")
-    with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
-        model = Path(folder) / "model.json"
-        model.write_text(to_json(document))
-        return json.loads(run_core("truth", model, *options, source=source, progress=progress))
+    with scratch() as folder:
+        model = folder / "model.json"
+        model.write_text(to_json(document), encoding="utf-8")
+        return ask_core("truth", model, *options, source=source, progress=progress)

@@ -26,7 +26,7 @@ from typing import Any
 from dockloop import __version__
 from dockloop.cases import Result
 from dockloop.errors import DockloopError, UsageError, did_you_mean
-from dockloop.journal import InterruptedWorkError, Journal, make_report
+from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
 from dockloop.paths import shown
 from dockloop.simulate import ProgressBar, Recording
 from dockloop.trade.bench import Bench
@@ -44,9 +44,13 @@ from dockloop.trade.truth import find_truth
 LEVELS = {1: "rigid", 2: "massless_legs", 3: "reduced", 4: "reference"}
 METHODS = dict(
     enumerate(
-        ("auto", "explicit", "implicit", "imex", "adams", "bdf", "fixed_rk4", "fixed_implicit"), 1
+        (
+            *("auto", "explicit", "implicit", "imex", "adams", "bdf"),
+            *("fixed_rk4", "fixed_implicit", "dae", "high_order", "stabilised"),
+        ),
+        1,
     )
-) | {9: "dae"}
+)
 _REFERENCE = 4
 
 
@@ -143,7 +147,7 @@ class Choice:
 
     Attributes:
         levels: only these.
-        methods: only these.
+        methods: only these; those that are not in the grid go down the ladder of tolerances.
         tolerances: instead of those of the grid.
         steps: communication steps [s] instead of those of the grid.
         stop: end [s]; None: 1 s after the capture, in whole seconds, or that of the scene.
@@ -212,7 +216,9 @@ def make_settings(bench: Bench, choice: Choice, stop: float) -> list[Setting]:
     Raises:
         UsageError: there are none.
     """
-    settings = [setting for block in GRID for setting in _expand(block, bench, choice, stop)]
+    others = set(choice.methods) - {method for block in GRID for method in block.methods}
+    grid = (*GRID, Block(methods=tuple(sorted(others)), tolerances=_LADDER))
+    settings = [setting for block in grid for setting in _expand(block, bench, choice, stop)]
     if choice.levels and bench.start("model.level") is None:
         raise UsageError("--levels: the FMU of this scene has no variable 'model.level'")
     if not settings:
@@ -242,6 +248,8 @@ def run_trade(
         InterruptedWorkError: by Ctrl-C.
     """
     default = find_default(bench)
+    if choice.stop is not None and not math.isfinite(choice.stop):
+        raise UsageError(f"--stop {choice.stop}: must be finite")
     stop = choice.stop if choice.stop is not None else _find_stop(bench, default)
     settings = make_settings(bench, choice, stop)
     names = find_compared(bench.outputs)
@@ -254,7 +262,14 @@ def run_trade(
             "truth": truth.key,
             "figures": list(FIGURES),
         }
-        journal = Journal(folder / "trade.jsonl", setup, len(settings), resume=resume, work="trade")
+        journal = Journal(
+            find_journal(folder),
+            setup,
+            len(settings),
+            resume=resume,
+            work="trade",
+            digest=make_digest([bench.scene, stop, [astuple(setting) for setting in settings]]),
+        )
     except KeyboardInterrupt:
         raise InterruptedWorkError("interrupted before the first case") from None
     try:
@@ -285,6 +300,11 @@ def run_trade(
     }
     rows = [make_row(bench, s, default, journal.known[astuple(s)], stop) for s in settings]
     return Trade(rows, about)
+
+
+def find_journal(folder: Path) -> Path:
+    """Return where the journal of a trade is."""
+    return folder / "trade.jsonl"
 
 
 def measure(

@@ -1,10 +1,9 @@
 """An FMU on the bench: unpacked once, run again and again, each time in a fresh instance."""
 
 import hashlib
-import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 
 from dockloop.errors import DockloopError, UsageError
+from dockloop.outputs import scratch
 from dockloop.simulate import (
     Instance,
     Recorder,
@@ -41,10 +41,12 @@ class Bench:
 
     def __init__(self, fmu: Path) -> None:
         """Unpack an FMU; its folder goes with this object."""
-        self._folder = tempfile.TemporaryDirectory(prefix="dockloop-")
-        self._description, self.scene = unpack_fmu(fmu, Path(self._folder.name))
+        with ExitStack() as made:
+            self._folder = made.enter_context(scratch())
+            self._description, self.scene = unpack_fmu(fmu, self._folder)
+            self._made = made.pop_all()
         self.fmu_digest = hashlib.sha256(fmu.read_bytes()).hexdigest()
-        self.model = Path(self._folder.name) / "resources" / "model.json"
+        self.model = self._folder / "resources" / "model.json"
         self.variables = {v.name: v for v in self._description.modelVariables}
         self.outputs = [v.name for v in self.variables.values() if v.causality == "output"]
         self.step = float(self._description.defaultExperiment.stepSize)
@@ -109,7 +111,7 @@ class Bench:
                 raise UsageError(f"the FMU has no variable '{name}'")
         times = communication_points(self._description, stop, step)
         told = [(self.variables[name], value) for name, value in starts.items()]
-        with Instance(self._description, self._folder.name, "the FMU") as instance:
+        with Instance(self._description, str(self._folder), "the FMU") as instance:
             try:
                 instance.initialise(told, times)
                 yield instance, times

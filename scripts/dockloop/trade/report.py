@@ -10,13 +10,20 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from dockloop.trade import COSTS, FIGURES, LEVELS, Trade
+from dockloop.figures import can_draw, save_figure
+from dockloop.journal import journal_kind
+from dockloop.outputs import Kind, figure_kind, table_kind, write_text, writing
+from dockloop.trade import COSTS, FIGURES, LEVELS, Trade, find_journal
 from dockloop.trade.errors import AUDITS, ERRORS, SCALES
 
 WANTED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 _PAYS = 1.25  # times the cheapest: less is within what timing can tell
 _FIELDS = ("setting", "level", "method", "dae_form", "rtol", "inner_step", "step")
 _COLUMNS = (*_FIELDS, "status", "reason", *FIGURES, "front_by_evaluations", "front_by_time")
+_COMMAND = "dockloop trade"
+_TITLE = "# Speed against accuracy: "
+_PAGE = table_kind("page", _COMMAND, _TITLE)
+_CSV = table_kind("table", _COMMAND, ",".join((*_FIELDS, "status", "reason", "")))
 _TABLE = (*ERRORS, *AUDITS, "evaluations", "steps", "time_ratio")  # of the page
 _FRAMES = {"relative": "P seen from A", "ring": "the ring"}
 
@@ -81,21 +88,36 @@ def describe_trade(summary: dict) -> str:
     )
 
 
+def list_files(folder: Path) -> list[tuple[Path, Kind]]:
+    """Return every file that a trade could write, the journal last, and its kind."""
+    return [
+        (folder / "trade.csv", _CSV),
+        (folder / "trade.md", _PAGE),
+        (folder / "work_precision.png", figure_kind(_COMMAND)),
+        (find_journal(folder), journal_kind("trade")),
+    ]
+
+
 def write_trade(summary: dict, folder: Path) -> list[Path]:
-    """Write trade.csv, trade.md and work_precision.png; returns the files.
+    """Write trade.csv, trade.md and, if it can be drawn, work_precision.png; returns the files.
 
     Raises:
-        OSError: one cannot be written.
+        DockloopError: one cannot be written.
     """
-    files = [folder / name for name in ("trade.csv", "trade.md", "work_precision.png")]
+    table_file, page, figure = (path for path, _ in list_files(folder)[:3])
     rows = sorted(summary["rows"], key=_by_cost)
-    with files[0].open("w", newline="") as file:
+    drawn = [figure] if can_draw() else []
+    with (
+        writing(table_file, _CSV) as partial,
+        partial.open("w", newline="", encoding="utf-8") as file,
+    ):
         table = csv.writer(file, lineterminator="\n")
         table.writerow(_COLUMNS)
         table.writerows([[_plain(row[name]) for name in _COLUMNS] for row in rows])
-    files[1].write_text(_make_page(summary, rows))
-    _plot(summary, files[2])
-    return files
+    write_text(page, _PAGE, _make_page(summary, rows, drawn))
+    for path in drawn:
+        _plot(summary, path)
+    return [table_file, page, *drawn]
 
 
 def _usable(rows: Iterable[dict]) -> list[dict]:
@@ -251,19 +273,18 @@ def _row(cells: Iterable[str]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def _make_page(summary: dict, rows: list[dict]) -> str:
+def _make_page(summary: dict, rows: list[dict], figures: list[Path]) -> str:
     """Return trade.md."""
     steps = sorted({row["step"] for row in rows})
     told = [entry for entry in summary["recommendations"] if entry["best"]]
     lines = [
-        f"# Speed against accuracy: {summary['title']}",
+        f"{_TITLE}{summary['title']}",
         "",
         f"Made by `{summary['command']}`: {summary['stop']:g} s, {len(rows)} settings.",
         f"Default setting: {summary['default']}.",
         _truth_sentence(summary).replace("truth", "Truth", 1) + ".",
         "",
-        "![error against cost](work_precision.png)",
-        "",
+        *(line for path in figures for line in (f"![error against cost]({path.name})", "")),
         "## What to use",
         "",
         *(f"* {entry['sentence']}" for entry in summary["recommendations"]),
@@ -368,4 +389,4 @@ def _plot(summary: dict, path: Path) -> None:
     ]
     figure.legend(handles=entries, loc="outside right upper", fontsize="small")
     figure.suptitle(f"{summary['title']}, {summary['stop']:g} s", fontsize="medium")
-    figure.savefig(path, dpi=100)
+    save_figure(figure, path, _COMMAND)

@@ -13,6 +13,7 @@ once::
 
 import hashlib
 import json
+import os
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,8 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dockloop import paths
-from dockloop.core import run_core
-from dockloop.errors import DockloopError
+from dockloop.core import ask_core
+from dockloop.errors import DockloopError, UsageError, find_reason
+from dockloop.outputs import MADE_BY, claim, json_kind, write_text
 from dockloop.paths import shown
 from dockloop.simulate import Recording
 from dockloop.trade.bench import Bench
@@ -29,6 +31,7 @@ from dockloop.trade.bench import Bench
 _EXPLICIT = 2  # solver.method
 _REDUCED = 3  # model.level
 _RTOL = 1e-13
+_FILE = json_kind("truth", "dockloop trade")
 _CORE_TOLERANCE = 1e-16  # far below what any setting reaches; less only takes longer
 
 
@@ -74,18 +77,17 @@ def find_truth(
         decides += [core, _CORE_TOLERANCE]
     key = hashlib.sha256(json.dumps(decides).encode()).hexdigest()[:16]
     file = paths.BUILD / "truth" / f"{bench.scene['name']}_{key}.json"
-    if file.is_file():
-        document = json.loads(file.read_text())
-    else:
-        say("finding the truth")
-        document = (_ask_core if of_core else _ask_fmu)(bench, stop, step, names)
+    if os.path.lexists(file):
         try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            partial = file.with_suffix(".partial")
-            partial.write_text(json.dumps(document))
-            partial.replace(file)
+            return _read(json.loads(file.read_text(encoding="utf-8")), names, bench, key)
         except OSError as error:
-            raise DockloopError(f"{shown(file)}: cannot be written ({error.strerror})") from None
+            raise UsageError(f"{shown(file)}: cannot be read ({find_reason(error)})") from None
+        except (ValueError, KeyError, TypeError, AttributeError):
+            raise UsageError(f"{shown(file)}: is no truth that can be read: delete it") from None
+    claim(file, _FILE)
+    say("finding the truth")
+    document = (_ask_core if of_core else _ask_fmu)(bench, stop, step, names)
+    write_text(file, _FILE, json.dumps({MADE_BY: _FILE.command, **document}))
     return _read(document, names, bench, key)
 
 
@@ -126,7 +128,7 @@ def _ask_core(bench: Bench, stop: float, step: float, names: list[str]) -> dict:
     options += [word for name, n in _level(bench).items() for word in ("--set", f"{name}={n}")]
     of_fmu = _ask_fmu(bench, stop, step, names)
     try:
-        told = json.loads(run_core("truth", bench.model, *options))
+        told = ask_core("truth", bench.model, *options)
     except DockloopError as error:
         reason = str(error).replace(f"{shown(bench.model)}: ", "")
         return {**of_fmu, "source": f"{of_fmu['source']} (dockloop-core truth: {reason})"}

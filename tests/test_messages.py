@@ -1,0 +1,552 @@
+"""What a command says of a bad file, a bad disk, a missing package: one sentence, and no harm.
+
+1. Every kind of bad file against every command that reads such a file.
+2. Members and keys that are wrong are named as the user wrote them.
+3. A full temporary folder, a full standard output, no matplotlib.
+"""
+
+import errno
+import io
+import json
+import os
+import random
+import re
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("pyarrow")
+pytest.importorskip("scipy")
+
+from conftest import SCENES
+from dockloop import paths
+from dockloop.mechanism import check_mechanism
+from test_outputs import snapshot
+
+GARBAGE = random.Random(1).randbytes(3000)
+MODEL = "resources/model.json"
+
+# ---------------------------------------------------------------- bad files
+
+READERS = {
+    ".toml": [
+        ["run", "FILE", "--stop", "0.1"],
+        ["build", "FILE"],
+        ["ssp", "FILE"],
+        ["truth", "FILE", "--output", "gap", "--stop", "0.1", "--step", "0.1"],
+        ["trade", "FILE", "--quick", "--methods", "explicit", "--stop", "0.1"],
+        ["sweep", "FILE"],
+        ["sweep", "of_scene.toml"],
+    ],
+    ".json": [
+        ["check", "FILE"],
+        ["check", "hexapod_bench", "--states", "FILE"],
+        ["build", "of_mechanism.toml"],
+        ["sweep", "of_mechanism_sweep.toml"],
+    ],
+    ".fmu": [["run", "FILE", "--stop", "0.1"]],
+}
+COMMANDS = [(suffix, order) for suffix, orders in READERS.items() for order in orders]
+
+
+def nested(path):
+    many = b"[" * 100_000
+    path.write_bytes(b"a = " + many if path.suffix == ".toml" else many)
+
+
+def folded(path):
+    """As deep as the reader goes, and further than anything else does."""
+    text = "[" * 400 + "]" * 400
+    path.write_text(f"a = {text}" if path.suffix == ".toml" else f'{{"bodies": {text}}}')
+
+
+def number(path):
+    digits = "1" + "0" * 5000
+    path.write_text(f"a = {digits}" if path.suffix == ".toml" else f'{{"a": {digits}}}')
+
+
+BAD = {
+    "empty": lambda path: path.write_bytes(b""),
+    "garbage": lambda path: path.write_bytes(GARBAGE),
+    "zeros": lambda path: path.write_bytes(bytes(100)),
+    "broken UTF-8": lambda path: path.write_bytes(b'title = "\xff\xfe"\n'),
+    "UTF-16": lambda path: path.write_text('title = "a"\n', encoding="utf-16"),
+    "cut off": lambda path: path.write_text(
+        '{"name": "a", "bod' if path.suffix != ".toml" else "["
+    ),
+    "list": lambda path: path.write_text("[1, 2]"),
+    "text": lambda path: path.write_text('"text"'),
+    "nested": nested,
+    "folded": folded,
+    "number": number,
+    "folder": lambda path: path.mkdir(),
+    "circle of links": lambda path: path.symlink_to(path.name),
+    "link to nothing": lambda path: path.symlink_to("nothing"),
+    "nothing": lambda path: None,
+}
+# Names that are hard to write down; no file has them, or a bad one.
+NAMES = ["new\nline", "quotes'\"", "\u2028line", "blank name", "b" * 300, os.fsdecode(b"raw\xff")]
+
+
+def write_companions(folder, name="bad"):
+    """A scene, and sweeps, that lead to the bad file."""
+    scene = (paths.SCENES / "absorber_1d.toml").read_text()
+    sweep = (paths.SWEEPS / "absorber_1d_speeds.toml").read_text()
+    quoted = json.dumps(name)
+    (folder / "of_mechanism.toml").write_text(scene.replace('"absorber_1d"', quoted))
+    for file, other in (("of_scene", f"{name}.toml"), ("of_mechanism_sweep", "of_mechanism.toml")):
+        text = sweep.replace('"absorber_1d"', json.dumps(other))
+        (folder / f"{file}.toml").write_text(text, encoding="utf-8", errors="replace")
+
+
+def assert_said(outcome, before, folder):
+    """One sentence, an exit status that fits, and what was there is as it was."""
+    assert outcome.status in (1, 2), outcome
+    assert outcome.err.count("\n") == 1, outcome.err
+    assert outcome.err.startswith("dockloop"), outcome.err
+    assert "defect" not in outcome.err
+    assert "Traceback" not in outcome.err
+    after = snapshot(folder)
+    assert {name: after.get(name) for name in before} == before
+
+
+def call(dockloop, order, file):
+    return dockloop(*(file if word == "FILE" else word for word in order))
+
+
+@pytest.mark.parametrize("kind", BAD)
+@pytest.mark.parametrize(("suffix", "order"), COMMANDS)
+def test_a_bad_file_is_one_sentence(dockloop, tmp_path, suffix, order, kind):
+    file = tmp_path / f"bad{suffix}"
+    write_companions(tmp_path)
+    BAD[kind](file)
+    before = snapshot(tmp_path)
+    outcome = call(dockloop, order, file.name)
+    assert_said(outcome, before, tmp_path)
+    assert "bad" in outcome.err
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("suffix", "order"), COMMANDS)
+def test_a_file_of_an_odd_name_is_one_sentence(dockloop, tmp_path, suffix, order, name):
+    write_companions(tmp_path, "bad" if "\udcff" in name else name)
+    if len(name) < 200:
+        (tmp_path / f"{name}{suffix}").write_text("?")
+    before = snapshot(tmp_path)
+    assert_said(call(dockloop, order, f"{name}{suffix}"), before, tmp_path)
+
+
+@pytest.mark.usefixtures("permissions")
+@pytest.mark.parametrize(("suffix", "order"), COMMANDS)
+def test_a_file_that_may_not_be_read_is_one_sentence(dockloop, tmp_path, suffix, order):
+    write_companions(tmp_path)
+    file = tmp_path / f"bad{suffix}"
+    file.write_text("?")
+    before = snapshot(tmp_path)
+    file.chmod(0)
+    outcome = call(dockloop, order, file.name)
+    file.chmod(0o644)
+    assert_said(outcome, before, tmp_path)
+    assert "cannot be read" in outcome.err
+
+
+def edit(fmu: bytes, **changed: bytes | None) -> bytes:
+    """Return an FMU with other entries, those that are None left out; ``binaries``: all of them."""
+    written = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(fmu)) as old, zipfile.ZipFile(written, "w") as new:
+        for name in old.namelist():
+            group = "binaries" if name.startswith("binaries/") else name
+            content = changed[group] if group in changed else old.read(name)
+            if content is not None:
+                new.writestr(name, content)
+    return written.getvalue()
+
+
+def put(name: str, content: bytes | None):
+    return lambda fmu: edit(fmu, **{name: content})
+
+
+def replace(pattern: bytes, text: bytes):
+    """Put another description into an FMU."""
+
+    def change(fmu):
+        with zipfile.ZipFile(io.BytesIO(fmu)) as archive:
+            description = re.sub(pattern, text, archive.read("modelDescription.xml"))
+        return edit(fmu, **{"modelDescription.xml": description})
+
+    return change
+
+
+def model(**changes):
+    """Put another scene into an FMU."""
+
+    def change(fmu):
+        with zipfile.ZipFile(io.BytesIO(fmu)) as archive:
+            document = json.loads(archive.read(MODEL)) | changes
+        return edit(fmu, **{MODEL: json.dumps(document).encode()})
+
+    return change
+
+
+def foreign(_):
+    """An FMU of another tool."""
+    written = io.BytesIO()
+    with zipfile.ZipFile(written, "w") as archive:
+        archive.writestr("modelDescription.xml", '<fmiModelDescription fmiVersion="2.0"/>')
+    return written.getvalue()
+
+
+SPOILT = {
+    "first half": lambda fmu: fmu[: len(fmu) // 2],
+    "second half": lambda fmu: fmu[len(fmu) // 2 :],
+    "damaged in the middle": lambda fmu: fmu[:2000] + bytes(5000) + fmu[7000:],
+    "damaged directory": lambda fmu: fmu[:-300] + GARBAGE[:278] + fmu[-22:],
+    "of another tool": foreign,
+    "no description": put("modelDescription.xml", None),
+    "empty description": put("modelDescription.xml", b""),
+    "garbage as description": put("modelDescription.xml", GARBAGE),
+    "other description": put("modelDescription.xml", b"<a/>"),
+    "no experiment": replace(rb"<DefaultExperiment[^>]*/>", b""),
+    "no number as step": replace(rb'stepSize="[^"]*"', b'stepSize="x"'),
+    "another type": replace(rb"<Integer", b"<Real"),
+    "no scene": put(MODEL, None),
+    "garbage as scene": put(MODEL, GARBAGE),
+    "list as scene": put(MODEL, b"[]"),
+    "deep scene": put(MODEL, b"[" * 100_000),
+    "scene of another format": model(format="else"),
+    "scene with a path as name": model(name="../../own"),
+    "scene without vehicles": model(chaser=None),
+    "no binary": put("binaries", None),
+    "garbage as binary": put("binaries", GARBAGE),
+}
+
+
+@pytest.mark.parametrize("kind", SPOILT)
+def test_a_spoilt_fmu_is_one_sentence(dockloop, runs, tmp_path, kind):
+    (tmp_path / "bad.fmu").write_bytes(SPOILT[kind](runs.fmu("absorber_1d").read_bytes()))
+    before = snapshot(tmp_path)
+    outcome = dockloop("run", "bad.fmu", "--stop", "0.1", "-o", "own.csv")
+    assert_said(outcome, before, tmp_path)
+    assert "bad.fmu" in outcome.err
+    assert "/tmp" not in outcome.err.replace(str(tmp_path), "")
+    assert Path.cwd() == tmp_path  # FMPy goes elsewhere to load a library
+
+
+VALUES = {
+    "date": ("mass = 25e3", "mass = 2024-01-01", "chaser.mass"),
+    "number for a group": ("[chaser]", "chaser = 3\n[chase]", "chaser is 3"),
+    "text for a group": ('[mechanism]\nname = "absorber_1d"', "", None),
+    "huge whole number": ("approach_time = 0.0", f"roll_deg = 1{'0' * 400}", "initial.roll_deg"),
+    "NUL": ('"absorber_1d"', '"a\\u0000b"', "mechanism.name"),
+    "long name": ('"absorber_1d"', f'"{"a" * 300}"', "mechanism.name"),
+    "line break": ('"absorber_1d"', '"a\\nb"', "mechanism.name"),
+    "key with a line break": ('title = "', '"a\\nb" = 1\ntitle = "', "unknown member"),
+    "set is a number": ('"absorber_1d"', '"absorber_1d"\nset = 4', "mechanism.set"),
+    "set is a date": (
+        '"absorber_1d"',
+        '"absorber_1d"\nset = {"contact.stiffness" = 2024-01-01}',
+        "mechanism.set.contact.stiffness",
+    ),
+    "infinite stop": ("stop = 5.0", "stop = inf", "experiment.stop"),
+}
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_a_bad_value_in_a_scene_is_one_sentence(dockloop, tmp_path, name):
+    old, new, word = VALUES[name]
+    text = (paths.SCENES / "absorber_1d.toml").read_text()
+    assert old in text
+    text = text.replace(old, new)
+    (tmp_path / "bad.toml").write_text(text if word else f'mechanism = "x"\n{text}')
+    before = snapshot(tmp_path)
+    outcome = dockloop("build", "bad.toml")
+    assert_said(outcome, before, tmp_path)
+    assert outcome.status == 2, outcome
+    assert (word or "mechanism is") in outcome.err, outcome.err
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "chaser.mass=1\nfoo = 2",
+        "chaser.mass=1979-01-01",
+        "chaser.mass=" + "9" * 5000,
+        "chaser.mass=" + "[" * 100_000,
+        "mechanism.name=" + "a" * 5000,
+        "mechanism.set.=1",
+        "mechanism.set..=1",
+        "mechanism.set.contact=1",
+        "mechanism.set.bodies.\u00b2.mass=1",
+        "mechanism.set.bodies." + "9" * 5000 + ".mass=1",
+        "mechanism.set.gravity.1.x=1",
+        "initial.joints.=1",
+        "initial.joints.a=1",
+        "initial.joints.a.b.c=1",
+    ],
+)
+def test_a_bad_override_is_one_sentence(dockloop, tmp_path, override):
+    before = snapshot(tmp_path)
+    outcome = dockloop("build", "idss_25t_350t", "--scene", override)
+    assert_said(outcome, before, tmp_path)
+    assert outcome.status == 2, outcome
+
+
+def test_an_override_below_a_value_of_the_file_is_refused(dockloop, tmp_path):
+    (tmp_path / "own.toml").write_text("chaser = 3\n")
+    outcome = dockloop("build", "own.toml", "--scene", "chaser.mass=1")
+    assert outcome.status == 2, outcome
+    assert "chaser of the scene is 3: must be a section" in outcome.err
+    for option in ("initial.joints.a=1", "initial.joints.a.rate=1"):
+        outcome = dockloop(
+            "build", "idss_25t_350t", "--scene", "initial.joints.a=1", "--scene", option
+        )
+        assert outcome.status == 2, outcome
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["run", "absorber_1d", "--stop", "1e308", "--step", "1e-3"],
+        ["run", "absorber_1d", "--step", "1e-300"],
+        ["truth", "absorber_1d", "--output", "gap", "--step", "0"],
+        ["truth", "absorber_1d", "--output", "a\nb", "--stop", "0.1", "--step", "0.1"],
+        ["trade", "absorber_1d", "--quick", "--stop", "nan"],
+        ["trade", "absorber_1d", "--quick", "--stop", "inf"],
+        ["sweep", "absorber_1d_speeds", "--workers", "many"],
+        ["sweep", "absorber_1d_speeds", "--workers", "-1"],
+        ["run", "a\nb"],
+        ["sail\nx"],
+        ["run", ""],
+        ["run", "a" * 5000],
+        ["check", "a" * 5000],
+        ["sweep", "a" * 5000],
+        ["check", "."],
+    ],
+)
+def test_bad_usage_is_one_sentence(dockloop, tmp_path, arguments):
+    outcome = dockloop(*arguments)
+    assert_said(outcome, {}, tmp_path)
+    assert outcome.status == 2, outcome
+    assert "_positive" not in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("SOURCE_DATE_EPOCH", "yesterday", "SOURCE_DATE_EPOCH is 'yesterday'"),
+        ("CC", '"cc', "CC is '\"cc'"),
+    ],
+)
+def test_a_bad_setting_of_the_environment_is_named(dockloop, monkeypatch, name, value, words):
+    monkeypatch.setenv(name, value)
+    outcome = dockloop("build", "absorber_1d")
+    assert outcome.status == 2, outcome
+    assert words in outcome.err
+
+
+def test_a_truth_that_was_kept_but_is_damaged_is_named(dockloop, tmp_path):
+    order = ["trade", "absorber_1d", "--quick", "--methods", "explicit", "--stop", "0.1"]
+    assert dockloop(*order).status == 0
+    (kept,) = (tmp_path / "build" / "truth").iterdir()
+    for content in (b"", GARBAGE, b"[]", b'{"time": [0.0]}'):
+        kept.write_bytes(content)
+        before = snapshot(tmp_path)
+        outcome = dockloop(*order)
+        assert_said(outcome, before, tmp_path)
+        assert f"{kept.name}: is no truth that can be read: delete it" in outcome.err
+
+
+# ---------------------------------------------------------------- whose fault it is
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        (
+            ["contact.law.stifness=1"],
+            "mechanism.set.contact.law.stifness cannot be set in MECHANISM: contact.law has an"
+            " unknown member 'stifness' (did you mean 'stiffness'",
+        ),
+        (
+            ["contact.law.toe=0.1", "bodies.ring.mass=-1"],
+            "mechanism.set.bodies.ring.mass cannot be set in MECHANISM: bodies[1].mass is -1",
+        ),
+        (
+            ["bodies.ring.joint={type = 'revolute'}"],
+            "mechanism.set.bodies.ring.joint cannot be set in MECHANISM: bodies[1].joint lacks the"
+            " member 'axis'",
+        ),
+        (
+            ["bodies.ring.joint.type=revolute"],
+            "mechanism.set.bodies.ring.joint.type cannot be set in MECHANISM: bodies[1].joint lacks"
+            " the member 'axis'",
+        ),
+        (["bodies.rng.mass=1"], "mechanism.set.bodies.rng.mass cannot be set in MECHANISM: bodies"),
+    ],
+)
+@pytest.mark.parametrize("in_file", [True, False])
+def test_what_a_scene_sets_in_a_mechanism_is_blamed_on_the_scene(
+    dockloop, tmp_path, keys, words, in_file
+):
+    text = (paths.SCENES / "idss_25t_350t.toml").read_text()
+    options = [f"--scene=mechanism.set.{key}" for key in keys]
+    if in_file:
+        pairs = (key.partition("=") for key in keys)
+        options = []
+        inner = ", ".join(f'"{k}" = {v if v != "revolute" else repr(v)}' for k, _, v in pairs)
+        named = 'name = "idss_hexapod"'
+        assert text.count(named) == 1
+        text = text.replace(named, f"{named}\nset = {{{inner}}}")
+    (tmp_path / "own.toml").write_text(text)
+    outcome = dockloop("build", "own.toml", *options)
+    assert outcome.status == 2, outcome
+    mechanism = str(paths.MECHANISMS / "idss_hexapod.json")
+    assert outcome.err.startswith(f"dockloop: own.toml: {words.replace('MECHANISM', mechanism)}")
+
+
+def test_a_fault_of_the_mechanism_itself_is_blamed_on_its_file(dockloop, tmp_path):
+    mechanism = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text())
+    mechanism["bodies"][0]["mass"] = -1
+    (tmp_path / "idss_hexapod.json").write_text(json.dumps(mechanism))
+    text = (paths.SCENES / "idss_25t_350t.toml").read_text()
+    (tmp_path / "own.toml").write_text(text)
+    outcome = dockloop("build", "own.toml", "--scene", "mechanism.set.contact.law.stifness=1")
+    assert outcome.err.startswith("dockloop: idss_hexapod.json: bodies[1].mass is -1"), outcome
+
+
+def test_a_misspelt_member_is_named_as_it_was_written(dockloop, tmp_path):
+    text = (paths.SCENES / "absorber_1d.toml").read_text()
+    (tmp_path / "own.toml").write_text(text.replace("mass = 25e3", "mas = 25e3"))
+    outcome = dockloop("build", "own.toml")
+    assert outcome.err == (
+        "dockloop: own.toml: chaser has an unknown member 'mas' (did you mean 'mass'?)\n"
+    )
+    (tmp_path / "own.toml").write_text(text.replace("mass = 25e3", ""))
+    outcome = dockloop("build", "own.toml")
+    assert outcome.err == "dockloop: own.toml: chaser lacks the member 'mass'\n"
+    (tmp_path / "own.toml").write_text(text.replace("mass = 25e3", "weight = 25e3"))
+    assert "own.toml: chaser" in dockloop("build", "own.toml").err
+
+
+def test_null_as_closure_is_as_if_left_out(dockloop, tmp_path):
+    given = paths.ROOT / "tests" / "data" / "crank_nested.json"
+    document = json.loads(given.read_text())
+    plain = json.loads(json.dumps(document))
+    for loop in document["mechanism"]["loops"]:
+        loop["closure"] = None
+    for loop in plain["mechanism"]["loops"]:
+        loop.pop("closure", None)
+    for name, content in (("null", document), ("plain", plain)):
+        (tmp_path / f"{name}.json").write_text(json.dumps(content))
+    null, without = tmp_path / "null.json", tmp_path / "plain.json"
+    assert check_mechanism(str(null)) == check_mechanism(str(without))
+    assert check_mechanism(str(null), null) == check_mechanism(str(without), without)
+    scene = '[chaser]\nmass = 1\ninertia = [1, 1, 1, 0, 0, 0]\n[mechanism]\nname = "null"\n'
+    (tmp_path / "own.toml").write_text(scene)
+    told = dockloop("build", "own.toml", "-o", "own.fmu")
+    assert told.status == 0, told.err
+    document["mechanism"]["bodies"][0]["mass"] = None  # a mass of nobody knows what
+    null.write_text(json.dumps(document))
+    refused = dockloop("check", "null.json")
+    assert refused.status == 2, refused
+    assert "bodies[1].mass is null: must be a number" in refused.err
+
+
+# ---------------------------------------------------------------- disks and packages
+
+
+TEMPORARY = {
+    "run": ["run", "absorber_1d", "--stop", "0.1"],
+    "run an FMU": ["run", "FMU", "--stop", "0.1"],
+    "sweep": ["sweep", "absorber_1d_speeds"],
+    "trade": ["trade", "absorber_1d", "--quick"],
+    "ssp": ["ssp", "idss_25t_350t"],
+    "build": ["build", "absorber_1d", "--reference"],
+}
+
+
+@pytest.mark.parametrize("command", TEMPORARY)
+def test_a_full_temporary_folder_is_named(dockloop, runs, tmp_path, monkeypatch, command):
+    """As tmpfs says it: writing fails, without the name of the file."""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    order = [runs.fmu("absorber_1d") if word == "FMU" else word for word in TEMPORARY[command]]
+
+    def fail(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    for place in ("zipfile.ZipFile.extractall", "zipfile.ZipFile.writestr"):
+        if command == "run an FMU" and place.endswith("writestr"):
+            continue
+        if command == "ssp" and place.endswith("extractall"):
+            continue
+        with monkeypatch.context() as full:
+            full.setattr(place, fail)
+            outcome = dockloop(*order)
+        assert outcome.status == 1, outcome
+        assert outcome.err == (
+            f"dockloop: no space is left in {temporary} for temporary files: free some, or let"
+            " TMPDIR name another folder\n"
+        )
+        assert not list(temporary.iterdir())
+
+
+def test_a_temporary_folder_that_cannot_be_had_is_named(dockloop, monkeypatch):
+    def fail(*_, **__):
+        raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']")
+
+    monkeypatch.setattr("tempfile.mkdtemp", fail)
+    outcome = dockloop("run", "absorber_1d", "--stop", "0.1")
+    assert outcome.status == 1, outcome
+    assert "no temporary folder can be made (No usable" in outcome.err
+    assert "TMPDIR" in outcome.err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
+def test_standard_output_that_is_full_is_told():
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "dockloop", "check", "hexapod_bench"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (
+        1,
+        "dockloop: standard output cannot be written (no space is left on the disk)\n",
+    )
+
+
+@pytest.mark.parametrize(
+    ("order", "files"),
+    [
+        (
+            ["run", SCENES[0], "--stop", "0.1", "-o", "own.csv"],
+            ["own.csv", "own_summary.json"],
+        ),
+        (["sweep", "absorber_1d_speeds", "-o", "own.parquet"], ["own.parquet", "own_summary.json"]),
+        (
+            ["trade", "absorber_1d", "--quick", "--methods", "explicit", "-o", "own"],
+            ["own/trade.csv", "own/trade.md"],
+        ),
+    ],
+)
+def test_without_matplotlib_only_figures_are_missing(dockloop, tmp_path, monkeypatch, order, files):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    told = dockloop(*order, "--json")
+    assert told.status == 0, told
+    assert told.err.count("\n") == 1, told.err
+    assert "no figures are drawn" in told.err
+    assert "pip install matplotlib" in told.err
+    assert json.loads(told.out)["files"] == files
+    for file in files:
+        assert (tmp_path / file).stat().st_size > 0, file
+    assert not list(tmp_path.rglob("*.png"))
+    if "trade" in order:
+        assert ".png" not in (tmp_path / "own" / "trade.md").read_text()
