@@ -13,7 +13,8 @@ have been made by the same command. What tells so is in the file, never its name
 | page of a trade | it begins with the title of all of them |
 | FMU, SSP package | it holds a scene of this program, a structure that names it as its tool |
 
-An empty file is a foreign one, too. `Kind` says it for one kind of file; kinds stand beside what
+An empty file is foreign, too. Whatever lies in the folder ``build/`` of the project is its own,
+also if an older version wrote it. `Kind` says it for one kind of file; kinds stand beside what
 writes them. Temporary folders are here as well (`scratch`): a full disk is told by its name.
 """
 
@@ -31,6 +32,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
+from dockloop import paths
 from dockloop.errors import FULL, DockloopError, UsageError, find_reason
 from dockloop.paths import shown
 from dockloop.schema import known_members, load_schema
@@ -137,7 +139,7 @@ def claim(path: Path, kind: Kind) -> None:
         raise UsageError(f"{place}: is a folder, so no {kind.what} can have that name: {other}")
     if not stat.S_ISREG(mode):
         raise UsageError(f"{place}: is no ordinary file: {other}")
-    if not _is_own(real, kind):
+    if not (_is_own(real, kind) or real.is_relative_to(os.path.realpath(paths.BUILD))):
         raise UsageError(
             f"{place}: is {_describe(real)}, which '{kind.command}' did not write: {other}"
         )
