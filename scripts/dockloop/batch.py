@@ -88,7 +88,7 @@ def _list_options(planner: "Planner", threads: int) -> list[str]:
     words = ["--threads", str(threads)]
     for name, value in planner.experiment.items():
         words += [f"--{name.replace('_', '-')}", repr(float(value))]
-    for name in planner.outcomes:
+    for name in planner.asked:
         words += ["--output", name]
     return words
 

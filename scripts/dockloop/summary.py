@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dockloop.capture import explain_capture, list_needed
 from dockloop.outputs import MADE_BY, Kind, json_kind, read_head, write_text, writing
 from dockloop.simulate import Recording
 
@@ -206,7 +207,10 @@ def _outcome(run: Recording) -> dict:
         return value if value >= 0.0 else None
 
     latched = run.vector("latched")[-1] if "latched[1]" in run else np.zeros(0)
+    needed = {name: float(run[name][-1]) for name in list_needed(run.names)}
+    latches = run.scene["mechanism"].get("latches", {})
     return {
+        "explanation": explain_capture(needed, latches),
         "outcome": OUTCOMES[int(run["outcome"][-1]) - 1],
         "captured": bool(run["captured"][-1]),
         "phase": PHASES[int(run["phase"][-1]) - 1],
@@ -270,10 +274,13 @@ def _outcome_sentence(summary: dict) -> str:
     """Say how the docking ended."""
     if "outcome" not in summary:
         return f"ran to {summary['simulated_time']:g} s"
+    why = summary.get("explanation")
     contact, capture = summary["time_of_contact"], summary["time_of_capture"]
     if contact is None:
         return f"no contact within {summary['simulated_time']:g} s (outcome: {summary['outcome']})"
     begin = f"first contact at {contact:.3f} s"
+    if capture is None and why:
+        return f"{why}; {begin} (outcome: {summary['outcome']}, phase {summary['phase']})"
     end = f"{summary['outcome']}, phase {summary['phase']} at the end"
     if capture is not None:
         began = f"captured at {capture:.3f} s, {capture - contact:.3f} s after {begin}"

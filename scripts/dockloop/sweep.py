@@ -26,6 +26,7 @@ from typing import Any
 
 from dockloop import __version__
 from dockloop.batch import make_patch, run_batch
+from dockloop.capture import list_needed
 from dockloop.cases import Job, Result, run_case, say_version
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.fmu import find_placement, write_fmu
@@ -87,6 +88,7 @@ class Planner:
         base_key: key of its FMU.
         quantities: what varies, with units.
         outcomes: names of the outputs to collect.
+        asked: these, and what explains why there was no capture.
         variables: of the FMU of `base`, by name.
         base_digest: SHA-256 of that FMU.
         experiment: ``stop``, ``step``, ``end_after_outcome`` [s], those that the sweep gives.
@@ -120,6 +122,8 @@ class Planner:
             self._check_name(quantity.name, "vary", examples.values())
         self.quantities = [self._with_unit(quantity) for quantity in sweep.quantities]
         self.outcomes = self._find_outcomes()
+        outputs = [v.name for v in self.variables.values() if v.causality == "output"]
+        self.asked = list(dict.fromkeys([*self.outcomes, *list_needed(outputs)]))
         self.times = communication_points(
             description, self.experiment.get("stop"), self.experiment.get("step")
         )
@@ -143,7 +147,7 @@ class Planner:
         told = {**self._differences(document), **starts}
         job = Job(
             tuple(self._as_types(told).items()),
-            tuple(self.outcomes),
+            tuple(self.asked),
             self.experiment.get("stop"),
             self.experiment.get("step"),
             self.experiment.get("end_after_outcome"),
@@ -326,7 +330,7 @@ def run_sweep(
         "FMU": planner.base_digest,
         "set": sweep.document["set"],
         "quantities": [quantity.name for quantity in planner.quantities],
-        "outcomes": planner.outcomes,
+        "outcomes": planner.asked,
         "experiment": sweep.document["experiment"],
     }
     path = find_journal(output)

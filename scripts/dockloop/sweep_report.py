@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from dockloop import __version__
+from dockloop.capture import explain_capture
 from dockloop.cases import STATUSES, Result
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
@@ -81,7 +82,9 @@ def make_table(sweep: Sweep, planner: Planner, results: list[Result]) -> Any:
     def add(name: str, values: list, unit: str = "", description: str = "") -> None:
         array = pyarrow.array(values)
         if pyarrow.types.is_null(array.type):
-            array = array.cast(pyarrow.string() if name in ("reason", "warning") else "double")
+            array = array.cast(
+                pyarrow.string() if name in ("reason", "warning", "explanation") else "double"
+            )
         columns.append(array)
         metadata = {"unit": unit, "description": description}
         fields.append(pyarrow.field(name, array.type, metadata=metadata))
@@ -100,6 +103,18 @@ def make_table(sweep: Sweep, planner: Planner, results: list[Result]) -> Any:
         values = [_outcome_value(name, r.outputs[number]) if r.outputs else None for r in results]
         variable = planner.variables[name]
         add(name, values, variable.unit or "", variable.description or "")
+    if "capture.reason" in planner.asked:
+        latches = planner.base["mechanism"].get("latches", {})
+        add(
+            "explanation",
+            [
+                explain_capture(dict(zip(planner.asked, r.outputs, strict=True)), latches)
+                if r.outputs
+                else None
+                for r in results
+            ],
+            description="why it was captured or not",
+        )
 
     schema = pyarrow.schema(fields, metadata=_make_metadata(sweep, planner))
     return pyarrow.Table.from_arrays(columns, schema=schema)

@@ -1,0 +1,96 @@
+"""Why a docking was captured or not: one sentence from the outputs at its end.
+
+The FMU says which kind of reason it is (``capture.reason``). Which latch, which petal, and by how
+much follows from the outputs of latches and petals.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+
+_NEEDED = re.compile(
+    r"capture\.(reason|seated_time)|latched\[\d+\]|latch\[\d+\]\.(opening|lateral)"
+    r"|contact\.petal\[\d+\]\.force"
+)
+
+
+def list_needed(outputs: Iterable[str]) -> list[str]:
+    """Return the outputs of an FMU that `explain_capture` looks at; none if it gives no reason."""
+    needed = [name for name in outputs if _NEEDED.fullmatch(name)]
+    return needed if "capture.reason" in needed else []
+
+
+def explain_capture(values: Mapping[str, float], latches: Mapping) -> str | None:
+    """Say in one sentence why a docking was captured or not.
+
+    Args:
+        values: outputs at the end, at least those of `list_needed`.
+        latches: of the mechanism: ``window`` [m].
+
+    Returns:
+        The sentence, without a full stop; None if the FMU gives no reason.
+    """
+    if "capture.reason" not in values:
+        return None
+    held = _list(values, "latched[{}]")
+    some = f"with {sum(map(bool, held))} of {len(held)} latches held" if any(held) else ""
+    free = [i for i, holds in enumerate(held) if not holds]
+    widest = _name_widest(values, free, latches)
+    why = {  # by values of capture.reason; the list is in the description of that variable
+        1: ["captured"],
+        2: ["not captured: no contact so far"],
+        3: ["not captured yet: in contact and still moving", some, widest],
+        4: _describe_seat(values, free, some, latches),
+        5: [
+            f"not captured: hung up{_name_petal(values)}",
+            some,
+            _name_widest(values, free, latches),
+        ],
+        6: [
+            "not captured: too slow to close, rests in contact",
+            some,
+            _name_widest(values, free, latches),
+        ],
+        7: ["not captured: rebounded", some],
+        8: ["not captured: missed"],
+    }
+    return ", ".join(part for part in why[int(values["capture.reason"])] if part)
+
+
+def _list(values: Mapping[str, float], pattern: str) -> list[float]:
+    """Return the values of ``name[1]``, ``name[2]``, ... as far as there are some."""
+    found = []
+    while (name := pattern.format(len(found) + 1)) in values:
+        found.append(values[name])
+    return found
+
+
+def _describe_seat(
+    values: Mapping[str, float], free: list[int], some: str, latches: Mapping
+) -> list[str]:
+    """Say for how long the rings were seated, and which striker stands furthest outside."""
+    laterals = _list(values, "latch[{}].lateral")
+    parts = [f"not captured: seated for {values.get('capture.seated_time', 0.0):.1f} s", some]
+    excess = {i: laterals[i] - latches["window"] for i in free if i < len(laterals)}
+    if excess:
+        worst = max(excess, key=excess.__getitem__)
+        parts.append(f"latch {worst + 1} stands {1e3 * excess[worst]:.1f} mm outside its window")
+    return parts
+
+
+def _name_petal(values: Mapping[str, float]) -> str:
+    """Name the petal that carries most."""
+    forces = _list(values, "contact.petal[{}].force")
+    return f" on petal {forces.index(max(forces)) + 1}" if any(forces) else ""
+
+
+def _name_widest(values: Mapping[str, float], free: list[int], latches: Mapping) -> str:
+    """Name the latch without a striker that is open most, and how far beside that is."""
+    openings = _list(values, "latch[{}].opening")
+    known = [i for i in free if i < len(openings)]
+    if not known:
+        return ""
+    widest = max(known, key=openings.__getitem__)
+    text = f"latch {widest + 1} is {1e3 * openings[widest]:.1f} mm open"
+    excess = values.get(f"latch[{widest + 1}].lateral", 0.0) - latches.get("window", math.inf)
+    return text + (f" and {1e3 * excess:.1f} mm outside its window" if excess > 0.0 else "")

@@ -1,0 +1,102 @@
+"""Why a docking was captured or not: the sentence, in the summary of a run and in a sweep."""
+
+import json
+
+import pyarrow.parquet
+import pytest
+
+from dockloop.capture import explain_capture, list_needed
+
+LATCHES = {"window": 0.025}
+
+
+def make_values(reason, held=(0, 0, 0), **others):
+    values = {"capture.reason": reason, "capture.seated_time": 4.86}
+    for i, holds in enumerate(held, 1):
+        values[f"latched[{i}]"] = holds
+        values[f"latch[{i}].opening"] = 0.003 * i
+        values[f"latch[{i}].lateral"] = 0.001 * i
+        values[f"contact.petal[{i}].force"] = 0.0
+    return {**values, **others}
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        (make_values(1, (1, 1, 1)), "captured"),
+        (make_values(2), "not captured: no contact so far"),
+        (
+            make_values(3, (1, 0, 1)),
+            "not captured yet: in contact and still moving, with 2 of 3 latches held,"
+            " latch 2 is 6.0 mm open",
+        ),
+        (
+            make_values(4, (0, 1, 0), **{"latch[1].lateral": 0.0292}),
+            "not captured: seated for 4.9 s, with 1 of 3 latches held,"
+            " latch 1 stands 4.2 mm outside its window",
+        ),
+        (
+            make_values(5, **{"contact.petal[2].force": 30.0, "latch[3].lateral": 0.026}),
+            "not captured: hung up on petal 2,"
+            " latch 3 is 9.0 mm open and 1.0 mm outside its window",
+        ),
+        (
+            make_values(6),
+            "not captured: too slow to close, rests in contact, latch 3 is 9.0 mm open",
+        ),
+        (make_values(7, (1, 0, 0)), "not captured: rebounded, with 1 of 3 latches held"),
+        (make_values(7), "not captured: rebounded"),
+        (make_values(8), "not captured: missed"),
+        ({"latched[1]": 0}, None),
+    ],
+)
+def test_every_reason_has_a_sentence(values, sentence):
+    assert explain_capture(values, LATCHES) == sentence
+
+
+def test_every_reason_of_the_fmu_has_one(runs):
+    run = runs.run("idss_25t_350t", stop=0.02)
+    needed = list_needed(run.names)
+    assert {"capture.reason", "latch[1].lateral", "contact.petal[3].force"} <= set(needed)
+    (reason,) = {int(value) for value in run["capture.reason"]}
+    assert reason == 2  # no contact so far
+    for reason in range(1, 9):
+        assert explain_capture(make_values(reason), LATCHES)
+
+
+def test_the_summary_says_it(dockloop):
+    argument = ("run", "idss_25t_350t", "--scene", "initial.lateral_offset=0.45", "--no-plots")
+    ran = dockloop(*argument, "--json", "--step", "0.25")
+    assert ran.status == 0, ran.err
+    summary = json.loads(ran.out)
+    assert summary["explanation"].startswith("not captured")
+    assert summary["captured"] is False
+
+
+def test_a_sweep_has_a_column_for_it(dockloop, tmp_path):
+    sweep = tmp_path / "own.toml"
+    sweep.write_text(
+        """
+title = "speeds"
+scene = "idss_25t_350t"
+cases = 1
+sampling = "sobol"
+seed = 1
+outcomes = ["outcome"]
+worst = "outcome"
+[[vary]]
+type = "grid"
+name = "initial.lateral_offset"
+values = [0.0, 0.45]
+[experiment]
+stop = 4.0
+step = 0.5
+"""
+    )
+    ran = dockloop("sweep", sweep, "-o", tmp_path / "own.parquet", "--no-plots")
+    assert ran.status == 0, ran.err
+    table = pyarrow.parquet.read_table(tmp_path / "own.parquet").to_pydict()
+    first, second = table["explanation"]
+    assert first == "captured"
+    assert second.startswith("not captured")
+    assert list(table)[-2:] == ["outcome", "explanation"]
