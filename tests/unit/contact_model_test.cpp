@@ -1,5 +1,5 @@
 // Aggregated contact of two guide rings.
-// 1. default geometry and stored wrenches of an independent implementation are met;
+// 1. stored geometry and wrenches of an independent implementation are met;
 // 2. the elastic wrench is the gradient of the energy, power balances to rounding, sinks only
 //    take, the wrench is continuous along paths;
 // 3. sleep by pair changes no bit; gap bounds are bounds; guards reject jumped surfaces;
@@ -33,9 +33,9 @@ ContactResult<S> evaluate(const ContactModel& model, const RelativeMotion<S>& x,
   return result;
 }
 
-TEST(ContactModel, DefaultHardwareIsPlacedAsStored) {
+TEST(ContactModel, HardwareIsPlacedAsStored) {
   const nlohmann::json j = read_contact_data("contact_pairs.json")["default"];
-  const ContactModel model = make_ring_contact({}, {}, {});
+  const ContactModel model = make_test_contact();
   EXPECT_EQ(model.pair_count(), 48 + 12 + 9 + 144);
   EXPECT_EQ(model.petal_count(), 3);
   Worst worst;
@@ -58,7 +58,7 @@ TEST(ContactModel, DefaultHardwareIsPlacedAsStored) {
 
 TEST(ContactModel, StoredWrenchesAreMet) {
   const nlohmann::json data = read_contact_data("contact_pairs.json");
-  const ContactModel model = make_ring_contact({}, {}, make_elastic_law());
+  const ContactModel model = make_test_contact(make_elastic_law());
   ContactWorkspace<double> work(model);
   Worst gap, wrench, energy;
   int i = 0;
@@ -84,7 +84,7 @@ TEST(ContactModel, StoredWrenchesAreMet) {
 }
 
 TEST(ContactModel, ElasticWrenchIsTheGradientOfTheEnergy) {
-  const ContactModel model = make_ring_contact({}, {}, make_elastic_law());
+  const ContactModel model = make_test_contact(make_elastic_law());
   ContactWorkspace<double> work(model);
   ContactWorkspace<Extended> wide(model);
   TestRandom random(11);
@@ -113,8 +113,8 @@ TEST(ContactModel, ElasticWrenchIsTheGradientOfTheEnergy) {
 TEST(ContactModel, PowerBalancesAndSinksOnlyTake) {
   ContactLaw law;
   law.friction_coefficient = 0.3;
-  ContactModel elastic = make_ring_contact({}, {}, make_elastic_law());
-  ContactModel model = make_ring_contact({}, {}, law);
+  ContactModel elastic = make_test_contact(make_elastic_law());
+  ContactModel model = make_test_contact(law);
   ContactWorkspace<double> work(model);
   TestRandom random(12);
   Worst worst;
@@ -134,7 +134,7 @@ TEST(ContactModel, PowerBalancesAndSinksOnlyTake) {
 }
 
 TEST(ContactModel, WrenchIsContinuousAlongPathsThroughContact) {
-  const ContactModel model = make_ring_contact({}, {}, make_elastic_law());
+  const ContactModel model = make_test_contact(make_elastic_law());
   ContactWorkspace<double> work(model);
   TestRandom random(13);
   Worst worst;
@@ -195,7 +195,7 @@ TEST(ContactModel, WrenchIsContinuousAlongPathsThroughContact) {
 }
 
 TEST(ContactModel, LongDoubleAgreesWithDouble) {
-  ContactModel model = make_ring_contact({}, {}, {});
+  ContactModel model = make_test_contact();
   ContactWorkspace<double> work(model);
   ContactWorkspace<Extended> wide(model);
   TestRandom random(14);
@@ -214,7 +214,7 @@ TEST(ContactModel, LongDoubleAgreesWithDouble) {
 }
 
 TEST(ContactModel, PetalForcesAddUpToTheForceWhenNoNodeTouches) {
-  GuideRing bare;
+  GuideRing bare = make_test_ring();
   bare.node_count = 0;
   const ContactModel model = make_ring_contact(bare, bare, {});
   ContactWorkspace<double> work(model);
@@ -255,7 +255,7 @@ TEST(ContactModel, SleepByPairChangesNoBit) {
   for (const int friction_model : {1, 2}) {
     ContactLaw law;
     law.friction_model = friction_model;
-    const ContactModel model = make_ring_contact({}, {}, law);
+    const ContactModel model = make_test_contact(law);
     ContactWorkspace<double> work(model);
     TestRandom random(16);
     int touching = 0, bounds = 0;
@@ -296,7 +296,7 @@ TEST(ContactModel, SleepByPairChangesNoBit) {
 }
 
 TEST(ContactModel, FarApartNothingIsEvaluatedAndTheGapIsABound) {
-  const ContactModel model = make_ring_contact({}, {}, {});
+  const ContactModel model = make_test_contact();
   ContactWorkspace<double> work(model);
   RelativeMotion<double> x;
   x.p = V(3, 0.2, -0.1);
@@ -308,7 +308,7 @@ TEST(ContactModel, FarApartNothingIsEvaluatedAndTheGapIsABound) {
 }
 
 TEST(ContactModel, TooDeepAndFlippedStatesAreRejected) {
-  const ContactModel model = make_ring_contact({}, {}, {});
+  const ContactModel model = make_test_contact();
   ContactWorkspace<double> work(model);
   ContactResult<double> r;
   RelativeMotion<double> x;
@@ -349,7 +349,7 @@ TEST(ContactModel, TooDeepAndFlippedStatesAreRejected) {
 TEST(ContactModel, OpenedPairsGiveUpTheirBristles) {
   ContactLaw law;
   law.friction_model = 2;
-  const ContactModel model = make_ring_contact({}, {}, law);
+  const ContactModel model = make_test_contact(law);
   ContactWorkspace<double> work(model);
   TestRandom random(17);
   const RelativeMotion<double> x = make_touching_motion(model, work, random, 1e-3);
@@ -403,7 +403,7 @@ TEST(ContactModel, EmptyModelDoesNothing) {
 }
 
 TEST(ContactModel, StepAndTimeBoundsFollowTheirFormulas) {
-  const ContactModel model = make_ring_contact({}, {}, {});
+  const ContactModel model = make_test_contact();
   RelativeMotion<double> x;
   x.v = V(1, 0, 0);
   EXPECT_DOUBLE_EQ(find_step_bound(model, -0.001, x), 0.005);  // rounding sum 20 mm
@@ -419,12 +419,12 @@ TEST(ContactModel, StepAndTimeBoundsFollowTheirFormulas) {
 TEST(ContactModel, BadParametersAreNamed) {
   ContactLaw law;
   law.toe = 0;
-  EXPECT_THROW(make_ring_contact({}, {}, law), ModelError);
-  GuideRing ring;
+  EXPECT_THROW(make_test_contact(law), ModelError);
+  GuideRing ring = make_test_ring();
   ring.petal_count = 7;
-  EXPECT_THROW(make_ring_contact(ring, {}, {}), ModelError);
+  EXPECT_THROW(make_ring_contact(ring, make_test_ring(), {}), ModelError);
   try {
-    ContactModel model = make_ring_contact({}, {}, {});
+    ContactModel model = make_test_contact();
     law = {};
     law.friction_model = 3;
     set_law(model, law);
