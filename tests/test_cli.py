@@ -180,6 +180,47 @@ def test_check_reports_a_sound_mechanism_in_words_and_as_json(dockloop, mechanis
     assert all(abs(loop["gap"]) < 1e-12 for loop in report["loops"])
 
 
+def check(dockloop, folder, mechanism):
+    """Return the report on a mechanism, in words and as JSON."""
+    (folder / "own.json").write_text(json.dumps(mechanism))
+    words, report = dockloop("check", "own.json"), dockloop("check", "own.json", "--json")
+    assert words.status == 0, words.err
+    return words.out, json.loads(report.out)
+
+
+def loosen(mechanism):
+    """Give the default mechanism petals that leave more seated play than its latches reach."""
+    mechanism["contact"].update(petal_base_radius=0.585, petal_base_half_angle_deg=28)
+
+
+def test_check_warns_where_seated_strikers_stand_beside_the_window_of_the_latches(
+    dockloop, tmp_path
+):
+    text, report = check(dockloop, tmp_path, spoil(loosen))
+    play = report["seated_play"]
+    assert play["roll_deg"] == pytest.approx([-2.4935, 2.4935], abs=1e-3)
+    assert play["lateral_mm"] == pytest.approx([20.01, 23.54], abs=0.01)
+    assert play["striker_offset_mm"] == pytest.approx(39.01, abs=0.02)
+    (warning,) = report["warnings"]
+    for part in ("seated", "39.01 mm", "latches.window is 25 mm", "petal_base_radius"):
+        assert part in warning
+    assert f"warning: {warning}" in text
+    assert "roll -2.493 to 2.493 deg, lateral 20.01 to 23.54 mm" in text
+
+
+@pytest.mark.parametrize("without", ["contact", "latches"])
+def test_check_says_nothing_of_seated_play_without_rings_or_latches(dockloop, tmp_path, without):
+    text, report = check(dockloop, tmp_path, spoil(lambda m: m.pop(without)))
+    assert "seated" not in text
+    assert "seated_play" not in report
+
+
+def test_check_warns_of_rings_that_cannot_seat(dockloop, tmp_path):
+    wide = spoil(lambda m: m["contact"].update(petal_base_half_angle_deg=32))
+    _, report = check(dockloop, tmp_path, wide)
+    assert "the rings cannot seat" in report["warnings"][0]
+
+
 def test_check_evaluates_given_states(dockloop, tmp_path):
     report = json.loads(dockloop("check", "hexapod_bench", "--json").out)
     state = {"q": report["home_q"], "v_independent": [0.0] * 6, "tau": [0.0] * 24}

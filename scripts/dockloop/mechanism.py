@@ -52,22 +52,34 @@ def check_mechanism(reference: str, states: Path | None = None) -> dict | list:
 
 
 def describe_report(report: dict) -> str:
-    """Say the report of the core in words: one fact per line, tables of loops and of ranges."""
+    """Say the report of the core in words: one fact per line, tables of loops, ranges, modes."""
     tables = {
-        "loops": "loops",
-        "ranges": "reach of each independent coordinate from home, the others held",
-        "modes": "vibration about home, base at rest, joint forces of the file",
+        "loops": ("loops", _name_first),
+        "ranges": ("reach of each independent coordinate from home, the others held", _name_first),
+        "modes": ("vibration about home, base at rest, joint forces of the file", _name_first),
     }
     lines = []
     for key, value in _name_first(report).items():
         if key in ("warnings", "home_q") or key in tables:
             continue
-        lines.append(f"{key.replace('_', ' '):22} {_short(value)}")
-    for key, title in tables.items():
+        text = _play(value) if key == "seated_play" else _short(value)
+        lines.append(f"{key.replace('_', ' '):22} {text}")
+    for key, (title, make_row) in tables.items():
         if report.get(key):
-            lines += [title, *_table([_name_first(row) for row in report[key]])]
+            lines += [title, *_table([make_row(row) for row in report[key]])]
     lines += [f"warning: {text}" for text in report.get("warnings", [])]
     return "\n".join(lines)
+
+
+def _play(play: dict) -> str:
+    """Say how far seated rings can move."""
+    low, high = (_short(value) for value in play["roll_deg"])
+    least, most = (_short(value) for value in play["lateral_mm"])
+    return (
+        f"roll {low} to {high} deg, lateral {least} to {most} mm by direction;"
+        f" strikers up to {play['striker_offset_mm']:.3g} mm beside their hooks"
+        f" (latches.window {play['latch_window_mm']:.3g} mm)"
+    )
 
 
 def _table(rows: list[dict]) -> list[str]:

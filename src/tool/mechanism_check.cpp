@@ -3,10 +3,13 @@
 
 #include <Eigen/SVD>
 #include <algorithm>
+#include <cstdio>
 
+#include "contact/seated_play.hpp"
 #include "dynamics/mechanism_dynamics.hpp"
 #include "math/status.hpp"
 #include "model/json_reader.hpp"
+#include "model/scene.hpp"
 #include "tool/mechanism_modes.hpp"
 #include "tool/reachable_range.hpp"
 
@@ -108,6 +111,36 @@ json describe_ranges(const Mechanism& mechanism) {
   return list;
 }
 
+/// A number as people say it.
+std::string shown(double value, const std::string& unit = "") {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text + (unit.empty() ? "" : " " + unit);
+}
+
+/// Play of the seated rings, and what is wrong with it; null without rings or latches.
+json describe_seated_play(const Capture& capture, json& warnings) {
+  if (capture.contact.kind != ContactModel::Kind::kRings || capture.latches.count() == 0) return {};
+  const SeatedPlay play = find_seated_play(capture.contact, capture.latches);
+  if (play.overlap > 0.0) {
+    warnings.push_back("the rings cannot seat: when their faces meet, petals are " +
+                       shown(1e3 * play.overlap, "mm") + " deep in each other or in a ring");
+    return {};
+  }
+  const double window = capture.latches.law.window;
+  if (play.striker_offset > window) {
+    warnings.push_back("seated, a striker can stand up to " +
+                       shown(1e3 * play.striker_offset, "mm") +
+                       " beside its hook, but latches.window is " + shown(1e3 * window, "mm") +
+                       ": rings can sit there and not be caught; give the petals less play (larger "
+                       "petal_base_radius or petal_base_half_angle) or the latches a wider window");
+  }
+  return {{"roll_deg", {play.least_roll / kDegree, play.most_roll / kDegree}},
+          {"lateral_mm", {1e3 * play.least_lateral, 1e3 * play.most_lateral}},
+          {"striker_offset_mm", 1e3 * play.striker_offset},
+          {"latch_window_mm", 1e3 * window}};
+}
+
 }  // namespace
 
 json check_mechanism_file(const std::string& text, const std::string& source_name) {
@@ -174,6 +207,8 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
     warnings.push_back("a loop is close to singular at home");
   }
   for (const std::string& note : mechanism.notes) warnings.push_back(note);
+  const json play = describe_seated_play(read_capture(text, source_name), warnings);
+  if (!play.is_null()) result["seated_play"] = play;
   result["ranges"] = describe_ranges(mechanism);
   json modes = json::array();
   for (const Mode& mode : find_modes(mechanism)) {
