@@ -221,6 +221,33 @@ def test_check_warns_of_rings_that_cannot_seat(dockloop, tmp_path):
     assert "the rings cannot seat" in report["warnings"][0]
 
 
+def test_check_lists_every_eigenvalue_of_the_default(dockloop, tmp_path):
+    """Twelve, whether rounding splits a double one into a pair or not."""
+    text, report = check(dockloop, tmp_path, spoil(lambda m: None))
+    count = sum(2 if mode["motion"] == "oscillates" else 1 for mode in report["modes"])
+    assert count == 12
+    assert all("damping_ratio" not in m for m in report["modes"] if m["motion"] != "oscillates")
+    assert "dies out without oscillation" in text
+
+
+def slide(name, **members):
+    """Return a body of 2 kg on a slide."""
+    joint = {"type": "prismatic", "axis": [1, 0, 0]}
+    return {"name": name, "parent": "base", "joint": joint, "mass": 2, **members}
+
+
+def test_check_says_that_a_motion_is_unstable_and_how_fast_it_grows(dockloop, tmp_path):
+    rod = {"name": "rod", "parent": "base", "mass": 3, "com": [0, 0, 0.4]}
+    rod["joint"] = {"type": "revolute", "axis": [1, 0, 0]}
+    pendulum = {"name": "own", "gravity": [0, 0, -10], "bodies": [rod]}
+    text, report = check(dockloop, tmp_path, pendulum)
+    assert {m["motion"] for m in report["modes"]} == {
+        "dies out without oscillation",
+        "unstable, grows with 5 1/s",
+    }
+    assert "-1" not in text.partition("vibration")[2]
+
+
 def test_check_evaluates_given_states(dockloop, tmp_path):
     report = json.loads(dockloop("check", "hexapod_bench", "--json").out)
     state = {"q": report["home_q"], "v_independent": [0.0] * 6, "tau": [0.0] * 24}

@@ -56,7 +56,7 @@ def describe_report(report: dict) -> str:
     tables = {
         "loops": ("loops", _name_first),
         "ranges": ("reach of each independent coordinate from home, the others held", _name_first),
-        "modes": ("vibration about home, base at rest, joint forces of the file", _name_first),
+        "modes": ("vibration about home, base at rest, joint forces of the file", _mode),
     }
     lines = []
     for key, value in _name_first(report).items():
@@ -69,6 +69,15 @@ def describe_report(report: dict) -> str:
             lines += [title, *_table([make_row(row) for row in report[key]])]
     lines += [f"warning: {text}" for text in report.get("warnings", [])]
     return "\n".join(lines)
+
+
+def _mode(row: dict) -> dict:
+    """Return one mode: what vibrates has a frequency, anything else a rate."""
+    return {
+        "rad/s or 1/s": row["frequency_rad_s"],
+        "damping ratio": row.get("damping_ratio", ""),
+        "motion": row["motion"],
+    }
 
 
 def _play(play: dict) -> str:

@@ -118,6 +118,22 @@ std::string shown(double value, const std::string& unit = "") {
   return text + (unit.empty() ? "" : " " + unit);
 }
 
+/// A damping ratio only where something oscillates and dies out: elsewhere it would mislead.
+json describe_mode(const Mode& mode) {
+  json row = {{"frequency_rad_s", mode.frequency}};
+  if (mode.frequency == 0.0) {
+    row["motion"] = "free, no force opposes it";
+  } else if (mode.growth > 0.0) {
+    row["motion"] = "unstable, grows with " + shown(mode.growth, "1/s");
+  } else if (mode.oscillates) {
+    row["damping_ratio"] = mode.damping();
+    row["motion"] = "oscillates";
+  } else {
+    row["motion"] = "dies out without oscillation";
+  }
+  return row;
+}
+
 /// Play of the seated rings, and what is wrong with it; null without rings or latches.
 json describe_seated_play(const Capture& capture, json& warnings) {
   if (capture.contact.kind != ContactModel::Kind::kRings || capture.latches.count() == 0) return {};
@@ -211,9 +227,7 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
   if (!play.is_null()) result["seated_play"] = play;
   result["ranges"] = describe_ranges(mechanism);
   json modes = json::array();
-  for (const Mode& mode : find_modes(mechanism)) {
-    modes.push_back({{"frequency_rad_s", mode.frequency}, {"damping_ratio", mode.damping}});
-  }
+  for (const Mode& mode : find_modes(mechanism)) modes.push_back(describe_mode(mode));
   result["modes"] = modes;
   result["warnings"] = warnings;
   return result;
