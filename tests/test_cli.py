@@ -1,6 +1,7 @@
 """The command line from outside: help, examples, exit status, one-sentence errors."""
 
 import json
+import math
 import shlex
 import subprocess
 import sys
@@ -246,6 +247,34 @@ def test_check_says_that_a_motion_is_unstable_and_how_fast_it_grows(dockloop, tm
         "unstable, grows with 5 1/s",
     }
     assert "-1" not in text.partition("vibration")[2]
+
+
+def test_check_gives_no_reach_to_what_only_a_coupling_follows(dockloop, tmp_path):
+    """Nothing can end it: there was a row "-0 ... 0" of a search as long as no loop."""
+    screw = {"name": "screw", "dependent": "nut", "terms": [{"joint": "slide", "ratio": 3}]}
+    nut = {"name": "nut", "parent": "slide", "joint": {"type": "revolute", "axis": [1, 0, 0]}}
+    mechanism = {"name": "own", "bodies": [slide("slide"), nut], "couplings": [screw]}
+    mechanism["bodies"][1]["inertia"] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    text, report = check(dockloop, tmp_path, mechanism)
+    assert report["ranges"] == []
+    assert "-0" not in text
+
+
+def test_check_tells_where_end_stops_begin_and_what_ends_a_coordinate(dockloop, tmp_path):
+    text, report = check(dockloop, tmp_path, spoil(lambda m: None))
+    (row,) = (row for row in report["ranges"] if row["coordinate"] == "ring.x")
+    mechanism = spoil(lambda m: None)
+    stops, leg = mechanism["leg_defaults"]["stops"], mechanism["legs"][0]
+    along, *across = (c - r for c, r in zip(leg["closing_point"], leg["root_point"], strict=True))
+    for side, length, sign in (("lower", "min_length", -1), ("upper", "max_length", 1)):
+        # Along x all legs change alike, until they are as short or as long as their stops.
+        begins = math.sqrt(stops[length] ** 2 - across[0] ** 2 - across[1] ** 2) - along
+        assert row[f"{side}_stop"]["at"] == pytest.approx(begins, abs=1e-9)
+        assert row[f"{side}_stop"]["joint"].startswith("leg")
+        assert row[f"{side}_end"] == "no loop ends it"
+        assert sign * row[side] > sign * begins
+        assert f"{begins:.4g} m" in text
+    assert "begins; no loop ends it up to" in text
 
 
 def test_check_evaluates_given_states(dockloop, tmp_path):

@@ -5,6 +5,7 @@ is answered by the C++ core.
 """
 
 import json
+import math
 from pathlib import Path
 
 from dockloop import schema
@@ -55,20 +56,34 @@ def describe_report(report: dict) -> str:
     """Say the report of the core in words: one fact per line, tables of loops, ranges, modes."""
     tables = {
         "loops": ("loops", _name_first),
-        "ranges": ("reach of each independent coordinate from home, the others held", _name_first),
+        "ranges": ("reach of each independent coordinate from home, the others held", _range),
         "modes": ("vibration about home, base at rest, joint forces of the file", _mode),
     }
     lines = []
     for key, value in _name_first(report).items():
-        if key in ("warnings", "home_q") or key in tables:
+        if key in ("warnings", "home_q") or key in tables or value == []:
             continue
         text = _play(value) if key == "seated_play" else _short(value)
-        lines.append(f"{key.replace('_', ' '):22} {text}")
+        lines.append(f"{key.replace('_', ' '):22} {text}{' kg' if key == 'mass' else ''}")
     for key, (title, make_row) in tables.items():
         if report.get(key):
             lines += [title, *_table([make_row(row) for row in report[key]])]
     lines += [f"warning: {text}" for text in report.get("warnings", [])]
     return "\n".join(lines)
+
+
+def _range(row: dict) -> dict:
+    """Return one coordinate's reach: the end stop that begins first, and what ends it for good."""
+    factor, unit = (180.0 / math.pi, "deg") if row["unit"] == "rad" else (1.0, "m")
+    columns = {"coordinate": row["coordinate"]}
+    for side in ("lower", "upper"):
+        end, stop = row[side], row.get(f"{side}_stop")
+        why = row[f"{side}_end"]
+        if stop:
+            why = f"stop of {stop['joint']} begins; {why} up to {factor * end:.4g} {unit}"
+            end = stop["at"]
+        columns |= {side: f"{factor * end:.4g} {unit}", f"{side} end": why}
+    return columns
 
 
 def _mode(row: dict) -> dict:

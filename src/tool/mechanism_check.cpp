@@ -90,23 +90,34 @@ std::vector<double> read_numbers(const JsonReader& state, const std::string& key
   return values;
 }
 
+/// What people call a joint with end stops: the leg, where it is one.
+std::string find_joint_name(const MechanismModel& model, int body) {
+  for (const Leg& leg : model.legs) {
+    if (leg.slide_body == body) return leg.name;
+  }
+  return model.bodies[body].name;
+}
+
 /// Ranges of the independent coordinates, with what ends them.
 json describe_ranges(const Mechanism& mechanism) {
   json list = json::array();
   for (const CoordinateRange& range : find_reachable_ranges(mechanism)) {
-    const auto describe_end = [&](const RangeEnd& end) {
-      if (end.status.ok()) return std::string("none within reach of the search");
-      const std::string loop = end.status.index < 0
-                                   ? ""
-                                   : "loop '" + mechanism.model.loops[end.status.index].name + "' ";
-      return loop + describe(end.status);
+    json row = {{"coordinate", range.coordinate}, {"unit", range.is_angle ? "rad" : "m"}};
+    const auto add_end = [&](const std::string& side, const RangeEnd& end) {
+      row[side] = end.value;
+      row[side + "_end"] = "no loop ends it";
+      if (!end.status.ok()) {
+        const int loop = end.status.index;
+        row[side + "_end"] = (loop < 0 ? "" : "loop '" + mechanism.model.loops[loop].name + "' ") +
+                             describe(end.status);
+      }
+      if (end.stopped_body == kBase) return;
+      row[side + "_stop"] = {{"at", end.stop},
+                             {"joint", find_joint_name(mechanism.model, end.stopped_body)}};
     };
-    list.push_back({{"coordinate", range.coordinate},
-                    {"unit", range.is_angle ? "rad" : "m"},
-                    {"lower", range.lower.value},
-                    {"lower_end", describe_end(range.lower)},
-                    {"upper", range.upper.value},
-                    {"upper_end", describe_end(range.upper)}});
+    add_end("lower", range.lower);
+    add_end("upper", range.upper);
+    list.push_back(row);
   }
   return list;
 }
