@@ -277,6 +277,34 @@ def test_check_tells_where_end_stops_begin_and_what_ends_a_coordinate(dockloop, 
     assert "begins; no loop ends it up to" in text
 
 
+def make_rotor(name, *moments):
+    inertia = [[m if i == j else 0 for j in range(3)] for i, m in enumerate(moments)]
+    return slide(name, inertia=inertia)
+
+
+def test_check_warns_of_moments_of_inertia_that_no_body_has(dockloop, tmp_path):
+    bodies = [
+        make_rotor("sound", 1, 2, 3),  # a plate: on the edge of what there is
+        make_rotor("rounded", 1, 2, 3 + 2e-9),
+        make_rotor("slip", 1e6, 1e3, 132e3),
+        make_rotor("wheel1", 0, 0, 2e-3),
+        make_rotor("wheel2", 0, 2e-3, 0),
+        make_rotor("off", 1, 2, 3 + 2e-8),
+        make_rotor("none", 0, 0, 0),
+    ]
+    text, report = check(dockloop, tmp_path, {"name": "own", "bodies": bodies})
+    warnings = report["warnings"]
+    assert len(warnings) == 3
+    for names, moments in (
+        ("'slip'", "1000, 1.32e+05, 1e+06 kg m2"),
+        ("'wheel1', 'wheel2'", "0, 0, 0.002 kg m2"),
+        ("'off'", "1, 2, 3 kg m2"),
+    ):
+        (warning,) = (w for w in warnings if f"inertia of {names}:" in w)
+        assert moments in warning
+        assert f"warning: {warning}" in text
+
+
 def test_check_evaluates_given_states(dockloop, tmp_path):
     report = json.loads(dockloop("check", "hexapod_bench", "--json").out)
     state = {"q": report["home_q"], "v_independent": [0.0] * 6, "tau": [0.0] * 24}

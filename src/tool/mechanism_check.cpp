@@ -1,9 +1,12 @@
 // Checks and evaluations of a mechanism on its own; see mechanism_check.hpp.
 #include "tool/mechanism_check.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 #include <algorithm>
+#include <array>
 #include <cstdio>
+#include <map>
 
 #include "contact/seated_play.hpp"
 #include "dynamics/mechanism_dynamics.hpp"
@@ -17,6 +20,8 @@ namespace dockloop {
 namespace {
 
 using nlohmann::json;
+
+constexpr double kMomentSlack = 1e-9;  // relative, of rounded moments of inertia
 
 json to_json(const VecX<double>& v) { return std::vector<double>(v.data(), v.data() + v.size()); }
 
@@ -168,6 +173,26 @@ json describe_seated_play(const Capture& capture, json& warnings) {
           {"latch_window_mm", 1e3 * window}};
 }
 
+/// Moments of inertia that no rigid body has; legs that share them are named together. A warning
+/// and no more: a rotor or a strut may be idealised.
+void warn_of_inertias(const MechanismModel& model, json& warnings) {
+  std::map<std::array<double, 3>, std::string> names;
+  for (const Body& body : model.bodies) {
+    const Eigen::SelfAdjointEigenSolver<Mat3<double>> solver(body.inertia, Eigen::EigenvaluesOnly);
+    const Vec3<double>& moment = solver.eigenvalues();  // ascending
+    if (moment[2] - moment[1] - moment[0] <= kMomentSlack * moment[2]) continue;
+    std::string& text = names[{moment[0], moment[1], moment[2]}];
+    text += (text.empty() ? "" : ", ") + ("'" + body.name + "'");
+  }
+  for (const auto& [moment, text] : names) {
+    warnings.push_back("inertia of " + text + ": no rigid body has the principal moments " +
+                       shown(moment[0]) + ", " + shown(moment[1]) + ", " +
+                       shown(moment[2], "kg m2") +
+                       "; the largest is at most the sum of the others, unless this idealises "
+                       "a rotor or a strut");
+  }
+}
+
 }  // namespace
 
 json check_mechanism_file(const std::string& text, const std::string& source_name) {
@@ -234,6 +259,7 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
     warnings.push_back("a loop is close to singular at home");
   }
   for (const std::string& note : mechanism.notes) warnings.push_back(note);
+  warn_of_inertias(model, warnings);
   const json play = describe_seated_play(read_capture(text, source_name), warnings);
   if (!play.is_null()) result["seated_play"] = play;
   result["ranges"] = describe_ranges(mechanism);
