@@ -209,6 +209,13 @@ def test_check_warns_where_seated_strikers_stand_beside_the_window_of_the_latche
     assert "roll -2.493 to 2.493 deg, lateral 20.01 to 23.54 mm" in text
 
 
+def test_check_says_seated_play_of_the_default_and_finds_nothing_wrong(dockloop, tmp_path):
+    text, report = check(dockloop, tmp_path, spoil(lambda m: None))
+    assert report["seated_play"]["striker_offset_mm"] < report["seated_play"]["latch_window_mm"]
+    assert report["warnings"] == []
+    assert "seated play" in text
+
+
 @pytest.mark.parametrize("without", ["contact", "latches"])
 def test_check_says_nothing_of_seated_play_without_rings_or_latches(dockloop, tmp_path, without):
     text, report = check(dockloop, tmp_path, spoil(lambda m: m.pop(without)))
