@@ -3,13 +3,15 @@
 // 2. the elastic wrench is the gradient of the energy, power balances to rounding, sinks only
 //    take, the wrench is continuous along paths;
 // 3. sleep by pair changes no bit; gap bounds are bounds; guards reject jumped surfaces;
-// 4. Extended agrees with double; the absorber and the bounds of step and time.
+// 4. Extended agrees with double; the absorber and the bounds of step and time; names of pairs.
 #include "contact/contact_model.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstring>
+#include <set>
+#include <string>
 
 #include "unit/contact_test_support.hpp"
 
@@ -414,6 +416,46 @@ TEST(ContactModel, StepAndTimeBoundsFollowTheirFormulas) {
   EXPECT_EQ(find_time_to_contact(1, 0, 0), kNever);
   const double t = find_time_to_contact(2.0, 0.1, 0.3);
   EXPECT_NEAR(0.1 * t + 0.15 * t * t, 2.0, 1e-14);
+}
+
+TEST(ContactModel, PairsHaveNamesThatSayWhereToLook) {
+  const ContactModel model = make_test_contact();
+  const auto find = [&](PairKind kind, bool on_passive, int first, int second) {
+    for (int i = 0; i < model.pair_count(); ++i) {
+      const ContactPair& p = model.pairs[i];
+      if (p.kind == kind && p.first_on_passive == on_passive && p.first == first &&
+          p.second == second) {
+        return describe_pair(model, i);
+      }
+    }
+    return std::string();
+  };
+  EXPECT_EQ(find(PairKind::kPetalPetal, false, 1, 0),
+            "petal 2 of the active ring and petal 1 of the passive ring");
+  // Nodes of the active side are at (j + 1/4) 15 deg; the passive side has them at 60 deg less
+  // that.
+  EXPECT_EQ(find(PairKind::kNodeRing, false, 5, 0),
+            "node 6 (azimuth 78.8 deg) of the active ring face and the passive ring face");
+  EXPECT_EQ(find(PairKind::kNodeRing, true, 4, 0),
+            "node 5 (azimuth 356.3 deg) of the passive ring face and the active ring face");
+  EXPECT_EQ(find(PairKind::kNodePetal, true, 0, 2),
+            "node 1 (azimuth 56.3 deg) of the passive ring face and petal 3 of the active ring");
+  EXPECT_EQ(
+      find(PairKind::kEdgeRing, false, 2, 0),
+      "the side edge (base at azimuth 148.0 deg) of petal 2 of the active ring and the passive "
+      "ring face");
+  EXPECT_EQ(
+      find(PairKind::kEdgeRing, false, 3, 0),
+      "the side edge (base at azimuth 92.0 deg) of petal 2 of the active ring and the passive "
+      "ring face");
+  EXPECT_EQ(
+      find(PairKind::kEdgeRing, true, 0, 0),
+      "the side edge (base at azimuth 32.0 deg) of petal 1 of the passive ring and the active "
+      "ring face");
+  std::set<std::string> names;
+  for (int i = 0; i < model.pair_count(); ++i) names.insert(describe_pair(model, i));
+  EXPECT_EQ(static_cast<int>(names.size()), model.pair_count());
+  EXPECT_EQ(describe_pair(make_absorber_contact({}), -1), "surfaces");
 }
 
 TEST(ContactModel, BadParametersAreNamed) {
