@@ -22,7 +22,7 @@ MAY_SEE = {
     "truth": {"math", "integrate", "sim"},  # outside the core: it may know Impl of sim
     # a program of its own, which compiles the algorithms once more
     "generator": {"math", "model", "tree", "loops", "dynamics", "kernels", "sim"},
-    "tool": {"math", "model", "forces", "dynamics", "sim"},
+    "tool": {"math", "model", "forces", "contact", "dynamics", "sim"},
 }
 # Where an outside library may be included: library header prefix -> folders.
 ROOMS = {

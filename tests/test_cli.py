@@ -1,6 +1,7 @@
 """The command line from outside: help, examples, exit status, one-sentence errors."""
 
 import json
+import math
 import shlex
 import subprocess
 import sys
@@ -178,6 +179,137 @@ def test_check_reports_a_sound_mechanism_in_words_and_as_json(dockloop, mechanis
     assert report["name"] == mechanism
     assert len(report["loops"]) == 6
     assert all(abs(loop["gap"]) < 1e-12 for loop in report["loops"])
+
+
+def check(dockloop, folder, mechanism):
+    """Return the report on a mechanism, in words and as JSON."""
+    (folder / "own.json").write_text(json.dumps(mechanism))
+    words, report = dockloop("check", "own.json"), dockloop("check", "own.json", "--json")
+    assert words.status == 0, words.err
+    return words.out, json.loads(report.out)
+
+
+def loosen(mechanism):
+    """Give the default mechanism petals that leave more seated play than its latches reach."""
+    mechanism["contact"].update(petal_base_radius=0.585, petal_base_half_angle_deg=28)
+
+
+def test_check_warns_where_seated_strikers_stand_beside_the_window_of_the_latches(
+    dockloop, tmp_path
+):
+    text, report = check(dockloop, tmp_path, spoil(loosen))
+    play = report["seated_play"]
+    assert play["roll_deg"] == pytest.approx([-2.4935, 2.4935], abs=1e-3)
+    assert play["lateral_mm"] == pytest.approx([20.01, 23.54], abs=0.01)
+    assert play["striker_offset_mm"] == pytest.approx(39.01, abs=0.02)
+    (warning,) = report["warnings"]
+    for part in ("seated", "39.01 mm", "latches.window is 25 mm", "petal_base_radius"):
+        assert part in warning
+    assert f"warning: {warning}" in text
+    assert "roll -2.493 to 2.493 deg, lateral 20.01 to 23.54 mm" in text
+
+
+def test_check_says_seated_play_of_the_default_and_finds_nothing_wrong(dockloop, tmp_path):
+    text, report = check(dockloop, tmp_path, spoil(lambda m: None))
+    assert report["seated_play"]["striker_offset_mm"] < report["seated_play"]["latch_window_mm"]
+    assert report["warnings"] == []
+    assert "seated play" in text
+
+
+@pytest.mark.parametrize("without", ["contact", "latches"])
+def test_check_says_nothing_of_seated_play_without_rings_or_latches(dockloop, tmp_path, without):
+    text, report = check(dockloop, tmp_path, spoil(lambda m: m.pop(without)))
+    assert "seated" not in text
+    assert "seated_play" not in report
+
+
+def test_check_warns_of_rings_that_cannot_seat(dockloop, tmp_path):
+    wide = spoil(lambda m: m["contact"].update(petal_base_half_angle_deg=32))
+    _, report = check(dockloop, tmp_path, wide)
+    assert "the rings cannot seat" in report["warnings"][0]
+
+
+def test_check_lists_every_eigenvalue_of_the_default(dockloop, tmp_path):
+    """Twelve, whether rounding splits a double one into a pair or not."""
+    text, report = check(dockloop, tmp_path, spoil(lambda m: None))
+    count = sum(2 if mode["motion"] == "oscillates" else 1 for mode in report["modes"])
+    assert count == 12
+    assert all("damping_ratio" not in m for m in report["modes"] if m["motion"] != "oscillates")
+    assert "dies out without oscillation" in text
+
+
+def slide(name, **members):
+    """Return a body of 2 kg on a slide."""
+    joint = {"type": "prismatic", "axis": [1, 0, 0]}
+    return {"name": name, "parent": "base", "joint": joint, "mass": 2, **members}
+
+
+def test_check_says_that_a_motion_is_unstable_and_how_fast_it_grows(dockloop, tmp_path):
+    rod = {"name": "rod", "parent": "base", "mass": 3, "com": [0, 0, 0.4]}
+    rod["joint"] = {"type": "revolute", "axis": [1, 0, 0]}
+    pendulum = {"name": "own", "gravity": [0, 0, -10], "bodies": [rod]}
+    text, report = check(dockloop, tmp_path, pendulum)
+    assert {m["motion"] for m in report["modes"]} == {
+        "dies out without oscillation",
+        "unstable, grows with 5 1/s",
+    }
+    assert "-1" not in text.partition("vibration")[2]
+
+
+def test_check_gives_no_reach_to_what_only_a_coupling_follows(dockloop, tmp_path):
+    """Nothing can end it: there was a row "-0 ... 0" of a search as long as no loop."""
+    screw = {"name": "screw", "dependent": "nut", "terms": [{"joint": "slide", "ratio": 3}]}
+    nut = {"name": "nut", "parent": "slide", "joint": {"type": "revolute", "axis": [1, 0, 0]}}
+    mechanism = {"name": "own", "bodies": [slide("slide"), nut], "couplings": [screw]}
+    mechanism["bodies"][1]["inertia"] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    text, report = check(dockloop, tmp_path, mechanism)
+    assert report["ranges"] == []
+    assert "-0" not in text
+
+
+def test_check_tells_where_end_stops_begin_and_what_ends_a_coordinate(dockloop, tmp_path):
+    text, report = check(dockloop, tmp_path, spoil(lambda m: None))
+    (row,) = (row for row in report["ranges"] if row["coordinate"] == "ring.x")
+    mechanism = spoil(lambda m: None)
+    stops, leg = mechanism["leg_defaults"]["stops"], mechanism["legs"][0]
+    along, *across = (c - r for c, r in zip(leg["closing_point"], leg["root_point"], strict=True))
+    for side, length, sign in (("lower", "min_length", -1), ("upper", "max_length", 1)):
+        # Along x all legs change alike, until they are as short or as long as their stops.
+        begins = math.sqrt(stops[length] ** 2 - across[0] ** 2 - across[1] ** 2) - along
+        assert row[f"{side}_stop"]["at"] == pytest.approx(begins, abs=1e-9)
+        assert row[f"{side}_stop"]["joint"].startswith("leg")
+        assert row[f"{side}_end"] == "no loop ends it"
+        assert sign * row[side] > sign * begins
+        assert f"{begins:.4g} m" in text
+    assert "begins; no loop ends it up to" in text
+
+
+def make_rotor(name, *moments):
+    inertia = [[m if i == j else 0 for j in range(3)] for i, m in enumerate(moments)]
+    return slide(name, inertia=inertia)
+
+
+def test_check_warns_of_moments_of_inertia_that_no_body_has(dockloop, tmp_path):
+    bodies = [
+        make_rotor("sound", 1, 2, 3),  # a plate: on the edge of what there is
+        make_rotor("rounded", 1, 2, 3 + 2e-9),
+        make_rotor("slip", 1e6, 1e3, 132e3),
+        make_rotor("wheel1", 0, 0, 2e-3),
+        make_rotor("wheel2", 0, 2e-3, 0),
+        make_rotor("off", 1, 2, 3 + 2e-8),
+        make_rotor("none", 0, 0, 0),
+    ]
+    text, report = check(dockloop, tmp_path, {"name": "own", "bodies": bodies})
+    warnings = report["warnings"]
+    assert len(warnings) == 3
+    for names, moments in (
+        ("'slip'", "1000, 1.32e+05, 1e+06 kg m2"),
+        ("'wheel1', 'wheel2'", "0, 0, 0.002 kg m2"),
+        ("'off'", "1, 2, 3 kg m2"),
+    ):
+        (warning,) = (w for w in warnings if f"inertia of {names}:" in w)
+        assert moments in warning
+        assert f"warning: {warning}" in text
 
 
 def test_check_evaluates_given_states(dockloop, tmp_path):

@@ -92,7 +92,7 @@ def test_magnitudes_and_directions_become_vectors_of_a():
 
 def test_degrees_of_the_mechanism_become_radians():
     mechanism = resolve()["mechanism"]
-    assert mechanism["contact"]["petal_base_half_angle"] == pytest.approx(math.radians(28))
+    assert mechanism["contact"]["petal_base_half_angle"] == pytest.approx(math.radians(29))
     assert mechanism["latches"]["azimuth"] == pytest.approx([0, math.tau / 3, 2 * math.tau / 3])
 
 

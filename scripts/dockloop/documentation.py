@@ -537,7 +537,7 @@ def _model(document: dict, report: dict) -> str:
     modes = [mode["frequency_rad_s"] for mode in report.get("modes", [])]
     if modes:
         rows.append(
-            ("natural frequencies about home, base at rest",
+            ("vibration about home, base at rest: magnitudes of eigenvalues",
              f"{min(modes):.3g} to {max(modes):.3g} rad/s")
         )  # fmt: skip
     contact = mechanism.get("contact", {}).get("type")

@@ -5,6 +5,7 @@ is answered by the C++ core.
 """
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -65,22 +66,57 @@ def _ask(file: Path, states: Path | None, **more: Any) -> dict | list:
 
 
 def describe_report(report: dict) -> str:
-    """Say the report of the core in words: one fact per line, tables of loops and of ranges."""
+    """Say the report of the core in words: one fact per line, tables of loops, ranges, modes."""
     tables = {
-        "loops": "loops",
-        "ranges": "reach of each independent coordinate from home, the others held",
-        "modes": "vibration about home, base at rest, joint forces of the file",
+        "loops": ("loops", _name_first),
+        "ranges": ("reach of each independent coordinate from home, the others held", _range),
+        "modes": ("vibration about home, base at rest, joint forces of the file", _mode),
     }
     lines = []
     for key, value in _name_first(report).items():
-        if key in ("warnings", "home_q") or key in tables:
+        if key in ("warnings", "home_q") or key in tables or value == []:
             continue
-        lines.append(f"{key.replace('_', ' '):22} {_short(value)}")
-    for key, title in tables.items():
+        text = _play(value) if key == "seated_play" else _short(value)
+        lines.append(f"{key.replace('_', ' '):22} {text}{' kg' if key == 'mass' else ''}")
+    for key, (title, make_row) in tables.items():
         if report.get(key):
-            lines += [title, *_table([_name_first(row) for row in report[key]])]
+            lines += [title, *_table([make_row(row) for row in report[key]])]
     lines += [f"warning: {text}" for text in report.get("warnings", [])]
     return "\n".join(lines)
+
+
+def _range(row: dict) -> dict:
+    """Return one coordinate's reach: the end stop that begins first, and what ends it for good."""
+    factor, unit = (180.0 / math.pi, "deg") if row["unit"] == "rad" else (1.0, "m")
+    columns = {"coordinate": row["coordinate"]}
+    for side in ("lower", "upper"):
+        end, stop = row[side], row.get(f"{side}_stop")
+        why = row[f"{side}_end"]
+        if stop:
+            why = f"stop of {stop['joint']} begins; {why} up to {factor * end:.4g} {unit}"
+            end = stop["at"]
+        columns |= {side: f"{factor * end:.4g} {unit}", f"{side} end": why}
+    return columns
+
+
+def _mode(row: dict) -> dict:
+    """Return one mode: what vibrates has a frequency, anything else a rate."""
+    return {
+        "rad/s or 1/s": row["frequency_rad_s"],
+        "damping ratio": row.get("damping_ratio", ""),
+        "motion": row["motion"],
+    }
+
+
+def _play(play: dict) -> str:
+    """Say how far seated rings can move."""
+    low, high = (_short(value) for value in play["roll_deg"])
+    least, most = (_short(value) for value in play["lateral_mm"])
+    return (
+        f"roll {low} to {high} deg, lateral {least} to {most} mm by direction;"
+        f" strikers up to {play['striker_offset_mm']:.3g} mm beside their hooks"
+        f" (latches.window {play['latch_window_mm']:.3g} mm)"
+    )
 
 
 def _table(rows: list[dict]) -> list[str]:

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <string>
 #include <type_traits>
 
@@ -333,6 +334,15 @@ NodeSet make_node_set(int first, bool on_passive, const std::vector<Vec3<double>
   return set;
 }
 
+/// "azimuth 78.8 deg", from 0 to 360.
+std::string describe_azimuth(const Vec3<double>& at) {
+  const double tenths =
+      std::round(std::atan2(at[2], at[1]) * 1800.0 / static_cast<double>(EIGEN_PI));
+  char text[32];
+  std::snprintf(text, sizeof text, "azimuth %.1f deg", std::fmod(tenths + 3600.0, 3600.0) / 10.0);
+  return text;
+}
+
 void require_value(bool ok, const char* name, double value, const char* limit) {
   if (!ok) {
     throw ModelError(std::string("contact law: ") + name + " is " + std::to_string(value) +
@@ -392,6 +402,36 @@ ContactModel make_absorber_contact(const AbsorberLaw& law) {
   m.absorber = law;
   m.least_rounding = kNoGap;
   return m;
+}
+
+std::string describe_pair(const ContactModel& model, int pair) {
+  if (pair < 0 || pair >= model.pair_count()) return "surfaces";  // no pair, as of an absorber
+  const ContactPair& p = model.pairs[pair];
+  const CaptureHardware& side = p.first_on_passive ? model.passive : model.active;
+  const char* own = p.first_on_passive ? "passive ring" : "active ring";
+  const char* other = p.first_on_passive ? "active ring" : "passive ring";
+  const auto petal = [](int index, const char* ring) {
+    return "petal " + std::to_string(index + 1) + " of the " + ring;
+  };
+  const auto node = [&] {
+    return "node " + std::to_string(p.first + 1) + " (" + describe_azimuth(side.nodes[p.first]) +
+           ") of the " + own + " face";
+  };
+  switch (p.kind) {
+    case PairKind::kNodeRing:
+      return node() + " and the " + other + " face";
+    case PairKind::kEdgeRing: {
+      const bool at_plus = p.first % 2 == 0;  // base corners come first: -, +
+      return "the side edge (base at " +
+             describe_azimuth(side.petals[p.first / 2].corner[at_plus]) + ") of " +
+             petal(p.first / 2, own) + " and the " + other + " face";
+    }
+    case PairKind::kPetalPetal:
+      return petal(p.first, own) + " and " + petal(p.second, other);
+    case PairKind::kNodePetal:
+      break;
+  }
+  return node() + " and " + petal(p.second, other);
 }
 
 void set_law(ContactModel& model, const ContactLaw& law) {

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <array>
+#include <string>
 #include <vector>
 
 #include "contact/guide_ring.hpp"
@@ -77,6 +78,10 @@ ContactModel make_absorber_contact(const AbsorberLaw& law);
 
 /// Replace the law of all pairs. @throws ModelError naming the parameter.
 void set_law(ContactModel& model, const ContactLaw& law);
+
+/// The surfaces of a pair in words, counted from 1; azimuths (y to z, 0 to 360 deg) in axes of the
+/// side: "petal 2 of the active ring and petal 1 of the passive ring". Allocates.
+std::string describe_pair(const ContactModel& model, int pair);
 
 /// Motion of P relative to G, axes of G. A point c [m, from the origin of G] fixed to P moves
 /// relative to G with v + w x (c - p).

@@ -13,24 +13,23 @@
 namespace dockloop {
 
 /// Dimensions of one side, axes of its own interface; azimuth counts from y to z.
-/// Cores are what the rounding radii are added to. The defaults (all assumed but the base circle of
-/// 1.2 m, the free passage of 0.8 m and the three petals) seat with a play of 2.5 deg and 20 mm.
+/// Cores are what the rounding radii are added to. A mechanism file states all of them.
 struct GuideRing {
-  double core_x = -0.010;            ///< plane of the annulus core of the ring face [m]
-  double core_inner_radius = 0.617;  ///< [m]
-  double core_outer_radius = 0.647;  ///< [m]
-  double ring_rounding = 0.010;      ///< [m]
-  int node_count = 24;               ///< contact points on the ring face, 0 for none
-  double node_radius = 0.632;        ///< [m]
-  double node_azimuth_offset = 6.5449846949787359e-2;  ///< of the first node, here pi/48 [rad]
-  int petal_count = 3;               ///< middles at azimuth 0, 2 pi/n, ...; at most 6
-  double petal_rounding = 0.012;     ///< [m]
-  double petal_base_x = -0.010;      ///< [m]
-  double petal_base_radius = 0.585;  ///< of the two base corners [m]
-  double petal_base_half_angle = 0.48869219055841229;  ///< 28 deg [rad]
-  double petal_tip_x = 0.228;                          ///< [m]
-  double petal_tip_distance = 0.415;    ///< of the tip edge from the docking axis [m]
-  double petal_tip_half_width = 0.050;  ///< [m]
+  double core_x = 0.0;                 ///< plane of the annulus core of the ring face [m]
+  double core_inner_radius = 0.0;      ///< [m]
+  double core_outer_radius = 0.0;      ///< [m]
+  double ring_rounding = 0.0;          ///< [m]
+  int node_count = 0;                  ///< contact points on the ring face, 0 for none
+  double node_radius = 0.0;            ///< [m]
+  double node_azimuth_offset = 0.0;    ///< of the first node [rad]
+  int petal_count = 0;                 ///< middles at azimuth 0, 2 pi/n, ...; at most 6
+  double petal_rounding = 0.0;         ///< [m]
+  double petal_base_x = 0.0;           ///< [m]
+  double petal_base_radius = 0.0;      ///< of the two base corners [m]
+  double petal_base_half_angle = 0.0;  ///< [rad]
+  double petal_tip_x = 0.0;            ///< [m]
+  double petal_tip_distance = 0.0;     ///< of the tip edge from the docking axis [m]
+  double petal_tip_half_width = 0.0;   ///< [m]
 };
 
 /// The cores of one side in axes of the body that carries them (G or P).

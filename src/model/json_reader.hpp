@@ -18,6 +18,7 @@ constexpr double kMaxNumber = 1e30;   ///< in SI units; products of larger ones 
 constexpr size_t kMaxItems = 1000;    ///< of a list that describes a model
 constexpr size_t kMaxReason = 160;    ///< characters of the parser's own message
 constexpr size_t kMaxShownText = 60;  ///< characters of a value that a message quotes
+constexpr double kDegree = 0.017453292519943296;  ///< [rad]
 
 /// Parse a document. @throws ModelError with the parser's own position.
 inline nlohmann::json parse_json(const std::string& text, const std::string& source_name) {
@@ -108,13 +109,28 @@ class JsonReader {
     if (value <= 0.0) at(key).fail("is " + at(key).shown() + "; it must be above 0");
     return value;
   }
-  int whole(const std::string& key, int fallback, int least, int most) const {
-    const double value = number(key, fallback);
+  int whole(int least, int most) const {
+    const double value = number();
     if (!(value >= least && value <= most) || value != std::floor(value)) {
-      at(key).fail("is " + at(key).shown() + "; it must be a whole number from " +
-                   std::to_string(least) + " to " + std::to_string(most));
+      fail("is " + shown() + "; it must be a whole number from " + std::to_string(least) + " to " +
+           std::to_string(most));
     }
     return static_cast<int>(value);
+  }
+  int whole(const std::string& key, int fallback, int least, int most) const {
+    return has(key) ? at(key).whole(least, most) : fallback;
+  }
+  /// Angles [rad]: `key` of a document, or `key`_deg of a file as people write it.
+  double angle(const std::string& key) const {
+    return has(key + "_deg") ? kDegree * at(key + "_deg").number() : at(key).number();
+  }
+  std::vector<double> angles(const std::string& key, size_t most) const {
+    const bool in_degrees = has(key + "_deg");
+    std::vector<double> values;
+    for (const JsonReader& item : list(in_degrees ? key + "_deg" : key, most)) {
+      values.push_back(in_degrees ? kDegree * item.number() : item.number());
+    }
+    return values;
   }
   bool flag(const std::string& key, bool fallback) const {
     if (!has(key)) return fallback;

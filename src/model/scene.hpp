@@ -115,4 +115,14 @@ struct Scene {
 /// Read a scene document. @throws ModelError naming the member, its value and the limit.
 Scene read_scene(const std::string& json_text, const std::string& source_name);
 
+/// What two vehicles with the same mechanism meet with; empty where it has none.
+struct Capture {
+  ContactModel contact;
+  LatchSet latches;
+};
+
+/// Read it from a mechanism document, by itself or under the key "mechanism"; angles in rad, or in
+/// degrees where names end in _deg. @throws ModelError
+Capture read_capture(const std::string& json_text, const std::string& source_name);
+
 }  // namespace dockloop

@@ -50,25 +50,21 @@ VehicleParameters read_vehicle(const JsonReader& item) {
 
 GuideRing read_guide_ring(const JsonReader& item) {
   GuideRing ring;
-  const auto read = [&](const char* key, double& value) { value = item.number(key, value); };
-  const auto count = [&](const char* key, int& value, int most) {
-    value = item.whole(key, value, 0, most);
-  };
-  read("core_x", ring.core_x);
-  read("core_inner_radius", ring.core_inner_radius);
-  read("core_outer_radius", ring.core_outer_radius);
-  read("ring_rounding", ring.ring_rounding);
-  count("node_count", ring.node_count, kMaxNodes);
-  read("node_radius", ring.node_radius);
-  read("node_azimuth_offset", ring.node_azimuth_offset);
-  count("petal_count", ring.petal_count, kMaxPetals);
-  read("petal_rounding", ring.petal_rounding);
-  read("petal_base_x", ring.petal_base_x);
-  read("petal_base_radius", ring.petal_base_radius);
-  read("petal_base_half_angle", ring.petal_base_half_angle);
-  read("petal_tip_x", ring.petal_tip_x);
-  read("petal_tip_distance", ring.petal_tip_distance);
-  read("petal_tip_half_width", ring.petal_tip_half_width);
+  ring.core_x = item.at("core_x").number();
+  ring.core_inner_radius = item.at("core_inner_radius").number();
+  ring.core_outer_radius = item.at("core_outer_radius").number();
+  ring.ring_rounding = item.at("ring_rounding").number();
+  ring.node_count = item.at("node_count").whole(0, kMaxNodes);
+  ring.node_radius = item.at("node_radius").number();
+  ring.node_azimuth_offset = item.angle("node_azimuth_offset");
+  ring.petal_count = item.at("petal_count").whole(0, kMaxPetals);
+  ring.petal_rounding = item.at("petal_rounding").number();
+  ring.petal_base_x = item.at("petal_base_x").number();
+  ring.petal_base_radius = item.at("petal_base_radius").number();
+  ring.petal_base_half_angle = item.angle("petal_base_half_angle");
+  ring.petal_tip_x = item.at("petal_tip_x").number();
+  ring.petal_tip_distance = item.at("petal_tip_distance").number();
+  ring.petal_tip_half_width = item.at("petal_tip_half_width").number();
   return ring;
 }
 
@@ -133,8 +129,7 @@ void read_latches(const JsonReader& item, Scene& scene) {
   law.releases_on_overload = item.flag("releases_on_overload", law.releases_on_overload);
   law.rated_load = item.number("rated_load", law.rated_load);
   const double radius = item.positive("radius");
-  for (const JsonReader& azimuth : item.list("azimuth", kMaxItems)) {
-    const double angle = azimuth.number();
+  for (const double angle : item.angles("azimuth", kMaxItems)) {
     const Vec3<double> point(0.0, radius * std::cos(angle), radius * std::sin(angle));
     // Hook and striker face each other when A and P coincide.
     scene.latches.hook.push_back(point);
@@ -262,6 +257,18 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   return scene;
 }
 
+/// What `read` returns; its errors name the source.
+template <class Read>
+auto read_named(const std::string& source_name, const Read& read) {
+  try {
+    return read();
+  } catch (const ModelError& error) {
+    const std::string text = error.what();
+    if (text.rfind(source_name, 0) == 0) throw;
+    throw ModelError(source_name + ": " + text);
+  }
+}
+
 }  // namespace
 
 bool Scene::has_group(const std::string& group) const {
@@ -275,15 +282,23 @@ Scene read_scene(const std::string& json_text, const std::string& source_name) {
   if (format != "dockloop-scene/1") {
     root.fail("has format '" + format + "'; this build reads dockloop-scene/1");
   }
-  try {
+  return read_named(source_name, [&] {
     Scene scene = read_members(root, source_name);
     scene.fingerprint = hash_text(kVariableTableVersion + json_text);
     return scene;
-  } catch (const ModelError& error) {
-    const std::string text = error.what();
-    if (text.rfind(source_name, 0) == 0) throw;
-    throw ModelError(source_name + ": " + text);
-  }
+  });
+}
+
+Capture read_capture(const std::string& json_text, const std::string& source_name) {
+  const nlohmann::json document = parse_json(json_text, source_name);
+  const JsonReader file(document, source_name);
+  const JsonReader mechanism = file.has("mechanism") ? file.at("mechanism") : file;
+  return read_named(source_name, [&] {
+    Scene scene;
+    if (mechanism.has("contact")) read_contact(mechanism, nullptr, scene);
+    if (mechanism.has("latches")) read_latches(mechanism.at("latches"), scene);
+    return Capture{scene.contact, scene.latches};
+  });
 }
 
 }  // namespace dockloop

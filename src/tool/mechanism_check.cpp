@@ -1,12 +1,18 @@
 // Checks and evaluations of a mechanism on its own; see mechanism_check.hpp.
 #include "tool/mechanism_check.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 #include <algorithm>
+#include <array>
+#include <cstdio>
+#include <map>
 
+#include "contact/seated_play.hpp"
 #include "dynamics/mechanism_dynamics.hpp"
 #include "math/status.hpp"
 #include "model/json_reader.hpp"
+#include "model/scene.hpp"
 #include "tool/mechanism_modes.hpp"
 #include "tool/reachable_range.hpp"
 
@@ -14,6 +20,8 @@ namespace dockloop {
 namespace {
 
 using nlohmann::json;
+
+constexpr double kMomentSlack = 1e-9;  // relative, of rounded moments of inertia
 
 json to_json(const VecX<double>& v) { return std::vector<double>(v.data(), v.data() + v.size()); }
 
@@ -87,25 +95,102 @@ std::vector<double> read_numbers(const JsonReader& state, const std::string& key
   return values;
 }
 
+/// What people call a joint with end stops: the leg, where it is one.
+std::string find_joint_name(const MechanismModel& model, int body) {
+  for (const Leg& leg : model.legs) {
+    if (leg.slide_body == body) return leg.name;
+  }
+  return model.bodies[body].name;
+}
+
 /// Ranges of the independent coordinates, with what ends them.
 json describe_ranges(const Mechanism& mechanism) {
   json list = json::array();
   for (const CoordinateRange& range : find_reachable_ranges(mechanism)) {
-    const auto describe_end = [&](const RangeEnd& end) {
-      if (end.status.ok()) return std::string("none within reach of the search");
-      const std::string loop = end.status.index < 0
-                                   ? ""
-                                   : "loop '" + mechanism.model.loops[end.status.index].name + "' ";
-      return loop + describe(end.status);
+    json row = {{"coordinate", range.coordinate}, {"unit", range.is_angle ? "rad" : "m"}};
+    const auto add_end = [&](const std::string& side, const RangeEnd& end) {
+      row[side] = end.value;
+      row[side + "_end"] = "no loop ends it";
+      if (!end.status.ok()) {
+        const int loop = end.status.index;
+        row[side + "_end"] = (loop < 0 ? "" : "loop '" + mechanism.model.loops[loop].name + "' ") +
+                             describe(end.status);
+      }
+      if (end.stopped_body == kBase) return;
+      row[side + "_stop"] = {{"at", end.stop},
+                             {"joint", find_joint_name(mechanism.model, end.stopped_body)}};
     };
-    list.push_back({{"coordinate", range.coordinate},
-                    {"unit", range.is_angle ? "rad" : "m"},
-                    {"lower", range.lower.value},
-                    {"lower_end", describe_end(range.lower)},
-                    {"upper", range.upper.value},
-                    {"upper_end", describe_end(range.upper)}});
+    add_end("lower", range.lower);
+    add_end("upper", range.upper);
+    list.push_back(row);
   }
   return list;
+}
+
+/// A number as people say it.
+std::string shown(double value, const std::string& unit = "") {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text + (unit.empty() ? "" : " " + unit);
+}
+
+/// A damping ratio only where something oscillates and dies out: elsewhere it would mislead.
+json describe_mode(const Mode& mode) {
+  json row = {{"frequency_rad_s", mode.frequency}};
+  if (mode.frequency == 0.0) {
+    row["motion"] = "free, no force opposes it";
+  } else if (mode.growth > 0.0) {
+    row["motion"] = "unstable, grows with " + shown(mode.growth, "1/s");
+  } else if (mode.oscillates) {
+    row["damping_ratio"] = mode.damping();
+    row["motion"] = "oscillates";
+  } else {
+    row["motion"] = "dies out without oscillation";
+  }
+  return row;
+}
+
+/// Play of the seated rings, and what is wrong with it; null without rings or latches.
+json describe_seated_play(const Capture& capture, json& warnings) {
+  if (capture.contact.kind != ContactModel::Kind::kRings || capture.latches.count() == 0) return {};
+  const SeatedPlay play = find_seated_play(capture.contact, capture.latches);
+  if (play.overlap > 0.0) {
+    warnings.push_back("the rings cannot seat: when their faces meet, petals are " +
+                       shown(1e3 * play.overlap, "mm") + " deep in each other or in a ring");
+    return {};
+  }
+  const double window = capture.latches.law.window;
+  if (play.striker_offset > window) {
+    warnings.push_back("seated, a striker can stand up to " +
+                       shown(1e3 * play.striker_offset, "mm") +
+                       " beside its hook, but latches.window is " + shown(1e3 * window, "mm") +
+                       ": rings can sit there and not be caught; give the petals less play (larger "
+                       "petal_base_radius or petal_base_half_angle) or the latches a wider window");
+  }
+  return {{"roll_deg", {play.least_roll / kDegree, play.most_roll / kDegree}},
+          {"lateral_mm", {1e3 * play.least_lateral, 1e3 * play.most_lateral}},
+          {"striker_offset_mm", 1e3 * play.striker_offset},
+          {"latch_window_mm", 1e3 * window}};
+}
+
+/// Moments of inertia that no rigid body has; legs that share them are named together. A warning
+/// and no more: a rotor or a strut may be idealised.
+void warn_of_inertias(const MechanismModel& model, json& warnings) {
+  std::map<std::array<double, 3>, std::string> names;
+  for (const Body& body : model.bodies) {
+    const Eigen::SelfAdjointEigenSolver<Mat3<double>> solver(body.inertia, Eigen::EigenvaluesOnly);
+    const Vec3<double>& moment = solver.eigenvalues();  // ascending
+    if (moment[2] - moment[1] - moment[0] <= kMomentSlack * moment[2]) continue;
+    std::string& text = names[{moment[0], moment[1], moment[2]}];
+    text += (text.empty() ? "" : ", ") + ("'" + body.name + "'");
+  }
+  for (const auto& [moment, text] : names) {
+    warnings.push_back("inertia of " + text + ": no rigid body has the principal moments " +
+                       shown(moment[0]) + ", " + shown(moment[1]) + ", " +
+                       shown(moment[2], "kg m2") +
+                       "; the largest is at most the sum of the others, unless this idealises "
+                       "a rotor or a strut");
+  }
 }
 
 }  // namespace
@@ -174,11 +259,12 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
     warnings.push_back("a loop is close to singular at home");
   }
   for (const std::string& note : mechanism.notes) warnings.push_back(note);
+  warn_of_inertias(model, warnings);
+  const json play = describe_seated_play(read_capture(text, source_name), warnings);
+  if (!play.is_null()) result["seated_play"] = play;
   result["ranges"] = describe_ranges(mechanism);
   json modes = json::array();
-  for (const Mode& mode : find_modes(mechanism)) {
-    modes.push_back({{"frequency_rad_s", mode.frequency}, {"damping_ratio", mode.damping}});
-  }
+  for (const Mode& mode : find_modes(mechanism)) modes.push_back(describe_mode(mode));
   result["modes"] = modes;
   result["warnings"] = warnings;
   return result;

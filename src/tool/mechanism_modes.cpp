@@ -11,6 +11,10 @@
 namespace dockloop {
 namespace {
 
+// Rounding moves an eigenvalue by about 1e-16 of the largest, and splits one that is double, as at
+// critical damping or of a body that floats, by the root of that.
+constexpr double kRounding = 1e-12, kDouble = 1e-7;
+
 /// Joint forces of the file into data.tau.
 template <class S>
 void put_joint_forces(const MechanismModel& model, MechanismData<S>& data) {
@@ -69,10 +73,17 @@ std::vector<Mode> find_modes(const Mechanism& mechanism) {
   system.bottomLeftCorner(n, n) = jacobian.dq * find_coordinate_map(mechanism, data.tree.q);
   system.bottomRightCorner(n, n) = jacobian.dv;
   const Eigen::EigenSolver<MatX<double>> solver(system, false);
+  const double largest = solver.eigenvalues().cwiseAbs().maxCoeff();
   for (const std::complex<double>& value : solver.eigenvalues()) {
-    if (value.imag() < 0.0) continue;  // the other one of a pair
     const double frequency = std::abs(value);
-    modes.push_back({frequency, frequency > 0.0 ? -value.real() / frequency : 0.0});
+    const double growth = std::abs(value.real()) > kRounding * largest ? value.real() : 0.0;
+    if (frequency <= kDouble * largest) {
+      modes.push_back({});
+    } else if (std::abs(value.imag()) <= kDouble * frequency) {
+      modes.push_back({frequency, growth, false});
+    } else if (value.imag() > 0.0) {  // for both of the pair
+      modes.push_back({frequency, growth, true});
+    }
   }
   std::sort(modes.begin(), modes.end(),
             [](const Mode& a, const Mode& b) { return a.frequency < b.frequency; });

@@ -26,6 +26,30 @@ void set_coordinate(const Mechanism& mechanism, const Body& body, int k, double 
   }
 }
 
+/// A body whose joint is past an end stop, kBase if there is none.
+int find_stopped_body(const MechanismModel& model, const VecX<double>& q) {
+  for (const JointForce& force : model.forces) {
+    if (!force.stops.present) continue;
+    const double at = q[model.bodies[force.body].q_index];
+    if (at < force.stops.lower || at > force.stops.upper) return force.body;
+  }
+  return kBase;
+}
+
+/// Does a loop, other than a coupling, move with this velocity coordinate, be it through others?
+bool moves_loop(const Mechanism& mechanism, int coordinate) {
+  std::vector<int> moved{coordinate};
+  const auto is_moved = [&](int i) {
+    return std::find(moved.begin(), moved.end(), i) != moved.end();
+  };
+  for (const LoopBlock& block : mechanism.plan.blocks) {
+    if (!std::any_of(block.low.begin(), block.low.end(), is_moved)) continue;
+    if (!block.is_coupling) return true;
+    moved.insert(moved.end(), block.dep.begin(), block.dep.end());
+  }
+  return false;
+}
+
 RangeEnd find_end(const Mechanism& mechanism, const Body& body, int k, double step, double limit) {
   MechanismData<double> data(mechanism);
   RangeEnd end;
@@ -44,10 +68,25 @@ RangeEnd find_end(const Mechanism& mechanism, const Body& body, int k, double st
     return {};
   };
   constexpr double kSmallest = 1e-6;  // of a step
+  constexpr int kHalvings = 40;
   double size = step;
   while (std::abs(end.value) < limit && std::abs(size) > kSmallest * std::abs(step)) {
     const Status status = reach(end.value + size);
     if (status.ok()) {
+      const int stopped = find_stopped_body(mechanism.model, data.tree.q);
+      if (end.stopped_body == kBase && stopped != kBase) {
+        double free = end.value, past = end.value + size;
+        for (int i = 0; i < kHalvings; ++i) {
+          const double middle = (free + past) / 2.0;
+          const bool is_free =
+              reach(middle).ok() && find_stopped_body(mechanism.model, data.tree.q) == kBase;
+          (is_free ? free : past) = middle;
+        }
+        reach(past);
+        end.stopped_body = find_stopped_body(mechanism.model, data.tree.q);
+        end.stop = past;
+        reach(end.value + size);
+      }
       end.value += size;
       keep_reference(data.tree, data.loops);
       if (size != step) size *= 0.5;
@@ -77,12 +116,7 @@ std::vector<CoordinateRange> find_reachable_ranges(const Mechanism& mechanism) {
   for (int i : mechanism.plan.ind_bodies) {
     const Body& body = mechanism.model.bodies[i];
     for (int k = 0; k < body.nv(); ++k) {
-      const bool used = std::any_of(
-          mechanism.plan.blocks.begin(), mechanism.plan.blocks.end(), [&](const LoopBlock& block) {
-            return std::find(block.low.begin(), block.low.end(), body.v_index + k) !=
-                   block.low.end();
-          });
-      if (!used) continue;  // no loop depends on it
+      if (!moves_loop(mechanism, body.v_index + k)) continue;
       CoordinateRange range;
       range.coordinate = body.name + (body.joint == JointType::kFree ? kNames[k] : "");
       range.is_angle =

@@ -1,4 +1,5 @@
-// How far each independent coordinate can go from home, one at a time, before a loop stops it.
+// How far each independent coordinate can go from home, one at a time, before a loop ends its way,
+// and where on this way the first end stop begins.
 #pragma once
 
 #include <string>
@@ -12,6 +13,9 @@ namespace dockloop {
 struct RangeEnd {
   double value = 0.0;  ///< distance from home [m] or [rad]
   Status status;       ///< why it ends there; ok if nothing stopped the search
+  /// Body whose joint comes to an end stop on the way, kBase if none does, and where it begins.
+  int stopped_body = kBase;
+  double stop = 0.0;  ///< [m] or [rad]
 };
 
 struct CoordinateRange {
@@ -20,7 +24,8 @@ struct CoordinateRange {
   RangeEnd lower, upper;
 };
 
-/// Searched up to a full turn and to twice the size of the largest loop, from the closed home.
+/// Of the coordinates that move a loop, searched up to a full turn and to twice the size of the
+/// largest loop, from the closed home.
 std::vector<CoordinateRange> find_reachable_ranges(const Mechanism& mechanism);
 
 }  // namespace dockloop

@@ -153,7 +153,7 @@ TEST(ContactImpact, CrossingPetalEdgesAgreeWithMuJoCo) {
   law.toe = 1e-9;             // MuJoCo's force is linear in depth from the start
   law.regularisation = 1e-8;  // and its distance not regularised
   law.stiffness = j["stiffness"].get<double>();
-  GuideRing ring;
+  GuideRing ring = make_test_ring();
   ring.node_count = 0;  // petals only: the ring faces are moved out of reach
   ring.core_inner_radius = 5.0;
   ring.core_outer_radius = 5.1;
@@ -196,7 +196,7 @@ TEST_P(ContactImpactFriction, RingOnRingBalancesEnergyAndMomentum) {
   ContactLaw law;
   law.friction_model = GetParam();
   law.friction_coefficient = 0.3;
-  const ContactModel model = make_ring_contact({}, {}, law);
+  const ContactModel model = make_test_contact(law);
   ContactWorkspace<double> work(model);
   const Bodies bodies{
       {40.0, 400.0}, {V(13, 7, 7), V(200, 300, 320)}, {V(0.01, 0, 0), V(-0.8, 0.02, 0)}};

@@ -1,15 +1,17 @@
 // Aggregated contact of two guide rings.
-// 1. default geometry and stored wrenches of an independent implementation are met;
+// 1. stored geometry and wrenches of an independent implementation are met;
 // 2. the elastic wrench is the gradient of the energy, power balances to rounding, sinks only
 //    take, the wrench is continuous along paths;
 // 3. sleep by pair changes no bit; gap bounds are bounds; guards reject jumped surfaces;
-// 4. Extended agrees with double; the absorber and the bounds of step and time.
+// 4. Extended agrees with double; the absorber and the bounds of step and time; names of pairs.
 #include "contact/contact_model.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstring>
+#include <set>
+#include <string>
 
 #include "unit/contact_test_support.hpp"
 
@@ -33,9 +35,9 @@ ContactResult<S> evaluate(const ContactModel& model, const RelativeMotion<S>& x,
   return result;
 }
 
-TEST(ContactModel, DefaultHardwareIsPlacedAsStored) {
+TEST(ContactModel, HardwareIsPlacedAsStored) {
   const nlohmann::json j = read_contact_data("contact_pairs.json")["default"];
-  const ContactModel model = make_ring_contact({}, {}, {});
+  const ContactModel model = make_test_contact();
   EXPECT_EQ(model.pair_count(), 48 + 12 + 9 + 144);
   EXPECT_EQ(model.petal_count(), 3);
   Worst worst;
@@ -58,7 +60,7 @@ TEST(ContactModel, DefaultHardwareIsPlacedAsStored) {
 
 TEST(ContactModel, StoredWrenchesAreMet) {
   const nlohmann::json data = read_contact_data("contact_pairs.json");
-  const ContactModel model = make_ring_contact({}, {}, make_elastic_law());
+  const ContactModel model = make_test_contact(make_elastic_law());
   ContactWorkspace<double> work(model);
   Worst gap, wrench, energy;
   int i = 0;
@@ -84,7 +86,7 @@ TEST(ContactModel, StoredWrenchesAreMet) {
 }
 
 TEST(ContactModel, ElasticWrenchIsTheGradientOfTheEnergy) {
-  const ContactModel model = make_ring_contact({}, {}, make_elastic_law());
+  const ContactModel model = make_test_contact(make_elastic_law());
   ContactWorkspace<double> work(model);
   ContactWorkspace<Extended> wide(model);
   TestRandom random(11);
@@ -113,8 +115,8 @@ TEST(ContactModel, ElasticWrenchIsTheGradientOfTheEnergy) {
 TEST(ContactModel, PowerBalancesAndSinksOnlyTake) {
   ContactLaw law;
   law.friction_coefficient = 0.3;
-  ContactModel elastic = make_ring_contact({}, {}, make_elastic_law());
-  ContactModel model = make_ring_contact({}, {}, law);
+  ContactModel elastic = make_test_contact(make_elastic_law());
+  ContactModel model = make_test_contact(law);
   ContactWorkspace<double> work(model);
   TestRandom random(12);
   Worst worst;
@@ -134,7 +136,7 @@ TEST(ContactModel, PowerBalancesAndSinksOnlyTake) {
 }
 
 TEST(ContactModel, WrenchIsContinuousAlongPathsThroughContact) {
-  const ContactModel model = make_ring_contact({}, {}, make_elastic_law());
+  const ContactModel model = make_test_contact(make_elastic_law());
   ContactWorkspace<double> work(model);
   TestRandom random(13);
   Worst worst;
@@ -195,7 +197,7 @@ TEST(ContactModel, WrenchIsContinuousAlongPathsThroughContact) {
 }
 
 TEST(ContactModel, LongDoubleAgreesWithDouble) {
-  ContactModel model = make_ring_contact({}, {}, {});
+  ContactModel model = make_test_contact();
   ContactWorkspace<double> work(model);
   ContactWorkspace<Extended> wide(model);
   TestRandom random(14);
@@ -214,7 +216,7 @@ TEST(ContactModel, LongDoubleAgreesWithDouble) {
 }
 
 TEST(ContactModel, PetalForcesAddUpToTheForceWhenNoNodeTouches) {
-  GuideRing bare;
+  GuideRing bare = make_test_ring();
   bare.node_count = 0;
   const ContactModel model = make_ring_contact(bare, bare, {});
   ContactWorkspace<double> work(model);
@@ -255,7 +257,7 @@ TEST(ContactModel, SleepByPairChangesNoBit) {
   for (const int friction_model : {1, 2}) {
     ContactLaw law;
     law.friction_model = friction_model;
-    const ContactModel model = make_ring_contact({}, {}, law);
+    const ContactModel model = make_test_contact(law);
     ContactWorkspace<double> work(model);
     TestRandom random(16);
     int touching = 0, bounds = 0;
@@ -296,7 +298,7 @@ TEST(ContactModel, SleepByPairChangesNoBit) {
 }
 
 TEST(ContactModel, FarApartNothingIsEvaluatedAndTheGapIsABound) {
-  const ContactModel model = make_ring_contact({}, {}, {});
+  const ContactModel model = make_test_contact();
   ContactWorkspace<double> work(model);
   RelativeMotion<double> x;
   x.p = V(3, 0.2, -0.1);
@@ -308,7 +310,7 @@ TEST(ContactModel, FarApartNothingIsEvaluatedAndTheGapIsABound) {
 }
 
 TEST(ContactModel, TooDeepAndFlippedStatesAreRejected) {
-  const ContactModel model = make_ring_contact({}, {}, {});
+  const ContactModel model = make_test_contact();
   ContactWorkspace<double> work(model);
   ContactResult<double> r;
   RelativeMotion<double> x;
@@ -349,7 +351,7 @@ TEST(ContactModel, TooDeepAndFlippedStatesAreRejected) {
 TEST(ContactModel, OpenedPairsGiveUpTheirBristles) {
   ContactLaw law;
   law.friction_model = 2;
-  const ContactModel model = make_ring_contact({}, {}, law);
+  const ContactModel model = make_test_contact(law);
   ContactWorkspace<double> work(model);
   TestRandom random(17);
   const RelativeMotion<double> x = make_touching_motion(model, work, random, 1e-3);
@@ -403,7 +405,7 @@ TEST(ContactModel, EmptyModelDoesNothing) {
 }
 
 TEST(ContactModel, StepAndTimeBoundsFollowTheirFormulas) {
-  const ContactModel model = make_ring_contact({}, {}, {});
+  const ContactModel model = make_test_contact();
   RelativeMotion<double> x;
   x.v = V(1, 0, 0);
   EXPECT_DOUBLE_EQ(find_step_bound(model, -0.001, x), 0.005);  // rounding sum 20 mm
@@ -416,15 +418,55 @@ TEST(ContactModel, StepAndTimeBoundsFollowTheirFormulas) {
   EXPECT_NEAR(0.1 * t + 0.15 * t * t, 2.0, 1e-14);
 }
 
+TEST(ContactModel, PairsHaveNamesThatSayWhereToLook) {
+  const ContactModel model = make_test_contact();
+  const auto find = [&](PairKind kind, bool on_passive, int first, int second) {
+    for (int i = 0; i < model.pair_count(); ++i) {
+      const ContactPair& p = model.pairs[i];
+      if (p.kind == kind && p.first_on_passive == on_passive && p.first == first &&
+          p.second == second) {
+        return describe_pair(model, i);
+      }
+    }
+    return std::string();
+  };
+  EXPECT_EQ(find(PairKind::kPetalPetal, false, 1, 0),
+            "petal 2 of the active ring and petal 1 of the passive ring");
+  // Nodes of the active side are at (j + 1/4) 15 deg; the passive side has them at 60 deg less
+  // that.
+  EXPECT_EQ(find(PairKind::kNodeRing, false, 5, 0),
+            "node 6 (azimuth 78.8 deg) of the active ring face and the passive ring face");
+  EXPECT_EQ(find(PairKind::kNodeRing, true, 4, 0),
+            "node 5 (azimuth 356.3 deg) of the passive ring face and the active ring face");
+  EXPECT_EQ(find(PairKind::kNodePetal, true, 0, 2),
+            "node 1 (azimuth 56.3 deg) of the passive ring face and petal 3 of the active ring");
+  EXPECT_EQ(
+      find(PairKind::kEdgeRing, false, 2, 0),
+      "the side edge (base at azimuth 148.0 deg) of petal 2 of the active ring and the passive "
+      "ring face");
+  EXPECT_EQ(
+      find(PairKind::kEdgeRing, false, 3, 0),
+      "the side edge (base at azimuth 92.0 deg) of petal 2 of the active ring and the passive "
+      "ring face");
+  EXPECT_EQ(
+      find(PairKind::kEdgeRing, true, 0, 0),
+      "the side edge (base at azimuth 32.0 deg) of petal 1 of the passive ring and the active "
+      "ring face");
+  std::set<std::string> names;
+  for (int i = 0; i < model.pair_count(); ++i) names.insert(describe_pair(model, i));
+  EXPECT_EQ(static_cast<int>(names.size()), model.pair_count());
+  EXPECT_EQ(describe_pair(make_absorber_contact({}), -1), "surfaces");
+}
+
 TEST(ContactModel, BadParametersAreNamed) {
   ContactLaw law;
   law.toe = 0;
-  EXPECT_THROW(make_ring_contact({}, {}, law), ModelError);
-  GuideRing ring;
+  EXPECT_THROW(make_test_contact(law), ModelError);
+  GuideRing ring = make_test_ring();
   ring.petal_count = 7;
-  EXPECT_THROW(make_ring_contact(ring, {}, {}), ModelError);
+  EXPECT_THROW(make_ring_contact(ring, make_test_ring(), {}), ModelError);
   try {
-    ContactModel model = make_ring_contact({}, {}, {});
+    ContactModel model = make_test_contact();
     law = {};
     law.friction_model = 3;
     set_law(model, law);

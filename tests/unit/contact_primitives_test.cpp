@@ -129,7 +129,7 @@ TEST(ContactPrimitives, PlateOnPlateIsOptimalForAllFeatures) {
 TEST(ContactPrimitives, SegmentOnAnnulusFindsTheLowestValley) {
   TestRandom random(3);
   Worst worst;
-  const ContactModel model = make_ring_contact({}, {}, {});
+  const ContactModel model = make_test_contact();
   const double mu = 1e-4;
   const Annulus<double> ring = model.active.ring;
   for (int i = 0; i < 4000; ++i) {

@@ -36,6 +36,31 @@ inline Plate<double> to_plate(const nlohmann::json& j) {
   return make_plate<double>({to_vec3(j[0]), to_vec3(j[1]), to_vec3(j[2]), to_vec3(j[3])});
 }
 
+/// The ring of the stored vectors, whatever the mechanisms of the project look like.
+inline GuideRing make_test_ring() {
+  GuideRing ring;
+  ring.core_x = -0.010;
+  ring.core_inner_radius = 0.617;
+  ring.core_outer_radius = 0.647;
+  ring.ring_rounding = 0.010;
+  ring.node_count = 24;
+  ring.node_radius = 0.632;
+  ring.node_azimuth_offset = 6.5449846949787359e-2;  // pi/48
+  ring.petal_count = 3;
+  ring.petal_rounding = 0.012;
+  ring.petal_base_x = -0.010;
+  ring.petal_base_radius = 0.585;
+  ring.petal_base_half_angle = 0.48869219055841229;  // 28 deg
+  ring.petal_tip_x = 0.228;
+  ring.petal_tip_distance = 0.415;
+  ring.petal_tip_half_width = 0.050;
+  return ring;
+}
+
+inline ContactModel make_test_contact(const ContactLaw& law = {}) {
+  return make_ring_contact(make_test_ring(), make_test_ring(), law);
+}
+
 inline double scaled_tolerance(double tolerance) {
   static const char* scale = std::getenv("DOCK_TOL_SCALE");
   return scale ? tolerance * std::atof(scale) : tolerance;

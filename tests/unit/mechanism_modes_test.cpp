@@ -1,7 +1,8 @@
 // Vibration about home.
 // 1. a mass on spring and damper that also turns a rotor through a screw: the textbook formula;
 // 2. a plate on six massless legs with springs: the stiffness matrix summed over the legs;
-// 3. what no force opposes has frequency 0.
+// 3. what no force opposes has frequency 0;
+// 4. a double real eigenvalue is listed twice, one that grows says so.
 #include "tool/mechanism_modes.hpp"
 
 #include <gtest/gtest.h>
@@ -42,7 +43,7 @@ TEST(Modes, a_screw_on_a_spring_has_the_frequency_of_the_mass_it_reflects) {
   const double mass = 2.0 + 1e-3 * 50.0 * 50.0;
   ASSERT_EQ(modes.size(), 1u);
   EXPECT_NEAR(modes[0].frequency, std::sqrt(90.0 / mass), 1e-12);
-  EXPECT_NEAR(modes[0].damping, 6.0 / (2 * std::sqrt(90.0 * mass)), 1e-12);
+  EXPECT_NEAR(modes[0].damping(), 6.0 / (2 * std::sqrt(90.0 * mass)), 1e-12);
 }
 
 TEST(Modes, a_plate_on_springs_has_the_frequencies_of_its_stiffness_matrix) {
@@ -97,6 +98,62 @@ TEST(Modes, a_body_that_floats_has_none) {
   for (const Mode& mode : find_modes(Mechanism(read_mechanism(document.dump(), "floating")))) {
     EXPECT_EQ(mode.frequency, 0.0);
   }
+}
+
+/// A mass of 2 kg on a slide, with a spring and a damper.
+std::vector<Mode> find_modes_of_a_slide(double stiffness, double damping) {
+  const json document = {{"name", "slide"},
+                         {"bodies",
+                          {{{"name", "slide"},
+                            {"parent", "base"},
+                            {"joint", {{"type", "prismatic"}, {"axis", {1, 0, 0}}}},
+                            {"mass", 2.0}}}},
+                         {"forces",
+                          {{{"type", "joint_spring_damper"},
+                            {"joint", "slide"},
+                            {"stiffness", stiffness},
+                            {"damping", damping}}}}};
+  return find_modes(Mechanism(read_mechanism(document.dump(), "slide")));
+}
+
+TEST(Modes, a_double_real_eigenvalue_is_listed_twice) {
+  for (double stiffness = 1.0; stiffness < 1e4;
+       stiffness *= 1.37) {  // rounding splits many of them
+    const std::vector<Mode> modes = find_modes_of_a_slide(stiffness, 2 * std::sqrt(stiffness * 2));
+    ASSERT_EQ(modes.size(), 2u) << stiffness;
+    for (const Mode& mode : modes) {
+      EXPECT_FALSE(mode.oscillates);
+      EXPECT_NEAR(mode.growth, -std::sqrt(stiffness / 2), 1e-6 * mode.frequency);
+    }
+  }
+  EXPECT_EQ(find_modes_of_a_slide(18.0, 11.9).size(), 1u);  // nearly critical, but it oscillates
+  EXPECT_TRUE(find_modes_of_a_slide(18.0, 11.9)[0].oscillates);
+  EXPECT_EQ(find_modes_of_a_slide(18.0, 12.1).size(), 2u);
+}
+
+TEST(Modes, a_damper_alone_leaves_a_free_motion_and_one_that_dies_out) {
+  const std::vector<Mode> modes = find_modes_of_a_slide(0.0, 6.0);
+  ASSERT_EQ(modes.size(), 2u);
+  EXPECT_EQ(modes[0].frequency, 0.0);
+  EXPECT_NEAR(modes[1].growth, -3.0, 1e-12);
+}
+
+TEST(Modes, a_pendulum_on_its_head_falls_and_does_not_vibrate) {
+  const json document = {{"name", "pendulum"},
+                         {"gravity", {0, 0, -10}},
+                         {"bodies",
+                          {{{"name", "rod"},
+                            {"parent", "base"},
+                            {"joint", {{"type", "revolute"}, {"axis", {1, 0, 0}}}},
+                            {"mass", 3.0},
+                            {"com", {0, 0, 0.4}}}}}};
+  const std::vector<Mode> modes =
+      find_modes(Mechanism(read_mechanism(document.dump(), "pendulum")));
+  ASSERT_EQ(modes.size(), 2u);
+  const double rate = std::sqrt(10 / 0.4);
+  EXPECT_FALSE(modes[0].oscillates || modes[1].oscillates);
+  EXPECT_NEAR(std::max(modes[0].growth, modes[1].growth), rate, 1e-12);
+  EXPECT_NEAR(std::min(modes[0].growth, modes[1].growth), -rate, 1e-12);
 }
 
 }  // namespace

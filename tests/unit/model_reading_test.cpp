@@ -2,14 +2,19 @@
 //
 // Verified: (1) numbers that overflow when computed with, choices that are no whole numbers, lists
 // without end, deep nesting and quaternions of length 0 are refused with file, member, value and
-// limit; (2) values at the limit are read; (3) messages stay short however long the value is.
+// limit; (2) values at the limit are read; (3) messages stay short however long the value is;
+// (4) a mechanism states every dimension of its rings, with angles in rad or, in a file, in
+// degrees.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "minimal_scene.hpp"
+#include "model/json_reader.hpp"
 
 namespace dockloop {
 namespace {
@@ -98,6 +103,46 @@ TEST(ModelReading, messages_stay_short) {
   const std::string text = scene_with("/chaser/mass", std::string(100000, 'x'));
   expect_parts(text, {"chaser.mass", "must be a number", "xxx..."});
   EXPECT_LT(text.size(), 200u) << text;
+}
+
+/// A shipped mechanism as it stands in its file: with comments and angles in degrees.
+json read_default_mechanism() {
+  return json::parse(std::ifstream(std::string(DOCKLOOP_MODELS) + "/mechanisms/idss_hexapod.json"));
+}
+
+TEST(ModelReading, rings_and_latches_of_a_file_are_read_in_degrees_or_radians) {
+  json file = read_default_mechanism();
+  const Capture written = read_capture(file.dump(), "file.json");
+  for (const char* name : {"node_azimuth_offset", "petal_base_half_angle"}) {
+    const std::string in_degrees = std::string(name) + "_deg";
+    file["contact"][name] = kDegree * file["contact"][in_degrees].get<double>();
+    file["contact"].erase(in_degrees);
+  }
+  for (const json& azimuth : file["latches"]["azimuth_deg"]) {
+    file["latches"]["azimuth"].push_back(kDegree * azimuth.get<double>());
+  }
+  file["latches"].erase("azimuth_deg");
+  const Capture plain = read_capture(json({{"mechanism", file}}).dump(), "file.json");
+  ASSERT_EQ(written.latches.count(), 3);
+  ASSERT_EQ(plain.latches.count(), 3);
+  EXPECT_EQ(written.latches.hook[1], plain.latches.hook[1]);
+  EXPECT_NEAR(written.latches.hook[1].norm(), 0.6, 1e-15);
+  EXPECT_NEAR(std::atan2(written.latches.hook[1][2], written.latches.hook[1][1]), 120 * kDegree,
+              1e-15);
+  EXPECT_EQ(written.contact.active.petals[1].corner[0], plain.contact.active.petals[1].corner[0]);
+  EXPECT_EQ(written.contact.active.nodes[5], plain.contact.active.nodes[5]);
+  EXPECT_TRUE(read_capture("{}", "file.json").contact.empty());
+}
+
+TEST(ModelReading, a_ring_states_all_its_dimensions) {
+  const json file = read_default_mechanism();
+  for (const auto& member : file["contact"].items()) {
+    if (!member.value().is_number()) continue;
+    json changed = file;
+    changed["contact"].erase(member.key());
+    const std::string name = member.key().substr(0, member.key().find("_deg"));
+    expect_parts(refusal(read_capture, changed.dump()), {"file.json", "contact lacks", name});
+  }
 }
 
 }  // namespace
