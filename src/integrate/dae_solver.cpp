@@ -108,12 +108,12 @@ class DaeSolver : public Solver {
   }
   void read(N_Vector y) const { std::copy_n(NV_DATA_S(z_), NV_LENGTH_S(y), NV_DATA_S(y)); }
 
-  long present_steps() const override {
+  std::int64_t present_steps() const override {
     long n = 0;
     IDAGetNumSteps(ida_, &n);
     return n;
   }
-  long present_rejected() const override {
+  std::int64_t present_rejected() const override {
     long errors = 0, unsolved = 0;
     IDAGetNumErrTestFails(ida_, &errors);
     IDAGetNumStepSolveFails(ida_, &unsolved);

@@ -95,8 +95,8 @@ class ExplicitSolver : public Solver {
   void choose_method(double room);
   void update_fastest_rate(double h);
   bool find_first_step(double room);
-  long present_steps() const override { return steps_; }
-  long present_rejected() const override { return rejected_; }
+  std::int64_t present_steps() const override { return steps_; }
+  std::int64_t present_rejected() const override { return rejected_; }
 
   System& system_;
   const Method usual_, stable_;
@@ -115,7 +115,7 @@ class ExplicitSolver : public Solver {
   double fastest_ = 0.0;      // rate of the solution [1/s]; 0 = not known
   bool rated_ = false;        // stage 0 holds the rates at t_
   bool at_end_ = false;       // the last stage does
-  long steps_ = 0, rejected_ = 0;
+  std::int64_t steps_ = 0, rejected_ = 0;
 };
 
 /// sum = base + h * (weights times rates)

@@ -91,12 +91,12 @@ class ImplicitSolver : public Solver {
   }
 
  private:
-  long present_steps() const override {
+  std::int64_t present_steps() const override {
     long n = 0;
     ARKStepGetNumSteps(ark_, &n);
     return n;
   }
-  long present_rejected() const override {
+  std::int64_t present_rejected() const override {
     long errors = 0, unsolved = 0;
     ARKStepGetNumErrTestFails(ark_, &errors);
     ARKStepGetNumStepSolveFails(ark_, &unsolved);

@@ -77,12 +77,12 @@ class MultistepSolver : public Solver {
   }
 
  private:
-  long present_steps() const override {
+  std::int64_t present_steps() const override {
     long n = 0;
     CVodeGetNumSteps(cvode_, &n);
     return n;
   }
-  long present_rejected() const override {
+  std::int64_t present_rejected() const override {
     long errors = 0, unsolved = 0;
     CVodeGetNumErrTestFails(cvode_, &errors);
     CVodeGetNumStepSolveFails(cvode_, &unsolved);

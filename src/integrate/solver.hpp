@@ -58,8 +58,8 @@ struct System {
   bool idle = false;                       ///< the rates are zero, and nothing is counted
   const double* known_jacobian = nullptr;  ///< for the next call that asks for one; may be null
   double ahead = 0.0;    ///< Jacobians are taken so long ahead of the state, along its rates [s]
-  long evaluations = 0;  ///< of rates; a Jacobian counts as Problem::jacobian_cost
-  long evaluation_limit = std::numeric_limits<long>::max();
+  std::int64_t evaluations = 0;  ///< of rates; a Jacobian counts as Problem::jacobian_cost
+  std::int64_t evaluation_limit = std::numeric_limits<std::int64_t>::max();
 };
 
 /// Newton matrix of an implicit method and its factors.
@@ -90,13 +90,13 @@ class Solver {
   virtual double next_step() const = 0;
   /// All unknowns of Problem::dae at the end of the last step; else null.
   virtual const double* unknowns() const { return nullptr; }
-  long steps() const { return steps_ + present_steps(); }  ///< accepted, since construction
+  std::int64_t steps() const { return steps_ + present_steps(); }  ///< accepted, since construction
   /// Since construction, for their errors or because Newton failed.
-  long rejected_steps() const { return rejected_ + present_rejected(); }
+  std::int64_t rejected_steps() const { return rejected_ + present_rejected(); }
 
  protected:
-  virtual long present_steps() const = 0;  ///< as SUNDIALS counts them
-  virtual long present_rejected() const = 0;
+  virtual std::int64_t present_steps() const = 0;  ///< as SUNDIALS counts them
+  virtual std::int64_t present_rejected() const = 0;
   /// SUNDIALS is about to count from zero again.
   void keep_counts() {
     steps_ += present_steps();
@@ -104,7 +104,7 @@ class Solver {
   }
 
  private:
-  long steps_ = 0, rejected_ = 0;  // before SUNDIALS began to count
+  std::int64_t steps_ = 0, rejected_ = 0;  // before SUNDIALS began to count
 };
 
 std::unique_ptr<Solver> make_explicit_solver(System& system, Stepper::Method method);

@@ -143,7 +143,7 @@ struct Stepper::Impl {
   double t = 0.0;
   double h_restart = 0.0;
   bool restarted = true;  // no step was made since restart()
-  long idle_steps = 0;
+  std::int64_t idle_steps = 0;
   std::vector<double> low, high, middle;  // event functions at both ends of a step, and inside
   std::vector<double> low_speed, high_speed;  // and how fast they may change
   bool low_valid = false;                 // low is that of the present state
@@ -307,9 +307,9 @@ Stepper::Stepper(Problem problem, Method method) : impl_(new Impl(std::move(prob
 }
 Stepper::~Stepper() = default;
 
-void Stepper::set_evaluation_limit(long count) {
+void Stepper::set_evaluation_limit(std::int64_t count) {
   System& system = impl_->system;
-  constexpr long kMost = std::numeric_limits<long>::max();
+  constexpr std::int64_t kMost = std::numeric_limits<std::int64_t>::max();
   system.evaluation_limit = count < kMost - system.evaluations ? system.evaluations + count : kMost;
 }
 bool Stepper::is_exhausted() const { return impl_->system.is_exhausted(); }
@@ -394,8 +394,8 @@ double Stepper::next_step() const { return impl_->solver->next_step(); }
 double Stepper::fastest_rate() const { return impl_->solver->fastest_rate(); }
 const double* Stepper::unknowns() const { return impl_->solver->unknowns(); }
 bool Stepper::root_found(int i) const { return impl_->root_info[i] != 0; }
-long Stepper::steps() const { return impl_->solver->steps() - impl_->idle_steps; }
-long Stepper::rejected_steps() const { return impl_->solver->rejected_steps(); }
-long Stepper::rate_evaluations() const { return impl_->system.evaluations; }
+std::int64_t Stepper::steps() const { return impl_->solver->steps() - impl_->idle_steps; }
+std::int64_t Stepper::rejected_steps() const { return impl_->solver->rejected_steps(); }
+std::int64_t Stepper::rate_evaluations() const { return impl_->system.evaluations; }
 
 }  // namespace dockloop

@@ -90,7 +90,7 @@ class Stepper {
 
   double* y();
   /// From now on so many evaluations of the rates are made, and no more: steps fail then.
-  void set_evaluation_limit(long count);
+  void set_evaluation_limit(std::int64_t count);
   /// Did a step fail for that?
   bool is_exhausted() const;
   /// Tolerances: |error_i| <= rtol |y_i| + atol[i] in the root-mean-square sense; for kDae of z.
@@ -113,9 +113,9 @@ class Stepper {
   /// Event functions found at their root by the step that returned kRoot.
   bool root_found(int i) const;
 
-  long steps() const;             ///< accepted, since construction
-  long rejected_steps() const;    ///< since construction, also where Newton failed
-  long rate_evaluations() const;  ///< since construction
+  std::int64_t steps() const;             ///< accepted, since construction
+  std::int64_t rejected_steps() const;    ///< since construction, also where Newton failed
+  std::int64_t rate_evaluations() const;  ///< since construction
 
  private:
   struct Impl;

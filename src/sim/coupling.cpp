@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kHostStep = 1e-3;  ///< of the host model's attitude [s]
 constexpr int kMaxHostSteps = 10000;
-constexpr long kWorkAhead = 10;  ///< work of a look ahead, as a multiple of that of the last step
+constexpr std::int64_t kWorkAhead = 10;  ///< work of a look ahead, as a multiple of that of the last step
 constexpr double kNormWarning = 1e-6;  ///< error of the norm of a quaternion that is told
 
 /// Without a jump of the loads, peaks are refined across a communication point.
@@ -298,7 +298,7 @@ Status DockingSim::Impl::look_ahead(double h, CouplingPoint& begin, CouplingPoin
   Status status = evaluate_start();
   begin = end = find_coupling_point();
   // Not much dearer than the step that was just made.
-  long limit = find_work_limit(h);
+  std::int64_t limit = find_work_limit(h);
   if (coupling.work > 0) limit = std::min(limit, kWorkAhead * (1000 + coupling.work));
   if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
   if (status.ok()) end = find_coupling_point();

@@ -21,7 +21,7 @@ constexpr double kPlace = 10.0;      ///< what counts as the same place, in abso
 constexpr double kSlowSpin = 1e-12;  ///< [rad/s] rounding
 constexpr double kTurn = 0.005;      ///< turn of a vehicle in one step of its attitude [rad]
 constexpr int kMostTurns = 10000;    ///< steps of the attitude in one flight
-constexpr long kTurnsPerEvaluation = 8;  ///< that cost as much
+constexpr std::int64_t kTurnsPerEvaluation = 8;  ///< that cost as much
 
 /// Upper bound of the angular speed that a free body ever reaches [rad/s]: its energy and its
 /// least principal inertia, which is at least 4 det/trace^2, bound it.
@@ -212,8 +212,8 @@ double DockingSim::Impl::find_flight_time() const {
 
 /// Free motion of both vehicles. @pre evaluate() @post y is ahead of the last evaluation
 /// @return what the steps of their attitudes cost, in evaluations
-long DockingSim::Impl::fly(double duration) {
-  long made = 0;
+std::int64_t DockingSim::Impl::fly(double duration) {
+  std::int64_t made = 0;
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i] || !model->moves[i]) continue;
     const VehicleBody& body = find_flying_body(i);

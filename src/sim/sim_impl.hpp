@@ -116,11 +116,11 @@ struct DockingSim::Impl : SimState {
   void advance_inputs(double h);
   double find_evaluation_cost() const;
   double find_factor_cost() const;
-  long find_work_limit(double h) const;
-  long find_work() const;
-  Status refuse_work(double h, long limit, double tau);
-  Status integrate(double h, long limit);
-  Status integrate_fixed(double h, long limit);
+  std::int64_t find_work_limit(double h) const;
+  std::int64_t find_work() const;
+  Status refuse_work(double h, std::int64_t limit, double tau);
+  Status integrate(double h, std::int64_t limit);
+  Status integrate_fixed(double h, std::int64_t limit);
   void look_into_step(double from, double to);
   double find_leap(double made, double proposal);
   double find_next_stop(double tau, double h) const;
@@ -187,7 +187,7 @@ struct DockingSim::Impl : SimState {
   bool is_in_balance(double tau);
   void lock_at_rest();
   const VehicleBody& find_flying_body(int vehicle) const;
-  long fly(double duration);
+  std::int64_t fly(double duration);
 
   // events.cpp
   Status accept(double tau, bool& changed);

@@ -45,23 +45,23 @@ double DockingSim::Impl::find_factor_cost() const {
 
 /// Work after which a communication step is refused, in evaluations. A model whose steps are so
 /// dear that few of them take that long may make some nevertheless.
-long DockingSim::Impl::find_work_limit(double h) const {
-  if (adapt_problem) return std::numeric_limits<long>::max();  // the truth takes its time
+std::int64_t DockingSim::Impl::find_work_limit(double h) const {
+  if (adapt_problem) return std::numeric_limits<std::int64_t>::max();  // the truth takes its time
   constexpr double kLeastSteps = 200.0, kEvaluationsPerStep = 10.0;
   const double time = std::min(kRefusalTime + kRefusalTimePerSecond * h, kLongestRefusal);
   const double factor = find_factor_cost(), derivatives = factor > 0.0 ? find_jacobian_cost() : 0.0;
-  return static_cast<long>(std::max(time / find_evaluation_cost(),
+  return static_cast<std::int64_t>(std::max(time / find_evaluation_cost(),
                                     kLeastSteps * (kEvaluationsPerStep + derivatives + factor)));
 }
 
 /// Work since the start, in evaluations.
-long DockingSim::Impl::find_work() const {
+std::int64_t DockingSim::Impl::find_work() const {
   const Counters made = find_counters();
   const double steps = static_cast<double>(made.steps + made.rejected_steps);
-  return made.rate_evaluations + static_cast<long>(find_factor_cost() * steps);
+  return made.rate_evaluations + static_cast<std::int64_t>(find_factor_cost() * steps);
 }
 
-Status DockingSim::Impl::refuse_work(double h, long limit, double tau) {
+Status DockingSim::Impl::refuse_work(double h, std::int64_t limit, double tau) {
   char text[240];
   std::snprintf(
       text, sizeof text,
@@ -122,7 +122,7 @@ Status DockingSim::Impl::step(double t, double h) {
   keep(step_start, !pose_is_kept);
   pose_is_kept = true;
   const Counters counters = find_counters();
-  const long work = find_work();
+  const std::int64_t work = find_work();
   // The host's clock counts, but what its rounding at large times would lose is kept.
   const double told = t - setup->t_start;
   const double rounding = 4e-16 * std::max(std::abs(t), std::abs(setup->t_start));
@@ -139,7 +139,7 @@ Status DockingSim::Impl::step(double t, double h) {
     if (status.ok()) status = evaluate_start();
     step_begin = find_coupling_point();
     drift = 0.0;
-    const long limit = find_work_limit(h);
+    const std::int64_t limit = find_work_limit(h);
     if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
   } else {
     status_text = "the step must be longer than 0 s and not longer than 1e9 s";
@@ -183,9 +183,9 @@ StepOutcome DockingSim::Impl::make_inner_step(double stop, bool watch_roots) {
 
 /// Advance by h from the present state, through events. On failure the state is undefined.
 /// @pre evaluate_start()
-Status DockingSim::Impl::integrate(double h, long limit) {
+Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
   Status status;
-  const long begun = find_work();
+  const std::int64_t begun = find_work();
   stepper->set_evaluation_limit(limit);
   std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
   margin_before = find_singularity_margin(data->mechanism);
@@ -193,7 +193,7 @@ Status DockingSim::Impl::integrate(double h, long limit) {
   int refused = 0;           // end states in a row that could not be evaluated
   double proposal = h_warm;  // step size that error control asks for; stops do not count
   go_on(std::min(proposal, h));
-  for (long turns = 0; find_work() - begun + turns < limit;) {
+  for (std::int64_t turns = 0; find_work() - begun + turns < limit;) {
     status = watch_rest(tau);
     if (!status.ok()) return status;
     if (rest_state.resting) {
@@ -272,7 +272,7 @@ Status DockingSim::Impl::integrate(double h, long limit) {
 /// The same with a number of inner steps that depends on h only: equal steps of a Runge-Kutta
 /// method, events seen at their ends. The cost is bounded; errors are not controlled.
 /// @pre evaluate_start()
-Status DockingSim::Impl::integrate_fixed(double h, long limit) {
+Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
   const double wanted = std::ceil(h / parameters.step * (1.0 - 1e-9));
   constexpr int kRk4 = 4, kSdirk = 7;  // evaluations, and a Jacobian
   const bool implicit = parameters.solver_method == kFixedImplicit;

@@ -56,8 +56,8 @@ class ExtendedSolver : public Solver {
                            State& end);
   bool calc_rates(const Extended& t, const State& y, State& ydot);
   double find_error(const State& before, const State& after, const State& other) const;
-  long present_steps() const override { return count_; }
-  long present_rejected() const override { return count_rejected_; }
+  std::int64_t present_steps() const override { return count_; }
+  std::int64_t present_rejected() const override { return count_rejected_; }
 
   System& system_;
   Rates rates_;
@@ -65,7 +65,7 @@ class ExtendedSolver : public Solver {
   std::vector<double> scale_;
   State now_, start_, inside_, plain_;
   double t_ = 0.0, t_start_ = 0.0, proposal_ = 0.0;
-  long count_ = 0, count_rejected_ = 0;
+  std::int64_t count_ = 0, count_rejected_ = 0;
   // scratch
   State rate_, rate_inside_, lower_, upper_, result_, other_;
   std::array<State, kColumns> column_;
