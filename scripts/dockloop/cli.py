@@ -355,7 +355,8 @@ def _run(options: argparse.Namespace) -> None:
         fmu = Path(options.scene)
         if not is_fmu:
             name = Path(options.scene).stem
-            fmu = build_fmu(options.scene, options.overrides, Path(folder) / f"{name}.fmu")
+            fmu = Path(folder) / f"{name}.fmu"
+            build_fmu(options.scene, options.overrides, fmu, bare=True)
         progress = ProgressBar(fmu.stem)
         label = paths.shown(fmu) if is_fmu else f"scene {fmu.stem}"
         run = run_fmu(fmu, options.set, options.stop, options.step, progress=progress, label=label)
@@ -446,8 +447,8 @@ def _trade(options: argparse.Namespace) -> None:
     name = Path(options.scene).stem
     folder = options.output or paths.BUILD / "results" / f"trade_{name}"
     with tempfile.TemporaryDirectory(prefix="dockloop-") as temporary:
-        fmu = build_fmu(options.scene, options.overrides, Path(temporary) / f"{name}.fmu")
-        bench = Bench(fmu)
+        fmu = Path(temporary) / f"{name}.fmu"
+        bench = Bench(build_fmu(options.scene, options.overrides, fmu, bare=True))
     progress = ProgressBar(name)
     measured = trade.run_trade(bench, choice, folder, resume=options.resume, progress=progress)
     summary = report.summarise_trade(measured, _trade_command(options))

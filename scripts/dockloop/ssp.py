@@ -58,7 +58,11 @@ _NAMESPACES = {
 
 
 def build_ssp(
-    reference: str, overrides: list[str] | tuple[str, ...] = (), output: Path | None = None
+    reference: str,
+    overrides: list[str] | tuple[str, ...] = (),
+    output: Path | None = None,
+    *,
+    bare: bool = False,
 ) -> Path:
     """Build the SSP package of a scene.
 
@@ -66,6 +70,7 @@ def build_ssp(
         reference: name or path of the scene.
         overrides: ``KEY=VALUE`` texts that replace keys of the scene.
         output: the package to write; default ``build/ssp/SCENE.ssp`` of the project.
+        bare: its FMUs hold only what is needed to run them (see `dockloop.fmu`).
 
     Returns:
         The package.
@@ -80,12 +85,12 @@ def build_ssp(
     with tempfile.TemporaryDirectory(prefix="dockloop-") as folder:
         archives = {name: Path(folder) / f"{name}.fmu" for name in documents}
         for name, archive in archives.items():
-            write_fmu(documents[name], source, archive)
+            write_fmu(documents[name], source, archive, bare=bare)
         structure = _describe_system(document, {n: _Fmu(a) for n, a in archives.items()})
         entries = {"SystemStructure.ssd": structure}
         entries |= {f"resources/{a.name}": a.read_bytes() for a in archives.values()}
     output = output or paths.BUILD / "ssp" / f"{document['name']}.ssp"
-    write_zip(output, entries)
+    write_zip(output, entries, compress=not bare)
     return output
 
 
