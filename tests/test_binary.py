@@ -164,7 +164,7 @@ def assert_same_end(values, others):
 def host(runs, tmp_path_factory):
     """The FMU of the default docking, unpacked, and its end with the native library."""
     folder = tmp_path_factory.mktemp("host é")  # libraries must open it whatever its name
-    fmu = runs.fmu("idss_25t_350t")
+    fmu = runs.complete_fmu("idss_25t_350t")
     with zipfile.ZipFile(fmu) as archive:
         archive.extractall(folder)
     master = compile_master(folder, "cc")
