@@ -22,6 +22,10 @@ from dockloop import cli, paths
 from dockloop.fmu import build_fmu
 from dockloop.simulate import Recording, run_fmu
 
+LONGEST = (
+    *("test_binary", "test_ssp", "test_random_mechanisms", "test_extremes", "test_coupling"),
+    *("test_sweep", "test_examples", "test_fmu", "test_cli", "test_kernel", "test_saved_states"),
+)
 FMUS = "DOCKLOOP_TEST_FMUS"  # environment variable with the folder of all FMUs
 SCENES = sorted(file.stem for file in paths.SCENES.glob("*.toml"))
 
@@ -72,6 +76,11 @@ class Runs:
     ) -> Recording:
         """Return the recording of one docking."""
         return run_fmu(self.fmu(scene, *overrides), settings, stop, step)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes longest: at the end no process is left alone with it."""
+    items.sort(key=lambda item: (*LONGEST, item.path.stem).index(item.path.stem))
 
 
 def pytest_configure(config: pytest.Config) -> None:

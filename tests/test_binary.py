@@ -184,6 +184,60 @@ def host(runs, tmp_path_factory):
     return fmu, folder, final_values(fmu, paths.LIBRARY, resources, master)
 
 
+# For CMake: files of other projects, and files that name things as others do.
+ALONE = """
+file(GLOB alone ${CMAKE_SOURCE_DIR}/*/*.c ${CMAKE_SOURCE_DIR}/*/*_lanes_base.cpp
+  ${CMAKE_SOURCE_DIR}/dynamics/interface_stiffness.cpp)
+set_source_files_properties(${alone} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+"""
+
+
+def run_cmake(*arguments, **settings):
+    """Run CMake with settings; fails with the end of what it said."""
+    options = [f"-D{name}={value}" for name, value in settings.items()]
+    command = ["cmake", *arguments, *options]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+
+
+def test_the_sources_inside_make_the_library_again(host):
+    """The quickest way to compile them: several files at a time, not optimised."""
+    fmu, folder, _ = host
+    if not REQUIRED:
+        pytest.skip("DOCKLOOP_PLATFORMS is empty: FMUs hold no sources")
+    build, alone = folder / "build", folder / "alone.cmake"
+    alone.write_text(ALONE)
+    configure = ["-G", "Ninja", "-S", folder / "sources", "-B", build]
+    run_cmake(*configure, CMAKE_BUILD_TYPE="Debug", CMAKE_EXPORT_COMPILE_COMMANDS="ON")
+    compiled = {
+        str(Path(unit["file"]).relative_to(folder / "sources"))
+        for unit in json.loads((build / "compile_commands.json").read_text())
+    }
+    (configuration,) = read_build_description(fmu)
+    (files,) = configuration.sourceFileSets
+    (named,) = read_model_description(fmu).buildConfigurations
+    assert set(files.sourceFiles) == set(named.sourceFileSets[0].sourceFiles) == compiled
+
+    run_cmake(
+        *configure,
+        CMAKE_CXX_FLAGS_DEBUG="-O0",
+        CMAKE_C_FLAGS_DEBUG="-O0",
+        CMAKE_UNITY_BUILD="ON",
+        CMAKE_PROJECT_dockloop_INCLUDE=alone,
+    )
+    workers = str(len(os.sched_getaffinity(0)))  # each takes more than 1 GB
+    run_cmake("--build", build, "--target", "install", "--parallel", workers)
+    own = folder / "binaries" / "linux64" / "idss_25t_350t.so"
+    assert len(exports(parse(own))) == FUNCTIONS
+    # This library is 150 times as slow. The docking captures at 2.8 s.
+    native, again = (
+        final_values(fmu, file, (folder / "resources").as_uri(), folder / "master.exe", stop="3.2")
+        for file in (paths.LIBRARY, own)
+    )
+    assert native["time_of_capture"] > 0.0
+    assert_same_end(native, again)
+
+
 def test_linux64_ends_where_the_native_library_ends(host):
     fmu, folder, values = host
     resources = (folder / "resources").as_uri()
@@ -254,57 +308,3 @@ def test_the_fingerprint_follows_the_sources(tmp_path, monkeypatch):
     assert binaries.fingerprint() == before
     (tmp_path / "src" / "sim" / "phases.cpp").open("a").write("\n")
     assert binaries.fingerprint() != before
-
-
-# For CMake: files of other projects, and files that name things as others do.
-ALONE = """
-file(GLOB alone ${CMAKE_SOURCE_DIR}/*/*.c ${CMAKE_SOURCE_DIR}/*/*_lanes_base.cpp
-  ${CMAKE_SOURCE_DIR}/dynamics/interface_stiffness.cpp)
-set_source_files_properties(${alone} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
-"""
-
-
-def run_cmake(*arguments, **settings):
-    """Run CMake with settings; fails with the end of what it said."""
-    options = [f"-D{name}={value}" for name, value in settings.items()]
-    command = ["cmake", *arguments, *options]
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-
-
-def test_the_sources_inside_make_the_library_again(host):
-    """The quickest way to compile them: several files at a time, not optimised."""
-    fmu, folder, _ = host
-    if not REQUIRED:
-        pytest.skip("DOCKLOOP_PLATFORMS is empty: FMUs hold no sources")
-    build, alone = folder / "build", folder / "alone.cmake"
-    alone.write_text(ALONE)
-    configure = ["-G", "Ninja", "-S", folder / "sources", "-B", build]
-    run_cmake(*configure, CMAKE_BUILD_TYPE="Debug", CMAKE_EXPORT_COMPILE_COMMANDS="ON")
-    compiled = {
-        str(Path(unit["file"]).relative_to(folder / "sources"))
-        for unit in json.loads((build / "compile_commands.json").read_text())
-    }
-    (configuration,) = read_build_description(fmu)
-    (files,) = configuration.sourceFileSets
-    (named,) = read_model_description(fmu).buildConfigurations
-    assert set(files.sourceFiles) == set(named.sourceFileSets[0].sourceFiles) == compiled
-
-    run_cmake(
-        *configure,
-        CMAKE_CXX_FLAGS_DEBUG="-O0",
-        CMAKE_C_FLAGS_DEBUG="-O0",
-        CMAKE_UNITY_BUILD="ON",
-        CMAKE_PROJECT_dockloop_INCLUDE=alone,
-    )
-    workers = str(len(os.sched_getaffinity(0)))  # each takes more than 1 GB
-    run_cmake("--build", build, "--target", "install", "--parallel", workers)
-    own = folder / "binaries" / "linux64" / "idss_25t_350t.so"
-    assert len(exports(parse(own))) == FUNCTIONS
-    # This library is 150 times as slow. The docking captures at 2.8 s.
-    native, again = (
-        final_values(fmu, file, (folder / "resources").as_uri(), folder / "master.exe", stop="3.2")
-        for file in (paths.LIBRARY, own)
-    )
-    assert native["time_of_capture"] > 0.0
-    assert_same_end(native, again)
