@@ -11,6 +11,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, TextIO
@@ -63,6 +64,8 @@ def run_batch(
                     report()
             except BaseException:
                 core.kill()
+                with suppress(OSError):  # what is still on its way to a core that has ended
+                    core.stdin.close()
                 raise
         feeding.result()  # raises what the planner did
 
