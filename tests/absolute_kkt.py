@@ -38,40 +38,39 @@ from dockloop.core import run_core
 CUT_ROWS = {"R3": 3, "R2": 4, "R1": 5, "R1_planar": 2}
 FORCES = ("loop_force", "joint_load")  # what a self-stress may add to
 QUANTITIES = ("q", "v", "a", *FORCES, "base_force", "base_moment", "reduced_inertia")
+IDENTITY = np.eye(3)
 RANK = 1e-7  # a row or column of which less is left counts as a sum of others
 
 
 def cross(a, b):
     """Cross product over the last axis (numpy's own is several times slower on small arrays)."""
-    a, b = np.broadcast_arrays(a, b)
-    return np.stack(
-        (
-            a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
-            a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2],
-            a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0],
-        ),
-        axis=-1,
-    )
+    a0, a1, a2 = a[..., 0], a[..., 1], a[..., 2]
+    b0, b1, b2 = b[..., 0], b[..., 1], b[..., 2]
+    x = a1 * b2 - a2 * b1
+    c = np.empty((*x.shape, 3))
+    c[..., 0], c[..., 1], c[..., 2] = x, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    return c
 
 
 def skew(a):
     """Matrix of the cross product with a, for any leading axes."""
     m = np.zeros((*a.shape, 3))
     m[..., 0, 1], m[..., 0, 2], m[..., 1, 2] = -a[..., 2], a[..., 1], -a[..., 0]
-    return m - np.swapaxes(m, -1, -2)
+    m[..., 1, 0], m[..., 2, 0], m[..., 2, 1] = a[..., 2], -a[..., 1], a[..., 0]
+    return m
 
 
 def axis_rotation(axis, angle):
     """Rotation matrices about one unit axis by an array of angles."""
     k = skew(np.asarray(axis, float))
     s, c = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
-    return np.eye(3) + s * k + (1.0 - c) * (k @ k)
+    return IDENTITY + s * k + (1.0 - c) * (k @ k)
 
 
 def quaternion_matrix(q):
     """Rotation matrices of unit quaternions (w, x, y, z)."""
     k = skew(q[..., 1:])
-    return np.eye(3) + 2.0 * (q[..., 0, None, None] * k + k @ k)
+    return IDENTITY + 2.0 * (q[..., 0, None, None] * k + k @ k)
 
 
 def turned(rotation, vector):
@@ -193,7 +192,7 @@ class Mechanism:
         self.active, self.dep = list(range(self.rows)), listed
         if len(self.home_q):
             G = find_joint_jacobian(self, *find_poses(self, self.home_q[None]))[0]  # noqa: N806
-            G = G * self.unit  # noqa: N806
+            G = self.home_jacobian = G * self.unit  # noqa: N806
             self.active = sorted(find_pivots(G.T))
             if len(listed) > len(self.active):
                 chosen = find_pivots(G[self.active][:, listed])
@@ -639,9 +638,8 @@ def find_margin(m: Mechanism) -> tuple[float, float]:
         lengths in m), and the condition of the reduced inertia scaled to a unit diagonal.
     """
     q = m.home_q[None]
-    R, p = find_poses(m, q)  # noqa: N806
     if m.dep:
-        matrix = (find_joint_jacobian(m, R, p)[0] * m.unit)[m.active][:, m.dep]
+        matrix = m.home_jacobian[m.active][:, m.dep]
         if len(m.dep) < len(m.active):
             return 0.0, np.inf
         smallest = float(np.linalg.svd(matrix, compute_uv=False)[-1])

@@ -1,12 +1,15 @@
 """Shared by the Python tests: the command line in this process, FMUs and runs made once.
 
-The C++ parts must be compiled (scripts/test does that); tests never build them.
+The C++ parts must be compiled (scripts/test does that); tests never build them. Tests may run in
+several processes (pytest -n, of pytest-xdist), which share their FMUs.
 """
 
+import fcntl
 import functools
+import hashlib
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +22,11 @@ from dockloop import cli, paths
 from dockloop.fmu import build_fmu
 from dockloop.simulate import Recording, run_fmu
 
+LONGEST = (
+    *("test_binary", "test_ssp", "test_random_mechanisms", "test_extremes", "test_coupling"),
+    *("test_sweep", "test_examples", "test_fmu", "test_cli", "test_kernel", "test_saved_states"),
+)
+FMUS = "DOCKLOOP_TEST_FMUS"  # environment variable with the folder of all FMUs
 SCENES = sorted(file.stem for file in paths.SCENES.glob("*.toml"))
 
 
@@ -31,17 +39,31 @@ class Outcome(NamedTuple):
 
 
 class Runs:
-    """Builds FMUs and runs dockings, each combination once per test session."""
+    """Builds FMUs and runs dockings, each combination once per test session.
+
+    An FMU is built once for all processes, a docking is run once in each that asks for it.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._count = 0
 
     @functools.cache
     def fmu(self, scene: str, *overrides: str) -> Path:
-        """Return the FMU of a scene with overrides."""
-        self._count += 1
-        return build_fmu(scene, overrides, self._folder / str(self._count) / f"{scene}.fmu")
+        """Return the bare FMU of a scene with overrides: all that a run needs."""
+        return self._build(scene, overrides, bare=True)
+
+    @functools.cache
+    def complete_fmu(self, scene: str, *overrides: str) -> Path:
+        """Return the FMU as users get it, with documentation and sources."""
+        return self._build(scene, overrides, bare=False)
+
+    def _build(self, scene: str, overrides: tuple[str, ...], *, bare: bool) -> Path:
+        key = hashlib.sha256(repr((scene, overrides, bare)).encode()).hexdigest()[:16]
+        fmu = self._folder / key / f"{Path(scene).stem}.fmu"
+        fmu.parent.mkdir(exist_ok=True)
+        with (fmu.parent / "lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)  # another process may build the same one
+            return fmu if fmu.exists() else build_fmu(scene, overrides, fmu, bare=bare)
 
     @functools.cache
     def run(
@@ -56,11 +78,23 @@ class Runs:
         return run_fmu(self.fmu(scene, *overrides), settings, stop, step)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what takes longest: at the end no process is left alone with it."""
+    items.sort(key=lambda item: (*LONGEST, item.path.stem).index(item.path.stem))
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the folder of all FMUs, once for all processes."""
+    if not hasattr(config, "workerinput"):  # what processes of pytest-xdist have
+        folder = tempfile.TemporaryDirectory(prefix="dockloop-test-")
+        config.add_cleanup(folder.cleanup)
+        os.environ[FMUS] = folder.name
+
+
 @pytest.fixture(scope="session")
-def runs() -> Iterator[Runs]:
+def runs() -> Runs:
     """FMUs and recordings shared by all tests."""
-    with tempfile.TemporaryDirectory(prefix="dockloop-test-") as folder:
-        yield Runs(Path(folder))
+    return Runs(Path(os.environ[FMUS]))
 
 
 @pytest.fixture

@@ -9,6 +9,8 @@ solver for model exchange of its own: equal Runge-Kutta steps, events found by b
 import ctypes
 import hashlib
 import math
+import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +36,10 @@ def unpack(fmu):
     """The folder of an unpacked FMU, beside it: it goes when the FMU goes."""
     folder = Path(fmu).with_suffix(".unpacked")
     if not folder.exists():
-        extract(str(fmu), str(folder))
+        new = tempfile.mkdtemp(dir=folder.parent)
+        extract(str(fmu), new)
+        with suppress(OSError):  # another process was quicker
+            Path(new).rename(folder)
     return folder
 
 

@@ -25,10 +25,8 @@ from absolute_kkt import (
     RANK,
     Mechanism,
     axis_rotation,
-    find_joint_jacobian,
     find_margin,
     find_pivots,
-    find_poses,
 )
 
 X, Y, Z = np.eye(3)
@@ -399,7 +397,7 @@ def close(drawing, root, names, closing, *, dependent, tip, across=X, normal=Non
 def find_branch_margin(drawing, mark):
     """Smallest singular value of the rows added after a mark in their own dependents."""
     m = Mechanism(drawing.document())
-    G = find_joint_jacobian(m, *find_poses(m, m.home_q[None]))[0] * m.unit  # noqa: N806
+    G = m.home_jacobian  # noqa: N806
     new = m.loops[mark[2] :]
     rows = [*range(new[0].rows.start if new else m.cut_rows, m.cut_rows)]
     rows += range(m.cut_rows + mark[4], m.rows)
@@ -618,7 +616,7 @@ def choose_other_dependents(drawing, seed):
     if not m.loops or m.redundant:
         return False
     rng = np.random.default_rng(seed)
-    G = find_joint_jacobian(m, *find_poses(m, m.home_q[None]))[0] * m.unit  # noqa: N806
+    G = m.home_jacobian  # noqa: N806
     weight = np.array([m.kind[b] != "free" for b in m.body_of_v]) * rng.uniform(0.2, 1.0, m.nv)
     weight[m.coupled] = 0.0
     chosen = find_pivots(G[: m.cut_rows] * weight)

@@ -24,7 +24,8 @@ BUDGETS = json.loads(FILE.read_text())["budgets"]
 def run(scene: str, stop: float, step: float, *settings: str) -> dict[str, float]:
     """Return the last values of all outputs of a run."""
     with tempfile.TemporaryDirectory(prefix="dockloop-test-") as folder:
-        recording = run_fmu(build_fmu(scene, (), Path(folder) / "it.fmu"), settings, stop, step)
+        fmu = build_fmu(scene, (), Path(folder) / "it.fmu", bare=True)
+        recording = run_fmu(fmu, settings, stop, step)
     return {name: recording[name][-1] for name in recording.names}
 
 

@@ -178,7 +178,7 @@ class Page(HTMLParser):
 
 @EVERY_VARIANT
 def test_the_page_names_every_variable_and_loads_nothing(runs, variant):
-    fmu = runs.fmu(*variant)
+    fmu = runs.complete_fmu(*variant)
     text = read(fmu, "documentation/index.html").decode()
     page = Page(text)
     assert page.open == [], "elements that are never closed"
@@ -196,7 +196,7 @@ def test_the_page_names_every_variable_and_loads_nothing(runs, variant):
 
 @EVERY_VARIANT
 def test_the_figures_of_the_page_are_well_formed(runs, variant):
-    fmu = runs.fmu(*variant)
+    fmu = runs.complete_fmu(*variant)
     figures = Page(read(fmu, "documentation/index.html").decode()).figures
     for figure in figures:
         sheet = ET.fromstring(figure)
@@ -244,7 +244,7 @@ def test_bodies_are_drawn_where_their_joint_coordinates_at_home_put_them():
 
 
 def test_the_quick_start_of_the_page_runs(runs, monkeypatch, capsys):
-    fmu = runs.fmu("absorber_1d")
+    fmu = runs.complete_fmu("absorber_1d")
     tree = etree.HTML(read(fmu, "documentation/index.html").decode())
     code = "".join(tree.find(".//pre[@id='quick-start']").itertext())
     monkeypatch.chdir(fmu.parent)
@@ -264,7 +264,7 @@ def terminals(fmu):
 
 @EVERY_VARIANT
 def test_terminals_follow_the_schema_and_hold_variables_that_exist(runs, variant):
-    fmu = runs.fmu(*variant)
+    fmu = runs.complete_fmu(*variant)
     schema = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
     document = etree.fromstring(read(fmu, "terminalsAndIcons/terminalsAndIcons.xml"))
     etree.XMLSchema(file=str(schema)).assertValid(document)
@@ -289,7 +289,7 @@ def test_terminals_follow_the_schema_and_hold_variables_that_exist(runs, variant
 
 
 def test_a_driven_vehicle_offers_pose_in_and_mean_loads_out_in_one_terminal(runs):
-    fmu = runs.fmu(DEFAULT, "chaser.motion=driven")
+    fmu = runs.complete_fmu(DEFAULT, "chaser.motion=driven")
     known = variables(fmu)
     wanted = {
         **{f"{name}[{i}]": "input" for name in ("position", "velocity") for i in (1, 2, 3)},
@@ -304,7 +304,7 @@ def test_a_driven_vehicle_offers_pose_in_and_mean_loads_out_in_one_terminal(runs
 
 
 def test_there_is_a_licence_for_every_part_of_the_library(runs):
-    fmu = runs.fmu(DEFAULT)
+    fmu = runs.complete_fmu(DEFAULT)
     overall = read(fmu, "documentation/licenses/license.txt").decode()
     assert "Redistribution and use in source and binary forms" in overall
     for part in PARTS[1:]:
@@ -315,7 +315,7 @@ def test_there_is_a_licence_for_every_part_of_the_library(runs):
 
 
 def test_what_the_library_loads_is_stated(runs):
-    fmu = runs.fmu(DEFAULT)
+    fmu = runs.complete_fmu(DEFAULT)
     text = read(fmu, "documentation/externalDependencies.txt").decode()
     packed = read(fmu, f"binaries/linux64/{DEFAULT}.so")
     name = "native" if packed == paths.LIBRARY.read_bytes() else "linux64"
@@ -325,7 +325,7 @@ def test_what_the_library_loads_is_stated(runs):
 
 
 def test_icons_are_png_pictures(runs):
-    fmu = runs.fmu(DEFAULT)
+    fmu = runs.complete_fmu(DEFAULT)
     with zipfile.ZipFile(fmu) as archive:
         icons = [name for name in archive.namelist() if name.endswith(".png")]
         assert {"model.png", "terminalsAndIcons/icon.png"} <= set(icons)
@@ -335,7 +335,7 @@ def test_icons_are_png_pictures(runs):
 
 @EVERY_VARIANT
 def test_the_archive_holds_plain_relative_paths_and_nothing_twice(runs, variant):
-    with zipfile.ZipFile(runs.fmu(*variant)) as archive:
+    with zipfile.ZipFile(runs.complete_fmu(*variant)) as archive:
         names = archive.namelist()
         assert len(set(names)) == len(names)
         for info in archive.infolist():
@@ -348,7 +348,7 @@ def test_the_archive_holds_plain_relative_paths_and_nothing_twice(runs, variant)
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_bytes_of_the_archive_depend_on_the_scene_only(runs, scene, tmp_path, monkeypatch):
-    first = runs.fmu(scene).read_bytes()
+    first = runs.complete_fmu(scene).read_bytes()
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TZ", "Pacific/Auckland")
     assert build_fmu(scene, (), tmp_path / "elsewhere.fmu").read_bytes() == first

@@ -13,7 +13,6 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 
 from conftest import SCENES
-from dockloop.fmu import build_fmu
 
 DEFAULT = "idss_25t_350t"
 VARIANTS = [
@@ -97,17 +96,23 @@ def set_and_step(slave, reference, value):
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=" ".join)
 def test_every_scene_gives_a_valid_fmu(runs, variant):
-    assert validate_fmu(str(runs.fmu(*variant))) == []
+    assert validate_fmu(str(runs.complete_fmu(*variant))) == []
 
 
-def test_the_same_scene_gives_the_same_bytes(tmp_path):
-    first = build_fmu(DEFAULT, (), tmp_path / "a.fmu")
-    second = build_fmu(DEFAULT, (), tmp_path / "b" / "c.fmu")
-    assert first.read_bytes() == second.read_bytes()
+def test_a_bare_fmu_is_the_complete_one_without_what_is_read_or_compiled(runs):
+    files = []
+    for fmu in (runs.fmu(DEFAULT), runs.complete_fmu(DEFAULT)):
+        with zipfile.ZipFile(fmu) as archive:
+            files.append({name: archive.read(name) for name in archive.namelist()})
+    bare, complete = files
+    needed = re.compile(r"modelDescription\.xml|binaries/.*|resources/.*")
+    assert set(bare) == {name for name in complete if needed.fullmatch(name)}
+    listed = re.compile(rb"><SourceFiles>.*?</SourceFiles></\w+>")
+    assert {name: listed.sub(b"/>", complete[name]) for name in bare} == bare
 
 
 def test_the_archive_holds_what_fmi_asks_for(runs):
-    with zipfile.ZipFile(runs.fmu(DEFAULT)) as archive:
+    with zipfile.ZipFile(runs.complete_fmu(DEFAULT)) as archive:
         names = set(archive.namelist())
         assert {
             f"binaries/linux64/{DEFAULT}.so",

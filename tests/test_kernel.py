@@ -43,7 +43,7 @@ def pair(tmp_path_factory):
     def build(scene, *overrides):
         place = Path(tempfile.mkdtemp(dir=folder))
         return [
-            build_fmu(scene, overrides, place / f"{name}.fmu", kernel)
+            build_fmu(scene, overrides, place / f"{name}.fmu", kernel, bare=True)
             for name, kernel in (("with", True), ("without", False))
         ]
 
@@ -113,7 +113,7 @@ def test_crank_legs_side_by_side_move_as_their_generated_kernel_says(
         start,
     )
     notes = []
-    build_fmu(scene, (), tmp_path / "default.fmu", None, notes.append)
+    build_fmu(scene, (), tmp_path / "default.fmu", None, notes.append, bare=True)
     assert "its legs are evaluated side by side" in notes[-1]
     overrides = (f"model.level={level}", 'outputs.groups=["states"]')
     generated, lanes = (run(fmu, 100) for fmu in pair(scene, *overrides))

@@ -47,6 +47,7 @@ SCENE = (
     f"experiment.step={STEP}",
     'outputs.groups=["relative", "capture", "contact", "phase", "energy", "coupling"]',
 )
+IN_SEQUENCE = "coupling.mode=sequential"
 PARALLEL = ("libcosim", "ecos", "fmpy.ssp", "container")
 MASTERS = (*PARALLEL, "sequential container")
 RESULTS = [
@@ -82,8 +83,20 @@ SSD = {
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
-    """The package of a short docking."""
+    """The package of a short docking, as users get it."""
     return build_ssp(SCENE[0], SCENE[1:], tmp_path_factory.mktemp("ssp") / "docking.ssp")
+
+
+@pytest.fixture(scope="module")
+def bare_package(tmp_path_factory):
+    """A function from scene and overrides to a package to be run; each built once."""
+
+    @functools.cache
+    def build(scene, *overrides):
+        file = tmp_path_factory.mktemp("ssp") / "docking.ssp"
+        return build_ssp(scene, overrides, file, bare=True)
+
+    return build
 
 
 @pytest.fixture(scope="module")
@@ -96,14 +109,13 @@ def fmus(package, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def recording_of(package, tmp_path_factory):
+def recording_of(bare_package):
     """A function from masters to all that is looked at, after every step; each run once."""
-    sequential = tmp_path_factory.mktemp("ssp") / "sequential.ssp"
-    build_ssp(SCENE[0], (*SCENE[1:], "coupling.mode=sequential"), sequential)
 
     @functools.cache
     def record(master, wrong_mode=False):
-        file = sequential if (master == "sequential container") != wrong_mode else package
+        sequential = (master == "sequential container") != wrong_mode
+        file = bare_package(*SCENE, *([IN_SEQUENCE] if sequential else []))
         told = {f"{name.partition('.')[0]}::{rename(name)}": name for name in MOTIONS}
         names = [*RESULTS, *INSIDE, *told]
         found = record_importer(master, file, STEP, STEPS, names, every=1)
@@ -171,10 +183,9 @@ def test_every_fmu_of_the_package_is_valid(fmus, name):
     assert validate_fmu(str(fmus[name])) == []
 
 
-def test_the_same_scene_gives_the_same_package(tmp_path):
-    first = build_ssp("idss_100t_100t", (), tmp_path / "a.ssp")
-    second = build_ssp("idss_100t_100t", (), tmp_path / "b" / "c.ssp")
-    assert first.read_bytes() == second.read_bytes()
+def test_the_same_scene_gives_the_same_package(bare_package, tmp_path):
+    second = build_ssp(SCENE[0], SCENE[1:], tmp_path / "b" / "c.ssp", bare=True)
+    assert bare_package(*SCENE).read_bytes() == second.read_bytes()
 
 
 def test_all_fmus_have_the_vehicles_of_the_scene_where_they_were_placed(runs, fmus):
@@ -183,6 +194,12 @@ def test_all_fmus_have_the_vehicles_of_the_scene_where_they_were_placed(runs, fm
         assert find_starts(fmus["docking"], vehicle) == free
         assert find_starts(fmus[vehicle], "chaser") == free
         assert np.linalg.norm(free[:3]) > 1.0 or vehicle == "target"
+
+
+@pytest.fixture(scope="module")
+def chain_of(tmp_path_factory):
+    """A function from the order of two components to their package; each written once."""
+    return functools.cache(lambda *names: write_chain(tmp_path_factory.mktemp("chain"), names))
 
 
 def write_chain(folder, names):
@@ -202,7 +219,8 @@ def write_chain(folder, names):
                 f"[chaser]\nmass = 1\ninertia = [1, 1, 1, 0, 0, 0]\n{states[name]}\n"
                 "[experiment]\nstop = 3.0\nstep = 1.0\n"
             )
-            archive.write(build_fmu(scene, (), folder / f"{name}.fmu"), f"resources/{name}.fmu")
+            fmu = build_fmu(scene, (), folder / f"{name}.fmu", bare=True)
+            archive.write(fmu, f"resources/{name}.fmu")
             connectors = "".join(
                 f'<ssd:Connector name="chaser.{port}[1]" kind="{kind}"><ssc:Real/></ssd:Connector>'
                 for kind, port in ports[name]
@@ -226,13 +244,13 @@ def write_chain(folder, names):
 
 @pytest.mark.parametrize("first", ["leader", "docking"])
 @pytest.mark.parametrize("master", MASTERS)
-def test_when_a_master_hands_on_values(tmp_path, master, first):
+def test_when_a_master_hands_on_values(chain_of, master, first):
     # The leader is at 1, 2, 3, 4 m after 0, 1, 2, 3 steps of 1 s. The speed that the other one has
     # gained in a step tells which of these it was pushed by: that of the start of the step where
     # all step at once, that of its end where the leader has stepped before it.
     names = ("leader", "docking") if first == "leader" else ("docking", "leader")
     name = "chaser.velocity[1]"
-    speed = record_importer(master, write_chain(tmp_path, names), 1.0, 3, [name], every=1)[name]
+    speed = record_importer(master, chain_of(*names), 1.0, 3, [name], every=1)[name]
     ahead = master == "sequential container" and first == "leader"
     expected = [2.0, 3.0, 4.0] if ahead else [1.0, 2.0, 3.0]
     if master == "fmpy.ssp":
@@ -266,12 +284,12 @@ def test_the_package_gives_the_docking_of_one_fmu(recording_of, alone, master):
 
 
 @pytest.mark.parametrize("master", MASTERS)
-def test_a_load_from_the_first_step_on_reaches_the_vehicles(runs, tmp_path, master):
+def test_a_load_from_the_first_step_on_reaches_the_vehicles(runs, bare_package, master):
     # The absorber touches at the start. fmpy.ssp hands on nothing before the first step, so its
     # vehicles feel that step's load in the second one.
     scene = ("absorber_1d", *SCENE[2:5], f"experiment.step={STEP}")
-    mode = ("coupling.mode=sequential",) if master == "sequential container" else ()
-    package = build_ssp(scene[0], (*scene[1:], *mode), tmp_path / "absorber.ssp")
+    mode = (IN_SEQUENCE,) if master == "sequential container" else ()
+    package = bare_package(*scene, *mode)
     told = {"relative.axial": "relative.axial", "chaser.velocity[1]": "chaser::chaser.velocity[1]"}
     found = record_importer(master, package, STEP, 64, told.values(), every=1)
     expected = record_importer("fmpy", runs.fmu(*scene), STEP, 64, told, every=1)
@@ -338,9 +356,9 @@ def test_libcosim_and_ecos_give_the_same_bits(recording_of):
 
 
 @pytest.mark.parametrize("importer", ["libcosim", "ecos"])  # the others take no values from it
-def test_parameter_values_of_the_package_reach_the_fmus(package, tmp_path, importer):
+def test_parameter_values_of_the_package_reach_the_fmus(bare_package, tmp_path, importer):
     edited = tmp_path / "edited.ssp"
-    with zipfile.ZipFile(package) as source, zipfile.ZipFile(edited, "w") as target:
+    with zipfile.ZipFile(bare_package(*SCENE)) as source, zipfile.ZipFile(edited, "w") as target:
         for name in source.namelist():
             content = source.read(name)
             if name == "SystemStructure.ssd":
@@ -372,7 +390,7 @@ def test_the_fmu_of_a_vehicle_is_a_rigid_body(fmus):
 
 
 def test_the_fmu_of_a_vehicle_holds_its_loads_over_a_step(tmp_path):
-    # Tumbling at 0.6 rad/s, with other loads in every step; against 200 Runge-Kutta steps of a
+    # Tumbling at 0.6 rad/s, with other loads in every step; against 40 Runge-Kutta steps of a
     # rigid body for each of them. Difference found: 1e-9.
     inertia = [60.0, 110.0, 120.0, 3.0, -4.0, 5.0]
     scene = tmp_path / "tumbling.toml"
@@ -381,7 +399,7 @@ def test_the_fmu_of_a_vehicle_holds_its_loads_over_a_step(tmp_path):
         "angular_velocity = [0.3, -0.4, 0.35]\n[solver]\nrtol = 1e-10\n"
         "atol_position = 1e-12\natol_velocity = 1e-12\n"
     )
-    host = Host(build_fmu(scene, (), tmp_path / "tumbling.fmu"))
+    host = Host(build_fmu(scene, (), tmp_path / "tumbling.fmu", bare=True))
     host.start()
     matrix = make_symmetric(inertia)
     state = np.concatenate([host.vector(f"chaser.{n}", count) for n, count in MOTION.items()])
@@ -397,8 +415,8 @@ def test_the_fmu_of_a_vehicle_holds_its_loads_over_a_step(tmp_path):
         host.put("chaser.force_ext", force)
         host.put("chaser.torque_ext", torque)
         host.step(0.1)
-        h = 0.1 / 200
-        for _ in range(200):
+        h = 0.1 / 40
+        for _ in range(40):
             k1 = rates(state, force, torque)
             k2 = rates(state + h / 2 * k1, force, torque)
             k3 = rates(state + h / 2 * k2, force, torque)
@@ -455,14 +473,13 @@ def test_the_example_runs(master):
 
 
 @pytest.mark.parametrize(("mode", "value"), [("parallel", "2"), ("sequential", "1")])
-def test_the_docking_starts_in_the_mode_of_the_host(tmp_path, mode, value):
-    key = () if mode == "parallel" else (f"coupling.mode={mode}",)
-    package = build_ssp(SCENE[0], ("experiment.step=0.02", *key), tmp_path / "mode.ssp")
+def test_the_docking_starts_in_the_mode_of_the_host(bare_package, tmp_path, mode, value):
+    package = bare_package(*SCENE, *([] if mode == "parallel" else [IN_SEQUENCE]))
     with zipfile.ZipFile(package) as archive:
         fmu = archive.extract("resources/docking.fmu", tmp_path)
     starts = {v.name: v.start for v in read_model_description(fmu).modelVariables}
     assert starts["coupling.mode"] == value
-    assert float(starts["coupling.expected_step"]) == 0.02
+    assert float(starts["coupling.expected_step"]) == STEP
     names = [c.get("name") for c in read_structure(package).iter(f"{{{SSD['ssd']}}}Component")]
     assert names.index("docking") == (0 if mode == "sequential" else 2)
 
@@ -475,8 +492,8 @@ def test_a_mode_that_there_is_not_is_refused(dockloop):
     assert len(err.splitlines()) == 1
 
 
-def test_a_fixed_vehicle_has_no_component(tmp_path):
-    package = build_ssp(SCENE[0], ("target.motion=fixed",), tmp_path / "fixed.ssp")
+def test_a_fixed_vehicle_has_no_component(bare_package):
+    package = bare_package(SCENE[0], "target.motion=fixed")
     names = [c.get("name") for c in read_structure(package).iter(f"{{{SSD['ssd']}}}Component")]
     assert names == ["chaser", "docking"]
 

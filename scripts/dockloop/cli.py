@@ -419,7 +419,9 @@ def _run(options: argparse.Namespace) -> None:
 
     with scratch() as folder:
         if not is_fmu:
-            fmu = build_fmu(options.scene, options.overrides, folder / f"{name}.fmu")
+            fmu = build_fmu(
+                options.scene, options.overrides, folder / f"{name}.fmu", bare=True
+            )
         progress = ProgressBar(fmu.stem)
         label = paths.shown(fmu) if is_fmu else f"scene {fmu.stem}"
         run = run_fmu(fmu, options.set, options.stop, options.step, progress=progress, label=label)
@@ -508,9 +510,8 @@ def _trade(options: argparse.Namespace) -> None:
     for file, kind in report.list_files(folder):
         claim(file, kind)
     with scratch() as temporary:
-        bench = Bench(
-            build_fmu(options.scene, options.overrides, temporary / f"{name}.fmu"),
-        )
+        fmu = temporary / f"{name}.fmu"
+        bench = Bench(build_fmu(options.scene, options.overrides, fmu, bare=True))
     progress = ProgressBar(name)
     measured = trade.run_trade(bench, choice, folder, resume=options.resume, progress=progress)
     summary = report.summarise_trade(measured, _trade_command(options))

@@ -65,7 +65,11 @@ PACKAGE = Kind("SSP package", "dockloop ssp", _is_package)
 
 
 def build_ssp(
-    reference: str, overrides: list[str] | tuple[str, ...] = (), output: Path | None = None
+    reference: str,
+    overrides: list[str] | tuple[str, ...] = (),
+    output: Path | None = None,
+    *,
+    bare: bool = False,
 ) -> Path:
     """Build the SSP package of a scene.
 
@@ -73,6 +77,7 @@ def build_ssp(
         reference: name or path of the scene.
         overrides: ``KEY=VALUE`` texts that replace keys of the scene.
         output: the package to write; default ``build/ssp/SCENE.ssp`` of the project.
+        bare: its FMUs hold only what is needed to run them (see `dockloop.fmu`).
 
     Returns:
         The package.
@@ -89,11 +94,11 @@ def build_ssp(
     with scratch() as folder:
         archives = {name: folder / f"{name}.fmu" for name in documents}
         for name, archive in archives.items():
-            write_fmu(documents[name], source, archive)
+            write_fmu(documents[name], source, archive, bare=bare)
         structure = _describe_system(document, {n: _Fmu(a) for n, a in archives.items()})
         entries = {"SystemStructure.ssd": structure}
         entries |= {f"resources/{a.name}": a.read_bytes() for a in archives.values()}
-    write_zip(output, PACKAGE, entries)
+    write_zip(output, PACKAGE, entries, compress=not bare)
     return output
 
 

@@ -164,7 +164,7 @@ class Planner:
         if key not in self._fmus:
             with scratch() as folder:
                 path = folder / "sweep.fmu"
-                write_fmu(json.loads(key), self._sweep.scene, path, kernel=False)
+                write_fmu(json.loads(key), self._sweep.scene, path, kernel=False, bare=True)
                 fmu = path.read_bytes()
             self._fmus[key] = (hashlib.sha256(fmu).hexdigest(), fmu)
             self.built += 1

@@ -36,7 +36,8 @@ class Docking:
         """
         self.step, self.count = step, 0
         with tempfile.TemporaryDirectory() as folder:  # once it is loaded, it reads no file
-            fmu = str(build_fmu(SCENE, [f"chaser.motion={motion}"], Path(folder) / "docking.fmu"))
+            file = Path(folder) / "docking.fmu"
+            fmu = str(build_fmu(SCENE, [f"chaser.motion={motion}"], file, bare=True))
             description = read_model_description(fmu)
             self.slave = FMU2Slave(
                 guid=description.guid,

@@ -142,9 +142,9 @@ def main() -> None:
     mode = "sequential" if options.master.startswith("sequential") else "parallel"
     settings = (*ACCURATE, f"experiment.step={options.step!r}", f"coupling.mode={mode}")
     with tempfile.TemporaryDirectory() as folder:
-        package = build_ssp(options.scene, settings, Path(folder) / "docking.ssp")
+        package = build_ssp(options.scene, settings, Path(folder) / "docking.ssp", bare=True)
         found = MASTERS[options.master](package, options.step, count)
-        alone = build_fmu(options.scene, settings, Path(folder) / "alone.fmu")
+        alone = build_fmu(options.scene, settings, Path(folder) / "alone.fmu", bare=True)
         expected = run_fmu(alone, options.step, count)
 
     print(f"{'':30} {options.master:>20} {'one FMU':>14} {'difference':>12}")
