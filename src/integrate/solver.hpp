@@ -13,6 +13,7 @@
 #include <sundials/sundials_linearsolver.h>
 #include <sundials/sundials_matrix.h>
 
+#include <cstdint>
 #include <limits>
 #include <memory>
 

@@ -7,6 +7,7 @@
 // give the same bits.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 

@@ -11,7 +11,8 @@ namespace {
 
 constexpr double kForget = 0.98;      ///< of the sums, per kForgetTime
 constexpr double kForgetTime = 0.01;  ///< [s]
-constexpr double kRounding = 1e-11;   ///< change of velocity that says nothing, [m/s], [rad/s] ...
+constexpr double kSilentChange =
+    1e-11;  ///< change of velocity that says nothing, [m/s], [rad/s] ...
 constexpr double kRelativeRounding = 1e-14;  ///< ... and of the speed in N [-]
 constexpr int kEnoughSteps = 10;
 constexpr double kExplained = 0.05;     ///< of the squares of innovations, by an explanation
@@ -95,7 +96,7 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
     *sum *= keep;
   }
   // Gravity that is told as a constant over the step is not known better than this.
-  const double rounding = kRounding + kRelativeRounding * inputs.vehicle[i].velocity.norm() +
+  const double rounding = kSilentChange + kRelativeRounding * inputs.vehicle[i].velocity.norm() +
                           h * kUnmodelled * loads.gravity.norm();
   if (predicted.norm() > rounding) {
     ++sums.loaded;
@@ -107,7 +108,7 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
     const Vec3<double> beside = announces() ? mean_load[i].f : v.before.f;
     sums.shifted2 += (innovation - h / mass * (beside - v.held.f)).squaredNorm();
   }
-  if (turned.norm() > kRounding) {
+  if (turned.norm() > kSilentChange) {
     sums.turn2 += turned.squaredNorm();
     sums.innovation_turn += (z.w - v.predicted.w).dot(turned);
     sums.turn_innovation2 += (z.w - v.predicted.w).squaredNorm();

@@ -13,7 +13,7 @@ namespace {
 
 // Rounding moves an eigenvalue by about 1e-16 of the largest, and splits one that is double, as at
 // critical damping or of a body that floats, by the root of that.
-constexpr double kRounding = 1e-12, kDouble = 1e-7;
+constexpr double kRoundingOfRates = 1e-12, kDouble = 1e-7;
 
 /// Joint forces of the file into data.tau.
 template <class S>
@@ -76,7 +76,7 @@ std::vector<Mode> find_modes(const Mechanism& mechanism) {
   const double largest = solver.eigenvalues().cwiseAbs().maxCoeff();
   for (const std::complex<double>& value : solver.eigenvalues()) {
     const double frequency = std::abs(value);
-    const double growth = std::abs(value.real()) > kRounding * largest ? value.real() : 0.0;
+    const double growth = std::abs(value.real()) > kRoundingOfRates * largest ? value.real() : 0.0;
     if (frequency <= kDouble * largest) {
       modes.push_back({});
     } else if (std::abs(value.imag()) <= kDouble * frequency) {
