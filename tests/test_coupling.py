@@ -336,7 +336,7 @@ def test_a_step_that_is_tried_restored_and_repeated_has_the_same_bits(runs, sche
         Coupling(fmu, scheme, first_step=STEP) as plain,
         Coupling(fmu, scheme, first_step=STEP) as twice,
     ):
-        for i in range(100):
+        for i in range(130):
             plain.step(STEP)
             saved, motion = twice.host.save(), twice.bodies["chaser"].motion()
             twice.step((0.003, STEP, 0.02)[i % 3])

@@ -3,10 +3,11 @@
 1. A joint driven at constant speed follows the time; the vehicle recoils so that momentum stays,
    and the work of the drive closes the balance of energy.
 2. A screw between slide and rotor swings like the mass that it reflects, exactly.
-3. Two slider-cranks on a floating vehicle, their sliders independent, run through their dead
+3. The force of a leg holds what its screw transmits: it does all the work on the ring.
+4. Two slider-cranks on a floating vehicle, their sliders independent, run through their dead
    centres (their coordinates change several times): motion, momentum and energy are those of the
    cranks.
-4. Coupling tables that make no sense are refused in one sentence.
+5. Coupling tables that make no sense are refused in one sentence.
 """
 
 import copy
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 
 import mechanism_benchmarks as benchmarks
+from dockloop import paths
 from dockloop.errors import UsageError
 from dockloop.mechanism import check_mechanism
 from own_mechanism import FIXED_BASE, write_scene
@@ -101,6 +103,55 @@ def test_a_screw_swings_like_the_mass_that_it_reflects(runs, tmp_path):
     frequency = math.sqrt(stiffness / (mass + rotor * ratio**2))
     exact = 0.05 * np.cos(frequency * run["time"])
     assert np.max(np.abs(run["state.q[1]"] - exact)) < 1e-11
+
+
+def test_the_force_of_a_leg_holds_what_its_screw_transmits(runs, tmp_path):
+    """Legs all but without mass: what they exert along themselves is all that moves the ring."""
+    file = paths.MECHANISMS / "hexapod_bench.json"
+    mechanism = json.loads(file.read_text(encoding="utf-8"))
+    rotor, lead, light = 6e-5, 0.02, {"mass": 1e-6, "com": 0.1, "inertia_transverse": 1e-9}
+    light["inertia_axial"] = 1e-9
+    reflected = rotor * (2 * math.pi / lead) ** 2  # kg, a seventh of the ring per leg
+    mechanism["leg_defaults"] |= {"cylinder": light, "rod": light}
+    names = [leg["name"] for leg in mechanism["legs"]]
+    for name in names:
+        mechanism["bodies"].append(
+            {
+                "name": f"{name}_rotor",
+                "parent": "base",
+                "joint": {"type": "revolute", "axis": [1, 0, 0]},
+                "inertia": [[rotor, 0, 0], [0, 0.5 * rotor, 0], [0, 0, 0.5 * rotor]],
+            }
+        )
+    mechanism["couplings"] = [
+        {
+            "name": f"{name}_screw",
+            "dependent": f"{name}_rotor",
+            "terms": [{"joint": f"{name}_rod", "ratio": 2 * math.pi / lead}],
+        }
+        for name in names
+    ]
+    start = "[initial.capture_body]\ndisplacement = [0, 0, -0.05]"
+    groups = GROUPS.replace('"ring"', '"ring", "legs"')
+    run = runs.run(
+        write_scene(
+            tmp_path,
+            mechanism,
+            FIXED_BASE,
+            start,
+            "[experiment]\nstop = 0.4\nstep = 0.002",
+            groups,
+        )
+    )
+    count = range(1, len(names) + 1)
+    power = sum(run[f"leg[{i}].force"] * run[f"leg[{i}].rate"] for i in count)
+    work = np.concatenate(([0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * 0.002)))
+    moved = 0.5 * 30.0 * run["ring.velocity[3]"] ** 2
+    assert np.max(moved) > 1.0  # J
+    assert np.max(np.abs(work - moved)) < 1e-3 * np.max(moved)
+    springs = -2000 * (run["leg[1].length"] - run["leg[1].length"][0]) - 150 * run["leg[1].rate"]
+    assert reflected > 5.0
+    assert np.max(np.abs(run["leg[1].force"] - springs)) > 20.0  # N, by the rotors
 
 
 def two_slider_cranks(independent):

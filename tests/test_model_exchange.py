@@ -64,9 +64,9 @@ def worst(a, b, names):
 # ---------------------------------------------------------------- CVODE
 
 # Largest difference of the pose [m, 1] and of the times [s] at a tolerance of CVODE: ten times what
-# was measured (1e-5, 1e-7, 1e-9: default 1.6e-6, 6.8e-10, 3.8e-12 m; 6.9e-6, 4.2e-8, 2.3e-10 s).
+# was measured (1e-5, 1e-7, 1e-9: default 7.3e-7, 2.5e-7, 2.7e-9 m; 2.0e-7, 1.8e-7, 1.7e-9 s).
 SCENES = {
-    "idss_25t_350t": ((NEAR,), 1.5, POSE, TIMES, {1e-5: 2e-5, 1e-7: 4e-8, 1e-9: 4e-10}),
+    "idss_25t_350t": ((NEAR,), 1.5, POSE, TIMES, {1e-5: 2e-5, 1e-7: 2.5e-6, 1e-9: 3e-8}),
     "idss_100t_100t": ((NEAR,), 2.0, POSE, TIMES, {1e-5: 1e-5, 1e-7: 4e-7, 1e-9: 3e-9}),
     "hexapod_bench": ((), 2.0, RING, (), {1e-5: 6e-7, 1e-7: 8e-8, 1e-9: 1.5e-9}),
     "absorber_1d": ((), 5.0, POSE, TIMES[:1], {1e-5: 3e-4, 1e-7: 3e-6, 1e-9: 8e-9}),
@@ -133,12 +133,12 @@ def started(fmu, start_time=0.0):
 def test_a_runge_kutta_method_of_the_test_gives_the_same_motion(runs):
     fmu = runs.fmu(DEFAULT, NEAR)
     names = [*POSE, *TIMES, *PEAKS]
-    reference = simulate(fmu, "CoSimulation", names, 1.1, 0.01)
+    reference = simulate(fmu, "CoSimulation", names, 1.3, 0.01)
     errors = []
     for size in (2e-3, 1e-3, 0.5e-3):
         host, info = started(fmu)
         with host:
-            host.integrate(1.1, size, info)
+            host.integrate(1.3, size, info)
             assert host.phase() >= 3
             at = dict(zip(names, host.get(*names), strict=True))
         errors.append(

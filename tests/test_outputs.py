@@ -42,10 +42,6 @@ COMMANDS = {
         ],
     ),
     "run npz": ([*RUN, "-o", "own.npz", "--no-plots"], ["own.npz", "own_summary.json"]),
-    "run default": (
-        [*RUN, "--no-plots"],
-        ["build/results/absorber_1d/absorber_1d.csv"],
-    ),
     "sweep": (
         [*SWEEP, "-o", "own.parquet", "--csv"],
         [
@@ -170,12 +166,6 @@ def test_a_result_by_an_fmu_goes_to_its_default_place_twice(dockloop, runs, tmp_
         assert told.status == 0, told.err
     folder = tmp_path / "build" / "results" / "absorber_1d"
     assert (folder / "absorber_1d_summary.json").is_file()
-    foreign = folder / "absorber_1d_energy.png"
-    foreign.write_text("notes of mine")
-    before = snapshot(tmp_path)
-    refused = dockloop("run", runs.fmu("absorber_1d"), "--stop", "0.1")
-    assert_stopped(refused, tmp_path, before, foreign.name)
-    assert dockloop("run", runs.fmu("absorber_1d"), "--stop", "0.1", "--no-plots").status == 0
 
 
 def test_files_of_another_command_are_foreign(dockloop, tmp_path):

@@ -77,7 +77,7 @@ def test_every_step_made_twice_gives_the_bits_of_the_uninterrupted_run(runs, var
         plain.start()
         twice.start()
         phases = set()
-        for _ in range(110):
+        for _ in range(130):
             drives[0](plain)
             plain.step()
             saved = twice.save()
@@ -157,12 +157,12 @@ def test_bytes_go_on_with_the_same_bits_in_another_process(runs, tmp_path, frict
         for name in names:
             name.write_bytes(host.save_bytes())
         time = host.time
-        expected = run_on(host, 60)
+        expected = run_on(host, 90)
         assert host.phase() >= CAPTURED
     out = tmp_path / "seen"
     name = names[friction - 1]  # into an instance that has started and one that has not
     subprocess.run(
-        [sys.executable, "-c", SCRIPT, Path(__file__).parent, fmu, name, repr(time), "60", out],
+        [sys.executable, "-c", SCRIPT, Path(__file__).parent, fmu, name, repr(time), "90", out],
         check=True,
     )
     seen = pickle.loads(out.read_bytes())

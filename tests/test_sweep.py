@@ -314,7 +314,8 @@ def test_one_fmu_that_is_reset_gives_the_bits_of_an_fmu_for_each_case(tmp_path, 
             stop=2.5,
             step=0.5,
         )
-        assert result.outputs == tuple(alone[name][-1] for name in ENDS), quantity
+        ends = result.outputs[: len(ENDS)]  # what explains a capture comes after them
+        assert ends == tuple(alone[name][-1] for name in ENDS), quantity
     for fmu in loaded.values():
         fmu.close()
     assert len(fmus) == 3, len(fmus)  # the base, another mechanism, another tolerance
@@ -324,7 +325,7 @@ def test_an_early_end_gives_the_bits_of_a_run_to_that_time(runs):
     fmu = LoadedFmu(runs.fmu(CAPTURED).read_bytes())
     result = fmu.run(Job((), ENDS, 20.0, 0.25, 1.5))
     fmu.close()
-    captured_at = 3.0  # the first communication point after 2.82 s
+    captured_at = 3.25  # the first communication point after 3.08 s
     assert result.end_time == captured_at + 1.5
     alone = runs.run(CAPTURED, stop=result.end_time, step=0.25)
     assert result.outputs == tuple(alone[name][-1] for name in ENDS)

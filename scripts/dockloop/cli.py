@@ -419,9 +419,7 @@ def _run(options: argparse.Namespace) -> None:
 
     with scratch() as folder:
         if not is_fmu:
-            fmu = build_fmu(
-                options.scene, options.overrides, folder / f"{name}.fmu", bare=True
-            )
+            fmu = build_fmu(options.scene, options.overrides, folder / f"{name}.fmu", bare=True)
         progress = ProgressBar(fmu.stem)
         label = paths.shown(fmu) if is_fmu else f"scene {fmu.stem}"
         run = run_fmu(fmu, options.set, options.stop, options.step, progress=progress, label=label)

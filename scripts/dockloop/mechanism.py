@@ -4,17 +4,14 @@ The file is checked against its schema here; what needs kinematics (loops, closu
 is answered by the C++ core.
 """
 
-import json
 import math
 from pathlib import Path
-from typing import Any
 
 from dockloop import schema
 from dockloop.core import ask_core
 from dockloop.errors import UsageError, did_you_mean
-from dockloop.outputs import scratch
 from dockloop.paths import MECHANISMS, find_absence, is_file, shown
-from dockloop.scene import read_json, read_mechanism, without_nulls
+from dockloop.scene import read_mechanism
 
 
 def find_mechanism(reference: str) -> Path:
@@ -48,21 +45,11 @@ def check_mechanism(reference: str, states: Path | None = None) -> dict | list:
     path = find_mechanism(reference)
     mechanism = read_mechanism(path)
     schema.check(mechanism, "mechanism", path)
-    if without_nulls(mechanism) == mechanism:
-        return _ask(path, states)
-    with scratch() as folder:  # the core does not know null
-        file = folder / "mechanism.json"
-        file.write_text(json.dumps(without_nulls(read_json(path))), encoding="utf-8")
-        return _ask(file, states, source=path)
-
-
-def _ask(file: Path, states: Path | None, **more: Any) -> dict | list:
-    """Return what the core says of a mechanism file that its schema accepts."""
     if states is None:
-        return ask_core("check", file, **more)
+        return ask_core("check", path)
     if not is_file(states):
         raise UsageError(find_absence(states, "file of states"))
-    return ask_core("check", file, "--states", str(states), **more)
+    return ask_core("check", path, "--states", str(states))
 
 
 def describe_report(report: dict) -> str:

@@ -336,8 +336,9 @@ NodeSet make_node_set(int first, bool on_passive, const std::vector<Vec3<double>
 
 /// "azimuth 78.8 deg", from 0 to 360.
 std::string describe_azimuth(const Vec3<double>& at) {
+  constexpr double kUp = 1e-6;  // what lies halfway is rounded up, on every machine
   const double tenths =
-      std::round(std::atan2(at[2], at[1]) * 1800.0 / static_cast<double>(EIGEN_PI));
+      std::round(std::atan2(at[2], at[1]) * 1800.0 / static_cast<double>(EIGEN_PI) + kUp);
   char text[32];
   std::snprintf(text, sizeof text, "azimuth %.1f deg", std::fmod(tenths + 3600.0, 3600.0) / 10.0);
   return text;

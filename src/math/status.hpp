@@ -26,7 +26,8 @@ enum class StatusCode {
 };
 
 /// Outcome of an evaluation or a step. `index` is the loop or contact pair, `margin` the normalised
-/// distance to the limit [-], `time` the simulation time [s] where it is known.
+/// distance to the limit [-], `time` the time since the start [s] where it is known,
+/// else 0.
 struct Status {
   StatusCode code = StatusCode::kOk;
   int index = -1;

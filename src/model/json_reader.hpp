@@ -44,7 +44,10 @@ class JsonReader {
 
   const nlohmann::json& node() const { return *node_; }
   const std::string& path() const { return path_; }
-  bool has(const std::string& key) const { return node_->is_object() && node_->contains(key); }
+  /// A member that is null counts as absent: its default holds.
+  bool has(const std::string& key) const {
+    return node_->is_object() && node_->contains(key) && !(*node_)[key].is_null();
+  }
 
   /// The value as a message quotes it.
   std::string shown() const {
@@ -58,7 +61,7 @@ class JsonReader {
 
   JsonReader at(const std::string& key) const {
     if (!node_->is_object()) fail("must be an object");
-    if (!node_->contains(key)) fail("lacks the member '" + key + "'");
+    if (!has(key)) fail("lacks the member '" + key + "'");
     return {(*node_)[key], source_, path_.empty() ? key : path_ + "." + key};
   }
 

@@ -272,8 +272,7 @@ void DockingSim::Impl::announce(double h) {
       std::snprintf(text, sizeof text,
                     "the loads of the step after t = %.9g s could not be announced (looking %.6g s "
                     "ahead: %s); the host is told what it is owed only",
-                    setup->t_start + elapsed, h,
-                    find_status_text(status, model->mechanism.model).c_str());
+                    setup->t_start + elapsed, h, describe(status).c_str());
       warn_once(i, kToldLookAhead, text);
     }
   }

@@ -49,9 +49,7 @@ const Outputs& DockingSim::outputs() {
   return impl_->outputs;
 }
 
-std::string DockingSim::describe(const Status& status) const {
-  return find_status_text(status, impl_->scene->mechanism);
-}
+std::string DockingSim::describe(const Status& status) const { return impl_->describe(status); }
 
 void DockingSim::adopt_tunables() { impl_->adopt_tunables(); }
 
@@ -196,8 +194,7 @@ void DockingSim::Impl::check_restored() {
   if (status.ok()) status = update_main();
   if (status.ok()) status = update_bodies();
   if (!status.ok()) {
-    throw ModelError("the saved state is damaged: " +
-                     find_status_text(status, model->mechanism.model));
+    throw ModelError("the saved state is damaged: " + describe(status));
   }
   for_each_value<double>(outputs, [](double value) {
     if (!std::isfinite(value)) {

@@ -60,7 +60,7 @@ Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
   if (margin < model->mechanism.model.singularity.warning && !warned_margin) {
     char text[120];
     std::snprintf(text, sizeof text, "a loop is close to singular (margin %.3g) at t = %.9g s",
-                  margin, elapsed + tau);
+                  margin, setup->t_start + elapsed + tau);
     warnings.push_back(text);
     warned_margin = true;
   }

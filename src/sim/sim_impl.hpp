@@ -52,7 +52,6 @@ struct DerivativePass {
 struct ExtendedEquations;  ///< of src/truth
 
 /// What a Status means, in one sentence.
-std::string find_status_text(const Status& status, const MechanismModel& mechanism);
 
 /// Scratch of DockingSim::Impl::is_in_balance.
 struct BalanceWorkspace {
@@ -99,6 +98,9 @@ struct DockingSim::Impl : SimState {
   Status bring_joints_to_start();
   void set_start_state();
   void warn_about_start();
+
+  // trouble.cpp
+  std::string describe(const Status& status) const;
 
   // reference_form.cpp
   bool has_reference() const {

@@ -418,8 +418,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     set_start_state();
     status = evaluate(0.0);
   }
-  if (!status.ok())
-    throw ModelError("start state: " + find_status_text(status, model->mechanism.model));
+  if (!status.ok()) throw ModelError("start state: " + describe(status));
   keep_pose();
   if (parameters.model_level == kRigid) {
     check_mechanism_rests();

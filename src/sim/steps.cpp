@@ -156,7 +156,7 @@ Status DockingSim::Impl::step(double t, double h) {
   if (!evaluate(0.0).ok()) status.code = StatusCode::kNotFinite;
   char text[120];
   std::snprintf(text, sizeof text, "step from t = %.9g s over %.6g s: ", t, h);
-  if (status_text.empty()) status_text = find_status_text(status, model->mechanism.model);
+  if (status_text.empty()) status_text = describe(status);
   status_text = text + status_text;
   return status;
 }

@@ -6,11 +6,13 @@
 
 namespace dockloop {
 
-std::string find_status_text(const Status& status, const MechanismModel& mechanism) {
-  char text[240];
+std::string DockingSim::Impl::describe(const Status& status) const {
+  char text[400];
+  const MechanismModel& mechanism = model->mechanism.model;
   const auto loop = [&]() {
     return status.index >= 0 ? mechanism.loops[status.index].name : std::string("?");
   };
+  const auto surfaces = [&]() { return describe_pair(model->contact, status.index); };
   switch (status.code) {
     case StatusCode::kOk:
       return "ok";
@@ -40,12 +42,13 @@ std::string find_status_text(const Status& status, const MechanismModel& mechani
       break;
     case StatusCode::kContactTooDeep:
       std::snprintf(text, sizeof text,
-                    "contact pair %d is %.2f of its rounding deep (limit 0.98): too fast for the "
-                    "contact stiffness, or placed inside a surface",
-                    status.index + 1, status.margin);
+                    "%s are pressed together by %.0f %% of their rounding, more than one step can "
+                    "follow: the impact is too fast for contact.stiffness, or the surfaces were "
+                    "placed inside each other",
+                    surfaces().c_str(), 100.0 * status.margin);
       break;
     case StatusCode::kContactFlipped:
-      std::snprintf(text, sizeof text, "contact pair %d would be passed through", status.index + 1);
+      std::snprintf(text, sizeof text, "%s would pass through each other", surfaces().c_str());
       break;
     case StatusCode::kIntegrationFailed:
       std::snprintf(text, sizeof text, "the integrator cannot meet its tolerance");
@@ -59,7 +62,7 @@ std::string find_status_text(const Status& status, const MechanismModel& mechani
   }
   if (status.time > 0.0) {
     const size_t used = std::strlen(text);
-    std::snprintf(text + used, sizeof text - used, " at t = %.9g s", status.time);
+    std::snprintf(text + used, sizeof text - used, " at t = %.9g s", setup->t_start + status.time);
   }
   return text;
 }

@@ -4,7 +4,7 @@
 // without end, deep nesting and quaternions of length 0 are refused with file, member, value and
 // limit; (2) values at the limit are read; (3) messages stay short however long the value is;
 // (4) a mechanism states every dimension of its rings, with angles in rad or, in a file, in
-// degrees.
+// degrees; (5) a member that is null is as good as absent.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -143,6 +143,14 @@ TEST(ModelReading, a_ring_states_all_its_dimensions) {
     const std::string name = member.key().substr(0, member.key().find("_deg"));
     expect_parts(refusal(read_capture, changed.dump()), {"file.json", "contact lacks", name});
   }
+}
+
+TEST(ModelReading, null_is_as_good_as_absent) {
+  const json document = json::parse(R"({"closure": null})");
+  EXPECT_EQ(JsonReader(document, "file.json").text("closure", "automatic"), "automatic");
+  EXPECT_EQ(scene_with("/gravity", nullptr), "");
+  const std::string missing = scene_with("/chaser/mass", nullptr);
+  EXPECT_NE(missing.find("chaser lacks the member 'mass'"), std::string::npos) << missing;
 }
 
 }  // namespace
