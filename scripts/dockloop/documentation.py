@@ -21,9 +21,9 @@ _SECTIONS = (
     ("Target", r"(der\()?target\."),
     ("Gravity", r"gravity\["),
     ("Relative motion", r"(relative\.|gap$)"),
-    ("Loads in the capture interface", r"capture\."),
+    ("Loads in the capture interface", r"capture\.(?!reason|seated)"),
     ("Contact, friction and latches", r"(contact\.|latch\[|friction\.|restitution)"),
-    ("Phase and outcome", r"(phase$|captured$|latched\[|outcome$|time_)"),
+    ("Phase and outcome", r"(phase$|captured$|capture\.|latched\[|outcome$|time_)"),
     ("Guide ring", r"ring\."),
     ("Legs", r"leg\["),
     ("Independent coordinates", r"(der\()?state\."),
@@ -80,17 +80,19 @@ _OUTCOMES = (
 
 _STATUSES = (
     ("fmi2Warning", "a log line only: a parameter breaks a rule of thumb, or a loop comes near a"
-     " singular pose", "nothing"),
-    ("fmi2Discard", "<code>fmi2DoStep</code>: contact deeper than 0.98 of the rounding, a surface"
-     " jumped over, tolerance not met, a loop that"
-     " cannot be closed or would close another way, a pose that is not a unit"
-     " quaternion", "repeat the step smaller, or correct the input: the instance is still at the"
-     " start of the step"),
+     " singular pose, or the energy audit is off", "what the line says"),
+    ("fmi2Discard", "<code>fmi2DoStep</code>: surfaces pressed to their cores or passed through,"
+     " tolerance not met, more work than a step of this size may take (about half a second), energy"
+     " made by steps that are too long for a method without error control, a loop that cannot be"
+     " closed or would close another way, a pose that is not a unit quaternion",
+     "repeat the step smaller, or correct the input: the instance is still at the start"
+     " of the step"),
     ("fmi2Error", "<code>fmi2DoStep</code>: a leg out of reach, a loop in a singular pose, a value"
      " that is not finite", "<code>fmi2Reset</code>"),
     ("fmi2Error", "any other call: wrong state, unknown reference, value outside min and max,"
      " parameters that cannot be simulated, a step size that is not positive, a step that does not"
-     " begin where the last one ended", "the call changed nothing; correct it"),
+     " begin where the last one ended or that ends after the stopTime of"
+     " <code>fmi2SetupExperiment</code>", "the call changed nothing; correct it"),
     ("fmi2Fatal", "never used", "&ndash;"),
 )  # fmt: skip
 

@@ -5,9 +5,9 @@
 // C_low holds the columns of both paths, J_I - J_T; the printed form keeps J_I alone.]
 // Which equation of the paper is where, and which test shows it: README.md in this folder.
 //
-//   loop_equations.cpp   one cut: residual, columns of G, bias                [Y2 (1)-(4)]
-//   loop_position.cpp    dependent coordinates: closed forms, Newton          [Y2 (9)]
-//   loop_reduction.cpp   H, h, elimination, cut forces                        [Y2 (5)-(8), (10)]
+//   loop_equations_body.hpp   one cut: residual, columns of G, bias                [Y2 (1)-(4)]
+//   loop_position_body.hpp    dependent coordinates: closed forms, Newton          [Y2 (9)]
+//   loop_reduction_body.hpp   H, h, elimination, cut forces                        [Y2 (5)-(8), (10)]
 #pragma once
 
 #include <array>

@@ -65,9 +65,9 @@ Status DockingSim::Impl::refuse_work(double h, std::int64_t limit, double tau) {
   char text[240];
   std::snprintf(
       text, sizeof text,
-      "it needs more work than %ld evaluations, the limit for a step of %.6g s of this model: "
+      "it needs more work than %.3g evaluations, the limit for a step of %.6g s of this model: "
       "shorten the step, or check speeds, spins and stiffnesses of contact and legs",
-      limit, h);
+      static_cast<double>(limit), h);
   status_text = text;
   return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
 }

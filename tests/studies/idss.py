@@ -15,12 +15,12 @@ Examples:
 """
 
 import argparse
-import multiprocessing
+import os
 import random
-import subprocess
 import sys
 import tempfile
 import tomllib
+from multiprocessing.pool import Pool
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ from dockloop.sampling import read_sweep
 from dockloop.simulate import ProgressBar, run_fmu
 from dockloop.sweep import run_sweep
 from dockloop.sweep_report import make_table
+from page import find_origin, write_head, write_page, write_row
 
 SCENE, SWEEP = "idss_25t_350t", "idss_initial_conditions"
 PAGE = ROOT / "tests" / "validation" / "idss.md"
@@ -101,16 +102,6 @@ def list_others(outcomes: list[str]) -> str:
     return ", ".join(f"{outcomes.count(name)} {name}" for name in names) or "-"
 
 
-def write_row(*cells: object) -> str:
-    """Return one line of a Markdown table."""
-    return f"| {' | '.join(str(cell) for cell in cells)} |"
-
-
-def write_head(*cells: str) -> list[str]:
-    """Return the first two lines of a Markdown table."""
-    return [write_row(*cells), "|" + "---|" * len(cells)]
-
-
 def describe_corners(speed: float, thrust: float, rows: list[dict]) -> str:
     """Condense the cases of one speed and thrust to a line of the table."""
     captured = [row["capture"] for row in rows if row["outcome"] == "captured"]
@@ -129,7 +120,7 @@ def describe_corners(speed: float, thrust: float, rows: list[dict]) -> str:
     )
 
 
-def study_offsets(pool: multiprocessing.pool.Pool, extra: list[str]) -> list[str]:
+def study_offsets(pool: Pool, extra: list[str]) -> list[str]:
     """Capture over closing speed and lateral offset."""
     at_limit = ["initial.pitch_yaw_deg=4.0", "initial.roll_deg=4.0", "initial.approach_time=0.5"]
     cases = [
@@ -146,7 +137,7 @@ def study_offsets(pool: multiprocessing.pool.Pool, extra: list[str]) -> list[str
     return head + [write_row(v, *cells[i * n : i * n + n]) for i, v in enumerate(SPEEDS)]
 
 
-def study_corners(pool: multiprocessing.pool.Pool, count: int, extra: list[str]) -> list[str]:
+def study_corners(pool: Pool, count: int, extra: list[str]) -> list[str]:
     """All limits of the standard at once."""
     corners = make_corners(count)
     lines = write_head(
@@ -182,7 +173,7 @@ def study_box(count: int, workers: int, extra: list[str]) -> list[str]:
         ran = run_sweep(sweep, output, workers=workers, progress=ProgressBar("box"))
         table = make_table(sweep, ran["planner"], ran["results"]).to_pydict()
     done = np.array(table["status"]) == "done"
-    outcome = [OUTCOMES[int(o)] for o in np.array(table["outcome"])[done]]
+    outcome = [str(name) for name in np.array(table["outcome"])[done]]
     captured = np.array([name == "captured" for name in outcome])
     offset = np.array(table["initial.lateral_offset"])[done]
     quarter = np.argsort(offset)
@@ -205,14 +196,6 @@ def study_box(count: int, workers: int, extra: list[str]) -> list[str]:
     return lines
 
 
-def say_origin(options: argparse.Namespace) -> list[str]:
-    """Say what made the page, of which state of the project, on which machine."""
-    git = ["git", "-C", str(ROOT), "log", "-1", "--format=%h of %cs"]
-    commit = subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()
-    command = f"tests/studies/idss.py --corners {options.corners} --cases {options.cases}"
-    return [f"Written by `.venv/bin/python {command}`, after commit {commit or 'unknown'}."]
-
-
 def main() -> int:
     """Run all cases and write the page."""
     parser = argparse.ArgumentParser(
@@ -220,19 +203,17 @@ def main() -> int:
     )
     parser.add_argument("--corners", type=int, default=32, help="random corners per row")
     parser.add_argument("--cases", type=int, default=512, help="of the sweep: a power of two")
-    parser.add_argument("--workers", type=int, default=multiprocessing.cpu_count())
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("-o", "--output", type=Path, default=PAGE, help="the page")
     options = parser.parse_args()
+    command = f"tests/studies/idss.py --corners {options.corners} --cases {options.cases}"
     page = [
-        "# Capture under the conditions of the IDSS",
-        "",
-        *say_origin(options),
         "",
         f"Scene `{SCENE}`, runs of 25 s. Variants are made with `--scene KEY=VALUE`; what a passive"
         " ring does not capture is reported, not tuned away. `dockloop check` says how far seated"
         " rings of a variant can play, and whether their latches can still catch then.",
     ]
-    with multiprocessing.Pool(options.workers) as pool:
+    with Pool(options.workers) as pool:
         for name, extra in VARIANTS.items():
             print(name, file=sys.stderr)
             keys = " ".join(f"--scene {key}" for key in extra)
@@ -252,8 +233,8 @@ def main() -> int:
                 "",
                 *study_box(options.cases, options.workers, extra),
             ]
-    options.output.parent.mkdir(parents=True, exist_ok=True)
-    options.output.write_text("\n".join(page) + "\n", encoding="utf-8")
+    title = "# Capture under the conditions of the IDSS"
+    write_page(options.output, title, find_origin(command), *page)
     return 0
 
 

@@ -1,0 +1,34 @@
+"""Pages of measured figures: Markdown that the studies write into tests/validation/."""
+
+import platform
+import subprocess
+from pathlib import Path
+
+from dockloop.paths import ROOT, shown
+
+
+def write_row(*cells: object) -> str:
+    """Return one line of a Markdown table."""
+    return f"| {' | '.join(str(cell) for cell in cells)} |"
+
+
+def write_head(*cells: str) -> list[str]:
+    """Return the first two lines of a Markdown table."""
+    return [write_row(*cells), "|" + "---|" * len(cells)]
+
+
+def find_origin(command: str) -> str:
+    """Return the sentence that says what made a page, from which state of the project."""
+    git = ["git", "-C", str(ROOT), "log", "-1", "--format=%h of %cs"]
+    commit = subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()
+    return (
+        f"Written by `.venv/bin/python {command}`, after commit {commit or 'unknown'}, on"
+        f" {platform.machine()} {platform.system()}."
+    )
+
+
+def write_page(path: Path, title: str, origin: str, *lines: str) -> None:
+    """Write a page and say where it is."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join((title, "", origin, *lines)) + "\n", encoding="utf-8")
+    print(shown(path))
