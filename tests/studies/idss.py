@@ -178,7 +178,10 @@ def study_box(count: int, workers: int, extra: list[str]) -> list[str]:
     offset = np.array(table["initial.lateral_offset"])[done]
     quarter = np.argsort(offset)
     n = len(quarter) // 4
-    after = np.array(table["time_of_capture"])[done] - np.array(table["time_of_contact"])[done]
+    contact, capture = (
+        np.array(table[f"time_of_{name}"], dtype=float)[done] for name in ("contact", "capture")
+    )  # NaN where it never came
+    after = capture - contact
     lines = [
         f"{count} cases, {int(done.sum())} run, {int(count - done.sum())} refused or failed:"
         f" {int(captured.sum())} captured, {list_others(outcome)}. Of the quarter with the smallest"
@@ -190,7 +193,7 @@ def study_box(count: int, workers: int, extra: list[str]) -> list[str]:
         *write_head("peak load", "median", "95 %", "99 %", "largest"),
     ]
     for load in LOADS:
-        values = np.array(table[f"capture.peak.{load}"])[done]
+        values = np.array(table[f"capture.peak.{load}"], dtype=float)[done]
         cells = [f"{np.quantile(values, q):.0f}" for q in (0.5, 0.95, 0.99, 1.0)]
         lines.append(write_row(f"{load} {'N m' if load in LOADS[3:] else 'N'}", *cells))
     return lines
