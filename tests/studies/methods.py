@@ -184,8 +184,8 @@ def main() -> None:
             "## Methods",
             "",
             f"{STOP:g} s of `{SCENE}`, `solver.rtol` 1e-6, `solver.step` 1 ms, communication"
-            " steps of 10 ms and of 1 s. A Jacobian counts as one evaluation per column, which is what"
-            " it costs. The peak load is compared with method 2 at a tolerance of 1e-11. Steep"
+            " steps of 10 ms and of 1 s. A Jacobian counts as one evaluation per column: that is"
+            " its cost. The peak load is compared with method 2 at a tolerance of 1e-11. Steep"
             f" friction: `--scene {STEEP}`.",
             "",
             *list_methods(study),
