@@ -98,8 +98,8 @@ def run_case(overrides: list[str]) -> dict:
 
 def list_others(outcomes: list[str]) -> str:
     """Return how many cases ended in what, but for captures."""
-    names = [name for name in OUTCOMES.values() if name != "captured" and name in outcomes]
-    return ", ".join(f"{outcomes.count(name)} {name}" for name in names) or "-"
+    names = sorted({name for name in outcomes if name != "captured"})
+    return ", ".join(f"{outcomes.count(name)} {name}" for name in names) or "no others"
 
 
 def describe_corners(speed: float, thrust: float, rows: list[dict]) -> str:

@@ -1,0 +1,153 @@
+"""Do outcomes depend on the communication step? Random fast dockings: tests/validation/steps.md.
+
+Vehicles meet at 0.5 to 2 m/s, up to 0.3 m beside each other, spinning with up to 60 rpm, at the
+default tolerances. Every scene runs with communication steps of 0.02 and of 0.1 s; outcome and
+every latch must be the same. Light vehicles rebound; heavy ones often press the surfaces to their
+cores, which is refused.
+
+Examples:
+    .venv/bin/python tests/studies/fast_scenes.py                # half an hour on two cores
+    .venv/bin/python tests/studies/fast_scenes.py --cases 64     # a minute
+"""
+
+import argparse
+import collections
+import tempfile
+from pathlib import Path
+
+from dockloop import paths
+from dockloop.sampling import read_sweep
+from dockloop.simulate import ProgressBar
+from dockloop.sweep import run_sweep
+from page import find_origin, write_head, write_page, write_row
+
+STEPS = (0.02, 0.1)
+COMPARED = ("outcome", "latched[1]", "latched[2]", "latched[3]")
+VEHICLES = {  # lines of the scene that differ
+    "chaser of 400 kg, target of 800 kg": {
+        "mass = 25e3": "mass = 400",
+        "inertia = [60.5e3, 132e3, 132e3,": "inertia = [80, 90, 90,",
+        "interface_position = [4,": "interface_position = [0.5,",
+        "mass = 350e3": "mass = 800",
+        "inertia = [4e7, 8e7, 8e7,": "inertia = [200, 250, 250,",
+        "interface_position = [-15,": "interface_position = [-1,",
+    },
+    "the default vehicles, 25 t and 350 t": {},
+}
+REASONS = {  # part of the sentence: in short
+    "no free motion": "no free motion leads to these conditions at first contact",
+    "pressed together": "surfaces are pressed to their cores",
+    "pass through": "surfaces would pass through each other",
+    "more work": "a step would take more work than it may",
+}
+SWEEP = """
+scene = "vehicles.toml"
+seed = 7
+cases = {cases}
+sampling = "sobol"
+outcomes = ["outcome", "latched[1]", "latched[2]", "latched[3]", "time_of_capture"]
+[set]
+"initial.approach_time" = 0.05
+[[vary]]
+type = "uniform"
+name = "initial.closing_speed"
+range = [0.5, 2.0]
+[[vary]]
+type = "disc"
+magnitude = "initial.lateral_offset"
+direction = "initial.lateral_direction_deg"
+range = [0.0, 0.30]
+[[vary]]
+type = "disc"
+magnitude = "initial.lateral_speed"
+direction = "initial.lateral_speed_direction_deg"
+range = [0.0, 0.2]
+[[vary]]
+type = "disc"
+magnitude = "initial.pitch_yaw_deg"
+direction = "initial.pitch_yaw_direction_deg"
+range = [0.0, 6.0]
+[[vary]]
+type = "uniform"
+name = "initial.roll_deg"
+range = [-10.0, 10.0]
+[[vary]]
+type = "uniform"
+name = "initial.roll_rate_deg_s"
+range = [-360.0, 360.0]
+[experiment]
+stop = 1.2
+step = {step}
+"""
+
+
+def run(folder: Path, vehicles: dict, cases: int, step: float) -> list:
+    """Run one sweep; returns its results, one a case."""
+    scene = (paths.SCENES / "idss_25t_350t.toml").read_text(encoding="utf-8")
+    for old, new in vehicles.items():
+        assert old in scene, old
+        scene = scene.replace(old, new, 1)
+    (folder / "vehicles.toml").write_text(scene, encoding="utf-8")
+    file = folder / f"step_{step}.toml"
+    file.write_text(SWEEP.format(cases=cases, step=step), encoding="utf-8")
+    output, label = file.with_suffix(".parquet"), f"steps of {step} s"
+    return run_sweep(read_sweep(str(file)), output, progress=ProgressBar(label))["results"]
+
+
+def compare(vehicles: dict, cases: int) -> tuple[list[int], list[str]]:
+    """Run all scenes with both steps; returns counts and why scenes were not run to the end."""
+    with tempfile.TemporaryDirectory() as folder:
+        fine, coarse = (run(Path(folder), vehicles, cases, step) for step in STEPS)
+    both = [(a, b) for a, b in zip(fine, coarse, strict=True) if a.status == b.status == "done"]
+    ended = [a.outputs[: len(COMPARED)] != b.outputs[: len(COMPARED)] for a, b in both]
+    apart = sum(
+        (a.status == "done") != (b.status == "done") for a, b in zip(fine, coarse, strict=True)
+    )
+    caught = sum(any(a.outputs[1 : len(COMPARED)]) for a, _ in both)
+    reasons = collections.Counter(
+        next((why for part, why in REASONS.items() if part in a.reason), a.reason)
+        for a in fine
+        if a.status != "done"
+    )
+    lines = [f"* {count}: {reason}" for reason, count in reasons.most_common()]
+    return [len(both), caught, sum(ended), apart], lines
+
+
+def main() -> None:
+    """Write the page."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    page = paths.ROOT / "tests" / "validation" / "steps.md"
+    parser.add_argument("--cases", type=int, default=2048, help="scenes: a power of two")
+    parser.add_argument("-o", "--output", type=Path, default=page, help="the page")
+    options = parser.parse_args()
+    table = write_head(
+        *("vehicles", "scenes", "run to the end with both steps", "with a latch that caught"),
+        *("other outcome or latches", "run to the end with one step only"),
+    )
+    notes = []
+    for name, vehicles in VEHICLES.items():
+        counts, reasons = compare(vehicles, options.cases)
+        table.append(write_row(name, options.cases, *counts))
+        notes += [
+            "",
+            f"Not run to the end with steps of {STEPS[0]} s, {name}:",
+            "",
+            *(reasons or ["* none"]),
+        ]
+    write_page(
+        options.output,
+        "# Outcomes and the communication step",
+        find_origin(f"tests/studies/fast_scenes.py --cases {options.cases}"),
+        "",
+        f"Random scenes of 1.2 s, default tolerances, communication steps of {STEPS[0]} and"
+        f" {STEPS[1]} s: closing speed 0.5 to 2 m/s, offset up to 0.3 m, spin up to 60 rpm.",
+        "",
+        *table,
+        *notes,
+    )
+
+
+if __name__ == "__main__":
+    main()
