@@ -1,9 +1,9 @@
 """What a long approach costs, and whether anybody can tell that the mechanism rested meanwhile.
 
 Flies ten minutes to the default docking with the mechanism at rest far from contact
-(``model.flight`` 1) and always integrated (2), at several communication steps. Printed: the share
-of the flight in all evaluations and in the time inside ``fmi2DoStep``, and how far the docking
-that follows is from the same docking integrated at 1e-10.
+(``model.flight`` 1) and always integrated (2), at several communication steps. Written to
+tests/validation/flight.md: the share of the flight in all evaluations and in the time inside
+``fmi2DoStep``, and how far the docking that follows is from the same docking integrated at 1e-10.
 
     .venv/bin/python tests/studies/flight.py            # about a minute
 """
@@ -18,7 +18,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from dockloop.fmu import build_fmu
+from dockloop.paths import ROOT
 from fmi_host import Host
+from page import find_origin, write_head, write_page, write_row
 
 FLIGHT, DOCKING = 600.0, 20.0  # s
 TIGHT = {"solver__rtol": 1e-10, "solver__atol_position": 1e-12, "solver__atol_velocity": 1e-12}
@@ -46,18 +48,15 @@ def run(fmu, flight, size, **values):
 
 
 def main():
-    """Print the table."""
+    """Write the page."""
+    lines = write_head(
+        *("flight", "step s", "evaluations in flight / all", "share", "share of time"),
+        *("peak loads off by", "times s", "motion m, m/s"),
+    )
     with tempfile.TemporaryDirectory() as folder:
-        fmu = build_fmu(
-            "idss_25t_350t",
-            (f"initial.approach_time={FLIGHT}", GROUPS),
-            Path(folder) / "approach.fmu",
-        )
-        truth = run(fmu, 2, 1.0, **TIGHT)
-        print(
-            "| flight | step s | evaluations in flight / all | share | share of time "
-            "| peak loads off by | times s | motion m, m/s |\n|---|---|---|---|---|---|---|---|"
-        )
+        overrides = (f"initial.approach_time={FLIGHT}", GROUPS)
+        fmu = build_fmu("idss_25t_350t", overrides, Path(folder) / "approach.fmu", bare=True)
+        exact = run(fmu, 2, 1.0, **TIGHT)
         for name, flight, size in (
             ("integrated", 2, 1.0),
             ("resting", 1, 1.0),
@@ -67,13 +66,25 @@ def main():
         ):
             loads, times, motion, cost = run(fmu, flight, size)
             (before, seconds), (total, total_seconds) = cost
-            print(
-                f"| {name} | {size:g} | {before:.0f} / {total:.0f} | {before / total:.2%} "
-                f"| {seconds / total_seconds:.1%} "
-                f"| {np.abs(loads - truth[0]).max() / truth[0].max():.0e} "
-                f"| {np.abs(times - truth[1]).max():.0e} | {np.abs(motion - truth[2]).max():.0e} |",
-                flush=True,
+            lines.append(
+                write_row(
+                    *(name, f"{size:g}", f"{before:.0f} / {total:.0f}", f"{before / total:.2%}"),
+                    f"{seconds / total_seconds:.1%}",
+                    f"{np.abs(loads - exact[0]).max() / exact[0].max():.0e}",
+                    f"{np.abs(times - exact[1]).max():.0e}",
+                    f"{np.abs(motion - exact[2]).max():.0e}",
+                )
             )
+    write_page(
+        ROOT / "tests" / "validation" / "flight.md",
+        "# A long approach with the mechanism at rest",
+        find_origin("tests/studies/flight.py"),
+        "",
+        "Ten minutes of approach and 20 s of the default docking; resting: `model.flight` 1, the"
+        " default. Errors are those against a run that is always integrated, at 1e-10.",
+        "",
+        *lines,
+    )
 
 
 if __name__ == "__main__":
