@@ -415,6 +415,20 @@ def test_a_host_that_does_not_apply_the_first_load_is_warned(runs):
         assert "read chaser.force_mean" in pair.warnings[0], pair.warnings
 
 
+def test_a_torque_that_nobody_told_is_not_blamed_on_a_connection(runs):
+    def torque(time):
+        return {"chaser": (np.zeros(3), np.array([0.0, 5000.0, 300.0 * np.sin(20.0 * time)]))}
+
+    fmu = SCENES["default"].build(runs, NOW)
+    with Coupling(
+        fmu, "parallel", loads=torque, told_loads=False, first_step=STEP, logging_on=True
+    ) as pair:
+        for _ in range(60):
+            pair.step(STEP)
+        assert len(pair.warnings) == 1, pair.warnings
+        assert "reported in chaser.torque_ext" in pair.warnings[0], pair.warnings
+
+
 # ---------------------------------------------------------------- 9: latches
 
 

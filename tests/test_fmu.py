@@ -63,7 +63,7 @@ def expand(pattern):
 
 
 @contextmanager
-def instance(fmu, initialised=True, **start_values):
+def instance(fmu, initialised=True, stop_time=None, **start_values):
     """An instance of an FMU and a function from names to value references."""
     description = read_model_description(fmu)
     references = {v.name: v.valueReference for v in description.modelVariables}
@@ -76,7 +76,7 @@ def instance(fmu, initialised=True, **start_values):
     )
     slave.instantiate()
     try:
-        slave.setupExperiment(startTime=0.0)
+        slave.setupExperiment(startTime=0.0, stopTime=stop_time)
         for name, value in start_values.items():
             slave.setReal([references[name]], [value])
         if initialised:
@@ -172,6 +172,25 @@ def test_a_pose_that_is_not_finite_is_an_fmi_error(runs):
     for name in ("chaser.position[2]", "chaser.attitude[1]", "chaser.velocity[3]"):
         with instance(fmu) as (slave, references), pytest.raises(FMICallException):
             set_and_step(slave, references[name], float("nan"))
+
+
+@pytest.mark.parametrize("point", [float("inf"), float("-inf"), float("nan")])
+def test_a_communication_point_that_is_not_finite_changes_nothing(runs, point):
+    with instance(runs.fmu(DEFAULT)) as (slave, _):
+        slave.doStep(0.0, 0.01)
+        with pytest.raises(FMICallException):
+            slave.doStep(point, 0.01)
+        slave.doStep(0.01, 0.01)
+
+
+def test_no_step_ends_after_the_stop_time(runs):
+    with instance(runs.fmu(DEFAULT), stop_time=0.1) as (slave, _):
+        with pytest.raises(FMICallException):
+            slave.doStep(0.0, 100.0)
+        slave.doStep(0.0, 0.05)
+        with pytest.raises(FMICallException):
+            slave.doStep(0.05, 0.0501)
+        slave.doStep(0.05, 0.05 * (1.0 + 1e-9))  # a master that overshoots by rounding
 
 
 def test_the_same_run_gives_the_same_bits_and_so_does_a_run_after_reset(runs):
