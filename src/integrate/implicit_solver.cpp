@@ -3,9 +3,9 @@
 // Adaptive: the pair ESDIRK4(3)7L[2]SA of Kennedy and Carpenter, L-stable and stiffly accurate,
 // Newton iteration until it has converged; the Jacobian is kept while it is good enough.
 // Fixed: Alexander's L-stable method of order 3 with three stages. Every step takes one Jacobian,
-// one factorisation and kIterations Newton iterations per stage, whatever happens. The Jacobian is
-// that at the end of an Euler step, so that it knows the contact that the step runs into.
-// Split: the pair ARK4(3)6L[2]SA of the same authors, which integrates Problem::mild_rates
+// one factorisation and kNewtonIterations Newton iterations per stage, whatever happens. The
+// Jacobian is that at the end of an Euler step, so that it knows the contact that the step runs
+// into. Split: the pair ARK4(3)6L[2]SA of the same authors, which integrates Problem::mild_rates
 // explicitly and the rest of the rates implicitly. Newton uses the Jacobian of all rates: the mild
 // part adds little to it.
 #include <arkode/arkode_arkstep.h>
@@ -18,7 +18,7 @@
 namespace dockloop {
 namespace {
 
-constexpr int kIterations = 2;  ///< one would leave order 2
+constexpr int kNewtonIterations = 2;  ///< one would leave order 2
 
 class ImplicitSolver : public Solver {
  public:
@@ -106,7 +106,7 @@ class ImplicitSolver : public Solver {
                               void*) {
     int made = 0;  // before this one
     SUNNonlinSolGetCurIter(newton, &made);
-    return made + 1 < kIterations ? SUN_NLS_CONTINUE : SUN_NLS_SUCCESS;
+    return made + 1 < kNewtonIterations ? SUN_NLS_CONTINUE : SUN_NLS_SUCCESS;
   }
   void set_alexander_table() {
     const double g = 0.435866521508458999416019;  // root of x^3 - 3 x^2 + 3/2 x - 1/6
