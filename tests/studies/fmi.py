@@ -1,4 +1,4 @@
-"""Prints how well the two interfaces and the derivatives of the FMU agree, as tables.
+"""Writes how well both interfaces and the derivatives of the FMU agree: tests/validation/fmi.md.
 
 1. Model exchange, integrated by FMPy's CVODE, against co-simulation at tight tolerance.
 2. Directional derivatives against central differences of sixth order through the interface, all
@@ -19,13 +19,15 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import test_derivatives as derivatives
 import test_model_exchange as exchange
 from dockloop.fmu import build_fmu
+from dockloop.paths import ROOT
+from page import find_origin, write_head, write_page, write_row
 
 TOLERANCES = (1e-5, 1e-7, 1e-9, 1e-10)
 
 
-def print_exchange(folder):
+def list_exchange(folder):
     """One row per scene and tolerance of CVODE."""
-    print("| scene | tolerance of CVODE | pose | time of contact, of capture |\n|---|---|---|---|")
+    lines = write_head("scene", "tolerance of CVODE", "pose", "time of contact, of capture")
     for scene, (overrides, stop, pose, times, _) in exchange.SCENES.items():
         fmu = build_fmu(scene, overrides, Path(folder) / f"{scene}.fmu")
         names = [*pose, *times]
@@ -34,12 +36,13 @@ def print_exchange(folder):
             run = exchange.simulate(fmu, "ModelExchange", names, stop, 0.005, tolerance=tolerance)
             late = f"{exchange.worst(run, reference, times):.1e} s" if times else "-"
             away = exchange.worst(run, reference, pose)
-            print(f"| {scene} | {tolerance:.0e} | {away:.1e} m | {late} |")
+            lines.append(write_row(scene, f"{tolerance:.0e}", f"{away:.1e} m", late))
+    return lines
 
 
-def print_derivatives(folder):
+def list_derivatives(folder):
     """One row per instant of the default docking."""
-    print("\n| instant | pairs declared, of | largest error of a row | group |\n|---|---|---|---|")
+    lines = write_head("instant", "pairs declared, of", "largest error of a row", "group")
     for instant, (overrides, time, size, _) in derivatives.INSTANTS.items():
         path = Path(folder) / f"{len(instant)}.fmu"
         fmu = build_fmu(derivatives.DEFAULT, (derivatives.NEAR, *overrides), path)
@@ -50,9 +53,23 @@ def print_derivatives(folder):
             by_group, _ = jacobian.errors(jacobian.told())
             worst = max(by_group, key=by_group.get)
             pairs = f"{np.count_nonzero(jacobian.declared)}, {jacobian.declared.size}"
-            print(f"| {instant} | {pairs} | {by_group[worst]:.1e} | {worst} |")
+            lines.append(write_row(instant, pairs, f"{by_group[worst]:.1e}", worst))
+    return lines
 
 
 with tempfile.TemporaryDirectory() as temporary:
-    print_exchange(temporary)
-    print_derivatives(temporary)
+    write_page(
+        ROOT / "tests" / "validation" / "fmi.md",
+        "# Interfaces and derivatives of the FMU",
+        find_origin("tests/studies/fmi.py"),
+        "",
+        "The host integrates (CVODE of FMPy), against co-simulation at tight tolerance; largest"
+        " difference at the end:",
+        "",
+        *list_exchange(temporary),
+        "",
+        "Directional derivatives against central differences of sixth order, all declared pairs in"
+        " the default docking, relative to the largest entry of a row (the differences limit it):",
+        "",
+        *list_derivatives(temporary),
+    )
