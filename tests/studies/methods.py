@@ -42,6 +42,7 @@ LEVELS = {
     2: "massless_legs: masses of leg parts go to foot and head",
     3: "reduced: nothing is left out",
 }
+TURNS = 5  # of which the shortest time counts
 TIGHT = ["solver.rtol=1e-11", "solver.atol_position=1e-13", "solver.atol_velocity=1e-13"]
 
 
@@ -125,12 +126,18 @@ def list_forms(study):
         for name, settings in kinds.items():
             cells = []
             for scene, exact in ends.items():
-                base = study.run(scene, [], [*tolerances, "solver.method=2"], 5.0, 5.0)
-                run = study.run(scene, [], [*tolerances, *settings], 5.0, 5.0)
+                pairs = [
+                    [
+                        study.run(scene, [], [*tolerances, *chosen], 5.0, 5.0)
+                        for chosen in (settings, ["solver.method=2"])
+                    ]
+                    for _ in range(TURNS)
+                ]
+                run = pairs[0][0]
                 ring = [each.vector("ring.position")[-1] for each in (run, exact)]
-                ratio = run.wall["do_step"] / base.wall["do_step"]
+                best = [min(pair[i].wall["do_step"] for pair in pairs) for i in (0, 1)]
                 cells += [
-                    f"{count(run)}, {ratio:.1f}",
+                    f"{count(run)}, {best[0] / best[1]:.1f}",
                     f"{np.linalg.norm(ring[0] - ring[1]):.0e},"
                     f" {run['solver.closure_residual'][-1]:.0e}",
                 ]
@@ -158,7 +165,7 @@ def list_levels(study):
                 f"{travel:.0f}",
                 f"{run['time_of_capture'][-1]:.3f}",
                 count(run),
-                f"{cost[0] / cost[1]:.2f}",
+                f"{cost[level] / cost[3]:.2f}",
             )
         )
     return lines
@@ -174,7 +181,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="two communication steps only")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        runs = 1 + 4 * len(METHODS) + 2 + 3 * 5 * 4 + 1 + len(LEVELS)
+        runs = 1 + 4 * len(METHODS) + 2 + 3 * 5 * 4 * TURNS + TURNS * len(LEVELS)
         study = Study(Path(folder), runs, quick=options.quick)
         write_page(
             options.output,
@@ -193,8 +200,8 @@ def main() -> None:
             "## The reduced form and forms with multipliers",
             "",
             "5 s in one communication step, absolute tolerances a hundredth of the relative one."
-            " Times are in units of that of method 2. Error: position of the ring at the end."
-            " Gap: what the loops are open by. `solver.dae_form` 1 holds them by accelerations"
+            " Times are in units of that of method 2, the shortest of five by turns. Error:"
+            " position of the ring at the end. Gap: what the loops are open by. `solver.dae_form` 1 holds them by accelerations"
             " (index 1), 2 the same with Baumgarte stabilisation, 3 by velocities and positions"
             " (stabilised index 2).",
             "",
