@@ -201,9 +201,9 @@ def main() -> None:
             "",
             "5 s in one communication step, absolute tolerances a hundredth of the relative one."
             " Times are in units of that of method 2, the shortest of five by turns. Error:"
-            " position of the ring at the end. Gap: what the loops are open by. `solver.dae_form` 1 holds them by accelerations"
-            " (index 1), 2 the same with Baumgarte stabilisation, 3 by velocities and positions"
-            " (stabilised index 2).",
+            " position of the ring at the end. Gap: what the loops are open by."
+            " `solver.dae_form` 1 holds them by accelerations (index 1), 2 the same with Baumgarte"
+            " stabilisation, 3 by velocities and positions (stabilised index 2).",
             "",
             *list_forms(study),
             "",
