@@ -440,7 +440,9 @@ def test_the_fmu_of_a_vehicle_holds_its_loads_over_a_step(tmp_path):
 def test_the_programs_in_the_readme_run(package, tmp_path, importer, word):
     if reason := find_obstacle(importer):
         pytest.skip(reason)
-    blocks = re.findall(r"```python\n(.*?)```", (paths.ROOT / "README.md").read_text(), re.DOTALL)
+    blocks = re.findall(
+        r"```python\n(.*?)```", (paths.ROOT / "fmu" / "README.md").read_text(), re.DOTALL
+    )
     (program,) = (block for block in blocks if word in block)
     shutil.copy(package, tmp_path / "docking.ssp")
     done = subprocess.run(
