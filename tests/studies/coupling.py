@@ -1,7 +1,7 @@
 """How well do hosts that hold loads over a step couple their vehicles to the FMU?
 
 Runs the dockings of tests/coupling_scenes.py with every scheme of tests/coupling_host.py and steps
-from 0.1 to 100 ms against one FMU that integrates both vehicles, and prints tables (Markdown):
+from 0.1 to 100 ms against one FMU that integrates both vehicles; tests/validation/coupling.md:
 
 * largest error of the interface velocity over the closing speed, for every step;
 * error of the peak loads, of the time of capture, of the final attitude of the chaser;
@@ -31,6 +31,7 @@ from coupling_host import Coupling
 from coupling_scenes import SCENES, TIGHT, compare, equal_steps, run_coupled, run_truth
 from dockloop import paths
 from dockloop.fmu import build_fmu
+from page import find_origin, write_page
 
 STUDIED = ("default", "light", "pressed", "both")
 STEPS = (0.1, 1.0, 3.0, 10.0, 30.0, 100.0)  # ms
@@ -40,6 +41,7 @@ LEAST_ITERATED = 1.0  # ms; below, a run takes an hour
 GRID = 1e-3  # s, of the truth
 SHOWN = 10.0  # ms, step of the columns beside the velocity
 FIGURE = paths.MODELS / "figures" / "coupling_errors.png"
+PAGE = paths.ROOT / "tests" / "validation" / "coupling.md"
 
 
 class Runs:
@@ -204,7 +206,7 @@ def main():
     parser.add_argument("--told", nargs="+", type=float, default=(1.0, 0.5, 1.5))
     parser.add_argument("--stop", type=float, default=3.0, help="s, a multiple of all steps")
     parser.add_argument("--workers", type=int, default=1, help="processes")
-    parser.add_argument("-o", "--output", type=Path, help="file for the tables (Markdown)")
+    parser.add_argument("-o", "--output", type=Path, default=PAGE, help="the page")
     parser.add_argument(
         "--figure", nargs="?", type=Path, const=FIGURE, help=f"PNG; default {paths.shown(FIGURE)}"
     )
@@ -232,9 +234,9 @@ def main():
             for name in options.scenes
         )
     texts.append(f"\nTime of a step of 10 ms, parallel over sequential mode: {costs}")
-    print("\n".join(texts))
-    if options.output:
-        options.output.write_text("\n".join(texts).lstrip() + "\n")
+    command = f"tests/studies/coupling.py --stop {options.stop:g} --steps"
+    command += "".join(f" {step:g}" for step in options.steps)
+    write_page(options.output, "# Vehicles that a host integrates", find_origin(command), *texts)
     if options.figure:
         draw(results, options.steps, options.figure)
     return 0
