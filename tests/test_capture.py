@@ -5,6 +5,7 @@ import json
 import pyarrow.parquet
 import pytest
 
+from dockloop import paths
 from dockloop.capture import explain_capture, list_needed
 
 LATCHES = {"window": 0.025}
@@ -100,3 +101,39 @@ step = 0.5
     assert first == "captured"
     assert second.startswith("not captured")
     assert list(table)[-2:] == ["outcome", "explanation"]
+
+
+LIGHT = {
+    "mass = 25e3": "mass = 400",
+    "inertia = [60.5e3, 132e3, 132e3,": "inertia = [80, 90, 90,",
+    "interface_position = [4,": "interface_position = [0.5,",
+    "mass = 350e3": "mass = 800",
+    "inertia = [4e7, 8e7, 8e7,": "inertia = [200, 250, 250,",
+    "interface_position = [-15,": "interface_position = [-1,",
+}
+REBOUND = [
+    "initial.approach_time=0.05",
+    "initial.closing_speed=1.18",
+    "initial.lateral_offset=0.194",
+    "initial.lateral_direction_deg=151",
+    "initial.lateral_speed=0.018",
+    "initial.lateral_speed_direction_deg=167",
+    "initial.pitch_yaw_deg=5.58",
+    "initial.pitch_yaw_direction_deg=17.1",
+    "initial.roll_deg=-6.88",
+    "initial.roll_rate_deg_s=175",
+]
+
+
+def test_a_rebound_does_not_depend_on_the_communication_step(runs, tmp_path):
+    """It is one where the gap itself is 5 cm, not where a bound for the contact search is."""
+    scene = (paths.SCENES / "idss_25t_350t.toml").read_text(encoding="utf-8")
+    for old, new in LIGHT.items():
+        scene = scene.replace(old, new, 1)
+    (tmp_path / "light.toml").write_text(scene, encoding="utf-8")
+    for step in (0.1, 0.02):
+        run = runs.run(str(tmp_path / "light.toml"), *REBOUND, stop=1.2, step=step)
+        assert run["gap"][-1] > 0.08
+        assert run["outcome"][-1] == 4, step
+        parted = (run["gap"] > 0.05) & (run["relative.velocity[1]"] > 0)
+        assert run["phase"][parted] == pytest.approx(8), step

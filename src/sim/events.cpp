@@ -285,7 +285,8 @@ void DockingSim::Impl::find_passed_latches(double h) {
   }
 }
 
-PhaseInputs DockingSim::Impl::find_phase_inputs(const DockingData<double>& at) const {
+/// @param at  its workspace of the contact search is used
+PhaseInputs DockingSim::Impl::find_phase_inputs(DockingData<double>& at) const {
   PhaseInputs in;
   if (!model->present[kTarget]) return in;
   const RelativeMotion<double> relative =
@@ -296,6 +297,11 @@ PhaseInputs DockingSim::Impl::find_phase_inputs(const DockingData<double>& at) c
   in.speed = relative.v.norm();
   in.angular_speed = relative.w.norm();
   in.latched = count_held_latches();
+  // Outside contact the contact search knows a lower bound, which depends on where it looked last.
+  const bool counts = !discrete.captured && in.latched == 0 && in.gap >= 0.0;
+  if (counts && in.gap <= kReboundGap && has_surfaces()) {
+    in.gap = find_gap(model->contact, at.relative, at.contact_work);
+  }
   in.seated = model->latches.count() > 0;
   for (int i = 0; i < model->latches.count(); ++i) {
     in.seated = in.seated && at.latch.opening[i] <= model->latches.law.catch_distance;

@@ -42,7 +42,7 @@ enum LatchReport {
 
 /// What the phase logic looks at, P relative to A unless stated.
 struct PhaseInputs {
-  double gap = 0.0;            ///< of the capture surfaces [m]
+  double gap = 0.0;            ///< of the capture surfaces; above kReboundGap a lower bound [m]
   double axial = 0.0;          ///< of P relative to G [m]
   double axial_rate = 0.0;     ///< [m/s]
   double speed = 0.0;          ///< of P relative to A [m/s]

@@ -222,7 +222,7 @@ struct DockingSim::Impl : SimState {
   void calc_event_speeds(const DockingData<double>& at, double* speeds) const;
   void note_latches();
   void find_passed_latches(double h);
-  PhaseInputs find_phase_inputs(const DockingData<double>& at) const;
+  PhaseInputs find_phase_inputs(DockingData<double>& at) const;
 
   // model_exchange.cpp
   Status calc_rates(double* ydot);
