@@ -104,6 +104,10 @@ fmi2Status Instance::step(double t, double h) {
     throw Refusal("fmi2DoStep: currentCommunicationPoint is " + shortest(t) + " s, expected " +
                   shortest(time) + " s, the end of the last step");
   }
+  if (!(t + h > t)) {
+    throw Refusal("fmi2DoStep: communicationStepSize is " + shortest(h) +
+                  " s, too small for a clock that stands at " + shortest(t) + " s");
+  }
   if (!(t + h <= stop_time + slack)) {
     throw Refusal("fmi2DoStep: the step ends at " + shortest(t + h) +
                   " s, after the stopTime of fmi2SetupExperiment, " + shortest(stop_time) + " s");
@@ -216,7 +220,7 @@ namespace {
 constexpr char kMagic[8] = {'D', 'O', 'C', 'K', 'L', 'O', 'O', 'P'};
 constexpr std::uint32_t kByteOrder = 0x01020304;
 /// To be raised whenever the contents change.
-constexpr std::uint32_t kStateFormat = 6;
+constexpr std::uint32_t kStateFormat = 7;
 
 struct Header {
   char magic[8];

@@ -447,9 +447,9 @@ void add_phase(Table& table, Parameters& parameter, Outputs& out) {
   table
       .output(
           "capture.reason", &out.capture_reason, kNone,
-          "Why there is no capture: 1 none (captured), 2 no contact so far, 3 in contact and "
+          "Why there is no capture: 1 none (captured), 2 no contact so far, 3 touched and "
           "still moving, 4 seated, but a striker stands outside the window of its latch, 5 hung "
-          "up on a petal, 6 at rest in contact, too slow to close, 7 rebound, 8 miss")
+          "up on a petal, 6 too slow to close, 7 rebound, 8 miss")
       .limits(1, 8);
   table
       .output("capture.seated_time", &out.seated_time, kTime,

@@ -28,7 +28,7 @@ def make_values(reason, held=(0, 0, 0), **others):
         (make_values(2), "not captured: no contact so far"),
         (
             make_values(3, (1, 0, 1)),
-            "not captured yet: in contact and still moving, with 2 of 3 latches held,"
+            "not captured yet: has touched and is still moving, with 2 of 3 latches held,"
             " latch 2 is 6.0 mm open",
         ),
         (
@@ -43,7 +43,7 @@ def make_values(reason, held=(0, 0, 0), **others):
         ),
         (
             make_values(6),
-            "not captured: too slow to close, rests in contact, latch 3 is 9.0 mm open",
+            "not captured: too slow to close, at rest before the latches, latch 3 is 9.0 mm open",
         ),
         (make_values(7, (1, 0, 0)), "not captured: rebounded, with 1 of 3 latches held"),
         (make_values(7), "not captured: rebounded"),

@@ -203,10 +203,20 @@ def test_check_warns_where_seated_strikers_stand_beside_the_window_of_the_latche
     assert play["lateral_mm"] == pytest.approx([20.01, 23.54], abs=0.01)
     assert play["striker_offset_mm"] == pytest.approx(39.01, abs=0.02)
     (warning,) = report["warnings"]
-    for part in ("seated", "39.01 mm", "latches.window is 25 mm", "petal_base_radius"):
+    for part in ("seated", "39.01 mm", "latches.window is 25 mm", "less play"):
         assert part in warning
     assert f"warning: {warning}" in text
     assert "roll -2.493 to 2.493 deg, lateral 20.01 to 23.54 mm" in text
+
+
+def test_check_warns_where_seated_strikers_stand_before_their_hooks(dockloop, tmp_path):
+    def sink(mechanism):
+        mechanism["contact"]["core_x"] = -0.006
+
+    _, report = check(dockloop, tmp_path, spoil(sink))
+    (warning,) = report["warnings"]
+    for part in ("seated", "8 mm before its hook", "latches.catch is 4 mm"):
+        assert part in warning
 
 
 def test_check_says_seated_play_of_the_default_and_finds_nothing_wrong(dockloop, tmp_path):

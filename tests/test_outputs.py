@@ -78,7 +78,7 @@ FOREIGN = {
     "empty": lambda path: path.write_bytes(b""),
     "no newline": lambda path: path.write_text("notes of mine"),
     "binary": lambda path: path.write_bytes(bytes(range(256))),
-    "columns": lambda path: path.write_text("time,force\n0,1\n"),
+    "columns": lambda path: path.write_text("time,chaser.position[1],mine\n0,1,2\n"),
     "json lines": lambda path: path.write_text('{"a": 1}\n{"a": 2}\n'),
     "arrays": lambda path: np.savez(path.open("wb"), names=["time"], values=[1]),
     "figure": write_figure,
@@ -158,6 +158,13 @@ def test_what_a_command_made_it_makes_again(dockloop, tmp_path, command):
         for file in files:
             assert (tmp_path / file).stat().st_size > 0, file
     assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_results_of_a_driven_vehicle_are_made_again(dockloop, tmp_path):
+    command = ["run", "idss_25t_350t", "--scene", "chaser.motion=driven", "--stop", "0.1"]
+    for _ in range(2):
+        told = dockloop(*command, "--no-plots", "-o", "own.csv")
+        assert told.status == 0, told.err
 
 
 def test_a_result_by_an_fmu_goes_to_its_default_place_twice(dockloop, runs, tmp_path):

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Mapping
 
 _NEEDED = re.compile(
-    r"capture\.(reason|seated_time)|latched\[\d+\]|latch\[\d+\]\.(opening|lateral)"
+    r"capture\.(reason|seated_time)|time_of_capture|latched\[\d+\]|latch\[\d+\]\.(opening|lateral)"
     r"|contact\.petal\[\d+\]\.force"
 )
 
@@ -39,7 +39,7 @@ def explain_capture(values: Mapping[str, float], latches: Mapping) -> str | None
     why = {  # by values of capture.reason; the list is in the description of that variable
         1: ["captured"],
         2: ["not captured: no contact so far"],
-        3: ["not captured yet: in contact and still moving", some, widest],
+        3: ["not captured yet: has touched and is still moving", some, widest],
         4: _describe_seat(values, free, some, latches),
         5: [
             f"not captured: hung up{_name_petal(values)}",
@@ -47,14 +47,17 @@ def explain_capture(values: Mapping[str, float], latches: Mapping) -> str | None
             _name_widest(values, free, latches),
         ],
         6: [
-            "not captured: too slow to close, rests in contact",
+            "not captured: too slow to close, at rest before the latches",
             some,
             _name_widest(values, free, latches),
         ],
         7: ["not captured: rebounded", some],
         8: ["not captured: missed"],
     }
-    return ", ".join(part for part in why[int(values["capture.reason"])] if part)
+    parts = [part for part in why[int(values["capture.reason"])] if part]
+    if values.get("time_of_capture", -1.0) >= 0.0 and values["capture.reason"] != 1:
+        parts.insert(0, f"captured at {values['time_of_capture']:.3f} s, but latches let go again")
+    return ", ".join(parts)
 
 
 def _list(values: Mapping[str, float], pattern: str) -> list[float]:
@@ -72,8 +75,10 @@ def _describe_seat(
     laterals = _list(values, "latch[{}].lateral")
     parts = [f"not captured: seated for {values.get('capture.seated_time', 0.0):.1f} s", some]
     excess = {i: laterals[i] - latches["window"] for i in free if i < len(laterals)}
-    if excess:
-        worst = max(excess, key=excess.__getitem__)
+    worst = max(excess, key=excess.__getitem__, default=0)
+    if excess and excess[worst] <= 0.0:
+        parts.append(f"latch {worst + 1} is within its window but does not catch again")
+    elif excess:
         parts.append(f"latch {worst + 1} stands {1e3 * excess[worst]:.1f} mm outside its window")
     return parts
 

@@ -141,6 +141,12 @@ def find_placement(document: dict, source: Path) -> str:
         model.write_text(to_json(document), encoding="utf-8")
         placed = ask_core("place", model, source=source)
     for vehicle in ("chaser", "target"):
+        if None in [x for values in placed[vehicle].values() for x in values]:  # not finite
+            raise UsageError(
+                f"{paths.shown(source)}: the start that leads to first contact is too far away to"
+                " be computed: check initial.approach_time, the speeds of [initial] and the"
+                " interface_position of both vehicles"
+            )
         document[vehicle] |= placed[vehicle]
     if placed["touches"]:
         return ""

@@ -8,10 +8,10 @@ have been made by the same command. What tells so is in the file, never its name
 |---|---|
 | summary, truth, journal | it begins with the JSON member ``made_by`` that names the command |
 | figure | the text ``Software`` of the PNG names the command |
-| result of a run | its first columns are ``time`` and ``chaser.position[1]``, which every FMU has |
+| result of a run | its columns are ``time`` and outputs that our FMUs can have, no others |
 | table of a sweep, of a trade | its metadata or header has the columns that all of them have |
 | page of a trade | it begins with the title of all of them |
-| FMU, SSP package | it holds a scene of this program, a structure that names it as its tool |
+| FMU, SSP package | it holds a scene of this program; all FMUs in a package do |
 
 An empty file is foreign, too. Whatever lies in the folder ``build/`` of the project is its own,
 also if an older version wrote it. `Kind` says it for one kind of file; kinds stand beside what

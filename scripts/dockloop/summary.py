@@ -5,6 +5,7 @@ steps of the integrator, not samples. Energies are in J, times in s, forces in N
 """
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -34,15 +35,21 @@ LOADS = {
     "torsion": "N m",
 }
 _SINKS = ("contact", "friction", "legs", "latches")
-_FIRST = ("time", "chaser.position[1]")  # columns of every result: the clock, and a first output
+_COLUMN = re.compile(  # outputs of FMUs by dockloop
+    r"(chaser|target|relative|capture|contact|ring|base|energy|momentum|solver|coupling|state"
+    r"|(leg|latch|loop)\[\d+\])\.[\w.]+(\[\d+\])?(\.force)?"
+    r"|latched\[\d+\]|gap|phase|outcome|captured|time_(to|of)_\w+"
+)
 
 
 def _is_result(path: Path) -> bool:
-    """Tell whether a file is a result, by its first columns."""
+    """Tell whether a file is a result: its columns are the time and outputs of an FMU."""
     if path.suffix == ".npz":
         with np.load(path) as arrays:
-            return tuple(arrays["names"][:2].tolist()) == _FIRST
-    return read_head(path).startswith(f"{','.join(_FIRST)},".encode())
+            columns = arrays["names"].tolist()
+    else:
+        columns = read_head(path).decode().partition("\n")[0].rstrip("\r").split(",")
+    return columns[0] == "time" and len(columns) > 1 and all(map(_COLUMN.fullmatch, columns[1:]))
 
 
 RESULT = Kind("result", COMMAND, _is_result)
@@ -284,6 +291,8 @@ def _outcome_sentence(summary: dict) -> str:
     end = f"{summary['outcome']}, phase {summary['phase']} at the end"
     if capture is not None:
         began = f"captured at {capture:.3f} s, {capture - contact:.3f} s after {begin}"
+        if summary["outcome"] != "captured" and why:
+            return f"{why}; {begin}; {end}"
         return began if summary["outcome"] == "captured" else f"{began}; {end}"
     if summary["latches"]:
         end += f", {summary['latches_held']} of {summary['latches']} latches held"

@@ -44,6 +44,17 @@ class SeatedRings {
     return march(2.0 * model_.reach, [&](double s) { return find_gap_at(s * y, s * z, roll); });
   }
 
+  /// Largest distance of a striker before its hook [m].
+  double find_striker_opening() {
+    place(0.0, 0.0, 0.0);
+    double largest = 0.0;
+    for (int i = 0; i < latches_.count(); ++i) {
+      const Vec3<double> s = motion_.R * latches_.striker[i] + motion_.p - latches_.hook[i];
+      largest = std::max(largest, s[0]);
+    }
+    return largest;
+  }
+
   /// Largest distance of a striker from its hook at the end of that way [m].
   double find_striker_offset(double direction, double roll) {
     const double way = find_lateral(direction, roll);
@@ -141,6 +152,7 @@ SeatedPlay find_seated_play(const ContactModel& model, const LatchSet& latches) 
   SeatedPlay play;
   play.overlap = std::max(0.0, -rings.find_gap_at(0.0, 0.0, 0.0));
   if (play.overlap > 0.0) return play;
+  play.striker_opening = rings.find_striker_opening();
   play.least_roll = rings.find_roll(-1.0);
   play.most_roll = rings.find_roll(1.0);
   const Samples directions{0.0, 2.0 * kHalfTurn, kDirections + 1};

@@ -14,7 +14,8 @@ struct SeatedPlay {
   double overlap = 0.0;  ///< of petals at the centre; above 0 the rings cannot seat there [m]
   double least_roll = 0.0, most_roll = 0.0;        ///< at the centre [rad]
   double least_lateral = 0.0, most_lateral = 0.0;  ///< by direction, without roll [m]
-  double striker_offset = 0.0;  ///< largest lateral distance of a striker from its hook [m]
+  double striker_opening = 0.0;  ///< largest distance of a striker before its hook [m]
+  double striker_offset = 0.0;   ///< largest lateral distance of a striker from its hook [m]
 };
 
 /// Found by marching: the gap is a way that is surely free. Accurate to 0.01 mm; 0.1 s.

@@ -117,11 +117,12 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
   const double limit = kUnmodelled * std::max(1.0, loads.gravity.norm());
   const bool unmodelled = innovation.norm() > h * limit && innovation.norm() > 10.0 * told;
   sums.unmodelled = unmodelled ? sums.unmodelled + 1 : 0;
-  warn_of_exchange(i, innovation);
+  warn_of_exchange(i, innovation, z.w - v.predicted.w);
 }
 
 /// Find the reason of innovations: one warning that fits is better than three that may.
-void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation) {
+void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
+                                        const Vec3<double>& turn_innovation) {
   const DrivenVehicle& v = coupling.vehicle[i];
   const InnovationSums& sums = v.sums;
   const char* name = name_of(i);
@@ -157,7 +158,7 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation) {
     std::snprintf(text, sizeof text,
                   "%s has an unmodelled angular acceleration of %.3g rad/s2: is every torque that "
                   "acts on it reported in %s.torque_ext, about the centre of mass, in body axes?",
-                  name, std::sqrt(sums.turn_innovation2 / sums.loaded) / h, name);
+                  name, turn_innovation.norm() / h, name);
     warn_once(i, kToldNoTorqueExt, text);
   } else if (turn_felt < kLeastFelt) {
     std::snprintf(text, sizeof text,

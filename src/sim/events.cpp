@@ -30,6 +30,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (update_thrust(now)) jumped = true;
   changed = changed || jumped;
   if (changed) kept_jacobian.valid = false;
+  warn_of_tilt(now);
   const PhaseInputs phase_inputs = find_phase_inputs(*data);
   update_seat(phase_inputs, now, discrete);
   update_phase(phase_inputs, discrete);
@@ -49,6 +50,22 @@ void DockingSim::Impl::keep_pose() {
   pose_is_kept = false;
   keep_reference(data->mechanism);
   rate_data->mechanism.loops.reference = data->mechanism.loops.reference;
+}
+
+/// Rings are described for a limited tilt; what touches beyond it is not to be trusted.
+void DockingSim::Impl::warn_of_tilt(double now) {
+  constexpr double kMostTilt = 30.0, kInDegrees = 180.0 / static_cast<double>(EIGEN_PI);  // [deg]
+  if (warned_tilt || !has_surfaces() || data->contact.active_count == 0) return;
+  const double tilt = kInDegrees * std::acos(std::clamp(data->relative.R(0, 0), -1.0, 1.0));
+  if (model->contact.kind != ContactModel::Kind::kRings || tilt <= kMostTilt) return;
+  warned_tilt = true;
+  char text[200];
+  std::snprintf(
+      text, sizeof text,
+      "surfaces touch at t = %.9g s with the rings tilted by %.1f deg; they are described "
+      "for tilts below %.0f deg: do not trust loads and motion from here on",
+      setup->t_start + now, tilt, kMostTilt);
+  warnings.push_back(text);
 }
 
 /// Near a pose where the independent coordinates stop being independent, go over to others. All
@@ -244,11 +261,14 @@ bool DockingSim::Impl::is_evaluated(double tau, const double* y) const {
          std::equal(y_evaluated.begin(), y_evaluated.end(), y);
 }
 
-/// Roots: first contact (for an absorber every onset), where an absorber ceases to act, latches.
-void DockingSim::Impl::calc_event_functions(const DockingData<double>& at, double* roots) const {
+/// Roots: first contact (for an absorber every onset), where an absorber ceases to act, surfaces
+/// that open as far as a rebound needs, latches.
+/// @param at  its workspace of the contact search is used
+void DockingSim::Impl::calc_event_functions(DockingData<double>& at, double* roots) const {
   const bool absorber = model->contact.kind == ContactModel::Kind::kAbsorber;
   roots[0] = has_surfaces() && !discrete.contacted ? at.contact.gap : 1.0;
   roots[1] = 1.0;
+  roots[2] = may_part() ? kReboundGap - find_near_gap(at) : 1.0;
   if (has_surfaces() && absorber) {
     const bool by_state = memory.absorber == Acting::kByState;
     roots[0] = by_state ? at.contact.gap : -at.contact.pressed;
@@ -263,6 +283,7 @@ void DockingSim::Impl::calc_event_speeds(const DockingData<double>& at, double* 
   if (has_surfaces() && model->contact.kind == ContactModel::Kind::kRings && !discrete.contacted) {
     speeds[0] = find_approach_bound(model->contact, at.relative);
   }
+  if (may_part()) speeds[2] = find_approach_bound(model->contact, at.relative);
   for (int i = 0; i < model->latches.count(); ++i) {
     speeds[kFixedRoots + i] =
         find_event_speed(discrete.latch[i], find_latch_motion(model->latches, i, at.relative));
@@ -285,24 +306,33 @@ void DockingSim::Impl::find_passed_latches(double h) {
   }
 }
 
+/// Is a rebound possible, which is watched between accepted states?
+bool DockingSim::Impl::may_part() const {
+  return has_surfaces() && model->contact.kind == ContactModel::Kind::kRings &&
+         !discrete.captured && discrete.phase != kRebound && count_held_latches() == 0;
+}
+
+/// The gap of the surfaces where it is positive and not above kReboundGap. Above, it is a lower
+/// bound: what the contact search knows, which depends on where it looked last.
+double DockingSim::Impl::find_near_gap(DockingData<double>& at) const {
+  const double gap = at.contact.gap;
+  if (!has_surfaces() || gap < 0.0 || gap > kReboundGap) return gap;
+  return find_gap(model->contact, at.relative, at.contact_work);
+}
+
 /// @param at  its workspace of the contact search is used
 PhaseInputs DockingSim::Impl::find_phase_inputs(DockingData<double>& at) const {
   PhaseInputs in;
   if (!model->present[kTarget]) return in;
   const RelativeMotion<double> relative =
       find_relative(at.interface[kChaser], at.interface[kTarget]);
-  in.gap = at.contact.gap;
+  in.gap = discrete.captured ? at.contact.gap : find_near_gap(at);
   in.axial = at.relative.p.x();
   in.axial_rate = relative.v.x();
   in.speed = relative.v.norm();
   in.angular_speed = relative.w.norm();
   in.latched = count_held_latches();
-  // Outside contact the contact search knows a lower bound, which depends on where it looked last.
-  const bool counts = !discrete.captured && in.latched == 0 && in.gap >= 0.0;
-  if (counts && in.gap <= kReboundGap && has_surfaces()) {
-    in.gap = find_gap(model->contact, at.relative, at.contact_work);
-  }
-  in.seated = model->latches.count() > 0;
+  in.seated = model->latches.count() > 0 && in.gap <= kSeatedGap;
   for (int i = 0; i < model->latches.count(); ++i) {
     in.seated = in.seated && at.latch.opening[i] <= model->latches.law.catch_distance;
   }

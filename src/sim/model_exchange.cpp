@@ -13,9 +13,7 @@ namespace dockloop {
 
 int DockingSim::state_count() const { return impl_->state_count; }
 
-int DockingSim::indicator_count() const {
-  return kFixedRoots + 2 * impl_->scene->latches.count() + 1;
-}
+int DockingSim::indicator_count() const { return kFixedRoots + 2 * impl_->scene->latches.count(); }
 
 void DockingSim::set_time(double t) {
   Impl& me = *impl_;
@@ -69,6 +67,7 @@ Status DockingSim::get_indicators(double* indicator) {
   // its own, so that two of them that are met in turn within one step are not missed.
   double roots[kFixedRoots + kMaxLatches];
   me.calc_event_functions(*me.rate_data, roots);
+  roots[2] = find_phase_indicator(me.find_phase_inputs(*me.rate_data), me.discrete);
   std::copy_n(roots, kFixedRoots, indicator);
   for (int i = 0; i < me.model->latches.count(); ++i) {
     const LatchMotion motion = find_latch_motion(me.model->latches, i, me.rate_data->relative);
@@ -76,8 +75,6 @@ Status DockingSim::get_indicators(double* indicator) {
                                                        motion, roots[kFixedRoots + i]);
     std::copy(both.begin(), both.end(), indicator + kFixedRoots + 2 * i);
   }
-  indicator[indicator_count() - 1] =
-      find_phase_indicator(me.find_phase_inputs(*me.rate_data), me.discrete);
   return {};
 }
 

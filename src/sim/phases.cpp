@@ -6,6 +6,8 @@
 namespace dockloop {
 namespace {
 
+bool is_open(const PhaseInputs& now) { return now.gap > kReboundGap - kGapRounding; }
+
 void update_after_capture(const PhaseInputs& now, DiscreteState& state) {
   // Captured while still closing; attenuating from the first reversal; aligned once at rest.
   if (state.phase < kCaptured || state.phase == kRebound) state.phase = kCaptured;
@@ -27,14 +29,18 @@ void update_phase(const PhaseInputs& now, DiscreteState& state) {
   if (!state.contacted) {
     state.phase = kApproach;
     const bool passed = now.axial < -kPassedDepth;
-    const bool leaving = now.gap > kReboundGap && now.axial_rate > 0.0;
+    const bool leaving = is_open(now) && now.axial_rate > 0.0;
     state.outcome = passed || leaving ? kMiss : kUndecided;
     return;
   }
-  const bool away = now.gap > kReboundGap && now.axial_rate > 0.0;
+  const bool away = is_open(now) && now.axial_rate > 0.0;
+  const bool passed = is_open(now) && now.axial < -kPassedDepth;
   if (now.latched > 0) {
     state.phase = kContact;
     state.outcome = kPartialCapture;
+  } else if (passed) {
+    state.phase = kRebound;
+    state.outcome = kMiss;
   } else if (away || (state.phase == kRebound && now.gap > 0.0)) {
     state.phase = kRebound;
     state.outcome = kOutcomeRebound;

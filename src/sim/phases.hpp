@@ -23,10 +23,10 @@ enum Outcome { kUndecided = 1, kOutcomeCaptured, kPartialCapture, kOutcomeReboun
 enum CaptureReason {
   kNoReason = 1,   ///< captured
   kNotTouched,     ///< no contact so far
-  kInMotion,       ///< in contact and still moving
+  kInMotion,       ///< first contact has been, still moving
   kBesideWindow,   ///< seated, but a striker stands outside the lateral window of its latch
   kHungUp,         ///< at rest against a petal
-  kTooSlow,        ///< at rest in contact, not seated, no petal in the way
+  kTooSlow,        ///< at rest, not seated, no petal in the way
   kReasonRebound,  ///< the vehicles parted again
   kReasonMiss      ///< they passed each other, or part without contact
 };
@@ -54,6 +54,8 @@ struct PhaseInputs {
 
 /// Limits of the phase logic (assumptions).
 constexpr double kReboundGap = 0.05;     ///< open by this much and opening: rebound [m]
+constexpr double kGapRounding = 1e-6;    ///< of a gap where an event was located [m]
+constexpr double kSeatedGap = 1e-3;      ///< seated rings touch, to this [m]
 constexpr double kPassedDepth = 0.05;    ///< interface behind the ring without contact: miss [m]
 constexpr double kAlignedSpeed = 1e-3;   ///< at rest below [m/s]
 constexpr double kAlignedRate = 3.5e-4;  ///< and below this angular rate, 0.02 deg/s [rad/s]

@@ -35,7 +35,7 @@
 
 namespace dockloop {
 
-constexpr int kFixedRoots = 2;      ///< event functions before those of the latches
+constexpr int kFixedRoots = 3;      ///< event functions before those of the latches
 constexpr double kTouching = 1e-9;  ///< gap that counts as contact at the start [m]
 constexpr double kLookAgain = 0.7;  ///< other coordinates are looked for where the margin fell so
 
@@ -51,7 +51,6 @@ struct DerivativePass {
 
 struct ExtendedEquations;  ///< of src/truth
 
-/// What a Status means, in one sentence.
 
 /// Scratch of DockingSim::Impl::is_in_balance.
 struct BalanceWorkspace {
@@ -70,8 +69,7 @@ struct BalanceWorkspace {
 /// The energy audit at one state.
 struct EnergyBalance {
   double residual = 0.0;  ///< what does not add up since the start [J]
-  double in_play = 0.0;   ///< sum of the amounts that should add up [J]
-  double brought = 0.0;   ///< the part of it that came from outside [J]
+  double in_play = 0.0;   ///< bound of what may be there, if nothing is made [J]
 };
 
 struct DockingSim::Impl : SimState {
@@ -172,7 +170,8 @@ struct DockingSim::Impl : SimState {
   bool is_mass_confirmed(int vehicle) const;
   void look_at_first_state(int vehicle, const VehicleState& told, double h);
   void look_at_innovation(int vehicle, const VehicleState& told);
-  void warn_of_exchange(int vehicle, const Vec3<double>& innovation);
+  void warn_of_exchange(int vehicle, const Vec3<double>& innovation,
+                        const Vec3<double>& turn_innovation);
   static double find_unexplained_by_mass(const InnovationSums& sums);
   void note_step(int vehicle, const Wrench<double>& exerted, const VehicleState& end, double h);
   double find_interface_frequency();
@@ -218,11 +217,14 @@ struct DockingSim::Impl : SimState {
   StepOutcome make_inner_step(double stop, bool watch_roots);
   void note_evaluation(double tau, const double* y);
   bool is_evaluated(double tau, const double* y) const;
-  void calc_event_functions(const DockingData<double>& at, double* roots) const;
+  void calc_event_functions(DockingData<double>& at, double* roots) const;
   void calc_event_speeds(const DockingData<double>& at, double* speeds) const;
   void note_latches();
   void find_passed_latches(double h);
+  bool may_part() const;
+  double find_near_gap(DockingData<double>& at) const;
   PhaseInputs find_phase_inputs(DockingData<double>& at) const;
+  void warn_of_tilt(double now);
 
   // model_exchange.cpp
   Status calc_rates(double* ydot);
@@ -338,7 +340,7 @@ struct DockingSim::Impl : SimState {
   std::vector<char> due = std::vector<char>(kFixedRoots + kMaxLatches, 0);
   std::vector<char> passed = std::vector<char>(kMaxLatches, 0);  ///< due, if not at this state
   std::array<LatchMotion, kMaxLatches> latches_before;           ///< at the start of a fixed step
-  const DockingData<double>* roots_at = nullptr;  ///< what the event functions were found from
+  DockingData<double>* roots_at = nullptr;        ///< what the event functions were found from
   std::unique_ptr<DockingPass> jacobian_pass;     ///< for implicit methods and rest only
   MatX<double> jacobian;                          ///< with it
   std::unique_ptr<BalanceWorkspace> balance;      ///< where a mechanism may come to rest

@@ -61,6 +61,7 @@ struct SimState {
   RestState rest_state;
   double margin_looked_at = kChangeMargin;  ///< where other coordinates were last looked for
   bool warned_margin = false;               ///< a loop close to singular was told once
+  bool warned_tilt = false;                 ///< surfaces that touch beyond their description
   /// Choice of independent coordinates, if it is not that of the start any more.
   std::shared_ptr<const Coordinates> coordinates;
 
@@ -73,7 +74,7 @@ struct SimState {
   double energy_start = 0.0;                     ///< [J]
   double energy_in_play = 0.0;                   ///< largest so far, see find_energy_balance() [J]
   double energy_residual = 0.0;                  ///< at the last accepted inner step [J]
-  bool warned_energy = false;                    ///< a residual that matters was reported once
+  int energy_warnings = 0;                       ///< about a residual that matters
   double host_work = 0.0;                        ///< that imposed motion brought in [J]
   std::array<Wrench<double>, 2> momentum_start;  ///< per vehicle, with what the host changed
   double momentum_residual = 0.0;                ///< [-]
@@ -222,9 +223,10 @@ template <class A>
 void transfer(A& archive, SimState& s) {
   transfer_all(archive, s.elapsed, s.h_warm, s.last_step, s.fastest_rate, s.frame_velocity,
                s.frame_shift, s.discrete, s.memory, s.peaks, s.mean_load, s.coupling, s.rest_state,
-               s.margin_looked_at, s.warned_margin, s.coordinates, s.kept_jacobian, s.drift,
-               s.energy_start, s.energy_in_play, s.energy_residual, s.warned_energy, s.host_work,
-               s.momentum_start, s.momentum_residual, s.momentum_scale, s.angular_momentum_scale);
+               s.margin_looked_at, s.warned_margin, s.warned_tilt, s.coordinates, s.kept_jacobian,
+               s.drift, s.energy_start, s.energy_in_play, s.energy_residual, s.energy_warnings,
+               s.host_work, s.momentum_start, s.momentum_residual, s.momentum_scale,
+               s.angular_momentum_scale);
 }
 
 template <class A>

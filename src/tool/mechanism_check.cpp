@@ -159,13 +159,21 @@ json describe_seated_play(const Capture& capture, json& warnings) {
                        shown(1e3 * play.overlap, "mm") + " deep in each other or in a ring");
     return {};
   }
+  const double catch_distance = capture.latches.law.catch_distance;
+  if (play.striker_opening > catch_distance) {
+    warnings.push_back("seated, a striker stands " + shown(1e3 * play.striker_opening, "mm") +
+                       " before its hook, but latches.catch is " +
+                       shown(1e3 * catch_distance, "mm") +
+                       ": latches catch only while contact is pressed that deep; move the hooks or "
+                       "let the latches catch earlier");
+  }
   const double window = capture.latches.law.window;
   if (play.striker_offset > window) {
     warnings.push_back("seated, a striker can stand up to " +
                        shown(1e3 * play.striker_offset, "mm") +
                        " beside its hook, but latches.window is " + shown(1e3 * window, "mm") +
-                       ": rings can sit there and not be caught; give the petals less play (larger "
-                       "petal_base_radius or petal_base_half_angle) or the latches a wider window");
+                       ": rings can sit there and not be caught; give the petals less play or the "
+                       "latches a wider window");
   }
   return {{"roll_deg", {play.least_roll / kDegree, play.most_roll / kDegree}},
           {"lateral_mm", {1e3 * play.least_lateral, 1e3 * play.most_lateral}},

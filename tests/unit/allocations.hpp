@@ -8,7 +8,15 @@
 #include <atomic>
 #include <cstdlib>  // defines __GLIBC__
 
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)  // of GCC
+#define DOCKLOOP_IS_SANITIZED 1
+#elif defined(__has_feature)  // of Clang
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define DOCKLOOP_IS_SANITIZED 1
+#endif
+#endif
+
+#if defined(__GLIBC__) && !defined(DOCKLOOP_IS_SANITIZED)
 #define DOCKLOOP_COUNTS_ALLOCATIONS 1
 
 namespace dockloop {

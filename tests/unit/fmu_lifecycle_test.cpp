@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "unit/allocations.hpp"
 #include "unit/fmu_test_support.hpp"
 #include "unit/test_helpers.hpp"
 
@@ -76,7 +77,7 @@ TEST_F(Lifecycle, threads_with_an_instance_each_give_the_bits_of_one_alone) {
   for (const std::vector<double>& values : found) EXPECT_EQ(values, alone);
 }
 
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#ifdef DOCKLOOP_COUNTS_ALLOCATIONS
 TEST_F(Lifecycle, ten_thousand_instances_leave_no_memory_behind) {
   use(minimal_scene_text());
   const auto live = [this](int i) {
