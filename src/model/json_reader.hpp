@@ -15,6 +15,7 @@ namespace dockloop {
 
 constexpr int kMaxNesting = 64;       ///< of lists and objects in each other
 constexpr double kMaxNumber = 1e30;   ///< in SI units; products of larger ones would overflow
+constexpr double kLeastNumber = 1e-100;  ///< smaller ones are 0; divisions by them would overflow
 constexpr size_t kMaxItems = 1000;    ///< of a list that describes a model
 constexpr size_t kMaxReason = 160;    ///< characters of the parser's own message
 constexpr size_t kMaxShownText = 60;  ///< characters of a value that a message quotes
@@ -97,7 +98,7 @@ class JsonReader {
     if (!(std::abs(value) <= kMaxNumber)) {
       fail("is " + shown() + "; numbers above 1e30 cannot be computed with");
     }
-    return value;
+    return std::abs(value) < kLeastNumber ? 0.0 : value;
   }
   double number(const std::string& key, double fallback) const {
     return has(key) ? at(key).number() : fallback;
