@@ -1,6 +1,7 @@
 """Why a docking was captured or not: the sentence, in the summary of a run and in a sweep."""
 
 import json
+import re
 
 import pyarrow.parquet
 import pytest
@@ -137,3 +138,45 @@ def test_a_rebound_does_not_depend_on_the_communication_step(runs, tmp_path):
         assert run["outcome"][-1] == 4, step
         parted = (run["gap"] > 0.05) & (run["relative.velocity[1]"] > 0)
         assert run["phase"][parted] == pytest.approx(8), step
+
+
+def run_default(dockloop, *options):
+    ran = dockloop("run", "idss_25t_350t", *options, "--no-plots", "--json", "-o", "own.csv")
+    assert ran.status == 0, ran.err
+    return json.loads(ran.out)
+
+
+def test_vehicles_that_pass_each_other_miss(dockloop):
+    summary = run_default(dockloop, "--scene", "initial.lateral_offset=1.0")
+    assert summary["outcome"] == "miss"
+    assert summary["explanation"] == "not captured: missed"
+
+
+def test_a_latch_that_lets_go_is_told(dockloop):
+    latches = "mechanism.set.latches"
+    summary = run_default(
+        dockloop,
+        *(
+            "--scene",
+            f"{latches}.releases_on_overload=true",
+            "--scene",
+            f"{latches}.rated_load=200",
+        ),
+    )
+    assert summary["captured"] is False
+    assert re.match(r"captured at 3\.\d+ s, but latches let go again, ", summary["explanation"])
+
+
+def test_tilt_beyond_the_description_of_the_rings_is_reported(dockloop):
+    summary = run_default(dockloop, "--scene", "initial.lateral_speed=0.5")
+    (warning,) = [text for text in summary["warnings"] if "tilted" in text]
+    assert "do not trust loads and motion from here on" in warning
+
+
+def test_energy_that_adds_up_step_by_step_is_refused(dockloop):
+    """No single step of these makes more than there is; 66 kJ came together before."""
+    settings = ("--set", "solver.method=7", "--set", "solver.step=0.001")
+    fast = ("--scene", "initial.closing_speed=0.5", "--stop", "4", "--step", "0.012")
+    ran = dockloop("run", "idss_25t_350t", *fast, *settings, "--no-plots", "-o", "own.csv")
+    assert ran.status == 1
+    assert "makes the energy audit wrong by" in ran.err
