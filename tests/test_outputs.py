@@ -12,6 +12,7 @@ import json
 import os
 import shutil
 import subprocess
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -158,6 +159,18 @@ def test_what_a_command_made_it_makes_again(dockloop, tmp_path, command):
         for file in files:
             assert (tmp_path / file).stat().st_size > 0, file
     assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_a_package_with_a_vehicle_of_somebody_else_stays(dockloop, tmp_path):
+    command = ["ssp", "idss_25t_350t", "-o", "own.ssp"]
+    assert dockloop(*command).status == 0
+    assert dockloop(*command).status == 0
+    with zipfile.ZipFile("own.ssp") as made, zipfile.ZipFile("other.ssp", "w") as other:
+        for name in made.namelist():
+            other.writestr(name, b"mine" if name == "resources/chaser.fmu" else made.read(name))
+    Path("other.ssp").replace("own.ssp")
+    before = snapshot(tmp_path)
+    assert_stopped(dockloop(*command), tmp_path, before, "own.ssp")
 
 
 def test_results_of_a_driven_vehicle_are_made_again(dockloop, tmp_path):

@@ -28,6 +28,7 @@ import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 from dockloop import paths
 from dockloop.binaries import find_libraries
@@ -50,7 +51,7 @@ _LAST_ZIP_DATE = 4354819199  # 2107-12-31T23:59:59Z
 _MODEL = "resources/model.json"
 
 
-def read_model(path: Path) -> dict:
+def read_model(path: Path | BinaryIO) -> dict:
     """Read the resolved scene that an FMU of this program carries.
 
     Raises:

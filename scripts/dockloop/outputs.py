@@ -30,7 +30,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 from dockloop import paths
 from dockloop.errors import FULL, DockloopError, UsageError, find_reason
@@ -94,7 +94,7 @@ def read_head(path: Path) -> bytes:
         return file.read(_HEAD)
 
 
-def read_entry(path: Path, name: str) -> bytes:
+def read_entry(path: Path | BinaryIO, name: str) -> bytes:
     """Return one entry of a zip file.
 
     Raises:

@@ -35,11 +35,12 @@ master algorithm for OMSimulator (which refuses a system without).
 import copy
 import xml.etree.ElementTree as ET
 import zipfile
+from io import BytesIO
 from pathlib import Path
 
 from dockloop import __version__, paths
 from dockloop.errors import UsageError
-from dockloop.fmu import find_date, place_vehicles, write_fmu, write_zip
+from dockloop.fmu import find_date, place_vehicles, read_model, write_fmu, write_zip
 from dockloop.outputs import Kind, claim, read_entry, scratch
 from dockloop.scene import find_scene, resolve_scene
 
@@ -58,7 +59,12 @@ _NAMESPACES = {
 
 
 def _is_package(path: Path) -> bool:
-    return b'generationTool="dockloop ' in read_entry(path, "SystemStructure.ssd")
+    """Tell whether a package is of this program, and so is every FMU in it."""
+    if b'generationTool="dockloop ' not in read_entry(path, "SystemStructure.ssd"):
+        return False
+    with zipfile.ZipFile(path) as archive:
+        fmus = [name for name in archive.namelist() if name.endswith(".fmu")]
+        return all(read_model(BytesIO(archive.read(name))) for name in fmus)
 
 
 PACKAGE = Kind("SSP package", "dockloop ssp", _is_package)
