@@ -125,8 +125,7 @@ class DaeSolver : public Solver {
       N_VScale(1.0, zdot, residual);
       return 0;
     }
-    if (me.is_exhausted()) return System::kGiveUp;
-    ++me.evaluations;
+    if (!me.spend(1)) return System::kGiveUp;
     return me.note(me.problem.dae.residual(t, NV_DATA_S(z), NV_DATA_S(zdot), NV_DATA_S(residual)));
   }
   static int call_jacobian(realtype t, realtype alpha, N_Vector z, N_Vector zdot, N_Vector residual,
@@ -137,8 +136,7 @@ class DaeSolver : public Solver {
       for (sunindextype i = 0; i < NV_LENGTH_S(z); ++i) SM_ELEMENT_D(jacobian, i, i) = alpha;
       return 0;
     }
-    if (me.is_exhausted()) return System::kGiveUp;
-    me.evaluations += me.problem.dae.jacobian_cost;
+    if (!me.spend(me.problem.dae.jacobian_cost)) return System::kGiveUp;
     return me.note(me.problem.dae.jacobian(t, alpha, NV_DATA_S(z), NV_DATA_S(zdot),
                                            NV_DATA_S(residual), SM_DATA_D(jacobian)));
   }

@@ -44,6 +44,12 @@ struct System {
   /// No more evaluations: SUNDIALS gives up at a negative value.
   static constexpr int kGiveUp = -1;
   bool is_exhausted() const { return evaluations >= evaluation_limit; }
+  /// Counts what is about to be evaluated. @return false if nothing more is to be
+  bool spend(int count) {
+    if (is_exhausted()) return false;
+    evaluations += count;
+    return true;
+  }
   /// What an evaluation says is kept, and handed on to SUNDIALS.
   int note(int said) {
     if (said > 0) trouble = said;

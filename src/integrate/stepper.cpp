@@ -64,8 +64,7 @@ int System::calc_rates(double t, const double* state, double* ydot) {
     std::fill_n(ydot, problem.size, 0.0);
     return 0;
   }
-  if (is_exhausted()) return kGiveUp;
-  ++evaluations;
+  if (!spend(1)) return kGiveUp;
   return note(problem.rates(t, state, ydot));
 }
 
@@ -76,8 +75,7 @@ int System::call_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
 int System::call_mild_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
   System& me = *static_cast<System*>(system);
   if (me.idle) return call_rates(t, y, ydot, system);
-  if (me.is_exhausted()) return kGiveUp;
-  ++me.evaluations;
+  if (!me.spend(1)) return kGiveUp;
   return me.note(me.problem.mild_rates(t, NV_DATA_S(y), NV_DATA_S(ydot)));
 }
 
@@ -98,8 +96,7 @@ int System::call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacob
     me.known_jacobian = nullptr;
     return 0;
   }
-  if (me.is_exhausted()) return kGiveUp;
-  me.evaluations += me.problem.jacobian_cost;
+  if (!me.spend(me.problem.jacobian_cost)) return kGiveUp;
   if (me.ahead > 0.0) {
     N_VLinearSum(1.0, y, me.ahead, ydot, scratch);
     // Where that state cannot be evaluated, the present one has to do.
@@ -144,16 +141,15 @@ struct Stepper::Impl {
   double h_restart = 0.0;
   bool restarted = true;  // no step was made since restart()
   std::int64_t idle_steps = 0;
-  std::vector<double> low, high, middle;  // event functions at both ends of a step, and inside
-  std::vector<double> low_speed, high_speed;  // and how fast they may change
-  bool low_valid = false;                 // low is that of the present state
-  /// Event functions inside a step, in the order of time. The first and the last are its ends.
+  /// Event functions at a time, and how fast they may change.
   struct Probe {
     double t = 0.0;
     std::vector<double> value, speed;
   };
+  Probe low, high, middle;  // at both ends of a step, and inside
+  bool low_valid = false;   // low is that of the present state
   static constexpr size_t kMostProbes = 24;
-  std::array<Probe, kMostProbes> probes;
+  std::array<Probe, kMostProbes> probes;  // in the order of time, first and last at both ends
   N_Vector y_inside = nullptr;
   std::vector<char> root_info;
   std::vector<double> y_before;
@@ -164,11 +160,10 @@ struct Stepper::Impl {
         solver(make_solver(system, method)) {
     const size_t roots = static_cast<size_t>(system.problem.root_count);
     root_info.assign(roots, 0);
-    for (auto* values : {&low, &high, &middle, &low_speed, &high_speed}) values->assign(roots, 0.0);
-    for (Probe& probe : probes) {
-      probe.value.assign(roots, 0.0);
-      probe.speed.assign(roots, 0.0);
-    }
+    low.value.assign(roots, 0.0);
+    low.speed.assign(roots, 0.0);
+    high = middle = low;
+    probes.fill(low);
     y_before.assign(static_cast<size_t>(system.problem.size), 0.0);
     y_inside = system.make_vector();
   }
@@ -176,10 +171,10 @@ struct Stepper::Impl {
     if (y_inside) N_VDestroy(y_inside);
   }
 
-  bool find_roots(double at, N_Vector state, std::vector<double>& values,
-                  std::vector<double>& speeds) {
-    if (system.problem.roots(at, NV_DATA_S(state), values.data()) != 0) return false;
-    if (system.problem.root_speeds) system.problem.root_speeds(speeds.data());
+  bool find_roots(double at, N_Vector state, Probe& to) {
+    to.t = at;
+    if (system.problem.roots(at, NV_DATA_S(state), to.value.data()) != 0) return false;
+    if (system.problem.root_speeds) system.problem.root_speeds(to.speed.data());
     return true;
   }
 
@@ -193,7 +188,7 @@ struct Stepper::Impl {
     int at = -1;
     for (size_t k = 0; k + 1 < count; ++k) {
       const Probe &a = probes[k], &b = probes[k + 1];
-      for (size_t i = 0; i < low.size(); ++i) {
+      for (size_t i = 0; i < low.value.size(); ++i) {
         const double speed = kSurely * std::max(a.speed[i], b.speed[i]);
         // It falls to zero and comes back: what is left of the time is spent below zero.
         const double room = (b.t - a.t) - (a.value[i] + b.value[i]) / speed;
@@ -205,18 +200,12 @@ struct Stepper::Impl {
     return at;
   }
 
-  /// Is an event function below zero inside the step, but above it at both ends? Then `end` and
-  /// `high` become those of a time at which it is. @return false if a state cannot be evaluated
-  bool search_dips(double t_before, double& end) {
+  /// Is an event function below zero inside the step from low to high, but above it at both ends?
+  /// Then `high` becomes a time at which it is. @return false if a state cannot be evaluated
+  bool search_dips() {
     if (!system.problem.root_speeds) return true;
-    const auto take = [](Probe& to, double at, const std::vector<double>& value,
-                         const std::vector<double>& speed) {
-      to.t = at;
-      to.value = value;
-      to.speed = speed;
-    };
-    take(probes[0], t_before, low, low_speed);
-    take(probes[1], end, high, high_speed);
+    probes[0] = low;
+    probes[1] = high;
     for (size_t count = 2; count < kMostProbes; ++count) {
       const int k = find_room(count);
       if (k < 0) return true;
@@ -224,13 +213,10 @@ struct Stepper::Impl {
       if (!(at > probes[k].t && at < probes[k + 1].t)) return true;
       if (!solver->interpolate(at, y_inside)) return false;
       Probe& fresh = probes[count];
-      fresh.t = at;
-      if (!find_roots(at, y_inside, fresh.value, fresh.speed)) return false;
-      for (size_t i = 0; i < low.size(); ++i) {
-        if (!(low[i] > 0.0 && fresh.value[i] <= 0.0)) continue;
-        end = at;
-        high = fresh.value;
-        high_speed = fresh.speed;
+      if (!find_roots(at, y_inside, fresh)) return false;
+      for (size_t i = 0; i < low.value.size(); ++i) {
+        if (!(low.value[i] > 0.0 && fresh.value[i] <= 0.0)) continue;
+        high = fresh;
         return true;
       }
       std::rotate(probes.begin() + k + 1, probes.begin() + count, probes.begin() + count + 1);
@@ -240,36 +226,35 @@ struct Stepper::Impl {
 
   /// Does an event function fall through zero in the step from low to high? Then t is set to where
   /// the first one has done so, y to the state there. @return false if a state cannot be evaluated
-  bool search_roots(double t_before, bool& found) {
+  bool search_roots(bool& found) {
     found = false;
-    double end = t;
-    // Where a dip is found there may be an earlier one of another function.
-    for (double before = 2.0 * end - t_before; end < before;) {
-      before = end;
-      if (!search_dips(t_before, end)) return false;
-    }
-    for (size_t i = 0; i < low.size(); ++i) {
-      root_info[i] = low[i] > 0.0 && high[i] <= 0.0;
+    double end;
+    do {  // where a dip is found there may be an earlier one of another function
+      end = high.t;
+      if (!search_dips()) return false;
+    } while (high.t < end);
+    for (size_t i = 0; i < low.value.size(); ++i) {
+      root_info[i] = low.value[i] > 0.0 && high.value[i] <= 0.0;
       found = found || root_info[i];
     }
     if (!found) return true;
     // The least of those that cross, each relative to where it started, crosses first. Illinois.
-    const auto least = [this](const std::vector<double>& values) {
+    const auto least = [this](const Probe& at) {
       double smallest = 1.0;
-      for (size_t i = 0; i < values.size(); ++i) {
-        if (root_info[i]) smallest = std::min(smallest, values[i] / low[i]);
+      for (size_t i = 0; i < at.value.size(); ++i) {
+        if (root_info[i]) smallest = std::min(smallest, at.value[i] / low.value[i]);
       }
       return smallest;
     };
-    double a = t_before, b = end, fa = 1.0, fb = least(high);
-    const double tolerance = system.problem.root_tolerance * (std::abs(t) + (t - t_before));
+    double a = low.t, b = end, fa = 1.0, fb = least(high);
+    const double tolerance = system.problem.root_tolerance * (std::abs(t) + (t - low.t));
     int side = 0;
     for (int i = 0; i < 100 && b - a > tolerance && fb < 0.0; ++i) {
       double c = (fa * b - fb * a) / (fa - fb);
       if (!(c > a + 0.5 * tolerance)) c = a + 0.5 * tolerance;
       if (!(c < b - 0.5 * tolerance)) c = b - 0.5 * tolerance;
       if (!solver->interpolate(c, y_inside)) return false;
-      if (!find_roots(c, y_inside, middle, high_speed)) return false;
+      if (!find_roots(c, y_inside, middle)) return false;
       const double fc = least(middle);
       if (fc > 0.0) {
         a = c;
@@ -284,7 +269,9 @@ struct Stepper::Impl {
         high = middle;
       }
     }
-    for (size_t i = 0; i < high.size(); ++i) root_info[i] = root_info[i] && high[i] <= 0.0;
+    for (size_t i = 0; i < high.value.size(); ++i) {
+      root_info[i] = root_info[i] && high.value[i] <= 0.0;
+    }
     if (b < t) {
       if (!solver->interpolate(b, system.y)) return false;
       t = b;
@@ -340,12 +327,12 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
   static constexpr std::array<double, 14> kLeaps = {1.5, 1.25, 0.55, 0.45, 0.35, 0.27, 0.2,
                                                     0.7, 0.8,  2.5,  4.0,  6.5,  10.0, 16.0};
   Impl& me = *impl_;
-  const bool watch = watch_roots && !me.low.empty();
+  const bool watch = watch_roots && !me.low.value.empty();
   const double t_before = me.t;
   double h_first = 0.0;
   size_t leaps = 0;
   std::copy(y(), y() + me.system.problem.size, me.y_before.begin());
-  if (watch && !me.low_valid && !me.find_roots(me.t, me.system.y, me.low, me.low_speed))
+  if (watch && !me.low_valid && !me.find_roots(me.t, me.system.y, me.low))
     return StepOutcome::kFailed;
   for (int retry = 0; retry < kRetries;) {
     me.system.trouble = 0;
@@ -353,14 +340,10 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
     if (made == StepOutcome::kStopped) me.t = t_stop;
     bool found = false;
     if (made != StepOutcome::kFailed &&
-        (!watch || (me.find_roots(me.t, me.system.y, me.high, me.high_speed) &&
-                    me.search_roots(t_before, found)))) {
+        (!watch || (me.find_roots(me.t, me.system.y, me.high) && me.search_roots(found)))) {
       me.restarted = false;
       me.low_valid = watch && !found;
-      if (me.low_valid) {
-        std::swap(me.low, me.high);
-        std::swap(me.low_speed, me.high_speed);
-      }
+      if (me.low_valid) std::swap(me.low, me.high);
       return found ? StepOutcome::kRoot : made;
     }
     if (me.fixed || me.system.is_exhausted()) return StepOutcome::kFailed;
