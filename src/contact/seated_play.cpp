@@ -49,8 +49,7 @@ class SeatedRings {
     place(0.0, 0.0, 0.0);
     double largest = 0.0;
     for (int i = 0; i < latches_.count(); ++i) {
-      const Vec3<double> s = motion_.R * latches_.striker[i] + motion_.p - latches_.hook[i];
-      largest = std::max(largest, s[0]);
+      largest = std::max(largest, find_latch_motion(latches_, i, motion_).s[0]);
     }
     return largest;
   }
@@ -61,8 +60,7 @@ class SeatedRings {
     place(way * std::cos(direction), way * std::sin(direction), roll);
     double largest = 0.0;
     for (int i = 0; i < latches_.count(); ++i) {
-      const Vec3<double> s = motion_.R * latches_.striker[i] + motion_.p - latches_.hook[i];
-      largest = std::max(largest, s.tail<2>().norm());
+      largest = std::max(largest, find_latch_motion(latches_, i, motion_).s.tail<2>().norm());
     }
     return largest;
   }

@@ -2,11 +2,11 @@
 //
 // The low-level members (bodies, loops) are the tree and the loop table as they are; `legs` is the
 // convenient form: a leg type with points, axes and masses. Both may stand in one file.
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <map>
 
+#include "math/inertia.hpp"
 #include "model/json_reader.hpp"
 #include "model/mechanism_model.hpp"
 
@@ -383,8 +383,7 @@ void check_mechanism(const MechanismModel& model) {
     if (!(body.inertia - body.inertia.transpose()).isZero(1e-9 * scale)) {
       throw ModelError(who + "inertia of body '" + body.name + "' is not symmetric");
     }
-    Eigen::SelfAdjointEigenSolver<Mat3<double>> eigen(body.inertia, Eigen::EigenvaluesOnly);
-    const Vec3<double> principal = eigen.eigenvalues();
+    const Vec3<double> principal = find_principal_moments(body.inertia);
     if (principal[0] < -1e-12 * scale) {
       throw ModelError(who + "inertia of body '" + body.name +
                        "' has the negative principal value " + std::to_string(principal[0]) +

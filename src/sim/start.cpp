@@ -1,10 +1,10 @@
 // From scene and parameters to the start state: checks, model, integrator, warnings.
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
 #include "kernels/kernels.hpp"
+#include "math/inertia.hpp"
 #include "sim/frame_origin.hpp"
 #include "sim/sim_impl.hpp"
 
@@ -43,11 +43,9 @@ void check_vehicle(const VehicleParameters& p, const std::string& name) {
     throw ModelError(name + ".inertia (xx yy zz xy xz yz) is" + values +
                      "; it must be positive definite");
   }
-  // Sums of squares: no body has a principal moment larger than the two others together.
-  const Vec3<double> moment =
-      Eigen::SelfAdjointEigenSolver<Mat3<double>>(inertia, Eigen::EigenvaluesOnly).eigenvalues();
-  constexpr double kRounding = 1e-6;  // of numbers typed from a data sheet
-  if (moment[2] > (moment[0] + moment[1]) * (1.0 + kRounding)) {
+  constexpr double kTyped = 1e-6;  // rounding of numbers from a data sheet
+  const Vec3<double> moment = find_principal_moments(inertia);
+  if (!can_have_moments(moment, kTyped)) {
     char text[300];
     std::snprintf(text, sizeof text,
                   "%s.inertia has the principal moments %.6g, %.6g and %.6g kg m2; no body has one "
@@ -407,8 +405,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   std::fill(due.begin(), due.end(), char(0));
   for (int i : {kChaser, kTarget}) {
     const Mat3<double> inertia = make_symmetric(parameters.vehicle[i].inertia);
-    least_inertia[i] = Eigen::SelfAdjointEigenSolver<Mat3<double>>(inertia, Eigen::EigenvaluesOnly)
-                           .eigenvalues()[0];
+    least_inertia[i] = find_principal_moments(inertia)[0];
   }
   // At rest the scale is what the tolerance lets a vehicle move.
   momentum_scale = parameters.atol_velocity * parameters.vehicle[kChaser].mass;

@@ -1,7 +1,6 @@
 // Checks and evaluations of a mechanism on its own; see mechanism_check.hpp.
 #include "tool/mechanism_check.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <array>
@@ -10,6 +9,7 @@
 
 #include "contact/seated_play.hpp"
 #include "dynamics/mechanism_dynamics.hpp"
+#include "math/inertia.hpp"
 #include "math/status.hpp"
 #include "model/json_reader.hpp"
 #include "model/scene.hpp"
@@ -186,9 +186,8 @@ json describe_seated_play(const Capture& capture, json& warnings) {
 void warn_of_inertias(const MechanismModel& model, json& warnings) {
   std::map<std::array<double, 3>, std::string> names;
   for (const Body& body : model.bodies) {
-    const Eigen::SelfAdjointEigenSolver<Mat3<double>> solver(body.inertia, Eigen::EigenvaluesOnly);
-    const Vec3<double>& moment = solver.eigenvalues();  // ascending
-    if (moment[2] - moment[1] - moment[0] <= kMomentSlack * moment[2]) continue;
+    const Vec3<double> moment = find_principal_moments(body.inertia);
+    if (can_have_moments(moment, kMomentSlack)) continue;
     std::string& text = names[{moment[0], moment[1], moment[2]}];
     text += (text.empty() ? "" : ", ") + ("'" + body.name + "'");
   }
