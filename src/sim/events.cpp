@@ -31,7 +31,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   changed = changed || jumped;
   if (changed) kept_jacobian.valid = false;
   warn_of_tilt(now);
-  const PhaseInputs phase_inputs = find_phase_inputs(*data);
+  const PhaseInputs phase_inputs = find_phase_inputs(*data, find_near_gap(*data));
   update_seat(phase_inputs, now, discrete);
   update_phase(phase_inputs, discrete);
   // Peaks see the forces on both sides of a jump. An absorber that does not pull is let go where
@@ -280,10 +280,11 @@ void DockingSim::Impl::calc_event_functions(DockingData<double>& at, double* roo
 /// How fast the event functions may change where they may be below zero between two states.
 void DockingSim::Impl::calc_event_speeds(const DockingData<double>& at, double* speeds) const {
   std::fill_n(speeds, kFixedRoots, 0.0);
-  if (has_surfaces() && model->contact.kind == ContactModel::Kind::kRings && !discrete.contacted) {
-    speeds[0] = find_approach_bound(model->contact, at.relative);
+  if (has_surfaces() && model->contact.kind == ContactModel::Kind::kRings) {
+    const double bound = find_approach_bound(model->contact, at.relative);
+    if (!discrete.contacted) speeds[0] = bound;
+    if (may_part()) speeds[2] = bound;
   }
-  if (may_part()) speeds[2] = find_approach_bound(model->contact, at.relative);
   for (int i = 0; i < model->latches.count(); ++i) {
     speeds[kFixedRoots + i] =
         find_event_speed(discrete.latch[i], find_latch_motion(model->latches, i, at.relative));
@@ -313,20 +314,22 @@ bool DockingSim::Impl::may_part() const {
 }
 
 /// The gap of the surfaces where it is positive and not above kReboundGap. Above, it is a lower
-/// bound: what the contact search knows, which depends on where it looked last.
+/// bound: what the contact search knows, which depends on where it looked last. So it is after a
+/// capture, when nothing hangs on it.
+/// @param at  its workspace of the contact search is used
 double DockingSim::Impl::find_near_gap(DockingData<double>& at) const {
   const double gap = at.contact.gap;
-  if (!has_surfaces() || gap < 0.0 || gap > kReboundGap) return gap;
+  if (!has_surfaces() || discrete.captured || gap < 0.0 || gap > kReboundGap) return gap;
   return find_gap(model->contact, at.relative, at.contact_work);
 }
 
-/// @param at  its workspace of the contact search is used
-PhaseInputs DockingSim::Impl::find_phase_inputs(DockingData<double>& at) const {
+/// @param gap  of the surfaces there, see find_near_gap()
+PhaseInputs DockingSim::Impl::find_phase_inputs(const DockingData<double>& at, double gap) const {
   PhaseInputs in;
   if (!model->present[kTarget]) return in;
   const RelativeMotion<double> relative =
       find_relative(at.interface[kChaser], at.interface[kTarget]);
-  in.gap = discrete.captured ? at.contact.gap : find_near_gap(at);
+  in.gap = gap;
   in.axial = at.relative.p.x();
   in.axial_rate = relative.v.x();
   in.speed = relative.v.norm();

@@ -67,7 +67,8 @@ Status DockingSim::get_indicators(double* indicator) {
   // its own, so that two of them that are met in turn within one step are not missed.
   double roots[kFixedRoots + kMaxLatches];
   me.calc_event_functions(*me.rate_data, roots);
-  roots[2] = find_phase_indicator(me.find_phase_inputs(*me.rate_data), me.discrete);
+  const double gap = me.find_near_gap(*me.rate_data);
+  roots[2] = find_phase_indicator(me.find_phase_inputs(*me.rate_data, gap), me.discrete);
   std::copy_n(roots, kFixedRoots, indicator);
   for (int i = 0; i < me.model->latches.count(); ++i) {
     const LatchMotion motion = find_latch_motion(me.model->latches, i, me.rate_data->relative);
@@ -109,7 +110,7 @@ bool DockingSim::Impl::is_event_due() const {
   const bool latch = std::any_of(roots + kFixedRoots, roots + kFixedRoots + model->latches.count(),
                                  [](double root) { return root <= 0.0; });
   DiscreteState next = discrete;
-  update_phase(find_phase_inputs(*data), next);
+  update_phase(find_phase_inputs(*data, find_near_gap(*data)), next);
   const double margin = find_singularity_margin(data->mechanism);
   return touched || latch || next.phase != discrete.phase || next.outcome != discrete.outcome ||
          is_thrust_due(elapsed) != discrete.thrust_on ||

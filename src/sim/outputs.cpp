@@ -387,7 +387,7 @@ void DockingSim::Impl::update_phase_outputs() {
     outputs.latched[i] = discrete.latch[i].mode == LatchMode::kHeld ? 1 : 0;
     outputs.latch_state[i] = find_latch_report(i);
   }
-  outputs.capture_reason = find_capture_reason(find_phase_inputs(*data), discrete);
+  outputs.capture_reason = find_capture_reason(find_phase_inputs(*data, outputs.gap), discrete);
   outputs.seated_time = discrete.seated_time;
   outputs.phase = discrete.phase;
   outputs.outcome = discrete.outcome;

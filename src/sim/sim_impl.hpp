@@ -134,7 +134,7 @@ struct DockingSim::Impl : SimState {
   bool conserves_momentum() const;
   double find_total_energy() const;
   EnergyBalance find_energy_balance() const;
-  double find_least_energy() const;
+  double find_energy_scale(const EnergyBalance& balance) const;
   bool makes_energy(const EnergyBalance& balance, double tau);
   void watch_energy(const EnergyBalance& balance, double tau);
   double find_potential_energy() const;
@@ -223,7 +223,7 @@ struct DockingSim::Impl : SimState {
   void find_passed_latches(double h);
   bool may_part() const;
   double find_near_gap(DockingData<double>& at) const;
-  PhaseInputs find_phase_inputs(DockingData<double>& at) const;
+  PhaseInputs find_phase_inputs(const DockingData<double>& at, double gap) const;
   void warn_of_tilt(double now);
 
   // model_exchange.cpp

@@ -449,7 +449,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     throw ModelError("start state cannot be evaluated");
   update_capture(0.0);
   update_thrust(0.0);
-  update_phase(find_phase_inputs(*data), discrete);
+  update_phase(find_phase_inputs(*data, find_near_gap(*data)), discrete);
   peaks.start(0.0, find_peak_values());
   const double* q = stepper->y() + model->layout.mechanism_q;
   rest_state.q.assign(q, q + model->layout.mechanism_nq);

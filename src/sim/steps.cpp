@@ -67,8 +67,8 @@ Status DockingSim::Impl::refuse_work(double h, std::int64_t limit, double tau) {
   std::snprintf(
       text, sizeof text,
       "after t = %.9g s it needs more work than %.3g evaluations, the limit for a step of %.6g s "
-      "of "
-      "this model: shorten the step, or check speeds, spins, contact.friction_speed, stiffness and "
+      "of this model: shorten the step, or check speeds, spins, contact.friction_speed, stiffness "
+      "and "
       "damping of contact and legs",
       setup->t_start + elapsed + tau, static_cast<double>(limit), h);
   status_text = text;
@@ -408,7 +408,7 @@ EnergyBalance DockingSim::Impl::find_energy_balance() const {
 bool DockingSim::Impl::makes_energy(const EnergyBalance& audit, double tau) {
   constexpr double kMostMissing = 0.5;  // in the end; one step may be off by all there is
   const double made = std::abs(audit.residual - energy_residual);
-  const double there = std::max({energy_in_play, audit.in_play, find_least_energy()});
+  const double there = find_energy_scale(audit);
   const bool adds_up = std::abs(audit.residual) > kMostMissing * there &&
                        std::abs(audit.residual) > std::abs(energy_residual);
   if (made <= there && !adds_up) return false;
@@ -429,26 +429,25 @@ void DockingSim::Impl::watch_energy(const EnergyBalance& audit, double tau) {
   constexpr double kMatters[] = {0.01, 0.1};  // of the energy in play
   energy_residual = audit.residual;
   energy_in_play = std::max(energy_in_play, audit.in_play);
-  const double share = std::abs(energy_residual) / std::max(energy_in_play, find_least_energy());
-  if (energy_warnings >= static_cast<int>(std::size(kMatters)) ||
-      share <= kMatters[energy_warnings])
-    return;
-  while (energy_warnings < static_cast<int>(std::size(kMatters)) &&
-         share > kMatters[energy_warnings]) {
-    ++energy_warnings;
-  }
+  const double there = find_energy_scale(audit), share = std::abs(energy_residual) / there;
+  const auto reached = std::count_if(std::begin(kMatters), std::end(kMatters),
+                                     [&](double matters) { return share > matters; });
+  if (reached <= energy_warnings) return;
+  energy_warnings = static_cast<int>(reached);
   char text[300];
   std::snprintf(text, sizeof text,
                 "the energy audit is off by %.3g J at t = %.9g s, %.2g of the %.3g J in play: "
                 "loads and motion may be wrong by more; take a smaller %s",
-                energy_residual, setup->t_start + elapsed + tau, share,
-                std::max(energy_in_play, find_least_energy()),
+                energy_residual, setup->t_start + elapsed + tau, share, there,
                 is_fixed_step() ? "solver.step, or solver.method 1 (auto)" : "solver.rtol");
   warnings.push_back(text);
 }
 
-/// Below this, energy is what absolute tolerances leave open [J].
-double DockingSim::Impl::find_least_energy() const { return 1e4 * parameters.atol_energy; }
+/// The largest energy that was in play so far; below some value it is what absolute tolerances
+/// leave open [J].
+double DockingSim::Impl::find_energy_scale(const EnergyBalance& audit) const {
+  return std::max({energy_in_play, audit.in_play, 1e4 * parameters.atol_energy});
+}
 
 double DockingSim::Impl::find_potential_energy() const {
   return data->joints.energy + data->contact.energy + data->latch.energy;
