@@ -41,16 +41,8 @@ def explain_capture(values: Mapping[str, float], latches: Mapping) -> str | None
         2: ["not captured: no contact so far"],
         3: ["not captured yet: has touched and is still moving", some, widest],
         4: _describe_seat(values, free, some, latches),
-        5: [
-            f"not captured: hung up{_name_petal(values)}",
-            some,
-            _name_widest(values, free, latches),
-        ],
-        6: [
-            "not captured: too slow to close, at rest before the latches",
-            some,
-            _name_widest(values, free, latches),
-        ],
+        5: [f"not captured: hung up{_name_petal(values)}", some, widest],
+        6: ["not captured: too slow to close, at rest before the latches", some, widest],
         7: ["not captured: rebounded", some],
         8: ["not captured: missed"],
     }

@@ -16,6 +16,8 @@ import json
 import math
 import re
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -200,14 +202,21 @@ def read_mechanism(path: Path) -> dict:
 
 def read_json(path: Path) -> Any:
     """Read a JSON file. Raises UsageError."""
-    try:
+    with _reading(path, "JSON", "groups"):
         return json.loads(path.read_text(encoding="utf-8"))
+
+
+@contextmanager
+def _reading(path: Path, language: str, parts: str) -> Iterator[None]:
+    """Say what is wrong with a file that cannot be read or parsed."""
+    try:
+        yield
     except OSError as error:
         raise UsageError(f"{shown(path)}: cannot be read ({find_reason(error)})") from None
     except ValueError as error:
-        raise UsageError(f"{shown(path)}: is not JSON ({error})") from None
+        raise UsageError(f"{shown(path)}: is not {language} ({error})") from None
     except RecursionError:
-        raise UsageError(f"{shown(path)}: lists and groups are nested too deeply") from None
+        raise UsageError(f"{shown(path)}: lists and {parts} are nested too deeply") from None
 
 
 def apply_override(scene: dict, text: str) -> None:
@@ -262,15 +271,9 @@ def parse_value(text: str) -> Any:
 
 def read_toml(path: Path) -> tuple[dict, str]:
     """Read a TOML file; returns what it says, and its text. Raises UsageError."""
-    try:
+    with _reading(path, "TOML", "tables"):
         text = path.read_text(encoding="utf-8")
         return tomllib.loads(text), text
-    except OSError as error:
-        raise UsageError(f"{shown(path)}: cannot be read ({find_reason(error)})") from None
-    except ValueError as error:
-        raise UsageError(f"{shown(path)}: is not TOML ({error})") from None
-    except RecursionError:
-        raise UsageError(f"{shown(path)}: lists and tables are nested too deeply") from None
 
 
 @cache
