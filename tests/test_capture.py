@@ -6,8 +6,8 @@ import re
 import pyarrow.parquet
 import pytest
 
-from dockloop import paths
 from dockloop.capture import explain_capture, list_needed
+from light_vehicles import write_light_scene
 
 LATCHES = {"window": 0.025}
 
@@ -104,14 +104,6 @@ step = 0.5
     assert list(table)[-2:] == ["outcome", "explanation"]
 
 
-LIGHT = {
-    "mass = 25e3": "mass = 400",
-    "inertia = [60.5e3, 132e3, 132e3,": "inertia = [80, 90, 90,",
-    "interface_position = [4,": "interface_position = [0.5,",
-    "mass = 350e3": "mass = 800",
-    "inertia = [4e7, 8e7, 8e7,": "inertia = [200, 250, 250,",
-    "interface_position = [-15,": "interface_position = [-1,",
-}
 REBOUND = [
     "initial.approach_time=0.05",
     "initial.closing_speed=1.18",
@@ -128,12 +120,9 @@ REBOUND = [
 
 def test_a_rebound_does_not_depend_on_the_communication_step(runs, tmp_path):
     """It is one where the gap itself is 5 cm, not where a bound for the contact search is."""
-    scene = (paths.SCENES / "idss_25t_350t.toml").read_text(encoding="utf-8")
-    for old, new in LIGHT.items():
-        scene = scene.replace(old, new, 1)
-    (tmp_path / "light.toml").write_text(scene, encoding="utf-8")
+    scene = str(write_light_scene(tmp_path))
     for step in (0.1, 0.02):
-        run = runs.run(str(tmp_path / "light.toml"), *REBOUND, stop=1.2, step=step)
+        run = runs.run(scene, *REBOUND, stop=1.2, step=step)
         assert run["gap"][-1] > 0.08
         assert run["outcome"][-1] == 4, step
         parted = (run["gap"] > 0.05) & (run["relative.velocity[1]"] > 0)

@@ -12,27 +12,24 @@ Examples:
 
 import argparse
 import collections
+import sys
 import tempfile
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from dockloop import paths
 from dockloop.sampling import read_sweep
 from dockloop.simulate import ProgressBar
 from dockloop.sweep import run_sweep
+from light_vehicles import write_light_scene
 from page import find_origin, write_head, write_page, write_row
 
 STEPS = (0.02, 0.1)
 COMPARED = ("outcome", "latched[1]", "latched[2]", "latched[3]")
-VEHICLES = {  # lines of the scene that differ
-    "chaser of 400 kg, target of 800 kg": {
-        "mass = 25e3": "mass = 400",
-        "inertia = [60.5e3, 132e3, 132e3,": "inertia = [80, 90, 90,",
-        "interface_position = [4,": "interface_position = [0.5,",
-        "mass = 350e3": "mass = 800",
-        "inertia = [4e7, 8e7, 8e7,": "inertia = [200, 250, 250,",
-        "interface_position = [-15,": "interface_position = [-1,",
-    },
-    "the default vehicles, 25 t and 350 t": {},
+VEHICLES = {  # name: are they light, part of the scenes
+    "chaser of 400 kg, target of 800 kg": (True, 1),
+    "the default vehicles, 25 t and 350 t": (False, 4),  # take longer
 }
 REASONS = {  # part of the sentence: in short
     "no free motion": "no free motion leads to these conditions at first contact",
@@ -41,7 +38,7 @@ REASONS = {  # part of the sentence: in short
     "more work": "a step would take more work than it may",
 }
 SWEEP = """
-scene = "vehicles.toml"
+scene = "{scene}"
 seed = 7
 cases = {cases}
 sampling = "sobol"
@@ -81,23 +78,20 @@ step = {step}
 """
 
 
-def run(folder: Path, vehicles: dict, cases: int, step: float) -> list:
+def run(folder: Path, scene: str, cases: int, step: float) -> list:
     """Run one sweep; returns its results, one a case."""
-    scene = (paths.SCENES / "idss_25t_350t.toml").read_text(encoding="utf-8")
-    for old, new in vehicles.items():
-        assert old in scene, old
-        scene = scene.replace(old, new, 1)
-    (folder / "vehicles.toml").write_text(scene, encoding="utf-8")
     file = folder / f"step_{step}.toml"
-    file.write_text(SWEEP.format(cases=cases, step=step), encoding="utf-8")
+    file.write_text(SWEEP.format(scene=scene, cases=cases, step=step), encoding="utf-8")
     output, label = file.with_suffix(".parquet"), f"steps of {step} s"
     return run_sweep(read_sweep(str(file)), output, progress=ProgressBar(label))["results"]
 
 
-def compare(vehicles: dict, cases: int) -> tuple[list[int], list[str]]:
+def compare(cases: int, *, light: bool) -> tuple[list[int], list[str]]:
     """Run all scenes with both steps; returns counts and why scenes were not run to the end."""
-    with tempfile.TemporaryDirectory() as folder:
-        fine, coarse = (run(Path(folder), vehicles, cases, step) for step in STEPS)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        scene = write_light_scene(folder).name if light else "idss_25t_350t"
+        fine, coarse = (run(folder, scene, cases, step) for step in STEPS)
     both = [(a, b) for a, b in zip(fine, coarse, strict=True) if a.status == b.status == "done"]
     ended = [a.outputs[: len(COMPARED)] != b.outputs[: len(COMPARED)] for a, b in both]
     apart = sum(
@@ -127,9 +121,9 @@ def main() -> None:
         *("other outcome or latches", "run to the end with one step only"),
     )
     notes = []
-    for name, vehicles in VEHICLES.items():
-        cases = options.cases // (1 if vehicles else 4)  # heavy ones take long
-        counts, reasons = compare(vehicles, cases)
+    for name, (light, part) in VEHICLES.items():
+        cases = options.cases // part
+        counts, reasons = compare(cases, light=light)
         table.append(write_row(name, cases, *counts))
         notes += [
             "",
