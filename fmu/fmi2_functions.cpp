@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "instance.hpp"
-#include "model_description.hpp"
+#include "interface/model_description.hpp"
 #include "resource_location.hpp"
 
 namespace dockloop {

@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <utility>
 
-#include "kernels/generated_kernel.hpp"
-#include "model_description.hpp"
+#include "mechanism/generated_kernel.hpp"
+#include "interface/model_description.hpp"
 
 namespace dockloop {
 

@@ -13,10 +13,10 @@
 #include <vector>
 
 #include "call_order.hpp"
+#include "interface/variables.hpp"
 #include "logger.hpp"
 #include "sim/docking_sim.hpp"
 #include "sim/sim_state.hpp"
-#include "variables.hpp"
 
 namespace dockloop {
 

@@ -8,26 +8,12 @@
 
 #include <fmi2Functions.h>
 
-#include <array>
 #include <string>
 #include <string_view>
 
+#include "interface/log_categories.hpp"
+
 namespace dockloop {
-
-struct LogCategory {
-  const char* name;
-  const char* description;
-};
-
-/// The first four belong to the fmi2Status of the line; the last one is for debugging.
-enum Category : unsigned { kLogWarning, kLogDiscard, kLogError, kLogFatal, kLogEvents };
-constexpr std::array<LogCategory, 5> kLogCategories = {{
-    {"logStatusWarning", "Something that should be looked at; the run goes on"},
-    {"logStatusDiscard", "A step that failed and may succeed with a smaller step size"},
-    {"logStatusError", "A call that was refused or failed"},
-    {"logStatusFatal", "A failure that leaves the instance unusable"},
-    {"logEvents", "Changes of the docking phase, for debugging"},
-}};
 
 class Logger {
  public:

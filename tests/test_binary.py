@@ -187,7 +187,7 @@ def host(runs, tmp_path_factory):
 # For CMake: files of other projects, and files that name things as others do.
 ALONE = """
 file(GLOB alone ${CMAKE_SOURCE_DIR}/*/*.c ${CMAKE_SOURCE_DIR}/*/*_lanes_base.cpp
-  ${CMAKE_SOURCE_DIR}/dynamics/interface_stiffness.cpp)
+  ${CMAKE_SOURCE_DIR}/docking/interface_stiffness.cpp)
 set_source_files_properties(${alone} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 """
 

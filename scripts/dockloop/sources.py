@@ -36,7 +36,7 @@ def source_entries(name: str) -> dict[str, bytes]:
     for root, pattern in ((paths.ROOT / "src", "*/*.[ch]pp"), (outside, "**/*")):
         for file in root.glob(pattern):
             place = file.relative_to(root)
-            if file.is_file() and place.parts[0] not in {"generator", "tool", "truth"}:
+            if file.is_file() and place.parts[0] not in {"codegen", "compare", "tool"}:
                 files[place.as_posix()] = file
     entries = {f"sources/{place}": file.read_bytes() for place, file in sorted(files.items())}
     units = [place for place in sorted(files) if place.endswith((".c", ".cpp"))]

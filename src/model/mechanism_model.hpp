@@ -116,7 +116,7 @@ struct SingularityLimits {
   double error = 1e-4, warning = 1e-2;
 };
 
-/// One-sided elastic stop that begins at a limit; see forces/joint_forces.hpp for the law.
+/// One-sided elastic stop that begins at a limit; see mechanism/joint_forces.hpp for the law.
 struct EndStops {
   bool present = false;
   double lower = 0.0, upper = 0.0;  ///< joint coordinate at which they begin [m] or [rad]

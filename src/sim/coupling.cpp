@@ -5,8 +5,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "dynamics/base_jump.hpp"
-#include "dynamics/rigid_body.hpp"
+#include "docking/base_jump.hpp"
+#include "math/rigid_body.hpp"
 #include "sim/sim_impl.hpp"
 
 namespace dockloop {

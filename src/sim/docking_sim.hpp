@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "docking/scene.hpp"
 #include "math/status.hpp"
-#include "model/scene.hpp"
 #include "sim/values.hpp"
 
 namespace dockloop {

@@ -9,7 +9,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dynamics/rigid_body.hpp"
+#include "math/rigid_body.hpp"
 #include "sim/sim_impl.hpp"
 
 namespace dockloop {

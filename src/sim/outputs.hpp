@@ -4,7 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "dynamics/docking_model.hpp"
+#include "docking/docking_model.hpp"
 #include "sim/values.hpp"
 
 namespace dockloop {

@@ -22,15 +22,15 @@
 #include <string>
 #include <vector>
 
-#include "dynamics/base_jump.hpp"
-#include "dynamics/docking_jacobian.hpp"
-#include "dynamics/interface_stiffness.hpp"
-#include "dynamics/reference_model.hpp"
+#include "docking/base_jump.hpp"
+#include "docking/docking_jacobian.hpp"
+#include "docking/interface_stiffness.hpp"
+#include "docking/phases.hpp"
+#include "docking/reference_model.hpp"
 #include "integrate/stepper.hpp"
-#include "kernels/kernels.hpp"
+#include "mechanism/kernels.hpp"
 #include "sim/docking_sim.hpp"
 #include "sim/outputs.hpp"
-#include "sim/phases.hpp"
 #include "sim/sim_state.hpp"
 
 namespace dockloop {

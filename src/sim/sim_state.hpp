@@ -15,7 +15,7 @@
 #include <memory>
 #include <vector>
 
-#include "dynamics/docking_model.hpp"
+#include "docking/docking_model.hpp"
 #include "sim/coupling.hpp"
 #include "sim/peaks.hpp"
 #include "sim/values.hpp"

@@ -3,9 +3,9 @@
 #include <cmath>
 #include <cstdio>
 
-#include "kernels/kernels.hpp"
+#include "docking/frame_origin.hpp"
 #include "math/inertia.hpp"
-#include "sim/frame_origin.hpp"
+#include "mechanism/kernels.hpp"
 #include "sim/sim_impl.hpp"
 
 namespace dockloop {

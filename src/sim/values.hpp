@@ -1,13 +1,14 @@
 // What goes in and out of a docking simulation: plain data in the names and units of the FMU
-// (frames: src/README.md). The variable table in fmu/variables.cpp points into these structs.
+// (frames: src/README.md). The variable table in src/interface/variables.cpp points into these
+// structs.
 #pragma once
 
 #include <array>
 #include <cmath>
 #include <vector>
 
+#include "docking/scene.hpp"
 #include "math/types.hpp"
-#include "model/scene.hpp"
 
 namespace dockloop {
 
@@ -21,7 +22,7 @@ enum SolverMethod {
   kBdf = 6,            ///< multistep, stiff
   kFixedRk4 = 7,       ///< equal steps
   kFixedImplicit = 8,  ///< equal steps, stiff
-  kDae = 9,            ///< loops held by multipliers: dynamics/reference_model.hpp
+  kDae = 9,            ///< loops held by multipliers: docking/reference_model.hpp
   kHighOrder = 10,     ///< as kExplicit of order 8, for tight tolerances
   kStabilised = 11,    ///< as kExplicit; where stability limits its steps, of order 4, longer ones
 };
@@ -34,7 +35,7 @@ enum FlightModel {
 
 /// Everything that can be chosen before the run starts. Start values come from the scene.
 struct Parameters {
-  std::array<VehicleParameters, 2> vehicle;  ///< [kChaser], [kTarget]; model/scene.hpp
+  std::array<VehicleParameters, 2> vehicle;  ///< [kChaser], [kTarget]; docking/scene.hpp
   double contact_thrust = 0.0;          ///< [N] along +x of A, from first contact until captured
   double contact_thrust_delay = 0.0;    ///< [s] after first contact
   double friction_coefficient = 0.0;    ///< [-]

@@ -10,10 +10,10 @@
 #include <system_error>
 #include <thread>
 
+#include "docking/phases.hpp"
+#include "docking/placement.hpp"
 #include "model/json_reader.hpp"
 #include "sim/docking_sim.hpp"
-#include "sim/phases.hpp"
-#include "sim/placement.hpp"
 #include "tool/variable_access.hpp"
 
 namespace dockloop {

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "model_description.hpp"
+#include "docking/placement.hpp"
+#include "interface/model_description.hpp"
 #include "sim/docking_sim.hpp"
-#include "sim/placement.hpp"
 #include "tool/batch.hpp"
 #include "tool/mechanism_check.hpp"
 #include "tool/truth.hpp"

@@ -8,11 +8,11 @@
 #include <map>
 
 #include "contact/seated_play.hpp"
-#include "dynamics/mechanism_dynamics.hpp"
+#include "docking/scene.hpp"
 #include "math/inertia.hpp"
 #include "math/status.hpp"
+#include "mechanism/mechanism_dynamics.hpp"
 #include "model/json_reader.hpp"
-#include "model/scene.hpp"
 #include "tool/mechanism_modes.hpp"
 #include "tool/reachable_range.hpp"
 

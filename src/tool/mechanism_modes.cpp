@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dynamics/mechanism_jacobian.hpp"
-#include "forces/joint_forces.hpp"
+#include "mechanism/joint_forces.hpp"
+#include "mechanism/mechanism_jacobian.hpp"
 
 namespace dockloop {
 namespace {

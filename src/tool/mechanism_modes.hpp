@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "dynamics/mechanism_dynamics.hpp"
+#include "mechanism/mechanism_dynamics.hpp"
 
 namespace dockloop {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "model/scene.hpp"
+#include "docking/scene.hpp"
 
 namespace dockloop {
 

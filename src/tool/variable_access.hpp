@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "variables.hpp"
+#include "interface/variables.hpp"
 
 namespace dockloop {
 

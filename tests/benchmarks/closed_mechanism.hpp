@@ -5,7 +5,7 @@
 #include <iterator>
 #include <string>
 
-#include "dynamics/mechanism_dynamics.hpp"
+#include "mechanism/mechanism_dynamics.hpp"
 
 namespace dockloop {
 

@@ -17,7 +17,7 @@
 #include <array>
 #include <cmath>
 
-#include "dynamics/mechanism_dynamics.hpp"
+#include "mechanism/mechanism_dynamics.hpp"
 
 namespace dockloop {
 

@@ -13,8 +13,8 @@
 #include <string>
 
 #include "benchmarks/kernel_states.hpp"
-#include "dynamics/docking_model.hpp"
-#include "sim/frame_origin.hpp"
+#include "docking/docking_model.hpp"
+#include "docking/frame_origin.hpp"
 
 namespace {
 

@@ -9,8 +9,8 @@
 #include <string>
 
 #include "benchmarks/closed_mechanism.hpp"
-#include "kernels/kernels.hpp"
 #include "math/rotation.hpp"
+#include "mechanism/kernels.hpp"
 
 namespace dockloop {
 

@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "benchmarks/closed_mechanism.hpp"
-#include "forces/joint_forces.hpp"
-#include "kernels/kernels.hpp"
 #include "math/rotation.hpp"
+#include "mechanism/joint_forces.hpp"
+#include "mechanism/kernels.hpp"
 
 namespace dockloop {
 

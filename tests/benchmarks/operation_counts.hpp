@@ -97,12 +97,12 @@ struct Eigen::NumTraits<dockloop::Counted> : Eigen::GenericNumTraits<dockloop::C
 };
 
 #include "benchmarks/closed_mechanism.hpp"
-#include "dynamics/mechanism_dynamics_body.hpp"
 #include "loops/closed_form_body.hpp"
 #include "loops/leg_geometry_body.hpp"
 #include "loops/loop_equations_body.hpp"
 #include "loops/loop_position_body.hpp"
 #include "loops/loop_reduction_body.hpp"
+#include "mechanism/mechanism_dynamics_body.hpp"
 #include "tree/tree_body.hpp"
 
 namespace dockloop {

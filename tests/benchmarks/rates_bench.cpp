@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "benchmarks/mechanism_evaluation.hpp"
-#include "dynamics/docking_jacobian.hpp"
+#include "docking/docking_jacobian.hpp"
 
 namespace {
 

@@ -23,8 +23,8 @@
 
 #include "abort_with.hpp"
 #include "byte_source.hpp"
+#include "interface/variables.hpp"
 #include "sim/docking_sim.hpp"
-#include "variables.hpp"
 
 namespace {
 

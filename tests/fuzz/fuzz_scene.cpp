@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "abort_with.hpp"
+#include "interface/variables.hpp"
 #include "sim/docking_sim.hpp"
-#include "variables.hpp"
 
 namespace {
 

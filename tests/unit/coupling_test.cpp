@@ -11,8 +11,8 @@
 
 #include <gtest/gtest.h>
 
-#include "dynamics/base_jump.hpp"
-#include "dynamics/rigid_body.hpp"
+#include "docking/base_jump.hpp"
+#include "math/rigid_body.hpp"
 #include "unit/allocations.hpp"
 #include "unit/minimal_scene.hpp"
 #include "unit/sim_test_support.hpp"

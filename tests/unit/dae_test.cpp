@@ -12,7 +12,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "dynamics/reference_model.hpp"
+#include "docking/reference_model.hpp"
 #include "unit/random_docking.hpp"
 #include "unit/sim_test_support.hpp"
 

@@ -15,8 +15,8 @@
 #include <map>
 #include <optional>
 
-#include "dynamics/docking_jacobian.hpp"
-#include "dynamics/mechanism_jacobian.hpp"
+#include "docking/docking_jacobian.hpp"
+#include "mechanism/mechanism_jacobian.hpp"
 #include "unit/allocations.hpp"
 #include "unit/random_docking.hpp"
 

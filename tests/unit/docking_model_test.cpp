@@ -6,7 +6,7 @@
 // 4. energy: d/dt(kinetic + potential) + sinks - external work = 0 along the flow, in free flight,
 //    in contact with either friction law, with latches, with gravity and loads, fixed or free;
 // 5. nothing depends on where frame O is.
-#include "dynamics/docking_model.hpp"
+#include "docking/docking_model.hpp"
 
 #include <gtest/gtest.h>
 

@@ -20,7 +20,7 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "sim/placement.hpp"
+#include "docking/placement.hpp"
 #include "unit/allocations.hpp"
 #include "unit/minimal_scene.hpp"
 #include "unit/sim_test_support.hpp"

@@ -12,10 +12,10 @@
 #include <map>
 #include <set>
 
+#include "interface/model_description.hpp"
+#include "interface/variables.hpp"
 #include "logger.hpp"
 #include "minimal_scene.hpp"
-#include "model_description.hpp"
-#include "variables.hpp"
 
 namespace dockloop {
 namespace {

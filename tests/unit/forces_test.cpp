@@ -7,8 +7,8 @@
 
 #include <cmath>
 
-#include "forces/joint_forces.hpp"
 #include "math/one_sided_spring.hpp"
+#include "mechanism/joint_forces.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {

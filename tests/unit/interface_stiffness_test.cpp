@@ -5,7 +5,7 @@
 // 3. the hexapod latched and pressed, with either friction law: the slow modes of the whole system,
 //    linearised without condensation; not touching: the same, as a firm capture will have them;
 // 4. any state gives a finite number, and no call allocates, throws or locks.
-#include "dynamics/interface_stiffness.hpp"
+#include "docking/interface_stiffness.hpp"
 
 #include <gtest/gtest.h>
 

@@ -7,11 +7,11 @@
 // 3. near a singular pose and for other mechanisms the general code takes over;
 // 4. three to sixty legs;
 // 5. angles are right all around, and go on counting turns.
-#include "kernels/leg_kernel.hpp"
+#include "mechanism/leg_kernel.hpp"
 
 #include <gtest/gtest.h>
 
-#include "kernels/leg_lanes.hpp"
+#include "loops/leg_lanes.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {

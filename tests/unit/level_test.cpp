@@ -13,8 +13,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "dynamics/docking_jacobian.hpp"
-#include "dynamics/massless_legs.hpp"
+#include "docking/docking_jacobian.hpp"
+#include "mechanism/massless_legs.hpp"
 #include "unit/allocations.hpp"
 #include "unit/random_docking.hpp"
 #include "unit/sim_test_support.hpp"

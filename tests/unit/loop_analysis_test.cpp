@@ -12,7 +12,7 @@
 
 #include <cmath>
 
-#include "dynamics/mechanism_dynamics.hpp"
+#include "mechanism/mechanism_dynamics.hpp"
 #include "tool/mechanism_check.hpp"
 #include "unit/test_helpers.hpp"
 

@@ -9,13 +9,13 @@
 //    floating;
 // 4. no call allocates memory;
 // 5. a body alone in space: the Jacobian by torques is the inverse of its inertia.
-#include "dynamics/mechanism_jacobian.hpp"
+#include "mechanism/mechanism_jacobian.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "forces/joint_forces.hpp"
+#include "mechanism/joint_forces.hpp"
 #include "unit/allocations.hpp"
 #include "unit/test_helpers.hpp"
 

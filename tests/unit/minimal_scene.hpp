@@ -6,7 +6,7 @@
 #include <iterator>
 #include <string>
 
-#include "model/scene.hpp"
+#include "docking/scene.hpp"
 
 namespace dockloop {
 

@@ -2,7 +2,7 @@
 // 1. approach, contact, captured, attenuating, aligned: in this order and only forwards;
 // 2. rebound needs distance and departure, and is taken back by a new contact;
 // 3. a miss needs no contact; some latches make a partial capture; a release undoes a capture.
-#include "sim/phases.hpp"
+#include "docking/phases.hpp"
 
 #include <gtest/gtest.h>
 

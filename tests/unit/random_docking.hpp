@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "dynamics/docking_model.hpp"
+#include "docking/docking_model.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {

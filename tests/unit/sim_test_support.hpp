@@ -6,8 +6,8 @@
 #include <memory>
 #include <vector>
 
+#include "docking/placement.hpp"
 #include "sim/docking_sim.hpp"
-#include "sim/placement.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {

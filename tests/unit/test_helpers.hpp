@@ -16,9 +16,9 @@
 #include <string>
 #include <vector>
 
-#include "dynamics/mechanism_dynamics.hpp"
 #include "math/rotation.hpp"
 #include "math/scalar.hpp"
+#include "mechanism/mechanism_dynamics.hpp"
 #include "unit/contact_test_support.hpp"
 
 namespace dockloop {

@@ -11,8 +11,8 @@
 #include <cmath>
 #include <memory>
 
-#include "forces/joint_forces.hpp"
 #include "integrate/stepper.hpp"
+#include "mechanism/joint_forces.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {

@@ -11,7 +11,7 @@
 
 #include <cmath>
 
-#include "sim/phases.hpp"
+#include "docking/phases.hpp"
 #include "unit/sim_test_support.hpp"
 
 namespace dockloop {

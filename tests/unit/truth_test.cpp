@@ -9,7 +9,7 @@
 #include <cmath>
 #include <random>
 
-#include "truth/extended_solver.hpp"
+#include "compare/extended_solver.hpp"
 #include "unit/random_docking.hpp"
 #include "unit/sim_test_support.hpp"
 

@@ -1,0 +1,249 @@
+// Two vehicles, a mechanism between them, contact and latches: one system of ordinary equations.
+//
+// Frame O is where everything is computed: axes of N, origin near the docking. When both vehicles
+// can move it falls and drifts with them, so orbital positions and speeds never enter; gravity
+// then drops out exactly.
+//
+// State y (StateLayout): for each moving vehicle its pose and, instead of a velocity, the linear
+// and angular momentum (about the origin of O) of everything that moves with it, mechanism
+// included; for the mechanism its independent coordinates and velocities relative to the vehicle;
+// bristles; energy sinks and external impulses. Rates of the momenta are plain sums of forces,
+// which Runge-Kutta methods add up without error: momentum balances to rounding at any tolerance.
+// The vehicle's velocity follows from its momentum with the factor of the reduced inertia that the
+// accelerations need anyway.
+//
+// A mechanism may be locked (lock_mechanism): chaser and mechanism are then one rigid body whose
+// constants are known, loops and inertia are not evaluated, the states of the mechanism rest.
+#pragma once
+
+#include <array>
+
+#include "contact/contact_model.hpp"
+#include "contact/latches.hpp"
+#include "docking/scene.hpp"
+#include "mechanism/joint_forces.hpp"
+#include "mechanism/mechanism_dynamics.hpp"
+
+namespace dockloop {
+
+/// Energy sinks and other sums that are integrated with the state.
+enum Sum { kSumContact, kSumFriction, kSumLegs, kSumLatches, kSumExternal, kSumCount };
+
+/// Where things are in y; -1 = not there.
+struct StateLayout {
+  int mechanism_q = 0, mechanism_v = 0;    ///< independent coordinates, velocities
+  int mechanism_nq = 0, mechanism_nv = 0;  ///< without the vehicle's own
+  std::array<int, 2> pose{-1, -1};         ///< position (3) and quaternion (4) of a vehicle
+  std::array<int, 2> momentum{-1, -1};     ///< linear (3) and angular about O (3)
+  int bristles = 0, bristle_count = 0;
+  int sums = 0;                     ///< kSumCount energies [J]
+  int impulse = 0;                  ///< external impulse (3), external angular impulse about O (3)
+  std::array<int, 2> told{-1, -1};  ///< impulses (6) of what the host of a driven vehicle applies
+                                    ///< to it by itself: known loads, gravity
+  int size = 0;
+};
+
+/// A mechanism that is held still relative to its vehicle: with it, it is one rigid body, and
+/// evaluations need nothing else of it. Axes and origin of the chaser.
+struct LockedMechanism {
+  bool on = false;
+  VehicleBody mechanism;  ///< all bodies but the chaser
+  VehicleBody whole;      ///< chaser (if it moves) and mechanism
+  Pose<double> capture;   ///< G
+  VecX<double> q;         ///< all coordinates, where they are held
+};
+
+/// Everything that does not change during a run.
+struct DockingModel {
+  explicit DockingModel(Mechanism attached) : mechanism(std::move(attached)) {}
+  Mechanism mechanism;  ///< on the chaser (or on the immobile base)
+  std::array<bool, 2> present{true, true};
+  std::array<bool, 2> moves{true, true};
+  std::array<bool, 2> driven{false, false};     ///< moved by a host, between communication points
+                                                ///< by the equations
+  std::array<double, 2> stated_mass{0.0, 0.0};  ///< of vehicles as their host knows them [kg]
+  std::array<Pose<double>, 2> fixed_pose;       ///< in O, of a vehicle that does not move
+  std::array<Pose<double>, 2> interface_pose;   ///< A in C, P in D
+  std::array<VehicleBody, 2> vehicle;           ///< bare vehicles
+  VehicleBody frozen;                           ///< stated less bare chaser, axes of C: the
+                                                ///< mechanism at home if it is included; negative:
+                                                ///< feet of massless legs if it is not
+  LockedMechanism locked;
+  Pose<double> base_in_chaser;        ///< B in C
+  Pose<double> capture_in_body;       ///< G in axes of the capture body
+  std::vector<int> mechanism_bodies;  ///< independent bodies without the vehicle
+  ContactModel contact;
+  LatchSet latches;
+  double thrust = 0.0, thrust_delay = 0.0;  ///< [N] along x of A at the CoM, [s]
+  bool falling = true;                      ///< O falls with gravity
+  StateLayout layout;
+};
+
+/// What changes only at events.
+struct DiscreteState {
+  std::array<LatchState, kMaxLatches> latch;
+  bool contacted = false;         ///< first contact has happened
+  bool captured = false;          ///< all latches hold
+  double time_of_contact = -1.0;  ///< [s] since start
+  double time_of_capture = -1.0;  ///< [s] since start
+  bool thrust_on = false;
+  int phase = 1, outcome = 1;
+  bool seated = false;       ///< every striker is as deep as a catch needs, not all are caught
+  double seated_time = 0.0;  ///< [s] for which that was so
+  double seen = 0.0;         ///< time of the last accepted state [s since start]
+};
+
+/// Loads from outside, held over a step.
+template <class S>
+struct ExternalLoads {
+  std::array<Vec3<S>, 2> force{Vec3<S>::Zero(), Vec3<S>::Zero()};   ///< at the CoM, N axes [N]
+  std::array<Vec3<S>, 2> torque{Vec3<S>::Zero(), Vec3<S>::Zero()};  ///< body axes [N m]
+  Vec3<S> gravity = Vec3<S>::Zero();                                ///< in N axes [m/s2]
+  VecX<S> command;                                                  ///< per joint force [N]
+};
+using Loads = ExternalLoads<double>;
+
+/// Motion of a frame in O, axes of O.
+template <class S>
+struct FrameMotion {
+  Mat3<S> R = Mat3<S>::Identity();
+  Vec3<S> p = Vec3<S>::Zero(), w = Vec3<S>::Zero(), v = Vec3<S>::Zero();
+};
+
+/// Everything computed by calc_docking().
+template <class S>
+struct DockingData {
+  explicit DockingData(const DockingModel& model);
+  MechanismData<S> mechanism;
+  BaseMotion<S> base;
+  std::array<FrameMotion<S>, 2> vehicle;    ///< CoM frames C, D
+  std::array<FrameMotion<S>, 2> interface;  ///< A, P
+  FrameMotion<S> capture;                   ///< G
+  RelativeMotion<S> relative;               ///< P relative to G
+  ContactWorkspace<S> contact_work;
+  ContactResult<S> contact;
+  LatchResult<S> latch;
+  Wrench<S> on_passive;  ///< contact and latches, about G, axes of O
+  JointForceSums<S> joints;
+  VecX<S> command, joint_force;      ///< per joint force [N]
+  VecX<S> bristle_rate;              ///< scratch where no rates are wanted
+  bool touches = true;               ///< false: as if contact and latches were not there
+  Vec3<S> thrust = Vec3<S>::Zero();  ///< on the chaser's CoM, axes of O
+};
+
+DockingModel make_docking_model(const Scene& scene,
+                                const std::array<VehicleParameters, 2>& parameters,
+                                const ContactLaw& law, const Vec3<double>& origin_of_O,
+                                int level = kReduced);
+
+/// Hold the mechanism where it is: from now on its coordinates and velocities in y are not read,
+/// their rates are zero. model.locked.on = false releases it.
+/// @pre calc_docking with the mechanism at rest and not locked
+void lock_mechanism(DockingModel& model, const DockingData<double>& data);
+
+/// Put a mechanism in other independent coordinates into the model (the same bodies and loops).
+void set_mechanism(DockingModel& model, const Mechanism& mechanism);
+
+/// Mechanism coordinates and velocities from the tree into the state.
+void get_mechanism_state(const DockingModel& model, const TreeData<double>& tree, double* y);
+
+/// Kinematics, forces and (if ydot is not null) rates at one state.
+/// @param t  [s] since start
+template <class S>
+Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
+                    const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
+                    S* ydot, DockingData<S>& data);
+
+// The parts of calc_docking(), for who finds the motion of the tree in another way.
+
+/// Independent coordinates and velocities of the mechanism from the state into the tree; chaser
+/// pose with them.
+template <class S>
+void put_mechanism_state(const DockingModel& model, const S* y, TreeData<S>& tree);
+
+/// Vehicles, interfaces, capture body. @pre calc_tree_velocity
+template <class S>
+void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data);
+
+/// Contact and latches, and all loads on the bodies and joints of the tree. @pre calc_frames
+/// @param ydot  rates of bristles; may be null
+template <class S>
+Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
+                  const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
+                  S* ydot, DockingData<S>& data);
+
+/// Rates of the coordinates of one body of the tree that moves with velocities v.
+template <class S>
+void calc_coordinate_rates(const Body& body, const VecX<S>& q, const VecX<S>& v, S* qdot);
+
+/// Rates of all but the mechanism and bristles: vehicles and sums. @pre calc_loads; cut forces,
+/// where a joint is driven
+template <class S>
+void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads, const S* y,
+                        S* ydot, DockingData<S>& data);
+/// Load of the mechanism on its base (data.mechanism.on_base), acceleration of the chaser, and cut
+/// forces unless the mechanism is locked: nothing tells them then. @pre calc_docking
+template <class S>
+void calc_docking_reactions(const DockingModel& model, DockingData<S>& data);
+
+/// Load that a part of the chaser needs to be accelerated so, about the chaser's origin, axes of O.
+/// @param a  of the chaser's origin less gravity
+template <class S>
+Wrench<S> find_inertial_load(const VehicleBody& part, const FrameMotion<S>& chaser,
+                             const Vec3<S>& a, const Vec3<S>& alpha);
+
+/// Motion of a frame that is fixed on another one.
+template <class S>
+FrameMotion<S> find_frame_on(const FrameMotion<S>& body, const Pose<double>& pose);
+
+/// Motion of frame `to` relative to frame `from`, axes of `from`, from differences of states.
+template <class S>
+RelativeMotion<S> find_relative(const FrameMotion<S>& from, const FrameMotion<S>& to);
+
+/// Pose of a vehicle in O from its states, velocities zero.
+template <class S>
+FrameMotion<S> get_vehicle_pose(const DockingModel& model, int vehicle, const S* y);
+
+/// Motion of G from the tree.
+template <class S>
+FrameMotion<S> find_capture_motion(const DockingModel& model, const TreeData<S>& tree);
+
+/// Kinetic energy of everything [J]. @pre calc_docking
+template <class S>
+S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data);
+
+/// Momentum of one body of the tree, axes of O, angular part about the origin of O.
+template <class S>
+Wrench<S> find_body_momentum(const DockingModel& model, int body, const DockingData<S>& data);
+
+/// Momentum of one vehicle (with the mechanism for the chaser) as a sum over bodies, axes of O,
+/// angular part about the origin of O. Independent of the momentum states. @pre calc_docking
+template <class S>
+Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data);
+
+/// Momentum of everything but the driven vehicles, axes of O, angular part about the origin of O.
+/// @param mass, first_moment  of the same [kg], [kg m]. @pre calc_docking
+template <class S>
+Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& data, S& mass,
+                               Vec3<S>& first_moment);
+
+/// Put a vehicle's velocity (axes of O) and angular velocity (body axes) into the momentum states;
+/// poses, mechanism coordinates and velocities are taken from y as they stand.
+Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<double>& velocity,
+                            const Vec3<double>& angular_velocity, double* y,
+                            DockingData<double>& data);
+
+/// Position, inertia and its factor of the mechanism at the coordinates in y, nothing else; of all
+/// bodies, by the general code.
+Status calc_mechanism_position(const DockingModel& model, const double* y,
+                               DockingData<double>& data);
+
+/// Put momentum (axes of O, angular part about O) into the states of a vehicle.
+void set_momentum(const DockingModel& model, int vehicle, const Wrench<double>& momentum,
+                  double* y);
+
+/// Put a pose (axes of O) into the states of a vehicle.
+void set_vehicle_pose(const DockingModel& model, int vehicle, const Vec3<double>& position,
+                      const Vec4<double>& attitude, double* y);
+
+}  // namespace dockloop

@@ -1,0 +1,304 @@
+// Reads the scene document that an FMU carries; see scene.hpp.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <iterator>
+
+#include "docking/scene.hpp"
+#include "model/json_reader.hpp"
+#include "model/text_hash.hpp"
+
+namespace dockloop {
+namespace {
+
+/// Change whenever the same document leads to other variables or another meaning of them.
+constexpr const char* kVariableTableVersion = "dockloop-variables/1";
+
+constexpr int kMaxNodes = 360;  ///< of a guide ring
+
+Motion read_motion(const JsonReader& vehicle) {
+  const std::string motion = vehicle.text("motion", "free");
+  if (motion == "free") return Motion::kFree;
+  if (motion == "driven") return Motion::kDriven;
+  if (motion == "fixed") return Motion::kFixed;
+  vehicle.at("motion").fail("is '" + motion + "'; it must be free, driven or fixed");
+}
+
+Vec4<double> read_quaternion(const JsonReader& owner, const std::string& key) {
+  Vec4<double> q = owner.vector<4>(key, Vec4<double>(1, 0, 0, 0));
+  if (std::abs(q.norm() - 1.0) > 1e-3) {
+    owner.at(key).fail("must be a unit quaternion (w, x, y, z); its norm is " +
+                       std::to_string(q.norm()));
+  }
+  // What is a unit quaternion to rounding stays bit for bit as given.
+  return std::abs(q.norm() - 1.0) > 1e-15 ? Vec4<double>(q / q.norm()) : q;
+}
+
+VehicleParameters read_vehicle(const JsonReader& item) {
+  VehicleParameters p;
+  p.mass = item.positive("mass");
+  p.inertia = item.at("inertia").vector<6>();
+  p.interface_position = item.vector<3>("interface_position", p.interface_position);
+  p.interface_attitude = read_quaternion(item, "interface_attitude");
+  p.mass_includes_mechanism = item.whole("mass_includes_mechanism", 1, 1, 2);
+  p.position = item.vector<3>("position", p.position);
+  p.velocity = item.vector<3>("velocity", p.velocity);
+  p.attitude = read_quaternion(item, "attitude");
+  p.angular_velocity = item.vector<3>("angular_velocity", p.angular_velocity);
+  return p;
+}
+
+GuideRing read_guide_ring(const JsonReader& item) {
+  GuideRing ring;
+  ring.core_x = item.at("core_x").number();
+  ring.core_inner_radius = item.at("core_inner_radius").number();
+  ring.core_outer_radius = item.at("core_outer_radius").number();
+  ring.ring_rounding = item.at("ring_rounding").number();
+  ring.node_count = item.at("node_count").whole(0, kMaxNodes);
+  ring.node_radius = item.at("node_radius").number();
+  ring.node_azimuth_offset = item.angle("node_azimuth_offset");
+  ring.petal_count = item.at("petal_count").whole(0, kMaxPetals);
+  ring.petal_rounding = item.at("petal_rounding").number();
+  ring.petal_base_x = item.at("petal_base_x").number();
+  ring.petal_base_radius = item.at("petal_base_radius").number();
+  ring.petal_base_half_angle = item.angle("petal_base_half_angle");
+  ring.petal_tip_x = item.at("petal_tip_x").number();
+  ring.petal_tip_distance = item.at("petal_tip_distance").number();
+  ring.petal_tip_half_width = item.at("petal_tip_half_width").number();
+  return ring;
+}
+
+/// Members of a contact law; `damping` is derived from restitution where it is not stated.
+void read_contact_law(const JsonReader& item, ContactLaw& law, double& restitution,
+                      double& restitution_speed) {
+  const auto read = [&](const char* key, double& value) { value = item.number(key, value); };
+  read("stiffness", law.stiffness);
+  read("node_stiffness", law.node_stiffness);
+  read("toe", law.toe);
+  read("regularisation", law.regularisation);
+  read("friction_coefficient", law.friction_coefficient);
+  read("friction_speed", law.friction_speed);
+  law.friction_model = item.whole("friction_model", law.friction_model, 1, 2);
+  read("bristle_stiffness", law.bristle_stiffness);
+  read("bristle_damping", law.bristle_damping);
+  read("bristle_relaxation", law.bristle_relaxation);
+  read("bristle_force_floor", law.bristle_force_floor);
+  read("restitution", restitution);
+  read("restitution_speed", restitution_speed);
+  if (item.has("damping")) {
+    law.damping = item.non_negative("damping", law.damping);
+    restitution = find_restitution(law.damping * restitution_speed);
+  } else {
+    law.damping = find_damping_for_restitution(restitution, restitution_speed);
+  }
+}
+
+void read_contact(const JsonReader& mechanism, const JsonReader* overrides, Scene& scene) {
+  const JsonReader item = mechanism.at("contact");
+  const std::string type = item.at("type").text();
+  if (type == "absorber") {
+    AbsorberLaw law;
+    law.stiffness = item.at("stiffness").number();
+    law.damping = item.non_negative("damping", 0.0);
+    law.pulls = item.flag("pulls", false);
+    scene.contact = make_absorber_contact(law);
+    return;
+  }
+  if (type != "guide_ring") {
+    item.at("type").fail("is '" + type + "'; known types are guide_ring, absorber");
+  }
+  ContactLaw law;
+  if (item.has("law"))
+    read_contact_law(item.at("law"), law, scene.restitution, scene.restitution_speed);
+  if (overrides) read_contact_law(*overrides, law, scene.restitution, scene.restitution_speed);
+  // The same hardware on both sides.
+  const GuideRing ring = read_guide_ring(item);
+  scene.contact = make_ring_contact(ring, ring, law);
+}
+
+void read_latches(const JsonReader& item, Scene& scene) {
+  LatchLaw& law = scene.latches.law;
+  law.pawl_range = item.number("range", law.pawl_range);
+  law.catch_distance = item.number("catch", law.catch_distance);
+  law.play = item.number("play", law.play);
+  law.window = item.number("window", law.window);
+  law.push_force = item.number("push_force", law.push_force);
+  law.hold_stiffness = item.number("stiffness", law.hold_stiffness);
+  law.hold_damping = item.number("damping", law.hold_damping);
+  law.release_ramp = item.number("release_ramp", law.release_ramp);
+  law.releases_on_overload = item.flag("releases_on_overload", law.releases_on_overload);
+  law.rated_load = item.number("rated_load", law.rated_load);
+  const double radius = item.positive("radius");
+  for (const double angle : item.angles("azimuth", kMaxItems)) {
+    const Vec3<double> point(0.0, radius * std::cos(angle), radius * std::sin(angle));
+    // Hook and striker face each other when A and P coincide.
+    scene.latches.hook.push_back(point);
+    scene.latches.striker.push_back(point);
+  }
+  if (scene.latches.count() > kMaxLatches) {
+    item.at("azimuth").fail("lists " + std::to_string(scene.latches.count()) +
+                            " latches; the limit is " + std::to_string(kMaxLatches));
+  }
+  check_latches(scene.latches);
+}
+
+void read_initial(const JsonReader& item, Scene& scene) {
+  ContactConditions& c = scene.conditions;
+  const std::string at = item.text("at", "start");
+  if (at != "start" && at != "first_contact") {
+    item.at("at").fail("is '" + at + "'; it must be start or first_contact");
+  }
+  c.given = at == "first_contact";
+  const auto pair = [&](const char* key, Vec3<double>& v) {
+    const Eigen::Vector2d yz = item.vector<2>(key, Eigen::Vector2d::Zero());
+    v = Vec3<double>(0.0, yz[0], yz[1]);
+  };
+  c.approach_time = item.non_negative("approach_time", 0.0);
+  c.closing_speed = item.number("closing_speed", 0.0);
+  pair("lateral", c.lateral);
+  pair("tilt", c.tilt);
+  c.roll = item.number("roll", 0.0);
+  pair("lateral_velocity", c.lateral_velocity);
+  c.angular_velocity = item.vector<3>("angular_velocity", c.angular_velocity);
+  if (item.has("capture_body")) {
+    const JsonReader body = item.at("capture_body");
+    CaptureBodyStart& s = scene.capture_body_start;
+    s.displacement = body.vector<3>("displacement", s.displacement);
+    s.rotation_vector = body.vector<3>("rotation_vector", s.rotation_vector);
+    s.velocity = body.vector<3>("velocity", s.velocity);
+    s.angular_velocity = body.vector<3>("angular_velocity", s.angular_velocity);
+  }
+  if (item.has("joints")) {
+    const JsonReader joints = item.at("joints");
+    for (const auto& member : joints.node().items()) {
+      const JsonReader joint = joints.at(member.key());
+      JointStart start{member.key(), std::nullopt, joint.number("rate", 0.0)};
+      if (joint.has("position")) start.position = joint.at("position").number();
+      scene.joint_starts.push_back(start);
+    }
+  }
+}
+
+Scene read_members(const JsonReader& root, const std::string& source_name) {
+  Scene scene;
+  scene.name = root.at("name").text();
+  scene.title = root.text("title", scene.name);
+  const JsonReader chaser = root.at("chaser");
+  scene.motion[kChaser] = read_motion(chaser);
+  scene.vehicle[kChaser] = read_vehicle(chaser);
+  scene.contact_thrust = chaser.number("contact_thrust", 0.0);
+  scene.contact_thrust_delay = chaser.non_negative("contact_thrust_delay", 0.0);
+  scene.has_target = root.has("target");
+  if (scene.has_target) {
+    scene.motion[kTarget] = read_motion(root.at("target"));
+    scene.vehicle[kTarget] = read_vehicle(root.at("target"));
+  }
+  const JsonReader mechanism = root.at("mechanism");
+  scene.mechanism = read_mechanism(mechanism.node().dump(), source_name + ": mechanism");
+  scene.mechanism_name = scene.mechanism.name;
+  if (mechanism.has("limits")) {
+    const JsonReader limits = mechanism.at("limits");
+    scene.rated = {limits.non_negative("tension", 0.0), limits.non_negative("compression", 0.0),
+                   limits.non_negative("shear", 0.0), limits.non_negative("bending", 0.0),
+                   limits.non_negative("torsion", 0.0)};
+  }
+  if (scene.has_target && mechanism.has("contact")) {
+    if (root.has("contact")) {
+      const JsonReader overrides = root.at("contact");
+      read_contact(mechanism, &overrides, scene);
+    } else {
+      read_contact(mechanism, nullptr, scene);
+    }
+  }
+  if (scene.has_target && mechanism.has("latches")) read_latches(mechanism.at("latches"), scene);
+  if (root.has("initial")) read_initial(root.at("initial"), scene);
+  if (root.has("solver")) {
+    const JsonReader solver = root.at("solver");
+    SolverSettings& s = scene.solver;
+    for (const auto& [key, value] : {std::pair<const char*, double*>{"rtol", &s.rtol},
+                                     {"atol_position", &s.atol_position},
+                                     {"atol_velocity", &s.atol_velocity},
+                                     {"atol_energy", &s.atol_energy},
+                                     {"step", &s.step}}) {
+      if (solver.has(key)) *value = solver.positive(key);
+    }
+  }
+  if (root.has("experiment")) {
+    const JsonReader experiment = root.at("experiment");
+    Experiment& e = scene.experiment;
+    e.start = experiment.number("start", e.start);
+    e.stop = experiment.number("stop", e.stop);
+    e.step = experiment.has("step") ? experiment.positive("step") : e.step;
+    e.tolerance = experiment.has("tolerance") ? experiment.positive("tolerance") : e.tolerance;
+    if (!(e.stop > e.start)) experiment.fail("must have stop above start");
+  }
+  if (root.has("coupling")) {
+    const JsonReader mode = root.at("coupling").at("mode");
+    scene.parallel_host = mode.text() == "parallel";
+    if (!scene.parallel_host && mode.text() != "sequential") {
+      mode.fail("is '" + mode.text() + "'; it must be sequential or parallel");
+    }
+  }
+  if (root.has("model")) {
+    const JsonReader level = root.at("model").at("level");
+    constexpr const char* kNames[] = {"rigid", "massless_legs", "reduced", "reference"};
+    const auto name = std::find(std::begin(kNames), std::end(kNames), level.text());
+    if (name == std::end(kNames)) {
+      level.fail("is '" + level.text() +
+                 "'; it must be rigid, massless_legs, reduced or reference");
+    }
+    scene.level = kRigid + static_cast<int>(name - std::begin(kNames));
+  }
+  if (root.has("outputs")) {
+    for (const JsonReader& group : root.at("outputs").list("groups", kMaxItems)) {
+      scene.groups.push_back(group.text());
+    }
+  }
+  return scene;
+}
+
+/// What `read` returns; its errors name the source.
+template <class Read>
+auto read_named(const std::string& source_name, const Read& read) {
+  try {
+    return read();
+  } catch (const ModelError& error) {
+    const std::string text = error.what();
+    if (text.rfind(source_name, 0) == 0) throw;
+    throw ModelError(source_name + ": " + text);
+  }
+}
+
+}  // namespace
+
+bool Scene::has_group(const std::string& group) const {
+  return std::find(groups.begin(), groups.end(), group) != groups.end();
+}
+
+Scene read_scene(const std::string& json_text, const std::string& source_name) {
+  const nlohmann::json document = parse_json(json_text, source_name);
+  const JsonReader root(document, source_name);
+  const std::string format = root.text("format", "");
+  if (format != "dockloop-scene/1") {
+    root.fail("has format '" + format + "'; this build reads dockloop-scene/1");
+  }
+  return read_named(source_name, [&] {
+    Scene scene = read_members(root, source_name);
+    scene.fingerprint = hash_text(kVariableTableVersion + json_text);
+    return scene;
+  });
+}
+
+Capture read_capture(const std::string& json_text, const std::string& source_name) {
+  const nlohmann::json document = parse_json(json_text, source_name);
+  const JsonReader file(document, source_name);
+  const JsonReader mechanism = file.has("mechanism") ? file.at("mechanism") : file;
+  return read_named(source_name, [&] {
+    Scene scene;
+    if (mechanism.has("contact")) read_contact(mechanism, nullptr, scene);
+    if (mechanism.has("latches")) read_latches(mechanism.at("latches"), scene);
+    return Capture{scene.contact, scene.latches};
+  });
+}
+
+}  // namespace dockloop

@@ -1,0 +1,856 @@
+// Rows of the variable table, group by group in the order of the interface description.
+//
+// A vector becomes scalars a[1], a[2], ...; a choice becomes an Integer counted from 1 with its
+// meanings in the description, because several importers drop Enumeration variables.
+#include "interface/variables.hpp"
+
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "interface/model_description.hpp"
+
+namespace dockloop {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kPi = 3.141592653589793;
+constexpr double kDegrees = 57.29577951308232;  // [deg/rad]
+
+// Types: name, unit, unit people read it in, typical size, physical quantity, text.
+constexpr Quantity kNone{"Ratio", "1", "", 1.0, "", "Number without a unit"};
+constexpr Quantity kQuaternion{"QuaternionComponent",
+                               "1",
+                               "",
+                               1.0,
+                               "Quaternion",
+                               "Component of a unit quaternion (w, x, y, z)"};
+constexpr Quantity kCount{"Count", "1", "", 1e3, "", "Count since the start"};
+constexpr Quantity kCoordinate{
+    "Coordinate", "1", "", 0.1, "", "Coordinate of a joint or its rates; 1 stands for m or rad"};
+constexpr Quantity kLength{"Length", "m", "", 1.0, "Length", "Place of a vehicle or interface"};
+constexpr Quantity kSmallLength{
+    "MechanismLength", "m", "mm", 0.1, "Length", "Length in the docking mechanism"};
+constexpr Quantity kVelocity{"Velocity", "m/s", "", 0.1, "Velocity", "Velocity of a vehicle"};
+constexpr Quantity kSmallVelocity{
+    "MechanismVelocity", "m/s", "mm/s", 0.1, "Velocity", "Velocity in the docking mechanism"};
+constexpr Quantity kAngle{"Angle", "rad", "deg", 0.1, "Angle", "Angle"};
+constexpr Quantity kAngularVelocity{"AngularVelocity", "rad/s",           "deg/s", 0.01,
+                                    "AngularVelocity", "Angular velocity"};
+constexpr Quantity kAcceleration{
+    "Acceleration", "m/s2", "", 1.0, "Acceleration", "Acceleration of free fall"};
+constexpr Quantity kTime{"Time", "s", "", 1.0, "Time", "Time or duration"};
+constexpr Quantity kMass{"Mass", "kg", "t", 1e4, "Mass", "Mass of a vehicle"};
+constexpr Quantity kInertia{
+    "Inertia", "kg.m2", "", 1e6, "MomentOfInertia", "Moment or product of inertia of a vehicle"};
+constexpr Quantity kForce{"Force", "N", "", 100.0, "Force", "Force"};
+constexpr Quantity kTorque{"Torque", "N.m", "", 100.0, "Torque", "Torque or moment"};
+constexpr Quantity kEnergy{"Energy", "J", "", 10.0, "Energy", "Energy or work"};
+constexpr Quantity kPower{"Power", "W", "", 10.0, "Power", "Power"};
+constexpr Quantity kPerSecond{"PerSecond", "1/s", "", 1.0, "", "Rate of change, per second"};
+constexpr Quantity kMomentum{"Momentum", "N.s", "", 1e3, "Momentum", "Linear momentum or impulse"};
+constexpr Quantity kAngularMomentum{"AngularMomentum", "N.m.s",           "", 1e3,
+                                    "AngularMomentum", "Angular momentum"};
+
+/// Name of element i of a vector of n: what the reader of a description expects.
+std::string element_name(size_t i, size_t n) {
+  static constexpr const char* kAxes[] = {"x", "y", "z"};
+  static constexpr const char* kQuaternionOrder[] = {"w", "x", "y", "z"};
+  static constexpr const char* kInertiaOrder[] = {"xx", "yy", "zz", "xy", "xz", "yz"};
+  return n == 3 ? kAxes[i] : n == 4 ? kQuaternionOrder[i] : kInertiaOrder[i];
+}
+
+std::string indexed(const std::string& name, size_t i) {
+  return name + "[" + std::to_string(i + 1) + "]";
+}
+
+/// What the rate of change of a quantity measures.
+Quantity rate_of(const Quantity& quantity) {
+  const std::string unit = quantity.unit;
+  if (unit == "m") return kVelocity;
+  if (unit == "N.s") return kForce;
+  if (unit == "N.m.s") return kTorque;
+  if (unit == "J") return kPower;
+  return kPerSecond;
+}
+
+constexpr Type type_of(const double*) { return Type::kReal; }
+constexpr Type type_of(const int*) { return Type::kInteger; }
+constexpr Type type_of(const char*) { return Type::kBoolean; }
+constexpr Type type_of(const bool*) { return Type::kBoolean; }
+static_assert(sizeof(bool) == sizeof(char), "Boolean rows read bool through char");
+
+/// Limits of what was just added (one row, or all of a vector), so that it reads as one statement.
+class Row {
+ public:
+  Row(std::vector<Variable>& rows, size_t first) : rows_(rows), first_(first) {}
+  Row limits(double min, double max) {
+    return each([&](Variable& v) {
+      v.min = min;
+      v.max = max;
+    });
+  }
+  Row not_negative() { return limits(0.0, kInfinity); }
+  Row nominal(double size) {
+    return each([&](Variable& v) { v.nominal = size; });
+  }
+  /// A state that events may set anew.
+  Row jumps() {
+    return each([](Variable& v) { v.jumps = true; });
+  }
+  /// May be changed between steps.
+  Row tunable() {
+    return each([](Variable& v) { v.variability = Variability::kTunable; });
+  }
+  Row group(OutputGroup group) {
+    return each([&](Variable& v) { v.group = group; });
+  }
+  Row discrete() {
+    return each([](Variable& v) { v.variability = Variability::kDiscrete; });
+  }
+
+ private:
+  template <class F>
+  Row each(F&& change) {
+    for (size_t i = first_; i < rows_.size(); ++i) change(rows_[i]);
+    return *this;
+  }
+
+  std::vector<Variable>& rows_;
+  size_t first_;
+};
+
+class Table {
+ public:
+  /// Chosen before the start, then fixed.
+  template <class T>
+  Row parameter(std::string name, T* value, Quantity quantity, std::string description) {
+    return add(std::move(name), Causality::kParameter, Variability::kFixed, value, value, quantity,
+               std::move(description));
+  }
+  /// Told by the host at any communication point.
+  Row input(std::string name, double* value, Quantity quantity, std::string description) {
+    return add(std::move(name), Causality::kInput, Variability::kContinuous, value, value, quantity,
+               std::move(description));
+  }
+  /// Computed; an Integer or Boolean changes only at communication points.
+  template <class T>
+  Row output(std::string name, const T* value, Quantity quantity, std::string description) {
+    return add(std::move(name), Causality::kOutput, natural(value), nullptr, value, quantity,
+               std::move(description));
+  }
+  /// Neither input nor output: the state vector and its rates.
+  Row local(std::string name, const double* value, Quantity quantity, std::string description) {
+    return append(std::move(name), Causality::kLocal, Variability::kContinuous, Type::kReal,
+                  nullptr, value, quantity, std::move(description))
+        .group(OutputGroup::kStateVector);
+  }
+  /// Computed from the start value that the host may set.
+  Row state(std::string name, double* start, const double* value, Quantity quantity,
+            std::string description) {
+    return add(std::move(name), Causality::kOutput, Variability::kContinuous, start, value,
+               quantity, std::move(description));
+  }
+
+  /// Fixed-size vectors, one row per element.
+  template <class V>
+  void parameters(const std::string& name, V& value, Quantity quantity, const std::string& text) {
+    each(name, value, text, [&](size_t i, std::string element, std::string description) {
+      parameter(std::move(element), &value[i], quantity, std::move(description));
+    });
+  }
+  template <class V>
+  void inputs(const std::string& name, V& value, Quantity quantity, const std::string& text) {
+    each(name, value, text, [&](size_t i, std::string element, std::string description) {
+      input(std::move(element), &value[i], quantity, std::move(description));
+    });
+  }
+  template <class V>
+  Row outputs(const std::string& name, V& value, Quantity quantity, const std::string& text) {
+    const size_t first = rows_.size();
+    each(name, value, text, [&](size_t i, std::string element, std::string description) {
+      output(std::move(element), &value[i], quantity, std::move(description));
+    });
+    return Row(rows_, first);
+  }
+  template <class V>
+  void states(const std::string& name, V& start, V& value, Quantity quantity,
+              const std::string& text) {
+    each(name, value, text, [&](size_t i, std::string element, std::string description) {
+      state(std::move(element), &start[i], &value[i], quantity, std::move(description));
+    });
+  }
+
+  /// A row der(x) for every row x of the state vector, and its place.
+  void add_rates(const std::vector<double>& states, const std::vector<double>& rates) {
+    const size_t first = rows_.size() - states.size();
+    for (size_t i = 0; i < states.size(); ++i) {
+      rows_[first + i].state = static_cast<int>(i);
+      const std::string name = rows_[first + i].name;
+      const Quantity quantity = rate_of(rows_[first + i].quantity);
+      local("der(" + name + ")", &rates[i], quantity, "Rate of change of " + name + ", per second");
+      rows_.back().rate = static_cast<int>(i);
+    }
+  }
+
+  std::vector<Variable> take() { return std::move(rows_); }
+
+ private:
+  template <class T>
+  static constexpr Variability natural(const T* value) {
+    return type_of(value) == Type::kReal ? Variability::kContinuous : Variability::kDiscrete;
+  }
+
+  template <class V, class F>
+  static void each(const std::string& name, const V& vector, const std::string& text, F&& f) {
+    const size_t n = static_cast<size_t>(vector.size());
+    for (size_t i = 0; i < n; ++i) f(i, indexed(name, i), text + ", " + element_name(i, n));
+  }
+
+  template <class T>
+  Row add(std::string name, Causality causality, Variability variability, T* start, const T* value,
+          Quantity quantity, std::string description) {
+    return append(std::move(name), causality, variability, type_of(value), start, value, quantity,
+                  std::move(description));
+  }
+  template <class T>
+  Row add(std::string name, Causality causality, Variability variability, std::nullptr_t,
+          const T* value, Quantity quantity, std::string description) {
+    return append(std::move(name), causality, variability, type_of(value), nullptr, value, quantity,
+                  std::move(description));
+  }
+  Row append(std::string name, Causality causality, Variability variability, Type type, void* start,
+             const void* value, Quantity quantity, std::string description) {
+    Variable& v = rows_.emplace_back();
+    v.name = std::move(name);
+    v.description = std::move(description);
+    v.type = type;
+    v.causality = causality;
+    v.variability = variability;
+    if (type == Type::kReal) {
+      v.quantity = quantity;
+      v.unit = quantity.unit;
+      v.display_unit = quantity.display;
+      v.nominal = quantity.nominal;
+    }
+    v.start = start;
+    v.value = value;
+    return Row(rows_, rows_.size() - 1);
+  }
+
+  std::vector<Variable> rows_;
+};
+
+/// Motion, loads and inertia of one vehicle.
+void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
+  const std::string v = index == kChaser ? "chaser." : "target.";
+  const std::string of = index == kChaser ? " of the chaser" : " of the target";
+  const std::string body = index == kChaser ? "C" : "D", interface = index == kChaser ? "A" : "P";
+  const Motion motion = sim.scene().motion[index];
+  VehicleParameters& parameter = sim.parameters().vehicle[index];
+  Inputs::Vehicle& input = sim.inputs().vehicle[index];
+  Outputs::Vehicle& output = sim.output_storage().vehicle[index];
+
+  // Imposed by the host, or a result whose start value is the initial condition.
+  const auto motion_rows = [&](const std::string& name, auto member_of, Quantity quantity,
+                               const std::string& text) {
+    if (motion == Motion::kDriven) {
+      table.inputs(v + name, member_of(input), quantity, text);
+    } else {
+      table.states(v + name, member_of(parameter), member_of(output), quantity, text);
+    }
+  };
+  motion_rows(
+      "position", [](auto& s) -> auto& { return s.position; }, kLength,
+      "Centre of mass" + of + " in N");
+  motion_rows(
+      "velocity", [](auto& s) -> auto& { return s.velocity; }, kVelocity,
+      "Velocity of the centre of mass" + of + " in N");
+  motion_rows(
+      "attitude", [](auto& s) -> auto& { return s.attitude; }, kQuaternion,
+      "Attitude quaternion" + of + ", body axes to N");
+  motion_rows(
+      "angular_velocity", [](auto& s) -> auto& { return s.angular_velocity; }, kAngularVelocity,
+      "Angular velocity" + of + " in N, body axes");
+
+  // What a fixed vehicle would ignore does not exist for it.
+  if (motion != Motion::kFixed) {
+    table.inputs(v + "force_ext", input.force_ext, kForce,
+                 "Force from outside on the centre of mass" + of + ", in N");
+    table.inputs(v + "torque_ext", input.torque_ext, kTorque,
+                 "Torque from outside about the centre of mass" + of + ", body axes");
+    table.parameter(v + "mass", &parameter.mass, kMass, "Mass" + of).not_negative();
+    table.parameters(v + "inertia", parameter.inertia, kInertia,
+                     "Inertia" + of + " about its centre of mass, body axes");
+    table
+        .parameter(v + "mass_includes_mechanism", &parameter.mass_includes_mechanism, kNone,
+                   "Mass and inertia" + of +
+                       ": 1 exclude the mechanism, 2 include it, frozen at "
+                       "its home pose")
+        .limits(1, 2);
+  }
+  table.parameters(v + "interface_position", parameter.interface_position, kLength,
+                   "Origin of the docking interface " + interface + " in " + body);
+  table.parameters(
+      v + "interface_attitude", parameter.interface_attitude, kQuaternion,
+      "Attitude quaternion of the docking interface, axes of " + interface + " to axes of " + body);
+
+  table.outputs(v + "force", output.force, kForce,
+                "Force of the docking system on the vehicle at the end of the step, in N");
+  table.outputs(v + "torque", output.torque, kTorque,
+                "Torque of the docking system on the vehicle at the end of the step, about the "
+                "centre of mass, body axes");
+  const std::string step = " (the step just made; coupling.mode = 2: the coming step)";
+  table.outputs(v + "force_mean", output.force_mean, kForce,
+                "Force that, held over a step, gives the vehicle its impulse, in N" + step);
+  table.outputs(v + "torque_mean", output.torque_mean, kTorque,
+                "Torque that, held over a step, gives the vehicle its angular impulse, about the "
+                "centre of mass, body axes" +
+                    step);
+}
+
+void add_relative(Table& table, Outputs& out) {
+  table.outputs("relative.position", out.relative_position, kLength,
+                "Origin of P with respect to A, axes of A");
+  table
+      .outputs("relative.attitude", out.relative_attitude, kQuaternion,
+               "Attitude quaternion of P with respect to A, axes of P to axes of A")
+      .limits(-1, 1);
+  table.outputs("relative.velocity", out.relative_velocity, kSmallVelocity,
+                "Velocity of the origin of P with respect to A, axes of A");
+  table.outputs("relative.angular_velocity", out.relative_angular_velocity, kAngularVelocity,
+                "Angular velocity of P with respect to A, axes of A");
+  table.output("relative.axial", &out.relative_axial, kSmallLength,
+               "Distance of the mating planes along the docking axis of A");
+  table
+      .output("relative.lateral", &out.relative_lateral, kSmallLength,
+              "Offset of the origin of P across the docking axis of A")
+      .not_negative();
+  table
+      .output("relative.pitch_yaw", &out.relative_pitch_yaw, kAngle,
+              "Angle between the docking axes of A and P")
+      .limits(0, kPi);
+  table.output("relative.roll", &out.relative_roll, kAngle, "Twist of P about the docking axis")
+      .limits(-kPi, kPi);
+  table.output("gap", &out.gap, kSmallLength,
+               "Smallest signed distance between the two capture surfaces, negative in contact "
+               "(1e9 where there are no surfaces)");
+}
+
+void add_capture(Table& table, Outputs& out) {
+  table.outputs("capture.force", out.capture_force, kForce,
+                "Force on the target through the capture interface, axes of P");
+  table.outputs("capture.torque", out.capture_torque, kTorque,
+                "Torque on the target through the capture interface about the origin of P, axes "
+                "of P");
+  struct Load {
+    Outputs::Load index;
+    const char* name;
+    const char* text;
+    Quantity quantity;
+  };
+  const Load loads[] = {
+      {Outputs::kTension, "tension", "Tension in the capture interface", kForce},
+      {Outputs::kCompression, "compression", "Compression in the capture interface", kForce},
+      {Outputs::kShear, "shear", "Shear force in the capture interface", kForce},
+      {Outputs::kBending, "bending", "Bending moment in the capture interface", kTorque},
+      {Outputs::kTorsion, "torsion", "Torsion moment in the capture interface", kTorque},
+  };
+  for (const Load& load : loads) {
+    table
+        .output(std::string("capture.") + load.name, &out.capture_load[load.index], load.quantity,
+                load.text)
+        .not_negative();
+  }
+  table
+      .output("capture.load_ratio", &out.capture_load_ratio, kNone,
+              "Largest ratio of a load in the capture interface to its rated value")
+      .not_negative();
+  const std::string largest = ", largest since the start over all inner steps";
+  for (const Load& load : loads) {
+    table
+        .output(std::string("capture.peak.") + load.name, &out.capture_peak[load.index],
+                load.quantity, load.text + largest)
+        .not_negative();
+  }
+  table
+      .output("capture.peak.load_ratio", &out.capture_peak_load_ratio, kNone,
+              "Ratio of a load in the capture interface to its rated value" + largest)
+      .not_negative();
+}
+
+void add_contact(Table& table, Parameters& parameter, Outputs& out) {
+  for (size_t i = 0; i < out.petal_force.size(); ++i) {
+    table
+        .output(indexed("contact.petal", i) + ".force", &out.petal_force[i], kForce,
+                "Size of the resultant contact force on this petal")
+        .not_negative();
+  }
+  table
+      .output("contact.depth_ratio", &out.contact_depth_ratio, kNone,
+              "Largest contact depth as a fraction of the rounding of the surfaces")
+      .limits(0, 1)
+      .nominal(0.1);
+  for (size_t i = 0; i < out.latch_opening.size(); ++i) {
+    table.output(indexed("latch", i) + ".opening", &out.latch_opening[i], kSmallLength,
+                 "Axial distance from the hook of this latch to its striker");
+    table
+        .output(indexed("latch", i) + ".lateral", &out.latch_lateral[i], kSmallLength,
+                "Distance of the striker of this latch from its hook across the docking axis")
+        .not_negative();
+    table.output(indexed("latch", i) + ".force", &out.latch_force[i], kForce,
+                 "Force in this latch, tension positive");
+    table
+        .output(indexed("latch", i) + ".state", &out.latch_state[i], kNone,
+                "State of this latch: 1 free, 2 pushed (its pawl, from outside the lateral "
+                "window), 3 in reach (pushed within the window), 4 held, 5 releasing")
+        .limits(1, 5);
+  }
+  table
+      .parameter("friction.coefficient", &parameter.friction_coefficient, kNone,
+                 "Coefficient of friction of the capture surfaces")
+      .not_negative()
+      .nominal(0.1)
+      .tunable();
+  table
+      .parameter("friction.model", &parameter.friction_model, kNone,
+                 "Friction law: 1 regularised (slides slowly where it should stick), 2 bristle "
+                 "(sticks)")
+      .limits(1, 2);
+  table
+      .parameter("restitution", &parameter.restitution, kNone,
+                 "Coefficient of restitution of the capture surfaces at restitution_speed")
+      .limits(0, 1)
+      .tunable();
+  table
+      .parameter("restitution_speed", &parameter.restitution_speed, kSmallVelocity,
+                 "Approach speed at which restitution holds")
+      .not_negative()
+      .tunable();
+}
+
+void add_phase(Table& table, Parameters& parameter, Outputs& out) {
+  table
+      .output("phase", &out.phase, kNone,
+              "Phase of the docking: 1 approach, 2 contact, 3 captured, 4 attenuating, 5 aligned, "
+              "6 retracting, 7 hard docked, 8 rebound")
+      .limits(1, 8);
+  table.output("captured", &out.captured, kNone, "All latches hold");
+  for (size_t i = 0; i < out.latched.size(); ++i) {
+    table.output(indexed("latched", i), &out.latched[i], kNone, "This latch holds");
+  }
+  table
+      .output("outcome", &out.outcome, kNone,
+              "Outcome so far: 1 undecided, 2 captured, 3 partial capture (some latches hold), "
+              "4 rebound, 5 miss")
+      .limits(1, 5);
+  table
+      .output(
+          "capture.reason", &out.capture_reason, kNone,
+          "Why there is no capture: 1 none (captured), 2 no contact so far, 3 touched and "
+          "still moving, 4 seated, but a striker stands outside the window of its latch, 5 hung "
+          "up on a petal, 6 too slow to close, 7 rebound, 8 miss")
+      .limits(1, 8);
+  table
+      .output("capture.seated_time", &out.seated_time, kTime,
+              "Time for which the rings were seated without capture")
+      .not_negative()
+      .discrete();
+  table
+      .output("time_to_contact", &out.time_to_contact, kTime,
+              "Lower bound of the time until first contact, from gap and closing speed "
+              "(1e9: none in sight)")
+      .limits(0, 1e9)
+      .discrete();
+  table
+      .output("time_of_contact", &out.time_of_contact, kTime,
+              "Simulation time of the first contact of surfaces, or of the first catch of a latch, "
+              "-1 before it")
+      .discrete();
+  table
+      .output("time_of_capture", &out.time_of_capture, kTime,
+              "Simulation time at which all latches held, -1 before it")
+      .discrete();
+  table
+      .parameter("chaser.contact_thrust", &parameter.contact_thrust, kForce,
+                 "Thrust on the chaser along +x of A from first contact until captured")
+      .tunable();
+  table
+      .parameter("chaser.contact_thrust_delay", &parameter.contact_thrust_delay, kTime,
+                 "Time from first contact to the contact thrust")
+      .not_negative()
+      .tunable();
+}
+
+void add_ring(Table& table, Outputs& out) {
+  table.outputs("ring.position", out.ring_position, kSmallLength,
+                "Origin of the guide ring G with respect to A, axes of A");
+  table
+      .outputs("ring.attitude", out.ring_attitude, kQuaternion,
+               "Attitude quaternion of the guide ring, axes of G to axes of A")
+      .limits(-1, 1);
+  table.outputs("ring.velocity", out.ring_velocity, kSmallVelocity,
+                "Velocity of the origin of the guide ring with respect to A, axes of A");
+  table.outputs("ring.angular_velocity", out.ring_angular_velocity, kAngularVelocity,
+                "Angular velocity of the guide ring with respect to A, axes of A");
+}
+
+void add_legs(Table& table, Inputs& in, Outputs& out) {
+  for (size_t i = 0; i < out.leg_length.size(); ++i) {
+    const std::string leg = indexed("leg", i);
+    table.output(leg + ".length", &out.leg_length[i], kSmallLength, "Length of this leg")
+        .not_negative();
+    table.output(leg + ".rate", &out.leg_rate[i], kSmallVelocity, "Rate of change of its length");
+    table.output(leg + ".force", &out.leg_force[i], kForce,
+                 "Force that this leg transmits along itself, with what couplings exert on its "
+                 "slide, positive when it pushes its ends apart");
+    table.input(leg + ".force_command", &in.leg_force_command[i], kForce,
+                "Force commanded to the actuator of this leg, positive when it pushes its ends "
+                "apart");
+  }
+}
+
+void add_states(Table& table, Outputs& out) {
+  // Slides and turns share these arrays: unit 1 stands for m or rad.
+  const auto rows = [&](const char* name, std::vector<double>& values, const char* text) {
+    for (size_t i = 0; i < values.size(); ++i) {
+      table.output(indexed(name, i), &values[i], kCoordinate, text);
+    }
+  };
+  rows("state.q", out.state_q, "Independent coordinate of the mechanism [m or rad]");
+  rows("state.v", out.state_v, "Independent velocity of the mechanism [m/s or rad/s]");
+  rows("state.a", out.state_a, "Independent acceleration of the mechanism [m/s2 or rad/s2]");
+}
+
+void add_loops(Table& table, Outputs& out) {
+  for (size_t k = 0; k < out.loop_force.size(); ++k) {
+    table.outputs(indexed("loop", k) + ".force", out.loop_force[k], kForce,
+                  "Force of the cut joint on the terminal body of this loop");
+  }
+  table.outputs("base.force", out.base_force, kForce,
+                "Force of the mechanism on its base, axes of B");
+  table.outputs("base.torque", out.base_torque, kTorque,
+                "Torque of the mechanism on its base about the origin of B, axes of B");
+}
+
+void add_energy(Table& table, Outputs& out) {
+  table.output("energy.kinetic", &out.energy_kinetic, kEnergy, "Kinetic energy of all inside");
+  table.output("energy.potential", &out.energy_potential, kEnergy,
+               "Potential energy of springs, contacts and latches");
+  table.output("energy.dissipated", &out.energy_dissipated, kEnergy,
+               "Energy dissipated since the start, sum of its four parts");
+  table.output("energy.dissipated_contact", &out.energy_dissipated_contact, kEnergy,
+               "Energy dissipated by contact damping");
+  table.output("energy.dissipated_friction", &out.energy_dissipated_friction, kEnergy,
+               "Energy dissipated by friction of the capture surfaces");
+  table.output("energy.dissipated_legs", &out.energy_dissipated_legs, kEnergy,
+               "Energy dissipated in the joints and legs of the mechanism");
+  table.output("energy.dissipated_latches", &out.energy_dissipated_latches, kEnergy,
+               "Energy dissipated in the latches");
+  table.output("energy.external", &out.energy_external, kEnergy,
+               "Work of forces from outside since the start");
+  table
+      .output("energy.residual", &out.energy_residual, kEnergy,
+              "Energy that does not add up since the start")
+      .nominal(1e-6);
+  table
+      .output("momentum.residual", &out.momentum_residual, kNone,
+              "Momentum that does not add up since the start, as a fraction; where all "
+              "bodies are evaluated anyway the largest so far, else the present one")
+      .not_negative()
+      .nominal(1e-14)
+      .discrete()
+      .group(OutputGroup::kBodies);
+  table
+      .outputs("momentum.linear", out.momentum_linear, kMomentum,
+               "Linear momentum of all inside but the driven vehicles, in N")
+      .group(OutputGroup::kBodies);
+  table
+      .outputs("momentum.angular", out.momentum_angular, kAngularMomentum,
+               "Angular momentum of all inside but the driven vehicles about "
+               "momentum.reference, in N")
+      .group(OutputGroup::kBodies);
+  table
+      .outputs("momentum.reference", out.momentum_reference, kLength,
+               "Reference point of momentum.angular in N")
+      .group(OutputGroup::kBodies);
+}
+
+/// The state vector of the integration and its rates, in the order of StateLayout: for hosts that
+/// integrate by themselves. Positions and momenta are relative to frame O near the docking.
+void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
+  size_t next = 0;
+  const auto rows = [&](const std::string& name, size_t count, Quantity quantity,
+                        const std::string& text, bool jumps = false) {
+    for (size_t i = 0; i < count; ++i, ++next) {
+      const std::string element = count == 1 ? name : indexed(name, i);
+      Row row = table.local(element, &out.states[next], quantity, text);
+      if (jumps) row.jumps();
+    }
+  };
+  rows("ode.mechanism.q", out.state_q.size(), kCoordinate,
+       "Coordinate that is integrated [m, rad, 1]", true);
+  rows("ode.mechanism.v", out.state_v.size(), kCoordinate,
+       "Velocity that is integrated [m/s, rad/s]", true);
+  for (const int i : {kChaser, kTarget}) {
+    if (scene.motion[i] == Motion::kFixed || (i == kTarget && !scene.has_target)) continue;
+    const std::string v = i == kChaser ? "ode.chaser." : "ode.target.";
+    const std::string carried = i == kChaser ? " of chaser and mechanism" : " of the target";
+    rows(v + "position", 3, kLength, "Centre of mass in frame O, axes of N");
+    rows(v + "attitude", 4, kQuaternion, "Attitude quaternion, body to N");
+    rows(v + "momentum", 3, kMomentum, "Linear momentum" + carried + " in frame O");
+    rows(v + "angular_momentum", 3, kAngularMomentum,
+         "Angular momentum" + carried + " about the origin of O");
+  }
+  for (const char* sink : {"contact", "friction", "legs", "latches"}) {
+    rows(std::string("ode.dissipated_") + sink, 1, kEnergy, "Energy dissipated since the start",
+         true);
+  }
+  rows("ode.external", 1, kEnergy, "Work of forces from outside since the start");
+  rows("ode.impulse", 3, kMomentum, "Impulse of forces from outside since the start");
+  rows("ode.angular_impulse", 3, kAngularMomentum, "Angular impulse of forces from outside");
+  rows("ode.bristle", out.states.size() - next, kSmallLength, "Deflection of a bristle", true);
+  table.add_rates(out.states, out.rates);
+}
+
+/// What the host of a driven vehicle can choose and should know.
+void add_coupling_parameters(Table& table, Parameters& parameter, Inputs& in) {
+  table
+      .parameter("coupling.mode", &parameter.coupling_mode, kNone,
+                 "Order of exchange with the host of a driven vehicle: 1 sequential (this FMU "
+                 "steps first, the host makes the same step with the mean load), 2 parallel (both "
+                 "step at once, the mean load of the coming step is announced)")
+      .limits(1, 2);
+  table
+      .parameter("coupling.expected_step", &parameter.coupling_expected_step, kTime,
+                 "Communication step over which the first load is announced (parallel)")
+      .not_negative();
+  table
+      .parameter("coupling.velocity_tolerance", &parameter.coupling_velocity_tolerance,
+                 kSmallVelocity, "Error of velocity per step that coupling.suggested_step keeps")
+      .not_negative()
+      .nominal(1e-4);
+  table
+      .input("coupling.next_step", &in.next_step, kTime,
+             "Length of the step after the coming one, over which its load is announced "
+             "(parallel; 0: as the coming one)")
+      .limits(0, 10);
+}
+
+void add_coupling_outputs(Table& table, Outputs& out) {
+  table
+      .output("coupling.work_residual", &out.coupling_work_residual, kEnergy,
+              "Work that the hosts' vehicles took up less what the mechanism gave")
+      .discrete()
+      .group(OutputGroup::kCoupling);
+  table
+      .output("coupling.mass_mismatch", &out.coupling_mass_mismatch, kNone,
+              "True mass of a driven vehicle, as its motion shows it, over the stated one, less 1")
+      .discrete()
+      .group(OutputGroup::kCoupling);
+  table
+      .output("coupling.frequency", &out.coupling_frequency, kAngularVelocity,
+              "Highest frequency between the vehicles through the capture interface")
+      .not_negative()
+      .discrete()
+      .group(OutputGroup::kCoupling);
+  table
+      .output("coupling.suggested_step", &out.coupling_suggested_step, kTime,
+              "Communication step that keeps coupling.velocity_tolerance")
+      .not_negative()
+      .discrete()
+      .group(OutputGroup::kCoupling);
+  table
+      .outputs("coupling.pending_impulse", out.coupling_pending_impulse, kMomentum,
+               "Impulse owed to the hosts of driven vehicles, in N")
+      .discrete();
+  table
+      .outputs("coupling.pending_angular_impulse", out.coupling_pending_angular_impulse,
+               kAngularMomentum, "Angular impulse owed to them about momentum.reference, in N")
+      .discrete();
+}
+
+/// Ties rows to what they are for input slopes and derivatives: places by address.
+void number_values(std::vector<Variable>& rows, DockingSim& sim) {
+  std::map<const void*, int> inputs, outputs;
+  std::vector<double*> slopes;
+  const auto number = [](std::map<const void*, int>& places) {
+    return [&places](double& value) { places.emplace(&value, static_cast<int>(places.size())); };
+  };
+  for_each_value(sim.inputs(), number(inputs));
+  for_each_value(static_cast<OutputValues<double>&>(sim.output_storage()), number(outputs));
+  for_each_value(sim.input_slopes(), [&](double& slope) { slopes.push_back(&slope); });
+  for (Variable& row : rows) {
+    if (row.type != Type::kReal) continue;
+    if (row.causality == Causality::kInput) {
+      row.input = inputs.at(row.value);
+      row.slope = slopes[static_cast<size_t>(row.input)];
+    } else if (const auto place = outputs.find(row.value); place != outputs.end()) {
+      row.output = place->second;
+    }
+  }
+}
+
+void add_model_parameters(Table& table, Parameters& parameter) {
+  table
+      .parameter("model.level", &parameter.model_level, kNone,
+                 "Level of the model: 1 rigid (the mechanism is locked at its start pose: one body "
+                 "with the chaser), 2 massless_legs (masses of leg parts are put to the ends of "
+                 "their legs), 3 reduced (every body), 4 reference (every body, unreduced tree "
+                 "with multipliers; takes solver.method 9)")
+      .limits(1, 4);
+}
+
+void add_solver_parameters(Table& table, Parameters& parameter) {
+  table
+      .parameter("model.flight", &parameter.flight, kNone,
+                 "The mechanism far from contact: 1 resting (once it has kept its place for 1 s it "
+                 "is carried along by its vehicle and costs nothing), 2 integrated (always). "
+                 "Resting needs free or fixed vehicles, no loads, an adaptive method")
+      .limits(1, 2);
+  table
+      .parameter(
+          "solver.method", &parameter.solver_method, kNone,
+          "Integration method: 1 auto (as 11, at model.level 4 as 9), 2 explicit (adaptive "
+          "one-step), 3 implicit (the "
+          "same for stiff contact, latches or friction), 4 imex (implicit for contact and latches "
+          "only), 5 adams and 6 bdf (multistep, bdf for stiff ones: they start again with order 1 "
+          "at every communication point and event, so they are for long communication steps), 7 "
+          "fixed_rk4 (equal steps of solver.step, bounded cost), 8 fixed_implicit (the same, "
+          "stable where 7 is not), 9 dae (all joint coordinates, loops held by multipliers: "
+          "with model.level 4 only), 10 high_order (as 2 of order 8, for smooth motion at tight "
+          "tolerances), 11 stabilised (as 2, in longer steps of order 4 where stability would "
+          "limit "
+          "those of 2)")
+      .limits(1, 11);
+  table
+      .parameter("solver.dae_form", &parameter.dae_form, kNone,
+                 "How method 9 holds the loops: 1 by accelerations (index 1, drifts), 2 the same "
+                 "with Baumgarte stabilisation (time constant 0.01 s), 3 by velocities and "
+                 "positions (stabilised index 2)")
+      .limits(1, 3);
+  table
+      .parameter("solver.step", &parameter.step, kTime,
+                 "Inner step of the fixed methods; a communication step is divided into equal "
+                 "steps that are not longer")
+      .not_negative();
+  table.parameter("solver.rtol", &parameter.rtol, kNone, "Relative tolerance of the integration")
+      .limits(0, 1)
+      .nominal(1e-8);
+  table
+      .parameter("solver.atol_position", &parameter.atol_position, kSmallLength,
+                 "Absolute tolerance of positions, also of attitudes [rad]")
+      .not_negative()
+      .nominal(1e-10);
+  table
+      .parameter("solver.atol_velocity", &parameter.atol_velocity, kSmallVelocity,
+                 "Absolute tolerance of velocities, also of angular velocities [rad/s]")
+      .not_negative()
+      .nominal(1e-10);
+  table
+      .parameter("solver.atol_energy", &parameter.atol_energy, kEnergy,
+                 "Absolute tolerance of dissipated energies and external work")
+      .not_negative()
+      .nominal(1e-8);
+}
+
+void add_solver_outputs(Table& table, Outputs& out) {
+  table.output("solver.steps", &out.solver_steps, kCount, "Inner steps since the start")
+      .not_negative()
+      .discrete();
+  table
+      .output("solver.rhs_evaluations", &out.solver_rhs_evaluations, kCount,
+              "Evaluations of the equations of motion since the start; a Jacobian of an implicit "
+              "method counts as one per column")
+      .not_negative()
+      .discrete();
+  table
+      .output("solver.rejected_steps", &out.solver_rejected_steps, kCount,
+              "Inner steps that were tried and repeated with a smaller one since the start")
+      .not_negative()
+      .discrete();
+  table
+      .output("solver.closure_residual", &out.solver_closure_residual, kSmallLength,
+              "Largest gap of a closed loop; with method 9 at the inner steps of the last step")
+      .not_negative()
+      .nominal(1e-14)
+      .discrete()
+      .group(OutputGroup::kBodies);
+  table
+      .output("solver.singularity_margin", &out.solver_singularity_margin, kNone,
+              "Smallest normalised distance of a loop to a singular pose")
+      .limits(0, 1)
+      .discrete();
+}
+
+}  // namespace
+
+const std::vector<Unit>& unit_definitions() {
+  static const std::vector<Unit> kUnits = {
+      {"1", 0, 0, 0, 0, {}},
+      {"m", 0, 1, 0, 0, {{"mm", 1e3}}},
+      {"m/s", 0, 1, -1, 0, {{"mm/s", 1e3}}},
+      {"m/s2", 0, 1, -2, 0, {}},
+      {"rad", 0, 0, 0, 1, {{"deg", kDegrees}}},
+      {"rad/s", 0, 0, -1, 1, {{"deg/s", kDegrees}}},
+      {"s", 0, 0, 1, 0, {}},
+      {"kg", 1, 0, 0, 0, {{"t", 1e-3}}},
+      {"kg.m2", 1, 2, 0, 0, {}},
+      {"N", 1, 1, -2, 0, {}},
+      {"N.m", 1, 2, -2, 0, {}},
+      {"N.s", 1, 1, -1, 0, {}},
+      {"N.m.s", 1, 2, -1, 0, {}},
+      {"J", 1, 2, -2, 0, {}},
+      {"W", 1, 2, -3, 0, {}},
+      {"1/s", 0, 0, -1, 0, {}},
+  };
+  return kUnits;
+}
+
+std::vector<Variable> make_variables(DockingSim& sim) {
+  const Scene& scene = sim.scene();
+  Parameters& parameters = sim.parameters();
+  Inputs& inputs = sim.inputs();
+  Outputs& outputs = sim.output_storage();
+  const auto wants = [&](const char* group) { return scene.has_group(group); };
+
+  Table table;
+  add_vehicle(table, sim, kChaser);
+  if (scene.has_target) add_vehicle(table, sim, kTarget);
+  table.inputs("gravity", inputs.gravity, kAcceleration,
+               "Acceleration in N that acts on every body inside; not to be told as force_ext "
+               "as well");
+  if (scene.has_target) {
+    if (wants("relative")) add_relative(table, outputs);
+    if (wants("capture")) add_capture(table, outputs);
+    if (wants("contact")) add_contact(table, parameters, outputs);
+    if (wants("phase")) add_phase(table, parameters, outputs);
+  }
+  if (wants("ring")) add_ring(table, outputs);
+  if (wants("legs")) add_legs(table, inputs, outputs);
+  if (wants("states")) add_states(table, outputs);
+  if (wants("loops")) add_loops(table, outputs);
+  if (wants("energy")) add_energy(table, outputs);
+  const bool is_driven = !offers_model_exchange(scene);
+  if (is_driven) add_coupling_parameters(table, parameters, inputs);
+  if (is_driven && wants("coupling")) add_coupling_outputs(table, outputs);
+  add_model_parameters(table, parameters);
+  add_solver_parameters(table, parameters);
+  if (wants("solver")) add_solver_outputs(table, outputs);
+  if (offers_model_exchange(scene)) add_state_vector(table, scene, outputs);
+  std::vector<Variable> rows = table.take();
+  number_values(rows, sim);
+  return rows;
+}
+
+void check_value(const Variable& v, double value, const char* function) {
+  const auto refuse = [&](const std::string& why) {
+    throw ModelError(std::string(function) + ": '" + v.name + "' = " + shortest(value) + why);
+  };
+  if (!std::isfinite(value)) refuse(" is not a finite number");
+  if (std::abs(value) > kLargestValue) refuse(" is too large to be computed with: limit 1e30");
+  if (value < v.min) refuse(" is below its minimum " + shortest(v.min) + ' ' + v.unit);
+  if (value > v.max) refuse(" is above its maximum " + shortest(v.max) + ' ' + v.unit);
+}
+
+}  // namespace dockloop

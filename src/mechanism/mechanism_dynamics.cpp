@@ -1,0 +1,301 @@
+// How a mechanism is made, moved, attached and taken apart; its equations of motion are in
+// mechanism_dynamics_body.hpp.
+#include "mechanism/mechanism_dynamics.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+
+#include "loops/loop_analysis.hpp"
+#include "mechanism/mechanism_dynamics_body.hpp"
+
+namespace dockloop {
+
+Mechanism::Mechanism(MechanismModel description, bool newton_only_)
+    : model(std::move(description)), newton_only(newton_only_) {
+  notes = remove_redundancy(model);
+  plan = make_loop_plan(model, model.home_q, newton_only);
+}
+
+std::vector<char> find_moved_by_loops(const MechanismModel& model, const LoopPlan& plan) {
+  std::vector<char> moved(model.bodies.size(), 1);
+  for (int i : plan.ind_bodies) moved[i] = 0;
+  for (size_t i = 0; i < moved.size(); ++i) {
+    const int up = model.bodies[i].parent;
+    if (up != kBase && moved[up]) moved[i] = 1;
+  }
+  return moved;
+}
+
+void skip_massless_legs(Mechanism& mechanism) {
+  const std::vector<char> moved = find_moved_by_loops(mechanism.model, mechanism.plan);
+  mechanism.skips_massless = true;
+  for (size_t i = 0; i < moved.size(); ++i) {
+    const Body& body = mechanism.model.bodies[i];
+    const bool counts = body.mass != 0.0 || !body.inertia.isZero(0.0) ||
+                        static_cast<int>(i) == mechanism.model.capture_body;
+    if (moved[i] && counts) mechanism.skips_massless = false;
+  }
+}
+
+Status move_to(const Mechanism& mechanism, const VecX<double>& q, MechanismData<double>& data) {
+  const MechanismModel& model = mechanism.model;
+  double length = 1e-9, way = 0.0;
+  for (const double size : mechanism.plan.loop_size) length = std::max(length, size);
+  for (int i : mechanism.plan.ind_bodies) {
+    const Body& body = model.bodies[i];
+    for (int j = body.q_index; j < body.q_index + body.nq(); ++j) {
+      const bool is_length = body.joint == JointType::kPrismatic ||
+                             (body.joint == JointType::kFree && j < body.q_index + 3);
+      way = std::max(way, std::abs(q[j] - model.home_q[j]) / (is_length ? length : 1.0));
+    }
+  }
+  constexpr double kStep = 0.1;       // rad, or part of the largest loop
+  constexpr double kSmallest = 1e-3;  // of that
+  // Without loops there is no branch to stay on.
+  const double usual = way > kStep && !model.loops.empty() ? kStep / way : 1.0;
+  for (size_t i = 0; i < model.home_q.size(); ++i)
+    data.tree.q[static_cast<int>(i)] = model.home_q[i];
+  data.loops.reference.valid = false;
+  Status status = calc_position(mechanism, data);
+  if (status.ok()) keep_reference(data.tree, data.loops);
+  double done = 0.0, step = usual;
+  while (status.ok() && done < 1.0) {
+    const double part = done + step < 1.0 - 1e-9 ? done + step : 1.0;
+    for (int i : mechanism.plan.ind_bodies) {
+      const Body& body = model.bodies[i];
+      for (int j = body.q_index; j < body.q_index + body.nq(); ++j) {
+        data.tree.q[j] = part < 1.0 ? (1.0 - part) * model.home_q[j] + part * q[j] : q[j];
+      }
+      if (body.joint == JointType::kFree) data.tree.q.segment<4>(body.q_index + 3).normalize();
+    }
+    const Status reached = calc_position(mechanism, data);
+    if (reached.ok()) {
+      keep_reference(data.tree, data.loops);
+      done = part;
+      step = std::min(usual, 2.0 * step);
+    } else {
+      step *= 0.5;
+      if (step < kSmallest * usual) status = reached;
+    }
+  }
+  return status;
+}
+
+void keep_reference(MechanismData<double>& data) {
+  if (data.by_kernel) return data.kernel->keep_reference(data);
+  keep_reference(data.tree, data.loops);
+}
+
+std::optional<Coordinates> find_better_coordinates(const Mechanism& mechanism,
+                                                   const MechanismData<double>& data) {
+  const VecX<double>& q = data.tree.q;
+  Coordinates better;
+  better.pose.assign(q.data(), q.data() + q.size());
+  try {
+    std::optional<Dependents> dependents = find_better_dependents(mechanism.model, better.pose);
+    if (!dependents) return std::nullopt;
+    better.dependent = std::move(*dependents);
+  } catch (const ModelError&) {  // rounding made a plane look bent: stay with what there is
+    return std::nullopt;
+  }
+  for (size_t k = 0; k < better.dependent.size(); ++k) {
+    const Loop& loop = mechanism.model.loops[k];
+    const bool searched =
+        loop.dependent != better.dependent[k] && loop.closure != ClosureKind::kNewton;
+    better.closure.push_back(searched ? ClosureKind::kAutomatic : loop.closure);
+  }
+  return better;
+}
+
+Mechanism with_coordinates(const Mechanism& mechanism, const Coordinates& coordinates) {
+  Mechanism changed = mechanism;
+  const size_t count = changed.model.loops.size();
+  if (coordinates.dependent.size() != count || coordinates.closure.size() != count ||
+      coordinates.pose.size() != static_cast<size_t>(changed.model.nq)) {
+    throw ModelError("a choice of coordinates belongs to another mechanism");
+  }
+  const int bodies = static_cast<int>(changed.model.bodies.size());
+  for (size_t k = 0; k < count; ++k) {
+    const bool known = std::all_of(coordinates.dependent[k].begin(), coordinates.dependent[k].end(),
+                                   [&](int body) { return body >= 0 && body < bodies; });
+    const ClosureKind closure = coordinates.closure[k];
+    if (!known || closure < ClosureKind::kAutomatic || closure > ClosureKind::kP1R1R1 ||
+        coordinates.dependent[k].size() != changed.model.loops[k].dependent.size()) {
+      throw ModelError("a choice of coordinates names joints or closures that do not exist");
+    }
+    changed.model.loops[k].dependent = coordinates.dependent[k];
+    changed.model.loops[k].closure = coordinates.closure[k];
+  }
+  // Closed forms take the branch of this pose.
+  changed.model.home_given = true;
+  changed.plan = make_loop_plan(changed.model, coordinates.pose, mechanism.newton_only);
+  if (mechanism.skips_massless) skip_massless_legs(changed);
+  return changed;
+}
+
+std::vector<double> find_home_gaps(const Mechanism& mechanism) {
+  const MechanismModel& model = mechanism.model;
+  TreeData<double> tree(model);
+  for (size_t i = 0; i < model.bodies.size(); ++i) {
+    calc_joint_pose(model, static_cast<int>(i), tree);
+  }
+  LoopData<double> loops(model, mechanism.plan);
+  std::vector<double> gaps;
+  for (size_t k = 0; k < model.loops.size(); ++k) {
+    calc_cut_position(model, mechanism.plan, static_cast<int>(k), tree, loops.cut[k]);
+    const int points = std::min(3, equation_count(model.loops[k].cut));
+    gaps.push_back(loops.cut[k].residual.head(points).norm());
+  }
+  return gaps;
+}
+
+void close_home(Mechanism& mechanism, const std::string& source_name) {
+  MechanismModel& model = mechanism.model;
+  char text[256];
+  if (model.home_given) {
+    // A stated home must be closed as it stands.
+    const std::vector<double> gaps = find_home_gaps(mechanism);
+    for (size_t k = 0; k < model.loops.size(); ++k) {
+      const double limit = kHomeGap * mechanism.plan.loop_size[k];
+      if (gaps[k] <= limit) continue;
+      if (model.loops[k].cut == CutType::kCoupling) {
+        std::snprintf(text, sizeof text,
+                      "(a coupling) is open by %.6g at the stated home; correct home_q or 'offset'",
+                      gaps[k]);
+      } else {
+        std::snprintf(text, sizeof text,
+                      "is open by %.6g m at the stated home (limit %.1g m); correct home_q or the "
+                      "cut points",
+                      gaps[k], limit);
+      }
+      throw ModelError(source_name + ": loop '" + model.loops[k].name + "' " + text);
+    }
+  }
+  MechanismData<double> data(mechanism);
+  const Status status = calc_position(mechanism, data);
+  if (!status.ok() && status.index >= 0) {
+    const std::string reason = status.code == StatusCode::kOutOfReach ? "its branch cannot reach"
+                               : status.code == StatusCode::kLoopSingular
+                                   ? "it is singular there"
+                                   : "Newton does not converge";
+    throw ModelError(source_name + ": loop '" + model.loops[status.index].name +
+                     "' cannot be closed from the home pose (" + reason +
+                     "); correct the geometry or give home_q");
+  }
+  if (!status.ok()) {
+    throw ModelError(source_name +
+                     ": the inertia in the independent coordinates is not positive definite; give "
+                     "the bodies they move a mass");
+  }
+  // A leg whose slide must travel a good part of its length to close was not closed at home.
+  for (const LoopBlock& block : mechanism.plan.blocks) {
+    for (size_t i = 0; block.form() && i < block.form()->joint.size(); ++i) {
+      const Body& slide = model.bodies[block.form()->joint[i].body];
+      if (slide.joint != JointType::kPrismatic) continue;
+      const double moved = std::abs(data.tree.q[slide.q_index] - model.home_q[slide.q_index]);
+      const double limit = 0.25 * mechanism.plan.loop_size[block.loops[0]];
+      if (moved <= limit) continue;
+      std::snprintf(text, sizeof text,
+                    "is open at home: slide '%s' would have to move by %.6g m (limit %.6g m, a "
+                    "quarter of the leg); correct the cut points or give home_q",
+                    slide.name.c_str(), moved, limit);
+      throw ModelError(source_name + ": loop '" + model.loops[block.loops[0]].name + "' " + text);
+    }
+  }
+  for (int i = 0; i < model.nq; ++i) model.home_q[i] = data.tree.q[i];
+  // Closed forms take their branch from the closed pose.
+  model.home_given = true;
+  mechanism.plan = make_loop_plan(model, model.home_q, mechanism.newton_only);
+}
+
+MechanismModel attach_vehicle(const MechanismModel& mechanism, const VehicleBody& vehicle,
+                              const Pose<double>& base_in_vehicle) {
+  MechanismModel model = mechanism;
+  Body body;
+  body.name = "vehicle";
+  body.mass = vehicle.mass;
+  body.com = vehicle.com;
+  body.inertia = vehicle.inertia;
+  model.bodies.insert(model.bodies.begin(), body);
+  for (size_t i = 1; i < model.bodies.size(); ++i) {
+    Body& b = model.bodies[i];
+    if (b.parent == kBase) b.placement = base_in_vehicle * b.placement;
+    b.parent += 1;  // kBase becomes body 0
+  }
+  for (Loop& loop : model.loops) {
+    // What was fixed on the base is now fixed on the vehicle, in vehicle axes.
+    if (loop.closing == kBase) {
+      loop.point_on_closing = base_in_vehicle.R * loop.point_on_closing + base_in_vehicle.p;
+      loop.axis_on_closing = base_in_vehicle.R * loop.axis_on_closing;
+    }
+    if (loop.root == kBase) {
+      loop.plane_axes_in_root = (loop.plane_axes_in_root * base_in_vehicle.R.transpose()).eval();
+    }
+    for (int* index : {&loop.root, &loop.first, &loop.terminal, &loop.closing}) *index += 1;
+    for (int& index : loop.dependent) index += 1;
+    for (CouplingTerm& term : loop.terms) term.body += 1;
+  }
+  for (JointForce& force : model.forces) force.body += 1;
+  for (Leg& leg : model.legs) leg.slide_body += 1;
+  model.capture_body += 1;
+  model.home_q.insert(model.home_q.begin(), {0, 0, 0, 1, 0, 0, 0});
+  number_coordinates(model);
+  return model;
+}
+
+MechanismModel fix_base(const MechanismModel& mechanism, const Pose<double>& base_pose) {
+  MechanismModel model = mechanism;
+  for (Body& body : model.bodies) {
+    if (body.parent == kBase) body.placement = base_pose * body.placement;
+  }
+  for (Loop& loop : model.loops) {
+    if (loop.closing == kBase) {
+      loop.point_on_closing = base_pose.R * loop.point_on_closing + base_pose.p;
+      loop.axis_on_closing = base_pose.R * loop.axis_on_closing;
+    }
+    if (loop.root == kBase) {
+      loop.plane_axes_in_root = (loop.plane_axes_in_root * base_pose.R.transpose()).eval();
+    }
+  }
+  return model;
+}
+
+VehicleBody join(const VehicleBody& a, const VehicleBody& b) {
+  VehicleBody both;
+  both.mass = a.mass + b.mass;
+  both.inertia = a.inertia + b.inertia;
+  if (!(both.mass > 0.0)) return both;
+  both.com = (a.mass * a.com + b.mass * b.com) / both.mass;
+  const Vec3<double> d = b.com - a.com;
+  both.inertia += a.mass * b.mass / both.mass *
+                  (d.squaredNorm() * Mat3<double>::Identity() - d * d.transpose());
+  return both;
+}
+
+VehicleBody transform(const Pose<double>& pose, const VehicleBody& body) {
+  return {body.mass, pose.R * body.com + pose.p, pose.R * body.inertia * pose.R.transpose()};
+}
+
+VehicleBody find_frozen_body(const Mechanism& mechanism) {
+  MechanismData<double> data(mechanism);
+  if (!calc_position(mechanism, data).ok()) throw ModelError("mechanism cannot be closed at home");
+  VehicleBody frozen;
+  Vec3<double> first_moment = Vec3<double>::Zero();
+  for (size_t i = 0; i < mechanism.model.bodies.size(); ++i) {
+    frozen.mass += mechanism.model.bodies[i].mass;
+    first_moment += data.tree.h_body[i] + mechanism.model.bodies[i].mass * data.tree.p[i];
+  }
+  if (frozen.mass > 0.0) frozen.com = first_moment / frozen.mass;
+  for (size_t i = 0; i < mechanism.model.bodies.size(); ++i) {
+    const Body& body = mechanism.model.bodies[i];
+    const Mat3<double>& R = data.tree.R[i];
+    const Vec3<double> c = data.tree.p[i] + R * body.com - frozen.com;
+    frozen.inertia += R * body.inertia * R.transpose() +
+                      body.mass * (c.squaredNorm() * Mat3<double>::Identity() - c * c.transpose());
+  }
+  return frozen;
+}
+
+}  // namespace dockloop

@@ -1,0 +1,174 @@
+// A mechanism in its independent coordinates only: reads like the method.
+//
+//   position      close the loops, pose the tree, inertia, reduce, factorise      [Y2 (9), (10)]
+//   velocity      dependent velocities, velocities of all bodies                   [Y2 (5)]
+//   acceleration  bias, reduce the right-hand side, solve, dependent accelerations [Y2 (10), (11)]
+//   reactions     cut forces and the load on the base, only when somebody asks     [Y2 (11a)]
+//
+// Where dependent joints move no mass (massless_legs.hpp), half of this is left out.
+//
+// The base of the tree is prescribed (usually at rest). A free-flying vehicle is a body with a free
+// joint: attach_vehicle() puts it between the base and the mechanism.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "loops/loops.hpp"
+#include "math/small_cholesky.hpp"
+#include "mechanism/mechanism_kernel.hpp"
+
+namespace dockloop {
+
+/// Model and plan together; const during a run (but for a change of independent coordinates).
+struct Mechanism {
+  /// Redundant equations are taken out, closed forms chosen on the branch of the home pose.
+  explicit Mechanism(MechanismModel description, bool newton_only = false);
+  MechanismModel model;
+  LoopPlan plan;
+  bool newton_only = false;
+  std::vector<std::string> notes;  ///< what was found about redundant equations
+  int vehicle = kBase;             ///< body of the vehicle if attach_vehicle() put one in
+  bool skips_massless = false;     ///< what dependent joints move has no mass: evaluations leave it
+                                   ///< out (skip_massless_legs)
+};
+
+/// Everything computed. One per evaluation thread; sized by the constructor.
+template <class S>
+struct MechanismData {
+  explicit MechanismData(const Mechanism& mechanism);
+  TreeData<S> tree;
+  LoopData<S> loops;
+  MatX<S> A;                          ///< joint-space inertia while it is being reduced, nv x nv
+  MatX<S> A_ind;                      ///< reduced inertia, n_ind x n_ind
+  Cholesky<S> factor;                 ///< of A_ind
+  VecX<S> b, b_ind;                   ///< right-hand side: full (nv), reduced (n_ind)
+  VecX<S> a_ind;                      ///< independent accelerations (n_ind)
+  VecX<S> tau;                        ///< joint forces (nv), written by the caller
+  VecX<S> vdot;                       ///< all accelerations (nv)
+  std::vector<Wrench<S>> joint_load;  ///< per body: what its joint (with its parent) exerts on it,
+                                      ///< about its origin, base axes (calc_joint_loads)
+  std::vector<Wrench<S>> scratch;     ///< per body
+  VecX<S> scratch_v;                  ///< nv
+  Wrench<S> on_base;  ///< of the mechanism on its base body, about that body's origin,
+                      ///< base axes of the tree (calc_reactions)
+  std::shared_ptr<MechanismKernel> kernel;  ///< tried first, if there is one; only for double
+  bool by_kernel = false;                   ///< the present position was found by it
+  bool whole = false;                       ///< all of this is wanted: no kernel, please (Whole)
+};
+
+/// While it lives, the general code evaluates: for who needs more than a kernel finds.
+class Whole {
+ public:
+  explicit Whole(MechanismData<double>& data) : data_(data), before_(data.whole) {
+    data.whole = true;
+  }
+  ~Whole() { data_.whole = before_; }
+  Whole(const Whole&) = delete;
+  Whole& operator=(const Whole&) = delete;
+
+ private:
+  MechanismData<double>& data_;
+  const bool before_;
+};
+
+/// Per body: do dependent joints move it?
+std::vector<char> find_moved_by_loops(const MechanismModel& model, const LoopPlan& plan);
+
+/// In: independent entries of data.tree.q (dependent ones as a start).
+template <class S>
+Status calc_position(const Mechanism& mechanism, MechanismData<S>& data);
+
+/// Walk from home to a pose in steps small enough to stay on the assembly branch, each the
+/// reference of the next. @param q  all coordinates; the independent ones count
+Status move_to(const Mechanism& mechanism, const VecX<double>& q, MechanismData<double>& data);
+
+/// In: independent entries of data.tree.v. @pre calc_position
+template <class S>
+void calc_velocity(const Mechanism& mechanism, const BaseMotion<S>& base, MechanismData<S>& data);
+
+/// In: data.tau, data.tree.external. Out: data.vdot. @pre calc_velocity
+template <class S>
+void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
+                       MechanismData<S>& data);
+
+/// The present pose is accepted, by whatever way it was found: keep_reference() of loops.hpp.
+void keep_reference(MechanismData<double>& data);
+
+/// Cut forces (data.loops.block[].lambda) and the load on `base_body`. @pre calc_acceleration
+template <class S>
+void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int base_body,
+                    MechanismData<S>& data);
+
+/// Full load in every joint of the tree, cut forces taken into account: data.joint_load. The load
+/// of a planar cut across its plane is not determined and counts as zero. @pre calc_reactions
+template <class S>
+void calc_joint_loads(const Mechanism& mechanism, MechanismData<S>& data);
+
+/// A choice of independent coordinates: the joints that each loop determines, how it is closed, and
+/// the pose whose assembly branch counts.
+struct Coordinates {
+  std::vector<std::vector<int>> dependent;  ///< per loop
+  std::vector<ClosureKind> closure;         ///< per loop
+  std::vector<double> pose;                 ///< all coordinates, nq
+};
+
+/// The choice that suits the present pose best, if it is much better than the mechanism's own;
+/// otherwise nothing. Allocates. @pre calc_position
+std::optional<Coordinates> find_better_coordinates(const Mechanism& mechanism,
+                                                   const MechanismData<double>& data);
+
+/// The mechanism in other independent coordinates. @throws ModelError if they do not fit it
+Mechanism with_coordinates(const Mechanism& mechanism, const Coordinates& coordinates);
+
+/// Below this margin a better choice of coordinates is looked for.
+constexpr double kChangeMargin = 0.1;
+
+/// Leave out what dependent joints move, if none of it has mass: the inertia is that of the
+/// independent bodies alone, and forces map by H^T. Results are the same but for rounding.
+void skip_massless_legs(Mechanism& mechanism);
+
+/// Largest loop gap [m] of the present position, for monitoring.
+template <class S>
+double find_closure_residual(const Mechanism& mechanism, const MechanismData<S>& data);
+
+/// Smallest loop margin [-] of the present position; 1 without loops.
+template <class S>
+double find_singularity_margin(const MechanismData<S>& data);
+
+/// Gap of every loop at home_q as it stands [m].
+std::vector<double> find_home_gaps(const Mechanism& mechanism);
+
+constexpr double kHomeGap = 1e-6;  ///< a stated home is closed to this part of the loop size [-]
+
+/// Close the home pose: replaces the dependent entries of home_q by a solution.
+/// @throws ModelError when a loop is open at the home that the file states, or cannot be closed.
+void close_home(Mechanism& mechanism, const std::string& source_name);
+
+/// Rigid body onto which a mechanism is put.
+struct VehicleBody {
+  double mass = 0.0;
+  Vec3<double> com = Vec3<double>::Zero();
+  Mat3<double> inertia = Mat3<double>::Zero();  ///< about com
+};
+
+/// Two bodies that are one.
+VehicleBody join(const VehicleBody& a, const VehicleBody& b);
+
+/// The same body in other axes.
+VehicleBody transform(const Pose<double>& pose, const VehicleBody& body);
+
+/// The mechanism on a free-flying vehicle: body 0 is "vehicle" with a free joint, and everything
+/// that hung on the base hangs on it. @param base_in_vehicle pose of B in the vehicle's axes.
+MechanismModel attach_vehicle(const MechanismModel& mechanism, const VehicleBody& vehicle,
+                              const Pose<double>& base_in_vehicle);
+
+/// The mechanism on a vehicle that does not move: base placements become `base_pose`.
+MechanismModel fix_base(const MechanismModel& mechanism, const Pose<double>& base_pose);
+
+/// Mass properties of the mechanism frozen at its (closed) home pose, in base axes.
+VehicleBody find_frozen_body(const Mechanism& mechanism);
+
+}  // namespace dockloop
