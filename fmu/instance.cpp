@@ -9,6 +9,7 @@
 
 #include "mechanism/generated_kernel.hpp"
 #include "interface/model_description.hpp"
+#include "sim/solver_methods.hpp"
 
 namespace dockloop {
 
@@ -34,7 +35,7 @@ fmi2Status fmi_status(StatusCode code) {
 }
 
 Instance::Instance(std::shared_ptr<const Scene> scene, Interface interface, Logger log)
-    : logger(std::move(log)), sim(std::move(scene), interface), variables(make_variables(sim)) {
+    : logger(std::move(log)), sim(std::move(scene), interface, get_fmu_comparison()), variables(make_variables(sim)) {
   start_time = time = sim.scene().experiment.start;
 }
 

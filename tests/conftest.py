@@ -19,6 +19,7 @@ import pytest
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from dockloop import cli, paths
+from dockloop.compiled import add_comparison
 from dockloop.fmu import build_fmu
 from dockloop.simulate import Recording, run_fmu
 
@@ -57,13 +58,28 @@ class Runs:
         """Return the FMU as users get it, with documentation and sources."""
         return self._build(scene, overrides, bare=False)
 
-    def _build(self, scene: str, overrides: tuple[str, ...], *, bare: bool) -> Path:
-        key = hashlib.sha256(repr((scene, overrides, bare)).encode()).hexdigest()[:16]
+    @functools.cache
+    def comparing_fmu(self, scene: str, *overrides: str) -> Path:
+        """Return a bare FMU with the library that carries the methods for comparison too."""
+        return self._build(scene, overrides, bare=True, finish=add_comparison)
+
+    def _build(
+        self,
+        scene: str,
+        overrides: tuple[str, ...],
+        *,
+        bare: bool,
+        finish: Callable[[Path], None] | None = None,
+    ) -> Path:
+        kind = (scene, overrides, bare, finish is not None)
+        key = hashlib.sha256(repr(kind).encode()).hexdigest()[:16]
         fmu = self._folder / key / f"{Path(scene).stem}.fmu"
         fmu.parent.mkdir(exist_ok=True)
         with (fmu.parent / "lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)  # another process may build the same one
-            return fmu if fmu.exists() else build_fmu(scene, overrides, fmu, bare=bare)
+            if not fmu.exists():
+                build_fmu(scene, overrides, fmu, bare=bare, finish=finish)
+            return fmu
 
     @functools.cache
     def run(

@@ -1,5 +1,10 @@
-"""Rooms of the code depend on each other one way only; outside libraries stay in their room."""
+"""Rooms of the code depend on each other one way only; outside libraries stay in their room.
 
+The product in scripts/ does without tests/: it imports no module from there and adds no such folder
+to the module path.
+"""
+
+import ast
 import re
 from pathlib import Path
 
@@ -22,21 +27,24 @@ MAY_SEE = {
     "interface": {"math", "model", "mechanism", "docking", "sim"},
     "fmu": {"mechanism", "sim", "interface"},
     # Nobody sees these: other ways to compute the same, and two programs.
-    "compare": {"math", "integrate", "sim"},
+    "compare": {
+        *("math", "model", "tree", "loops", "mechanism", "contact", "docking"),
+        *("integrate", "sim", "interface", "tool"),
+    },
     "codegen": {"math", "model", "tree", "loops", "mechanism", "docking"},
     "tool": {"math", "model", "contact", "mechanism", "docking", "sim", "interface"},
 }
 # Where an outside library may be included: library header prefix -> folders.
 LIBRARIES = {
     "arkode/": {"src/integrate"},
-    "cvode/": {"src/integrate"},
-    "ida/": {"src/integrate"},
+    "cvode/": {"src/integrate", "src/compare"},
+    "ida/": {"src/compare"},
     "nvector/": {"src/integrate"},
     "sundials/": {"src/integrate"},
     "sunlinsol/": {"src/integrate"},
-    "sunmatrix/": {"src/integrate"},
-    "sunnonlinsol/": {"src/integrate"},
-    "nlohmann/": {"src/model", "src/docking", "src/tool", "tests/unit"},
+    "sunmatrix/": {"src/integrate", "src/compare"},
+    "sunnonlinsol/": {"src/integrate", "src/compare"},
+    "nlohmann/": {"src/model", "src/docking", "src/tool", "src/compare", "tests/unit"},
     "fmi2": {"fmu", "tests/unit"},
 }
 
@@ -112,6 +120,62 @@ def test_a_room_includes_only_what_lies_below_it(room):
 )
 def test_a_hidden_edge_is_found(file, include):
     assert len(find_hidden_edges(ROOT / file, f'#include "{include}"\n')) == 1
+
+
+# ---------------------------------------------------------------- Python
+
+TESTS = ROOT / "tests"
+TEST_MODULES = {path.stem for path in TESTS.iterdir() if path.suffix == ".py" or path.is_dir()}
+
+
+def list_scripts() -> list[Path]:
+    return sorted((ROOT / "scripts").rglob("*.py"))
+
+
+def find_test_edges(text: str) -> list[str]:
+    """What a script with this text takes from tests/: modules, the module path, files."""
+    wrong = []
+    for node in ast.walk(ast.parse(text)):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names = [node.module or ""]
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            # A folder of its own, as in ROOT / "tests"; program text that imports is text too.
+            if node.value == "tests" or node.value.startswith("tests/"):
+                wrong.append(f"line {node.lineno} names the folder {node.value}")
+            imported = re.findall(r"^(?:from|import) (\w+)", node.value, re.MULTILINE)
+            names = imported if "\n" in node.value else []
+        wrong += [
+            f"line {node.lineno} imports {name}"
+            for name in names
+            if name.split(".")[0] in TEST_MODULES | {"tests"}
+        ]
+        if isinstance(node, ast.Attribute) and ast.unparse(node) == "sys.path":
+            wrong.append(f"line {node.lineno} changes the module path")
+    return wrong
+
+
+@pytest.mark.parametrize("path", list_scripts(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_the_product_does_without_the_tests(path):
+    wrong = find_test_edges(path.read_text(encoding="utf-8"))
+    assert not wrong, wrong
+
+
+# Edges that once were there.
+@pytest.mark.parametrize(
+    "text",
+    [
+        'import sys\nsys.path.append(str(paths.ROOT / "tests"))\n',
+        "import random_mechanisms\n",
+        "from tests.conftest import Runs\n",
+        'CONTINUE = """\nimport pickle\nfrom coupling_host import Host\n"""\n',
+        'text = (paths.ROOT / "tests" / "data" / "closures.json").read_text()\n',
+    ],
+)
+def test_an_edge_to_the_tests_is_found(text):
+    assert find_test_edges(text)
 
 
 def test_outside_libraries_are_included_in_their_room_only():

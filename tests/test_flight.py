@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from dockloop import paths
-from fmi_host import Host
+from dockloop.extremes.fmi_host import Host
 
 RESTING, INTEGRATED = 1, 2
 FLIGHT = 60.0  # s

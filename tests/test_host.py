@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 
-from fmi_host import Host
+from dockloop.extremes.fmi_host import Host
 
 
 @pytest.fixture

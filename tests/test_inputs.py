@@ -24,7 +24,7 @@ import random
 import numpy as np
 import pytest
 
-from fmi_host import DISCARD, ERROR, OK, Host
+from dockloop.extremes.fmi_host import DISCARD, ERROR, OK, Host
 
 DEFAULT = "idss_25t_350t"
 NEAR = "initial.approach_time=0.1"
@@ -338,7 +338,7 @@ def test_a_tolerance_of_the_host_makes_the_integration_finer(runs):
 
 @pytest.mark.parametrize(("method", "cost"), [(7, 4), (8, 7 + 39)])  # 39: columns of a Jacobian
 def test_fixed_steps_cost_the_same_in_every_communication_step(runs, method, cost):
-    fmu = runs.fmu(DEFAULT, NEAR)
+    fmu = runs.comparing_fmu(DEFAULT, NEAR)  # 8 is a method for comparison
     with Host(fmu, tolerance=1e-10) as adaptive:
         adaptive.set(solver__atol_position=1e-12, solver__atol_velocity=1e-12)
         adaptive.start()

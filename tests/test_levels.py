@@ -1,6 +1,7 @@
 """Levels of the model through the FMU (more in tests/unit/level_test.cpp).
 
-1. The scene key `model.level` is the start value of the parameter; a wrong name is refused.
+1. The scene key `model.level` is the start value of the parameter; a wrong name is refused, and so
+   is the level for comparison, which the FMU does not carry.
 2. The level is chosen before the run: default, massless legs and locked mechanism differ as they
    should; a level that does not fit is refused with one sentence.
 3. A host that integrates by itself can choose a level, too: the states are the same.
@@ -11,7 +12,7 @@ import zipfile
 
 import pytest
 
-from fmi_host import ERROR, Host
+from dockloop.extremes.fmi_host import ERROR, Host
 
 DEFAULT = "idss_25t_350t"
 NEAR = "initial.approach_time=0.1"
@@ -25,13 +26,20 @@ def test_the_scene_key_is_the_start_value(runs, level):
         root = ET.fromstring(fmu.read("modelDescription.xml"))
     variable = root.find("ModelVariables/ScalarVariable[@name='model.level']")
     assert variable.get("variability") == "fixed"
-    assert variable.find("Integer").attrib == {"min": "1", "max": "4", "start": str(level)}
+    assert variable.find("Integer").attrib == {"min": "1", "max": "3", "start": str(level)}
 
 
 def test_an_unknown_name_is_refused(dockloop):
     status, _, err = dockloop("build", DEFAULT, "--scene", "model.level=stiff")
     assert status != 0
     assert "model.level" in err
+
+
+def test_the_level_for_comparison_is_refused_when_the_scene_is_built(dockloop):
+    status, _, err = dockloop("build", DEFAULT, "--scene", "model.level=reference")
+    assert status == 2
+    assert "model.level is 4 (reference), a form for comparison" in err, err
+    assert "take 1 (rigid), 2 (massless_legs) or 3 (reduced)" in err
 
 
 def test_levels_differ_as_they_should(runs):
@@ -54,7 +62,7 @@ def test_levels_differ_as_they_should(runs):
 
 @pytest.mark.parametrize("exchange", [False, True], ids=("co-simulation", "model exchange"))
 def test_a_level_that_does_not_fit_is_refused_and_others_can_be_taken_then(runs, exchange):
-    with Host(runs.fmu(DEFAULT, NEAR), exchange=exchange) as host:
+    with Host(runs.comparing_fmu(DEFAULT, NEAR), exchange=exchange) as host:
         host.choose(model__level=4, solver__method=2)
         assert host.status("fmi2ExitInitializationMode") == ERROR
         assert "model.level is 4" in host.last_line

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dockloop.mechanism import check_mechanism
-from own_mechanism import (
+from dockloop.extremes.own_mechanism import (
     FIXED_BASE,
     assert_quaternion,
     capture_body_section,
@@ -21,6 +20,7 @@ from own_mechanism import (
     turn,
     write_scene,
 )
+from dockloop.mechanism import check_mechanism
 
 DATA = Path(__file__).parent / "data"
 VECTORS = ("hexapod_r2p1r3", "crank_nested", "planar_two_loop")

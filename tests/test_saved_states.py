@@ -26,9 +26,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import mechanism_benchmarks
-from fmi_host import DISCARD, ERROR, OK, STEP, Host
-from own_mechanism import FIXED_BASE, write_scene
+from dockloop.extremes import mechanism_benchmarks
+from dockloop.extremes.fmi_host import DISCARD, ERROR, OK, STEP, Host
+from dockloop.extremes.own_mechanism import FIXED_BASE, write_scene
 
 DEFAULT = "idss_25t_350t"
 NEAR = "initial.approach_time=0.1"  # contact after 0.1 s, capture before 1 s
@@ -133,7 +133,7 @@ def test_a_state_goes_on_in_another_instance_with_other_parameters(runs, near):
 SCRIPT = """
 import pickle, sys
 sys.path.insert(0, sys.argv[1])
-from fmi_host import Host
+from dockloop.extremes.fmi_host import Host
 fmu, name, time, steps, out = sys.argv[2:]
 with Host(fmu) as host:
     if name.endswith("started"):
@@ -488,7 +488,7 @@ def test_a_change_of_coordinates_in_model_exchange_is_told_and_restores(slider_c
 OTHER_FRICTION = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from fmi_host import Host
+from dockloop.extremes.fmi_host import Host
 fmu, chosen, use = sys.argv[2:]
 axial, force = ["relative.axial"], ["chaser.force_ext[1]"]
 with Host(fmu) as host:

@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 
 from dockloop import paths, trade
+from dockloop.core import list_methods
 from dockloop.errors import UsageError
 from dockloop.journal import InterruptedWorkError
 from dockloop.simulate import Recording
@@ -46,7 +47,7 @@ def build(tmp_path_factory):
 @pytest.fixture(scope="module")
 def absorber(runs, build):
     """The absorber of the scene (zeta = 0.3), which lets go when its force is zero."""
-    return Bench(runs.fmu("absorber_1d"))
+    return Bench(runs.comparing_fmu("absorber_1d"))
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +117,7 @@ def test_the_quick_grid_of_the_hexapod_bench_from_the_command_line(dockloop, run
         assert row["status"] == "refused", row
         assert row["reason"].startswith("model.level is 1 (rigid), but the joint"), row["reason"]
         assert all(row[name] is None for name in trade.FIGURES), row
-    bench = Bench(runs.fmu("hexapod_bench"))
+    bench = Bench(runs.comparing_fmu("hexapod_bench"))
     reduced = [row for row in done(summary["rows"]) if row["level"] == 3]
     for row in reduced:
         starts = {"solver.method": row["method"], **bench.tolerances(row["rtol"])}
@@ -146,7 +147,8 @@ def test_the_quick_grid_of_the_hexapod_bench_from_the_command_line(dockloop, run
 
 
 def test_looking_between_communication_points_changes_no_bit(runs, build):
-    bench, starts = Bench(runs.fmu("hexapod_bench")), {"solver.method": 5, "solver.rtol": 1e-4}
+    bench = Bench(runs.comparing_fmu("hexapod_bench"))
+    starts = {"solver.method": 5, "solver.rtol": 1e-4}
     run = bench.run(starts, 3.0, 1.0)
     seen = bench.probe(starts, 3.0, 1.0, np.linspace(0.0, 3.0, 13))
     assert (seen.values[::4] == run.values).all(), run.names
@@ -258,12 +260,11 @@ def test_the_truth_is_found_once(absorber, build, monkeypatch):
 
 
 def make_core(folder, monkeypatch, answer):
-    """Put a program in the place of dockloop-core that knows the truth, or says it does."""
+    """Put a program in the place of dockloop-compare that knows the truth, or says it does."""
     core = folder / "core"
-    usage = 'echo "usage: dockloop-core truth MODEL.json"'
-    core.write_text(f'#!/bin/sh\nif [ "$2" = --help ]; then {usage}; exit; fi\n{answer}\n')
+    core.write_text(f"#!/bin/sh\n{answer}\n")
     core.chmod(core.stat().st_mode | stat.S_IEXEC)
-    monkeypatch.setattr(paths, "CORE", core)
+    monkeypatch.setattr(paths, "COMPARE", core)
 
 
 @pytest.mark.parametrize(("values", "error"), [("values", "error"), ("output", "check")])
@@ -277,7 +278,7 @@ def test_the_truth_of_the_core_is_used_where_it_is_known(
     answer[error] = sure if error == "error" else {"difference": sure}
     make_core(tmp_path, monkeypatch, f"echo '{json.dumps(answer)}'")
     truth = find_truth(absorber, 0.5, 0.5, names)
-    assert truth.source.startswith("dockloop-core truth; capture.peak.compression: the FMU itself")
+    assert truth.source.startswith("dockloop truth; capture.peak.compression: the FMU itself")
     assert truth.facts == {"digits": 33}
     assert truth.recording[names[0]].tolist() == [42.0, 42.0]
     assert truth.doubt[names[0]] == pytest.approx([42.0, 42.0], rel=1e-12)
@@ -291,7 +292,7 @@ def test_where_the_core_fails_the_fmu_says_the_truth_and_the_reason_is_kept(
     make_core(tmp_path, monkeypatch, "echo 'double precision only' >&2; exit 2")
     truth = find_truth(absorber, 0.5, 0.5, ["relative.position[1]"])
     assert truth.source.startswith("the FMU itself"), truth.source
-    assert truth.source.endswith("(dockloop-core truth: double precision only)"), truth.source
+    assert truth.source.endswith("(dockloop truth: double precision only)"), truth.source
 
 
 # ---------------------------------------------------------------- rows
@@ -373,14 +374,41 @@ def test_a_choice_restricts_the_grid():
         trade.make_settings(make_bench(levels=False), Choice(levels=(1,)), 4.0)
 
 
-def test_every_method_of_the_fmu_can_be_asked_for_by_its_name(absorber):
+def test_every_method_of_the_core_can_be_asked_for_by_its_name_and_is_in_the_grid(absorber):
     variable = absorber.variables["solver.method"]
-    assert list(trade.METHODS) == list(range(int(variable.min), int(variable.max) + 1))
-    for number, name in trade.METHODS.items():
+    methods = trade.name_methods()
+    assert list(methods) == list(range(int(variable.min), int(variable.max) + 1))
+    for number, name in methods.items():
         assert re.search(rf"\b{number} {name}\b", variable.description), (number, name)
-        assert trade.parse_names("--methods", name, trade.METHODS) == (number,)
-        settings = trade.make_settings(make_bench(), Choice(methods=(number,)), 4.0)
-        assert {s.method for s in settings[1:]} == {number}, name
+        (chosen,) = trade.parse_methods(name)
+        assert chosen == (1 if name == "stabilised" else number)
+        settings = trade.make_settings(make_bench(), Choice(methods=(chosen,)), 4.0)
+        assert {s.method for s in settings[1:]} == {chosen}, name
+    everything = trade.make_settings(make_bench(), Choice(), 4.0)
+    assert {s.method for s in everything} == set(methods) - {11}  # 11 is 1
+
+
+def test_a_method_for_comparison_is_refused_by_the_fmu_that_does_not_carry_it(runs, build):
+    """By name, already where it is set; the description lists only what is carried."""
+    bench = Bench(runs.fmu("absorber_1d"))
+    variable = bench.variables["solver.method"]
+    assert "solver.dae_form" not in bench.variables
+    assert int(bench.variables["model.level"].max) == 3
+    for method in list_methods():
+        number, name = method["number"], method["name"]
+        named = re.search(rf"\b{number} {name}\b", variable.description)
+        assert (named is None) == method["for_comparison"], name
+        if not method["for_comparison"]:
+            continue
+        with pytest.raises(UsageError) as refused:
+            bench.run({"solver.method": number}, 0.1, 0.1)
+        assert str(refused.value).startswith(
+            f"fmi2SetInteger: 'solver.method' = {number} ({name}), a method for comparison, which"
+            " this build does not carry: take 1 (auto), 2 (explicit)"
+        )
+        assert "`dockloop trade`" in str(refused.value)
+    with pytest.raises(UsageError, match=r"'model\.level' = 4 \(reference\), a form for compar"):
+        bench.run({"model.level": 4}, 0.1, 0.1)
 
 
 def test_bad_usage_is_refused_with_one_sentence(dockloop):

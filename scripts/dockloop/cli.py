@@ -488,16 +488,17 @@ def _sweep(options: argparse.Namespace) -> None:
 def _trade(options: argparse.Namespace) -> None:
     """Measure what accuracy costs: runs, tables, figure, recommendation."""
     from dockloop import trade
+    from dockloop.compiled import add_comparison
     from dockloop.fmu import build_fmu
     from dockloop.outputs import claim, scratch
-    from dockloop.scene import find_scene
+    from dockloop.scene import find_scene, resolve_scene
     from dockloop.simulate import ProgressBar
     from dockloop.trade import report
     from dockloop.trade.bench import Bench
 
     choice = trade.Choice(
         trade.parse_names("--levels", options.levels, trade.LEVELS),
-        trade.parse_names("--methods", options.methods, trade.METHODS),
+        trade.parse_methods(options.methods),
         trade.parse_numbers("--tolerances", options.tolerances, 0.0, 1.0),
         trade.parse_numbers("--steps", options.steps, 0.0, math.inf),
         options.stop,
@@ -509,7 +510,11 @@ def _trade(options: argparse.Namespace) -> None:
         claim(file, kind)
     with scratch() as temporary:
         fmu = temporary / f"{name}.fmu"
-        bench = Bench(build_fmu(options.scene, options.overrides, fmu, bare=True))
+        overrides = [*options.overrides]
+        if resolve_scene(find_scene(options.scene), overrides)["model"]["level"] == "reference":
+            overrides.append("model.level=reduced")  # the grid has all levels; the FMU starts here
+        build_fmu(options.scene, overrides, fmu, bare=True, finish=add_comparison)
+        bench = Bench(fmu)
     progress = ProgressBar(name)
     measured = trade.run_trade(bench, choice, folder, resume=options.resume, progress=progress)
     summary = report.summarise_trade(measured, _trade_command(options))

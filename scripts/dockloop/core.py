@@ -1,14 +1,16 @@
 """Calls the compiled program ``dockloop-core``, which knows mechanisms and FMU variables.
 
-Four of its commands are called here: ``check`` (is a mechanism sound), ``place`` (start states from
-conditions at first contact), ``describe`` (modelDescription.xml) and ``truth`` (a run with 32
-digits); ``batch`` (many runs) is called by `dockloop.batch`.
+Its commands are ``check`` (is a mechanism sound), ``place`` (start states from conditions at first
+contact), ``describe`` (modelDescription.xml), ``methods`` (their list) and ``kernel`` (has the core
+a kernel for a scene); ``batch`` (many runs) is called by `dockloop.batch`. A second program,
+``dockloop-compare``, has ``truth`` (a run with 32 digits) and ``describe`` with all methods.
 """
 
 import json
 import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,15 +35,17 @@ def run_core(
     *options: str,
     source: Path | None = None,
     progress: Callable[[float], None] | None = None,
+    program: Path | None = None,
 ) -> str:
     """Run one command of dockloop-core.
 
     Args:
-        command: ``check``, ``place``, ``describe`` or ``truth``.
+        command: ``check``, ``place``, ``describe``, ``kernel`` or ``truth``.
         file: the file it reads.
         options: further arguments.
         source: the file people know, if `file` was made from it; named in errors instead.
         progress: told the part that is done, 0 to 1 (``truth`` says it, in lines of its own).
+        program: instead of dockloop-core.
 
     Returns:
         What the program prints.
@@ -50,7 +54,7 @@ def run_core(
         UsageError: the file is bad.
         DockloopError: the program is missing or failed.
     """
-    program, lines = find_core(), []
+    program, lines = program or find_core(), []
     with (
         subprocess.Popen(
             [program, command, file, *options],
@@ -71,7 +75,7 @@ def run_core(
     if process.returncode == 0:
         return printed.result()
     if not lines:
-        lines = [f"dockloop-core {command} ended with status {process.returncode} and no message"]
+        lines = [f"{program.name} {command} ended with status {process.returncode} and no message"]
     text = lines[-1].removeprefix("dockloop-core: ").removeprefix("error: ")
     if source is not None:
         text = text.replace(str(file), shown(source))
@@ -87,6 +91,13 @@ def ask_core(command: str, file: Path, *options: str, **more: Any) -> Any:
     try:
         return json.loads(printed)
     except ValueError as error:
-        raise DockloopError(
-            f"dockloop-core {command} printed what is no JSON document ({error})"
-        ) from None
+        raise DockloopError(f"{command} printed what is no JSON document ({error})") from None
+
+
+@cache
+def list_methods() -> tuple[dict, ...]:
+    """Return the methods of integration that the core lists, each with ``number`` and ``name``."""
+    done = subprocess.run([find_core(), "methods"], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise DockloopError(f"{shown(paths.CORE)} lists no methods: build it again")
+    return tuple(json.loads(done.stdout))

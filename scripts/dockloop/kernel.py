@@ -15,7 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dockloop import paths
-from dockloop.errors import UsageError, find_reason
+from dockloop.compiled import find_compiled
+from dockloop.core import ask_core
+from dockloop.errors import DockloopError, UsageError, find_reason
 
 FLAGS = [
     # Vectors of two, and another order of instructions, cost more than they save here, measured.
@@ -62,20 +64,11 @@ def make_kernel(model: Path, needed: bool) -> Kernel:
     compiler = find_compiler()
     if not folder:
         return Kernel(f"none: not made on {platform.system()} {platform.machine()}")
-    if not paths.GENERATOR.exists():
-        return Kernel(f"none: {paths.shown(paths.GENERATOR)} is not there")
     if not compiler:
         return Kernel("none: no C compiler was found (cc, gcc, clang or what CC names)")
-    written = subprocess.run(
-        [paths.GENERATOR, "scene", model, *([] if needed else ["if-needed"])],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    said = written.stderr.strip()
-    if written.returncode != 0:
-        return Kernel(f"none: {said.replace(f'{model}: ', '')}")
-    source = written.stdout
+    source, said = _write(model, needed)
+    if not source:
+        return Kernel(f"none: {said}")
     key = hashlib.sha256(f"{compiler} {FLAGS}\n{source}".encode()).hexdigest()[:32]
     library = paths.KERNELS / f"{key}.so"
     error = "" if library.exists() else _compile(compiler, source, library)
@@ -83,6 +76,22 @@ def make_kernel(model: Path, needed: bool) -> Kernel:
         return Kernel(f"none: {error}")
     content = library.read_bytes()
     return Kernel(f"{said}, by {compiler[0]}", {f"resources/kernels/{folder}/kernel.so": content})
+
+
+def _write(model: Path, needed: bool) -> tuple[str, str]:
+    """Write the source of a kernel; returns it and one line about it, or an empty text and why."""
+    if not needed and ask_core("kernel", model)["serves"]:
+        return "", "its legs are evaluated side by side; no code has to be generated"
+    try:
+        find_compiled(paths.GENERATOR)
+    except DockloopError as error:
+        return "", str(error)
+    command = [paths.GENERATOR, "scene", model]
+    written = subprocess.run(command, capture_output=True, text=True, check=False)
+    said = written.stderr.strip()
+    if written.returncode != 0:
+        return "", said.replace(f"{model}: ", "")
+    return written.stdout, said
 
 
 def _compile(compiler: list[str], source: str, library: Path) -> str:

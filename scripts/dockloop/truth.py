@@ -1,12 +1,15 @@
 """``dockloop truth``: one run with 32 digits, as numbers that errors can be measured against.
 
-The C++ core does the work: the same equations, events and latches with a scalar of twice the digits
-and a method of any order. The result is one JSON document: ``time``, per output its values (every
-digit of a double counts), the work, and how far a run with 1000 times the tolerance is away.
+The program dockloop-compare does the work: the same equations, events and latches with a scalar of
+twice the digits and a method of any order. The result is one JSON document: ``time``, the values of
+each output (every digit of a double counts), the work, and the distance to a run with 1000 times
+the tolerance.
 """
 
 from collections.abc import Callable, Sequence
 
+from dockloop import paths
+from dockloop.compiled import find_compiled
 from dockloop.core import ask_core
 from dockloop.errors import one_line
 from dockloop.fmu import place_vehicles, to_json
@@ -64,4 +67,5 @@ def make_truth(
     with scratch() as folder:
         model = folder / "model.json"
         model.write_text(to_json(document), encoding="utf-8")
-        return ask_core("truth", model, *options, source=source, progress=progress)
+        (program,) = find_compiled(paths.COMPARE)
+        return ask_core("truth", model, *options, source=source, progress=progress, program=program)

@@ -134,7 +134,8 @@ ensure_python() {
   touch "$stamp-$extra"
 }
 
-# compile [test]: build/release/dockloop.so and dockloop-core; with `test` also the C++ tests.
+# compile [test]: build/release/dockloop.so and dockloop-core; with `test` everything. The methods for
+# comparison and the generator of kernels are compiled when a command asks for them (compiled.py).
 compile() {
   local tests=OFF
   [ "${1:-}" = test ] && tests=ON
@@ -144,13 +145,12 @@ compile() {
     # Several files at a time take half the time of all by themselves, but one that changed takes its
     # neighbours along: who works on the core configures with -DCMAKE_UNITY_BUILD=OFF.
     quietly configure cmake --preset release -DDOCKLOOP_TESTS=$tests -DDOCKLOOP_WERROR=$tests \
-      -DCMAKE_UNITY_BUILD=${DOCKLOOP_UNITY:-ON} \
-      -DDOCKLOOP_EXTENDED=ON  # dockloop truth and trade need it
+      -DCMAKE_UNITY_BUILD=${DOCKLOOP_UNITY:-ON}
   fi
   say "compile (build/logs/compile.log)"
   if [ $tests = ON ]; then
     quietly compile cmake --build --preset release
   else
-    quietly compile cmake --build --preset release --target dockloop_fmu dockloop-core dockloop-kernel
+    quietly compile cmake --build --preset release --target dockloop_fmu dockloop-core
   fi
 }

@@ -13,16 +13,13 @@
 #include <iterator>
 
 #include "codegen/printer.hpp"
-#include "docking/frame_origin.hpp"
-#include "docking/scene.hpp"
+#include "docking/scene_mechanism.hpp"
 #include "loops/closed_form_body.hpp"
 #include "loops/leg_geometry_body.hpp"
 #include "loops/loop_equations_body.hpp"
 #include "loops/loop_position_body.hpp"
 #include "loops/loop_reduction_body.hpp"
 #include "mechanism/generated_kernel.hpp"
-#include "mechanism/leg_kernel.hpp"
-#include "mechanism/massless_legs.hpp"
 #include "mechanism/mechanism_dynamics_body.hpp"
 #include "tree/tree_body.hpp"
 
@@ -30,9 +27,8 @@ namespace dockloop {
 namespace {
 
 const char* const kUsage =
-    "usage: dockloop-kernel scene MODEL.json [if-needed]\n"
-    "         the mechanism of a scene, as its simulation has it; only if no kernel of the core "
-    "serves\n"
+    "usage: dockloop-kernel scene MODEL.json\n"
+    "         the mechanism of a scene, as its simulation has it\n"
     "       dockloop-kernel mechanism FILE.json [newton|vehicle]\n"
     "         by itself, on a base that moves, with any loads; the same without closed forms; or "
     "on\n"
@@ -237,32 +233,10 @@ std::string read_file(const std::string& name) {
   return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
 }
 
-/// The mechanism as make_docking_model() puts it on its chaser; the chaser's mass does not matter.
-Mechanism read_scene_mechanism(const std::string& file) {
-  const Scene scene = read_scene(read_file(file), file);
-  const VehicleParameters& chaser = scene.vehicle[kChaser];
-  const Pose<double> base_in_chaser =
-      Pose<double>{quat_to_matrix<double>(chaser.interface_attitude), chaser.interface_position} *
-      scene.base_in_interface;
-  const MechanismModel described =
-      scene.level == kMasslessLegs ? make_legs_massless(scene.mechanism).model : scene.mechanism;
-  const bool moves = scene.motion[kChaser] != Motion::kFixed;
-  const Pose<double> chaser_pose{quat_to_matrix<double>(chaser.attitude),
-                                 chaser.position - find_frame_origin(scene, scene.vehicle)};
-  Mechanism mechanism(moves ? attach_vehicle(described, {}, base_in_chaser)
-                            : fix_base(described, chaser_pose * base_in_chaser));
-  if (moves) mechanism.vehicle = 0;
-  if (scene.level == kMasslessLegs) skip_massless_legs(mechanism);
-  return mechanism;
-}
-
 int run(const std::vector<std::string>& arguments) {
-  const bool if_needed = arguments.size() == 3 && arguments[2] == "if-needed";
-  if ((arguments.size() == 2 || if_needed) && arguments[0] == "scene") {
-    Mechanism mechanism = read_scene_mechanism(arguments[1]);
-    if (if_needed && make_leg_kernel(mechanism)) {
-      throw ModelError("its legs are evaluated side by side; no code has to be generated");
-    }
+  if (arguments.size() == 2 && arguments[0] == "scene") {
+    const Scene scene = read_scene(read_file(arguments[1]), arguments[1]);
+    Mechanism mechanism = make_scene_mechanism(scene);
     std::cout << write_kernel(std::move(mechanism), KernelScope::kDocking);
     return 0;
   }

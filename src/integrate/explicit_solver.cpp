@@ -82,6 +82,7 @@ class ExplicitSolver : public Solver {
   StepOutcome step(double t_stop, N_Vector y, double& t) override;
   bool interpolate(double t, N_Vector y) override;
   double next_step() const override { return h_; }
+  bool has_fixed_step() const override { return fixed_; }
 
  private:
   double* get_rates(int stage) { return rates_.data() + stage * stride_; }
@@ -277,17 +278,13 @@ bool ExplicitSolver::interpolate(double t, N_Vector y) {
 
 }  // namespace
 
-std::unique_ptr<Solver> make_explicit_solver(System& system, Stepper::Method method) {
-  switch (method) {
-    case Stepper::Method::kClassicRk4:
-      return std::make_unique<ExplicitSolver>(system, get_classic());
-    case Stepper::Method::kDop853:
-      return std::make_unique<ExplicitSolver>(system, get_dop853());
-    case Stepper::Method::kStabilised:
-      return std::make_unique<ExplicitSolver>(system, get_dormand_prince(), get_stabilised());
-    default:
-      return std::make_unique<ExplicitSolver>(system, get_dormand_prince());
-  }
+std::unique_ptr<Solver> make_explicit_solver(System& system, const RungeKuttaTable& table) {
+  return std::make_unique<ExplicitSolver>(system, table);
+}
+
+std::unique_ptr<Solver> make_explicit_solver(System& system, const RungeKuttaTable& usual,
+                                             const RungeKuttaTable& stable) {
+  return std::make_unique<ExplicitSolver>(system, usual, stable);
 }
 
 }  // namespace dockloop

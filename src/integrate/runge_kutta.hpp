@@ -3,7 +3,6 @@
 //
 //                      stages  order   interval of stability on the real axis, per evaluation
 //   Dormand-Prince       6     5(4)     3.3, 0.55      the usual one
-//   DOP853              12     8(5,3)   6.2, 0.52      smooth motion at tight tolerances
 //   stabilised           8     4(3)     19,  2.4       damped stiffness: friction in contact
 //   classic              4     4        2.8, 0.70      equal steps
 #pragma once
@@ -23,7 +22,6 @@ struct RungeKuttaTable {
 };
 
 RungeKuttaTable get_dormand_prince();
-RungeKuttaTable get_dop853();
 RungeKuttaTable get_stabilised();
 /// Step size times real rate up to which it is stable, with a margin.
 constexpr double kStabilisedInterval = 18.5;

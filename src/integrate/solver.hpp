@@ -1,9 +1,10 @@
 // What Stepper asks of a method, and what every method sees of the problem.
 //
 //   explicit_solver.cpp   Runge-Kutta, adaptive or of fixed size (our own; runge_kutta.hpp)
-//   implicit_solver.cpp   diagonally implicit Runge-Kutta, adaptive, split or fixed (ARKStep)
-//   multistep_solver.cpp  Adams and BDF (CVODE)
-//   dae_solver.cpp        BDF for the equations with multipliers (IDA)
+//   implicit_solver.cpp   diagonally implicit Runge-Kutta (ARKStep; implicit_solver.hpp)
+//   multistep_solver.cpp  BDF (CVODE; multistep_solver.hpp)
+//
+// The folder src/compare adds others through Stepper::Problem::solver.
 //
 // After restart() a solver is as good as new: what it did before leaves no trace in any bit. It
 // allocates in its first step only.
@@ -33,9 +34,6 @@ struct System {
   /// The rates, counted; not 0 where they cannot be told.
   int calc_rates(double t, const double* state, double* ydot);
   static int call_rates(realtype t, N_Vector y, N_Vector ydot, void* system);
-  static int call_mild_rates(realtype t, N_Vector y, N_Vector ydot, void* system);
-  /// All rates less the mild ones: two evaluations.
-  static int call_stiff_rates(realtype t, N_Vector y, N_Vector ydot, void* system);
   static int call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacobian, void* system,
                            N_Vector, N_Vector, N_Vector);
   static void ignore_message(int, const char*, const char*, char*, void*) {}
@@ -59,12 +57,10 @@ struct System {
   Stepper::Problem problem;
   SUNContext context = nullptr;
   N_Vector y = nullptr;
-  N_Vector mild = nullptr;                 ///< scratch
-  N_Vector atol = nullptr;                 ///< of y, or of all unknowns of Problem::dae
+  N_Vector atol = nullptr;                 ///< of all unknowns
   int trouble = 0;                         ///< what the rates said last
   bool idle = false;                       ///< the rates are zero, and nothing is counted
   const double* known_jacobian = nullptr;  ///< for the next call that asks for one; may be null
-  double ahead = 0.0;    ///< Jacobians are taken so long ahead of the state, along its rates [s]
   std::int64_t evaluations = 0;  ///< of rates; a Jacobian counts as Problem::jacobian_cost
   std::int64_t evaluation_limit = std::numeric_limits<std::int64_t>::max();
 };
@@ -95,8 +91,10 @@ class Solver {
   /// State inside the last step.
   virtual bool interpolate(double t, N_Vector y) = 0;
   virtual double next_step() const = 0;
-  /// All unknowns of Problem::dae at the end of the last step; else null.
+  /// All unknowns at the end of the last step; null where y is all.
   virtual const double* unknowns() const { return nullptr; }
+  /// Is every step what restart() asks for? Then a step that fails is not tried again.
+  virtual bool has_fixed_step() const { return false; }
   std::int64_t steps() const { return steps_ + present_steps(); }  ///< accepted, since construction
   /// Since construction, for their errors or because Newton failed.
   std::int64_t rejected_steps() const { return rejected_ + present_rejected(); }
@@ -114,9 +112,13 @@ class Solver {
   std::int64_t steps_ = 0, rejected_ = 0;  // before SUNDIALS began to count
 };
 
-std::unique_ptr<Solver> make_explicit_solver(System& system, Stepper::Method method);
-std::unique_ptr<Solver> make_implicit_solver(System& system, Stepper::Method method);
-std::unique_ptr<Solver> make_multistep_solver(System& system, bool stiff);
-std::unique_ptr<Solver> make_dae_solver(System& system);
+struct RungeKuttaTable;
+
+std::unique_ptr<Solver> make_explicit_solver(System& system, const RungeKuttaTable& table);
+/// @param stable  a table to go over to where stability limits the steps of the usual one
+std::unique_ptr<Solver> make_explicit_solver(System& system, const RungeKuttaTable& usual,
+                                             const RungeKuttaTable& stable);
+std::unique_ptr<Solver> make_esdirk_solver(System& system);
+std::unique_ptr<Solver> make_bdf_solver(System& system);
 
 }  // namespace dockloop

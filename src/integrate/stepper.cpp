@@ -13,6 +13,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "integrate/runge_kutta.hpp"
 #include "integrate/solver.hpp"
 
 namespace dockloop {
@@ -22,8 +23,7 @@ namespace dockloop {
 System::System(Stepper::Problem p) : problem(std::move(p)) {
   check(SUNContext_Create(nullptr, &context));
   y = make_vector();
-  mild = make_vector();
-  atol = problem.dae.size > 0 ? N_VNew_Serial(problem.dae.size, context) : make_vector();
+  atol = problem.unknowns > 0 ? N_VNew_Serial(problem.unknowns, context) : make_vector();
   if (!atol) throw std::runtime_error("SUNDIALS vectors cannot be allocated");
   N_VConst(0.0, y);
   N_VConst(1e-8, atol);
@@ -31,7 +31,6 @@ System::System(Stepper::Problem p) : problem(std::move(p)) {
 
 System::~System() {
   if (y) N_VDestroy(y);
-  if (mild) N_VDestroy(mild);
   if (atol) N_VDestroy(atol);
   if (context) SUNContext_Free(&context);
 }
@@ -72,23 +71,8 @@ int System::call_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
   return static_cast<System*>(system)->calc_rates(t, NV_DATA_S(y), NV_DATA_S(ydot));
 }
 
-int System::call_mild_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
-  System& me = *static_cast<System*>(system);
-  if (me.idle) return call_rates(t, y, ydot, system);
-  if (!me.spend(1)) return kGiveUp;
-  return me.note(me.problem.mild_rates(t, NV_DATA_S(y), NV_DATA_S(ydot)));
-}
-
-int System::call_stiff_rates(realtype t, N_Vector y, N_Vector ydot, void* system) {
-  System& me = *static_cast<System*>(system);
-  int said = call_mild_rates(t, y, me.mild, system);
-  if (said == 0) said = call_rates(t, y, ydot, system);
-  if (said == 0) N_VLinearSum(1.0, ydot, -1.0, me.mild, ydot);
-  return said;
-}
-
-int System::call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacobian, void* system,
-                          N_Vector scratch, N_Vector, N_Vector) {
+int System::call_jacobian(realtype t, N_Vector y, N_Vector, SUNMatrix jacobian, void* system,
+                          N_Vector, N_Vector, N_Vector) {
   System& me = *static_cast<System*>(system);
   if (me.idle) return SUNMatZero(jacobian);
   if (me.known_jacobian) {
@@ -97,11 +81,6 @@ int System::call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacob
     return 0;
   }
   if (!me.spend(me.problem.jacobian_cost)) return kGiveUp;
-  if (me.ahead > 0.0) {
-    N_VLinearSum(1.0, y, me.ahead, ydot, scratch);
-    // Where that state cannot be evaluated, the present one has to do.
-    if (me.problem.jacobian(t, NV_DATA_S(scratch), SM_DATA_D(jacobian)) == 0) return 0;
-  }
   return me.note(me.problem.jacobian(t, NV_DATA_S(y), SM_DATA_D(jacobian)));
 }
 
@@ -111,20 +90,15 @@ std::unique_ptr<Solver> make_solver(System& system, Stepper::Method method) {
   if (system.problem.solver) return system.problem.solver(system);
   switch (method) {
     case Stepper::Method::kDormandPrince:
-    case Stepper::Method::kDop853:
+      return make_explicit_solver(system, get_dormand_prince());
     case Stepper::Method::kStabilised:
+      return make_explicit_solver(system, get_dormand_prince(), get_stabilised());
     case Stepper::Method::kClassicRk4:
-      return make_explicit_solver(system, method);
+      return make_explicit_solver(system, get_classic());
     case Stepper::Method::kEsdirk:
-    case Stepper::Method::kImex:
-    case Stepper::Method::kSdirk:
-      return make_implicit_solver(system, method);
-    case Stepper::Method::kAdams:
-      return make_multistep_solver(system, false);
+      return make_esdirk_solver(system);
     case Stepper::Method::kBdf:
-      return make_multistep_solver(system, true);
-    case Stepper::Method::kDae:
-      return make_dae_solver(system);
+      return make_bdf_solver(system);
   }
   throw std::logic_error("no such method");
 }
@@ -135,7 +109,6 @@ std::unique_ptr<Solver> make_solver(System& system, Stepper::Method method) {
 
 struct Stepper::Impl {
   System system;
-  bool fixed;
   std::unique_ptr<Solver> solver;
   double t = 0.0;
   double h_restart = 0.0;
@@ -155,9 +128,7 @@ struct Stepper::Impl {
   std::vector<double> y_before;
 
   Impl(Problem p, Method method)
-      : system(std::move(p)),
-        fixed(method == Method::kClassicRk4 || method == Method::kSdirk),
-        solver(make_solver(system, method)) {
+      : system(std::move(p)), solver(make_solver(system, method)) {
     const size_t roots = static_cast<size_t>(system.problem.root_count);
     root_info.assign(roots, 0);
     low.value.assign(roots, 0.0);
@@ -346,7 +317,7 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
       if (me.low_valid) std::swap(me.low, me.high);
       return found ? StepOutcome::kRoot : made;
     }
-    if (me.fixed || me.system.is_exhausted()) return StepOutcome::kFailed;
+    if (me.solver->has_fixed_step() || me.system.is_exhausted()) return StepOutcome::kFailed;
     if (retry == 0 && leaps == 0) {
       // The solver still holds the size of the step before a restart.
       if (me.restarted) {

@@ -41,38 +41,20 @@ class Stepper {
     /// d rates / d y by columns, for implicit methods; without it SUNDIALS takes differences.
     std::function<int(double t, const double* y, double* jacobian)> jacobian;
     int jacobian_cost = 0;  ///< evaluations of the rates that a Jacobian is counted as
-    /// Makes a method of its own, instead of those below (src/truth).
+    /// Makes a method that is not in the list below (src/compare).
     std::function<std::unique_ptr<Solver>(System&)> solver;
+    /// Size of all unknowns of that method, of which y is the first part; 0 = y is all.
+    int unknowns = 0;
     double root_tolerance = 1e-14;  ///< of the times of roots, relative
-    /// The part of the rates that is never stiff, for kImex.
-    std::function<int(double t, const double* y, double* ydot)> mild_rates;
-
-    /// The same as 0 = residual(t, z, zdot) in more unknowns z, of which y is the first part.
-    struct Dae {
-      int size = 0;  ///< of z; 0 = there is no such form
-      std::function<int(double t, const double* z, const double* zdot, double* residual)> residual;
-      /// d residual / d z + alpha d residual / d zdot, by columns.
-      std::function<int(double t, double alpha, const double* z, const double* zdot,
-                        const double* residual, double* jacobian)>
-          jacobian;
-      int jacobian_cost = 0;
-      /// The rest of z and zdot, so that all equations hold. Called where rates(y) has just been.
-      std::function<void(double* z, double* zdot)> complete;
-    } dae;
-  };
+};
 
   enum class Method {
     kDormandPrince,  ///< explicit one-step, order 5(4)
-    kDop853,         ///< the same of order 8(5,3)
     kStabilised,     ///< kDormandPrince, and where stability would limit it a method of order 4(3)
                      ///< with a long interval of stability
     kClassicRk4,     ///< as kDormandPrince of order 4; every step is what restart() asks for
     kEsdirk,         ///< implicit one-step, L-stable, order 4(3)
-    kImex,           ///< explicit for Problem::mild_rates, implicit for the rest, order 4(3)
-    kSdirk,          ///< as kEsdirk of order 3; every step is what restart() asks for
-    kAdams,          ///< multistep, order up to 12
     kBdf,            ///< multistep, stiff, order up to 5
-    kDae,            ///< the same for Problem::dae
   };
 
   /// What is known where the integration starts.
@@ -94,7 +76,7 @@ class Stepper {
   void set_evaluation_limit(std::int64_t count);
   /// Did a step fail for that?
   bool is_exhausted() const;
-  /// Tolerances: |error_i| <= rtol |y_i| + atol[i] in the root-mean-square sense; for kDae of z.
+  /// Tolerances: |error_i| <= rtol |y_i| + atol[i] in the root-mean-square sense; for all unknowns.
   void set_tolerances(double rtol, const double* atol);
   /// Start (again) at time t from y() with first step h (0 = choose); multistep methods choose one
   /// that is not longer.
@@ -109,7 +91,7 @@ class Stepper {
   double next_step() const;
   /// Fastest rate of the solution, as far as the method tells it [1/s]; 0 = not known.
   double fastest_rate() const;
-  /// All unknowns of Problem::dae at the end of the last step; null for other methods.
+  /// All unknowns at the end of the last step; null where y is all.
   const double* unknowns() const;
   /// Event functions found at their root by the step that returned kRoot.
   bool root_found(int i) const;

@@ -91,6 +91,10 @@ class Row {
     });
   }
   Row not_negative() { return limits(0.0, kInfinity); }
+  /// A value inside the limits that this build does not have.
+  Row refuse(int value, const std::string& why) {
+    return each([&](Variable& v) { v.refused[value] = why; });
+  }
   Row nominal(double size) {
     return each([&](Variable& v) { v.nominal = size; });
   }
@@ -691,44 +695,52 @@ void number_values(std::vector<Variable>& rows, DockingSim& sim) {
   }
 }
 
-void add_model_parameters(Table& table, Parameters& parameter) {
-  table
-      .parameter("model.level", &parameter.model_level, kNone,
-                 "Level of the model: 1 rigid (the mechanism is locked at its start pose: one body "
-                 "with the chaser), 2 massless_legs (masses of leg parts are put to the ends of "
-                 "their legs), 3 reduced (every body), 4 reference (every body, unreduced tree "
-                 "with multipliers; takes solver.method 9)")
-      .limits(1, 4);
+void add_model_parameters(Table& table, Parameters& parameter, bool has_comparison) {
+  std::string text =
+      "Level of the model: 1 rigid (the mechanism is locked at its start pose: one body with the "
+      "chaser), 2 massless_legs (masses of leg parts are put to the ends of their legs), 3 reduced "
+      "(every body)";
+  if (has_comparison) {
+    text += ", 4 reference (every body, unreduced tree with multipliers; takes solver.method 9)";
+  }
+  Row row = table.parameter("model.level", &parameter.model_level, kNone, text)
+                .limits(1, has_comparison ? kReference : kReduced);
+  if (!has_comparison) row.refuse(kReference, describe_missing_reference_level());
 }
 
-void add_solver_parameters(Table& table, Parameters& parameter) {
+/// "Integration method: 1 auto (...), 2 explicit (...)" of the methods that this build has.
+std::string describe_methods(bool has_comparison) {
+  std::string text = "Integration method";
+  for (const MethodFacts& m : list_methods()) {
+    if (m.for_comparison && !has_comparison) continue;
+    text += m.method == kAuto ? ": " : ", ";
+    text += std::to_string(m.method) + ' ' + m.name + " (" + m.meaning + ')';
+  }
+  return text;
+}
+
+void add_solver_parameters(Table& table, Parameters& parameter, bool has_comparison) {
   table
       .parameter("model.flight", &parameter.flight, kNone,
                  "The mechanism far from contact: 1 resting (once it has kept its place for 1 s it "
                  "is carried along by its vehicle and costs nothing), 2 integrated (always). "
                  "Resting needs free or fixed vehicles, no loads, an adaptive method")
       .limits(1, 2);
-  table
-      .parameter(
-          "solver.method", &parameter.solver_method, kNone,
-          "Integration method: 1 auto (as 11, at model.level 4 as 9), 2 explicit (adaptive "
-          "one-step), 3 implicit (the "
-          "same for stiff contact, latches or friction), 4 imex (implicit for contact and latches "
-          "only), 5 adams and 6 bdf (multistep, bdf for stiff ones: they start again with order 1 "
-          "at every communication point and event, so they are for long communication steps), 7 "
-          "fixed_rk4 (equal steps of solver.step, bounded cost), 8 fixed_implicit (the same, "
-          "stable where 7 is not), 9 dae (all joint coordinates, loops held by multipliers: "
-          "with model.level 4 only), 10 high_order (as 2 of order 8, for smooth motion at tight "
-          "tolerances), 11 stabilised (as 2, in longer steps of order 4 where stability would "
-          "limit "
-          "those of 2)")
-      .limits(1, 11);
-  table
-      .parameter("solver.dae_form", &parameter.dae_form, kNone,
-                 "How method 9 holds the loops: 1 by accelerations (index 1, drifts), 2 the same "
-                 "with Baumgarte stabilisation (time constant 0.01 s), 3 by velocities and "
-                 "positions (stabilised index 2)")
-      .limits(1, 3);
+  Row methods = table
+                    .parameter("solver.method", &parameter.solver_method, kNone,
+                               describe_methods(has_comparison))
+                    .limits(1, kMethodCount);
+  for (const MethodFacts& m : list_methods()) {
+    if (m.for_comparison && !has_comparison) methods.refuse(m.method, describe_missing_method(m.method));
+  }
+  if (has_comparison) {
+    table
+        .parameter("solver.dae_form", &parameter.dae_form, kNone,
+                   "How method 9 holds the loops: 1 by accelerations (index 1, drifts), 2 the same "
+                   "with Baumgarte stabilisation (time constant 0.01 s), 3 by velocities and "
+                   "positions (stabilised index 2)")
+        .limits(1, 3);
+  }
   table
       .parameter("solver.step", &parameter.step, kTime,
                  "Inner step of the fixed methods; a communication step is divided into equal "
@@ -834,8 +846,8 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   const bool is_driven = !offers_model_exchange(scene);
   if (is_driven) add_coupling_parameters(table, parameters, inputs);
   if (is_driven && wants("coupling")) add_coupling_outputs(table, outputs);
-  add_model_parameters(table, parameters);
-  add_solver_parameters(table, parameters);
+  add_model_parameters(table, parameters, sim.has_comparison());
+  add_solver_parameters(table, parameters, sim.has_comparison());
   if (wants("solver")) add_solver_outputs(table, outputs);
   if (offers_model_exchange(scene)) add_state_vector(table, scene, outputs);
   std::vector<Variable> rows = table.take();
@@ -848,6 +860,8 @@ void check_value(const Variable& v, double value, const char* function) {
     throw ModelError(std::string(function) + ": '" + v.name + "' = " + shortest(value) + why);
   };
   if (!std::isfinite(value)) refuse(" is not a finite number");
+  const auto absent = v.refused.find(static_cast<int>(std::clamp(value, -1e9, 1e9)));
+  if (absent != v.refused.end()) refuse(absent->second);
   if (std::abs(value) > kLargestValue) refuse(" is too large to be computed with: limit 1e30");
   if (value < v.min) refuse(" is below its minimum " + shortest(v.min) + ' ' + v.unit);
   if (value > v.max) refuse(" is above its maximum " + shortest(v.max) + ' ' + v.unit);

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <limits>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,7 @@ struct Variable {
   const char* display_unit = "";  ///< a display unit of that unit, or empty
   double min = -std::numeric_limits<double>::infinity();  ///< inclusive, infinite = no limit
   double max = std::numeric_limits<double>::infinity();
+  std::map<int, std::string> refused;  ///< values inside these limits, and why; after the number
   double nominal = 1.0;         ///< typical size, in the unit
   void* start = nullptr;        ///< what a set writes; null: computed, initial="calculated"
   const void* value = nullptr;  ///< what a get reads after initialisation

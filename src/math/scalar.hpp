@@ -1,8 +1,8 @@
 // The scalars for which the algorithms of the core are compiled, in one place.
 //
 //   double       the product
-//   Extended     the oracle of the truth and the tests: twice the digits (math/extended.hpp), where
-//                the build asks for it (DOCKLOOP_EXTENDED); portable binaries do without
+//   Extended     the oracle of tests and of `dockloop truth`: twice the digits (math/extended.hpp);
+//                src/compare compiles the algorithms for it, the core does without
 //   Derivative   exact derivatives with respect to eight inputs at a time (math/dual.hpp)
 //
 // Eight lanes: 64 bytes of derivatives are a whole number of registers in every vector instruction
@@ -11,8 +11,8 @@
 // Algorithms are templates with their definitions in .cpp files; each such file ends with
 //   #define DOCK_INSTANTIATE(S) template void calc_something<S>(...);
 //   DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
-// Those that programs with a scalar of their own compile again (the generator, the operation counter)
-// are in a header *_body.hpp, which a .cpp file includes; such a program defines the list before.
+// Those that are compiled again for another scalar (src/compare, the generator, the operation counter)
+// are in a header *_body.hpp, which a .cpp file includes; such a file defines the list before.
 #pragma once
 
 #include "math/dual.hpp"
@@ -34,9 +34,5 @@ double to_double(const Dual<N>& x) {
 }  // namespace dockloop
 
 #ifndef DOCK_INSTANTIATE_FOR_SCALARS
-#ifdef DOCKLOOP_EXTENDED
-#define DOCK_INSTANTIATE_FOR_SCALARS(X) X(double) X(Extended) X(Derivative)
-#else
 #define DOCK_INSTANTIATE_FOR_SCALARS(X) X(double) X(Derivative)
-#endif
 #endif

@@ -8,12 +8,14 @@
 
 namespace dockloop {
 
-DockingSim::DockingSim(std::shared_ptr<const Scene> scene, Interface interface)
-    : impl_(new Impl(std::move(scene), interface)) {}
+DockingSim::DockingSim(std::shared_ptr<const Scene> scene, Interface interface,
+                       const Comparison* comparison)
+    : impl_(new Impl(std::move(scene), interface, comparison)) {}
 DockingSim::~DockingSim() = default;
 const Scene& DockingSim::scene() const { return *impl_->scene; }
 std::shared_ptr<const Scene> DockingSim::shared_scene() const { return impl_->scene; }
 Interface DockingSim::interface() const { return impl_->interface; }
+bool DockingSim::has_comparison() const { return impl_->comparison != nullptr; }
 Parameters& DockingSim::parameters() { return impl_->parameters; }
 Inputs& DockingSim::inputs() { return impl_->inputs; }
 Inputs& DockingSim::input_slopes() { return impl_->slopes; }

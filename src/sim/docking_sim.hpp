@@ -57,12 +57,15 @@ struct Dependencies {
 
 struct SavedSim;
 struct Extended;
+class Comparison;
 class KernelLibrary;
 
 class DockingSim {
  public:
+  /// @param comparison  methods beyond those of the core (sim/comparison.hpp); outlives this object
   explicit DockingSim(std::shared_ptr<const Scene> scene,
-                      Interface interface = Interface::kCoSimulation);
+                      Interface interface = Interface::kCoSimulation,
+                      const Comparison* comparison = nullptr);
   ~DockingSim();
   DockingSim(const DockingSim&) = delete;
   DockingSim& operator=(const DockingSim&) = delete;
@@ -70,6 +73,7 @@ class DockingSim {
   const Scene& scene() const;
   std::shared_ptr<const Scene> shared_scene() const;
   Interface interface() const;
+  bool has_comparison() const;  ///< are there methods beyond those of the core?
   /// Read by initialise(); thrust, friction coefficient and restitution also at the start of a
   /// step.
   Parameters& parameters();
@@ -150,7 +154,7 @@ class DockingSim {
   Status complete_step(bool& event_due);
   Status update_discrete_states(EventUpdate& update);
 
-  // The truth: defined in src/truth, which the FMU does without
+  // Extended precision: defined in src/compare, which the FMU does without
 
   /// Integrate with 32 digits and steps of high order from the next initialise() on, whatever
   /// solver.method says. @param tolerance  of steps, in units of the scene's tolerances per rtol
@@ -161,8 +165,9 @@ class DockingSim {
   /// them.
   Status calc_extended_outputs(std::vector<double>& output);
 
+  struct Impl;  ///< sim/sim_impl.hpp
+
  private:
-  struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 

@@ -13,7 +13,7 @@ namespace dockloop {
 /// @param changed  set if the state or the equations changed, so that the integrator must start
 /// again.
 Status DockingSim::Impl::accept(double tau, bool& changed) {
-  if (reference) update_drift(tau);
+  if (unreduced) drift = std::max(drift, unreduced->find_cut_gap(tau));
   const Status moved = update_coordinates(tau, changed);
   if (!moved.ok()) return moved;
   keep_pose();
@@ -109,7 +109,7 @@ void DockingSim::Impl::use_coordinates(std::shared_ptr<const Coordinates> choice
   rate_data->mechanism = MechanismData<double>(model->mechanism);
   if (interface_work) interface_work = std::make_unique<InterfaceWorkspace>(*model);
   if (jacobian_pass) make_jacobian_pass();
-  if (reference) make_reference();
+  if (unreduced) unreduced->update_coordinates();
   attach_kernel();
   coordinates = std::move(choice);
 }

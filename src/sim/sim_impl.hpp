@@ -1,7 +1,6 @@
 // Private parts of DockingSim, shared by the files of this folder:
 //
 //   start.cpp           from scene and parameters to the start state
-//   reference_form.cpp  what IDA is told about the form with multipliers
 //   steps.cpp           communication steps, inputs, audits
 //   coupling.cpp        what hosts of driven vehicles tell, are owed and are told
 //   coupling_monitors.cpp  what such a host should know about its side
@@ -26,9 +25,9 @@
 #include "docking/docking_jacobian.hpp"
 #include "docking/interface_stiffness.hpp"
 #include "docking/phases.hpp"
-#include "docking/reference_model.hpp"
 #include "integrate/stepper.hpp"
 #include "mechanism/kernels.hpp"
+#include "sim/comparison.hpp"
 #include "sim/docking_sim.hpp"
 #include "sim/outputs.hpp"
 #include "sim/sim_state.hpp"
@@ -49,8 +48,7 @@ struct DerivativePass {
   std::shared_ptr<const Coordinates> coordinates;  ///< that it was made for
 };
 
-struct ExtendedEquations;  ///< of src/truth
-
+struct ExtendedEquations;  ///< of src/compare
 
 /// Scratch of DockingSim::Impl::is_in_balance.
 struct BalanceWorkspace {
@@ -73,7 +71,7 @@ struct EnergyBalance {
 };
 
 struct DockingSim::Impl : SimState {
-  Impl(std::shared_ptr<const Scene> scene, Interface interface);
+  Impl(std::shared_ptr<const Scene> scene, Interface interface, const Comparison* comparison);
 
   // start.cpp
   void clear();
@@ -99,16 +97,6 @@ struct DockingSim::Impl : SimState {
 
   // trouble.cpp
   std::string describe(const Status& status) const;
-
-  // reference_form.cpp
-  bool has_reference() const {
-    return setup->parameters.model_level == kReference && !adapt_problem &&
-           interface == Interface::kCoSimulation;
-  }
-  void make_reference();
-  void describe_reference(Stepper::Problem& problem);
-  void add_reference_tolerances(std::vector<double>& atol) const;
-  void update_drift(double tau);
 
   // steps.cpp
   Status step(double t, double h);
@@ -270,16 +258,12 @@ struct DockingSim::Impl : SimState {
 
   void invalidate() { valid.fill(false); }
   bool has_surfaces() const { return model->present[kTarget] && !model->contact.empty(); }
-  bool is_fixed_step() const {
-    const int method = setup->parameters.solver_method;
-    return method == kFixedRk4 || method == kFixedImplicit;
-  }
+  /// @pre check_parameters()
+  const MethodFacts& method() const { return *find_method(setup->parameters.solver_method); }
+  bool is_fixed_step() const { return method().fixed_step; }
   /// Does a step end where something jumps?
   bool locates_events() const { return interface == Interface::kCoSimulation && !is_fixed_step(); }
-  bool needs_jacobian() const {
-    const int method = setup->parameters.solver_method;
-    return method == kImplicit || method == kImex || method == kBdf || method == kFixedImplicit;
-  }
+  bool needs_jacobian() const { return method().needs_jacobian; }
   /// Of a Jacobian, in evaluations: about one per column, measured.
   int find_jacobian_cost() const { return model->layout.sums + model->layout.bristle_count; }
   /// Does the next communication step begin with the last Jacobian?
@@ -288,10 +272,7 @@ struct DockingSim::Impl : SimState {
   }
   /// Does the method begin a step with the rates there?
   bool begins_with_rates() const {
-    const int method = setup->parameters.solver_method;
-    const bool is_explicit = method == kAuto || method == kExplicit || method == kFixedRk4 ||
-                             method == kHighOrder || method == kStabilised;
-    return is_explicit && !reference && !adapt_problem;
+    return method().begins_with_rates && !unreduced && !adapt_problem;
   }
   double* bristles() {
     return model->layout.bristle_count > 0 ? stepper->y() + model->layout.bristles : nullptr;
@@ -301,6 +282,7 @@ struct DockingSim::Impl : SimState {
 
   std::shared_ptr<const Scene> scene;
   Interface interface;
+  const Comparison* comparison;  ///< null: the core only
   Parameters parameters;
   Inputs inputs;
   Inputs slopes;  ///< rates of the inputs over the coming step
@@ -344,9 +326,7 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<DockingPass> jacobian_pass;     ///< for implicit methods and rest only
   MatX<double> jacobian;                          ///< with it
   std::unique_ptr<BalanceWorkspace> balance;      ///< where a mechanism may come to rest
-  std::unique_ptr<ReferenceModel> reference;      ///< for method 9 only
-  std::unique_ptr<ReferenceData> reference_data;  ///< with it
-  VecX<double> reference_nominal;                 ///< size of its unknowns
+  std::unique_ptr<UnreducedForm> unreduced;       ///< at model.level 4 only
   Status last_trouble;
   double margin_before = 1.0;  ///< of the loops, at the last accepted state
   std::vector<double> y_accepted, rates;

@@ -65,6 +65,20 @@ void check_choice(int value, int most, const char* name, const char* choice) {
   throw ModelError(std::string(name) + " is " + std::to_string(value) + "; it must be " + choice);
 }
 
+/// A method or a level that only src/compare carries needs it.
+void check_method(const Parameters& p, bool has_comparison) {
+  check_choice(p.solver_method, kMethodCount, "solver.method",
+               describe_choice(has_comparison).c_str());
+  if (has_comparison) return;
+  if (find_method(p.solver_method)->for_comparison) {
+    throw ModelError("solver.method is " + std::to_string(p.solver_method) +
+                     describe_missing_method(p.solver_method));
+  }
+  if (p.model_level == kReference) {
+    throw ModelError("model.level is 4" + describe_missing_reference_level());
+  }
+}
+
 /// Multipliers need a method that knows them, and it nothing else.
 void check_level(const Parameters& p, Interface interface) {
   check_choice(p.model_level, kReference, "model.level",
@@ -93,18 +107,10 @@ Stepper::Method find_stepper_method(int method) {
   switch (method) {
     case kImplicit:
       return Stepper::Method::kEsdirk;
-    case kImex:
-      return Stepper::Method::kImex;
-    case kAdams:
-      return Stepper::Method::kAdams;
     case kBdf:
       return Stepper::Method::kBdf;
     case kFixedRk4:
       return Stepper::Method::kClassicRk4;
-    case kFixedImplicit:
-      return Stepper::Method::kSdirk;
-    case kHighOrder:
-      return Stepper::Method::kDop853;
     case kAuto:
     case kStabilised:
       return Stepper::Method::kStabilised;
@@ -115,8 +121,11 @@ Stepper::Method find_stepper_method(int method) {
 
 }  // namespace
 
-DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, Interface i)
-    : scene(std::move(s)), interface(i) {
+DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, Interface i, const Comparison* c)
+    : scene(std::move(s)), interface(i), comparison(c) {
+  if (scene->level == kReference && !comparison) {
+    throw ModelError("model.level is 4" + describe_missing_reference_level());
+  }
   clear();
 }
 
@@ -207,13 +216,10 @@ void DockingSim::Impl::check_parameters() const {
     throw ModelError("coupling.mode is " + std::to_string(p.coupling_mode) +
                      "; it must be 1 (sequential) or 2 (parallel)");
   }
+  check_method(p, comparison != nullptr);
   check_level(p, interface);
   check_choice(p.flight, kIntegrated, "model.flight", "1 (resting) or 2 (integrated)");
-  check_choice(
-      p.solver_method, kStabilised, "solver.method",
-      "1 (auto), 2 (explicit), 3 (implicit), 4 (imex), 5 (adams), 6 (bdf), 7 (fixed_rk4), 8 "
-      "(fixed_implicit), 9 (dae), 10 (high_order) or 11 (stabilised)");
-  check_choice(p.dae_form, static_cast<int>(DaeForm::kStabilised), "solver.dae_form",
+  check_choice(p.dae_form, 3, "solver.dae_form",
                "1 (index 1), 2 (index 1 with Baumgarte stabilisation) or 3 (stabilised index 2)");
   if (interface == Interface::kModelExchange &&
       p.friction_model != scene->contact.law.friction_model) {
@@ -374,6 +380,7 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
 void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   static_cast<SimState&>(*this) = SimState();
   warnings.clear();
+  check_method(from->parameters, comparison != nullptr);  // a saved state may come from elsewhere
   setup = std::move(from);
   parameters = setup->parameters;
   choose_frame_O();
@@ -472,7 +479,7 @@ double DockingSim::Impl::find_relative_tolerance() const {
 void DockingSim::Impl::attach_kernel() {
   MechanismData<double>&trial = rate_data->mechanism, &accepted = data->mechanism;
   trial.kernel = accepted.kernel = nullptr;
-  if (reference || adapt_problem || parameters.model_level == kRigid) return;
+  if (unreduced || adapt_problem || parameters.model_level == kRigid) return;
   trial.kernel = make_kernel(model->mechanism, kernels);
   if (trial.kernel && shares_evaluations()) {
     accepted.kernel = make_kernel(model->mechanism, kernels);
@@ -495,14 +502,6 @@ void DockingSim::Impl::make_stepper() {
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
                                                y, ydot, *rate_data);
     note_evaluation(t, y);
-    return find_trouble_code(status, t, ydot, model->layout.size);
-  };
-  problem.mild_rates = [this](double t, const double* y, double* ydot) {
-    evaluated = Evaluated::kNothing;
-    rate_data->touches = false;
-    const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
-                                               y, ydot, *rate_data);
-    rate_data->touches = true;
     return find_trouble_code(status, t, ydot, model->layout.size);
   };
   problem.roots = [this](double t, const double* y, double* roots) {
@@ -540,12 +539,19 @@ void DockingSim::Impl::make_stepper() {
     };
     problem.jacobian_cost = find_jacobian_cost();
   }
-  reference.reset();
-  if (has_reference()) describe_reference(problem);
-  if (adapt_problem) adapt_problem(problem);
-  stepper = std::make_unique<Stepper>(
-      std::move(problem),
-      reference ? Stepper::Method::kDae : find_stepper_method(setup->parameters.solver_method));
+  unreduced.reset();
+  if (adapt_problem) {
+    adapt_problem(problem);
+  } else if (interface == Interface::kCoSimulation) {
+    if (setup->parameters.model_level == kReference) {
+      unreduced = comparison->make_unreduced_form(*this);
+      unreduced->enter(problem);
+    } else if (method().for_comparison) {
+      comparison->enter(method().method, *this, problem);
+    }
+  }
+  stepper = std::make_unique<Stepper>(std::move(problem),
+                                      find_stepper_method(setup->parameters.solver_method));
 
   std::vector<double> atol = find_absolute_tolerances();
   // A host that asks for less relative error gets less absolute error too, down to rounding.
@@ -554,8 +560,8 @@ void DockingSim::Impl::make_stepper() {
   const double least = kRounding / std::max(parameters.atol_position, kRounding);
   for (double& value : atol) value *= std::max(share_of_atol, least);
   stepper->set_tolerances(rtol * std::sqrt(find_share_of_norm()), atol.data());
-  if (reference) {
-    reference_nominal = Eigen::Map<VecX<double>>(atol.data(), reference->size) / rtol;
+  if (unreduced) {
+    unreduced->set_nominals(Eigen::Map<VecX<double>>(atol.data(), unreduced->size()) / rtol);
   }
   y_accepted.assign(static_cast<size_t>(layout.size), 0.0);
   rates = start_rates = y_evaluated = y_accepted;
@@ -618,7 +624,7 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
     }
   }
   std::fill_n(atol.begin() + layout.sums, static_cast<int>(kSumCount), parameters.atol_energy);
-  if (reference) add_reference_tolerances(atol);
+  if (unreduced) unreduced->add_tolerances(atol);
   for (int i : {kChaser, kTarget}) {
     if (layout.told[i] < 0) continue;
     std::copy_n(atol.begin() + layout.momentum[i], 6, atol.begin() + layout.told[i]);
@@ -629,8 +635,8 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
 
 /// Error norms are means over unknowns: bristles at rest, and multipliers, must not loosen them.
 double DockingSim::Impl::find_share_of_norm() const {
-  const int all = reference ? reference->size : model->layout.size;
-  const int counted = reference ? reference->lambda : all;
+  const int all = unreduced ? unreduced->size() : model->layout.size;
+  const int counted = unreduced ? unreduced->controlled_size() : all;
   return static_cast<double>(counted - model->layout.bristle_count) / all;
 }
 

@@ -30,7 +30,7 @@ constexpr double kLongestRefusal = 60.0;
 double DockingSim::Impl::find_evaluation_cost() const {
   constexpr double kBasic = 3e-6, kPerBody = 0.6e-6, kKernel = 6e-6, kPerBristle = 3e-9;
   const double mechanism = kPerBody * static_cast<double>(model->mechanism.model.bodies.size());
-  const double general = (reference ? 4.0 : 1.0) * (kBasic + mechanism);
+  const double general = (unreduced ? 4.0 : 1.0) * (kBasic + mechanism);
   return (rate_data->mechanism.kernel ? kKernel : general) +
          kPerBristle * model->layout.bristle_count;
 }
@@ -38,16 +38,16 @@ double DockingSim::Impl::find_evaluation_cost() const {
 /// What an implicit step costs beside its evaluations, in evaluations: it factorises a matrix,
 /// which many states make dearer than all else.
 double DockingSim::Impl::find_factor_cost() const {
-  if (!needs_jacobian() && !reference) return 0.0;
+  if (!needs_jacobian() && !unreduced) return 0.0;
   constexpr double kPerEntry = 0.5e-9;  // [s], on a slow processor
-  const double n = reference ? reference->size : model->layout.size;
+  const double n = unreduced ? unreduced->size() : model->layout.size;
   return kPerEntry * n * n * n / 3.0 / find_evaluation_cost();
 }
 
 /// Work after which a communication step is refused, in evaluations. A model whose steps are so
 /// dear that few of them take that long may make some nevertheless.
 std::int64_t DockingSim::Impl::find_work_limit(double h) const {
-  if (adapt_problem) return std::numeric_limits<std::int64_t>::max();  // the truth takes its time
+  if (adapt_problem) return std::numeric_limits<std::int64_t>::max();  // 32 digits take their time
   constexpr double kLeastSteps = 200.0, kEvaluationsPerStep = 10.0;
   const double time = std::min(kRefusalTime + kRefusalTimePerSecond * h, kLongestRefusal);
   const double factor = find_factor_cost(), derivatives = factor > 0.0 ? find_jacobian_cost() : 0.0;
@@ -278,8 +278,7 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
 Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
   const double wanted = std::ceil(h / parameters.step * (1.0 - 1e-9));
   constexpr int kRk4 = 4, kSdirk = 7;  // evaluations, and a Jacobian
-  const bool implicit = parameters.solver_method == kFixedImplicit;
-  const double each = implicit ? kSdirk + find_jacobian_cost() : kRk4;
+  const double each = needs_jacobian() ? kSdirk + find_jacobian_cost() : kRk4;
   if (wanted * each > static_cast<double>(limit)) {
     char text[200];
     std::snprintf(

@@ -9,23 +9,9 @@
 
 #include "docking/scene.hpp"
 #include "math/types.hpp"
+#include "sim/solver_methods.hpp"
 
 namespace dockloop {
-
-/// Values of solver.method; numbers of the interface.
-enum SolverMethod {
-  kAuto = 1,           ///< as kStabilised
-  kExplicit = 2,       ///< adaptive, one-step
-  kImplicit = 3,       ///< adaptive, one-step, for stiff contact, latches and friction
-  kImex = 4,           ///< adaptive, one-step, implicit for contact and latches only
-  kAdams = 5,          ///< multistep
-  kBdf = 6,            ///< multistep, stiff
-  kFixedRk4 = 7,       ///< equal steps
-  kFixedImplicit = 8,  ///< equal steps, stiff
-  kDae = 9,            ///< loops held by multipliers: docking/reference_model.hpp
-  kHighOrder = 10,     ///< as kExplicit of order 8, for tight tolerances
-  kStabilised = 11,    ///< as kExplicit; where stability limits its steps, of order 4, longer ones
-};
 
 /// Values of model.flight.
 enum FlightModel {
@@ -45,7 +31,7 @@ struct Parameters {
   int flight = kResting;                ///< see FlightModel
   int model_level = kReduced;           ///< see ModelLevel
   int solver_method = 1;                ///< see SolverMethod
-  int dae_form = 3;                     ///< of method 9: see DaeForm
+  int dae_form = 3;                     ///< of method 9: see compare/unreduced_model.hpp
   double step = 0.0;                    ///< [s] inner step of the fixed methods
   double rtol = 0.0;                    ///< [-]
   double atol_position = 0.0;           ///< [m], also taken for attitude [-]

@@ -1,76 +1,39 @@
 // dockloop-core: the C++ side of the command line, called by scripts/dockloop. One sentence on
 // stderr and exit status 2 for a bad file; results go to stdout.
-#include <cstdlib>
-#include <fstream>
 #include <iostream>
-#include <sstream>
 #include <string>
 #include <vector>
 
 #include "docking/placement.hpp"
+#include "docking/scene_mechanism.hpp"
 #include "interface/model_description.hpp"
+#include "mechanism/leg_kernel.hpp"
 #include "sim/docking_sim.hpp"
+#include "sim/solver_methods.hpp"
+#include "tool/arguments.hpp"
 #include "tool/batch.hpp"
 #include "tool/mechanism_check.hpp"
-#include "tool/truth.hpp"
 
 namespace {
 
-using dockloop::ModelError;
+using dockloop::find_number;
+using dockloop::find_option;
+using dockloop::find_options;
+using dockloop::has_flag;
+using dockloop::read_file;
 using nlohmann::json;
 
 constexpr const char* kUsage =
     "usage: dockloop-core check MECHANISM.json [--states STATES.json] [--newton]\n"
     "       dockloop-core place MODEL.json\n"
     "       dockloop-core describe MODEL.json --date ISO8601\n"
-    "       dockloop-core truth MODEL.json --stop T --step H --output NAME [--output NAME...]\n"
-    "                     [--set NAME=VALUE...] [--tolerance 1e-18] [--check]\n"
+    "       dockloop-core methods\n"
+    "       dockloop-core kernel MODEL.json\n"
+    "                     the kernel of the core that serves the mechanism, if there is one\n"
     "       dockloop-core batch MODEL.json --output NAME [--output NAME...] [--stop T] [--step H]\n"
     "                     [--end-after-outcome T] [--threads N] < CASES.jsonl > RESULTS.jsonl\n"
     "                     a case is {\"scene\": {changes}, \"set\": {\"NAME\": VALUE}}\n"
     "example: dockloop-core check modelDescription/mechanisms/idss_hexapod.json\n";
-
-std::string read_file(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw ModelError(path + ": cannot be read");
-  std::stringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
-std::string find_option(const std::vector<std::string>& arguments, const std::string& name) {
-  for (size_t i = 0; i + 1 < arguments.size(); ++i) {
-    if (arguments[i] == name) return arguments[i + 1];
-  }
-  return "";
-}
-
-/// Values of an option that may be given several times.
-std::vector<std::string> find_options(const std::vector<std::string>& arguments,
-                                      const std::string& name) {
-  std::vector<std::string> values;
-  for (size_t i = 0; i + 1 < arguments.size(); ++i) {
-    if (arguments[i] == name) values.push_back(arguments[i + 1]);
-  }
-  return values;
-}
-
-double find_number(const std::vector<std::string>& arguments, const std::string& name,
-                   double otherwise) {
-  const std::string text = find_option(arguments, name);
-  if (text.empty()) return otherwise;
-  char* end = nullptr;
-  const double number = std::strtod(text.c_str(), &end);
-  if (*end) throw ModelError(name + " " + text + ": must be a number");
-  return number;
-}
-
-bool has_flag(const std::vector<std::string>& arguments, const std::string& name) {
-  for (const std::string& argument : arguments) {
-    if (argument == name) return true;
-  }
-  return false;
-}
 
 template <int N>
 std::vector<double> to_list(const Eigen::Matrix<double, N, 1>& v) {
@@ -84,10 +47,28 @@ json start_state(const dockloop::VehicleParameters& p) {
           {"angular_velocity", to_list<3>(p.angular_velocity)}};
 }
 
+/// The list of methods, for programs.
+json list_methods() {
+  json list = json::array();
+  for (const dockloop::MethodFacts& m : dockloop::list_methods()) {
+    list.push_back({{"number", m.method},
+                    {"name", m.name},
+                    {"meaning", m.meaning},
+                    {"same_as", m.same_as},
+                    {"for_comparison", m.for_comparison},
+                    {"fixed_step", m.fixed_step}});
+  }
+  return list;
+}
+
 int run(const std::vector<std::string>& arguments) {
   const std::string command = arguments.empty() ? "" : arguments[0];
   if (command == "--help" || command == "-h") {
     std::cout << kUsage;
+    return 0;
+  }
+  if (command == "methods") {
+    std::cout << list_methods().dump(1) << "\n";
     return 0;
   }
   if (arguments.size() < 2) {
@@ -122,6 +103,11 @@ int run(const std::vector<std::string>& arguments) {
     return 0;
   }
   const dockloop::Scene scene = dockloop::read_scene(read_file(path), path);
+  if (command == "kernel") {
+    const bool serves = dockloop::make_leg_kernel(dockloop::make_scene_mechanism(scene)) != nullptr;
+    std::cout << json{{"serves", serves}} << "\n";
+    return 0;
+  }
   if (command == "place") {
     const dockloop::Placement placement = dockloop::find_placement(scene);
     const json result = {{"chaser", start_state(placement.vehicle[dockloop::kChaser])},
@@ -135,21 +121,6 @@ int run(const std::vector<std::string>& arguments) {
     dockloop::DockingSim sim(std::make_shared<const dockloop::Scene>(scene));
     std::cout << dockloop::make_model_description(sim, find_option(arguments, "--date"));
     return 0;
-  }
-  if (command == "truth") {
-#ifdef DOCKLOOP_EXTENDED
-    dockloop::TruthOrder order;
-    order.stop = find_number(arguments, "--stop", 0.0);
-    order.step = find_number(arguments, "--step", 0.0);
-    order.tolerance = find_number(arguments, "--tolerance", order.tolerance);
-    order.check = has_flag(arguments, "--check");
-    order.outputs = find_options(arguments, "--output");
-    order.settings = find_options(arguments, "--set");
-    std::cout << make_truth(std::make_shared<const dockloop::Scene>(scene), order).dump(1) << "\n";
-    return 0;
-#else
-    throw ModelError("this build has double precision only: configure with -DDOCKLOOP_EXTENDED=ON");
-#endif
   }
   std::cerr << kUsage;
   return 2;

@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from dockloop import paths
+from dockloop.compiled import add_comparison
+from dockloop.core import list_methods as list_methods_of_core
 from dockloop.errors import DockloopError
 from dockloop.fmu import build_fmu
 from dockloop.simulate import ProgressBar, run_fmu
@@ -24,19 +26,6 @@ SCENE, BENCH, STOP = "idss_25t_350t", "hexapod_bench", 20.0
 STEEP = "mechanism.set.contact.law.friction_speed=1e-5"  # 100 times as steep
 GROUPS = 'outputs.groups=["relative", "capture", "phase", "ring", "legs", "solver"]'
 PEAK = "capture.peak.compression"
-METHODS = {  # solver.method: name, what it is for
-    1: ("auto, also 11 stabilised", "nearly everything: method 2, and stabilised steps where"
-        " stability would limit those of method 2"),
-    2: ("explicit", "to compare with (Dormand-Prince 5(4))"),
-    3: ("implicit", "stiff contact, latches, friction, legs (ESDIRK 4(3), L-stable)"),
-    4: ("imex", "to compare with: implicit for contact and latches only"),
-    5: ("adams", "smooth motion in long communication steps"),
-    6: ("bdf", "stiff parts in long communication steps"),
-    7: ("fixed_rk4", "real time: 4 evaluations a step of `solver.step`"),
-    8: ("fixed_implicit", "real time with stiff parts (SDIRK of order 3, two Newton iterations)"),
-    10: ("high_order", "smooth motion at tight tolerances (Dormand-Prince 8(5,3))"),
-    9: ("dae", "to compare with, at `model.level` 4: all joint coordinates and multipliers"),
-}  # fmt: skip
 LEVELS = {
     1: "rigid: one body with the chaser, locked at the start pose",
     2: "massless_legs: masses of leg parts go to foot and head",
@@ -58,7 +47,9 @@ class Study:
         key = (scene, *overrides)
         if key not in self._fmus:
             fmu = self._folder / f"{len(self._fmus)}.fmu"
-            self._fmus[key] = build_fmu(scene, [*overrides, GROUPS], fmu, bare=True)
+            self._fmus[key] = build_fmu(
+                scene, [*overrides, GROUPS], fmu, bare=True, finish=add_comparison
+            )
         self._done += 1
         self._report(min(1.0, self._done / self._runs))
         stop = min(stop, 2 * step) if self._quick else stop
@@ -81,7 +72,11 @@ def list_methods(study):
         *("`solver.method`", "what it is for", "evaluations, 10 ms / 1 s"),
         *("peak load off by", "steep friction, 10 ms / 1 s"),
     )
-    for method, (name, purpose) in METHODS.items():
+    for row in list_methods_of_core():
+        method, name, purpose = row["number"], row["name"], row["meaning"]
+        if row["same_as"] != method:
+            continue
+        purpose = f"to compare with: {purpose}" if row["for_comparison"] else purpose
         settings = [f"solver.method={method}", *(["model.level=4"] if method == 9 else [])]
         runs = {
             (scene, step): study.run(SCENE, scenes[scene], settings, STOP, step)
@@ -188,7 +183,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="two communication steps only")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        runs = 1 + 4 * len(METHODS) + 2 + 3 * 5 * 4 * TURNS + TURNS * len(LEVELS)
+        runs = 1 + 4 * len(list_methods_of_core()) + 2 + 3 * 5 * 4 * TURNS + TURNS * len(LEVELS)
         study = Study(Path(folder), runs, quick=options.quick)
         write_page(
             options.output,

@@ -12,7 +12,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "docking/reference_model.hpp"
+#include "compare/unreduced_model.hpp"
 #include "unit/random_docking.hpp"
 #include "unit/sim_test_support.hpp"
 
@@ -43,15 +43,15 @@ Scene hexapod_scene() {
 /// Largest residual relative to what the row is a difference of, and of the columns of multipliers.
 void add_residuals(Docking& docking, DaeForm form, Residual& worst, Residual& columns) {
   docking.evaluate();
-  const ReferenceModel reference(docking.model, form);
-  ReferenceData data(docking.model, reference);
+  const UnreducedModel reference(docking.model, form);
+  UnreducedData data(docking.model, reference);
   const int n = reference.size;
   VecX<double> z(n), zdot(n), residual(n), other(n), start(n);
   std::copy(docking.y.begin(), docking.y.end(), z.data());
   std::copy(docking.ydot.begin(), docking.ydot.end(), zdot.data());
-  complete_reference_state(docking.model, reference, docking.data, z.data(), zdot.data());
+  complete_unreduced_state(docking.model, reference, docking.data, z.data(), zdot.data());
   const auto calc = [&](const VecX<double>& at, const VecX<double>& rates, VecX<double>& into) {
-    ASSERT_TRUE(calc_reference_residual(docking.model, reference, docking.discrete, docking.memory,
+    ASSERT_TRUE(calc_unreduced_residual(docking.model, reference, docking.discrete, docking.memory,
                                         docking.loads, docking.t, at.data(), rates.data(),
                                         into.data(), data)
                     .ok());
@@ -68,7 +68,7 @@ void add_residuals(Docking& docking, DaeForm form, Residual& worst, Residual& co
   }
   MatX<double> J(n, n);
   const VecX<double> nominal = VecX<double>::Ones(n);
-  ASSERT_TRUE(calc_reference_jacobian(docking.model, reference, docking.discrete, docking.memory,
+  ASSERT_TRUE(calc_unreduced_jacobian(docking.model, reference, docking.discrete, docking.memory,
                                       docking.loads, docking.t, 1e3, z.data(), zdot.data(),
                                       residual.data(), nominal, J.data(), data)
                   .ok());
@@ -118,7 +118,7 @@ TEST(ReferenceForm, has_no_residual_where_the_reduced_form_is) {
 
 /// One second of the ring in one step.
 Outputs swing(const Scene& scene, int method, DaeForm form, double rtol) {
-  DockingSim sim(share(scene));
+  ComparingSim sim(share(scene));
   Parameters& p = sim.parameters();
   p.solver_method = method;
   p.model_level = method == kDae ? kReference : kReduced;
@@ -160,7 +160,7 @@ TEST(ReferenceForm, comes_near_the_reduced_form_and_tells_how_far_loops_open) {
 }
 
 TEST(ReferenceForm, begins_closed_at_every_communication_point) {
-  DockingSim sim(share(hexapod_scene()));
+  ComparingSim sim(share(hexapod_scene()));
   sim.parameters().model_level = kReference;
   sim.parameters().dae_form = static_cast<int>(DaeForm::kIndex1);
   sim.parameters().rtol = 1e-5;

@@ -367,12 +367,12 @@ TEST(Levels, allocate_nothing_in_steps) {
 TEST(Levels, that_cannot_be_are_refused_with_the_reason) {
   for (const auto& [level, reason] : {std::pair{0, "model.level is 0; it must be 1 (rigid)"},
                                       {5, "model.level is 5; it must be"}}) {
-    DockingSim sim(share(ring_scene()));
+    ComparingSim sim(share(ring_scene()));
     sim.parameters().model_level = level;
     const std::string refused = find_refusal([&] { sim.initialise(0.0, 0.0); });
     EXPECT_NE(refused.find(reason), std::string::npos) << refused;
   }
-  DockingSim multipliers(share(ring_scene()));
+  ComparingSim multipliers(share(ring_scene()));
   multipliers.parameters().model_level = kReference;
   multipliers.parameters().solver_method = kExplicit;
   EXPECT_NE(find_refusal([&] { multipliers.initialise(0.0, 0.0); }).find("only solver.method 9"),

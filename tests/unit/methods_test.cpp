@@ -32,7 +32,7 @@ std::shared_ptr<const Scene> stiff_scene() {
 
 std::unique_ptr<DockingSim> start(const std::shared_ptr<const Scene>& scene, int method,
                                   double rtol = 1e-6) {
-  auto sim = std::make_unique<DockingSim>(scene);
+  auto sim = std::make_unique<DockingSim>(scene, Interface::kCoSimulation, get_comparison());
   sim->parameters().solver_method = method;
   sim->parameters().model_level = method == kDae ? kReference : kReduced;
   sim->initialise(0.0, rtol);
@@ -173,7 +173,7 @@ TEST(MethodsThatDoNotExist, are_refused_with_the_choice) {
        {std::tuple{0, 3, "solver.method is 0; it must be 1 (auto)"},
         std::tuple{12, 3, "solver.method is 12; it must be 1 (auto)"},
         std::tuple{int(kDae), 4, "solver.dae_form is 4; it must be 1 (index 1)"}}) {
-    DockingSim sim(share(short_ring_scene()));
+    ComparingSim sim(share(short_ring_scene()));
     sim.parameters().solver_method = method;
     sim.parameters().model_level = method == kDae ? kReference : kReduced;
     sim.parameters().dae_form = form;
@@ -184,6 +184,49 @@ TEST(MethodsThatDoNotExist, are_refused_with_the_choice) {
       EXPECT_NE(std::string(error.what()).find(reason), std::string::npos) << error.what();
     }
   }
+}
+
+TEST(MethodsForComparison, are_refused_by_a_simulation_that_does_not_carry_them) {
+  const auto find_reason = [](int method, int level) {
+    DockingSim sim(share(short_ring_scene()));
+    sim.parameters().solver_method = method;
+    sim.parameters().model_level = level;
+    try {
+      sim.initialise(0.0, 0.0);
+    } catch (const ModelError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  for (const MethodFacts& m : list_methods()) {
+    const std::string reason = find_reason(m.method, kReduced);
+    if (!m.for_comparison) {
+      EXPECT_EQ(reason, "");
+      continue;
+    }
+    const std::string start = "solver.method is " + std::to_string(m.method) + " (" + m.name +
+                              "), a method for comparison, which this build does not carry";
+    EXPECT_EQ(reason.rfind(start, 0), 0u) << reason;
+    EXPECT_NE(reason.find("1 (auto), 2 (explicit), 3 (implicit), 6 (bdf), 7 (fixed_rk4) or 11"),
+              std::string::npos)
+        << reason;
+    EXPECT_NE(reason.find("`dockloop trade`"), std::string::npos) << reason;
+  }
+  EXPECT_EQ(find_reason(kAuto, kReference).rfind("model.level is 4 (reference), a form", 0), 0u);
+}
+
+TEST(MethodsForComparison, of_a_saved_state_are_refused_too_and_nothing_changes) {
+  ComparingSim from(share(short_ring_scene()));
+  from.parameters().solver_method = kAdams;
+  from.initialise(0.0, 0.0);
+  SavedSim saved;
+  from.save(saved);
+  DockingSim sim(from.shared_scene());
+  sim.initialise(0.0, 0.0);
+  ASSERT_TRUE(sim.step(0.0, 0.01).ok());
+  const std::vector<double> before = flatten(sim.outputs(), true);
+  EXPECT_THROW(sim.load(saved), ModelError);
+  EXPECT_TRUE(same_bits(flatten(sim.outputs(), true), before));
 }
 
 }  // namespace

@@ -3,7 +3,7 @@
 // 2. the last stage of adaptive tables is at the end of the step, which tells the fastest rate;
 // 3. the stabilised pair is stable as far as stated, on the real axis and where rings swing, and
 //    so are its stages.
-#include "integrate/runge_kutta.hpp"
+#include "compare/methods.hpp"
 
 #include <gtest/gtest.h>
 

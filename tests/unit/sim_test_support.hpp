@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "compare/comparison.hpp"
 #include "docking/placement.hpp"
 #include "sim/docking_sim.hpp"
 #include "unit/test_helpers.hpp"
@@ -24,6 +25,12 @@ inline Scene short_ring_scene() {
   scene.vehicle = find_placement(scene).vehicle;
   return scene;
 }
+
+/// A simulation that has the methods for comparison too.
+struct ComparingSim : DockingSim {
+  explicit ComparingSim(std::shared_ptr<const Scene> scene)
+      : DockingSim(std::move(scene), Interface::kCoSimulation, get_comparison()) {}
+};
 
 inline std::shared_ptr<const Scene> share(Scene scene) {
   return std::make_shared<const Scene>(std::move(scene));

@@ -39,7 +39,7 @@ std::shared_ptr<const Scene> make_pass(const V& p, const V& v) {
 /// Runs to `end` in steps of h. @return the simulation
 std::unique_ptr<DockingSim> run(const std::shared_ptr<const Scene>& scene, int method, double h,
                                 double end) {
-  auto sim = std::make_unique<DockingSim>(scene);
+  auto sim = std::make_unique<DockingSim>(scene, Interface::kCoSimulation, get_comparison());
   sim->parameters().solver_method = method;
   sim->initialise(0.0, 0.0);
   for (int i = 0; i * h < end * (1.0 - 1e-9); ++i) {
@@ -174,7 +174,7 @@ TEST(EnergyWatch, bounds_what_any_method_makes_in_contact) {
   for (int method = kAuto; method <= kStabilised; ++method) {
     if (method == kDae) continue;  // has a level of its own
     for (const double step : {0.02, 0.05}) {
-      DockingSim sim(share(short_ring_scene()));
+      ComparingSim sim(share(short_ring_scene()));
       sim.parameters().solver_method = method;
       sim.parameters().step = step;
       sim.parameters().rtol = 1e-2;
@@ -218,7 +218,7 @@ TEST(Refusals, cost_a_bounded_number_of_evaluations) {
   Scene scene = short_ring_scene();
   scene.contact.law.friction_speed = 1e-9;
   for (const int method : {kExplicit, kImex}) {
-    DockingSim sim(share(scene));
+    ComparingSim sim(share(scene));
     sim.parameters().solver_method = method;
     sim.initialise(0.0, 0.0);
     Status status;

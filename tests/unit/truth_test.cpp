@@ -120,7 +120,7 @@ TEST(Truth, AbsorberFollowsItsClosedFormThroughCommunicationSteps) {
   Scene scene = read_test_scene("scene_minimal.json");
   scene.contact = make_absorber_contact({20e3, 2000.0, true});
   const StateLayout layout = Docking(scene).model.layout;
-  DockingSim sim(share(scene));
+  ComparingSim sim(share(scene));
   sim.use_extended_precision(1e-26);
   sim.initialise(0.0, 0.0);
   constexpr double kStep = 1.0 / 64;

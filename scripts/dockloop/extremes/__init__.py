@@ -13,6 +13,13 @@ figure, NaN, a refusal without a reason, a defect. One bad case makes the verdic
 | ``running.py`` | items 5 to 9, 11: time, steps, inputs, contact, saved states, tolerances |
 | ``scenes.py`` | scenes and mechanisms made in code, built in a temporary folder |
 | ``reference.py`` | independent motions of two of the problems |
+| ``absolute_kkt.py`` | oracle: all bodies in absolute coordinates, one dense system |
+| ``mechanism_benchmarks.py`` | oracle: mechanisms whose motion is known |
+| ``fmi_host.py`` | a host that steps an FMU, saves and restores it |
+| ``own_mechanism.py`` | scene files of mechanisms made in code |
+| ``hexapod_r2p1r3.json`` | mechanism and states of ``tests/data``, without the figures |
+
+The command is part of the interface, so it works without ``tests/``; tests import from here.
 """
 
 import math

@@ -2,11 +2,21 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 
-from dockloop import paths
 from dockloop.extremes import Part
+from dockloop.extremes import mechanism_benchmarks as benchmarks
+from dockloop.extremes.absolute_kkt import (
+    Mechanism,
+    close_states,
+    find_errors,
+    find_gap,
+    flat,
+    follow_core,
+    solve,
+)
 from dockloop.extremes.reference import Bumper, Hexapod, find_rotations, integrate
 from dockloop.extremes.scenes import (
     FIXED_BASE,
@@ -16,11 +26,6 @@ from dockloop.extremes.scenes import (
     hexapod,
     move,
 )
-
-import mechanism_benchmarks as benchmarks  # isort: skip  (of tests/, see scenes.py)
-from absolute_kkt import (  # isort: skip
-    Mechanism, close_states, find_errors, find_gap, flat, follow_core, solve,
-)  # fmt: skip
 
 GRAVITY = 9.81
 
@@ -112,9 +117,9 @@ def run_hexapod_masses(shop, score, quick):
         )
 
 
-def read_vectors(name):
-    """Stored mechanism and states of another program (tests/data)."""
-    return json.loads((paths.ROOT / "tests" / "data" / f"{name}.json").read_text())
+def read_hexapod():
+    """Mechanism and states of the hexapod whose figures another program computed."""
+    return json.loads((Path(__file__).parent / "hexapod_r2p1r3.json").read_text(encoding="utf-8"))
 
 
 def float_hexapod(document, ratio, leg):
@@ -172,7 +177,7 @@ def find_oracle_error(shop, document):
 
 def run_absolute_masses(shop, score, quick):
     """Item 1, accelerations, forces and reduced inertia, over the plane of both ratios."""
-    vectors = read_vectors("hexapod_r2p1r3")
+    vectors = read_hexapod()
     legs = (0.0, 1e-9, 1e-4, 1.0) if quick else (0.0, *(10.0**-k for k in range(9, -1, -1)))
     for ratio in (1.0, 1e4, 1e8) if quick else [10.0**k for k in range(9)]:
         for leg in legs:
@@ -205,7 +210,7 @@ def run_massless(shop, score, _quick):
             score.right_or_refused(where, lambda d=document: find_oracle_error(shop, d))
         else:
             score.must_be_refused(where, lambda d=document: shop.evaluate(d))
-    floating = float_hexapod(read_vectors("hexapod_r2p1r3"), 1.0, 0.0)
+    floating = float_hexapod(read_hexapod(), 1.0, 0.0)
     floating["mechanism"] = without_mass(floating["mechanism"])
     score.must_be_refused("hexapod, nothing has mass", lambda: shop.evaluate(floating))
     score.must_be_refused("hexapod, legs of mass 0", lambda: build_hexapod(shop, leg=0.0))
@@ -470,7 +475,7 @@ def run_singular_starts(shop, score, quick):
 
 def run_hexapod_poses(shop, score, quick):
     """Item 3: hexapod nearly flat and nearly turned by 90 deg, where its legs lose their grip."""
-    document = read_vectors("hexapod_r2p1r3")
+    document = read_hexapod()
     body = next(b for b in document["mechanism"]["bodies"] if b["joint"]["type"] == "free")
     height = np.array(body["joint"]["position"])
     axis = height / np.linalg.norm(height)

@@ -10,8 +10,8 @@ import threading
 
 import numpy as np
 
-from dockloop import paths
 from dockloop.extremes import Part
+from dockloop.extremes import mechanism_benchmarks as benchmarks
 from dockloop.extremes.mechanics import (
     BRICARD_HINGE,
     BRICARD_TIME,
@@ -28,8 +28,6 @@ from dockloop.extremes.mechanics import (
 )
 from dockloop.extremes.reference import Bumper
 from dockloop.extremes.scenes import FIXED_BASE, OK, OUTPUTS, Host, hexapod, move
-
-import mechanism_benchmarks as benchmarks  # isort: skip  (of tests/, see scenes.py)
 
 NEAR = "initial.approach_time=0.1"  # default docking: contact after 0.1 s, capture before 1 s
 EXACT = 1.0 / 128  # s, a step that binary numbers hold
@@ -485,9 +483,8 @@ def run_passed(shop, score, _quick):
 # 9. Saved states.
 CONTINUE = """
 import pickle, sys
-sys.path.insert(0, sys.argv[1])
-from fmi_host import Host
-fmu, name, time, steps, out = sys.argv[2:]
+from dockloop.extremes.fmi_host import Host
+fmu, name, time, steps, out = sys.argv[1:]
 with Host(fmu) as host:
     host.restore_bytes(open(name, "rb").read(), float(time))
     seen = []
@@ -525,8 +522,7 @@ def run_saved(shop, score, quick):
             host.release(saved)
         state, out = fmu / "state", fmu / "seen"
         state.write_bytes(data)
-        tests = paths.ROOT / "tests"
-        command = [sys.executable, "-c", CONTINUE, tests, fmu, state, repr(time), str(steps), out]
+        command = [sys.executable, "-c", CONTINUE, fmu, state, repr(time), str(steps), out]
         subprocess.run(command, check=True)
         seen = pickle.loads(out.read_bytes())
         score.compare(count_differences(seen, wanted), f"{law}, another process")

@@ -1,28 +1,23 @@
 """Scenes that the extremes need, built as unpacked FMUs in a temporary folder.
 
 The mechanisms with exact motions, the host that steps an FMU and the dense solution in absolute
-coordinates are those of ``tests/``: one of each in the project.
+coordinates are modules of this package, which tests use too: one of each in the project.
 """
 
 import json
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
 
-from dockloop import paths
 from dockloop.binaries import find_libraries
 from dockloop.core import run_core
 from dockloop.errors import UsageError
+from dockloop.extremes.fmi_host import OK, Host
+from dockloop.extremes.own_mechanism import FIXED_BASE, capture_body_section, write_scene
 from dockloop.fmu import place_vehicles
 from dockloop.scene import find_scene, resolve_scene
-
-sys.path.append(str(paths.ROOT / "tests"))
-
-from fmi_host import OK, Host
-from own_mechanism import FIXED_BASE, capture_body_section, write_scene
 
 __all__ = ["FIXED_BASE", "OK", "Host", "Workshop", "capture_body_section", "hexapod", "solver"]
 

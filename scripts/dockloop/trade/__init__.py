@@ -1,9 +1,12 @@
 """``dockloop trade``: what accuracy costs, measured on one scene.
 
 A grid of settings (level of the model, method of integration, tolerance or inner step,
-communication step) is run through the FMU. Each run is compared with the truth and priced:
-evaluations, steps, and processor time beside that of the default setting, which is run again next
-to every setting. What pays is the Pareto front; what the FMU refuses is a row with the reason.
+communication step) is run through the FMU. Each run is compared with the reference solution and
+priced: evaluations, steps, and processor time next to that of the default setting, which is run
+again by turns. What pays is the Pareto front; what the FMU refuses is a row with the reason.
+
+The FMU on the bench carries all methods that the core lists, also those for comparison, which other
+FMUs do not carry (`dockloop.compiled`). A second name of a method is that method: it has no rows.
 
 | file | what it holds |
 |---|---|
@@ -25,6 +28,7 @@ from typing import Any
 
 from dockloop import __version__
 from dockloop.cases import Result
+from dockloop.core import list_methods
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
 from dockloop.paths import shown
@@ -42,16 +46,8 @@ from dockloop.trade.errors import (
 from dockloop.trade.truth import find_truth
 
 LEVELS = {1: "rigid", 2: "massless_legs", 3: "reduced", 4: "reference"}
-METHODS = dict(
-    enumerate(
-        (
-            *("auto", "explicit", "implicit", "imex", "adams", "bdf"),
-            *("fixed_rk4", "fixed_implicit", "dae", "high_order", "stabilised"),
-        ),
-        1,
-    )
-)
 _REFERENCE = 4
+_MULTIPLIERS = "dae"  # the method of that level
 
 
 @dataclass(frozen=True)
@@ -77,14 +73,8 @@ class Block:
 
 _LADDER = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10, 1e-12)
 _SHORT = (1e-3, 1e-6, 1e-9)
-GRID = (
-    Block(methods=(2, 3, 5, 6), tolerances=_LADDER),
-    Block(methods=(4,), tolerances=_SHORT, steps=(10,)),
-    Block(methods=(7,), inner_steps=(4e-3, 2e-3, 1e-3, 5e-4), steps=(1,)),
-    Block(methods=(8,), inner_steps=(4e-3, 2e-3, 1e-3), steps=(1,)),
-    Block(levels=(1, 2), methods=(2, 3), tolerances=_SHORT),
-    Block(levels=(4,), methods=(9,), forms=(1, 2, 3), tolerances=_SHORT, steps=(10, 100)),
-)
+_INNER_STEPS = (4e-3, 2e-3, 1e-3, 5e-4)
+_OF_OTHER_LEVELS = (2, 3)  # methods
 _QUICK_STEPS, _QUICK_STRIDE = (10,), 3  # --quick: one step, every third value of a ladder
 _LOOKS = 40  # times, at least, at which a run is compared with the truth
 _AFTER_CAPTURE = 1.0  # s that a run goes on by default
@@ -102,6 +92,36 @@ COSTS = {
 FIGURES = (*ERRORS, *AUDITS, *COSTS)
 
 
+def name_methods() -> dict[int, str]:
+    """Return the names of all methods by their numbers."""
+    return {method["number"]: method["name"] for method in list_methods()}
+
+
+def make_grid() -> tuple[Block, ...]:
+    """Return the grid: every method that the core lists, without second names of one."""
+    methods = [m for m in list_methods() if m["same_as"] == m["number"]]
+    numbers: dict[str, list[int]] = {"carried": [], "compared": [], "fixed": [], "multipliers": []}
+    for method in methods:
+        kind = "compared" if method["for_comparison"] else "carried"
+        kind = "fixed" if method["fixed_step"] else kind
+        kind = "multipliers" if method["name"] == _MULTIPLIERS else kind
+        numbers[kind].append(method["number"])
+    carried, compared, fixed, multipliers = map(tuple, numbers.values())
+    return (
+        Block(methods=carried, tolerances=_LADDER),
+        Block(methods=compared, tolerances=_LADDER, steps=(10,)),
+        Block(methods=fixed, inner_steps=_INNER_STEPS, steps=(1,)),
+        Block(levels=(1, 2), methods=_OF_OTHER_LEVELS, tolerances=_SHORT),
+        Block(
+            levels=(_REFERENCE,),
+            methods=multipliers,
+            forms=(1, 2, 3),
+            tolerances=_SHORT,
+            steps=(10, 100),
+        ),
+    )
+
+
 @dataclass(frozen=True)
 class Setting:
     """One setting of the FMU and of its host; None: the FMU has no such thing, or ignores it."""
@@ -117,7 +137,7 @@ class Setting:
     def scheme(self) -> str:
         """Name of level and method, for example ``rigid, explicit``."""
         words = [] if self.level is None else [LEVELS.get(self.level, f"level {self.level}")]
-        words.append(METHODS.get(self.method, f"method {self.method}"))
+        words.append(name_methods().get(self.method, f"method {self.method}"))
         if self.dae_form is not None:
             words[-1] += f" {self.dae_form}"
         return ", ".join(words)
@@ -147,7 +167,7 @@ class Choice:
 
     Attributes:
         levels: only these.
-        methods: only these; those that are not in the grid go down the ladder of tolerances.
+        methods: only these.
         tolerances: instead of those of the grid.
         steps: communication steps [s] instead of those of the grid.
         stop: end [s]; None: 1 s after the capture, in whole seconds, or that of the scene.
@@ -204,6 +224,13 @@ def parse_names(option: str, text: str | None, names: dict[int, str]) -> tuple[i
     return tuple(chosen)
 
 
+def parse_methods(text: str | None) -> tuple[int, ...]:
+    """Parse names or numbers of methods; a second name stands for the first."""
+    chosen = parse_names("--methods", text, name_methods())
+    first = {method["number"]: method["same_as"] for method in list_methods()}
+    return tuple(dict.fromkeys(first[number] for number in chosen))
+
+
 def find_default(bench: Bench) -> Setting:
     """Return the setting that the scene has by itself."""
     level, method = bench.start("model.level"), bench.start("solver.method")
@@ -216,9 +243,7 @@ def make_settings(bench: Bench, choice: Choice, stop: float) -> list[Setting]:
     Raises:
         UsageError: there are none.
     """
-    others = set(choice.methods) - {method for block in GRID for method in block.methods}
-    grid = (*GRID, Block(methods=tuple(sorted(others)), tolerances=_LADDER))
-    settings = [setting for block in grid for setting in _expand(block, bench, choice, stop)]
+    settings = [setting for block in make_grid() for setting in _expand(block, bench, choice, stop)]
     if choice.levels and bench.start("model.level") is None:
         raise UsageError("--levels: the FMU of this scene has no variable 'model.level'")
     if not settings:

@@ -1,10 +1,10 @@
 """The truth that every run is compared with, from whoever knows it best.
 
-`dockloop-core truth`, where it exists: the same model in extended precision. Otherwise the FMU
-itself, by its explicit method at the tightest tolerance, and how far that may be off by a second
-run at ten times the tolerance. Where both are there, a peak is that of the one that states the
-smaller error: the long steps of a high order know the motion best, but short ones the peaks. The
-result is a file in ``build/truth``, named by a key of all that decides it, so that it is found
+`dockloop-compare truth`, where it can be compiled: the same model in extended precision. Otherwise
+the FMU itself, by its explicit method at the tightest tolerance; a second run at ten times the
+tolerance says how far that may be off. Where both are there, a peak is that of the one that states
+the smaller error: the long steps of a high order know the motion best, but short ones the peaks.
+The result is a file in ``build/truth``, named by a key of all that decides it, so that it is found
 once::
 
     {"source": ..., "time": [...], "values": {NAME: [...]}, "error": {NAME: ...},
@@ -14,13 +14,14 @@ once::
 import hashlib
 import json
 import os
-import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from dockloop import paths
+from dockloop.compiled import find_compiled
 from dockloop.core import ask_core
 from dockloop.errors import DockloopError, UsageError, find_reason
 from dockloop.outputs import MADE_BY, claim, json_kind, write_text
@@ -70,11 +71,10 @@ def find_truth(
         names: outputs.
         say: told when it must be found anew.
     """
-    of_core = _has_core_truth()
+    program = _find_program()
     decides = [bench.fmu_digest, stop, step, names, _RTOL]
-    if of_core:
-        core = hashlib.sha256(paths.CORE.read_bytes()).hexdigest()
-        decides += [core, _CORE_TOLERANCE]
+    if program:
+        decides += [hashlib.sha256(program.read_bytes()).hexdigest(), _CORE_TOLERANCE]
     key = hashlib.sha256(json.dumps(decides).encode()).hexdigest()[:16]
     file = paths.BUILD / "truth" / f"{bench.scene['name']}_{key}.json"
     if os.path.lexists(file):
@@ -86,7 +86,7 @@ def find_truth(
             raise UsageError(f"{shown(file)}: is no truth that can be read: delete it") from None
     claim(file, _FILE)
     say("finding the truth")
-    document = (_ask_core if of_core else _ask_fmu)(bench, stop, step, names)
+    document = (_ask_core if program else _ask_fmu)(bench, stop, step, names)
     write_text(file, _FILE, json.dumps({MADE_BY: _FILE.command, **document}))
     return _read(document, names, bench, key)
 
@@ -105,15 +105,12 @@ def _read(document: dict, names: list[str], bench: Bench, key: str) -> Truth:
     return Truth(recording, doubt, document["source"], key, facts)
 
 
-def _has_core_truth() -> bool:
-    """Tell whether dockloop-core knows the command ``truth``."""
-    if not paths.CORE.exists():
-        return False
-    for words in (["truth", "--help"], []):
-        done = subprocess.run([paths.CORE, *words], capture_output=True, text=True, check=False)
-        if "dockloop-core truth" in done.stdout + done.stderr:
-            return True
-    return False
+def _find_program() -> Path | None:
+    """Return the program that knows the truth; None where it cannot be compiled."""
+    try:
+        return find_compiled(paths.COMPARE)[0]
+    except DockloopError:
+        return None
 
 
 def _level(bench: Bench) -> dict[str, int]:
@@ -128,12 +125,12 @@ def _ask_core(bench: Bench, stop: float, step: float, names: list[str]) -> dict:
     options += [word for name, n in _level(bench).items() for word in ("--set", f"{name}={n}")]
     of_fmu = _ask_fmu(bench, stop, step, names)
     try:
-        told = ask_core("truth", bench.model, *options)
+        told = ask_core("truth", bench.model, *options, program=paths.COMPARE)
     except DockloopError as error:
         reason = str(error).replace(f"{shown(bench.model)}: ", "")
-        return {**of_fmu, "source": f"{of_fmu['source']} (dockloop-core truth: {reason})"}
+        return {**of_fmu, "source": f"{of_fmu['source']} (dockloop truth: {reason})"}
     document = {
-        "source": "dockloop-core truth",
+        "source": "dockloop truth",
         "time": told["time"],
         "values": told.get("values") or told["output"],
         "error": told.get("error") or told.get("check", {}).get("difference"),

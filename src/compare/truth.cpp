@@ -1,10 +1,11 @@
 // Runs a scene through DockingSim with extended precision; see truth.hpp.
-#include "tool/truth.hpp"
+#include "compare/truth.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <iostream>
 
+#include "compare/comparison.hpp"
 #include "math/extended.hpp"
 #include "math/status.hpp"
 #include "sim/docking_sim.hpp"
@@ -34,7 +35,7 @@ struct Run {
 
 Run run(const std::shared_ptr<const Scene>& scene, const TruthOrder& order, double tolerance,
         int done_before, int of) {
-  DockingSim sim(scene);
+  DockingSim sim(scene, Interface::kCoSimulation, get_comparison());
   const std::vector<Variable> variables = make_variables(sim);
   for (const std::string& setting : order.settings) set(variables, setting);
   sim.use_extended_precision(tolerance);

@@ -12,7 +12,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "integrate/solver.hpp"
+#include "compare/methods.hpp"
 
 namespace dockloop {
 namespace {
@@ -22,8 +22,9 @@ constexpr double kConvergence = 1e-3;
 
 class DaeSolver : public Solver {
  public:
-  explicit DaeSolver(System& system)
+  DaeSolver(System& system, Dae dae)
       : system_(system),
+        dae_(std::move(dae)),
         z_(N_VClone(system.atol)),
         zdot_(N_VClone(system.atol)),
         ydot_(system.make_vector()),
@@ -33,7 +34,7 @@ class DaeSolver : public Solver {
     N_VConst(0.0, z_);
     N_VConst(0.0, zdot_);
     System::check(IDAInit(ida_, &call_residual, 0.0, z_, zdot_));
-    System::check(IDASetUserData(ida_, &system));
+    System::check(IDASetUserData(ida_, this));
     System::check(IDASVtolerances(ida_, 1e-6, system.atol));
     System::check(IDASetErrHandlerFn(ida_, &System::ignore_message, nullptr));
     System::check(IDASetMaxNumSteps(ida_, -1));
@@ -59,7 +60,7 @@ class DaeSolver : public Solver {
     if (consistent_ && !system_.idle) {
       std::copy_n(NV_DATA_S(y), NV_LENGTH_S(y), NV_DATA_S(z_));
       std::copy_n(NV_DATA_S(ydot_), NV_LENGTH_S(y), NV_DATA_S(zdot_));
-      system_.problem.dae.complete(NV_DATA_S(z_), NV_DATA_S(zdot_));
+      dae_.complete(NV_DATA_S(z_), NV_DATA_S(zdot_));
     }
     begin(t, h);
   }
@@ -119,29 +120,30 @@ class DaeSolver : public Solver {
     IDAGetNumStepSolveFails(ida_, &unsolved);
     return errors + unsolved;
   }
-  static int call_residual(realtype t, N_Vector z, N_Vector zdot, N_Vector residual, void* system) {
-    System& me = *static_cast<System*>(system);
-    if (me.idle) {
+  static int call_residual(realtype t, N_Vector z, N_Vector zdot, N_Vector residual, void* solver) {
+    DaeSolver& me = *static_cast<DaeSolver*>(solver);
+    if (me.system_.idle) {
       N_VScale(1.0, zdot, residual);
       return 0;
     }
-    if (!me.spend(1)) return System::kGiveUp;
-    return me.note(me.problem.dae.residual(t, NV_DATA_S(z), NV_DATA_S(zdot), NV_DATA_S(residual)));
+    if (!me.system_.spend(1)) return System::kGiveUp;
+    return me.system_.note(me.dae_.residual(t, NV_DATA_S(z), NV_DATA_S(zdot), NV_DATA_S(residual)));
   }
   static int call_jacobian(realtype t, realtype alpha, N_Vector z, N_Vector zdot, N_Vector residual,
-                           SUNMatrix jacobian, void* system, N_Vector, N_Vector, N_Vector) {
-    System& me = *static_cast<System*>(system);
-    if (me.idle) {
+                           SUNMatrix jacobian, void* solver, N_Vector, N_Vector, N_Vector) {
+    DaeSolver& me = *static_cast<DaeSolver*>(solver);
+    if (me.system_.idle) {
       SUNMatZero(jacobian);
       for (sunindextype i = 0; i < NV_LENGTH_S(z); ++i) SM_ELEMENT_D(jacobian, i, i) = alpha;
       return 0;
     }
-    if (!me.spend(me.problem.dae.jacobian_cost)) return System::kGiveUp;
-    return me.note(me.problem.dae.jacobian(t, alpha, NV_DATA_S(z), NV_DATA_S(zdot),
+    if (!me.system_.spend(me.dae_.jacobian_cost)) return System::kGiveUp;
+    return me.system_.note(me.dae_.jacobian(t, alpha, NV_DATA_S(z), NV_DATA_S(zdot),
                                            NV_DATA_S(residual), SM_DATA_D(jacobian)));
   }
 
   System& system_;
+  const Dae dae_;
   N_Vector z_, zdot_;  ///< all unknowns and their rates
   N_Vector ydot_;
   DenseSolver dense_;
@@ -152,8 +154,8 @@ class DaeSolver : public Solver {
 
 }  // namespace
 
-std::unique_ptr<Solver> make_dae_solver(System& system) {
-  return std::make_unique<DaeSolver>(system);
+std::unique_ptr<Solver> make_dae_solver(System& system, Dae dae) {
+  return std::make_unique<DaeSolver>(system, std::move(dae));
 }
 
 }  // namespace dockloop

@@ -1,5 +1,5 @@
-// Residual and Jacobian of the docking with multipliers; see reference_model.hpp.
-#include "docking/reference_model.hpp"
+// Residual and Jacobian of the docking with multipliers; see unreduced_model.hpp.
+#include "compare/unreduced_model.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@
 
 namespace dockloop {
 
-ReferenceModel::ReferenceModel(const DockingModel& model, DaeForm chosen) : form(chosen) {
+UnreducedModel::UnreducedModel(const DockingModel& model, DaeForm chosen) : form(chosen) {
   const MechanismModel& mechanism = model.mechanism.model;
   for (const LoopBlock& block : model.mechanism.plan.blocks) {
     row.push_back(block.row);
@@ -42,14 +42,14 @@ ReferenceModel::ReferenceModel(const DockingModel& model, DaeForm chosen) : form
   size = at;
 }
 
-ReferenceData::ReferenceData(const DockingModel& model, const ReferenceModel& reference)
+UnreducedData::UnreducedData(const DockingModel& model, const UnreducedModel& unreduced)
     : docking(model) {
   const int nv = model.mechanism.model.nv;
-  G.setZero(reference.cuts, nv);
-  for (auto* x : {&gap, &bias}) x->setZero(reference.cuts);
+  G.setZero(unreduced.cuts, nv);
+  for (auto* x : {&gap, &bias}) x->setZero(unreduced.cuts);
   for (auto* x : {&flow, &missing}) x->setZero(nv);
-  rates.setZero(reference.head);
-  for (auto* x : {&z, &zdot, &residual}) x->setZero(reference.size);
+  rates.setZero(unreduced.head);
+  for (auto* x : {&z, &zdot, &residual}) x->setZero(unreduced.size);
   all_columns.resize(static_cast<size_t>(nv));
   std::iota(all_columns.begin(), all_columns.end(), 0);
 }
@@ -57,19 +57,19 @@ ReferenceData::ReferenceData(const DockingModel& model, const ReferenceModel& re
 namespace {
 
 /// Motion of the tree and the cuts from z.
-void calc_motion(const DockingModel& model, const ReferenceModel& reference, double t,
-                 const double* z, ReferenceData& data) {
+void calc_motion(const DockingModel& model, const UnreducedModel& unreduced, double t,
+                 const double* z, UnreducedData& data) {
   const MechanismModel& mechanism = model.mechanism.model;
   const LoopPlan& plan = model.mechanism.plan;
   TreeData<double>& tree = data.docking.mechanism.tree;
   LoopData<double>& loops = data.docking.mechanism.loops;
   put_mechanism_state(model, z, tree);
-  for (int i = 0; i < reference.cuts; ++i) {
-    tree.q[reference.dep_q[i]] = z[reference.q_dep + i];
-    tree.v[reference.dep_v[i]] = z[reference.v_dep + i];
+  for (int i = 0; i < unreduced.cuts; ++i) {
+    tree.q[unreduced.dep_q[i]] = z[unreduced.q_dep + i];
+    tree.v[unreduced.dep_v[i]] = z[unreduced.v_dep + i];
   }
   if (model.mechanism.vehicle != kBase) {
-    for (int i = 0; i < 6; ++i) tree.v[i] = z[reference.v_chaser + i];
+    for (int i = 0; i < 6; ++i) tree.v[i] = z[unreduced.v_chaser + i];
   }
   tree.time = t;
   for (int i = 0; i < static_cast<int>(mechanism.bodies.size()); ++i) {
@@ -78,7 +78,7 @@ void calc_motion(const DockingModel& model, const ReferenceModel& reference, dou
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     for (size_t i = 0; i < plan.blocks[b].loops.size(); ++i) {
       const int k = plan.blocks[b].loops[i];
-      const std::array<int, kMaxEquations>& row = reference.row[b][i];
+      const std::array<int, kMaxEquations>& row = unreduced.row[b][i];
       calc_cut_position(mechanism, plan, k, tree, loops.cut[k]);
       calc_cut_columns(mechanism, plan, k, row, data.all_columns, loops.cut[k], data.G);
       calc_cut_bias<double>(mechanism, plan, k, row, tree, loops.cut[k], nullptr, data.bias);
@@ -91,17 +91,17 @@ void calc_motion(const DockingModel& model, const ReferenceModel& reference, dou
 
 }  // namespace
 
-Status calc_reference_residual(const DockingModel& model, const ReferenceModel& reference,
+Status calc_unreduced_residual(const DockingModel& model, const UnreducedModel& unreduced,
                                const DiscreteState& discrete, const ContactMemory& memory,
                                const Loads& loads, double t, const double* z, const double* zdot,
-                               double* residual, ReferenceData& data) {
+                               double* residual, UnreducedData& data) {
   using Vector = Eigen::Map<const VecX<double>>;
   const MechanismModel& mechanism = model.mechanism.model;
   const StateLayout& layout = model.layout;
   MechanismData<double>& dynamics = data.docking.mechanism;
   TreeData<double>& tree = dynamics.tree;
-  const Vector lambda(z + reference.lambda, reference.cuts);
-  calc_motion(model, reference, t, z, data);
+  const Vector lambda(z + unreduced.lambda, unreduced.cuts);
+  calc_motion(model, unreduced, t, z, data);
   calc_tree_position(mechanism, tree);
   calc_tree_inertia(mechanism, tree);
   calc_tree_velocity(mechanism, data.docking.base.w, tree);
@@ -118,17 +118,17 @@ Status calc_reference_residual(const DockingModel& model, const ReferenceModel& 
       vdot[mechanism.bodies[i].v_index + j] = zdot[v++];
     }
   }
-  for (int i = 0; i < reference.cuts; ++i) vdot[reference.dep_v[i]] = zdot[reference.v_dep + i];
+  for (int i = 0; i < unreduced.cuts; ++i) vdot[unreduced.dep_v[i]] = zdot[unreduced.v_dep + i];
   if (model.mechanism.vehicle != kBase) {
-    for (int i = 0; i < 6; ++i) vdot[i] = zdot[reference.v_chaser + i];
+    for (int i = 0; i < 6; ++i) vdot[i] = zdot[unreduced.v_chaser + i];
   }
   calc_tree_acceleration<double>(mechanism, data.docking.base, &vdot, tree);
   calc_tree_forces(mechanism, tree);
   data.missing = tree.tau_required - dynamics.tau;
   data.missing.noalias() -= data.G.transpose().lazyProduct(lambda);
   data.flow = tree.v;
-  if (reference.form == DaeForm::kStabilised) {
-    data.flow.noalias() += data.G.transpose().lazyProduct(Vector(z + reference.mu, reference.cuts));
+  if (unreduced.form == DaeForm::kStabilised) {
+    data.flow.noalias() += data.G.transpose().lazyProduct(Vector(z + unreduced.mu, unreduced.cuts));
   }
 
   // Everything that is not of the mechanism, and the mechanism.
@@ -138,7 +138,7 @@ Status calc_reference_residual(const DockingModel& model, const ReferenceModel& 
     first += static_cast<int>(block.lambda.size());
   }
   calc_vehicle_rates(model, loads, z, data.rates.data(), data.docking);
-  for (int i = 0; i < reference.head; ++i) residual[i] = zdot[i] - data.rates[i];
+  for (int i = 0; i < unreduced.head; ++i) residual[i] = zdot[i] - data.rates[i];
   v = layout.mechanism_v;
   for (int i : model.mechanism_bodies) {
     const Body& body = mechanism.bodies[i];
@@ -146,27 +146,27 @@ Status calc_reference_residual(const DockingModel& model, const ReferenceModel& 
     for (int j = 0; j < body.nq(); ++j, ++q) residual[q] = zdot[q] - data.rates[j];
     for (int j = 0; j < body.nv(); ++j) residual[v++] = data.missing[body.v_index + j];
   }
-  for (int i = 0; i < reference.cuts; ++i) {
-    residual[reference.q_dep + i] = zdot[reference.q_dep + i] - data.flow[reference.dep_v[i]];
-    residual[reference.v_dep + i] = data.missing[reference.dep_v[i]];
+  for (int i = 0; i < unreduced.cuts; ++i) {
+    residual[unreduced.q_dep + i] = zdot[unreduced.q_dep + i] - data.flow[unreduced.dep_v[i]];
+    residual[unreduced.v_dep + i] = data.missing[unreduced.dep_v[i]];
   }
   if (model.mechanism.vehicle != kBase) {
     const Wrench<double> p = find_momentum(model, kChaser, data.docking);
     for (int j = 0; j < 3; ++j) {
-      residual[reference.v_chaser + j] = p.f[j] - z[layout.momentum[kChaser] + j];
-      residual[reference.v_chaser + 3 + j] = p.t[j] - z[layout.momentum[kChaser] + 3 + j];
+      residual[unreduced.v_chaser + j] = p.f[j] - z[layout.momentum[kChaser] + j];
+      residual[unreduced.v_chaser + 3 + j] = p.t[j] - z[layout.momentum[kChaser] + 3 + j];
     }
   }
 
   // Cuts.
-  const double c = reference.form == DaeForm::kBaumgarte ? 1.0 / kBaumgarteTime : 0.0;
-  for (int i = 0; i < reference.cuts; ++i) {
-    const double gap_rate = data.G.row(i).dot(tree.v) - reference.rate[i];
-    if (reference.form == DaeForm::kStabilised) {
-      residual[reference.lambda + i] = gap_rate;
-      residual[reference.mu + i] = data.gap[i];
+  const double c = unreduced.form == DaeForm::kBaumgarte ? 1.0 / kBaumgarteTime : 0.0;
+  for (int i = 0; i < unreduced.cuts; ++i) {
+    const double gap_rate = data.G.row(i).dot(tree.v) - unreduced.rate[i];
+    if (unreduced.form == DaeForm::kStabilised) {
+      residual[unreduced.lambda + i] = gap_rate;
+      residual[unreduced.mu + i] = data.gap[i];
     } else {
-      residual[reference.lambda + i] =
+      residual[unreduced.lambda + i] =
           data.G.row(i).dot(vdot) + data.bias[i] + c * (2.0 * gap_rate + c * data.gap[i]);
     }
   }
@@ -182,26 +182,26 @@ bool is_sum(const DockingModel& model, int unknown) {
 
 }  // namespace
 
-int find_reference_jacobian_cost(const DockingModel& model, const ReferenceModel& reference) {
-  return reference.lambda - (model.layout.bristles - model.layout.sums);
+int find_unreduced_jacobian_cost(const DockingModel& model, const UnreducedModel& unreduced) {
+  return unreduced.lambda - (model.layout.bristles - model.layout.sums);
 }
 
-Status calc_reference_jacobian(const DockingModel& model, const ReferenceModel& reference,
+Status calc_unreduced_jacobian(const DockingModel& model, const UnreducedModel& unreduced,
                                const DiscreteState& discrete, const ContactMemory& memory,
                                const Loads& loads, double t, double alpha, const double* z,
                                const double* zdot, const double* residual,
                                const VecX<double>& nominal, double* by_columns,
-                               ReferenceData& data) {
-  const int n = reference.size;
+                               UnreducedData& data) {
+  const int n = unreduced.size;
   Eigen::Map<MatX<double>> J(by_columns, n, n);
   J.setZero();
   // Multipliers. The power of drives is left out: nothing depends on that sum.
-  calc_motion(model, reference, t, z, data);
+  calc_motion(model, unreduced, t, z, data);
   const TreeData<double>& tree = data.docking.mechanism.tree;
-  for (int k = 0; k < reference.cuts; ++k) {
+  for (int k = 0; k < unreduced.cuts; ++k) {
     data.flow = -data.G.row(k).transpose();
-    const int force = reference.lambda + k, shift = reference.mu + k;
-    const bool shifts = reference.form == DaeForm::kStabilised;
+    const int force = unreduced.lambda + k, shift = unreduced.mu + k;
+    const bool shifts = unreduced.form == DaeForm::kStabilised;
     int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
     for (int i : model.mechanism_bodies) {
       const Body& body = model.mechanism.model.bodies[i];
@@ -209,15 +209,15 @@ Status calc_reference_jacobian(const DockingModel& model, const ReferenceModel& 
       q += body.nq();
       for (int j = 0; j < body.nv(); ++j) J(v++, force) = data.flow[body.v_index + j];
     }
-    for (int i = 0; i < reference.cuts; ++i) {
-      J(reference.v_dep + i, force) = data.flow[reference.dep_v[i]];
-      if (shifts) J(reference.q_dep + i, shift) = data.flow[reference.dep_v[i]];
+    for (int i = 0; i < unreduced.cuts; ++i) {
+      J(unreduced.v_dep + i, force) = data.flow[unreduced.dep_v[i]];
+      if (shifts) J(unreduced.q_dep + i, shift) = data.flow[unreduced.dep_v[i]];
     }
   }
   std::copy(z, z + n, data.z.data());
   std::copy(zdot, zdot + n, data.zdot.data());
   const double part = std::sqrt(std::numeric_limits<double>::epsilon());
-  for (int k = 0; k < reference.lambda; ++k) {
+  for (int k = 0; k < unreduced.lambda; ++k) {
     if (is_sum(model, k)) {
       J(k, k) = alpha;
       continue;
@@ -228,7 +228,7 @@ Status calc_reference_jacobian(const DockingModel& model, const ReferenceModel& 
       data.z[k] = z[k] + step;
       step = data.z[k] - z[k];
       data.zdot[k] = zdot[k] + alpha * step;
-      status = calc_reference_residual(model, reference, discrete, memory, loads, t, data.z.data(),
+      status = calc_unreduced_residual(model, unreduced, discrete, memory, loads, t, data.z.data(),
                                        data.zdot.data(), data.residual.data(), data);
       if (status.ok()) break;
     }
@@ -240,34 +240,34 @@ Status calc_reference_jacobian(const DockingModel& model, const ReferenceModel& 
   return {};
 }
 
-void complete_reference_state(const DockingModel& model, const ReferenceModel& reference,
+void complete_unreduced_state(const DockingModel& model, const UnreducedModel& unreduced,
                               DockingData<double>& reduced, double* z, double* zdot) {
   MechanismData<double>& mechanism = reduced.mechanism;
   calc_loop_forces(model.mechanism.plan, mechanism.vdot, mechanism.loops);
-  std::fill(z + reference.head, z + reference.size, 0.0);
-  std::fill(zdot + reference.head, zdot + reference.size, 0.0);
-  for (int i = 0; i < reference.cuts; ++i) {
-    const int v = reference.dep_v[i];
-    z[reference.q_dep + i] = mechanism.tree.q[reference.dep_q[i]];
-    zdot[reference.q_dep + i] = z[reference.v_dep + i] = mechanism.tree.v[v];
-    zdot[reference.v_dep + i] = mechanism.vdot[v];
+  std::fill(z + unreduced.head, z + unreduced.size, 0.0);
+  std::fill(zdot + unreduced.head, zdot + unreduced.size, 0.0);
+  for (int i = 0; i < unreduced.cuts; ++i) {
+    const int v = unreduced.dep_v[i];
+    z[unreduced.q_dep + i] = mechanism.tree.q[unreduced.dep_q[i]];
+    zdot[unreduced.q_dep + i] = z[unreduced.v_dep + i] = mechanism.tree.v[v];
+    zdot[unreduced.v_dep + i] = mechanism.vdot[v];
   }
   if (model.mechanism.vehicle != kBase) {
     for (int i = 0; i < 6; ++i) {
-      z[reference.v_chaser + i] = mechanism.tree.v[i];
-      zdot[reference.v_chaser + i] = mechanism.vdot[i];
+      z[unreduced.v_chaser + i] = mechanism.tree.v[i];
+      zdot[unreduced.v_chaser + i] = mechanism.vdot[i];
     }
   }
-  double* lambda = z + reference.lambda;
+  double* lambda = z + unreduced.lambda;
   for (const BlockData<double>& block : mechanism.loops.block) {
     lambda = std::copy_n(block.lambda.data(), block.lambda.size(), lambda);
   }
 }
 
-double find_cut_gap(const DockingModel& model, const ReferenceModel& reference, double t,
-                    const double* z, ReferenceData& data) {
-  calc_motion(model, reference, t, z, data);
-  return reference.cuts > 0 ? data.gap.cwiseAbs().maxCoeff() : 0.0;
+double find_cut_gap(const DockingModel& model, const UnreducedModel& unreduced, double t,
+                    const double* z, UnreducedData& data) {
+  calc_motion(model, unreduced, t, z, data);
+  return unreduced.cuts > 0 ? data.gap.cwiseAbs().maxCoeff() : 0.0;
 }
 
 }  // namespace dockloop

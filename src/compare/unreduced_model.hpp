@@ -2,7 +2,7 @@
 // integrate without the reduction, and what the reduction is measured against.
 // Differential-algebraic.
 //
-// Unknowns z (ReferenceModel): the state y as it stands (docking_model.hpp), then what the
+// Unknowns z (UnreducedModel): the state y as it stands (docking_model.hpp), then what the
 // reduction finds by itself: dependent coordinates and velocities, the velocity of the chaser, cut
 // forces lambda, and mu. Equations, 0 = residual(t, z, zdot), with G v the rate of what the cuts
 // leave open:
@@ -33,8 +33,8 @@ enum class DaeForm {
 constexpr double kBaumgarteTime = 0.01;
 
 /// Where things are in z.
-struct ReferenceModel {
-  ReferenceModel(const DockingModel& model, DaeForm form);
+struct UnreducedModel {
+  UnreducedModel(const DockingModel& model, DaeForm form);
   DaeForm form;
   int head = 0;              ///< size of y, which comes first
   int q_dep = 0, v_dep = 0;  ///< dependents, in the order of the blocks
@@ -47,8 +47,8 @@ struct ReferenceModel {
   std::vector<double> rate;  ///< per cut equation: that of a drive
 };
 
-struct ReferenceData {
-  ReferenceData(const DockingModel& model, const ReferenceModel& reference);
+struct UnreducedData {
+  UnreducedData(const DockingModel& model, const UnreducedModel& unreduced);
   DockingData<double> docking;     ///< tree and forces; nothing that is reduced
   MatX<double> G;                  ///< cuts x nv
   VecX<double> gap, bias;          ///< of the cuts
@@ -59,30 +59,30 @@ struct ReferenceData {
   VecX<double> z, zdot, residual;  ///< scratch of the Jacobian
 };
 
-Status calc_reference_residual(const DockingModel& model, const ReferenceModel& reference,
+Status calc_unreduced_residual(const DockingModel& model, const UnreducedModel& unreduced,
                                const DiscreteState& discrete, const ContactMemory& memory,
                                const Loads& loads, double t, const double* z, const double* zdot,
-                               double* residual, ReferenceData& data);
+                               double* residual, UnreducedData& data);
 
 /// d residual / d z + alpha d residual / d zdot, by columns: multipliers and sums as they enter,
 /// the rest by differences. @param nominal  size of each unknown, for the differences
-Status calc_reference_jacobian(const DockingModel& model, const ReferenceModel& reference,
+Status calc_unreduced_jacobian(const DockingModel& model, const UnreducedModel& unreduced,
                                const DiscreteState& discrete, const ContactMemory& memory,
                                const Loads& loads, double t, double alpha, const double* z,
                                const double* zdot, const double* residual,
                                const VecX<double>& nominal, double* by_columns,
-                               ReferenceData& data);
+                               UnreducedData& data);
 
 /// Residuals that a Jacobian takes.
-int find_reference_jacobian_cost(const DockingModel& model, const ReferenceModel& reference);
+int find_unreduced_jacobian_cost(const DockingModel& model, const UnreducedModel& unreduced);
 
 /// The rest of z and zdot where y and its rates are given, from closed loops.
 /// @param reduced  of calc_docking() at y, with rates
-void complete_reference_state(const DockingModel& model, const ReferenceModel& reference,
+void complete_unreduced_state(const DockingModel& model, const UnreducedModel& unreduced,
                               DockingData<double>& reduced, double* z, double* zdot);
 
 /// Largest gap of the cuts [m].
-double find_cut_gap(const DockingModel& model, const ReferenceModel& reference, double t,
-                    const double* z, ReferenceData& data);
+double find_cut_gap(const DockingModel& model, const UnreducedModel& unreduced, double t,
+                    const double* z, UnreducedData& data);
 
 }  // namespace dockloop

@@ -55,5 +55,6 @@ def turn(q, v):
 
 
 def assert_quaternion(ours, theirs, tolerance):
+    """Check that two quaternions are the same turn."""
     sign = math.copysign(1.0, np.dot(ours, theirs))
     assert np.max(np.abs(sign * np.asarray(ours) - theirs)) < tolerance

@@ -1,0 +1,8 @@
+// The FMU carries no methods for comparison.
+#include "sim/solver_methods.hpp"
+
+namespace dockloop {
+
+const Comparison* get_fmu_comparison() { return nullptr; }
+
+}  // namespace dockloop

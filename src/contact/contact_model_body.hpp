@@ -1,0 +1,381 @@
+// Evaluation of pairs.
+//
+// Per pair: closest points p on G and q on P with V, n = (q - p)/sqrt(V), depth = rounding -
+// sqrt(V), depth rate = -n.v at c = (p + q)/2, force F n on P at c. n is not normalised (|n| < 1 by
+// about mu): only then is the elastic force the gradient of its potential.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <type_traits>
+
+#include "contact/contact_model.hpp"
+#include "math/scalar.hpp"
+
+namespace dockloop {
+namespace {
+
+constexpr double kDeepest = 0.98;          // depth/rounding beyond which no state is accepted [-]
+constexpr double kLeastRoot = 1e-6;        // [m] of sqrt(V)
+constexpr double kSlack = 1e-9;            // [m] rounding errors of the displacement bound
+constexpr double kLeastListRadius = 5e-3;  // [m] of the neighbour list
+constexpr double kGapLimit = 0.1;          // [m] beyond this a bound of a pair's gap is enough
+
+/// Displacement bound of the hardware of P from the reference pose [m], rounded up.
+/// 2 sin(theta/2) = |R - R_ref|_F/sqrt(2).
+template <class S>
+S find_displacement(const ContactModel& model, const ContactMemory& memory,
+                    const RelativeMotion<S>& x) {
+  using std::sqrt;
+  const S turn = (x.R - memory.R_ref.template cast<S>()).squaredNorm() / S(2);
+  return (x.p - memory.p_ref.template cast<S>()).norm() + sqrt(turn) * S(model.reach) + S(kSlack);
+}
+
+template <class S>
+void place_petals(const RelativeMotion<S>& x, ContactWorkspace<S>& work) {
+  for (size_t i = 0; i < work.passive_local.size(); ++i) {
+    work.passive_petals[i] = place_plate<S>(work.passive_local[i], x.R, x.p);
+  }
+}
+
+template <class S>
+Annulus<S> cast(const Annulus<double>& ring) {
+  return {S(ring.x), S(ring.inner), S(ring.outer)};
+}
+
+/// Closest points of one pair, first on G, second on P, axes of G; returns the gap [m].
+/// If a cheap lower bound of the gap exceeds `limit`, that is returned and `c` is not set.
+/// The pair kinds with a ring work in axes of the side that carries the ring.
+template <class S>
+S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMotion<S>& x,
+            const ContactWorkspace<S>& work, const S& limit, Closest<S>& c) {
+  using std::abs;
+  using std::max;
+  using std::min;
+  using std::sqrt;
+  const bool on_passive = pair.first_on_passive;
+  const CaptureHardware& side = on_passive ? model.passive : model.active;  // carries the first
+  const CaptureHardware& other = on_passive ? model.active : model.passive;
+  const std::vector<Plate<S>>& plates = on_passive ? work.active_petals : work.passive_petals;
+  const S rounding = S(pair.rounding);
+  const auto into_other = [&](const Vec3<double>& point) -> Vec3<S> {
+    const Vec3<S> r = point.template cast<S>();
+    return on_passive ? Vec3<S>(x.R * r + x.p) : Vec3<S>(x.R.transpose() * (r - x.p));
+  };
+  switch (pair.kind) {
+    case PairKind::kNodeRing: {
+      const Vec3<S> node = into_other(side.nodes[pair.first]);
+      const S bound = abs(node[0] - S(other.ring.x)) - rounding;
+      if (bound > limit) return bound;
+      c = find_point_annulus<S>(node, cast<S>(other.ring));
+      break;
+    }
+    case PairKind::kEdgeRing: {
+      const Plate<double>& petal = side.petals[pair.first / 2];
+      const int k = CaptureHardware::kSideEdge[pair.first % 2];
+      const Vec3<S> a = into_other(petal.corner[k]), b = into_other(petal.corner[(k + 1) % 4]);
+      // Slab of the ring face, and the bore of the ring (the radius is largest at an end).
+      const S xa = a[0] - S(other.ring.x), xb = b[0] - S(other.ring.x);
+      const S slab = xa * xb > S(0) ? min(abs(xa), abs(xb)) : S(0);
+      const S r2 = max(a[1] * a[1] + a[2] * a[2], b[1] * b[1] + b[2] * b[2]);
+      const S bound = max<S>(slab, S(other.ring.inner) - sqrt(r2)) - rounding;
+      if (bound > limit) return bound;
+      c = find_segment_annulus<S>(a, b - a, cast<S>(other.ring), S(model.law.regularisation));
+      break;
+    }
+    case PairKind::kPetalPetal: {
+      const Plate<S>&P = work.active_petals[pair.first], &Q = work.passive_petals[pair.second];
+      const S bound = (Q.centre - P.centre).norm() - P.radius - Q.radius - rounding;
+      if (bound > limit) return bound;
+      c = find_plate_plate<S>(P, Q, S(model.law.regularisation));
+      return sqrt(c.square) - rounding;
+    }
+    case PairKind::kNodePetal: {
+      const Vec3<S> node = side.nodes[pair.first].template cast<S>();
+      const Vec3<S> point = on_passive ? Vec3<S>(x.R * node + x.p) : node;
+      const Plate<S>& plate = plates[pair.second];
+      const Vec3<S> d = point - plate.centre;
+      const S bound = max<S>(abs(plate.normal.dot(d)), d.norm() - plate.radius) - rounding;
+      if (bound > limit) return bound;
+      c = find_point_plate<S>(point, plate);
+      if (on_passive) std::swap(c.first, c.second);
+      return sqrt(c.square) - rounding;
+    }
+  }
+  // Ring pairs: back from the axes of the ring side.
+  if (on_passive) {
+    std::swap(c.first, c.second);
+  } else {
+    c.first = x.R * c.first + x.p;
+    c.second = x.R * c.second + x.p;
+  }
+  return sqrt(c.square) - rounding;
+}
+
+/// Contribution of one closed pair; z, z_dot are its bristle or null.
+template <class S>
+void add_contact(const ContactModel& model, const ContactPair& pair, const RelativeMotion<S>& x,
+                 const Closest<S>& c, const S& gap, const S* z, S* z_dot, ContactResult<S>& out) {
+  const ContactLaw& law = model.law;
+  const Vec3<S> n = (c.second - c.first) / (gap + S(pair.rounding));
+  const Vec3<S> at = (c.first + c.second) / S(2);
+  const Vec3<S> v = x.v + x.w.cross(at - x.p);
+  const S rate = -n.dot(v);
+
+  // Normal force.
+  const double k = pair.kind == PairKind::kNodeRing ? law.node_stiffness : law.stiffness;
+  const Elastic<S> el = calc_contact_spring<S>(-gap, S(k), S(law.toe), S(pair.rounding));
+  const S normal = calc_damped_force<S>(el.force, S(law.damping), rate);
+  out.energy += el.energy;
+  out.contact_power += (normal - el.force) * rate;
+
+  // Friction in the tangent plane.
+  const Vec3<S> e = n.normalized();
+  const Vec3<S> v_t = v - e * e.dot(v);
+  Friction<S> friction;
+  if (z) {
+    friction = calc_bristle_friction<S>(law, normal, v_t, e, Eigen::Map<const Vec3<S>>(z));
+    Eigen::Map<Vec3<S>> rate_map(z_dot);
+    rate_map = friction.bristle_rate;
+  } else {
+    friction = calc_regularised_friction<S>(law, normal, v_t);
+  }
+  out.friction_power += friction.power;
+
+  // Sum.
+  const Vec3<S> f = n * normal + friction.force;
+  out.on_passive.f += f;
+  out.on_passive.t += at.cross(f);
+  if (pair.active_petal >= 0) out.petal_force[pair.active_petal] -= f;
+  out.depth_ratio = std::max<S>(out.depth_ratio, -gap / S(pair.rounding));
+  ++out.active_count;
+}
+
+/// Bristles of open pairs relax as those of closed ones do without normal force; all store energy.
+template <class S>
+void add_bristles(const ContactLaw& law, const std::vector<char>& closed, const S* z, S* z_dot,
+                  ContactResult<S>& out) {
+  const S k = S(law.bristle_stiffness), rate = k / S(law.bristle_relaxation);
+  for (size_t i = 0; i < closed.size(); ++i) {
+    const S square = Eigen::Map<const Vec3<S>>(z + 3 * i).squaredNorm();
+    out.energy += k * square / S(2);
+    if (closed[i]) continue;
+    out.friction_power += k * rate * square;
+    for (size_t j = 3 * i; j < 3 * i + 3; ++j) z_dot[j] = -z[j] * rate;
+  }
+}
+
+enum class NodesFound { kAdded, kTooDeep, kRefused };
+
+/// All pairs of a set of nodes at once. kTooDeep: one by one, please; nothing was added.
+inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set, const ContactMemory& memory,
+                     const RelativeMotion<double>& motion, ContactWorkspace<double>& work,
+                     ContactResult<double>& out, Status& status) {
+  const CaptureHardware& other = set.on_passive ? model.active : model.passive;
+  const ContactLaw& law = model.law;
+  nodes::NodeContact contact;
+  contact.on_passive = set.on_passive;
+  Eigen::Map<Mat3<double>>(contact.R) = motion.R;
+  Eigen::Map<Vec3<double>>(contact.p) = motion.p;
+  Eigen::Map<Vec3<double>>(contact.w) = motion.w;
+  Eigen::Map<Vec3<double>>(contact.v) = motion.v;
+  contact.ring_x = other.ring.x;
+  contact.ring_inner = other.ring.inner;
+  contact.ring_outer = other.ring.outer;
+  contact.rounding = model.pairs[set.first].rounding;
+  contact.stiffness = law.node_stiffness;
+  contact.toe = law.toe;
+  contact.damping = law.damping;
+  contact.friction_coefficient = law.friction_coefficient;
+  contact.friction_speed = law.friction_speed;
+  alignas(64) double lanes[nodes::kNodeSums][kGroup] = {};
+  const auto find_count = [&](size_t g) {
+    return std::min(kGroup, set.count - static_cast<int>(g) * kGroup);
+  };
+  const auto find_before = [&](size_t g) {  // in contact at the last accepted step?
+    return memory.has_reference ? &memory.closed[set.first + g * kGroup] : nullptr;
+  };
+  for (size_t g = 0; g < set.groups.size(); ++g) {
+    const char* before = find_before(g);
+    const bool ways =
+        before && std::find(before, before + find_count(g), 1) != before + find_count(g);
+    if (work.node_functions->add_group(set.groups[g], find_count(g), contact, ways,
+                                       work.node_gaps[g], lanes) == nodes::Touch::kDeep) {
+      return NodesFound::kTooDeep;
+    }
+  }
+  double least = kNoGap;
+  for (size_t g = 0; g < set.groups.size(); ++g) {
+    const nodes::NodeGaps& gaps = work.node_gaps[g];
+    const char* before = find_before(g);
+    for (int i = 0; i < find_count(g); ++i) {
+      const int pair = set.first + static_cast<int>(g) * kGroup + i;
+      const double gap = gaps.gap[i], part = -gap / contact.rounding;
+      least = std::min(least, gap);
+      if (before && before[i]) {
+        const Vec3<double> way(gaps.way[0][i], gaps.way[1][i], gaps.way[2][i]);
+        if (way.dot(memory.n_last[pair]) < 0.0) {
+          status = {StatusCode::kContactFlipped, pair, part};
+          return NodesFound::kRefused;
+        }
+      }
+      if (!(gap < 0.0)) continue;
+      out.depth_ratio = std::max(out.depth_ratio, part);
+      ++out.active_count;
+      work.closed[pair] = 1;
+      work.way[pair] = {gaps.way[0][i], gaps.way[1][i], gaps.way[2][i]};
+    }
+  }
+  double sums[nodes::kNodeSums];
+  work.node_functions->add_lanes(lanes, nodes::kNodeSums, sums);
+  out.gap = std::min(out.gap, least);
+  out.on_passive.f += Eigen::Map<const Vec3<double>>(sums + nodes::kSumForce);
+  out.on_passive.t += Eigen::Map<const Vec3<double>>(sums + nodes::kSumMoment);
+  out.energy += sums[nodes::kSumEnergy];
+  out.contact_power += sums[nodes::kSumContactPower];
+  out.friction_power += sums[nodes::kSumFrictionPower];
+  return NodesFound::kAdded;
+}
+
+/// Sum over pairs in index order; those that spheres or the reference pose show to be open
+/// contribute exactly nothing, so skipping does not change a bit of the result.
+template <class S>
+Status add_pairs(const ContactModel& model, const ContactMemory& memory,
+                 const RelativeMotion<S>& motion, const S* z, S* z_dot, ContactWorkspace<S>& work,
+                 ContactResult<S>& out) {
+  // Asleep: the spheres of the two sides are apart, or nothing can have closed since the reference.
+  out.gap = motion.p.norm() - S(2 * model.reach);
+  if (out.gap > S(0)) return {};
+  const bool listed = memory.has_reference;
+  const S delta = listed ? find_displacement<S>(model, memory, motion) : S(0);
+  out.gap = listed ? S(memory.least_gap) - delta : S(0);
+  if (out.gap > S(0)) return {};
+
+  place_petals<S>(motion, work);
+  const bool near_only = listed && delta <= S(memory.radius);
+  out.gap = near_only ? S(memory.radius) - delta : S(kNoGap);
+  const int count = near_only ? static_cast<int>(memory.near.size()) : model.pair_count();
+  [[maybe_unused]] int one_by_one = 0;  // pairs before this one are not evaluated together
+  for (int k = 0; k < count; ++k) {
+    const int i = near_only ? memory.near[k] : k;
+    const ContactPair& pair = model.pairs[i];
+    const bool was_closed = listed && memory.closed[i];
+    if (listed && !was_closed && S(memory.gap[i]) > delta) {
+      out.gap = std::min<S>(out.gap, S(memory.gap[i]) - delta);
+      continue;
+    }
+    if constexpr (std::is_same_v<S, double>) {
+      const NodeSet& set = model.nodes[pair.first_on_passive];
+      const int end = set.first + set.count;
+      if (pair.kind == PairKind::kNodeRing && !z && one_by_one < end) {
+        Status status;
+        const NodesFound found = add_nodes(model, set, memory, motion, work, out, status);
+        if (found == NodesFound::kRefused) return status;
+        if (found == NodesFound::kAdded) {  // on with what follows the set
+          while (k + 1 < count && (near_only ? memory.near[k + 1] : k + 1) < end) ++k;
+          continue;
+        }
+        one_by_one = end;
+      }
+    }
+    Closest<S> c;
+    const S gap = find_pair<S>(model, pair, motion, work, was_closed ? S(kNoGap) : S(0), c);
+    out.gap = std::min<S>(out.gap, gap);
+    if (gap >= S(0) && !was_closed) continue;
+
+    // States that must not be accepted.
+    const Vec3<S> pq = c.second - c.first;
+    const double margin = to_double(-gap) / pair.rounding;
+    if (was_closed && pq.dot(memory.n_last[i].template cast<S>()) < S(0)) {
+      return {StatusCode::kContactFlipped, i, margin};
+    }
+    if (gap >= S(0)) continue;
+    const S root = gap + S(pair.rounding), least = S((1 - kDeepest) * pair.rounding);
+    if (root <= least || root < S(kLeastRoot) || pq.norm() <= least) {
+      return {StatusCode::kContactTooDeep, i, margin};
+    }
+    add_contact<S>(model, pair, motion, c, gap, z ? z + 3 * i : nullptr,
+                   z ? z_dot + 3 * i : nullptr, out);
+    work.closed[i] = 1;
+    work.way[i] = pq;
+  }
+  return {};
+}
+
+/// The absorber acts at the origin of P, where its depth is measured: its power is then -F d'.
+template <class S>
+void calc_absorber(const AbsorberLaw& law, Acting acting, const RelativeMotion<S>& x,
+                   ContactResult<S>& out) {
+  const S depth = -x.p[0], rate = -x.v[0];
+  const S elastic = S(law.stiffness) * depth, pushing = elastic + S(law.damping) * rate;
+  out.gap = -depth;
+  out.pressed = law.pulls ? depth : std::min<S>(depth, pushing);
+  const bool acts = acting == Acting::kByState ? out.pressed > S(0) : acting == Acting::kYes;
+  if (!acts && depth <= S(0)) return;  // one that was let go comes back by itself
+  const S force = acts ? pushing : S(0);
+  out.on_passive.f = Vec3<S>(force, S(0), S(0));
+  out.on_passive.t = x.p.cross(out.on_passive.f);
+  out.energy = elastic * depth / S(2);
+  out.contact_power = (force - elastic) * rate;
+  out.active_count = 1;
+}
+
+}  // namespace
+
+template <class S>
+ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
+  const auto cast_plate = [](const Plate<double>& petal) {
+    std::array<Vec3<S>, 4> corner;
+    for (int k = 0; k < 4; ++k) corner[k] = petal.corner[k].template cast<S>();
+    return make_plate<S>(corner);
+  };
+  for (const Plate<double>& petal : model.active.petals) active_petals.push_back(cast_plate(petal));
+  for (const Plate<double>& petal : model.passive.petals)
+    passive_local.push_back(cast_plate(petal));
+  passive_petals = passive_local;
+  closed.assign(model.pairs.size(), 0);
+  way.assign(model.pairs.size(), Vec3<S>::Zero());
+  node_functions = &nodes::find_node_functions();
+  node_gaps.resize(std::max(model.nodes[0].groups.size(), model.nodes[1].groups.size()));
+}
+
+template <class S>
+Status calc_contact(const ContactModel& model, const ContactMemory& memory,
+                    const RelativeMotion<S>& motion, const S* z, S* z_dot,
+                    ContactWorkspace<S>& work, ContactResult<S>& out) {
+  out = ContactResult<S>();
+  if (model.kind == ContactModel::Kind::kAbsorber) {
+    calc_absorber<S>(model.absorber, memory.absorber, motion, out);
+  }
+  if (model.kind != ContactModel::Kind::kRings) return {};
+  std::fill(work.closed.begin(), work.closed.end(), 0);
+  const bool bristles = model.law.friction_model == 2;
+  const Status status =
+      add_pairs<S>(model, memory, motion, bristles ? z : nullptr, z_dot, work, out);
+  if (bristles && status.ok()) add_bristles<S>(model.law, work.closed, z, z_dot, out);
+  return status;
+}
+
+template <class S>
+S find_gap(const ContactModel& model, const RelativeMotion<S>& motion, ContactWorkspace<S>& work) {
+  if (model.kind == ContactModel::Kind::kAbsorber) return motion.p[0];
+  place_petals<S>(motion, work);
+  S gap = S(kNoGap);
+  for (const ContactPair& pair : model.pairs) {
+    Closest<S> c;
+    gap = std::min<S>(gap, find_pair<S>(model, pair, motion, work, gap, c));
+  }
+  return gap;
+}
+
+#define DOCK_INSTANTIATE(S)                                                                     \
+  template struct ContactWorkspace<S>;                                                          \
+  template Status calc_contact<S>(const ContactModel&, const ContactMemory&,                    \
+                                  const RelativeMotion<S>&, const S*, S*, ContactWorkspace<S>&, \
+                                  ContactResult<S>&);                                           \
+  template S find_gap<S>(const ContactModel&, const RelativeMotion<S>&, ContactWorkspace<S>&);
+
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+#undef DOCK_INSTANTIATE
+
+}  // namespace dockloop

@@ -1,0 +1,575 @@
+// The equations of motion of a docking.
+#pragma once
+
+#include <algorithm>
+#include <type_traits>
+
+#include "docking/docking_model.hpp"
+#include "math/scalar.hpp"
+
+namespace dockloop {
+
+template <class S>
+FrameMotion<S> find_frame_on(const FrameMotion<S>& body, const Pose<double>& pose) {
+  FrameMotion<S> frame;
+  const Vec3<S> arm = body.R * pose.p.template cast<S>();
+  frame.R = body.R * pose.R.template cast<S>();
+  frame.p = body.p + arm;
+  frame.w = body.w;
+  frame.v = body.v + body.w.cross(arm);
+  return frame;
+}
+
+template <class S>
+RelativeMotion<S> find_relative(const FrameMotion<S>& from, const FrameMotion<S>& to) {
+  RelativeMotion<S> relative;
+  const Mat3<S> R_to_from = from.R.transpose();
+  const Vec3<S> arm = to.p - from.p;
+  relative.R = R_to_from * to.R;
+  relative.p = R_to_from * arm;
+  relative.w = R_to_from * (to.w - from.w);
+  relative.v = R_to_from * (to.v - from.v - from.w.cross(arm));
+  return relative;
+}
+
+template <class S>
+FrameMotion<S> get_vehicle_pose(const DockingModel& model, int i, const S* y) {
+  FrameMotion<S> frame;
+  if (model.layout.pose[i] < 0) {
+    frame.R = model.fixed_pose[i].R.template cast<S>();
+    frame.p = model.fixed_pose[i].p.template cast<S>();
+    return frame;
+  }
+  const S* x = y + model.layout.pose[i];
+  frame.p = Vec3<S>(x[0], x[1], x[2]);
+  frame.R = quat_to_matrix<S>(Vec4<S>(x[3], x[4], x[5], x[6]));
+  return frame;
+}
+
+namespace {
+
+/// Motion of a body of the tree, or of what its base stands for.
+template <class S>
+FrameMotion<S> get_body_motion(const TreeData<S>& tree, int body) {
+  FrameMotion<S> frame;
+  if (body == kBase) return frame;
+  frame.R = tree.R[body];
+  frame.p = tree.p[body];
+  frame.w = tree.w[body];
+  frame.v = tree.u[body];
+  return frame;
+}
+
+}  // namespace
+
+template <class S>
+FrameMotion<S> find_capture_motion(const DockingModel& model, const TreeData<S>& tree) {
+  return find_frame_on(get_body_motion(tree, model.mechanism.model.capture_body),
+                       model.capture_in_body);
+}
+
+template <class S>
+void put_mechanism_state(const DockingModel& model, const S* y, TreeData<S>& tree) {
+  int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
+  for (int i : model.mechanism_bodies) {
+    const Body& body = model.mechanism.model.bodies[i];
+    for (int j = 0; j < body.nq(); ++j) tree.q[body.q_index + j] = y[q++];
+    for (int j = 0; j < body.nv(); ++j) tree.v[body.v_index + j] = y[v++];
+  }
+  if (model.mechanism.vehicle != kBase) {
+    for (int j = 0; j < 7; ++j) tree.q[j] = y[model.layout.pose[kChaser] + j];
+  }
+}
+
+namespace {
+
+/// Velocity of the chaser from the momentum of everything that moves with it:
+/// A_cc v_c + A_cm v_m = p, with p the momentum in body axes about the chaser's origin.
+template <class S>
+void calc_chaser_velocity(const DockingModel& model, const FrameMotion<S>& chaser, const S* y,
+                          MechanismData<S>& data) {
+  const S* x = y + model.layout.momentum[kChaser];
+  const Vec3<S> linear(x[0], x[1], x[2]), angular(x[3], x[4], x[5]);
+  Vec6<S> p;
+  p.template head<3>() = chaser.R.transpose() * linear;
+  p.template tail<3>() = chaser.R.transpose() * (angular - chaser.p.cross(linear));
+  const std::vector<int>& ind = model.mechanism.plan.ind_v;
+  for (int j = 6; j < static_cast<int>(ind.size()); ++j) {
+    p -= data.A_ind.col(j).template head<6>() * data.tree.v[ind[j]];
+  }
+  if (model.mechanism.plan.is_driven) {
+    // Momentum of the joints that move by themselves, everything else at rest.
+    TreeData<S>& tree = data.tree;
+    data.scratch_v = tree.v;
+    for (int j : ind) tree.v[j] = S(0);
+    calc_loop_velocity(model.mechanism.plan, tree, data.loops);
+    p -= tree.A.template topRows<6>().lazyProduct(tree.v);
+    tree.v = data.scratch_v;
+  }
+  solve_leading<6>(data.factor, p);
+  data.tree.v.template head<6>() = p;
+}
+
+template <class S>
+void calc_target_velocity(const DockingModel& model, const S* y, FrameMotion<S>& target) {
+  const S* x = y + model.layout.momentum[kTarget];
+  const Vec3<S> linear(x[0], x[1], x[2]), angular(x[3], x[4], x[5]);
+  target.v = linear / S(model.vehicle[kTarget].mass);
+  const Vec3<S> spin = target.R.transpose() * (angular - target.p.cross(linear));
+  const Mat3<S> inverse_inertia = model.vehicle[kTarget].inertia.inverse().template cast<S>();
+  target.w = target.R * (inverse_inertia * spin);
+}
+
+/// Motion of the chaser with a locked mechanism, and what else evaluations read of the tree.
+template <class S>
+void calc_locked_kinematics(const DockingModel& model, const S* y, DockingData<S>& data) {
+  FrameMotion<S>& chaser = data.vehicle[kChaser];
+  chaser = get_vehicle_pose(model, kChaser, y);
+  TreeData<S>& tree = data.mechanism.tree;
+  tree.q = model.locked.q.template cast<S>();
+  tree.v.setZero();
+  data.mechanism.vdot.setZero();
+  if (model.mechanism.vehicle != kBase) {
+    const VehicleBody& whole = model.locked.whole;
+    const S* x = y + model.layout.momentum[kChaser];
+    const Vec3<S> linear(x[0], x[1], x[2]), angular(x[3], x[4], x[5]);
+    const Vec3<S> c = chaser.R * whole.com.template cast<S>();
+    const Vec3<S> spin = chaser.R.transpose() * (angular - Vec3<S>(chaser.p + c).cross(linear));
+    const Mat3<double> inverse_inertia = whole.inertia.inverse();
+    chaser.w = chaser.R * (inverse_inertia.template cast<S>() * spin);
+    chaser.v = linear / S(whole.mass) - chaser.w.cross(c);
+    tree.p[0] = chaser.p;
+    tree.m_sum[0] = S(whole.mass);
+    tree.h_sum[0] = S(whole.mass) * c;
+  }
+  data.capture = find_frame_on(chaser, model.locked.capture);
+}
+
+/// Everything that follows from position and velocity alone.
+template <class S>
+Status calc_kinematics(const DockingModel& model, const S& t, const S* y, DockingData<S>& data) {
+  if (model.locked.on) {
+    calc_locked_kinematics(model, y, data);
+  } else {
+    put_mechanism_state(model, y, data.mechanism.tree);
+    data.mechanism.tree.time = t;
+    const Status status = calc_position(model.mechanism, data.mechanism);
+    if (!status.ok()) return status;
+    if (model.mechanism.vehicle != kBase) {
+      calc_chaser_velocity(model, get_vehicle_pose(model, kChaser, y), y, data.mechanism);
+    }
+    calc_velocity(model.mechanism, data.base, data.mechanism);
+  }
+  calc_frames(model, y, data);
+  return {};
+}
+
+}  // namespace
+
+template <class S>
+void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data) {
+  if (!model.locked.on) {
+    data.vehicle[kChaser] = model.mechanism.vehicle != kBase
+                                ? get_body_motion(data.mechanism.tree, model.mechanism.vehicle)
+                                : get_vehicle_pose(model, kChaser, y);
+    data.capture = find_capture_motion(model, data.mechanism.tree);
+  }
+  data.interface[kChaser] = find_frame_on(data.vehicle[kChaser], model.interface_pose[kChaser]);
+  if (model.present[kTarget]) {
+    data.vehicle[kTarget] = get_vehicle_pose(model, kTarget, y);
+    if (model.moves[kTarget]) calc_target_velocity(model, y, data.vehicle[kTarget]);
+    data.interface[kTarget] = find_frame_on(data.vehicle[kTarget], model.interface_pose[kTarget]);
+    data.relative = find_relative(data.capture, data.interface[kTarget]);
+  }
+}
+
+namespace {
+
+/// Contact and latches, and their load on the capture body.
+template <class S>
+Status calc_capture_forces(const DockingModel& model, const DiscreteState& discrete,
+                           const ContactMemory& memory, S t, const S* y, S* ydot,
+                           DockingData<S>& data) {
+  data.on_passive = Wrench<S>();
+  if (!model.present[kTarget]) return {};
+  if (!data.touches) {
+    data.contact = ContactResult<S>();
+    data.latch.power = S(0);
+    if (ydot) std::fill_n(ydot + model.layout.bristles, model.layout.bristle_count, S(0));
+    return {};
+  }
+  if (!model.contact.empty()) {
+    const bool bristles = model.layout.bristle_count > 0;
+    S* rates =
+        bristles ? (ydot ? ydot + model.layout.bristles : data.bristle_rate.data()) : nullptr;
+    const Status status = calc_contact(model.contact, memory, data.relative,
+                                       bristles ? y + model.layout.bristles : nullptr, rates,
+                                       data.contact_work, data.contact);
+    if (!status.ok()) return status;
+    data.on_passive = data.contact.on_passive;
+  }
+  if (model.latches.count() > 0) {
+    calc_latches(model.latches, discrete.latch.data(), t, data.relative, data.latch);
+    data.on_passive += data.latch.on_passive;
+  }
+  data.on_passive.f = (data.capture.R * data.on_passive.f).eval();
+  data.on_passive.t = (data.capture.R * data.on_passive.t).eval();
+  return {};
+}
+
+}  // namespace
+
+template <class S>
+void calc_coordinate_rates(const Body& body, const VecX<S>& q, const VecX<S>& v, S* qdot) {
+  if (body.joint != JointType::kFree) {
+    qdot[0] = v[body.v_index];
+    return;
+  }
+  const Vec4<S> quat = q.template segment<4>(body.q_index + 3);
+  const Vec3<S> rate = quat_to_matrix<S>(quat) * v.template segment<3>(body.v_index);
+  const Vec4<S> quat_dot = quat_rate<S>(quat, v.template segment<3>(body.v_index + 3));
+  for (int j = 0; j < 3; ++j) qdot[j] = rate[j];
+  for (int j = 0; j < 4; ++j) qdot[3 + j] = quat_dot[j];
+}
+
+namespace {
+
+template <class S>
+void put(S* at, const Vec3<S>& v) {
+  for (int j = 0; j < 3; ++j) at[j] = v[j];
+}
+
+/// Rates of pose and momentum of a vehicle under a force at p and a moment, axes of O.
+template <class S>
+void put_vehicle_rates(const DockingModel& model, int i, const FrameMotion<S>& frame,
+                       const Vec3<S>& force, const Vec3<S>& moment_about_O, const S* y, S* ydot) {
+  const int pose = model.layout.pose[i], momentum = model.layout.momentum[i];
+  put<S>(ydot + pose, frame.v);
+  const Vec4<S> q(y[pose + 3], y[pose + 4], y[pose + 5], y[pose + 6]);
+  const Vec4<S> qdot = quat_rate<S>(q, frame.R.transpose() * frame.w);
+  for (int j = 0; j < 4; ++j) ydot[pose + 3 + j] = qdot[j];
+  put<S>(ydot + momentum, force);
+  put<S>(ydot + momentum + 3, moment_about_O);
+}
+
+}  // namespace
+
+template <class S>
+DockingData<S>::DockingData(const DockingModel& model)
+    : mechanism(model.mechanism), contact_work(model.contact) {
+  const int forces = static_cast<int>(model.mechanism.model.forces.size());
+  command.setZero(forces);
+  joint_force.setZero(forces);
+  bristle_rate.setZero(model.layout.bristle_count);
+}
+
+template <class S>
+Wrench<S> find_inertial_load(const VehicleBody& part, const FrameMotion<S>& chaser,
+                             const Vec3<S>& a, const Vec3<S>& alpha) {
+  const Vec3<S> c = chaser.R * part.com.template cast<S>();
+  const Mat3<S> I = chaser.R * part.inertia.template cast<S>() * chaser.R.transpose();
+  Wrench<S> load;
+  load.f = S(part.mass) * (a + alpha.cross(c) + chaser.w.cross(Vec3<S>(chaser.w.cross(c))));
+  load.t = c.cross(load.f) + I * alpha + chaser.w.cross(Vec3<S>(I * chaser.w));
+  return load;
+}
+
+template <class S>
+void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
+  const int vehicle = model.mechanism.vehicle;
+  if (!model.locked.on) {
+    calc_reactions(model.mechanism, data.base, vehicle, data.mechanism);
+    return;
+  }
+  const FrameMotion<S>& chaser = data.vehicle[kChaser];
+  Wrench<S> captured;  // load of the capture interface on the mechanism, about the chaser's origin
+  captured.f = -data.on_passive.f;
+  captured.t = -data.on_passive.t - (data.capture.p - chaser.p).cross(data.on_passive.f);
+  Vec3<S> a = -data.base.gravity, alpha = Vec3<S>::Zero();
+  if (vehicle != kBase) {
+    const VehicleBody& whole = model.locked.whole;
+    const Wrench<S> load = data.mechanism.tree.external[vehicle] + captured;
+    const Vec3<S> c = chaser.R * whole.com.template cast<S>();
+    const Vec3<S> w = chaser.R.transpose() * chaser.w;
+    const Mat3<S> I = whole.inertia.template cast<S>();
+    const Vec3<S> moment = chaser.R.transpose() * (load.t - c.cross(load.f));
+    const Mat3<double> inverse_inertia = whole.inertia.inverse();
+    alpha = chaser.R * (inverse_inertia.template cast<S>() * (moment - w.cross(Vec3<S>(I * w))));
+    a = load.f / S(whole.mass) - alpha.cross(c) - chaser.w.cross(Vec3<S>(chaser.w.cross(c)));
+    data.mechanism.tree.a[vehicle] = a;
+    data.mechanism.tree.alpha[vehicle] = alpha;
+  }
+  Wrench<S>& on_base = data.mechanism.on_base;
+  on_base = S(-1) * find_inertial_load(model.locked.mechanism, chaser, a, alpha);
+  if (model.mechanism.model.capture_body != vehicle) on_base += captured;
+  if (vehicle == kBase) on_base.t += chaser.p.cross(on_base.f);
+}
+
+template <class S>
+Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
+                  const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
+                  S* ydot, DockingData<S>& data) {
+  const Status status = calc_capture_forces(model, discrete, memory, t, y, ydot, data);
+  if (!status.ok()) return status;
+
+  MechanismData<S>& mechanism = data.mechanism;
+  const Vec3<S> gravity = model.falling ? Vec3<S>(Vec3<S>::Zero()) : loads.gravity;
+  data.base.gravity = gravity;
+  for (Wrench<S>& load : mechanism.tree.external) load = Wrench<S>();
+  const int capture_body = model.mechanism.model.capture_body;
+  if (capture_body != kBase && !model.locked.on) {
+    Wrench<S>& load = mechanism.tree.external[capture_body];
+    load.f -= data.on_passive.f;
+    load.t -= data.on_passive.t +
+              (data.capture.p - mechanism.tree.p[capture_body]).cross(data.on_passive.f);
+  }
+  data.thrust = discrete.thrust_on ? Vec3<S>(data.interface[kChaser].R.col(0) * S(model.thrust))
+                                   : Vec3<S>(Vec3<S>::Zero());
+  if (model.mechanism.vehicle != kBase) {
+    Wrench<S>& load = mechanism.tree.external[model.mechanism.vehicle];
+    load.f += loads.force[kChaser] + data.thrust;
+    load.t += data.vehicle[kChaser].R * loads.torque[kChaser];
+  }
+  mechanism.tau.setZero();
+  data.command = loads.command;
+  data.joints = calc_joint_forces(model.mechanism.model, mechanism.tree.q, mechanism.tree.v,
+                                  data.command, data.joint_force, mechanism.tau);
+  return {};
+}
+
+template <class S>
+Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
+                    const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
+                    S* ydot, DockingData<S>& data) {
+  Status status = calc_kinematics(model, t, y, data);
+  if (!status.ok()) return status;
+  status = calc_loads(model, discrete, memory, loads, t, y, ydot, data);
+  if (!status.ok()) return status;
+  MechanismData<S>& mechanism = data.mechanism;
+  if (!model.locked.on) calc_acceleration(model.mechanism, data.base, mechanism);
+  if (!ydot) return {};
+
+  // Mechanism relative to its vehicle.
+  int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
+  for (int i : model.mechanism_bodies) {
+    const Body& body = model.mechanism.model.bodies[i];
+    calc_coordinate_rates(body, mechanism.tree.q, mechanism.tree.v, ydot + q);
+    q += body.nq();
+    for (int j = 0; j < body.nv(); ++j) ydot[v++] = mechanism.vdot[body.v_index + j];
+  }
+  if (model.mechanism.plan.is_driven) {
+    calc_loop_forces(model.mechanism.plan, mechanism.vdot, mechanism.loops);
+  }
+  calc_vehicle_rates(model, loads, y, ydot, data);
+  return {};
+}
+
+template <class S>
+void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads, const S* y,
+                        S* ydot, DockingData<S>& data) {
+  const MechanismData<S>& mechanism = data.mechanism;
+  const Vec3<S> gravity = data.base.gravity;
+  const FrameMotion<S>& chaser = data.vehicle[kChaser];
+  const Vec3<S> chaser_force = loads.force[kChaser] + data.thrust;
+  const Vec3<S> chaser_moment = chaser.R * loads.torque[kChaser];
+  // Vehicles: the capture force acts on both at the same point, so their rates cancel exactly.
+  Vec3<S> impulse = Vec3<S>::Zero(), angular_impulse = Vec3<S>::Zero();
+  S power = data.joints.command_power;
+  if (model.mechanism.plan.is_driven) {
+    power += find_drive_power(model.mechanism.model, model.mechanism.plan, mechanism.loops);
+  }
+  const Vec3<S> capture_moment = data.capture.p.cross(data.on_passive.f) + data.on_passive.t;
+  if (model.moves[kChaser]) {
+    const S mass = mechanism.tree.m_sum[0];
+    const Vec3<S> weight_moment =
+        (mechanism.tree.h_sum[0] + mass * mechanism.tree.p[0]).cross(gravity);
+    const Vec3<S> force = chaser_force + mass * gravity;
+    const Vec3<S> moment = chaser_moment + chaser.p.cross(chaser_force) + weight_moment;
+    put_vehicle_rates<S>(model, kChaser, chaser, force - data.on_passive.f, moment - capture_moment,
+                         y, ydot);
+    impulse += force;
+    angular_impulse += moment;
+    const S* momentum = y + model.layout.momentum[kChaser];
+    power += chaser_force.dot(chaser.v) + chaser_moment.dot(chaser.w) +
+             gravity.dot(Vec3<S>(momentum[0], momentum[1], momentum[2]));
+  } else if (!model.locked.on && !(gravity.array() == S(0)).all()) {
+    // Weight of mechanism bodies on an immobile base, seen through the moving bodies.
+    bool told = false;
+    if constexpr (std::is_same_v<S, double>) {
+      told = mechanism.by_kernel && mechanism.kernel->finds_momentum();
+      if (told) power += gravity.dot(mechanism.kernel->find_linear_momentum());
+    }
+    for (size_t i = 0; !told && i < model.mechanism.model.bodies.size(); ++i) {
+      const Vec3<S> m_v = S(model.mechanism.model.bodies[i].mass) * mechanism.tree.u[i] +
+                          mechanism.tree.w[i].cross(mechanism.tree.h_body[i]);
+      power += gravity.dot(m_v);
+    }
+  }
+  if (model.moves[kTarget]) {
+    const FrameMotion<S>& target = data.vehicle[kTarget];
+    const Vec3<S> force = loads.force[kTarget] + S(model.vehicle[kTarget].mass) * gravity;
+    const Vec3<S> moment = target.R * loads.torque[kTarget];
+    const Vec3<S> moment_about_O = moment + target.p.cross(force);
+    put_vehicle_rates<S>(model, kTarget, target, force + data.on_passive.f,
+                         moment_about_O + capture_moment, y, ydot);
+    impulse += force;
+    angular_impulse += moment_about_O;
+    power += force.dot(target.v) + moment.dot(target.w);
+  }
+  S* sums = ydot + model.layout.sums;
+  sums[kSumContact] = data.contact.contact_power;
+  sums[kSumFriction] = data.contact.friction_power;
+  sums[kSumLegs] = data.joints.dissipation;
+  sums[kSumLatches] = data.latch.power;
+  sums[kSumExternal] = power;
+  put<S>(ydot + model.layout.impulse, impulse);
+  put<S>(ydot + model.layout.impulse + 3, angular_impulse);
+  for (int i : {kChaser, kTarget}) {
+    if (model.layout.told[i] < 0) continue;
+    const FrameMotion<S>& frame = data.vehicle[i];
+    const Vec3<S> force = loads.force[i] + S(model.stated_mass[i]) * gravity;
+    put<S>(ydot + model.layout.told[i], force);
+    put<S>(ydot + model.layout.told[i] + 3, frame.R * loads.torque[i] + frame.p.cross(force));
+  }
+}
+
+namespace {
+
+/// Momentum of a part of the chaser, axes of O, angular part about the origin of O.
+template <class S>
+Wrench<S> find_part_momentum(const VehicleBody& part, const FrameMotion<S>& chaser) {
+  const Vec3<S> c = chaser.R * part.com.template cast<S>(), at = chaser.p + c;
+  const Mat3<S> I = chaser.R * part.inertia.template cast<S>() * chaser.R.transpose();
+  Wrench<S> p;
+  p.f = S(part.mass) * (chaser.v + chaser.w.cross(c));
+  p.t = at.cross(p.f) + I * chaser.w;
+  return p;
+}
+
+}  // namespace
+
+template <class S>
+S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
+  S energy(0);
+  const TreeData<S>& tree = data.mechanism.tree;
+  if (model.locked.on) {
+    const FrameMotion<S>& chaser = data.vehicle[kChaser];
+    const Wrench<S> p = find_part_momentum(model.locked.whole, chaser);
+    energy += S(0.5) * (chaser.v.dot(p.f) + chaser.w.dot(Vec3<S>(p.t - chaser.p.cross(p.f))));
+  }
+  const bool by_kernel = data.mechanism.by_kernel && !model.locked.on;
+  if (by_kernel) {  // of the chaser too
+    const MechanismData<S>& mechanism = data.mechanism;
+    const std::vector<int>& ind = model.mechanism.plan.ind_v;
+    for (size_t j = 0; j < ind.size(); ++j) {
+      for (size_t i = 0; i < ind.size(); ++i) {
+        energy += S(0.5) * tree.v[ind[i]] * tree.v[ind[j]] *
+                  mechanism.A_ind(static_cast<int>(i), static_cast<int>(j));
+      }
+    }
+  }
+  for (size_t i = 0; !model.locked.on && !by_kernel && i < model.mechanism.model.bodies.size();
+       ++i) {
+    energy += S(0.5 * model.mechanism.model.bodies[i].mass) * tree.u[i].squaredNorm() +
+              tree.u[i].dot(tree.w[i].cross(tree.h_body[i])) +
+              S(0.5) * tree.w[i].dot(tree.I_body[i] * tree.w[i]);
+  }
+  if (model.moves[kTarget]) {
+    const FrameMotion<S>& target = data.vehicle[kTarget];
+    const Vec3<S> w = target.R.transpose() * target.w;
+    energy += S(0.5 * model.vehicle[kTarget].mass) * target.v.squaredNorm() +
+              S(0.5) * w.dot(model.vehicle[kTarget].inertia.template cast<S>() * w);
+  }
+  return energy;
+}
+
+template <class S>
+Wrench<S> find_body_momentum(const DockingModel& model, int body, const DockingData<S>& data) {
+  const TreeData<S>& tree = data.mechanism.tree;
+  Wrench<S> p;
+  p.f = S(model.mechanism.model.bodies[body].mass) * tree.u[body] +
+        tree.w[body].cross(tree.h_body[body]);
+  p.t = tree.p[body].cross(p.f) + tree.I_body[body] * tree.w[body] +
+        tree.h_body[body].cross(tree.u[body]);
+  return p;
+}
+
+template <class S>
+Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data) {
+  Wrench<S> sum;
+  if (vehicle == kTarget) {
+    if (!model.moves[kTarget]) return sum;
+    const FrameMotion<S>& target = data.vehicle[kTarget];
+    sum.f = S(model.vehicle[kTarget].mass) * target.v;
+    sum.t = target.p.cross(sum.f) + target.R * (model.vehicle[kTarget].inertia.template cast<S>() *
+                                                (target.R.transpose() * target.w));
+    return sum;
+  }
+  if (model.locked.on) return find_part_momentum(model.locked.whole, data.vehicle[kChaser]);
+  for (size_t i = 0; i < model.mechanism.model.bodies.size(); ++i) {
+    sum += find_body_momentum(model, static_cast<int>(i), data);
+  }
+  return sum;
+}
+
+template <class S>
+Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& data, S& mass,
+                               Vec3<S>& first_moment) {
+  Wrench<S> sum;
+  mass = S(0);
+  first_moment.setZero();
+  if (model.moves[kTarget] && !model.driven[kTarget]) {
+    sum = find_momentum(model, kTarget, data);
+    mass = S(model.vehicle[kTarget].mass);
+    first_moment = mass * data.vehicle[kTarget].p;
+  }
+  const TreeData<S>& tree = data.mechanism.tree;
+  const FrameMotion<S>& chaser = data.vehicle[kChaser];
+  const auto add = [&](const VehicleBody& part, const S& sign) {
+    sum += sign * find_part_momentum(part, chaser);
+    mass += sign * S(part.mass);
+    first_moment += sign * S(part.mass) * (chaser.p + chaser.R * part.com.template cast<S>());
+  };
+  if (model.locked.on) {
+    add(model.driven[kChaser] ? model.locked.mechanism : model.locked.whole, S(1));
+  }
+  for (int i = 0; !model.locked.on && i < static_cast<int>(tree.R.size()); ++i) {
+    if (model.driven[kChaser] && i == model.mechanism.vehicle) continue;
+    const S m(model.mechanism.model.bodies[i].mass);
+    sum += find_body_momentum(model, i, data);
+    mass += m;
+    first_moment += tree.h_body[i] + m * tree.p[i];
+  }
+  // The host's vehicle carries the mechanism frozen at home already.
+  if (model.driven[kChaser] && model.frozen.mass != 0.0) add(model.frozen, S(-1));
+  return sum;
+}
+
+#define DOCK_INSTANTIATE(S)                                                                        \
+  template void put_mechanism_state<S>(const DockingModel&, const S*, TreeData<S>&);               \
+  template void calc_frames<S>(const DockingModel&, const S*, DockingData<S>&);                    \
+  template void calc_coordinate_rates<S>(const Body&, const VecX<S>&, const VecX<S>&, S*);         \
+  template Status calc_loads<S>(const DockingModel&, const DiscreteState&, const ContactMemory&,   \
+                                const ExternalLoads<S>&, S, const S*, S*, DockingData<S>&);        \
+  template void calc_vehicle_rates<S>(const DockingModel&, const ExternalLoads<S>&, const S*, S*,  \
+                                      DockingData<S>&);                                            \
+  template struct DockingData<S>;                                                                  \
+  template Status calc_docking<S>(const DockingModel&, const DiscreteState&, const ContactMemory&, \
+                                  const ExternalLoads<S>&, S, const S*, S*, DockingData<S>&);      \
+  template void calc_docking_reactions<S>(const DockingModel&, DockingData<S>&);                   \
+  template Wrench<S> find_inertial_load<S>(const VehicleBody&, const FrameMotion<S>&,              \
+                                           const Vec3<S>&, const Vec3<S>&);                        \
+  template FrameMotion<S> find_frame_on<S>(const FrameMotion<S>&, const Pose<double>&);            \
+  template RelativeMotion<S> find_relative<S>(const FrameMotion<S>&, const FrameMotion<S>&);       \
+  template FrameMotion<S> get_vehicle_pose<S>(const DockingModel&, int, const S*);                 \
+  template FrameMotion<S> find_capture_motion<S>(const DockingModel&, const TreeData<S>&);         \
+  template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                   \
+  template Wrench<S> find_body_momentum<S>(const DockingModel&, int, const DockingData<S>&);       \
+  template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);            \
+  template Wrench<S> find_inside_momentum<S>(const DockingModel&, const DockingData<S>&, S&,       \
+                                             Vec3<S>&);
+
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+#undef DOCK_INSTANTIATE
+
+}  // namespace dockloop

@@ -1,0 +1,258 @@
+// Reading out continuous outputs, one template per group: with plain numbers for the host, with dual
+// numbers for their derivatives (derivatives.cpp).
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "math/scalar.hpp"
+#include "sim/outputs.hpp"
+
+namespace dockloop {
+namespace {
+
+using std::abs;
+using std::atan2;
+using std::max;
+
+/// Load on the target about the origin of P, axes of P.
+template <class S>
+Wrench<S> find_capture_load(const DockingData<S>& data) {
+  const FrameMotion<S>& P = data.interface[kTarget];
+  Wrench<S> load;
+  load.f = P.R.transpose() * data.on_passive.f;
+  load.t = P.R.transpose() * (data.on_passive.t + (data.capture.p - P.p).cross(data.on_passive.f));
+  return load;
+}
+
+/// tension, compression, shear [N], bending, torsion [N m] of a capture load.
+template <class S>
+std::array<S, Outputs::kLoadCount> find_load_components(const Wrench<S>& load) {
+  return {max<S>(S(0), -load.f.x()), max<S>(S(0), load.f.x()),
+          find_length<S>(load.f.y(), load.f.z()), find_length<S>(load.t.y(), load.t.z()),
+          abs(load.t.x())};
+}
+
+template <class S>
+S find_load_ratio(const std::array<S, Outputs::kLoadCount>& load, const RatedLoads& rated) {
+  const std::array<double, Outputs::kLoadCount> limit = {rated.tension, rated.compression,
+                                                         rated.shear, rated.bending, rated.torsion};
+  S ratio(0);
+  for (int i = 0; i < Outputs::kLoadCount; ++i) {
+    if (limit[i] > 0.0) ratio = max<S>(ratio, load[i] / S(limit[i]));
+  }
+  return ratio;
+}
+
+template <class S>
+void read_vehicles(const OutputSource<S>& from, OutputValues<S>& out) {
+  const DockingModel& model = from.model;
+  for (int i : {kChaser, kTarget}) {
+    if (!model.present[i]) continue;
+    typename OutputValues<S>::Vehicle& vehicle = out.vehicle[i];
+    if (!model.moves[i]) {
+      const VehicleParameters& p = from.parameters.vehicle[i];
+      vehicle.position = p.position.template cast<S>();
+      vehicle.attitude = p.attitude.template cast<S>();
+      continue;
+    }
+    const S* at = from.y + model.layout.pose[i];
+    vehicle.position =
+        from.frame_origin.template cast<S>() + (from.frame_shift + Vec3<S>(at[0], at[1], at[2]));
+    vehicle.attitude = Vec4<S>(at[3], at[4], at[5], at[6]).normalized();
+    vehicle.velocity = from.frame_velocity + from.data.vehicle[i].v;
+    vehicle.angular_velocity = from.data.vehicle[i].R.transpose() * from.data.vehicle[i].w;
+  }
+}
+
+/// Load of the docking system on each vehicle: now, and its mean over the step just made.
+template <class S>
+void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
+  const DockingModel& model = from.model;
+  const DockingData<S>& data = from.data;
+  const int chaser_body = model.mechanism.vehicle;
+  for (int i : {kChaser, kTarget}) {
+    if (!model.present[i]) continue;
+    const FrameMotion<S>& frame = data.vehicle[i];
+    Wrench<S> load;  // about the CoM, axes of O
+    if (i == kTarget) {
+      load.f = data.on_passive.f;
+      load.t = data.on_passive.t + (data.capture.p - frame.p).cross(data.on_passive.f);
+    } else {
+      load = data.mechanism.on_base;
+      if (chaser_body == kBase) load.t -= frame.p.cross(load.f);
+      if (model.mechanism.model.capture_body == chaser_body) {
+        load.f -= data.on_passive.f;
+        load.t -= data.on_passive.t + (data.capture.p - frame.p).cross(data.on_passive.f);
+      }
+      load.f += data.thrust;
+      if (model.frozen.mass != 0.0) {
+        // The stated vehicle carries the mechanism frozen at home: what moves that mass along is
+        // part of the load that the stated vehicle must feel.
+        load += find_inertial_load(model.frozen, frame, data.mechanism.tree.a[0],
+                                   data.mechanism.tree.alpha[0]);
+      }
+    }
+    typename OutputValues<S>::Vehicle& vehicle = out.vehicle[i];
+    vehicle.force = load.f;
+    vehicle.torque = frame.R.transpose() * load.t;
+    const bool has_mean = from.has_mean && model.moves[i];
+    vehicle.force_mean = has_mean ? Vec3<S>(from.mean[i].f.template cast<S>()) : vehicle.force;
+    vehicle.torque_mean = has_mean ? Vec3<S>(from.mean[i].t.template cast<S>()) : vehicle.torque;
+  }
+}
+
+template <class S>
+void read_relative(const OutputSource<S>& from, OutputValues<S>& out) {
+  const RelativeMotion<S> relative =
+      find_relative(from.data.interface[kChaser], from.data.interface[kTarget]);
+  out.relative_position = relative.p;
+  out.relative_attitude = quat_from_matrix<S>(relative.R);
+  out.relative_velocity = relative.v;
+  out.relative_angular_velocity = relative.w;
+  out.relative_axial = relative.p.x();
+  out.relative_lateral = find_length<S>(relative.p.y(), relative.p.z());
+  // Swing and twist about x: q = swing * twist.
+  const Vec4<S>& q = out.relative_attitude;
+  out.relative_pitch_yaw = S(2) * atan2(find_length<S>(q[2], q[3]), find_length<S>(q[0], q[1]));
+  out.relative_roll = S(2) * atan2(q[1], q[0]);
+  constexpr double kPi = static_cast<double>(EIGEN_PI);
+  if (out.relative_roll > S(kPi)) out.relative_roll -= S(2.0 * kPi);
+  if (out.relative_roll < S(-kPi)) out.relative_roll += S(2.0 * kPi);
+
+  const Wrench<S> load = find_capture_load(from.data);
+  out.capture_force = load.f;
+  out.capture_torque = load.t;
+  out.capture_load = find_load_components(load);
+  out.capture_load_ratio = find_load_ratio(out.capture_load, from.rated);
+}
+
+template <class S>
+void read_contact(const OutputSource<S>& from, OutputValues<S>& out) {
+  const DockingModel& model = from.model;
+  DockingData<S>& data = from.data;
+  out.gap = S(kNoGap);
+  if (model.present[kTarget] && !model.contact.empty()) {
+    out.gap = find_gap(model.contact, data.relative, data.contact_work);
+    for (size_t i = 0; i < out.petal_force.size(); ++i) {
+      out.petal_force[i] = data.contact.petal_force[i].norm();
+    }
+    out.contact_depth_ratio = data.contact.depth_ratio;
+  }
+  for (int i = 0; i < model.latches.count(); ++i) {
+    out.latch_opening[i] = data.latch.opening[i];
+    out.latch_lateral[i] = data.latch.lateral[i];
+    out.latch_force[i] = data.latch.force[i];
+  }
+}
+
+/// What a leg transmits along itself: its spring, damper, stops and command, and what couplings (a
+/// screw with its rotor, a differential) exert on its slide. @pre calc_docking_reactions()
+template <class S>
+S find_leg_force(const DockingModel& model, const DockingData<S>& data, const Leg& leg) {
+  const Mechanism& mechanism = model.mechanism;
+  S force = data.joint_force[leg.force];
+  if (model.locked.on) return force;  // nothing tells what couplings carry
+  for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
+    const Loop& loop = mechanism.model.loops[k];
+    if (loop.cut != CutType::kCoupling) continue;
+    const double factor = find_coupling_factor(loop, leg.slide_body);
+    if (factor == 0.0) continue;
+    force +=
+        S(factor) * get_cut_force(mechanism.plan, data.mechanism.loops, static_cast<int>(k), 0);
+  }
+  return force;
+}
+
+template <class S>
+void read_mechanism(const OutputSource<S>& from, OutputValues<S>& out) {
+  const DockingModel& model = from.model;
+  const MechanismData<S>& mechanism = from.data.mechanism;
+  const RelativeMotion<S> ring = find_relative(from.data.interface[kChaser], from.data.capture);
+  out.ring_position = ring.p;
+  out.ring_attitude = quat_from_matrix<S>(ring.R);
+  out.ring_velocity = ring.v;
+  out.ring_angular_velocity = ring.w;
+  for (size_t i = 0; i < model.mechanism.model.legs.size(); ++i) {
+    const Leg& leg = model.mechanism.model.legs[i];
+    const Body& slide = model.mechanism.model.bodies[leg.slide_body];
+    out.leg_length[i] = S(leg.home_length) + mechanism.tree.q[slide.q_index];
+    out.leg_rate[i] = mechanism.tree.v[slide.v_index];
+    out.leg_force[i] = find_leg_force(model, from.data, leg);
+  }
+  int q = 0, v = 0;
+  for (int i : from.state_bodies) {
+    const Body& body = model.mechanism.model.bodies[i];
+    for (int j = 0; j < body.nq(); ++j) out.state_q[q++] = mechanism.tree.q[body.q_index + j];
+    for (int j = 0; j < body.nv(); ++j) {
+      out.state_v[v] = mechanism.tree.v[body.v_index + j];
+      out.state_a[v++] = mechanism.vdot[body.v_index + j];
+    }
+  }
+  for (size_t k = 0; k < out.loop_force.size(); ++k) {
+    const int count = std::min(3, equation_count(model.mechanism.model.loops[k].cut));
+    out.loop_force[k].setZero();
+    if (model.locked.on) continue;  // nothing tells them
+    for (int j = 0; j < count; ++j) {
+      out.loop_force[k][j] =
+          get_cut_force(model.mechanism.plan, mechanism.loops, static_cast<int>(k), j);
+    }
+  }
+  // Load on the base in axes and about the origin of B.
+  const FrameMotion<S> B = find_frame_on(from.data.vehicle[kChaser], model.base_in_chaser);
+  const Vec3<S> about = model.mechanism.vehicle == kBase
+                            ? Vec3<S>(Vec3<S>::Zero())
+                            : mechanism.tree.p[model.mechanism.vehicle];
+  out.base_force = B.R.transpose() * mechanism.on_base.f;
+  out.base_torque =
+      B.R.transpose() * (mechanism.on_base.t + (about - B.p).cross(mechanism.on_base.f));
+}
+
+template <class S>
+void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
+  const DockingModel& model = from.model;
+  const DockingData<S>& data = from.data;
+  const S* sums = from.y + model.layout.sums;
+  out.energy_kinetic = find_kinetic_energy(model, data);
+  out.energy_potential = data.joints.energy + data.contact.energy + data.latch.energy;
+  out.energy_dissipated_contact = sums[kSumContact];
+  out.energy_dissipated_friction = sums[kSumFriction];
+  out.energy_dissipated_legs = sums[kSumLegs];
+  out.energy_dissipated_latches = sums[kSumLatches];
+  out.energy_dissipated =
+      sums[kSumContact] + sums[kSumFriction] + sums[kSumLegs] + sums[kSumLatches];
+  out.energy_external = sums[kSumExternal] + S(from.host_work);
+  out.energy_residual = out.energy_kinetic + out.energy_potential + out.energy_dissipated -
+                        out.energy_external - S(from.energy_start);
+}
+
+}  // namespace
+
+template <class S>
+void read_momentum(const OutputSource<S>& from, OutputValues<S>& out) {
+  S mass(0);
+  Vec3<S> first_moment;
+  const Wrench<S> sum = find_inside_momentum(from.model, from.data, mass, first_moment);
+  out.momentum_linear = sum.f + mass * from.frame_velocity;
+  out.momentum_angular = sum.t + first_moment.cross(from.frame_velocity);
+  out.momentum_reference = from.frame_origin.template cast<S>() + from.frame_shift;
+}
+
+template <class S>
+void read_outputs(const OutputSource<S>& from, OutputValues<S>& out) {
+  calc_docking_reactions(from.model, from.data);
+  read_vehicles(from, out);
+  read_vehicle_loads(from, out);
+  if (from.model.present[kTarget]) read_relative(from, out);
+  read_contact(from, out);
+  read_mechanism(from, out);
+  read_energy(from, out);
+}
+
+#define DOCK_INSTANTIATE(S)                                                \
+  template void read_outputs<S>(const OutputSource<S>&, OutputValues<S>&); \
+  template void read_momentum<S>(const OutputSource<S>&, OutputValues<S>&);
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+#undef DOCK_INSTANTIATE
+
+}  // namespace dockloop

@@ -1,0 +1,78 @@
+// The rows; see solver_methods.hpp.
+#include "sim/solver_methods.hpp"
+
+#include <vector>
+
+namespace dockloop {
+
+namespace {
+
+constexpr bool kCore = false, kCompare = true, kFixed = true, kJacobian = true, kRates = true;
+constexpr std::array<MethodFacts, kMethodCount> kMethods = {{
+    {kAuto, "auto", "the same as 11; at model.level 4 the same as 9", kCore, !kFixed, !kJacobian,
+     kRates},
+    {kExplicit, "explicit", "adaptive one-step", kCore, !kFixed, !kJacobian, kRates},
+    {kImplicit, "implicit", "the same for stiff contact, latches or friction", kCore, !kFixed,
+     kJacobian},
+    {kImex, "imex", "implicit for contact and latches only", kCompare, !kFixed, kJacobian},
+    {kAdams, "adams", "multistep, for long communication steps as 6", kCompare},
+    {kBdf, "bdf",
+     "multistep, stiff: begins with order 1 at every communication point and event, so it is for "
+     "long communication steps",
+     kCore, !kFixed, kJacobian},
+    {kFixedRk4, "fixed_rk4", "equal steps of solver.step, bounded cost", kCore, kFixed, !kJacobian,
+     kRates},
+    {kFixedImplicit, "fixed_implicit", "the same, stable where 7 is not", kCompare, kFixed,
+     kJacobian},
+    {kDae, "dae", "all joint coordinates, loops held by multipliers: with model.level 4 only",
+     kCompare},
+    {kHighOrder, "high_order", "as 2 of order 8, for smooth motion at tight tolerances", kCompare,
+     !kFixed, !kJacobian, kRates},
+    {kStabilised, "stabilised",
+     "as 2, in longer steps of order 4 where stability would limit those of 2", kCore, !kFixed,
+     !kJacobian, kRates, kAuto},
+}};
+
+constexpr bool is_in_order() {
+  for (int i = 0; i < kMethodCount; ++i) {
+    if (kMethods[static_cast<size_t>(i)].method != i + 1) return false;
+  }
+  return true;
+}
+static_assert(is_in_order(), "the place of a row is its number");
+
+}  // namespace
+
+const std::array<MethodFacts, kMethodCount>& list_methods() { return kMethods; }
+
+const MethodFacts* find_method(int number) {
+  return number >= 1 && number <= kMethodCount ? &kMethods[static_cast<size_t>(number - 1)] : nullptr;
+}
+
+std::string describe_choice(bool all) {
+  std::vector<std::string> words;
+  for (const MethodFacts& m : kMethods) {
+    if (m.for_comparison && !all) continue;
+    words.push_back(std::to_string(m.method) + " (" + m.name + ")");
+  }
+  std::string text = words[0];
+  for (size_t i = 1; i < words.size(); ++i) {
+    text += (i + 1 < words.size() ? ", " : " or ") + words[i];
+  }
+  return text;
+}
+
+std::string describe_missing_method(int number) {
+  return std::string(" (") + find_method(number)->name +
+         "), a method for comparison, which this build does not carry: take " +
+         describe_choice(false) +
+         ", or compare methods with `dockloop trade`, which carries all of them";
+}
+
+std::string describe_missing_reference_level() {
+  return " (reference), a form for comparison, which this build does not carry: take 1 (rigid), "
+         "2 (massless_legs) or 3 (reduced), or compare forms with `dockloop trade`, which carries "
+         "all of them";
+}
+
+}  // namespace dockloop
