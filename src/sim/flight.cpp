@@ -196,7 +196,7 @@ double DockingSim::Impl::find_flight_time() const {
 }
 
 /// Free motion of both vehicles. @pre evaluate() @post y is ahead of the last evaluation
-/// @return what the steps of their attitudes cost, in evaluations
+/// @return what it costs, in evaluations: that of its end, and the steps of the attitudes
 std::int64_t DockingSim::Impl::fly(double duration) {
   std::int64_t made = 0;
   for (int i : {kChaser, kTarget}) {
@@ -215,7 +215,7 @@ std::int64_t DockingSim::Impl::fly(double duration) {
     made += turns;
     set_vehicle_pose(*model, i, center - quat_to_matrix<double>(q) * body.com, q, stepper->y());
   }
-  return made / kTurnsPerEvaluation;
+  return 1 + made / kTurnsPerEvaluation;
 }
 
 }  // namespace dockloop
