@@ -67,8 +67,7 @@ void check_choice(int value, int most, const char* name, const char* choice) {
 
 /// Multipliers need a method that knows them, and it nothing else.
 void check_level(const Parameters& p, Interface interface) {
-  check_choice(p.model_level, kReference, "model.level",
-               "1 (rigid), 2 (massless_legs), 3 (reduced) or 4 (reference)");
+  check_choice(p.model_level, kLevels, "model.level");
   if (interface == Interface::kModelExchange) {
     if (p.model_level != kReference) return;
     throw ModelError(
@@ -204,12 +203,9 @@ void DockingSim::Impl::check_parameters() const {
   positive(p.step, "solver.step");
   positive(p.coupling_expected_step, "coupling.expected_step");
   positive(p.coupling_velocity_tolerance, "coupling.velocity_tolerance");
-  if (p.coupling_mode != kSequential && p.coupling_mode != kParallel) {
-    throw ModelError("coupling.mode is " + std::to_string(p.coupling_mode) +
-                     "; it must be 1 (sequential) or 2 (parallel)");
-  }
+  check_choice(p.coupling_mode, kCouplingModes, "coupling.mode");
   check_level(p, interface);
-  check_choice(p.flight, kIntegrated, "model.flight", "1 (resting) or 2 (integrated)");
+  check_choice(p.flight, kFlightModels, "model.flight");
   check_choice(
       p.solver_method, kStabilised, "solver.method",
       "1 (auto), 2 (explicit), 3 (implicit), 4 (imex), 5 (adams), 6 (bdf), 7 (fixed_rk4), 8 "
