@@ -1,8 +1,6 @@
 // The rows; see solver_methods.hpp.
 #include "sim/solver_methods.hpp"
 
-#include <vector>
-
 namespace dockloop {
 
 namespace {
@@ -49,23 +47,24 @@ const MethodFacts* find_method(int number) {
   return number >= 1 && number <= kMethodCount ? &kMethods[static_cast<size_t>(number - 1)] : nullptr;
 }
 
-std::string describe_choice(bool all) {
-  std::vector<std::string> words;
+const ChoiceList& get_method_choices() {
+  static const ChoiceList kAll = list_carried_methods(true);
+  return kAll;
+}
+
+ChoiceList list_carried_methods(bool has_comparison) {
+  ChoiceList carried;
   for (const MethodFacts& m : kMethods) {
-    if (m.for_comparison && !all) continue;
-    words.push_back(std::to_string(m.method) + " (" + m.name + ")");
+    if (m.for_comparison && !has_comparison) continue;
+    carried.push_back({m.method, m.name, m.meaning});
   }
-  std::string text = words[0];
-  for (size_t i = 1; i < words.size(); ++i) {
-    text += (i + 1 < words.size() ? ", " : " or ") + words[i];
-  }
-  return text;
+  return carried;
 }
 
 std::string describe_missing_method(int number) {
   return std::string(" (") + find_method(number)->name +
          "), a method for comparison, which this build does not carry: take " +
-         describe_choice(false) +
+         list_names(list_carried_methods(false), true) +
          ", or compare methods with `dockloop trade`, which carries all of them";
 }
 

@@ -7,6 +7,8 @@
 #include <array>
 #include <string>
 
+#include "math/choice.hpp"
+
 namespace dockloop {
 
 /// Values of solver.method; numbers of the interface. They stay reserved where a build lacks one.
@@ -42,8 +44,9 @@ const std::array<MethodFacts, kMethodCount>& list_methods();
 /// @return null if there is no method of this number
 const MethodFacts* find_method(int number);
 
-/// "1 (auto), 2 (explicit) or 3 (implicit)". @param all  also those for comparison
-std::string describe_choice(bool all);
+/// The same as choices: all of them, and those that a build with or without src/compare carries.
+const ChoiceList& get_method_choices();
+ChoiceList list_carried_methods(bool has_comparison);
 
 class Comparison;
 /// What an FMU library carries beyond the core. fmu/no_comparison.cpp defines it for the product, and

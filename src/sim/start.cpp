@@ -67,8 +67,7 @@ void check_choice(int value, int most, const char* name, const char* choice) {
 
 /// A method or a level that only src/compare carries needs it.
 void check_method(const Parameters& p, bool has_comparison) {
-  check_choice(p.solver_method, kMethodCount, "solver.method",
-               describe_choice(has_comparison).c_str());
+  check_choice(p.solver_method, list_carried_methods(has_comparison), "solver.method");
   if (has_comparison) return;
   if (find_method(p.solver_method)->for_comparison) {
     throw ModelError("solver.method is " + std::to_string(p.solver_method) +
@@ -81,8 +80,7 @@ void check_method(const Parameters& p, bool has_comparison) {
 
 /// Multipliers need a method that knows them, and it nothing else.
 void check_level(const Parameters& p, Interface interface) {
-  check_choice(p.model_level, kReference, "model.level",
-               "1 (rigid), 2 (massless_legs), 3 (reduced) or 4 (reference)");
+  check_choice(p.model_level, kLevels, "model.level");
   if (interface == Interface::kModelExchange) {
     if (p.model_level != kReference) return;
     throw ModelError(
@@ -188,6 +186,7 @@ void DockingSim::Impl::clear() {
   setup.reset();
   model.reset();
   start_mechanism.reset();
+  events.reset();
   data.reset();
   rate_data.reset();
   stepper.reset();
@@ -212,13 +211,10 @@ void DockingSim::Impl::check_parameters() const {
   positive(p.step, "solver.step");
   positive(p.coupling_expected_step, "coupling.expected_step");
   positive(p.coupling_velocity_tolerance, "coupling.velocity_tolerance");
-  if (p.coupling_mode != kSequential && p.coupling_mode != kParallel) {
-    throw ModelError("coupling.mode is " + std::to_string(p.coupling_mode) +
-                     "; it must be 1 (sequential) or 2 (parallel)");
-  }
+  check_choice(p.coupling_mode, kCouplingModes, "coupling.mode");
   check_method(p, comparison != nullptr);
   check_level(p, interface);
-  check_choice(p.flight, kIntegrated, "model.flight", "1 (resting) or 2 (integrated)");
+  check_choice(p.flight, kFlightModels, "model.flight");
   check_choice(p.dae_form, 3, "solver.dae_form",
                "1 (index 1), 2 (index 1 with Baumgarte stabilisation) or 3 (stabilised index 2)");
   if (interface == Interface::kModelExchange &&
@@ -386,6 +382,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   choose_frame_O();
   model = std::make_unique<DockingModel>(make_docking_model(
       *scene, parameters.vehicle, make_contact_law(), frame_origin, parameters.model_level));
+  events = std::make_unique<EventLogic>(*model, discrete, memory);
   start_mechanism.reset();
   state_bodies = model->mechanism_bodies;
   model->thrust = parameters.contact_thrust;
@@ -409,13 +406,13 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   load_rates = loads_now = loads;
   read_inputs();
   counted_elsewhere = Counters();
-  std::fill(due.begin(), due.end(), char(0));
+  events->clear_due();
   for (int i : {kChaser, kTarget}) {
     const Mat3<double> inertia = make_symmetric(parameters.vehicle[i].inertia);
     least_inertia[i] = find_principal_moments(inertia)[0];
   }
   // At rest the scale is what the tolerance lets a vehicle move.
-  momentum_scale = parameters.atol_velocity * parameters.vehicle[kChaser].mass;
+  const double least_momentum = parameters.atol_velocity * parameters.vehicle[kChaser].mass;
 
   Status status = bring_joints_to_start();
   if (status.ok()) {
@@ -429,13 +426,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     lock_mechanism(*model, *data);
     if (!evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
   }
-  energy_start = find_total_energy();
-  energy_in_play = find_energy_balance().in_play;
-  for (int i : {kChaser, kTarget}) {
-    momentum_start[i] = find_momentum(*model, i, *data);
-    momentum_scale = std::max(momentum_scale, momentum_start[i].f.norm());
-    angular_momentum_scale = std::max(angular_momentum_scale, momentum_start[i].t.norm());
-  }
+  start_energy_audit(*model, *data, stepper->y(), energy_audit);
+  start_momentum_audit(*model, *data, least_momentum, momentum_audit);
   attach_kernel();
   warn_about_start();
   if (has_surfaces()) {
@@ -450,13 +442,13 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     const double gap = find_gap(model->contact, data->relative, data->contact_work);
     if (!decide_absorber().ok()) throw ModelError("start state cannot be evaluated");
     // A start that touches is a first contact at the start; so is one within reach of a latch.
-    if (gap <= kTouching) begin_contact(0.0);
+    if (gap <= kTouching) events->begin_contact(0.0);
   }
   if (update_latches(0.0) && !evaluate(0.0).ok())
     throw ModelError("start state cannot be evaluated");
-  update_capture(0.0);
+  events->update_capture(0.0);
   update_thrust(0.0);
-  update_phase(find_phase_inputs(*data, find_near_gap(*data)), discrete);
+  update_phase(events->find_phase_inputs(*data, events->find_near_gap(*data)), discrete);
   peaks.start(0.0, find_peak_values());
   const double* q = stepper->y() + model->layout.mechanism_q;
   rest_state.q.assign(q, q + model->layout.mechanism_nq);
@@ -507,7 +499,7 @@ void DockingSim::Impl::make_stepper() {
   problem.roots = [this](double t, const double* y, double* roots) {
     if (is_evaluated(t, y)) {
       roots_at = evaluated == Evaluated::kStart ? data.get() : rate_data.get();
-      calc_event_functions(*roots_at, roots);
+      events->calc_functions(*roots_at, roots);
       return 0;
     }
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
@@ -519,10 +511,10 @@ void DockingSim::Impl::make_stepper() {
       return 1;
     }
     roots_at = rate_data.get();
-    calc_event_functions(*roots_at, roots);
+    events->calc_functions(*roots_at, roots);
     return 0;
   };
-  problem.root_speeds = [this](double* speeds) { calc_event_speeds(*roots_at, speeds); };
+  problem.root_speeds = [this](double* speeds) { events->calc_speeds(*roots_at, speeds); };
   jacobian_pass.reset();
   balance.reset();
   if (can_rest()) {
