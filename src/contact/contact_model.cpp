@@ -1,4 +1,4 @@
-// Pair table, neighbour list and bounds; contact_model_body.hpp, compiled for the scalars of the core.
+// Pair table, neighbour list and bounds; contact_model_body.hpp, for the scalars of the core.
 #include "contact/contact_model.hpp"
 
 #include <algorithm>

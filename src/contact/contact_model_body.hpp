@@ -168,9 +168,10 @@ void add_bristles(const ContactLaw& law, const std::vector<char>& closed, const 
 enum class NodesFound { kAdded, kTooDeep, kRefused };
 
 /// All pairs of a set of nodes at once. kTooDeep: one by one, please; nothing was added.
-inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set, const ContactMemory& memory,
-                     const RelativeMotion<double>& motion, ContactWorkspace<double>& work,
-                     ContactResult<double>& out, Status& status) {
+inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
+                            const ContactMemory& memory, const RelativeMotion<double>& motion,
+                            ContactWorkspace<double>& work, ContactResult<double>& out,
+                            Status& status) {
   const CaptureHardware& other = set.on_passive ? model.active : model.passive;
   const ContactLaw& law = model.law;
   nodes::NodeContact contact;

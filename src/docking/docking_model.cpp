@@ -1,5 +1,5 @@
-// What makes and changes the model of a docking; docking_model_body.hpp, compiled for the scalars of
-// the core.
+// What makes and changes the model of a docking; docking_model_body.hpp, compiled for the scalars
+// of the core.
 #include "docking/docking_model.hpp"
 
 #include <cstdio>

@@ -11,7 +11,7 @@
 // Algorithms are templates with their definitions in .cpp files; each such file ends with
 //   #define DOCK_INSTANTIATE(S) template void calc_something<S>(...);
 //   DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
-// Those that are compiled again for another scalar (src/compare, the generator, the operation counter)
+// Those that are compiled again for another scalar (src/compare, src/codegen, the operation counter)
 // are in a header *_body.hpp, which a .cpp file includes; such a file defines the list before.
 #pragma once
 

@@ -1,4 +1,4 @@
-// The seam for methods of comparison, which live in src/compare and which core and FMU do not carry.
+// The seam for methods for comparison, which live in src/compare; core and FMU do not carry them.
 //
 // A program that links src/compare hands its one Comparison to the constructor of DockingSim. A
 // simulation without one refuses such methods (solver_methods.hpp).

@@ -1,5 +1,5 @@
-// Reading out: from an evaluated state to the variables of the interface; outputs_body.hpp, compiled
-// for the scalars of the core.
+// Reading out: from an evaluated state to the variables of the interface; outputs_body.hpp,
+// compiled for the scalars of the core.
 #include "sim/outputs.hpp"
 
 #include <algorithm>

@@ -1,5 +1,5 @@
-// Reading out continuous outputs, one template per group: with plain numbers for the host, with dual
-// numbers for their derivatives (derivatives.cpp).
+// Reading out continuous outputs, one template per group: with plain numbers for the host, with
+// dual numbers for their derivatives (derivatives.cpp).
 #pragma once
 
 #include <algorithm>

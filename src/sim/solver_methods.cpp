@@ -7,10 +7,9 @@ namespace {
 
 constexpr bool kCore = false, kCompare = true, kFixed = true, kJacobian = true, kRates = true;
 constexpr std::array<MethodFacts, kMethodCount> kMethods = {{
-    {kAuto, "auto", "the same as 11; at model.level 4 the same as 9", kCore, !kFixed, !kJacobian,
-     kRates},
+    {kAuto, "auto", "the same as 11", kCore, !kFixed, !kJacobian, kRates},
     {kExplicit, "explicit", "adaptive one-step", kCore, !kFixed, !kJacobian, kRates},
-    {kImplicit, "implicit", "the same for stiff contact, latches or friction", kCore, !kFixed,
+    {kImplicit, "implicit", "as 2 for stiff contact, latches or friction", kCore, !kFixed,
      kJacobian},
     {kImex, "imex", "implicit for contact and latches only", kCompare, !kFixed, kJacobian},
     {kAdams, "adams", "multistep, for long communication steps as 6", kCompare},
@@ -20,9 +19,9 @@ constexpr std::array<MethodFacts, kMethodCount> kMethods = {{
      kCore, !kFixed, kJacobian},
     {kFixedRk4, "fixed_rk4", "equal steps of solver.step, bounded cost", kCore, kFixed, !kJacobian,
      kRates},
-    {kFixedImplicit, "fixed_implicit", "the same, stable where 7 is not", kCompare, kFixed,
-     kJacobian},
-    {kDae, "dae", "all joint coordinates, loops held by multipliers: with model.level 4 only",
+    {kFixedImplicit, "fixed_implicit", "as 7, stable where 7 is not", kCompare, kFixed, kJacobian},
+    {kDae, "dae",
+     "all joint coordinates, loops held by multipliers: at model.level 4 only, where 1 is the same",
      kCompare},
     {kHighOrder, "high_order", "as 2 of order 8, for smooth motion at tight tolerances", kCompare,
      !kFixed, !kJacobian, kRates},
@@ -44,7 +43,8 @@ static_assert(is_in_order(), "the place of a row is its number");
 const std::array<MethodFacts, kMethodCount>& list_methods() { return kMethods; }
 
 const MethodFacts* find_method(int number) {
-  return number >= 1 && number <= kMethodCount ? &kMethods[static_cast<size_t>(number - 1)] : nullptr;
+  if (number < 1 || number > kMethodCount) return nullptr;
+  return &kMethods[static_cast<size_t>(number - 1)];
 }
 
 const ChoiceList& get_method_choices() {

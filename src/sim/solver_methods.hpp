@@ -49,7 +49,7 @@ const ChoiceList& get_method_choices();
 ChoiceList list_carried_methods(bool has_comparison);
 
 class Comparison;
-/// What an FMU library carries beyond the core. fmu/no_comparison.cpp defines it for the product, and
+/// What an FMU library carries beyond the core. fmu/no_comparison.cpp defines it for the product,
 /// src/compare/fmu_comparison.cpp for dockloop_compare.so; a library links one of them.
 const Comparison* get_fmu_comparison();
 

@@ -377,6 +377,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   static_cast<SimState&>(*this) = SimState();
   warnings.clear();
   check_method(from->parameters, comparison != nullptr);  // a saved state may come from elsewhere
+  check_level(from->parameters, interface);
   setup = std::move(from);
   parameters = setup->parameters;
   choose_frame_O();

@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "compare/comparison.hpp"
 #include "sim/docking_sim.hpp"
 
 using namespace dockloop;
@@ -30,7 +31,7 @@ struct Result {
 
 Result run(const std::shared_ptr<const Scene>& scene, int method, double rtol, double step,
            double stop) {
-  DockingSim sim(scene);
+  DockingSim sim(scene, Interface::kCoSimulation, get_comparison());
   Parameters& p = sim.parameters();
   const double share = rtol / p.rtol;
   constexpr double kLeast = 1e-14;  // [m], [m/s]
