@@ -24,7 +24,9 @@ MAY_SEE = {
     # Nobody sees these: other ways to compute the same, and two programs.
     "compare": {"math", "integrate", "sim"},
     "codegen": {"math", "model", "tree", "loops", "mechanism", "docking"},
-    "tool": {"math", "model", "contact", "mechanism", "docking", "sim", "interface"},
+    "tool": {"math", "docking", "sim", "interface"},
+    "check": {"math", "model", "tree", "loops", "contact", "mechanism", "docking", "interface"},
+    "python": {"docking", "sim", "interface", "fmu", "check"},
 }
 # Where an outside library may be included: library header prefix -> folders.
 LIBRARIES = {
@@ -36,7 +38,8 @@ LIBRARIES = {
     "sunlinsol/": {"src/integrate"},
     "sunmatrix/": {"src/integrate"},
     "sunnonlinsol/": {"src/integrate"},
-    "nlohmann/": {"src/model", "src/docking", "src/tool", "tests/unit"},
+    "nlohmann/": {"src/model", "src/docking", "src/check", "src/tool", "tests/unit"},
+    "nanobind/": {"src/python"},
     "fmi2": {"fmu", "tests/unit"},
 }
 

@@ -402,9 +402,8 @@ def _by_section(root: ET.Element, parameters: bool) -> Iterable[tuple[str, list[
 
 def _variables(root: ET.Element, parameters: bool) -> str:
     """Return one table a section; a vector is one row."""
-    head = ("variable", "kind", "unit", "start", "range", "meaning")
-    if parameters:
-        head = tuple(column for column in head if column != "kind")
+    columns = ("variable", "kind", "unit", "start", "range", "meaning")
+    head = [column for column in columns if not (parameters and column == "kind")]
     parts = []
     for title, variables in _by_section(root, parameters):
         families: dict[str, list[ET.Element]] = {}

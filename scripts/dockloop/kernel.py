@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dockloop import paths
+from dockloop.core import to_json
 from dockloop.errors import UsageError, find_reason
 
 FLAGS = [
@@ -23,6 +24,7 @@ FLAGS = [
     *("-fno-math-errno", "-ffp-contract=off"),
     *("-shared", "-fPIC", "-s"),
 ]
+_STDIN = "/dev/stdin"
 _PLATFORMS = {("Linux", "x86_64"): "linux64", ("Linux", "aarch64"): "aarch64-linux"}
 
 
@@ -51,11 +53,11 @@ def find_compiler() -> list[str]:
     return []
 
 
-def make_kernel(model: Path, needed: bool) -> Kernel:
+def make_kernel(document: dict, needed: bool) -> Kernel:
     """Make the kernel of a resolved scene for the platform at hand, if that is possible.
 
     Args:
-        model: the scene, as FMUs hold it.
+        document: the resolved scene, as FMUs hold it.
         needed: make one also where the core has a kernel of its own.
     """
     folder = _PLATFORMS.get((platform.system(), platform.machine()))
@@ -67,14 +69,15 @@ def make_kernel(model: Path, needed: bool) -> Kernel:
     if not compiler:
         return Kernel("none: no C compiler was found (cc, gcc, clang or what CC names)")
     written = subprocess.run(
-        [paths.GENERATOR, "scene", model, *([] if needed else ["if-needed"])],
+        [paths.GENERATOR, "scene", _STDIN, *([] if needed else ["if-needed"])],
+        input=to_json(document),
         capture_output=True,
         text=True,
         check=False,
     )
     said = written.stderr.strip()
     if written.returncode != 0:
-        return Kernel(f"none: {said.replace(f'{model}: ', '')}")
+        return Kernel(f"none: {said.replace(f'{_STDIN}: ', '')}")
     source = written.stdout
     key = hashlib.sha256(f"{compiler} {FLAGS}\n{source}".encode()).hexdigest()[:32]
     library = paths.KERNELS / f"{key}.so"

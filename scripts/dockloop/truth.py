@@ -7,9 +7,9 @@ digit of a double counts), the work, and how far a run with 1000 times the toler
 
 from collections.abc import Callable, Sequence
 
-from dockloop.core import ask_core
+from dockloop.core import ask_core, to_json
 from dockloop.errors import one_line
-from dockloop.fmu import place_vehicles, to_json
+from dockloop.fmu import place_vehicles
 from dockloop.outputs import json_kind, scratch
 from dockloop.scene import find_scene, resolve_scene
 
