@@ -1,8 +1,8 @@
 """The package outside of the clone.
 
 1. Laid out as it is installed, in another folder: commands, scenes, schemas, FMUs, Python.
-2. Slow, with DOCKLOOP_SLOW=1 (.ci/run): the same after a real ``pip install`` into a new
-   environment, which compiles everything.
+2. Label `long`: the same after a real ``pip install`` into a new environment, which compiles
+   everything.
 """
 
 import json
@@ -86,7 +86,7 @@ def test_a_package_outside_of_the_clone_has_all_that_it_needs(tmp_path):
     check_package([sys.executable, "-S"], tmp_path / "elsewhere", {"PYTHONPATH": path})
 
 
-@pytest.mark.skipif("DOCKLOOP_SLOW" not in os.environ, reason="compiles all: DOCKLOOP_SLOW=1")
+@pytest.mark.long
 def test_pip_install_gives_a_working_package(tmp_path):
     subprocess.run([sys.executable, "-m", "venv", tmp_path / "venv"], check=True)
     python = tmp_path / "venv" / "bin" / "python"

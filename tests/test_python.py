@@ -5,7 +5,7 @@
    restored by the other.
 3. Values: numbers, vectors, Booleans; shapes and units of results and tables.
 4. Refusals are one sentence that names variable, value and limit, and change nothing.
-5. The interface is typed and starts quickly; pandas and matplotlib are imported at their first use.
+5. The interface is typed and starts quickly; pandas and matplotlib are imported when used.
 """
 
 import json

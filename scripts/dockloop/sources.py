@@ -6,9 +6,7 @@ The folder is an include root by itself: sources and headers of this project as 
 list what to compile for importers, ``CMakeLists.txt`` does it for people.
 """
 
-import importlib.util
 import re
-from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from dockloop import paths
@@ -29,11 +27,8 @@ def source_entries(name: str) -> dict[str, bytes]:
     outside = paths.OUTSIDE
     if not outside.exists():
         return {}
-    found = importlib.util.find_spec("fmpy")
-    assert found is not None, "FMPy is a dependency of this package"
-    fmi = Path(str(found.origin)).parent / "c-code"
     files = {file.name: file for file in (paths.ROOT / "fmu").glob("*.[ch]pp")}
-    files |= {header: fmi / header for header in _HEADERS}
+    files |= {header: paths.ROOT / "fmu" / "fmi2" / header for header in _HEADERS}
     files["exports.map"] = paths.ROOT / "fmu" / "exports.map"
     files["CMakeLists.txt"] = paths.ROOT / "fmu" / "sources.cmake"
     for root, pattern in ((paths.ROOT / "src", "*/*.[ch]pp"), (outside, "**/*")):
