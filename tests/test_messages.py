@@ -461,7 +461,6 @@ def test_null_as_closure_is_as_if_left_out(dockloop, tmp_path):
 TEMPORARY = {
     "run": ["run", "absorber_1d", "--stop", "0.1"],
     "run an FMU": ["run", "FMU", "--stop", "0.1"],
-    "sweep": ["sweep", "absorber_1d_speeds", "--engine", "fmu"],
     "trade": ["trade", "absorber_1d", "--quick"],
     "ssp": ["ssp", "idss_25t_350t"],
     "build": ["build", "absorber_1d", "--reference"],
@@ -482,7 +481,7 @@ def test_a_full_temporary_folder_is_named(dockloop, runs, tmp_path, monkeypatch,
     for place in ("zipfile.ZipFile.extractall", "zipfile.ZipFile.writestr"):
         if command == "run an FMU" and place.endswith("writestr"):
             continue
-        if command in ("ssp", "sweep") and place.endswith("extractall"):
+        if command == "ssp" and place.endswith("extractall"):
             continue
         with monkeypatch.context() as full:
             full.setattr(place, fail)
