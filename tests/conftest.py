@@ -21,7 +21,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from dockloop import cli, paths
 from dockloop.compiled import add_comparison
 from dockloop.fmu import build_fmu
-from dockloop.simulate import Recording, run_fmu
+from dockloop.results import Result
+from dockloop.simulate import run_fmu
 
 LONGEST = (
     *("test_binary", "test_ssp", "test_random_mechanisms", "test_extremes", "test_coupling"),
@@ -89,7 +90,7 @@ class Runs:
         settings: tuple[str, ...] = (),
         stop: float | None = None,
         step: float | None = None,
-    ) -> Recording:
+    ) -> Result:
         """Return the recording of one docking."""
         return run_fmu(self.fmu(scene, *overrides), settings, stop, step)
 

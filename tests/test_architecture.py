@@ -29,10 +29,11 @@ MAY_SEE = {
     # Nobody sees these: other ways to compute the same, and two programs.
     "compare": {
         *("math", "model", "tree", "loops", "mechanism", "contact", "docking"),
-        *("integrate", "sim", "interface", "tool"),
+        *("integrate", "sim", "interface"),
     },
     "codegen": {"math", "model", "tree", "loops", "mechanism", "docking"},
-    "tool": {"math", "model", "contact", "mechanism", "docking", "sim", "interface"},
+    "check": {"math", "model", "tree", "loops", "contact", "mechanism", "docking", "interface"},
+    "python": {"mechanism", "docking", "sim", "interface", "fmu", "check"},
 }
 # Where an outside library may be included: library header prefix -> folders.
 LIBRARIES = {
@@ -44,7 +45,8 @@ LIBRARIES = {
     "sunlinsol/": {"src/integrate"},
     "sunmatrix/": {"src/integrate", "src/compare"},
     "sunnonlinsol/": {"src/integrate", "src/compare"},
-    "nlohmann/": {"src/model", "src/docking", "src/tool", "src/compare", "tests/unit"},
+    "nlohmann/": {"src/model", "src/docking", "src/check", "src/compare", "src/python", "tests/unit"},
+    "nanobind/": {"src/python"},
     "fmi2": {"fmu", "tests/unit"},
 }
 
@@ -111,7 +113,7 @@ def test_a_room_includes_only_what_lies_below_it(room):
 @pytest.mark.parametrize(
     ("file", "include"),
     [
-        ("src/tool/new.cpp", "instance.hpp"),  # fmu/ by its bare name
+        ("src/check/new.cpp", "instance.hpp"),  # fmu/ by its bare name
         ("src/codegen/new.cpp", "loops/loop_plan.cpp"),  # a source file
         ("src/model/new.hpp", "contact/contact_model.hpp"),
         ("src/sim/new.cpp", "interface/variables.hpp"),

@@ -1,13 +1,12 @@
-"""Many runs in one process: ``dockloop-core batch``, and ``dockloop sweep --engine core``.
+"""Many runs in one process: threads of the core, ``dockloop sweep --engine core``.
 
 1. Results are those of the FMU to the last bit, for any number of threads: cases that differ in
    conditions, start values and geometry, that are refused by the scene, by the FMU, or fail.
 2. An early end is that of the FMU.
-3. Lines come in the order of the cases; a bad one has its reason and stops no other.
-4. A core that ends early loses nothing: --resume goes on, with either engine; a defect is told.
+3. A bad case has its reason and stops no other.
+4. A sweep that ends early loses nothing: --resume goes on, with either engine; a defect is raised.
 """
 
-import itertools
 import json
 import subprocess
 import sys
@@ -20,14 +19,14 @@ pytest.importorskip("pyarrow")
 pytest.importorskip("scipy")
 
 from dockloop import paths
-from dockloop.batch import make_patch
 from dockloop.cases import Result, run_case
-from dockloop.errors import DockloopError, UsageError
-from dockloop.fmu import to_json
+from dockloop.errors import UsageError
+from dockloop.executors import CoreThreads
+from dockloop.journal import InterruptedWorkError
+from dockloop.planning import Planner
 from dockloop.sampling import Sweep, read_sweep
-from dockloop.scene import find_scene, resolve_scene
 from dockloop.simulate import ProgressBar
-from dockloop.sweep import Planner, run_sweep
+from dockloop.sweeps import run_sweep
 
 # Geometry, conditions and start values; a tilt and a friction that are refused, and an inner step
 # of which a communication step needs too many.
@@ -97,8 +96,6 @@ def run_fmus(sweep: Sweep) -> list[Result]:
             continue
         digest, fmu = planner.fmu(plan.fmu)
         results.append(run_case(fmu, digest, plan.job))
-        said = [text for text in (plan.warning, results[-1].warning) if text]
-        results[-1].warning = "; ".join(said) or None
     return results
 
 
@@ -111,7 +108,8 @@ def run_core(sweep: Sweep, folder: Path, threads: int, **options) -> list[Result
 def native():
     """FMUs hold the library that was compiled with the core: another compiler rounds otherwise."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("dockloop.fmu.find_libraries", lambda: {"linux64": paths.LIBRARY})
+        for module in ("fmu", "planning"):
+            patched.setattr(f"dockloop.{module}.find_libraries", lambda: {"linux64": paths.LIBRARY})
         yield
 
 
@@ -140,87 +138,25 @@ def test_an_early_end_is_that_of_the_fmu(tmp_path):
     assert 0.0 < found[0].end_time < 20.0
 
 
-def run_lines(model: Path, lines: list[str], *options: str) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [paths.CORE, "batch", model, *options],
-        input="".join(f"{line}\n" for line in lines),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("model") / "model.json"
-    path.write_text(to_json(resolve_scene(find_scene("absorber_1d"))))
-    return path
-
-
-BAD_LINES = {
-    "nope": "case: not a JSON document",
-    "[1]": "case: must be an object, not [1]",
-    '{"sett": {}}': "case: member 'sett' must be 'scene' or 'set', and an object",
-    '{"set": {"chaser.mas": 1}}': "there is no variable 'chaser.mas'",
-    '{"set": {"chaser.mass": "1"}}': "'chaser.mass' = \"1\": must be a number, true or false",
-    '{"set": {"chaser.mass": -1}}': "'chaser.mass' = -1 is below its minimum 0 kg",
-    '{"set": {"solver.method": 2.5}}': "'solver.method' must be a whole number",
-    '{"set": {"gap": 1}}': "'gap' is computed and cannot be set",
-    '{"scene": {"chaser": {"mass": -1}}}': "model.json: chaser.mass is -1",
-    '{"scene": {"mechanism": null}}': "lacks the member 'mechanism'",
-}
-
-
-def test_lines_come_in_the_order_of_the_cases_and_a_bad_one_stops_no_other(model):
-    """Long cases before short ones: later ones are done first, and wait."""
-    good = [json.dumps({"scene": {"experiment": {"stop": stop}}}) for stop in (40.0, 0.5, 1.0)]
-    lines = [*good, *itertools.chain(*zip(BAD_LINES, itertools.cycle(good), strict=False))]
-    ran = run_lines(model, lines, "--output", "gap", "--step", "0.01", "--threads", "3")
-    assert ran.returncode == 0, ran
-    results = [json.loads(line) for line in ran.stdout.splitlines()]
-    assert [result.get("end_time") for result in results[:3]] == [40.0, 0.5, 1.0]
-    for line, result in zip(lines, results, strict=True):
-        if line in good:
-            assert result == results[good.index(line)]
-            assert result["status"] == "done"
-        else:
-            assert result["status"] == "refused", line
-            assert BAD_LINES[line] in result["reason"], line
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--output", "gapp"], "there is no variable 'gapp'"),
-        (["--output", "chaser.mass"], "'chaser.mass' is no output"),
-        ([], "say what to write: --output NAME"),
-        (["--output", "gap", "--threads", "0"], "--threads must be from 1 to"),
-        (["--output", "gap", "--step", "fast"], "--step fast: must be a number"),
-    ],
-)
-def test_a_bad_order_is_refused_before_the_first_case(model, options, words):
-    ran = run_lines(model, ["{}"], *options)
-    assert (ran.returncode, ran.stdout) == (2, ""), ran
-    assert words in ran.stderr
-    assert ran.stderr.count("\n") == 1
-
-
-def test_a_core_that_ends_early_loses_nothing(mixed, tmp_path, monkeypatch):
+def test_a_sweep_that_ends_early_loses_nothing(mixed, tmp_path, monkeypatch):
     sweep, expected = mixed
-    broken = tmp_path / "broken-core"
-    broken.write_text(
-        f'#!/bin/sh\n[ "$1" = batch ] || exec {paths.CORE} "$@"\n'
-        f'{paths.CORE} "$@" | head -n 2\necho out of luck >&2\nexit 3\n'
-    )
-    broken.chmod(0o755)
+    collected = []
+
+    def collect(self, future) -> Result:
+        if len(collected) == 2:
+            raise KeyboardInterrupt
+        collected.append(future.result())
+        return collected[-1]
+
     with monkeypatch.context() as patched:
-        patched.setattr(paths, "CORE", broken)
-        with pytest.raises(DockloopError, match=r"ended with status 3 \(out of luck\).*--resume"):
+        patched.setattr(CoreThreads, "collect", collect)
+        with pytest.raises(InterruptedWorkError, match=r"interrupted with \d+ of 24 .*--resume"):
             run_core(sweep, tmp_path, 2)
     journal = (tmp_path / "2.jsonl").read_text().splitlines()
-    assert len(journal) == 1 + 2, journal
+    done = len(journal) - 1
+    assert 2 <= done < len(sweep.cases), journal
     again = run_sweep(sweep, tmp_path / "2.parquet", engine="core", resume=True)
-    assert again["ran"] == len(sweep.cases) - 2
+    assert again["ran"] == len(sweep.cases) - done
     assert again["results"] == expected
     other = run_sweep(sweep, tmp_path / "2.parquet", engine="fmu", resume=True)
     assert (other["ran"], other["results"]) == (0, expected)
@@ -230,17 +166,9 @@ def test_a_defect_of_the_planner_is_told(mixed, tmp_path, monkeypatch):
     def fail(*_) -> dict:
         raise ZeroDivisionError("a defect")
 
-    monkeypatch.setattr(Planner, "plan_batch", fail)
+    monkeypatch.setattr(Planner, "resolve", fail)
     with pytest.raises(ZeroDivisionError, match="a defect"):
         run_core(mixed[0], tmp_path, 1)
-
-
-def test_a_patch_leads_from_one_document_to_the_other():
-    old = {"a": 1, "b": {"c": [1, 2], "d": 0.0}, "e": {"f": 1}, "g": "same"}
-    new = {"a": {"x": 1}, "b": {"c": [1], "d": -0.0}, "g": "same", "h": None}
-    patch = make_patch(old, new)
-    assert repr(patch) == repr({"e": None, "a": {"x": 1}, "b": {"c": [1], "d": -0.0}, "h": None})
-    assert make_patch(new, new) == {}
 
 
 def test_the_core_needs_no_dask_and_no_scheduler(dockloop):
@@ -249,9 +177,7 @@ def test_the_core_needs_no_dask_and_no_scheduler(dockloop):
     )
     assert refused.status == 2, refused
     assert "a --scheduler needs --engine fmu" in refused.err
-    modules = (
-        "import sys; import dockloop.batch, dockloop.sweep; print('distributed' in sys.modules)"
-    )
+    modules = "import sys; import dockloop.sweeps; print('distributed' in sys.modules)"
     assert subprocess.check_output([sys.executable, "-c", modules], text=True) == "False\n"
     done = dockloop("sweep", "absorber_1d_speeds", "--no-plots", "--json")
     assert done.status == 0, done.err

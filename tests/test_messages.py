@@ -461,7 +461,6 @@ def test_null_as_closure_is_as_if_left_out(dockloop, tmp_path):
 TEMPORARY = {
     "run": ["run", "absorber_1d", "--stop", "0.1"],
     "run an FMU": ["run", "FMU", "--stop", "0.1"],
-    "sweep": ["sweep", "absorber_1d_speeds"],
     "trade": ["trade", "absorber_1d", "--quick"],
     "ssp": ["ssp", "idss_25t_350t"],
     "build": ["build", "absorber_1d", "--reference"],

@@ -35,12 +35,13 @@ import dask
 from distributed import LocalCluster
 from pyarrow import parquet
 
-from dockloop import paths, sweep, sweep_report
+from dockloop import executors, paths, sweep_report
 from dockloop.cases import Job, LoadedFmu, Result
 from dockloop.errors import UsageError
+from dockloop.planning import Planner
 from dockloop.sampling import as_setting, read_sweep
 from dockloop.simulate import ProgressBar
-from dockloop.sweep import Journal, Planner, run_sweep
+from dockloop.sweeps import Journal, run_sweep
 
 SHIPPED = sorted(file.stem for file in paths.SWEEPS.glob("*.toml"))
 
@@ -482,7 +483,7 @@ def test_the_metadata_of_the_table_holds_units_and_the_whole_set_up(reference, t
     assert told["dockloop.seed"] == "7"
     assert json.loads(told["dockloop.experiment"])["step"] == 0.25
     assert set(json.loads(told["dockloop.versions"])) >= {"dockloop", "numpy", "scipy", "fmpy"}
-    assert len(bytes.fromhex(told["dockloop.fmu_sha256"])) == 32
+    assert len(bytes.fromhex(told["dockloop.model_sha256"])) == 32
     units = {field.name: field.metadata[b"unit"].decode() for field in schema}
     assert units["initial.lateral_offset"] == "m"
     assert units["initial.lateral_direction_deg"] == "deg"
@@ -572,7 +573,7 @@ def test_a_case_that_is_lost_with_its_workers_is_tried_again_by_resume(tmp_path,
     ):
         address = one.scheduler_address
         with monkeypatch.context() as broken:
-            broken.setattr(sweep, "run_case", lambda *_: __import__("os")._exit(1))
+            broken.setattr(executors, "run_case", lambda *_: __import__("os")._exit(1))
             ran = run_sweep(read_sweep(str(path)), output, scheduler=address)
         (lost,) = ran["results"]
         assert lost.status == "lost"
@@ -749,7 +750,7 @@ def test_a_table_that_cannot_be_written_is_told_before_the_first_case(
     def fail(*_, **__):
         raise AssertionError("a case was run")
 
-    monkeypatch.setattr("dockloop.sweep.run_batch", fail)
+    monkeypatch.setattr("dockloop.sweeps._run_cases", fail)
     (tmp_path / "mine.parquet").mkdir()
     refused = dockloop(*SPEEDS)
     assert refused.status == 2, refused

@@ -3,7 +3,7 @@
 1. Errors: those of the absorber are those against its closed form, those of the hexapod bench those
    against a reference of another program, between communication points too; a perturbed truth
    raises each figure by what it was perturbed by; another outcome has no error.
-2. The truth: found once; of dockloop-core when that knows it.
+2. The truth: found once; of dockloop-compare when that knows it.
 3. Rows: a refused setting is one with a reason; an interrupted trade goes on to the same rows; the
    default against itself costs its own time; the grid asks for what the FMU has.
 4. Front, recommendation and verdicts on made-up rows.

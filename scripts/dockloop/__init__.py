@@ -1,11 +1,24 @@
-"""dockloop: docking dynamics as FMUs. The Python side: from scene files to FMUs to results.
+"""dockloop: dynamics of docking mechanisms. The Python side of the C++ core.
+
+From a notebook or a script::
+
+    import dockloop as dl
+
+    result = dl.run("idss_25t_350t", overrides={"initial.closing_speed": 0.05})
+    result.summary["peak_loads"]
+
+    docking = dl.Docking("idss_25t_350t")       # step it yourself
+    table = dl.sweep("idss_initial_conditions")  # many of them: a pandas.DataFrame
+    report = dl.check("idss_hexapod")            # is a mechanism sound?
 
 Modules, in the order in which a docking passes through them::
 
     cli        the command line; arguments in, text and exit status out
     scene      scene file + mechanism file + overrides -> one resolved document
     schema     both files against their JSON Schemas, errors as one sentence
-    core       calls the C++ program dockloop-core (checks, placement, model description)
+    core       the compiled module: checks, placement, model description, dockings
+    docking    Scene, Docking and run: a docking in this process, without an FMU
+    results    what a run left behind
     fmu        resolved document + compiled library -> NAME.fmu
     simulate   drives an FMU with FMPy and records its outputs
     summary    a recorded docking in words and numbers
@@ -16,13 +29,63 @@ Modules, in the order in which a docking passes through them::
 and many of them::
 
     sampling      sweep file -> the values of every case
-    sweep         plans cases, runs them on Dask workers, keeps a journal that can be resumed
-    batch         the same cases on threads of the compiled core
+    planning      the values of a case -> scene, start values, FMU
+    executors     where cases run: threads of the core, or FMUs in Dask workers
+    sweeps        runs all cases of a sweep that are not in its journal
     journal       results as they arrive, to go on with after an interruption
-    cases         what happens on a worker: one case of a loaded FMU
+    cases         one case of a loaded FMU, as a Dask worker runs it
     sweep_report  the table, its summary in words and numbers, figures
 
-Nothing here computes dynamics; that is the C++ core inside the FMU.
+Nothing here computes dynamics; that is the C++ core.
 """
 
+from typing import TYPE_CHECKING, Any
+
+from dockloop import paths
+
+if TYPE_CHECKING:
+    from dockloop.docking import Docking, Scene, run
+    from dockloop.errors import DockloopError, UsageError
+    from dockloop.mechanism import check_mechanism as check
+    from dockloop.results import Result
+    from dockloop.sweeps import sweep
+
 __version__ = "0.1.0"
+__all__ = [
+    "Docking",
+    "DockloopError",
+    "Result",
+    "Scene",
+    "UsageError",
+    "check",
+    "run",
+    "sweep",
+]
+
+if not paths.IS_INSTALLED:  # in a clone the compiled module is where the C++ build puts it
+    __path__.append(str(paths.COMPILED))
+
+_WHERE = {  # imported when they are used, so that a command starts quickly
+    "Docking": "docking",
+    "DockloopError": "errors",
+    "Result": "results",
+    "Scene": "docking",
+    "UsageError": "errors",
+    "check": "mechanism",
+    "run": "docking",
+    "sweep": "sweeps",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used."""
+    if name not in _WHERE:
+        raise AttributeError(f"module 'dockloop' has no attribute {name!r}")
+    from importlib import import_module
+
+    module = import_module(f"dockloop.{_WHERE[name]}")
+    return getattr(module, {"check": "check_mechanism"}.get(name, name))
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

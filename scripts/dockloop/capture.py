@@ -54,7 +54,7 @@ def explain_capture(values: Mapping[str, float], latches: Mapping) -> str | None
 
 def _list(values: Mapping[str, float], pattern: str) -> list[float]:
     """Return the values of ``name[1]``, ``name[2]``, ... as far as there are some."""
-    found = []
+    found: list[float] = []
     while (name := pattern.format(len(found) + 1)) in values:
         found.append(values[name])
     return found

@@ -35,6 +35,7 @@ class Job:
         stop: end [s]; None: of the default experiment.
         step: communication step [s]; None: of the default experiment.
         end_after_outcome: end when the outcome has been decided for this long [s]; None: never.
+        warning: issued when the vehicles were placed.
     """
 
     starts: tuple[tuple[str, float | int | bool], ...]
@@ -42,6 +43,7 @@ class Job:
     stop: float | None
     step: float | None
     end_after_outcome: float | None
+    warning: str | None = None
 
 
 @dataclass
@@ -73,11 +75,13 @@ def run_case(fmu: bytes, digest: str, job: Job) -> Result:
     """
     loaded = _find_loaded(fmu, digest)
     try:
-        return loaded.run(job)
+        result = loaded.run(job)
     except DockloopError as error:  # start with a fresh instance after a failure
         _MINE.loaded.pop(digest).close()
         status = "refused" if isinstance(error, UsageError) else "failed"
-        return Result(status, str(error), end_time=loaded.time)
+        result = Result(status, str(error), end_time=loaded.time)
+    result.warning = "; ".join(text for text in (job.warning, result.warning) if text) or None
+    return result
 
 
 def say_version() -> str:

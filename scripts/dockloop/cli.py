@@ -11,10 +11,10 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from dockloop import __version__, paths
 from dockloop.errors import DockloopError, UsageError, find_reason, one_line
@@ -241,7 +241,9 @@ def _make_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add(commands, name: str, function, text: str, example: str) -> argparse.ArgumentParser:
+def _add(
+    commands: Any, name: str, function: Callable, text: str, example: str
+) -> argparse.ArgumentParser:
     """Add one command to the parser."""
     command = commands.add_parser(name, help=text, description=text + ".", epilog=example)
     command.set_defaults(command=function)
@@ -249,7 +251,7 @@ def _add(commands, name: str, function, text: str, example: str) -> argparse.Arg
     return command
 
 
-def _add_truth(commands) -> None:
+def _add_truth(commands: Any) -> None:
     """Add the command that integrates with 32 digits."""
     truth = _add(
         commands,
@@ -289,7 +291,7 @@ def _add_truth(commands) -> None:
     )
 
 
-def _add_trade(commands) -> None:
+def _add_trade(commands: Any) -> None:
     """Add the command that measures what accuracy costs."""
     trade = _add(
         commands,
@@ -454,7 +456,7 @@ def _sweep(options: argparse.Namespace) -> None:
     from dockloop.sampling import read_sweep
     from dockloop.simulate import ProgressBar
     from dockloop.summary import find_summary, write_summary
-    from dockloop.sweep import run_sweep
+    from dockloop.sweeps import run_sweep
 
     sweep = read_sweep(options.sweep)
     name = sweep.path.stem

@@ -12,7 +12,7 @@ import zipfile
 from pathlib import Path
 
 from dockloop import paths
-from dockloop.core import run_core
+from dockloop.core import run_program
 from dockloop.errors import DockloopError, warn
 from dockloop.outputs import scratch
 
@@ -73,7 +73,7 @@ def add_comparison(fmu: Path) -> None:
             if info.filename == "resources/model.json":
                 model.write_bytes(content)
         date = "1980-01-01T00:00:00Z"
-        description = run_core("describe", model, "--date", date, program=program)
+        description = run_program(program, "describe", model, "--date", date)
     with zipfile.ZipFile(fmu, "w") as archive:
         for info, content in entries.items():
             if info.filename == "modelDescription.xml":

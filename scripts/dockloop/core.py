@@ -1,60 +1,168 @@
-"""Calls the compiled program ``dockloop-core``, which knows mechanisms and FMU variables.
+"""Calls what is compiled: the module ``dockloop._core``, and programs that few commands need.
 
-Its commands are ``check`` (is a mechanism sound), ``place`` (start states from conditions at first
-contact), ``describe`` (modelDescription.xml), ``methods`` (their list) and ``kernel`` (has the core
-a kernel for a scene); ``batch`` (many runs) is called by `dockloop.batch`. A second program,
-``dockloop-compare``, has ``truth`` (a run with 32 digits) and ``describe`` with all methods.
+The module is part of an installed package; in a clone the C++ build makes it (`dockloop.paths`).
+Documents go to it as text, never as files. A refusal becomes one sentence that begins with the name
+of the file.
 """
 
 import json
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from dockloop import paths
-from dockloop.errors import DockloopError, UsageError
+from dockloop.errors import DockloopError, UsageError, one_line
 from dockloop.paths import shown
 
 
-def find_core() -> Path:
-    """Return the program. Raises DockloopError if it is missing."""
-    if not paths.CORE.exists():
+def load_core() -> ModuleType:
+    """Return the compiled module. Raises DockloopError if it is missing or cannot be loaded."""
+    try:
+        from dockloop import _core
+    except ImportError as error:
         raise DockloopError(
-            f"{shown(paths.CORE)} is not there: build it with scripts/demo, scripts/test or"
-            " 'cmake --preset release && cmake --build --preset release'"
-        )
-    return paths.CORE
+            f"the compiled module dockloop._core cannot be loaded ({error}): build it with"
+            " scripts/demo, scripts/test or 'cmake --preset release && cmake --build --preset"
+            " release'"
+        ) from None
+    return _core
 
 
-def run_core(
+@contextmanager
+def core_errors() -> Iterator[ModuleType]:
+    """Yield the compiled module; its errors become those of this package.
+
+    Raises:
+        UsageError: the core refused a document, a variable or a value.
+        DockloopError: the module is missing, or a step failed.
+    """
+    core = load_core()
+    try:
+        yield core
+    except core.ModelError as error:
+        raise UsageError(str(error)) from None
+    except core.StepError as error:
+        raise DockloopError(str(error)) from None
+
+
+def to_json(document: dict) -> str:
+    """Return a document as JSON text, one top-level member per line."""
+    lines = (f"{json.dumps(key)}: {json.dumps(value)}" for key, value in document.items())
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def name_source(source: Path | str) -> str:
+    """Return the name of a file as messages show it."""
+    return one_line(shown(source))
+
+
+def describe(document: dict, source: Path, date: str) -> str:
+    """Return modelDescription.xml of a resolved scene. Raises like `core_errors`.
+
+    Args:
+        document: the scene, vehicles placed.
+        source: the scene file, for messages.
+        date: of the description, ``YYYY-MM-DDTHH:MM:SSZ``.
+    """
+    with core_errors() as core:
+        return core.describe(to_json(document), name_source(source), date)
+
+
+def place(document: dict, source: Path) -> dict:
+    """Return start states that lead to the conditions at first contact. Raises like `core_errors`.
+
+    Returns:
+        ``chaser`` and ``target`` (members of the scene document, SI units, axes as there),
+        ``time_of_contact`` [s], ``touches`` (false: the capture surfaces never meet).
+    """
+    with core_errors() as core:
+        return core.place(to_json(document), name_source(source))
+
+
+def check(mechanism: Any, source: Path) -> dict:
+    """Return the report on a mechanism (see `dockloop.mechanism`). Raises like `core_errors`.
+
+    Args:
+        mechanism: the document of the mechanism, or a text.
+        source: its file, for messages.
+    """
+    with core_errors() as core:
+        return json.loads(core.check(_as_text(mechanism), name_source(source)))
+
+
+def evaluate(
+    mechanism: Any, source: Path, states: Any, states_source: Path, *, newton: bool = False
+) -> list[dict]:
+    """Evaluate a mechanism at given states. Raises like `core_errors`.
+
+    Args:
+        mechanism: the document of the mechanism, or a text.
+        source: its file, for messages.
+        states: a document with a member ``states``, and perhaps a mechanism of its own; or a text.
+        states_source: its file, for messages.
+        newton: close loops by iteration only, by no closed form.
+
+    Returns:
+        One object per state: accelerations, forces, inertia (members ``expected`` of the format).
+    """
+    texts = (_as_text(mechanism), name_source(source), _as_text(states), name_source(states_source))
+    with core_errors() as core:
+        return json.loads(core.evaluate(*texts, newton=newton))
+
+
+def _as_text(document: Any) -> str:
+    return document if isinstance(document, str) else json.dumps(document)
+
+
+@cache
+def list_methods() -> tuple[dict, ...]:
+    """Return the methods of integration that the core lists, each with ``number`` and ``name``."""
+    with core_errors() as core:
+        return tuple(json.loads(core.methods()))
+
+
+def has_kernel(document: dict, source: Path) -> bool:
+    """Tell whether the core evaluates a mechanism fast without generated code.
+
+    Args:
+        document: the resolved scene.
+        source: the scene file, for messages.
+    """
+    with core_errors() as core:
+        return core.has_kernel(to_json(document), name_source(source))
+
+
+def run_program(
+    program: Path,
     command: str,
     file: Path,
     *options: str,
     source: Path | None = None,
     progress: Callable[[float], None] | None = None,
-    program: Path | None = None,
 ) -> str:
-    """Run one command of dockloop-core.
+    """Run one command of a compiled program (`dockloop.compiled`).
 
     Args:
-        command: ``check``, ``place``, ``describe``, ``kernel`` or ``truth``.
-        file: the file it reads.
+        program: the program.
+        command: its first argument.
+        file: the scene that it reads.
         options: further arguments.
-        source: the file people know, if `file` was made from it; named in errors instead.
-        progress: told the part that is done, 0 to 1 (``truth`` says it, in lines of its own).
-        program: instead of dockloop-core.
+        source: the file people know, if `file` was made from it; errors name this one instead.
+        progress: receives the part that is done, 0 to 1.
 
     Returns:
         What the program prints.
 
     Raises:
         UsageError: the file is bad.
-        DockloopError: the program is missing or failed.
+        DockloopError: the program failed.
     """
-    program, lines = program or find_core(), []
+    lines = []
     with (
         subprocess.Popen(
             [program, command, file, *options],
@@ -65,6 +173,8 @@ def run_core(
         ) as process,
         ThreadPoolExecutor(1) as pool,
     ):
+        assert process.stdout is not None
+        assert process.stderr is not None
         printed = pool.submit(process.stdout.read)
         for line in process.stderr:
             if not line.startswith("progress "):
@@ -76,7 +186,7 @@ def run_core(
         return printed.result()
     if not lines:
         lines = [f"{program.name} {command} ended with status {process.returncode} and no message"]
-    text = lines[-1].removeprefix("dockloop-core: ").removeprefix("error: ")
+    text = lines[-1].removeprefix(f"{program.name}: ").removeprefix("error: ")
     if source is not None:
         text = text.replace(str(file), shown(source))
     named = any(text.startswith(f"{option}: ") for option in options)  # a second file
@@ -85,19 +195,12 @@ def run_core(
     raise (UsageError if process.returncode == UsageError.exit_status else DockloopError)(text)
 
 
-def ask_core(command: str, file: Path, *options: str, **more: Any) -> Any:
-    """Run one command of dockloop-core that prints JSON; returns what that says, see `run_core`."""
-    printed = run_core(command, file, *options, **more)
+def ask_program(program: Path, command: str, file: Path, *options: str, **more: Any) -> Any:
+    """Return the JSON document that a command prints, see `run_program`."""
+    printed = run_program(program, command, file, *options, **more)
     try:
         return json.loads(printed)
     except ValueError as error:
-        raise DockloopError(f"{command} printed what is no JSON document ({error})") from None
-
-
-@cache
-def list_methods() -> tuple[dict, ...]:
-    """Return the methods of integration that the core lists, each with ``number`` and ``name``."""
-    done = subprocess.run([find_core(), "methods"], capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise DockloopError(f"{shown(paths.CORE)} lists no methods: build it again")
-    return tuple(json.loads(done.stdout))
+        raise DockloopError(
+            f"{program.name} {command} printed what is no JSON document ({error})"
+        ) from None

@@ -195,7 +195,7 @@ def make_page(document: dict, description: str, report: dict, needs: str, icon: 
     Args:
         document: the resolved scene.
         description: text of modelDescription.xml.
-        report: what ``dockloop-core check`` says of the mechanism.
+        report: what ``dockloop check`` says of the mechanism.
         needs: what the binaries need of the system (describe_needs).
         icon: the icon of the FMU as SVG, which goes into the page.
     """
@@ -402,9 +402,8 @@ def _by_section(root: ET.Element, parameters: bool) -> Iterable[tuple[str, list[
 
 def _variables(root: ET.Element, parameters: bool) -> str:
     """Return one table a section; a vector is one row."""
-    head = ("variable", "kind", "unit", "start", "range", "meaning")
-    if parameters:
-        head = tuple(column for column in head if column != "kind")
+    columns = ("variable", "kind", "unit", "start", "range", "meaning")
+    head = [column for column in columns if not (parameters and column == "kind")]
     parts = []
     for title, variables in _by_section(root, parameters):
         families: dict[str, list[ET.Element]] = {}

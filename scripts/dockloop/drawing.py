@@ -12,7 +12,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 Point = tuple[float, float]
-View = Callable[[Sequence[float]], Point]  # from a point in space to the sheet
+Vector = Sequence[float] | np.ndarray
+View = Callable[[Vector], Point]  # from a point in space to the sheet
 
 INK, FAINT, PAPER = "#1d2733", "#8a97a6", "#ffffff"
 CHASER, TARGET, RING, LEG = "#dbe7f5", "#f3e7d3", "#c2483d", "#2f6db5"
@@ -246,7 +247,7 @@ def find_body_places(
         position = position + rotation @ np.array(joint.get("position", (0, 0, 0)), float)
         rotation = rotation @ np.array(joint.get("rotation", np.eye(3)), float)
         if joint["type"] == "free":
-            position, turn = position + rotation @ np.array(q[:3]), q[3:]
+            position, turn = position + rotation @ np.array(q[:3]), tuple(q[3:])
         elif joint["type"] == "prismatic":
             position, turn = position + rotation @ (q[0] * np.array(joint["axis"])), (1, 0, 0, 0)
         else:
@@ -299,10 +300,10 @@ def draw_legs(mechanism: dict, home_q: Sequence[float] = ()) -> str:
     scale = min(150 / radius, 310 / (high[along] - low[along]))
     d = Drawing(760, 380, "Legs at home, from the side and from the front")
 
-    def side(point: Sequence[float]) -> Point:
+    def side(point: Vector) -> Point:
         return 30 + scale * (point[along] - low[along]), 185 - scale * point[right]
 
-    def front(point: Sequence[float]) -> Point:
+    def front(point: Vector) -> Point:
         return 570 + scale * point[right], 185 - scale * point[up]
 
     d.label(

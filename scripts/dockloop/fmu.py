@@ -2,7 +2,7 @@
 
 Layout (FMI 2.0)::
 
-    modelDescription.xml                what the FMU exports, from dockloop-core
+    modelDescription.xml                what the FMU exports, from the core
     binaries/linux64/NAME.so            the compiled library, the same for every scene
     binaries/win64/NAME.dll             ... and whatever else scripts/platforms has built
     sources/                            what a compiler needs to make the library again
@@ -32,7 +32,7 @@ from typing import BinaryIO
 
 from dockloop import paths
 from dockloop.binaries import find_libraries
-from dockloop.core import ask_core, run_core
+from dockloop.core import check, describe, place, to_json
 from dockloop.documentation import describe_needs, make_page
 from dockloop.errors import DockloopError, UsageError, warn
 from dockloop.kernel import Kernel, make_kernel
@@ -137,17 +137,8 @@ def find_placement(document: dict, source: Path) -> str:
     """Do the work of `place_vehicles`; returns a warning, or an empty text."""
     if document["initial"]["at"] != "first_contact":
         return ""
-    with scratch() as folder:
-        model = folder / "model.json"
-        model.write_text(to_json(document), encoding="utf-8")
-        placed = ask_core("place", model, source=source)
+    placed = place(document, source)
     for vehicle in ("chaser", "target"):
-        if None in [x for values in placed[vehicle].values() for x in values]:  # not finite
-            raise UsageError(
-                f"{paths.shown(source)}: the start that leads to first contact is too far away to"
-                " be computed: check initial.approach_time, the speeds of [initial] and the"
-                " interface_position of both vehicles"
-            )
         document[vehicle] |= placed[vehicle]
     if placed["touches"]:
         return ""
@@ -180,13 +171,8 @@ def write_fmu(
             " or 'cmake --preset release && cmake --build --preset release'"
         )
     date = find_date().strftime("%Y-%m-%dT%H:%M:%SZ")
-    with scratch() as folder:
-        model, mechanism = folder / "model.json", folder / "mechanism.json"
-        model.write_text(to_json(document), encoding="utf-8")
-        mechanism.write_text(to_json(document["mechanism"]), encoding="utf-8")
-        description = run_core("describe", model, "--date", date, source=source)
-        check = ask_core("check", mechanism, source=source)
-        made = Kernel("none: not wanted") if kernel is False else make_kernel(model, bool(kernel))
+    description = describe(document, source, date)
+    made = Kernel("none: not wanted") if kernel is False else make_kernel(document, bool(kernel))
     if kernel and not made.entries:
         raise DockloopError(f"{paths.shown(source)}: kernel: {made.note}")
     report(f"kernel: {made.note}")
@@ -203,7 +189,8 @@ def write_fmu(
     }
     if not bare:
         portable = libraries.get("linux64") != paths.LIBRARY
-        entries |= _companions(document, description, check, portable) | sources
+        report_on_mechanism = check(document["mechanism"], source)
+        entries |= _companions(document, description, report_on_mechanism, portable) | sources
     write_zip(output, FMU, entries, compress=not bare)
 
 
@@ -248,9 +235,3 @@ def _companions(document: dict, description: str, report: dict, portable: bool) 
         **{f"documentation/licenses/{name}": text for name, text in read_licenses().items()},
         **{f"terminalsAndIcons/{name}": content for name, content in terminals.items()},
     }
-
-
-def to_json(document: dict) -> str:
-    """Return a document as JSON text, one top-level member per line."""
-    lines = (f"{json.dumps(key)}: {json.dumps(value)}" for key, value in document.items())
-    return "{\n" + ",\n".join(lines) + "\n}\n"

@@ -42,9 +42,9 @@ def draw_icon(size: int = 256) -> Figure:
         axes.plot([foot[0], tip[0]], [foot[1], tip[1]], color=color, linewidth=3.4)
     axes.add_patch(Ellipse((6, 0), 24, 94, facecolor="none", edgecolor=RED, linewidth=6))
     for angle in (70, 190, 310):  # petals lean inwards, towards the target
-        foot = [_on_circle(6, angle + side, 47) for side in (-26, 26)]
-        tip = [_on_circle(26, angle + side, 32) for side in (9, -9)]
-        axes.add_patch(Polygon([*foot, *tip], facecolor="#f0b8b2", edgecolor=RED, linewidth=1.4))
+        corners = [_on_circle(6, angle + side, 47) for side in (-26, 26)]
+        corners += [_on_circle(26, angle + side, 32) for side in (9, -9)]
+        axes.add_patch(Polygon(corners, facecolor="#f0b8b2", edgecolor=RED, linewidth=1.4))
     return figure
 
 
@@ -80,10 +80,14 @@ def _sheet(size: int) -> tuple:
     return figure, axes
 
 
-def _body(at: tuple, size: tuple, fill: str, edge: str, *, corner: float = 8) -> FancyBboxPatch:
+def _body(
+    at: tuple, size: tuple[float, float], fill: str, edge: str, *, corner: float = 8
+) -> FancyBboxPatch:
     """Return a box with rounded corners, `at` its lower left one."""
     style = f"round,pad=0,rounding_size={corner}"
-    return FancyBboxPatch(at, *size, boxstyle=style, facecolor=fill, edgecolor=edge, linewidth=2)
+    return FancyBboxPatch(
+        at, size[0], size[1], boxstyle=style, facecolor=fill, edgecolor=edge, linewidth=2
+    )
 
 
 def _on_circle(x: float, degrees: float, radius: float) -> tuple[float, float]:

@@ -94,7 +94,8 @@ class Journal:
             UsageError: the file belongs to another set-up, or is unfinished and not to be resumed.
             DockloopError: it cannot be written.
         """
-        self.path, self.known, self._work = path, {}, work
+        self.path, self._work = path, work
+        self.known: dict[tuple[Value, ...], Result] = {}
         self._synced, self._is_broken = time.monotonic(), False
         claim(path, journal_kind(work))
         header = {MADE_BY: f"dockloop {work}", "setup": setup, "cases": cases, "digest": digest}

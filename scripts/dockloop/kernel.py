@@ -16,7 +16,7 @@ from pathlib import Path
 
 from dockloop import paths
 from dockloop.compiled import find_compiled
-from dockloop.core import ask_core
+from dockloop.core import has_kernel, to_json
 from dockloop.errors import DockloopError, UsageError, find_reason
 
 FLAGS = [
@@ -25,6 +25,7 @@ FLAGS = [
     *("-fno-math-errno", "-ffp-contract=off"),
     *("-shared", "-fPIC", "-s"),
 ]
+_STDIN = "/dev/stdin"
 _PLATFORMS = {("Linux", "x86_64"): "linux64", ("Linux", "aarch64"): "aarch64-linux"}
 
 
@@ -53,11 +54,11 @@ def find_compiler() -> list[str]:
     return []
 
 
-def make_kernel(model: Path, needed: bool) -> Kernel:
+def make_kernel(document: dict, needed: bool) -> Kernel:
     """Make the kernel of a resolved scene for the platform at hand, if that is possible.
 
     Args:
-        model: the scene, as FMUs hold it.
+        document: the resolved scene, as FMUs hold it.
         needed: make one also where the core has a kernel of its own.
     """
     folder = _PLATFORMS.get((platform.system(), platform.machine()))
@@ -66,7 +67,7 @@ def make_kernel(model: Path, needed: bool) -> Kernel:
         return Kernel(f"none: not made on {platform.system()} {platform.machine()}")
     if not compiler:
         return Kernel("none: no C compiler was found (cc, gcc, clang or what CC names)")
-    source, said = _write(model, needed)
+    source, said = _write(document, needed)
     if not source:
         return Kernel(f"none: {said}")
     key = hashlib.sha256(f"{compiler} {FLAGS}\n{source}".encode()).hexdigest()[:32]
@@ -78,19 +79,24 @@ def make_kernel(model: Path, needed: bool) -> Kernel:
     return Kernel(f"{said}, by {compiler[0]}", {f"resources/kernels/{folder}/kernel.so": content})
 
 
-def _write(model: Path, needed: bool) -> tuple[str, str]:
+def _write(document: dict, needed: bool) -> tuple[str, str]:
     """Write the source of a kernel; returns it and one line about it, or an empty text and why."""
-    if not needed and ask_core("kernel", model)["serves"]:
+    if not needed and has_kernel(document, Path(document["name"])):
         return "", "its legs are evaluated side by side; no code has to be generated"
     try:
         find_compiled(paths.GENERATOR)
     except DockloopError as error:
         return "", str(error)
-    command = [paths.GENERATOR, "scene", model]
-    written = subprocess.run(command, capture_output=True, text=True, check=False)
+    written = subprocess.run(
+        [paths.GENERATOR, "scene", _STDIN],
+        input=to_json(document),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     said = written.stderr.strip()
     if written.returncode != 0:
-        return "", said.replace(f"{model}: ", "")
+        return "", said.replace(f"{_STDIN}: ", "")
     return written.stdout, said
 
 

@@ -6,12 +6,12 @@ is answered by the C++ core.
 
 import math
 from pathlib import Path
+from typing import Any
 
-from dockloop import schema
-from dockloop.core import ask_core
+from dockloop import core, schema
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.paths import MECHANISMS, find_absence, is_file, shown
-from dockloop.scene import read_mechanism
+from dockloop.scene import read_mechanism, reading
 
 
 def find_mechanism(reference: str) -> Path:
@@ -29,27 +29,34 @@ def find_mechanism(reference: str) -> Path:
     return shipped
 
 
-def check_mechanism(reference: str, states: Path | None = None) -> dict | list:
+def check_mechanism(mechanism: str | Path | dict, states: Path | None = None) -> Any:
     """Check a mechanism, or evaluate it at given states.
 
     Args:
-        reference: name or path of a mechanism.
+        mechanism: name of a shipped mechanism, path of a file, or the document itself.
         states: file with a member ``states`` (coordinates, velocities, loads) to evaluate.
 
     Returns:
-        The report of the core; with `states` one object per state.
+        A report: ``degrees_of_freedom``, ``loops``, ``gaps``, ``ranges``, ``modes`` and more, in
+        m, kg, s, rad where no unit is named. With `states`: a list with one object per state.
 
     Raises:
         UsageError: naming file, member, value and limit.
     """
-    path = find_mechanism(reference)
-    mechanism = read_mechanism(path)
-    schema.check(mechanism, "mechanism", path)
+    if isinstance(mechanism, dict):
+        path, document = Path(str(mechanism.get("name", "mechanism"))), mechanism
+        document = document.get("mechanism", document)
+    else:
+        path = find_mechanism(str(mechanism))
+        document = read_mechanism(path)
+    schema.check(document, "mechanism", path)
     if states is None:
-        return ask_core("check", path)
+        return core.check(document, path)
     if not is_file(states):
         raise UsageError(find_absence(states, "file of states"))
-    return ask_core("check", path, "--states", str(states))
+    with reading(states, "JSON", "groups"):
+        text = states.read_text(encoding="utf-8")
+    return core.evaluate(document, path, text, states)
 
 
 def describe_report(report: dict) -> str:

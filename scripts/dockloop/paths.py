@@ -1,28 +1,32 @@
-"""Where things are: the project, its model files, what was compiled, where results go.
+"""Where things are: model files, what was compiled, where results go.
 
-The package is used from a clone (``pip install -e``), so everything is found relative to this file.
-``DOCKLOOP_BUILD`` names another compiled tree, for example ``build/asan-ubsan``.
+In a clone the package is used as it stands in ``scripts/`` (``pip install -e``): compiled parts are
+those of the C++ build, in ``build/release`` or in the folder that ``DOCKLOOP_BUILD`` names, for
+example ``build/asan-ubsan``. An installed package carries all of it in its folder ``data``; results
+then go to ``build`` below the present folder.
 """
 
 import os
 from contextlib import suppress
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+_DATA = Path(__file__).resolve().parent / "data"
+IS_INSTALLED = _DATA.is_dir()
+ROOT = _DATA if IS_INSTALLED else _DATA.parents[2]
 MODELS = ROOT / "modelDescription"
 SCENES = MODELS / "scenes"
 MECHANISMS = MODELS / "mechanisms"
 SWEEPS = MODELS / "sweeps"
-BUILD = ROOT / "build"
-COMPILED = Path(os.environ.get("DOCKLOOP_BUILD", BUILD / "release"))
-CORE = COMPILED / "dockloop-core"
+BUILD = Path("build") if IS_INSTALLED else ROOT / "build"
+COMPILED = ROOT / "bin" if IS_INSTALLED else BUILD / "release"
+COMPILED = Path(os.environ.get("DOCKLOOP_BUILD", COMPILED))
 LIBRARY = COMPILED / "dockloop.so"
 COMPARE = COMPILED / "dockloop-compare"  # this and the next two: see compiled.py
 COMPARE_LIBRARY = COMPILED / "dockloop_compare.so"
 GENERATOR = COMPILED / "dockloop-kernel"
 KERNELS = BUILD / "kernels"  # compiled ones, by the hash of their source
-PLATFORMS = BUILD / "platforms"  # made by scripts/platforms
-OUTSIDE = BUILD / "deps" / "source"  # sources of the outside packages, for portable binaries
+PLATFORMS = ROOT / "build" / "platforms"  # made by scripts/platforms
+OUTSIDE = ROOT / "build" / "deps" / "source"  # of the outside packages, for portable binaries
 
 
 def shown(path: Path | str) -> str:

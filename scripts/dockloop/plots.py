@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from dockloop.figures import save_figure
-from dockloop.simulate import Recording
+from dockloop.results import Result
 from dockloop.summary import COMMAND, LOADS
 
 
-def write_plots(run: Recording, stem: Path) -> list[Path]:
+def write_plots(run: Result, stem: Path) -> list[Path]:
     """Draw all figures that the recording allows.
 
     Args:
@@ -25,20 +25,28 @@ def write_plots(run: Recording, stem: Path) -> list[Path]:
         The files written.
     """
     files = []
-    for (needed, draw), path in zip(_FIGURES.values(), list_plots(stem), strict=True):
-        if needed in run:
-            _draw(run, draw, path)
-            files.append(path)
+    for name, figure in draw_figures(run).items():
+        files.append(_name_plot(stem, name))
+        save_figure(figure, files[-1], COMMAND)
     return files
+
+
+def draw_figures(run: Result) -> dict[str, Any]:
+    """Draw all figures that the recording allows; returns matplotlib figures by name."""
+    return {name: _draw(run, draw) for name, (needed, draw) in _FIGURES.items() if needed in run}
 
 
 def list_plots(stem: Path) -> list[Path]:
     """Return every file that `write_plots` could write."""
-    return [stem.with_name(f"{stem.name}_{name}.png") for name in _FIGURES]
+    return [_name_plot(stem, name) for name in _FIGURES]
 
 
-def _draw(run: Recording, draw: Callable, path: Path) -> None:
-    """Let `draw` fill two panels over time and write them to a file."""
+def _name_plot(stem: Path, name: str) -> Path:
+    return stem.with_name(f"{stem.name}_{name}.png")
+
+
+def _draw(run: Result, draw: Callable) -> Any:
+    """Let `draw` fill two panels over time."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 6), layout="constrained")
@@ -56,10 +64,10 @@ def _draw(run: Recording, draw: Callable, path: Path) -> None:
         "time [s]; dotted: first contact, capture" if "outcome" in run else "time [s]"
     )
     axes[0].set_title(run.scene["title"], fontsize="medium")
-    save_figure(figure, path, COMMAND)
+    return figure
 
 
-def _plot_motion(run: Recording, axes: Any) -> None:
+def _plot_motion(run: Result, axes: Any) -> None:
     """Motion of the passive interface P relative to the active one A."""
     t = run["time"]
     axes[0].plot(t, 1e3 * run["relative.axial"], label="axial")
@@ -70,7 +78,7 @@ def _plot_motion(run: Recording, axes: Any) -> None:
     axes[1].set_ylabel("misalignment [deg]")
 
 
-def _plot_ring(run: Recording, axes: Any) -> None:
+def _plot_ring(run: Result, axes: Any) -> None:
     """Motion of the ring G relative to A."""
     t = run["time"]
     for column, name in enumerate("xyz"):
@@ -80,7 +88,7 @@ def _plot_ring(run: Recording, axes: Any) -> None:
     axes[1].set_ylabel("ring velocity in A [mm/s]")
 
 
-def _plot_loads(run: Recording, axes: Any) -> None:
+def _plot_loads(run: Result, axes: Any) -> None:
     """Loads on the target through the interface; rated values where they are in sight."""
     t, rated = run["time"], run.scene["mechanism"].get("limits", {})
     for name, unit in LOADS.items():
@@ -96,7 +104,7 @@ def _plot_loads(run: Recording, axes: Any) -> None:
     axes[1].set_ylabel("moment on the target [N m]")
 
 
-def _plot_legs(run: Recording, axes: Any) -> None:
+def _plot_legs(run: Result, axes: Any) -> None:
     """Length and force of every leg."""
     count = sum(name.endswith("].length") for name in run.names)
     for i in range(1, count + 1):
@@ -106,7 +114,7 @@ def _plot_legs(run: Recording, axes: Any) -> None:
     axes[1].set_ylabel("force, + pushes apart [N]")
 
 
-def _plot_energy(run: Recording, axes: Any) -> None:
+def _plot_energy(run: Result, axes: Any) -> None:
     """Where the energy is, and what does not add up."""
     t = run["time"]
     for name in ("kinetic", "potential", "dissipated", "external"):

@@ -7,6 +7,7 @@ those of chance.
 """
 
 import itertools
+import json
 import math
 import re
 import warnings
@@ -66,6 +67,17 @@ def read_sweep(reference: str) -> Sweep:
     """
     path = _find_sweep(reference)
     given, text = read_toml(path)
+    return make_sweep(given, path, text)
+
+
+def make_sweep(given: dict, path: Path, text: str | None = None) -> Sweep:
+    """Draw the cases of the members of a sweep file. Raises UsageError like `read_sweep`.
+
+    Args:
+        given: the members.
+        path: the file; a scene of the user's own is looked up beside it.
+        text: what the file says; default: the members as JSON.
+    """
     schema.check(given, "sweep", path)
     _check_members(given, path)
     document = {"title": path.stem, "seed": 0, "cases": 1, "sampling": "sobol", "set": {}, **given}
@@ -76,6 +88,7 @@ def read_sweep(reference: str) -> Sweep:
     except UsageError as error:
         raise UsageError(f"{shown(path)}: scene: {error}") from None
     cases = _draw(document)
+    text = json.dumps(given) if text is None else text
     return Sweep(path, text, scene, document, list_quantities(document), cases)
 
 
@@ -91,7 +104,8 @@ def list_quantities(document: dict) -> list[Quantity]:
 
 def list_discs(document: dict) -> list[tuple[str, str]]:
     """Return magnitude and direction of every disc."""
-    return [tuple(_names(entry)) for entry in document["vary"] if entry["type"] == "disc"]
+    discs = (entry for entry in document["vary"] if entry["type"] == "disc")
+    return [(entry["magnitude"], entry["direction"]) for entry in discs]
 
 
 def _find_sweep(reference: str) -> Path:
@@ -169,7 +183,7 @@ def _draw(document: dict) -> list[tuple[Value, ...]]:
     for point in itertools.product(*grids):
         for sample in samples:
             on_grid, off_grid = iter(point), iter(sample)
-            case = []
+            case: list[Value] = []
             for entry in entries:
                 source = on_grid if entry["type"] == "grid" else off_grid
                 case += itertools.islice(source, len(_names(entry)))

@@ -202,12 +202,12 @@ def read_mechanism(path: Path) -> dict:
 
 def read_json(path: Path) -> Any:
     """Read a JSON file. Raises UsageError."""
-    with _reading(path, "JSON", "groups"):
+    with reading(path, "JSON", "groups"):
         return json.loads(path.read_text(encoding="utf-8"))
 
 
 @contextmanager
-def _reading(path: Path, language: str, parts: str) -> Iterator[None]:
+def reading(path: Path, language: str, parts: str) -> Iterator[None]:
     """Say what is wrong with a file that cannot be read or parsed."""
     try:
         yield
@@ -271,7 +271,7 @@ def parse_value(text: str) -> Any:
 
 def read_toml(path: Path) -> tuple[dict, str]:
     """Read a TOML file; returns what it says, and its text. Raises UsageError."""
-    with _reading(path, "TOML", "tables"):
+    with reading(path, "TOML", "tables"):
         text = path.read_text(encoding="utf-8")
         return tomllib.loads(text), text
 
@@ -337,7 +337,8 @@ def _set_member(mechanism: dict, dotted: str, value: Any, path: Path, scene_path
         Where it is in the document, as schemas count.
     """
     node: Any = mechanism
-    walked, place = [], []
+    walked: list[str] = []
+    place: list[str | int] = []
     key = f"{shown(scene_path)}: mechanism.set.{dotted}"
     *groups, last = dotted.split(".")
     for part in groups:

@@ -85,7 +85,7 @@ def find_violation(document: Any, schema_name: str) -> Violation | None:
     error = max(errors, key=lambda e: (len(e.absolute_path), "Properties" not in e.validator))
     if error.validator == "required":
         error = _find_misspelt(error, errors, root) or error
-    path, extra = tuple(error.absolute_path), ()
+    path, extra = tuple(error.absolute_path), tuple[str, ...]()
     if "Properties" in error.validator:
         extra = (_find_extra(error, root),)
     return Violation((*path, *extra), _sentence(error, root) + _owner(document, path))

@@ -9,11 +9,9 @@ FMU, so the step may be as coarse as the plots allow.
 import ctypes
 import math
 import os
-import sys
 import time
 import zipfile
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,48 +23,13 @@ from dockloop.errors import DockloopError, UsageError, did_you_mean, find_reason
 from dockloop.fmu import read_model
 from dockloop.outputs import filling, scratch
 from dockloop.paths import find_absence, is_file, shown
+from dockloop.results import ProgressBar, Result, list_points, warn_of_driven
 from dockloop.scene import scene_keys
 
+__all__ = ["ProgressBar", "Recording", "run_fmu"]  # and what is defined here
+Recording = Result  # as `dockloop.trade` calls it
 _WARNING = 1  # fmi2Warning
-_MAX_STEPS = 10_000_000
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
-
-
-@dataclass
-class Recording:
-    """What a run left behind.
-
-    Attributes:
-        scene: the resolved scene of the FMU (``resources/model.json``).
-        names: recorded variables, ``time`` first.
-        units: their units.
-        values: one row per communication point, one column per name.
-        parameters: value of every Real parameter after initialisation.
-        wall: wall time [s]: ``load`` (unpack, instantiate, initialise), ``loop``, and of the loop
-            ``do_step`` (inside fmi2DoStep) and ``read`` (inside the get calls).
-        warnings: what the FMU had to say.
-    """
-
-    scene: dict
-    names: list[str]
-    units: list[str]
-    values: np.ndarray
-    parameters: dict[str, float] = field(default_factory=dict)
-    wall: dict[str, float] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
-
-    def __contains__(self, name: str) -> bool:
-        """Tell whether a variable was recorded."""
-        return name in self.names
-
-    def __getitem__(self, name: str) -> np.ndarray:
-        """Return one variable over time, shape (points,)."""
-        return self.values[:, self.names.index(name)]
-
-    def vector(self, name: str) -> np.ndarray:
-        """Return ``name[1], name[2], ...`` as columns, shape (points, entries)."""
-        columns = [i for i, n in enumerate(self.names) if n.startswith(f"{name}[")]
-        return self.values[:, columns]
 
 
 def run_fmu(
@@ -77,7 +40,7 @@ def run_fmu(
     *,
     progress: Callable[[float], None] | None = None,
     label: str | None = None,
-) -> Recording:
+) -> Result:
     """Run an FMU from its start time to `stop`.
 
     Args:
@@ -105,12 +68,7 @@ def run_fmu(
             loaded = time.perf_counter()
             recording = record(instance, scene, times, progress)
             recording.wall["load"] = loaded - began
-            recording.warnings += [
-                f"{vehicle} is driven, but nobody imposes its motion in this run: it is put back"
-                " to its start at every communication point"
-                for vehicle in ("chaser", "target")
-                if scene.get(vehicle, {}).get("motion") == "driven"
-            ]
+            recording.warnings += warn_of_driven(scene)
     return recording
 
 
@@ -120,10 +78,10 @@ def record(
     times: np.ndarray,
     progress: Callable[[float], None] | None = None,
     clock: Callable[[], float] = time.perf_counter,
-) -> Recording:
+) -> Result:
     """Step an initialised instance through all communication points; `clock` times it [s]."""
     recorder = Recorder(instance.slave, instance.description, len(times))
-    recording = Recording(scene, recorder.names, recorder.units, recorder.values)
+    recording = Result(scene, recorder.names, recorder.units, recorder.values)
     try:
         recording.parameters = instance.read_parameters()
     except FMICallException as error:
@@ -131,27 +89,6 @@ def record(
     recording.wall = instance.loop(times, recorder, progress, clock)
     recording.warnings = instance.warnings
     return recording
-
-
-class ProgressBar:
-    """A bar on standard error; shows nothing when that is not a terminal."""
-
-    def __init__(self, label: str) -> None:
-        """Prepare a bar that begins with `label`."""
-        self._label = label
-        self._active = sys.stderr.isatty()
-        self._next = 0.0
-
-    def __call__(self, part: float, note: str = "") -> None:
-        """Show that `part` (0 to 1) is done, and a note; drawn at most ten times a second."""
-        now = time.monotonic()
-        if not self._active or (now < self._next and part < 1.0):
-            return
-        self._next = now + 0.1
-        bar = "#" * round(30 * part)
-        end = "\r\033[K" if part >= 1.0 else ""
-        text = f"\r{self._label} [{bar:30}] {part:4.0%} {note}\033[K{end}"
-        print(text, end="", file=sys.stderr, flush=True)
 
 
 class Instance:
@@ -286,7 +223,7 @@ class Recorder:
             references = (ctypes.c_uint * count)(*(v.valueReference for v in chosen))
             buffer = (c_type * count)()
             columns = slice(len(self.names), len(self.names) + count)
-            view = np.frombuffer(buffer, dtype=c_type)
+            view = np.ctypeslib.as_array(buffer)
             self._calls.append((getter, references, count, buffer, view, columns))
             self.names += [v.name for v in chosen]
             self.units += [v.unit or "" for v in chosen]
@@ -391,19 +328,10 @@ def _parse_as(type_name: str, text: str) -> Any:
 
 
 def communication_points(description: Any, stop: float | None, step: float | None) -> np.ndarray:
-    """Return all communication points [s]; the last step is shorter if it must be."""
+    """Return all communication points [s] of an FMU; the last step is shorter if it must be."""
     default = description.defaultExperiment
-    start = float(default.startTime or 0.0)
-    stop = float(default.stopTime if stop is None else stop)
-    step = float(default.stepSize if step is None else step)
-    if not (math.isfinite(stop) and stop > start):
-        raise UsageError(f"--stop {stop}: must be greater than the start time {start} s")
-    if not (math.isfinite(step) and step > 0.0):
-        raise UsageError(f"--step {step}: must be greater than 0")
-    steps = (stop - start) / step * (1.0 - 1e-12)
-    if not steps <= _MAX_STEPS:
-        raise UsageError(f"--step {step}: needs {steps:.6g} steps, more than {_MAX_STEPS}")
-    count = math.ceil(steps)
-    times = start + step * np.arange(count + 1)
-    times[-1] = stop
-    return times
+    return list_points(
+        float(default.startTime or 0.0),
+        float(default.stopTime if stop is None else stop),
+        float(default.stepSize if step is None else step),
+    )

@@ -6,13 +6,12 @@ The folder is an include root by itself: sources and headers of this project as 
 list what to compile for importers, ``CMakeLists.txt`` does it for people.
 """
 
-import importlib.util
 import re
-from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from dockloop import paths
 
+_NOT_IN_THE_FMU = {"check", "codegen", "compare", "python", "tool"}
 _HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 
 
@@ -28,15 +27,14 @@ def source_entries(name: str) -> dict[str, bytes]:
     outside = paths.OUTSIDE
     if not outside.exists():
         return {}
-    fmi = Path(importlib.util.find_spec("fmpy").origin).parent / "c-code"
     files = {file.name: file for file in (paths.ROOT / "fmu").glob("*.[ch]pp")}
-    files |= {header: fmi / header for header in _HEADERS}
+    files |= {header: paths.ROOT / "fmu" / "fmi2" / header for header in _HEADERS}
     files["exports.map"] = paths.ROOT / "fmu" / "exports.map"
     files["CMakeLists.txt"] = paths.ROOT / "fmu" / "sources.cmake"
     for root, pattern in ((paths.ROOT / "src", "*/*.[ch]pp"), (outside, "**/*")):
         for file in root.glob(pattern):
             place = file.relative_to(root)
-            if file.is_file() and place.parts[0] not in {"codegen", "compare", "tool"}:
+            if file.is_file() and place.parts[0] not in _NOT_IN_THE_FMU:
                 files[place.as_posix()] = file
     entries = {f"sources/{place}": file.read_bytes() for place, file in sorted(files.items())}
     units = [place for place in sorted(files) if place.endswith((".c", ".cpp"))]

@@ -236,10 +236,10 @@ def _add_component(elements: ET.Element, name: str, fmu: _Fmu, connections: list
     values = _add(_add(bindings, "ssd:ParameterBinding"), "ssd:ParameterValues")
     parameter_set = _add(values, "ssv:ParameterSet", version="1.0", name=PARAMETER_SET)
     parameters = _add(parameter_set, "ssv:Parameters")
-    for variable in fmu.names("parameter"):
-        kind = fmu.variables[variable][0]
-        parameter = _add(parameters, "ssv:Parameter", name=variable)
-        _add_value(parameter, "ssv", kind, value=kind.get("start"))
+    for known in fmu.names("parameter"):
+        declared = fmu.variables[known][0]
+        parameter = _add(parameters, "ssv:Parameter", name=known)
+        _add_value(parameter, "ssv", declared, value=declared.get("start"))
 
 
 def _add_value(parent: ET.Element, prefix: str, kind: ET.Element, /, **attributes: str) -> None:

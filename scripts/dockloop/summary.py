@@ -12,7 +12,7 @@ import numpy as np
 
 from dockloop.capture import explain_capture, list_needed
 from dockloop.outputs import MADE_BY, Kind, json_kind, read_head, write_text, writing
-from dockloop.simulate import Recording
+from dockloop.results import Result
 
 COMMAND = "dockloop run"
 
@@ -60,7 +60,7 @@ def find_summary(result: Path) -> Path:
     return result.with_name(f"{result.stem}_summary.json")
 
 
-def summarise(run: Recording) -> dict:
+def summarise(run: Result) -> dict:
     """Condense a recording.
 
     Args:
@@ -100,7 +100,7 @@ def summarise(run: Recording) -> dict:
     return summary
 
 
-def relative_energy(run: Recording) -> float:
+def relative_energy(run: Result) -> float:
     """Return the kinetic energy of the relative motion at the start, m_eq v^2 / 2 [J].
 
     A vehicle that is not free counts as infinitely heavy. Without a target: the energy of the
@@ -183,7 +183,7 @@ def describe(summary: dict) -> str:
     return "\n".join(lines)
 
 
-def write_result(run: Recording, path: Path) -> None:
+def write_result(run: Result, path: Path) -> None:
     """Write all recorded values.
 
     Args:
@@ -206,7 +206,7 @@ def write_summary(summary: dict, path: Path) -> None:
     write_text(path, json_kind("summary", summary[MADE_BY]), json.dumps(summary, indent=2) + "\n")
 
 
-def _outcome(run: Recording) -> dict:
+def _outcome(run: Result) -> dict:
     """Return outcome, phase and times of contact and capture (None: never)."""
 
     def when(name: str) -> float | None:
@@ -228,7 +228,7 @@ def _outcome(run: Recording) -> dict:
     }
 
 
-def _peak_loads(run: Recording) -> dict:
+def _peak_loads(run: Result) -> dict:
     """Return the largest loads since the start beside the rated ones."""
     rated = run.scene["mechanism"].get("limits", {})
     loads = {}
@@ -239,7 +239,7 @@ def _peak_loads(run: Recording) -> dict:
     return loads
 
 
-def _energy(run: Recording) -> dict:
+def _energy(run: Result) -> dict:
     """Return what became of the energy, and what does not add up."""
     scale = relative_energy(run)
     residual = float(np.max(np.abs(run["energy.residual"])))
@@ -257,7 +257,7 @@ def _energy(run: Recording) -> dict:
     return energy
 
 
-def _legs(run: Recording) -> dict:
+def _legs(run: Result) -> dict:
     """Return travel of the legs from their start [m] and the largest force [N]."""
     count = sum(name.endswith("].length") for name in run.names)
     lengths = np.column_stack([run[f"leg[{i + 1}].length"] for i in range(count)])
@@ -269,7 +269,7 @@ def _legs(run: Recording) -> dict:
     }
 
 
-def _wall_time(run: Recording, simulated: float) -> dict:
+def _wall_time(run: Result, simulated: float) -> dict:
     """Return wall times [s]; ``python`` is the loop without the calls into the FMU."""
     wall = dict(run.wall)
     wall["python"] = wall["loop"] - wall["do_step"] - wall["read"]

@@ -25,7 +25,7 @@ from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
 from dockloop.sampling import Sweep, list_discs
 from dockloop.summary import LOADS, OUTCOMES, PHASES, find_summary
-from dockloop.sweep import COMMAND, DIGEST, TABLE, Planner, find_journal
+from dockloop.sweeps import COMMAND, DIGEST, TABLE, Planner, find_journal
 
 _TEXTS = {"outcome": OUTCOMES, "phase": PHASES}  # Integers of the FMU that the table spells out
 _NEVER = ("time_of_contact", "time_of_capture")  # negative: it did not happen; null in the table
@@ -100,9 +100,9 @@ def make_table(sweep: Sweep, planner: Planner, results: list[Result]) -> Any:
     add("warning", [r.warning for r in results], description="what placement or FMU had to say")
     add("end_time", [r.end_time for r in results], "s", "where the case ended")
     for number, name in enumerate(planner.outcomes):
-        values = [_outcome_value(name, r.outputs[number]) if r.outputs else None for r in results]
+        ends = [_outcome_value(name, r.outputs[number]) if r.outputs else None for r in results]
         variable = planner.variables[name]
-        add(name, values, variable.unit or "", variable.description or "")
+        add(name, ends, variable.unit, variable.description)
     if "capture.reason" in planner.asked:
         latches = planner.base["mechanism"].get("latches", {})
         add(
@@ -281,7 +281,7 @@ def _make_metadata(sweep: Sweep, planner: Planner) -> dict[str, str]:
             }
         ),
         "dockloop.versions": json.dumps(versions),
-        "dockloop.fmu_sha256": planner.base_digest,
+        "dockloop.model_sha256": planner.model_digest,
         DIGEST: planner.digest,
     }
 

@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 
 from dockloop import paths
 from dockloop.compiled import find_compiled
-from dockloop.core import ask_core
+from dockloop.core import ask_program, to_json
 from dockloop.errors import one_line
-from dockloop.fmu import place_vehicles, to_json
+from dockloop.fmu import place_vehicles
 from dockloop.outputs import json_kind, scratch
 from dockloop.scene import find_scene, resolve_scene
 
@@ -68,4 +68,4 @@ def make_truth(
         model = folder / "model.json"
         model.write_text(to_json(document), encoding="utf-8")
         (program,) = find_compiled(paths.COMPARE)
-        return ask_core("truth", model, *options, source=source, progress=progress, program=program)
+        return ask_program(program, "truth", model, *options, source=source, progress=progress)

@@ -57,6 +57,8 @@ ensure_system() {
   [ -f /usr/include/nlohmann/json.hpp ] || missing+=(nlohmann-json3-dev)
   command -v python3 >/dev/null || missing+=(python3)
   python3 -c 'import ensurepip, venv' 2>/dev/null || missing+=(python3-venv)
+  [ -f "$(python3 -c 'import sysconfig; print(sysconfig.get_path("include"))' 2>/dev/null)/Python.h" ] ||
+    missing+=(python3-dev)
   if [ "${1:-}" = test ]; then
     [ -f /usr/include/gtest/gtest.h ] || missing+=(libgtest-dev)
     [ -e "/usr/lib/$(uname -m)-linux-gnu/libtbb.so.12" ] || missing+=(libtbb12)
@@ -130,12 +132,13 @@ ensure_python() {
   say "Python packages into .venv"
   [ -x .venv/bin/python ] || quietly venv python3 -m venv .venv
   quietly pip .venv/bin/python -m pip install --disable-pip-version-check --no-input \
-    -e ".${extra:+[$extra]}"
+    -e ".[build${extra:+,$extra}]"
   touch "$stamp-$extra"
 }
 
-# compile [test]: build/release/dockloop.so and dockloop-core; with `test` everything. The methods for
-# comparison and the generator of kernels are compiled when a command asks for them (compiled.py).
+# compile [test]: the module of the Python package and the library of the FMU, in build/release; with
+# `test` everything. The methods for comparison and the generator of kernels are compiled when a
+# command asks for them (compiled.py).
 compile() {
   local tests=OFF
   [ "${1:-}" = test ] && tests=ON
@@ -151,6 +154,6 @@ compile() {
   if [ $tests = ON ]; then
     quietly compile cmake --build --preset release
   else
-    quietly compile cmake --build --preset release --target dockloop_fmu dockloop-core
+    quietly compile cmake --build --preset release --target _core dockloop_fmu
   fi
 }

@@ -7,7 +7,7 @@
 #include "compare/comparison.hpp"
 #include "compare/truth.hpp"
 #include "interface/model_description.hpp"
-#include "tool/arguments.hpp"
+#include "compare/arguments.hpp"
 
 namespace {
 

@@ -9,7 +9,7 @@
 #include "math/extended.hpp"
 #include "math/status.hpp"
 #include "sim/docking_sim.hpp"
-#include "tool/variable_access.hpp"
+#include "compare/variable_access.hpp"
 
 namespace dockloop {
 namespace {

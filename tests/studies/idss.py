@@ -29,8 +29,8 @@ from dockloop.fmu import build_fmu
 from dockloop.paths import ROOT, SWEEPS
 from dockloop.sampling import read_sweep
 from dockloop.simulate import ProgressBar, run_fmu
-from dockloop.sweep import run_sweep
 from dockloop.sweep_report import make_table
+from dockloop.sweeps import run_sweep
 from page import find_origin, write_head, write_page, write_row
 
 SCENE, SWEEP = "idss_25t_350t", "idss_initial_conditions"

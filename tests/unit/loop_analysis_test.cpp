@@ -13,7 +13,7 @@
 #include <cmath>
 
 #include "mechanism/mechanism_dynamics.hpp"
-#include "tool/mechanism_check.hpp"
+#include "check/mechanism_check.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {

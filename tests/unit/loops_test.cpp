@@ -14,7 +14,7 @@
 #include <map>
 #include <numeric>
 
-#include "tool/mechanism_check.hpp"
+#include "check/mechanism_check.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {

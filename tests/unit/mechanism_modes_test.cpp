@@ -3,7 +3,7 @@
 // 2. a plate on six massless legs with springs: the stiffness matrix summed over the legs;
 // 3. what no force opposes has frequency 0;
 // 4. a double real eigenvalue is listed twice, one that grows says so.
-#include "tool/mechanism_modes.hpp"
+#include "check/mechanism_modes.hpp"
 
 #include <gtest/gtest.h>
 

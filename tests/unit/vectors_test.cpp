@@ -11,7 +11,7 @@
 
 #include <cmath>
 
-#include "tool/mechanism_check.hpp"
+#include "check/mechanism_check.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {

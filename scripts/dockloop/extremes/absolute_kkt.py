@@ -33,7 +33,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dockloop.core import run_core
+from dockloop import core
 
 CUT_ROWS = {"R3": 3, "R2": 4, "R1": 5, "R1_planar": 2}
 FORCES = ("loop_force", "joint_load")  # what a self-stress may add to
@@ -709,14 +709,14 @@ def find_gap(m: Mechanism, results: list[dict]) -> float:
 
 def run_check(file: Path, newton: bool = False) -> list[dict]:
     """Evaluate the states in `file` with the core."""
-    options = ["--states", str(file), *(["--newton"] if newton else [])]
-    return json.loads(run_core("check", file, *options))
+    text = file.read_text()
+    return core.evaluate(text, file, text, file, newton=newton)
 
 
 def follow_core(m: Mechanism, file: Path) -> None:
     """Where more joints are listed than rows are left, take the independent ones of the core."""
     if m.freed:
-        m.take_independents(json.loads(run_core("check", file))["independent"])
+        m.take_independents(core.check(file.read_text(), file)["independent"])
 
 
 def main() -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from fmpy.fmi1 import FMICallException
 
+from dockloop import core
 from dockloop.binaries import find_libraries
-from dockloop.core import run_core
 from dockloop.errors import UsageError
 from dockloop.extremes.fmi_host import OK, Host
 from dockloop.extremes.own_mechanism import FIXED_BASE, capture_body_section, write_scene
@@ -70,8 +70,8 @@ class Workshop:
         folder = self._new()
         model = folder / "resources" / "model.json"
         model.parent.mkdir()
-        model.write_text(json.dumps(document))
-        description = run_core("describe", model, "--date", DATE, source=source)
+        model.write_text(core.to_json(document))
+        description = core.describe(document, source, DATE)
         (folder / "modelDescription.xml").write_text(description)
         for platform, library in find_libraries().items():
             binary = folder / "binaries" / platform / f"{document['name']}{library.suffix}"
@@ -80,16 +80,14 @@ class Workshop:
         return folder
 
     def check(self, document):
-        """Report of ``dockloop-core check``."""
-        file = self._new() / "document.json"
-        file.write_text(json.dumps(document))
-        return json.loads(run_core("check", file))
+        """Report of ``dockloop check``."""
+        return core.check(document, Path("document.json"))
 
-    def evaluate(self, document, *options):
-        """Figures of ``dockloop-core check --states`` for a document with mechanism and states."""
+    def evaluate(self, document):
+        """Figures of ``dockloop check --states`` for a document with mechanism and states."""
         file = self._new() / "document.json"
         file.write_text(json.dumps(document))
-        return json.loads(run_core("check", file, "--states", str(file), *options)), file
+        return core.evaluate(document, file, document, file), file
 
 
 def move(fmu, times, *, settings=None, names=(), start_time=0.0):

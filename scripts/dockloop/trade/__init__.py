@@ -12,7 +12,7 @@ FMUs do not carry (`dockloop.compiled`). A second name of a method is that metho
 |---|---|
 | ``__init__.py`` | the grid; which settings of it are run; one row; all rows, kept in a journal |
 | ``bench.py`` | the FMU, loaded once and run again and again |
-| ``truth.py`` | the truth: of dockloop-core, or of the FMU at its tightest tolerance |
+| ``truth.py`` | the truth: of dockloop-compare, or of the FMU at its tightest tolerance |
 | ``errors.py`` | figures of a run against the truth, and the scalar that sums them up |
 | ``report.py`` | front, recommendation, table, figure |
 """

@@ -22,7 +22,7 @@ import numpy as np
 
 from dockloop import paths
 from dockloop.compiled import find_compiled
-from dockloop.core import ask_core
+from dockloop.core import ask_program
 from dockloop.errors import DockloopError, UsageError, find_reason
 from dockloop.outputs import MADE_BY, claim, json_kind, write_text
 from dockloop.paths import shown
@@ -125,7 +125,7 @@ def _ask_core(bench: Bench, stop: float, step: float, names: list[str]) -> dict:
     options += [word for name, n in _level(bench).items() for word in ("--set", f"{name}={n}")]
     of_fmu = _ask_fmu(bench, stop, step, names)
     try:
-        told = ask_core("truth", bench.model, *options, program=paths.COMPARE)
+        told = ask_program(paths.COMPARE, "truth", bench.model, *options)
     except DockloopError as error:
         reason = str(error).replace(f"{shown(bench.model)}: ", "")
         return {**of_fmu, "source": f"{of_fmu['source']} (dockloop truth: {reason})"}

@@ -1,5 +1,5 @@
 // Eigenvalues of the reduced equations at home; see mechanism_modes.hpp.
-#include "tool/mechanism_modes.hpp"
+#include "check/mechanism_modes.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>

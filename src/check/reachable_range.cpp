@@ -1,5 +1,5 @@
 // Walks along each independent coordinate until a loop refuses; see reachable_range.hpp.
-#include "tool/reachable_range.hpp"
+#include "check/reachable_range.hpp"
 
 #include <algorithm>
 

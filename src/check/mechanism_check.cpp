@@ -1,5 +1,5 @@
 // Checks and evaluations of a mechanism on its own; see mechanism_check.hpp.
-#include "tool/mechanism_check.hpp"
+#include "check/mechanism_check.hpp"
 
 #include <Eigen/SVD>
 #include <algorithm>
@@ -13,8 +13,8 @@
 #include "math/status.hpp"
 #include "mechanism/mechanism_dynamics.hpp"
 #include "model/json_reader.hpp"
-#include "tool/mechanism_modes.hpp"
-#include "tool/reachable_range.hpp"
+#include "check/mechanism_modes.hpp"
+#include "check/reachable_range.hpp"
 
 namespace dockloop {
 namespace {

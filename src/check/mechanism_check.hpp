@@ -1,4 +1,4 @@
-// `dockloop-core check`: is a mechanism sound, and what does the method make of given states?
+// Is a mechanism sound, and what does the method make of given states?
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -1,5 +1,5 @@
 // See arguments.hpp.
-#include "tool/arguments.hpp"
+#include "compare/arguments.hpp"
 
 #include <cstdlib>
 #include <fstream>

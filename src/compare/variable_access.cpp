@@ -1,5 +1,5 @@
 // By name and as numbers; see variable_access.hpp.
-#include "tool/variable_access.hpp"
+#include "compare/variable_access.hpp"
 
 #include <algorithm>
 #include <climits>

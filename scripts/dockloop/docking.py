@@ -1,0 +1,293 @@
+"""Dockings in this process: a scene, a docking that is stepped, a run. No FMU, no files.
+
+The compiled core takes the steps that the FMU of the scene would take, with the same bits. (An FMU
+with generated code for its mechanism may differ by rounding: `dockloop.kernel`.)
+"""
+
+import copy
+import math
+import re
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dockloop.core import core_errors, name_source, to_json
+from dockloop.errors import UsageError, did_you_mean
+from dockloop.fmu import find_placement
+from dockloop.results import Result, list_points, warn_of_driven
+from dockloop.sampling import as_setting
+from dockloop.scene import find_scene, resolve_scene, scene_keys
+from dockloop.variables import Value, Variable
+
+_COLUMNS = ("Real", "Integer", "Boolean")  # order of the columns of a result
+_TYPES: dict[str, type] = {"Real": float, "Integer": int, "Boolean": bool}
+
+
+class Scene:
+    """A scene with overrides: what is modelled, read once and checked.
+
+    Attributes:
+        path: the scene file.
+        name: of the scene.
+        title: one line.
+        document: the resolved scene, all quantities in SI units (``resources/model.json`` of an
+            FMU); both vehicles are at their start.
+        warnings: issued when the vehicles were placed.
+    """
+
+    def __init__(
+        self, reference: "str | Path | Scene", overrides: Mapping[str, Any] | None = None
+    ) -> None:
+        """Read a scene.
+
+        Args:
+            reference: name of a shipped scene, path of a ``.toml`` file, or a scene to read again.
+            overrides: values of keys of the scene file, in the units of the file:
+                ``{"initial.closing_speed": 0.05, "chaser.motion": "driven"}``.
+
+        Raises:
+            UsageError: naming file, member, value and limit.
+        """
+        self._overrides: dict[str, Any] = dict(overrides or {})
+        if isinstance(reference, Scene):
+            self._overrides = reference._overrides | self._overrides
+            reference = reference.path
+        self.path: Path = find_scene(str(reference))
+        texts = [as_setting(name, value) for name, value in self._overrides.items()]
+        self.document = resolve_scene(self.path, texts)
+        warning = find_placement(self.document, self.path)
+        self.warnings = [warning] if warning else []
+        self.name: str = self.document["name"]
+        self.title: str = self.document["title"]
+
+    def __repr__(self) -> str:
+        return f"Scene({self.name!r}, {self._overrides})"
+
+
+class Docking:
+    """A docking that its caller steps, with the bits of the FMU.
+
+    ::
+
+        docking = Docking("idss_25t_350t", overrides={"initial.closing_speed": 0.05})
+        docking.set("friction.coefficient", 0.2)
+        while not docking.get("captured") and docking.time < 20.0:
+            docking.step(0.01)
+
+    Attributes:
+        scene: what is modelled.
+        variables: everything that can be read or set, by name.
+        warnings: issued so far.
+    """
+
+    def __init__(
+        self, scene: str | Path | Scene, overrides: Mapping[str, Any] | None = None
+    ) -> None:
+        """Make a docking at its start.
+
+        Args:
+            scene: name of a shipped scene, path of a ``.toml`` file, or a `Scene`.
+            overrides: as for `Scene`.
+
+        Raises:
+            UsageError: naming file, member, value and limit.
+        """
+        if not isinstance(scene, Scene) or overrides:
+            scene = Scene(scene, overrides)
+        self.scene: Scene = scene
+        self.warnings = list(self.scene.warnings)
+        document, source = to_json(self.scene.document), name_source(self.scene.path)
+        with core_errors() as core:
+            self._core = core.Docking(document, source)
+        self.variables = {row[0]: Variable(*row) for row in self._core.variables()}
+        self._rows: dict[str, list[int]] = {}
+        for row, name in enumerate(self.variables):
+            self._rows[name] = [row]
+            if found := re.fullmatch(r"(.*)\[\d+\]", name):
+                self._rows.setdefault(found[1], []).append(row)
+        self._list = list(self.variables.values())
+
+    @property
+    def time(self) -> float:
+        """Time of the last communication point [s]."""
+        return self._core.time
+
+    def set(self, name: str, value: Value | ArrayLike) -> None:
+        """Set a variable: start values before the first step, inputs and tunable parameters always.
+
+        Args:
+            name: ``"chaser.mass"``, or ``"chaser.force_ext"`` for ``chaser.force_ext[1..3]``.
+            value: in the unit of the variable; for a vector an array of shape (entries,).
+
+        Raises:
+            UsageError: naming variable, value and limit; nothing is changed.
+        """
+        rows = self._find(name)
+        values = np.asarray(value)
+        if values.shape != (() if name in self.variables else (len(rows),)):
+            expected = "one number" if name in self.variables else f"{len(rows)} numbers"
+            raise UsageError(f"Docking.set: '{name}' is {value!r}: must be {expected}")
+        try:
+            numbers = np.atleast_1d(values).astype(float).tolist()
+        except (TypeError, ValueError):
+            raise UsageError(f"Docking.set: '{name}' is {value!r}: must be a number") from None
+        with core_errors():
+            self._core.set(rows, numbers, "Docking.set")
+
+    def get(self, name: str) -> Any:
+        """Return the present value of a variable, in its unit.
+
+        Args:
+            name: ``"relative.axial"``, or ``"relative.position"`` for ``relative.position[1..3]``.
+
+        Returns:
+            float, int or bool; for a vector an array of shape (entries,).
+
+        Raises:
+            UsageError: there is no such variable.
+        """
+        rows = self._find(name)
+        kind = _TYPES[self._list[rows[0]].type]
+        with core_errors():
+            values = self._core.get(rows)
+        return kind(values[0]) if name in self.variables else np.array(values).astype(kind)
+
+    def step(self, h: float) -> None:
+        """Advance by one communication step; the first one ends the setting of start values.
+
+        Args:
+            h: communication step [s], above 0.
+
+        Raises:
+            UsageError: `h` is no step.
+            DockloopError: the step failed; the docking is where it was. A smaller step may succeed.
+        """
+        if not (math.isfinite(h) and h > 0.0):
+            raise UsageError(f"Docking.step: h is {h!r} s: must be positive and finite")
+        with core_errors():
+            self._core.step(h)
+        self._keep_warnings()
+
+    def save(self) -> bytes:
+        """Return all that decides the future; the FMU of the scene accepts these bytes too."""
+        return self._core.save()
+
+    def restore(self, state: bytes) -> None:
+        """Go on from a saved state, bit for bit, in any process.
+
+        Args:
+            state: what `save` of a docking with the same scene returned.
+
+        Raises:
+            UsageError: these bytes are no state of this scene; nothing is changed.
+        """
+        with core_errors():
+            self._core.restore(state)
+
+    def record(
+        self,
+        times: np.ndarray,
+        progress: Callable[[float], None] | None = None,
+    ) -> Result:
+        """Step to every one of some times and record all outputs there.
+
+        Args:
+            times: [s], shape (points,); the first is the present time.
+            progress: receives the part that is done, 0 to 1, some ten times a second.
+
+        Raises:
+            DockloopError: a step failed.
+        """
+        began = time.perf_counter()
+        outputs = [
+            row
+            for kind in _COLUMNS
+            for row, v in enumerate(self._list)
+            if v.causality == "output" and v.type == kind
+        ]
+        with core_errors():
+            self._core.start()
+            result = Result(
+                copy.deepcopy(self.scene.document),
+                ["time", *(self._list[row].name for row in outputs)],
+                ["s", *(self._list[row].unit for row in outputs)],
+                np.zeros((len(times), 1 + len(outputs))),
+                self._read_parameters(),
+                {"load": time.perf_counter() - began},
+            )
+            began = time.perf_counter()
+            values, *wall = self._core.record(times.tolist(), outputs, progress=progress)
+        result.wall |= {"loop": time.perf_counter() - began, "do_step": wall[0], "read": wall[1]}
+        result.values[:, 0] = times
+        result.values[:, 1:] = values
+        self._keep_warnings()
+        result.warnings = list(self.warnings)
+        return result
+
+    def _keep_warnings(self) -> None:
+        self.warnings += self._core.take_warnings()
+
+    def _read_parameters(self) -> dict[str, float]:
+        rows = [
+            row
+            for row, v in enumerate(self._list)
+            if v.type == "Real" and v.causality == "parameter"
+        ]
+        values = self._core.get(rows)
+        return {self._list[row].name: value for row, value in zip(rows, values, strict=True)}
+
+    def _find(self, name: str) -> list[int]:
+        """Return the rows of a variable or a vector."""
+        if name in self._rows:
+            return self._rows[name]
+        hint = did_you_mean(name, self._rows)
+        if name in scene_keys():
+            hint = f"; it is a key of the scene: overrides={{{name!r}: ...}}"
+        raise UsageError(f"{self.scene.name}: there is no variable '{name}'{hint}")
+
+
+def run(
+    scene: str | Path | Scene,
+    overrides: Mapping[str, Any] | None = None,
+    start_values: Mapping[str, Value | ArrayLike] | None = None,
+    *,
+    stop: float | None = None,
+    step: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Result:
+    """Run one docking from its start to `stop`, with the bits of ``dockloop run``.
+
+    Args:
+        scene: name of a shipped scene, path of a ``.toml`` file, or a `Scene`.
+        overrides: as for `Scene`.
+        start_values: values of variables at the start, as for `Docking.set`.
+        stop: end [s]; default: that of the scene.
+        step: communication step [s]; default: that of the scene.
+        progress: receives the part that is done, 0 to 1.
+
+    Returns:
+        Every output at every communication point, the start included.
+
+    Raises:
+        UsageError: naming file, member or variable, value and limit.
+        DockloopError: a step failed.
+    """
+    began = time.perf_counter()
+    docking = Docking(scene, overrides)
+    experiment = docking.scene.document["experiment"]
+    times = list_points(
+        float(experiment["start"]),
+        float(experiment["stop"] if stop is None else stop),
+        float(experiment["step"] if step is None else step),
+    )
+    for name, value in (start_values or {}).items():
+        docking.set(name, value)
+    loaded = time.perf_counter() - began
+    result = docking.record(times, progress)
+    result.wall["load"] += loaded
+    result.warnings += warn_of_driven(docking.scene.document)
+    return result

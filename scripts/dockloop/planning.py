@@ -1,0 +1,283 @@
+"""From the values of a case to what runs it: a scene and start values, or an FMU and a job.
+
+Planning a case means resolving the scene with its values. Threads of the core take the scene as it
+is. Workers without a core receive FMUs: vehicles are placed here, and what an FMU accepts as start
+values is set that way, so that cases share one FMU; it is built once per combination of all other
+scene keys. Names are checked against the variables of the core: no FMU is built for that.
+"""
+
+import copy
+import hashlib
+import json
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dockloop.binaries import find_libraries
+from dockloop.capture import list_needed
+from dockloop.cases import Job
+from dockloop.core import core_errors, name_source, to_json
+from dockloop.errors import UsageError, did_you_mean
+from dockloop.fmu import find_placement, write_fmu
+from dockloop.journal import make_digest
+from dockloop.outputs import scratch
+from dockloop.paths import shown
+from dockloop.results import list_points
+from dockloop.sampling import Quantity, Sweep, Value, as_setting
+from dockloop.scene import SceneReader, scene_keys
+from dockloop.variables import Variable
+
+# Members of a resolved scene that an FMU takes as start values, with the names of their variables.
+_SETTABLE = {
+    **{
+        (vehicle, member): f"{vehicle}.{member}"
+        for vehicle in ("chaser", "target")
+        for member in (
+            *("position", "velocity", "attitude", "angular_velocity"),
+            *("mass", "mass_includes_mechanism"),
+            *("contact_thrust", "contact_thrust_delay"),
+        )
+    },
+    ("contact", "friction_coefficient"): "friction.coefficient",
+}
+_PLACED = ("capture_body", "joints")  # of [initial], all that the FMU reads itself
+_OUTCOMES = (
+    *("outcome", "time_of_contact", "time_of_capture"),
+    *(f"capture.peak.{load}" for load in ("compression", "tension", "shear", "bending", "torsion")),
+    *("capture.peak.load_ratio", "energy.residual"),
+)
+_UNITS = {"_deg_s": "deg/s", "_deg": "deg", "_speed": "m/s", "_offset": "m", "_time": "s"}
+KEPT_FMUS = 16  # that cases of a sweep share at a time
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A case for a worker that has no core.
+
+    Attributes:
+        fmu: key of its FMU, for `Planner.fmu`.
+        job: what to do with it.
+    """
+
+    fmu: str
+    job: Job
+
+
+class Planner:
+    """Turns the values of a case into what an engine runs.
+
+    Attributes:
+        unplaced: the resolved scene with ``[set]``, before anything varies.
+        base: the same with both vehicles at their start.
+        quantities: what varies, with units.
+        outcomes: names of the outputs to collect.
+        asked: these, and what explains why there was no capture.
+        variables: of a docking of `base`, by name.
+        model_digest: SHA-256 of `base` and of the libraries that an FMU of it would hold.
+        experiment: ``stop``, ``step``, ``end_after_outcome`` [s], those that the sweep gives.
+        built: number of FMUs built so far.
+        times: communication points of a case that runs to its stop.
+        digest: of all that the user decides: scene, what is set and varies, cases, outcomes.
+    """
+
+    def __init__(self, sweep: Sweep) -> None:
+        """Read the base scene and check all names of the sweep against its variables."""
+        self._sweep = sweep
+        self.experiment = sweep.document["experiment"]
+        self._keys = set(scene_keys())
+        self._fmus: OrderedDict[str, tuple[str, bytes]] = OrderedDict()
+        self.built = 0
+        fixed = sweep.document["set"]
+        self._fixed_scene = [as_setting(n, v) for n, v in fixed.items() if self.is_scene_key(n)]
+        self._fixed_starts = {n: v for n, v in fixed.items() if not self.is_scene_key(n)}
+        self._reader = SceneReader(sweep.scene)
+        self.unplaced = self._reader.resolve(self._fixed_scene)
+        self.base = copy.deepcopy(self.unplaced)
+        find_placement(self.base, sweep.scene)
+        with core_errors() as core:
+            docking = core.Docking(to_json(self.base), name_source(sweep.scene))
+        self.variables = {row[0]: Variable(*row) for row in docking.variables()}
+        libraries = {name: _hash(file.read_bytes()) for name, file in find_libraries().items()}
+        self.model_digest = _hash(json.dumps([self.base, libraries]).encode())
+        for name, value in fixed.items():
+            self._check_name(name, "set", [value])
+        for number, quantity in enumerate(sweep.quantities):
+            examples = {type(case[number]): case[number] for case in sweep.cases}
+            self._check_name(quantity.name, "vary", examples.values())
+        self.quantities = [self._with_unit(quantity) for quantity in sweep.quantities]
+        self.outcomes = self._find_outcomes()
+        outputs = [v.name for v in self.variables.values() if v.causality == "output"]
+        self.asked = list(dict.fromkeys([*self.outcomes, *list_needed(outputs)]))
+        self.times = self.list_points(self.base)
+        names = [quantity.name for quantity in self.quantities]
+        decided = [self.unplaced, fixed, names, sweep.cases, self.outcomes, self.experiment]
+        self.digest = make_digest(decided)
+
+    def is_scene_key(self, name: str) -> bool:
+        """Tell whether a name is a key of the scene; if not, it is a start value of the FMU."""
+        return name in self._keys or name.startswith(("mechanism.set.", "initial.joints."))
+
+    def resolve(self, values: tuple[Value, ...]) -> tuple[dict, dict[str, Any]]:
+        """Return the scene of a case, vehicles not placed, and its other start values.
+
+        Raises:
+            UsageError: the scene refuses these values.
+        """
+        scene, starts = list(self._fixed_scene), dict(self._fixed_starts)
+        for quantity, value in zip(self.quantities, values, strict=True):
+            if self.is_scene_key(quantity.name):
+                scene.append(as_setting(quantity.name, value))
+            else:
+                starts[quantity.name] = value
+        return self._reader.resolve(scene), self._as_types(starts)
+
+    def list_points(self, document: dict) -> np.ndarray:
+        """Return the communication points of a case with this scene [s]."""
+        experiment = {**document["experiment"], **self.experiment}
+        return list_points(*(float(experiment[name]) for name in ("start", "stop", "step")))
+
+    def plan(self, values: tuple[Value, ...]) -> Plan:
+        """Plan one case for a worker with its FMU. Raises UsageError like `resolve`."""
+        document, starts = self.resolve(values)
+        warning = find_placement(document, self._sweep.scene)
+        told = {**self._as_types(self._differences(document)), **starts}
+        job = Job(
+            tuple(told.items()),
+            tuple(self.asked),
+            self.experiment.get("stop"),
+            self.experiment.get("step"),
+            self.experiment.get("end_after_outcome"),
+            warning or None,
+        )
+        return Plan(self._key(document), job)
+
+    def fmu(self, key: str) -> tuple[str, bytes]:
+        """Return the SHA-256 and the bytes of the FMU of a key; builds it if it is not at hand."""
+        if key not in self._fmus:
+            with scratch() as folder:
+                path = folder / "sweep.fmu"
+                write_fmu(json.loads(key), self._sweep.scene, path, kernel=False, bare=True)
+                fmu = path.read_bytes()
+            self._fmus[key] = (_hash(fmu), fmu)
+            self.built += 1
+            if len(self._fmus) > KEPT_FMUS:
+                self._fmus.popitem(last=False)
+        self._fmus.move_to_end(key)
+        return self._fmus[key]
+
+    def make_command(self, values: tuple[Value, ...], end: float) -> list[str]:
+        """Return the words of the command that runs one case by itself."""
+        names = [quantity.name for quantity in self.quantities]
+        settings = {**self._sweep.document["set"], **dict(zip(names, values, strict=True))}
+        words = ["dockloop", "run", self._sweep.document["scene"]]
+        if self._sweep.document["scene"].endswith(".toml"):
+            words[-1] = shown(self._sweep.scene)
+        for name, value in settings.items():
+            words += ["--scene" if self.is_scene_key(name) else "--set", as_setting(name, value)]
+        step = self.experiment.get("step", self.base["experiment"]["step"])
+        return [*words, "--stop", repr(float(end)), "--step", repr(step)]
+
+    def without_folder(self, text: str) -> str:
+        """Return a sentence that names the scene file wherever one stands."""
+        return text.replace(shown(self._sweep.scene), self._sweep.scene.name)
+
+    def _key(self, document: dict) -> str:
+        """Return the document of the FMU for this one: what can be set is as in the base."""
+        common = json.loads(json.dumps(document))
+        for section, name in self._settable(document):
+            common[section][name] = self.base[section][name]
+        common["initial"] = {
+            **self.base["initial"],
+            **{name: document["initial"][name] for name in _PLACED},
+        }
+        return json.dumps(common)
+
+    def _settable(self, document: dict) -> Iterator[tuple[str, str]]:
+        """Yield the members of a document that the FMU of the base takes as start values."""
+        for (section, member), variable in _SETTABLE.items():
+            both = (self.base.get(section, {}), document.get(section, {}))
+            known = variable in self.variables or f"{variable}[1]" in self.variables
+            if known and all(member in group for group in both):
+                yield section, member
+
+    def _differences(self, document: dict) -> dict[str, Any]:
+        """Return what the FMU of `_key(document)` must be told to be that of the document."""
+        told: dict[str, Any] = {}
+        for section, member in self._settable(document):
+            value, variable = document[section][member], _SETTABLE[section, member]
+            if value == self.base[section][member]:
+                continue
+            if isinstance(value, list):
+                told |= {f"{variable}[{i}]": entry for i, entry in enumerate(value, 1)}
+            else:
+                told[variable] = value
+        return told
+
+    def _as_types(self, starts: dict[str, Any]) -> dict[str, Any]:
+        types = {"Real": float, "Integer": int, "Boolean": bool}
+        return {name: types[self.variables[name].type](value) for name, value in starts.items()}
+
+    def _check_name(self, name: str, where: str, values: Any) -> None:
+        """Check that there is something of this name that takes values of this kind."""
+        place = f"{shown(self._sweep.path)}: {where} '{name}'"
+        if self.is_scene_key(name):
+            placed = name.startswith("initial.") and name.split(".")[1] not in ("at", *_PLACED)
+            if placed and where == "vary" and self.base["initial"]["at"] != "first_contact":
+                raise UsageError(f"{place}: has no effect while initial.at is not 'first_contact'")
+            return
+        variable = self.variables.get(name)
+        if variable is None:
+            near = did_you_mean(name, [*self._keys, *self.variables])
+            raise UsageError(
+                f"{place}: is neither a key of the scene nor a variable of its FMU{near}"
+            )
+        if variable.start is None:
+            raise UsageError(f"{place}: is computed by the FMU and has no start value")
+        kinds = {"Real": (int, float), "Integer": (int,), "Boolean": (bool,)}[variable.type]
+        for value in values:
+            if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
+                kind = {"Real": "a number", "Integer": "a whole number", "Boolean": "true or false"}
+                raise UsageError(f"{place}: takes {value!r}: must be {kind[variable.type]}")
+
+    def _with_unit(self, quantity: Quantity) -> Quantity:
+        """Fill in a unit that the sweep file leaves out."""
+        name, unit = quantity.name, quantity.unit
+        section, _, member = name.partition(".")
+        variable = self.variables.get(_SETTABLE.get((section, member), name))
+        if not unit and variable is not None:
+            unit = variable.unit
+        if not unit and section == "initial":
+            unit = next((text for end, text in _UNITS.items() if name.endswith(end)), "")
+        return Quantity(name, unit)
+
+    def _find_outcomes(self) -> list[str]:
+        """Return the outputs to collect, checked against those of the FMU."""
+        outputs = [v.name for v in self.variables.values() if v.causality == "output"]
+        document, place = self._sweep.document, shown(self._sweep.path)
+        chosen = document.get("outcomes", [name for name in _OUTCOMES if name in outputs])
+        for name in chosen:
+            if name not in outputs:
+                near = did_you_mean(name, outputs)
+                raise UsageError(
+                    f"{place}: outcomes lists '{name}', which is no output of the FMU of"
+                    f" {shown(self._sweep.scene)}{near}"
+                )
+        if not chosen:
+            raise UsageError(f"{place}: outcomes must list some: the scene has none of the usual")
+        if document.get("worst", chosen[0]) not in chosen:
+            raise UsageError(
+                f"{place}: worst is '{document['worst']}': must be one of the outcomes"
+                f"{did_you_mean(document['worst'], chosen)}"
+            )
+        if "end_after_outcome" in document["experiment"] and "outcome" not in outputs:
+            raise UsageError(
+                f"{place}: experiment.end_after_outcome needs the output 'outcome' (group phase)"
+            )
+        return list(chosen)
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()

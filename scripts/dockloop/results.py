@@ -1,0 +1,180 @@
+"""What a run left behind: every output at every communication point, with names and units."""
+
+import math
+import sys
+import time
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dockloop.errors import DockloopError, UsageError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+_MAX_STEPS = 10_000_000
+
+
+@dataclass
+class Result:
+    """What a run left behind.
+
+    ``result["relative.axial"]`` is one variable over time, shape (points,).
+
+    Attributes:
+        scene: the resolved scene (``resources/model.json`` of the FMU).
+        names: recorded variables, ``time`` first.
+        units: their units.
+        values: one row per communication point, one column per name, shape (points, names).
+        parameters: value of every Real parameter after initialisation.
+        wall: wall time [s]: ``load`` (until the start state is there), ``loop``, and of the loop
+            ``do_step`` (inside the steps) and ``read`` (reading outputs).
+        warnings: issued before and during the run.
+    """
+
+    scene: dict
+    names: list[str]
+    units: list[str]
+    values: np.ndarray
+    parameters: dict[str, float] = field(default_factory=dict)
+    wall: dict[str, float] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    def __contains__(self, name: str) -> bool:
+        """Tell whether a variable was recorded."""
+        return name in self.names
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return one variable over time, shape (points,)."""
+        return self.values[:, self.names.index(name)]
+
+    def vector(self, name: str) -> np.ndarray:
+        """Return ``name[1], name[2], ...`` as columns, shape (points, entries)."""
+        columns = [i for i, n in enumerate(self.names) if n.startswith(f"{name}[")]
+        return self.values[:, columns]
+
+    @property
+    def time(self) -> np.ndarray:
+        """Communication points [s], shape (points,)."""
+        return self["time"]
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """The run in numbers, as ``dockloop run --json`` prints them: outcome, peak loads, audits.
+
+        Loads in N and N m, times in s, energies in J.
+        """
+        from dockloop.summary import summarise
+
+        return summarise(self)
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a table: the index is the time [s], one column per variable.
+
+        Units are in ``table.attrs["units"]``, by name of the column.
+        """
+        pd = import_optional("pandas")
+        index = pd.Index(self.time, name="time")
+        table = pd.DataFrame(self.values[:, 1:], index=index, columns=self.names[1:])
+        table.attrs["units"] = dict(zip(self.names, self.units, strict=True))
+        return table
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return a data set: one variable per name over ``time`` [s], with the attribute ``units``.
+
+        ``relative.position[1]`` to ``[3]`` become one variable of shape (points, 3); its second
+        dimension is called ``relative.position.index`` and counts from 1.
+        """
+        xr = import_optional("xarray")
+        data: dict[str, Any] = {}
+        for name, unit in zip(self.names[1:], self.units[1:], strict=True):
+            base = name[: name.rindex("[")] if name.endswith("]") else name
+            if base in data:
+                continue
+            if base == name:
+                data[name] = ("time", self[name], {"units": unit})
+            else:
+                data[base] = (("time", f"{base}.index"), self.vector(base), {"units": unit})
+        counts = {dims[1]: values.shape[1] for dims, values, _ in data.values() if dims != "time"}
+        coordinates: dict[str, Any] = {n: np.arange(1, count + 1) for n, count in counts.items()}
+        coordinates["time"] = ("time", self.time, {"units": "s"})
+        title = {"scene": self.scene["name"], "title": self.scene["title"]}
+        return xr.Dataset(data, coordinates, title)
+
+    def plot(self) -> dict[str, Any]:
+        """Draw the figures of ``dockloop run`` that the recorded outputs allow.
+
+        Returns:
+            ``matplotlib.figure.Figure`` by name: motion, ring, loads, legs, energy.
+
+        Raises:
+            DockloopError: matplotlib is not installed.
+        """
+        import_optional("matplotlib")
+        from dockloop.plots import draw_figures
+
+        return draw_figures(self)
+
+
+def import_optional(name: str) -> Any:
+    """Import a package that only some work needs. Raises DockloopError naming how to install it."""
+    import importlib
+
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise DockloopError(
+            f"the package {name} is needed here ({error}): install it by 'pip install {name}'"
+        ) from None
+
+
+def list_points(start: float, stop: float, step: float) -> np.ndarray:
+    """Return all communication points [s]; the last step is shorter if it must be.
+
+    Raises:
+        UsageError: naming the value and the limit.
+    """
+    if not (math.isfinite(stop) and stop > start):
+        raise UsageError(f"--stop {stop}: must be greater than the start time {start} s")
+    if not (math.isfinite(step) and step > 0.0):
+        raise UsageError(f"--step {step}: must be greater than 0")
+    steps = (stop - start) / step * (1.0 - 1e-12)
+    if not steps <= _MAX_STEPS:
+        raise UsageError(f"--step {step}: needs {steps:.6g} steps, more than {_MAX_STEPS}")
+    times = start + step * np.arange(math.ceil(steps) + 1)
+    times[-1] = stop
+    return times
+
+
+def warn_of_driven(scene: dict) -> list[str]:
+    """Return a warning for every vehicle whose motion a run alone cannot impose."""
+    return [
+        f"{vehicle} is driven, but nobody imposes its motion in this run: it is put back"
+        " to its start at every communication point"
+        for vehicle in ("chaser", "target")
+        if scene.get(vehicle, {}).get("motion") == "driven"
+    ]
+
+
+class ProgressBar:
+    """A bar on standard error; shows nothing when that is not a terminal."""
+
+    def __init__(self, label: str) -> None:
+        """Prepare a bar that begins with `label`."""
+        self._label = label
+        self._active = sys.stderr.isatty()
+        self._next = 0.0
+
+    def __call__(self, part: float, note: str = "") -> None:
+        """Show that `part` (0 to 1) is done, and a note; drawn at most ten times a second."""
+        now = time.monotonic()
+        if not self._active or (now < self._next and part < 1.0):
+            return
+        self._next = now + 0.1
+        bar = "#" * round(30 * part)
+        end = "\r\033[K" if part >= 1.0 else ""
+        text = f"\r{self._label} [{bar:30}] {part:4.0%} {note}\033[K{end}"
+        print(text, end="", file=sys.stderr, flush=True)

@@ -1,0 +1,31 @@
+"""Variables of a docking: the rows of the one table that the core makes for a scene."""
+
+from typing import NamedTuple
+
+Value = float | int | bool
+
+
+class Variable(NamedTuple):
+    """A variable, as modelDescription.xml of the FMU states it.
+
+    Attributes:
+        name: structured, ``a.b[1]``.
+        type: ``Real``, ``Integer`` or ``Boolean``.
+        causality: ``parameter``, ``input``, ``output`` or ``local``.
+        variability: ``fixed``, ``tunable``, ``discrete`` or ``continuous``.
+        unit: of a Real, SI.
+        start: what it is unless it is set; None: it is computed.
+        minimum: least value, inclusive.
+        maximum: greatest value, inclusive.
+        description: one line; for an Integer the meaning of every choice.
+    """
+
+    name: str
+    type: str
+    causality: str
+    variability: str
+    unit: str
+    start: Value | None
+    minimum: float
+    maximum: float
+    description: str

@@ -1,0 +1,183 @@
+// The Python module dockloop._core; its signatures are in scripts/dockloop/_core.pyi.
+//
+// Documents come as text, with the name of their file for messages; reports go back as JSON. What
+// takes time runs without the lock of the interpreter, so threads of Python run dockings side by side.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <nlohmann/json.hpp>
+
+#include "check/mechanism_check.hpp"
+#include "docking/scene_mechanism.hpp"
+#include "interface/model_description.hpp"
+#include "mechanism/leg_kernel.hpp"
+#include "python/docking.hpp"
+#include "sim/solver_methods.hpp"
+
+namespace nb = nanobind;
+using namespace dockloop;
+using FreeThreads = nb::call_guard<nb::gil_scoped_release>;
+
+namespace {
+
+constexpr const char* kTypes[] = {"Real", "Integer", "Boolean"};
+constexpr const char* kCausalities[] = {"parameter", "input", "output", "local"};
+constexpr const char* kVariabilities[] = {"fixed", "tunable", "discrete", "continuous"};
+
+/// The rows of the variable table, as the constructor of dockloop.variables.Variable takes them.
+nb::list list_variables(Docking& self) {
+  nb::list rows;
+  for (const Variable& v : self.variables()) {
+    nb::object start = nb::none();
+    if (v.has_start()) {
+      start = v.type == Type::kReal      ? nb::object(nb::float_(*static_cast<double*>(v.start)))
+              : v.type == Type::kInteger ? nb::object(nb::int_(*static_cast<int*>(v.start)))
+                                         : nb::object(nb::bool_(*static_cast<char*>(v.start) != 0));
+    }
+    rows.append(nb::make_tuple(v.name, kTypes[int(v.type)], kCausalities[int(v.causality)],
+                               kVariabilities[int(v.variability)], v.unit, start, v.min, v.max,
+                               v.description));
+  }
+  return rows;
+}
+
+nb::dict start_state(const VehicleParameters& p) {
+  const auto list = [](const auto& v) { return std::vector<double>(v.data(), v.data() + v.size()); };
+  nb::dict state;
+  state["position"] = list(p.position);
+  state["velocity"] = list(p.velocity);
+  state["attitude"] = list(p.attitude);
+  state["angular_velocity"] = list(p.angular_velocity);
+  return state;
+}
+
+nb::dict place(const std::string& document, const std::string& source) {
+  Placement placement;
+  {
+    nb::gil_scoped_release free;
+    placement = place_vehicles(naming(source, [&] { return read_scene(document, source); }), source);
+  }
+  nb::dict result;
+  result["chaser"] = start_state(placement.vehicle[kChaser]);
+  result["target"] = start_state(placement.vehicle[kTarget]);
+  result["time_of_contact"] = placement.time_of_contact;
+  result["touches"] = placement.touches;
+  return result;
+}
+
+std::string describe(const std::string& document, const std::string& source,
+                     const std::string& date) {
+  return naming(source, [&] {
+    DockingSim sim(std::make_shared<const Scene>(read_scene(document, source)));
+    return make_model_description(sim, date);
+  });
+}
+
+/// Steps to all times; returns the values, shape (points, rows), and wall times [s].
+nb::tuple record(Docking& self, std::vector<double> times, std::vector<int> rows,
+                 double end_after_outcome, bool last_only, nb::object progress) {
+  if (times.empty()) throw ModelError("there are no times to step to");
+  const size_t columns = rows.size();
+  RecordOrder order{std::move(times), std::move(rows), end_after_outcome, last_only, {}};
+  order.progress = [&](double part) {
+    nb::gil_scoped_acquire held;
+    if (PyErr_CheckSignals() != 0) throw nb::python_error();
+    if (!progress.is_none()) progress(part);
+  };
+  auto* done = new Record;
+  nb::capsule owner(done, [](void* p) noexcept { delete static_cast<Record*>(p); });
+  {
+    nb::gil_scoped_release free;
+    *done = self.record(order);
+  }
+  const size_t points = columns > 0 ? done->values.size() / columns : 0;
+  nb::ndarray<nb::numpy, double> values(done->values.data(), {points, columns}, owner);
+  return nb::make_tuple(values, done->step_time, done->read_time);
+}
+
+/// The list of methods, as JSON.
+std::string list_method_facts() {
+  nlohmann::json list = nlohmann::json::array();
+  for (const MethodFacts& m : list_methods()) {
+    list.push_back({{"number", m.method},
+                    {"name", m.name},
+                    {"meaning", m.meaning},
+                    {"same_as", m.same_as},
+                    {"for_comparison", m.for_comparison},
+                    {"fixed_step", m.fixed_step}});
+  }
+  return list.dump();
+}
+
+/// Does the core evaluate the mechanism of a scene fast without generated code?
+bool has_kernel(const std::string& document, const std::string& source) {
+  return naming(source, [&] {
+    return make_leg_kernel(make_scene_mechanism(read_scene(document, source))) != nullptr;
+  });
+}
+
+}  // namespace
+
+NB_MODULE(_core, m) {
+  nb::set_leak_warnings(false);
+  auto model_error = nb::exception<ModelError>(m, "ModelError");
+  nb::exception<StepError>(m, "StepError");
+  nb::register_exception_translator(
+      [](const std::exception_ptr& p, void* type) {
+        try {
+          std::rethrow_exception(p);
+        } catch (const Refusal& error) {
+          PyErr_SetString(static_cast<PyObject*>(type), error.what());
+        } catch (const Discard& error) {
+          PyErr_SetString(static_cast<PyObject*>(type), error.what());
+        }
+      },
+      model_error.ptr());
+
+  m.def("place", &place, nb::arg("document"), nb::arg("source"));
+  m.def("describe", &describe, nb::arg("document"), nb::arg("source"), nb::arg("date"),
+        FreeThreads());
+  m.def("methods", &list_method_facts);
+  m.def("has_kernel", &has_kernel, nb::arg("document"), nb::arg("source"), FreeThreads());
+  m.def(
+      "check",
+      [](const std::string& mechanism, const std::string& source) {
+        return check_mechanism_file(mechanism, source).dump();
+      },
+      nb::arg("mechanism"), nb::arg("source"), FreeThreads());
+  m.def(
+      "evaluate",
+      [](const std::string& mechanism, const std::string& source, const std::string& states,
+         const std::string& states_source, bool newton) {
+        return evaluate_states(mechanism, source, states, states_source, newton).dump();
+      },
+      nb::arg("mechanism"), nb::arg("source"), nb::arg("states"), nb::arg("states_source"),
+      nb::arg("newton") = false, FreeThreads());
+
+  nb::class_<Docking>(m, "Docking")
+      .def(nb::init<const std::string&, const std::string&, bool>(), nb::arg("document"),
+           nb::arg("source"), nb::arg("place") = false, FreeThreads())
+      .def("variables", &list_variables)
+      .def("find", &Docking::find, nb::arg("names"), FreeThreads())
+      .def_prop_ro("touches", &Docking::touches)
+      .def_prop_ro("time", &Docking::time)
+      .def("set", &Docking::set, nb::arg("rows"), nb::arg("values"), nb::arg("caller") = "")
+      .def("get", &Docking::get, nb::arg("rows"), FreeThreads())
+      .def("start", &Docking::start, FreeThreads())
+      .def("reset", &Docking::reset, FreeThreads())
+      .def("step", &Docking::step, nb::arg("h"), FreeThreads())
+      .def("record", &record, nb::arg("times"), nb::arg("rows"),
+           nb::arg("end_after_outcome") = std::numeric_limits<double>::infinity(),
+           nb::arg("last_only") = false, nb::arg("progress") = nb::none())
+      .def("save",
+           [](const Docking& self) {
+             const std::vector<char> bytes = self.save();
+             return nb::bytes(bytes.data(), bytes.size());
+           })
+      .def("restore",
+           [](Docking& self, const nb::bytes& state) { self.restore(state.c_str(), state.size()); },
+           nb::arg("state"))
+      .def("take_warnings", &Docking::take_warnings);
+}

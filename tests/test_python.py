@@ -1,0 +1,336 @@
+"""The Python interface: ``import dockloop as dl``.
+
+1. `dl.run` gives the bits of ``dockloop run``: values, names, units, parameters, summary.
+2. `dl.Docking`, driven by hand, gives the bits of the FMU driven by FMPy; a state that one saved is
+   restored by the other.
+3. Values: numbers, vectors, Booleans; shapes and units of results and tables.
+4. Refusals are one sentence that names variable, value and limit, and change nothing.
+5. The interface is typed and starts quickly; pandas and matplotlib are imported when used.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from fmpy import fmi2
+
+import dockloop as dl
+from dockloop import paths
+from dockloop.core import load_core, to_json
+from dockloop.simulate import Instance, unpack_fmu
+
+SCENE = "idss_25t_350t"
+DRIVEN = {"target.motion": "driven"}
+SLOW = {"initial.closing_speed": 0.05, "initial.approach_time": 0.2}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def native() -> Iterator[None]:
+    """FMUs hold the library that was compiled with the core: another compiler rounds otherwise."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("dockloop.fmu.find_libraries", lambda: {"linux64": paths.LIBRARY})
+        yield
+
+
+@pytest.mark.parametrize(
+    ("overrides", "starts"), [({}, {}), (SLOW, {"friction.coefficient": 0.2}), (DRIVEN, {})]
+)
+def test_a_run_has_the_bits_of_the_command(runs, overrides, starts):
+    texts = [
+        f'{key}="{value}"' if value == "driven" else f"{key}={value}"
+        for key, value in overrides.items()
+    ]
+    settings = tuple(f"{name}={value}" for name, value in starts.items())
+    fmu = runs.run(SCENE, *texts, settings=settings, stop=2.0, step=0.05)
+    ours = dl.run(SCENE, overrides=overrides, start_values=starts, stop=2.0, step=0.05)
+    assert (ours.names, ours.units, ours.parameters) == (fmu.names, fmu.units, fmu.parameters)
+    assert ours.values.tobytes() == fmu.values.tobytes()
+    assert ours.scene == fmu.scene
+    assert ours.warnings == fmu.warnings
+    assert {**ours.summary, "time": 0} == {**fmu.summary, "time": 0}
+
+
+class Fmu:
+    """An FMU driven through FMPy by names, one call per value."""
+
+    def __init__(self, instance: Instance) -> None:
+        self.slave, self.time = instance.slave, 0.0
+        self.variables = {v.name: v for v in instance.description.modelVariables}
+
+    def set(self, name: str, value: float) -> None:
+        variable = self.variables[name]
+        getattr(self.slave, f"set{variable.type}")([variable.valueReference], [value])
+
+    def get(self, name: str) -> float:
+        variable = self.variables[name]
+        return getattr(self.slave, f"get{variable.type}")([variable.valueReference])[0]
+
+    def step(self, h: float) -> None:
+        self.slave.fmi2DoStep(self.slave.component, self.time, h, fmi2.fmi2True)
+        self.time += h
+
+
+@pytest.fixture
+def fmu(runs, tmp_path) -> Iterator[Fmu]:
+    """The FMU of the scene whose target is driven, in initialization mode."""
+    description, _ = unpack_fmu(runs.fmu(SCENE, 'target.motion="driven"'), tmp_path)
+    with Instance(description, str(tmp_path), "the FMU") as instance:
+        instance.slave.setupExperiment(startTime=0.0)
+        instance.slave.enterInitializationMode()
+        yield Fmu(instance)
+
+
+def test_a_docking_driven_by_hand_has_the_bits_of_the_fmu(fmu):
+    docking = dl.Docking(SCENE, DRIVEN)
+    assert set(docking.variables) == set(fmu.variables)
+    both = (docking, fmu)
+
+    def compare() -> None:
+        for name in docking.variables:
+            assert docking.get(name) == fmu.get(name), name
+
+    for one in both:
+        one.set("friction.coefficient", 0.3)
+        one.set("chaser.mass", 24e3)
+        one.set("solver.method", 3)
+    fmu.slave.exitInitializationMode()
+    moved = np.array([fmu.get(f"target.position[{i}]") for i in (1, 2, 3)])
+    velocity = np.array([fmu.get(f"target.velocity[{i}]") for i in (1, 2, 3)])
+    for step in range(40):
+        for one in both:
+            one.step(0.05)
+        moved = moved + 0.05 * velocity
+        docking.set("target.position", moved)
+        for i in (1, 2, 3):
+            fmu.set(f"target.position[{i}]", moved[i - 1])
+        if step == 20:
+            for one in both:
+                one.set("friction.coefficient", 0.1)
+    assert docking.time == fmu.time
+    compare()
+
+
+def test_states_travel_between_docking_and_fmu(fmu):
+    docking = dl.Docking(SCENE, DRIVEN)
+    fmu.slave.exitInitializationMode()
+    for one in (docking, fmu):
+        for _ in range(20):
+            one.step(0.1)
+    state = docking.save()
+    ends = []
+    for restored in (docking, dl.Docking(SCENE, DRIVEN)):
+        restored.restore(state)
+        assert restored.time == docking.time or restored is not docking
+        restored.step(0.1)
+        ends.append(restored.save())
+    assert ends[0] == ends[1]
+    component = fmu.slave
+    saved = component.getFMUstate()
+    of_fmu = bytes(component.serializeFMUstate(saved))
+    component.freeFMUstate(saved)
+    fmu.step(0.1)
+    docking.restore(of_fmu)
+    docking.step(0.1)
+    for name in ("relative.axial", "target.force_mean[1]", "energy.kinetic"):
+        assert docking.get(name) == fmu.get(name), name
+
+
+def test_a_refused_step_leaves_the_docking_where_it_was():
+    docking = dl.Docking("hexapod_bench")
+    docking.step(0.01)
+    before = docking.save()
+    for h in (0.0, -1.0, float("nan")):
+        with pytest.raises(dl.UsageError, match=r"Docking\.step: h is .*must be positive"):
+            docking.step(h)
+    assert docking.save() == before
+
+
+def test_values_have_the_types_and_shapes_of_their_variables():
+    docking = dl.Docking(SCENE, SLOW)
+    assert isinstance(docking.get("relative.axial"), float)
+    assert isinstance(docking.get("phase"), int)
+    assert docking.get("captured") is False
+    assert docking.get("relative.position").shape == (3,)
+    assert docking.get("latched").dtype == bool
+    docking.set("chaser.force_ext", [1.0, 2.0, 3.0])
+    assert docking.get("chaser.force_ext").tolist() == [1.0, 2.0, 3.0]
+    variable = docking.variables["chaser.mass"]
+    assert (variable.unit, variable.causality, variable.start) == ("kg", "parameter", 25000.0)
+    docking.set("chaser.mass", 1000)
+    assert docking.get("chaser.mass") == 1000.0
+    assert docking.time == 0.0
+
+
+REFUSED = {
+    ("gapp", 1.0): "idss_25t_350t: there is no variable 'gapp' (did you mean 'gap'?)",
+    ("gap", 1.0): "Docking.set: 'gap' is computed and cannot be set",
+    ("chaser.mass", -1.0): "Docking.set: 'chaser.mass' = -1 is below its minimum 0 kg",
+    ("chaser.mass", "heavy"): "Docking.set: 'chaser.mass' is 'heavy': must be a number",
+    ("chaser.mass", (1.0, 2.0)): "Docking.set: 'chaser.mass' is (1.0, 2.0): must be one number",
+    ("chaser.force_ext", 1.0): "Docking.set: 'chaser.force_ext' is 1.0: must be 3 numbers",
+    ("solver.method", 2.5): "Docking.set: 'solver.method' must be a whole number",
+    ("initial.roll_deg", 1.0): "it is a key of the scene: overrides={'initial.roll_deg': ...}",
+}
+
+
+@pytest.mark.parametrize(("setting", "words"), REFUSED.items())
+def test_a_refused_value_changes_nothing(setting, words):
+    docking = dl.Docking(SCENE)
+    before = docking.save()
+    with pytest.raises(dl.UsageError) as refusal:
+        docking.set(*setting)
+    assert words in str(refusal.value)
+    assert docking.save() == before
+
+
+def test_a_start_value_cannot_be_set_after_the_first_step():
+    docking = dl.Docking(SCENE)
+    docking.step(0.01)
+    with pytest.raises(dl.UsageError, match=r"'chaser\.mass' can be set only before"):
+        docking.set("chaser.mass", 1000.0)
+    with pytest.raises(dl.UsageError, match="too short for a saved state"):
+        docking.restore(b"nonsense")
+    docking.set("friction.coefficient", 0.2)  # a tunable parameter
+
+
+def test_scenes_are_refused_with_the_sentences_of_the_command_line():
+    for bad, words in {
+        "nope": "no scene 'nope'",
+        "nope.toml": "nope.toml: no such scene file",
+    }.items():
+        with pytest.raises(dl.UsageError, match=words):
+            dl.Scene(bad)
+    with pytest.raises(dl.UsageError, match=r"a scene has no key 'chaser\.mas'"):
+        dl.run(SCENE, {"chaser.mas": 1.0})
+    with pytest.raises(dl.UsageError, match=r"chaser\.mass is -1"):
+        dl.run(SCENE, {"chaser.mass": -1.0})
+    with pytest.raises(dl.UsageError, match="must be greater than the start time"):
+        dl.run(SCENE, stop=-1.0)
+
+
+def test_a_scene_is_read_once_and_changed_by_overrides():
+    scene = dl.Scene(SCENE, SLOW)
+    assert (scene.name, scene.path.name) == (SCENE, f"{SCENE}.toml")
+    assert scene.document["initial"]["closing_speed"] == 0.05
+    other = dl.Scene(scene, {"initial.closing_speed": 0.08})
+    assert other.document["initial"]["closing_speed"] == 0.08
+    assert other.document["initial"]["approach_time"] == 0.2
+    assert dl.Docking(scene).scene is scene
+
+
+def test_a_result_becomes_tables_with_units():
+    result = dl.run("hexapod_bench", stop=0.5, step=0.05)
+    assert result.time.tolist() == pytest.approx(np.arange(11) * 0.05)
+    assert result["ring.position[1]"].shape == (11,)
+    table = result.to_pandas()
+    assert table.shape == (11, len(result.names) - 1)
+    assert table.index.name == "time"
+    assert table.attrs["units"]["ring.position[1]"] == "m"
+    data = result.to_xarray()
+    assert data["ring.position"].shape == (11, 3)
+    assert data["ring.position"].attrs == {"units": "m"}
+    assert data["time"].attrs == {"units": "s"}
+    assert data["ring.position"].values.tobytes() == result.vector("ring.position").tobytes()
+    assert data["leg[1].length"].dims == ("time",)
+    assert set(result.plot()) == {"ring", "legs", "energy"}
+    assert json.loads(json.dumps(result.summary))["scene"] == "hexapod_bench"
+
+
+def test_progress_is_reported_and_can_end_a_run():
+    parts: list[float] = []
+    dl.run("absorber_1d", stop=1.0, progress=parts.append)
+    assert parts[-1] == 1.0
+
+    def stop(_part: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        dl.run("absorber_1d", stop=1.0, progress=stop)
+
+
+def test_a_mechanism_is_checked_by_name_by_file_and_as_a_document():
+    file = paths.MECHANISMS / "idss_hexapod.json"
+    report = dl.check("idss_hexapod")
+    assert report["degrees_of_freedom"] == 6
+    assert dl.check(file) == report
+    assert dl.check(json.loads(file.read_text())) == report
+    with pytest.raises(dl.UsageError, match="bodies"):
+        dl.check({"name": "mine", "bodies": 3})
+
+
+SWEEP = {
+    "scene": "absorber_1d",
+    "outcomes": ["relative.axial", "solver.steps"],
+    "vary": [{"type": "grid", "name": "chaser.mass", "values": [800.0, 1000.0]}],
+    "experiment": {"stop": 0.5, "step": 0.1},
+}
+
+
+def test_a_sweep_returns_a_table():
+    pytest.importorskip("scipy")
+    table = dl.sweep(SWEEP, workers=2)
+    assert table["status"].tolist() == ["done", "done"]
+    assert table["chaser.mass"].tolist() == [800.0, 1000.0]
+    assert table.attrs["units"]["relative.axial"] == "m"
+    alone = dl.run("absorber_1d", {"chaser.mass": 800.0}, stop=0.5, step=0.1)
+    assert table["relative.axial"][0] == alone["relative.axial"][-1]
+    with pytest.raises(dl.UsageError, match=r"sweep: vary 'chaser\.mas'"):
+        dl.sweep({**SWEEP, "vary": [{**SWEEP["vary"][0], "name": "chaser.mas"}]})
+
+
+def test_a_sweep_builds_no_fmu_to_learn_names(monkeypatch):
+    pytest.importorskip("scipy")
+
+    def fail(*_: object, **__: object) -> None:
+        raise AssertionError("an FMU is built")
+
+    monkeypatch.setattr("dockloop.planning.write_fmu", fail)
+    assert dl.sweep(SWEEP)["status"].tolist() == ["done", "done"]
+
+
+def test_figures_alone_need_matplotlib(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    result = dl.run("absorber_1d", stop=0.1)
+    assert len(result.to_pandas()) > 1
+    with pytest.raises(dl.DockloopError, match="matplotlib is needed here"):
+        result.plot()
+
+
+def test_names_are_imported_when_they_are_used():
+    code = (
+        "import sys, dockloop as dl\n"
+        "assert not {'numpy', 'fmpy', 'dockloop._core'} & set(sys.modules)\n"
+        "assert set(dl.__all__) <= set(dir(dl))\n"
+        "[getattr(dl, name) for name in dl.__all__]\n"
+        "assert not {'pandas', 'matplotlib', 'distributed'} & set(sys.modules)\n"
+        "import dockloop.sweeps, dockloop.results\n"
+        "assert callable(dl.sweep) and callable(dl.run) and callable(dl.check)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_missing_module_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "dockloop._core", None)
+    monkeypatch.delattr("dockloop._core", raising=False)
+    with pytest.raises(dl.DockloopError, match=r"dockloop\._core cannot be loaded .*scripts/demo"):
+        dl.Docking(SCENE)
+
+
+def test_the_core_names_its_source_whatever_is_wrong():
+    core = load_core()
+    for text in ("nope", "{}", to_json({"format": "dockloop-scene/1"})):
+        with pytest.raises(core.ModelError, match=r"^mine\.toml: "):
+            core.Docking(text, "mine.toml")
+    with pytest.raises(core.ModelError, match="no times"):
+        core.Docking(to_json(dl.Scene("absorber_1d").document), "mine.toml").record([], [])
+
+
+def test_the_package_is_typed():
+    pytest.importorskip("mypy")
+    command = [sys.executable, "-m", "mypy", "--no-incremental"]
+    done = subprocess.run(command, cwd=paths.ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert (paths.ROOT / "scripts" / "dockloop" / "py.typed").exists()
