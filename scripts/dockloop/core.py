@@ -141,6 +141,8 @@ def ask_core(
         UsageError: the file is bad.
         DockloopError: the program is missing or failed.
     """
+    if paths.IS_INSTALLED:
+        raise DockloopError("32 digits need a clone of dockloop: the installed package has none")
     if not paths.CORE.exists():
         raise DockloopError(
             f"{shown(paths.CORE)} is not there: build it with scripts/demo, scripts/test or"
