@@ -448,7 +448,8 @@ def _sweep(options: argparse.Namespace) -> None:
             importlib.import_module(package)
     except ImportError as error:
         raise DockloopError(
-            f"sweeps need the package {error.name}: .venv/bin/pip install -e '.[sweep]'"
+            f"sweeps need the package {error.name}: pip install 'dockloop[sweep]'; in a clone"
+            " .venv/bin/pip install -e '.[sweep]'"
         ) from None
     from dockloop import sweep_report
     from dockloop.figures import can_draw

@@ -259,7 +259,7 @@ def run(
     step: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Result:
-    """Run one docking from its start to `stop`, with the bits of ``dockloop run``.
+    """Run one docking from its start to `stop`: ``dockloop run`` without an FMU.
 
     Args:
         scene: name of a shipped scene, path of a ``.toml`` file, or a `Scene`.
