@@ -94,7 +94,7 @@ Status DockingSim::complete_step(bool& event_due) {
   me.watch_energy(me.find_energy_balance(), 0.0);
   me.peaks.add(me.elapsed, me.find_peak_values());
   me.update_momentum_audit();
-  if (find_singularity_margin(me.data->mechanism) >= kChangeMargin) {
+  if (find_singularity_margin(me.model->mechanism, me.data->mechanism) >= kChangeMargin) {
     me.margin_looked_at = kChangeMargin;
   }
   event_due = me.is_event_due();
@@ -111,7 +111,7 @@ bool DockingSim::Impl::is_event_due() const {
                                  [](double root) { return root <= 0.0; });
   DiscreteState next = discrete;
   update_phase(find_phase_inputs(*data, find_near_gap(*data)), next);
-  const double margin = find_singularity_margin(data->mechanism);
+  const double margin = find_singularity_margin(model->mechanism, data->mechanism);
   return touched || latch || next.phase != discrete.phase || next.outcome != discrete.outcome ||
          is_thrust_due(elapsed) != discrete.thrust_on ||
          (!model->locked.on && margin < kChangeMargin && margin <= kLookAgain * margin_looked_at);
