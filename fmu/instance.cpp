@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <utility>
 
-#include "mechanism/generated_kernel.hpp"
 #include "interface/model_description.hpp"
+#include "mechanism/generated_kernel.hpp"
 
 namespace dockloop {
 
@@ -256,11 +256,12 @@ std::string printable(std::string text) {
   return text;
 }
 
+/// The fingerprint is in the header.
 template <class A>
 void transfer(A& archive, SavedInstance& saved) {
-  transfer_all(archive, saved.interface, saved.state, saved.initialised, saved.start_time,
-               saved.tolerance, saved.has_stop_time, saved.stop_time, saved.time, saved.step_status,
-               saved.phase, saved.sim);
+  transfer_members<SavedInstance, 1>(
+      archive, saved.interface, saved.state, saved.initialised, saved.start_time, saved.tolerance,
+      saved.has_stop_time, saved.stop_time, saved.time, saved.step_status, saved.phase, saved.sim);
 }
 
 }  // namespace

@@ -18,6 +18,8 @@ import pytest
 
 from dockloop import paths
 
+pytestmark = pytest.mark.long  # examples as users run them
+
 EXAMPLES = paths.ROOT / "scripts" / "examples"
 MODES = ("parallel", "sequential")
 PEAKS = [

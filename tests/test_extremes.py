@@ -16,6 +16,8 @@ from dockloop import extremes
 from dockloop.errors import DockloopError, UsageError
 from dockloop.extremes import Part, Score, list_parts, run_part
 
+pytestmark = pytest.mark.long  # hundreds of extreme scenes
+
 PARTS = list_parts()
 
 

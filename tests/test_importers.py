@@ -18,6 +18,8 @@ from fmpy import read_model_description
 
 from importers import find_obstacle, run_importer
 
+pytestmark = pytest.mark.long  # three importers, one of them compiles
+
 SCENE = ("idss_25t_350t", "initial.approach_time=0.02")
 IMPORTERS = ("libcosim", "ecos", "container")
 EXACT_STEP = 1 / 512  # s; also a whole number of nanoseconds, in which libcosim counts

@@ -37,6 +37,8 @@ from dockloop.errors import DockloopError, UsageError
 from dockloop.paths import BUILD, shown
 from random_mechanisms import KINDS, TRUNKS, build, plans
 
+pytestmark = pytest.mark.long  # long property runs
+
 DATA = Path(__file__).parent / "data"
 VECTORS = ("hexapod_r2p1r3", "crank_nested", "planar_two_loop")
 USUAL_EXAMPLES = 20

@@ -35,6 +35,8 @@ from dockloop.ssp import build_ssp
 from fmi_host import Host
 from importers import find_obstacle, record_importer, run_importer
 
+pytestmark = pytest.mark.long  # four importers run whole packages
+
 STEP = 1 / 64  # s; exact in binary and in nanoseconds
 STEPS = 128
 SPEED = 0.1  # m/s, at which the vehicles close

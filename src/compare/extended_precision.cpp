@@ -83,7 +83,7 @@ int calc_roots(Sim& sim, double time, const double* y, double* roots) {
   rounded.relative = {round(at.relative.R), round(at.relative.p), round(at.relative.w),
                       round(at.relative.v)};
   sim.roots_at = &rounded;
-  sim.calc_event_functions(rounded, roots);
+  sim.events->calc_functions(rounded, roots);
   return 0;
 }
 

@@ -606,7 +606,7 @@ Wrench<S> find_part_momentum(const VehicleBody& part, const FrameMotion<S>& chas
 }  // namespace
 
 template <class S>
-S find_kinetic_energy(const DockingModel& model, DockingData<S>& data) {
+S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
   S energy(0);
   if (model.locked.on) {
     const FrameMotion<S>& chaser = data.vehicle[kChaser];
@@ -643,7 +643,7 @@ Wrench<S> find_body_momentum(const DockingModel& model, int body, const DockingD
 }
 
 template <class S>
-Wrench<S> find_momentum(const DockingModel& model, int vehicle, DockingData<S>& data) {
+Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data) {
   Wrench<S> sum;
   if (vehicle == kTarget) {
     if (!model.moves[kTarget]) return sum;
@@ -661,7 +661,7 @@ Wrench<S> find_momentum(const DockingModel& model, int vehicle, DockingData<S>& 
 }
 
 template <class S>
-Wrench<S> find_inside_momentum(const DockingModel& model, DockingData<S>& data, S& mass,
+Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& data, S& mass,
                                Vec3<S>& first_moment) {
   Wrench<S> sum;
   mass = S(0);
@@ -758,10 +758,10 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
   template RelativeMotion<S> find_relative<S>(const FrameMotion<S>&, const FrameMotion<S>&);       \
   template FrameMotion<S> get_vehicle_pose<S>(const DockingModel&, int, const S*);                 \
   template FrameMotion<S> find_capture_motion<S>(const DockingModel&, const TreeData<S>&);         \
-  template S find_kinetic_energy<S>(const DockingModel&, DockingData<S>&);                         \
+  template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                         \
   template Wrench<S> find_body_momentum<S>(const DockingModel&, int, const DockingData<S>&);       \
-  template Wrench<S> find_momentum<S>(const DockingModel&, int, DockingData<S>&);                  \
-  template Wrench<S> find_inside_momentum<S>(const DockingModel&, DockingData<S>&, S&,             \
+  template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);                  \
+  template Wrench<S> find_inside_momentum<S>(const DockingModel&, const DockingData<S>&, S&,             \
                                              Vec3<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)

@@ -211,7 +211,7 @@ FrameMotion<S> find_capture_motion(const DockingModel& model, const TreeData<S>&
 
 /// Kinetic energy of everything [J]. @pre calc_docking
 template <class S>
-S find_kinetic_energy(const DockingModel& model, DockingData<S>& data);
+S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data);
 
 /// Momentum of one body of the tree, axes of O, angular part about the origin of O.
 template <class S>
@@ -220,12 +220,12 @@ Wrench<S> find_body_momentum(const DockingModel& model, int body, const DockingD
 /// Momentum of one vehicle (with the mechanism for the chaser) as a sum over bodies and legs, axes of
 /// O, angular part about the origin of O. Independent of the momentum states. @pre calc_docking
 template <class S>
-Wrench<S> find_momentum(const DockingModel& model, int vehicle, DockingData<S>& data);
+Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data);
 
 /// Momentum of everything but the driven vehicles, axes of O, angular part about the origin of O.
 /// @param mass, first_moment  of the same [kg], [kg m]. @pre calc_docking
 template <class S>
-Wrench<S> find_inside_momentum(const DockingModel& model, DockingData<S>& data, S& mass,
+Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& data, S& mass,
                                Vec3<S>& first_moment);
 
 /// Put a vehicle's velocity (axes of O) and angular velocity (body axes) into the momentum states;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "docking/docking_model.hpp"
+#include "math/choice.hpp"
 
 namespace dockloop {
 
@@ -17,27 +18,56 @@ enum Phase {
   kHardDocked,
   kRebound
 };
+inline const ChoiceList kPhases = {
+    {kApproach, "approach", "before the first touch"},
+    {kContact, "contact", "the capture surfaces have touched, not all latches hold"},
+    {kCaptured, "captured", "all latches hold, the interfaces still close"},
+    {kAttenuating, "attenuating", "held, the motion has reversed at least once"},
+    {kAligned, "aligned", "held and at rest: below 1 mm/s and 0.02 deg/s"},
+    {kRetracting, "retracting", "needs a retraction drive, which the mechanism does not have"},
+    {kHardDocked, "hard_docked", "as 6"},
+    {kRebound, "rebound", "open by more than 50 mm and opening, no latch holds"},
+};
+
 enum Outcome { kUndecided = 1, kOutcomeCaptured, kPartialCapture, kOutcomeRebound, kMiss };
+inline const ChoiceList kOutcomes = {
+    {kUndecided, "undecided", "nothing final has happened"},
+    {kOutcomeCaptured, "captured", "all latches hold"},
+    {kPartialCapture, "partial capture", "some latches hold"},
+    {kOutcomeRebound, "rebound", "touched and left again without a latch"},
+    {kMiss, "miss", "leaving or passed by without a touch"},
+};
 
 /// Why there is no capture (yet).
 enum CaptureReason {
-  kNoReason = 1,   ///< captured
-  kNotTouched,     ///< no contact so far
-  kInMotion,       ///< first contact has been, still moving
-  kBesideWindow,   ///< seated, but a striker stands outside the lateral window of its latch
-  kHungUp,         ///< at rest against a petal
-  kTooSlow,        ///< at rest, not seated, no petal in the way
-  kReasonRebound,  ///< the vehicles parted again
-  kReasonMiss      ///< they passed each other, or part without contact
+  kNoReason = 1,
+  kNotTouched,
+  kInMotion,
+  kBesideWindow,
+  kHungUp,
+  kTooSlow,
+  kReasonRebound,
+  kReasonMiss
+};
+inline const ChoiceList kCaptureReasons = {
+    {kNoReason, "none", "captured"},
+    {kNotTouched, "no contact", "so far"},
+    {kInMotion, "in motion", "touched and still moving"},
+    {kBesideWindow, "beside window", "seated, but a striker is outside the window of its latch"},
+    {kHungUp, "hung up", "at rest against a petal"},
+    {kTooSlow, "too slow", "at rest, not seated, no petal in the way"},
+    {kReasonRebound, "rebound", "the vehicles parted again"},
+    {kReasonMiss, "miss", "they passed each other, or part without contact"},
 };
 
 /// Where the striker of a latch is.
-enum LatchReport {
-  kFree = 1,   ///< it does not touch the pawl
-  kPushed,     ///< it pushes the pawl from outside the lateral window
-  kInReach,    ///< it pushes the pawl within the window: caught when it comes closer
-  kCaught,     ///< held
-  kLettingGo,  ///< being released
+enum LatchReport { kFree = 1, kPushed, kInReach, kCaught, kLettingGo };
+inline const ChoiceList kLatchReports = {
+    {kFree, "free", "the striker does not touch the pawl"},
+    {kPushed, "pushed", "the striker pushes the pawl from outside the lateral window"},
+    {kInReach, "in reach", "the striker pushes the pawl within the window"},
+    {kCaught, "held", ""},
+    {kLettingGo, "releasing", ""},
 };
 
 /// What the phase logic looks at, P relative to A unless stated.

@@ -11,6 +11,7 @@
 
 #include "contact/contact_model.hpp"
 #include "contact/latches.hpp"
+#include "math/choice.hpp"
 #include "math/types.hpp"
 #include "model/mechanism_model.hpp"
 
@@ -26,6 +27,26 @@ enum ModelLevel {
   kMasslessLegs = 2,  ///< masses of leg parts at their ends (mechanism/massless_legs.hpp)
   kReduced = 3,       ///< every body, in the independent coordinates
   kReference = 4      ///< every body, unreduced tree with multipliers
+};
+inline const ChoiceList kLevels = {
+    {kRigid, "rigid", "the mechanism is locked at its start pose: one body with the chaser"},
+    {kMasslessLegs, "massless_legs", "masses of leg parts are put to the ends of their legs"},
+    {kReduced, "reduced", "every body"},
+    {kReference, "reference", "every body, unreduced tree with multipliers; takes solver.method 9"},
+};
+
+/// Values of coupling.mode: the order of exchange with hosts of driven vehicles.
+enum CouplingMode { kSequential = 1, kParallel = 2 };
+inline const ChoiceList kCouplingModes = {
+    {kSequential, "sequential",
+     "this FMU steps first, the host makes the same step with the mean load"},
+    {kParallel, "parallel", "both step at once, the mean load of the coming step is announced"},
+};
+
+/// Values of friction.model.
+inline const ChoiceList kFrictionModels = {
+    {1, "regularised", "slides slowly where it should stick"},
+    {2, "bristle", "sticks"},
 };
 
 /// Parameters and initial motion of one vehicle.

@@ -11,6 +11,13 @@
 namespace dockloop {
 namespace {
 
+/// Number of the name that stands here.
+int read_choice(const JsonReader& item, const ChoiceList& list) {
+  const int number = find_choice(list, item.text());
+  if (number == 0) item.fail("is '" + item.text() + "'; it must be " + list_names(list));
+  return number;
+}
+
 /// Change whenever the same document leads to other variables or another meaning of them.
 constexpr const char* kVariableTableVersion = "dockloop-variables/1";
 
@@ -78,7 +85,8 @@ void read_contact_law(const JsonReader& item, ContactLaw& law, double& restituti
   read("regularisation", law.regularisation);
   read("friction_coefficient", law.friction_coefficient);
   read("friction_speed", law.friction_speed);
-  law.friction_model = item.whole("friction_model", law.friction_model, 1, 2);
+  law.friction_model =
+      item.whole("friction_model", law.friction_model, 1, static_cast<int>(kFrictionModels.size()));
   read("bristle_stiffness", law.bristle_stiffness);
   read("bristle_damping", law.bristle_damping);
   read("bristle_relaxation", law.bristle_relaxation);
@@ -234,20 +242,10 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   }
   if (root.has("coupling")) {
     const JsonReader mode = root.at("coupling").at("mode");
-    scene.parallel_host = mode.text() == "parallel";
-    if (!scene.parallel_host && mode.text() != "sequential") {
-      mode.fail("is '" + mode.text() + "'; it must be sequential or parallel");
-    }
+    scene.parallel_host = read_choice(mode, kCouplingModes) == kParallel;
   }
   if (root.has("model")) {
-    const JsonReader level = root.at("model").at("level");
-    constexpr const char* kNames[] = {"rigid", "massless_legs", "reduced", "reference"};
-    const auto name = std::find(std::begin(kNames), std::end(kNames), level.text());
-    if (name == std::end(kNames)) {
-      level.fail("is '" + level.text() +
-                 "'; it must be rigid, massless_legs, reduced or reference");
-    }
-    scene.level = kRigid + static_cast<int>(name - std::begin(kNames));
+    scene.level = read_choice(root.at("model").at("level"), kLevels);
   }
   if (root.has("outputs")) {
     for (const JsonReader& group : root.at("outputs").list("groups", kMaxItems)) {

@@ -8,6 +8,7 @@
 #include <map>
 #include <utility>
 
+#include "docking/phases.hpp"
 #include "interface/model_description.hpp"
 
 namespace dockloop {
@@ -88,6 +89,13 @@ class Row {
     return each([&](Variable& v) {
       v.min = min;
       v.max = max;
+    });
+  }
+  /// Its numbers stand for names, which the description lists.
+  Row choices(const ChoiceList& list) {
+    return limits(list.front().number, list.back().number).each([&](Variable& v) {
+      v.choices = &list;
+      v.description += ": " + list_choices(list);
     });
   }
   Row not_negative() { return limits(0.0, kInfinity); }
@@ -400,11 +408,8 @@ void add_contact(Table& table, Parameters& parameter, Outputs& out) {
         .not_negative();
     table.output(indexed("latch", i) + ".force", &out.latch_force[i], kForce,
                  "Force in this latch, tension positive");
-    table
-        .output(indexed("latch", i) + ".state", &out.latch_state[i], kNone,
-                "State of this latch: 1 free, 2 pushed (its pawl, from outside the lateral "
-                "window), 3 in reach (pushed within the window), 4 held, 5 releasing")
-        .limits(1, 5);
+    table.output(indexed("latch", i) + ".state", &out.latch_state[i], kNone, "State of this latch")
+        .choices(kLatchReports);
   }
   table
       .parameter("friction.coefficient", &parameter.friction_coefficient, kNone,
@@ -412,11 +417,8 @@ void add_contact(Table& table, Parameters& parameter, Outputs& out) {
       .not_negative()
       .nominal(0.1)
       .tunable();
-  table
-      .parameter("friction.model", &parameter.friction_model, kNone,
-                 "Friction law: 1 regularised (slides slowly where it should stick), 2 bristle "
-                 "(sticks)")
-      .limits(1, 2);
+  table.parameter("friction.model", &parameter.friction_model, kNone, "Friction law")
+      .choices(kFrictionModels);
   table
       .parameter("restitution", &parameter.restitution, kNone,
                  "Coefficient of restitution of the capture surfaces at restitution_speed")
@@ -430,27 +432,14 @@ void add_contact(Table& table, Parameters& parameter, Outputs& out) {
 }
 
 void add_phase(Table& table, Parameters& parameter, Outputs& out) {
-  table
-      .output("phase", &out.phase, kNone,
-              "Phase of the docking: 1 approach, 2 contact, 3 captured, 4 attenuating, 5 aligned, "
-              "6 retracting, 7 hard docked, 8 rebound")
-      .limits(1, 8);
+  table.output("phase", &out.phase, kNone, "Phase of the docking").choices(kPhases);
   table.output("captured", &out.captured, kNone, "All latches hold");
   for (size_t i = 0; i < out.latched.size(); ++i) {
     table.output(indexed("latched", i), &out.latched[i], kNone, "This latch holds");
   }
-  table
-      .output("outcome", &out.outcome, kNone,
-              "Outcome so far: 1 undecided, 2 captured, 3 partial capture (some latches hold), "
-              "4 rebound, 5 miss")
-      .limits(1, 5);
-  table
-      .output(
-          "capture.reason", &out.capture_reason, kNone,
-          "Why there is no capture: 1 none (captured), 2 no contact so far, 3 touched and "
-          "still moving, 4 seated, but a striker stands outside the window of its latch, 5 hung "
-          "up on a petal, 6 too slow to close, 7 rebound, 8 miss")
-      .limits(1, 8);
+  table.output("outcome", &out.outcome, kNone, "Outcome so far").choices(kOutcomes);
+  table.output("capture.reason", &out.capture_reason, kNone, "Why there is no capture")
+      .choices(kCaptureReasons);
   table
       .output("capture.seated_time", &out.seated_time, kTime,
               "Time for which the rings were seated without capture")
@@ -617,10 +606,8 @@ void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
 void add_coupling_parameters(Table& table, Parameters& parameter, Inputs& in) {
   table
       .parameter("coupling.mode", &parameter.coupling_mode, kNone,
-                 "Order of exchange with the host of a driven vehicle: 1 sequential (this FMU "
-                 "steps first, the host makes the same step with the mean load), 2 parallel (both "
-                 "step at once, the mean load of the coming step is announced)")
-      .limits(1, 2);
+                 "Order of exchange with the host of a driven vehicle")
+      .choices(kCouplingModes);
   table
       .parameter("coupling.expected_step", &parameter.coupling_expected_step, kTime,
                  "Communication step over which the first load is announced (parallel)")
@@ -692,22 +679,13 @@ void number_values(std::vector<Variable>& rows, DockingSim& sim) {
 }
 
 void add_model_parameters(Table& table, Parameters& parameter) {
-  table
-      .parameter("model.level", &parameter.model_level, kNone,
-                 "Level of the model: 1 rigid (the mechanism is locked at its start pose: one body "
-                 "with the chaser), 2 massless_legs (masses of leg parts are put to the ends of "
-                 "their legs), 3 reduced (every body), 4 reference (every body, unreduced tree "
-                 "with multipliers; takes solver.method 9)")
-      .limits(1, 4);
+  table.parameter("model.level", &parameter.model_level, kNone, "Level of the model")
+      .choices(kLevels);
 }
 
 void add_solver_parameters(Table& table, Parameters& parameter) {
-  table
-      .parameter("model.flight", &parameter.flight, kNone,
-                 "The mechanism far from contact: 1 resting (once it has kept its place for 1 s it "
-                 "is carried along by its vehicle and costs nothing), 2 integrated (always). "
-                 "Resting needs free or fixed vehicles, no loads, an adaptive method")
-      .limits(1, 2);
+  table.parameter("model.flight", &parameter.flight, kNone, "The mechanism far from contact")
+      .choices(kFlightModels);
   table
       .parameter(
           "solver.method", &parameter.solver_method, kNone,

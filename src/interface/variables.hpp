@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "math/choice.hpp"
 #include "sim/docking_sim.hpp"
 
 namespace dockloop {
@@ -38,6 +39,7 @@ struct Variable {
   Causality causality = Causality::kOutput;
   Variability variability = Variability::kContinuous;
   Quantity quantity{};            ///< Real only: its declared type
+  const ChoiceList* choices = nullptr;  ///< Integer only: what its numbers mean, if they are names
   const char* unit = "";          ///< Real only, a name in unit_definitions()
   const char* display_unit = "";  ///< a display unit of that unit, or empty
   double min = -std::numeric_limits<double>::infinity();  ///< inclusive, infinite = no limit

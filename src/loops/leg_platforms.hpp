@@ -45,6 +45,7 @@ class LegStore {
   void add(LegPlace& place);
   void finish() {}
   void put(const LegPlace& at, int row, const Constant& x) { legs_[at.group].parameter[row] = x; }
+  const Constant& get(const LegPlace& at, int row) const { return legs_[at.group].parameter[row]; }
   S& work(const LegPlace& at, int row) { return legs_[at.group].work[row]; }
   const S& work(const LegPlace& at, int row) const { return legs_[at.group].work[row]; }
   /// Stages as in LegFunctions.
@@ -73,6 +74,9 @@ class LegStore<double> {
   void finish();
   void put(const LegPlace& at, int row, double x) {
     groups_[at.group].parameter[row][at.lane] = x;
+  }
+  double get(const LegPlace& at, int row) const {
+    return groups_[at.group].parameter[row][at.lane];
   }
   double& work(const LegPlace& at, int row) { return groups_[at.group].work[row][at.lane]; }
   double work(const LegPlace& at, int row) const { return groups_[at.group].work[row][at.lane]; }
@@ -139,6 +143,11 @@ void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopDa
 template <class S>
 void calc_leg_maps(LoopData<S>& loops);
 
+/// Rates of the joints of legs, where rows of `columns` are other velocities of the tree that are
+/// possible. @pre calc_leg_positions
+template <class S>
+void add_leg_columns(const LoopPlan& plan, const LoopData<S>& loops, MatX<S>& columns);
+
 /// The masses of the legs, frozen, onto their root bodies. @pre calc_body_inertia
 template <class S>
 void add_leg_masses(const LoopPlan& plan, const LoopData<S>& loops, TreeData<S>& tree);
@@ -182,10 +191,10 @@ struct LegSums {
   Vec3<S> first_moment;
   Wrench<S> momentum;
 };
-/// @pre calc_leg_velocities, on a base at rest. Adds to `at` what a base at rest does without.
+/// @pre calc_leg_velocities, on a base at rest
 template <class S>
 LegSums<S> find_leg_sums(const LegPlatform& platform, const TreeData<S>& tree,
-                         PlatformData<S>& at);
+                         const PlatformData<S>& at);
 
 /// Smallest margin of the legs of a platform [-].
 template <class S>

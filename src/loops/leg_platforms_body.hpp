@@ -7,7 +7,6 @@
 #include <type_traits>
 
 #include "loops/branch_following.hpp"
-#include "loops/leg_columns.hpp"
 #include "loops/leg_platforms.hpp"
 #include "loops/leg_stages.hpp"
 #include "loops/loop_equations.hpp"
@@ -524,12 +523,16 @@ double find_leg_margin(const PlatformData<S>& at) {
 
 namespace {
 
+/// Sums over legs, those that only a moving root needs too.
+template <class S>
+using PositionSums = std::array<S, legs::kPositionSums>;
+
 /// Momentum of the legs, linear and angular about the origin of R, axes of R, per twist of C.
 template <class S>
-Mat6<S> find_carried(const PlatformData<S>& at) {
+Mat6<S> find_carried(const PositionSums<S>& sums) {
   Mat6<S> carried;
-  carried << get_rows(&at.sums[legs::kSumLV]), get_rows(&at.sums[legs::kSumLW]),
-      get_rows(&at.sums[legs::kSumAV]), get_rows(&at.sums[legs::kSumAW]);
+  carried << get_rows(&sums[legs::kSumLV]), get_rows(&sums[legs::kSumLW]),
+      get_rows(&sums[legs::kSumAV]), get_rows(&sums[legs::kSumAW]);
   return carried;
 }
 
@@ -549,6 +552,22 @@ void make_carry(PlatformData<S>& at) {
   if (at.carries) return;
   at.carries = true;
   at.store.calc_position(at.motion, true, 0.0, at.sums.data());
+}
+
+/// All sums over legs, where some were not needed before leg by leg.
+template <class S>
+PositionSums<S> find_all_sums(const PlatformData<S>& at) {
+  using N = typename LegStore<S>::Constant;
+  if (at.carries) return at.sums;
+  PositionSums<S> sums;
+  sums.fill(S(0));
+  N parameter[legs::kParameters];
+  S work[legs::kWork];
+  for (const LegPlace& leg : at.legs) {
+    for (int i = 0; i < legs::kParameters; ++i) parameter[i] = at.store.get(leg, i);
+    calc_one_position<N, S>(leg.type, parameter, work, at.motion, true, 0.0, sums.data());
+  }
+  return sums;
 }
 
 }  // namespace
@@ -585,7 +604,7 @@ void add_leg_inertia(const MechanismModel& model, const LoopPlan& plan, const Tr
     }
     if (platform.root == kBase) continue;
     // Momentum of the legs, seen by the joints that move their root.
-    Mat6<S> carried = find_carried(at);
+    const Mat6<S> carried = find_carried(at.sums);
     const Body& root = model.bodies[platform.root];
     if (platform.is_free && root.parent == kBase && root.joint == JointType::kFree) {
       A.template block<6, 6>(root.v_index, low[0]) += carried;
@@ -670,10 +689,10 @@ void put_leg_velocities(TreeData<S>& tree, const LoopData<S>& loops) {
 
 template <class S>
 LegSums<S> find_leg_sums(const LegPlatform& platform, const TreeData<S>& tree,
-                         PlatformData<S>& at) {
-  make_carry(at);
-  const Mat3<S> J = get_symmetric(&at.sums[legs::kSumJ]);
-  const Vec3<S> h = as_vector(&at.sums[legs::kSumH]);
+                         const PlatformData<S>& at) {
+  const PositionSums<S> sums = find_all_sums(at);
+  const Mat3<S> J = get_symmetric(&sums[legs::kSumJ]);
+  const Vec3<S> h = as_vector(&sums[legs::kSumH]);
   Mat3<S> R = Mat3<S>::Identity();
   Vec3<S> u = Vec3<S>::Zero(), w = Vec3<S>::Zero();  // of R, its axes
   if (platform.root != kBase) {
@@ -683,7 +702,7 @@ LegSums<S> find_leg_sums(const LegPlatform& platform, const TreeData<S>& tree,
   }
   Vec6<S> twist;
   twist << as_vector(at.motion.v), as_vector(at.motion.w);
-  const Vec6<S> inside = find_carried(at) * twist;
+  const Vec6<S> inside = find_carried(sums) * twist;
   const Vec6<S> tip = find_apparent(at) * twist;
   const Vec3<S> f = at.mass * u + w.cross(h), t = h.cross(u) + J * w;
   LegSums<S> sum;
@@ -760,7 +779,7 @@ void add_leg_biases(const MechanismModel& model, const LoopPlan& plan, const Bas
     // What the platform passes to the legs at their tips.
     Vec6<S> tip;
     tip << as_vector(&at.bias[legs::kSumTipForce]), as_vector(&at.bias[legs::kSumTipMoment]);
-    if (moving) tip += find_carried(at).transpose() * root;
+    if (moving) tip += find_carried(at.sums).transpose() * root;
     const Mat3<S>& RC = tree.R[platform.body];
     const Vec3<S> f = RC * tip.template head<3>(), t = RC * tip.template tail<3>();
     tree.transmitted[platform.body].f += f;
@@ -857,7 +876,8 @@ void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_bod
   template void calc_leg_velocities<S>(const MechanismModel&, const LoopPlan&, const Vec3<S>&,     \
                                        TreeData<S>&, LoopData<S>&);                                \
   template void put_leg_velocities<S>(TreeData<S>&, const LoopData<S>&);                           \
-  template LegSums<S> find_leg_sums<S>(const LegPlatform&, const TreeData<S>&, PlatformData<S>&);  \
+  template LegSums<S> find_leg_sums<S>(const LegPlatform&, const TreeData<S>&,                     \
+                                       const PlatformData<S>&);                                    \
   template void add_leg_biases<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&,    \
                                   const VecX<S>&, TreeData<S>&, LoopData<S>&);                     \
   template void put_leg_accelerations<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);                 \

@@ -100,7 +100,7 @@ void calc_leg_bodies(const Mechanism& mechanism, MechanismData<S>& data);
 /// Sums over all bodies but a vehicle, whose momentum is about the base origin, base axes.
 /// @pre calc_velocity for Need::kState, on a base at rest
 template <class S>
-LegSums<S> find_motion_sums(const Mechanism& mechanism, MechanismData<S>& data);
+LegSums<S> find_motion_sums(const Mechanism& mechanism, const MechanismData<S>& data);
 
 /// Cut forces (data.loops.block[].lambda) and the load on `base_body`.
 /// @pre calc_acceleration for Need::kState

@@ -157,7 +157,7 @@ void calc_leg_bodies(const Mechanism& mechanism, MechanismData<S>& data) {
 }
 
 template <class S>
-LegSums<S> find_motion_sums(const Mechanism& mechanism, MechanismData<S>& data) {
+LegSums<S> find_motion_sums(const Mechanism& mechanism, const MechanismData<S>& data) {
   const TreeData<S>& tree = data.tree;
   LegSums<S> sum{S(0), S(0), Vec3<S>::Zero(), {}};
   for (int i : mechanism.plan.tree_bodies) {
@@ -264,7 +264,7 @@ double find_singularity_margin(const Mechanism& mechanism, const MechanismData<S
   template void calc_reactions<S>(const Mechanism&, const BaseMotion<S>&, int, MechanismData<S>&); \
   template void keep_reference<S>(const Mechanism&, MechanismData<S>&);                            \
   template void calc_leg_bodies<S>(const Mechanism&, MechanismData<S>&);                           \
-  template LegSums<S> find_motion_sums<S>(const Mechanism&, MechanismData<S>&);                    \
+  template LegSums<S> find_motion_sums<S>(const Mechanism&, const MechanismData<S>&);              \
   template double find_closure_residual<S>(const Mechanism&, MechanismData<S>&);                   \
   template double find_singularity_margin<S>(const Mechanism&, const MechanismData<S>&);
 

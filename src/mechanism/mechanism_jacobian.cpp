@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "loops/leg_columns.hpp"
-
 namespace dockloop {
 
 void copy_pose(const MechanismData<double>& at, MechanismData<Derivative>& dual) {

@@ -1,9 +1,10 @@
 // Plain data to bytes and back, with one function per struct for both directions.
 //
-// A struct takes part by a function `transfer(archive, value)` that names its members once;
-// ByteWriter appends them, ByteReader fills them from bytes that may be damaged: it never reads
-// beyond the end and never believes a length that the bytes cannot hold. The byte order is that of
-// the machine (little-endian on all that are supported; the header of a saved state tells).
+// A struct takes part by a function `transfer(archive, value)` that names its members once, by
+// transfer_members<T>(): a member that is forgotten there does not compile. ByteWriter appends
+// them, ByteReader fills them from bytes that may be damaged: it never reads beyond the end and
+// never believes a length that the bytes cannot hold. The byte order is that of the machine
+// (little-endian on all that are supported; the header of a saved state tells).
 #pragma once
 
 #include <Eigen/Core>
@@ -12,6 +13,7 @@
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "math/status.hpp"
@@ -124,10 +126,35 @@ void transfer(A& archive, Eigen::Matrix<T, rows, cols, options, max_rows, max_co
   }
 }
 
-/// Members one after the other.
-template <class A, class... T>
-void transfer_all(A& archive, T&... values) {
-  (transfer(archive, values), ...);
+/// Converts to whatever a member of a struct is.
+struct AnyMember {
+  template <class T>
+  operator T() const;
+};
+
+template <class T, class Index, class = void>
+struct TakesMembers : std::false_type {};
+template <class T, size_t... i>
+struct TakesMembers<T, std::index_sequence<i...>,
+                    std::void_t<decltype(T{(static_cast<void>(i), AnyMember())...})>>
+    : std::true_type {};
+
+/// Number of members of an aggregate: the most values that it can be made from.
+template <class T, size_t count = 0>
+constexpr size_t count_members() {
+  if constexpr (TakesMembers<T, std::make_index_sequence<count + 1>>::value) {
+    return count_members<T, count + 1>();
+  } else {
+    return count;
+  }
+}
+
+/// All members of a T, one after the other. @tparam elsewhere  number of those kept elsewhere
+template <class T, size_t elsewhere = 0, class A, class... Members>
+void transfer_members(A& archive, Members&... members) {
+  static_assert(count_members<T>() == sizeof...(Members) + elsewhere,
+                "a member of T is missing, or is new");
+  (transfer(archive, members), ...);
 }
 
 }  // namespace dockloop

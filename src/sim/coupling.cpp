@@ -116,7 +116,7 @@ Status DockingSim::Impl::receive(double h) {
   Status status = evaluate(0.0);
   if (!status.ok()) return status;
   const bool first = !(last_step > 0.0);
-  const double energy_before = find_total_energy();
+  const double energy_before = find_total_energy(*model, *data);
   const Pose<double> capture{data->capture.R, data->capture.p};
   const Pose<double> passive{data->interface[kTarget].R, data->interface[kTarget].p};
   const FrameMotion<double> chaser_before = data->vehicle[kChaser];
@@ -124,7 +124,8 @@ Status DockingSim::Impl::receive(double h) {
   for (int i : {kChaser, kTarget}) momentum_before[i] = find_momentum(*model, i, *data);
   const Wrench<double> mechanism_before = find_mechanism_momentum();
   const std::array<double, kPeakCount> loads_before = find_peak_values();
-  const bool grips = (has_surfaces() && data->contact.gap <= 0.0) || count_held_latches() > 0;
+  const bool grips =
+      (has_surfaces() && data->contact.gap <= 0.0) || events->count_held_latches() > 0;
 
   std::array<bool, 2> told{false, false};
   for (int i : {kChaser, kTarget}) {
@@ -172,13 +173,14 @@ Status DockingSim::Impl::receive(double h) {
   update_memory();
   status = decide_absorber();
   if (!status.ok()) return status;
-  if (has_surfaces() && !discrete.contacted && data->contact.gap <= 0.0) begin_contact(elapsed);
+  if (has_surfaces() && !discrete.contacted && data->contact.gap <= 0.0)
+    events->begin_contact(elapsed);
   const std::array<double, kPeakCount> loads_after = find_peak_values();
   if (!is_same_within_rounding(loads_before, loads_after)) peaks.begin(elapsed, loads_after);
   // What the host did to the motion is its work and impulse, not an error of the integration.
-  host_work += find_total_energy() - energy_before;
+  energy_audit.host_work += find_total_energy(*model, *data) - energy_before;
   for (int i : {kChaser, kTarget}) {
-    momentum_start[i] += find_momentum(*model, i, *data) - momentum_before[i];
+    momentum_audit.start[i] += find_momentum(*model, i, *data) - momentum_before[i];
   }
   return {};
 }
@@ -249,7 +251,7 @@ void DockingSim::Impl::update_ledgers(double h, const CouplingPoint& end) {
     v.predicted = predict_host(i, v.received, v.held, h);
     note_step(i, exerted, end.vehicle[i], h);
   }
-  const int held = count_held_latches();
+  const int held = events->count_held_latches();
   if (held != coupling.held_latches) {
     coupling.held_latches = held;
     coupling.frequency = find_interface_frequency();

@@ -24,9 +24,6 @@
 
 namespace dockloop {
 
-/// Values of coupling.mode.
-enum CouplingMode { kSequential = 1, kParallel = 2 };
-
 /// Sums over the steps of one vehicle, forgotten with time.
 struct InnovationSums {
   double predicted2 = 0.0;            ///< changes of velocity as predicted, gravity apart [m2/s2]

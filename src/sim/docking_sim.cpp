@@ -139,8 +139,8 @@ bool fits(const ContactMemory& memory, const ContactModel& contact) {
 }
 
 bool are_modes(const DiscreteState& discrete) {
-  const bool named = discrete.phase >= kApproach && discrete.phase <= kRebound &&
-                     discrete.outcome >= kUndecided && discrete.outcome <= kMiss;
+  const bool named = discrete.phase >= kApproach && discrete.phase <= kPhases.back().number &&
+                     discrete.outcome >= kUndecided && discrete.outcome <= kOutcomes.back().number;
   return named &&
          std::all_of(discrete.latch.begin(), discrete.latch.end(), [](const LatchState& latch) {
            return latch.mode >= LatchMode::kOpen && latch.mode <= LatchMode::kSpent;

@@ -1,9 +1,8 @@
-// What happens at accepted states: first contact, latches, capture, thrust, phase, the memory of
-// the contact search, peaks, and going over to other independent coordinates.
+// Accepted states: events (event_logic.hpp), the memory of the contact search, peaks, and going
+// over to other independent coordinates; and the evaluations that they need.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <utility>
 
 #include "sim/sim_impl.hpp"
 
@@ -20,23 +19,18 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (update_memory()) changed = true;
   bool jumped = false;
   const double now = elapsed + tau;
-  if (!discrete.contacted && has_surfaces() && (due[0] || data->contact.gap <= 0.0)) {
-    begin_contact(now);
-    jumped = true;
-  }
-  if (update_absorber()) jumped = true;
+  if (events->update_first_contact(*data, now)) jumped = true;
+  if (events->update_absorber(*data)) jumped = true;
   if (update_latches(now)) jumped = true;
-  update_capture(now);
+  events->update_capture(now);
   if (update_thrust(now)) jumped = true;
   changed = changed || jumped;
   if (changed) kept_jacobian.valid = false;
   warn_of_tilt(now);
-  const PhaseInputs phase_inputs = find_phase_inputs(*data, find_near_gap(*data));
-  update_seat(phase_inputs, now, discrete);
-  update_phase(phase_inputs, discrete);
+  events->update_phases(*data, now);
   // Peaks see the forces on both sides of a jump. An absorber that does not pull is let go where
   // its force is zero, give or take rounding.
-  if (!due[1] || model->contact.absorber.pulls) peaks.add(now, find_peak_values());
+  if (!events->is_due(1) || model->contact.absorber.pulls) peaks.add(now, find_peak_values());
   if (!jumped) return {};
   const Status after = evaluate(tau);
   if (!after.ok()) return after;
@@ -125,61 +119,12 @@ bool DockingSim::Impl::update_memory() {
   return dropped > 0.0;
 }
 
-/// An absorber acts from event to event; where none was located, its depth and force tell.
-/// @return true if that changed
-bool DockingSim::Impl::update_absorber() {
-  if (memory.absorber == Acting::kByState) return due[0] || due[1];
-  const bool acts = due[0] || (!due[1] && data->contact.pressed >= 0.0);
-  const Acting before = std::exchange(memory.absorber, acts ? Acting::kYes : Acting::kNo);
-  return due[0] || due[1] || memory.absorber != before;
-}
-
-/// The same where no event was located: at the start, and where a host has moved a vehicle. Where
-/// surfaces just touch, what they are about to do counts, not the rounding of a gap.
-/// @pre evaluate(0). @post the same
+/// The absorber acts or not by the present state, where no event was located. @pre evaluate(0).
+/// @post the same
 Status DockingSim::Impl::decide_absorber() {
-  if (model->contact.kind != ContactModel::Kind::kAbsorber || !locates_events()) return {};
-  const bool touches = std::abs(data->contact.gap) <= kTouching;
-  const bool acts = touches ? data->relative.v.x() < 0.0 : data->contact.pressed > 0.0;
-  const Acting before = std::exchange(memory.absorber, acts ? Acting::kYes : Acting::kNo);
-  if (memory.absorber == before) return {};
+  if (!locates_events() || !events->decide_absorber(*data)) return {};
   kept_jacobian.valid = false;
   return evaluate(0.0);
-}
-
-/// Change the mode of every latch that is due, by a root or because it starts there.
-bool DockingSim::Impl::update_latches(double now) {
-  bool changed = false;
-  for (int i = 0; i < model->latches.count(); ++i) {
-    if (!due[kFixedRoots + i] && !passed[i] && data->latch.event[i] > 0.0) continue;
-    const LatchMode before = discrete.latch[i].mode;
-    stepper->y()[model->layout.sums + kSumLatches] +=
-        update_latch(model->latches, i, now, data->relative, discrete.latch[i], passed[i] != 0);
-    changed = changed || discrete.latch[i].mode != before;
-    // In a central docking the first latch catches before any surface touches.
-    if (discrete.latch[i].mode == LatchMode::kHeld && !discrete.contacted) begin_contact(now);
-  }
-  return changed;
-}
-
-void DockingSim::Impl::begin_contact(double now) {
-  discrete.contacted = true;
-  discrete.time_of_contact = now;
-}
-
-int DockingSim::Impl::count_held_latches() const {
-  int held = 0;
-  for (int i = 0; i < model->latches.count(); ++i) {
-    held += discrete.latch[i].mode == LatchMode::kHeld;
-  }
-  return held;
-}
-
-void DockingSim::Impl::update_capture(double now) {
-  const int count = model->latches.count();
-  const bool all = count > 0 && count_held_latches() == count;
-  if (all && !discrete.captured && discrete.time_of_capture < 0.0) discrete.time_of_capture = now;
-  discrete.captured = all;
 }
 
 /// Rounding of the host's clock [s].
@@ -187,23 +132,12 @@ double DockingSim::Impl::find_clock_rounding(double now) const {
   return 4e-16 * (std::abs(setup->t_start) + std::abs(now));
 }
 
-/// Contact thrust acts from its delay after first contact until capture: when it begins or began [s
-/// since the start], if it is to act.
-std::optional<double> DockingSim::Impl::find_thrust_onset() const {
-  if (model->thrust == 0.0 || !discrete.contacted || discrete.captured) return std::nullopt;
-  return discrete.time_of_contact + model->thrust_delay;
-}
-
-bool DockingSim::Impl::is_thrust_due(double now) const {
-  const std::optional<double> onset = find_thrust_onset();
-  return onset && now + find_clock_rounding(now) >= *onset;
-}
-
 bool DockingSim::Impl::update_thrust(double now) {
-  const bool on = is_thrust_due(now);
-  const bool changed = on != discrete.thrust_on;
-  discrete.thrust_on = on;
-  return changed;
+  return events->update_thrust(now, find_clock_rounding(now));
+}
+
+bool DockingSim::Impl::update_latches(double now) {
+  return events->update_latches(*data, now, stepper->y()[model->layout.sums + kSumLatches]);
 }
 
 /// Everything at one state of the stepper, tau after the last communication point.
@@ -262,90 +196,6 @@ void DockingSim::Impl::note_evaluation(double tau, const double* y) {
 bool DockingSim::Impl::is_evaluated(double tau, const double* y) const {
   return evaluated != Evaluated::kNothing && tau == tau_evaluated &&
          std::equal(y_evaluated.begin(), y_evaluated.end(), y);
-}
-
-/// Roots: first contact (for an absorber every onset), where an absorber ceases to act, surfaces
-/// that open as far as a rebound needs, latches.
-/// @param at  its workspace of the contact search is used
-void DockingSim::Impl::calc_event_functions(DockingData<double>& at, double* roots) const {
-  const bool absorber = model->contact.kind == ContactModel::Kind::kAbsorber;
-  roots[0] = has_surfaces() && !discrete.contacted ? at.contact.gap : 1.0;
-  roots[1] = 1.0;
-  roots[2] = may_part() ? kReboundGap - find_near_gap(at) : 1.0;
-  if (has_surfaces() && absorber) {
-    const bool by_state = memory.absorber == Acting::kByState;
-    roots[0] = by_state ? at.contact.gap : -at.contact.pressed;
-    roots[1] = by_state ? -at.contact.gap : at.contact.pressed;
-  }
-  for (int i = 0; i < model->latches.count(); ++i) roots[kFixedRoots + i] = at.latch.event[i];
-}
-
-/// How fast the event functions may change where they may be below zero between two states.
-void DockingSim::Impl::calc_event_speeds(const DockingData<double>& at, double* speeds) const {
-  std::fill_n(speeds, kFixedRoots, 0.0);
-  if (has_surfaces() && model->contact.kind == ContactModel::Kind::kRings) {
-    const double bound = find_approach_bound(model->contact, at.relative);
-    if (!discrete.contacted) speeds[0] = bound;
-    if (may_part()) speeds[2] = bound;
-  }
-  for (int i = 0; i < model->latches.count(); ++i) {
-    speeds[kFixedRoots + i] =
-        find_event_speed(discrete.latch[i], find_latch_motion(model->latches, i, at.relative));
-  }
-}
-
-/// A fixed step begins: where its latches are. @pre evaluate()
-void DockingSim::Impl::note_latches() {
-  for (int i = 0; i < model->latches.count(); ++i) {
-    latches_before[i] = find_latch_motion(model->latches, i, data->relative);
-  }
-}
-
-/// The latches that a fixed step of size h has passed. @pre note_latches() at its start, evaluate()
-/// at its end
-void DockingSim::Impl::find_passed_latches(double h) {
-  for (int i = 0; i < model->latches.count(); ++i) {
-    passed[i] = is_passed(model->latches.law, discrete.latch[i], latches_before[i],
-                          find_latch_motion(model->latches, i, data->relative), h);
-  }
-}
-
-/// Is a rebound possible, which is watched between accepted states?
-bool DockingSim::Impl::may_part() const {
-  return has_surfaces() && model->contact.kind == ContactModel::Kind::kRings &&
-         !discrete.captured && discrete.phase != kRebound && count_held_latches() == 0;
-}
-
-/// The gap of the surfaces where it is positive and not above kReboundGap. Above, it is a lower
-/// bound: what the contact search knows, which depends on where it looked last. So it is after a
-/// capture, when nothing hangs on it.
-/// @param at  its workspace of the contact search is used
-double DockingSim::Impl::find_near_gap(DockingData<double>& at) const {
-  const double gap = at.contact.gap;
-  if (!has_surfaces() || discrete.captured || gap < 0.0 || gap > kReboundGap) return gap;
-  return find_gap(model->contact, at.relative, at.contact_work);
-}
-
-/// @param gap  of the surfaces there, see find_near_gap()
-PhaseInputs DockingSim::Impl::find_phase_inputs(const DockingData<double>& at, double gap) const {
-  PhaseInputs in;
-  if (!model->present[kTarget]) return in;
-  const RelativeMotion<double> relative =
-      find_relative(at.interface[kChaser], at.interface[kTarget]);
-  in.gap = gap;
-  in.axial = at.relative.p.x();
-  in.axial_rate = relative.v.x();
-  in.speed = relative.v.norm();
-  in.angular_speed = relative.w.norm();
-  in.latched = count_held_latches();
-  in.seated = model->latches.count() > 0 && in.gap <= kSeatedGap;
-  for (int i = 0; i < model->latches.count(); ++i) {
-    in.seated = in.seated && at.latch.opening[i] <= model->latches.law.catch_distance;
-  }
-  for (int i = 0; i < model->contact.petal_count(); ++i) {
-    in.on_petal = in.on_petal || !at.contact.petal_force[i].isZero(0.0);
-  }
-  return in;
 }
 
 }  // namespace dockloop

@@ -39,28 +39,11 @@ bool DockingSim::Impl::can_rest() const {
 
 /// Does nothing act on vehicles and mechanism now but their inertia?
 bool DockingSim::Impl::may_rest() const {
-  if (!can_rest() || sloped || discrete.thrust_on || find_thrust_onset()) return false;
+  if (!can_rest() || sloped || discrete.thrust_on || events->find_thrust_onset()) return false;
   if (!loads.command.isZero(0.0)) return false;
   if (!model->falling && !loads.gravity.isZero(0.0)) return false;
   return loads.force[kChaser].isZero(0.0) && loads.force[kTarget].isZero(0.0) &&
          loads.torque[kChaser].isZero(0.0) && loads.torque[kTarget].isZero(0.0);
-}
-
-/// Lower bound of the way to any contact force [m]; 0 while a latch is not open. @pre evaluate()
-double DockingSim::Impl::find_free_gap() const {
-  if (!model->present[kTarget]) return kNoGap;
-  double gap = data->contact.gap;  // a cheap bound; the exact one is worth it to go on resting
-  if (gap <= kAwake && rest_state.resting && has_surfaces()) {
-    gap = find_gap(model->contact, data->relative, data->contact_work);
-  }
-  const LatchLaw& law = model->latches.law;
-  for (int i = 0; i < model->latches.count(); ++i) {
-    if (discrete.latch[i].mode != LatchMode::kOpen) return 0.0;
-    const Vec3<double> s =
-        data->relative.R * model->latches.striker[i] + data->relative.p - model->latches.hook[i];
-    gap = std::min(gap, std::max(s.x() - law.pawl_range, s.tail<2>().norm() - 2.0 * law.window));
-  }
-  return gap;
 }
 
 /// Let the mechanism come to rest, or end its rest. @pre evaluate(tau) at an accepted state
@@ -83,7 +66,9 @@ Status DockingSim::Impl::watch_rest(double tau) {
   const Vec3<double> change = chaser.R.transpose() * chaser.w - rest_state.spin;
   const bool swung = rest_state.resting && layout.mechanism_nv > 0 &&
                      change.norm() > rest_state.slack * rest_state.spin.norm() + kSlowSpin;
-  if (swung || !may_rest() || find_free_gap() <= kAwake) {
+  // Looking exactly is worth it to go on resting.
+  const double exact_below = rest_state.resting ? kAwake : -kNoGap;
+  if (swung || !may_rest() || events->find_free_gap(*data, exact_below) <= kAwake) {
     const bool wakes = rest_state.resting;
     rest_state.resting = false;
     rest_state.since = now;
@@ -205,12 +190,12 @@ double DockingSim::Impl::find_flight_time() const {
   }
   if (!model->present[kTarget]) return longest;
   speed += (v[kTarget] - v[kChaser]).norm();
-  const double way = find_free_gap() - 0.5 * kAwake;
+  const double way = events->find_free_gap(*data, kAwake) - 0.5 * kAwake;
   return way < longest * speed ? way / speed : longest;
 }
 
 /// Free motion of both vehicles. @pre evaluate() @post y is ahead of the last evaluation
-/// @return what the steps of their attitudes cost, in evaluations
+/// @return what it costs, in evaluations: that of its end, and the steps of the attitudes
 std::int64_t DockingSim::Impl::fly(double duration) {
   std::int64_t made = 0;
   for (int i : {kChaser, kTarget}) {
@@ -229,7 +214,7 @@ std::int64_t DockingSim::Impl::fly(double duration) {
     made += turns;
     set_vehicle_pose(*model, i, center - quat_to_matrix<double>(q) * body.com, q, stepper->y());
   }
-  return made / kTurnsPerEvaluation;
+  return 1 + made / kTurnsPerEvaluation;
 }
 
 }  // namespace dockloop

@@ -66,9 +66,9 @@ Status DockingSim::get_indicators(double* indicator) {
   // A host sees signs at the ends of its steps only. Each condition for a catch has an indicator of
   // its own, so that two of them that are met in turn within one step are not missed.
   double roots[kFixedRoots + kMaxLatches];
-  me.calc_event_functions(*me.rate_data, roots);
-  const double gap = me.find_near_gap(*me.rate_data);
-  roots[2] = find_phase_indicator(me.find_phase_inputs(*me.rate_data, gap), me.discrete);
+  me.events->calc_functions(*me.rate_data, roots);
+  const double gap = me.events->find_near_gap(*me.rate_data);
+  roots[2] = find_phase_indicator(me.events->find_phase_inputs(*me.rate_data, gap), me.discrete);
   std::copy_n(roots, kFixedRoots, indicator);
   for (int i = 0; i < me.model->latches.count(); ++i) {
     const LatchMotion motion = find_latch_motion(me.model->latches, i, me.rate_data->relative);
@@ -91,7 +91,7 @@ Status DockingSim::complete_step(bool& event_due) {
     update_contact_memory(me.model->contact, me.data->relative, nullptr, me.data->contact_work,
                           me.memory);
   }
-  me.watch_energy(me.find_energy_balance(), 0.0);
+  me.watch_energy(me.find_balance(), 0.0);
   me.peaks.add(me.elapsed, me.find_peak_values());
   me.update_momentum_audit();
   if (find_singularity_margin(me.model->mechanism, me.data->mechanism) >= kChangeMargin) {
@@ -104,16 +104,8 @@ Status DockingSim::complete_step(bool& event_due) {
 
 /// Would update_discrete_states() change anything here? @pre evaluate(0)
 bool DockingSim::Impl::is_event_due() const {
-  double roots[kFixedRoots + kMaxLatches];
-  calc_event_functions(*data, roots);
-  const bool touched = !discrete.contacted && has_surfaces() && data->contact.gap <= 0.0;
-  const bool latch = std::any_of(roots + kFixedRoots, roots + kFixedRoots + model->latches.count(),
-                                 [](double root) { return root <= 0.0; });
-  DiscreteState next = discrete;
-  update_phase(find_phase_inputs(*data, find_near_gap(*data)), next);
   const double margin = find_singularity_margin(model->mechanism, data->mechanism);
-  return touched || latch || next.phase != discrete.phase || next.outcome != discrete.outcome ||
-         is_thrust_due(elapsed) != discrete.thrust_on ||
+  return events->is_change_due(*data, elapsed, find_clock_rounding(elapsed)) ||
          (!model->locked.on && margin < kChangeMargin && margin <= kLookAgain * margin_looked_at);
 }
 
@@ -128,11 +120,7 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   for (int pass = 0; pass < kPasses; ++pass) {
     Status status = me.evaluate(0.0);
     if (!status.ok()) return status;
-    double roots[kFixedRoots + kMaxLatches];
-    me.calc_event_functions(*me.data, roots);
-    for (int i = 0; i < kFixedRoots + me.model->latches.count(); ++i) {
-      me.due[i] = roots[i] <= kTouching;
-    }
+    me.events->set_due_below(*me.data, kTouching);
     bool changed = false;
     status = me.accept(0.0, changed);
     if (!status.ok()) return status;
@@ -142,8 +130,9 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   update.nominals_changed = me.coordinates != coordinates;
   update.states_changed = update.nominals_changed ||
                           !std::equal(me.y_accepted.begin(), me.y_accepted.end(), me.stepper->y());
-  const std::optional<double> onset = me.find_thrust_onset();
-  update.next_time_defined = onset && !me.is_thrust_due(me.elapsed);
+  const std::optional<double> onset = me.events->find_thrust_onset();
+  update.next_time_defined =
+      onset && !me.events->is_thrust_due(me.elapsed, me.find_clock_rounding(me.elapsed));
   if (update.next_time_defined) update.next_time = me.setup->t_start + *onset;
   return {};
 }

@@ -317,7 +317,8 @@ Status DockingSim::Impl::update_bodies() {
   const Status status = evaluate_present();
   if (!status.ok()) return status;
   read_momentum<double>(find_present_source(), outputs);
-  outputs.momentum_residual = std::max(momentum_residual, find_momentum_residual());
+  outputs.momentum_residual = std::max(
+      momentum_audit.residual, find_momentum_residual(*model, *data, stepper->y(), momentum_audit));
   const bool moves = !model->locked.on;
   outputs.solver_closure_residual =
       std::max(moves ? find_closure_residual(model->mechanism, data->mechanism) : 0.0, drift);
@@ -361,33 +362,15 @@ double DockingSim::Impl::find_earliest_contact(double gap) const {
                               find_acceleration_bound());
 }
 
-LatchReport DockingSim::Impl::find_latch_report(int i) const {
-  const LatchLaw& law = model->latches.law;
-  switch (discrete.latch[i].mode) {
-    case LatchMode::kHeld:
-      return kCaught;
-    case LatchMode::kReleasing:
-      return kLettingGo;
-    case LatchMode::kSpent:
-      return kFree;
-    case LatchMode::kOpen:
-      break;
-  }
-  const double opening = data->latch.opening[i], lateral = data->latch.lateral[i];
-  if (opening >= law.pawl_range || opening <= -law.guard || lateral >= 2.0 * law.window) {
-    return kFree;
-  }
-  return lateral < law.window ? kInReach : kPushed;
-}
-
 void DockingSim::Impl::update_phase_outputs() {
   outputs.time_to_contact = kNever;
   if (has_surfaces()) outputs.time_to_contact = find_earliest_contact(outputs.gap);
   for (int i = 0; i < model->latches.count(); ++i) {
     outputs.latched[i] = discrete.latch[i].mode == LatchMode::kHeld ? 1 : 0;
-    outputs.latch_state[i] = find_latch_report(i);
+    outputs.latch_state[i] = events->find_latch_report(*data, i);
   }
-  outputs.capture_reason = find_capture_reason(find_phase_inputs(*data, outputs.gap), discrete);
+  outputs.capture_reason =
+      find_capture_reason(events->find_phase_inputs(*data, outputs.gap), discrete);
   outputs.seated_time = discrete.seated_time;
   outputs.phase = discrete.phase;
   outputs.outcome = discrete.outcome;

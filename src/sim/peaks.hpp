@@ -55,7 +55,10 @@ class PeakTracker {
   /// For saved states (sim/archive.hpp).
   template <class A>
   friend void transfer(A& archive, PeakTracker& peaks) {
-    transfer_all(archive, peaks.count_, peaks.time_, peaks.value_, peaks.peak_);
+    transfer(archive, peaks.count_);
+    transfer(archive, peaks.time_);
+    transfer(archive, peaks.value_);
+    transfer(archive, peaks.peak_);
     if (peaks.count_ < 0 || peaks.count_ > kWindow) throw ModelError("the saved state is damaged");
   }
 

@@ -25,18 +25,16 @@
 #include "docking/base_jump.hpp"
 #include "docking/docking_jacobian.hpp"
 #include "docking/interface_stiffness.hpp"
-#include "docking/phases.hpp"
 #include "docking/reference_model.hpp"
 #include "integrate/stepper.hpp"
 #include "mechanism/kernels.hpp"
 #include "sim/docking_sim.hpp"
+#include "sim/event_logic.hpp"
 #include "sim/outputs.hpp"
 #include "sim/sim_state.hpp"
 
 namespace dockloop {
 
-constexpr int kFixedRoots = 3;      ///< event functions before those of the latches
-constexpr double kTouching = 1e-9;  ///< gap that counts as contact at the start [m]
 constexpr double kLookAgain = 0.7;  ///< other coordinates are looked for where the margin fell so
 
 /// Derivatives of everything that can be read out, along eight directions at a time.
@@ -64,12 +62,6 @@ struct BalanceWorkspace {
   VecX<double> pull, spinning;  ///< accelerations of the mechanism: all, of spin
   MatX<double> square;          ///< J J^T
   Eigen::LLT<MatX<double>> factor;
-};
-
-/// The energy audit at one state.
-struct EnergyBalance {
-  double residual = 0.0;  ///< what does not add up since the start [J]
-  double in_play = 0.0;   ///< bound of what may be there, if nothing is made [J]
 };
 
 struct DockingSim::Impl : SimState {
@@ -129,14 +121,11 @@ struct DockingSim::Impl : SimState {
   void finish_step(double h);
   void update_mean_loads(double h, const CouplingPoint& end);
   void update_momentum_audit();
-  double find_momentum_residual() const;
-  bool conserves_momentum() const;
-  double find_total_energy() const;
-  EnergyBalance find_energy_balance() const;
-  double find_energy_scale(const EnergyBalance& balance) const;
-  bool makes_energy(const EnergyBalance& balance, double tau);
-  void watch_energy(const EnergyBalance& balance, double tau);
-  double find_potential_energy() const;
+  EnergyBalance find_balance() const {
+    return find_energy_balance(*model, *data, stepper->y(), energy_audit);
+  }
+  bool is_energy_created(const EnergyBalance& found, double tau);
+  void watch_energy(const EnergyBalance& found, double tau);
   VehicleState find_vehicle_state(int vehicle) const;
 
   // coupling.cpp
@@ -182,7 +171,6 @@ struct DockingSim::Impl : SimState {
   // flight.cpp
   bool can_rest() const;
   bool may_rest() const;
-  double find_free_gap() const;
   Status watch_rest(double tau);
   double find_flight_time() const;
   bool is_in_balance(double tau);
@@ -196,15 +184,9 @@ struct DockingSim::Impl : SimState {
   Status update_coordinates(double tau, bool& changed);
   void use_coordinates(std::shared_ptr<const Coordinates> choice);
   bool update_memory();
-  bool update_absorber();
   Status decide_absorber();
   bool update_latches(double now);
-  int count_held_latches() const;
-  void begin_contact(double now);
-  void update_capture(double now);
   double find_clock_rounding(double now) const;
-  std::optional<double> find_thrust_onset() const;
-  bool is_thrust_due(double now) const;
   bool update_thrust(double now);
   Status evaluate(double tau, bool may_be_locked = true, double* ydot = nullptr);
   Status evaluate_present();
@@ -216,13 +198,6 @@ struct DockingSim::Impl : SimState {
   StepOutcome make_inner_step(double stop, bool watch_roots);
   void note_evaluation(double tau, const double* y);
   bool is_evaluated(double tau, const double* y) const;
-  void calc_event_functions(DockingData<double>& at, double* roots) const;
-  void calc_event_speeds(const DockingData<double>& at, double* speeds) const;
-  void note_latches();
-  void find_passed_latches(double h);
-  bool may_part() const;
-  double find_near_gap(DockingData<double>& at) const;
-  PhaseInputs find_phase_inputs(const DockingData<double>& at, double gap) const;
   void warn_of_tilt(double now);
 
   // model_exchange.cpp
@@ -247,7 +222,6 @@ struct DockingSim::Impl : SimState {
   Status update_main();
   Status update_bodies();
   Status update_states();
-  LatchReport find_latch_report(int latch) const;
   void update_phase_outputs();
   OutputSource<double> find_present_source() {
     return make_output_source(*data, stepper->y(), frame_velocity, frame_shift);
@@ -255,9 +229,19 @@ struct DockingSim::Impl : SimState {
   template <class S>
   OutputSource<S> make_output_source(DockingData<S>& at, const S* y, const Vec3<S>& velocity,
                                      const Vec3<S>& shift) const {
-    return {*model,    parameters,   scene->rated, state_bodies, at,
-            y,         frame_origin, velocity,     shift,        last_step > 0.0 || announces(),
-            mean_load, host_work,    energy_start};
+    return {*model,
+            parameters,
+            scene->rated,
+            state_bodies,
+            at,
+            y,
+            frame_origin,
+            velocity,
+            shift,
+            last_step > 0.0 || announces(),
+            mean_load,
+            energy_audit.host_work,
+            energy_audit.start};
   }
 
   // derivatives.cpp
@@ -268,7 +252,7 @@ struct DockingSim::Impl : SimState {
   void add_dependencies(Dependencies& found);
 
   void invalidate() { valid.fill(false); }
-  bool has_surfaces() const { return model->present[kTarget] && !model->contact.empty(); }
+  bool has_surfaces() const { return events->has_surfaces(); }
   bool is_fixed_step() const {
     const int method = setup->parameters.solver_method;
     return method == kFixedRk4 || method == kFixedImplicit;
@@ -315,6 +299,7 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<DockingData<double>> data;       ///< at the last accepted state
   std::unique_ptr<DockingData<double>> rate_data;  ///< at trial states of the integrator
   std::shared_ptr<const KernelLibrary> kernels;    ///< came with the scene; may be null
+  std::unique_ptr<EventLogic> events;              ///< of model, discrete and memory
   std::unique_ptr<Stepper> stepper;                ///< owns the state y
   int state_count = 0;                             ///< of y; fixed at construction
   std::vector<int> state_bodies;  ///< joints of state.*: the independent ones at the start
@@ -336,9 +321,6 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<BaseJumpWorkspace> jump_work;  ///< with a driven vehicle only
   std::unique_ptr<InterfaceWorkspace> interface_work;  ///< with a driven vehicle only
   std::unique_ptr<Snapshot> look_ahead_start;          ///< where loads are announced only
-  std::vector<char> due = std::vector<char>(kFixedRoots + kMaxLatches, 0);
-  std::vector<char> passed = std::vector<char>(kMaxLatches, 0);  ///< due, if not at this state
-  std::array<LatchMotion, kMaxLatches> latches_before;           ///< at the start of a fixed step
   DockingData<double>* roots_at = nullptr;        ///< what the event functions were found from
   std::unique_ptr<DockingPass> jacobian_pass;     ///< for implicit methods and rest only
   MatX<double> jacobian;                          ///< with it

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "docking/docking_model.hpp"
+#include "sim/audit.hpp"
 #include "sim/coupling.hpp"
 #include "sim/peaks.hpp"
 #include "sim/values.hpp"
@@ -70,15 +71,8 @@ struct SimState {
   double drift = 0.0;  ///< largest gap at inner steps of the last step, if multipliers hold the
                        ///< cuts [m]
 
-  // audits
-  double energy_start = 0.0;                     ///< [J]
-  double energy_in_play = 0.0;                   ///< largest so far, see find_energy_balance() [J]
-  double energy_residual = 0.0;                  ///< at the last accepted inner step [J]
-  int energy_warnings = 0;                       ///< about a residual that matters
-  double host_work = 0.0;                        ///< that imposed motion brought in [J]
-  std::array<Wrench<double>, 2> momentum_start;  ///< per vehicle, with what the host changed
-  double momentum_residual = 0.0;                ///< [-]
-  double momentum_scale = 0.0, angular_momentum_scale = 0.0;  ///< largest seen [N s], [N m s]
+  EnergyAudit energy_audit;
+  MomentumAudit momentum_audit;
 };
 
 struct Snapshot {
@@ -104,17 +98,18 @@ struct SavedSim {
 
 template <class A>
 void transfer(A& archive, VehicleParameters& v) {
-  transfer_all(archive, v.mass, v.inertia, v.interface_position, v.interface_attitude,
-               v.mass_includes_mechanism, v.position, v.velocity, v.attitude, v.angular_velocity);
+  transfer_members<VehicleParameters>(archive, v.mass, v.inertia, v.interface_position,
+                                      v.interface_attitude, v.mass_includes_mechanism, v.position,
+                                      v.velocity, v.attitude, v.angular_velocity);
 }
 
 template <class A>
 void transfer(A& archive, Parameters& p) {
-  transfer_all(archive, p.vehicle, p.contact_thrust, p.contact_thrust_delay, p.friction_coefficient,
-               p.friction_model, p.restitution, p.restitution_speed, p.model_level, p.flight,
-               p.solver_method, p.dae_form, p.step, p.rtol, p.atol_position, p.atol_velocity,
-               p.atol_energy, p.coupling_mode, p.coupling_expected_step,
-               p.coupling_velocity_tolerance);
+  transfer_members<Parameters>(
+      archive, p.vehicle, p.contact_thrust, p.contact_thrust_delay, p.friction_coefficient,
+      p.friction_model, p.restitution, p.restitution_speed, p.model_level, p.flight,
+      p.solver_method, p.dae_form, p.step, p.rtol, p.atol_position, p.atol_velocity, p.atol_energy,
+      p.coupling_mode, p.coupling_expected_step, p.coupling_velocity_tolerance);
 }
 
 template <class A>
@@ -126,78 +121,81 @@ void transfer(A& archive, Inputs& inputs) {
 
 template <class A>
 void transfer(A& archive, Setup& setup) {
-  transfer_all(archive, setup.parameters, setup.t_start, setup.tolerance);
+  transfer_members<Setup>(archive, setup.parameters, setup.t_start, setup.tolerance);
 }
 
 template <class A>
 void transfer(A& archive, Wrench<double>& wrench) {
-  transfer_all(archive, wrench.f, wrench.t);
+  transfer_members<Wrench<double>>(archive, wrench.f, wrench.t);
 }
 
 template <class A>
 void transfer(A& archive, VehicleState& s) {
-  transfer_all(archive, s.x, s.v, s.q, s.w);
+  transfer_members<VehicleState>(archive, s.x, s.v, s.q, s.w);
 }
 
 template <class A>
 void transfer(A& archive, Inputs::Vehicle& v) {
-  transfer_all(archive, v.position, v.velocity, v.attitude, v.angular_velocity, v.force_ext,
-               v.torque_ext);
+  transfer_members<Inputs::Vehicle>(archive, v.position, v.velocity, v.attitude, v.angular_velocity,
+                                    v.force_ext, v.torque_ext);
 }
 
 template <class A>
 void transfer(A& archive, InnovationSums& s) {
-  transfer_all(archive, s.predicted2, s.innovation_predicted, s.innovation2, s.shifted2, s.turn2,
-               s.innovation_turn, s.turn_innovation2, s.loaded, s.unmodelled);
+  transfer_members<InnovationSums>(archive, s.predicted2, s.innovation_predicted, s.innovation2,
+                                   s.shifted2, s.turn2, s.innovation_turn, s.turn_innovation2,
+                                   s.loaded, s.unmodelled);
 }
 
 template <class A>
 void transfer(A& archive, DrivenVehicle& v) {
-  transfer_all(archive, v.received, v.predicted, v.held, v.before, v.pending, v.fall, v.work,
-               v.innovation, v.error, v.told, v.sums);
+  transfer_members<DrivenVehicle>(archive, v.received, v.predicted, v.held, v.before, v.pending,
+                                  v.fall, v.work, v.innovation, v.error, v.told, v.sums);
 }
 
 template <class A>
 void transfer(A& archive, CouplingState& c) {
-  transfer_all(archive, c.vehicle, c.work_residual, c.suggestion, c.follows, c.regular_step, c.work,
-               c.frequency, c.held_latches, c.warned);
+  transfer_members<CouplingState>(archive, c.vehicle, c.work_residual, c.suggestion, c.follows,
+                                  c.regular_step, c.work, c.frequency, c.held_latches, c.warned);
 }
 
 template <class A>
 void transfer(A& archive, RestState& rest) {
-  transfer_all(archive, rest.resting, rest.since, rest.q, rest.spin, rest.slack);
+  transfer_members<RestState>(archive, rest.resting, rest.since, rest.q, rest.spin, rest.slack);
 }
 
 template <class A>
 void transfer(A& archive, LatchState& latch) {
-  transfer_all(archive, latch.mode, latch.release_time);
+  transfer_members<LatchState>(archive, latch.mode, latch.release_time);
 }
 
 template <class A>
 void transfer(A& archive, DiscreteState& d) {
-  transfer_all(archive, d.latch, d.contacted, d.captured, d.time_of_contact, d.time_of_capture,
-               d.thrust_on, d.phase, d.outcome, d.seated, d.seated_time, d.seen);
+  transfer_members<DiscreteState>(archive, d.latch, d.contacted, d.captured, d.time_of_contact,
+                                  d.time_of_capture, d.thrust_on, d.phase, d.outcome, d.seated,
+                                  d.seated_time, d.seen);
 }
 
 template <class A>
 void transfer(A& archive, ContactMemory& m) {
-  transfer_all(archive, m.has_reference, m.R_ref, m.p_ref, m.least_gap, m.radius, m.gap, m.near,
-               m.closed, m.n_last, m.absorber);
+  transfer_members<ContactMemory>(archive, m.has_reference, m.R_ref, m.p_ref, m.least_gap, m.radius,
+                                  m.gap, m.near, m.closed, m.n_last, m.absorber);
 }
 
 template <class A>
 void transfer(A& archive, LegBranch& branch) {
-  transfer_all(archive, branch.elbow, branch.flip);
+  transfer_members<LegBranch>(archive, branch.elbow, branch.flip);
 }
 
 template <class A>
 void transfer(A& archive, LoopReference<double>& r) {
-  transfer_all(archive, r.valid, r.q, r.H, r.sign, r.margin, r.branch, r.spin_branch);
+  transfer_members<LoopReference<double>>(archive, r.valid, r.q, r.H, r.sign, r.margin, r.branch,
+                                          r.spin_branch);
 }
 
 template <class A>
 void transfer(A& archive, Coordinates& c) {
-  transfer_all(archive, c.dependent, c.closure, c.pose);
+  transfer_members<Coordinates>(archive, c.dependent, c.closure, c.pose);
 }
 
 /// Something that may be absent.
@@ -216,33 +214,32 @@ void transfer(A& archive, std::shared_ptr<const T>& pointer) {
 
 template <class A>
 void transfer(A& archive, KeptJacobian& kept) {
-  transfer_all(archive, kept.valid, kept.step, kept.entries);
+  transfer_members<KeptJacobian>(archive, kept.valid, kept.step, kept.entries);
 }
 
 template <class A>
 void transfer(A& archive, SimState& s) {
-  transfer_all(archive, s.elapsed, s.h_warm, s.last_step, s.fastest_rate, s.frame_velocity,
-               s.frame_shift, s.discrete, s.memory, s.peaks, s.mean_load, s.coupling, s.rest_state,
-               s.margin_looked_at, s.warned_margin, s.warned_tilt, s.coordinates, s.kept_jacobian,
-               s.drift, s.energy_start, s.energy_in_play, s.energy_residual, s.energy_warnings,
-               s.host_work, s.momentum_start, s.momentum_residual, s.momentum_scale,
-               s.angular_momentum_scale);
+  transfer_members<SimState>(archive, s.elapsed, s.h_warm, s.last_step, s.fastest_rate,
+                             s.frame_velocity, s.frame_shift, s.discrete, s.memory, s.peaks,
+                             s.mean_load, s.coupling, s.rest_state, s.margin_looked_at,
+                             s.warned_margin, s.warned_tilt, s.coordinates, s.kept_jacobian,
+                             s.drift, s.energy_audit, s.momentum_audit);
 }
 
 template <class A>
 void transfer(A& archive, Snapshot& snapshot) {
-  transfer_all(archive, snapshot.state, snapshot.y, snapshot.reference);
+  transfer_members<Snapshot>(archive, snapshot.state, snapshot.y, snapshot.reference);
 }
 
 template <class A>
 void transfer(A& archive, Counters& c) {
-  transfer_all(archive, c.steps, c.rejected_steps, c.rate_evaluations);
+  transfer_members<Counters>(archive, c.steps, c.rejected_steps, c.rate_evaluations);
 }
 
 template <class A>
 void transfer(A& archive, SavedSim& saved) {
-  transfer_all(archive, saved.parameters, saved.inputs, saved.slopes, saved.setup, saved.snapshot,
-               saved.counters);
+  transfer_members<SavedSim>(archive, saved.parameters, saved.inputs, saved.slopes, saved.setup,
+                             saved.snapshot, saved.counters);
 }
 
 }  // namespace dockloop

@@ -67,8 +67,7 @@ void check_choice(int value, int most, const char* name, const char* choice) {
 
 /// Multipliers need a method that knows them, and it nothing else.
 void check_level(const Parameters& p, Interface interface) {
-  check_choice(p.model_level, kReference, "model.level",
-               "1 (rigid), 2 (massless_legs), 3 (reduced) or 4 (reference)");
+  check_choice(p.model_level, kLevels, "model.level");
   if (interface == Interface::kModelExchange) {
     if (p.model_level != kReference) return;
     throw ModelError(
@@ -179,6 +178,7 @@ void DockingSim::Impl::clear() {
   setup.reset();
   model.reset();
   start_mechanism.reset();
+  events.reset();
   data.reset();
   rate_data.reset();
   stepper.reset();
@@ -203,12 +203,9 @@ void DockingSim::Impl::check_parameters() const {
   positive(p.step, "solver.step");
   positive(p.coupling_expected_step, "coupling.expected_step");
   positive(p.coupling_velocity_tolerance, "coupling.velocity_tolerance");
-  if (p.coupling_mode != kSequential && p.coupling_mode != kParallel) {
-    throw ModelError("coupling.mode is " + std::to_string(p.coupling_mode) +
-                     "; it must be 1 (sequential) or 2 (parallel)");
-  }
+  check_choice(p.coupling_mode, kCouplingModes, "coupling.mode");
   check_level(p, interface);
-  check_choice(p.flight, kIntegrated, "model.flight", "1 (resting) or 2 (integrated)");
+  check_choice(p.flight, kFlightModels, "model.flight");
   check_choice(
       p.solver_method, kStabilised, "solver.method",
       "1 (auto), 2 (explicit), 3 (implicit), 4 (imex), 5 (adams), 6 (bdf), 7 (fixed_rk4), 8 "
@@ -379,6 +376,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   choose_frame_O();
   model = std::make_unique<DockingModel>(make_docking_model(
       *scene, parameters.vehicle, make_contact_law(), frame_origin, parameters.model_level));
+  events = std::make_unique<EventLogic>(*model, discrete, memory);
   start_mechanism.reset();
   state_bodies = model->mechanism_bodies;
   model->thrust = parameters.contact_thrust;
@@ -402,13 +400,13 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   load_rates = loads_now = loads;
   read_inputs();
   counted_elsewhere = Counters();
-  std::fill(due.begin(), due.end(), char(0));
+  events->clear_due();
   for (int i : {kChaser, kTarget}) {
     const Mat3<double> inertia = make_symmetric(parameters.vehicle[i].inertia);
     least_inertia[i] = find_principal_moments(inertia)[0];
   }
   // At rest the scale is what the tolerance lets a vehicle move.
-  momentum_scale = parameters.atol_velocity * parameters.vehicle[kChaser].mass;
+  const double least_momentum = parameters.atol_velocity * parameters.vehicle[kChaser].mass;
 
   Status status = bring_joints_to_start();
   if (status.ok()) {
@@ -422,13 +420,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     lock_mechanism(*model, *data);
     if (!evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
   }
-  energy_start = find_total_energy();
-  energy_in_play = find_energy_balance().in_play;
-  for (int i : {kChaser, kTarget}) {
-    momentum_start[i] = find_momentum(*model, i, *data);
-    momentum_scale = std::max(momentum_scale, momentum_start[i].f.norm());
-    angular_momentum_scale = std::max(angular_momentum_scale, momentum_start[i].t.norm());
-  }
+  start_energy_audit(*model, *data, stepper->y(), energy_audit);
+  start_momentum_audit(*model, *data, least_momentum, momentum_audit);
   attach_kernel();
   warn_about_start();
   if (has_surfaces()) {
@@ -443,13 +436,13 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     const double gap = find_gap(model->contact, data->relative, data->contact_work);
     if (!decide_absorber().ok()) throw ModelError("start state cannot be evaluated");
     // A start that touches is a first contact at the start; so is one within reach of a latch.
-    if (gap <= kTouching) begin_contact(0.0);
+    if (gap <= kTouching) events->begin_contact(0.0);
   }
   if (update_latches(0.0) && !evaluate(0.0).ok())
     throw ModelError("start state cannot be evaluated");
-  update_capture(0.0);
+  events->update_capture(0.0);
   update_thrust(0.0);
-  update_phase(find_phase_inputs(*data, find_near_gap(*data)), discrete);
+  update_phase(events->find_phase_inputs(*data, events->find_near_gap(*data)), discrete);
   peaks.start(0.0, find_peak_values());
   const double* q = stepper->y() + model->layout.mechanism_q;
   rest_state.q.assign(q, q + model->layout.mechanism_nq);
@@ -497,7 +490,7 @@ void DockingSim::Impl::make_stepper() {
   problem.roots = [this](double t, const double* y, double* roots) {
     if (is_evaluated(t, y)) {
       roots_at = evaluated == Evaluated::kStart ? data.get() : rate_data.get();
-      calc_event_functions(*roots_at, roots);
+      events->calc_functions(*roots_at, roots);
       return 0;
     }
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
@@ -509,10 +502,10 @@ void DockingSim::Impl::make_stepper() {
       return 1;
     }
     roots_at = rate_data.get();
-    calc_event_functions(*roots_at, roots);
+    events->calc_functions(*roots_at, roots);
     return 0;
   };
-  problem.root_speeds = [this](double* speeds) { calc_event_speeds(*roots_at, speeds); };
+  problem.root_speeds = [this](double* speeds) { events->calc_speeds(*roots_at, speeds); };
   jacobian_pass.reset();
   balance.reset();
   if (can_rest()) {

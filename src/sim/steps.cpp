@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -207,7 +206,7 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
       turns += fly(flight);
       evaluated = Evaluated::kNothing;
       tau = flight < h - tau ? tau + flight : h;
-      std::fill(due.begin(), due.end(), char(0));
+      events->clear_due();
       bool changed = false;
       const Pose<double> looked_from{memory.R_ref, memory.p_ref};
       status = evaluate(tau);
@@ -233,15 +232,15 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
       if (!status.ok()) return status;
       restart = true;
     } else {
-      std::fill(due.begin(), due.end(), char(0));
+      events->clear_due();
       const bool cut_short = outcome == StepOutcome::kStopped && made < proposal;
       proposal = cut_short ? std::max(proposal, stepper->next_step()) : stepper->next_step();
     }
     fastest_rate = stepper->fastest_rate();
     status = evaluate_end(stepper->time());
     EnergyBalance audit;
-    if (status.ok()) audit = find_energy_balance();
-    if (status.ok() && makes_energy(audit, stepper->time())) {
+    if (status.ok()) audit = find_balance();
+    if (status.ok() && is_energy_created(audit, stepper->time())) {
       status.code = StatusCode::kIntegrationFailed;
     }
     if (!status.ok()) {
@@ -297,23 +296,22 @@ Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
   for (int inner = 1; inner <= count; ++inner) {
     const double end = inner == count ? h : h * inner / count;
     last_trouble = Status();
-    note_latches();
+    events->note_latches(*data);
     start_stepper(tau, end - tau, inner == 1 ? find_start_rates() : nullptr);
     if (make_inner_step(end, false) == StepOutcome::kFailed) return find_trouble(tau);
     const double made = end - tau;
     tau = end;
     Status status = evaluate_end(tau);
     if (!status.ok()) return status;
-    const EnergyBalance audit = find_energy_balance();
-    if (makes_energy(audit, tau)) return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
+    const EnergyBalance audit = find_balance();
+    if (is_energy_created(audit, tau))
+      return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
     watch_energy(audit, tau);
-    double roots[kFixedRoots + kMaxLatches];
-    calc_event_functions(*data, roots);
-    for (int i = 0; i < kFixedRoots + model->latches.count(); ++i) due[i] = roots[i] <= 0.0;
-    find_passed_latches(made);
+    events->set_due_below(*data, 0.0);
+    events->find_passed_latches(*data, made);
     bool changed = false;
     status = accept(tau, changed);
-    std::fill(passed.begin(), passed.end(), char(0));
+    events->clear_passed();
     if (!status.ok()) return status;
   }
   return {};
@@ -357,7 +355,7 @@ double DockingSim::Impl::find_leap(double made, double proposal) {
 /// of thrust, and never so far that a surface could be passed unseen.
 double DockingSim::Impl::find_next_stop(double tau, double h) const {
   double stop = h;
-  const std::optional<double> onset = find_thrust_onset();
+  const std::optional<double> onset = events->find_thrust_onset();
   if (onset && !discrete.thrust_on && *onset - elapsed > tau) {
     stop = std::min(stop, *onset - elapsed);
   }
@@ -376,7 +374,7 @@ Status DockingSim::Impl::find_trouble(double tau) const {
 /// A root lies in the step just made: replace its interpolated state by steps that end there.
 Status DockingSim::Impl::step_to_root(double tau) {
   const double root = stepper->time();
-  for (int i = 0; i < kFixedRoots + model->latches.count(); ++i) due[i] = stepper->root_found(i);
+  for (int i = 0; i < events->root_count(); ++i) events->set_due(i, stepper->root_found(i));
   std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
   if (!(root > tau)) return {};
   start_stepper(tau, root - tau);
@@ -387,72 +385,34 @@ Status DockingSim::Impl::step_to_root(double tau) {
   }
 }
 
-double DockingSim::Impl::find_total_energy() const {
-  return find_kinetic_energy(*model, *data) + find_potential_energy();
-}
-
-/// What should add up, and what does not, at the state of the last evaluation.
-EnergyBalance DockingSim::Impl::find_energy_balance() const {
-  const double* sums = stepper->y() + model->layout.sums;
-  const double kinetic = find_kinetic_energy(*model, *data), potential = find_potential_energy();
-  double dissipated = 0.0;
-  for (int i : {kSumContact, kSumFriction, kSumLegs, kSumLatches}) dissipated += sums[i];
-  EnergyBalance audit;
-  const double brought = sums[kSumExternal] + host_work;
-  audit.residual = kinetic + potential + dissipated - brought - energy_start;
-  // What was there at the start, was brought, or was taken from springs: nothing that may be false.
-  audit.in_play = std::abs(energy_start) + std::abs(brought) + std::max(0.0, -potential);
-  return audit;
-}
-
-/// Does the step that ends here make, or add up to, more energy than there ever was? Then it was a
-/// wrong one, whatever error control said; status_text says so.
-bool DockingSim::Impl::makes_energy(const EnergyBalance& audit, double tau) {
-  constexpr double kMostMissing = 0.5;  // in the end; one step may be off by all there is
-  const double made = std::abs(audit.residual - energy_residual);
-  const double there = find_energy_scale(audit);
-  const bool adds_up = std::abs(audit.residual) > kMostMissing * there &&
-                       std::abs(audit.residual) > std::abs(energy_residual);
-  if (made <= there && !adds_up) return false;
+/// Does the step that ends here create energy? Then status_text says so.
+bool DockingSim::Impl::is_energy_created(const EnergyBalance& found, double tau) {
+  const double there = find_energy_scale(energy_audit, found, parameters.atol_energy);
+  if (!creates_energy(energy_audit, found, there)) return false;
   char text[400];
   std::snprintf(
       text, sizeof text,
       "the inner step to t = %.9g s makes the energy audit wrong by %.3g J (%.3g J so far), "
       "where %.3g J are in play: shorten the step (solver.step of a fixed-step method), "
       "take a smaller solver.rtol, or solver.method 1 (auto)",
-      setup->t_start + elapsed + tau, made, std::abs(audit.residual), there);
+      setup->t_start + elapsed + tau, std::abs(found.residual - energy_audit.residual),
+      std::abs(found.residual), there);
   status_text = text;
   return true;
 }
 
-/// Keeps the audit of energy, and warns where what does not add up matters, again at ten times
-/// that.
-void DockingSim::Impl::watch_energy(const EnergyBalance& audit, double tau) {
-  constexpr double kMatters[] = {0.01, 0.1};  // of the energy in play
-  energy_residual = audit.residual;
-  energy_in_play = std::max(energy_in_play, audit.in_play);
-  const double there = find_energy_scale(audit), share = std::abs(energy_residual) / there;
-  const auto reached = std::count_if(std::begin(kMatters), std::end(kMatters),
-                                     [&](double matters) { return share > matters; });
-  if (reached <= energy_warnings) return;
-  energy_warnings = static_cast<int>(reached);
+/// Keeps the audit of energy, and warns where the residual matters, again at ten times that.
+void DockingSim::Impl::watch_energy(const EnergyBalance& found, double tau) {
+  const double there = find_energy_scale(energy_audit, found, parameters.atol_energy);
+  if (!update_energy_audit(found, there, energy_audit)) return;
   char text[300];
   std::snprintf(text, sizeof text,
                 "the energy audit is off by %.3g J at t = %.9g s, %.2g of the %.3g J in play: "
                 "loads and motion may be wrong by more; take a smaller %s",
-                energy_residual, setup->t_start + elapsed + tau, share, there,
+                energy_audit.residual, setup->t_start + elapsed + tau,
+                std::abs(energy_audit.residual) / there, there,
                 is_fixed_step() ? "solver.step, or solver.method 1 (auto)" : "solver.rtol");
   warnings.push_back(text);
-}
-
-/// The largest energy that was in play so far; below some value it is what absolute tolerances
-/// leave open [J].
-double DockingSim::Impl::find_energy_scale(const EnergyBalance& audit) const {
-  return std::max({energy_in_play, audit.in_play, 1e4 * parameters.atol_energy});
-}
-
-double DockingSim::Impl::find_potential_energy() const {
-  return data->joints.energy + data->contact.energy + data->latch.energy;
 }
 
 /// Motion of a vehicle's CoM frame in O, from the last evaluation.
@@ -508,43 +468,12 @@ void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& end) {
   }
 }
 
-/// Is there momentum to compare? An immobile vehicle takes up any.
-bool DockingSim::Impl::conserves_momentum() const {
-  return model->moves[kChaser] && (!model->present[kTarget] || model->moves[kTarget]);
-}
-
-/// Momentum summed over bodies against its start and the impulses from outside, at this
-/// communication point.
+/// Scales and residual at this communication point.
 void DockingSim::Impl::update_momentum_audit() {
-  if (!conserves_momentum()) return;
-  for (int i : {kChaser, kTarget}) {
-    if (!model->present[i]) continue;
-    const double* now = stepper->y() + model->layout.momentum[i];
-    const double linear = Eigen::Map<const Vec3<double>>(now).norm();
-    const double angular = Eigen::Map<const Vec3<double>>(now + 3).norm();
-    momentum_scale = std::max({momentum_scale, momentum_start[i].f.norm(), linear});
-    angular_momentum_scale =
-        std::max({angular_momentum_scale, momentum_start[i].t.norm(), angular});
-  }
-  momentum_residual = std::max(momentum_residual, find_momentum_residual());
-}
-
-/// At the present state. @pre evaluate
-double DockingSim::Impl::find_momentum_residual() const {
-  if (!conserves_momentum()) return 0.0;
-  Wrench<double> difference;
-  for (int i : {kChaser, kTarget}) {
-    if (model->present[i]) difference += find_momentum(*model, i, *data) - momentum_start[i];
-  }
-  const double* impulse = stepper->y() + model->layout.impulse;
-  for (int j = 0; j < 3; ++j) {
-    difference.f[j] -= impulse[j];
-    difference.t[j] -= impulse[3 + j];
-  }
-  // An aligned docking has next to no angular momentum about O: measure it by the linear one at a
-  // lever of 1 m then.
-  const double angular_scale = std::max(angular_momentum_scale, momentum_scale * 1.0);
-  return std::max(difference.f.norm() / momentum_scale, difference.t.norm() / angular_scale);
+  if (!conserves_momentum(*model)) return;
+  update_momentum_scales(*model, stepper->y(), momentum_audit);
+  momentum_audit.residual = std::max(
+      momentum_audit.residual, find_momentum_residual(*model, *data, stepper->y(), momentum_audit));
 }
 
 }  // namespace dockloop

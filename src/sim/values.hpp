@@ -32,6 +32,12 @@ enum FlightModel {
   kResting = 1,     ///< far from contact a mechanism that keeps its place is carried along
   kIntegrated = 2,  ///< it is always integrated
 };
+inline const ChoiceList kFlightModels = {
+    {kResting, "resting",
+     "once it has kept its place for 1 s it is carried along by its vehicle and costs nothing; "
+     "needs free or fixed vehicles, no loads, an adaptive method"},
+    {kIntegrated, "integrated", "always"},
+};
 
 /// Everything that can be chosen before the run starts. Start values come from the scene.
 struct Parameters {

@@ -1,0 +1,106 @@
+// Sums of energy and momentum, and what they are compared with; see audit.hpp.
+#include "sim/audit.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+namespace dockloop {
+
+double find_potential_energy(const DockingData<double>& data) {
+  return data.joints.energy + data.contact.energy + data.latch.energy;
+}
+
+double find_total_energy(const DockingModel& model, const DockingData<double>& data) {
+  return find_kinetic_energy(model, data) + find_potential_energy(data);
+}
+
+EnergyBalance find_energy_balance(const DockingModel& model, const DockingData<double>& data,
+                                  const double* y, const EnergyAudit& audit) {
+  const double* sums = y + model.layout.sums;
+  const double kinetic = find_kinetic_energy(model, data), potential = find_potential_energy(data);
+  double dissipated = 0.0;
+  for (int i : {kSumContact, kSumFriction, kSumLegs, kSumLatches}) dissipated += sums[i];
+  EnergyBalance balance;
+  const double brought = sums[kSumExternal] + audit.host_work;
+  balance.residual = kinetic + potential + dissipated - brought - audit.start;
+  // What was there at the start, was brought, or was taken from springs: nothing that may be false.
+  balance.in_play = std::abs(audit.start) + std::abs(brought) + std::max(0.0, -potential);
+  return balance;
+}
+
+double find_energy_scale(const EnergyAudit& audit, const EnergyBalance& balance,
+                         double atol_energy) {
+  return std::max({audit.in_play, balance.in_play, 1e4 * atol_energy});
+}
+
+void start_energy_audit(const DockingModel& model, const DockingData<double>& data,
+                        const double* y, EnergyAudit& audit) {
+  audit.start = find_total_energy(model, data);
+  audit.in_play = find_energy_balance(model, data, y, audit).in_play;
+}
+
+bool creates_energy(const EnergyAudit& audit, const EnergyBalance& balance, double scale) {
+  constexpr double kMostMissing = 0.5;  // in the end; one step may be off by all there is
+  const double created = std::abs(balance.residual - audit.residual);
+  const bool adds_up = std::abs(balance.residual) > kMostMissing * scale &&
+                       std::abs(balance.residual) > std::abs(audit.residual);
+  return created > scale || adds_up;
+}
+
+bool update_energy_audit(const EnergyBalance& balance, double scale, EnergyAudit& audit) {
+  constexpr double kMatters[] = {0.01, 0.1};  // of the energy in play
+  audit.residual = balance.residual;
+  audit.in_play = std::max(audit.in_play, balance.in_play);
+  const double share = std::abs(audit.residual) / scale;
+  const auto reached = std::count_if(std::begin(kMatters), std::end(kMatters),
+                                     [&](double matters) { return share > matters; });
+  if (reached <= audit.warnings) return false;
+  audit.warnings = static_cast<int>(reached);
+  return true;
+}
+
+bool conserves_momentum(const DockingModel& model) {
+  return model.moves[kChaser] && (!model.present[kTarget] || model.moves[kTarget]);
+}
+
+void start_momentum_audit(const DockingModel& model, const DockingData<double>& data,
+                          double least_scale, MomentumAudit& audit) {
+  audit.scale = least_scale;
+  for (int i : {kChaser, kTarget}) {
+    audit.start[i] = find_momentum(model, i, data);
+    audit.scale = std::max(audit.scale, audit.start[i].f.norm());
+    audit.angular_scale = std::max(audit.angular_scale, audit.start[i].t.norm());
+  }
+}
+
+void update_momentum_scales(const DockingModel& model, const double* y, MomentumAudit& audit) {
+  for (int i : {kChaser, kTarget}) {
+    if (!model.present[i]) continue;
+    const double* now = y + model.layout.momentum[i];
+    const double linear = Eigen::Map<const Vec3<double>>(now).norm();
+    const double angular = Eigen::Map<const Vec3<double>>(now + 3).norm();
+    audit.scale = std::max({audit.scale, audit.start[i].f.norm(), linear});
+    audit.angular_scale = std::max({audit.angular_scale, audit.start[i].t.norm(), angular});
+  }
+}
+
+double find_momentum_residual(const DockingModel& model, const DockingData<double>& data,
+                              const double* y, const MomentumAudit& audit) {
+  if (!conserves_momentum(model)) return 0.0;
+  Wrench<double> difference;
+  for (int i : {kChaser, kTarget}) {
+    if (model.present[i]) difference += find_momentum(model, i, data) - audit.start[i];
+  }
+  const double* impulse = y + model.layout.impulse;
+  for (int j = 0; j < 3; ++j) {
+    difference.f[j] -= impulse[j];
+    difference.t[j] -= impulse[3 + j];
+  }
+  // An aligned docking has next to no angular momentum about O: measure it by the linear one at a
+  // lever of 1 m then.
+  const double angular_scale = std::max(audit.angular_scale, audit.scale * 1.0);
+  return std::max(difference.f.norm() / audit.scale, difference.t.norm() / angular_scale);
+}
+
+}  // namespace dockloop

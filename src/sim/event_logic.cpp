@@ -1,0 +1,212 @@
+// Discrete decisions at accepted states; see event_logic.hpp.
+#include "sim/event_logic.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace dockloop {
+
+int EventLogic::count_held_latches() const {
+  int held = 0;
+  for (int i = 0; i < model_.latches.count(); ++i) {
+    held += discrete_.latch[i].mode == LatchMode::kHeld;
+  }
+  return held;
+}
+
+void EventLogic::calc_functions(DockingData<double>& at, double* roots) const {
+  roots[0] = has_surfaces() && !discrete_.contacted ? at.contact.gap : 1.0;
+  roots[1] = 1.0;
+  roots[2] = may_part() ? kReboundGap - find_near_gap(at) : 1.0;
+  if (has_surfaces() && is_absorber()) {
+    const bool by_state = memory_.absorber == Acting::kByState;
+    roots[0] = by_state ? at.contact.gap : -at.contact.pressed;
+    roots[1] = by_state ? -at.contact.gap : at.contact.pressed;
+  }
+  for (int i = 0; i < model_.latches.count(); ++i) roots[kFixedRoots + i] = at.latch.event[i];
+}
+
+void EventLogic::calc_speeds(const DockingData<double>& at, double* speeds) const {
+  std::fill_n(speeds, kFixedRoots, 0.0);
+  if (has_surfaces() && model_.contact.kind == ContactModel::Kind::kRings) {
+    const double bound = find_approach_bound(model_.contact, at.relative);
+    if (!discrete_.contacted) speeds[0] = bound;
+    if (may_part()) speeds[2] = bound;
+  }
+  for (int i = 0; i < model_.latches.count(); ++i) {
+    speeds[kFixedRoots + i] =
+        find_event_speed(discrete_.latch[i], find_latch_motion(model_.latches, i, at.relative));
+  }
+}
+
+void EventLogic::set_due_below(DockingData<double>& at, double limit) {
+  double roots[kFixedRoots + kMaxLatches];
+  calc_functions(at, roots);
+  for (int i = 0; i < root_count(); ++i) set_due(i, roots[i] <= limit);
+}
+
+void EventLogic::note_latches(const DockingData<double>& at) {
+  for (int i = 0; i < model_.latches.count(); ++i) {
+    latches_before_[i] = find_latch_motion(model_.latches, i, at.relative);
+  }
+}
+
+void EventLogic::find_passed_latches(const DockingData<double>& at, double h) {
+  for (int i = 0; i < model_.latches.count(); ++i) {
+    passed_[i] = is_passed(model_.latches.law, discrete_.latch[i], latches_before_[i],
+                           find_latch_motion(model_.latches, i, at.relative), h);
+  }
+}
+
+bool EventLogic::update_first_contact(const DockingData<double>& at, double now) {
+  if (discrete_.contacted || !has_surfaces()) return false;
+  if (!is_due(0) && !(at.contact.gap <= 0.0)) return false;
+  begin_contact(now);
+  return true;
+}
+
+void EventLogic::begin_contact(double now) {
+  discrete_.contacted = true;
+  discrete_.time_of_contact = now;
+}
+
+bool EventLogic::update_absorber(const DockingData<double>& at) {
+  if (memory_.absorber == Acting::kByState) return is_due(0) || is_due(1);
+  const bool acts = is_due(0) || (!is_due(1) && at.contact.pressed >= 0.0);
+  const Acting before = std::exchange(memory_.absorber, acts ? Acting::kYes : Acting::kNo);
+  return is_due(0) || is_due(1) || memory_.absorber != before;
+}
+
+bool EventLogic::decide_absorber(const DockingData<double>& at) {
+  if (!is_absorber()) return false;
+  const bool touches = std::abs(at.contact.gap) <= kTouching;
+  const bool acts = touches ? at.relative.v.x() < 0.0 : at.contact.pressed > 0.0;
+  const Acting before = std::exchange(memory_.absorber, acts ? Acting::kYes : Acting::kNo);
+  return memory_.absorber != before;
+}
+
+bool EventLogic::update_latches(const DockingData<double>& at, double now, double& dissipated) {
+  bool changed = false;
+  for (int i = 0; i < model_.latches.count(); ++i) {
+    if (!is_due(kFixedRoots + i) && !passed_[i] && at.latch.event[i] > 0.0) continue;
+    LatchState& latch = discrete_.latch[i];
+    const LatchMode before = latch.mode;
+    dissipated += update_latch(model_.latches, i, now, at.relative, latch, passed_[i] != 0);
+    changed = changed || latch.mode != before;
+    // In a central docking the first latch catches before any surface touches.
+    if (latch.mode == LatchMode::kHeld && !discrete_.contacted) begin_contact(now);
+  }
+  return changed;
+}
+
+void EventLogic::update_capture(double now) {
+  const int count = model_.latches.count();
+  const bool all = count > 0 && count_held_latches() == count;
+  if (all && !discrete_.captured && discrete_.time_of_capture < 0.0) {
+    discrete_.time_of_capture = now;
+  }
+  discrete_.captured = all;
+}
+
+std::optional<double> EventLogic::find_thrust_onset() const {
+  if (model_.thrust == 0.0 || !discrete_.contacted || discrete_.captured) return std::nullopt;
+  return discrete_.time_of_contact + model_.thrust_delay;
+}
+
+bool EventLogic::is_thrust_due(double now, double clock_rounding) const {
+  const std::optional<double> onset = find_thrust_onset();
+  return onset && now + clock_rounding >= *onset;
+}
+
+bool EventLogic::update_thrust(double now, double clock_rounding) {
+  const bool on = is_thrust_due(now, clock_rounding);
+  return std::exchange(discrete_.thrust_on, on) != on;
+}
+
+void EventLogic::update_phases(DockingData<double>& at, double now) {
+  const PhaseInputs in = find_phase_inputs(at, find_near_gap(at));
+  update_seat(in, now, discrete_);
+  update_phase(in, discrete_);
+}
+
+bool EventLogic::is_change_due(DockingData<double>& at, double now, double clock_rounding) const {
+  double roots[kFixedRoots + kMaxLatches];
+  calc_functions(at, roots);
+  const bool touched = !discrete_.contacted && has_surfaces() && at.contact.gap <= 0.0;
+  const bool latch = std::any_of(roots + kFixedRoots, roots + root_count(),
+                                 [](double root) { return root <= 0.0; });
+  DiscreteState next = discrete_;
+  update_phase(find_phase_inputs(at, find_near_gap(at)), next);
+  return touched || latch || next.phase != discrete_.phase || next.outcome != discrete_.outcome ||
+         is_thrust_due(now, clock_rounding) != discrete_.thrust_on;
+}
+
+bool EventLogic::may_part() const {
+  return has_surfaces() && model_.contact.kind == ContactModel::Kind::kRings &&
+         !discrete_.captured && discrete_.phase != kRebound && count_held_latches() == 0;
+}
+
+double EventLogic::find_near_gap(DockingData<double>& at) const {
+  const double gap = at.contact.gap;
+  if (!has_surfaces() || discrete_.captured || gap < 0.0 || gap > kReboundGap) return gap;
+  return find_gap(model_.contact, at.relative, at.contact_work);
+}
+
+PhaseInputs EventLogic::find_phase_inputs(const DockingData<double>& at, double gap) const {
+  PhaseInputs in;
+  if (!model_.present[kTarget]) return in;
+  const RelativeMotion<double> relative =
+      find_relative(at.interface[kChaser], at.interface[kTarget]);
+  in.gap = gap;
+  in.axial = at.relative.p.x();
+  in.axial_rate = relative.v.x();
+  in.speed = relative.v.norm();
+  in.angular_speed = relative.w.norm();
+  in.latched = count_held_latches();
+  in.seated = model_.latches.count() > 0 && in.gap <= kSeatedGap;
+  for (int i = 0; i < model_.latches.count(); ++i) {
+    in.seated = in.seated && at.latch.opening[i] <= model_.latches.law.catch_distance;
+  }
+  for (int i = 0; i < model_.contact.petal_count(); ++i) {
+    in.on_petal = in.on_petal || !at.contact.petal_force[i].isZero(0.0);
+  }
+  return in;
+}
+
+LatchReport EventLogic::find_latch_report(const DockingData<double>& at, int i) const {
+  const LatchLaw& law = model_.latches.law;
+  switch (discrete_.latch[i].mode) {
+    case LatchMode::kHeld:
+      return kCaught;
+    case LatchMode::kReleasing:
+      return kLettingGo;
+    case LatchMode::kSpent:
+      return kFree;
+    case LatchMode::kOpen:
+      break;
+  }
+  const double opening = at.latch.opening[i], lateral = at.latch.lateral[i];
+  if (opening >= law.pawl_range || opening <= -law.guard || lateral >= 2.0 * law.window) {
+    return kFree;
+  }
+  return lateral < law.window ? kInReach : kPushed;
+}
+
+double EventLogic::find_free_gap(DockingData<double>& at, double exact_below) const {
+  if (!model_.present[kTarget]) return kNoGap;
+  double gap = at.contact.gap;  // a cheap bound
+  if (gap <= exact_below && has_surfaces()) {
+    gap = find_gap(model_.contact, at.relative, at.contact_work);
+  }
+  const LatchLaw& law = model_.latches.law;
+  for (int i = 0; i < model_.latches.count(); ++i) {
+    if (discrete_.latch[i].mode != LatchMode::kOpen) return 0.0;
+    const Vec3<double> s =
+        at.relative.R * model_.latches.striker[i] + at.relative.p - model_.latches.hook[i];
+    gap = std::min(gap, std::max(s.x() - law.pawl_range, s.tail<2>().norm() - 2.0 * law.window));
+  }
+  return gap;
+}
+
+}  // namespace dockloop
