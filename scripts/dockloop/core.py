@@ -126,15 +126,15 @@ def list_methods() -> tuple[dict, ...]:
         return tuple(json.loads(core.methods()))
 
 
-def has_kernel(document: dict, source: Path) -> bool:
-    """Tell whether the core evaluates a mechanism fast without generated code.
+def has_only_legs(document: dict, source: Path) -> bool:
+    """Tell whether all loops of a mechanism are legs, which need no generated code.
 
     Args:
         document: the resolved scene.
         source: the scene file, for messages.
     """
     with core_errors() as core:
-        return core.has_kernel(to_json(document), name_source(source))
+        return core.has_only_legs(to_json(document), name_source(source))
 
 
 def run_program(

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from dockloop import paths
 from dockloop.compiled import find_compiled
-from dockloop.core import has_kernel, to_json
+from dockloop.core import has_only_legs, to_json
 from dockloop.errors import DockloopError, UsageError, find_reason
 
 FLAGS = [
@@ -81,7 +81,7 @@ def make_kernel(document: dict, needed: bool) -> Kernel:
 
 def _write(document: dict, needed: bool) -> tuple[str, str]:
     """Write the source of a kernel; returns it and one line about it, or an empty text and why."""
-    if not needed and has_kernel(document, Path(document["name"])):
+    if not needed and has_only_legs(document, Path(document["name"])):
         return "", "its legs are evaluated side by side; no code has to be generated"
     try:
         find_compiled(paths.GENERATOR)

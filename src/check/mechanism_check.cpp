@@ -250,7 +250,7 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
   result["loops"] = loops;
   result["order"] = order;
   result["closure_residual"] = find_closure_residual(mechanism, data);
-  result["singularity_margin"] = find_singularity_margin(data);
+  result["singularity_margin"] = find_singularity_margin(mechanism, data);
   result["max_condition"] = find_max_condition(mechanism, data);
   result["home_q"] = model.home_q;
   double mass = 0.0;
@@ -262,7 +262,7 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
     warnings.push_back("loop '" + model.loops[k].name + "' is open by " + std::to_string(gaps[k]) +
                        " m at the zero pose (no home_q is given); it was closed from there");
   }
-  if (find_singularity_margin(data) < model.singularity.warning) {
+  if (find_singularity_margin(mechanism, data) < model.singularity.warning) {
     warnings.push_back("a loop is close to singular at home");
   }
   for (const std::string& note : mechanism.notes) warnings.push_back(note);

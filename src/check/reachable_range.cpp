@@ -55,7 +55,7 @@ RangeEnd find_end(const Mechanism& mechanism, const Body& body, int k, double st
   RangeEnd end;
   end.status = calc_position(mechanism, data);
   if (!end.status.ok()) return end;
-  keep_reference(data.tree, data.loops);
+  keep_reference(mechanism, data);
   const auto reach = [&](double s) -> Status {
     set_coordinate(mechanism, body, k, s, data.tree.q);
     const Status status = calc_position(mechanism, data);
@@ -88,7 +88,7 @@ RangeEnd find_end(const Mechanism& mechanism, const Body& body, int k, double st
         reach(end.value + size);
       }
       end.value += size;
-      keep_reference(data.tree, data.loops);
+      keep_reference(mechanism, data);
       if (size != step) size *= 0.5;
     } else {
       end.status = status;

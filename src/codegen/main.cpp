@@ -1,6 +1,6 @@
 // dockloop-kernel: writes the kernel of a mechanism as C, by running the algorithms of the core
 // with a number that remembers how it was computed (trace.hpp). What a kernel is:
-// src/loops/LEGS.md.
+// src/mechanism/README.md.
 //
 // The algorithms are templates that the library holds for its own scalars only; their definitions
 // (*_body.hpp) are therefore included here, with the list of scalars replaced.
@@ -16,6 +16,7 @@
 #include "docking/scene_mechanism.hpp"
 #include "loops/closed_form_body.hpp"
 #include "loops/leg_geometry_body.hpp"
+#include "loops/leg_platforms_body.hpp"
 #include "loops/loop_equations_body.hpp"
 #include "loops/loop_position_body.hpp"
 #include "loops/loop_reduction_body.hpp"
@@ -100,7 +101,7 @@ class Recorder {
       for (int i = 0; i < 7; ++i) tree.q[i] = Symbolic(i == 3 ? 1.0 : 0.0);
     }
     tree.time = make_input(kKernelTime, 0, 0.0, 1.0);
-    const Status status = calc_position(mechanism_, data_);
+    const Status status = calc_position(mechanism_, data_, Need::kRates);
     if (!status.ok()) throw ModelError("the mechanism cannot be evaluated at home");
     iterate.name = "iterate";
     iterate.shares = false;
@@ -125,7 +126,6 @@ class Recorder {
       add(position, kKernelArm, 3 * i, is_vehicle ? vehicle_.p : turn(tree.r[i]));
       add(position, kKernelP, 3 * i, Vec3<Symbolic>(vehicle_.p + turn(tree.p[i])));
     }
-    for (int i : bodies_.weighing) add(position, kKernelHBody, 3 * i, tree.h_body[i]);
     if (mechanism_.vehicle != kBase) {
       position.outputs.push_back({kKernelMSum, 0, tree.m_sum[0].node});
       add(position, kKernelHSum, 0, turn(tree.h_sum[0]));
@@ -148,11 +148,7 @@ class Recorder {
     for (int i : bodies_.sprung) {
       if (!is_independent(i)) add(velocity, kKernelV, mechanism_.model.bodies[i].v_index, tree.v);
     }
-    std::vector<int> shown = bodies_.moving;
-    for (int i : bodies_.weighing) {
-      if (std::find(shown.begin(), shown.end(), i) == shown.end()) shown.push_back(i);
-    }
-    for (int i : shown) {
+    for (int i : bodies_.moving) {
       add(velocity, kKernelW, 3 * i, turn(tree.w[i]));
       add(velocity, kKernelU, 3 * i, turn(tree.u[i]));
     }
@@ -177,6 +173,9 @@ class Recorder {
     acceleration.name = "acceleration";
     for (int i : mechanism_.plan.ind_v) {
       acceleration.outputs.push_back({kKernelVdot, i, data_.vdot[i].node});
+    }
+    if (mechanism_.vehicle == kBase) {
+      add(acceleration, kKernelMomentum, 0, data_.linear_momentum);
     }
   }
 
@@ -213,7 +212,7 @@ std::string write_kernel(Mechanism mechanism, KernelScope scope) {
   const std::string body = print_functions(made, functions, work, operations);
   const int guards = static_cast<int>(functions[1].guards.size());
   std::cerr << "operations " << operations << ", guards " << guards << ", work " << work << "\n";
-  return "/* Kernel of a mechanism, written by dockloop-kernel; see src/loops/LEGS.md. */\n"
+  return "/* Kernel of a mechanism, written by dockloop-kernel; see src/mechanism/README.md. */\n"
          "#include <math.h>\n\n"
          "#ifdef _WIN32\n#define EXPORT __declspec(dllexport)\n#else\n"
          "#define EXPORT __attribute__((visibility(\"default\")))\n#endif\n\n"

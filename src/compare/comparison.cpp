@@ -17,7 +17,7 @@ MildRates make_mild_rates(DockingSim::Impl& sim) {
     sim.rate_data->touches = false;
     const Status status =
         calc_docking<double>(*sim.model, sim.discrete, sim.memory, sim.find_loads(t),
-                             sim.elapsed + t, y, ydot, *sim.rate_data);
+                             sim.elapsed + t, y, ydot, *sim.rate_data, Need::kRates);
     sim.rate_data->touches = true;
     return sim.find_trouble_code(status, t, ydot, sim.model->layout.size);
   };

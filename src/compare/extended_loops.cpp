@@ -3,6 +3,7 @@
 
 #include "loops/closed_form_body.hpp"
 #include "loops/leg_geometry_body.hpp"
+#include "loops/leg_platforms_body.hpp"
 #include "loops/loop_equations_body.hpp"
 #include "loops/loop_position_body.hpp"
 #include "loops/loop_reduction_body.hpp"

@@ -102,9 +102,9 @@ Status calc_unreduced_residual(const DockingModel& model, const UnreducedModel& 
   TreeData<double>& tree = dynamics.tree;
   const Vector lambda(z + unreduced.lambda, unreduced.cuts);
   calc_motion(model, unreduced, t, z, data);
-  calc_tree_position(mechanism, tree);
+  calc_tree_position(mechanism, tree.all, tree);
   calc_tree_inertia(mechanism, tree);
-  calc_tree_velocity(mechanism, data.docking.base.w, tree);
+  calc_tree_velocity(mechanism, tree.all, data.docking.base.w, tree);
   calc_frames(model, z, data.docking);
   const Status status =
       calc_loads(model, discrete, memory, loads, t, z, data.rates.data(), data.docking);
@@ -122,7 +122,7 @@ Status calc_unreduced_residual(const DockingModel& model, const UnreducedModel& 
   if (model.mechanism.vehicle != kBase) {
     for (int i = 0; i < 6; ++i) vdot[i] = zdot[unreduced.v_chaser + i];
   }
-  calc_tree_acceleration<double>(mechanism, data.docking.base, &vdot, tree);
+  calc_tree_acceleration<double>(mechanism, tree.all, data.docking.base, &vdot, tree);
   calc_tree_forces(mechanism, tree);
   data.missing = tree.tau_required - dynamics.tau;
   data.missing.noalias() -= data.G.transpose().lazyProduct(lambda);
@@ -137,6 +137,9 @@ Status calc_unreduced_residual(const DockingModel& model, const UnreducedModel& 
     block.lambda = lambda.segment(first, block.lambda.size());
     first += static_cast<int>(block.lambda.size());
   }
+  Wrench<double> momentum;  // of all bodies
+  for (int i : tree.all) momentum += find_body_momentum(model, i, data.docking);
+  dynamics.linear_momentum = momentum.f;
   calc_vehicle_rates(model, loads, z, data.rates.data(), data.docking);
   for (int i = 0; i < unreduced.head; ++i) residual[i] = zdot[i] - data.rates[i];
   v = layout.mechanism_v;
@@ -151,10 +154,9 @@ Status calc_unreduced_residual(const DockingModel& model, const UnreducedModel& 
     residual[unreduced.v_dep + i] = data.missing[unreduced.dep_v[i]];
   }
   if (model.mechanism.vehicle != kBase) {
-    const Wrench<double> p = find_momentum(model, kChaser, data.docking);
     for (int j = 0; j < 3; ++j) {
-      residual[unreduced.v_chaser + j] = p.f[j] - z[layout.momentum[kChaser] + j];
-      residual[unreduced.v_chaser + 3 + j] = p.t[j] - z[layout.momentum[kChaser] + 3 + j];
+      residual[unreduced.v_chaser + j] = momentum.f[j] - z[layout.momentum[kChaser] + j];
+      residual[unreduced.v_chaser + 3 + j] = momentum.t[j] - z[layout.momentum[kChaser] + 3 + j];
     }
   }
 
@@ -243,7 +245,10 @@ Status calc_unreduced_jacobian(const DockingModel& model, const UnreducedModel& 
 void complete_unreduced_state(const DockingModel& model, const UnreducedModel& unreduced,
                               DockingData<double>& reduced, double* z, double* zdot) {
   MechanismData<double>& mechanism = reduced.mechanism;
-  calc_loop_forces(model.mechanism.plan, mechanism.vdot, mechanism.loops);
+  calc_leg_bodies(model.mechanism, mechanism);
+  calc_leg_maps(mechanism.loops);
+  put_leg_accelerations(model.mechanism.plan, mechanism.vdot, mechanism.loops);
+  calc_reactions(model.mechanism, reduced.base, model.mechanism.vehicle, mechanism);
   std::fill(z + unreduced.head, z + unreduced.size, 0.0);
   std::fill(zdot + unreduced.head, zdot + unreduced.size, 0.0);
   for (int i = 0; i < unreduced.cuts; ++i) {

@@ -127,7 +127,6 @@ DockingModel make_docking_model(const Scene& scene,
   DockingModel model(make_attached_mechanism(described.model, described.on_base,
                                              parameters[kChaser], chaser_moves, base_in_chaser,
                                              fixed_pose[kChaser], bare, frozen));
-  if (level == kMasslessLegs) skip_massless_legs(model.mechanism);
   model.present = {true, scene.has_target};
   model.moves = {chaser_moves, scene.has_target && scene.motion[kTarget] != Motion::kFixed};
   for (int i : {kChaser, kTarget}) {
@@ -155,7 +154,8 @@ DockingModel make_docking_model(const Scene& scene,
   return model;
 }
 
-void lock_mechanism(DockingModel& model, const DockingData<double>& data) {
+void lock_mechanism(DockingModel& model, DockingData<double>& data) {
+  calc_leg_bodies(model.mechanism, data.mechanism);
   const TreeData<double>& tree = data.mechanism.tree;
   const FrameMotion<double>& chaser = data.vehicle[kChaser];
   const Pose<double> to_chaser = inverse(Pose<double>{chaser.R, chaser.p});
@@ -178,8 +178,7 @@ void lock_mechanism(DockingModel& model, const DockingData<double>& data) {
 Status calc_mechanism_position(const DockingModel& model, const double* y,
                                DockingData<double>& data) {
   put_mechanism_state(model, y, data.mechanism.tree);
-  const Whole general(data.mechanism);
-  return calc_position(model.mechanism, data.mechanism);
+  return calc_position(model.mechanism, data.mechanism, Need::kState);
 }
 
 void set_momentum(const DockingModel& model, int vehicle, const Wrench<double>& momentum,

@@ -139,7 +139,7 @@ DockingModel make_docking_model(const Scene& scene,
 /// Hold the mechanism where it is: from now on its coordinates and velocities in y are not read,
 /// their rates are zero. model.locked.on = false releases it.
 /// @pre calc_docking with the mechanism at rest and not locked
-void lock_mechanism(DockingModel& model, const DockingData<double>& data);
+void lock_mechanism(DockingModel& model, DockingData<double>& data);
 
 /// Put a mechanism in other independent coordinates into the model (the same bodies and loops).
 void set_mechanism(DockingModel& model, const Mechanism& mechanism);
@@ -149,12 +149,13 @@ void get_mechanism_state(const DockingModel& model, const TreeData<double>& tree
 
 /// Kinematics, forces and (if ydot is not null) rates at one state.
 /// @param t  [s] since start
+/// @param need  Need::kRates: ydot and what event functions read; else also all of the functions below
 template <class S>
 Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
                     const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
-                    S* ydot, DockingData<S>& data);
+                    S* ydot, DockingData<S>& data, Need need = Need::kState);
 
-// The parts of calc_docking(), for who finds the motion of the tree in another way.
+// The parts of calc_docking(), for callers that find the motion of the tree in another way.
 
 /// Independent coordinates and velocities of the mechanism from the state into the tree; chaser
 /// pose with them.
@@ -216,8 +217,8 @@ S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data);
 template <class S>
 Wrench<S> find_body_momentum(const DockingModel& model, int body, const DockingData<S>& data);
 
-/// Momentum of one vehicle (with the mechanism for the chaser) as a sum over bodies, axes of O,
-/// angular part about the origin of O. Independent of the momentum states. @pre calc_docking
+/// Momentum of one vehicle (with the mechanism for the chaser) as a sum over bodies and legs, axes of
+/// O, angular part about the origin of O. Independent of the momentum states. @pre calc_docking
 template <class S>
 Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data);
 
@@ -233,8 +234,7 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
                             const Vec3<double>& angular_velocity, double* y,
                             DockingData<double>& data);
 
-/// Position, inertia and its factor of the mechanism at the coordinates in y, nothing else; of all
-/// bodies, by the general code.
+/// Position, inertia and its factor of the mechanism at the coordinates in y, nothing else.
 Status calc_mechanism_position(const DockingModel& model, const double* y,
                                DockingData<double>& data);
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <type_traits>
 
 #include "docking/docking_model.hpp"
 #include "math/scalar.hpp"
@@ -103,7 +102,7 @@ void calc_chaser_velocity(const DockingModel& model, const FrameMotion<S>& chase
     data.scratch_v = tree.v;
     for (int j : ind) tree.v[j] = S(0);
     calc_loop_velocity(model.mechanism.plan, tree, data.loops);
-    p -= tree.A.template topRows<6>().lazyProduct(tree.v);
+    p -= data.A_tree.template topRows<6>().lazyProduct(tree.v);
     tree.v = data.scratch_v;
   }
   solve_leading<6>(data.factor, p);
@@ -147,13 +146,14 @@ void calc_locked_kinematics(const DockingModel& model, const S* y, DockingData<S
 
 /// Everything that follows from position and velocity alone.
 template <class S>
-Status calc_kinematics(const DockingModel& model, const S& t, const S* y, DockingData<S>& data) {
+Status calc_kinematics(const DockingModel& model, const S& t, const S* y, Need need,
+                       DockingData<S>& data) {
   if (model.locked.on) {
     calc_locked_kinematics(model, y, data);
   } else {
     put_mechanism_state(model, y, data.mechanism.tree);
     data.mechanism.tree.time = t;
-    const Status status = calc_position(model.mechanism, data.mechanism);
+    const Status status = calc_position(model.mechanism, data.mechanism, need);
     if (!status.ok()) return status;
     if (model.mechanism.vehicle != kBase) {
       calc_chaser_velocity(model, get_vehicle_pose(model, kChaser, y), y, data.mechanism);
@@ -340,8 +340,8 @@ Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
 template <class S>
 Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
                     const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
-                    S* ydot, DockingData<S>& data) {
-  Status status = calc_kinematics(model, t, y, data);
+                    S* ydot, DockingData<S>& data, Need need) {
+  Status status = calc_kinematics(model, t, y, need, data);
   if (!status.ok()) return status;
   status = calc_loads(model, discrete, memory, loads, t, y, ydot, data);
   if (!status.ok()) return status;
@@ -393,17 +393,7 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
     power += chaser_force.dot(chaser.v) + chaser_moment.dot(chaser.w) +
              gravity.dot(Vec3<S>(momentum[0], momentum[1], momentum[2]));
   } else if (!model.locked.on && !(gravity.array() == S(0)).all()) {
-    // Weight of mechanism bodies on an immobile base, seen through the moving bodies.
-    bool told = false;
-    if constexpr (std::is_same_v<S, double>) {
-      told = mechanism.by_kernel && mechanism.kernel->finds_momentum();
-      if (told) power += gravity.dot(mechanism.kernel->find_linear_momentum());
-    }
-    for (size_t i = 0; !told && i < model.mechanism.model.bodies.size(); ++i) {
-      const Vec3<S> m_v = S(model.mechanism.model.bodies[i].mass) * mechanism.tree.u[i] +
-                          mechanism.tree.w[i].cross(mechanism.tree.h_body[i]);
-      power += gravity.dot(m_v);
-    }
+    power += gravity.dot(mechanism.linear_momentum);  // weight of the mechanism
   }
   if (model.moves[kTarget]) {
     const FrameMotion<S>& target = data.vehicle[kTarget];
@@ -451,28 +441,19 @@ Wrench<S> find_part_momentum(const VehicleBody& part, const FrameMotion<S>& chas
 template <class S>
 S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
   S energy(0);
-  const TreeData<S>& tree = data.mechanism.tree;
   if (model.locked.on) {
     const FrameMotion<S>& chaser = data.vehicle[kChaser];
     const Wrench<S> p = find_part_momentum(model.locked.whole, chaser);
     energy += S(0.5) * (chaser.v.dot(p.f) + chaser.w.dot(Vec3<S>(p.t - chaser.p.cross(p.f))));
-  }
-  const bool by_kernel = data.mechanism.by_kernel && !model.locked.on;
-  if (by_kernel) {  // of the chaser too
-    const MechanismData<S>& mechanism = data.mechanism;
-    const std::vector<int>& ind = model.mechanism.plan.ind_v;
-    for (size_t j = 0; j < ind.size(); ++j) {
-      for (size_t i = 0; i < ind.size(); ++i) {
-        energy += S(0.5) * tree.v[ind[i]] * tree.v[ind[j]] *
-                  mechanism.A_ind(static_cast<int>(i), static_cast<int>(j));
-      }
+  } else {
+    energy += find_motion_sums(model.mechanism, data.mechanism).kinetic_energy;
+    const int vehicle = model.mechanism.vehicle;
+    if (vehicle != kBase) {
+      const TreeData<S>& tree = data.mechanism.tree;
+      energy += S(0.5 * model.mechanism.model.bodies[vehicle].mass) * tree.u[vehicle].squaredNorm() +
+                tree.u[vehicle].dot(tree.w[vehicle].cross(tree.h_body[vehicle])) +
+                S(0.5) * tree.w[vehicle].dot(tree.I_body[vehicle] * tree.w[vehicle]);
     }
-  }
-  for (size_t i = 0; !model.locked.on && !by_kernel && i < model.mechanism.model.bodies.size();
-       ++i) {
-    energy += S(0.5 * model.mechanism.model.bodies[i].mass) * tree.u[i].squaredNorm() +
-              tree.u[i].dot(tree.w[i].cross(tree.h_body[i])) +
-              S(0.5) * tree.w[i].dot(tree.I_body[i] * tree.w[i]);
   }
   if (model.moves[kTarget]) {
     const FrameMotion<S>& target = data.vehicle[kTarget];
@@ -506,9 +487,9 @@ Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingDat
     return sum;
   }
   if (model.locked.on) return find_part_momentum(model.locked.whole, data.vehicle[kChaser]);
-  for (size_t i = 0; i < model.mechanism.model.bodies.size(); ++i) {
-    sum += find_body_momentum(model, static_cast<int>(i), data);
-  }
+  sum = find_motion_sums(model.mechanism, data.mechanism).momentum;
+  const int body = model.mechanism.vehicle;
+  if (body != kBase) sum += find_body_momentum(model, body, data);
   return sum;
 }
 
@@ -533,12 +514,18 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
   if (model.locked.on) {
     add(model.driven[kChaser] ? model.locked.mechanism : model.locked.whole, S(1));
   }
-  for (int i = 0; !model.locked.on && i < static_cast<int>(tree.R.size()); ++i) {
-    if (model.driven[kChaser] && i == model.mechanism.vehicle) continue;
-    const S m(model.mechanism.model.bodies[i].mass);
-    sum += find_body_momentum(model, i, data);
-    mass += m;
-    first_moment += tree.h_body[i] + m * tree.p[i];
+  if (!model.locked.on) {
+    const LegSums<S> moving = find_motion_sums(model.mechanism, data.mechanism);
+    sum += moving.momentum;
+    mass += moving.mass;
+    first_moment += moving.first_moment;
+    const int vehicle = model.mechanism.vehicle;
+    if (vehicle != kBase && !model.driven[kChaser]) {
+      const S m(model.mechanism.model.bodies[vehicle].mass);
+      sum += find_body_momentum(model, vehicle, data);
+      mass += m;
+      first_moment += tree.h_body[vehicle] + m * tree.p[vehicle];
+    }
   }
   // The host's vehicle carries the mechanism frozen at home already.
   if (model.driven[kChaser] && model.frozen.mass != 0.0) add(model.frozen, S(-1));
@@ -555,7 +542,8 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
                                       DockingData<S>&);                                            \
   template struct DockingData<S>;                                                                  \
   template Status calc_docking<S>(const DockingModel&, const DiscreteState&, const ContactMemory&, \
-                                  const ExternalLoads<S>&, S, const S*, S*, DockingData<S>&);      \
+                                  const ExternalLoads<S>&, S, const S*, S*, DockingData<S>&,       \
+                                  Need);                                                           \
   template void calc_docking_reactions<S>(const DockingModel&, DockingData<S>&);                   \
   template Wrench<S> find_inertial_load<S>(const VehicleBody&, const FrameMotion<S>&,              \
                                            const Vec3<S>&, const Vec3<S>&);                        \
@@ -563,10 +551,10 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
   template RelativeMotion<S> find_relative<S>(const FrameMotion<S>&, const FrameMotion<S>&);       \
   template FrameMotion<S> get_vehicle_pose<S>(const DockingModel&, int, const S*);                 \
   template FrameMotion<S> find_capture_motion<S>(const DockingModel&, const TreeData<S>&);         \
-  template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                   \
+  template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                         \
   template Wrench<S> find_body_momentum<S>(const DockingModel&, int, const DockingData<S>&);       \
-  template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);            \
-  template Wrench<S> find_inside_momentum<S>(const DockingModel&, const DockingData<S>&, S&,       \
+  template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);                  \
+  template Wrench<S> find_inside_momentum<S>(const DockingModel&, const DockingData<S>&, S&,             \
                                              Vec3<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)

@@ -19,7 +19,6 @@ Mechanism make_scene_mechanism(const Scene& scene) {
   Mechanism mechanism(moves ? attach_vehicle(described, {}, base_in_chaser)
                             : fix_base(described, chaser_pose * base_in_chaser));
   if (moves) mechanism.vehicle = 0;
-  if (scene.level == kMasslessLegs) skip_massless_legs(mechanism);
   return mechanism;
 }
 

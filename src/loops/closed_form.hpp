@@ -3,6 +3,7 @@
 // Each leg type is written in its own canonical axes; L is the vector from the centre of its first
 // joint to the point it must reach. Square roots and divisions only: angles come out as cosine and
 // sine. Which mechanism leg is which type, and where its canonical axes are: leg_geometry.hpp.
+// Kinds with an inverse have their formulas in leg_formulas.hpp, the others in closed_form_body.hpp.
 //
 // A root that is not real is out of reach, a root that is exactly zero is singular; nothing is ever
 // clamped. Two signs choose the assembly branch: `elbow` (which way an elbow bends or a strut
@@ -63,11 +64,10 @@ Mat3<S> find_leg_inverse(LegKind kind, const LegShape& shape, const LegSolution<
                          const Mat3<S>& axes);
 
 /// Sign of the determinant of that matrix.
-template <class S>
-int find_leg_sign(LegKind kind, const LegShape& shape, const LegSolution<S>& leg);
+int find_leg_sign(LegKind kind, LegBranch branch);
 
 /// Acceleration of the tip relative to the root at zero joint accelerations, leg axes [m/s2].
-/// Exists for kR2P1R3 and kR1R2R3. @param rate  canonical joint rates
+/// Exists where the inverse does. @param rate  canonical joint rates
 template <class S>
 Vec3<S> find_leg_bias(LegKind kind, const LegShape& shape, const LegSolution<S>& leg,
                       const Vec3<S>& rate);

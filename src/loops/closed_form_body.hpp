@@ -1,10 +1,12 @@
-// The formulas of each leg type; see closed_form.hpp for axes and branches.
+// The formulas of leg types without an inverse, and the way to those of leg_formulas.hpp; see
+// closed_form.hpp for axes and branches.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 
 #include "loops/closed_form.hpp"
+#include "loops/leg_stages.hpp"
 #include "math/scalar.hpp"
 
 namespace dockloop {
@@ -64,76 +66,69 @@ double find_margin(const S& a, const S& b) {
   return std::min(std::abs(to_double(a)), std::abs(to_double(b)));
 }
 
-/// [Y2 (9a)], with the cut point anywhere beside the slide.
+/// The leg of leg_formulas.hpp with these lengths.
 template <class S>
-void solve_slide_leg(const LegShape& shape, LegBranch branch, const Vec3<S>& L,
-                     LegSolution<S>& leg) {
-  using std::sqrt;
-  const S dy(shape.tip.y()), dz(shape.tip.z());
-  const S square = L.squaredNorm();
-  S xi, X;
-  if (!take_root<S>(square - dy * dy - dz * dz, xi, leg)) {
-    leg.code = StatusCode::kOutOfReach;  // a leg of no length has no direction either
-    return;
-  }
-  if (branch.elbow < 0) xi = -xi;
-  const Vec3<S> d(xi, dy, dz);
-  if (!aim<S>(d, L, L.x() * L.x() + L.z() * L.z() - dz * dz, branch.flip, 0, 1, leg, X)) return;
-  leg.slide = xi - S(shape.tip.x());
-  const S length = sqrt(square);
-  leg.margin = find_margin<S>(X / length, xi / length);
+legs::Shape<double> make_leg_shape(LegKind kind, const LegShape& shape, LegBranch branch) {
+  const bool is_square = kind == LegKind::kR1R2R3Perpendicular;
+  const Vec3<double> tip = is_square ? Vec3<double>(0.0, shape.l2, 0.0) : shape.tip;
+  return {{tip.x(), tip.y(), tip.z()},
+          shape.l1,
+          shape.height,
+          static_cast<double>(branch.elbow),
+          static_cast<double>(branch.flip)};
 }
 
-/// [Y2 (9b)]; the published steps carry errors in signs and denominators that are mended here.
-/// The height of the closing point fixes angle 3; seen along z, crank and rod are two links.
-template <class S>
-void solve_crank_leg(const LegShape& shape, LegBranch branch, const Vec3<S>& L,
-                     LegSolution<S>& leg) {
-  using std::sqrt;
-  const S a(shape.tip.x()), b(shape.tip.y()), c(shape.tip.z());
-  const S h = L.z() - S(shape.height);
-  const S square = a * a + c * c;
-  S X;
-  if (!take_root<S>(square - h * h, X, leg)) return;
-  const S margin = X / sqrt(square);
-  if (branch.flip < 0) X = -X;
-  leg.c[2] = (a * X + c * h) / square;
-  leg.s[2] = (c * X - a * h) / square;
-  const S l2 = sqrt(X * X + b * b);
-  TwoLink<S> links;
-  if (!solve_two_link<S>(L.x(), L.y(), S(shape.l1), l2, branch.elbow, links, leg)) return;
-  leg.c[0] = links.c1;
-  leg.s[0] = links.s1;
-  leg.c[1] = (links.c2 * X + links.s2 * b) / l2;
-  leg.s[1] = (links.s2 * X - links.c2 * b) / l2;
-  leg.margin = find_margin<S>(margin, links.s2);
+static_assert(static_cast<int>(LegKind::kR2P1R3) == legs::kSlideLeg &&
+              static_cast<int>(LegKind::kR1R2R3) == legs::kCrankLeg &&
+              static_cast<int>(LegKind::kR1R2R3Perpendicular) == legs::kSquareCrankLeg);
+inline legs::LegType get_leg_type(LegKind kind) {
+  return static_cast<legs::LegType>(static_cast<int>(kind));
 }
 
+/// A leg with an inverse. The square crank has its axes renamed in leg_formulas.hpp: z x y.
 template <class S>
-void solve_crank_leg_perpendicular(const LegShape& shape, LegBranch branch, const Vec3<S>& L,
-                                   LegSolution<S>& leg) {
-  const S l1(shape.l1), l2(shape.l2);
-  const S h = L.z() - S(shape.height);
-  const S flat = L.x() * L.x() + L.y() * L.y();
-  const S A = (flat + h * h - l1 * l1 - l2 * l2) / (S(2) * l1 * l2);
-  const S B = -h / l2;
-  S c3, s3;
-  if (!take_root<S>(A * A + B * B, c3, leg)) return;
-  if (!take_root<S>((S(1) - c3) * (S(1) + c3), s3, leg)) return;
-  if (!(flat > S(0))) {
-    leg.code = StatusCode::kLoopSingular;
-    return;
-  }
-  leg.margin = find_margin<S>(c3, s3);
-  c3 *= S(branch.flip);
-  s3 *= S(branch.elbow);
-  leg.c[1] = A / c3;
-  leg.s[1] = B / c3;
-  leg.c[2] = c3;
-  leg.s[2] = s3;
-  const S X = l1 + l2 * A, Y = l2 * s3;
-  leg.c[0] = (X * L.x() + Y * L.y()) / flat;
-  leg.s[0] = (X * L.y() - Y * L.x()) / flat;
+void solve_leg_with_inverse(LegKind kind, const LegShape& shape, LegBranch branch,
+                            const Vec3<S>& L, LegSolution<S>& leg) {
+  legs::visit_leg<double, S>(get_leg_type(kind), [&](auto solved) {
+    const bool is_square = kind == LegKind::kR1R2R3Perpendicular;
+    const lanes::Vector<S> target =
+        is_square ? lanes::Vector<S>{L.z(), L.x(), L.y()} : lanes::Vector<S>{L.x(), L.y(), L.z()};
+    const legs::Reached reached =
+        solved.solve(make_leg_shape<S>(kind, shape, branch), target, 0.0);
+    if (reached != legs::Reached::kYes) {
+      leg.code = reached == legs::Reached::kNo ? StatusCode::kOutOfReach
+                                               : StatusCode::kLoopSingular;
+      return;
+    }
+    leg.c = {solved.first.c, solved.second.c, solved.third.c};
+    leg.s = {solved.first.s, solved.second.s, solved.third.s};
+    leg.slide = solved.slide;
+    leg.margin = std::sqrt(std::min(to_double(solved.reach[0]) / to_double(solved.reach[1]),
+                                    to_double(solved.reach[2]) / to_double(solved.reach[3])));
+  });
+}
+
+/// Call work(leg) with a leg of leg_formulas.hpp that stands at this solution.
+template <class S, class Work>
+void visit_solved(LegKind kind, const LegShape& shape, const LegSolution<S>& at,
+                  const Work& work) {
+  legs::visit_leg<double, S>(get_leg_type(kind), [&](auto leg) {
+    leg.first = {at.c[0], at.s[0]};
+    leg.second = {at.c[1], at.s[1]};
+    leg.third = {at.c[2], at.s[2]};
+    leg.slide = at.slide;
+    leg.l1 = shape.l1;
+    leg.height = shape.height;
+    const S a(shape.tip.x()), b(shape.tip.y()), c(shape.tip.z());
+    if (kind == LegKind::kR2P1R3) {
+      leg.tip = {at.slide + a, b, c};
+    } else if (kind == LegKind::kR1R2R3) {
+      leg.tip = {at.c[2] * a + at.s[2] * c, b, at.c[2] * c - at.s[2] * a};
+    } else {
+      leg.tip = {S(0), S(shape.l2) * at.c[2], S(shape.l2) * at.s[2]};
+    }
+    work(leg);
+  });
 }
 
 template <class S>
@@ -207,17 +202,6 @@ void solve_planar_slider(const LegShape& shape, LegBranch branch, const Vec3<S>&
   leg.margin = to_double(S(w / l));
 }
 
-/// From the last centre of rotation to the tip, leg axes.
-template <class S>
-Vec3<S> find_tip(LegKind kind, const LegShape& shape, const LegSolution<S>& leg) {
-  const S a(shape.tip.x()), b(shape.tip.y()), c(shape.tip.z());
-  if (kind == LegKind::kR2P1R3) return {leg.slide + a, b, c};
-  if (kind == LegKind::kR1R2R3) {
-    return {leg.c[2] * a + leg.s[2] * c, b, leg.c[2] * c - leg.s[2] * a};
-  }
-  return {S(shape.l2) * leg.c[2], S(shape.l2) * leg.s[2], S(0)};
-}
-
 }  // namespace
 
 template <class S>
@@ -225,13 +209,9 @@ LegSolution<S> solve_leg(LegKind kind, const LegShape& shape, LegBranch branch, 
   LegSolution<S> leg;
   switch (kind) {
     case LegKind::kR2P1R3:
-      solve_slide_leg(shape, branch, L, leg);
-      break;
     case LegKind::kR1R2R3:
-      solve_crank_leg(shape, branch, L, leg);
-      break;
     case LegKind::kR1R2R3Perpendicular:
-      solve_crank_leg_perpendicular(shape, branch, L, leg);
+      solve_leg_with_inverse(kind, shape, branch, L, leg);
       break;
     case LegKind::kP1R2R3:
       solve_slider_strut(shape, branch, L, leg);
@@ -255,67 +235,37 @@ LegSolution<S> solve_leg(LegKind kind, const LegShape& shape, LegBranch branch, 
 template <class S>
 Mat3<S> find_leg_inverse(LegKind kind, const LegShape& shape, const LegSolution<S>& leg,
                          const Mat3<S>& axes) {
-  const Vec3<S> x = axes.col(0), y = axes.col(1), z = axes.col(2);
-  const Vec3<S> d = find_tip(kind, shape, leg);
-  const S c2 = leg.c[1], s2 = leg.s[1];
-  Vec3<S> rate1, rate2, rate3;
-  if (kind == LegKind::kR2P1R3) {
-    rate1 = z / (s2 * d.y() - c2 * d.x());
-    rate2 = (y + s2 * d.z() * rate1) / d.x();
-    rate3 = x - c2 * d.z() * rate1 + d.y() * rate2;
-  } else if (kind == LegKind::kR1R2R3) {
-    rate3 = z / -d.x();
-    const Vec3<S> vx = x - d.z() * rate3;
-    const S D = s2 * d.x() + c2 * d.y();
-    rate1 = (d.x() * vx + d.y() * y) / (S(shape.l1) * D);
-    rate2 = (s2 * y - c2 * vx) / D - rate1;
-  } else {
-    const Vec3<S> turn = x / d.y();
-    rate1 = (y + d.x() * turn) / S(shape.l1);
-    rate2 = (z + s2 * d.y() * rate1) / -d.x();
-    rate3 = -turn - c2 * rate1;
-  }
   Mat3<S> inverse;
-  inverse.row(0) = rate1.transpose();
-  inverse.row(1) = rate2.transpose();
-  inverse.row(2) = rate3.transpose();
-  return inverse;
-}
-
-template <class S>
-int find_leg_sign(LegKind kind, const LegShape& shape, const LegSolution<S>& leg) {
-  const Vec3<S> d = find_tip(kind, shape, leg);
-  const S c2 = leg.c[1], s2 = leg.s[1];
-  S determinant = d.x() * d.y();
-  if (kind == LegKind::kR2P1R3) determinant = c2 * d.x() - s2 * d.y();
-  if (kind == LegKind::kR2P1R3 && d.x() < S(0)) determinant = -determinant;
-  if (kind == LegKind::kR1R2R3) determinant = -d.x() * (s2 * d.x() + c2 * d.y());
-  return determinant < S(0) ? -1 : 1;
+  visit_solved(kind, shape, leg, [&](const auto& solved) {
+    const lanes::Matrix<S> columns = lanes::transpose(solved.find_inverse());
+    inverse << columns.x.x, columns.y.x, columns.z.x, columns.x.y, columns.y.y, columns.z.y,
+        columns.x.z, columns.y.z, columns.z.z;
+  });
+  // Components along the leg axes, in the names of closed_form.hpp.
+  if (kind == LegKind::kR1R2R3Perpendicular) {
+    const Mat3<S> renamed = inverse;
+    inverse << renamed.col(1), renamed.col(2), renamed.col(0);
+  }
+  return inverse * axes.transpose();
 }
 
 template <class S>
 Vec3<S> find_leg_bias(LegKind kind, const LegShape& shape, const LegSolution<S>& leg,
                       const Vec3<S>& rate) {
-  const Vec3<S> d = find_tip(kind, shape, leg);
-  const S c2 = leg.c[1], s2 = leg.s[1];
-  if (kind == LegKind::kR2P1R3) {
-    const Vec3<S> w(rate[0] * s2, rate[0] * c2, rate[1]);
-    const S gyro = rate[0] * rate[1];
-    const Vec3<S> alpha(gyro * c2, -gyro * s2, S(0));
-    const Vec3<S> sliding(S(2) * rate[2], S(0), S(0));
-    return alpha.cross(d) + w.cross(Vec3<S>(w.cross(d) + sliding));
-  }
-  const S turn = rate[0] + rate[1], crank = rate[0] * rate[0] * S(shape.l1);
-  return {-crank * c2 - d.x() * (rate[2] * rate[2] + turn * turn),
-          crank * s2 + S(2) * turn * rate[2] * d.z() - d.y() * turn * turn,
-          -d.z() * rate[2] * rate[2]};
+  Vec3<S> bias;
+  visit_solved(kind, shape, leg, [&](const auto& solved) {
+    const lanes::Vector<S> a =
+        legs::find_tip_bias(solved, lanes::Vector<S>{rate[0], rate[1], rate[2]});
+    bias = {a.x, a.y, a.z};
+  });
+  if (kind == LegKind::kR1R2R3Perpendicular) return {bias.y(), bias.z(), bias.x()};
+  return bias;
 }
 
 #define DOCK_INSTANTIATE(S)                                                                  \
   template LegSolution<S> solve_leg<S>(LegKind, const LegShape&, LegBranch, const Vec3<S>&); \
   template Mat3<S> find_leg_inverse<S>(LegKind, const LegShape&, const LegSolution<S>&,      \
                                        const Mat3<S>&);                                      \
-  template int find_leg_sign<S>(LegKind, const LegShape&, const LegSolution<S>&);            \
   template Vec3<S> find_leg_bias<S>(LegKind, const LegShape&, const LegSolution<S>&,         \
                                     const Vec3<S>&);
 

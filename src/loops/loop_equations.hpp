@@ -28,8 +28,7 @@ void calc_cut_bias(const MechanismModel& model, const LoopPlan& plan, int loop,
 
 /// Does the closed form give the bias of this loop's terminal path?
 inline bool has_leg_bias(const ClosedForm* form) {
-  return form && !form->spin && form->parent_on_terminal < 0 &&
-         (form->kind == LegKind::kR2P1R3 || form->kind == LegKind::kR1R2R3);
+  return form && form->has_inverse() && form->parent_on_terminal < 0;
 }
 
 /// x := C_dep^-1 x for one column of a block.

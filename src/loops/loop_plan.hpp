@@ -31,8 +31,19 @@ struct LoopBlock {
   Recognition closure;         ///< closed form, or why Newton iteration it is
   bool is_coupling = false;    ///< one coupling by itself
   bool is_driven = false;      ///< some coupling in it moves with time
+  bool is_leg = false;         ///< a leg of a platform (LegPlatform), eliminated at its tip
   const ClosedForm* form() const { return closure.form ? &*closure.form : nullptr; }
   int size() const { return static_cast<int>(dep.size()); }
+};
+
+/// A body that legs hold on a root body: each leg is one loop in closed form whose three bodies
+/// belong to nothing else. Such blocks come last.
+struct LegPlatform {
+  int root = kBase, body = 0;
+  std::vector<int> path;    ///< bodies from below the root to the platform
+  std::vector<int> low;     ///< their velocity indices, ascending
+  std::vector<int> blocks;  ///< its legs
+  bool is_free = false;     ///< one free joint leads from root to platform
 };
 
 struct LoopPlan {
@@ -45,6 +56,9 @@ struct LoopPlan {
   std::vector<int> ind_v;          ///< independent velocities, ascending
   std::vector<int> ind_q;          ///< independent coordinates, ascending
   std::vector<int> ind_bodies;     ///< bodies with independent joints
+  std::vector<LegPlatform> platforms;
+  std::vector<int> tree_bodies;    ///< bodies that belong to no leg of a platform, ascending
+  std::vector<int> leg_bodies;     ///< the others, ascending
   bool iterates = false;           ///< some block is solved by Newton iteration
   bool is_driven = false;          ///< some joint moves with time by itself
 };

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "loops/branch_following.hpp"
 #include "loops/loop_equations.hpp"
 #include "math/scalar.hpp"
 
@@ -87,21 +88,6 @@ Status calc_spin(const MechanismModel& model, const LoopPaths& paths, const Loop
   return {};
 }
 
-/// Was the reference pose of a block near a singular one, for what its joints are predicted to
-/// move?
-template <class S>
-bool is_near_singular(const MechanismModel& model, const LoopBlock& block, const TreeData<S>& tree,
-                      const LoopReference<S>& reference, size_t b) {
-  constexpr double kNear = 0.3;
-  double moved = 0.0;
-  for (int i = 0; i < block.size(); ++i) {
-    const int at = model.bodies[block.dep_bodies[i]].q_index;
-    const double step = to_double(S(tree.q[at] - reference.q[at]));
-    moved = std::max(moved, std::abs(step) / block.dep_scale[i]);
-  }
-  return reference.margin[b] < std::max(kNear, 2.0 * moved);
-}
-
 /// A leg in closed form.                                                      [Y2 (9a), (9b)]
 template <class S>
 Status solve_by_formula(const MechanismModel& model, const LoopPlan& plan, const LoopBlock& block,
@@ -118,17 +104,7 @@ Status solve_by_formula(const MechanismModel& model, const LoopPlan& plan, const
     data.spin_branch = reference.spin_branch[b];
     follows = is_near_singular(model, block, tree, reference, b);
   }
-  // Vector from the leg's centre to the closing point, canonical axes.
-  Vec3<S> L = loop.point_on_closing.template cast<S>();
-  for (size_t i = paths.closing.size(); i-- > 0;) {
-    const Pose<S>& joint = tree.joint[paths.closing[i]];
-    L = joint.R * L + joint.p;
-  }
-  for (int i = 0; i <= form.parent_on_terminal; ++i) {
-    const Pose<S>& joint = tree.joint[paths.terminal[i]];
-    L = joint.R.transpose() * (L - joint.p);
-  }
-  L = form.in_parent.R.template cast<S>().transpose() * (L - form.in_parent.p.template cast<S>());
+  const Vec3<S> L = find_leg_target(form, loop, paths, tree);
   // Near a singular pose two branches meet, and a mechanism that moves on leaves it on the one that
   // continues its motion: the branch nearest to the predicted coordinates.
   if (follows) choose_branch<S>(model, form, L, tree.q, plan.loop_size[k], 0, data.branch);
@@ -235,19 +211,6 @@ void calc_moved(const MechanismModel& model, int index, const TreeData<S>& tree,
       turn.template tail<3>() * (turn[0] < S(0) ? S(-2) : S(2));
 }
 
-/// Start the dependent coordinates of a block on the tangent of the reference pose.
-template <class S>
-void predict(const MechanismModel& model, size_t b, const LoopBlock& block, TreeData<S>& tree,
-             const LoopData<S>& loops) {
-  const MatX<S>& H = loops.reference.H[b];
-  for (int i = 0; i < block.size(); ++i) {
-    const int at = model.bodies[block.dep_bodies[i]].q_index;
-    S q = loops.reference.q[at];
-    for (int j = 0; j < H.cols(); ++j) q += H(i, j) * loops.moved[block.low[j]];
-    tree.q[at] = q;
-  }
-}
-
 /// Leg axes in L: two joint axes of the leg and what is square to them.
 template <class S>
 void calc_leg_axes(const LoopPaths& paths, const MechanismModel& model, const ClosedForm& form,
@@ -279,7 +242,7 @@ Status calc_block_inverse(const MechanismModel& model, const LoopPlan& plan, con
   if (form && form->has_inverse()) {
     calc_leg_axes(plan.paths[k], model, *form, loops.cut[k], data.leg_axes);
     const Mat3<S> inverse = find_leg_inverse<S>(form->kind, form->shape, data.leg, data.leg_axes);
-    data.sign = find_leg_sign<S>(form->kind, form->shape, data.leg);
+    data.sign = find_leg_sign(form->kind, data.branch);
     for (int i = 0; i < 3; ++i) {
       data.inverse.row(form->joint[i].row) = S(form->joint[i].sign) * inverse.row(i);
     }
@@ -310,23 +273,6 @@ Status check_redundant(const MechanismModel& model, const LoopPlan& plan, const 
   return {};
 }
 
-/// Does H continue the one of the reference pose? Only asked when det C_dep has changed its sign:
-/// a mechanism may run straight through a pose where branches meet, but must not turn back on
-/// another branch, where H jumps.
-template <class S>
-bool continues_reference(const LoopBlock& block, const MatX<S>& H0, BlockData<S>& data) {
-  calc_block_map(block, data);
-  double change = 0.0, size = 1.0;
-  for (int j = 0; j < H0.cols(); ++j) {
-    for (int i = 0; i < H0.rows(); ++i) {
-      const double scale = block.low_scale[j] / block.dep_scale[i];
-      change = std::max(change, scale * std::abs(to_double(S(data.H(i, j) - H0(i, j)))));
-      size = std::max(size, scale * std::abs(to_double(H0(i, j))));
-    }
-  }
-  return change <= 0.25 * size;
-}
-
 template <class S>
 Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from_reference,
                     TreeData<S>& tree, LoopData<S>& loops) {
@@ -336,6 +282,7 @@ Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from
   }
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
+    if (block.is_leg) break;  // they come last
     BlockData<S>& data = loops.block[b];
     Status status;
     if (from_reference && !block.is_coupling) predict(model, b, block, tree, loops);
@@ -356,8 +303,9 @@ Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from
     if (!(data.margin >= model.singularity.error)) {
       return {StatusCode::kLoopSingular, block.loops[0], data.margin, 0.0};
     }
-    if (loops.reference.valid && loops.reference.sign[b] != data.sign &&
-        !continues_reference(block, loops.reference.H[b], data)) {
+    if (!loops.reference.valid || loops.reference.sign[b] == data.sign) continue;
+    calc_block_map(block, data);
+    if (!continues_reference(block, loops.reference.H[b], data)) {
       return {StatusCode::kBranchChanged, block.loops[0], data.margin, 0.0};
     }
   }
@@ -369,9 +317,13 @@ Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from
 template <class S>
 Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                           LoopData<S>& loops) {
-  if (!loops.reference.valid) return solve_blocks(model, plan, false, tree, loops);
-  loops.target = tree.q;
+  if (!loops.reference.valid) {
+    const Status status = solve_blocks(model, plan, false, tree, loops);
+    return status.ok() ? calc_leg_positions(model, plan, tree, loops) : status;
+  }
+  if (plan.iterates) loops.target = tree.q;
   Status status = solve_blocks(model, plan, true, tree, loops);
+  if (status.ok()) return calc_leg_positions(model, plan, tree, loops);
   if (status.code != StatusCode::kLoopNotClosed) return status;
   // Too far for one leap: walk there from the reference pose.
   constexpr int kSubSteps = 5;
@@ -385,12 +337,30 @@ Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, Tre
     status = solve_blocks(model, plan, false, tree, loops);
     if (!status.ok()) return status;
   }
-  return status;
+  for (int i : plan.ind_bodies) calc_moved(model, i, tree, loops);
+  for (size_t b = 0; b < plan.blocks.size(); ++b) {
+    for (int i : plan.blocks[b].dep_bodies) {
+      if (!plan.blocks[b].is_leg) calc_moved(model, i, tree, loops);
+    }
+  }
+  return calc_leg_positions(model, plan, tree, loops);
 }
 
 template <class S>
-void keep_reference(const TreeData<S>& tree, LoopData<S>& loops) {
+void calc_leg_cuts(const MechanismModel& model, const LoopPlan& plan, const TreeData<S>& tree,
+                   LoopData<S>& loops) {
+  for (size_t b = 0; b < plan.blocks.size(); ++b) {
+    if (plan.blocks[b].is_leg) {
+      calc_block_position(model, plan, plan.blocks[b], tree, loops, loops.block[b]);
+    }
+  }
+}
+
+template <class S>
+void keep_reference(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops) {
   LoopReference<S>& reference = loops.reference;
+  calc_leg_coordinates(model, tree, loops);
+  calc_leg_maps(loops);
   reference.valid = true;
   reference.q = tree.q;
   for (size_t b = 0; b < loops.block.size(); ++b) {
@@ -405,7 +375,9 @@ void keep_reference(const TreeData<S>& tree, LoopData<S>& loops) {
 #define DOCK_INSTANTIATE(S)                                                                   \
   template Status calc_loop_position<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&, \
                                         LoopData<S>&);                                        \
-  template void keep_reference<S>(const TreeData<S>&, LoopData<S>&);
+  template void keep_reference<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);         \
+  template void calc_leg_cuts<S>(const MechanismModel&, const LoopPlan&, const TreeData<S>&,  \
+                                 LoopData<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
 #undef DOCK_INSTANTIATE

@@ -42,6 +42,7 @@ LoopData<S>::LoopData(const MechanismModel& model, const LoopPlan& plan) {
     block.push_back(data);
     reference.H.push_back(data.H);
   }
+  for (const LegPlatform& each : plan.platforms) platform.emplace_back(model, plan, each);
   reference.q.setZero(model.nq);
   reference.sign.assign(plan.blocks.size(), 0);
   reference.margin.assign(plan.blocks.size(), 1.0);
@@ -55,6 +56,7 @@ template <class S>
 void calc_velocity_maps(const MechanismModel& model, const LoopPlan& plan, LoopData<S>& loops) {
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
+    if (block.is_leg) continue;
     BlockData<S>& data = loops.block[b];
     calc_block_map(block, data);
     if (!block.is_driven) continue;
@@ -81,6 +83,7 @@ template <class S>
 void calc_loop_velocity(const LoopPlan& plan, TreeData<S>& tree, const LoopData<S>& loops) {
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
+    if (block.is_leg) continue;
     const BlockData<S>& data = loops.block[b];
     for (int i = 0; i < block.size(); ++i) {
       S sum = data.g[i];
@@ -95,6 +98,7 @@ void calc_loop_bias(const MechanismModel& model, const LoopPlan& plan, const Tre
                     LoopData<S>& loops) {
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
+    if (block.is_leg) continue;
     BlockData<S>& data = loops.block[b];
     const BlockData<S>* leg = has_leg_bias(block.form()) ? &data : nullptr;
     for (size_t i = 0; i < block.loops.size(); ++i) {
@@ -110,6 +114,7 @@ template <class S>
 void reduce_inertia(const LoopPlan& plan, MatX<S>& A, LoopData<S>& loops) {
   for (size_t b = plan.blocks.size(); b-- > 0;) {
     const LoopBlock& block = plan.blocks[b];
+    if (block.is_leg) continue;
     BlockData<S>& data = loops.block[b];
     const int m = block.size();
     const int n_low = static_cast<int>(block.low.size());
@@ -141,6 +146,7 @@ template <class S>
 void reduce_forces(const LoopPlan& plan, VecX<S>& b, LoopData<S>& loops) {
   for (size_t k = plan.blocks.size(); k-- > 0;) {
     const LoopBlock& block = plan.blocks[k];
+    if (block.is_leg) continue;
     BlockData<S>& data = loops.block[k];
     const int m = block.size();
     for (int i = 0; i < m; ++i) data.b_d[i] = b[block.dep[i]];
@@ -161,23 +167,10 @@ void reduce_forces(const LoopPlan& plan, VecX<S>& b, LoopData<S>& loops) {
 }
 
 template <class S>
-void map_forces(const LoopPlan& plan, VecX<S>& b, LoopData<S>& loops) {
-  for (size_t k = plan.blocks.size(); k-- > 0;) {
-    const LoopBlock& block = plan.blocks[k];
-    BlockData<S>& data = loops.block[k];
-    for (int i = 0; i < block.size(); ++i) data.b_d[i] = b[block.dep[i]];
-    for (int j = 0; j < data.H.cols(); ++j) {
-      S sum(0);
-      for (int i = 0; i < block.size(); ++i) sum += data.H(i, j) * data.b_d[i];
-      b[block.low[j]] += sum;
-    }
-  }
-}
-
-template <class S>
 void calc_loop_acceleration(const LoopPlan& plan, VecX<S>& vdot, const LoopData<S>& loops) {
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
+    if (block.is_leg) continue;
     const BlockData<S>& data = loops.block[b];
     for (int i = 0; i < block.size(); ++i) {
       S sum = data.h[i];
@@ -191,6 +184,7 @@ template <class S>
 void calc_loop_forces(const LoopPlan& plan, const VecX<S>& vdot, LoopData<S>& loops) {
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
+    if (block.is_leg) continue;
     BlockData<S>& data = loops.block[b];
     // Force the cuts must exert on the dependent joints: Q = A_dl vdot_l + A_dd vdot_d - b_d, with
     // A and b as they were when this block was eliminated.
@@ -229,7 +223,6 @@ S get_cut_force(const LoopPlan& plan, const LoopData<S>& loops, int loop, int eq
                                   LoopData<S>&);                                              \
   template void reduce_inertia<S>(const LoopPlan&, MatX<S>&, LoopData<S>&);                   \
   template void reduce_forces<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);                    \
-  template void map_forces<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);                       \
   template void calc_loop_acceleration<S>(const LoopPlan&, VecX<S>&, const LoopData<S>&);     \
   template void calc_loop_forces<S>(const LoopPlan&, const VecX<S>&, LoopData<S>&);           \
   template S get_cut_force<S>(const LoopPlan&, const LoopData<S>&, int, int);

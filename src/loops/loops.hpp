@@ -13,7 +13,7 @@
 #include <array>
 #include <vector>
 
-#include "loops/loop_plan.hpp"
+#include "loops/leg_platforms.hpp"
 #include "math/small_lu.hpp"
 #include "math/status.hpp"
 #include "tree/tree.hpp"
@@ -32,7 +32,8 @@ struct CutData {
   Eigen::Matrix<S, kMaxEquations, 1> residual;  ///< of all equations, redundant ones too
 };
 
-/// Matrices of one block. Shapes: m = block.size(), n_low, n_touched.
+/// Matrices of one block. Of a leg of a platform: branch, sign, lambda; H, g, h, margin where
+/// everything is found. Shapes: m = block.size(), n_low, n_touched.
 template <class S>
 struct BlockData {
   VecX<S> residual;      ///< m, cut residual [m], [-]
@@ -74,11 +75,13 @@ struct LoopData {
   LoopData(const MechanismModel& model, const LoopPlan& plan);
   std::vector<CutData<S>> cut;      ///< per loop
   std::vector<BlockData<S>> block;  ///< per block
+  std::vector<PlatformData<S>> platform;  ///< per platform on legs
   LoopReference<S> reference;
   VecX<S> moved, target;  ///< scratch: nv, from the reference pose; nq, pose that is sought
 };
 
-/// Solve every block for its dependent coordinates and set the joint poses of all bodies.
+/// Solve every block for its dependent coordinates and set the joint poses of all bodies but those
+/// of the legs of platforms, for which calc_leg_positions() says what is found.
 /// In: independent entries of tree.q; dependent entries as starting point of Newton and to place
 /// angles within a turn (the reference pose, once there is one, serves instead).
 /// Out: all of tree.q, tree.joint, and G, inverse, margin of every block.
@@ -88,9 +91,17 @@ template <class S>
 Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                           LoopData<S>& loops);
 
-/// The present pose is accepted: continue from it. @pre calc_velocity_maps
+/// The present pose is accepted: continue from it. Out: also coordinates of all joints.
+/// @pre calc_velocity_maps
 template <class S>
-void keep_reference(const TreeData<S>& tree, LoopData<S>& loops);
+void keep_reference(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops);
+
+/// Residual and G of the legs of platforms. @pre calc_leg_coordinates
+template <class S>
+void calc_leg_cuts(const MechanismModel& model, const LoopPlan& plan, const TreeData<S>& tree,
+                   LoopData<S>& loops);
+
+// The functions below pass over the legs of platforms.
 
 /// H of every block, and g.
 template <class S>
@@ -112,10 +123,6 @@ void reduce_inertia(const LoopPlan& plan, MatX<S>& A, LoopData<S>& loops);
 /// The same for the right-hand side b (in place). @pre reduce_inertia, calc_loop_bias
 template <class S>
 void reduce_forces(const LoopPlan& plan, VecX<S>& b, LoopData<S>& loops);
-
-/// The same where no dependent joint moves any mass: nothing but H^T maps forces.
-template <class S>
-void map_forces(const LoopPlan& plan, VecX<S>& b, LoopData<S>& loops);
 
 /// Dependent accelerations from the independent ones, first block to last.          [Y2 (6)]
 template <class S>

@@ -75,7 +75,7 @@ std::string describe_kernel_source(const Mechanism& mechanism, KernelScope scope
   const MechanismModel& model = mechanism.model;
   Text text;
   text << "dockloop-kernel" << kKernelFormat << static_cast<int>(scope)
-       << static_cast<int>(mechanism.skips_massless) << mechanism.vehicle << model.capture_body;
+       << mechanism.vehicle << model.capture_body;
   for (size_t i = 0; i < model.bodies.size(); ++i) {
     const Body& body = model.bodies[i];
     text << "body" << body.parent << static_cast<int>(body.joint) << body.axis << body.placement;
@@ -110,10 +110,6 @@ KernelBodies::KernelBodies(const Mechanism& mechanism, KernelScope scope) {
   moving = mechanism.plan.ind_bodies;
   add(moving, model.capture_body);
   for (const JointForce& force : model.forces) add(sprung, force.body);
-  // On a base that does not move, gravity does work on every body.
-  for (int i = 0; i < static_cast<int>(model.bodies.size()); ++i) {
-    if (mechanism.vehicle == kBase && model.bodies[i].mass != 0.0) weighing.push_back(i);
-  }
   if (scope == KernelScope::kAny) {
     loaded = moving;
     for (int i = 0; i < static_cast<int>(model.bodies.size()); ++i) forced.push_back(i);
@@ -270,7 +266,6 @@ bool GeneratedKernel::calc_position(MechanismData<double>& data) {
   put(kKernelR, tree.R.data()->data());
   put(kKernelArm, tree.r.data()->data());
   put(kKernelP, tree.p.data()->data());
-  put(kKernelHBody, tree.h_body.data()->data());
   put(kKernelMSum, tree.m_sum.data());
   put(kKernelHSum, tree.h_sum.data()->data());
   put(kKernelInertia, data.A_ind.data());
@@ -278,6 +273,7 @@ bool GeneratedKernel::calc_position(MechanismData<double>& data) {
   put(kKernelW, tree.w.data()->data());
   put(kKernelU, tree.u.data()->data());
   put(kKernelVdot, data.vdot.data());
+  put(kKernelMomentum, data.linear_momentum.data());
   if (iterates_ && !close_by_iteration()) return false;
   return library_->position(array_.data(), work_.data()) != 0;
 }

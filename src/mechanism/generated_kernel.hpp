@@ -1,4 +1,4 @@
-// A kernel made for one mechanism: straight-line code that the generator (src/generator) has
+// A kernel made for one mechanism: straight-line code that the generator (src/codegen) has
 // written and a C compiler has turned into a shared library.
 //
 // Library and mechanism meet in a hash of everything that the code was made from. What may change
@@ -23,7 +23,7 @@
 
 namespace dockloop {
 
-constexpr int kKernelFormat = 1;  ///< of interface and code, to be raised with either
+constexpr int kKernelFormat = 2;  ///< of interface and code, to be raised with either
 
 /// Arrays that a kernel reads and writes: members of TreeData, MechanismData and BaseMotion as they
 /// lie in memory, and some of the kernel's own.
@@ -43,7 +43,6 @@ enum KernelArray {
   kKernelR,         ///< tree.R, 9 per body, by columns
   kKernelArm,       ///< tree.r
   kKernelP,         ///< tree.p
-  kKernelHBody,     ///< tree.h_body
   kKernelMSum,      ///< tree.m_sum
   kKernelHSum,      ///< tree.h_sum
   kKernelInertia,   ///< data.A_ind, by columns
@@ -51,6 +50,7 @@ enum KernelArray {
   kKernelW,         ///< tree.w
   kKernelU,         ///< tree.u
   kKernelVdot,      ///< data.vdot
+  kKernelMomentum,  ///< data.linear_momentum
   kKernelArrayCount
 };
 
@@ -79,7 +79,7 @@ std::string find_kernel_obstacle(const Mechanism& mechanism);
 /// joints whose coordinates the force laws read.
 struct KernelBodies {
   KernelBodies(const Mechanism& mechanism, KernelScope scope);
-  std::vector<int> moving, weighing, loaded, forced, sprung;
+  std::vector<int> moving, loaded, forced, sprung;
 };
 
 /// A shared library with a kernel; closed with the last kernel that uses it.

@@ -1,19 +1,17 @@
-// Which kernel evaluates a mechanism; README.md in this folder.
+// Which generated code evaluates a mechanism.
 #pragma once
 
 #include "mechanism/generated_kernel.hpp"
-#include "mechanism/leg_kernel.hpp"
 
 namespace dockloop {
 
 /// Was a library made for a mechanism, as docking simulations have it?
 bool is_made_for(const KernelLibrary& generated, const Mechanism& mechanism);
 
-/// The generated one if there is one and it was made for this mechanism, else legs side by side if
-/// it is a ring on such legs.
+/// Generated code that was made for this mechanism.
 /// @param generated  library that came with the model; may be null
-/// @return null: the general code
-std::shared_ptr<MechanismKernel> make_kernel(const Mechanism& mechanism,
-                                             std::shared_ptr<const KernelLibrary> generated);
+/// @return null: there is none
+std::shared_ptr<MechanismKernel> make_generated_kernel(
+    const Mechanism& mechanism, std::shared_ptr<const KernelLibrary> generated);
 
 }  // namespace dockloop

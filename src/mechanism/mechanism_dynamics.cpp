@@ -18,27 +18,6 @@ Mechanism::Mechanism(MechanismModel description, bool newton_only_)
   plan = make_loop_plan(model, model.home_q, newton_only);
 }
 
-std::vector<char> find_moved_by_loops(const MechanismModel& model, const LoopPlan& plan) {
-  std::vector<char> moved(model.bodies.size(), 1);
-  for (int i : plan.ind_bodies) moved[i] = 0;
-  for (size_t i = 0; i < moved.size(); ++i) {
-    const int up = model.bodies[i].parent;
-    if (up != kBase && moved[up]) moved[i] = 1;
-  }
-  return moved;
-}
-
-void skip_massless_legs(Mechanism& mechanism) {
-  const std::vector<char> moved = find_moved_by_loops(mechanism.model, mechanism.plan);
-  mechanism.skips_massless = true;
-  for (size_t i = 0; i < moved.size(); ++i) {
-    const Body& body = mechanism.model.bodies[i];
-    const bool counts = body.mass != 0.0 || !body.inertia.isZero(0.0) ||
-                        static_cast<int>(i) == mechanism.model.capture_body;
-    if (moved[i] && counts) mechanism.skips_massless = false;
-  }
-}
-
 Status move_to(const Mechanism& mechanism, const VecX<double>& q, MechanismData<double>& data) {
   const MechanismModel& model = mechanism.model;
   double length = 1e-9, way = 0.0;
@@ -59,7 +38,7 @@ Status move_to(const Mechanism& mechanism, const VecX<double>& q, MechanismData<
     data.tree.q[static_cast<int>(i)] = model.home_q[i];
   data.loops.reference.valid = false;
   Status status = calc_position(mechanism, data);
-  if (status.ok()) keep_reference(data.tree, data.loops);
+  if (status.ok()) keep_reference(mechanism, data);
   double done = 0.0, step = usual;
   while (status.ok() && done < 1.0) {
     const double part = done + step < 1.0 - 1e-9 ? done + step : 1.0;
@@ -72,7 +51,7 @@ Status move_to(const Mechanism& mechanism, const VecX<double>& q, MechanismData<
     }
     const Status reached = calc_position(mechanism, data);
     if (reached.ok()) {
-      keep_reference(data.tree, data.loops);
+      keep_reference(mechanism, data);
       done = part;
       step = std::min(usual, 2.0 * step);
     } else {
@@ -81,11 +60,6 @@ Status move_to(const Mechanism& mechanism, const VecX<double>& q, MechanismData<
     }
   }
   return status;
-}
-
-void keep_reference(MechanismData<double>& data) {
-  if (data.by_kernel) return data.kernel->keep_reference(data);
-  keep_reference(data.tree, data.loops);
 }
 
 std::optional<Coordinates> find_better_coordinates(const Mechanism& mechanism,
@@ -131,7 +105,6 @@ Mechanism with_coordinates(const Mechanism& mechanism, const Coordinates& coordi
   // Closed forms take the branch of this pose.
   changed.model.home_given = true;
   changed.plan = make_loop_plan(changed.model, coordinates.pose, mechanism.newton_only);
-  if (mechanism.skips_massless) skip_massless_legs(changed);
   return changed;
 }
 

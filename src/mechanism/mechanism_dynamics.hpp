@@ -5,7 +5,8 @@
 //   acceleration  bias, reduce the right-hand side, solve, dependent accelerations [Y2 (10), (11)]
 //   reactions     cut forces and the load on the base, only when somebody asks     [Y2 (11a)]
 //
-// Where dependent joints move no mass (massless_legs.hpp), half of this is left out.
+// Legs of platforms never enter the matrices (loops/leg_platforms.hpp): they are summed up at their
+// tips. What is found of their bodies depends on what is needed (Need).
 //
 // The base of the tree is prescribed (usually at rest). A free-flying vehicle is a body with a free
 // joint: attach_vehicle() puts it between the base and the mechanism.
@@ -31,8 +32,15 @@ struct Mechanism {
   bool newton_only = false;
   std::vector<std::string> notes;  ///< what was found about redundant equations
   int vehicle = kBase;             ///< body of the vehicle if attach_vehicle() put one in
-  bool skips_massless = false;     ///< what dependent joints move has no mass: evaluations leave it
-                                   ///< out (skip_massless_legs)
+};
+
+/// How much of a MechanismData an evaluation must fill.
+enum class Need {
+  kRates,      ///< for an integrator: motion of the bodies with independent joints, q and v of joints
+               ///< that carry a force, accelerations. Generated code may serve this, and only this.
+  kState,      ///< also for accepted states: margins, reference pose, reactions, momentum, energy, q
+               ///< and v of all slides, all bodies but those of legs
+  kEverything  ///< also every body and every loop
 };
 
 /// Everything computed. One per evaluation thread; sized by the constructor.
@@ -52,34 +60,21 @@ struct MechanismData {
                                       ///< about its origin, base axes (calc_joint_loads)
   std::vector<Wrench<S>> scratch;     ///< per body
   VecX<S> scratch_v;                  ///< nv
+  MatX<S> A_tree;  ///< nv x nv: inertia of the tree with the legs of platforms condensed, before
+                   ///< other loops are eliminated
   Wrench<S> on_base;  ///< of the mechanism on its base body, about that body's origin,
                       ///< base axes of the tree (calc_reactions)
-  std::shared_ptr<MechanismKernel> kernel;  ///< tried first, if there is one; only for double
-  bool by_kernel = false;                   ///< the present position was found by it
-  bool whole = false;                       ///< all of this is wanted: no kernel, please (Whole)
+  Vec3<S> linear_momentum = Vec3<S>::Zero();  ///< of all bodies, base axes, on a base at rest
+                                              ///< under gravity (calc_acceleration) [N s]
+  Need found = Need::kState;                  ///< how much the present evaluation finds, at least
+  std::shared_ptr<MechanismKernel> generated;  ///< generated code for Need::kRates; double only
 };
-
-/// While it lives, the general code evaluates: for who needs more than a kernel finds.
-class Whole {
- public:
-  explicit Whole(MechanismData<double>& data) : data_(data), before_(data.whole) {
-    data.whole = true;
-  }
-  ~Whole() { data_.whole = before_; }
-  Whole(const Whole&) = delete;
-  Whole& operator=(const Whole&) = delete;
-
- private:
-  MechanismData<double>& data_;
-  const bool before_;
-};
-
-/// Per body: do dependent joints move it?
-std::vector<char> find_moved_by_loops(const MechanismModel& model, const LoopPlan& plan);
 
 /// In: independent entries of data.tree.q (dependent ones as a start).
+/// @param need  how much this function and those below find
 template <class S>
-Status calc_position(const Mechanism& mechanism, MechanismData<S>& data);
+Status calc_position(const Mechanism& mechanism, MechanismData<S>& data,
+                     Need need = Need::kEverything);
 
 /// Walk from home to a pose in steps small enough to stay on the assembly branch, each the
 /// reference of the next. @param q  all coordinates; the independent ones count
@@ -94,16 +89,28 @@ template <class S>
 void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
                        MechanismData<S>& data);
 
-/// The present pose is accepted, by whatever way it was found: keep_reference() of loops.hpp.
-void keep_reference(MechanismData<double>& data);
+/// The present pose is accepted: continue from it. @pre calc_position
+template <class S>
+void keep_reference(const Mechanism& mechanism, MechanismData<S>& data);
 
-/// Cut forces (data.loops.block[].lambda) and the load on `base_body`. @pre calc_acceleration
+/// Coordinates, rates and poses of the bodies of legs. @pre calc_velocity for Need::kState
+template <class S>
+void calc_leg_bodies(const Mechanism& mechanism, MechanismData<S>& data);
+
+/// Sums over all bodies but a vehicle, whose momentum is about the base origin, base axes.
+/// @pre calc_velocity for Need::kState, on a base at rest
+template <class S>
+LegSums<S> find_motion_sums(const Mechanism& mechanism, const MechanismData<S>& data);
+
+/// Cut forces (data.loops.block[].lambda) and the load on `base_body`.
+/// @pre calc_acceleration for Need::kState
 template <class S>
 void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int base_body,
                     MechanismData<S>& data);
 
 /// Full load in every joint of the tree, cut forces taken into account: data.joint_load. The load
-/// of a planar cut across its plane is not determined and counts as zero. @pre calc_reactions
+/// of a planar cut across its plane is not determined and counts as zero.
+/// @pre calc_reactions for Need::kEverything
 template <class S>
 void calc_joint_loads(const Mechanism& mechanism, MechanismData<S>& data);
 
@@ -116,7 +123,7 @@ struct Coordinates {
 };
 
 /// The choice that suits the present pose best, if it is much better than the mechanism's own;
-/// otherwise nothing. Allocates. @pre calc_position
+/// otherwise nothing. Allocates. @pre all coordinates are known (calc_leg_bodies)
 std::optional<Coordinates> find_better_coordinates(const Mechanism& mechanism,
                                                    const MechanismData<double>& data);
 
@@ -126,17 +133,14 @@ Mechanism with_coordinates(const Mechanism& mechanism, const Coordinates& coordi
 /// Below this margin a better choice of coordinates is looked for.
 constexpr double kChangeMargin = 0.1;
 
-/// Leave out what dependent joints move, if none of it has mass: the inertia is that of the
-/// independent bodies alone, and forces map by H^T. Results are the same but for rounding.
-void skip_massless_legs(Mechanism& mechanism);
-
-/// Largest loop gap [m] of the present position, for monitoring.
+/// Largest loop gap [m] of the present position, for monitoring. Finds the bodies of legs.
+/// @pre calc_position for Need::kState
 template <class S>
-double find_closure_residual(const Mechanism& mechanism, const MechanismData<S>& data);
+double find_closure_residual(const Mechanism& mechanism, MechanismData<S>& data);
 
 /// Smallest loop margin [-] of the present position; 1 without loops.
 template <class S>
-double find_singularity_margin(const MechanismData<S>& data);
+double find_singularity_margin(const Mechanism& mechanism, const MechanismData<S>& data);
 
 /// Gap of every loop at home_q as it stands [m].
 std::vector<double> find_home_gaps(const Mechanism& mechanism);

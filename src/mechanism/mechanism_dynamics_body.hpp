@@ -23,36 +23,47 @@ MechanismData<S>::MechanismData(const Mechanism& mechanism)
   scratch.resize(mechanism.model.bodies.size());
   b_ind.setZero(n_ind);
   a_ind.setZero(n_ind);
-  if (!mechanism.skips_massless) return;
-  const std::vector<char> moved = find_moved_by_loops(mechanism.model, mechanism.plan);
-  tree.active.erase(
-      std::remove_if(tree.active.begin(), tree.active.end(), [&](int i) { return moved[i] != 0; }),
-      tree.active.end());
+  A_tree.setZero(nv, nv);
 }
 
 template <class S>
-Status calc_position(const Mechanism& mechanism, MechanismData<S>& data) {
+Status calc_position(const Mechanism& mechanism, MechanismData<S>& data, Need need) {
   if constexpr (std::is_same_v<S, double>) {
-    data.by_kernel = data.kernel && !data.whole && data.kernel->calc_position(data);
-    if (data.by_kernel) return {};
+    data.found = Need::kRates;
+    if (need == Need::kRates && data.generated && data.generated->calc_position(data)) return {};
   }
   const MechanismModel& model = mechanism.model;
-  const std::vector<int>& ind = mechanism.plan.ind_v;
-  const Status status = calc_loop_position(model, mechanism.plan, data.tree, data.loops);
+  const LoopPlan& plan = mechanism.plan;
+  const std::vector<int>& ind = plan.ind_v;
+  data.found = need == Need::kEverything ? need : Need::kState;
+  const Status status = calc_loop_position(model, plan, data.tree, data.loops);
   if (!status.ok()) return status;
-  calc_velocity_maps(model, mechanism.plan, data.loops);
-  calc_tree_position(model, data.tree);
-  // Reduce the joint-space inertia and gather what is left.                          [Y2 (10)]
-  calc_tree_inertia(model, data.tree);
-  if (!mechanism.skips_massless) {
-    data.A = data.tree.A;
-    reduce_inertia(mechanism.plan, data.A, data.loops);
+  calc_velocity_maps(model, plan, data.loops);
+  if (need == Need::kEverything && !plan.platforms.empty()) {
+    calc_leg_coordinates(model, data.tree, data.loops);
+    calc_leg_cuts(model, plan, data.tree, data.loops);
+    calc_leg_maps(data.loops);
+    calc_tree_position(model, data.tree.all, data.tree);
+    calc_tree_inertia(model, data.tree);
+  } else {
+    calc_tree_position(model, plan.tree_bodies, data.tree);
   }
-  const MatX<S>& A = mechanism.skips_massless ? data.tree.A : data.A;
-  for (size_t i = 0; i < ind.size(); ++i) {
-    for (size_t j = 0; j < ind.size(); ++j) {
-      data.A_ind(static_cast<int>(i), static_cast<int>(j)) = A(ind[i], ind[j]);
-    }
+  // Joint-space inertia of what remains in the tree, and of the legs at their tips.
+  calc_body_inertia(model, plan.tree_bodies, data.tree);
+  add_leg_masses(plan, data.loops, data.tree);
+  calc_composite_inertia(model, plan.tree_bodies, data.tree, data.A_tree);
+  add_leg_inertia(model, plan, data.tree, data.loops, data.A_tree);
+  if (plan.platforms.empty()) data.tree.A = data.A_tree;
+  // Reduce it and gather what is left.                                               [Y2 (10)]
+  const bool reduces = !plan.blocks.empty() && !plan.blocks[0].is_leg;
+  if (reduces) {
+    data.A = data.A_tree;
+    reduce_inertia(plan, data.A, data.loops);
+  }
+  const MatX<S>& A = reduces ? data.A : data.A_tree;
+  const int n = static_cast<int>(ind.size());
+  for (int j = 0; j < n; ++j) {
+    for (int i = 0; i < n; ++i) data.A_ind(i, j) = A(ind[i], ind[j]);
   }
   if (ind.empty()) return {};
   data.factor.compute(data.A_ind);
@@ -63,63 +74,115 @@ Status calc_position(const Mechanism& mechanism, MechanismData<S>& data) {
 template <class S>
 void calc_velocity(const Mechanism& mechanism, const BaseMotion<S>& base, MechanismData<S>& data) {
   if constexpr (std::is_same_v<S, double>) {
-    if (data.by_kernel) return data.kernel->calc_velocity(base, data);
+    if (data.found == Need::kRates) return data.generated->calc_velocity(base, data);
   }
-  calc_loop_velocity(mechanism.plan, data.tree, data.loops);
-  calc_tree_velocity(mechanism.model, base.w, data.tree);
+  const MechanismModel& model = mechanism.model;
+  const LoopPlan& plan = mechanism.plan;
+  calc_loop_velocity(plan, data.tree, data.loops);
+  calc_tree_velocity(model, plan.tree_bodies, base.w, data.tree);
+  calc_leg_velocities(model, plan, base.w, data.tree, data.loops);
+  if (data.found != Need::kEverything || plan.platforms.empty()) return;
+  put_leg_velocities(data.tree, data.loops);
+  calc_tree_velocity(model, plan.leg_bodies, base.w, data.tree);
 }
 
 template <class S>
 void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
                        MechanismData<S>& data) {
   if constexpr (std::is_same_v<S, double>) {
-    if (data.by_kernel) return data.kernel->calc_acceleration(base, data);
+    if (data.found == Need::kRates) return data.generated->calc_acceleration(base, data);
   }
-  const std::vector<int>& ind = mechanism.plan.ind_v;
+  const MechanismModel& model = mechanism.model;
+  const LoopPlan& plan = mechanism.plan;
+  const std::vector<int>& ind = plan.ind_v;
   // Right-hand side: applied less what zero joint accelerations would require.
   const VecX<S>* none = nullptr;
-  calc_tree_acceleration(mechanism.model, base, none, data.tree);
-  calc_tree_forces(mechanism.model, data.tree);
+  calc_tree_acceleration(model, plan.tree_bodies, base, none, data.tree);
+  calc_body_forces(model, plan.tree_bodies, data.tree);
+  add_leg_biases(model, plan, base, data.tau, data.tree, data.loops);
+  calc_transmitted(model, plan.tree_bodies, data.tree);
   data.b = data.tau - data.tree.tau_required;
   // Reduce it and solve for the independent accelerations.                      [Y2 (10), (11)]
-  if (mechanism.skips_massless) {
-    map_forces(mechanism.plan, data.b, data.loops);
-  } else {
-    calc_loop_bias(mechanism.model, mechanism.plan, data.tree, data.loops);
-    reduce_forces(mechanism.plan, data.b, data.loops);
-  }
+  calc_loop_bias(model, plan, data.tree, data.loops);
+  reduce_forces(plan, data.b, data.loops);
   for (size_t i = 0; i < ind.size(); ++i) data.b_ind[static_cast<int>(i)] = data.b[ind[i]];
   VecX<S>& x = data.a_ind;
   x = data.b_ind;
   if (!ind.empty()) data.factor.solveInPlace(x);
   for (size_t i = 0; i < ind.size(); ++i) data.vdot[ind[i]] = x[static_cast<int>(i)];
-  // And the dependent ones from them, unless nothing follows from those.             [Y2 (6)]
-  if (!mechanism.skips_massless) calc_loop_acceleration(mechanism.plan, data.vdot, data.loops);
+  // And the dependent ones from them.                                                [Y2 (6)]
+  calc_loop_acceleration(plan, data.vdot, data.loops);
+  if (data.found == Need::kEverything) put_leg_accelerations(plan, data.vdot, data.loops);
+  if (mechanism.vehicle == kBase && !(base.gravity.array() == S(0)).all()) {
+    data.linear_momentum = find_motion_sums(mechanism, data).momentum.f;
+  }
 }
 
 template <class S>
 void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int base_body,
                     MechanismData<S>& data) {
-  if constexpr (std::is_same_v<S, double>) {
-    if (data.by_kernel) return data.kernel->calc_reactions(base, data);
-  }
-  if (mechanism.skips_massless) {
-    calc_loop_bias(mechanism.model, mechanism.plan, data.tree, data.loops);
-    calc_loop_acceleration(mechanism.plan, data.vdot, data.loops);
-  }
-  calc_loop_forces(mechanism.plan, data.vdot, data.loops);
+  const MechanismModel& model = mechanism.model;
+  const LoopPlan& plan = mechanism.plan;
+  TreeData<S>& tree = data.tree;
+  calc_loop_forces(plan, data.vdot, data.loops);
   // Inverse dynamics with the true accelerations and no cut forces: what the children of the base
   // need in total. Cut forces between moving bodies cancel in the sum, those on the base itself
   // are part of what the base must supply.
-  calc_tree_acceleration(mechanism.model, base, &data.vdot, data.tree);
-  calc_tree_forces(mechanism.model, data.tree);
+  calc_tree_acceleration(model, plan.tree_bodies, base, &data.vdot, tree);
+  calc_body_forces(model, plan.tree_bodies, tree);
   data.on_base = Wrench<S>();
-  for (size_t i = 0; i < mechanism.model.bodies.size(); ++i) {
-    if (mechanism.model.bodies[i].parent != base_body) continue;
-    const Wrench<S>& load = data.tree.transmitted[i];
+  add_leg_loads(plan, base, base_body, data.vdot, tree, data.loops, data.on_base);
+  calc_transmitted(model, plan.tree_bodies, tree);
+  for (int i : plan.tree_bodies) {
+    if (model.bodies[i].parent != base_body) continue;
+    const Wrench<S>& load = tree.transmitted[i];
     data.on_base.f -= load.f;
-    data.on_base.t -= load.t + data.tree.r[i].cross(load.f);
+    data.on_base.t -= load.t + tree.r[i].cross(load.f);
   }
+  if (data.found != Need::kEverything || plan.platforms.empty()) return;
+  calc_tree_acceleration(model, plan.leg_bodies, base, &data.vdot, tree);
+  calc_tree_forces(model, tree);
+}
+
+template <class S>
+void keep_reference(const Mechanism& mechanism, MechanismData<S>& data) {
+  keep_reference(mechanism.model, data.tree, data.loops);
+}
+
+template <class S>
+void calc_leg_bodies(const Mechanism& mechanism, MechanismData<S>& data) {
+  calc_leg_coordinates(mechanism.model, data.tree, data.loops);
+  put_leg_velocities(data.tree, data.loops);
+  calc_tree_position(mechanism.model, mechanism.plan.leg_bodies, data.tree);
+}
+
+template <class S>
+LegSums<S> find_motion_sums(const Mechanism& mechanism, const MechanismData<S>& data) {
+  const TreeData<S>& tree = data.tree;
+  LegSums<S> sum{S(0), S(0), Vec3<S>::Zero(), {}};
+  for (int i : mechanism.plan.tree_bodies) {
+    if (i == mechanism.vehicle) continue;
+    const S m(mechanism.model.bodies[i].mass);
+    const Vec3<S>&w = tree.w[i], &u = tree.u[i], &h = tree.h_body[i];
+    const Vec3<S> f = m * u + w.cross(h), t = tree.I_body[i] * w + h.cross(u);
+    sum.mass += m;
+    sum.first_moment += h + m * tree.p[i];
+    sum.momentum.f += f;
+    sum.momentum.t += t + tree.p[i].cross(f);
+    sum.kinetic_energy += S(0.5) * (u.dot(f) + w.dot(t));
+  }
+  for (size_t n = 0; n < mechanism.plan.platforms.size(); ++n) {
+    const LegPlatform& platform = mechanism.plan.platforms[n];
+    const LegSums<S> legs = find_leg_sums(platform, tree, data.loops.platform[n]);
+    Vec3<S> p = Vec3<S>::Zero();
+    if (platform.root != kBase) p = tree.p[platform.root];
+    sum.mass += legs.mass;
+    sum.first_moment += legs.first_moment + legs.mass * p;
+    sum.momentum.f += legs.momentum.f;
+    sum.momentum.t += legs.momentum.t + p.cross(legs.momentum.f);
+    sum.kinetic_energy += legs.kinetic_energy;
+  }
+  return sum;
 }
 
 template <class S>
@@ -127,7 +190,7 @@ void calc_joint_loads(const Mechanism& mechanism, MechanismData<S>& data) {
   const MechanismModel& model = mechanism.model;
   TreeData<S>& tree = data.tree;
   data.scratch = tree.external;
-  // Put the cut forces on both bodies as external loads; then the tree tells the rest.
+  // Put the cut forces on both bodies as external loads; then the tree finds the rest.
   for (size_t k = 0; k < model.loops.size(); ++k) {
     const Loop& loop = model.loops[k];
     if (loop.cut == CutType::kCoupling) continue;
@@ -165,7 +228,12 @@ void calc_joint_loads(const Mechanism& mechanism, MechanismData<S>& data) {
 }
 
 template <class S>
-double find_closure_residual(const Mechanism& mechanism, const MechanismData<S>& data) {
+double find_closure_residual(const Mechanism& mechanism, MechanismData<S>& data) {
+  const LoopPlan& plan = mechanism.plan;
+  if (!plan.platforms.empty()) {
+    calc_leg_coordinates(mechanism.model, data.tree, data.loops);
+    calc_leg_cuts(mechanism.model, plan, data.tree, data.loops);
+  }
   double largest = 0.0;
   for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
     for (int j = 0; j < equation_count(mechanism.model.loops[k].cut); ++j) {
@@ -176,24 +244,29 @@ double find_closure_residual(const Mechanism& mechanism, const MechanismData<S>&
 }
 
 template <class S>
-double find_singularity_margin(const MechanismData<S>& data) {
-  if constexpr (std::is_same_v<S, double>) {
-    if (data.by_kernel) return data.kernel->find_margin();
-  }
+double find_singularity_margin(const Mechanism& mechanism, const MechanismData<S>& data) {
   double margin = 1.0;
-  for (const BlockData<S>& block : data.loops.block) margin = std::min(margin, block.margin);
+  for (size_t b = 0; b < data.loops.block.size(); ++b) {
+    if (!mechanism.plan.blocks[b].is_leg) margin = std::min(margin, data.loops.block[b].margin);
+  }
+  for (const PlatformData<S>& at : data.loops.platform) {
+    margin = std::min(margin, find_leg_margin(at));
+  }
   return margin;
 }
 
 #define DOCK_INSTANTIATE(S)                                                                        \
   template struct MechanismData<S>;                                                                \
-  template Status calc_position<S>(const Mechanism&, MechanismData<S>&);                           \
+  template Status calc_position<S>(const Mechanism&, MechanismData<S>&, Need);                     \
   template void calc_velocity<S>(const Mechanism&, const BaseMotion<S>&, MechanismData<S>&);       \
   template void calc_acceleration<S>(const Mechanism&, const BaseMotion<S>&, MechanismData<S>&);   \
   template void calc_joint_loads<S>(const Mechanism&, MechanismData<S>&);                          \
   template void calc_reactions<S>(const Mechanism&, const BaseMotion<S>&, int, MechanismData<S>&); \
-  template double find_closure_residual<S>(const Mechanism&, const MechanismData<S>&);             \
-  template double find_singularity_margin<S>(const MechanismData<S>&);
+  template void keep_reference<S>(const Mechanism&, MechanismData<S>&);                            \
+  template void calc_leg_bodies<S>(const Mechanism&, MechanismData<S>&);                           \
+  template LegSums<S> find_motion_sums<S>(const Mechanism&, const MechanismData<S>&);              \
+  template double find_closure_residual<S>(const Mechanism&, MechanismData<S>&);                   \
+  template double find_singularity_margin<S>(const Mechanism&, const MechanismData<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
 #undef DOCK_INSTANTIATE

@@ -77,6 +77,7 @@ void calc_force_jacobian(const Mechanism& mechanism, const MechanismData<double>
     calc_loop_velocity(mechanism.plan, work.tree, at.loops);  // what moves by itself
     dtau.row(static_cast<int>(i)) -= work.tree.v.transpose();
   }
+  add_leg_columns(mechanism.plan, at.loops, dtau);
   for (int j = 0; j < dtau.cols(); ++j) {
     work.column = dtau.col(j);
     at.factor.solveInPlace(work.column);

@@ -12,7 +12,6 @@
 #include "check/mechanism_check.hpp"
 #include "docking/scene_mechanism.hpp"
 #include "interface/model_description.hpp"
-#include "mechanism/leg_kernel.hpp"
 #include "python/docking.hpp"
 #include "sim/solver_methods.hpp"
 
@@ -111,10 +110,12 @@ std::string list_method_facts() {
   return list.dump();
 }
 
-/// Does the core evaluate the mechanism of a scene fast without generated code?
-bool has_kernel(const std::string& document, const std::string& source) {
+/// Is generated code of no use for the mechanism of a scene, because all its loops are legs?
+bool has_only_legs(const std::string& document, const std::string& source) {
   return naming(source, [&] {
-    return make_leg_kernel(make_scene_mechanism(read_scene(document, source))) != nullptr;
+    const Mechanism mechanism = make_scene_mechanism(read_scene(document, source));
+    const std::vector<LoopBlock>& blocks = mechanism.plan.blocks;
+    return !blocks.empty() && blocks[0].is_leg;  // legs come last: all are legs
   });
 }
 
@@ -140,7 +141,7 @@ NB_MODULE(_core, m) {
   m.def("describe", &describe, nb::arg("document"), nb::arg("source"), nb::arg("date"),
         FreeThreads());
   m.def("methods", &list_method_facts);
-  m.def("has_kernel", &has_kernel, nb::arg("document"), nb::arg("source"), FreeThreads());
+  m.def("has_only_legs", &has_only_legs, nb::arg("document"), nb::arg("source"), FreeThreads());
   m.def(
       "check",
       [](const std::string& mechanism, const std::string& source) {

@@ -42,7 +42,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
 void DockingSim::Impl::keep_pose() {
   if (model->locked.on) return;
   pose_is_kept = false;
-  keep_reference(data->mechanism);
+  keep_reference(model->mechanism, data->mechanism);
   rate_data->mechanism.loops.reference = data->mechanism.loops.reference;
 }
 
@@ -67,7 +67,7 @@ void DockingSim::Impl::warn_of_tilt(double now) {
 /// @param changed  set if the meaning of the state changed
 Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
   if (model->locked.on) return {};
-  const double margin = find_singularity_margin(data->mechanism);
+  const double margin = find_singularity_margin(model->mechanism, data->mechanism);
   if (margin < model->mechanism.model.singularity.warning && !warned_margin) {
     char text[120];
     std::snprintf(text, sizeof text, "a loop is close to singular (margin %.3g) at t = %.9g s",
@@ -82,6 +82,7 @@ Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
   // The search is dear: look again only where things got much worse.
   if (margin > kLookAgain * margin_looked_at) return {};
   margin_looked_at = margin;
+  calc_leg_bodies(model->mechanism, data->mechanism);
   std::optional<Coordinates> better = find_better_coordinates(model->mechanism, data->mechanism);
   if (!better) return {};
   const VecX<double> q = data->mechanism.tree.q, v = data->mechanism.tree.v;
@@ -177,7 +178,9 @@ const double* DockingSim::Impl::find_start_rates() const {
 Status DockingSim::Impl::evaluate_end(double tau) {
   const bool is_there = evaluated == Evaluated::kTrial && is_evaluated(tau, stepper->y());
   // Locked, some of rate_data is stale.
-  if (!is_there || model->locked.on || !shares_evaluations()) return evaluate(tau);
+  if (!is_there || model->locked.on || rate_data->mechanism.found == Need::kRates) {
+    return evaluate(tau);
+  }
   std::swap(data, rate_data);
   evaluated = Evaluated::kNothing;
   return {};

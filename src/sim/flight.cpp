@@ -99,7 +99,6 @@ bool DockingSim::Impl::is_in_balance(double tau) {
   const int n = layout.mechanism_nv, at = layout.mechanism_v;
   if (n == 0) return true;
   double *y = rates.data(), *ydot = balance->ydot.data();
-  const Whole general(rate_data->mechanism);
   const auto find_pull = [&](VecX<double>& pull) {
     const Status status =
         calc_docking<double>(*model, discrete, memory, loads, elapsed + tau, y, ydot, *rate_data);

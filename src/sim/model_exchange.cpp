@@ -94,7 +94,7 @@ Status DockingSim::complete_step(bool& event_due) {
   me.watch_energy(me.find_balance(), 0.0);
   me.peaks.add(me.elapsed, me.find_peak_values());
   me.update_momentum_audit();
-  if (find_singularity_margin(me.data->mechanism) >= kChangeMargin) {
+  if (find_singularity_margin(me.model->mechanism, me.data->mechanism) >= kChangeMargin) {
     me.margin_looked_at = kChangeMargin;
   }
   event_due = me.is_event_due();
@@ -104,7 +104,7 @@ Status DockingSim::complete_step(bool& event_due) {
 
 /// Would update_discrete_states() change anything here? @pre evaluate(0)
 bool DockingSim::Impl::is_event_due() const {
-  const double margin = find_singularity_margin(data->mechanism);
+  const double margin = find_singularity_margin(model->mechanism, data->mechanism);
   return events->is_change_due(*data, elapsed, find_clock_rounding(elapsed)) ||
          (!model->locked.on && margin < kChangeMargin && margin <= kLookAgain * margin_looked_at);
 }

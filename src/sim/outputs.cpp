@@ -60,20 +60,20 @@ Status DockingSim::Impl::update_main() {
   outputs.solver_steps = static_cast<double>(counters.steps);
   outputs.solver_rhs_evaluations = static_cast<double>(counters.rate_evaluations);
   outputs.solver_rejected_steps = static_cast<double>(counters.rejected_steps);
-  outputs.solver_singularity_margin = find_singularity_margin(data->mechanism);
+  outputs.solver_singularity_margin = find_singularity_margin(model->mechanism, data->mechanism);
   return {};
 }
 
 Status DockingSim::Impl::update_bodies() {
   read_inputs();
-  const Whole general(data->mechanism);
   const Status status = evaluate_present();
   if (!status.ok()) return status;
   read_momentum<double>(find_present_source(), outputs);
   outputs.momentum_residual = std::max(
       momentum_audit.residual, find_momentum_residual(*model, *data, stepper->y(), momentum_audit));
+  const bool moves = !model->locked.on;
   outputs.solver_closure_residual =
-      std::max(find_closure_residual(model->mechanism, data->mechanism), drift);
+      std::max(moves ? find_closure_residual(model->mechanism, data->mechanism) : 0.0, drift);
   return {};
 }
 

@@ -74,7 +74,6 @@ struct DockingSim::Impl : SimState {
   void choose_frame_O();
   void make_stepper();
   void attach_kernel();
-  bool shares_evaluations() const;
   int find_trouble_code(Status status, double t, const double* values, int count);
   void make_jacobian_pass();
   int calc_jacobian(double t, const double* y, double* by_columns);

@@ -466,24 +466,13 @@ double DockingSim::Impl::find_relative_tolerance() const {
   return asked > 0.0 ? std::min(asked, parameters.rtol) : parameters.rtol;
 }
 
-/// Trial states are evaluated by a kernel, if there is one; accepted ones too, unless somebody
-/// needs all of what the general code finds: a host of a vehicle, or one that integrates by itself.
-/// The form with multipliers and the truth know no kernels.
+/// Trial states are evaluated by generated code, if there is any and it applies. (The two sets of
+/// data change places.) The form with multipliers and the truth do without.
 void DockingSim::Impl::attach_kernel() {
-  MechanismData<double>&trial = rate_data->mechanism, &accepted = data->mechanism;
-  trial.kernel = accepted.kernel = nullptr;
-  if (unreduced || adapt_problem || parameters.model_level == kRigid) return;
-  trial.kernel = make_kernel(model->mechanism, kernels);
-  if (trial.kernel && shares_evaluations()) {
-    accepted.kernel = make_kernel(model->mechanism, kernels);
+  const bool serves = !unreduced && !adapt_problem && parameters.model_level != kRigid;
+  for (DockingData<double>* each : {data.get(), rate_data.get()}) {
+    each->mechanism.generated = serves ? make_generated_kernel(model->mechanism, kernels) : nullptr;
   }
-}
-
-/// May a trial state that turns out to be accepted be taken for evaluated?
-bool DockingSim::Impl::shares_evaluations() const {
-  const MechanismKernel* kernel = rate_data->mechanism.kernel.get();
-  return !kernel ||
-         (kernel->serves_accepted_states() && !has_host() && interface == Interface::kCoSimulation);
 }
 
 void DockingSim::Impl::make_stepper() {
@@ -493,7 +482,7 @@ void DockingSim::Impl::make_stepper() {
   problem.root_count = kFixedRoots + model->latches.count();
   problem.rates = [this](double t, const double* y, double* ydot) {
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
-                                               y, ydot, *rate_data);
+                                               y, ydot, *rate_data, Need::kRates);
     note_evaluation(t, y);
     return find_trouble_code(status, t, ydot, model->layout.size);
   };
@@ -504,7 +493,7 @@ void DockingSim::Impl::make_stepper() {
       return 0;
     }
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
-                                               y, nullptr, *rate_data);
+                                               y, nullptr, *rate_data, Need::kRates);
     note_evaluation(t, y);
     if (!status.ok()) {
       evaluated = Evaluated::kNothing;
@@ -582,7 +571,6 @@ void DockingSim::Impl::make_jacobian_pass() {
 /// Derivatives of the rates by the states, by columns, for implicit methods. @return as the rates
 int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_columns) {
   evaluated = Evaluated::kNothing;
-  const Whole general(rate_data->mechanism);
   Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t, y,
                                        nullptr, *rate_data);
   if (status.ok()) {
@@ -635,7 +623,7 @@ double DockingSim::Impl::find_share_of_norm() const {
 
 /// What should be looked at, but need not be wrong.
 void DockingSim::Impl::warn_about_start() {
-  const double margin = find_singularity_margin(data->mechanism);
+  const double margin = find_singularity_margin(model->mechanism, data->mechanism);
   char text[300];
   if (margin < model->mechanism.model.singularity.warning) {
     std::snprintf(text, sizeof text, "a loop starts close to singular (margin %.3g)", margin);

@@ -27,10 +27,12 @@ constexpr double kLongestRefusal = 60.0;
 /// Time that one evaluation takes at most on a slow processor [s]: estimated from what the model
 /// holds, not measured, because the work after which a step is refused must be the same everywhere.
 double DockingSim::Impl::find_evaluation_cost() const {
-  constexpr double kBasic = 3e-6, kPerBody = 0.6e-6, kKernel = 6e-6, kPerBristle = 3e-9;
-  const double mechanism = kPerBody * static_cast<double>(model->mechanism.model.bodies.size());
-  const double general = (unreduced ? 4.0 : 1.0) * (kBasic + mechanism);
-  return (rate_data->mechanism.kernel ? kKernel : general) +
+  constexpr double kBasic = 3e-6, kPerBody = 0.6e-6, kPerLegBody = 0.1e-6, kPerBristle = 3e-9;
+  const LoopPlan& plan = model->mechanism.plan;
+  const double tree = kPerBody * static_cast<double>(plan.tree_bodies.size());
+  const double legs = static_cast<double>(plan.leg_bodies.size());
+  const double mechanism = tree + (unreduced ? kPerBody : kPerLegBody) * legs;
+  return (unreduced ? 4.0 : 1.0) * (kBasic + mechanism) +
          kPerBristle * model->layout.bristle_count;
 }
 
@@ -190,7 +192,7 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
   const std::int64_t begun = find_work();
   stepper->set_evaluation_limit(limit);
   std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
-  margin_before = find_singularity_margin(data->mechanism);
+  margin_before = find_singularity_margin(model->mechanism, data->mechanism);
   double tau = 0.0;
   int refused = 0;           // end states in a row that could not be evaluated
   double proposal = h_warm;  // step size that error control asks for; stops do not count
@@ -335,7 +337,7 @@ void DockingSim::Impl::look_into_step(double from, double to) {
 /// step can begin. @param made, proposal  last step, size that error control asks for
 /// @return 0 if there is nothing to leap over
 double DockingSim::Impl::find_leap(double made, double proposal) {
-  const double margin = find_singularity_margin(data->mechanism);
+  const double margin = find_singularity_margin(model->mechanism, data->mechanism);
   const double rate = (margin_before - margin) / made;
   margin_before = margin;
   if (!(rate > 0.0) || margin > 3.0 * kChangeMargin) return 0.0;
@@ -465,12 +467,10 @@ void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& end) {
   }
 }
 
-/// At this communication point the scales, and the residual where all bodies are known; else it is
-/// found when it is read.
+/// Scales and residual at this communication point.
 void DockingSim::Impl::update_momentum_audit() {
   if (!conserves_momentum(*model)) return;
   update_momentum_scales(*model, stepper->y(), momentum_audit);
-  if (data->mechanism.by_kernel && !model->locked.on) return;
   momentum_audit.residual = std::max(
       momentum_audit.residual, find_momentum_residual(*model, *data, stepper->y(), momentum_audit));
 }

@@ -22,9 +22,7 @@ struct TreeData {
   VecX<S> q;      ///< coordinates, nq; independents set by the caller, dependents by the loops
   VecX<S> v;      ///< velocities, nv
   S time = S(0);  ///< since the start, for joints that are driven [s]; set by the caller
-  std::vector<int>
-      active;  ///< bodies that the recursions go over, ascending: all, unless some have
-               ///< no mass and carry none (their members below stay as they were made)
+  std::vector<int> all;  ///< all bodies, ascending
 
   // written by calc_joint_pose
   std::vector<Pose<S>> joint;  ///< pose of body i in its parent
@@ -35,9 +33,10 @@ struct TreeData {
   std::vector<Vec3<S>> p;  ///< base origin to own origin, base axes [m]
   std::vector<Vec3<S>> e;  ///< joint axis, base axes (not for free joints)
 
-  // written by calc_tree_inertia
+  // written by calc_body_inertia
   std::vector<Vec3<S>> h_body;  ///< mass x com of the body alone, base axes [kg m]
   std::vector<Mat3<S>> I_body;  ///< inertia of the body alone about its origin, base axes
+  // written by calc_body_inertia and calc_composite_inertia
   std::vector<S> m_sum;         ///< mass of the subtree [kg]
   std::vector<Vec3<S>> h_sum;   ///< first moment of the subtree about the origin of the body
   std::vector<Mat3<S>> I_sum;   ///< inertia of the subtree about the origin of the body
@@ -57,7 +56,7 @@ struct TreeData {
   VecX<S> tau_required;                ///< joint forces that these accelerations require, nv
 };
 
-/// Prescribed motion of the base, in base axes; gravity is told as part of it.
+/// Prescribed motion of the base, in base axes; gravity is a part of it.
 template <class S>
 struct BaseMotion {
   Vec3<S> w = Vec3<S>::Zero();        ///< angular velocity [rad/s]
@@ -73,26 +72,47 @@ void calc_joint_pose(const MechanismModel& model, int i, const S& c, const S& s,
 template <class S>
 void calc_joint_pose(const MechanismModel& model, int i, TreeData<S>& data);
 
-/// R, r, p, e of every body from the joint poses.
-template <class S>
-void calc_tree_position(const MechanismModel& model, TreeData<S>& data);
+// Recursions go over `bodies`, ascending: all, or those that belong to no leg of a platform. With a
+// list goes everything that carries a body of the list.
 
-/// Joint-space inertia A by composite bodies.      Featherstone, Rigid Body Dynamics
-/// Algorithms, 6.2
+/// R, r, p, e of bodies from the joint poses.
+template <class S>
+void calc_tree_position(const MechanismModel& model, const std::vector<int>& bodies,
+                        TreeData<S>& data);
+
+/// Mass properties of each body alone, also as a start of the sums.
+template <class S>
+void calc_body_inertia(const MechanismModel& model, const std::vector<int>& bodies,
+                       TreeData<S>& data);
+/// Joint-space inertia A (its rows and columns of these bodies) by composite bodies.
+/// Featherstone, Rigid Body Dynamics Algorithms, 6.2
+template <class S>
+void calc_composite_inertia(const MechanismModel& model, const std::vector<int>& bodies,
+                            TreeData<S>& data, MatX<S>& A);
+/// Both for all bodies, into data.A.
 template <class S>
 void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data);
 
 /// w, u of every body from v. The base turns with base_w and its origin is taken at rest.
 template <class S>
-void calc_tree_velocity(const MechanismModel& model, const Vec3<S>& base_w, TreeData<S>& data);
+void calc_tree_velocity(const MechanismModel& model, const std::vector<int>& bodies,
+                        const Vec3<S>& base_w, TreeData<S>& data);
 
 /// alpha, a of every body for given joint accelerations (null = zero: the bias).
 /// Gravity enters as an acceleration of the base, so `a` is the true acceleration less gravity.
 template <class S>
-void calc_tree_acceleration(const MechanismModel& model, const BaseMotion<S>& base,
-                            const VecX<S>* vdot, TreeData<S>& data);
+void calc_tree_acceleration(const MechanismModel& model, const std::vector<int>& bodies,
+                            const BaseMotion<S>& base, const VecX<S>* vdot, TreeData<S>& data);
 
-/// Inverse dynamics: tau_required and transmitted loads for the alpha, a present.
+/// Inverse dynamics of each body alone, for the alpha, a present: a start of `transmitted`.
+template <class S>
+void calc_body_forces(const MechanismModel& model, const std::vector<int>& bodies,
+                      TreeData<S>& data);
+/// tau_required, and what bodies pass on to those that carry them.
+template <class S>
+void calc_transmitted(const MechanismModel& model, const std::vector<int>& bodies,
+                      TreeData<S>& data);
+/// Both for all bodies: tau_required and transmitted loads.
 ///                                          Featherstone, Rigid Body Dynamics Algorithms, 5.3
 template <class S>
 void calc_tree_forces(const MechanismModel& model, TreeData<S>& data);

@@ -22,7 +22,7 @@ TreeData<S>::TreeData(const MechanismModel& model) {
   A.setZero(model.nv, model.nv);
   external.resize(n);
   transmitted.resize(n);
-  for (size_t i = 0; i < n; ++i) active.push_back(static_cast<int>(i));
+  for (size_t i = 0; i < n; ++i) all.push_back(static_cast<int>(i));
   tau_required.setZero(model.nv);
   for (size_t i = 0; i < model.home_q.size(); ++i) q[static_cast<int>(i)] = S(model.home_q[i]);
 }
@@ -65,8 +65,9 @@ void calc_joint_pose(const MechanismModel& model, int i, TreeData<S>& data) {
 }
 
 template <class S>
-void calc_tree_position(const MechanismModel& model, TreeData<S>& data) {
-  for (int i : data.active) {
+void calc_tree_position(const MechanismModel& model, const std::vector<int>& bodies,
+                        TreeData<S>& data) {
+  for (int i : bodies) {
     const Body& body = model.bodies[i];
     const int up = body.parent;
     if (up == kBase) {
@@ -84,9 +85,10 @@ void calc_tree_position(const MechanismModel& model, TreeData<S>& data) {
 }
 
 template <class S>
-void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data) {
+void calc_body_inertia(const MechanismModel& model, const std::vector<int>& bodies,
+                       TreeData<S>& data) {
   // Bodies alone, about their own origins, in base axes.
-  for (int i : data.active) {
+  for (int i : bodies) {
     const Body& body = model.bodies[i];
     if (body.mass == 0.0 && body.inertia.isZero(0.0)) {
       data.h_body[i].setZero();
@@ -102,8 +104,13 @@ void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data) {
     data.h_sum[i] = data.h_body[i];
     data.I_sum[i] = data.I_body[i];
   }
+}
+
+template <class S>
+void calc_composite_inertia(const MechanismModel& model, const std::vector<int>& bodies,
+                            TreeData<S>& data, MatX<S>& A) {
   // Composite bodies, leaves to root.
-  for (auto it = data.active.rbegin(); it != data.active.rend(); ++it) {
+  for (auto it = bodies.rbegin(); it != bodies.rend(); ++it) {
     const int i = *it;
     const int up = model.bodies[i].parent;
     if (up == kBase) continue;
@@ -117,8 +124,13 @@ void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data) {
         data.I_sum[i] + S(2) * mixed.trace() * Mat3<S>::Identity() - mixed - mixed.transpose();
   }
   // Columns of A: momentum of the composite body under one unit joint velocity, seen by ancestors.
-  data.A.setZero();
-  for (int i : data.active) {
+  for (int i : bodies) {
+    const Body& body = model.bodies[i];
+    for (int j : bodies) {
+      A.block(model.bodies[j].v_index, body.v_index, model.bodies[j].nv(), body.nv()).setZero();
+    }
+  }
+  for (int i : bodies) {
     const Body& body = model.bodies[i];
     for (int k = 0; k < body.nv(); ++k) {
       Vec3<S> angular, linear;
@@ -131,27 +143,34 @@ void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data) {
         const int row = ancestor.v_index;
         switch (ancestor.joint) {
           case JointType::kRevolute:
-            data.A(row, column) = data.e[j].dot(t);
+            A(row, column) = data.e[j].dot(t);
             break;
           case JointType::kPrismatic:
-            data.A(row, column) = data.e[j].dot(f);
+            A(row, column) = data.e[j].dot(f);
             break;
           case JointType::kFree:
-            data.A.col(column).template segment<3>(row).noalias() = data.R[j].transpose() * f;
-            data.A.col(column).template segment<3>(row + 3).noalias() = data.R[j].transpose() * t;
+            A.col(column).template segment<3>(row).noalias() = data.R[j].transpose() * f;
+            A.col(column).template segment<3>(row + 3).noalias() = data.R[j].transpose() * t;
             break;
         }
         t += data.r[j].cross(f);
       }
       // Rows below the diagonal from symmetry: ancestors have smaller indices.
-      for (int row = 0; row < column; ++row) data.A(column, row) = data.A(row, column);
+      for (int row = 0; row < column; ++row) A(column, row) = A(row, column);
     }
   }
 }
 
 template <class S>
-void calc_tree_velocity(const MechanismModel& model, const Vec3<S>& base_w, TreeData<S>& data) {
-  for (int i : data.active) {
+void calc_tree_inertia(const MechanismModel& model, TreeData<S>& data) {
+  calc_body_inertia(model, data.all, data);
+  calc_composite_inertia(model, data.all, data, data.A);
+}
+
+template <class S>
+void calc_tree_velocity(const MechanismModel& model, const std::vector<int>& bodies,
+                        const Vec3<S>& base_w, TreeData<S>& data) {
+  for (int i : bodies) {
     const Body& body = model.bodies[i];
     const int up = body.parent;
     const Vec3<S> w_up = up == kBase ? base_w : data.w[up];
@@ -174,10 +193,10 @@ void calc_tree_velocity(const MechanismModel& model, const Vec3<S>& base_w, Tree
 }
 
 template <class S>
-void calc_tree_acceleration(const MechanismModel& model, const BaseMotion<S>& base,
-                            const VecX<S>* vdot, TreeData<S>& data) {
+void calc_tree_acceleration(const MechanismModel& model, const std::vector<int>& bodies,
+                            const BaseMotion<S>& base, const VecX<S>* vdot, TreeData<S>& data) {
   const Vec3<S> base_a = base.a - base.gravity;
-  for (int i : data.active) {
+  for (int i : bodies) {
     const Body& body = model.bodies[i];
     const int up = body.parent;
     const Vec3<S> w_up = up == kBase ? base.w : data.w[up];
@@ -214,9 +233,10 @@ void calc_tree_acceleration(const MechanismModel& model, const BaseMotion<S>& ba
 }
 
 template <class S>
-void calc_tree_forces(const MechanismModel& model, TreeData<S>& data) {
+void calc_body_forces(const MechanismModel& model, const std::vector<int>& bodies,
+                      TreeData<S>& data) {
   // Newton and Euler for each body alone, about its own origin.
-  for (int i : data.active) {
+  for (int i : bodies) {
     const Vec3<S>& w = data.w[i];
     const Vec3<S>& h = data.h_body[i];
     Wrench<S>& load = data.transmitted[i];
@@ -225,8 +245,13 @@ void calc_tree_forces(const MechanismModel& model, TreeData<S>& data) {
     load.t = data.I_body[i] * data.alpha[i] + w.cross(Vec3<S>(data.I_body[i] * w)) +
              h.cross(data.a[i]) - data.external[i].t;
   }
+}
+
+template <class S>
+void calc_transmitted(const MechanismModel& model, const std::vector<int>& bodies,
+                      TreeData<S>& data) {
   // Leaves to root: what a body needs, its parent must pass on.
-  for (auto it = data.active.rbegin(); it != data.active.rend(); ++it) {
+  for (auto it = bodies.rbegin(); it != bodies.rend(); ++it) {
     const int i = *it;
     const Body& body = model.bodies[i];
     const Wrench<S>& load = data.transmitted[i];
@@ -249,15 +274,31 @@ void calc_tree_forces(const MechanismModel& model, TreeData<S>& data) {
   }
 }
 
+template <class S>
+void calc_tree_forces(const MechanismModel& model, TreeData<S>& data) {
+  calc_body_forces(model, data.all, data);
+  calc_transmitted(model, data.all, data);
+}
+
 #define DOCK_INSTANTIATE(S)                                                                       \
   template struct TreeData<S>;                                                                    \
   template void calc_joint_pose<S>(const MechanismModel&, int, const S&, const S&, TreeData<S>&); \
   template void calc_joint_pose<S>(const MechanismModel&, int, TreeData<S>&);                     \
-  template void calc_tree_position<S>(const MechanismModel&, TreeData<S>&);                       \
+  template void calc_tree_position<S>(const MechanismModel&, const std::vector<int>&,             \
+                                      TreeData<S>&);                                              \
+  template void calc_body_inertia<S>(const MechanismModel&, const std::vector<int>&,              \
+                                     TreeData<S>&);                                               \
+  template void calc_composite_inertia<S>(const MechanismModel&, const std::vector<int>&,         \
+                                          TreeData<S>&, MatX<S>&);                                \
   template void calc_tree_inertia<S>(const MechanismModel&, TreeData<S>&);                        \
-  template void calc_tree_velocity<S>(const MechanismModel&, const Vec3<S>&, TreeData<S>&);       \
-  template void calc_tree_acceleration<S>(const MechanismModel&, const BaseMotion<S>&,            \
-                                          const VecX<S>*, TreeData<S>&);                          \
+  template void calc_tree_velocity<S>(const MechanismModel&, const std::vector<int>&,             \
+                                      const Vec3<S>&, TreeData<S>&);                              \
+  template void calc_tree_acceleration<S>(const MechanismModel&, const std::vector<int>&,         \
+                                          const BaseMotion<S>&, const VecX<S>*, TreeData<S>&);    \
+  template void calc_body_forces<S>(const MechanismModel&, const std::vector<int>&,               \
+                                    TreeData<S>&);                                                \
+  template void calc_transmitted<S>(const MechanismModel&, const std::vector<int>&,               \
+                                    TreeData<S>&);                                                \
   template void calc_tree_forces<S>(const MechanismModel&, TreeData<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)

@@ -43,7 +43,7 @@ Times find_times(int repetitions, General general, Special special) {
 
 void evaluate(const Mechanism& mechanism, const BaseMotion<double>& base,
               MechanismData<double>& data) {
-  calc_position(mechanism, data);
+  calc_position(mechanism, data, Need::kRates);
   calc_velocity(mechanism, base, data);
   calc_acceleration(mechanism, base, data);
 }
@@ -102,14 +102,15 @@ void measure_scene(const std::string& file, std::shared_ptr<const KernelLibrary>
   Loads loads;
   loads.command.setZero(static_cast<int>(model.mechanism.model.forces.size()));
   const auto rates = [&](DockingData<double>& data, std::vector<double>& to) {
-    return calc_docking<double>(model, discrete, memory, loads, 0.0, y.data(), to.data(), data);
+    return calc_docking<double>(model, discrete, memory, loads, 0.0, y.data(), to.data(), data,
+                                Need::kRates);
   };
   if (!rates(general, ydot).ok()) throw ModelError("the start state cannot be evaluated");
-  keep_reference(general.mechanism.tree, general.mechanism.loops);
+  keep_reference(model.mechanism, general.mechanism);
   special.mechanism.loops.reference = general.mechanism.loops.reference;
-  special.mechanism.kernel = std::make_shared<GeneratedKernel>(model.mechanism, library);
+  special.mechanism.generated = std::make_shared<GeneratedKernel>(model.mechanism, library);
   rates(special, ydot_special);
-  if (!special.mechanism.by_kernel) throw ModelError("the kernel does not apply");
+  if (special.mechanism.found != Need::kRates) throw ModelError("the kernel does not apply");
   double error = 0.0, size = 0.0;
   for (size_t i = 0; i < y.size(); ++i) {
     error = std::max(error, std::abs(ydot[i] - ydot_special[i]));

@@ -2,8 +2,8 @@
 //
 //   mechanism_bench MECHANISM.json[,KERNEL.so]... [--benchmark_... options]
 //
-// Names of benchmarks: MECHANISM/CODE/WHAT. CODE is `general` (the core), `leg kernel`, `generated
-// kernel` (where they apply) or `hand-written` (only for hexapod_bench); WHAT is `accelerations`,
+// Names of benchmarks: MECHANISM/CODE/WHAT. CODE is `general` (the core), `generated
+// kernel` (where one applies) or `hand-written` (only for hexapod_bench); WHAT is `accelerations`,
 // `with reactions` (cut forces and the load on the base too) or a phase.
 #include <benchmark/benchmark.h>
 
@@ -13,6 +13,7 @@
 #include "benchmarks/hand_written_hexapod.hpp"
 #include "benchmarks/mechanism_evaluation.hpp"
 #include "loops/loop_equations.hpp"
+#include "mechanism/mechanism_jacobian.hpp"
 
 namespace {
 
@@ -40,10 +41,16 @@ void add_phases(const std::string& name, MechanismEvaluation& at) {
   const auto phase = [&](const char* what, auto work) { add(name + what, at, work); };
   phase("1 close the loops", [&] { calc_loop_position(model, plan, data.tree, data.loops); });
   phase("2 velocity maps", [&] { calc_velocity_maps(model, plan, data.loops); });
-  phase("3 tree positions", [&] { calc_tree_position(model, data.tree); });
-  phase("4 tree inertia", [&] { calc_tree_inertia(model, data.tree); });
+  const std::vector<int>& bodies = plan.tree_bodies;
+  phase("3 tree positions", [&] { calc_tree_position(model, bodies, data.tree); });
+  phase("4 tree and leg inertia", [&] {
+    calc_body_inertia(model, bodies, data.tree);
+    add_leg_masses(plan, data.loops, data.tree);
+    calc_composite_inertia(model, bodies, data.tree, data.A_tree);
+    add_leg_inertia(model, plan, data.tree, data.loops, data.A_tree);
+  });
   phase("5 reduce the inertia", [&] {
-    data.A = data.tree.A;
+    data.A = data.A_tree;
     reduce_inertia(plan, data.A, data.loops);
   });
   phase("6 factorise", [&] { data.factor.compute(data.A_ind); });
@@ -51,8 +58,10 @@ void add_phases(const std::string& name, MechanismEvaluation& at) {
   phase("8 joint forces", [&] { at.calc_forces(); });
   phase("9 bias and required forces", [&] {
     const VecX<double>* none = nullptr;
-    calc_tree_acceleration(model, base, none, data.tree);
-    calc_tree_forces(model, data.tree);
+    calc_tree_acceleration(model, bodies, base, none, data.tree);
+    calc_body_forces(model, bodies, data.tree);
+    add_leg_biases(model, plan, base, data.tau, data.tree, data.loops);
+    calc_transmitted(model, bodies, data.tree);
     data.b = data.tau - data.tree.tau_required;
   });
   phase("10 reduce the forces", [&] {
@@ -66,8 +75,10 @@ void add_phases(const std::string& name, MechanismEvaluation& at) {
   phase("12 dependent accelerations", [&] { calc_loop_acceleration(plan, data.vdot, data.loops); });
   phase("13 cut forces", [&] { calc_loop_forces(plan, data.vdot, data.loops); });
   phase("14 load on the base", [&] {
-    calc_tree_acceleration(model, base, &data.vdot, data.tree);
-    calc_tree_forces(model, data.tree);
+    calc_tree_acceleration(model, bodies, base, &data.vdot, data.tree);
+    calc_body_forces(model, bodies, data.tree);
+    add_leg_loads(plan, base, kBase, data.vdot, data.tree, data.loops, data.on_base);
+    calc_transmitted(model, bodies, data.tree);
   });
 }
 
@@ -94,19 +105,19 @@ struct Codes {
       calc_reactions(general.mechanism, general.base, kBase, general.data);
     });
     for (size_t i = 0; i < by_kernel.size(); ++i) add_kernel(name + "/" + names[i], by_kernel[i]);
+    add(name + "/general/eight derivatives", general, [this] {
+      start_jacobian_columns(general.mechanism, general.base, general.data, 0, *jacobian);
+      calc_position(general.mechanism, jacobian->dual, Need::kRates);
+      calc_velocity(general.mechanism, jacobian->base, jacobian->dual);
+      calc_acceleration(general.mechanism, jacobian->base, jacobian->dual);
+    });
     if (hand_written) add_hand_written(name);
     add_phases(name + "/phase/", general);
   }
 
   static void add_kernel(const std::string& name, MechanismEvaluation& at) {
     add(name + "/accelerations", at, [&] { at.calc_accelerations(); });
-    if (at.data.kernel->serves_accepted_states()) {
-      add(name + "/with reactions", at, [&] {
-        at.calc_accelerations();
-        calc_reactions(at.mechanism, at.base, kBase, at.data);
-      });
-    }
-    add(name + "/1 position", at, [&] { calc_position(at.mechanism, at.data); });
+    add(name + "/1 position", at, [&] { calc_position(at.mechanism, at.data, Need::kRates); });
     add(name + "/2 velocity", at, [&] { calc_velocity(at.mechanism, at.base, at.data); });
     add(name + "/3 joint forces", at, [&] { at.calc_forces(); });
     add(name + "/4 acceleration", at, [&] { calc_acceleration(at.mechanism, at.base, at.data); });
@@ -136,6 +147,7 @@ struct Codes {
   }
 
   MechanismEvaluation general;
+  std::unique_ptr<JacobianData> jacobian = std::make_unique<JacobianData>(general.mechanism);
   std::deque<MechanismEvaluation> by_kernel;  // addresses stay
   std::vector<std::string> names;
   std::optional<HandWrittenHexapod> hand_written;

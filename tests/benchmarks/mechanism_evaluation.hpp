@@ -21,12 +21,11 @@ struct NamedKernel {
   std::shared_ptr<MechanismKernel> kernel;
 };
 
-/// The kernels that apply to a mechanism.
-/// @param library  with a generated kernel; may be empty
+/// The generated code that applies to a mechanism.
+/// @param library  with it; may be empty
 inline std::vector<NamedKernel> find_kernels(const Mechanism& mechanism,
                                              const std::string& library) {
   std::vector<NamedKernel> found;
-  if (auto kernel = make_kernel(mechanism, nullptr)) found.push_back({"leg kernel", kernel});
   if (library.empty()) return found;
   const auto generated = std::make_shared<const KernelLibrary>(library);
   for (const KernelScope scope : {KernelScope::kDocking, KernelScope::kAny}) {
@@ -69,16 +68,16 @@ class MechanismEvaluation {
   }
 
   /// The present pose is what continuation starts from.
-  void accept() { keep_reference(data.tree, data.loops); }
+  void accept() { keep_reference(mechanism, data); }
 
   /// Evaluate by a kernel from now on. @return whether it takes all of the states
   bool use(const std::shared_ptr<MechanismKernel>& kernel) {
-    data.kernel = kernel;
+    data.generated = kernel;
     bool applies = true;
     for (int k = 0; k < kStates; ++k) {
       put_next_state();
       calc_accelerations();
-      applies = applies && data.by_kernel;
+      applies = applies && data.found == Need::kRates;
     }
     return applies;
   }
@@ -93,7 +92,7 @@ class MechanismEvaluation {
 
   /// Everything up to the independent accelerations. @return whether all loops are closed
   bool calc_accelerations() {
-    if (!calc_position(mechanism, data).ok()) return false;
+    if (!calc_position(mechanism, data, Need::kRates).ok()) return false;
     calc_velocity(mechanism, base, data);
     calc_forces();
     calc_acceleration(mechanism, base, data);

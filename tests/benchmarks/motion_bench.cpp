@@ -74,7 +74,7 @@ int main(int argc, char** argv) {
     std::deque<MechanismEvaluation> by_kernel;  // addresses stay
     for (const NamedKernel& kernel : find_kernels(general.mechanism, subject.kernel_file)) {
       MechanismEvaluation& at = by_kernel.emplace_back(subject.file);
-      at.data.kernel = kernel.kernel;
+      at.data.generated = kernel.kernel;
       add_core(kernel.name, reference, at);
     }
     benchmark::RunSpecifiedBenchmarks();

@@ -99,6 +99,7 @@ struct Eigen::NumTraits<dockloop::Counted> : Eigen::GenericNumTraits<dockloop::C
 #include "benchmarks/closed_mechanism.hpp"
 #include "loops/closed_form_body.hpp"
 #include "loops/leg_geometry_body.hpp"
+#include "loops/leg_platforms_body.hpp"
 #include "loops/loop_equations_body.hpp"
 #include "loops/loop_position_body.hpp"
 #include "loops/loop_reduction_body.hpp"
@@ -141,7 +142,7 @@ class CountedEvaluation {
         *x = Vec3<double>(0.2 + next(0.1), -0.3 + next(0.1), 0.1 + next(0.05));
       }
     }
-    if (!calc_position(mechanism, exact).ok()) throw ModelError(file + " cannot be closed");
+    if (!calc_position(mechanism, exact, Need::kState).ok()) throw ModelError(file + " cannot be closed");
     calc_velocity(mechanism, exact_base, exact);
     calc_acceleration(mechanism, exact_base, exact);
     calc_reactions(mechanism, exact_base, kBase, exact);
@@ -152,11 +153,11 @@ class CountedEvaluation {
             exact_base.a.cast<Counted>(), exact_base.gravity.cast<Counted>()};
   }
 
-  /// The whole of it, through the interface that everybody uses.
+  /// The whole of it, through the interface that callers use.
   OperationCount count_whole() {
     start();
     Counted::count = {};
-    calc_position(mechanism, data);
+    calc_position(mechanism, data, Need::kState);
     calc_velocity(mechanism, base, data);
     calc_acceleration(mechanism, base, data);
     calc_reactions(mechanism, base, kBase, data);
@@ -174,21 +175,32 @@ class CountedEvaluation {
     };
     const MechanismModel& model = mechanism.model;
     const LoopPlan& plan = mechanism.plan;
-    run("closing the loops", [&] { calc_loop_position(model, plan, data.tree, data.loops); });
+    // Legs of platforms are closed with the loops, and summed up in the phases that name them.
+    const std::vector<int>& bodies = plan.tree_bodies;
+    TreeData<Counted>& tree = data.tree;
+    data.found = Need::kState;
+    run("closing the loops", [&] { calc_loop_position(model, plan, tree, data.loops); });
     run("velocity maps", [&] { calc_velocity_maps(mechanism.model, plan, data.loops); });
-    run("tree positions", [&] { calc_tree_position(model, data.tree); });
-    run("tree inertia", [&] { calc_tree_inertia(model, data.tree); });
+    run("tree positions", [&] { calc_tree_position(model, bodies, tree); });
+    run("tree and leg inertia", [&] {
+      calc_body_inertia(model, bodies, tree);
+      add_leg_masses(plan, data.loops, tree);
+      calc_composite_inertia(model, bodies, tree, data.A_tree);
+      add_leg_inertia(model, plan, tree, data.loops, data.A_tree);
+    });
     run("reduction of the inertia", [&] {
-      data.A = data.tree.A;
+      data.A = data.A_tree;
       reduce_inertia(plan, data.A, data.loops);
     });
     run("velocities", [&] { calc_velocity(mechanism, base, data); });
     run("bias and forces", [&] {
       const VecX<Counted>* none = nullptr;
-      calc_tree_acceleration(model, base, none, data.tree);
-      calc_tree_forces(model, data.tree);
-      data.b = data.tau - data.tree.tau_required;
-      calc_loop_bias(model, plan, data.tree, data.loops);
+      calc_tree_acceleration(model, bodies, base, none, tree);
+      calc_body_forces(model, bodies, tree);
+      add_leg_biases(model, plan, base, data.tau, tree, data.loops);
+      calc_transmitted(model, bodies, tree);
+      data.b = data.tau - tree.tau_required;
+      calc_loop_bias(model, plan, tree, data.loops);
       reduce_forces(plan, data.b, data.loops);
     });
     run("solution", [&] {
@@ -197,6 +209,9 @@ class CountedEvaluation {
       data.factor.solveInPlace(data.a_ind);
     });
     run("dependent accelerations", [&] { calc_loop_acceleration(plan, data.vdot, data.loops); });
+    run("linear momentum", [&] {
+      if (!base_gravity_is_zero()) find_motion_sums(mechanism, data);
+    });
     run("cut forces", [&] { calc_loop_forces(plan, data.vdot, data.loops); });
     const OperationCount cut_forces = phases.back().count;
     run("load on the base", [&] { calc_reactions(mechanism, base, kBase, data); });
@@ -222,6 +237,7 @@ class CountedEvaluation {
       }
     }
   }
+  bool base_gravity_is_zero() const { return exact_base.gravity.isZero(0.0); }
   double phase_ = 0.0;
 };
 

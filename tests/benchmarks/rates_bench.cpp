@@ -84,17 +84,17 @@ class Docking {
   /// Evaluate by a kernel from now on. @return whether it takes the start state
   bool use(const std::shared_ptr<MechanismKernel>& kernel) {
     rates();
-    keep_reference(data_.mechanism.tree, data_.mechanism.loops);
-    data_.mechanism.kernel = kernel;
+    keep_reference(model_.mechanism, data_.mechanism);
+    data_.mechanism.generated = kernel;
     rates();
-    return data_.mechanism.by_kernel;
+    return data_.mechanism.found == Need::kRates;
   }
 
   void add_benchmarks(const std::string& name) {
     MechanismData<double>& mechanism = data_.mechanism;
     add(name + "/1 whole", [this] { rates(); });
     if (!model_.locked.on) {
-      add(name + "/2 position", [this, &mechanism] { calc_position(model_.mechanism, mechanism); });
+      add(name + "/2 position", [this, &mechanism] { calc_position(model_.mechanism, mechanism, Need::kRates); });
       add(name + "/3 velocity",
           [this, &mechanism] { calc_velocity(model_.mechanism, data_.base, mechanism); });
       add(name + "/6 acceleration",
@@ -110,7 +110,7 @@ class Docking {
       add(name + "/8 whole, surfaces near", [this] { evaluate(y_, awake_); });
       add(name + "/9 whole, in contact", [this] { evaluate(touching_, closed_); });
     }
-    if (!data_.mechanism.kernel) {
+    if (!data_.mechanism.generated) {
       pass_.emplace(model_);
       add(name + "/eight derivatives", [this] {
         start_docking_pass(model_, loads_, 0.0, y_.data(), *pass_);
@@ -123,7 +123,7 @@ class Docking {
  private:
   Status evaluate(const std::vector<double>& y, const ContactMemory& memory) {
     return calc_docking<double>(model_, discrete_, memory, loads_, 0.0, y.data(), ydot_.data(),
-                                data_);
+                                data_, Need::kRates);
   }
   Status rates() { return evaluate(y_, asleep_); }
 

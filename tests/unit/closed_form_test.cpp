@@ -241,8 +241,7 @@ TEST(ClosedForm, rates_sign_and_acceleration_agree_with_the_chain_differentiated
       }
       const Mat3<double> found = find_leg_inverse<double>(kind, shape, leg, axes);
       inverse.add((found * C - Mat3<double>::Identity()).norm(), std::to_string(trial));
-      EXPECT_EQ(find_leg_sign<double>(kind, shape, leg), C.determinant() < 0 ? -1 : 1);
-      if (kind == LegKind::kR1R2R3Perpendicular) continue;
+      EXPECT_EQ(find_leg_sign(kind, branch), C.determinant() < 0 ? -1 : 1);
       const V rate = random.vector(1.0);
       const Vec3<L> r = rate.cast<L>();
       const Vec3<L> second = ((along(r, h) + along(r, -h)) * L(16) -

@@ -91,11 +91,11 @@ TEST_P(EveryKernel, EvaluatesWithoutAllocating) {
   comparison.take_state(1);
   MechanismData<double>& data = comparison.special;
   EXPECT_EQ(0, count_allocations([&] {
-              calc_position(mechanism, data);
+              calc_position(mechanism, data, Need::kRates);
               calc_velocity(mechanism, comparison.base, data);
               calc_acceleration(mechanism, comparison.base, data);
             }));
-  EXPECT_TRUE(data.by_kernel);
+  EXPECT_EQ(data.found, Need::kRates);
 }
 #endif
 
@@ -105,21 +105,32 @@ TEST_P(EveryKernel, LeavesDoubtToTheGeneralCode) {
   MechanismData<double>& data = comparison.special;
   comparison.take_state(1);
   data.loops.reference.valid = false;
-  EXPECT_TRUE(calc_position(mechanism, data).ok());
-  EXPECT_FALSE(data.by_kernel);
+  EXPECT_TRUE(calc_position(mechanism, data, Need::kRates).ok());
+  EXPECT_EQ(data.found, Need::kState);
   data.loops.reference.valid = true;
   data.loops.reference.margin[0] = 0.01;
-  EXPECT_TRUE(calc_position(mechanism, data).ok());
-  EXPECT_FALSE(data.by_kernel);
+  EXPECT_TRUE(calc_position(mechanism, data, Need::kRates).ok());
+  EXPECT_EQ(data.found, Need::kState);
   calc_velocity(mechanism, comparison.base, data);
   calc_acceleration(mechanism, comparison.base, data);
-  calc_position(mechanism, comparison.general);
+  calc_position(mechanism, comparison.general, Need::kRates);
   calc_velocity(mechanism, comparison.base, comparison.general);
   calc_acceleration(mechanism, comparison.base, comparison.general);
   EXPECT_EQ(data.vdot, comparison.general.vdot);
   data.loops.reference.margin[0] = 1.0;
-  EXPECT_TRUE(calc_position(mechanism, data).ok());
-  EXPECT_TRUE(data.by_kernel);
+  EXPECT_TRUE(calc_position(mechanism, data, Need::kRates).ok());
+  EXPECT_EQ(data.found, Need::kRates);
+}
+
+// What a kernel does not fill is found by the general code.
+TEST_P(EveryKernel, IsNotUsedWhereMoreIsNeeded) {
+  KernelComparison comparison = make_comparison();
+  comparison.take_state(1);
+  MechanismData<double>& data = comparison.special;
+  for (const Need need : {Need::kState, Need::kEverything}) {
+    EXPECT_TRUE(calc_position(mechanism, data, need).ok());
+    EXPECT_EQ(data.found, need);
+  }
 }
 
 TEST_P(EveryKernel, FailsWhereTheGeneralCodeFails) {
@@ -127,11 +138,11 @@ TEST_P(EveryKernel, FailsWhereTheGeneralCodeFails) {
   int failures = 0;
   for (unsigned i = 0; i < 300; ++i) {
     comparison.take_state(i, i < 200 ? 0.05 + 0.001 * i : 0.6);
-    const Status general = calc_position(mechanism, comparison.general);
-    const Status special = calc_position(mechanism, comparison.special);
+    const Status general = calc_position(mechanism, comparison.general, Need::kRates);
+    const Status special = calc_position(mechanism, comparison.special, Need::kRates);
     EXPECT_EQ(general.code, special.code) << "state " << i;
     failures += general.ok() ? 0 : 1;
-    if (!special.ok() || !comparison.special.by_kernel) continue;
+    if (!special.ok() || comparison.special.found != Need::kRates) continue;
     EXPECT_TRUE(comparison.special.A_ind.allFinite());
     EXPECT_LT((comparison.special.A_ind - comparison.general.A_ind).norm(),
               1e-9 * comparison.general.A_ind.norm())
@@ -153,7 +164,7 @@ TEST(Kernel, TakesTheMassOfTheVehicleAsItIs) {
   vehicle.mass = 77.0;
   vehicle.com = Vec3<double>(0.0, 0.02, -0.03);
   vehicle.inertia << 30.0, 1.0, 2.0, 1.0, 40.0, 3.0, 2.0, 3.0, 50.0;
-  const std::shared_ptr<MechanismKernel> kernel = make_kernel(mechanism, library);
+  const std::shared_ptr<MechanismKernel> kernel = make_generated_kernel(mechanism, library);
   ASSERT_TRUE(kernel);
   KernelComparison comparison(mechanism, kernel, KernelScope::kDocking);
   comparison.take_state(3);
@@ -165,8 +176,8 @@ TEST(Kernel, IsNotUsedForAnotherMechanism) {
   const auto library = open_case("crank_nested");
   for (Body& body : mechanism.model.bodies) body.mass *= 1.0 + 1e-15;
   EXPECT_NE(library->hash(), find_kernel_hash(mechanism, KernelScope::kAny));
-  EXPECT_EQ(make_kernel(mechanism, library), nullptr);
-  EXPECT_EQ(make_kernel(mechanism, nullptr), nullptr);
+  EXPECT_EQ(make_generated_kernel(mechanism, library), nullptr);
+  EXPECT_EQ(make_generated_kernel(mechanism, nullptr), nullptr);
 }
 
 TEST(Kernel, IsRefusedByNameIfItIsNone) {

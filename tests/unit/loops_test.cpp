@@ -412,7 +412,7 @@ TEST(Newton, a_changed_assembly_branch_is_noticed_once_the_start_has_fixed_it) {
   // Accepted at home, found mirrored: H jumps with the sign.
   data.tree.q = home;
   ASSERT_TRUE(calc_position(mechanism, data).ok());
-  keep_reference(data.tree, data.loops);
+  keep_reference(mechanism, data);
   data.loops.block[0].sign = -sign;
   const MatX<double> H = data.loops.block[0].H;
   data.loops.reference.sign[0] = -sign;

@@ -114,7 +114,7 @@ bool set_random_state(TestRandom& random, const Mechanism& mechanism, MechanismD
     }
   }
   for (int i : mechanism.plan.ind_v) data.tree.v[i] = random.uniform(-0.5, 0.5);
-  return calc_position(mechanism, data).ok() && find_singularity_margin(data) > 0.3;
+  return calc_position(mechanism, data).ok() && find_singularity_margin(mechanism, data) > 0.3;
 }
 
 BaseMotion<double> make_base_motion(TestRandom& random, bool floating) {
@@ -178,7 +178,7 @@ VecX<L> find_gaps(const MechanismModel& model, const VecX<L>& q, TreeData<L>& tr
   for (size_t i = 0; i < model.bodies.size(); ++i) {
     calc_joint_pose(model, static_cast<int>(i), tree);
   }
-  calc_tree_position(model, tree);
+  calc_tree_position(model, tree.all, tree);
   VecX<L> gaps(3 * static_cast<int>(model.loops.size()));
   for (size_t k = 0; k < model.loops.size(); ++k) {
     const Loop& loop = model.loops[k];
@@ -286,9 +286,9 @@ TEST(Reduction, agrees_with_a_dense_system_with_multipliers) {
         }
         const BaseMotion<L> base_L = cast_base<L>(base);
         calc_tree_inertia(model, tree);
-        calc_tree_velocity<L>(model, base_L.w, tree);
+        calc_tree_velocity<L>(model, tree.all, base_L.w, tree);
         const VecX<L>* none = nullptr;
-        calc_tree_acceleration<L>(model, base_L, none, tree);
+        calc_tree_acceleration<L>(model, tree.all, base_L, none, tree);
         calc_tree_forces(model, tree);
         MatX<L> kkt = MatX<L>::Zero(nv + m, nv + m);
         kkt.topLeftCorner(nv, nv) = tree.A;
@@ -324,7 +324,7 @@ TEST(Reduction, agrees_with_a_dense_system_with_multipliers) {
           add_force(loop.terminal, loop.point_on_terminal, f, on_base);
           add_force(loop.closing, loop.point_on_closing, -f, on_base);
         }
-        calc_tree_acceleration<L>(model, base_L, &vdot, tree);
+        calc_tree_acceleration<L>(model, tree.all, base_L, &vdot, tree);
         calc_tree_forces(model, tree);
         for (size_t i = 0; i < model.bodies.size(); ++i) {
           if (model.bodies[i].parent != kBase) continue;

@@ -1,0 +1,380 @@
+// The formulas of the three kinds of legs, for any number: a double, a dual number, one of 32 digits, or
+// a register with eight legs side by side.
+//
+// All legs have three bodies and three joints (LegType), and everything is computed alike but for
+// this: which joint coordinates bring the tip to a point, the inverse of the loop matrix, what
+// force and moment do along the first and along the last joint, and how the rod moves on the tube.
+// P is the number, N that of the constants of a leg. LEGS.md derives the formulas.
+#pragma once
+
+#include "loops/leg_rows.hpp"
+#include "math/plain_vectors.hpp"
+
+namespace dockloop::legs {
+namespace {
+
+using namespace lanes;
+
+/// Is this square under a root positive? Vector code asks more: see leg_lanes_body.hpp.
+/// @param least  smallest quotient of `square` and `of`
+template <class P>
+Reached find_reached(const P& square, const P&, double) {
+  if (square > P(0)) return Reached::kYes;
+  return square < P(0) ? Reached::kNo : Reached::kSingular;
+}
+
+/// Mass, first moment, inertia; of cross and whole leg about the centre, of others about the elbow.
+template <class N, class P>
+struct Moments {
+  N m;
+  Vector<P> h;
+  Symmetric<P> J;
+};
+template <class N, class A, class B>
+Moments<N, Mix<A, B>> operator+(const Moments<N, A>& a, const Moments<N, B>& b) {
+  return {a.m + b.m, a.h + b.h, a.J + b.J};
+}
+template <class Cells, class N = typename Cells::Number>
+Moments<N, N> get_moments(const Cells& in, int row) {
+  return {in.get(row), in.get_vector(row + 1), in.get_symmetric(row + 4)};
+}
+/// About another point. @param r  from there to the former one
+template <class N, class P, class B>
+Moments<N, P> shift(const Moments<N, P>& of, const Vector<B>& r) {
+  const Vector<P> q = of.h + of.h + of.m * r;
+  const P trace = dot(r, q);
+  Symmetric<P> J = of.J;
+  J.xx += trace - r.x * q.x;
+  J.yy += trace - r.y * q.y;
+  J.zz += trace - r.z * q.z;
+  J.xy -= r.x * of.h.y + r.y * (of.h.x + of.m * r.x);
+  J.xz -= r.x * of.h.z + r.z * (of.h.x + of.m * r.x);
+  J.yz -= r.y * of.h.z + r.z * (of.h.y + of.m * r.y);
+  return {of.m, of.h + of.m * r, J};
+}
+template <class N, class P>
+Moments<N, P> shift(const Moments<N, P>& of, Zero) {
+  return of;
+}
+
+/// Momentum or force, and its moment about centre or elbow, E.
+template <class P>
+struct Wrench {
+  Vector<P> f, n;
+};
+template <class P>
+Wrench<P> operator+(const Wrench<P>& a, const Wrench<P>& b) {
+  return {a.f + b.f, a.n + b.n};
+}
+
+/// Of a body: acceleration of its point in the elbow (cross: centre), angular velocity and
+/// acceleration, E.
+template <class P, class A>
+struct Motion {
+  A a;
+  Vector<P> w, alpha;
+};
+
+/// What moves a body.
+template <class N, class B, class P, class A>
+Wrench<P> find_load(const Moments<N, B>& of, const Motion<P, A>& at) {
+  return {cross(at.alpha, of.h) + cross(at.w, cross(at.w, of.h)) + of.m * at.a,
+          of.J * at.alpha + cross(at.w, of.J * at.w) + cross(of.h, at.a)};
+}
+
+/// Lengths and assembly branch of a leg.
+template <class N>
+struct Shape {
+  Vector<N> tip;
+  N l1, height, elbow, flip;
+};
+
+/// What all kinds have.
+template <class N, class P>
+struct Leg {
+  Turn<P> first, second, third;
+  Vector<P> tip;  ///< from the elbow, E
+  N l1, height;   ///< of the crank
+  P slide;        ///< coordinate of the slide [m]
+  P reach[4];     ///< see kReach
+
+  template <class In, class Out>
+  void read(const In& in, const Out& work) {
+    second = work.get_turn(kTurns + 2);
+    tip = work.get_vector(kArm);
+    l1 = in.get(kCrank);
+    height = in.get(kCrank + 1);
+  }
+  template <class Out>
+  void write(const Out& work) const {
+    work.put(kTurns, first);
+    work.put(kTurns + 2, second);
+    work.put(kTurns + 4, third);
+    work.put(kSlide, slide);
+    work.put(kArm, tip);
+    for (int i = 0; i < 4; ++i) work.put(kReach + i, reach[i]);
+  }
+  /// Two squares, and what they are compared with.
+  void set_reach(const P& a, const P& of_a, const P& b, const P& of_b) {
+    reach[0] = a, reach[1] = of_a, reach[2] = b, reach[3] = of_b;
+  }
+};
+
+// Members of a kind, where they are not plain:
+//   solve          joint coordinates that bring the tip to L, K
+//   find_axes      of E, in K
+//   find_inverse   of the loop matrix: its rows, E, are joint rates per velocity of the tip
+//   find_elbow     from the centre, E
+//   get_axis       of the first joint, E; get_along_axis: component along it, K turned by it
+//   find_first     what force and moment about the elbow do along the first joint
+//   find_last      the same, along the last one
+//   find_turned    inertia about the first axis of what has these moments about the elbow, less
+//                  what it would have as a point there
+//   carry_last     momentum of the rod about the elbow per rate of the last joint
+//   move_rod       motion of the rod. @param rate, acceleration  of the last joint
+
+/// A universal joint and a slide.                                                      [Y2 (9a)]
+template <class N, class P>
+struct SlideLeg : Leg<N, P> {
+  using Base = Leg<N, P>;
+  using Base::first, Base::second, Base::third, Base::tip, Base::slide;
+
+  Reached solve(const Shape<N>& shape, const Vector<P>& L, double least) {
+    const Vector<N>& d = shape.tip;
+    const P square = dot(L, L), xi2 = square - d.y * d.y - d.z * d.z;
+    const P X2 = L.x * L.x + L.z * L.z - d.z * d.z;
+    this->set_reach(xi2, square, X2, square);
+    // A leg of no length has no direction either.
+    if (find_reached(xi2, square, least) != Reached::kYes) return Reached::kNo;
+    const Reached reached = find_reached(X2, square, least);
+    if (reached != Reached::kYes) return reached;
+    const P xi = shape.elbow * take_root(xi2), X = shape.flip * take_root(X2);
+    const P in_plane = 1.0 / (xi2 + d.y * d.y), across = 1.0 / (X2 + d.z * d.z);
+    second = {(xi * X + d.y * L.y) * in_plane, (xi * L.y - d.y * X) * in_plane};
+    first = {(X * L.x + d.z * L.z) * across, (d.z * L.x - X * L.z) * across};
+    third = {1.0 + P{}, P{}};
+    slide = xi - d.x;
+    tip = {xi, d.y + P{}, d.z + P{}};
+    return reached;
+  }
+  Matrix<P> find_axes() const {
+    const Turn<P>&a = first, &b = second;
+    return {{a.c * b.c, b.s, -a.s * b.c}, {-a.c * b.s, b.c, a.s * b.s}, {a.s, P{}, a.c}};
+  }
+  Matrix<P> find_inverse() const {
+    const P k2y = 1.0 / tip.x, k1z = 1.0 / (second.s * tip.y - second.c * tip.x);
+    const P k2z = k2y * second.s * tip.z * k1z, no{};
+    return {{no, no, k1z},
+            {no, k2y, k2z},
+            {1.0 + no, tip.y * k2y, tip.y * k2z - second.c * tip.z * k1z}};
+  }
+  Zero find_elbow() const { return {}; }
+  Vector<P> get_axis() const { return {second.s, second.c, P{}}; }
+  static P get_along_axis(const Vector<P>& v) { return v.y; }
+  P find_first(const Wrench<P>& w) const { return second.s * w.n.x + second.c * w.n.y; }
+  static P find_last(const Wrench<P>& w) { return w.f.x; }
+  P find_turned(const Moments<N, P>& of) const {
+    const P &s = second.s, &c = second.c;
+    return s * s * of.J.xx + 2.0 * s * c * of.J.xy + c * c * of.J.yy;
+  }
+  Moments<N, P> place_rod(const Moments<N, N>& rod) const {
+    const Vector<P> h = {rod.h.x + rod.m * slide, rod.h.y + P{}, rod.h.z + P{}};
+    const P spread_x = slide * (rod.h.x + h.x);
+    return {rod.m, h,
+            {rod.J.xx + P{}, rod.J.yy + spread_x, rod.J.zz + spread_x, rod.J.xy - slide * rod.h.y,
+             rod.J.xz - slide * rod.h.z, rod.J.yz + P{}}};
+  }
+  static Wrench<P> carry_last(const Moments<N, P>& rod) {
+    return {{rod.m + P{}, P{}, P{}}, {P{}, rod.h.z, -rod.h.y}};
+  }
+  template <class A, class B>
+  Motion<P, Vector<P>> move_rod(const Motion<P, A>& tube, const P& rate,
+                                const B& acceleration) const {
+    const P twice = 2.0 * rate;
+    const Vector<P> slip = {P{} + acceleration, twice * tube.w.z, -(twice * tube.w.y)};
+    return {slip + tube.a, tube.w, tube.alpha};
+  }
+};
+
+/// A crank and a universal joint with its first axis parallel to the crank's: seen along z, crank
+/// and rod are two links.                                                             [Y2 (9b)]
+/// The published steps carry errors in signs and denominators that are mended here.
+template <class N, class P>
+struct CrankLeg : Leg<N, P> {
+  using Base = Leg<N, P>;
+  using Base::first, Base::second, Base::third, Base::tip, Base::l1, Base::height, Base::slide;
+
+  Reached solve(const Shape<N>& shape, const Vector<P>& L, double least) {
+    const Vector<N>& d = shape.tip;
+    l1 = shape.l1;
+    height = shape.height;
+    const N steep = d.x * d.x + d.z * d.z;
+    const P h = L.z - height, X2 = steep - h * h;
+    const P flat = L.x * L.x + L.y * L.y, rod = X2 + d.y * d.y;
+    const P along = (flat - l1 * l1 - rod) / (2.0 * l1);  // second link along the crank
+    const P across2 = rod - along * along;
+    this->set_reach(X2, steep + P{}, across2, rod);
+    Reached reached = find_reached(X2, steep + P{}, least);
+    if (reached == Reached::kYes) reached = find_reached(across2, rod, least);
+    if (reached != Reached::kYes) return reached;
+    const P X = shape.flip * take_root(X2), across = shape.elbow * take_root(across2);
+    const N in_steep = 1.0 / steep;
+    const P in_rod = 1.0 / rod, in_flat = 1.0 / flat, distance = l1 + along;
+    first = {(distance * L.x + across * L.y) * in_flat, (distance * L.y - across * L.x) * in_flat};
+    second = {(along * X + across * d.y) * in_rod, (across * X - along * d.y) * in_rod};
+    third = {(d.x * X + d.z * h) * in_steep, (d.z * X - d.x * h) * in_steep};
+    slide = P{};
+    tip = {X, d.y + P{}, h};
+    return reached;
+  }
+  Matrix<P> find_axes() const {
+    const P c = first.c * second.c - first.s * second.s;
+    const P s = first.s * second.c + first.c * second.s, no{};
+    return {{c, s, no}, {-s, c, no}, {no, no, 1.0 + no}};
+  }
+  Matrix<P> find_inverse() const {
+    const P across = second.s * tip.x + second.c * tip.y, in = 1.0 / (l1 * across);
+    const P in_X = 1.0 / tip.x, no{};
+    const Vector<P> turn1 = in * tip;
+    const Vector<P> both =
+        (l1 * in) * Vector<P>{-second.c, second.s, -(second.c * tip.z * in_X)};
+    return {turn1, both - turn1, {no, no, -in_X}};
+  }
+  Vector<P> find_elbow() const { return turn_back(second, Vector<N>{l1, N{}, height}); }
+  Vector<P> get_axis() const { return {P{}, P{}, 1.0 + P{}}; }
+  static P get_along_axis(const Vector<P>& v) { return v.z; }
+  P find_first(const Wrench<P>& w) const {
+    return w.n.z + l1 * (second.s * w.f.x + second.c * w.f.y);
+  }
+  static P find_last(const Wrench<P>& w) { return w.n.y; }
+  P find_turned(const Moments<N, P>& of) const {
+    return of.J.zz + 2.0 * l1 * (second.c * of.h.x - second.s * of.h.y);
+  }
+  Moments<N, P> place_rod(const Moments<N, N>& rod) const {
+    return {rod.m, roll(this->third * roll_back(rod.h)),
+            roll(turn(this->third, roll_back(rod.J)))};
+  }
+  static Wrench<P> carry_last(const Moments<N, P>& rod) {
+    return {{rod.h.z, P{}, -rod.h.x}, {rod.J.xy, rod.J.yy, rod.J.yz}};
+  }
+  template <class A, class B>
+  Motion<P, A> move_rod(const Motion<P, A>& tube, const P& rate, const B& acceleration) const {
+    const Vector<P>&w = tube.w, &alpha = tube.alpha;
+    return {tube.a,
+            {w.x, w.y + rate, w.z},
+            {alpha.x - rate * w.z, alpha.y + acceleration, alpha.z + rate * w.x}};
+  }
+};
+
+/// The same with the first axis of the universal joint square to the crank's: the rod turns in the
+/// plane of x and z of the tube's second joint, with its tip at (0, l2 cos, l2 sin).
+template <class N, class P>
+struct SquareCrankLeg : Leg<N, P> {
+  using Base = Leg<N, P>;
+  using Base::first, Base::second, Base::third, Base::tip, Base::l1, Base::height, Base::slide;
+
+  Reached solve(const Shape<N>& shape, const Vector<P>& L, double least) {
+    const N l2 = shape.tip.y, square = l2 * l2;
+    l1 = shape.l1;
+    height = shape.height;
+    const P h = L.x - height, flat = L.y * L.y + L.z * L.z;
+    const P along = (flat + h * h - l1 * l1 - square) / (2.0 * l1);  // rod along the crank
+    const P y2 = along * along + h * h, z2 = square - y2;
+    this->set_reach(y2, square + P{}, z2, square + P{});
+    Reached reached = find_reached(y2, square + P{}, least);
+    if (reached == Reached::kYes) reached = find_reached(z2, square + P{}, least);
+    if (reached != Reached::kYes) return reached;
+    const P y = shape.flip * take_root(y2), z = shape.elbow * take_root(z2);
+    const N in_l2 = 1.0 / l2;
+    const P in_y = 1.0 / y, in_flat = 1.0 / flat, distance = l1 + along;
+    first = {(distance * L.y + z * L.z) * in_flat, (distance * L.z - z * L.y) * in_flat};
+    second = {along * in_y, -(h * in_y)};
+    third = {y * in_l2, z * in_l2};
+    slide = P{};
+    tip = {P{}, y, z};
+    return reached;
+  }
+  Matrix<P> find_axes() const {
+    const Turn<P>&a = first, &b = second;
+    return {{b.c, a.c * b.s, a.s * b.s}, {-b.s, a.c * b.c, a.s * b.c}, {P{}, -a.s, a.c}};
+  }
+  Matrix<P> find_inverse() const {
+    const N in_l1 = 1.0 / l1;
+    const P in_z = 1.0 / tip.z, in_y = 1.0 / tip.y, no{};
+    const Vector<P> turn1 = {no, tip.y * in_z * in_l1, in_l1 + no};
+    const Vector<P> turn2 = -(second.s * tip.z * in_y) * turn1, turn3 = -second.c * turn1;
+    return {turn1, {-in_y, turn2.y, turn2.z}, {no, turn3.y - in_z, turn3.z}};
+  }
+  Vector<P> find_elbow() const { return turn_back(second, Vector<N>{height, l1, N{}}); }
+  Vector<P> get_axis() const { return {second.c, -second.s, P{}}; }
+  static P get_along_axis(const Vector<P>& v) { return v.x; }
+  P find_first(const Wrench<P>& w) const {
+    return second.c * w.n.x - second.s * w.n.y + l1 * w.f.z;
+  }
+  static P find_last(const Wrench<P>& w) { return w.n.x; }
+  P find_turned(const Moments<N, P>& of) const {
+    const P &s = second.s, &c = second.c;
+    return c * c * of.J.xx - 2.0 * c * s * of.J.xy + s * s * of.J.yy +
+           2.0 * l1 * (c * of.h.y + s * of.h.x);
+  }
+  Moments<N, P> place_rod(const Moments<N, N>& rod) const {
+    return {rod.m, roll_back(this->third * roll(rod.h)),
+            roll_back(turn(this->third, roll(rod.J)))};
+  }
+  static Wrench<P> carry_last(const Moments<N, P>& rod) {
+    return {{P{}, -rod.h.z, rod.h.y}, {rod.J.xx, rod.J.xy, rod.J.xz}};
+  }
+  template <class A, class B>
+  Motion<P, A> move_rod(const Motion<P, A>& tube, const P& rate, const B& acceleration) const {
+    const Vector<P>&w = tube.w, &alpha = tube.alpha;
+    return {tube.a,
+            {w.x + rate, w.y, w.z},
+            {alpha.x + acceleration, alpha.y + rate * w.z, alpha.z - rate * w.y}};
+  }
+};
+
+template <class A, class B, class C, class P>
+struct LegMotion {
+  Motion<P, A> cross;
+  Motion<P, B> tube;
+  Motion<P, C> rod;
+};
+
+/// Velocities, and the accelerations that follow from them.
+/// @param w, alpha      of R, E
+/// @param a             acceleration of the centre, E
+/// @param rate          of the joints
+/// @param acceleration  of the joints, or Zero
+template <class AnyLeg, class W, class Alpha, class A, class P, class Acceleration>
+auto find_motion(const AnyLeg& leg, const W& w, const Alpha& alpha, const A& a,
+                 const Vector<P>& rate, const Acceleration& acceleration) {
+  const Vector<P> axis = leg.get_axis();
+  const Vector<P> w1 = w + rate.x * axis, w2 = {w1.x, w1.y, w1.z + rate.y};
+  const auto alpha1 = alpha + rate.x * cross(w, axis) + acceleration.x * axis;
+  const Vector<P> alpha2 =
+      Vector<P>{w1.y * rate.y, -(w1.x * rate.y), P{} + acceleration.y} + alpha1;
+  const auto arm = leg.find_elbow();
+  const auto elbow = a + (cross(alpha1, arm) + cross(w1, cross(w1, arm)));
+  using OfCross = decltype(a + Zero());
+  using OfTube = decltype(elbow + Zero());
+  const Motion<P, OfCross> of_cross{a, w1, Vector<P>{P{}, P{}, P{}} + alpha1};
+  const Motion<P, OfTube> tube{elbow, w2, alpha2};
+  const auto rod = leg.move_rod(tube, rate.z, acceleration.z);
+  using OfRod = decltype(rod.a + Zero());
+  return LegMotion<OfCross, OfTube, OfRod, P>{of_cross, tube, rod};
+}
+
+/// Joint accelerations that are zero.
+struct NoAcceleration {
+  Zero x, y, z;
+};
+
+/// Acceleration of the tip relative to R at zero joint accelerations, E.
+template <class AnyLeg, class P>
+Vector<P> find_tip_bias(const AnyLeg& leg, const Vector<P>& rate) {
+  const auto rod = find_motion(leg, Zero(), Zero(), Zero(), rate, NoAcceleration()).rod;
+  return cross(rod.alpha, leg.tip) + cross(rod.w, cross(rod.w, leg.tip)) + rod.a;
+}
+
+}  // namespace
+}  // namespace dockloop::legs

@@ -1,0 +1,203 @@
+// Platforms on legs: every leg is eliminated at its tip, as an apparent inertia and a force there.
+//
+// The bodies of such legs leave the tree. What remains of a leg is, for its root body R, its mass
+// frozen where it stands and the momentum that its joints carry; for its platform C, its apparent
+// inertia. Sums over legs are 6 x 6, whatever their number. LEGS.md derives this.
+// Legs of one kind stand side by side where numbers are doubles (leg_lanes.hpp); other scalars
+// evaluate the same formulas leg by leg (leg_stages.hpp).
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "loops/leg_lanes.hpp"
+#include "loops/loop_plan.hpp"
+#include "math/scalar.hpp"
+#include "tree/tree.hpp"
+
+namespace dockloop {
+
+/// A leg, and where its numbers stand.
+struct LegPlace {
+  int block = 0;
+  legs::LegType type = legs::kSlideLeg;
+  size_t group = 0;
+  int lane = 0;
+  std::vector<int> body;          ///< from the root outwards
+  int q[3] = {}, v[3] = {};       ///< of its joints
+  double sign[3] = {};                     ///< of the joint coordinates in the canonical ones
+  ClosedForm form;
+  Vec3<double> ring;  ///< tip on the platform, axes of the platform
+};
+
+/// A joint whose motion is found in every evaluation: one that slides or carries a force.
+struct ReportedJoint {
+  size_t leg = 0;
+  int joint = 0;
+  bool slides = false, needs_angle = false;
+};
+
+/// Numbers of all legs of a platform, leg by leg.
+template <class S>
+class LegStore {
+ public:
+  using Constant = std::conditional_t<std::is_same_v<S, Extended>, Extended, double>;
+  void add(LegPlace& place);
+  void finish() {}
+  void put(const LegPlace& at, int row, const Constant& x) { legs_[at.group].parameter[row] = x; }
+  const Constant& get(const LegPlace& at, int row) const { return legs_[at.group].parameter[row]; }
+  S& work(const LegPlace& at, int row) { return legs_[at.group].work[row]; }
+  const S& work(const LegPlace& at, int row) const { return legs_[at.group].work[row]; }
+  /// Stages as in LegFunctions.
+  bool calc_position(const legs::PlatformMotion<S>& at, bool moving, double least, S* sums);
+  void calc_angles(int) {}
+  void calc_rates(const legs::PlatformMotion<S>& at);
+  void calc_bias(const legs::PlatformMotion<S>& at, bool moving, S* sums);
+  void calc_loads(const legs::PlatformMotion<S>& at, S* sums);
+
+ private:
+  struct One {
+    legs::LegType type;
+    Constant parameter[legs::kParameters];
+    S work[legs::kWork];
+  };
+  std::vector<One> legs_;
+};
+
+/// The same for doubles: side by side.
+template <>
+class LegStore<double> {
+ public:
+  using Constant = double;
+  void add(LegPlace& place);
+  /// Fill the lanes that are left: the first leg of their group again, without mass and force.
+  void finish();
+  void put(const LegPlace& at, int row, double x) {
+    groups_[at.group].parameter[row][at.lane] = x;
+  }
+  double get(const LegPlace& at, int row) const {
+    return groups_[at.group].parameter[row][at.lane];
+  }
+  double& work(const LegPlace& at, int row) { return groups_[at.group].work[row][at.lane]; }
+  double work(const LegPlace& at, int row) const { return groups_[at.group].work[row][at.lane]; }
+  bool calc_position(const legs::PlatformMotion<double>& at, bool moving, double least,
+                     double* sums) {
+    return functions_->calc_position(groups_.data(), count(), at, moving, least, sums);
+  }
+  void calc_angles(int joint) { functions_->calc_angles(groups_.data(), count(), joint); }
+  void calc_rates(const legs::PlatformMotion<double>& at) {
+    functions_->calc_rates(groups_.data(), count(), at);
+  }
+  void calc_bias(const legs::PlatformMotion<double>& at, bool moving, double* sums) {
+    functions_->calc_bias(groups_.data(), count(), at, moving, sums);
+  }
+  void calc_loads(const legs::PlatformMotion<double>& at, double* sums) {
+    functions_->calc_loads(groups_.data(), count(), at, sums);
+  }
+  /// @param widest  lanes at most, for tests; results do not depend on it
+  void use_lanes(int widest) { functions_ = &legs::find_leg_functions(widest); }
+
+ private:
+  int count() const { return static_cast<int>(groups_.size()); }
+  const legs::LegFunctions* functions_ = &legs::find_leg_functions(kGroup);
+  std::vector<legs::LegGroup> groups_;
+  std::vector<int> used_;  ///< lanes per group
+};
+
+/// Everything computed for one platform.
+template <class S>
+struct PlatformData {
+  PlatformData(const MechanismModel& model, const LoopPlan& plan, const LegPlatform& platform);
+  std::vector<LegPlace> legs;
+  std::vector<ReportedJoint> reported;
+  std::array<bool, 3> angles{};  ///< is the angle of a first, second, third joint reported?
+  LegStore<S> store;
+  S mass = S(0);                   ///< of all legs [kg]
+  legs::PlatformMotion<S> motion;  ///< of C relative to R
+  std::vector<Pose<S>> pose;       ///< of the bodies of the path, in R; not where one free joint is
+                                   ///< the path
+  Eigen::Matrix<S, 6, Eigen::Dynamic> J;  ///< twist of C relative to R (velocity of the origin,
+                                          ///< angular velocity; C) per velocity of the path
+  std::array<S, legs::kPositionSums> sums;
+  std::array<S, legs::kBiasSums> bias;
+  Wrench<S> external;       ///< loads on bodies of the legs, about the origin of R, base axes
+  bool is_loaded = false;   ///< there are such loads
+  bool carries = false;     ///< the sums hold what R carries along
+};
+
+template <class S>
+struct LoopData;
+
+/// Close all legs, and sum up their inertia. In: joint poses of all other bodies. Out: coordinates
+/// of reported joints.
+/// @return kOutOfReach, kLoopSingular, kBranchChanged with the loop index and margin
+template <class S>
+Status calc_leg_positions(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
+                          LoopData<S>& loops);
+
+/// Coordinates of all joints of legs, and joint poses of their bodies. @pre calc_leg_positions
+template <class S>
+void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops);
+
+/// H, margin, sign of the blocks of legs. @pre calc_leg_positions
+template <class S>
+void calc_leg_maps(LoopData<S>& loops);
+
+/// Rates of the joints of legs, where rows of `columns` are other velocities of the tree that are
+/// possible. @pre calc_leg_positions
+template <class S>
+void add_leg_columns(const LoopPlan& plan, const LoopData<S>& loops, MatX<S>& columns);
+
+/// The masses of the legs, frozen, onto their root bodies. @pre calc_body_inertia
+template <class S>
+void add_leg_masses(const LoopPlan& plan, const LoopData<S>& loops, TreeData<S>& tree);
+
+/// What moves with the platforms. @pre calc_composite_inertia
+template <class S>
+void add_leg_inertia(const MechanismModel& model, const LoopPlan& plan, const TreeData<S>& tree,
+                     const LoopData<S>& loops, MatX<S>& A);
+
+/// Rates of the legs; out: those of reported joints. @pre calc_tree_velocity
+template <class S>
+void calc_leg_velocities(const MechanismModel& model, const LoopPlan& plan, const Vec3<S>& base_w,
+                         TreeData<S>& tree, LoopData<S>& loops);
+
+/// Rates of all joints of legs. @pre calc_leg_velocities
+template <class S>
+void put_leg_velocities(TreeData<S>& tree, const LoopData<S>& loops);
+
+/// What the legs need at zero joint accelerations, onto platforms and roots (tree.transmitted).
+/// @pre calc_tree_acceleration, calc_body_forces. @param tau  joint forces
+template <class S>
+void add_leg_biases(const MechanismModel& model, const LoopPlan& plan, const BaseMotion<S>& base,
+                    const VecX<S>& tau, TreeData<S>& tree, LoopData<S>& loops);
+
+/// h of the blocks of legs, and the accelerations of their joints. @pre calc_leg_maps,
+/// add_leg_biases, other accelerations
+template <class S>
+void put_leg_accelerations(const LoopPlan& plan, VecX<S>& vdot, LoopData<S>& loops);
+
+/// Cut forces of the legs; what the legs need, onto their roots (tree.transmitted), or onto
+/// `on_base` where the root is `base_body`.
+/// @pre add_leg_biases; calc_tree_acceleration with vdot, calc_body_forces
+template <class S>
+void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_body,
+                   const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops, Wrench<S>& on_base);
+
+/// Sums over the legs of one platform, base axes, about the origin of its root.
+template <class S>
+struct LegSums {
+  S mass, kinetic_energy;
+  Vec3<S> first_moment;
+  Wrench<S> momentum;
+};
+/// @pre calc_leg_velocities, on a base at rest
+template <class S>
+LegSums<S> find_leg_sums(const LegPlatform& platform, const TreeData<S>& tree,
+                         const PlatformData<S>& at);
+
+/// Smallest margin of the legs of a platform [-].
+template <class S>
+double find_leg_margin(const PlatformData<S>& at);
+
+}  // namespace dockloop

@@ -1,0 +1,891 @@
+// Legs condensed to their tips, for any scalar; see leg_platforms.hpp.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <type_traits>
+
+#include "loops/branch_following.hpp"
+#include "loops/leg_platforms.hpp"
+#include "loops/leg_stages.hpp"
+#include "loops/loop_equations.hpp"
+#include "loops/path_motion.hpp"
+
+namespace dockloop {
+
+// ---------------------------------------------------------------- legs one by one
+
+template <class S>
+void LegStore<S>::add(LegPlace& place) {
+  place.group = legs_.size();
+  legs_.emplace_back();
+  legs_.back().type = place.type;
+}
+
+namespace {
+
+// The stages for one leg. N is the number of its constants.
+
+template <class N, class S>
+bool calc_one_position(legs::LegType type, const N* parameter, S* one,
+                       const legs::PlatformMotion<S>& at, bool moving, double least, S* sums) {
+  const lanes::CellsOf<lanes::OneByOne<const N>> in{{parameter}};
+  const lanes::CellsOf<lanes::OneByOne<S>> work{{one}}, total{{sums}};
+  const lanes::Matrix<S> R = lanes::spread9<S>(at.R);
+  const lanes::Vector<S> p = lanes::spread3<S>(at.p);
+  const legs::Reached reached = legs::visit_leg<N, S>(type, [&](auto leg) {
+    return moving ? legs::calc_leg_position<true>(leg, in, work, total, R, p, least)
+                  : legs::calc_leg_position<false>(leg, in, work, total, R, p, least);
+  });
+  if (reached != legs::Reached::kYes) return false;
+  for (int i = legs::kReach; i < legs::kReach + 4; i += 2) {
+    if (!(to_double(one[i]) >= least * to_double(one[i + 1]))) return false;
+  }
+  return true;
+}
+
+template <class N, class S>
+void calc_one_bias(legs::LegType type, const N* parameter, S* one,
+                   const legs::PlatformMotion<S>& at, bool moving, S* sums) {
+  const lanes::CellsOf<lanes::OneByOne<const N>> in{{parameter}};
+  const lanes::CellsOf<lanes::OneByOne<S>> work{{one}}, total{{sums}};
+  legs::visit_leg<N, S>(type, [&](auto leg) {
+    if (moving) return legs::calc_leg_bias<true>(leg, in, work, total, at);
+    legs::calc_leg_bias<false>(leg, in, work, total, at);
+  });
+}
+
+template <class N, class S>
+void calc_one_load(legs::LegType type, const N* parameter, S* one,
+                   const legs::PlatformMotion<S>& at, S* sums) {
+  const lanes::CellsOf<lanes::OneByOne<const N>> in{{parameter}};
+  const lanes::CellsOf<lanes::OneByOne<S>> work{{one}}, total{{sums}};
+  legs::visit_leg<N, S>(type,
+                        [&](auto leg) { legs::calc_leg_loads(leg, in, work, total, at); });
+}
+
+template <class N, class S>
+void calc_one_rate(const N* parameter, S* one, const legs::PlatformMotion<S>& at) {
+  legs::calc_leg_rates<S>(lanes::CellsOf<lanes::OneByOne<const N>>{{parameter}},
+                          lanes::CellsOf<lanes::OneByOne<S>>{{one}}, at);
+}
+
+}  // namespace
+
+template <class S>
+bool LegStore<S>::calc_position(const legs::PlatformMotion<S>& at, bool moving, double least,
+                                S* sums) {
+  std::fill_n(sums, moving ? legs::kPositionSums : legs::kFixedSums, S(0));
+  for (One& one : legs_) {
+    if (!calc_one_position(one.type, one.parameter, one.work, at, moving, least, sums)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+template <class S>
+void LegStore<S>::calc_rates(const legs::PlatformMotion<S>& at) {
+  for (One& one : legs_) calc_one_rate(one.parameter, one.work, at);
+}
+
+template <class S>
+void LegStore<S>::calc_bias(const legs::PlatformMotion<S>& at, bool moving, S* sums) {
+  std::fill_n(sums, moving ? legs::kBiasSums : legs::kFixedBiasSums, S(0));
+  for (One& one : legs_) calc_one_bias(one.type, one.parameter, one.work, at, moving, sums);
+}
+
+template <class S>
+void LegStore<S>::calc_loads(const legs::PlatformMotion<S>& at, S* sums) {
+  std::fill_n(sums, legs::kLoadSums, S(0));
+  for (One& one : legs_) calc_one_load(one.type, one.parameter, one.work, at, sums);
+}
+
+// ---------------------------------------------------------------- set-up
+
+namespace {
+
+/// Mass, first moment, inertia about an origin.
+template <class N>
+struct BodyMoments {
+  N mass = N(0);
+  Vec3<N> first = Vec3<N>::Zero();
+  Mat3<N> inertia = Mat3<N>::Zero();
+};
+
+/// Of a body, about the origin of axes in which it has this pose.
+template <class N>
+BodyMoments<N> find_moments(const Body& body, const Pose<N>& pose) {
+  const Vec3<N> c = pose.R * body.com.cast<N>() + pose.p;
+  const N mass(body.mass);
+  return {mass, mass * c,
+          pose.R * body.inertia.cast<N>() * pose.R.transpose() +
+              mass * (c.squaredNorm() * Mat3<N>::Identity() - c * c.transpose())};
+}
+
+/// A rotation matrix to the digits of its numbers. @param R  one to rounding of doubles
+template <class N>
+Mat3<N> find_rotation(const Mat3<double>& R) {
+  Mat3<N> m = R.cast<N>();
+  if constexpr (!std::is_same_v<N, double>) {
+    for (int i = 0; i < 2; ++i) {  // twice as many digits each time
+      m = (N(0.5) * m * (N(3) * Mat3<N>::Identity() - m.transpose() * m)).eval();
+    }
+  }
+  return m;
+}
+
+/// Constants of a leg (legs::Parameter).
+template <class S>
+void put_leg_constants(const MechanismModel& model, const LegPlace& place, LegStore<S>& store) {
+  using N = typename LegStore<S>::Constant;
+  const ClosedForm& form = place.form;
+  const auto put = [&](int row, const N& x) { store.put(place, row, x); };
+  const auto put_vector = [&](int row, const Vec3<N>& x) {
+    for (int i = 0; i < 3; ++i) put(row + i, x[i]);
+  };
+  const auto put_moments = [&](int row, const BodyMoments<N>& of) {
+    const Mat3<N>& m = of.inertia;
+    const N cells[] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
+    put(row, of.mass);
+    put_vector(row + 1, of.first);
+    for (int i = 0; i < 6; ++i) put(row + 4 + i, cells[i]);
+  };
+  Mat3<double> axes = form.in_parent.R;
+  Vec3<double> elbow(form.shape.l1, 0.0, form.shape.height), tip = form.shape.tip;
+  int axis = form.kind == LegKind::kR2P1R3 ? 1 : 2;  // of the first joint
+  if (form.kind == LegKind::kR2P1R3) elbow.setZero();
+  if (form.kind == LegKind::kR1R2R3Perpendicular) {  // its second joint must turn about z
+    axes << form.in_parent.R.col(2), form.in_parent.R.col(0), form.in_parent.R.col(1);
+    elbow = {form.shape.height, form.shape.l1, 0.0};
+    tip = {0.0, form.shape.l2, 0.0};
+    axis = 0;
+  }
+  const Pose<N> K{find_rotation<N>(axes), form.in_parent.p.cast<N>()};
+  for (int i = 0; i < 3; ++i) put_vector(legs::kAxesK + 3 * i, K.R.col(i));
+  put_vector(legs::kCentre, K.p);
+  put_vector(legs::kCentreK, K.R.transpose() * K.p);
+  put_vector(legs::kRing, place.ring.cast<N>());
+  put_vector(legs::kTip, tip.cast<N>());
+  put(legs::kElbow, N(form.branch.elbow));
+  put(legs::kFlip, N(form.branch.flip));
+  put(legs::kCrank, N(form.shape.l1));
+  put(legs::kCrank + 1, N(form.shape.height));
+  // The three bodies at canonical coordinates zero, axes K; the outer two about the elbow.
+  Pose<N> pose = inverse(K);
+  BodyMoments<N> moments[3];
+  for (size_t i = 0; i < 3; ++i) {
+    const JointMap& joint = form.joint[i];
+    const Body& body = model.bodies[joint.body];
+    pose = pose * Pose<N>{body.placement.R.cast<N>(), body.placement.p.cast<N>()};
+    // theta = sign q + zero = 0
+    if (body.joint == JointType::kRevolute) {
+      pose.R = (pose.R * axis_rotation<N>(body.axis.cast<N>(), N(joint.c),
+                                          N(-joint.sign * joint.s)))
+                   .eval();
+    }
+    moments[i] =
+        find_moments<N>(body, {pose.R, i == 0 ? pose.p : Vec3<N>(pose.p - elbow.cast<N>())});
+  }
+  put_moments(legs::kCross, moments[0]);
+  put_moments(legs::kTube, moments[1]);
+  put_moments(legs::kRod, moments[2]);
+  elbow[axis] = 0.0;
+  put(legs::kTurned, moments[0].inertia(axis, axis) +
+                         (moments[1].mass + moments[2].mass) * N(elbow.squaredNorm()));
+}
+
+/// Does a force depend on the coordinate of its joint?
+inline bool depends_on_coordinate(const JointForce& law) {
+  return law.stiffness != 0.0 || law.preload != 0.0 || law.stops.present;
+}
+
+template <class S>
+void list_reported_joints(const MechanismModel& model, PlatformData<S>& at) {
+  for (size_t k = 0; k < at.legs.size(); ++k) {
+    for (int i = 0; i < 3; ++i) {
+      const int body = at.legs[k].body[i];
+      ReportedJoint joint{k, i, model.bodies[body].joint == JointType::kPrismatic, false};
+      bool forced = false;
+      for (const JointForce& law : model.forces) {
+        if (law.body != body) continue;
+        forced = true;
+        joint.needs_angle =
+            joint.needs_angle || (!joint.slides && depends_on_coordinate(law));
+      }
+      if (!joint.slides && !forced) continue;
+      at.angles[i] = at.angles[i] || joint.needs_angle;
+      at.reported.push_back(joint);
+    }
+  }
+}
+
+}  // namespace
+
+template <class S>
+PlatformData<S>::PlatformData(const MechanismModel& model, const LoopPlan& plan,
+                              const LegPlatform& platform) {
+  for (const legs::LegType type : {legs::kSlideLeg, legs::kCrankLeg, legs::kSquareCrankLeg}) {
+    for (int b : platform.blocks) {
+      LegPlace place;
+      place.block = b;
+      place.form = *plan.blocks[b].form();
+      if (static_cast<int>(place.form.kind) != static_cast<int>(type)) continue;
+      place.type = type;
+      place.ring = model.loops[plan.blocks[b].loops[0]].point_on_closing;
+      for (int i = 0; i < 3; ++i) {
+        const Body& body = model.bodies[place.form.joint[i].body];
+        place.body.push_back(place.form.joint[i].body);
+        place.q[i] = body.q_index;
+        place.v[i] = body.v_index;
+        place.sign[i] = place.form.joint[i].sign;
+        mass += S(body.mass);
+      }
+      store.add(place);
+      put_leg_constants(model, place, store);
+      legs.push_back(place);
+    }
+  }
+  store.finish();
+  list_reported_joints(model, *this);
+  if (!platform.is_free) pose.resize(platform.path.size());
+  J.setZero(6, static_cast<int>(platform.low.size()));
+  if (platform.is_free) J.setIdentity();
+  sums.fill(S(0));
+  bias.fill(S(0));
+  motion = {};
+}
+
+// ---------------------------------------------------------------- position
+
+namespace {
+
+template <class S>
+Eigen::Map<Vec3<S>> as_vector(S* x) {
+  return Eigen::Map<Vec3<S>>(x);
+}
+template <class S>
+Eigen::Map<const Vec3<S>> as_vector(const S* x) {
+  return Eigen::Map<const Vec3<S>>(x);
+}
+template <class S>
+Eigen::Map<const Mat3<S>> as_columns(const S* x) {
+  return Eigen::Map<const Mat3<S>>(x);
+}
+template <class S>
+Mat3<S> get_rows(const S* x) {
+  return Eigen::Map<const Mat3<S>>(x).transpose();
+}
+template <class S>
+Mat3<S> get_symmetric(const S* s) {
+  Mat3<S> m;
+  m << s[0], s[3], s[4], s[3], s[1], s[5], s[4], s[5], s[2];
+  return m;
+}
+
+/// Pose of C in R, and how it moves with the joints of a path that is more than a free joint.
+template <class S>
+void calc_platform_pose(const MechanismModel& model, const LegPlatform& platform,
+                        const TreeData<S>& tree, PlatformData<S>& at) {
+  if (platform.is_free) {
+    const Pose<S>& joint = tree.joint[platform.body];
+    Eigen::Map<Mat3<S>>(at.motion.R) = joint.R;
+    as_vector(at.motion.p) = joint.p;
+    return;
+  }
+  for (size_t i = 0; i < platform.path.size(); ++i) {
+    const Pose<S>& joint = tree.joint[platform.path[i]];
+    at.pose[i] = i == 0 ? joint : at.pose[i - 1] * joint;
+  }
+  const Pose<S>& end = at.pose.back();
+  Eigen::Map<Mat3<S>>(at.motion.R) = end.R;
+  as_vector(at.motion.p) = end.p;
+  int column = 0;
+  for (size_t i = 0; i < platform.path.size(); ++i) {
+    const Body& body = model.bodies[platform.path[i]];
+    Vec3<S> e = Vec3<S>::Zero();
+    if (body.joint != JointType::kFree) e = at.pose[i].R * body.axis.template cast<S>();
+    for (int k = 0; k < body.nv(); ++k) {
+      Vec3<S> angular, linear;
+      get_joint_column(body, at.pose[i].R, e, k, angular, linear);
+      linear += angular.cross(Vec3<S>(end.p - at.pose[i].p));
+      at.J.col(column).template head<3>() = end.R.transpose() * linear;
+      at.J.col(column++).template tail<3>() = end.R.transpose() * angular;
+    }
+  }
+}
+
+/// The branch of each leg: that of the accepted pose, unless that pose is near a singular one.
+template <class S>
+void choose_leg_branches(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
+                         LoopData<S>& loops, PlatformData<S>& at) {
+  using N = typename LegStore<S>::Constant;
+  const LoopReference<S>& reference = loops.reference;
+  for (const LegPlace& leg : at.legs) {
+    const size_t b = static_cast<size_t>(leg.block);
+    BlockData<S>& data = loops.block[b];
+    if (reference.valid) {
+      data.branch = reference.branch[b];
+      predict(model, b, plan.blocks[b], tree, loops);
+      if (is_near_singular(model, plan.blocks[b], tree, reference, b)) {
+        const int k = plan.blocks[b].loops[0];
+        const Vec3<S> L = find_leg_target(leg.form, model.loops[k], plan.paths[k], tree);
+        choose_branch<S>(model, leg.form, L, tree.q, plan.loop_size[k], 0, data.branch);
+      }
+    }
+    at.store.put(leg, legs::kElbow, N(data.branch.elbow));
+    at.store.put(leg, legs::kFlip, N(data.branch.flip));
+  }
+}
+
+/// Why the legs cannot be closed, or not well: the first leg that tells.
+template <class S>
+Status find_leg_failure(const MechanismModel& model, const LoopPlan& plan,
+                        const TreeData<S>& tree, const LoopData<S>& loops,
+                        const LegPlatform& platform) {
+  for (int b : platform.blocks) {
+    const LoopBlock& block = plan.blocks[b];
+    const ClosedForm& form = *block.form();
+    const int k = block.loops[0];
+    const Vec3<S> L = find_leg_target(form, model.loops[k], plan.paths[k], tree);
+    const LegSolution<S> leg = solve_leg<S>(form.kind, form.shape, loops.block[b].branch, L);
+    if (leg.code != StatusCode::kOk) return {leg.code, k, 0.0, 0.0};
+    if (!(leg.margin >= model.singularity.error)) {
+      return {StatusCode::kLoopSingular, k, leg.margin, 0.0};
+    }
+  }
+  return {StatusCode::kLoopSingular, plan.blocks[platform.blocks[0]].loops[0],
+          model.singularity.error, 0.0};
+}
+
+template <class S>
+double find_margin_of(const PlatformData<S>& at, const LegPlace& leg) {
+  const auto quotient = [&](int row) {
+    return to_double(at.store.work(leg, legs::kReach + row)) /
+           to_double(at.store.work(leg, legs::kReach + row + 1));
+  };
+  return std::sqrt(std::min(quotient(0), quotient(2)));
+}
+
+/// Rates of the joints of one leg per twist of the platform.
+template <class S>
+Eigen::Matrix<S, 3, 6> find_rates_per_twist(const PlatformData<S>& at, const LegPlace& leg) {
+  Mat3<S> axes, rows;  // E in C; inverse of the loop matrix, rows as columns
+  for (int i = 0; i < 9; ++i) {
+    axes(i % 3, i / 3) = at.store.work(leg, legs::kAxesC + i);
+    rows(i % 3, i / 3) = at.store.work(leg, legs::kInverse + i);
+  }
+  const Vec3<S> ring = leg.ring.template cast<S>();
+  Eigen::Matrix<S, 3, 6> rates;
+  for (int i = 0; i < 3; ++i) {
+    const Vec3<S> force = S(leg.sign[i]) * (axes * rows.col(i)), moment = ring.cross(force);
+    rates.row(i) << force.transpose(), moment.transpose();
+  }
+  return rates;
+}
+
+/// H of one leg. v_dep = H v_low
+template <class S>
+void calc_leg_map(const PlatformData<S>& at, const LegPlace& leg, BlockData<S>& data) {
+  const Eigen::Matrix<S, 3, 6> rates = find_rates_per_twist(at, leg);
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < at.J.cols(); ++j) {
+      data.H(leg.form.joint[i].row, j) = rates.row(i).dot(at.J.col(j));
+    }
+  }
+}
+
+/// Coordinates of the reported joints. @pre calc_angles
+template <class S>
+void put_reported_coordinates(const LoopReference<S>& reference, TreeData<S>& tree,
+                              const PlatformData<S>& at) {
+  for (const ReportedJoint& joint : at.reported) {
+    const LegPlace& leg = at.legs[joint.leg];
+    S& q = tree.q[leg.q[joint.joint]];
+    if (joint.slides) q = at.store.work(leg, legs::kSlide);
+    if (!joint.needs_angle) continue;
+    const S near = reference.valid ? reference.q[leg.q[joint.joint]] : q;
+    const JointMap& map = leg.form.joint[joint.joint];
+    if constexpr (std::is_same_v<S, double>) {
+      const double angle = at.store.work(leg, legs::kAngles + joint.joint);
+      q = add_turns<double>(map.sign * (angle - map.zero), near);
+    } else {
+      S c, s;
+      find_joint_angle<S>(map, at.store.work(leg, legs::kTurns + 2 * joint.joint),
+                          at.store.work(leg, legs::kTurns + 2 * joint.joint + 1), c, s);
+      q = find_angle<S>(c, s, near);
+    }
+  }
+}
+
+}  // namespace
+
+template <class S>
+Status calc_leg_positions(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
+                          LoopData<S>& loops) {
+  const double least = std::max(model.singularity.error * model.singularity.error,
+                                std::numeric_limits<double>::min());
+  const LoopReference<S>& reference = loops.reference;
+  for (size_t n = 0; n < plan.platforms.size(); ++n) {
+    const LegPlatform& platform = plan.platforms[n];
+    PlatformData<S>& at = loops.platform[n];
+    calc_platform_pose(model, platform, tree, at);
+    choose_leg_branches(model, plan, tree, loops, at);
+    at.carries = platform.root != kBase;
+    if (!at.store.calc_position(at.motion, at.carries, least, at.sums.data())) {
+      return find_leg_failure(model, plan, tree, loops, platform);
+    }
+    for (const LegPlace& leg : at.legs) {
+      BlockData<S>& data = loops.block[leg.block];
+      data.sign = find_leg_sign(leg.form.kind, data.branch);
+      if (!reference.valid || reference.sign[leg.block] == data.sign) continue;
+      calc_leg_map(at, leg, data);
+      const LoopBlock& block = plan.blocks[leg.block];
+      if (!continues_reference(block, reference.H[leg.block], data)) {
+        return {StatusCode::kBranchChanged, block.loops[0], find_margin_of(at, leg), 0.0};
+      }
+    }
+    for (int i = 0; i < 3; ++i) {
+      if (at.angles[i]) at.store.calc_angles(i);
+    }
+    put_reported_coordinates(reference, tree, at);
+  }
+  return {};
+}
+
+template <class S>
+void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops) {
+  const LoopReference<S>& reference = loops.reference;
+  for (const PlatformData<S>& at : loops.platform) {
+    for (const LegPlace& leg : at.legs) {
+      LegSolution<S>& solved = loops.block[leg.block].leg;
+      solved.slide = at.store.work(leg, legs::kSlide);
+      for (int i = 0; i < 3; ++i) {
+        S& q = tree.q[leg.q[i]];
+        solved.c[i] = at.store.work(leg, legs::kTurns + 2 * i);
+        solved.s[i] = at.store.work(leg, legs::kTurns + 2 * i + 1);
+        if (model.bodies[leg.body[i]].joint == JointType::kPrismatic) {
+          q = solved.slide;
+          calc_joint_pose(model, leg.body[i], tree);
+          continue;
+        }
+        S c, s;
+        find_joint_angle<S>(leg.form.joint[i], solved.c[i], solved.s[i], c, s);
+        q = find_angle<S>(c, s, reference.valid ? S(reference.q[leg.q[i]]) : q);
+        calc_joint_pose(model, leg.body[i], c, s, tree);
+      }
+    }
+  }
+}
+
+template <class S>
+void calc_leg_maps(LoopData<S>& loops) {
+  for (const PlatformData<S>& at : loops.platform) {
+    for (const LegPlace& leg : at.legs) {
+      BlockData<S>& data = loops.block[leg.block];
+      data.margin = find_margin_of(at, leg);
+      calc_leg_map(at, leg, data);
+    }
+  }
+}
+
+template <class S>
+void add_leg_columns(const LoopPlan& plan, const LoopData<S>& loops, MatX<S>& columns) {
+  for (size_t n = 0; n < plan.platforms.size(); ++n) {
+    const PlatformData<S>& at = loops.platform[n];
+    for (const LegPlace& leg : at.legs) {
+      const Eigen::Matrix<S, 3, 6> rates = find_rates_per_twist(at, leg);
+      for (int i = 0; i < 3; ++i) {
+        columns.col(leg.v[i]).setZero();
+        for (int j = 0; j < at.J.cols(); ++j) {
+          const S rate = rates.row(i).dot(at.J.col(j));
+          columns.col(leg.v[i]) += rate * columns.col(plan.platforms[n].low[j]);
+        }
+      }
+    }
+  }
+}
+
+template <class S>
+double find_leg_margin(const PlatformData<S>& at) {
+  double square = 1.0;
+  for (const LegPlace& leg : at.legs) {
+    for (int row : {0, 2}) {
+      square = std::min(square, to_double(at.store.work(leg, legs::kReach + row)) /
+                                    to_double(at.store.work(leg, legs::kReach + row + 1)));
+    }
+  }
+  return std::sqrt(square);
+}
+
+// ---------------------------------------------------------------- inertia
+
+namespace {
+
+/// Sums over legs, those that only a moving root needs too.
+template <class S>
+using PositionSums = std::array<S, legs::kPositionSums>;
+
+/// Momentum of the legs, linear and angular about the origin of R, axes of R, per twist of C.
+template <class S>
+Mat6<S> find_carried(const PositionSums<S>& sums) {
+  Mat6<S> carried;
+  carried << get_rows(&sums[legs::kSumLV]), get_rows(&sums[legs::kSumLW]),
+      get_rows(&sums[legs::kSumAV]), get_rows(&sums[legs::kSumAW]);
+  return carried;
+}
+
+/// Apparent inertia of the legs for twists of C.
+template <class S>
+Mat6<S> find_apparent(const PlatformData<S>& at) {
+  Mat6<S> apparent;
+  const Mat3<S> coupling = as_columns(&at.sums[legs::kSumK]);
+  apparent << get_symmetric(&at.sums[legs::kSumA]), coupling.transpose(), coupling,
+      get_symmetric(&at.sums[legs::kSumD]);
+  return apparent;
+}
+
+/// Also find what the root carries. @pre calc_leg_positions
+template <class S>
+void make_carry(PlatformData<S>& at) {
+  if (at.carries) return;
+  at.carries = true;
+  at.store.calc_position(at.motion, true, 0.0, at.sums.data());
+}
+
+/// All sums over legs, where some were not needed before leg by leg.
+template <class S>
+PositionSums<S> find_all_sums(const PlatformData<S>& at) {
+  using N = typename LegStore<S>::Constant;
+  if (at.carries) return at.sums;
+  PositionSums<S> sums;
+  sums.fill(S(0));
+  N parameter[legs::kParameters];
+  S work[legs::kWork];
+  for (const LegPlace& leg : at.legs) {
+    for (int i = 0; i < legs::kParameters; ++i) parameter[i] = at.store.get(leg, i);
+    calc_one_position<N, S>(leg.type, parameter, work, at.motion, true, 0.0, sums.data());
+  }
+  return sums;
+}
+
+}  // namespace
+
+template <class S>
+void add_leg_masses(const LoopPlan& plan, const LoopData<S>& loops, TreeData<S>& tree) {
+  for (size_t n = 0; n < plan.platforms.size(); ++n) {
+    const int root = plan.platforms[n].root;
+    if (root == kBase) continue;
+    const PlatformData<S>& at = loops.platform[n];
+    const Mat3<S>& R = tree.R[root];
+    tree.m_sum[root] += at.mass;
+    tree.h_sum[root] += R * as_vector(&at.sums[legs::kSumH]);
+    tree.I_sum[root] += R * get_symmetric(&at.sums[legs::kSumJ]) * R.transpose();
+  }
+}
+
+template <class S>
+void add_leg_inertia(const MechanismModel& model, const LoopPlan& plan, const TreeData<S>& tree,
+                     const LoopData<S>& loops, MatX<S>& A) {
+  for (size_t n = 0; n < plan.platforms.size(); ++n) {
+    const LegPlatform& platform = plan.platforms[n];
+    const PlatformData<S>& at = loops.platform[n];
+    const std::vector<int>& low = platform.low;
+    const int count = static_cast<int>(low.size());
+    const Mat6<S> apparent = find_apparent(at);
+    if (platform.is_free) {
+      A.template block<6, 6>(low[0], low[0]) += apparent;
+    } else {
+      for (int j = 0; j < count; ++j) {
+        const Vec6<S> momentum = apparent * at.J.col(j);
+        for (int i = 0; i < count; ++i) A(low[i], low[j]) += at.J.col(i).dot(momentum);
+      }
+    }
+    if (platform.root == kBase) continue;
+    // Momentum of the legs, seen by the joints that move their root.
+    const Mat6<S> carried = find_carried(at.sums);
+    const Body& root = model.bodies[platform.root];
+    if (platform.is_free && root.parent == kBase && root.joint == JointType::kFree) {
+      A.template block<6, 6>(root.v_index, low[0]) += carried;
+      A.template block<6, 6>(low[0], root.v_index) += carried.transpose();
+      continue;
+    }
+    const Mat3<S>& R = tree.R[platform.root];
+    for (int j = 0; j < count; ++j) {
+      const Vec6<S> momentum = carried * at.J.col(j);
+      const Vec3<S> f = R * momentum.template head<3>();
+      Vec3<S> t = R * momentum.template tail<3>();
+      for (int i = platform.root; i != kBase; i = model.bodies[i].parent) {
+        const Body& body = model.bodies[i];
+        const auto add = [&](int row, const S& x) {
+          A(row, low[j]) += x;
+          A(low[j], row) += x;
+        };
+        if (body.joint == JointType::kRevolute) add(body.v_index, tree.e[i].dot(t));
+        if (body.joint == JointType::kPrismatic) add(body.v_index, tree.e[i].dot(f));
+        for (int k = 0; body.joint == JointType::kFree && k < 3; ++k) {
+          add(body.v_index + k, tree.R[i].col(k).dot(f));
+          add(body.v_index + 3 + k, tree.R[i].col(k).dot(t));
+        }
+        t += tree.r[i].cross(f);
+      }
+    }
+  }
+}
+
+// ---------------------------------------------------------------- velocity
+
+template <class S>
+void calc_leg_velocities(const MechanismModel& model, const LoopPlan& plan, const Vec3<S>& base_w,
+                         TreeData<S>& tree, LoopData<S>& loops) {
+  for (size_t n = 0; n < plan.platforms.size(); ++n) {
+    const LegPlatform& platform = plan.platforms[n];
+    PlatformData<S>& at = loops.platform[n];
+    legs::PlatformMotion<S>& motion = at.motion;
+    if (platform.is_free) {
+      const Vec3<S> v = tree.v.template segment<3>(platform.low[0]);
+      const Vec3<S> w = tree.v.template segment<3>(platform.low[0] + 3);
+      as_vector(motion.v) = v;
+      as_vector(motion.w) = w;
+      as_vector(motion.a) = w.cross(v);  // velocities are held in axes that turn
+      as_vector(motion.alpha).setZero();
+    } else {
+      Vec6<S> twist = Vec6<S>::Zero();
+      for (size_t j = 0; j < platform.low.size(); ++j) {
+        twist += at.J.col(static_cast<int>(j)) * tree.v[platform.low[j]];
+      }
+      const Pose<S>& end = at.pose.back();
+      const PathBias<S> bias = calc_path_bias(model, tree, platform.path, at.pose, end.p);
+      as_vector(motion.v) = twist.template head<3>();
+      as_vector(motion.w) = twist.template tail<3>();
+      as_vector(motion.a) = end.R.transpose() * bias.a;
+      as_vector(motion.alpha) = end.R.transpose() * bias.alpha;
+    }
+    if (platform.root == kBase) {
+      as_vector(motion.root) = base_w;
+    } else {
+      as_vector(motion.root) = tree.R[platform.root].transpose() * tree.w[platform.root];
+    }
+    at.store.calc_rates(motion);
+    for (const ReportedJoint& joint : at.reported) {
+      const LegPlace& leg = at.legs[joint.leg];
+      tree.v[leg.v[joint.joint]] =
+          S(leg.sign[joint.joint]) * at.store.work(leg, legs::kRate + joint.joint);
+    }
+  }
+}
+
+template <class S>
+void put_leg_velocities(TreeData<S>& tree, const LoopData<S>& loops) {
+  for (const PlatformData<S>& at : loops.platform) {
+    for (const LegPlace& leg : at.legs) {
+      for (int i = 0; i < 3; ++i) {
+        tree.v[leg.v[i]] = S(leg.sign[i]) * at.store.work(leg, legs::kRate + i);
+      }
+    }
+  }
+}
+
+template <class S>
+LegSums<S> find_leg_sums(const LegPlatform& platform, const TreeData<S>& tree,
+                         const PlatformData<S>& at) {
+  const PositionSums<S> sums = find_all_sums(at);
+  const Mat3<S> J = get_symmetric(&sums[legs::kSumJ]);
+  const Vec3<S> h = as_vector(&sums[legs::kSumH]);
+  Mat3<S> R = Mat3<S>::Identity();
+  Vec3<S> u = Vec3<S>::Zero(), w = Vec3<S>::Zero();  // of R, its axes
+  if (platform.root != kBase) {
+    R = tree.R[platform.root];
+    u = R.transpose() * tree.u[platform.root];
+    w = R.transpose() * tree.w[platform.root];
+  }
+  Vec6<S> twist;
+  twist << as_vector(at.motion.v), as_vector(at.motion.w);
+  const Vec6<S> inside = find_carried(sums) * twist;
+  const Vec6<S> tip = find_apparent(at) * twist;
+  const Vec3<S> f = at.mass * u + w.cross(h), t = h.cross(u) + J * w;
+  LegSums<S> sum;
+  sum.mass = at.mass;
+  sum.first_moment = R * h;
+  sum.momentum = {R * (f + inside.template head<3>()), R * (t + inside.template tail<3>())};
+  sum.kinetic_energy =
+      S(0.5) * (u.dot(f) + w.dot(t) + twist.dot(tip)) +
+      u.dot(inside.template head<3>()) + w.dot(inside.template tail<3>());
+  return sum;
+}
+
+// ---------------------------------------------------------------- acceleration
+
+namespace {
+
+/// Forces in the joints of the legs; loads on their bodies as forces in the joints and as a load on
+/// the root: power is the same.
+template <class S>
+void put_leg_forces(const MechanismModel& model, const VecX<S>& tau, TreeData<S>& tree,
+                    LoopData<S>& loops, PlatformData<S>& at) {
+  const auto is_zero = [&](int body) {
+    const Wrench<S>& load = tree.external[body];
+    for (int i = 0; i < 3; ++i) {
+      if (load.f[i] != S(0) || load.t[i] != S(0)) return false;
+    }
+    return true;
+  };
+  at.is_loaded = false;
+  for (const LegPlace& leg : at.legs) {
+    for (int i = 0; i < 3; ++i) {
+      at.store.work(leg, legs::kForce + i) = S(leg.sign[i]) * tau[leg.v[i]];
+      at.is_loaded = at.is_loaded || !is_zero(leg.body[i]);
+    }
+  }
+  if (!at.is_loaded) return;
+  calc_leg_coordinates(model, tree, loops);
+  at.external = Wrench<S>();
+  for (const LegPlace& leg : at.legs) {
+    calc_tree_position(model, leg.body, tree);
+    Wrench<S> load;  // about the origin of the body
+    for (int i = 2; i >= 0; --i) {
+      const int body = leg.body[i];
+      load += tree.external[body];
+      const bool slides = model.bodies[body].joint == JointType::kPrismatic;
+      const S along = tree.e[body].dot(slides ? load.f : load.t);
+      at.store.work(leg, legs::kForce + i) += S(leg.sign[i]) * along;
+      load.t += tree.r[body].cross(load.f);
+    }
+    at.external += load;
+  }
+}
+
+}  // namespace
+
+template <class S>
+void add_leg_biases(const MechanismModel& model, const LoopPlan& plan, const BaseMotion<S>& base,
+                    const VecX<S>& tau, TreeData<S>& tree, LoopData<S>& loops) {
+  for (size_t n = 0; n < plan.platforms.size(); ++n) {
+    const LegPlatform& platform = plan.platforms[n];
+    PlatformData<S>& at = loops.platform[n];
+    put_leg_forces(model, tau, tree, loops, at);
+    Vec6<S> root;  // acceleration less gravity, and angular, R
+    bool moving = true;
+    if (platform.root == kBase) {
+      root << base.a - base.gravity, base.alpha;
+      moving = !((root.array() == S(0)).all() && (base.w.array() == S(0)).all());
+      if (moving) make_carry(at);
+    } else {
+      const Mat3<S>& R = tree.R[platform.root];
+      root << R.transpose() * tree.a[platform.root], R.transpose() * tree.alpha[platform.root];
+    }
+    at.store.calc_bias(at.motion, moving, at.bias.data());
+    // What the platform passes to the legs at their tips.
+    Vec6<S> tip;
+    tip << as_vector(&at.bias[legs::kSumTipForce]), as_vector(&at.bias[legs::kSumTipMoment]);
+    if (moving) tip += find_carried(at.sums).transpose() * root;
+    const Mat3<S>& RC = tree.R[platform.body];
+    const Vec3<S> f = RC * tip.template head<3>(), t = RC * tip.template tail<3>();
+    tree.transmitted[platform.body].f += f;
+    tree.transmitted[platform.body].t += t;
+    if (platform.root == kBase) continue;
+    // And the root, by the first joints: the rest of what they need.
+    const Vec3<S> a = root.template head<3>(), alpha = root.template tail<3>();
+    const Vec3<S> h = as_vector(&at.sums[legs::kSumH]);
+    const Vec3<S> force = as_vector(&at.bias[legs::kSumRootForce]) + at.mass * a + alpha.cross(h);
+    const Vec3<S> moment = as_vector(&at.bias[legs::kSumRootMoment]) + h.cross(a) +
+                           get_symmetric(&at.sums[legs::kSumJ]) * alpha;
+    const Mat3<S>& R = tree.R[platform.root];
+    const Vec3<S> arm = R * as_vector(at.motion.p);
+    Wrench<S>& load = tree.transmitted[platform.root];
+    load.f += R * force - f;
+    load.t += R * moment - t - arm.cross(f);
+    if (at.is_loaded) load -= at.external;
+  }
+}
+
+template <class S>
+void put_leg_accelerations(const LoopPlan& plan, VecX<S>& vdot, LoopData<S>& loops) {
+  for (const PlatformData<S>& at : loops.platform) {
+    for (const LegPlace& leg : at.legs) {
+      BlockData<S>& data = loops.block[leg.block];
+      Vec3<S> free;
+      for (int i = 0; i < 3; ++i) free[i] = at.store.work(leg, legs::kTipFree + i);
+      for (int i = 0; i < 3; ++i) {
+        S sum(0);
+        for (int j = 0; j < 3; ++j) {
+          sum += at.store.work(leg, legs::kInverse + 3 * i + j) * free[j];
+        }
+        data.h[leg.form.joint[i].row] = S(leg.sign[i]) * sum;
+      }
+      const LoopBlock& block = plan.blocks[leg.block];
+      for (int i = 0; i < 3; ++i) {
+        S sum = data.h[i];
+        for (int j = 0; j < data.H.cols(); ++j) sum += data.H(i, j) * vdot[block.low[j]];
+        vdot[block.dep[i]] = sum;
+      }
+    }
+  }
+}
+
+template <class S>
+void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_body,
+                   const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops,
+                   Wrench<S>& on_base) {
+  for (size_t n = 0; n < plan.platforms.size(); ++n) {
+    const LegPlatform& platform = plan.platforms[n];
+    PlatformData<S>& at = loops.platform[n];
+    legs::PlatformMotion<S>& motion = at.motion;
+    Vec6<S> dot = Vec6<S>::Zero();
+    for (size_t j = 0; j < platform.low.size(); ++j) {
+      dot += at.J.col(static_cast<int>(j)) * vdot[platform.low[j]];
+    }
+    as_vector(motion.dot_v) = dot.template head<3>();
+    as_vector(motion.dot_w) = dot.template tail<3>();
+    Mat3<S> R = Mat3<S>::Identity();
+    if (platform.root == kBase) {
+      as_vector(motion.root_a) = base.a - base.gravity;
+      as_vector(motion.root_alpha) = base.alpha;
+    } else {
+      R = tree.R[platform.root];
+      as_vector(motion.root_a) = R.transpose() * tree.a[platform.root];
+      as_vector(motion.root_alpha) = R.transpose() * tree.alpha[platform.root];
+    }
+    std::array<S, legs::kLoadSums> sums;
+    at.store.calc_loads(motion, sums.data());
+    for (const LegPlace& leg : at.legs) {
+      for (int i = 0; i < 3; ++i) {
+        loops.block[leg.block].lambda[i] = at.store.work(leg, legs::kCut + i);
+      }
+    }
+    Wrench<S> load{R * as_vector(&sums[legs::kSumLoad]),
+                   R * as_vector(&sums[legs::kSumLoadMoment])};
+    if (at.is_loaded) load -= at.external;
+    if (platform.root != kBase) tree.transmitted[platform.root] += load;
+    if (platform.root == base_body) on_base -= load;
+  }
+}
+
+#define DOCK_INSTANTIATE(S)                                                                        \
+  template class LegStore<S>;                                                                      \
+  template struct PlatformData<S>;                                                                 \
+  template Status calc_leg_positions<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&,      \
+                                        LoopData<S>&);                                             \
+  template void calc_leg_coordinates<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);        \
+  template void calc_leg_maps<S>(LoopData<S>&);                                                    \
+  template void add_leg_columns<S>(const LoopPlan&, const LoopData<S>&, MatX<S>&);                 \
+  template void add_leg_masses<S>(const LoopPlan&, const LoopData<S>&, TreeData<S>&);              \
+  template void add_leg_inertia<S>(const MechanismModel&, const LoopPlan&, const TreeData<S>&,     \
+                                   const LoopData<S>&, MatX<S>&);                                  \
+  template void calc_leg_velocities<S>(const MechanismModel&, const LoopPlan&, const Vec3<S>&,     \
+                                       TreeData<S>&, LoopData<S>&);                                \
+  template void put_leg_velocities<S>(TreeData<S>&, const LoopData<S>&);                           \
+  template LegSums<S> find_leg_sums<S>(const LegPlatform&, const TreeData<S>&,                     \
+                                       const PlatformData<S>&);                                    \
+  template void add_leg_biases<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&,    \
+                                  const VecX<S>&, TreeData<S>&, LoopData<S>&);                     \
+  template void put_leg_accelerations<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);                 \
+  template void add_leg_loads<S>(const LoopPlan&, const BaseMotion<S>&, int, const VecX<S>&,       \
+                                 TreeData<S>&, LoopData<S>&, Wrench<S>&);                          \
+  template double find_leg_margin<S>(const PlatformData<S>&);
+
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+#undef DOCK_INSTANTIATE
+
+}  // namespace dockloop

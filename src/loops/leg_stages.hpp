@@ -1,0 +1,229 @@
+// What one leg adds to its platform, stage by stage, for any number and any kind of leg: the whole
+// leg condensed to its tip.
+//
+// In, Out and Total are rows of arrays (leg_rows.hpp) as CellsOf of constants, work and sums; P is
+// the number. LEGS.md derives the formulas.
+#pragma once
+
+#include "loops/leg_formulas.hpp"
+
+namespace dockloop::legs {
+namespace {
+
+template <class In, class N = typename In::Number>
+Shape<N> get_shape(const In& in) {
+  return {in.get_vector(kTip), in.get(kCrank), in.get(kCrank + 1), in.get(kElbow), in.get(kFlip)};
+}
+
+/// Loop, inertia at the tip, and what a leg adds to the sums. @param R, p  pose of C in R
+template <bool kMoving, class AnyLeg, class P, class In, class Out>
+Reached calc_leg_position(AnyLeg leg, const In& in, const Out& work, const Out& total,
+                          const Matrix<P>& R, const Vector<P>& p, double least) {
+  using N = typename In::Number;
+  // Where the tip must be, and the joint coordinates that bring it there.        [Y2 (9a), (9b)]
+  const Matrix<N> K = in.get_matrix(kAxesK);
+  const Matrix<P> KC = {turn_back(K, R.x), turn_back(K, R.y), turn_back(K, R.z)};  // C in K
+  const Vector<N> s = in.get_vector(kRing);
+  const Vector<P> L = turn_back(K, p) - in.get_vector(kCentreK) + KC * s;
+  const Reached reached = leg.solve(get_shape(in), L, least);
+  if (reached != Reached::kYes) return reached;
+  const Matrix<P> E = leg.find_axes();
+  const Matrix<P> EC = {turn_back(KC, E.x), turn_back(KC, E.y), turn_back(KC, E.z)};
+
+  // Inertia in the joint coordinates, inverse of the loop matrix, apparent inertia at the tip.
+  const Moments<N, P> rod = leg.place_rod(get_moments(in, kRod));
+  const Moments<N, P> outer = get_moments(in, kTube) + rod;
+  const Wrench<P> second = {{-outer.h.y, outer.h.x, P{}}, {outer.J.xz, outer.J.yz, outer.J.zz}};
+  const Wrench<P> last = leg.carry_last(rod);  // momentum per joint rate
+  const Symmetric<P> inertia = {in.get(kTurned) + leg.find_turned(outer),
+                                outer.J.zz,
+                                leg.find_last(last),
+                                leg.find_first(second),
+                                leg.find_first(last),
+                                last.n.z};
+  const Matrix<P> inverse = leg.find_inverse();
+  const Matrix<P> per_tip = transpose(inverse);
+  const Vector<P> x = inverse * (inertia * per_tip.x);
+  const Vector<P> y = inverse * (inertia * per_tip.y);
+  const Vector<P> z = inverse * (inertia * per_tip.z);
+  const Symmetric<P> apparent = {x.x, y.y, z.z, x.y, x.z, y.z};
+
+  leg.write(work);
+  work.put(kInverse, inverse);
+  work.put(kAxesC, EC);
+  work.put(kRodMoment, rod.h);
+  work.put(kRodInertia, rod.J);
+  work.put(kApparent, apparent);
+
+  const Symmetric<P> A = turn(EC, apparent);
+  const Matrix<P> columns = {{A.xx, A.xy, A.xz}, {A.xy, A.yy, A.yz}, {A.xz, A.yz, A.zz}};
+  const Matrix<P> moments = cross(s, columns);
+  const Matrix<P> rows = transpose(moments);
+  const Vector<P> Dx = cross(s, rows.x), Dy = cross(s, rows.y), Dz = cross(s, rows.z);
+  total.add(kSumA, A);
+  total.add(kSumK, moments);
+  total.add(kSumD, Symmetric<P>{Dx.x, Dy.y, Dz.z, Dx.y, Dx.z, Dy.z});
+  if constexpr (kMoving) {
+    // The whole leg as one rigid body about the centre, and the momentum that its joints carry.
+    const Matrix<P> ER = K * E;
+    const auto elbow = leg.find_elbow();
+    const Moments<N, N> cross0 = get_moments(in, kCross);
+    const Moments<N, P> crossE = {cross0.m, turn_back(leg.second, cross0.h),
+                                  turn(reverse(leg.second), cross0.J)};
+    const Moments<N, P> whole = shift(outer, elbow) + crossE;
+    const Vector<P> axis = leg.get_axis();
+    const Matrix<P> linear = Matrix<P>{cross(axis, whole.h), second.f, last.f} * per_tip;
+    const Matrix<P> angular = Matrix<P>{whole.J * axis, second.n + cross(elbow, second.f),
+                                        last.n + cross(elbow, last.f)} *
+                              per_tip;
+    work.put(kAxesR, ER);
+    work.put(kCarried, linear);
+    work.put(kCarried + 9, angular);
+    const Vector<N> centre = in.get_vector(kCentre);
+    const Matrix<P> lE = ER * linear;
+    const Matrix<P> aE0 = ER * angular, shifted = cross(centre, lE);
+    const Matrix<P> aE = {aE0.x + shifted.x, aE0.y + shifted.y, aE0.z + shifted.z};
+    // Rows of (ER linear) EC^T, and what a turn of C about its origin moves at the tip.
+    const Matrix<P> CE = transpose(EC);
+    const Matrix<P> lV = transpose(lE * CE), aV = transpose(aE * CE);  // columns are rows
+    total.add(kSumLV, lV);
+    total.add(kSumLW, cross(s, lV));
+    total.add(kSumAV, aV);
+    total.add(kSumAW, cross(s, aV));
+    const Moments<N, P> about_R =
+        shift(Moments<N, P>{whole.m, ER * whole.h, turn(ER, whole.J)}, centre);
+    total.add(kSumH, about_R.h);
+    total.add(kSumJ, about_R.J);
+  }
+  return reached;
+}
+
+/// Rates of the joints.
+template <class P, class In, class Out, class S>
+void calc_leg_rates(const In& in, const Out& work, const PlatformMotion<S>& at) {
+  const Vector<P> v = spread3<P>(at.v), w = spread3<P>(at.w);
+  const Vector<P> tip = v + cross(w, in.get_vector(kRing));
+  const Vector<P> y = turn_back(work.get_matrix(kAxesC), tip);
+  work.put(kRate, turn_back(work.get_matrix(kInverse), y));
+}
+
+/// Forces that move a leg.
+template <class P>
+struct LegLoad {
+  Wrench<P> whole;  ///< about the centre, E
+  Vector<P> joint;  ///< generalised forces of the three joints
+};
+
+/// Of tube and rod; about the elbow.
+template <class AnyLeg, class In, class Out, class AnyMotion>
+auto find_outer_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMotion& at) {
+  using N = typename In::Number;
+  using P = typename Out::Number;
+  const Wrench<P> rod =
+      find_load(Moments<N, P>{in.get(kRod), work.get_vector(kRodMoment),
+                              work.get_symmetric(kRodInertia)},
+                at.rod);
+  const Wrench<P> both = find_load(get_moments(in, kTube), at.tube) + rod;
+  return LegLoad<P>{both, {leg.find_first(both), both.n.z, leg.find_last(rod)}};
+}
+
+template <class AnyLeg, class In, class Out, class AnyMotion>
+auto find_leg_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMotion& at) {
+  using P = typename Out::Number;
+  const LegLoad<P> outer = find_outer_load(leg, in, work, at);
+  const Turn<P>& turn1 = leg.second;  // from E to axes turned by the first joint only
+  const Motion<P, Vector<P>> cross_at = {turn1 * at.cross.a, turn1 * at.cross.w,
+                                         turn1 * at.cross.alpha};
+  const Wrench<P> of_cross = find_load(get_moments(in, kCross), cross_at);
+  return LegLoad<P>{
+      {outer.whole.f + turn_back(turn1, of_cross.f),
+       outer.whole.n + cross(leg.find_elbow(), outer.whole.f) + turn_back(turn1, of_cross.n)},
+      {outer.joint.x + leg.get_along_axis(of_cross.n), outer.joint.y, outer.joint.z}};
+}
+
+/// Load at zero joint accelerations: at the tip and, of the whole leg, at the root.
+/// @pre calc_leg_position, calc_leg_rates, kForce
+template <bool kMoving, class AnyLeg, class In, class Out, class S>
+void calc_leg_bias(AnyLeg leg, const In& in, const Out& work, const Out& total,
+                   const PlatformMotion<S>& at) {
+  using P = typename Out::Number;
+  leg.read(in, work);
+  const Vector<P> rate = work.get_vector(kRate), w = spread3<P>(at.w);
+  const auto s = in.get_vector(kRing);
+  const Matrix<P> EC = work.get_matrix(kAxesC);
+  // Motion relative to R at zero joint accelerations.
+  const auto relative = find_motion(leg, Zero(), Zero(), Zero(), rate, NoAcceleration());
+  const Vector<P> tip =
+      spread3<P>(at.a) + cross(spread3<P>(at.alpha), s) + cross(w, cross(w, s));
+  const Vector<P> free =
+      turn_back(EC, tip) - (cross(relative.rod.alpha, leg.tip) +
+                            cross(relative.rod.w, cross(relative.rod.w, leg.tip)) + relative.rod.a);
+  work.put(kTipFree, free);
+  LegLoad<P> load;
+  if constexpr (kMoving) {
+    const Vector<P> root = spread3<P>(at.root);
+    const Matrix<P> ER = work.get_matrix(kAxesR);
+    const Vector<P> swing = cross(root, cross(root, in.get_vector(kCentre)));
+    load = find_leg_load(leg, in, work,
+                         find_motion(leg, turn_back(ER, root), Zero(), turn_back(ER, swing), rate,
+                                     NoAcceleration()));
+  } else {  // the cross turns about an axis at rest
+    load = find_outer_load(leg, in, work, relative);
+  }
+  const Vector<P> b = work.get_symmetric(kApparent) * free +
+                      work.get_matrix(kInverse) * (load.joint - work.get_vector(kForce));
+  const Vector<P> bC = EC * b;
+  total.add(kSumTipForce, bC);
+  total.add(kSumTipMoment, cross(s, bC));
+  if constexpr (kMoving) {
+    const Matrix<P> ER = work.get_matrix(kAxesR);
+    const Vector<P> fR = ER * (load.whole.f + work.get_matrix(kCarried) * free);
+    const Vector<P> nR = ER * (load.whole.n + work.get_matrix(kCarried + 9) * free);
+    total.add(kSumRootForce, fR);
+    total.add(kSumRootMoment, nR + cross(in.get_vector(kCentre), fR));
+  }
+}
+
+/// Inverse dynamics: accelerations of the joints, force of the cut, and what moves the leg.
+/// @pre calc_leg_bias
+template <class AnyLeg, class In, class Out, class S>
+void calc_leg_loads(AnyLeg leg, const In& in, const Out& work, const Out& total,
+                    const PlatformMotion<S>& at) {
+  using P = typename Out::Number;
+  leg.read(in, work);
+  const Vector<P> root = spread3<P>(at.root), alpha0 = spread3<P>(at.root_alpha);
+  const Matrix<P> EC = work.get_matrix(kAxesC), ER = spread9<P>(at.R) * EC;
+  const auto centre = in.get_vector(kCentre);
+  const Vector<P> tip =
+      spread3<P>(at.dot_v) + cross(spread3<P>(at.dot_w), in.get_vector(kRing));
+  const Matrix<P> inverse = work.get_matrix(kInverse);
+  const Vector<P> joint = turn_back(inverse, turn_back(EC, tip) + work.get_vector(kTipFree));
+  work.put(kJoint, joint);
+  const Vector<P> a =
+      spread3<P>(at.root_a) + cross(alpha0, centre) + cross(root, cross(root, centre));
+  const LegLoad<P> load =
+      find_leg_load(leg, in, work,
+                    find_motion(leg, turn_back(ER, root), turn_back(ER, alpha0), turn_back(ER, a),
+                                work.get_vector(kRate), joint));
+  work.put(kCut, ER * (inverse * (load.joint - work.get_vector(kForce))));
+  const Vector<P> force = ER * load.whole.f;
+  total.add(kSumLoad, force);
+  total.add(kSumLoadMoment, ER * load.whole.n + cross(centre, force));
+}
+
+/// Call work(leg) with a leg of this kind.
+template <class N, class P, class Call>
+auto visit_leg(LegType type, const Call& call) {
+  switch (type) {
+    case kSlideLeg:
+      return call(SlideLeg<N, P>());
+    case kCrankLeg:
+      return call(CrankLeg<N, P>());
+    case kSquareCrankLeg:
+      break;
+  }
+  return call(SquareCrankLeg<N, P>());
+}
+
+}  // namespace
+}  // namespace dockloop::legs
