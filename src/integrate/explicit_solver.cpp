@@ -23,7 +23,7 @@ constexpr double kSafety = 0.96, kBias = 1.5;  ///< of the error that is aimed a
 constexpr double kProportional = 0.8, kIntegral = 0.31;
 constexpr double kGrowth = 25.0, kShrink = 0.2;  ///< limits of a change of the step size
 constexpr int kMaxRejected = 20;                 ///< in a row
-constexpr int kLanes = 4;                        ///< states that are added up together
+constexpr int kUnrollWidth = 4;                  ///< states that are added up together
 // Step size times fastest rate:
 constexpr double kLimited = 2.8;     ///< where stability begins to limit Dormand-Prince steps
 constexpr double kWorthwhile = 4.0;  ///< where a stabilised step is cheaper than two of those
@@ -53,7 +53,7 @@ class ExplicitSolver : public Solver {
         stable_(stable),
         fixed_(!usual.error),
         size_(system.problem.size),
-        stride_((size_ + kLanes - 1) / kLanes * kLanes),
+        stride_((size_ + kUnrollWidth - 1) / kUnrollWidth * kUnrollWidth),
         rates_(static_cast<size_t>(stride_) * (std::max(usual.stages, stable.stages) + 1), 0.0) {
     for (auto* x : {&start_, &end_, &error_, &scale_, &atol_}) {
       x->assign(static_cast<size_t>(stride_), 0.0);
@@ -122,13 +122,13 @@ class ExplicitSolver : public Solver {
 /// sum = base + h * (weights times rates)
 void ExplicitSolver::add_up(const double* weight, int count, double h, const double* base,
                             double* sum) const {
-  for (int i = 0; i < stride_; i += kLanes) {
-    double s[kLanes] = {};
+  for (int i = 0; i < stride_; i += kUnrollWidth) {
+    double s[kUnrollWidth] = {};
     const double* rates = rates_.data() + i;
     for (int j = 0; j < count; ++j, rates += stride_) {
-      for (int l = 0; l < kLanes; ++l) s[l] += weight[j] * rates[l];
+      for (int l = 0; l < kUnrollWidth; ++l) s[l] += weight[j] * rates[l];
     }
-    for (int l = 0; l < kLanes; ++l) sum[i + l] = base[i + l] + h * s[l];
+    for (int l = 0; l < kUnrollWidth; ++l) sum[i + l] = base[i + l] + h * s[l];
   }
 }
 

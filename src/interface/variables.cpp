@@ -15,7 +15,7 @@ namespace dockloop {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kPi = 3.141592653589793;
+constexpr double kStraightAngle = 3.141592653589793;  // [rad]
 constexpr double kDegrees = 57.29577951308232;  // [deg/rad]
 
 // Types: name, unit, unit people read it in, typical size, physical quantity, text.
@@ -343,9 +343,9 @@ void add_relative(Table& table, Outputs& out) {
   table
       .output("relative.pitch_yaw", &out.relative_pitch_yaw, kAngle,
               "Angle between the docking axes of A and P")
-      .limits(0, kPi);
+      .limits(0, kStraightAngle);
   table.output("relative.roll", &out.relative_roll, kAngle, "Twist of P about the docking axis")
-      .limits(-kPi, kPi);
+      .limits(-kStraightAngle, kStraightAngle);
   table.output("gap", &out.gap, kSmallLength,
                "Smallest signed distance between the two capture surfaces, negative in contact "
                "(1e9 where there are no surfaces)");

@@ -14,6 +14,7 @@
 #include <cstdio>
 #include <tuple>
 
+#include "sim/sim_state.hpp"
 #include "unit/sim_test_support.hpp"
 
 namespace dockloop {
