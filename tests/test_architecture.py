@@ -45,7 +45,14 @@ LIBRARIES = {
     "sunlinsol/": {"src/integrate"},
     "sunmatrix/": {"src/integrate", "src/compare"},
     "sunnonlinsol/": {"src/integrate", "src/compare"},
-    "nlohmann/": {"src/model", "src/docking", "src/check", "src/compare", "src/python", "tests/unit"},
+    "nlohmann/": {
+        "src/model",
+        "src/docking",
+        "src/check",
+        "src/compare",
+        "src/python",
+        "tests/unit",
+    },
     "nanobind/": {"src/python"},
     "fmi2": {"fmu", "tests/unit"},
 }

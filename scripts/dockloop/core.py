@@ -13,9 +13,8 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
-from dockloop import paths
 from dockloop.errors import DockloopError, UsageError, one_line
 from dockloop.paths import shown
 
@@ -124,6 +123,30 @@ def list_methods() -> tuple[dict, ...]:
     """Return the methods of integration that the core lists, each with ``number`` and ``name``."""
     with core_errors() as core:
         return tuple(json.loads(core.methods()))
+
+
+class Choice(NamedTuple):
+    """One value of a choice: a number in the FMU, a name everywhere else."""
+
+    number: int
+    name: str
+    meaning: str
+
+
+@cache
+def list_choices(variable: str) -> tuple[Choice, ...]:
+    """Return the values that a variable such as ``phase`` or ``model.level`` can take.
+
+    Args:
+        variable: its name; ``latch.state`` stands for that of every latch.
+    """
+    with core_errors() as core:
+        return tuple(Choice(*row) for row in json.loads(core.choices())[variable])
+
+
+def name_choice(variable: str, number: float) -> str:
+    """Return the name of one value of a choice."""
+    return list_choices(variable)[int(number) - 1].name
 
 
 def has_only_legs(document: dict, source: Path) -> bool:

@@ -13,6 +13,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
 from dockloop import drawing
+from dockloop.core import list_choices
 from dockloop.licenses import PARTS
 
 # Sections of the variable tables: title, and how the names in it begin.
@@ -60,23 +61,15 @@ _CONVENTIONS = (
     " pushes the ends of the leg apart. A gap is negative in contact.",
 )
 
-_PHASES = (
-    (1, "approach", "before the first touch", "2, or outcome 5"),
-    (2, "contact", "the capture surfaces have touched, not all latches hold", "3, 8"),
-    (3, "captured", "all latches hold, the interfaces still close", "4"),
-    (4, "attenuating", "held, the motion has reversed at least once", "5"),
-    (5, "aligned", "held and at rest: below 1 mm/s and 0.02 deg/s", "2, 8 if latches let go"),
-    (6, "retracting", "needs a retraction drive, which the mechanism does not have", "&ndash;"),
-    (7, "hard docked", "as 6", "&ndash;"),
-    (8, "rebound", "open by more than 50 mm and opening, no latch holds", "2, 3"),
-)
-_OUTCOMES = (
-    (1, "undecided", "nothing final has happened"),
-    (2, "captured", "all latches hold"),
-    (3, "partial capture", "some latches hold"),
-    (4, "rebound", "touched and left again without a latch"),
-    (5, "miss", "leaving or passed by without a touch"),
-)
+# What may follow a phase.
+_NEXT_PHASES = {
+    "approach": "2, or outcome 5",
+    "contact": "3, 8",
+    "captured": "4",
+    "attenuating": "5",
+    "aligned": "2, 8 if latches let go",
+    "rebound": "2, 3",
+}
 
 _STATUSES = (
     ("fmi2Warning", "a log line only: a parameter breaks a rule of thumb, or a loop comes near a"
@@ -497,10 +490,11 @@ def _index(root: ET.Element) -> str:
 
 def _phases() -> str:
     """Return phases and outcomes with the figure of what follows what."""
+    phases = [(*phase, _NEXT_PHASES.get(phase.name, "&ndash;")) for phase in list_choices("phase")]
     return (
         _figure(drawing.draw_phases(), "What leads from one phase to the next.")
-        + _table(("phase", "name", "when", "then"), _PHASES, "s")
-        + _table(("outcome", "name", "when"), _OUTCOMES, "s")
+        + _table(("phase", "name", "when", "then"), phases, "s")
+        + _table(("outcome", "name", "when"), list_choices("outcome"), "s")
         + "<p>An outcome is the verdict so far: it can change while the run goes on (a rebound may"
         " be followed by a capture).</p>"
     )

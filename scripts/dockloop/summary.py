@@ -11,22 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from dockloop.capture import explain_capture, list_needed
+from dockloop.core import name_choice
 from dockloop.outputs import MADE_BY, Kind, json_kind, read_head, write_text, writing
 from dockloop.results import Result
 
 COMMAND = "dockloop run"
 
-PHASES = (
-    "approach",
-    "contact",
-    "captured",
-    "attenuating",
-    "aligned",
-    "retracting",
-    "hard_docked",
-    "rebound",
-)
-OUTCOMES = ("undecided", "captured", "partial capture", "rebound", "miss")
 LOADS = {
     "compression": "N",
     "tension": "N",
@@ -218,9 +208,9 @@ def _outcome(run: Result) -> dict:
     latches = run.scene["mechanism"].get("latches", {})
     return {
         "explanation": explain_capture(needed, latches),
-        "outcome": OUTCOMES[int(run["outcome"][-1]) - 1],
+        "outcome": name_choice("outcome", run["outcome"][-1]),
         "captured": bool(run["captured"][-1]),
-        "phase": PHASES[int(run["phase"][-1]) - 1],
+        "phase": name_choice("phase", run["phase"][-1]),
         "time_of_contact": when("time_of_contact"),
         "time_of_capture": when("time_of_capture"),
         "latches_held": int(np.sum(latched)),

@@ -20,14 +20,15 @@ import numpy as np
 from dockloop import __version__
 from dockloop.capture import explain_capture
 from dockloop.cases import STATUSES, Result
+from dockloop.core import list_choices, name_choice
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
 from dockloop.sampling import Sweep, list_discs
-from dockloop.summary import LOADS, OUTCOMES, PHASES, find_summary
+from dockloop.summary import LOADS, find_summary
 from dockloop.sweeps import COMMAND, DIGEST, TABLE, Planner, find_journal
 
-_TEXTS = {"outcome": OUTCOMES, "phase": PHASES}  # Integers of the FMU that the table spells out
+_NAMED = ("outcome", "phase")  # Integers of the FMU that the table spells out
 _NEVER = ("time_of_contact", "time_of_capture")  # negative: it did not happen; null in the table
 _COLOURS = {
     "captured": "tab:blue",
@@ -169,7 +170,8 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
         summary["reasons"] = {"different": len(set(reasons)), "example": most}
     if "outcome" in table.column_names and "done" in status:
         found = [name for name in table["outcome"].to_pylist() if name is not None]
-        summary["outcomes"] = {name: found.count(name) for name in OUTCOMES if name in found}
+        names = [choice.name for choice in list_choices("outcome")]
+        summary["outcomes"] = {name: found.count(name) for name in names if name in found}
         summary["captured"] = _estimate_fraction(found.count("captured"), len(found))
     summary["peak_loads"] = _count_loads(planner, table)
     worst = _find_worst(sweep, planner, table)
@@ -255,8 +257,8 @@ def write_sweep_plots(sweep: Sweep, planner: Planner, table: Any, stem: Path) ->
 
 def _outcome_value(name: str, value: Any) -> Any:
     """Return an output as the table shows it."""
-    if name in _TEXTS:
-        return _TEXTS[name][value - 1]
+    if name in _NAMED:
+        return name_choice(name, value)
     return None if name in _NEVER and value < 0.0 else value
 
 

@@ -32,9 +32,9 @@ from pathlib import Path
 
 from fmpy import read_model_description, simulate_fmu
 
+from dockloop.core import name_choice
 from dockloop.fmu import build_fmu
 from dockloop.ssp import PARAMETER_SET, build_ssp
-from dockloop.summary import OUTCOMES
 
 ACCURATE = ("solver.rtol=1e-9", "solver.atol_position=1e-11", "solver.atol_velocity=1e-11")
 RESULTS = {
@@ -150,7 +150,7 @@ def main() -> None:
     print(f"{'':30} {options.master:>20} {'one FMU':>14} {'difference':>12}")
     for (name, unit), a, b in zip(RESULTS.items(), found, expected, strict=True):
         if name == "outcome":
-            print(f"{name:30} {OUTCOMES[a - 1]:>20} {OUTCOMES[b - 1]:>14}")
+            print(f"{name:30} {name_choice(name, a):>20} {name_choice(name, b):>14}")
         else:
             print(f"{f'{name} {unit}':30} {a:20.6f} {b:14.6f} {a - b:12.1e}")
 

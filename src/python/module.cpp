@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "check/mechanism_check.hpp"
+#include "docking/phases.hpp"
 #include "docking/scene_mechanism.hpp"
 #include "interface/model_description.hpp"
 #include "python/docking.hpp"
@@ -110,6 +111,24 @@ std::string list_method_facts() {
   return list.dump();
 }
 
+/// The lists of choices by the variable that takes them, as JSON: [[number, name, meaning], ...].
+std::string list_all_choices() {
+  nlohmann::json all;
+  for (const auto& [variable, list] :
+       {std::pair<const char*, const ChoiceList&>{"phase", kPhases},
+        {"outcome", kOutcomes},
+        {"capture.reason", kCaptureReasons},
+        {"latch.state", kLatchReports},
+        {"friction.model", kFrictionModels},
+        {"coupling.mode", kCouplingModes},
+        {"model.level", kLevels},
+        {"model.flight", kFlightModels},
+        {"solver.method", get_method_choices()}}) {
+    for (const Choice& c : list) all[variable].push_back({c.number, c.name, c.meaning});
+  }
+  return all.dump();
+}
+
 /// Is generated code of no use for the mechanism of a scene, because all its loops are legs?
 bool has_only_legs(const std::string& document, const std::string& source) {
   return naming(source, [&] {
@@ -141,6 +160,7 @@ NB_MODULE(_core, m) {
   m.def("describe", &describe, nb::arg("document"), nb::arg("source"), nb::arg("date"),
         FreeThreads());
   m.def("methods", &list_method_facts);
+  m.def("choices", &list_all_choices);
   m.def("has_only_legs", &has_only_legs, nb::arg("document"), nb::arg("source"), FreeThreads());
   m.def(
       "check",
