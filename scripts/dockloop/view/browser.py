@@ -27,6 +27,10 @@ _OPTIONS = (
     *("--disable-component-update", "--disable-sync", "--no-default-browser-check", "--mute-audio"),
     *("--force-color-profile=srgb", "--host-resolver-rules=MAP * ~NOTFOUND"),
 )
+_TAKE_OVER = (  # what the process does before it becomes the browser
+    "import os, sys; r, w, *words = sys.argv[1:]; os.dup2(int(r), 3); os.dup2(int(w), 4);"
+    " os.closerange(10, max(int(r), int(w)) + 1); os.execv(words[0], words)"
+)
 
 
 def find_browser() -> str | None:
@@ -62,23 +66,10 @@ class Browser:
             raise DockloopError("pictures are not made on Windows: open the page and take them")
         self._folder = scratch()
         profile = self._folder.__enter__()
-        to_browser, self._write = os.pipe()
-        self._read, from_browser = os.pipe()
         words = [program, *_OPTIONS, f"--user-data-dir={profile}"]
         if os.geteuid() == 0:
             words.append("--no-sandbox")  # Chromium refuses to run for root otherwise
-        shell = ["/bin/sh", "-c", f'exec "$@" 3<&{to_browser} 4>&{from_browser}', "sh", *words]
-        try:
-            self._process = subprocess.Popen(
-                shell,
-                pass_fds=(to_browser, from_browser),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-        finally:
-            os.close(to_browser)
-            os.close(from_browser)
+        self._start(words)
         try:
             self._attach()
         except BaseException:
@@ -167,6 +158,28 @@ class Browser:
                     raise DockloopError(f"Chromium: {answer['error']['message']} ({method})")
                 return answer["result"]
             self._note(answer)
+
+    def _start(self, words: list[str]) -> None:
+        """Start the browser with the pipes that it expects at the descriptors 3 and 4."""
+        import fcntl  # not on Windows
+
+        to_browser, self._write = os.pipe()
+        self._read, from_browser = os.pipe()
+        ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (to_browser, from_browser)]
+        os.close(to_browser)
+        os.close(from_browser)
+        begin = [sys.executable, "-S", "-c", _TAKE_OVER, *map(str, ends)]
+        try:
+            self._process = subprocess.Popen(
+                [*begin, *words],
+                pass_fds=ends,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )
+        finally:
+            for end in ends:
+                os.close(end)
 
     def _attach(self) -> None:
         """Connect to a fresh page of the wanted size."""

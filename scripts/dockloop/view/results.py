@@ -78,7 +78,9 @@ def _read_values(path: Path) -> tuple[list[str], list[str], np.ndarray]:
 def _find_model(path: Path, model: str | None, rows: int) -> tuple[dict, dict[str, float]]:
     """Return the resolved scene and the parameters of a result."""
     if model:
-        return read_model_of(model), {}
+        document = read_model_of(model)
+        vehicles = [name for name in ("chaser", "target") if name in document]
+        return document, {f"{name}.mass": float(document[name]["mass"]) for name in vehicles}
     summary_file = find_summary(path)
     hint = "run the docking again, or name scene or FMU with --model"
     if not is_file(summary_file):

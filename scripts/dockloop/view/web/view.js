@@ -143,7 +143,9 @@
       pen.strokeText(text, 128, 32);
       pen.fillStyle = color;
       pen.fillText(text, 128, 32);
-      const sprite = new T.Sprite(new T.SpriteMaterial({ map: new T.CanvasTexture(sheet), depthTest: false, sizeAttenuation: false }));
+      const map = new T.CanvasTexture(sheet);
+      map.colorSpace = 'srgb';
+      const sprite = new T.Sprite(new T.SpriteMaterial({ map, depthTest: false, sizeAttenuation: false }));
       sprite.scale.set(4 * size, size, 1);
       sprite.position.set(...at);
       sprite.renderOrder = 20;
@@ -315,6 +317,7 @@
       most.force && `force ${ARROW} m: ${round(most.force)} N`,
       most.torque && `moment ${ARROW} m: ${round(most.torque)} N m`,
     ].filter(Boolean).join(', ');
+    $('scale').hidden = !$('scale').textContent;
 
     const state = { held: hasTarget ? 'target' : 'chaser', camera: '', follow: null };
     const inverse = new T.Matrix4();
@@ -779,8 +782,9 @@
     $('legend').append(entry);
   }
   if (view) {
-    if (hasRing && geometry.ring) addEntry(COLORS.active, 'active ring G, on the chaser');
-    if (hasTarget && geometry.ring) addEntry(COLORS.passive, 'passive ring P, on the target');
+    const thing = geometry.ring ? 'ring' : 'side';
+    if (hasRing) addEntry(COLORS.active, `active ${thing} ${geometry.capture_body === 'base' ? 'A' : 'G'}, on the chaser`);
+    if (hasTarget) addEntry(COLORS.passive, `passive ${thing} P, on the target`);
     if (view.most.force > 0) addEntry(COLORS.force, 'force on the target');
     if (view.most.torque > 0) addEntry(COLORS.torque, 'moment on the target');
     if (view.most.petal > 0) addEntry(COLORS.petal, 'petal force (size)');
@@ -790,7 +794,9 @@
   const notes = [
     ...meta.notes,
     `${meta.samples} samples; arrow keys go from sample to sample. Between samples the motion is interpolated, everything else keeps the value before.`,
-    'Rings, petals, hooks, strikers and legs have the dimensions of the mechanism file. Diameters of legs and joints are symbols.',
+    geometry.ring
+      ? 'Rings, petals, hooks, strikers and legs have the dimensions of the mechanism file. Diameters of legs and joints are symbols.'
+      : 'The mechanism has no contact surfaces with a shape: circles stand for the interfaces. Diameters are symbols.',
     meta.fit === null ? '' : `Drawn leg lengths and latch openings differ from the recorded ones by at most ${(1e3 * meta.fit).toExponential(1)} mm.`,
     ...Object.entries(geometry.vehicles).map(([name, v]) => (v.mesh
       ? `The ${name} is a mesh that was given.`
