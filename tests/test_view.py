@@ -20,6 +20,8 @@ import pytest
 
 from dockloop import paths
 from dockloop.errors import DockloopError, UsageError
+from dockloop.outputs import scratch
+from dockloop.simulate import Instance, communication_points, unpack_fmu
 from dockloop.view import browser as chromium
 from dockloop.view import geometry
 from dockloop.view.browser import Browser
@@ -201,6 +203,28 @@ def test_changed_keys_of_the_mechanism_are_drawn(dockloop, tmp_path):
     assert dockloop(*arguments).status == 0
     assert dockloop("view", "own.npz").status == 0
     assert read_page(tmp_path / "own_view.html")["geometry"]["ring"]["petals"][0][2][0] == 0.2
+
+
+def test_a_saved_state(dockloop, runs, tmp_path):
+    fmu = runs.fmu(DEFAULT)
+    with scratch() as folder:
+        description, _ = unpack_fmu(fmu, folder)
+        times = communication_points(description, 2.5, 0.5)
+        with Instance(description, str(folder), "own") as instance:
+            instance.initialise([], times)
+            for t in times[:-1]:
+                instance.slave.doStep(t, 0.5)
+            state = instance.slave.getFMUstate()
+            (tmp_path / "own.bin").write_bytes(instance.slave.serializeFMUstate(state))
+            instance.slave.freeFMUstate(state)
+    outcome = dockloop("view", fmu, "--state", "own.bin", "-o", "own.html")
+    assert outcome.status == 0, outcome.err
+    found = read_page(tmp_path / "own.html")["columns"]
+    expected = rows(runs.run(DEFAULT, stop=2.5, step=0.5), "ring")[-1]
+    assert np.max(np.abs(found["pose.ring"] - expected)) < 1e-12
+    (tmp_path / "own.bin").write_bytes(b"no state")
+    assert "own.bin: is no state of" in refuse(dockloop, fmu, "--state", "own.bin")
+    assert "go together" in refuse(dockloop, fmu)
 
 
 def refuse(dockloop, *arguments):

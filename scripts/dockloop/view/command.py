@@ -13,7 +13,7 @@ from dockloop.paths import find_absence, is_file, shown
 from dockloop.simulate import Recording
 from dockloop.view.page import PAGE, write_page
 from dockloop.view.pictures import FILM, STILL, write_film, write_stills
-from dockloop.view.results import read_result
+from dockloop.view.results import read_result, read_state
 
 _SIZE = re.compile(r"(\d{2,5})x(\d{2,5})")
 _MOST_CASES = 20
@@ -45,9 +45,14 @@ def view(options: argparse.Namespace) -> str:
         return _view_sweep(source, output, options, meshes)
     if options.cases or options.not_captured is not None:
         raise UsageError(f"--case, --not-captured: {shown(source)} is no table of a sweep")
+    if (source.suffix == ".fmu") != bool(options.state):
+        raise UsageError(f"{shown(source)}: an FMU and a --state go together, one needs the other")
+    if options.state and (options.film or options.model):
+        raise UsageError("--film, --model: a saved state is one moment of its own FMU")
     for file, kind in _list_files(output, options):
         claim(file, kind)
-    run = read_result(source, options.model)
+    state = options.state
+    run = read_state(source, state) if state else read_result(source, options.model)
     return _write(run, output, options, meshes, None)
 
 

@@ -12,7 +12,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "result",
         metavar="RESULT",
-        help="result of a run (.csv, .npz), or table of a sweep (.parquet): a case is run again",
+        help="result of a run (.csv, .npz), table of a sweep (.parquet; a case is run again), or"
+        " FMU with a --state",
     )
     command.add_argument(
         "-o",
@@ -25,6 +26,12 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--model",
         metavar="SCENE|FILE.fmu",
         help="what made the result (default: the summary beside the result says it)",
+    )
+    command.add_argument(
+        "--state",
+        type=Path,
+        metavar="FILE",
+        help="of an FMU: this saved state, the bytes of fmi2SerializeFMUstate",
     )
     command.add_argument(
         "--mesh",

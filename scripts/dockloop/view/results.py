@@ -5,11 +5,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fmpy.fmi1 import FMICallException
 
 from dockloop.errors import UsageError, find_reason
-from dockloop.outputs import MADE_BY
+from dockloop.outputs import MADE_BY, scratch
 from dockloop.paths import find_absence, is_file, shown
-from dockloop.simulate import Recording
+from dockloop.simulate import (
+    Instance,
+    Recorder,
+    Recording,
+    communication_points,
+    unpack_fmu,
+)
 from dockloop.summary import COMMAND, RESULT, find_summary
 
 
@@ -42,6 +49,42 @@ def read_result(path: Path, model: str | None = None) -> Recording:
     names, units, values = _read_values(path)
     document, parameters = _find_model(path, model, len(values))
     return Recording(document, names, units, values, parameters)
+
+
+def read_state(fmu: Path, state: Path) -> Recording:
+    """Return all outputs of an FMU in a saved state, as a recording of one sample at time 0.
+
+    Args:
+        fmu: the FMU in which the state was saved.
+        state: a file with the bytes of fmi2SerializeFMUstate.
+
+    Raises:
+        UsageError: one of the files is none, or the state is of another FMU.
+    """
+    if not is_file(state):
+        raise UsageError(find_absence(state, "file of a saved state"))
+    try:
+        content = state.read_bytes()
+    except OSError as error:
+        raise UsageError(f"{shown(state)}: cannot be read ({find_reason(error)})") from None
+    with scratch() as folder:
+        description, scene = unpack_fmu(fmu, folder)
+        times = communication_points(description, None, None)
+        with Instance(description, str(folder), shown(fmu)) as instance:
+            instance.initialise([], times)
+            slave = instance.slave
+            recorder = Recorder(slave, description, 1)
+            try:
+                found = slave.deSerializeFMUstate(content)
+                slave.setFMUstate(found)
+                slave.freeFMUstate(found)
+                recorder.read(0, 0.0)
+                parameters = instance.read_parameters()
+            except FMICallException as error:
+                raise UsageError(
+                    f"{shown(state)}: is no state of {shown(fmu)} ({instance.sentence(error)})"
+                ) from None
+    return Recording(scene, recorder.names, recorder.units, recorder.values, parameters)
 
 
 def _read_values(path: Path) -> tuple[list[str], list[str], np.ndarray]:
