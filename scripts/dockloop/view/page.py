@@ -116,12 +116,15 @@ def make_data(run: Recording, command: str | None = None) -> dict:
     columns |= {f"pose.{name}": _encode(values[rows], "f8") for name, values in poses.items()}
     columns |= {name: _encode(values[rows], "f4") for name, values in chosen.items()}
     every = len(times) / len(rows)
+    derived = {"target": "relative", "ring": "ring"}
+    derived = {group for name, group in derived.items() if name in poses}
+    notes += run.warnings
     if len(rows) < len(times):
         notes.append(f"{len(rows)} of {len(times)} recorded samples are in this page")
     notes += [
         f"not recorded: {what}; the scene needs the group '{group}' in [outputs] groups"
         for name, (group, what) in _GROUPS.items()
-        if name not in run and _can_have(run.scene, group)
+        if name not in run and group not in derived and _can_have(run.scene, group)
     ]
     return {
         "meta": {
@@ -300,6 +303,8 @@ def find_events(run: Recording) -> list[dict]:
     """
     times = run["time"]
     events: list[dict] = [{"key": "start", "text": "start", "time": float(times[0]), "index": 0}]
+    if len(times) == 1:  # a saved state
+        return [{**events[0], "text": "saved state"}]
 
     def add(key: str, text: str, at: float) -> None:
         index = int(min(np.searchsorted(times, at - 1e-9), len(times) - 1))

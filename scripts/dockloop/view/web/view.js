@@ -33,7 +33,9 @@
   const latches = list('latch[#].state');
   const legForces = list('leg[#].force');
   const petalForces = list('contact.petal[#].force');
-  const largest = (names) => names.reduce((m, n) => columns[n].reduce((a, x) => Math.max(a, Math.abs(x)), m), 0);
+  const NOISE = 1e-6; // N: smaller forces are rounding
+  const orNone = (force) => (force > NOISE ? force : 0);
+  const largest = (names) => orNone(names.reduce((m, n) => columns[n].reduce((a, x) => Math.max(a, Math.abs(x)), m), 0));
 
   /** Last sample at or before t. */
   function findSample(t) {
@@ -150,6 +152,7 @@
       sprite.position.set(...at);
       sprite.renderOrder = 20;
       parent.add(sprite);
+      return sprite;
     }
     function addFrame(parent, name, size, at = [0, 0, -0.3 * size]) {
       [['#c0392b', [1, 0, 0]], ['#2e8b57', [0, 1, 0]], ['#2f5fc4', [0, 0, 1]]].forEach(([color, axis]) => {
@@ -160,7 +163,7 @@
     }
 
     // Vehicles: the equal homogeneous box, or a mesh.
-    const vehicles = [], walls = [];
+    const vehicles = [], walls = [], names = [];
     function addVehicle(parent, name) {
       const vehicle = geometry.vehicles[name], holder = group(parent);
       vehicles.push(holder);
@@ -173,7 +176,7 @@
         const mesh = new T.Mesh(shape, solid(COLORS[name], { transparent: true, opacity: 0.55 }));
         place(mesh, vehicle.pose);
         holder.add(mesh);
-        addLabel(holder, name, vehicle.pose.p, COLORS[name], 0.04);
+        names.push(addLabel(holder, name, vehicle.pose.p, COLORS[name], 0.04));
         return;
       }
       const box = new T.BoxGeometry(...vehicle.box.size.map((x) => Math.max(x, 0.02)));
@@ -182,7 +185,7 @@
       walls.push(faces);
       inside.add(new T.Mesh(box, faces));
       inside.add(new T.LineSegments(new T.EdgesGeometry(box), new T.LineBasicMaterial({ color: COLORS[name] })));
-      addLabel(holder, name, vehicle.box.pose.p, COLORS[name], 0.04);
+      names.push(addLabel(holder, name, vehicle.box.pose.p, COLORS[name], 0.04));
     }
 
     // Rings: an annulus and flat petals with rounded borders, as the contact computes them.
@@ -304,7 +307,7 @@
     const peak = (name) => {
       let most = 0;
       if (has(`${name}[1]`)) for (let i = 0; i <= last; i++) most = Math.max(most, triple(name, i).length());
-      return most;
+      return orNone(most);
     };
     const most = { force: peak('capture.force'), torque: peak('capture.torque'), petal: largest(petalForces), leg: largest(legForces) };
     const arrows = {
@@ -441,6 +444,7 @@
       draw: () => { // boxes fade from near, where they would hide the mechanism
         const far = Math.min(1, Math.max(0, camera.position.distanceTo(controls.target) / (12 * reach) - 0.7));
         for (const faces of walls) faces.opacity = 0.04 + 0.14 * far;
+        for (const name of names) name.visible = far > 0;
         renderer.render(scene, camera);
       },
       setVehicles: (on) => vehicles.forEach((holder) => { holder.visible = on; }),
