@@ -688,7 +688,7 @@
     const i = findSample(time), between = time > times[i] + 1e-12;
     if (view) { view.update(time); view.draw(); }
     drawCursors(i);
-    $('now').textContent = `${time.toFixed(3)} s${has('phase') ? ` \u00b7 ${describe(i)}` : ''}`;
+    $('now').textContent = [last ? `${time.toFixed(3)} s` : 'saved state', has('phase') && describe(i)].filter(Boolean).join(' \u00b7 ');
     $('clock').textContent = `${time.toFixed(3)} of ${times[last].toFixed(2)} s${between ? ' (between samples)' : ''}`;
     const slider = $('slider');
     slider.value = String(time);
@@ -841,6 +841,7 @@
 
   if (view) view.controls.addEventListener('change', () => { wanted = true; });
   if (view) view.setVehicles(hasTarget);
+  if (!last) document.body.classList.add('moment'); // it has no time
   const fit = () => { view?.resize(); curvesWanted = true; };
   new ResizeObserver(fit).observe($('stage'));
   new ResizeObserver(() => { curvesWanted = true; }).observe($('curves'));
@@ -856,6 +857,7 @@
     /** Show a time [s] at once; words are names of events. */
     show(t) {
       const event = events.find((e) => e.key === t || (t === 'peak' && e.first));
+      if (!event && !Number.isFinite(Number(t))) throw new Error(`no event ${t}`);
       pause();
       setTime(event ? times[event.index] : Number(t));
       if (curvesWanted) { figures.forEach(drawFigure); curvesWanted = false; }
