@@ -12,7 +12,7 @@ import pytest
 from conftest import SCENES
 from dockloop import paths
 
-COMMANDS = ("build", "ssp", "run", "sweep", "trade", "truth", "check", "extremes")
+COMMANDS = ("build", "ssp", "run", "view", "sweep", "trade", "truth", "check", "extremes")
 
 
 def assert_refused(outcome, *words):
@@ -29,6 +29,8 @@ def test_the_example_of_every_help_text_runs(dockloop, command):
     text = dockloop(command, "--help")
     assert text.status == 0
     example = text.out.partition("example: dockloop ")[2]
+    if command == "view":  # of the result of the run that the README begins with
+        assert dockloop("run", "idss_25t_350t", "--stop", "3", "--no-plots").status == 0
     outcome = dockloop(*shlex.split(example))
     assert outcome.status == 0, outcome.err
     assert outcome.out

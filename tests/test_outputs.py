@@ -42,6 +42,10 @@ COMMANDS = {
             *(f"own_{name}.png" for name in ("motion", "loads", "energy")),
         ],
     ),
+    "run view": (
+        [*RUN, "-o", "own.csv", "--no-plots", "--view"],
+        ["own.csv", "own_summary.json", "own_view.html"],
+    ),
     "run npz": ([*RUN, "-o", "own.npz", "--no-plots"], ["own.npz", "own_summary.json"]),
     "sweep": (
         [*SWEEP, "-o", "own.parquet", "--csv"],

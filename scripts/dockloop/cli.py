@@ -1,4 +1,4 @@
-"""The command line: ``dockloop build | ssp | run | sweep | trade | truth | check | extremes``.
+"""The command line: ``dockloop build | ssp | run | view | sweep | trade | truth | check | ...``.
 
 Thin on purpose: arguments in, one call into the package, text and exit status out. Exit status:
 0 done, 1 the work failed, 2 bad usage or a bad file. Errors are one sentence on standard error;
@@ -162,7 +162,12 @@ def _make_parser() -> argparse.ArgumentParser:
         " (default: build/results/SCENE/SCENE.csv)",
     )
     run.add_argument("--no-plots", action="store_true", help="do not draw figures")
+    run.add_argument(
+        "--view", action="store_true", help="write RESULT_view.html, the motion in three dimensions"
+    )
     run.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+    _add_view(commands)
 
     sweep = _add(
         commands,
@@ -249,6 +254,14 @@ def _add(
     command.set_defaults(command=function)
     command.add_argument("--debug", action="store_true", help=argparse.SUPPRESS)
     return command
+
+
+def _add_view(commands: Any) -> None:
+    """Add the command that shows the motion."""
+    from dockloop.view.options import EXAMPLE, add_arguments
+
+    text = "write a page that shows a docking in three dimensions; it opens offline"
+    add_arguments(_add(commands, "view", _view, text, EXAMPLE))
 
 
 def _add_truth(commands: Any) -> None:
@@ -403,6 +416,7 @@ def _run(options: argparse.Namespace) -> None:
         write_result,
         write_summary,
     )
+    from dockloop.view.page import PAGE, write_page
 
     is_fmu = options.scene.endswith(".fmu")
     if is_fmu and options.overrides:
@@ -418,6 +432,9 @@ def _run(options: argparse.Namespace) -> None:
     claim(summary_file, json_kind("summary", COMMAND))
     for file in [] if options.no_plots else list_plots(stem):
         claim(file, figure_kind(COMMAND))
+    page = stem.with_name(f"{stem.name}_view.html")
+    if options.view:
+        claim(page, PAGE)
 
     with scratch() as folder:
         if not is_fmu:
@@ -431,9 +448,19 @@ def _run(options: argparse.Namespace) -> None:
     files = [result, summary_file]
     if not options.no_plots and can_draw():
         files += write_plots(run, stem)
+    if options.view:
+        write_page(run, page)
+        files.append(page)
     summary["files"] = [paths.shown(file) for file in files]
     write_summary(summary, summary_file)
     _tell(json.dumps(summary, indent=2) if options.json else describe(summary))
+
+
+def _view(options: argparse.Namespace) -> None:
+    """Write the page, stills or film of a docking."""
+    from dockloop.view.command import view
+
+    _tell(view(options))
 
 
 def _sweep(options: argparse.Namespace) -> None:

@@ -87,6 +87,8 @@ def summarise(run: Result) -> dict:
             summary["time"]["microseconds_per_rhs"] = 1e6 * run.wall["do_step"] / evaluations
     if run.warnings:
         summary["warnings"] = run.warnings
+    summary["model"] = run.scene  # from which `dockloop view` has its shapes
+    summary["parameters"] = run.parameters
     return summary
 
 

@@ -1,0 +1,283 @@
+"""The command ``dockloop view``: page, stills or film of a result, or of cases of a sweep."""
+
+import argparse
+import math
+import re
+import shlex
+import tomllib
+from pathlib import Path
+
+from dockloop.errors import DockloopError, UsageError, did_you_mean
+from dockloop.outputs import claim, scratch
+from dockloop.paths import find_absence, is_file, shown
+from dockloop.simulate import Recording
+from dockloop.view.page import PAGE, write_page
+from dockloop.view.pictures import FILM, STILL, write_film, write_stills
+from dockloop.view.results import read_result, read_state
+
+_SIZE = re.compile(r"(\d{2,5})x(\d{2,5})")
+_MOST_CASES = 20
+
+
+def view(options: argparse.Namespace) -> str:
+    """Write what was asked for.
+
+    Returns:
+        What was written, for people.
+
+    Raises:
+        UsageError: a file or an option is bad.
+        DockloopError: it cannot be written or drawn.
+    """
+    source = Path(options.result)
+    suffix = ".png" if options.still else ".mp4" if options.film else ".html"
+    if options.still and options.film:
+        raise UsageError("--still and --film: give one of them")
+    output = options.output or _name(source, suffix)
+    if output.suffix != suffix:
+        what = {".png": "stills", ".mp4": "a film", ".html": "a page"}[suffix]
+        hint = "" if suffix != ".html" else "; pictures: --still or --film"
+        raise UsageError(f"-o {output}: must end in {suffix} for {what}{hint}")
+    meshes = _parse_meshes(options.meshes)
+    if source.suffix == ".parquet":
+        if options.model:
+            raise UsageError("--model: the table of a sweep holds its model")
+        return _view_sweep(source, output, options, meshes)
+    if options.cases or options.not_captured is not None:
+        raise UsageError(f"--case, --not-captured: {shown(source)} is no table of a sweep")
+    if (source.suffix == ".fmu") != bool(options.state):
+        raise UsageError(f"{shown(source)}: an FMU and a --state go together, one needs the other")
+    if options.state and (options.film or options.model):
+        raise UsageError("--film, --model: a saved state is one moment of its own FMU")
+    for file, kind in _list_files(output, options):
+        claim(file, kind)
+    state = options.state
+    run = read_state(source, state) if state else read_result(source, options.model)
+    return _write(run, output, options, meshes, None)
+
+
+def _write(
+    run: Recording,
+    output: Path,
+    options: argparse.Namespace,
+    meshes: dict[str, Path],
+    command: str | None,
+) -> str:
+    """Write page, stills or film of one recording; returns what was written."""
+    if not (options.still or options.film):
+        return describe_page(output, write_page(run, output, command=command, meshes=meshes))
+    found = _SIZE.fullmatch(options.size)
+    if not found:
+        raise UsageError(f"--size {options.size}: must be WIDTHxHEIGHT, for example 1280x800")
+    width, height = int(found[1]), int(found[2])
+    with scratch() as folder:
+        page = folder / "page.html"
+        write_page(run, page, command=command, meshes=meshes)
+        if options.still:
+            files = [file for file, _ in _list_files(output, options)]
+            moments = _parse_moments(options.still, run)
+            shots = dict(zip(files, moments, strict=True))
+            write_stills(page, shots, options.camera, (width, height))
+            return "\n".join(shown(file) for file in files)
+        times = run["time"]
+        begin = float(times[0] if options.begin is None else options.begin)
+        end = float(times[-1] if options.end is None else options.end)
+        if not times[0] <= begin < end <= times[-1]:
+            raise UsageError(
+                f"--from {begin:g} --to {end:g}: must lie in order between {times[0]:g} and"
+                f" {times[-1]:g} s, where the result begins and ends"
+            )
+        if not (math.isfinite(options.speed) and options.speed > 0.0):
+            raise UsageError(f"--speed {options.speed}: must be above 0")
+        count = write_film(
+            page,
+            output,
+            (begin, end),
+            speed=options.speed,
+            camera=options.camera,
+            size=(width, height),
+        )
+    return f"{shown(output)} ({count} pictures, {output.stat().st_size / 1e6:.1f} MB)"
+
+
+def describe_page(path: Path, written: dict) -> str:
+    """Say what a page is."""
+    text = f"{shown(path)} ({written['bytes'] / 1e6:.1f} MB, {written['samples']} samples"
+    if written["every"] > 1.0:
+        text += f", one of {written['every']:.1f}"
+    return f"{text}): open it in a browser"
+
+
+def _view_sweep(
+    table: Path, output: Path, options: argparse.Namespace, meshes: dict[str, Path]
+) -> str:
+    """Run cases of a sweep again and write one page for each."""
+    from dockloop.fmu import build_fmu
+    from dockloop.simulate import run_fmu
+
+    rows, metadata = _read_table(table)
+    cases = _choose_cases(table, rows, metadata, options)
+    outputs = {case: output.with_stem(f"{output.stem}_case{case}") for case in cases}
+    for file in outputs.values():
+        for part, kind in _list_files(file, options):
+            claim(part, kind)
+    lines = []
+    for case, file in outputs.items():
+        with scratch() as folder:
+            words = _find_command(table, metadata, case, folder)
+            overrides, settings = _list_values(words, "--scene"), _list_values(words, "--set")
+            stop, step = (float(_list_values(words, name)[0]) for name in ("--stop", "--step"))
+            name = Path(words[2]).stem
+            fmu = build_fmu(words[2], overrides, folder / f"{name}.fmu", bare=True)
+            run = run_fmu(fmu, settings, stop, step, label=f"case {case} of {shown(table)}")
+        words[2] = tomllib.loads(metadata["dockloop.sweep"])["scene"]
+        lines.append(_write(run, file, options, meshes, shlex.join(words)))
+    return "\n".join(lines)
+
+
+def _read_table(table: Path) -> tuple[list[dict], dict[str, str]]:
+    """Return rows and metadata of the table of a sweep."""
+    if not is_file(table):
+        raise UsageError(find_absence(table, "table"))
+    try:
+        from pyarrow import parquet
+    except ImportError:
+        raise DockloopError(
+            "tables of sweeps need the package pyarrow: .venv/bin/pip install -e '.[sweep]'"
+        ) from None
+    from dockloop.sweep import TABLE, read_table_metadata
+
+    try:
+        if not TABLE.is_own(table):
+            raise ValueError("it has no such metadata")
+        return parquet.read_table(table).to_pylist(), read_table_metadata(table)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{shown(table)}: is no table of 'dockloop sweep' ({error})") from None
+
+
+def _choose_cases(
+    table: Path, rows: list[dict], metadata: dict[str, str], options: argparse.Namespace
+) -> list[int]:
+    """Return the numbers of the cases to show, from 1."""
+    count = options.not_captured
+    if options.cases and count is not None:
+        raise UsageError("--case and --not-captured: give one of them")
+    for case in options.cases:
+        if not 1 <= case <= len(rows):
+            raise UsageError(f"--case {case}: {shown(table)} has the cases 1 to {len(rows)}")
+        if rows[case - 1]["status"] != "done":
+            why = rows[case - 1]["reason"]
+            raise UsageError(f"--case {case}: was not done in {shown(table)} ({why})")
+    if options.cases:
+        return list(dict.fromkeys(options.cases))
+    done = [row for row in rows if row["status"] == "done"]
+    if not done:
+        raise UsageError(f"{shown(table)}: no case was done, so there is none to show")
+    if count is not None:
+        if not 1 <= count <= _MOST_CASES:
+            raise UsageError(f"--not-captured {count}: must be 1 to {_MOST_CASES}")
+        if "outcome" not in done[0]:
+            raise UsageError(f"{shown(table)}: 'outcome' is no column of it, so name a --case")
+        found = [row["case"] for row in done if row["outcome"] != "captured"]
+        if not found:
+            raise UsageError(f"{shown(table)}: all {len(done)} cases were captured")
+        return found[:count]
+    by = tomllib.loads(metadata["dockloop.sweep"]).get("worst", "capture.peak.load_ratio")
+    if not any(isinstance(row.get(by), int | float) for row in done):
+        raise UsageError(f"{shown(table)}: '{by}' is no column of it, so name a --case")
+    return [max(done, key=lambda row: -math.inf if row[by] is None else row[by])["case"]]
+
+
+def _find_command(table: Path, metadata: dict[str, str], case: int, folder: Path) -> list[str]:
+    """Return the words of the command that runs a case by itself.
+
+    The sweep and a scene of the user are written as they were when the table was made.
+    """
+    from pyarrow import parquet
+
+    from dockloop.sampling import read_sweep
+    from dockloop.sweep import DIGEST, Planner
+
+    text, named = metadata["dockloop.sweep"], tomllib.loads(metadata["dockloop.sweep"])["scene"]
+    file = folder / "sweep.toml"
+    file.write_text(text, encoding="utf-8")
+    if named.endswith(".toml"):
+        scene = folder / named
+        if not scene.resolve().is_relative_to(folder.resolve()):
+            scene = folder / Path(named).name
+            file.write_text(text.replace(named, scene.name), encoding="utf-8")
+        scene.parent.mkdir(parents=True, exist_ok=True)
+        scene.write_text(metadata["dockloop.scene"], encoding="utf-8")
+    sweep = read_sweep(str(file))
+    try:
+        planner = Planner(sweep)
+    except UsageError as error:
+        raise UsageError(
+            f"{shown(table)}: its cases cannot be run again ({error}): run one with its command,"
+            " and view that result"
+        ) from None
+    if planner.digest != metadata.get(DIGEST):
+        raise UsageError(
+            f"{shown(table)}: was made with another scene, mechanism or dockloop than these: its"
+            " cases would not be the same; run the sweep again"
+        )
+    ends = parquet.read_table(table, columns=["end_time"])["end_time"]
+    return planner.make_command(sweep.cases[case - 1], ends[case - 1].as_py())
+
+
+def _list_values(words: list[str], option: str) -> list[str]:
+    """Return what follows an option in the words of a command."""
+    return [words[i + 1] for i, word in enumerate(words[:-1]) if word == option]
+
+
+def _name(source: Path, suffix: str) -> Path:
+    return source.with_name(f"{source.stem}_view{suffix}")
+
+
+def _list_files(output: Path, options: argparse.Namespace) -> list[tuple[Path, object]]:
+    """Return all files that are written, and their kinds."""
+    if options.film:
+        return [(output, FILM)]
+    if not options.still:
+        return [(output, PAGE)]
+    count = len(options.still.split(","))
+    if count == 1:
+        return [(output, STILL)]
+    return [(output.with_stem(f"{output.stem}_{i + 1}"), STILL) for i in range(count)]
+
+
+def _parse_moments(text: str, run: Recording) -> list[float | str]:
+    """Return times [s] and events."""
+    from dockloop.view.page import find_events
+
+    known = {event["key"] for event in find_events(run)}
+    known |= {"peak"} if any(key.startswith("peak_") for key in known) else set()
+    times, moments = run["time"], []
+    for word in (word.strip() for word in text.split(",")):
+        if word in known:
+            moments.append(word)
+            continue
+        try:
+            moment = float(word)
+        except ValueError:
+            raise UsageError(
+                f"--still {word}: is no time, and no event of this result"
+                f"{did_you_mean(word, known)}: there are {', '.join(sorted(known))}"
+            ) from None
+        if not times[0] <= moment <= times[-1]:
+            raise UsageError(
+                f"--still {word}: the result goes from {times[0]:g} to {times[-1]:g} s"
+            )
+        moments.append(moment)
+    return moments
+
+
+def _parse_meshes(texts: list[str]) -> dict[str, Path]:
+    """Return the meshes by vehicle."""
+    meshes = {}
+    for text in texts:
+        vehicle, equals, file = text.partition("=")
+        if not equals or vehicle not in ("chaser", "target") or not file:
+            raise UsageError(f"--mesh {text}: must be chaser=FILE.stl or target=FILE.stl")
+        meshes[vehicle] = Path(file)
+    return meshes

@@ -1,0 +1,221 @@
+"""Shapes of a docking from its resolved scene, in metres, for the page of ``dockloop view``.
+
+Nothing is drawn that the scene does not hold: rings, petals, hooks and strikers are the contact
+surfaces that the core computes with, legs run between the joint points of the mechanism file. A
+vehicle is a homogeneous box with its mass and inertia, or a mesh that the user gives.
+
+Poses are pairs ``{"p": [x, y, z], "q": [w, x, y, z]}``, quaternions as in the FMU.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from dockloop.drawing import find_body_places
+
+_PORT = 0.15  # clearance of a vehicle's box from its mating plane [m]
+
+
+def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
+    """Return all shapes of a docking.
+
+    Args:
+        document: the resolved scene (``resources/model.json`` of the FMU).
+        parameters: values of the FMU's parameters; they win over the document.
+
+    Returns:
+        Members ``vehicles``, ``ring``, ``contact``, ``legs``, ``latches``, ``capture_body``,
+        ``bodies``.
+    """
+    mechanism = document["mechanism"]
+    legs = _list_legs(mechanism)
+    back = min((leg["root_point"][0] for leg in legs if leg["root"] == "base"), default=-0.3)
+    vehicles = {}
+    for name, front in (("chaser", min(back, -_PORT)), ("target", _PORT)):
+        if name in document:
+            vehicles[name] = _make_vehicle(name, document[name], parameters, front)
+    contact = mechanism.get("contact", {})
+    return {
+        "vehicles": vehicles,
+        "ring": _make_rings(contact) if contact.get("type") == "guide_ring" else None,
+        "contact": contact.get("type"),
+        "legs": legs,
+        "latches": _make_latches(mechanism.get("latches")),
+        "capture_body": mechanism.get("capture", {}).get("body", "base"),
+        "bodies": [
+            {"name": body["name"], "parent": body["parent"]} for body in mechanism.get("bodies", [])
+        ],
+    }
+
+
+def place_bodies(mechanism: dict, coordinates: np.ndarray) -> dict[str, np.ndarray] | None:
+    """Return poses of all bodies from the independent coordinates, if these are all there are.
+
+    Args:
+        mechanism: its description.
+        coordinates: ``state.q``, one row per sample.
+
+    Returns:
+        For every body rows of position and quaternion in axes of the base; None: some joint
+        coordinates depend on others and were not recorded.
+    """
+    bodies = mechanism.get("bodies", [])
+    count = sum(7 if body["joint"]["type"] == "free" else 1 for body in bodies)
+    if not bodies or count != coordinates.shape[1] or mechanism.get("loops"):
+        return None
+    rows: dict[str, list] = {body["name"]: [] for body in bodies}
+    for q in coordinates:
+        for name, (rotation, position) in find_body_places(mechanism, q.tolist()).items():
+            if name != "base":
+                rows[name].append([*position, *find_quaternion(rotation)])
+    return {name: np.array(poses) for name, poses in rows.items()}
+
+
+def find_leg_length(leg: dict, root: np.ndarray, closing: np.ndarray) -> np.ndarray:
+    """Return lengths of a leg from the poses of the bodies at its ends, rows of 7 numbers [m]."""
+    ends = (
+        rows[:, :3] + turn(rows[:, 3:], np.array(leg[point]))
+        for rows, point in ((root, "root_point"), (closing, "closing_point"))
+    )
+    first, second = ends
+    return np.linalg.norm(second - first, axis=1)
+
+
+def turn(quaternions: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Return a vector turned by each of the unit quaternions (rows w, x, y, z)."""
+    w, u = quaternions[:, :1], quaternions[:, 1:]
+    cross = np.cross(u, vector)
+    return vector + 2.0 * (w * cross + np.cross(u, cross))
+
+
+def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return products of quaternions, row by row."""
+    w = a[:, :1] * b[:, :1] - np.sum(a[:, 1:] * b[:, 1:], axis=1, keepdims=True)
+    return np.hstack([w, a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])])
+
+
+def conjugate(a: np.ndarray) -> np.ndarray:
+    """Return the inverse turns of unit quaternions."""
+    return a * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def find_quaternion(rotation: np.ndarray) -> np.ndarray:
+    """Return the unit quaternion (w, x, y, z) of a rotation matrix."""
+    k = np.array(
+        [
+            [np.trace(rotation), 0.0, 0.0, 0.0],
+            [rotation[2, 1] - rotation[1, 2], 2 * rotation[0, 0] - np.trace(rotation), 0.0, 0.0],
+            [rotation[0, 2] - rotation[2, 0], 0.0, 2 * rotation[1, 1] - np.trace(rotation), 0.0],
+            [rotation[1, 0] - rotation[0, 1], 0.0, 0.0, 2 * rotation[2, 2] - np.trace(rotation)],
+        ]
+    )
+    for i, j in ((1, 2), (1, 3), (2, 3)):
+        k[j, i] = rotation[i - 1, j - 1] + rotation[j - 1, i - 1]
+    values, vectors = np.linalg.eigh(k)  # reads the lower triangle
+    best = vectors[:, int(np.argmax(values))]
+    return best if best[0] >= 0.0 else -best
+
+
+def _make_vehicle(name: str, vehicle: dict, parameters: dict[str, float], front: float) -> dict:
+    """Return the box of a vehicle and the pose of its body frame in its interface frame."""
+
+    def read(member: str, count: int) -> np.ndarray:
+        given = vehicle[member]
+        values = (parameters.get(f"{name}.{member}[{i + 1}]", given[i]) for i in range(count))
+        return np.array(list(values), float)
+
+    mass = float(parameters.get(f"{name}.mass", vehicle["mass"]))
+    xx, yy, zz, xy, xz, yz = read("inertia", 6)
+    position, attitude = read("interface_position", 3), read("interface_attitude", 4)
+    attitude /= np.linalg.norm(attitude)
+    back = conjugate(attitude[None])
+    origin = turn(back, -position)[0]  # centre of mass in axes of the interface
+    moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    order = np.argmax(np.abs(axes), axis=0)  # keep x, y, z where the axes are nearly those
+    if len(set(order)) == 3:
+        moments, axes = moments[np.argsort(order)], axes[:, np.argsort(order)]
+    axes = axes * np.where(np.diag(axes) < 0.0, -1.0, 1.0)
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 2] *= -1.0
+    squares = 6.0 * (np.sum(moments) - 2.0 * moments) / mass
+    size = np.sqrt(np.maximum(squares, 0.0))
+    box = multiply(back, find_quaternion(axes)[None])
+    corners = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
+    points = np.array([origin + turn(box, size * corner)[0] for corner in corners])
+    low, high = points.min(axis=0), points.max(axis=0)
+    center, is_cut = origin, False
+    if name == "chaser" and high[0] > front:
+        high[0], low[0], is_cut = front, min(low[0], front - 0.1), True
+    if name == "target" and low[0] < front:
+        low[0], high[0], is_cut = front, max(high[0], front + 0.1), True
+    if is_cut:  # axes of the interface then, which are those of the box in all but odd cases
+        center, size, box = (low + high) / 2.0, high - low, np.array([[1.0, 0.0, 0.0, 0.0]])
+    return {
+        "mass": mass,
+        "motion": vehicle.get("motion", "free"),
+        "pose": {"p": origin.tolist(), "q": back[0].tolist()},
+        "box": {"size": size.tolist(), "pose": {"p": center.tolist(), "q": box[0].tolist()}},
+        "is_cut": is_cut,
+    }
+
+
+def _list_legs(mechanism: dict) -> list[dict]:
+    """Return the legs with their defaults."""
+    legs = []
+    for leg in mechanism.get("legs", []):
+        full = {"root": "base", **mechanism.get("leg_defaults", {}), **leg}
+        stops = full.get("stops") or {}
+        legs.append(
+            {
+                **{key: full[key] for key in ("name", "root", "closing")},
+                **{key: [float(x) for x in full[key]] for key in ("root_point", "closing_point")},
+                **{key: stops[key] for key in ("min_length", "max_length") if key in stops},
+            }
+        )
+    return legs
+
+
+def _make_rings(contact: dict) -> dict:
+    """Return both guide rings; as ``make_capture_hardware`` in src/contact/guide_ring.cpp."""
+    count, petals = contact["petal_count"], []
+    base, half = contact["petal_base_radius"], contact["petal_base_half_angle"]
+    tip = (contact["petal_tip_x"], contact["petal_tip_distance"], contact["petal_tip_half_width"])
+    for j in range(count):
+        a = 2.0 * math.pi * j / count
+        petals.append(
+            [
+                _at_azimuth(contact["petal_base_x"], base, a - half),
+                _at_azimuth(contact["petal_base_x"], base, a + half),
+                _about_x((tip[0], tip[1], tip[2]), a),
+                _about_x((tip[0], tip[1], -tip[2]), a),
+            ]
+        )
+    axis = np.array(_at_azimuth(0.0, 1.0, math.pi / (2 * max(count, 1))))
+    return {
+        "core_x": contact["core_x"],
+        "inner": contact["core_inner_radius"],
+        "outer": contact["core_outer_radius"],
+        "ring_rounding": contact["ring_rounding"],
+        "petal_rounding": contact["petal_rounding"],
+        "petals": petals,
+        "passive": {"p": [0.0, 0.0, 0.0], "q": [0.0, *axis.tolist()]},  # a turn by pi
+    }
+
+
+def _make_latches(latches: dict | None) -> dict | None:
+    """Return hooks, which are in axes of G what strikers are in axes of P."""
+    if not latches:
+        return None
+    points = [_at_azimuth(0.0, latches["radius"], a) for a in latches["azimuth"]]
+    return {"points": points, **{k: latches[k] for k in ("range", "catch", "window")}}
+
+
+def _at_azimuth(x: float, radius: float, azimuth: float) -> list[float]:
+    return [x, radius * math.cos(azimuth), radius * math.sin(azimuth)]
+
+
+def _about_x(point: Sequence[float], angle: float) -> list[float]:
+    x, y, z = point
+    c, s = math.cos(angle), math.sin(angle)
+    return [x, c * y - s * z, s * y + c * z]

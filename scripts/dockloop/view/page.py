@@ -1,0 +1,385 @@
+"""The page: one HTML file with shapes, motion, curves and the viewer, for ``dockloop view``.
+
+Data are columns in base64: times and poses as 64-bit numbers, everything else as 32-bit ones. A
+page stays below 5 MB: of long results some samples are taken, those of all events among them.
+`read_page` returns what a page holds, so that a test can compare it with the result.
+"""
+
+import base64
+import html
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dockloop import __version__
+from dockloop.errors import DockloopError, UsageError
+from dockloop.outputs import Kind, read_head, writing
+from dockloop.paths import shown
+from dockloop.simulate import Recording
+from dockloop.summary import LOADS, OUTCOMES, PHASES
+from dockloop.view import geometry
+
+COMMAND = "dockloop view"
+LATCH_STATES = ("free", "pushed", "in reach", "held", "releasing")
+TOLERANCE = 1e-4  # the shapes of the scene must fit what was recorded so well [m]
+_BEGIN = f"<!doctype html>\n<!-- made by {COMMAND} -->"
+_DATA_LIMIT = 2_500_000  # bytes of columns in base64
+_PAGE_LIMIT = 5_000_000  # bytes of a page
+_DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
+
+# Columns besides poses: what the page shows of a result, by name or pattern.
+_SHOWN = re.compile(
+    r"relative\.(axial|lateral|pitch_yaw|roll)|gap|phase|outcome|captured"
+    r"|capture\.(tension|compression|shear|bending|torsion|load_ratio|(force|torque)\[\d\])"
+    r"|contact\.petal\[\d+\]\.force|latch\[\d+\]\.(opening|lateral|force|state)|latched\[\d+\]"
+    r"|leg\[\d+\]\.(length|force)"
+)
+# What is missing in a result, and the group of outputs that holds it.
+_GROUPS = {
+    "relative.position[1]": ("relative", "motion of the target"),
+    "ring.position[1]": ("ring", "motion of the ring and the legs"),
+    "capture.compression": ("capture", "loads in the capture interface"),
+    "contact.petal[1].force": ("contact", "petal forces and latches"),
+    "phase": ("phase", "phases, first contact and capture"),
+    "leg[1].length": ("legs", "leg forces"),
+}
+
+
+def _is_page(path: Path) -> bool:
+    return read_head(path).startswith(_BEGIN.encode())
+
+
+PAGE = Kind("page", COMMAND, _is_page)
+
+
+def write_page(
+    run: Recording,
+    path: Path,
+    *,
+    command: str | None = None,
+    meshes: dict[str, Path] | None = None,
+) -> dict:
+    """Write the page of a recorded docking.
+
+    Args:
+        run: what was recorded.
+        path: the file, ``.html``.
+        command: what repeats the run, shown in the page.
+        meshes: STL files by vehicle, in metres and in the body frame of the vehicle.
+
+    Returns:
+        ``bytes``, ``samples``, ``every`` (one of so many was taken) and ``fit`` [m], the largest
+        difference between drawn and recorded leg lengths and latch openings.
+
+    Raises:
+        UsageError: the scene does not fit the result, or a mesh is too large.
+        DockloopError: the page cannot be written.
+    """
+    data = make_data(run, command)
+    for vehicle, mesh in (meshes or {}).items():
+        from dockloop.view.mesh import read_mesh
+
+        if vehicle not in data["geometry"]["vehicles"]:
+            raise UsageError(f"--mesh {vehicle}={shown(mesh)}: the scene has no {vehicle}")
+        data["geometry"]["vehicles"][vehicle]["mesh"] = read_mesh(mesh)
+    text = fill_template(data)
+    size = len(text.encode())
+    if size > _PAGE_LIMIT:
+        raise UsageError(
+            f"{shown(path)}: would have {size / 1e6:.1f} MB, more than {_PAGE_LIMIT / 1e6:.0f} MB:"
+            " give meshes with fewer triangles"
+        )
+    with writing(path, PAGE) as partial:
+        partial.write_text(text, encoding="utf-8")
+    return {"bytes": size, **{k: data["meta"][k] for k in ("samples", "every", "fit")}}
+
+
+def make_data(run: Recording, command: str | None = None) -> dict:
+    """Return all that a page holds: ``meta``, ``geometry``, ``events``, ``columns``."""
+    poses, notes = _find_poses(run)
+    shapes = geometry.make_geometry(run.scene, run.parameters)
+    fit = _check_fit(run, poses, shapes)
+    times = run["time"]
+    chosen = {name: run[name] for name in run.names if _SHOWN.fullmatch(name)}
+    events = find_events(run)
+    width = 8 * (1 + 7 * len(poses)) + 4 * len(chosen)
+    rows = _choose_rows(run, events, max(100, int(_DATA_LIMIT * 0.75 / width)))
+    for event in events:
+        event["index"] = int(np.searchsorted(rows, event["index"]))
+    columns = {"time": _encode(times[rows], "f8")}
+    columns |= {f"pose.{name}": _encode(values[rows], "f8") for name, values in poses.items()}
+    columns |= {name: _encode(values[rows], "f4") for name, values in chosen.items()}
+    every = len(times) / len(rows)
+    derived = {"target": "relative", "ring": "ring"}
+    derived = {group for name, group in derived.items() if name in poses}
+    notes += run.warnings
+    if len(rows) < len(times):
+        notes.append(f"{len(rows)} of {len(times)} recorded samples are in this page")
+    notes += [
+        f"not recorded: {what}; the scene needs the group '{group}' in [outputs] groups"
+        for name, (group, what) in _GROUPS.items()
+        if name not in run and group not in derived and _can_have(run.scene, group)
+    ]
+    return {
+        "meta": {
+            "name": run.scene["name"],
+            "title": run.scene["title"],
+            "sentence": describe_outcome(run),
+            "command": command,
+            "version": __version__,
+            "samples": len(rows),
+            "every": every,
+            "fit": fit,
+            "notes": notes,
+            "phases": PHASES,
+            "outcomes": OUTCOMES,
+            "latch_states": LATCH_STATES,
+            "loads": LOADS,
+            "rated": {
+                name: value
+                for name, value in run.scene["mechanism"].get("limits", {}).items()
+                if name in LOADS
+            },
+        },
+        "geometry": shapes,
+        "events": events,
+        "columns": columns,
+    }
+
+
+def fill_template(data: dict) -> str:
+    """Return the page of these data as text."""
+
+    def read(name: str) -> str:
+        return (files("dockloop.view") / "web" / name).read_text(encoding="utf-8")
+
+    def script(name: str) -> str:
+        return read(name).replace("</script", "<\\/script")
+
+    parts = {
+        "made_by": _BEGIN,
+        "title": html.escape(f"{data['meta']['name']}: {data['meta']['title']}"),
+        "style": read("view.css"),
+        "three": f"/* {' '.join(read('three.LICENSE.txt').split())} */\n{script('three.min.js')}",
+        "view": script("view.js"),
+        "data": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
+    }
+    return re.sub(r"\{\{(\w+)\}\}", lambda m: parts[m[1]], read("page.html"))
+
+
+def read_page(path: Path) -> dict:
+    """Return the data of a page, its columns as arrays.
+
+    Raises:
+        UsageError: it is no page of `write_page`.
+    """
+    found = _DATA.search(path.read_text(encoding="utf-8"))
+    if not found or not _is_page(path):
+        raise UsageError(f"{shown(path)}: is no page of '{COMMAND}'")
+    data = json.loads(found[1])
+    data["columns"] = {name: _decode(column) for name, column in data["columns"].items()}
+    return data
+
+
+def describe_outcome(run: Recording) -> str:
+    """Say in one line how the docking ended."""
+    from dockloop.summary import describe, summarise
+
+    timed = {"loop": 1.0, "do_step": 0.0, "read": 0.0, "load": 0.0}  # a result file has no times
+    return describe(summarise(replace(run, wall=timed))).splitlines()[1].strip()
+
+
+def _find_poses(run: Recording) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Return poses of P, of the ring and of other bodies in axes of A, one row of 7 per sample."""
+    poses, notes = {}, []
+    count = len(run.values)
+    if "target" in run.scene:
+        if "relative.position[1]" in run and "relative.attitude[1]" in run:
+            poses["target"] = _rows(run, "relative")
+        elif "chaser.position[1]" in run and "target.position[1]" in run:
+            poses["target"] = _find_relative(run)
+            notes.append(
+                "relative.* is not recorded: P in A follows from the poses of the vehicles"
+            )
+    if "ring.position[1]" in run and "ring.attitude[1]" in run:
+        poses["ring"] = _rows(run, "ring")
+    mechanism = run.scene["mechanism"]
+    capture = mechanism.get("capture", {}).get("body", "base")
+    if "state.q[1]" in run:
+        placed = geometry.place_bodies(mechanism, run.vector("state.q")) or {}
+        for name, rows in placed.items():
+            if name != capture:
+                poses[f"body.{name}"] = rows
+            elif "ring" not in poses:
+                poses["ring"] = rows
+                notes.append("ring.* is not recorded: the ring follows from state.q")
+    others = [b["name"] for b in mechanism.get("bodies", []) if b["name"] != capture]
+    missing = [name for name in others if f"body.{name}" not in poses]
+    if missing:
+        notes.append(
+            f"not drawn: {', '.join(missing[:6])}{' and others' * (len(missing) > 6)}; the poses of"
+            " these bodies are no outputs, or need the group 'states' in [outputs] groups"
+        )
+    if capture == "base" and "ring" not in poses and mechanism["name"] != "none":
+        poses["ring"] = np.tile([0.0, 0, 0, 1, 0, 0, 0], (count, 1))
+    return poses, notes
+
+
+def _rows(run: Recording, name: str) -> np.ndarray:
+    return np.hstack([run.vector(f"{name}.position"), run.vector(f"{name}.attitude")])
+
+
+def _find_relative(run: Recording) -> np.ndarray:
+    """Return P in axes of A from the poses of both vehicles."""
+    frames = []
+    for name in ("chaser", "target"):
+        vehicle = geometry.make_geometry(run.scene, run.parameters)["vehicles"][name]
+        back = np.array([vehicle["pose"]["q"]])
+        mount = geometry.conjugate(back)
+        offset = -geometry.turn(mount, np.array(vehicle["pose"]["p"]))[0]
+        attitude = run.vector(f"{name}.attitude")
+        position = run.vector(f"{name}.position") + geometry.turn(attitude, offset)
+        mounts = np.tile(mount, (len(attitude), 1))
+        frames.append((position, geometry.multiply(attitude, mounts)))
+    (p_a, q_a), (p_p, q_p) = frames
+    inverse = geometry.conjugate(q_a)
+    return np.hstack([geometry.turn(inverse, p_p - p_a), geometry.multiply(inverse, q_p)])
+
+
+def _check_fit(run: Recording, poses: dict[str, np.ndarray], shapes: dict) -> float | None:
+    """Compare drawn leg lengths and latch openings with the recorded ones.
+
+    Returns:
+        The largest difference [m]; None: there is nothing to compare.
+
+    Raises:
+        UsageError: the shapes are not those of the run.
+    """
+    at = {"base": np.array([[0.0, 0, 0, 1, 0, 0, 0]])}
+    if "ring" in poses:
+        at[shapes["capture_body"]] = poses["ring"]
+    at |= {k.removeprefix("body."): v for k, v in poses.items() if k.startswith("body.")}
+    differences = {}
+    for i, leg in enumerate(shapes["legs"]):
+        name = f"leg[{i + 1}].length"
+        if name in run and leg["root"] in at and leg["closing"] in at:
+            drawn = geometry.find_leg_length(leg, at[leg["root"]], at[leg["closing"]])
+            differences[name] = float(np.max(np.abs(drawn - run[name])))
+    for i, point in enumerate(shapes["latches"]["points"] if shapes["latches"] else []):
+        name = f"latch[{i + 1}].opening"
+        if name in run and {"target", "ring"} <= poses.keys():
+            target, ring = poses["target"], poses["ring"]
+            striker = target[:, :3] + geometry.turn(target[:, 3:], np.array(point)) - ring[:, :3]
+            inverse = geometry.conjugate(ring[:, 3:])
+            opening = _turn_rows(inverse, striker)[:, 0] - point[0]
+            differences[name] = float(np.max(np.abs(opening - run[name])))
+    for name, difference in differences.items():
+        if difference > TOLERANCE:
+            raise UsageError(
+                f"{name} drawn from the mechanism '{run.scene['mechanism']['name']}' differs from"
+                f" the recorded one by {1e3 * difference:.3g} mm: the model is not that of this"
+                " result; run the docking again, or name the right --model"
+            )
+    return max(differences.values(), default=None)
+
+
+def _turn_rows(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Return every vector turned by its quaternion."""
+    w, u = quaternions[:, :1], quaternions[:, 1:]
+    cross = np.cross(u, vectors)
+    return vectors + 2.0 * (w * cross + np.cross(u, cross))
+
+
+def find_events(run: Recording) -> list[dict]:
+    """Return start, first contact, capture, peak loads and end in the order of time.
+
+    The index of an event is that of the first sample at which the event is over.
+    """
+    times = run["time"]
+    events: list[dict] = [{"key": "start", "text": "start", "time": float(times[0]), "index": 0}]
+    if len(times) == 1:  # a saved state
+        return [{**events[0], "text": "saved state"}]
+
+    def add(key: str, text: str, at: float) -> None:
+        index = int(min(np.searchsorted(times, at - 1e-9), len(times) - 1))
+        events.append({"key": key, "text": text, "time": float(at), "index": index})
+
+    for name, key, text in (
+        ("time_of_contact", "contact", "first contact"),
+        ("time_of_capture", "capture", "capture"),
+    ):
+        if name in run and run[name][-1] >= 0.0:
+            add(key, text, float(run[name][-1]))
+    rated = run.scene["mechanism"].get("limits", {})
+    peaks = []
+    for name, unit in LOADS.items():
+        peak = f"capture.peak.{name}"
+        if peak in run and run[peak][-1] > 0.0:
+            value, index = float(run[peak][-1]), int(np.argmax(run[peak] >= run[peak][-1]))
+            part = (
+                f"{value / rated[name]:.1%} of the rated {rated[name]:g}" if name in rated else ""
+            )
+            peaks.append((value / rated.get(name, 1.0), name, f"{value:.0f} {unit}", part, index))
+    for rank, (_, name, text, part, index) in enumerate(sorted(peaks, reverse=True)):
+        events.append(
+            {
+                "key": f"peak_{name}",
+                "text": f"peak {name} {text}",
+                "part": part,
+                "time": float(times[index]),
+                "index": index,
+                "first": rank == 0,  # nearest to its rated load
+            }
+        )
+    last = len(times) - 1
+    events.append({"key": "end", "text": "end", "time": float(times[-1]), "index": last})
+    return sorted(events, key=lambda event: (event["time"], event["key"] == "end"))
+
+
+def _choose_rows(run: Recording, events: list[dict], limit: int) -> np.ndarray:
+    """Return the samples that a page holds: all, or evenly some and those of events."""
+    count = len(run.values)
+    if count <= limit:
+        return np.arange(count)
+    wanted = {event["index"] for event in events} | {max(event["index"] - 1, 0) for event in events}
+    for name in run.names:
+        if name == "phase" or name.endswith("].state"):
+            changes = np.flatnonzero(np.diff(run[name]))[:50]
+            wanted |= {int(i) for i in changes} | {int(i) + 1 for i in changes}
+    evenly = np.linspace(0, count - 1, limit - len(wanted)).round().astype(int)
+    return np.unique([*evenly, *wanted])
+
+
+def _can_have(scene: dict, group: str) -> bool:
+    """Tell whether a scene has what a group of outputs is about."""
+    mechanism = scene["mechanism"]
+    needs: dict[str, Callable[[], Any]] = {
+        "relative": lambda: "target" in scene,
+        "ring": lambda: mechanism.get("bodies"),
+        "capture": lambda: "target" in scene and mechanism.get("contact"),
+        "contact": lambda: mechanism.get("contact", {}).get("type") == "guide_ring",
+        "phase": lambda: "target" in scene and mechanism.get("contact"),
+        "legs": lambda: mechanism.get("legs"),
+    }
+    return bool(needs[group]())
+
+
+def _encode(values: np.ndarray, kind: str) -> dict:
+    """Return a column as the page holds it."""
+    with np.errstate(over="ignore"):
+        packed = np.ascontiguousarray(values, dtype=f"<{kind}")
+    if not np.all(np.isfinite(packed)):
+        raise DockloopError("a recorded value is too large to be shown in a page")
+    return {"type": kind, "shape": packed.shape, "data": base64.b64encode(packed).decode()}
+
+
+def _decode(column: dict) -> np.ndarray:
+    """Return the array of a column."""
+    packed = np.frombuffer(base64.b64decode(column["data"]), dtype=f"<{column['type']}")
+    return packed.reshape(column["shape"])

@@ -1,0 +1,158 @@
+"""Results of ``dockloop run`` read back: the recorded values and the model that made them."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fmpy.fmi1 import FMICallException
+
+from dockloop.errors import UsageError, find_reason
+from dockloop.outputs import MADE_BY, scratch
+from dockloop.paths import find_absence, is_file, shown
+from dockloop.simulate import (
+    Instance,
+    Recorder,
+    Recording,
+    communication_points,
+    unpack_fmu,
+)
+from dockloop.summary import COMMAND, RESULT, find_summary
+
+
+def read_result(path: Path, model: str | None = None) -> Recording:
+    """Read a result file and the model beside it.
+
+    Args:
+        path: a ``.csv`` or ``.npz`` that ``dockloop run`` wrote.
+        model: a scene or an FMU to take the geometry from; default: the summary beside the result.
+
+    Returns:
+        What ``run_fmu`` had returned, without wall times.
+
+    Raises:
+        UsageError: it is no result, or nothing says which model made it.
+    """
+    if not is_file(path):
+        raise UsageError(find_absence(path, "result file"))
+    try:
+        is_own = RESULT.is_own(path)
+    except OSError as error:
+        raise UsageError(f"{shown(path)}: cannot be read ({find_reason(error)})") from None
+    except Exception:  # noqa: BLE001  whatever else is no table of ours
+        is_own = False
+    if not is_own:
+        raise UsageError(
+            f"{shown(path)}: is no result of '{COMMAND}' (.csv or .npz with the columns time and"
+            " outputs of an FMU)"
+        )
+    names, units, values = _read_values(path)
+    document, parameters = _find_model(path, model, len(values))
+    return Recording(document, names, units, values, parameters)
+
+
+def read_state(fmu: Path, state: Path) -> Recording:
+    """Return all outputs of an FMU in a saved state, as a recording of one sample at time 0.
+
+    Args:
+        fmu: the FMU in which the state was saved.
+        state: a file with the bytes of fmi2SerializeFMUstate.
+
+    Raises:
+        UsageError: one of the files is none, or the state is of another FMU.
+    """
+    if not is_file(state):
+        raise UsageError(find_absence(state, "file of a saved state"))
+    try:
+        content = state.read_bytes()
+    except OSError as error:
+        raise UsageError(f"{shown(state)}: cannot be read ({find_reason(error)})") from None
+    with scratch() as folder:
+        description, scene = unpack_fmu(fmu, folder)
+        times = communication_points(description, None, None)
+        with Instance(description, str(folder), shown(fmu)) as instance:
+            instance.initialise([], times)
+            slave = instance.slave
+            recorder = Recorder(slave, description, 1)
+            try:
+                found = slave.deSerializeFMUstate(content)
+                slave.setFMUstate(found)
+                slave.freeFMUstate(found)
+                recorder.read(0, 0.0)
+                parameters = instance.read_parameters()
+            except FMICallException as error:
+                raise UsageError(
+                    f"{shown(state)}: is no state of {shown(fmu)} ({instance.sentence(error)})"
+                ) from None
+    return Recording(scene, recorder.names, recorder.units, recorder.values, parameters)
+
+
+def _read_values(path: Path) -> tuple[list[str], list[str], np.ndarray]:
+    """Return names, units and values of a result file."""
+    try:
+        if path.suffix == ".npz":
+            with np.load(path) as arrays:
+                names, units = arrays["names"].tolist(), arrays["units"].tolist()
+                values = arrays["values"]
+        else:
+            with path.open(encoding="utf-8") as file:
+                names = file.readline().strip().split(",")
+                values = np.loadtxt(file, delimiter=",", ndmin=2)
+            units = [""] * len(names)
+    except (OSError, KeyError, ValueError) as error:
+        raise UsageError(
+            f"{shown(path)}: its values cannot be read ({error}): run the docking again"
+        ) from None
+    if values.ndim != 2 or values.shape[1] != len(names) or not len(values):
+        raise UsageError(
+            f"{shown(path)}: has {len(names)} columns in its header and values of the shape"
+            f" {values.shape}: run the docking again"
+        )
+    if not np.all(np.isfinite(values)):
+        row, column = np.argwhere(~np.isfinite(values))[0]
+        raise UsageError(
+            f"{shown(path)}: {names[column]} in row {row + 1} is not finite: run the docking again"
+        )
+    if np.any(np.diff(values[:, 0]) <= 0.0):
+        raise UsageError(f"{shown(path)}: time does not increase: run the docking again")
+    return names, units, values
+
+
+def _find_model(path: Path, model: str | None, rows: int) -> tuple[dict, dict[str, float]]:
+    """Return the resolved scene and the parameters of a result."""
+    if model:
+        document = read_model_of(model)
+        vehicles = [name for name in ("chaser", "target") if name in document]
+        return document, {f"{name}.mass": float(document[name]["mass"]) for name in vehicles}
+    summary_file = find_summary(path)
+    hint = "run the docking again, or name scene or FMU with --model"
+    if not is_file(summary_file):
+        raise UsageError(
+            f"{shown(path)}: {shown(summary_file)} is missing, which holds its model: {hint}"
+        )
+    try:
+        summary: Any = json.loads(summary_file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{shown(summary_file)}: cannot be read ({error}): {hint}") from None
+    if not isinstance(summary, dict) or summary.get(MADE_BY) != COMMAND:
+        raise UsageError(f"{shown(summary_file)}: is no summary of '{COMMAND}': {hint}")
+    if not isinstance(summary.get("model"), dict):
+        raise UsageError(
+            f"{shown(summary_file)}: has no member 'model', as an older dockloop wrote it: {hint}"
+        )
+    if summary.get("communication_steps") != rows - 1:
+        raise UsageError(
+            f"{shown(summary_file)}: is of a run of {summary.get('communication_steps')} steps, but"
+            f" {shown(path)} has {rows - 1}: {hint}"
+        )
+    return summary["model"], summary.get("parameters", {})
+
+
+def read_model_of(model: str) -> dict:
+    """Return the resolved scene of a scene file, of a shipped scene or of an FMU."""
+    from dockloop.scene import find_scene, resolve_scene
+    from dockloop.simulate import read_scene
+
+    if model.endswith(".fmu"):
+        return read_scene(Path(model))
+    return resolve_scene(find_scene(model))

@@ -1,0 +1,876 @@
+// The page of `dockloop view`: motion, curves and time of one docking. Poses are those of the result, in axes
+// of A; between samples positions are interpolated linearly and attitudes on the shortest turn, anything
+// else keeps the value of the sample before.
+'use strict';
+(() => {
+  const data = JSON.parse(document.getElementById('data').textContent);
+  const { meta, geometry, events } = data;
+  const $ = (id) => document.getElementById(id);
+  const COLORS = {
+    chaser: '#5b87bd', target: '#b98a2f', active: '#c2483d', passive: '#c79a3e', leg: '#2f6db5', rod: '#8a97a6',
+    force: '#b3001b', torque: '#7a3fb0', petal: '#e0631b', push: '#c2255c', pull: '#1f8a70',
+    latch: ['#8a97a6', '#e2b100', '#ef7d1a', '#1f9d55', '#b5419b'],
+    phase: ['#dfe6ee', '#f5c26b', '#7cc58f', '#9fd3f0', '#4fae72', '#c9b6e8', '#3d7f5b', '#e58f87', '#c9b6e8', '#b0bac5', '#d9d2a8'],
+    lines: ['#1f5fa8', '#c2483d', '#1f8a70', '#b07a00', '#7a3fb0', '#55616e'],
+  };
+  const LOAD_NAMES = Object.keys(meta.loads);
+
+  // ------------------------------------------------------------------ columns
+
+  const columns = {};
+  for (const [name, column] of Object.entries(data.columns)) {
+    const bytes = Uint8Array.from(atob(column.data), (c) => c.charCodeAt(0));
+    columns[name] = column.type === 'f8' ? new Float64Array(bytes.buffer) : new Float32Array(bytes.buffer);
+  }
+  const times = columns.time, last = times.length - 1;
+  const has = (name) => name in columns;
+  const value = (name, i) => (has(name) ? columns[name][i] : NaN);
+  const list = (pattern) => {
+    const found = [];
+    for (let i = 1; has(pattern.replace('#', i)); i++) found.push(pattern.replace('#', i));
+    return found;
+  };
+  const latches = list('latch[#].state');
+  const legForces = list('leg[#].force');
+  const petalForces = list('contact.petal[#].force');
+  const NOISE = 1e-6; // N: smaller forces are rounding
+  const orNone = (force) => (force > NOISE ? force : 0);
+  const largest = (names) => orNone(names.reduce((m, n) => columns[n].reduce((a, x) => Math.max(a, Math.abs(x)), m), 0));
+
+  /** Last sample at or before t. */
+  function findSample(t) {
+    let low = 0, high = last;
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (times[middle] <= t + 1e-12) low = middle; else high = middle - 1;
+    }
+    return low;
+  }
+
+  /** Pose of a body in axes of A at t: position p, quaternion q (w, x, y, z). */
+  function findPose(name, t) {
+    const rows = columns[`pose.${name}`];
+    if (!rows) return { p: [0, 0, 0], q: [1, 0, 0, 0] };
+    const i = findSample(t), at = 7 * i;
+    const p = [rows[at], rows[at + 1], rows[at + 2]];
+    const q = [rows[at + 3], rows[at + 4], rows[at + 5], rows[at + 6]];
+    if (i < last && t > times[i] + 1e-12) {
+      const f = (t - times[i]) / (times[i + 1] - times[i]);
+      for (let k = 0; k < 3; k++) p[k] += f * (rows[at + 7 + k] - p[k]);
+      let dot = 0;
+      for (let k = 0; k < 4; k++) dot += q[k] * rows[at + 10 + k];
+      const angle = Math.acos(Math.min(1, Math.abs(dot))), sine = Math.sin(angle);
+      const a = sine > 1e-6 ? Math.sin((1 - f) * angle) / sine : 1 - f;
+      const b = (sine > 1e-6 ? Math.sin(f * angle) / sine : f) * (dot < 0 ? -1 : 1);
+      for (let k = 0; k < 4; k++) q[k] = a * q[k] + b * rows[at + 10 + k];
+    }
+    const norm = Math.hypot(...q);
+    return { p, q: q.map((x) => x / norm) };
+  }
+
+  // ------------------------------------------------------------------ the space
+
+  const hasTarget = 'target' in geometry.vehicles && has('pose.target');
+  const hasRing = has('pose.ring');
+  const space = $('space');
+  const context = space.getContext('webgl2', { antialias: true, preserveDrawingBuffer: true, alpha: false });
+  let view = null;
+  if (context) view = makeView(); else $('nogl').hidden = false;
+
+  function makeView() {
+    const T = THREE;
+    const renderer = new T.WebGLRenderer({ canvas: space, context, antialias: true });
+    renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    const scene = new T.Scene();
+    scene.background = new T.Color('#f7f9fb');
+    scene.add(new T.HemisphereLight('#ffffff', '#a8b2bd', 2.2));
+    const camera = new T.PerspectiveCamera(35, 1, 0.02, 2000);
+    camera.up.set(0, 0, 1);
+    const lamp = new T.DirectionalLight('#ffffff', 1.5);
+    lamp.position.set(-0.4, 0.7, 1);
+    camera.add(lamp);
+    scene.add(camera);
+    const world = new T.Group(); // axes of A
+    world.matrixAutoUpdate = false;
+    scene.add(world);
+    const controls = new T.OrbitControls(camera, space);
+    controls.enableDamping = false;
+    controls.minDistance = 0.2;
+    controls.maxDistance = 400;
+
+    const vector = (a) => new T.Vector3(a[0], a[1], a[2]);
+    const quaternion = (q) => new T.Quaternion(q[1], q[2], q[3], q[0]);
+    const solid = (color, more = {}) => new T.MeshLambertMaterial({ color, side: T.DoubleSide, ...more });
+    const place = (object, pose) => {
+      object.position.set(...pose.p);
+      object.quaternion.copy(quaternion(pose.q));
+    };
+    const group = (parent, pose) => {
+      const made = new T.Group();
+      if (pose) place(made, pose);
+      parent.add(made);
+      return made;
+    };
+    const UP = new T.Vector3(0, 1, 0);
+    /** Lay a mesh that is 1 long along y between two points. */
+    function span(mesh, from, to) {
+      const way = to.clone().sub(from), length = way.length();
+      mesh.visible = length > 1e-9;
+      mesh.position.copy(from).addScaledVector(way, 0.5);
+      if (length > 1e-9) mesh.quaternion.setFromUnitVectors(UP, way.divideScalar(length));
+      mesh.scale.y = length;
+    }
+    const rod = (parent, radius, material, sides = 20) => {
+      const mesh = new T.Mesh(new T.CylinderGeometry(radius, radius, 1, sides), material);
+      parent.add(mesh);
+      return mesh;
+    };
+    const ball = (parent, at, radius, material) => {
+      const mesh = new T.Mesh(new T.SphereGeometry(radius, 20, 14), material);
+      mesh.position.copy(at);
+      parent.add(mesh);
+      return mesh;
+    };
+
+    function addLabel(parent, text, at, color, size) {
+      const sheet = document.createElement('canvas');
+      sheet.width = 256;
+      sheet.height = 64;
+      const pen = sheet.getContext('2d');
+      pen.font = '600 44px system-ui, "DejaVu Sans", sans-serif';
+      pen.textAlign = 'center';
+      pen.textBaseline = 'middle';
+      pen.lineWidth = 8;
+      pen.strokeStyle = '#ffffffe0';
+      pen.strokeText(text, 128, 32);
+      pen.fillStyle = color;
+      pen.fillText(text, 128, 32);
+      const map = new T.CanvasTexture(sheet);
+      map.colorSpace = 'srgb';
+      const sprite = new T.Sprite(new T.SpriteMaterial({ map, depthTest: false, sizeAttenuation: false }));
+      sprite.scale.set(4 * size, size, 1);
+      sprite.position.set(...at);
+      sprite.renderOrder = 20;
+      parent.add(sprite);
+      return sprite;
+    }
+    function addFrame(parent, name, size, at = [0, 0, -0.3 * size]) {
+      [['#c0392b', [1, 0, 0]], ['#2e8b57', [0, 1, 0]], ['#2f5fc4', [0, 0, 1]]].forEach(([color, axis]) => {
+        const bar = rod(parent, 0.008 * size / 0.25, new T.MeshBasicMaterial({ color }), 8);
+        span(bar, new T.Vector3(), vector(axis).multiplyScalar(size));
+      });
+      if (name) addLabel(parent, name, at, '#1d2733', 0.032);
+    }
+
+    // Vehicles: the equal homogeneous box, or a mesh.
+    const vehicles = [], walls = [], names = [];
+    function addVehicle(parent, name) {
+      const vehicle = geometry.vehicles[name], holder = group(parent);
+      vehicles.push(holder);
+      if (vehicle.mesh) {
+        const unpack = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+        const shape = new T.BufferGeometry();
+        shape.setAttribute('position', new T.BufferAttribute(new Float32Array(unpack(vehicle.mesh.points)), 3));
+        shape.setIndex(new T.BufferAttribute(new Uint32Array(unpack(vehicle.mesh.triangles)), 1));
+        shape.computeVertexNormals();
+        const mesh = new T.Mesh(shape, solid(COLORS[name], { transparent: true, opacity: 0.55 }));
+        place(mesh, vehicle.pose);
+        holder.add(mesh);
+        names.push(addLabel(holder, name, vehicle.pose.p, COLORS[name], 0.04));
+        return;
+      }
+      const box = new T.BoxGeometry(...vehicle.box.size.map((x) => Math.max(x, 0.02)));
+      const inside = group(holder, vehicle.box.pose);
+      const faces = new T.MeshLambertMaterial({ color: COLORS[name], transparent: true, opacity: 0.13, depthWrite: false, side: T.DoubleSide });
+      walls.push(faces);
+      inside.add(new T.Mesh(box, faces));
+      inside.add(new T.LineSegments(new T.EdgesGeometry(box), new T.LineBasicMaterial({ color: COLORS[name] })));
+      names.push(addLabel(holder, name, vehicle.box.pose.p, COLORS[name], 0.04));
+    }
+
+    // Rings: an annulus and flat petals with rounded borders, as the contact computes them.
+    function addRing(parent, color) {
+      const r = geometry.ring, profile = [];
+      for (let k = 0; k <= 24; k++) {
+        const a = -Math.PI / 2 + Math.PI * k / 12, center = k <= 12 ? r.outer : r.inner;
+        profile.push(new T.Vector2(center + r.ring_rounding * Math.cos(a), r.ring_rounding * Math.sin(a)));
+      }
+      profile.push(profile[0].clone());
+      const ring = new T.Mesh(new T.LatheGeometry(profile, 96), solid(color));
+      ring.rotation.z = -Math.PI / 2; // y of the lathe becomes x
+      ring.position.x = r.core_x;
+      parent.add(ring);
+      return r.petals.map((petal) => addPetal(parent, petal.map(vector), r.petal_rounding, color));
+    }
+    function addPetal(parent, corners, rounding, color) {
+      const material = solid(color);
+      const normal = corners[1].clone().sub(corners[0]).cross(corners[3].clone().sub(corners[0])).normalize();
+      for (const side of [-1, 1]) {
+        const shape = new T.BufferGeometry();
+        const points = corners.flatMap((c) => c.clone().addScaledVector(normal, side * rounding).toArray());
+        shape.setAttribute('position', new T.BufferAttribute(new Float32Array(points), 3));
+        shape.setIndex([0, 1, 2, 0, 2, 3]);
+        shape.computeVertexNormals();
+        parent.add(new T.Mesh(shape, material));
+      }
+      corners.forEach((corner, k) => {
+        span(rod(parent, rounding, material, 16), corner, corners[(k + 1) % 4]);
+        ball(parent, corner, rounding, material);
+      });
+      const middle = corners.reduce((sum, c) => sum.add(c), new T.Vector3()).multiplyScalar(0.25);
+      if (normal.y * middle.y + normal.z * middle.z < 0) normal.negate(); // outwards
+      return { material, middle, normal, color: new T.Color(color) };
+    }
+
+    function addArrow(parent, color, radius) {
+      const material = new T.MeshBasicMaterial({ color, depthTest: false, transparent: true, opacity: 0.92 });
+      const shaft = rod(parent, radius, material, 12);
+      const head = new T.Mesh(new T.ConeGeometry(2.6 * radius, 7 * radius, 16), material);
+      parent.add(head);
+      shaft.renderOrder = head.renderOrder = 10;
+      return (from, way) => {
+        const length = way.length();
+        shaft.visible = head.visible = length > 0.004;
+        if (!shaft.visible) return;
+        const along = way.clone().divideScalar(length), tip = Math.min(7 * radius, 0.6 * length);
+        head.scale.setScalar(tip / (7 * radius));
+        span(shaft, from, from.clone().addScaledVector(along, length - tip));
+        head.position.copy(from).addScaledVector(along, length - tip / 2);
+        head.quaternion.setFromUnitVectors(UP, along);
+      };
+    }
+
+    const base = group(world), ring = group(world), target = group(world);
+    addFrame(base, 'A', 0.25, [-0.07, 0, -0.08]);
+    if ('chaser' in geometry.vehicles) addVehicle(base, 'chaser');
+    let petals = [];
+    if (hasRing) {
+      addFrame(ring, geometry.capture_body === 'base' ? '' : 'G', 0.18, [-0.07, 0, 0.08]);
+      if (geometry.ring) petals = addRing(ring, COLORS.active);
+    } else ring.visible = false;
+    if (hasTarget) {
+      addFrame(target, 'P', 0.25, [0.09, 0, -0.08]);
+      addVehicle(target, 'target');
+      if (geometry.ring) addRing(group(target, geometry.ring.passive), COLORS.passive);
+    } else target.visible = false;
+    if (!geometry.ring) { // interfaces or bodies without a surface that could be drawn
+      const radius = ringRadius();
+      const outline = (parent, color) => {
+        const mesh = new T.Mesh(new T.TorusGeometry(radius, 0.012, 10, 72), solid(color));
+        if (hasTarget) mesh.rotation.y = Math.PI / 2;
+        parent.add(mesh);
+      };
+      if (hasRing) outline(ring, COLORS.active);
+      if (hasTarget) outline(target, COLORS.passive);
+    }
+    function ringRadius() {
+      const radii = geometry.legs.map((leg) => Math.hypot(...leg.closing_point));
+      return radii.length ? Math.max(...radii) : 0.4;
+    }
+    let absorber = null;
+    if (geometry.contact === 'absorber' && hasTarget) absorber = rod(world, 0.02, solid(COLORS.leg));
+
+    const bodies = {};
+    for (const body of geometry.bodies) {
+      if (!has(`pose.body.${body.name}`)) continue;
+      const made = group(world), line = rod(world, 0.012, solid('#55616e'));
+      addFrame(made, body.name, 0.12);
+      bodies[body.name] = { made, line, parent: body.parent };
+    }
+    const holderOf = (name) => (name === 'base' ? base : name === geometry.capture_body ? ring : bodies[name]?.made);
+    const isPlaced = (name) => name === 'base' || (name === geometry.capture_body ? hasRing : name in bodies);
+
+    // Legs: cylinder at the root, rod at the closing body; both ends are joint points of the mechanism.
+    const legs = [];
+    geometry.legs.forEach((leg, k) => {
+      if (!isPlaced(leg.root) || !isPlaced(leg.closing)) return;
+      const home = vector(leg.root_point).distanceTo(vector(leg.closing_point));
+      const lengths = has(`leg[${k + 1}].length`) ? columns[`leg[${k + 1}].length`] : [home];
+      const shortest = lengths.reduce((a, x) => Math.min(a, x), leg.min_length || Infinity);
+      const thick = 0.02 * Math.min(1.5, Math.max(0.5, home / 0.9)), material = solid(COLORS.rod);
+      const made = { leg, shortest, material, cylinder: rod(world, thick, solid(COLORS.leg)), rod: rod(world, 0.6 * thick, material) };
+      made.joints = [ball(world, new T.Vector3(), 1.4 * thick, solid('#3a4653')), ball(world, new T.Vector3(), 1.2 * thick, solid('#3a4653'))];
+      legs.push(made);
+    });
+
+    // Latches: hook on G, striker on P, in the colour of the state.
+    const marks = latches.map((_, k) => {
+      const material = new T.MeshLambertMaterial({ color: COLORS.latch[0], emissive: COLORS.latch[0], emissiveIntensity: 0.25 });
+      const at = vector(geometry.latches.points[k]);
+      if (hasRing) ball(ring, at, 0.026, material);
+      if (hasTarget) ball(target, at, 0.02, material);
+      return material;
+    });
+
+    const ARROW = 0.8;
+    const triple = (name, i) => new T.Vector3(value(`${name}[1]`, i), value(`${name}[2]`, i), value(`${name}[3]`, i));
+    const peak = (name) => {
+      let most = 0;
+      if (has(`${name}[1]`)) for (let i = 0; i <= last; i++) most = Math.max(most, triple(name, i).length());
+      return orNone(most);
+    };
+    const most = { force: peak('capture.force'), torque: peak('capture.torque'), petal: largest(petalForces), leg: largest(legForces) };
+    const arrows = {
+      force: addArrow(target, COLORS.force, 0.014),
+      torque: addArrow(target, COLORS.torque, 0.009),
+      petals: petals.map(() => addArrow(ring, COLORS.petal, 0.01)),
+    };
+    const round = (x) => Number(x.toPrecision(3));
+    $('scale').textContent = [
+      most.force && `force ${ARROW} m: ${round(most.force)} N`,
+      most.torque && `moment ${ARROW} m: ${round(most.torque)} N m`,
+    ].filter(Boolean).join(', ');
+    $('scale').hidden = !$('scale').textContent;
+
+    const state = { held: hasTarget ? 'target' : 'chaser', camera: '', follow: null };
+    const inverse = new T.Matrix4();
+
+    /** Put everything where it is at t. */
+    function update(t) {
+      const i = findSample(t);
+      place(ring, findPose('ring', t));
+      place(target, findPose('target', t));
+      for (const [name, body] of Object.entries(bodies)) {
+        place(body.made, findPose(`body.${name}`, t));
+      }
+      for (const body of Object.values(bodies)) {
+        const parent = holderOf(body.parent);
+        if (parent) span(body.line, parent.position, body.made.position);
+      }
+      for (const made of legs) {
+        const ends = ['root', 'closing'].map((end) => {
+          const holder = holderOf(made.leg[end]);
+          return vector(made.leg[`${end}_point`]).applyQuaternion(holder.quaternion).add(holder.position);
+        });
+        const along = ends[1].clone().sub(ends[0]), length = along.length();
+        made.length = length;
+        along.divideScalar(length);
+        span(made.cylinder, ends[0], ends[0].clone().addScaledVector(along, Math.min(0.85 * made.shortest, 0.95 * length)));
+        span(made.rod, ends[1].clone().addScaledVector(along, -Math.min(0.8 * made.shortest, length)), ends[1]);
+        made.joints.forEach((joint, k) => joint.position.copy(ends[k]));
+      }
+      legs.forEach((made, k) => {
+        const force = value(legForces[k], i);
+        if (!(most.leg > 0)) return;
+        const part = Math.min(1, Math.abs(force) / most.leg);
+        made.material.color.set(COLORS.rod).lerp(new T.Color(force > 0 ? COLORS.push : COLORS.pull), part);
+      });
+      marks.forEach((material, k) => {
+        const color = COLORS.latch[value(latches[k], i) - 1] || COLORS.latch[0];
+        material.color.set(color);
+        material.emissive.set(color);
+      });
+      petals.forEach((petal, k) => {
+        const force = value(petalForces[k], i) || 0, part = most.petal > 0 ? force / most.petal : 0;
+        petal.material.color.copy(petal.color).lerp(new T.Color('#ffb200'), Math.sqrt(part));
+        const way = petal.normal.clone().multiplyScalar(most.force > 0 ? -ARROW * force / most.force : 0);
+        arrows.petals[k](petal.middle.clone().sub(way), way);
+      });
+      const origin = new T.Vector3();
+      for (const name of ['force', 'torque']) {
+        const way = most[name] > 0 ? triple(`capture.${name}`, i).multiplyScalar(ARROW / most[name]) : new T.Vector3();
+        arrows[name](origin, way);
+      }
+      if (absorber) span(absorber, base.position, target.position);
+      world.matrix.identity();
+      if (state.held === 'target' && hasTarget) {
+        target.updateMatrix();
+        world.matrix.copy(inverse.copy(target.matrix).invert());
+      }
+      world.matrixWorldNeedsUpdate = true;
+      if (state.follow) {
+        const now = findMiddle('ring');
+        const way = now.clone().sub(state.follow);
+        camera.position.add(way);
+        controls.target.add(way);
+        state.follow = now;
+        controls.update();
+      }
+    }
+
+    /** Where to look: the ring, or the middle of the interfaces; axes of the scene. */
+    function findMiddle(what) {
+      const points = [];
+      if (hasRing) points.push(ring.position.clone());
+      if (what !== 'ring') points.push(new T.Vector3());
+      if (what !== 'ring' && hasTarget) points.push(target.position.clone());
+      if (!points.length) points.push(new T.Vector3());
+      return points.reduce((sum, p) => sum.add(p), new T.Vector3()).divideScalar(points.length).applyMatrix4(world.matrix);
+    }
+    const reach = Math.max(geometry.ring ? geometry.ring.outer : ringRadius(), ...geometry.legs.map((leg) => Math.hypot(...leg.root_point)), 0.4);
+    const DIRECTIONS = {
+      oblique: [-0.62, -1, 0.62], side: [0, -1, 0.0001], top: [0, -0.0001, 1], front: [1, -0.0001, 0], axis: [-1, -0.0001, 0],
+      ring: [0.75, -0.8, 0.55], vehicles: [-0.25, -1, 0.35],
+    };
+    function look(name) {
+      const direction = vector(DIRECTIONS[name]).normalize(), middle = findMiddle(name);
+      let radius = 1.25 * reach + (hasTarget ? 0.2 : 0);
+      if (name === 'ring') radius = 0.95 * reach;
+      if (name === 'vehicles') {
+        const bounds = new T.Box3();
+        world.updateMatrixWorld(true);
+        vehicles.forEach((holder) => holder.children.forEach((c) => c.isSprite || bounds.expandByObject(c)));
+        if (!bounds.isEmpty()) {
+          bounds.getCenter(middle);
+          radius = 0.5 * bounds.getSize(new T.Vector3()).length();
+        }
+      }
+      const half = Math.tan((camera.fov * Math.PI) / 360) * Math.min(1, camera.aspect);
+      controls.target.copy(middle);
+      camera.position.copy(middle).addScaledVector(direction, radius / half);
+      controls.update();
+      state.camera = name;
+      state.follow = name === 'ring' ? findMiddle('ring') : null;
+    }
+    function resize() {
+      const { clientWidth: w, clientHeight: h } = space;
+      if (!w || !h) return;
+      renderer.setSize(w, h, false);
+      camera.aspect = w / h;
+      camera.updateProjectionMatrix();
+    }
+    /** Turn the camera about what it looks at [rad], or go nearer by a factor. */
+    function turn(right, up, nearer = 1) {
+      const arm = camera.position.clone().sub(controls.target);
+      const polar = Math.acos(Math.max(-1, Math.min(1, arm.z / arm.length())));
+      const azimuth = Math.atan2(arm.y, arm.x) - right, tilt = Math.min(3.1, Math.max(0.04, polar - up));
+      const length = Math.min(controls.maxDistance, Math.max(controls.minDistance, arm.length() / nearer));
+      arm.set(Math.sin(tilt) * Math.cos(azimuth), Math.sin(tilt) * Math.sin(azimuth), Math.cos(tilt));
+      camera.position.copy(controls.target).addScaledVector(arm, length);
+      controls.update();
+    }
+    return {
+      update, look, resize, turn, state, controls, legs, most,
+      draw: () => { // boxes fade from near, where they would hide the mechanism
+        const far = Math.min(1, Math.max(0, camera.position.distanceTo(controls.target) / (12 * reach) - 0.7));
+        for (const faces of walls) faces.opacity = 0.04 + 0.14 * far;
+        for (const name of names) name.visible = far > 0;
+        renderer.render(scene, camera);
+      },
+      setVehicles: (on) => vehicles.forEach((holder) => { holder.visible = on; }),
+      matrix: (name) => {
+        const holder = { ring, target, chaser: base }[name] || bodies[name].made;
+        holder.updateMatrix();
+        return holder.matrix.toArray();
+      },
+    };
+  }
+
+  // ------------------------------------------------------------------ curves
+
+  const name2 = (text) => text.replace(/^.*\[(\d+)\].*$/, '$1');
+  const figures = [];
+  function addFigure(title, series, more = {}) {
+    const found = series.filter((s) => has(s.column));
+    if (!found.length) return;
+    const figure = document.createElement('figure'), caption = document.createElement('figcaption');
+    const canvas = document.createElement('canvas'), heading = document.createElement('b');
+    heading.textContent = title;
+    caption.append(heading);
+    found.forEach((s, k) => {
+      s.color = s.color || COLORS.lines[k % COLORS.lines.length];
+      s.factor = s.factor || 1;
+      const entry = document.createElement('span'), key = document.createElement('i');
+      key.style.background = s.color;
+      s.text = document.createTextNode('');
+      entry.append(key, s.text);
+      caption.append(entry);
+    });
+    canvas.setAttribute('role', 'img');
+    canvas.setAttribute('aria-label', `${title} over time`);
+    figure.append(caption, canvas);
+    $('curves').append(figure);
+    figures.push({ canvas, series: found, ...more });
+    addPointer(canvas);
+  }
+  function addStrip(title, column, colors, names) {
+    if (!has(column)) return;
+    const figure = document.createElement('figure'), caption = document.createElement('figcaption');
+    const canvas = document.createElement('canvas'), heading = document.createElement('b'), text = document.createElement('span');
+    figure.className = 'strip';
+    heading.textContent = title;
+    caption.append(heading, text);
+    canvas.setAttribute('role', 'img');
+    canvas.setAttribute('aria-label', `${title} over time`);
+    figure.append(caption, canvas);
+    $('curves').append(figure);
+    figures.push({ canvas, strip: column, colors, names, text });
+    addPointer(canvas);
+  }
+  function addPointer(canvas) {
+    const go = (event) => {
+      const box = canvas.getBoundingClientRect();
+      pause();
+      setTime(range[0] + (range[1] - range[0]) * Math.min(1, Math.max(0, (event.clientX - box.left) / box.width)));
+    };
+    canvas.addEventListener('pointerdown', (event) => { canvas.setPointerCapture(event.pointerId); go(event); });
+    canvas.addEventListener('pointermove', (event) => { if (event.buttons) go(event); });
+  }
+
+  addStrip('phase', 'phase', COLORS.phase, meta.phases);
+  const rated = meta.rated, allRated = LOAD_NAMES.every((n) => n in rated);
+  addFigure(allRated ? 'loads, part of rated' : 'loads', LOAD_NAMES.map((n) => ({
+    column: `capture.${n}`, name: n, unit: meta.loads[n], factor: allRated ? 100 / rated[n] : 1,
+    say: (x) => `${n} ${x.toFixed(0)}${n in rated ? ` of ${rated[n]}` : ''} ${meta.loads[n]}`,
+  })), { unit: allRated ? '%' : 'N', levels: allRated ? [[100, 'rated']] : [] });
+  latches.forEach((column, k) => addStrip(`latch ${k + 1}`, column, COLORS.latch, meta.latch_states));
+  addFigure('latch openings', list('latch[#].opening').map((column) => ({
+    column, factor: 1e3, say: (x) => `${name2(column)}: ${(1e3 * x).toFixed(1)} mm`,
+  })), { unit: 'mm', levels: geometry.latches ? [[1e3 * geometry.latches.range, 'pawl'], [1e3 * geometry.latches.catch, 'catch']] : [] });
+  addFigure('P relative to A', [
+    { column: 'relative.axial', factor: 1e3, say: (x) => `axial ${(1e3 * x).toFixed(1)} mm` },
+    { column: 'relative.lateral', factor: 1e3, say: (x) => `lateral ${(1e3 * x).toFixed(1)} mm` },
+  ], { unit: 'mm', levels: [] });
+  addFigure('misalignment', [
+    { column: 'relative.pitch_yaw', factor: 180 / Math.PI, say: (x) => `pitch/yaw ${(180 / Math.PI * x).toFixed(2)}\u00b0` },
+    { column: 'relative.roll', factor: 180 / Math.PI, say: (x) => `roll ${(180 / Math.PI * x).toFixed(2)}\u00b0` },
+  ], { unit: '\u00b0', levels: [] });
+  addFigure('petal forces (size)', petalForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${x.toFixed(0)} N` })), { unit: 'N', levels: [] });
+  addFigure('leg forces, + pushes apart', legForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${x.toFixed(0)} N` })), { unit: 'N', levels: [] });
+  if (!legForces.length) addFigure('leg lengths', list('leg[#].length').map((column) => ({ column, factor: 1e3, say: (x) => `${name2(column)}: ${(1e3 * x).toFixed(0)} mm` })), { unit: 'mm', levels: [] });
+
+  let range = [times[0], times[last]];
+  const nice = (x) => (Math.abs(x) >= 1000 ? x.toFixed(0) : String(Number(x.toPrecision(3))));
+
+  /** Draw a curve or strip afresh, without the time cursor, on a sheet of its own. */
+  function drawFigure(figure) {
+    const { canvas } = figure, ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const w = canvas.clientWidth, h = canvas.clientHeight;
+    if (!w) return;
+    const sheet = figure.sheet = document.createElement('canvas');
+    sheet.width = canvas.width = Math.round(w * ratio);
+    sheet.height = canvas.height = Math.round(h * ratio);
+    const pen = sheet.getContext('2d');
+    pen.scale(ratio, ratio);
+    canvas.getContext('2d').scale(ratio, ratio);
+    pen.fillStyle = '#fff';
+    pen.fillRect(0, 0, w, h);
+    const [ta, tb] = range, x = (t) => ((t - ta) / (tb - ta || 1)) * w;
+    const i0 = Math.max(0, findSample(ta)), i1 = Math.min(last, findSample(tb) + 1);
+    if (figure.strip) {
+      const column = columns[figure.strip];
+      for (let i = i0; i <= i1;) {
+        let j = i;
+        while (j <= i1 && column[j] === column[i]) j++;
+        pen.fillStyle = figure.colors[column[i] - 1] || '#eee';
+        pen.fillRect(x(times[i]), 2, x(times[Math.min(j, last)]) - x(times[i]) + 0.5, h - 4);
+        i = j;
+      }
+    } else {
+      let low = Infinity, high = -Infinity;
+      for (const s of figure.series) {
+        const column = columns[s.column];
+        for (let i = i0; i <= i1; i++) {
+          const y = column[i] * s.factor;
+          if (y < low) low = y;
+          if (y > high) high = y;
+        }
+      }
+      for (const [level] of figure.levels) if (level < 2 * high && level > 2 * low - 1) { low = Math.min(low, level); high = Math.max(high, level); }
+      if (high - low < 1e-9) { high += 1; low -= high > 1 ? 1 : 0; }
+      const margin = 0.07 * (high - low);
+      low -= margin;
+      high += margin;
+      const y = (v) => h - ((v - low) / (high - low)) * h;
+      pen.strokeStyle = '#dfe5eb';
+      pen.lineWidth = 1;
+      pen.strokeRect(0.5, 0.5, w - 1, h - 1);
+      pen.font = '11px system-ui, "DejaVu Sans", sans-serif';
+      if (low < 0 && high > 0) { pen.beginPath(); pen.moveTo(0, y(0)); pen.lineTo(w, y(0)); pen.stroke(); }
+      for (const [level, text] of figure.levels) {
+        if (level < low || level > high) continue;
+        pen.strokeStyle = '#8a97a6';
+        pen.setLineDash([5, 4]);
+        pen.beginPath();
+        pen.moveTo(0, y(level));
+        pen.lineTo(w, y(level));
+        pen.stroke();
+        pen.setLineDash([]);
+        pen.fillStyle = '#5b6876';
+        pen.fillText(text, w - pen.measureText(text).width - 4, y(level) - 3);
+      }
+      for (const s of figure.series) {
+        const column = columns[s.column];
+        pen.strokeStyle = s.color;
+        pen.lineWidth = 1.3;
+        pen.beginPath();
+        for (let i = i0; i <= i1;) { // lowest and highest of every pixel
+          const pixel = Math.floor(x(times[i]));
+          let a = column[i], b = a, j = i;
+          while (j <= i1 && Math.floor(x(times[j])) === pixel) { a = Math.min(a, column[j]); b = Math.max(b, column[j]); j++; }
+          if (i === i0) pen.moveTo(x(times[i]), y(column[i] * s.factor));
+          if (j - i > 1) { pen.lineTo(pixel, y(a * s.factor)); pen.lineTo(pixel, y(b * s.factor)); }
+          pen.lineTo(x(times[j - 1]), y(column[j - 1] * s.factor));
+          i = j;
+        }
+        pen.stroke();
+      }
+      pen.fillStyle = '#5b6876';
+      pen.fillText(`${nice(high - margin)} ${figure.unit}`, 4, 12);
+      pen.fillText(nice(low + margin), 4, h - 4);
+    }
+    for (const event of events) {
+      if (!['contact', 'capture'].includes(event.key)) continue;
+      pen.strokeStyle = '#55616e';
+      pen.setLineDash([2, 3]);
+      pen.beginPath();
+      pen.moveTo(x(event.time), 0);
+      pen.lineTo(x(event.time), h);
+      pen.stroke();
+      pen.setLineDash([]);
+    }
+  }
+  function drawCursors(i) {
+    for (const figure of figures) {
+      const { canvas } = figure;
+      if (!figure.sheet) continue;
+      const pen = canvas.getContext('2d'), w = canvas.clientWidth;
+      pen.drawImage(figure.sheet, 0, 0, w, canvas.clientHeight);
+      if (time >= range[0] - 1e-9 && time <= range[1] + 1e-9) {
+        const x = ((time - range[0]) / (range[1] - range[0] || 1)) * w;
+        pen.fillStyle = '#1d2733';
+        pen.fillRect(Math.min(w - 1.5, Math.max(0, x - 0.75)), 0, 1.5, canvas.clientHeight);
+      }
+      if (figure.strip) figure.text.textContent = figure.names[columns[figure.strip][i] - 1] || '';
+      else for (const s of figure.series) s.text.data = s.say(columns[s.column][i]);
+    }
+  }
+
+  // ------------------------------------------------------------------ time
+
+  let time = times[0], playing = false, before = 0, wanted = true, curvesWanted = true;
+  const SPEEDS = [0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10];
+  const clampTime = (t) => Math.min(times[last], Math.max(times[0], t));
+
+  function setTime(t) {
+    time = clampTime(t);
+    wanted = true;
+  }
+  const goSample = (i) => { pause(); setTime(times[Math.min(last, Math.max(0, i))]); };
+  function step(n) {
+    const i = findSample(time);
+    goSample(n < 0 && time > times[i] + 1e-12 ? i + n + 1 : i + n);
+  }
+  function play() {
+    if (time >= times[last]) time = times[0];
+    playing = true;
+    before = performance.now();
+    showPlaying();
+  }
+  function pause() { playing = false; showPlaying(); }
+  function showPlaying() {
+    $('play').textContent = playing ? 'pause' : 'play';
+    wanted = true;
+  }
+  function goEvent(direction) {
+    const i = findSample(time);
+    const found = direction > 0 ? events.find((e) => e.index > i) : events.filter((e) => e.index < i).pop();
+    if (found) goEventAt(found);
+  }
+  function goEventAt(event) {
+    goSample(event.index);
+    if (time < range[0] || time > range[1]) { $('span').value = 'all'; setSpan('all'); }
+  }
+
+  function describe(i) {
+    const words = [];
+    if (has('phase')) words.push(meta.phases[value('phase', i) - 1]);
+    if (has('outcome')) {
+      const outcome = meta.outcomes[value('outcome', i) - 1];
+      if (outcome !== 'undecided' && outcome !== words[0]) words.push(outcome);
+    }
+    const held = latches.filter((n) => value(n, i) === 4).length;
+    if (latches.length) words.push(`${held} of ${latches.length} latches held`);
+    return words.join(', ');
+  }
+
+  function refresh() {
+    const i = findSample(time), between = time > times[i] + 1e-12;
+    if (view) { view.update(time); view.draw(); }
+    drawCursors(i);
+    $('now').textContent = [last ? `${time.toFixed(3)} s` : 'saved state', has('phase') && describe(i)].filter(Boolean).join(' \u00b7 ');
+    $('clock').textContent = `${time.toFixed(3)} of ${times[last].toFixed(2)} s${between ? ' (between samples)' : ''}`;
+    const slider = $('slider');
+    slider.value = String(time);
+    slider.setAttribute('aria-valuetext', `${time.toFixed(3)} s, ${describe(i)}`);
+    for (const button of $('events').children) button.setAttribute('aria-pressed', String(!between && Number(button.dataset.index) === i));
+  }
+  function frame(now) {
+    if (playing) {
+      time = clampTime(time + ((now - before) / 1000) * SPEEDS[$('speed').selectedIndex]);
+      before = now;
+      wanted = true;
+      if (time >= times[last]) pause();
+    }
+    if (curvesWanted) { figures.forEach(drawFigure); curvesWanted = false; wanted = true; }
+    if (wanted) { wanted = false; refresh(); }
+    requestAnimationFrame(frame);
+  }
+
+  // ------------------------------------------------------------------ controls
+
+  function addButtons(place, entries) {
+    for (const [text, hint, act, index] of entries) {
+      const button = document.createElement('button');
+      button.type = 'button';
+      button.textContent = text;
+      button.title = hint;
+      if (index !== undefined) button.dataset.index = index;
+      button.addEventListener('click', () => act(button));
+      place.append(button);
+    }
+  }
+  const CAMERAS = [['oblique', 'oblique'], ['side', 'from the side'], ['front', 'from the target'], ['axis', 'from the chaser, along the axis'], ['ring', 'follow the ring'], ['vehicles', 'both vehicles']];
+  function setCamera(name) {
+    if (!view) return;
+    view.look(name);
+    wanted = true;
+    [...$('cameras').children].forEach((button, k) => button.setAttribute('aria-pressed', String(CAMERAS[k][0] === name)));
+  }
+  function addOptions(select, entries, chosen) {
+    for (const [key, text] of entries) select.append(new Option(text, key, key === chosen, key === chosen));
+  }
+  function setSpan(key) {
+    const at = (k) => events.find((e) => e.key === k)?.time;
+    const contact = at('contact'), capture = at('capture');
+    range = [times[0], times[last]];
+    if (key === 'near') range = [clampTime(contact - 0.25 * (capture - contact)), clampTime(capture + 0.5 * (capture - contact))];
+    if (key === 'contact') range = [clampTime(contact - 0.1), clampTime(contact + 0.4)];
+    curvesWanted = true;
+  }
+  function setHeld(name) {
+    if (!view) return;
+    view.state.held = name;
+    view.state.follow = null;
+    view.update(time);
+    setCamera(view.state.camera || 'oblique');
+  }
+
+  $('title').textContent = `${meta.name}: ${meta.title}`;
+  $('sentence').textContent = meta.sentence;
+  if (!view) $('cameras').hidden = true;
+  else addButtons($('cameras'), CAMERAS.filter(([key]) => (key !== 'ring' || hasRing)).map(([key, hint]) => [key, hint, () => setCamera(key)]));
+  for (let k = CAMERAS.length - 1; k >= 0; k--) if (CAMERAS[k][0] === 'ring' && !hasRing) CAMERAS.splice(k, 1);
+  addButtons($('events'), events.map((e) => [e.text, `${e.time.toFixed(4)} s${e.part ? `, ${e.part}` : ''}`, () => goEventAt(e), e.index]));
+  for (const event of [...events].sort((a, b) => b.key.startsWith('peak') - a.key.startsWith('peak'))) {
+    const mark = document.createElement('span');
+    mark.style.left = `${(100 * (event.time - times[0])) / (times[last] - times[0] || 1)}%`;
+    mark.style.borderTopColor = { contact: '#b07a00', capture: '#1f9d55', start: '#fff0', end: '#fff0' }[event.key] || '#c2483d';
+    $('marks').append(mark);
+  }
+  addOptions($('speed'), SPEEDS.map((s) => [String(s), `\u00d7 ${s}`]), '1');
+  const spans = [['all', 'whole run']];
+  if (events.some((e) => e.key === 'contact')) {
+    if (events.some((e) => e.key === 'capture')) spans.push(['near', 'contact to capture']);
+    spans.push(['contact', 'first 0.4 s of contact']);
+  }
+  addOptions($('span'), spans, spans[1] && spans[1][0] === 'near' ? 'near' : 'all');
+  addOptions($('still'), hasTarget ? [['target', 'target'], ['chaser', 'chaser']] : [['chaser', 'base']], 'target');
+  $('boxes').checked = hasTarget;
+  const slider = $('slider');
+  slider.min = times[0];
+  slider.max = times[last];
+  slider.step = 'any';
+  slider.addEventListener('input', () => { pause(); setTime(Number(slider.value)); });
+  $('play').addEventListener('click', () => (playing ? pause() : play()));
+  $('back').addEventListener('click', () => step(-1));
+  $('next').addEventListener('click', () => step(1));
+  $('span').addEventListener('change', (e) => setSpan(e.target.value));
+  $('still').addEventListener('change', (e) => setHeld(e.target.value));
+  $('boxes').addEventListener('change', (e) => { view?.setVehicles(e.target.checked); wanted = true; });
+
+  function addEntry(color, text) {
+    const entry = document.createElement('li'), key = document.createElement('i');
+    key.style.background = color;
+    entry.append(key, text);
+    $('legend').append(entry);
+  }
+  if (view) {
+    const thing = geometry.ring ? 'ring' : 'side';
+    if (hasRing) addEntry(COLORS.active, `active ${thing} ${geometry.capture_body === 'base' ? 'A' : 'G'}, on the chaser`);
+    if (hasTarget) addEntry(COLORS.passive, `passive ${thing} P, on the target`);
+    if (view.most.force > 0) addEntry(COLORS.force, 'force on the target');
+    if (view.most.torque > 0) addEntry(COLORS.torque, 'moment on the target');
+    if (view.most.petal > 0) addEntry(COLORS.petal, 'petal force (size)');
+    if (view.most.leg > 0) { addEntry(COLORS.push, 'leg pushes'); addEntry(COLORS.pull, 'leg pulls'); }
+    if (latches.length) meta.latch_states.forEach((s, k) => latches.some((n) => columns[n].includes(k + 1)) && addEntry(COLORS.latch[k], `latch ${s}`));
+  }
+  const notes = [
+    ...meta.notes,
+    `${meta.samples} samples; arrow keys go from sample to sample. Between samples the motion is interpolated, everything else keeps the value before.`,
+    geometry.ring
+      ? 'Rings, petals, hooks, strikers and legs have the dimensions of the mechanism file. Diameters of legs and joints are symbols.'
+      : 'The mechanism has no contact surfaces with a shape: circles stand for the interfaces. Diameters are symbols.',
+    meta.fit === null ? '' : `Drawn leg lengths and latch openings differ from the recorded ones by at most ${(1e3 * meta.fit).toExponential(1)} mm.`,
+    ...Object.entries(geometry.vehicles).map(([name, v]) => (v.mesh
+      ? `The ${name} is a mesh that was given.`
+      : `The box of the ${name} is the homogeneous one with its mass (${v.mass} kg) and inertia${v.is_cut ? ', cut in front of the docking interface' : ''}.`)),
+    view && view.most.force > 0 ? 'The force arrow is the load on the target through the capture interface, in P. Of petal forces only the size is recorded: their arrows stand across the petal.' : '',
+    'An event is shown at the first sample after it.',
+    meta.command ? `Made by: ${meta.command}` : '',
+    `dockloop ${meta.version}; drawn with three.js (MIT).`,
+  ];
+  for (const text of notes.filter(Boolean)) {
+    const entry = document.createElement('li');
+    entry.textContent = text;
+    $('notes').append(entry);
+  }
+
+  document.addEventListener('keydown', (event) => {
+    if (event.altKey || event.metaKey || event.target.tagName === 'SELECT') return;
+    const isButton = ['BUTTON', 'SUMMARY'].includes(event.target.tagName) || event.target.type === 'checkbox';
+    const key = event.key;
+    const turns = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] };
+    let done = true;
+    if (event.shiftKey && key in turns) view?.turn(...turns[key]);
+    else if (key === ' ' && !isButton) (playing ? pause : play)();
+    else if (key === 'ArrowLeft') step(event.ctrlKey ? -10 : -1);
+    else if (key === 'ArrowRight') step(event.ctrlKey ? 10 : 1);
+    else if (event.ctrlKey) done = false;
+    else if (key === 'Home') goSample(0);
+    else if (key === 'End') goSample(last);
+    else if (key === 'n') goEvent(1);
+    else if (key === 'p') goEvent(-1);
+    else if (key === '+' || key === '=') view?.turn(0, 0, 1.15);
+    else if (key === '-') view?.turn(0, 0, 1 / 1.15);
+    else if (key === '<' || key === '>') $('speed').selectedIndex = Math.min(SPEEDS.length - 1, Math.max(0, $('speed').selectedIndex + (key === '>' ? 1 : -1)));
+    else if (key >= '1' && key <= String(CAMERAS.length)) setCamera(CAMERAS[Number(key) - 1][0]);
+    else done = false;
+    if (done) { event.preventDefault(); wanted = true; }
+  });
+
+  if (view) view.controls.addEventListener('change', () => { wanted = true; });
+  if (view) view.setVehicles(hasTarget);
+  if (!last) document.body.classList.add('moment'); // it has no time
+  const fit = () => { view?.resize(); curvesWanted = true; };
+  new ResizeObserver(fit).observe($('stage'));
+  new ResizeObserver(() => { curvesWanted = true; }).observe($('curves'));
+  setSpan($('span').value);
+  view?.resize();
+  view?.update(time);
+  setCamera('oblique');
+  requestAnimationFrame(frame);
+
+  // For tests, stills and films: the page driven from outside.
+  window.dockloop = {
+    data, events,
+    /** Show a time [s] at once; words are names of events. */
+    show(t) {
+      const event = events.find((e) => e.key === t || (t === 'peak' && e.first));
+      if (!event && !Number.isFinite(Number(t))) throw new Error(`no event ${t}`);
+      pause();
+      setTime(event ? times[event.index] : Number(t));
+      if (curvesWanted) { figures.forEach(drawFigure); curvesWanted = false; }
+      wanted = false;
+      refresh();
+      return time;
+    },
+    setCamera(name) { setCamera(name); refresh(); },
+    setPicture(on) { document.body.classList.toggle('picture', on); view?.resize(); },
+    cameras: CAMERAS.map(([key]) => key),
+    pose: (name, t) => findPose(name, t),
+    drawn: (name) => view && view.matrix(name),
+    legs: () => view && view.legs.map((made) => made.length),
+    draws: () => Boolean(view),
+  };
+})();

@@ -1,0 +1,504 @@
+"""The page of ``dockloop view``: what it holds, what it refuses, and how it works in a browser.
+
+1. The data of a page, read back, are those of the result; lengths of legs and openings of latches
+   that follow from its shapes are the recorded ones, below 0.1 mm.
+2. A page is below 5 MB, written in below 10 s, and asks for nothing from outside; of a long result
+   it holds some samples, those of events among them.
+3. A result whose model is missing, or is another one, is refused with a sentence.
+4. In Chromium: no error in the console, bodies where the result has them, all keys, 390 px.
+5. Cases of a sweep, stills, films, meshes.
+"""
+
+import hashlib
+import json
+import re
+import shutil
+import time
+
+import numpy as np
+import pytest
+
+from dockloop import paths
+from dockloop.errors import DockloopError, UsageError
+from dockloop.outputs import scratch
+from dockloop.simulate import Instance, communication_points, unpack_fmu
+from dockloop.view import browser as chromium
+from dockloop.view import geometry
+from dockloop.view.browser import Browser
+from dockloop.view.page import read_page, write_page
+
+DEFAULT = "idss_25t_350t"
+MM = 1e-3
+WEB = paths.ROOT / "scripts" / "dockloop" / "view" / "web"
+
+needs_browser = pytest.mark.skipif(
+    chromium.find_browser() is None, reason="Chromium or Chrome is not installed"
+)
+
+
+@pytest.fixture(scope="module")
+def docking(runs):
+    return runs.run(DEFAULT, stop=6.0)
+
+
+@pytest.fixture(scope="module")
+def page(docking, tmp_path_factory):
+    path = tmp_path_factory.mktemp("view") / "page.html"
+    write_page(docking, path)
+    return path
+
+
+def rows(run, name):
+    return np.hstack([run.vector(f"{name}.position"), run.vector(f"{name}.attitude")])
+
+
+# ------------------------------------------------------------------- what a page holds
+
+
+def test_poses_in_the_page_are_those_of_the_result(docking, page):
+    columns = read_page(page)["columns"]
+    assert np.array_equal(columns["time"], docking["time"])
+    assert np.max(np.abs(columns["pose.target"] - rows(docking, "relative"))) < 1e-15
+    assert np.max(np.abs(columns["pose.ring"] - rows(docking, "ring"))) < 1e-15
+
+
+def test_legs_in_the_page_have_the_recorded_lengths(docking, page):
+    data = read_page(page)
+    base = np.array([[0.0, 0, 0, 1, 0, 0, 0]])
+    assert len(data["geometry"]["legs"]) == 6
+    for i, leg in enumerate(data["geometry"]["legs"]):
+        drawn = geometry.find_leg_length(leg, base, data["columns"]["pose.ring"])
+        assert np.max(np.abs(drawn - docking[f"leg[{i + 1}].length"])) < 0.1 * MM
+    assert data["meta"]["fit"] < 1e-12
+
+
+def test_shown_loads_are_those_of_the_result_to_single_precision(docking, page):
+    columns = read_page(page)["columns"]
+    for name in ("capture.compression", "latch[2].opening", "contact.petal[1].force"):
+        assert columns[name] == pytest.approx(docking[name], rel=1e-6, abs=1e-6)
+
+
+def test_events_are_those_of_the_summary(docking, page):
+    data = read_page(page)
+    events = {event["key"]: event for event in data["events"]}
+    for key, name in (("contact", "time_of_contact"), ("capture", "time_of_capture")):
+        assert events[key]["time"] == docking[name][-1]
+        assert data["columns"]["time"][events[key]["index"]] >= events[key]["time"] - 1e-9
+    assert data["columns"]["captured"][events["capture"]["index"]] == 1
+    peak = events["peak_compression"]
+    assert f"{docking['capture.peak.compression'][-1]:.0f} N" in peak["text"]
+    assert next(iter(events)) == "start"
+    assert list(events)[-1] == "end"
+
+
+def test_passive_petals_face_the_active_ones(page):
+    """As in src/contact/guide_ring.cpp: a turn by pi about the axis at azimuth 30 deg."""
+    ring = read_page(page)["geometry"]["ring"]
+    passive = np.array([ring["passive"]["q"]])
+    tips = [geometry.turn(passive, np.array(petal[2]))[0] for petal in ring["petals"]]
+    middles = [geometry.turn(passive, np.mean(petal, axis=0))[0] for petal in ring["petals"]]
+    assert all(tip[0] < -0.2 for tip in tips)
+    azimuths = sorted(np.degrees(np.arctan2(m[2], m[1])) % 360 for m in middles)
+    assert azimuths == pytest.approx([60, 180, 300])
+
+
+def test_a_page_is_small_quick_and_holds_everything(runs, tmp_path):
+    run = runs.run(DEFAULT)
+    began = time.perf_counter()
+    written = write_page(run, tmp_path / "page.html")
+    assert time.perf_counter() - began < 10.0
+    assert written["bytes"] == (tmp_path / "page.html").stat().st_size < 5e6
+    text = (tmp_path / "page.html").read_text()
+    assert not re.search(r"<(script|link|img|iframe)[^>]*(src|href)=\"(?!data:)", text)
+    assert "{{" not in text.partition("<script")[0]
+    assert "Permission is hereby granted" in text  # the licence of three.js
+
+
+def test_of_a_long_result_some_samples_are_shown_and_all_events(runs, tmp_path):
+    run = runs.run(DEFAULT, stop=6.0, step=0.0005)
+    written = write_page(run, tmp_path / "page.html")
+    data = read_page(tmp_path / "page.html")
+    times = data["columns"]["time"]
+    assert written["bytes"] < 5e6
+    assert written["samples"] == len(times) < len(run.values)
+    assert set(times) <= set(run["time"])
+    assert "recorded samples are in this page" in data["meta"]["notes"][0]
+    for event in data["events"]:
+        assert 0 <= times[event["index"]] - event["time"] < 0.00051
+
+
+def test_what_is_not_recorded_is_said(runs, tmp_path):
+    run = runs.run(DEFAULT, 'outputs.groups=["relative"]', stop=0.5)
+    write_page(run, tmp_path / "page.html")
+    data = read_page(tmp_path / "page.html")
+    assert "pose.ring" not in data["columns"]
+    assert any("'ring' in [outputs] groups" in note for note in data["meta"]["notes"])
+
+
+def test_without_relative_motion_the_target_follows_from_the_vehicles(runs, tmp_path):
+    groups = 'outputs.groups=["ring"]'
+    run, full = (runs.run(DEFAULT, *more, stop=0.5) for more in ((groups,), ()))
+    write_page(run, tmp_path / "page.html")
+    found = read_page(tmp_path / "page.html")["columns"]["pose.target"]
+    assert np.max(np.abs(found[:, :3] - rows(full, "relative")[:, :3])) < 1e-10
+
+
+def test_ring_from_the_coordinates_alone(runs, tmp_path):
+    run = runs.run("hexapod_bench", 'outputs.groups=["states","legs"]', stop=1.0)
+    full = runs.run("hexapod_bench", stop=1.0)
+    write_page(run, tmp_path / "page.html")
+    data = read_page(tmp_path / "page.html")
+    assert np.max(np.abs(data["columns"]["pose.ring"] - rows(full, "ring"))) < 1e-12
+    assert data["meta"]["fit"] < 1e-9
+
+
+def test_a_box_has_mass_and_inertia_of_its_vehicle():
+    mass, size = 1200.0, np.array([2.0, 3.0, 5.0])
+    inertia = [mass / 12 * (np.sum(size**2) - s**2) for s in size]
+    vehicle = {
+        "mass": mass,
+        "inertia": [*inertia, 0.0, 0.0, 0.0],
+        "interface_position": [4.0, 0.0, 0.0],
+        "interface_attitude": [1.0, 0.0, 0.0, 0.0],
+    }
+    document = {"chaser": vehicle, "mechanism": {"name": "none"}}
+    box = geometry.make_geometry(document, {})["vehicles"]["chaser"]["box"]
+    assert box["size"] == pytest.approx(size)
+    assert box["pose"]["p"] == [-4.0, 0.0, 0.0]
+    other = geometry.make_geometry(document, {"chaser.interface_position[1]": 6.0})
+    assert other["vehicles"]["chaser"]["box"]["pose"]["p"][0] == -6.0
+
+
+def test_the_library_is_the_one_that_is_stated():
+    digest = hashlib.sha256((WEB / "three.min.js").read_bytes()).hexdigest()
+    assert digest in (WEB / "README.md").read_text()
+
+
+# ------------------------------------------------------------------- the command
+
+
+@pytest.fixture
+def result(dockloop, runs, tmp_path):
+    outcome = dockloop(
+        *("run", runs.fmu(DEFAULT), "--stop", "3.5", "-o", "own.csv", "--no-plots", "--view")
+    )
+    assert outcome.status == 0, outcome.err
+    return tmp_path / "own.csv"
+
+
+def test_run_writes_the_page_and_view_the_same_from_the_result(dockloop, result, tmp_path):
+    first = read_page(tmp_path / "own_view.html")
+    outcome = dockloop("view", result, "-o", "again.html")
+    assert outcome.status == 0, outcome.err
+    assert "again.html (" in outcome.out
+    second = read_page(tmp_path / "again.html")
+    assert second["geometry"] == first["geometry"]
+    for name in ("pose.ring", "pose.target"):
+        assert np.max(np.abs(second["columns"][name] - first["columns"][name])) < 1e-6 * MM
+
+
+def test_changed_keys_of_the_mechanism_are_drawn(dockloop, tmp_path):
+    key = 'mechanism.set={"contact.petal_tip_x"=0.2}'
+    arguments = ("run", DEFAULT, "--scene", key, "--stop", "0.1", "-o", "own.npz", "--no-plots")
+    assert dockloop(*arguments).status == 0
+    assert dockloop("view", "own.npz").status == 0
+    assert read_page(tmp_path / "own_view.html")["geometry"]["ring"]["petals"][0][2][0] == 0.2
+
+
+def test_a_saved_state(dockloop, runs, tmp_path):
+    fmu = runs.fmu(DEFAULT)
+    with scratch() as folder:
+        description, _ = unpack_fmu(fmu, folder)
+        times = communication_points(description, 2.5, 0.5)
+        with Instance(description, str(folder), "own") as instance:
+            instance.initialise([], times)
+            for t in times[:-1]:
+                instance.slave.doStep(t, 0.5)
+            state = instance.slave.getFMUstate()
+            (tmp_path / "own.bin").write_bytes(instance.slave.serializeFMUstate(state))
+            instance.slave.freeFMUstate(state)
+    outcome = dockloop("view", fmu, "--state", "own.bin", "-o", "own.html")
+    assert outcome.status == 0, outcome.err
+    found = read_page(tmp_path / "own.html")["columns"]
+    expected = rows(runs.run(DEFAULT, stop=2.5, step=0.5), "ring")[-1]
+    assert np.max(np.abs(found["pose.ring"] - expected)) < 1e-12
+    (tmp_path / "own.bin").write_bytes(b"no state")
+    assert "own.bin: is no state of" in refuse(dockloop, fmu, "--state", "own.bin")
+    assert "go together" in refuse(dockloop, fmu)
+
+
+def refuse(dockloop, *arguments):
+    outcome = dockloop("view", *arguments)
+    assert outcome.status == 2, outcome
+    assert outcome.err.count("\n") == 1
+    return outcome.err
+
+
+def test_what_is_no_result_is_refused(dockloop, result, tmp_path):
+    assert "none.csv: no such result file" in refuse(dockloop, "none.csv")
+    (tmp_path / "foreign.csv").write_text("a,b\n1,2\n")
+    assert "foreign.csv: is no result of 'dockloop run'" in refuse(dockloop, "foreign.csv")
+    (tmp_path / "cut.csv").write_text("\n".join(result.read_text().splitlines()[:2])[:-30])
+    assert "cut.csv: " in refuse(dockloop, "cut.csv", "--model", DEFAULT)
+    lines = result.read_text().splitlines()
+    (tmp_path / "back.csv").write_text("\n".join([lines[0], lines[2], lines[1]]))
+    assert "time does not increase" in refuse(dockloop, "back.csv", "--model", DEFAULT)
+
+
+def test_a_result_without_its_model_is_refused(dockloop, result, tmp_path):
+    summary = tmp_path / "own_summary.json"
+    document = json.loads(summary.read_text())
+    summary.write_text(json.dumps({k: v for k, v in document.items() if k != "model"}))
+    assert "own_summary.json: has no member 'model'" in refuse(dockloop, result)
+    summary.write_text(json.dumps({**document, "communication_steps": 7}))
+    assert "is of a run of 7 steps, but" in refuse(dockloop, result)
+    summary.unlink()
+    assert "own_summary.json is missing" in refuse(dockloop, result)
+    assert dockloop("view", result, "--model", DEFAULT).status == 0
+
+
+def test_another_model_is_refused(dockloop, result, tmp_path):
+    file = tmp_path / "own_summary.json"
+    summary = json.loads(file.read_text())
+    summary["model"]["mechanism"]["legs"][2]["root_point"][0] -= 0.001
+    file.write_text(json.dumps(summary))
+    message = refuse(dockloop, result)
+    assert "leg[3].length drawn from the mechanism 'idss_hexapod' differs" in message
+    assert "mm" in message
+
+
+def test_foreign_files_stay(dockloop, result, tmp_path):
+    foreign = tmp_path / "own.html"
+    foreign.write_text("<!doctype html>\n<p>mine</p>")
+    message = refuse(dockloop, result, "-o", foreign)
+    assert "own.html: is a file of something else, which 'dockloop view' did not write" in message
+    assert "mine" in foreign.read_text()
+    assert dockloop("view", result).status == 0  # its own one is made again
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("-o", "own.png"), "must end in .html for a page; pictures: --still or --film"),
+        (("--still", "1", "-o", "own.html"), "must end in .png for stills"),
+        (("--still", "1", "--film"), "give one of them"),
+        (("--still", "captured"), "did you mean 'capture'?"),
+        (("--still", "99"), "the result goes from 0 to 3.5 s"),
+        (("--still", "1", "--size", "big"), "must be WIDTHxHEIGHT"),
+        (("--film", "--from", "3", "--to", "2"), "must lie in order between 0 and 3.5 s"),
+        (("--film", "--speed", "0"), "must be above 0"),
+        (("--case", "1"), "is no table of a sweep"),
+        (("--mesh", "station.stl"), "must be chaser=FILE.stl or target=FILE.stl"),
+        (("--mesh", "target=none.stl"), "none.stl: no such STL file"),
+    ],
+)
+def test_bad_usage_is_one_sentence(dockloop, result, arguments, message):
+    assert message in refuse(dockloop, result, *arguments)
+
+
+def test_pictures_without_a_browser_say_what_to_install(dockloop, result, monkeypatch):
+    monkeypatch.setattr(chromium, "find_browser", lambda: None)
+    outcome = dockloop("view", result, "--still", "1")
+    assert outcome.status == 1
+    assert "install it (apt-get install chromium)" in outcome.err
+
+
+def make_stl(path, scale=1.0, text=False):
+    """A tetrahedron."""
+    corners = scale * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    faces = [corners[list(f)] for f in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))]
+    if text:
+        lines = ["solid"]
+        for face in faces:
+            lines += ["facet normal 0 0 0", "outer loop"]
+            lines += ["vertex {} {} {}".format(*corner) for corner in face]
+            lines += ["endloop", "endfacet"]
+        path.write_text("\n".join([*lines, "endsolid"]))
+        return
+    packed = b"".join(
+        np.zeros(3, "<f4").tobytes() + face.astype("<f4").tobytes() + b"\0\0" for face in faces
+    )
+    path.write_bytes(bytes(80) + len(faces).to_bytes(4, "little") + packed)
+
+
+@pytest.mark.parametrize("text", [False, True])
+def test_meshes_of_vehicles(dockloop, result, tmp_path, text):
+    make_stl(tmp_path / "hull.stl", 2.0, text)
+    outcome = dockloop("view", result, "--mesh", "chaser=hull.stl")
+    assert outcome.status == 0, outcome.err
+    mesh = read_page(tmp_path / "own_view.html")["geometry"]["vehicles"]["chaser"]["mesh"]
+    assert len(mesh["points"]) == 64  # 4 points of 12 bytes, in base64
+    make_stl(tmp_path / "hull.stl", 5000.0, text)
+    assert "lengths must be in metres" in refuse(dockloop, result, "--mesh", "chaser=hull.stl")
+
+
+def test_cases_of_a_sweep(dockloop, tmp_path):
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("scipy")
+    (tmp_path / "many.toml").write_text(
+        f'scene = "{DEFAULT}"\nseed = 1\ncases = 4\n'
+        "[experiment]\nstop = 2.6\n"
+        '[[vary]]\ntype = "uniform"\nname = "initial.closing_speed"\nrange = [0.05, 0.1]\n'
+    )
+    outcome = dockloop("sweep", "many.toml", "--workers", "1", "-o", "many.parquet", "--no-plots")
+    assert outcome.status == 0, outcome.err
+    worst = json.loads((tmp_path / "many_summary.json").read_text())["worst"]
+    outcome = dockloop("view", "many.parquet", "-o", "own.html")
+    assert outcome.status == 0, outcome.err
+    data = read_page(tmp_path / f"own_case{worst['case']}.html")
+    assert data["meta"]["command"] == worst["command"]
+    peak = max(e["text"] for e in data["events"] if e.get("first"))
+    assert peak.startswith("peak ")
+    outcome = dockloop("view", "many.parquet", "--not-captured", "2")
+    assert outcome.status == 0, outcome.err
+    assert len(list(tmp_path.glob("many_view_case*.html"))) == 2
+    assert "has the cases 1 to 4" in refuse(dockloop, "many.parquet", "--case", "5")
+
+
+# ------------------------------------------------------------------- in a browser
+
+
+@pytest.fixture(scope="module")
+def window(page):
+    with Browser(1280, 800) as opened:
+        opened.open(page)
+        yield opened
+
+
+def pose_drawn(window, name, moment):
+    """Pose of a body as three.js draws it, axes of A: rotation, position."""
+    window.run(f"dockloop.show({moment!r})")
+    matrix = np.array(window.run(f"dockloop.drawn({name!r})")).reshape(4, 4).T
+    return matrix[:3, :3], matrix[:3, 3]
+
+
+def to_matrix(quaternion):
+    return np.column_stack([geometry.turn(quaternion[None], axis)[0] for axis in np.eye(3)])
+
+
+@pytest.mark.long
+@needs_browser
+def test_the_browser_shows_bodies_where_the_result_has_them(window, docking):
+    assert window.run("dockloop.draws()")
+    for i in (0, 200, 308, 400, 600):
+        for name, recorded in (("target", "relative"), ("ring", "ring")):
+            expected = rows(docking, recorded)[i]
+            rotation, position = pose_drawn(window, name, float(docking["time"][i]))
+            assert np.max(np.abs(position - expected[:3])) < 0.1 * MM
+            assert np.max(np.abs(rotation - to_matrix(expected[3:]))) * 0.7 < 0.1 * MM
+        lengths = [docking[f"leg[{k}].length"][i] for k in range(1, 7)]
+        assert window.run("dockloop.legs()") == pytest.approx(lengths, abs=0.1 * MM)
+
+
+@pytest.mark.long
+@needs_browser
+def test_between_samples_the_motion_is_interpolated(window, docking):
+    i = 100  # free motion
+    _, position = pose_drawn(window, "target", float(docking["time"][i]) + 0.004)
+    first, second = rows(docking, "relative")[i : i + 2, :3]
+    assert position == pytest.approx(first + 0.4 * (second - first), abs=1e-9)
+    assert "(between samples)" in window.run("document.getElementById('clock').textContent")
+
+
+@pytest.mark.long
+@needs_browser
+def test_the_console_stays_without_errors_and_nothing_is_asked_for(window):
+    for camera in window.run("dockloop.cameras"):
+        window.run(f"dockloop.setCamera({camera!r})")
+        window.settle()
+    for moment in ("'contact'", "'capture'", "'peak'", "'end'"):
+        window.run(f"dockloop.show({moment})")
+        window.settle()
+    bad = [text for text in window.messages if not text.startswith("warning: [.WebGL")]
+    assert bad == []
+
+
+def clock(window):
+    window.settle()
+    return float(window.run("document.getElementById('clock').textContent").split()[0])
+
+
+@pytest.mark.long
+@needs_browser
+def test_keys(window, docking):
+    window.run("dockloop.show(1.0)")
+    window.press("ArrowRight")
+    assert clock(window) == pytest.approx(1.01)
+    window.press("ArrowLeft")
+    window.press("ArrowLeft")
+    assert clock(window) == pytest.approx(0.99)
+    window.press("n")
+    assert clock(window) == pytest.approx(2.0)
+    assert "contact" in window.run("document.getElementById('now').textContent")
+    window.press("p")
+    assert clock(window) == 0.0
+    window.press("End")
+    assert clock(window) == pytest.approx(6.0)
+    window.press("Home")
+    window.press(" ", "Space")
+    time.sleep(0.5)
+    window.press(" ", "Space")
+    stopped = clock(window)
+    assert 0.0 < stopped < 5.0
+    assert clock(window) == stopped
+    window.press("3")
+    pressed = "document.querySelector('#cameras [aria-pressed=true]').textContent"
+    window.settle()
+    assert window.run(pressed) == "front"
+
+
+@pytest.mark.long
+@needs_browser
+def test_usable_at_390_px(page):
+    with Browser(390, 844, 2.0) as window:
+        window.open(page)
+        window.settle()
+        assert window.run("document.documentElement.scrollWidth") == 390
+        boxes = window.run(
+            "[...document.querySelectorAll('#transport button, #cameras button, select')]"
+            ".map((e) => e.getBoundingClientRect().height)"
+        )
+        assert min(boxes) >= 30
+        sizes = window.run(
+            "[...document.querySelectorAll('body *')].filter((e) => e.textContent.trim())"
+            ".map((e) => parseFloat(getComputedStyle(e).fontSize))"
+        )
+        assert min(sizes) >= 11
+        assert window.run("document.getElementById('space').clientHeight") > 250
+
+
+@pytest.mark.long
+@needs_browser
+def test_stills_and_film(dockloop, result, tmp_path):
+    outcome = dockloop("view", result, "--still", "0.5,capture", "-o", "own.png")
+    assert outcome.status == 0, outcome.err
+    pictures = [(tmp_path / f"own_{i}.png").read_bytes() for i in (1, 2)]
+    assert all(p.startswith(b"\x89PNG") and len(p) > 10_000 for p in pictures)
+    assert pictures[0] != pictures[1]
+    assert dockloop("view", result, "--still", "1,2", "-o", "own.png").status == 0  # its own
+    (tmp_path / "foreign.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    assert "a figure of something else" in refuse(
+        dockloop, result, "--still", "1", "-o", "foreign.png"
+    )
+    if not shutil.which("ffmpeg"):
+        pytest.skip("ffmpeg is not installed")
+    film = ("view", result, "--film", "--from", "2", "--to", "2.1", "--size", "320x240")
+    for _ in range(2):  # it replaces its own
+        outcome = dockloop(*film, "-o", "own.mp4")
+        assert outcome.status == 0, outcome.err
+    assert (tmp_path / "own.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+@pytest.mark.long
+@needs_browser
+def test_a_page_that_fails_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.setattr(chromium, "_PATIENCE", 5.0)
+    (tmp_path / "bad.html").write_text("<script>throw new Error('broken')</script>")
+    with Browser(320, 240) as window, pytest.raises(DockloopError, match="broken"):
+        window.open(tmp_path / "bad.html")
+
+
+def test_read_page_refuses_others(tmp_path):
+    (tmp_path / "other.html").write_text("<p>")
+    with pytest.raises(UsageError, match="is no page of 'dockloop view'"):
+        read_page(tmp_path / "other.html")
