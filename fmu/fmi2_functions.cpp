@@ -201,9 +201,9 @@ std::unique_ptr<Instance> make_instance(const char* name, fmi2Type type, const c
         "co-simulation only: set the scene keys chaser.motion and target.motion to \"free\" "
         "or \"fixed\" and build it again for model exchange");
   }
-  const Interface interface =
-      type == fmi2CoSimulation ? Interface::kCoSimulation : Interface::kModelExchange;
-  auto instance = std::make_unique<Instance>(std::move(scene), interface, std::move(logger));
+  const FmiKind fmi_kind =
+      type == fmi2CoSimulation ? FmiKind::kCoSimulation : FmiKind::kModelExchange;
+  auto instance = std::make_unique<Instance>(std::move(scene), fmi_kind, std::move(logger));
   instance->load_kernel(resource_folder(location));
   return instance;
 }

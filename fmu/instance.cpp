@@ -33,8 +33,8 @@ fmi2Status fmi_status(StatusCode code) {
   return fmi2Error;
 }
 
-Instance::Instance(std::shared_ptr<const Scene> scene, Interface interface, Logger log)
-    : logger(std::move(log)), sim(std::move(scene), interface), variables(make_variables(sim)) {
+Instance::Instance(std::shared_ptr<const Scene> scene, FmiKind fmi_kind, Logger log)
+    : logger(std::move(log)), sim(std::move(scene), fmi_kind), variables(make_variables(sim)) {
   start_time = time = sim.scene().experiment.start;
 }
 
@@ -180,7 +180,7 @@ void Instance::note_change(bool tunables) {
 
 void Instance::save(SavedInstance& into) const {
   into.fingerprint = sim.scene().fingerprint;
-  into.interface = sim.interface();
+  into.fmi_kind = sim.fmi_kind();
   into.state = state;
   into.initialised = initialised;
   into.start_time = start_time;
@@ -199,7 +199,7 @@ void Instance::load(const SavedInstance& from) {
     throw Refusal("the state is of the FMU with GUID '" + from.fingerprint + "', this one is '" +
                   sim.scene().fingerprint + "'");
   }
-  if (from.interface != sim.interface()) {
+  if (from.fmi_kind != sim.fmi_kind()) {
     throw Refusal(
         "the state is of an instance for the other interface (co-simulation or model "
         "exchange)");
@@ -260,7 +260,7 @@ std::string printable(std::string text) {
 template <class A>
 void transfer(A& archive, SavedInstance& saved) {
   transfer_members<SavedInstance, 1>(
-      archive, saved.interface, saved.state, saved.initialised, saved.start_time, saved.tolerance,
+      archive, saved.fmi_kind, saved.state, saved.initialised, saved.start_time, saved.tolerance,
       saved.has_stop_time, saved.stop_time, saved.time, saved.step_status, saved.phase, saved.sim);
 }
 

@@ -36,7 +36,7 @@ struct Discard : std::runtime_error {
 /// What fmi2GetFMUstate keeps: the simulation, and where the instance stands in its life.
 struct SavedInstance {
   std::string fingerprint;  ///< of the scene it belongs to
-  Interface interface = Interface::kCoSimulation;
+  FmiKind fmi_kind = FmiKind::kCoSimulation;
   State state = kInstantiated;
   bool initialised = false;
   double start_time = 0.0, tolerance = 0.0, time = 0.0;
@@ -48,7 +48,7 @@ struct SavedInstance {
 
 struct Instance {
   static constexpr double kNoStop = std::numeric_limits<double>::infinity();
-  Instance(std::shared_ptr<const Scene> scene, Interface interface, Logger log);
+  Instance(std::shared_ptr<const Scene> scene, FmiKind fmi_kind, Logger log);
 
   /// Use the kernel that the FMU carries for this platform, if it does; one that cannot be loaded
   /// is a warning. Before initialise(). @param resources  folder, UTF-8
@@ -76,7 +76,7 @@ struct Instance {
 
   bool before_start() const { return (state & kBeforeStart) != 0; }
   Side side() const {
-    return sim.interface() == Interface::kCoSimulation ? kForCoSimulation : kForModelExchange;
+    return sim.fmi_kind() == FmiKind::kCoSimulation ? kForCoSimulation : kForModelExchange;
   }
 
   Logger logger;

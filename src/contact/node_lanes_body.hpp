@@ -10,7 +10,7 @@ using namespace lanes;
 template <bool kOnPassive>
 Touch add_nodes(const NodeGroup& group, int at, Mask used, const NodeContact& contact, bool ways,
                 NodeGaps& gaps, double (*sums)[kGroup]) {
-  const Cells in{const_cast<double(*)[kGroup]>(group.position), at};
+  const Cells in{const_cast<double (*)[kGroup]>(group.position), at};
   const Cells total{sums, at}, way{gaps.way, at};
   const M R = {spread3(contact.R), spread3(contact.R + 3), spread3(contact.R + 6)};
   const V p = spread3(contact.p), x = in.get_vector(0);

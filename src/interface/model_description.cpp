@@ -209,9 +209,9 @@ StartFacts find_start_facts(const std::shared_ptr<const Scene>& scene,
                             const std::vector<Variable>& variables) {
   StartFacts facts;
   std::vector<std::vector<size_t>> known(variables.size());
-  for (const Interface interface : {Interface::kCoSimulation, Interface::kModelExchange}) {
-    if (interface == Interface::kModelExchange && !offers_model_exchange(*scene)) continue;
-    DockingSim sim(scene, interface);
+  for (const FmiKind fmi_kind : {FmiKind::kCoSimulation, FmiKind::kModelExchange}) {
+    if (fmi_kind == FmiKind::kModelExchange && !offers_model_exchange(*scene)) continue;
+    DockingSim sim(scene, fmi_kind);
     // What a host can switch on counts as there.
     Parameters& parameters = sim.parameters();
     parameters.friction_coefficient = std::max(parameters.friction_coefficient, 0.1);

@@ -685,7 +685,7 @@ void add_model_parameters(Table& table, Parameters& parameter) {
 
 void add_solver_parameters(Table& table, Parameters& parameter) {
   table.parameter("model.flight", &parameter.flight, kNone, "The mechanism far from contact")
-      .choices(kFlightModels);
+      .choices(kFreeDriftModels);
   table
       .parameter(
           "solver.method", &parameter.solver_method, kNone,

@@ -38,10 +38,10 @@ struct Variable {
   Type type = Type::kReal;
   Causality causality = Causality::kOutput;
   Variability variability = Variability::kContinuous;
-  Quantity quantity{};            ///< Real only: its declared type
+  Quantity quantity{};                  ///< Real only: its declared type
   const ChoiceList* choices = nullptr;  ///< Integer only: what its numbers mean, if they are names
-  const char* unit = "";          ///< Real only, a name in unit_definitions()
-  const char* display_unit = "";  ///< a display unit of that unit, or empty
+  const char* unit = "";                ///< Real only, a name in unit_definitions()
+  const char* display_unit = "";        ///< a display unit of that unit, or empty
   double min = -std::numeric_limits<double>::infinity();  ///< inclusive, infinite = no limit
   double max = std::numeric_limits<double>::infinity();
   double nominal = 1.0;         ///< typical size, in the unit

@@ -1,5 +1,5 @@
-// A choice: an Integer in the FMU, a name everywhere else. Each has one list of its values; numbers,
-// names, descriptions and messages all follow from that list.
+// A choice: an Integer in the FMU, a name everywhere else. Each has one list of its values;
+// numbers, names, descriptions and messages all follow from that list.
 #pragma once
 
 #include <string>

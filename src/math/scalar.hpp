@@ -11,8 +11,9 @@
 // Algorithms are templates with their definitions in .cpp files; each such file ends with
 //   #define DOCK_INSTANTIATE(S) template void calc_something<S>(...);
 //   DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
-// Those that programs with a scalar of their own compile again (the generator, the operation counter)
-// are in a header *_body.hpp, which a .cpp file includes; such a program defines the list before.
+// Those that programs with a scalar of their own compile again (the generator, the operation
+// counter) are in a header *_body.hpp, which a .cpp file includes; such a program defines the list
+// before.
 #pragma once
 
 #include "math/dual.hpp"

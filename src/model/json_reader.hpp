@@ -13,12 +13,12 @@
 
 namespace dockloop {
 
-constexpr int kMaxNesting = 64;       ///< of lists and objects in each other
-constexpr double kMaxNumber = 1e30;   ///< in SI units; products of larger ones would overflow
+constexpr int kMaxNesting = 64;          ///< of lists and objects in each other
+constexpr double kMaxNumber = 1e30;      ///< in SI units; products of larger ones would overflow
 constexpr double kLeastNumber = 1e-100;  ///< smaller ones are 0; divisions by them would overflow
-constexpr size_t kMaxItems = 1000;    ///< of a list that describes a model
-constexpr size_t kMaxReason = 160;    ///< characters of the parser's own message
-constexpr size_t kMaxShownText = 60;  ///< characters of a value that a message quotes
+constexpr size_t kMaxItems = 1000;       ///< of a list that describes a model
+constexpr size_t kMaxReason = 160;       ///< characters of the parser's own message
+constexpr size_t kMaxShownText = 60;     ///< characters of a value that a message quotes
 constexpr double kDegree = 0.017453292519943296;  ///< [rad]
 
 /// Parse a document. @throws ModelError with the parser's own position.

@@ -34,8 +34,8 @@ double find_energy_scale(const EnergyAudit& audit, const EnergyBalance& balance,
   return std::max({audit.in_play, balance.in_play, 1e4 * atol_energy});
 }
 
-void start_energy_audit(const DockingModel& model, const DockingData<double>& data,
-                        const double* y, EnergyAudit& audit) {
+void start_energy_audit(const DockingModel& model, const DockingData<double>& data, const double* y,
+                        EnergyAudit& audit) {
   audit.start = find_total_energy(model, data);
   audit.in_play = find_energy_balance(model, data, y, audit).in_play;
 }

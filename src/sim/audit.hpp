@@ -29,9 +29,9 @@ struct EnergyAudit {
 };
 
 struct MomentumAudit {
-  std::array<Wrench<double>, 2> start;        ///< per vehicle, with what its host changed
-  double residual = 0.0;                      ///< largest seen [-]
-  double scale = 0.0, angular_scale = 0.0;    ///< largest seen [N s], [N m s]
+  std::array<Wrench<double>, 2> start;      ///< per vehicle, with what its host changed
+  double residual = 0.0;                    ///< largest seen [-]
+  double scale = 0.0, angular_scale = 0.0;  ///< largest seen [N s], [N m s]
 };
 
 /// Elastic energy of legs, contact and latches [J]. @pre calc_docking
@@ -47,8 +47,8 @@ double find_energy_scale(const EnergyAudit& audit, const EnergyBalance& balance,
                          double atol_energy);
 
 /// The first state of a run.
-void start_energy_audit(const DockingModel& model, const DockingData<double>& data,
-                        const double* y, EnergyAudit& audit);
+void start_energy_audit(const DockingModel& model, const DockingData<double>& data, const double* y,
+                        EnergyAudit& audit);
 /// Does the step to `balance` create more energy than was ever in play, or add up to it? Error
 /// control has then accepted a wrong step. @param scale  find_energy_scale()
 bool creates_energy(const EnergyAudit& audit, const EnergyBalance& balance, double scale);

@@ -154,9 +154,8 @@ void DockingSim::Impl::spread_states(std::mt19937_64& random) {
 void DockingSim::Impl::add_dependencies(Dependencies& found) {
   std::vector<Seed> knowns;
   int inputs_count = 0;
-  for_each_value(inputs, [&](double&) {
-    knowns.push_back({Seed::Of::kInput, inputs_count++, 1.0});
-  });
+  for_each_value(inputs,
+                 [&](double&) { knowns.push_back({Seed::Of::kInput, inputs_count++, 1.0}); });
   // Entries are compared in units of what states are accurate to.
   const std::vector<double> scale = find_absolute_tolerances();
   for (int i = 0; i < state_count; ++i) knowns.push_back({Seed::Of::kState, i, scale[i] * 1e6});

@@ -8,12 +8,12 @@
 
 namespace dockloop {
 
-DockingSim::DockingSim(std::shared_ptr<const Scene> scene, Interface interface)
-    : impl_(new Impl(std::move(scene), interface)) {}
+DockingSim::DockingSim(std::shared_ptr<const Scene> scene, FmiKind fmi_kind)
+    : impl_(new Impl(std::move(scene), fmi_kind)) {}
 DockingSim::~DockingSim() = default;
 const Scene& DockingSim::scene() const { return *impl_->scene; }
 std::shared_ptr<const Scene> DockingSim::shared_scene() const { return impl_->scene; }
-Interface DockingSim::interface() const { return impl_->interface; }
+FmiKind DockingSim::fmi_kind() const { return impl_->fmi_kind; }
 Parameters& DockingSim::parameters() { return impl_->parameters; }
 Inputs& DockingSim::inputs() { return impl_->inputs; }
 Inputs& DockingSim::input_slopes() { return impl_->slopes; }
@@ -83,8 +83,8 @@ void DockingSim::Impl::restore(const Snapshot& from) {
   std::copy(from.y.begin(), from.y.end(), stepper->y());
   data->mechanism.loops.reference = from.reference;
   rate_data->mechanism.loops.reference = from.reference;
-  if (rest_state.resting) lock_at_rest();
-  flown = pose_is_kept = false;
+  if (quiescent.on) lock_quiescent();
+  drifted = pose_is_kept = false;
   invalidate();
 }
 
@@ -117,7 +117,7 @@ namespace {
 bool have_same_shape(const Snapshot& a, const Snapshot& b) {
   const LoopReference<double>&r = a.reference, &s = b.reference;
   bool same = a.y.size() == b.y.size() &&
-              a.state.rest_state.q.size() == b.state.rest_state.q.size() &&
+              a.state.quiescent.q.size() == b.state.quiescent.q.size() &&
               a.state.kept_jacobian.entries.size() == b.state.kept_jacobian.entries.size() &&
               r.valid == s.valid && r.q.size() == s.q.size() && r.H.size() == s.H.size() &&
               r.sign.size() == s.sign.size() && r.margin.size() == s.margin.size() &&
@@ -241,7 +241,7 @@ void DockingSim::Impl::load(const SavedSim& from) {
 /// Take over parameters that may be changed during a run.
 void DockingSim::Impl::adopt_tunables() {
   if (!model->contact.empty()) set_law(model->contact, make_contact_law());  // may throw
-  flown = kept_jacobian.valid = false;
+  drifted = kept_jacobian.valid = false;
   model->thrust = parameters.contact_thrust;
   model->thrust_delay = parameters.contact_thrust_delay;
   update_thrust(elapsed);

@@ -17,7 +17,7 @@
 namespace dockloop {
 
 /// How the equations are integrated: by communication steps inside, or by the host.
-enum class Interface : int { kCoSimulation = 1, kModelExchange = 2 };
+enum class FmiKind : int { kCoSimulation = 1, kModelExchange = 2 };
 
 /// Can a host integrate this scene by itself? Not where it tells motion at communication points.
 bool offers_model_exchange(const Scene& scene);
@@ -62,14 +62,14 @@ class KernelLibrary;
 class DockingSim {
  public:
   explicit DockingSim(std::shared_ptr<const Scene> scene,
-                      Interface interface = Interface::kCoSimulation);
+                      FmiKind fmi_kind = FmiKind::kCoSimulation);
   ~DockingSim();
   DockingSim(const DockingSim&) = delete;
   DockingSim& operator=(const DockingSim&) = delete;
 
   const Scene& scene() const;
   std::shared_ptr<const Scene> shared_scene() const;
-  Interface interface() const;
+  FmiKind fmi_kind() const;
   /// Read by initialise(); thrust, friction coefficient and restitution also at the start of a
   /// step.
   Parameters& parameters();

@@ -32,7 +32,8 @@ class EventLogic {
   // Roots that are watched between accepted states
 
   /// First contact (for an absorber every onset), where an absorber ceases to act, surfaces that
-  /// open as far as a rebound needs, latches. @param at  its workspace of the contact search is used
+  /// open as far as a rebound needs, latches. @param at  its workspace of the contact search is
+  /// used
   void calc_functions(DockingData<double>& at, double* roots) const;
   /// How fast the event functions may change where they may be below zero between two states.
   void calc_speeds(const DockingData<double>& at, double* speeds) const;
@@ -96,7 +97,7 @@ class EventLogic {
   DiscreteState& discrete_;
   ContactMemory& memory_;
   std::array<char, kFixedRoots + kMaxLatches> due_{};
-  std::array<char, kMaxLatches> passed_{};  ///< due, if not at this state
+  std::array<char, kMaxLatches> passed_{};                 ///< due, if not at this state
   std::array<LatchMotion, kMaxLatches> latches_before_{};  ///< at the start of a fixed step
 };
 

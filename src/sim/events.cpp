@@ -143,9 +143,9 @@ bool DockingSim::Impl::update_latches(double now) {
 /// @param may_be_locked  as one body with the chaser, if the mechanism is at rest
 /// @param ydot  rates, if they are wanted
 Status DockingSim::Impl::evaluate(double tau, bool may_be_locked, double* ydot) {
-  flown = false;
+  drifted = false;
   if (parameters.model_level != kRigid) {
-    model->locked.on = may_be_locked && rest_state.resting && may_rest();
+    model->locked.on = may_be_locked && quiescent.on && may_be_quiescent();
   }
   Status status = calc_docking<double>(*model, discrete, memory, find_loads(tau), elapsed + tau,
                                        stepper->y(), ydot, *data);
@@ -155,14 +155,14 @@ Status DockingSim::Impl::evaluate(double tau, bool may_be_locked, double* ydot) 
 
 /// evaluate(0), unless a flight has left just that.
 Status DockingSim::Impl::evaluate_present() {
-  if (flown && rest_state.resting && model->locked.on && may_rest()) return {};
+  if (drifted && quiescent.on && model->locked.on && may_be_quiescent()) return {};
   return evaluate(0.0);
 }
 
 /// The same at the start of a communication step, with the rates for methods that begin with them.
 Status DockingSim::Impl::evaluate_start() {
   evaluated = Evaluated::kNothing;
-  if (rest_state.resting || !begins_with_rates()) return evaluate_present();
+  if (quiescent.on || !begins_with_rates()) return evaluate_present();
   const Status status = evaluate(0.0, true, start_rates.data());
   note_evaluation(0.0, stepper->y());
   evaluated = Evaluated::kStart;

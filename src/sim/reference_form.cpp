@@ -20,14 +20,14 @@ void DockingSim::Impl::describe_reference(Stepper::Problem& problem) {
     const Status status =
         calc_reference_residual(*model, *reference, discrete, memory, find_loads(t), elapsed + t, z,
                                 zdot, residual, *reference_data);
-    return find_trouble_code(status, t, residual, reference->size);
+    return update_failure_code(status, t, residual, reference->size);
   };
   problem.dae.jacobian = [this](double t, double alpha, const double* z, const double* zdot,
                                 const double* residual, double* by_columns) {
     const Status status = calc_reference_jacobian(
         *model, *reference, discrete, memory, find_loads(t), elapsed + t, alpha, z, zdot, residual,
         reference_nominal, by_columns, *reference_data);
-    return find_trouble_code(status, t, by_columns, reference->size * reference->size);
+    return update_failure_code(status, t, by_columns, reference->size * reference->size);
   };
   problem.dae.complete = [this](double* z, double* zdot) {
     complete_reference_state(*model, *reference, *rate_data, z, zdot);

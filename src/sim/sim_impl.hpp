@@ -49,8 +49,7 @@ struct DerivativePass {
 
 struct ExtendedEquations;  ///< of src/truth
 
-
-/// Scratch of DockingSim::Impl::is_in_balance.
+/// Scratch of DockingSim::Impl::update_balance.
 struct BalanceWorkspace {
   explicit BalanceWorkspace(const StateLayout& layout)
       : ydot(static_cast<size_t>(layout.size)), factor(layout.mechanism_nv) {
@@ -65,7 +64,7 @@ struct BalanceWorkspace {
 };
 
 struct DockingSim::Impl : SimState {
-  Impl(std::shared_ptr<const Scene> scene, Interface interface);
+  Impl(std::shared_ptr<const Scene> scene, FmiKind fmi_kind);
 
   // start.cpp
   void clear();
@@ -77,7 +76,7 @@ struct DockingSim::Impl : SimState {
   void make_stepper();
   void attach_kernel();
   bool shares_evaluations() const;
-  int find_trouble_code(Status status, double t, const double* values, int count);
+  int update_failure_code(Status status, double t, const double* values, int count);
   void make_jacobian_pass();
   int calc_jacobian(double t, const double* y, double* by_columns);
   std::vector<double> find_absolute_tolerances() const;
@@ -95,7 +94,7 @@ struct DockingSim::Impl : SimState {
   // reference_form.cpp
   bool has_reference() const {
     return setup->parameters.model_level == kReference && !adapt_problem &&
-           interface == Interface::kCoSimulation;
+           fmi_kind == FmiKind::kCoSimulation;
   }
   void make_reference();
   void describe_reference(Stepper::Problem& problem);
@@ -115,9 +114,9 @@ struct DockingSim::Impl : SimState {
   Status integrate(double h, std::int64_t limit);
   Status integrate_fixed(double h, std::int64_t limit);
   void look_into_step(double from, double to);
-  double find_leap(double made, double proposal);
+  double update_singularity_step(double made, double proposal);
   double find_next_stop(double tau, double h) const;
-  Status find_trouble(double tau) const;
+  Status find_failure(double tau) const;
   Status step_to_root(double tau);
   void finish_step(double h);
   void update_mean_loads(double h, const CouplingPoint& end);
@@ -135,30 +134,31 @@ struct DockingSim::Impl : SimState {
   bool announces() const;
   Mat3<double> find_stated_inertia(int vehicle) const;
   Wrench<double> find_stated_momentum(int vehicle, const VehicleState& state) const;
-  VehicleState find_told_state(int vehicle) const;
-  Status check_told_attitude(int vehicle);
+  VehicleState find_received_state(int vehicle) const;
+  Status check_received_attitude(int vehicle);
   VehicleState predict_host(int vehicle, const VehicleState& from, const Wrench<double>& load,
                             double h);
   void start_coupling();
   Status receive(double h);
-  Status match_momenta(const std::array<bool, 2>& told, const FrameMotion<double>& chaser_before,
+  Status match_momenta(const std::array<bool, 2>& received,
+                       const FrameMotion<double>& chaser_before,
                        const Wrench<double>& mechanism_before);
   Wrench<double> find_mechanism_momentum() const;
   CouplingPoint find_coupling_point() const;
   Wrench<double> find_exerted_impulse(int vehicle, const CouplingPoint& from,
                                       const CouplingPoint& to) const;
-  void update_ledgers(double h, const CouplingPoint& end);
+  void update_impulse_balance(double h, const CouplingPoint& end);
   void announce(double h);
   Status look_ahead(double h, CouplingPoint& begin, CouplingPoint& end);
-  Wrench<double> find_owed_impulse(int vehicle, const VehicleState& host) const;
+  Wrench<double> find_pending_impulse(int vehicle, const VehicleState& host) const;
   Wrench<double> find_pending_impulse(int vehicle) const;
 
   // coupling_monitors.cpp
   void warn_once(int vehicle, CouplingWarning what, const std::string& text);
   double find_mass_mismatch(int vehicle) const;
   bool is_mass_confirmed(int vehicle) const;
-  void look_at_first_state(int vehicle, const VehicleState& told, double h);
-  void look_at_innovation(int vehicle, const VehicleState& told);
+  void look_at_first_state(int vehicle, const VehicleState& received, double h);
+  void look_at_innovation(int vehicle, const VehicleState& received);
   void warn_of_exchange(int vehicle, const Vec3<double>& innovation,
                         const Vec3<double>& turn_innovation);
   static double find_unexplained_by_mass(const InnovationSums& sums);
@@ -166,18 +166,18 @@ struct DockingSim::Impl : SimState {
   double find_interface_frequency();
   double find_suggested_step(double frequency) const;
   void notice_step(double h);
-  double find_expected_step();
+  double update_expected_step();
   void update_coupling();
 
   // flight.cpp
-  bool can_rest() const;
-  bool may_rest() const;
-  Status watch_rest(double tau);
-  double find_flight_time() const;
-  bool is_in_balance(double tau);
-  void lock_at_rest();
-  const VehicleBody& find_flying_body(int vehicle) const;
-  std::int64_t fly(double duration);
+  bool can_be_quiescent() const;
+  bool may_be_quiescent() const;
+  Status update_quiescence(double tau);
+  double find_drift_time() const;
+  bool update_balance(double tau);
+  void lock_quiescent();
+  const VehicleBody& find_drifting_body(int vehicle) const;
+  std::int64_t drift_freely(double duration);
 
   // events.cpp
   Status accept(double tau, bool& changed);
@@ -259,7 +259,7 @@ struct DockingSim::Impl : SimState {
     return method == kFixedRk4 || method == kFixedImplicit;
   }
   /// Does a step end where something jumps?
-  bool locates_events() const { return interface == Interface::kCoSimulation && !is_fixed_step(); }
+  bool locates_events() const { return fmi_kind == FmiKind::kCoSimulation && !is_fixed_step(); }
   bool needs_jacobian() const {
     const int method = setup->parameters.solver_method;
     return method == kImplicit || method == kImex || method == kBdf || method == kFixedImplicit;
@@ -268,7 +268,7 @@ struct DockingSim::Impl : SimState {
   int find_jacobian_cost() const { return model->layout.sums + model->layout.bristle_count; }
   /// Does the next communication step begin with the last Jacobian?
   bool keeps_jacobian() const {
-    return needs_jacobian() && !is_fixed_step() && interface == Interface::kCoSimulation;
+    return needs_jacobian() && !is_fixed_step() && fmi_kind == FmiKind::kCoSimulation;
   }
   /// Does the method begin a step with the rates there?
   bool begins_with_rates() const {
@@ -284,7 +284,7 @@ struct DockingSim::Impl : SimState {
   void set_counters(const Counters& wanted);
 
   std::shared_ptr<const Scene> scene;
-  Interface interface;
+  FmiKind fmi_kind;
   Parameters parameters;
   Inputs inputs;
   Inputs slopes;  ///< rates of the inputs over the coming step
@@ -322,13 +322,13 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<BaseJumpWorkspace> jump_work;  ///< with a driven vehicle only
   std::unique_ptr<InterfaceWorkspace> interface_work;  ///< with a driven vehicle only
   std::unique_ptr<Snapshot> look_ahead_start;          ///< where loads are announced only
-  DockingData<double>* roots_at = nullptr;        ///< what the event functions were found from
-  std::unique_ptr<DockingPass> jacobian_pass;     ///< for implicit methods and rest only
-  MatX<double> jacobian;                          ///< with it
-  std::unique_ptr<BalanceWorkspace> balance;      ///< where a mechanism may come to rest
-  std::unique_ptr<ReferenceModel> reference;      ///< for method 9 only
-  std::unique_ptr<ReferenceData> reference_data;  ///< with it
-  VecX<double> reference_nominal;                 ///< size of its unknowns
+  DockingData<double>* roots_at = nullptr;             ///< what the event functions were found from
+  std::unique_ptr<DockingPass> jacobian_pass;          ///< for implicit methods and rest only
+  MatX<double> jacobian;                               ///< with it
+  std::unique_ptr<BalanceWorkspace> balance;           ///< where a mechanism may come to rest
+  std::unique_ptr<ReferenceModel> reference;           ///< for method 9 only
+  std::unique_ptr<ReferenceData> reference_data;       ///< with it
+  VecX<double> reference_nominal;                      ///< size of its unknowns
   Status last_trouble;
   double margin_before = 1.0;  ///< of the loops, at the last accepted state
   std::vector<double> y_accepted, rates;
@@ -338,7 +338,7 @@ struct DockingSim::Impl : SimState {
   enum class Evaluated { kNothing, kStart, kTrial } evaluated = Evaluated::kNothing;
   double tau_evaluated = 0.0;
   std::vector<double> y_evaluated;
-  bool flown = false;         ///< data is that of the present state: a flight has just ended here
+  bool drifted = false;       ///< data is that of the present state: a flight has just ended here
   bool pose_is_kept = false;  ///< step_start holds the present reference of the loops
   Snapshot step_start;        ///< what a refused step goes back to
 };

@@ -32,8 +32,8 @@ struct Setup {
 };
 
 /// Is the mechanism at rest on its vehicle? (flight.cpp)
-struct RestState {
-  bool resting = false;
+struct QuiescentState {
+  bool on = false;
   double since = 0.0;     ///< the coordinates have kept their place since then [s since start]
   std::vector<double> q;  ///< that place: mechanism coordinates, as in y
   Vec3<double> spin = Vec3<double>::Zero();  ///< of the chaser when the rest began [rad/s]
@@ -59,7 +59,7 @@ struct SimState {
   PeakTracker<kPeakCount> peaks;
   std::array<Wrench<double>, 2> mean_load;  ///< of the step just made; announced: of the coming
   CouplingState coupling;                   ///< with hosts that drive vehicles
-  RestState rest_state;
+  QuiescentState quiescent;
   double margin_looked_at = kChangeMargin;  ///< where other coordinates were last looked for
   bool warned_margin = false;               ///< a loop close to singular was told once
   bool warned_tilt = false;                 ///< surfaces that touch beyond their description
@@ -150,7 +150,7 @@ void transfer(A& archive, InnovationSums& s) {
 template <class A>
 void transfer(A& archive, DrivenVehicle& v) {
   transfer_members<DrivenVehicle>(archive, v.received, v.predicted, v.held, v.before, v.pending,
-                                  v.fall, v.work, v.innovation, v.error, v.told, v.sums);
+                                  v.fall, v.work, v.innovation, v.error, v.input, v.sums);
 }
 
 template <class A>
@@ -160,8 +160,9 @@ void transfer(A& archive, CouplingState& c) {
 }
 
 template <class A>
-void transfer(A& archive, RestState& rest) {
-  transfer_members<RestState>(archive, rest.resting, rest.since, rest.q, rest.spin, rest.slack);
+void transfer(A& archive, QuiescentState& quiescent) {
+  transfer_members<QuiescentState>(archive, quiescent.on, quiescent.since, quiescent.q,
+                                   quiescent.spin, quiescent.slack);
 }
 
 template <class A>
@@ -221,7 +222,7 @@ template <class A>
 void transfer(A& archive, SimState& s) {
   transfer_members<SimState>(archive, s.elapsed, s.h_warm, s.last_step, s.fastest_rate,
                              s.frame_velocity, s.frame_shift, s.discrete, s.memory, s.peaks,
-                             s.mean_load, s.coupling, s.rest_state, s.margin_looked_at,
+                             s.mean_load, s.coupling, s.quiescent, s.margin_looked_at,
                              s.warned_margin, s.warned_tilt, s.coordinates, s.kept_jacobian,
                              s.drift, s.energy_audit, s.momentum_audit);
 }

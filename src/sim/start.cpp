@@ -66,9 +66,9 @@ void check_choice(int value, int most, const char* name, const char* choice) {
 }
 
 /// Multipliers need a method that knows them, and it nothing else.
-void check_level(const Parameters& p, Interface interface) {
+void check_level(const Parameters& p, FmiKind fmi_kind) {
   check_choice(p.model_level, kLevels, "model.level");
-  if (interface == Interface::kModelExchange) {
+  if (fmi_kind == FmiKind::kModelExchange) {
     if (p.model_level != kReference) return;
     throw ModelError(
         "model.level is 4 (reference), which has equations that no host integrates: "
@@ -114,8 +114,8 @@ Stepper::Method find_stepper_method(int method) {
 
 }  // namespace
 
-DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, Interface i)
-    : scene(std::move(s)), interface(i) {
+DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, FmiKind i)
+    : scene(std::move(s)), fmi_kind(i) {
   clear();
 }
 
@@ -128,7 +128,7 @@ void DockingSim::Impl::clear() {
   parameters.friction_model = scene->contact.law.friction_model;
   parameters.restitution = scene->restitution;
   parameters.restitution_speed = scene->restitution_speed;
-  parameters.flight = kResting;
+  parameters.flight = kQuiescent;
   parameters.model_level = scene->level;
   parameters.solver_method = kAuto;
   parameters.dae_form = Parameters().dae_form;
@@ -204,15 +204,15 @@ void DockingSim::Impl::check_parameters() const {
   positive(p.coupling_expected_step, "coupling.expected_step");
   positive(p.coupling_velocity_tolerance, "coupling.velocity_tolerance");
   check_choice(p.coupling_mode, kCouplingModes, "coupling.mode");
-  check_level(p, interface);
-  check_choice(p.flight, kFlightModels, "model.flight");
+  check_level(p, fmi_kind);
+  check_choice(p.flight, kFreeDriftModels, "model.flight");
   check_choice(
       p.solver_method, kStabilised, "solver.method",
       "1 (auto), 2 (explicit), 3 (implicit), 4 (imex), 5 (adams), 6 (bdf), 7 (fixed_rk4), 8 "
       "(fixed_implicit), 9 (dae), 10 (high_order) or 11 (stabilised)");
   check_choice(p.dae_form, static_cast<int>(DaeForm::kStabilised), "solver.dae_form",
                "1 (index 1), 2 (index 1 with Baumgarte stabilisation) or 3 (stabilised index 2)");
-  if (interface == Interface::kModelExchange &&
+  if (fmi_kind == FmiKind::kModelExchange &&
       p.friction_model != scene->contact.law.friction_model) {
     throw ModelError("friction.model is " + std::to_string(p.friction_model) +
                      ", which changes the number of continuous states: for model exchange set it "
@@ -350,8 +350,8 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   for (int i : {kChaser, kTarget}) {
     if (scene->motion[i] != Motion::kDriven) continue;
     VehicleParameters& p = parameters.vehicle[i];
-    const bool untold = is_all_zero(inputs.vehicle[i]);
-    const Inputs::Vehicle in = untold ? find_start(scene->vehicle[i]) : inputs.vehicle[i];
+    const bool is_missing = is_all_zero(inputs.vehicle[i]);
+    const Inputs::Vehicle in = is_missing ? find_start(scene->vehicle[i]) : inputs.vehicle[i];
     check_quaternion(in.attitude, std::string(name_of(i)) + ".attitude");
     p.position = in.position;
     p.velocity = in.velocity;
@@ -383,7 +383,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   model->thrust_delay = parameters.contact_thrust_delay;
   // A host that integrates by itself knows frame O by its time only: O then drifts and does not
   // fall.
-  if (interface == Interface::kModelExchange) model->falling = false;
+  if (fmi_kind == FmiKind::kModelExchange) model->falling = false;
   data = std::make_unique<DockingData<double>>(*model);
   rate_data = std::make_unique<DockingData<double>>(*model);
   derivative_pass.reset();
@@ -445,7 +445,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   update_phase(events->find_phase_inputs(*data, events->find_near_gap(*data)), discrete);
   peaks.start(0.0, find_peak_values());
   const double* q = stepper->y() + model->layout.mechanism_q;
-  rest_state.q.assign(q, q + model->layout.mechanism_nq);
+  quiescent.q.assign(q, q + model->layout.mechanism_nq);
   if (!model->locked.on) model->locked.q = data->mechanism.tree.q;  // room for a rest
   start_coupling();
   keep(step_start);
@@ -476,7 +476,7 @@ void DockingSim::Impl::attach_kernel() {
 bool DockingSim::Impl::shares_evaluations() const {
   const MechanismKernel* kernel = rate_data->mechanism.kernel.get();
   return !kernel ||
-         (kernel->serves_accepted_states() && !has_host() && interface == Interface::kCoSimulation);
+         (kernel->serves_accepted_states() && !has_host() && fmi_kind == FmiKind::kCoSimulation);
 }
 
 void DockingSim::Impl::make_stepper() {
@@ -488,7 +488,7 @@ void DockingSim::Impl::make_stepper() {
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
                                                y, ydot, *rate_data);
     note_evaluation(t, y);
-    return find_trouble_code(status, t, ydot, model->layout.size);
+    return update_failure_code(status, t, ydot, model->layout.size);
   };
   problem.mild_rates = [this](double t, const double* y, double* ydot) {
     evaluated = Evaluated::kNothing;
@@ -496,7 +496,7 @@ void DockingSim::Impl::make_stepper() {
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
                                                y, ydot, *rate_data);
     rate_data->touches = true;
-    return find_trouble_code(status, t, ydot, model->layout.size);
+    return update_failure_code(status, t, ydot, model->layout.size);
   };
   problem.roots = [this](double t, const double* y, double* roots) {
     if (is_evaluated(t, y)) {
@@ -519,7 +519,7 @@ void DockingSim::Impl::make_stepper() {
   problem.root_speeds = [this](double* speeds) { events->calc_speeds(*roots_at, speeds); };
   jacobian_pass.reset();
   balance.reset();
-  if (can_rest()) {
+  if (can_be_quiescent()) {
     balance = std::make_unique<BalanceWorkspace>(layout);
     make_jacobian_pass();
   }
@@ -556,7 +556,8 @@ void DockingSim::Impl::make_stepper() {
 
 /// @param values  what was computed: all must be finite
 /// @return what Stepper::Problem is to be told
-int DockingSim::Impl::find_trouble_code(Status status, double t, const double* values, int count) {
+int DockingSim::Impl::update_failure_code(Status status, double t, const double* values,
+                                          int count) {
   if (status.ok()) {
     double sum = 0.0;
     for (int i = 0; i < count; ++i) sum += values[i];
@@ -584,13 +585,13 @@ int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_column
                                    y, *jacobian_pass, jacobian);
   }
   std::copy_n(jacobian.data(), jacobian.size(), by_columns);
-  const int trouble = find_trouble_code(status, t, by_columns, static_cast<int>(jacobian.size()));
+  const int code = update_failure_code(status, t, by_columns, static_cast<int>(jacobian.size()));
   if (keeps_jacobian()) {
     kept_jacobian.entries.assign(by_columns, by_columns + jacobian.size());
-    kept_jacobian.valid = trouble == 0;
+    kept_jacobian.valid = code == 0;
     kept_jacobian.step = find_counters().steps;
   }
-  return trouble;
+  return code;
 }
 
 /// Per state, by kind; momenta are velocities times mass or inertia.

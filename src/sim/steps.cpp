@@ -50,8 +50,8 @@ std::int64_t DockingSim::Impl::find_work_limit(double h) const {
   constexpr double kLeastSteps = 200.0, kEvaluationsPerStep = 10.0;
   const double time = std::min(kRefusalTime + kRefusalTimePerSecond * h, kLongestRefusal);
   const double factor = find_factor_cost(), derivatives = factor > 0.0 ? find_jacobian_cost() : 0.0;
-  return static_cast<std::int64_t>(std::max(time / find_evaluation_cost(),
-                                    kLeastSteps * (kEvaluationsPerStep + derivatives + factor)));
+  return static_cast<std::int64_t>(std::max(
+      time / find_evaluation_cost(), kLeastSteps * (kEvaluationsPerStep + derivatives + factor)));
 }
 
 /// Work since the start, in evaluations.
@@ -126,11 +126,11 @@ Status DockingSim::Impl::step(double t, double h) {
   const Counters counters = find_counters();
   const std::int64_t work = find_work();
   // The host's clock counts, but what its rounding at large times would lose is kept.
-  const double told = t - setup->t_start;
+  const double host_time = t - setup->t_start;
   const double rounding = 4e-16 * std::max(std::abs(t), std::abs(setup->t_start));
-  if (std::abs(told - elapsed) > rounding) {
-    elapsed = told;
-    flown = false;
+  if (std::abs(host_time - elapsed) > rounding) {
+    elapsed = host_time;
+    drifted = false;
   }
   read_inputs();
   Status status;
@@ -197,13 +197,13 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
   go_on(std::min(proposal, h));
   for (std::int64_t turns = 0; find_work() - begun + turns < limit;) {
     status_text.clear();  // of an attempt that was refused and repeated
-    status = watch_rest(tau);
+    status = update_quiescence(tau);
     if (!status.ok()) return status;
-    if (rest_state.resting) {
-      const double flight = std::min(find_flight_time(), h - tau);
-      turns += fly(flight);
+    if (quiescent.on) {
+      const double drift_time = std::min(find_drift_time(), h - tau);
+      turns += drift_freely(drift_time);
       evaluated = Evaluated::kNothing;
-      tau = flight < h - tau ? tau + flight : h;
+      tau = drift_time < h - tau ? tau + drift_time : h;
       events->clear_due();
       bool changed = false;
       const Pose<double> looked_from{memory.R_ref, memory.p_ref};
@@ -212,7 +212,7 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
       if (!status.ok()) return status;
       std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
       // Only a new list of near surfaces makes another evaluation tell more about the gap.
-      flown = !changed && memory.p_ref == looked_from.p && memory.R_ref == looked_from.R;
+      drifted = !changed && memory.p_ref == looked_from.p && memory.R_ref == looked_from.R;
       if (tau >= h) return {};
       start_stepper(tau, std::min(proposal, h - tau));
       continue;
@@ -221,7 +221,7 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
     last_trouble = Status();
     const StepOutcome outcome = make_inner_step(stop, true);
     if (outcome == StepOutcome::kFailed) {
-      return stepper->is_exhausted() ? refuse_work(h, limit, tau) : find_trouble(tau);
+      return stepper->is_exhausted() ? refuse_work(h, limit, tau) : find_failure(tau);
     }
     bool restart = false;
     const double made = stepper->time() - tau;
@@ -261,9 +261,9 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
       h_warm = proposal;
       return {};
     }
-    const double leap = find_leap(made, proposal);
-    if (leap > 0.0) {
-      stepper->restart(tau, std::min(leap, h - tau));  // by the table that find_leap() knows
+    const double size = update_singularity_step(made, proposal);
+    if (size > 0.0) {
+      stepper->restart(tau, std::min(size, h - tau));
     } else if (restart) {
       start_stepper(tau, std::min(proposal, h - tau));
     }
@@ -296,7 +296,7 @@ Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
     last_trouble = Status();
     events->note_latches(*data);
     start_stepper(tau, end - tau, inner == 1 ? find_start_rates() : nullptr);
-    if (make_inner_step(end, false) == StepOutcome::kFailed) return find_trouble(tau);
+    if (make_inner_step(end, false) == StepOutcome::kFailed) return find_failure(tau);
     const double made = end - tau;
     tau = end;
     Status status = evaluate_end(tau);
@@ -335,18 +335,18 @@ void DockingSim::Impl::look_into_step(double from, double to) {
 /// cannot be evaluated on it: size of a step that has no stage there, or one that ends where such a
 /// step can begin. @param made, proposal  last step, size that error control asks for
 /// @return 0 if there is nothing to leap over
-double DockingSim::Impl::find_leap(double made, double proposal) {
+double DockingSim::Impl::update_singularity_step(double made, double proposal) {
   const double margin = find_singularity_margin(data->mechanism);
   const double rate = (margin_before - margin) / made;
   margin_before = margin;
   if (!(rate > 0.0) || margin > 3.0 * kChangeMargin) return 0.0;
-  const double way = margin / rate;  // to the pose, if the margin goes on like this
+  const double distance = margin / rate;  // to the pose, if the margin goes on like this
   const double width = model->mechanism.model.singularity.error / rate;
-  if (way - width > 1.3 * proposal) return 0.0;
+  if (distance - width > 1.3 * proposal) return 0.0;
   // Stages lie at 0.2, 0.3, 0.8, 0.89 and 1 of a step: put the pose into the middle of the largest
   // gap. If that asks for a longer step than error control likes, end half a step before the pose.
-  const double leap = way / 0.55;
-  return leap <= 1.6 * proposal ? leap : way - 0.5 * proposal;
+  const double size = distance / 0.55;
+  return size <= 1.6 * proposal ? size : distance - 0.5 * proposal;
 }
 
 /// Where the next inner step must end at the latest: the end of the communication step, the onset
@@ -364,7 +364,7 @@ double DockingSim::Impl::find_next_stop(double tau, double h) const {
   return stop;
 }
 
-Status DockingSim::Impl::find_trouble(double tau) const {
+Status DockingSim::Impl::find_failure(double tau) const {
   if (!last_trouble.ok()) return last_trouble;
   return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
 }
@@ -378,7 +378,7 @@ Status DockingSim::Impl::step_to_root(double tau) {
   start_stepper(tau, root - tau);
   for (;;) {  // the evaluations that are left end it
     const StepOutcome outcome = make_inner_step(root, false);
-    if (outcome == StepOutcome::kFailed) return find_trouble(tau);
+    if (outcome == StepOutcome::kFailed) return find_failure(tau);
     if (outcome == StepOutcome::kStopped) return {};
   }
 }
@@ -443,12 +443,12 @@ void DockingSim::Impl::finish_step(double h) {
   invalidate();
   const CouplingPoint end = find_coupling_point();
   update_mean_loads(h, end);
-  if (has_host()) update_ledgers(h, end);
+  if (has_host()) update_impulse_balance(h, end);
   update_momentum_audit();
   advance_inputs(h);
   if (announces()) {
     read_inputs();
-    announce(find_expected_step());
+    announce(update_expected_step());
   }
 }
 

@@ -28,12 +28,12 @@ enum SolverMethod {
 };
 
 /// Values of model.flight.
-enum FlightModel {
-  kResting = 1,     ///< far from contact a mechanism that keeps its place is carried along
+enum FreeDriftModel {
+  kQuiescent = 1,   ///< far from contact a mechanism that keeps its place is carried along
   kIntegrated = 2,  ///< it is always integrated
 };
-inline const ChoiceList kFlightModels = {
-    {kResting, "resting",
+inline const ChoiceList kFreeDriftModels = {
+    {kQuiescent, "resting",
      "once it has kept its place for 1 s it is carried along by its vehicle and costs nothing; "
      "needs free or fixed vehicles, no loads, an adaptive method"},
     {kIntegrated, "integrated", "always"},
@@ -48,7 +48,7 @@ struct Parameters {
   int friction_model = 1;               ///< 1 regularised, 2 bristle
   double restitution = 0.0;             ///< [-] at restitution_speed
   double restitution_speed = 0.0;       ///< [m/s]
-  int flight = kResting;                ///< see FlightModel
+  int flight = kQuiescent;              ///< see FreeDriftModel
   int model_level = kReduced;           ///< see ModelLevel
   int solver_method = 1;                ///< see SolverMethod
   int dae_form = 3;                     ///< of method 9: see DaeForm

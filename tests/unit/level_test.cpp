@@ -329,7 +329,7 @@ TEST(Levels, account_for_energy_and_momentum) {
 TEST(Levels, have_the_same_states) {
   std::vector<double> states;
   for (const int level : {kRigid, kMasslessLegs, kReduced}) {
-    DockingSim sim(share(light_scene(level)), Interface::kModelExchange);
+    DockingSim sim(share(light_scene(level)), FmiKind::kModelExchange);
     sim.initialise(0.0, 0.0);
     std::vector<double> y(static_cast<size_t>(sim.state_count())), rates(y.size());
     sim.get_states(y.data());
