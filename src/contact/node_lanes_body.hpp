@@ -20,9 +20,9 @@ Touch add_nodes(const NodeGroup& group, int at, Mask used, const NodeContact& co
   const Lanes r = take_root(node.y * node.y + node.z * node.z);
   const Lanes inner = spread(contact.ring_inner), outer = spread(contact.ring_outer);
   const Lanes at_least = r < inner ? inner : r, rc = at_least > outer ? outer : at_least;
-  const Mask beside = r > zero;
-  const V q = {spread(contact.ring_x), beside ? node.y * rc / r : rc,
-               beside ? node.z * rc / r : zero};
+  const Mask off_axis = r > zero;
+  const V q = {spread(contact.ring_x), off_axis ? node.y * rc / r : rc,
+               off_axis ? node.z * rc / r : zero};
   const V between = node - q;
   const Lanes root = take_root(dot(between, between));
   const Lanes gap = root - spread(contact.rounding);

@@ -1,11 +1,10 @@
-// Vectors of numbers side by side: scalars, vectors and matrices of which every lane of a register
-// holds one.
+// SIMD arithmetic: every SIMD lane of a register holds one scalar, vector or matrix.
 //
 // Included by sources that are compiled once per instruction set, with LANES (lanes in a register)
-// defined. Everything here is local to the including source, and nothing of a library is included:
-// what is inline elsewhere could be merged with copies compiled for other instruction sets.
-// Operations are those of IEEE 754, one by one; sums over lanes have one order: results do not
-// depend on LANES, to the last bit.
+// defined. All code is local to the including source and includes no library: the
+// linker could merge inline functions with copies for other instruction sets. Operations are those
+// of IEEE 754, one by one. Sums over lanes have one order. Results have the same bits for every
+// LANES.
 #pragma once
 
 #include "math/lanes.hpp"
@@ -39,7 +38,7 @@ inline V cross(V a, V b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-/// A vector, or one of its components, that is zero and costs nothing.
+/// A zero vector or component, without cost.
 struct Zero {
   operator Lanes() const { return Lanes{}; }
   operator V() const { return V{}; }
@@ -129,7 +128,7 @@ inline Lanes find_angle(Turn t) {
   return t.s < 0.0 ? -half : half;
 }
 
-/// One register's worth of rows.
+/// Rows of one register.
 struct Cells {
   double (*row)[kGroup];
   int at;

@@ -77,10 +77,11 @@ Status DockingSim::Impl::check_received_attitude(int i) {
     return {StatusCode::kBadInput, -1, norm, elapsed};
   }
   if (std::abs(norm - 1.0) > kNormWarning) {
-    std::snprintf(text, sizeof text,
-                  "%s.attitude has the norm %.9g; the normalised quaternion is used, but the host's "
-                  "integration should keep the norm at 1",
-                  name_of(i), norm);
+    std::snprintf(
+        text, sizeof text,
+        "%s.attitude has the norm %.9g; the normalised quaternion is used, but the host's "
+        "integration should keep the norm at 1",
+        name_of(i), norm);
     warn_once(i, kWarnedNorm, text);
   }
   return {};

@@ -80,8 +80,9 @@ struct CouplingState {
   bool follows = false;        ///< the host makes the suggested steps
   double regular_step = 0.0;   ///< longest of the last few steps [s]
   std::int64_t work = 0;       ///< of the last step, in evaluations
-  double frequency = 0.0;      ///< of the docking interface at the last latch event [rad/s], 0 = unknown
-  int held_latches = 0;        ///< then
+  double frequency =
+      0.0;               ///< of the docking interface at the last latch event [rad/s], 0 = unknown
+  int held_latches = 0;  ///< then
   std::array<int, 2> warned{0, 0};
 };
 

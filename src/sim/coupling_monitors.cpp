@@ -9,10 +9,9 @@
 namespace dockloop {
 namespace {
 
-constexpr double kForget = 0.98;      ///< of the sums, per kForgetTime
-constexpr double kForgetTime = 0.01;  ///< [s]
-constexpr double kSilentChange =
-    1e-11;  ///< change of velocity that is ignored, [m/s], [rad/s] ...
+constexpr double kForget = 0.98;         ///< of the sums, per kForgetTime
+constexpr double kForgetTime = 0.01;     ///< [s]
+constexpr double kSilentChange = 1e-11;  ///< change of velocity that is ignored, [m/s], [rad/s] ...
 constexpr double kRelativeRounding = 1e-14;  ///< ... and of the speed in N [-]
 constexpr int kEnoughSteps = 10;
 constexpr double kExplained = 0.05;     ///< of the squares of innovations, by an explanation
@@ -23,7 +22,8 @@ constexpr double kMostFelt = 10.0;      ///< of a predicted change; more has ano
 constexpr double kStableRange = 0.8;    ///< frequency x step with a mass that is not confirmed
 constexpr double kLongestStep = 0.1;    ///< longest suggested step [s]
 constexpr double kShare = 0.3;          ///< of the tolerance, for the next step
-constexpr double kUnmodelled = 1e-4;    ///< acceleration that causes a warning [m/s2], and part of gravity
+constexpr double kUnmodelled =
+    1e-4;  ///< acceleration that causes a warning [m/s2], and part of gravity
 
 }  // namespace
 

@@ -1,7 +1,7 @@
-// Reading out: from an evaluated state to the variables of the interface.
+// Outputs: from an evaluated state to the variables of the FMU.
 //
-// The continuous outputs are read by templates, one per group: with plain numbers for the host,
-// with dual numbers for their derivatives (derivatives.cpp).
+// Templates compute the continuous outputs, one template per group: with plain numbers for the
+// host, with dual numbers for derivatives (derivatives.cpp).
 #include "sim/outputs.hpp"
 
 #include <algorithm>
@@ -88,8 +88,8 @@ void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
       }
       load.f += data.thrust;
       if (model.frozen.mass != 0.0) {
-        // The stated vehicle carries the mechanism frozen at home: what moves that mass along is
-        // part of the load that the stated vehicle must feel.
+        // The stated vehicle includes the mechanism, frozen in the home pose. The load includes the
+        // force that accelerates this mass.
         load += find_inertial_load(model.frozen, frame, data.mechanism.tree.a[0],
                                    data.mechanism.tree.alpha[0]);
       }
@@ -147,13 +147,13 @@ void read_contact(const OutputSource<S>& from, OutputValues<S>& out) {
   }
 }
 
-/// What a leg transmits along itself: its spring, damper, stops and command, and what couplings (a
-/// screw with its rotor, a differential) exert on its slide. @pre calc_docking_reactions()
+/// Force along a leg: spring, damper, stops and command, and the force of couplings (a screw with
+/// its rotor, a differential) on its slide. @pre calc_docking_reactions()
 template <class S>
 S find_leg_force(const DockingModel& model, const DockingData<S>& data, const Leg& leg) {
   const Mechanism& mechanism = model.mechanism;
   S force = data.joint_force[leg.force];
-  if (model.locked.on) return force;  // nothing tells what couplings carry
+  if (model.locked.on) return force;  // forces of couplings are unknown
   for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
     const Loop& loop = mechanism.model.loops[k];
     if (loop.cut != CutType::kCoupling) continue;
@@ -193,7 +193,7 @@ void read_mechanism(const OutputSource<S>& from, OutputValues<S>& out) {
   for (size_t k = 0; k < out.loop_force.size(); ++k) {
     const int count = std::min(3, equation_count(model.mechanism.model.loops[k].cut));
     out.loop_force[k].setZero();
-    if (model.locked.on) continue;  // nothing tells them
+    if (model.locked.on) continue;  // cut forces are unknown
     for (int j = 0; j < count; ++j) {
       out.loop_force[k][j] =
           get_cut_force(model.mechanism.plan, mechanism.loops, static_cast<int>(k), j);
@@ -299,9 +299,9 @@ Status DockingSim::Impl::update_main() {
     outputs.coupling_pending_angular_impulse.setZero();
     for (int i : {kChaser, kTarget}) {
       if (!model->driven[i]) continue;
-      const Wrench<double> owed = find_pending_impulse(i);
-      outputs.coupling_pending_impulse += owed.f;
-      outputs.coupling_pending_angular_impulse += owed.t;
+      const Wrench<double> pending = find_pending_impulse(i);
+      outputs.coupling_pending_impulse += pending.f;
+      outputs.coupling_pending_angular_impulse += pending.t;
     }
   }
   const Counters counters = find_counters();
@@ -328,7 +328,7 @@ Status DockingSim::Impl::update_bodies() {
 Status DockingSim::Impl::update_states() {
   const Status status = calc_rates(rates.data());
   if (!status.ok()) return status;
-  // Another friction model than the scene's has bristles more or less, the last states.
+  // Another friction model than the scene's changes the number of bristles, the last states.
   const size_t shared = std::min(rates.size(), outputs.rates.size());
   std::fill(outputs.rates.begin(), outputs.rates.end(), 0.0);
   std::fill(outputs.states.begin(), outputs.states.end(), 0.0);
@@ -337,7 +337,7 @@ Status DockingSim::Impl::update_states() {
   return {};
 }
 
-/// What loads from outside can at most do to the relative acceleration of any two points of the
+/// Bound of the relative acceleration that loads from outside cause between any two points of the
 /// capture hardware before contact [m/s2].
 double DockingSim::Impl::find_acceleration_bound() const {
   double bound = model->falling ? 0.0 : loads.gravity.norm();

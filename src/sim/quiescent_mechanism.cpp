@@ -1,11 +1,11 @@
-// Flight far from contact: what nothing acts on need not be integrated.
+// Quiescent mechanism and free drift far from contact: bodies without loads are not integrated.
 //
-// Once the mechanism has kept its place for a while, it is carried along by its vehicle: vehicle
-// and mechanism fly as one rigid body, whose centre of mass moves straight on and whose attitude
-// follows Euler's equations. Momentum states stay what they are, to the last bit; so do the
-// mechanism's coordinates. Any load, thrust or command ends the rest, and so does a gap of a
-// centimetre, and a change of spin that would move the mechanism: it then is where it would have
-// been, within some ten absolute tolerances.
+// A mechanism with constant coordinates becomes quiescent after a while. Vehicle and mechanism then
+// drift freely as one rigid body. Its centre of mass moves on a straight line, and its attitude
+// follows Euler's equations. Momentum states and mechanism coordinates keep their bits. Any load,
+// thrust or command ends the quiescent state. So does a gap of a centimetre, and a change of spin
+// that would move the mechanism. The error of the coordinates is then about ten absolute
+// tolerances.
 #include <algorithm>
 #include <cmath>
 
@@ -16,28 +16,28 @@ namespace dockloop {
 namespace {
 
 constexpr double kAwake = 0.01;      ///< gap below which the mechanism is integrated [m]
-constexpr double kQuiet = 1.0;       ///< time for which it must have kept its place [s]
-constexpr double kPlace = 10.0;      ///< what counts as the same place, in absolute tolerances
+constexpr double kQuiet = 1.0;       ///< time with constant coordinates before quiescence [s]
+constexpr double kPlace = 10.0;      ///< change of constant coordinates, in absolute tolerances
 constexpr double kSlowSpin = 1e-12;  ///< [rad/s] rounding
 constexpr double kTurn = 0.005;      ///< turn of a vehicle in one step of its attitude [rad]
-constexpr int kMostTurns = 10000;    ///< steps of the attitude in one flight
-constexpr std::int64_t kTurnsPerEvaluation = 8;  ///< that cost as much
+constexpr int kMostTurns = 10000;    ///< steps of the attitude in one free drift
+constexpr std::int64_t kTurnsPerEvaluation = 8;  ///< at the same cost
 
-/// Upper bound of the angular speed that a free body ever reaches [rad/s]: its energy and its
-/// least principal inertia, which is at least 4 det/trace^2, bound it.
+/// Upper bound of the angular speed of a free body at all times [rad/s]. It follows from the energy
+/// and the smallest principal inertia, which is at least 4 det/trace^2.
 double find_spin_bound(const Mat3<double>& inertia, const Vec3<double>& w) {
   return std::sqrt(w.dot(inertia * w) / inertia.determinant()) * inertia.trace() / 2.0;
 }
 
 }  // namespace
 
-/// Is rest wanted, and does nothing forbid it for all of the run? The truth integrates everything.
+/// Can the mechanism become quiescent in this run? Reference solutions always integrate it.
 bool DockingSim::Impl::can_be_quiescent() const {
   return setup->parameters.flight == kQuiescent && fmi_kind == FmiKind::kCoSimulation &&
          !is_fixed_step() && !has_host() && !adapt_problem && !model->mechanism.plan.is_driven;
 }
 
-/// Does nothing act on vehicles and mechanism now but their inertia?
+/// Are vehicles and mechanism free of loads now?
 bool DockingSim::Impl::may_be_quiescent() const {
   if (!can_be_quiescent() || sloped || discrete.thrust_on || events->find_thrust_onset())
     return false;
@@ -47,7 +47,7 @@ bool DockingSim::Impl::may_be_quiescent() const {
          loads.torque[kChaser].isZero(0.0) && loads.torque[kTarget].isZero(0.0);
 }
 
-/// Let the mechanism come to rest, or end its rest. @pre evaluate(tau) at an accepted state
+/// Begin or end the quiescent state. @pre evaluate(tau) at an accepted state
 Status DockingSim::Impl::update_quiescence(double tau) {
   const double now = elapsed + tau;
   const StateLayout& layout = model->layout;
@@ -67,7 +67,7 @@ Status DockingSim::Impl::update_quiescence(double tau) {
   const Vec3<double> change = chaser.R.transpose() * chaser.w - quiescent.spin;
   const bool swung = quiescent.on && layout.mechanism_nv > 0 &&
                      change.norm() > quiescent.slack * quiescent.spin.norm() + kSlowSpin;
-  // Looking exactly is worth it to go on resting.
+  // An exact gap is useful only to stay quiescent.
   const double exact_below = quiescent.on ? kAwake : -kNoGap;
   if (swung || !may_be_quiescent() || events->find_free_gap(*data, exact_below) <= kAwake) {
     const bool wakes = quiescent.on;
@@ -76,7 +76,7 @@ Status DockingSim::Impl::update_quiescence(double tau) {
     return wakes ? evaluate(tau) : Status();
   }
   if (quiescent.on) return {};
-  // A start at rest may rest at once; later it must have kept its place.
+  // At the start zero velocity is sufficient; later the coordinates must have been constant.
   double speed = 0.0;
   for (int j = 0; j < layout.mechanism_nv; ++j) speed = std::max(speed, std::abs(v[j]));
   const bool starts = now == 0.0 && speed <= parameters.atol_velocity;
@@ -92,9 +92,9 @@ Status DockingSim::Impl::update_quiescence(double tau) {
   return evaluate(tau);
 }
 
-/// Is the mechanism in balance where it stands, and how far may the spin of its vehicle change
-/// until it is not? Its stiffness tells how far it is from balance: J shift = -acceleration, of
-/// least norm. Without stiffness nothing is in balance but what is not pulled at all.
+/// Is the mechanism in static balance? Updates the change of spin that the balance allows. The
+/// distance from balance follows from the stiffness: J shift = -acceleration, of least norm.
+/// Without stiffness the mechanism is in balance only if its acceleration is zero.
 bool DockingSim::Impl::update_balance(double tau) {
   const StateLayout& layout = model->layout;
   const int n = layout.mechanism_nv, at = layout.mechanism_v;
@@ -114,7 +114,7 @@ bool DockingSim::Impl::update_balance(double tau) {
   quiescent.spin.setZero();
   quiescent.slack = 1.0;
   if (model->moves[kChaser]) {
-    // What spin does is what is missing without it.
+    // Effect of spin: acceleration with spin minus acceleration without spin.
     if (!find_pull(spinning)) return false;
     quiescent.spin = rate_data->vehicle[kChaser].R.transpose() * rate_data->vehicle[kChaser].w;
     std::fill_n(y + layout.momentum[kChaser], 6, 0.0);
@@ -150,26 +150,27 @@ bool DockingSim::Impl::update_balance(double tau) {
   return true;
 }
 
-/// What evaluations need of a mechanism at rest. It follows from the mechanism's coordinates alone,
-/// not from where its vehicle is, so that a restored run has the same bits.
+/// Data of a quiescent mechanism for evaluations. They depend on the mechanism's coordinates alone,
+/// not on the motion of the vehicle, so a restored run has the same bits.
 void DockingSim::Impl::lock_quiescent() {
   if (parameters.model_level == kRigid) return;
   std::copy(stepper->y(), stepper->y() + model->layout.size, rates.begin());
   if (model->moves[kChaser]) {
     set_vehicle_pose(*model, kChaser, Vec3<double>::Zero(), {1, 0, 0, 0}, rates.data());
   }
-  calc_mechanism_position(*model, rates.data(), *data);  // it was there before
+  calc_mechanism_position(*model, rates.data(), *data);  // this pose was evaluated before
   data->vehicle[kChaser] = get_vehicle_pose(*model, kChaser, rates.data());
   data->capture = find_capture_motion(*model, data->mechanism.tree);
   lock_mechanism(*model, *data);
 }
 
-/// The vehicle with all that it carries, as one body: axes of the vehicle.
+/// The vehicle with all carried bodies, as one body: axes of the vehicle.
 const VehicleBody& DockingSim::Impl::find_drifting_body(int i) const {
   return i == kTarget ? model->vehicle[kTarget] : model->locked.whole;
 }
 
-/// Time in which no contact force can come up, and attitudes can be followed [s]. @pre evaluate()
+/// Time without possible contact forces and with a limited number of attitude steps [s].
+/// @pre evaluate()
 double DockingSim::Impl::find_drift_time() const {
   double longest = kNever, speed = 0.0;
   std::array<Vec3<double>, 2> v{Vec3<double>::Zero(), Vec3<double>::Zero()};
@@ -182,7 +183,7 @@ double DockingSim::Impl::find_drift_time() const {
     v[i] = frame.v + frame.w.cross(arm);
     if (spin > 0.0) longest = std::min(longest, kMostTurns * kTurn / spin);
     if (i == kChaser && spin > 0.0 && model->layout.mechanism_nv > 0) {
-      // No principal inertia differs from another by more than the third: |w'| <= w^2.
+      // Two principal inertias differ at most by the third one: |w'| <= w^2.
       longest = std::min(longest, 0.5 * quiescent.slack / spin);
     }
     const Vec3<double>& port = i == kChaser ? data->capture.p : data->interface[kTarget].p;
@@ -196,8 +197,8 @@ double DockingSim::Impl::find_drift_time() const {
   return distance < longest * speed ? distance / speed : longest;
 }
 
-/// Free motion of both vehicles. @pre evaluate() @post y is ahead of the last evaluation
-/// @return what it costs, in evaluations: that of its end, and the steps of the attitudes
+/// Ballistic propagation of both vehicles. @pre evaluate() @post y is ahead of the last evaluation
+/// @return cost in evaluations: one at its end, and the steps of the attitudes
 std::int64_t DockingSim::Impl::drift_freely(double duration) {
   std::int64_t made = 0;
   for (int i : {kChaser, kTarget}) {

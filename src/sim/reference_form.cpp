@@ -1,5 +1,5 @@
-// What IDA is told about the form of the equations in which multipliers hold the loops
-// (solver.method 9): residual, Jacobian, tolerances; and how far the loops have opened.
+// The equations with multipliers for IDA (solver.method 9): residual, Jacobian, tolerances, and the
+// gaps of the loops.
 #include <algorithm>
 
 #include "sim/sim_impl.hpp"
@@ -34,8 +34,8 @@ void DockingSim::Impl::describe_reference(Stepper::Problem& problem) {
   };
 }
 
-/// Dependents are as exact as independents. Multipliers have no tolerance: they follow from the
-/// rest, and an error in them counts where it shows.
+/// Dependent coordinates have the tolerances of independent ones. Multipliers have no tolerance:
+/// they follow from the other unknowns, and their errors appear in those.
 void DockingSim::Impl::add_reference_tolerances(std::vector<double>& atol) const {
   constexpr double kNone = 1e20;
   atol.resize(static_cast<size_t>(reference->size), kNone);

@@ -1,16 +1,17 @@
 // Private parts of DockingSim, shared by the files of this folder:
 //
 //   start.cpp           from scene and parameters to the start state
-//   reference_form.cpp  what IDA is told about the form with multipliers
+//   reference_form.cpp  the equations with multipliers, for IDA
 //   steps.cpp           communication steps, inputs, audits
-//   coupling.cpp        what hosts of driven vehicles tell, are owed and are told
-//   coupling_monitors.cpp  what such a host should know about its side
-//   flight.cpp          far from contact: a mechanism at rest, vehicles in free motion
-//   events.cpp          what happens at accepted states: contact, latches, phases, coordinates
-//   model_exchange.cpp  the same equations for a host that integrates by itself
-//   outputs.cpp         reading out
-//   derivatives.cpp     derivatives of what is read out
-//   docking_sim.cpp     the facade; keeping and restoring
+//   coupling.cpp        hosts of driven vehicles: received motion, pending impulse, reported loads
+//   coupling_monitors.cpp   warnings and monitors for such a host
+//   quiescent_mechanism.cpp far from contact: quiescent mechanism, free drift of the vehicles
+//   events.cpp          events at accepted states: contact, latches, phases, coordinates
+//   model_exchange.cpp  the same equations for a host that integrates all states
+//   outputs.cpp         outputs
+//   derivatives.cpp     derivatives of outputs
+//   failure_status.cpp  meaning of a Status, as a sentence
+//   docking_sim.cpp     public functions; saving and restoring
 #pragma once
 
 #include <array>
@@ -35,19 +36,19 @@
 
 namespace dockloop {
 
-constexpr double kLookAgain = 0.7;  ///< other coordinates are looked for where the margin fell so
+constexpr double kLookAgain = 0.7;  ///< factor of the margin for a new search of coordinates
 
-/// Derivatives of everything that can be read out, along eight directions at a time.
+/// Derivatives of all continuous outputs, along eight directions at a time.
 struct DerivativePass {
   explicit DerivativePass(const DockingModel& model) : docking(model) {}
   DockingPass docking;
   Vec3<Derivative> frame_velocity, frame_shift;
   OutputValues<Derivative> output;
   std::vector<Derivative*> output_cells;           ///< as for_each_value() counts them
-  std::shared_ptr<const Coordinates> coordinates;  ///< that it was made for
+  std::shared_ptr<const Coordinates> coordinates;  ///< coordinates of `docking`
 };
 
-struct ExtendedEquations;  ///< of src/truth
+struct ExtendedEquations;  ///< of src/compare
 
 /// Scratch of DockingSim::Impl::update_balance.
 struct BalanceWorkspace {
@@ -88,7 +89,7 @@ struct DockingSim::Impl : SimState {
   void set_start_state();
   void warn_about_start();
 
-  // trouble.cpp
+  // failure_status.cpp
   std::string describe(const Status& status) const;
 
   // reference_form.cpp
@@ -169,7 +170,7 @@ struct DockingSim::Impl : SimState {
   double update_expected_step();
   void update_coupling();
 
-  // flight.cpp
+  // quiescent_mechanism.cpp
   bool can_be_quiescent() const;
   bool may_be_quiescent() const;
   Status update_quiescence(double tau);
@@ -258,13 +259,13 @@ struct DockingSim::Impl : SimState {
     const int method = setup->parameters.solver_method;
     return method == kFixedRk4 || method == kFixedImplicit;
   }
-  /// Does a step end where something jumps?
+  /// Does an inner step end at an event?
   bool locates_events() const { return fmi_kind == FmiKind::kCoSimulation && !is_fixed_step(); }
   bool needs_jacobian() const {
     const int method = setup->parameters.solver_method;
     return method == kImplicit || method == kImex || method == kBdf || method == kFixedImplicit;
   }
-  /// Of a Jacobian, in evaluations: about one per column, measured.
+  /// Cost of a Jacobian, in evaluations: about one per column, measured.
   int find_jacobian_cost() const { return model->layout.sums + model->layout.bristle_count; }
   /// Does the next communication step begin with the last Jacobian?
   bool keeps_jacobian() const {
@@ -293,20 +294,20 @@ struct DockingSim::Impl : SimState {
   std::string status_text;
   std::vector<std::string> warnings;
 
-  // set by start(), constant afterwards but for tunable parameters and the choice of coordinates
-  std::shared_ptr<const Setup> setup;  ///< null before
+  // set by start(), then constant except for tunable parameters and the choice of coordinates
+  std::shared_ptr<const Setup> setup;  ///< null before start()
   std::unique_ptr<DockingModel> model;
   std::unique_ptr<Mechanism> start_mechanism;      ///< in the coordinates of the start
   std::unique_ptr<DockingData<double>> data;       ///< at the last accepted state
   std::unique_ptr<DockingData<double>> rate_data;  ///< at trial states of the integrator
-  std::shared_ptr<const KernelLibrary> kernels;    ///< came with the scene; may be null
+  std::shared_ptr<const KernelLibrary> kernels;    ///< from the FMU; may be null
   std::unique_ptr<EventLogic> events;              ///< of model, discrete and memory
   std::unique_ptr<Stepper> stepper;                ///< owns the state y
   int state_count = 0;                             ///< of y; fixed at construction
   std::vector<int> state_bodies;  ///< joints of state.*: the independent ones at the start
   Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
   std::array<double, 2> least_inertia{};             ///< of the vehicles, about any axis [kg m2]
-  std::unique_ptr<DerivativePass> derivative_pass;   ///< made when first asked for
+  std::unique_ptr<DerivativePass> derivative_pass;   ///< made at the first call
   Counters counted_elsewhere;  ///< work of other integrators that led to the present state
 
   // set by DockingSim::use_extended_precision() only
@@ -321,11 +322,11 @@ struct DockingSim::Impl : SimState {
   CouplingPoint step_begin;                      ///< at the start of the last communication step
   std::unique_ptr<BaseJumpWorkspace> jump_work;  ///< with a driven vehicle only
   std::unique_ptr<InterfaceWorkspace> interface_work;  ///< with a driven vehicle only
-  std::unique_ptr<Snapshot> look_ahead_start;          ///< where loads are announced only
-  DockingData<double>* roots_at = nullptr;             ///< what the event functions were found from
-  std::unique_ptr<DockingPass> jacobian_pass;          ///< for implicit methods and rest only
+  std::unique_ptr<Snapshot> look_ahead_start;          ///< only if loads are announced
+  DockingData<double>* roots_at = nullptr;             ///< data of the last event functions
+  std::unique_ptr<DockingPass> jacobian_pass;          ///< for implicit methods and quiescence only
   MatX<double> jacobian;                               ///< with it
-  std::unique_ptr<BalanceWorkspace> balance;           ///< where a mechanism may come to rest
+  std::unique_ptr<BalanceWorkspace> balance;           ///< if the mechanism can become quiescent
   std::unique_ptr<ReferenceModel> reference;           ///< for method 9 only
   std::unique_ptr<ReferenceData> reference_data;       ///< with it
   VecX<double> reference_nominal;                      ///< size of its unknowns
@@ -333,14 +334,14 @@ struct DockingSim::Impl : SimState {
   double margin_before = 1.0;  ///< of the loops, at the last accepted state
   std::vector<double> y_accepted, rates;
   std::vector<double> start_rates;  ///< where a communication step starts
-  /// What was evaluated last inside a step of the integrator: nothing of use, the start of the
+  /// The last evaluation inside a step of the integrator: none, the start of the
   /// communication step (into data), or a trial state (into rate_data).
   enum class Evaluated { kNothing, kStart, kTrial } evaluated = Evaluated::kNothing;
   double tau_evaluated = 0.0;
   std::vector<double> y_evaluated;
-  bool drifted = false;       ///< data is that of the present state: a flight has just ended here
-  bool pose_is_kept = false;  ///< step_start holds the present reference of the loops
-  Snapshot step_start;        ///< what a refused step goes back to
+  bool drifted = false;       ///< `data` is at the present state, where a free drift has just ended
+  bool pose_is_kept = false;  ///< step_start holds the accepted configuration of the loops
+  Snapshot step_start;        ///< state to restore after a refused step
 };
 
 }  // namespace dockloop
