@@ -222,10 +222,10 @@ def sentences(text):
     for line, block in _blocks(text):
         if re.match(r"\[[A-Z]\w*\][^(]", block):
             continue  # a list of references
-        block = re.sub(r"`[^`]*`", "Code", block)
-        block = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", block)
-        block = re.sub(r"\b(e\.g|i\.e|vs|no|cf|Fig|Eq)\.", r"\1", block)
-        for sentence in re.split(r"(?<=[.!?])[*_)\"]*\s+(?=[\"(*_\[]*[A-Z0-9<]|dockloop)", block):
+        bare = re.sub(r"`[^`]*`", "Code", block)
+        bare = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", bare)
+        bare = re.sub(r"\b(e\.g|i\.e|vs|no|cf|Fig|Eq)\.", r"\1", bare)
+        for sentence in re.split(r"(?<=[.!?])[*_)\"]*\s+(?=[\"(*_\[]*[A-Z0-9<]|dockloop)", bare):
             yield line, sentence.strip()
 
 

@@ -39,7 +39,8 @@ enum NodeSum {
   kNodeSums = 9
 };
 
-enum class Touch { kNone, kShallow, kDeep };  ///< kDeep: deeper than half the rounding, the limit of this code
+/// Contact of a group. kDeep: deeper than half the rounding, the limit of this code.
+enum class Touch { kNone, kShallow, kDeep };
 
 struct NodeFunctions {
   /// Adds to sums[row][lane]; adds nothing for kNone. For kDeep the sums are not valid.
