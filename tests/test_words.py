@@ -49,6 +49,7 @@ NOT_OURS = (
     "tests/test_words.py",
     "tests/validation/",
 )
+TYPED = ("tests/validation/README.md",)  # by hand, among pages that programs write
 
 # Private word: what to write instead.
 WORDS = {
@@ -103,7 +104,8 @@ def files():
     ).stdout.split("\n")
     for name in filter(None, listed):
         is_page = name.startswith(CHECKED)
-        if not is_page and (name.startswith(NOT_YET) or name.startswith(NOT_OURS)):
+        is_written = name.startswith(NOT_OURS) and name not in TYPED
+        if not is_page and (name.startswith(NOT_YET) or is_written):
             continue
         if (ROOT / name).is_file():
             yield name
