@@ -61,21 +61,26 @@ _CONVENTIONS = (
 )
 
 _PHASES = (
-    (1, "approach", "before the first touch", "2, or outcome 5"),
-    (2, "contact", "the capture surfaces have touched, not all latches hold", "3, 8"),
-    (3, "captured", "all latches hold, the interfaces still close", "4"),
-    (4, "attenuating", "held, the motion has reversed at least once", "5"),
-    (5, "aligned", "held and at rest: below 1 mm/s and 0.02 deg/s", "2, 8 if latches let go"),
+    (1, "approach", "before the first contact", "2, or outcome 5"),
+    (2, "contact", "after first contact, not all latches hold", "3, 8"),
+    (3, "captured", "all latches hold, the distance still decreases", "4"),
+    (4, "attenuating", "all latches hold, the motion has reversed at least once", "5"),
+    (
+        5,
+        "aligned",
+        "all latches hold, at rest: below 1 mm/s and 0.02 deg/s",
+        "2, 8 if latches let go",
+    ),
     (6, "retracting", "needs a retraction drive, which the mechanism does not have", "&ndash;"),
     (7, "hard docked", "as 6", "&ndash;"),
-    (8, "rebound", "open by more than 50 mm and opening, no latch holds", "2, 3"),
+    (8, "rebound", "gap above 50 mm and increasing, no latch holds", "2, 3"),
 )
 _OUTCOMES = (
-    (1, "undecided", "nothing final has happened"),
+    (1, "undecided", "no final outcome yet"),
     (2, "captured", "all latches hold"),
     (3, "partial capture", "some latches hold"),
-    (4, "rebound", "touched and left again without a latch"),
-    (5, "miss", "leaving or passed by without a touch"),
+    (4, "rebound", "contact and separation without a latch"),
+    (5, "miss", "separation or passing without contact"),
 )
 
 _STATUSES = (
