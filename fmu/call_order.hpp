@@ -1,7 +1,7 @@
-// Which FMI function may be called when.
+// The states in which an FMI function may be called.
 //
-// One row per function with the states that permit it. A state is a bit, in the order an instance
-// passes through them, so that the advice in the log line of a forbidden call follows from the row.
+// One row per function with its permitted states. A state is a bit. Bits have the order of the life
+// of an instance, so the advice in the log line of a forbidden call follows from the row.
 #pragma once
 
 #include <string>
@@ -21,10 +21,10 @@ enum State : unsigned {
 constexpr State kStates[] = {kInstantiated, kInitializationMode, kEventMode,  kContinuousTimeMode,
                              kStepComplete, kStepFailed,         kTerminated, kError};
 
-/// For which interface a function is there.
+/// FMI kinds of a function.
 enum Side : unsigned { kForCoSimulation = 1, kForModelExchange = 2, kForBoth = 3 };
 
-/// A function of the interface and where it may be called.
+/// An FMI function and its permitted states.
 struct Call {
   const char* name;
   unsigned permitted;  ///< set of State
@@ -38,14 +38,14 @@ constexpr unsigned kIntegrating = kEventMode | kContinuousTimeMode;
 constexpr unsigned kRunning = kStepping | kIntegrating;
 constexpr unsigned kStarted = kRunning | kTerminated | kError;
 
-/// States that an instance for one side can be in.
+/// States of an instance of one FMI kind.
 constexpr unsigned states_of(Side side) {
   return kAnyState & ~(side == kForCoSimulation ? kIntegrating : kStepping);
 }
 
-/// More than the standard demands is permitted where it can do no harm: start values can be read
-/// back before the initialisation, and a discarded step can be tried again with a smaller step
-/// size, because it has changed nothing.
+/// Some calls are permitted beyond the standard. Start values can be read before the
+/// initialisation. A discarded step can be repeated with a smaller step size, because it has
+/// changed nothing.
 namespace call {
 inline constexpr Call kSetDebugLogging{"fmi2SetDebugLogging", kAnyState};
 inline constexpr Call kSetupExperiment{"fmi2SetupExperiment", kInstantiated};
@@ -122,7 +122,7 @@ inline const char* name_of(State state) {
   return "";
 }
 
-/// One sentence for the log: what is forbidden, and which call leads to where it is permitted.
+/// One sentence for the log: the forbidden call, and the call to make first.
 inline std::string forbidden_text(const Call& call, State state, Side side) {
   const std::string name = call.name;
   if (!(call.side & side)) {

@@ -1,9 +1,9 @@
-// The C interface of FMI 2.0 for co-simulation and model exchange: how variables are read and
-// written, then the 44 functions that such an FMU must export.
+// The C functions of FMI 2.0 for co-simulation and model exchange: getters and setters of
+// variables, then the 44 exported functions.
 //
-// Every function passes through guarded(): no exception leaves, and a call in the wrong state is
-// refused with a line that says what to call first. A refused call changes nothing. There are no
-// mutable statics, and neither a step nor a get or set allocates unless it has something to log.
+// Every function runs inside guarded(): no exception leaves the library. A call in the wrong state
+// is refused, and the log line names the function to call first. A refused call changes nothing.
+// There are no mutable statics. Steps, getters and setters do not allocate, except for log lines.
 #include <fmi2Functions.h>
 
 #include <algorithm>
@@ -28,9 +28,9 @@ std::string quoted(const Variable& v, fmi2ValueReference reference) {
   return "'" + v.name + "' (value reference " + std::to_string(reference) + ")";
 }
 
-// ---------------------------------------------------------------- get and set
+// ---------------------------------------------------------------- getters and setters
 
-/// What a row of a type stores, and what the interface passes.
+/// Stored type of a row, and its type in the FMI functions.
 template <Type>
 struct Wire;
 template <>
@@ -82,8 +82,8 @@ fmi2Status get(Instance& self, const Call& call, const fmi2ValueReference vr[], 
   return fmi2OK;
 }
 
-/// All or nothing: every reference and value is checked before the first is written, and values
-/// that cannot be used together are taken back.
+/// All or nothing: every reference and value is checked before the first value is written. Values
+/// that cannot be used together are restored.
 template <Type type>
 fmi2Status set(Instance& self, const Call& call, const fmi2ValueReference vr[], size_t n,
                const typename Wire<type>::Passed value[]) {
@@ -116,9 +116,9 @@ fmi2Status set(Instance& self, const Call& call, const fmi2ValueReference vr[], 
   return fmi2OK;
 }
 
-// ---------------------------------------------------------------- what every function shares
+// ---------------------------------------------------------------- code shared by all functions
 
-/// Runs `body(instance)` if the state permits `call`; whatever it throws becomes fmi2Error.
+/// Runs `body(instance)` if the state permits `call`; any exception becomes fmi2Error.
 template <class Body>
 fmi2Status guarded(fmi2Component c, const Call& call, Body&& body) noexcept {
   if (!c) return fmi2Error;
@@ -141,9 +141,10 @@ fmi2Status guarded(fmi2Component c, const Call& call, Body&& body) noexcept {
   return fmi2Error;
 }
 
-/// fmi2Get*Status for a kind that the function does not answer.
+/// fmi2Get*Status for an unsupported kind.
 fmi2Status no_such_status(Instance& self, const Call& call) {
-  self.logger.write(fmi2Discard, kLogDiscard, std::string(call.name) + ": no such status is kept");
+  self.logger.write(fmi2Discard, kLogDiscard,
+                    std::string(call.name) + ": this kind of status is not supported");
   return fmi2Discard;
 }
 
@@ -154,7 +155,7 @@ const SavedInstance& saved_state(fmi2FMUstate saved, const char* function) {
 
 void check_evaluated(const Instance& self, const Status& status, const char* function) {
   if (status.ok()) return;
-  throw Discard(std::string(function) + ": " + self.sim.describe(status) + ": take a smaller step");
+  throw Discard(std::string(function) + ": " + self.sim.describe(status) + ": make a smaller step");
 }
 
 void check_finite(const Variable& v, double derivative, const char* function) {
@@ -163,7 +164,7 @@ void check_finite(const Variable& v, double derivative, const char* function) {
   }
 }
 
-/// Arrays over the continuous states. Brings the start state about if it is asked for already.
+/// Arrays over the continuous states. Computes the start state if necessary.
 void check_count(Instance& self, const void* array, size_t n, const char* function) {
   check_arrays(array, n, array, function);
   if (n != static_cast<size_t>(self.sim.state_count())) {
@@ -176,7 +177,7 @@ void check_count(Instance& self, const void* array, size_t n, const char* functi
 Scene read_scene_file(const std::string& location) {
   const std::string name = resource_folder(location) + "/model.json";
   std::ifstream file(std::filesystem::u8path(name),
-                     std::ios::binary);  // Windows: not its code page
+                     std::ios::binary);  // Windows: UTF-8, not its code page
   if (!file) throw Refusal("cannot read '" + name + "' (fmuResourceLocation '" + location + "')");
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   return read_scene(text, name);
@@ -201,9 +202,9 @@ std::unique_ptr<Instance> make_instance(const char* name, fmi2Type type, const c
         "co-simulation only: set the scene keys chaser.motion and target.motion to \"free\" "
         "or \"fixed\" and build it again for model exchange");
   }
-  const Interface interface =
-      type == fmi2CoSimulation ? Interface::kCoSimulation : Interface::kModelExchange;
-  auto instance = std::make_unique<Instance>(std::move(scene), interface, std::move(logger));
+  const FmiKind fmi_kind =
+      type == fmi2CoSimulation ? FmiKind::kCoSimulation : FmiKind::kModelExchange;
+  auto instance = std::make_unique<Instance>(std::move(scene), fmi_kind, std::move(logger));
   instance->load_kernel(resource_folder(location));
   return instance;
 }
@@ -212,9 +213,9 @@ std::unique_ptr<Instance> make_instance(const char* name, fmi2Type type, const c
 }  // namespace dockloop
 
 #if defined(__ELF__) && defined(__clang__)
-// Compilers with a runtime of their own (zig) leave out the part that runs destructors of statics
-// when a library is unloaded: they would run at the end of the process, where there is no code any
-// more. Calling this twice does no harm.
+// Compilers with their own runtime (zig) omit the code that runs destructors of statics when a
+// library is unloaded. The destructors would run at the end of the process, after the code was
+// unloaded. A second call has no effect.
 extern "C" {
 extern void* __dso_handle;
 void __cxa_finalize(void*);
@@ -224,7 +225,7 @@ __attribute__((destructor)) void finish_statics() { __cxa_finalize(&__dso_handle
 }  // namespace
 #endif
 
-// ---------------------------------------------------------------- the C interface
+// ---------------------------------------------------------------- exported functions
 
 using namespace dockloop;
 
@@ -376,7 +377,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean /*no_
 }
 fmi2Status fmi2CancelStep(fmi2Component c) {
   return guarded(c, call::kCancelStep, [](Instance&) -> fmi2Status {
-    throw Refusal("fmi2CancelStep: no step is pending, fmi2DoStep always finishes");
+    throw Refusal("fmi2CancelStep: no step is pending, because fmi2DoStep always finishes");
   });
 }
 
@@ -502,7 +503,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference
     return fmi2OK;
   });
 }
-/// Order 1 is exact. Higher ones are zero, as the standard wants for orders that a model has not.
+/// Order 1 is exact. Higher orders are zero, as the standard requires for unsupported orders.
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n,
                                         const fmi2Integer order[], fmi2Real value[]) {
   return guarded(c, call::kGetRealOutputDerivatives, [&](Instance& self) {
@@ -522,7 +523,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
     if (n == 0) return fmi2OK;
     check_evaluated(self, self.sim.calc_time_derivative(), function);
     const auto find = [&](size_t i) {
-      const int place = self.variables[vr[i]].output;  // the others jump or rest
+      const int place = self.variables[vr[i]].output;  // other outputs change only at events
       return place < 0 || order[i] > 1 ? 0.0 : self.sim.output_derivative(place);
     };
     for (size_t i = 0; i < n; ++i) check_finite(self.variables[vr[i]], find(i), function);

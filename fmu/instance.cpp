@@ -1,4 +1,4 @@
-// The life of one instance: initialisation, steps, values, saved states.
+// One instance: initialisation, steps, values, saved states.
 #include "instance.hpp"
 
 #include <algorithm>
@@ -22,7 +22,7 @@ fmi2Status fmi_status(StatusCode code) {
     case StatusCode::kContactTooDeep:
     case StatusCode::kContactFlipped:
     case StatusCode::kIntegrationFailed:
-    case StatusCode::kLoopSingular:  // a step of another size may leap over the pose
+    case StatusCode::kLoopSingular:  // another step size may step over the singularity
     case StatusCode::kBadInput:      // correct the input and repeat the step
       return fmi2Discard;
     case StatusCode::kOutOfReach:
@@ -34,14 +34,16 @@ fmi2Status fmi_status(StatusCode code) {
   return fmi2Error;
 }
 
-Instance::Instance(std::shared_ptr<const Scene> scene, Interface interface, Logger log)
-    : logger(std::move(log)), sim(std::move(scene), interface, get_fmu_comparison()), variables(make_variables(sim)) {
+Instance::Instance(std::shared_ptr<const Scene> scene, FmiKind fmi_kind, Logger log)
+    : logger(std::move(log)),
+      sim(std::move(scene), fmi_kind, get_fmu_comparison()),
+      variables(make_variables(sim)) {
   start_time = time = sim.scene().experiment.start;
 }
 
 namespace {
 
-/// Folder of this platform, as below binaries/, and file of a kernel in it.
+/// Folder of this platform, named as below binaries/, and file name of a kernel.
 #if defined(_WIN32)
 constexpr const char* kKernelFile = "win64/kernel.dll";
 #elif defined(__APPLE__) && defined(__aarch64__)
@@ -64,7 +66,7 @@ void Instance::load_kernel(const std::string& resources) {
     sim.use_kernels(std::make_shared<const KernelLibrary>(file));
   } catch (const std::exception& e) {
     logger.write(fmi2Warning, kLogWarning,
-                 std::string(e.what()) + "; it is left out (same results, slower)");
+                 std::string(e.what()) + "; the kernel is not used (same results, slower)");
   }
 }
 
@@ -99,7 +101,7 @@ fmi2Status Instance::step(double t, double h) {
     throw Refusal("fmi2DoStep: communicationStepSize is " + shortest(h) +
                   " s, but must be positive and finite");
   }
-  // Rounding of the host's clock (some count nanoseconds) is accepted, a gap or overlap is not.
+  // Rounding of the host's clock (some count nanoseconds) is accepted; a gap or overlap is not.
   const double slack = 1e-6 * h + 1e-15 * std::abs(time);
   if (!(std::abs(t - time) <= slack)) {
     throw Refusal("fmi2DoStep: currentCommunicationPoint is " + shortest(t) + " s, expected " +
@@ -107,13 +109,13 @@ fmi2Status Instance::step(double t, double h) {
   }
   if (!(t + h > t)) {
     throw Refusal("fmi2DoStep: communicationStepSize is " + shortest(h) +
-                  " s, too small for a clock that stands at " + shortest(t) + " s");
+                  " s, too small for a clock at " + shortest(t) + " s");
   }
   if (!(t + h <= stop_time + slack)) {
     throw Refusal("fmi2DoStep: the step ends at " + shortest(t + h) +
                   " s, after the stopTime of fmi2SetupExperiment, " + shortest(stop_time) + " s");
   }
-  state = kError;  // stays if anything below throws
+  state = kError;  // remains after an exception
   step_status = fmi2Error;
   step_status = fmi_status(sim.step(t, h).code);
   if (step_status != fmi2OK) {
@@ -181,7 +183,7 @@ void Instance::note_change(bool tunables) {
 
 void Instance::save(SavedInstance& into) const {
   into.fingerprint = sim.scene().fingerprint;
-  into.interface = sim.interface();
+  into.fmi_kind = sim.fmi_kind();
   into.state = state;
   into.initialised = initialised;
   into.start_time = start_time;
@@ -192,17 +194,17 @@ void Instance::save(SavedInstance& into) const {
   into.step_status = step_status;
   into.phase = phase;
   sim.save(into.sim);
-  if (!initialised) into.sim.setup.reset();  // it does not fit the present parameters
+  if (!initialised) into.sim.setup.reset();  // the set-up does not fit the present parameters
 }
 
 void Instance::load(const SavedInstance& from) {
   if (from.fingerprint != sim.scene().fingerprint) {
-    throw Refusal("the state is of the FMU with GUID '" + from.fingerprint + "', this one is '" +
-                  sim.scene().fingerprint + "'");
+    throw Refusal("the state belongs to the FMU with GUID '" + from.fingerprint +
+                  "', this one is '" + sim.scene().fingerprint + "'");
   }
-  if (from.interface != sim.interface()) {
+  if (from.fmi_kind != sim.fmi_kind()) {
     throw Refusal(
-        "the state is of an instance for the other interface (co-simulation or model "
+        "the state belongs to the other FMI kind (co-simulation or model "
         "exchange)");
   }
   sim.load(from.sim);
@@ -220,7 +222,7 @@ namespace {
 
 constexpr char kMagic[8] = {'D', 'O', 'C', 'K', 'L', 'O', 'O', 'P'};
 constexpr std::uint32_t kByteOrder = 0x01020304;
-/// To be raised whenever the contents change.
+/// Increase it when the contents change.
 constexpr std::uint32_t kStateFormat = 7;
 
 struct Header {
@@ -231,7 +233,7 @@ struct Header {
   std::uint64_t size;      ///< of the contents
   std::uint64_t checksum;  ///< of header and contents
 };
-static_assert(sizeof(Header) == 80, "no padding: the header goes to files as it is");
+static_assert(sizeof(Header) == 80, "no padding: files contain these bytes");
 
 std::uint64_t add_to_hash(std::uint64_t hash, const char* bytes, size_t size) {
   for (size_t i = 0; i < size; ++i) {
@@ -249,7 +251,7 @@ std::uint64_t find_checksum(const Header& header, const char* contents, size_t s
   return add_to_hash(hash, contents, size);
 }
 
-/// What can be shown in a log line of any host.
+/// Printable characters for a log line.
 std::string printable(std::string text) {
   for (char& c : text) {
     if (c < 0x20 || c > 0x7e) c = '?';
@@ -261,7 +263,7 @@ std::string printable(std::string text) {
 template <class A>
 void transfer(A& archive, SavedInstance& saved) {
   transfer_members<SavedInstance, 1>(
-      archive, saved.interface, saved.state, saved.initialised, saved.start_time, saved.tolerance,
+      archive, saved.fmi_kind, saved.state, saved.initialised, saved.start_time, saved.tolerance,
       saved.has_stop_time, saved.stop_time, saved.time, saved.step_status, saved.phase, saved.sim);
 }
 

@@ -1,9 +1,9 @@
-// Log lines to the host, with the care that FMI loggers need.
+// Log lines to the host, for all kinds of FMI loggers.
 //
-// The callback is printf-like and may be null, may be written in a language that cannot read
-// varargs, and may dislike an undeclared category. So: text is finished before it is passed, every
-// % is doubled, no further argument follows, and the category is one of the table below, which
-// modelDescription.xml declares as well.
+// The callback is similar to printf. It may be null, its language may not support varargs, and it
+// may refuse an undeclared category. Therefore the text is complete, every % is doubled, and there
+// are no further arguments. The category is one of the table below, which modelDescription.xml
+// declares.
 #pragma once
 
 #include <fmi2Functions.h>
@@ -18,7 +18,7 @@ namespace dockloop {
 class Logger {
  public:
   Logger() = default;
-  /// `debug` false: everything but logEvents.
+  /// `debug` false: all categories except logEvents.
   Logger(const fmi2CallbackFunctions& callbacks, const char* instance_name, bool debug)
       : callback_(callbacks.logger),
         environment_(callbacks.componentEnvironment),
@@ -27,8 +27,8 @@ class Logger {
 
   bool enabled(Category category) const { return callback_ && (enabled_ & bit(category)); }
 
-  /// fmi2SetDebugLogging: exactly the named categories (none named: all), or silence.
-  /// @return the first unknown name, and then nothing is changed; null when all are known.
+  /// fmi2SetDebugLogging: exactly the named categories (no name: all), or no log.
+  /// @return the first unknown name (then nothing is changed); null if all names are known.
   const char* select(bool on, size_t n, const fmi2String names[]) {
     unsigned wanted = 0;
     for (size_t i = 0; i < n; ++i) {
@@ -44,7 +44,7 @@ class Logger {
     return nullptr;
   }
 
-  /// One line. Never throws: a log line that cannot be written must not change what a call does.
+  /// One line. Never throws: a failure of logging must not change the effect of a call.
   void write(fmi2Status status, Category category, std::string_view text) const noexcept {
     if (!enabled(category)) return;
     try {

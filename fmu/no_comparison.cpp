@@ -1,4 +1,4 @@
-// The FMU carries no methods for comparison.
+// The FMU contains no methods for comparison.
 #include "sim/solver_methods.hpp"
 
 namespace dockloop {

@@ -1,8 +1,8 @@
-// From the resource location that an importer passes to a folder name.
+// From the resource location of an importer to a folder name.
 //
-// The standard asks for a file URI and allows file:///abs and file:/abs; importers also pass
+// The standard requires a file URI and allows file:///abs and file:/abs; importers also pass
 // file://localhost/abs, Windows drives in several spellings, percent-encoded or not, and plain
-// paths. Nothing here touches the file system.
+// paths. These functions do not access the file system.
 #pragma once
 
 #include <algorithm>
@@ -12,8 +12,7 @@
 
 namespace dockloop {
 
-/// Text with %41 replaced by A. A % that no two hex digits follow stands for itself: some importers
-/// do not encode.
+/// Text with %41 replaced by A. A % without two hex digits is kept: some importers do not encode.
 inline std::string percent_decode(const std::string& text) {
   const auto digit = [](char c) {
     return std::isdigit(static_cast<unsigned char>(c)) ? c - '0' : (c | 0x20) - 'a' + 10;
@@ -32,7 +31,7 @@ inline std::string percent_decode(const std::string& text) {
 }
 
 /// Folder of a resource location, without a slash at its end.
-/// @throws std::invalid_argument with a sentence that quotes the location.
+/// @throws std::invalid_argument with a sentence that contains the location.
 inline std::string resource_folder(const std::string& location) {
   const auto refuse = [&](const std::string& why) {
     throw std::invalid_argument("fmuResourceLocation '" + location + "' " + why);
@@ -58,7 +57,7 @@ inline std::string resource_folder(const std::string& location) {
       if (!host.empty() && host != "localhost") refuse("is on another host: only local files");
       path = path.substr(end);
     } else if (path.rfind("//", 0) == 0) {
-      path = path.substr(2);  // file://C:/dir, wrong but seen
+      path = path.substr(2);  // file://C:/dir: wrong, but used by importers
     }
     path = percent_decode(path);
     if (path[0] == '/' && is_drive(path, 1)) path = path.substr(1);

@@ -1,9 +1,9 @@
-# This file is sources/CMakeLists.txt of every FMU that holds its sources. It compiles the FMU for
-# the machine at hand with nothing but CMake and GCC or Clang (C, C++17). In the unpacked FMU:
+# This file is sources/CMakeLists.txt of every FMU with sources. It compiles the FMU for the present
+# machine with CMake and GCC or Clang (C, C++17). In the unpacked FMU:
 #
 #   cmake -S sources -B build && cmake --build build --target install --config Release
 #
-# Then the library is in binaries/PLATFORM. FMPy does the same from buildDescription.xml.
+# The library is then in binaries/PLATFORM. FMPy does the same with buildDescription.xml.
 cmake_minimum_required(VERSION 3.15)
 project(dockloop LANGUAGES C CXX)
 if(NOT CMAKE_BUILD_TYPE)
@@ -36,7 +36,7 @@ if(UNIX AND NOT APPLE)
   target_link_options(${name} PRIVATE -Wl,--version-script=${CMAKE_SOURCE_DIR}/exports.map)
 endif()
 
-# Folder names of FMI 2.0, and those of FMI 3.0 where 2.0 has none.
+# Folder names of FMI 2.0; names of FMI 3.0 for platforms without a name in 2.0.
 string(TOLOWER "${CMAKE_SYSTEM_PROCESSOR}" processor)
 string(REPLACE "arm64" "aarch64" processor "${processor}")
 set(system linux)

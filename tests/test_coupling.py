@@ -385,7 +385,7 @@ def test_a_parallel_and_a_sequential_host_agree(errors_of, name):
     [
         ("parallel", SEQUENTIAL, "a step late"),
         ("sequential", PARALLEL, "a step early"),
-        ("vehicle_first", SEQUENTIAL, "end of a step as that of its beginning"),
+        ("vehicle_first", SEQUENTIAL, "motion at the end of the step"),
     ],
     ids=["load a step late", "load a step early", "motion of the end"],
 )
@@ -426,7 +426,7 @@ def test_a_torque_that_nobody_told_is_not_blamed_on_a_connection(runs):
         for _ in range(60):
             pair.step(STEP)
         assert len(pair.warnings) == 1, pair.warnings
-        assert "reported in chaser.torque_ext" in pair.warnings[0], pair.warnings
+        assert "torque in chaser.torque_ext" in pair.warnings[0], pair.warnings
 
 
 # ---------------------------------------------------------------- 9: latches

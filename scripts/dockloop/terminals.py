@@ -42,7 +42,7 @@ _TERMINALS = (
     ),
     _Terminal(
         "gravity", "_dockloop.Gravity", "port_gravity", (-10, 90, 10, 110), "138 151 166",
-        "Acceleration in N that acts on every body inside",
+        "Acceleration of gravity in N on every body inside",
     ),
 )  # fmt: skip
 

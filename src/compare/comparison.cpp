@@ -19,7 +19,7 @@ MildRates make_mild_rates(DockingSim::Impl& sim) {
         calc_docking<double>(*sim.model, sim.discrete, sim.memory, sim.find_loads(t),
                              sim.elapsed + t, y, ydot, *sim.rate_data, Need::kRates);
     sim.rate_data->touches = true;
-    return sim.find_trouble_code(status, t, ydot, sim.model->layout.size);
+    return sim.update_failure_code(status, t, ydot, sim.model->layout.size);
   };
 }
 

@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
+#include "compare/arguments.hpp"
 #include "compare/comparison.hpp"
 #include "compare/truth.hpp"
 #include "interface/model_description.hpp"
-#include "compare/arguments.hpp"
 
 namespace {
 
@@ -31,7 +31,7 @@ int run(const std::vector<std::string>& arguments) {
   const std::string& path = arguments[1];
   const auto scene = std::make_shared<const Scene>(read_scene(read_file(path), path));
   if (command == "describe") {
-    DockingSim sim(scene, Interface::kCoSimulation, get_comparison());
+    DockingSim sim(scene, FmiKind::kCoSimulation, get_comparison());
     std::cout << make_model_description(sim, find_option(arguments, "--date"));
     return 0;
   }

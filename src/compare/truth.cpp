@@ -6,10 +6,10 @@
 #include <iostream>
 
 #include "compare/comparison.hpp"
+#include "compare/variable_access.hpp"
 #include "math/extended.hpp"
 #include "math/status.hpp"
 #include "sim/docking_sim.hpp"
-#include "compare/variable_access.hpp"
 
 namespace dockloop {
 namespace {
@@ -35,7 +35,7 @@ struct Run {
 
 Run run(const std::shared_ptr<const Scene>& scene, const TruthOrder& order, double tolerance,
         int done_before, int of) {
-  DockingSim sim(scene, Interface::kCoSimulation, get_comparison());
+  DockingSim sim(scene, FmiKind::kCoSimulation, get_comparison());
   const std::vector<Variable> variables = make_variables(sim);
   for (const std::string& setting : order.settings) set(variables, setting);
   sim.use_extended_precision(tolerance);

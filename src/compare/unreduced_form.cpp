@@ -1,5 +1,5 @@
-// What IDA receives of the form of the equations in which multipliers hold the loops
-// (solver.method 9): residual, Jacobian, tolerances; and how far the loops have opened.
+// The equations with multipliers for IDA (solver.method 9): residual, Jacobian, tolerances, and the
+// gaps of the loops.
 #include "compare/unreduced_form.hpp"
 
 #include <algorithm>
@@ -19,16 +19,16 @@ class Multipliers : public UnreducedForm {
   int controlled_size() const override { return form_->lambda; }
   void update_coordinates() override {
     const DockingModel& model = *sim_.model;
-    form_ = std::make_unique<UnreducedModel>(
-        model, static_cast<DaeForm>(sim_.setup->parameters.dae_form));
+    form_ = std::make_unique<UnreducedModel>(model,
+                                             static_cast<DaeForm>(sim_.setup->parameters.dae_form));
     data_ = std::make_unique<UnreducedData>(model, *form_);
   }
   void enter(Stepper::Problem& problem) override {
     problem.unknowns = form_->size;
     problem.solver = [this](System& system) { return make_dae_solver(system, make_equations()); };
   }
-  /// Dependents are as exact as independents. Multipliers have no tolerance: they follow from the
-  /// rest, and an error in them counts where it shows.
+  /// Dependent coordinates have the tolerances of independent ones. Multipliers have no tolerance:
+  /// they follow from the other unknowns, and their errors appear in those.
   void add_tolerances(std::vector<double>& atol) const override {
     constexpr double kNone = 1e20;
     atol.resize(static_cast<size_t>(form_->size), kNone);
@@ -38,8 +38,8 @@ class Multipliers : public UnreducedForm {
   }
   void set_nominals(VecX<double> nominal) override { nominal_ = std::move(nominal); }
   double find_cut_gap(double tau) override {
-    return dockloop::find_cut_gap(*sim_.model, *form_, sim_.elapsed + tau,
-                                  sim_.stepper->unknowns(), *data_);
+    return dockloop::find_cut_gap(*sim_.model, *form_, sim_.elapsed + tau, sim_.stepper->unknowns(),
+                                  *data_);
   }
 
  private:
@@ -50,14 +50,14 @@ class Multipliers : public UnreducedForm {
       const Status status =
           calc_unreduced_residual(*sim_.model, *form_, sim_.discrete, sim_.memory,
                                   sim_.find_loads(t), sim_.elapsed + t, z, zdot, residual, *data_);
-      return sim_.find_trouble_code(status, t, residual, form_->size);
+      return sim_.update_failure_code(status, t, residual, form_->size);
     };
     dae.jacobian = [this](double t, double alpha, const double* z, const double* zdot,
                           const double* residual, double* by_columns) {
-      const Status status = calc_unreduced_jacobian(
-          *sim_.model, *form_, sim_.discrete, sim_.memory, sim_.find_loads(t), sim_.elapsed + t,
-          alpha, z, zdot, residual, nominal_, by_columns, *data_);
-      return sim_.find_trouble_code(status, t, by_columns, form_->size * form_->size);
+      const Status status = calc_unreduced_jacobian(*sim_.model, *form_, sim_.discrete, sim_.memory,
+                                                    sim_.find_loads(t), sim_.elapsed + t, alpha, z,
+                                                    zdot, residual, nominal_, by_columns, *data_);
+      return sim_.update_failure_code(status, t, by_columns, form_->size * form_->size);
     };
     dae.complete = [this](double* z, double* zdot) {
       complete_unreduced_state(*sim_.model, *form_, *sim_.rate_data, z, zdot);

@@ -110,7 +110,7 @@ Status calc_unreduced_residual(const DockingModel& model, const UnreducedModel& 
       calc_loads(model, discrete, memory, loads, t, z, data.rates.data(), data.docking);
   if (!status.ok()) return status;
 
-  // Inverse dynamics with the accelerations that zdot claims.
+  // Inverse dynamics with the accelerations in zdot.
   VecX<double>& vdot = dynamics.vdot;
   int q = layout.mechanism_q, v = layout.mechanism_v;
   for (int i : model.mechanism_bodies) {
@@ -131,7 +131,7 @@ Status calc_unreduced_residual(const DockingModel& model, const UnreducedModel& 
     data.flow.noalias() += data.G.transpose().lazyProduct(Vector(z + unreduced.mu, unreduced.cuts));
   }
 
-  // Everything that is not of the mechanism, and the mechanism.
+  // Vehicles and contact, then the mechanism.
   int first = 0;
   for (BlockData<double>& block : dynamics.loops.block) {  // for the power of drives
     block.lambda = lambda.segment(first, block.lambda.size());
@@ -197,7 +197,7 @@ Status calc_unreduced_jacobian(const DockingModel& model, const UnreducedModel& 
   const int n = unreduced.size;
   Eigen::Map<MatX<double>> J(by_columns, n, n);
   J.setZero();
-  // Multipliers. The power of drives is left out: nothing depends on that sum.
+  // Multipliers. The power of drives is neglected: no equation depends on this sum.
   calc_motion(model, unreduced, t, z, data);
   const TreeData<double>& tree = data.docking.mechanism.tree;
   for (int k = 0; k < unreduced.cuts; ++k) {
@@ -226,7 +226,7 @@ Status calc_unreduced_jacobian(const DockingModel& model, const UnreducedModel& 
     }
     double step = part * std::max(std::abs(z[k]), nominal[k]);
     Status status;
-    for (int side = 0; side < 2; ++side, step = -step) {  // the other way, if one leads nowhere
+    for (int side = 0; side < 2; ++side, step = -step) {  // in the other direction, if one fails
       data.z[k] = z[k] + step;
       step = data.z[k] - z[k];
       data.zdot[k] = zdot[k] + alpha * step;

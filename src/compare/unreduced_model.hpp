@@ -1,11 +1,10 @@
-// The docking in all coordinates of the tree, its loops held by multipliers: what one would
-// integrate without the reduction, and what the reduction is measured against.
-// Differential-algebraic.
+// The unreduced model: the docking in all coordinates of the tree, with multipliers for the loops.
+// Differential-algebraic equations, for comparison with the reduction.
 //
-// Unknowns z (UnreducedModel): the state y as it stands (docking_model.hpp), then what the
-// reduction finds by itself: dependent coordinates and velocities, the velocity of the chaser, cut
-// forces lambda, and mu. Equations, 0 = residual(t, z, zdot), with G v the rate of what the cuts
-// leave open:
+// Unknowns z (UnreducedModel): the state y (docking_model.hpp), then the unknowns that the
+// reduction eliminates: dependent coordinates and velocities, the velocity of the chaser, cut
+// forces lambda, and mu. Equations, 0 = residual(t, z, zdot), with G v the rate of the gaps of the
+// cuts:
 //
 //   coordinates   q' = v (+ G^T mu)
 //   velocities    M v' + bias - tau - G^T lambda = 0        by inverse dynamics of the tree
@@ -14,25 +13,25 @@
 //   cuts          one of three forms, DaeForm
 //
 // The cut equations are those of the plan: redundant ones are left out, so that multipliers are
-// unique. Cuts do not see the chaser, because they are relative to bodies that hang on it.
+// unique. Cuts do not depend on the chaser, because they are relative to bodies on it.
 #pragma once
 
 #include "docking/docking_model.hpp"
 
 namespace dockloop {
 
-/// How the cuts are held; values of solver.dae_form.
+/// Equations of the cuts; values of solver.dae_form.
 enum class DaeForm {
-  kIndex1 = 1,      ///< accelerations: G v' + gamma = 0; what has opened stays open
+  kIndex1 = 1,      ///< accelerations: G v' + gamma = 0; a gap remains
   kBaumgarte = 2,   ///< the same with damping and stiffness on gap rate and gap
   kStabilised = 3,  ///< velocities by lambda and positions by mu (Gear, Gupta, Leimkuhler 1985)
 };
 
 /// Time constant of kBaumgarte, critically damped: gap'' + 2/tau gap' + gap/tau^2 = 0 [s]. A few
-/// of the steps that are taken: it closes soon and adds no stiffness.
+/// steps of the integrator: gaps close quickly, without additional stiffness.
 constexpr double kBaumgarteTime = 0.01;
 
-/// Where things are in z.
+/// Places of the unknowns in z.
 struct UnreducedModel {
   UnreducedModel(const DockingModel& model, DaeForm form);
   DaeForm form;
@@ -49,11 +48,11 @@ struct UnreducedModel {
 
 struct UnreducedData {
   UnreducedData(const DockingModel& model, const UnreducedModel& unreduced);
-  DockingData<double> docking;     ///< tree and forces; nothing that is reduced
+  DockingData<double> docking;     ///< tree and forces; no reduced quantities
   MatX<double> G;                  ///< cuts x nv
   VecX<double> gap, bias;          ///< of the cuts
   VecX<double> flow;               ///< nv: velocities of the coordinates
-  VecX<double> missing;            ///< nv: forces that the equations of motion lack
+  VecX<double> missing;            ///< nv: residual forces of the equations of motion
   VecX<double> rates;              ///< scratch: as ydot
   std::vector<int> all_columns;    ///< 0, 1, ... nv - 1
   VecX<double> z, zdot, residual;  ///< scratch of the Jacobian
@@ -64,8 +63,8 @@ Status calc_unreduced_residual(const DockingModel& model, const UnreducedModel& 
                                const Loads& loads, double t, const double* z, const double* zdot,
                                double* residual, UnreducedData& data);
 
-/// d residual / d z + alpha d residual / d zdot, by columns: multipliers and sums as they enter,
-/// the rest by differences. @param nominal  size of each unknown, for the differences
+/// d residual / d z + alpha d residual / d zdot, by columns: multipliers and sums exactly, other
+/// columns by differences. @param nominal  size of each unknown, for the differences
 Status calc_unreduced_jacobian(const DockingModel& model, const UnreducedModel& unreduced,
                                const DiscreteState& discrete, const ContactMemory& memory,
                                const Loads& loads, double t, double alpha, const double* z,
@@ -73,10 +72,10 @@ Status calc_unreduced_jacobian(const DockingModel& model, const UnreducedModel& 
                                const VecX<double>& nominal, double* by_columns,
                                UnreducedData& data);
 
-/// Residuals that a Jacobian takes.
+/// Number of residual evaluations of a Jacobian.
 int find_unreduced_jacobian_cost(const DockingModel& model, const UnreducedModel& unreduced);
 
-/// The rest of z and zdot where y and its rates are given, from closed loops.
+/// The other unknowns of z and zdot from y and its rates, with closed loops.
 /// @param reduced  of calc_docking() at y, with rates
 void complete_unreduced_state(const DockingModel& model, const UnreducedModel& unreduced,
                               DockingData<double>& reduced, double* z, double* zdot);

@@ -27,7 +27,7 @@ NodeSet make_node_set(int first, bool on_passive, const std::vector<Vec3<double>
 
 /// "azimuth 78.8 deg", from 0 to 360.
 std::string describe_azimuth(const Vec3<double>& at) {
-  constexpr double kUp = 1e-6;  // what lies halfway is rounded up, on every machine
+  constexpr double kUp = 1e-6;  // halves are rounded up, on every machine
   const double tenths =
       std::round(std::atan2(at[2], at[1]) * 1800.0 / static_cast<double>(EIGEN_PI) + kUp);
   char text[32];
@@ -162,7 +162,7 @@ double update_contact_memory(const ContactModel& model, const RelativeMotion<dou
   memory.gap.reserve(count);  // all allocation happens in the first call
   memory.near.reserve(count);
   if (find_sphere_gap(model, motion.p) <= 0 && count > 0) {
-    // A new reference pose once half of the list radius is used up.
+    // A new list origin after a motion of half the list radius.
     const double delta =
         memory.has_reference ? find_displacement<double>(model, memory, motion) : 0;
     if (!memory.has_reference || delta > memory.radius / 2) {

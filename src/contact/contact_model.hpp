@@ -24,8 +24,8 @@ namespace dockloop {
 /// One-dimensional absorber for scenes with an exact solution: depth d = -p_x, force
 /// k d + c d' along x of G for d > 0, on P at its origin. With `pulls` false the force stays >= 0.
 /// Limit: jumps at onset (c v) and, if it pulls, at the end; blind to lateral offset and tilt.
-/// A step with the jump inside, be it at its very start, is a wrong one: whoever locates onset and
-/// end says which side holds (ContactMemory::absorber).
+/// A step with the jump inside, even at its start, is wrong. The caller locates onset and end and
+/// decides on which side of the jump the absorber is (ContactMemory::absorber).
 struct AbsorberLaw {
   double stiffness = 0.0;  ///< k [N/m]
   double damping = 0.0;    ///< c [N s/m]
@@ -33,8 +33,8 @@ struct AbsorberLaw {
 };
 
 constexpr int kMaxPetals = 6;
-/// Gap of a model without surfaces [m] and time of what does not happen [s]: large but finite,
-/// because results must be finite numbers.
+/// Gap of a model without surfaces [m] and time of an event that does not happen [s]: large but
+/// finite, because results must be finite numbers.
 constexpr double kNoGap = 1e9, kNever = 1e9;
 
 enum class PairKind : signed char { kNodeRing, kEdgeRing, kPetalPetal, kNodePetal };
@@ -62,7 +62,7 @@ struct ContactModel {
   std::array<NodeSet, 2> nodes;     ///< of G and of P
   ContactLaw law;
   AbsorberLaw absorber;
-  double reach = 0.0;  ///< radius of a sphere about the origin of G (of P) with that side [m]
+  double reach = 0.0;           ///< bounding radius of each side about the origin of G (of P) [m]
   double least_rounding = 0.0;  ///< smallest rounding sum of all pairs [m]
 
   bool empty() const { return kind == Kind::kNone; }
@@ -93,13 +93,13 @@ struct RelativeMotion {
   Vec3<S> v = Vec3<S>::Zero();      ///< d/dt p as seen in G [m/s]
 };
 
-/// Does the absorber act? Either its depth and force say so at every state, or what holds from one
-/// event to the next, beyond the surface too.
+/// Does the absorber act? Depth and force decide at every state, or the decision of the last event
+/// holds until the next event, beyond the surface too.
 enum class Acting : signed char { kByState, kNo, kYes };
 
-/// What is remembered from the last accepted step. Plain data, may be copied and stored.
-/// The neighbour list (a reference pose with lower bounds of all gaps there) only saves work: a
-/// point of P moves by at most delta = |p - p_ref| + 2 sin(theta/2) reach from the reference pose,
+/// Data of the last accepted step. Plain data, may be copied and stored. The neighbour list (a list
+/// origin, which is a pose, with lower bounds of all gaps there) only saves work. With the bounding
+/// radius r, a point of P moves by at most delta = |p - p_ref| + 2 sin(theta/2) r from the origin,
 /// so a pair with gap > delta is open. The closed pairs and their normals detect a trial state on
 /// the far side of a surface.
 struct ContactMemory {
@@ -108,14 +108,14 @@ struct ContactMemory {
   Vec3<double> p_ref = Vec3<double>::Zero();
   double least_gap = 0.0;            ///< smallest entry of gap [m]
   double radius = 0.0;               ///< pairs with gap <= radius are `near` [m]
-  std::vector<double> gap;           ///< per pair, lower bound at the reference pose [m]
+  std::vector<double> gap;           ///< per pair, lower bound at the list origin [m]
   std::vector<int> near;             ///< pair indices, ascending
   std::vector<char> closed;          ///< per pair, 1 if in contact at the last accepted step
   std::vector<Vec3<double>> n_last;  ///< unit normal of every closed pair, axes of G
   Acting absorber = Acting::kByState;
 };
 
-/// Scratch of one evaluation; preallocated, holds no state.
+/// Scratch of one evaluation; preallocated, without state.
 template <class S>
 struct ContactWorkspace {
   explicit ContactWorkspace(const ContactModel& model);
@@ -123,7 +123,8 @@ struct ContactWorkspace {
   std::vector<Plate<S>> passive_local;   ///< axes of P, written by the constructor
   std::vector<Plate<S>> passive_petals;  ///< axes of G, written by every evaluation
   std::vector<char> closed;              ///< per pair, written by calc_contact
-  std::vector<Vec3<S>> way;  ///< with it: from G to P in every closed pair, axes of G [m]
+  std::vector<Vec3<S>>
+      way;  ///< with it: distance vector from G to P of every closed pair, axes of G [m]
   const nodes::NodeFunctions* node_functions = nullptr;  ///< for plain numbers
   std::vector<nodes::NodeGaps> node_gaps;                ///< with them, per group of a set
 };
@@ -148,10 +149,10 @@ int bristle_state_count(const ContactModel& model);
 /// Force, energy and power of all contacts.
 /// @param[in]  z      bristles (bristle_state_count), null for friction model 1
 /// @param[out] z_dot  their rates [m/s], null for friction model 1
-/// @return ok; kContactTooDeep (depth >= 0.98 rounding, or the cores as good as meet) or
+/// @return ok; kContactTooDeep (depth >= 0.98 rounding, or cores that nearly touch) or
 /// kContactFlipped (normal of a pair closed at the last accepted step reversed) with index = pair
-/// and margin = depth/rounding: not a state to accept, retry with a smaller step.
-/// No allocation. Far apart or asleep 25 ns, sliding on one or two pairs 2 us, seated 4 us.
+/// and margin = depth/rounding: the state must not be accepted; retry with a smaller step.
+/// No allocation.
 template <class S>
 Status calc_contact(const ContactModel& model, const ContactMemory& memory,
                     const RelativeMotion<S>& motion, const S* z, S* z_dot,
@@ -164,21 +165,22 @@ S find_gap(const ContactModel& model, const RelativeMotion<S>& motion, ContactWo
 /// Call at accepted steps only. Opened pairs lose their bristle.
 /// @pre calc_contact() at this motion, with this workspace
 /// @param[in,out] z  bristles or null
-/// @return energy of the bristles dropped [J], to be booked as friction.
+/// @return energy of the removed bristles [J], which the caller adds to the friction energy.
 double update_contact_memory(const ContactModel& model, const RelativeMotion<double>& motion,
                              double* z, ContactWorkspace<double>& work, ContactMemory& memory);
 
 /// Lower bound of the gap from two spheres about the origins of G and P [m].
 double find_sphere_gap(const ContactModel& model, const Vec3<double>& p);
 
-/// Is the passive ring behind the active one? Surfaces keep it from getting there; only a start can
-/// put it where neither touches any more and nothing that follows has a meaning.
+/// Is the passive ring behind the active ring? Surfaces prevent such a motion. Only a start state
+/// can have this pose, in which the surfaces do not touch and results have no meaning.
 bool have_rings_passed(const ContactModel& model, const RelativeMotion<double>& motion);
 
 /// Upper bound of the speed of any point of P's hardware relative to G [m/s].
 double find_approach_bound(const ContactModel& model, const RelativeMotion<double>& motion);
 
-/// Largest step [s] in which no surface can be passed unseen: (max(gap, 0) + rounding/4)/speed.
+/// Largest step [s] in which no surface can pass through another surface unseen: (max(gap, 0) +
+/// rounding/4)/speed.
 double find_step_bound(const ContactModel& model, double gap, const RelativeMotion<double>& motion);
 
 /// No contact before this time [s]: root of gap = v t + a t^2/2 with bounds of speed [m/s] and

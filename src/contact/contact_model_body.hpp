@@ -15,13 +15,13 @@
 namespace dockloop {
 namespace {
 
-constexpr double kDeepest = 0.98;          // depth/rounding beyond which no state is accepted [-]
+constexpr double kDeepest = 0.98;          // limit of depth/rounding of accepted states [-]
 constexpr double kLeastRoot = 1e-6;        // [m] of sqrt(V)
 constexpr double kSlack = 1e-9;            // [m] rounding errors of the displacement bound
 constexpr double kLeastListRadius = 5e-3;  // [m] of the neighbour list
-constexpr double kGapLimit = 0.1;          // [m] beyond this a bound of a pair's gap is enough
+constexpr double kGapLimit = 0.1;          // [m] a bound is sufficient for larger gaps
 
-/// Displacement bound of the hardware of P from the reference pose [m], rounded up.
+/// Displacement bound of the hardware of P from the list origin [m], rounded up.
 /// 2 sin(theta/2) = |R - R_ref|_F/sqrt(2).
 template <class S>
 S find_displacement(const ContactModel& model, const ContactMemory& memory,
@@ -54,7 +54,8 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
   using std::min;
   using std::sqrt;
   const bool on_passive = pair.first_on_passive;
-  const CaptureHardware& side = on_passive ? model.passive : model.active;  // carries the first
+  const CaptureHardware& side =
+      on_passive ? model.passive : model.active;  // side of the first core
   const CaptureHardware& other = on_passive ? model.active : model.passive;
   const std::vector<Plate<S>>& plates = on_passive ? work.active_petals : work.passive_petals;
   const S rounding = S(pair.rounding);
@@ -167,7 +168,8 @@ void add_bristles(const ContactLaw& law, const std::vector<char>& closed, const 
 
 enum class NodesFound { kAdded, kTooDeep, kRefused };
 
-/// All pairs of a set of nodes at once. kTooDeep: one by one, please; nothing was added.
+/// All pairs of a set of nodes together. kTooDeep: nothing was added; evaluate the pairs one by
+/// one.
 inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
                             const ContactMemory& memory, const RelativeMotion<double>& motion,
                             ContactWorkspace<double>& work, ContactResult<double>& out,
@@ -238,13 +240,14 @@ inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
   return NodesFound::kAdded;
 }
 
-/// Sum over pairs in index order; those that spheres or the reference pose show to be open
-/// contribute exactly nothing, so skipping does not change a bit of the result.
+/// Sum over pairs in index order. Pairs that are open by the bounds of spheres or list origin
+/// contribute exactly nothing, so skipping them does not change a bit of the result.
 template <class S>
 Status add_pairs(const ContactModel& model, const ContactMemory& memory,
                  const RelativeMotion<S>& motion, const S* z, S* z_dot, ContactWorkspace<S>& work,
                  ContactResult<S>& out) {
-  // Asleep: the spheres of the two sides are apart, or nothing can have closed since the reference.
+  // No contact: the spheres of the two sides are apart, or all pairs are open by the bounds of the
+  // list.
   out.gap = motion.p.norm() - S(2 * model.reach);
   if (out.gap > S(0)) return {};
   const bool listed = memory.has_reference;
@@ -272,7 +275,7 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
         Status status;
         const NodesFound found = add_nodes(model, set, memory, motion, work, out, status);
         if (found == NodesFound::kRefused) return status;
-        if (found == NodesFound::kAdded) {  // on with what follows the set
+        if (found == NodesFound::kAdded) {  // continue after the set
           while (k + 1 < count && (near_only ? memory.near[k + 1] : k + 1) < end) ++k;
           continue;
         }
@@ -312,7 +315,7 @@ void calc_absorber(const AbsorberLaw& law, Acting acting, const RelativeMotion<S
   out.gap = -depth;
   out.pressed = law.pulls ? depth : std::min<S>(depth, pushing);
   const bool acts = acting == Acting::kByState ? out.pressed > S(0) : acting == Acting::kYes;
-  if (!acts && depth <= S(0)) return;  // one that was let go comes back by itself
+  if (!acts && depth <= S(0)) return;  // a released absorber returns by itself
   const S force = acts ? pushing : S(0);
   out.on_passive.f = Vec3<S>(force, S(0), S(0));
   out.on_passive.t = x.p.cross(out.on_passive.f);

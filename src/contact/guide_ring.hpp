@@ -13,7 +13,7 @@
 namespace dockloop {
 
 /// Dimensions of one side, axes of its own interface; azimuth counts from y to z.
-/// Cores are what the rounding radii are added to. A mechanism file states all of them.
+/// A surface is a core plus a rounding radius. A mechanism file states all dimensions.
 struct GuideRing {
   double core_x = 0.0;                 ///< plane of the annulus core of the ring face [m]
   double core_inner_radius = 0.0;      ///< [m]

@@ -47,7 +47,7 @@ double find_event_speed(const LatchState& state, const LatchMotion& motion) {
     case LatchMode::kSpent:
       return std::abs(motion.rate[0]);
     case LatchMode::kReleasing:
-      return 1.0;  // the time that is left
+      return 1.0;  // the remaining time
     case LatchMode::kHeld:
       break;
   }
@@ -64,7 +64,7 @@ bool is_passed(const LatchLaw& law, const LatchState& state, const LatchMotion& 
     return calc_latch<double>(law, state, 0.0, s, 0.0).event;
   };
   constexpr int kPlaces = 64;
-  // Not faster than both ends and the way between them allow: next to all steps end here.
+  // Bound of the rate by both ends and their distance: nearly all steps end here.
   const double speed = 1.5 * std::max({find_event_speed(state, from), find_event_speed(state, to),
                                        (to.s - from.s).norm() / h});
   if (find_event(0.0) + find_event(1.0) > speed * h) return false;

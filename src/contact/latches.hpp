@@ -3,8 +3,8 @@
 // Latch i has its hook H at a point of G and its striker at a point of P; s = striker - H in axes
 // of G, s_x is the opening, rho = sqrt(s_y^2 + s_z^2) the lateral offset. The mode (open, held,
 // releasing, spent) is discrete state that the integrator changes at the zero of an event function.
-// Every force is the gradient of an energy or a power that is a square; the energy an event
-// destroys is returned to be booked. With play >= catch distance the force is zero on both sides of
+// Every force is the gradient of an energy or a power that is a square. Functions return the energy
+// that an event dissipates. With play >= catch distance the force is zero on both sides of
 // the catch, so there is no jump and a late detection costs nothing.
 #pragma once
 
@@ -19,8 +19,8 @@ namespace dockloop {
 /// Parameters of all latches of a set (defaults assumed).
 struct LatchLaw {
   double pawl_range = 0.020;      ///< x_r: the pawl starts to push [m]
-  double catch_distance = 0.004;  ///< x_c: it has snapped in [m]
-  double play = 0.005;            ///< x_p >= x_c: the held striker is loose up to here [m]
+  double catch_distance = 0.004;  ///< x_c: the pawl has snapped in [m]
+  double play = 0.005;            ///< x_p >= x_c: free opening of the held striker [m]
   double window = 0.025;          ///< w: lateral; the pawl force fades from w to 2 w [m]
   double guard = 0.030;           ///< a striker this far beyond the hook is not caught [m]
   double push_force = 20.0;       ///< F_l: peak of the pawl force [N]
@@ -28,7 +28,7 @@ struct LatchLaw {
   double hold_damping = 4.0;      ///< lambda_l [s/m]
   double hold_toe = 5e-5;         ///< parabolic start of the tension [m]
   bool releases_on_overload = false;
-  double rated_load = 0.0;     ///< tension at which it then lets go [N]
+  double rated_load = 0.0;     ///< tension of the release on overload [N]
   double release_ramp = 0.05;  ///< the tension fades over this time [s]
 };
 
@@ -44,7 +44,7 @@ struct LatchSet {
 /// @throws ModelError for parameters out of range or hooks without strikers.
 void check_latches(const LatchSet& set);
 
-/// kSpent: released, and not ready before the opening has exceeded the pawl range again.
+/// kSpent: released; ready again after the opening has exceeded the pawl range.
 enum class LatchMode : int { kOpen = 1, kHeld = 2, kReleasing = 3, kSpent = 4 };
 
 /// Discrete state of one latch. To release on command, set kReleasing and the time.
@@ -82,29 +82,29 @@ template <class S>
 void calc_latches(const LatchSet& set, const LatchState* state, S t,
                   const RelativeMotion<S>& motion, LatchResult<S>& out);
 
-/// Where the striker of latch i is as seen from its hook, and how fast it moves, axes of G.
+/// Position and velocity of the striker of latch i relative to its hook, axes of G.
 struct LatchMotion {
   Vec3<double> s, rate;  ///< [m], [m/s]
 };
 LatchMotion find_latch_motion(const LatchSet& set, int i, const RelativeMotion<double>& motion);
 
-/// The conditions of which the event function of latch i is the largest, for who looks at signs at
-/// the ends of steps only: those along its axis and those across.
+/// The event function of latch i is the largest of these conditions, along its axis and across. For
+/// integrators that check signs at the ends of steps only.
 std::array<double, 2> find_conditions(const LatchLaw& law, const LatchState& state,
                                       const LatchMotion& motion, double event);
 
-/// Bound of how fast the event function of a latch changes [1/s times its unit]; 0 = not known.
+/// Upper bound of the rate of the event function of a latch [1/s times its unit]; 0 = not known.
 double find_event_speed(const LatchState& state, const LatchMotion& motion);
 
-/// Was the event function of a latch below zero on the way from one motion to another, h later?
-/// The way is the cubic through both.
+/// Was the event function of a latch below zero between one motion and another, h later? The path
+/// is the cubic through both.
 bool is_passed(const LatchLaw& law, const LatchState& state, const LatchMotion& from,
                const LatchMotion& to, double h);
 
 /// Change the mode of latch i if that is due (event <= 0 within 1e-9, as a root finder leaves it).
-/// @param passed  it is due whatever the event function says here: it was below zero just before
-/// @return energy lost by the change [J], to be booked as dissipated by latches; 0 if nothing is
-/// due.
+/// @param passed  the change is due for any event function: it was below zero just before
+/// @return energy dissipated by the change [J], which the caller adds to the latches; 0 if no
+/// change is due.
 double update_latch(const LatchSet& set, int i, double t, const RelativeMotion<double>& motion,
                     LatchState& state, bool passed = false);
 

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kDue = 1e-9;  // tolerance of a located event, m, s or -
 
-/// Force on the striker in axes of G [N] and what goes with it.
+/// Force on the striker in axes of G [N], with its energy and power.
 template <class S>
 struct OneLatch {
   Vec3<S> force;

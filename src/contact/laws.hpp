@@ -105,8 +105,8 @@ Friction<S> calc_bristle_friction(const ContactLaw& law, const S& normal_force, 
 
 /// Restitution e of one impact for c = lambda v_in: the root of c (1 + e) = ln((1 + c)/(1 - e c)).
 /// It holds for every elastic force and mass: with the depth rate u as variable, m u du =
-/// -F_el(d)(1 + lambda u) dd, and the integral of F_el over the way in equals that over the way
-/// out.
+/// -F_el(d)(1 + lambda u) dd, and the integral of F_el inwards equals the integral
+/// outwards.
 double find_restitution(double c);
 
 /// lambda [s/m] for which an impact at `speed` [m/s] has `restitution` (0 < restitution <= 1).

@@ -1,4 +1,4 @@
-// Nodes of one ring on the face of the other, side by side: eight nodes to a group.
+// Nodes of one ring on the face of the other in SIMD lanes: groups of eight nodes.
 //
 // The laws are those of laws.hpp with regularised friction, the geometry that of
 // find_point_annulus(); compiled for several instruction sets like the legs
@@ -9,12 +9,12 @@
 
 namespace dockloop::nodes {
 
-/// Where the nodes are, axes of the side that carries them [m]. Unused lanes repeat a node.
+/// Positions of the nodes, axes of their side [m]. Unused lanes repeat a node.
 struct alignas(64) NodeGroup {
   double position[3][kGroup];
 };
 
-/// Motion of P relative to G (axes of G), the ring that is touched, and the law.
+/// Motion of P relative to G (axes of G), the ring face, and the law.
 struct NodeContact {
   bool on_passive;  ///< the nodes belong to P
   double R[9];      ///< R_GP by columns
@@ -23,13 +23,13 @@ struct NodeContact {
   double stiffness, toe, damping, friction_coefficient, friction_speed;
 };
 
-/// Of every node: gap [m] and way from G to P (3) [m], axes of G, if `ways` or some node touches.
+/// For every node: gap [m] and vector from G to P (3) [m], axes of G, if `ways` or a node touches.
 struct alignas(64) NodeGaps {
   double gap[kGroup];
   double way[3][kGroup];
 };
 
-/// Rows of sums over the nodes of one group: what ContactResult adds up.
+/// Rows of sums over the nodes of one group, for ContactResult.
 enum NodeSum {
   kSumForce = 0,
   kSumMoment = 3,
@@ -39,10 +39,11 @@ enum NodeSum {
   kNodeSums = 9
 };
 
-enum class Touch { kNone, kShallow, kDeep };  ///< deeper than the law here: half the rounding
+/// Contact of a group. kDeep: deeper than half the rounding, the limit of this code.
+enum class Touch { kNone, kShallow, kDeep };
 
 struct NodeFunctions {
-  /// Adds to sums[row][lane]; nothing is added for kNone, what is added for kDeep is not meant.
+  /// Adds to sums[row][lane]; adds nothing for kNone. For kDeep the sums are not valid.
   /// @param count  nodes in the group
   Touch (*add_group)(const NodeGroup& group, int count, const NodeContact& contact, bool ways,
                      NodeGaps& gaps, double (*sums)[kGroup]);
@@ -54,7 +55,7 @@ extern const NodeFunctions kBaseFunctions;
 extern const NodeFunctions kAvx2Functions, kAvx512Functions;
 #endif
 
-/// The widest that this processor has. @param widest  lanes at most
+/// Functions for the widest registers of this processor. @param widest  largest number of lanes
 const NodeFunctions& find_node_functions(int widest = kGroup);
 
 }  // namespace dockloop::nodes

@@ -10,7 +10,7 @@ using namespace lanes;
 template <bool kOnPassive>
 Touch add_nodes(const NodeGroup& group, int at, Mask used, const NodeContact& contact, bool ways,
                 NodeGaps& gaps, double (*sums)[kGroup]) {
-  const Cells in{const_cast<double(*)[kGroup]>(group.position), at};
+  const Cells in{const_cast<double (*)[kGroup]>(group.position), at};
   const Cells total{sums, at}, way{gaps.way, at};
   const M R = {spread3(contact.R), spread3(contact.R + 3), spread3(contact.R + 6)};
   const V p = spread3(contact.p), x = in.get_vector(0);
@@ -20,9 +20,9 @@ Touch add_nodes(const NodeGroup& group, int at, Mask used, const NodeContact& co
   const Lanes r = take_root(node.y * node.y + node.z * node.z);
   const Lanes inner = spread(contact.ring_inner), outer = spread(contact.ring_outer);
   const Lanes at_least = r < inner ? inner : r, rc = at_least > outer ? outer : at_least;
-  const Mask beside = r > zero;
-  const V q = {spread(contact.ring_x), beside ? node.y * rc / r : rc,
-               beside ? node.z * rc / r : zero};
+  const Mask off_axis = r > zero;
+  const V q = {spread(contact.ring_x), off_axis ? node.y * rc / r : rc,
+               off_axis ? node.z * rc / r : zero};
   const V between = node - q;
   const Lanes root = take_root(dot(between, between));
   const Lanes gap = root - spread(contact.rounding);

@@ -255,11 +255,11 @@ S find_lowest(const SegmentOnAnnulus<S>& f) {
   return t;
 }
 
-/// The same with derivatives: the search runs on values, whatever way it ends; inside the segment
-/// f'(t) = 0 then tells how its result moves (implicit function theorem). At an end it stays.
+/// The same with derivatives: the search runs on values. Inside the segment the derivative of t
+/// follows from f'(t) = 0 (implicit function theorem). At an end of the segment t is constant.
 template <int N>
 Dual<N> find_lowest(const SegmentOnAnnulus<Dual<N>>& f) {
-  constexpr double kEnd = 1e-14;  // as close as bisection comes to an end
+  constexpr double kEnd = 1e-14;  // accuracy of bisection at an end
   const auto plain = [](const Vec3<Dual<N>>& x) {
     return Vec3<double>(x[0].value, x[1].value, x[2].value);
   };

@@ -11,12 +11,12 @@ namespace {
 
 constexpr double kHalfTurn = static_cast<double>(EIGEN_PI);
 constexpr double kTouch = 1e-6;   // [m] of gap that ends a march
-constexpr int kMostSteps = 2000;  // of a march beside a surface, where steps are short
+constexpr int kMostSteps = 2000;  // of a march along a surface, where steps are short
 constexpr int kRolls = 13;        // sections, first and last at the ends of the roll
 constexpr int kDirections = 24;   // in each section
 constexpr int kRefinements = 10;  // halvings of the spacing about the best sample
 
-/// The two rings, seated but for y, z and roll.
+/// The two rings, seated, with free y, z and roll.
 class SeatedRings {
  public:
   SeatedRings(const ContactModel& model, const LatchSet& latches)
@@ -30,15 +30,16 @@ class SeatedRings {
     return find_gap<double>(model_, motion_, work_);
   }
 
-  /// Free roll from the centre, `sign` tells which way [rad].
+  /// Free roll from the centre, in the direction `sign` [rad].
   double find_roll(double sign) {
-    const double reach = model_.reach;  // of the surfaces: no point moves by more than reach x roll
-    return sign / reach * march(kHalfTurn * reach, [&](double s) {
-             return find_gap_at(0.0, 0.0, sign * s / reach);
+    const double radius =
+        model_.reach;  // no point of the surfaces moves by more than radius x roll
+    return sign / radius * march(kHalfTurn * radius, [&](double s) {
+             return find_gap_at(0.0, 0.0, sign * s / radius);
            });
   }
 
-  /// Free way from the docking axis at this roll [m].
+  /// Free distance from the docking axis at this roll [m].
   double find_lateral(double direction, double roll) {
     const double y = std::cos(direction), z = std::sin(direction);
     return march(2.0 * model_.reach, [&](double s) { return find_gap_at(s * y, s * z, roll); });
@@ -54,7 +55,7 @@ class SeatedRings {
     return largest;
   }
 
-  /// Largest distance of a striker from its hook at the end of that way [m].
+  /// Largest distance of a striker from its hook at the end of the free distance [m].
   double find_striker_offset(double direction, double roll) {
     const double way = find_lateral(direction, roll);
     place(way * std::cos(direction), way * std::sin(direction), roll);
@@ -105,8 +106,8 @@ struct Samples {
   double step() const { return count > 1 ? (last - first) / (count - 1) : 0.0; }
 };
 
-/// Highest value over a grid of samples and on the way up from the best of them, in steps that
-/// halve where none leads higher. Heights are taken within the samples' ends only.
+/// Highest value over a grid of samples, refined from the best sample in steps that are halved when
+/// no step increases the value. Only between the first and the last sample.
 template <class Height>
 double find_highest(const Samples& along_x, const Samples& along_y, const Height& height) {
   double best = -kNoGap, x = 0.0, y = 0.0;
@@ -158,7 +159,7 @@ SeatedPlay find_seated_play(const ContactModel& model, const LatchSet& latches) 
   play.most_lateral = find_highest(directions, {}, lateral);
   play.least_lateral = -find_highest(
       directions, {}, [&](double direction, double) { return -lateral(direction, 0.0); });
-  // Way and turn both carry strikers off, and the more of one the less of the other.
+  // Lateral motion and roll both move strikers from their hooks; one limits the other.
   play.striker_offset = find_highest(
       directions, {play.least_roll, play.most_roll, kRolls},
       [&](double direction, double roll) { return rings.find_striker_offset(direction, roll); });

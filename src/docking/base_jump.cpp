@@ -53,7 +53,7 @@ BaseJumpWorkspace::BaseJumpWorkspace(const Mechanism& mechanism) {
 Status jump_to_momentum(const DockingModel& model, const FrameMotion<double>& before,
                         const Wrench<double>& momentum, double* y, DockingData<double>& data,
                         BaseJumpWorkspace& work) {
-  if (model.locked.on) {  // what is carried goes along
+  if (model.locked.on) {  // carried bodies move with the vehicle
     set_momentum(model, kChaser, momentum, y);
     return {};
   }
@@ -88,26 +88,26 @@ Status hold_capture_body(const DockingModel& model, const Pose<double>& capture,
   MechanismData<double>& mechanism = data.mechanism;
   TreeData<double>& tree = mechanism.tree;
   const FrameMotion<double> now = find_capture_motion(model, tree);
-  Vec6<double> way;
-  way.head<3>() = capture.p - now.p;
-  way.tail<3>() =
+  Vec6<double> displacement;
+  displacement.head<3>() = capture.p - now.p;
+  displacement.tail<3>() =
       quat_log<double>(quat_from_matrix<double>(Mat3<double>(capture.R * now.R.transpose())));
-  // Farther than this is no correction but another place, to which the mechanism goes along.
-  constexpr double kLongestWay = 0.02, kRounding = 1e-13;  // [m], [rad]
-  if (way.head<3>().norm() > kLongestWay || way.norm() < kRounding) return {};
+  // A larger displacement is not a correction: the mechanism then moves with the vehicle.
+  constexpr double kLongestDisplacement = 0.02, kRounding = 1e-13;  // [m], [rad]
+  if (displacement.head<3>().norm() > kLongestDisplacement || displacement.norm() < kRounding)
+    return {};
   const std::vector<int>& ind = model.mechanism.plan.ind_v;
   const int first = count_vehicle_velocities(model.mechanism);
   for (int j : ind) tree.v[j] = 0.0;  // the Jacobian does not depend on velocities
   calc_velocity(model.mechanism, data.base, mechanism);
-  const Vec6<double> drift =
-      find_capture_velocity(model, data);  // of joints that move by themselves
+  const Vec6<double> drift = find_capture_velocity(model, data);  // of driven joints
   for (int j = 0; j < n; ++j) {
     tree.v[ind[first + j]] = 1.0;
     calc_velocity(model.mechanism, data.base, mechanism);
     work.J_T.row(j) = (find_capture_velocity(model, data) - drift).transpose();
     tree.v[ind[first + j]] = 0.0;
   }
-  // Least kinetic energy: dq = inv(A) J^T inv(J inv(A) J^T) way; what J cannot reach stays.
+  // Least kinetic energy: dq = inv(A) J^T inv(J inv(A) J^T) distance, in directions that J allows.
   work.A_qq = mechanism.A_ind.bottomRightCorner(n, n);
   work.factor.compute(work.A_qq);
   if (work.factor.info() != Eigen::Success) return {StatusCode::kInertiaNotPositive, -1, 0.0, 0.0};
@@ -116,7 +116,7 @@ Status hold_capture_body(const DockingModel& model, const Pose<double>& capture,
   const Mat6<double> mobility = work.J_T.transpose().lazyProduct(work.X);
   const Eigen::SelfAdjointEigenSolver<Mat6<double>> modes(mobility);
   constexpr double kReachable = 1e-9;  // of the largest mobility
-  Vec6<double> share = modes.eigenvectors().transpose() * way;
+  Vec6<double> share = modes.eigenvectors().transpose() * displacement;
   for (int k = 0; k < 6; ++k) {
     const double mobile = modes.eigenvalues()[k];
     share[k] = mobile > kReachable * modes.eigenvalues()[5] ? share[k] / mobile : 0.0;

@@ -1,12 +1,14 @@
-// What a jump of the vehicle does to the mechanism on it.
+// Effect of a jump of the vehicle on the mechanism.
 //
-// A host that moves a vehicle by itself may find it elsewhere than the equations had it. Then the
-// mechanism, whose coordinates are relative to the vehicle, is referred to the new motion:
+// A host that integrates a vehicle reports a motion that differs from the prediction. The
+// coordinates of the mechanism are relative to the vehicle and must be corrected:
 //
-//   velocity   as by an impulse on the vehicle: the joints are free, so loose bodies keep their
-//              momentum and guided ones are taken along
-//   pose       a capture body that is in contact stays where it is on the target, for a stiff
-//              contact would feel a micrometre; everything else goes with the vehicle
+//   velocity   as by an impulse on the vehicle: joints are free, so loose bodies keep their
+//   momentum
+//              and guided bodies move with the vehicle
+//   pose       a capture body in contact keeps its place on the target, because a micrometre
+//   changes
+//              a stiff contact force; all other bodies move with the vehicle
 #pragma once
 
 #include "docking/docking_model.hpp"
@@ -23,14 +25,14 @@ struct BaseJumpWorkspace {
 
 /// Give the chaser, with the mechanism on it, a momentum (axes of O, about O) by one impulse on the
 /// vehicle: A [dV; dv_q] = [J; 0].
-/// @param before  motion of the vehicle that mechanism velocities in y are relative to; v and w
+/// @param before  motion of the vehicle to which mechanism velocities in y are relative; v and w
 /// @pre its pose is in y. @post momentum and mechanism velocities in y
 Status jump_to_momentum(const DockingModel& model, const FrameMotion<double>& before,
                         const Wrench<double>& momentum, double* y, DockingData<double>& data,
                         BaseJumpWorkspace& work);
 
-/// After a change of vehicle poses in y: bring the capture body to a pose, as far as the mechanism
-/// can, by the motion of least kinetic energy. Nothing happens for a way of more than 20 mm.
+/// After a change of vehicle poses in y: move the capture body to a pose, as far as the mechanism
+/// allows, by the motion of least kinetic energy. No effect for a distance of more than 20 mm.
 /// @param capture  wanted pose of G in O. @post coordinates of the mechanism in y
 Status hold_capture_body(const DockingModel& model, const Pose<double>& capture, double* y,
                          DockingData<double>& data, BaseJumpWorkspace& work);

@@ -1,4 +1,4 @@
-// Seeds and harvest of the dual numbers of a docking; see docking_jacobian.hpp.
+// Seeds and derivatives of the dual numbers of a docking; see docking_jacobian.hpp.
 #include "docking/docking_jacobian.hpp"
 
 #include <algorithm>

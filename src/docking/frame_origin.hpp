@@ -1,4 +1,4 @@
-// Where frame O begins: a function of scene and parameters alone.
+// Start position of frame O: a function of scene and parameters alone.
 #pragma once
 
 #include <array>

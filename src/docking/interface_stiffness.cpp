@@ -11,10 +11,10 @@ namespace {
 
 constexpr double kLimp = 1e-10;    ///< a pivot below this part of its diagonal is rounding
 constexpr double kLink = 1e6;      ///< link over mechanism, as squared frequencies
-constexpr double kSlow = 1e-3;     ///< first guess: everything follows as if at rest [rad/s]
+constexpr double kSlow = 1e-3;     ///< first guess: quasi-static [rad/s]
 constexpr double kSettled = 1e-6;  ///< last relative change of w; two to five repetitions
-constexpr int kFree = 4;           ///< later ones go half the way, lest they alternate
-constexpr int kIterations = 30;    ///< one state in a thousand has no smooth solution
+constexpr int kFree = 4;         ///< later repetitions are damped by one half, against oscillation
+constexpr int kIterations = 30;  ///< limit: one state in a thousand does not converge
 
 using Complex = std::complex<double>;
 
@@ -43,7 +43,7 @@ Mat6<double> make_locked_inertia(const VehicleBody& whole) {
   return A;
 }
 
-/// Inverse of the mass that relative motion at G meets.
+/// Inverse of the effective mass of relative motion at G.
 Mat6<double> find_mobility(const DockingModel& model, const DockingData<double>& at,
                            const Interface& geometry, VecX<double>& column) {
   Mat6<double> sum = Mat6<double>::Zero();
@@ -114,10 +114,10 @@ class Seeds {
   }
 
  private:
-  /// Whose motion changes x: the target, unless it is immobile.
+  /// Vehicle whose motion changes x: the target, unless it is fixed.
   int mover() const { return model_.moves[kTarget] ? kTarget : kChaser; }
 
-  /// Motion of the mover that is xi = 1 in this direction, axes of O.
+  /// Motion of this vehicle for xi = 1 in this direction, axes of O.
   Twist<double> find_twist(int direction) const {
     const Vec6<double> x = geometry_.L.col(direction - model_.layout.mechanism_nv);
     const double sign = mover() == kTarget ? 1.0 : -1.0;
@@ -230,7 +230,7 @@ Status calc_damping(const DockingModel& model, const DiscreteState& discrete,
   return {};
 }
 
-/// K, everything at rest. @pre calc_damping
+/// K, at zero velocities. @pre calc_damping
 Status calc_stiffness(const DockingModel& model, const DiscreteState& discrete,
                       const ContactMemory& memory, const DockingData<double>& at,
                       const Interface& geometry, const Loads& loads, double t, const double* y,
@@ -262,7 +262,7 @@ Status calc_stiffness(const DockingModel& model, const DiscreteState& discrete,
   return {};
 }
 
-/// Does anything hold P at G?
+/// Does a contact or latch hold P at G?
 bool is_held(const DockingModel& model, const DiscreteState& discrete,
              const DockingData<double>& at) {
   if (!model.contact.empty() && at.contact.active_count > 0) return true;
@@ -275,7 +275,7 @@ bool is_held(const DockingModel& model, const DiscreteState& discrete,
 }
 
 /// Join G and P by a spring whose squared frequency is the same in all directions.
-/// @return that [rad2/s2]; 0 if no coordinate that moves G has a spring
+/// @return this squared frequency [rad2/s2]; 0 if no coordinate that moves G has a spring
 double add_link(InterfaceWorkspace& work) {
   const int n = static_cast<int>(work.capture.cols());
   double largest = 0.0;
@@ -298,8 +298,8 @@ void make_symmetric_part(MatX<double>& K) {
   }
 }
 
-/// K + i w C without the coordinates of the mechanism: eliminated by Gauss, the least cancelled
-/// pivot first. One whose pivot is rounding, or not positive, transmits nothing and is held.
+/// K + i w C without the coordinates of the mechanism: Gauss elimination, the pivot with the least
+/// cancellation first. A coordinate with a pivot of rounding size, or not positive, is held.
 /// @return its last six rows and columns
 Mat6<Complex> condense(double w, InterfaceWorkspace& work) {
   const int n = static_cast<int>(work.diagonal.size());

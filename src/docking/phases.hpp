@@ -1,4 +1,4 @@
-// From relative motion and latches to the words users think in: phase and outcome of a docking.
+// Phase and outcome of a docking, from relative motion and latches.
 #pragma once
 
 #include "docking/docking_model.hpp"
@@ -6,8 +6,8 @@
 
 namespace dockloop {
 
-/// Numbers of the interface: phase 6 (retracting) and 7 (hard docked) need a retraction drive,
-/// which no shipped mechanism has.
+/// Values of the variable `phase`. Phases 6 (retracting) and 7 (hard docked) need a retraction
+/// drive, which no shipped mechanism has.
 enum Phase {
   kApproach = 1,
   kContact,
@@ -19,26 +19,26 @@ enum Phase {
   kRebound
 };
 inline const ChoiceList kPhases = {
-    {kApproach, "approach", "before the first touch"},
-    {kContact, "contact", "the capture surfaces have touched, not all latches hold"},
-    {kCaptured, "captured", "all latches hold, the interfaces still close"},
-    {kAttenuating, "attenuating", "held, the motion has reversed at least once"},
-    {kAligned, "aligned", "held and at rest: below 1 mm/s and 0.02 deg/s"},
+    {kApproach, "approach", "before the first contact"},
+    {kContact, "contact", "after first contact, not all latches hold"},
+    {kCaptured, "captured", "all latches hold, the distance still decreases"},
+    {kAttenuating, "attenuating", "all latches hold, the motion has reversed at least once"},
+    {kAligned, "aligned", "all latches hold, at rest: below 1 mm/s and 0.02 deg/s"},
     {kRetracting, "retracting", "needs a retraction drive, which the mechanism does not have"},
     {kHardDocked, "hard_docked", "as 6"},
-    {kRebound, "rebound", "open by more than 50 mm and opening, no latch holds"},
+    {kRebound, "rebound", "gap above 50 mm and increasing, no latch holds"},
 };
 
 enum Outcome { kUndecided = 1, kOutcomeCaptured, kPartialCapture, kOutcomeRebound, kMiss };
 inline const ChoiceList kOutcomes = {
-    {kUndecided, "undecided", "nothing final has happened"},
+    {kUndecided, "undecided", "no final outcome yet"},
     {kOutcomeCaptured, "captured", "all latches hold"},
     {kPartialCapture, "partial capture", "some latches hold"},
-    {kOutcomeRebound, "rebound", "touched and left again without a latch"},
-    {kMiss, "miss", "leaving or passed by without a touch"},
+    {kOutcomeRebound, "rebound", "contact and separation without a latch"},
+    {kMiss, "miss", "separation or passing without contact"},
 };
 
-/// Why there is no capture (yet).
+/// Reason for no capture (yet).
 enum CaptureReason {
   kNoReason = 1,
   kNotTouched,
@@ -52,15 +52,15 @@ enum CaptureReason {
 inline const ChoiceList kCaptureReasons = {
     {kNoReason, "none", "captured"},
     {kNotTouched, "no contact", "so far"},
-    {kInMotion, "in motion", "touched and still moving"},
+    {kInMotion, "in motion", "contact, and still moving"},
     {kBesideWindow, "beside window", "seated, but a striker is outside the window of its latch"},
     {kHungUp, "hung up", "at rest against a petal"},
-    {kTooSlow, "too slow", "at rest, not seated, no petal in the way"},
-    {kReasonRebound, "rebound", "the vehicles parted again"},
-    {kReasonMiss, "miss", "they passed each other, or part without contact"},
+    {kTooSlow, "too slow", "at rest, not seated, no petal in contact"},
+    {kReasonRebound, "rebound", "the vehicles separated after contact"},
+    {kReasonMiss, "miss", "the vehicles passed each other, or separate without contact"},
 };
 
-/// Where the striker of a latch is.
+/// Position of the striker of a latch.
 enum LatchReport { kFree = 1, kPushed, kInReach, kCaught, kLettingGo };
 inline const ChoiceList kLatchReports = {
     {kFree, "free", "the striker does not touch the pawl"},
@@ -70,7 +70,7 @@ inline const ChoiceList kLatchReports = {
     {kLettingGo, "releasing", ""},
 };
 
-/// What the phase logic looks at, P relative to A unless stated.
+/// Inputs of the phase logic, P relative to A unless stated.
 struct PhaseInputs {
   double gap = 0.0;            ///< of the capture surfaces; above kReboundGap a lower bound [m]
   double axial = 0.0;          ///< of P relative to G [m]
@@ -78,14 +78,14 @@ struct PhaseInputs {
   double speed = 0.0;          ///< of P relative to A [m/s]
   double angular_speed = 0.0;  ///< [rad/s]
   int latched = 0;             ///< latches that hold
-  bool seated = false;         ///< every striker is as deep as a catch needs
+  bool seated = false;         ///< every striker is deep enough for a catch
   bool on_petal = false;       ///< a petal carries load
 };
 
 /// Limits of the phase logic (assumptions).
-constexpr double kReboundGap = 0.05;     ///< open by this much and opening: rebound [m]
-constexpr double kGapRounding = 1e-6;    ///< of a gap where an event was located [m]
-constexpr double kSeatedGap = 1e-3;      ///< seated rings touch, to this [m]
+constexpr double kReboundGap = 0.05;     ///< rebound: gap above this limit and increasing [m]
+constexpr double kGapRounding = 1e-6;    ///< of the gap at a located event [m]
+constexpr double kSeatedGap = 1e-3;      ///< largest gap of seated rings [m]
 constexpr double kPassedDepth = 0.05;    ///< interface behind the ring without contact: miss [m]
 constexpr double kAlignedSpeed = 1e-3;   ///< at rest below [m/s]
 constexpr double kAlignedRate = 3.5e-4;  ///< and below this angular rate, 0.02 deg/s [rad/s]
@@ -93,14 +93,13 @@ constexpr double kAlignedRate = 3.5e-4;  ///< and below this angular rate, 0.02 
 /// Update phase and outcome at an accepted step.
 void update_phase(const PhaseInputs& now, DiscreteState& state);
 
-/// Adds up for how long the rings are seated without capture. At accepted steps. @param t  [s]
+/// Updates the duration of seated rings without capture. At accepted steps. @param t  [s]
 void update_seat(const PhaseInputs& now, double t, DiscreteState& state);
 
 CaptureReason find_capture_reason(const PhaseInputs& now, const DiscreteState& state);
 
-/// Positive while update_phase() would leave phase and outcome as they are, falls through zero
-/// where it would not. Changes that contact and latches bring about have event functions of their
-/// own.
+/// Positive while update_phase() would not change phase and outcome; falls through zero at a
+/// change. Changes by contact and latches have their own event functions.
 double find_phase_indicator(const PhaseInputs& now, const DiscreteState& state);
 
 }  // namespace dockloop

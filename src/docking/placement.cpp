@@ -1,4 +1,4 @@
-// Placing and back-dating; see placement.hpp.
+// Placement and backward free motion; see placement.hpp.
 #include "docking/placement.hpp"
 
 #include <algorithm>
@@ -11,14 +11,14 @@
 namespace dockloop {
 namespace {
 
-/// Distance along x of A at which the surfaces just touch, coming from afar. The gap changes by at
-/// most the distance travelled, so going forward by the gap can never jump over a contact.
+/// Distance along x of A at which the surfaces just touch, from a large distance. The gap changes
+/// at most by the distance moved, so a step of the gap cannot pass a contact.
 double find_touching_distance(const Scene& scene, const Mat3<double>& R_AP,
                               const Vec3<double>& lateral, const Pose<double>& G_in_A,
                               bool& touches) {
   constexpr double kTouching = 1e-10;  // [m]
   ContactWorkspace<double> work(scene.contact);
-  double x = std::max(2.0 * scene.contact.reach, 1.0);  // an absorber has no reach
+  double x = std::max(2.0 * scene.contact.reach, 1.0);  // an absorber has radius 0
   touches = true;
   for (int i = 0; i < 100000 && x >= -scene.contact.reach; ++i) {
     RelativeMotion<double> relative;
@@ -32,7 +32,7 @@ double find_touching_distance(const Scene& scene, const Mat3<double>& R_AP,
   return 0.0;
 }
 
-/// Gap of the surfaces where the vehicles start, mechanism at home [m].
+/// Gap of the surfaces at the start, mechanism in home pose [m].
 double find_start_gap(const Scene& scene, const Placement& placement, const Pose<double>& G_in_A) {
   std::array<Pose<double>, 2> interface;
   for (int i : {kChaser, kTarget}) {
@@ -49,10 +49,11 @@ double find_start_gap(const Scene& scene, const Placement& placement, const Pose
   return find_gap(scene.contact, relative, work);
 }
 
-/// Motion of a rigid body under no load.
+/// Motion of a rigid body without loads.
 struct FreeBody {
   double mass = 0.0;
-  Vec3<double> com = Vec3<double>::Zero();  ///< of what moves, from the vehicle's CoM, body axes
+  Vec3<double> com =
+      Vec3<double>::Zero();  ///< of the moving body, from the vehicle's centre of mass, body axes
   Mat3<double> inertia = Mat3<double>::Zero();
 
   /// State a time `duration` earlier. Attitude by RK4 in small steps, translation exactly.
@@ -70,7 +71,7 @@ struct FreeBody {
   }
 };
 
-/// Vehicle with the mechanism frozen at home, unless its stated mass includes it already.
+/// Vehicle with the mechanism frozen in home pose, unless the stated mass includes the mechanism.
 FreeBody make_free_body(const Scene& scene, int i) {
   const VehicleParameters& p = scene.vehicle[i];
   FreeBody body{p.mass, Vec3<double>::Zero(), make_symmetric(p.inertia)};
@@ -96,7 +97,8 @@ FreeBody make_free_body(const Scene& scene, int i) {
 Placement find_placement(const Scene& scene) {
   const ContactConditions& at = scene.conditions;
   if (!at.given || !scene.has_target) {
-    throw ModelError("scene '" + scene.name + "' states no conditions at first contact");
+    throw ModelError("scene '" + scene.name +
+                     "' has no conditions at first contact: set initial.at = \"first_contact\"");
   }
   if (scene.motion[kChaser] == Motion::kFixed) {
     throw ModelError("scene '" + scene.name +
@@ -153,7 +155,7 @@ Placement find_placement(const Scene& scene) {
       char text[400];
       std::snprintf(text, sizeof text,
                     "scene '%s': no free motion of %.6g s leads to these conditions at first "
-                    "contact, because it starts with the surfaces %.3g mm in each other; shorten "
+                    "contact, because the surfaces overlap by %.3g mm at the start; shorten "
                     "initial.approach_time, or change offsets, tilt or their rates",
                     scene.name.c_str(), at.approach_time, -1e3 * gap);
       throw ModelError(text);

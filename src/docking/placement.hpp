@@ -1,8 +1,9 @@
-// Where to start so that stated conditions hold at first contact.
+// Start state for prescribed conditions at first contact.
 //
-// Docking standards state misalignments and rates at first contact; after a long approach they
-// would be something else. The vehicles are placed with the stated relative state, moved along the
-// docking axis until the surfaces just touch, and taken back along their free motion.
+// Docking standards prescribe misalignments and rates at first contact. A long approach changes
+// these values. The vehicles are placed with the prescribed relative state and moved along the
+// docking axis until the surfaces just touch. Their free motion, backwards in time, gives the start
+// state.
 #pragma once
 
 #include <array>
@@ -17,8 +18,8 @@ struct Placement {
   bool touches = true;  ///< false: the surfaces never meet on this line; A and P coincide axially
 };
 
-/// @throws ModelError if the scene states no conditions, its chaser cannot move, or the way to them
-/// would begin inside the surfaces.
+/// @throws ModelError if the scene has no such conditions, its chaser is fixed, or the surfaces
+/// overlap at the start.
 Placement find_placement(const Scene& scene);
 
 }  // namespace dockloop

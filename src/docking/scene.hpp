@@ -1,7 +1,7 @@
-// A resolved scene: everything a simulation needs, read from resources/model.json of an FMU.
+// A resolved scene: all data of a simulation, read from resources/model.json of an FMU.
 //
 // `dockloop build` (scripts/dockloop/scene.py) merges a scene file, overrides and the mechanism
-// file into that one JSON document ("dockloop-scene/1"); nothing else is read at run time.
+// file into this JSON document ("dockloop-scene/1"). A run reads no other file.
 #pragma once
 
 #include <array>
@@ -18,10 +18,11 @@
 namespace dockloop {
 
 enum VehicleIndex { kChaser = 0, kTarget = 1 };
-/// How a vehicle moves: integrated inside, imposed by the host at communication points, or not.
+/// Motion of a vehicle: integrated inside, prescribed by the host at communication points, or
+/// fixed.
 enum class Motion { kFree, kDriven, kFixed };
 
-/// Values of model.level, from coarse to fine; numbers of the interface.
+/// Values of model.level, from coarse to fine.
 enum ModelLevel {
   kRigid = 1,         ///< the mechanism is locked at its start pose
   kMasslessLegs = 2,  ///< masses of leg parts at their ends (mechanism/massless_legs.hpp)
@@ -30,22 +31,23 @@ enum ModelLevel {
 };
 inline const ChoiceList kLevels = {
     {kRigid, "rigid", "the mechanism is locked at its start pose: one body with the chaser"},
-    {kMasslessLegs, "massless_legs", "masses of leg parts are put to the ends of their legs"},
+    {kMasslessLegs, "massless_legs", "masses of leg parts are moved to the ends of their legs"},
     {kReduced, "reduced", "every body"},
-    {kReference, "reference", "every body, unreduced tree with multipliers; takes solver.method 9"},
+    {kReference, "reference", "every body, unreduced tree with multipliers; needs solver.method 9"},
 };
 
 /// Values of coupling.mode: the order of exchange with hosts of driven vehicles.
 enum CouplingMode { kSequential = 1, kParallel = 2 };
 inline const ChoiceList kCouplingModes = {
     {kSequential, "sequential",
-     "this FMU steps first, the host makes the same step with the mean load"},
-    {kParallel, "parallel", "both step at once, the mean load of the coming step is announced"},
+     "this FMU steps first, then the host makes the same step with the mean load"},
+    {kParallel, "parallel",
+     "both step at the same time, the mean load of the coming step is announced"},
 };
 
 /// Values of friction.model.
 inline const ChoiceList kFrictionModels = {
-    {1, "regularised", "slides slowly where it should stick"},
+    {1, "regularised", "slides slowly instead of sticking"},
     {2, "bristle", "sticks"},
 };
 
@@ -62,7 +64,7 @@ struct VehicleParameters {
   Vec3<double> angular_velocity = Vec3<double>::Zero();    ///< start: body axes [rad/s]
 };
 
-/// Start of the mechanism away from home: capture body relative to its home pose, axes of B.
+/// Displaced start of the mechanism: capture body relative to its home pose, axes of B.
 struct CaptureBodyStart {
   Vec3<double> displacement = Vec3<double>::Zero();      ///< [m]
   Vec3<double> rotation_vector = Vec3<double>::Zero();   ///< [rad]
@@ -77,10 +79,10 @@ struct JointStart {
   double rate = 0.0;               ///< [rad/s] or [m/s]
 };
 
-/// Relative state wanted at first contact, P with respect to A in axes of A (the IDSS table).
+/// Prescribed relative state at first contact, P with respect to A in axes of A (the IDSS table).
 struct ContactConditions {
   bool given = false;
-  double approach_time = 0.0;                            ///< [s] start this long before
+  double approach_time = 0.0;                            ///< [s] time from start to first contact
   double closing_speed = 0.0;                            ///< [m/s] along -x of A
   Vec3<double> lateral = Vec3<double>::Zero();           ///< (unused, y, z) [m]
   Vec3<double> tilt = Vec3<double>::Zero();              ///< swing (unused, y, z) [rad]
@@ -89,7 +91,7 @@ struct ContactConditions {
   Vec3<double> angular_velocity = Vec3<double>::Zero();  ///< roll, pitch, yaw rate [rad/s]
 };
 
-/// Rated loads of the capture interface; 0 = not rated.
+/// Rated loads between ring and target; 0 = not rated.
 struct RatedLoads {
   double tension = 0.0, compression = 0.0, shear = 0.0;  ///< [N]
   double bending = 0.0, torsion = 0.0;                   ///< [N m]
@@ -116,7 +118,7 @@ struct Scene {
   std::array<VehicleParameters, 2> vehicle;
   MechanismModel mechanism;        ///< on its base B, not yet attached to the chaser
   Pose<double> base_in_interface;  ///< pose of B in A
-  ContactModel contact;            ///< no pairs when the scene has none
+  ContactModel contact;            ///< no pairs if the scene has no contact
   LatchSet latches;
   RatedLoads rated;
   CaptureBodyStart capture_body_start;
@@ -136,7 +138,7 @@ struct Scene {
 /// Read a scene document. @throws ModelError naming the member, its value and the limit.
 Scene read_scene(const std::string& json_text, const std::string& source_name);
 
-/// What two vehicles with the same mechanism meet with; empty where it has none.
+/// Contact model of two vehicles with the same hardware; empty without contact surfaces.
 struct Capture {
   ContactModel contact;
   LatchSet latches;

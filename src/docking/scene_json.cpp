@@ -11,14 +11,14 @@
 namespace dockloop {
 namespace {
 
-/// Number of the name that stands here.
+/// Number of the name in a document.
 int read_choice(const JsonReader& item, const ChoiceList& list) {
   const int number = find_choice(list, item.text());
   if (number == 0) item.fail("is '" + item.text() + "'; it must be " + list_names(list));
   return number;
 }
 
-/// Change whenever the same document leads to other variables or another meaning of them.
+/// Increase it when the same document leads to other variables or other meanings.
 constexpr const char* kVariableTableVersion = "dockloop-variables/1";
 
 constexpr int kMaxNodes = 360;  ///< of a guide ring
@@ -37,7 +37,7 @@ Vec4<double> read_quaternion(const JsonReader& owner, const std::string& key) {
     owner.at(key).fail("must be a unit quaternion (w, x, y, z); its norm is " +
                        std::to_string(q.norm()));
   }
-  // What is a unit quaternion to rounding stays bit for bit as given.
+  // A unit quaternion within rounding keeps its bits.
   return std::abs(q.norm() - 1.0) > 1e-15 ? Vec4<double>(q / q.norm()) : q;
 }
 
@@ -75,7 +75,7 @@ GuideRing read_guide_ring(const JsonReader& item) {
   return ring;
 }
 
-/// Members of a contact law; `damping` is derived from restitution where it is not stated.
+/// Members of a contact law; a missing `damping` follows from restitution.
 void read_contact_law(const JsonReader& item, ContactLaw& law, double& restitution,
                       double& restitution_speed) {
   const auto read = [&](const char* key, double& value) { value = item.number(key, value); };
@@ -255,7 +255,7 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   return scene;
 }
 
-/// What `read` returns; its errors name the source.
+/// Result of `read`; its errors name the source.
 template <class Read>
 auto read_named(const std::string& source_name, const Read& read) {
   try {

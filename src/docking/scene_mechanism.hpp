@@ -1,4 +1,4 @@
-// The mechanism of a scene as its simulation has it.
+// The mechanism of a scene, as in the simulation.
 #pragma once
 
 #include "docking/scene.hpp"
@@ -6,7 +6,7 @@
 
 namespace dockloop {
 
-/// As make_docking_model() puts it on its chaser; the chaser's mass does not matter.
+/// The mechanism of make_docking_model(), on the chaser. The mass of the chaser has no effect.
 Mechanism make_scene_mechanism(const Scene& scene);
 
 }  // namespace dockloop

@@ -1,8 +1,8 @@
-// Writes modelDescription.xml of FMI 2.0 for both interfaces: a small XML writer, then one function
-// per section of the file in the order the schema demands.
+// Writes modelDescription.xml of FMI 2.0 for both FMI kinds: a small XML writer, then one function
+// per section of the file in the order of the schema.
 //
-// Capability flags say what the functions in fmi2_functions.cpp really do; whoever makes one true
-// writes the test that fails when the function has no effect.
+// Capability flags describe the functions in fmi2_functions.cpp. A flag that becomes true needs a
+// test that fails if the function has no effect.
 #include "interface/model_description.hpp"
 
 #include <algorithm>
@@ -119,7 +119,7 @@ void write_units(XmlWriter& xml) {
   xml.close("UnitDefinitions");
 }
 
-/// The types that the variables of this scene refer to, in the order in which they occur.
+/// The types of the variables of this scene, in order of occurrence.
 void write_types(XmlWriter& xml, const std::vector<Variable>& variables) {
   std::set<std::string> written;
   for (const Variable& v : variables) {
@@ -188,14 +188,15 @@ void write_variable(XmlWriter& xml, const Variable& v, size_t reference, size_t 
   xml.close("ScalarVariable");
 }
 
-/// What only an initialised simulation can tell. Empty where the start values cannot be simulated
-/// as they are, or where dependencies may change: they are then left out ("on everything").
+/// Facts that need an initialised simulation. Empty if the start values cannot be simulated, or if
+/// dependencies may change: the file then has no dependencies ("on everything").
 struct StartFacts {
-  std::vector<std::vector<size_t>> known;  ///< per unknown row: indices (from 1) it follows from
-  std::vector<double> nominal;             ///< per continuous state
+  std::vector<std::vector<size_t>>
+      known;                    ///< per unknown row: indices (from 1) of its dependencies
+  std::vector<double> nominal;  ///< per continuous state
 };
 
-/// Near singular poses other joints may become the states, on which then other outputs depend.
+/// Near singular poses other joints may become the states, which changes dependencies.
 bool may_change_coordinates(const Scene& scene) {
   const Mechanism mechanism(scene.mechanism);
   const std::vector<int>& bodies = mechanism.plan.ind_bodies;
@@ -204,19 +205,19 @@ bool may_change_coordinates(const Scene& scene) {
   });
 }
 
-/// Dependencies are merged over both interfaces, which treat gravity differently.
+/// Dependencies are merged over both FMI kinds, which treat gravity differently.
 StartFacts find_start_facts(const std::shared_ptr<const Scene>& scene,
                             const std::vector<Variable>& variables) {
   StartFacts facts;
   std::vector<std::vector<size_t>> known(variables.size());
-  for (const Interface interface : {Interface::kCoSimulation, Interface::kModelExchange}) {
-    if (interface == Interface::kModelExchange && !offers_model_exchange(*scene)) continue;
-    DockingSim sim(scene, interface);
-    // What a host can switch on counts as there.
+  for (const FmiKind fmi_kind : {FmiKind::kCoSimulation, FmiKind::kModelExchange}) {
+    if (fmi_kind == FmiKind::kModelExchange && !offers_model_exchange(*scene)) continue;
+    DockingSim sim(scene, fmi_kind);
+    // Friction and damping that a host can switch on count as present.
     Parameters& parameters = sim.parameters();
     parameters.friction_coefficient = std::max(parameters.friction_coefficient, 0.1);
     parameters.restitution = std::min(parameters.restitution, 0.9);
-    parameters.model_level = kReduced;  // on which everything depends that any level knows
+    parameters.model_level = kReduced;  // the level with all dependencies
     try {
       sim.initialise(scene->experiment.start, 0.0);
     } catch (const ModelError&) {
@@ -249,8 +250,8 @@ StartFacts find_start_facts(const std::shared_ptr<const Scene>& scene,
 }
 
 /// Outputs: all, in order. Derivatives: the rates of all states, in order. InitialUnknowns: outputs
-/// without a start value, states and rates; these follow from parameters and start values as well,
-/// so they have no dependencies ("on everything").
+/// without a start value, states and rates. InitialUnknowns also depend on parameters and start
+/// values, so they have no list of dependencies ("on everything").
 void write_structure(XmlWriter& xml, const std::vector<Variable>& variables,
                      const std::vector<std::vector<size_t>>& known) {
   const auto section = [&](const char* name, bool initial, auto&& belongs) {

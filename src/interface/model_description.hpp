@@ -16,7 +16,7 @@ namespace dockloop {
 
 /// @param sim  freshly constructed from the scene: its start values are written into the file
 /// @param generation_time  xs:dateTime in UTC, e.g. "2025-01-31T12:00:00Z"; an argument, so that
-///                         the same scene can give the same bytes
+///                         equal scenes can give equal bytes
 std::string make_model_description(DockingSim& sim, const std::string& generation_time);
 
 /// `text` as content of an XML attribute: markup and control characters replaced.

@@ -1,4 +1,4 @@
-// Rows of the variable table, group by group in the order of the interface description.
+// Rows of the variable table, one function per group.
 //
 // A vector becomes scalars a[1], a[2], ...; a choice becomes an Integer counted from 1 with its
 // meanings in the description, because several importers drop Enumeration variables.
@@ -16,9 +16,9 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kStraightAngle = 3.141592653589793;  // [rad]
-constexpr double kDegrees = 57.29577951308232;  // [deg/rad]
+constexpr double kDegrees = 57.29577951308232;        // [deg/rad]
 
-// Types: name, unit, unit people read it in, typical size, physical quantity, text.
+// Types: name, unit, display unit, typical size, physical quantity, text.
 constexpr Quantity kNone{"Ratio", "1", "", 1.0, "", "Number without a unit"};
 constexpr Quantity kQuaternion{"QuaternionComponent",
                                "1",
@@ -28,8 +28,9 @@ constexpr Quantity kQuaternion{"QuaternionComponent",
                                "Component of a unit quaternion (w, x, y, z)"};
 constexpr Quantity kCount{"Count", "1", "", 1e3, "", "Count since the start"};
 constexpr Quantity kCoordinate{
-    "Coordinate", "1", "", 0.1, "", "Coordinate of a joint or its rates; 1 stands for m or rad"};
-constexpr Quantity kLength{"Length", "m", "", 1.0, "Length", "Place of a vehicle or interface"};
+    "Coordinate", "1", "", 0.1, "", "Coordinate of a joint or its rates; 1 means m or rad"};
+constexpr Quantity kLength{"Length", "m",      "",
+                           1.0,      "Length", "Position of a vehicle or docking interface"};
 constexpr Quantity kSmallLength{
     "MechanismLength", "m", "mm", 0.1, "Length", "Length in the docking mechanism"};
 constexpr Quantity kVelocity{"Velocity", "m/s", "", 0.1, "Velocity", "Velocity of a vehicle"};
@@ -53,7 +54,7 @@ constexpr Quantity kMomentum{"Momentum", "N.s", "", 1e3, "Momentum", "Linear mom
 constexpr Quantity kAngularMomentum{"AngularMomentum", "N.m.s",           "", 1e3,
                                     "AngularMomentum", "Angular momentum"};
 
-/// Name of element i of a vector of n: what the reader of a description expects.
+/// Name of element i of a vector of n, for the description.
 std::string element_name(size_t i, size_t n) {
   static constexpr const char* kAxes[] = {"x", "y", "z"};
   static constexpr const char* kQuaternionOrder[] = {"w", "x", "y", "z"};
@@ -65,7 +66,7 @@ std::string indexed(const std::string& name, size_t i) {
   return name + "[" + std::to_string(i + 1) + "]";
 }
 
-/// What the rate of change of a quantity measures.
+/// Quantity of the rate of change of a quantity.
 Quantity rate_of(const Quantity& quantity) {
   const std::string unit = quantity.unit;
   if (unit == "m") return kVelocity;
@@ -81,7 +82,7 @@ constexpr Type type_of(const char*) { return Type::kBoolean; }
 constexpr Type type_of(const bool*) { return Type::kBoolean; }
 static_assert(sizeof(bool) == sizeof(char), "Boolean rows read bool through char");
 
-/// Limits of what was just added (one row, or all of a vector), so that it reads as one statement.
+/// Limits of the row or the rows of a vector that were just added.
 class Row {
  public:
   Row(std::vector<Variable>& rows, size_t first) : rows_(rows), first_(first) {}
@@ -91,9 +92,9 @@ class Row {
       v.max = max;
     });
   }
-  /// Its numbers stand for names, which the description lists.
+  /// The numbers mean names, which the description lists.
   Row choices(const ChoiceList& list) { return choices(list, list); }
-  /// The same where this build has only the `carried` ones.
+  /// The same, if this build contains only the choices `carried`.
   Row choices(const ChoiceList& list, const ChoiceList& carried) {
     return limits(list.front().number, carried.back().number).each([&](Variable& v) {
       v.choices = &list;
@@ -101,14 +102,14 @@ class Row {
     });
   }
   Row not_negative() { return limits(0.0, kInfinity); }
-  /// A value inside the limits that this build does not have.
+  /// A value inside the limits that this build does not contain.
   Row refuse(int value, const std::string& why) {
     return each([&](Variable& v) { v.refused[value] = why; });
   }
   Row nominal(double size) {
     return each([&](Variable& v) { v.nominal = size; });
   }
-  /// A state that events may set anew.
+  /// A state that events may change.
   Row jumps() {
     return each([](Variable& v) { v.jumps = true; });
   }
@@ -136,13 +137,13 @@ class Row {
 
 class Table {
  public:
-  /// Chosen before the start, then fixed.
+  /// Fixed at the start.
   template <class T>
   Row parameter(std::string name, T* value, Quantity quantity, std::string description) {
     return add(std::move(name), Causality::kParameter, Variability::kFixed, value, value, quantity,
                std::move(description));
   }
-  /// Told by the host at any communication point.
+  /// Set by the host at any communication point.
   Row input(std::string name, double* value, Quantity quantity, std::string description) {
     return add(std::move(name), Causality::kInput, Variability::kContinuous, value, value, quantity,
                std::move(description));
@@ -195,7 +196,7 @@ class Table {
     });
   }
 
-  /// A row der(x) for every row x of the state vector, and its place.
+  /// A row der(x) for every row x of the state vector.
   void add_rates(const std::vector<double>& states, const std::vector<double>& rates) {
     const size_t first = rows_.size() - states.size();
     for (size_t i = 0; i < states.size(); ++i) {
@@ -265,7 +266,7 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
   Inputs::Vehicle& input = sim.inputs().vehicle[index];
   Outputs::Vehicle& output = sim.output_storage().vehicle[index];
 
-  // Imposed by the host, or a result whose start value is the initial condition.
+  // Input from the host, or a result with the initial condition as start value.
   const auto motion_rows = [&](const std::string& name, auto member_of, Quantity quantity,
                                const std::string& text) {
     if (motion == Motion::kDriven) {
@@ -287,7 +288,7 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
       "angular_velocity", [](auto& s) -> auto& { return s.angular_velocity; }, kAngularVelocity,
       "Angular velocity" + of + " in N, body axes");
 
-  // What a fixed vehicle would ignore does not exist for it.
+  // A fixed vehicle has no loads and no mass.
   if (motion != Motion::kFixed) {
     table.inputs(v + "force_ext", input.force_ext, kForce,
                  "Force from outside on the centre of mass" + of + ", in N");
@@ -316,10 +317,10 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
                 "centre of mass, body axes");
   const std::string step = " (the step just made; coupling.mode = 2: the coming step)";
   table.outputs(v + "force_mean", output.force_mean, kForce,
-                "Force that, held over a step, gives the vehicle its impulse, in N" + step);
+                "Constant force over a step with the true impulse on the vehicle, in N" + step);
   table.outputs(v + "torque_mean", output.torque_mean, kTorque,
-                "Torque that, held over a step, gives the vehicle its angular impulse, about the "
-                "centre of mass, body axes" +
+                "Constant torque over a step with the true angular impulse on the vehicle, about "
+                "the centre of mass, body axes" +
                     step);
 }
 
@@ -335,7 +336,7 @@ void add_relative(Table& table, Outputs& out) {
   table.outputs("relative.angular_velocity", out.relative_angular_velocity, kAngularVelocity,
                 "Angular velocity of P with respect to A, axes of A");
   table.output("relative.axial", &out.relative_axial, kSmallLength,
-               "Distance of the mating planes along the docking axis of A");
+               "Distance between the mating planes along the docking axis of A");
   table
       .output("relative.lateral", &out.relative_lateral, kSmallLength,
               "Offset of the origin of P across the docking axis of A")
@@ -353,10 +354,10 @@ void add_relative(Table& table, Outputs& out) {
 
 void add_capture(Table& table, Outputs& out) {
   table.outputs("capture.force", out.capture_force, kForce,
-                "Force on the target through the capture interface, axes of P");
+                "Force on the target through capture surfaces and latches, axes of P");
   table.outputs("capture.torque", out.capture_torque, kTorque,
-                "Torque on the target through the capture interface about the origin of P, axes "
-                "of P");
+                "Torque on the target through capture surfaces and latches about the origin of P, "
+                "axes of P");
   struct Load {
     Outputs::Load index;
     const char* name;
@@ -364,11 +365,11 @@ void add_capture(Table& table, Outputs& out) {
     Quantity quantity;
   };
   const Load loads[] = {
-      {Outputs::kTension, "tension", "Tension in the capture interface", kForce},
-      {Outputs::kCompression, "compression", "Compression in the capture interface", kForce},
-      {Outputs::kShear, "shear", "Shear force in the capture interface", kForce},
-      {Outputs::kBending, "bending", "Bending moment in the capture interface", kTorque},
-      {Outputs::kTorsion, "torsion", "Torsion moment in the capture interface", kTorque},
+      {Outputs::kTension, "tension", "Tension between ring and target", kForce},
+      {Outputs::kCompression, "compression", "Compression between ring and target", kForce},
+      {Outputs::kShear, "shear", "Shear force between ring and target", kForce},
+      {Outputs::kBending, "bending", "Bending moment between ring and target", kTorque},
+      {Outputs::kTorsion, "torsion", "Torsion moment between ring and target", kTorque},
   };
   for (const Load& load : loads) {
     table
@@ -378,7 +379,7 @@ void add_capture(Table& table, Outputs& out) {
   }
   table
       .output("capture.load_ratio", &out.capture_load_ratio, kNone,
-              "Largest ratio of a load in the capture interface to its rated value")
+              "Largest ratio of a load between ring and target to its rated value")
       .not_negative();
   const std::string largest = ", largest since the start over all inner steps";
   for (const Load& load : loads) {
@@ -389,7 +390,7 @@ void add_capture(Table& table, Outputs& out) {
   }
   table
       .output("capture.peak.load_ratio", &out.capture_peak_load_ratio, kNone,
-              "Ratio of a load in the capture interface to its rated value" + largest)
+              "Ratio of a load between ring and target to its rated value" + largest)
       .not_negative();
 }
 
@@ -444,11 +445,11 @@ void add_phase(Table& table, Parameters& parameter, Outputs& out) {
     table.output(indexed("latched", i), &out.latched[i], kNone, "This latch holds");
   }
   table.output("outcome", &out.outcome, kNone, "Outcome so far").choices(kOutcomes);
-  table.output("capture.reason", &out.capture_reason, kNone, "Why there is no capture")
+  table.output("capture.reason", &out.capture_reason, kNone, "Reason for no capture")
       .choices(kCaptureReasons);
   table
       .output("capture.seated_time", &out.seated_time, kTime,
-              "Time for which the rings were seated without capture")
+              "Duration of seated rings without capture")
       .not_negative()
       .discrete();
   table
@@ -459,12 +460,12 @@ void add_phase(Table& table, Parameters& parameter, Outputs& out) {
       .discrete();
   table
       .output("time_of_contact", &out.time_of_contact, kTime,
-              "Simulation time of the first contact of surfaces, or of the first catch of a latch, "
-              "-1 before it")
+              "Simulation time of the first contact of surfaces or the first catch of a latch, -1 "
+              "before")
       .discrete();
   table
       .output("time_of_capture", &out.time_of_capture, kTime,
-              "Simulation time at which all latches held, -1 before it")
+              "Simulation time when all latches first held, -1 before")
       .discrete();
   table
       .parameter("chaser.contact_thrust", &parameter.contact_thrust, kForce,
@@ -495,18 +496,19 @@ void add_legs(Table& table, Inputs& in, Outputs& out) {
     const std::string leg = indexed("leg", i);
     table.output(leg + ".length", &out.leg_length[i], kSmallLength, "Length of this leg")
         .not_negative();
-    table.output(leg + ".rate", &out.leg_rate[i], kSmallVelocity, "Rate of change of its length");
+    table.output(leg + ".rate", &out.leg_rate[i], kSmallVelocity,
+                 "Rate of change of the length of this leg");
     table.output(leg + ".force", &out.leg_force[i], kForce,
-                 "Force that this leg transmits along itself, with what couplings exert on its "
-                 "slide, positive when it pushes its ends apart");
+                 "Force along this leg, including forces of couplings on its slide, positive when "
+                 "it pushes the ends apart");
     table.input(leg + ".force_command", &in.leg_force_command[i], kForce,
-                "Force commanded to the actuator of this leg, positive when it pushes its ends "
+                "Commanded force of the actuator of this leg, positive when it pushes the ends "
                 "apart");
   }
 }
 
 void add_states(Table& table, Outputs& out) {
-  // Slides and turns share these arrays: unit 1 stands for m or rad.
+  // Slides and turns share these arrays: unit 1 means m or rad.
   const auto rows = [&](const char* name, std::vector<double>& values, const char* text) {
     for (size_t i = 0; i < values.size(); ++i) {
       table.output(indexed(name, i), &values[i], kCoordinate, text);
@@ -529,7 +531,8 @@ void add_loops(Table& table, Outputs& out) {
 }
 
 void add_energy(Table& table, Outputs& out) {
-  table.output("energy.kinetic", &out.energy_kinetic, kEnergy, "Kinetic energy of all inside");
+  table.output("energy.kinetic", &out.energy_kinetic, kEnergy,
+               "Kinetic energy of all bodies inside");
   table.output("energy.potential", &out.energy_potential, kEnergy,
                "Potential energy of springs, contacts and latches");
   table.output("energy.dissipated", &out.energy_dissipated, kEnergy,
@@ -546,23 +549,23 @@ void add_energy(Table& table, Outputs& out) {
                "Work of forces from outside since the start");
   table
       .output("energy.residual", &out.energy_residual, kEnergy,
-              "Energy that does not add up since the start")
+              "Energy balance error since the start")
       .nominal(1e-6);
   table
       .output("momentum.residual", &out.momentum_residual, kNone,
-              "Momentum that does not add up since the start, as a fraction; where all "
-              "bodies are evaluated anyway the largest so far, else the present one")
+              "Momentum balance error since the start, relative to the largest momentum: largest "
+              "value so far; with a compiled kernel the present value")
       .not_negative()
       .nominal(1e-14)
       .discrete()
       .group(OutputGroup::kBodies);
   table
       .outputs("momentum.linear", out.momentum_linear, kMomentum,
-               "Linear momentum of all inside but the driven vehicles, in N")
+               "Linear momentum of all bodies inside without driven vehicles, in N")
       .group(OutputGroup::kBodies);
   table
       .outputs("momentum.angular", out.momentum_angular, kAngularMomentum,
-               "Angular momentum of all inside but the driven vehicles about "
+               "Angular momentum of all bodies inside without driven vehicles, about "
                "momentum.reference, in N")
       .group(OutputGroup::kBodies);
   table
@@ -571,8 +574,8 @@ void add_energy(Table& table, Outputs& out) {
       .group(OutputGroup::kBodies);
 }
 
-/// The state vector of the integration and its rates, in the order of StateLayout: for hosts that
-/// integrate by themselves. Positions and momenta are relative to frame O near the docking.
+/// The state vector of the integration and its rates, in the order of StateLayout: for model
+/// exchange. Positions and momenta are relative to frame O near the docking.
 void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
   size_t next = 0;
   const auto rows = [&](const std::string& name, size_t count, Quantity quantity,
@@ -583,10 +586,10 @@ void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
       if (jumps) row.jumps();
     }
   };
-  rows("ode.mechanism.q", out.state_q.size(), kCoordinate,
-       "Coordinate that is integrated [m, rad, 1]", true);
-  rows("ode.mechanism.v", out.state_v.size(), kCoordinate,
-       "Velocity that is integrated [m/s, rad/s]", true);
+  rows("ode.mechanism.q", out.state_q.size(), kCoordinate, "Integrated coordinate [m, rad, 1]",
+       true);
+  rows("ode.mechanism.v", out.state_v.size(), kCoordinate, "Integrated velocity [m/s, rad/s]",
+       true);
   for (const int i : {kChaser, kTarget}) {
     if (scene.motion[i] == Motion::kFixed || (i == kTarget && !scene.has_target)) continue;
     const std::string v = i == kChaser ? "ode.chaser." : "ode.target.";
@@ -597,8 +600,8 @@ void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
     rows(v + "angular_momentum", 3, kAngularMomentum,
          "Angular momentum" + carried + " about the origin of O");
   }
-  for (const char* sink : {"contact", "friction", "legs", "latches"}) {
-    rows(std::string("ode.dissipated_") + sink, 1, kEnergy, "Energy dissipated since the start",
+  for (const char* part : {"contact", "friction", "legs", "latches"}) {
+    rows(std::string("ode.dissipated_") + part, 1, kEnergy, "Energy dissipated since the start",
          true);
   }
   rows("ode.external", 1, kEnergy, "Work of forces from outside since the start");
@@ -608,7 +611,7 @@ void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
   table.add_rates(out.states, out.rates);
 }
 
-/// What the host of a driven vehicle can choose and should know.
+/// Settings of the coupling with the host of a driven vehicle.
 void add_coupling_parameters(Table& table, Parameters& parameter, Inputs& in) {
   table
       .parameter("coupling.mode", &parameter.coupling_mode, kNone,
@@ -616,54 +619,56 @@ void add_coupling_parameters(Table& table, Parameters& parameter, Inputs& in) {
       .choices(kCouplingModes);
   table
       .parameter("coupling.expected_step", &parameter.coupling_expected_step, kTime,
-                 "Communication step over which the first load is announced (parallel)")
+                 "Communication step of the first announced load (parallel)")
       .not_negative();
   table
       .parameter("coupling.velocity_tolerance", &parameter.coupling_velocity_tolerance,
-                 kSmallVelocity, "Error of velocity per step that coupling.suggested_step keeps")
+                 kSmallVelocity, "Allowed velocity error per step for coupling.suggested_step")
       .not_negative()
       .nominal(1e-4);
   table
       .input("coupling.next_step", &in.next_step, kTime,
-             "Length of the step after the coming one, over which its load is announced "
-             "(parallel; 0: as the coming one)")
+             "Length of the step after the coming step, for its announced load (parallel; 0: same "
+             "as the coming step)")
       .limits(0, 10);
 }
 
 void add_coupling_outputs(Table& table, Outputs& out) {
   table
       .output("coupling.work_residual", &out.coupling_work_residual, kEnergy,
-              "Work that the hosts' vehicles took up less what the mechanism gave")
+              "Work received by the vehicles of hosts minus work of the mechanism on them")
       .discrete()
       .group(OutputGroup::kCoupling);
   table
       .output("coupling.mass_mismatch", &out.coupling_mass_mismatch, kNone,
-              "True mass of a driven vehicle, as its motion shows it, over the stated one, less 1")
+              "Mass of a driven vehicle, estimated from its motion, divided by the stated mass, "
+              "minus 1")
       .discrete()
       .group(OutputGroup::kCoupling);
   table
       .output("coupling.frequency", &out.coupling_frequency, kAngularVelocity,
-              "Highest frequency between the vehicles through the capture interface")
+              "Highest frequency of the mechanism and the contact between the vehicles")
       .not_negative()
       .discrete()
       .group(OutputGroup::kCoupling);
   table
       .output("coupling.suggested_step", &out.coupling_suggested_step, kTime,
-              "Communication step that keeps coupling.velocity_tolerance")
+              "Communication step for an error of coupling.velocity_tolerance")
       .not_negative()
       .discrete()
       .group(OutputGroup::kCoupling);
   table
       .outputs("coupling.pending_impulse", out.coupling_pending_impulse, kMomentum,
-               "Impulse owed to the hosts of driven vehicles, in N")
+               "Pending impulse on the driven vehicles, not yet delivered by the hosts, in N")
       .discrete();
   table
       .outputs("coupling.pending_angular_impulse", out.coupling_pending_angular_impulse,
-               kAngularMomentum, "Angular impulse owed to them about momentum.reference, in N")
+               kAngularMomentum,
+               "Pending angular impulse on the driven vehicles, about momentum.reference, in N")
       .discrete();
 }
 
-/// Ties rows to what they are for input slopes and derivatives: places by address.
+/// Numbers the rows of inputs and outputs, for input slopes and derivatives.
 void number_values(std::vector<Variable>& rows, DockingSim& sim) {
   std::map<const void*, int> inputs, outputs;
   std::vector<double*> slopes;
@@ -693,8 +698,8 @@ void add_model_parameters(Table& table, Parameters& parameter, bool has_comparis
 }
 
 void add_solver_parameters(Table& table, Parameters& parameter, bool has_comparison) {
-  table.parameter("model.flight", &parameter.flight, kNone, "The mechanism far from contact")
-      .choices(kFlightModels);
+  table.parameter("model.flight", &parameter.flight, kNone, "Mechanism far from contact")
+      .choices(kFreeDriftModels);
   Row method =
       table.parameter("solver.method", &parameter.solver_method, kNone, "Integration method")
           .choices(get_method_choices(), list_carried_methods(has_comparison));
@@ -704,28 +709,29 @@ void add_solver_parameters(Table& table, Parameters& parameter, bool has_compari
   }
   if (has_comparison) {
     table
-        .parameter("solver.dae_form", &parameter.dae_form, kNone,
-                   "How method 9 holds the loops: 1 by accelerations (index 1, drifts), 2 the same "
-                   "with Baumgarte stabilisation (time constant 0.01 s), 3 by velocities and "
-                   "positions (stabilised index 2)")
+        .parameter(
+            "solver.dae_form", &parameter.dae_form, kNone,
+            "Equations of the loops in method 9: 1 accelerations (index 1, drifts), 2 "
+            "accelerations with Baumgarte stabilisation (time constant 0.01 s), 3 velocities "
+            "and positions (stabilised index 2)")
         .limits(1, 3);
   }
   table
       .parameter("solver.step", &parameter.step, kTime,
-                 "Inner step of the fixed methods; a communication step is divided into equal "
-                 "steps that are not longer")
+                 "Largest inner step of the fixed-step methods; all inner steps of a communication "
+                 "step are equal")
       .not_negative();
   table.parameter("solver.rtol", &parameter.rtol, kNone, "Relative tolerance of the integration")
       .limits(0, 1)
       .nominal(1e-8);
   table
       .parameter("solver.atol_position", &parameter.atol_position, kSmallLength,
-                 "Absolute tolerance of positions, also of attitudes [rad]")
+                 "Absolute tolerance of positions, and of attitudes [rad]")
       .not_negative()
       .nominal(1e-10);
   table
       .parameter("solver.atol_velocity", &parameter.atol_velocity, kSmallVelocity,
-                 "Absolute tolerance of velocities, also of angular velocities [rad/s]")
+                 "Absolute tolerance of velocities, and of angular velocities [rad/s]")
       .not_negative()
       .nominal(1e-10);
   table
@@ -747,12 +753,12 @@ void add_solver_outputs(Table& table, Outputs& out) {
       .discrete();
   table
       .output("solver.rejected_steps", &out.solver_rejected_steps, kCount,
-              "Inner steps that were tried and repeated with a smaller one since the start")
+              "Inner steps since the start that were rejected and repeated with a smaller size")
       .not_negative()
       .discrete();
   table
       .output("solver.closure_residual", &out.solver_closure_residual, kSmallLength,
-              "Largest gap of a closed loop; with method 9 at the inner steps of the last step")
+              "Largest gap of a closed loop; with method 9 over the inner steps of the last step")
       .not_negative()
       .nominal(1e-14)
       .discrete()
@@ -799,8 +805,8 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   add_vehicle(table, sim, kChaser);
   if (scene.has_target) add_vehicle(table, sim, kTarget);
   table.inputs("gravity", inputs.gravity, kAcceleration,
-               "Acceleration in N that acts on every body inside; not to be told as force_ext "
-               "as well");
+               "Acceleration of gravity in N on every body inside; do not include it in "
+               "force_ext");
   if (scene.has_target) {
     if (wants("relative")) add_relative(table, outputs);
     if (wants("capture")) add_capture(table, outputs);
@@ -831,7 +837,8 @@ void check_value(const Variable& v, double value, const char* function) {
   if (!std::isfinite(value)) refuse(" is not a finite number");
   const auto absent = v.refused.find(static_cast<int>(std::clamp(value, -1e9, 1e9)));
   if (absent != v.refused.end()) refuse(absent->second);
-  if (std::abs(value) > kLargestValue) refuse(" is too large to be computed with: limit 1e30");
+  if (std::abs(value) > kLargestValue)
+    refuse(" is too large: its absolute value must be at most 1e30");
   if (value < v.min) refuse(" is below its minimum " + shortest(v.min) + ' ' + v.unit);
   if (value > v.max) refuse(" is above its maximum " + shortest(v.max) + ' ' + v.unit);
 }

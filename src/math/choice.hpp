@@ -1,5 +1,5 @@
-// A choice: an Integer in the FMU, a name everywhere else. Each has one list of its values; numbers,
-// names, descriptions and messages all follow from that list.
+// A choice: an Integer in the FMU, a name in files and tables. Each choice has one list of values.
+// Numbers, names, descriptions and messages follow from this list.
 #pragma once
 
 #include <string>
@@ -10,9 +10,9 @@
 namespace dockloop {
 
 struct Choice {
-  int number;           ///< in the FMU; a list begins with 1 and leaves nothing out
+  int number;           ///< in the FMU; numbers of a list are 1, 2, ...
   const char* name;     ///< in scenes, tables and summaries
-  const char* meaning;  ///< what the name alone does not say; may be empty
+  const char* meaning;  ///< explanation of the name; may be empty
 };
 using ChoiceList = std::vector<Choice>;
 
@@ -46,7 +46,7 @@ inline int find_choice(const ChoiceList& list, const std::string& name) {
   return 0;
 }
 
-/// @throws ModelError naming the variable, its value and what it may be
+/// @throws ModelError naming the variable, its value and the possible values
 inline void check_choice(int value, const ChoiceList& list, const char* variable) {
   if (value >= 1 && value <= list.back().number) return;
   throw ModelError(std::string(variable) + " is " + std::to_string(value) + "; it must be " +

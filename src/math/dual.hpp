@@ -4,7 +4,7 @@
 //
 // An algorithm that is a template on its scalar returns exact derivatives (to rounding, no step
 // size) when it is run with Dual<N> and the directions are seeded in `d`. A Dual is a plain block
-// of N + 1 doubles: no heap, trivially copyable, and loops over the lanes that a compiler turns
+// of N + 1 doubles: no heap, trivially copyable. A compiler turns loops over the directions
 // into vector instructions.
 //
 // Why not Eigen's AutoDiffScalar: its operators return expressions, each of its own type, that
@@ -13,11 +13,11 @@
 // the dead t. Here every operation returns a Dual.
 //
 // Conventions:
-//  * < and > look at the value only, so branches are those of the plain evaluation; == looks at
-//    everything, because libraries skip what equals zero, and a zero that varies must not be;
-//  * at a kink the derivative is that of the branch taken: abs(0) as from above, floor is flat;
-//  * a lane in which no argument varies has derivative 0, even where the function has none. In
-//    other lanes sqrt(0) gives an infinite derivative and atan2(0, 0) NaN.
+//  * < and > compare values only, so branches are those of the plain evaluation. == compares value
+//    and derivatives: libraries skip zeros, and must not skip a zero with a derivative;
+//  * at a kink the derivative belongs to the branch taken: abs(0) as from above, floor is flat;
+//  * a direction without variation of the arguments has derivative 0, even if the function has no
+//    derivative. In other directions sqrt(0) gives an infinite derivative and atan2(0, 0) NaN.
 #pragma once
 
 #include <Eigen/Core>
@@ -29,8 +29,8 @@ namespace dockloop {
 
 template <int N>
 struct Dual {
-  // The lanes come first: copies then move the same 16-byte blocks that were written, which
-  // processors forward from store to load (with the value first, everything takes a third longer).
+  // The derivatives come first: copies then move the same 16-byte blocks that were written, which
+  // processors forward from store to load (with the value first, evaluations take a third longer).
   double d[N];  ///< derivatives along the N directions
   double value;
 
@@ -38,7 +38,7 @@ struct Dual {
   /// A constant, from any plain number.
   template <class T, class = std::enable_if_t<std::is_arithmetic_v<T>>>
   Dual(T constant) : d{}, value(static_cast<double>(constant)) {}
-  /// An input whose derivative along direction `lane` is one.
+  /// An input with derivative one along direction `lane`.
   static Dual variable(double value, int lane) {
     Dual x(value);
     x.d[lane] = 1.0;
@@ -79,7 +79,7 @@ struct Dual {
     return r;
   }
 
-  // With a plain number: the lanes are not mixed.
+  // With a plain number: derivatives are not mixed.
   friend Dual operator+(Dual a, double b) {
     a.value += b;
     return a;
@@ -161,7 +161,7 @@ struct Dual {
 template <int N>
 struct std::numeric_limits<dockloop::Dual<N>> : std::numeric_limits<double> {};
 
-/// What Eigen has to know to hold dual numbers in its matrices and to factorise them.
+/// Traits for Eigen matrices of dual numbers and their factorisation.
 template <int N>
 struct Eigen::NumTraits<dockloop::Dual<N>> : Eigen::GenericNumTraits<dockloop::Dual<N>> {
   using Real = dockloop::Dual<N>;

@@ -2,15 +2,15 @@
 //
 //   a = high + low,   high = a rounded to double,   |low| <= half a unit in the last place of high
 //
-// The truth (src/truth) and the tests run the algorithms of the core with this scalar to see the
-// rounding of double, which is some 1e16 times coarser. Sums and products follow T. J. Dekker,
-// Numer. Math. 18 (1971) 224-242; functions start from those of double and add one step of an
-// iteration that doubles (roots, angles) or triples (logarithm) the digits, or sum a series.
+// Reference solutions (src/compare) and tests run the algorithms of the core with this scalar, to
+// measure the rounding of double, which is about 1e16 times coarser. Sums and products follow T. J.
+// Dekker, Numer. Math. 18 (1971) 224-242; functions start from those of double and add one step of
+// an iteration that doubles (roots, angles) or triples (logarithm) the digits, or sum a series.
 //
-// Why not a type of 128 bits: it is emulated in whole numbers, several times slower than this, and
-// neither its functions nor its name exist on every platform. Exponents are those of double; as
-// halves of a product have to be exact, keep |a| between 1e-140 and 1e140 where all digits matter.
-// Do not compile with options that reorder or contract sums (-ffast-math, -ffp-contract=fast).
+// Why not a type of 128 bits: its emulation with integers is several times slower, and some
+// platforms have neither the type nor its functions. Exponents are those of double. Halves of a
+// product must be exact, so all digits are right only for |a| between 1e-140 and 1e140. Do not
+// compile with options that reorder or contract sums (-ffast-math, -ffp-contract=fast).
 #pragma once
 
 #include <Eigen/Core>
@@ -118,7 +118,7 @@ struct Extended {
   }
 
  private:
-  /// The rounded sum of two numbers and what the rounding lost.
+  /// The rounded sum of two numbers and its rounding error.
   static Extended add(double a, double b) {
     const double sum = a + b, part = sum - a;
     return {sum, (a - (sum - part)) + (b - part)};
@@ -128,7 +128,7 @@ struct Extended {
     const double sum = a + b;
     return {sum, b - (sum - a)};
   }
-  /// The rounded product of two numbers and what the rounding lost.
+  /// The rounded product of two numbers and its rounding error.
   static Extended multiply(double a, double b) {
     const double product = a * b;
 #ifdef FP_FAST_FMA
@@ -165,7 +165,7 @@ struct Extended {
 
 }  // namespace dockloop
 
-/// The unit of rounding is that of a few operations in a row.
+/// The unit of rounding belongs to a few operations in a row.
 template <>
 struct std::numeric_limits<dockloop::Extended> : std::numeric_limits<double> {
   static constexpr int digits = 100, digits10 = 30;
@@ -175,7 +175,7 @@ struct std::numeric_limits<dockloop::Extended> : std::numeric_limits<double> {
   static dockloop::Extended lowest() { return std::numeric_limits<double>::lowest(); }
 };
 
-/// What Eigen has to know to hold such numbers in its matrices and to factorise them.
+/// Traits for Eigen matrices of such numbers and their factorisation.
 template <>
 struct Eigen::NumTraits<dockloop::Extended> : Eigen::GenericNumTraits<dockloop::Extended> {
   using Real = dockloop::Extended;

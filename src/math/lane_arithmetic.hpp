@@ -1,9 +1,8 @@
-// Numbers side by side: plain_vectors.hpp for a register of which every lane holds one number.
+// SIMD arithmetic: plain_vectors.hpp with a register of which every SIMD lane holds one number.
 //
 // Included by sources that are compiled once per instruction set, with LANES (lanes in a register)
-// defined.
-// Operations are those of IEEE 754, one by one; sums over lanes have one order: results do not
-// depend on LANES, to the last bit.
+// defined. Operations are those of IEEE 754, one by one. Sums over lanes have one order. Results
+// have the same bits for every LANES.
 #pragma once
 
 #include "math/lanes.hpp"
@@ -58,7 +57,7 @@ inline Lanes find_angle(Turn<Lanes> t) {
   return t.s < 0.0 ? -half : half;
 }
 
-/// One register's worth of rows.
+/// Rows of one register.
 struct Register {
   using Number = Lanes;
   double (*row)[kGroup];

@@ -1,7 +1,6 @@
-// Which instruction sets this processor and its operating system have.
+// Instruction sets of this processor and its operating system.
 //
-// Asked with CPUID itself: the compilers' own question has no answer in every runtime that portable
-// binaries are linked with.
+// The code uses CPUID directly: some runtimes of portable binaries lack the function of compilers.
 #include "math/lanes.hpp"
 
 #ifdef DOCKLOOP_X86_LANES

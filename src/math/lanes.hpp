@@ -1,14 +1,15 @@
-// How many numbers stand side by side in the groups that math/lane_arithmetic.hpp computes with.
+// Number of SIMD lanes in the groups of math/lane_arithmetic.hpp.
 #pragma once
 
 namespace dockloop {
 
 constexpr int kGroup = 8;  ///< lanes of a group, whatever the width of a register
 
-/// Lanes of the widest registers that this processor has: 2, 4 (AVX2) or 8 (AVX-512).
+/// SIMD lanes of the widest registers of this processor: 2, 4 (AVX2) or 8 (AVX-512).
 int find_lane_count();
 
-/// The widest of three tables of functions that this processor has. @param widest  lanes at most
+/// The table of functions for the widest registers of this processor. @param widest  largest number
+/// of lanes
 template <class Functions>
 const Functions& choose_lanes(int widest, const Functions& two, const Functions& four,
                               const Functions& eight) {

@@ -1,4 +1,4 @@
-// A spring that only pushes, with damping that never pulls: contacts and end stops.
+// A spring that only pushes, with damping that never pulls: for contacts and end stops.
 //
 // The elastic force is C1 in the depth (a parabolic toe, then linear) and has a closed potential;
 // damping is a factor on it, so force and dissipation vanish together at depth 0.

@@ -1,23 +1,22 @@
-// Vectors, matrices and turns of any number: a double, a dual number, or a register of numbers side
-// by side.
+// Vectors, matrices and rotations of any number type: double, dual number, or a register of SIMD
+// lanes.
 //
-// Operands may be of different numbers: constants stay plain where everything else carries
-// derivatives. A `Zero` costs nothing.
-// Everything here is local to the including source, and nothing of a library is included: what is
-// inline elsewhere could be merged with copies compiled for other instruction sets.
+// Operands may have different number types: constants can be plain if other operands have
+// derivatives. A `Zero` has no cost. All code is local to the including source and includes no
+// library: the linker could merge inline functions with copies for other instruction sets.
 #pragma once
 
 namespace dockloop::lanes {
 namespace {
 
-/// Square root of a double; other numbers bring their own `sqrt`.
+/// Square root of a double; other number types define `sqrt`.
 inline double take_root(double x) { return __builtin_sqrt(x); }
 template <class T>
 T take_root(const T& x) {
   return sqrt(x);
 }
 
-/// A plain number as one of kind P: the same, or the same in every lane.
+/// A plain number converted to type P: the same value, in every SIMD lane.
 template <class P>
 struct Spread {
   static const P& of(const P& x) { return x; }
@@ -28,7 +27,7 @@ struct Vector {
   T x, y, z;
 };
 
-/// A vector or a number that is zero.
+/// A zero vector or number, without cost.
 struct Zero {};
 template <class T>
 T operator+(const T& a, Zero) {

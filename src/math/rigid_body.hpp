@@ -1,5 +1,4 @@
-// Turning of one rigid body under a torque that is constant in body axes: what remains of the
-// equations of motion where nothing else acts.
+// Rotation of one rigid body under a constant torque in body axes.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -11,7 +10,7 @@ namespace dockloop {
 /// Euler's equations by the classic Runge-Kutta method in `count` equal steps.
 /// @param inertia  about the CoM [kg m2]; @param torque  body axes [N m]
 /// @param h  duration, negative for back in time [s]
-/// @param q, w  attitude and angular velocity (body axes), replaced by those after h
+/// @param q, w  attitude and angular velocity (body axes), replaced by the values after h
 inline void turn_rigid_body(const Mat3<double>& inertia, const Vec3<double>& torque, double h,
                             int count, Vec4<double>& q, Vec3<double>& w) {
   const double dt = h / count;

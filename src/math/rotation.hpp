@@ -1,6 +1,6 @@
-// Rotations: quaternions as plain 4-vectors (w, x, y, z), body axes to reference axes.
+// Rotations: quaternions as plain 4-vectors (w, x, y, z), from body axes to outer axes.
 //
-// Eigen::Quaternion stores (x, y, z, w); to keep one order everywhere it is not used at all.
+// Eigen::Quaternion stores (x, y, z, w) and is not used, so there is only one order.
 // q_AB belongs to R_AB, x_A = R_AB x_B, and composes as q_AC = q_AB (x) q_BC.
 #pragma once
 

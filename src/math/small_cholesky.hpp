@@ -1,8 +1,8 @@
 // Cholesky factor of a small symmetric positive definite matrix, A = L L^T, for plain numbers.
 //
-// A ring on an immobile base has 6 coordinates, on a vehicle 12: loops of these lengths take about
-// half of the time of Eigen's LLT (tests/unit/small_cholesky_test.cpp compares the results), which
-// does every other size and every other scalar.
+// A ring on a fixed base has 6 coordinates, on a vehicle 12. Loops of these lengths take about half
+// the time of Eigen's LLT (tests/unit/small_cholesky_test.cpp compares the results). Eigen's LLT
+// serves all other sizes and scalars.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -37,7 +37,7 @@ class SmallCholesky {
 
   /// The factor in the lower triangle.
   const MatX<double>& matrixLLT() const { return L_; }
-  double* data() { return L_.data(); }  ///< by columns, for who finds the factor by itself
+  double* data() { return L_.data(); }  ///< by columns, for code that computes the factor itself
 
   /// x := A^-1 x, every column.
   template <class Derived>
@@ -65,8 +65,8 @@ class SmallCholesky {
   }
 
  private:
-  /// Columns W = L D^(1/2) of the factor, and the reciprocals of D, one after another: no root is
-  /// waited for. Even rows first, in pairs, so that all loops have constant bounds.
+  /// Columns W = L D^(1/2) of the factor, and the reciprocals of D, one after another: no operation
+  /// waits for a square root. Even rows first, in pairs, so that all loops have constant bounds.
   template <int N, int J>
   static void eliminate(const double* A, double* W, double* inverse) {
     if constexpr (J < N) {
@@ -90,7 +90,7 @@ class SmallCholesky {
     eliminate<N, 0>(A, W.data(), inverse.data());
     bool positive = true;
     for (int j = 0; j < N; ++j) {
-      positive = positive && !(W[N * j + j] <= 0.0);  // NaN is for others to find, as with Eigen
+      positive = positive && !(W[N * j + j] <= 0.0);  // NaN is not detected here, as with Eigen
       const double root = 1.0 / std::sqrt(W[N * j + j]);
       for (int i = j; i < N; ++i) A[N * j + i] = W[N * j + i] * root;
     }
@@ -129,7 +129,7 @@ class SmallCholesky {
   Eigen::ComputationInfo info_ = Eigen::Success;
 };
 
-/// What factorises matrices of S.
+/// Factorisation of matrices of S.
 template <class S>
 using Cholesky = std::conditional_t<std::is_same_v<S, double>, SmallCholesky, Eigen::LLT<MatX<S>>>;
 

@@ -1,8 +1,8 @@
 // Errors that can arise while a simulation runs: values, not exceptions.
 //
-// The step path never throws. A Status names what went wrong and carries the number that shows it;
-// the FMU turns it into a log line and an fmi2Status. Bad models and parameters are found at build
-// time and are exceptions (ModelError), because there is no run to protect yet.
+// A step never throws. A Status names the failure and has the number that shows it. The FMU turns a
+// Status into a log line and an fmi2Status. Errors of models and parameters are found before the
+// run and are exceptions (ModelError).
 #pragma once
 
 #include <stdexcept>
@@ -14,20 +14,19 @@ enum class StatusCode {
   kOk = 0,
   kOutOfReach,          ///< a closed form has no real solution (radicand <= 0)
   kLoopSingular,        ///< loop matrix too close to singular
-  kBranchChanged,       ///< assembly branch differs from the one at initialisation
+  kBranchChanged,       ///< assembly branch differs from the branch at initialisation
   kLoopNotClosed,       ///< Newton iteration did not converge
   kRedundancyLost,      ///< an equation left out as redundant is not satisfied any more
   kInertiaNotPositive,  ///< reduced inertia is not positive definite
-  kContactTooDeep,      ///< rounded cores about to meet: a smaller step is needed
-  kContactFlipped,      ///< contact normal reversed: a surface was jumped over
+  kContactTooDeep,      ///< rounded cores nearly touch: a smaller step is needed
+  kContactFlipped,      ///< contact normal reversed: a surface was passed unseen
   kIntegrationFailed,   ///< integrator could not meet its tolerance
   kNotFinite,           ///< NaN or infinity
-  kBadInput,            ///< the host imposed something impossible; correct it and repeat the step
+  kBadInput,            ///< impossible input of the host; correct the input and repeat the step
 };
 
 /// Outcome of an evaluation or a step. `index` is the loop or contact pair, `margin` the normalised
-/// distance to the limit [-], `time` the time since the start [s] where it is known,
-/// else 0.
+/// distance to the limit [-], `time` the time since the start [s] if known, else 0.
 struct Status {
   StatusCode code = StatusCode::kOk;
   int index = -1;
@@ -37,7 +36,7 @@ struct Status {
 };
 
 /// A model, scene or parameter that cannot be simulated. The text is one sentence for the user: it
-/// names the file or element, the value, the limit and what to do.
+/// names the file or element, the value, the limit and the remedy.
 class ModelError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

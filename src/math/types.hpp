@@ -1,8 +1,8 @@
 // Fixed-size vectors, poses, twists and wrenches, generic in the scalar type.
 //
-// Every other module speaks in these types. `S` is `double` in the product; the truth and the tests
-// instantiate the same templates with twice the digits; dual numbers give derivatives.
-// No expression is ever held in `auto`: Eigen expressions refer to temporaries.
+// Every other module uses these types. `S` is `double` in the FMU. Reference solutions and tests
+// use twice the digits; dual numbers give derivatives. Do not store an expression in `auto`: Eigen
+// expressions refer to temporaries.
 #pragma once
 
 #include <Eigen/Core>
@@ -33,14 +33,14 @@ struct Pose {
   Vec3<S> p = Vec3<S>::Zero();
 };
 
-/// Angular velocity w [rad/s] and velocity v [m/s] of a frame; the user of a Twist says whose axes.
+/// Angular velocity w [rad/s] and velocity v [m/s] of a frame; the user of a Twist names the axes.
 template <class S>
 struct Twist {
   Vec3<S> w = Vec3<S>::Zero();
   Vec3<S> v = Vec3<S>::Zero();
 };
 
-/// Force f [N] and moment t [N m] about a point; the user of a Wrench says which point and axes.
+/// Force f [N] and moment t [N m] about a point; the user of a Wrench names the point and the axes.
 template <class S>
 struct Wrench {
   Vec3<S> f = Vec3<S>::Zero();
@@ -73,8 +73,8 @@ Wrench<S> operator*(const S& factor, const Wrench<S>& a) {
   return {factor * a.f, factor * a.t};
 }
 
-/// Length of (a, b). Plain: quantities of a docking neither overflow nor vanish, and the library's
-/// hypot would tie the binary to a new C library.
+/// Length of (a, b). A plain formula: quantities of a docking neither overflow nor underflow, and
+/// hypot would need a newer C library.
 template <class S>
 S find_length(const S& a, const S& b) {
   using std::sqrt;

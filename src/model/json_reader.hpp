@@ -13,12 +13,13 @@
 
 namespace dockloop {
 
-constexpr int kMaxNesting = 64;       ///< of lists and objects in each other
-constexpr double kMaxNumber = 1e30;   ///< in SI units; products of larger ones would overflow
-constexpr double kLeastNumber = 1e-100;  ///< smaller ones are 0; divisions by them would overflow
-constexpr size_t kMaxItems = 1000;    ///< of a list that describes a model
-constexpr size_t kMaxReason = 160;    ///< characters of the parser's own message
-constexpr size_t kMaxShownText = 60;  ///< characters of a value that a message quotes
+constexpr int kMaxNesting = 64;      ///< of nested lists and objects
+constexpr double kMaxNumber = 1e30;  ///< in SI units; products of larger numbers would overflow
+constexpr double kLeastNumber =
+    1e-100;                         ///< smaller numbers become 0; divisions by them would overflow
+constexpr size_t kMaxItems = 1000;  ///< of a list that describes a model
+constexpr size_t kMaxReason = 160;  ///< characters of the parser's own message
+constexpr size_t kMaxShownText = 60;              ///< characters of a value that a message quotes
 constexpr double kDegree = 0.017453292519943296;  ///< [rad]
 
 /// Parse a document. @throws ModelError with the parser's own position.
@@ -33,7 +34,7 @@ inline nlohmann::json parse_json(const std::string& text, const std::string& sou
   try {
     return nlohmann::json::parse(text, check_nesting);
   } catch (const nlohmann::json::exception& error) {
-    const std::string why = error.what();  // quotes what was read last, however long it is
+    const std::string why = error.what();  // contains the last text read, of any length
     throw ModelError(source_name + ": not a JSON document: " + why.substr(0, kMaxReason));
   }
 }
@@ -45,12 +46,12 @@ class JsonReader {
 
   const nlohmann::json& node() const { return *node_; }
   const std::string& path() const { return path_; }
-  /// A member that is null counts as absent: its default holds.
+  /// A null member counts as absent: its default holds.
   bool has(const std::string& key) const {
     return node_->is_object() && node_->contains(key) && !(*node_)[key].is_null();
   }
 
-  /// The value as a message quotes it.
+  /// The value as text for a message.
   std::string shown() const {
     const std::string text = node_->dump();
     return text.size() > kMaxShownText ? text.substr(0, kMaxShownText) + "..." : text;
@@ -96,7 +97,7 @@ class JsonReader {
     if (!node_->is_number()) fail("must be a number, not " + shown());
     const double value = node_->get<double>();
     if (!(std::abs(value) <= kMaxNumber)) {
-      fail("is " + shown() + "; numbers above 1e30 cannot be computed with");
+      fail("is " + shown() + "; its absolute value must be at most 1e30");
     }
     return std::abs(value) < kLeastNumber ? 0.0 : value;
   }
@@ -124,7 +125,7 @@ class JsonReader {
   int whole(const std::string& key, int fallback, int least, int most) const {
     return has(key) ? at(key).whole(least, most) : fallback;
   }
-  /// Angles [rad]: `key` of a document, or `key`_deg of a file as people write it.
+  /// Angles [rad]: `key` of a document, or `key`_deg of a hand-written file.
   double angle(const std::string& key) const {
     return has(key + "_deg") ? kDegree * at(key + "_deg").number() : at(key).number();
   }
@@ -177,7 +178,7 @@ class JsonReader {
     return m;
   }
 
-  /// Unit vector; refuses what is not one to 1e-6, then normalises the rest away.
+  /// Unit vector; a length error above 1e-6 is refused, a smaller error is normalised.
   Vec3<double> unit_vector() const {
     const Vec3<double> v = vector<3>();
     if (std::abs(v.norm() - 1.0) > 1e-6)

@@ -1,7 +1,7 @@
 // Reads a mechanism document and expands its legs into bodies, loops and joint forces.
 //
-// The low-level members (bodies, loops) are the tree and the loop table as they are; `legs` is the
-// convenient form: a leg type with points, axes and masses. Both may stand in one file.
+// The members `bodies` and `loops` are the tree and the loop table. The member `legs` is shorter: a
+// leg type with points, axes and masses. A file may have both.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -65,7 +65,7 @@ const std::map<std::string, ClosureKind> kClosures = {
     {"R1P1R1", ClosureKind::kR1P1R1}, {"R1R1R1", ClosureKind::kR1R1R1},
     {"P1R1R1", ClosureKind::kP1R1R1}, {"R1R2R3_perp", ClosureKind::kR1R2R3}};
 
-/// Names that are not known leave the choice to the program.
+/// An unknown name means automatic choice.
 ClosureKind read_closure(const std::string& name) {
   const auto found = kClosures.find(name);
   return found == kClosures.end() ? ClosureKind::kAutomatic : found->second;
@@ -81,9 +81,9 @@ Loop read_loop(const JsonReader& item, const MechanismModel& model) {
   Loop loop;
   loop.name = item.at("name").text();
   check_loop_name(item, loop.name, model);
-  const std::string who = "loop '" + loop.name + "' (" + item.path() + ".";
+  const std::string place = "loop '" + loop.name + "' (" + item.path() + ".";
   const auto body = [&](const char* key) {
-    return find_body(model, item.at(key).text(), who + key + ")");
+    return find_body(model, item.at(key).text(), place + key + ")");
   };
   loop.root = body("root");
   loop.first = body("first");
@@ -117,7 +117,7 @@ Loop read_loop(const JsonReader& item, const MechanismModel& model) {
   loop.point_on_closing = cut.at("point_on_closing").vector<3>();
   if (item.has("dependent")) {
     for (const JsonReader& name : item.list("dependent", kMaxItems)) {
-      const int index = find_body(model, name.text(), who + "dependent)");
+      const int index = find_body(model, name.text(), place + "dependent)");
       if (index == kBase) name.fail("is 'base', which has no joint");
       loop.dependent.push_back(index);
     }
@@ -166,8 +166,7 @@ Loop read_coupling(const JsonReader& item, const MechanismModel& model) {
   loop.offset = item.number("offset", 0.0);
   loop.rate = item.number("rate", 0.0);
   if (loop.terms.empty() && !item.has("offset") && !item.has("rate")) {
-    item.fail("(coupling '" + loop.name +
-              "') ties its joint to nothing; give terms, rate or offset");
+    item.fail("(coupling '" + loop.name + "') has no effect; give terms, rate or offset");
   }
   return loop;
 }
@@ -179,7 +178,8 @@ struct LegReader {
   bool has(const std::string& key) const {
     return leg.has(key) || (defaults && defaults->has(key));
   }
-  /// Whoever states the member; the leg itself (and its error message) if nobody does.
+  /// The object with this member: leg or defaults; the leg (for its error message) if neither has
+  /// it.
   const JsonReader& owner(const std::string& key) const {
     return !leg.has(key) && defaults && defaults->has(key) ? *defaults : leg;
   }
@@ -200,10 +200,10 @@ Mat3<double> make_axial_inertia(double axial, double transverse) {
 /// Leg axes at home: x along the leg, y the first universal axis, z the second.
 void add_slide_leg(const LegReader& in, MechanismModel& model) {
   const std::string name = in.leg.at("name").text();
-  const std::string who = "leg '" + name + "' (" + in.leg.path() + ")";
+  const std::string place = "leg '" + name + "' (" + in.leg.path() + ")";
   const std::string root_name = in.owner("root").text("root", "base");
-  const int root = find_body(model, root_name, who);
-  const int closing = find_body(model, in.owner("closing").at("closing").text(), who);
+  const int root = find_body(model, root_name, place);
+  const int closing = find_body(model, in.owner("closing").at("closing").text(), place);
   const Vec3<double> root_point = in.owner("root_point").at("root_point").vector<3>();
   const Vec3<double> closing_point = in.owner("closing_point").at("closing_point").vector<3>();
   const Pose<double> closing_in_root =
@@ -322,12 +322,12 @@ void read_joint_force(const JsonReader& item, MechanismModel& model) {
 
 }  // namespace
 
-int find_body(const MechanismModel& model, const std::string& body, const std::string& who) {
+int find_body(const MechanismModel& model, const std::string& body, const std::string& place) {
   if (body == "base") return kBase;
   for (size_t i = 0; i < model.bodies.size(); ++i) {
     if (model.bodies[i].name == body) return static_cast<int>(i);
   }
-  throw ModelError("mechanism '" + model.name + "': " + who + " names body '" + body +
+  throw ModelError("mechanism '" + model.name + "': " + place + " names body '" + body +
                    "', which does not exist before it in the list of bodies");
 }
 
@@ -373,25 +373,25 @@ void number_coordinates(MechanismModel& model) {
 }
 
 void check_mechanism(const MechanismModel& model) {
-  const std::string who = "mechanism '" + model.name + "': ";
+  const std::string place = "mechanism '" + model.name + "': ";
   if (model.nv > kMaxVelocities) {
-    throw ModelError(who + "its bodies have " + std::to_string(model.nv) +
+    throw ModelError(place + "its bodies have " + std::to_string(model.nv) +
                      " degrees of freedom; the limit is " + std::to_string(kMaxVelocities));
   }
   for (const Body& body : model.bodies) {
     const double scale = body.inertia.norm();
     if (!(body.inertia - body.inertia.transpose()).isZero(1e-9 * scale)) {
-      throw ModelError(who + "inertia of body '" + body.name + "' is not symmetric");
+      throw ModelError(place + "inertia of body '" + body.name + "' is not symmetric");
     }
     const Vec3<double> principal = find_principal_moments(body.inertia);
     if (principal[0] < -1e-12 * scale) {
-      throw ModelError(who + "inertia of body '" + body.name +
+      throw ModelError(place + "inertia of body '" + body.name +
                        "' has the negative principal value " + std::to_string(principal[0]) +
                        " kg m2");
     }
   }
   if (static_cast<int>(model.home_q.size()) != model.nq) {
-    throw ModelError(who + "home_q has " + std::to_string(model.home_q.size()) +
+    throw ModelError(place + "home_q has " + std::to_string(model.home_q.size()) +
                      " numbers, but the bodies have " + std::to_string(model.nq) + " coordinates");
   }
   for (const Body& body : model.bodies) {
@@ -399,7 +399,7 @@ void check_mechanism(const MechanismModel& model) {
     const double* q = &model.home_q[body.q_index + 3];
     const double norm = Vec4<double>(q[0], q[1], q[2], q[3]).norm();
     if (!(std::abs(norm - 1.0) < 1e-3)) {
-      throw ModelError(who + "home_q of the free joint of body '" + body.name +
+      throw ModelError(place + "home_q of the free joint of body '" + body.name +
                        "' must end in a unit quaternion (w, x, y, z); its norm is " +
                        std::to_string(norm));
     }

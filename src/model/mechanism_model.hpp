@@ -1,7 +1,7 @@
 // A mechanism as data: bodies on a tree of joints, a table of loops, joint force laws.
 //
-// The tree is what remains when every loop is cut at one joint. Nothing here changes after
-// read_mechanism(); numbers that a run computes live in workspaces (tree/, loops/, dynamics/).
+// Every loop is cut at one joint, which leaves a tree. The model does not change after
+// read_mechanism(); a run computes its numbers in workspaces (tree/, loops/, mechanism/).
 // Conventions (joint axes, free joint, cut sign): src/README.md.
 #pragma once
 
@@ -12,7 +12,8 @@
 
 namespace dockloop {
 
-constexpr int kBase = -1;  ///< body index of the base (frame B, or what the mechanism hangs on)
+constexpr int kBase =
+    -1;  ///< body index of the base (frame B, or the body that carries the mechanism)
 
 enum class JointType { kRevolute, kPrismatic, kFree };
 
@@ -32,7 +33,7 @@ struct Body {
   int nv() const { return joint == JointType::kFree ? 6 : 1; }
 };
 
-/// What the removed joint of a loop leaves to be satisfied.
+/// Equations of the cut joint of a loop.
 enum class CutType {
   kSpherical,       ///< 3 equations: points coincide
   kUniversal,       ///< 4: points coincide, cross axes stay perpendicular
@@ -43,9 +44,9 @@ enum class CutType {
 
 constexpr int kMaxEquations = 5;  ///< of one cut
 
-/// How the dependent coordinates of a loop are found.
+/// Method for the dependent coordinates of a loop.
 enum class ClosureKind {
-  kAutomatic,  ///< closed form where the geometry allows one, else Newton
+  kAutomatic,  ///< closed form if the geometry allows one, else Newton
   kNewton,
   kR2P1R3,  ///< universal joint, slide, spherical cut
   kR2C2R2,  ///< the same with a spin about the slide and a universal cut
@@ -66,7 +67,7 @@ struct CouplingTerm {
   double ratio = 0.0;  ///< unit of the dependent coordinate per unit of this one
 };
 
-/// One row of the loop table: branch first..terminal hangs on root and is cut from `closing`.
+/// One row of the loop table: branch first..terminal on root, cut from `closing`.
 /// A coupling is a row too: its dependent joint follows q_dep = offset + rate t + sum of terms.
 struct Loop {
   std::string name;
@@ -82,9 +83,9 @@ struct Loop {
   double offset = 0.0;                      ///< coupling [m] or [rad]
   double rate = 0.0;                        ///< coupling: of a drive [m/s] or [rad/s]
   std::vector<int> dependent;               ///< bodies whose joints this row determines
-  std::vector<int> redundant;  ///< cut equations left out because they follow from others
+  std::vector<int> redundant;               ///< cut equations left out because they are redundant
   ClosureKind closure = ClosureKind::kAutomatic;
-  /// Assembly branch of a closed form where no home_q tells it: +1 or -1, 0 = the nearest.
+  /// Assembly branch of a closed form if home_q does not define it: +1 or -1, 0 = the nearest.
   int branch = 0;
 };
 
@@ -108,18 +109,19 @@ inline int equation_count(CutType cut) {
 /// Factor of a joint's coordinate in the equation of a coupling: q_dep - offset - sum of terms = 0.
 double find_coupling_factor(const Loop& loop, int body);
 
-/// Equations of a row that are in use: those of its cut without the redundant ones.
+/// Equations of a row in use: equations of its cut without redundant ones.
 std::vector<int> find_active_equations(const Loop& loop);
 
-/// Limits of the dimensionless margin of a loop [-]: below, it is singular, or earns a warning.
+/// Limits of the dimensionless margin of a loop [-]: below, the loop is singular, or a warning is
+/// issued.
 struct SingularityLimits {
   double error = 1e-4, warning = 1e-2;
 };
 
-/// One-sided elastic stop that begins at a limit; see mechanism/joint_forces.hpp for the law.
+/// One-sided elastic stop at a limit; see mechanism/joint_forces.hpp for the law.
 struct EndStops {
   bool present = false;
-  double lower = 0.0, upper = 0.0;  ///< joint coordinate at which they begin [m] or [rad]
+  double lower = 0.0, upper = 0.0;  ///< joint coordinates of the stops [m] or [rad]
   double stiffness = 0.0;           ///< [N/m]
   double damping = 0.0;             ///< [s/m], factor on the elastic force
   double toe = 0.0;                 ///< [m] over which the stiffness builds up
@@ -128,7 +130,7 @@ struct EndStops {
 /// Spring, damper and stops along one joint coordinate:
 /// tau = -stiffness (q - rest) - damping v + preload + stops.
 struct JointForce {
-  int body = 0;            ///< whose joint
+  int body = 0;            ///< body of the joint
   double stiffness = 0.0;  ///< [N/m]
   double damping = 0.0;    ///< [N s/m]
   double rest = 0.0;       ///< [m]
@@ -136,10 +138,10 @@ struct JointForce {
   EndStops stops;
 };
 
-/// A leg as users speak of it: length, rate and force along one slide.
+/// A leg for users: length, rate and force along one slide.
 struct Leg {
   std::string name;
-  int slide_body = 0;        ///< whose prismatic joint is the leg
+  int slide_body = 0;        ///< body with the prismatic joint of the leg
   double home_length = 0.0;  ///< [m] between the end joints at slide coordinate 0
   int force = 0;             ///< index into MechanismModel::forces
 };
@@ -158,18 +160,17 @@ struct MechanismModel {
   int nq = 0, nv = 0;
 };
 
-/// Number the coordinates in body order (q_index, v_index, nq, nv) and fill a zero home where none
-/// is given.
+/// Number the coordinates in body order (q_index, v_index, nq, nv). A missing home becomes zero.
 void number_coordinates(MechanismModel& model);
 
-/// Check everything that does not need kinematics. @throws ModelError with element, value, limit.
+/// All checks without kinematics. @throws ModelError with element, value, limit.
 void check_mechanism(const MechanismModel& model);
 
 /// Read a mechanism document (low-level members, or under the key "mechanism"; `legs` expanded).
 /// @param source_name file name for messages. @throws ModelError
 MechanismModel read_mechanism(const std::string& json_text, const std::string& source_name);
 
-/// Index of a body; "base" is kBase. @throws ModelError naming `who` asked.
-int find_body(const MechanismModel& model, const std::string& body, const std::string& who);
+/// Index of a body; "base" is kBase. @throws ModelError naming `place`, the element with this name.
+int find_body(const MechanismModel& model, const std::string& body, const std::string& place);
 
 }  // namespace dockloop

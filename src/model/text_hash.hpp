@@ -1,5 +1,5 @@
-// Fingerprint of a text, by which parts that were made apart recognise each other: scene documents
-// (the GUID of an FMU), kernels. No protection against somebody who means harm.
+// Hash of a text, as identity of scene documents (the GUID of an FMU) and kernels. The hash does
+// not protect against intended changes.
 #pragma once
 
 #include <cstdint>

@@ -20,7 +20,8 @@ double seconds_since(Clock::time_point begin) {
 
 std::shared_ptr<const Scene> make_scene(const std::string& document, const std::string& source,
                                         bool place, bool& touches) {
-  auto scene = std::make_shared<Scene>(naming(source, [&] { return read_scene(document, source); }));
+  auto scene =
+      std::make_shared<Scene>(naming(source, [&] { return read_scene(document, source); }));
   if (place && scene->conditions.given) {
     Placement placement = place_vehicles(*scene, source);
     scene->vehicle = std::move(placement.vehicle);
@@ -55,7 +56,7 @@ Placement place_vehicles(const Scene& scene, const std::string& source) {
 
 Docking::Docking(const std::string& document, const std::string& source, bool place)
     : callbacks_{log, nullptr, nullptr, nullptr, this},
-      instance_(make_scene(document, source, place, touches_), Interface::kCoSimulation,
+      instance_(make_scene(document, source, place, touches_), FmiKind::kCoSimulation,
                 Logger(callbacks_, "docking", false)) {
   instance_.state = kInitializationMode;
 }

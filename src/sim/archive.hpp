@@ -1,10 +1,10 @@
 // Plain data to bytes and back, with one function per struct for both directions.
 //
-// A struct takes part by a function `transfer(archive, value)` that names its members once, by
-// transfer_members<T>(): a member that is forgotten there does not compile. ByteWriter appends
-// them, ByteReader fills them from bytes that may be damaged: it never reads beyond the end and
-// never believes a length that the bytes cannot hold. The byte order is that of the machine
-// (little-endian on all that are supported; the header of a saved state tells).
+// A struct needs a function `transfer(archive, value)` that lists its members once, with
+// transfer_members<T>(). A missing member is a compile error. ByteWriter appends the members.
+// ByteReader fills them from bytes that may be damaged: it does not read beyond the end, and
+// refuses impossible lengths. The byte order is the order of the machine (little-endian on all
+// supported platforms; the header of a saved state contains it).
 #pragma once
 
 #include <Eigen/Core>
@@ -46,8 +46,8 @@ class ByteReader {
     at_ += size;
     left_ -= size;
   }
-  /// The same with numbers of which none may be infinite, nor so large that its square is.
-  /// @throws ModelError if one is
+  /// The same for numbers that must be finite and have a finite square.
+  /// @throws ModelError if a number is not
   void numbers(double* to, size_t count) {
     raw(to, count * sizeof(double));
     for (size_t i = 0; i < count; ++i) {
@@ -64,7 +64,7 @@ class ByteReader {
   size_t left_;
 };
 
-/// A length, checked against what is left: every element takes at least one byte.
+/// A length, checked against the remaining bytes: every element takes at least one byte.
 template <class A>
 size_t transfer_size(A& archive, size_t size) {
   std::uint64_t count = size;
@@ -75,7 +75,7 @@ size_t transfer_size(A& archive, size_t size) {
   return static_cast<size_t>(count);
 }
 
-/// Numbers and enumerations, of types that have the same size everywhere (no long, no size_t).
+/// Numbers and enumerations of types with the same size on all platforms (no long, no size_t).
 template <class A, class T>
 std::enable_if_t<std::is_arithmetic_v<T> || std::is_enum_v<T>> transfer(A& archive, T& value) {
   if constexpr (std::is_same_v<T, bool>) {
@@ -126,7 +126,7 @@ void transfer(A& archive, Eigen::Matrix<T, rows, cols, options, max_rows, max_co
   }
 }
 
-/// Converts to whatever a member of a struct is.
+/// Converts to the type of any member.
 struct AnyMember {
   template <class T>
   operator T() const;
@@ -139,7 +139,7 @@ struct TakesMembers<T, std::index_sequence<i...>,
                     std::void_t<decltype(T{(static_cast<void>(i), AnyMember())...})>>
     : std::true_type {};
 
-/// Number of members of an aggregate: the most values that it can be made from.
+/// Number of members of an aggregate: the largest number of values for its construction.
 template <class T, size_t count = 0>
 constexpr size_t count_members() {
   if constexpr (TakesMembers<T, std::make_index_sequence<count + 1>>::value) {
@@ -149,7 +149,7 @@ constexpr size_t count_members() {
   }
 }
 
-/// All members of a T, one after the other. @tparam elsewhere  number of those kept elsewhere
+/// All members of a T, one after the other. @tparam elsewhere  number of members stored elsewhere
 template <class T, size_t elsewhere = 0, class A, class... Members>
 void transfer_members(A& archive, Members&... members) {
   static_assert(count_members<T>() == sizeof...(Members) + elsewhere,

@@ -24,7 +24,7 @@ EnergyBalance find_energy_balance(const DockingModel& model, const DockingData<d
   EnergyBalance balance;
   const double brought = sums[kSumExternal] + audit.host_work;
   balance.residual = kinetic + potential + dissipated - brought - audit.start;
-  // What was there at the start, was brought, or was taken from springs: nothing that may be false.
+  // Start energy, external work and energy of springs: no quantity with an integration error.
   balance.in_play = std::abs(audit.start) + std::abs(brought) + std::max(0.0, -potential);
   return balance;
 }
@@ -34,14 +34,14 @@ double find_energy_scale(const EnergyAudit& audit, const EnergyBalance& balance,
   return std::max({audit.in_play, balance.in_play, 1e4 * atol_energy});
 }
 
-void start_energy_audit(const DockingModel& model, const DockingData<double>& data,
-                        const double* y, EnergyAudit& audit) {
+void start_energy_audit(const DockingModel& model, const DockingData<double>& data, const double* y,
+                        EnergyAudit& audit) {
   audit.start = find_total_energy(model, data);
   audit.in_play = find_energy_balance(model, data, y, audit).in_play;
 }
 
 bool creates_energy(const EnergyAudit& audit, const EnergyBalance& balance, double scale) {
-  constexpr double kMostMissing = 0.5;  // in the end; one step may be off by all there is
+  constexpr double kMostMissing = 0.5;  // of the energy in play, for the sum of all steps
   const double created = std::abs(balance.residual - audit.residual);
   const bool adds_up = std::abs(balance.residual) > kMostMissing * scale &&
                        std::abs(balance.residual) > std::abs(audit.residual);
@@ -97,8 +97,8 @@ double find_momentum_residual(const DockingModel& model, const DockingData<doubl
     difference.f[j] -= impulse[j];
     difference.t[j] -= impulse[3 + j];
   }
-  // An aligned docking has next to no angular momentum about O: measure it by the linear one at a
-  // lever of 1 m then.
+  // An aligned docking has nearly no angular momentum about O. The scale is then the linear
+  // momentum with a lever of 1 m.
   const double angular_scale = std::max(audit.angular_scale, audit.scale * 1.0);
   return std::max(difference.f.norm() / audit.scale, difference.t.norm() / angular_scale);
 }

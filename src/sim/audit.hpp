@@ -1,9 +1,9 @@
-// Audits: does energy add up, does momentum balance?
+// Audits of the balances of energy and momentum.
 //
-// Energy is compared with what there was at the start, what came from outside and what was
-// dissipated; momentum, summed over bodies, with its start and the impulses from outside. Neither
-// sum is the state that is integrated, so an error of the equations or of the integration shows.
-// The numbers kept here are part of SimState. The functions are free of side effects but on them.
+// Energy is compared with start energy, external work and dissipated energy. Momentum, as a sum
+// over bodies, is compared with start momentum and external impulses. Neither sum is a state of the
+// integration, so the audits detect errors of the equations and of the integration. The stored
+// numbers are part of SimState. The functions change only these numbers.
 #pragma once
 
 #include <array>
@@ -16,22 +16,22 @@ namespace dockloop {
 
 /// The energy of one state.
 struct EnergyBalance {
-  double residual = 0.0;  ///< what does not add up since the start [J]
-  double in_play = 0.0;   ///< bound of what may be there, if no step creates energy [J]
+  double residual = 0.0;  ///< error of the balance since the start [J]
+  double in_play = 0.0;   ///< upper bound of the energy, if no step creates energy [J]
 };
 
 struct EnergyAudit {
   double start = 0.0;      ///< [J]
   double in_play = 0.0;    ///< largest so far [J]
   double residual = 0.0;   ///< at the last accepted inner step [J]
-  int warnings = 0;        ///< issued about a residual that matters
-  double host_work = 0.0;  ///< that imposed motion brought in [J]
+  int warnings = 0;        ///< number of issued warnings about the residual
+  double host_work = 0.0;  ///< work of prescribed motion [J]
 };
 
 struct MomentumAudit {
-  std::array<Wrench<double>, 2> start;        ///< per vehicle, with what its host changed
-  double residual = 0.0;                      ///< largest seen [-]
-  double scale = 0.0, angular_scale = 0.0;    ///< largest seen [N s], [N m s]
+  std::array<Wrench<double>, 2> start;      ///< per vehicle, with changes by its host
+  double residual = 0.0;                    ///< largest seen [-]
+  double scale = 0.0, angular_scale = 0.0;  ///< largest seen [N s], [N m s]
 };
 
 /// Elastic energy of legs, contact and latches [J]. @pre calc_docking
@@ -39,23 +39,23 @@ double find_potential_energy(const DockingData<double>& data);
 /// Kinetic and elastic energy [J]. @pre calc_docking
 double find_total_energy(const DockingModel& model, const DockingData<double>& data);
 
-/// What should add up, and what does not. @param y  state of `data`
+/// Energy in play and error of the balance. @param y  state of `data`
 EnergyBalance find_energy_balance(const DockingModel& model, const DockingData<double>& data,
                                   const double* y, const EnergyAudit& audit);
-/// The largest energy that was in play so far [J]; at least what tolerances leave open.
+/// The largest energy in play so far [J], at least the error within tolerances.
 double find_energy_scale(const EnergyAudit& audit, const EnergyBalance& balance,
                          double atol_energy);
 
 /// The first state of a run.
-void start_energy_audit(const DockingModel& model, const DockingData<double>& data,
-                        const double* y, EnergyAudit& audit);
-/// Does the step to `balance` create more energy than was ever in play, or add up to it? Error
-/// control has then accepted a wrong step. @param scale  find_energy_scale()
+void start_energy_audit(const DockingModel& model, const DockingData<double>& data, const double* y,
+                        EnergyAudit& audit);
+/// Does the step to `balance`, alone or with earlier steps, create more energy than was in play?
+/// Error control has then accepted a wrong step. @param scale  find_energy_scale()
 bool creates_energy(const EnergyAudit& audit, const EnergyBalance& balance, double scale);
-/// Keep the balance of an accepted step. @return whether the residual has become worth a warning
+/// Store the balance of an accepted step. @return whether the residual needs a warning
 bool update_energy_audit(const EnergyBalance& balance, double scale, EnergyAudit& audit);
 
-/// Is there momentum to compare? An immobile vehicle takes up any.
+/// Is momentum conserved? A fixed vehicle receives any momentum.
 bool conserves_momentum(const DockingModel& model);
 /// The first state of a run. @param least_scale  [N s], of a run at rest
 void start_momentum_audit(const DockingModel& model, const DockingData<double>& data,
@@ -63,7 +63,7 @@ void start_momentum_audit(const DockingModel& model, const DockingData<double>& 
 /// The scales at a communication point.
 void update_momentum_scales(const DockingModel& model, const double* y, MomentumAudit& audit);
 /// Momentum summed over bodies against its start and the impulses from outside [-].
-/// @pre everything of `data` was evaluated
+/// @pre all of `data` was evaluated
 double find_momentum_residual(const DockingModel& model, const DockingData<double>& data,
                               const double* y, const MomentumAudit& audit);
 

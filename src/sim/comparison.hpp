@@ -1,7 +1,7 @@
-// The seam for methods for comparison, which live in src/compare; core and FMU do not carry them.
+// Interface to the methods for comparison. src/compare contains them; core and FMU do not.
 //
-// A program that links src/compare hands its one Comparison to the constructor of DockingSim. A
-// simulation without one refuses such methods (solver_methods.hpp).
+// A program that links src/compare passes its Comparison to the constructor of DockingSim. A
+// simulation without a Comparison refuses such methods (solver_methods.hpp).
 #pragma once
 
 #include <memory>
@@ -12,29 +12,29 @@
 
 namespace dockloop {
 
-/// The unreduced form of the equations at work in one simulation (model.level 4).
+/// The unreduced form of the equations in one simulation (model.level 4).
 class UnreducedForm {
  public:
   virtual ~UnreducedForm() = default;
-  virtual int size() const = 0;            ///< of all unknowns; the state comes first
-  virtual int controlled_size() const = 0;  ///< of those that have a tolerance
+  virtual int size() const = 0;             ///< number of unknowns; the state is first
+  virtual int controlled_size() const = 0;  ///< number of unknowns with a tolerance
   virtual void enter(Stepper::Problem& problem) = 0;
-  /// Appends the tolerances of unknowns beyond the state.
+  /// Append the tolerances of the unknowns after the state.
   virtual void add_tolerances(std::vector<double>& atol) const = 0;
   /// Sizes of all unknowns, for differences.
   virtual void set_nominals(VecX<double> nominal) = 0;
-  /// Follows the mechanism to other independent coordinates.
+  /// Update after a change of the independent coordinates of the mechanism.
   virtual void update_coordinates() = 0;
   /// Largest gap of the cuts at the end of the last inner step [m].
   virtual double find_cut_gap(double tau) = 0;
 };
 
-/// Immutable; serves any number of simulations.
+/// Immutable; any number of simulations can use one object.
 class Comparison {
  public:
   virtual ~Comparison() = default;
   virtual std::unique_ptr<UnreducedForm> make_unreduced_form(DockingSim::Impl& sim) const = 0;
-  /// Enters a method for comparison that integrates the state itself.
+  /// Enter a method for comparison that integrates the state.
   virtual void enter(int method, DockingSim::Impl& sim, Stepper::Problem& problem) const = 0;
 };
 

@@ -1,4 +1,4 @@
-// The scheme of coupling.hpp: what the host tells, what it is owed, what it is told.
+// The scheme of coupling.hpp: received motion, pending impulse, reported loads.
 #include "sim/coupling.hpp"
 
 #include <algorithm>
@@ -14,8 +14,9 @@ namespace {
 
 constexpr double kHostStep = 1e-3;  ///< of the host model's attitude [s]
 constexpr int kMaxHostSteps = 10000;
-constexpr std::int64_t kWorkAhead = 10;  ///< work of a look ahead, as a multiple of that of the last step
-constexpr double kNormWarning = 1e-6;  ///< error of the norm of a quaternion that is told
+constexpr std::int64_t kWorkAhead =
+    10;  ///< work of a look ahead, as a multiple of that of the last step
+constexpr double kNormWarning = 1e-6;  ///< error of the norm of a received quaternion
 
 /// Without a jump of the loads, peaks are refined across a communication point.
 bool is_same_within_rounding(const std::array<double, kPeakCount>& a,
@@ -53,8 +54,8 @@ Wrench<double> DockingSim::Impl::find_stated_momentum(int i, const VehicleState&
   return find_rigid_momentum(model->stated_mass[i], find_stated_inertia(i), s);
 }
 
-/// Motion as the inputs have it, in frame O.
-VehicleState DockingSim::Impl::find_told_state(int i) const {
+/// Motion received through the inputs, in frame O.
+VehicleState DockingSim::Impl::find_received_state(int i) const {
   const Inputs::Vehicle& in = inputs.vehicle[i];
   VehicleState z;
   z.x = in.position - frame_origin - frame_shift;
@@ -64,8 +65,8 @@ VehicleState DockingSim::Impl::find_told_state(int i) const {
   return z;
 }
 
-/// A quaternion that is off by rounding is one; one that is off by more is an error of its host.
-Status DockingSim::Impl::check_told_attitude(int i) {
+/// Rounding errors of the norm are accepted; a larger error is an error of the host.
+Status DockingSim::Impl::check_received_attitude(int i) {
   const double norm = inputs.vehicle[i].attitude.norm();
   char text[200];
   if (!is_attitude(inputs.vehicle[i].attitude)) {
@@ -76,16 +77,17 @@ Status DockingSim::Impl::check_told_attitude(int i) {
     return {StatusCode::kBadInput, -1, norm, elapsed};
   }
   if (std::abs(norm - 1.0) > kNormWarning) {
-    std::snprintf(text, sizeof text,
-                  "%s.attitude has the norm %.9g; it is taken as normalised, but the host's "
-                  "integration should keep it at 1",
-                  name_of(i), norm);
-    warn_once(i, kToldNorm, text);
+    std::snprintf(
+        text, sizeof text,
+        "%s.attitude has the norm %.9g; the normalised quaternion is used, but the host's "
+        "integration should keep the norm at 1",
+        name_of(i), norm);
+    warn_once(i, kWarnedNorm, text);
   }
   return {};
 }
 
-/// What the host makes of a load over h, as far as stated mass and told loads are right.
+/// Motion of the host's vehicle under a load over h, if the stated mass and loads are right.
 VehicleState DockingSim::Impl::predict_host(int i, const VehicleState& z,
                                             const Wrench<double>& load, double h) {
   const Loads& known = find_loads(0.5 * h);
@@ -100,17 +102,17 @@ VehicleState DockingSim::Impl::predict_host(int i, const VehicleState& z,
   return next;
 }
 
-/// The ledger starts empty; the first load is announced from the start state.
+/// The pending impulse starts at zero; the first load is announced from the start state.
 void DockingSim::Impl::start_coupling() {
   coupling = CouplingState();
   for (int i : {kChaser, kTarget}) {
     if (!model->driven[i]) continue;
     coupling.vehicle[i].received = coupling.vehicle[i].predicted = find_vehicle_state(i);
-    coupling.vehicle[i].told = inputs.vehicle[i];
+    coupling.vehicle[i].input = inputs.vehicle[i];
   }
 }
 
-/// Take over what hosts tell of their vehicles, at the start of a step of h.
+/// Receive the motion of driven vehicles at the start of a step of h.
 Status DockingSim::Impl::receive(double h) {
   if (!has_host()) return {};
   Status status = evaluate(0.0);
@@ -127,46 +129,47 @@ Status DockingSim::Impl::receive(double h) {
   const bool grips =
       (has_surfaces() && data->contact.gap <= 0.0) || events->count_held_latches() > 0;
 
-  std::array<bool, 2> told{false, false};
+  std::array<bool, 2> received{false, false};
   for (int i : {kChaser, kTarget}) {
     if (!model->driven[i]) continue;
     if (first && is_all_zero(inputs.vehicle[i])) {
-      coupling.vehicle[i].told = inputs.vehicle[i];
-      mean_load[i] = Wrench<double>();  // a host that was told nothing either holds no load
+      coupling.vehicle[i].input = inputs.vehicle[i];
+      mean_load[i] = Wrench<double>();  // a host without results holds no load
       warnings.push_back(std::string(name_of(i)) +
-                         " is driven, but its motion is all zeros in the first step: taken as not"
-                         " told yet, the step begins at the start values");
+                         " is driven, but all its motion inputs are zero in the first step: the"
+                         " step begins at the start values. Connect position, velocity, attitude"
+                         " and angular_velocity");
       continue;
     }
-    status = check_told_attitude(i);
+    status = check_received_attitude(i);
     if (!status.ok()) return status;
-    told[i] = true;
+    received[i] = true;
     DrivenVehicle& v = coupling.vehicle[i];
-    const VehicleState z = find_told_state(i), inside = find_vehicle_state(i);
+    const VehicleState z = find_received_state(i), inside = find_vehicle_state(i);
     if (first) {
       look_at_first_state(i, z, h);
     } else {
-      v.pending = find_owed_impulse(i, z);
+      v.pending = find_pending_impulse(i, z);
       look_at_innovation(i, z);
     }
     const VehicleState moved = carry_along(z, v.predicted, inside);
     set_vehicle_pose(*model, i, moved.x, moved.q, stepper->y());
     v.received = z;
-    v.told = inputs.vehicle[i];
+    v.input = inputs.vehicle[i];
   }
   if (grips) {
-    // It stays where it is on the target, which may have been told to be elsewhere.
+    // The ring keeps its place on the target. The received motion may have moved the target.
     const FrameMotion<double> P = find_frame_on(
         get_vehicle_pose<double>(*model, kTarget, stepper->y()), model->interface_pose[kTarget]);
     const Pose<double> on_target = Pose<double>{P.R, P.p} * inverse(passive) * capture;
     status = hold_capture_body(*model, on_target, stepper->y(), *data, *jump_work);
     if (!status.ok()) return status;
   }
-  status = match_momenta(told, chaser_before, mechanism_before);
+  status = match_momenta(received, chaser_before, mechanism_before);
   if (!status.ok()) return status;
   status = evaluate(0.0);
   if (!status.ok()) return status;
-  if (told[kChaser]) {
+  if (received[kChaser]) {
     coupling.vehicle[kChaser].pending += mechanism_before - find_mechanism_momentum();
   }
   // The jump may begin a contact, and its forces count as peaks.
@@ -177,7 +180,7 @@ Status DockingSim::Impl::receive(double h) {
     events->begin_contact(elapsed);
   const std::array<double, kPeakCount> loads_after = find_peak_values();
   if (!is_same_within_rounding(loads_before, loads_after)) peaks.begin(elapsed, loads_after);
-  // What the host did to the motion is its work and impulse, not an error of the integration.
+  // The correction by the host counts as its work and impulse, not as an integration error.
   energy_audit.host_work += find_total_energy(*model, *data) - energy_before;
   for (int i : {kChaser, kTarget}) {
     momentum_audit.start[i] += find_momentum(*model, i, *data) - momentum_before[i];
@@ -185,14 +188,14 @@ Status DockingSim::Impl::receive(double h) {
   return {};
 }
 
-/// Momentum of each internal vehicle = momentum of the host's + what it is owed. The mechanism is
-/// referred to the new motion of the chaser; what that changes of its own momentum is owed, too
-/// (receive), so the chaser and what it carries get: host + owed + mechanism before.
-Status DockingSim::Impl::match_momenta(const std::array<bool, 2>& told,
+/// Momentum of each internal vehicle = momentum of the host's vehicle + pending impulse. The
+/// mechanism follows the new motion of the chaser. The change of its momentum becomes pending, too
+/// (receive). Chaser with mechanism therefore get: host + pending + mechanism before.
+Status DockingSim::Impl::match_momenta(const std::array<bool, 2>& received,
                                        const FrameMotion<double>& chaser_before,
                                        const Wrench<double>& mechanism_before) {
   for (int i : {kChaser, kTarget}) {
-    if (!told[i]) continue;
+    if (!received[i]) continue;
     const DrivenVehicle& v = coupling.vehicle[i];
     const Wrench<double> momentum = find_stated_momentum(i, v.received) + v.pending;
     if (i == kTarget) {
@@ -206,21 +209,21 @@ Status DockingSim::Impl::match_momenta(const std::array<bool, 2>& told,
   return {};
 }
 
-/// Of what moves with the chaser, beyond the vehicle as its host knows it. @pre evaluate
+/// Momentum that moves with the chaser, without the vehicle of the host. @pre evaluate
 Wrench<double> DockingSim::Impl::find_mechanism_momentum() const {
   return find_momentum(*model, kChaser, *data) -
          find_stated_momentum(kChaser, find_vehicle_state(kChaser));
 }
 
-/// Where vehicles are and what their hosts applied by themselves so far. @pre evaluate
+/// Motion of the vehicles, and impulses of the known loads of their hosts so far. @pre evaluate
 CouplingPoint DockingSim::Impl::find_coupling_point() const {
   CouplingPoint now;
   for (int i : {kChaser, kTarget}) {
     now.vehicle[i] = find_vehicle_state(i);
     if (model->layout.told[i] < 0) continue;
-    const double* told = stepper->y() + model->layout.told[i];
-    now.told[i] = {Vec3<double>(told[0], told[1], told[2]),
-                   Vec3<double>(told[3], told[4], told[5])};
+    const double* known = stepper->y() + model->layout.told[i];
+    now.known[i] = {Vec3<double>(known[0], known[1], known[2]),
+                    Vec3<double>(known[3], known[4], known[5])};
   }
   return now;
 }
@@ -230,12 +233,12 @@ CouplingPoint DockingSim::Impl::find_coupling_point() const {
 Wrench<double> DockingSim::Impl::find_exerted_impulse(int i, const CouplingPoint& from,
                                                       const CouplingPoint& to) const {
   return (find_stated_momentum(i, to.vehicle[i]) - find_stated_momentum(i, from.vehicle[i])) -
-         (to.told[i] - from.told[i]);
+         (to.known[i] - from.known[i]);
 }
 
-/// After a step of h from step_begin: book what was exerted, find the load to tell. Inputs are
-/// still those of the step. @pre evaluate at its end
-void DockingSim::Impl::update_ledgers(double h, const CouplingPoint& end) {
+/// After a step of h from step_begin: add the exerted impulse, find the load to report. Inputs are
+/// still the inputs of the step. @pre evaluate at its end
+void DockingSim::Impl::update_impulse_balance(double h, const CouplingPoint& end) {
   for (int i : {kChaser, kTarget}) {
     if (!model->driven[i]) continue;
     DrivenVehicle& v = coupling.vehicle[i];
@@ -245,8 +248,8 @@ void DockingSim::Impl::update_ledgers(double h, const CouplingPoint& end) {
     if (announces()) {
       v.held = mean_load[i];  // announced for this step
     } else {
-      const VehicleState told_end = carry_along(v.received, step_begin.vehicle[i], end.vehicle[i]);
-      v.held = mean_load[i] = find_mean_load(v.pending, v.received, told_end, h);
+      const VehicleState host_end = carry_along(v.received, step_begin.vehicle[i], end.vehicle[i]);
+      v.held = mean_load[i] = find_mean_load(v.pending, v.received, host_end, h);
     }
     v.predicted = predict_host(i, v.received, v.held, h);
     note_step(i, exerted, end.vehicle[i], h);
@@ -258,8 +261,8 @@ void DockingSim::Impl::update_ledgers(double h, const CouplingPoint& end) {
   }
 }
 
-/// Announce the loads of the coming step, which is expected to be h: what will be exerted over it,
-/// and what the host is owed. @pre inputs are read
+/// Announce the loads of the coming step, which is expected to be h: future loads over the step,
+/// and the pending impulse. @pre inputs are read
 void DockingSim::Impl::announce(double h) {
   CouplingPoint begin, end;
   Status status = look_ahead(h, begin, end);
@@ -273,57 +276,57 @@ void DockingSim::Impl::announce(double h) {
       char text[400];
       std::snprintf(text, sizeof text,
                     "the loads of the step after t = %.9g s could not be announced (looking %.6g s "
-                    "ahead: %s); the host is told what it is owed only",
+                    "ahead: %s); the announced load contains the pending impulse only",
                     setup->t_start + elapsed, h, describe(status).c_str());
-      warn_once(i, kToldLookAhead, text);
+      warn_once(i, kWarnedLookAhead, text);
     }
   }
-  // After a step that was much shorter than the others its ledger is not returned as fast.
+  // After a step much shorter than the others, only a share of the pending impulse is returned.
   const double share = h / std::max(h, coupling.regular_step);
   for (int i : {kChaser, kTarget}) {
     if (!model->driven[i]) continue;
     const DrivenVehicle& v = coupling.vehicle[i];
     const Wrench<double> impulse =
-        share * find_owed_impulse(i, v.predicted) + find_exerted_impulse(i, begin, end);
+        share * find_pending_impulse(i, v.predicted) + find_exerted_impulse(i, begin, end);
     mean_load[i] = find_mean_load(impulse, v.predicted,
                                   carry_along(v.predicted, begin.vehicle[i], end.vehicle[i]), h);
   }
 }
 
-/// Integrate over h and drop the result; nothing but the arguments changes.
+/// Integrate over h and drop the result; only the arguments change.
 /// @param begin, end  of the integration; the same if it failed
 Status DockingSim::Impl::look_ahead(double h, CouplingPoint& begin, CouplingPoint& end) {
   keep(*look_ahead_start);
   const Counters counters = find_counters();
-  const size_t told = warnings.size();
+  const size_t warned = warnings.size();
   Status status = evaluate_start();
   begin = end = find_coupling_point();
-  // Not much dearer than the step that was just made.
+  // Not much more work than the step that was just made.
   std::int64_t limit = find_work_limit(h);
   if (coupling.work > 0) limit = std::min(limit, kWorkAhead * (1000 + coupling.work));
   if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
   if (status.ok()) end = find_coupling_point();
   restore(*look_ahead_start);
   set_counters(counters);
-  warnings.resize(told);
+  warnings.resize(warned);
   status_text.clear();
   return status;
 }
 
-/// What a host is owed when it is at a state, after the last step.
-Wrench<double> DockingSim::Impl::find_owed_impulse(int i, const VehicleState& host) const {
+/// Pending impulse if the host's vehicle is at a given state, after the last step.
+Wrench<double> DockingSim::Impl::find_pending_impulse(int i, const VehicleState& host) const {
   const DrivenVehicle& v = coupling.vehicle[i];
   if (!(last_step > 0.0)) return v.pending;
   return v.pending - find_delivered_impulse(v.held, v.received, host, last_step);
 }
 
-/// What a host is owed at the present communication point: from the motion that it told since the
-/// step, or from what is predicted of it.
+/// Pending impulse at the present communication point: from the motion received since the step, or
+/// from the predicted motion.
 Wrench<double> DockingSim::Impl::find_pending_impulse(int i) const {
   const DrivenVehicle& v = coupling.vehicle[i];
-  const bool is_told =
-      !is_same_motion(inputs.vehicle[i], v.told) && is_attitude(inputs.vehicle[i].attitude);
-  return find_owed_impulse(i, is_told ? find_told_state(i) : v.predicted);
+  const bool is_received =
+      !is_same_motion(inputs.vehicle[i], v.input) && is_attitude(inputs.vehicle[i].attitude);
+  return find_pending_impulse(i, is_received ? find_received_state(i) : v.predicted);
 }
 
 }  // namespace dockloop

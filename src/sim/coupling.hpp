@@ -1,22 +1,23 @@
 // Coupling with hosts that integrate a vehicle by themselves ("driven" vehicles).
 //
-// A host holds a constant load over a communication step and tells where its vehicle is at the
-// end. Feeding that back as it stands is wrong in two ways: the host moved under a mean, not under
-// the true load, and in a parallel master under a load announced before the step. Therefore:
+// A host holds a constant load over a communication step and reports the motion of its vehicle at
+// the end. The reported motion must not replace the internal motion for two reasons. The host used
+// a mean load, not the true load. In a parallel master the load was announced before the step.
+// Therefore:
 //
-//   internal vehicle   the simulation keeps its own copy of the driven vehicle and integrates it
-//                      with everything else: inside a step nothing is held or extrapolated
-//   innovation         what the host tells less what was predicted of it: only this corrects the
+//   internal vehicle   the simulation integrates its own copy of the driven vehicle together with
+//                      all other bodies: inside a step nothing is held or extrapolated
+//   innovation         reported motion minus predicted motion: only the innovation corrects the
 //                      copy (0 if the host has the same mass and loads)
-//   ledger             impulse that the mechanism exerted and the host was not yet given. Exerted
-//                      is the change of the copy's momentum, delivered follows from the host's
-//                      states; momentum of host, inside and ledger is constant to rounding
+//   pending impulse    exerted impulse minus delivered impulse. Exerted: the change of the copy's
+//                      momentum. Delivered: follows from the host's states. The sum of momentum of
+//                      host and copy and pending impulse is constant to rounding
 //   sequential         the simulation steps first; the host makes the same step with the mean load
-//   parallel           both step at once: the load of the coming step is announced, from a look
-//                      ahead on a copy that is dropped
+//   parallel           both step at the same time: the load of the coming step is announced, from a
+//                      look ahead on a copy of the state
 //
-// This file: what is kept of each driven vehicle, and the arithmetic of states that depends on
-// nothing else. coupling.cpp: the scheme; coupling_monitors.cpp: what the host should know.
+// This file: the stored data of each driven vehicle, and functions of these data alone.
+// coupling.cpp: the scheme; coupling_monitors.cpp: warnings and monitors for the host.
 #pragma once
 
 #include "sim/mean_load.hpp"
@@ -24,63 +25,64 @@
 
 namespace dockloop {
 
-/// Sums over the steps of one vehicle, forgotten with time.
+/// Sums over the steps of one vehicle; old steps fade out.
 struct InnovationSums {
   double predicted2 = 0.0;            ///< changes of velocity as predicted, gravity apart [m2/s2]
   double innovation_predicted = 0.0;  ///< innovation times these [m2/s2]
   double innovation2 = 0.0;           ///< [m2/s2]
-  double shifted2 = 0.0;  ///< what remains if the load of the step beside was applied [m2/s2]
+  double shifted2 = 0.0;  ///< the same, if the load of the neighbouring step was applied [m2/s2]
   /// The same of angular velocities: predicted2, innovation_predicted, innovation2 [rad2/s2]
   double turn2 = 0.0, innovation_turn = 0.0, turn_innovation2 = 0.0;
-  int loaded = 0;                             ///< steps with a change that can be seen
-  int unmodelled = 0;  ///< steps in a row with an innovation that no load explains
+  int loaded = 0;      ///< steps with a change that can be seen
+  int unmodelled = 0;  ///< consecutive steps with an innovation that no load explains
 };
 
-/// What was told to and by the host of one driven vehicle. Frame O, which falls with gravity.
+/// Data exchanged with the host of one driven vehicle, in frame O, which falls with gravity.
 struct DrivenVehicle {
   VehicleState received;   ///< at the start of the last step
   VehicleState predicted;  ///< of the host at its end
   Wrench<double> held;     ///< load that the host held over it: force (axes of O), torque (body)
   Wrench<double> before;   ///< the same, a step earlier
-  Wrench<double> pending;  ///< ledger: impulse, angular impulse about O, as of `received`
+  Wrench<double> pending;  ///< impulse, angular impulse about O, at `received`
   Vec3<double> fall = Vec3<double>::Zero();  ///< change of velocity by gravity over it [m/s]
   double work = 0.0;        ///< of the mechanism on the internal vehicle over the last step [J]
   double innovation = 0.0;  ///< of the velocity at the interface, at `received` [m/s]
   double error = 0.0;       ///< of the last step, at the interface [m/s]
-  Inputs::Vehicle told;     ///< inputs that `received` comes from
+  Inputs::Vehicle input;    ///< inputs that `received` comes from
   InnovationSums sums;
 };
 
-/// Things that are told once.
+/// Warnings that are issued once.
 enum CouplingWarning {
-  kToldLate = 1,
-  kToldOrder = 2,
-  kToldGravity = 4,
-  kToldMass = 8,
-  kToldNorm = 16,
-  kToldStep = 32,
-  kToldFirst = 64,
-  kToldLookAhead = 128,
-  kToldNoForce = 256,
-  kToldNoTorque = 512,
-  kToldNoTorqueExt = 1024,
+  kWarnedLate = 1,
+  kWarnedOrder = 2,
+  kWarnedGravity = 4,
+  kWarnedMass = 8,
+  kWarnedNorm = 16,
+  kWarnedStep = 32,
+  kWarnedFirst = 64,
+  kWarnedLookAhead = 128,
+  kWarnedNoForce = 256,
+  kWarnedNoTorque = 512,
+  kWarnedNoTorqueExt = 1024,
 };
 
-/// One end of an integration: motion, and impulses that hosts gave by themselves until then.
+/// Start or end of an integration: motion, and impulses of the known loads of hosts until then.
 struct CouplingPoint {
   std::array<VehicleState, 2> vehicle;
-  std::array<Wrench<double>, 2> told;
+  std::array<Wrench<double>, 2> known;
 };
 
 struct CouplingState {
   std::array<DrivenVehicle, 2> vehicle;
   double work_residual = 0.0;  ///< [J]
-  double suggestion = 0.0;     ///< step that loads are announced for, to a host that follows [s]
-  bool follows = false;        ///< the host makes the steps that are suggested
+  double suggestion = 0.0;     ///< step of announced loads, if the host follows suggestions [s]
+  bool follows = false;        ///< the host makes the suggested steps
   double regular_step = 0.0;   ///< longest of the last few steps [s]
   std::int64_t work = 0;       ///< of the last step, in evaluations
-  double frequency = 0.0;      ///< of the interface when a latch last changed [rad/s], 0 = unknown
-  int held_latches = 0;        ///< then
+  double frequency =
+      0.0;               ///< of the docking interface at the last latch event [rad/s], 0 = unknown
+  int held_latches = 0;  ///< then
   std::array<int, 2> warned{0, 0};
 };
 

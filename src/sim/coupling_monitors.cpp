@@ -1,5 +1,5 @@
-// What a host should know about its side of the coupling: does its vehicle move as predicted, is
-// the order of exchange right, how long may steps be. Every warning is told once, with numbers.
+// Monitors of the coupling for the host: does the vehicle move as predicted, is the order of
+// exchange right, how long may steps be. Every warning is issued once, with numbers.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -9,21 +9,21 @@
 namespace dockloop {
 namespace {
 
-constexpr double kForget = 0.98;      ///< of the sums, per kForgetTime
-constexpr double kForgetTime = 0.01;  ///< [s]
-constexpr double kSilentChange =
-    1e-11;  ///< change of velocity that says nothing, [m/s], [rad/s] ...
+constexpr double kForget = 0.98;         ///< of the sums, per kForgetTime
+constexpr double kForgetTime = 0.01;     ///< [s]
+constexpr double kSilentChange = 1e-11;  ///< change of velocity that is ignored, [m/s], [rad/s] ...
 constexpr double kRelativeRounding = 1e-14;  ///< ... and of the speed in N [-]
 constexpr int kEnoughSteps = 10;
 constexpr double kExplained = 0.05;     ///< of the squares of innovations, by an explanation
-constexpr double kMassWarning = 0.05;   ///< mismatch that is told [-]
+constexpr double kMassWarning = 0.05;   ///< mismatch that causes a warning [-]
 constexpr double kMassConfirmed = 0.1;  ///< mismatch below which no step is too long [-]
-constexpr double kLeastFelt = 0.1;      ///< of a predicted change, less is none at all
-constexpr double kMostFelt = 10.0;      ///< more is not the effect of that load
+constexpr double kLeastFelt = 0.1;      ///< of a predicted change; less counts as no change
+constexpr double kMostFelt = 10.0;      ///< of a predicted change; more has another cause
 constexpr double kStableRange = 0.8;    ///< frequency x step with a mass that is not confirmed
-constexpr double kLongestStep = 0.1;    ///< that is suggested [s]
-constexpr double kShare = 0.3;          ///< of the tolerance that the next step may use
-constexpr double kUnmodelled = 1e-4;    ///< acceleration that is told [m/s2], and part of gravity
+constexpr double kLongestStep = 0.1;    ///< longest suggested step [s]
+constexpr double kShare = 0.3;          ///< of the tolerance, for the next step
+constexpr double kUnmodelled =
+    1e-4;  ///< acceleration that causes a warning [m/s2], and part of gravity
 
 }  // namespace
 
@@ -34,13 +34,13 @@ void DockingSim::Impl::warn_once(int i, CouplingWarning what, const std::string&
   warnings.push_back(text);
 }
 
-/// True mass / stated mass - 1 as the motion shows it; 0 while it shows nothing.
+/// True mass / stated mass - 1, estimated from the motion; 0 without an estimate.
 double DockingSim::Impl::find_mass_mismatch(int i) const {
   const InnovationSums& sums = coupling.vehicle[i].sums;
   if (sums.loaded == 0 || !(sums.predicted2 > 0.0)) return 0.0;
   const double felt = 1.0 + sums.innovation_predicted / sums.predicted2;
-  if (std::abs(felt) > kMostFelt) return 0.0;  // something else moves it
-  constexpr double kLeast = 1e-3;              // heavier by more: it does not move at all
+  if (std::abs(felt) > kMostFelt) return 0.0;  // another load moves the vehicle
+  constexpr double kLeast = 1e-3;              // beyond: the vehicle does not move
   return 1.0 / std::max(felt, kLeast) - 1.0;
 }
 
@@ -56,22 +56,22 @@ bool DockingSim::Impl::is_mass_confirmed(int i) const {
          find_unexplained_by_mass(sums) < kExplained * sums.predicted2;
 }
 
-/// The first motion that is told must be that of the start, not of a step later.
+/// The first received motion must be the motion at the start, not one step later.
 void DockingSim::Impl::look_at_first_state(int i, const VehicleState& z, double h) {
-  const Vec3<double> way = z.x - coupling.vehicle[i].predicted.x;
+  const Vec3<double> distance = z.x - coupling.vehicle[i].predicted.x;
   const Vec3<double> step = h * (coupling.vehicle[i].predicted.v + frame_velocity);
-  if (!(step.norm() > 1e-9) || !((way - step).norm() < 0.1 * step.norm())) return;
+  if (!(step.norm() > 1e-9) || !((distance - step).norm() < 0.1 * step.norm())) return;
   char text[300];
   std::snprintf(text, sizeof text,
-                "%s.position of the first step is %.3g m further than at the start, which is the "
-                "way of one step: the host passes the motion at the end of a step as that of its "
-                "beginning; pass the motion at currentCommunicationPoint",
-                name_of(i), way.norm());
-  warn_once(i, kToldFirst, text);
+                "%s.position of the first step is %.3g m away from the start position. This is the "
+                "distance of one step: the host passes the motion at the end of the step. Pass "
+                "the motion at currentCommunicationPoint",
+                name_of(i), distance.norm());
+  warn_once(i, kWarnedFirst, text);
 }
 
-/// What the host's vehicle did over the last step, beside what was predicted of it.
-/// @param z  as told now, at the end of that step
+/// Motion of the host's vehicle over the last step, compared with the predicted motion.
+/// @param z  motion received now, at the end of the last step
 void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
   DrivenVehicle& v = coupling.vehicle[i];
   InnovationSums& sums = v.sums;
@@ -82,7 +82,7 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
   const Vec3<double> turning = R * (z.w - v.predicted.w);
   v.innovation = std::max(innovation.norm(), turning.norm() * arm.norm());
 
-  // Work that the host's vehicle took up, less what the mechanism gave.
+  // Work received by the host's vehicle, minus work of the mechanism.
   const Vec3<double> turn =
       quat_log<double>(quat_multiply<double>(quat_conjugate<double>(v.received.q), z.q));
   coupling.work_residual += v.held.f.dot(z.x - v.received.x) + v.held.t.dot(turn) - v.work;
@@ -95,7 +95,7 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
                       &sums.shifted2, &sums.turn2, &sums.innovation_turn, &sums.turn_innovation2}) {
     *sum *= keep;
   }
-  // Gravity that is told as a constant over the step is not known better than this.
+  // Gravity as a constant over the step has at least this error.
   const double rounding = kSilentChange + kRelativeRounding * inputs.vehicle[i].velocity.norm() +
                           h * kUnmodelled * loads.gravity.norm();
   if (predicted.norm() > rounding) {
@@ -103,24 +103,24 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
     sums.predicted2 += predicted.squaredNorm();
     sums.innovation_predicted += innovation.dot(predicted);
     sums.innovation2 += innovation.squaredNorm();
-    // Order of exchange: as if the load of the step beside had been applied, a step late
+    // Order of exchange: innovation with the load of the neighbouring step, applied a step late
     // (sequential exchange expected) or a step early (announced load applied at once).
-    const Vec3<double> beside = announces() ? mean_load[i].f : v.before.f;
-    sums.shifted2 += (innovation - h / mass * (beside - v.held.f)).squaredNorm();
+    const Vec3<double> neighbour = announces() ? mean_load[i].f : v.before.f;
+    sums.shifted2 += (innovation - h / mass * (neighbour - v.held.f)).squaredNorm();
   }
   if (turned.norm() > kSilentChange) {
     sums.turn2 += turned.squaredNorm();
     sums.innovation_turn += (z.w - v.predicted.w).dot(turned);
     sums.turn_innovation2 += (z.w - v.predicted.w).squaredNorm();
   }
-  const double told = predicted.norm();
+  const double load_effect = predicted.norm();
   const double limit = kUnmodelled * std::max(1.0, loads.gravity.norm());
-  const bool unmodelled = innovation.norm() > h * limit && innovation.norm() > 10.0 * told;
+  const bool unmodelled = innovation.norm() > h * limit && innovation.norm() > 10.0 * load_effect;
   sums.unmodelled = unmodelled ? sums.unmodelled + 1 : 0;
   warn_of_exchange(i, innovation, z.w - v.predicted.w);
 }
 
-/// Find the reason of innovations: one warning that fits is better than three that may.
+/// Find the cause of innovations: one warning that fits is better than three possible ones.
 void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
                                         const Vec3<double>& turn_innovation) {
   const DrivenVehicle& v = coupling.vehicle[i];
@@ -130,13 +130,13 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
   char text[400];
   const auto unmodelled = [&](double acceleration) {
     std::snprintf(text, sizeof text,
-                  "%s has an unmodelled acceleration of %.3g m/s2: is 'gravity' connected, and is "
-                  "every other load told in %s.force_ext?",
+                  "%s has an unmodelled acceleration of %.3g m/s2: connect 'gravity', and report "
+                  "every other load in %s.force_ext",
                   name, acceleration, name);
-    warn_once(i, kToldGravity, text);
+    warn_once(i, kWarnedGravity, text);
   };
-  // A motion that is told a step ahead looks like many other things.
-  if ((coupling.warned[i] & kToldFirst) != 0) return;
+  // A motion that is reported one step too early looks like many other errors.
+  if ((coupling.warned[i] & kWarnedFirst) != 0) return;
   if (sums.unmodelled == 5) unmodelled(innovation.norm() / h);
   const Vec3<double> held = h / stated * v.held.f;
   if (announces() && sums.loaded == 1 && (innovation + held).norm() < 0.05 * held.norm()) {
@@ -144,7 +144,7 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
                   "%s did not feel the first announced load (%.6g N over %.6g s): read "
                   "%s.force_mean and %s.torque_mean after initialisation, before the first step",
                   name, v.held.f.norm(), h, name, name);
-    warn_once(i, kToldLate, text);
+    warn_once(i, kWarnedLate, text);
   }
   if (sums.loaded < kEnoughSteps) return;
   const double turn_felt = sums.turn2 > 0.0 ? 1.0 + sums.innovation_turn / sums.turn2 : 1.0;
@@ -154,18 +154,18 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
           : 0.0;
   if (turn_felt < kLeastFelt &&
       (turn_felt < -kMostFelt || turn_left > kExplained * sums.turn_innovation2)) {
-    // Too much, or about another axis: no torque of the mechanism, whatever its sign.
+    // Too large, or about another axis: not a torque of the mechanism of either sign.
     std::snprintf(text, sizeof text,
-                  "%s has an unmodelled angular acceleration of %.3g rad/s2: is every torque that "
-                  "acts on it reported in %s.torque_ext, about the centre of mass, in body axes?",
+                  "%s has an unmodelled angular acceleration of %.3g rad/s2: report every other "
+                  "torque in %s.torque_ext, about the centre of mass, in body axes",
                   name, turn_innovation.norm() / h, name);
-    warn_once(i, kToldNoTorqueExt, text);
+    warn_once(i, kWarnedNoTorqueExt, text);
   } else if (turn_felt < kLeastFelt) {
     std::snprintf(text, sizeof text,
-                  "%s does not turn as predicted (%.3g of it): is %s.torque_mean connected, about "
-                  "the centre of mass, in body axes, with its sign?",
+                  "%s does not turn as predicted (%.3g of the predicted turn): connect "
+                  "%s.torque_mean, about the centre of mass, in body axes, with its sign",
                   name, turn_felt, name);
-    warn_once(i, kToldNoTorque, text);
+    warn_once(i, kWarnedNoTorque, text);
   }
   const double unexplained = find_unexplained_by_mass(sums);
   const double size = std::sqrt(sums.innovation2 / sums.predicted2);
@@ -181,10 +181,10 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
               "velocity): the host makes each step at the same time as this FMU; set "
               "coupling.mode = 2 (parallel)",
         name, size);
-    warn_once(i, kToldOrder, text);
+    warn_once(i, kWarnedOrder, text);
     return;
   }
-  if ((coupling.warned[i] & kToldOrder) != 0 || size < kMassWarning) return;
+  if ((coupling.warned[i] & kWarnedOrder) != 0 || size < kMassWarning) return;
   const double felt = 1.0 + sums.innovation_predicted / sums.predicted2;
   if (unexplained > kExplained * sums.innovation2 || std::abs(felt) > kMostFelt) {
     const double rest = size * (v.predicted.v - v.received.v - v.fall).norm() / h;
@@ -193,10 +193,10 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
   }
   if (felt < kLeastFelt) {
     std::snprintf(text, sizeof text,
-                  "%s does not move as predicted (%.3g of it): is %s.force_mean connected, in N, "
-                  "with its sign?",
+                  "%s does not move as predicted (%.3g of the predicted change of velocity): "
+                  "connect %s.force_mean, in N, with its sign",
                   name, felt, name);
-    warn_once(i, kToldNoForce, text);
+    warn_once(i, kWarnedNoForce, text);
     return;
   }
   const double mismatch = find_mass_mismatch(i);
@@ -205,38 +205,38 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
                 "loads are right to first order of the step only; see also "
                 "%s.mass_includes_mechanism",
                 name, stated * (1.0 + mismatch), name, stated, mismatch, name);
-  warn_once(i, kToldMass, text);
+  warn_once(i, kWarnedMass, text);
   const double product = coupling.frequency * h;
   if (product > kStableRange && std::abs(mismatch) > kMassConfirmed) {
     std::snprintf(text, sizeof text,
-                  "the interface has a frequency of %.4g rad/s; times the step of %.4g s this is "
-                  "%.3g, above %.1g, which is not stable with a mass that is wrong by %.3g: take "
-                  "steps below %.3g s",
+                  "the docking interface has a frequency of %.4g rad/s; frequency times step "
+                  "(%.4g s) is %.3g, above the limit of %.1g: the coupling is not stable, because "
+                  "the mass is wrong by %.3g; correct the mass, or make steps below %.3g s",
                   coupling.frequency, h, product, kStableRange, mismatch,
                   kStableRange / coupling.frequency);
-    warn_once(i, kToldStep, text);
+    warn_once(i, kWarnedStep, text);
   }
 }
 
-/// After a step: what the monitors need of it. @param end  of the internal vehicle
+/// After a step: store data of the step for the monitors. @param end  of the internal vehicle
 void DockingSim::Impl::note_step(int i, const Wrench<double>& exerted, const VehicleState& end,
                                  double h) {
   DrivenVehicle& v = coupling.vehicle[i];
   const VehicleState& start = step_begin.vehicle[i];
   const double mass = model->stated_mass[i];
   const Mat3<double> I = find_stated_inertia(i);
-  const Vec3<double> way = end.x - start.x;
+  const Vec3<double> distance = end.x - start.x;
   const Vec3<double> turn =
       quat_log<double>(quat_multiply<double>(quat_conjugate<double>(start.q), end.q));
   const Loads& known = find_loads(0.5 * h);
   v.fall.setZero();
   if (!model->falling) v.fall = h * known.gravity;
   const Vec3<double> force = known.force[i] + mass / h * v.fall;
-  v.work = find_rigid_energy(mass, I, end) - find_rigid_energy(mass, I, start) - force.dot(way) -
-           known.torque[i].dot(turn);
-  // Announced beside exerted load; the first moment of the load, seen in the position.
+  v.work = find_rigid_energy(mass, I, end) - find_rigid_energy(mass, I, start) -
+           force.dot(distance) - known.torque[i].dot(turn);
+  // Announced load compared with exerted load; first moment of the load, from the position.
   const double impulse = (exerted.f - h * v.held.f).norm() / mass;
-  const double moment = (way - (v.predicted.x - v.received.x)).norm() / h;
+  const double moment = (distance - (v.predicted.x - v.received.x)).norm() / h;
   v.error = std::max({v.innovation, impulse, moment});
 }
 
@@ -257,7 +257,7 @@ double DockingSim::Impl::find_suggested_step(double frequency) const {
                                     : kMostGrowth;
   double step = std::min(growth * last_step, std::max(kLongestStep, p.coupling_expected_step));
   if (!confirmed && frequency > 0.0) step = std::min(step, kStableRange / frequency);
-  // The first contact is the worst moment: come to it in steps that are meant for it.
+  // The first contact is the critical event: approach the contact in suitable steps.
   if (!discrete.contacted && has_surfaces()) {
     const double gap = find_gap(model->contact, data->relative, data->contact_work);
     step = std::min(step, std::max(find_earliest_contact(gap), p.coupling_expected_step));
@@ -265,8 +265,8 @@ double DockingSim::Impl::find_suggested_step(double frequency) const {
   return step;
 }
 
-/// A host that changes its step to the suggested one follows suggestions. What is suggested
-/// follows from the state alone, whether it was read or not.
+/// A host that changes its step to the suggested step follows suggestions. The suggestion depends
+/// on the state alone, not on getter calls.
 void DockingSim::Impl::notice_step(double h) {
   constexpr double kSame = 1e-6;
   if (!(last_step > 0.0)) return;
@@ -278,16 +278,16 @@ void DockingSim::Impl::notice_step(double h) {
   coupling.follows = std::abs(h - suggested) <= kSame * suggested;
 }
 
-/// Step over which loads are announced: what the host says, what is suggested to it if it follows
-/// suggestions, or as the last.
-double DockingSim::Impl::find_expected_step() {
+/// Step of the announced loads: the step of the host's input, the suggested step if the host
+/// follows suggestions, or the last step. Updates the suggestion.
+double DockingSim::Impl::update_expected_step() {
   if (inputs.next_step > 0.0) return inputs.next_step;
   if (!coupling.follows || !evaluate(0.0).ok()) return last_step;
   coupling.suggestion = find_suggested_step(find_interface_frequency());
   return coupling.suggestion;
 }
 
-/// Of the mechanism and what holds it between the vehicles [rad/s]. @pre evaluate
+/// Highest frequency of mechanism, contact and latches between the vehicles [rad/s]. @pre evaluate
 double DockingSim::Impl::find_interface_frequency() {
   return dockloop::find_interface_frequency(*model, discrete, memory, *data, loads, elapsed,
                                             stepper->y(), *interface_work);

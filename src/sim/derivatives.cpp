@@ -1,5 +1,5 @@
-// Derivatives of outputs and rates along directions in inputs, states and time, by dual numbers;
-// and from them, which output follows from which input and state at all.
+// Derivatives of outputs and rates along directions in inputs, states and time, by dual numbers.
+// The dependencies of outputs on inputs and states follow from these derivatives.
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -16,10 +16,10 @@ constexpr int kGravityInput = 2 * kInputsPerVehicle, kCommandInput = kGravityInp
 
 }  // namespace
 
-/// Values of the present state, nothing varies. @post data is evaluated
+/// Values of the present state, without variation. @post data is evaluated
 Status DockingSim::Impl::start_pass() {
   read_inputs();
-  const Status status = evaluate(0.0, false);  // a push would wake the mechanism
+  const Status status = evaluate(0.0, false);  // a load would end the quiescent state
   if (!status.ok()) return status;
   if (!derivative_pass || derivative_pass->coordinates != coordinates) {
     derivative_pass = std::make_unique<DerivativePass>(*model);
@@ -41,14 +41,14 @@ void DockingSim::Impl::seed(const Seed& seed, int lane) {
   DockingPass& pass = derivative_pass->docking;
   const auto add = [&](Derivative& to) { to.d[lane] += seed.weight; };
   if (seed.of == Seed::Of::kState) {
-    // Bristles that another friction model has not have no effect.
+    // Bristles that the friction model does not use have no effect.
     if (static_cast<size_t>(seed.place) < pass.y.size())
       add(pass.y[static_cast<size_t>(seed.place)]);
     return;
   }
   const int place = seed.place;
   if (place >= kCommandInput) {
-    // After the commands comes the next step: nothing follows from it directly.
+    // The last input is coupling.next_step: no output depends on it directly.
     const size_t leg = static_cast<size_t>(place - kCommandInput);
     if (leg < scene->mechanism.legs.size())
       add(pass.loads.command[scene->mechanism.legs[leg].force]);
@@ -59,7 +59,7 @@ void DockingSim::Impl::seed(const Seed& seed, int lane) {
     if (at >= kForceInput && at < kTorqueInput) add(pass.loads.force[vehicle][at - kForceInput]);
     if (at >= kTorqueInput && at < kAttitudeInput)
       add(pass.loads.torque[vehicle][at - kTorqueInput]);
-    // The motion of a driven vehicle is taken over when the next step begins: nothing follows yet.
+    // The motion of a driven vehicle takes effect at the next step: no output depends on it yet.
   }
 }
 
@@ -111,9 +111,9 @@ double DockingSim::rate_derivative(int place) const {
   return static_cast<size_t>(place) < ydot.size() ? ydot[static_cast<size_t>(place)].d[0] : 0.0;
 }
 
-// ---------------------------------------------------------------- what follows from what
+// ---------------------------------------------------------------- dependencies
 
-/// A random state near the present one, in which the capture surfaces touch if that can be had.
+/// A random state near the present state, with capture surfaces in contact if possible.
 void DockingSim::Impl::spread_states(std::mt19937_64& random) {
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   double* y = stepper->y();
@@ -134,7 +134,7 @@ void DockingSim::Impl::spread_states(std::mt19937_64& random) {
   vary(layout.bristles, layout.bristle_count, 1e-5);
   const int moved = layout.pose[kTarget] >= 0 ? kTarget : kChaser;
   if (!has_surfaces() || layout.pose[moved] < 0 || !evaluate(0.0).ok()) return;
-  // Bring the interfaces together, but for millimetres and degrees.
+  // Bring the docking interfaces together, within millimetres and degrees.
   Pose<double> G_P;
   G_P.p = Vec3<double>(0.01 * any(random), 0.02 * any(random), 0.02 * any(random));
   G_P.R = quat_to_matrix<double>(
@@ -150,14 +150,13 @@ void DockingSim::Impl::spread_states(std::mt19937_64& random) {
   for (int j = 0; j < 4; ++j) y[layout.pose[moved] + 3 + j] = q[j];
 }
 
-/// Mark what has a derivative at the present state.
+/// Mark the dependencies with a derivative at the present state.
 void DockingSim::Impl::add_dependencies(Dependencies& found) {
   std::vector<Seed> knowns;
   int inputs_count = 0;
-  for_each_value(inputs, [&](double&) {
-    knowns.push_back({Seed::Of::kInput, inputs_count++, 1.0});
-  });
-  // Entries are compared in units of what states are accurate to.
+  for_each_value(inputs,
+                 [&](double&) { knowns.push_back({Seed::Of::kInput, inputs_count++, 1.0}); });
+  // Entries are compared in units of the accuracy of states.
   const std::vector<double> scale = find_absolute_tolerances();
   for (int i = 0; i < state_count; ++i) knowns.push_back({Seed::Of::kState, i, scale[i] * 1e6});
   const size_t outputs_count = found.output.size(), unknowns = outputs_count + found.rate.size();

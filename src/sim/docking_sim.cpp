@@ -1,4 +1,4 @@
-// The facade, and keeping and restoring of what decides the future.
+// The public functions; saving and restoring the complete state.
 #include "sim/docking_sim.hpp"
 
 #include <algorithm>
@@ -8,13 +8,13 @@
 
 namespace dockloop {
 
-DockingSim::DockingSim(std::shared_ptr<const Scene> scene, Interface interface,
+DockingSim::DockingSim(std::shared_ptr<const Scene> scene, FmiKind fmi_kind,
                        const Comparison* comparison)
-    : impl_(new Impl(std::move(scene), interface, comparison)) {}
+    : impl_(new Impl(std::move(scene), fmi_kind, comparison)) {}
 DockingSim::~DockingSim() = default;
 const Scene& DockingSim::scene() const { return *impl_->scene; }
 std::shared_ptr<const Scene> DockingSim::shared_scene() const { return impl_->scene; }
-Interface DockingSim::interface() const { return impl_->interface; }
+FmiKind DockingSim::fmi_kind() const { return impl_->fmi_kind; }
 bool DockingSim::has_comparison() const { return impl_->comparison != nullptr; }
 Parameters& DockingSim::parameters() { return impl_->parameters; }
 Inputs& DockingSim::inputs() { return impl_->inputs; }
@@ -60,15 +60,15 @@ bool offers_model_exchange(const Scene& scene) {
          !(scene.has_target && scene.motion[kTarget] == Motion::kDriven);
 }
 
-// ---------------------------------------------------------------- keeping and restoring
+// ---------------------------------------------------------------- saving and restoring
 
 void DockingSim::save(SavedSim& into) const { impl_->save(into); }
 void DockingSim::load(const SavedSim& from) { impl_->load(from); }
 
-/// @post restore(into) leads back here. Allocates only where `into` was never used.
-/// @param with_pose  if not, `into` holds the reference of the loops already
+/// @post restore(into) restores this state. Allocates only if `into` was never used.
+/// @param with_pose  if false, `into` holds the accepted configuration of the loops already
 void DockingSim::Impl::keep(Snapshot& into, bool with_pose) const {
-  // How many pairs of surfaces are near differs from save to save.
+  // The number of near pairs of surfaces differs from save to save.
   const size_t pairs = static_cast<size_t>(model->contact.pair_count());
   into.state.memory.gap.reserve(pairs);
   into.state.memory.near.reserve(pairs);
@@ -85,8 +85,8 @@ void DockingSim::Impl::restore(const Snapshot& from) {
   std::copy(from.y.begin(), from.y.end(), stepper->y());
   data->mechanism.loops.reference = from.reference;
   rate_data->mechanism.loops.reference = from.reference;
-  if (rest_state.resting) lock_at_rest();
-  flown = pose_is_kept = false;
+  if (quiescent.on) lock_quiescent();
+  drifted = pose_is_kept = false;
   invalidate();
 }
 
@@ -115,11 +115,11 @@ void DockingSim::Impl::save(SavedSim& into) const {
 
 namespace {
 
-/// Same numbers of everything: the saved state was made by the same model.
+/// Equal sizes: the saved state was made by the same model.
 bool have_same_shape(const Snapshot& a, const Snapshot& b) {
   const LoopReference<double>&r = a.reference, &s = b.reference;
   bool same = a.y.size() == b.y.size() &&
-              a.state.rest_state.q.size() == b.state.rest_state.q.size() &&
+              a.state.quiescent.q.size() == b.state.quiescent.q.size() &&
               a.state.kept_jacobian.entries.size() == b.state.kept_jacobian.entries.size() &&
               r.valid == s.valid && r.q.size() == s.q.size() && r.H.size() == s.H.size() &&
               r.sign.size() == s.sign.size() && r.margin.size() == s.margin.size() &&
@@ -130,7 +130,7 @@ bool have_same_shape(const Snapshot& a, const Snapshot& b) {
   return same;
 }
 
-/// Lists of the contact search have an entry per pair, and name pairs that exist.
+/// Lists of the contact search have an entry per pair, and contain existing pairs only.
 bool fits(const ContactMemory& memory, const ContactModel& contact) {
   const size_t pairs = static_cast<size_t>(contact.pair_count());
   if (!memory.has_reference && memory.closed.empty() && memory.near.empty()) return true;
@@ -158,8 +158,8 @@ bool are_branches(const LoopReference<double>& reference) {
 
 }  // namespace
 
-/// Build the model that a saved state belongs to: it came from other parameters, or from another
-/// process. @throws ModelError if they do not fit
+/// Build the model of a saved state, which has other parameters or comes from another process.
+/// @throws ModelError if they do not fit
 void DockingSim::Impl::build_for(const SavedSim& from) {
   inputs = from.inputs;
   start(from.setup);
@@ -171,17 +171,17 @@ void DockingSim::Impl::build_for(const SavedSim& from) {
       !are_modes(from.snapshot.state.discrete) || !are_branches(from.snapshot.reference)) {
     throw ModelError("the saved state does not fit this model");
   }
-  warnings.clear();  // told when the state was made
+  warnings.clear();  // already issued when the state was made
 }
 
-/// What was restored from bytes can be continued: attitudes are attitudes, and all that follows
-/// from the state is finite. @throws ModelError
+/// Check a state restored from bytes: unit quaternions, and finite results of an evaluation.
+/// @throws ModelError
 void DockingSim::Impl::check_restored() {
   const double* y = stepper->y();
   const auto check_attitude = [&](int at, const std::string& name) {
     if (is_attitude({y[at], y[at + 1], y[at + 2], y[at + 3]})) return;
     throw ModelError("the saved state is damaged: the attitude of " + name +
-                     " is no unit quaternion");
+                     " is not a unit quaternion");
   };
   for (int i : {kChaser, kTarget}) {
     if (model->layout.pose[i] >= 0) check_attitude(model->layout.pose[i] + 3, name_of(i));
@@ -200,13 +200,13 @@ void DockingSim::Impl::check_restored() {
   }
   for_each_value<double>(outputs, [](double value) {
     if (!std::isfinite(value)) {
-      throw ModelError("the saved state is damaged: what follows from it is not finite");
+      throw ModelError("the saved state is damaged: an evaluation of it is not finite");
     }
   });
   invalidate();
 }
 
-/// Everything that is kept, into the model that it belongs to.
+/// Load the complete state into its model.
 void DockingSim::Impl::take(const SavedSim& from) {
   parameters = from.parameters;
   if (from.setup) adopt_tunables();
@@ -243,7 +243,7 @@ void DockingSim::Impl::load(const SavedSim& from) {
 /// Take over parameters that may be changed during a run.
 void DockingSim::Impl::adopt_tunables() {
   if (!model->contact.empty()) set_law(model->contact, make_contact_law());  // may throw
-  flown = kept_jacobian.valid = false;
+  drifted = kept_jacobian.valid = false;
   model->thrust = parameters.contact_thrust;
   model->thrust_delay = parameters.contact_thrust_delay;
   update_thrust(elapsed);

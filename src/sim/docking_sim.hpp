@@ -1,9 +1,9 @@
-// One docking simulation: the facade that the FMU and the C++ tests use.
+// One docking simulation: the public class for the FMU and the C++ tests.
 //
 // Life cycle: construct from a scene -> edit parameters() -> initialise() -> { edit inputs(),
-// step(), outputs() } ... Everything that can throw or allocate happens before the first step().
-// A step that fails returns a Status and leaves the simulation where it was. A simulation for model
-// exchange is not stepped: its host sets time and states and asks for rates.
+// step(), outputs() } ... All exceptions and allocations happen before the first step(). A step
+// that fails returns a Status and leaves the state unchanged. In model exchange step() is not
+// called: the host sets time and states and reads rates.
 #pragma once
 
 #include <memory>
@@ -16,38 +16,39 @@
 
 namespace dockloop {
 
-/// How the equations are integrated: by communication steps inside, or by the host.
-enum class Interface : int { kCoSimulation = 1, kModelExchange = 2 };
+/// Integration by communication steps inside, or by the host.
+enum class FmiKind : int { kCoSimulation = 1, kModelExchange = 2 };
 
-/// Can a host integrate this scene by itself? Not where it tells motion at communication points.
+/// Is model exchange possible? Not with driven vehicles, whose motion comes at communication
+/// points.
 bool offers_model_exchange(const Scene& scene);
 
-/// What a host that integrates by itself must know after an event.
+/// Data for the host of a model exchange after an event.
 struct EventUpdate {
   bool states_changed = false;    ///< the state vector has jumped
-  bool nominals_changed = false;  ///< its components mean something else
+  bool nominals_changed = false;  ///< the meaning of its components has changed
   bool next_time_defined = false;
-  double next_time = 0.0;  ///< [s] of the next event that time alone brings about
+  double next_time = 0.0;  ///< [s] of the next time event
 };
 
-/// One component of a direction in which inputs and states vary.
+/// One component of a direction in the space of inputs and states.
 struct Seed {
   enum class Of { kInput, kState } of = Of::kInput;
   int place = 0;        ///< as for_each_value() counts inputs, or in the state vector
   double weight = 1.0;  ///< unit of the component per unit of the direction
 };
 
-/// Outputs that are computed together, when one of them is first asked for (not the groups of the
-/// interface, which say what outputs there are).
+/// Lazy output groups: the first getter call of a group computes the whole group. (The scene key
+/// [outputs] groups is something else: it selects the variables of the FMU.)
 enum class OutputGroup {
-  kMain,         ///< all but the following
+  kMain,         ///< all other outputs
   kBodies,       ///< sums over all bodies and loops: momentum, gaps of loops
-  kCoupling,     ///< monitors of the coupling with hosts: dear
+  kCoupling,     ///< monitors of the coupling with hosts: expensive
   kStateVector,  ///< and its rates
   kCount
 };
 
-/// Whether continuous outputs and rates follow directly from inputs and states.
+/// Direct dependencies of continuous outputs and rates on inputs and states.
 struct Dependencies {
   struct Row {
     std::vector<char> input, state;  ///< 0 or 1 per input, per state
@@ -63,8 +64,7 @@ class KernelLibrary;
 class DockingSim {
  public:
   /// @param comparison  methods beyond those of the core (sim/comparison.hpp); outlives this object
-  explicit DockingSim(std::shared_ptr<const Scene> scene,
-                      Interface interface = Interface::kCoSimulation,
+  explicit DockingSim(std::shared_ptr<const Scene> scene, FmiKind fmi_kind = FmiKind::kCoSimulation,
                       const Comparison* comparison = nullptr);
   ~DockingSim();
   DockingSim(const DockingSim&) = delete;
@@ -72,14 +72,14 @@ class DockingSim {
 
   const Scene& scene() const;
   std::shared_ptr<const Scene> shared_scene() const;
-  Interface interface() const;
+  FmiKind fmi_kind() const;
   bool has_comparison() const;  ///< are there methods beyond those of the core?
   /// Read by initialise(); thrust, friction coefficient and restitution also at the start of a
   /// step.
   Parameters& parameters();
   Inputs& inputs();  ///< read at the start of every step()
   /// Rates of change of the inputs over the coming step, then zero again. Only loads have an
-  /// effect; driven vehicles are predicted by the equations of motion.
+  /// effect; the equations of motion predict driven vehicles.
   Inputs& input_slopes();
 
   /// Build the model from scene and parameters and set the start state.
@@ -87,22 +87,22 @@ class DockingSim {
   /// @throws ModelError naming the parameter, its value and the limit.
   void initialise(double t0, double tolerance);
 
-  /// Advance from t to exactly t + h. On failure the state is as before the call and
-  /// status_text() says what happened in one sentence.
+  /// Advance from t to exactly t + h. On failure the state is unchanged and status_text() gives
+  /// the reason in one sentence.
   Status step(double t, double h);
   const std::string& status_text() const;
 
   /// Values at the last communication point (model exchange: at the present time and states);
-  /// computed once, when first asked for.
+  /// computed once, at the first call.
   /// @return not ok if the host's trial states cannot be evaluated
   Status update(OutputGroup group);
-  /// Groups main and bodies, where they cannot fail.
+  /// Groups main and bodies, at states where they cannot fail.
   const Outputs& outputs();
-  /// The struct that is filled; its address and vector sizes are fixed at construction.
+  /// The struct of all outputs; its address and vector sizes are fixed at construction.
   Outputs& output_storage();
   /// Mark the outputs as out of date (an input or a tunable parameter changed).
   void invalidate_outputs();
-  /// What a Status means, in one sentence.
+  /// The meaning of a Status, in one sentence.
   std::string describe(const Status& status) const;
 
   /// Take over parameters that may be changed during a run: thrust, friction coefficient and
@@ -115,27 +115,27 @@ class DockingSim {
   /// Warnings gathered since the last call (parameters that break a rule of thumb, singular loops).
   std::vector<std::string> take_warnings();
 
-  // Derivatives, exact (dual numbers), of the branch on which contact and latches are
+  // Derivatives, exact (dual numbers), for the present branch of contact and latches
 
-  /// @post output_derivative() and rate_derivative() are those along the direction
+  /// @post output_derivative() and rate_derivative() return derivatives along the direction
   Status calc_directional_derivative(const std::vector<Seed>& direction);
-  /// The same with time as direction: motion goes on, inputs change by input_slopes().
+  /// The same with time as direction: motion continues, inputs change by input_slopes().
   Status calc_time_derivative();
   double output_derivative(int place) const;  ///< as for_each_value() counts outputs
   double rate_derivative(int place) const;    ///< in the state vector
   /// Found by derivatives at random states, apart and in contact, in all modes of the latches.
   Dependencies find_dependencies();
 
-  /// From the next initialise() on, trial states are evaluated by the kernel of this library, if it
-  /// was made for the mechanism as the parameters then have it. Null: by what the core has.
+  /// From the next initialise() on, the kernel of this library evaluates trial states, if the
+  /// kernel was made for the mechanism with its parameters. Null: the core evaluates them.
   void use_kernels(std::shared_ptr<const KernelLibrary> library);
 
-  // Keeping and restoring (sim/sim_state.hpp)
+  // Saving and restoring (sim/sim_state.hpp)
 
-  /// Everything that decides the future. Saving into the same object again allocates nothing.
+  /// Save the complete state. Saving into the same object again allocates nothing.
   void save(SavedSim& into) const;
-  /// Go on from there, bit for bit. Builds the model again if it came from other parameters.
-  /// @throws ModelError if it does not fit this scene; then nothing has changed.
+  /// Restore a complete state, bit for bit. Builds the model again for other parameters.
+  /// @throws ModelError if the state does not fit this scene; then nothing has changed.
   void load(const SavedSim& from);
 
   // Model exchange: the state vector in the order of StateLayout
@@ -148,16 +148,16 @@ class DockingSim {
   void get_nominals(double* nominal) const;
   /// @return not ok if the state cannot be evaluated: the host must try a smaller step.
   Status get_rates(double* ydot);
-  /// An event is due where one of them falls through zero.
+  /// An event is due when an indicator falls through zero.
   Status get_indicators(double* indicator);
   /// The present state is accepted. @return whether an event is due
   Status complete_step(bool& event_due);
   Status update_discrete_states(EventUpdate& update);
 
-  // Extended precision: defined in src/compare, which the FMU does without
+  // Extended precision: defined in src/compare, which is not part of the FMU
 
-  /// Integrate with 32 digits and steps of high order from the next initialise() on, whatever
-  /// solver.method says. @param tolerance  of steps, in units of the scene's tolerances per rtol
+  /// Integrate with 32 digits and steps of high order from the next initialise() on, for every
+  /// solver.method. @param tolerance  of steps, in units of the scene's tolerances per rtol
   void use_extended_precision(double tolerance);
   /// The state with all its digits, in the order of StateLayout. @pre use_extended_precision()
   const Extended* extended_states() const;

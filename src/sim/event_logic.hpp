@@ -1,8 +1,8 @@
-// What happens at accepted states: first contact, latches, capture, thrust, absorber, phase.
+// Events at accepted states: first contact, latches, capture, thrust, absorber, phase.
 //
-// Everything here is a function of the model, of one evaluated state and of the discrete state,
-// which it changes. Energy that an event takes from the system is returned, for the caller to book.
-// Nothing here integrates, and nothing evaluates the equations of motion.
+// The functions depend on the model, on one evaluated state and on the discrete state, and change
+// the discrete state. They return the energy that an event dissipates; the caller adds this energy
+// to the state. The functions neither integrate nor evaluate the equations of motion.
 #pragma once
 
 #include <array>
@@ -29,22 +29,22 @@ class EventLogic {
   bool is_absorber() const { return model_.contact.kind == ContactModel::Kind::kAbsorber; }
   int count_held_latches() const;
 
-  // Roots that are watched between accepted states
+  // Event functions between accepted states
 
-  /// First contact (for an absorber every onset), where an absorber ceases to act, surfaces that
-  /// open as far as a rebound needs, latches. @param at  its workspace of the contact search is used
+  /// First contact (for an absorber every onset), release of an absorber, surfaces that open as far
+  /// as a rebound, latches. @param at  its workspace of the contact search is used
   void calc_functions(DockingData<double>& at, double* roots) const;
-  /// How fast the event functions may change where they may be below zero between two states.
+  /// Largest rates of event functions that may be below zero between two states.
   void calc_speeds(const DockingData<double>& at, double* speeds) const;
 
-  // Which of them are due at the present state
+  // Due events at the present state
 
   bool is_due(int root) const { return due_[static_cast<size_t>(root)] != 0; }
   void set_due(int root, bool due) { due_[static_cast<size_t>(root)] = due; }
   void clear_due() { due_.fill(0); }
-  /// Those whose function is not above `limit`.
+  /// Events with a function not above `limit` are due.
   void set_due_below(DockingData<double>& at, double limit);
-  /// A fixed step begins: where its latches are.
+  /// Store the latches at the start of a fixed step.
   void note_latches(const DockingData<double>& at);
   /// The latches that a fixed step of size h has passed. @pre note_latches() at its start
   void find_passed_latches(const DockingData<double>& at, double h);
@@ -52,51 +52,51 @@ class EventLogic {
 
   // Changes of the discrete state. @param now  [s since the start]
 
-  /// Contact that is due, or is there. @return whether it is the first one
+  /// Update the first contact, if contact is due or present. @return whether this is the first one
   bool update_first_contact(const DockingData<double>& at, double now);
   void begin_contact(double now);
-  /// An absorber acts from event to event; where none was located, its depth and force decide.
-  /// @return whether that changed
+  /// An absorber acts from event to event; without a located event its depth and force decide.
+  /// @return whether the absorber state changed
   bool update_absorber(const DockingData<double>& at);
-  /// The same where no event was located: at the start, and where a host has moved a vehicle.
-  /// Where surfaces just touch, what they are about to do counts, not the rounding of a gap.
+  /// The same without a located event: at the start, and after a host has moved a vehicle. At a gap
+  /// of zero the sign of the rate decides, not the rounding of the gap.
   bool decide_absorber(const DockingData<double>& at);
-  /// Change the mode of every latch that is due, by a root or because it starts there.
-  /// @param dissipated  grows by the energy that is lost [J]. @return whether one changed
+  /// Change the mode of every due latch, after a root or at the start.
+  /// @param dissipated  increased by the dissipated energy [J]. @return whether a latch changed
   bool update_latches(const DockingData<double>& at, double now, double& dissipated);
   void update_capture(double now);
   /// @param clock_rounding  of the host [s]
   bool update_thrust(double now, double clock_rounding);
   void update_phases(DockingData<double>& at, double now);
 
-  // What follows from it
+  // Results
 
-  /// Contact thrust acts from its delay after first contact until capture: when it begins or began
-  /// [s since the start], if it is to act.
+  /// Contact thrust acts from its delay after first contact until capture. @return its onset
+  /// [s since the start], if the thrust is to act
   std::optional<double> find_thrust_onset() const;
   bool is_thrust_due(double now, double clock_rounding) const;
   /// Would anything change at this state? @param now, clock_rounding  as of update_thrust()
   bool is_change_due(DockingData<double>& at, double now, double clock_rounding) const;
-  /// The gap of the surfaces where it is positive and not above kReboundGap. Above, it is a lower
-  /// bound: what the contact search knows, which depends on where it looked last. So it is after a
-  /// capture, when nothing depends on it. @param at  its workspace of the contact search is used
+  /// The gap of the surfaces, exact if positive and not above kReboundGap. Above kReboundGap, and
+  /// after a capture, the result is a lower bound that depends on the last neighbour list.
+  /// @param at  its workspace of the contact search is used
   double find_near_gap(DockingData<double>& at) const;
   /// @param gap  of the surfaces there, see find_near_gap()
   PhaseInputs find_phase_inputs(const DockingData<double>& at, double gap) const;
   LatchReport find_latch_report(const DockingData<double>& at, int latch) const;
   /// Lower bound of the distance to any contact force [m]; 0 while a latch is not open.
-  /// @param exact_below  the gap of the surfaces is found exactly where its bound is below [m]
+  /// @param exact_below  the gap is computed exactly if its bound is below this limit [m]
   double find_free_gap(DockingData<double>& at, double exact_below) const;
 
  private:
-  /// Is a rebound possible, which is watched between accepted states?
+  /// Is a rebound possible? Its event function is then checked between accepted states.
   bool may_part() const;
 
   const DockingModel& model_;
   DiscreteState& discrete_;
   ContactMemory& memory_;
   std::array<char, kFixedRoots + kMaxLatches> due_{};
-  std::array<char, kMaxLatches> passed_{};  ///< due, if not at this state
+  std::array<char, kMaxLatches> passed_{};                 ///< due, if not at this state
   std::array<LatchMotion, kMaxLatches> latches_before_{};  ///< at the start of a fixed step
 };
 

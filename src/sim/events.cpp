@@ -1,5 +1,5 @@
-// Accepted states: events (event_logic.hpp), the memory of the contact search, peaks, and going
-// over to other independent coordinates; and the evaluations that they need.
+// Accepted states: events (event_logic.hpp), memory of the contact search, peaks, change of the
+// independent coordinates; and the evaluations for these tasks.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -8,9 +8,9 @@
 
 namespace dockloop {
 
-/// Everything that happens once per accepted inner step. @pre evaluate(tau)
-/// @param changed  set if the state or the equations changed, so that the integrator must start
-/// again.
+/// All updates after an accepted inner step. @pre evaluate(tau)
+/// @param changed  set if the state or the equations changed, so that the integrator must
+/// restart.
 Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (unreduced) drift = std::max(drift, unreduced->find_cut_gap(tau));
   const Status moved = update_coordinates(tau, changed);
@@ -28,8 +28,8 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (changed) kept_jacobian.valid = false;
   warn_of_tilt(now);
   events->update_phases(*data, now);
-  // Peaks see the forces on both sides of a jump. An absorber that does not pull is let go where
-  // its force is zero, give or take rounding.
+  // Peaks include the forces on both sides of a jump. An absorber that does not pull is released at
+  // zero force, except for rounding.
   if (!events->is_due(1) || model->contact.absorber.pulls) peaks.add(now, find_peak_values());
   if (!jumped) return {};
   const Status after = evaluate(tau);
@@ -38,7 +38,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   return {};
 }
 
-/// The present pose of the mechanism is accepted: the next ones continue from it.
+/// The present pose becomes the accepted configuration: the next poses continue from it.
 void DockingSim::Impl::keep_pose() {
   if (model->locked.on) return;
   pose_is_kept = false;
@@ -46,7 +46,7 @@ void DockingSim::Impl::keep_pose() {
   rate_data->mechanism.loops.reference = data->mechanism.loops.reference;
 }
 
-/// Rings are described for a limited tilt; what touches beyond it is not to be trusted.
+/// The model of rings is valid for a limited tilt only.
 void DockingSim::Impl::warn_of_tilt(double now) {
   constexpr double kMostTilt = 30.0, kInDegrees = 180.0 / static_cast<double>(EIGEN_PI);  // [deg]
   if (warned_tilt || !has_surfaces() || data->contact.active_count == 0) return;
@@ -56,14 +56,14 @@ void DockingSim::Impl::warn_of_tilt(double now) {
   char text[200];
   std::snprintf(
       text, sizeof text,
-      "surfaces touch at t = %.9g s with the rings tilted by %.1f deg; they are described "
-      "for tilts below %.0f deg: do not trust loads and motion from here on",
+      "surfaces touch at t = %.9g s with the rings tilted by %.1f deg; the limit of the model is "
+      "%.0f deg: do not trust loads and motion from here on",
       setup->t_start + now, tilt, kMostTilt);
   warnings.push_back(text);
 }
 
-/// Near a pose where the independent coordinates stop being independent, go over to others. All
-/// coordinates and velocities stay as they are, so momentum and energy do too.
+/// Near a singular pose of the independent coordinates, change to other independent coordinates.
+/// All coordinates and velocities, and therefore momentum and energy, stay unchanged.
 /// @param changed  set if the meaning of the state changed
 Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
   if (model->locked.on) return {};
@@ -79,7 +79,7 @@ Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
     margin_looked_at = kChangeMargin;
     return {};
   }
-  // The search is dear: look again only where things got much worse.
+  // The search is expensive: search again only after a much smaller margin.
   if (margin > kLookAgain * margin_looked_at) return {};
   margin_looked_at = margin;
   calc_leg_bodies(model->mechanism, data->mechanism);
@@ -95,7 +95,7 @@ Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
   return evaluate(tau);
 }
 
-/// Go over to a choice of independent coordinates; null: that of the start.
+/// Change to a choice of independent coordinates; null: the choice of the start.
 void DockingSim::Impl::use_coordinates(std::shared_ptr<const Coordinates> choice) {
   pose_is_kept = false;
   if (!start_mechanism) start_mechanism = std::make_unique<Mechanism>(model->mechanism);
@@ -109,8 +109,8 @@ void DockingSim::Impl::use_coordinates(std::shared_ptr<const Coordinates> choice
   coordinates = std::move(choice);
 }
 
-/// Bring the contact memory up to the present state and book the energy of bristles that it drops.
-/// @return true if the state changed by that
+/// Update the contact memory to the present state. The energy of removed bristles is dissipated.
+/// @return true if the state changed
 bool DockingSim::Impl::update_memory() {
   if (!has_surfaces()) return false;
   const double dropped =
@@ -119,7 +119,7 @@ bool DockingSim::Impl::update_memory() {
   return dropped > 0.0;
 }
 
-/// The absorber acts or not by the present state, where no event was located. @pre evaluate(0).
+/// Without a located event, the present state decides whether the absorber acts. @pre evaluate(0).
 /// @post the same
 Status DockingSim::Impl::decide_absorber() {
   if (!locates_events() || !events->decide_absorber(*data)) return {};
@@ -140,13 +140,13 @@ bool DockingSim::Impl::update_latches(double now) {
   return events->update_latches(*data, now, stepper->y()[model->layout.sums + kSumLatches]);
 }
 
-/// Everything at one state of the stepper, tau after the last communication point.
-/// @param may_be_locked  as one body with the chaser, if the mechanism is at rest
-/// @param ydot  rates, if they are wanted
+/// Evaluate one state of the stepper, tau after the last communication point.
+/// @param may_be_locked  as one body with the chaser, if the mechanism is quiescent
+/// @param ydot  rates, or null
 Status DockingSim::Impl::evaluate(double tau, bool may_be_locked, double* ydot) {
-  flown = false;
+  drifted = false;
   if (parameters.model_level != kRigid) {
-    model->locked.on = may_be_locked && rest_state.resting && may_rest();
+    model->locked.on = may_be_locked && quiescent.on && may_be_quiescent();
   }
   Status status = calc_docking<double>(*model, discrete, memory, find_loads(tau), elapsed + tau,
                                        stepper->y(), ydot, *data);
@@ -154,16 +154,16 @@ Status DockingSim::Impl::evaluate(double tau, bool may_be_locked, double* ydot) 
   return status;
 }
 
-/// evaluate(0), unless a flight has left just that.
+/// evaluate(0), unless a free drift has just evaluated this state.
 Status DockingSim::Impl::evaluate_present() {
-  if (flown && rest_state.resting && model->locked.on && may_rest()) return {};
+  if (drifted && quiescent.on && model->locked.on && may_be_quiescent()) return {};
   return evaluate(0.0);
 }
 
 /// The same at the start of a communication step, with the rates for methods that begin with them.
 Status DockingSim::Impl::evaluate_start() {
   evaluated = Evaluated::kNothing;
-  if (rest_state.resting || !begins_with_rates()) return evaluate_present();
+  if (quiescent.on || !begins_with_rates()) return evaluate_present();
   const Status status = evaluate(0.0, true, start_rates.data());
   note_evaluation(0.0, stepper->y());
   evaluated = Evaluated::kStart;
@@ -174,10 +174,10 @@ const double* DockingSim::Impl::find_start_rates() const {
   return evaluated == Evaluated::kStart ? start_rates.data() : nullptr;
 }
 
-/// The same at the end of a step of the integrator, which has often evaluated just that.
+/// The same at the end of a step of the integrator, which has often evaluated this state.
 Status DockingSim::Impl::evaluate_end(double tau) {
   const bool is_there = evaluated == Evaluated::kTrial && is_evaluated(tau, stepper->y());
-  // Locked, some of rate_data is stale.
+  // If locked, parts of rate_data are out of date.
   if (!is_there || model->locked.on || rate_data->mechanism.found == Need::kRates) {
     return evaluate(tau);
   }
@@ -186,7 +186,7 @@ Status DockingSim::Impl::evaluate_end(double tau) {
   return {};
 }
 
-/// rate_data is that of the state y at tau.
+/// rate_data belongs to the state y at tau.
 void DockingSim::Impl::note_evaluation(double tau, const double* y) {
   evaluated = Evaluated::kTrial;
   tau_evaluated = tau;

@@ -1,8 +1,8 @@
-// The constant load that, held over a whole step, gives a vehicle exactly the linear and angular
-// impulse that the true, varying load gave it.
+// The constant load over a step that gives a vehicle exactly the linear and angular impulse of the
+// true, varying load.
 //
-// A host holds a force in N axes and a torque in body axes. While it does so the vehicle moves and
-// turns, so the angular impulse about a fixed point O of the held load is X x F + RI T with
+// A host holds a force in N axes and a torque in body axes. Meanwhile the vehicle moves and turns.
+// Therefore the angular impulse about a fixed point O of the held load is X x F + RI T with
 // X = integral of the position from O and RI = integral of the attitude matrix over the step.
 #pragma once
 
@@ -43,7 +43,7 @@ inline Mat3<double> find_mean_attitude(const VehicleState& a, const VehicleState
          16.0 / 45.0 * attitude(0.5);
 }
 
-/// What a held load gives a vehicle over a step: impulse, and angular impulse about O.
+/// Impulse and angular impulse about O of a constant load over a step.
 /// @param load  force in axes of O, torque about the CoM in body axes
 inline Wrench<double> find_delivered_impulse(const Wrench<double>& load, const VehicleState& a,
                                              const VehicleState& b, double h) {
@@ -54,8 +54,8 @@ inline Wrench<double> find_delivered_impulse(const Wrench<double>& load, const V
   return impulse;
 }
 
-/// The load that delivers a given impulse.
-/// @param impulse  linear, and angular about O, given to the vehicle over the step
+/// The constant load with a given impulse.
+/// @param impulse  linear, and angular about O, on the vehicle over the step
 /// @return force in axes of O, torque about the CoM in body axes
 inline Wrench<double> find_mean_load(const Wrench<double>& impulse, const VehicleState& a,
                                      const VehicleState& b, double h) {

@@ -1,9 +1,9 @@
-// The same equations for a host that integrates by itself (FMI for model exchange).
+// The same equations for a host that integrates all states (FMI for model exchange).
 //
-// The host sets time and states, asks for rates, and says which states it has accepted. Between
-// events only what guides the search for contacts and loops follows the accepted states; everything
-// that changes the equations happens in update_discrete_states(). Frame O drifts with constant
-// velocity and does not fall here, so that it is a function of time alone.
+// The host sets time and states, reads rates, and reports accepted states. Between events, accepted
+// states change only the data that guide the search for contacts and loops. All changes of the
+// equations happen in update_discrete_states(). Frame O drifts with constant velocity and does not
+// fall here, so frame O is a function of time alone.
 #include <algorithm>
 #include <cmath>
 
@@ -31,8 +31,7 @@ void DockingSim::get_states(double* y) const {
   std::copy(impl_->stepper->y(), impl_->stepper->y() + impl_->state_count, y);
 }
 
-/// A solver that takes its relative tolerance times these gets the absolute tolerances of the
-/// scene.
+/// Relative tolerance of the solver times nominal value = absolute tolerance of the scene.
 void DockingSim::get_nominals(double* nominal) const {
   for (const double atol : impl_->find_absolute_tolerances()) {
     *nominal++ = atol / impl_->parameters.rtol;
@@ -63,8 +62,8 @@ Status DockingSim::get_indicators(double* indicator) {
   const Status status = calc_docking<double>(*me.model, me.discrete, me.memory, me.loads,
                                              me.elapsed, me.stepper->y(), nullptr, *me.rate_data);
   if (!status.ok()) return status;
-  // A host sees signs at the ends of its steps only. Each condition for a catch has an indicator of
-  // its own, so that two of them that are met in turn within one step are not missed.
+  // A host sees signs at the ends of its steps only. Each condition for a catch has its own
+  // indicator, so two sign changes within one step are not missed.
   double roots[kFixedRoots + kMaxLatches];
   me.events->calc_functions(*me.rate_data, roots);
   const double gap = me.events->find_near_gap(*me.rate_data);
@@ -86,7 +85,7 @@ Status DockingSim::complete_step(bool& event_due) {
   if (!status.ok()) return status;
   ++me.counted_elsewhere.steps;
   me.keep_pose();
-  // Bristles of pairs that have opened fade away by themselves; dropping them would be an event.
+  // Bristles of open pairs decay by their rates; setting them to zero would be an event.
   if (me.has_surfaces()) {
     update_contact_memory(me.model->contact, me.data->relative, nullptr, me.data->contact_work,
                           me.memory);
@@ -115,7 +114,7 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   me.read_inputs();
   const std::shared_ptr<const Coordinates> coordinates = me.coordinates;
   std::copy(me.stepper->y(), me.stepper->y() + me.state_count, me.y_accepted.begin());
-  // An event may bring about the next one.
+  // An event may cause the next event.
   constexpr int kPasses = 8;
   for (int pass = 0; pass < kPasses; ++pass) {
     Status status = me.evaluate(0.0);

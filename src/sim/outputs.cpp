@@ -1,5 +1,5 @@
-// Reading out: from an evaluated state to the variables of the interface; outputs_body.hpp,
-// compiled for the scalars of the core.
+// Outputs: from an evaluated state to the variables of the FMU. outputs_body.hpp, compiled for the
+// scalars of the core.
 #include "sim/outputs.hpp"
 
 #include <algorithm>
@@ -51,9 +51,9 @@ Status DockingSim::Impl::update_main() {
     outputs.coupling_pending_angular_impulse.setZero();
     for (int i : {kChaser, kTarget}) {
       if (!model->driven[i]) continue;
-      const Wrench<double> owed = find_pending_impulse(i);
-      outputs.coupling_pending_impulse += owed.f;
-      outputs.coupling_pending_angular_impulse += owed.t;
+      const Wrench<double> pending = find_pending_impulse(i);
+      outputs.coupling_pending_impulse += pending.f;
+      outputs.coupling_pending_angular_impulse += pending.t;
     }
   }
   const Counters counters = find_counters();
@@ -80,7 +80,7 @@ Status DockingSim::Impl::update_bodies() {
 Status DockingSim::Impl::update_states() {
   const Status status = calc_rates(rates.data());
   if (!status.ok()) return status;
-  // Another friction model than the scene's has bristles more or less, the last states.
+  // Another friction model than the scene's changes the number of bristles, the last states.
   const size_t shared = std::min(rates.size(), outputs.rates.size());
   std::fill(outputs.rates.begin(), outputs.rates.end(), 0.0);
   std::fill(outputs.states.begin(), outputs.states.end(), 0.0);
@@ -89,7 +89,7 @@ Status DockingSim::Impl::update_states() {
   return {};
 }
 
-/// What loads from outside can at most do to the relative acceleration of any two points of the
+/// Bound of the relative acceleration that loads from outside cause between any two points of the
 /// capture hardware before contact [m/s2].
 double DockingSim::Impl::find_acceleration_bound() const {
   double bound = model->falling ? 0.0 : loads.gravity.norm();

@@ -1,5 +1,5 @@
-// Reading out continuous outputs, one template per group: with plain numbers for the host, with
-// dual numbers for their derivatives (derivatives.cpp).
+// Templates compute the continuous outputs, one template per group: with plain numbers for the
+// host, with dual numbers for derivatives (derivatives.cpp).
 #pragma once
 
 #include <algorithm>
@@ -87,8 +87,8 @@ void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
       }
       load.f += data.thrust;
       if (model.frozen.mass != 0.0) {
-        // The stated vehicle carries the mechanism frozen at home: what moves that mass along is
-        // part of the load that the stated vehicle must feel.
+        // The stated vehicle includes the mechanism, frozen in the home pose. The load includes the
+        // force that accelerates this mass.
         load += find_inertial_load(model.frozen, frame, data.mechanism.tree.a[0],
                                    data.mechanism.tree.alpha[0]);
       }
@@ -146,13 +146,13 @@ void read_contact(const OutputSource<S>& from, OutputValues<S>& out) {
   }
 }
 
-/// What a leg transmits along itself: its spring, damper, stops and command, and what couplings (a
-/// screw with its rotor, a differential) exert on its slide. @pre calc_docking_reactions()
+/// Force along a leg: spring, damper, stops and command, and the force of couplings (a screw with
+/// its rotor, a differential) on its slide. @pre calc_docking_reactions()
 template <class S>
 S find_leg_force(const DockingModel& model, const DockingData<S>& data, const Leg& leg) {
   const Mechanism& mechanism = model.mechanism;
   S force = data.joint_force[leg.force];
-  if (model.locked.on) return force;  // nothing tells what couplings carry
+  if (model.locked.on) return force;  // forces of couplings are unknown
   for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
     const Loop& loop = mechanism.model.loops[k];
     if (loop.cut != CutType::kCoupling) continue;
@@ -192,7 +192,7 @@ void read_mechanism(const OutputSource<S>& from, OutputValues<S>& out) {
   for (size_t k = 0; k < out.loop_force.size(); ++k) {
     const int count = std::min(3, equation_count(model.mechanism.model.loops[k].cut));
     out.loop_force[k].setZero();
-    if (model.locked.on) continue;  // nothing tells them
+    if (model.locked.on) continue;  // cut forces are unknown
     for (int j = 0; j < count; ++j) {
       out.loop_force[k][j] =
           get_cut_force(model.mechanism.plan, mechanism.loops, static_cast<int>(k), j);

@@ -1,10 +1,9 @@
 // Largest values over the inner steps of a run, refined between the steps.
 //
-// Sampling at communication points misses peaks, and even the inner steps of a high-order method
-// are far apart: the middle of a step is looked at too where is_near() says so. A sample that tops
-// both neighbours is refined by the polynomial through the last five samples (fourth order in the
-// spacing), bounded by what the parabola through the three middle ones shows, so that a kink cannot
-// make it overshoot.
+// Sampling at communication points misses peaks. Inner steps of a high-order method are long too,
+// so near a peak (is_near()) the middle of a step is also a sample. A sample above both neighbours
+// is refined by the polynomial through the last five samples (fourth order in the spacing). The
+// parabola through the three middle samples bounds the result, so a kink causes no overshoot.
 #pragma once
 
 #include <array>
@@ -16,7 +15,7 @@ namespace dockloop {
 template <int N>
 class PeakTracker {
  public:
-  /// Forget everything; the first sample of a run.
+  /// Delete all samples; add the first sample of a run.
   void start(double t, const std::array<double, N>& value) {
     peak_ = value;
     begin(t, value);

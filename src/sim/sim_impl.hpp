@@ -2,14 +2,15 @@
 //
 //   start.cpp           from scene and parameters to the start state
 //   steps.cpp           communication steps, inputs, audits
-//   coupling.cpp        what hosts of driven vehicles tell, are owed and are told
-//   coupling_monitors.cpp  what such a host should know about its side
-//   flight.cpp          far from contact: a mechanism at rest, vehicles in free motion
-//   events.cpp          what happens at accepted states: contact, latches, phases, coordinates
-//   model_exchange.cpp  the same equations for a host that integrates by itself
-//   outputs.cpp         reading out
-//   derivatives.cpp     derivatives of what is read out
-//   docking_sim.cpp     the facade; keeping and restoring
+//   coupling.cpp        hosts of driven vehicles: received motion, pending impulse, reported loads
+//   coupling_monitors.cpp   warnings and monitors for such a host
+//   quiescent_mechanism.cpp far from contact: quiescent mechanism, free drift of the vehicles
+//   events.cpp          events at accepted states: contact, latches, phases, coordinates
+//   model_exchange.cpp  the same equations for a host that integrates all states
+//   outputs.cpp         outputs
+//   derivatives.cpp     derivatives of outputs
+//   failure_status.cpp  meaning of a Status, as a sentence
+//   docking_sim.cpp     public functions; saving and restoring
 #pragma once
 
 #include <array>
@@ -34,21 +35,21 @@
 
 namespace dockloop {
 
-constexpr double kLookAgain = 0.7;  ///< other coordinates are looked for where the margin fell so
+constexpr double kLookAgain = 0.7;  ///< factor of the margin for a new search of coordinates
 
-/// Derivatives of everything that can be read out, along eight directions at a time.
+/// Derivatives of all continuous outputs, along eight directions at a time.
 struct DerivativePass {
   explicit DerivativePass(const DockingModel& model) : docking(model) {}
   DockingPass docking;
   Vec3<Derivative> frame_velocity, frame_shift;
   OutputValues<Derivative> output;
   std::vector<Derivative*> output_cells;           ///< as for_each_value() counts them
-  std::shared_ptr<const Coordinates> coordinates;  ///< that it was made for
+  std::shared_ptr<const Coordinates> coordinates;  ///< coordinates of `docking`
 };
 
 struct ExtendedEquations;  ///< of src/compare
 
-/// Scratch of DockingSim::Impl::is_in_balance.
+/// Scratch of DockingSim::Impl::update_balance.
 struct BalanceWorkspace {
   explicit BalanceWorkspace(const StateLayout& layout)
       : ydot(static_cast<size_t>(layout.size)), factor(layout.mechanism_nv) {
@@ -63,7 +64,7 @@ struct BalanceWorkspace {
 };
 
 struct DockingSim::Impl : SimState {
-  Impl(std::shared_ptr<const Scene> scene, Interface interface, const Comparison* comparison);
+  Impl(std::shared_ptr<const Scene> scene, FmiKind fmi_kind, const Comparison* comparison);
 
   // start.cpp
   void clear();
@@ -74,7 +75,7 @@ struct DockingSim::Impl : SimState {
   void choose_frame_O();
   void make_stepper();
   void attach_kernel();
-  int find_trouble_code(Status status, double t, const double* values, int count);
+  int update_failure_code(Status status, double t, const double* values, int count);
   void make_jacobian_pass();
   int calc_jacobian(double t, const double* y, double* by_columns);
   std::vector<double> find_absolute_tolerances() const;
@@ -86,7 +87,7 @@ struct DockingSim::Impl : SimState {
   void set_start_state();
   void warn_about_start();
 
-  // trouble.cpp
+  // failure_status.cpp
   std::string describe(const Status& status) const;
 
   // steps.cpp
@@ -102,9 +103,9 @@ struct DockingSim::Impl : SimState {
   Status integrate(double h, std::int64_t limit);
   Status integrate_fixed(double h, std::int64_t limit);
   void look_into_step(double from, double to);
-  double find_leap(double made, double proposal);
+  double update_singularity_step(double made, double proposal);
   double find_next_stop(double tau, double h) const;
-  Status find_trouble(double tau) const;
+  Status find_failure(double tau) const;
   Status step_to_root(double tau);
   void finish_step(double h);
   void update_mean_loads(double h, const CouplingPoint& end);
@@ -122,30 +123,31 @@ struct DockingSim::Impl : SimState {
   bool announces() const;
   Mat3<double> find_stated_inertia(int vehicle) const;
   Wrench<double> find_stated_momentum(int vehicle, const VehicleState& state) const;
-  VehicleState find_told_state(int vehicle) const;
-  Status check_told_attitude(int vehicle);
+  VehicleState find_received_state(int vehicle) const;
+  Status check_received_attitude(int vehicle);
   VehicleState predict_host(int vehicle, const VehicleState& from, const Wrench<double>& load,
                             double h);
   void start_coupling();
   Status receive(double h);
-  Status match_momenta(const std::array<bool, 2>& told, const FrameMotion<double>& chaser_before,
+  Status match_momenta(const std::array<bool, 2>& received,
+                       const FrameMotion<double>& chaser_before,
                        const Wrench<double>& mechanism_before);
   Wrench<double> find_mechanism_momentum() const;
   CouplingPoint find_coupling_point() const;
   Wrench<double> find_exerted_impulse(int vehicle, const CouplingPoint& from,
                                       const CouplingPoint& to) const;
-  void update_ledgers(double h, const CouplingPoint& end);
+  void update_impulse_balance(double h, const CouplingPoint& end);
   void announce(double h);
   Status look_ahead(double h, CouplingPoint& begin, CouplingPoint& end);
-  Wrench<double> find_owed_impulse(int vehicle, const VehicleState& host) const;
+  Wrench<double> find_pending_impulse(int vehicle, const VehicleState& host) const;
   Wrench<double> find_pending_impulse(int vehicle) const;
 
   // coupling_monitors.cpp
   void warn_once(int vehicle, CouplingWarning what, const std::string& text);
   double find_mass_mismatch(int vehicle) const;
   bool is_mass_confirmed(int vehicle) const;
-  void look_at_first_state(int vehicle, const VehicleState& told, double h);
-  void look_at_innovation(int vehicle, const VehicleState& told);
+  void look_at_first_state(int vehicle, const VehicleState& received, double h);
+  void look_at_innovation(int vehicle, const VehicleState& received);
   void warn_of_exchange(int vehicle, const Vec3<double>& innovation,
                         const Vec3<double>& turn_innovation);
   static double find_unexplained_by_mass(const InnovationSums& sums);
@@ -153,18 +155,18 @@ struct DockingSim::Impl : SimState {
   double find_interface_frequency();
   double find_suggested_step(double frequency) const;
   void notice_step(double h);
-  double find_expected_step();
+  double update_expected_step();
   void update_coupling();
 
-  // flight.cpp
-  bool can_rest() const;
-  bool may_rest() const;
-  Status watch_rest(double tau);
-  double find_flight_time() const;
-  bool is_in_balance(double tau);
-  void lock_at_rest();
-  const VehicleBody& find_flying_body(int vehicle) const;
-  std::int64_t fly(double duration);
+  // quiescent_mechanism.cpp
+  bool can_be_quiescent() const;
+  bool may_be_quiescent() const;
+  Status update_quiescence(double tau);
+  double find_drift_time() const;
+  bool update_balance(double tau);
+  void lock_quiescent();
+  const VehicleBody& find_drifting_body(int vehicle) const;
+  std::int64_t drift_freely(double duration);
 
   // events.cpp
   Status accept(double tau, bool& changed);
@@ -244,14 +246,14 @@ struct DockingSim::Impl : SimState {
   /// @pre check_parameters()
   const MethodFacts& method() const { return *find_method(setup->parameters.solver_method); }
   bool is_fixed_step() const { return method().fixed_step; }
-  /// Does a step end where something jumps?
-  bool locates_events() const { return interface == Interface::kCoSimulation && !is_fixed_step(); }
+  /// Does an inner step end at an event?
+  bool locates_events() const { return fmi_kind == FmiKind::kCoSimulation && !is_fixed_step(); }
   bool needs_jacobian() const { return method().needs_jacobian; }
-  /// Of a Jacobian, in evaluations: about one per column, measured.
+  /// Cost of a Jacobian, in evaluations: about one per column, measured.
   int find_jacobian_cost() const { return model->layout.sums + model->layout.bristle_count; }
   /// Does the next communication step begin with the last Jacobian?
   bool keeps_jacobian() const {
-    return needs_jacobian() && !is_fixed_step() && interface == Interface::kCoSimulation;
+    return needs_jacobian() && !is_fixed_step() && fmi_kind == FmiKind::kCoSimulation;
   }
   /// Does the method begin a step with the rates there?
   bool begins_with_rates() const {
@@ -264,7 +266,7 @@ struct DockingSim::Impl : SimState {
   void set_counters(const Counters& wanted);
 
   std::shared_ptr<const Scene> scene;
-  Interface interface;
+  FmiKind fmi_kind;
   const Comparison* comparison;  ///< null: the core only
   Parameters parameters;
   Inputs inputs;
@@ -274,20 +276,20 @@ struct DockingSim::Impl : SimState {
   std::string status_text;
   std::vector<std::string> warnings;
 
-  // set by start(), constant afterwards but for tunable parameters and the choice of coordinates
-  std::shared_ptr<const Setup> setup;  ///< null before
+  // set by start(), then constant except for tunable parameters and the choice of coordinates
+  std::shared_ptr<const Setup> setup;  ///< null before start()
   std::unique_ptr<DockingModel> model;
   std::unique_ptr<Mechanism> start_mechanism;      ///< in the coordinates of the start
   std::unique_ptr<DockingData<double>> data;       ///< at the last accepted state
   std::unique_ptr<DockingData<double>> rate_data;  ///< at trial states of the integrator
-  std::shared_ptr<const KernelLibrary> kernels;    ///< came with the scene; may be null
+  std::shared_ptr<const KernelLibrary> kernels;    ///< from the FMU; may be null
   std::unique_ptr<EventLogic> events;              ///< of model, discrete and memory
   std::unique_ptr<Stepper> stepper;                ///< owns the state y
   int state_count = 0;                             ///< of y; fixed at construction
   std::vector<int> state_bodies;  ///< joints of state.*: the independent ones at the start
   Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
   std::array<double, 2> least_inertia{};             ///< of the vehicles, about any axis [kg m2]
-  std::unique_ptr<DerivativePass> derivative_pass;   ///< made when first asked for
+  std::unique_ptr<DerivativePass> derivative_pass;   ///< made at the first call
   Counters counted_elsewhere;  ///< work of other integrators that led to the present state
 
   // set by DockingSim::use_extended_precision() only
@@ -302,24 +304,24 @@ struct DockingSim::Impl : SimState {
   CouplingPoint step_begin;                      ///< at the start of the last communication step
   std::unique_ptr<BaseJumpWorkspace> jump_work;  ///< with a driven vehicle only
   std::unique_ptr<InterfaceWorkspace> interface_work;  ///< with a driven vehicle only
-  std::unique_ptr<Snapshot> look_ahead_start;          ///< where loads are announced only
-  DockingData<double>* roots_at = nullptr;        ///< what the event functions were found from
-  std::unique_ptr<DockingPass> jacobian_pass;     ///< for implicit methods and rest only
-  MatX<double> jacobian;                          ///< with it
-  std::unique_ptr<BalanceWorkspace> balance;      ///< where a mechanism may come to rest
-  std::unique_ptr<UnreducedForm> unreduced;       ///< at model.level 4 only
+  std::unique_ptr<Snapshot> look_ahead_start;          ///< only if loads are announced
+  DockingData<double>* roots_at = nullptr;             ///< data of the last event functions
+  std::unique_ptr<DockingPass> jacobian_pass;          ///< for implicit methods and quiescence only
+  MatX<double> jacobian;                               ///< with it
+  std::unique_ptr<BalanceWorkspace> balance;           ///< if the mechanism can become quiescent
+  std::unique_ptr<UnreducedForm> unreduced;            ///< at model.level 4 only
   Status last_trouble;
   double margin_before = 1.0;  ///< of the loops, at the last accepted state
   std::vector<double> y_accepted, rates;
   std::vector<double> start_rates;  ///< where a communication step starts
-  /// What was evaluated last inside a step of the integrator: nothing of use, the start of the
+  /// The last evaluation inside a step of the integrator: none, the start of the
   /// communication step (into data), or a trial state (into rate_data).
   enum class Evaluated { kNothing, kStart, kTrial } evaluated = Evaluated::kNothing;
   double tau_evaluated = 0.0;
   std::vector<double> y_evaluated;
-  bool flown = false;         ///< data is that of the present state: a flight has just ended here
-  bool pose_is_kept = false;  ///< step_start holds the present reference of the loops
-  Snapshot step_start;        ///< what a refused step goes back to
+  bool drifted = false;       ///< `data` is at the present state, where a free drift has just ended
+  bool pose_is_kept = false;  ///< step_start holds the accepted configuration of the loops
+  Snapshot step_start;        ///< state to restore after a refused step
 };
 
 }  // namespace dockloop

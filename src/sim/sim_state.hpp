@@ -1,13 +1,13 @@
-// Everything that decides the future of a docking simulation, so that it can be kept and restored:
-// within a step (a refused step leaves no trace), by the host (get and set FMU state), and in
-// another process (as bytes).
+// The complete state of a docking simulation. The state can be saved and restored within a step (a
+// refused step changes nothing), by the host (get and set FMU state), and in another process (as
+// bytes).
 //
-//   Setup      what the model was built from; fixed by initialise()
-//   SimState   what changes during a run, beside the vector y of the integrator
-//   Snapshot   SimState, y and the reference pose of the loops
-//   SavedSim   all of it with parameters, inputs and counters: complete
+//   Setup      data from which the model was built; fixed by initialise()
+//   SimState   data that change during a run, without the vector y of the integrator
+//   Snapshot   SimState, y and the accepted configuration of the loops
+//   SavedSim   Snapshot with parameters, inputs and counters: complete
 //
-// Whatever is not here (workspaces, outputs) is computed from these and never read before that.
+// All other data (workspaces, outputs) are computed from the state before they are read.
 #pragma once
 
 #include <array>
@@ -26,44 +26,44 @@ namespace dockloop {
 constexpr int kPeakCount = Outputs::kLoadCount + 1;  ///< loads and load ratio
 
 struct Setup {
-  Parameters parameters;   ///< driven vehicles: where they were received
+  Parameters parameters;   ///< driven vehicles: at their received motion
   double t_start = 0.0;    ///< [s]
   double tolerance = 0.0;  ///< relative, of the host; 0 = none given
 };
 
-/// Is the mechanism at rest on its vehicle? (flight.cpp)
-struct RestState {
-  bool resting = false;
-  double since = 0.0;     ///< the coordinates have kept their place since then [s since start]
-  std::vector<double> q;  ///< that place: mechanism coordinates, as in y
-  Vec3<double> spin = Vec3<double>::Zero();  ///< of the chaser when the rest began [rad/s]
-  double slack = 0.0;                        ///< by which it may change, relative
+/// Is the mechanism quiescent on its vehicle? (quiescent_mechanism.cpp)
+struct QuiescentState {
+  bool on = false;
+  double since = 0.0;     ///< coordinates are constant since then [s since start]
+  std::vector<double> q;  ///< their values, as in y
+  Vec3<double> spin = Vec3<double>::Zero();  ///< of the chaser when quiescence began [rad/s]
+  double slack = 0.0;                        ///< relative change of spin that is allowed
 };
 
 /// The last Jacobian of an implicit method, by columns: the next communication step begins with it.
 struct KeptJacobian {
   bool valid = false;
-  std::int64_t step = 0;        ///< at which it was made, as Counters has them
-  std::vector<double> entries;  ///< none where no method asks for them
+  std::int64_t step = 0;        ///< number of the step, as in Counters
+  std::vector<double> entries;  ///< empty if the method needs none
 };
 
 struct SimState {
   double elapsed = 0.0;       ///< [s] from start to the last communication point
   double h_warm = 0.0;        ///< step size for the next communication step [s]
   double last_step = 0.0;     ///< [s]
-  double fastest_rate = 0.0;  ///< of the solution, as the integrator saw it last [1/s]
+  double fastest_rate = 0.0;  ///< of the solution, last estimate [1/s]
   Vec3<double> frame_velocity = Vec3<double>::Zero();  ///< of O in N [m/s]
   Vec3<double> frame_shift = Vec3<double>::Zero();     ///< of O in N since the start [m]
   DiscreteState discrete;
   ContactMemory memory;  ///< a function of the last accepted state
   PeakTracker<kPeakCount> peaks;
-  std::array<Wrench<double>, 2> mean_load;  ///< of the step just made; announced: of the coming
+  std::array<Wrench<double>, 2> mean_load;  ///< of the last step; if announced: of the coming step
   CouplingState coupling;                   ///< with hosts that drive vehicles
-  RestState rest_state;
-  double margin_looked_at = kChangeMargin;  ///< where other coordinates were last looked for
-  bool warned_margin = false;               ///< a loop close to singular was told once
-  bool warned_tilt = false;                 ///< surfaces that touch beyond their description
-  /// Choice of independent coordinates, if it is not that of the start any more.
+  QuiescentState quiescent;
+  double margin_looked_at = kChangeMargin;  ///< margin at the last search of coordinates
+  bool warned_margin = false;               ///< warned of a loop close to singular
+  bool warned_tilt = false;                 ///< warned of contact beyond the allowed tilt
+  /// Independent coordinates, if they differ from those of the start; else null.
   std::shared_ptr<const Coordinates> coordinates;
 
   KeptJacobian kept_jacobian;
@@ -150,7 +150,7 @@ void transfer(A& archive, InnovationSums& s) {
 template <class A>
 void transfer(A& archive, DrivenVehicle& v) {
   transfer_members<DrivenVehicle>(archive, v.received, v.predicted, v.held, v.before, v.pending,
-                                  v.fall, v.work, v.innovation, v.error, v.told, v.sums);
+                                  v.fall, v.work, v.innovation, v.error, v.input, v.sums);
 }
 
 template <class A>
@@ -160,8 +160,9 @@ void transfer(A& archive, CouplingState& c) {
 }
 
 template <class A>
-void transfer(A& archive, RestState& rest) {
-  transfer_members<RestState>(archive, rest.resting, rest.since, rest.q, rest.spin, rest.slack);
+void transfer(A& archive, QuiescentState& quiescent) {
+  transfer_members<QuiescentState>(archive, quiescent.on, quiescent.since, quiescent.q,
+                                   quiescent.spin, quiescent.slack);
 }
 
 template <class A>
@@ -198,7 +199,7 @@ void transfer(A& archive, Coordinates& c) {
   transfer_members<Coordinates>(archive, c.dependent, c.closure, c.pose);
 }
 
-/// Something that may be absent.
+/// An optional object.
 template <class A, class T>
 void transfer(A& archive, std::shared_ptr<const T>& pointer) {
   bool there = pointer != nullptr;
@@ -221,7 +222,7 @@ template <class A>
 void transfer(A& archive, SimState& s) {
   transfer_members<SimState>(archive, s.elapsed, s.h_warm, s.last_step, s.fastest_rate,
                              s.frame_velocity, s.frame_shift, s.discrete, s.memory, s.peaks,
-                             s.mean_load, s.coupling, s.rest_state, s.margin_looked_at,
+                             s.mean_load, s.coupling, s.quiescent, s.margin_looked_at,
                              s.warned_margin, s.warned_tilt, s.coordinates, s.kept_jacobian,
                              s.drift, s.energy_audit, s.momentum_audit);
 }

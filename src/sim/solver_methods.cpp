@@ -1,4 +1,4 @@
-// The rows; see solver_methods.hpp.
+// Rows of the list of methods; see solver_methods.hpp.
 #include "sim/solver_methods.hpp"
 
 namespace dockloop {
@@ -9,25 +9,25 @@ constexpr bool kCore = false, kCompare = true, kFixed = true, kJacobian = true, 
 constexpr std::array<MethodFacts, kMethodCount> kMethods = {{
     {kAuto, "auto", "the same as 11", kCore, !kFixed, !kJacobian, kRates},
     {kExplicit, "explicit", "adaptive one-step", kCore, !kFixed, !kJacobian, kRates},
-    {kImplicit, "implicit", "as 2 for stiff contact, latches or friction", kCore, !kFixed,
+    {kImplicit, "implicit", "one-step, for stiff contact, latches or friction", kCore, !kFixed,
      kJacobian},
     {kImex, "imex", "implicit for contact and latches only", kCompare, !kFixed, kJacobian},
     {kAdams, "adams", "multistep, for long communication steps as 6", kCompare},
     {kBdf, "bdf",
-     "multistep, stiff: begins with order 1 at every communication point and event, so it is for "
-     "long communication steps",
+     "multistep for stiff models; restarts at every communication point and event: for long "
+     "communication steps",
      kCore, !kFixed, kJacobian},
     {kFixedRk4, "fixed_rk4", "equal steps of solver.step, bounded cost", kCore, kFixed, !kJacobian,
      kRates},
-    {kFixedImplicit, "fixed_implicit", "as 7, stable where 7 is not", kCompare, kFixed, kJacobian},
+    {kFixedImplicit, "fixed_implicit", "as 7, for stiff models", kCompare, kFixed, kJacobian},
     {kDae, "dae",
-     "all joint coordinates, loops held by multipliers: at model.level 4 only, where 1 is the same",
+     "all joint coordinates, loops held by multipliers: with model.level 4 only, where 1 is the "
+     "same",
      kCompare},
-    {kHighOrder, "high_order", "as 2 of order 8, for smooth motion at tight tolerances", kCompare,
+    {kHighOrder, "high_order", "as 2, of order 8, for smooth motion at tight tolerances", kCompare,
      !kFixed, !kJacobian, kRates},
-    {kStabilised, "stabilised",
-     "as 2, in longer steps of order 4 where stability would limit those of 2", kCore, !kFixed,
-     !kJacobian, kRates, kAuto},
+    {kStabilised, "stabilised", "as 2; longer steps of order 4 where stability limits the steps",
+     kCore, !kFixed, !kJacobian, kRates, kAuto},
 }};
 
 constexpr bool is_in_order() {

@@ -1,7 +1,7 @@
-// The one list of integration methods: numbers, names, and what the simulation must know of each.
+// List of integration methods: numbers, names and properties.
 //
-// Messages, the description of the variable solver.method and the grid of `dockloop trade` are made
-// from this list. A new method is an enumerator, a row in solver_methods.cpp, and its solver.
+// Messages, the description of the variable solver.method and the grid of `dockloop trade` use this
+// list. A new method needs an enumerator, a row in solver_methods.cpp, and a solver.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace dockloop {
 
-/// Values of solver.method; numbers of the interface. They stay reserved where a build lacks one.
+/// Values of solver.method. A number stays reserved if a build does not contain the method.
 enum SolverMethod {
   kAuto = 1,
   kExplicit = 2,
@@ -30,30 +30,32 @@ constexpr int kMethodCount = kStabilised;
 struct MethodFacts {
   SolverMethod method;
   const char* name;
-  const char* meaning;             ///< for people, in the description of solver.method
-  bool for_comparison;             ///< lives in src/compare, which core and FMU do not carry
+  const char* meaning;             ///< text in the description of solver.method
+  bool for_comparison;             ///< part of src/compare, not of core and FMU
   bool fixed_step = false;         ///< equal steps of solver.step
-  bool needs_jacobian = false;     ///< of the rates
-  bool begins_with_rates = false;  ///< a step begins with the rates at its start
-  SolverMethod same_as = method;   ///< another name of that one
+  bool needs_jacobian = false;     ///< needs the Jacobian of the rates
+  bool begins_with_rates = false;  ///< a step uses the rates at the start
+  SolverMethod same_as = method;   ///< this method is another name of that method
 };
 
-/// In the order of their numbers, from 1 on.
+/// All methods, in the order of their numbers, from 1.
 const std::array<MethodFacts, kMethodCount>& list_methods();
 
 /// @return null if there is no method of this number
 const MethodFacts* find_method(int number);
 
-/// The same as choices: all of them, and those that a build with or without src/compare carries.
+/// Choices: all methods, or the methods of a build with or without src/compare.
 const ChoiceList& get_method_choices();
 ChoiceList list_carried_methods(bool has_comparison);
 
 class Comparison;
-/// What an FMU library carries beyond the core. fmu/no_comparison.cpp defines it for the product,
-/// src/compare/fmu_comparison.cpp for dockloop_compare.so; a library links one of them.
+/// Additional methods of an FMU library; null for the core only. fmu/no_comparison.cpp defines this
+/// function for the FMU, src/compare/fmu_comparison.cpp for dockloop_compare.so. A library links
+/// one of the two files.
 const Comparison* get_fmu_comparison();
 
-/// Why a build without src/compare refuses this method, or model.level 4: goes on after the number.
+/// End of the message with which a build without src/compare refuses this method, or model.level 4.
+/// The text follows the number.
 std::string describe_missing_method(int number);
 std::string describe_missing_reference_level();
 

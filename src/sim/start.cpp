@@ -11,7 +11,7 @@
 namespace dockloop {
 namespace {
 
-/// Motion of a vehicle that starts as its scene says.
+/// Motion of a vehicle at the start values of its scene.
 Inputs::Vehicle find_start(const VehicleParameters& p) {
   Inputs::Vehicle start;
   start.position = p.position;
@@ -29,11 +29,11 @@ void check_quaternion(const Vec4<double>& q, const std::string& name) {
 }
 
 void check_vehicle(const VehicleParameters& p, const std::string& name) {
-  // Far below any vehicle, far above numbers whose inverse is no number.
+  // Far below the mass of any vehicle, far above numbers with an infinite inverse.
   constexpr double kLeastMass = 1e-9, kLeastInertia = 1e-12;  // [kg], [kg m2]
   if (!(p.mass >= kLeastMass)) {
     throw ModelError(name + ".mass is " + std::to_string(p.mass) +
-                     " kg; it must be above 0 (1e-9)");
+                     " kg; it must be at least 1e-9 kg");
   }
   const Mat3<double> inertia = make_symmetric(p.inertia);
   const Eigen::LLT<Mat3<double>> positive(inertia);
@@ -43,7 +43,7 @@ void check_vehicle(const VehicleParameters& p, const std::string& name) {
     throw ModelError(name + ".inertia (xx yy zz xy xz yz) is" + values +
                      "; it must be positive definite");
   }
-  constexpr double kTyped = 1e-6;  // rounding of numbers from a data sheet
+  constexpr double kTyped = 1e-6;  // relative rounding in a data sheet
   const Vec3<double> moment = find_principal_moments(inertia);
   if (!can_have_moments(moment, kTyped)) {
     char text[300];
@@ -65,7 +65,7 @@ void check_choice(int value, int most, const char* name, const char* choice) {
   throw ModelError(std::string(name) + " is " + std::to_string(value) + "; it must be " + choice);
 }
 
-/// A method or a level that only src/compare carries needs it.
+/// Methods and levels of src/compare are valid only with src/compare.
 void check_method(const Parameters& p, bool has_comparison) {
   check_choice(p.solver_method, list_carried_methods(has_comparison), "solver.method");
   if (has_comparison) return;
@@ -78,14 +78,14 @@ void check_method(const Parameters& p, bool has_comparison) {
   }
 }
 
-/// Multipliers need a method that knows them, and it nothing else.
-void check_level(const Parameters& p, Interface interface) {
+/// The form with multipliers needs method 9, and method 9 needs this form.
+void check_level(const Parameters& p, FmiKind fmi_kind) {
   check_choice(p.model_level, kLevels, "model.level");
-  if (interface == Interface::kModelExchange) {
+  if (fmi_kind == FmiKind::kModelExchange) {
     if (p.model_level != kReference) return;
     throw ModelError(
-        "model.level is 4 (reference), which has equations that no host integrates: "
-        "take 3 (reduced), or co-simulation");
+        "model.level is 4 (reference), which is not available for model exchange: set "
+        "model.level = 3 (reduced), or use co-simulation");
   }
   if (p.model_level == kReference && p.solver_method != kDae && p.solver_method != kAuto) {
     throw ModelError(
@@ -119,15 +119,15 @@ Stepper::Method find_stepper_method(int method) {
 
 }  // namespace
 
-DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, Interface i, const Comparison* c)
-    : scene(std::move(s)), interface(i), comparison(c) {
+DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, FmiKind i, const Comparison* c)
+    : scene(std::move(s)), fmi_kind(i), comparison(c) {
   if (scene->level == kReference && !comparison) {
     throw ModelError("model.level is 4" + describe_missing_reference_level());
   }
   clear();
 }
 
-/// Back to the scene's values; storage stays where it is: the variable table points into it.
+/// Back to the scene's values. The storage is not moved: the variable table points to it.
 void DockingSim::Impl::clear() {
   parameters.vehicle = scene->vehicle;
   parameters.contact_thrust = scene->contact_thrust;
@@ -136,7 +136,7 @@ void DockingSim::Impl::clear() {
   parameters.friction_model = scene->contact.law.friction_model;
   parameters.restitution = scene->restitution;
   parameters.restitution_speed = scene->restitution_speed;
-  parameters.flight = kResting;
+  parameters.flight = kQuiescent;
   parameters.model_level = scene->level;
   parameters.solver_method = kAuto;
   parameters.dae_form = Parameters().dae_form;
@@ -213,11 +213,11 @@ void DockingSim::Impl::check_parameters() const {
   positive(p.coupling_velocity_tolerance, "coupling.velocity_tolerance");
   check_choice(p.coupling_mode, kCouplingModes, "coupling.mode");
   check_method(p, comparison != nullptr);
-  check_level(p, interface);
-  check_choice(p.flight, kFlightModels, "model.flight");
+  check_level(p, fmi_kind);
+  check_choice(p.flight, kFreeDriftModels, "model.flight");
   check_choice(p.dae_form, 3, "solver.dae_form",
                "1 (index 1), 2 (index 1 with Baumgarte stabilisation) or 3 (stabilised index 2)");
-  if (interface == Interface::kModelExchange &&
+  if (fmi_kind == FmiKind::kModelExchange &&
       p.friction_model != scene->contact.law.friction_model) {
     throw ModelError("friction.model is " + std::to_string(p.friction_model) +
                      ", which changes the number of continuous states: for model exchange set it "
@@ -228,7 +228,7 @@ void DockingSim::Impl::check_parameters() const {
   }
 }
 
-/// Only single joints that no loop determines can be told where to start.
+/// A start can be prescribed only for single joints that no loop determines.
 void DockingSim::Impl::check_joint_starts(const LoopPlan& plan) const {
   const std::vector<Body>& bodies = scene->mechanism.bodies;
   const auto is_independent = [&](int i) {
@@ -250,12 +250,12 @@ void DockingSim::Impl::check_joint_starts(const LoopPlan& plan) const {
             : "a free joint has no single coordinate (initial.capture_body displaces a free "
               "capture body)";
     throw ModelError("initial.joints." + start.name + ": " + reason +
-                     (choice.empty() ? "; no joint of this mechanism can be given a start"
-                                     : "; joints that can be given a start are " + choice));
+                     (choice.empty() ? "; no joint of this mechanism has a free start value"
+                                     : "; joints with a free start value are " + choice));
   }
 }
 
-/// What is locked must not move. @pre evaluate
+/// A locked mechanism must be at rest. @pre evaluate
 void DockingSim::Impl::check_mechanism_rests() const {
   for (const Body& body : model->mechanism.model.bodies) {
     if (&body == &model->mechanism.model.bodies[0] && model->mechanism.vehicle != kBase) continue;
@@ -264,8 +264,8 @@ void DockingSim::Impl::check_mechanism_rests() const {
     char text[320];
     std::snprintf(text, sizeof text,
                   "model.level is 1 (rigid), but the joint of body '%s' starts at a rate of %.6g; "
-                  "leave out rates in initial.capture_body and initial.joints (and couplings that "
-                  "are driven), or take model.level = 3 (reduced)",
+                  "leave out rates in initial.capture_body and initial.joints (and driven "
+                  "couplings), or set model.level = 3 (reduced)",
                   body.name.c_str(), rate);
     throw ModelError(text);
   }
@@ -292,8 +292,8 @@ void DockingSim::Impl::choose_frame_O() {
   frame_shift.setZero();
 }
 
-/// Close the loops at the start of the joints, coming from home in small steps: a loop is closed on
-/// the assembly branch it comes from.
+/// Close the loops at the start of the joints, in small steps from the home pose: a loop keeps the
+/// assembly branch of the home pose.
 Status DockingSim::Impl::bring_joints_to_start() {
   if (scene->joint_starts.empty()) return {};
   const MechanismModel& m = model->mechanism.model;
@@ -309,13 +309,13 @@ void DockingSim::Impl::set_start_state() {
   double* y = stepper->y();
   const StateLayout& layout = model->layout;
   std::fill(y, y + layout.size, 0.0);
-  // Mechanism at home, the capture body and single joints possibly displaced from it.
+  // Mechanism in the home pose; capture body and single joints may be displaced.
   int q = layout.mechanism_q, v = layout.mechanism_v;
   for (int i : model->mechanism_bodies) {
     const Body& body = model->mechanism.model.bodies[i];
     for (int j = 0; j < body.nq(); ++j) y[q + j] = model->mechanism.model.home_q[body.q_index + j];
     if (i == model->mechanism.model.capture_body && body.joint == JointType::kFree) {
-      // The start is stated in axes of B; the free joint counts in axes of its placement.
+      // The start is prescribed in axes of B; the free joint uses axes of its placement.
       const CaptureBodyStart& start = scene->capture_body_start;
       const int home = scene->mechanism.capture_body;
       const Mat3<double> R_BJ = scene->mechanism.bodies[home].placement.R;
@@ -349,14 +349,14 @@ void DockingSim::Impl::set_start_state() {
   }
 }
 
-/// Fix the set-up from parameters and inputs as they are now, and start from it.
+/// Fix the set-up from the present parameters and inputs, and start.
 void DockingSim::Impl::initialise(double t0, double tolerance) {
-  // A driven vehicle starts where its inputs are, or where the scene says if nothing is told yet.
+  // A driven vehicle starts at its inputs, or at the scene's values if all inputs are zero.
   for (int i : {kChaser, kTarget}) {
     if (scene->motion[i] != Motion::kDriven) continue;
     VehicleParameters& p = parameters.vehicle[i];
-    const bool untold = is_all_zero(inputs.vehicle[i]);
-    const Inputs::Vehicle in = untold ? find_start(scene->vehicle[i]) : inputs.vehicle[i];
+    const bool is_missing = is_all_zero(inputs.vehicle[i]);
+    const Inputs::Vehicle in = is_missing ? find_start(scene->vehicle[i]) : inputs.vehicle[i];
     check_quaternion(in.attitude, std::string(name_of(i)) + ".attitude");
     p.position = in.position;
     p.velocity = in.velocity;
@@ -368,7 +368,7 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
     start(std::make_shared<const Setup>(Setup{parameters, t0, tolerance}));
     if (announces()) announce(parameters.coupling_expected_step);
   } catch (...) {
-    setup.reset();  // nothing to run
+    setup.reset();
     throw;
   }
 }
@@ -377,7 +377,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   static_cast<SimState&>(*this) = SimState();
   warnings.clear();
   check_method(from->parameters, comparison != nullptr);  // a saved state may come from elsewhere
-  check_level(from->parameters, interface);
+  check_level(from->parameters, fmi_kind);
   setup = std::move(from);
   parameters = setup->parameters;
   choose_frame_O();
@@ -388,9 +388,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   state_bodies = model->mechanism_bodies;
   model->thrust = parameters.contact_thrust;
   model->thrust_delay = parameters.contact_thrust_delay;
-  // A host that integrates by itself knows frame O by its time only: O then drifts and does not
-  // fall.
-  if (interface == Interface::kModelExchange) model->falling = false;
+  // In model exchange frame O must be a function of time alone: O then drifts and does not fall.
+  if (fmi_kind == FmiKind::kModelExchange) model->falling = false;
   data = std::make_unique<DockingData<double>>(*model);
   rate_data = std::make_unique<DockingData<double>>(*model);
   derivative_pass.reset();
@@ -412,7 +411,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     const Mat3<double> inertia = make_symmetric(parameters.vehicle[i].inertia);
     least_inertia[i] = find_principal_moments(inertia)[0];
   }
-  // At rest the scale is what the tolerance lets a vehicle move.
+  // At rest the scale is the motion of a vehicle within the tolerance.
   const double least_momentum = parameters.atol_velocity * parameters.vehicle[kChaser].mass;
 
   Status status = bring_joints_to_start();
@@ -434,15 +433,15 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   if (has_surfaces()) {
     if (have_rings_passed(model->contact, data->relative)) {
       throw ModelError(
-          "start state: the passive ring is behind the active one, the surfaces have gone through "
-          "each other (relative.position[1] would be " +
+          "start state: the passive ring is behind the active ring, so the surfaces have passed "
+          "through each other (relative.position[1] would be " +
           std::to_string(data->relative.p.x()) +
           " m as seen from the ring); start with the target further along +x of A");
     }
     update_contact_memory(model->contact, data->relative, bristles(), data->contact_work, memory);
     const double gap = find_gap(model->contact, data->relative, data->contact_work);
     if (!decide_absorber().ok()) throw ModelError("start state cannot be evaluated");
-    // A start that touches is a first contact at the start; so is one within reach of a latch.
+    // A start in contact, or in the window of a latch, counts as first contact at the start.
     if (gap <= kTouching) events->begin_contact(0.0);
   }
   if (update_latches(0.0) && !evaluate(0.0).ok())
@@ -452,22 +451,23 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   update_phase(events->find_phase_inputs(*data, events->find_near_gap(*data)), discrete);
   peaks.start(0.0, find_peak_values());
   const double* q = stepper->y() + model->layout.mechanism_q;
-  rest_state.q.assign(q, q + model->layout.mechanism_nq);
-  if (!model->locked.on) model->locked.q = data->mechanism.tree.q;  // room for a rest
+  quiescent.q.assign(q, q + model->layout.mechanism_nq);
+  if (!model->locked.on) model->locked.q = data->mechanism.tree.q;  // memory for later
   start_coupling();
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
 }
 
-/// The tighter one of what parameter and host ask for.
+/// The smaller of the tolerances of parameter and host.
 double DockingSim::Impl::find_relative_tolerance() const {
   const double asked = setup->tolerance;
   return asked > 0.0 ? std::min(asked, parameters.rtol) : parameters.rtol;
 }
 
-/// Trial states are evaluated by generated code, if there is any and it applies. (The two sets of
-/// data change places.) The form with multipliers and the truth do without.
+/// Generated code evaluates trial states, if the FMU has such code and the code applies. (The two
+/// sets of data change places.) The form with multipliers and the reference solution use no
+/// generated code.
 void DockingSim::Impl::attach_kernel() {
   const bool serves = !unreduced && !adapt_problem && parameters.model_level != kRigid;
   for (DockingData<double>* each : {data.get(), rate_data.get()}) {
@@ -484,7 +484,7 @@ void DockingSim::Impl::make_stepper() {
     const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
                                                y, ydot, *rate_data, Need::kRates);
     note_evaluation(t, y);
-    return find_trouble_code(status, t, ydot, model->layout.size);
+    return update_failure_code(status, t, ydot, model->layout.size);
   };
   problem.roots = [this](double t, const double* y, double* roots) {
     if (is_evaluated(t, y)) {
@@ -507,7 +507,7 @@ void DockingSim::Impl::make_stepper() {
   problem.root_speeds = [this](double* speeds) { events->calc_speeds(*roots_at, speeds); };
   jacobian_pass.reset();
   balance.reset();
-  if (can_rest()) {
+  if (can_be_quiescent()) {
     balance = std::make_unique<BalanceWorkspace>(layout);
     make_jacobian_pass();
   }
@@ -524,7 +524,7 @@ void DockingSim::Impl::make_stepper() {
   unreduced.reset();
   if (adapt_problem) {
     adapt_problem(problem);
-  } else if (interface == Interface::kCoSimulation) {
+  } else if (fmi_kind == FmiKind::kCoSimulation) {
     if (setup->parameters.model_level == kReference) {
       unreduced = comparison->make_unreduced_form(*this);
       unreduced->enter(problem);
@@ -536,7 +536,7 @@ void DockingSim::Impl::make_stepper() {
                                       find_stepper_method(setup->parameters.solver_method));
 
   std::vector<double> atol = find_absolute_tolerances();
-  // A host that asks for less relative error gets less absolute error too, down to rounding.
+  // A smaller relative tolerance of the host also reduces absolute tolerances, down to rounding.
   const double rtol = find_relative_tolerance(), share_of_atol = rtol / parameters.rtol;
   constexpr double kRounding = 1e-13;  // [m], [m/s]; of positions and speeds near the docking
   const double least = kRounding / std::max(parameters.atol_position, kRounding);
@@ -549,9 +549,10 @@ void DockingSim::Impl::make_stepper() {
   rates = start_rates = y_evaluated = y_accepted;
 }
 
-/// @param values  what was computed: all must be finite
-/// @return what Stepper::Problem is to be told
-int DockingSim::Impl::find_trouble_code(Status status, double t, const double* values, int count) {
+/// Keep a failure for the message. @param values  computed values: all must be finite
+/// @return status code for Stepper::Problem
+int DockingSim::Impl::update_failure_code(Status status, double t, const double* values,
+                                          int count) {
   if (status.ok()) {
     double sum = 0.0;
     for (int i = 0; i < count; ++i) sum += values[i];
@@ -578,13 +579,13 @@ int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_column
                                    y, *jacobian_pass, jacobian);
   }
   std::copy_n(jacobian.data(), jacobian.size(), by_columns);
-  const int trouble = find_trouble_code(status, t, by_columns, static_cast<int>(jacobian.size()));
+  const int code = update_failure_code(status, t, by_columns, static_cast<int>(jacobian.size()));
   if (keeps_jacobian()) {
     kept_jacobian.entries.assign(by_columns, by_columns + jacobian.size());
-    kept_jacobian.valid = trouble == 0;
+    kept_jacobian.valid = code == 0;
     kept_jacobian.step = find_counters().steps;
   }
-  return trouble;
+  return code;
 }
 
 /// Per state, by kind; momenta are velocities times mass or inertia.
@@ -614,14 +615,14 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
   return atol;
 }
 
-/// Error norms are means over unknowns: bristles at rest, and multipliers, must not loosen them.
+/// Error norms are means over unknowns: idle bristles and multipliers must not reduce the norm.
 double DockingSim::Impl::find_share_of_norm() const {
   const int all = unreduced ? unreduced->size() : model->layout.size;
   const int counted = unreduced ? unreduced->controlled_size() : all;
   return static_cast<double>(counted - model->layout.bristle_count) / all;
 }
 
-/// What should be looked at, but need not be wrong.
+/// Warnings about unusual values, which may be right.
 void DockingSim::Impl::warn_about_start() {
   const double margin = find_singularity_margin(model->mechanism, data->mechanism);
   char text[300];
@@ -631,7 +632,7 @@ void DockingSim::Impl::warn_about_start() {
   }
   if (!scene->mechanism.gravity.isZero(0.0)) {
     warnings.push_back(
-        "gravity in the mechanism file is used by 'dockloop check' only; connect the "
+        "gravity in the mechanism file is used by 'dockloop check' only: connect the "
         "input 'gravity'");
   }
   const VehicleParameters &p = parameters.vehicle[kChaser], &stated = scene->vehicle[kChaser];
@@ -640,11 +641,11 @@ void DockingSim::Impl::warn_about_start() {
                          p.interface_attitude == stated.interface_attitude && model->moves[kChaser];
   if (kernels && as_stated && !is_made_for(*kernels, model->mechanism)) {
     warnings.push_back(
-        "the kernel in the FMU was made for another mechanism and is left out (same results, "
+        "the kernel in the FMU was made for another mechanism and is not used (same results, "
         "slower)");
   }
   if (!has_surfaces() || model->contact.kind != ContactModel::Kind::kRings) return;
-  // k >= 4 m v^2/rounding^2 for what hits: the capture body on its legs, or all there is.
+  // k >= 4 m v^2/rounding^2 for the impacting mass: the capture body on its legs, or all bodies.
   const int body = model->mechanism.model.capture_body;
   double mass = body == kBase ? 0.0 : model->mechanism.model.bodies[body].mass;
   if (model->locked.on) {

@@ -1,4 +1,4 @@
-// Communication steps: inputs, integration through events, refusal without loss, audits.
+// Communication steps: inputs, integration through events, refused steps, audits.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -11,12 +11,12 @@ namespace dockloop {
 namespace {
 
 constexpr double kLongestStep = 1e9;  ///< [s]
-constexpr double kFade = 0.7;         ///< of a long step in what counts as regular, per step
-constexpr int kJacobianSteps = 50;    ///< for which a Jacobian is good, unless Newton fails
-constexpr int kMaxRefused = 12;       ///< end states in a row that cannot be evaluated
+constexpr double kFade = 0.7;         ///< per step, of the regular step after a long step
+constexpr int kJacobianSteps = 50;    ///< longest use of a Jacobian, unless Newton fails
+constexpr int kMaxRefused = 12;       ///< consecutive end states that cannot be evaluated
 
-// A refusal must not take minutes. Its time on a slow processor [s]:
-#ifndef DOCKLOOP_REFUSAL_TIME  // the fuzzers wait less long
+// A refusal must not take minutes. Time until a refusal on a slow processor [s]:
+#ifndef DOCKLOOP_REFUSAL_TIME  // shorter for the fuzzers
 #define DOCKLOOP_REFUSAL_TIME 0.5
 #endif
 constexpr double kRefusalTime = DOCKLOOP_REFUSAL_TIME, kRefusalTimePerSecond = 5.0;
@@ -24,20 +24,19 @@ constexpr double kLongestRefusal = 60.0;
 
 }  // namespace
 
-/// Time that one evaluation takes at most on a slow processor [s]: estimated from what the model
-/// holds, not measured, because the work after which a step is refused must be the same everywhere.
+/// Upper bound of the time of one evaluation on a slow processor [s]. The bound is estimated from
+/// the model, not measured, because a step must be refused after the same work on every machine.
 double DockingSim::Impl::find_evaluation_cost() const {
   constexpr double kBasic = 3e-6, kPerBody = 0.6e-6, kPerLegBody = 0.1e-6, kPerBristle = 3e-9;
   const LoopPlan& plan = model->mechanism.plan;
   const double tree = kPerBody * static_cast<double>(plan.tree_bodies.size());
   const double legs = static_cast<double>(plan.leg_bodies.size());
   const double mechanism = tree + (unreduced ? kPerBody : kPerLegBody) * legs;
-  return (unreduced ? 4.0 : 1.0) * (kBasic + mechanism) +
-         kPerBristle * model->layout.bristle_count;
+  return (unreduced ? 4.0 : 1.0) * (kBasic + mechanism) + kPerBristle * model->layout.bristle_count;
 }
 
-/// What an implicit step costs beside its evaluations, in evaluations: it factorises a matrix,
-/// which many states make dearer than all else.
+/// Cost of an implicit step without its evaluations, in evaluations: the factorisation of a matrix,
+/// the largest cost for many states.
 double DockingSim::Impl::find_factor_cost() const {
   if (!needs_jacobian() && !unreduced) return 0.0;
   constexpr double kPerEntry = 0.5e-9;  // [s], on a slow processor
@@ -45,15 +44,15 @@ double DockingSim::Impl::find_factor_cost() const {
   return kPerEntry * n * n * n / 3.0 / find_evaluation_cost();
 }
 
-/// Work after which a communication step is refused, in evaluations. A model whose steps are so
-/// dear that few of them take that long may make some nevertheless.
+/// Work after which a communication step is refused, in evaluations. A minimum number of steps is
+/// allowed for models with expensive steps.
 std::int64_t DockingSim::Impl::find_work_limit(double h) const {
-  if (adapt_problem) return std::numeric_limits<std::int64_t>::max();  // 32 digits take their time
+  if (adapt_problem) return std::numeric_limits<std::int64_t>::max();  // reference solution
   constexpr double kLeastSteps = 200.0, kEvaluationsPerStep = 10.0;
   const double time = std::min(kRefusalTime + kRefusalTimePerSecond * h, kLongestRefusal);
   const double factor = find_factor_cost(), derivatives = factor > 0.0 ? find_jacobian_cost() : 0.0;
-  return static_cast<std::int64_t>(std::max(time / find_evaluation_cost(),
-                                    kLeastSteps * (kEvaluationsPerStep + derivatives + factor)));
+  return static_cast<std::int64_t>(std::max(
+      time / find_evaluation_cost(), kLeastSteps * (kEvaluationsPerStep + derivatives + factor)));
 }
 
 /// Work since the start, in evaluations.
@@ -67,7 +66,7 @@ Status DockingSim::Impl::refuse_work(double h, std::int64_t limit, double tau) {
   char text[400];
   std::snprintf(
       text, sizeof text,
-      "after t = %.9g s it needs more work than %.3g evaluations, the limit for a step of %.6g s "
+      "after t = %.9g s the step needs more than %.3g evaluations, the limit for a step of %.6g s "
       "of this model: shorten the step, or check speeds, spins, contact.friction_speed, stiffness "
       "and "
       "damping of contact and legs",
@@ -105,8 +104,8 @@ const Loads& DockingSim::Impl::find_loads(double tau) {
   return loads_now;
 }
 
-/// A slope holds for one step: its input goes on from the value that it has reached. Motion of
-/// driven vehicles is predicted by the equations, not by slopes.
+/// A slope holds for one step; the input then keeps its final value. The equations of motion
+/// predict driven vehicles, not slopes.
 void DockingSim::Impl::advance_inputs(double h) {
   if (!sloped) return;
   for (int i : {kChaser, kTarget}) {
@@ -120,33 +119,33 @@ void DockingSim::Impl::advance_inputs(double h) {
   for_each_value(slopes, [](double& slope) { slope = 0.0; });
 }
 
-/// One communication step from t to exactly t + h. On failure everything is as before the call.
+/// One communication step from t to exactly t + h. On failure the state is unchanged.
 Status DockingSim::Impl::step(double t, double h) {
   status_text.clear();
   keep(step_start, !pose_is_kept);
   pose_is_kept = true;
   const Counters counters = find_counters();
   const std::int64_t work = find_work();
-  // The host's clock counts, but what its rounding at large times would lose is kept.
-  const double told = t - setup->t_start;
+  // The host's clock is used, except for its rounding at large times.
+  const double host_time = t - setup->t_start;
   const double rounding = 4e-16 * std::max(std::abs(t), std::abs(setup->t_start));
-  if (std::abs(told - elapsed) > rounding) {
-    elapsed = told;
-    flown = false;
+  if (std::abs(host_time - elapsed) > rounding) {
+    elapsed = host_time;
+    drifted = false;
   }
   read_inputs();
   Status status;
   if (h > 0.0 && h <= kLongestStep) {
     if (announces()) notice_step(h);
     status = receive(h);
-    if (update_thrust(elapsed)) kept_jacobian.valid = false;  // it may have been told only now
+    if (update_thrust(elapsed)) kept_jacobian.valid = false;  // it may be a new input
     if (status.ok()) status = evaluate_start();
     step_begin = find_coupling_point();
     drift = 0.0;
     const std::int64_t limit = find_work_limit(h);
     if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
   } else {
-    status_text = "the step must be longer than 0 s and not longer than 1e9 s";
+    status_text = "the step must be longer than 0 s and at most 1e9 s";
     status.code = StatusCode::kBadInput;
   }
   if (status.ok()) {
@@ -156,7 +155,7 @@ Status DockingSim::Impl::step(double t, double h) {
   }
   restore(step_start);
   set_counters(counters);
-  // Outputs read after a refusal are those of before; the state was a valid one.
+  // Outputs after a refusal are the outputs before the step; that state was valid.
   if (!evaluate(0.0).ok()) status.code = StatusCode::kNotFinite;
   char text[120];
   std::snprintf(text, sizeof text, "step from t = %.9g s over %.6g s: ", t, h);
@@ -170,7 +169,7 @@ void DockingSim::Impl::start_stepper(double tau, double h, const double* known_r
   stepper->restart(tau, h, {known_rates, fastest_rate, nullptr});
 }
 
-/// The same at the start of a communication step, which goes on where the last one ended.
+/// The same at the start of a communication step, which continues the last step.
 void DockingSim::Impl::go_on(double h) {
   const bool is_good =
       kept_jacobian.valid && find_counters().steps - kept_jacobian.step < kJacobianSteps;
@@ -178,7 +177,7 @@ void DockingSim::Impl::go_on(double h) {
   stepper->restart(0.0, h, {find_start_rates(), fastest_rate, known});
 }
 
-/// A step of the integrator, which notes what it has evaluated last.
+/// A step of the integrator, which stores its last evaluation.
 StepOutcome DockingSim::Impl::make_inner_step(double stop, bool watch_roots) {
   if (evaluated == Evaluated::kTrial) evaluated = Evaluated::kNothing;
   if (evaluated == Evaluated::kStart) ++counted_elsewhere.rate_evaluations;
@@ -194,18 +193,18 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
   std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
   margin_before = find_singularity_margin(model->mechanism, data->mechanism);
   double tau = 0.0;
-  int refused = 0;           // end states in a row that could not be evaluated
-  double proposal = h_warm;  // step size that error control asks for; stops do not count
+  int refused = 0;           // consecutive end states that could not be evaluated
+  double proposal = h_warm;  // step size of the error control, without stops
   go_on(std::min(proposal, h));
   for (std::int64_t turns = 0; find_work() - begun + turns < limit;) {
     status_text.clear();  // of an attempt that was refused and repeated
-    status = watch_rest(tau);
+    status = update_quiescence(tau);
     if (!status.ok()) return status;
-    if (rest_state.resting) {
-      const double flight = std::min(find_flight_time(), h - tau);
-      turns += fly(flight);
+    if (quiescent.on) {
+      const double drift_time = std::min(find_drift_time(), h - tau);
+      turns += drift_freely(drift_time);
       evaluated = Evaluated::kNothing;
-      tau = flight < h - tau ? tau + flight : h;
+      tau = drift_time < h - tau ? tau + drift_time : h;
       events->clear_due();
       bool changed = false;
       const Pose<double> looked_from{memory.R_ref, memory.p_ref};
@@ -213,8 +212,8 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
       if (status.ok()) status = accept(tau, changed);
       if (!status.ok()) return status;
       std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
-      // Only a new list of near surfaces makes another evaluation tell more about the gap.
-      flown = !changed && memory.p_ref == looked_from.p && memory.R_ref == looked_from.R;
+      // Another evaluation gives a better gap only with a new neighbour list.
+      drifted = !changed && memory.p_ref == looked_from.p && memory.R_ref == looked_from.R;
       if (tau >= h) return {};
       start_stepper(tau, std::min(proposal, h - tau));
       continue;
@@ -223,7 +222,7 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
     last_trouble = Status();
     const StepOutcome outcome = make_inner_step(stop, true);
     if (outcome == StepOutcome::kFailed) {
-      return stepper->is_exhausted() ? refuse_work(h, limit, tau) : find_trouble(tau);
+      return stepper->is_exhausted() ? refuse_work(h, limit, tau) : find_failure(tau);
     }
     bool restart = false;
     const double made = stepper->time() - tau;
@@ -244,8 +243,8 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
       status.code = StatusCode::kIntegrationFailed;
     }
     if (!status.ok()) {
-      // Error control was content with a state that cannot be evaluated, or with one that cannot
-      // be: take smaller steps to it.
+      // Error control accepted a state that cannot be evaluated or that creates energy: make
+      // smaller steps.
       if (++refused > kMaxRefused) return status;
       std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
       proposal = 0.25 * made;
@@ -263,9 +262,9 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
       h_warm = proposal;
       return {};
     }
-    const double leap = find_leap(made, proposal);
-    if (leap > 0.0) {
-      stepper->restart(tau, std::min(leap, h - tau));  // by the table that find_leap() knows
+    const double size = update_singularity_step(made, proposal);
+    if (size > 0.0) {
+      stepper->restart(tau, std::min(size, h - tau));
     } else if (restart) {
       start_stepper(tau, std::min(proposal, h - tau));
     }
@@ -274,7 +273,7 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
 }
 
 /// The same with a number of inner steps that depends on h only: equal steps of a Runge-Kutta
-/// method, events seen at their ends. The cost is bounded; errors are not controlled.
+/// method, events detected at their ends. The cost is bounded; errors are not controlled.
 /// @pre evaluate_start()
 Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
   const double wanted = std::ceil(h / parameters.step * (1.0 - 1e-9));
@@ -284,8 +283,8 @@ Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
     char text[200];
     std::snprintf(
         text, sizeof text,
-        "it needs %.6g inner steps of solver.step = %.6g s; at most %.6g are made: shorten the "
-        "step or raise solver.step",
+        "the step needs %.6g inner steps of solver.step = %.6g s, but the limit is %.6g: shorten "
+        "the step or increase solver.step",
         wanted, parameters.step, std::floor(static_cast<double>(limit) / each));
     status_text = text;
     return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed};
@@ -297,7 +296,7 @@ Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
     last_trouble = Status();
     events->note_latches(*data);
     start_stepper(tau, end - tau, inner == 1 ? find_start_rates() : nullptr);
-    if (make_inner_step(end, false) == StepOutcome::kFailed) return find_trouble(tau);
+    if (make_inner_step(end, false) == StepOutcome::kFailed) return find_failure(tau);
     const double made = end - tau;
     tau = end;
     Status status = evaluate_end(tau);
@@ -316,7 +315,7 @@ Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
   return {};
 }
 
-/// Where the loads at the end of a step are near their peaks, those in its middle count too.
+/// If the loads at the end of a step are near their peaks, the loads in its middle count too.
 /// @pre evaluate_end(to)
 void DockingSim::Impl::look_into_step(double from, double to) {
   if (adapt_problem || !peaks.is_near(find_peak_values())) return;
@@ -332,26 +331,27 @@ void DockingSim::Impl::look_into_step(double from, double to) {
   std::swap(data, rate_data);
 }
 
-/// A mechanism on its way through a pose where its loops lose rank is fine on both sides of it, but
-/// cannot be evaluated on it: size of a step that has no stage there, or one that ends where such a
-/// step can begin. @param made, proposal  last step, size that error control asks for
-/// @return 0 if there is nothing to leap over
-double DockingSim::Impl::find_leap(double made, double proposal) {
+/// Step over a singularity. A mechanism can be evaluated on both sides of a singular pose, but not
+/// in the pose. Size of a step without a stage in the pose, or of a step to the start of such a
+/// step. Updates the margin of the last step. @param made, proposal  last step, size of the error
+/// control
+/// @return 0 if no singular pose is ahead
+double DockingSim::Impl::update_singularity_step(double made, double proposal) {
   const double margin = find_singularity_margin(model->mechanism, data->mechanism);
   const double rate = (margin_before - margin) / made;
   margin_before = margin;
   if (!(rate > 0.0) || margin > 3.0 * kChangeMargin) return 0.0;
-  const double way = margin / rate;  // to the pose, if the margin goes on like this
+  const double distance = margin / rate;  // to the pose, with the present rate of the margin
   const double width = model->mechanism.model.singularity.error / rate;
-  if (way - width > 1.3 * proposal) return 0.0;
+  if (distance - width > 1.3 * proposal) return 0.0;
   // Stages lie at 0.2, 0.3, 0.8, 0.89 and 1 of a step: put the pose into the middle of the largest
-  // gap. If that asks for a longer step than error control likes, end half a step before the pose.
-  const double leap = way / 0.55;
-  return leap <= 1.6 * proposal ? leap : way - 0.5 * proposal;
+  // gap. If this step is too long for the error control, end half a step before the pose.
+  const double size = distance / 0.55;
+  return size <= 1.6 * proposal ? size : distance - 0.5 * proposal;
 }
 
 /// Where the next inner step must end at the latest: the end of the communication step, the onset
-/// of thrust, and never so far that a surface could be passed unseen.
+/// of thrust, and the bound that prevents surfaces from passing through each other unseen.
 double DockingSim::Impl::find_next_stop(double tau, double h) const {
   double stop = h;
   const std::optional<double> onset = events->find_thrust_onset();
@@ -365,7 +365,7 @@ double DockingSim::Impl::find_next_stop(double tau, double h) const {
   return stop;
 }
 
-Status DockingSim::Impl::find_trouble(double tau) const {
+Status DockingSim::Impl::find_failure(double tau) const {
   if (!last_trouble.ok()) return last_trouble;
   return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
 }
@@ -377,14 +377,14 @@ Status DockingSim::Impl::step_to_root(double tau) {
   std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
   if (!(root > tau)) return {};
   start_stepper(tau, root - tau);
-  for (;;) {  // the evaluations that are left end it
+  for (;;) {  // ends with the limit of evaluations
     const StepOutcome outcome = make_inner_step(root, false);
-    if (outcome == StepOutcome::kFailed) return find_trouble(tau);
+    if (outcome == StepOutcome::kFailed) return find_failure(tau);
     if (outcome == StepOutcome::kStopped) return {};
   }
 }
 
-/// Does the step that ends here create energy? Then status_text says so.
+/// Does the step that ends here create energy? If so, status_text contains the message.
 bool DockingSim::Impl::is_energy_created(const EnergyBalance& found, double tau) {
   const double there = find_energy_scale(energy_audit, found, parameters.atol_energy);
   if (!creates_energy(energy_audit, found, there)) return false;
@@ -392,29 +392,29 @@ bool DockingSim::Impl::is_energy_created(const EnergyBalance& found, double tau)
   std::snprintf(
       text, sizeof text,
       "the inner step to t = %.9g s makes the energy audit wrong by %.3g J (%.3g J so far), "
-      "where %.3g J are in play: shorten the step (solver.step of a fixed-step method), "
-      "take a smaller solver.rtol, or solver.method 1 (auto)",
+      "with %.3g J in play: shorten the step (solver.step of a fixed-step method), decrease "
+      "solver.rtol, or set solver.method = 1 (auto)",
       setup->t_start + elapsed + tau, std::abs(found.residual - energy_audit.residual),
       std::abs(found.residual), there);
   status_text = text;
   return true;
 }
 
-/// Keeps the audit of energy, and warns where the residual matters, again at ten times that.
+/// Updates the energy audit. Issues a warning at a residual of 1 %, and again at 10 %.
 void DockingSim::Impl::watch_energy(const EnergyBalance& found, double tau) {
   const double there = find_energy_scale(energy_audit, found, parameters.atol_energy);
   if (!update_energy_audit(found, there, energy_audit)) return;
   char text[300];
   std::snprintf(text, sizeof text,
                 "the energy audit is off by %.3g J at t = %.9g s, %.2g of the %.3g J in play: "
-                "loads and motion may be wrong by more; take a smaller %s",
+                "loads and motion may have larger errors; decrease %s",
                 energy_audit.residual, setup->t_start + elapsed + tau,
                 std::abs(energy_audit.residual) / there, there,
-                is_fixed_step() ? "solver.step, or solver.method 1 (auto)" : "solver.rtol");
+                is_fixed_step() ? "solver.step, or set solver.method = 1 (auto)" : "solver.rtol");
   warnings.push_back(text);
 }
 
-/// Motion of a vehicle's CoM frame in O, from the last evaluation.
+/// Motion of a vehicle's centre-of-mass frame in O, from the last evaluation.
 VehicleState DockingSim::Impl::find_vehicle_state(int i) const {
   VehicleState state;
   if (!model->present[i]) return state;
@@ -426,9 +426,9 @@ VehicleState DockingSim::Impl::find_vehicle_state(int i) const {
   return state;
 }
 
-/// Close a communication step that succeeded.
+/// Finish a successful communication step.
 void DockingSim::Impl::finish_step(double h) {
-  // O drifts with its velocity and falls with gravity, which its contents then do not feel.
+  // O drifts with its velocity and falls with gravity, so gravity does not act relative to O.
   frame_shift += frame_velocity * h;
   if (model->falling) {
     frame_shift += 0.5 * h * h * loads.gravity;
@@ -444,16 +444,16 @@ void DockingSim::Impl::finish_step(double h) {
   invalidate();
   const CouplingPoint end = find_coupling_point();
   update_mean_loads(h, end);
-  if (has_host()) update_ledgers(h, end);
+  if (has_host()) update_impulse_balance(h, end);
   update_momentum_audit();
   advance_inputs(h);
   if (announces()) {
     read_inputs();
-    announce(find_expected_step());
+    announce(update_expected_step());
   }
 }
 
-/// Mean loads over the step just made on vehicles that no host drives, as if one did.
+/// Mean loads over the step just made, on vehicles that are not driven.
 void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& end) {
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i] || !model->moves[i] || model->driven[i]) continue;
@@ -467,7 +467,7 @@ void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& end) {
   }
 }
 
-/// Scales and residual at this communication point.
+/// Update the scales and the residual at this communication point.
 void DockingSim::Impl::update_momentum_audit() {
   if (!conserves_momentum(*model)) return;
   update_momentum_scales(*model, stepper->y(), momentum_audit);

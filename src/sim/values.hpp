@@ -1,5 +1,5 @@
-// What goes in and out of a docking simulation: plain data in the names and units of the FMU
-// (frames: src/README.md). The variable table in src/interface/variables.cpp points into these
+// Inputs and outputs of a docking simulation: plain data with the names and units of the FMU
+// (frames: src/README.md). The variable table in src/interface/variables.cpp points to these
 // structs.
 #pragma once
 
@@ -14,18 +14,18 @@
 namespace dockloop {
 
 /// Values of model.flight.
-enum FlightModel {
-  kResting = 1,     ///< far from contact a mechanism that keeps its place is carried along
-  kIntegrated = 2,  ///< it is always integrated
+enum FreeDriftModel {
+  kQuiescent = 1,   ///< far from contact the mechanism can become quiescent
+  kIntegrated = 2,  ///< the mechanism is always integrated
 };
-inline const ChoiceList kFlightModels = {
-    {kResting, "resting",
+inline const ChoiceList kFreeDriftModels = {
+    {kQuiescent, "resting",
      "once it has kept its place for 1 s it is carried along by its vehicle and costs nothing; "
      "needs free or fixed vehicles, no loads, an adaptive method"},
     {kIntegrated, "integrated", "always"},
 };
 
-/// Everything that can be chosen before the run starts. Start values come from the scene.
+/// Parameters of a run, fixed at the start. Start values come from the scene.
 struct Parameters {
   std::array<VehicleParameters, 2> vehicle;  ///< [kChaser], [kTarget]; docking/scene.hpp
   double contact_thrust = 0.0;          ///< [N] along +x of A, from first contact until captured
@@ -34,21 +34,21 @@ struct Parameters {
   int friction_model = 1;               ///< 1 regularised, 2 bristle
   double restitution = 0.0;             ///< [-] at restitution_speed
   double restitution_speed = 0.0;       ///< [m/s]
-  int flight = kResting;                ///< see FlightModel
+  int flight = kQuiescent;              ///< see FreeDriftModel
   int model_level = kReduced;           ///< see ModelLevel
   int solver_method = 1;                ///< see SolverMethod
   int dae_form = 3;                     ///< of method 9: see compare/unreduced_model.hpp
   double step = 0.0;                    ///< [s] inner step of the fixed methods
   double rtol = 0.0;                    ///< [-]
-  double atol_position = 0.0;           ///< [m], also taken for attitude [-]
+  double atol_position = 0.0;           ///< [m], also for attitude [-]
   double atol_velocity = 0.0;           ///< [m/s], also for angular velocity [rad/s]
-  double atol_energy = 0.0;             ///< [J] of the energy sinks
+  double atol_energy = 0.0;             ///< [J] of dissipated energies and external work
   int coupling_mode = 1;                ///< see CouplingMode
   double coupling_expected_step = 0.0;  ///< [s] of the first announced load
-  double coupling_velocity_tolerance = 1e-4;  ///< [m/s] that the suggested step keeps
+  double coupling_velocity_tolerance = 1e-4;  ///< [m/s] for the suggested step
 };
 
-/// What the host may change at any communication point.
+/// Inputs: the host may change them at any communication point.
 struct Inputs {
   struct Vehicle {
     Vec3<double> position = Vec3<double>::Zero();          ///< driven only: CoM in N [m]
@@ -61,14 +61,14 @@ struct Inputs {
   std::array<Vehicle, 2> vehicle;
   Vec3<double> gravity = Vec3<double>::Zero();  ///< in N [m/s2]
   std::vector<double> leg_force_command;        ///< [N], one per leg
-  double next_step = 0.0;  ///< [s] of the step after the coming one, 0 = as that
+  double next_step = 0.0;  ///< [s] of the step after the coming step, 0 = the same
 };
 
-/// Is it a unit quaternion, but for what rounding and sloppy integration make of one?
+/// Is this a unit quaternion, within errors of rounding and integration?
 inline bool is_attitude(const Vec4<double>& q) { return std::abs(q.norm() - 1.0) < 1e-3; }
 
-/// Some hosts begin with zeros in every input, before they pass anything on. As a motion this is
-/// impossible: zeros are no attitude.
+/// Some hosts start with zeros in every input, before the first exchange. Zeros are not a possible
+/// motion, because they are not an attitude.
 inline bool is_all_zero(const Inputs::Vehicle& in) {
   return in.position.isZero(0.0) && in.velocity.isZero(0.0) && in.attitude.isZero(0.0) &&
          in.angular_velocity.isZero(0.0);
@@ -156,7 +156,7 @@ struct OutputValues {
   S energy_dissipated_contact = S(0), energy_dissipated_friction = S(0);
   S energy_dissipated_legs = S(0), energy_dissipated_latches = S(0);
   S energy_external = S(0);                      ///< work done by forces from outside [J]
-  S energy_residual = S(0);                      ///< what does not add up [J]
+  S energy_residual = S(0);                      ///< error of the energy balance [J]
   Vec3<S> momentum_linear = Vec3<S>::Zero();     ///< in N axes [N s]
   Vec3<S> momentum_angular = Vec3<S>::Zero();    ///< about momentum_reference [N m s]
   Vec3<S> momentum_reference = Vec3<S>::Zero();  ///< in N [m]
@@ -202,7 +202,7 @@ void for_each_value(OutputValues<S>& values, F&& f) {
   for (Vec3<S>& x : values.loop_force) each(x);
 }
 
-/// Gives `to` as many legs, latches, ... as `from` has.
+/// Gives `to` the numbers of legs, latches, ... of `from`.
 template <class S>
 void match_sizes(const OutputValues<double>& from, OutputValues<S>& to) {
   to.petal_force.resize(from.petal_force.size());
@@ -218,7 +218,7 @@ void match_sizes(const OutputValues<double>& from, OutputValues<S>& to) {
   to.loop_force.resize(from.loop_force.size());
 }
 
-/// Everything that can be read at a communication point (and after initialise()).
+/// All outputs at a communication point (and after initialise()).
 struct Outputs : OutputValues<double> {
   double time = 0.0;  ///< [s]
 
@@ -227,7 +227,7 @@ struct Outputs : OutputValues<double> {
   double capture_peak_load_ratio = 0.0;  ///< [-]
 
   // group phase
-  int phase = 1;    ///< 1 approach ... 8 rebound, see interface
+  int phase = 1;    ///< see docking/phases.hpp
   int outcome = 1;  ///< 1 undecided, 2 captured, 3 partial capture, 4 rebound, 5 miss
   bool captured = false;
   std::vector<char> latched;      ///< 0 or 1, one per latch (char: vector<bool> has no addresses)
@@ -241,7 +241,7 @@ struct Outputs : OutputValues<double> {
   /// group energy: |p - p(0) - impulse| / momentum scale [-]; with kernels at present, else largest
   double momentum_residual = 0.0;
 
-  // group coupling, where a vehicle is driven
+  // group coupling, if a vehicle is driven
   double coupling_work_residual = 0.0;                                   ///< [J]
   double coupling_mass_mismatch = 0.0;                                   ///< [-]
   double coupling_frequency = 0.0;                                       ///< [rad/s]

@@ -31,7 +31,7 @@ struct Result {
 
 Result run(const std::shared_ptr<const Scene>& scene, int method, double rtol, double step,
            double stop) {
-  DockingSim sim(scene, Interface::kCoSimulation, get_comparison());
+  DockingSim sim(scene, FmiKind::kCoSimulation, get_comparison());
   Parameters& p = sim.parameters();
   const double share = rtol / p.rtol;
   constexpr double kLeast = 1e-14;  // [m], [m/s]

@@ -35,7 +35,7 @@ REASONS = {  # part of the sentence: in short
     "no free motion": "no free motion leads to these conditions at first contact",
     "pressed together": "surfaces are pressed to their cores",
     "pass through": "surfaces would pass through each other",
-    "more work": "a step would take more work than it may",
+    "the step needs more": "a step would take more work than it may",
 }
 SWEEP = """
 scene = "{scene}"

@@ -265,8 +265,8 @@ TEST(MasslessLegsLevel, agrees_with_newton_iteration_on_the_whole_tree) {
       EXPECT_EQ(fast.model.mechanism.plan.tree_bodies.size(), chaser == Motion::kFree ? 2u : 1u);
     }
   }
-  std::printf("massless legs and Newton iteration: rates %.1g, loads %.1g, cuts %.1g\n",
-              rate.value, load.value, cut.value);
+  std::printf("massless legs and Newton iteration: rates %.1g, loads %.1g, cuts %.1g\n", rate.value,
+              load.value, cut.value);
   EXPECT_RESIDUAL_BELOW(rate, 1e-12);
   EXPECT_RESIDUAL_BELOW(load, 1e-12);
   EXPECT_RESIDUAL_BELOW(cut, 1e-11);
@@ -331,7 +331,7 @@ TEST(Levels, account_for_energy_and_momentum) {
 TEST(Levels, have_the_same_states) {
   std::vector<double> states;
   for (const int level : {kRigid, kMasslessLegs, kReduced}) {
-    DockingSim sim(share(light_scene(level)), Interface::kModelExchange);
+    DockingSim sim(share(light_scene(level)), FmiKind::kModelExchange);
     sim.initialise(0.0, 0.0);
     std::vector<double> y(static_cast<size_t>(sim.state_count())), rates(y.size());
     sim.get_states(y.data());

@@ -33,7 +33,7 @@ std::shared_ptr<const Scene> stiff_scene() {
 
 std::unique_ptr<DockingSim> start(const std::shared_ptr<const Scene>& scene, int method,
                                   double rtol = 1e-6) {
-  auto sim = std::make_unique<DockingSim>(scene, Interface::kCoSimulation, get_comparison());
+  auto sim = std::make_unique<DockingSim>(scene, FmiKind::kCoSimulation, get_comparison());
   sim->parameters().solver_method = method;
   sim->parameters().model_level = method == kDae ? kReference : kReduced;
   sim->initialise(0.0, rtol);

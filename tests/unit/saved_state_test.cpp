@@ -122,8 +122,8 @@ std::vector<Run> make_runs() {
 class SavedState : public ::testing::TestWithParam<Run> {
  protected:
   std::unique_ptr<DockingSim> make(bool started = true) const {
-    auto sim = std::make_unique<DockingSim>(GetParam().scene, Interface::kCoSimulation,
-                                            get_comparison());
+    auto sim =
+        std::make_unique<DockingSim>(GetParam().scene, FmiKind::kCoSimulation, get_comparison());
     GetParam().choose(sim->parameters());
     if (started) sim->initialise(1e3, 0.0);
     return sim;

@@ -29,7 +29,7 @@ inline Scene short_ring_scene() {
 /// A simulation that has the methods for comparison too.
 struct ComparingSim : DockingSim {
   explicit ComparingSim(std::shared_ptr<const Scene> scene)
-      : DockingSim(std::move(scene), Interface::kCoSimulation, get_comparison()) {}
+      : DockingSim(std::move(scene), FmiKind::kCoSimulation, get_comparison()) {}
 };
 
 inline std::shared_ptr<const Scene> share(Scene scene) {

@@ -39,7 +39,7 @@ std::shared_ptr<const Scene> make_pass(const V& p, const V& v) {
 /// Runs to `end` in steps of h. @return the simulation
 std::unique_ptr<DockingSim> run(const std::shared_ptr<const Scene>& scene, int method, double h,
                                 double end) {
-  auto sim = std::make_unique<DockingSim>(scene, Interface::kCoSimulation, get_comparison());
+  auto sim = std::make_unique<DockingSim>(scene, FmiKind::kCoSimulation, get_comparison());
   sim->parameters().solver_method = method;
   sim->initialise(0.0, 0.0);
   for (int i = 0; i * h < end * (1.0 - 1e-9); ++i) {
@@ -228,7 +228,8 @@ TEST(Refusals, cost_a_bounded_number_of_evaluations) {
       status = sim.step(0.01 * i, 0.01);
     }
     ASSERT_FALSE(status.ok());
-    EXPECT_NE(sim.status_text().find("more work than"), std::string::npos) << sim.status_text();
+    EXPECT_NE(sim.status_text().find("the step needs more than"), std::string::npos)
+        << sim.status_text();
     // A refused step is taken out of the count again.
     EXPECT_EQ(sim.outputs().solver_rhs_evaluations, evaluations);
   }

@@ -1,4 +1,4 @@
-// What a Status means, in one sentence for the log.
+// The meaning of a Status, in one sentence for the log.
 #include <cstdio>
 #include <cstring>
 
@@ -17,8 +17,9 @@ std::string DockingSim::Impl::describe(const Status& status) const {
     case StatusCode::kOk:
       return "ok";
     case StatusCode::kOutOfReach:
-      std::snprintf(text, sizeof text, "loop '%s' is out of reach (margin %.3g)", loop().c_str(),
-                    status.margin);
+      std::snprintf(text, sizeof text,
+                    "loop '%s' cannot be closed: the pose is outside its workspace (margin %.3g)",
+                    loop().c_str(), status.margin);
       break;
     case StatusCode::kLoopSingular:
       std::snprintf(text, sizeof text, "loop '%s' is singular (margin %.3g, limit %.1g)",
@@ -33,31 +34,35 @@ std::string DockingSim::Impl::describe(const Status& status) const {
       break;
     case StatusCode::kRedundancyLost:
       std::snprintf(text, sizeof text,
-                    "an equation of loop '%s' that follows from others at home is violated (by "
-                    "%.3g): its parts do not fit together here",
+                    "a redundant equation of loop '%s' is violated (by %.3g): its parts fit "
+                    "together in the home pose, but not in this pose",
                     loop().c_str(), status.margin);
       break;
     case StatusCode::kInertiaNotPositive:
-      std::snprintf(text, sizeof text, "the reduced inertia is not positive definite");
+      std::snprintf(text, sizeof text,
+                    "the reduced inertia is not positive definite: check masses and inertias");
       break;
     case StatusCode::kContactTooDeep:
-      std::snprintf(text, sizeof text,
-                    "%s are pressed together by %.0f %% of their rounding, more than one step can "
-                    "follow: the impact is too fast for contact.stiffness, or the surfaces were "
-                    "placed inside each other",
-                    surfaces().c_str(), 100.0 * status.margin);
+      std::snprintf(
+          text, sizeof text,
+          "%s are pressed together by %.0f %% of their rounding, more than the contact law "
+          "allows: the impact is too fast for contact.stiffness, or the surfaces overlap "
+          "at the start",
+          surfaces().c_str(), 100.0 * status.margin);
       break;
     case StatusCode::kContactFlipped:
       std::snprintf(text, sizeof text, "%s would pass through each other", surfaces().c_str());
       break;
     case StatusCode::kIntegrationFailed:
-      std::snprintf(text, sizeof text, "the integrator cannot meet its tolerance");
+      std::snprintf(text, sizeof text,
+                    "the integrator cannot meet its tolerance: increase solver.rtol, or "
+                    "set solver.method = 3 (implicit)");
       break;
     case StatusCode::kBadInput:
-      std::snprintf(text, sizeof text, "an input is impossible");
+      std::snprintf(text, sizeof text, "an input has an impossible value");
       break;
     case StatusCode::kNotFinite:
-      std::snprintf(text, sizeof text, "a value is not finite");
+      std::snprintf(text, sizeof text, "a value is not finite: check parameters and inputs");
       break;
   }
   if (status.time > 0.0) {
