@@ -7,14 +7,14 @@
 #include <cstdio>
 #include <map>
 
+#include "check/mechanism_modes.hpp"
+#include "check/reachable_range.hpp"
 #include "contact/seated_play.hpp"
 #include "docking/scene.hpp"
 #include "math/inertia.hpp"
 #include "math/status.hpp"
 #include "mechanism/mechanism_dynamics.hpp"
 #include "model/json_reader.hpp"
-#include "check/mechanism_modes.hpp"
-#include "check/reachable_range.hpp"
 
 namespace dockloop {
 namespace {

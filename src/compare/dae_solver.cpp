@@ -139,7 +139,7 @@ class DaeSolver : public Solver {
     }
     if (!me.system_.spend(me.dae_.jacobian_cost)) return System::kGiveUp;
     return me.system_.note(me.dae_.jacobian(t, alpha, NV_DATA_S(z), NV_DATA_S(zdot),
-                                           NV_DATA_S(residual), SM_DATA_D(jacobian)));
+                                            NV_DATA_S(residual), SM_DATA_D(jacobian)));
   }
 
   System& system_;

@@ -149,7 +149,8 @@ void get_mechanism_state(const DockingModel& model, const TreeData<double>& tree
 
 /// Kinematics, forces and (if ydot is not null) rates at one state.
 /// @param t  [s] since start
-/// @param need  Need::kRates: ydot and what event functions read; else also all of the functions below
+/// @param need  Need::kRates: ydot and what event functions read; else also all of the functions
+/// below
 template <class S>
 Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
                     const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
@@ -217,8 +218,8 @@ S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data);
 template <class S>
 Wrench<S> find_body_momentum(const DockingModel& model, int body, const DockingData<S>& data);
 
-/// Momentum of one vehicle (with the mechanism for the chaser) as a sum over bodies and legs, axes of
-/// O, angular part about the origin of O. Independent of the momentum states. @pre calc_docking
+/// Momentum of one vehicle (with the mechanism for the chaser) as a sum over bodies and legs, axes
+/// of O, angular part about the origin of O. Independent of the momentum states. @pre calc_docking
 template <class S>
 Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data);
 

@@ -450,9 +450,10 @@ S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
     const int vehicle = model.mechanism.vehicle;
     if (vehicle != kBase) {
       const TreeData<S>& tree = data.mechanism.tree;
-      energy += S(0.5 * model.mechanism.model.bodies[vehicle].mass) * tree.u[vehicle].squaredNorm() +
-                tree.u[vehicle].dot(tree.w[vehicle].cross(tree.h_body[vehicle])) +
-                S(0.5) * tree.w[vehicle].dot(tree.I_body[vehicle] * tree.w[vehicle]);
+      energy +=
+          S(0.5 * model.mechanism.model.bodies[vehicle].mass) * tree.u[vehicle].squaredNorm() +
+          tree.u[vehicle].dot(tree.w[vehicle].cross(tree.h_body[vehicle])) +
+          S(0.5) * tree.w[vehicle].dot(tree.I_body[vehicle] * tree.w[vehicle]);
     }
   }
   if (model.moves[kTarget]) {
@@ -551,10 +552,10 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
   template RelativeMotion<S> find_relative<S>(const FrameMotion<S>&, const FrameMotion<S>&);       \
   template FrameMotion<S> get_vehicle_pose<S>(const DockingModel&, int, const S*);                 \
   template FrameMotion<S> find_capture_motion<S>(const DockingModel&, const TreeData<S>&);         \
-  template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                         \
+  template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                   \
   template Wrench<S> find_body_momentum<S>(const DockingModel&, int, const DockingData<S>&);       \
-  template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);                  \
-  template Wrench<S> find_inside_momentum<S>(const DockingModel&, const DockingData<S>&, S&,             \
+  template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);            \
+  template Wrench<S> find_inside_momentum<S>(const DockingModel&, const DockingData<S>&, S&,       \
                                              Vec3<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)

@@ -127,8 +127,7 @@ struct Stepper::Impl {
   std::vector<char> root_info;
   std::vector<double> y_before;
 
-  Impl(Problem p, Method method)
-      : system(std::move(p)), solver(make_solver(system, method)) {
+  Impl(Problem p, Method method) : system(std::move(p)), solver(make_solver(system, method)) {
     const size_t roots = static_cast<size_t>(system.problem.root_count);
     root_info.assign(roots, 0);
     low.value.assign(roots, 0.0);

@@ -46,7 +46,7 @@ class Stepper {
     /// Size of all unknowns of that method, of which y is the first part; 0 = y is all.
     int unknowns = 0;
     double root_tolerance = 1e-14;  ///< of the times of roots, relative
-};
+  };
 
   enum class Method {
     kDormandPrince,  ///< explicit one-step, order 5(4)

@@ -1,4 +1,5 @@
-// Which branch of a closed form continues the accepted pose, near singular poses where branches meet.
+// Which branch of a closed form continues the accepted pose, near singular poses where branches
+// meet.
 #pragma once
 
 #include <algorithm>
@@ -51,7 +52,8 @@ Vec3<S> find_leg_target(const ClosedForm& form, const Loop& loop, const LoopPath
     const Pose<S>& joint = tree.joint[paths.terminal[i]];
     L = joint.R.transpose() * (L - joint.p);
   }
-  return form.in_parent.R.template cast<S>().transpose() * (L - form.in_parent.p.template cast<S>());
+  return form.in_parent.R.template cast<S>().transpose() *
+         (L - form.in_parent.p.template cast<S>());
 }
 
 /// Does H continue the one of the reference pose? Only asked when det C_dep has changed its sign:

@@ -3,7 +3,8 @@
 // Each leg type is written in its own canonical axes; L is the vector from the centre of its first
 // joint to the point it must reach. Square roots and divisions only: angles come out as cosine and
 // sine. Which mechanism leg is which type, and where its canonical axes are: leg_geometry.hpp.
-// Kinds with an inverse have their formulas in leg_formulas.hpp, the others in closed_form_body.hpp.
+// Kinds with an inverse have their formulas in leg_formulas.hpp, the others in
+// closed_form_body.hpp.
 //
 // A root that is not real is out of reach, a root that is exactly zero is singular; nothing is ever
 // clamped. Two signs choose the assembly branch: `elbow` (which way an elbow bends or a strut

@@ -87,17 +87,16 @@ inline legs::LegType get_leg_type(LegKind kind) {
 
 /// A leg with an inverse. The square crank has its axes renamed in leg_formulas.hpp: z x y.
 template <class S>
-void solve_leg_with_inverse(LegKind kind, const LegShape& shape, LegBranch branch,
-                            const Vec3<S>& L, LegSolution<S>& leg) {
+void solve_leg_with_inverse(LegKind kind, const LegShape& shape, LegBranch branch, const Vec3<S>& L,
+                            LegSolution<S>& leg) {
   legs::visit_leg<double, S>(get_leg_type(kind), [&](auto solved) {
     const bool is_square = kind == LegKind::kR1R2R3Perpendicular;
     const lanes::Vector<S> target =
         is_square ? lanes::Vector<S>{L.z(), L.x(), L.y()} : lanes::Vector<S>{L.x(), L.y(), L.z()};
-    const legs::Reached reached =
-        solved.solve(make_leg_shape<S>(kind, shape, branch), target, 0.0);
+    const legs::Reached reached = solved.solve(make_leg_shape<S>(kind, shape, branch), target, 0.0);
     if (reached != legs::Reached::kYes) {
-      leg.code = reached == legs::Reached::kNo ? StatusCode::kOutOfReach
-                                               : StatusCode::kLoopSingular;
+      leg.code =
+          reached == legs::Reached::kNo ? StatusCode::kOutOfReach : StatusCode::kLoopSingular;
       return;
     }
     leg.c = {solved.first.c, solved.second.c, solved.third.c};
@@ -110,8 +109,7 @@ void solve_leg_with_inverse(LegKind kind, const LegShape& shape, LegBranch branc
 
 /// Call work(leg) with a leg of leg_formulas.hpp that stands at this solution.
 template <class S, class Work>
-void visit_solved(LegKind kind, const LegShape& shape, const LegSolution<S>& at,
-                  const Work& work) {
+void visit_solved(LegKind kind, const LegShape& shape, const LegSolution<S>& at, const Work& work) {
   legs::visit_leg<double, S>(get_leg_type(kind), [&](auto leg) {
     leg.first = {at.c[0], at.s[0]};
     leg.second = {at.c[1], at.s[1]};

@@ -1,5 +1,5 @@
-// The formulas of the three kinds of legs, for any number: a double, a dual number, one of 32 digits, or
-// a register with eight legs side by side.
+// The formulas of the three kinds of legs, for any number: a double, a dual number, one of 32
+// digits, or a register with eight legs side by side.
 //
 // All legs have three bodies and three joints (LegType), and everything is computed alike but for
 // this: which joint coordinates bring the tip to a point, the inverse of the loop matrix, what
@@ -180,7 +180,8 @@ struct SlideLeg : Leg<N, P> {
   Moments<N, P> place_rod(const Moments<N, N>& rod) const {
     const Vector<P> h = {rod.h.x + rod.m * slide, rod.h.y + P{}, rod.h.z + P{}};
     const P spread_x = slide * (rod.h.x + h.x);
-    return {rod.m, h,
+    return {rod.m,
+            h,
             {rod.J.xx + P{}, rod.J.yy + spread_x, rod.J.zz + spread_x, rod.J.xy - slide * rod.h.y,
              rod.J.xz - slide * rod.h.z, rod.J.yz + P{}}};
   }
@@ -236,8 +237,7 @@ struct CrankLeg : Leg<N, P> {
     const P across = second.s * tip.x + second.c * tip.y, in = 1.0 / (l1 * across);
     const P in_X = 1.0 / tip.x, no{};
     const Vector<P> turn1 = in * tip;
-    const Vector<P> both =
-        (l1 * in) * Vector<P>{-second.c, second.s, -(second.c * tip.z * in_X)};
+    const Vector<P> both = (l1 * in) * Vector<P>{-second.c, second.s, -(second.c * tip.z * in_X)};
     return {turn1, both - turn1, {no, no, -in_X}};
   }
   Vector<P> find_elbow() const { return turn_back(second, Vector<N>{l1, N{}, height}); }
@@ -251,8 +251,7 @@ struct CrankLeg : Leg<N, P> {
     return of.J.zz + 2.0 * l1 * (second.c * of.h.x - second.s * of.h.y);
   }
   Moments<N, P> place_rod(const Moments<N, N>& rod) const {
-    return {rod.m, roll(this->third * roll_back(rod.h)),
-            roll(turn(this->third, roll_back(rod.J)))};
+    return {rod.m, roll(this->third * roll_back(rod.h)), roll(turn(this->third, roll_back(rod.J)))};
   }
   static Wrench<P> carry_last(const Moments<N, P>& rod) {
     return {{rod.h.z, P{}, -rod.h.x}, {rod.J.xy, rod.J.yy, rod.J.yz}};
@@ -318,8 +317,7 @@ struct SquareCrankLeg : Leg<N, P> {
            2.0 * l1 * (c * of.h.y + s * of.h.x);
   }
   Moments<N, P> place_rod(const Moments<N, N>& rod) const {
-    return {rod.m, roll_back(this->third * roll(rod.h)),
-            roll_back(turn(this->third, roll(rod.J)))};
+    return {rod.m, roll_back(this->third * roll(rod.h)), roll_back(turn(this->third, roll(rod.J)))};
   }
   static Wrench<P> carry_last(const Moments<N, P>& rod) {
     return {{P{}, -rod.h.z, rod.h.y}, {rod.J.xx, rod.J.xy, rod.J.xz}};

@@ -28,8 +28,8 @@ bool visit_legs(LegGroup* groups, int count, const Work& work) {
   for (int g = 0; g < count; ++g) {
     for (int at = 0; at < kGroup; at += LANES) {
       const Cells in{{groups[g].parameter, at}}, cells{{groups[g].work, at}};
-      const bool fine = visit_leg<Lanes, Lanes>(
-          groups[g].type, [&](auto leg) { return work(leg, in, cells, at); });
+      const bool fine = visit_leg<Lanes, Lanes>(groups[g].type,
+                                                [&](auto leg) { return work(leg, in, cells, at); });
       if (!fine) return false;
     }
   }
@@ -89,9 +89,8 @@ void calc_all_biases(LegGroup* groups, int count, const PlatformMotion<double>& 
   add_lanes(sum, kSums, sums);
 }
 
-[[gnu::flatten]] void calc_bias(LegGroup* groups, int count,
-                                const PlatformMotion<double>& platform, bool moving,
-                                double* sums) {
+[[gnu::flatten]] void calc_bias(LegGroup* groups, int count, const PlatformMotion<double>& platform,
+                                bool moving, double* sums) {
   if (moving) return calc_all_biases<true>(groups, count, platform, sums);
   calc_all_biases<false>(groups, count, platform, sums);
 }

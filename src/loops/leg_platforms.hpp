@@ -23,9 +23,9 @@ struct LegPlace {
   legs::LegType type = legs::kSlideLeg;
   size_t group = 0;
   int lane = 0;
-  std::vector<int> body;          ///< from the root outwards
-  int q[3] = {}, v[3] = {};       ///< of its joints
-  double sign[3] = {};                     ///< of the joint coordinates in the canonical ones
+  std::vector<int> body;     ///< from the root outwards
+  int q[3] = {}, v[3] = {};  ///< of its joints
+  double sign[3] = {};       ///< of the joint coordinates in the canonical ones
   ClosedForm form;
   Vec3<double> ring;  ///< tip on the platform, axes of the platform
 };
@@ -72,9 +72,7 @@ class LegStore<double> {
   void add(LegPlace& place);
   /// Fill the lanes that are left: the first leg of their group again, without mass and force.
   void finish();
-  void put(const LegPlace& at, int row, double x) {
-    groups_[at.group].parameter[row][at.lane] = x;
-  }
+  void put(const LegPlace& at, int row, double x) { groups_[at.group].parameter[row][at.lane] = x; }
   double get(const LegPlace& at, int row) const {
     return groups_[at.group].parameter[row][at.lane];
   }
@@ -120,9 +118,9 @@ struct PlatformData {
                                           ///< angular velocity; C) per velocity of the path
   std::array<S, legs::kPositionSums> sums;
   std::array<S, legs::kBiasSums> bias;
-  Wrench<S> external;       ///< loads on bodies of the legs, about the origin of R, base axes
-  bool is_loaded = false;   ///< there are such loads
-  bool carries = false;     ///< the sums hold what R carries along
+  Wrench<S> external;      ///< loads on bodies of the legs, about the origin of R, base axes
+  bool is_loaded = false;  ///< there are such loads
+  bool carries = false;    ///< the sums hold what R carries along
 };
 
 template <class S>

@@ -61,8 +61,7 @@ void calc_one_load(legs::LegType type, const N* parameter, S* one,
                    const legs::PlatformMotion<S>& at, S* sums) {
   const lanes::CellsOf<lanes::OneByOne<const N>> in{{parameter}};
   const lanes::CellsOf<lanes::OneByOne<S>> work{{one}}, total{{sums}};
-  legs::visit_leg<N, S>(type,
-                        [&](auto leg) { legs::calc_leg_loads(leg, in, work, total, at); });
+  legs::visit_leg<N, S>(type, [&](auto leg) { legs::calc_leg_loads(leg, in, work, total, at); });
 }
 
 template <class N, class S>
@@ -181,9 +180,9 @@ void put_leg_constants(const MechanismModel& model, const LegPlace& place, LegSt
     pose = pose * Pose<N>{body.placement.R.cast<N>(), body.placement.p.cast<N>()};
     // theta = sign q + zero = 0
     if (body.joint == JointType::kRevolute) {
-      pose.R = (pose.R * axis_rotation<N>(body.axis.cast<N>(), N(joint.c),
-                                          N(-joint.sign * joint.s)))
-                   .eval();
+      pose.R =
+          (pose.R * axis_rotation<N>(body.axis.cast<N>(), N(joint.c), N(-joint.sign * joint.s)))
+              .eval();
     }
     moments[i] =
         find_moments<N>(body, {pose.R, i == 0 ? pose.p : Vec3<N>(pose.p - elbow.cast<N>())});
@@ -211,8 +210,7 @@ void list_reported_joints(const MechanismModel& model, PlatformData<S>& at) {
       for (const JointForce& law : model.forces) {
         if (law.body != body) continue;
         forced = true;
-        joint.needs_angle =
-            joint.needs_angle || (!joint.slides && depends_on_coordinate(law));
+        joint.needs_angle = joint.needs_angle || (!joint.slides && depends_on_coordinate(law));
       }
       if (!joint.slides && !forced) continue;
       at.angles[i] = at.angles[i] || joint.needs_angle;
@@ -341,9 +339,8 @@ void choose_leg_branches(const MechanismModel& model, const LoopPlan& plan, Tree
 
 /// Why the legs cannot be closed, or not well: the first leg that tells.
 template <class S>
-Status find_leg_failure(const MechanismModel& model, const LoopPlan& plan,
-                        const TreeData<S>& tree, const LoopData<S>& loops,
-                        const LegPlatform& platform) {
+Status find_leg_failure(const MechanismModel& model, const LoopPlan& plan, const TreeData<S>& tree,
+                        const LoopData<S>& loops, const LegPlatform& platform) {
   for (int b : platform.blocks) {
     const LoopBlock& block = plan.blocks[b];
     const ClosedForm& form = *block.form();
@@ -709,9 +706,8 @@ LegSums<S> find_leg_sums(const LegPlatform& platform, const TreeData<S>& tree,
   sum.mass = at.mass;
   sum.first_moment = R * h;
   sum.momentum = {R * (f + inside.template head<3>()), R * (t + inside.template tail<3>())};
-  sum.kinetic_energy =
-      S(0.5) * (u.dot(f) + w.dot(t) + twist.dot(tip)) +
-      u.dot(inside.template head<3>()) + w.dot(inside.template tail<3>());
+  sum.kinetic_energy = S(0.5) * (u.dot(f) + w.dot(t) + twist.dot(tip)) +
+                       u.dot(inside.template head<3>()) + w.dot(inside.template tail<3>());
   return sum;
 }
 
@@ -826,8 +822,7 @@ void put_leg_accelerations(const LoopPlan& plan, VecX<S>& vdot, LoopData<S>& loo
 
 template <class S>
 void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_body,
-                   const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops,
-                   Wrench<S>& on_base) {
+                   const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops, Wrench<S>& on_base) {
   for (size_t n = 0; n < plan.platforms.size(); ++n) {
     const LegPlatform& platform = plan.platforms[n];
     PlatformData<S>& at = loops.platform[n];
@@ -862,27 +857,27 @@ void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_bod
   }
 }
 
-#define DOCK_INSTANTIATE(S)                                                                        \
-  template class LegStore<S>;                                                                      \
-  template struct PlatformData<S>;                                                                 \
-  template Status calc_leg_positions<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&,      \
-                                        LoopData<S>&);                                             \
-  template void calc_leg_coordinates<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);        \
-  template void calc_leg_maps<S>(LoopData<S>&);                                                    \
-  template void add_leg_columns<S>(const LoopPlan&, const LoopData<S>&, MatX<S>&);                 \
-  template void add_leg_masses<S>(const LoopPlan&, const LoopData<S>&, TreeData<S>&);              \
-  template void add_leg_inertia<S>(const MechanismModel&, const LoopPlan&, const TreeData<S>&,     \
-                                   const LoopData<S>&, MatX<S>&);                                  \
-  template void calc_leg_velocities<S>(const MechanismModel&, const LoopPlan&, const Vec3<S>&,     \
-                                       TreeData<S>&, LoopData<S>&);                                \
-  template void put_leg_velocities<S>(TreeData<S>&, const LoopData<S>&);                           \
-  template LegSums<S> find_leg_sums<S>(const LegPlatform&, const TreeData<S>&,                     \
-                                       const PlatformData<S>&);                                    \
-  template void add_leg_biases<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&,    \
-                                  const VecX<S>&, TreeData<S>&, LoopData<S>&);                     \
-  template void put_leg_accelerations<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);                 \
-  template void add_leg_loads<S>(const LoopPlan&, const BaseMotion<S>&, int, const VecX<S>&,       \
-                                 TreeData<S>&, LoopData<S>&, Wrench<S>&);                          \
+#define DOCK_INSTANTIATE(S)                                                                     \
+  template class LegStore<S>;                                                                   \
+  template struct PlatformData<S>;                                                              \
+  template Status calc_leg_positions<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&,   \
+                                        LoopData<S>&);                                          \
+  template void calc_leg_coordinates<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);     \
+  template void calc_leg_maps<S>(LoopData<S>&);                                                 \
+  template void add_leg_columns<S>(const LoopPlan&, const LoopData<S>&, MatX<S>&);              \
+  template void add_leg_masses<S>(const LoopPlan&, const LoopData<S>&, TreeData<S>&);           \
+  template void add_leg_inertia<S>(const MechanismModel&, const LoopPlan&, const TreeData<S>&,  \
+                                   const LoopData<S>&, MatX<S>&);                               \
+  template void calc_leg_velocities<S>(const MechanismModel&, const LoopPlan&, const Vec3<S>&,  \
+                                       TreeData<S>&, LoopData<S>&);                             \
+  template void put_leg_velocities<S>(TreeData<S>&, const LoopData<S>&);                        \
+  template LegSums<S> find_leg_sums<S>(const LegPlatform&, const TreeData<S>&,                  \
+                                       const PlatformData<S>&);                                 \
+  template void add_leg_biases<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&, \
+                                  const VecX<S>&, TreeData<S>&, LoopData<S>&);                  \
+  template void put_leg_accelerations<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);              \
+  template void add_leg_loads<S>(const LoopPlan&, const BaseMotion<S>&, int, const VecX<S>&,    \
+                                 TreeData<S>&, LoopData<S>&, Wrench<S>&);                       \
   template double find_leg_margin<S>(const PlatformData<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)

@@ -64,14 +64,14 @@ enum Work {
 /// Motion of C relative to R: what all legs of a platform share.
 template <class S>
 struct PlatformMotion {
-  S R[9];              ///< R_RC by columns
-  S p[3];              ///< origin of C, R [m]
-  S w[3], v[3];        ///< angular velocity; velocity of the origin; C
-  S alpha[3], a[3];    ///< the accelerations at zero joint accelerations, seen from R, C
-  S root[3];           ///< angular velocity of R, R
+  S R[9];                ///< R_RC by columns
+  S p[3];                ///< origin of C, R [m]
+  S w[3], v[3];          ///< angular velocity; velocity of the origin; C
+  S alpha[3], a[3];      ///< the accelerations at zero joint accelerations, seen from R, C
+  S root[3];             ///< angular velocity of R, R
   S dot_w[3], dot_v[3];  ///< what joint accelerations add to alpha and a, C
-  S root_alpha[3];     ///< angular acceleration of R, R
-  S root_a[3];         ///< acceleration of the origin of R less gravity, R
+  S root_alpha[3];       ///< angular acceleration of R, R
+  S root_a[3];           ///< acceleration of the origin of R less gravity, R
 };
 
 /// Sums over legs after calc_position: inertia at C.

@@ -119,10 +119,9 @@ template <class AnyLeg, class In, class Out, class AnyMotion>
 auto find_outer_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMotion& at) {
   using N = typename In::Number;
   using P = typename Out::Number;
-  const Wrench<P> rod =
-      find_load(Moments<N, P>{in.get(kRod), work.get_vector(kRodMoment),
-                              work.get_symmetric(kRodInertia)},
-                at.rod);
+  const Wrench<P> rod = find_load(
+      Moments<N, P>{in.get(kRod), work.get_vector(kRodMoment), work.get_symmetric(kRodInertia)},
+      at.rod);
   const Wrench<P> both = find_load(get_moments(in, kTube), at.tube) + rod;
   return LegLoad<P>{both, {leg.find_first(both), both.n.z, leg.find_last(rod)}};
 }
@@ -153,8 +152,7 @@ void calc_leg_bias(AnyLeg leg, const In& in, const Out& work, const Out& total,
   const Matrix<P> EC = work.get_matrix(kAxesC);
   // Motion relative to R at zero joint accelerations.
   const auto relative = find_motion(leg, Zero(), Zero(), Zero(), rate, NoAcceleration());
-  const Vector<P> tip =
-      spread3<P>(at.a) + cross(spread3<P>(at.alpha), s) + cross(w, cross(w, s));
+  const Vector<P> tip = spread3<P>(at.a) + cross(spread3<P>(at.alpha), s) + cross(w, cross(w, s));
   const Vector<P> free =
       turn_back(EC, tip) - (cross(relative.rod.alpha, leg.tip) +
                             cross(relative.rod.w, cross(relative.rod.w, leg.tip)) + relative.rod.a);
@@ -194,8 +192,7 @@ void calc_leg_loads(AnyLeg leg, const In& in, const Out& work, const Out& total,
   const Vector<P> root = spread3<P>(at.root), alpha0 = spread3<P>(at.root_alpha);
   const Matrix<P> EC = work.get_matrix(kAxesC), ER = spread9<P>(at.R) * EC;
   const auto centre = in.get_vector(kCentre);
-  const Vector<P> tip =
-      spread3<P>(at.dot_v) + cross(spread3<P>(at.dot_w), in.get_vector(kRing));
+  const Vector<P> tip = spread3<P>(at.dot_v) + cross(spread3<P>(at.dot_w), in.get_vector(kRing));
   const Matrix<P> inverse = work.get_matrix(kInverse);
   const Vector<P> joint = turn_back(inverse, turn_back(EC, tip) + work.get_vector(kTipFree));
   work.put(kJoint, joint);

@@ -360,10 +360,9 @@ void find_platforms(const MechanismModel& model, LoopPlan& plan) {
     for (int body : block.dep_bodies) in_leg[body] = 1;
     const LoopPaths& paths = plan.paths[block.loops[0]];
     const int body = paths.closing.back();
-    auto platform =
-        std::find_if(plan.platforms.begin(), plan.platforms.end(), [&](const LegPlatform& known) {
-          return known.root == paths.lca && known.body == body;
-        });
+    auto platform = std::find_if(
+        plan.platforms.begin(), plan.platforms.end(),
+        [&](const LegPlatform& known) { return known.root == paths.lca && known.body == body; });
     if (platform == plan.platforms.end()) {
       const bool is_free =
           paths.closing.size() == 1 && model.bodies[body].joint == JointType::kFree;

@@ -57,10 +57,10 @@ struct LoopPlan {
   std::vector<int> ind_q;          ///< independent coordinates, ascending
   std::vector<int> ind_bodies;     ///< bodies with independent joints
   std::vector<LegPlatform> platforms;
-  std::vector<int> tree_bodies;    ///< bodies that belong to no leg of a platform, ascending
-  std::vector<int> leg_bodies;     ///< the others, ascending
-  bool iterates = false;           ///< some block is solved by Newton iteration
-  bool is_driven = false;          ///< some joint moves with time by itself
+  std::vector<int> tree_bodies;  ///< bodies that belong to no leg of a platform, ascending
+  std::vector<int> leg_bodies;   ///< the others, ascending
+  bool iterates = false;         ///< some block is solved by Newton iteration
+  bool is_driven = false;        ///< some joint moves with time by itself
 };
 
 /// @param q  pose at which closed forms choose their branch (all coordinates)

@@ -7,7 +7,8 @@
 //
 //   loop_equations_body.hpp   one cut: residual, columns of G, bias                [Y2 (1)-(4)]
 //   loop_position_body.hpp    dependent coordinates: closed forms, Newton          [Y2 (9)]
-//   loop_reduction_body.hpp   H, h, elimination, cut forces                        [Y2 (5)-(8), (10)]
+//   loop_reduction_body.hpp   H, h, elimination, cut forces                        [Y2 (5)-(8),
+//   (10)]
 #pragma once
 
 #include <array>
@@ -73,8 +74,8 @@ struct LoopReference {
 template <class S>
 struct LoopData {
   LoopData(const MechanismModel& model, const LoopPlan& plan);
-  std::vector<CutData<S>> cut;      ///< per loop
-  std::vector<BlockData<S>> block;  ///< per block
+  std::vector<CutData<S>> cut;            ///< per loop
+  std::vector<BlockData<S>> block;        ///< per block
   std::vector<PlatformData<S>> platform;  ///< per platform on legs
   LoopReference<S> reference;
   VecX<S> moved, target;  ///< scratch: nv, from the reference pose; nq, pose that is sought

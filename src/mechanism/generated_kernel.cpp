@@ -74,8 +74,8 @@ void describe(const ClosedForm& form, Text& text) {
 std::string describe_kernel_source(const Mechanism& mechanism, KernelScope scope) {
   const MechanismModel& model = mechanism.model;
   Text text;
-  text << "dockloop-kernel" << kKernelFormat << static_cast<int>(scope)
-       << mechanism.vehicle << model.capture_body;
+  text << "dockloop-kernel" << kKernelFormat << static_cast<int>(scope) << mechanism.vehicle
+       << model.capture_body;
   for (size_t i = 0; i < model.bodies.size(); ++i) {
     const Body& body = model.bodies[i];
     text << "body" << body.parent << static_cast<int>(body.joint) << body.axis << body.placement;

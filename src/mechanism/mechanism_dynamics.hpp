@@ -36,10 +36,10 @@ struct Mechanism {
 
 /// How much of a MechanismData an evaluation must fill.
 enum class Need {
-  kRates,      ///< for an integrator: motion of the bodies with independent joints, q and v of joints
-               ///< that carry a force, accelerations. Generated code may serve this, and only this.
-  kState,      ///< also for accepted states: margins, reference pose, reactions, momentum, energy, q
-               ///< and v of all slides, all bodies but those of legs
+  kRates,  ///< for an integrator: motion of the bodies with independent joints, q and v of joints
+           ///< that carry a force, accelerations. Generated code may serve this, and only this.
+  kState,  ///< also for accepted states: margins, reference pose, reactions, momentum, energy, q
+           ///< and v of all slides, all bodies but those of legs
   kEverything  ///< also every body and every loop
 };
 
@@ -60,13 +60,13 @@ struct MechanismData {
                                       ///< about its origin, base axes (calc_joint_loads)
   std::vector<Wrench<S>> scratch;     ///< per body
   VecX<S> scratch_v;                  ///< nv
-  MatX<S> A_tree;  ///< nv x nv: inertia of the tree with the legs of platforms condensed, before
-                   ///< other loops are eliminated
+  MatX<S> A_tree;     ///< nv x nv: inertia of the tree with the legs of platforms condensed, before
+                      ///< other loops are eliminated
   Wrench<S> on_base;  ///< of the mechanism on its base body, about that body's origin,
                       ///< base axes of the tree (calc_reactions)
-  Vec3<S> linear_momentum = Vec3<S>::Zero();  ///< of all bodies, base axes, on a base at rest
-                                              ///< under gravity (calc_acceleration) [N s]
-  Need found = Need::kState;                  ///< how much the present evaluation finds, at least
+  Vec3<S> linear_momentum = Vec3<S>::Zero();   ///< of all bodies, base axes, on a base at rest
+                                               ///< under gravity (calc_acceleration) [N s]
+  Need found = Need::kState;                   ///< how much the present evaluation finds, at least
   std::shared_ptr<MechanismKernel> generated;  ///< generated code for Need::kRates; double only
 };
 

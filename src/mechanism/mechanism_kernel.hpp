@@ -1,8 +1,10 @@
-// Generated code for one mechanism, as mechanism_dynamics.hpp calls it: the one seam between the two.
+// Generated code for one mechanism, as mechanism_dynamics.hpp calls it: the one seam between the
+// two.
 //
-// It serves evaluations for Need::kRates, and fills everything that those may leave to a caller: motion
-// of the independent bodies and the capture body, q and v of joints that carry a force, mass and first
-// moment of a vehicle with all it carries, A_ind and its factor, accelerations, linear_momentum. For every other need, and wherever it does not apply, the general code runs.
+// It serves evaluations for Need::kRates, and fills everything that those may leave to a caller:
+// motion of the independent bodies and the capture body, q and v of joints that carry a force, mass
+// and first moment of a vehicle with all it carries, A_ind and its factor, accelerations,
+// linear_momentum. For every other need, and wherever it does not apply, the general code runs.
 #pragma once
 
 #include "tree/tree.hpp"

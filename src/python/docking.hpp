@@ -1,4 +1,5 @@
-// One docking for Python: an instance of the FMU without FMI, addressed by rows of its variable table.
+// One docking for Python: an instance of the FMU without FMI, addressed by rows of its variable
+// table.
 //
 // Steps, checks and saved states are those of the FMU (fmu/instance.hpp), so results have its bits
 // and a state saved by one is restored by the other. Nothing here knows Python.
@@ -50,7 +51,7 @@ struct RecordOrder {
   std::vector<int> rows;      ///< of the variable table
   double end_after_outcome = std::numeric_limits<double>::infinity();
   ///< the run ends when its outcome has been decided for this long [s]
-  bool last_only = false;               ///< record the last point alone
+  bool last_only = false;                ///< record the last point alone
   std::function<void(double)> progress;  ///< receives the finished part, some ten times a second
 };
 

@@ -1,7 +1,8 @@
 // The Python module dockloop._core; its signatures are in scripts/dockloop/_core.pyi.
 //
 // Documents come as text, with the name of their file for messages; reports go back as JSON. What
-// takes time runs without the lock of the interpreter, so threads of Python run dockings side by side.
+// takes time runs without the lock of the interpreter, so threads of Python run dockings side by
+// side.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/string.h>
@@ -44,7 +45,9 @@ nb::list list_variables(Docking& self) {
 }
 
 nb::dict start_state(const VehicleParameters& p) {
-  const auto list = [](const auto& v) { return std::vector<double>(v.data(), v.data() + v.size()); };
+  const auto list = [](const auto& v) {
+    return std::vector<double>(v.data(), v.data() + v.size());
+  };
   nb::dict state;
   state["position"] = list(p.position);
   state["velocity"] = list(p.velocity);
@@ -57,7 +60,8 @@ nb::dict place(const std::string& document, const std::string& source) {
   Placement placement;
   {
     nb::gil_scoped_release free;
-    placement = place_vehicles(naming(source, [&] { return read_scene(document, source); }), source);
+    placement =
+        place_vehicles(naming(source, [&] { return read_scene(document, source); }), source);
   }
   nb::dict result;
   result["chaser"] = start_state(placement.vehicle[kChaser]);
@@ -114,16 +118,15 @@ std::string list_method_facts() {
 /// The lists of choices by the variable that takes them, as JSON: [[number, name, meaning], ...].
 std::string list_all_choices() {
   nlohmann::json all;
-  for (const auto& [variable, list] :
-       {std::pair<const char*, const ChoiceList&>{"phase", kPhases},
-        {"outcome", kOutcomes},
-        {"capture.reason", kCaptureReasons},
-        {"latch.state", kLatchReports},
-        {"friction.model", kFrictionModels},
-        {"coupling.mode", kCouplingModes},
-        {"model.level", kLevels},
-        {"model.flight", kFlightModels},
-        {"solver.method", get_method_choices()}}) {
+  for (const auto& [variable, list] : {std::pair<const char*, const ChoiceList&>{"phase", kPhases},
+                                       {"outcome", kOutcomes},
+                                       {"capture.reason", kCaptureReasons},
+                                       {"latch.state", kLatchReports},
+                                       {"friction.model", kFrictionModels},
+                                       {"coupling.mode", kCouplingModes},
+                                       {"model.level", kLevels},
+                                       {"model.flight", kFlightModels},
+                                       {"solver.method", get_method_choices()}}) {
     for (const Choice& c : list) all[variable].push_back({c.number, c.name, c.meaning});
   }
   return all.dump();
@@ -197,8 +200,9 @@ NB_MODULE(_core, m) {
              const std::vector<char> bytes = self.save();
              return nb::bytes(bytes.data(), bytes.size());
            })
-      .def("restore",
-           [](Docking& self, const nb::bytes& state) { self.restore(state.c_str(), state.size()); },
-           nb::arg("state"))
+      .def(
+          "restore",
+          [](Docking& self, const nb::bytes& state) { self.restore(state.c_str(), state.size()); },
+          nb::arg("state"))
       .def("take_warnings", &Docking::take_warnings);
 }

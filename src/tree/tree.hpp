@@ -37,10 +37,10 @@ struct TreeData {
   std::vector<Vec3<S>> h_body;  ///< mass x com of the body alone, base axes [kg m]
   std::vector<Mat3<S>> I_body;  ///< inertia of the body alone about its origin, base axes
   // written by calc_body_inertia and calc_composite_inertia
-  std::vector<S> m_sum;         ///< mass of the subtree [kg]
-  std::vector<Vec3<S>> h_sum;   ///< first moment of the subtree about the origin of the body
-  std::vector<Mat3<S>> I_sum;   ///< inertia of the subtree about the origin of the body
-  MatX<S> A;                    ///< joint-space inertia, nv x nv
+  std::vector<S> m_sum;        ///< mass of the subtree [kg]
+  std::vector<Vec3<S>> h_sum;  ///< first moment of the subtree about the origin of the body
+  std::vector<Mat3<S>> I_sum;  ///< inertia of the subtree about the origin of the body
+  MatX<S> A;                   ///< joint-space inertia, nv x nv
 
   // written by calc_tree_velocity
   std::vector<Vec3<S>> w, u;  ///< angular velocity; velocity of the origin, base axes

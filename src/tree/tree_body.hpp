@@ -280,25 +280,23 @@ void calc_tree_forces(const MechanismModel& model, TreeData<S>& data) {
   calc_transmitted(model, data.all, data);
 }
 
-#define DOCK_INSTANTIATE(S)                                                                       \
-  template struct TreeData<S>;                                                                    \
-  template void calc_joint_pose<S>(const MechanismModel&, int, const S&, const S&, TreeData<S>&); \
-  template void calc_joint_pose<S>(const MechanismModel&, int, TreeData<S>&);                     \
-  template void calc_tree_position<S>(const MechanismModel&, const std::vector<int>&,             \
-                                      TreeData<S>&);                                              \
-  template void calc_body_inertia<S>(const MechanismModel&, const std::vector<int>&,              \
-                                     TreeData<S>&);                                               \
-  template void calc_composite_inertia<S>(const MechanismModel&, const std::vector<int>&,         \
-                                          TreeData<S>&, MatX<S>&);                                \
-  template void calc_tree_inertia<S>(const MechanismModel&, TreeData<S>&);                        \
-  template void calc_tree_velocity<S>(const MechanismModel&, const std::vector<int>&,             \
-                                      const Vec3<S>&, TreeData<S>&);                              \
-  template void calc_tree_acceleration<S>(const MechanismModel&, const std::vector<int>&,         \
-                                          const BaseMotion<S>&, const VecX<S>*, TreeData<S>&);    \
-  template void calc_body_forces<S>(const MechanismModel&, const std::vector<int>&,               \
-                                    TreeData<S>&);                                                \
-  template void calc_transmitted<S>(const MechanismModel&, const std::vector<int>&,               \
-                                    TreeData<S>&);                                                \
+#define DOCK_INSTANTIATE(S)                                                                        \
+  template struct TreeData<S>;                                                                     \
+  template void calc_joint_pose<S>(const MechanismModel&, int, const S&, const S&, TreeData<S>&);  \
+  template void calc_joint_pose<S>(const MechanismModel&, int, TreeData<S>&);                      \
+  template void calc_tree_position<S>(const MechanismModel&, const std::vector<int>&,              \
+                                      TreeData<S>&);                                               \
+  template void calc_body_inertia<S>(const MechanismModel&, const std::vector<int>&,               \
+                                     TreeData<S>&);                                                \
+  template void calc_composite_inertia<S>(const MechanismModel&, const std::vector<int>&,          \
+                                          TreeData<S>&, MatX<S>&);                                 \
+  template void calc_tree_inertia<S>(const MechanismModel&, TreeData<S>&);                         \
+  template void calc_tree_velocity<S>(const MechanismModel&, const std::vector<int>&,              \
+                                      const Vec3<S>&, TreeData<S>&);                               \
+  template void calc_tree_acceleration<S>(const MechanismModel&, const std::vector<int>&,          \
+                                          const BaseMotion<S>&, const VecX<S>*, TreeData<S>&);     \
+  template void calc_body_forces<S>(const MechanismModel&, const std::vector<int>&, TreeData<S>&); \
+  template void calc_transmitted<S>(const MechanismModel&, const std::vector<int>&, TreeData<S>&); \
   template void calc_tree_forces<S>(const MechanismModel&, TreeData<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)

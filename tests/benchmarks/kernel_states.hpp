@@ -65,7 +65,8 @@ class KernelComparison {
   /// @throws ModelError if the state cannot be evaluated, or is not by the kernel
   double find_error() {
     for (MechanismData<double>* data : {&general, &special}) {
-      if (!calc_position(mechanism, *data, Need::kRates).ok()) throw ModelError("the state cannot be evaluated");
+      if (!calc_position(mechanism, *data, Need::kRates).ok())
+        throw ModelError("the state cannot be evaluated");
       calc_velocity(mechanism, base, *data);
       calc_acceleration(mechanism, base, *data);
     }

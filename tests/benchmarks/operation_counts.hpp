@@ -142,7 +142,8 @@ class CountedEvaluation {
         *x = Vec3<double>(0.2 + next(0.1), -0.3 + next(0.1), 0.1 + next(0.05));
       }
     }
-    if (!calc_position(mechanism, exact, Need::kState).ok()) throw ModelError(file + " cannot be closed");
+    if (!calc_position(mechanism, exact, Need::kState).ok())
+      throw ModelError(file + " cannot be closed");
     calc_velocity(mechanism, exact_base, exact);
     calc_acceleration(mechanism, exact_base, exact);
     calc_reactions(mechanism, exact_base, kBase, exact);

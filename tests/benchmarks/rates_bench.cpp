@@ -94,7 +94,8 @@ class Docking {
     MechanismData<double>& mechanism = data_.mechanism;
     add(name + "/1 whole", [this] { rates(); });
     if (!model_.locked.on) {
-      add(name + "/2 position", [this, &mechanism] { calc_position(model_.mechanism, mechanism, Need::kRates); });
+      add(name + "/2 position",
+          [this, &mechanism] { calc_position(model_.mechanism, mechanism, Need::kRates); });
       add(name + "/3 velocity",
           [this, &mechanism] { calc_velocity(model_.mechanism, data_.base, mechanism); });
       add(name + "/6 acceleration",

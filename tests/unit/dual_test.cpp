@@ -73,18 +73,15 @@ TEST(Dual, every_operation_has_its_derivative) {
   };
   const auto zero = [](double, double) { return 0.0; };
   const auto one = [](double, double) { return 1.0; };
-  run(
-      "+", [](auto x, auto y) { return x + y; }, one, one);
-  run(
-      "-", [](auto x, auto y) { return x - y; }, one, [](double, double) { return -1.0; });
+  run("+", [](auto x, auto y) { return x + y; }, one, one);
+  run("-", [](auto x, auto y) { return x - y; }, one, [](double, double) { return -1.0; });
   run(
       "*", [](auto x, auto y) { return x * y; }, [](double, double y) { return y; },
       [](double x, double) { return x; });
   run(
       "/", [](auto x, auto y) { return x / y; }, [](double, double y) { return 1 / y; },
       [](double x, double y) { return -x / (y * y); });
-  run(
-      "unary -", [](auto x, auto) { return -x; }, [](double, double) { return -1.0; }, zero);
+  run("unary -", [](auto x, auto) { return -x; }, [](double, double) { return -1.0; }, zero);
   run(
       "+=, -=, *=, /=",
       [](auto x, auto y) {
@@ -103,8 +100,7 @@ TEST(Dual, every_operation_has_its_derivative) {
   run(
       "abs", [](auto x, auto) { return abs(x); },
       [](double x, double) { return std::copysign(1.0, x); }, zero);
-  run(
-      "floor", [](auto x, auto y) { return floor(x / 100) + y; }, zero, one);
+  run("floor", [](auto x, auto y) { return floor(x / 100) + y; }, zero, one);
   run(
       "sin", [](auto x, auto) { return sin(x); }, [](double x, double) { return std::cos(x); },
       zero);

@@ -1,12 +1,15 @@
 // Platforms on legs, whose legs are eliminated at their tips, against Newton iteration on the whole
 // tree.
-// 1. everything that an evaluation finds: coordinates, rates, accelerations, reactions, joint loads,
+// 1. everything that an evaluation finds: coordinates, rates, accelerations, reactions, joint
+// loads,
 //    momentum, energy: legs of three kinds and all of them together, on a base at rest, on a driven
-//    base under gravity, on a free vehicle, with a chain of joints between root and platform, on a root
-//    that moves on the base, with a platform on a platform, with loads on bodies of legs, without mass;
+//    base under gravity, on a free vehicle, with a chain of joints between root and platform, on a
+//    root that moves on the base, with a platform on a platform, with loads on bodies of legs,
+//    without mass;
 // 2. the same bits with two, four and eight lanes;
 // 3. derivatives (dual numbers) against differences, 32 digits against double;
-// 4. near a singular pose legs follow the branch that continues the motion, and what cannot be reached
+// 4. near a singular pose legs follow the branch that continues the motion, and what cannot be
+// reached
 //    is refused with its name and margin;
 // 5. three to sixty legs; angles are right all around, and go on counting turns.
 #include "loops/leg_platforms.hpp"
@@ -77,8 +80,8 @@ int add_path(const std::vector<JointType>& joints, int root, TestRandom& random,
   return parent;
 }
 
-/// Legs between two bodies, these kinds by turns: body axes, zeros and signs of joints, dimensions and
-/// elbow sides at random, springs on first and last joints.
+/// Legs between two bodies, these kinds by turns: body axes, zeros and signs of joints, dimensions
+/// and elbow sides at random, springs on first and last joints.
 void add_legs(const std::vector<LegKind>& kinds, int root, int ring, size_t count, bool has_mass,
               TestRandom& random, MechanismModel& model) {
   number_coordinates(model);
@@ -361,9 +364,10 @@ std::vector<LegCase> make_cases() {
   return cases;
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    roots, Legs, ::testing::ValuesIn(make_cases()),
-    [](const ::testing::TestParamInfo<LegCase>& at) { return std::string(at.param.name); });
+INSTANTIATE_TEST_SUITE_P(roots, Legs, ::testing::ValuesIn(make_cases()),
+                         [](const ::testing::TestParamInfo<LegCase>& at) {
+                           return std::string(at.param.name);
+                         });
 
 TEST_P(Legs, return_the_same_bits_in_any_number_of_lanes) {
   TestRandom random(7);
@@ -418,21 +422,21 @@ TEST_P(Legs, have_the_derivatives_of_their_differences) {
     return slope;
   };
   for (int j = 0; j < static_cast<int>(ind_q.size()); ++j) {
-    const VecX<double> slope = find_difference(
-        [&](MechanismData<double>& m, double step) { m.tree.q[ind_q[j]] += step; });
+    const VecX<double> slope =
+        find_difference([&](MechanismData<double>& m, double step) { m.tree.q[ind_q[j]] += step; });
     // Where a vehicle stands changes nothing.
     const double scale = std::max(1.0, slope.norm());
     worst.add((jacobian.dq.col(j) - slope).norm() / scale, "q " + std::to_string(j));
   }
   for (int j = 0; j < static_cast<int>(ind_v.size()); ++j) {
-    const VecX<double> slope = find_difference(
-        [&](MechanismData<double>& m, double step) { m.tree.v[ind_v[j]] += step; });
+    const VecX<double> slope =
+        find_difference([&](MechanismData<double>& m, double step) { m.tree.v[ind_v[j]] += step; });
     worst.add(find_relative_error(jacobian.dv.col(j), slope), "v " + std::to_string(j));
   }
   for (const LoopBlock& block : mechanism.plan.blocks) {
     for (int v : block.dep) {
-      const VecX<double> slope = find_difference(
-          [&](MechanismData<double>& m, double step) { m.tau[v] += step; });
+      const VecX<double> slope =
+          find_difference([&](MechanismData<double>& m, double step) { m.tau[v] += step; });
       worst.add(find_relative_error(jacobian.dtau.col(v), slope), "tau " + std::to_string(v));
     }
   }

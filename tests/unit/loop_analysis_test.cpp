@@ -12,8 +12,8 @@
 
 #include <cmath>
 
-#include "mechanism/mechanism_dynamics.hpp"
 #include "check/mechanism_check.hpp"
+#include "mechanism/mechanism_dynamics.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {

@@ -461,10 +461,9 @@ TEST(LoopTable, a_joint_that_two_loops_determine_is_refused) {
 }
 
 TEST(LoopTable, a_dependent_joint_off_the_loop_is_refused) {
-  expect_mentions(refuse([](json& d) {
-                    d["mechanism"]["loops"][0]["dependent"] = {"fb1_rocker", "slider"};
-                  }),
-                  {"'fb1'", "'slider'", "not on the loop"});
+  expect_mentions(
+      refuse([](json& d) { d["mechanism"]["loops"][0]["dependent"] = {"fb1_rocker", "slider"}; }),
+      {"'fb1'", "'slider'", "not on the loop"});
 }
 
 TEST(LoopTable, a_root_off_the_path_is_refused) {
@@ -483,11 +482,11 @@ TEST(LoopTable, an_unknown_cut_is_refused_with_the_known_ones) {
 }
 
 TEST(LoopTable, planes_that_are_not_orthonormal_are_refused) {
-  expect_mentions(
-      refuse([](json& d) {
-        d["mechanism"]["loops"][0]["cut"]["plane_axes_in_root"] = {{1, 0, 0}, {0.1, 1, 0}};
-      }),
-      {"wrong.json", "plane_axes_in_root", "orthonormal"});
+  expect_mentions(refuse([](json& d) {
+                    d["mechanism"]["loops"][0]["cut"]["plane_axes_in_root"] = {{1, 0, 0},
+                                                                               {0.1, 1, 0}};
+                  }),
+                  {"wrong.json", "plane_axes_in_root", "orthonormal"});
 }
 
 TEST(LoopTable, a_stated_home_that_is_open_is_refused_with_its_gap) {

@@ -434,9 +434,8 @@ TEST(Reduction, loads_the_base_with_the_rate_of_momentum) {
     const std::vector<L> y0 = get_reduced_state(mechanism, data);
     const BaseMotion<L> base_L = cast_base<L>(base);
     const auto rates = [&](const L* y, L* ydot) {
-      ASSERT_TRUE(calc_reduced_rates<L>(
-                      mechanism, base_L, [](MechanismData<L>&) {}, y, ydot, data)
-                      .ok());
+      ASSERT_TRUE(
+          calc_reduced_rates<L>(mechanism, base_L, [](MechanismData<L>&) {}, y, ydot, data).ok());
     };
     const L h = 5e-4L;
     const L weight[3] = {3.0L / 4, -3.0L / 20, 1.0L / 60};

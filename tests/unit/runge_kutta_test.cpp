@@ -3,8 +3,6 @@
 // 2. the last stage of adaptive tables is at the end of the step, which tells the fastest rate;
 // 3. the stabilised pair is stable as far as stated, on the real axis and where rings swing, and
 //    so are its stages.
-#include "compare/methods.hpp"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,6 +11,8 @@
 #include <complex>
 #include <cstdio>
 #include <vector>
+
+#include "compare/methods.hpp"
 
 namespace dockloop {
 namespace {
