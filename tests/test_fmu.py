@@ -44,7 +44,7 @@ energy.{kinetic,potential,dissipated,external,residual}
 energy.{dissipated_contact,dissipated_friction,dissipated_legs,dissipated_latches}
 momentum.residual momentum.{linear,angular,reference}[1..3]
 solver.{steps,rhs_evaluations,rejected_steps,closure_residual,singularity_margin}
-solver.{method,dae_form,rtol,atol_position,atol_velocity}
+solver.{method,rtol,atol_position,atol_velocity}
 """
 
 

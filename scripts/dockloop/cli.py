@@ -541,7 +541,8 @@ def _trade(options: argparse.Namespace) -> None:
     with scratch() as temporary:
         fmu = temporary / f"{name}.fmu"
         overrides = [*options.overrides]
-        if resolve_scene(find_scene(options.scene), overrides)["model"]["level"] == "reference":
+        model = resolve_scene(find_scene(options.scene), overrides).get("model", {})
+        if model.get("level") == "reference":
             overrides.append("model.level=reduced")  # the grid has all levels; the FMU starts here
         build_fmu(options.scene, overrides, fmu, bare=True, finish=add_comparison)
         bench = Bench(fmu)

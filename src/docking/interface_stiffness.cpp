@@ -13,7 +13,7 @@ constexpr double kLimp = 1e-10;    ///< a pivot below this part of its diagonal 
 constexpr double kLink = 1e6;      ///< link over mechanism, as squared frequencies
 constexpr double kSlow = 1e-3;     ///< first guess: quasi-static [rad/s]
 constexpr double kSettled = 1e-6;  ///< last relative change of w; two to five repetitions
-constexpr int kFree = 4;         ///< later repetitions are damped by one half, against oscillation
+constexpr int kFullSteps = 4;    ///< later repetitions are damped by one half, against oscillation
 constexpr int kIterations = 30;  ///< limit: one state in a thousand does not converge
 
 using Complex = std::complex<double>;
@@ -135,7 +135,7 @@ class Seeds {
         q += body.nq();
         continue;
       }
-      if (body.joint != JointType::kFree) {
+      if (body.joint != JointType::kFullSteps) {
         seeded_[q].d[lane] = 1.0;
         return;
       }
@@ -382,7 +382,7 @@ double find_interface_frequency(const DockingModel& model, const DiscreteState& 
     const double frequency = std::sqrt(std::max(0.0, work.squared_frequency.maxCoeff()));
     const double rate = std::max(frequency, work.damping_rate[5]);
     const bool settled = std::abs(rate - w) <= kSettled * w;
-    w = settled || i < kFree ? rate : std::sqrt(w * rate);
+    w = settled || i < kFullSteps ? rate : std::sqrt(w * rate);
     if (settled || !(w > 0.0)) break;
   }
   return w;

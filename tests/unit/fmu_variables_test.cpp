@@ -217,7 +217,6 @@ TEST(VariableTable, HasTheNamesOfTheInterface) {
                            "solver.closure_residual",
                            "solver.singularity_margin",
                            "solver.method",
-                           "solver.dae_form",
                            "solver.rtol",
                            "solver.atol_position",
                            "solver.atol_velocity",
