@@ -135,7 +135,7 @@ class Seeds {
         q += body.nq();
         continue;
       }
-      if (body.joint != JointType::kFullSteps) {
+      if (body.joint != JointType::kFree) {
         seeded_[q].d[lane] = 1.0;
         return;
       }
