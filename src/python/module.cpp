@@ -118,16 +118,18 @@ std::string list_method_facts() {
 /// The lists of choices by the variable that takes them, as JSON: [[number, name, meaning], ...].
 std::string list_all_choices() {
   nlohmann::json all;
-  for (const auto& [variable, list] : {std::pair<const char*, const ChoiceList&>{"phase", kPhases},
-                                       {"outcome", kOutcomes},
-                                       {"capture.reason", kCaptureReasons},
-                                       {"latch.state", kLatchReports},
-                                       {"friction.model", kFrictionModels},
-                                       {"coupling.mode", kCouplingModes},
-                                       {"model.level", kLevels},
-                                       {"model.flight", kFlightModels},
-                                       {"solver.method", get_method_choices()}}) {
-    for (const Choice& c : list) all[variable].push_back({c.number, c.name, c.meaning});
+  const std::pair<const char*, const ChoiceList*> lists[] = {
+      {"phase", &kPhases},
+      {"outcome", &kOutcomes},
+      {"capture.reason", &kCaptureReasons},
+      {"latch.state", &kLatchReports},
+      {"friction.model", &kFrictionModels},
+      {"coupling.mode", &kCouplingModes},
+      {"model.level", &kLevels},
+      {"model.flight", &kFreeDriftModels},
+      {"solver.method", &get_method_choices()}};
+  for (const auto& [variable, list] : lists) {
+    for (const Choice& c : *list) all[variable].push_back({c.number, c.name, c.meaning});
   }
   return all.dump();
 }
