@@ -18,11 +18,12 @@ from typing import Any
 import numpy as np
 
 from dockloop import __version__
+from dockloop.core import list_choices
 from dockloop.errors import DockloopError, UsageError
 from dockloop.outputs import Kind, read_head, writing
 from dockloop.paths import shown
 from dockloop.simulate import Recording
-from dockloop.summary import LOADS, OUTCOMES, PHASES
+from dockloop.summary import LOADS
 from dockloop.view import geometry
 
 COMMAND = "dockloop view"
@@ -137,8 +138,8 @@ def make_data(run: Recording, command: str | None = None) -> dict:
             "every": every,
             "fit": fit,
             "notes": notes,
-            "phases": PHASES,
-            "outcomes": OUTCOMES,
+            "phases": [phase.name for phase in list_choices("phase")],
+            "outcomes": [outcome.name for outcome in list_choices("outcome")],
             "latch_states": LATCH_STATES,
             "loads": LOADS,
             "rated": {
