@@ -316,19 +316,39 @@ void calc_platform_pose(const MechanismModel& model, const LegPlatform& platform
   }
 }
 
+/// Largest magnitude in a matrix.
+template <class S>
+double find_largest(const MatX<S>& matrix) {
+  double largest = 0.0;
+  const S* x = matrix.data();
+  for (Eigen::Index i = 0; i < matrix.size(); ++i) {
+    const double size = std::abs(to_double(x[i]));
+    largest = size > largest ? size : largest;
+  }
+  return largest;
+}
+
 /// The branch of each leg: that of the accepted pose, unless that pose is near a singular one.
 template <class S>
 void choose_leg_branches(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                          LoopData<S>& loops, PlatformData<S>& at) {
   using N = typename LegStore<S>::Constant;
   const LoopReference<S>& reference = loops.reference;
+  double moved = 0.0;  // sum over the velocities of the path
+  if (reference.valid) {
+    for (int j : plan.blocks[at.legs[0].block].low) moved += std::abs(to_double(loops.moved[j]));
+  }
   for (const LegPlace& leg : at.legs) {
     const size_t b = static_cast<size_t>(leg.block);
     BlockData<S>& data = loops.block[b];
     if (reference.valid) {
       data.branch = reference.branch[b];
-      predict(model, b, plan.blocks[b], tree, loops);
-      if (is_near_singular(model, plan.blocks[b], tree, reference, b)) {
+      // No joint can have moved farther than this; most often that is near enough.
+      const VecX<double>& unit = plan.blocks[b].dep_scale;
+      const double farthest = find_largest(reference.H[b]) * moved / unit.minCoeff();
+      const bool may_be_near = !(reference.margin[b] >= std::max(kNearSingular, 2.0 * farthest));
+      if (may_be_near) predict(model, b, plan.blocks[b], tree, loops);
+      if (may_be_near && is_near_singular(model, plan.blocks[b], tree, reference, b)) {
         const int k = plan.blocks[b].loops[0];
         const Vec3<S> L = find_leg_target(leg.form, model.loops[k], plan.paths[k], tree);
         choose_branch<S>(model, leg.form, L, tree.q, plan.loop_size[k], 0, data.branch);
