@@ -11,19 +11,20 @@
 namespace dockloop {
 namespace {
 
+constexpr double kNearSingular = 0.3;  ///< margin below which a pose is near a singular one [-]
+
 /// Was the reference pose of a block near a singular one, for what its joints are predicted to
 /// move?
 template <class S>
 bool is_near_singular(const MechanismModel& model, const LoopBlock& block, const TreeData<S>& tree,
                       const LoopReference<S>& reference, size_t b) {
-  constexpr double kNear = 0.3;
   double moved = 0.0;
   for (int i = 0; i < block.size(); ++i) {
     const int at = model.bodies[block.dep_bodies[i]].q_index;
     const double step = to_double(S(tree.q[at] - reference.q[at]));
     moved = std::max(moved, std::abs(step) / block.dep_scale[i]);
   }
-  return reference.margin[b] < std::max(kNear, 2.0 * moved);
+  return reference.margin[b] < std::max(kNearSingular, 2.0 * moved);
 }
 
 /// Start the dependent coordinates of a block on the tangent of the reference pose.

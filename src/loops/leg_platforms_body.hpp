@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <limits>
 #include <type_traits>
 
@@ -314,19 +316,41 @@ void calc_platform_pose(const MechanismModel& model, const LegPlatform& platform
   }
 }
 
+/// Sum of squares of a matrix, for bounds.
+template <class S>
+double find_square(const MatX<S>& matrix) {
+  if constexpr (std::is_same_v<S, double>) return matrix.squaredNorm();
+  double sum = 0.0;
+  for (Eigen::Index i = 0; i < matrix.size(); ++i) {
+    const double x = to_double(matrix.data()[i]);
+    sum += x * x;
+  }
+  return sum;
+}
+
 /// The branch of each leg: that of the accepted pose, unless that pose is near a singular one.
 template <class S>
 void choose_leg_branches(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                          LoopData<S>& loops, PlatformData<S>& at) {
   using N = typename LegStore<S>::Constant;
   const LoopReference<S>& reference = loops.reference;
+  double moved = 0.0;  // sum over the velocities of the path
+  if (reference.valid) {
+    for (int j : plan.blocks[at.legs[0].block].low) moved += std::abs(to_double(loops.moved[j]));
+  }
   for (const LegPlace& leg : at.legs) {
     const size_t b = static_cast<size_t>(leg.block);
     BlockData<S>& data = loops.block[b];
     if (reference.valid) {
       data.branch = reference.branch[b];
-      predict(model, b, plan.blocks[b], tree, loops);
-      if (is_near_singular(model, plan.blocks[b], tree, reference, b)) {
+      // No joint can have moved farther than this; most often that is near enough.
+      const VecX<double>& unit = plan.blocks[b].dep_scale;
+      const double least = std::min({unit[0], unit[1], unit[2]}) * reference.margin[b];
+      const double twice = 2.0 * moved;
+      const bool may_be_near = !(reference.margin[b] >= kNearSingular &&
+                                 least * least >= find_square(reference.H[b]) * (twice * twice));
+      if (may_be_near) predict(model, b, plan.blocks[b], tree, loops);
+      if (may_be_near && is_near_singular(model, plan.blocks[b], tree, reference, b)) {
         const int k = plan.blocks[b].loops[0];
         const Vec3<S> L = find_leg_target(leg.form, model.loops[k], plan.paths[k], tree);
         choose_branch<S>(model, leg.form, L, tree.q, plan.loop_size[k], 0, data.branch);
@@ -722,6 +746,13 @@ void put_leg_forces(const MechanismModel& model, const VecX<S>& tau, TreeData<S>
                     LoopData<S>& loops, PlatformData<S>& at) {
   const auto is_zero = [&](int body) {
     const Wrench<S>& load = tree.external[body];
+    if constexpr (std::is_same_v<S, double>) {  // all at once, without a branch per number
+      std::uint64_t bits[6], any = 0;
+      static_assert(sizeof bits == sizeof load, "a wrench is six numbers");
+      std::memcpy(bits, &load, sizeof bits);
+      for (const std::uint64_t word : bits) any |= word;
+      return any == 0;
+    }
     for (int i = 0; i < 3; ++i) {
       if (load.f[i] != S(0) || load.t[i] != S(0)) return false;
     }

@@ -126,19 +126,30 @@ void calc_composite_inertia(const MechanismModel& model, const std::vector<int>&
   // Columns of A: momentum of the composite body under one unit joint velocity, seen by ancestors.
   for (int i : bodies) {
     const Body& body = model.bodies[i];
-    for (int j : bodies) {
-      A.block(model.bodies[j].v_index, body.v_index, model.bodies[j].nv(), body.nv()).setZero();
-    }
+    for (int k = 0; k < body.nv(); ++k) A.col(body.v_index + k).setZero();
   }
   for (int i : bodies) {
     const Body& body = model.bodies[i];
+    const bool is_free = body.joint == JointType::kFree;
+    if (is_free) {  // own rows: the composite body in its own axes
+      const Mat3<S>& R = data.R[i];
+      const Vec3<S> h = R.transpose() * data.h_sum[i];
+      const Mat3<S> coupling = skew<S>(h), turned = data.I_sum[i] * R;
+      const int at = body.v_index;
+      A.template block<3, 3>(at, at) = data.m_sum[i] * Mat3<S>::Identity();
+      A.template block<3, 3>(at + 3, at) = coupling;
+      A.template block<3, 3>(at, at + 3) = coupling.transpose();
+      A.template block<3, 3>(at + 3, at + 3) = R.transpose() * turned;
+      if (body.parent == kBase) continue;
+    }
     for (int k = 0; k < body.nv(); ++k) {
       Vec3<S> angular, linear;
       get_joint_column(body, data.R[i], data.e[i], k, angular, linear);
       Vec3<S> f = data.m_sum[i] * linear + angular.cross(data.h_sum[i]);
       Vec3<S> t = data.h_sum[i].cross(linear) + data.I_sum[i] * angular;
       const int column = body.v_index + k;
-      for (int j = i; j != kBase; j = model.bodies[j].parent) {
+      if (is_free) t += data.r[i].cross(f);
+      for (int j = is_free ? body.parent : i; j != kBase; j = model.bodies[j].parent) {
         const Body& ancestor = model.bodies[j];
         const int row = ancestor.v_index;
         switch (ancestor.joint) {

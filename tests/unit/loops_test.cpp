@@ -264,9 +264,17 @@ json make_leg(double L0, double offset_y, double offset_z, const std::string& cl
                {"point_on_closing", {0, 0, 0}}}}}}}};
 }
 
+/// Coordinates of all joints, where a leg leaves them out.
+void keep_angles(const Mechanism& mechanism, MechanismData<double>& data) {
+  calc_leg_coordinates(mechanism.model, data.tree, data.loops);
+  calc_leg_maps(data.loops);
+}
+
 Status close_leg(const Mechanism& mechanism, const V& L, MechanismData<double>& data) {
   data.tree.q.head<3>() = L;
-  return calc_loop_position(mechanism.model, mechanism.plan, data.tree, data.loops);
+  const Status status = calc_loop_position(mechanism.model, mechanism.plan, data.tree, data.loops);
+  if (status.ok()) keep_angles(mechanism, data);
+  return status;
 }
 
 /// The same leg somewhere in space, on a carriage that turns, so that nothing is aligned.
