@@ -170,7 +170,7 @@ NB_MODULE(_core, m) {
   m.def(
       "check",
       [](const std::string& mechanism, const std::string& source) {
-        return check_mechanism_file(mechanism, source).dump();
+        return naming(source, [&] { return check_mechanism_file(mechanism, source); }).dump();
       },
       nb::arg("mechanism"), nb::arg("source"), FreeThreads());
   m.def(

@@ -8,7 +8,7 @@ import tomllib
 from pathlib import Path
 
 from dockloop.errors import DockloopError, UsageError, did_you_mean
-from dockloop.outputs import claim, scratch
+from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import find_absence, is_file, shown
 from dockloop.simulate import Recording
 from dockloop.view.page import PAGE, write_page
@@ -145,7 +145,7 @@ def _read_table(table: Path) -> tuple[list[dict], dict[str, str]]:
         raise DockloopError(
             "tables of sweeps need the package pyarrow: .venv/bin/pip install -e '.[sweep]'"
         ) from None
-    from dockloop.sweep import TABLE, read_table_metadata
+    from dockloop.sweeps import TABLE, read_table_metadata
 
     try:
         if not TABLE.is_own(table):
@@ -196,7 +196,7 @@ def _find_command(table: Path, metadata: dict[str, str], case: int, folder: Path
     from pyarrow import parquet
 
     from dockloop.sampling import read_sweep
-    from dockloop.sweep import DIGEST, Planner
+    from dockloop.sweeps import DIGEST, Planner
 
     text, named = metadata["dockloop.sweep"], tomllib.loads(metadata["dockloop.sweep"])["scene"]
     file = folder / "sweep.toml"
@@ -234,7 +234,7 @@ def _name(source: Path, suffix: str) -> Path:
     return source.with_name(f"{source.stem}_view{suffix}")
 
 
-def _list_files(output: Path, options: argparse.Namespace) -> list[tuple[Path, object]]:
+def _list_files(output: Path, options: argparse.Namespace) -> list[tuple[Path, Kind]]:
     """Return all files that are written, and their kinds."""
     if options.film:
         return [(output, FILM)]
@@ -252,7 +252,8 @@ def _parse_moments(text: str, run: Recording) -> list[float | str]:
 
     known = {event["key"] for event in find_events(run)}
     known |= {"peak"} if any(key.startswith("peak_") for key in known) else set()
-    times, moments = run["time"], []
+    times = run["time"]
+    moments: list[str | float] = []
     for word in (word.strip() for word in text.split(",")):
         if word in known:
             moments.append(word)

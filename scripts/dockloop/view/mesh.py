@@ -40,8 +40,8 @@ def read_mesh(path: Path) -> dict:
         )
     points, triangles = np.unique(corners, axis=0, return_inverse=True)
     return {
-        "points": base64.b64encode(points.astype("<f4")).decode(),
-        "triangles": base64.b64encode(triangles.reshape(-1).astype("<u4")).decode(),
+        "points": base64.b64encode(points.astype("<f4").tobytes()).decode(),
+        "triangles": base64.b64encode(triangles.reshape(-1).astype("<u4").tobytes()).decode(),
     }
 
 

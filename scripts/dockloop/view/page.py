@@ -117,8 +117,8 @@ def make_data(run: Recording, command: str | None = None) -> dict:
     columns |= {f"pose.{name}": _encode(values[rows], "f8") for name, values in poses.items()}
     columns |= {name: _encode(values[rows], "f4") for name, values in chosen.items()}
     every = len(times) / len(rows)
-    derived = {"target": "relative", "ring": "ring"}
-    derived = {group for name, group in derived.items() if name in poses}
+    groups = {"target": "relative", "ring": "ring"}
+    derived = {group for name, group in groups.items() if name in poses}
     notes += run.warnings
     if len(rows) < len(times):
         notes.append(f"{len(rows)} of {len(times)} recorded samples are in this page")
@@ -308,7 +308,7 @@ def find_events(run: Recording) -> list[dict]:
         return [{**events[0], "text": "saved state"}]
 
     def add(key: str, text: str, at: float) -> None:
-        index = int(min(np.searchsorted(times, at - 1e-9), len(times) - 1))
+        index = min(int(np.searchsorted(times, at - 1e-9)), len(times) - 1)
         events.append({"key": key, "text": text, "time": float(at), "index": index})
 
     for name, key, text in (
@@ -377,7 +377,11 @@ def _encode(values: np.ndarray, kind: str) -> dict:
         packed = np.ascontiguousarray(values, dtype=f"<{kind}")
     if not np.all(np.isfinite(packed)):
         raise DockloopError("a recorded value is too large to be shown in a page")
-    return {"type": kind, "shape": packed.shape, "data": base64.b64encode(packed).decode()}
+    return {
+        "type": kind,
+        "shape": packed.shape,
+        "data": base64.b64encode(packed.tobytes()).decode(),
+    }
 
 
 def _decode(column: dict) -> np.ndarray:
