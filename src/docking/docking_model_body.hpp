@@ -446,7 +446,7 @@ S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
     const Wrench<S> p = find_part_momentum(model.locked.whole, chaser);
     energy += S(0.5) * (chaser.v.dot(p.f) + chaser.w.dot(Vec3<S>(p.t - chaser.p.cross(p.f))));
   } else {
-    energy += find_motion_sums(model.mechanism, data.mechanism).kinetic_energy;
+    energy += find_mechanism_energy(model.mechanism, data.mechanism);
     const int vehicle = model.mechanism.vehicle;
     if (vehicle != kBase) {
       const TreeData<S>& tree = data.mechanism.tree;

@@ -1,5 +1,5 @@
-// Which branch of a closed form continues the accepted pose, near singular poses where branches
-// meet.
+// How closed forms continue the accepted pose: which branch, near singular poses where branches
+// meet, and which turn of an angle.
 #pragma once
 
 #include <algorithm>
@@ -55,6 +55,23 @@ Vec3<S> find_leg_target(const ClosedForm& form, const Loop& loop, const LoopPath
   }
   return form.in_parent.R.template cast<S>().transpose() *
          (L - form.in_parent.p.template cast<S>());
+}
+
+/// Put a solved joint into the tree.
+template <class S>
+void put_joint(const MechanismModel& model, const JointMap& joint, const LegSolution<S>& leg,
+               size_t i, const LoopReference<S>& reference, TreeData<S>& tree) {
+  const Body& body = model.bodies[joint.body];
+  S& q = tree.q[body.q_index];
+  if (body.joint == JointType::kPrismatic) {
+    q = leg.slide;
+    calc_joint_pose(model, joint.body, tree);
+    return;
+  }
+  S c, s;
+  find_joint_angle<S>(joint, leg.c[i], leg.s[i], c, s);
+  q = find_angle<S>(c, s, reference.valid ? S(reference.q[body.q_index]) : q);
+  calc_joint_pose(model, joint.body, c, s, tree);
 }
 
 /// Does H continue the one of the reference pose? Only asked when det C_dep has changed its sign:

@@ -185,11 +185,13 @@ void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_bod
 /// Sums over the legs of one platform, base axes, about the origin of its root.
 template <class S>
 struct LegSums {
-  S mass, kinetic_energy;
+  S mass;
   Vec3<S> first_moment;
   Wrench<S> momentum;
 };
 /// @pre calc_leg_velocities, on a base at rest
+template <class S>
+S find_leg_energy(const LegPlatform& platform, const TreeData<S>& tree, const PlatformData<S>& at);
 template <class S>
 LegSums<S> find_leg_sums(const LegPlatform& platform, const TreeData<S>& tree,
                          const PlatformData<S>& at);

@@ -380,13 +380,14 @@ Status find_leg_failure(const MechanismModel& model, const LoopPlan& plan, const
           model.singularity.error, 0.0};
 }
 
+/// Square of the margin of one leg.
 template <class S>
-double find_margin_of(const PlatformData<S>& at, const LegPlace& leg) {
+double find_square_margin(const PlatformData<S>& at, const LegPlace& leg) {
   const auto quotient = [&](int row) {
     return to_double(at.store.work(leg, legs::kReach + row)) /
            to_double(at.store.work(leg, legs::kReach + row + 1));
   };
-  return std::sqrt(std::min(quotient(0), quotient(2)));
+  return std::min(quotient(0), quotient(2));
 }
 
 /// Rates of the joints of one leg per twist of the platform.
@@ -464,7 +465,8 @@ Status calc_leg_positions(const MechanismModel& model, const LoopPlan& plan, Tre
       calc_leg_map(at, leg, data);
       const LoopBlock& block = plan.blocks[leg.block];
       if (!continues_reference(block, reference.H[leg.block], data)) {
-        return {StatusCode::kBranchChanged, block.loops[0], find_margin_of(at, leg), 0.0};
+        return {StatusCode::kBranchChanged, block.loops[0], std::sqrt(find_square_margin(at, leg)),
+                0.0};
       }
     }
     for (int i = 0; i < 3; ++i) {
@@ -483,18 +485,9 @@ void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopDa
       LegSolution<S>& solved = loops.block[leg.block].leg;
       solved.slide = at.store.work(leg, legs::kSlide);
       for (int i = 0; i < 3; ++i) {
-        S& q = tree.q[leg.q[i]];
         solved.c[i] = at.store.work(leg, legs::kTurns + 2 * i);
         solved.s[i] = at.store.work(leg, legs::kTurns + 2 * i + 1);
-        if (model.bodies[leg.body[i]].joint == JointType::kPrismatic) {
-          q = solved.slide;
-          calc_joint_pose(model, leg.body[i], tree);
-          continue;
-        }
-        S c, s;
-        find_joint_angle<S>(leg.form.joint[i], solved.c[i], solved.s[i], c, s);
-        q = find_angle<S>(c, s, reference.valid ? S(reference.q[leg.q[i]]) : q);
-        calc_joint_pose(model, leg.body[i], c, s, tree);
+        put_joint(model, leg.form.joint[i], solved, static_cast<size_t>(i), reference, tree);
       }
     }
   }
@@ -505,7 +498,7 @@ void calc_leg_maps(LoopData<S>& loops) {
   for (const PlatformData<S>& at : loops.platform) {
     for (const LegPlace& leg : at.legs) {
       BlockData<S>& data = loops.block[leg.block];
-      data.margin = find_margin_of(at, leg);
+      data.margin = std::sqrt(find_square_margin(at, leg));
       calc_leg_map(at, leg, data);
     }
   }
@@ -531,12 +524,7 @@ void add_leg_columns(const LoopPlan& plan, const LoopData<S>& loops, MatX<S>& co
 template <class S>
 double find_leg_margin(const PlatformData<S>& at) {
   double square = 1.0;
-  for (const LegPlace& leg : at.legs) {
-    for (int row : {0, 2}) {
-      square = std::min(square, to_double(at.store.work(leg, legs::kReach + row)) /
-                                    to_double(at.store.work(leg, legs::kReach + row + 1)));
-    }
-  }
+  for (const LegPlace& leg : at.legs) square = std::min(square, find_square_margin(at, leg));
   return std::sqrt(square);
 }
 
@@ -708,30 +696,65 @@ void put_leg_velocities(TreeData<S>& tree, const LoopData<S>& loops) {
   }
 }
 
+namespace {
+
+/// Velocity and momentum of the legs of a platform, linear and angular about R, axes of R.
+template <class S>
+struct LegMotion {
+  Vec3<S> u, w;     ///< velocity and angular velocity of R
+  Vec3<S> f, t;     ///< momentum of the legs as if frozen on R
+  Vec6<S> carried;  ///< what the motion of C relative to R adds
+};
+
+template <class S>
+Vec6<S> get_twist(const PlatformData<S>& at) {
+  Vec6<S> twist;
+  twist << as_vector(at.motion.v), as_vector(at.motion.w);
+  return twist;
+}
+
+/// @param sums  those that a moving root needs, too
+template <class S>
+LegMotion<S> find_leg_motion(const LegPlatform& platform, const TreeData<S>& tree,
+                             const PlatformData<S>& at, const PositionSums<S>& sums) {
+  LegMotion<S> m;
+  m.u = m.w = Vec3<S>::Zero();
+  if (platform.root != kBase) {
+    const Mat3<S>& R = tree.R[platform.root];
+    m.u = R.transpose() * tree.u[platform.root];
+    m.w = R.transpose() * tree.w[platform.root];
+  }
+  const Vec3<S> h = as_vector(&sums[legs::kSumH]);
+  m.f = at.mass * m.u + m.w.cross(h);
+  m.t = h.cross(m.u) + get_symmetric(&sums[legs::kSumJ]) * m.w;
+  m.carried = find_carried(sums) * get_twist(at);
+  return m;
+}
+
+}  // namespace
+
+template <class S>
+S find_leg_energy(const LegPlatform& platform, const TreeData<S>& tree, const PlatformData<S>& at) {
+  const Vec6<S> twist = get_twist(at);
+  const S relative = twist.dot(Vec6<S>(find_apparent(at) * twist));
+  if (platform.root == kBase) return S(0.5) * relative;  // nothing is carried along
+  const LegMotion<S> m = find_leg_motion(platform, tree, at, at.sums);
+  return S(0.5) * (m.u.dot(m.f) + m.w.dot(m.t) + relative) + m.u.dot(m.carried.template head<3>()) +
+         m.w.dot(m.carried.template tail<3>());
+}
+
 template <class S>
 LegSums<S> find_leg_sums(const LegPlatform& platform, const TreeData<S>& tree,
                          const PlatformData<S>& at) {
   const PositionSums<S> sums = find_all_sums(at);
-  const Mat3<S> J = get_symmetric(&sums[legs::kSumJ]);
-  const Vec3<S> h = as_vector(&sums[legs::kSumH]);
+  const LegMotion<S> m = find_leg_motion(platform, tree, at, sums);
   Mat3<S> R = Mat3<S>::Identity();
-  Vec3<S> u = Vec3<S>::Zero(), w = Vec3<S>::Zero();  // of R, its axes
-  if (platform.root != kBase) {
-    R = tree.R[platform.root];
-    u = R.transpose() * tree.u[platform.root];
-    w = R.transpose() * tree.w[platform.root];
-  }
-  Vec6<S> twist;
-  twist << as_vector(at.motion.v), as_vector(at.motion.w);
-  const Vec6<S> inside = find_carried(sums) * twist;
-  const Vec6<S> tip = find_apparent(at) * twist;
-  const Vec3<S> f = at.mass * u + w.cross(h), t = h.cross(u) + J * w;
+  if (platform.root != kBase) R = tree.R[platform.root];
   LegSums<S> sum;
   sum.mass = at.mass;
-  sum.first_moment = R * h;
-  sum.momentum = {R * (f + inside.template head<3>()), R * (t + inside.template tail<3>())};
-  sum.kinetic_energy = S(0.5) * (u.dot(f) + w.dot(t) + twist.dot(tip)) +
-                       u.dot(inside.template head<3>()) + w.dot(inside.template tail<3>());
+  sum.first_moment = R * as_vector(&sums[legs::kSumH]);
+  sum.momentum = {R * (m.f + m.carried.template head<3>()),
+                  R * (m.t + m.carried.template tail<3>())};
   return sum;
 }
 
@@ -888,27 +911,28 @@ void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_bod
   }
 }
 
-#define DOCK_INSTANTIATE(S)                                                                     \
-  template class LegStore<S>;                                                                   \
-  template struct PlatformData<S>;                                                              \
-  template Status calc_leg_positions<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&,   \
-                                        LoopData<S>&);                                          \
-  template void calc_leg_coordinates<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);     \
-  template void calc_leg_maps<S>(LoopData<S>&);                                                 \
-  template void add_leg_columns<S>(const LoopPlan&, const LoopData<S>&, MatX<S>&);              \
-  template void add_leg_masses<S>(const LoopPlan&, const LoopData<S>&, TreeData<S>&);           \
-  template void add_leg_inertia<S>(const MechanismModel&, const LoopPlan&, const TreeData<S>&,  \
-                                   const LoopData<S>&, MatX<S>&);                               \
-  template void calc_leg_velocities<S>(const MechanismModel&, const LoopPlan&, const Vec3<S>&,  \
-                                       TreeData<S>&, LoopData<S>&);                             \
-  template void put_leg_velocities<S>(TreeData<S>&, const LoopData<S>&);                        \
-  template LegSums<S> find_leg_sums<S>(const LegPlatform&, const TreeData<S>&,                  \
-                                       const PlatformData<S>&);                                 \
-  template void add_leg_biases<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&, \
-                                  const VecX<S>&, TreeData<S>&, LoopData<S>&);                  \
-  template void put_leg_accelerations<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);              \
-  template void add_leg_loads<S>(const LoopPlan&, const BaseMotion<S>&, int, const VecX<S>&,    \
-                                 TreeData<S>&, LoopData<S>&, Wrench<S>&);                       \
+#define DOCK_INSTANTIATE(S)                                                                      \
+  template class LegStore<S>;                                                                    \
+  template struct PlatformData<S>;                                                               \
+  template Status calc_leg_positions<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&,    \
+                                        LoopData<S>&);                                           \
+  template void calc_leg_coordinates<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);      \
+  template void calc_leg_maps<S>(LoopData<S>&);                                                  \
+  template void add_leg_columns<S>(const LoopPlan&, const LoopData<S>&, MatX<S>&);               \
+  template void add_leg_masses<S>(const LoopPlan&, const LoopData<S>&, TreeData<S>&);            \
+  template void add_leg_inertia<S>(const MechanismModel&, const LoopPlan&, const TreeData<S>&,   \
+                                   const LoopData<S>&, MatX<S>&);                                \
+  template void calc_leg_velocities<S>(const MechanismModel&, const LoopPlan&, const Vec3<S>&,   \
+                                       TreeData<S>&, LoopData<S>&);                              \
+  template void put_leg_velocities<S>(TreeData<S>&, const LoopData<S>&);                         \
+  template S find_leg_energy<S>(const LegPlatform&, const TreeData<S>&, const PlatformData<S>&); \
+  template LegSums<S> find_leg_sums<S>(const LegPlatform&, const TreeData<S>&,                   \
+                                       const PlatformData<S>&);                                  \
+  template void add_leg_biases<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&,  \
+                                  const VecX<S>&, TreeData<S>&, LoopData<S>&);                   \
+  template void put_leg_accelerations<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);               \
+  template void add_leg_loads<S>(const LoopPlan&, const BaseMotion<S>&, int, const VecX<S>&,     \
+                                 TreeData<S>&, LoopData<S>&, Wrench<S>&);                        \
   template double find_leg_margin<S>(const PlatformData<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)

@@ -27,23 +27,6 @@ void calc_block_position(const MechanismModel& model, const LoopPlan& plan, cons
   }
 }
 
-/// Put a solved joint into the tree.
-template <class S>
-void put_joint(const MechanismModel& model, const JointMap& joint, const LegSolution<S>& leg,
-               size_t i, const LoopReference<S>& reference, TreeData<S>& tree) {
-  const Body& body = model.bodies[joint.body];
-  S& q = tree.q[body.q_index];
-  if (body.joint == JointType::kPrismatic) {
-    q = leg.slide;
-    calc_joint_pose(model, joint.body, tree);
-    return;
-  }
-  S c, s;
-  find_joint_angle<S>(joint, leg.c[i], leg.s[i], c, s);
-  q = find_angle<S>(c, s, reference.valid ? S(reference.q[body.q_index]) : q);
-  calc_joint_pose(model, joint.body, c, s, tree);
-}
-
 /// Spin about the leg that makes the cross axes square: A.B = k + alpha cos + beta sin = 0.
 /// [Y2 (9a)]
 template <class S>

@@ -97,8 +97,11 @@ void keep_reference(const Mechanism& mechanism, MechanismData<S>& data);
 template <class S>
 void calc_leg_bodies(const Mechanism& mechanism, MechanismData<S>& data);
 
-/// Sums over all bodies but a vehicle, whose momentum is about the base origin, base axes.
+/// Kinetic energy of all bodies but a vehicle; and their other sums, momentum about the base
+/// origin, base axes.
 /// @pre calc_velocity for Need::kState, on a base at rest
+template <class S>
+S find_mechanism_energy(const Mechanism& mechanism, const MechanismData<S>& data);
 template <class S>
 LegSums<S> find_motion_sums(const Mechanism& mechanism, const MechanismData<S>& data);
 

@@ -53,7 +53,7 @@ Status calc_position(const Mechanism& mechanism, MechanismData<S>& data, Need ne
   add_leg_masses(plan, data.loops, data.tree);
   calc_composite_inertia(model, plan.tree_bodies, data.tree, data.A_tree);
   add_leg_inertia(model, plan, data.tree, data.loops, data.A_tree);
-  if (plan.platforms.empty()) data.tree.A = data.A_tree;
+  if (need == Need::kEverything && plan.platforms.empty()) data.tree.A = data.A_tree;
   // Reduce it and gather what is left.                                               [Y2 (10)]
   const bool reduces = !plan.blocks.empty() && !plan.blocks[0].is_leg;
   if (reduces) {
@@ -156,20 +156,44 @@ void calc_leg_bodies(const Mechanism& mechanism, MechanismData<S>& data) {
   calc_tree_position(mechanism.model, mechanism.plan.leg_bodies, data.tree);
 }
 
+namespace {
+
+/// Momentum of one body, angular part about its origin, base axes.
+template <class S>
+Wrench<S> find_own_momentum(const Body& body, int i, const TreeData<S>& tree) {
+  const Vec3<S>&w = tree.w[i], &u = tree.u[i], &h = tree.h_body[i];
+  return {S(body.mass) * u + w.cross(h), tree.I_body[i] * w + h.cross(u)};
+}
+
+}  // namespace
+
+template <class S>
+S find_mechanism_energy(const Mechanism& mechanism, const MechanismData<S>& data) {
+  const TreeData<S>& tree = data.tree;
+  S energy(0);
+  for (int i : mechanism.plan.tree_bodies) {
+    if (i == mechanism.vehicle) continue;
+    const Wrench<S> own = find_own_momentum(mechanism.model.bodies[i], i, tree);
+    energy += S(0.5) * (tree.u[i].dot(own.f) + tree.w[i].dot(own.t));
+  }
+  for (size_t n = 0; n < mechanism.plan.platforms.size(); ++n) {
+    energy += find_leg_energy(mechanism.plan.platforms[n], tree, data.loops.platform[n]);
+  }
+  return energy;
+}
+
 template <class S>
 LegSums<S> find_motion_sums(const Mechanism& mechanism, const MechanismData<S>& data) {
   const TreeData<S>& tree = data.tree;
-  LegSums<S> sum{S(0), S(0), Vec3<S>::Zero(), {}};
+  LegSums<S> sum{S(0), Vec3<S>::Zero(), {}};
   for (int i : mechanism.plan.tree_bodies) {
     if (i == mechanism.vehicle) continue;
     const S m(mechanism.model.bodies[i].mass);
-    const Vec3<S>&w = tree.w[i], &u = tree.u[i], &h = tree.h_body[i];
-    const Vec3<S> f = m * u + w.cross(h), t = tree.I_body[i] * w + h.cross(u);
+    const Wrench<S> own = find_own_momentum(mechanism.model.bodies[i], i, tree);
     sum.mass += m;
-    sum.first_moment += h + m * tree.p[i];
-    sum.momentum.f += f;
-    sum.momentum.t += t + tree.p[i].cross(f);
-    sum.kinetic_energy += S(0.5) * (u.dot(f) + w.dot(t));
+    sum.first_moment += tree.h_body[i] + m * tree.p[i];
+    sum.momentum.f += own.f;
+    sum.momentum.t += own.t + tree.p[i].cross(own.f);
   }
   for (size_t n = 0; n < mechanism.plan.platforms.size(); ++n) {
     const LegPlatform& platform = mechanism.plan.platforms[n];
@@ -180,7 +204,6 @@ LegSums<S> find_motion_sums(const Mechanism& mechanism, const MechanismData<S>& 
     sum.first_moment += legs.first_moment + legs.mass * p;
     sum.momentum.f += legs.momentum.f;
     sum.momentum.t += legs.momentum.t + p.cross(legs.momentum.f);
-    sum.kinetic_energy += legs.kinetic_energy;
   }
   return sum;
 }
@@ -264,6 +287,7 @@ double find_singularity_margin(const Mechanism& mechanism, const MechanismData<S
   template void calc_reactions<S>(const Mechanism&, const BaseMotion<S>&, int, MechanismData<S>&); \
   template void keep_reference<S>(const Mechanism&, MechanismData<S>&);                            \
   template void calc_leg_bodies<S>(const Mechanism&, MechanismData<S>&);                           \
+  template S find_mechanism_energy<S>(const Mechanism&, const MechanismData<S>&);                  \
   template LegSums<S> find_motion_sums<S>(const Mechanism&, const MechanismData<S>&);              \
   template double find_closure_residual<S>(const Mechanism&, MechanismData<S>&);                   \
   template double find_singularity_margin<S>(const Mechanism&, const MechanismData<S>&);
