@@ -527,7 +527,7 @@ def _trade(options: argparse.Namespace) -> None:
     from dockloop.trade.bench import Bench
 
     choice = trade.Choice(
-        trade.parse_names("--levels", options.levels, trade.LEVELS),
+        trade.parse_names("--levels", options.levels, trade.name_levels()),
         trade.parse_methods(options.methods),
         trade.parse_numbers("--tolerances", options.tolerances, 0.0, 1.0),
         trade.parse_numbers("--steps", options.steps, 0.0, math.inf),

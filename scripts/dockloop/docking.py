@@ -21,10 +21,7 @@ from dockloop.fmu import find_placement
 from dockloop.results import Result, list_points, warn_of_driven
 from dockloop.sampling import as_setting
 from dockloop.scene import find_scene, resolve_scene, scene_keys
-from dockloop.variables import Value, Variable
-
-_COLUMNS = ("Real", "Integer", "Boolean")  # order of the columns of a result
-_TYPES: dict[str, type] = {"Real": float, "Integer": int, "Boolean": bool}
+from dockloop.variables import TYPES, Value, read_variables
 
 
 class Scene:
@@ -103,7 +100,7 @@ class Docking:
         document, source = to_json(self.scene.document), name_source(self.scene.path)
         with core_errors() as core:
             self._core = core.Docking(document, source)
-        self.variables = {row[0]: Variable(*row) for row in self._core.variables()}
+        self.variables = read_variables(self._core)
         self._rows: dict[str, list[int]] = {}
         for row, name in enumerate(self.variables):
             self._rows[name] = [row]
@@ -151,7 +148,7 @@ class Docking:
             UsageError: there is no such variable.
         """
         rows = self._find(name)
-        kind = _TYPES[self._list[rows[0]].type]
+        kind = TYPES[self._list[rows[0]].type]
         with core_errors():
             values = self._core.get(rows)
         return kind(values[0]) if name in self.variables else np.array(values).astype(kind)
@@ -205,7 +202,7 @@ class Docking:
         began = time.perf_counter()
         outputs = [
             row
-            for kind in _COLUMNS
+            for kind in TYPES  # order of the columns of a result
             for row, v in enumerate(self._list)
             if v.causality == "output" and v.type == kind
         ]

@@ -28,7 +28,8 @@ from dockloop.paths import shown
 from dockloop.results import list_points
 from dockloop.sampling import Quantity, Sweep, Value, as_setting
 from dockloop.scene import SceneReader, scene_keys
-from dockloop.variables import Variable
+from dockloop.summary import LOADS
+from dockloop.variables import TYPES, read_variables
 
 # Members of a resolved scene that an FMU takes as start values, with the names of their variables.
 _SETTABLE = {
@@ -46,7 +47,7 @@ _SETTABLE = {
 _PLACED = ("capture_body", "joints")  # of [initial], all that the FMU reads itself
 _OUTCOMES = (
     *("outcome", "time_of_contact", "time_of_capture"),
-    *(f"capture.peak.{load}" for load in ("compression", "tension", "shear", "bending", "torsion")),
+    *(f"capture.peak.{load}" for load in LOADS),
     *("capture.peak.load_ratio", "energy.residual"),
 )
 _UNITS = {"_deg_s": "deg/s", "_deg": "deg", "_speed": "m/s", "_offset": "m", "_time": "s"}
@@ -99,7 +100,7 @@ class Planner:
         find_placement(self.base, sweep.scene)
         with core_errors() as core:
             docking = core.Docking(to_json(self.base), name_source(sweep.scene))
-        self.variables = {row[0]: Variable(*row) for row in docking.variables()}
+        self.variables = read_variables(docking)
         libraries = {name: _hash(file.read_bytes()) for name, file in find_libraries().items()}
         self.model_digest = _hash(json.dumps([self.base, libraries]).encode())
         for name, value in fixed.items():
@@ -217,8 +218,7 @@ class Planner:
         return told
 
     def _as_types(self, starts: dict[str, Any]) -> dict[str, Any]:
-        types = {"Real": float, "Integer": int, "Boolean": bool}
-        return {name: types[self.variables[name].type](value) for name, value in starts.items()}
+        return {name: TYPES[self.variables[name].type](value) for name, value in starts.items()}
 
     def _check_name(self, name: str, where: str, values: Any) -> None:
         """Check that there is something of this name that takes values of this kind."""

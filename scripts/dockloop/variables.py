@@ -1,8 +1,9 @@
 """Variables of a docking: the rows of the one table that the core makes for a scene."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 Value = float | int | bool
+TYPES: dict[str, type] = {"Real": float, "Integer": int, "Boolean": bool}
 
 
 class Variable(NamedTuple):
@@ -29,3 +30,8 @@ class Variable(NamedTuple):
     minimum: float
     maximum: float
     description: str
+
+
+def read_variables(docking: Any) -> dict[str, Variable]:
+    """Return all variables of a docking of the compiled core (``_core.Docking``), by name."""
+    return {row[0]: Variable(*row) for row in docking.variables()}

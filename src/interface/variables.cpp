@@ -709,12 +709,9 @@ void add_solver_parameters(Table& table, Parameters& parameter, bool has_compari
   }
   if (has_comparison) {
     table
-        .parameter(
-            "solver.dae_form", &parameter.dae_form, kNone,
-            "Equations of the loops in method 9: 1 accelerations (index 1, drifts), 2 "
-            "accelerations with Baumgarte stabilisation (time constant 0.01 s), 3 velocities "
-            "and positions (stabilised index 2)")
-        .limits(1, 3);
+        .parameter("solver.dae_form", &parameter.dae_form, kNone,
+                   "Equations of the loops in method 9")
+        .choices(kDaeForms);
   }
   table
       .parameter("solver.step", &parameter.step, kTime,

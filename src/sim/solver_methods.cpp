@@ -1,6 +1,8 @@
 // Rows of the list of methods; see solver_methods.hpp.
 #include "sim/solver_methods.hpp"
 
+#include "docking/scene.hpp"
+
 namespace dockloop {
 
 namespace {
@@ -69,9 +71,10 @@ std::string describe_missing_method(int number) {
 }
 
 std::string describe_missing_reference_level() {
-  return " (reference), a form for comparison, which this build does not carry: take 1 (rigid), "
-         "2 (massless_legs) or 3 (reduced), or compare forms with `dockloop trade`, which carries "
-         "all of them";
+  const ChoiceList carried(kLevels.begin(), kLevels.end() - 1);
+  return " (reference), a form for comparison, which this build does not carry: take " +
+         list_names(carried, true) +
+         ", or compare forms with `dockloop trade`, which carries all of them";
 }
 
 }  // namespace dockloop

@@ -60,11 +60,6 @@ void check_vehicle(const VehicleParameters& p, const std::string& name) {
   check_quaternion(p.attitude, name + ".attitude");
 }
 
-void check_choice(int value, int most, const char* name, const char* choice) {
-  if (value >= 1 && value <= most) return;
-  throw ModelError(std::string(name) + " is " + std::to_string(value) + "; it must be " + choice);
-}
-
 /// Methods and levels of src/compare are valid only with src/compare.
 void check_method(const Parameters& p, bool has_comparison) {
   check_choice(p.solver_method, list_carried_methods(has_comparison), "solver.method");
@@ -215,8 +210,7 @@ void DockingSim::Impl::check_parameters() const {
   check_method(p, comparison != nullptr);
   check_level(p, fmi_kind);
   check_choice(p.flight, kFreeDriftModels, "model.flight");
-  check_choice(p.dae_form, 3, "solver.dae_form",
-               "1 (index 1), 2 (index 1 with Baumgarte stabilisation) or 3 (stabilised index 2)");
+  check_choice(p.dae_form, kDaeForms, "solver.dae_form");
   if (fmi_kind == FmiKind::kModelExchange &&
       p.friction_model != scene->contact.law.friction_model) {
     throw ModelError("friction.model is " + std::to_string(p.friction_model) +

@@ -25,6 +25,13 @@ inline const ChoiceList kFreeDriftModels = {
     {kIntegrated, "integrated", "always"},
 };
 
+/// Values of solver.dae_form: the equations of the loops in method 9 (compare/unreduced_model.hpp).
+inline const ChoiceList kDaeForms = {
+    {1, "index 1", "by accelerations, drifts"},
+    {2, "index 1 with Baumgarte stabilisation", "time constant 0.01 s"},
+    {3, "stabilised index 2", "by velocities and positions"},
+};
+
 /// Parameters of a run, fixed at the start. Start values come from the scene.
 struct Parameters {
   std::array<VehicleParameters, 2> vehicle;  ///< [kChaser], [kTarget]; docking/scene.hpp
@@ -37,7 +44,7 @@ struct Parameters {
   int flight = kQuiescent;              ///< see FreeDriftModel
   int model_level = kReduced;           ///< see ModelLevel
   int solver_method = 1;                ///< see SolverMethod
-  int dae_form = 3;                     ///< of method 9: see compare/unreduced_model.hpp
+  int dae_form = 3;                     ///< of method 9: see kDaeForms
   double step = 0.0;                    ///< [s] inner step of the fixed methods
   double rtol = 0.0;                    ///< [-]
   double atol_position = 0.0;           ///< [m], also for attitude [-]

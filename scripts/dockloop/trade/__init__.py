@@ -28,7 +28,7 @@ from typing import Any
 
 from dockloop import __version__
 from dockloop.cases import Result
-from dockloop.core import list_methods
+from dockloop.core import list_choices, list_methods
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
 from dockloop.paths import shown
@@ -45,7 +45,6 @@ from dockloop.trade.errors import (
 )
 from dockloop.trade.truth import find_truth
 
-LEVELS = {1: "rigid", 2: "massless_legs", 3: "reduced", 4: "reference"}
 _REFERENCE = 4
 _MULTIPLIERS = "dae"  # the method of that level
 
@@ -97,6 +96,11 @@ def name_methods() -> dict[int, str]:
     return {method["number"]: method["name"] for method in list_methods()}
 
 
+def name_levels() -> dict[int, str]:
+    """Return the names of the levels of the model by number."""
+    return {level.number: level.name for level in list_choices("model.level")}
+
+
 def make_grid() -> tuple[Block, ...]:
     """Return the grid: every method that the core lists, without second names of one."""
     methods = [m for m in list_methods() if m["same_as"] == m["number"]]
@@ -136,7 +140,7 @@ class Setting:
     @property
     def scheme(self) -> str:
         """Name of level and method, for example ``rigid, explicit``."""
-        words = [] if self.level is None else [LEVELS.get(self.level, f"level {self.level}")]
+        words = [] if self.level is None else [name_levels().get(self.level, f"level {self.level}")]
         words.append(name_methods().get(self.method, f"method {self.method}"))
         if self.dae_form is not None:
             words[-1] += f" {self.dae_form}"

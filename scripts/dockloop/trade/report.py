@@ -13,7 +13,7 @@ from typing import Any
 from dockloop.figures import can_draw, save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import Kind, figure_kind, table_kind, write_text, writing
-from dockloop.trade import COSTS, FIGURES, LEVELS, Trade, find_journal
+from dockloop.trade import COSTS, FIGURES, Trade, find_journal, name_levels
 from dockloop.trade.errors import AUDITS, ERRORS, SCALES
 
 WANTED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
@@ -169,7 +169,7 @@ def _describe_levels(rows: list[dict]) -> list[str]:
     sentences = []
     for level in sorted({row["level"] for row in rows if row["level"] is not None}):
         own = _usable(row for row in rows if row["level"] == level)
-        name = LEVELS.get(level, str(level))
+        name = name_levels().get(level, str(level))
         if not own:
             sentences.append(f"level {name}: no setting of it ran to the outcome of the truth")
             continue
