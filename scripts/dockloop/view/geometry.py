@@ -82,11 +82,11 @@ def find_leg_length(leg: dict, root: np.ndarray, closing: np.ndarray) -> np.ndar
     return np.linalg.norm(second - first, axis=1)
 
 
-def turn(quaternions: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Return a vector turned by each of the unit quaternions (rows w, x, y, z)."""
+def turn(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Return a vector, or one vector per row, turned by unit quaternions (rows w, x, y, z)."""
     w, u = quaternions[:, :1], quaternions[:, 1:]
-    cross = np.cross(u, vector)
-    return vector + 2.0 * (w * cross + np.cross(u, cross))
+    cross = np.cross(u, vectors)
+    return vectors + 2.0 * (w * cross + np.cross(u, cross))
 
 
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -27,7 +27,6 @@ from dockloop.summary import LOADS
 from dockloop.view import geometry
 
 COMMAND = "dockloop view"
-LATCH_STATES = ("free", "pushed", "in reach", "held", "releasing")
 TOLERANCE = 1e-4  # the shapes of the scene must fit what was recorded so well [m]
 _BEGIN = f"<!doctype html>\n<!-- made by {COMMAND} -->"
 _DATA_LIMIT = 2_500_000  # bytes of columns in base64
@@ -103,8 +102,8 @@ def write_page(
 
 def make_data(run: Recording, command: str | None = None) -> dict:
     """Return all that a page holds: ``meta``, ``geometry``, ``events``, ``columns``."""
-    poses, notes = _find_poses(run)
     shapes = geometry.make_geometry(run.scene, run.parameters)
+    poses, notes = _find_poses(run, shapes["vehicles"])
     fit = _check_fit(run, poses, shapes)
     times = run["time"]
     chosen = {name: run[name] for name in run.names if _SHOWN.fullmatch(name)}
@@ -140,7 +139,7 @@ def make_data(run: Recording, command: str | None = None) -> dict:
             "notes": notes,
             "phases": [phase.name for phase in list_choices("phase")],
             "outcomes": [outcome.name for outcome in list_choices("outcome")],
-            "latch_states": LATCH_STATES,
+            "latch_states": [state.name for state in list_choices("latch.state")],
             "loads": LOADS,
             "rated": {
                 name: value
@@ -196,7 +195,7 @@ def describe_outcome(run: Recording) -> str:
     return describe(summarise(replace(run, wall=timed))).splitlines()[1].strip()
 
 
-def _find_poses(run: Recording) -> tuple[dict[str, np.ndarray], list[str]]:
+def _find_poses(run: Recording, vehicles: dict) -> tuple[dict[str, np.ndarray], list[str]]:
     """Return poses of P, of the ring and of other bodies in axes of A, one row of 7 per sample."""
     poses, notes = {}, []
     count = len(run.values)
@@ -204,7 +203,7 @@ def _find_poses(run: Recording) -> tuple[dict[str, np.ndarray], list[str]]:
         if "relative.position[1]" in run and "relative.attitude[1]" in run:
             poses["target"] = _rows(run, "relative")
         elif "chaser.position[1]" in run and "target.position[1]" in run:
-            poses["target"] = _find_relative(run)
+            poses["target"] = _find_relative(run, vehicles)
             notes.append(
                 "relative.* is not recorded: P in A follows from the poses of the vehicles"
             )
@@ -236,14 +235,13 @@ def _rows(run: Recording, name: str) -> np.ndarray:
     return np.hstack([run.vector(f"{name}.position"), run.vector(f"{name}.attitude")])
 
 
-def _find_relative(run: Recording) -> np.ndarray:
+def _find_relative(run: Recording, vehicles: dict) -> np.ndarray:
     """Return P in axes of A from the poses of both vehicles."""
     frames = []
     for name in ("chaser", "target"):
-        vehicle = geometry.make_geometry(run.scene, run.parameters)["vehicles"][name]
-        back = np.array([vehicle["pose"]["q"]])
-        mount = geometry.conjugate(back)
-        offset = -geometry.turn(mount, np.array(vehicle["pose"]["p"]))[0]
+        pose = vehicles[name]["pose"]
+        mount = geometry.conjugate(np.array([pose["q"]]))
+        offset = -geometry.turn(mount, np.array(pose["p"]))[0]
         attitude = run.vector(f"{name}.attitude")
         position = run.vector(f"{name}.position") + geometry.turn(attitude, offset)
         mounts = np.tile(mount, (len(attitude), 1))
@@ -278,7 +276,7 @@ def _check_fit(run: Recording, poses: dict[str, np.ndarray], shapes: dict) -> fl
             target, ring = poses["target"], poses["ring"]
             striker = target[:, :3] + geometry.turn(target[:, 3:], np.array(point)) - ring[:, :3]
             inverse = geometry.conjugate(ring[:, 3:])
-            opening = _turn_rows(inverse, striker)[:, 0] - point[0]
+            opening = geometry.turn(inverse, striker)[:, 0] - point[0]
             differences[name] = float(np.max(np.abs(opening - run[name])))
     for name, difference in differences.items():
         if difference > TOLERANCE:
@@ -288,13 +286,6 @@ def _check_fit(run: Recording, poses: dict[str, np.ndarray], shapes: dict) -> fl
                 " result; run the docking again, or name the right --model"
             )
     return max(differences.values(), default=None)
-
-
-def _turn_rows(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Return every vector turned by its quaternion."""
-    w, u = quaternions[:, :1], quaternions[:, 1:]
-    cross = np.cross(u, vectors)
-    return vectors + 2.0 * (w * cross + np.cross(u, cross))
 
 
 def find_events(run: Recording) -> list[dict]:
