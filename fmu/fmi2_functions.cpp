@@ -37,19 +37,16 @@ template <>
 struct Wire<Type::kReal> {
   using Stored = double;
   using Passed = fmi2Real;
-  static constexpr const char* kName = "Real";
 };
 template <>
 struct Wire<Type::kInteger> {
   using Stored = int;
   using Passed = fmi2Integer;
-  static constexpr const char* kName = "Integer";
 };
 template <>
 struct Wire<Type::kBoolean> {
   using Stored = char;
   using Passed = fmi2Boolean;
-  static constexpr const char* kName = "Boolean";
 };
 
 void check_arrays(const void* vr, size_t n, const void* value, const char* function) {
@@ -65,7 +62,7 @@ const Variable& row(const Instance& self, fmi2ValueReference reference, const ch
   const Variable& v = self.variables[reference];
   if (v.type != type) {
     throw Refusal(std::string(function) + ": " + quoted(v, reference) + " is not of type " +
-                  Wire<type>::kName);
+                  name_of(type));
   }
   return v;
 }

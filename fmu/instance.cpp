@@ -160,14 +160,16 @@ void Instance::check_settable(const Variable& v, const char* function) const {
   const auto refuse = [&](const char* why) {
     throw Refusal(std::string(function) + ": '" + v.name + "' " + why);
   };
-  if (!v.has_start()) refuse("is computed by the FMU and cannot be set");
+  if (!v.has_start()) refuse("is computed and cannot be set");
   if (v.causality == Causality::kInput || before_start()) return;
   if (v.variability == Variability::kTunable && (state & (kStepping | kEventMode))) return;
-  refuse(v.variability == Variability::kTunable
-             ? "is a tunable parameter: it can be set between steps or in event mode only"
-         : v.causality == Causality::kParameter
-             ? "is a fixed parameter: it can be set only before fmi2ExitInitializationMode"
-             : "is a state: its start value can be set only before fmi2ExitInitializationMode");
+  refuse(
+      v.variability == Variability::kTunable
+          ? "is a tunable parameter: it can be set between steps or in event mode only"
+      : v.causality == Causality::kParameter
+          ? "is a fixed parameter: it can be set only before the start (fmi2ExitInitializationMode)"
+          : "is a state: its start value can be set only before the start "
+            "(fmi2ExitInitializationMode)");
 }
 
 void Instance::note_change(bool tunables) {

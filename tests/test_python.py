@@ -189,7 +189,7 @@ def test_a_refused_value_changes_nothing(setting, words):
 def test_a_start_value_cannot_be_set_after_the_first_step():
     docking = dl.Docking(SCENE)
     docking.step(0.01)
-    with pytest.raises(dl.UsageError, match=r"'chaser\.mass' can be set only before"):
+    with pytest.raises(dl.UsageError, match=r"'chaser\.mass' is a fixed parameter"):
         docking.set("chaser.mass", 1000.0)
     with pytest.raises(dl.UsageError, match="too short for a saved state"):
         docking.restore(b"nonsense")

@@ -149,6 +149,13 @@ def name_choice(variable: str, number: float) -> str:
     return list_choices(variable)[int(number) - 1].name
 
 
+@cache
+def list_loads() -> dict[str, str]:
+    """Return the loads between ring and target (``capture.NAME``), each with its unit."""
+    with core_errors() as core:
+        return {name: unit.replace(".", " ") for name, unit in json.loads(core.loads())}
+
+
 def has_only_legs(document: dict, source: Path) -> bool:
     """Tell whether all loops of a mechanism are legs, which need no generated code.
 

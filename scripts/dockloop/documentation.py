@@ -13,7 +13,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 
 from dockloop import drawing
-from dockloop.core import list_choices
+from dockloop.core import list_choices, list_loads
 from dockloop.licenses import PARTS
 
 # Sections of the variable tables: title, and how the names in it begin.
@@ -575,9 +575,8 @@ def _limits(document: dict) -> str:
     mechanism = document["mechanism"]
     rated, text = mechanism.get("limits"), ""
     if rated:
-        units = {"bending": "N m", "torsion": "N m"}
-        rows = [(html.escape(name), f"{value:g}", units.get(name, "N"))
-                for name, value in rated.items() if isinstance(value, int | float)]  # fmt: skip
+        rows = [(name, f"{rated[name]:g}", unit)
+                for name, unit in list_loads().items() if name in rated]  # fmt: skip
         text += "<h3>Rated loads of the capture interface</h3>"
         text += _table(("load", "rated", "unit"), rows, "s")
         text += (

@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from dockloop.core import name_choice
+
 Point = tuple[float, float]
 Vector = Sequence[float] | np.ndarray
 View = Callable[[Vector], Point]  # from a point in space to the sheet
@@ -173,17 +175,17 @@ def draw_phases() -> str:
     """Draw the phases of a docking and what leads from one to the next."""
     d = Drawing(760, 214, "Phases of a docking")
     boxes = {
-        1: ("approach", 10, 60),
-        2: ("contact", 165, 60),
-        3: ("captured", 330, 60),
-        4: ("attenuating", 490, 60),
-        5: ("aligned", 650, 60),
-        8: ("rebound", 165, 160),
+        1: (10, 60),
+        2: (165, 60),
+        3: (330, 60),
+        4: (490, 60),
+        5: (650, 60),
+        8: (165, 160),
     }
-    for number, (name, x, y) in boxes.items():
+    for number, (x, y) in boxes.items():
         fill = "#fbe3e0" if number == 8 else "#e4f2e7" if number == 5 else "#eef3f8"
         d.box((x, y), (100, 42), fill)
-        d.label((x + 50, y + 26), f"{number} {name}")
+        d.label((x + 50, y + 26), f"{number} {name_choice('phase', number)}")
     for start, end, lines in (
         (110, 165, ("first", "touch")),
         (265, 330, ("all latches", "hold")),

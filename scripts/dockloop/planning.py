@@ -19,7 +19,7 @@ import numpy as np
 from dockloop.binaries import find_libraries
 from dockloop.capture import list_needed
 from dockloop.cases import Job
-from dockloop.core import core_errors, name_source, to_json
+from dockloop.core import core_errors, list_loads, name_source, to_json
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.fmu import find_placement, write_fmu
 from dockloop.journal import make_digest
@@ -28,8 +28,7 @@ from dockloop.paths import shown
 from dockloop.results import list_points
 from dockloop.sampling import Quantity, Sweep, Value, as_setting
 from dockloop.scene import SceneReader, scene_keys
-from dockloop.summary import LOADS
-from dockloop.variables import TYPES, read_variables
+from dockloop.variables import TYPES, WORDS, is_of_type, read_variables
 
 # Members of a resolved scene that an FMU takes as start values, with the names of their variables.
 _SETTABLE = {
@@ -45,11 +44,6 @@ _SETTABLE = {
     ("contact", "friction_coefficient"): "friction.coefficient",
 }
 _PLACED = ("capture_body", "joints")  # of [initial], all that the FMU reads itself
-_OUTCOMES = (
-    *("outcome", "time_of_contact", "time_of_capture"),
-    *(f"capture.peak.{load}" for load in LOADS),
-    *("capture.peak.load_ratio", "energy.residual"),
-)
 _UNITS = {"_deg_s": "deg/s", "_deg": "deg", "_speed": "m/s", "_offset": "m", "_time": "s"}
 KEPT_FMUS = 16  # that cases of a sweep share at a time
 
@@ -65,6 +59,12 @@ class Plan:
 
     fmu: str
     job: Job
+
+
+def _list_outcomes() -> list[str]:
+    """Return what a sweep collects unless its file names outcomes."""
+    peaks = [f"capture.peak.{load}" for load in (*list_loads(), "load_ratio")]
+    return ["outcome", "time_of_contact", "time_of_capture", *peaks, "energy.residual"]
 
 
 class Planner:
@@ -236,11 +236,9 @@ class Planner:
             )
         if variable.start is None:
             raise UsageError(f"{place}: is computed by the FMU and has no start value")
-        kinds = {"Real": (int, float), "Integer": (int,), "Boolean": (bool,)}[variable.type]
         for value in values:
-            if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
-                kind = {"Real": "a number", "Integer": "a whole number", "Boolean": "true or false"}
-                raise UsageError(f"{place}: takes {value!r}: must be {kind[variable.type]}")
+            if not is_of_type(value, variable.type):
+                raise UsageError(f"{place}: takes {value!r}: must be {WORDS[variable.type]}")
 
     def _with_unit(self, quantity: Quantity) -> Quantity:
         """Fill in a unit that the sweep file leaves out."""
@@ -257,7 +255,7 @@ class Planner:
         """Return the outputs to collect, checked against those of the FMU."""
         outputs = [v.name for v in self.variables.values() if v.causality == "output"]
         document, place = self._sweep.document, shown(self._sweep.path)
-        chosen = document.get("outcomes", [name for name in _OUTCOMES if name in outputs])
+        chosen = document.get("outcomes", [name for name in _list_outcomes() if name in outputs])
         for name in chosen:
             if name not in outputs:
                 near = did_you_mean(name, outputs)

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from dockloop.core import list_loads
 from dockloop.figures import save_figure
 from dockloop.results import Result
-from dockloop.summary import COMMAND, LOADS
+from dockloop.summary import COMMAND
 
 
 def write_plots(run: Result, stem: Path) -> list[Path]:
@@ -91,7 +92,7 @@ def _plot_ring(run: Result, axes: Any) -> None:
 def _plot_loads(run: Result, axes: Any) -> None:
     """Loads on the target through the interface; rated values where they are in sight."""
     t, rated = run["time"], run.scene["mechanism"].get("limits", {})
-    for name, unit in LOADS.items():
+    for name, unit in list_loads().items():
         axis = axes[0] if unit == "N" else axes[1]
         peak = run[f"capture.peak.{name}"][-1]
         label = f"{name}, peak {peak:.0f}"

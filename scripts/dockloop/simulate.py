@@ -25,6 +25,7 @@ from dockloop.outputs import filling, scratch
 from dockloop.paths import find_absence, is_file, shown
 from dockloop.results import ProgressBar, Result, list_points, warn_of_driven
 from dockloop.scene import scene_keys
+from dockloop.variables import WORDS
 
 __all__ = ["ProgressBar", "Recording", "run_fmu"]  # and what is defined here
 Recording = Result  # as `dockloop.trade` calls it
@@ -303,9 +304,8 @@ def _parse_setting(text: str, description: Any) -> tuple[Any, Any]:
     try:
         value = _parse_as(variable.type, value_text)
     except ValueError:
-        kind = {"Real": "a finite number", "Integer": "a whole number", "Boolean": "true or false"}
         raise UsageError(
-            f"--set {text}: '{name}' must be {kind.get(variable.type, variable.type)}"
+            f"--set {text}: '{name}' must be {WORDS.get(variable.type, variable.type)}"
         ) from None
     return variable, value
 

@@ -43,13 +43,13 @@ from dockloop.errors import UsageError
 from dockloop.fmu import find_date, place_vehicles, read_model, write_fmu, write_zip
 from dockloop.outputs import Kind, claim, read_entry, scratch
 from dockloop.scene import find_scene, resolve_scene
+from dockloop.variables import TYPES
 
 PARAMETER_SET = "scene"
 
 _VEHICLES = ("chaser", "target")
 _MOTION = {"position": 3, "velocity": 3, "attitude": 4, "angular_velocity": 3}
 _LOADS = {"force_mean": "force_ext", "torque_mean": "torque_ext"}  # docking -> vehicle, 3 each
-_TYPES = ("Real", "Integer", "Boolean")
 _NAMESPACES = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
     "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
@@ -161,7 +161,7 @@ class _Fmu:
         return [
             name
             for name, variable in self.variables.items()
-            if variable.get("causality") == causality and variable[0].tag in _TYPES
+            if variable.get("causality") == causality and variable[0].tag in TYPES
         ]
 
 

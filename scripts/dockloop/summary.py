@@ -11,20 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from dockloop.capture import explain_capture, list_needed
-from dockloop.core import name_choice
+from dockloop.core import list_loads, name_choice
 from dockloop.outputs import MADE_BY, Kind, json_kind, read_head, write_text, writing
 from dockloop.results import Result
 
 COMMAND = "dockloop run"
 
-LOADS = {
-    "compression": "N",
-    "tension": "N",
-    "shear": "N",
-    "bending": "N m",
-    "torsion": "N m",
-}
-_SINKS = ("contact", "friction", "legs", "latches")
+_DISSIPATED = "dissipated_"
 _COLUMN = re.compile(  # outputs of FMUs by dockloop
     r"(chaser|target|relative|capture|contact|ring|base|energy|momentum|solver|coupling|state"
     r"|(leg|latch|loop)\[\d+\])\.[\w.]+(\[\d+\])?(\.force)?"
@@ -129,9 +122,9 @@ def describe(summary: dict) -> str:
     if "energy" in summary:
         energy = summary["energy"]
         parts = ", ".join(
-            f"{name} {energy[f'dissipated_{name}']:.2f}"
-            for name in _SINKS
-            if energy.get(f"dissipated_{name}", 0.0) >= 0.005
+            f"{name.removeprefix(_DISSIPATED)} {value:.2f}"
+            for name, value in energy.items()
+            if name.startswith(_DISSIPATED) and value >= 0.005
         )
         lines.append(
             f"  energy       {energy['initial_relative']:.2f} J {energy['initial_meaning']},"
@@ -224,7 +217,7 @@ def _peak_loads(run: Result) -> dict:
     """Return the largest loads since the start beside the rated ones."""
     rated = run.scene["mechanism"].get("limits", {})
     loads = {}
-    for name, unit in LOADS.items():
+    for name, unit in list_loads().items():
         loads[name] = {"value": float(run[f"capture.peak.{name}"][-1]), "unit": unit}
         if name in rated:
             loads[name] |= {"rated": rated[name], "ratio": loads[name]["value"] / rated[name]}
@@ -243,9 +236,10 @@ def _energy(run: Result) -> dict:
         "residual": residual,
         "residual_ratio": residual / scale if scale > 0.0 else 0.0,
     }
-    for name in ("dissipated", *(f"dissipated_{sink}" for sink in _SINKS), "external"):
-        if f"energy.{name}" in run:
-            energy[name] = float(run[f"energy.{name}"][-1])
+    for column in run.names:
+        name = column.removeprefix("energy.")
+        if name != column and name.startswith(("dissipated", "external")):
+            energy[name] = float(run[column][-1])
     return energy
 
 

@@ -20,12 +20,12 @@ import numpy as np
 from dockloop import __version__
 from dockloop.capture import explain_capture
 from dockloop.cases import STATUSES, Result
-from dockloop.core import list_choices, name_choice
+from dockloop.core import list_choices, list_loads, name_choice
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
 from dockloop.sampling import Sweep, list_discs
-from dockloop.summary import LOADS, find_summary
+from dockloop.summary import find_summary
 from dockloop.sweeps import COMMAND, DIGEST, TABLE, Planner, find_journal
 
 _NAMED = ("outcome", "phase")  # Integers of the FMU that the table spells out
@@ -315,7 +315,7 @@ def _count_loads(planner: Planner, table: Any) -> dict:
     for name, values in _peaks(table).items():
         quantiles = np.quantile(values, (0.5, 0.95, 0.99))
         loads[name] = {
-            "unit": LOADS.get(name, ""),
+            "unit": list_loads().get(name, ""),
             **dict(zip(("median", "q95", "q99"), quantiles.tolist(), strict=True)),
             "largest": float(values.max()),
         }
@@ -422,9 +422,9 @@ def _plot_loads(sweep: Sweep, planner: Planner, table: Any, path: Path) -> None:
     axes = figure.subplots(1, 2, sharey=True)
     rated = planner.base["mechanism"].get("limits", {})
     for name, values in _peaks(table).items():
-        if name not in LOADS:
+        if name not in list_loads():
             continue
-        axis = axes[0] if LOADS[name] == "N" else axes[1]
+        axis = axes[0] if list_loads()[name] == "N" else axes[1]
         exceeded = 1.0 - np.arange(len(values)) / len(values)
         label = f"{name}, largest {values.max():.0f}"
         label += f", rated {rated[name]:g}" if name in rated else ""

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 Value = float | int | bool
 TYPES: dict[str, type] = {"Real": float, "Integer": int, "Boolean": bool}
+WORDS = {"Real": "a finite number", "Integer": "a whole number", "Boolean": "true or false"}
 
 
 class Variable(NamedTuple):
@@ -30,6 +31,12 @@ class Variable(NamedTuple):
     minimum: float
     maximum: float
     description: str
+
+
+def is_of_type(value: Any, type_name: str) -> bool:
+    """Tell whether a Python value is of an FMI type; a whole number is a Real too."""
+    kinds = (int, float) if TYPES[type_name] is float else TYPES[type_name]
+    return isinstance(value, kinds) and isinstance(value, bool) == (TYPES[type_name] is bool)
 
 
 def read_variables(docking: Any) -> dict[str, Variable]:

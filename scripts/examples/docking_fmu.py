@@ -13,14 +13,14 @@ import numpy as np
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 
+from dockloop.core import list_choices, list_loads, name_choice
 from dockloop.fmu import build_fmu
 
 SCENE = "idss_25t_350t"
-MODES = {"sequential": 1, "parallel": 2}  # values of coupling.mode
+MODES = {mode.name: mode.number for mode in list_choices("coupling.mode")}
 ACCURATE = {"solver.rtol": 1e-9, "solver.atol_position": 1e-11, "solver.atol_velocity": 1e-11}
-OUTCOMES = ("undecided", "captured", "partial capture", "rebound", "miss")
-PEAKS = ("compression", "tension", "shear", "bending", "torsion")
-RESULTS = ("time_of_contact", "time_of_capture", *(f"capture.peak.{peak}" for peak in PEAKS))
+PEAKS = [f"capture.peak.{load}" for load in list_loads()]
+RESULTS = ("time_of_contact", "time_of_capture", *PEAKS)
 
 
 class Docking:
@@ -103,7 +103,7 @@ def symmetric(components: np.ndarray) -> np.ndarray:
 def print_comparison(coupled: Docking, alone: Docking) -> None:
     """Print the results of a docking with a host, and of one that integrates both vehicles."""
     print(f"{'':29} {'with host':>15} {'one FMU':>15} {'difference':>11}")
-    outcomes = [OUTCOMES[docking.get("outcome") - 1] for docking in (coupled, alone)]
+    outcomes = [name_choice("outcome", docking.get("outcome")) for docking in (coupled, alone)]
     print(f"{'outcome':29} {outcomes[0]:>15} {outcomes[1]:>15}")
     for name in RESULTS:
         a, b = coupled.get(name), alone.get(name)

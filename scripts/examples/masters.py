@@ -32,7 +32,7 @@ from pathlib import Path
 
 from fmpy import read_model_description, simulate_fmu
 
-from dockloop.core import name_choice
+from dockloop.core import list_loads, name_choice
 from dockloop.fmu import build_fmu
 from dockloop.ssp import PARAMETER_SET, build_ssp
 
@@ -41,11 +41,7 @@ RESULTS = {
     "outcome": "",
     "time_of_contact": "s",
     "time_of_capture": "s",
-    "capture.peak.compression": "N",
-    "capture.peak.tension": "N",
-    "capture.peak.shear": "N",
-    "capture.peak.bending": "N m",
-    "capture.peak.torsion": "N m",
+    **{f"capture.peak.{load}": unit for load, unit in list_loads().items()},
     "relative.axial": "m",
     "relative.lateral": "m",
 }

@@ -58,15 +58,6 @@ class XmlWriter {
   size_t depth_ = 0;
 };
 
-// Names in the file, indexed by the enumerations of variables.hpp.
-constexpr const char* kTypes[] = {"Real", "Integer", "Boolean"};
-constexpr const char* kCausalities[] = {"parameter", "input", "output", "local"};
-constexpr const char* kVariabilities[] = {"fixed", "tunable", "discrete", "continuous"};
-template <class Enumeration, size_t n>
-const char* name_of(Enumeration value, const char* const (&names)[n]) {
-  return names[static_cast<size_t>(value)];
-}
-
 std::string start_text(const Variable& v) {
   switch (v.type) {
     case Type::kReal:
@@ -157,8 +148,8 @@ void write_variable(XmlWriter& xml, const Variable& v, size_t reference, size_t 
   XmlWriter::Attributes scalar = {{"name", v.name},
                                   {"valueReference", std::to_string(reference)},
                                   {"description", v.description},
-                                  {"causality", name_of(v.causality, kCausalities)},
-                                  {"variability", name_of(v.variability, kVariabilities)}};
+                                  {"causality", name_of(v.causality)},
+                                  {"variability", name_of(v.variability)}};
   // The standard forbids `initial` on inputs.
   if (v.causality != Causality::kInput) {
     scalar.push_back({"initial", v.has_start() ? "exact" : "calculated"});
@@ -184,7 +175,7 @@ void write_variable(XmlWriter& xml, const Variable& v, size_t reference, size_t 
   if (v.jumps) type.push_back({"reinit", "true"});
   // Rates follow the states in the table.
   if (v.rate >= 0) type.push_back({"derivative", std::to_string(reference + 1 - state_count)});
-  xml.leaf(name_of(v.type, kTypes), type);
+  xml.leaf(name_of(v.type), type);
   xml.close("ScalarVariable");
 }
 

@@ -358,20 +358,7 @@ void add_capture(Table& table, Outputs& out) {
   table.outputs("capture.torque", out.capture_torque, kTorque,
                 "Torque on the target through capture surfaces and latches about the origin of P, "
                 "axes of P");
-  struct Load {
-    Outputs::Load index;
-    const char* name;
-    const char* text;
-    Quantity quantity;
-  };
-  const Load loads[] = {
-      {Outputs::kTension, "tension", "Tension between ring and target", kForce},
-      {Outputs::kCompression, "compression", "Compression between ring and target", kForce},
-      {Outputs::kShear, "shear", "Shear force between ring and target", kForce},
-      {Outputs::kBending, "bending", "Bending moment between ring and target", kTorque},
-      {Outputs::kTorsion, "torsion", "Torsion moment between ring and target", kTorque},
-  };
-  for (const Load& load : loads) {
+  for (const Load& load : list_loads()) {
     table
         .output(std::string("capture.") + load.name, &out.capture_load[load.index], load.quantity,
                 load.text)
@@ -382,7 +369,7 @@ void add_capture(Table& table, Outputs& out) {
               "Largest ratio of a load between ring and target to its rated value")
       .not_negative();
   const std::string largest = ", largest since the start over all inner steps";
-  for (const Load& load : loads) {
+  for (const Load& load : list_loads()) {
     table
         .output(std::string("capture.peak.") + load.name, &out.capture_peak[load.index],
                 load.quantity, load.text + largest)
@@ -767,7 +754,39 @@ void add_solver_outputs(Table& table, Outputs& out) {
       .discrete();
 }
 
+/// Name of a value, by its place in the enumeration.
+template <class Enumeration, size_t n>
+const char* pick(Enumeration value, const char* const (&names)[n]) {
+  return names[static_cast<size_t>(value)];
+}
+
 }  // namespace
+
+const char* name_of(Type type) {
+  static constexpr const char* kNames[] = {"Real", "Integer", "Boolean"};
+  return pick(type, kNames);
+}
+
+const char* name_of(Causality causality) {
+  static constexpr const char* kNames[] = {"parameter", "input", "output", "local"};
+  return pick(causality, kNames);
+}
+
+const char* name_of(Variability variability) {
+  static constexpr const char* kNames[] = {"fixed", "tunable", "discrete", "continuous"};
+  return pick(variability, kNames);
+}
+
+const std::vector<Load>& list_loads() {
+  static const std::vector<Load> kLoads = {
+      {Outputs::kTension, "tension", "Tension between ring and target", kForce},
+      {Outputs::kCompression, "compression", "Compression between ring and target", kForce},
+      {Outputs::kShear, "shear", "Shear force between ring and target", kForce},
+      {Outputs::kBending, "bending", "Bending moment between ring and target", kTorque},
+      {Outputs::kTorsion, "torsion", "Torsion moment between ring and target", kTorque},
+  };
+  return kLoads;
+}
 
 const std::vector<Unit>& unit_definitions() {
   static const std::vector<Unit> kUnits = {

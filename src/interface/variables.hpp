@@ -23,6 +23,11 @@ enum class Type { kReal, kInteger, kBoolean };
 enum class Causality { kParameter, kInput, kOutput, kLocal };
 enum class Variability { kFixed, kTunable, kDiscrete, kContinuous };
 
+/// Names of FMI.
+const char* name_of(Type type);
+const char* name_of(Causality causality);
+const char* name_of(Variability variability);
+
 /// A quantity: a type of modelDescription.xml, to which every Real row refers.
 struct Quantity {
   const char* name = "";         ///< of the type
@@ -72,6 +77,15 @@ struct Unit {
   std::vector<DisplayUnit> display;
 };
 const std::vector<Unit>& unit_definitions();
+
+/// A load between ring and target: `capture.NAME` and `capture.peak.NAME`.
+struct Load {
+  Outputs::Load index;
+  const char* name;
+  const char* text;
+  Quantity quantity;
+};
+const std::vector<Load>& list_loads();
 
 /// The rows of this instance. Pointers stay valid as long as `sim` lives.
 std::vector<Variable> make_variables(DockingSim& sim);

@@ -30,12 +30,6 @@ std::shared_ptr<const Scene> make_scene(const std::string& document, const std::
   return scene;
 }
 
-const char* setter_of(Type type) {
-  return type == Type::kReal      ? "fmi2SetReal"
-         : type == Type::kInteger ? "fmi2SetInteger"
-                                  : "fmi2SetBoolean";
-}
-
 }  // namespace
 
 Placement place_vehicles(const Scene& scene, const std::string& source) {
@@ -94,15 +88,11 @@ void Docking::set(const std::vector<int>& rows, const std::vector<double>& value
   bool tunables = false;
   for (size_t i = 0; i < rows.size(); ++i) {
     const Variable& v = row(rows[i]);
-    const std::string function = caller.empty() ? setter_of(v.type) : caller;
+    const std::string function = caller.empty() ? std::string("fmi2Set") + name_of(v.type) : caller;
     const auto refuse = [&](const char* why) {
       throw ModelError(function + ": '" + v.name + "' " + why);
     };
-    if (!v.has_start()) refuse("is computed and cannot be set");
-    const bool tunable = v.variability == Variability::kTunable;
-    if (!instance_.before_start() && v.causality != Causality::kInput && !tunable) {
-      refuse("can be set only before the first step");
-    }
+    instance_.check_settable(v, function.c_str());
     check_value(v, values.at(i), function.c_str());
     if (v.type == Type::kInteger &&
         (values[i] != std::floor(values[i]) || std::abs(values[i]) > INT_MAX)) {
@@ -111,7 +101,7 @@ void Docking::set(const std::vector<int>& rows, const std::vector<double>& value
     if (v.type == Type::kBoolean && values[i] != 0.0 && values[i] != 1.0) {
       refuse("must be true or false");
     }
-    tunables = tunables || tunable;
+    tunables = tunables || v.variability == Variability::kTunable;
   }
   const Parameters parameters = instance_.sim.parameters();
   const Inputs inputs = instance_.sim.inputs();

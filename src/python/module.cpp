@@ -23,10 +23,6 @@ using FreeThreads = nb::call_guard<nb::gil_scoped_release>;
 
 namespace {
 
-constexpr const char* kTypes[] = {"Real", "Integer", "Boolean"};
-constexpr const char* kCausalities[] = {"parameter", "input", "output", "local"};
-constexpr const char* kVariabilities[] = {"fixed", "tunable", "discrete", "continuous"};
-
 /// The rows of the variable table, as the constructor of dockloop.variables.Variable takes them.
 nb::list list_variables(Docking& self) {
   nb::list rows;
@@ -37,9 +33,8 @@ nb::list list_variables(Docking& self) {
               : v.type == Type::kInteger ? nb::object(nb::int_(*static_cast<int*>(v.start)))
                                          : nb::object(nb::bool_(*static_cast<char*>(v.start) != 0));
     }
-    rows.append(nb::make_tuple(v.name, kTypes[int(v.type)], kCausalities[int(v.causality)],
-                               kVariabilities[int(v.variability)], v.unit, start, v.min, v.max,
-                               v.description));
+    rows.append(nb::make_tuple(v.name, name_of(v.type), name_of(v.causality),
+                               name_of(v.variability), v.unit, start, v.min, v.max, v.description));
   }
   return rows;
 }
@@ -127,10 +122,18 @@ std::string list_all_choices() {
       {"coupling.mode", &kCouplingModes},
       {"model.level", &kLevels},
       {"model.flight", &kFreeDriftModels},
-      {"solver.method", &get_method_choices()}};
+      {"solver.method", &get_method_choices()},
+      {"solver.dae_form", &kDaeForms}};
   for (const auto& [variable, list] : lists) {
     for (const Choice& c : *list) all[variable].push_back({c.number, c.name, c.meaning});
   }
+  return all.dump();
+}
+
+/// The loads between ring and target, as JSON: [[name, unit], ...].
+std::string list_all_loads() {
+  nlohmann::json all = nlohmann::json::array();
+  for (const Load& load : list_loads()) all.push_back({load.name, load.quantity.unit});
   return all.dump();
 }
 
@@ -166,6 +169,7 @@ NB_MODULE(_core, m) {
         FreeThreads());
   m.def("methods", &list_method_facts);
   m.def("choices", &list_all_choices);
+  m.def("loads", &list_all_loads);
   m.def("has_only_legs", &has_only_legs, nb::arg("document"), nb::arg("source"), FreeThreads());
   m.def(
       "check",

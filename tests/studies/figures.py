@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dockloop.core import name_choice
 from dockloop.fmu import build_fmu
 from dockloop.mechanism import check_mechanism
 from dockloop.paths import ROOT
@@ -30,7 +31,6 @@ STRAIGHT = [
         "approach_time",
     )
 ]
-OUTCOMES = {1: "undecided", 2: "captured", 3: "partial", 4: "rebound", 5: "miss"}
 
 
 LINES = write_head("what", "figure")
@@ -102,7 +102,7 @@ def docking() -> None:
     result = run("idss_25t_350t")
     energy = 0.5 * (25e3 * 350e3 / 375e3) * 0.1**2
     residual = float(np.abs(result["energy.residual"]).max()) / energy
-    show("idss_25t_350t: outcome", OUTCOMES[int(result["outcome"][-1])])
+    show("idss_25t_350t: outcome", name_choice("outcome", result["outcome"][-1]))
     show("the same: energy residual / initial relative energy", f"{residual:.1e}")
     show("the same: momentum residual, relative", f"{result['momentum.residual'].max():.1e}")
     share = result.wall["do_step"] / result.wall["loop"]
@@ -125,7 +125,8 @@ def fast() -> None:
         show(
             f"1 m/s, lateral offset {offset} m",
             f"depth {deepest:.2f} of the rounding, ring at {result['ring.position[1]'].min():+.2f}"
-            f" m, residual {residual:.0e} J of 11 667 J, {OUTCOMES[int(result['outcome'][-1])]}",
+            f" m, residual {residual:.0e} J of 11 667 J,"
+            f" {name_choice('outcome', result['outcome'][-1])}",
         )
 
 
@@ -145,7 +146,7 @@ def lateral() -> None:
         ]
         show(
             f"lateral offset {offset} m towards an active / a passive petal",
-            " / ".join(OUTCOMES[int(result["outcome"][-1])] for result in found),
+            " / ".join(name_choice("outcome", result["outcome"][-1]) for result in found),
         )
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from dockloop.core import list_loads
 from dockloop.extremes.fmi_host import Host
 from dockloop.fmu import build_fmu
 from dockloop.paths import ROOT
@@ -25,7 +26,7 @@ from page import find_origin, write_head, write_page, write_row
 FLIGHT, DOCKING = 600.0, 20.0  # s
 TIGHT = {"solver__rtol": 1e-10, "solver__atol_position": 1e-12, "solver__atol_velocity": 1e-12}
 GROUPS = 'outputs.groups=["relative", "capture", "phase", "ring", "solver"]'
-LOADS = [f"capture.peak.{n}" for n in ("tension", "compression", "shear", "bending", "torsion")]
+LOADS = [f"capture.peak.{load}" for load in list_loads()]
 MOTION = [f"relative.{n}[{i}]" for n in ("position", "velocity") for i in (1, 2, 3)]
 
 

@@ -25,6 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dockloop.core import list_loads, name_choice
 from dockloop.fmu import build_fmu
 from dockloop.paths import ROOT, SWEEPS
 from dockloop.sampling import read_sweep
@@ -35,8 +36,7 @@ from page import find_origin, write_head, write_page, write_row
 
 SCENE, SWEEP = "idss_25t_350t", "idss_initial_conditions"
 PAGE = ROOT / "tests" / "validation" / "idss.md"
-LOADS = ("compression", "tension", "shear", "bending", "torsion")
-OUTCOMES = {1: "undecided", 2: "captured", 3: "partial", 4: "rebound", 5: "miss"}
+LOADS = list_loads()
 SPEEDS = (0.05, 0.1)
 OFFSETS = (0.0, 0.02, 0.04, 0.06, 0.08, 0.1)
 
@@ -86,7 +86,7 @@ def run_case(overrides: list[str]) -> dict:
         run = run_fmu(fmu, stop=25.0, step=0.05)
     lengths = [run[f"leg[{i}].length"] for i in range(1, 7)]
     return {
-        "outcome": OUTCOMES[int(run["outcome"][-1])],
+        "outcome": name_choice("outcome", run["outcome"][-1]),
         "capture": float(run["time_of_capture"][-1] - run["time_of_contact"][-1]),
         **{load: float(run[f"capture.peak.{load}"][-1]) for load in LOADS},
         "in": min(float(length.min() - length[0]) for length in lengths),
@@ -192,10 +192,10 @@ def study_box(count: int, workers: int, extra: list[str]) -> list[str]:
         "",
         *write_head("peak load", "median", "95 %", "99 %", "largest"),
     ]
-    for load in LOADS:
+    for load, unit in LOADS.items():
         values = np.array(table[f"capture.peak.{load}"], dtype=float)[done]
         cells = [f"{np.quantile(values, q):.0f}" for q in (0.5, 0.95, 0.99, 1.0)]
-        lines.append(write_row(f"{load} {'N m' if load in LOADS[3:] else 'N'}", *cells))
+        lines.append(write_row(f"{load} {unit}", *cells))
     return lines
 
 

@@ -9,11 +9,10 @@ import math
 
 import numpy as np
 
+from dockloop.core import list_loads
 from dockloop.errors import UsageError
 from dockloop.simulate import Recording
 
-_FORCES = ("compression", "tension", "shear")
-_MOMENTS = ("bending", "torsion")
 _ENTRIES = {"position": 3, "attitude": 4, "velocity": 3, "angular_velocity": 3}
 
 # What each relative figure is divided by: name of the figure -> unit and words for the scale.
@@ -72,7 +71,7 @@ def find_compared(outputs: list[str]) -> list[str]:
     frame = find_frame(outputs)
     names = [f"{frame}.{name}[{i + 1}]" for name, n in _ENTRIES.items() for i in range(n)]
     names += [f"ring.position[{i}]" for i in (1, 2, 3)]
-    names += [f"capture.peak.{load}" for load in (*_FORCES, *_MOMENTS)]
+    names += [f"capture.peak.{load}" for load in list_loads()]
     names += ["outcome", "time_of_contact", "time_of_capture"]
     return [name for name in dict.fromkeys(names) if name in outputs]
 
@@ -81,11 +80,12 @@ def find_scales(truth: Recording) -> dict[str, float]:
     """Return what the figures are divided by, those of `SCALES` that the truth has."""
     frame, scales = find_frame(truth.names), {}
 
-    def peak(loads: tuple) -> float:
+    def peak(wanted: str) -> float:
+        loads = [load for load, unit in list_loads().items() if unit == wanted]
         return max(truth[f"capture.peak.{load}"][-1] for load in loads)
 
     if "capture.peak.shear" in truth:
-        scales["peaks"], scales["peak_moments"] = peak(_FORCES), peak(_MOMENTS)
+        scales["peaks"], scales["peak_moments"] = peak("N"), peak("N m")
     if "ring.position[1]" in truth:
         scales["stroke"] = _stroke(truth.vector("ring.position"))
     if "time_of_capture" in truth and truth["time_of_capture"][-1] >= 0.0:
@@ -117,8 +117,8 @@ def find_errors(truth: Recording, run: Recording) -> dict:
     if "peaks" in scales:
         figures["peaks"] = max(
             abs(run[f"capture.peak.{load}"][-1] - truth[f"capture.peak.{load}"][-1])
-            / scales["peaks" if load in _FORCES else "peak_moments"]
-            for load in (*_FORCES, *_MOMENTS)
+            / scales["peaks" if unit == "N" else "peak_moments"]
+            for load, unit in list_loads().items()
         )
     if "stroke" in scales:
         ours, theirs = (_stroke(points) for points in pair("ring.position"))

@@ -18,12 +18,11 @@ from typing import Any
 import numpy as np
 
 from dockloop import __version__
-from dockloop.core import list_choices
+from dockloop.core import list_choices, list_loads
 from dockloop.errors import DockloopError, UsageError
 from dockloop.outputs import Kind, read_head, writing
 from dockloop.paths import shown
 from dockloop.simulate import Recording
-from dockloop.summary import LOADS
 from dockloop.view import geometry
 
 COMMAND = "dockloop view"
@@ -140,11 +139,11 @@ def make_data(run: Recording, command: str | None = None) -> dict:
             "phases": [phase.name for phase in list_choices("phase")],
             "outcomes": [outcome.name for outcome in list_choices("outcome")],
             "latch_states": [state.name for state in list_choices("latch.state")],
-            "loads": LOADS,
+            "loads": list_loads(),
             "rated": {
                 name: value
                 for name, value in run.scene["mechanism"].get("limits", {}).items()
-                if name in LOADS
+                if name in list_loads()
             },
         },
         "geometry": shapes,
@@ -310,7 +309,7 @@ def find_events(run: Recording) -> list[dict]:
             add(key, text, float(run[name][-1]))
     rated = run.scene["mechanism"].get("limits", {})
     peaks = []
-    for name, unit in LOADS.items():
+    for name, unit in list_loads().items():
         peak = f"capture.peak.{name}"
         if peak in run and run[peak][-1] > 0.0:
             value, index = float(run[peak][-1]), int(np.argmax(run[peak] >= run[peak][-1]))

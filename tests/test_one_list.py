@@ -1,0 +1,239 @@
+"""One list for each fact: does a file of the product type the members of a list once more?
+
+The core has the lists: values of choices, loads, dissipated energies, units, names of FMI. A second
+list is a run of text literals with most members of a list, or a text that numbers its members again
+("1 regularised, 2 bristle"). `OWNERS` is where a list is typed. `ALLOWED` names the other places,
+each with its reason; a place that no longer types the list must leave it.
+"""
+
+import itertools
+import json
+import math
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from dockloop import schema
+from dockloop.core import list_loads, load_core
+from dockloop.docking import Docking
+from dockloop.mechanism import check_mechanism
+from dockloop.variables import TYPES
+
+ROOT = Path(__file__).resolve().parent.parent
+SOURCES = ("src", "fmu", "scripts", "modelDescription/*.schema.json")
+SUFFIXES = {"", ".py", ".cpp", ".hpp", ".json", ".js", ".html", ".cmake"}
+NOT_LISTS = ("scripts/dockloop/view/web/three", "scripts/dockloop/extremes/hexapod")
+GAP = 150  # characters between two members of one list
+GROUPS = "outputs.groups"
+
+TABLE = "src/interface/variables.cpp"
+OWNERS = {
+    "phase": "src/docking/phases.hpp",
+    "outcome": "src/docking/phases.hpp",
+    "capture.reason": "src/docking/phases.hpp",
+    "latch.state": "src/docking/phases.hpp",
+    "friction.model": "src/docking/scene.hpp",
+    "coupling.mode": "src/docking/scene.hpp",
+    "model.level": "src/docking/scene.hpp",
+    "model.flight": "src/sim/values.hpp",
+    "solver.dae_form": "src/sim/values.hpp",
+    "solver.method": "src/sim/solver_methods.cpp",
+    **dict.fromkeys(("loads", "dissipated energies", "units", GROUPS), TABLE),
+    **dict.fromkeys(("types", "causalities", "variabilities"), TABLE),
+}
+_SCHEMA = "values that a file may have, for editors of files; a test below compares the lists"
+_ORACLE = "hosts and oracles of the extremes share nothing with what they check"
+ALLOWED = {
+    ("coupling.mode", "modelDescription/scene.schema.json"): _SCHEMA,
+    ("friction.model", "modelDescription/mechanism.schema.json"): _SCHEMA,
+    ("friction.model", "modelDescription/scene.schema.json"): _SCHEMA,
+    ("loads", "modelDescription/mechanism.schema.json"): _SCHEMA,
+    ("model.level", "modelDescription/scene.schema.json"): _SCHEMA,
+    (GROUPS, "modelDescription/scene.schema.json"): _SCHEMA,
+    ("types", "scripts/dockloop/extremes/fmi_host.py"): _ORACLE,
+    ("types", "scripts/dockloop/simulate.py"): "the getter and the parser of each type",
+    ("types", "scripts/dockloop/variables.py"): "the Python type and the words of each type",
+    ("outcome", "scripts/dockloop/sweep_report.py"): "the colour of each outcome",
+    ("phase", "scripts/dockloop/documentation.py"): "what may follow each phase",
+    ("dissipated energies", "scripts/dockloop/view/geometry.py"): "other parts of the same names",
+    ("loads", "src/docking/scene_json.cpp"): "reads the rated loads into their members",
+    ("coupling.mode", "scripts/examples/masters.py"): "the mode of each master",
+    ("friction.model", "src/contact/contact_model.cpp"): "lies below the list (src/README.md)",
+    ("friction.model", "src/contact/laws.hpp"): "lies below the list (src/README.md)",
+    ("friction.model", "src/sim/values.hpp"): "a comment on the member",
+    ("outcome", "src/sim/values.hpp"): "a comment on the member",
+    ("model.level", "src/math/choice.hpp"): "the example in a comment",
+    ("model.level", "src/sim/start.cpp"): "the message names two levels",
+    ("solver.method", "src/sim/start.cpp"): "the message names two methods",
+}
+LITERAL = re.compile(r'"((?:\\.|[^"\\\n])*)"|\'((?:\\.|[^\'\\\n])*)\'')
+
+
+def read_choices():
+    """Names of the values of every choice, in the order of their numbers."""
+    return {
+        variable: [name for _, name, _ in rows]
+        for variable, rows in json.loads(load_core().choices()).items()
+    }
+
+
+def read_groups():
+    """Output groups that the schema of scenes knows."""
+    return schema.load_schema("scene")["properties"]["outputs"]["properties"]["groups"]["items"][
+        "enum"
+    ]
+
+
+@pytest.fixture(scope="module")
+def variables():
+    return Docking("idss_25t_350t").variables
+
+
+@pytest.fixture(scope="module")
+def lists(variables):
+    """Every list of the core by its name."""
+    dissipated = "energy.dissipated_"
+    rows = variables.values()
+    return {
+        **read_choices(),
+        "loads": list(list_loads()),
+        "dissipated energies": [
+            name.removeprefix(dissipated) for name in variables if name.startswith(dissipated)
+        ],
+        "units": sorted({row.unit for row in rows if row.unit}),
+        "types": sorted({row.type for row in rows}),
+        "causalities": sorted({row.causality for row in rows}),
+        "variabilities": sorted({row.variability for row in rows}),
+        GROUPS: read_groups(),
+    }
+
+
+def count_most(members):
+    """Number of members that make a second list."""
+    return 2 if len(members) == 2 else max(3, -(-6 * len(members) // 10))
+
+
+def find_runs(text, members):
+    """Lines at which `text` has literals with most of the members close together."""
+    known, found, run = set(members), [], []
+    literals = [(m.start(), m.end(), m.group(1) or m.group(2)) for m in LITERAL.finditer(text)]
+    hits = [literal for literal in literals if literal[2] in known]
+    for hit, following in zip(hits, [*hits[1:], (math.inf, 0, "")], strict=False):
+        run.append(hit)
+        if following[0] - hit[1] > GAP:
+            if len({name for _, _, name in run}) >= count_most(members):
+                found.append(text.count("\n", 0, run[0][0]) + 1)
+            run = []
+    return found
+
+
+def find_numbered(text, members):
+    """Lines at which `text` numbers at least two members again."""
+    hits = sorted(
+        match.start()
+        for number, name in enumerate(members, 1)
+        for match in re.finditer(rf"\b{number}\W{{1,3}}{re.escape(name)}\b", text)
+    )
+    pairs = itertools.pairwise(hits)
+    return [text.count("\n", 0, a) + 1 for a, b in pairs if b - a < GAP]
+
+
+def read_sources():
+    """Name and text of every file of the product that can type a list."""
+    names = subprocess.run(
+        ["git", "ls-files", *SOURCES], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()
+    for name in names:
+        path = ROOT / name
+        if path.suffix in SUFFIXES and not name.startswith(NOT_LISTS) and path.is_file():
+            yield name, path.read_text(encoding="utf-8")
+
+
+def test_no_file_types_a_list_again(lists):
+    places = {}
+    for name, text in read_sources():
+        for key, members in lists.items():
+            lines = find_runs(text, members)
+            if key in read_choices():
+                lines += find_numbered(text, members)
+            if lines and OWNERS[key] != name:
+                places[key, name] = lines
+    second = [f"{name}:{at[0]}: {key}" for (key, name), at in places.items()
+              if (key, name) not in ALLOWED]  # fmt: skip
+    assert not second, f"read these lists from the core instead: {second}"
+    assert not [place for place in ALLOWED if place not in places], "no longer needed"
+
+
+def test_every_list_is_typed_by_its_owner(lists):
+    for key, members in lists.items():
+        text = (ROOT / OWNERS[key]).read_text(encoding="utf-8")
+        missing = [name for name in members if f'"{name}"' not in text]
+        assert not missing, f"{key}: {missing} are not in {OWNERS[key]}"
+
+
+def test_the_choices_of_python_are_those_of_the_table(variables):
+    """Each Integer whose description numbers names is a choice with these names."""
+    choices = read_choices()
+    for row in variables.values():
+        key = re.sub(r"\[\d+\]", "", row.name)
+        named = re.findall(r"(?:: |\), )(\d+) ([\w ]+?)(?= \(|, \d|$)", row.description)
+        if row.type == "Integer" and not row.name.endswith("mass_includes_mechanism"):
+            for number, name in named:
+                assert choices[key][int(number) - 1] == name, row
+
+
+def test_schemas_list_what_the_core_lists(variables):
+    scene, mechanism = schema.load_schema("scene"), schema.load_schema("mechanism")
+    choices = read_choices()
+    assert scene["properties"]["coupling"]["properties"]["mode"]["enum"] == choices["coupling.mode"]
+    assert scene["properties"]["model"]["properties"]["level"]["enum"] == choices["model.level"]
+    numbered = ", ".join(f"{i} {name}" for i, name in enumerate(choices["friction.model"], 1))
+    for node in (scene["properties"]["contact"], mechanism["$defs"]["contact_law"]):
+        member = node["properties"]["friction_model"]
+        assert member["enum"] == [1, 2]
+        assert numbered in member["description"]
+    limits = schema.known_members(mechanism["$defs"]["limits"], mechanism)
+    assert set(limits) - {"comment"} == set(list_loads())
+    assert set(TYPES) == {row.type for row in variables.values()}
+
+
+@pytest.mark.parametrize("group", read_groups())
+def test_every_output_group_of_the_schema_adds_outputs(group):
+    motion = {"target.motion": "driven" if group == "coupling" else "free"}
+    none, one = (
+        Docking("idss_25t_350t", {"outputs.groups": groups, **motion}) for groups in ([], [group])
+    )
+    assert len(one.variables) > len(none.variables)
+
+
+def test_a_check_names_the_cuts_as_the_file_does():
+    for name in ("hexapod_r2p1r3", "crank_nested", "planar_two_loop"):
+        path = ROOT / "tests" / "data" / f"{name}.json"
+        document = json.loads(path.read_text(encoding="utf-8"))
+        cuts = {loop["name"]: loop["cut"]["type"] for loop in document["mechanism"]["loops"]}
+        report = check_mechanism(path)
+        assert {loop["name"]: loop["cut"] for loop in report["loops"]} == cuts
+
+
+def test_the_hexapod_of_the_extremes_is_that_of_the_test_data():
+    """`dockloop extremes` works without tests/: it has the mechanism and the states once more."""
+    own = ROOT / "scripts" / "dockloop" / "extremes" / "hexapod_r2p1r3.json"
+    copy, data = (
+        json.loads(path.read_text(encoding="utf-8"))
+        for path in (own, ROOT / "tests" / "data" / "hexapod_r2p1r3.json")
+    )
+    assert copy["mechanism"] == data["mechanism"]
+    assert copy["home_q"] == data["home_q"]
+    states = [{key: state[key] for key in copy["states"][0]} for state in data["states"]]
+    assert all(state in states for state in copy["states"])
+
+
+def test_a_second_list_is_found():
+    members = ["undecided", "captured", "partial capture", "rebound", "miss"]
+    assert find_runs('x = ("captured",\n "rebound", "miss")', members) == [1]
+    assert find_runs('if outcome in ("captured", "rebound"):', members) == []
+    assert find_runs(f'"captured" {GAP * "-"} "rebound", "miss"', members) == []
+    assert find_numbered("int outcome;\n// 1 undecided, 2 captured", members) == [2]
+    assert find_numbered("in 5 s, 2 captured", members) == []
