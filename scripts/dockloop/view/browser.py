@@ -19,7 +19,7 @@ from dockloop.errors import DockloopError
 from dockloop.outputs import scratch
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-_PATIENCE = 60.0  # s for one answer
+_PATIENCE = 180.0  # s for one answer
 _OPTIONS = (
     *("--headless=new", "--remote-debugging-pipe", "--no-first-run", "--hide-scrollbars"),
     *("--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
