@@ -46,6 +46,7 @@ Status evaluate(Sim& sim, const Extended& time, const Extended* y, Extended* ydo
   }
   me.loads.gravity = loads.gravity.template cast<Extended>();
   me.loads.command = loads.command.template cast<Extended>();
+  me.data->locked = sim.data->locked;
   copy_reference(sim.data->mechanism.loops.reference, me.data->mechanism.loops.reference);
   return calc_docking<Extended>(*sim.model, sim.discrete, sim.memory, me.loads, sim.elapsed + time,
                                 y, ydot, *me.data);

@@ -53,7 +53,7 @@ BaseJumpWorkspace::BaseJumpWorkspace(const Mechanism& mechanism) {
 Status jump_to_momentum(const DockingModel& model, const FrameMotion<double>& before,
                         const Wrench<double>& momentum, double* y, DockingData<double>& data,
                         BaseJumpWorkspace& work) {
-  if (model.locked.on) {  // carried bodies move with the vehicle
+  if (data.locked) {  // carried bodies move with the vehicle
     set_momentum(model, kChaser, momentum, y);
     return {};
   }
@@ -82,7 +82,7 @@ Status hold_capture_body(const DockingModel& model, const Pose<double>& capture,
                          DockingData<double>& data, BaseJumpWorkspace& work) {
   const int n = static_cast<int>(work.dq.size());
   const int body = model.mechanism.model.capture_body;
-  if (n == 0 || body == kBase || body == model.mechanism.vehicle || model.locked.on) return {};
+  if (n == 0 || body == kBase || body == model.mechanism.vehicle || data.locked) return {};
   const Status status = calc_mechanism_position(model, y, data);
   if (!status.ok()) return status;
   MechanismData<double>& mechanism = data.mechanism;

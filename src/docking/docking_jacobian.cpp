@@ -28,6 +28,7 @@ void start_docking_pass(const DockingModel& model, const Loads& loads, double t,
 Status calc_docking_pass(const DockingModel& model, const DiscreteState& discrete,
                          const ContactMemory& memory, const DockingData<double>& at,
                          DockingPass& pass) {
+  pass.data.locked = at.locked;
   copy_pose(at.mechanism, pass.data.mechanism);
   return calc_docking(model, discrete, memory, pass.loads, pass.t, pass.y.data(), pass.ydot.data(),
                       pass.data);

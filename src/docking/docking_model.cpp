@@ -154,13 +154,11 @@ DockingModel make_docking_model(const Scene& scene,
   return model;
 }
 
-void lock_mechanism(DockingModel& model, DockingData<double>& data) {
+void lock_mechanism(const DockingModel& model, DockingData<double>& data, LockedMechanism& locked) {
   calc_leg_bodies(model.mechanism, data.mechanism);
   const TreeData<double>& tree = data.mechanism.tree;
   const FrameMotion<double>& chaser = data.vehicle[kChaser];
   const Pose<double> to_chaser = inverse(Pose<double>{chaser.R, chaser.p});
-  LockedMechanism& locked = model.locked;
-  locked.on = true;
   locked.q = tree.q;
   locked.capture = to_chaser * Pose<double>{data.capture.R, data.capture.p};
   locked.mechanism = VehicleBody();
@@ -173,6 +171,7 @@ void lock_mechanism(DockingModel& model, DockingData<double>& data) {
   }
   locked.whole =
       model.moves[kChaser] ? join(model.vehicle[kChaser], locked.mechanism) : locked.mechanism;
+  data.locked = &locked;
 }
 
 Status calc_mechanism_position(const DockingModel& model, const double* y,

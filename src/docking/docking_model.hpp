@@ -12,8 +12,9 @@
 // The vehicle's velocity follows from its momentum with the factor of the reduced inertia that the
 // accelerations need anyway.
 //
-// A mechanism may be locked (lock_mechanism): chaser and mechanism are then one rigid body whose
-// constants are known, loops and inertia are not evaluated, the states of the mechanism rest.
+// Two right-hand sides: the mechanism moves, or it is locked (LockedMechanism, of DockingData).
+// Chaser and locked mechanism are one rigid body. Loops and inertia are not evaluated, and the
+// states of the mechanism rest. Locked or not is a property of an evaluation, not of the model.
 #pragma once
 
 #include <array>
@@ -46,14 +47,14 @@ struct StateLayout {
 /// A mechanism that is held still relative to its vehicle: with it, it is one rigid body, and
 /// evaluations need nothing else of it. Axes and origin of the chaser.
 struct LockedMechanism {
-  bool on = false;
   VehicleBody mechanism;  ///< all bodies but the chaser
   VehicleBody whole;      ///< chaser (if it moves) and mechanism
   Pose<double> capture;   ///< G
   VecX<double> q;         ///< all coordinates, where they are held
 };
 
-/// Everything that does not change during a run.
+/// Everything that does not change during a run. A simulation replaces its model by a changed copy
+/// for other tunable parameters (thrust, contact law) and for other independent coordinates.
 struct DockingModel {
   explicit DockingModel(Mechanism attached) : mechanism(std::move(attached)) {}
   Mechanism mechanism;  ///< on the chaser (or on the immobile base)
@@ -68,10 +69,9 @@ struct DockingModel {
   VehicleBody frozen;                           ///< stated less bare chaser, axes of C: the
                                                 ///< mechanism at home if it is included; negative:
                                                 ///< feet of massless legs if it is not
-  LockedMechanism locked;
-  Pose<double> base_in_chaser;        ///< B in C
-  Pose<double> capture_in_body;       ///< G in axes of the capture body
-  std::vector<int> mechanism_bodies;  ///< independent bodies without the vehicle
+  Pose<double> base_in_chaser;                  ///< B in C
+  Pose<double> capture_in_body;                 ///< G in axes of the capture body
+  std::vector<int> mechanism_bodies;            ///< independent bodies without the vehicle
   ContactModel contact;
   LatchSet latches;
   double thrust = 0.0, thrust_delay = 0.0;  ///< [N] along x of A at the CoM, [s]
@@ -114,6 +114,7 @@ struct FrameMotion {
 template <class S>
 struct DockingData {
   explicit DockingData(const DockingModel& model);
+  const LockedMechanism* locked = nullptr;  ///< set by the caller; null: the mechanism moves
   MechanismData<S> mechanism;
   BaseMotion<S> base;
   std::array<FrameMotion<S>, 2> vehicle;    ///< CoM frames C, D
@@ -136,10 +137,10 @@ DockingModel make_docking_model(const Scene& scene,
                                 const ContactLaw& law, const Vec3<double>& origin_of_O,
                                 int level = kReduced);
 
-/// Hold the mechanism where it is: from now on its coordinates and velocities in y are not read,
-/// their rates are zero. model.locked.on = false releases it.
-/// @pre calc_docking with the mechanism at rest and not locked
-void lock_mechanism(DockingModel& model, DockingData<double>& data);
+/// Hold the mechanism where it is. With data.locked its coordinates and velocities in y are not
+/// read, and their rates are zero.
+/// @pre calc_docking with the mechanism at rest and not locked. @post data.locked == &locked
+void lock_mechanism(const DockingModel& model, DockingData<double>& data, LockedMechanism& locked);
 
 /// Put a mechanism in other independent coordinates into the model (the same bodies and loops).
 void set_mechanism(DockingModel& model, const Mechanism& mechanism);

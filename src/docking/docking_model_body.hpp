@@ -125,11 +125,13 @@ void calc_locked_kinematics(const DockingModel& model, const S* y, DockingData<S
   FrameMotion<S>& chaser = data.vehicle[kChaser];
   chaser = get_vehicle_pose(model, kChaser, y);
   TreeData<S>& tree = data.mechanism.tree;
-  tree.q = model.locked.q.template cast<S>();
+  const LockedMechanism& locked = *data.locked;
+  tree.q = locked.q.template cast<S>();
   tree.v.setZero();
   data.mechanism.vdot.setZero();
+  data.mechanism.linear_momentum.setZero();
   if (model.mechanism.vehicle != kBase) {
-    const VehicleBody& whole = model.locked.whole;
+    const VehicleBody& whole = locked.whole;
     const S* x = y + model.layout.momentum[kChaser];
     const Vec3<S> linear(x[0], x[1], x[2]), angular(x[3], x[4], x[5]);
     const Vec3<S> c = chaser.R * whole.com.template cast<S>();
@@ -141,25 +143,22 @@ void calc_locked_kinematics(const DockingModel& model, const S* y, DockingData<S
     tree.m_sum[0] = S(whole.mass);
     tree.h_sum[0] = S(whole.mass) * c;
   }
-  data.capture = find_frame_on(chaser, model.locked.capture);
+  data.capture = find_frame_on(chaser, locked.capture);
+  calc_frames(model, y, data);
 }
 
-/// Everything that follows from position and velocity alone.
+/// Everything that follows from position and velocity alone, with a mechanism that moves.
 template <class S>
 Status calc_kinematics(const DockingModel& model, const S& t, const S* y, Need need,
                        DockingData<S>& data) {
-  if (model.locked.on) {
-    calc_locked_kinematics(model, y, data);
-  } else {
-    put_mechanism_state(model, y, data.mechanism.tree);
-    data.mechanism.tree.time = t;
-    const Status status = calc_position(model.mechanism, data.mechanism, need);
-    if (!status.ok()) return status;
-    if (model.mechanism.vehicle != kBase) {
-      calc_chaser_velocity(model, get_vehicle_pose(model, kChaser, y), y, data.mechanism);
-    }
-    calc_velocity(model.mechanism, data.base, data.mechanism);
+  put_mechanism_state(model, y, data.mechanism.tree);
+  data.mechanism.tree.time = t;
+  const Status status = calc_position(model.mechanism, data.mechanism, need);
+  if (!status.ok()) return status;
+  if (model.mechanism.vehicle != kBase) {
+    calc_chaser_velocity(model, get_vehicle_pose(model, kChaser, y), y, data.mechanism);
   }
+  calc_velocity(model.mechanism, data.base, data.mechanism);
   calc_frames(model, y, data);
   return {};
 }
@@ -168,7 +167,7 @@ Status calc_kinematics(const DockingModel& model, const S& t, const S* y, Need n
 
 template <class S>
 void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data) {
-  if (!model.locked.on) {
+  if (!data.locked) {
     data.vehicle[kChaser] = model.mechanism.vehicle != kBase
                                 ? get_body_motion(data.mechanism.tree, model.mechanism.vehicle)
                                 : get_vehicle_pose(model, kChaser, y);
@@ -277,7 +276,7 @@ Wrench<S> find_inertial_load(const VehicleBody& part, const FrameMotion<S>& chas
 template <class S>
 void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
   const int vehicle = model.mechanism.vehicle;
-  if (!model.locked.on) {
+  if (!data.locked) {
     calc_reactions(model.mechanism, data.base, vehicle, data.mechanism);
     return;
   }
@@ -287,7 +286,7 @@ void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
   captured.t = -data.on_passive.t - (data.capture.p - chaser.p).cross(data.on_passive.f);
   Vec3<S> a = -data.base.gravity, alpha = Vec3<S>::Zero();
   if (vehicle != kBase) {
-    const VehicleBody& whole = model.locked.whole;
+    const VehicleBody& whole = data.locked->whole;
     const Wrench<S> load = data.mechanism.tree.external[vehicle] + captured;
     const Vec3<S> c = chaser.R * whole.com.template cast<S>();
     const Vec3<S> w = chaser.R.transpose() * chaser.w;
@@ -300,7 +299,7 @@ void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
     data.mechanism.tree.alpha[vehicle] = alpha;
   }
   Wrench<S>& on_base = data.mechanism.on_base;
-  on_base = S(-1) * find_inertial_load(model.locked.mechanism, chaser, a, alpha);
+  on_base = S(-1) * find_inertial_load(data.locked->mechanism, chaser, a, alpha);
   if (model.mechanism.model.capture_body != vehicle) on_base += captured;
   if (vehicle == kBase) on_base.t += chaser.p.cross(on_base.f);
 }
@@ -317,7 +316,7 @@ Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
   data.base.gravity = gravity;
   for (Wrench<S>& load : mechanism.tree.external) load = Wrench<S>();
   const int capture_body = model.mechanism.model.capture_body;
-  if (capture_body != kBase && !model.locked.on) {
+  if (capture_body != kBase && !data.locked) {
     Wrench<S>& load = mechanism.tree.external[capture_body];
     load.f -= data.on_passive.f;
     load.t -= data.on_passive.t +
@@ -337,19 +336,14 @@ Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
   return {};
 }
 
-template <class S>
-Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
-                    const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
-                    S* ydot, DockingData<S>& data, Need need) {
-  Status status = calc_kinematics(model, t, y, need, data);
-  if (!status.ok()) return status;
-  status = calc_loads(model, discrete, memory, loads, t, y, ydot, data);
-  if (!status.ok()) return status;
-  MechanismData<S>& mechanism = data.mechanism;
-  if (!model.locked.on) calc_acceleration(model.mechanism, data.base, mechanism);
-  if (!ydot) return {};
+namespace {
 
+/// Rates of all states. @pre calc_loads; accelerations of a mechanism that moves
+template <class S>
+void put_rates(const DockingModel& model, const ExternalLoads<S>& loads, const S* y, S* ydot,
+               DockingData<S>& data) {
   // Mechanism relative to its vehicle.
+  MechanismData<S>& mechanism = data.mechanism;
   int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
   for (int i : model.mechanism_bodies) {
     const Body& body = model.mechanism.model.bodies[i];
@@ -361,6 +355,26 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
     calc_loop_forces(model.mechanism.plan, mechanism.vdot, mechanism.loops);
   }
   calc_vehicle_rates(model, loads, y, ydot, data);
+}
+
+}  // namespace
+
+template <class S>
+Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
+                    const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
+                    S* ydot, DockingData<S>& data, Need need) {
+  Status status;
+  if (data.locked) {
+    calc_locked_kinematics(model, y, data);
+    status = calc_loads(model, discrete, memory, loads, t, y, ydot, data);
+    if (!status.ok()) return status;
+  } else {
+    status = calc_kinematics(model, t, y, need, data);
+    if (status.ok()) status = calc_loads(model, discrete, memory, loads, t, y, ydot, data);
+    if (!status.ok()) return status;
+    calc_acceleration(model.mechanism, data.base, data.mechanism);
+  }
+  if (ydot) put_rates(model, loads, y, ydot, data);
   return {};
 }
 
@@ -392,7 +406,7 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
     const S* momentum = y + model.layout.momentum[kChaser];
     power += chaser_force.dot(chaser.v) + chaser_moment.dot(chaser.w) +
              gravity.dot(Vec3<S>(momentum[0], momentum[1], momentum[2]));
-  } else if (!model.locked.on && !(gravity.array() == S(0)).all()) {
+  } else if (!(gravity.array() == S(0)).all()) {
     power += gravity.dot(mechanism.linear_momentum);  // weight of the mechanism
   }
   if (model.moves[kTarget]) {
@@ -441,9 +455,9 @@ Wrench<S> find_part_momentum(const VehicleBody& part, const FrameMotion<S>& chas
 template <class S>
 S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
   S energy(0);
-  if (model.locked.on) {
+  if (data.locked) {
     const FrameMotion<S>& chaser = data.vehicle[kChaser];
-    const Wrench<S> p = find_part_momentum(model.locked.whole, chaser);
+    const Wrench<S> p = find_part_momentum(data.locked->whole, chaser);
     energy += S(0.5) * (chaser.v.dot(p.f) + chaser.w.dot(Vec3<S>(p.t - chaser.p.cross(p.f))));
   } else {
     energy += find_mechanism_energy(model.mechanism, data.mechanism);
@@ -487,7 +501,7 @@ Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingDat
                                                 (target.R.transpose() * target.w));
     return sum;
   }
-  if (model.locked.on) return find_part_momentum(model.locked.whole, data.vehicle[kChaser]);
+  if (data.locked) return find_part_momentum(data.locked->whole, data.vehicle[kChaser]);
   sum = find_motion_sums(model.mechanism, data.mechanism).momentum;
   const int body = model.mechanism.vehicle;
   if (body != kBase) sum += find_body_momentum(model, body, data);
@@ -512,10 +526,9 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
     mass += sign * S(part.mass);
     first_moment += sign * S(part.mass) * (chaser.p + chaser.R * part.com.template cast<S>());
   };
-  if (model.locked.on) {
-    add(model.driven[kChaser] ? model.locked.mechanism : model.locked.whole, S(1));
-  }
-  if (!model.locked.on) {
+  if (data.locked) {
+    add(model.driven[kChaser] ? data.locked->mechanism : data.locked->whole, S(1));
+  } else {
     const LegSums<S> moving = find_motion_sums(model.mechanism, data.mechanism);
     sum += moving.momentum;
     mass += moving.mass;

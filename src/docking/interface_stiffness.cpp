@@ -49,8 +49,8 @@ Mat6<double> find_mobility(const DockingModel& model, const DockingData<double>&
   Mat6<double> sum = Mat6<double>::Zero();
   if (model.moves[kChaser]) {
     Mat6<double> inverse;  // with free joints: the leading block of the whole inverse
-    if (model.locked.on) inverse = make_locked_inertia(model.locked.whole).inverse();
-    for (int i = 0; !model.locked.on && i < 6; ++i) {
+    if (at.locked) inverse = make_locked_inertia(at.locked->whole).inverse();
+    for (int i = 0; !at.locked && i < 6; ++i) {
       column.setZero();
       column[i] = 1.0;
       at.mechanism.factor.solveInPlace(column);
@@ -93,7 +93,7 @@ class Seeds {
     const bool with_vehicle = model_.moves[kChaser];
     const MatX<double>& A = at_.mechanism.A_ind;
     if (direction < model_.layout.mechanism_nv) {
-      if (model_.locked.on) return;
+      if (at_.locked) return;
       seeded_[model_.layout.mechanism_v + direction].d[lane] = 1.0;
       if (with_vehicle) put_chaser_momentum(A.col(6 + direction).head<6>(), lane);
       return;
@@ -102,8 +102,8 @@ class Seeds {
     if (mover() == kChaser) {
       Vec6<double> body;
       body << geometry_.R.transpose() * twist.v, geometry_.R.transpose() * twist.w;
-      const Mat6<double> inertia = model_.locked.on ? make_locked_inertia(model_.locked.whole)
-                                                    : Mat6<double>(A.topLeftCorner<6, 6>());
+      const Mat6<double> inertia = at_.locked ? make_locked_inertia(at_.locked->whole)
+                                              : Mat6<double>(A.topLeftCorner<6, 6>());
       return put_chaser_momentum(inertia * body, lane);
     }
     const FrameMotion<double>& target = at_.vehicle[kTarget];

@@ -205,7 +205,8 @@ Dependencies DockingSim::find_dependencies() {
     for_each_value(me.inputs, [&](double& value) { value += any(random); });
     if (sample > 0) me.spread_states(random);
     me.memory = ContactMemory();
-    me.model->thrust = sample % 2 ? 100.0 : me.model->thrust;
+    if (sample % 2) me.parameters.contact_thrust = 100.0;
+    me.adopt_tunables();
     me.discrete.thrust_on = sample % 2 != 0;
     for (LatchState& latch : me.discrete.latch) {
       latch.mode = static_cast<LatchMode>(1 + sample % 4);

@@ -240,13 +240,29 @@ void DockingSim::Impl::load(const SavedSim& from) {
   }
 }
 
-/// Take over parameters that may be changed during a run.
+/// Take over parameters that may be changed during a run. Other values make a new model.
 void DockingSim::Impl::adopt_tunables() {
-  if (!model->contact.empty()) set_law(model->contact, make_contact_law());  // may throw
+  const ContactLaw law = make_contact_law(), &last = model->contact.law;
+  const bool same_law = model->contact.empty() ||
+                        (law.friction_coefficient == last.friction_coefficient &&
+                         law.friction_model == last.friction_model && law.damping == last.damping);
+  if (!same_law || parameters.contact_thrust != model->thrust ||
+      parameters.contact_thrust_delay != model->thrust_delay) {
+    const auto changed = std::make_shared<DockingModel>(*model);
+    if (!changed->contact.empty()) set_law(changed->contact, law);  // may throw
+    changed->thrust = parameters.contact_thrust;
+    changed->thrust_delay = parameters.contact_thrust_delay;
+    use_model(changed);
+  }
   drifted = kept_jacobian.valid = false;
-  model->thrust = parameters.contact_thrust;
-  model->thrust_delay = parameters.contact_thrust_delay;
   update_thrust(elapsed);
+}
+
+/// From now on the equations are those of a changed copy of the model. The layout of the state is
+/// the same.
+void DockingSim::Impl::use_model(std::shared_ptr<const DockingModel> changed) {
+  events->use_model(*changed);
+  model = std::move(changed);
 }
 
 }  // namespace dockloop

@@ -9,7 +9,7 @@ namespace dockloop {
 
 int EventLogic::count_held_latches() const {
   int held = 0;
-  for (int i = 0; i < model_.latches.count(); ++i) {
+  for (int i = 0; i < model_->latches.count(); ++i) {
     held += discrete_.latch[i].mode == LatchMode::kHeld;
   }
   return held;
@@ -24,19 +24,19 @@ void EventLogic::calc_functions(DockingData<double>& at, double* roots) const {
     roots[0] = by_state ? at.contact.gap : -at.contact.pressed;
     roots[1] = by_state ? -at.contact.gap : at.contact.pressed;
   }
-  for (int i = 0; i < model_.latches.count(); ++i) roots[kFixedRoots + i] = at.latch.event[i];
+  for (int i = 0; i < model_->latches.count(); ++i) roots[kFixedRoots + i] = at.latch.event[i];
 }
 
 void EventLogic::calc_speeds(const DockingData<double>& at, double* speeds) const {
   std::fill_n(speeds, kFixedRoots, 0.0);
-  if (has_surfaces() && model_.contact.kind == ContactModel::Kind::kRings) {
-    const double bound = find_approach_bound(model_.contact, at.relative);
+  if (has_surfaces() && model_->contact.kind == ContactModel::Kind::kRings) {
+    const double bound = find_approach_bound(model_->contact, at.relative);
     if (!discrete_.contacted) speeds[0] = bound;
     if (may_part()) speeds[2] = bound;
   }
-  for (int i = 0; i < model_.latches.count(); ++i) {
+  for (int i = 0; i < model_->latches.count(); ++i) {
     speeds[kFixedRoots + i] =
-        find_event_speed(discrete_.latch[i], find_latch_motion(model_.latches, i, at.relative));
+        find_event_speed(discrete_.latch[i], find_latch_motion(model_->latches, i, at.relative));
   }
 }
 
@@ -47,15 +47,15 @@ void EventLogic::set_due_below(DockingData<double>& at, double limit) {
 }
 
 void EventLogic::note_latches(const DockingData<double>& at) {
-  for (int i = 0; i < model_.latches.count(); ++i) {
-    latches_before_[i] = find_latch_motion(model_.latches, i, at.relative);
+  for (int i = 0; i < model_->latches.count(); ++i) {
+    latches_before_[i] = find_latch_motion(model_->latches, i, at.relative);
   }
 }
 
 void EventLogic::find_passed_latches(const DockingData<double>& at, double h) {
-  for (int i = 0; i < model_.latches.count(); ++i) {
-    passed_[i] = is_passed(model_.latches.law, discrete_.latch[i], latches_before_[i],
-                           find_latch_motion(model_.latches, i, at.relative), h);
+  for (int i = 0; i < model_->latches.count(); ++i) {
+    passed_[i] = is_passed(model_->latches.law, discrete_.latch[i], latches_before_[i],
+                           find_latch_motion(model_->latches, i, at.relative), h);
   }
 }
 
@@ -88,11 +88,11 @@ bool EventLogic::decide_absorber(const DockingData<double>& at) {
 
 bool EventLogic::update_latches(const DockingData<double>& at, double now, double& dissipated) {
   bool changed = false;
-  for (int i = 0; i < model_.latches.count(); ++i) {
+  for (int i = 0; i < model_->latches.count(); ++i) {
     if (!is_due(kFixedRoots + i) && !passed_[i] && at.latch.event[i] > 0.0) continue;
     LatchState& latch = discrete_.latch[i];
     const LatchMode before = latch.mode;
-    dissipated += update_latch(model_.latches, i, now, at.relative, latch, passed_[i] != 0);
+    dissipated += update_latch(model_->latches, i, now, at.relative, latch, passed_[i] != 0);
     changed = changed || latch.mode != before;
     // In a central docking the first latch catches before any surface touches.
     if (latch.mode == LatchMode::kHeld && !discrete_.contacted) begin_contact(now);
@@ -101,7 +101,7 @@ bool EventLogic::update_latches(const DockingData<double>& at, double now, doubl
 }
 
 void EventLogic::update_capture(double now) {
-  const int count = model_.latches.count();
+  const int count = model_->latches.count();
   const bool all = count > 0 && count_held_latches() == count;
   if (all && !discrete_.captured && discrete_.time_of_capture < 0.0) {
     discrete_.time_of_capture = now;
@@ -110,8 +110,8 @@ void EventLogic::update_capture(double now) {
 }
 
 std::optional<double> EventLogic::find_thrust_onset() const {
-  if (model_.thrust == 0.0 || !discrete_.contacted || discrete_.captured) return std::nullopt;
-  return discrete_.time_of_contact + model_.thrust_delay;
+  if (model_->thrust == 0.0 || !discrete_.contacted || discrete_.captured) return std::nullopt;
+  return discrete_.time_of_contact + model_->thrust_delay;
 }
 
 bool EventLogic::is_thrust_due(double now, double clock_rounding) const {
@@ -143,19 +143,19 @@ bool EventLogic::is_change_due(DockingData<double>& at, double now, double clock
 }
 
 bool EventLogic::may_part() const {
-  return has_surfaces() && model_.contact.kind == ContactModel::Kind::kRings &&
+  return has_surfaces() && model_->contact.kind == ContactModel::Kind::kRings &&
          !discrete_.captured && discrete_.phase != kRebound && count_held_latches() == 0;
 }
 
 double EventLogic::find_near_gap(DockingData<double>& at) const {
   const double gap = at.contact.gap;
   if (!has_surfaces() || discrete_.captured || gap < 0.0 || gap > kReboundGap) return gap;
-  return find_gap(model_.contact, at.relative, at.contact_work);
+  return find_gap(model_->contact, at.relative, at.contact_work);
 }
 
 PhaseInputs EventLogic::find_phase_inputs(const DockingData<double>& at, double gap) const {
   PhaseInputs in;
-  if (!model_.present[kTarget]) return in;
+  if (!model_->present[kTarget]) return in;
   const RelativeMotion<double> relative =
       find_relative(at.interface[kChaser], at.interface[kTarget]);
   in.gap = gap;
@@ -164,18 +164,18 @@ PhaseInputs EventLogic::find_phase_inputs(const DockingData<double>& at, double 
   in.speed = relative.v.norm();
   in.angular_speed = relative.w.norm();
   in.latched = count_held_latches();
-  in.seated = model_.latches.count() > 0 && in.gap <= kSeatedGap;
-  for (int i = 0; i < model_.latches.count(); ++i) {
-    in.seated = in.seated && at.latch.opening[i] <= model_.latches.law.catch_distance;
+  in.seated = model_->latches.count() > 0 && in.gap <= kSeatedGap;
+  for (int i = 0; i < model_->latches.count(); ++i) {
+    in.seated = in.seated && at.latch.opening[i] <= model_->latches.law.catch_distance;
   }
-  for (int i = 0; i < model_.contact.petal_count(); ++i) {
+  for (int i = 0; i < model_->contact.petal_count(); ++i) {
     in.on_petal = in.on_petal || !at.contact.petal_force[i].isZero(0.0);
   }
   return in;
 }
 
 LatchReport EventLogic::find_latch_report(const DockingData<double>& at, int i) const {
-  const LatchLaw& law = model_.latches.law;
+  const LatchLaw& law = model_->latches.law;
   switch (discrete_.latch[i].mode) {
     case LatchMode::kHeld:
       return kCaught;
@@ -194,16 +194,16 @@ LatchReport EventLogic::find_latch_report(const DockingData<double>& at, int i) 
 }
 
 double EventLogic::find_free_gap(DockingData<double>& at, double exact_below) const {
-  if (!model_.present[kTarget]) return kNoGap;
+  if (!model_->present[kTarget]) return kNoGap;
   double gap = at.contact.gap;  // a cheap bound
   if (gap <= exact_below && has_surfaces()) {
-    gap = find_gap(model_.contact, at.relative, at.contact_work);
+    gap = find_gap(model_->contact, at.relative, at.contact_work);
   }
-  const LatchLaw& law = model_.latches.law;
-  for (int i = 0; i < model_.latches.count(); ++i) {
+  const LatchLaw& law = model_->latches.law;
+  for (int i = 0; i < model_->latches.count(); ++i) {
     if (discrete_.latch[i].mode != LatchMode::kOpen) return 0.0;
     const Vec3<double> s =
-        at.relative.R * model_.latches.striker[i] + at.relative.p - model_.latches.hook[i];
+        at.relative.R * model_->latches.striker[i] + at.relative.p - model_->latches.hook[i];
     gap = std::min(gap, std::max(s.x() - law.pawl_range, s.tail<2>().norm() - 2.0 * law.window));
   }
   return gap;

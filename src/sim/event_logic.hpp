@@ -22,11 +22,13 @@ class EventLogic {
  public:
   /// Keeps references to all three.
   EventLogic(const DockingModel& model, DiscreteState& discrete, ContactMemory& memory)
-      : model_(model), discrete_(discrete), memory_(memory) {}
+      : model_(&model), discrete_(discrete), memory_(memory) {}
+  /// The same events in a changed copy of the model.
+  void use_model(const DockingModel& model) { model_ = &model; }
 
-  int root_count() const { return kFixedRoots + model_.latches.count(); }
-  bool has_surfaces() const { return model_.present[kTarget] && !model_.contact.empty(); }
-  bool is_absorber() const { return model_.contact.kind == ContactModel::Kind::kAbsorber; }
+  int root_count() const { return kFixedRoots + model_->latches.count(); }
+  bool has_surfaces() const { return model_->present[kTarget] && !model_->contact.empty(); }
+  bool is_absorber() const { return model_->contact.kind == ContactModel::Kind::kAbsorber; }
   int count_held_latches() const;
 
   // Event functions between accepted states
@@ -92,7 +94,7 @@ class EventLogic {
   /// Is a rebound possible? Its event function is then checked between accepted states.
   bool may_part() const;
 
-  const DockingModel& model_;
+  const DockingModel* model_;
   DiscreteState& discrete_;
   ContactMemory& memory_;
   std::array<char, kFixedRoots + kMaxLatches> due_{};

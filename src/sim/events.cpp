@@ -40,7 +40,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
 
 /// The present pose becomes the accepted configuration: the next poses continue from it.
 void DockingSim::Impl::keep_pose() {
-  if (model->locked.on) return;
+  if (data->locked) return;
   pose_is_kept = false;
   keep_reference(model->mechanism, data->mechanism);
   rate_data->mechanism.loops.reference = data->mechanism.loops.reference;
@@ -66,7 +66,7 @@ void DockingSim::Impl::warn_of_tilt(double now) {
 /// All coordinates and velocities, and therefore momentum and energy, stay unchanged.
 /// @param changed  set if the meaning of the state changed
 Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
-  if (model->locked.on) return {};
+  if (data->locked) return {};
   const double margin = find_singularity_margin(model->mechanism, data->mechanism);
   if (margin < model->mechanism.model.singularity.warning && !warned_margin) {
     char text[120];
@@ -99,7 +99,9 @@ Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
 void DockingSim::Impl::use_coordinates(std::shared_ptr<const Coordinates> choice) {
   pose_is_kept = false;
   if (!start_mechanism) start_mechanism = std::make_unique<Mechanism>(model->mechanism);
-  set_mechanism(*model, choice ? with_coordinates(*start_mechanism, *choice) : *start_mechanism);
+  const auto changed = std::make_shared<DockingModel>(*model);
+  set_mechanism(*changed, choice ? with_coordinates(*start_mechanism, *choice) : *start_mechanism);
+  use_model(changed);
   data->mechanism = MechanismData<double>(model->mechanism);
   rate_data->mechanism = MechanismData<double>(model->mechanism);
   if (interface_work) interface_work = std::make_unique<InterfaceWorkspace>(*model);
@@ -146,7 +148,7 @@ bool DockingSim::Impl::update_latches(double now) {
 Status DockingSim::Impl::evaluate(double tau, bool may_be_locked, double* ydot) {
   drifted = false;
   if (parameters.model_level != kRigid) {
-    model->locked.on = may_be_locked && quiescent.on && may_be_quiescent();
+    data->locked = may_be_locked && quiescent.on && may_be_quiescent() ? &locked : nullptr;
   }
   Status status = calc_docking<double>(*model, discrete, memory, find_loads(tau), elapsed + tau,
                                        stepper->y(), ydot, *data);
@@ -156,7 +158,7 @@ Status DockingSim::Impl::evaluate(double tau, bool may_be_locked, double* ydot) 
 
 /// evaluate(0), unless a free drift has just evaluated this state.
 Status DockingSim::Impl::evaluate_present() {
-  if (drifted && quiescent.on && model->locked.on && may_be_quiescent()) return {};
+  if (drifted && quiescent.on && data->locked && may_be_quiescent()) return {};
   return evaluate(0.0);
 }
 
@@ -178,7 +180,7 @@ const double* DockingSim::Impl::find_start_rates() const {
 Status DockingSim::Impl::evaluate_end(double tau) {
   const bool is_there = evaluated == Evaluated::kTrial && is_evaluated(tau, stepper->y());
   // If locked, parts of rate_data are out of date.
-  if (!is_there || model->locked.on || rate_data->mechanism.found == Need::kRates) {
+  if (!is_there || data->locked || rate_data->mechanism.found == Need::kRates) {
     return evaluate(tau);
   }
   std::swap(data, rate_data);

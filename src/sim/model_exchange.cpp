@@ -46,7 +46,6 @@ Status DockingSim::get_rates(double* ydot) {
 
 Status DockingSim::Impl::calc_rates(double* ydot) {
   read_inputs();
-  if (parameters.model_level != kRigid) model->locked.on = false;  // as the equations have them
   const Status status = calc_docking<double>(*model, discrete, memory, loads, elapsed, stepper->y(),
                                              ydot, *rate_data);
   if (!status.ok()) return status;
@@ -58,7 +57,6 @@ Status DockingSim::Impl::calc_rates(double* ydot) {
 Status DockingSim::get_indicators(double* indicator) {
   Impl& me = *impl_;
   me.read_inputs();
-  if (me.parameters.model_level != kRigid) me.model->locked.on = false;
   const Status status = calc_docking<double>(*me.model, me.discrete, me.memory, me.loads,
                                              me.elapsed, me.stepper->y(), nullptr, *me.rate_data);
   if (!status.ok()) return status;
@@ -105,7 +103,7 @@ Status DockingSim::complete_step(bool& event_due) {
 bool DockingSim::Impl::is_event_due() const {
   const double margin = find_singularity_margin(model->mechanism, data->mechanism);
   return events->is_change_due(*data, elapsed, find_clock_rounding(elapsed)) ||
-         (!model->locked.on && margin < kChangeMargin && margin <= kLookAgain * margin_looked_at);
+         (!data->locked && margin < kChangeMargin && margin <= kLookAgain * margin_looked_at);
 }
 
 Status DockingSim::update_discrete_states(EventUpdate& update) {

@@ -71,7 +71,7 @@ Status DockingSim::Impl::update_bodies() {
   read_momentum<double>(find_present_source(), outputs);
   outputs.momentum_residual = std::max(
       momentum_audit.residual, find_momentum_residual(*model, *data, stepper->y(), momentum_audit));
-  const bool moves = !model->locked.on;
+  const bool moves = !data->locked;
   outputs.solver_closure_residual =
       std::max(moves ? find_closure_residual(model->mechanism, data->mechanism) : 0.0, drift);
   return {};

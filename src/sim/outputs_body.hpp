@@ -152,7 +152,7 @@ template <class S>
 S find_leg_force(const DockingModel& model, const DockingData<S>& data, const Leg& leg) {
   const Mechanism& mechanism = model.mechanism;
   S force = data.joint_force[leg.force];
-  if (model.locked.on) return force;  // forces of couplings are unknown
+  if (data.locked) return force;  // forces of couplings are unknown
   for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
     const Loop& loop = mechanism.model.loops[k];
     if (loop.cut != CutType::kCoupling) continue;
@@ -192,7 +192,7 @@ void read_mechanism(const OutputSource<S>& from, OutputValues<S>& out) {
   for (size_t k = 0; k < out.loop_force.size(); ++k) {
     const int count = std::min(3, equation_count(model.mechanism.model.loops[k].cut));
     out.loop_force[k].setZero();
-    if (model.locked.on) continue;  // cut forces are unknown
+    if (from.data.locked) continue;  // cut forces are unknown
     for (int j = 0; j < count; ++j) {
       out.loop_force[k][j] =
           get_cut_force(model.mechanism.plan, mechanism.loops, static_cast<int>(k), j);

@@ -160,12 +160,12 @@ void DockingSim::Impl::lock_quiescent() {
   calc_mechanism_position(*model, rates.data(), *data);  // this pose was evaluated before
   data->vehicle[kChaser] = get_vehicle_pose(*model, kChaser, rates.data());
   data->capture = find_capture_motion(*model, data->mechanism.tree);
-  lock_mechanism(*model, *data);
+  lock_mechanism(*model, *data, locked);
 }
 
 /// The vehicle with all carried bodies, as one body: axes of the vehicle.
 const VehicleBody& DockingSim::Impl::find_drifting_body(int i) const {
-  return i == kTarget ? model->vehicle[kTarget] : model->locked.whole;
+  return i == kTarget ? model->vehicle[kTarget] : locked.whole;
 }
 
 /// Time without possible contact forces and with a limited number of attitude steps [s].

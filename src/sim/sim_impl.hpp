@@ -203,6 +203,7 @@ struct DockingSim::Impl : SimState {
   void check_restored();
   void take(const SavedSim& from);
   void adopt_tunables();
+  void use_model(std::shared_ptr<const DockingModel> changed);
 
   // outputs.cpp
   std::array<double, kPeakCount> find_peak_values() const;
@@ -276,9 +277,10 @@ struct DockingSim::Impl : SimState {
   std::string status_text;
   std::vector<std::string> warnings;
 
-  // set by start(), then constant except for tunable parameters and the choice of coordinates
+  // set by start(); a const model is replaced for other tunable parameters or coordinates
   std::shared_ptr<const Setup> setup;  ///< null before start()
-  std::unique_ptr<DockingModel> model;
+  std::shared_ptr<const DockingModel> model;
+  LockedMechanism locked;  ///< the mechanism while it is quiescent; at model.level 1 always
   std::unique_ptr<Mechanism> start_mechanism;      ///< in the coordinates of the start
   std::unique_ptr<DockingData<double>> data;       ///< at the last accepted state
   std::unique_ptr<DockingData<double>> rate_data;  ///< at trial states of the integrator

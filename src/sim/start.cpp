@@ -375,15 +375,16 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   setup = std::move(from);
   parameters = setup->parameters;
   choose_frame_O();
-  model = std::make_unique<DockingModel>(make_docking_model(
+  const auto made = std::make_shared<DockingModel>(make_docking_model(
       *scene, parameters.vehicle, make_contact_law(), frame_origin, parameters.model_level));
+  made->thrust = parameters.contact_thrust;
+  made->thrust_delay = parameters.contact_thrust_delay;
+  // In model exchange frame O must be a function of time alone: O then drifts and does not fall.
+  if (fmi_kind == FmiKind::kModelExchange) made->falling = false;
+  model = made;
   events = std::make_unique<EventLogic>(*model, discrete, memory);
   start_mechanism.reset();
   state_bodies = model->mechanism_bodies;
-  model->thrust = parameters.contact_thrust;
-  model->thrust_delay = parameters.contact_thrust_delay;
-  // In model exchange frame O must be a function of time alone: O then drifts and does not fall.
-  if (fmi_kind == FmiKind::kModelExchange) model->falling = false;
   data = std::make_unique<DockingData<double>>(*model);
   rate_data = std::make_unique<DockingData<double>>(*model);
   derivative_pass.reset();
@@ -417,7 +418,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   keep_pose();
   if (parameters.model_level == kRigid) {
     check_mechanism_rests();
-    lock_mechanism(*model, *data);
+    lock_mechanism(*model, *data, locked);
+    rate_data->locked = &locked;
     if (!evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
   }
   start_energy_audit(*model, *data, stepper->y(), energy_audit);
@@ -446,7 +448,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   peaks.start(0.0, find_peak_values());
   const double* q = stepper->y() + model->layout.mechanism_q;
   quiescent.q.assign(q, q + model->layout.mechanism_nq);
-  if (!model->locked.on) model->locked.q = data->mechanism.tree.q;  // memory for later
+  if (!data->locked) locked.q = data->mechanism.tree.q;  // memory for later
   start_coupling();
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
@@ -630,7 +632,7 @@ void DockingSim::Impl::warn_about_start() {
         "input 'gravity'");
   }
   const VehicleParameters &p = parameters.vehicle[kChaser], &stated = scene->vehicle[kChaser];
-  const bool as_stated = parameters.model_level == scene->level && !model->locked.on &&
+  const bool as_stated = parameters.model_level == scene->level && !data->locked &&
                          p.interface_position == stated.interface_position &&
                          p.interface_attitude == stated.interface_attitude && model->moves[kChaser];
   if (kernels && as_stated && !is_made_for(*kernels, model->mechanism)) {
@@ -642,9 +644,9 @@ void DockingSim::Impl::warn_about_start() {
   // k >= 4 m v^2/rounding^2 for the impacting mass: the capture body on its legs, or all bodies.
   const int body = model->mechanism.model.capture_body;
   double mass = body == kBase ? 0.0 : model->mechanism.model.bodies[body].mass;
-  if (model->locked.on) {
+  if (data->locked) {
     double inverse_mass = 0.0;
-    if (model->moves[kChaser]) inverse_mass += 1.0 / model->locked.whole.mass;
+    if (model->moves[kChaser]) inverse_mass += 1.0 / locked.whole.mass;
     if (model->moves[kTarget]) inverse_mass += 1.0 / model->vehicle[kTarget].mass;
     mass = inverse_mass > 0.0 ? 1.0 / inverse_mass : 0.0;
   }

@@ -60,7 +60,7 @@ class Docking {
     }
     loads_.command.setZero(static_cast<int>(model_.mechanism.model.forces.size()));
     if (!rates().ok()) throw ModelError(file + ": the start state cannot be evaluated");
-    if (scene_.level == kRigid) lock_mechanism(model_, data_);
+    if (scene_.level == kRigid) lock_mechanism(model_, data_, locked_);
     touching_ = y_;
     has_contact_ = model_.present[kTarget] && !model_.contact.empty();
     if (!has_contact_) return;
@@ -93,7 +93,7 @@ class Docking {
   void add_benchmarks(const std::string& name) {
     MechanismData<double>& mechanism = data_.mechanism;
     add(name + "/1 whole", [this] { rates(); });
-    if (!model_.locked.on) {
+    if (!data_.locked) {
       add(name + "/2 position",
           [this, &mechanism] { calc_position(model_.mechanism, mechanism, Need::kRates); });
       add(name + "/3 velocity",
@@ -143,6 +143,7 @@ class Docking {
   Scene scene_;
   DockingModel model_;
   DockingData<double> data_;
+  LockedMechanism locked_;  ///< at model.level 1
   DiscreteState discrete_;
   ContactMemory awake_, asleep_, closed_;  ///< knows nothing; far apart; in contact
   Loads loads_;

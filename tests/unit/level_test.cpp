@@ -90,9 +90,12 @@ TEST(RigidLevel, is_the_tree_with_held_joints_at_any_pose) {
                                        tree.rate[kChaser], tree.y.data(), tree.data)
                       .ok());
       tree.evaluate();
-      DockingModel model = tree.model;
-      lock_mechanism(model, tree.data);
+      const DockingModel& model = tree.model;
+      LockedMechanism locked;
+      lock_mechanism(model, tree.data, locked);
+      tree.data.locked = nullptr;
       DockingData<double> data(model);
+      data.locked = &locked;
       std::vector<double> ydot(tree.y.size(), 1.0);
       ASSERT_TRUE(calc_docking<double>(model, tree.discrete, tree.memory, tree.loads, 0.0,
                                        tree.y.data(), ydot.data(), data)
@@ -160,9 +163,10 @@ TEST(RigidLevel, has_the_derivatives_of_its_rates) {
   docking.set_random_state(random, 0.002);
   docking.set_random_loads(random);
   docking.evaluate();
-  lock_mechanism(docking.model, docking.data);
-  docking.evaluate();
   const DockingModel& model = docking.model;
+  LockedMechanism locked;
+  lock_mechanism(model, docking.data, locked);
+  docking.evaluate();
   const int size = model.layout.size;
   DockingPass pass(model);
   MatX<double> J(size, size);
