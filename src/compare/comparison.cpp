@@ -13,12 +13,10 @@ namespace {
 /// The rates without contact and latches: what never is stiff.
 MildRates make_mild_rates(DockingSim::Impl& sim) {
   return [&sim](double t, const double* y, double* ydot) {
-    sim.evaluated = DockingSim::Impl::Evaluated::kNothing;
-    sim.rate_data->touches = false;
-    const Status status =
-        calc_docking<double>(*sim.model, sim.discrete, sim.memory, sim.find_loads(t),
-                             sim.elapsed + t, y, ydot, *sim.rate_data, Need::kRates);
-    sim.rate_data->touches = true;
+    sim.evaluator->forget();
+    sim.trial().touches = false;
+    const Status status = sim.evaluator->aside(t, y, ydot, Need::kRates);
+    sim.trial().touches = true;
     return sim.update_failure_code(status, t, ydot, sim.model->layout.size);
   };
 }

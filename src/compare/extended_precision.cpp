@@ -39,15 +39,15 @@ Status evaluate(Sim& sim, const Extended& time, const Extended* y, Extended* ydo
     me.data = std::make_unique<DockingData<Extended>>(*sim.model);
     me.coordinates = sim.coordinates;
   }
-  const Loads& loads = sim.loads;
+  const Loads& loads = sim.loads.at_start();
   for (int i : {kChaser, kTarget}) {
     me.loads.force[i] = loads.force[i].template cast<Extended>();
     me.loads.torque[i] = loads.torque[i].template cast<Extended>();
   }
   me.loads.gravity = loads.gravity.template cast<Extended>();
   me.loads.command = loads.command.template cast<Extended>();
-  me.data->locked = sim.data->locked;
-  copy_reference(sim.data->mechanism.loops.reference, me.data->mechanism.loops.reference);
+  me.data->locked = sim.present().locked;
+  copy_reference(sim.present().mechanism.loops.reference, me.data->mechanism.loops.reference);
   return calc_docking<Extended>(*sim.model, sim.discrete, sim.memory, me.loads, sim.elapsed + time,
                                 y, ydot, *me.data);
 }
@@ -72,7 +72,7 @@ int calc_roots(Sim& sim, double time, const double* y, double* roots) {
     return 1;
   }
   const DockingData<Extended>& at = *sim.extended->data;
-  DockingData<double>& rounded = *sim.rate_data;
+  DockingData<double>& rounded = sim.trial();
   rounded.contact.gap = to_double(at.contact.gap);
   rounded.contact.pressed = to_double(at.contact.pressed);
   for (int i = 0; i < sim.model->latches.count(); ++i) {
@@ -83,7 +83,7 @@ int calc_roots(Sim& sim, double time, const double* y, double* roots) {
   };
   rounded.relative = {round(at.relative.R), round(at.relative.p), round(at.relative.w),
                       round(at.relative.v)};
-  sim.roots_at = &rounded;
+  sim.evaluator->put_events_into_trial();
   sim.events->calc_functions(rounded, roots);
   return 0;
 }

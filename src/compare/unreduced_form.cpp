@@ -48,19 +48,19 @@ class Multipliers : public UnreducedForm {
     dae.jacobian_cost = find_unreduced_jacobian_cost(*sim_.model, *form_);
     dae.residual = [this](double t, const double* z, const double* zdot, double* residual) {
       const Status status =
-          calc_unreduced_residual(*sim_.model, *form_, sim_.discrete, sim_.memory,
-                                  sim_.find_loads(t), sim_.elapsed + t, z, zdot, residual, *data_);
+          calc_unreduced_residual(*sim_.model, *form_, sim_.discrete, sim_.memory, sim_.loads.at(t),
+                                  sim_.elapsed + t, z, zdot, residual, *data_);
       return sim_.update_failure_code(status, t, residual, form_->size);
     };
     dae.jacobian = [this](double t, double alpha, const double* z, const double* zdot,
                           const double* residual, double* by_columns) {
       const Status status = calc_unreduced_jacobian(*sim_.model, *form_, sim_.discrete, sim_.memory,
-                                                    sim_.find_loads(t), sim_.elapsed + t, alpha, z,
+                                                    sim_.loads.at(t), sim_.elapsed + t, alpha, z,
                                                     zdot, residual, nominal_, by_columns, *data_);
       return sim_.update_failure_code(status, t, by_columns, form_->size * form_->size);
     };
     dae.complete = [this](double* z, double* zdot) {
-      complete_unreduced_state(*sim_.model, *form_, *sim_.rate_data, z, zdot);
+      complete_unreduced_state(*sim_.model, *form_, sim_.trial(), z, zdot);
     };
     return dae;
   }

@@ -90,7 +90,7 @@ Status DockingSim::Impl::check_received_attitude(int i) {
 /// Motion of the host's vehicle under a load over h, if the stated mass and loads are right.
 VehicleState DockingSim::Impl::predict_host(int i, const VehicleState& z,
                                             const Wrench<double>& load, double h) {
-  const Loads& known = find_loads(0.5 * h);
+  const Loads& known = loads.at(0.5 * h);
   const double mass = model->stated_mass[i];
   Vec3<double> force = load.f + known.force[i];
   if (!model->falling) force += mass * known.gravity;
@@ -118,16 +118,16 @@ Status DockingSim::Impl::receive(double h) {
   Status status = evaluate(0.0);
   if (!status.ok()) return status;
   const bool first = !(last_step > 0.0);
-  const double energy_before = find_total_energy(*model, *data);
-  const Pose<double> capture{data->capture.R, data->capture.p};
-  const Pose<double> passive{data->interface[kTarget].R, data->interface[kTarget].p};
-  const FrameMotion<double> chaser_before = data->vehicle[kChaser];
+  const double energy_before = find_total_energy(*model, present());
+  const Pose<double> capture{present().capture.R, present().capture.p};
+  const Pose<double> passive{present().interface[kTarget].R, present().interface[kTarget].p};
+  const FrameMotion<double> chaser_before = present().vehicle[kChaser];
   std::array<Wrench<double>, 2> momentum_before;
-  for (int i : {kChaser, kTarget}) momentum_before[i] = find_momentum(*model, i, *data);
+  for (int i : {kChaser, kTarget}) momentum_before[i] = find_momentum(*model, i, present());
   const Wrench<double> mechanism_before = find_mechanism_momentum();
   const std::array<double, kPeakCount> loads_before = find_peak_values();
   const bool grips =
-      (has_surfaces() && data->contact.gap <= 0.0) || events->count_held_latches() > 0;
+      (has_surfaces() && present().contact.gap <= 0.0) || events->count_held_latches() > 0;
 
   std::array<bool, 2> received{false, false};
   for (int i : {kChaser, kTarget}) {
@@ -162,7 +162,7 @@ Status DockingSim::Impl::receive(double h) {
     const FrameMotion<double> P = find_frame_on(
         get_vehicle_pose<double>(*model, kTarget, stepper->y()), model->interface_pose[kTarget]);
     const Pose<double> on_target = Pose<double>{P.R, P.p} * inverse(passive) * capture;
-    status = hold_capture_body(*model, on_target, stepper->y(), *data, *jump_work);
+    status = hold_capture_body(*model, on_target, stepper->y(), present(), *jump_work);
     if (!status.ok()) return status;
   }
   status = match_momenta(received, chaser_before, mechanism_before);
@@ -176,14 +176,14 @@ Status DockingSim::Impl::receive(double h) {
   update_memory();
   status = decide_absorber();
   if (!status.ok()) return status;
-  if (has_surfaces() && !discrete.contacted && data->contact.gap <= 0.0)
+  if (has_surfaces() && !discrete.contacted && present().contact.gap <= 0.0)
     events->begin_contact(elapsed);
   const std::array<double, kPeakCount> loads_after = find_peak_values();
   if (!is_same_within_rounding(loads_before, loads_after)) peaks.begin(elapsed, loads_after);
   // The correction by the host counts as its work and impulse, not as an integration error.
-  energy_audit.host_work += find_total_energy(*model, *data) - energy_before;
+  energy_audit.host_work += find_total_energy(*model, present()) - energy_before;
   for (int i : {kChaser, kTarget}) {
-    momentum_audit.start[i] += find_momentum(*model, i, *data) - momentum_before[i];
+    momentum_audit.start[i] += find_momentum(*model, i, present()) - momentum_before[i];
   }
   return {};
 }
@@ -203,7 +203,7 @@ Status DockingSim::Impl::match_momenta(const std::array<bool, 2>& received,
       continue;
     }
     const Status status = jump_to_momentum(*model, chaser_before, momentum + mechanism_before,
-                                           stepper->y(), *data, *jump_work);
+                                           stepper->y(), present(), *jump_work);
     if (!status.ok()) return status;
   }
   return {};
@@ -211,7 +211,7 @@ Status DockingSim::Impl::match_momenta(const std::array<bool, 2>& received,
 
 /// Momentum that moves with the chaser, without the vehicle of the host. @pre evaluate
 Wrench<double> DockingSim::Impl::find_mechanism_momentum() const {
-  return find_momentum(*model, kChaser, *data) -
+  return find_momentum(*model, kChaser, present()) -
          find_stated_momentum(kChaser, find_vehicle_state(kChaser));
 }
 

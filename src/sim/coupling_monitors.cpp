@@ -97,7 +97,7 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
   }
   // Gravity as a constant over the step has at least this error.
   const double rounding = kSilentChange + kRelativeRounding * inputs.vehicle[i].velocity.norm() +
-                          h * kUnmodelled * loads.gravity.norm();
+                          h * kUnmodelled * loads.at_start().gravity.norm();
   if (predicted.norm() > rounding) {
     ++sums.loaded;
     sums.predicted2 += predicted.squaredNorm();
@@ -114,7 +114,7 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
     sums.turn_innovation2 += (z.w - v.predicted.w).squaredNorm();
   }
   const double load_effect = predicted.norm();
-  const double limit = kUnmodelled * std::max(1.0, loads.gravity.norm());
+  const double limit = kUnmodelled * std::max(1.0, loads.at_start().gravity.norm());
   const bool unmodelled = innovation.norm() > h * limit && innovation.norm() > 10.0 * load_effect;
   sums.unmodelled = unmodelled ? sums.unmodelled + 1 : 0;
   warn_of_exchange(i, innovation, z.w - v.predicted.w);
@@ -188,7 +188,7 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
   const double felt = 1.0 + sums.innovation_predicted / sums.predicted2;
   if (unexplained > kExplained * sums.innovation2 || std::abs(felt) > kMostFelt) {
     const double rest = size * (v.predicted.v - v.received.v - v.fall).norm() / h;
-    if (rest > kUnmodelled * std::max(1.0, loads.gravity.norm())) unmodelled(rest);
+    if (rest > kUnmodelled * std::max(1.0, loads.at_start().gravity.norm())) unmodelled(rest);
     return;
   }
   if (felt < kLeastFelt) {
@@ -228,7 +228,7 @@ void DockingSim::Impl::note_step(int i, const Wrench<double>& exerted, const Veh
   const Vec3<double> distance = end.x - start.x;
   const Vec3<double> turn =
       quat_log<double>(quat_multiply<double>(quat_conjugate<double>(start.q), end.q));
-  const Loads& known = find_loads(0.5 * h);
+  const Loads& known = loads.at(0.5 * h);
   v.fall.setZero();
   if (!model->falling) v.fall = h * known.gravity;
   const Vec3<double> force = known.force[i] + mass / h * v.fall;
@@ -259,7 +259,7 @@ double DockingSim::Impl::find_suggested_step(double frequency) const {
   if (!confirmed && frequency > 0.0) step = std::min(step, kStableRange / frequency);
   // The first contact is the critical event: approach the contact in suitable steps.
   if (!discrete.contacted && has_surfaces()) {
-    const double gap = find_gap(model->contact, data->relative, data->contact_work);
+    const double gap = find_gap(model->contact, present().relative, present().contact_work);
     step = std::min(step, std::max(find_earliest_contact(gap), p.coupling_expected_step));
   }
   return step;
@@ -289,8 +289,8 @@ double DockingSim::Impl::update_expected_step() {
 
 /// Highest frequency of mechanism, contact and latches between the vehicles [rad/s]. @pre evaluate
 double DockingSim::Impl::find_interface_frequency() {
-  return dockloop::find_interface_frequency(*model, discrete, memory, *data, loads, elapsed,
-                                            stepper->y(), *interface_work);
+  return dockloop::find_interface_frequency(*model, discrete, memory, present(), loads.at_start(),
+                                            elapsed, stepper->y(), *interface_work);
 }
 
 /// @pre update_main

@@ -31,7 +31,7 @@ Status DockingSim::Impl::start_pass() {
       derivative_pass->output_cells.push_back(&cell);
     });
   }
-  start_docking_pass(*model, loads, elapsed, stepper->y(), derivative_pass->docking);
+  start_docking_pass(*model, loads.at_start(), elapsed, stepper->y(), derivative_pass->docking);
   derivative_pass->frame_velocity = frame_velocity.cast<Derivative>();
   derivative_pass->frame_shift = frame_shift.cast<Derivative>();
   return {};
@@ -65,7 +65,7 @@ void DockingSim::Impl::seed(const Seed& seed, int lane) {
 
 Status DockingSim::Impl::finish_pass() {
   DerivativePass& pass = *derivative_pass;
-  const Status status = calc_docking_pass(*model, discrete, memory, *data, pass.docking);
+  const Status status = calc_docking_pass(*model, discrete, memory, present(), pass.docking);
   if (!status.ok()) return status;
   const OutputSource<Derivative> source = make_output_source<Derivative>(
       pass.docking.data, pass.docking.y.data(), pass.frame_velocity, pass.frame_shift);
@@ -92,7 +92,7 @@ Status DockingSim::calc_time_derivative() {
   for (size_t i = 0; i < me.rates.size(); ++i) pass.docking.y[i].d[0] = me.rates[i];
   for (int j = 0; j < 3; ++j) {
     pass.frame_shift[j].d[0] = me.frame_velocity[j];
-    if (me.model->falling) pass.frame_velocity[j].d[0] = me.loads.gravity[j];
+    if (me.model->falling) pass.frame_velocity[j].d[0] = me.loads.at_start().gravity[j];
   }
   int place = 0;
   for_each_value(me.slopes, [&](double& slope) {
@@ -139,9 +139,9 @@ void DockingSim::Impl::spread_states(std::mt19937_64& random) {
   G_P.p = Vec3<double>(0.01 * any(random), 0.02 * any(random), 0.02 * any(random));
   G_P.R = quat_to_matrix<double>(
       quat_exp<double>(Vec3<double>(0.02 * any(random), 0.02 * any(random), 0.02 * any(random))));
-  const Pose<double> G{data->capture.R, data->capture.p};
-  const Pose<double> P{data->interface[kTarget].R, data->interface[kTarget].p};
-  const FrameMotion<double>& body = data->vehicle[moved];
+  const Pose<double> G{present().capture.R, present().capture.p};
+  const Pose<double> P{present().interface[kTarget].R, present().interface[kTarget].p};
+  const FrameMotion<double>& body = present().vehicle[moved];
   const Pose<double> at{body.R, body.p};
   const Pose<double> wanted =
       moved == kTarget ? G * G_P * inverse(P) * at : P * inverse(G_P) * inverse(G) * at;

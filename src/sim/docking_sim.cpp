@@ -76,24 +76,24 @@ void DockingSim::Impl::keep(Snapshot& into, bool with_pose) const {
   into.state.memory.n_last.reserve(pairs);
   into.state = *this;
   into.y.assign(stepper->y(), stepper->y() + model->layout.size);
-  if (with_pose) into.reference = data->mechanism.loops.reference;
+  if (with_pose) into.reference = present().mechanism.loops.reference;
 }
 
 void DockingSim::Impl::restore(const Snapshot& from) {
   if (coordinates != from.state.coordinates) use_coordinates(from.state.coordinates);
   static_cast<SimState&>(*this) = from.state;
   std::copy(from.y.begin(), from.y.end(), stepper->y());
-  data->mechanism.loops.reference = from.reference;
-  rate_data->mechanism.loops.reference = from.reference;
-  if (quiescent.on) lock_quiescent();
-  drifted = pose_is_kept = false;
+  evaluator->use_reference(from.reference);
+  quiescent_mode->restore(stepper->y());
+  evaluator->forget_present();
+  pose_is_kept = false;
   invalidate();
 }
 
 Counters DockingSim::Impl::find_counters() const {
   return {counted_elsewhere.steps + stepper->steps(),
           counted_elsewhere.rejected_steps + stepper->rejected_steps(),
-          counted_elsewhere.rate_evaluations + stepper->rate_evaluations()};
+          counted_elsewhere.rate_evaluations + evaluator->counted() + stepper->rate_evaluations()};
 }
 
 void DockingSim::Impl::set_counters(const Counters& wanted) {
@@ -254,7 +254,8 @@ void DockingSim::Impl::adopt_tunables() {
     changed->thrust_delay = parameters.contact_thrust_delay;
     use_model(changed);
   }
-  drifted = kept_jacobian.valid = false;
+  evaluator->forget_present();
+  kept_jacobian.valid = false;
   update_thrust(elapsed);
 }
 
@@ -262,6 +263,8 @@ void DockingSim::Impl::adopt_tunables() {
 /// the same.
 void DockingSim::Impl::use_model(std::shared_ptr<const DockingModel> changed) {
   events->use_model(*changed);
+  evaluator->use_model(changed);
+  quiescent_mode->use_model(*changed);
   model = std::move(changed);
 }
 

@@ -39,15 +39,14 @@ void DockingSim::get_nominals(double* nominal) const {
 }
 
 Status DockingSim::get_rates(double* ydot) {
-  ++impl_->counted_elsewhere.rate_evaluations;
+  impl_->evaluator->count(1);
   impl_->valid[static_cast<size_t>(OutputGroup::kMain)] = false;  // it has the count
   return impl_->calc_rates(ydot);
 }
 
 Status DockingSim::Impl::calc_rates(double* ydot) {
   read_inputs();
-  const Status status = calc_docking<double>(*model, discrete, memory, loads, elapsed, stepper->y(),
-                                             ydot, *rate_data);
+  const Status status = evaluator->aside(0.0, stepper->y(), ydot);
   if (!status.ok()) return status;
   const bool finite =
       std::all_of(ydot, ydot + model->layout.size, [](double rate) { return std::isfinite(rate); });
@@ -57,18 +56,17 @@ Status DockingSim::Impl::calc_rates(double* ydot) {
 Status DockingSim::get_indicators(double* indicator) {
   Impl& me = *impl_;
   me.read_inputs();
-  const Status status = calc_docking<double>(*me.model, me.discrete, me.memory, me.loads,
-                                             me.elapsed, me.stepper->y(), nullptr, *me.rate_data);
+  const Status status = me.evaluator->aside(0.0, me.stepper->y(), nullptr);
   if (!status.ok()) return status;
   // A host sees signs at the ends of its steps only. Each condition for a catch has its own
   // indicator, so two sign changes within one step are not missed.
   double roots[kFixedRoots + kMaxLatches];
-  me.events->calc_functions(*me.rate_data, roots);
-  const double gap = me.events->find_near_gap(*me.rate_data);
-  roots[2] = find_phase_indicator(me.events->find_phase_inputs(*me.rate_data, gap), me.discrete);
+  me.events->calc_functions(me.trial(), roots);
+  const double gap = me.events->find_near_gap(me.trial());
+  roots[2] = find_phase_indicator(me.events->find_phase_inputs(me.trial(), gap), me.discrete);
   std::copy_n(roots, kFixedRoots, indicator);
   for (int i = 0; i < me.model->latches.count(); ++i) {
-    const LatchMotion motion = find_latch_motion(me.model->latches, i, me.rate_data->relative);
+    const LatchMotion motion = find_latch_motion(me.model->latches, i, me.trial().relative);
     const std::array<double, 2> both = find_conditions(me.model->latches.law, me.discrete.latch[i],
                                                        motion, roots[kFixedRoots + i]);
     std::copy(both.begin(), both.end(), indicator + kFixedRoots + 2 * i);
@@ -85,13 +83,13 @@ Status DockingSim::complete_step(bool& event_due) {
   me.keep_pose();
   // Bristles of open pairs decay by their rates; setting them to zero would be an event.
   if (me.has_surfaces()) {
-    update_contact_memory(me.model->contact, me.data->relative, nullptr, me.data->contact_work,
-                          me.memory);
+    update_contact_memory(me.model->contact, me.present().relative, nullptr,
+                          me.present().contact_work, me.memory);
   }
   me.watch_energy(me.find_balance(), 0.0);
   me.peaks.add(me.elapsed, me.find_peak_values());
   me.update_momentum_audit();
-  if (find_singularity_margin(me.model->mechanism, me.data->mechanism) >= kChangeMargin) {
+  if (find_singularity_margin(me.model->mechanism, me.present().mechanism) >= kChangeMargin) {
     me.margin_looked_at = kChangeMargin;
   }
   event_due = me.is_event_due();
@@ -101,9 +99,9 @@ Status DockingSim::complete_step(bool& event_due) {
 
 /// Would update_discrete_states() change anything here? @pre evaluate(0)
 bool DockingSim::Impl::is_event_due() const {
-  const double margin = find_singularity_margin(model->mechanism, data->mechanism);
-  return events->is_change_due(*data, elapsed, find_clock_rounding(elapsed)) ||
-         (!data->locked && margin < kChangeMargin && margin <= kLookAgain * margin_looked_at);
+  const double margin = find_singularity_margin(model->mechanism, present().mechanism);
+  return events->is_change_due(present(), elapsed, find_clock_rounding(elapsed)) ||
+         (!present().locked && margin < kChangeMargin && margin <= kLookAgain * margin_looked_at);
 }
 
 Status DockingSim::update_discrete_states(EventUpdate& update) {
@@ -117,7 +115,7 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   for (int pass = 0; pass < kPasses; ++pass) {
     Status status = me.evaluate(0.0);
     if (!status.ok()) return status;
-    me.events->set_due_below(*me.data, kTouching);
+    me.events->set_due_below(me.present(), kTouching);
     bool changed = false;
     status = me.accept(0.0, changed);
     if (!status.ok()) return status;

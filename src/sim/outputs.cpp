@@ -10,10 +10,11 @@
 
 namespace dockloop {
 
-std::array<double, kPeakCount> DockingSim::Impl::find_peak_values() const {
+std::array<double, kPeakCount> DockingSim::Impl::find_peak_values(
+    const DockingData<double>& at) const {
   std::array<double, kPeakCount> values{};
   if (!model->present[kTarget]) return values;
-  const auto load = find_load_components(find_capture_load(*data));
+  const auto load = find_load_components(find_capture_load(at));
   std::copy(load.begin(), load.end(), values.begin());
   values[Outputs::kLoadCount] = find_load_ratio(load, scene->rated);
   return values;
@@ -60,7 +61,8 @@ Status DockingSim::Impl::update_main() {
   outputs.solver_steps = static_cast<double>(counters.steps);
   outputs.solver_rhs_evaluations = static_cast<double>(counters.rate_evaluations);
   outputs.solver_rejected_steps = static_cast<double>(counters.rejected_steps);
-  outputs.solver_singularity_margin = find_singularity_margin(model->mechanism, data->mechanism);
+  outputs.solver_singularity_margin =
+      find_singularity_margin(model->mechanism, present().mechanism);
   return {};
 }
 
@@ -69,11 +71,12 @@ Status DockingSim::Impl::update_bodies() {
   const Status status = evaluate_present();
   if (!status.ok()) return status;
   read_momentum<double>(find_present_source(), outputs);
-  outputs.momentum_residual = std::max(
-      momentum_audit.residual, find_momentum_residual(*model, *data, stepper->y(), momentum_audit));
-  const bool moves = !data->locked;
+  outputs.momentum_residual =
+      std::max(momentum_audit.residual,
+               find_momentum_residual(*model, present(), stepper->y(), momentum_audit));
+  const bool moves = !present().locked;
   outputs.solver_closure_residual =
-      std::max(moves ? find_closure_residual(model->mechanism, data->mechanism) : 0.0, drift);
+      std::max(moves ? find_closure_residual(model->mechanism, present().mechanism) : 0.0, drift);
   return {};
 }
 
@@ -92,25 +95,26 @@ Status DockingSim::Impl::update_states() {
 /// Bound of the relative acceleration that loads from outside cause between any two points of the
 /// capture hardware before contact [m/s2].
 double DockingSim::Impl::find_acceleration_bound() const {
-  double bound = model->falling ? 0.0 : loads.gravity.norm();
+  double bound = model->falling ? 0.0 : loads.at_start().gravity.norm();
   for (int i : {kChaser, kTarget}) {
     if (!model->moves[i]) continue;
     const VehicleParameters& p = parameters.vehicle[i];
     const double arm = p.interface_position.norm() + model->contact.reach;
-    bound += loads.force[i].norm() / p.mass + loads.torque[i].norm() * arm / least_inertia[i];
-    if (i == kChaser) bound += data->thrust.norm() / p.mass;
+    bound += loads.at_start().force[i].norm() / p.mass +
+             loads.at_start().torque[i].norm() * arm / least_inertia[i];
+    if (i == kChaser) bound += present().thrust.norm() / p.mass;
   }
   const int ring = model->mechanism.model.capture_body;
   if (ring != kBase && ring != model->mechanism.vehicle) {
     const double mass = model->mechanism.model.bodies[ring].mass;
-    if (mass > 0.0) bound += loads.command.lpNorm<1>() / mass;
+    if (mass > 0.0) bound += loads.at_start().command.lpNorm<1>() / mass;
   }
   return bound;
 }
 
 /// Lower bound of the time until surfaces touch [s]. @param gap  of find_gap() [m]
 double DockingSim::Impl::find_earliest_contact(double gap) const {
-  return find_time_to_contact(gap, find_approach_bound(model->contact, data->relative),
+  return find_time_to_contact(gap, find_approach_bound(model->contact, present().relative),
                               find_acceleration_bound());
 }
 
@@ -119,10 +123,10 @@ void DockingSim::Impl::update_phase_outputs() {
   if (has_surfaces()) outputs.time_to_contact = find_earliest_contact(outputs.gap);
   for (int i = 0; i < model->latches.count(); ++i) {
     outputs.latched[i] = discrete.latch[i].mode == LatchMode::kHeld ? 1 : 0;
-    outputs.latch_state[i] = events->find_latch_report(*data, i);
+    outputs.latch_state[i] = events->find_latch_report(present(), i);
   }
   outputs.capture_reason =
-      find_capture_reason(events->find_phase_inputs(*data, outputs.gap), discrete);
+      find_capture_reason(events->find_phase_inputs(present(), outputs.gap), discrete);
   outputs.seated_time = discrete.seated_time;
   outputs.phase = discrete.phase;
   outputs.outcome = discrete.outcome;

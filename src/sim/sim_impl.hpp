@@ -4,13 +4,14 @@
 //   steps.cpp           communication steps, inputs, audits
 //   coupling.cpp        hosts of driven vehicles: received motion, pending impulse, reported loads
 //   coupling_monitors.cpp   warnings and monitors for such a host
-//   quiescent_mechanism.cpp far from contact: quiescent mechanism, free drift of the vehicles
 //   events.cpp          events at accepted states: contact, latches, phases, coordinates
 //   model_exchange.cpp  the same equations for a host that integrates all states
 //   outputs.cpp         outputs
 //   derivatives.cpp     derivatives of outputs
 //   failure_status.cpp  meaning of a Status, as a sentence
 //   docking_sim.cpp     public functions; saving and restoring
+//
+// Parts with a class of their own: StepLoads, Evaluator, EventLogic, QuiescentMode.
 #pragma once
 
 #include <array>
@@ -26,12 +27,13 @@
 #include "docking/docking_jacobian.hpp"
 #include "docking/interface_stiffness.hpp"
 #include "integrate/stepper.hpp"
-#include "mechanism/kernels.hpp"
 #include "sim/comparison.hpp"
 #include "sim/docking_sim.hpp"
+#include "sim/evaluator.hpp"
 #include "sim/event_logic.hpp"
 #include "sim/outputs.hpp"
-#include "sim/sim_state.hpp"
+#include "sim/quiescent_mode.hpp"
+#include "sim/step_loads.hpp"
 
 namespace dockloop {
 
@@ -49,20 +51,6 @@ struct DerivativePass {
 
 struct ExtendedEquations;  ///< of src/compare
 
-/// Scratch of DockingSim::Impl::update_balance.
-struct BalanceWorkspace {
-  explicit BalanceWorkspace(const StateLayout& layout)
-      : ydot(static_cast<size_t>(layout.size)), factor(layout.mechanism_nv) {
-    pull.setZero(layout.mechanism_nv);
-    spinning = pull;
-    square.setIdentity(layout.mechanism_nv, layout.mechanism_nv);
-  }
-  std::vector<double> ydot;
-  VecX<double> pull, spinning;  ///< accelerations of the mechanism: all, of spin
-  MatX<double> square;          ///< J J^T
-  Eigen::LLT<MatX<double>> factor;
-};
-
 struct DockingSim::Impl : SimState {
   Impl(std::shared_ptr<const Scene> scene, FmiKind fmi_kind, const Comparison* comparison);
 
@@ -76,11 +64,11 @@ struct DockingSim::Impl : SimState {
   void make_stepper();
   void attach_kernel();
   int update_failure_code(Status status, double t, const double* values, int count);
-  void make_jacobian_pass();
   int calc_jacobian(double t, const double* y, double* by_columns);
   std::vector<double> find_absolute_tolerances() const;
   double find_relative_tolerance() const;
   double find_share_of_norm() const;
+  bool can_be_quiescent() const;
   void check_joint_starts(const LoopPlan& plan) const;
   void check_mechanism_rests() const;
   Status bring_joints_to_start();
@@ -93,7 +81,6 @@ struct DockingSim::Impl : SimState {
   // steps.cpp
   Status step(double t, double h);
   void read_inputs();
-  const Loads& find_loads(double tau);
   void advance_inputs(double h);
   double find_evaluation_cost() const;
   double find_factor_cost() const;
@@ -111,7 +98,7 @@ struct DockingSim::Impl : SimState {
   void update_mean_loads(double h, const CouplingPoint& end);
   void update_momentum_audit();
   EnergyBalance find_balance() const {
-    return find_energy_balance(*model, *data, stepper->y(), energy_audit);
+    return find_energy_balance(*model, present(), stepper->y(), energy_audit);
   }
   bool is_energy_created(const EnergyBalance& found, double tau);
   void watch_energy(const EnergyBalance& found, double tau);
@@ -158,16 +145,6 @@ struct DockingSim::Impl : SimState {
   double update_expected_step();
   void update_coupling();
 
-  // quiescent_mechanism.cpp
-  bool can_be_quiescent() const;
-  bool may_be_quiescent() const;
-  Status update_quiescence(double tau);
-  double find_drift_time() const;
-  bool update_balance(double tau);
-  void lock_quiescent();
-  const VehicleBody& find_drifting_body(int vehicle) const;
-  std::int64_t drift_freely(double duration);
-
   // events.cpp
   Status accept(double tau, bool& changed);
   void keep_pose();
@@ -178,16 +155,12 @@ struct DockingSim::Impl : SimState {
   bool update_latches(double now);
   double find_clock_rounding(double now) const;
   bool update_thrust(double now);
-  Status evaluate(double tau, bool may_be_locked = true, double* ydot = nullptr);
+  Status evaluate(double tau, bool may_lock = true);
   Status evaluate_present();
   Status evaluate_start();
-  Status evaluate_end(double tau);
-  const double* find_start_rates() const;
   void start_stepper(double tau, double h, const double* known_rates = nullptr);
   void go_on(double h);
   StepOutcome make_inner_step(double stop, bool watch_roots);
-  void note_evaluation(double tau, const double* y);
-  bool is_evaluated(double tau, const double* y) const;
   void warn_of_tilt(double now);
 
   // model_exchange.cpp
@@ -206,7 +179,8 @@ struct DockingSim::Impl : SimState {
   void use_model(std::shared_ptr<const DockingModel> changed);
 
   // outputs.cpp
-  std::array<double, kPeakCount> find_peak_values() const;
+  std::array<double, kPeakCount> find_peak_values(const DockingData<double>& at) const;
+  std::array<double, kPeakCount> find_peak_values() const { return find_peak_values(present()); }
   double find_acceleration_bound() const;
   double find_earliest_contact(double gap) const;
   Status update(OutputGroup group);
@@ -215,7 +189,7 @@ struct DockingSim::Impl : SimState {
   Status update_states();
   void update_phase_outputs();
   OutputSource<double> find_present_source() {
-    return make_output_source(*data, stepper->y(), frame_velocity, frame_shift);
+    return make_output_source(present(), stepper->y(), frame_velocity, frame_shift);
   }
   template <class S>
   OutputSource<S> make_output_source(DockingData<S>& at, const S* y, const Vec3<S>& velocity,
@@ -243,6 +217,9 @@ struct DockingSim::Impl : SimState {
   void add_dependencies(Dependencies& found);
 
   void invalidate() { valid.fill(false); }
+  /// Evaluations of the last accepted state, and of trial states of the integrator.
+  DockingData<double>& present() const { return evaluator->present(); }
+  DockingData<double>& trial() const { return evaluator->trial(); }
   bool has_surfaces() const { return events->has_surfaces(); }
   /// @pre check_parameters()
   const MethodFacts& method() const { return *find_method(setup->parameters.solver_method); }
@@ -280,15 +257,14 @@ struct DockingSim::Impl : SimState {
   // set by start(); a const model is replaced for other tunable parameters or coordinates
   std::shared_ptr<const Setup> setup;  ///< null before start()
   std::shared_ptr<const DockingModel> model;
-  LockedMechanism locked;  ///< the mechanism while it is quiescent; at model.level 1 always
-  std::unique_ptr<Mechanism> start_mechanism;      ///< in the coordinates of the start
-  std::unique_ptr<DockingData<double>> data;       ///< at the last accepted state
-  std::unique_ptr<DockingData<double>> rate_data;  ///< at trial states of the integrator
-  std::shared_ptr<const KernelLibrary> kernels;    ///< from the FMU; may be null
-  std::unique_ptr<EventLogic> events;              ///< of model, discrete and memory
-  std::unique_ptr<Stepper> stepper;                ///< owns the state y
-  int state_count = 0;                             ///< of y; fixed at construction
-  std::vector<int> state_bodies;  ///< joints of state.*: the independent ones at the start
+  std::unique_ptr<Mechanism> start_mechanism;    ///< in the coordinates of the start
+  std::shared_ptr<const KernelLibrary> kernels;  ///< from the FMU; may be null
+  std::unique_ptr<EventLogic> events;            ///< of model, discrete and memory
+  std::unique_ptr<Evaluator> evaluator;
+  std::unique_ptr<QuiescentMode> quiescent_mode;
+  std::unique_ptr<Stepper> stepper;  ///< owns the state y
+  int state_count = 0;               ///< of y; fixed at construction
+  std::vector<int> state_bodies;     ///< joints of state.*: the independent ones at the start
   Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
   std::array<double, 2> least_inertia{};             ///< of the vehicles, about any axis [kg m2]
   std::unique_ptr<DerivativePass> derivative_pass;   ///< made at the first call
@@ -299,29 +275,15 @@ struct DockingSim::Impl : SimState {
   std::shared_ptr<ExtendedEquations> extended;
 
   // scratch
-  Loads loads;       ///< at the start of a step
-  Loads load_rates;  ///< their rates over the step, used if some input has a slope
-  Loads loads_now;   ///< at the time of an evaluation, then
-  bool sloped = false;
+  StepLoads loads;
   CouplingPoint step_begin;                      ///< at the start of the last communication step
   std::unique_ptr<BaseJumpWorkspace> jump_work;  ///< with a driven vehicle only
   std::unique_ptr<InterfaceWorkspace> interface_work;  ///< with a driven vehicle only
   std::unique_ptr<Snapshot> look_ahead_start;          ///< only if loads are announced
-  DockingData<double>* roots_at = nullptr;             ///< data of the last event functions
-  std::unique_ptr<DockingPass> jacobian_pass;          ///< for implicit methods and quiescence only
-  MatX<double> jacobian;                               ///< with it
-  std::unique_ptr<BalanceWorkspace> balance;           ///< if the mechanism can become quiescent
   std::unique_ptr<UnreducedForm> unreduced;            ///< at model.level 4 only
   Status last_trouble;
   double margin_before = 1.0;  ///< of the loops, at the last accepted state
   std::vector<double> y_accepted, rates;
-  std::vector<double> start_rates;  ///< where a communication step starts
-  /// The last evaluation inside a step of the integrator: none, the start of the
-  /// communication step (into data), or a trial state (into rate_data).
-  enum class Evaluated { kNothing, kStart, kTrial } evaluated = Evaluated::kNothing;
-  double tau_evaluated = 0.0;
-  std::vector<double> y_evaluated;
-  bool drifted = false;       ///< `data` is at the present state, where a free drift has just ended
   bool pose_is_kept = false;  ///< step_start holds the accepted configuration of the loops
   Snapshot step_start;        ///< state to restore after a refused step
 };

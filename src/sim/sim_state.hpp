@@ -31,7 +31,7 @@ struct Setup {
   double tolerance = 0.0;  ///< relative, of the host; 0 = none given
 };
 
-/// Is the mechanism quiescent on its vehicle? (quiescent_mechanism.cpp)
+/// Is the mechanism quiescent on its vehicle? (quiescent_mode.hpp)
 struct QuiescentState {
   bool on = false;
   double since = 0.0;     ///< coordinates are constant since then [s since start]

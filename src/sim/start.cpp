@@ -182,8 +182,8 @@ void DockingSim::Impl::clear() {
   model.reset();
   start_mechanism.reset();
   events.reset();
-  data.reset();
-  rate_data.reset();
+  evaluator.reset();
+  quiescent_mode.reset();
   stepper.reset();
   status_text.clear();
   warnings.clear();
@@ -253,7 +253,7 @@ void DockingSim::Impl::check_joint_starts(const LoopPlan& plan) const {
 void DockingSim::Impl::check_mechanism_rests() const {
   for (const Body& body : model->mechanism.model.bodies) {
     if (&body == &model->mechanism.model.bodies[0] && model->mechanism.vehicle != kBase) continue;
-    const double rate = data->mechanism.tree.v.segment(body.v_index, body.nv()).norm();
+    const double rate = present().mechanism.tree.v.segment(body.v_index, body.nv()).norm();
     if (rate == 0.0) continue;
     char text[320];
     std::snprintf(text, sizeof text,
@@ -291,12 +291,12 @@ void DockingSim::Impl::choose_frame_O() {
 Status DockingSim::Impl::bring_joints_to_start() {
   if (scene->joint_starts.empty()) return {};
   const MechanismModel& m = model->mechanism.model;
-  VecX<double> target = data->mechanism.tree.q;
+  VecX<double> target = present().mechanism.tree.q;
   for (const JointStart& start : scene->joint_starts) {
     const int q = m.bodies[find_body(m, start.name, "initial.joints")].q_index;
     target[q] = start.position.value_or(m.home_q[q]);
   }
-  return move_to(model->mechanism, target, data->mechanism);
+  return move_to(model->mechanism, target, present().mechanism);
 }
 
 void DockingSim::Impl::set_start_state() {
@@ -339,7 +339,7 @@ void DockingSim::Impl::set_start_state() {
     if (!model->present[i] || !model->moves[i]) continue;
     const VehicleParameters& p = parameters.vehicle[i];
     set_vehicle_pose(*model, i, p.position - frame_origin - frame_shift, p.attitude, y);
-    set_vehicle_velocity(*model, i, p.velocity - frame_velocity, p.angular_velocity, y, *data);
+    set_vehicle_velocity(*model, i, p.velocity - frame_velocity, p.angular_velocity, y, present());
   }
 }
 
@@ -385,8 +385,11 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   events = std::make_unique<EventLogic>(*model, discrete, memory);
   start_mechanism.reset();
   state_bodies = model->mechanism_bodies;
-  data = std::make_unique<DockingData<double>>(*model);
-  rate_data = std::make_unique<DockingData<double>>(*model);
+  loads.start(static_cast<int>(model->mechanism.model.forces.size()));
+  evaluator = std::make_unique<Evaluator>(model, *this, loads);
+  quiescent_mode =
+      std::make_unique<QuiescentMode>(*model, *this, parameters, find_relative_tolerance(),
+                                      can_be_quiescent(), loads, *events, *evaluator);
   derivative_pass.reset();
   jump_work.reset();
   interface_work.reset();
@@ -397,8 +400,6 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   }
   if (announces()) look_ahead_start = std::make_unique<Snapshot>();
   make_stepper();
-  loads.command.setZero(static_cast<int>(model->mechanism.model.forces.size()));
-  load_rates = loads_now = loads;
   read_inputs();
   counted_elsewhere = Counters();
   events->clear_due();
@@ -418,24 +419,24 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   keep_pose();
   if (parameters.model_level == kRigid) {
     check_mechanism_rests();
-    lock_mechanism(*model, *data, locked);
-    rate_data->locked = &locked;
+    quiescent_mode->lock_always();
     if (!evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
   }
-  start_energy_audit(*model, *data, stepper->y(), energy_audit);
-  start_momentum_audit(*model, *data, least_momentum, momentum_audit);
+  start_energy_audit(*model, present(), stepper->y(), energy_audit);
+  start_momentum_audit(*model, present(), least_momentum, momentum_audit);
   attach_kernel();
   warn_about_start();
   if (has_surfaces()) {
-    if (have_rings_passed(model->contact, data->relative)) {
+    if (have_rings_passed(model->contact, present().relative)) {
       throw ModelError(
           "start state: the passive ring is behind the active ring, so the surfaces have passed "
           "through each other (relative.position[1] would be " +
-          std::to_string(data->relative.p.x()) +
+          std::to_string(present().relative.p.x()) +
           " m as seen from the ring); start with the target further along +x of A");
     }
-    update_contact_memory(model->contact, data->relative, bristles(), data->contact_work, memory);
-    const double gap = find_gap(model->contact, data->relative, data->contact_work);
+    update_contact_memory(model->contact, present().relative, bristles(), present().contact_work,
+                          memory);
+    const double gap = find_gap(model->contact, present().relative, present().contact_work);
     if (!decide_absorber().ok()) throw ModelError("start state cannot be evaluated");
     // A start in contact, or in the window of a latch, counts as first contact at the start.
     if (gap <= kTouching) events->begin_contact(0.0);
@@ -444,15 +445,19 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     throw ModelError("start state cannot be evaluated");
   events->update_capture(0.0);
   update_thrust(0.0);
-  update_phase(events->find_phase_inputs(*data, events->find_near_gap(*data)), discrete);
+  update_phase(events->find_phase_inputs(present(), events->find_near_gap(present())), discrete);
   peaks.start(0.0, find_peak_values());
-  const double* q = stepper->y() + model->layout.mechanism_q;
-  quiescent.q.assign(q, q + model->layout.mechanism_nq);
-  if (!data->locked) locked.q = data->mechanism.tree.q;  // memory for later
+  quiescent_mode->start(stepper->y());
   start_coupling();
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
+}
+
+/// Can the mechanism become quiescent in this run? Reference solutions always integrate it.
+bool DockingSim::Impl::can_be_quiescent() const {
+  return setup->parameters.flight == kQuiescent && fmi_kind == FmiKind::kCoSimulation &&
+         !is_fixed_step() && !has_host() && !adapt_problem && !model->mechanism.plan.is_driven;
 }
 
 /// The smaller of the tolerances of parameter and host.
@@ -461,14 +466,11 @@ double DockingSim::Impl::find_relative_tolerance() const {
   return asked > 0.0 ? std::min(asked, parameters.rtol) : parameters.rtol;
 }
 
-/// Generated code evaluates trial states, if the FMU has such code and the code applies. (The two
-/// sets of data change places.) The form with multipliers and the reference solution use no
-/// generated code.
+/// Generated code evaluates trial states, if the FMU has such code and the code applies. The form
+/// with multipliers and the reference solution use no generated code.
 void DockingSim::Impl::attach_kernel() {
   const bool serves = !unreduced && !adapt_problem && parameters.model_level != kRigid;
-  for (DockingData<double>* each : {data.get(), rate_data.get()}) {
-    each->mechanism.generated = serves ? make_generated_kernel(model->mechanism, kernels) : nullptr;
-  }
+  evaluator->use_kernels(serves ? kernels : nullptr);
 }
 
 void DockingSim::Impl::make_stepper() {
@@ -477,38 +479,23 @@ void DockingSim::Impl::make_stepper() {
   problem.size = layout.size;
   problem.root_count = kFixedRoots + model->latches.count();
   problem.rates = [this](double t, const double* y, double* ydot) {
-    const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
-                                               y, ydot, *rate_data, Need::kRates);
-    note_evaluation(t, y);
+    const Status status = evaluator->at_trial(t, y, ydot);
     return update_failure_code(status, t, ydot, model->layout.size);
   };
   problem.roots = [this](double t, const double* y, double* roots) {
-    if (is_evaluated(t, y)) {
-      roots_at = evaluated == Evaluated::kStart ? data.get() : rate_data.get();
-      events->calc_functions(*roots_at, roots);
-      return 0;
-    }
-    const Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t,
-                                               y, nullptr, *rate_data, Need::kRates);
-    note_evaluation(t, y);
+    const Status status = evaluator->at_events(t, y);
     if (!status.ok()) {
-      evaluated = Evaluated::kNothing;
       last_trouble = status;
       return 1;
     }
-    roots_at = rate_data.get();
-    events->calc_functions(*roots_at, roots);
+    events->calc_functions(evaluator->events_at(), roots);
     return 0;
   };
-  problem.root_speeds = [this](double* speeds) { events->calc_speeds(*roots_at, speeds); };
-  jacobian_pass.reset();
-  balance.reset();
-  if (can_be_quiescent()) {
-    balance = std::make_unique<BalanceWorkspace>(layout);
-    make_jacobian_pass();
-  }
+  problem.root_speeds = [this](double* speeds) {
+    events->calc_speeds(evaluator->events_at(), speeds);
+  };
   if (needs_jacobian()) {
-    if (!jacobian_pass) make_jacobian_pass();
+    evaluator->reserve_jacobian();
     if (keeps_jacobian()) {
       kept_jacobian.entries.assign(static_cast<size_t>(layout.size * layout.size), 0.0);
     }
@@ -542,7 +529,7 @@ void DockingSim::Impl::make_stepper() {
     unreduced->set_nominals(Eigen::Map<VecX<double>>(atol.data(), unreduced->size()) / rtol);
   }
   y_accepted.assign(static_cast<size_t>(layout.size), 0.0);
-  rates = start_rates = y_evaluated = y_accepted;
+  rates = y_accepted;
 }
 
 /// Keep a failure for the message. @param values  computed values: all must be finite
@@ -560,20 +547,12 @@ int DockingSim::Impl::update_failure_code(Status status, double t, const double*
   return status.code == StatusCode::kLoopSingular ? Stepper::kStepOver : Stepper::kSmaller;
 }
 
-void DockingSim::Impl::make_jacobian_pass() {
-  jacobian_pass = std::make_unique<DockingPass>(*model);
-  jacobian.setZero(model->layout.size, model->layout.size);
-}
-
 /// Derivatives of the rates by the states, by columns, for implicit methods. @return as the rates
 int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_columns) {
-  evaluated = Evaluated::kNothing;
-  Status status = calc_docking<double>(*model, discrete, memory, find_loads(t), elapsed + t, y,
-                                       nullptr, *rate_data);
-  if (status.ok()) {
-    status = calc_docking_jacobian(*model, discrete, memory, *rate_data, find_loads(t), elapsed + t,
-                                   y, *jacobian_pass, jacobian);
-  }
+  evaluator->forget();
+  Status status = evaluator->aside(t, y, nullptr);
+  if (status.ok()) status = evaluator->calc_jacobian(t, y);
+  const MatX<double>& jacobian = evaluator->jacobian();
   std::copy_n(jacobian.data(), jacobian.size(), by_columns);
   const int code = update_failure_code(status, t, by_columns, static_cast<int>(jacobian.size()));
   if (keeps_jacobian()) {
@@ -620,7 +599,7 @@ double DockingSim::Impl::find_share_of_norm() const {
 
 /// Warnings about unusual values, which may be right.
 void DockingSim::Impl::warn_about_start() {
-  const double margin = find_singularity_margin(model->mechanism, data->mechanism);
+  const double margin = find_singularity_margin(model->mechanism, present().mechanism);
   char text[300];
   if (margin < model->mechanism.model.singularity.warning) {
     std::snprintf(text, sizeof text, "a loop starts close to singular (margin %.3g)", margin);
@@ -632,7 +611,7 @@ void DockingSim::Impl::warn_about_start() {
         "input 'gravity'");
   }
   const VehicleParameters &p = parameters.vehicle[kChaser], &stated = scene->vehicle[kChaser];
-  const bool as_stated = parameters.model_level == scene->level && !data->locked &&
+  const bool as_stated = parameters.model_level == scene->level && !present().locked &&
                          p.interface_position == stated.interface_position &&
                          p.interface_attitude == stated.interface_attitude && model->moves[kChaser];
   if (kernels && as_stated && !is_made_for(*kernels, model->mechanism)) {
@@ -644,13 +623,13 @@ void DockingSim::Impl::warn_about_start() {
   // k >= 4 m v^2/rounding^2 for the impacting mass: the capture body on its legs, or all bodies.
   const int body = model->mechanism.model.capture_body;
   double mass = body == kBase ? 0.0 : model->mechanism.model.bodies[body].mass;
-  if (data->locked) {
+  if (present().locked) {
     double inverse_mass = 0.0;
-    if (model->moves[kChaser]) inverse_mass += 1.0 / locked.whole.mass;
+    if (model->moves[kChaser]) inverse_mass += 1.0 / quiescent_mode->locked().whole.mass;
     if (model->moves[kTarget]) inverse_mass += 1.0 / model->vehicle[kTarget].mass;
     mass = inverse_mass > 0.0 ? 1.0 / inverse_mass : 0.0;
   }
-  const double v = data->relative.v.norm();
+  const double v = present().relative.v.norm();
   const double needed =
       4.0 * mass * v * v / (model->contact.least_rounding * model->contact.least_rounding);
   if (needed > model->contact.law.stiffness) {

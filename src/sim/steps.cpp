@@ -3,7 +3,6 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <utility>
 
 #include "sim/sim_impl.hpp"
 
@@ -76,38 +75,15 @@ Status DockingSim::Impl::refuse_work(double h, std::int64_t limit, double tau) {
 }
 
 void DockingSim::Impl::read_inputs() {
-  const auto read = [this](const Inputs& from, Loads& to) {
-    for (int i : {kChaser, kTarget}) {
-      to.force[i] = from.vehicle[i].force_ext;
-      to.torque[i] = from.vehicle[i].torque_ext;
-    }
-    to.gravity = from.gravity;
-    for (size_t i = 0; i < scene->mechanism.legs.size(); ++i) {
-      to.command[scene->mechanism.legs[i].force] = from.leg_force_command[i];
-    }
-  };
-  read(inputs, loads);
-  read(slopes, load_rates);
-  sloped = false;
-  for_each_value(slopes, [this](double& slope) { sloped = sloped || slope != 0.0; });
-}
-
-/// Loads tau after the start of the step.
-const Loads& DockingSim::Impl::find_loads(double tau) {
-  if (!sloped) return loads;
-  for (int i : {kChaser, kTarget}) {
-    loads_now.force[i] = loads.force[i] + tau * load_rates.force[i];
-    loads_now.torque[i] = loads.torque[i] + tau * load_rates.torque[i];
-  }
-  loads_now.gravity = loads.gravity + tau * load_rates.gravity;
-  loads_now.command = loads.command + tau * load_rates.command;
-  return loads_now;
+  bool are_sloped = false;
+  for_each_value(slopes, [&](double& slope) { are_sloped = are_sloped || slope != 0.0; });
+  loads.read(scene->mechanism.legs, inputs, slopes, are_sloped);
 }
 
 /// A slope holds for one step; the input then keeps its final value. The equations of motion
 /// predict driven vehicles, not slopes.
 void DockingSim::Impl::advance_inputs(double h) {
-  if (!sloped) return;
+  if (!loads.are_sloped()) return;
   for (int i : {kChaser, kTarget}) {
     inputs.vehicle[i].force_ext += h * slopes.vehicle[i].force_ext;
     inputs.vehicle[i].torque_ext += h * slopes.vehicle[i].torque_ext;
@@ -131,7 +107,7 @@ Status DockingSim::Impl::step(double t, double h) {
   const double rounding = 4e-16 * std::max(std::abs(t), std::abs(setup->t_start));
   if (std::abs(host_time - elapsed) > rounding) {
     elapsed = host_time;
-    drifted = false;
+    evaluator->forget_present();
   }
   read_inputs();
   Status status;
@@ -174,13 +150,12 @@ void DockingSim::Impl::go_on(double h) {
   const bool is_good =
       kept_jacobian.valid && find_counters().steps - kept_jacobian.step < kJacobianSteps;
   const double* known = is_good ? kept_jacobian.entries.data() : nullptr;
-  stepper->restart(0.0, h, {find_start_rates(), fastest_rate, known});
+  stepper->restart(0.0, h, {evaluator->start_rates(), fastest_rate, known});
 }
 
 /// A step of the integrator, which stores its last evaluation.
 StepOutcome DockingSim::Impl::make_inner_step(double stop, bool watch_roots) {
-  if (evaluated == Evaluated::kTrial) evaluated = Evaluated::kNothing;
-  if (evaluated == Evaluated::kStart) ++counted_elsewhere.rate_evaluations;
+  evaluator->begin_inner_step();
   return stepper->step(stop, watch_roots);
 }
 
@@ -191,19 +166,19 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
   const std::int64_t begun = find_work();
   stepper->set_evaluation_limit(limit);
   std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
-  margin_before = find_singularity_margin(model->mechanism, data->mechanism);
+  margin_before = find_singularity_margin(model->mechanism, present().mechanism);
   double tau = 0.0;
   int refused = 0;           // consecutive end states that could not be evaluated
   double proposal = h_warm;  // step size of the error control, without stops
   go_on(std::min(proposal, h));
   for (std::int64_t turns = 0; find_work() - begun + turns < limit;) {
     status_text.clear();  // of an attempt that was refused and repeated
-    status = update_quiescence(tau);
+    status = quiescent_mode->update(tau, stepper->y());
     if (!status.ok()) return status;
     if (quiescent.on) {
-      const double drift_time = std::min(find_drift_time(), h - tau);
-      turns += drift_freely(drift_time);
-      evaluated = Evaluated::kNothing;
+      const double drift_time = std::min(quiescent_mode->find_drift_time(), h - tau);
+      turns += quiescent_mode->drift(drift_time, stepper->y());
+      evaluator->forget();
       tau = drift_time < h - tau ? tau + drift_time : h;
       events->clear_due();
       bool changed = false;
@@ -213,7 +188,9 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
       if (!status.ok()) return status;
       std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
       // Another evaluation gives a better gap only with a new neighbour list.
-      drifted = !changed && memory.p_ref == looked_from.p && memory.R_ref == looked_from.R;
+      if (!changed && memory.p_ref == looked_from.p && memory.R_ref == looked_from.R) {
+        evaluator->keep_present();
+      }
       if (tau >= h) return {};
       start_stepper(tau, std::min(proposal, h - tau));
       continue;
@@ -236,7 +213,7 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
       proposal = cut_short ? std::max(proposal, stepper->next_step()) : stepper->next_step();
     }
     fastest_rate = stepper->fastest_rate();
-    status = evaluate_end(stepper->time());
+    status = evaluator->at_end(stepper->time(), stepper->y());
     EnergyBalance audit;
     if (status.ok()) audit = find_balance();
     if (status.ok() && is_energy_created(audit, stepper->time())) {
@@ -294,19 +271,19 @@ Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
   for (int inner = 1; inner <= count; ++inner) {
     const double end = inner == count ? h : h * inner / count;
     last_trouble = Status();
-    events->note_latches(*data);
-    start_stepper(tau, end - tau, inner == 1 ? find_start_rates() : nullptr);
+    events->note_latches(present());
+    start_stepper(tau, end - tau, inner == 1 ? evaluator->start_rates() : nullptr);
     if (make_inner_step(end, false) == StepOutcome::kFailed) return find_failure(tau);
     const double made = end - tau;
     tau = end;
-    Status status = evaluate_end(tau);
+    Status status = evaluator->at_end(tau, stepper->y());
     if (!status.ok()) return status;
     const EnergyBalance audit = find_balance();
     if (is_energy_created(audit, tau))
       return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + tau};
     watch_energy(audit, tau);
-    events->set_due_below(*data, 0.0);
-    events->find_passed_latches(*data, made);
+    events->set_due_below(present(), 0.0);
+    events->find_passed_latches(present(), made);
     bool changed = false;
     status = accept(tau, changed);
     events->clear_passed();
@@ -316,19 +293,14 @@ Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
 }
 
 /// If the loads at the end of a step are near their peaks, the loads in its middle count too.
-/// @pre evaluate_end(to)
+/// @pre evaluation at `to`
 void DockingSim::Impl::look_into_step(double from, double to) {
   if (adapt_problem || !peaks.is_near(find_peak_values())) return;
   const double middle = 0.5 * (from + to);
   if (!stepper->interpolate(middle, rates.data())) return;
-  evaluated = Evaluated::kNothing;
-  ++counted_elsewhere.rate_evaluations;
-  const Status status = calc_docking<double>(*model, discrete, memory, find_loads(middle),
-                                             elapsed + middle, rates.data(), nullptr, *rate_data);
-  if (!status.ok()) return;
-  std::swap(data, rate_data);
-  peaks.add(elapsed + middle, find_peak_values());
-  std::swap(data, rate_data);
+  evaluator->count(1);
+  if (!evaluator->aside(middle, rates.data(), nullptr).ok()) return;
+  peaks.add(elapsed + middle, find_peak_values(trial()));
 }
 
 /// Step over a singularity. A mechanism can be evaluated on both sides of a singular pose, but not
@@ -337,7 +309,7 @@ void DockingSim::Impl::look_into_step(double from, double to) {
 /// control
 /// @return 0 if no singular pose is ahead
 double DockingSim::Impl::update_singularity_step(double made, double proposal) {
-  const double margin = find_singularity_margin(model->mechanism, data->mechanism);
+  const double margin = find_singularity_margin(model->mechanism, present().mechanism);
   const double rate = (margin_before - margin) / made;
   margin_before = margin;
   if (!(rate > 0.0) || margin > 3.0 * kChangeMargin) return 0.0;
@@ -359,7 +331,7 @@ double DockingSim::Impl::find_next_stop(double tau, double h) const {
     stop = std::min(stop, *onset - elapsed);
   }
   if (has_surfaces() && model->contact.kind == ContactModel::Kind::kRings) {
-    const double bound = find_step_bound(model->contact, data->contact.gap, data->relative);
+    const double bound = find_step_bound(model->contact, present().contact.gap, present().relative);
     if (tau + bound < stop) stop = tau + bound;
   }
   return stop;
@@ -418,7 +390,7 @@ void DockingSim::Impl::watch_energy(const EnergyBalance& found, double tau) {
 VehicleState DockingSim::Impl::find_vehicle_state(int i) const {
   VehicleState state;
   if (!model->present[i]) return state;
-  const FrameMotion<double>& frame = data->vehicle[i];
+  const FrameMotion<double>& frame = present().vehicle[i];
   state.x = frame.p;
   state.v = frame.v;
   state.q = quat_from_matrix<double>(frame.R);
@@ -431,11 +403,11 @@ void DockingSim::Impl::finish_step(double h) {
   // O drifts with its velocity and falls with gravity, so gravity does not act relative to O.
   frame_shift += frame_velocity * h;
   if (model->falling) {
-    frame_shift += 0.5 * h * h * loads.gravity;
-    frame_velocity += h * loads.gravity;
-    if (sloped) {
-      frame_shift += h * h * h / 6.0 * load_rates.gravity;
-      frame_velocity += 0.5 * h * h * load_rates.gravity;
+    frame_shift += 0.5 * h * h * loads.at_start().gravity;
+    frame_velocity += h * loads.at_start().gravity;
+    if (loads.are_sloped()) {
+      frame_shift += h * h * h / 6.0 * loads.rates().gravity;
+      frame_velocity += 0.5 * h * h * loads.rates().gravity;
     }
   }
   elapsed += h;
@@ -460,7 +432,7 @@ void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& end) {
     const VehicleState &before = step_begin.vehicle[i], &after = end.vehicle[i];
     const Wrench<double> impulse = find_stated_momentum(i, after) - find_stated_momentum(i, before);
     mean_load[i] = find_mean_load(impulse, before, after, h);
-    const Loads& known = find_loads(0.5 * h);
+    const Loads& known = loads.at(0.5 * h);
     mean_load[i].f -= known.force[i];
     if (!model->falling) mean_load[i].f -= model->stated_mass[i] * known.gravity;
     mean_load[i].t -= known.torque[i];
@@ -471,8 +443,9 @@ void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& end) {
 void DockingSim::Impl::update_momentum_audit() {
   if (!conserves_momentum(*model)) return;
   update_momentum_scales(*model, stepper->y(), momentum_audit);
-  momentum_audit.residual = std::max(
-      momentum_audit.residual, find_momentum_residual(*model, *data, stepper->y(), momentum_audit));
+  momentum_audit.residual =
+      std::max(momentum_audit.residual,
+               find_momentum_residual(*model, present(), stepper->y(), momentum_audit));
 }
 
 }  // namespace dockloop

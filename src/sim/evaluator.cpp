@@ -1,0 +1,119 @@
+// Evaluations of the equations of motion; see evaluator.hpp.
+#include "sim/evaluator.hpp"
+
+#include <algorithm>
+
+namespace dockloop {
+
+Evaluator::Evaluator(std::shared_ptr<const DockingModel> model, const SimState& state,
+                     const StepLoads& loads)
+    : model_(std::move(model)),
+      state_(state),
+      loads_(loads),
+      present_(std::make_unique<DockingData<double>>(*model_)),
+      trial_(std::make_unique<DockingData<double>>(*model_)),
+      start_rates_(static_cast<size_t>(model_->layout.size), 0.0),
+      key_y_(start_rates_) {}
+
+void Evaluator::use_coordinates(std::shared_ptr<const DockingModel> model) {
+  use_model(std::move(model));
+  present_->mechanism = MechanismData<double>(model_->mechanism);
+  trial_->mechanism = MechanismData<double>(model_->mechanism);
+  if (pass_) pass_ = std::make_unique<DockingPass>(*model_);
+}
+
+/// Both workspaces get the code, because they change places.
+void Evaluator::use_kernels(const std::shared_ptr<const KernelLibrary>& kernels) {
+  for (DockingData<double>* each : {present_.get(), trial_.get()}) {
+    each->mechanism.generated = make_generated_kernel(model_->mechanism, kernels);
+  }
+}
+
+void Evaluator::reserve_jacobian() {
+  if (pass_) return;
+  pass_ = std::make_unique<DockingPass>(*model_);
+  jacobian_.setZero(model_->layout.size, model_->layout.size);
+}
+
+void Evaluator::keep_pose() {
+  keep_reference(model_->mechanism, present_->mechanism);
+  trial_->mechanism.loops.reference = present_->mechanism.loops.reference;
+}
+
+void Evaluator::use_reference(const LoopReference<double>& reference) {
+  present_->mechanism.loops.reference = reference;
+  trial_->mechanism.loops.reference = reference;
+}
+
+Status Evaluator::calc(double tau, const double* y, double* ydot, Need need,
+                       DockingData<double>& data) {
+  return calc_docking<double>(*model_, state_.discrete, state_.memory, loads_.at(tau),
+                              state_.elapsed + tau, y, ydot, data, need);
+}
+
+Status Evaluator::at(double tau, const double* y, double* ydot) {
+  is_present_kept_ = false;
+  if (is_started()) forget();
+  Status status = calc(tau, y, ydot, Need::kState, *present_);
+  if (!status.ok()) status.time = state_.elapsed + tau;
+  return status;
+}
+
+Status Evaluator::at_start(const double* y) {
+  const Status status = at(0.0, y, start_rates_.data());
+  set_key(present_.get(), 0.0, y);
+  return status;
+}
+
+Status Evaluator::at_end(double tau, const double* y) {
+  const bool is_there = key_ == trial_.get() && is_at_key(tau, y);
+  // A trial state is not complete after generated code, or with a locked mechanism.
+  if (!is_there || present_->locked || trial_->mechanism.found == Need::kRates) return at(tau, y);
+  std::swap(present_, trial_);
+  forget();
+  return {};
+}
+
+Status Evaluator::at_trial(double tau, const double* y, double* ydot) {
+  const Status status = calc(tau, y, ydot, Need::kRates, *trial_);
+  set_key(trial_.get(), tau, y);
+  return status;
+}
+
+Status Evaluator::at_events(double tau, const double* y) {
+  if (is_at_key(tau, y)) {
+    events_at_ = is_started() ? present_.get() : trial_.get();
+    return {};
+  }
+  const Status status = at_trial(tau, y, nullptr);
+  if (!status.ok()) forget();
+  events_at_ = trial_.get();
+  return status;
+}
+
+Status Evaluator::aside(double tau, const double* y, double* ydot, Need need) {
+  if (key_ == trial_.get()) forget();
+  return calc(tau, y, ydot, need, *trial_);
+}
+
+Status Evaluator::calc_jacobian(double tau, const double* y) {
+  return calc_docking_jacobian(*model_, state_.discrete, state_.memory, *trial_, loads_.at(tau),
+                               state_.elapsed + tau, y, *pass_, jacobian_);
+}
+
+void Evaluator::begin_inner_step() {
+  if (key_ == trial_.get()) forget();
+  if (is_started()) count(1);
+}
+
+bool Evaluator::is_at_key(double tau, const double* y) const {
+  return key_ && tau == key_tau_ && std::equal(key_y_.begin(), key_y_.end(), y);
+}
+
+void Evaluator::set_key(const DockingData<double>* to, double tau, const double* y) {
+  key_ = to;
+  key_tau_ = tau;
+  std::copy_n(y, key_y_.size(), key_y_.begin());
+}
+
+}  // namespace dockloop

@@ -1,0 +1,34 @@
+// Loads from outside over a communication step: values at its start, and constant slopes.
+#pragma once
+
+#include <vector>
+
+#include "docking/docking_model.hpp"
+#include "sim/values.hpp"
+
+namespace dockloop {
+
+class StepLoads {
+ public:
+  /// Zero loads. @param forces  number of joint forces
+  void start(int forces);
+  /// Loads of the coming step. @param slopes  rates of the inputs; are_sloped: some are not zero
+  void read(const std::vector<Leg>& legs, const Inputs& inputs, const Inputs& slopes,
+            bool are_sloped);
+
+  const Loads& at_start() const { return start_; }
+  const Loads& rates() const { return rates_; }
+  bool are_sloped() const { return sloped_; }
+  /// Loads tau after the start of the step; valid until the next call.
+  const Loads& at(double tau) const;
+  /// No force, torque, gravity or command now and over the step? @param falling  gravity has no
+  /// effect, because frame O falls
+  bool are_absent(bool falling) const;
+
+ private:
+  Loads start_, rates_;
+  mutable Loads now_;  ///< result of at()
+  bool sloped_ = false;
+};
+
+}  // namespace dockloop
