@@ -49,7 +49,6 @@ ALLOWED = {
     ("coupling.mode", "modelDescription/scene.schema.json"): _SCHEMA,
     ("friction.model", "modelDescription/mechanism.schema.json"): _SCHEMA,
     ("friction.model", "modelDescription/scene.schema.json"): _SCHEMA,
-    ("loads", "modelDescription/mechanism.schema.json"): _SCHEMA,
     ("model.level", "modelDescription/scene.schema.json"): _SCHEMA,
     (GROUPS, "modelDescription/scene.schema.json"): _SCHEMA,
     ("types", "scripts/dockloop/extremes/fmi_host.py"): _ORACLE,

@@ -79,8 +79,8 @@ def make_sweep(given: dict, path: Path, text: str | None = None) -> Sweep:
         text: what the file says; default: the members as JSON.
     """
     schema.check(given, "sweep", path)
-    _check_members(given, path)
-    document = {"title": path.stem, "seed": 0, "cases": 1, "sampling": "sobol", "set": {}, **given}
+    document = {"title": path.stem, **schema.list_defaults("sweep"), "set": {}, **given}
+    _check_members(document, path)
     document["experiment"] = given.get("experiment", {})
     beside = path.parent / given["scene"]
     try:
@@ -154,13 +154,13 @@ def _check_members(document: dict, path: Path) -> None:
             raise UsageError(
                 f"{where}.direction is '{entry['direction']}': must be a key in degrees (..._deg)"
             )
-    total = grid_points * document.get("cases", 1)
+    total = grid_points * document["cases"]
     if total > _MAX_CASES:
         raise UsageError(
             f"{shown(path)}: cases times the points of the grids is {total}: must be at most"
             f" {_MAX_CASES}"
         )
-    if document.get("cases", 1) > 1 and all(entry["type"] == "grid" for entry in document["vary"]):
+    if document["cases"] > 1 and all(entry["type"] == "grid" for entry in document["vary"]):
         raise UsageError(
             f"{shown(path)}: cases is {document['cases']}: must be 1 when only grids vary"
         )

@@ -29,30 +29,6 @@ from dockloop.paths import MECHANISMS, SCENES, find_absence, is_file, shown
 FORMAT = "dockloop-scene/1"
 _KEPT = 16  # mechanisms, with what is set in them, that a reader of a scene remembers
 
-_VEHICLE = {
-    "motion": "free",
-    "interface_position": [0.0, 0.0, 0.0],
-    "interface_attitude": [1.0, 0.0, 0.0, 0.0],
-    "mass_includes_mechanism": 1,
-    "position": [0.0, 0.0, 0.0],
-    "velocity": [0.0, 0.0, 0.0],
-    "attitude": [1.0, 0.0, 0.0, 0.0],
-    "angular_velocity": [0.0, 0.0, 0.0],
-}
-_THRUST = {"contact_thrust": 0.0, "contact_thrust_delay": 0.0}
-_SOLVER = {
-    "rtol": 1e-6,
-    "atol_position": 1e-8,
-    "atol_velocity": 1e-8,
-    "atol_energy": 1e-7,
-    "step": 1e-3,
-}
-_EXPERIMENT = {"start": 0.0, "stop": 20.0, "step": 0.01, "tolerance": 1e-6}
-_CAPTURE_BODY = {
-    name: [0.0, 0.0, 0.0]
-    for name in ("displacement", "rotation_vector", "velocity", "angular_velocity")
-}
-
 
 def find_scene(reference: str) -> Path:
     """Find a scene by name (among the shipped ones) or by path.
@@ -131,19 +107,19 @@ def _resolve(scene: dict, mechanism: dict, path: Path) -> dict:
         "format": FORMAT,
         "name": path.stem,
         "title": scene.get("title", path.stem),
-        "chaser": {**_VEHICLE, **_THRUST, **scene["chaser"]},
+        "chaser": {**_defaults("target"), **_defaults("chaser"), **scene["chaser"]},
         "mechanism": mechanism,
         "contact": law,
         "initial": _initial(scene, path),
-        "solver": {**_SOLVER, **scene.get("solver", {})},
-        "experiment": {**_EXPERIMENT, **scene.get("experiment", {})},
-        "outputs": {"groups": scene.get("outputs", {}).get("groups", [])},
+        "solver": _defaults("solver") | scene.get("solver", {}),
+        "experiment": _defaults("experiment") | scene.get("experiment", {}),
+        "outputs": _defaults("outputs") | scene.get("outputs", {}),
     }
     for key in ("coupling", "model"):
         if key in scene:
             document[key] = scene[key]
     if "target" in scene:
-        document["target"] = {**_VEHICLE, **scene["target"]}
+        document["target"] = _defaults("target") | scene["target"]
     experiment = document["experiment"]
     if experiment["stop"] <= experiment["start"]:
         raise UsageError(
@@ -291,13 +267,18 @@ def scene_keys() -> list[str]:
     return walk(root, "")
 
 
+def _defaults(*section: str) -> dict[str, Any]:
+    """Return the defaults of a section of a scene file."""
+    return schema.list_defaults("scene", *section)
+
+
 def _initial(scene: dict, path: Path) -> dict:
     """Convert section [initial]: magnitudes and directions in degrees to SI vectors of A.
 
     A direction of 0 is +y of A, turning towards +z. Tilt is the rotation vector of the swing.
     """
-    given = scene.get("initial", {})
-    at = given.get("at", "start")
+    given = _defaults("initial") | scene.get("initial", {})
+    at = given["at"]
     if at == "first_contact" and "target" not in scene:
         raise UsageError(
             f"{shown(path)}: initial.at is 'first_contact', which needs a [target] to touch"
@@ -306,22 +287,22 @@ def _initial(scene: dict, path: Path) -> dict:
         raise UsageError(f"{shown(path)}: initial lacks the member 'closing_speed'")
 
     def disc(magnitude: str, direction: str, unit: float = 1.0) -> list[float]:
-        size = unit * given.get(magnitude, 0.0)
-        angle = math.radians(given.get(direction, 0.0))
+        size = unit * given[magnitude]
+        angle = math.radians(given[direction])
         return [size * math.cos(angle), size * math.sin(angle)]
 
     degree = math.radians(1.0)
     rates = disc("pitch_yaw_rate_deg_s", "pitch_yaw_rate_direction_deg", degree)
     return {
         "at": at,
-        "approach_time": given.get("approach_time", 0.0),
+        "approach_time": given["approach_time"],
         "closing_speed": given.get("closing_speed", 0.0),
         "lateral": disc("lateral_offset", "lateral_direction_deg"),
         "tilt": disc("pitch_yaw_deg", "pitch_yaw_direction_deg", degree),
-        "roll": degree * given.get("roll_deg", 0.0),
+        "roll": degree * given["roll_deg"],
         "lateral_velocity": disc("lateral_speed", "lateral_speed_direction_deg"),
-        "angular_velocity": [degree * given.get("roll_rate_deg_s", 0.0), *rates],
-        "capture_body": {**_CAPTURE_BODY, **given.get("capture_body", {})},
+        "angular_velocity": [degree * given["roll_rate_deg_s"], *rates],
+        "capture_body": _defaults("initial", "capture_body") | given.get("capture_body", {}),
         "joints": given.get("joints", {}),
     }
 

@@ -4,6 +4,7 @@ The schemas are part of the project (``modelDescription/*.schema.json``) and doc
 An error says which file, which member, its value and the limit, in one sentence.
 """
 
+import copy
 import json
 import math
 from collections.abc import Iterable, Iterator
@@ -111,6 +112,24 @@ def known_members(node: dict, root: dict, instance: Any = None) -> dict[str, dic
         is_then = isinstance(instance, dict) and instance.get("type") in wanted
         members |= known_members(node.get("then" if is_then else "else", {}), root, instance)
     return members
+
+
+def list_defaults(name: str, *path: str) -> dict[str, Any]:
+    """Return the defaults of the members of an object, by member.
+
+    Args:
+        name: ``scene``, ``mechanism`` or ``sweep``.
+        path: of the object from the top of a file, such as ``"initial", "capture_body"``.
+    """
+    root = load_schema(name)
+    node = root
+    for part in path:
+        node = known_members(node, root)[part]
+    return {
+        member: copy.deepcopy(child["default"])
+        for member, child in known_members(node, root).items()
+        if "default" in child
+    }
 
 
 def resolve(node: dict, root: dict) -> dict:
