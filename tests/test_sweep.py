@@ -241,7 +241,14 @@ def test_a_bad_sweep_file_is_refused(tmp_path, name):
 BAD_NAMES = {
     "unknown": ('type = "uniform"\nname = "chaser.mas"\nrange = [1, 2]', "mean 'chaser.mass'"),
     "computed": ('type = "uniform"\nname = "energy.kinetic"\nrange = [1, 2]', "is computed"),
-    "whole": ('type = "uniform"\nname = "solver.method"\nrange = [1, 2]', "must be a whole number"),
+    "choice": (
+        'type = "uniform"\nname = "model.flight"\nrange = [1, 2]',
+        "must be one of resting, integrated",
+    ),
+    "name": (
+        'type = "grid"\nname = "model.flight"\nvalues = ["restin"]',
+        "vary 'model.flight' is 'restin': must be one of resting, integrated (did you mean",
+    ),
     "outcome": (UNIFORM, "outcomes lists 'outcom', which is no output", 'outcomes = ["outcom"]'),
     "worst": (
         UNIFORM,
@@ -750,7 +757,7 @@ def test_a_table_that_cannot_be_written_is_told_before_the_first_case(
     def fail(*_, **__):
         raise AssertionError("a case was run")
 
-    monkeypatch.setattr("dockloop.sweeps._run_cases", fail)
+    monkeypatch.setattr("dockloop.sweeps.run_cases", fail)
     (tmp_path / "mine.parquet").mkdir()
     refused = dockloop(*SPEEDS)
     assert refused.status == 2, refused

@@ -9,6 +9,9 @@ From a notebook or a script::
 
     docking = dl.Docking("idss_25t_350t")       # step it yourself
     table = dl.sweep("idss_initial_conditions")  # many of them: a pandas.DataFrame
+    found = dl.envelope("idss_25t_350t", criteria="captured within 5 s",
+                        x=("initial.lateral_offset", 0.0, 0.2),
+                        y=("initial.closing_speed", 0.01, 0.15))
     report = dl.check("idss_hexapod")            # is a mechanism sound?
 
 Modules, in the order in which a docking passes through them::
@@ -35,6 +38,10 @@ and many of them::
     journal       results as they arrive, to go on with after an interruption
     cases         one case of a loaded FMU, as a Dask worker runs it
     sweep_report  the table, its summary in words and numbers, figures
+    criteria      "captured within 5 s and load_ratio < 1"
+    envelopes     the boundary of a criterion, with few dockings
+
+and what has names: `variables` of a docking, and the `catalogue` of all that can be set and read.
 
 Nothing here computes dynamics; that is the C++ core.
 """
@@ -45,6 +52,7 @@ from dockloop import paths
 
 if TYPE_CHECKING:
     from dockloop.docking import Docking, Scene, run
+    from dockloop.envelopes.command import Envelope, envelope
     from dockloop.errors import DockloopError, UsageError
     from dockloop.mechanism import check_mechanism as check
     from dockloop.results import Result
@@ -54,10 +62,12 @@ __version__ = "0.1.0"
 __all__ = [
     "Docking",
     "DockloopError",
+    "Envelope",
     "Result",
     "Scene",
     "UsageError",
     "check",
+    "envelope",
     "run",
     "sweep",
 ]
@@ -68,10 +78,12 @@ if not paths.IS_INSTALLED:  # in a clone the compiled module is where the C++ bu
 _WHERE = {  # imported when they are used, so that a command starts quickly
     "Docking": "docking",
     "DockloopError": "errors",
+    "Envelope": "envelopes.command",
     "Result": "results",
     "Scene": "docking",
     "UsageError": "errors",
     "check": "mechanism",
+    "envelope": "envelopes.command",
     "run": "docking",
     "sweep": "sweeps",
 }

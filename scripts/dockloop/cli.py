@@ -30,6 +30,7 @@ _TRADE_EXAMPLE = (
 )
 _CHECK_EXAMPLE = "example: dockloop check idss_hexapod"
 _EXTREMES_EXAMPLE = "example: dockloop extremes --item 10 --quick"
+_VARIABLES_EXAMPLE = "example: dockloop variables idss_25t_350t --match solver --match 'latch[1].*'"
 _TRUTH_EXAMPLE = (
     "example: dockloop truth absorber_1d --output relative.axial --stop 1 --step 0.1 --check"
 )
@@ -209,6 +210,7 @@ def _make_parser() -> argparse.ArgumentParser:
     sweep.add_argument("--no-plots", action="store_true", help="do not draw figures")
     sweep.add_argument("--json", action="store_true", help="print the summary as JSON")
 
+    _add_envelope(commands)
     _add_trade(commands)
 
     check = _add(commands, "check", _check, "tell whether a mechanism is sound", _CHECK_EXAMPLE)
@@ -242,6 +244,30 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     extremes.add_argument("--json", action="store_true", help="print the report as JSON")
 
+    variables = _add(
+        commands,
+        "variables",
+        _variables,
+        "list what can be set and read: name, default, unit, limits, meaning",
+        _VARIABLES_EXAMPLE,
+    )
+    variables.add_argument(
+        "scene", metavar="SCENE", help="name of a shipped scene, or a .toml file"
+    )
+    _add_scene_option(variables)
+    variables.add_argument(
+        "--match",
+        dest="patterns",
+        action="append",
+        default=[],
+        metavar="TEXT",
+        help="only names with this text; with *, names that are like it as a whole (repeatable)",
+    )
+    variables.add_argument(
+        "--states", action="store_true", help="with the states of model exchange and their rates"
+    )
+    variables.add_argument("--json", action="store_true", help="print the list as JSON")
+
     _add_truth(commands)
     return parser
 
@@ -262,6 +288,14 @@ def _add_view(commands: Any) -> None:
 
     text = "write a page that shows a docking in three dimensions; it opens offline"
     add_arguments(_add(commands, "view", _view, text, EXAMPLE))
+
+
+def _add_envelope(commands: Any) -> None:
+    """Add the command that finds the boundary of a criterion."""
+    from dockloop.envelopes.options import EXAMPLE, add_arguments
+
+    text = "find where dockings meet a criterion: its boundary in two or three quantities"
+    add_arguments(_add(commands, "envelope", _envelope, text, EXAMPLE))
 
 
 def _add_truth(commands: Any) -> None:
@@ -515,6 +549,15 @@ def _sweep(options: argparse.Namespace) -> None:
         raise DockloopError(f"no case was done, for example: {summary['reasons']['example']}")
 
 
+def _envelope(options: argparse.Namespace) -> None:
+    """Find the boundary of criteria: dockings, tables, summary, figure."""
+    from dockloop.envelopes.command import run_command
+    from dockloop.envelopes.report import describe_envelope
+
+    summary = run_command(options)
+    _tell(json.dumps(summary, indent=2) if options.json else describe_envelope(summary))
+
+
 def _trade(options: argparse.Namespace) -> None:
     """Measure what accuracy costs: runs, tables, figure, recommendation."""
     from dockloop import trade
@@ -574,6 +617,17 @@ def _check(options: argparse.Namespace) -> None:
         _tell(json.dumps(report, indent=2))
     else:
         _tell(describe_report(report))
+
+
+def _variables(options: argparse.Namespace) -> None:
+    """List what can be set and read in a scene."""
+    from dockloop.catalogue import describe, list_entries, to_document
+
+    entries = list_entries(
+        options.scene, options.overrides, options.patterns, has_states=options.states
+    )
+    document = to_document(options.scene, entries)
+    _tell(json.dumps(document, indent=2) if options.json else describe(entries))
 
 
 def _extremes(options: argparse.Namespace) -> None:

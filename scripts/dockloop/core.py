@@ -134,14 +134,20 @@ class Choice(NamedTuple):
 
 
 @cache
+def read_choices() -> dict[str, tuple[Choice, ...]]:
+    """Return all choices, by the name of their variable."""
+    with core_errors() as core:
+        rows = json.loads(core.choices())
+    return {variable: tuple(Choice(*row) for row in values) for variable, values in rows.items()}
+
+
 def list_choices(variable: str) -> tuple[Choice, ...]:
     """Return the values that a variable such as ``phase`` or ``model.level`` can take.
 
     Args:
         variable: its name; ``latch.state`` stands for that of every latch.
     """
-    with core_errors() as core:
-        return tuple(Choice(*row) for row in json.loads(core.choices())[variable])
+    return read_choices()[variable]
 
 
 def name_choice(variable: str, number: float) -> str:

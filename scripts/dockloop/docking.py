@@ -21,7 +21,7 @@ from dockloop.fmu import find_placement
 from dockloop.results import Result, list_points, warn_of_driven
 from dockloop.sampling import as_setting
 from dockloop.scene import find_scene, resolve_scene, scene_keys
-from dockloop.variables import TYPES, Value, read_variables
+from dockloop.variables import TYPES, Value, find_number, list_names, read_variables
 
 
 class Scene:
@@ -113,17 +113,23 @@ class Docking:
         """Time of the last communication point [s]."""
         return self._core.time
 
-    def set(self, name: str, value: Value | ArrayLike) -> None:
+    def set(self, name: str, value: Value | str | ArrayLike) -> None:
         """Set a variable: start values before the first step, inputs and tunable parameters always.
 
         Args:
             name: ``"chaser.mass"``, or ``"chaser.force_ext"`` for ``chaser.force_ext[1..3]``.
-            value: in the unit of the variable; for a vector an array of shape (entries,).
+            value: in the unit of the variable; for a vector an array of shape (entries,); for a
+                choice its number or its name (``"bdf"``).
 
         Raises:
             UsageError: naming variable, value and limit; nothing is changed.
         """
         rows = self._find(name)
+        if isinstance(value, str) and list_names(name, self._list[rows[0]].description):
+            try:
+                value = find_number(name, self._list[rows[0]].description, value)
+            except UsageError as error:
+                raise UsageError(f"Docking.set: {error}") from None
         values = np.asarray(value)
         if values.shape != (() if name in self.variables else (len(rows),)):
             expected = "one number" if name in self.variables else f"{len(rows)} numbers"
@@ -250,7 +256,7 @@ class Docking:
 def run(
     scene: str | Path | Scene,
     overrides: Mapping[str, Any] | None = None,
-    start_values: Mapping[str, Value | ArrayLike] | None = None,
+    start_values: Mapping[str, Value | str | ArrayLike] | None = None,
     *,
     stop: float | None = None,
     step: float | None = None,

@@ -85,7 +85,7 @@ class Journal:
         Args:
             path: the file.
             setup: all that decides the results beside the values; must be that of the file.
-            cases: how many there will be.
+            cases: how many there will be, at most if `finish` is called.
             resume: go on with what the file holds.
             work: what the cases belong to, for messages.
             digest: of these cases; a finished journal of others is not begun anew.
@@ -99,6 +99,7 @@ class Journal:
         self._synced, self._is_broken = time.monotonic(), False
         claim(path, journal_kind(work))
         header = {MADE_BY: f"dockloop {work}", "setup": setup, "cases": cases, "digest": digest}
+        self._header = header
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
@@ -129,6 +130,11 @@ class Journal:
         self.known[values] = result
         if result.status != "lost":
             self._write({"values": values, **asdict(result)})
+
+    def finish(self) -> None:
+        """Note that there will be no more cases: what is known is all. Raises DockloopError."""
+        self._header["cases"] = len(self.known)
+        self._write(self._header)
 
     def close(self) -> None:
         """Force everything to the disk. Raises DockloopError: that fails."""

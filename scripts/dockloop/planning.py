@@ -10,7 +10,7 @@ import copy
 import hashlib
 import json
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,8 +27,8 @@ from dockloop.outputs import scratch
 from dockloop.paths import shown
 from dockloop.results import list_points
 from dockloop.sampling import Quantity, Sweep, Value, as_setting
-from dockloop.scene import SceneReader, scene_keys
-from dockloop.variables import TYPES, WORDS, is_of_type, read_variables
+from dockloop.scene import SceneReader, scene_keys, scene_members
+from dockloop.variables import TYPES, WORDS, find_number, is_of_type, list_names, read_variables
 
 # Members of a resolved scene that an FMU takes as start values, with the names of their variables.
 _SETTABLE = {
@@ -44,7 +44,6 @@ _SETTABLE = {
     ("contact", "friction_coefficient"): "friction.coefficient",
 }
 _PLACED = ("capture_body", "joints")  # of [initial], all that the FMU reads itself
-_UNITS = {"_deg_s": "deg/s", "_deg": "deg", "_speed": "m/s", "_offset": "m", "_time": "s"}
 KEPT_FMUS = 16  # that cases of a sweep share at a time
 
 
@@ -106,7 +105,8 @@ class Planner:
         for name, value in fixed.items():
             self._check_name(name, "set", [value])
         for number, quantity in enumerate(sweep.quantities):
-            examples = {type(case[number]): case[number] for case in sweep.cases}
+            values = (case[number] for case in sweep.cases)
+            examples = {value if isinstance(value, str) else type(value): value for value in values}
             self._check_name(quantity.name, "vary", examples.values())
         self.quantities = [self._with_unit(quantity) for quantity in sweep.quantities]
         self.outcomes = self._find_outcomes()
@@ -116,6 +116,10 @@ class Planner:
         names = [quantity.name for quantity in self.quantities]
         decided = [self.unplaced, fixed, names, sweep.cases, self.outcomes, self.experiment]
         self.digest = make_digest(decided)
+
+    def ask(self, outputs: Iterable[str]) -> None:
+        """Collect more outputs at the end of every case."""
+        self.asked = list(dict.fromkeys([*self.asked, *outputs]))
 
     def is_scene_key(self, name: str) -> bool:
         """Tell whether a name is a key of the scene; if not, it is a start value of the FMU."""
@@ -218,7 +222,13 @@ class Planner:
         return told
 
     def _as_types(self, starts: dict[str, Any]) -> dict[str, Any]:
-        return {name: TYPES[self.variables[name].type](value) for name, value in starts.items()}
+        types = {}
+        for name, value in starts.items():
+            variable = self.variables[name]
+            is_name = isinstance(value, str)
+            number = find_number(name, variable.description, value) if is_name else value
+            types[name] = TYPES[variable.type](number)
+        return types
 
     def _check_name(self, name: str, where: str, values: Any) -> None:
         """Check that there is something of this name that takes values of this kind."""
@@ -236,9 +246,16 @@ class Planner:
             )
         if variable.start is None:
             raise UsageError(f"{place}: is computed by the FMU and has no start value")
+        names = list_names(name, variable.description)
         for value in values:
-            if not is_of_type(value, variable.type):
-                raise UsageError(f"{place}: takes {value!r}: must be {WORDS[variable.type]}")
+            if isinstance(value, str) and names:
+                try:
+                    find_number(name, variable.description, value)
+                except UsageError as error:
+                    raise UsageError(f"{shown(self._sweep.path)}: {where} {error}") from None
+            elif not is_of_type(value, variable.type):
+                wanted = f"one of {', '.join(names)}" if names else WORDS[variable.type]
+                raise UsageError(f"{place}: takes {value!r}: must be {wanted}")
 
     def _with_unit(self, quantity: Quantity) -> Quantity:
         """Fill in a unit that the sweep file leaves out."""
@@ -247,8 +264,8 @@ class Planner:
         variable = self.variables.get(_SETTABLE.get((section, member), name))
         if not unit and variable is not None:
             unit = variable.unit
-        if not unit and section == "initial":
-            unit = next((text for end, text in _UNITS.items() if name.endswith(end)), "")
+        if not unit:
+            unit = scene_members().get(name, {}).get("unit", "")
         return Quantity(name, unit)
 
     def _find_outcomes(self) -> list[str]:

@@ -23,11 +23,17 @@ from pathlib import Path
 from typing import Any
 
 from dockloop import schema
+from dockloop.core import list_choices
 from dockloop.errors import UsageError, did_you_mean, find_reason
 from dockloop.paths import MECHANISMS, SCENES, find_absence, is_file, shown
 
 FORMAT = "dockloop-scene/1"
 _KEPT = 16  # mechanisms, with what is set in them, that a reader of a scene remembers
+
+_NUMBERED = {  # choices that a scene names and its document numbers: the variable with the names
+    ("solver", "method"): "solver.method",
+    ("contact", "friction_model"): "friction.model",
+}
 
 
 def find_scene(reference: str) -> Path:
@@ -88,10 +94,20 @@ class SceneReader:
         for text in overrides:
             apply_override(scene, text)
         schema.check(scene, "scene", self._path)
+        _number_choices(scene)
         # A scene without mechanism is a vehicle by itself (or two that pass through each other).
         named = scene.get("mechanism")
         text = json.dumps(named, default=str)
         return _resolve(scene, self._mechanism(text) if named else {"name": "none"}, self._path)
+
+
+def _number_choices(scene: dict) -> None:
+    """Replace names of choices by their numbers; the schema has checked the names."""
+    for (section, member), variable in _NUMBERED.items():
+        name = scene.get(section, {}).get(member)
+        if isinstance(name, str):
+            numbers = {choice.name: choice.number for choice in list_choices(variable)}
+            scene[section][member] = numbers[name]
 
 
 def _resolve(scene: dict, mechanism: dict, path: Path) -> dict:
@@ -140,16 +156,7 @@ def load_mechanism(reference: dict, scene_path: Path) -> dict:
         The mechanism document, angles in rad, comments removed.
     """
     name = reference["name"]
-    for folder in (scene_path.parent, MECHANISMS):
-        if is_file(folder / f"{name}.json"):
-            path = folder / f"{name}.json"
-            break
-    else:
-        names = sorted({f.stem for f in MECHANISMS.glob("*.json")})
-        raise UsageError(
-            f"{shown(scene_path)}: mechanism.name is '{name}': there is no {name}.json beside the"
-            f" scene or in {shown(MECHANISMS)}{did_you_mean(name, names)}"
-        )
+    path = find_mechanism(name, scene_path)
     mechanism = read_mechanism(path)
     places = {
         f"mechanism.set.{dotted}": _set_member(mechanism, dotted, value, path, scene_path)
@@ -164,6 +171,18 @@ def load_mechanism(reference: dict, scene_path: Path) -> dict:
             f" {found.sentence}"
         )
     return {"name": name, **_plain(without_nulls(mechanism))}
+
+
+def find_mechanism(name: str, scene_path: Path) -> Path:
+    """Find a mechanism beside a scene, or else among the shipped ones. Raises UsageError."""
+    for folder in (scene_path.parent, MECHANISMS):
+        if is_file(folder / f"{name}.json"):
+            return folder / f"{name}.json"
+    names = sorted({f.stem for f in MECHANISMS.glob("*.json")})
+    raise UsageError(
+        f"{shown(scene_path)}: mechanism.name is '{name}': there is no {name}.json beside the"
+        f" scene or in {shown(MECHANISMS)}{did_you_mean(name, names)}"
+    )
 
 
 def read_mechanism(path: Path) -> dict:
@@ -253,18 +272,25 @@ def read_toml(path: Path) -> tuple[dict, str]:
 
 
 @cache
-def scene_keys() -> list[str]:
-    """Return every dotted key that the schema of scenes knows."""
+def scene_members() -> dict[str, dict]:
+    """Return every dotted key that the schema of scenes knows, with its node of the schema."""
     root = schema.load_schema("scene")
 
-    def walk(node: dict, prefix: str) -> list[str]:
-        keys = []
+    def walk(node: dict, prefix: str) -> dict[str, dict]:
+        members: dict[str, dict] = {}
         for name, child in schema.known_members(node, root).items():
-            below = walk(schema.resolve(child, root), f"{prefix}{name}.")
-            keys += below or [f"{prefix}{name}"]
-        return keys
+            inner = schema.resolve(child, root)
+            below = walk(inner, f"{prefix}{name}.")
+            members |= below or {f"{prefix}{name}": {**inner, **child}}
+        return members
 
     return walk(root, "")
+
+
+@cache
+def scene_keys() -> list[str]:
+    """Return every dotted key that the schema of scenes knows."""
+    return list(scene_members())
 
 
 def _defaults(*section: str) -> dict[str, Any]:

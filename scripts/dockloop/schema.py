@@ -226,7 +226,8 @@ def _sentence(error: Any, root: dict) -> str:
         case "uniqueItems":
             return f"{where} lists an entry twice"
         case "enum":
-            choices = ", ".join(str(choice) for choice in limit)
+            names = [choice for choice in limit if isinstance(choice, str)]  # numbers mean the same
+            choices = ", ".join(str(choice) for choice in names or limit)
             near = did_you_mean(value, map(str, limit)) if isinstance(value, str) else ""
             return f"{where} is {shown_value}: must be one of {choices}{near}"
         case "type":

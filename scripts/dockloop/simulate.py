@@ -25,7 +25,7 @@ from dockloop.outputs import filling, scratch
 from dockloop.paths import find_absence, is_file, shown
 from dockloop.results import ProgressBar, Result, list_points, warn_of_driven
 from dockloop.scene import scene_keys
-from dockloop.variables import WORDS
+from dockloop.variables import WORDS, find_number, list_names
 
 __all__ = ["ProgressBar", "Recording", "run_fmu"]  # and what is defined here
 Recording = Result  # as `dockloop.trade` calls it
@@ -304,6 +304,12 @@ def _parse_setting(text: str, description: Any) -> tuple[Any, Any]:
     try:
         value = _parse_as(variable.type, value_text)
     except ValueError:
+        if list_names(name, variable.description or ""):
+            word = value_text.strip('"')
+            try:
+                return variable, find_number(name, variable.description, word)
+            except UsageError as error:
+                raise UsageError(f"--set {text}: {error}") from None
         raise UsageError(
             f"--set {text}: '{name}' must be {WORDS.get(variable.type, variable.type)}"
         ) from None

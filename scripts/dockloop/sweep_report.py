@@ -21,6 +21,7 @@ from dockloop import __version__
 from dockloop.capture import explain_capture
 from dockloop.cases import STATUSES, Result
 from dockloop.core import list_choices, list_loads, name_choice
+from dockloop.criteria import NEVER, PEAK
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
@@ -29,7 +30,6 @@ from dockloop.summary import find_summary
 from dockloop.sweeps import COMMAND, DIGEST, TABLE, Planner, find_journal
 
 _NAMED = ("outcome", "phase")  # Integers of the FMU that the table spells out
-_NEVER = ("time_of_contact", "time_of_capture")  # negative: it did not happen; null in the table
 _COLOURS = {
     "captured": "tab:blue",
     "partial capture": "tab:orange",
@@ -38,7 +38,6 @@ _COLOURS = {
     "undecided": "0.5",
     "not run": "black",
 }
-_PEAK = "capture.peak."
 _BINS = 8
 _COLUMNS = 4  # panels of a figure side by side
 
@@ -101,7 +100,7 @@ def make_table(sweep: Sweep, planner: Planner, results: list[Result]) -> Any:
     add("warning", [r.warning for r in results], description="what placement or FMU had to say")
     add("end_time", [r.end_time for r in results], "s", "where the case ended")
     for number, name in enumerate(planner.outcomes):
-        ends = [_outcome_value(name, r.outputs[number]) if r.outputs else None for r in results]
+        ends = [describe_output(name, r.outputs[number]) if r.outputs else None for r in results]
         variable = planner.variables[name]
         add(name, ends, variable.unit, variable.description)
     if "capture.reason" in planner.asked:
@@ -172,7 +171,7 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
         found = [name for name in table["outcome"].to_pylist() if name is not None]
         names = [choice.name for choice in list_choices("outcome")]
         summary["outcomes"] = {name: found.count(name) for name in names if name in found}
-        summary["captured"] = _estimate_fraction(found.count("captured"), len(found))
+        summary["captured"] = estimate_fraction(found.count("captured"), len(found))
     summary["peak_loads"] = _count_loads(planner, table)
     worst = _find_worst(sweep, planner, table)
     if worst:
@@ -249,17 +248,17 @@ def write_sweep_plots(sweep: Sweep, planner: Planner, table: Any, stem: Path) ->
     if "outcome" in table.column_names:
         files.append(envelope)
         _plot_envelope(sweep, planner, table, envelope)
-    if any(name.startswith(_PEAK) for name in table.column_names):
+    if any(name.startswith(PEAK) for name in table.column_names):
         files.append(loads)
         _plot_loads(sweep, planner, table, loads)
     return files
 
 
-def _outcome_value(name: str, value: Any) -> Any:
+def describe_output(name: str, value: Any) -> Any:
     """Return an output as the table shows it."""
     if name in _NAMED:
         return name_choice(name, value)
-    return None if name in _NEVER and value < 0.0 else value
+    return None if name in NEVER and value < 0.0 else value  # it did not happen
 
 
 def _make_metadata(sweep: Sweep, planner: Planner) -> dict[str, str]:
@@ -288,7 +287,7 @@ def _make_metadata(sweep: Sweep, planner: Planner) -> dict[str, str]:
     }
 
 
-def _estimate_fraction(count: int, total: int) -> dict:
+def estimate_fraction(count: int, total: int) -> dict:
     """Return a fraction with its 95 % interval by Wilson, as for cases drawn at random."""
     z = 1.959963984540054
     p = count / total
@@ -301,10 +300,10 @@ def _peaks(table: Any) -> dict[str, np.ndarray]:
     """Return the peak loads of the cases that were done, by the name of the load."""
     peaks = {}
     for name in table.column_names:
-        if name.startswith(_PEAK):
+        if name.startswith(PEAK):
             values = np.array([v for v in table[name].to_pylist() if v is not None], dtype=float)
             if len(values):
-                peaks[name.removeprefix(_PEAK)] = values
+                peaks[name.removeprefix(PEAK)] = values
     return peaks
 
 
@@ -329,7 +328,7 @@ def _count_loads(planner: Planner, table: Any) -> dict:
 
 def _find_worst(sweep: Sweep, planner: Planner, table: Any) -> dict | None:
     """Return the case with the largest value of the outcome that counts, and its command."""
-    by = sweep.document.get("worst", f"{_PEAK}load_ratio")
+    by = sweep.document.get("worst", f"{PEAK}load_ratio")
     if by not in table.column_names:
         return None
     values = [
@@ -408,7 +407,7 @@ def _plot_fraction(axis: Any, values: np.ndarray, captured: np.ndarray) -> None:
         order = np.argsort(values, kind="stable")
         groups = np.array_split(order, min(_BINS, max(1, len(values) // 4)))
     for group in groups:
-        part = _estimate_fraction(int(captured[group].sum()), len(captured[group]))
+        part = estimate_fraction(int(captured[group].sum()), len(captured[group]))
         middle = float(np.mean(values[group]))
         axis.plot([middle, middle], [part["low"], part["high"]], color="tab:blue", linewidth=0.9)
         axis.plot(middle, part["fraction"], "o", color="tab:blue", markersize=4)

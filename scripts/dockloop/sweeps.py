@@ -135,7 +135,7 @@ def run_sweep(
             with open_executor(planner, engine, workers, scheduler, len(missing)) as executor:
                 began, threads = time.perf_counter(), executor.count()
                 report = make_report(progress, done, len(sweep.cases))
-                _run_cases(executor, planner, missing, journal.add, report)
+                run_cases(executor, planner, missing, journal.add, report)
     except KeyboardInterrupt:
         raise InterruptedWorkError(
             f"interrupted with {sum(case in journal.known for case in sweep.cases)} of"
@@ -180,14 +180,22 @@ def _check_table(path: Path, digests: set[str]) -> None:
         )
 
 
-def _run_cases(
+def run_cases(
     executor: Executor,
     planner: Planner,
     cases: list[tuple],
     keep: Callable[[tuple, Result], None],
     report: Callable[[], None],
 ) -> None:
-    """Submit cases, a few more than run at a time, and keep what comes back."""
+    """Submit cases, a few more than run at a time, and keep what comes back.
+
+    Args:
+        executor: where they run.
+        planner: whose cases they are.
+        cases: their values.
+        keep: receives every case with its result.
+        report: called after each.
+    """
     todo = iter(cases)
     running: dict[Future, tuple] = {}
 

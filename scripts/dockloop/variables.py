@@ -1,6 +1,12 @@
-"""Variables of a docking: the rows of the one table that the core makes for a scene."""
+"""Variables of a docking: the rows of the one table that the core makes for a scene.
+
+A choice is an Integer in the FMU; everywhere else its values have names (`list_names`).
+"""
 
 from typing import Any, NamedTuple
+
+from dockloop.core import read_choices
+from dockloop.errors import UsageError, did_you_mean
 
 Value = float | int | bool
 TYPES: dict[str, type] = {"Real": float, "Integer": int, "Boolean": bool}
@@ -42,3 +48,27 @@ def is_of_type(value: Any, type_name: str) -> bool:
 def read_variables(docking: Any) -> dict[str, Variable]:
     """Return all variables of a docking of the compiled core (``_core.Docking``), by name."""
     return {row[0]: Variable(*row) for row in docking.variables()}
+
+
+def list_names(variable: str, description: str) -> dict[str, int]:
+    """Return the numbers of the values of a choice by their names; none if it has no names.
+
+    Args:
+        variable: its name.
+        description: of the variable; values that this FMU does not carry are not in it.
+    """
+    values = read_choices().get(variable, ())
+    return {v.name: v.number for v in values if f"{v.number} {v.name}" in description}
+
+
+def find_number(variable: str, description: str, text: str) -> int:
+    """Return the number of a value of a choice; arguments as for `list_names`.
+
+    Raises:
+        UsageError: there is no value of this name. The sentence continues one that ends in a colon.
+    """
+    names = list_names(variable, description)
+    if text not in names:
+        near = did_you_mean(text, names)
+        raise UsageError(f"'{variable}' is '{text}': must be one of {', '.join(names)}{near}")
+    return names[text]

@@ -103,6 +103,7 @@ struct SolverSettings {
   double atol_velocity = 1e-8;  ///< [m/s]
   double atol_energy = 1e-7;    ///< [J]
   double step = 1e-3;           ///< [s] inner step of the fixed methods
+  int method = 1;               ///< start value of solver.method (sim/solver_methods.hpp)
 };
 
 struct Experiment {

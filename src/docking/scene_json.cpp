@@ -22,6 +22,7 @@ int read_choice(const JsonReader& item, const ChoiceList& list) {
 constexpr const char* kVariableTableVersion = "dockloop-variables/1";
 
 constexpr int kMaxNodes = 360;  ///< of a guide ring
+constexpr int kMaxMethod = 99;  ///< sim/solver_methods.hpp has the list
 
 Motion read_motion(const JsonReader& vehicle) {
   const std::string motion = vehicle.text("motion", "free");
@@ -230,6 +231,7 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
                                      {"step", &s.step}}) {
       if (solver.has(key)) *value = solver.positive(key);
     }
+    s.method = solver.whole("method", s.method, 1, kMaxMethod);
   }
   if (root.has("experiment")) {
     const JsonReader experiment = root.at("experiment");

@@ -116,10 +116,8 @@ Stepper::Method find_stepper_method(int method) {
 
 DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, FmiKind i, const Comparison* c)
     : scene(std::move(s)), fmi_kind(i), comparison(c) {
-  if (scene->level == kReference && !comparison) {
-    throw ModelError("model.level is 4" + describe_missing_reference_level());
-  }
   clear();
+  check_method(parameters, comparison != nullptr);
 }
 
 /// Back to the scene's values. The storage is not moved: the variable table points to it.
@@ -133,7 +131,7 @@ void DockingSim::Impl::clear() {
   parameters.restitution_speed = scene->restitution_speed;
   parameters.flight = kQuiescent;
   parameters.model_level = scene->level;
-  parameters.solver_method = kAuto;
+  parameters.solver_method = scene->solver.method;
   parameters.dae_form = Parameters().dae_form;
   parameters.step = scene->solver.step;
   parameters.rtol = scene->solver.rtol;

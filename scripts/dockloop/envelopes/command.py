@@ -1,0 +1,215 @@
+"""The command ``dockloop envelope``, and the same in Python: `envelope`."""
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dockloop import paths
+from dockloop.envelopes import report
+from dockloop.envelopes.search import Axis, Order, Progress, Search, find_envelope
+from dockloop.errors import UsageError
+from dockloop.figures import can_draw
+from dockloop.outputs import claim, scratch
+from dockloop.results import ProgressBar, import_optional
+from dockloop.scene import find_scene, parse_value
+from dockloop.summary import write_summary
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Range = tuple[str, float, float]
+
+
+@dataclass
+class Envelope:
+    """The boundary of criteria in two or three quantities.
+
+    Attributes:
+        summary: what ``dockloop envelope --json`` prints.
+        points: a row for every docking: quantities, which criteria it meets, outcomes, command.
+        boundary: a row for every place where a criterion changes: the middle of two dockings, half
+            their distance, both of them. Units are in ``attrs["units"]`` of both tables.
+    """
+
+    summary: dict[str, Any]
+    points: "pd.DataFrame"
+    boundary: "pd.DataFrame"
+    _search: Search
+
+    def plot(self) -> Any:
+        """Draw where the criteria are met; returns a ``matplotlib.figure.Figure``."""
+        import_optional("matplotlib")
+        return report.draw_envelope(self._search)
+
+
+def envelope(
+    scene: str | Path,
+    x: Range,
+    y: Range,
+    z: Range | None = None,
+    *,
+    criteria: str | Sequence[str],
+    overrides: Mapping[str, Any] | None = None,
+    start_values: Mapping[str, Any] | None = None,
+    stop: float | None = None,
+    step: float | None = None,
+    log: str = "",
+    tolerance: float | None = None,
+    coarse: int | None = None,
+    checks: int = 16,
+    seed: int = 0,
+    output: Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+) -> Envelope:
+    """Find where dockings meet criteria: the boundary in two or three quantities.
+
+    Args:
+        scene: name of a shipped scene, or path of a ``.toml`` file.
+        x: name, low and high of a quantity: a key of the scene or a variable of the FMU.
+        y: a second one.
+        z: perhaps a third one.
+        criteria: one text or several, such as ``"captured within 5 s and load_ratio < 1"``.
+        overrides: keys of the scene that all dockings have otherwise.
+        start_values: values of variables that all dockings start with.
+        stop: end of a docking [s]; default: that of the scene.
+        step: communication step [s]; default: that of the scene.
+        log: letters of quantities that go in equal ratios, such as ``"xy"``.
+        tolerance: the boundary is found within this part of each range.
+        coarse: cells along a range at the beginning; what is smaller may be missed.
+        checks: dockings at random away from the boundary.
+        seed: of these.
+        output: folder for the journal; default: it is not kept.
+        workers: threads; default: one per processor.
+        scheduler: address of a Dask scheduler to use instead.
+        resume: go on with the journal of `output`.
+
+    Raises:
+        UsageError: naming what is bad, its value and the limit.
+        DockloopError: a package is missing, or no docking could be run.
+    """
+    pd = import_optional("pandas")
+    ranges = [axis for axis in (x, y, z) if axis is not None]
+    order = Order(
+        str(scene),
+        _make_axes(ranges, log),
+        (criteria,) if isinstance(criteria, str) else tuple(criteria),
+        {**(overrides or {}), **(start_values or {})},
+        _make_experiment(stop, step),
+        tolerance,
+        coarse,
+        checks,
+        seed,
+    )
+    with scratch() as folder:
+        journal = report.name_files(output or folder).journal
+        found = find_envelope(order, journal, workers=workers, scheduler=scheduler, resume=resume)
+    tables = []
+    for columns, rows in (report.list_points(found), report.list_boundary(found)):
+        table = pd.DataFrame(rows, columns=columns)
+        units = report.list_units(found)
+        table.attrs["units"] = {name: units[name] for name in columns if name in units}
+        tables.append(table)
+    return Envelope(report.summarise_envelope(found), tables[0], tables[1], found)
+
+
+def run_command(options: argparse.Namespace) -> dict:
+    """Find and write an envelope; returns the summary, with the files written.
+
+    Raises:
+        UsageError: an option is bad.
+        DockloopError: the work failed.
+    """
+    name = find_scene(options.scene).stem
+    ranges = [given for given in (options.x, options.y, options.z) if given]
+    numbers = [
+        _parse_range(f"--{letter}", given) for letter, given in zip("xyz", ranges, strict=False)
+    ]
+    settings = dict(_parse_setting("--scene", text) for text in options.overrides)
+    settings |= dict(_parse_setting("--set", text) for text in options.set)
+    order = Order(
+        options.scene,
+        _make_axes(numbers, options.log),
+        tuple(options.criteria),
+        settings,
+        _make_experiment(options.stop, options.step),
+        options.tolerance,
+        options.coarse,
+        options.check,
+        options.seed,
+    )
+    if options.workers is not None and options.workers < 1:
+        raise UsageError(f"--workers {options.workers}: must be at least 1")
+    files = report.name_files(options.output or paths.BUILD / "envelopes" / name)
+    for file, kind in files.list_kinds():
+        claim(file, kind)
+    found = find_envelope(
+        order,
+        files.journal,
+        workers=options.workers,
+        scheduler=options.scheduler,
+        resume=options.resume,
+        progress=_make_progress(name),
+    )
+    summary = report.summarise_envelope(found)
+    report.write_tables(found, files)
+    written = [files.points, files.boundary]
+    if not options.no_plots and can_draw():
+        report.write_figure(found, files.figure)
+        written.append(files.figure)
+    written.append(files.summary)
+    summary["files"] = [paths.shown(file) for file in written]
+    write_summary(summary, files.summary)
+    return summary
+
+
+def _parse_range(option: str, given: Sequence[str]) -> Range:
+    """Parse ``NAME LOW HIGH``."""
+    name, *ends = given
+    try:
+        low, high = map(float, ends)
+    except ValueError:
+        raise UsageError(
+            f"{option} {' '.join(given)}: must be NAME LOW HIGH, two numbers"
+        ) from None
+    return name, low, high
+
+
+def _make_axes(ranges: Sequence[Range], log: str) -> tuple[Axis, ...]:
+    letters = "xyz"[: len(ranges)]
+    if wrong := set(log) - set(letters):
+        raise UsageError(f"--log {log}: '{min(wrong)}' must be one of {', '.join(letters)}")
+    return tuple(
+        Axis(name, float(low), float(high), letter in log)
+        for letter, (name, low, high) in zip(letters, ranges, strict=True)
+    )
+
+
+def _make_experiment(stop: float | None, step: float | None) -> dict[str, float]:
+    given = {"stop": stop, "step": step}
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def _parse_setting(option: str, text: str) -> tuple[str, Any]:
+    """Parse ``NAME=VALUE``."""
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if not equals or not name:
+        raise UsageError(f"{option} {text}: must be NAME=VALUE")
+    return name, parse_value(value)
+
+
+def _make_progress(label: str) -> Progress:
+    """Return what shows progress: a bar at a terminal, else a line for every round."""
+    bar, rounds = ProgressBar(label), set()
+
+    def show(done: int, total: int, note: str) -> None:
+        bar(0.999 * done / max(total, 1), f"{done} of {total} dockings so far, {note}")
+        if total not in rounds and not sys.stderr.isatty():
+            rounds.add(total)
+            print(f"{label}: {note}, {total} dockings so far", file=sys.stderr, flush=True)
+
+    return show

@@ -1,0 +1,327 @@
+"""What was found: two tables, a summary for programs and for people, a figure.
+
+``points.csv`` has a row for every docking, with the command that runs it alone; ``boundary.csv``
+has a row for every place where a criterion changes: a point on either side and the middle, which is
+off by half their distance at most. Units of the columns are in the summary (member ``units``).
+"""
+
+import csv
+import shlex
+from collections import Counter
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from dockloop.capture import explain_capture
+from dockloop.envelopes.mesh import Cell, Point
+from dockloop.envelopes.search import COMMAND, WORK, Search
+from dockloop.figures import save_figure
+from dockloop.journal import journal_kind
+from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
+from dockloop.sweep_report import describe_output, estimate_fraction
+
+_POINTS = table_kind("table", COMMAND, "run,", ",status,reason")
+_BOUNDARY = table_kind("table", COMMAND, "criterion,along,")
+_SLICES = 4  # panels of a figure of three quantities, for each criterion
+_MET, _NOT_MET, _EDGE = "#9ecae1", "#f0f0f0", "#08306b"
+Row = list[Any]
+
+
+class Files(NamedTuple):
+    """What is written into the folder of an envelope."""
+
+    points: Path
+    boundary: Path
+    summary: Path
+    figure: Path
+    journal: Path
+
+    def list_kinds(self) -> list[tuple[Path, Kind]]:
+        """Return every file with its kind."""
+        kinds = (
+            *(_POINTS, _BOUNDARY, json_kind("summary", COMMAND)),
+            *(figure_kind(COMMAND), journal_kind(WORK)),
+        )
+        return list(zip(self, kinds, strict=True))
+
+
+def name_files(folder: Path) -> Files:
+    """Return the files of an envelope in a folder."""
+    names = ("points.csv", "boundary.csv", "summary.json", "envelope.png", "journal.jsonl")
+    return Files(*(folder / name for name in names))
+
+
+def list_points(search: Search) -> tuple[list[str], list[Row]]:
+    """Return the table of all dockings: names of the columns, and rows in order of the points."""
+    planner = search.planner
+    axes = [axis.name for axis in search.order.axes]
+    texts = [criterion.text for criterion in search.criteria]
+    looked_at = (name for criterion in search.criteria for name in criterion.outputs)
+    shown = [n for n in dict.fromkeys([*planner.outcomes, *looked_at]) if n not in (*axes, *texts)]
+    columns = ["run", *axes, "status", "reason", *texts]
+    columns += [*shown, "explanation", "command"]
+    latches = planner.base["mechanism"].get("latches", {})
+    rows = []
+    for number, point in enumerate(sorted(search.runs), 1):
+        result, outputs = search.runs[point], search.outputs(point)
+        met = search.known[point] if outputs else [None] * len(search.criteria)
+        ends = [describe_output(name, outputs[name]) if outputs else None for name in shown]
+        why = explain_capture(outputs, latches)
+        command = shlex.join(make_command(search, point))
+        status = [result.status, result.reason]
+        rows.append([number, *search.values(point), *status, *met, *ends, why, command])
+    return columns, rows
+
+
+def list_boundary(search: Search) -> tuple[list[str], list[Row]]:
+    """Return the table of all places where a criterion changes."""
+    axes = [axis.name for axis in search.order.axes]
+    columns = ["criterion", "along", *axes, "half_distance"]
+    columns += [f"{name} {side}" for side in ("met", "not met") for name in axes]
+    rows: list[Row] = []
+    for number, criterion in enumerate(search.criteria):
+        for bracket in search.mesh.list_brackets(search.known, number):
+            inside, outside = search.values(bracket.inside), search.values(bracket.outside)
+            (along,) = (i for i, (a, b) in enumerate(zip(*bracket, strict=True)) if a != b)
+            half = abs(inside[along] - outside[along]) / 2
+            middle = search.middle(bracket)
+            rows.append([criterion.text, axes[along], *middle, half, *inside, *outside])
+    return columns, rows
+
+
+def make_command(search: Search, point: Point) -> list[str]:
+    """Return the words of the command that runs one point alone."""
+    end = search.runs[point].end_time
+    stop = float(search.planner.times[-1]) if end is None else end
+    return search.planner.make_command(search.values(point), stop)
+
+
+def summarise_envelope(search: Search) -> dict:
+    """Condense what was found into a dictionary that can be written as JSON."""
+    planner, mesh = search.planner, search.mesh
+    status = Counter(result.status for result in search.runs.values())
+    criteria = [_summarise_criterion(search, number) for number in range(len(search.criteria))]
+    full = (mesh.size + 1) ** mesh.dimensions
+    summary: dict = {
+        MADE_BY: COMMAND,
+        "scene": search.order.scene,
+        "title": planner.base["title"],
+        "set": dict(search.order.settings),
+        "quantities": [
+            {
+                "name": quantity.name,
+                "unit": quantity.unit,
+                "low": axis.low,
+                "high": axis.high,
+                "log": axis.is_log,
+                "half_distance": axis.value(0.5 / mesh.size) / axis.low - 1.0
+                if axis.is_log
+                else axis.value(0.5 / mesh.size) - axis.low,
+            }
+            for quantity, axis in zip(planner.quantities, search.order.axes, strict=True)
+        ],
+        "criteria": criteria,
+        "cells": mesh.size,
+        "uncertainty": 0.5 / mesh.size,
+        "dockings": len(search.runs),
+        "grid": full,
+        "grid_over_dockings": full / len(search.runs),
+        "status": dict(status),
+        "checks": {"points": len(search.checks), "differ": sum(search.checks.values())},
+        "units": list_units(search),
+        "time": {"ran": search.ran, "wall": search.wall},
+    }
+    reasons = Counter(result.reason for result in search.runs.values() if result.reason)
+    if reasons:
+        summary["reasons"] = [
+            {"reason": reason, "count": count} for reason, count in reasons.most_common(5)
+        ]
+    return summary
+
+
+def list_units(search: Search) -> dict[str, str]:
+    """Return the units of the columns of both tables that have one."""
+    planner = search.planner
+    units = {quantity.name: quantity.unit for quantity in planner.quantities}
+    units |= {f"{name} {side}": u for name, u in units.items() for side in ("met", "not met")}
+    units |= {name: planner.variables[name].unit for name in planner.asked}
+    return {name: unit for name, unit in units.items() if unit}
+
+
+def _summarise_criterion(search: Search, number: int) -> dict:
+    """Return how much of the box meets a criterion, and a point on either side with its command."""
+    mesh, known = search.mesh, search.known
+    part, unsure = mesh.measure(known, number)
+    brackets = mesh.list_brackets(known, number)
+    summary: dict = {
+        "text": search.criteria[number].text,
+        "met": part,
+        "unsure": unsure,
+        "boundary_points": len(brackets),
+    }
+    if brackets:
+        example = brackets[len(brackets) // 2]
+        for name, point in (("met_example", example.inside), ("unmet_example", example.outside)):
+            summary[name] = {
+                "values": list(search.values(point)),
+                "command": shlex.join(make_command(search, point)),
+            }
+    return summary
+
+
+def describe_envelope(summary: dict) -> str:
+    """Say a summary in words and numbers."""
+    lines = [f"{summary['scene']}: {summary['title']}"]
+    for quantity in summary["quantities"]:
+        unit = f" {quantity['unit']}" if quantity["unit"] not in ("", "1") else ""
+        half = (
+            f"{quantity['half_distance']:.1%} of the value"
+            if quantity["log"]
+            else f"{quantity['half_distance']:.3g}{unit}"
+        )
+        lines.append(
+            f"  {quantity['name']}: {quantity['low']:g} to {quantity['high']:g}{unit},"
+            f" boundary within +-{half}"
+        )
+    for criterion in summary["criteria"]:
+        lines.append(f"  {criterion['text']}")
+        if not criterion["boundary_points"]:
+            where = "everywhere" if criterion["met"] > 0.5 else "nowhere"
+            lines.append(
+                f"    met {where} in this box, as far as {summary['dockings']} dockings say"
+            )
+            continue
+        lines.append(
+            f"    met in {criterion['met']:.1%} +- {criterion['unsure']:.1%} of the box;"
+            f" {criterion['boundary_points']} points on the boundary; two of them on either side:"
+        )
+        lines += [f"    {criterion[name]['command']}" for name in ("met_example", "unmet_example")]
+    lines.append(
+        f"  dockings     {summary['dockings']}, a grid of the same resolution has"
+        f" {summary['grid']}: {summary['grid_over_dockings']:.1f} times as many"
+    )
+    checks = summary["checks"]
+    if checks["points"]:
+        right = checks["points"] - checks["differ"]
+        surely = estimate_fraction(right, checks["points"])["low"]
+        lines.append(
+            f"  checks       {right} of {checks['points']} points at random away from the boundary"
+            f" are as expected: at least {surely:.0%} of that area (95 %)"
+        )
+    if list(summary["status"]) != ["done"]:
+        text = ", ".join(f"{count} {name}" for name, count in summary["status"].items())
+        lines.append(f"  status       {text}; what did not run meets no criterion")
+        lines.append(f"               for example: {summary['reasons'][0]['reason']}")
+    clock = summary["time"]
+    if clock["ran"]:
+        lines.append(f"  time         {clock['ran']} dockings in {clock['wall']:.1f} s")
+    if "files" in summary:
+        lines.append(f"  files        {', '.join(summary['files'])}")
+    return "\n".join(lines)
+
+
+def write_tables(search: Search, files: Files) -> None:
+    """Write both tables. Raises DockloopError: one cannot be written."""
+    for path, kind, (columns, rows) in (
+        (files.points, _POINTS, list_points(search)),
+        (files.boundary, _BOUNDARY, list_boundary(search)),
+    ):
+        with (
+            writing(path, kind) as partial,
+            partial.open("w", newline="", encoding="utf-8") as file,
+        ):
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(rows)
+
+
+def write_figure(search: Search, path: Path) -> None:
+    """Write the figure of all criteria."""
+    save_figure(draw_envelope(search), path, COMMAND)
+
+
+def draw_envelope(search: Search) -> Any:
+    """Draw where every criterion is met; returns a ``matplotlib.figure.Figure``.
+
+    Three quantities give slices: a row for every criterion, a panel for every value of the third.
+    """
+    from matplotlib.figure import Figure
+
+    size = search.mesh.size
+    flat = search.mesh.dimensions == 2
+    heights = [0] if flat else [size * (2 * i + 1) // (2 * _SLICES) for i in range(_SLICES)]
+    count = len(search.criteria)
+    rows, columns = (1, count) if flat else (count, len(heights))
+    figure = Figure(figsize=(4.6 * columns + 0.4, 4.3 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False)
+    for (number, height), axis in zip(product(range(count), heights), axes.flat, strict=True):
+        _draw_panel(axis, search, number, height)
+    figure.suptitle(search.planner.base["title"], fontsize="medium")
+    return figure
+
+
+def _draw_panel(axis: Any, search: Search, number: int, height: int) -> None:
+    """Draw the cells of one criterion at one height, their corners, and the boundary."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    mesh, known = search.mesh, search.known
+    flat = mesh.dimensions == 2
+    names = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in search.planner.quantities]
+    polygons, colours = [], []
+    for cell in mesh.cells:
+        if not flat and not cell.corner[2] <= height < cell.corner[2] + cell.width:
+            continue
+        here = [known[corner][number] for corner in mesh.corners(cell)]
+        polygons.append(
+            [search.values((*c, height) if not flat else c)[:2] for c in _outline(cell)]
+        )
+        colours.append(_MET if all(here) else "#6baed6" if any(here) else _NOT_MET)
+    axis.add_collection(
+        PolyCollection(polygons, facecolors=colours, edgecolors="white", linewidths=0.2)
+    )
+    points = [point for point in search.runs if flat or point[2] == height]
+    for met, colour, label in ((True, "tab:blue", "met"), (False, "tab:red", "not met")):
+        chosen = [search.values(p) for p in points if known[p][number] == met]
+        if chosen:
+            axis.plot(*zip(*(v[:2] for v in chosen), strict=True), ".", color=colour,
+                      markersize=2.5, label=f"{label}: {len(chosen)}")  # fmt: skip
+    if flat:
+        axis.add_collection(LineCollection(_find_segments(search, number), colors=_EDGE))
+    x, y = search.order.axes[:2]
+    for scale, limit, quantity in ((axis.set_xscale, axis.set_xlim, x),
+                                   (axis.set_yscale, axis.set_ylim, y)):  # fmt: skip
+        scale("log" if quantity.is_log else "linear")
+        limit(quantity.low, quantity.high)
+    axis.set_xlabel(names[0])
+    axis.set_ylabel(names[1])
+    title = search.criteria[number].text
+    if not flat:
+        third = search.order.axes[2].value(height / mesh.size)
+        title += f"\n{names[2]}: {third:.4g}"
+    axis.set_title(title, fontsize="small", wrap=True)
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(loc="best", fontsize="x-small")
+
+
+def _outline(cell: Cell) -> list[Point]:
+    """Return the corners of a square in order round it."""
+    (x, y), w = cell.corner[:2], cell.width
+    return [(x, y), (x + w, y), (x + w, y + w), (x, y + w)]
+
+
+def _find_segments(search: Search, number: int) -> list[list[tuple[float, ...]]]:
+    """Return the boundary in every finest square: lines between the middles of its edges."""
+    mesh, known = search.mesh, search.known
+    segments = []
+    for cell in mesh.cells:
+        if cell.width > 1:
+            continue
+        round_it = _outline(cell)
+        middles = []
+        for first, second in zip(round_it, round_it[1:] + round_it[:1], strict=True):
+            if known[first][number] != known[second][number]:
+                parts = ((a + b) / 2 / mesh.size for a, b in zip(first, second, strict=True))
+                axes = zip(search.order.axes, parts, strict=True)
+                middles.append(tuple(axis.value(part) for axis, part in axes))
+        segments += [middles[i : i + 2] for i in range(0, len(middles), 2)]
+    return segments

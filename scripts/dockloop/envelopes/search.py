@@ -1,0 +1,322 @@
+"""Runs the dockings from which the boundary of criteria follows.
+
+The mesh says which points it needs, the sweep engine runs them and keeps every result in its
+journal, the criteria say which points are alike. All criteria share the runs. Points at random in
+cells that were not refined tell whether a part of the boundary was missed; one that differs from
+its cell is refined like all others.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from dockloop import __version__
+from dockloop.cases import Result
+from dockloop.criteria import Criterion, parse_criterion
+from dockloop.envelopes.mesh import Bracket, Class, Mesh, Point
+from dockloop.errors import DockloopError, UsageError
+from dockloop.executors import Executor, open_executor
+from dockloop.journal import InterruptedWorkError, Journal, make_digest
+from dockloop.paths import shown
+from dockloop.planning import Planner
+from dockloop.sampling import Sweep, Value, list_quantities
+from dockloop.scene import find_scene
+from dockloop.sweeps import run_cases
+
+COMMAND = "dockloop envelope"
+WORK = "envelope"
+_COARSE = {2: 8, 3: 4}  # cells along an axis at the beginning
+_TOLERANCE = {2: 0.01, 3: 0.04}
+_MOST_CELLS = 4096  # along an axis
+Progress = Callable[[int, int, str], None]  # runs done, runs asked for so far, what is being done
+
+
+class Axis(NamedTuple):
+    """A quantity and the range in which the boundary is looked for.
+
+    Attributes:
+        name: a key of the scene or a start value of the FMU.
+        low: lower end, in the unit of the quantity.
+        high: upper end.
+        is_log: equal cells are equal ratios.
+    """
+
+    name: str
+    low: float
+    high: float
+    is_log: bool = False
+
+    def value(self, part: float) -> float:
+        """Return the value at a part of the range, 0 to 1."""
+        if part in (0.0, 1.0):
+            return self.high if part else self.low
+        if self.is_log:
+            return self.low * (self.high / self.low) ** part
+        return self.low + (self.high - self.low) * part
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is asked for.
+
+    Attributes:
+        scene: name or path of the scene.
+        axes: two or three.
+        criteria: texts.
+        settings: quantities that all runs have otherwise than the scene.
+        experiment: ``stop``, ``step`` [s] where they differ from the scene.
+        tolerance: half the distance of the points between which the boundary is, as a part of the
+            range; None: 0.01 for two quantities, 0.04 for three.
+        coarse: cells along an axis at the beginning; None: 8 for two quantities, 4 for three.
+        checks: points at random in cells that were not refined.
+        seed: of these points.
+    """
+
+    scene: str
+    axes: tuple[Axis, ...]
+    criteria: tuple[str, ...]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    experiment: Mapping[str, float] = field(default_factory=dict)
+    tolerance: float | None = None
+    coarse: int | None = None
+    checks: int = 16
+    seed: int = 0
+
+
+@dataclass
+class Search:
+    """What was found.
+
+    Attributes:
+        order: what was asked for.
+        planner: how cases were run; has the units.
+        criteria: parsed.
+        mesh: its cells, refined.
+        runs: results by point.
+        known: which criteria every point meets.
+        checks: points that were checked: did they differ from their cells?
+        ran: dockings run now; the others were in the journal.
+        wall: time of these [s].
+    """
+
+    order: Order
+    planner: Planner
+    criteria: list[Criterion]
+    mesh: Mesh
+    runs: dict[Point, Result] = field(default_factory=dict)
+    known: dict[Point, Class] = field(default_factory=dict)
+    checks: dict[Point, bool] = field(default_factory=dict)
+    ran: int = 0
+    wall: float = 0.0
+
+    def values(self, point: Point) -> tuple[float, ...]:
+        """Return the quantities at a point."""
+        parts = (coordinate / self.mesh.size for coordinate in point)
+        return tuple(axis.value(p) for axis, p in zip(self.order.axes, parts, strict=True))
+
+    def outputs(self, point: Point) -> dict[str, Any]:
+        """Return the outputs at the end of the run at a point; none if it was not done."""
+        return dict(zip(self.planner.asked, self.runs[point].outputs, strict=False))
+
+    def middle(self, bracket: Bracket) -> tuple[float, ...]:
+        """Return the quantities half-way between the points of a bracket: on the boundary."""
+        pairs = zip(bracket.inside, bracket.outside, strict=True)
+        parts = [(a + b) / 2 / self.mesh.size for a, b in pairs]
+        return tuple(axis.value(p) for axis, p in zip(self.order.axes, parts, strict=True))
+
+
+def find_envelope(
+    order: Order,
+    journal: Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> Search:
+    """Find the boundary of criteria.
+
+    Args:
+        order: what is asked for.
+        journal: where every result is kept.
+        workers: local threads (or processes); default: one per processor.
+        scheduler: address of a Dask scheduler to use instead.
+        resume: go on with the journal; the criteria, the ranges and the tolerance may be others.
+        progress: receives runs done, runs asked for so far, and what is being done.
+
+    Raises:
+        UsageError: a name, range, criterion or the journal is bad.
+        DockloopError: no docking could be run, or the engine failed.
+        InterruptedWorkError: by Ctrl-C.
+    """
+    search = _prepare(order)
+    planner = search.planner
+    setup = {
+        "dockloop": __version__,
+        "model": planner.model_digest,
+        "set": dict(order.settings),
+        "quantities": [axis.name for axis in order.axes],
+        "outcomes": planner.asked,
+        "experiment": planner.experiment,
+    }
+    digest = make_digest([planner.unplaced, order.axes, order.criteria, search.mesh.size])
+    most = (search.mesh.size + 1) ** len(order.axes)
+    kept = Journal(journal, setup, most, resume=resume, work=WORK, digest=digest)
+    try:
+        with ExitStack() as stack:
+            runner = _Runner(
+                search, kept, stack, workers=workers, scheduler=scheduler, progress=progress
+            )
+            runner.refine("refining")
+            runner.check()
+        kept.finish()
+    except KeyboardInterrupt:
+        raise InterruptedWorkError(
+            f"interrupted with {len(kept.known)} dockings in {shown(journal)}; the same command"
+            " with --resume goes on"
+        ) from None
+    finally:
+        kept.close()
+    if not any(result.status == "done" for result in search.runs.values()):
+        reason = next(result.reason for result in search.runs.values())
+        raise DockloopError(f"no docking could be run, for example: {reason}")
+    return search
+
+
+def _prepare(order: Order) -> Search:
+    """Check what is asked for, before anything runs."""
+    dimensions = len(order.axes)
+    if dimensions not in _COARSE:
+        raise UsageError(f"--x, --y, --z: there are {dimensions} quantities: must be 2 or 3")
+    if not order.criteria:
+        raise UsageError('--criterion: at least one is needed, for example "captured within 5 s"')
+    for letter, axis in zip("xyz", order.axes, strict=False):
+        _check_axis(f"--{letter} {axis.name}", axis)
+    names = [axis.name for axis in order.axes]
+    for number, name in enumerate(names):
+        if name in names[:number] or name in order.settings:
+            raise UsageError(f"--{'xyz'[number]} {name}: this quantity is given twice")
+    tolerance = _TOLERANCE[dimensions] if order.tolerance is None else order.tolerance
+    coarse = _COARSE[dimensions] if order.coarse is None else order.coarse
+    if not 0.5 / _MOST_CELLS <= tolerance <= 0.25:
+        raise UsageError(
+            f"--tolerance {tolerance:g}: must be {0.5 / _MOST_CELLS:.2g} to 0.25 (of the range)"
+        )
+    if not 2 <= coarse <= _MOST_CELLS // 4:
+        raise UsageError(f"--coarse {coarse}: must be 2 to {_MOST_CELLS // 4}")
+    if order.checks < 0:
+        raise UsageError(f"--check {order.checks}: must be at least 0")
+    levels = max(0, math.ceil(math.log2(0.5 / tolerance / coarse) - 1e-9))
+    planner = Planner(_make_sweep(order))
+    outputs = {name: v for name, v in planner.variables.items() if v.causality == "output"}
+    criteria = [parse_criterion(text, outputs, names) for text in order.criteria]
+    planner.ask(output for criterion in criteria for output in criterion.outputs)
+    return Search(order, planner, criteria, Mesh(dimensions, coarse, levels))
+
+
+def _check_axis(place: str, axis: Axis) -> None:
+    """Check a range."""
+    if not (math.isfinite(axis.low) and math.isfinite(axis.high) and axis.low < axis.high):
+        raise UsageError(f"{place} {axis.low:g} {axis.high:g}: must be finite and ascend")
+    if axis.is_log and axis.low <= 0.0:
+        raise UsageError(f"{place} {axis.low:g} {axis.high:g}: must be above 0 for --log")
+
+
+def _make_sweep(order: Order) -> Sweep:
+    """Return the sweep whose cases are the corners of the box, for the planner."""
+    vary = [{"type": "uniform", "name": a.name, "range": [a.low, a.high]} for a in order.axes]
+    document = {
+        "title": f"envelope of {order.scene}",
+        "scene": order.scene,
+        "set": dict(order.settings),
+        "vary": vary,
+        "experiment": dict(order.experiment),
+    }
+    ends: list[tuple[Value, ...]] = [
+        tuple(axis.low for axis in order.axes),
+        tuple(axis.high for axis in order.axes),
+    ]
+    scene, quantities = find_scene(order.scene), list_quantities(document)
+    return Sweep(Path(WORK), "", scene, document, quantities, ends)
+
+
+class _Runner:
+    """Runs the points that a mesh asks for, with one executor for all rounds."""
+
+    def __init__(
+        self,
+        search: Search,
+        journal: Journal,
+        stack: ExitStack,
+        *,
+        workers: int | None,
+        scheduler: str | None,
+        progress: Progress | None,
+    ) -> None:
+        self._search, self._journal, self._progress = search, journal, progress
+        self._workers, self._scheduler, self._stack = workers, scheduler, stack
+        self._executor: Executor | None = None
+
+    def refine(self, note: str) -> None:
+        """Run corners and split cells until nothing differs in a cell that can be split."""
+        search = self._search
+        while True:
+            self._run(search.mesh.list_missing(search.known), note)
+            if not search.mesh.split(search.known):
+                return
+
+    def check(self) -> None:
+        """Run points at random in wide cells; refine where one is another than its cell."""
+        search, order = self._search, self._search.order
+        points = search.mesh.draw_checks(search.known, order.checks, order.seed)
+        expected = {point: search.mesh.predict(point, search.known) for point in points}
+        self._run(points, "checking")
+        search.checks = {p: search.known[p] != expected[p] for p in points}
+        if any(search.checks.values()):
+            self.refine("refining what a check found")
+
+    def _run(self, points: Sequence[Point], note: str) -> None:
+        """Run points that are not in the journal, and classify all of them."""
+        search, journal = self._search, self._journal
+        cases = {search.values(point): point for point in points}
+        missing = [values for values in cases if values not in journal.known]
+        done, total = len(search.runs) + len(cases) - len(missing), len(search.runs) + len(cases)
+        if self._progress:
+            self._progress(done, total, note)
+        if missing:
+            began = time.perf_counter()
+            finished = iter(range(done + 1, total + 1))
+
+            def report() -> None:
+                if self._progress:
+                    self._progress(next(finished), total, note)
+
+            run_cases(self._open(), search.planner, missing, journal.add, report)
+            search.wall += time.perf_counter() - began
+            search.ran += len(missing)
+        for values, point in cases.items():
+            search.runs[point] = journal.known[values]
+            search.known[point] = self._classify(point)
+
+    def _open(self) -> Executor:
+        """Return the executor, started when it is first needed."""
+        if self._executor is None:
+            engine = "fmu" if self._scheduler else "core"
+            many = 1 << 16  # as many threads as there are processors, whatever a round asks for
+            self._executor = self._stack.enter_context(
+                open_executor(self._search.planner, engine, self._workers, self._scheduler, many)
+            )
+        return self._executor
+
+    def _classify(self, point: Point) -> Class:
+        """Return which criteria a point meets; none, if it could not be run."""
+        search = self._search
+        if search.runs[point].status != "done":
+            return (False,) * len(search.criteria)
+        names = (axis.name for axis in search.order.axes)
+        values = {**search.outputs(point), **dict(zip(names, search.values(point), strict=True))}
+        return tuple(criterion.holds(values) for criterion in search.criteria)
