@@ -5,10 +5,11 @@
 3. With the gravity of the target inside the FMU, the vehicles fly to each other as the gradient of
    gravity says; with that of the chaser they do not notice that they are in orbit.
 4. Options that make no sense are refused in a sentence.
-5. The programs of README and scripts/README run.
+5. The programs of README and scripts/README run, and the cells of the notebook.
 """
 
 import importlib.util
+import json
 import re
 import subprocess
 import sys
@@ -112,3 +113,16 @@ def test_the_programs_of_a_page_run(page, tmp_path):
         assert done.returncode == 0, done.stderr[-2000:]
         if page == "README.md":
             assert 100 < float(done.stdout.split()[-2]) < 3500  # N, below the rated load
+
+
+def test_the_cells_of_the_notebook_run_from_the_top(tmp_path):
+    notebook = json.loads((EXAMPLES / "docking.ipynb").read_text(encoding="utf-8"))
+    cells = ["".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code"]
+    assert len(cells) > 5
+    assert not any(c.get("outputs") for c in notebook["cells"])  # results belong to who runs it
+    script = "\n".join([*cells, 'assert result.summary["captured"] and docking.get("captured")'])
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert (tmp_path / "docking.html").stat().st_size > 1e5

@@ -239,6 +239,14 @@ def test_a_result_becomes_tables_with_units():
     assert json.loads(json.dumps(result.summary))["scene"] == "hexapod_bench"
 
 
+def test_a_result_writes_the_page_of_its_motion(tmp_path):
+    result = dl.run(SCENE, stop=0.5, step=0.1)
+    page = result.view(tmp_path / "docking.html")
+    assert page.read_text(encoding="utf-8").startswith("<!doctype html>")
+    with pytest.raises(dl.UsageError, match=r"Result\.view: .*page must end in \.html"):
+        result.view(tmp_path / "page")
+
+
 def test_progress_is_reported_and_can_end_a_run():
     parts: list[float] = []
     dl.run("absorber_1d", stop=1.0, progress=parts.append)

@@ -5,6 +5,7 @@ import sys
 import time
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -117,6 +118,27 @@ class Result:
         from dockloop.plots import draw_figures
 
         return draw_figures(self)
+
+    def view(self, path: str | Path) -> Path:
+        """Write the page of ``dockloop view``: the docking in three dimensions, opens offline.
+
+        Args:
+            path: the file, ``.html``.
+
+        Returns:
+            The file.
+
+        Raises:
+            UsageError: it is no ``.html`` file, or another program made the file that is there.
+            DockloopError: the page cannot be written.
+        """
+        from dockloop.view.page import write_page
+
+        file = Path(path)
+        if file.suffix != ".html":
+            raise UsageError(f"Result.view: {file} must end in .html")
+        write_page(self, file)
+        return file
 
 
 def import_optional(name: str) -> Any:
