@@ -4,7 +4,6 @@ No FMU is built: keys come from the schemas and the files, variables from the on
 core makes for the scene.
 """
 
-import fnmatch
 import json
 import math
 from collections.abc import Iterator, Sequence
@@ -25,7 +24,7 @@ from dockloop.scene import (
     resolve_scene,
     scene_members,
 )
-from dockloop.variables import Variable, list_names, read_variables
+from dockloop.variables import Variable, fits, list_names, read_variables
 
 _KINDS = {  # headings of the list, in its order
     "scene key": "Keys of the scene: --scene NAME=VALUE, scene files, sweeps",
@@ -102,14 +101,6 @@ def list_entries(
                 f"{path.stem}: nothing is called '{pattern}'{did_you_mean(pattern, names)}"
             )
     return [entry for entry in entries if any(fits(entry.name, p) for p in patterns)]
-
-
-def fits(name: str, pattern: str) -> bool:
-    """Tell whether a name is meant by a pattern: a part of it, or all of it with ``*``."""
-    if "*" not in pattern:
-        return pattern in name
-    literal = pattern.replace("[", "[[]")  # indices are no sets of characters
-    return fnmatch.fnmatchcase(name, literal)
 
 
 def to_document(reference: str, entries: list[Entry]) -> dict:

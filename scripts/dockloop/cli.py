@@ -151,23 +151,7 @@ def _make_parser() -> argparse.ArgumentParser:
         "-o", "--output", type=Path, metavar="FILE.ssp", help="default: build/ssp/SCENE.ssp"
     )
 
-    run = _add(commands, "run", _run, "run one docking through its FMU", _RUN_EXAMPLE)
-    run.add_argument("scene", metavar="SCENE|FILE.fmu", help="a scene (built first), or an FMU")
-    _add_run_options(run)
-    run.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="RESULT",
-        help="result file, .csv or .npz; RESULT_summary.json and plots are written beside it"
-        " (default: build/results/SCENE/SCENE.csv)",
-    )
-    run.add_argument("--no-plots", action="store_true", help="do not draw figures")
-    run.add_argument(
-        "--view", action="store_true", help="write RESULT_view.html, the motion in three dimensions"
-    )
-    run.add_argument("--json", action="store_true", help="print the summary as JSON")
-
+    _add_run(commands)
     _add_view(commands)
 
     sweep = _add(
@@ -280,6 +264,41 @@ def _add(
     command.set_defaults(command=function)
     command.add_argument("--debug", action="store_true", help=argparse.SUPPRESS)
     return command
+
+
+def _add_run(commands: Any) -> None:
+    """Add the command that runs one docking."""
+    run = _add(commands, "run", _run, "run one docking through its FMU", _RUN_EXAMPLE)
+    run.add_argument("scene", metavar="SCENE|FILE.fmu", help="a scene (built first), or an FMU")
+    _add_run_options(run)
+    run.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="RESULT",
+        help="result file, .csv, .npz or .parquet; RESULT_summary.json (with the units) and plots"
+        " are written beside it (default: build/results/SCENE/SCENE.csv)",
+    )
+    run.add_argument(
+        "--outputs",
+        action="append",
+        default=[],
+        metavar="TEXT",
+        help="write only outputs with this text in their name; with *, names that are like it as a"
+        " whole (repeatable; default: all)",
+    )
+    run.add_argument(
+        "--max-gigabytes",
+        type=float,
+        default=1.0,
+        metavar="GB",
+        help="refuse to write a larger result file (default: 1)",
+    )
+    run.add_argument("--no-plots", action="store_true", help="do not draw figures")
+    run.add_argument(
+        "--view", action="store_true", help="write RESULT_view.html, the motion in three dimensions"
+    )
+    run.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
 def _add_view(commands: Any) -> None:
@@ -439,6 +458,7 @@ def _run(options: argparse.Namespace) -> None:
     from dockloop.fmu import build_fmu
     from dockloop.outputs import claim, figure_kind, json_kind, scratch
     from dockloop.plots import list_plots, write_plots
+    from dockloop.results import check_size, import_optional
     from dockloop.scene import find_scene
     from dockloop.simulate import ProgressBar, read_scene, run_fmu
     from dockloop.summary import (
@@ -450,17 +470,20 @@ def _run(options: argparse.Namespace) -> None:
         write_result,
         write_summary,
     )
+    from dockloop.variables import fits
     from dockloop.view.page import PAGE, write_page
 
     is_fmu = options.scene.endswith(".fmu")
     if is_fmu and options.overrides:
         raise UsageError("--scene changes a scene before it is built; for an FMU use --set")
-    if options.output and options.output.suffix not in (".csv", ".npz"):
-        raise UsageError(f"-o {options.output}: must end in .csv or .npz")
+    if options.output and options.output.suffix not in (".csv", ".npz", ".parquet"):
+        raise UsageError(f"-o {options.output}: must end in .csv, .npz or .parquet")
 
     fmu = Path(options.scene)
     name = read_scene(fmu)["name"] if is_fmu else find_scene(options.scene).stem
     result = options.output or paths.BUILD / "results" / name / f"{name}.csv"
+    if result.suffix == ".parquet":
+        import_optional("pyarrow")
     summary_file, stem = find_summary(result), result.with_suffix("")
     claim(result, RESULT)
     claim(summary_file, json_kind("summary", COMMAND))
@@ -475,9 +498,22 @@ def _run(options: argparse.Namespace) -> None:
             fmu = build_fmu(options.scene, options.overrides, folder / f"{name}.fmu", bare=True)
         progress = ProgressBar(fmu.stem)
         label = paths.shown(fmu) if is_fmu else f"scene {fmu.stem}"
-        run = run_fmu(fmu, options.set, options.stop, options.step, progress=progress, label=label)
+        run = run_fmu(
+            fmu,
+            options.set,
+            options.stop,
+            options.step,
+            outputs=options.outputs,
+            check_size=lambda points, columns: check_size(
+                points, columns, result.suffix, options.max_gigabytes
+            ),
+            progress=progress,
+            label=label,
+        )
 
     summary = summarise(run)
+    if options.outputs:
+        run = run.choose(lambda output: any(fits(output, text) for text in options.outputs))
     write_result(run, result)
     files = [result, summary_file]
     if not options.no_plots and can_draw():

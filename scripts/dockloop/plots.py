@@ -34,7 +34,11 @@ def write_plots(run: Result, stem: Path) -> list[Path]:
 
 def draw_figures(run: Result) -> dict[str, Any]:
     """Draw all figures that the recording allows; returns matplotlib figures by name."""
-    return {name: _draw(run, draw) for name, (needed, draw) in _FIGURES.items() if needed in run}
+    return {
+        name: _draw(run, draw)
+        for name, (needed, draw) in _FIGURES.items()
+        if all(output in run for output in needed)
+    }
 
 
 def list_plots(stem: Path) -> list[Path]:
@@ -92,7 +96,8 @@ def _plot_ring(run: Result, axes: Any) -> None:
 def _plot_loads(run: Result, axes: Any) -> None:
     """Loads on the target through the interface; rated values where they are in sight."""
     t, rated = run["time"], run.scene["mechanism"].get("limits", {})
-    for name, unit in list_loads().items():
+    loads = {n: u for n, u in list_loads().items() if f"capture.{n}" in run}
+    for name, unit in loads.items():
         axis = axes[0] if unit == "N" else axes[1]
         peak = run[f"capture.peak.{name}"][-1]
         label = f"{name}, peak {peak:.0f}"
@@ -129,11 +134,17 @@ def _plot_energy(run: Result, axes: Any) -> None:
     axes[1].set_ylabel("audit")
 
 
-# Name of a figure: the output that it needs, and what draws it.
-_FIGURES: dict[str, tuple[str, Callable]] = {
-    "motion": ("relative.axial", _plot_motion),
-    "ring": ("ring.position[1]", _plot_ring),
-    "loads": ("capture.compression", _plot_loads),
-    "legs": ("leg[1].length", _plot_legs),
-    "energy": ("energy.residual", _plot_energy),
+# Name of a figure: the outputs that it needs, and what draws it.
+_FIGURES: dict[str, tuple[tuple[str, ...], Callable]] = {
+    "motion": (
+        tuple(f"relative.{name}" for name in ("axial", "lateral", "pitch_yaw", "roll")),
+        _plot_motion,
+    ),
+    "ring": (
+        tuple(f"ring.{name}[{i}]" for name in ("position", "velocity") for i in (1, 2, 3)),
+        _plot_ring,
+    ),
+    "loads": (("capture.compression", "capture.peak.compression"), _plot_loads),
+    "legs": (("leg[1].length",), _plot_legs),
+    "energy": (("energy.residual",), _plot_energy),
 }

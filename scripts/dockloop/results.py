@@ -3,7 +3,8 @@
 import math
 import sys
 import time
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _MAX_STEPS = 10_000_000
+_BYTES = {".csv": 17}  # of a value; elsewhere 8
 
 
 @dataclass
@@ -56,6 +58,12 @@ class Result:
         """Return ``name[1], name[2], ...`` as columns, shape (points, entries)."""
         columns = [i for i, n in enumerate(self.names) if n.startswith(f"{name}[")]
         return self.values[:, columns]
+
+    def choose(self, is_chosen: Callable[[str], bool]) -> "Result":
+        """Return the same with the time and the variables that are chosen by their names."""
+        columns = [0, *(i for i, name in enumerate(self.names) if i and is_chosen(name))]
+        names, units = ([list_[i] for i in columns] for list_ in (self.names, self.units))
+        return replace(self, names=names, units=units, values=self.values[:, columns])
 
     @property
     def time(self) -> np.ndarray:
@@ -169,6 +177,26 @@ def list_points(start: float, stop: float, step: float) -> np.ndarray:
     times = start + step * np.arange(math.ceil(steps) + 1)
     times[-1] = stop
     return times
+
+
+def check_size(points: int, columns: int, suffix: str, limit: float) -> None:
+    """Refuse a result file that would be too large.
+
+    Args:
+        points: communication points.
+        columns: variables written.
+        suffix: of the file.
+        limit: [GB].
+
+    Raises:
+        UsageError: naming the size, the limit, and what makes the file smaller.
+    """
+    size = points * columns * _BYTES.get(suffix, 8) / 1e9
+    if size > limit:
+        raise UsageError(
+            f"the result would have {points} rows of {columns} values, {size:.2g} GB: more than"
+            f" {limit:g} GB: choose some with --outputs, a longer --step, or --max-gigabytes"
+        )
 
 
 def warn_of_driven(scene: dict) -> list[str]:

@@ -11,7 +11,7 @@ import math
 import os
 import time
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,8 @@ from dockloop.outputs import filling, scratch
 from dockloop.paths import find_absence, is_file, shown
 from dockloop.results import ProgressBar, Result, list_points, warn_of_driven
 from dockloop.scene import scene_keys
-from dockloop.variables import WORDS, find_number, list_names
+from dockloop.summary import is_summarised
+from dockloop.variables import WORDS, find_number, fits, list_names
 
 __all__ = ["ProgressBar", "Recording", "run_fmu"]  # and what is defined here
 Recording = Result  # as `dockloop.trade` calls it
@@ -39,6 +40,8 @@ def run_fmu(
     stop: float | None = None,
     step: float | None = None,
     *,
+    outputs: Iterable[str] = (),
+    check_size: Callable[[int, int], None] | None = None,
     progress: Callable[[float], None] | None = None,
     label: str | None = None,
 ) -> Result:
@@ -49,11 +52,14 @@ def run_fmu(
         settings: ``NAME=VALUE`` texts: start values to set before initialisation.
         stop: end [s]; default: the FMU's default experiment.
         step: communication step [s]; default: the FMU's default experiment.
+        outputs: patterns of the outputs to record (`variables.fits`), as well as those that a
+            summary needs; default: all.
+        check_size: receives the numbers of points and of chosen columns before the run.
         progress: called now and then with the part of the run that is done, 0 to 1.
         label: what errors call the FMU; default: its path.
 
     Returns:
-        Every output at every communication point, start included.
+        Every output (that is wanted) at every communication point, start included.
 
     Raises:
         UsageError: the file is no FMU of this program, or a setting is bad or refused.
@@ -64,13 +70,26 @@ def run_fmu(
         description, scene = unpack_fmu(path, folder)
         starts = [_parse_setting(text, description) for text in settings]
         times = communication_points(description, stop, step)
+        chosen = choose_outputs([v.name for v in _list_outputs(description)], tuple(outputs))
+        if check_size:
+            check_size(len(times), 1 + len(chosen))
         with Instance(description, str(folder), label or shown(path)) as instance:
             instance.initialise(starts, times)
             loaded = time.perf_counter()
-            recording = record(instance, scene, times, progress)
+            wanted = chosen | {v.name for v in description.modelVariables if is_summarised(v.name)}
+            recording = record(instance, scene, times, progress, wanted=wanted)
             recording.wall["load"] = loaded - began
             recording.warnings += warn_of_driven(scene)
     return recording
+
+
+def choose_outputs(outputs: list[str], patterns: tuple[str, ...]) -> set[str]:
+    """Return the outputs that patterns mean; all without patterns. Raises UsageError."""
+    for pattern in patterns:
+        if not any(fits(name, pattern) for name in outputs):
+            near = did_you_mean(pattern, outputs)
+            raise UsageError(f"--outputs {pattern}: no output of the FMU has such a name{near}")
+    return {n for n in outputs if not patterns or any(fits(n, pattern) for pattern in patterns)}
 
 
 def record(
@@ -78,10 +97,15 @@ def record(
     scene: dict,
     times: np.ndarray,
     progress: Callable[[float], None] | None = None,
+    *,
     clock: Callable[[], float] = time.perf_counter,
+    wanted: Collection[str] | None = None,
 ) -> Result:
-    """Step an initialised instance through all communication points; `clock` times it [s]."""
-    recorder = Recorder(instance.slave, instance.description, len(times))
+    """Step an initialised instance through all communication points.
+
+    `clock` times it [s]; `wanted` are the outputs to record, all if it is None.
+    """
+    recorder = Recorder(instance.slave, instance.description, len(times), wanted)
     recording = Result(scene, recorder.names, recorder.units, recorder.values)
     try:
         recording.parameters = instance.read_parameters()
@@ -205,10 +229,18 @@ class Instance:
 
 
 class Recorder:
-    """Buffers for all outputs; reading them is one call per data type."""
+    """Buffers for all outputs, or those that are wanted; reading is one call per data type."""
 
-    def __init__(self, slave: fmi2.FMU2Slave, description: Any, points: int) -> None:
-        outputs = [v for v in description.modelVariables if v.causality == "output"]
+    def __init__(
+        self,
+        slave: fmi2.FMU2Slave,
+        description: Any,
+        points: int,
+        wanted: Collection[str] | None = None,
+    ) -> None:
+        outputs = _list_outputs(description)
+        if wanted is not None:
+            outputs = [v for v in outputs if v.name in wanted]
         self._component = slave.component
         self._calls = []
         self.names, self.units = ["time"], ["s"]
@@ -281,6 +313,10 @@ def unpack_fmu(path: Path, folder: Path) -> tuple[Any, dict]:
     if description.coSimulation is None:
         raise UsageError(f"{shown(path)}: has no co-simulation interface")
     return description, scene
+
+
+def _list_outputs(description: Any) -> list[Any]:
+    return [v for v in description.modelVariables if v.causality == "output"]
 
 
 def _parse_setting(text: str, description: Any) -> tuple[Any, Any]:

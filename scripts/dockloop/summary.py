@@ -7,13 +7,14 @@ steps of the integrator, not samples. Energies are in J, times in s, forces in N
 import json
 import re
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from dockloop.capture import explain_capture, list_needed
 from dockloop.core import list_loads, name_choice
 from dockloop.outputs import MADE_BY, Kind, json_kind, read_head, write_text, writing
-from dockloop.results import Result
+from dockloop.results import Result, import_optional
 
 COMMAND = "dockloop run"
 
@@ -24,12 +25,25 @@ _COLUMN = re.compile(  # outputs of FMUs by dockloop
     r"|latched\[\d+\]|gap|phase|outcome|captured|time_(to|of)_\w+"
 )
 
+_SUMMARISED = re.compile(  # what a summary looks at
+    r"outcome|captured|phase|time_of_\w+|latched\[\d+\]|capture\.(peak\.\w+|reason|seated_time)"
+    r"|latch\[\d+\]\.(opening|lateral)|contact\.petal\[\d+\]\.force|energy\.\w+|momentum\.residual"
+    r"|leg\[\d+\]\.(length|force)|relative\.velocity\[\d\]|solver\.\w+"
+)
+
+
+def is_summarised(name: str) -> bool:
+    """Tell whether a summary looks at an output."""
+    return _SUMMARISED.fullmatch(name) is not None
+
 
 def _is_result(path: Path) -> bool:
     """Tell whether a file is a result: its columns are the time and outputs of an FMU."""
     if path.suffix == ".npz":
         with np.load(path) as arrays:
             columns = arrays["names"].tolist()
+    elif path.suffix == ".parquet":
+        columns = import_optional("pyarrow.parquet").read_schema(path).names
     else:
         columns = read_head(path).decode().partition("\n")[0].rstrip("\r").split(",")
     return columns[0] == "time" and len(columns) > 1 and all(map(_COLUMN.fullmatch, columns[1:]))
@@ -80,6 +94,7 @@ def summarise(run: Result) -> dict:
             summary["time"]["microseconds_per_rhs"] = 1e6 * run.wall["do_step"] / evaluations
     if run.warnings:
         summary["warnings"] = run.warnings
+    summary["units"] = dict(zip(run.names, run.units, strict=True))  # of the columns of a CSV file
     summary["model"] = run.scene  # from which `dockloop view` has its shapes
     summary["parameters"] = run.parameters
     return summary
@@ -173,7 +188,8 @@ def write_result(run: Result, path: Path) -> None:
 
     Args:
         run: what was recorded.
-        path: ``.csv`` (one header line) or ``.npz`` (arrays names, units, values: full precision).
+        path: ``.csv`` (one header line; units are in the summary), ``.npz`` (arrays names, units,
+            values: full precision) or ``.parquet`` (units in the metadata of the columns).
 
     Raises:
         DockloopError: it cannot be written.
@@ -181,9 +197,24 @@ def write_result(run: Result, path: Path) -> None:
     with writing(path, RESULT) as partial, partial.open("wb") as file:
         if path.suffix == ".npz":
             np.savez_compressed(file, names=run.names, units=run.units, values=run.values)
+        elif path.suffix == ".parquet":
+            _write_parquet(run, file)
         else:
             header = ",".join(run.names)
             np.savetxt(file, run.values, "%.15g", ",", header=header, comments="", encoding="utf-8")
+
+
+def _write_parquet(run: Result, file: BinaryIO) -> None:
+    """Write all recorded values as a table with units."""
+    import pyarrow
+    from pyarrow import parquet
+
+    fields = [
+        pyarrow.field(name, "double", metadata={"unit": unit})
+        for name, unit in zip(run.names, run.units, strict=True)
+    ]
+    schema = pyarrow.schema(fields, metadata={"dockloop.run": run.scene["name"]})
+    parquet.write_table(pyarrow.Table.from_arrays(list(run.values.T), schema=schema), file)
 
 
 def write_summary(summary: dict, path: Path) -> None:

@@ -173,6 +173,8 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
         summary["outcomes"] = {name: found.count(name) for name in names if name in found}
         summary["captured"] = estimate_fraction(found.count("captured"), len(found))
     summary["peak_loads"] = _count_loads(planner, table)
+    units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
+    summary["units"] = {name: unit for name, unit in units.items() if unit}
     worst = _find_worst(sweep, planner, table)
     if worst:
         summary["worst"] = worst

@@ -3,6 +3,7 @@
 A choice is an Integer in the FMU; everywhere else its values have names (`list_names`).
 """
 
+import fnmatch
 from typing import Any, NamedTuple
 
 from dockloop.core import read_choices
@@ -48,6 +49,14 @@ def is_of_type(value: Any, type_name: str) -> bool:
 def read_variables(docking: Any) -> dict[str, Variable]:
     """Return all variables of a docking of the compiled core (``_core.Docking``), by name."""
     return {row[0]: Variable(*row) for row in docking.variables()}
+
+
+def fits(name: str, pattern: str) -> bool:
+    """Tell whether a name is meant by a pattern: a part of it, or all of it with ``*``."""
+    if "*" not in pattern:
+        return pattern in name
+    literal = pattern.replace("[", "[[]")  # indices are no sets of characters
+    return fnmatch.fnmatchcase(name, literal)
 
 
 def list_names(variable: str, description: str) -> dict[str, int]:

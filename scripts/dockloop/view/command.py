@@ -11,6 +11,7 @@ from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import find_absence, is_file, shown
 from dockloop.simulate import Recording
+from dockloop.summary import RESULT
 from dockloop.view.page import PAGE, write_page
 from dockloop.view.pictures import FILM, STILL, write_film, write_stills
 from dockloop.view.results import read_result, read_state
@@ -39,7 +40,7 @@ def view(options: argparse.Namespace) -> str:
         hint = "" if suffix != ".html" else "; pictures: --still or --film"
         raise UsageError(f"-o {output}: must end in {suffix} for {what}{hint}")
     meshes = _parse_meshes(options.meshes)
-    if source.suffix == ".parquet":
+    if source.suffix == ".parquet" and not _is_run(source):
         if options.model:
             raise UsageError("--model: the table of a sweep holds its model")
         return _view_sweep(source, output, options, meshes)
@@ -54,6 +55,14 @@ def view(options: argparse.Namespace) -> str:
     state = options.state
     run = read_state(source, state) if state else read_result(source, options.model)
     return _write(run, output, options, meshes, None)
+
+
+def _is_run(source: Path) -> bool:
+    """Tell whether a table is that of one run, not of a sweep."""
+    try:
+        return RESULT.is_own(source)
+    except Exception:  # noqa: BLE001  what cannot be read is refused later, with its reason
+        return False
 
 
 def _write(

@@ -12,8 +12,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "result",
         metavar="RESULT",
-        help="result of a run (.csv, .npz), table of a sweep (.parquet; a case is run again), or"
-        " FMU with a --state",
+        help="result of a run (.csv, .npz, .parquet), table of a sweep (.parquet; a case is run"
+        " again), or FMU with a --state",
     )
     command.add_argument(
         "-o",

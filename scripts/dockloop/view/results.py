@@ -10,6 +10,7 @@ from fmpy.fmi1 import FMICallException
 from dockloop.errors import UsageError, find_reason
 from dockloop.outputs import MADE_BY, scratch
 from dockloop.paths import find_absence, is_file, shown
+from dockloop.results import import_optional
 from dockloop.simulate import (
     Instance,
     Recorder,
@@ -24,7 +25,7 @@ def read_result(path: Path, model: str | None = None) -> Recording:
     """Read a result file and the model beside it.
 
     Args:
-        path: a ``.csv`` or ``.npz`` that ``dockloop run`` wrote.
+        path: a ``.csv``, ``.npz`` or ``.parquet`` that ``dockloop run`` wrote.
         model: a scene or an FMU to take the geometry from; default: the summary beside the result.
 
     Returns:
@@ -43,8 +44,8 @@ def read_result(path: Path, model: str | None = None) -> Recording:
         is_own = False
     if not is_own:
         raise UsageError(
-            f"{shown(path)}: is no result of '{COMMAND}' (.csv or .npz with the columns time and"
-            " outputs of an FMU)"
+            f"{shown(path)}: is no result of '{COMMAND}' (.csv, .npz or .parquet with the columns"
+            " time and outputs of an FMU)"
         )
     names, units, values = _read_values(path)
     document, parameters = _find_model(path, model, len(values))
@@ -94,6 +95,11 @@ def _read_values(path: Path) -> tuple[list[str], list[str], np.ndarray]:
             with np.load(path) as arrays:
                 names, units = arrays["names"].tolist(), arrays["units"].tolist()
                 values = arrays["values"]
+        elif path.suffix == ".parquet":
+            table = import_optional("pyarrow.parquet").read_table(path)
+            names = table.column_names
+            units = [field.metadata[b"unit"].decode() for field in table.schema]
+            values = np.column_stack([column.to_numpy() for column in table.columns])
         else:
             with path.open(encoding="utf-8") as file:
                 names = file.readline().strip().split(",")

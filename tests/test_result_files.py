@@ -1,0 +1,94 @@
+"""Result files of ``dockloop run``: three formats, chosen outputs, units, a limit of their size.
+
+1. CSV, NPZ and Parquet hold the same numbers; units are in the summary, in NPZ and in Parquet.
+2. ``--outputs`` writes what it says; the summary is that of the whole run; the rest is refused.
+3. A file that would be too large is refused before the run.
+4. ``dockloop view`` reads every format.
+"""
+
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pyarrow")
+
+from pyarrow import parquet
+
+from dockloop.results import check_size
+from dockloop.view.results import read_result
+
+RUN = ("run", "idss_25t_350t", "--stop", "2.5", "--step", "0.1", "--no-plots", "--json")
+CHOSEN = ("--outputs", "capture.*", "--outputs", "relative.axial", "--outputs", "latched[2]")
+
+
+@pytest.mark.parametrize("chosen", [(), CHOSEN])
+def test_all_formats_hold_the_same_numbers(dockloop, tmp_path, chosen):
+    results, summaries = [], []
+    for suffix in ("csv", "npz", "parquet"):
+        file = tmp_path / f"own.{suffix}"
+        done = dockloop(*RUN, *chosen, "-o", str(file))
+        assert done.status == 0, done
+        results.append(read_result(file))
+        summaries.append(json.loads(done.out))
+    csv, npz, table = results
+    assert csv.names == npz.names == table.names
+    assert npz.values.tobytes() == table.values.tobytes()
+    assert np.allclose(csv.values, npz.values, rtol=1e-14, atol=0.0)
+    assert npz.units == table.units
+    assert npz.units == [summaries[0]["units"][name] for name in csv.names]
+    fields = parquet.read_schema(tmp_path / "own.parquet")
+    assert fields.field("capture.compression").metadata == {b"unit": b"N"}
+    if chosen:
+        assert csv.names[:2] == ["time", "relative.axial"]
+        assert csv.names[-1] == "latched[2]"
+        assert {n.split(".")[0] for n in csv.names[2:-1]} == {"capture"}
+
+
+def test_chosen_outputs_leave_the_summary_as_it_is(dockloop, tmp_path):
+    whole = json.loads(dockloop(*RUN, "-o", str(tmp_path / "whole.npz")).out)
+    part = json.loads(dockloop(*RUN, *CHOSEN, "-o", str(tmp_path / "part.npz")).out)
+    for name in ("outcome", "explanation", "peak_loads", "energy", "legs", "solver"):
+        assert part[name] == whole[name], name
+
+
+def test_chosen_outputs_draw_the_figures_that_they_allow(dockloop, tmp_path):
+    pytest.importorskip("matplotlib")
+    done = dockloop(*RUN[:-2], "--outputs", "relative.axial", "-o", str(tmp_path / "own.csv"))
+    assert done.status == 0, done
+    assert {file.name for file in tmp_path.glob("own*.png")} == set()
+    done = dockloop(*RUN[:-2], "--outputs", "capture.", "-o", str(tmp_path / "own.csv"))
+    assert {file.name for file in tmp_path.glob("own*.png")} == {"own_loads.png"}
+
+
+def test_a_name_that_no_output_has_is_refused(dockloop, tmp_path):
+    refused = dockloop(*RUN, "--outputs", "capture.shearr", "-o", str(tmp_path / "own.csv"))
+    assert (refused.status, refused.err.count("\n")) == (2, 1)
+    assert "--outputs capture.shearr: no output of the FMU" in refused.err
+    assert "'capture.shear'" in refused.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_would_be_too_large_is_refused_before_the_run(dockloop, tmp_path, monkeypatch):
+    monkeypatch.setattr("dockloop.simulate.Instance.initialise", None)
+    long = ("run", "absorber_1d", "--step", "1e-6", "--no-plots", "-o", str(tmp_path / "own.csv"))
+    refused = dockloop(*long)
+    assert (refused.status, refused.err.count("\n")) == (2, 1), refused
+    assert "5000001 rows of" in refused.err
+    assert "GB: more than 1 GB: choose some with --outputs" in refused.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_size_depends_on_rows_columns_and_format():
+    check_size(1_000_000, 100, ".npz", 1.0)
+    check_size(1_000_000, 100, ".csv", 2.0)
+    with pytest.raises(Exception, match=r"1000000 rows of 100 values, 1\.7 GB: more than 1 GB"):
+        check_size(1_000_000, 100, ".csv", 1.0)
+
+
+def test_view_reads_the_table_of_a_run(dockloop, tmp_path):
+    file = tmp_path / "own.parquet"
+    dockloop(*RUN, "-o", str(file))
+    done = dockloop("view", str(file))
+    assert done.status == 0, done
+    assert (tmp_path / "own_view.html").exists()
