@@ -39,6 +39,7 @@ and many of them::
     cases         one case of a loaded FMU, as a Dask worker runs it
     sweep_report  the table, its summary in words and numbers, figures
     criteria      "captured within 5 s and load_ratio < 1"
+    rare          the part of dockings that fail when few do
     envelopes     the boundary of a criterion, with few dockings
 
 and what has names: `variables` of a docking, and the `catalogue` of all that can be set and read.

@@ -190,6 +190,19 @@ def _make_parser() -> argparse.ArgumentParser:
         help="the table; journal, TABLE_summary.json and plots are written beside it"
         " (default: build/sweeps/SWEEP/SWEEP.parquet)",
     )
+    sweep.add_argument(
+        "--rare",
+        metavar="TEXT",
+        help='estimate how rarely dockings fail, e.g. "load_ratio > 1" (a criterion as for dockloop'
+        " envelope), with fewer dockings than plain sampling; writes TABLE_rare.json, no table",
+    )
+    sweep.add_argument(
+        "--rare-cases",
+        type=int,
+        default=500,
+        metavar="N",
+        help="dockings in every level of --rare: more make the interval narrow (default: 500)",
+    )
     sweep.add_argument("--csv", action="store_true", help="write the table as CSV too")
     sweep.add_argument("--no-plots", action="store_true", help="do not draw figures")
     sweep.add_argument("--json", action="store_true", help="print the summary as JSON")
@@ -560,6 +573,9 @@ def _sweep(options: argparse.Namespace) -> None:
     name = sweep.path.stem
     output = options.output or paths.BUILD / "sweeps" / name / f"{name}.parquet"
     plots = not options.no_plots
+    if options.rare:
+        _rare(options, sweep, output)
+        return
     for file, kind in sweep_report.list_files(output, as_csv=options.csv, plots=plots):
         claim(file, kind)
     ran = run_sweep(
@@ -583,6 +599,31 @@ def _sweep(options: argparse.Namespace) -> None:
     _tell(json.dumps(summary, indent=2) if options.json else sweep_report.describe_sweep(summary))
     if "done" not in summary["status"]:
         raise DockloopError(f"no case was done, for example: {summary['reasons']['example']}")
+
+
+def _rare(options: argparse.Namespace, sweep: Any, output: Path) -> None:
+    """Estimate how rarely the dockings of a sweep fail."""
+    from dockloop import rare
+    from dockloop.outputs import claim
+    from dockloop.simulate import ProgressBar
+    from dockloop.summary import write_summary
+
+    file, journal = rare.name_files(output)
+    claim(file, rare.SUMMARY)
+    summary = rare.run_rare(
+        sweep,
+        options.rare,
+        options.rare_cases,
+        journal,
+        engine=options.engine,
+        workers=options.workers,
+        scheduler=options.scheduler,
+        resume=options.resume,
+        progress=ProgressBar(sweep.path.stem),
+    )
+    summary["files"] = [paths.shown(file)]
+    write_summary(summary, file)
+    _tell(json.dumps(summary, indent=2) if options.json else rare.describe_rare(summary))
 
 
 def _envelope(options: argparse.Namespace) -> None:

@@ -34,7 +34,7 @@ _EVENTS = {  # that `within` takes: their time, and the time from which it count
     "captured": ("time_of_capture", "time_of_contact"),
     "contact": ("time_of_contact", None),
 }
-_WITHIN = re.compile(r"([\w.\[\]]+)\s+within\s+([-+.\w]+)(?:\s*s\b)?")
+_WITHIN = re.compile(r"([\w.\[\]]+)\s+within\s+([-+.\deE]+)(?:\s*s)?\b")
 _COMPARE: dict[type, Callable[[Any, Any], bool]] = {
     ast.Lt: operator.lt,
     ast.LtE: operator.le,
@@ -60,11 +60,14 @@ class Criterion:
         text: what the user wrote.
         outputs: outputs of the FMU that it looks at.
         calc: tells whether values meet it: outputs at the end and what varies, by name.
+        grade: says how far values are from the limit: above 0 where they meet it. Conditions
+            without a number have the grades 1 and -1.
     """
 
     text: str
     outputs: tuple[str, ...]
     calc: Callable[[Values], bool]
+    grade: Callable[[Values], float]
 
     def holds(self, values: Values) -> bool:
         """Tell whether a docking meets the criterion.
@@ -72,8 +75,16 @@ class Criterion:
         Args:
             values: at least its `outputs`, at the end of the run, and the quantities that vary.
         """
-        never = {name: math.inf for name in NEVER if values.get(name, 0.0) < 0.0}
-        return bool(self.calc({**values, **never}))
+        return bool(self.calc(_with_never(values)))
+
+    def rank(self, values: Values) -> float:
+        """Return how near a docking is to meeting the criterion: infinite if it does."""
+        return math.inf if self.holds(values) else min(self.grade(_with_never(values)), 0.0)
+
+
+def _with_never(values: Values) -> Values:
+    """Return values in which what never happened is at a time of plus infinity."""
+    return {**values, **{name: math.inf for name in NEVER if values.get(name, 0.0) < 0.0}}
 
 
 @dataclass(frozen=True)
@@ -83,10 +94,22 @@ class _Term:
     kind: str  # condition, number, text, choice
     calc: Callable[[Values], Any]
     variable: str = ""  # of a choice
+    graded: Callable[[Values], float] | None = None  # of a condition with numbers
+
+    def grade(self, v: Values) -> float:
+        """Return how far a condition is from its limit."""
+        if self.graded is None:
+            return 1.0 if self.calc(v) else -1.0
+        grade = self.graded(v)
+        return -math.inf if math.isnan(grade) else grade
 
 
 def parse_criterion(
-    text: str, outputs: Mapping[str, Variable], quantities: Collection[str] = ()
+    text: str,
+    outputs: Mapping[str, Variable],
+    quantities: Collection[str] = (),
+    *,
+    option: str = "--criterion",
 ) -> Criterion:
     """Parse a criterion.
 
@@ -94,20 +117,26 @@ def parse_criterion(
         text: as in the head of this module.
         outputs: variables of the FMU that are outputs, by name.
         quantities: names of other numbers, those that vary.
+        option: of the command line, for messages.
 
     Raises:
         UsageError: naming the criterion, what is wrong in it, and what can be written.
     """
-    return _Parser(text, outputs, quantities).parse()
+    return _Parser(text, outputs, quantities, option).parse()
 
 
 class _Parser:
     """Turns the tree of a text into a function of values."""
 
     def __init__(
-        self, text: str, outputs: Mapping[str, Variable], quantities: Collection[str]
+        self,
+        text: str,
+        outputs: Mapping[str, Variable],
+        quantities: Collection[str],
+        option: str,
     ) -> None:
         self._text, self._outputs, self._quantities = text, outputs, quantities
+        self._option = option
         self._used: dict[str, None] = {}
         self._short = {load: f"{PEAK}{load}" for load in (*list_loads(), "load_ratio")}
         outcomes = read_choices()["outcome"] if "outcome" in outputs else ()
@@ -127,10 +156,10 @@ class _Parser:
             raise self._error("cannot be read: it is nested too deeply, or no text") from None
         if term.kind != "condition":
             raise self._error(f"is a {term.kind}, no condition: compare it, e.g. load_ratio < 1")
-        return Criterion(self._text, tuple(self._used), term.calc)
+        return Criterion(self._text, tuple(self._used), term.calc, term.grade)
 
     def _error(self, wrong: str) -> UsageError:
-        return UsageError(f"--criterion '{self._text}': {wrong}")
+        return UsageError(f"{self._option} '{self._text}': {wrong}")
 
     def _read_tree(self) -> ast.expr:
         text = _WITHIN.sub(r"within(\1, \2)", self._text.strip())
@@ -151,7 +180,9 @@ class _Parser:
                 return self._join(node)
             case ast.UnaryOp(op=ast.Not()):
                 inner = self._want("condition", node.operand)
-                return _Term("condition", lambda v: not inner.calc(v))
+                return _Term(
+                    "condition", lambda v: not inner.calc(v), graded=lambda v: -inner.grade(v)
+                )
             case ast.UnaryOp(op=ast.USub()):
                 inner = self._want("number", node.operand)
                 return _Term("number", lambda v: -inner.calc(v))
@@ -186,8 +217,12 @@ class _Parser:
     def _join(self, node: ast.BoolOp) -> _Term:
         parts = [self._want("condition", value) for value in node.values]
         is_and = isinstance(node.op, ast.And)
-        join: Callable = all if is_and else any
-        return _Term("condition", lambda v: join(part.calc(v) for part in parts))
+        join, pick = (all, min) if is_and else (any, max)
+        return _Term(
+            "condition",
+            lambda v: join(part.calc(v) for part in parts),
+            graded=lambda v: pick(part.grade(v) for part in parts),
+        )
 
     def _call(self, name: str, arguments: list[ast.expr]) -> _Term:
         if len(arguments) < (1 if name == "abs" else 2) or (name == "abs" and len(arguments) > 1):
@@ -212,7 +247,10 @@ class _Parser:
         def calc(v: Values) -> bool:
             return all(_COMPARE[type(op)](a.calc(v), b.calc(v)) for op, a, b in pairs)
 
-        return _Term("condition", calc)
+        def grade(v: Values) -> float:
+            return min(_grade(op, a.calc(v), b.calc(v)) for op, a, b in pairs)
+
+        return _Term("condition", calc, graded=grade)
 
     def _compare_choice(self, node: ast.Compare, terms: list[_Term]) -> _Term:
         """Return ``phase == "aligned"`` or ``outcome != "miss"``."""
@@ -224,7 +262,7 @@ class _Parser:
                 ' e.g. outcome == "captured"'
             )
         choice, other = terms if terms[0].kind == "choice" else terms[::-1]
-        wanted = other.calc({})
+        wanted = self._constant(other)
         if other.kind == "text":
             names = {c.name: c.number for c in _find_choices(choice.variable)}
             if wanted not in names:
@@ -241,15 +279,28 @@ class _Parser:
         """Return ``EVENT within T s``."""
         if event not in _EVENTS:
             raise self._error(f"'{event}' has no time: 'within' takes one of {', '.join(_EVENTS)}")
-        limit = self._want("number", node).calc({})
+        limit = self._constant(self._want("number", node))
         happened, (name, since) = self._name(event), _EVENTS[event]
         time = self._output(name)
         begin = self._output(since) if since else None
 
-        def calc(v: Values) -> bool:
-            return happened.calc(v) and time(v) - (begin(v) if begin else 0.0) <= limit
+        def delay(v: Values) -> float:
+            return time(v) - (begin(v) if begin else 0.0)
 
-        return _Term("condition", calc)
+        def calc(v: Values) -> bool:
+            return happened.calc(v) and delay(v) <= limit
+
+        def grade(v: Values) -> float:
+            return limit - delay(v) if happened.calc(v) else -math.inf
+
+        return _Term("condition", calc, graded=grade)
+
+    def _constant(self, term: _Term) -> Any:
+        """Return the value of a part in which nothing varies."""
+        try:
+            return term.calc({})
+        except KeyError as error:
+            raise self._error(f"{error} varies: a number or a name must stand there") from None
 
     def _name(self, name: str) -> _Term:
         """Return what a name stands for."""
@@ -270,11 +321,22 @@ class _Parser:
                 " rebound, miss"
             )
         calc = self._output(full)
+        if name == "captured" and "time_of_capture" in self._outputs:
+            return self._captured(calc)
         if self._outputs[full].type == "Boolean":
             return _Term("condition", lambda v: bool(calc(v)))
         if _find_choices(full):
             return _Term("choice", calc, full)
         return _Term("number", calc)
+
+    def _captured(self, calc: Callable[[Values], Any]) -> _Term:
+        """Return ``captured``; its grade falls with the time of the capture."""
+        time = self._output("time_of_capture")
+
+        def grade(v: Values) -> float:
+            return 1.0 / (1.0 + max(0.0, time(v))) if calc(v) else -1.0
+
+        return _Term("condition", lambda v: bool(calc(v)), graded=grade)
 
     def _output(self, name: str) -> Callable[[Values], Any]:
         """Return how an output is read, and remember that it is."""
@@ -282,6 +344,19 @@ class _Parser:
             raise self._error(f"needs the output '{name}', which the scene does not export")
         self._used[name] = None
         return lambda v: v[name]
+
+
+def _grade(op: ast.cmpop, a: float, b: float) -> float:
+    """Return how far a comparison is from its limit, over the size of the right side."""
+    scale = abs(b) if 0.0 < abs(b) < math.inf else 1.0
+    match op:
+        case ast.Lt() | ast.LtE():
+            return (b - a) / scale
+        case ast.Gt() | ast.GtE():
+            return (a - b) / scale
+        case ast.Eq():
+            return -abs(a - b) / scale
+    return abs(a - b) / scale
 
 
 def _find_choices(variable: str) -> tuple:

@@ -166,18 +166,33 @@ def _check_members(document: dict, path: Path) -> None:
         )
 
 
+def count_drawn(document: dict) -> int:
+    """Return how many numbers are drawn at random in a case: one per quantity, two per disc."""
+    return sum(len(_names(entry)) for entry in document["vary"] if entry["type"] != "grid")
+
+
+def transform_cube(document: dict, cube: np.ndarray) -> list[list[float]]:
+    """Return the quantities that are drawn at random, for points of the unit cube.
+
+    Args:
+        document: the members of a sweep file.
+        cube: shape (cases, `count_drawn`).
+    """
+    columns: list[np.ndarray] = []
+    for entry in document["vary"]:
+        if entry["type"] != "grid":
+            own = cube.T[len(columns) : len(columns) + len(_names(entry))]
+            columns += _TRANSFORMS[entry["type"]](entry, *own)
+    return np.column_stack(columns).tolist() if columns else [[]]
+
+
 def _draw(document: dict) -> list[tuple[Value, ...]]:
     """Return the cases: all samples at the first point of the grids, then at the next."""
     entries = document["vary"]
     grids = [entry["values"] for entry in entries if entry["type"] == "grid"]
-    drawn = [entry for entry in entries if entry["type"] != "grid"]
-    width = sum(len(_names(entry)) for entry in drawn)
+    width = count_drawn(document)
     cube = _sample_cube(document["sampling"], document["cases"], width, document["seed"])
-    columns: list[np.ndarray] = []
-    for entry in drawn:
-        place = len(columns)
-        columns += _TRANSFORMS[entry["type"]](entry, *cube.T[place : place + len(_names(entry))])
-    samples = np.column_stack(columns).tolist() if columns else [[]]
+    samples = transform_cube(document, cube)
 
     cases = []
     for point in itertools.product(*grids):

@@ -1,0 +1,204 @@
+"""``dockloop sweep --rare``: the part of dockings that fail when few do.
+
+1. Closed forms instead of dockings: the mean is right, the stated interval holds the answer about
+   as often as it says, the stated variation is the one that is found, with a fifth of the samples
+   that plain sampling needs for the same interval.
+2. Dockings: pawls that the energy of the approach must open, with uncertain speed and masses. The
+   closed form of the boundary, sampled by brute force without dockings, is the answer; so is a
+   plain sweep of dockings where failures are frequent.
+3. Grades of criteria lead to failure: they rise with what makes a docking fail.
+4. The same seed gives the same summary; an interrupted estimate goes on to it.
+"""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+pytest.importorskip("pyarrow")
+
+from scipy.stats import norm
+
+import dockloop as dl
+from dockloop.criteria import parse_criterion
+from dockloop.errors import DockloopError
+from dockloop.rare import estimate_rare
+
+CLOSED = {  # limit, exact probability, dimensions
+    "a plane": (lambda z: z.sum(axis=1) / 2.0 - 3.5, norm.sf(3.5), 4),
+    "two ends": (lambda z: np.abs(z[:, 0]) - 3.7, 2.0 * norm.sf(3.7), 3),
+    "frequent": (lambda z: z.sum(axis=1) / 2.0 - 1.0, norm.sf(1.0), 4),
+}
+
+
+def make_rank(limit):
+    def rank(cube):
+        values = limit(norm.ppf(np.clip(cube, 1e-16, 1.0 - 1e-16)))
+        return np.where(values > 0.0, np.inf, values)
+
+    return rank
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_the_interval_holds_the_answer_as_often_as_it_says(name):
+    limit, exact, width = CLOSED[name]
+    found = [estimate_rare(make_rank(limit), width, 500, seed) for seed in range(60)]
+    holds = sum(low <= exact <= high for low, high in (e.interval for e in found))
+    assert holds >= 52, holds  # 95 % of 60 is 57; binomial, 2 %
+    parts = np.array([e.probability for e in found])
+    variation = np.mean([e.variation for e in found])
+    assert abs(parts.mean() / exact - 1.0) < 3.0 * variation / math.sqrt(60)
+    assert 0.6 < parts.std() / exact / variation < 1.5
+    assert all(e.samples == 500 + 450 * (len(e.levels) - 1) for e in found)
+    if exact < 0.01:
+        assert np.median([e.plain_samples / e.samples for e in found]) > 5.0
+
+
+def test_a_rank_without_grades_is_refused():
+    def rank(cube):
+        return np.where(cube[:, 0] > 0.9999, np.inf, -1.0)
+
+    with pytest.raises(DockloopError, match="equally near to failing"):
+        estimate_rare(rank, 2, 100, 0)
+
+
+def test_what_never_fails_is_below_the_last_level():
+    found = estimate_rare(lambda cube: cube[:, 0] - 2.0, 1, 100, 0)
+    assert found.probability == 0.0
+    assert len(found.levels) == 10
+
+
+@pytest.fixture(scope="module")
+def outputs():
+    variables = dl.Docking("idss_25t_350t").variables.values()
+    return {v.name: v for v in variables if v.causality == "output"}
+
+
+def end(delay=math.inf, load=0.5, speed=0.1):
+    return {
+        "captured": delay < math.inf,
+        "outcome": 2 if delay < math.inf else 4,
+        "time_of_contact": 2.0,
+        "time_of_capture": 2.0 + delay if delay < math.inf else -1.0,
+        "capture.peak.load_ratio": load,
+        "initial.closing_speed": speed,
+    }
+
+
+GRADES = {  # ascending: nearer and nearer to failing, the last one fails
+    "not captured": [end(0.5), end(1.0), end(9.0), end()],
+    "not captured within 5 s": [end(0.5), end(1.0), end(4.9), end(5.1)],
+    "load_ratio > 1": [end(load=0.1), end(load=0.9), end(load=1.1)],
+    "not captured or load_ratio > 1": [end(0.5, 0.1), end(0.5, 0.9), end(0.5, 1.1)],
+    "not (captured and load_ratio < 1)": [end(0.5, 0.1), end(0.5, 0.9), end(0.5, 1.1)],
+    "captured and initial.closing_speed < 0.05": [end(1, speed=v) for v in (0.1, 0.06, 0.04)],
+}
+
+
+@pytest.mark.parametrize("text", GRADES)
+def test_grades_rise_towards_failure(outputs, text):
+    criterion = parse_criterion(text, outputs, ["initial.closing_speed"])
+    ranks = [criterion.rank(values) for values in GRADES[text]]
+    assert ranks == sorted(ranks)
+    assert len(set(ranks)) == len(ranks)
+    assert ranks[-1] == math.inf
+    assert all(rank <= 0.0 for rank in ranks[:-1])
+
+
+# ---------------------------------------------------------------- dockings
+
+SET = {
+    "model.level": "rigid",
+    **dict.fromkeys(("initial.lateral_offset", "initial.pitch_yaw_deg", "initial.roll_deg"), 0),
+    **dict.fromkeys(("initial.lateral_speed", "initial.pitch_yaw_rate_deg_s"), 0),
+    "initial.roll_rate_deg_s": 0,
+    "chaser.mass_includes_mechanism": 2,
+    "mechanism.set.latches.push_force": 100.0,
+}
+SPEED, DEVIATION, LEAST = 0.022, 0.002, 0.005
+SWEEP = f"""
+scene = "idss_25t_350t"
+seed = 3
+cases = 400
+sampling = "random"
+[set]
+{"".join(f'"{name}" = {json.dumps(value)}' + chr(10) for name, value in SET.items())}
+[[vary]]
+type = "normal"
+name = "initial.closing_speed"
+mean = {SPEED}
+deviation = {DEVIATION}
+range = [{LEAST}, 0.05]
+[[vary]]
+type = "uniform"
+name = "chaser.mass"
+range = [20e3, 30e3]
+[experiment]
+stop = 6.0
+step = 1.0
+"""
+
+
+def sample_closed_form(count=4_000_000):
+    """Return the part of samples whose energy does not open three pawls."""
+    random = np.random.default_rng(5)
+    speed = SPEED + DEVIATION * random.standard_normal(count)
+    chaser = random.uniform(20e3, 30e3, count)
+    mass = chaser * 350e3 / (chaser + 350e3)
+    return np.mean(mass * speed**2 / 2.0 < 3.0 * 100.0 * 0.016 / 2.0)
+
+
+def write(folder, text=SWEEP):
+    (folder / "mine.toml").write_text(text)
+    return str(folder / "mine.toml")
+
+
+def test_rare_failures_of_dockings_are_those_of_brute_force(dockloop, tmp_path):
+    exact = sample_closed_form()
+    assert 1e-4 < exact < 1e-3, exact
+    command = ("sweep", write(tmp_path), "-o", str(tmp_path / "own.parquet"))
+    rare = ("--rare", "not captured", "--rare-cases", "100", "--json")
+    done = dockloop(*command, *rare)
+    assert done.status == 0, done
+    summary = json.loads(done.out)
+    assert summary["low"] < exact < summary["high"], (summary, exact)
+    assert summary["dockings"] < 0.2 * summary["plain_dockings"]
+    assert not (tmp_path / "own.parquet").exists()
+    assert "dockloop run idss_25t_350t" in summary["examples"][0]["command"]
+    # A lost end of the journal is run again, to the same summary.
+    journal = tmp_path / "own_rare.jsonl"
+    journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:-20]))
+    assert dockloop(*command, *rare).status == 2
+    again = json.loads(dockloop(*command, *rare, "--resume").out)
+    assert again["time"]["ran"] <= 20
+    assert {**again, "time": 0} == {**summary, "time": 0}
+
+
+def test_frequent_failures_are_those_of_a_plain_sweep(tmp_path):
+    slow = SWEEP.replace(f"mean = {SPEED}", "mean = 0.0155").replace("cases = 400", "cases = 150")
+    from dockloop.rare import run_rare
+    from dockloop.sampling import read_sweep
+
+    sweep = read_sweep(write(tmp_path, slow))
+    found = run_rare(sweep, "not captured", 150, tmp_path / "own.jsonl")
+    table = dl.sweep(write(tmp_path, slow))
+    part = (table["outcome"] != "captured").mean()
+    spread = math.sqrt(2.0 * part * (1.0 - part) / 150)
+    assert abs(found["probability"] - part) < 3.0 * spread
+    assert len(found["levels"]) == 1
+
+
+def test_bad_usage_is_refused(dockloop, tmp_path):
+    grid = SWEEP.replace('type = "uniform"', 'type = "grid"').replace(
+        "range = [20e3", "values = [20e3"
+    )
+    for text, arguments, words in (
+        (SWEEP, ("--rare", "not capturd"), "--rare 'not capturd': there is no 'capturd'"),
+        (SWEEP, ("--rare", "not captured", "--rare-cases", "55"), "must be a multiple of 10"),
+        (grid, ("--rare", "not captured"), "--rare needs distributions"),
+    ):
+        refused = dockloop("sweep", write(tmp_path, text), *arguments)
+        assert (refused.status, refused.err.count("\n")) == (2, 1), refused
+        assert words in refused.err
