@@ -87,6 +87,9 @@ class Stepper {
   double time() const;
   /// State inside the last step, unless a root cut that short. @return false if it is not known
   bool interpolate(double t, double* y) const;
+  /// Size of a step that passes over a state `distance` ahead, where rates do not exist: no stage
+  /// lies near this state [s].
+  static double find_size_across(double distance);
   /// Step size that error control proposes for the next step [s].
   double next_step() const;
   /// Fastest rate of the solution, as far as the method tells it [1/s]; 0 = not known.

@@ -316,9 +316,8 @@ double DockingSim::Impl::update_singularity_step(double made, double proposal) {
   const double distance = margin / rate;  // to the pose, with the present rate of the margin
   const double width = model->mechanism.model.singularity.error / rate;
   if (distance - width > 1.3 * proposal) return 0.0;
-  // Stages lie at 0.2, 0.3, 0.8, 0.89 and 1 of a step: put the pose into the middle of the largest
-  // gap. If this step is too long for the error control, end half a step before the pose.
-  const double size = distance / 0.55;
+  // If the step over the pose is too long for the error control, end half a step before the pose.
+  const double size = Stepper::find_size_across(distance);
   return size <= 1.6 * proposal ? size : distance - 0.5 * proposal;
 }
 
