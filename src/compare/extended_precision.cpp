@@ -94,7 +94,7 @@ void DockingSim::use_extended_precision(double tolerance) {
   Impl& me = *impl_;
   me.extended = std::make_shared<ExtendedEquations>();
   me.adapt_problem = [&me, tolerance](Stepper::Problem& problem) {
-    if (me.has_host()) {
+    if (me.host->has_host()) {
       throw ModelError(
           "vehicles moved by a host cannot be integrated with extended precision: set "
           "chaser.motion and target.motion to free or fixed");

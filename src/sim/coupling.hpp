@@ -17,7 +17,8 @@
 //                      look ahead on a copy of the state
 //
 // This file: the stored data of each driven vehicle, and functions of these data alone.
-// coupling.cpp: the scheme; coupling_monitors.cpp: warnings and monitors for the host.
+// host_coupling.hpp: the class that keeps them; coupling_monitors.cpp: its warnings and monitors.
+// coupling.cpp: the scheme in a communication step.
 #pragma once
 
 #include "sim/mean_load.hpp"

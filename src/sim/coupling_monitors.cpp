@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "sim/sim_impl.hpp"
+#include "sim/host_coupling.hpp"
 
 namespace dockloop {
 namespace {
@@ -27,16 +27,15 @@ constexpr double kUnmodelled =
 
 }  // namespace
 
-void DockingSim::Impl::warn_once(int i, CouplingWarning what, const std::string& text) {
-  int& warned = coupling.warned[i];
+void HostCoupling::warn_once(int i, CouplingWarning what, const std::string& text) {
+  int& warned = state_.coupling.warned[i];
   if ((warned & what) != 0) return;
   warned |= what;
-  warnings.push_back(text);
+  warnings_.push_back(text);
 }
 
-/// True mass / stated mass - 1, estimated from the motion; 0 without an estimate.
-double DockingSim::Impl::find_mass_mismatch(int i) const {
-  const InnovationSums& sums = coupling.vehicle[i].sums;
+double HostCoupling::find_mass_mismatch(int i) const {
+  const InnovationSums& sums = state_.coupling.vehicle[i].sums;
   if (sums.loaded == 0 || !(sums.predicted2 > 0.0)) return 0.0;
   const double felt = 1.0 + sums.innovation_predicted / sums.predicted2;
   if (std::abs(felt) > kMostFelt) return 0.0;  // another load moves the vehicle
@@ -45,39 +44,39 @@ double DockingSim::Impl::find_mass_mismatch(int i) const {
 }
 
 /// Squares of innovations that another mass does not explain [m2/s2].
-double DockingSim::Impl::find_unexplained_by_mass(const InnovationSums& sums) {
+double HostCoupling::find_unexplained_by_mass(const InnovationSums& sums) {
   if (!(sums.predicted2 > 0.0)) return sums.innovation2;
   return sums.innovation2 - sums.innovation_predicted * sums.innovation_predicted / sums.predicted2;
 }
 
-bool DockingSim::Impl::is_mass_confirmed(int i) const {
-  const InnovationSums& sums = coupling.vehicle[i].sums;
+bool HostCoupling::is_mass_confirmed(int i) const {
+  const InnovationSums& sums = state_.coupling.vehicle[i].sums;
   return sums.loaded >= kEnoughSteps && std::abs(find_mass_mismatch(i)) < kMassConfirmed &&
          find_unexplained_by_mass(sums) < kExplained * sums.predicted2;
 }
 
 /// The first received motion must be the motion at the start, not one step later.
-void DockingSim::Impl::look_at_first_state(int i, const VehicleState& z, double h) {
-  const Vec3<double> distance = z.x - coupling.vehicle[i].predicted.x;
-  const Vec3<double> step = h * (coupling.vehicle[i].predicted.v + frame_velocity);
+void HostCoupling::look_at_first_state(int i, const VehicleState& z, double h) {
+  const Vec3<double> distance = z.x - state_.coupling.vehicle[i].predicted.x;
+  const Vec3<double> step = h * (state_.coupling.vehicle[i].predicted.v + state_.frame_velocity);
   if (!(step.norm() > 1e-9) || !((distance - step).norm() < 0.1 * step.norm())) return;
   char text[300];
   std::snprintf(text, sizeof text,
                 "%s.position of the first step is %.3g m away from the start position. This is the "
                 "distance of one step: the host passes the motion at the end of the step. Pass "
                 "the motion at currentCommunicationPoint",
-                name_of(i), distance.norm());
+                get_vehicle_name(i), distance.norm());
   warn_once(i, kWarnedFirst, text);
 }
 
 /// Motion of the host's vehicle over the last step, compared with the predicted motion.
 /// @param z  motion received now, at the end of the last step
-void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
-  DrivenVehicle& v = coupling.vehicle[i];
+void HostCoupling::look_at_innovation(int i, const VehicleState& z) {
+  DrivenVehicle& v = state_.coupling.vehicle[i];
   InnovationSums& sums = v.sums;
-  const double h = last_step, mass = model->stated_mass[i];
+  const double h = state_.last_step, mass = model_->stated_mass[i];
   const Mat3<double> R = quat_to_matrix<double>(z.q);
-  const Vec3<double> arm = R * setup->parameters.vehicle[i].interface_position;
+  const Vec3<double> arm = R * setup_->parameters.vehicle[i].interface_position;
   const Vec3<double> innovation = z.v - v.predicted.v;
   const Vec3<double> turning = R * (z.w - v.predicted.w);
   v.innovation = std::max(innovation.norm(), turning.norm() * arm.norm());
@@ -85,7 +84,7 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
   // Work received by the host's vehicle, minus work of the mechanism.
   const Vec3<double> turn =
       quat_log<double>(quat_multiply<double>(quat_conjugate<double>(v.received.q), z.q));
-  coupling.work_residual += v.held.f.dot(z.x - v.received.x) + v.held.t.dot(turn) - v.work;
+  state_.coupling.work_residual += v.held.f.dot(z.x - v.received.x) + v.held.t.dot(turn) - v.work;
 
   // Changes of velocity, gravity apart.
   const Vec3<double> predicted = v.predicted.v - v.received.v - v.fall;
@@ -96,8 +95,8 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
     *sum *= keep;
   }
   // Gravity as a constant over the step has at least this error.
-  const double rounding = kSilentChange + kRelativeRounding * inputs.vehicle[i].velocity.norm() +
-                          h * kUnmodelled * loads.at_start().gravity.norm();
+  const double rounding = kSilentChange + kRelativeRounding * inputs_.vehicle[i].velocity.norm() +
+                          h * kUnmodelled * loads_.at_start().gravity.norm();
   if (predicted.norm() > rounding) {
     ++sums.loaded;
     sums.predicted2 += predicted.squaredNorm();
@@ -105,7 +104,7 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
     sums.innovation2 += innovation.squaredNorm();
     // Order of exchange: innovation with the load of the neighbouring step, applied a step late
     // (sequential exchange expected) or a step early (announced load applied at once).
-    const Vec3<double> neighbour = announces() ? mean_load[i].f : v.before.f;
+    const Vec3<double> neighbour = announces() ? state_.mean_load[i].f : v.before.f;
     sums.shifted2 += (innovation - h / mass * (neighbour - v.held.f)).squaredNorm();
   }
   if (turned.norm() > kSilentChange) {
@@ -114,19 +113,19 @@ void DockingSim::Impl::look_at_innovation(int i, const VehicleState& z) {
     sums.turn_innovation2 += (z.w - v.predicted.w).squaredNorm();
   }
   const double load_effect = predicted.norm();
-  const double limit = kUnmodelled * std::max(1.0, loads.at_start().gravity.norm());
+  const double limit = kUnmodelled * std::max(1.0, loads_.at_start().gravity.norm());
   const bool unmodelled = innovation.norm() > h * limit && innovation.norm() > 10.0 * load_effect;
   sums.unmodelled = unmodelled ? sums.unmodelled + 1 : 0;
   warn_of_exchange(i, innovation, z.w - v.predicted.w);
 }
 
 /// Find the cause of innovations: one warning that fits is better than three possible ones.
-void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
-                                        const Vec3<double>& turn_innovation) {
-  const DrivenVehicle& v = coupling.vehicle[i];
+void HostCoupling::warn_of_exchange(int i, const Vec3<double>& innovation,
+                                    const Vec3<double>& turn_innovation) {
+  const DrivenVehicle& v = state_.coupling.vehicle[i];
   const InnovationSums& sums = v.sums;
-  const char* name = name_of(i);
-  const double h = last_step, stated = model->stated_mass[i];
+  const char* name = get_vehicle_name(i);
+  const double h = state_.last_step, stated = model_->stated_mass[i];
   char text[400];
   const auto unmodelled = [&](double acceleration) {
     std::snprintf(text, sizeof text,
@@ -136,7 +135,7 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
     warn_once(i, kWarnedGravity, text);
   };
   // A motion that is reported one step too early looks like many other errors.
-  if ((coupling.warned[i] & kWarnedFirst) != 0) return;
+  if ((state_.coupling.warned[i] & kWarnedFirst) != 0) return;
   if (sums.unmodelled == 5) unmodelled(innovation.norm() / h);
   const Vec3<double> held = h / stated * v.held.f;
   if (announces() && sums.loaded == 1 && (innovation + held).norm() < 0.05 * held.norm()) {
@@ -184,11 +183,11 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
     warn_once(i, kWarnedOrder, text);
     return;
   }
-  if ((coupling.warned[i] & kWarnedOrder) != 0 || size < kMassWarning) return;
+  if ((state_.coupling.warned[i] & kWarnedOrder) != 0 || size < kMassWarning) return;
   const double felt = 1.0 + sums.innovation_predicted / sums.predicted2;
   if (unexplained > kExplained * sums.innovation2 || std::abs(felt) > kMostFelt) {
     const double rest = size * (v.predicted.v - v.received.v - v.fall).norm() / h;
-    if (rest > kUnmodelled * std::max(1.0, loads.at_start().gravity.norm())) unmodelled(rest);
+    if (rest > kUnmodelled * std::max(1.0, loads_.at_start().gravity.norm())) unmodelled(rest);
     return;
   }
   if (felt < kLeastFelt) {
@@ -206,31 +205,31 @@ void DockingSim::Impl::warn_of_exchange(int i, const Vec3<double>& innovation,
                 "%s.mass_includes_mechanism",
                 name, stated * (1.0 + mismatch), name, stated, mismatch, name);
   warn_once(i, kWarnedMass, text);
-  const double product = coupling.frequency * h;
+  const double product = state_.coupling.frequency * h;
   if (product > kStableRange && std::abs(mismatch) > kMassConfirmed) {
     std::snprintf(text, sizeof text,
                   "the docking interface has a frequency of %.4g rad/s; frequency times step "
                   "(%.4g s) is %.3g, above the limit of %.1g: the coupling is not stable, because "
                   "the mass is wrong by %.3g; correct the mass, or make steps below %.3g s",
-                  coupling.frequency, h, product, kStableRange, mismatch,
-                  kStableRange / coupling.frequency);
+                  state_.coupling.frequency, h, product, kStableRange, mismatch,
+                  kStableRange / state_.coupling.frequency);
     warn_once(i, kWarnedStep, text);
   }
 }
 
-/// After a step: store data of the step for the monitors. @param end  of the internal vehicle
-void DockingSim::Impl::note_step(int i, const Wrench<double>& exerted, const VehicleState& end,
-                                 double h) {
-  DrivenVehicle& v = coupling.vehicle[i];
-  const VehicleState& start = step_begin.vehicle[i];
-  const double mass = model->stated_mass[i];
+/// After a step: store data of the step for the monitors.
+/// @param start, end  of the internal vehicle
+void HostCoupling::note_step(int i, const Wrench<double>& exerted, const VehicleState& start,
+                             const VehicleState& end, double h) {
+  DrivenVehicle& v = state_.coupling.vehicle[i];
+  const double mass = model_->stated_mass[i];
   const Mat3<double> I = find_stated_inertia(i);
   const Vec3<double> distance = end.x - start.x;
   const Vec3<double> turn =
       quat_log<double>(quat_multiply<double>(quat_conjugate<double>(start.q), end.q));
-  const Loads& known = loads.at(0.5 * h);
+  const Loads& known = loads_.at(0.5 * h);
   v.fall.setZero();
-  if (!model->falling) v.fall = h * known.gravity;
+  if (!model_->falling) v.fall = h * known.gravity;
   const Vec3<double> force = known.force[i] + mass / h * v.fall;
   v.work = find_rigid_energy(mass, I, end) - find_rigid_energy(mass, I, start) -
            force.dot(distance) - known.torque[i].dot(turn);
@@ -240,74 +239,32 @@ void DockingSim::Impl::note_step(int i, const Wrench<double>& exerted, const Veh
   v.error = std::max({v.innovation, impulse, moment});
 }
 
-/// Step over which the error of the coupling should stay below coupling.velocity_tolerance.
-double DockingSim::Impl::find_suggested_step(double frequency) const {
-  const Parameters& p = setup->parameters;
-  if (!(last_step > 0.0)) return p.coupling_expected_step;
+double HostCoupling::find_suggested_step(double frequency, double contact_time) const {
+  const Parameters& p = setup_->parameters;
+  if (!(state_.last_step > 0.0)) return p.coupling_expected_step;
   double error = 0.0;
   bool confirmed = true;
   for (int i : {kChaser, kTarget}) {
-    if (!model->driven[i]) continue;
-    error = std::max(error, coupling.vehicle[i].error);
+    if (!model_->driven[i]) continue;
+    error = std::max(error, state_.coupling.vehicle[i].error);
     confirmed = confirmed && is_mass_confirmed(i);
   }
   constexpr double kLeastGrowth = 0.3, kMostGrowth = 1.5;
   const double growth = error > 0.0 ? std::clamp(kShare * p.coupling_velocity_tolerance / error,
                                                  kLeastGrowth, kMostGrowth)
                                     : kMostGrowth;
-  double step = std::min(growth * last_step, std::max(kLongestStep, p.coupling_expected_step));
+  double step =
+      std::min(growth * state_.last_step, std::max(kLongestStep, p.coupling_expected_step));
   if (!confirmed && frequency > 0.0) step = std::min(step, kStableRange / frequency);
   // The first contact is the critical event: approach the contact in suitable steps.
-  if (!discrete.contacted && has_surfaces()) {
-    const double gap = find_gap(model->contact, present().relative, present().contact_work);
-    step = std::min(step, std::max(find_earliest_contact(gap), p.coupling_expected_step));
-  }
+  step = std::min(step, std::max(contact_time, p.coupling_expected_step));
   return step;
 }
 
-/// A host that changes its step to the suggested step follows suggestions. The suggestion depends
-/// on the state alone, not on getter calls.
-void DockingSim::Impl::notice_step(double h) {
-  constexpr double kSame = 1e-6;
-  if (!(last_step > 0.0)) return;
-  double suggested = coupling.suggestion;
-  if (!coupling.follows) {
-    if (h == last_step || !evaluate(0.0).ok()) return;
-    suggested = find_suggested_step(find_interface_frequency());
-  }
-  coupling.follows = std::abs(h - suggested) <= kSame * suggested;
-}
-
-/// Step of the announced loads: the step of the host's input, the suggested step if the host
-/// follows suggestions, or the last step. Updates the suggestion.
-double DockingSim::Impl::update_expected_step() {
-  if (inputs.next_step > 0.0) return inputs.next_step;
-  if (!coupling.follows || !evaluate(0.0).ok()) return last_step;
-  coupling.suggestion = find_suggested_step(find_interface_frequency());
-  return coupling.suggestion;
-}
-
-/// Highest frequency of mechanism, contact and latches between the vehicles [rad/s]. @pre evaluate
-double DockingSim::Impl::find_interface_frequency() {
-  return dockloop::find_interface_frequency(*model, discrete, memory, present(), loads.at_start(),
-                                            elapsed, stepper->y(), *interface_work);
-}
-
-/// @pre update_main
-void DockingSim::Impl::update_coupling() {
-  if (!has_host()) return;
-  outputs.coupling_work_residual = coupling.work_residual;
-  outputs.coupling_mass_mismatch = 0.0;
-  for (int i : {kChaser, kTarget}) {
-    if (!model->driven[i]) continue;
-    const double mismatch = find_mass_mismatch(i);
-    if (std::abs(mismatch) > std::abs(outputs.coupling_mass_mismatch)) {
-      outputs.coupling_mass_mismatch = mismatch;
-    }
-  }
-  outputs.coupling_frequency = find_interface_frequency();
-  outputs.coupling_suggested_step =
-      coupling.follows ? coupling.suggestion : find_suggested_step(outputs.coupling_frequency);
+double HostCoupling::find_interface_frequency(const double* y) {
+  return dockloop::find_interface_frequency(*model_, state_.discrete, state_.memory,
+                                            evaluator_.present(), loads_.at_start(), state_.elapsed,
+                                            y, *interface_work_);
 }
 
 }  // namespace dockloop

@@ -184,7 +184,7 @@ void DockingSim::Impl::check_restored() {
                      " is not a unit quaternion");
   };
   for (int i : {kChaser, kTarget}) {
-    if (model->layout.pose[i] >= 0) check_attitude(model->layout.pose[i] + 3, name_of(i));
+    if (model->layout.pose[i] >= 0) check_attitude(model->layout.pose[i] + 3, get_vehicle_name(i));
   }
   int q = model->layout.mechanism_q;
   for (int i : model->mechanism_bodies) {
@@ -265,6 +265,7 @@ void DockingSim::Impl::use_model(std::shared_ptr<const DockingModel> changed) {
   events->use_model(*changed);
   evaluator->use_model(changed);
   quiescent_mode->use_model(*changed);
+  host->use_model(*changed);
   model = std::move(changed);
 }
 

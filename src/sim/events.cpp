@@ -103,7 +103,7 @@ void DockingSim::Impl::use_coordinates(std::shared_ptr<const Coordinates> choice
   set_mechanism(*changed, choice ? with_coordinates(*start_mechanism, *choice) : *start_mechanism);
   use_model(changed);
   evaluator->use_coordinates(model);
-  if (interface_work) interface_work = std::make_unique<InterfaceWorkspace>(*model);
+  host->use_coordinates(*model);
   if (unreduced) unreduced->update_coordinates();
   attach_kernel();
   coordinates = std::move(choice);

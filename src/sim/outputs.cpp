@@ -47,12 +47,12 @@ Status DockingSim::Impl::update_main() {
               outputs.capture_peak.begin());
   outputs.capture_peak_load_ratio = peaks.peak()[Outputs::kLoadCount];
   update_phase_outputs();
-  if (has_host()) {
+  if (host->has_host()) {
     outputs.coupling_pending_impulse.setZero();
     outputs.coupling_pending_angular_impulse.setZero();
     for (int i : {kChaser, kTarget}) {
       if (!model->driven[i]) continue;
-      const Wrench<double> pending = find_pending_impulse(i);
+      const Wrench<double> pending = host->find_pending_impulse(i);
       outputs.coupling_pending_impulse += pending.f;
       outputs.coupling_pending_angular_impulse += pending.t;
     }

@@ -2,8 +2,7 @@
 //
 //   start.cpp           from scene and parameters to the start state
 //   steps.cpp           communication steps, inputs, audits
-//   coupling.cpp        hosts of driven vehicles: received motion, pending impulse, reported loads
-//   coupling_monitors.cpp   warnings and monitors for such a host
+//   coupling.cpp        hosts of driven vehicles in a communication step
 //   events.cpp          events at accepted states: contact, latches, phases, coordinates
 //   model_exchange.cpp  the same equations for a host that integrates all states
 //   outputs.cpp         outputs
@@ -11,7 +10,8 @@
 //   failure_status.cpp  meaning of a Status, as a sentence
 //   docking_sim.cpp     public functions; saving and restoring
 //
-// Parts with a class of their own: StepLoads, Evaluator, EventLogic, QuiescentMode.
+// Parts with a class of their own: StepLoads, Evaluator, EventLogic, QuiescentMode,
+// HostCoupling.
 #pragma once
 
 #include <array>
@@ -25,12 +25,12 @@
 
 #include "docking/base_jump.hpp"
 #include "docking/docking_jacobian.hpp"
-#include "docking/interface_stiffness.hpp"
 #include "integrate/stepper.hpp"
 #include "sim/comparison.hpp"
 #include "sim/docking_sim.hpp"
 #include "sim/evaluator.hpp"
 #include "sim/event_logic.hpp"
+#include "sim/host_coupling.hpp"
 #include "sim/outputs.hpp"
 #include "sim/quiescent_mode.hpp"
 #include "sim/step_loads.hpp"
@@ -102,45 +102,16 @@ struct DockingSim::Impl : SimState {
   }
   bool is_energy_created(const EnergyBalance& found, double tau);
   void watch_energy(const EnergyBalance& found, double tau);
-  VehicleState find_vehicle_state(int vehicle) const;
 
   // coupling.cpp
-  const char* name_of(int vehicle) const;
-  bool has_host() const;
-  bool announces() const;
-  Mat3<double> find_stated_inertia(int vehicle) const;
-  Wrench<double> find_stated_momentum(int vehicle, const VehicleState& state) const;
-  VehicleState find_received_state(int vehicle) const;
-  Status check_received_attitude(int vehicle);
-  VehicleState predict_host(int vehicle, const VehicleState& from, const Wrench<double>& load,
-                            double h);
-  void start_coupling();
   Status receive(double h);
   Status match_momenta(const std::array<bool, 2>& received,
                        const FrameMotion<double>& chaser_before,
                        const Wrench<double>& mechanism_before);
   Wrench<double> find_mechanism_momentum() const;
-  CouplingPoint find_coupling_point() const;
-  Wrench<double> find_exerted_impulse(int vehicle, const CouplingPoint& from,
-                                      const CouplingPoint& to) const;
-  void update_impulse_balance(double h, const CouplingPoint& end);
   void announce(double h);
   Status look_ahead(double h, CouplingPoint& begin, CouplingPoint& end);
-  Wrench<double> find_pending_impulse(int vehicle, const VehicleState& host) const;
-  Wrench<double> find_pending_impulse(int vehicle) const;
-
-  // coupling_monitors.cpp
-  void warn_once(int vehicle, CouplingWarning what, const std::string& text);
-  double find_mass_mismatch(int vehicle) const;
-  bool is_mass_confirmed(int vehicle) const;
-  void look_at_first_state(int vehicle, const VehicleState& received, double h);
-  void look_at_innovation(int vehicle, const VehicleState& received);
-  void warn_of_exchange(int vehicle, const Vec3<double>& innovation,
-                        const Vec3<double>& turn_innovation);
-  static double find_unexplained_by_mass(const InnovationSums& sums);
-  void note_step(int vehicle, const Wrench<double>& exerted, const VehicleState& end, double h);
-  double find_interface_frequency();
-  double find_suggested_step(double frequency) const;
+  double find_contact_time() const;
   void notice_step(double h);
   double update_expected_step();
   void update_coupling();
@@ -203,7 +174,7 @@ struct DockingSim::Impl : SimState {
             frame_origin,
             velocity,
             shift,
-            last_step > 0.0 || announces(),
+            last_step > 0.0 || host->announces(),
             mean_load,
             energy_audit.host_work,
             energy_audit.start};
@@ -262,9 +233,10 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<EventLogic> events;            ///< of model, discrete and memory
   std::unique_ptr<Evaluator> evaluator;
   std::unique_ptr<QuiescentMode> quiescent_mode;
-  std::unique_ptr<Stepper> stepper;  ///< owns the state y
-  int state_count = 0;               ///< of y; fixed at construction
-  std::vector<int> state_bodies;     ///< joints of state.*: the independent ones at the start
+  std::unique_ptr<HostCoupling> host;  ///< of driven vehicles
+  std::unique_ptr<Stepper> stepper;    ///< owns the state y
+  int state_count = 0;                 ///< of y; fixed at construction
+  std::vector<int> state_bodies;       ///< joints of state.*: the independent ones at the start
   Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
   std::array<double, 2> least_inertia{};             ///< of the vehicles, about any axis [kg m2]
   std::unique_ptr<DerivativePass> derivative_pass;   ///< made at the first call
@@ -278,9 +250,8 @@ struct DockingSim::Impl : SimState {
   StepLoads loads;
   CouplingPoint step_begin;                      ///< at the start of the last communication step
   std::unique_ptr<BaseJumpWorkspace> jump_work;  ///< with a driven vehicle only
-  std::unique_ptr<InterfaceWorkspace> interface_work;  ///< with a driven vehicle only
-  std::unique_ptr<Snapshot> look_ahead_start;          ///< only if loads are announced
-  std::unique_ptr<UnreducedForm> unreduced;            ///< at model.level 4 only
+  std::unique_ptr<Snapshot> look_ahead_start;    ///< only if loads are announced
+  std::unique_ptr<UnreducedForm> unreduced;      ///< at model.level 4 only
   Status last_trouble;
   double margin_before = 1.0;  ///< of the loops, at the last accepted state
   std::vector<double> y_accepted, rates;

@@ -182,6 +182,7 @@ void DockingSim::Impl::clear() {
   events.reset();
   evaluator.reset();
   quiescent_mode.reset();
+  host.reset();
   stepper.reset();
   status_text.clear();
   warnings.clear();
@@ -349,7 +350,7 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
     VehicleParameters& p = parameters.vehicle[i];
     const bool is_missing = is_all_zero(inputs.vehicle[i]);
     const Inputs::Vehicle in = is_missing ? find_start(scene->vehicle[i]) : inputs.vehicle[i];
-    check_quaternion(in.attitude, std::string(name_of(i)) + ".attitude");
+    check_quaternion(in.attitude, std::string(get_vehicle_name(i)) + ".attitude");
     p.position = in.position;
     p.velocity = in.velocity;
     p.attitude = in.attitude;
@@ -358,7 +359,7 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   check_parameters();
   try {
     start(std::make_shared<const Setup>(Setup{parameters, t0, tolerance}));
-    if (announces()) announce(parameters.coupling_expected_step);
+    if (host->announces()) announce(parameters.coupling_expected_step);
   } catch (...) {
     setup.reset();
     throw;
@@ -385,18 +386,16 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   state_bodies = model->mechanism_bodies;
   loads.start(static_cast<int>(model->mechanism.model.forces.size()));
   evaluator = std::make_unique<Evaluator>(model, *this, loads);
+  host = std::make_unique<HostCoupling>(*model, setup, frame_origin, inputs, loads, *events,
+                                        *evaluator, *this, warnings);
   quiescent_mode =
       std::make_unique<QuiescentMode>(*model, *this, parameters, find_relative_tolerance(),
                                       can_be_quiescent(), loads, *events, *evaluator);
   derivative_pass.reset();
   jump_work.reset();
-  interface_work.reset();
   look_ahead_start.reset();
-  if (has_host()) {
-    jump_work = std::make_unique<BaseJumpWorkspace>(model->mechanism);
-    interface_work = std::make_unique<InterfaceWorkspace>(*model);
-  }
-  if (announces()) look_ahead_start = std::make_unique<Snapshot>();
+  if (host->has_host()) jump_work = std::make_unique<BaseJumpWorkspace>(model->mechanism);
+  if (host->announces()) look_ahead_start = std::make_unique<Snapshot>();
   make_stepper();
   read_inputs();
   counted_elsewhere = Counters();
@@ -446,7 +445,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   update_phase(events->find_phase_inputs(present(), events->find_near_gap(present())), discrete);
   peaks.start(0.0, find_peak_values());
   quiescent_mode->start(stepper->y());
-  start_coupling();
+  host->start();
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
@@ -455,7 +454,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
 /// Can the mechanism become quiescent in this run? Reference solutions always integrate it.
 bool DockingSim::Impl::can_be_quiescent() const {
   return setup->parameters.flight == kQuiescent && fmi_kind == FmiKind::kCoSimulation &&
-         !is_fixed_step() && !has_host() && !adapt_problem && !model->mechanism.plan.is_driven;
+         !is_fixed_step() && !host->has_host() && !adapt_problem &&
+         !model->mechanism.plan.is_driven;
 }
 
 /// The smaller of the tolerances of parameter and host.

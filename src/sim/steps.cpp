@@ -112,11 +112,11 @@ Status DockingSim::Impl::step(double t, double h) {
   read_inputs();
   Status status;
   if (h > 0.0 && h <= kLongestStep) {
-    if (announces()) notice_step(h);
+    if (host->announces()) notice_step(h);
     status = receive(h);
     if (update_thrust(elapsed)) kept_jacobian.valid = false;  // it may be a new input
     if (status.ok()) status = evaluate_start();
-    step_begin = find_coupling_point();
+    step_begin = find_coupling_point(*model, present(), stepper->y());
     drift = 0.0;
     const std::int64_t limit = find_work_limit(h);
     if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
@@ -385,18 +385,6 @@ void DockingSim::Impl::watch_energy(const EnergyBalance& found, double tau) {
   warnings.push_back(text);
 }
 
-/// Motion of a vehicle's centre-of-mass frame in O, from the last evaluation.
-VehicleState DockingSim::Impl::find_vehicle_state(int i) const {
-  VehicleState state;
-  if (!model->present[i]) return state;
-  const FrameMotion<double>& frame = present().vehicle[i];
-  state.x = frame.p;
-  state.v = frame.v;
-  state.q = quat_from_matrix<double>(frame.R);
-  state.w = frame.R.transpose() * frame.w;
-  return state;
-}
-
 /// Finish a successful communication step.
 void DockingSim::Impl::finish_step(double h) {
   // O drifts with its velocity and falls with gravity, so gravity does not act relative to O.
@@ -413,12 +401,12 @@ void DockingSim::Impl::finish_step(double h) {
   coupling.regular_step = std::max(h, kFade * coupling.regular_step);
   last_step = h;
   invalidate();
-  const CouplingPoint end = find_coupling_point();
+  const CouplingPoint end = find_coupling_point(*model, present(), stepper->y());
   update_mean_loads(h, end);
-  if (has_host()) update_impulse_balance(h, end);
+  if (host->has_host()) host->update_impulse_balance(h, step_begin, end, stepper->y());
   update_momentum_audit();
   advance_inputs(h);
-  if (announces()) {
+  if (host->announces()) {
     read_inputs();
     announce(update_expected_step());
   }
@@ -429,7 +417,8 @@ void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& end) {
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i] || !model->moves[i] || model->driven[i]) continue;
     const VehicleState &before = step_begin.vehicle[i], &after = end.vehicle[i];
-    const Wrench<double> impulse = find_stated_momentum(i, after) - find_stated_momentum(i, before);
+    const Wrench<double> impulse =
+        host->find_stated_momentum(i, after) - host->find_stated_momentum(i, before);
     mean_load[i] = find_mean_load(impulse, before, after, h);
     const Loads& known = loads.at(0.5 * h);
     mean_load[i].f -= known.force[i];

@@ -1,0 +1,116 @@
+// Driven vehicles between communication points: the data that coupling.hpp explains.
+//
+// The class compares received with predicted motion, keeps the impulse balance, finds the loads to
+// report and warns of errors of the host (coupling_monitors.cpp). It integrates nothing and moves
+// no body: coupling.cpp does so in a communication step. The data are part of SimState.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "docking/interface_stiffness.hpp"
+#include "sim/evaluator.hpp"
+#include "sim/event_logic.hpp"
+
+namespace dockloop {
+
+const char* get_vehicle_name(int vehicle);
+
+/// Motion of a vehicle's centre-of-mass frame in O. @pre calc_docking
+VehicleState find_vehicle_state(const DockingModel& model, const DockingData<double>& data,
+                                int vehicle);
+
+/// Motion of the vehicles, and impulses of the known loads of their hosts so far.
+/// @pre calc_docking at y
+CouplingPoint find_coupling_point(const DockingModel& model, const DockingData<double>& data,
+                                  const double* y);
+
+class HostCoupling {
+ public:
+  /// Keeps references to all but `setup`. @param frame_origin  O in N at the start [m]
+  HostCoupling(const DockingModel& model, std::shared_ptr<const Setup> setup,
+               const Vec3<double>& frame_origin, const Inputs& inputs, const StepLoads& loads,
+               const EventLogic& events, Evaluator& evaluator, SimState& state,
+               std::vector<std::string>& warnings);
+  /// A changed copy of the model; in use_coordinates() with other independent coordinates.
+  void use_model(const DockingModel& model) { model_ = &model; }
+  void use_coordinates(const DockingModel& model);
+
+  bool has_host() const;
+  bool announces() const;
+
+  // Receive
+
+  /// The pending impulse starts at zero; the first load is announced from the start state.
+  void start();
+  /// Rounding errors of the norm are accepted; a larger error is an error of the host.
+  /// @param reason  the message, if not ok
+  Status check_received_attitude(int vehicle, std::string& reason);
+  /// All inputs are zero in the first step: the vehicle stays at its start values.
+  void note_missing_inputs(int vehicle);
+  /// Take the received motion over, with pending impulse and monitors. @param h  of the coming step
+  /// @return motion of the internal vehicle, moved by the innovation
+  VehicleState receive(int vehicle, double h);
+  /// Momentum of the internal vehicle: of the host's vehicle, plus the pending impulse.
+  Wrench<double> find_internal_momentum(int vehicle) const;
+
+  // Impulse balance and loads
+
+  /// Momentum of a vehicle as its host knows it.
+  Wrench<double> find_stated_momentum(int vehicle, const VehicleState& state) const;
+  /// After a step of h: add the exerted impulse, find the load to report. Inputs are still the
+  /// inputs of the step. @pre evaluation of y at its end
+  void update_impulse_balance(double h, const CouplingPoint& begin, const CouplingPoint& end,
+                              const double* y);
+  /// Loads of the coming step of h, from a look ahead: future loads and pending impulse.
+  void announce(double h, const CouplingPoint& begin, const CouplingPoint& end);
+  void warn_of_look_ahead(double h, const std::string& reason);
+  /// Pending impulse at the present communication point: from the motion received since the step,
+  /// or from the predicted motion.
+  Wrench<double> find_pending_impulse(int vehicle) const;
+
+  // Monitors
+
+  /// True mass / stated mass - 1, estimated from the motion; 0 without an estimate.
+  double find_mass_mismatch(int vehicle) const;
+  /// Highest frequency of mechanism, contact and latches between the vehicles [rad/s].
+  /// @pre evaluation of y
+  double find_interface_frequency(const double* y);
+  /// Step over which the error of the coupling should stay below coupling.velocity_tolerance.
+  /// @param contact_time  lower bound of the time until first contact [s]
+  double find_suggested_step(double frequency, double contact_time) const;
+
+ private:
+  Mat3<double> find_stated_inertia(int vehicle) const;
+  VehicleState find_received_state(int vehicle) const;
+  VehicleState predict_host(int vehicle, const VehicleState& from, const Wrench<double>& load,
+                            double h);
+  /// Impulse of the docking system on a vehicle: the change of its momentum, not a quadrature of
+  /// the load.
+  Wrench<double> find_exerted_impulse(int vehicle, const CouplingPoint& from,
+                                      const CouplingPoint& to) const;
+  Wrench<double> find_pending_impulse(int vehicle, const VehicleState& host) const;
+  void warn_once(int vehicle, CouplingWarning what, const std::string& text);
+  bool is_mass_confirmed(int vehicle) const;
+  void look_at_first_state(int vehicle, const VehicleState& received, double h);
+  void look_at_innovation(int vehicle, const VehicleState& received);
+  void warn_of_exchange(int vehicle, const Vec3<double>& innovation,
+                        const Vec3<double>& turn_innovation);
+  static double find_unexplained_by_mass(const InnovationSums& sums);
+  void note_step(int vehicle, const Wrench<double>& exerted, const VehicleState& start,
+                 const VehicleState& end, double h);
+
+  const DockingModel* model_;
+  std::shared_ptr<const Setup> setup_;
+  const Vec3<double>& frame_origin_;
+  const Inputs& inputs_;
+  const StepLoads& loads_;
+  const EventLogic& events_;
+  Evaluator& evaluator_;
+  SimState& state_;
+  std::vector<std::string>& warnings_;
+  std::unique_ptr<InterfaceWorkspace> interface_work_;  ///< with a driven vehicle only
+};
+
+}  // namespace dockloop
