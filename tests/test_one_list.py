@@ -50,7 +50,9 @@ ALLOWED = {
     ("friction.model", "modelDescription/mechanism.schema.json"): _SCHEMA,
     ("friction.model", "modelDescription/scene.schema.json"): _SCHEMA,
     ("model.level", "modelDescription/scene.schema.json"): _SCHEMA,
+    ("solver.method", "modelDescription/scene.schema.json"): _SCHEMA,
     (GROUPS, "modelDescription/scene.schema.json"): _SCHEMA,
+    ("causalities", "scripts/dockloop/catalogue.py"): "the heading of each kind of name",
     ("types", "scripts/dockloop/extremes/fmi_host.py"): _ORACLE,
     ("types", "scripts/dockloop/simulate.py"): "the getter and the parser of each type",
     ("types", "scripts/dockloop/variables.py"): "the Python type and the words of each type",
@@ -188,11 +190,17 @@ def test_schemas_list_what_the_core_lists(variables):
     choices = read_choices()
     assert scene["properties"]["coupling"]["properties"]["mode"]["enum"] == choices["coupling.mode"]
     assert scene["properties"]["model"]["properties"]["level"]["enum"] == choices["model.level"]
+    for section, member, variable in (
+        ("solver", "method", "solver.method"),
+        ("contact", "friction_model", "friction.model"),
+    ):
+        names = choices[variable]  # their numbers are allowed too
+        listed = scene["properties"][section]["properties"][member]["enum"]
+        assert listed == [*names, *range(1, len(names) + 1)]
     numbered = ", ".join(f"{i} {name}" for i, name in enumerate(choices["friction.model"], 1))
-    for node in (scene["properties"]["contact"], mechanism["$defs"]["contact_law"]):
-        member = node["properties"]["friction_model"]
-        assert member["enum"] == [1, 2]
-        assert numbered in member["description"]
+    member = mechanism["$defs"]["contact_law"]["properties"]["friction_model"]
+    assert member["enum"] == [1, 2]
+    assert numbered in member["description"]
     limits = schema.known_members(mechanism["$defs"]["limits"], mechanism)
     assert set(limits) - {"comment"} == set(list_loads())
     assert set(TYPES) == {row.type for row in variables.values()}

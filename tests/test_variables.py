@@ -4,7 +4,6 @@
    what it calls a default is what the scene has; each scene key can be set to its default.
 2. A name gives the bits of its number: in a scene, with ``--set``, in Python, in a sweep.
 3. A wrong name is refused in one sentence with the names that are allowed.
-4. The schema of scenes lists the names of the core.
 """
 
 import json
@@ -13,8 +12,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop import catalogue, schema
-from dockloop.core import list_choices, list_methods
+from dockloop import catalogue
 from dockloop.planning import Planner
 from dockloop.sampling import as_setting, make_sweep
 from dockloop.scene import find_scene, resolve_scene, scene_keys
@@ -94,21 +92,6 @@ def test_the_command_lists_and_refuses(dockloop):
 
 
 # ---------------------------------------------------------------- names of choices
-
-
-def test_the_schema_lists_the_names_of_the_core():
-    members = schema.load_schema("scene")["properties"]
-    for section, member, variable in (
-        ("solver", "method", "solver.method"),
-        ("contact", "friction_model", "friction.model"),
-        ("model", "level", "model.level"),
-        ("coupling", "mode", "coupling.mode"),
-    ):
-        listed = members[section]["properties"][member]["enum"]
-        names = [choice.name for choice in list_choices(variable)]
-        numbers = [choice.number for choice in list_choices(variable)]
-        assert listed in (names, names + numbers), variable
-    assert [m["name"] for m in list_methods()] == [c.name for c in list_choices("solver.method")]
 
 
 def end(result: dl.Result) -> bytes:

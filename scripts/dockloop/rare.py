@@ -103,9 +103,10 @@ def estimate_rare(
     while True:
         order = np.argsort(-ranks, kind="stable")
         next_floor = ranks[order[kept - 1]]
-        is_last = next_floor == math.inf or len(levels) == _MOST_LEVELS - 1
+        is_stuck = next_floor < math.inf and (ranks >= next_floor).sum() > 0.5 * samples
+        is_last = next_floor == math.inf or is_stuck or len(levels) == _MOST_LEVELS - 1
         passed = ranks == math.inf if is_last else ranks >= next_floor
-        if not is_last and passed.sum() > 0.5 * samples:
+        if is_stuck and not levels:
             raise DockloopError(
                 "--rare: most dockings are equally near to failing, so rare failures cannot be"
                 " found: compare numbers, for example load_ratio > 1 or not captured within 5 s"
