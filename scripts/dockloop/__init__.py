@@ -27,6 +27,7 @@ Modules, in the order in which a docking passes through them::
     summary    a recorded docking in words and numbers
     plots      the same as figures
     figures    how figures are written, and that they may be missing
+    html_report  one page about a run, a sweep or an envelope
     outputs    which files a command may replace, and how all files are written
 
 and many of them::

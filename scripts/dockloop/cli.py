@@ -205,6 +205,12 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     sweep.add_argument("--csv", action="store_true", help="write the table as CSV too")
     sweep.add_argument("--no-plots", action="store_true", help="do not draw figures")
+    sweep.add_argument(
+        "--report",
+        action="store_true",
+        help="write TABLE_report.html: one page with words, tables,"
+        " figures and commands; opens offline",
+    )
     sweep.add_argument("--json", action="store_true", help="print the summary as JSON")
 
     _add_envelope(commands)
@@ -310,6 +316,12 @@ def _add_run(commands: Any) -> None:
     run.add_argument("--no-plots", action="store_true", help="do not draw figures")
     run.add_argument(
         "--view", action="store_true", help="write RESULT_view.html, the motion in three dimensions"
+    )
+    run.add_argument(
+        "--report",
+        action="store_true",
+        help="write RESULT_report.html: one page with words, tables,"
+        " figures and commands; opens offline",
     )
     run.add_argument("--json", action="store_true", help="print the summary as JSON")
 
@@ -467,24 +479,12 @@ def _ssp(options: argparse.Namespace) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     """Run one docking: FMU, recording, summary, result file, plots."""
-    from dockloop.figures import can_draw
     from dockloop.fmu import build_fmu
-    from dockloop.outputs import claim, figure_kind, json_kind, scratch
-    from dockloop.plots import list_plots, write_plots
+    from dockloop.outputs import scratch
     from dockloop.results import check_size, import_optional
     from dockloop.scene import find_scene
     from dockloop.simulate import ProgressBar, read_scene, run_fmu
-    from dockloop.summary import (
-        COMMAND,
-        RESULT,
-        describe,
-        find_summary,
-        summarise,
-        write_result,
-        write_summary,
-    )
-    from dockloop.variables import fits
-    from dockloop.view.page import PAGE, write_page
+    from dockloop.summary import describe, summarise
 
     is_fmu = options.scene.endswith(".fmu")
     if is_fmu and options.overrides:
@@ -497,20 +497,11 @@ def _run(options: argparse.Namespace) -> None:
     result = options.output or paths.BUILD / "results" / name / f"{name}.csv"
     if result.suffix == ".parquet":
         import_optional("pyarrow")
-    summary_file, stem = find_summary(result), result.with_suffix("")
-    claim(result, RESULT)
-    claim(summary_file, json_kind("summary", COMMAND))
-    for file in [] if options.no_plots else list_plots(stem):
-        claim(file, figure_kind(COMMAND))
-    page = stem.with_name(f"{stem.name}_view.html")
-    if options.view:
-        claim(page, PAGE)
+    _claim_run(options, result)
 
     with scratch() as folder:
         if not is_fmu:
             fmu = build_fmu(options.scene, options.overrides, folder / f"{name}.fmu", bare=True)
-        progress = ProgressBar(fmu.stem)
-        label = paths.shown(fmu) if is_fmu else f"scene {fmu.stem}"
         run = run_fmu(
             fmu,
             options.set,
@@ -520,23 +511,73 @@ def _run(options: argparse.Namespace) -> None:
             check_size=lambda points, columns: check_size(
                 points, columns, result.suffix, options.max_gigabytes
             ),
-            progress=progress,
-            label=label,
+            progress=ProgressBar(fmu.stem),
+            label=paths.shown(fmu) if is_fmu else f"scene {fmu.stem}",
         )
 
     summary = summarise(run)
+    _write_run(options, run, summary, result)
+    _tell(json.dumps(summary, indent=2) if options.json else describe(summary))
+
+
+def _claim_run(options: argparse.Namespace, result: Path) -> None:
+    """Make sure that all files of a run can be written."""
+    from dockloop import html_report
+    from dockloop.outputs import claim, figure_kind, json_kind
+    from dockloop.plots import list_plots
+    from dockloop.summary import COMMAND, RESULT, find_summary
+    from dockloop.view.page import PAGE
+
+    claim(result, RESULT)
+    claim(find_summary(result), json_kind("summary", COMMAND))
+    for file in [] if options.no_plots else list_plots(result.with_suffix("")):
+        claim(file, figure_kind(COMMAND))
+    if options.view:
+        claim(_find_view(result), PAGE)
+    if options.report:
+        claim(html_report.find_page(result), html_report.page_kind(COMMAND))
+
+
+def _find_view(result: Path) -> Path:
+    return result.with_name(f"{result.stem}_view.html")
+
+
+def _write_run(options: argparse.Namespace, run: Any, summary: dict, result: Path) -> None:
+    """Write the files of a run; their names come into the summary."""
+    from dockloop import html_report
+    from dockloop.figures import can_draw
+    from dockloop.plots import write_plots
+    from dockloop.summary import COMMAND, find_summary, write_result, write_summary
+    from dockloop.variables import fits
+    from dockloop.view.page import write_page
+
     if options.outputs:
         run = run.choose(lambda output: any(fits(output, text) for text in options.outputs))
     write_result(run, result)
-    files = [result, summary_file]
+    files = [result, find_summary(result)]
     if not options.no_plots and can_draw():
-        files += write_plots(run, stem)
+        files += write_plots(run, result.with_suffix(""))
+    if options.report:
+        figures = [file for file in files if file.suffix == ".png"]
+        sections = html_report.report_run(summary, figures, _run_command(options))
+        files.append(html_report.find_page(result))
+        html_report.write_page(files[-1], COMMAND, summary["title"], sections)
     if options.view:
-        write_page(run, page)
-        files.append(page)
+        files.append(_find_view(result))
+        write_page(run, files[-1])
     summary["files"] = [paths.shown(file) for file in files]
-    write_summary(summary, summary_file)
-    _tell(json.dumps(summary, indent=2) if options.json else describe(summary))
+    write_summary(summary, files[1])
+
+
+def _run_command(options: argparse.Namespace) -> list[str]:
+    """Return the words that repeat a run; where it writes does not matter."""
+    words = ["dockloop", "run", options.scene]
+    for option, texts in (("--scene", options.overrides), ("--set", options.set)):
+        words += [word for text in texts for word in (option, text)]
+    for option in ("stop", "step"):
+        value = getattr(options, option)
+        words += [] if value is None else [f"--{option}", repr(value)]
+    return words
 
 
 def _view(options: argparse.Namespace) -> None:
@@ -561,13 +602,13 @@ def _sweep(options: argparse.Namespace) -> None:
             f"sweeps need the package {error.name}: pip install 'dockloop[sweep]'; in a clone"
             " .venv/bin/pip install -e '.[sweep]'"
         ) from None
-    from dockloop import sweep_report
+    from dockloop import html_report, sweep_report
     from dockloop.figures import can_draw
     from dockloop.outputs import claim
     from dockloop.sampling import read_sweep
     from dockloop.simulate import ProgressBar
     from dockloop.summary import find_summary, write_summary
-    from dockloop.sweeps import run_sweep
+    from dockloop.sweeps import COMMAND, run_sweep
 
     sweep = read_sweep(options.sweep)
     name = sweep.path.stem
@@ -578,6 +619,8 @@ def _sweep(options: argparse.Namespace) -> None:
         return
     for file, kind in sweep_report.list_files(output, as_csv=options.csv, plots=plots):
         claim(file, kind)
+    if options.report:
+        claim(html_report.find_page(output), html_report.page_kind(COMMAND))
     ran = run_sweep(
         sweep,
         output,
@@ -593,6 +636,11 @@ def _sweep(options: argparse.Namespace) -> None:
     files = sweep_report.write_table(table, output, as_csv=options.csv)
     if plots and can_draw():
         files += sweep_report.write_sweep_plots(sweep, planner, table, output.with_suffix(""))
+    if options.report:
+        figures = [file for file in files if file.suffix == ".png"]
+        sections = html_report.report_sweep(summary, sweep, planner, table, figures)
+        files.append(html_report.find_page(output))
+        html_report.write_page(files[-1], COMMAND, summary["title"], sections)
     files.append(find_summary(output))
     summary["files"] = [paths.shown(file) for file in files]
     write_summary(summary, files[-1])

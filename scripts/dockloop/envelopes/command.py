@@ -161,6 +161,9 @@ def run_command(options: argparse.Namespace) -> dict:
     if not options.no_plots and can_draw():
         report.write_figure(found, files.figure)
         written.append(files.figure)
+    if options.report:
+        report.write_report(found, summary, files, [f for f in written if f.suffix == ".png"])
+        written.append(files.page)
     written.append(files.summary)
     summary["files"] = [paths.shown(file) for file in written]
     write_summary(summary, files.summary)

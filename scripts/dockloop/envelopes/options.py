@@ -96,4 +96,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="for tables, figure, summary and journal (default: build/envelopes/SCENE)",
     )
     command.add_argument("--no-plots", action="store_true", help="do not draw the figure")
+    command.add_argument(
+        "--report",
+        action="store_true",
+        help="write report.html: one page with words, tables, figure and commands; opens offline",
+    )
     command.add_argument("--json", action="store_true", help="print the summary as JSON")

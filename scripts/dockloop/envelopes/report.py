@@ -8,6 +8,7 @@ off by half their distance at most. Units of the columns are in the summary (mem
 import csv
 import shlex
 from collections import Counter
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +17,7 @@ from dockloop.capture import explain_capture
 from dockloop.envelopes.mesh import Cell, Point
 from dockloop.envelopes.search import COMMAND, WORK, Search
 from dockloop.figures import save_figure
+from dockloop.html_report import page_kind, report_envelope, write_page
 from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
 from dockloop.sweep_report import describe_output, estimate_fraction
@@ -35,19 +37,21 @@ class Files(NamedTuple):
     summary: Path
     figure: Path
     journal: Path
+    page: Path
 
     def list_kinds(self) -> list[tuple[Path, Kind]]:
         """Return every file with its kind."""
         kinds = (
             *(_POINTS, _BOUNDARY, json_kind("summary", COMMAND)),
-            *(figure_kind(COMMAND), journal_kind(WORK)),
+            *(figure_kind(COMMAND), journal_kind(WORK), page_kind(COMMAND)),
         )
         return list(zip(self, kinds, strict=True))
 
 
 def name_files(folder: Path) -> Files:
     """Return the files of an envelope in a folder."""
-    names = ("points.csv", "boundary.csv", "summary.json", "envelope.png", "journal.jsonl")
+    tables = ("points.csv", "boundary.csv")
+    names = (*tables, "summary.json", "envelope.png", "journal.jsonl", "report.html")
     return Files(*(folder / name for name in names))
 
 
@@ -233,6 +237,12 @@ def write_tables(search: Search, files: Files) -> None:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(columns)
             writer.writerows(rows)
+
+
+def write_report(search: Search, summary: dict, files: Files, figures: Sequence[Path]) -> None:
+    """Write the page of an envelope."""
+    sections = report_envelope(summary, search.planner.base, figures)
+    write_page(files.page, COMMAND, f"Envelope: {summary['title']}", sections)
 
 
 def write_figure(search: Search, path: Path) -> None:

@@ -1,0 +1,338 @@
+"""One HTML page about a run, a sweep or an envelope: self-contained, opens offline.
+
+The page says in words what was run, and shows tables and the figures that the command draws. Each
+part is a `Section`; `report.html` is the template. Ranked inputs of a sweep come from scipy:
+Spearman's rank correlation (direction) and Chatterjee's xi (any dependence, 0 none, 1 complete).
+"""
+
+import base64
+import json
+import platform
+import re
+import shlex
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dockloop import __version__
+from dockloop.core import list_choices
+from dockloop.outputs import Kind, read_head, writing
+
+_WORST = 10  # cases in a list
+_SOLVER = ("method", "rtol", "atol_position", "atol_velocity", "atol_energy", "step")
+Rows = list[list[str]]
+
+
+@dataclass
+class Section:
+    """A part of a page.
+
+    Attributes:
+        title: heading.
+        text: a paragraph; empty: none.
+        columns: headings of the table.
+        rows: of the table, as text; empty: no table.
+        figures: PNG files.
+        commands: lines for a terminal, each with a remark.
+    """
+
+    title: str
+    text: str = ""
+    columns: Sequence[str] = ()
+    rows: Rows = field(default_factory=list)
+    figures: Sequence[Path] = ()
+    commands: Sequence[tuple[str, str]] = ()
+
+
+def page_kind(command: str) -> Kind:
+    """Return the kind of the page of a command."""
+    return Kind("report", command, lambda path: read_head(path).startswith(_begin(command)))
+
+
+def find_page(result: Path) -> Path:
+    """Return where the page beside a result or a table is: ``own_report.html``."""
+    return result.with_name(f"{result.stem}_report.html")
+
+
+def write_page(path: Path, command: str, title: str, sections: Iterable[Section]) -> None:
+    """Write a page. Raises DockloopError: it cannot be written."""
+    import jinja2
+
+    template = files("dockloop").joinpath("report.html").read_text(encoding="utf-8")
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    environment.filters["embed"] = _embed
+    text = environment.from_string(template).render(
+        title=title, sections=list(sections), version=__version__, command=command
+    )
+    with writing(path, page_kind(command)) as partial:
+        partial.write_bytes(_begin(command) + text.encode())
+
+
+def _begin(command: str) -> bytes:
+    return f"<!doctype html>\n<!-- made by {command} -->\n".encode()
+
+
+def _embed(figure: Path) -> str:
+    """Return a PNG file as a data address."""
+    return "data:image/png;base64," + base64.b64encode(figure.read_bytes()).decode()
+
+
+# ---------------------------------------------------------------- what all pages have
+
+
+def describe_scene(document: dict) -> Section:
+    """Say in words what is modelled.
+
+    Args:
+        document: the resolved scene.
+    """
+    rows = []
+    for name in ("chaser", "target"):
+        if name in document:
+            vehicle = document[name]
+            rows.append([name, f"{vehicle['motion']}, {vehicle['mass']:g} kg"])
+    rows.append(["mechanism", document["mechanism"]["name"]])
+    rows.append(["level", document.get("model", {}).get("level", "reduced")])
+    initial = document["initial"]
+    if initial["at"] == "first_contact":
+        lateral, tilt = np.hypot(*initial["lateral"]), np.hypot(*initial["tilt"])
+        rows.append(
+            [
+                "at first contact",
+                f"closing at {initial['closing_speed']:g} m/s, {lateral:.3g} m across the docking"
+                f" axis, tilted by {np.degrees(tilt):.3g} deg, rolled by"
+                f" {np.degrees(initial['roll']):.3g} deg",
+            ]
+        )
+    rated = document["mechanism"].get("limits", {})
+    loads = [f"{load} {value:g}" for load, value in rated.items() if isinstance(value, int | float)]
+    if loads:
+        rows.append(["rated loads", ", ".join(loads) + " (N, N m)"])
+    return Section("The scene", document["title"], ("what", "is"), rows)
+
+
+def describe_settings(document: dict, more: Sequence[list[str]] = ()) -> Section:
+    """List solver, experiment and versions."""
+    names = {choice.number: choice.name for choice in list_choices("solver.method")}
+    solver = {**document["solver"], "method": names[document["solver"].get("method", 1)]}
+    rows = [[f"solver.{name}", str(solver[name])] for name in _SOLVER if name in solver]
+    rows += [[f"experiment.{name}", str(v)] for name, v in document["experiment"].items()]
+    rows += [["dockloop", __version__], ["python", platform.python_version()]]
+    for package in ("numpy", "scipy", "fmpy"):
+        try:
+            rows.append([package, version(package)])
+        except PackageNotFoundError:
+            continue
+    return Section("Settings and versions", columns=("what", "value"), rows=[*more, *rows])
+
+
+def list_peaks(loads: dict, keys: Sequence[str]) -> Rows:
+    """Return rows of a table of peak loads: values by `keys`, then the rated load."""
+    rows = []
+    for name, load in loads.items():
+        row = [name, *(f"{load[key]:.4g}" for key in keys), load["unit"]]
+        rated = load.get("rated")
+        rows.append([*row, "" if rated is None else f"{rated:g}"])
+        if rated is not None:
+            over = load.get("above_rated")
+            part = f"{load['ratio']:.1%}" if over is None else f"{over:.1%} of the cases above"
+            rows[-1].append(part)
+        else:
+            rows[-1].append("")
+    return rows
+
+
+# ---------------------------------------------------------------- one run
+
+
+def report_run(summary: dict, figures: Sequence[Path], command: Sequence[str]) -> list[Section]:
+    """Return the parts of the page of a run.
+
+    Args:
+        summary: of `summarise`.
+        figures: PNG files of the run.
+        command: words that repeat it.
+    """
+    from dockloop.summary import describe
+
+    sections = [Section("Outcome", describe(summary).split("\n")[1].strip())]
+    sections[0].commands = [("again", shlex.join(command))]
+    if "outcome" in summary:
+        keys = ("outcome", "phase", "time_of_contact", "time_of_capture", "explanation")
+        sections[0].columns = ("what", "is")
+        sections[0].rows = [[key.replace("_", " "), _say(summary.get(key))] for key in keys]
+    if "peak_loads" in summary:
+        columns = ("load", "peak", "unit", "rated", "of it")
+        rows = list_peaks(summary["peak_loads"], ["value"])
+        sections.append(
+            Section("Peak loads on the target", "True peaks over inner steps.", columns, rows)
+        )
+    sections += [Section(figure.stem, figures=[figure]) for figure in figures]
+    if "energy" in summary:
+        energy = [[name.replace("_", " "), _say(v)] for name, v in summary["energy"].items()]
+        sections.append(Section("Energy [J]", columns=("what", "is"), rows=energy))
+    model = summary["model"]
+    sections += [describe_scene(model), describe_settings(model)]
+    return sections
+
+
+# ---------------------------------------------------------------- a sweep
+
+
+def report_sweep(
+    summary: dict, sweep: Any, planner: Any, table: Any, figures: Sequence[Path]
+) -> list[Section]:
+    """Return the parts of the page of a sweep.
+
+    Args:
+        summary: of `summarise_sweep`.
+        sweep: what was to be done.
+        planner: how it was done.
+        table: of `make_table`.
+        figures: PNG files of the sweep.
+    """
+    data = {name: table[name].to_pylist() for name in table.column_names}
+    status = ", ".join(f"{count} {name}" for name, count in summary["status"].items())
+    text = f"{summary['cases']} cases: {status}."
+    if "captured" in summary:
+        part = summary["captured"]
+        text += (
+            f" Captured: {part['fraction']:.1%} (95 % interval {part['low']:.1%} to"
+            f" {part['high']:.1%})."
+        )
+    outcomes = [[name, str(count)] for name, count in summary.get("outcomes", {}).items()]
+    sections = [Section("Outcomes", text, ("outcome", "cases"), outcomes)]
+    why = Counter(_without_numbers(w) for w in data.get("explanation", []) if w and w != "captured")
+    why.update(_without_numbers(reason) for reason in data["reason"] if reason)
+    if why:
+        rows = [[reason, str(count)] for reason, count in why.most_common(_WORST)]
+        heads = ("why not captured, or not run", "cases")
+        sections.append(Section("Reasons", columns=heads, rows=rows))
+    if summary["peak_loads"]:
+        columns = ("load", "median", "95 %", "99 %", "largest", "unit", "rated", "")
+        rows = list_peaks(summary["peak_loads"], ("median", "q95", "q99", "largest"))
+        sections.append(Section("Peak loads", columns=columns, rows=rows))
+    sections += [Section(figure.stem, figures=[figure]) for figure in figures]
+    sections += _rank_cases(sweep, planner, data)
+    sections += _rank_inputs(planner, data)
+    varied = [[f"{q.name} [{q.unit}]" if q.unit else q.name, _say_range(data[q.name])]
+              for q in planner.quantities]  # fmt: skip
+    sections.append(Section("What varied", columns=("quantity", "from ... to"), rows=varied))
+    document = planner.base
+    more = [["seed", str(summary["seed"])], ["sampling", summary["sampling"]]]
+    more += [[f"set {name}", _say(value)] for name, value in sweep.document["set"].items()]
+    sections += [describe_scene(document), describe_settings(document, more)]
+    return sections
+
+
+def _rank_cases(sweep: Any, planner: Any, data: dict) -> list[Section]:
+    """Return the worst cases, and those that were not captured, with their commands."""
+    by = sweep.document.get("worst", "capture.peak.load_ratio")
+    numbers = np.array(
+        [v if isinstance(v, int | float) else -np.inf for v in data.get(by, [])], dtype=float
+    )
+    sections = []
+    worst = [int(i) for i in np.argsort(-numbers, kind="stable")[:_WORST] if numbers[i] > -np.inf]
+    lost = [i for i, name in enumerate(data.get("outcome", [])) if name not in (None, "captured")]
+    for title, cases in ((f"Worst cases by {by}", worst), ("Cases not captured", lost[:_WORST])):
+        if cases:
+            commands = []
+            for i in cases:
+                words = planner.make_command(sweep.cases[i], data["end_time"][i])
+                remark = f"case {i + 1}"
+                remark += f", {by} {numbers[i]:.4g}" if len(numbers) else ""
+                commands.append((remark, shlex.join(words)))
+            sections.append(Section(title, commands=commands))
+    return sections
+
+
+def _rank_inputs(planner: Any, data: dict) -> list[Section]:
+    """Return how much each quantity decides about capture and the largest load."""
+    from scipy.stats import chatterjeexi, spearmanr
+
+    sections = []
+    captured = [n if n is None else float(n == "captured") for n in data.get("outcome", [])]
+    ratios = data.get("capture.peak.load_ratio", [])
+    for title, target in (("capture", captured), ("the largest load ratio", ratios)):
+        rows: list[list] = []
+        known = [i for i, v in enumerate(target) if v is not None]
+        y = np.array([target[i] for i in known])
+        if len(known) < 20 or np.ptp(y) == 0.0:
+            continue
+        for quantity in planner.quantities:
+            values = [data[quantity.name][i] for i in known]
+            if not all(isinstance(v, int | float) for v in values) or np.ptp(values) == 0.0:
+                continue
+            xi, rank = chatterjeexi(values, y), spearmanr(values, y)
+            chance = min(xi.pvalue, rank.pvalue)
+            rows.append([quantity.name, xi.statistic, rank.statistic, chance])
+        rows.sort(key=lambda row: -max(row[1], abs(row[2])))
+        texts = [[row[0], *(f"{value:.2g}" for value in row[1:])] for row in rows]
+        columns = ("input", "xi", "rank correlation", "p (chance alone)")
+        text = "xi: 0 no influence, 1 decides alone. Small p: more than chance."
+        sections.append(Section(f"What decides about {title}", text, columns, texts))
+    return sections
+
+
+# ---------------------------------------------------------------- an envelope
+
+
+def report_envelope(summary: dict, document: dict, figures: Sequence[Path]) -> list[Section]:
+    """Return the parts of the page of an envelope."""
+    rows = [
+        [c["text"], f"{c['met']:.1%} +- {c['unsure']:.1%}", str(c["boundary_points"])]
+        for c in summary["criteria"]
+    ]
+    text = (
+        f"{summary['dockings']} dockings; a grid of the same resolution has {summary['grid']}."
+        f" {summary['checks']['points']} more at random, {summary['checks']['differ']} not as"
+        " expected, are among them."
+    )
+    columns = ("criterion", "part of the box", "boundary points")
+    sections = [Section("Where the criteria are met", text, columns, rows)]
+    sections += [Section(figure.stem, figures=[figure]) for figure in figures]
+    axes = [
+        [q["name"], f"{q['low']:g} to {q['high']:g} {q['unit']}", f"{q['half_distance']:.3g}"]
+        for q in summary["quantities"]
+    ]
+    heads = ("quantity", "range", "boundary within +-")
+    sections.append(Section("Quantities", columns=heads, rows=axes))
+    for criterion in summary["criteria"]:
+        sides = [("met", "met_example"), ("not met", "unmet_example")]
+        commands = [(s, criterion[name]["command"]) for s, name in sides if name in criterion]
+        if commands:
+            sections.append(Section(f"Two sides of: {criterion['text']}", commands=commands))
+    reasons = [[r["reason"], str(r["count"])] for r in summary.get("reasons", [])]
+    if reasons:
+        sections.append(Section("Dockings that did not run", "", ("reason", "dockings"), reasons))
+    more = [[f"set {name}", _say(value)] for name, value in summary["set"].items()]
+    sections += [describe_scene(document), describe_settings(document, more)]
+    return sections
+
+
+def _say(value: Any) -> str:
+    match value:
+        case None:
+            return "never"
+        case float():
+            return f"{value:.6g}"
+        case str():
+            return value
+    return json.dumps(value)
+
+
+def _say_range(values: list) -> str:
+    if all(isinstance(value, int | float) for value in values):
+        return f"{min(values):g} ... {max(values):g}"
+    return ", ".join(sorted({str(value) for value in values}))
+
+
+def _without_numbers(text: str) -> str:
+    """Return a reason without what differs from case to case."""
+    return re.sub(r"\d[\d.e+-]*", "...", text)

@@ -1,0 +1,112 @@
+"""``--report``: one HTML page about a run, a sweep, an envelope.
+
+1. A page is self-contained: no address of another file or server, figures inside, no script; it
+   holds outcome, loads beside the rated ones, commands, settings; names of files are escaped.
+2. Numbers of the page are those of the summary. Inputs are ranked by what they decide.
+3. A page of something else is not replaced.
+"""
+
+import base64
+import html
+import json
+import re
+
+import pytest
+
+pytest.importorskip("scipy")
+pytest.importorskip("pyarrow")
+pytest.importorskip("matplotlib")
+
+SCENE = "idss_25t_350t"
+SWEEP = """
+title = "<b>friction & speed</b>"
+scene = "idss_25t_350t"
+cases = 24
+[[vary]]
+type = "uniform"
+name = "initial.closing_speed"
+range = [0.02, 0.1]
+[[vary]]
+type = "uniform"
+name = "initial.roll_deg"
+range = [0.0, 0.001]
+[experiment]
+stop = 6.0
+step = 0.5
+"""
+
+
+def read_page(path):
+    """Return a page and its text without tags; checks what holds for every page."""
+    page = path.read_text(encoding="utf-8")
+    assert page.startswith("<!doctype html>")
+    assert "<script" not in page
+    links = re.findall(r'(?:src|href)="([^"]{0,30})', page)
+    assert links
+    assert all(link.startswith("data:image/png;base64,") for link in links)
+    for figure in re.findall(r"base64,([^\"]+)", page):
+        assert base64.b64decode(figure).startswith(b"\x89PNG")
+    return page, html.unescape(
+        re.sub(r"<[^>]+>", " ", re.sub(r"<style.*?</style>", "", page, flags=re.S))
+    )
+
+
+def test_a_run_has_a_page(dockloop, tmp_path):
+    done = dockloop(
+        *("run", SCENE, "--set", "friction.coefficient=0.2", "--scene", "solver.method=bdf"),
+        *("--stop", "5", "--step", "0.1", "--report", "--json", "-o", str(tmp_path / "own.csv")),
+    )
+    assert done.status == 0, done
+    summary = json.loads(done.out)
+    _, text = read_page(tmp_path / "own_report.html")
+    for words in (
+        "captured at",
+        "dockloop run idss_25t_350t --scene solver.method=bdf --set friction.coefficient=0.2",
+        "closing at 0.1 m/s, 0.05 m across the docking axis",
+        "free, 350000 kg",
+    ):
+        assert words in text, words
+    assert re.search(r"solver\.method\s+bdf", text)
+    for name, load in summary["peak_loads"].items():
+        row = rf"{name}\s+{re.escape(format(load['value'], '.4g'))}\s+{load['unit']}"
+        assert re.search(row + rf"\s+{load['rated']:g}\s+{load['ratio']:.1%}", text), name
+
+
+def test_a_sweep_has_a_page_with_ranked_cases_and_inputs(dockloop, tmp_path):
+    (tmp_path / "mine.toml").write_text(SWEEP)
+    table = tmp_path / "own.parquet"
+    done = dockloop("sweep", str(tmp_path / "mine.toml"), "--report", "--json", "-o", str(table))
+    assert done.status == 0, done
+    summary = json.loads(done.out)
+    page, text = read_page(tmp_path / "own_report.html")
+    assert "&lt;b&gt;friction &amp; speed" in page
+    assert f"Captured: {summary['captured']['fraction']:.1%}" in text
+    assert summary["worst"]["command"] in text
+    worst = [float(v) for v in re.findall(r"load_ratio ([\d.e+-]+)\s+dockloop run", text)]
+    assert worst[:10] == sorted(worst[:10], reverse=True)
+    assert worst[0] == pytest.approx(summary["worst"]["value"], rel=1e-3)
+    decides = text.index("What decides about the largest load ratio")
+    assert text.index("initial.closing_speed", decides) < text.index("initial.roll_deg", decides)
+    xi = float(re.search(r"initial\.closing_speed\s+([\d.-]+)", text[decides:])[1])
+    assert xi > 0.5
+    assert summary["units"]["initial.closing_speed"] == "m/s"
+    (tmp_path / "own_report.html").write_text("<html>mine</html>")
+    refused = dockloop("sweep", str(tmp_path / "mine.toml"), "--report", "-o", str(table))
+    assert refused.status == 2
+    assert "own_report.html: is a file of something else" in refused.err
+
+
+def test_an_envelope_has_a_page(dockloop, tmp_path):
+    done = dockloop(
+        *("envelope", SCENE, "--x", "initial.lateral_offset", "0", "0.2"),
+        *("--y", "initial.closing_speed", "0.01", "0.1", "--criterion", "captured"),
+        *("--stop", "5", "--step", "0.5", "--tolerance", "0.125", "--coarse", "4", "--check", "2"),
+        *("--report", "--json", "-o", str(tmp_path / "own")),
+    )
+    assert done.status == 0, done
+    summary = json.loads(done.out)
+    _, text = read_page(tmp_path / "own" / "report.html")
+    (criterion,) = summary["criteria"]
+    assert f"{criterion['met']:.1%} +- {criterion['unsure']:.1%}" in text
+    assert criterion["unmet_example"]["command"] in text
+    assert f"{summary['dockings']} dockings; a grid of the same resolution has 25" in text
