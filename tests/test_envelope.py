@@ -398,3 +398,25 @@ def test_bad_usage_is_refused_before_a_docking_runs(dockloop, tmp_path, monkeypa
     refused = dockloop(*arguments, *more)
     assert (refused.status, refused.err.count("\n")) == (2, 1), refused
     assert words in refused.err
+
+
+@pytest.mark.long
+def test_the_boundary_of_the_default_scene_needs_a_fifth_of_a_grid():
+    found = dl.envelope(
+        SCENE,
+        ("initial.lateral_offset", 0.0, 0.2),
+        ("initial.closing_speed", 0.01, 0.15),
+        criteria="captured within 2 s",
+        stop=4.25,
+        step=0.5,
+    )
+    summary = found.summary
+    assert summary["grid"] == 65**2
+    assert summary["grid_over_dockings"] > 5.0, summary["dockings"]
+    assert summary["uncertainty"] < 0.01
+    (criterion,) = summary["criteria"]
+    assert 0.3 < criterion["met"] < 0.5
+    # Faster approaches capture sooner, from any offset: the boundary has one speed for each offset.
+    rows = found.boundary[found.boundary["along"] == "initial.closing_speed"]
+    assert rows["initial.lateral_offset"].is_unique
+    assert len(rows) > 50

@@ -84,6 +84,8 @@ def test_the_command_lists_and_refuses(dockloop):
         ("--scene", 1e-10),
         ("--set", 1e-10),
     ]
+    assert rows[0]["range"] == "> 0, at most 0.1"
+    assert {"name", "unit", "range", "default", "meaning"} <= set(rows[0])
     text = dockloop("variables", "absorber_1d", "--match", "chaser.mass").out
     assert "chaser.mass                     25000 kg" in text, text
     refused = dockloop("variables", "absorber_1d", "--match", "chaser.mas*s_")

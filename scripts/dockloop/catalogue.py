@@ -104,8 +104,13 @@ def list_entries(
 
 
 def to_document(reference: str, entries: list[Entry]) -> dict:
-    """Return the list for programs."""
-    return {"scene": reference, "variables": [asdict(entry) for entry in entries]}
+    """Return the list for programs: ``name``, ``unit``, ``range``, ``default``, ``meaning``, ..."""
+    rows = []
+    for entry in entries:
+        members = asdict(entry)
+        first = {key: members.pop(key) for key in ("name", "unit")}
+        rows.append({**first, "range": members.pop("limits"), **members})
+    return {"scene": reference, "variables": rows}
 
 
 def describe(entries: list[Entry]) -> str:

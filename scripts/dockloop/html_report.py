@@ -166,14 +166,14 @@ def report_run(summary: dict, figures: Sequence[Path], command: Sequence[str]) -
     if "outcome" in summary:
         keys = ("outcome", "phase", "time_of_contact", "time_of_capture", "explanation")
         sections[0].columns = ("what", "is")
-        sections[0].rows = [[key.replace("_", " "), _say(summary.get(key))] for key in keys]
+        sections[0].rows = [[_title(key), _say(summary.get(key))] for key in keys]
     if "peak_loads" in summary:
         columns = ("load", "peak", "unit", "rated", "of it")
         rows = list_peaks(summary["peak_loads"], ["value"])
         sections.append(
             Section("Peak loads on the target", "True peaks over inner steps.", columns, rows)
         )
-    sections += [Section(figure.stem, figures=[figure]) for figure in figures]
+    sections += [_show(figure) for figure in figures]
     if "energy" in summary:
         energy = [[name.replace("_", " "), _say(v)] for name, v in summary["energy"].items()]
         sections.append(Section("Energy [J]", columns=("what", "is"), rows=energy))
@@ -218,7 +218,7 @@ def report_sweep(
         columns = ("load", "median", "95 %", "99 %", "largest", "unit", "rated", "")
         rows = list_peaks(summary["peak_loads"], ("median", "q95", "q99", "largest"))
         sections.append(Section("Peak loads", columns=columns, rows=rows))
-    sections += [Section(figure.stem, figures=[figure]) for figure in figures]
+    sections += [_show(figure) for figure in figures]
     sections += _rank_cases(sweep, planner, data)
     sections += _rank_inputs(planner, data)
     varied = [[f"{q.name} [{q.unit}]" if q.unit else q.name, _say_range(data[q.name])]
@@ -296,7 +296,7 @@ def report_envelope(summary: dict, document: dict, figures: Sequence[Path]) -> l
     )
     columns = ("criterion", "part of the box", "boundary points")
     sections = [Section("Where the criteria are met", text, columns, rows)]
-    sections += [Section(figure.stem, figures=[figure]) for figure in figures]
+    sections += [_show(figure) for figure in figures]
     axes = [
         [q["name"], f"{q['low']:g} to {q['high']:g} {q['unit']}", f"{q['half_distance']:.3g}"]
         for q in summary["quantities"]
@@ -314,6 +314,16 @@ def report_envelope(summary: dict, document: dict, figures: Sequence[Path]) -> l
     more = [[f"set {name}", _say(value)] for name, value in summary["set"].items()]
     sections += [describe_scene(document), describe_settings(document, more)]
     return sections
+
+
+def _show(figure: Path) -> Section:
+    """Return the section of a figure, named by the last word of its file."""
+    return Section(figure.stem.rsplit("_", 1)[-1].capitalize(), figures=[figure])
+
+
+def _title(key: str) -> str:
+    """Return a member of a summary as words; times have their unit."""
+    return key.replace("_", " ") + (" [s]" if key.startswith("time_") else "")
 
 
 def _say(value: Any) -> str:
