@@ -94,18 +94,30 @@ def _plot_ring(run: Result, axes: Any) -> None:
 
 
 def _plot_loads(run: Result, axes: Any) -> None:
-    """Loads on the target through the interface; rated values where they are in sight."""
+    """Loads on the target through the interface; rated values where they are in sight.
+
+    A dot marks the largest sample of every load. The time is from first contact to the last dot.
+    """
     t, rated = run["time"], run.scene["mechanism"].get("limits", {})
     loads = {n: u for n, u in list_loads().items() if f"capture.{n}" in run}
+    last = t[0]
     for name, unit in loads.items():
         axis = axes[0] if unit == "N" else axes[1]
         peak = run[f"capture.peak.{name}"][-1]
         label = f"{name}, peak {peak:.0f}"
         if name in rated:
             label += f", rated {rated[name]:g}"
-        (line,) = axis.plot(t, run[f"capture.{name}"], label=label, linewidth=0.9)
+        values = run[f"capture.{name}"]
+        (line,) = axis.plot(t, values, label=label, linewidth=0.9)
+        largest = int(np.argmax(values))
+        axis.plot(t[largest], values[largest], "o", color=line.get_color(), markersize=4)
+        last = max(last, t[largest])
         if name in rated and peak > 0.5 * rated[name]:
             axis.axhline(rated[name], color=line.get_color(), linestyle="--", linewidth=0.9)
+    if "time_of_contact" in run and run["time_of_contact"][-1] >= 0.0:
+        begin, end = run["time_of_contact"][-1], max(last, run["time_of_capture"][-1])
+        margin = 0.1 * (end - begin) + 0.1
+        axes[0].set_xlim(max(t[0], begin - margin), min(t[-1], end + margin))
     axes[0].set_ylabel("force on the target [N]")
     axes[1].set_ylabel("moment on the target [N m]")
 
