@@ -68,6 +68,17 @@ def test_what_never_fails_is_below_the_last_level():
     found = estimate_rare(lambda cube: cube[:, 0] - 2.0, 1, 100, 0)
     assert found.probability == 0.0
     assert len(found.levels) == 10
+    assert not found.is_stuck
+
+
+def test_chains_that_cannot_move_are_reported():
+    def rank(cube):
+        return np.minimum(cube[:, 0], 0.99)  # nothing is nearer to failing than that
+
+    found = estimate_rare(rank, 1, 100, 0)
+    assert found.probability == 0.0
+    assert found.is_stuck
+    assert 2 <= len(found.levels) < 10
 
 
 @pytest.fixture(scope="module")

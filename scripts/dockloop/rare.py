@@ -54,12 +54,14 @@ class Estimate:
         levels: for every level how near its samples are to failing at least (-inf: any sample), and
             the part of them that went on, or failed in the last level.
         samples: number of evaluations.
+        is_stuck: the chains of the last level did not move on: with more samples they may.
     """
 
     probability: float
     variation: float
     levels: list[tuple[float, float]]
     samples: int
+    is_stuck: bool = False
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -118,7 +120,7 @@ def estimate_rare(
             probability = math.prod(part for _, part in levels)
             neighbours = sum(a * b for a, b in itertools.pairwise(variations))
             variance = sum(v**2 for v in variations) + 2.0 * _CORRELATION * neighbours
-            return Estimate(probability, math.sqrt(variance), levels, count)
+            return Estimate(probability, math.sqrt(variance), levels, count, bool(is_stuck))
         chosen = np.flatnonzero(passed)
         starts = random.permutation(chosen)[:kept]
         floor = float(next_floor)
@@ -323,6 +325,7 @@ def _summarise(sweep: Sweep, failure: str, estimate: Estimate, ranker: _Ranker) 
         ],
         "dockings": estimate.samples,
         "plain_dockings": estimate.plain_samples,
+        "stuck": estimate.is_stuck,
         "not_run": ranker.not_run,
         "examples": examples,
     }
@@ -346,6 +349,8 @@ def describe_rare(summary: dict) -> str:
     else:
         least = math.prod(level["part"] for level in summary["levels"][:-1])
         lines.append(f"  part         below {least:.1g}: none of {summary['dockings']} failed")
+        if summary["stuck"]:
+            lines.append("               the last level led no further: try more --rare-cases")
     if summary["not_run"]:
         lines.append(f"  not run      {summary['not_run']} dockings, which count as failures")
     if summary["examples"]:
