@@ -340,8 +340,8 @@ def _parse_setting(text: str, description: Any) -> tuple[Any, Any]:
     try:
         value = _parse_as(variable.type, value_text)
     except ValueError:
-        if list_names(name, variable.description or ""):
-            word = value_text.strip('"')
+        word = value_text.strip('"')
+        if list_names(name, variable.description or "") and word[:1].isalpha():
             try:
                 return variable, find_number(name, variable.description, word)
             except UsageError as error:
