@@ -206,7 +206,7 @@ def test_bad_usage_is_refused(dockloop, tmp_path):
         "range = [20e3", "values = [20e3"
     )
     for text, arguments, words in (
-        (SWEEP, ("--rare", "not capturd"), "--rare 'not capturd': there is no 'capturd'"),
+        (SWEEP, ("--rare", "not capturedd"), "--rare 'not capturedd': there is no 'capturedd'"),
         (SWEEP, ("--rare", "not captured", "--rare-cases", "55"), "must be a multiple of 10"),
         (grid, ("--rare", "not captured"), "--rare needs distributions"),
     ):
