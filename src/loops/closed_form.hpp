@@ -6,7 +6,7 @@
 // Kinds with an inverse have their formulas in leg_formulas.hpp, the others in
 // closed_form_body.hpp.
 //
-// A root that is not real is out of reach, a root that is exactly zero is singular; nothing is ever
+// A root that is not real is refused, a root that is exactly zero is singular; nothing is ever
 // clamped. Two signs choose the assembly branch: `elbow` (which way an elbow bends or a strut
 // leans, whether a slide points at its target or away from it) and `flip` (a universal joint turned
 // over: first angle + pi, second pi - angle).

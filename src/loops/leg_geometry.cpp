@@ -120,7 +120,7 @@ std::string fit_R1R2R3(const Chain& chain, ClosedForm& form) {
     return "its first two axes are neither parallel nor square";
   const double side = flat.dot(b.axis.cross(z)) < 0.0 ? -1.0 : 1.0;
   const V y = side * b.axis, x = y.cross(z);
-  if (std::abs(flat.dot(y)) > kFits * chain.size) return "its elbow is beside the crank";
+  if (std::abs(flat.dot(y)) > kFits * chain.size) return "its elbow is off the crank";
   form.kind = LegKind::kR1R2R3Perpendicular;
   form.shape.l1 = flat.dot(x);
   form.in_parent.R = make_axes(x, y, z);
@@ -128,7 +128,7 @@ std::string fit_R1R2R3(const Chain& chain, ClosedForm& form) {
                 make_joint(c)};
   const V rod = turn_y(form.joint[1], form.in_parent.R.transpose() * tip);
   form.shape.l2 = find_length(rod.x(), rod.y());
-  if (std::abs(rod.z()) > kFits * chain.size) return "its cut point is beside the last hinge";
+  if (std::abs(rod.z()) > kFits * chain.size) return "its cut point is off the last hinge";
   if (!(form.shape.l1 > 1e-9 * chain.size) || !(form.shape.l2 > 1e-9 * chain.size)) {
     return "its crank or rod has no length";
   }

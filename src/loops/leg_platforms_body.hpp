@@ -361,7 +361,7 @@ void choose_leg_branches(const MechanismModel& model, const LoopPlan& plan, Tree
   }
 }
 
-/// Why the legs cannot be closed, or not well: the first leg that tells.
+/// Why the legs cannot be closed, or not well: the first leg that cannot.
 template <class S>
 Status find_leg_failure(const MechanismModel& model, const LoopPlan& plan, const TreeData<S>& tree,
                         const LoopData<S>& loops, const LegPlatform& platform) {

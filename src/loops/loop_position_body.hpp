@@ -308,7 +308,7 @@ Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, Tre
   Status status = solve_blocks(model, plan, true, tree, loops);
   if (status.ok()) return calc_leg_positions(model, plan, tree, loops);
   if (status.code != StatusCode::kLoopNotClosed) return status;
-  // Too far for one leap: walk there from the reference pose.
+  // Too far for one step: walk there from the reference pose.
   constexpr int kSubSteps = 5;
   tree.q = loops.reference.q;
   for (int step = 1; step <= kSubSteps; ++step) {
