@@ -8,18 +8,18 @@ or schemes, that masters have:
 |---|---|
 | `sequential` | the FMU steps first; the vehicle makes the same step with its mean load (mode 1) |
 | `parallel` | both step at once; the vehicle holds the mean load announced at t (mode 2) |
-| `vehicle_first` | the vehicle steps first, the FMU is told its end pose: wrong for this FMU |
+| `vehicle_first` | the vehicle steps first, the FMU receives its end pose: wrong for this FMU |
 | `end_of_step` | both step at once; the vehicle holds `V.force`, the load at t (heavy) |
-| `iterated` | the FMU step is repeated until its load leads to the pose it was told (heavy) |
+| `iterated` | the FMU step is repeated until its load leads to the pose that it received (heavy) |
 
-*Heavy*: the FMU is told a million times the mass and inertia, so that the vehicle inside keeps its
+*Heavy*: the FMU receives a million times the mass and inertia, so that the vehicle inside keeps its
 velocity during a step. That makes of the FMU what hosts meet elsewhere, a model that extrapolates
 poses: `end_of_step` is scheme J1 and `iterated` scheme I of the coupling studies. (Inputs held
 constant, pose and twist, cannot be made of this FMU from outside: a pose that stays needs a twist
 of zero, and that is another twist.)
 
-The masses of the host are those of the scene, the truth; the FMU may be told others. `audit()` is
-the momentum of everything as an outsider sums it up, less known impulses: a constant.
+The masses of the host are those of the scene, the true ones; the FMU may receive others. `audit()`
+is the momentum of everything as an outsider sums it up, less known impulses: a constant.
 """
 
 import math
@@ -160,12 +160,12 @@ class Coupling:
     Args:
         fmu: the FMU; its vehicles that are `driven` are moved by this host.
         scheme: one of SCHEMES.
-        told: mass and inertia that the FMU is told, as a multiple of the true ones.
+        reported: mass and inertia that the FMU receives, as a multiple of the true ones.
         bodies: own rigid bodies by vehicle, where they differ from what the FMU says.
         shift, drift: everything is started elsewhere [m], with another velocity [m/s].
         loads: function from time to {vehicle: (force in N, torque in body axes)}; known loads.
         told_loads: False keeps these loads from the FMU.
-        gravity: in N [m/s2], told to the FMU as well.
+        gravity: in N [m/s2], reported to the FMU as well.
         settings: start values of the FMU by name.
         first_step: the step that is announced at the beginning (coupling.expected_step).
         mode: coupling.mode, if another than belongs to the scheme.
@@ -176,12 +176,12 @@ class Coupling:
         fmu,
         scheme="parallel",
         *,
-        told=1.0,
+        reported=1.0,
         bodies=None,
         shift=ZERO,
         drift=ZERO,
         loads=None,
-        told_loads=True,
+        reported_loads=True,
         gravity=ZERO,
         settings=None,
         first_step=None,
@@ -189,7 +189,7 @@ class Coupling:
         **host_options,
     ):
         assert scheme in SCHEMES, scheme
-        self.scheme, self.loads, self.told_loads = scheme, loads, told_loads
+        self.scheme, self.loads, self.reported_loads = scheme, loads, reported_loads
         self.gravity = np.array(gravity)
         self.host = Host(fmu, **host_options)
         causality = {name: v.causality for name, v in self.host.variables.items()}
@@ -198,10 +198,12 @@ class Coupling:
         self._shift(present, np.array(shift), np.array(drift))
         self.bodies = {v: read_body(self.host, v) for v in self.driven} | (bodies or {})
         if scheme in ("end_of_step", "iterated"):
-            told *= HEAVY
-        for vehicle in self.driven if told != 1.0 else []:
-            self.host.set(**{f"{vehicle}__mass": told * self.host.value(f"{vehicle}.mass")})
-            self.host.put(f"{vehicle}.inertia", told * self.host.vector(f"{vehicle}.inertia", 6))
+            reported *= HEAVY
+        for vehicle in self.driven if reported != 1.0 else []:
+            self.host.set(**{f"{vehicle}__mass": reported * self.host.value(f"{vehicle}.mass")})
+            self.host.put(
+                f"{vehicle}.inertia", reported * self.host.vector(f"{vehicle}.inertia", 6)
+            )
         for name, value in (settings or {}).items():
             kind = self.host.variables[name].type
             assert self.host.set_status({name: value}, kind) <= WARNING, self.host.last_line
@@ -246,7 +248,7 @@ class Coupling:
 
     def _tell_loads(self, known):
         """Pass known loads to the FMU."""
-        for vehicle, (force, torque) in known.items() if self.told_loads else ():
+        for vehicle, (force, torque) in known.items() if self.reported_loads else ():
             self.host.put(f"{vehicle}.force_ext", force)
             self.host.put(f"{vehicle}.torque_ext", torque)
 
@@ -303,11 +305,11 @@ class Coupling:
         else:
             kind = "" if self.scheme == "end_of_step" else "_mean"
             loads = None if self.scheme == "sequential" else self._read_loads(kind)
-            told = {v: self.bodies[v].motion() for v in self.driven}
+            reported = {v: self.bodies[v].motion() for v in self.driven}
             if self.scheme == "vehicle_first":
-                told = self._ends(loads, known, size)
+                reported = self._ends(loads, known, size)
             for vehicle in self.driven:
-                self._tell_motion(vehicle, told[vehicle])
+                self._tell_motion(vehicle, reported[vehicle])
             self._do_step(size)
             ends = self._ends(loads or self._read_loads(kind), known, size)
         self._count(known, ends, size)
@@ -316,7 +318,7 @@ class Coupling:
         self.host.time += size
 
     def _iterate(self, known, size, most=30, close=1e-11):
-        """Repeat the step of the FMU until its load leads to the end pose that it was told."""
+        """Repeat the step of the FMU until its load leads to the end pose that it received."""
         saved = self.host.save()
         ends = {v: self.bodies[v].motion() for v in self.driven}
         first = {v: (self.bodies[v].v, self.bodies[v].w) for v in self.driven}
@@ -368,7 +370,7 @@ class Coupling:
     def audit(self):
         """Linear momentum, and angular about a fixed point, of everything, less known impulses.
 
-        The FMU is told the present motion first: what it still owes depends on what its loads
+        The FMU receives the present motion first: its pending impulse depends on what its loads
         really did. Without gravity, which acts on masses inside that the host does not know.
         """
         for vehicle in self.driven:

@@ -1,4 +1,4 @@
-"""The dockings on which the coupling of driven vehicles is tried, and their truth.
+"""The dockings on which the coupling of driven vehicles is tried, and their reference solution.
 
 | scene | what is special |
 |---|---|
@@ -10,9 +10,10 @@
 
 `pressed` is an oscillator at 14 rad/s that forgets no error, and stays pressed together.
 
-The truth of a scene is one FMU that integrates both vehicles, at the same tight tolerance. Errors
-are those of the interface velocity, P from A in N, from the vehicles as their owners know them,
-divided by the closing speed; of peak loads, relative; of the attitude of the chaser, rad.
+The reference solution of a scene is one FMU that integrates both vehicles, at the same tight
+tolerance. Errors are those of the interface velocity, P from A in N, from the vehicles as their
+owners know them, divided by the closing speed; of peak loads, relative; of the attitude of the
+chaser, rad.
 """
 
 import dataclasses
@@ -153,7 +154,7 @@ class _Reader:
         course.add(time, velocity, bodies["chaser"].q)
 
 
-def run_truth(fmu, sizes, loads=None, settings=TIGHT):
+def run_solution(fmu, sizes, loads=None, settings=TIGHT):
     """Run of an FMU that integrates both vehicles, seen at the ends of steps of these sizes."""
     course = Course()
     with Host(fmu) as host:
@@ -179,7 +180,7 @@ def run_coupled(fmu, sizes, scheme, *, announce=False, settings=TIGHT, **options
         fmu: the FMU.
         sizes: communication steps.
         scheme: of the host, see coupling_host.py.
-        announce: True tells every step beforehand (coupling.next_step).
+        announce: True announces every step (coupling.next_step).
         settings: start values.
         options: passed to Coupling.
     """
@@ -217,7 +218,7 @@ def run_coupled(fmu, sizes, scheme, *, announce=False, settings=TIGHT, **options
 
 @dataclasses.dataclass(frozen=True)
 class Errors:
-    """How far a run is from the truth."""
+    """How far a run is from the reference solution."""
 
     velocity: float  # largest, over the closing speed
     peak: float  # of the peak loads, relative; the larger one
@@ -225,19 +226,19 @@ class Errors:
     attitude: float  # at the end [rad]
 
 
-def compare(course, truth, scene):
-    """Errors of a run at the communication points that it has in common with the truth."""
-    grid, times = np.array(truth.time), np.array(course.time)
+def compare(course, solution, scene):
+    """Errors of a run at the communication points that the reference has too."""
+    grid, times = np.array(solution.time), np.array(course.time)
     places = np.minimum(np.searchsorted(grid, times - 1e-9), len(grid) - 1)
     common = np.abs(grid[places] - times) < 1e-9
     assert common[-1], (grid[-1], times[-1])
     places = places[common]
-    differences = np.array(course.velocity)[common] - np.array(truth.velocity)[places]
-    turned = rotation_vector(course.attitude[-1], truth.attitude[places[-1]])
+    differences = np.array(course.velocity)[common] - np.array(solution.velocity)[places]
+    turned = rotation_vector(course.attitude[-1], solution.attitude[places[-1]])
     return Errors(
         float(np.linalg.norm(differences, axis=1).max()) / scene.speed,
-        max(abs(course.peaks[load] / truth.peaks[load] - 1.0) for load in scene.peaks),
-        abs(course.time_of_capture - truth.time_of_capture),
+        max(abs(course.peaks[load] / solution.peaks[load] - 1.0) for load in scene.peaks),
+        abs(course.time_of_capture - solution.time_of_capture),
         float(np.linalg.norm(turned)),
     )
 

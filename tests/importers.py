@@ -25,7 +25,7 @@ from pathlib import Path
 import pytest
 
 COMPONENT = "docking"
-PARAMETER_SET = "scene"  # ecos applies the set that it is told
+PARAMETER_SET = "scene"  # ecos applies the set of this name
 
 
 def run_importer(importer: str, file: Path, step: float, count: int, names: Iterable[str]) -> dict:

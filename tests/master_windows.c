@@ -1,4 +1,4 @@
-// master.c for Windows, with what it needs beside the system's own C runtime, ucrtbase.dll: its
+// master.c for Windows, with what it needs next to the system's own C runtime, ucrtbase.dll: its
 // start, and printf and scanf, which that library has under other names. The C runtime of the
 // compiler is not linked: it would be compiled from its sources first, which takes minutes.
 #include "master.c"

@@ -7,7 +7,7 @@ dimensions) and a list of states. `build` turns it into a document with ``mechan
 the closing body is put where the tip of the branch came to lie. A failing plan shrinks to few
 branches with all switches off; dimensions come from seeds and stay generic.
 
-Switches of a branch: `lateral` tip beside the leg axis; `turned` arbitrary body axes; `flipped`
+Switches of a branch: `lateral` tip next to the leg axis; `turned` arbitrary body axes; `flipped`
 joint axes reversed; `zeroed` other zeros of the coordinates, some whole turns away; `extra` an
 independent joint within the branch; `massless` links without mass; `closure` stated or not.
 With other kinds `extra` means: `twice` lists it as dependent of the copy, which has no row left for
@@ -95,7 +95,7 @@ class Plan:
     turned: bool = False  # body axes of the trunk
     other_dependents: int = 0  # 0: joints of each branch; else a seed to choose others
     order: int = 0  # seed of the order of the loop table, 0: as built
-    newton: bool = False  # the core is told to use no closed form
+    newton: bool = False  # the core uses no closed form
     seed: int = 0
 
 
@@ -229,7 +229,7 @@ def add_body(drawing, name, parent, joint, switches, *, flip=0, mass=1.0):
 
 
 def add_trunk(drawing, plan):
-    """Independent joints between the ground and the platform, or beside it."""
+    """Independent joints between the ground and the platform, or next to it."""
     rng, ground, trunk = drawing.rng, drawing.ground, drawing.trunk
 
     def step(name, parent, kind, axis, *, position=ORIGIN, mass=5.0):
@@ -265,9 +265,9 @@ def make_chain(kind, rng, lateral):
     a, b, c, d = rng.uniform(-0.9, 0.9, size=4)
     l1, l2 = rng.uniform(0.4, 0.9, size=2)
     bent = signed(rng, 0.5, 1.4)
-    beside = lateral * np.array([0.0, signed(rng, 0.02, 0.08), signed(rng, 0.02, 0.08)])
+    next_to = lateral * np.array([0.0, signed(rng, 0.02, 0.08), signed(rng, 0.02, 0.08)])
     if kind in PLANAR:
-        beside[2] = 0.0
+        next_to[2] = 0.0
     elbow = l1 * X + signed(rng, 0.02, 0.1) * Z * (kind in ("R1R2R3", "R1R2R3_perp"))
     round_leg = rng.uniform(-1.0, 1.0)
     across = np.cos(round_leg) * Y + np.sin(round_leg) * Z
@@ -318,7 +318,7 @@ def make_chain(kind, rng, lateral):
         "P1R1R1": -np.cos(backward),
         "P1R2R3": -along @ axis_rotation(Y, np.array(a)) @ axis_rotation(Z, np.array(b)) @ X,
     }.get(kind, 0.0)
-    return chain, tip + beside, across, int(np.sign(sign))
+    return chain, tip + next_to, across, int(np.sign(sign))
 
 
 def pick_bodies(drawing, branch):

@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 INCLUDE_ROOTS = [ROOT / "src", ROOT / "fmu"]  # as CMakeLists.txt has them
 
-# What a room may include besides itself: the arrows of src/README.md.
+# What a room may include as well as itself: the arrows of src/README.md.
 MAY_SEE = {
     "math": set(),
     "integrate": set(),
@@ -26,7 +26,7 @@ MAY_SEE = {
     "sim": {"math", "model", "contact", "mechanism", "docking", "integrate"},
     "interface": {"math", "model", "mechanism", "docking", "sim"},
     "fmu": {"mechanism", "sim", "interface"},
-    # Nobody sees these: other ways to compute the same, and two programs.
+    # No room sees these: other ways to compute the same, and two programs.
     "compare": {
         *("math", "model", "tree", "loops", "mechanism", "contact", "docking"),
         *("integrate", "sim", "interface"),

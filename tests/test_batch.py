@@ -162,7 +162,7 @@ def test_a_sweep_that_ends_early_loses_nothing(mixed, tmp_path, monkeypatch):
     assert (other["ran"], other["results"]) == (0, expected)
 
 
-def test_a_defect_of_the_planner_is_told(mixed, tmp_path, monkeypatch):
+def test_a_defect_of_the_planner_is_reported(mixed, tmp_path, monkeypatch):
     def fail(*_) -> dict:
         raise ZeroDivisionError("a defect")
 

@@ -1,6 +1,7 @@
-"""The benchmarks compare the same mechanism, and say so when somebody's accelerations are wrong.
+"""The benchmarks compare the same mechanism, and say when the accelerations of an engine are wrong.
 
-1. The mechanisms told to other engines, bodies and loops, are those that dockloop reads as legs.
+1. The mechanisms written for other engines, bodies and loops, are those that dockloop reads as
+   legs.
 2. The ring on crank legs is closed at home, by the closed form of the order of axes asked for.
 3. The report chooses the cheapest setting of an accuracy, and marks times without a meaning.
 4. ``scripts/bench`` explains itself and refuses what it does not know.
@@ -20,7 +21,7 @@ START = json.loads((bench.DATA / "hexapod_bench.json").read_text())["initial"]
 
 
 @pytest.mark.parametrize("count", [None, 3, 7])
-def test_other_engines_are_told_the_same_mechanism(count, tmp_path):
+def test_other_engines_receive_the_same_mechanism(count, tmp_path):
     document = BENCH if count is None else mechanisms.hexapod(BENCH, count)
     expanded = mechanisms.expand(document, START)
     for state in expanded["states"]:

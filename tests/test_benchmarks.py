@@ -405,9 +405,9 @@ def test_a_leg_that_cannot_be_shorter_turns_the_motion_back(move):
 def test_a_run_says_once_that_a_loop_comes_close_to_singular(move):
     mechanism = benchmarks.parallelogram() | {"singularity": {"warning": 0.09}}
     run = move(mechanism, 2.0, 0.02, gravity=(0, -GRAVITY, 0), joints={"crank": {"rate": 1.0}})
-    told = [text for text in run.warnings if "close to singular" in text]
-    assert len(told) == 1
-    assert "at t = 0." in told[0]
+    reported = [text for text in run.warnings if "close to singular" in text]
+    assert len(reported) == 1
+    assert "at t = 0." in reported[0]
 
 
 @pytest.mark.parametrize("closure", ["newton", None])

@@ -1,7 +1,7 @@
 """The library of the FMU on every platform: exports, needs, age of systems, runs, what is packed.
 
 The native library and the portable ones of ``DOCKLOOP_PLATFORMS`` (default: linux64 and win64) must
-be there; ``scripts/test`` builds them. Others are looked at when somebody built them.
+be there; ``scripts/test`` builds them. Others are looked at where they are built.
 """
 
 import functools
@@ -46,7 +46,7 @@ WINE = Path("/usr/lib/wine/wine64")
 
 
 def library(name):
-    """Return the library of a platform; skip the test if nobody asked for it."""
+    """Return the library of a platform; skip the test if it was not asked for."""
     if name == "native":
         return paths.LIBRARY
     file = binaries.portable_library(name)

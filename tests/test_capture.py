@@ -141,7 +141,7 @@ def test_vehicles_that_pass_each_other_miss(dockloop):
     assert summary["explanation"] == "not captured: missed"
 
 
-def test_a_latch_that_lets_go_is_told(dockloop):
+def test_a_latch_that_lets_go_is_reported(dockloop):
     latches = "mechanism.set.latches"
     summary = run_default(
         dockloop,

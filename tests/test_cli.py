@@ -196,7 +196,7 @@ def loosen(mechanism):
     mechanism["contact"].update(petal_base_radius=0.585, petal_base_half_angle_deg=28)
 
 
-def test_check_warns_where_seated_strikers_stand_beside_the_window_of_the_latches(
+def test_check_warns_where_seated_strikers_stand_next_to_the_window_of_the_latches(
     dockloop, tmp_path
 ):
     text, report = check(dockloop, tmp_path, spoil(loosen))
@@ -212,10 +212,10 @@ def test_check_warns_where_seated_strikers_stand_beside_the_window_of_the_latche
 
 
 def test_check_warns_where_seated_strikers_stand_before_their_hooks(dockloop, tmp_path):
-    def sink(mechanism):
+    def lower(mechanism):
         mechanism["contact"]["core_x"] = -0.006
 
-    _, report = check(dockloop, tmp_path, spoil(sink))
+    _, report = check(dockloop, tmp_path, spoil(lower))
     (warning,) = report["warnings"]
     for part in ("seated", "8 mm before its hook", "latches.catch is 4 mm"):
         assert part in warning
@@ -335,7 +335,7 @@ def test_check_evaluates_given_states(dockloop, tmp_path):
         assert name in result
 
 
-def test_run_writes_summary_result_and_plots_beside_the_result(dockloop, runs, tmp_path):
+def test_run_writes_summary_result_and_plots_next_to_the_result(dockloop, runs, tmp_path):
     fmu = runs.fmu("idss_25t_350t")
     result = tmp_path / "out" / "first.csv"
     outcome = dockloop("run", fmu, "--stop", "3", "--step", "0.1", "-o", result, "--json")
@@ -364,7 +364,7 @@ def test_run_writes_full_precision_to_npz(dockloop, runs, tmp_path):
         assert data["values"].shape == (11, len(data["names"]))
 
 
-def test_a_scene_key_given_as_a_variable_is_told_how_to_change_it(dockloop, runs):
+def test_a_scene_key_given_as_a_variable_is_refused_with_the_remedy(dockloop, runs):
     fmu = runs.fmu("absorber_1d")
     outcome = dockloop("run", fmu, "--set", "chaser.motion=driven")
     assert outcome.status == 2

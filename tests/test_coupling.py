@@ -7,7 +7,7 @@ Numbers are those of the tests of the coupling scheme:
    to 100 ms and of random sizes, with right and wrong masses, for one and two driven vehicles.
 3. Against one FMU that integrates both vehicles: relative velocity within 1e-5 of the closing speed
    and peak loads within 1e-4 at 10 ms, in every scene and both modes; peaks within 2 % where the
-   FMU is told half the mass or half as much again. Other schemes have the errors that they must
+   FMU receives half the mass or half as much again. Other schemes have the errors that they must
    have, so that nothing agrees by accident.
 4. The host's position lags by the first moment of the load: with the square of the step.
 5. Mass stated without or with the mechanism: the same motion. The wrong one shows as a mismatch.
@@ -44,7 +44,7 @@ from coupling_scenes import (
     compare,
     equal_steps,
     run_coupled,
-    run_truth,
+    run_solution,
 )
 from dockloop import paths
 from dockloop.extremes.fmi_host import OK, WARNING, Host
@@ -57,29 +57,29 @@ NOW = "initial.approach_time=0.0"  # contact from the start
 
 
 @pytest.fixture(scope="module")
-def truth_of(runs):
-    """The truth of a scene by name, at multiples of 10 ms."""
+def solution_of(runs):
+    """The reference solution of a scene by name, at multiples of 10 ms."""
 
     @functools.cache
     def run(name):
         scene = SCENES[name]
         sizes = equal_steps(STEP, STOP[name])
-        return run_truth(scene.build(runs, free=True), sizes, scene.loads)
+        return run_solution(scene.build(runs, free=True), sizes, scene.loads)
 
     return run
 
 
 @pytest.fixture(scope="module")
-def errors_of(runs, truth_of):
+def errors_of(runs, solution_of):
     """Errors of a scene under a scheme, and its course; every combination once."""
 
     @functools.cache
-    def run(name, scheme, size=STEP, told=1.0, stop=None):
+    def run(name, scheme, size=STEP, reported=1.0, stop=None):
         scene = SCENES[name]
         sizes = equal_steps(size, stop or STOP[name])
-        course = run_coupled(scene.build(runs), sizes, scheme, told=told, loads=scene.loads)
+        course = run_coupled(scene.build(runs), sizes, scheme, reported=reported, loads=scene.loads)
         assert not course.broken, course.broken
-        return compare(course, truth_of(name), scene), course
+        return compare(course, solution_of(name), scene), course
 
     return run
 
@@ -120,7 +120,7 @@ def test_a_tumbling_vehicle_is_predicted_and_nothing_is_announced(runs, tmp_path
         assert not pair.warnings, pair.warnings
     # 3.7e-9: Dormand-Prince steps of 0.03 s, of fifth order (0.015 s: 1.2e-10).
     assert worst < 1e-8, f"predicted {worst:.1e} m away from the host's motion"
-    assert load < 1e-5, f"{load:.1e} N or N m announced in free flight"
+    assert load < 1e-5, f"{load:.1e} N or N m announced in free drift"
 
 
 def host_lag(pair):
@@ -151,21 +151,21 @@ STEPS = {
 }
 
 
-@pytest.mark.parametrize("told", [0.5, 1.0, 1.5])
+@pytest.mark.parametrize("reported", [0.5, 1.0, 1.5])
 @pytest.mark.parametrize("scheme", MODES)
 @pytest.mark.parametrize("name", ["default", "light", "both", "target"])
-def test_momentum_adds_up_for_an_outsider(runs, name, scheme, told):
+def test_momentum_adds_up_for_an_outsider(runs, name, scheme, reported):
     fmu = SCENES[name].build(runs, NOW)
     found = {}
     for size, sizes in STEPS.items():
-        course = run_coupled(fmu, sizes, scheme, told=told, settings={})
+        course = run_coupled(fmu, sizes, scheme, reported=reported, settings={})
         assert not course.broken, (size, course.broken)
         found[size] = course.audit
     text = {size: f"{audit:.1e}" for size, audit in found.items()}
     assert max(found.values()) < 1e-9, f"momentum that does not add up, of the largest: {text}"
 
 
-# ---------------------------------------------------------------- 3, 6: against the truth
+# ---------------------------------------------------------------- 3, 6: against one FMU for all
 
 
 @pytest.mark.parametrize("scheme", MODES)
@@ -179,16 +179,16 @@ def test_the_coupled_docking_is_that_of_one_fmu(errors_of, name, scheme):
     assert not course.warnings, course.warnings
 
 
-@pytest.mark.parametrize("told", [0.5, 1.5])
+@pytest.mark.parametrize("reported", [0.5, 1.5])
 @pytest.mark.parametrize("scheme", MODES)
 @pytest.mark.parametrize("name", SCENES)
 def test_peaks_are_within_two_per_cent_where_the_mass_is_wrong_by_half_and_that_is_noticed(
-    errors_of, name, scheme, told
+    errors_of, name, scheme, reported
 ):
-    errors, course = errors_of(name, scheme, told=told)
+    errors, course = errors_of(name, scheme, reported=reported)
     assert errors.peak < 0.02, errors  # measured 9e-3 pressed, 5e-4 elsewhere
-    # True mass over what was told, less 1.
-    assert course.mismatch == pytest.approx(1.0 / told - 1.0, abs=1e-3), course.mismatch
+    # True mass over what was reported, less 1.
+    assert course.mismatch == pytest.approx(1.0 / reported - 1.0, abs=1e-3), course.mismatch
     assert len(course.warnings) == len(SCENES[name].driven), course.warnings
     assert all("as if its mass were" in text for text in course.warnings), course.warnings
 
@@ -270,7 +270,7 @@ def together(parts):
 
 
 def composite_settings(fmu):
-    """The rigid body of chaser and mechanism, and what the FMU must be told then."""
+    """The rigid body of chaser and mechanism, and what the FMU must receive then."""
     with Host(fmu) as host:
         bare = read_body(host, "chaser")
         interface = host.vector("chaser.interface_position")
@@ -293,7 +293,7 @@ def composite_settings(fmu):
 
 
 @pytest.mark.parametrize("name", ["default", "light"])
-def test_mass_with_the_mechanism_gives_the_same_motion(runs, truth_of, name):
+def test_mass_with_the_mechanism_gives_the_same_motion(runs, solution_of, name):
     scene = SCENES[name]
     fmu = scene.build(runs)
     body, settings, _ = composite_settings(fmu)
@@ -305,7 +305,7 @@ def test_mass_with_the_mechanism_gives_the_same_motion(runs, truth_of, name):
         settings=TIGHT | settings,
     )
     assert not course.broken, course.broken
-    errors = compare(course, truth_of(name), scene)
+    errors = compare(course, solution_of(name), scene)
     assert errors.velocity < 1e-5, errors
     assert errors.peak < 1e-4, errors
     assert course.audit < 1e-9, course.audit
@@ -313,7 +313,7 @@ def test_mass_with_the_mechanism_gives_the_same_motion(runs, truth_of, name):
 
 
 @pytest.mark.parametrize("name", ["default", "light"])
-def test_a_mass_that_includes_the_mechanism_untold_shows_as_a_mismatch(runs, name):
+def test_a_mass_that_includes_the_mechanism_unreported_shows_as_a_mismatch(runs, name):
     fmu = SCENES[name].build(runs, NOW)
     _, _, share = composite_settings(fmu)
     with Host(fmu) as host:
@@ -353,7 +353,7 @@ def test_a_step_that_is_tried_restored_and_repeated_has_the_same_bits(runs, sche
 @pytest.mark.parametrize("scheme", MODES)
 def test_momentum_adds_up_where_a_step_is_split_after_a_restore(runs, scheme):
     fmu = SCENES["default"].build(runs, NOW)
-    with Coupling(fmu, scheme, told=1.5, first_step=STEP) as pair:
+    with Coupling(fmu, scheme, reported=1.5, first_step=STEP) as pair:
         first = pair.audit()
         worst = 0.0
         for i in range(60):
@@ -415,13 +415,13 @@ def test_a_host_that_does_not_apply_the_first_load_is_warned(runs):
         assert "read chaser.force_mean" in pair.warnings[0], pair.warnings
 
 
-def test_a_torque_that_nobody_told_is_not_blamed_on_a_connection(runs):
+def test_a_torque_that_the_host_does_not_report_is_not_blamed_on_a_connection(runs):
     def torque(time):
         return {"chaser": (np.zeros(3), np.array([0.0, 5000.0, 300.0 * np.sin(20.0 * time)]))}
 
     fmu = SCENES["default"].build(runs, NOW)
     with Coupling(
-        fmu, "parallel", loads=torque, told_loads=False, first_step=STEP, logging_on=True
+        fmu, "parallel", loads=torque, reported_loads=False, first_step=STEP, logging_on=True
     ) as pair:
         for _ in range(60):
             pair.step(STEP)
@@ -433,13 +433,15 @@ def test_a_torque_that_nobody_told_is_not_blamed_on_a_connection(runs):
 
 
 @pytest.mark.parametrize("scheme", MODES)
-def test_a_latch_inside_a_step_is_one_event_also_under_thrust_that_nobody_told(runs, scheme):
+def test_a_latch_inside_a_step_is_one_event_also_under_thrust_that_the_host_does_not_report(
+    runs, scheme
+):
     def thrust(time):
         return {"chaser": ((300.0 * np.sin(40.0 * time), 100.0, 0.0), (0.0, 20.0, 0.0))}
 
     fmu = SCENES["default"].build(runs, NOW)
     with Coupling(
-        fmu, scheme, loads=thrust, told_loads=False, first_step=0.02, logging_on=True
+        fmu, scheme, loads=thrust, reported_loads=False, first_step=0.02, logging_on=True
     ) as pair:
         first = pair.audit()
         worst, capture, turned = 0.0, set(), 0
@@ -465,7 +467,7 @@ def test_a_latch_inside_a_step_is_one_event_also_under_thrust_that_nobody_told(r
 
 @pytest.mark.parametrize("scheme", MODES)
 @pytest.mark.parametrize("name", ["default", "both"])
-def test_an_orbit_does_not_change_the_docking(runs, truth_of, name, scheme):
+def test_an_orbit_does_not_change_the_docking(runs, solution_of, name, scheme):
     scene = SCENES[name]
     orbit = {
         "shift": (5e6, -3e6, 4e6),
@@ -475,13 +477,13 @@ def test_an_orbit_does_not_change_the_docking(runs, truth_of, name, scheme):
     sizes = equal_steps(STEP, STOP[name])
     course = run_coupled(scene.build(runs), sizes, scheme, **orbit)
     assert not course.broken, course.broken
-    errors = compare(course, truth_of(name), scene)
+    errors = compare(course, solution_of(name), scene)
     assert errors.peak < 1e-4, errors
     assert errors.velocity < 1e-5, errors
     assert not course.warnings, course.warnings
 
 
-def test_gravity_that_nobody_told_is_noticed(runs):
+def test_gravity_that_the_host_does_not_report_is_noticed(runs):
     fmu = SCENES["default"].build(runs, "initial.approach_time=1.0")
     with Coupling(fmu, "parallel", first_step=STEP) as pair:
         pair.gravity = np.array([0.0, -5.0, 7.1])  # the host alone knows
@@ -495,14 +497,14 @@ def test_gravity_that_nobody_told_is_noticed(runs):
 # ---------------------------------------------------------------- 11: suggested step
 
 
-@pytest.mark.parametrize("told", [0.5, 1.0, 1.5])
+@pytest.mark.parametrize("reported", [0.5, 1.0, 1.5])
 @pytest.mark.parametrize("name", ["default", "light"])
-def test_a_host_that_obeys_the_suggested_step_meets_the_target(runs, name, told):
+def test_a_host_that_obeys_the_suggested_step_meets_the_target(runs, name, reported):
     scene, target = SCENES[name], 1e-3  # m/s
     settings = TIGHT | {"coupling.velocity_tolerance": target}
     sizes, velocities = [], []
     with Coupling(
-        scene.build(runs), "parallel", told=told, settings=settings, first_step=1e-3
+        scene.build(runs), "parallel", reported=reported, settings=settings, first_step=1e-3
     ) as pair:
         size = 1e-3
         while pair.time < STOP[name]:
@@ -510,11 +512,11 @@ def test_a_host_that_obeys_the_suggested_step_meets_the_target(runs, name, told)
             sizes.append(size)
             velocities.append(pair.interface_motion()[1])
             size = min(max(pair.host.value("coupling.suggested_step"), 1e-4), 0.03)
-    truth = run_truth(scene.build(runs, free=True), sizes, scene.loads)
-    error = float(np.linalg.norm(np.array(velocities) - truth.velocity, axis=1).max())
+    solution = run_solution(scene.build(runs, free=True), sizes, scene.loads)
+    error = float(np.linalg.norm(np.array(velocities) - solution.velocity, axis=1).max())
     assert error < target, f"{error:.1e} m/s after {len(sizes)} steps"
     assert len(sizes) < STOP[name] / 1e-3, len(sizes)
-    if told == 1.0:
+    if reported == 1.0:
         assert len(sizes) < 2.0 * STOP[name] / 0.03, len(sizes)
 
 
@@ -522,7 +524,7 @@ def test_the_suggested_step_lets_a_host_go_on(runs):
     # On soft legs the interface is slow, however hard the surfaces are that slide on each other.
     settings = TIGHT | {"coupling.velocity_tolerance": 3e-4}
     with Coupling(
-        SCENES["default"].build(runs), "parallel", told=0.5, settings=settings, first_step=1e-3
+        SCENES["default"].build(runs), "parallel", reported=0.5, settings=settings, first_step=1e-3
     ) as pair:
         size, count, fastest = 1e-3, 0, 0.0
         while pair.time < STOP["default"] and count < 1000:
@@ -533,10 +535,10 @@ def test_the_suggested_step_lets_a_host_go_on(runs):
     assert 0.5 < fastest < 2.0, fastest  # rad/s
 
 
-def test_the_frequency_of_the_interface_is_that_of_its_oscillation(runs, truth_of):
-    # The axial velocity of the truth is zero at two ends of a swing: half a period apart.
-    truth = truth_of("pressed")
-    speed, at = np.array(truth.velocity)[:, 0], np.array(truth.time)
+def test_the_frequency_of_the_interface_is_that_of_its_oscillation(runs, solution_of):
+    # The axial velocity of that solution is zero at two ends of a swing: half a period apart.
+    solution = solution_of("pressed")
+    speed, at = np.array(solution.velocity)[:, 0], np.array(solution.time)
     before = np.flatnonzero(np.diff(np.sign(speed)))
     ends = at[before] - speed[before] * STEP / (speed[before + 1] - speed[before])
     true = np.pi / (ends[1] - ends[0])
@@ -608,9 +610,9 @@ def test_a_quaternion_far_off_its_norm_is_refused_without_effect(runs):
 def test_steps_that_vary_cost_nothing_where_they_are_announced(runs, scheme):
     scene = SCENES["default"]
     sizes = random_steps(1.2)
-    truth = run_truth(scene.build(runs, free=True), sizes, scene.loads)
+    solution = run_solution(scene.build(runs, free=True), sizes, scene.loads)
     course = run_coupled(scene.build(runs), sizes, scheme, announce=True)
-    errors = compare(course, truth, scene)
+    errors = compare(course, solution, scene)
     assert errors.velocity < 1e-5, errors
     assert errors.peak < 1e-4, errors
     assert course.audit < 1e-9, course.audit

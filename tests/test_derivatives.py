@@ -1,4 +1,4 @@
-"""Derivatives that the FMU tells, against differences of what it computes.
+"""Derivatives that the FMU returns, against differences of what it computes.
 
 1. fmi2GetDirectionalDerivative of every output and every rate by every state and input is what
    sixth-order central differences through the interface give: apart, sliding in contact, held by
@@ -73,7 +73,7 @@ class Jacobian:
                 if known.name in place:
                     self.declared[i, place[known.name]] = True
 
-    def told(self):
+    def reported(self):
         """What the FMU says."""
         columns = []
         for name in self.knowns:
@@ -115,15 +115,15 @@ class Jacobian:
             [self.difference(k, steps * s) for k, s in zip(self.knowns, self.scale, strict=True)]
         ).T
 
-    def errors(self, told):
+    def errors(self, reported):
         """Largest error of each group, as a part of the largest entry of a row.
 
         Of several step sizes the best counts for an entry: contact that begins within a step
         spoils long ones, rounding spoils short ones.
         """
-        size = np.abs(told) * self.scale
+        size = np.abs(reported) * self.scale
         seen = [self.differences(steps) for steps in STEPS]
-        error = np.min([np.abs(told - each) for each in seen], axis=0) * self.scale
+        error = np.min([np.abs(reported - each) for each in seen], axis=0) * self.scale
         error /= np.maximum(size.max(axis=1, keepdims=True), FLOOR)
         worst = defaultdict(float)
         for i, name in enumerate(self.unknowns):
@@ -154,19 +154,19 @@ def test_directional_derivatives_are_those_of_central_differences(runs, instant)
         # There are 639 bristles: some will do.
         some = [v for i, v in enumerate(n for n in host.variables if "ode.bristle" in n) if i % 40]
         jacobian = Jacobian(host, leave_out=some)
-        told = jacobian.told()
-        by_group, error = jacobian.errors(told)
+        reported = jacobian.reported()
+        by_group, error = jacobian.errors(reported)
         # Measured: 2e-8 of the largest entry of a row, at every instant.
         assert max(by_group.values()) < 1e-6, by_group
-        # What is not declared is not there, in what is told and in what is seen.
-        part = np.abs(told) * jacobian.scale
+        # What is not declared is not there, in what is reported and in what is seen.
+        part = np.abs(reported) * jacobian.scale
         part /= np.maximum(part.max(axis=1, keepdims=True), FLOOR)
         assert part[~jacobian.declared].max() < 1e-9  # measured 3e-10, where latches are stiff
         assert error[~jacobian.declared].max() < 1e-6
         # A third of all pairs is declared (4276 of 13916 with regularised friction).
         share = jacobian.declared.sum() / jacobian.declared.size
         assert share < 0.4, share
-        assert np.count_nonzero(told) > 1000
+        assert np.count_nonzero(reported) > 1000
 
 
 NO_FRICTION = ("contact.friction_coefficient=0", {"friction.coefficient": 0.3})
@@ -189,7 +189,7 @@ def test_dependencies_are_true_whatever_start_values_the_host_sets(runs, variant
         host.slave.setReal(host.references(values), list(values.values()))
         host.integrate(0.2, 1e-3, host.start_exchange())
         jacobian = Jacobian(host)
-        part = np.abs(jacobian.told()) * jacobian.scale
+        part = np.abs(jacobian.reported()) * jacobian.scale
         part /= np.maximum(part.max(axis=1, keepdims=True), FLOOR)
         false = zip(*np.nonzero((part > 1e-10) & ~jacobian.declared), strict=True)
         named = [f"{jacobian.unknowns[i]} by {jacobian.knowns[k]}" for i, k in false]
@@ -217,13 +217,13 @@ def test_every_continuous_output_that_follows_from_the_states_declares_it(runs):
 def test_a_direction_with_several_components_gives_the_sum(runs):
     with bring_to(runs.fmu(DEFAULT, NEAR), 0.2, 1e-3) as host:
         jacobian = Jacobian(host)
-        told = jacobian.told()
+        reported = jacobian.reported()
         seeds = np.random.default_rng(1).normal(size=len(jacobian.knowns)) * jacobian.scale
         status, together = host.directional_derivative(jacobian.unknowns, jacobian.knowns, seeds)
         assert status == OK
-        size = (np.abs(told) * np.abs(seeds)).max(axis=1)
+        size = (np.abs(reported) * np.abs(seeds)).max(axis=1)
         # Half the rotation about a seeded axis is all that a scalar part varies by.
-        error = np.abs(together - told @ seeds) / np.maximum(size, 1e-7)
+        error = np.abs(together - reported @ seeds) / np.maximum(size, 1e-7)
         assert error.max() < 1e-11, error.max()  # measured 4e-13
         # The same known twice counts twice; none at all gives zeros.
         twice = ["ode.chaser.position[1]"] * 2
@@ -238,7 +238,7 @@ def test_a_direction_with_several_components_gives_the_sum(runs):
 def test_a_derivative_leaves_the_instance_as_it_was(runs):
     with bring_to(runs.fmu(DEFAULT, NEAR), 0.2, 1e-3) as host:
         before = host.save_bytes()
-        Jacobian(host).told()
+        Jacobian(host).reported()
         assert host.save_bytes() == before
 
 
@@ -246,8 +246,8 @@ def test_derivatives_exist_in_an_aligned_docking(runs):
     # Angles, offsets and side loads are zero there: their absolute values have a kink.
     with Host(runs.fmu("absorber_1d"), exchange=True) as host:
         host.integrate(0.5, 1e-3, host.start_exchange())
-        told = Jacobian(host).told()
-        assert np.all(np.isfinite(told))
+        reported = Jacobian(host).reported()
+        assert np.all(np.isfinite(reported))
 
 
 # ---------------------------------------------------------------- co-simulation
@@ -266,11 +266,11 @@ def cosimulation(fmu, time=0.3, step=0.01, **options):
 def test_in_co_simulation_outputs_are_differentiated_by_inputs(runs):
     with cosimulation(runs.fmu(DEFAULT, NEAR)) as host:
         jacobian = Jacobian(host, leave_out=[n for n in host.variables if n.startswith("ode.")])
-        told = jacobian.told()
-        by_group, error = jacobian.errors(told)
+        reported = jacobian.reported()
+        by_group, error = jacobian.errors(reported)
         assert max(by_group.values()) < 1e-6, by_group
         assert error[~jacobian.declared].max() < 1e-6
-        assert np.count_nonzero(told) > 50
+        assert np.count_nonzero(reported) > 50
 
 
 def test_in_co_simulation_outputs_are_differentiated_by_states_too(runs):
@@ -283,7 +283,9 @@ def test_in_co_simulation_outputs_are_differentiated_by_states_too(runs):
         jacobian, other = Jacobian(inside), Jacobian(outside)
         mean = [i for i, n in enumerate(jacobian.unknowns) if "_mean" not in n]
         columns = [k for k, n in enumerate(jacobian.knowns) if "gravity" not in n]
-        a, b = (j.told()[np.ix_(mean, columns)] * other.scale[columns] for j in (jacobian, other))
+        a, b = (
+            j.reported()[np.ix_(mean, columns)] * other.scale[columns] for j in (jacobian, other)
+        )
         error = np.abs(a - b) / np.maximum(np.abs(b).max(axis=1, keepdims=True), FLOOR)
         assert error.max() < 1e-9, error.max()
 

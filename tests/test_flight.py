@@ -1,6 +1,6 @@
-"""Far from contact the mechanism is at rest and costs nothing, and nobody can tell.
+"""Far from contact the mechanism is at rest and costs nothing, and no result shows it.
 
-1. After a minute of flight a docking has the loads, times and motion of one in which everything
+1. After a minute of free drift a docking has the loads, times and motion of one in which everything
    was always integrated; the minute costs next to nothing. Momentum adds up, runs repeat.
 2. A load in the middle of the rest moves the ring as it would have; so does a leg command.
 3. A run saved while it rests, and restored in another instance, goes on with the same bits.
@@ -20,7 +20,7 @@ from dockloop import paths
 from dockloop.extremes.fmi_host import Host
 
 RESTING, INTEGRATED = 1, 2
-FLIGHT = 60.0  # s
+DRIFT = 60.0  # s
 GROUPS = (
     'outputs.groups=["relative", "capture", "phase", "ring", "legs", "states", "energy", "solver"]'
 )
@@ -32,13 +32,13 @@ RING = [f"ring.position[{i}]" for i in (1, 2, 3)]
 
 @pytest.fixture(scope="module")
 def docking(runs):
-    """The default scene with a minute of flight before first contact."""
-    return runs.fmu("idss_25t_350t", f"initial.approach_time={FLIGHT}", GROUPS, *RATES)
+    """The default scene with a minute of free drift before first contact."""
+    return runs.fmu("idss_25t_350t", f"initial.approach_time={DRIFT}", GROUPS, *RATES)
 
 
-def started(fmu, flight=RESTING, **values):
+def started(fmu, drift=RESTING, **values):
     host = Host(fmu)
-    host.choose(model__flight=flight)
+    host.choose(model__flight=drift)
     host.set(**values)
     host.start()
     return host
@@ -48,22 +48,22 @@ def evaluations(host):
     return host.value("solver.rhs_evaluations")
 
 
-def test_a_flight_costs_nothing_and_changes_nothing(docking):
+def test_a_drift_costs_nothing_and_changes_nothing(docking):
     runs = {}
-    for name, flight, size, values in (
+    for name, drift, size, values in (
         ("truth", INTEGRATED, 1.0, {"solver__rtol": 1e-9, "solver__atol_velocity": 1e-10}),
         ("integrated", INTEGRATED, 1.0, {}),
         ("resting", RESTING, 1.0, {}),
         ("short steps", RESTING, 0.1, {}),
     ):
-        with started(docking, flight, **values) as host:
-            while host.time < FLIGHT - 1.0 - 1e-6:
+        with started(docking, drift, **values) as host:
+            while host.time < DRIFT - 1.0 - 1e-6:
                 host.step(size)
-            in_flight = evaluations(host)
-            while host.time < FLIGHT + 5.0 - 1e-6:
+            in_drift = evaluations(host)
+            while host.time < DRIFT + 5.0 - 1e-6:
                 host.step(size)
             runs[name] = (
-                in_flight,
+                in_drift,
                 evaluations(host),
                 host.get(*PEAKS),
                 host.get("time_of_contact", "time_of_capture", *RING, "relative.axial"),
@@ -71,7 +71,7 @@ def test_a_flight_costs_nothing_and_changes_nothing(docking):
             assert abs(host.value("momentum.residual")) < 1e-13, name
     share = runs["resting"][0] / runs["resting"][1]
     before = runs["integrated"][0] / runs["integrated"][1]
-    print(f"flight: {100 * share:.2f} % of the evaluations, integrated {100 * before:.0f} %")
+    print(f"free drift: {100 * share:.2f} % of the evaluations, integrated {100 * before:.0f} %")
     assert before > 0.15, before
     assert share < 0.08, share
     scale = runs["truth"][2].max()
@@ -85,14 +85,14 @@ def test_a_flight_costs_nothing_and_changes_nothing(docking):
 
 def test_loads_and_commands_wake_the_mechanism(docking):
     shaken = {}
-    for flight in (RESTING, INTEGRATED):
-        with started(docking, flight) as host:
+    for drift in (RESTING, INTEGRATED):
+        with started(docking, drift) as host:
             for _ in range(8):
                 host.step(1.0)
             before = evaluations(host)
             host.step(0.5)
             calm = evaluations(host) - before
-            assert (calm == 0) == (flight == RESTING), calm
+            assert (calm == 0) == (drift == RESTING), calm
             host.put("chaser.force_ext", [2000.0, 500.0, -300.0])
             host.step(0.02)
             host.put("chaser.force_ext", [0.0, 0.0, 0.0])
@@ -104,7 +104,7 @@ def test_loads_and_commands_wake_the_mechanism(docking):
             for _ in range(20):
                 host.step(0.02)
                 seen.append(host.get(*RING, "relative.velocity[2]"))
-            shaken[flight] = np.array(seen)
+            shaken[drift] = np.array(seen)
     swing = np.ptp(shaken[INTEGRATED][:, :3], axis=0).max()
     off = np.abs(shaken[RESTING] - shaken[INTEGRATED]).max()
     print(f"ring moved by {1e3 * swing:.2f} mm, difference {off:.1e}")
@@ -149,13 +149,13 @@ def test_tumbling_vehicles_are_where_the_integrator_puts_them(runs, tmp_path):
     tight = {"solver__rtol": 1e-11, "solver__atol_position": 1e-12, "solver__atol_velocity": 1e-12}
     names = [(f"{v}.{q}", n) for v in ("chaser", "target") for q, n in KINDS]
     ends = {}
-    for flight in (RESTING, INTEGRATED):
-        with started(fmu, flight, **(tight if flight == INTEGRATED else {})) as host:
+    for drift in (RESTING, INTEGRATED):
+        with started(fmu, drift, **(tight if drift == INTEGRATED else {})) as host:
             for size in (20.0, 0.1, 7.3, 60.0, 60.0):
                 host.step(size)
-            ends[flight] = np.concatenate([host.vector(name, count) for name, count in names])
+            ends[drift] = np.concatenate([host.vector(name, count) for name, count in names])
             work = evaluations(host)
-            assert (work == 0) == (flight == RESTING), work
+            assert (work == 0) == (drift == RESTING), work
     off = np.abs(ends[RESTING] - ends[INTEGRATED]).max()
     print(f"attitudes and positions differ by {off:.1e}")
     assert off < 1e-6, off
@@ -186,16 +186,16 @@ def test_a_spin_that_changes_moves_the_mechanism_as_it_should(runs):
     )
     legs = [f"leg[{i}].length" for i in range(1, 7)]
     lengths, work = {}, {}
-    for flight in (RESTING, INTEGRATED):
+    for drift in (RESTING, INTEGRATED):
         with Host(fmu) as host:
-            host.choose(model__flight=flight)
+            host.choose(model__flight=drift)
             host.put("chaser.angular_velocity", [1e-5, 0.05, 0.0])
             host.start()
             seen = []
             for _ in range(60):
                 host.step(5.0)
                 seen.append(host.get(*legs))
-            lengths[flight], work[flight] = np.array(seen), evaluations(host)
+            lengths[drift], work[drift] = np.array(seen), evaluations(host)
     travel = np.ptp(lengths[INTEGRATED][1:], axis=0).max()
     off = np.abs(lengths[RESTING] - lengths[INTEGRATED]).max()
     print(f"legs move by {travel:.1e} m, difference {off:.1e} m, work {work}")
@@ -214,13 +214,13 @@ def test_creep_is_not_taken_for_rest(runs):
         "initial.capture_body.displacement=[1e-3, 0, 0]",
     )
     ends = {}
-    for flight in (RESTING, INTEGRATED):
+    for drift in (RESTING, INTEGRATED):
         with Host(fmu) as host:
-            host.choose(model__flight=flight, solver__method=6)
+            host.choose(model__flight=drift, solver__method=6)
             host.start()
             for _ in range(5):
                 host.step(50.0)
-            ends[flight] = host.get(*RING)
+            ends[drift] = host.get(*RING)
     off = np.abs(ends[RESTING] - ends[INTEGRATED]).max()
     print(f"ring differs by {off:.1e} m")
     assert off < 5e-7, off

@@ -123,7 +123,7 @@ def test_a_host_may_initialise_with_zeros_in_every_input(host):
 @pytest.mark.parametrize(
     "host", [("target.motion=driven", "target.position=[9, 8, 7]")], indirect=True
 )
-def test_zeros_are_no_attitude_where_a_position_is_told(host):
+def test_zeros_are_no_attitude_where_a_position_is_reported(host):
     host.start()
     put_zeros(host, but=["position"])
     with pytest.raises(FMICallException):

@@ -1,14 +1,15 @@
-"""What a host tells between steps has the effect that it should have, and no other.
+"""What a host sets between steps has the effect that it should have, and no other.
 
-1. A force, a gravity and a leg command that are told with their slopes act as the ramps that they
-   are: the impulse is the exact integral, and the motion is that of the same ramp held in pieces of
+1. A force, a gravity and a leg command that are reported with their slopes act as the ramps that
+   they are: the impulse is the exact integral, and the motion is that of the same ramp held in
+   pieces of
    0.1 ms. A slope lasts one step; its input goes on from the value that it has reached.
 2. Slopes of higher order, of other variables, or not finite are refused.
 3. Tunable parameters act from the next step on. Out of range, in the wrong state, or together with
    one that is impossible they are refused, and nothing changes.
 4. The start time does not matter: relative motion has the same bits for -5, 0 and 1e9 s.
 5. Communication steps of any sizes lead to the same motion.
-6. Only the log categories that are asked for are told.
+6. Only the log categories that are asked for are reported.
 7. A tolerance of the host makes the integration finer.
 8. After fmi2Reset a run has the same bits, also if states were saved before.
 9. Integration in fixed steps (solver.method 7 and 8) costs the same in every communication step and
@@ -43,12 +44,12 @@ def started(host):
 RAMP = {"chaser.force_ext[1]": (10.0, 400.0), "chaser.force_ext[2]": (-20.0, 300.0)}  # N, N/s
 
 
-def run_ramps(host, ramps, step, steps, told):
-    """Steps with inputs (value at the start, slope), told with slopes or held at midpoints."""
+def run_ramps(host, ramps, step, steps, reported):
+    """Steps with inputs (value at the start, slope), reported with slopes or held at midpoints."""
     t0 = host.time
     for i in range(steps):
         time = t0 + i * step
-        if told:
+        if reported:
             if i == 0:
                 host.slave.setReal(host.references(ramps), [value for value, _ in ramps.values()])
             host.slope_status({name: slope for name, (_, slope) in ramps.items()})
@@ -61,12 +62,14 @@ def run_ramps(host, ramps, step, steps, told):
 
 
 @pytest.mark.parametrize("method", [2, 7])
-def test_the_impulse_of_a_force_that_is_told_by_slopes_is_the_integral_of_the_ramp(runs, method):
+def test_the_impulse_of_a_force_that_is_reported_by_slopes_is_the_integral_of_the_ramp(
+    runs, method
+):
     with Host(runs.fmu(DEFAULT, AWAY)) as host:
         host.choose(solver__method=method)
         host.start()
         before = host.vector("momentum.linear")
-        run_ramps(host, RAMP, 0.1, 10, told=True)
+        run_ramps(host, RAMP, 0.1, 10, reported=True)
         impulse = host.vector("momentum.linear") - before
         exact = [value + slope / 2 for value, slope in RAMP.values()]  # N s, over 1 s
         # Held over steps of 0.1 s the ramps would miss 20 and 15 N s.
@@ -77,39 +80,42 @@ def test_the_impulse_of_a_force_that_is_told_by_slopes_is_the_integral_of_the_ra
 
 
 @pytest.mark.parametrize("gravity", [False, True])
-def test_a_ramp_told_by_slopes_moves_as_one_held_in_pieces_of_a_tenth_of_a_millisecond(
+def test_a_ramp_reported_by_slopes_moves_as_one_held_in_pieces_of_a_tenth_of_a_millisecond(
     runs, gravity
 ):
     ramps = {"gravity[1]": (1.0, 7.0), "gravity[3]": (0.0, -9.0)} if gravity else RAMP
     fmu = runs.fmu(DEFAULT, AWAY)
-    with started(Host(fmu, tolerance=1e-10)) as told, started(Host(fmu, tolerance=1e-10)) as held:
-        start = told.vector("chaser.position")
-        velocity = told.vector("chaser.velocity")
-        run_ramps(told, ramps, 0.1, 3, told=True)
-        run_ramps(held, ramps, 1e-4, 3000, told=False)
+    with (
+        started(Host(fmu, tolerance=1e-10)) as reported,
+        started(Host(fmu, tolerance=1e-10)) as held,
+    ):
+        start = reported.vector("chaser.position")
+        velocity = reported.vector("chaser.velocity")
+        run_ramps(reported, ramps, 0.1, 3, reported=True)
+        run_ramps(held, ramps, 1e-4, 3000, reported=False)
         for name in ("chaser.position", "chaser.velocity", "relative.position"):
-            error = np.abs(told.vector(name) - held.vector(name)).max()
+            error = np.abs(reported.vector(name) - held.vector(name)).max()
             # measured 3e-11 m; pieces of gravity are wrong by slope h^2 t/12 = 2.3e-9 m themselves
             assert error < (1e-8 if gravity else 1e-9), (name, error)
         if gravity:
             # Everything falls together: nothing but the free motion and the fall.
             t = 0.3
             fall = np.array([t**2 / 2 + 7.0 * t**3 / 6, 0.0, -9.0 * t**3 / 6])
-            error = np.abs(told.vector("chaser.position") - start - t * velocity - fall).max()
+            error = np.abs(reported.vector("chaser.position") - start - t * velocity - fall).max()
             assert error < 3e-9, error  # measured 2.7e-10 m
 
 
-def test_a_leg_command_told_by_slopes_moves_as_one_held_in_small_pieces(runs):
+def test_a_leg_command_reported_by_slopes_moves_as_one_held_in_small_pieces(runs):
     ramps = {
         f"leg[{i + 1}].force_command": (0.0, 200.0 + 100.0 * (-1) ** i) for i in range(6)
     }  # N, N/s
     fmu = runs.fmu("hexapod_bench")
-    with started(Host(fmu)) as told, started(Host(fmu)) as held, started(Host(fmu)) as without:
-        run_ramps(told, ramps, 0.1, 3, told=True)
-        run_ramps(held, ramps, 1e-4, 3000, told=False)
-        run_ramps(without, {}, 0.1, 3, told=False)
-        error = np.abs(told.vector("ring.position") - held.vector("ring.position")).max()
-        effect = np.abs(told.vector("ring.position") - without.vector("ring.position")).max()
+    with started(Host(fmu)) as reported, started(Host(fmu)) as held, started(Host(fmu)) as without:
+        run_ramps(reported, ramps, 0.1, 3, reported=True)
+        run_ramps(held, ramps, 1e-4, 3000, reported=False)
+        run_ramps(without, {}, 0.1, 3, reported=False)
+        error = np.abs(reported.vector("ring.position") - held.vector("ring.position")).max()
+        effect = np.abs(reported.vector("ring.position") - without.vector("ring.position")).max()
         assert effect > 1e-3, effect
         assert error < 1e-9, (error, effect)
 
@@ -136,7 +142,7 @@ def test_the_mean_load_leaves_out_the_whole_ramp(runs):
         host.slope_status({"chaser.force_ext[1]": 400.0, "gravity[2]": 3.0})
         host.step(0.1)
         load = np.abs(host.vector("chaser.force_mean")).max()
-        assert load < 1e-7, load  # measured 1e-9 N beside 30 N and 3750 N
+        assert load < 1e-7, load  # measured 1e-9 N next to 30 N and 3750 N
 
 
 def test_slopes_that_cannot_be_used_are_refused_and_nothing_changes(runs):
@@ -379,7 +385,7 @@ def test_fixed_steps_that_cannot_be_made_are_refused(runs, size, why):
 # ---------------------------------------------------------------- log
 
 
-def test_only_the_log_categories_that_are_asked_for_are_told(runs):
+def test_only_the_log_categories_that_are_asked_for_are_reported(runs):
     def run(*selection):
         with Host(runs.fmu(DEFAULT, NEAR)) as host:
             if selection:
@@ -439,7 +445,7 @@ def last_successful_time(host):
     return time.value
 
 
-def test_after_a_discarded_step_the_last_successful_time_is_told(runs):
+def test_after_a_discarded_step_the_last_successful_time_is_reported(runs):
     with started(Host(runs.fmu(DEFAULT, NEAR, "target.motion=driven"))) as host:
         for _ in range(5):
             host.step()

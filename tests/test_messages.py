@@ -347,7 +347,7 @@ def test_a_bad_setting_of_the_environment_is_named(dockloop, monkeypatch, name, 
     assert words in outcome.err
 
 
-def test_a_truth_that_was_kept_but_is_damaged_is_named(dockloop, tmp_path):
+def test_a_solution_that_was_kept_but_is_damaged_is_named(dockloop, tmp_path):
     order = ["trade", "absorber_1d", "--quick", "--methods", "explicit", "--stop", "0.1"]
     assert dockloop(*order).status == 0
     (kept,) = (tmp_path / "build" / "truth").iterdir()
@@ -356,7 +356,7 @@ def test_a_truth_that_was_kept_but_is_damaged_is_named(dockloop, tmp_path):
         before = snapshot(tmp_path)
         outcome = dockloop(*order)
         assert_said(outcome, before, tmp_path)
-        assert f"{kept.name}: is no truth that can be read: delete it" in outcome.err
+        assert f"{kept.name}: is no reference solution that can be read: delete it" in outcome.err
 
 
 # ---------------------------------------------------------------- whose fault it is
@@ -446,9 +446,9 @@ def test_null_as_closure_is_as_if_left_out(dockloop, tmp_path):
     assert check_mechanism(str(null), null) == check_mechanism(str(without), without)
     scene = '[chaser]\nmass = 1\ninertia = [1, 1, 1, 0, 0, 0]\n[mechanism]\nname = "null"\n'
     (tmp_path / "own.toml").write_text(scene)
-    told = dockloop("build", "own.toml", "--no-kernel", "-o", "own.fmu")
-    assert told.status == 0, told.err
-    document["mechanism"]["bodies"][0]["mass"] = None  # a mass of nobody knows what
+    reported = dockloop("build", "own.toml", "--no-kernel", "-o", "own.fmu")
+    assert reported.status == 0, reported.err
+    document["mechanism"]["bodies"][0]["mass"] = None  # a mass of an unknown body
     null.write_text(json.dumps(document))
     refused = dockloop("check", "null.json")
     assert refused.status == 2, refused
@@ -506,7 +506,7 @@ def test_a_temporary_folder_that_cannot_be_had_is_named(dockloop, monkeypatch):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
-def test_standard_output_that_is_full_is_told():
+def test_standard_output_that_is_full_is_reported():
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "dockloop", "check", "hexapod_bench"],
@@ -538,12 +538,12 @@ def test_standard_output_that_is_full_is_told():
 def test_without_matplotlib_only_figures_are_missing(dockloop, tmp_path, monkeypatch, order, files):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    told = dockloop(*order, "--json")
-    assert told.status == 0, told
-    assert told.err.count("\n") == 1, told.err
-    assert "no figures are drawn" in told.err
-    assert "pip install matplotlib" in told.err
-    assert json.loads(told.out)["files"] == files
+    reported = dockloop(*order, "--json")
+    assert reported.status == 0, reported
+    assert reported.err.count("\n") == 1, reported.err
+    assert "no figures are drawn" in reported.err
+    assert "pip install matplotlib" in reported.err
+    assert json.loads(reported.out)["files"] == files
     for file in files:
         assert (tmp_path / file).stat().st_size > 0, file
     assert not list(tmp_path.rglob("*.png"))

@@ -4,7 +4,7 @@ The reference is co-simulation at tight tolerance. Solvers: CVODE as FMPy drives
 control, root finding), and equal Runge-Kutta steps of the test itself (fmi_host.Host.integrate).
 
 1. CVODE comes as close to the reference as its tolerance asks for, in every scene: relative pose,
-   time of contact, time of capture. Peaks follow from the accepted steps that the host tells.
+   time of contact, time of capture. Peaks follow from the accepted steps that the host reports.
 2. So does a solver that shares no line of code with either, with error of fourth order.
 3. Contact, latches and phases are found as events, thrust with a delay as an event in time.
 4. Momentum and energy balance.
@@ -93,7 +93,7 @@ def test_cvode_comes_as_close_to_co_simulation_as_its_tolerance_asks_for(runs, s
 
 
 def test_peaks_are_those_of_the_accepted_steps(runs):
-    # FMPy tells accepted steps at its output points only: 0.25 ms apart they show the peaks.
+    # FMPy reports accepted steps at its output points only: 0.25 ms apart they show the peaks.
     fmu = runs.fmu(DEFAULT, NEAR)
     reference = simulate(fmu, "CoSimulation", PEAKS, 1.0, 0.01)
     run = simulate(fmu, "ModelExchange", PEAKS, 1.0, 0.25e-3, tolerance=1e-9)
@@ -159,12 +159,12 @@ def test_thrust_begins_at_an_event_in_time(runs, start_time):
     fmu = runs.fmu(DEFAULT, NEAR, "chaser.contact_thrust=500", "chaser.contact_thrust_delay=0.1")
     host, info = started(fmu, start_time)
     with host:
-        told = []
+        reported = []
 
         def look(at):
             z = at.indicators()
             assert np.all(np.abs(z) > 0.0), z
-            told.append(at.time)
+            reported.append(at.time)
 
         before = host.vector("momentum.linear")
         info = host.integrate(start_time + 0.15, 1e-3, info, look)
@@ -177,7 +177,7 @@ def test_thrust_begins_at_an_event_in_time(runs, start_time):
         on = host.time - contact - 0.1
         impulse = np.linalg.norm(host.vector("momentum.linear") - before)
         assert math.isclose(impulse, 500.0 * on, rel_tol=1e-4, abs_tol=500.0 * 1e-6), impulse
-        assert len(told) == 2, told
+        assert len(reported) == 2, reported
         if start_time == 0.0:
             inside = simulate(fmu, "CoSimulation", POSE, 0.3, 0.01)
             error = max(abs(host.value(n) - inside[n][-1]) for n in POSE)

@@ -1,10 +1,10 @@
-"""Files that commands write: none of anybody else is replaced, none is left half written.
+"""Files that commands write: none of another program is replaced, none is left half written.
 
 1. Whatever stands where a command would write, and was not made by it, stays as it is, and nothing
    is done: every file of every command, against every kind of file.
 2. What a command made it makes again; what another command made it does not.
-3. A write that fails leaves the old file or none, and no rest beside it.
-4. A place that cannot be written is told before the work.
+3. A write that fails leaves the old file or none, and no rest next to it.
+4. A place that cannot be written is reported before the work.
 """
 
 import errno
@@ -29,7 +29,7 @@ from dockloop import outputs, paths
 from dockloop.errors import DockloopError, UsageError
 
 SWEEP = ["sweep", "absorber_1d_speeds", "--engine", "core", "--workers", "1"]
-TRUTH = ["truth", "absorber_1d", "--output", "gap", "--stop", "0.1", "--step", "0.1"]
+SOLUTION = ["truth", "absorber_1d", "--output", "gap", "--stop", "0.1", "--step", "0.1"]
 TRADE = ["trade", "absorber_1d", "--quick", "--methods", "explicit", "--stop", "0.1"]
 RUN = ["run", "absorber_1d", "--stop", "0.1"]
 
@@ -58,7 +58,7 @@ COMMANDS = {
         [*TRADE, "-o", "own"],
         [f"own/{name}" for name in ("trade.csv", "trade.md", "trade.jsonl", "work_precision.png")],
     ),
-    "truth": ([*TRUTH, "-o", "own.json"], ["own.json"]),
+    "truth": ([*SOLUTION, "-o", "own.json"], ["own.json"]),
     "build": (["build", "absorber_1d", "-o", "own.fmu"], ["own.fmu"]),
     "build reference": (
         ["build", "absorber_1d", "--reference", "-o", "own.fmu"],
@@ -133,18 +133,18 @@ def test_a_foreign_file_stays_and_nothing_is_done(dockloop, tmp_path, command, f
     assert_stopped(dockloop(*COMMANDS[command][0]), tmp_path, before, *words)
 
 
-def test_the_mechanism_beside_a_scene_survives_its_run_and_its_sweep(dockloop, tmp_path):
+def test_the_mechanism_next_to_a_scene_survives_its_run_and_its_sweep(dockloop, tmp_path):
     """The file that `run own.toml -o own.csv` once replaced."""
     mechanism = shutil.copy(paths.MECHANISMS / "absorber_1d.json", tmp_path / "own.json")
     text = (paths.SCENES / "absorber_1d.toml").read_text().replace('"absorber_1d"', '"own"')
     (tmp_path / "own.toml").write_text(text)
     sweep = (paths.SWEEPS / "absorber_1d_speeds.toml").read_text()
     (tmp_path / "many.toml").write_text(sweep.replace('"absorber_1d"', '"own.toml"'))
-    told = dockloop("run", "own.toml", "--stop", "0.1", "-o", "own.csv")
-    assert told.status == 0, told.err
+    reported = dockloop("run", "own.toml", "--stop", "0.1", "-o", "own.csv")
+    assert reported.status == 0, reported.err
     assert json.loads((tmp_path / "own_summary.json").read_text())["scene"] == "own"
-    told = dockloop("sweep", "many.toml", "--no-plots", "-o", "many.parquet")
-    assert told.status == 0, told.err
+    reported = dockloop("sweep", "many.toml", "--no-plots", "-o", "many.parquet")
+    assert reported.status == 0, reported.err
     assert json.loads((tmp_path / "many_summary.json").read_text())["sweep"] == "many"
     assert mechanism.read_text() == (paths.MECHANISMS / "absorber_1d.json").read_text()
     before = snapshot(tmp_path)
@@ -158,14 +158,14 @@ def test_the_mechanism_beside_a_scene_survives_its_run_and_its_sweep(dockloop, t
 def test_what_a_command_made_it_makes_again(dockloop, tmp_path, command):
     arguments, files = COMMANDS[command]
     for _ in range(2):
-        told = dockloop(*arguments)
-        assert told.status == 0, told.err
+        reported = dockloop(*arguments)
+        assert reported.status == 0, reported.err
         for file in files:
             assert (tmp_path / file).stat().st_size > 0, file
     assert not list(tmp_path.rglob("*.partial"))
 
 
-def test_a_package_with_a_vehicle_of_somebody_else_stays(dockloop, tmp_path):
+def test_a_package_with_a_vehicle_of_another_author_stays(dockloop, tmp_path):
     command = ["ssp", "idss_25t_350t", "-o", "own.ssp"]
     assert dockloop(*command).status == 0
     assert dockloop(*command).status == 0
@@ -180,14 +180,14 @@ def test_a_package_with_a_vehicle_of_somebody_else_stays(dockloop, tmp_path):
 def test_results_of_a_driven_vehicle_are_made_again(dockloop, tmp_path):
     command = ["run", "idss_25t_350t", "--scene", "chaser.motion=driven", "--stop", "0.1"]
     for _ in range(2):
-        told = dockloop(*command, "--no-plots", "-o", "own.csv")
-        assert told.status == 0, told.err
+        reported = dockloop(*command, "--no-plots", "-o", "own.csv")
+        assert reported.status == 0, reported.err
 
 
 def test_a_result_by_an_fmu_goes_to_its_default_place_twice(dockloop, runs, tmp_path):
     for _ in range(2):
-        told = dockloop("run", runs.fmu("absorber_1d"), "--stop", "0.1")
-        assert told.status == 0, told.err
+        reported = dockloop("run", runs.fmu("absorber_1d"), "--stop", "0.1")
+        assert reported.status == 0, reported.err
     folder = tmp_path / "build" / "results" / "absorber_1d"
     assert (folder / "absorber_1d_summary.json").is_file()
 
@@ -233,9 +233,9 @@ def test_a_file_that_finds_no_space_does_not_get_its_name(
         return real(self, target)
 
     monkeypatch.setattr(Path, "replace", replace)
-    told = dockloop(*COMMANDS[command][0])
-    assert told.status == 1, told
-    assert told.err == f"dockloop: {file}: cannot be written (no space is left on the disk)\n"
+    reported = dockloop(*COMMANDS[command][0])
+    assert reported.status == 1, reported
+    assert reported.err == f"dockloop: {file}: cannot be written (no space is left on the disk)\n"
     assert not (tmp_path / file).exists()
     assert not list(tmp_path.rglob("*.partial"))
 
@@ -298,10 +298,10 @@ def small_disk(tmp_path):
 def test_on_a_disk_that_is_really_full_all_files_are_whole(dockloop, small_disk, command):
     arguments, files = COMMANDS[command]
     (small_disk / "filler").write_bytes(bytes(4096))
-    told = dockloop(*(f"small/{word}" if word in files else word for word in arguments))
-    assert told.status == 1, told
-    assert told.err.count("\n") == 1, told.err
-    assert "cannot be written (no space is left on the disk)" in told.err
+    reported = dockloop(*(f"small/{word}" if word in files else word for word in arguments))
+    assert reported.status == 1, reported
+    assert reported.err.count("\n") == 1, reported.err
+    assert "cannot be written (no space is left on the disk)" in reported.err
     left = {path.name: path for path in small_disk.iterdir()}
     assert set(left) <= {"filler", "own.csv", "own.jsonl"}, left  # the journal is to go on with
     if "own.csv" in left:
@@ -313,7 +313,9 @@ def test_on_a_disk_that_is_really_full_all_files_are_whole(dockloop, small_disk,
 
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("place", ["folder", "below a file", "loop", "device", "nowhere"])
-def test_a_place_that_cannot_be_written_is_told_before_the_work(dockloop, tmp_path, command, place):
+def test_a_place_that_cannot_be_written_is_reported_before_the_work(
+    dockloop, tmp_path, command, place
+):
     arguments, files = COMMANDS[command]
     if "-o" not in arguments:
         return
@@ -341,7 +343,7 @@ def test_a_place_that_cannot_be_written_is_told_before_the_work(dockloop, tmp_pa
 
 @pytest.mark.usefixtures("permissions")
 @pytest.mark.parametrize("command", ["run npz", "sweep", "trade", "truth", "build", "ssp"])
-def test_a_folder_without_permission_is_told_before_the_work(dockloop, tmp_path, command):
+def test_a_folder_without_permission_is_reported_before_the_work(dockloop, tmp_path, command):
     arguments, _ = COMMANDS[command]
     tmp_path.chmod(0o555)
     try:

@@ -45,7 +45,7 @@ class Drive:
         self.attitude = host.vector("chaser.attitude", 4)
 
     def __call__(self, host):
-        """Tell the pose at the beginning of the coming step."""
+        """Set the pose at the beginning of the coming step."""
         host.put("chaser.position", self.position + host.time * self.velocity)
         host.put("chaser.velocity", self.velocity)
         host.put("chaser.attitude", self.attitude)
@@ -462,20 +462,20 @@ def test_a_state_with_other_coordinates_goes_on_in_another_instance(slider_crank
         assert [i for i in range(20) if seen[i] != expected[i]] == []
 
 
-def test_a_change_of_coordinates_in_model_exchange_is_told_and_restores(slider_crank):
+def test_a_change_of_coordinates_in_model_exchange_is_reported_and_restores(slider_crank):
     with Host(slider_crank, exchange=True) as host:
-        told = []
+        reported = []
         info = host.start_exchange()
         info = host.integrate(0.095, 1e-3, info)
         saved = host.save()
         before = host.vector("ring.position"), host.value("energy.kinetic")
 
         def run():
-            host.integrate(0.12, 0.1e-3, info, lambda at: told.append(at.information[2]))
+            host.integrate(0.12, 0.1e-3, info, lambda at: reported.append(at.information[2]))
             return host.everything()
 
         expected = run()
-        assert told == [True], told  # the nominal values of the states have changed
+        assert reported == [True], reported  # the nominal values of the states have changed
         host.restore(saved)
         assert np.array_equal(before[0], host.vector("ring.position"))
         assert run() == expected

@@ -113,7 +113,7 @@ def test_overrides_reach_scene_mechanism_and_entries_of_lists_by_name():
     assert document["initial"]["joints"] == {"crank": {"rate": 6}}
 
 
-def test_a_mechanism_beside_the_scene_wins_and_may_stand_under_a_key(tmp_path):
+def test_a_mechanism_next_to_the_scene_wins_and_may_stand_under_a_key(tmp_path):
     (tmp_path / "mine.toml").write_text(MINIMAL)
     (tmp_path / "own.json").write_text(json.dumps(LOW_LEVEL))
     document = resolve_scene(tmp_path / "mine.toml")

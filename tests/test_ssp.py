@@ -118,10 +118,10 @@ def recording_of(bare_package):
     def record(master, wrong_mode=False):
         sequential = (master == "sequential container") != wrong_mode
         file = bare_package(*SCENE, *([IN_SEQUENCE] if sequential else []))
-        told = {f"{name.partition('.')[0]}::{rename(name)}": name for name in MOTIONS}
-        names = [*RESULTS, *INSIDE, *told]
+        reported = {f"{name.partition('.')[0]}::{rename(name)}": name for name in MOTIONS}
+        names = [*RESULTS, *INSIDE, *reported]
         found = record_importer(master, file, STEP, STEPS, names, every=1)
-        return {told.get(name, name): np.array(values) for name, values in found.items()}
+        return {reported.get(name, name): np.array(values) for name, values in found.items()}
 
     return record
 
@@ -248,7 +248,7 @@ def write_chain(folder, names):
 @pytest.mark.parametrize("master", MASTERS)
 def test_when_a_master_hands_on_values(chain_of, master, first):
     # The leader is at 1, 2, 3, 4 m after 0, 1, 2, 3 steps of 1 s. The speed that the other one has
-    # gained in a step tells which of these it was pushed by: that of the start of the step where
+    # gained in a step shows which of these it was pushed by: that of the start of the step where
     # all step at once, that of its end where the leader has stepped before it.
     names = ("leader", "docking") if first == "leader" else ("docking", "leader")
     name = "chaser.velocity[1]"
@@ -268,7 +268,7 @@ def differ(found, expected, prefix):
 
 @pytest.mark.parametrize("master", MASTERS)
 def test_the_package_gives_the_docking_of_one_fmu(recording_of, alone, master):
-    # Largest differences found stand beside the limits; the vehicles' own positions keep
+    # Largest differences found stand next to the limits; the vehicles' own positions keep
     # H^2 a / 12 (6e-7 m), since they move under means.
     found = recording_of(master)
     assert alone["captured"][-1]
@@ -292,10 +292,13 @@ def test_a_load_from_the_first_step_on_reaches_the_vehicles(runs, bare_package, 
     scene = ("absorber_1d", *SCENE[2:5], f"experiment.step={STEP}")
     mode = (IN_SEQUENCE,) if master == "sequential container" else ()
     package = bare_package(*scene, *mode)
-    told = {"relative.axial": "relative.axial", "chaser.velocity[1]": "chaser::chaser.velocity[1]"}
-    found = record_importer(master, package, STEP, 64, told.values(), every=1)
-    expected = record_importer("fmpy", runs.fmu(*scene), STEP, 64, told, every=1)
-    for name, outside in told.items():
+    reported = {
+        "relative.axial": "relative.axial",
+        "chaser.velocity[1]": "chaser::chaser.velocity[1]",
+    }
+    found = record_importer(master, package, STEP, 64, reported.values(), every=1)
+    expected = record_importer("fmpy", runs.fmu(*scene), STEP, 64, reported, every=1)
+    for name, outside in reported.items():
         difference = np.max(np.abs(np.subtract(found[outside], expected[name]))[1:])
         assert np.ptp(expected[name]) > 0.01
         assert difference < 5e-14, name  # 4e-15

@@ -2,15 +2,15 @@
 
 1. Samples: every kind of distribution has its shape; the seed decides; grids meet equal samples.
 2. Files: bad sweeps are refused with file, member, value and limit.
-3. Planning: one FMU told by start values, and reset between cases, gives the bits of an FMU of its
+3. Planning: one FMU set by start values, and reset between cases, gives the bits of an FMU of its
    own, for every kind of quantity; an early end gives the bits of a run to that time.
 4. The table: the same bytes with two workers, one of which is killed on the way, with one worker
    after Ctrl-C and a torn journal (by either engine), and from a foreign scheduler; the worst case
    runs alone to the bits of its row; the metadata holds the set-up; the linear absorber gives its
    linear answer.
 5. Failures are rows: refused by the scene, by the FMU, a step discarded, a worker lost.
-6. The journal: a line that was changed is told once and its case is run again, all others are kept;
-   a full disk loses nothing; the finished table of another sweep stays.
+6. The journal: a line that was changed is reported once and its case is run again, all others are
+   kept; a full disk loses nothing; the finished table of another sweep stays.
 """
 
 import json
@@ -313,12 +313,12 @@ def test_one_fmu_that_is_reset_gives_the_bits_of_an_fmu_for_each_case(tmp_path, 
         if plan.fmu not in loaded:
             loaded[plan.fmu] = LoadedFmu(planner.fmu(plan.fmu)[1])
         result = loaded[plan.fmu].run(plan.job)
-        told = [as_setting(quantity.name, value)]
+        reported = [as_setting(quantity.name, value)]
         scene_key = planner.is_scene_key(quantity.name)
         alone = runs.run(
             CAPTURED,
-            *(told if scene_key else ()),
-            settings=() if scene_key else tuple(told),
+            *(reported if scene_key else ()),
+            settings=() if scene_key else tuple(reported),
             stop=2.5,
             step=0.5,
         )
@@ -455,9 +455,9 @@ def test_two_sweeps_do_not_write_one_journal(tmp_path):
 
 def test_the_worst_case_runs_alone_to_the_bits_of_its_row(dockloop, cluster, reference, tmp_path):
     path, _ = reference
-    told = dockloop("sweep", path, "--scheduler", cluster.scheduler_address, "--json", "--csv")
-    assert told.status == 0, told.err
-    summary = json.loads(told.out)
+    reported = dockloop("sweep", path, "--scheduler", cluster.scheduler_address, "--json", "--csv")
+    assert reported.status == 0, reported.err
+    summary = json.loads(reported.out)
     for file in summary["files"]:
         assert Path(file).stat().st_size > 0, file
     assert {Path(file).suffix for file in summary["files"]} == {".parquet", ".csv", ".png", ".json"}
@@ -483,14 +483,14 @@ def test_the_worst_case_runs_alone_to_the_bits_of_its_row(dockloop, cluster, ref
 def test_the_metadata_of_the_table_holds_units_and_the_whole_set_up(reference, tmp_path):
     path, whole = reference
     schema = parquet.read_schema(whole)
-    told = {key.decode(): value.decode() for key, value in schema.metadata.items()}
-    assert told["dockloop.sweep"] == SHORT
-    assert told["dockloop.scene"] == (paths.SCENES / "idss_25t_350t.toml").read_text()
-    assert json.loads(told["dockloop.model"])["mechanism"]["name"] == "idss_hexapod"
-    assert told["dockloop.seed"] == "7"
-    assert json.loads(told["dockloop.experiment"])["step"] == 0.25
-    assert set(json.loads(told["dockloop.versions"])) >= {"dockloop", "numpy", "scipy", "fmpy"}
-    assert len(bytes.fromhex(told["dockloop.model_sha256"])) == 32
+    reported = {key.decode(): value.decode() for key, value in schema.metadata.items()}
+    assert reported["dockloop.sweep"] == SHORT
+    assert reported["dockloop.scene"] == (paths.SCENES / "idss_25t_350t.toml").read_text()
+    assert json.loads(reported["dockloop.model"])["mechanism"]["name"] == "idss_hexapod"
+    assert reported["dockloop.seed"] == "7"
+    assert json.loads(reported["dockloop.experiment"])["step"] == 0.25
+    assert set(json.loads(reported["dockloop.versions"])) >= {"dockloop", "numpy", "scipy", "fmpy"}
+    assert len(bytes.fromhex(reported["dockloop.model_sha256"])) == 32
     units = {field.name: field.metadata[b"unit"].decode() for field in schema}
     assert units["initial.lateral_offset"] == "m"
     assert units["initial.lateral_direction_deg"] == "deg"
@@ -499,7 +499,7 @@ def test_the_metadata_of_the_table_holds_units_and_the_whole_set_up(reference, t
     assert units["capture.peak.compression"] == "N"
     assert units["capture.peak.bending"] == "N.m"
     # The table alone is enough to make the sweep again.
-    again = write(tmp_path, told["dockloop.sweep"], "again")
+    again = write(tmp_path, reported["dockloop.sweep"], "again")
     assert read_sweep(str(again)).cases == read_sweep(str(path)).cases
 
 
@@ -552,9 +552,9 @@ step = 0.25
 
 def test_failures_are_rows_with_a_reason(dockloop, cluster, tmp_path):
     path = write(tmp_path, FAILING)
-    told = dockloop("sweep", path, "--scheduler", cluster.scheduler_address)
-    assert told.status == 0, told.err
-    assert "1 done, 6 refused, 1 failed" in told.out, told.out
+    reported = dockloop("sweep", path, "--scheduler", cluster.scheduler_address)
+    assert reported.status == 0, reported.err
+    assert "1 done, 6 refused, 1 failed" in reported.out, reported.out
     rows = parquet.read_table("build/sweeps/mine/mine.parquet").to_pylist()
     assert [row["status"] for row in rows] == ["done", "failed", *["refused"] * 6]
     assert rows[0]["reason"] is None
@@ -567,9 +567,11 @@ def test_failures_are_rows_with_a_reason(dockloop, cluster, tmp_path):
         assert row["outcome"] is None
 
     path.write_text(FAILING.replace("[1.0, 31.0]", "[31.0]"))
-    told = dockloop("sweep", path, "--scheduler", cluster.scheduler_address, "-o", "bad.parquet")
-    assert told.status == 1, told
-    assert "no case was done, for example" in told.err, told.err
+    reported = dockloop(
+        "sweep", path, "--scheduler", cluster.scheduler_address, "-o", "bad.parquet"
+    )
+    assert reported.status == 1, reported
+    assert "no case was done, for example" in reported.err, reported.err
 
 
 def test_a_case_that_is_lost_with_its_workers_is_tried_again_by_resume(tmp_path, monkeypatch):
@@ -615,7 +617,7 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE)
-def test_a_changed_line_is_told_once_and_only_its_case_is_run_again(dockloop, tmp_path, damage):
+def test_a_changed_line_is_reported_once_and_only_its_case_is_run_again(dockloop, tmp_path, damage):
     assert dockloop(*SPEEDS).status == 0
     whole, journal = (tmp_path / "mine.parquet").read_bytes(), tmp_path / "mine.jsonl"
     lines = journal.read_text().splitlines()
@@ -625,12 +627,12 @@ def test_a_changed_line_is_told_once_and_only_its_case_is_run_again(dockloop, tm
     refused = dockloop(*SPEEDS)
     assert refused.status == 2, refused
     assert "holds 7 of 8 cases" in refused.err
-    told = dockloop(*SPEEDS, "--resume", "--json")
-    assert told.status == 0, told
-    assert told.err == (
+    reported = dockloop(*SPEEDS, "--resume", "--json")
+    assert reported.status == 0, reported
+    assert reported.err == (
         "dockloop: warning: mine.jsonl: line 4 is damaged or was changed: its case is run again\n"
     )
-    assert json.loads(told.out)["time"]["ran"] == 1
+    assert json.loads(reported.out)["time"]["ran"] == 1
     assert (tmp_path / "mine.parquet").read_bytes() == whole
     again = dockloop(*SPEEDS, "--resume", "--json")
     assert (again.status, again.err) == (0, ""), again
@@ -638,18 +640,18 @@ def test_a_changed_line_is_told_once_and_only_its_case_is_run_again(dockloop, tm
     assert sorted(journal.read_text().splitlines()[1:]) == sorted(lines[1:])
 
 
-def test_many_changed_lines_are_told_in_one(dockloop, tmp_path):
+def test_many_changed_lines_are_reported_in_one(dockloop, tmp_path):
     assert dockloop(*SPEEDS).status == 0
     journal = tmp_path / "mine.jsonl"
     header, *lines = journal.read_text().splitlines()
     journal.write_text("\n".join([header, *("?" for _ in lines[:-1]), lines[-1], ""]))
-    told = dockloop(*SPEEDS, "--resume", "--json")
-    assert "lines 2, 3, 4, 5, 6, 7, 8 are damaged" in told.err
-    assert told.err.count("\n") == 1
-    assert json.loads(told.out)["time"]["ran"] == 7
+    reported = dockloop(*SPEEDS, "--resume", "--json")
+    assert "lines 2, 3, 4, 5, 6, 7, 8 are damaged" in reported.err
+    assert reported.err.count("\n") == 1
+    assert json.loads(reported.out)["time"]["ran"] == 7
 
 
-def test_a_status_that_nobody_knows_is_no_result(tmp_path):
+def test_a_status_that_unknown_is_no_result(tmp_path):
     """Not even with the right checksum."""
     journal = Journal(tmp_path / "a.jsonl", {}, 2, resume=False)
     journal.add((1.0,), Result("done", outputs=(1.0,)))
@@ -712,8 +714,8 @@ def test_resume_makes_the_table_of_more_cases_and_of_those_that_it_had(dockloop,
     assert dockloop(*command).status == 0
     write(tmp_path, shipped.replace("0.05, 0.10", "0.05, 0.10, 0.11"))
     assert dockloop(*command).status == 2
-    told = dockloop(*command, "--resume", "--json")
-    assert json.loads(told.out)["time"]["ran"] == 4, told.err
+    reported = dockloop(*command, "--resume", "--json")
+    assert json.loads(reported.out)["time"]["ran"] == 4, reported.err
     assert dockloop(*command).status == 0  # it is the same sweep now
     assert parquet.read_table(table).num_rows == 12
     foreign = tmp_path / "else.parquet"
@@ -739,19 +741,19 @@ def test_a_full_disk_loses_no_case(dockloop, tmp_path, monkeypatch):
 
     monkeypatch.setattr(Journal, "_write", write_line)
     for kept in (0, 3):
-        told = dockloop(*SPEEDS)
-        assert told.status == 1, told
-        assert told.err == (
+        reported = dockloop(*SPEEDS)
+        assert reported.status == 1, reported
+        assert reported.err == (
             "dockloop: mine.jsonl: cannot be written (no space is left on the disk); the same"
             " command with --resume goes on\n"
         )
         assert (tmp_path / "mine.jsonl").exists() == bool(kept)
         assert not (tmp_path / "mine.parquet").exists()
-    told = dockloop(*SPEEDS, "--resume", "--json")
-    assert json.loads(told.out)["time"]["ran"] == 8 - kept, told
+    reported = dockloop(*SPEEDS, "--resume", "--json")
+    assert json.loads(reported.out)["time"]["ran"] == 8 - kept, reported
 
 
-def test_a_table_that_cannot_be_written_is_told_before_the_first_case(
+def test_a_table_that_cannot_be_written_is_reported_before_the_first_case(
     dockloop, tmp_path, monkeypatch
 ):
     def fail(*_, **__):
@@ -773,7 +775,7 @@ def test_a_journal_that_holds_nothing_needs_no_resume(dockloop):
     assert dockloop(*SPEEDS).status == 0
 
 
-def test_another_dockloop_that_writes_the_journal_is_told(tmp_path):
+def test_another_dockloop_that_writes_the_journal_is_reported(tmp_path):
     """Also while the file is put in order."""
     journal = Journal(tmp_path / "a.jsonl", {}, 2, resume=False)
     journal.add((1.0,), Result("done"))

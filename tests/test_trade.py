@@ -1,9 +1,9 @@
 """Speed against accuracy: are its errors the true ones, and does it recommend what pays.
 
 1. Errors: those of the absorber are those against its closed form, those of the hexapod bench those
-   against a reference of another program, between communication points too; a perturbed truth
-   raises each figure by what it was perturbed by; another outcome has no error.
-2. The truth: found once; of dockloop-compare when that knows it.
+   against a reference of another program, between communication points too; a perturbed reference
+   solution raises each figure by what it was perturbed by; another outcome has no error.
+2. The reference solution: found once; of dockloop-compare when that knows it.
 3. Rows: a refused setting is one with a reason; an interrupted trade goes on to the same rows; the
    default against itself costs its own time; the grid asks for what the FMU has.
 4. Front, recommendation and verdicts on made-up rows.
@@ -28,7 +28,7 @@ from dockloop.simulate import Recording
 from dockloop.trade import Choice, Setting, report
 from dockloop.trade.bench import Bench
 from dockloop.trade.errors import find_compared, find_errors, find_scales
-from dockloop.trade.truth import find_truth
+from dockloop.trade.solution import find_solution
 from test_absorber import Exact
 
 HEXAPOD = json.loads((Path(__file__).parent / "data/hexapod_bench_reference.json").read_text())
@@ -37,7 +37,7 @@ MEASURED = ("time_ratio", "time_ratio_of_best", "front_by_time")  # the rest rep
 
 @pytest.fixture(scope="module")
 def build(tmp_path_factory):
-    """A folder for truths and results of this file."""
+    """A folder for reference solutions and results of this file."""
     with pytest.MonkeyPatch.context() as patch:
         folder = tmp_path_factory.mktemp("build")
         patch.setattr(paths, "BUILD", folder)
@@ -74,7 +74,7 @@ def find_exact(t):
 
 
 def test_errors_of_the_absorber_are_those_against_its_closed_form(absorber, measured):
-    """Every setting of the quick grid is run again here and compared without the truth."""
+    """Every setting of the quick grid is run again here and compared without it."""
     exact = Exact(0.3)
     force = exact.force(exact.time_of_peak)
     settings = trade.make_settings(absorber, Choice(quick=True), absorber.stop)
@@ -88,9 +88,11 @@ def test_errors_of_the_absorber_are_those_against_its_closed_form(absorber, meas
         position = np.max(np.abs(moved - there[:, 0])[looked_at])
         speed = abs(run["relative.velocity[1]"][-1] - there[-1, 1])
         peak = abs(run["capture.peak.compression"][-1] / force - 1.0)
-        told = (row["position_m"], row["end_velocity_m_s"], row["peaks"])
-        # The truth is good to 1e-10 m, m/s and of the peak, or better.
-        assert told == pytest.approx((position, speed, peak), rel=1e-6, abs=1e-10), row["setting"]
+        reported = (row["position_m"], row["end_velocity_m_s"], row["peaks"])
+        # The reference solution is good to 1e-10 m, m/s and of the peak, or better.
+        assert reported == pytest.approx((position, speed, peak), rel=1e-6, abs=1e-10), row[
+            "setting"
+        ]
         scales = measured.about["scales"]
         worst = max(position / scales["position_m"], speed / scales["end_velocity_m_s"], peak)
         assert row["error"] == pytest.approx(worst, rel=1e-6, abs=1e-9), row["setting"]
@@ -100,11 +102,11 @@ def test_errors_of_the_absorber_are_those_against_its_closed_form(absorber, meas
 
 def test_the_quick_grid_of_the_hexapod_bench_from_the_command_line(dockloop, runs):
     """Positions against the reference of another program, files, and what was refused."""
-    told = dockloop(
+    reported = dockloop(
         "trade", "hexapod_bench", "--quick", "--methods", "explicit,adams,dae", "--json"
     )
-    assert told.status == 0, told.err
-    summary = json.loads(told.out)
+    assert reported.status == 0, reported.err
+    summary = json.loads(reported.out)
     folder = paths.BUILD / "results" / "trade_hexapod_bench"
     assert [Path(file).name for file in summary["files"]] == [
         "trade.csv",
@@ -207,10 +209,10 @@ PERTURBED = {
 @pytest.mark.parametrize("name", PERTURBED)
 def test_a_perturbed_run_has_the_error_of_its_perturbation(name):
     variable, point, amount, figure, value, error = PERTURBED[name]
-    truth, run = make_docking(), make_docking()
-    assert find_errors(truth, run)["error"] == 0.0
+    solution, run = make_docking(), make_docking()
+    assert find_errors(solution, run)["error"] == 0.0
     run.values[point, run.names.index(variable)] += amount
-    found = find_errors(truth, run)
+    found = find_errors(solution, run)
     assert found[figure] == pytest.approx(value, rel=1e-9), found
     assert found["error"] == pytest.approx(error, rel=1e-9), found
     assert found["outcome_matches"] is True
@@ -219,20 +221,20 @@ def test_a_perturbed_run_has_the_error_of_its_perturbation(name):
 
 @pytest.mark.parametrize(("variable", "value"), [("outcome", 3.0), ("time_of_capture", -1.0)])
 def test_another_outcome_is_flagged_and_has_no_error(variable, value):
-    truth, run = make_docking(), make_docking()
+    solution, run = make_docking(), make_docking()
     run.values[2, run.names.index(variable)] = value
-    found = find_errors(truth, run)
+    found = find_errors(solution, run)
     assert found["outcome_matches"] is False
     assert found["error"] is None
 
 
-def test_a_perturbed_truth_raises_the_errors_of_real_runs(absorber):
+def test_a_perturbed_solution_raises_the_errors_of_real_runs(absorber):
     names = find_compared(absorber.outputs)
-    truth = find_truth(absorber, absorber.stop, absorber.step, names).recording
+    solution = find_solution(absorber, absorber.stop, absorber.step, names).recording
     run = absorber.run(absorber.tolerances(1e-6), absorber.stop, absorber.step)
-    before = find_errors(truth, run)
-    truth.values[250:, truth.names.index("relative.position[1]")] += 1e-3
-    after = find_errors(truth, run)
+    before = find_errors(solution, run)
+    solution.values[250:, solution.names.index("relative.position[1]")] += 1e-3
+    after = find_errors(solution, run)
     assert before["position_m"] < 1e-5, before
     assert after["position_m"] > 9e-4, after
     assert after["error"] > before["error"]
@@ -243,24 +245,24 @@ def test_a_scene_without_motion_to_compare_is_refused():
         find_compared(["time", "energy.residual"])
 
 
-# ---------------------------------------------------------------- the truth
+# ---------------------------------------------------------------- the reference solution
 
 
-def test_the_truth_is_found_once(absorber, build, monkeypatch):
+def test_the_solution_is_found_once(absorber, build, monkeypatch):
     said = []
     names = ["relative.position[1]"]
-    first = find_truth(absorber, 0.5, 0.1, names, said.append)
-    again = find_truth(absorber, 0.5, 0.1, names, said.append)
+    first = find_solution(absorber, 0.5, 0.1, names, said.append)
+    again = find_solution(absorber, 0.5, 0.1, names, said.append)
     assert len(said) == 1
     assert again.key == first.key
     assert (again.recording.values == first.recording.values).all()
     assert np.max(np.abs(first.doubt.values - first.recording.values)) < 1e-10
-    assert find_truth(absorber, 0.5, 0.05, names, said.append).key != first.key
+    assert find_solution(absorber, 0.5, 0.05, names, said.append).key != first.key
     assert len(said) == 2
 
 
 def make_core(folder, monkeypatch, answer):
-    """Put a program in the place of dockloop-compare that knows the truth, or says it does."""
+    """Put a program in the place of dockloop-compare that knows the solution, or says it does."""
     core = folder / "core"
     core.write_text(f"#!/bin/sh\n{answer}\n")
     core.chmod(core.stat().st_mode | stat.S_IEXEC)
@@ -268,7 +270,7 @@ def make_core(folder, monkeypatch, answer):
 
 
 @pytest.mark.parametrize(("values", "error"), [("values", "error"), ("output", "check")])
-def test_the_truth_of_the_core_is_used_where_it_is_known(
+def test_the_solution_of_the_core_is_used_where_it_is_known(
     absorber, tmp_path, monkeypatch, values, error
 ):
     """A program that is sure of a position of 42 m, but not of a peak of 42 N."""
@@ -277,22 +279,22 @@ def test_the_truth_of_the_core_is_used_where_it_is_known(
     answer = {"time": [0.0, 0.5], values: {name: [42.0, 42.0] for name in names}, "digits": 33}
     answer[error] = sure if error == "error" else {"difference": sure}
     make_core(tmp_path, monkeypatch, f"echo '{json.dumps(answer)}'")
-    truth = find_truth(absorber, 0.5, 0.5, names)
-    assert truth.source.startswith("dockloop truth; capture.peak.compression: the FMU itself")
-    assert truth.facts == {"digits": 33}
-    assert truth.recording[names[0]].tolist() == [42.0, 42.0]
-    assert truth.doubt[names[0]] == pytest.approx([42.0, 42.0], rel=1e-12)
+    solution = find_solution(absorber, 0.5, 0.5, names)
+    assert solution.source.startswith("dockloop truth; capture.peak.compression: the FMU itself")
+    assert solution.facts == {"digits": 33}
+    assert solution.recording[names[0]].tolist() == [42.0, 42.0]
+    assert solution.doubt[names[0]] == pytest.approx([42.0, 42.0], rel=1e-12)
     ours = absorber.run(absorber.tolerances(1e-12), 0.5, 0.5)[names[1]]
-    assert truth.recording[names[1]] == pytest.approx(ours, rel=1e-9)
+    assert solution.recording[names[1]] == pytest.approx(ours, rel=1e-9)
 
 
-def test_where_the_core_fails_the_fmu_says_the_truth_and_the_reason_is_kept(
+def test_where_the_core_fails_the_fmu_says_the_solution_and_the_reason_is_kept(
     absorber, tmp_path, monkeypatch
 ):
     make_core(tmp_path, monkeypatch, "echo 'double precision only' >&2; exit 2")
-    truth = find_truth(absorber, 0.5, 0.5, ["relative.position[1]"])
-    assert truth.source.startswith("the FMU itself"), truth.source
-    assert truth.source.endswith("(dockloop truth: double precision only)"), truth.source
+    solution = find_solution(absorber, 0.5, 0.5, ["relative.position[1]"])
+    assert solution.source.startswith("the FMU itself"), solution.source
+    assert solution.source.endswith("(dockloop truth: double precision only)"), solution.source
 
 
 # ---------------------------------------------------------------- rows
@@ -320,7 +322,7 @@ def test_an_interrupted_trade_goes_on_to_the_same_rows(absorber, measured, build
         assert {n: row[n] for n in row if n not in MEASURED} == {
             n: whole[n] for n in whole if n not in MEASURED
         }
-    with pytest.raises(UsageError, match="made with another stop, truth"):
+    with pytest.raises(UsageError, match="made with another stop, "):
         trade.run_trade(absorber, Choice(quick=True, stop=2.0), folder, resume=True)
 
 
@@ -340,7 +342,7 @@ def test_runs_are_compared_as_often_whatever_their_step():
 
 
 def make_bench(levels=True):
-    """A bench that has been told what its FMU has."""
+    """A bench that has received what its FMU has."""
     start = {"solver.method": 1, "solver.rtol": 1e-6, "model.level": 3 if levels else None}
     names = ["solver.method", *(["model.level", "solver.dae_form"] if levels else [])]
     return SimpleNamespace(start=start.get, variables=dict.fromkeys(names), step=0.01)
@@ -451,8 +453,8 @@ def make_row(scheme, error, evaluations, time_ratio, *, step=0.1, status="done",
 ROWS = [
     make_row("quick", 3e-2, 100, 0.5),
     make_row("quick", 5e-4, 400, 1.0),
-    make_row("dear", 5e-4, 300, 2.0),  # fewer evaluations, but each costs more
-    make_row("dear", 2e-7, 900, 3.0),
+    make_row("expensive", 5e-4, 300, 2.0),  # fewer evaluations, but each costs more
+    make_row("expensive", 2e-7, 900, 3.0),
     make_row("coarse", 5e-4, 200, 0.9, step=1.0),
     make_row("beaten", 2e-2, 500, 1.5),
     make_row("wrong", None, 10, 0.1),  # another outcome
@@ -465,7 +467,7 @@ def test_the_front_holds_what_nothing_beats():
     assert [row["setting"] for row in by_time] == [
         "quick, 0.03, step 0.1 s",
         "coarse, 0.0005, step 1 s",
-        "dear, 2e-07, step 0.1 s",
+        "expensive, 2e-07, step 0.1 s",
     ]
     by_evaluations = report.find_front(ROWS, "evaluations")
     assert [row["evaluations"] for row in by_evaluations] == [100, 200, 900]
@@ -497,7 +499,7 @@ def test_the_recommendation_says_it_in_words():
     assert by_step[1e-6]["1"] is None
     doubtful = summarise(ROWS, doubt=1e-5)["recommendations"][4]
     assert doubtful["best"] is None
-    assert doubtful["sentence"] == "for 1e-06: the truth itself is good to 1e-05 only"
+    assert doubtful["sentence"] == "for 1e-06: the reference solution itself is good to 1e-05 only"
 
 
 def test_what_does_not_pay_and_what_levels_cost_is_said():
@@ -517,7 +519,7 @@ def test_what_does_not_pay_and_what_levels_cost_is_said():
     assert summary["other_outcome"] == ["wrong, None, step 0.1 s"]
 
 
-def test_scales_are_those_of_the_truth():
+def test_scales_are_those_of_the_solution():
     scales = find_scales(make_docking())
     assert scales == pytest.approx(
         {

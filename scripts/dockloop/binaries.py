@@ -1,6 +1,6 @@
 """The compiled library of the FMU for every platform, and whether it is up to date.
 
-``scripts/platforms`` builds them into ``build/platforms/PLATFORM`` and stores beside each the
+``scripts/platforms`` builds them into ``build/platforms/PLATFORM`` and stores next to each the
 fingerprint of the sources it was built from. A library of other sources than the present ones is
 never packed.
 """

@@ -82,7 +82,7 @@ def _name_petal(values: Mapping[str, float]) -> str:
 
 
 def _name_widest(values: Mapping[str, float], free: list[int], latches: Mapping) -> str:
-    """Name the latch without a striker that is open most, and how far beside that is."""
+    """Name the latch without a striker that is open most, and how far away it is."""
     openings = _list(values, "latch[{}].opening")
     known = [i for i in free if i < len(openings)]
     if not known:

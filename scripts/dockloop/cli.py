@@ -31,13 +31,13 @@ _TRADE_EXAMPLE = (
 _CHECK_EXAMPLE = "example: dockloop check idss_hexapod"
 _EXTREMES_EXAMPLE = "example: dockloop extremes --item 10 --quick"
 _VARIABLES_EXAMPLE = "example: dockloop variables idss_25t_350t --match solver --match 'latch[1].*'"
-_TRUTH_EXAMPLE = (
+_SOLUTION_EXAMPLE = (
     "example: dockloop truth absorber_1d --output relative.axial --stop 1 --step 0.1 --check"
 )
 
 
 class _ReaderGoneError(Exception):
-    """Whoever reads our output has seen enough."""
+    """The reader of our output has closed it."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -187,7 +187,7 @@ def _make_parser() -> argparse.ArgumentParser:
         "--output",
         type=Path,
         metavar="TABLE.parquet",
-        help="the table; journal, TABLE_summary.json and plots are written beside it"
+        help="the table; journal, TABLE_summary.json and plots are written next to it"
         " (default: build/sweeps/SWEEP/SWEEP.parquet)",
     )
     sweep.add_argument(
@@ -216,7 +216,7 @@ def _make_parser() -> argparse.ArgumentParser:
     _add_envelope(commands)
     _add_trade(commands)
 
-    check = _add(commands, "check", _check, "tell whether a mechanism is sound", _CHECK_EXAMPLE)
+    check = _add(commands, "check", _check, "say whether a mechanism is sound", _CHECK_EXAMPLE)
     check.add_argument("mechanism", metavar="MECHANISM", help="name or .json file")
     check.add_argument(
         "--states",
@@ -271,7 +271,7 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     variables.add_argument("--json", action="store_true", help="print the list as JSON")
 
-    _add_truth(commands)
+    _add_solution(commands)
     return parser
 
 
@@ -296,7 +296,7 @@ def _add_run(commands: Any) -> None:
         type=Path,
         metavar="RESULT",
         help="result file, .csv, .npz or .parquet; RESULT_summary.json (with the units) and plots"
-        " are written beside it (default: build/results/SCENE/SCENE.csv)",
+        " are written next to it (default: build/results/SCENE/SCENE.csv)",
     )
     run.add_argument(
         "--outputs",
@@ -342,18 +342,18 @@ def _add_envelope(commands: Any) -> None:
     add_arguments(_add(commands, "envelope", _envelope, text, EXAMPLE))
 
 
-def _add_truth(commands: Any) -> None:
+def _add_solution(commands: Any) -> None:
     """Add the command that integrates with 32 digits."""
-    truth = _add(
+    solution = _add(
         commands,
         "truth",
-        _truth,
+        _solution,
         "integrate a scene with 32 digits, to measure errors against",
-        _TRUTH_EXAMPLE,
+        _SOLUTION_EXAMPLE,
     )
-    truth.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
-    _add_run_options(truth)
-    truth.add_argument(
+    solution.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
+    _add_run_options(solution)
+    solution.add_argument(
         "--output",
         dest="outputs",
         action="append",
@@ -361,19 +361,19 @@ def _add_truth(commands: Any) -> None:
         metavar="NAME",
         help="FMU variable to write (repeatable)",
     )
-    truth.add_argument(
+    solution.add_argument(
         "--tolerance",
         type=float,
         default=1e-18,
         metavar="TOL",
         help="of the steps inside, relative (default: 1e-18)",
     )
-    truth.add_argument(
+    solution.add_argument(
         "--check",
         action="store_true",
         help="run again with 1000 times the tolerance and state the differences",
     )
-    truth.add_argument(
+    solution.add_argument(
         "-o",
         "--file",
         type=Path,
@@ -388,7 +388,7 @@ def _add_trade(commands: Any) -> None:
         commands,
         "trade",
         _trade,
-        "measure what accuracy costs: settings against the truth, and what pays",
+        "measure what accuracy costs: settings against the reference solution, and what pays",
         _TRADE_EXAMPLE,
     )
     trade.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
@@ -438,7 +438,7 @@ def _add_scene_option(command: argparse.ArgumentParser) -> None:
 
 
 def _add_run_options(command: argparse.ArgumentParser) -> None:
-    """Add what tells one run of a scene from another."""
+    """Add what distinguishes one run of a scene from another."""
     _add_scene_option(command)
     command.add_argument(
         "--set",
@@ -456,7 +456,7 @@ def _build(options: argparse.Namespace) -> None:
     from dockloop.fmu import build_fmu
     from dockloop.reference import add_reference
 
-    notes: list[str] = []  # told when the FMU is there, whoever reads them or not
+    notes: list[str] = []  # issued when the FMU is there
     finish = add_reference if options.reference else None
     fmu = build_fmu(
         options.scene,
@@ -770,17 +770,17 @@ def _extremes(options: argparse.Namespace) -> None:
         )
 
 
-def _truth(options: argparse.Namespace) -> None:
+def _solution(options: argparse.Namespace) -> None:
     """Integrate with extended precision, write the document, say what it took."""
     from dockloop.outputs import MADE_BY, claim, write_text
     from dockloop.scene import find_scene
     from dockloop.simulate import ProgressBar
-    from dockloop.truth import FILE, make_truth
+    from dockloop.solution import FILE, make_solution
 
     name = find_scene(options.scene).stem
     file = options.file or paths.BUILD / "results" / name / f"{name}_truth.json"
     claim(file, FILE)
-    truth = make_truth(
+    solution = make_solution(
         options.scene,
         options.outputs,
         overrides=options.overrides,
@@ -791,12 +791,12 @@ def _truth(options: argparse.Namespace) -> None:
         check=options.check,
         progress=ProgressBar("truth"),
     )
-    document = {MADE_BY: FILE.command, **truth}
+    document = {MADE_BY: FILE.command, **solution}
     write_text(file, FILE, json.dumps(document, indent=1) + "\n")
-    work = truth["work"]
+    work = solution["work"]
     _tell(
-        f"{paths.shown(file)}: {len(truth['time'])} time points,"
+        f"{paths.shown(file)}: {len(solution['time'])} time points,"
         f" {work['steps']:.0f} steps, {work['evaluations']:.0f} evaluations"
     )
-    for output, difference in truth.get("check", {}).get("difference", {}).items():
+    for output, difference in solution.get("check", {}).get("difference", {}).items():
         _tell(f"  {output}: {difference:.2g} from the run with 1000 times the tolerance")

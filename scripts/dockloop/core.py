@@ -163,7 +163,7 @@ def list_loads() -> dict[str, str]:
 
 
 def has_only_legs(document: dict, source: Path) -> bool:
-    """Tell whether all loops of a mechanism are legs, which need no generated code.
+    """Return whether all loops of a mechanism are legs, which need no generated code.
 
     Args:
         document: the resolved scene.

@@ -59,7 +59,7 @@ class Criterion:
     Attributes:
         text: what the user wrote.
         outputs: outputs of the FMU that it looks at.
-        calc: tells whether values meet it: outputs at the end and what varies, by name.
+        calc: returns whether values meet it: outputs at the end and what varies, by name.
         grade: says how far values are from the limit: above 0 where they meet it. Conditions
             without a number have the grades 1 and -1.
     """
@@ -70,7 +70,7 @@ class Criterion:
     grade: Callable[[Values], float]
 
     def holds(self, values: Values) -> bool:
-        """Tell whether a docking meets the criterion.
+        """Return whether a docking meets the criterion.
 
         Args:
             values: at least its `outputs`, at the end of the run, and the quantities that vary.

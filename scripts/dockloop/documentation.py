@@ -1,4 +1,4 @@
-"""The documentation page of an FMU: one HTML file that tells a stranger all that is needed.
+"""The documentation page of an FMU: one HTML file with all that a new reader needs.
 
 What a page says comes from the FMU's own modelDescription.xml, from the resolved scene and from the
 check of its mechanism, so it cannot differ from the FMU it lies in. Figures are drawn by
@@ -80,7 +80,8 @@ _STATUSES = (
      " closed or would close another way, a pose that is not a unit quaternion",
      "repeat the step smaller, or correct the input: the instance is still at the start"
      " of the step"),
-    ("fmi2Error", "<code>fmi2DoStep</code>: a leg out of reach, a loop in a singular pose, a value"
+    ("fmi2Error", "<code>fmi2DoStep</code>: a leg that cannot reach its point, a loop in a singular"
+     " pose, a value"
      " that is not finite", "<code>fmi2Reset</code>"),
     ("fmi2Error", "any other call: wrong state, unknown reference, value outside min and max,"
      " parameters that cannot be simulated, a step size that is not positive, a step that does not"
@@ -294,7 +295,7 @@ def _frames(document: dict) -> str:
         del texts["G"]
     rows = [(f"<strong>{name}</strong>", text) for name, text in texts.items()]
     figure = drawing.draw_frames(has_target, has_ring)
-    caption = "Frames, schematic and drawn apart. Names of variables beside their arrows."
+    caption = "Frames, schematic and drawn apart. Names of variables next to their arrows."
     return _figure(figure, caption) + _table(("frame", "where"), rows)
 
 
@@ -307,8 +308,8 @@ def _connect(document: dict, root: ET.Element) -> str:
             parts.append(_connect_vehicle(vehicle, document[vehicle]["motion"], step))
     parts.append(
         "<h3>Gravity</h3><p><code>gravity[1..3]</code> is an acceleration in N that acts on every"
-        " body inside, vehicles and mechanism alike. Tell it here <em>or</em> leave it out on both"
-        " sides; never tell it as <code>force_ext</code> as well. In free fall around the same"
+        " body inside, vehicles and mechanism alike. Set it here <em>or</em> leave it out on both"
+        " sides; never include it in <code>force_ext</code> as well. In free fall around the same"
         " planet it can be left out: it moves everything alike.</p>"
         "<h3>Terminals</h3><p><code>terminalsAndIcons/terminalsAndIcons.xml</code> groups these"
         " variables: one terminal for each vehicle and one for gravity. Members are named as the"
@@ -359,12 +360,12 @@ not feed the loads of the FMU back through <code>force_ext</code>. {v}force</cod
 <p>That is the sequential order, <code>coupling.mode</code> = 1. Where all models of a simulation
 step at once with the values of t, as plain masters do, set <code>coupling.mode</code> = 2: then
 {v}force_mean</code> and {v}torque_mean</code> are announced for the coming step, the first time
-after initialisation, for a step of <code>coupling.expected_step</code>. Tell a change of the step
+after initialisation, for a step of <code>coupling.expected_step</code>. Announce a change of step
 beforehand in <code>coupling.next_step</code>.</p>
-<p>Connect <code>gravity</code> if your frame falls, and tell every other load on the vehicle in
+<p>Connect <code>gravity</code> if your frame falls, and set every other load on the vehicle in
 {v}force_ext</code> and {v}torque_ext</code>. Then the step may be long: what the FMU cannot
 predict of your vehicle is corrected at the next communication point, and impulse that your vehicle
-is still owed is kept in <code>coupling.pending_impulse</code>. With a wrong mass the coupling is of
+is pending is kept in <code>coupling.pending_impulse</code>. With a wrong mass the coupling is of
 first order in the step. A wrong mass, a wrong order and a missing gravity are reported in the log
 (category <code>logStatusWarning</code>), with numbers. The default experiment has steps of
 {step:g} s.</p>"""
@@ -375,7 +376,7 @@ first order in the step. A wrong mass, a wrong order and a missing gravity are r
 
 
 def _has(root: ET.Element, name: str) -> bool:
-    """Tell whether the FMU has a variable."""
+    """Return whether the FMU has a variable."""
     return root.find(f"ModelVariables/ScalarVariable[@name='{name}']") is not None
 
 

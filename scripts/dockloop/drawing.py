@@ -209,7 +209,7 @@ def draw_phases() -> str:
 
 
 def draw_coupling(vehicle: str) -> str:
-    """Draw who tells whom what when a vehicle is driven by the host."""
+    """Draw the exchange with the host of a driven vehicle."""
     d = Drawing(760, 150, f"Coupling of the driven vehicle {vehicle}")
     d.box((20, 30), (200, 100), CHASER if vehicle == "chaser" else TARGET)
     d.label((120, 70), "vehicle model of the host", size=13)

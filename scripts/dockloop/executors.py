@@ -97,7 +97,7 @@ class CoreThreads:
         return result
 
     def _check(self, _part: float) -> None:
-        """End a case that nobody waits for any more."""
+        """End a case whose result is not needed any more."""
         if self._stopping.is_set():
             raise InterruptedError
 

@@ -8,7 +8,7 @@ from dockloop.outputs import figure_kind, writing
 
 
 def can_draw() -> bool:
-    """Tell whether figures can be drawn; says in one line what is missing if not."""
+    """Return whether figures can be drawn; says in one line what is missing if not."""
     try:
         import matplotlib.figure  # noqa: F401
     except ImportError as error:

@@ -93,7 +93,7 @@ def build_fmu(
         overrides: ``KEY=VALUE`` texts that replace keys of the scene.
         output: the FMU to write; default ``build/fmu/SCENE.fmu`` of the project.
         kernel: with a kernel of the mechanism or without; None: with one where it can be made.
-        report: told in one line what became of the kernel.
+        report: receives in one line what became of the kernel.
         bare: only what is needed to run it.
         finish: what else is done to the FMU before it is put in its place.
 

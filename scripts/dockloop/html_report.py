@@ -56,7 +56,7 @@ def page_kind(command: str) -> Kind:
 
 
 def find_page(result: Path) -> Path:
-    """Return where the page beside a result or a table is: ``own_report.html``."""
+    """Return where the page next to a result or a table is: ``own_report.html``."""
     return result.with_name(f"{result.stem}_report.html")
 
 

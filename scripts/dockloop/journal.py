@@ -5,10 +5,10 @@ and runs what is missing: a case is known by its values, not by its number, so t
 also be continued with more cases, and a killed run loses nothing. Used by ``dockloop sweep`` and
 ``dockloop trade``.
 
-The first line says who made the file, under which set-up, and for which cases (their number and a
-digest); another such line follows when the cases become others. Every line ends with a checksum of
-what stands before it: a line that was changed is told once, its case is run again, all other lines
-stay what they are.
+The first line says which command made the file, under which set-up, and for which cases (their
+number and a digest); another such line follows when the cases become others. Every line ends with a
+checksum of what stands before it: a line that was changed is reported once, its case is run again,
+all other lines stay what they are.
 """
 
 import datetime
@@ -84,7 +84,7 @@ class Journal:
 
         Args:
             path: the file.
-            setup: all that decides the results beside the values; must be that of the file.
+            setup: all that decides the results, as well as the values; must be that of the file.
             cases: how many there will be, at most if `finish` is called.
             resume: go on with what the file holds.
             work: what the cases belong to, for messages.
@@ -143,7 +143,7 @@ class Journal:
                 os.fsync(self._file.fileno())
             self._file.close()
         except OSError as error:
-            if not self._is_broken:  # else it has been told
+            if not self._is_broken:  # else it has been reported
                 raise self._cannot_write(error) from None
 
     def _lock(self, file: BinaryIO) -> None:
@@ -214,7 +214,7 @@ class Journal:
         return header, intact, damaged
 
     def _keep(self, line: dict) -> bool:
-        """Put the result that a line holds into `known`; tells whether it holds one."""
+        """Put the result that a line holds into `known`; returns whether it holds one."""
         try:
             values = tuple(line.pop("values"))
             result = Result(**line)

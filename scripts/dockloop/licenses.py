@@ -1,7 +1,7 @@
 """Licences of all that is inside the compiled library, as the FMU carries them.
 
 Texts lie in ``modelDescription/licenses``; ``license.txt`` of the FMU is the project's own licence
-followed by the list of the parts. Whoever adds a part to the library adds it here.
+followed by the list of the parts. A part that is added to the library is added here too.
 """
 
 from typing import NamedTuple

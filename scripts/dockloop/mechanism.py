@@ -63,7 +63,7 @@ def describe_report(report: dict) -> str:
     """Say the report of the core in words: one fact per line, tables of loops, ranges, modes."""
     tables = {
         "loops": ("loops", _name_first),
-        "ranges": ("reach of each independent coordinate from home, the others held", _range),
+        "ranges": ("range of each independent coordinate from home, the others held", _range),
         "modes": ("vibration about home, base at rest, joint forces of the file", _mode),
     }
     lines = []
@@ -108,7 +108,7 @@ def _play(play: dict) -> str:
     least, most = (_short(value) for value in play["lateral_mm"])
     return (
         f"roll {low} to {high} deg, lateral {least} to {most} mm by direction;"
-        f" strikers up to {play['striker_offset_mm']:.3g} mm beside their hooks"
+        f" strikers up to {play['striker_offset_mm']:.3g} mm next to their hooks"
         f" (latches.window {play['latch_window_mm']:.3g} mm)"
     )
 

@@ -2,11 +2,11 @@
 
 A command names every file that it will write before it works (`claim`), and writes each through
 `writing`: under another name in the same folder, then renamed. A file that is there already must
-have been made by the same command. What tells so is in the file, never its name alone:
+have been made by the same command. The sign of this is in the file, never its name alone:
 
 | file | made by the command if |
 |---|---|
-| summary, truth, journal | it begins with the JSON member ``made_by`` that names the command |
+| summary, solution, journal | it begins with the JSON member ``made_by`` that names the command |
 | figure | the text ``Software`` of the PNG names the command |
 | result of a run | its columns are ``time`` and outputs that our FMUs can have, no others |
 | table of a sweep, of a trade | its metadata or header has the columns that all of them have |
@@ -14,8 +14,8 @@ have been made by the same command. What tells so is in the file, never its name
 | FMU, SSP package | it holds a scene of this program; all FMUs in a package do |
 
 An empty file is foreign, too. Whatever lies in the folder ``build/`` of the project is its own,
-also if an older version wrote it. `Kind` says it for one kind of file; kinds stand beside what
-writes them. Temporary folders are here as well (`scratch`): a full disk is told by its name.
+also if an older version wrote it. `Kind` says it for one kind of file; kinds stand next to what
+writes them. Temporary folders are here as well (`scratch`): a full disk is reported by its name.
 """
 
 import errno
@@ -50,7 +50,7 @@ class Kind(NamedTuple):
     Attributes:
         what: what it is, for messages: ``figure``.
         command: what makes it: ``dockloop run``.
-        is_own: tells whether a file is one; may raise, which means no.
+        is_own: returns whether a file is one; may raise, which means no.
     """
 
     what: str
@@ -59,7 +59,7 @@ class Kind(NamedTuple):
 
 
 def json_kind(what: str, command: str) -> Kind:
-    """Return the kind of a JSON document, or of JSON lines, that begins with who made it."""
+    """Return the kind of a JSON document, or of JSON lines, that begins with its command."""
     begin = json.dumps({MADE_BY: command})[:-1]
 
     def is_own(path: Path) -> bool:
@@ -280,7 +280,7 @@ def _describe(path: Path) -> str:
 
 
 def _is_lines(text: str) -> bool:
-    """Tell whether a text looks like JSON lines: its first line is a whole object."""
+    """Return whether a text looks like JSON lines: its first line is a whole object."""
     first = text.partition("\n")[0].strip()
     return first.startswith("{") and first.endswith("}")
 

@@ -39,7 +39,7 @@ def shown(path: Path | str) -> str:
 
 
 def is_file(path: Path) -> bool:
-    """Tell whether a file is there; what cannot be one, such as a name too long, is not."""
+    """Return whether a file is there; what cannot be one, such as a name too long, is not."""
     try:
         return path.is_file()
     except OSError:

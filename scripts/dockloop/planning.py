@@ -122,7 +122,7 @@ class Planner:
         self.asked = list(dict.fromkeys([*self.asked, *outputs]))
 
     def is_scene_key(self, name: str) -> bool:
-        """Tell whether a name is a key of the scene; if not, it is a start value of the FMU."""
+        """Return whether a name is a key of the scene; if not, it is a start value of the FMU."""
         return name in self._keys or name.startswith(("mechanism.set.", "initial.joints."))
 
     def resolve(self, values: tuple[Value, ...]) -> tuple[dict, dict[str, Any]]:
@@ -148,9 +148,9 @@ class Planner:
         """Plan one case for a worker with its FMU. Raises UsageError like `resolve`."""
         document, starts = self.resolve(values)
         warning = find_placement(document, self._sweep.scene)
-        told = {**self._as_types(self._differences(document)), **starts}
+        reported = {**self._as_types(self._differences(document)), **starts}
         job = Job(
-            tuple(told.items()),
+            tuple(reported.items()),
             tuple(self.asked),
             self.experiment.get("stop"),
             self.experiment.get("step"),
@@ -209,17 +209,17 @@ class Planner:
                 yield section, member
 
     def _differences(self, document: dict) -> dict[str, Any]:
-        """Return what the FMU of `_key(document)` must be told to be that of the document."""
-        told: dict[str, Any] = {}
+        """Return what the FMU of `_key(document)` must receive to be that of the document."""
+        reported: dict[str, Any] = {}
         for section, member in self._settable(document):
             value, variable = document[section][member], _SETTABLE[section, member]
             if value == self.base[section][member]:
                 continue
             if isinstance(value, list):
-                told |= {f"{variable}[{i}]": entry for i, entry in enumerate(value, 1)}
+                reported |= {f"{variable}[{i}]": entry for i, entry in enumerate(value, 1)}
             else:
-                told[variable] = value
-        return told
+                reported[variable] = value
+        return reported
 
     def _as_types(self, starts: dict[str, Any]) -> dict[str, Any]:
         types = {}

@@ -1,6 +1,6 @@
 """Figures of one docking: relative motion, interface loads, legs, energies and residuals.
 
-A figure whose outputs were not recorded is left out. Every figure is one PNG beside the result.
+A figure whose outputs were not recorded is left out. Every figure is one PNG next to the result.
 """
 
 from collections.abc import Callable

@@ -176,7 +176,7 @@ def _find_variation(passed: np.ndarray, is_chained: bool, chains: int, steps: in
 
 
 def name_files(output: Path) -> tuple[Path, Path]:
-    """Return ``own_rare.json`` (summary) and ``own_rare.jsonl`` (journal) beside a table."""
+    """Return ``own_rare.json`` (summary) and ``own_rare.jsonl`` (journal) next to a table."""
     stem = output.with_name(f"{output.stem}_rare")
     return stem.with_suffix(".json"), stem.with_suffix(".jsonl")
 

@@ -1,6 +1,6 @@
 """Reference result: what the default experiment of an FMU gave where it was built.
 
-Whoever imports the FMU can compare. Layout of the FMI layered standard for references
+A user of the FMU can compare. Layout of the FMI layered standard for references
 (fmi-ls-ref 1.0.0-alpha.1), as the Reference FMUs have it::
 
     extra/org.fmi-standard.fmi-ls-ref/fmi-ls-manifest.xml   what is there

@@ -47,7 +47,7 @@ class Result:
     warnings: list[str] = field(default_factory=list)
 
     def __contains__(self, name: str) -> bool:
-        """Tell whether a variable was recorded."""
+        """Return whether a variable was recorded."""
         return name in self.names
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -202,7 +202,7 @@ def check_size(points: int, columns: int, suffix: str, limit: float) -> None:
 def warn_of_driven(scene: dict) -> list[str]:
     """Return a warning for every vehicle whose motion a run alone cannot impose."""
     return [
-        f"{vehicle} is driven, but nobody imposes its motion in this run: it is put back"
+        f"{vehicle} is driven, but no host imposes its motion in this run: it is put back"
         " to its start at every communication point"
         for vehicle in ("chaser", "target")
         if scene.get(vehicle, {}).get("motion") == "driven"

@@ -75,16 +75,16 @@ def make_sweep(given: dict, path: Path, text: str | None = None) -> Sweep:
 
     Args:
         given: the members.
-        path: the file; a scene of the user's own is looked up beside it.
+        path: the file; a scene of the user's own is looked up next to it.
         text: what the file says; default: the members as JSON.
     """
     schema.check(given, "sweep", path)
     document = {"title": path.stem, **schema.list_defaults("sweep"), "set": {}, **given}
     _check_members(document, path)
     document["experiment"] = given.get("experiment", {})
-    beside = path.parent / given["scene"]
+    next_to = path.parent / given["scene"]
     try:
-        scene = find_scene(str(beside) if beside.suffix == ".toml" else given["scene"])
+        scene = find_scene(str(next_to) if next_to.suffix == ".toml" else given["scene"])
     except UsageError as error:
         raise UsageError(f"{shown(path)}: scene: {error}") from None
     cases = _draw(document)

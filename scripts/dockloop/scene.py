@@ -2,7 +2,7 @@
 
 A scene (TOML) says which vehicles, which mechanism, how they meet, and what to export. Resolving it
 
-1. finds the scene and its mechanism (beside the scene first, then among the shipped ones),
+1. finds the scene and its mechanism (next to the scene first, then among the shipped ones),
 2. applies ``--scene KEY=VALUE`` overrides and ``[mechanism.set]``,
 3. checks both against their schemas,
 4. converts what people write (degrees, magnitudes with directions) to SI vectors.
@@ -150,7 +150,7 @@ def load_mechanism(reference: dict, scene_path: Path) -> dict:
 
     Args:
         reference: section ``[mechanism]`` of the scene: ``name`` and optionally ``set``.
-        scene_path: the scene file; a mechanism beside it wins over a shipped one.
+        scene_path: the scene file; a mechanism next to it wins over a shipped one.
 
     Returns:
         The mechanism document, angles in rad, comments removed.
@@ -174,13 +174,13 @@ def load_mechanism(reference: dict, scene_path: Path) -> dict:
 
 
 def find_mechanism(name: str, scene_path: Path) -> Path:
-    """Find a mechanism beside a scene, or else among the shipped ones. Raises UsageError."""
+    """Find a mechanism next to a scene, or else among the shipped ones. Raises UsageError."""
     for folder in (scene_path.parent, MECHANISMS):
         if is_file(folder / f"{name}.json"):
             return folder / f"{name}.json"
     names = sorted({f.stem for f in MECHANISMS.glob("*.json")})
     raise UsageError(
-        f"{shown(scene_path)}: mechanism.name is '{name}': there is no {name}.json beside the"
+        f"{shown(scene_path)}: mechanism.name is '{name}': there is no {name}.json next to the"
         f" scene or in {shown(MECHANISMS)}{did_you_mean(name, names)}"
     )
 

@@ -57,7 +57,7 @@ def check(document: Any, schema_name: str, source: Path) -> None:
         source: the file, for the message.
 
     Raises:
-        UsageError: naming file, member, value and limit of the most telling violation.
+        UsageError: naming file, member, value and limit of the most helpful violation.
     """
     if found := find_violation(document, schema_name):
         raise UsageError(f"{shown(source)}: {found.sentence}")
@@ -71,7 +71,7 @@ class Violation(NamedTuple):
 
 
 def find_violation(document: Any, schema_name: str) -> Violation | None:
-    """Return the most telling violation of a schema, or None; arguments as for `check`."""
+    """Return the most helpful violation of a schema, or None; arguments as for `check`."""
     root = load_schema(schema_name)
     try:
         for path, value in _numbers(document):

@@ -8,7 +8,7 @@ libcosim, ecos, fmpy.ssp and as a container FMU. Layout::
     resources/chaser.fmu       the chaser as a rigid body: the same library, a scene of one vehicle
     resources/target.fmu       likewise the target
 
-Each vehicle tells the docking how it moves, the docking tells the vehicle what it feels::
+Each vehicle sends its motion to the docking, the docking sends loads to the vehicle::
 
     V.chaser.position, velocity, attitude, angular_velocity  ->  docking.V.position, ...
     docking.V.force_mean, torque_mean                        ->  V.chaser.force_ext, torque_ext
@@ -18,10 +18,10 @@ that has no other.)
 
 The mean load of a step carries the whole impulse of that step, and a vehicle holds it over the
 step. Which step that is depends on the host. Most are parallel: all components make a step with
-what the others told at its start, so the docking announces the mean of the coming step, for the
+what the others reported at its start, so the docking announces the mean of the coming step, for the
 first one already when initialised (`coupling.mode` 2, `coupling.expected_step` that of the
 experiment). For a sequential host, which steps one component after the other, build the package
-with ``--scene coupling.mode=sequential``: the docking comes first then and tells the mean of the
+with ``--scene coupling.mode=sequential``: the docking comes first then and sends the mean of the
 step that it has just made, and its vehicles make the same step (`coupling.mode` 1). The docking FMU
 starts with the mode by itself, because fmpy.ssp and containers read no values from a package.
 
@@ -59,7 +59,7 @@ _NAMESPACES = {
 
 
 def _is_package(path: Path) -> bool:
-    """Tell whether a package is of this program, and so is every FMU in it."""
+    """Return whether a package is of this program, and so is every FMU in it."""
     if b'generationTool="dockloop ' not in read_entry(path, "SystemStructure.ssd"):
         return False
     with zipfile.ZipFile(path) as archive:
@@ -112,7 +112,7 @@ def _split(document: dict, source: Path) -> dict[str, dict]:
     """Return the documents of all FMUs: `docking` and the vehicles that move.
 
     A host may go through them in this order. In parallel mode the docking is the last, so that it
-    is told where its vehicles are before it is initialised; in sequential mode it steps first.
+    receives where its vehicles are before it is initialised; in sequential mode it steps first.
     """
     taken_out = [v for v in _VEHICLES if document.get(v, {"motion": "fixed"})["motion"] != "fixed"]
     if not taken_out:
@@ -134,7 +134,7 @@ def _split(document: dict, source: Path) -> dict[str, dict]:
         documents[vehicle] = {
             "format": document["format"],
             "name": vehicle,
-            "title": f"Rigid body moved by the loads it is told: {vehicle} of {document['name']}",
+            "title": f"Rigid body moved by the loads it receives: {vehicle} of {document['name']}",
             "chaser": {**document[vehicle], "motion": "free"},
             "mechanism": {"name": "none"},
             "initial": {"at": "start"},
@@ -170,8 +170,8 @@ def _find_connections(vehicle: str) -> list[tuple[str, str, str, str]]:
     motion = [f"{name}[{i + 1}]" for name, count in _MOTION.items() for i in range(count)]
     tells = [(vehicle, f"chaser.{name}", "docking", f"{vehicle}.{name}") for name in motion]
     feels = [
-        ("docking", f"{vehicle}.{mean}[{i + 1}]", vehicle, f"chaser.{told}[{i + 1}]")
-        for mean, told in _LOADS.items()
+        ("docking", f"{vehicle}.{mean}[{i + 1}]", vehicle, f"chaser.{reported}[{i + 1}]")
+        for mean, reported in _LOADS.items()
         for i in range(3)
     ]
     return tells + feels

@@ -33,12 +33,12 @@ _SUMMARISED = re.compile(  # what a summary looks at
 
 
 def is_summarised(name: str) -> bool:
-    """Tell whether a summary looks at an output."""
+    """Return whether a summary looks at an output."""
     return _SUMMARISED.fullmatch(name) is not None
 
 
 def _is_result(path: Path) -> bool:
-    """Tell whether a file is a result: its columns are the time and outputs of an FMU."""
+    """Return whether a file is a result: its columns are the time and outputs of an FMU."""
     if path.suffix == ".npz":
         with np.load(path) as arrays:
             columns = arrays["names"].tolist()
@@ -53,7 +53,7 @@ RESULT = Kind("result", COMMAND, _is_result)
 
 
 def find_summary(result: Path) -> Path:
-    """Return where the summary beside a result or a table is: ``own_summary.json`` for own.csv."""
+    """Return where the summary next to a result or a table is: ``own_summary.json`` for own.csv."""
     return result.with_name(f"{result.stem}_summary.json")
 
 
@@ -179,7 +179,7 @@ def describe(summary: dict) -> str:
     if "files" in summary:
         first, *others = summary["files"]
         kinds = ", ".join(sorted({Path(name).suffix[1:] for name in others}))
-        lines.append(f"  files        {first}; beside it {len(others)} more ({kinds})")
+        lines.append(f"  files        {first}; next to it {len(others)} more ({kinds})")
     return "\n".join(lines)
 
 
@@ -245,7 +245,7 @@ def _outcome(run: Result) -> dict:
 
 
 def _peak_loads(run: Result) -> dict:
-    """Return the largest loads since the start beside the rated ones."""
+    """Return the largest loads since the start next to the rated ones."""
     rated = run.scene["mechanism"].get("limits", {})
     loads = {}
     for name, unit in list_loads().items():

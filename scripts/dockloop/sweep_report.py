@@ -229,7 +229,7 @@ def describe_sweep(summary: dict) -> str:
     if "files" in summary:
         first, *others = summary["files"]
         kinds = ", ".join(sorted({Path(name).suffix[1:] for name in others}))
-        lines.append(f"  files        {first}; beside it {len(others)} more ({kinds})")
+        lines.append(f"  files        {first}; next to it {len(others)} more ({kinds})")
     return "\n".join(lines)
 
 
@@ -310,7 +310,7 @@ def _peaks(table: Any) -> dict[str, np.ndarray]:
 
 
 def _count_loads(planner: Planner, table: Any) -> dict:
-    """Return quantiles of the peak loads beside the rated loads."""
+    """Return quantiles of the peak loads next to the rated loads."""
     rated = planner.base["mechanism"].get("limits", {})
     loads = {}
     for name, values in _peaks(table).items():

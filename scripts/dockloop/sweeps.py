@@ -44,7 +44,7 @@ def sweep(
 
     Args:
         reference: name of a shipped sweep, path of a ``.toml`` file, or the members of such a file.
-        output: where the journal is kept (beside this file, ``.jsonl``); default: nowhere.
+        output: where the journal is kept (next to this file, ``.jsonl``); default: nowhere.
         engine: ``core`` (threads), ``fmu`` (Dask workers) or ``auto``: threads without scheduler.
         workers: local threads or processes; default: one per processor.
         scheduler: address of a Dask scheduler to use instead.
@@ -97,7 +97,7 @@ def run_sweep(
 
     Args:
         sweep: what to do.
-        output: the table that will be written; the journal is beside it.
+        output: the table that will be written; the journal is next to it.
         engine: ``core``, ``fmu`` or ``auto``: the core, unless there is a scheduler.
         workers: local threads (of the core) or processes; default: one per processor.
         scheduler: address of a Dask scheduler to use instead.
@@ -155,7 +155,7 @@ def run_sweep(
 
 
 def find_journal(output: Path) -> Path:
-    """Return where the journal beside the table of a sweep is."""
+    """Return where the journal next to the table of a sweep is."""
     return output.with_suffix(".jsonl")
 
 

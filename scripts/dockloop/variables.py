@@ -41,7 +41,7 @@ class Variable(NamedTuple):
 
 
 def is_of_type(value: Any, type_name: str) -> bool:
-    """Tell whether a Python value is of an FMI type; a whole number is a Real too."""
+    """Return whether a Python value is of an FMI type; a whole number is a Real too."""
     kinds = (int, float) if TYPES[type_name] is float else TYPES[type_name]
     return isinstance(value, kinds) and isinstance(value, bool) == (TYPES[type_name] is bool)
 
@@ -52,7 +52,7 @@ def read_variables(docking: Any) -> dict[str, Variable]:
 
 
 def fits(name: str, pattern: str) -> bool:
-    """Tell whether a name is meant by a pattern: a part of it, or all of it with ``*``."""
+    """Return whether a name is meant by a pattern: a part of it, or all of it with ``*``."""
     if "*" not in pattern:
         return pattern in name
     literal = pattern.replace("[", "[[]")  # indices are no sets of characters

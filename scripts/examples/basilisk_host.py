@@ -37,7 +37,7 @@ def command(docking: Docking, sigma: np.ndarray, torque: np.ndarray) -> tuple:
 
 
 class Control(sysModel.SysModel):
-    """Flight software of the chaser, as far as it depends on the docking."""
+    """Control software of the chaser, as far as it depends on the docking."""
 
     def __init__(self, docking: Docking) -> None:
         super().__init__()
@@ -160,7 +160,7 @@ def fly(docking: Docking, mode: str, gravity_at: str, steps: int) -> None:
 
 
 def fly_alone(docking: Docking, steps: int) -> None:
-    """Dock with both vehicles inside the FMU, which is told the loads of the same control."""
+    """Dock with both vehicles inside the FMU, which receives the loads of the same control."""
     reference = rbk.EP2MRP(docking.get("target.attitude"))
     for _ in range(steps):
         sigma = rbk.EP2MRP(docking.get("chaser.attitude"))
@@ -175,7 +175,7 @@ def fly_alone(docking: Docking, steps: int) -> None:
 def main() -> None:
     """Dock in orbit and far from any planet, compare."""
     parser = make_parser(
-        "A docking in orbit with the chaser flown by Basilisk, compared with one FMU for both.",
+        "A docking in orbit with the chaser moved by Basilisk, compared with one FMU for both.",
         ".venv/bin/python scripts/examples/basilisk_host.py --gravity-at target",
     )
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""The FMU of the default docking in the hands of FMPy: what the examples beside it share.
+"""The FMU of the default docking in the hands of FMPy: what the examples next to it share.
 
 `Docking` is what to copy: an FMU whose variables have names. The rest serves the examples: options,
 and a table of how far two runs are apart.
@@ -73,7 +73,7 @@ class Docking:
 
 
 def make_parser(description: str, example: str) -> argparse.ArgumentParser:
-    """Return a parser of what all examples can be told."""
+    """Return a parser of the options of all examples."""
     parser = argparse.ArgumentParser(description=description, epilog=f"example: {example}")
     parser.add_argument(
         "--mode",

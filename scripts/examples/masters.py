@@ -14,14 +14,14 @@ sequential container       one unit after the other, each with     the same
 fmpy (its `fmpy.ssp`)      parallel                                nothing: all inputs are 0
 =========================  ======================================  ===============================
 
-In a parallel master the loads that a vehicle feels from t to t + H are those that the docking tells
+In a parallel master the loads that a vehicle feels from t to t + H are those that the docking sends
 at t, before the step is made. With `coupling.mode` = 2 the docking announces them: the package says
 so by itself. In a sequential one the docking comes first and its vehicles make the same step with
 the mean that it found: `coupling.mode` = 1, `--scene coupling.mode=sequential`. FMPy loses the
-announcement for its very first step, and takes inputs that are all 0 as not told yet: harmless as
-long as nothing is in contact.
+announcement for its very first step, and takes inputs that are all 0 as not reported yet: harmless
+as long as nothing is in contact.
 
-Beside the result stands that of one FMU that integrates both vehicles. Needs, besides FMPy,
+Next to the result stands that of one FMU that integrates both vehicles. Needs, as well as FMPy,
 `pip install libcosimpy ecospy fmu-manipulation-toolbox` and for ecos `apt-get install libtbb12`.
 """
 
@@ -69,7 +69,7 @@ def run_libcosim(package: Path, step: float, count: int) -> list:
 
 
 def run_ecos(package: Path, step: float, count: int) -> list:
-    """Ecos applies the parameter values of a package only if told their name."""
+    """Ecos applies the parameter values of a package only with their name."""
     from ecospy.EcosSimulation import EcosSimulation
 
     simulation = EcosSimulation(ssp_path=str(package), step_size=step)

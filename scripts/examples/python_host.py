@@ -1,6 +1,6 @@
 """The shortest honest host: a vehicle in numpy, all the rest of a docking in an FMU.
 
-The chaser is `driven`: this program integrates it, under the mean loads that the FMU tells, held
+The chaser is `driven`: this program integrates it, under the mean loads of the FMU, held
 over each step. The same docking with both vehicles inside one FMU shows what that costs.
 """
 

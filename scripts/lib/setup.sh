@@ -146,7 +146,7 @@ compile() {
     ! grep -q 'DOCKLOOP_TESTS:BOOL=ON' build/release/CMakeCache.txt; }; then
     say "configure"
     # Several files at a time take half the time of all by themselves, but one that changed takes its
-    # neighbours along: who works on the core configures with -DCMAKE_UNITY_BUILD=OFF.
+    # neighbours along: for work on the core configure with -DCMAKE_UNITY_BUILD=OFF.
     quietly configure cmake --preset release -DDOCKLOOP_TESTS=$tests -DDOCKLOOP_WERROR=$tests \
       -DCMAKE_UNITY_BUILD=${DOCKLOOP_UNITY:-ON}
   fi

@@ -13,7 +13,7 @@ foreach(module Core Cholesky Eigenvalues Geometry Householder Jacobi LU QR SVD)
   file(COPY ${eigen}/src/${module} DESTINATION ${TARGET}/Eigen/src)
 endforeach()
 file(COPY ${eigen}/src/misc ${eigen}/src/plugins DESTINATION ${TARGET}/Eigen/src)
-foreach(unused AltiVec GPU HIP MSA SVE SYCL ZVector)  # processors nobody docks with
+foreach(unused AltiVec GPU HIP MSA SVE SYCL ZVector)  # processors without a platform here
   file(REMOVE_RECURSE ${TARGET}/Eigen/src/Core/arch/${unused})
 endforeach()
 

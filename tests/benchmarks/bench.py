@@ -77,10 +77,10 @@ def make_kernels(arguments: dict[Path, str], folder: Path) -> dict[Path, str]:
         folder: where to put them.
 
     Returns:
-        Per file what to tell a benchmark: ``FILE`` or ``FILE,KERNEL``.
+        Per file argument of a benchmark: ``FILE`` or ``FILE,KERNEL``.
     """
     generator = paths.COMPILED / "dockloop-kernel"
-    told = {file: str(file) for file in arguments}
+    reported = {file: str(file) for file in arguments}
     for number, (file, kind) in enumerate(arguments.items()):
         if not generator.exists():
             break
@@ -91,8 +91,8 @@ def make_kernels(arguments: dict[Path, str], folder: Path) -> dict[Path, str]:
         if made.returncode or subprocess.run(command, check=False).returncode:
             print(f"bench: no kernel of {file.name}: {made.stderr.strip()}", file=sys.stderr)
         else:
-            told[file] += f",{kernel}"
-    return told
+            reported[file] += f",{kernel}"
+    return reported
 
 
 def list_programs(folder: Path, peers: list[str], quick: bool) -> dict[str, list[str]]:
@@ -115,14 +115,14 @@ def list_programs(folder: Path, peers: list[str], quick: bool) -> dict[str, list
     mechanism_files = [BENCH, DATA / "crank_nested.json", *(folder / f"{x}.json" for x in others)]
     scenes = {name: folder / name for name in ("idss_25t_350t", "hexapod_bench")}
     models = [at / "resources" / "model.json" for at in scenes.values()]
-    told = make_kernels(
+    reported = make_kernels(
         dict.fromkeys(mechanism_files, "mechanism") | dict.fromkeys(models, "scene"), folder
     )
     flags = ["--quick"] if quick else []
     commands = {
-        "mechanism_bench": [*(told[file] for file in mechanism_files), phases, *google],
-        "motion_bench": [told[BENCH], str(REFERENCE), *once],
-        "rates_bench": [*(told[file] for file in models), *google],
+        "mechanism_bench": [*(reported[file] for file in mechanism_files), phases, *google],
+        "motion_bench": [reported[BENCH], str(REFERENCE), *once],
+        "rates_bench": [*(reported[file] for file in models), *google],
         "fmu_bench docking": [str(scenes["idss_25t_350t"]), *flags],
         "fmu_bench motion": [str(scenes["hexapod_bench"]), str(REFERENCE), *flags],
     }
@@ -148,7 +148,7 @@ def measure(programs: dict[str, list[str]], rounds: int) -> dict[str, dict]:
     """Run all programs by turns.
 
     Returns:
-        Per figure its least time ``ns`` and what else was told about it.
+        Per figure its least time ``ns`` and what else was reported about it.
     """
     figures: dict[str, dict] = {}
     for round_ in range(rounds):

@@ -2,7 +2,7 @@
 
 ``hexapod`` makes the ring on legs of ``hexapod_bench`` with any number of legs. ``expand`` writes
 its legs out as bodies and loops, at states that are closed: the format of
-``tests/data/crank_nested.json``. ``to_mjcf`` tells such a document to MuJoCo.
+``tests/data/crank_nested.json``. ``to_mjcf`` writes such a document for MuJoCo.
 """
 
 import copy

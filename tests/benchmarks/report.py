@@ -1,7 +1,7 @@
 """The report of the benchmarks: tables in Markdown, the figures as JSON, a plot.
 
-Figures are what `benchmarks.bench` measured: per name its least time ``ns`` and what else was told
-about it (``error``, ``evaluations``...). Names: ``MECHANISM/CODE/WHAT`` for evaluations,
+Figures are what `benchmarks.bench` measured: per name its least time ``ns`` and what else it
+reported about it (``error``, ``evaluations``...). Names: ``MECHANISM/CODE/WHAT`` for evaluations,
 ``CODE/METHOD/SETTING`` for motions, and those of ``fmu_bench``.
 """
 
@@ -40,16 +40,16 @@ def evaluations_table(figures: dict, mechanism: str) -> str:
             codes.setdefault(code, {})[what] = figure
     floor = codes.get(FLOOR, {})
     rows = []
-    for code, told in sorted(
+    for code, reported in sorted(
         codes.items(), key=lambda item: min(x["ns"] for x in item[1].values())
     ):
-        error = next((x["error"] for x in told.values() if "error" in x), None)
+        error = next((x["error"] for x in reported.values() if "error" in x), None)
         trusted = error is None or error < TRUSTED
 
-        def ratio(what, told=told):
+        def ratio(what, reported=reported):
             return (
-                f"{told[what]['ns'] / floor[what]['ns']:.2f}"
-                if what in told and what in floor
+                f"{reported[what]['ns'] / floor[what]['ns']:.2f}"
+                if what in reported and what in floor
                 else "-"
             )
 
@@ -57,7 +57,7 @@ def evaluations_table(figures: dict, mechanism: str) -> str:
             [
                 code if trusted else f"{code} (accelerations wrong)",
                 *(
-                    us(told[what]["ns"]) if what in told else "-"
+                    us(reported[what]["ns"]) if what in reported else "-"
                     for what in ("accelerations", "with reactions")
                 ),
                 *(ratio(what) for what in ("accelerations", "with reactions")),
@@ -101,7 +101,7 @@ def motions_table(figures: dict) -> str:
 
 
 def draw_motions(figures: dict, file: Path) -> None:
-    """Draw error against time, settings that are dearer and worse than another left out."""
+    """Draw error against time, settings that are more expensive and worse than another left out."""
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 

@@ -9,7 +9,7 @@ from 0.1 to 100 ms against one FMU that integrates both vehicles; tests/validati
 * what the look-ahead of the parallel mode costs: time in fmi2DoStep over that of the sequential
   mode, of two instances that step in turn.
 
-"x 0.5" and "x 1.5": the FMU is told that share of the true mass and inertia of the vehicles.
+"x 0.5" and "x 1.5": the FMU receives that share of the true mass and inertia of the vehicles.
 
 Example:
     .venv/bin/python tests/studies/coupling.py --scenes default pressed --steps 1 10 --stop 1
@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 
 from coupling_host import Coupling
-from coupling_scenes import SCENES, TIGHT, compare, equal_steps, run_coupled, run_truth
+from coupling_scenes import SCENES, TIGHT, compare, equal_steps, run_coupled, run_solution
 from dockloop import paths
 from dockloop.fmu import build_fmu
 from page import find_origin, write_page
@@ -38,8 +38,8 @@ STEPS = (0.1, 1.0, 3.0, 10.0, 30.0, 100.0)  # ms
 OWN = ("parallel", "sequential")
 OTHERS = ("iterated", "end_of_step")
 LEAST_ITERATED = 1.0  # ms; below, a run takes an hour
-GRID = 1e-3  # s, of the truth
-SHOWN = 10.0  # ms, step of the columns beside the velocity
+GRID = 1e-3  # s, of the reference solution
+SHOWN = 10.0  # ms, step of the columns next to the velocity
 FIGURE = paths.MODELS / "figures" / "coupling_errors.png"
 PAGE = paths.ROOT / "tests" / "validation" / "coupling.md"
 
@@ -58,20 +58,20 @@ class Runs:
 
 
 @functools.cache
-def find_truth(fmu, name, stop):
-    """The truth of a scene, once per process."""
-    return run_truth(fmu, equal_steps(GRID, stop), SCENES[name].loads)
+def find_solution(fmu, name, stop):
+    """The reference solution of a scene, once per process."""
+    return run_solution(fmu, equal_steps(GRID, stop), SCENES[name].loads)
 
 
 def run_case(case):
     """Run one scene with one scheme, step and mass. Returns errors (None if it broke) and audit."""
-    name, scheme, told, step, stop, free, driven = case
+    name, scheme, reported, step, stop, free, driven = case
     scene = SCENES[name]
     sizes = equal_steps(1e-3 * step, stop)
-    course = run_coupled(driven, sizes, scheme, told=told, loads=scene.loads)
+    course = run_coupled(driven, sizes, scheme, reported=reported, loads=scene.loads)
     errors = None
     if not course.broken and np.isfinite(course.velocity).all():
-        errors = compare(course, find_truth(free, name, stop), scene)
+        errors = compare(course, find_solution(free, name, stop), scene)
     return case, errors, course.audit
 
 
@@ -106,25 +106,25 @@ def show(value, limit=20.0):
     return "-" if value is None or not value < limit else f"{value:.1e}"
 
 
-def label(scheme, told):
+def label(scheme, reported):
     """What a row of the table is called."""
-    return scheme.replace("_", " ") + ("" if told == 1.0 else f", mass x {told:g}")
+    return scheme.replace("_", " ") + ("" if reported == 1.0 else f", mass x {reported:g}")
 
 
 def make_table(name, results, steps):
-    """The table of one scene: results by (scheme, told, step)."""
+    """The table of one scene: results by (scheme, reported, step)."""
     columns = [f"{step:g} ms" for step in steps]
-    beside = SHOWN if SHOWN in steps else steps[0]
-    rest = [f"{what}, {beside:g} ms" for what in ("peak loads", "capture s", "attitude rad")]
+    next_to = SHOWN if SHOWN in steps else steps[0]
+    rest = [f"{what}, {next_to:g} ms" for what in ("peak loads", "capture s", "attitude rad")]
     lines = [
         f"\n| {name}: velocity error | " + " | ".join([*columns, *rest, "momentum"]) + " |",
         "|" + "---|" * (len(columns) + 5),
     ]
-    rows = dict.fromkeys((scheme, told) for scheme, told, _ in results)
+    rows = dict.fromkeys((scheme, reported) for scheme, reported, _ in results)
     for row in rows:
         found = [results.get((*row, step), (None, None)) for step in steps]
         cells = [show(errors and errors.velocity) for errors, _ in found]
-        errors = results.get((*row, beside), (None, None))[0]
+        errors = results.get((*row, next_to), (None, None))[0]
         cells += [
             show(errors and getattr(errors, what)) for what in ("peak", "capture", "attitude")
         ]
@@ -147,23 +147,23 @@ def draw(results, steps, file):
     styles = {"parallel": "o", "sequential": "x", "iterated": "^", "end_of_step": "s"}
     colours = {1.0: "tab:blue", 0.5: "tab:orange", 1.5: "tab:green"}
     for axis, (name, found) in zip(axes.flat, results.items(), strict=False):
-        for scheme, told in dict.fromkeys((scheme, told) for scheme, told, _ in found):
+        for scheme, reported in dict.fromkeys((scheme, reported) for scheme, reported, _ in found):
             line = [
                 (step, errors.velocity)
                 for step in steps
-                if (errors := found.get((scheme, told, step), (None, None))[0])
+                if (errors := found.get((scheme, reported, step), (None, None))[0])
                 and errors.velocity < 20.0
             ]
-            if not line or (scheme == "sequential" and told != 1.0):
+            if not line or (scheme == "sequential" and reported != 1.0):
                 continue
             axis.loglog(
                 *zip(*line, strict=True),
                 marker=styles[scheme],
-                color=colours.get(told, "tab:gray") if scheme in OWN else "0.45",
+                color=colours.get(reported, "tab:gray") if scheme in OWN else "0.45",
                 linestyle="--" if scheme == "sequential" else "-",
                 linewidth=1.0,
                 markersize=4.0,
-                label=label(scheme, told),
+                label=label(scheme, reported),
             )
         axis.set_title(name, fontsize=10)
         axis.grid(alpha=0.3)
@@ -175,7 +175,7 @@ def draw(results, steps, file):
 
 
 def report_progress(done, count):
-    """Draw a progress bar, where somebody looks at it."""
+    """Draw a progress bar on a terminal."""
     if sys.stderr.isatty():
         filled = 40 * done // count
         bar = "#" * filled + "." * (40 - filled)
@@ -187,11 +187,11 @@ def make_cases(options, fmus):
     cases = []
     for name in options.scenes:
         for scheme in options.schemes:
-            for told in options.told if scheme in OWN else [1.0]:
+            for reported in options.reported if scheme in OWN else [1.0]:
                 for step in options.steps:
                     if scheme == "iterated" and step < LEAST_ITERATED:
                         continue
-                    cases.append((name, scheme, told, step, options.stop, *fmus[name]))
+                    cases.append((name, scheme, reported, step, options.stop, *fmus[name]))
     return cases
 
 
@@ -203,7 +203,7 @@ def main():
     parser.add_argument("--scenes", nargs="+", choices=SCENES, default=STUDIED)
     parser.add_argument("--schemes", nargs="+", choices=OWN + OTHERS, default=OWN + OTHERS)
     parser.add_argument("--steps", nargs="+", type=float, default=STEPS, help="ms")
-    parser.add_argument("--told", nargs="+", type=float, default=(1.0, 0.5, 1.5))
+    parser.add_argument("--reported", nargs="+", type=float, default=(1.0, 0.5, 1.5))
     parser.add_argument("--stop", type=float, default=3.0, help="s, a multiple of all steps")
     parser.add_argument("--workers", type=int, default=1, help="processes")
     parser.add_argument("-o", "--output", type=Path, default=PAGE, help="the page")
@@ -225,8 +225,8 @@ def main():
         cases = make_cases(options, fmus)
         with multiprocessing.Pool(options.workers) as pool:
             for done, (case, errors, audit) in enumerate(pool.imap(run_case, cases), 1):
-                name, scheme, told, step = case[:4]
-                results[name][scheme, told, step] = (errors, audit)
+                name, scheme, reported, step = case[:4]
+                results[name][scheme, reported, step] = (errors, audit)
                 report_progress(done, len(cases))
         texts += [make_table(name, found, options.steps) for name, found in results.items()]
         costs = ", ".join(

@@ -1,7 +1,7 @@
 """Do outcomes depend on the communication step? Random fast dockings: tests/validation/steps.md.
 
-Vehicles meet at 0.5 to 2 m/s, up to 0.3 m beside each other, spinning with up to 60 rpm, at the
-default tolerances. Every scene runs with communication steps of 0.02 and of 0.1 s; outcome and
+Vehicles meet at 0.5 to 2 m/s, up to 0.3 m off each other sideways, spinning with up to 60 rpm, at
+the default tolerances. Every scene runs with communication steps of 0.02 and of 0.1 s; outcome and
 every latch must be the same. Light vehicles rebound; heavy ones often press the surfaces to their
 cores, which is refused.
 

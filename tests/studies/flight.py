@@ -1,8 +1,8 @@
-"""What a long approach costs, and whether anybody can tell that the mechanism rested meanwhile.
+"""What a long approach costs, and whether results show that the mechanism rested meanwhile.
 
 Flies ten minutes to the default docking with the mechanism at rest far from contact
 (``model.flight`` 1) and always integrated (2), at several communication steps. Written to
-tests/validation/flight.md: the share of the flight in all evaluations and in the time inside
+tests/validation/flight.md: the share of the free drift in all evaluations and in the time inside
 ``fmi2DoStep``, and how far the docking that follows is from the same docking integrated at 1e-10.
 
     .venv/bin/python tests/studies/flight.py            # about a minute
@@ -23,22 +23,22 @@ from dockloop.fmu import build_fmu
 from dockloop.paths import ROOT
 from page import find_origin, write_head, write_page, write_row
 
-FLIGHT, DOCKING = 600.0, 20.0  # s
+DRIFT, DOCKING = 600.0, 20.0  # s
 TIGHT = {"solver__rtol": 1e-10, "solver__atol_position": 1e-12, "solver__atol_velocity": 1e-12}
 GROUPS = 'outputs.groups=["relative", "capture", "phase", "ring", "solver"]'
 LOADS = [f"capture.peak.{load}" for load in list_loads()]
 MOTION = [f"relative.{n}[{i}]" for n in ("position", "velocity") for i in (1, 2, 3)]
 
 
-def run(fmu, flight, size, **values):
-    """One approach and docking: loads, times, motion, cost in flight and in all."""
+def run(fmu, drift, size, **values):
+    """One approach and docking: loads, times, motion, cost in free drift and in all."""
     with Host(fmu) as host:
-        host.choose(model__flight=flight)
+        host.choose(model__flight=drift)
         host.set(**values)
         host.start()
         cost = []
         begin = time.perf_counter()
-        for end in (FLIGHT - 1.0, FLIGHT + DOCKING):
+        for end in (DRIFT - 1.0, DRIFT + DOCKING):
             count = round((end - host.time) / size)
             for _ in range(count):
                 host.slave.doStep(host.time, size)
@@ -51,21 +51,21 @@ def run(fmu, flight, size, **values):
 def main():
     """Write the page."""
     lines = write_head(
-        *("flight", "step s", "evaluations in flight / all", "share", "share of time"),
+        *("flight", "step s", "evaluations in free drift / all", "share", "share of time"),
         *("peak loads off by", "times s", "motion m, m/s"),
     )
     with tempfile.TemporaryDirectory() as folder:
-        overrides = (f"initial.approach_time={FLIGHT}", GROUPS)
+        overrides = (f"initial.approach_time={DRIFT}", GROUPS)
         fmu = build_fmu("idss_25t_350t", overrides, Path(folder) / "approach.fmu", bare=True)
         exact = run(fmu, 2, 1.0, **TIGHT)
-        for name, flight, size in (
+        for name, drift, size in (
             ("integrated", 2, 1.0),
             ("resting", 1, 1.0),
             ("integrated", 2, 0.1),
             ("resting", 1, 0.1),
             ("resting", 1, 0.01),
         ):
-            loads, times, motion, cost = run(fmu, flight, size)
+            loads, times, motion, cost = run(fmu, drift, size)
             (before, seconds), (total, total_seconds) = cost
             lines.append(
                 write_row(
@@ -81,7 +81,7 @@ def main():
         "# A long approach with the mechanism at rest",
         find_origin("tests/studies/flight.py"),
         "",
-        "Ten minutes of approach and 20 s of the default docking; resting: `model.flight` 1, the"
+        "Ten minutes of approach and 20 s of the default docking; quiescent: `model.flight` 1, the"
         " default. Errors are those against a run that is always integrated, at 1e-10.",
         "",
         *lines,

@@ -50,7 +50,7 @@ def list_derivatives(folder):
             bristles = [n for n in host.variables if "ode.bristle" in n]
             some = [name for i, name in enumerate(bristles) if i % 40]
             jacobian = derivatives.Jacobian(host, leave_out=some)
-            by_group, _ = jacobian.errors(jacobian.told())
+            by_group, _ = jacobian.errors(jacobian.reported())
             worst = max(by_group, key=by_group.get)
             pairs = f"{np.count_nonzero(jacobian.declared)}, {jacobian.declared.size}"
             lines.append(write_row(instant, pairs, f"{by_group[worst]:.1e}", worst))

@@ -99,7 +99,7 @@ def list_methods(study):
 
 
 def list_forms(study):
-    """Rows: the reduced form beside three forms with multipliers, in one step of 5 s."""
+    """Rows: the reduced form next to three forms with multipliers, in one step of 5 s."""
     kinds = {
         "2 explicit": ["solver.method=2"],
         "6 bdf": ["solver.method=6"],

@@ -63,7 +63,7 @@ class Mesh:
         return sorted(corners - known.keys())
 
     def split(self, known: Mapping[Point, Class]) -> bool:
-        """Halve every cell in which known points differ; tells whether there was one."""
+        """Halve every cell in which known points differ; returns whether there was one."""
         mixed = {
             cell
             for point, met in known.items()

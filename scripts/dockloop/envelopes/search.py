@@ -2,7 +2,7 @@
 
 The mesh says which points it needs, the sweep engine runs them and keeps every result in its
 journal, the criteria say which points are alike. All criteria share the runs. Points at random in
-cells that were not refined tell whether a part of the boundary was missed; one that differs from
+cells that were not refined show whether a part of the boundary was missed; one that differs from
 its cell is refined like all others.
 """
 

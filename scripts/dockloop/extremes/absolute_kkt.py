@@ -267,7 +267,7 @@ def find_poses(m: Mechanism, q):
 
 
 def find_cut_geometry(loop: Loop, R, p):  # noqa: N803
-    """Cut points on both bodies in base axes, and what the kind of cut needs beside them."""
+    """Cut points on both bodies in base axes, and what the kind of cut needs next to them."""
     at_t = p[:, loop.terminal] + turned(R[:, loop.terminal], loop.on_terminal)
     at_i = p[:, loop.closing] + turned(R[:, loop.closing], loop.on_closing)
     if loop.cut == "R1_planar":

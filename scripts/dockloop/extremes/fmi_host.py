@@ -33,7 +33,7 @@ STEP = 0.01  # s
 
 
 def unpack(fmu):
-    """The folder of an unpacked FMU, beside it: it goes when the FMU goes."""
+    """The folder of an unpacked FMU, next to it: it goes when the FMU goes."""
     folder = Path(fmu).with_suffix(".unpacked")
     if not folder.exists():
         new = tempfile.mkdtemp(dir=folder.parent)
@@ -192,7 +192,7 @@ class Host:
         return status
 
     def slope_status(self, slopes, order=1):
-        """The status of telling rates of inputs: a dictionary of names and slopes."""
+        """The status of setting rates of inputs: a dictionary of names and slopes."""
         count = len(slopes)
         return self.status(
             "fmi2SetRealInputDerivatives",

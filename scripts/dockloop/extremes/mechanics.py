@@ -545,7 +545,7 @@ def many_uprights(count, spare):
 
     Args:
         count: of uprights, 1 m apart.
-        spare: which body the redundant loops list beside their own upright.
+        spare: which body the redundant loops list next to their own upright.
     """
     backwards, bar = [0, 0, -1], (1.0, (0, 0.5), 1 / 12)
     bodies = [benchmarks.planar_body("upright0", "base", (0, 0), bar, backwards)]

@@ -403,15 +403,15 @@ def isosceles_slider_crank(closure=None):
 
 
 def shrinking_leg(closure=None):
-    """Universal joint, slide and a tip 0.3 m beside it, pulled by a slide past the universal joint.
+    """Universal joint, slide and a tip 0.3 m off it, pulled by a slide past the universal joint.
 
     At 0.2 m of that slide the leg's own slide has run in to the foot of the tip: the leg cannot be
     shorter, and the motion turns back.
     """
-    beside, height, across = 0.3, 0.4, (0.2, 0.1)
+    next_to, height, across = 0.3, 0.4, (0.2, 0.1)
     flat = math.hypot(*across)
-    out = math.sqrt(flat**2 + height**2 - beside**2)
-    turn = [math.atan2(-across[1], across[0]), math.atan2(height, flat) - math.atan2(beside, out)]
+    out = math.sqrt(flat**2 + height**2 - next_to**2)
+    turn = [math.atan2(-across[1], across[0]), math.atan2(height, flat) - math.atan2(next_to, out)]
     inertia = diagonal(0.01, 0.02, 0.025)
     loop = {
         "name": "leg",
@@ -419,7 +419,7 @@ def shrinking_leg(closure=None):
         "first": "first",
         "terminal": "rod",
         "closing": "tip",
-        "cut": {"type": "R3", "point_on_terminal": [0, beside, 0], "point_on_closing": [0, 0, 0]},
+        "cut": {"type": "R3", "point_on_terminal": [0, next_to, 0], "point_on_closing": [0, 0, 0]},
         "dependent": ["first", "second", "rod"],
     }
     return {

@@ -264,7 +264,7 @@ def run_inputs(shop, score, quick):
                     try_input(score, (host, alone), pose, {name: value}, f"{name} {word}")
                 try_input(
                     score, (host, alone), pose, {name: math.nan, f"{free}.force_ext[2]": 5.0},
-                    f"{name} NaN beside a possible force",
+                    f"{name} NaN next to a possible force",
                 )  # fmt: skip
             for word, q in BAD_QUATERNIONS.items():
                 values = {f"{driven}.attitude[{i}]": x for i, x in enumerate(q, 1)}
@@ -290,7 +290,7 @@ class Drive:
         self.attitude = host.vector(f"{name}.attitude", 4)
 
     def tell(self, host, sign=1.0, length=1.0):
-        """Tell the pose at the beginning of the coming step."""
+        """Set the pose at the beginning of the coming step."""
         host.put(f"{self.name}.position", self.position + host.time * self.velocity)
         host.put(f"{self.name}.velocity", self.velocity)
         host.put(f"{self.name}.attitude", sign * length * self.attitude)
@@ -387,7 +387,7 @@ def run_start_values(shop, score, _quick):
 # ------------------------------------------------------------------------------------------------
 # 8. Contact at its edges.
 def run_contact_points(shop, score, quick):
-    """Item 8: first contact exactly at a communication point, at the start, beside them."""
+    """Item 8: first contact exactly at a communication point, at the start, next to them."""
     for name, delay in {
         "at the start": 0.0, "at a communication point": 64 * EXACT,
         "a spacing of numbers before one": math.nextafter(64 * EXACT, 0.0),
@@ -505,7 +505,7 @@ def step_on(host, steps):
 
 
 def run_saved(shop, score, quick):
-    """Item 9: save in contact, go on, restore: here, in another process, beside other threads."""
+    """Item 9: save in contact, go on, restore: here, in another process, next to other threads."""
     for friction in (1,) if quick else (1, 2):
         fmu = shop.shipped("idss_25t_350t", NEAR, f"contact.friction_model={friction}")
         steps, law = (40 if quick else 100), f"friction model {friction}"
@@ -639,7 +639,7 @@ PARTS = [
          "m", 1e-9, run_harmless_inputs),
     Part(7, "NaN, infinite, 1e300, 0, -1 as start values",
          "refused; corrected: the bits of the undisturbed run", "", math.inf, run_start_values),
-    Part(8, "contact at the start, at, beside and between communication points",
+    Part(8, "contact at the start, at, next to and between communication points",
          "closed form of the absorber", "of the speed", 1e-7, run_contact_points),
     Part(8, "swing that ends 1e-5 to 1e-17 m in or before the wall (48 contacts at once)",
          "one mass and a wall, Runge-Kutta steps", "of the way", 1e-5, run_grazing),
@@ -649,7 +649,7 @@ PARTS = [
          "one mass and a wall; too deep: a refusal", "of the way", 1e-5, run_penetration),
     Part(8, "start with the surfaces gone through each other", "a refusal", "", math.inf,
          run_passed),
-    Part(9, "restored in contact: here, in another process, beside others, in threads",
+    Part(9, "restored in contact: here, in another process, next to others, in threads",
          "the bits of the uninterrupted run", "steps that differ", 0, run_saved),
     Part(11, "tolerance 1e-4 to 1e-12", "quadrature, closed form, Kane's equations",
          "of slope 1", 0.3, run_ladder),

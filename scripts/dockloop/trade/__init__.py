@@ -12,8 +12,8 @@ FMUs do not carry (`dockloop.compiled`). A second name of a method is that metho
 |---|---|
 | ``__init__.py`` | the grid; which settings of it are run; one row; all rows, kept in a journal |
 | ``bench.py`` | the FMU, loaded once and run again and again |
-| ``truth.py`` | the truth: of dockloop-compare, or of the FMU at its tightest tolerance |
-| ``errors.py`` | figures of a run against the truth, and the scalar that sums them up |
+| ``solution.py`` | the reference solution, of dockloop-compare or of the FMU at its best |
+| ``errors.py`` | figures of a run against that solution, and the scalar that sums them up |
 | ``report.py`` | front, recommendation, table, figure |
 """
 
@@ -43,7 +43,7 @@ from dockloop.trade.errors import (
     find_scales,
     find_times,
 )
-from dockloop.trade.truth import find_truth
+from dockloop.trade.solution import find_solution
 
 _REFERENCE = 4
 _MULTIPLIERS = "dae"  # the method of that level
@@ -75,7 +75,7 @@ _SHORT = (1e-3, 1e-6, 1e-9)
 _INNER_STEPS = (4e-3, 2e-3, 1e-3, 5e-4)
 _OF_OTHER_LEVELS = (2, 3)  # methods
 _QUICK_STEPS, _QUICK_STRIDE = (10,), 3  # --quick: one step, every third value of a ladder
-_LOOKS = 40  # times, at least, at which a run is compared with the truth
+_LOOKS = 40  # times, at least, at which a run is compared with the reference solution
 _AFTER_CAPTURE = 1.0  # s that a run goes on by default
 _PAIRS = 5  # most runs of a setting and of the default, one after the other ...
 _ENOUGH = 1.0  # ... until those of the setting have taken so long [s]
@@ -155,14 +155,14 @@ class Setting:
 
     def starts(self, bench: Bench) -> dict[str, Any]:
         """Return the start values that make it."""
-        told = {
+        reported = {
             "model.level": self.level,
             "solver.method": self.method,
             "solver.dae_form": self.dae_form,
             "solver.step": self.inner_step,
         }
-        told = {name: value for name, value in told.items() if value is not None}
-        return told | (bench.tolerances(self.rtol) if self.rtol is not None else {})
+        reported = {name: value for name, value in reported.items() if value is not None}
+        return reported | (bench.tolerances(self.rtol) if self.rtol is not None else {})
 
 
 @dataclass(frozen=True)
@@ -193,7 +193,7 @@ class Trade:
     Attributes:
         rows: one per setting: its fields, ``setting``, ``scheme``, ``status``, ``reason``,
             ``is_default``, ``options`` (those of `dockloop run`) and the `FIGURES`.
-        about: scene, end, truth, scales.
+        about: scene, end, reference solution, scales.
     """
 
     rows: list[dict]
@@ -283,12 +283,12 @@ def run_trade(
     settings = make_settings(bench, choice, stop)
     names = find_compared(bench.outputs)
     try:
-        truth = find_truth(bench, stop, find_interval(bench.step, stop), names, _say)
+        solution = find_solution(bench, stop, find_interval(bench.step, stop), names, _say)
         setup = {
             "dockloop": __version__,
             "FMU": bench.fmu_digest,
             "stop": stop,
-            "truth": truth.key,
+            "truth": solution.key,
             "figures": list(FIGURES),
         }
         journal = Journal(
@@ -306,7 +306,7 @@ def run_trade(
         report = make_report(progress, len(settings) - len(missing), len(settings))
         pairs = 1 if choice.quick else _PAIRS
         for setting in missing:
-            result = measure(bench, setting, default, truth.recording, stop, pairs=pairs)
+            result = measure(bench, setting, default, solution.recording, stop, pairs=pairs)
             journal.add(astuple(setting), result)
             report()
     except KeyboardInterrupt:
@@ -317,15 +317,15 @@ def run_trade(
         ) from None
     finally:
         journal.close()
-    doubt = find_errors(truth.recording, truth.doubt)["error"] if truth.doubt else None
+    doubt = find_errors(solution.recording, solution.doubt)["error"] if solution.doubt else None
     about = {
         "scene": bench.scene["name"],
         "title": bench.scene["title"],
         "stop": stop,
-        "interval": float(truth.recording["time"][1]),
+        "interval": float(solution.recording["time"][1]),
         "default": default.label,
-        "truth": {"source": truth.source, **truth.facts, "error": doubt},
-        "scales": find_scales(truth.recording),
+        "truth": {"source": solution.source, **solution.facts, "error": doubt},
+        "scales": find_scales(solution.recording),
     }
     rows = [make_row(bench, s, default, journal.known[astuple(s)], stop) for s in settings]
     return Trade(rows, about)
@@ -340,7 +340,7 @@ def measure(
     bench: Bench,
     setting: Setting,
     default: Setting,
-    truth: Recording,
+    solution: Recording,
     stop: float,
     *,
     pairs: int = _PAIRS,
@@ -359,11 +359,11 @@ def measure(
             ordinary_times.append(bench.run(ordinary, stop, default.step).wall["do_step"])
             first = first or run
         seen = first
-        if find_times(truth["time"], first["time"]) is None:
-            seen = bench.probe(starts, stop, setting.step, truth["time"])
+        if find_times(solution["time"], first["time"]) is None:
+            seen = bench.probe(starts, stop, setting.step, solution["time"])
     except DockloopError as error:
         return Result("refused" if isinstance(error, UsageError) else "failed", str(error))
-    figures = find_errors(truth, seen) | find_audits(seen)
+    figures = find_errors(solution, seen) | find_audits(seen)
     for name, output in (
         ("evaluations", "solver.rhs_evaluations"),
         ("steps", "solver.steps"),
@@ -414,7 +414,7 @@ def _expand(block: Block, bench: Bench, choice: Choice, stop: float) -> Iterator
 
 
 def find_interval(step: float, stop: float) -> float:
-    """Return how often runs are compared with the truth [s]: as often whatever their own steps.
+    """Return how often runs are compared with that solution [s]: as often whatever their own steps.
 
     About ten or a hundred times the step of the scene, as long as that is often enough.
     """

@@ -110,10 +110,10 @@ class Bench:
             if name not in self.variables:
                 raise UsageError(f"the FMU has no variable '{name}'")
         times = communication_points(self._description, stop, step)
-        told = [(self.variables[name], value) for name, value in starts.items()]
+        reported = [(self.variables[name], value) for name, value in starts.items()]
         with Instance(self._description, str(self._folder), "the FMU") as instance:
             try:
-                instance.initialise(told, times)
+                instance.initialise(reported, times)
                 yield instance, times
             except FMICallException as error:
                 raise DockloopError(instance.sentence(error).removeprefix("the FMU: ")) from None

@@ -1,8 +1,8 @@
-"""How wrong a run is: figures of a docking against the truth, and the one scalar that sums them up.
+"""How wrong a run is: figures against the reference solution, and the one scalar of them.
 
-Every figure that has a unit is divided by a scale of the truth before the worst one is taken. The
-moving frame is P seen from A (``relative``) where there is a target, and otherwise the ring. Runs
-are compared at the points of time that they have in common with the truth.
+Every figure that has a unit is divided by a scale of the reference solution before the worst one is
+taken. The moving frame is P seen from A (``relative``) where there is a target, and otherwise the
+ring. Runs are compared at the points of time that they have in common with the reference solution.
 """
 
 import math
@@ -39,7 +39,7 @@ ERRORS = {
     "attitude_rad": "largest error of the attitude of {frame} [rad]",
     "end_velocity_m_s": "velocity of {frame} at the end [m/s]",
     "end_angular_velocity_rad_s": "angular velocity of {frame} at the end [rad/s]",
-    "outcome_matches": "whether the outcome and whether it is captured are those of the truth",
+    "outcome_matches": "whether outcome and capture are those of the reference solution",
 }
 AUDITS = {
     "momentum_residual": "largest `momentum.residual` of the run",
@@ -61,13 +61,13 @@ def find_frame(outputs: list[str]) -> str:
         if f"{frame}.position[1]" in outputs:
             return frame
     raise UsageError(
-        "the scene exports neither the outputs 'relative' nor 'ring', with which the truth is"
+        "the scene exports neither the outputs 'relative' nor 'ring', with which the solution is"
         " compared: add one of them to outputs.groups"
     )
 
 
 def find_compared(outputs: list[str]) -> list[str]:
-    """Return those of an FMU's outputs that are compared with the truth."""
+    """Return those of an FMU's outputs that are compared with the reference solution."""
     frame = find_frame(outputs)
     names = [f"{frame}.{name}[{i + 1}]" for name, n in _ENTRIES.items() for i in range(n)]
     names += [f"ring.position[{i}]" for i in (1, 2, 3)]
@@ -76,47 +76,47 @@ def find_compared(outputs: list[str]) -> list[str]:
     return [name for name in dict.fromkeys(names) if name in outputs]
 
 
-def find_scales(truth: Recording) -> dict[str, float]:
-    """Return what the figures are divided by, those of `SCALES` that the truth has."""
-    frame, scales = find_frame(truth.names), {}
+def find_scales(solution: Recording) -> dict[str, float]:
+    """Return what the figures are divided by, those of `SCALES` that the reference solution has."""
+    frame, scales = find_frame(solution.names), {}
 
     def peak(wanted: str) -> float:
         loads = [load for load, unit in list_loads().items() if unit == wanted]
-        return max(truth[f"capture.peak.{load}"][-1] for load in loads)
+        return max(solution[f"capture.peak.{load}"][-1] for load in loads)
 
-    if "capture.peak.shear" in truth:
+    if "capture.peak.shear" in solution:
         scales["peaks"], scales["peak_moments"] = peak("N"), peak("N m")
-    if "ring.position[1]" in truth:
-        scales["stroke"] = _stroke(truth.vector("ring.position"))
-    if "time_of_capture" in truth and truth["time_of_capture"][-1] >= 0.0:
-        scales["capture_time_s"] = truth["time_of_capture"][-1] - truth["time_of_contact"][-1]
-    turns = truth.vector(f"{frame}.attitude")
-    scales["position_m"] = _stroke(truth.vector(f"{frame}.position"))
+    if "ring.position[1]" in solution:
+        scales["stroke"] = _stroke(solution.vector("ring.position"))
+    if "time_of_capture" in solution and solution["time_of_capture"][-1] >= 0.0:
+        scales["capture_time_s"] = solution["time_of_capture"][-1] - solution["time_of_contact"][-1]
+    turns = solution.vector(f"{frame}.attitude")
+    scales["position_m"] = _stroke(solution.vector(f"{frame}.position"))
     scales["attitude_rad"] = float(np.max(_angles(turns, turns[:1])))
     for figure, name in (
         ("end_velocity_m_s", "velocity"),
         ("end_angular_velocity_rad_s", "angular_velocity"),
     ):
-        scales[figure] = np.max(np.linalg.norm(truth.vector(f"{frame}.{name}"), axis=1))
+        scales[figure] = np.max(np.linalg.norm(solution.vector(f"{frame}.{name}"), axis=1))
     return {name: max(float(scale), _LEAST) for name, scale in scales.items()}
 
 
-def find_errors(truth: Recording, run: Recording) -> dict:
-    """Compare a run with the truth; figures that a scene does not have are None.
+def find_errors(solution: Recording, run: Recording) -> dict:
+    """Compare a run with the reference solution; figures that a scene does not have are None.
 
     Returns:
         A value for each name in `ERRORS`.
     """
-    scales, frame = find_scales(truth), find_frame(truth.names)
-    here = find_times(truth["time"], run["time"])
+    scales, frame = find_scales(solution), find_frame(solution.names)
+    here = find_times(solution["time"], run["time"])
     figures = dict.fromkeys(ERRORS)
 
     def pair(name: str) -> tuple[np.ndarray, np.ndarray]:
-        return run.vector(name)[here], truth.vector(name)
+        return run.vector(name)[here], solution.vector(name)
 
     if "peaks" in scales:
         figures["peaks"] = max(
-            abs(run[f"capture.peak.{load}"][-1] - truth[f"capture.peak.{load}"][-1])
+            abs(run[f"capture.peak.{load}"][-1] - solution[f"capture.peak.{load}"][-1])
             / scales["peaks" if unit == "N" else "peak_moments"]
             for load, unit in list_loads().items()
         )
@@ -133,11 +133,11 @@ def find_errors(truth: Recording, run: Recording) -> dict:
         ours, theirs = pair(f"{frame}.{name}")
         figures[figure] = np.linalg.norm(ours[-1] - theirs[-1])
     figures["outcome_matches"] = True
-    if "time_of_capture" in truth:
-        when = [r["time_of_capture"][-1] for r in (run, truth)]
+    if "time_of_capture" in solution:
+        when = [r["time_of_capture"][-1] for r in (run, solution)]
         if min(when) >= 0.0:
             figures["capture_time_s"] = abs(when[0] - when[1])
-        same = round(run["outcome"][-1]) == round(truth["outcome"][-1])
+        same = round(run["outcome"][-1]) == round(solution["outcome"][-1])
         figures["outcome_matches"] = same and (when[0] >= 0.0) == (when[1] >= 0.0)
     relative = {
         name: value / (1.0 if name in ("peaks", "stroke") else scales[name])

@@ -17,7 +17,7 @@ from dockloop.trade import COSTS, FIGURES, Trade, find_journal, name_levels
 from dockloop.trade.errors import AUDITS, ERRORS, SCALES
 
 WANTED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
-_PAYS = 1.25  # times the cheapest: less is within what timing can tell
+_PAYS = 1.25  # times the cheapest: less is within what timing can resolve
 _FIELDS = ("setting", "level", "method", "dae_form", "rtol", "inner_step", "step")
 _COLUMNS = (*_FIELDS, "status", "reason", *FIGURES, "front_by_evaluations", "front_by_time")
 _COMMAND = "dockloop trade"
@@ -44,7 +44,7 @@ def recommend(rows: list[dict], wanted: float, cost: str = "time_ratio") -> dict
 
 
 def summarise_trade(trade: Trade, command: str) -> dict:
-    """Return all that is to be told: recommendation, levels, what does not pay, and the rows."""
+    """Return the whole report: recommendation, levels, what does not pay, and the rows."""
     rows, scales = trade.rows, trade.about["scales"]
     for name, cost in (("front_by_evaluations", "evaluations"), ("front_by_time", "time_ratio")):
         front = find_front(rows, cost)
@@ -72,7 +72,7 @@ def describe_trade(summary: dict) -> str:
     done = sum(row["status"] == "done" for row in summary["rows"])
     lines = [
         f"{summary['title']}, {summary['stop']:g} s: {done} of {len(summary['rows'])} settings ran",
-        _truth_sentence(summary),
+        _solution_sentence(summary),
         "",
         *(entry["sentence"] for entry in summary["recommendations"]),
         "",
@@ -135,7 +135,9 @@ def _make_recommendations(rows: list[dict], doubt: float | None) -> list[dict]:
         best = recommend(rows, wanted)
         entry = {"wanted": wanted, "best": None, "by_step": {}}
         if doubt is not None and doubt > wanted:
-            entry["sentence"] = f"for {wanted:.0e}: the truth itself is good to {doubt:.0e} only"
+            entry["sentence"] = (
+                f"for {wanted:.0e}: the reference solution itself is good to {doubt:.0e} only"
+            )
         elif best is None:
             entry["sentence"] = f"for {wanted:.0e}: no setting of the grid reaches it"
         else:
@@ -171,7 +173,9 @@ def _describe_levels(rows: list[dict]) -> list[str]:
         own = _usable(row for row in rows if row["level"] == level)
         name = name_levels().get(level, str(level))
         if not own:
-            sentences.append(f"level {name}: no setting of it ran to the outcome of the truth")
+            sentences.append(
+                f"level {name}: no setting of it ran to the outcome of the reference solution"
+            )
             continue
         best = min(own, key=lambda row: row["error"])
         enough = recommend(own, 2.0 * best["error"])
@@ -220,13 +224,16 @@ def _describe_refused(rows: list[dict]) -> list[str]:
 
 
 def _other_outcomes(summary: dict) -> list[str]:
-    return [f"other outcome than the truth: {setting}" for setting in summary["other_outcome"]]
+    return [
+        f"other outcome than the reference solution: {setting}"
+        for setting in summary["other_outcome"]
+    ]
 
 
-def _truth_sentence(summary: dict) -> str:
-    truth = summary["truth"]
-    doubt = "" if truth["error"] is None else f"; good to {truth['error']:.0e}"
-    return f"truth: {truth['source']}{doubt}"
+def _solution_sentence(summary: dict) -> str:
+    solution = summary["truth"]
+    doubt = "" if solution["error"] is None else f"; good to {solution['error']:.0e}"
+    return f"reference solution: {solution['source']}{doubt}"
 
 
 def _scale_sentence(name: str, scale: float) -> str:
@@ -276,20 +283,20 @@ def _row(cells: Iterable[str]) -> str:
 def _make_page(summary: dict, rows: list[dict], figures: list[Path]) -> str:
     """Return trade.md."""
     steps = sorted({row["step"] for row in rows})
-    told = [entry for entry in summary["recommendations"] if entry["best"]]
+    reported = [entry for entry in summary["recommendations"] if entry["best"]]
     lines = [
         f"{_TITLE}{summary['title']}",
         "",
         f"Made by `{summary['command']}`: {summary['stop']:g} s, {len(rows)} settings.",
         f"Default setting: {summary['default']}.",
-        _truth_sentence(summary).replace("truth", "Truth", 1) + ".",
+        _solution_sentence(summary).replace("r", "R", 1) + ".",
         "",
         *(line for path in figures for line in (f"![error against cost]({path.name})", "")),
         "## What to use",
         "",
         *(f"* {entry['sentence']}" for entry in summary["recommendations"]),
     ]
-    if told:
+    if reported:
         lines += [
             "",
             "The cheapest setting for each communication step (evaluations, time ratio):",
@@ -297,7 +304,7 @@ def _make_page(summary: dict, rows: list[dict], figures: list[Path]) -> str:
             _row(["wanted error", *(f"step {step:g} s" for step in steps)]),
             _row(["---"] * (1 + len(steps))),
         ]
-        for entry in told:
+        for entry in reported:
             cells = [
                 f"{best['setting'].rpartition(', ')[0]} ({_spaced(best['evaluations'])},"
                 f" {best['time_ratio']:.2g})"
@@ -307,8 +314,8 @@ def _make_page(summary: dict, rows: list[dict], figures: list[Path]) -> str:
             ]
             lines.append(_row([f"{entry['wanted']:.0e}", *cells]))
         lines += ["", "The recommended ones as options of `dockloop run`:", "", "```sh"]
-        for options in dict.fromkeys(entry["best"]["options"] for entry in told):
-            meant = [f"{e['wanted']:.0e}" for e in told if e["best"]["options"] == options]
+        for options in dict.fromkeys(entry["best"]["options"] for entry in reported):
+            meant = [f"{e['wanted']:.0e}" for e in reported if e["best"]["options"] == options]
             lines += [f"# {', '.join(meant)}", options]
         lines += ["```"]
     verdicts = [*summary["levels"], *summary["does_not_pay"], *summary["refused"]]
@@ -321,7 +328,7 @@ def _make_page(summary: dict, rows: list[dict], figures: list[Path]) -> str:
     lines += [f"* {text}" for text in summary["error_is_the_worst_of"]]
     lines += [
         "",
-        f"Every run is compared with the truth each {summary['interval']:g} s, between its"
+        f"Every run is compared with this solution each {summary['interval']:g} s, between its"
         " communication points by shorter",
         "steps that are taken back. A tolerance is `solver.rtol`; the absolute ones keep the ratio"
         " to it that they have",

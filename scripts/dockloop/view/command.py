@@ -58,7 +58,7 @@ def view(options: argparse.Namespace) -> str:
 
 
 def _is_run(source: Path) -> bool:
-    """Tell whether a table is that of one run, not of a sweep."""
+    """Return whether a table is that of one run, not of a sweep."""
     try:
         return RESULT.is_own(source)
     except Exception:  # noqa: BLE001  what cannot be read is refused later, with its reason

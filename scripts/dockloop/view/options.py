@@ -20,12 +20,12 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         metavar="FILE",
-        help="page .html, still .png, film .mp4 (default: RESULT_view.html beside the result)",
+        help="page .html, still .png, film .mp4 (default: RESULT_view.html next to the result)",
     )
     command.add_argument(
         "--model",
         metavar="SCENE|FILE.fmu",
-        help="what made the result (default: the summary beside the result says it)",
+        help="what made the result (default: the summary next to the result says it)",
     )
     command.add_argument(
         "--state",

@@ -32,7 +32,7 @@ _DATA_LIMIT = 2_500_000  # bytes of columns in base64
 _PAGE_LIMIT = 5_000_000  # bytes of a page
 _DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
 
-# Columns besides poses: what the page shows of a result, by name or pattern.
+# Columns as well as poses: what the page shows of a result, by name or pattern.
 _SHOWN = re.compile(
     r"relative\.(axial|lateral|pitch_yaw|roll)|gap|phase|outcome|captured"
     r"|capture\.(tension|compression|shear|bending|torsion|load_ratio|(force|torque)\[\d\])"
@@ -348,7 +348,7 @@ def _choose_rows(run: Recording, events: list[dict], limit: int) -> np.ndarray:
 
 
 def _can_have(scene: dict, group: str) -> bool:
-    """Tell whether a scene has what a group of outputs is about."""
+    """Return whether a scene has what a group of outputs is about."""
     mechanism = scene["mechanism"]
     needs: dict[str, Callable[[], Any]] = {
         "relative": lambda: "target" in scene,

@@ -121,7 +121,7 @@ def _show(browser: Browser, moment: float | str, camera: str) -> None:
 
 
 def _sign(picture: bytes) -> bytes:
-    """Return a PNG with the text that says who made it."""
+    """Return a PNG with the text that names the command."""
     inside = b"tEXtSoftware\0" + COMMAND.encode()
     chunk = struct.pack(">I", len(inside) - 4) + inside + struct.pack(">I", zlib.crc32(inside))
     return picture[:_PNG_START] + chunk + picture[_PNG_START:]

@@ -22,11 +22,11 @@ from dockloop.summary import COMMAND, RESULT, find_summary
 
 
 def read_result(path: Path, model: str | None = None) -> Recording:
-    """Read a result file and the model beside it.
+    """Read a result file and the model next to it.
 
     Args:
         path: a ``.csv``, ``.npz`` or ``.parquet`` that ``dockloop run`` wrote.
-        model: a scene or an FMU to take the geometry from; default: the summary beside the result.
+        model: a scene or an FMU to take the geometry from; default: the summary next to the result.
 
     Returns:
         What ``run_fmu`` had returned, without wall times.

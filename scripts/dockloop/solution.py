@@ -19,7 +19,7 @@ from dockloop.scene import find_scene, resolve_scene
 FILE = json_kind("truth", "dockloop truth")
 
 
-def make_truth(
+def make_solution(
     reference: str,
     outputs: Sequence[str],
     *,
@@ -42,7 +42,7 @@ def make_truth(
         step: distance of the time points [s]; default: that of the scene's experiment.
         tolerance: of the steps inside, relative.
         check: run again with 1000 times the tolerance and state the differences.
-        progress: told the part that is done, 0 to 1.
+        progress: receives the part that is done, 0 to 1.
 
     Returns:
         The document.

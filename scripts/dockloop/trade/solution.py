@@ -1,4 +1,4 @@
-"""The truth that every run is compared with, from whoever knows it best.
+"""The reference solution that every run is compared with, from the best source.
 
 `dockloop-compare truth`, where it can be compiled: the same model in extended precision. Otherwise
 the FMU itself, by its explicit method at the tightest tolerance; a second run at ten times the
@@ -37,13 +37,13 @@ _CORE_TOLERANCE = 1e-16  # far below what any setting reaches; less only takes l
 
 
 @dataclass
-class Truth:
+class Solution:
     """What should have come out.
 
     Attributes:
         recording: the outputs at every point of time.
         doubt: the same, off by the errors that are stated; None if none are.
-        source: who says so.
+        source: where it is from.
         key: of all that decides it.
         facts: tolerance, digits and evaluations.
     """
@@ -55,21 +55,21 @@ class Truth:
     facts: dict
 
 
-def find_truth(
+def find_solution(
     bench: Bench,
     stop: float,
     step: float,
     names: list[str],
     say: Callable[[str], None] = lambda _: None,
-) -> Truth:
-    """Return the truth of a scene, from its file or found anew.
+) -> Solution:
+    """Return the reference solution of a scene, from its file or found anew.
 
     Args:
         bench: the FMU of the scene.
         stop: end [s].
         step: between two points of time [s].
         names: outputs.
-        say: told when it must be found anew.
+        say: called when it must be found anew.
     """
     program = _find_program()
     decides = [bench.fmu_digest, stop, step, names, _RTOL]
@@ -83,15 +83,17 @@ def find_truth(
         except OSError as error:
             raise UsageError(f"{shown(file)}: cannot be read ({find_reason(error)})") from None
         except (ValueError, KeyError, TypeError, AttributeError):
-            raise UsageError(f"{shown(file)}: is no truth that can be read: delete it") from None
+            raise UsageError(
+                f"{shown(file)}: is no reference solution that can be read: delete it"
+            ) from None
     claim(file, _FILE)
-    say("finding the truth")
+    say("finding the reference solution")
     document = (_ask_core if program else _ask_fmu)(bench, stop, step, names)
     write_text(file, _FILE, json.dumps({MADE_BY: _FILE.command, **document}))
     return _read(document, names, bench, key)
 
 
-def _read(document: dict, names: list[str], bench: Bench, key: str) -> Truth:
+def _read(document: dict, names: list[str], bench: Bench, key: str) -> Solution:
     columns = [document["time"], *(document["values"][name] for name in names)]
     values = np.array(columns, dtype=float).T
     units = ["s", *(bench.variables[name].unit or "" for name in names)]
@@ -102,11 +104,11 @@ def _read(document: dict, names: list[str], bench: Bench, key: str) -> Truth:
         for column, name in enumerate(names, 1):
             doubt.values[:, column] += error[name]  # a number, or one for each time
     facts = {n: document[n] for n in ("tolerance", "digits", "evaluations") if document.get(n)}
-    return Truth(recording, doubt, document["source"], key, facts)
+    return Solution(recording, doubt, document["source"], key, facts)
 
 
 def _find_program() -> Path | None:
-    """Return the program that knows the truth; None where it cannot be compiled."""
+    """Return the program that knows the reference solution; None where it cannot be compiled."""
     try:
         return find_compiled(paths.COMPARE)[0]
     except DockloopError:
@@ -125,18 +127,18 @@ def _ask_core(bench: Bench, stop: float, step: float, names: list[str]) -> dict:
     options += [word for name, n in _level(bench).items() for word in ("--set", f"{name}={n}")]
     of_fmu = _ask_fmu(bench, stop, step, names)
     try:
-        told = ask_program(paths.COMPARE, "truth", bench.model, *options)
+        reported = ask_program(paths.COMPARE, "truth", bench.model, *options)
     except DockloopError as error:
         reason = str(error).replace(f"{shown(bench.model)}: ", "")
         return {**of_fmu, "source": f"{of_fmu['source']} (dockloop truth: {reason})"}
     document = {
         "source": "dockloop truth",
-        "time": told["time"],
-        "values": told.get("values") or told["output"],
-        "error": told.get("error") or told.get("check", {}).get("difference"),
-        "tolerance": told.get("tolerance"),
-        "digits": told.get("digits"),
-        "evaluations": told.get("evaluations") or told.get("work", {}).get("evaluations"),
+        "time": reported["time"],
+        "values": reported.get("values") or reported["output"],
+        "error": reported.get("error") or reported.get("check", {}).get("difference"),
+        "tolerance": reported.get("tolerance"),
+        "digits": reported.get("digits"),
+        "evaluations": reported.get("evaluations") or reported.get("work", {}).get("evaluations"),
     }
     peaks = (
         [name for name in names if name.startswith("capture.peak.")] if document["error"] else []
