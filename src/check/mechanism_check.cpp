@@ -60,7 +60,7 @@ double find_max_condition(const Mechanism& mechanism, const MechanismData<double
 std::string describe(const Status& status) {
   switch (status.code) {
     case StatusCode::kOutOfReach:
-      return "is out of reach";
+      return "cannot be reached";
     case StatusCode::kLoopSingular:
       return "is singular";
     case StatusCode::kBranchChanged:
@@ -171,7 +171,7 @@ json describe_seated_play(const Capture& capture, json& warnings) {
   if (play.striker_offset > window) {
     warnings.push_back("seated, a striker can stand up to " +
                        shown(1e3 * play.striker_offset, "mm") +
-                       " beside its hook, but latches.window is " + shown(1e3 * window, "mm") +
+                       " next to its hook, but latches.window is " + shown(1e3 * window, "mm") +
                        ": rings can sit there and not be caught; give the petals less play or the "
                        "latches a wider window");
   }

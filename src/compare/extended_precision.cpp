@@ -1,5 +1,6 @@
 // A DockingSim that integrates with 32 digits: events, latches, peaks and audits are its own, in
-// double; rates, event functions, the method and the continuous outputs are those of the truth.
+// double; rates, event functions, the method and the continuous outputs are those of the reference
+// solution.
 //
 // Discrete decisions stay in double: which pairs of surfaces are near, and on which branch the
 // loops are (their reference pose). Values do not depend on the digits of either.
@@ -19,7 +20,7 @@ struct ExtendedEquations {
 
 namespace {
 
-constexpr double kRootTolerance = 4e-16;  ///< time can be told so well
+constexpr double kRootTolerance = 4e-16;  ///< resolution of the time
 
 void copy_reference(const LoopReference<double>& from, LoopReference<Extended>& to) {
   to.valid = from.valid;

@@ -167,9 +167,9 @@ bool ExtendedSolver::calc_rates(const Extended& t, const State& y, State& ydot) 
     return true;
   }
   ++system_.evaluations;
-  const int trouble = rates_(t, y.data(), ydot.data());
-  if (trouble > 0) system_.trouble = trouble;
-  return trouble == 0;
+  const int failure = rates_(t, y.data(), ydot.data());
+  if (failure > 0) system_.failure = failure;
+  return failure == 0;
 }
 
 /// Largest difference of two results, in units of what is tolerated.

@@ -1,11 +1,11 @@
-// Steps of arbitrary order with 32 digits, as a Solver: the method of the truth.
+// Steps of arbitrary order with 32 digits, as a Solver: the method of the reference solution.
 //
 // Extrapolation after Gragg, Bulirsch and Stoer (Hairer, Norsett, Wanner: Solving Ordinary
 // Differential Equations I, II.9): a step is made by the midpoint rule with 2, 4, 6, ... substeps,
 // whose results are extrapolated to infinitely many until two columns agree. Where the rates have a
 // kink that does not happen: such a step is given up early and halved, which closes in on the kink
 // until a step across it is short enough to be right at any order. Across a jump of the rates a
-// step is as short as time can be told; its error is the jump times that.
+// step is as short as the time resolves; its error is the jump times that.
 //
 // The state has its own extended copy; y in double is always its rounding. What is handed back in
 // restart() bit by bit goes on with all digits.

@@ -35,14 +35,14 @@ int run(const std::vector<std::string>& arguments) {
     std::cout << make_model_description(sim, find_option(arguments, "--date"));
     return 0;
   }
-  TruthOrder order;
+  SolutionOrder order;
   order.stop = find_number(arguments, "--stop", 0.0);
   order.step = find_number(arguments, "--step", 0.0);
   order.tolerance = find_number(arguments, "--tolerance", order.tolerance);
   order.check = has_flag(arguments, "--check");
   order.outputs = find_options(arguments, "--output");
   order.settings = find_options(arguments, "--set");
-  std::cout << make_truth(scene, order).dump(1) << "\n";
+  std::cout << make_solution(scene, order).dump(1) << "\n";
   return 0;
 }
 

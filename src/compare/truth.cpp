@@ -33,7 +33,7 @@ struct Run {
   double steps = 0.0, rejected = 0.0, evaluations = 0.0;
 };
 
-Run run(const std::shared_ptr<const Scene>& scene, const TruthOrder& order, double tolerance,
+Run run(const std::shared_ptr<const Scene>& scene, const SolutionOrder& order, double tolerance,
         int done_before, int of) {
   DockingSim sim(scene, FmiKind::kCoSimulation, get_comparison());
   const std::vector<Variable> variables = make_variables(sim);
@@ -71,7 +71,7 @@ Run run(const std::shared_ptr<const Scene>& scene, const TruthOrder& order, doub
 
 }  // namespace
 
-json make_truth(std::shared_ptr<const Scene> scene, const TruthOrder& order) {
+json make_solution(std::shared_ptr<const Scene> scene, const SolutionOrder& order) {
   constexpr double kCoarser = 1000.0;
   constexpr double kLeast = 1e-26, kMost = 1e-3, kMostSteps = 1e6;
   if (!(order.step > 0.0 && order.stop >= order.step && order.stop <= kMostSteps * order.step)) {
@@ -83,26 +83,26 @@ json make_truth(std::shared_ptr<const Scene> scene, const TruthOrder& order) {
   if (order.outputs.empty()) throw ModelError("say what to write: --output NAME (repeatable)");
   const int points = static_cast<int>(std::round(order.stop / order.step)) + 1;
   const int all = order.check ? 2 * points : points;
-  const Run truth = run(scene, order, order.tolerance, 0, all - 1);
+  const Run solution = run(scene, order, order.tolerance, 0, all - 1);
   json result = {{"scene", scene->name},
                  {"settings", order.settings},
                  {"digits", std::numeric_limits<Extended>::digits10},
                  {"tolerance", order.tolerance},
                  {"work",
-                  {{"steps", truth.steps},
-                   {"rejected_steps", truth.rejected},
-                   {"evaluations", truth.evaluations}}},
-                 {"time", truth.time}};
+                  {{"steps", solution.steps},
+                   {"rejected_steps", solution.rejected},
+                   {"evaluations", solution.evaluations}}},
+                 {"time", solution.time}};
   for (size_t i = 0; i < order.outputs.size(); ++i) {
-    result["output"][order.outputs[i]] = truth.values[i];
+    result["output"][order.outputs[i]] = solution.values[i];
   }
   if (!order.check) return result;
   const Run coarse = run(scene, order, kCoarser * order.tolerance, points, all - 1);
   result["check"]["tolerance"] = kCoarser * order.tolerance;
   for (size_t i = 0; i < order.outputs.size(); ++i) {
     double largest = 0.0;
-    for (size_t k = 0; k < truth.time.size(); ++k) {
-      largest = std::max(largest, std::abs(truth.values[i][k] - coarse.values[i][k]));
+    for (size_t k = 0; k < solution.time.size(); ++k) {
+      largest = std::max(largest, std::abs(solution.values[i][k] - coarse.values[i][k]));
     }
     result["check"]["difference"][order.outputs[i]] = largest;
   }

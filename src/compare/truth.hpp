@@ -10,7 +10,7 @@
 
 namespace dockloop {
 
-struct TruthOrder {
+struct SolutionOrder {
   double stop = 0.0, step = 0.0;      ///< communication points are k step, up to stop [s]
   double tolerance = 1e-18;           ///< of the steps inside, relative
   bool check = false;                 ///< run again with 1000 times the tolerance
@@ -21,6 +21,6 @@ struct TruthOrder {
 /// @return time points, values of the outputs at each, work, and (with check) how far they are
 /// from those of the second run. Progress goes to stderr, as lines "progress DONE OF".
 /// @throws ModelError naming variable and value
-nlohmann::json make_truth(std::shared_ptr<const Scene> scene, const TruthOrder& order);
+nlohmann::json make_solution(std::shared_ptr<const Scene> scene, const SolutionOrder& order);
 
 }  // namespace dockloop

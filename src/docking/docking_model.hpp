@@ -7,10 +7,10 @@
 // State y (StateLayout): for each moving vehicle its pose and, instead of a velocity, the linear
 // and angular momentum (about the origin of O) of everything that moves with it, mechanism
 // included; for the mechanism its independent coordinates and velocities relative to the vehicle;
-// bristles; energy sinks and external impulses. Rates of the momenta are plain sums of forces,
-// which Runge-Kutta methods add up without error: momentum balances to rounding at any tolerance.
-// The vehicle's velocity follows from its momentum with the factor of the reduced inertia that the
-// accelerations need anyway.
+// bristles; dissipated energies and external impulses. Rates of the momenta are plain sums of
+// forces, which Runge-Kutta methods add up without error: momentum balances to rounding at any
+// tolerance. The vehicle's velocity follows from its momentum with the factor of the reduced
+// inertia that the accelerations need anyway.
 //
 // Two right-hand sides: the mechanism moves, or it is locked (LockedMechanism, of DockingData).
 // Chaser and locked mechanism are one rigid body. Loops and inertia are not evaluated, and the
@@ -27,7 +27,7 @@
 
 namespace dockloop {
 
-/// Energy sinks and other sums that are integrated with the state.
+/// Dissipated energies and other sums that are integrated with the state.
 enum Sum { kSumContact, kSumFriction, kSumLegs, kSumLatches, kSumExternal, kSumCount };
 
 /// Where things are in y; -1 = not there.
@@ -185,7 +185,7 @@ template <class S>
 void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads, const S* y,
                         S* ydot, DockingData<S>& data);
 /// Load of the mechanism on its base (data.mechanism.on_base), acceleration of the chaser, and cut
-/// forces unless the mechanism is locked: nothing tells them then. @pre calc_docking
+/// forces unless the mechanism is locked: nothing defines them then. @pre calc_docking
 template <class S>
 void calc_docking_reactions(const DockingModel& model, DockingData<S>& data);
 

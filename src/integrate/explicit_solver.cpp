@@ -3,11 +3,11 @@
 // They are our own because evaluations have become so cheap that the vectors of ERKStep cost as
 // much again (tests/benchmarks/stepper_bench.cpp). Step sizes follow the PI controller of ARKODE
 // with its constants. The end of a step is evaluated last: it is the first stage of the next step,
-// and who asks what holds there finds everything computed.
+// and a question about this point finds everything computed.
 //
 // With a second, stabilised table the solver goes over to it where stability limits the steps of
 // the usual one, and back. Both tables evaluate the end of the step twice, from two approximations:
-// the ratio of these differences tells the fastest rate of the solution (Hairer, Wanner: Solving
+// the ratio of these differences gives the fastest rate of the solution (Hairer, Wanner: Solving
 // Ordinary Differential Equations II, IV.2).
 #include <algorithm>
 #include <cmath>
@@ -192,8 +192,8 @@ void ExplicitSolver::update_fastest_rate(double h) {
   fastest_ = std::max(std::isfinite(seen) ? seen : 0.0, kFade * fastest_);
 }
 
-/// Where nobody says: a step in which the state bends away from its tangent by one tolerance, found
-/// from a short one. In other units of time it is the same step (as that of CVODE).
+/// Without a proposal: a step in which the state bends away from its tangent by one tolerance,
+/// found from a short one. In other units of time it is the same step (as that of CVODE).
 bool ExplicitSolver::find_first_step(double room) {
   const auto find_size = [this](const double* x) {
     double sum = 0.0;
@@ -262,7 +262,7 @@ StepOutcome ExplicitSolver::step(double t_stop, N_Vector y, double& t) {
 }
 
 bool ExplicitSolver::interpolate(double t, N_Vector y) {
-  if (fixed_) return true;  // nobody looks inside
+  if (fixed_) return true;  // no roots are searched inside
   if (!at_end_) return false;
   const double s = 1.0 - (t_ - t) / made_, r = 1.0 - s;
   const int stages = used_->table.stages;

@@ -28,7 +28,7 @@ constexpr double kDormandPrinceDense[] = {-12715105075.0 / 11282082432,
 constexpr double kClassicA[] = {0.5, 0, 0.5, 0, 0, 1};
 constexpr double kClassicB[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
 
-// Order 4(3), made for the spectrum of a docking: friction in contact, real down to -19.7/h, beside
+// Order 4(3), made for the spectrum of a docking: friction in contact, real down to -19.7/h, next to
 // rings and latches that swing, up to (-0.4 +- 3i)/h. The polynomial of stability is that of the
 // longest step on such a spectrum; the coefficients have it and the least error of order 5, with
 // stages that are stable too (tests/studies/stabilised_pair.py).

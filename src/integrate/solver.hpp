@@ -31,7 +31,7 @@ struct System {
 
   /// A new vector, or an exception. To be destroyed by the caller.
   N_Vector make_vector() const;
-  /// The rates, counted; not 0 where they cannot be told.
+  /// The rates, counted; not 0 where they cannot be reported.
   int calc_rates(double t, const double* state, double* ydot);
   static int call_rates(realtype t, N_Vector y, N_Vector ydot, void* system);
   static int call_jacobian(realtype t, N_Vector y, N_Vector ydot, SUNMatrix jacobian, void* system,
@@ -50,7 +50,7 @@ struct System {
   }
   /// What an evaluation says is kept, and handed on to SUNDIALS.
   int note(int said) {
-    if (said > 0) trouble = said;
+    if (said > 0) failure = said;
     return said;
   }
 
@@ -58,7 +58,7 @@ struct System {
   SUNContext context = nullptr;
   N_Vector y = nullptr;
   N_Vector atol = nullptr;                 ///< of all unknowns
-  int trouble = 0;                         ///< what the rates said last
+  int failure = 0;                         ///< what the rates said last
   bool idle = false;                       ///< the rates are zero, and nothing is counted
   const double* known_jacobian = nullptr;  ///< for the next call that asks for one; may be null
   std::int64_t evaluations = 0;  ///< of rates; a Jacobian counts as Problem::jacobian_cost

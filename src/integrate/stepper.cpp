@@ -294,18 +294,18 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
   // must be stepped over is cured by sizes that put no stage on it: some that end well before or
   // beyond it.
   constexpr int kRetries = 24;
-  static constexpr std::array<double, 14> kLeaps = {1.5, 1.25, 0.55, 0.45, 0.35, 0.27, 0.2,
-                                                    0.7, 0.8,  2.5,  4.0,  6.5,  10.0, 16.0};
+  static constexpr std::array<double, 14> kStepsOver = {1.5, 1.25, 0.55, 0.45, 0.35, 0.27, 0.2,
+                                                        0.7, 0.8,  2.5,  4.0,  6.5,  10.0, 16.0};
   Impl& me = *impl_;
   const bool watch = watch_roots && !me.low.value.empty();
   const double t_before = me.t;
   double h_first = 0.0;
-  size_t leaps = 0;
+  size_t steps_over = 0;
   std::copy(y(), y() + me.system.problem.size, me.y_before.begin());
   if (watch && !me.low_valid && !me.find_roots(me.t, me.system.y, me.low))
     return StepOutcome::kFailed;
   for (int retry = 0; retry < kRetries;) {
-    me.system.trouble = 0;
+    me.system.failure = 0;
     const StepOutcome made = me.solver->step(t_stop, me.system.y, me.t);
     if (made == StepOutcome::kStopped) me.t = t_stop;
     bool found = false;
@@ -317,7 +317,7 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
       return found ? StepOutcome::kRoot : made;
     }
     if (me.solver->has_fixed_step() || me.system.is_exhausted()) return StepOutcome::kFailed;
-    if (retry == 0 && leaps == 0) {
+    if (retry == 0 && steps_over == 0) {
       // The solver still holds the size of the step before a restart.
       if (me.restarted) {
         h_first = me.h_restart;
@@ -327,8 +327,8 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
       if (!(h_first > 0.0)) h_first = t_stop - t_before;
       h_first = std::min(h_first, t_stop - t_before);
     }
-    const bool leap = me.system.trouble == kStepOver && leaps < kLeaps.size();
-    const double factor = leap ? kLeaps[leaps++] : std::pow(0.25, ++retry);
+    const bool steps_on = me.system.failure == kStepOver && steps_over < kStepsOver.size();
+    const double factor = steps_on ? kStepsOver[steps_over++] : std::pow(0.25, ++retry);
     std::copy(me.y_before.begin(), me.y_before.end(), y());
     restart(t_before, std::min(factor * h_first, t_stop - t_before),
             {nullptr, me.solver->fastest_rate(), nullptr});

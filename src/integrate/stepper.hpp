@@ -26,7 +26,7 @@ enum class StepOutcome {
 class Stepper {
  public:
   /// What to integrate. `rates` returns 0, or why a state cannot be evaluated:
-  static constexpr int kSmaller = 1;   ///< a smaller step, please
+  static constexpr int kSmaller = 1;   ///< a smaller step may succeed
   static constexpr int kStepOver = 2;  ///< this state only: a step of another size may avoid it
   struct Problem {
     int size = 0;
@@ -60,7 +60,7 @@ class Stepper {
   /// What is known where the integration starts.
   struct Known {
     const double* rates = nullptr;  ///< there
-    double fastest_rate = 0.0;      ///< as fastest_rate() told it last [1/s]
+    double fastest_rate = 0.0;      ///< as fastest_rate() reported it last [1/s]
     /// By columns, of a state not far away: stands for the first one that an implicit method asks
     /// for. Where Newton iteration fails with it, a new one is made.
     const double* jacobian = nullptr;
@@ -92,7 +92,7 @@ class Stepper {
   static double find_size_across(double distance);
   /// Step size that error control proposes for the next step [s].
   double next_step() const;
-  /// Fastest rate of the solution, as far as the method tells it [1/s]; 0 = not known.
+  /// Fastest rate of the solution, as far as the method knows it [1/s]; 0 = not known.
   double fastest_rate() const;
   /// All unknowns at the end of the last step; null where y is all.
   const double* unknowns() const;

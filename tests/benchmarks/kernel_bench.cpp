@@ -1,4 +1,4 @@
-// Time and error of a generated kernel beside the general code, in one run:
+// Time and error of a generated kernel next to the general code, in one run:
 //
 //   kernel_bench mechanism MECHANISM.json KERNEL.so [repetitions]
 //   kernel_bench scene MODEL.json KERNEL.so [repetitions]

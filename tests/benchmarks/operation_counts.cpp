@@ -14,10 +14,10 @@ int main(int argc, char** argv) {
   }
   try {
     for (int i = 1; i < argc; ++i) {
-      CountedEvaluation moving(argv[i], true), resting(argv[i], false);
+      CountedEvaluation moving(argv[i], true), quiescent(argv[i], false);
       moving.count_whole();  // fills what the phases hand to each other
-      resting.count_whole();
-      const std::vector<Phase> a = moving.count_phases(), b = resting.count_phases();
+      quiescent.count_whole();
+      const std::vector<Phase> a = moving.count_phases(), b = quiescent.count_phases();
       std::printf("%s| %s | all | left, base moves | left, base rests |\n|---|---:|---:|---:|\n",
                   i > 1 ? "\n" : "", moving.mechanism.model.name.c_str());
       OperationCount sum_a, sum_b;

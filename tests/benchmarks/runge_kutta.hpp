@@ -1,8 +1,8 @@
-// Explicit Runge-Kutta steps with nothing around them, the same for everybody who is measured.
+// Explicit Runge-Kutta steps with nothing around them, the same for every program that is measured.
 //
 // Pairs of SUNDIALS' tables, steps chosen by the usual controller on the error estimate. What a
 // motion costs here is the price of its rates and no more, so engines without an integrator of
-// their own are not charged for somebody else's.
+// their own are not charged for those of others.
 #pragma once
 
 #include <arkode/arkode_butcher_erk.h>

@@ -1,4 +1,4 @@
-// What a stepper costs beside the evaluations of the rates: time per evaluation where the rates
+// What a stepper costs next to the evaluations of the rates: time per evaluation where the rates
 // cost next to nothing (oscillators without coupling), for the number of states of a ring on a
 // fixed base (13) and of a docking (45).
 //

@@ -76,7 +76,7 @@ int main(int argc, char** argv) {
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   const auto scene = std::make_shared<const Scene>(read_scene(text, argv[1]));
   const double step = std::atof(argv[2]), stop = std::atof(argv[3]);
-  const Result truth = run(scene, kExplicit, 1e-11, step, stop);
+  const Result solution = run(scene, kExplicit, 1e-11, step, stop);
   std::printf(
       "| method | rtol | evaluations | relative m | ring m | peak |\n|---|---|---|---|---|---|\n");
   for (int k = 4; k < argc; ++k) {
@@ -84,9 +84,9 @@ int main(int argc, char** argv) {
     for (int digits = 3; digits <= 9; ++digits) {
       const Result result = run(scene, method, std::pow(10.0, -digits), step, stop);
       std::printf("| %d | 1e-%d | %.0f | %.1e | %.1e | %.1e |\n", method, digits,
-                  result.evaluations, find_distance(result.relative, truth.relative),
-                  find_distance(result.ring, truth.ring),
-                  truth.peak > 0.0 ? std::abs(result.peak / truth.peak - 1.0) : 0.0);
+                  result.evaluations, find_distance(result.relative, solution.relative),
+                  find_distance(result.ring, solution.ring),
+                  solution.peak > 0.0 ? std::abs(result.peak / solution.peak - 1.0) : 0.0);
       std::fflush(stdout);
     }
   }

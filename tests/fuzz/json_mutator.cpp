@@ -154,7 +154,7 @@ void change_document(json& document, Random& random) {
   }
 }
 
-/// A member that the other document has, in the place of the one of the same name, or beside it.
+/// A member that the other document has, in the place of the one of the same name, or next to it.
 void take_part(json& document, json& other, Random& random) {
   std::vector<json*> here, there;
   collect(document, here);

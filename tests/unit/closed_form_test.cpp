@@ -1,5 +1,5 @@
 // Closed forms of legs, without a mechanism around them.
-// 1. stored coordinates of every leg type are met, and stored failures told apart;
+// 1. stored coordinates of every leg type are met, and stored failures distinguished;
 // 2. putting the solution into the chain of turns and slides leads to the point asked for, on every
 //    branch, also in Extended;
 // 3. the inverse of the loop matrix, its sign and the acceleration of the tip agree with numerical
@@ -271,11 +271,11 @@ TEST(ClosedForm, margins_are_the_factors_of_the_determinant) {
     const V planar = find_tip<double>(LegKind::kR1R1R1, arm, V(0.3, angle, 0.0));
     EXPECT_NEAR(solve_leg<double>(LegKind::kR1R1R1, arm, {1, 1}, planar).margin, std::sin(angle),
                 1e-9);
-    // Slide leg whose cut point lies beside it: the slide nearly at its foot.
-    LegShape beside;
-    beside.tip = V(0, 0.3, 0);
-    const V foot = find_tip<double>(LegKind::kR2P1R3, beside, V(0.3, 0.2, 0.3 * std::tan(angle)));
-    EXPECT_LE(solve_leg<double>(LegKind::kR2P1R3, beside, {1, 1}, foot).margin,
+    // Slide leg whose cut point lies next to it: the slide nearly at its foot.
+    LegShape aside;
+    aside.tip = V(0, 0.3, 0);
+    const V foot = find_tip<double>(LegKind::kR2P1R3, aside, V(0.3, 0.2, 0.3 * std::tan(angle)));
+    EXPECT_LE(solve_leg<double>(LegKind::kR2P1R3, aside, {1, 1}, foot).margin,
               std::sin(angle) + 1e-9);
     // Slide leg: nearly along the first axis of its universal joint.
     const double turned = 0.5 * 3.14159265358979323846 - angle;

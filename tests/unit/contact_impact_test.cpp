@@ -23,7 +23,7 @@ struct Bodies {
 };
 
 // State per body: position, attitude, velocity (axes of N), angular velocity (body axes).
-constexpr int kBody = 13, kSinks = 2 * kBody, kBristles = kSinks + 2;
+constexpr int kBody = 13, kDissipated = 2 * kBody, kBristles = kDissipated + 2;
 
 struct Frame {
   Mat3<double> R;
@@ -97,14 +97,14 @@ Outcome run_impact(const ContactModel& model, const Bodies& bodies, std::vector<
       }
       for (int k = 0; k < 4; ++k) d[3 + k] = q_dot[k];
     }
-    s_dot[kSinks] = contact.contact_power;
-    s_dot[kSinks + 1] = contact.friction_power;
+    s_dot[kDissipated] = contact.contact_power;
+    s_dot[kDissipated + 1] = contact.friction_power;
     return true;
   };
   std::vector<double> scratch(y.size());
   const auto audit = [&](const double* s, double& energy, Vec6<double>& momentum) {
     rhs(0, s, scratch.data());
-    energy = contact.energy + s[kSinks] + s[kSinks + 1];
+    energy = contact.energy + s[kDissipated] + s[kDissipated + 1];
     momentum.setZero();
     for (int i = 0; i < 2; ++i) {
       const Frame f = find_frame(bodies, s, i);
@@ -122,7 +122,7 @@ Outcome run_impact(const ContactModel& model, const Bodies& bodies, std::vector<
   const auto accepted = [&](double, double* s) {
     const Frame f[2] = {find_frame(bodies, s, 0), find_frame(bodies, s, 1)};
     if (!rhs(0, s, scratch.data())) return false;
-    s[kSinks + 1] +=
+    s[kDissipated + 1] +=
         update_contact_memory(model, find_relative(f[0], f[1]),
                               bristle_state_count(model) ? s + kBristles : nullptr, work, memory);
     double energy = 0;
@@ -136,7 +136,7 @@ Outcome run_impact(const ContactModel& model, const Bodies& bodies, std::vector<
     return !(until_apart && touched && contact.active_count == 0);
   };
   out.run = integrate_dormand_prince(rhs, 0.0, end, y, tolerance, 1e-3 * tolerance, 1e-4, accepted);
-  out.friction = y[kSinks + 1];
+  out.friction = y[kDissipated + 1];
   for (int i = 0; i < 2; ++i) {
     const double* b = y.data() + kBody * i;
     out.velocity[i] = V(b[7], b[8], b[9]);
@@ -154,7 +154,7 @@ TEST(ContactImpact, CrossingPetalEdgesAgreeWithMuJoCo) {
   law.regularisation = 1e-8;  // and its distance not regularised
   law.stiffness = j["stiffness"].get<double>();
   GuideRing ring = make_test_ring();
-  ring.node_count = 0;  // petals only: the ring faces are moved out of reach
+  ring.node_count = 0;  // petals only: the ring faces are moved away
   ring.core_inner_radius = 5.0;
   ring.core_outer_radius = 5.1;
   const ContactModel model = make_ring_contact(ring, ring, law);

@@ -1,6 +1,7 @@
 // Aggregated contact of two guide rings.
 // 1. stored geometry and wrenches of an independent implementation are met;
-// 2. the elastic wrench is the gradient of the energy, power balances to rounding, sinks only
+// 2. the elastic wrench is the gradient of the energy, power balances to rounding, dissipated
+// energies only
 //    take, the wrench is continuous along paths;
 // 3. sleep by pair changes no bit; gap bounds are bounds; guards reject jumped surfaces;
 // 4. Extended agrees with double; the absorber and the bounds of step and time; names of pairs.
@@ -112,7 +113,7 @@ TEST(ContactModel, ElasticWrenchIsTheGradientOfTheEnergy) {
   EXPECT_LE(residuals.back(), scaled_tolerance(4e-9));   // measured 3.9e-10
 }
 
-TEST(ContactModel, PowerBalancesAndSinksOnlyTake) {
+TEST(ContactModel, PowerBalancesAndDissipationIsNotNegative) {
   ContactLaw law;
   law.friction_coefficient = 0.3;
   ContactModel elastic = make_test_contact(make_elastic_law());

@@ -2,7 +2,7 @@
 // book-keeping.
 //
 // Every tolerance is ten times the worst residual measured with g++ 12.2, -O2, x86-64 (the measured
-// figure stands beside it). The environment variable DOCK_TOL_SCALE scales all of them; 0 makes
+// figure stands next to it). The environment variable DOCK_TOL_SCALE scales all of them; 0 makes
 // every test print its true residual.
 #pragma once
 

@@ -4,7 +4,8 @@
 // 3. a jump of the base: joints keep their momenta, a capture body in contact keeps its pose;
 // 4. with the right mass a host gives the run in which nothing is driven, in both orders of
 //    exchange, with the mass of the mechanism included or not, with one vehicle driven or both;
-// 5. momentum of hosts, inside and ledger balances, with a wrong mass and changing steps too;
+// 5. momentum of hosts, inside and of the impulse balance adds up, with a wrong mass and changing
+// steps too;
 // 6. steps of a driven scene allocate nothing, looking ahead or not.
 // Through the FMU, against many step sizes and other schemes: tests/test_coupling.py.
 #include "sim/coupling.hpp"
@@ -166,9 +167,9 @@ TEST(BaseJump, holds_a_capture_body_in_its_pose) {
   }
 }
 
-/// Vehicles of a host beside a simulation in which they are driven.
+/// Vehicles of a host next to a simulation in which they are driven.
 struct Host {
-  Host(const Scene& scene, int mode, double told_mass = 1.0) : sim(share(scene)) {
+  Host(const Scene& scene, int mode, double reported_mass = 1.0) : sim(share(scene)) {
     sim.parameters().coupling_mode = mode;
     for (int i : {kChaser, kTarget}) {
       if (scene.motion[i] != Motion::kDriven) continue;
@@ -177,8 +178,8 @@ struct Host {
       mass[i] = p.mass;
       inertia[i] = make_symmetric(p.inertia);
       state[i] = {p.position, p.velocity, p.attitude, p.angular_velocity};
-      sim.parameters().vehicle[i].mass *= told_mass;
-      sim.parameters().vehicle[i].inertia *= told_mass;
+      sim.parameters().vehicle[i].mass *= reported_mass;
+      sim.parameters().vehicle[i].inertia *= reported_mass;
     }
     sim.initialise(0.0, 0.0);
     is_parallel = mode == kParallel;
@@ -210,7 +211,7 @@ struct Host {
       turn_rigid_body(inertia[i], load.torque_mean, h, 20, s.q, s.w);
     }
   }
-  /// Hosts, inside and ledger, about the origin of N. @pre tell
+  /// Hosts, inside and impulse balance, about the origin of N. @pre report
   Vec6<double> find_momentum() {
     const Outputs& out = sim.outputs();
     Wrench<double> sum{
@@ -294,8 +295,8 @@ TEST(Coupling, balances_momentum_with_a_wrong_mass_and_changing_steps) {
   Scene scene = short_ring_scene();
   scene.motion[kChaser] = Motion::kDriven;
   for (const int mode : {kSequential, kParallel}) {
-    for (const double told : {0.5, 1.0, 1.5}) {
-      Host host(scene, mode, told);
+    for (const double reported : {0.5, 1.0, 1.5}) {
+      Host host(scene, mode, reported);
       host.tell();
       const Vec6<double> before = host.find_momentum();
       Residual linear, angular;
@@ -307,8 +308,8 @@ TEST(Coupling, balances_momentum_with_a_wrong_mass_and_changing_steps) {
         angular.add(change.tail<3>().norm() / 1e4, "step " + std::to_string(i));
       }
       EXPECT_GT(host.sim.outputs().capture_peak[Outputs::kCompression], 100.0);
-      EXPECT_LE(linear.value, 1e-13) << mode << " " << told << " at " << linear.where;
-      EXPECT_LE(angular.value, 1e-12) << mode << " " << told << " at " << angular.where;
+      EXPECT_LE(linear.value, 1e-13) << mode << " " << reported << " at " << linear.where;
+      EXPECT_LE(angular.value, 1e-12) << mode << " " << reported << " at " << angular.where;
     }
   }
 }
@@ -321,16 +322,16 @@ TEST(Coupling, finds_out_the_mass_that_a_host_really_has) {
     for (int i = 0; i < 80; ++i) host.step(0.01);
     ASSERT_TRUE(host.sim.update(OutputGroup::kCoupling).ok());
     EXPECT_NEAR(host.sim.outputs().coupling_mass_mismatch, 0.25, 1e-6);
-    bool told = false;
+    bool reported = false;
     for (const std::string& text : host.sim.take_warnings()) {
-      told = told || text.find("as if its mass were 25000 kg") != std::string::npos;
+      reported = reported || text.find("as if its mass were 25000 kg") != std::string::npos;
     }
-    EXPECT_TRUE(told);
+    EXPECT_TRUE(reported);
   }
 }
 
 // The damper of an absorber pushes from the first moment on. Whether surfaces that touch are a
-// rounding error apart or into each other must not decide when: at the start, or as a host tells
+// rounding error apart or into each other must not decide when: at the start, or as a host reports
 // it.
 TEST(Coupling, of_an_absorber_that_touches_does_not_hang_on_rounding) {
   Scene scene = minimal_scene();
@@ -340,16 +341,16 @@ TEST(Coupling, of_an_absorber_that_touches_does_not_hang_on_rounding) {
   for (const double speed : {0.1, -0.1}) {
     scene.vehicle[kChaser].velocity.x() = speed;
     for (const double gap : {-1e-12, 0.0, 1e-12}) {
-      for (const double told : {-1e-12, 0.0, 1e-12}) {
+      for (const double reported : {-1e-12, 0.0, 1e-12}) {
         scene.vehicle[kTarget].position.x() = 19.4 + gap;
         DockingSim sim(share(scene));
         sim.initialise(0.0, 0.0);
         EXPECT_NEAR(sim.outputs().capture_force.x(), speed > 0.0 ? 1296.148 : 0.0, 1e-6) << gap;
-        sim.inputs().vehicle[kTarget].position.x() = 19.4 + told;
+        sim.inputs().vehicle[kTarget].position.x() = 19.4 + reported;
         ASSERT_TRUE(sim.step(0.0, 1e-3).ok());
         // 1296 N less what decays within a millisecond; nothing is pulled.
-        EXPECT_NEAR(sim.outputs().capture_force.x(), speed > 0.0 ? 1297.1 : 0.0, 1.0) << told;
-        EXPECT_EQ(sim.outputs().solver_rejected_steps, 0.0) << gap << ", told " << told;
+        EXPECT_NEAR(sim.outputs().capture_force.x(), speed > 0.0 ? 1297.1 : 0.0, 1.0) << reported;
+        EXPECT_EQ(sim.outputs().solver_rejected_steps, 0.0) << gap << ", reported " << reported;
       }
     }
   }

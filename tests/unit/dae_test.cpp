@@ -4,8 +4,8 @@
 //    forms: ring with its legs, cranks nested in cranks, two vehicles in contact;
 // 2. in the Jacobian multipliers enter as the residual says;
 // 3. a swinging ring comes nearer to the reduced form the tighter the tolerance; what its cuts open
-//    by is told, and does what the form promises: index 1 drifts, Baumgarte bounds it, positions
-//    held by multipliers of their own stay within the tolerance of the iteration;
+//    by is reported, and does what the form promises: index 1 drifts, Baumgarte bounds it,
+//    positions held by multipliers of their own stay within the tolerance of the iteration;
 // 4. a communication point closes the loops: nothing that has drifted is carried on.
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // Exact derivatives of the whole docking, by dual numbers.
 // 1. rates, capture force, latch forces, relative motion and energy by states, loads and time are
-//    those of central differences of sixth order in Extended: free flight, contact of every
+//    those of central differences of sixth order in Extended: free drift, contact of every
 //    kind of surface with either friction law, latches open, held and releasing, absorber, thrust,
 //    gravity, a drive, Newton closures;
 // 2. the Jacobian by states is what passes in mixed directions give;
@@ -69,7 +69,7 @@ auto& get(Inputs& inputs, const Column& column) {
 }
 
 /// Everything that can vary; of the bristles those of closed pairs and of one open pair. Steps are
-/// small beside what a surface needs to change its force, and large beside rounding.
+/// small compared with what a surface needs to change its force, and large compared with rounding.
 std::vector<Column> list_columns(const Docking& docking) {
   const StateLayout& layout = docking.model.layout;
   std::vector<Column> columns;
@@ -106,7 +106,7 @@ std::vector<Column> list_columns(const Docking& docking) {
   return columns;
 }
 
-/// Rates and what can be read beside them; equal parts have one kind.
+/// Rates and what can be read next to them; equal parts have one kind.
 template <class S>
 struct Results {
   std::vector<S> value;
@@ -559,7 +559,7 @@ TEST(SegmentOnAnnulusDerivatives, are_those_of_the_solution_wherever_the_search_
   const Annulus<double> ring{-0.01, 0.617, 0.647};
   TestRandom random(77);
   Residual residual;
-  int at_an_end = 0, above_the_ring = 0, beside_the_ring = 0;
+  int at_an_end = 0, above_the_ring = 0, next_to_the_ring = 0;
   for (int n = 0; n < 600; ++n) {
     const double azimuth = random.uniform(0, 6.28);
     const V radial(0, std::cos(azimuth), std::sin(azimuth)), along(0, -radial[2], radial[1]);
@@ -585,12 +585,12 @@ TEST(SegmentOnAnnulusDerivatives, are_those_of_the_solution_wherever_the_search_
     const bool ends = t < 1e-9 || t > 1 - 1e-9, above = r > ring.inner && r < ring.outer;
     at_an_end += ends;
     above_the_ring += !ends && above;
-    beside_the_ring += !ends && !above;
+    next_to_the_ring += !ends && !above;
     compare_function(points, x, 1e-6L, "segment " + std::to_string(n), residual);
   }
   EXPECT_GT(at_an_end, 30);
   EXPECT_GT(above_the_ring, 30);
-  EXPECT_GT(beside_the_ring, 30);
+  EXPECT_GT(next_to_the_ring, 30);
   EXPECT_RESIDUAL_BELOW(residual, kSegments);
 }
 

@@ -3,7 +3,8 @@
 // 2. momentum is a plain sum: without loads from outside its rates cancel to the last bit, with
 //    loads they are the rates of the external impulse;
 // 3. momentum states are the momentum of the bodies, and their rates are its rates;
-// 4. energy: d/dt(kinetic + potential) + sinks - external work = 0 along the flow, in free flight,
+// 4. energy: d/dt(kinetic + potential) + dissipated energies - external work = 0 along the flow, in
+// free drift,
 //    in contact with either friction law, with latches, with gravity and loads, fixed or free;
 // 5. nothing depends on where frame O is.
 #include "docking/docking_model.hpp"
@@ -140,8 +141,8 @@ Balance find_balance(const Docking& docking, L h) {
     Sample s;
     s.energy = find_kinetic_energy(model, data) + data.joints.energy + data.contact.energy +
                data.latch.energy - y[layout.sums + kSumExternal];
-    for (int sink : {kSumContact, kSumFriction, kSumLegs, kSumLatches}) {
-      s.energy += y[layout.sums + sink];
+    for (int dissipated : {kSumContact, kSumFriction, kSumLegs, kSumLatches}) {
+      s.energy += y[layout.sums + dissipated];
     }
     for (int i : {kChaser, kTarget}) s.momentum[i] = find_momentum(model, i, data);
     return s;

@@ -7,7 +7,7 @@
 // 4. outputs are finite from start to capture; the time to contact is a lower bound;
 // 5. thrust after contact starts after its delay;
 // 6. a vehicle driven along its own free path gives nearly the free run, and the mean loads that
-//    a host is told give its bodies the velocities of the free run;
+//    a host receives give its bodies the velocities of the free run;
 // 7. step() does not allocate memory.
 //
 // Scenes: scene_minimal.json (a one-dimensional absorber) and scene_ring.json (idss_25t_350t as
@@ -369,7 +369,7 @@ std::pair<double, double> find_contact_bound(Motion target, void (*load)(Inputs&
   return {bound, run.sim.outputs().time_of_contact};
 }
 
-TEST(Outputs, time_to_contact_is_a_lower_bound_in_free_flight_and_under_forces) {
+TEST(Outputs, time_to_contact_is_a_lower_bound_in_free_drift_and_under_forces) {
   const auto free = find_contact_bound(Motion::kFree, [](Inputs&) {});
   EXPECT_GT(free.first, 0.5 * free.second);
   EXPECT_LE(free.first, free.second);
@@ -597,7 +597,7 @@ long count_in_steps(SteppedSim& run, double from, double to, double h, bool read
 }
 
 TEST(Memory, is_counted_where_it_is_allocated) {
-  // volatile: a compiler may leave out allocations that nobody looks at.
+  // volatile: a compiler may leave out allocations without effect.
   std::vector<double>* volatile made = nullptr;
   void* volatile raw = nullptr;
   const long count = count_allocations([&] {
@@ -609,7 +609,7 @@ TEST(Memory, is_counted_where_it_is_allocated) {
   delete made;
 }
 
-TEST(Memory, is_not_allocated_by_steps_in_flight) {
+TEST(Memory, is_not_allocated_by_steps_in_drift) {
   SteppedSim run(ring_scene());
   EXPECT_EQ(count_in_steps(run, 0.1, 1.5, 0.01, false), 0);
 }

@@ -171,7 +171,7 @@ TEST(Dual, kinks_and_singular_points_are_as_stated) {
   EXPECT_EQ(abs(zero).d[1], 1.0);
   EXPECT_EQ(floor(D::variable(2.0, 1)).value, 2.0);
   EXPECT_EQ(floor(D::variable(2.0, 1)).d[1], 0.0);
-  // Lanes in which nothing varies stay at zero; the others tell that there is no derivative.
+  // Lanes in which nothing varies stay at zero; the others show that there is no derivative.
   EXPECT_EQ(sqrt(zero).value, 0.0);
   EXPECT_EQ(sqrt(zero).d[0], 0.0);
   EXPECT_EQ(sqrt(zero).d[1], infinite);

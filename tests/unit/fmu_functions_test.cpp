@@ -174,7 +174,7 @@ TEST_F(Fmi, EveryForbiddenCallIsRefusedInEveryState) {
   }
 }
 
-TEST_F(Fmi, AForbiddenCallIsToldWhatToCallFirst) {
+TEST_F(Fmi, TheMessageOfAForbiddenCallNamesTheCallBefore) {
   EXPECT_EQ(step(0, 0.1), fmi2Error);
   EXPECT_EQ(last_text(),
             "fmi2DoStep is not permitted in state 'instantiated': call fmi2EnterInitializationMode "

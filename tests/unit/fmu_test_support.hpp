@@ -1,4 +1,4 @@
-// What tests of the FMI functions share: a resource folder on disk, and a log that nobody reads.
+// What tests of the FMI functions share: a resource folder on disk, and a log without a reader.
 // The functions themselves are compiled into fmu_functions_test.cpp.
 #pragma once
 

@@ -22,11 +22,11 @@
 namespace dockloop {
 namespace {
 
-enum class Root { kResting, kDriven, kFree };
+enum class Root { kQuiescent, kDriven, kFree };
 
 struct LegCase {
   const char* name;
-  Root root = Root::kResting;
+  Root root = Root::kQuiescent;
   std::vector<LegKind> legs;
   std::vector<JointType> path = {JointType::kFree};  ///< from root body to platform
   bool on_carriage = false;                          ///< the legs hang on a body that slides
@@ -201,7 +201,7 @@ void put_random_state(const Mechanism& mechanism, const LegCase& at, TestRandom&
     if (!is_leg || at.loaded) data.tree.external[i] = {random.vector(200.0), random.vector(50.0)};
   }
   base = BaseMotion<double>();
-  if (at.root == Root::kResting) return;
+  if (at.root == Root::kQuiescent) return;
   base.gravity = random.vector(9.0);
   if (at.root == Root::kFree) return;
   base.w = random.vector(0.5);
@@ -330,16 +330,16 @@ LegCase make_case(const char* name, Root root, const std::vector<LegKind>& legs,
 
 std::vector<LegCase> make_cases() {
   std::vector<LegCase> cases = {
-      make_case("resting_slides", Root::kResting, kSlides),
+      make_case("resting_slides", Root::kQuiescent, kSlides),
       make_case("driven_slides", Root::kDriven, kSlides),
       make_case("free_slides", Root::kFree, kSlides),
-      make_case("resting_cranks", Root::kResting, kCranks),
+      make_case("resting_cranks", Root::kQuiescent, kCranks),
       make_case("driven_cranks", Root::kDriven, kCranks),
       make_case("free_cranks", Root::kFree, kCranks),
-      make_case("resting_square", Root::kResting, kSquare),
+      make_case("resting_square", Root::kQuiescent, kSquare),
       make_case("driven_square", Root::kDriven, kSquare),
       make_case("free_square", Root::kFree, kSquare),
-      make_case("resting_mixed", Root::kResting, kMixed),
+      make_case("resting_mixed", Root::kQuiescent, kMixed),
       make_case("driven_mixed", Root::kDriven, kMixed),
       make_case("free_mixed", Root::kFree, kMixed),
       make_case("driven_gimbal", Root::kDriven, kMixed, {kHinge, kHinge}),
@@ -519,7 +519,7 @@ TEST(LegPlatforms, hold_any_number_of_legs) {
 TEST(LegPlatforms, refuse_what_cannot_be_reached_with_its_name_and_margin) {
   for (const LegKind kind : kMixed) {
     TestRandom random(3);
-    const LegCase at = make_case("one leg", Root::kResting, {kind});
+    const LegCase at = make_case("one leg", Root::kQuiescent, {kind});
     const Mechanism mechanism = make_mechanism(at, random, 1);
     MechanismData<double> data(mechanism);
     const ClosedForm& form = *mechanism.plan.blocks[0].form();
@@ -551,7 +551,7 @@ TEST(LegPlatforms, refuse_what_cannot_be_reached_with_its_name_and_margin) {
 
 TEST(LegPlatforms, count_the_turns_of_joints_with_a_force_that_depends_on_them) {
   TestRandom random(5);
-  const LegCase at = make_case("turns", Root::kResting, kCranks);
+  const LegCase at = make_case("turns", Root::kQuiescent, kCranks);
   const Mechanism mechanism = make_mechanism(at, random);
   const MechanismModel& model = mechanism.model;
   MechanismData<double> data(mechanism);

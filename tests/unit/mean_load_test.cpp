@@ -26,7 +26,7 @@ const Mat3<double>& inertia() {
 /// Rigid body under force (axes of O) and torque (body axes); impulses about O as states 13..18,
 /// integrals of position 19..21 and of attitude 22..30.
 template <class Load>
-struct Flight {
+struct FreeBody {
   Load load;
   void operator()(const double* y, double* d, double time) const {
     const V x(y[0], y[1], y[2]), v(y[3], y[4], y[5]), w(y[10], y[11], y[12]);
@@ -58,7 +58,7 @@ struct Result {
 
 template <class Load>
 Result fly(Load load, const VehicleState& start, double h) {
-  const Flight<Load> flight{load};
+  const FreeBody<Load> body{load};
   std::vector<double> y(31, 0.0);
   for (int i = 0; i < 3; ++i) {
     y[i] = start.x[i];
@@ -69,7 +69,7 @@ Result fly(Load load, const VehicleState& start, double h) {
   y.push_back(0.0);  // time as a state
   constexpr int kSteps = 400;
   const auto rates = [&](const double* s, double* d) {
-    flight(s, d, s[31]);
+    body(s, d, s[31]);
     d[31] = 1.0;
   };
   for (int n = 0; n < kSteps; ++n) step_rk4<double>(rates, y, h / kSteps);
@@ -121,11 +121,11 @@ Wrench<double> pulse(double t, double h) {
 /// Error of the impulses when the host flies the mean load from the same start, over the impulses.
 double find_impulse_error(double h, TestRandom& random) {
   const VehicleState start = make_start(random);
-  const Result truth = fly([&](double t) { return pulse(t, h); }, start, h);
-  const Wrench<double> mean = find_mean_load(truth.impulse, start, truth.end, h);
+  const Result solution = fly([&](double t) { return pulse(t, h); }, start, h);
+  const Wrench<double> mean = find_mean_load(solution.impulse, start, solution.end, h);
   const Result host = fly([&](double) { return mean; }, start, h);
-  return std::max((host.impulse.f - truth.impulse.f).norm() / truth.impulse.f.norm(),
-                  (host.impulse.t - truth.impulse.t).norm() / truth.impulse.t.norm());
+  return std::max((host.impulse.f - solution.impulse.f).norm() / solution.impulse.f.norm(),
+                  (host.impulse.t - solution.impulse.t).norm() / solution.impulse.t.norm());
 }
 
 TEST(MeanLoad, held_over_the_step_reproduces_the_impulses_of_a_pulse) {

@@ -8,6 +8,12 @@
 // its first axis is y, its second z. It carries a plate that floats freely. The ball joint between
 // the tip of the rod and the origin of the plate is cut: three equations, which give the three
 // coordinates of the leg (the dependent ones). The six of the plate are independent.
+//
+// Words of the code: q, v, vdot are coordinates, velocities and accelerations of all joints of the
+// tree; ind_v lists the independent velocities, dep those that a block (here the one loop)
+// determines; form() is the closed form of a block, null where Newton iteration solves it; A_ind is
+// the inertia in the independent velocities, tau the generalised forces, lambda the cut force on
+// the tip. Run it: build/release/dockloop_tests --gtest_filter='*OneLeg*'
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -91,7 +97,7 @@ TEST_P(OneLeg, its_rates_follow_from_the_velocity_of_the_plate) {
               scaled_tolerance(kKinematics));
 }
 
-TEST_P(OneLeg, a_plate_in_straight_flight_accelerates_the_slide) {
+TEST_P(OneLeg, a_plate_in_straight_motion_accelerates_the_slide) {
   data.tree.v.head<3>() = Vec3<double>(0.7, 0, 0);
   evaluate();
   EXPECT_NEAR(data.vdot.head<3>().norm(), 0.0, scaled_tolerance(kAcceleration));

@@ -2,7 +2,7 @@
 // 1. a damped cosine sampled irregularly: its largest value to 1e-6, far better than any sample;
 // 2. the peak never falls, is never below a sample, and channels do not mix;
 // 3. a kink does not make it overshoot; a jump is not interpolated across;
-// 4. a tracker can be put back to what it was, and tells what is near a peak.
+// 4. a tracker can be put back to what it was, and reports what is near a peak.
 #include "sim/peaks.hpp"
 
 #include <gtest/gtest.h>

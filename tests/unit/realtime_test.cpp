@@ -1,7 +1,7 @@
 // The step path of the FMU, as a hard real-time host needs it.
 // 1. fmi2DoStep with the calls around it (set inputs, their slopes, get everything, save and
 // restore
-//    the state) does not allocate, lock, throw or open files: from free flight through contact and
+//    the state) does not allocate, lock, throw or open files: from free drift through contact and
 //    capture, with adaptive and with fixed steps, and for model exchange;
 // 2. the traps do trap: the same counters see what an instantiation does;
 // 3. with fixed steps the number of evaluations of a communication step is always the same.

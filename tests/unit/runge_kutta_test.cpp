@@ -1,6 +1,6 @@
 // The tables of explicit methods, by steps made with nothing but them.
 // 1. results, estimates and dense output have the orders that are stated;
-// 2. the last stage of adaptive tables is at the end of the step, which tells the fastest rate;
+// 2. the last stage of adaptive tables is at the end of the step, which gives the fastest rate;
 // 3. the stabilised pair is stable as far as stated, on the real axis and where rings swing, and
 //    so are its stages.
 #include <gtest/gtest.h>

@@ -1,7 +1,7 @@
 // Cholesky factors of small matrices against Eigen's.
 // 1. factor, solution of several columns and of a leading block, sizes with and without loops of
 //    their own;
-// 2. a matrix that is not positive definite is told, wherever the bad pivot is.
+// 2. a matrix that is not positive definite is reported, wherever the bad pivot is.
 #include "math/small_cholesky.hpp"
 
 #include <gtest/gtest.h>

@@ -1,7 +1,7 @@
 // Shared by the unit tests of the core: stored data, residuals, reduced equations as an ODE.
 //
 // Tolerances are ten times the worst residual measured (g++ 12.2, x86-64; the measured figure
-// stands beside each). DOCK_TOL_SCALE scales all of them; 0 makes every test print its residual.
+// stands next to each). DOCK_TOL_SCALE scales all of them; 0 makes every test print its residual.
 // Random numbers (TestRandom, fixed seed) and scaled_tolerance() come from
 // contact_test_support.hpp.
 #pragma once

@@ -1,5 +1,5 @@
 // What a run says of itself, and what it refuses.
-// 1. a latch is caught although it enters and leaves the reach of its catch within one inner step,
+// 1. a latch is caught although it enters and leaves the range of its catch within one inner step,
 //    whatever the communication step and the method;
 // 2. why there is no capture: each reason in a docking that has it; no capture before a contact;
 // 3. energy that does not add up is reported once where it matters, and a step that multiplies
@@ -55,7 +55,7 @@ std::unique_ptr<DockingSim> run(const std::shared_ptr<const Scene>& scene, int m
 class Passes : public ::testing::TestWithParam<int> {};
 
 TEST_P(Passes, are_caught_with_any_communication_step) {
-  // Deep enough from 0.05 s on, beside the window from 0.069 s on: 19 ms are left to catch.
+  // Deep enough from 0.05 s on, next to the window from 0.069 s on: 19 ms are left to catch.
   const double vx = 0.2, vy = 0.5, window = ring_scene().latches.law.window;
   const double catch_at = ring_scene().latches.law.catch_distance;
   const auto scene = make_pass(V(catch_at + 0.05 * vx, window - 0.069 * vy, 0.0), V(-vx, vy, 0.0));
@@ -66,7 +66,7 @@ TEST_P(Passes, are_caught_with_any_communication_step) {
   }
 }
 
-TEST_P(Passes, are_not_caught_beside_the_window) {
+TEST_P(Passes, are_not_caught_next_to_the_window) {
   const auto scene = make_pass(V(0.014, 0.0265, 0.0), V(-0.2, 0.5, 0.0));
   for (const double h : {0.1, 0.01}) {
     const auto sim = run(scene, GetParam(), h, 0.1);
@@ -80,8 +80,8 @@ INSTANTIATE_TEST_SUITE_P(Methods, Passes,
 
 // ---------------------------------------------------------------- reasons
 
-TEST(CaptureReasons, of_seated_rings_beside_their_strikers_name_the_lateral_distance) {
-  // No surfaces: the rings are as deep as a catch needs and 31 mm beside, and stay there.
+TEST(CaptureReasons, of_seated_rings_next_to_their_strikers_name_the_lateral_distance) {
+  // No surfaces: the rings are as deep as a catch needs and 31 mm apart, and stay there.
   const auto scene = make_pass(V(0.001, 0.031, 0.0), V::Zero());
   const auto sim = run(scene, kAuto, 0.1, 1.0);
   const Outputs& out = sim->outputs();
@@ -194,19 +194,19 @@ TEST(EnergyWatch, warns_once_where_the_audit_is_off_and_never_where_it_holds) {
     sim.parameters().step = step;
     sim.initialise(0.0, 0.0);
     sim.take_warnings();
-    int told = 0;
+    int reported = 0;
     Status status;
     for (int i = 0; i < 40 && status.ok(); ++i) {
       status = sim.step(0.02 * i, 0.02);
       for (const std::string& text : sim.take_warnings()) {
-        told += text.find("energy audit is off by") != std::string::npos;
+        reported += text.find("energy audit is off by") != std::string::npos;
       }
     }
     if (step > 1e-3) {
-      EXPECT_EQ(told, 1) << sim.status_text();
+      EXPECT_EQ(reported, 1) << sim.status_text();
     } else {
       EXPECT_TRUE(status.ok()) << sim.status_text();
-      EXPECT_EQ(told, 0);
+      EXPECT_EQ(reported, 0);
     }
   }
 }

@@ -1,9 +1,9 @@
-// The scalar and the method of the truth, against what is known exactly.
+// The scalar and the method of the reference solution, against what is known exactly.
 // 1. functions of Extended satisfy their identities to 30 digits;
 // 2. a damped oscillation has 25 digits, and less tolerance gives less error;
 // 3. a kink of the rates, which no high order can cross, costs steps but no digits;
 // 4. the one-dimensional absorber through DockingSim, communication steps and all: 1e-28 of its
-//    closed form, 1e11 times closer than double can tell.
+//    closed form, 1e11 times closer than the resolution of double.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -69,7 +69,7 @@ struct Motion {
   Stepper stepper;
 };
 
-TEST(Truth, OscillationHas25DigitsAndLessToleranceGivesLessError) {
+TEST(ReferenceSolution, OscillationHas25DigitsAndLessToleranceGivesLessError) {
   const double s = 0.125;
   const auto rates = [s](const Extended&, const Extended* y, Extended* ydot) {
     ydot[0] = y[1];
@@ -90,7 +90,7 @@ TEST(Truth, OscillationHas25DigitsAndLessToleranceGivesLessError) {
   }
 }
 
-TEST(Truth, KinkCostsStepsButNoDigits) {
+TEST(ReferenceSolution, KinkCostsStepsButNoDigits) {
   // Free motion, half an oscillation against a spring that only pushes, free motion again.
   const double start = -0.3;
   const auto rates = [](const Extended&, const Extended* y, Extended* ydot) {
@@ -116,7 +116,7 @@ Extended find_depth(const DockingSim& sim, const StateLayout& layout) {
   return interface_at(kChaser) - interface_at(kTarget);
 }
 
-TEST(Truth, AbsorberFollowsItsClosedFormThroughCommunicationSteps) {
+TEST(ReferenceSolution, AbsorberFollowsItsClosedFormThroughCommunicationSteps) {
   Scene scene = read_test_scene("scene_minimal.json");
   scene.contact = make_absorber_contact({20e3, 2000.0, true});
   const StateLayout layout = Docking(scene).model.layout;
