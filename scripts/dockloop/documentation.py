@@ -27,6 +27,7 @@ _SECTIONS = (
     ("Phase and outcome", r"(phase$|captured$|capture\.|latched\[|outcome$|time_)"),
     ("Guide ring", r"ring\."),
     ("Legs", r"leg\["),
+    ("Force elements", r"(element\[|failure\[)"),
     ("Independent coordinates", r"(der\()?state\."),
     ("Cut forces and base", r"(loop\[|base\.)"),
     ("Energy and momentum", r"(energy\.|momentum\.)"),

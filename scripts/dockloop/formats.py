@@ -118,7 +118,7 @@ def _list_groups(name: str) -> Iterator[tuple[str, dict, dict[str, str]]]:
             if member not in known:
                 yield from below(f"{title}.{member}" if title else member, child)
         for value, alternative in _alternatives(node):
-            yield from walk(f"{title} (type {value})", alternative)
+            yield from walk(f"{title} ({value})", alternative)
 
     def below(title: str, child: dict) -> Iterator[tuple[str, dict, dict[str, str]]]:
         merged = _merge(child, root)
@@ -175,17 +175,21 @@ def _properties(node: dict, root: dict) -> dict[str, dict]:
 
 
 def _alternatives(node: dict) -> Iterator[tuple[str, dict]]:
-    """Yield value of ``type`` and schema of the alternatives of a group."""
+    """Yield ``type VALUE``, or ``without type``, and schema of the alternatives of a group."""
+    if "properties" not in node.get("if", {"properties": {}}):
+        yield "with type", node["then"]
+        yield "without type", node["else"]
+        return
     listed = node.get("properties", {}).get("type", {}).get("enum", [])
     while "if" in node:
         condition = node["if"]["properties"]["type"]
         values = condition.get("enum", [condition.get("const")])
         if "$ref" in node.get("then", {}) or "properties" in node.get("then", {}):
-            yield " or ".join(values), node["then"]
+            yield f"type {' or '.join(values)}", node["then"]
         listed = [value for value in listed if value not in values]
         node = node.get("else", {})
         if "$ref" in node or "properties" in node:
-            yield " or ".join(listed), node
+            yield f"type {' or '.join(listed)}", node
             return
 
 

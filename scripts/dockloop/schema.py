@@ -98,7 +98,8 @@ def known_members(node: dict, root: dict, instance: Any = None) -> dict[str, dic
     Args:
         node: schema of an object.
         root: the whole schema, for references.
-        instance: the object itself; chooses between alternatives by its member ``type``.
+        instance: the object itself; chooses between alternatives by its member ``type``, or by
+            members that one alternative requires.
 
     Returns:
         Member name to its schema.
@@ -107,11 +108,19 @@ def known_members(node: dict, root: dict, instance: Any = None) -> dict[str, dic
     if "$ref" in node:
         members |= known_members(resolve(node, root), root, instance)
     if "if" in node:
-        condition = node["if"]["properties"]["type"]
-        wanted = condition.get("enum", [condition.get("const")])
-        is_then = isinstance(instance, dict) and instance.get("type") in wanted
+        is_then = isinstance(instance, dict) and _is_met(node["if"], instance)
         members |= known_members(node.get("then" if is_then else "else", {}), root, instance)
     return members
+
+
+def _is_met(condition: dict, instance: dict) -> bool:
+    """Is the condition of an alternative met?"""
+    if any(name not in instance for name in condition.get("required", [])):
+        return False
+    if "properties" not in condition:
+        return True
+    wanted = condition["properties"]["type"]
+    return instance.get("type") in wanted.get("enum", [wanted.get("const")])
 
 
 def list_defaults(name: str, *path: str) -> dict[str, Any]:

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "mechanism/element_forces.hpp"
 #include "mechanism/joint_forces.hpp"
 #include "mechanism/mechanism_jacobian.hpp"
 
@@ -15,13 +16,16 @@ namespace {
 // critical damping or of a body that floats, by the root of that.
 constexpr double kRoundingOfRates = 1e-12, kDouble = 1e-7;
 
-/// Joint forces of the file into data.tau.
+/// Joint forces of the file into data.tau: elements at the start of a run, brakes unstressed.
 template <class S>
 void put_joint_forces(const MechanismModel& model, MechanismData<S>& data) {
   const VecX<S> command = VecX<S>::Zero(static_cast<int>(model.forces.size()));
   VecX<S> force = command;
   data.tau.setZero();
   calc_joint_forces(model, data.tree.q, data.tree.v, command, force, data.tau);
+  ElementData<S> elements(model);
+  calc_element_forces<S>(model, data.tree.q, data.tree.v, S(0), nullptr, nullptr, elements,
+                         data.tau);
 }
 
 /// Rates of the independent coordinates per unit independent velocity, ind_q x ind_v.

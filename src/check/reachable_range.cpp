@@ -33,6 +33,16 @@ int find_stopped_body(const MechanismModel& model, const VecX<double>& q) {
     const double at = q[model.bodies[force.body].q_index];
     if (at < force.stops.lower || at > force.stops.upper) return force.body;
   }
+  for (const ForceElement& element : model.elements) {
+    double at = 0.0;
+    for (const ElementTerm& term : element.along) {
+      at += term.ratio * q[model.bodies[term.body].q_index];
+    }
+    for (const ForceLaw& law : element.laws) {
+      const StopLaw* stop = std::get_if<StopLaw>(&law);
+      if (stop && (at < stop->lower || at > stop->upper)) return element.along.front().body;
+    }
+  }
   return kBase;
 }
 

@@ -179,13 +179,13 @@ namespace {
 
 /// Energies and impulses: only their rates enter.
 bool is_sum(const DockingModel& model, int unknown) {
-  return unknown >= model.layout.sums && unknown < model.layout.bristles;
+  return unknown >= model.layout.sums && unknown < model.layout.element_bristles;
 }
 
 }  // namespace
 
 int find_unreduced_jacobian_cost(const DockingModel& model, const UnreducedModel& unreduced) {
-  return unreduced.lambda - (model.layout.bristles - model.layout.sums);
+  return unreduced.lambda - (model.layout.element_bristles - model.layout.sums);
 }
 
 Status calc_unreduced_jacobian(const DockingModel& model, const UnreducedModel& unreduced,

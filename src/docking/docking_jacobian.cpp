@@ -10,7 +10,7 @@ namespace dockloop {
 
 DockingPass::DockingPass(const DockingModel& model)
     : y(static_cast<size_t>(model.layout.size), Derivative(0)), ydot(y), data(model) {
-  loads.command.setZero(static_cast<int>(model.mechanism.model.forces.size()));
+  loads.command.setZero(count_commands(model.mechanism.model));
 }
 
 void start_docking_pass(const DockingModel& model, const Loads& loads, double t, const double* y,
@@ -44,7 +44,7 @@ Status calc_docking_jacobian(const DockingModel& model, const DiscreteState& dis
   jacobian.setZero();
   // Two ranges of columns: poses and momenta, then bristles.
   for (const auto& [begin, end] :
-       {std::pair{0, layout.sums}, std::pair{layout.bristles, bristles_end}}) {
+       {std::pair{0, layout.sums}, std::pair{layout.element_bristles, bristles_end}}) {
     for (int first = begin; first < end; first += kLanes) {
       const int count = std::min(kLanes, end - first);
       for (int lane = 0; lane < count; ++lane) pass.y[first + lane].d[lane] = 1.0;

@@ -75,11 +75,14 @@ StateLayout make_layout(const DockingModel& model) {
     layout.pose[i] = take(7);
     layout.momentum[i] = take(6);
   }
-  layout.sums = take(kSumCount);
+  if (!mechanism.elements.empty()) layout.sum_count = kSumCountWithElements;
+  layout.sums = take(layout.sum_count);
   layout.impulse = take(6);
   for (int i : {kChaser, kTarget}) {
     if (model.driven[i]) layout.told[i] = take(6);
   }
+  layout.element_bristle_count = count_element_bristles(mechanism.elements, mechanism.failures);
+  layout.element_bristles = take(layout.element_bristle_count);
   layout.bristle_count = bristle_state_count(model.contact);
   layout.bristles = take(layout.bristle_count);
   layout.size = at;

@@ -7,10 +7,10 @@
 // State y (StateLayout): for each moving vehicle its pose and, instead of a velocity, the linear
 // and angular momentum (about the origin of O) of everything that moves with it, mechanism
 // included; for the mechanism its independent coordinates and velocities relative to the vehicle;
-// bristles; dissipated energies and external impulses. Rates of the momenta are plain sums of
-// forces, which Runge-Kutta methods add up without error: momentum balances to rounding at any
-// tolerance. The vehicle's velocity follows from its momentum with the factor of the reduced
-// inertia that the accelerations need anyway.
+// bristles of contacts and of brakes; dissipated energies and external impulses. Rates of the
+// momenta are plain sums of forces, which Runge-Kutta methods add up without error: momentum
+// balances to rounding at any tolerance. The vehicle's velocity follows from its momentum with the
+// factor of the reduced inertia that the accelerations need anyway.
 //
 // Two right-hand sides: the mechanism moves, or it is locked (LockedMechanism, of DockingData).
 // Chaser and locked mechanism are one rigid body. Loops and inertia are not evaluated, and the
@@ -22,13 +22,25 @@
 #include "contact/contact_model.hpp"
 #include "contact/latches.hpp"
 #include "docking/scene.hpp"
+#include "mechanism/element_forces.hpp"
 #include "mechanism/joint_forces.hpp"
 #include "mechanism/mechanism_dynamics.hpp"
 
 namespace dockloop {
 
-/// Dissipated energies and other sums that are integrated with the state.
-enum Sum { kSumContact, kSumFriction, kSumLegs, kSumLatches, kSumExternal, kSumCount };
+/// Dissipated energies and other sums that are integrated with the state; the last two only if the
+/// mechanism has force elements.
+enum Sum {
+  kSumContact,
+  kSumFriction,
+  kSumLegs,
+  kSumLatches,
+  kSumExternal,
+  kSumCount,
+  kSumBrakes = kSumCount,
+  kSumDrives,
+  kSumCountWithElements
+};
 
 /// Where things are in y; -1 = not there.
 struct StateLayout {
@@ -36,12 +48,14 @@ struct StateLayout {
   int mechanism_nq = 0, mechanism_nv = 0;  ///< without the vehicle's own
   std::array<int, 2> pose{-1, -1};         ///< position (3) and quaternion (4) of a vehicle
   std::array<int, 2> momentum{-1, -1};     ///< linear (3) and angular about O (3)
-  int bristles = 0, bristle_count = 0;
-  int sums = 0;                     ///< kSumCount energies [J]
+  int bristles = 0, bristle_count = 0;     ///< of contact pairs
+  int element_bristles = 0, element_bristle_count = 0;  ///< of brakes; just before `bristles`
+  int sums = 0, sum_count = kSumCount;                  ///< energies [J]
   int impulse = 0;                  ///< external impulse (3), external angular impulse about O (3)
   std::array<int, 2> told{-1, -1};  ///< impulses (6) of what the host of a driven vehicle applies
                                     ///< to it by itself: known loads, gravity
   int size = 0;
+  bool has_element_sums() const { return sum_count > kSumCount; }
 };
 
 /// A mechanism that is held still relative to its vehicle: with it, it is one rigid body, and
@@ -99,7 +113,7 @@ struct ExternalLoads {
   std::array<Vec3<S>, 2> force{Vec3<S>::Zero(), Vec3<S>::Zero()};   ///< at the CoM, N axes [N]
   std::array<Vec3<S>, 2> torque{Vec3<S>::Zero(), Vec3<S>::Zero()};  ///< body axes [N m]
   Vec3<S> gravity = Vec3<S>::Zero();                                ///< in N axes [m/s2]
-  VecX<S> command;                                                  ///< per joint force [N]
+  VecX<S> command;  ///< per joint force [N], then per force element (see count_commands)
 };
 using Loads = ExternalLoads<double>;
 
@@ -126,11 +140,18 @@ struct DockingData {
   LatchResult<S> latch;
   Wrench<S> on_passive;  ///< contact and latches, about G, axes of O
   JointForceSums<S> joints;
-  VecX<S> command, joint_force;      ///< per joint force [N]
+  ElementData<S> elements;
+  VecX<S> command;                   ///< as in ExternalLoads
+  VecX<S> joint_force;               ///< per joint force [N]
   VecX<S> bristle_rate;              ///< scratch where no rates are wanted
   bool touches = true;               ///< false: as if contact and latches were not there
   Vec3<S> thrust = Vec3<S>::Zero();  ///< on the chaser's CoM, axes of O
 };
+
+/// Size of ExternalLoads::command.
+inline int count_commands(const MechanismModel& mechanism) {
+  return static_cast<int>(mechanism.forces.size() + mechanism.elements.size());
+}
 
 DockingModel make_docking_model(const Scene& scene,
                                 const std::array<VehicleParameters, 2>& parameters,

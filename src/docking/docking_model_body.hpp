@@ -255,10 +255,9 @@ void put_vehicle_rates(const DockingModel& model, int i, const FrameMotion<S>& f
 
 template <class S>
 DockingData<S>::DockingData(const DockingModel& model)
-    : mechanism(model.mechanism), contact_work(model.contact) {
-  const int forces = static_cast<int>(model.mechanism.model.forces.size());
-  command.setZero(forces);
-  joint_force.setZero(forces);
+    : mechanism(model.mechanism), contact_work(model.contact), elements(model.mechanism.model) {
+  command.setZero(count_commands(model.mechanism.model));
+  joint_force.setZero(static_cast<int>(model.mechanism.model.forces.size()));
   bristle_rate.setZero(model.layout.bristle_count);
 }
 
@@ -304,6 +303,30 @@ void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
   if (vehicle == kBase) on_base.t += chaser.p.cross(on_base.f);
 }
 
+namespace {
+
+/// Forces of elements, and rates of their bristles. The bristles of a locked mechanism rest.
+template <class S>
+void calc_element_loads(const DockingModel& model, const S& t, const S* y, S* ydot,
+                        DockingData<S>& data) {
+  const StateLayout& layout = model.layout;
+  const MechanismModel& mechanism = model.mechanism.model;
+  const TreeData<S>& tree = data.mechanism.tree;
+  ElementData<S>& elements = data.elements;
+  calc_element_forces(mechanism, tree.q, tree.v, t, data.command.data() + mechanism.forces.size(),
+                      y + layout.element_bristles, elements, data.mechanism.tau);
+  if (data.locked) {
+    elements.z_rate.setZero();
+    elements.sums.braking = S(0);
+  }
+  if (!ydot) return;
+  for (int i = 0; i < layout.element_bristle_count; ++i) {
+    ydot[layout.element_bristles + i] = elements.z_rate[i];
+  }
+}
+
+}  // namespace
+
 template <class S>
 Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
                   const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
@@ -333,6 +356,7 @@ Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
   data.command = loads.command;
   data.joints = calc_joint_forces(model.mechanism.model, mechanism.tree.q, mechanism.tree.v,
                                   data.command, data.joint_force, mechanism.tau);
+  if (!model.mechanism.model.elements.empty()) calc_element_loads(model, t, y, ydot, data);
   return {};
 }
 
@@ -423,9 +447,13 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
   S* sums = ydot + model.layout.sums;
   sums[kSumContact] = data.contact.contact_power;
   sums[kSumFriction] = data.contact.friction_power;
-  sums[kSumLegs] = data.joints.dissipation;
+  sums[kSumLegs] = data.joints.dissipation + data.elements.sums.dissipation;
   sums[kSumLatches] = data.latch.power;
   sums[kSumExternal] = power;
+  if (model.layout.has_element_sums()) {
+    sums[kSumBrakes] = data.elements.sums.braking;
+    sums[kSumDrives] = data.elements.sums.drive_power;
+  }
   put<S>(ydot + model.layout.impulse, impulse);
   put<S>(ydot + model.layout.impulse + 3, angular_impulse);
   for (int i : {kChaser, kTarget}) {

@@ -200,7 +200,7 @@ Status calc_damping(const DockingModel& model, const DiscreteState& discrete,
                     const ContactMemory& memory, const DockingData<double>& at,
                     const Interface& geometry, const Loads& loads, double t, const double* y,
                     InterfaceWorkspace& work) {
-  const int n = model.layout.mechanism_nv, bristles = model.layout.bristles;
+  const int n = model.layout.mechanism_nv, bristles = model.layout.element_bristles;
   DockingPass& pass = work.pass;
   Seeds seeds(model, at, geometry, y, pass.y);
   for (int first = 0; first < n + 6; first += kLanes) {
@@ -212,7 +212,7 @@ Status calc_damping(const DockingModel& model, const DiscreteState& discrete,
     read_forces(model, geometry, pass.data, first, count, work.damping);
     for (int lane = 0; lane < count; ++lane) {
       const int column = first + lane;
-      for (int i = 0; i < model.layout.bristle_count; ++i) {
+      for (int i = 0; i < work.bristle_rate.rows(); ++i) {
         work.bristle_rate(i, column) = pass.ydot[bristles + i].d[lane];
       }
       if (column >= n) continue;
@@ -251,8 +251,8 @@ Status calc_stiffness(const DockingModel& model, const DiscreteState& discrete,
     }
     for (int lane = 0; lane < count; ++lane) {
       seeds.put_displacement(first + lane, lane);
-      for (int i = 0; i < layout.bristle_count; ++i) {
-        pass.y[layout.bristles + i].d[lane] = work.bristle_rate(i, first + lane);
+      for (int i = 0; i < work.bristle_rate.rows(); ++i) {
+        pass.y[layout.element_bristles + i].d[lane] = work.bristle_rate(i, first + lane);
       }
     }
     const Status status = calc_docking_pass(model, discrete, memory, at, pass);
@@ -343,7 +343,7 @@ InterfaceWorkspace::InterfaceWorkspace(const DockingModel& model) : pass(model) 
   stiffness.setZero(n + 6, n + 6);
   damping.setZero(n + 6, n + 6);
   capture.setZero(6, n);
-  bristle_rate.setZero(model.layout.bristle_count, n + 6);
+  bristle_rate.setZero(model.layout.element_bristle_count + model.layout.bristle_count, n + 6);
   dynamic.setZero(n + 6, n + 6);
   column.setZero(static_cast<int>(model.mechanism.plan.ind_v.size()));
   diagonal.setZero(n);

@@ -29,6 +29,9 @@ constexpr Quantity kQuaternion{"QuaternionComponent",
 constexpr Quantity kCount{"Count", "1", "", 1e3, "", "Count since the start"};
 constexpr Quantity kCoordinate{
     "Coordinate", "1", "", 0.1, "", "Coordinate of a joint or its rates; 1 means m or rad"};
+constexpr Quantity kElementForce{"ElementForce", "1", "",
+                                 100.0,          "",  "Force of an element; 1 means N or N m"};
+constexpr Quantity kLawNumber{"LawNumber", "1", "", 1.0, "", "Number of a force law, in SI units"};
 constexpr Quantity kLength{"Length", "m",      "",
                            1.0,      "Length", "Position of a vehicle or docking interface"};
 constexpr Quantity kSmallLength{
@@ -494,6 +497,65 @@ void add_legs(Table& table, Inputs& in, Outputs& out) {
   }
 }
 
+/// Limits of a parameter with this rule. Values at a limit that is not allowed are refused when the
+/// run starts.
+Row limited(Row row, Rule rule) {
+  if (rule == Rule::kShare) return row.limits(0.0, 1.0);
+  return rule == Rule::kAny ? row : row.not_negative();
+}
+
+/// Force elements: outputs, commands and every number of every law. Elements of slides and turns
+/// share the types: unit 1 means m and N, or rad and N m.
+void add_elements(Table& table, DockingSim& sim) {
+  Outputs& out = sim.output_storage();
+  std::vector<ForceElement> elements = sim.scene().mechanism.elements;
+  double* number = sim.parameters().element_numbers.data();
+  for (size_t i = 0; i < elements.size(); ++i) {
+    const std::string name = indexed("element", i), of = " of element '" + elements[i].name + "'";
+    table.output(name + ".coordinate", &out.element_coordinate[i], kCoordinate,
+                 "Coordinate" + of + " [m or rad]");
+    table.output(name + ".rate", &out.element_rate[i], kCoordinate,
+                 "Rate" + of + " [m/s or rad/s]");
+    table.output(name + ".force", &out.element_force[i], kElementForce,
+                 "Force" + of + ", positive when it increases the coordinate [N or N m]");
+    table
+        .output(name + ".saturation", &out.element_saturation[i], kNone,
+                "Largest share of a limit of the motors and drives" + of)
+        .not_negative();
+    for (size_t k = 0; k < elements[i].laws.size(); ++k) {
+      ForceLaw& law = elements[i].laws[k];
+      const std::string prefix = name + "." + indexed("law", k) + ".";
+      const std::string in = std::string(", ") + describe_type(law) + of;
+      for_each_number(law, [&](const std::string& member, double&, Rule rule, const char* text) {
+        limited(table.parameter(prefix + member, number++, kLawNumber, text + in), rule);
+      });
+      if (!is_commanded(law)) continue;
+      table.input(name + ".command", &sim.inputs().element_command[i], kLawNumber,
+                  "Command of the " + std::string(describe_type(law)) + of +
+                      " (voltage or current of a motor, target of a drive)");
+    }
+  }
+}
+
+/// Failures of laws.
+void add_failures(Table& table, DockingSim& sim) {
+  Parameters& parameters = sim.parameters();
+  const MechanismModel& mechanism = sim.scene().mechanism;
+  for (size_t k = 0; k < mechanism.failures.size(); ++k) {
+    const std::string name = indexed("failure", k);
+    const std::string of =
+        " of a failure of element '" +
+        mechanism.elements[static_cast<size_t>(mechanism.failures[k].element)].name + "'";
+    table.parameter(name + ".active", &parameters.failure_active[k], kNone, "Presence" + of);
+    table.parameter(name + ".time", &parameters.failure_numbers[2 * k], kTime, "Onset" + of)
+        .not_negative();
+    table
+        .parameter(name + ".value", &parameters.failure_numbers[2 * k + 1], kLawNumber,
+                   "Value" + of + " (factor, stiffness of the lock or delay)")
+        .not_negative();
+  }
+}
+
 void add_states(Table& table, Outputs& out) {
   // Slides and turns share these arrays: unit 1 means m or rad.
   const auto rows = [&](const char* name, std::vector<double>& values, const char* text) {
@@ -517,13 +579,13 @@ void add_loops(Table& table, Outputs& out) {
                 "Torque of the mechanism on its base about the origin of B, axes of B");
 }
 
-void add_energy(Table& table, Outputs& out) {
+void add_energy(Table& table, Outputs& out, bool has_elements) {
   table.output("energy.kinetic", &out.energy_kinetic, kEnergy,
                "Kinetic energy of all bodies inside");
   table.output("energy.potential", &out.energy_potential, kEnergy,
                "Potential energy of springs, contacts and latches");
   table.output("energy.dissipated", &out.energy_dissipated, kEnergy,
-               "Energy dissipated since the start, sum of its four parts");
+               "Energy dissipated since the start, sum of its parts");
   table.output("energy.dissipated_contact", &out.energy_dissipated_contact, kEnergy,
                "Energy dissipated by contact damping");
   table.output("energy.dissipated_friction", &out.energy_dissipated_friction, kEnergy,
@@ -532,6 +594,12 @@ void add_energy(Table& table, Outputs& out) {
                "Energy dissipated in the joints and legs of the mechanism");
   table.output("energy.dissipated_latches", &out.energy_dissipated_latches, kEnergy,
                "Energy dissipated in the latches");
+  if (has_elements) {
+    table.output("energy.dissipated_brakes", &out.energy_dissipated_brakes, kEnergy,
+                 "Energy dissipated in the brakes of the force elements");
+    table.output("energy.drive_work", &out.energy_drive_work, kEnergy,
+                 "Work of motors and drives of the force elements since the start");
+  }
   table.output("energy.external", &out.energy_external, kEnergy,
                "Work of forces from outside since the start");
   table
@@ -592,8 +660,19 @@ void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
          true);
   }
   rows("ode.external", 1, kEnergy, "Work of forces from outside since the start");
+  const std::vector<ForceElement>& elements = scene.mechanism.elements;
+  if (!elements.empty()) {
+    rows("ode.dissipated_brakes", 1, kEnergy, "Energy dissipated since the start");
+    rows("ode.drive_work", 1, kEnergy, "Work of motors and drives since the start");
+  }
   rows("ode.impulse", 3, kMomentum, "Impulse of forces from outside since the start");
   rows("ode.angular_impulse", 3, kAngularMomentum, "Angular impulse of forces from outside");
+  const size_t brakes =
+      static_cast<size_t>(count_element_bristles(elements, scene.mechanism.failures));
+  for (size_t i = 0; i < brakes; ++i, ++next) {
+    table.local(indexed("ode.brake", i), &out.states[next], kCoordinate,
+                "Deflection of the bristle of a brake [m or rad]");
+  }
   rows("ode.bristle", out.states.size() - next, kSmallLength, "Deflection of a bristle", true);
   table.add_rates(out.states, out.rates);
 }
@@ -831,9 +910,11 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   }
   if (wants("ring")) add_ring(table, outputs);
   if (wants("legs")) add_legs(table, inputs, outputs);
+  add_elements(table, sim);
+  add_failures(table, sim);
   if (wants("states")) add_states(table, outputs);
   if (wants("loops")) add_loops(table, outputs);
-  if (wants("energy")) add_energy(table, outputs);
+  if (wants("energy")) add_energy(table, outputs, !scene.mechanism.elements.empty());
   const bool is_driven = !offers_model_exchange(scene);
   if (is_driven) add_coupling_parameters(table, parameters, inputs);
   if (is_driven && wants("coupling")) add_coupling_outputs(table, outputs);

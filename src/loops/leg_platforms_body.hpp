@@ -202,13 +202,24 @@ inline bool depends_on_coordinate(const JointForce& law) {
   return law.stiffness != 0.0 || law.preload != 0.0 || law.stops.present;
 }
 
+/// Does a force element act on the joint of this body?
+inline bool has_element(const MechanismModel& model, int body) {
+  for (const ForceElement& element : model.elements) {
+    for (const ElementTerm& term : element.along) {
+      if (term.body == body) return true;
+    }
+  }
+  return false;
+}
+
 template <class S>
 void list_reported_joints(const MechanismModel& model, PlatformData<S>& at) {
   for (size_t k = 0; k < at.legs.size(); ++k) {
     for (int i = 0; i < 3; ++i) {
       const int body = at.legs[k].body[i];
       ReportedJoint joint{k, i, model.bodies[body].joint == JointType::kPrismatic, false};
-      bool forced = false;
+      bool forced = has_element(model, body);
+      joint.needs_angle = forced && !joint.slides;
       for (const JointForce& law : model.forces) {
         if (law.body != body) continue;
         forced = true;

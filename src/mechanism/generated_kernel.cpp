@@ -110,6 +110,9 @@ KernelBodies::KernelBodies(const Mechanism& mechanism, KernelScope scope) {
   moving = mechanism.plan.ind_bodies;
   add(moving, model.capture_body);
   for (const JointForce& force : model.forces) add(sprung, force.body);
+  for (const ForceElement& element : model.elements) {
+    for (const ElementTerm& term : element.along) add(sprung, term.body);
+  }
   if (scope == KernelScope::kAny) {
     loaded = moving;
     for (int i = 0; i < static_cast<int>(model.bodies.size()); ++i) forced.push_back(i);

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "math/inertia.hpp"
+#include "model/element_json.hpp"
 #include "model/json_reader.hpp"
 #include "model/mechanism_model.hpp"
 
@@ -306,7 +307,9 @@ void add_slide_leg(const LegReader& in, MechanismModel& model) {
 void read_joint_force(const JsonReader& item, MechanismModel& model) {
   const std::string type = item.at("type").text();
   if (type != "joint_spring_damper") {
-    item.at("type").fail("is '" + type + "'; the known type is joint_spring_damper");
+    item.at("type").fail(
+        "is '" + type +
+        "'; the known type is joint_spring_damper (an element with laws has no type)");
   }
   JointForce force;
   force.body = find_body(model, item.at("joint").text(), item.path() + ".joint");
@@ -438,7 +441,16 @@ MechanismModel read_mechanism(const std::string& json_text, const std::string& s
         limits.fail("needs error below 0.1 and warning not below error");
       }
     }
-    for (const JsonReader& item : root.list("forces", kMaxItems)) read_joint_force(item, model);
+    for (const JsonReader& item : root.list("forces", kMaxItems)) {
+      if (item.has("type")) {
+        read_joint_force(item, model);
+      } else {
+        model.elements.push_back(read_element(item, model));
+      }
+    }
+    for (const JsonReader& item : root.list("failures", kMaxItems)) {
+      model.failures.push_back(read_failure(item, model));
+    }
     if (root.has("capture")) {
       model.capture_body = find_body(model, root.at("capture").at("body").text(), "capture.body");
     }

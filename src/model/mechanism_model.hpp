@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "math/types.hpp"
+#include "model/force_element.hpp"
 
 namespace dockloop {
 
@@ -153,6 +154,8 @@ struct MechanismModel {
   std::vector<Loop> loops;  ///< couplings last
   SingularityLimits singularity;
   std::vector<JointForce> forces;
+  std::vector<ForceElement> elements;
+  std::vector<LawFailure> failures;  ///< of laws of elements
   std::vector<Leg> legs;
   std::vector<double> home_q;  ///< all coordinates, nq
   bool home_given = false;     ///< the file states home_q

@@ -8,7 +8,7 @@
 namespace dockloop {
 
 double find_potential_energy(const DockingData<double>& data) {
-  return data.joints.energy + data.contact.energy + data.latch.energy;
+  return data.joints.energy + data.elements.sums.energy + data.contact.energy + data.latch.energy;
 }
 
 double find_total_energy(const DockingModel& model, const DockingData<double>& data) {
@@ -22,7 +22,11 @@ EnergyBalance find_energy_balance(const DockingModel& model, const DockingData<d
   double dissipated = 0.0;
   for (int i : {kSumContact, kSumFriction, kSumLegs, kSumLatches}) dissipated += sums[i];
   EnergyBalance balance;
-  const double brought = sums[kSumExternal] + audit.host_work;
+  double brought = sums[kSumExternal] + audit.host_work;
+  if (model.layout.has_element_sums()) {
+    dissipated += sums[kSumBrakes];
+    brought += sums[kSumDrives];
+  }
   balance.residual = kinetic + potential + dissipated - brought - audit.start;
   // Start energy, external work and energy of springs: no quantity with an integration error.
   balance.in_play = std::abs(audit.start) + std::abs(brought) + std::max(0.0, -potential);

@@ -49,9 +49,13 @@ void DockingSim::Impl::seed(const Seed& seed, int lane) {
   const int place = seed.place;
   if (place >= kCommandInput) {
     // The last input is coupling.next_step: no output depends on it directly.
-    const size_t leg = static_cast<size_t>(place - kCommandInput);
-    if (leg < scene->mechanism.legs.size())
-      add(pass.loads.command[scene->mechanism.legs[leg].force]);
+    const MechanismModel& m = scene->mechanism;
+    const size_t legs = m.legs.size(), at = static_cast<size_t>(place - kCommandInput);
+    if (at < legs) {
+      add(pass.loads.command[m.legs[at].force]);
+    } else if (at < legs + m.elements.size()) {
+      add(pass.loads.command[static_cast<int>(m.forces.size() + at - legs)]);
+    }
   } else if (place >= kGravityInput) {
     add(pass.loads.gravity[place - kGravityInput]);
   } else {
@@ -130,7 +134,8 @@ void DockingSim::Impl::spread_states(std::mt19937_64& random) {
     vary(layout.pose[i] + 3, 4, 0.3);
     vary(layout.momentum[i], 6, 0.03 * mass);
   }
-  vary(layout.sums, kSumCount + 6, 1.0);
+  vary(layout.sums, layout.sum_count + 6, 1.0);
+  vary(layout.element_bristles, layout.element_bristle_count, 1e-5);
   vary(layout.bristles, layout.bristle_count, 1e-5);
   const int moved = layout.pose[kTarget] >= 0 ? kTarget : kChaser;
   if (!has_surfaces() || layout.pose[moved] < 0 || !evaluate(0.0).ok()) return;

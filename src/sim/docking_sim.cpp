@@ -220,6 +220,17 @@ void DockingSim::Impl::take(const SavedSim& from) {
 }
 
 void DockingSim::Impl::load(const SavedSim& from) {
+  const auto fits_lists = [this](const Inputs& in, const Parameters& p) {
+    return in.leg_force_command.size() == inputs.leg_force_command.size() &&
+           in.element_command.size() == inputs.element_command.size() &&
+           p.element_numbers.size() == parameters.element_numbers.size() &&
+           p.failure_active.size() == parameters.failure_active.size() &&
+           p.failure_numbers.size() == parameters.failure_numbers.size();
+  };
+  if (!fits_lists(from.inputs, from.parameters) || !fits_lists(from.slopes, from.parameters) ||
+      (from.setup && !fits_lists(from.inputs, from.setup->parameters))) {
+    throw ModelError("the saved state does not fit this model");
+  }
   const bool rebuild = from.setup && from.setup != setup;
   const Parameters parameters_before = parameters;
   SavedSim before;

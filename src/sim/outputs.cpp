@@ -107,7 +107,8 @@ double DockingSim::Impl::find_acceleration_bound() const {
   const int ring = model->mechanism.model.capture_body;
   if (ring != kBase && ring != model->mechanism.vehicle) {
     const double mass = model->mechanism.model.bodies[ring].mass;
-    if (mass > 0.0) bound += loads.at_start().command.lpNorm<1>() / mass;
+    const int forces = static_cast<int>(model->mechanism.model.forces.size());
+    if (mass > 0.0) bound += loads.at_start().command.head(forces).lpNorm<1>() / mass;
   }
   return bound;
 }

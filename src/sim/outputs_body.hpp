@@ -180,6 +180,14 @@ void read_mechanism(const OutputSource<S>& from, OutputValues<S>& out) {
     out.leg_rate[i] = mechanism.tree.v[slide.v_index];
     out.leg_force[i] = find_leg_force(model, from.data, leg);
   }
+  for (size_t i = 0; i < out.element_force.size(); ++i) {
+    const ElementData<S>& elements = from.data.elements;
+    const int at = static_cast<int>(i);
+    out.element_coordinate[i] = elements.coordinate[at];
+    out.element_rate[i] = elements.rate[at];
+    out.element_force[i] = elements.force[at];
+    out.element_saturation[i] = elements.saturation[at];
+  }
   int q = 0, v = 0;
   for (int i : from.state_bodies) {
     const Body& body = model.mechanism.model.bodies[i];
@@ -214,7 +222,8 @@ void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
   const DockingData<S>& data = from.data;
   const S* sums = from.y + model.layout.sums;
   out.energy_kinetic = find_kinetic_energy(model, data);
-  out.energy_potential = data.joints.energy + data.contact.energy + data.latch.energy;
+  out.energy_potential =
+      data.joints.energy + data.elements.sums.energy + data.contact.energy + data.latch.energy;
   out.energy_dissipated_contact = sums[kSumContact];
   out.energy_dissipated_friction = sums[kSumFriction];
   out.energy_dissipated_legs = sums[kSumLegs];
@@ -222,8 +231,13 @@ void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
   out.energy_dissipated =
       sums[kSumContact] + sums[kSumFriction] + sums[kSumLegs] + sums[kSumLatches];
   out.energy_external = sums[kSumExternal] + S(from.host_work);
+  if (model.layout.has_element_sums()) {
+    out.energy_dissipated_brakes = sums[kSumBrakes];
+    out.energy_dissipated += sums[kSumBrakes];
+    out.energy_drive_work = sums[kSumDrives];
+  }
   out.energy_residual = out.energy_kinetic + out.energy_potential + out.energy_dissipated -
-                        out.energy_external - S(from.energy_start);
+                        out.energy_external - out.energy_drive_work - S(from.energy_start);
 }
 
 }  // namespace

@@ -199,7 +199,9 @@ struct DockingSim::Impl : SimState {
   bool locates_events() const { return fmi_kind == FmiKind::kCoSimulation && !is_fixed_step(); }
   bool needs_jacobian() const { return method().needs_jacobian; }
   /// Cost of a Jacobian, in evaluations: about one per column, measured.
-  int find_jacobian_cost() const { return model->layout.sums + model->layout.bristle_count; }
+  int find_jacobian_cost() const {
+    return model->layout.sums + model->layout.element_bristle_count + model->layout.bristle_count;
+  }
   /// Does the next communication step begin with the last Jacobian?
   bool keeps_jacobian() const {
     return needs_jacobian() && !is_fixed_step() && fmi_kind == FmiKind::kCoSimulation;

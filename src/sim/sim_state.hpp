@@ -107,15 +107,18 @@ template <class A>
 void transfer(A& archive, Parameters& p) {
   transfer_members<Parameters>(
       archive, p.vehicle, p.contact_thrust, p.contact_thrust_delay, p.friction_coefficient,
-      p.friction_model, p.restitution, p.restitution_speed, p.model_level, p.flight,
-      p.solver_method, p.dae_form, p.step, p.rtol, p.atol_position, p.atol_velocity, p.atol_energy,
-      p.coupling_mode, p.coupling_expected_step, p.coupling_velocity_tolerance);
+      p.friction_model, p.restitution, p.restitution_speed, p.element_numbers, p.failure_active,
+      p.failure_numbers, p.model_level, p.flight, p.solver_method, p.dae_form, p.step, p.rtol,
+      p.atol_position, p.atol_velocity, p.atol_energy, p.coupling_mode, p.coupling_expected_step,
+      p.coupling_velocity_tolerance);
 }
 
 template <class A>
 void transfer(A& archive, Inputs& inputs) {
   const size_t legs = transfer_size(archive, inputs.leg_force_command.size());
+  const size_t elements = transfer_size(archive, inputs.element_command.size());
   if constexpr (A::kReads) inputs.leg_force_command.resize(legs);
+  if constexpr (A::kReads) inputs.element_command.resize(elements);
   for_each_value(inputs, [&](double& value) { transfer(archive, value); });
 }
 

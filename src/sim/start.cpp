@@ -96,6 +96,26 @@ void check_level(const Parameters& p, FmiKind fmi_kind) {
   }
 }
 
+/// Motors and drives act by themselves, failures at their time.
+bool acts_by_itself(const MechanismModel& mechanism) {
+  for (const ForceElement& element : mechanism.elements) {
+    if (std::any_of(element.laws.begin(), element.laws.end(), is_powered)) return true;
+  }
+  return !mechanism.failures.empty();
+}
+
+/// Failures as the parameters have them.
+void put_failures(const Parameters& p, std::vector<LawFailure>& failures) {
+  for (size_t k = 0; k < failures.size(); ++k) {
+    failures[k].active = p.failure_active[k] != 0;
+    failures[k].time = p.failure_numbers[2 * k];
+    failures[k].value = p.failure_numbers[2 * k + 1];
+    if (failures[k].time >= 0.0 && failures[k].value >= 0.0) continue;
+    throw ModelError("failure[" + std::to_string(k + 1) +
+                     "] has a time or value below 0; both must be 0 or more");
+  }
+}
+
 Stepper::Method find_stepper_method(int method) {
   switch (method) {
     case kImplicit:
@@ -150,6 +170,19 @@ void DockingSim::Impl::clear() {
   inputs.gravity.setZero();
   inputs.next_step = 0.0;
   zero(inputs.leg_force_command, m.legs.size());
+  parameters.element_numbers = get_element_numbers(m.elements);
+  parameters.failure_active.clear();
+  parameters.failure_numbers.clear();
+  for (const LawFailure& failure : m.failures) {
+    parameters.failure_active.push_back(failure.active ? 1 : 0);
+    parameters.failure_numbers.insert(parameters.failure_numbers.end(),
+                                      {failure.time, failure.value});
+  }
+  inputs.element_command = list_start_commands(m.elements);
+  for (auto* v : {&outputs.element_coordinate, &outputs.element_rate, &outputs.element_force,
+                  &outputs.element_saturation}) {
+    zero(*v, m.elements.size());
+  }
   zero(outputs.petal_force, static_cast<size_t>(scene->contact.petal_count()));
   zero(outputs.latch_opening, static_cast<size_t>(scene->latches.count()));
   zero(outputs.latch_lateral, static_cast<size_t>(scene->latches.count()));
@@ -163,7 +196,9 @@ void DockingSim::Impl::clear() {
   zero(outputs.state_q, plan.ind_q.size());
   zero(outputs.state_v, plan.ind_v.size());
   zero(outputs.state_a, plan.ind_v.size());
-  state_count = kSumCount + 6 + bristle_state_count(scene->contact);
+  state_count = m.elements.empty() ? kSumCount : kSumCountWithElements;
+  state_count +=
+      6 + count_element_bristles(m.elements, m.failures) + bristle_state_count(scene->contact);
   for (int i : plan.ind_bodies) state_count += m.bodies[i].nq() + m.bodies[i].nv();
   for (int i : {kChaser, kTarget}) {
     const bool moves = scene->motion[i] != Motion::kFixed && (i == kChaser || scene->has_target);
@@ -380,11 +415,14 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   made->thrust_delay = parameters.contact_thrust_delay;
   // In model exchange frame O must be a function of time alone: O then drifts and does not fall.
   if (fmi_kind == FmiKind::kModelExchange) made->falling = false;
+  put_element_numbers(parameters.element_numbers, made->mechanism.model.elements);
+  check_elements(made->mechanism.model.elements);
+  put_failures(parameters, made->mechanism.model.failures);
   model = made;
   events = std::make_unique<EventLogic>(*model, discrete, memory);
   start_mechanism.reset();
   state_bodies = model->mechanism_bodies;
-  loads.start(static_cast<int>(model->mechanism.model.forces.size()));
+  loads.start(count_commands(model->mechanism.model));
   evaluator = std::make_unique<Evaluator>(model, *this, loads);
   host = std::make_unique<HostCoupling>(*model, setup, frame_origin, inputs, loads, *events,
                                         *evaluator, *this, warnings);
@@ -455,7 +493,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
 bool DockingSim::Impl::can_be_quiescent() const {
   return setup->parameters.flight == kQuiescent && fmi_kind == FmiKind::kCoSimulation &&
          !is_fixed_step() && !host->has_host() && !adapt_problem &&
-         !model->mechanism.plan.is_driven;
+         !model->mechanism.plan.is_driven && !acts_by_itself(model->mechanism.model);
 }
 
 /// The smaller of the tolerances of parameter and host.
@@ -578,7 +616,7 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
       std::fill_n(atol.begin() + layout.impulse + 3, 3, parameters.atol_velocity * inertia);
     }
   }
-  std::fill_n(atol.begin() + layout.sums, static_cast<int>(kSumCount), parameters.atol_energy);
+  std::fill_n(atol.begin() + layout.sums, layout.sum_count, parameters.atol_energy);
   if (unreduced) unreduced->add_tolerances(atol);
   for (int i : {kChaser, kTarget}) {
     if (layout.told[i] < 0) continue;

@@ -4,28 +4,34 @@
 namespace dockloop {
 namespace {
 
-void read_loads(const std::vector<Leg>& legs, const Inputs& from, Loads& to) {
+void read_loads(const MechanismModel& mechanism, const Inputs& from, Loads& to) {
   for (int i : {kChaser, kTarget}) {
     to.force[i] = from.vehicle[i].force_ext;
     to.torque[i] = from.vehicle[i].torque_ext;
   }
   to.gravity = from.gravity;
-  for (size_t i = 0; i < legs.size(); ++i) to.command[legs[i].force] = from.leg_force_command[i];
+  for (size_t i = 0; i < mechanism.legs.size(); ++i) {
+    to.command[mechanism.legs[i].force] = from.leg_force_command[i];
+  }
+  const int first = static_cast<int>(mechanism.forces.size());
+  for (size_t i = 0; i < mechanism.elements.size(); ++i) {
+    to.command[first + static_cast<int>(i)] = from.element_command[i];
+  }
 }
 
 }  // namespace
 
-void StepLoads::start(int forces) {
+void StepLoads::start(int commands) {
   start_ = Loads();
-  start_.command.setZero(forces);
+  start_.command.setZero(commands);
   rates_ = now_ = start_;
   sloped_ = false;
 }
 
-void StepLoads::read(const std::vector<Leg>& legs, const Inputs& inputs, const Inputs& slopes,
+void StepLoads::read(const MechanismModel& mechanism, const Inputs& inputs, const Inputs& slopes,
                      bool are_sloped) {
-  read_loads(legs, inputs, start_);
-  read_loads(legs, slopes, rates_);
+  read_loads(mechanism, inputs, start_);
+  read_loads(mechanism, slopes, rates_);
   sloped_ = are_sloped;
 }
 

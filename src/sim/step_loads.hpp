@@ -1,8 +1,6 @@
 // Loads from outside over a communication step: values at its start, and constant slopes.
 #pragma once
 
-#include <vector>
-
 #include "docking/docking_model.hpp"
 #include "sim/values.hpp"
 
@@ -10,10 +8,10 @@ namespace dockloop {
 
 class StepLoads {
  public:
-  /// Zero loads. @param forces  number of joint forces
-  void start(int forces);
+  /// Zero loads. @param commands  see count_commands()
+  void start(int commands);
   /// Loads of the coming step. @param slopes  rates of the inputs; are_sloped: some are not zero
-  void read(const std::vector<Leg>& legs, const Inputs& inputs, const Inputs& slopes,
+  void read(const MechanismModel& mechanism, const Inputs& inputs, const Inputs& slopes,
             bool are_sloped);
 
   const Loads& at_start() const { return start_; }

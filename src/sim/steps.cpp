@@ -31,7 +31,9 @@ double DockingSim::Impl::find_evaluation_cost() const {
   const double tree = kPerBody * static_cast<double>(plan.tree_bodies.size());
   const double legs = static_cast<double>(plan.leg_bodies.size());
   const double mechanism = tree + (unreduced ? kPerBody : kPerLegBody) * legs;
-  return (unreduced ? 4.0 : 1.0) * (kBasic + mechanism) + kPerBristle * model->layout.bristle_count;
+  return (unreduced ? 4.0 : 1.0) * (kBasic + mechanism) +
+         kPerBristle * model->layout.bristle_count +
+         kPerLegBody * static_cast<double>(model->mechanism.model.elements.size());
 }
 
 /// Cost of an implicit step without its evaluations, in evaluations: the factorisation of a matrix,
@@ -77,7 +79,7 @@ Status DockingSim::Impl::refuse_work(double h, std::int64_t limit, double tau) {
 void DockingSim::Impl::read_inputs() {
   bool are_sloped = false;
   for_each_value(slopes, [&](double& slope) { are_sloped = are_sloped || slope != 0.0; });
-  loads.read(scene->mechanism.legs, inputs, slopes, are_sloped);
+  loads.read(scene->mechanism, inputs, slopes, are_sloped);
 }
 
 /// A slope holds for one step; the input then keeps its final value. The equations of motion
@@ -91,6 +93,9 @@ void DockingSim::Impl::advance_inputs(double h) {
   inputs.gravity += h * slopes.gravity;
   for (size_t i = 0; i < inputs.leg_force_command.size(); ++i) {
     inputs.leg_force_command[i] += h * slopes.leg_force_command[i];
+  }
+  for (size_t i = 0; i < inputs.element_command.size(); ++i) {
+    inputs.element_command[i] += h * slopes.element_command[i];
   }
   for_each_value(slopes, [](double& slope) { slope = 0.0; });
 }
@@ -328,6 +333,10 @@ double DockingSim::Impl::find_next_stop(double tau, double h) const {
   const std::optional<double> onset = events->find_thrust_onset();
   if (onset && !discrete.thrust_on && *onset - elapsed > tau) {
     stop = std::min(stop, *onset - elapsed);
+  }
+  for (const LawFailure& failure : model->mechanism.model.failures) {
+    const double begins = failure.time - elapsed;
+    if (failure.active && begins > tau) stop = std::min(stop, begins);
   }
   if (has_surfaces() && model->contact.kind == ContactModel::Kind::kRings) {
     const double bound = find_step_bound(model->contact, present().contact.gap, present().relative);

@@ -41,6 +41,9 @@ struct Parameters {
   int friction_model = 1;               ///< 1 regularised, 2 bristle
   double restitution = 0.0;             ///< [-] at restitution_speed
   double restitution_speed = 0.0;       ///< [m/s]
+  std::vector<double> element_numbers;  ///< of all laws (model/force_element.hpp)
+  std::vector<char> failure_active;     ///< 0 or 1, one per failure
+  std::vector<double> failure_numbers;  ///< time [s] and value of each
   int flight = kQuiescent;              ///< see FreeDriftModel
   int model_level = kReduced;           ///< see ModelLevel
   int solver_method = 1;                ///< see SolverMethod
@@ -68,6 +71,7 @@ struct Inputs {
   std::array<Vehicle, 2> vehicle;
   Vec3<double> gravity = Vec3<double>::Zero();  ///< in N [m/s2]
   std::vector<double> leg_force_command;        ///< [N], one per leg
+  std::vector<double> element_command;          ///< one per force element
   double next_step = 0.0;  ///< [s] of the step after the coming step, 0 = the same
 };
 
@@ -96,6 +100,7 @@ void for_each_value(Inputs& inputs, F&& f) {
   }
   each(inputs.gravity);
   each(inputs.leg_force_command);
+  each(inputs.element_command);
   f(inputs.next_step);
 }
 
@@ -149,6 +154,9 @@ struct OutputValues {
   // group legs
   std::vector<S> leg_length, leg_rate, leg_force;  ///< [m], [m/s], [N] (+ pushes ends apart)
 
+  // force elements: coordinate, rate, force, largest share of a limit of motors and drives
+  std::vector<S> element_coordinate, element_rate, element_force, element_saturation;
+
   // group states: independent coordinates of the mechanism (without the vehicles)
   std::vector<S> state_q, state_v, state_a;
 
@@ -159,9 +167,11 @@ struct OutputValues {
 
   // group energy
   S energy_kinetic = S(0), energy_potential = S(0);  ///< [J]; kinetic in the internal frame
-  S energy_dissipated = S(0);                        ///< sum of the four below [J]
+  S energy_dissipated = S(0);                        ///< sum of the five below [J]
   S energy_dissipated_contact = S(0), energy_dissipated_friction = S(0);
   S energy_dissipated_legs = S(0), energy_dissipated_latches = S(0);
+  S energy_dissipated_brakes = S(0);
+  S energy_drive_work = S(0);                    ///< of motors and drives on the mechanism [J]
   S energy_external = S(0);                      ///< work done by forces from outside [J]
   S energy_residual = S(0);                      ///< error of the energy balance [J]
   Vec3<S> momentum_linear = Vec3<S>::Zero();     ///< in N axes [N s]
@@ -192,18 +202,20 @@ void for_each_value(OutputValues<S>& values, F&& f) {
   each(values.relative_attitude);
   each(values.ring_attitude);
   each(values.capture_load);
-  for (S* x :
-       {&values.relative_axial, &values.relative_lateral, &values.relative_pitch_yaw,
-        &values.relative_roll, &values.gap, &values.capture_load_ratio, &values.contact_depth_ratio,
-        &values.energy_kinetic, &values.energy_potential, &values.energy_dissipated,
-        &values.energy_dissipated_contact, &values.energy_dissipated_friction,
-        &values.energy_dissipated_legs, &values.energy_dissipated_latches, &values.energy_external,
-        &values.energy_residual}) {
+  for (S* x : {&values.relative_axial, &values.relative_lateral, &values.relative_pitch_yaw,
+               &values.relative_roll, &values.gap, &values.capture_load_ratio,
+               &values.contact_depth_ratio, &values.energy_kinetic, &values.energy_potential,
+               &values.energy_dissipated, &values.energy_dissipated_contact,
+               &values.energy_dissipated_friction, &values.energy_dissipated_legs,
+               &values.energy_dissipated_latches, &values.energy_dissipated_brakes,
+               &values.energy_drive_work, &values.energy_external, &values.energy_residual}) {
     f(*x);
   }
-  for (std::vector<S>* x : {&values.petal_force, &values.latch_opening, &values.latch_lateral,
-                            &values.latch_force, &values.leg_length, &values.leg_rate,
-                            &values.leg_force, &values.state_q, &values.state_v, &values.state_a}) {
+  for (std::vector<S>* x :
+       {&values.petal_force, &values.latch_opening, &values.latch_lateral, &values.latch_force,
+        &values.leg_length, &values.leg_rate, &values.leg_force, &values.element_coordinate,
+        &values.element_rate, &values.element_force, &values.element_saturation, &values.state_q,
+        &values.state_v, &values.state_a}) {
     each(*x);
   }
   for (Vec3<S>& x : values.loop_force) each(x);
@@ -219,6 +231,10 @@ void match_sizes(const OutputValues<double>& from, OutputValues<S>& to) {
   to.leg_length.resize(from.leg_length.size());
   to.leg_rate.resize(from.leg_rate.size());
   to.leg_force.resize(from.leg_force.size());
+  to.element_coordinate.resize(from.element_coordinate.size());
+  to.element_rate.resize(from.element_rate.size());
+  to.element_force.resize(from.element_force.size());
+  to.element_saturation.resize(from.element_saturation.size());
   to.state_q.resize(from.state_q.size());
   to.state_v.resize(from.state_v.size());
   to.state_a.resize(from.state_a.size());

@@ -1,0 +1,39 @@
+// Force elements of a mechanism: coordinate, laws, generalised forces, energies, bristles.
+#pragma once
+
+#include "math/types.hpp"
+#include "model/mechanism_model.hpp"
+
+namespace dockloop {
+
+/// Sums over all elements.
+template <class S>
+struct ElementSums {
+  S energy = S(0);       ///< stored [J]
+  S dissipation = S(0);  ///< in dampers and stops [W]
+  S braking = S(0);      ///< in brakes, friction and electromagnetic [W]
+  S drive_power = S(0);  ///< of motors and drives on the mechanism [W]
+};
+
+/// Everything computed of the elements.
+template <class S>
+struct ElementData {
+  explicit ElementData(const MechanismModel& model);
+  VecX<S> coordinate, rate, force;  ///< per element
+  VecX<S> saturation;  ///< per element: largest share of a limit of its motors and drives
+  VecX<S> z_rate;      ///< per bristle
+  ElementSums<S> sums;
+};
+
+/// Add the forces of all elements to tau.
+/// @param[in]  q, v     all coordinates (nq) and velocities (nv)
+/// @param[in]  time     since the start [s]
+/// @param[in]  command  per element; null: 0
+/// @param[in]  z        bristles (count_element_bristles); null: 0
+/// @param[out] tau      joint forces (nv), added to
+template <class S>
+void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const VecX<S>& v,
+                         const S& time, const S* command, const S* z, ElementData<S>& data,
+                         VecX<S>& tau);
+
+}  // namespace dockloop

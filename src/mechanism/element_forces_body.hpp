@@ -1,0 +1,164 @@
+// Forces of elements, for any scalar; see element_forces.hpp.
+#pragma once
+
+#include "math/scalar.hpp"
+#include "mechanism/element_forces.hpp"
+#include "mechanism/force_laws.hpp"
+
+namespace dockloop {
+
+template <class S>
+ElementData<S>::ElementData(const MechanismModel& model) {
+  const int count = static_cast<int>(model.elements.size());
+  for (auto* x : {&coordinate, &rate, &force, &saturation}) x->setZero(count);
+  z_rate.setZero(count_element_bristles(model.elements, model.failures));
+}
+
+namespace {
+
+/// Effect of failures on a law: factor g of its force and energy, its rate, delay of commands.
+template <class S>
+struct FailureEffect {
+  S factor = S(1), rate = S(0);
+  double delay = 0.0;
+};
+
+template <class S>
+FailureEffect<S> find_failure(const MechanismModel& model, size_t element, size_t law,
+                              const S& time) {
+  constexpr double kFades = 0.05;  // [s]
+  using Kind = LawFailure::Kind;
+  FailureEffect<S> effect;
+  for (const LawFailure& failure : model.failures) {
+    if (!failure.active || failure.kind == Kind::kJammed) continue;
+    if (failure.element != static_cast<int>(element) || failure.law != static_cast<int>(law)) {
+      continue;
+    }
+    if (failure.kind == Kind::kDelayed) {
+      effect.delay += failure.value;
+      continue;
+    }
+    const S u = (time - S(failure.time)) / S(kFades);
+    if (!(u > S(0))) continue;
+    const double last = failure.kind == Kind::kOff ? 0.0 : failure.value;
+    const bool is_over = !(u < S(1));
+    const S faded = is_over ? S(1) : S(u * u * (S(3) - S(2) * u));
+    const S fading = is_over ? S(0) : S(S(6) * u * (S(1) - u) / S(kFades));
+    const S g = S(1) + S(last - 1.0) * faded;
+    effect.rate = effect.rate * g + effect.factor * S(last - 1.0) * fading;
+    effect.factor = effect.factor * g;
+  }
+  return effect;
+}
+
+/// A law with the factor g: f v = -d(g U)/dt + g' U - g D + g W. What fading releases is
+/// dissipated, what growth needs is work of a drive.
+template <class S>
+void scale_terms(const FailureEffect<S>& effect, LawTerms<S>& terms) {
+  const S& g = effect.factor;
+  const S change = effect.rate * terms.energy;
+  terms.force = terms.force * g;
+  terms.energy = terms.energy * g;
+  terms.dissipation = terms.dissipation * g;
+  terms.work = terms.work * g;
+  if (change > S(0)) {
+    terms.work += change;
+  } else {
+    terms.dissipation -= change;
+  }
+}
+
+/// Elastic locks of jammed elements: their bristles come after those of the brakes.
+template <class S>
+void add_locks(const MechanismModel& model, const S& time, const S* z, int bristle,
+               ElementData<S>& data, VecX<S>& tau) {
+  for (const LawFailure& failure : model.failures) {
+    if (failure.kind != LawFailure::Kind::kJammed) continue;
+    const int i = failure.element;
+    const S deflection = z ? z[bristle] : S(0);
+    const bool holds = failure.active && !(time < S(failure.time));
+    const S force = S(-failure.value) * deflection;
+    data.z_rate[bristle++] = holds ? data.rate[i] : S(0);
+    data.force[i] += force;
+    data.sums.energy += S(0.5 * failure.value) * deflection * deflection;
+    for (const ElementTerm& term : model.elements[static_cast<size_t>(i)].along) {
+      tau[model.bodies[term.body].v_index] += S(term.ratio) * force;
+    }
+  }
+}
+
+/// Book the powers of a law: brakes and drives have lines of their own.
+template <class S>
+void add_terms(const ForceLaw& law, const LawTerms<S>& terms, ElementSums<S>& sums) {
+  const bool brakes = std::holds_alternative<BrakeLaw>(law) || std::holds_alternative<EddyLaw>(law);
+  sums.energy += terms.energy;
+  (brakes ? sums.braking : sums.dissipation) += terms.dissipation;
+  sums.drive_power += terms.work;
+}
+
+}  // namespace
+
+template <class S>
+void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const VecX<S>& v,
+                         const S& time, const S* command, const S* z, ElementData<S>& data,
+                         VecX<S>& tau) {
+  data.sums = ElementSums<S>();
+  int bristle = 0;
+  for (size_t e = 0; e < model.elements.size(); ++e) {
+    const ForceElement& element = model.elements[e];
+    const int i = static_cast<int>(e);
+    LawInput<S> in;
+    if (command) in.command = command[i];
+    for (const ElementTerm& term : element.along) {
+      const Body& body = model.bodies[term.body];
+      in.s += S(term.ratio) * q[body.q_index];
+      in.v += S(term.ratio) * v[body.v_index];
+    }
+    S force(0), saturation(0);
+    const auto add = [&](size_t k, bool is_brake) {
+      const ForceLaw& law = element.laws[k];
+      const FailureEffect<S> failure = find_failure(model, e, k, time);
+      in.time = time - S(failure.delay);
+      in.engagement = failure.factor;  // what a failure does to a brake
+      LawTerms<S> terms = std::visit([&](const auto& each) { return calc_law(each, in); }, law);
+      if (!is_brake) scale_terms(failure, terms);
+      force += terms.force;
+      saturation = std::max<S>(saturation, terms.saturation);
+      add_terms(law, terms, data.sums);
+      return terms.z_rate;
+    };
+    // The level of a brake may depend on the load of the other laws: brakes come last.
+    const auto is_brake = [&](size_t k) {
+      return std::holds_alternative<BrakeLaw>(element.laws[k]);
+    };
+    for (size_t k = 0; k < element.laws.size(); ++k) {
+      if (!is_brake(k)) add(k, false);
+    }
+    in.load = force < S(0) ? S(-force) : force;
+    for (size_t k = 0; k < element.laws.size(); ++k) {
+      if (!is_brake(k)) continue;
+      const bool sticks = has_bristle(element.laws[k]);
+      in.z = sticks && z ? z[bristle] : S(0);
+      const S z_rate = add(k, true);
+      if (sticks) data.z_rate[bristle++] = z_rate;
+    }
+    for (const ElementTerm& term : element.along) {
+      tau[model.bodies[term.body].v_index] += S(term.ratio) * force;
+    }
+    data.coordinate[i] = in.s;
+    data.rate[i] = in.v;
+    data.force[i] = force;
+    data.saturation[i] = saturation;
+  }
+  add_locks(model, time, z, bristle, data, tau);
+}
+
+#define DOCK_INSTANTIATE(S)                                                                   \
+  template struct ElementData<S>;                                                             \
+  template void calc_element_forces<S>(const MechanismModel&, const VecX<S>&, const VecX<S>&, \
+                                       const S&, const S*, const S*, ElementData<S>&, VecX<S>&);
+
+DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
+#undef DOCK_INSTANTIATE
+
+}  // namespace dockloop

@@ -1,0 +1,160 @@
+// Reader of force elements; see element_json.hpp.
+#include "model/element_json.hpp"
+
+namespace dockloop {
+namespace {
+
+constexpr size_t kMaxLaws = 16, kMaxTerms = 100, kMaxRows = 100;  ///< of one element or law
+
+std::vector<TableRow> read_table(const JsonReader& item, const char* key) {
+  std::vector<TableRow> rows;
+  for (const JsonReader& row : item.list(key, kMaxRows)) {
+    const Eigen::Vector2d pair = row.vector<2>();
+    rows.push_back({pair[0], pair[1]});
+  }
+  return rows;
+}
+
+void read_rest(const JsonReader& item, SpringLaw& law) {
+  item.at("stages");
+  law.stages = read_table(item, "stages");
+  const std::string side = item.text("side", "both");
+  if (side != "both" && side != "positive" && side != "negative") {
+    item.at("side").fail("is '" + side + "'; it must be both, positive or negative");
+  }
+  law.side = side == "both" ? 0 : side == "positive" ? 1 : -1;
+}
+
+void read_rest(const JsonReader& item, DamperLaw& law) {
+  law.orifice = read_table(item, "orifice");
+  if (!item.has("linear_back")) law.linear_back = law.linear;
+  if (!item.has("quadratic_back")) law.quadratic_back = law.quadratic;
+}
+
+void read_rest(const JsonReader& item, BrakeLaw& law) {
+  law.model = item.whole("model", law.model, 1, 2);
+  if (!item.has("back")) law.back = law.forward;
+  if (item.has("presliding") && item.has("bristle_stiffness")) {
+    item.fail("has both presliding and bristle_stiffness; one follows from the other");
+  }
+}
+
+void read_rest(const JsonReader& item, MotorLaw& law) {
+  law.by_current = item.has("current");
+  law.commanded = item.flag("commanded", false);
+  if (law.by_current && item.has("voltage")) {
+    item.fail("has both voltage and current; a motor is driven by one of them");
+  }
+}
+
+void read_rest(const JsonReader& item, DriveLaw& law) {
+  law.commanded = item.flag("commanded", false);
+  if (!item.has("deceleration")) law.deceleration = law.acceleration;
+}
+
+template <class Law>
+void read_rest(const JsonReader&, Law&) {}
+
+template <class Law>
+Law read_as(const JsonReader& item) {
+  Law law;
+  for_each_member(law, [&](const char* name, double& number, Rule, bool required, const char*) {
+    if (required || item.has(name)) number = item.at(name).number();
+  });
+  read_rest(item, law);
+  return law;
+}
+
+/// Reads the alternative of ForceLaw whose type has this name.
+template <size_t i = 0>
+ForceLaw read_type(const JsonReader& item, const std::string& type, const std::string& known = "") {
+  if constexpr (i < std::variant_size_v<ForceLaw>) {
+    using Law = std::variant_alternative_t<i, ForceLaw>;
+    if (type == Law::kType) return read_as<Law>(item);
+    return read_type<i + 1>(item, type, known + (i > 0 ? ", " : "") + Law::kType);
+  } else {
+    item.at("type").fail("is '" + type + "'; known laws are " + known);
+  }
+}
+
+ElementTerm read_term(const JsonReader& item, const MechanismModel& model,
+                      const ForceElement& element) {
+  const JsonReader joint = item.at("joint");
+  const int body =
+      find_body(model, joint.text(), "element '" + element.name + "' (" + joint.path() + ")");
+  if (body == kBase || model.bodies[body].joint == JointType::kFree) {
+    joint.fail("(element '" + element.name + "') must name a revolute or prismatic joint");
+  }
+  for (const ElementTerm& other : element.along) {
+    if (other.body == body) joint.fail("(element '" + element.name + "') is used twice");
+  }
+  const double ratio = item.number("ratio", 1.0);
+  if (ratio == 0.0) item.at("ratio").fail("(element '" + element.name + "') must not be 0");
+  return {body, ratio};
+}
+
+}  // namespace
+
+ForceElement read_element(const JsonReader& item, const MechanismModel& model) {
+  ForceElement element;
+  element.name = item.at("name").text();
+  for (const ForceElement& other : model.elements) {
+    if (other.name == element.name) item.at("name").fail("'" + element.name + "' is used twice");
+  }
+  item.at("along"), item.at("laws");  // a missing member has its own message
+  for (const JsonReader& term : item.list("along", kMaxTerms)) {
+    element.along.push_back(read_term(term, model, element));
+  }
+  int commanded = 0;
+  for (const JsonReader& law : item.list("laws", kMaxLaws)) {
+    element.laws.push_back(read_type(law, law.at("type").text()));
+    const std::string fault = find_fault(element.laws.back());
+    if (!fault.empty()) {
+      law.fail(std::string("(") + describe_type(element.laws.back()) + " of element '" +
+               element.name + "'): " + fault);
+    }
+    commanded += is_commanded(element.laws.back()) ? 1 : 0;
+  }
+  if (element.along.empty()) item.at("along").fail("is empty; an element needs a joint");
+  if (element.laws.empty()) item.at("laws").fail("is empty; an element needs a law");
+  if (commanded > 1) {
+    item.at("laws").fail("has " + std::to_string(commanded) +
+                         " commanded laws; an element has one command");
+  }
+  return element;
+}
+
+LawFailure read_failure(const JsonReader& item, const MechanismModel& model) {
+  using Kind = LawFailure::Kind;
+  LawFailure failure;
+  const std::string name = item.at("element").text();
+  const int count = static_cast<int>(model.elements.size());
+  while (failure.element < count &&
+         model.elements[static_cast<size_t>(failure.element)].name != name) {
+    ++failure.element;
+  }
+  if (failure.element == count) {
+    item.at("element").fail("is '" + name + "'; no force element has this name");
+  }
+  const ForceElement& element = model.elements[static_cast<size_t>(failure.element)];
+  const std::string kind = item.at("kind").text();
+  if (kind != "off" && kind != "factor" && kind != "jammed" && kind != "delayed") {
+    item.at("kind").fail("is '" + kind + "'; known kinds are off, factor, jammed, delayed");
+  }
+  failure.kind = kind == "off"      ? Kind::kOff
+                 : kind == "factor" ? Kind::kFactor
+                 : kind == "jammed" ? Kind::kJammed
+                                    : Kind::kDelayed;
+  if (failure.kind != Kind::kJammed) {
+    failure.law = item.at("law").whole(1, static_cast<int>(element.laws.size())) - 1;
+  }
+  if (item.has("at")) item.at("at").fail("names a step of a sequence; give the time instead");
+  failure.time = item.non_negative("time", 0.0);
+  constexpr double kLock = 5e7;  // [N/m]
+  if (failure.kind == Kind::kFactor || failure.kind == Kind::kDelayed) item.at("value");
+  failure.value = item.non_negative("value", failure.kind == Kind::kJammed ? kLock : 0.0);
+  failure.active = item.flag("active", true);
+  return failure;
+}
+
+}  // namespace dockloop

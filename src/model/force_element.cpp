@@ -1,0 +1,194 @@
+// Checks and lists of numbers of force elements; see force_element.hpp.
+#include "model/force_element.hpp"
+
+#include <cstdio>
+
+#include "math/status.hpp"
+
+namespace dockloop {
+namespace {
+
+/// The shortest text of a number that people would write.
+std::string shown(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+std::string find_own_fault(const SpringLaw& law) {
+  if (law.stages.empty()) return "lacks stages";
+  const std::string corner = "corner is " + shown(law.corner) + "; it must be at most ";
+  if (law.side == 0 && law.stages[0][0] != 0.0) {
+    return "the first stage starts at " + shown(law.stages[0][0]) +
+           "; with side 'both' it must start at 0";
+  }
+  for (size_t i = 1; i < law.stages.size(); ++i) {
+    const double width = law.stages[i][0] - law.stages[i - 1][0];
+    if (!(width > 0.0)) {
+      return "stage " + std::to_string(i + 1) + " starts at " + shown(law.stages[i][0]) +
+             "; it must start beyond stage " + std::to_string(i);
+    }
+    if (law.corner > 0.5 * width) {
+      return corner + shown(0.5 * width) + ", half the width of stage " + std::to_string(i);
+    }
+  }
+  if (law.preload == 0.0) return "";
+  if (!(law.take_up > 0.0)) {
+    return "preload is " + shown(law.preload) +
+           " without take_up, which is a jump of the force; give take_up, for example 0.001";
+  }
+  if (law.corner > law.take_up) return corner + shown(law.take_up) + ", the take_up";
+  if (law.stages.size() > 1 && !(law.take_up < law.stages[1][0] - law.stages[0][0])) {
+    return "take_up is " + shown(law.take_up) + "; it must be less than the width of stage 1, " +
+           shown(law.stages[1][0] - law.stages[0][0]);
+  }
+  return "";
+}
+
+std::string find_own_fault(const DamperLaw& law) {
+  for (size_t i = 1; i < law.orifice.size(); ++i) {
+    if (law.orifice[i][0] > law.orifice[i - 1][0]) continue;
+    return "row " + std::to_string(i + 1) + " of orifice is at " + shown(law.orifice[i][0]) +
+           "; the coordinates must increase";
+  }
+  return "";
+}
+
+std::string find_own_fault(const BrakeLaw& law) {
+  constexpr double kLeastRatio = 0.1;
+  const double larger = std::max(law.forward, law.back), less = std::min(law.forward, law.back);
+  if (larger == 0.0 && law.load_share == 0.0) {
+    return "needs a level above 0 (forward, back) or a load_share";
+  }
+  if (!law.has_bristle()) return "";
+  if (less < kLeastRatio * larger) {
+    return "has the levels " + shown(law.forward) + " and " + shown(law.back) +
+           "; the smaller level of a bristle must be at least 0.1 of the larger one; use model 1 "
+           "for a brake that acts one way";
+  }
+  if (larger == 0.0 && !(law.bristle_stiffness > 0.0 && law.floor > 0.0)) {
+    return "has levels of 0; a bristle without levels needs bristle_stiffness and floor above 0, "
+           "or use model 1";
+  }
+  return "";
+}
+
+std::string find_own_fault(const MotorLaw& law) {
+  if (law.corner <= law.current_limit) return "";
+  return "corner is " + shown(law.corner) + "; it must be at most current_limit, " +
+         shown(law.current_limit);
+}
+
+std::string find_own_fault(const DriveLaw& law) {
+  if (law.corner <= law.limit) return "";
+  return "corner is " + shown(law.corner) + "; it must be at most limit, " + shown(law.limit);
+}
+
+std::string find_own_fault(const StopLaw& law) {
+  if (law.lower < law.upper) return "";
+  return "lower is " + shown(law.lower) + "; it must be less than upper, " + shown(law.upper);
+}
+
+template <class Law>
+std::string find_own_fault(const Law&) {
+  return "";
+}
+
+/// f(number) for all numbers of all laws.
+template <class F>
+void for_each_number(std::vector<ForceElement>& elements, F&& f) {
+  for (ForceElement& element : elements) {
+    for (ForceLaw& law : element.laws) {
+      for_each_number(law,
+                      [&](const std::string&, double& number, Rule, const char*) { f(number); });
+    }
+  }
+}
+
+}  // namespace
+
+std::string find_fault(double number, Rule rule) {
+  switch (rule) {
+    case Rule::kAny:
+      break;
+    case Rule::kNotNegative:
+      if (!(number >= 0.0)) return "it must be 0 or more";
+      break;
+    case Rule::kPositive:
+      if (!(number > 0.0)) return "it must be above 0";
+      break;
+    case Rule::kShare:
+      if (!(number >= 0.0 && number <= 1.0)) return "it must be from 0 to 1";
+      break;
+  }
+  return "";
+}
+
+std::string find_fault(const ForceLaw& law) {
+  std::string fault;
+  ForceLaw copy = law;  // the list of numbers is for laws that may change
+  for_each_number(copy, [&](const std::string& name, double& number, Rule rule, const char*) {
+    const std::string why = find_fault(number, rule);
+    if (fault.empty() && !why.empty()) fault = name + " is " + shown(number) + "; " + why;
+  });
+  if (!fault.empty()) return fault;
+  return std::visit([](const auto& each) { return find_own_fault(each); }, law);
+}
+
+int count_element_bristles(const std::vector<ForceElement>& elements,
+                           const std::vector<LawFailure>& failures) {
+  int count = 0;
+  for (const LawFailure& failure : failures) {
+    count += failure.kind == LawFailure::Kind::kJammed ? 1 : 0;
+  }
+  for (const ForceElement& element : elements) {
+    for (const ForceLaw& law : element.laws) count += has_bristle(law) ? 1 : 0;
+  }
+  return count;
+}
+
+std::vector<double> list_start_commands(const std::vector<ForceElement>& elements) {
+  std::vector<double> commands;
+  for (const ForceElement& element : elements) {
+    double command = 0.0;
+    for (const ForceLaw& law : element.laws) {
+      if (!is_commanded(law)) continue;
+      if (const MotorLaw* motor = std::get_if<MotorLaw>(&law)) {
+        command = motor->by_current ? motor->current : motor->voltage;
+      } else {
+        command = std::get<DriveLaw>(law).target;
+      }
+    }
+    commands.push_back(command);
+  }
+  return commands;
+}
+
+std::vector<double> get_element_numbers(const std::vector<ForceElement>& elements) {
+  std::vector<double> numbers;
+  std::vector<ForceElement> copy = elements;
+  for_each_number(copy, [&](double& number) { numbers.push_back(number); });
+  return numbers;
+}
+
+void put_element_numbers(const std::vector<double>& numbers, std::vector<ForceElement>& elements) {
+  size_t next = 0;
+  for_each_number(elements, [&](double& number) {
+    if (next == numbers.size()) throw ModelError("numbers of force elements are missing");
+    number = numbers[next++];
+  });
+  if (next != numbers.size()) throw ModelError("there are too many numbers of force elements");
+}
+
+void check_elements(const std::vector<ForceElement>& elements) {
+  for (const ForceElement& element : elements) {
+    for (size_t k = 0; k < element.laws.size(); ++k) {
+      const std::string fault = find_fault(element.laws[k]);
+      if (fault.empty()) continue;
+      throw ModelError("element '" + element.name + "', law " + std::to_string(k + 1) + " (" +
+                       describe_type(element.laws[k]) + "): " + fault);
+    }
+  }
+}
+
+}  // namespace dockloop
