@@ -319,7 +319,7 @@ def test_failures_take_away_scale_and_lock(run):
         ({"type": "spring", "stages": [[0, 8e3]], "preload": 9}, "preload is 9 without take_up"),
         ({"type": "spring", "stages": [[0, 8e3], [0.06, 4e4]], "corner": 0.04}, "at most 0.03"),
         ({"type": "brake", "forward": 450, "back": 9}, "at least 0.1 of the larger"),
-        ({"type": "brake", "foward": 450}, "unknown member 'foward' (did you mean 'forward'"),
+        ({"type": "brake", "forwardd": 450}, "unknown member 'forwardd' (did you mean 'forward'"),
         ({"type": "brakes", "forward": 450}, "must be one of spring, constant, damper"),
         ({"type": "eddy", "slope": 3}, "lacks the member 'peak_rate'"),
         ({"type": "damper", "linear": -3}, "must be at least 0"),

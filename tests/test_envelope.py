@@ -105,7 +105,7 @@ BAD_CRITERIA = {
     "captured < 3": "'captured' is a condition and cannot be compared",
     "load_ratio = 1": "cannot be read at '= 1': write comparisons (<, <=,",
     "captured && miss": "cannot be read at",
-    'outcome == "capturedd"': "'outcome' is never 'capturedd' (did you mean 'captured'?): it is one of",
+    'outcome == "capturedd"': "'outcome' is never 'capturedd' (did you mean 'captured'?)",
     "outcome < 3": "a choice is compared with one of its names, by == or !=",
     "__import__('os').system('true') == 0": "has no place in a criterion",
     "captured if miss else rebound": "has no place in a criterion",

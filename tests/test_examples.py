@@ -119,9 +119,7 @@ def test_the_cells_of_the_notebook_run_from_the_top(tmp_path):
     notebook = json.loads((EXAMPLES / "docking.ipynb").read_text(encoding="utf-8"))
     cells = ["".join(c["source"]) for c in notebook["cells"] if c["cell_type"] == "code"]
     assert len(cells) > 5
-    assert not any(
-        c.get("outputs") for c in notebook["cells"]
-    )  # results belong to the user
+    assert not any(c.get("outputs") for c in notebook["cells"])  # results belong to the user
     script = "\n".join([*cells, 'assert result.summary["captured"] and docking.get("captured")'])
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
