@@ -32,9 +32,9 @@ TEST_P(SmallCholeskySize, agrees_with_the_library) {
     const Eigen::LLT<MatX<double>> library(A);
     own.compute(A);
     ASSERT_EQ(own.info(), Eigen::Success);
-    const MatX<double> L = own.matrixLLT().triangularView<Eigen::Lower>();
+    const MatX<double> found = own.matrixLLT().triangularView<Eigen::Lower>();
     const MatX<double> expected = library.matrixL();
-    factor.add((L - expected).norm() / expected.norm());
+    factor.add((found - expected).norm() / expected.norm());
     MatX<double> X(n, 3);
     for (int i = 0; i < X.size(); ++i) X.data()[i] = random.uniform(-1, 1);
     const MatX<double> right = X;
