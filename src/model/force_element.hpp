@@ -64,7 +64,7 @@ struct BrakeLaw {
   double rate_cap = 0.01;            ///< v_b: bounds the decay rate while sliding
   double bristle_stiffness = 0.0, bristle_damping = 0.0, bristle_relaxation = 0.0, floor = 0.0;
   double friction_speed = 1e-3;  ///< of model 1
-  int model = 2;                 ///< 1 regularised, 2 bristle
+  int model = 2;                 ///< numbers as friction.model
   bool has_bristle() const { return model == 2; }
 };
 
