@@ -148,6 +148,13 @@ class DaskWorkers:
             ) from None
 
 
+def choose_engine(engine: str, scheduler: str | None) -> str:
+    """Return ``core`` or ``fmu``; ``auto`` is the core, unless there is a scheduler."""
+    if engine != "auto":
+        return engine
+    return "fmu" if scheduler else "core"
+
+
 @contextmanager
 def open_executor(
     planner: Planner, engine: str, workers: int | None, scheduler: str | None, cases: int

@@ -19,8 +19,8 @@ import json
 import os
 import time
 import zlib
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -145,6 +145,30 @@ class Journal:
         except OSError as error:
             if not self._is_broken:  # else it has been reported
                 raise self._cannot_write(error) from None
+
+    def count(self, cases: Sequence[tuple[Value, ...]]) -> str:
+        """Say how many of these cases are there: ``3 of 8 cases``."""
+        return f"{sum(case in self.known for case in cases)} of {len(cases)} cases"
+
+    @contextmanager
+    def at_work(self, describe: Callable[[], str]) -> Iterator[None]:
+        """Close the file after the work that fills it; Ctrl-C is reported as unfinished work.
+
+        Args:
+            describe: says what the file holds, such as ``3 of 8 cases``.
+
+        Raises:
+            InterruptedWorkError: by Ctrl-C.
+        """
+        try:
+            yield
+        except KeyboardInterrupt:
+            raise InterruptedWorkError(
+                f"interrupted with {describe()} in {shown(self.path)}; the same command with"
+                " --resume goes on"
+            ) from None
+        finally:
+            self.close()
 
     def _lock(self, file: BinaryIO) -> None:
         try:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from dockloop import __version__
 from dockloop.binaries import find_libraries
 from dockloop.capture import list_needed
 from dockloop.cases import Job
@@ -116,6 +117,17 @@ class Planner:
         names = [quantity.name for quantity in self.quantities]
         decided = [self.unplaced, fixed, names, sweep.cases, self.outcomes, self.experiment]
         self.digest = make_digest(decided)
+
+    def find_setup(self) -> dict[str, Any]:
+        """Return all that decides the result of a case but its values: the head of a journal."""
+        return {
+            "dockloop": __version__,
+            "model": self.model_digest,
+            "set": self._sweep.document["set"],
+            "quantities": [quantity.name for quantity in self.quantities],
+            "outcomes": self.asked,
+            "experiment": self.experiment,
+        }
 
     def ask(self, outputs: Iterable[str]) -> None:
         """Collect more outputs at the end of every case."""

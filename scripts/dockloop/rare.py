@@ -22,11 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from dockloop import __version__
 from dockloop.criteria import Criterion, parse_criterion
 from dockloop.errors import DockloopError, UsageError
-from dockloop.executors import Executor, open_executor
-from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
+from dockloop.executors import Executor, choose_engine, open_executor
+from dockloop.journal import Journal, make_digest, make_report
 from dockloop.outputs import MADE_BY, Kind, json_kind
 from dockloop.paths import shown
 from dockloop.planning import Planner
@@ -223,34 +222,19 @@ def run_rare(
     names = [quantity.name for quantity in planner.quantities]
     criterion = parse_criterion(failure, outputs, names, option="--rare")
     planner.ask(criterion.outputs)
-    setup = {
-        "dockloop": __version__,
-        "model": planner.model_digest,
-        "set": sweep.document["set"],
-        "quantities": names,
-        "outcomes": planner.asked,
-        "experiment": planner.experiment,
-    }
     digest = make_digest([planner.unplaced, sweep.document["vary"], failure, samples])
     most = samples * (_MOST_LEVELS + 1)
+    setup = planner.find_setup()
     kept = Journal(journal, setup, most, resume=resume, work=WORK, digest=digest)
-    if engine == "auto":
-        engine = "fmu" if scheduler else "core"
+    engine = choose_engine(engine, scheduler)
     began = time.perf_counter()
-    try:
+    with kept.at_work(lambda: f"{len(kept.known)} dockings"):
         with open_executor(planner, engine, workers, scheduler, samples) as executor:
             ranker = _Ranker(sweep, planner, criterion, kept, executor)
             ranker.progress = progress
             width, seed = count_drawn(sweep.document), sweep.document["seed"]
             estimate = estimate_rare(ranker.rank, width, samples, seed)
         kept.finish()
-    except KeyboardInterrupt:
-        raise InterruptedWorkError(
-            f"interrupted with {len(kept.known)} dockings in {shown(journal)}; the same command"
-            " with --resume goes on"
-        ) from None
-    finally:
-        kept.close()
     summary = _summarise(sweep, failure, estimate, ranker)
     summary["time"] = {"ran": ranker.ran, "wall": time.perf_counter() - began}
     return summary

@@ -12,11 +12,10 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dockloop import __version__
 from dockloop.cases import Result
 from dockloop.errors import UsageError
-from dockloop.executors import Executor, open_executor
-from dockloop.journal import InterruptedWorkError, Journal, find_digests, make_report
+from dockloop.executors import Executor, choose_engine, open_executor
+from dockloop.journal import Journal, find_digests, make_report
 from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import shown
 from dockloop.planning import Planner
@@ -114,36 +113,21 @@ def run_sweep(
         InterruptedWorkError: by Ctrl-C.
     """
     planner = Planner(sweep)
-    setup = {
-        "dockloop": __version__,
-        "model": planner.model_digest,
-        "set": sweep.document["set"],
-        "quantities": [quantity.name for quantity in planner.quantities],
-        "outcomes": planner.asked,
-        "experiment": sweep.document["experiment"],
-    }
     path = find_journal(output)
     _check_table(output, {planner.digest, *(find_digests(path) if resume else ())})
-    journal = Journal(path, setup, len(sweep.cases), resume=resume, digest=planner.digest)
+    journal = Journal(
+        path, planner.find_setup(), len(sweep.cases), resume=resume, digest=planner.digest
+    )
     missing = [values for values in dict.fromkeys(sweep.cases) if values not in journal.known]
     done = len(sweep.cases) - len(missing)
     began, threads = time.perf_counter(), 0
-    if engine == "auto":
-        engine = "fmu" if scheduler else "core"
-    try:
+    engine = choose_engine(engine, scheduler)
+    with journal.at_work(lambda: journal.count(sweep.cases)):
         if missing:
             with open_executor(planner, engine, workers, scheduler, len(missing)) as executor:
                 began, threads = time.perf_counter(), executor.count()
                 report = make_report(progress, done, len(sweep.cases))
                 run_cases(executor, planner, missing, journal.add, report)
-    except KeyboardInterrupt:
-        raise InterruptedWorkError(
-            f"interrupted with {sum(case in journal.known for case in sweep.cases)} of"
-            f" {len(sweep.cases)} cases in {shown(journal.path)}; the same command with --resume"
-            " goes on"
-        ) from None
-    finally:
-        journal.close()
     return {
         "planner": planner,
         "results": [journal.known[values] for values in sweep.cases],

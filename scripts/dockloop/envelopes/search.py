@@ -14,14 +14,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dockloop import __version__
 from dockloop.cases import Result
 from dockloop.criteria import Criterion, parse_criterion
 from dockloop.envelopes.mesh import Bracket, Class, Mesh, Point
 from dockloop.errors import DockloopError, UsageError
-from dockloop.executors import Executor, open_executor
-from dockloop.journal import InterruptedWorkError, Journal, make_digest
-from dockloop.paths import shown
+from dockloop.executors import Executor, choose_engine, open_executor
+from dockloop.journal import Journal, make_digest
 from dockloop.planning import Planner
 from dockloop.sampling import Sweep, Value, list_quantities
 from dockloop.scene import find_scene
@@ -155,18 +153,11 @@ def find_envelope(
     """
     search = _prepare(order)
     planner = search.planner
-    setup = {
-        "dockloop": __version__,
-        "model": planner.model_digest,
-        "set": dict(order.settings),
-        "quantities": [axis.name for axis in order.axes],
-        "outcomes": planner.asked,
-        "experiment": planner.experiment,
-    }
     digest = make_digest([planner.unplaced, order.axes, order.criteria, search.mesh.size])
     most = (search.mesh.size + 1) ** len(order.axes)
+    setup = planner.find_setup()
     kept = Journal(journal, setup, most, resume=resume, work=WORK, digest=digest)
-    try:
+    with kept.at_work(lambda: f"{len(kept.known)} dockings"):
         with ExitStack() as stack:
             runner = _Runner(
                 search, kept, stack, workers=workers, scheduler=scheduler, progress=progress
@@ -174,13 +165,6 @@ def find_envelope(
             runner.refine("refining")
             runner.check()
         kept.finish()
-    except KeyboardInterrupt:
-        raise InterruptedWorkError(
-            f"interrupted with {len(kept.known)} dockings in {shown(journal)}; the same command"
-            " with --resume goes on"
-        ) from None
-    finally:
-        kept.close()
     if not any(result.status == "done" for result in search.runs.values()):
         reason = next(result.reason for result in search.runs.values())
         raise DockloopError(f"no docking could be run, for example: {reason}")
@@ -305,7 +289,7 @@ class _Runner:
     def _open(self) -> Executor:
         """Return the executor, started when it is first needed."""
         if self._executor is None:
-            engine = "fmu" if self._scheduler else "core"
+            engine = choose_engine("auto", self._scheduler)
             many = 1 << 16  # as many threads as there are processors, whatever a round asks for
             self._executor = self._stack.enter_context(
                 open_executor(self._search.planner, engine, self._workers, self._scheduler, many)

@@ -31,7 +31,6 @@ from dockloop.cases import Result
 from dockloop.core import list_choices, list_methods
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
-from dockloop.paths import shown
 from dockloop.simulate import ProgressBar, Recording
 from dockloop.trade.bench import Bench
 from dockloop.trade.errors import (
@@ -301,7 +300,8 @@ def run_trade(
         )
     except KeyboardInterrupt:
         raise InterruptedWorkError("interrupted before the first case") from None
-    try:
+    cases = [astuple(setting) for setting in settings]
+    with journal.at_work(lambda: journal.count(cases)):
         missing = [s for s in settings if astuple(s) not in journal.known]
         report = make_report(progress, len(settings) - len(missing), len(settings))
         pairs = 1 if choice.quick else _PAIRS
@@ -309,14 +309,6 @@ def run_trade(
             result = measure(bench, setting, default, solution.recording, stop, pairs=pairs)
             journal.add(astuple(setting), result)
             report()
-    except KeyboardInterrupt:
-        raise InterruptedWorkError(
-            f"interrupted with {sum(astuple(s) in journal.known for s in settings)} of"
-            f" {len(settings)} cases in {shown(journal.path)}; the same command with --resume"
-            " goes on"
-        ) from None
-    finally:
-        journal.close()
     doubt = find_errors(solution.recording, solution.doubt)["error"] if solution.doubt else None
     about = {
         "scene": bench.scene["name"],
