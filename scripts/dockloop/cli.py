@@ -11,12 +11,19 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
 from dockloop import __version__, paths
+from dockloop.arguments import (
+    add_executor_options,
+    add_report_option,
+    add_run_options,
+    add_scene,
+    add_scene_option,
+)
 from dockloop.errors import DockloopError, UsageError, find_reason, one_line
 
 _BUILD_EXAMPLE = (
@@ -121,8 +128,7 @@ def _make_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     build = _add(commands, "build", _build, "build the FMU of a scene", _BUILD_EXAMPLE)
-    build.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
-    _add_scene_option(build)
+    add_scene(build)
     build.add_argument(
         "-o", "--output", type=Path, metavar="FILE.fmu", help="default: build/fmu/SCENE.fmu"
     )
@@ -145,8 +151,7 @@ def _make_parser() -> argparse.ArgumentParser:
         "build an SSP package: the docking FMU connected to one FMU per vehicle",
         _SSP_EXAMPLE,
     )
-    ssp.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
-    _add_scene_option(ssp)
+    add_scene(ssp)
     ssp.add_argument(
         "-o", "--output", type=Path, metavar="FILE.ssp", help="default: build/ssp/SCENE.ssp"
     )
@@ -169,16 +174,7 @@ def _make_parser() -> argparse.ArgumentParser:
         help="core: threads of one process; fmu: FMPy in Dask workers, for clusters;"
         " auto (default): core, unless there is a --scheduler; results are the same",
     )
-    where = sweep.add_mutually_exclusive_group()
-    where.add_argument(
-        "--workers",
-        type=_positive,
-        metavar="N",
-        help="local threads or processes (default: one per processor)",
-    )
-    where.add_argument(
-        "--scheduler", metavar="ADDRESS", help="use this Dask cluster, e.g. tcp://host:8786"
-    )
+    add_executor_options(sweep)
     sweep.add_argument(
         "--resume", action="store_true", help="go on with a sweep that was interrupted"
     )
@@ -205,12 +201,7 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     sweep.add_argument("--csv", action="store_true", help="write the table as CSV too")
     sweep.add_argument("--no-plots", action="store_true", help="do not draw figures")
-    sweep.add_argument(
-        "--report",
-        action="store_true",
-        help="write TABLE_report.html: one page with words, tables,"
-        " figures and commands; opens offline",
-    )
+    add_report_option(sweep, "TABLE_report.html")
     sweep.add_argument("--json", action="store_true", help="print the summary as JSON")
 
     _add_envelope(commands)
@@ -254,10 +245,7 @@ def _make_parser() -> argparse.ArgumentParser:
         "list what can be set and read: name, default, unit, limits, meaning",
         _VARIABLES_EXAMPLE,
     )
-    variables.add_argument(
-        "scene", metavar="SCENE", help="name of a shipped scene, or a .toml file"
-    )
-    _add_scene_option(variables)
+    add_scene(variables)
     variables.add_argument(
         "--match",
         dest="patterns",
@@ -289,7 +277,8 @@ def _add_run(commands: Any) -> None:
     """Add the command that runs one docking."""
     run = _add(commands, "run", _run, "run one docking through its FMU", _RUN_EXAMPLE)
     run.add_argument("scene", metavar="SCENE|FILE.fmu", help="a scene (built first), or an FMU")
-    _add_run_options(run)
+    add_scene_option(run)
+    add_run_options(run)
     run.add_argument(
         "-o",
         "--output",
@@ -317,12 +306,7 @@ def _add_run(commands: Any) -> None:
     run.add_argument(
         "--view", action="store_true", help="write RESULT_view.html, the motion in three dimensions"
     )
-    run.add_argument(
-        "--report",
-        action="store_true",
-        help="write RESULT_report.html: one page with words, tables,"
-        " figures and commands; opens offline",
-    )
+    add_report_option(run, "RESULT_report.html")
     run.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
@@ -351,8 +335,8 @@ def _add_solution(commands: Any) -> None:
         "integrate a scene with 32 digits, to measure errors against",
         _SOLUTION_EXAMPLE,
     )
-    solution.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
-    _add_run_options(solution)
+    add_scene(solution)
+    add_run_options(solution)
     solution.add_argument(
         "--output",
         dest="outputs",
@@ -391,8 +375,7 @@ def _add_trade(commands: Any) -> None:
         "measure what accuracy costs: settings against the reference solution, and what pays",
         _TRADE_EXAMPLE,
     )
-    trade.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
-    _add_scene_option(trade)
+    add_scene(trade)
     trade.add_argument("--levels", metavar="L,...", help="only these levels of the model")
     trade.add_argument("--methods", metavar="M,...", help="only these methods, e.g. explicit,bdf")
     trade.add_argument("--tolerances", metavar="R,...", help="relative tolerances to try")
@@ -413,42 +396,6 @@ def _add_trade(commands: Any) -> None:
         help="for tables, figure and journal (default: build/results/trade_SCENE)",
     )
     trade.add_argument("--json", action="store_true", help="print the summary as JSON")
-
-
-def _positive(text: str) -> int:
-    """Parse a whole number above 0."""
-    try:
-        number = int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"is {text}: must be a whole number") from None
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"is {text}: must be at least 1")
-    return number
-
-
-def _add_scene_option(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--scene",
-        dest="overrides",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="override a key of the scene, e.g. chaser.motion=driven (repeatable)",
-    )
-
-
-def _add_run_options(command: argparse.ArgumentParser) -> None:
-    """Add what distinguishes one run of a scene from another."""
-    _add_scene_option(command)
-    command.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="start value of an FMU variable (repeatable)",
-    )
-    command.add_argument("--stop", type=float, metavar="T", help="end of the run [s]")
-    command.add_argument("--step", type=float, metavar="H", help="communication step [s]")
 
 
 def _build(options: argparse.Namespace) -> None:
@@ -559,7 +506,9 @@ def _write_run(options: argparse.Namespace, run: Any, summary: dict, result: Pat
         files += write_plots(run, result.with_suffix(""))
     if options.report:
         figures = [file for file in files if file.suffix == ".png"]
-        sections = html_report.report_run(summary, figures, _run_command(options))
+        sections = html_report.report_run(
+            summary, figures, _repeat("run", options.scene, options, ("stop", "step"))
+        )
         files.append(html_report.find_page(result))
         html_report.write_page(files[-1], COMMAND, summary["title"], sections)
     if options.view:
@@ -569,14 +518,16 @@ def _write_run(options: argparse.Namespace, run: Any, summary: dict, result: Pat
     write_summary(summary, files[1])
 
 
-def _run_command(options: argparse.Namespace) -> list[str]:
-    """Return the words that repeat a run; where it writes does not matter."""
-    words = ["dockloop", "run", options.scene]
-    for option, texts in (("--scene", options.overrides), ("--set", options.set)):
+def _repeat(
+    command: str, scene: str, options: argparse.Namespace, names: Sequence[str]
+) -> list[str]:
+    """Return the words that repeat a command; where it writes does not matter."""
+    words = ["dockloop", command, scene]
+    for option, texts in (("--scene", options.overrides), ("--set", getattr(options, "set", []))):
         words += [word for text in texts for word in (option, text)]
-    for option in ("stop", "step"):
-        value = getattr(options, option)
-        words += [] if value is None else [f"--{option}", repr(value)]
+    for name in names:
+        value = getattr(options, name)
+        words += [] if value is None else [f"--{name}", str(value)]
     return words
 
 
@@ -722,14 +673,10 @@ def _trade(options: argparse.Namespace) -> None:
 
 
 def _trade_command(options: argparse.Namespace) -> str:
-    """Return the command that repeats a trade; where it writes does not matter."""
+    """Return the command that repeats a trade."""
     scene = Path(options.scene)
-    words = ["dockloop", "trade", scene.name if scene.is_absolute() else options.scene]
-    for text in options.overrides:
-        words += ["--scene", text]
-    for name in ("levels", "methods", "tolerances", "steps", "stop"):
-        value = getattr(options, name)
-        words += [] if value is None else [f"--{name}", str(value)]
+    name = scene.name if scene.is_absolute() else options.scene
+    words = _repeat("trade", name, options, ("levels", "methods", "tolerances", "steps", "stop"))
     return shlex.join(words + ["--quick"] * options.quick)
 
 

@@ -3,6 +3,13 @@
 import argparse
 from pathlib import Path
 
+from dockloop.arguments import (
+    add_executor_options,
+    add_report_option,
+    add_run_options,
+    add_scene,
+)
+
 EXAMPLE = (
     "example: dockloop envelope idss_25t_350t --x initial.lateral_offset 0 0.2"
     ' --y initial.closing_speed 0.01 0.15 --criterion "captured within 5 s and load_ratio < 1"'
@@ -16,7 +23,7 @@ CRITERIA = (
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
     """Describe the arguments of the command."""
-    command.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
+    add_scene(command)
     for letter in "xyz":
         command.add_argument(
             f"--{letter}",
@@ -58,30 +65,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="dockings at random away from the boundary, to find what was missed (default: 16)",
     )
     command.add_argument("--seed", type=int, default=0, metavar="N", help="of these (default: 0)")
-    command.add_argument(
-        "--scene",
-        dest="overrides",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="override a key of the scene in all dockings (repeatable)",
-    )
-    command.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="start value of an FMU variable in all dockings (repeatable)",
-    )
-    command.add_argument("--stop", type=float, metavar="T", help="end of a docking [s]")
-    command.add_argument("--step", type=float, metavar="H", help="communication step [s]")
-    where = command.add_mutually_exclusive_group()
-    where.add_argument(
-        "--workers", type=int, metavar="N", help="threads (default: one per processor)"
-    )
-    where.add_argument(
-        "--scheduler", metavar="ADDRESS", help="use this Dask cluster, e.g. tcp://host:8786"
-    )
+    add_run_options(command)
+    add_executor_options(command)
     command.add_argument(
         "--resume",
         action="store_true",
@@ -96,9 +81,5 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="for tables, figure, summary and journal (default: build/envelopes/SCENE)",
     )
     command.add_argument("--no-plots", action="store_true", help="do not draw the figure")
-    command.add_argument(
-        "--report",
-        action="store_true",
-        help="write report.html: one page with words, tables, figure and commands; opens offline",
-    )
+    add_report_option(command, "report.html")
     command.add_argument("--json", action="store_true", help="print the summary as JSON")

@@ -1,0 +1,68 @@
+"""Arguments that several commands share, in a module that loads quickly."""
+
+import argparse
+
+
+def positive(text: str) -> int:
+    """Parse a whole number above 0."""
+    try:
+        number = int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"is {text}: must be a whole number") from None
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"is {text}: must be at least 1")
+    return number
+
+
+def add_scene(command: argparse.ArgumentParser) -> None:
+    """Add the scene, and the keys in which it differs from its file."""
+    command.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
+    add_scene_option(command)
+
+
+def add_scene_option(command: argparse.ArgumentParser) -> None:
+    """Add the keys of the scene that differ from its file."""
+    command.add_argument(
+        "--scene",
+        dest="overrides",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="override a key of the scene, e.g. chaser.motion=driven (repeatable)",
+    )
+
+
+def add_run_options(command: argparse.ArgumentParser) -> None:
+    """Add what distinguishes one run of a scene from another, next to the scene."""
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="start value of an FMU variable (repeatable)",
+    )
+    command.add_argument("--stop", type=float, metavar="T", help="end of the run [s]")
+    command.add_argument("--step", type=float, metavar="H", help="communication step [s]")
+
+
+def add_executor_options(command: argparse.ArgumentParser) -> None:
+    """Add where many dockings run."""
+    where = command.add_mutually_exclusive_group()
+    where.add_argument(
+        "--workers",
+        type=positive,
+        metavar="N",
+        help="local threads or processes (default: one per processor)",
+    )
+    where.add_argument(
+        "--scheduler", metavar="ADDRESS", help="use this Dask cluster, e.g. tcp://host:8786"
+    )
+
+
+def add_report_option(command: argparse.ArgumentParser, file: str) -> None:
+    """Add the page that is written on demand."""
+    command.add_argument(
+        "--report",
+        action="store_true",
+        help=f"write {file}: one page with words, tables, figures and commands; opens offline",
+    )
