@@ -79,7 +79,7 @@ StateLayout make_layout(const DockingModel& model) {
   layout.sums = take(layout.sum_count);
   layout.impulse = take(6);
   for (int i : {kChaser, kTarget}) {
-    if (model.driven[i]) layout.told[i] = take(6);
+    if (model.driven[i]) layout.host_impulse[i] = take(6);
   }
   layout.element_bristle_count = count_element_bristles(mechanism.elements, mechanism.failures);
   layout.element_bristles = take(layout.element_bristle_count);

@@ -51,9 +51,9 @@ struct StateLayout {
   int bristles = 0, bristle_count = 0;     ///< of contact pairs
   int element_bristles = 0, element_bristle_count = 0;  ///< of brakes; just before `bristles`
   int sums = 0, sum_count = kSumCount;                  ///< energies [J]
-  int impulse = 0;                  ///< external impulse (3), external angular impulse about O (3)
-  std::array<int, 2> told{-1, -1};  ///< impulses (6) of what the host of a driven vehicle applies
-                                    ///< to it by itself: known loads, gravity
+  int impulse = 0;  ///< external impulse (3), external angular impulse about O (3)
+  std::array<int, 2> host_impulse{-1, -1};  ///< impulses (6) of what the host of a driven vehicle
+                                            ///< applies to it by itself: known loads, gravity
   int size = 0;
   bool has_element_sums() const { return sum_count > kSumCount; }
 };

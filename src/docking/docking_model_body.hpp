@@ -457,11 +457,12 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
   put<S>(ydot + model.layout.impulse, impulse);
   put<S>(ydot + model.layout.impulse + 3, angular_impulse);
   for (int i : {kChaser, kTarget}) {
-    if (model.layout.told[i] < 0) continue;
+    if (model.layout.host_impulse[i] < 0) continue;
     const FrameMotion<S>& frame = data.vehicle[i];
     const Vec3<S> force = loads.force[i] + S(model.stated_mass[i]) * gravity;
-    put<S>(ydot + model.layout.told[i], force);
-    put<S>(ydot + model.layout.told[i] + 3, frame.R * loads.torque[i] + frame.p.cross(force));
+    put<S>(ydot + model.layout.host_impulse[i], force);
+    put<S>(ydot + model.layout.host_impulse[i] + 3,
+           frame.R * loads.torque[i] + frame.p.cross(force));
   }
 }
 

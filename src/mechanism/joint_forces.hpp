@@ -3,7 +3,8 @@
 //   tau = -k (q - rest) - c v + preload + stops + command
 //
 // An end stop is a one-sided spring (math/one_sided_spring.hpp) on the depth past its limit.
-// Limits: the toe must be small beside the travel; the stop has no friction and no mass of its own.
+// Limits: the toe must be small against the travel; the stop has no friction and no mass of its
+// own.
 #pragma once
 
 #include "math/types.hpp"

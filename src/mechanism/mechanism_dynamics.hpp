@@ -3,7 +3,7 @@
 //   position      close the loops, pose the tree, inertia, reduce, factorise      [Y2 (9), (10)]
 //   velocity      dependent velocities, velocities of all bodies                   [Y2 (5)]
 //   acceleration  bias, reduce the right-hand side, solve, dependent accelerations [Y2 (10), (11)]
-//   reactions     cut forces and the load on the base, only when somebody asks     [Y2 (11a)]
+//   reactions     cut forces and the load on the base, only when a caller asks    [Y2 (11a)]
 //
 // Legs of platforms never enter the matrices (loops/leg_platforms.hpp): they are summed up at their
 // tips. What is found of their bodies depends on what is needed (Need).

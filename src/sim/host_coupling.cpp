@@ -40,8 +40,8 @@ CouplingPoint find_coupling_point(const DockingModel& model, const DockingData<d
   CouplingPoint now;
   for (int i : {kChaser, kTarget}) {
     now.vehicle[i] = find_vehicle_state(model, data, i);
-    if (model.layout.told[i] < 0) continue;
-    const double* known = y + model.layout.told[i];
+    if (model.layout.host_impulse[i] < 0) continue;
+    const double* known = y + model.layout.host_impulse[i];
     now.known[i] = {Vec3<double>(known[0], known[1], known[2]),
                     Vec3<double>(known[3], known[4], known[5])};
   }

@@ -619,8 +619,8 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
   std::fill_n(atol.begin() + layout.sums, layout.sum_count, parameters.atol_energy);
   if (unreduced) unreduced->add_tolerances(atol);
   for (int i : {kChaser, kTarget}) {
-    if (layout.told[i] < 0) continue;
-    std::copy_n(atol.begin() + layout.momentum[i], 6, atol.begin() + layout.told[i]);
+    if (layout.host_impulse[i] < 0) continue;
+    std::copy_n(atol.begin() + layout.momentum[i], 6, atol.begin() + layout.host_impulse[i]);
   }
   for (double& value : atol) value *= std::sqrt(find_share_of_norm());
   return atol;
