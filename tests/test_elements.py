@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from dockloop.errors import UsageError
+from dockloop.extremes.fmi_host import OK, Host
 from dockloop.fmu import build_fmu
 
 DATA = json.loads((Path(__file__).parent / "data" / "mechanism_oracles.json").read_text())
@@ -261,6 +262,39 @@ def test_a_commanded_law_has_an_input_and_numbers_of_laws_are_parameters(run):
     made = run(slide, stop=5.0, settings=settings)
     assert made["element[1].coordinate"][-1] == pytest.approx(-0.03, abs=1e-6)
     assert np.min(made["element[1].rate"]) == pytest.approx(-0.02, rel=2e-2)
+
+
+def test_a_reset_brings_the_numbers_of_the_file_back_and_takes_new_ones(runs, write_scene):
+    elements = (
+        make_element({"type": "constant", "force": 5.0}, name="push"),
+        make_element(
+            {
+                "type": "motor",
+                "constant": 1.0,
+                "resistance": 1.0,
+                "current_limit": 8.0,
+                "current": 2.0,
+                "commanded": True,
+            },
+            name="motor",
+        ),
+    )
+    failure = {"element": "push", "law": 1, "kind": "factor", "time": 50.0, "value": 0.5}
+    fmu = runs.fmu(write_scene(make_slide(10.0, *elements, failures=[failure])))
+    names = ("element[1].law[1].force", "element[2].command", "failure[1].value")
+    with Host(fmu) as host:
+        for force, command, value in ((9.0, 3.0, 0.25), (-7.0, -4.0, 0.75)):
+            assert list(host.get(*names)) == [5.0, 2.0, 0.5]
+            numbers = dict(zip(names, (force, command, value), strict=True))
+            assert host.set_status(numbers) == OK
+            assert host.get(*names).tolist() == [force, command, value]
+            host.start()
+            host.time = 0.0
+            host.step()
+            assert host.get("element[1].force", "element[2].force").tolist() == [force, command]
+            host.slave.reset()
+            host.slave.setupExperiment(startTime=0.0)
+            host.slave.enterInitializationMode()
 
 
 def test_laws_of_two_elements_and_the_short_form_give_the_same_motion(run):

@@ -132,6 +132,41 @@ Stepper::Method find_stepper_method(int method) {
   }
 }
 
+/// Values of the scene; every other parameter has its default.
+Parameters find_start_parameters(const Scene& scene) {
+  Parameters p;
+  p.vehicle = scene.vehicle;
+  p.contact_thrust = scene.contact_thrust;
+  p.contact_thrust_delay = scene.contact_thrust_delay;
+  p.friction_coefficient = scene.contact.law.friction_coefficient;
+  p.friction_model = scene.contact.law.friction_model;
+  p.restitution = scene.restitution;
+  p.restitution_speed = scene.restitution_speed;
+  p.model_level = scene.level;
+  p.solver_method = scene.solver.method;
+  p.step = scene.solver.step;
+  p.rtol = scene.solver.rtol;
+  p.atol_position = scene.solver.atol_position;
+  p.atol_velocity = scene.solver.atol_velocity;
+  p.atol_energy = scene.solver.atol_energy;
+  p.coupling_mode = scene.parallel_host ? kParallel : kSequential;
+  p.coupling_expected_step = scene.experiment.step;
+  p.element_numbers = get_element_numbers(scene.mechanism.elements);
+  for (const LawFailure& failure : scene.mechanism.failures) {
+    p.failure_active.push_back(failure.active ? 1 : 0);
+    p.failure_numbers.insert(p.failure_numbers.end(), {failure.time, failure.value});
+  }
+  return p;
+}
+
+Inputs find_start_inputs(const Scene& scene) {
+  Inputs in;
+  for (int i : {kChaser, kTarget}) in.vehicle[i] = find_start(scene.vehicle[i]);
+  in.leg_force_command.assign(scene.mechanism.legs.size(), 0.0);
+  in.element_command = list_start_commands(scene.mechanism.elements);
+  return in;
+}
+
 }  // namespace
 
 DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, FmiKind i, const Comparison* c)
@@ -140,45 +175,16 @@ DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, FmiKind i, const Comparis
   check_method(parameters, comparison != nullptr);
 }
 
-/// Back to the scene's values. The storage is not moved: the variable table points to it.
+/// Back to the scene's values. The storage is not moved: the variable table points to it. Copies of
+/// lists keep it, because their sizes follow from the scene; moves would not.
 void DockingSim::Impl::clear() {
-  parameters.vehicle = scene->vehicle;
-  parameters.contact_thrust = scene->contact_thrust;
-  parameters.contact_thrust_delay = scene->contact_thrust_delay;
-  parameters.friction_coefficient = scene->contact.law.friction_coefficient;
-  parameters.friction_model = scene->contact.law.friction_model;
-  parameters.restitution = scene->restitution;
-  parameters.restitution_speed = scene->restitution_speed;
-  parameters.flight = kQuiescent;
-  parameters.model_level = scene->level;
-  parameters.solver_method = scene->solver.method;
-  parameters.dae_form = Parameters().dae_form;
-  parameters.step = scene->solver.step;
-  parameters.rtol = scene->solver.rtol;
-  parameters.atol_position = scene->solver.atol_position;
-  parameters.atol_velocity = scene->solver.atol_velocity;
-  parameters.atol_energy = scene->solver.atol_energy;
-  parameters.coupling_mode = scene->parallel_host ? kParallel : kSequential;
-  parameters.coupling_expected_step = scene->experiment.step;
-  parameters.coupling_velocity_tolerance = Parameters().coupling_velocity_tolerance;
+  const Parameters start_parameters = find_start_parameters(*scene);
+  const Inputs start_inputs = find_start_inputs(*scene);
+  parameters = start_parameters;
+  inputs = start_inputs;
+  for (Outputs::Vehicle& vehicle : outputs.vehicle) vehicle = Outputs::Vehicle();
   const MechanismModel& m = scene->mechanism;
   const auto zero = [](std::vector<double>& v, size_t n) { v.assign(n, 0.0); };
-  for (int i : {kChaser, kTarget}) {
-    inputs.vehicle[i] = find_start(scene->vehicle[i]);
-    outputs.vehicle[i] = Outputs::Vehicle();
-  }
-  inputs.gravity.setZero();
-  inputs.next_step = 0.0;
-  zero(inputs.leg_force_command, m.legs.size());
-  parameters.element_numbers = get_element_numbers(m.elements);
-  parameters.failure_active.clear();
-  parameters.failure_numbers.clear();
-  for (const LawFailure& failure : m.failures) {
-    parameters.failure_active.push_back(failure.active ? 1 : 0);
-    parameters.failure_numbers.insert(parameters.failure_numbers.end(),
-                                      {failure.time, failure.value});
-  }
-  inputs.element_command = list_start_commands(m.elements);
   for (auto* v : {&outputs.element_coordinate, &outputs.element_rate, &outputs.element_force,
                   &outputs.element_saturation}) {
     zero(*v, m.elements.size());
