@@ -21,7 +21,7 @@ COMMAND = "dockloop run"
 _DISSIPATED = "dissipated_"
 _COLUMN = re.compile(  # outputs of FMUs by dockloop
     r"(chaser|target|relative|capture|contact|ring|base|energy|momentum|solver|coupling|state"
-    r"|(leg|latch|loop)\[\d+\])\.[\w.]+(\[\d+\])?(\.force)?"
+    r"|(leg|latch|loop|element)\[\d+\])(\.\w+(\[\d+\])?)+"
     r"|latched\[\d+\]|gap|phase|outcome|captured|time_(to|of)_\w+"
 )
 
