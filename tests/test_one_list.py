@@ -198,7 +198,7 @@ def test_schemas_list_what_the_core_lists(variables):
         listed = scene["properties"][section]["properties"][member]["enum"]
         assert listed == [*names, *range(1, len(names) + 1)]
     numbered = ", ".join(f"{i} {name}" for i, name in enumerate(choices["friction.model"], 1))
-    member = mechanism["$defs"]["contact_law"]["properties"]["friction_model"]
+    member = mechanism["$defs"]["law_members"]["properties"]["friction_model"]
     assert member["enum"] == [1, 2]
     assert numbered in member["description"]
     limits = schema.known_members(mechanism["$defs"]["limits"], mechanism)

@@ -25,7 +25,7 @@ def explain_capture(values: Mapping[str, float], latches: Mapping) -> str | None
 
     Args:
         values: outputs at the end, at least those of `list_needed`.
-        latches: of the mechanism: ``window`` [m].
+        latches: of the mechanism: ``window`` [m], of all or of single ones.
 
     Returns:
         The sentence, without a full stop; None if the FMU gives no reason.
@@ -66,13 +66,19 @@ def _describe_seat(
     """Say for how long the rings were seated, and which striker stands furthest outside."""
     laterals = _list(values, "latch[{}].lateral")
     parts = [f"not captured: seated for {values.get('capture.seated_time', 0.0):.1f} s", some]
-    excess = {i: laterals[i] - latches["window"] for i in free if i < len(laterals)}
+    excess = {i: laterals[i] - _find_window(latches, i) for i in free if i < len(laterals)}
     worst = max(excess, key=excess.__getitem__, default=0)
     if excess and excess[worst] <= 0.0:
         parts.append(f"latch {worst + 1} is within its window but does not catch again")
     elif excess:
         parts.append(f"latch {worst + 1} stands {1e3 * excess[worst]:.1f} mm outside its window")
     return parts
+
+
+def _find_window(latches: Mapping, i: int) -> float:
+    """Return the lateral window of latch i, counted from 0 [m]."""
+    single = latches["list"][i] if "list" in latches else {}
+    return single.get("window", latches.get("window", math.inf))
 
 
 def _name_petal(values: Mapping[str, float]) -> str:
@@ -89,5 +95,6 @@ def _name_widest(values: Mapping[str, float], free: list[int], latches: Mapping)
         return ""
     widest = max(known, key=openings.__getitem__)
     text = f"latch {widest + 1} is {1e3 * openings[widest]:.1f} mm open"
-    excess = values.get(f"latch[{widest + 1}].lateral", 0.0) - latches.get("window", math.inf)
+    lateral = values.get(f"latch[{widest + 1}].lateral", 0.0)
+    excess = lateral - _find_window(latches, widest)
     return text + (f" and {1e3 * excess:.1f} mm outside its window" if excess > 0.0 else "")

@@ -538,11 +538,16 @@ def _model(document: dict, report: dict) -> str:
              f"{min(modes):.3g} to {max(modes):.3g} rad/s")
         )  # fmt: skip
     contact = mechanism.get("contact", {}).get("type")
-    surfaces = {"guide_ring": "guide rings with petals", "absorber": "a spring-damper on the axis"}
+    surfaces = {
+        "guide_ring": "guide rings with petals",
+        "surfaces": "cores of the mechanism file",
+        "absorber": "a spring-damper on the axis",
+    }
     if contact and "target" in document:
         rows.append(("contact", surfaces.get(contact, contact)))
     if mechanism.get("latches"):
-        rows.append(("latches", str(mechanism["latches"]["count"])))
+        latches = mechanism["latches"]
+        rows.append(("latches", str(len(latches.get("list") or latches["azimuth"]))))
     text = _table((), rows, "s")
     text += (
         "<p>Loops are cut and eliminated: only the independent coordinates are integrated, by an"
@@ -555,7 +560,7 @@ def _model(document: dict, report: dict) -> str:
     figure = drawing.draw_legs(mechanism, report["home_q"])
     if figure:
         caption = "Legs at home, to scale: squares on the base, circles on the ring."
-        if mechanism.get("latches"):
+        if contact == "guide_ring" and "azimuth" in mechanism.get("latches", {}):
             caption += " Petals in red, hooks of the latches in yellow."
         text += _figure(figure, caption) + _leg_table(mechanism, report["home_q"])
     return text

@@ -175,13 +175,14 @@ def _properties(node: dict, root: dict) -> dict[str, dict]:
 
 
 def _alternatives(node: dict) -> Iterator[tuple[str, dict]]:
-    """Yield ``type VALUE``, or ``without type``, and schema of the alternatives of a group."""
-    if "properties" not in node.get("if", {"properties": {}}):
-        yield "with type", node["then"]
-        yield "without type", node["else"]
-        return
+    """Yield condition and schema of the alternatives of a group."""
     listed = node.get("properties", {}).get("type", {}).get("enum", [])
     while "if" in node:
+        if "required" in node["if"]:
+            members = " and ".join(node["if"]["required"])
+            yield f"with {members}", node["then"]
+            yield f"without {members}", node["else"]
+            return
         condition = node["if"]["properties"]["type"]
         values = condition.get("enum", [condition.get("const")])
         if "$ref" in node.get("then", {}) or "properties" in node.get("then", {}):

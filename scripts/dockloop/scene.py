@@ -114,9 +114,9 @@ def _resolve(scene: dict, mechanism: dict, path: Path) -> dict:
     """Put the document together from a scene that its schema accepts, and its mechanism."""
     named = scene.get("mechanism")
     law = scene.get("contact", {})
-    if law and mechanism.get("contact", {}).get("type") != "guide_ring":
+    if law and mechanism.get("contact", {}).get("type") not in ("guide_ring", "surfaces"):
         raise UsageError(
-            f"{shown(path)}: [contact] overrides the law of a guide ring,"
+            f"{shown(path)}: [contact] overrides the law of surfaces or of a guide ring,"
             + (f" but the mechanism '{named['name']}' has none" if named else " but there is none")
         )
     document = {
@@ -192,6 +192,8 @@ def read_mechanism(path: Path) -> dict:
         document = document.get("mechanism", document)
     if not isinstance(document, dict):
         raise UsageError(f"{shown(path)}: is no mechanism, but {type(document).__name__}")
+    if isinstance(document.get("latches"), list):  # short for a list of single latches
+        document["latches"] = {"list": document["latches"]}
     return document
 
 

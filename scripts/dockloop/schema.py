@@ -108,19 +108,9 @@ def known_members(node: dict, root: dict, instance: Any = None) -> dict[str, dic
     if "$ref" in node:
         members |= known_members(resolve(node, root), root, instance)
     if "if" in node:
-        is_then = isinstance(instance, dict) and _is_met(node["if"], instance)
-        members |= known_members(node.get("then" if is_then else "else", {}), root, instance)
+        branch = "then" if _holds(node["if"], instance) else "else"
+        members |= known_members(node.get(branch, {}), root, instance)
     return members
-
-
-def _is_met(condition: dict, instance: dict) -> bool:
-    """Is the condition of an alternative met?"""
-    if any(name not in instance for name in condition.get("required", [])):
-        return False
-    if "properties" not in condition:
-        return True
-    wanted = condition["properties"]["type"]
-    return instance.get("type") in wanted.get("enum", [wanted.get("const")])
 
 
 def list_defaults(name: str, *path: str) -> dict[str, Any]:
@@ -139,6 +129,19 @@ def list_defaults(name: str, *path: str) -> dict[str, Any]:
         for member, child in known_members(node, root).items()
         if "default" in child
     }
+
+
+def _holds(condition: dict, instance: Any) -> bool:
+    """Return whether an object has the members, and the values of members, of a condition."""
+    if not isinstance(instance, dict):
+        return False
+    wanted = {
+        name: rule.get("enum", [rule.get("const")])
+        for name, rule in condition.get("properties", {}).items()
+    }
+    return all(name in instance for name in condition.get("required", [])) and all(
+        instance.get(name) in values for name, values in wanted.items()
+    )
 
 
 def resolve(node: dict, root: dict) -> dict:

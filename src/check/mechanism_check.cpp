@@ -152,14 +152,14 @@ json describe_mode(const Mode& mode) {
 
 /// Play of the seated rings, and what is wrong with it; null without rings or latches.
 json describe_seated_play(const Capture& capture, json& warnings) {
-  if (capture.contact.kind != ContactModel::Kind::kRings || capture.latches.count() == 0) return {};
+  if (!capture.contact.rings || capture.latches.count() == 0) return {};
   const SeatedPlay play = find_seated_play(capture.contact, capture.latches);
   if (play.overlap > 0.0) {
     warnings.push_back("the rings cannot seat: when their faces meet, petals are " +
                        shown(1e3 * play.overlap, "mm") + " deep in each other or in a ring");
     return {};
   }
-  const double catch_distance = capture.latches.law.catch_distance;
+  const double catch_distance = capture.latches.latch[0].law.catch_distance;
   if (play.striker_opening > catch_distance) {
     warnings.push_back("seated, a striker stands " + shown(1e3 * play.striker_opening, "mm") +
                        " before its hook, but latches.catch is " +
@@ -167,7 +167,7 @@ json describe_seated_play(const Capture& capture, json& warnings) {
                        ": latches catch only while contact is pressed that deep; move the hooks or "
                        "let the latches catch earlier");
   }
-  const double window = capture.latches.law.window;
+  const double window = capture.latches.latch[0].law.window;
   if (play.striker_offset > window) {
     warnings.push_back("seated, a striker can stand up to " +
                        shown(1e3 * play.striker_offset, "mm") +

@@ -1,17 +1,20 @@
 // All contacts between the capture hardware of two vehicles, as one wrench and one energy.
 //
-// Every pair of rounded cores (node on ring, petal edge on ring, petal on petal, node on petal) has
-// one closest-point problem, one potential of its distance sqrt(V), one damping and one friction
-// law. Contributions of pairs add in a fixed order; nothing is selected, merged or averaged,
-// because each of these would create jumps or energy. G is the frame of the active ring, P that of
-// the passive interface; results are on P, about the origin of G, in axes of G, and the opposite
-// acts on G at the same points, so momentum balances to rounding.
+// Hardware is data: cores of both sides (cores.hpp) and the pairs of them that may touch. A guide
+// ring is a builder of such data. Every pair has one closest-point problem, one potential of its
+// distance sqrt(V), one damping and one friction law. Contributions of pairs add in a fixed order;
+// nothing is selected, merged or averaged, because each of these would create jumps or energy. G is
+// the frame of the active ring, P that of the passive interface; results are on P, about the origin
+// of G, in axes of G, and the opposite acts on G at the same points, so momentum balances to
+// rounding.
 #pragma once
 
 #include <array>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "contact/cores.hpp"
 #include "contact/guide_ring.hpp"
 #include "contact/laws.hpp"
 #include "contact/node_lanes.hpp"
@@ -32,42 +35,86 @@ struct AbsorberLaw {
   bool pulls = false;
 };
 
-constexpr int kMaxPetals = 6;
+constexpr int kMaxPetals = 6, kMaxSurfaces = 16;
 /// Gap of a model without surfaces [m] and time of an event that does not happen [s]: large but
 /// finite, because results must be finite numbers.
 constexpr double kNoGap = 1e9, kNever = 1e9;
 
-enum class PairKind : signed char { kNodeRing, kEdgeRing, kPetalPetal, kNodePetal };
+/// First core, second core. The annulus kinds are special cases with less work: closed form without
+/// pieces; segments that are not longer than the inner radius.
+enum class PairKind : signed char {
+  kPointPoint,
+  kPointSegment,
+  kPointPlate,
+  kPointAnnulus,
+  kPointRevolution,
+  kSegmentSegment,
+  kSegmentPlate,
+  kSegmentAnnulus,
+  kSegmentRevolution,
+  kPlatePlate
+};
 
-/// Two cores that may touch. `first_on_passive`: the first-named core belongs to P.
+/// Two cores that may touch. `first_on_passive`: the first core belongs to P.
 struct ContactPair {
   PairKind kind;
   bool first_on_passive;
-  int first, second;  ///< node, petal edge (2 petal + side) or petal; petal (0 for a ring)
-  int active_petal;   ///< petal of the active side that takes part, -1 if none
+  int first, second;  ///< cores of their sides
+  int law;            ///< of ContactModel::laws
   double rounding;    ///< sum of the rounding radii [m]
+  int node_set = -1;  ///< of ContactModel::node_sets, -1 for none
 };
 
-/// Nodes of one side on the ring of the other: pairs that are evaluated together.
+/// Points of one side on one annulus of the other: pairs that are evaluated together.
 struct NodeSet {
   int first = 0, count = 0;  ///< of its pairs
-  bool on_passive = false;   ///< the nodes belong to P
+  bool on_passive = false;   ///< the points belong to P
   std::vector<nodes::NodeGroup> groups;
 };
 
+/// A part of the hardware whose resultant contact force is a result: a petal, a group of cores.
+struct Surface {
+  std::string name;
+  bool on_passive = false;
+};
+
+/// A law that states some members; the others are those of the common law.
+struct LawVariant {
+  std::string name;
+  std::vector<std::pair<double ContactLaw::*, double>> stated;
+};
+
+/// Groups of cores of which every core of one may touch every core of the other, on opposite sides.
+/// An empty law: that of the cores, else the common law.
+struct GroupPair {
+  std::string first, second, law;
+};
+
+/// A core and the names it has in a description.
+struct NamedCore {
+  Core core;
+  std::string group, law;                 ///< the law may be empty
+  std::vector<std::string> piece_groups;  ///< of a profile, may be empty: one per piece
+};
+
 struct ContactModel {
-  enum class Kind { kNone, kRings, kAbsorber } kind = Kind::kNone;
-  CaptureHardware active, passive;  ///< in axes of G and of P
-  std::vector<ContactPair> pairs;   ///< fixed order: the order of summation
-  std::array<NodeSet, 2> nodes;     ///< of G and of P
-  ContactLaw law;
+  enum class Kind { kNone, kSurfaces, kAbsorber } kind = Kind::kNone;
+  std::vector<Core> active, passive;  ///< in axes of G and of P
+  std::vector<ContactPair> pairs;     ///< fixed order: the order of summation
+  std::vector<NodeSet> node_sets;
+  std::vector<Surface> surfaces;
+  ContactLaw law;                    ///< common
+  std::vector<LawVariant> variants;  ///< of the common law
+  std::vector<ContactLaw> laws;      ///< the common law and its variants, see set_law()
   AbsorberLaw absorber;
-  double reach = 0.0;           ///< bounding radius of each side about the origin of G (of P) [m]
+  bool rings = false;  ///< made by make_ring_contact(): face first, surfaces are the active petals
+  double reach = 0.0;  ///< bounding radius of each side about the origin of G (of P) [m]
   double least_rounding = 0.0;  ///< smallest rounding sum of all pairs [m]
+  double depth = 0.0;  ///< from the origin of P along x to the innermost core of P, 0 for rings [m]
 
   bool empty() const { return kind == Kind::kNone; }
   int pair_count() const { return static_cast<int>(pairs.size()); }
-  int petal_count() const { return static_cast<int>(active.petals.size()); }
+  bool has_surfaces() const { return kind == Kind::kSurfaces; }
 };
 
 /// Ring on ring. `passive` is written as for an active side and is placed turned.
@@ -75,12 +122,18 @@ struct ContactModel {
 ContactModel make_ring_contact(const GuideRing& active, const GuideRing& passive,
                                const ContactLaw& law);
 ContactModel make_absorber_contact(const AbsorberLaw& law);
+/// Any hardware. Pairs follow the order of `groups`, in both directions. A plate meets a surface of
+/// revolution with its edges. @throws ModelError naming core, group or parameter.
+ContactModel make_surface_contact(const std::vector<NamedCore>& active,
+                                  const std::vector<NamedCore>& passive,
+                                  const std::vector<GroupPair>& groups, const ContactLaw& law,
+                                  const std::vector<LawVariant>& variants);
 
-/// Replace the law of all pairs. @throws ModelError naming the parameter.
+/// Replace the common law. @throws ModelError naming the parameter.
 void set_law(ContactModel& model, const ContactLaw& law);
 
-/// The surfaces of a pair in words, counted from 1; azimuths (y to z, 0 to 360 deg) in axes of the
-/// side: "petal 2 of the active ring and petal 1 of the passive ring". Allocates.
+/// The cores of a pair in words, of rings counted from 1; azimuths (y to z, 0 to 360 deg) in axes
+/// of the side: "petal 2 of the active ring and petal 1 of the passive ring". Allocates.
 std::string describe_pair(const ContactModel& model, int pair);
 
 /// Motion of P relative to G, axes of G. A point c [m, from the origin of G] fixed to P moves
@@ -119,9 +172,10 @@ struct ContactMemory {
 template <class S>
 struct ContactWorkspace {
   explicit ContactWorkspace(const ContactModel& model);
-  std::vector<Plate<S>> active_petals;   ///< axes of G, written by the constructor
+  // Plates by index of their core; nothing for other cores.
+  std::vector<Plate<S>> active_plates;   ///< axes of G, written by the constructor
   std::vector<Plate<S>> passive_local;   ///< axes of P, written by the constructor
-  std::vector<Plate<S>> passive_petals;  ///< axes of G, written by every evaluation
+  std::vector<Plate<S>> passive_plates;  ///< axes of G, written by every evaluation
   std::vector<char> closed;              ///< per pair, written by calc_contact
   std::vector<Vec3<S>>
       way;  ///< with it: distance vector from G to P of every closed pair, axes of G [m]
@@ -139,8 +193,8 @@ struct ContactResult {
   S depth_ratio = S(0);     ///< largest depth/rounding sum, 1 = cores meet [-]
   S pressed = S(0);         ///< positive where an absorber acts, falls through zero where it ends
   int active_count = 0;     ///< pairs in contact
-  std::array<Vec3<S>, kMaxPetals> petal_force;  ///< on each active petal, axes of G [N]
-  ContactResult() { petal_force.fill(Vec3<S>::Zero()); }
+  std::array<Vec3<S>, kMaxSurfaces> surface_force;  ///< on each surface, axes of G [N]
+  ContactResult() { surface_force.fill(Vec3<S>::Zero()); }
 };
 
 /// Bristle states in the ODE: 0 for friction model 1, else three per pair (z [m], axes of G).
@@ -172,8 +226,8 @@ double update_contact_memory(const ContactModel& model, const RelativeMotion<dou
 /// Lower bound of the gap from two spheres about the origins of G and P [m].
 double find_sphere_gap(const ContactModel& model, const Vec3<double>& p);
 
-/// Is the passive ring behind the active ring? Surfaces prevent such a motion. Only a start state
-/// can have this pose, in which the surfaces do not touch and results have no meaning.
+/// Is a passive guide ring behind the active ring? Surfaces prevent such a motion. Only a start
+/// state can have this pose, in which the surfaces do not touch and results have no meaning.
 bool have_rings_passed(const ContactModel& model, const RelativeMotion<double>& motion);
 
 /// Upper bound of the speed of any point of P's hardware relative to G [m/s].

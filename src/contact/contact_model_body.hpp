@@ -32,9 +32,11 @@ S find_displacement(const ContactModel& model, const ContactMemory& memory,
 }
 
 template <class S>
-void place_petals(const RelativeMotion<S>& x, ContactWorkspace<S>& work) {
-  for (size_t i = 0; i < work.passive_local.size(); ++i) {
-    work.passive_petals[i] = place_plate<S>(work.passive_local[i], x.R, x.p);
+void place_plates(const ContactModel& model, const RelativeMotion<S>& x,
+                  ContactWorkspace<S>& work) {
+  for (size_t i = 0; i < model.passive.size(); ++i) {
+    if (model.passive[i].kind != CoreKind::kPlate) continue;
+    work.passive_plates[i] = place_plate<S>(work.passive_local[i], x.R, x.p);
   }
 }
 
@@ -43,89 +45,183 @@ Annulus<S> cast(const Annulus<double>& ring) {
   return {S(ring.x), S(ring.inner), S(ring.outer)};
 }
 
-/// Closest points of one pair, first on G, second on P, axes of G; returns the gap [m].
+/// Closest points of a pair, first on G, second on P, axes of G.
+template <class S>
+struct PairPoints : Closest<S> {
+  int piece = 0;  ///< of a surface of revolution
+  PairPoints& operator=(const Closest<S>& closest) {
+    static_cast<Closest<S>&>(*this) = closest;
+    return *this;
+  }
+};
+
+/// Lower bound of the distance of a sphere from a profile: both in a box of the half-plane [m].
+template <class S>
+S find_box_gap(const Profile& profile, const Vec3<S>& centre) {
+  using std::max;
+  double x_low = profile.node[0].x, x_high = x_low, r_low = profile.node[0].r, r_high = r_low;
+  for (const Profile::Node& node : profile.node) {
+    x_low = std::min(x_low, node.x);
+    x_high = std::max(x_high, node.x);
+    r_low = std::min(r_low, node.r);
+    r_high = std::max(r_high, node.r);
+  }
+  const S r = find_axis_distance<S>(centre[1], centre[2]);
+  const S along = max<S>(S(x_low) - centre[0], centre[0] - S(x_high));
+  return max<S>(along, max<S>(S(r_low) - r, r - S(r_high)));
+}
+
+/// Closest points of one pair; returns the gap [m].
 /// If a cheap lower bound of the gap exceeds `limit`, that is returned and `c` is not set.
-/// The pair kinds with a ring work in axes of the side that carries the ring.
+/// Pairs with a surface of revolution work in its axes.
 template <class S>
 S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMotion<S>& x,
-            const ContactWorkspace<S>& work, const S& limit, Closest<S>& c) {
+            const ContactWorkspace<S>& work, const S& limit, PairPoints<S>& c) {
   using std::abs;
   using std::max;
   using std::min;
   using std::sqrt;
   const bool on_passive = pair.first_on_passive;
-  const CaptureHardware& side =
-      on_passive ? model.passive : model.active;  // side of the first core
-  const CaptureHardware& other = on_passive ? model.active : model.passive;
-  const std::vector<Plate<S>>& plates = on_passive ? work.active_petals : work.passive_petals;
-  const S rounding = S(pair.rounding);
+  const Core& first = (on_passive ? model.passive : model.active)[pair.first];
+  const Core& second = (on_passive ? model.active : model.passive)[pair.second];
+  const S rounding = S(pair.rounding), mu = S(model.laws[pair.law].regularisation);
   const auto into_other = [&](const Vec3<double>& point) -> Vec3<S> {
     const Vec3<S> r = point.template cast<S>();
     return on_passive ? Vec3<S>(x.R * r + x.p) : Vec3<S>(x.R.transpose() * (r - x.p));
   };
+  const auto into_axis = [&](const Vec3<double>& point) -> Vec3<S> {
+    const Mat3<S> R = second.axis.R.template cast<S>();
+    return R.transpose() * (into_other(point) - second.axis.p.template cast<S>());
+  };
+  const auto into_G = [&](const Vec3<double>& point, bool passive) -> Vec3<S> {
+    const Vec3<S> r = point.template cast<S>();
+    return passive ? Vec3<S>(x.R * r + x.p) : r;
+  };
+  const auto find_sphere_bound = [&]() -> S {
+    const CoreSphere a = find_sphere(first), b = find_sphere(second);
+    const Vec3<S> between = into_G(b.centre, !on_passive) - into_G(a.centre, on_passive);
+    return between.norm() - S(a.radius + b.radius) - rounding;
+  };
+  const auto put_sides = [&]() -> S {  // points in axes of G, so far in the order of the pair
+    if (on_passive) std::swap(c.first, c.second);
+    return sqrt(c.square) - rounding;
+  };
+  const std::vector<Plate<S>>& plates = on_passive ? work.active_plates : work.passive_plates;
   switch (pair.kind) {
-    case PairKind::kNodeRing: {
-      const Vec3<S> node = into_other(side.nodes[pair.first]);
-      const S bound = abs(node[0] - S(other.ring.x)) - rounding;
+    case PairKind::kPointAnnulus: {
+      const Annulus<double> ring = get_annulus(second);
+      const Vec3<S> node = into_other(first.point);
+      const S bound = abs(node[0] - S(ring.x)) - rounding;
       if (bound > limit) return bound;
-      c = find_point_annulus<S>(node, cast<S>(other.ring));
+      c = find_point_annulus<S>(node, cast<S>(ring));
       break;
     }
-    case PairKind::kEdgeRing: {
-      const Plate<double>& petal = side.petals[pair.first / 2];
-      const int k = CaptureHardware::kSideEdge[pair.first % 2];
-      const Vec3<S> a = into_other(petal.corner[k]), b = into_other(petal.corner[(k + 1) % 4]);
+    case PairKind::kSegmentAnnulus: {
+      const Annulus<double> ring = get_annulus(second);
+      const Vec3<S> a = into_other(first.point), b = into_other(first.end);
       // Slab of the ring face, and the bore of the ring (the radius is largest at an end).
-      const S xa = a[0] - S(other.ring.x), xb = b[0] - S(other.ring.x);
+      const S xa = a[0] - S(ring.x), xb = b[0] - S(ring.x);
       const S slab = xa * xb > S(0) ? min(abs(xa), abs(xb)) : S(0);
       const S r2 = max(a[1] * a[1] + a[2] * a[2], b[1] * b[1] + b[2] * b[2]);
-      const S bound = max<S>(slab, S(other.ring.inner) - sqrt(r2)) - rounding;
+      const S bound = max<S>(slab, S(ring.inner) - sqrt(r2)) - rounding;
       if (bound > limit) return bound;
-      c = find_segment_annulus<S>(a, b - a, cast<S>(other.ring), S(model.law.regularisation));
+      c = find_segment_annulus<S>(a, b - a, cast<S>(ring), mu);
       break;
     }
-    case PairKind::kPetalPetal: {
-      const Plate<S>&P = work.active_petals[pair.first], &Q = work.passive_petals[pair.second];
+    case PairKind::kPointRevolution: {
+      const Vec3<S> point = into_axis(first.point);
+      const S bound = find_box_gap<S>(second.profile, point) - rounding;
+      if (bound > limit) return bound;
+      c = find_point_revolution<S>(point, second.profile, c.piece);
+      break;
+    }
+    case PairKind::kSegmentRevolution: {
+      const Vec3<S> a = into_axis(first.point), b = into_axis(first.end);
+      const S bound =
+          find_box_gap<S>(second.profile, (a + b) / S(2)) - S(find_sphere(first).radius) - rounding;
+      if (bound > limit) return bound;
+      c = find_segment_revolution<S>(a, b - a, second.profile, mu, c.piece);
+      break;
+    }
+    case PairKind::kPlatePlate: {
+      const Plate<S>&P = work.active_plates[pair.first], &Q = work.passive_plates[pair.second];
       const S bound = (Q.centre - P.centre).norm() - P.radius - Q.radius - rounding;
       if (bound > limit) return bound;
-      c = find_plate_plate<S>(P, Q, S(model.law.regularisation));
+      c = find_plate_plate<S>(P, Q, mu);
       return sqrt(c.square) - rounding;
     }
-    case PairKind::kNodePetal: {
-      const Vec3<S> node = side.nodes[pair.first].template cast<S>();
-      const Vec3<S> point = on_passive ? Vec3<S>(x.R * node + x.p) : node;
+    case PairKind::kPointPlate: {
+      const Vec3<S> point = into_G(first.point, on_passive);
       const Plate<S>& plate = plates[pair.second];
       const Vec3<S> d = point - plate.centre;
       const S bound = max<S>(abs(plate.normal.dot(d)), d.norm() - plate.radius) - rounding;
       if (bound > limit) return bound;
       c = find_point_plate<S>(point, plate);
-      if (on_passive) std::swap(c.first, c.second);
-      return sqrt(c.square) - rounding;
+      return put_sides();
+    }
+    default: {
+      const S bound = find_sphere_bound();
+      if (bound > limit) return bound;
+      const Vec3<S> p0 = into_G(first.point, on_passive);
+      const Vec3<S> d = into_G(first.end, on_passive) - p0;
+      const Vec3<S> q0 = into_G(second.point, !on_passive);
+      const Vec3<S> e = into_G(second.end, !on_passive) - q0;
+      if (pair.kind == PairKind::kPointPoint) {
+        c = Closest<S>{p0, q0, (p0 - q0).squaredNorm()};
+      } else if (pair.kind == PairKind::kPointSegment) {
+        c = find_point_segment<S>(p0, q0, e);
+      } else if (pair.kind == PairKind::kSegmentSegment) {
+        c = find_segment_segment<S>(p0, d, p0 + d / S(2), q0, e, q0 + e / S(2), mu);
+      } else {
+        c = find_segment_plate<S>(p0, d, plates[pair.second], mu);
+      }
+      return put_sides();
     }
   }
-  // Ring pairs: back from the axes of the ring side.
+  // Back from the axes of the surface of revolution, and of the side that carries it.
+  if (pair.kind == PairKind::kPointRevolution || pair.kind == PairKind::kSegmentRevolution) {
+    const Mat3<S> R = second.axis.R.template cast<S>();
+    const Vec3<S> p = second.axis.p.template cast<S>();
+    c.first = (R * c.first + p).eval();
+    c.second = (R * c.second + p).eval();
+  }
   if (on_passive) {
     std::swap(c.first, c.second);
   } else {
-    c.first = x.R * c.first + x.p;
-    c.second = x.R * c.second + x.p;
+    c.first = (x.R * c.first + x.p).eval();
+    c.second = (x.R * c.second + x.p).eval();
   }
   return sqrt(c.square) - rounding;
+}
+
+/// Add the force of a pair on P to the surfaces that take part. @param piece  of a profile
+template <class S>
+void book_force(const ContactModel& model, const ContactPair& pair, int piece, const Vec3<S>& force,
+                ContactResult<S>& out) {
+  const bool flip = pair.first_on_passive;
+  const auto find_surface = [piece](const Core& core) {
+    return core.piece_surfaces.empty() ? core.surface : core.piece_surfaces[piece];
+  };
+  const int on_active = find_surface(model.active[flip ? pair.second : pair.first]);
+  const int on_passive = find_surface(model.passive[flip ? pair.first : pair.second]);
+  if (on_active >= 0) out.surface_force[on_active] -= force;
+  if (on_passive >= 0) out.surface_force[on_passive] += force;
 }
 
 /// Contribution of one closed pair; z, z_dot are its bristle or null.
 template <class S>
 void add_contact(const ContactModel& model, const ContactPair& pair, const RelativeMotion<S>& x,
-                 const Closest<S>& c, const S& gap, const S* z, S* z_dot, ContactResult<S>& out) {
-  const ContactLaw& law = model.law;
+                 const PairPoints<S>& c, const S& gap, const S* z, S* z_dot,
+                 ContactResult<S>& out) {
+  const ContactLaw& law = model.laws[pair.law];
   const Vec3<S> n = (c.second - c.first) / (gap + S(pair.rounding));
   const Vec3<S> at = (c.first + c.second) / S(2);
   const Vec3<S> v = x.v + x.w.cross(at - x.p);
   const S rate = -n.dot(v);
 
   // Normal force.
-  const double k = pair.kind == PairKind::kNodeRing ? law.node_stiffness : law.stiffness;
-  const Elastic<S> el = calc_contact_spring<S>(-gap, S(k), S(law.toe), S(pair.rounding));
+  const Elastic<S> el =
+      calc_contact_spring<S>(-gap, S(law.stiffness), S(law.toe), S(pair.rounding));
   const S normal = calc_damped_force<S>(el.force, S(law.damping), rate);
   out.energy += el.energy;
   out.contact_power += (normal - el.force) * rate;
@@ -147,17 +243,18 @@ void add_contact(const ContactModel& model, const ContactPair& pair, const Relat
   const Vec3<S> f = n * normal + friction.force;
   out.on_passive.f += f;
   out.on_passive.t += at.cross(f);
-  if (pair.active_petal >= 0) out.petal_force[pair.active_petal] -= f;
+  book_force<S>(model, pair, c.piece, f, out);
   out.depth_ratio = std::max<S>(out.depth_ratio, -gap / S(pair.rounding));
   ++out.active_count;
 }
 
 /// Bristles of open pairs relax as those of closed ones do without normal force; all store energy.
 template <class S>
-void add_bristles(const ContactLaw& law, const std::vector<char>& closed, const S* z, S* z_dot,
+void add_bristles(const ContactModel& model, const std::vector<char>& closed, const S* z, S* z_dot,
                   ContactResult<S>& out) {
-  const S k = S(law.bristle_stiffness), rate = k / S(law.bristle_relaxation);
   for (size_t i = 0; i < closed.size(); ++i) {
+    const ContactLaw& law = model.laws[model.pairs[i].law];
+    const S k = S(law.bristle_stiffness), rate = k / S(law.bristle_relaxation);
     const S square = Eigen::Map<const Vec3<S>>(z + 3 * i).squaredNorm();
     out.energy += k * square / S(2);
     if (closed[i]) continue;
@@ -174,19 +271,21 @@ inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
                             const ContactMemory& memory, const RelativeMotion<double>& motion,
                             ContactWorkspace<double>& work, ContactResult<double>& out,
                             Status& status) {
-  const CaptureHardware& other = set.on_passive ? model.active : model.passive;
-  const ContactLaw& law = model.law;
+  const ContactPair& pair = model.pairs[set.first];
+  const Core& face = (set.on_passive ? model.active : model.passive)[pair.second];
+  const Annulus<double> ring = get_annulus(face);
+  const ContactLaw& law = model.laws[pair.law];
   nodes::NodeContact contact;
   contact.on_passive = set.on_passive;
   Eigen::Map<Mat3<double>>(contact.R) = motion.R;
   Eigen::Map<Vec3<double>>(contact.p) = motion.p;
   Eigen::Map<Vec3<double>>(contact.w) = motion.w;
   Eigen::Map<Vec3<double>>(contact.v) = motion.v;
-  contact.ring_x = other.ring.x;
-  contact.ring_inner = other.ring.inner;
-  contact.ring_outer = other.ring.outer;
-  contact.rounding = model.pairs[set.first].rounding;
-  contact.stiffness = law.node_stiffness;
+  contact.ring_x = ring.x;
+  contact.ring_inner = ring.inner;
+  contact.ring_outer = ring.outer;
+  contact.rounding = pair.rounding;
+  contact.stiffness = law.stiffness;
   contact.toe = law.toe;
   contact.damping = law.damping;
   contact.friction_coefficient = law.friction_coefficient;
@@ -212,31 +311,33 @@ inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
     const nodes::NodeGaps& gaps = work.node_gaps[g];
     const char* before = find_before(g);
     for (int i = 0; i < find_count(g); ++i) {
-      const int pair = set.first + static_cast<int>(g) * kGroup + i;
+      const int at = set.first + static_cast<int>(g) * kGroup + i;
       const double gap = gaps.gap[i], part = -gap / contact.rounding;
       least = std::min(least, gap);
       if (before && before[i]) {
         const Vec3<double> way(gaps.way[0][i], gaps.way[1][i], gaps.way[2][i]);
-        if (way.dot(memory.n_last[pair]) < 0.0) {
-          status = {StatusCode::kContactFlipped, pair, part};
+        if (way.dot(memory.n_last[at]) < 0.0) {
+          status = {StatusCode::kContactFlipped, at, part};
           return NodesFound::kRefused;
         }
       }
       if (!(gap < 0.0)) continue;
       out.depth_ratio = std::max(out.depth_ratio, part);
       ++out.active_count;
-      work.closed[pair] = 1;
-      work.way[pair] = {gaps.way[0][i], gaps.way[1][i], gaps.way[2][i]};
+      work.closed[at] = 1;
+      work.way[at] = {gaps.way[0][i], gaps.way[1][i], gaps.way[2][i]};
     }
   }
   double sums[nodes::kNodeSums];
   work.node_functions->add_lanes(lanes, nodes::kNodeSums, sums);
   out.gap = std::min(out.gap, least);
-  out.on_passive.f += Eigen::Map<const Vec3<double>>(sums + nodes::kSumForce);
+  const Vec3<double> force = Eigen::Map<const Vec3<double>>(sums + nodes::kSumForce);
+  out.on_passive.f += force;
   out.on_passive.t += Eigen::Map<const Vec3<double>>(sums + nodes::kSumMoment);
   out.energy += sums[nodes::kSumEnergy];
   out.contact_power += sums[nodes::kSumContactPower];
   out.friction_power += sums[nodes::kSumFrictionPower];
+  book_force<double>(model, pair, 0, force, out);
   return NodesFound::kAdded;
 }
 
@@ -255,7 +356,7 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
   out.gap = listed ? S(memory.least_gap) - delta : S(0);
   if (out.gap > S(0)) return {};
 
-  place_petals<S>(motion, work);
+  place_plates<S>(model, motion, work);
   const bool near_only = listed && delta <= S(memory.radius);
   out.gap = near_only ? S(memory.radius) - delta : S(kNoGap);
   const int count = near_only ? static_cast<int>(memory.near.size()) : model.pair_count();
@@ -269,9 +370,9 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
       continue;
     }
     if constexpr (std::is_same_v<S, double>) {
-      const NodeSet& set = model.nodes[pair.first_on_passive];
-      const int end = set.first + set.count;
-      if (pair.kind == PairKind::kNodeRing && !z && one_by_one < end) {
+      if (pair.node_set >= 0 && !z && one_by_one <= i) {
+        const NodeSet& set = model.node_sets[pair.node_set];
+        const int end = set.first + set.count;
         Status status;
         const NodesFound found = add_nodes(model, set, memory, motion, work, out, status);
         if (found == NodesFound::kRefused) return status;
@@ -282,7 +383,7 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
         one_by_one = end;
       }
     }
-    Closest<S> c;
+    PairPoints<S> c;
     const S gap = find_pair<S>(model, pair, motion, work, was_closed ? S(kNoGap) : S(0), c);
     out.gap = std::min<S>(out.gap, gap);
     if (gap >= S(0) && !was_closed) continue;
@@ -328,19 +429,24 @@ void calc_absorber(const AbsorberLaw& law, Acting acting, const RelativeMotion<S
 
 template <class S>
 ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
-  const auto cast_plate = [](const Plate<double>& petal) {
-    std::array<Vec3<S>, 4> corner;
-    for (int k = 0; k < 4; ++k) corner[k] = petal.corner[k].template cast<S>();
-    return make_plate<S>(corner);
+  const auto cast_plates = [](const std::vector<Core>& cores) {
+    std::vector<Plate<S>> plates(cores.size());
+    for (size_t i = 0; i < cores.size(); ++i) {
+      if (cores[i].kind != CoreKind::kPlate) continue;
+      std::array<Vec3<S>, 4> corner;
+      for (int k = 0; k < 4; ++k) corner[k] = cores[i].plate.corner[k].template cast<S>();
+      plates[i] = make_plate<S>(corner);
+    }
+    return plates;
   };
-  for (const Plate<double>& petal : model.active.petals) active_petals.push_back(cast_plate(petal));
-  for (const Plate<double>& petal : model.passive.petals)
-    passive_local.push_back(cast_plate(petal));
-  passive_petals = passive_local;
+  active_plates = cast_plates(model.active);
+  passive_plates = passive_local = cast_plates(model.passive);
   closed.assign(model.pairs.size(), 0);
   way.assign(model.pairs.size(), Vec3<S>::Zero());
   node_functions = &nodes::find_node_functions();
-  node_gaps.resize(std::max(model.nodes[0].groups.size(), model.nodes[1].groups.size()));
+  for (const NodeSet& set : model.node_sets) {
+    node_gaps.resize(std::max(node_gaps.size(), set.groups.size()));
+  }
 }
 
 template <class S>
@@ -351,22 +457,22 @@ Status calc_contact(const ContactModel& model, const ContactMemory& memory,
   if (model.kind == ContactModel::Kind::kAbsorber) {
     calc_absorber<S>(model.absorber, memory.absorber, motion, out);
   }
-  if (model.kind != ContactModel::Kind::kRings) return {};
+  if (!model.has_surfaces()) return {};
   std::fill(work.closed.begin(), work.closed.end(), 0);
   const bool bristles = model.law.friction_model == 2;
   const Status status =
       add_pairs<S>(model, memory, motion, bristles ? z : nullptr, z_dot, work, out);
-  if (bristles && status.ok()) add_bristles<S>(model.law, work.closed, z, z_dot, out);
+  if (bristles && status.ok()) add_bristles<S>(model, work.closed, z, z_dot, out);
   return status;
 }
 
 template <class S>
 S find_gap(const ContactModel& model, const RelativeMotion<S>& motion, ContactWorkspace<S>& work) {
   if (model.kind == ContactModel::Kind::kAbsorber) return motion.p[0];
-  place_petals<S>(motion, work);
+  place_plates<S>(model, motion, work);
   S gap = S(kNoGap);
   for (const ContactPair& pair : model.pairs) {
-    Closest<S> c;
+    PairPoints<S> c;
     gap = std::min<S>(gap, find_pair<S>(model, pair, motion, work, gap, c));
   }
   return gap;

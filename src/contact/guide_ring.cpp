@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <string>
 
 #include "math/rotation.hpp"
 #include "math/status.hpp"
@@ -16,16 +18,16 @@ Vec3<double> at_azimuth(double x, double radius, double azimuth) {
   return {x, radius * std::cos(azimuth), radius * std::sin(azimuth)};
 }
 
-}  // namespace
-
-double CaptureHardware::reach() const {
-  double r = find_length(ring.x, ring.outer) + ring_rounding;
-  for (const Vec3<double>& node : nodes) r = std::max(r, node.norm() + ring_rounding);
-  for (const Plate<double>& petal : petals) {
-    for (const Vec3<double>& c : petal.corner) r = std::max(r, c.norm() + petal_rounding);
-  }
-  return r;
+/// "azimuth 78.8 deg", from 0 to 360.
+std::string describe_azimuth(const Vec3<double>& at) {
+  constexpr double kUp = 1e-6;  // halves are rounded up, on every machine
+  const double tenths = std::round(std::atan2(at[2], at[1]) * 1800.0 / kPi + kUp);
+  char text[32];
+  std::snprintf(text, sizeof text, "azimuth %.1f deg", std::fmod(tenths + 3600.0, 3600.0) / 10.0);
+  return text;
 }
+
+}  // namespace
 
 CaptureHardware make_capture_hardware(const GuideRing& g) {
   require("guide ring", g.core_inner_radius > 0 && g.core_outer_radius >= g.core_inner_radius,
@@ -70,6 +72,34 @@ CaptureHardware make_passive_hardware(const GuideRing& g) {
     petal = place_plate<double>(petal, turn, Vec3<double>::Zero());
   }
   return h;
+}
+
+std::vector<Core> make_ring_cores(const CaptureHardware& h, const std::string& ring) {
+  std::vector<Core> cores;
+  const std::string face = "the " + ring + " face";
+  cores.push_back(
+      make_revolution(face, {{h.ring.x, h.ring.inner}, {h.ring.x, h.ring.outer}}, h.ring_rounding));
+  for (size_t i = 0; i < h.nodes.size(); ++i) {
+    const std::string name =
+        "node " + std::to_string(i + 1) + " (" + describe_azimuth(h.nodes[i]) + ") of " + face;
+    cores.push_back(make_point(name, h.nodes[i], h.ring_rounding));
+  }
+  const auto describe_petal = [&](size_t i) {
+    return "petal " + std::to_string(i + 1) + " of the " + ring;
+  };
+  for (size_t i = 0; i < h.petals.size(); ++i) {
+    cores.push_back(make_plate_core(describe_petal(i), h.petals[i], h.petal_rounding));
+  }
+  for (size_t i = 0; i < h.petals.size(); ++i) {
+    for (const int edge : CaptureHardware::kSideEdge) {
+      const std::array<Vec3<double>, 4>& corner = h.petals[i].corner;
+      const int base = edge == CaptureHardware::kSideEdge[0] ? 1 : 0;
+      cores.push_back(make_segment(
+          "the side edge (base at " + describe_azimuth(corner[base]) + ") of " + describe_petal(i),
+          corner[edge], corner[(edge + 1) % 4], h.petal_rounding));
+    }
+  }
+  return cores;
 }
 
 }  // namespace dockloop

@@ -7,6 +7,7 @@
 
 #include <vector>
 
+#include "contact/cores.hpp"
 #include "contact/primitives.hpp"
 #include "math/types.hpp"
 
@@ -32,7 +33,7 @@ struct GuideRing {
   double petal_tip_half_width = 0.0;   ///< [m]
 };
 
-/// The cores of one side in axes of the body that carries them (G or P).
+/// The shapes of one side in axes of the body that carries them (G or P).
 struct CaptureHardware {
   Annulus<double> ring{};
   double ring_rounding = 0.0, petal_rounding = 0.0;  ///< [m]
@@ -40,8 +41,6 @@ struct CaptureHardware {
   std::vector<Plate<double>> petals;                 ///< corners: base -, base +, tip +, tip -
   /// Side edge i = 0 (azimuth +) or 1 (azimuth -) of a petal: index of its edge in the plate.
   static constexpr int kSideEdge[2] = {1, 3};
-  /// Radius of a sphere about the origin that contains the surfaces [m].
-  double reach() const;
 };
 
 /// Hardware of an active side. @throws ModelError if the dimensions make no ring or no petal.
@@ -50,5 +49,9 @@ CaptureHardware make_capture_hardware(const GuideRing& ring);
 /// The same for a passive side: half a turn about the transverse axis at azimuth pi/(2 petals),
 /// which maps x to -x and azimuth f to pi/petals - f (a rotation, no mirror image).
 CaptureHardware make_passive_hardware(const GuideRing& ring);
+
+/// Its cores, in this order: the ring face, the nodes, the petals, two side edges per petal.
+/// @param ring  "active ring" or "passive ring"
+std::vector<Core> make_ring_cores(const CaptureHardware& hardware, const std::string& ring);
 
 }  // namespace dockloop

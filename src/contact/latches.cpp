@@ -10,10 +10,9 @@
 
 namespace dockloop {
 
-void check_latches(const LatchSet& set) {
-  const LatchLaw& law = set.law;
-  require("latches", set.hook.size() == set.striker.size(), "every hook needs a striker");
-  require("latches", set.count() <= kMaxLatches, "at most 8 latches are possible");
+namespace {
+
+void check_law(const LatchLaw& law) {
   require("latches", law.catch_distance > 0 && law.pawl_range > law.catch_distance,
           "catch_distance must be above 0 and below pawl_range");
   require("latches", law.play >= law.catch_distance,
@@ -28,9 +27,18 @@ void check_latches(const LatchSet& set) {
           "rated_load must be above 0 if latches release on overload");
 }
 
+}  // namespace
+
+void check_latches(const LatchSet& set) {
+  require("latches", set.count() <= kMaxLatches, "at most 8 latches are possible");
+  require("latches", set.required >= 0 && set.required <= set.count(),
+          "required must be 1 or more and not above the number of latches");
+  for (const Latch& latch : set.latch) check_law(latch.law);
+}
+
 LatchMotion find_latch_motion(const LatchSet& set, int i, const RelativeMotion<double>& motion) {
-  const Vec3<double> lever = motion.R * set.striker[i];
-  return {motion.p + lever - set.hook[i], motion.v + motion.w.cross(lever)};
+  const LatchPlace<double> place = find_place<double>(set.latch[i], motion);
+  return {place.s, place.rate};
 }
 
 std::array<double, 2> find_conditions(const LatchLaw& law, const LatchState& state,
@@ -79,7 +87,8 @@ double update_latch(const LatchSet& set, int i, double t, const RelativeMotion<d
   const LatchMotion at = find_latch_motion(set, i, motion);
   const Vec3<double>& s = at.s;
   const double rate = at.rate[0];
-  const OneLatch<double> before = calc_latch<double>(set.law, state, t, s, rate);
+  const LatchLaw& law = set.latch[i].law;
+  const OneLatch<double> before = calc_latch<double>(law, state, t, s, rate);
   if (before.event > kDue && !passed) return 0.0;
   switch (state.mode) {
     case LatchMode::kOpen:
@@ -95,7 +104,7 @@ double update_latch(const LatchSet& set, int i, double t, const RelativeMotion<d
       state.mode = LatchMode::kOpen;
       break;
   }
-  return before.energy - calc_latch<double>(set.law, state, t, s, rate).energy;
+  return before.energy - calc_latch<double>(law, state, t, s, rate).energy;
 }
 
 }  // namespace dockloop

@@ -1,11 +1,11 @@
 // Capture latches: a spring-loaded pawl on G catches a striker on P and then holds it.
 //
-// Latch i has its hook H at a point of G and its striker at a point of P; s = striker - H in axes
-// of G, s_x is the opening, rho = sqrt(s_y^2 + s_z^2) the lateral offset. The mode (open, held,
-// releasing, spent) is discrete state that the integrator changes at the zero of an event function.
-// Every force is the gradient of an energy or a power that is a square. Functions return the energy
-// that an event dissipates. With play >= catch distance the force is zero on both sides of
-// the catch, so there is no jump and a late detection costs nothing.
+// Latch i has its hook H at a point of G and its striker at a point of P. Its measure
+// (LatchMeasure) gives s: s_x is the opening, rho = sqrt(s_y^2 + s_z^2) the lateral offset. The
+// mode (open, held, releasing, spent) is discrete state that the integrator changes at the zero of
+// an event function. Every force is the gradient of an energy or a power that is a square.
+// Functions return the energy that an event dissipates. With play >= catch distance the force is
+// zero on both sides of the catch, so there is no jump and a late detection costs nothing.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@
 
 namespace dockloop {
 
-/// Parameters of all latches of a set (defaults assumed).
+/// Parameters of one latch (defaults assumed).
 struct LatchLaw {
   double pawl_range = 0.020;      ///< x_r: the pawl starts to push [m]
   double catch_distance = 0.004;  ///< x_c: the pawl has snapped in [m]
@@ -34,14 +34,27 @@ struct LatchLaw {
 
 constexpr int kMaxLatches = 8;
 
-struct LatchSet {
-  LatchLaw law;
-  std::vector<Vec3<double>> hook;     ///< axes of G [m]
-  std::vector<Vec3<double>> striker;  ///< axes of P [m]
-  int count() const { return static_cast<int>(hook.size()); }
+enum class LatchMeasure : signed char {
+  kActiveAxis,   ///< s = striker - hook in axes of G, as of the hooks of a guide ring
+  kPassivePlane  ///< s_x from the hook to the plane across x of P through the striker; s_y, s_z
+                 ///< from the origin of G to the x axis of P: pawls of a probe head, axes of P
 };
 
-/// @throws ModelError for parameters out of range or hooks without strikers.
+struct Latch {
+  LatchLaw law;
+  Vec3<double> hook = Vec3<double>::Zero();     ///< axes of G [m]
+  Vec3<double> striker = Vec3<double>::Zero();  ///< axes of P [m]
+  LatchMeasure measure = LatchMeasure::kActiveAxis;
+};
+
+struct LatchSet {
+  std::vector<Latch> latch;
+  int required = 0;  ///< latches that hold when captured; 0 = all
+  int count() const { return static_cast<int>(latch.size()); }
+  bool is_capture(int held) const { return held > 0 && held >= (required ? required : count()); }
+};
+
+/// @throws ModelError for parameters out of range.
 void check_latches(const LatchSet& set);
 
 /// kSpent: released; ready again after the opening has exceeded the pawl range.
@@ -76,13 +89,14 @@ struct LatchResult {
 /// releasing, times 1 - 3 u^2 + 2 u^3 with u from 0 to 1 over the ramp.
 /// Events: open: striker inside the catch region (from the front or from the side); held:
 /// relative reserve to the rated load; releasing: time left; spent: pawl range - s_x.
+/// With kPassivePlane every force acts at the hook along x of P, or at the origin of G across it.
 /// Limit: the latch holds along x only; lateral restraint is left to petals and rings.
 /// @pre set.count() <= kMaxLatches. No allocation.
 template <class S>
 void calc_latches(const LatchSet& set, const LatchState* state, S t,
                   const RelativeMotion<S>& motion, LatchResult<S>& out);
 
-/// Position and velocity of the striker of latch i relative to its hook, axes of G.
+/// What latch i measures: striker relative to hook, and its rate.
 struct LatchMotion {
   Vec3<double> s, rate;  ///< [m], [m/s]
 };

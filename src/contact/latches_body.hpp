@@ -13,7 +13,28 @@ namespace {
 
 constexpr double kDue = 1e-9;  // tolerance of a located event, m, s or -
 
-/// Force on the striker in axes of G [N], with its energy and power.
+/// What a latch measures, see LatchMeasure.
+template <class S>
+struct LatchPlace {
+  Vec3<S> s, rate;  ///< striker relative to hook [m], [m/s]
+};
+
+template <class S>
+LatchPlace<S> find_place(const Latch& latch, const RelativeMotion<S>& motion) {
+  const Vec3<S> hook = latch.hook.template cast<S>();
+  const Vec3<S> lever = motion.R * latch.striker.template cast<S>();
+  if (latch.measure == LatchMeasure::kActiveAxis) {
+    return {motion.p + lever - hook, motion.v + motion.w.cross(lever)};
+  }
+  const Mat3<S> to_P = motion.R.transpose();
+  const Vec3<S> opening = to_P * Vec3<S>(motion.p + lever - hook);
+  const Vec3<S> opening_rate = to_P * Vec3<S>(motion.v + motion.w.cross(Vec3<S>(hook - motion.p)));
+  const Vec3<S> to_axis = to_P * motion.p;
+  const Vec3<S> axis_rate = to_P * Vec3<S>(motion.v - motion.w.cross(motion.p));
+  return {{opening[0], to_axis[1], to_axis[2]}, {opening_rate[0], axis_rate[1], axis_rate[2]}};
+}
+
+/// Force on the striker in axes of s [N], with its energy and power.
 template <class S>
 struct OneLatch {
   Vec3<S> force;
@@ -87,13 +108,18 @@ void calc_latches(const LatchSet& set, const LatchState* state, S t,
                   const RelativeMotion<S>& motion, LatchResult<S>& out) {
   out = LatchResult<S>();
   for (int i = 0; i < set.count(); ++i) {
-    const Vec3<S> lever = motion.R * set.striker[i].template cast<S>();
-    const Vec3<S> at = motion.p + lever;
-    const Vec3<S> s = at - set.hook[i].template cast<S>();
-    const S rate = motion.v[0] + motion.w.cross(lever)[0];
-    const OneLatch<S> latch = calc_latch<S>(set.law, state[i], t, s, rate);
-    out.on_passive.f += latch.force;
-    out.on_passive.t += at.cross(latch.force);
+    const LatchPlace<S> place = find_place<S>(set.latch[i], motion);
+    const Vec3<S>& s = place.s;
+    const OneLatch<S> latch = calc_latch<S>(set.latch[i].law, state[i], t, s, place.rate[0]);
+    if (set.latch[i].measure == LatchMeasure::kActiveAxis) {
+      const Vec3<S> at = motion.p + motion.R * set.latch[i].striker.template cast<S>();
+      out.on_passive.f += latch.force;
+      out.on_passive.t += at.cross(latch.force);
+    } else {
+      const Vec3<S> along = motion.R.col(0) * latch.force[0];
+      out.on_passive.f += motion.R * latch.force;
+      out.on_passive.t += set.latch[i].hook.template cast<S>().cross(along);
+    }
     out.energy += latch.energy;
     out.power += latch.power;
     out.opening[i] = s[0];

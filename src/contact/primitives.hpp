@@ -7,7 +7,8 @@
 //     V = min over p, q of |p - q|^2 + mu (|p - cp|^2 + |q - cq|^2).
 // The added term does not depend on the pose, hence grad sqrt(V) = (q - p)/sqrt(V) exactly
 // (envelope theorem) and sqrt(V) changes by no more than the cores move. All candidates are closed
-// forms except segment on annulus, which is a Newton search in one variable.
+// forms except segment on annulus, which is a Newton search in one variable. Cores of other
+// profiles: revolution.hpp.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -112,6 +113,13 @@ Closest<S> find_point_plate(const Vec3<S>& point, const Plate<S>& plate) {
   return best;
 }
 
+/// Point on segment q0 + t d, 0 <= t <= 1; no regularisation.
+template <class S>
+Closest<S> find_point_segment(const Vec3<S>& point, const Vec3<S>& q0, const Vec3<S>& d) {
+  const Vec3<S> q = q0 + d * clamp_unit<S>(d.dot(point - q0) / d.squaredNorm());
+  return {point, q, (point - q).squaredNorm()};
+}
+
 /// Segment p0 + s dp on segment q0 + t dq, 0 <= s, t <= 1, with middles cp, cq (which need not lie
 /// on the segments: an edge of a plate uses the middle of the plate). Solution of the box problem:
 /// free minimum in s, then t, then s again when t meets a bound (Ericson, Real-Time Collision
@@ -140,6 +148,43 @@ Closest<S> find_segment_segment(const Vec3<S>& p0, const Vec3<S>& dp, const Vec3
   return {p, q, (p - q).squaredNorm() + mu * ((p - cp).squaredNorm() + (q - cq).squaredNorm())};
 }
 
+/// Point p of the plane of face A and point q of the segment q0 + t d, 0 <= t <= 1, with middle cq,
+/// that are closest. The best face point for q is c + (q - c)_in_plane/(1 + mu), which leaves a
+/// quadratic in t along the segment: height^2 + m |in plane|^2 + mu |q - cq|^2.
+/// @return false if p lies outside A: then an edge of A is closer
+template <class S>
+bool find_face_segment(const Plate<S>& A, const Vec3<S>& q0, const Vec3<S>& d, const Vec3<S>& cq,
+                       const S& mu, Vec3<S>& p, Vec3<S>& q) {
+  const S m = mu / (S(1) + mu);
+  const Vec3<S> u = q0 - A.centre;
+  const S height = A.normal.dot(u), slope = A.normal.dot(d);
+  const S linear = height * slope + m * (u.dot(d) - height * slope) + mu * d.dot(q0 - cq);
+  const S dd = d.squaredNorm();
+  const S t = clamp_unit<S>(-linear / (slope * slope + m * (dd - slope * slope) + mu * dd));
+  q = q0 + d * t;
+  const Vec3<S> w = q - A.centre;
+  p = A.centre + (w - A.normal * A.normal.dot(w)) / (S(1) + mu);
+  return A.contains(p);
+}
+
+/// Segment p0 + t d on plate, mu > 0: the least of five candidates (four edges, the face).
+template <class S>
+Closest<S> find_segment_plate(const Vec3<S>& p0, const Vec3<S>& d, const Plate<S>& Q, const S& mu) {
+  const Vec3<S> cp = p0 + d / S(2);
+  Closest<S> best = find_segment_segment<S>(p0, d, cp, Q.corner[0], Q.edge[0], Q.centre, mu);
+  for (int k = 1; k < 4; ++k) {
+    const Closest<S> c = find_segment_segment<S>(p0, d, cp, Q.corner[k], Q.edge[k], Q.centre, mu);
+    if (c.square < best.square) best = c;
+  }
+  Vec3<S> p, q;
+  if (find_face_segment<S>(Q, p0, d, cp, mu, q, p)) {
+    const S v =
+        (p - q).squaredNorm() + mu * ((p - cp).squaredNorm() + (q - Q.centre).squaredNorm());
+    if (v < best.square) best = {p, q, v};
+  }
+  return best;
+}
+
 /// Plate on plate, mu > 0: the least of 25 feasible candidates, one of which is the minimiser of
 /// this strictly convex problem: 16 edges on edges; 8 edges on a face, the face point being free in
 /// its plane; face on face. Cost about 2 000 operations.
@@ -160,20 +205,11 @@ Closest<S> find_plate_plate(const Plate<S>& P, const Plate<S>& Q, const S& mu) {
     return (p - q).squaredNorm() + mu * ((p - cp).squaredNorm() + (q - cq).squaredNorm());
   };
 
-  // Face of A on the edges of B. The best face point for q is c + (q - c)_in_plane/(1 + mu), which
-  // leaves a quadratic in t along the edge: height^2 + m |in plane|^2 + mu |q - centre of B|^2.
+  // Face of A on the edges of B.
   const auto face_on_edges = [&](const Plate<S>& A, const Plate<S>& B, bool swapped) {
     for (int k = 0; k < 4; ++k) {
-      const Vec3<S> u = B.corner[k] - A.centre;
-      const Vec3<S>& d = B.edge[k];
-      const S height = A.normal.dot(u), slope = A.normal.dot(d);
-      const S linear =
-          height * slope + m * (u.dot(d) - height * slope) + mu * d.dot(B.corner[k] - B.centre);
-      const S dd = d.squaredNorm();
-      const S t = clamp_unit<S>(-linear / (slope * slope + m * (dd - slope * slope) + mu * dd));
-      const Vec3<S> q = B.corner[k] + d * t, w = q - A.centre;
-      const Vec3<S> p = A.centre + (w - A.normal * A.normal.dot(w)) / (S(1) + mu);
-      if (!A.contains(p)) continue;
+      Vec3<S> p, q;
+      if (!find_face_segment<S>(A, B.corner[k], B.edge[k], B.centre, mu, p, q)) continue;
       const S v = swapped ? square(q, p) : square(p, q);
       if (v < best.square) best = swapped ? Closest<S>{q, p, v} : Closest<S>{p, q, v};
     }
@@ -205,6 +241,7 @@ Closest<S> find_plate_plate(const Plate<S>& P, const Plate<S>& Q, const S& mu) {
 /// regularised by the middle of the segment only.
 template <class S>
 struct SegmentOnAnnulus {
+  static constexpr int kSamples = 8;  ///< intervals of the search
   Vec3<S> p0, d;
   Annulus<S> ring;
   S weight, dr2;  ///< mu |d|^2; square of d across the axis
@@ -228,12 +265,13 @@ struct SegmentOnAnnulus {
   }
 };
 
-/// Nine samples bracket the lowest valley, Newton on f' (bisection where it leaves the bracket)
-/// finds its floor. Within 50 mm of a ring of 0.6 m the valley is the only one.
-template <class S>
-S find_lowest(const SegmentOnAnnulus<S>& f) {
+/// The lowest point of a function F of 0 <= t <= 1: samples bracket the lowest valley, Newton on f'
+/// (bisection where it leaves the bracket) finds its floor. Within 50 mm of a ring of 0.6 m the
+/// valley of an annulus is the only one.
+template <template <class> class F, class S>
+S find_lowest(const F<S>& f) {
   using std::abs;
-  constexpr int kSamples = 8;
+  constexpr int kSamples = F<S>::kSamples;
   std::array<S, kSamples + 1> sample;  // side by side in vector registers
   for (int i = 0; i <= kSamples; ++i) sample[i] = f.at(S(i) / S(kSamples), false).value;
   const int k = static_cast<int>(std::min_element(sample.begin(), sample.end()) - sample.begin());
@@ -255,20 +293,26 @@ S find_lowest(const SegmentOnAnnulus<S>& f) {
   return t;
 }
 
+template <int N>
+Vec3<double> take_values(const Vec3<Dual<N>>& x) {
+  return {x[0].value, x[1].value, x[2].value};
+}
+
+template <int N>
+SegmentOnAnnulus<double> take_values(const SegmentOnAnnulus<Dual<N>>& f) {
+  return {take_values<N>(f.p0),
+          take_values<N>(f.d),
+          {f.ring.x.value, f.ring.inner.value, f.ring.outer.value},
+          f.weight.value,
+          f.dr2.value};
+}
+
 /// The same with derivatives: the search runs on values. Inside the segment the derivative of t
 /// follows from f'(t) = 0 (implicit function theorem). At an end of the segment t is constant.
-template <int N>
-Dual<N> find_lowest(const SegmentOnAnnulus<Dual<N>>& f) {
+template <template <class> class F, int N>
+Dual<N> find_lowest(const F<Dual<N>>& f) {
   constexpr double kEnd = 1e-14;  // accuracy of bisection at an end
-  const auto plain = [](const Vec3<Dual<N>>& x) {
-    return Vec3<double>(x[0].value, x[1].value, x[2].value);
-  };
-  const double lowest =
-      find_lowest<double>({plain(f.p0),
-                           plain(f.d),
-                           {f.ring.x.value, f.ring.inner.value, f.ring.outer.value},
-                           f.weight.value,
-                           f.dr2.value});
+  const double lowest = find_lowest(take_values(f));
   Dual<N> t(lowest);
   if (lowest < kEnd || lowest > 1.0 - kEnd) return t;
   const auto l = f.at(t, true);

@@ -21,8 +21,9 @@ class SeatedRings {
  public:
   SeatedRings(const ContactModel& model, const LatchSet& latches)
       : model_(without_faces(model)), latches_(latches), work_(model_) {
-    motion_.p[0] = (model.active.ring.x + model.active.ring_rounding) -
-                   (model.passive.ring.x - model.passive.ring_rounding);
+    const Core &active = model.active[0], &passive = model.passive[0];
+    motion_.p[0] =
+        (get_annulus(active).x + active.rounding) - (get_annulus(passive).x - passive.rounding);
   }
 
   double find_gap_at(double y, double z, double roll) {
@@ -69,10 +70,11 @@ class SeatedRings {
  private:
   /// Seated, ring faces touch everywhere.
   static ContactModel without_faces(ContactModel model) {
-    const auto is_face = [](const ContactPair& pair) { return pair.kind == PairKind::kNodeRing; };
+    const auto is_face = [](const ContactPair& pair) {
+      return pair.kind == PairKind::kPointAnnulus;
+    };
     model.pairs.erase(std::remove_if(model.pairs.begin(), model.pairs.end(), is_face),
                       model.pairs.end());
-    model.nodes = {};
     return model;
   }
 

@@ -73,13 +73,13 @@ inline const ChoiceList kLatchReports = {
 /// Inputs of the phase logic, P relative to A unless stated.
 struct PhaseInputs {
   double gap = 0.0;            ///< of the capture surfaces; above kReboundGap a lower bound [m]
-  double axial = 0.0;          ///< of P relative to G [m]
+  double axial = 0.0;          ///< of P relative to G, plus ContactModel::depth [m]
   double axial_rate = 0.0;     ///< [m/s]
   double speed = 0.0;          ///< of P relative to A [m/s]
   double angular_speed = 0.0;  ///< [rad/s]
   int latched = 0;             ///< latches that hold
   bool seated = false;         ///< every striker is deep enough for a catch
-  bool on_petal = false;       ///< a petal carries load
+  bool on_petal = false;       ///< a petal or a group of surfaces carries load
 };
 
 /// Limits of the phase logic (assumptions).

@@ -113,14 +113,14 @@ Placement find_placement(const Scene& scene) {
   const Vec4<double> q_AP = quat_multiply<double>(
       quat_exp<double>(at.tilt), quat_exp<double>(Vec3<double>(at.roll, 0.0, 0.0)));
   const Mat3<double> R_AP = quat_to_matrix<double>(q_AP);
-  Pose<double> G_in_A = scene.base_in_interface;
+  Pose<double> G_in_A = scene.mechanism.capture_in_body;
   if (scene.mechanism.capture_body != kBase) {
     Mechanism mechanism(scene.mechanism);
     MechanismData<double> data(mechanism);
     if (!calc_position(mechanism, data).ok())
       throw ModelError("mechanism cannot be closed at home");
     const int body = scene.mechanism.capture_body;
-    G_in_A = scene.base_in_interface * Pose<double>{data.tree.R[body], data.tree.p[body]};
+    G_in_A = scene.base_in_interface * Pose<double>{data.tree.R[body], data.tree.p[body]} * G_in_A;
   }
   Vec3<double> p_AP = at.lateral;
   p_AP.x() = scene.contact.empty()

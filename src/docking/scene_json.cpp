@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <iterator>
 
+#include "docking/hardware_json.hpp"
 #include "docking/scene.hpp"
 #include "model/json_reader.hpp"
 #include "model/text_hash.hpp"
@@ -79,21 +80,12 @@ GuideRing read_guide_ring(const JsonReader& item) {
 /// Members of a contact law; a missing `damping` follows from restitution.
 void read_contact_law(const JsonReader& item, ContactLaw& law, double& restitution,
                       double& restitution_speed) {
-  const auto read = [&](const char* key, double& value) { value = item.number(key, value); };
-  read("stiffness", law.stiffness);
-  read("node_stiffness", law.node_stiffness);
-  read("toe", law.toe);
-  read("regularisation", law.regularisation);
-  read("friction_coefficient", law.friction_coefficient);
-  read("friction_speed", law.friction_speed);
+  for (const auto& [key, member] : kLawMembers) law.*member = item.number(key, law.*member);
+  law.node_stiffness = item.number("node_stiffness", law.node_stiffness);
   law.friction_model =
       item.whole("friction_model", law.friction_model, 1, static_cast<int>(kFrictionModels.size()));
-  read("bristle_stiffness", law.bristle_stiffness);
-  read("bristle_damping", law.bristle_damping);
-  read("bristle_relaxation", law.bristle_relaxation);
-  read("bristle_force_floor", law.bristle_force_floor);
-  read("restitution", restitution);
-  read("restitution_speed", restitution_speed);
+  restitution = item.number("restitution", restitution);
+  restitution_speed = item.number("restitution_speed", restitution_speed);
   if (item.has("damping")) {
     law.damping = item.non_negative("damping", law.damping);
     restitution = find_restitution(law.damping * restitution_speed);
@@ -113,42 +105,23 @@ void read_contact(const JsonReader& mechanism, const JsonReader* overrides, Scen
     scene.contact = make_absorber_contact(law);
     return;
   }
-  if (type != "guide_ring") {
-    item.at("type").fail("is '" + type + "'; known types are guide_ring, absorber");
+  if (type != "guide_ring" && type != "surfaces") {
+    item.at("type").fail("is '" + type + "'; known types are guide_ring, surfaces, absorber");
   }
   ContactLaw law;
-  if (item.has("law"))
+  if (item.has("law")) {
     read_contact_law(item.at("law"), law, scene.restitution, scene.restitution_speed);
+  } else if (type == "surfaces") {
+    scene.restitution = find_restitution(law.damping * scene.restitution_speed);
+  }
   if (overrides) read_contact_law(*overrides, law, scene.restitution, scene.restitution_speed);
+  if (type == "surfaces") {
+    scene.contact = read_surfaces(item, law);
+    return;
+  }
   // The same hardware on both sides.
   const GuideRing ring = read_guide_ring(item);
   scene.contact = make_ring_contact(ring, ring, law);
-}
-
-void read_latches(const JsonReader& item, Scene& scene) {
-  LatchLaw& law = scene.latches.law;
-  law.pawl_range = item.number("range", law.pawl_range);
-  law.catch_distance = item.number("catch", law.catch_distance);
-  law.play = item.number("play", law.play);
-  law.window = item.number("window", law.window);
-  law.push_force = item.number("push_force", law.push_force);
-  law.hold_stiffness = item.number("stiffness", law.hold_stiffness);
-  law.hold_damping = item.number("damping", law.hold_damping);
-  law.release_ramp = item.number("release_ramp", law.release_ramp);
-  law.releases_on_overload = item.flag("releases_on_overload", law.releases_on_overload);
-  law.rated_load = item.number("rated_load", law.rated_load);
-  const double radius = item.positive("radius");
-  for (const double angle : item.angles("azimuth", kMaxItems)) {
-    const Vec3<double> point(0.0, radius * std::cos(angle), radius * std::sin(angle));
-    // Hook and striker face each other when A and P coincide.
-    scene.latches.hook.push_back(point);
-    scene.latches.striker.push_back(point);
-  }
-  if (scene.latches.count() > kMaxLatches) {
-    item.at("azimuth").fail("lists " + std::to_string(scene.latches.count()) +
-                            " latches; the limit is " + std::to_string(kMaxLatches));
-  }
-  check_latches(scene.latches);
 }
 
 void read_initial(const JsonReader& item, Scene& scene) {
@@ -219,7 +192,8 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
       read_contact(mechanism, nullptr, scene);
     }
   }
-  if (scene.has_target && mechanism.has("latches")) read_latches(mechanism.at("latches"), scene);
+  if (scene.has_target && mechanism.has("latches"))
+    scene.latches = read_latches(mechanism.at("latches"));
   if (root.has("initial")) read_initial(root.at("initial"), scene);
   if (root.has("solver")) {
     const JsonReader solver = root.at("solver");
@@ -296,7 +270,7 @@ Capture read_capture(const std::string& json_text, const std::string& source_nam
   return read_named(source_name, [&] {
     Scene scene;
     if (mechanism.has("contact")) read_contact(mechanism, nullptr, scene);
-    if (mechanism.has("latches")) read_latches(mechanism.at("latches"), scene);
+    if (mechanism.has("latches")) scene.latches = read_latches(mechanism.at("latches"));
     return Capture{scene.contact, scene.latches};
   });
 }

@@ -384,13 +384,28 @@ void add_capture(Table& table, Outputs& out) {
       .not_negative();
 }
 
-void add_contact(Table& table, Parameters& parameter, Outputs& out) {
+void add_surfaces(Table& table, const ContactModel& contact, Outputs& out) {
+  for (size_t i = 0; i < out.surface_force.size(); ++i) {
+    const Surface& surface = contact.surfaces[i];
+    const std::string name = indexed("contact.surface", i);
+    const std::string text = "Size of the resultant contact force on '" + surface.name +
+                             "' of the " + (surface.on_passive ? "passive" : "active") + " side";
+    table.output(name + ".force", &out.surface_force[i], kForce, text).not_negative();
+    table
+        .output(name + ".peak", &out.surface_peak[i], kForce,
+                text + ", largest since the start over all inner steps")
+        .not_negative();
+  }
+}
+
+void add_contact(Table& table, const ContactModel& contact, Parameters& parameter, Outputs& out) {
   for (size_t i = 0; i < out.petal_force.size(); ++i) {
     table
         .output(indexed("contact.petal", i) + ".force", &out.petal_force[i], kForce,
                 "Size of the resultant contact force on this petal")
         .not_negative();
   }
+  add_surfaces(table, contact, out);
   table
       .output("contact.depth_ratio", &out.contact_depth_ratio, kNone,
               "Largest contact depth as a fraction of the rounding of the surfaces")
@@ -905,7 +920,7 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   if (scene.has_target) {
     if (wants("relative")) add_relative(table, outputs);
     if (wants("capture")) add_capture(table, outputs);
-    if (wants("contact")) add_contact(table, parameters, outputs);
+    if (wants("contact")) add_contact(table, scene.contact, parameters, outputs);
     if (wants("phase")) add_phase(table, parameters, outputs);
   }
   if (wants("ring")) add_ring(table, outputs);

@@ -67,22 +67,24 @@ class JsonReader {
     return {(*node_)[key], source_, path_.empty() ? key : path_ + "." + key};
   }
 
+  /// Elements of an array.
+  std::vector<JsonReader> items(size_t most = std::numeric_limits<size_t>::max()) const {
+    if (!node_->is_array()) fail("must be a list");
+    if (node_->size() > most) {
+      fail("has " + std::to_string(node_->size()) + " elements; the limit is " +
+           std::to_string(most));
+    }
+    std::vector<JsonReader> items;
+    for (size_t i = 0; i < node_->size(); ++i) {
+      items.push_back({(*node_)[i], source_, path_ + "[" + std::to_string(i + 1) + "]"});
+    }
+    return items;
+  }
+
   /// Elements of an array; empty if the member is absent.
   std::vector<JsonReader> list(const std::string& key,
                                size_t most = std::numeric_limits<size_t>::max()) const {
-    std::vector<JsonReader> items;
-    if (!has(key)) return items;
-    const JsonReader array = at(key);
-    if (!array.node_->is_array()) array.fail("must be a list");
-    if (array.node_->size() > most) {
-      array.fail("has " + std::to_string(array.node_->size()) + " elements; the limit is " +
-                 std::to_string(most));
-    }
-    for (size_t i = 0; i < array.node_->size(); ++i) {
-      items.push_back(
-          {(*array.node_)[i], source_, array.path_ + "[" + std::to_string(i + 1) + "]"});
-    }
-    return items;
+    return has(key) ? at(key).items(most) : std::vector<JsonReader>();
   }
 
   std::string text() const {
@@ -176,6 +178,14 @@ class JsonReader {
                      .transpose();
     }
     return m;
+  }
+
+  Mat3<double> rotation() const {
+    const Mat3<double> R = matrix<3>();
+    if (!(R * R.transpose()).isIdentity(1e-9) || R.determinant() < 0.0) {
+      fail("must be a rotation matrix (orthonormal rows, determinant +1, to 1e-9)");
+    }
+    return R;
   }
 
   /// Unit vector; a length error above 1e-6 is refused, a smaller error is normalised.

@@ -19,13 +19,7 @@ constexpr int kMaxVelocities = 600;  ///< degrees of freedom of a tree; its matr
 Pose<double> read_placement(const JsonReader& joint) {
   Pose<double> pose;
   pose.p = joint.vector<3>("position", Vec3<double>::Zero());
-  if (joint.has("rotation")) {
-    const JsonReader rotation = joint.at("rotation");
-    pose.R = rotation.matrix<3>();
-    if (!(pose.R * pose.R.transpose()).isIdentity(1e-9) || pose.R.determinant() < 0.0) {
-      rotation.fail("must be a rotation matrix (orthonormal rows, determinant +1, to 1e-9)");
-    }
-  }
+  if (joint.has("rotation")) pose.R = joint.at("rotation").rotation();
   return pose;
 }
 
@@ -452,7 +446,9 @@ MechanismModel read_mechanism(const std::string& json_text, const std::string& s
       model.failures.push_back(read_failure(item, model));
     }
     if (root.has("capture")) {
-      model.capture_body = find_body(model, root.at("capture").at("body").text(), "capture.body");
+      const JsonReader capture = root.at("capture");
+      model.capture_body = find_body(model, capture.at("body").text(), "capture.body");
+      model.capture_in_body = read_placement(capture);
     }
     const JsonReader& home_owner = root.has("home_q") ? root : file;
     if (home_owner.has("home_q")) {

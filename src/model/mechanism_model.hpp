@@ -157,9 +157,10 @@ struct MechanismModel {
   std::vector<ForceElement> elements;
   std::vector<LawFailure> failures;  ///< of laws of elements
   std::vector<Leg> legs;
-  std::vector<double> home_q;  ///< all coordinates, nq
-  bool home_given = false;     ///< the file states home_q
-  int capture_body = kBase;    ///< body that carries frame G
+  std::vector<double> home_q;    ///< all coordinates, nq
+  bool home_given = false;       ///< the file states home_q
+  int capture_body = kBase;      ///< body that carries frame G; kBase: the chaser, at A
+  Pose<double> capture_in_body;  ///< G in axes of that body, or of A
   int nq = 0, nv = 0;
 };
 

@@ -29,7 +29,7 @@ void EventLogic::calc_functions(DockingData<double>& at, double* roots) const {
 
 void EventLogic::calc_speeds(const DockingData<double>& at, double* speeds) const {
   std::fill_n(speeds, kFixedRoots, 0.0);
-  if (has_surfaces() && model_->contact.kind == ContactModel::Kind::kRings) {
+  if (has_surfaces() && model_->contact.has_surfaces()) {
     const double bound = find_approach_bound(model_->contact, at.relative);
     if (!discrete_.contacted) speeds[0] = bound;
     if (may_part()) speeds[2] = bound;
@@ -54,7 +54,7 @@ void EventLogic::note_latches(const DockingData<double>& at) {
 
 void EventLogic::find_passed_latches(const DockingData<double>& at, double h) {
   for (int i = 0; i < model_->latches.count(); ++i) {
-    passed_[i] = is_passed(model_->latches.law, discrete_.latch[i], latches_before_[i],
+    passed_[i] = is_passed(model_->latches.latch[i].law, discrete_.latch[i], latches_before_[i],
                            find_latch_motion(model_->latches, i, at.relative), h);
   }
 }
@@ -101,8 +101,7 @@ bool EventLogic::update_latches(const DockingData<double>& at, double now, doubl
 }
 
 void EventLogic::update_capture(double now) {
-  const int count = model_->latches.count();
-  const bool all = count > 0 && count_held_latches() == count;
+  const bool all = model_->latches.is_capture(count_held_latches());
   if (all && !discrete_.captured && discrete_.time_of_capture < 0.0) {
     discrete_.time_of_capture = now;
   }
@@ -143,8 +142,8 @@ bool EventLogic::is_change_due(DockingData<double>& at, double now, double clock
 }
 
 bool EventLogic::may_part() const {
-  return has_surfaces() && model_->contact.kind == ContactModel::Kind::kRings &&
-         !discrete_.captured && discrete_.phase != kRebound && count_held_latches() == 0;
+  return has_surfaces() && model_->contact.has_surfaces() && !discrete_.captured &&
+         discrete_.phase != kRebound && count_held_latches() == 0;
 }
 
 double EventLogic::find_near_gap(DockingData<double>& at) const {
@@ -159,23 +158,23 @@ PhaseInputs EventLogic::find_phase_inputs(const DockingData<double>& at, double 
   const RelativeMotion<double> relative =
       find_relative(at.interface[kChaser], at.interface[kTarget]);
   in.gap = gap;
-  in.axial = at.relative.p.x();
+  in.axial = at.relative.p.x() + model_->contact.depth;
   in.axial_rate = relative.v.x();
   in.speed = relative.v.norm();
   in.angular_speed = relative.w.norm();
   in.latched = count_held_latches();
   in.seated = model_->latches.count() > 0 && in.gap <= kSeatedGap;
   for (int i = 0; i < model_->latches.count(); ++i) {
-    in.seated = in.seated && at.latch.opening[i] <= model_->latches.law.catch_distance;
+    in.seated = in.seated && at.latch.opening[i] <= model_->latches.latch[i].law.catch_distance;
   }
-  for (int i = 0; i < model_->contact.petal_count(); ++i) {
-    in.on_petal = in.on_petal || !at.contact.petal_force[i].isZero(0.0);
+  for (size_t i = 0; i < model_->contact.surfaces.size(); ++i) {
+    in.on_petal = in.on_petal || !at.contact.surface_force[i].isZero(0.0);
   }
   return in;
 }
 
 LatchReport EventLogic::find_latch_report(const DockingData<double>& at, int i) const {
-  const LatchLaw& law = model_->latches.law;
+  const LatchLaw& law = model_->latches.latch[i].law;
   switch (discrete_.latch[i].mode) {
     case LatchMode::kHeld:
       return kCaught;
@@ -199,11 +198,10 @@ double EventLogic::find_free_gap(DockingData<double>& at, double exact_below) co
   if (gap <= exact_below && has_surfaces()) {
     gap = find_gap(model_->contact, at.relative, at.contact_work);
   }
-  const LatchLaw& law = model_->latches.law;
   for (int i = 0; i < model_->latches.count(); ++i) {
     if (discrete_.latch[i].mode != LatchMode::kOpen) return 0.0;
-    const Vec3<double> s =
-        at.relative.R * model_->latches.striker[i] + at.relative.p - model_->latches.hook[i];
+    const LatchLaw& law = model_->latches.latch[i].law;
+    const Vec3<double> s = find_latch_motion(model_->latches, i, at.relative).s;
     gap = std::min(gap, std::max(s.x() - law.pawl_range, s.tail<2>().norm() - 2.0 * law.window));
   }
   return gap;

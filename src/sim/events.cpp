@@ -50,7 +50,7 @@ void DockingSim::Impl::warn_of_tilt(double now) {
   constexpr double kMostTilt = 30.0, kInDegrees = 180.0 / static_cast<double>(EIGEN_PI);  // [deg]
   if (warned_tilt || !has_surfaces() || present().contact.active_count == 0) return;
   const double tilt = kInDegrees * std::acos(std::clamp(present().relative.R(0, 0), -1.0, 1.0));
-  if (model->contact.kind != ContactModel::Kind::kRings || tilt <= kMostTilt) return;
+  if (!model->contact.rings || tilt <= kMostTilt) return;
   warned_tilt = true;
   char text[200];
   std::snprintf(

@@ -17,6 +17,9 @@ std::array<double, kPeakCount> DockingSim::Impl::find_peak_values(
   const auto load = find_load_components(find_capture_load(at));
   std::copy(load.begin(), load.end(), values.begin());
   values[Outputs::kLoadCount] = find_load_ratio(load, scene->rated);
+  for (size_t i = 0; i < outputs.surface_peak.size(); ++i) {
+    values[kFirstSurfacePeak + i] = at.contact.surface_force[i].norm();
+  }
   return values;
 }
 
@@ -46,6 +49,8 @@ Status DockingSim::Impl::update_main() {
   std::copy_n(peaks.peak().begin(), static_cast<int>(Outputs::kLoadCount),
               outputs.capture_peak.begin());
   outputs.capture_peak_load_ratio = peaks.peak()[Outputs::kLoadCount];
+  std::copy_n(peaks.peak().begin() + kFirstSurfacePeak, outputs.surface_peak.size(),
+              outputs.surface_peak.begin());
   update_phase_outputs();
   if (host->has_host()) {
     outputs.coupling_pending_impulse.setZero();

@@ -134,9 +134,8 @@ void read_contact(const OutputSource<S>& from, OutputValues<S>& out) {
   out.gap = S(kNoGap);
   if (model.present[kTarget] && !model.contact.empty()) {
     out.gap = find_gap(model.contact, data.relative, data.contact_work);
-    for (size_t i = 0; i < out.petal_force.size(); ++i) {
-      out.petal_force[i] = data.contact.petal_force[i].norm();
-    }
+    std::vector<S>& force = model.contact.rings ? out.petal_force : out.surface_force;
+    for (size_t i = 0; i < force.size(); ++i) force[i] = data.contact.surface_force[i].norm();
     out.contact_depth_ratio = data.contact.depth_ratio;
   }
   for (int i = 0; i < model.latches.count(); ++i) {

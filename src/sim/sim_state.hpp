@@ -23,7 +23,9 @@
 
 namespace dockloop {
 
-constexpr int kPeakCount = Outputs::kLoadCount + 1;  ///< loads and load ratio
+/// Peaks: loads, load ratio, forces on surfaces.
+constexpr int kFirstSurfacePeak = Outputs::kLoadCount + 1;
+constexpr int kPeakCount = kFirstSurfacePeak + kMaxSurfaces;
 
 struct Setup {
   Parameters parameters;   ///< driven vehicles: at their received motion

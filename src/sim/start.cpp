@@ -189,7 +189,10 @@ void DockingSim::Impl::clear() {
                   &outputs.element_saturation}) {
     zero(*v, m.elements.size());
   }
-  zero(outputs.petal_force, static_cast<size_t>(scene->contact.petal_count()));
+  const size_t surfaces = scene->contact.surfaces.size();
+  zero(outputs.petal_force, scene->contact.rings ? surfaces : 0);
+  zero(outputs.surface_force, scene->contact.rings ? 0 : surfaces);
+  zero(outputs.surface_peak, outputs.surface_force.size());
   zero(outputs.latch_opening, static_cast<size_t>(scene->latches.count()));
   zero(outputs.latch_lateral, static_cast<size_t>(scene->latches.count()));
   zero(outputs.latch_force, static_cast<size_t>(scene->latches.count()));
@@ -661,7 +664,7 @@ void DockingSim::Impl::warn_about_start() {
         "the kernel in the FMU was made for another mechanism and is not used (same results, "
         "slower)");
   }
-  if (!has_surfaces() || model->contact.kind != ContactModel::Kind::kRings) return;
+  if (!has_surfaces() || !model->contact.has_surfaces()) return;
   // k >= 4 m v^2/rounding^2 for the impacting mass: the capture body on its legs, or all bodies.
   const int body = model->mechanism.model.capture_body;
   double mass = body == kBase ? 0.0 : model->mechanism.model.bodies[body].mass;

@@ -338,7 +338,7 @@ double DockingSim::Impl::find_next_stop(double tau, double h) const {
     const double begins = failure.time - elapsed;
     if (failure.active && begins > tau) stop = std::min(stop, begins);
   }
-  if (has_surfaces() && model->contact.kind == ContactModel::Kind::kRings) {
+  if (has_surfaces() && model->contact.has_surfaces()) {
     const double bound = find_step_bound(model->contact, present().contact.gap, present().relative);
     if (tau + bound < stop) stop = tau + bound;
   }

@@ -139,7 +139,8 @@ struct OutputValues {
   S capture_load_ratio = S(0);               ///< largest |load|/rated now [-]
 
   // group contact
-  std::vector<S> petal_force;    ///< [N] resultant on each active petal
+  std::vector<S> petal_force;    ///< [N] resultant on each active petal of guide rings
+  std::vector<S> surface_force;  ///< [N] resultant on each group of other hardware
   S contact_depth_ratio = S(0);  ///< largest depth / rounding [-]
   std::vector<S> latch_opening;  ///< [m]
   std::vector<S> latch_lateral;  ///< [m]
@@ -212,10 +213,10 @@ void for_each_value(OutputValues<S>& values, F&& f) {
     f(*x);
   }
   for (std::vector<S>* x :
-       {&values.petal_force, &values.latch_opening, &values.latch_lateral, &values.latch_force,
-        &values.leg_length, &values.leg_rate, &values.leg_force, &values.element_coordinate,
-        &values.element_rate, &values.element_force, &values.element_saturation, &values.state_q,
-        &values.state_v, &values.state_a}) {
+       {&values.petal_force, &values.surface_force, &values.latch_opening, &values.latch_lateral,
+        &values.latch_force, &values.leg_length, &values.leg_rate, &values.leg_force,
+        &values.element_coordinate, &values.element_rate, &values.element_force,
+        &values.element_saturation, &values.state_q, &values.state_v, &values.state_a}) {
     each(*x);
   }
   for (Vec3<S>& x : values.loop_force) each(x);
@@ -225,6 +226,7 @@ void for_each_value(OutputValues<S>& values, F&& f) {
 template <class S>
 void match_sizes(const OutputValues<double>& from, OutputValues<S>& to) {
   to.petal_force.resize(from.petal_force.size());
+  to.surface_force.resize(from.surface_force.size());
   to.latch_opening.resize(from.latch_opening.size());
   to.latch_lateral.resize(from.latch_lateral.size());
   to.latch_force.resize(from.latch_force.size());
@@ -248,6 +250,7 @@ struct Outputs : OutputValues<double> {
   // group capture: largest since the start, over inner steps
   std::array<double, kLoadCount> capture_peak{};
   double capture_peak_load_ratio = 0.0;  ///< [-]
+  std::vector<double> surface_peak;      ///< per group of hardware that is no guide ring [N]
 
   // group phase
   int phase = 1;    ///< see docking/phases.hpp

@@ -129,11 +129,12 @@ TEST(ContactPrimitives, PlateOnPlateIsOptimalForAllFeatures) {
 TEST(ContactPrimitives, SegmentOnAnnulusFindsTheLowestValley) {
   TestRandom random(3);
   Worst worst;
-  const ContactModel model = make_test_contact();
+  const CaptureHardware hardware = make_capture_hardware(make_test_ring());
+  const CaptureHardware opposite = make_passive_hardware(make_test_ring());
   const double mu = 1e-4;
-  const Annulus<double> ring = model.active.ring;
+  const Annulus<double> ring = hardware.ring;
   for (int i = 0; i < 4000; ++i) {
-    const Plate<double>& petal = model.passive.petals[i % 3];
+    const Plate<double>& petal = opposite.petals[i % 3];
     const int k = CaptureHardware::kSideEdge[i % 2];
     const Mat3<double> R =
         rotation_of(random.vector(0.17)) * rotation_of(V(random.uniform(-3, 3), 0, 0));

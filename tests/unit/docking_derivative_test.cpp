@@ -342,8 +342,9 @@ void set_latches(Docking& docking, TestRandom&) {
   }
 }
 
-constexpr PairKind kNodeRing = PairKind::kNodeRing, kEdgeRing = PairKind::kEdgeRing,
-                   kPetalPetal = PairKind::kPetalPetal, kNodePetal = PairKind::kNodePetal;
+constexpr PairKind kPointAnnulus = PairKind::kPointAnnulus,
+                   kSegmentAnnulus = PairKind::kSegmentAnnulus, kPlatePlate = PairKind::kPlatePlate,
+                   kPointPlate = PairKind::kPointPlate;
 constexpr auto kNone = std::nullopt;
 
 INSTANTIATE_TEST_SUITE_P(
@@ -358,17 +359,17 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"loads_thrust_and_command", ring, kApart, 0.2, 0.12, kNone, 1, load, 1.1e-11},
         Case{"gravity_on_an_immobile_base", ring_on_immobile_base, 5e-4, 0.2, 0.12, kNone, 1, load,
              1.6e-11},
-        Case{"nodes_on_ring", ring, 1e-3, 4e-3, 2e-3, kNodeRing, 1, unchanged, 1.1e-9},
-        Case{"nodes_on_ring_with_bristles", ring, 1e-3, 4e-3, 2e-3, kNodeRing, 2, put_bristles,
+        Case{"nodes_on_ring", ring, 1e-3, 4e-3, 2e-3, kPointAnnulus, 1, unchanged, 1.1e-9},
+        Case{"nodes_on_ring_with_bristles", ring, 1e-3, 4e-3, 2e-3, kPointAnnulus, 2, put_bristles,
              4.7e-10},
-        Case{"edge_on_ring", ring, 2e-3, 0.2, 0.12, kEdgeRing, 1, unchanged, 7.4e-12},
-        Case{"edge_on_ring_with_bristles", ring, 2e-3, 0.2, 0.12, kEdgeRing, 2, put_bristles,
+        Case{"edge_on_ring", ring, 2e-3, 0.2, 0.12, kSegmentAnnulus, 1, unchanged, 7.4e-12},
+        Case{"edge_on_ring_with_bristles", ring, 2e-3, 0.2, 0.12, kSegmentAnnulus, 2, put_bristles,
              4.1e-11},
-        Case{"petal_on_petal", ring, 2e-3, 0.2, 0.12, kPetalPetal, 1, unchanged, 7.1e-12},
-        Case{"petal_on_petal_with_bristles", ring, 2e-3, 0.2, 0.12, kPetalPetal, 2, put_bristles,
+        Case{"petal_on_petal", ring, 2e-3, 0.2, 0.12, kPlatePlate, 1, unchanged, 7.1e-12},
+        Case{"petal_on_petal_with_bristles", ring, 2e-3, 0.2, 0.12, kPlatePlate, 2, put_bristles,
              2.1e-11},
-        Case{"node_on_petal", ring, 2e-3, 0.4, 0.3, kNodePetal, 1, unchanged, 2e-10},
-        Case{"into_the_barrier", ring, 7e-3, 0.05, 0.05, kEdgeRing, 1, unchanged, 5.5e-11},
+        Case{"node_on_petal", ring, 2e-3, 0.4, 0.3, kPointPlate, 1, unchanged, 2e-10},
+        Case{"into_the_barrier", ring, 7e-3, 0.05, 0.05, kSegmentAnnulus, 1, unchanged, 5.5e-11},
         Case{"latches_open", ring_without_surfaces, -0.01, 0.0, 0.03, kNone, 1,
              set_latches<LatchMode::kOpen>, 3.7e-11},
         Case{"latches_held", ring_without_surfaces, -0.012, 0.0, 0.01, kNone, 1,
@@ -504,8 +505,7 @@ void compare_function(F f, const VecX<double>& x, L h, const std::string& where,
 
 TEST(LatchDerivatives, are_right_on_the_axis_of_the_hook) {
   LatchSet set;
-  set.hook = {V(0, 0.6, 0)};
-  set.striker = {V(0, 0.6, 0)};
+  set.latch.push_back({LatchLaw(), V(0, 0.6, 0), V(0, 0.6, 0), LatchMeasure::kActiveAxis});
   for (const LatchMode mode : {LatchMode::kOpen, LatchMode::kHeld, LatchMode::kReleasing}) {
     const LatchState state{mode, 2.0};
     const auto forces = [&](const auto& x) {

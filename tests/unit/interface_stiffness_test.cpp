@@ -192,7 +192,8 @@ Held hexapod(bool damped, int friction_model, double opening, double displacemen
   Scene scene = read_test_scene("scene_ring.json");
   if (!damped) {
     for (JointForce& force : scene.mechanism.forces) force.damping = 0.0;
-    scene.latches.law.hold_damping = scene.contact.law.damping = 0.0;
+    for (Latch& latch : scene.latches.latch) latch.law.hold_damping = 0.0;
+    scene.contact.law.damping = 0.0;
     scene.contact.law.bristle_damping = 0.0;
   }
   Held held(scene, friction_model);

@@ -18,8 +18,8 @@ LatchSet make_set() {
   LatchSet set;
   for (int i = 0; i < 3; ++i) {
     const double a = 2 * 3.14159265358979323846 * i / 3;
-    set.hook.push_back(V(0, 0.6 * std::cos(a), 0.6 * std::sin(a)));
-    set.striker.push_back(set.hook.back());
+    const V at(0, 0.6 * std::cos(a), 0.6 * std::sin(a));
+    set.latch.push_back({LatchLaw(), at, at, LatchMeasure::kActiveAxis});
   }
   return set;
 }
@@ -35,8 +35,7 @@ LatchResult<S> evaluate(const LatchSet& set, const std::vector<LatchState>& stat
 /// One latch whose striker stands at s relative to the hook.
 LatchSet make_single() {
   LatchSet set;
-  set.hook = {V(0, 0.6, 0)};
-  set.striker = {V(0, 0.6, 0)};
+  set.latch.push_back({LatchLaw(), V(0, 0.6, 0), V(0, 0.6, 0), LatchMeasure::kActiveAxis});
   return set;
 }
 
@@ -125,8 +124,8 @@ TEST(LatchMode, OverloadReleasesOverARampAndRearmsOnlyBeyondThePawlRange) {
   std::vector<LatchState> state{{LatchMode::kHeld, 0.0}};
   const RelativeMotion<double> x = at(0.0065, 0, 0);
   EXPECT_GT(evaluate<double>(set, state, 1.0, x).event[0], 0.0);  // not enabled
-  set.law.releases_on_overload = true;
-  set.law.rated_load = 1000.0;
+  set.latch[0].law.releases_on_overload = true;
+  set.latch[0].law.rated_load = 1000.0;
   check_latches(set);
   const LatchResult<double> held = evaluate<double>(set, state, 1.0, x);
   EXPECT_LT(held.event[0], 0.0);
@@ -158,15 +157,70 @@ TEST(LatchMode, OverloadReleasesOverARampAndRearmsOnlyBeyondThePawlRange) {
   EXPECT_EQ(state[0].mode, LatchMode::kOpen);
 }
 
+TEST(LatchMode, PawlsOfAProbeHeadMeasureAlongThePassiveAxis) {
+  // Head centre 10 mm before the seat and 3 mm off the axis, tilted.
+  LatchSet set;
+  set.latch.push_back(
+      {LatchLaw(), V(0.01, 0.03, 0.02), V(0.238, 0.5, -0.3), LatchMeasure::kPassivePlane});
+  RelativeMotion<double> x;
+  x.R = rotation_of(V(0.3, 0.1, -0.2));
+  const V head(0.226, 0.002, -0.003);  // of G in axes of P
+  x.p = -x.R * head;
+  const V tip = head + x.R.transpose() * set.latch[0].hook;
+  const LatchMotion at = find_latch_motion(set, 0, x);
+  EXPECT_NEAR(at.s[0], 0.238 - tip[0], 1e-15);
+  EXPECT_NEAR(at.s.tail<2>().norm(), head.tail<2>().norm(), 1e-15);
+  EXPECT_FALSE(set.is_capture(0));
+  EXPECT_TRUE(set.is_capture(1));
+}
+
+TEST(LatchMode, ForcesOfBothMeasuresAreGradients) {
+  using S = Derivative;
+  TestRandom random(17);
+  for (const LatchMeasure measure : {LatchMeasure::kActiveAxis, LatchMeasure::kPassivePlane}) {
+    const bool plane = measure == LatchMeasure::kPassivePlane;
+    LatchSet set;
+    const V hook(0.01, 0.03, 0.02);
+    set.latch.push_back({LatchLaw(), hook, V(0.238, plane ? 0.5 : 0.03, 0.02), measure});
+    int pushed = 0;
+    for (int i = 0; i < 400; ++i) {
+      RelativeMotion<double> x;
+      x.R = rotation_of(random.vector(0.1));
+      x.p = -x.R * (V(0.216, 0, 0) + random.vector(0.04));
+      x.v = random.vector(0.1);
+      x.w = random.vector(0.1);
+      for (const LatchMode mode : {LatchMode::kOpen, LatchMode::kHeld}) {
+        const std::vector<LatchState> state{{mode, 0.0}};
+        // P moves with its velocities: the energy changes with the power of the force.
+        RelativeMotion<S> motion = cast_motion<S>(x);
+        const S t = S::variable(0.0, 0);
+        const Vec3<S> w = x.w.cast<S>() * t, v = x.v.cast<S>() * t;
+        for (int j = 0; j < 3; ++j) {
+          const Vec3<S> column = motion.R.col(j);
+          motion.R.col(j) = column + w.cross(column);
+        }
+        motion.p += v;
+        const LatchResult<S> rate = evaluate<S>(set, state, S(0), motion);
+        const LatchResult<double> r = evaluate<double>(set, state, 0.0, x);
+        const double power = r.on_passive.f.dot(x.v - x.w.cross(x.p)) + r.on_passive.t.dot(x.w);
+        const double scale = 1.0 + r.on_passive.f.norm();
+        EXPECT_NEAR(rate.energy.d[0] + power + r.power, 0.0, 1e-9 * scale) << i;
+        pushed += r.on_passive.f.norm() > 0.1;
+      }
+    }
+    EXPECT_GT(pushed, 100);
+  }
+}
+
 TEST(LatchMode, BadParametersAreRefused) {
   LatchSet set = make_single();
-  set.law.play = 0.003;
+  set.latch[0].law.play = 0.003;
   EXPECT_THROW(check_latches(set), ModelError);
   set = make_single();
-  set.striker.clear();
+  set.required = 2;
   EXPECT_THROW(check_latches(set), ModelError);
   set = make_single();
-  set.law.releases_on_overload = true;
+  set.latch[0].law.releases_on_overload = true;
   EXPECT_THROW(check_latches(set), ModelError);
 }
 

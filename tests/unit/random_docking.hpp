@@ -59,7 +59,7 @@ struct Docking {
     evaluate();  // where is G?
     if (model.present[kTarget]) {
       Pose<double> P_in_G;
-      if (model.contact.kind == ContactModel::Kind::kRings) {
+      if (model.contact.has_surfaces()) {
         ContactWorkspace<double> work(model.contact);
         const RelativeMotion<double> x =
             make_touching_motion(model.contact, work, random, depth, lateral, tilt);

@@ -20,10 +20,10 @@ namespace {
 LatchSet make_three_latches() {
   LatchSet set;
   for (const double azimuth : {0.0, 120.0, 240.0}) {
-    set.hook.emplace_back(0.0, 0.6 * std::cos(azimuth * kDegree),
+    const Vec3<double> at(0.0, 0.6 * std::cos(azimuth * kDegree),
                           0.6 * std::sin(azimuth * kDegree));
+    set.latch.push_back({LatchLaw(), at, at, LatchMeasure::kActiveAxis});
   }
-  set.striker = set.hook;
   return set;
 }
 
@@ -50,7 +50,7 @@ double find_by_flood(const ContactModel& model, const LatchSet& latches, double 
     x.R = rotation_of({at[2] * turn, 0.0, 0.0});
     if (find_gap<double>(model, x, work) < 0.0) continue;
     for (int i = 0; i < latches.count(); ++i) {
-      const Vec3<double> s = x.R * latches.striker[i] + x.p - latches.hook[i];
+      const Vec3<double> s = find_latch_motion(latches, i, x).s;
       largest = std::max(largest, s.tail<2>().norm());
     }
     for (int i = 0; i < 3; ++i) {

@@ -56,8 +56,8 @@ class Passes : public ::testing::TestWithParam<int> {};
 
 TEST_P(Passes, are_caught_with_any_communication_step) {
   // Deep enough from 0.05 s on, next to the window from 0.069 s on: 19 ms are left to catch.
-  const double vx = 0.2, vy = 0.5, window = ring_scene().latches.law.window;
-  const double catch_at = ring_scene().latches.law.catch_distance;
+  const double vx = 0.2, vy = 0.5, window = ring_scene().latches.latch[0].law.window;
+  const double catch_at = ring_scene().latches.latch[0].law.catch_distance;
   const auto scene = make_pass(V(catch_at + 0.05 * vx, window - 0.069 * vy, 0.0), V(-vx, vy, 0.0));
   for (const double h : {0.1, 0.05, 0.01}) {
     const auto sim = run(scene, GetParam(), h, 0.1);
