@@ -1,8 +1,8 @@
 """Shapes of a docking from its resolved scene, in metres, for the page of ``dockloop view``.
 
-Nothing is drawn that the scene does not hold: rings, petals, hooks and strikers are the contact
-surfaces that the core computes with, legs run between the joint points of the mechanism file. A
-vehicle is a homogeneous box with its mass and inertia, or a mesh that the user gives.
+Nothing is drawn that the scene does not hold: rings, petals, cores, hooks and strikers are the
+contact surfaces that the core computes with, legs run between the joint points of the mechanism
+file. A vehicle is a homogeneous box with its mass and inertia, or a mesh that the user gives.
 
 Poses are pairs ``{"p": [x, y, z], "q": [w, x, y, z]}``, quaternions as in the FMU.
 """
@@ -14,6 +14,7 @@ import numpy as np
 
 from dockloop.drawing import find_body_places
 
+_HERE = {"p": [0.0, 0.0, 0.0], "q": [1.0, 0.0, 0.0, 0.0]}
 _PORT = 0.15  # clearance of a vehicle's box from its mating plane [m]
 
 
@@ -25,8 +26,8 @@ def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
         parameters: values of the FMU's parameters; they win over the document.
 
     Returns:
-        Members ``vehicles``, ``ring``, ``contact``, ``legs``, ``latches``, ``capture_body``,
-        ``bodies``.
+        Members ``vehicles``, ``ring``, ``cores``, ``contact``, ``legs``, ``latches``,
+        ``capture_body``, ``capture_body_in_G``, ``bodies``.
     """
     mechanism = document["mechanism"]
     legs = _list_legs(mechanism)
@@ -39,10 +40,12 @@ def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
     return {
         "vehicles": vehicles,
         "ring": _make_rings(contact) if contact.get("type") == "guide_ring" else None,
+        "cores": _make_cores(contact) if contact.get("type") == "surfaces" else None,
         "contact": contact.get("type"),
         "legs": legs,
         "latches": _make_latches(mechanism.get("latches")),
         "capture_body": mechanism.get("capture", {}).get("body", "base"),
+        "capture_body_in_G": _place_body_in_ring(mechanism.get("capture", {})),
         "bodies": [
             {"name": body["name"], "parent": body["parent"]} for body in mechanism.get("bodies", [])
         ],
@@ -203,12 +206,74 @@ def _make_rings(contact: dict) -> dict:
     }
 
 
+def _make_cores(contact: dict) -> dict[str, list[dict]]:
+    """Return the cores of both sides, in axes of G and of P."""
+    return {
+        side: [shape for core in contact[side] for shape in _list_shapes(core)]
+        for side in ("active", "passive")
+    }
+
+
+def _list_shapes(core: dict) -> list[dict]:
+    """Return a core as shapes: ``kind``, ``points``, ``rounding`` and ``pose``."""
+    shape = {"kind": core["kind"], "rounding": core["rounding"], "pose": _HERE}
+    if core["kind"] == "nodes":
+        circle = (core.get("x", 0.0), core["radius"], core.get("azimuth_offset", 0.0))
+        points = [
+            _at_azimuth(*circle[:2], circle[2] + 2.0 * math.pi * i / core["count"])
+            for i in range(core["count"])
+        ]
+        return [{**shape, "kind": "point", "points": [point]} for point in points]
+    if core["kind"] == "revolution":
+        axis = core.get("axis", {})
+        turn_of_axis = find_quaternion(np.array(axis.get("rotation", np.eye(3)), float))
+        pose = {"p": axis.get("position", [0.0, 0.0, 0.0]), "q": turn_of_axis.tolist()}
+        return [{**shape, "points": core["profile"], "pose": pose}]
+    if core["kind"] == "point":
+        return [{**shape, "points": [core.get("position", [0.0, 0.0, 0.0])]}]
+    return [{**shape, "points": core["points" if core["kind"] == "segment" else "corners"]}]
+
+
 def _make_latches(latches: dict | None) -> dict | None:
-    """Return hooks, which are in axes of G what strikers are in axes of P."""
+    """Return hooks in axes of G, strikers in axes of P, and distances of the first latch."""
     if not latches:
         return None
-    points = [_at_azimuth(0.0, latches["radius"], a) for a in latches["azimuth"]]
-    return {"points": points, **{k: latches[k] for k in ("range", "catch", "window")}}
+    if "list" in latches:
+        hooks = [latch["hook"] for latch in latches["list"]]
+        strikers = [latch["striker"] for latch in latches["list"]]
+        first = {**latches, **latches["list"][0]}
+    else:
+        hooks = [_at_azimuth(0.0, latches["radius"], a) for a in latches["azimuth"]]
+        strikers, first = hooks, latches
+    law = {key: first[key] for key in ("range", "catch", "window")}
+    measure = first.get("measure", "active_axis")
+    return {"hooks": hooks, "strikers": strikers, "measure": measure, **law}
+
+
+def find_opening(latches: dict, i: int, ring: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Return the opening of latch i, counted from 0, from poses of G and P, rows of 7 numbers [m].
+
+    Raises:
+        IndexError: there is no such latch.
+    """
+    hook, striker = (np.array(latches[ends][i], float) for ends in ("hooks", "strikers"))
+    way = target[:, :3] + turn(target[:, 3:], striker) - ring[:, :3] - turn(ring[:, 3:], hook)
+    axes = target if latches["measure"] == "passive_plane" else ring
+    return turn(conjugate(axes[:, 3:]), way)[:, 0]
+
+
+def place_capture_body(shapes: dict, ring: np.ndarray) -> np.ndarray:
+    """Return poses of the capture body from poses of G, rows of 7 numbers."""
+    body = shapes["capture_body_in_G"]
+    position = ring[:, :3] + turn(ring[:, 3:], np.array(body["p"]))
+    return np.hstack([position, multiply(ring[:, 3:], np.array([body["q"]]))])
+
+
+def _place_body_in_ring(capture: dict) -> dict:
+    """Return the pose of the capture body in axes of G."""
+    back = conjugate(find_quaternion(np.array(capture.get("rotation", np.eye(3)), float))[None])
+    position = turn(back, -np.array(capture.get("position", [0.0, 0.0, 0.0]), float))[0]
+    return {"p": position.tolist(), "q": back[0].tolist()}
 
 
 def _at_azimuth(x: float, radius: float, azimuth: float) -> list[float]:

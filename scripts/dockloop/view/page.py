@@ -36,7 +36,7 @@ _DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', 
 _SHOWN = re.compile(
     r"relative\.(axial|lateral|pitch_yaw|roll)|gap|phase|outcome|captured"
     r"|capture\.(tension|compression|shear|bending|torsion|load_ratio|(force|torque)\[\d\])"
-    r"|contact\.petal\[\d+\]\.force|latch\[\d+\]\.(opening|lateral|force|state)|latched\[\d+\]"
+    r"|contact\.(petal|surface)\[\d+\]\.force|latch\[\d+\]\.(opening|lateral|force|state)|latched\[\d+\]"
     r"|leg\[\d+\]\.(length|force)"
 )
 # What is missing in a result, and the group of outputs that holds it.
@@ -261,7 +261,7 @@ def _check_fit(run: Recording, poses: dict[str, np.ndarray], shapes: dict) -> fl
     """
     at = {"base": np.array([[0.0, 0, 0, 1, 0, 0, 0]])}
     if "ring" in poses:
-        at[shapes["capture_body"]] = poses["ring"]
+        at[shapes["capture_body"]] = geometry.place_capture_body(shapes, poses["ring"])
     at |= {k.removeprefix("body."): v for k, v in poses.items() if k.startswith("body.")}
     differences = {}
     for i, leg in enumerate(shapes["legs"]):
@@ -269,13 +269,10 @@ def _check_fit(run: Recording, poses: dict[str, np.ndarray], shapes: dict) -> fl
         if name in run and leg["root"] in at and leg["closing"] in at:
             drawn = geometry.find_leg_length(leg, at[leg["root"]], at[leg["closing"]])
             differences[name] = float(np.max(np.abs(drawn - run[name])))
-    for i, point in enumerate(shapes["latches"]["points"] if shapes["latches"] else []):
+    for i in range(len(shapes["latches"]["hooks"]) if shapes["latches"] else 0):
         name = f"latch[{i + 1}].opening"
         if name in run and {"target", "ring"} <= poses.keys():
-            target, ring = poses["target"], poses["ring"]
-            striker = target[:, :3] + geometry.turn(target[:, 3:], np.array(point)) - ring[:, :3]
-            inverse = geometry.conjugate(ring[:, 3:])
-            opening = geometry.turn(inverse, striker)[:, 0] - point[0]
+            opening = geometry.find_opening(shapes["latches"], i, poses["ring"], poses["target"])
             differences[name] = float(np.max(np.abs(opening - run[name])))
     for name, difference in differences.items():
         if difference > TOLERANCE:

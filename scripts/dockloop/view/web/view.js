@@ -33,6 +33,7 @@
   const latches = list('latch[#].state');
   const legForces = list('leg[#].force');
   const petalForces = list('contact.petal[#].force');
+  const surfaceForces = list('contact.surface[#].force');
   const NOISE = 1e-6; // N: smaller forces are rounding
   const orNone = (force) => (force > NOISE ? force : 0);
   const largest = (names) => orNone(names.reduce((m, n) => columns[n].reduce((a, x) => Math.max(a, Math.abs(x)), m), 0));
@@ -188,19 +189,39 @@
       names.push(addLabel(holder, name, vehicle.box.pose.p, COLORS[name], 0.04));
     }
 
-    // Rings: an annulus and flat petals with rounded borders, as the contact computes them.
-    function addRing(parent, color) {
-      const r = geometry.ring, profile = [];
-      for (let k = 0; k <= 24; k++) {
-        const a = -Math.PI / 2 + Math.PI * k / 12, center = k <= 12 ? r.outer : r.inner;
-        profile.push(new T.Vector2(center + r.ring_rounding * Math.cos(a), r.ring_rounding * Math.sin(a)));
+    // Surfaces: rings, petals and other cores with their rounding, as the contact computes them.
+    /** A polyline of (x, r) turned about x; one point makes a circle. */
+    function addRevolution(parent, nodes, rounding, material) {
+      for (let k = 0; k < Math.max(nodes.length - 1, 1); k++) {
+        const from = nodes[k], to = nodes[Math.min(k + 1, nodes.length - 1)], profile = [];
+        const along = Math.atan2(to[1] - from[1], to[0] - from[0]);
+        for (let j = 0; j <= 24; j++) { // once around the piece
+          const a = along - Math.PI / 2 + Math.PI * j / 12, center = j <= 12 ? to : from;
+          profile.push(new T.Vector2(Math.max(center[1] + rounding * Math.sin(a), 0), center[0] + rounding * Math.cos(a)));
+        }
+        profile.push(profile[0].clone());
+        const mesh = new T.Mesh(new T.LatheGeometry(profile, 96), material);
+        mesh.rotation.z = -Math.PI / 2; // y of the lathe becomes x
+        parent.add(mesh);
       }
-      profile.push(profile[0].clone());
-      const ring = new T.Mesh(new T.LatheGeometry(profile, 96), solid(color));
-      ring.rotation.z = -Math.PI / 2; // y of the lathe becomes x
-      ring.position.x = r.core_x;
-      parent.add(ring);
+    }
+    function addRing(parent, color) {
+      const r = geometry.ring;
+      addRevolution(parent, [[r.core_x, r.inner], [r.core_x, r.outer]], r.ring_rounding, solid(color));
       return r.petals.map((petal) => addPetal(parent, petal.map(vector), r.petal_rounding, color));
+    }
+    function addCores(parent, cores, color) {
+      const material = solid(color);
+      for (const core of cores) {
+        const holder = group(parent, core.pose);
+        if (core.kind === 'revolution') addRevolution(holder, core.points, core.rounding, material);
+        else if (core.kind === 'plate') addPetal(holder, core.points.map(vector), core.rounding, color);
+        else {
+          const points = core.points.map(vector);
+          points.forEach((point) => ball(holder, point, core.rounding, material));
+          if (points.length > 1) span(rod(holder, core.rounding, material), ...points);
+        }
+      }
     }
     function addPetal(parent, corners, rounding, color) {
       const material = solid(color);
@@ -241,19 +262,22 @@
     }
 
     const base = group(world), ring = group(world), target = group(world);
+    const captureBody = group(world);
     addFrame(base, 'A', 0.25, [-0.07, 0, -0.08]);
     if ('chaser' in geometry.vehicles) addVehicle(base, 'chaser');
     let petals = [];
     if (hasRing) {
       addFrame(ring, geometry.capture_body === 'base' ? '' : 'G', 0.18, [-0.07, 0, 0.08]);
       if (geometry.ring) petals = addRing(ring, COLORS.active);
+      if (geometry.cores) addCores(ring, geometry.cores.active, COLORS.active);
     } else ring.visible = false;
     if (hasTarget) {
       addFrame(target, 'P', 0.25, [0.09, 0, -0.08]);
       addVehicle(target, 'target');
       if (geometry.ring) addRing(group(target, geometry.ring.passive), COLORS.passive);
+      if (geometry.cores) addCores(target, geometry.cores.passive, COLORS.passive);
     } else target.visible = false;
-    if (!geometry.ring) { // interfaces or bodies without a surface that could be drawn
+    if (!geometry.ring && !geometry.cores) { // interfaces or bodies without a surface that could be drawn
       const radius = ringRadius();
       const outline = (parent, color) => {
         const mesh = new T.Mesh(new T.TorusGeometry(radius, 0.012, 10, 72), solid(color));
@@ -277,7 +301,7 @@
       addFrame(made, body.name, 0.12);
       bodies[body.name] = { made, line, parent: body.parent };
     }
-    const holderOf = (name) => (name === 'base' ? base : name === geometry.capture_body ? ring : bodies[name]?.made);
+    const holderOf = (name) => (name === 'base' ? base : name === geometry.capture_body ? captureBody : bodies[name]?.made);
     const isPlaced = (name) => name === 'base' || (name === geometry.capture_body ? hasRing : name in bodies);
 
     // Legs: cylinder at the root, rod at the closing body; both ends are joint points of the mechanism.
@@ -293,12 +317,12 @@
       legs.push(made);
     });
 
-    // Latches: hook on G, striker on P, in the colour of the state.
+    // Latches: hook on G, striker on P, in the colour of the state. Small on a slim head.
+    const markSize = geometry.cores ? 0.4 : 1;
     const marks = latches.map((_, k) => {
       const material = new T.MeshLambertMaterial({ color: COLORS.latch[0], emissive: COLORS.latch[0], emissiveIntensity: 0.25 });
-      const at = vector(geometry.latches.points[k]);
-      if (hasRing) ball(ring, at, 0.026, material);
-      if (hasTarget) ball(target, at, 0.02, material);
+      if (hasRing) ball(ring, vector(geometry.latches.hooks[k]), markSize * 0.026, material);
+      if (hasTarget) ball(target, vector(geometry.latches.strikers[k]), markSize * 0.02, material);
       return material;
     });
 
@@ -330,6 +354,9 @@
       const i = findSample(t);
       place(ring, findPose('ring', t));
       place(target, findPose('target', t));
+      const inG = geometry.capture_body_in_G;
+      captureBody.quaternion.copy(ring.quaternion).multiply(quaternion(inG.q));
+      captureBody.position.copy(vector(inG.p)).applyQuaternion(ring.quaternion).add(ring.position);
       for (const [name, body] of Object.entries(bodies)) {
         place(body.made, findPose(`body.${name}`, t));
       }
@@ -525,6 +552,7 @@
     { column: 'relative.pitch_yaw', factor: 180 / Math.PI, say: (x) => `pitch/yaw ${(180 / Math.PI * x).toFixed(2)}\u00b0` },
     { column: 'relative.roll', factor: 180 / Math.PI, say: (x) => `roll ${(180 / Math.PI * x).toFixed(2)}\u00b0` },
   ], { unit: '\u00b0', levels: [] });
+  addFigure('surface forces (size)', surfaceForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${x.toFixed(0)} N` })), { unit: 'N', levels: [] });
   addFigure('petal forces (size)', petalForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${x.toFixed(0)} N` })), { unit: 'N', levels: [] });
   addFigure('leg forces, + pushes apart', legForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${x.toFixed(0)} N` })), { unit: 'N', levels: [] });
   if (!legForces.length) addFigure('leg lengths', list('leg[#].length').map((column) => ({ column, factor: 1e3, say: (x) => `${name2(column)}: ${(1e3 * x).toFixed(0)} mm` })), { unit: 'mm', levels: [] });
@@ -798,8 +826,8 @@
   const notes = [
     ...meta.notes,
     `${meta.samples} samples; arrow keys go from sample to sample. Between samples the motion is interpolated, everything else keeps the value before.`,
-    geometry.ring
-      ? 'Rings, petals, hooks, strikers and legs have the dimensions of the mechanism file. Diameters of legs and joints are symbols.'
+    geometry.ring || geometry.cores
+      ? 'Surfaces, hooks, strikers and legs have the dimensions of the mechanism file. Diameters of legs and joints are symbols.'
       : 'The mechanism has no contact surfaces with a shape: circles stand for the interfaces. Diameters are symbols.',
     meta.fit === null ? '' : `Drawn leg lengths and latch openings differ from the recorded ones by at most ${(1e3 * meta.fit).toExponential(1)} mm.`,
     ...Object.entries(geometry.vehicles).map(([name, v]) => (v.mesh
