@@ -1,0 +1,97 @@
+"""The three families of mechanisms: a hexapod with motors, a differential unit, a probe.
+
+Each docks under its shipped scene. Energy and momentum are audited, and what makes a family what
+it is shows in the result: a brake that gives way and then sticks, a probe that ends in its socket.
+"""
+
+import json
+
+import numpy as np
+import pytest
+
+import dockloop as dl
+from dockloop import paths, summary
+
+FAMILIES = ("hexapod", "apda", "probe_drogue")
+
+
+def read_mechanism(name: str) -> dict:
+    return json.loads((paths.MECHANISMS / f"{name}.json").read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module", params=FAMILIES)
+def docking(request):
+    return dl.run(request.param, stop=6.0, step=0.05)
+
+
+def test_every_family_captures_and_keeps_energy_and_momentum(docking):
+    assert docking["captured"][-1]
+    assert np.max(np.abs(docking["energy.residual"])) < 1e-6 * docking["energy.kinetic"][0]
+    assert np.max(docking["momentum.residual"]) < 1e-12
+
+
+def test_a_result_of_every_family_is_known_as_one(docking, tmp_path):
+    """Its own command may write it again."""
+    file = tmp_path / "own.csv"
+    file.write_text(",".join(docking.names) + "\n")
+    assert summary.RESULT.is_own(file)
+
+
+def test_rings_of_two_families_are_those_of_the_standard():
+    standard = read_mechanism("idss_hexapod")
+    for name in ("hexapod", "apda"):
+        for part in ("contact", "latches", "limits"):
+            own = read_mechanism(name)[part]
+            assert without_comments(own) == without_comments(standard[part]), (name, part)
+
+
+def without_comments(part):
+    if not isinstance(part, dict):
+        return part
+    return {key: without_comments(value) for key, value in part.items() if key != "comment"}
+
+
+def test_the_drive_brake_of_the_differential_unit_gives_way_and_sticks():
+    forces = read_mechanism("apda")["forces"]
+    drive = 1 + [force["name"] for force in forces].index("drive")
+    level, presliding = (forces[drive - 1]["laws"][1][name] for name in ("back", "presliding"))
+    run = dl.run("apda", stop=12.0, step=0.05)
+    travel, force = (run[f"element[{drive}].{name}"] for name in ("coordinate", "force"))
+    assert 0.03 < -np.min(travel) < 0.25  # it gave way, and no stop was needed
+    held = travel[run["time"] > 6.0]
+    assert np.ptp(held) < presliding
+    assert np.max(np.abs(force[run["time"] > 6.0])) < level
+
+
+def test_motors_of_the_hexapod_follow_commands():
+    """The work of a constant torque is torque times angle."""
+    forces = read_mechanism("hexapod")["forces"]
+    motors = [k for k, force in enumerate(forces, 1) if force["name"].startswith("motor")]
+    docking = dl.Docking("hexapod")
+    for k in motors:
+        docking.set(f"element[{k}].command", 1.0)
+    work = 0.0
+    for _ in range(100):
+        start = [docking.get(f"element[{k}].coordinate") for k in motors]
+        docking.step(1e-3)
+        turned = np.array([docking.get(f"element[{k}].coordinate") for k in motors]) - start
+        work += 0.05 * np.sum(turned)
+    assert work > 1e-3
+    assert docking.get("energy.drive_work") == pytest.approx(work, rel=1e-6)
+
+
+def test_the_probe_ends_in_the_socket():
+    run = dl.run("probe_drogue", stop=6.0, step=0.05)
+    names = ["head", "rod", "cone", "mouth", "socket", "floor", "rim", "edge"]
+    peaks = {name: run[f"contact.surface[{k}].peak"][-1] for k, name in enumerate(names, 1)}
+    assert peaks["cone"] > 10.0
+    assert peaks["floor"] > 10.0
+    assert run["latch[1].lateral"][-1] < 0.005
+
+
+def test_the_page_draws_pawls_where_the_core_has_them(tmp_path):
+    """A page is refused if its shapes give other openings of latches than the recorded ones."""
+    run = dl.run("probe_drogue", stop=3.0, step=0.05)
+    page = run.view(tmp_path / "probe.html")
+    assert "latch[4].opening" in run.names
+    assert '"kind": "revolution"' in page.read_text() or '"kind":"revolution"' in page.read_text()
