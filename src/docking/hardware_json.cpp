@@ -8,7 +8,7 @@
 namespace dockloop {
 namespace {
 
-constexpr int kMaxNodes = 360;  ///< of one entry
+constexpr int kMaxPoints = 360;  ///< of one entry
 
 /// Members of every core.
 constexpr const char* kCommonMembers[] = {"name", "kind", "rounding", "group", "law", "comment"};
@@ -74,7 +74,7 @@ Core read_plate(const JsonReader& item, const std::string& name, double rounding
 
 /// `count` points on a circle across x; azimuth from y to z.
 std::vector<Core> read_nodes(const JsonReader& item, const std::string& name, double rounding) {
-  const int count = item.at("count").whole(1, kMaxNodes);
+  const int count = item.at("count").whole(1, kMaxPoints);
   const double radius = item.positive("radius"), x = item.number("x", 0.0);
   const bool turned = item.has("azimuth_offset") || item.has("azimuth_offset_deg");
   const double offset = turned ? item.angle("azimuth_offset") : 0.0;
