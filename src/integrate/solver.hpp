@@ -1,6 +1,7 @@
 // What Stepper asks of a method, and what every method sees of the problem.
 //
 //   explicit_solver.cpp   Runge-Kutta, adaptive or of fixed size (our own; runge_kutta.hpp)
+//   rosenbrock_solver.cpp linearly implicit, one matrix a step (our own)
 //   implicit_solver.cpp   diagonally implicit Runge-Kutta (ARKStep; implicit_solver.hpp)
 //   multistep_solver.cpp  BDF (CVODE; multistep_solver.hpp)
 //
@@ -118,6 +119,8 @@ std::unique_ptr<Solver> make_explicit_solver(System& system, const RungeKuttaTab
 /// @param stable  a table to go over to where stability limits the steps of the usual one
 std::unique_ptr<Solver> make_explicit_solver(System& system, const RungeKuttaTable& usual,
                                              const RungeKuttaTable& stable);
+/// @param adapts  error control chooses the steps; else every step is what restart() asks for
+std::unique_ptr<Solver> make_rosenbrock_solver(System& system, bool adapts);
 std::unique_ptr<Solver> make_esdirk_solver(System& system);
 std::unique_ptr<Solver> make_bdf_solver(System& system);
 

@@ -97,6 +97,10 @@ std::unique_ptr<Solver> make_solver(System& system, Stepper::Method method) {
       return make_explicit_solver(system, get_classic());
     case Stepper::Method::kEsdirk:
       return make_esdirk_solver(system);
+    case Stepper::Method::kRosenbrock:
+      return make_rosenbrock_solver(system, true);
+    case Stepper::Method::kFixedRosenbrock:
+      return make_rosenbrock_solver(system, false);
     case Stepper::Method::kBdf:
       return make_bdf_solver(system);
   }

@@ -41,6 +41,18 @@ class Stepper {
     /// d rates / d y by columns, for implicit methods; without it SUNDIALS takes differences.
     std::function<int(double t, const double* y, double* jacobian)> jacobian;
     int jacobian_cost = 0;  ///< evaluations of the rates that a Jacobian is counted as
+    /// For kRosenbrock: a matrix A near d rates / d y that knows its own structure. Without it A is
+    /// zero.
+    struct Matrix {
+      /// A at a state whose rates have just been asked for. Adds what it costs, in evaluations of
+      /// the rates. @return as rates
+      std::function<int(double t, const double* y, int& cost)> build;
+      /// Prepare `solve` for a g. @return false if 1/g - A has no inverse
+      std::function<bool(double g)> factor;
+      /// x := (1/g - A)^-1 x
+      std::function<void(double* x)> solve;
+    } matrix;
+    std::function<bool()> depends_on_time;  ///< do rates? For kRosenbrock; empty: they do
     /// Makes a method that is not in the list below (src/compare).
     std::function<std::unique_ptr<Solver>(System&)> solver;
     /// Size of all unknowns of that method, of which y is the first part; 0 = y is all.
@@ -54,7 +66,9 @@ class Stepper {
                      ///< with a long interval of stability
     kClassicRk4,     ///< as kDormandPrince of order 4; every step is what restart() asks for
     kEsdirk,         ///< implicit one-step, L-stable, order 4(3)
-    kBdf,            ///< multistep, stiff, order up to 5
+    kRosenbrock,     ///< linearly implicit one-step, L-stable, order 4(3)
+    kFixedRosenbrock,  ///< the same without error control; steps as those of kClassicRk4
+    kBdf,              ///< multistep, stiff, order up to 5
   };
 
   /// What is known where the integration starts.

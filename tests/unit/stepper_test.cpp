@@ -24,6 +24,7 @@
 
 #include "compare/methods.hpp"
 #include "unit/allocations.hpp"
+#include "unit/dense_matrix.hpp"
 
 namespace dockloop {
 namespace {
@@ -39,17 +40,26 @@ struct Case {
 constexpr Method kOther = Method::kDormandPrince;
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
-const std::array<Case, 8> kCases = {{{Method::kDormandPrince, "dormand_prince", false},
-                                     {Method::kClassicRk4, "classic_rk4", true},
-                                     {Method::kEsdirk, "esdirk", false},
-                                     {kOther, "sdirk", true, make_fixed_implicit_solver},
-                                     {kOther, "adams", false, make_adams_solver},
-                                     {Method::kBdf, "bdf", false},
-                                     {kOther, "dop853", false, make_high_order_solver},
-                                     {Method::kStabilised, "stabilised", false}}};
+const std::array<Case, 10> kCases = {{{Method::kDormandPrince, "dormand_prince", false},
+                                      {Method::kClassicRk4, "classic_rk4", true},
+                                      {Method::kEsdirk, "esdirk", false},
+                                      {kOther, "sdirk", true, make_fixed_implicit_solver},
+                                      {kOther, "adams", false, make_adams_solver},
+                                      {Method::kBdf, "bdf", false},
+                                      {kOther, "dop853", false, make_high_order_solver},
+                                      {Method::kStabilised, "stabilised", false},
+                                      {Method::kRosenbrock, "rosenbrock", false},
+                                      {Method::kFixedRosenbrock, "fixed_rosenbrock", true}}};
+
+bool is_implicit(const Case& c) {
+  return c.solver == make_fixed_implicit_solver || c.method == Method::kFixedRosenbrock;
+}
 
 Stepper make_stepper(Stepper::Problem problem, const Case& c) {
   problem.solver = c.solver;
+  if (c.method == Method::kRosenbrock || c.method == Method::kFixedRosenbrock) {
+    problem.matrix = make_dense_matrix(problem);
+  }
   return Stepper(std::move(problem), c.method);
 }
 
@@ -237,7 +247,7 @@ Stepper::Problem make_stiff(double k) {
 }
 
 TEST(StiffProblems, are_stepped_over_by_implicit_methods_only) {
-  long steps[8] = {};
+  long steps[kCases.size()] = {};
   for (size_t i = 0; i < kCases.size(); ++i) {
     if (kCases[i].fixed) continue;
     Stepper stepper = make_stepper(make_stiff(1e5), kCases[i]);
@@ -252,6 +262,7 @@ TEST(StiffProblems, are_stepped_over_by_implicit_methods_only) {
   }
   EXPECT_GT(steps[0], 100 * steps[2]) << "explicit against implicit";
   EXPECT_GT(steps[4], 100 * steps[5]) << "Adams against BDF";
+  EXPECT_GT(steps[0], 100 * steps[8]) << "explicit against linearly implicit";
 }
 
 TEST(StiffProblems, are_cheaper_with_stabilised_steps_and_as_accurate) {
@@ -313,7 +324,7 @@ TEST(StiffProblems, are_stable_with_equal_implicit_steps) {
     const double error =
         made ? std::abs(stepper.y()[0] - std::cos(3.0)) : std::numeric_limits<double>::infinity();
     std::printf("%s: error %.2e\n", c.name, error);
-    if (c.solver == make_fixed_implicit_solver) {
+    if (is_implicit(c)) {
       EXPECT_LT(error, 1e-6);
     } else {
       EXPECT_FALSE(error < 1e100);
@@ -337,7 +348,8 @@ TEST(FixedSteps, cost_the_same_wherever_they_are) {
         const long before = stepper.rate_evaluations();
         stepper.restart(0.01 * i, 0.01);
         ASSERT_NE(stepper.step(0.01 * (i + 1), false), StepOutcome::kFailed);
-        const long expected = c.solver == make_fixed_implicit_solver ? 107 : 4;
+        // A Rosenbrock step: six stages, the slope over time, a matrix.
+        const long expected = is_implicit(c) ? 107 : 4;
         EXPECT_EQ(stepper.rate_evaluations() - before, expected)
             << c.name << ", k = " << k << ", step " << i;
       }

@@ -1,0 +1,290 @@
+// Linearly implicit steps: Rodas4P2 (G. Steinebach, Improvement of Rosenbrock-Wanner method RODASP,
+// Progress in Differential-Algebraic Equations II, Springer 2020), order 4(3), six stages,
+// L-stable.
+//
+// No iteration: each stage solves one linear system, and all stages share one matrix,
+//
+//   (1/(h gamma) - A) u_i = f(t + c_i h, y0 + sum a_ij u_j) + (1/h) sum C_ij u_j + h d_i f_t
+//   y1 = y0 + sum a_6j u_j + u_6,   estimated error u_6
+//
+// A need not be the Jacobian (Stepper::Problem::Matrix): the order is 2 with any A, even zero, and
+// 4 with the exact one. What matters is that A knows the stiff parts. A sum that w'f and w'A leave
+// alone (a momentum) is kept to rounding: w'u_i is zero too.
+//
+// The end of a step is evaluated last: it is the first stage of the next step. Dense output is the
+// cubic through both ends; the method's own is not better.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "integrate/solver.hpp"
+
+namespace dockloop {
+namespace {
+
+constexpr int kStages = 6;
+constexpr double kGamma = 0.25;
+/// Rows of the lower triangles. Row 6 of a is row 5 and a one.
+constexpr double kA[kStages][kStages] = {
+    {},
+    {3.0},
+    {0.906377755268814, -0.189707390391685},
+    {3.758617027739064, 1.161741776019525, -0.849258085312803},
+    {7.089566927282776, 4.573591406461604, -8.423496976860259, -0.959280113459775},
+    {7.089566927282776, 4.573591406461604, -8.423496976860259, -0.959280113459775, 1.0}};
+constexpr double kC[kStages][kStages] = {
+    {},
+    {-12.0},
+    {-6.354581592719008, 0.338972550544623},
+    {-8.575016317114033, -7.606483992117508, 12.22499765012482},
+    {-5.888975457523102, -8.15739661784182, 24.805546872612922, 12.79040151279698},
+    {-4.408651676063871, -6.692003137674639, 24.625568527593117, 16.627521966636085,
+     -5.714285714285718}};
+constexpr std::array<double, kStages> kTime = {0.0, 0.75, 0.321448134013046, 0.519745732277726,
+                                               1.0, 1.0};
+constexpr std::array<double, kStages> kSlope = {0.25, -0.5, -0.189532918363016, 0.085612108792769,
+                                                0.0,  0.0};
+
+constexpr double kSafety = 0.9, kGrowth = 5.0, kShrink = 0.2, kLeastShrink = 0.1;
+constexpr double kProportional = 0.7 / 4.0, kIntegral = 0.3 / 4.0;
+constexpr double kLeastError = 1e-3;  ///< errors below it say nothing of the next step
+constexpr int kMaxRejected = 20;      ///< in a row
+constexpr int kUnrollWidth = 4;       ///< states that are added up together
+
+class RosenbrockSolver : public Solver {
+ public:
+  RosenbrockSolver(System& system, bool adapts)
+      : system_(system),
+        fixed_(!adapts),
+        size_(system.problem.size),
+        stride_((size_ + kUnrollWidth - 1) / kUnrollWidth * kUnrollWidth),
+        stages_(static_cast<size_t>(stride_) * kStages, 0.0) {
+    for (auto* x : {&start_, &end_, &first_, &last_, &slope_, &sum_, &scale_, &atol_}) {
+      x->assign(static_cast<size_t>(stride_), 0.0);
+    }
+    std::copy_n(NV_DATA_S(system.atol), size_, atol_.begin());
+  }
+
+  void set_tolerances(double rtol, N_Vector atol) override {
+    rtol_ = rtol;
+    std::copy_n(NV_DATA_S(atol), size_, atol_.begin());
+  }
+  void restart(double t, N_Vector, double h) override {
+    t_ = t;
+    h_ = h;
+    last_error_ = 1.0;
+    rated_ = at_end_ = false;
+  }
+  void set_known(const Stepper::Known& known) override {
+    if (known.rates) std::copy_n(known.rates, size_, first_.begin());
+    rated_ = known.rates != nullptr;
+  }
+  StepOutcome step(double t_stop, N_Vector y, double& t) override;
+  bool interpolate(double t, N_Vector y) override;
+  double next_step() const override { return h_; }
+  bool has_fixed_step() const override { return fixed_; }
+
+ private:
+  double* get_stage(int i) { return stages_.data() + static_cast<size_t>(i) * stride_; }
+  bool calc_rates(double t, const double* y, double* ydot) {
+    return system_.calc_rates(t, y, ydot) == 0;
+  }
+  bool build_matrix();
+  bool find_time_slope(double h);
+  bool factorise(double g);
+  void add_up(int stage, double h);
+  bool calc_end(double h);
+  double find_error() const;
+  double find_first_step(double room) const;
+  std::int64_t present_steps() const override { return steps_; }
+  std::int64_t present_rejected() const override { return rejected_; }
+
+  System& system_;
+  const bool fixed_;
+  const int size_, stride_;
+  std::vector<double> stages_;        // u, one stage after another
+  std::vector<double> start_, end_;   // of the step
+  std::vector<double> first_, last_;  // rates there
+  std::vector<double> slope_;         // of the rates over time, at the start
+  std::vector<double> sum_;           // of the stages, by a row of C/h
+  std::vector<double> scale_;         // 1/(rtol |y| + atol)
+  std::vector<double> atol_;
+  double rtol_ = 1e-6;
+  double t_ = 0.0, h_ = 0.0;  // end of the last step, size of the next one [s]
+  double made_ = 0.0;         // size of the last one [s]
+  double last_error_ = 1.0;   // of the step before, in tolerances
+  double g_ = 0.0;            // of the present factors [s]
+  bool rated_ = false;        // first_ holds the rates at t_
+  bool at_end_ = false;       // last_ does
+  bool sloped_ = false;       // slope_ counts
+  std::int64_t steps_ = 0, rejected_ = 0;
+};
+
+/// @pre the rates at the start have been evaluated last
+bool RosenbrockSolver::build_matrix() {
+  if (!system_.problem.matrix.build || system_.idle) return true;
+  int cost = 0;
+  const int said = system_.note(system_.problem.matrix.build(t_, start_.data(), cost));
+  system_.evaluations += cost;
+  return said == 0;
+}
+
+/// From a difference so short that rates linear in time lose no more than half their digits.
+bool RosenbrockSolver::find_time_slope(double h) {
+  const std::function<bool()>& depends = system_.problem.depends_on_time;
+  sloped_ = !system_.idle && (!depends || depends());
+  if (!sloped_) return true;
+  constexpr double kShort = 1e-4, kRounding = 1e-9;
+  const double later = t_ + std::max(kShort * h, kRounding * std::abs(t_));
+  if (!calc_rates(later, start_.data(), slope_.data())) return false;
+  for (int i = 0; i < size_; ++i) slope_[i] = (slope_[i] - first_[i]) / (later - t_);
+  return true;
+}
+
+bool RosenbrockSolver::factorise(double g) {
+  g_ = g;
+  const auto& factor = system_.problem.matrix.factor;
+  return !factor || system_.idle || factor(g);
+}
+
+/// end_ = start_ + a u, sum_ = C u/h, of the stages before this one.
+void RosenbrockSolver::add_up(int stage, double h) {
+  std::array<double, kStages> c;
+  for (int j = 0; j < stage; ++j) c[j] = kC[stage][j] / h;
+  for (int i = 0; i < stride_; i += kUnrollWidth) {
+    double y[kUnrollWidth] = {}, s[kUnrollWidth] = {};
+    const double* u = stages_.data() + i;
+    for (int j = 0; j < stage; ++j, u += stride_) {
+      for (int l = 0; l < kUnrollWidth; ++l) {
+        y[l] += kA[stage][j] * u[l];
+        s[l] += c[j] * u[l];
+      }
+    }
+    for (int l = 0; l < kUnrollWidth; ++l) {
+      end_[i + l] = start_[i + l] + y[l];
+      sum_[i + l] = s[l];
+    }
+  }
+}
+
+/// @pre matrix, factors and time slope of the start
+bool RosenbrockSolver::calc_end(double h) {
+  const auto& solve = system_.problem.matrix.solve;
+  for (int stage = 0; stage < kStages; ++stage) {
+    double* u = get_stage(stage);
+    if (stage == 0) {
+      std::copy_n(first_.data(), size_, u);
+    } else {
+      add_up(stage, h);
+      if (!calc_rates(t_ + kTime[stage] * h, end_.data(), u)) return false;
+      for (int i = 0; i < size_; ++i) u[i] += sum_[i];
+    }
+    if (sloped_ && kSlope[stage] != 0.0) {
+      const double weight = h * kSlope[stage];
+      for (int i = 0; i < size_; ++i) u[i] += weight * slope_[i];
+    }
+    if (solve && !system_.idle) {
+      solve(u);
+    } else {
+      for (int i = 0; i < size_; ++i) u[i] *= g_;
+    }
+  }
+  const double* error = get_stage(kStages - 1);
+  for (int i = 0; i < size_; ++i) end_[i] += error[i];
+  return true;
+}
+
+/// In tolerances (root mean square).
+double RosenbrockSolver::find_error() const {
+  const double* error = stages_.data() + static_cast<size_t>(stride_) * (kStages - 1);
+  double sum = 0.0;
+  for (int i = 0; i < size_; ++i) {
+    const double e = error[i] * scale_[i];
+    sum += e * e;
+  }
+  return std::sqrt(sum / size_);
+}
+
+/// Without a proposal: the time in which the state changes by one percent, or a hundredth of the
+/// room. Stiffness does not matter, and error control does the rest.
+double RosenbrockSolver::find_first_step(double room) const {
+  double y = 0.0, speed = 0.0;
+  for (int i = 0; i < size_; ++i) {
+    y += start_[i] * scale_[i] * (start_[i] * scale_[i]);
+    speed += first_[i] * scale_[i] * (first_[i] * scale_[i]);
+  }
+  y = std::max(1.0, std::sqrt(y / size_));
+  speed = std::sqrt(speed / size_);
+  return 0.01 * (y < room * speed ? y / speed : room);
+}
+
+StepOutcome RosenbrockSolver::step(double t_stop, N_Vector y, double& t) {
+  if (at_end_) std::swap(first_, last_);
+  std::copy_n(NV_DATA_S(y), size_, start_.begin());
+  if (!rated_ && !at_end_ && !calc_rates(t_, start_.data(), first_.data())) {
+    return StepOutcome::kFailed;
+  }
+  rated_ = true;
+  at_end_ = false;
+  for (int i = 0; i < size_; ++i) scale_[i] = 1.0 / (rtol_ * std::abs(start_[i]) + atol_[i]);
+  const double room = t_stop - t_;
+  if (!(room > 0.0)) return StepOutcome::kStopped;
+  if (!build_matrix()) return StepOutcome::kFailed;
+  if (!(h_ > 0.0)) h_ = find_first_step(room);
+  if (!find_time_slope(std::min(h_, room))) return StepOutcome::kFailed;
+  bool grows = true;
+  for (int tries = 0; tries < kMaxRejected; ++tries) {
+    // What is left is divided evenly: a last step that is much shorter would be wasted.
+    const bool stops = h_ >= room * (1.0 - 1e-12);
+    const double h = stops ? room : std::min(h_, 0.5 * room);
+    if (!(t_ + h != t_)) return StepOutcome::kFailed;
+    if (!factorise(kGamma * h) || !calc_end(h)) return StepOutcome::kFailed;
+    double factor = 1.0;
+    if (!fixed_) {
+      const double error = find_error();
+      if (!(error <= 1.0)) {
+        ++rejected_;
+        const double shrink = kSafety * std::pow(error, -0.25);
+        h_ = h * (shrink > kLeastShrink ? std::min(0.9, shrink) : kLeastShrink);
+        grows = false;
+        continue;
+      }
+      if (!calc_rates(t_ + h, end_.data(), last_.data())) return StepOutcome::kFailed;
+      const double now = std::max(error, kLeastError);
+      factor = kSafety * std::pow(now, -kProportional) * std::pow(last_error_, kIntegral);
+      factor = std::clamp(factor, kShrink, grows ? kGrowth : 1.0);
+      last_error_ = now;
+      at_end_ = true;
+    }
+    rated_ = false;
+    made_ = h;
+    h_ = h * factor;
+    t_ = stops ? t_stop : t_ + h;
+    t = t_;
+    std::copy_n(end_.begin(), size_, NV_DATA_S(y));
+    ++steps_;
+    return stops ? StepOutcome::kStopped : StepOutcome::kStepped;
+  }
+  return StepOutcome::kFailed;
+}
+
+bool RosenbrockSolver::interpolate(double t, N_Vector y) {
+  if (fixed_) return true;  // no roots are looked for
+  if (!at_end_) return false;
+  const double s = 1.0 - (t_ - t) / made_, r = 1.0 - s;
+  for (int i = 0; i < size_; ++i) {
+    const double way = end_[i] - start_[i];
+    const double bend = r * (made_ * first_[i] - way) + s * (way - made_ * last_[i]);
+    NV_Ith_S(y, i) = start_[i] + s * (way + r * bend);
+  }
+  return true;
+}
+
+}  // namespace
+
+std::unique_ptr<Solver> make_rosenbrock_solver(System& system, bool adapts) {
+  return std::make_unique<RosenbrockSolver>(system, adapts);
+}
+
+}  // namespace dockloop
