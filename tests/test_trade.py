@@ -383,11 +383,11 @@ def test_every_method_of_the_core_can_be_asked_for_by_its_name_and_is_in_the_gri
     for number, name in methods.items():
         assert re.search(rf"\b{number} {name}\b", variable.description), (number, name)
         (chosen,) = trade.parse_methods(name)
-        assert chosen == (1 if name == "stabilised" else number)
+        assert chosen == number
         settings = trade.make_settings(make_bench(), Choice(methods=(chosen,)), 4.0)
         assert {s.method for s in settings[1:]} == {chosen}, name
     everything = trade.make_settings(make_bench(), Choice(), 4.0)
-    assert {s.method for s in everything} == set(methods) - {11}  # 11 is 1
+    assert {s.method for s in everything} == set(methods)
 
 
 def test_a_method_for_comparison_is_refused_by_the_fmu_that_does_not_carry_it(runs, build):

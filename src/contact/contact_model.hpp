@@ -179,6 +179,10 @@ struct ContactWorkspace {
   std::vector<char> closed;              ///< per pair, written by calc_contact
   std::vector<Vec3<S>>
       way;  ///< with it: distance vector from G to P of every closed pair, axes of G [m]
+  /// With it, of closed pairs but those of node sets, where `way` gives both: middle of the closest
+  /// points, axes of G, and sqrt(V) [m].
+  std::vector<Vec3<S>> middle;
+  std::vector<S> root;
   const nodes::NodeFunctions* node_functions = nullptr;  ///< for plain numbers
   std::vector<nodes::NodeGaps> node_gaps;                ///< with them, per group of a set
 };

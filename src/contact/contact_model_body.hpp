@@ -403,6 +403,8 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
                    z ? z_dot + 3 * i : nullptr, out);
     work.closed[i] = 1;
     work.way[i] = pq;
+    work.middle[i] = (c.first + c.second) / S(2);
+    work.root[i] = root;
   }
   return {};
 }
@@ -443,6 +445,8 @@ ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
   passive_plates = passive_local = cast_plates(model.passive);
   closed.assign(model.pairs.size(), 0);
   way.assign(model.pairs.size(), Vec3<S>::Zero());
+  middle = way;
+  root.assign(model.pairs.size(), S(0));
   node_functions = &nodes::find_node_functions();
   for (const NodeSet& set : model.node_sets) {
     node_gaps.resize(std::max(node_gaps.size(), set.groups.size()));

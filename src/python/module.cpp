@@ -103,7 +103,6 @@ std::string list_method_facts() {
     list.push_back({{"number", m.method},
                     {"name", m.name},
                     {"meaning", m.meaning},
-                    {"same_as", m.same_as},
                     {"for_comparison", m.for_comparison},
                     {"fixed_step", m.fixed_step}});
   }

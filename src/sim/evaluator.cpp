@@ -20,6 +20,7 @@ void Evaluator::use_coordinates(std::shared_ptr<const DockingModel> model) {
   present_->mechanism = MechanismData<double>(model_->mechanism);
   trial_->mechanism = MechanismData<double>(model_->mechanism);
   if (pass_) pass_ = std::make_unique<DockingPass>(*model_);
+  if (matrix_) matrix_ = std::make_unique<StructuredMatrix>(*model_);
 }
 
 /// Both workspaces get the code, because they change places.
@@ -33,6 +34,11 @@ void Evaluator::reserve_jacobian() {
   if (pass_) return;
   pass_ = std::make_unique<DockingPass>(*model_);
   jacobian_.setZero(model_->layout.size, model_->layout.size);
+}
+
+void Evaluator::reserve_matrix() {
+  reserve_jacobian();
+  matrix_ = std::make_unique<StructuredMatrix>(*model_);
 }
 
 void Evaluator::keep_pose() {
@@ -99,6 +105,31 @@ Status Evaluator::aside(double tau, const double* y, double* ydot, Need need) {
 Status Evaluator::calc_jacobian(double tau, const double* y) {
   return calc_docking_jacobian(*model_, state_.discrete, state_.memory, *trial_, loads_.at(tau),
                                state_.elapsed + tau, y, *pass_, jacobian_);
+}
+
+Status Evaluator::build_matrix(double tau, const double* y, bool is_accepted, bool renews,
+                               double* block, int& cost) {
+  const StateLayout& layout = model_->layout;
+  // Of dual numbers, per direction, measured.
+  constexpr int kCost = 2;
+  const int block_cost = kCost * (2 * layout.mechanism_nv + layout.element_bristle_count);
+  const bool is_there = is_at_key(tau, y);
+  const DockingData<double>* at = is_there && !is_started() ? trial_.get() : present_.get();
+  Status status;
+  if (!(is_there || is_accepted) || (!at->locked && at->mechanism.found == Need::kRates)) {
+    at = trial_.get();
+    ++cost;
+    status = aside(tau, y, nullptr);
+  }
+  if (renews && !at->locked && status.ok()) {
+    cost += block_cost;
+    status = calc_mechanism_block(*model_, state_.discrete, state_.memory, *at, loads_.at(tau),
+                                  state_.elapsed + tau, y, *pass_, block);
+  }
+  if (status.ok()) {
+    matrix_->build(*model_, state_.discrete, state_.memory, *at, state_.elapsed + tau, y, block);
+  }
+  return status;
 }
 
 void Evaluator::begin_inner_step() {

@@ -11,7 +11,7 @@
 #include <memory>
 #include <vector>
 
-#include "docking/docking_jacobian.hpp"
+#include "docking/structured_matrix.hpp"
 #include "mechanism/kernels.hpp"
 #include "sim/sim_state.hpp"
 #include "sim/step_loads.hpp"
@@ -34,6 +34,8 @@ class Evaluator {
   void use_kernels(const std::shared_ptr<const KernelLibrary>& kernels);
   /// calc_jacobian() will be called.
   void reserve_jacobian();
+  /// build_matrix() will be called.
+  void reserve_matrix();
   /// From now on the mechanism is locked in `present`, or moves (null).
   void hold(const LockedMechanism* locked) { present_->locked = locked; }
   /// The same in both workspaces, for the whole run.
@@ -66,6 +68,14 @@ class Evaluator {
   /// Derivatives of the rates. @pre reserve_jacobian(); aside() at this state
   Status calc_jacobian(double tau, const double* y);
   const MatX<double>& jacobian() const { return jacobian_; }
+
+  /// Structured matrix at the state whose rates the integrator has asked for last.
+  /// @param is_accepted  y is the state of `present`
+  /// @param block  its mechanism block. @param renews  compute the block at this state first
+  /// @param[out] cost  what this takes, in evaluations. @pre reserve_matrix()
+  Status build_matrix(double tau, const double* y, bool is_accepted, bool renews, double* block,
+                      int& cost);
+  StructuredMatrix& matrix() { return *matrix_; }
 
   // Validity
 
@@ -108,6 +118,7 @@ class Evaluator {
   bool is_present_kept_ = false;
   std::unique_ptr<DockingPass> pass_;  ///< with reserve_jacobian() only
   MatX<double> jacobian_;
+  std::unique_ptr<StructuredMatrix> matrix_;  ///< with reserve_matrix() only
   std::int64_t counted_ = 0;
 };
 

@@ -37,6 +37,8 @@
 
 namespace dockloop {
 
+constexpr int kJacobianSteps = 50;  ///< longest use of a Jacobian, unless Newton fails
+
 constexpr double kLookAgain = 0.7;  ///< factor of the margin for a new search of coordinates
 
 /// Derivatives of all continuous outputs, along eight directions at a time.
@@ -65,6 +67,10 @@ struct DockingSim::Impl : SimState {
   void attach_kernel();
   int update_failure_code(Status status, double t, const double* values, int count);
   int calc_jacobian(double t, const double* y, double* by_columns);
+  bool prefers_structured_matrix() const;
+  bool uses_structured_matrix() const;
+  void enter_structured_matrix(Stepper::Problem& problem);
+  int build_matrix(double t, const double* y, int& cost);
   std::vector<double> find_absolute_tolerances() const;
   double find_relative_tolerance() const;
   double find_share_of_norm() const;

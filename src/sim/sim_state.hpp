@@ -43,6 +43,7 @@ struct QuiescentState {
 };
 
 /// The last Jacobian of an implicit method, by columns: the next communication step begins with it.
+/// Of a linearly implicit method: the mechanism block (docking/structured_matrix.hpp).
 struct KeptJacobian {
   bool valid = false;
   std::int64_t step = 0;        ///< number of the step, as in Counters

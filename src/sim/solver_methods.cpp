@@ -9,7 +9,9 @@ namespace {
 
 constexpr bool kCore = false, kCompare = true, kFixed = true, kJacobian = true, kRates = true;
 constexpr std::array<MethodFacts, kMethodCount> kMethods = {{
-    {kAuto, "auto", "the same as 11", kCore, !kFixed, !kJacobian, kRates},
+    {kAuto, "auto",
+     "12 where surfaces may touch and tolerances are loose or friction is steep, else 11", kCore,
+     !kFixed, !kJacobian, kRates},
     {kExplicit, "explicit", "adaptive one-step", kCore, !kFixed, !kJacobian, kRates},
     {kImplicit, "implicit", "one-step, for stiff contact, latches or friction", kCore, !kFixed,
      kJacobian},
@@ -29,7 +31,10 @@ constexpr std::array<MethodFacts, kMethodCount> kMethods = {{
     {kHighOrder, "high_order", "as 2, of order 8, for smooth motion at tight tolerances", kCompare,
      !kFixed, !kJacobian, kRates},
     {kStabilised, "stabilised", "as 2; longer steps of order 4 where stability limits the steps",
-     kCore, !kFixed, !kJacobian, kRates, kAuto},
+     kCore, !kFixed, !kJacobian, kRates},
+    {kRosenbrock, "rosenbrock",
+     "linearly implicit one-step, for loose tolerances and steep friction; with bristles as 11",
+     kCore, !kFixed, !kJacobian, kRates},
 }};
 
 constexpr bool is_in_order() {

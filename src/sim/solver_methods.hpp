@@ -24,8 +24,9 @@ enum SolverMethod {
   kDae = 9,
   kHighOrder = 10,
   kStabilised = 11,
+  kRosenbrock = 12,
 };
-constexpr int kMethodCount = kStabilised;
+constexpr int kMethodCount = kRosenbrock;
 
 struct MethodFacts {
   SolverMethod method;
@@ -35,7 +36,6 @@ struct MethodFacts {
   bool fixed_step = false;         ///< equal steps of solver.step
   bool needs_jacobian = false;     ///< needs the Jacobian of the rates
   bool begins_with_rates = false;  ///< a step uses the rates at the start
-  SolverMethod same_as = method;   ///< this method is another name of that method
 };
 
 /// All methods, in the order of their numbers, from 1.

@@ -74,8 +74,6 @@ def list_methods(study):
     )
     for row in list_methods_of_core():
         method, name, purpose = row["number"], row["name"], row["meaning"]
-        if row["same_as"] != method:
-            continue
         purpose = f"to compare with: {purpose}" if row["for_comparison"] else purpose
         settings = [f"solver.method={method}", *(["model.level=4"] if method == 9 else [])]
         runs = {

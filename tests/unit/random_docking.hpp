@@ -38,12 +38,15 @@ struct Docking {
     int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
     for (int i : model.mechanism_bodies) {
       const Body& body = model.mechanism.model.bodies[i];
-      ASSERT_EQ(body.joint, JointType::kFree);
-      const V p = random.vector(0.03);
-      const Vec4<double> quat = quat_exp<double>(random.vector(0.05));
-      for (int j = 0; j < 3; ++j) y[q + j] = p[j];
-      for (int j = 0; j < 4; ++j) y[q + 3 + j] = quat[j];
-      for (int j = 0; j < 6; ++j) y[v + j] = random.uniform(-0.03, 0.03);
+      if (body.joint == JointType::kFree) {
+        const V p = random.vector(0.03);
+        const Vec4<double> quat = quat_exp<double>(random.vector(0.05));
+        for (int j = 0; j < 3; ++j) y[q + j] = p[j];
+        for (int j = 0; j < 4; ++j) y[q + 3 + j] = quat[j];
+      } else {
+        y[q] = model.mechanism.model.home_q[body.q_index] + random.uniform(-0.03, 0.03);
+      }
+      for (int j = 0; j < body.nv(); ++j) y[v + j] = random.uniform(-0.03, 0.03);
       q += body.nq();
       v += body.nv();
     }

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 
+#include "sim/solver_methods.hpp"
 #include "unit/fmu_test_support.hpp"
 #include "unit/test_helpers.hpp"
 #include "unit/traps.hpp"
@@ -168,16 +169,14 @@ TEST_P(FixedSteps, take_the_same_work_everywhere) {
 }
 
 const auto kNameOf = [](const ::testing::TestParamInfo<int>& method) {
-  const char* names[] = {"",      "auto", "explicit",  "implicit",       "imex",
-                         "adams", "bdf",  "fixed_rk4", "fixed_implicit", "dae"};
-  return std::string(names[method.param]);
+  return std::string(find_method(method.param)->name);
 };
 INSTANTIATE_TEST_SUITE_P(Methods, FixedSteps,
                          ::testing::Values(int(kFixedRk4), int(kFixedImplicit)), kNameOf);
 INSTANTIATE_TEST_SUITE_P(Methods, RealTime,
                          ::testing::Values(int(kExplicit), int(kImplicit), int(kImex), int(kAdams),
                                            int(kBdf), int(kFixedRk4), int(kFixedImplicit),
-                                           int(kDae)),
+                                           int(kDae), int(kRosenbrock)),
                          kNameOf);
 
 }  // namespace

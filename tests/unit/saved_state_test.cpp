@@ -74,6 +74,7 @@ std::vector<Run> make_runs() {
   add_method("implicit", [](Parameters& p) { p.solver_method = kImplicit; });
   add_method("adams", [](Parameters& p) { p.solver_method = kAdams; });
   add_method("bdf", [](Parameters& p) { p.solver_method = kBdf; });
+  add_method("rosenbrock", [](Parameters& p) { p.solver_method = kRosenbrock; });
   add_method("imex", [](Parameters& p) { p.solver_method = kImex; });
   add_method("dae", [](Parameters& p) { p.model_level = kReference; });
   runs.push_back({"sloped_inputs", ring, [](Parameters& p) { p.contact_thrust = 50.0; }, push});
@@ -112,6 +113,9 @@ std::vector<Run> make_runs() {
   runs.back().seen = "coordinates";
   runs.push_back({"other_coordinates_implicit", slider_crank_scene(),
                   [](Parameters& p) { p.solver_method = kImplicit; }});
+  runs.back().seen = "coordinates";
+  runs.push_back({"other_coordinates_rosenbrock", slider_crank_scene(),
+                  [](Parameters& p) { p.solver_method = kRosenbrock; }});
   runs.back().seen = "coordinates";
   runs.push_back({"other_coordinates_dae", slider_crank_scene(),
                   [](Parameters& p) { p.model_level = kReference; }});

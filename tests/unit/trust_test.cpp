@@ -171,7 +171,7 @@ TEST(EnergyWatch, refuses_a_step_that_multiplies_energy) {
 }
 
 TEST(EnergyWatch, bounds_what_any_method_makes_in_contact) {
-  for (int method = kAuto; method <= kStabilised; ++method) {
+  for (int method = kAuto; method <= kMethodCount; ++method) {
     if (method == kDae) continue;  // has a level of its own
     for (const double step : {0.02, 0.05}) {
       ComparingSim sim(share(short_ring_scene()));

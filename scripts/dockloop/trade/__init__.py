@@ -101,10 +101,9 @@ def name_levels() -> dict[int, str]:
 
 
 def make_grid() -> tuple[Block, ...]:
-    """Return the grid: every method that the core lists, without second names of one."""
-    methods = [m for m in list_methods() if m["same_as"] == m["number"]]
+    """Return the grid: every method that the core lists."""
     numbers: dict[str, list[int]] = {"carried": [], "compared": [], "fixed": [], "multipliers": []}
-    for method in methods:
+    for method in list_methods():
         kind = "compared" if method["for_comparison"] else "carried"
         kind = "fixed" if method["fixed_step"] else kind
         kind = "multipliers" if method["name"] == _MULTIPLIERS else kind
@@ -228,10 +227,8 @@ def parse_names(option: str, text: str | None, names: dict[int, str]) -> tuple[i
 
 
 def parse_methods(text: str | None) -> tuple[int, ...]:
-    """Parse names or numbers of methods; a second name stands for the first."""
-    chosen = parse_names("--methods", text, name_methods())
-    first = {method["number"]: method["same_as"] for method in list_methods()}
-    return tuple(dict.fromkeys(first[number] for number in chosen))
+    """Parse names or numbers of methods."""
+    return tuple(dict.fromkeys(parse_names("--methods", text, name_methods())))
 
 
 def find_default(bench: Bench) -> Setting:
