@@ -85,6 +85,9 @@ void Instance::initialise() {
     for (const std::string& text : warnings) logger.write(fmi2Warning, kLogWarning, text);
     last_warnings = std::move(warnings);
   }
+  if (sim.choice_text() == last_choice) return;
+  last_choice = sim.choice_text();
+  if (!last_choice.empty()) logger.write(fmi2OK, kLogChoices, last_choice);
 }
 
 void Instance::log_events() {
@@ -139,6 +142,7 @@ void Instance::reset() {
   step_status = fmi2OK;
   phase = 0;
   last_warnings.clear();
+  last_choice.clear();
 }
 
 // ---------------------------------------------------------------- values
@@ -225,7 +229,7 @@ namespace {
 constexpr char kMagic[8] = {'D', 'O', 'C', 'K', 'L', 'O', 'O', 'P'};
 constexpr std::uint32_t kByteOrder = 0x01020304;
 /// Increase it when the contents change.
-constexpr std::uint32_t kStateFormat = 8;
+constexpr std::uint32_t kStateFormat = 9;
 
 struct Header {
   char magic[8];

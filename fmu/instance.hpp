@@ -91,6 +91,7 @@ struct Instance {
   double time = 0.0;                       ///< [s] last communication point, by the host's clock
   fmi2Status step_status = fmi2OK;         ///< of the last fmi2DoStep
   int phase = 0;                           ///< as last logged
+  std::string last_choice;                 ///< of accuracy, as last logged
   std::vector<std::string> last_warnings;  ///< last logged: an initialisation may be repeated
 };
 

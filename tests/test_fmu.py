@@ -45,6 +45,7 @@ energy.{dissipated_contact,dissipated_friction,dissipated_legs,dissipated_latche
 momentum.residual momentum.{linear,angular,reference}[1..3]
 solver.{steps,rhs_evaluations,rejected_steps,closure_residual,singularity_margin}
 solver.{method,rtol,atol_position,atol_velocity}
+accuracy solver.{chosen_method,chosen_rtol,chosen_step,error_estimate}
 """
 
 

@@ -225,7 +225,7 @@ def _describe_variable(variable: Variable) -> Entry:
         if variable.start is not None and number == variable.start:
             default = name
     low, high = variable.minimum, variable.maximum
-    limits = "" if names else _say_range(low, high)
+    limits = "" if names and variable.type == "Integer" else _say_range(low, high)
     return Entry(
         variable.name,
         variable.causality,

@@ -302,6 +302,17 @@ def _add_run(commands: Any) -> None:
         metavar="GB",
         help="refuse to write a larger result file (default: 1)",
     )
+    run.add_argument(
+        "--accuracy",
+        metavar="ERROR",
+        help="wanted relative error of peak loads, stroke, time of capture and final motion, or"
+        " real-time: as --set accuracy=ERROR",
+    )
+    run.add_argument(
+        "--estimate-error",
+        action="store_true",
+        help="run again with tighter tolerances and state the error of this run",
+    )
     run.add_argument("--no-plots", action="store_true", help="do not draw figures")
     run.add_argument(
         "--view", action="store_true", help="write RESULT_view.html, the motion in three dimensions"
@@ -445,6 +456,8 @@ def _run(options: argparse.Namespace) -> None:
     if result.suffix == ".parquet":
         import_optional("pyarrow")
     _claim_run(options, result)
+    if options.accuracy is not None:
+        options.set.append(f"accuracy={options.accuracy}")
 
     with scratch() as folder:
         if not is_fmu:
@@ -461,10 +474,27 @@ def _run(options: argparse.Namespace) -> None:
             progress=ProgressBar(fmu.stem),
             label=paths.shown(fmu) if is_fmu else f"scene {fmu.stem}",
         )
+        if options.estimate_error:
+            run.error_estimate = _estimate_error(options, fmu, run)
 
     summary = summarise(run)
     _write_run(options, run, summary, result)
     _tell(json.dumps(summary, indent=2) if options.json else describe(summary))
+
+
+def _estimate_error(options: argparse.Namespace, fmu: Path, run: Any) -> dict:
+    """Return the error of a run, by a second run."""
+    from dockloop.accuracy import COMPARED, estimate_error
+    from dockloop.simulate import ProgressBar, run_fmu
+
+    def repeat(tighter: dict[str, float]) -> Any:
+        settings = [*options.set, *(f"{name}={value!r}" for name, value in tighter.items())]
+        progress = ProgressBar(f"{fmu.stem}, second run")
+        return run_fmu(
+            fmu, settings, options.stop, options.step, outputs=COMPARED, progress=progress
+        )
+
+    return estimate_error(run, repeat)
 
 
 def _claim_run(options: argparse.Namespace, result: Path) -> None:

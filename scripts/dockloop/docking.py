@@ -79,6 +79,7 @@ class Docking:
         scene: what is modelled.
         variables: everything that can be read or set, by name.
         warnings: issued so far.
+        notes: what the parameter ``accuracy`` has chosen.
     """
 
     def __init__(
@@ -97,6 +98,7 @@ class Docking:
             scene = Scene(scene, overrides)
         self.scene: Scene = scene
         self.warnings = list(self.scene.warnings)
+        self.notes: list[str] = []
         document, source = to_json(self.scene.document), name_source(self.scene.path)
         with core_errors() as core:
             self._core = core.Docking(document, source)
@@ -228,11 +230,12 @@ class Docking:
         result.values[:, 0] = times
         result.values[:, 1:] = values
         self._keep_warnings()
-        result.warnings = list(self.warnings)
+        result.warnings, result.notes = list(self.warnings), list(self.notes)
         return result
 
     def _keep_warnings(self) -> None:
         self.warnings += self._core.take_warnings()
+        self.notes += self._core.take_notes()
 
     def _read_parameters(self) -> dict[str, float]:
         rows = [
@@ -260,6 +263,8 @@ def run(
     *,
     stop: float | None = None,
     step: float | None = None,
+    accuracy: float | str | None = None,
+    estimate_error: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Result:
     """Run one docking from its start to `stop`: ``dockloop run`` without an FMU.
@@ -270,6 +275,8 @@ def run(
         start_values: values of variables at the start, as for `Docking.set`.
         stop: end [s]; default: that of the scene.
         step: communication step [s]; default: that of the scene.
+        accuracy: wanted relative error, or ``"real-time"``; default: that of the scene.
+        estimate_error: run again with tighter tolerances (`Result.error_estimate`).
         progress: receives the part that is done, 0 to 1.
 
     Returns:
@@ -287,10 +294,18 @@ def run(
         float(experiment["stop"] if stop is None else stop),
         float(experiment["step"] if step is None else step),
     )
-    for name, value in (start_values or {}).items():
+    settings = dict(start_values or {}) | ({} if accuracy is None else {"accuracy": accuracy})
+    for name, value in settings.items():
         docking.set(name, value)
     loaded = time.perf_counter() - began
     result = docking.record(times, progress)
     result.wall["load"] += loaded
     result.warnings += warn_of_driven(docking.scene.document)
+    if estimate_error:
+        from dockloop import accuracy as errors  # loads FMPy
+
+        def repeat(tighter: dict[str, float]) -> Result:
+            return run(docking.scene, None, settings | tighter, stop=stop, step=step)
+
+        result.error_estimate = errors.estimate_error(result, repeat)
     return result

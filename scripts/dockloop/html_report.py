@@ -25,7 +25,7 @@ from dockloop.core import list_choices
 from dockloop.outputs import Kind, read_head, writing
 
 _WORST = 10  # cases in a list
-_SOLVER = ("method", "rtol", "atol_position", "atol_velocity", "atol_energy", "step")
+_SOLVER = ("accuracy", "method", "rtol", "atol_position", "atol_velocity", "atol_energy", "step")
 Rows = list[list[str]]
 
 

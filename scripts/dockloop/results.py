@@ -36,6 +36,8 @@ class Result:
         wall: wall time [s]: ``load`` (until the start state is there), ``loop``, and of the loop
             ``do_step`` (inside the steps) and ``read`` (reading outputs).
         warnings: issued before and during the run.
+        notes: what the parameter ``accuracy`` has chosen.
+        error_estimate: from a second run (`dockloop.accuracy.estimate_error`); empty without one.
     """
 
     scene: dict
@@ -45,6 +47,8 @@ class Result:
     parameters: dict[str, float] = field(default_factory=dict)
     wall: dict[str, float] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    error_estimate: dict[str, Any] = field(default_factory=dict)
 
     def __contains__(self, name: str) -> bool:
         """Return whether a variable was recorded."""

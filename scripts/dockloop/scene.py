@@ -26,6 +26,7 @@ from dockloop import schema
 from dockloop.core import list_choices
 from dockloop.errors import UsageError, did_you_mean, find_reason
 from dockloop.paths import MECHANISMS, SCENES, find_absence, is_file, shown
+from dockloop.variables import NAMED_NUMBERS
 
 FORMAT = "dockloop-scene/1"
 _KEPT = 16  # mechanisms, with what is set in them, that a reader of a scene remembers
@@ -108,6 +109,9 @@ def _number_choices(scene: dict) -> None:
         if isinstance(name, str):
             numbers = {choice.name: choice.number for choice in list_choices(variable)}
             scene[section][member] = numbers[name]
+    accuracy = scene.get("solver", {}).get("accuracy")
+    if isinstance(accuracy, str):
+        scene["solver"]["accuracy"] = NAMED_NUMBERS["accuracy"][accuracy]
 
 
 def _resolve(scene: dict, mechanism: dict, path: Path) -> dict:

@@ -242,6 +242,8 @@ def _sentence(error: Any, root: dict) -> str:
             choices = ", ".join(str(choice) for choice in names or limit)
             near = did_you_mean(value, map(str, limit)) if isinstance(value, str) else ""
             return f"{where} is {shown_value}: must be one of {choices}{near}"
+        case "pattern":
+            return f"{where} is {shown_value}: must be a number or {limit.strip('^$')}"
         case "type":
             types = [limit] if isinstance(limit, str) else limit
             wanted = " or ".join(_NAMED_TYPES[name] for name in types)

@@ -31,6 +31,7 @@ from dockloop.variables import WORDS, find_number, fits, list_names
 __all__ = ["ProgressBar", "Recording", "run_fmu"]  # and what is defined here
 Recording = Result  # as `dockloop.trade` calls it
 _WARNING = 1  # fmi2Warning
+_CHOICES = b"logChoices"  # category of what `accuracy` has chosen
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
 
 
@@ -112,7 +113,7 @@ def record(
     except FMICallException as error:
         raise DockloopError(instance.sentence(error)) from None
     recording.wall = instance.loop(times, recorder, progress, clock)
-    recording.warnings = instance.warnings
+    recording.warnings, recording.notes = instance.warnings, instance.notes
     return recording
 
 
@@ -124,6 +125,7 @@ class Instance:
         self._label, self._folder = label, folder
         self._log: list[str] = []
         self.warnings: list[str] = []
+        self.notes: list[str] = []
         # The callbacks must live as long as the instance, so they are kept here.
         self._callbacks = fmi2.fmi2CallbackFunctions()
         self._callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(self._on_log)
@@ -157,6 +159,7 @@ class Instance:
         """Go back to the state after loading; what was logged is forgotten."""
         self.slave.reset()
         self.warnings.clear()
+        self.notes.clear()
         self._log.clear()
 
     def initialise(self, starts: list[tuple], times: np.ndarray) -> None:
@@ -211,9 +214,11 @@ class Instance:
         self.slave.terminate()
         return {"loop": clock() - began, "do_step": stepping, "read": reading}
 
-    def _on_log(self, _env: Any, _name: bytes, status: int, _category: bytes, text: bytes) -> None:
+    def _on_log(self, _env: Any, _name: bytes, status: int, category: bytes, text: bytes) -> None:
         message = (text or b"").decode(errors="replace").replace("%%", "%").strip()
-        if status == _WARNING:
+        if category == _CHOICES:
+            self.notes.append(message)
+        elif status == _WARNING:
             self.warnings.append(message)
         elif status > _WARNING:
             self._log.append(message)

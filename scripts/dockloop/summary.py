@@ -89,9 +89,14 @@ def summarise(run: Result) -> dict:
         names = ("steps", "rhs_evaluations", "rejected_steps")
         summary["solver"] = {name: int(run[f"solver.{name}"][-1]) for name in names}
         summary["solver"]["closure_residual"] = float(np.max(run["solver.closure_residual"]))
+        summary["solver"] |= _settings(run)
         evaluations = summary["solver"]["rhs_evaluations"]
         if evaluations > 0:
             summary["time"]["microseconds_per_rhs"] = 1e6 * run.wall["do_step"] / evaluations
+    if run.notes:
+        summary["notes"] = run.notes
+    if run.error_estimate:
+        summary["error_estimate"] = run.error_estimate
     if run.warnings:
         summary["warnings"] = run.warnings
     summary["units"] = dict(zip(run.names, run.units, strict=True))  # of the columns of a CSV file
@@ -175,6 +180,9 @@ def describe(summary: dict) -> str:
                 else ""
             )
         )
+    lines += [f"  note         {text}" for text in summary.get("notes", [])]
+    if "error_estimate" in summary:
+        lines.append(f"  error        {summary['error_estimate']['sentence']}")
     lines += [f"  warning      {text}" for text in summary.get("warnings", [])]
     if "files" in summary:
         first, *others = summary["files"]
@@ -283,6 +291,17 @@ def _legs(run: Result) -> dict:
         "shortest_travel": float(np.min(lengths - lengths[0])),
         "longest_travel": float(np.max(lengths - lengths[0])),
         "largest_force": float(np.max(np.abs(forces))),
+    }
+
+
+def _settings(run: Result) -> dict:
+    """Return method and tolerance in use, of FMUs that state them."""
+    if "solver.chosen_method" not in run:
+        return {}
+    return {
+        "method": name_choice("solver.method", run["solver.chosen_method"][-1]),
+        "rtol": float(run["solver.chosen_rtol"][-1]),
+        "error_estimate": float(run["solver.error_estimate"][-1]),
     }
 
 

@@ -11,6 +11,7 @@ from dockloop.errors import UsageError, did_you_mean
 
 Value = float | int | bool
 TYPES: dict[str, type] = {"Real": float, "Integer": int, "Boolean": bool}
+NAMED_NUMBERS = {"accuracy": {"real-time": -1}}  # Reals of which some values have names
 WORDS = {"Real": "a finite number", "Integer": "a whole number", "Boolean": "true or false"}
 
 
@@ -60,12 +61,14 @@ def fits(name: str, pattern: str) -> bool:
 
 
 def list_names(variable: str, description: str) -> dict[str, int]:
-    """Return the numbers of the values of a choice by their names; none if it has no names.
+    """Return the numbers of the values of a variable by their names; none if it has no names.
 
     Args:
         variable: its name.
         description: of the variable; values that this FMU does not carry are not in it.
     """
+    if variable in NAMED_NUMBERS:
+        return NAMED_NUMBERS[variable]
     values = read_choices().get(variable, ())
     return {v.name: v.number for v in values if f"{v.number} {v.name}" in description}
 
@@ -79,5 +82,9 @@ def find_number(variable: str, description: str, text: str) -> int:
     names = list_names(variable, description)
     if text not in names:
         near = did_you_mean(text, names)
+        if variable in NAMED_NUMBERS:
+            raise UsageError(
+                f"'{variable}' is '{text}': must be a number or {', '.join(names)}{near}"
+            )
         raise UsageError(f"'{variable}' is '{text}': must be one of {', '.join(names)}{near}")
     return names[text]

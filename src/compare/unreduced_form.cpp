@@ -32,9 +32,9 @@ class Multipliers : public UnreducedForm {
   void add_tolerances(std::vector<double>& atol) const override {
     constexpr double kNone = 1e20;
     atol.resize(static_cast<size_t>(form_->size), kNone);
-    std::fill_n(atol.begin() + form_->q_dep, form_->cuts, sim_.parameters.atol_position);
+    std::fill_n(atol.begin() + form_->q_dep, form_->cuts, sim_.chosen.atol_position);
     std::fill(atol.begin() + form_->v_dep, atol.begin() + form_->lambda,
-              sim_.parameters.atol_velocity);
+              sim_.chosen.atol_velocity);
   }
   void set_nominals(VecX<double> nominal) override { nominal_ = std::move(nominal); }
   double find_cut_gap(double tau) override {

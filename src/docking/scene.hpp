@@ -97,6 +97,9 @@ struct RatedLoads {
   double bending = 0.0, torsion = 0.0;                   ///< [N m]
 };
 
+/// Value of accuracy that asks for bounded cost per step instead of a wanted error.
+constexpr double kRealTime = -1.0;
+
 struct SolverSettings {
   double rtol = 1e-6;           ///< [-]
   double atol_position = 1e-8;  ///< [m]
@@ -128,6 +131,7 @@ struct Scene {
   double contact_thrust = 0.0, contact_thrust_delay = 0.0;  ///< [N], [s]
   double restitution = 1.0, restitution_speed = 0.1;        ///< [-] at [m/s]
   SolverSettings solver;
+  double accuracy = 0.0;  ///< start value of accuracy (sim/accuracy.hpp)
   Experiment experiment;
   bool parallel_host = false;       ///< start value of coupling.mode
   int level = kReduced;             ///< start value of model.level

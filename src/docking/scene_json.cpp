@@ -20,7 +20,7 @@ int read_choice(const JsonReader& item, const ChoiceList& list) {
 }
 
 /// Increase it when the same document leads to other variables or other meanings.
-constexpr const char* kVariableTableVersion = "dockloop-variables/1";
+constexpr const char* kVariableTableVersion = "dockloop-variables/2";
 
 constexpr int kMaxNodes = 360;  ///< of a guide ring
 constexpr int kMaxMethod = 99;  ///< sim/solver_methods.hpp has the list
@@ -206,6 +206,10 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
       if (solver.has(key)) *value = solver.positive(key);
     }
     s.method = solver.whole("method", s.method, 1, kMaxMethod);
+    scene.accuracy = solver.number("accuracy", scene.accuracy);
+    if (scene.accuracy != kRealTime && !(scene.accuracy >= 0.0 && scene.accuracy <= 1.0)) {
+      solver.at("accuracy").fail("must be 0 to 1, or -1 (real time)");
+    }
   }
   if (root.has("experiment")) {
     const JsonReader experiment = root.at("experiment");

@@ -779,6 +779,14 @@ void add_model_parameters(Table& table, Parameters& parameter, bool has_comparis
 }
 
 void add_solver_parameters(Table& table, Parameters& parameter, bool has_comparison) {
+  table
+      .parameter("accuracy", &parameter.accuracy, kNone,
+                 "Wanted relative error of peak loads, stroke, time of capture and final motion: "
+                 "chooses solver.method and tolerances by measured dockings; 0: solver.* as they "
+                 "are; -1: real time, fixed steps of bounded cost. Values of solver.* that "
+                 "differ from their defaults stay")
+      .limits(kRealTime, 1)
+      .nominal(1e-3);
   table.parameter("model.flight", &parameter.flight, kNone, "Mechanism far from contact")
       .choices(kFreeDriftModels);
   Row method =
@@ -820,6 +828,32 @@ void add_solver_parameters(Table& table, Parameters& parameter, bool has_compari
 }
 
 void add_solver_outputs(Table& table, Outputs& out) {
+  table
+      .output("solver.chosen_method", &out.solver_chosen_method, kNone,
+              "Integration method in use (a number of solver.method): solver.method, or the choice "
+              "of accuracy")
+      .limits(1, kMethodCount);
+  table
+      .output("solver.chosen_rtol", &out.solver_chosen_rtol, kNone,
+              "Relative tolerance in use: the smaller one of host and solver.rtol or the choice of "
+              "accuracy; 0 with fixed steps")
+      .limits(0, 1)
+      .nominal(1e-8)
+      .discrete();
+  table
+      .output("solver.chosen_step", &out.solver_chosen_step, kTime,
+              "Largest inner step of a fixed-step method in use: solver.step, or the choice of "
+              "accuracy; 0 without fixed steps")
+      .not_negative()
+      .discrete();
+  table
+      .output("solver.error_estimate", &out.solver_error_estimate, kNone,
+              "With accuracy: relative error that 95 % of the measured dockings stayed below with "
+              "the method and tolerances in use (a statistical value, not measured in this run); 0 "
+              "= no value")
+      .limits(0, 1)
+      .nominal(1e-3)
+      .discrete();
   table.output("solver.steps", &out.solver_steps, kCount, "Inner steps since the start")
       .not_negative()
       .discrete();

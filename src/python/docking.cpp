@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "docking/phases.hpp"
+#include "interface/log_categories.hpp"
 
 namespace dockloop {
 namespace {
@@ -59,17 +60,20 @@ void Docking::reset() {
   instance_.reset();
   instance_.state = kInitializationMode;
   log_.clear();
+  notes_.clear();
 }
 
-void Docking::log(fmi2ComponentEnvironment environment, fmi2String, fmi2Status status, fmi2String,
-                  fmi2String message, ...) {
-  if (status != fmi2Warning) return;  // errors are exceptions here
+void Docking::log(fmi2ComponentEnvironment environment, fmi2String, fmi2Status status,
+                  fmi2String category, fmi2String message, ...) {
+  const bool is_choice = category == std::string(kLogCategories[kLogChoices].name);
+  if (status != fmi2Warning && !is_choice) return;  // errors are exceptions here
   std::string text;
   for (const char* c = message; *c; ++c) {
     text += *c;
     if (c[0] == '%' && c[1] == '%') ++c;  // a logger is printf-like
   }
-  static_cast<Docking*>(environment)->log_.push_back(std::move(text));
+  Docking& self = *static_cast<Docking*>(environment);
+  (is_choice ? self.notes_ : self.log_).push_back(std::move(text));
 }
 
 std::vector<int> Docking::find(const std::vector<std::string>& names) const {
@@ -203,5 +207,6 @@ void Docking::restore(const char* bytes, size_t size) {
 }
 
 std::vector<std::string> Docking::take_warnings() { return std::exchange(log_, {}); }
+std::vector<std::string> Docking::take_notes() { return std::exchange(notes_, {}); }
 
 }  // namespace dockloop

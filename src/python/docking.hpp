@@ -84,6 +84,8 @@ class Docking {
   std::vector<char> save() const;
   void restore(const char* bytes, size_t size);
   std::vector<std::string> take_warnings();
+  /// What accuracy has chosen, once per run.
+  std::vector<std::string> take_notes();
 
  private:
   static void log(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,
@@ -92,7 +94,7 @@ class Docking {
   double read(const Variable& v);
   void step_to(double t);
 
-  std::vector<std::string> log_;
+  std::vector<std::string> log_, notes_;
   bool touches_ = true;
   fmi2CallbackFunctions callbacks_{};
   Instance instance_;

@@ -209,5 +209,6 @@ NB_MODULE(_core, m) {
           "restore",
           [](Docking& self, const nb::bytes& state) { self.restore(state.c_str(), state.size()); },
           nb::arg("state"))
-      .def("take_warnings", &Docking::take_warnings);
+      .def("take_warnings", &Docking::take_warnings)
+      .def("take_notes", &Docking::take_notes);
 }

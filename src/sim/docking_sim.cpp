@@ -29,6 +29,8 @@ void DockingSim::use_kernels(std::shared_ptr<const KernelLibrary> library) {
   impl_->kernels = std::move(library);
 }
 
+const std::string& DockingSim::choice_text() const { return impl_->choice_text; }
+
 std::vector<std::string> DockingSim::take_warnings() {
   std::vector<std::string> taken;
   taken.swap(impl_->warnings);
@@ -168,7 +170,7 @@ void DockingSim::Impl::build_for(const SavedSim& from) {
   keep(fresh);
   fresh.reference.valid = from.snapshot.reference.valid;
   if (!have_same_shape(fresh, from.snapshot) || !fits(from.snapshot.state.memory, model->contact) ||
-      !are_modes(from.snapshot.state.discrete) || !are_branches(from.snapshot.reference)) {
+      !(from.snapshot.state.inner_step > 0.0) || !are_modes(from.snapshot.state.discrete) || !are_branches(from.snapshot.reference)) {
     throw ModelError("the saved state does not fit this model");
   }
   warnings.clear();  // already issued when the state was made

@@ -112,6 +112,9 @@ class DockingSim {
   /// Back to the state after construction: parameters and inputs have the scene's values again.
   void reset();
 
+  /// What accuracy has chosen, and why, in one sentence; empty without accuracy.
+  const std::string& choice_text() const;
+
   /// Warnings gathered since the last call (parameters that break a rule of thumb, singular loops).
   std::vector<std::string> take_warnings();
 

@@ -34,7 +34,7 @@ void DockingSim::get_states(double* y) const {
 /// Relative tolerance of the solver times nominal value = absolute tolerance of the scene.
 void DockingSim::get_nominals(double* nominal) const {
   for (const double atol : impl_->find_absolute_tolerances()) {
-    *nominal++ = atol / impl_->parameters.rtol;
+    *nominal++ = atol / impl_->chosen.rtol;
   }
 }
 

@@ -68,6 +68,10 @@ Status DockingSim::Impl::update_main() {
   outputs.solver_rejected_steps = static_cast<double>(counters.rejected_steps);
   outputs.solver_singularity_margin =
       find_singularity_margin(model->mechanism, present().mechanism);
+  outputs.solver_chosen_method = chosen.method;
+  outputs.solver_chosen_rtol = is_fixed_step() ? 0.0 : find_relative_tolerance();
+  outputs.solver_chosen_step = is_fixed_step() ? inner_step : 0.0;
+  outputs.solver_error_estimate = chosen.error_estimate;
   return {};
 }
 

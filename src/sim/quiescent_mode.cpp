@@ -26,11 +26,11 @@ double find_spin_bound(const Mat3<double>& inertia, const Vec3<double>& w) {
 }  // namespace
 
 QuiescentMode::QuiescentMode(const DockingModel& model, SimState& state,
-                             const Parameters& parameters, double rtol, bool is_possible,
+                             const SolverSettings& settings, double rtol, bool is_possible,
                              const StepLoads& loads, EventLogic& events, Evaluator& evaluator)
     : model_(&model),
       state_(state),
-      parameters_(parameters),
+      settings_(settings),
       rtol_(rtol),
       is_possible_(is_possible),
       loads_(loads),
@@ -87,7 +87,7 @@ Status QuiescentMode::update(double tau, double* y) {
   double* const v = y + layout.mechanism_v;
   bool kept = true;
   for (int j = 0; j < layout.mechanism_nq; ++j) {
-    const double tolerance = kPlace * parameters_.atol_position + rtol_ * std::abs(q[j]);
+    const double tolerance = kPlace * settings_.atol_position + rtol_ * std::abs(q[j]);
     kept = kept && std::abs(q[j] - quiescent.q[j]) <= tolerance;
   }
   if (!kept) {
@@ -110,7 +110,7 @@ Status QuiescentMode::update(double tau, double* y) {
   // At the start zero velocity is sufficient; later the coordinates must have been constant.
   double speed = 0.0;
   for (int j = 0; j < layout.mechanism_nv; ++j) speed = std::max(speed, std::abs(v[j]));
-  const bool starts = now == 0.0 && speed <= parameters_.atol_velocity;
+  const bool starts = now == 0.0 && speed <= settings_.atol_velocity;
   if (!starts && now - quiescent.since < kQuiet) return {};
   if (!update_balance(tau, y)) {
     quiescent.since = now;
@@ -171,7 +171,7 @@ bool QuiescentMode::update_balance(double tau, const double* y) {
     }
     return largest;
   };
-  const double place = kPlace * parameters_.atol_position;
+  const double place = kPlace * settings_.atol_position;
   if (!(find_shift(pull_) <= place)) return false;
   // The load of spin is quadratic in it.
   quiescent.slack = 0.5 * place / std::max(find_shift(spinning_), 0.5 * place);

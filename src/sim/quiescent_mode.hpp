@@ -24,7 +24,7 @@ class QuiescentMode {
  public:
   /// Keeps references to all but the model. @param is_possible  can the mechanism become quiescent
   /// in this run?
-  QuiescentMode(const DockingModel& model, SimState& state, const Parameters& parameters,
+  QuiescentMode(const DockingModel& model, SimState& state, const SolverSettings& settings,
                 double rtol, bool is_possible, const StepLoads& loads, EventLogic& events,
                 Evaluator& evaluator);
   void use_model(const DockingModel& model) { model_ = &model; }
@@ -64,7 +64,7 @@ class QuiescentMode {
 
   const DockingModel* model_;
   SimState& state_;
-  const Parameters& parameters_;
+  const SolverSettings& settings_;
   double rtol_;
   bool is_possible_, is_always_locked_ = false;
   const StepLoads& loads_;

@@ -26,6 +26,7 @@
 #include "docking/base_jump.hpp"
 #include "docking/docking_jacobian.hpp"
 #include "integrate/stepper.hpp"
+#include "sim/accuracy.hpp"
 #include "sim/comparison.hpp"
 #include "sim/docking_sim.hpp"
 #include "sim/evaluator.hpp"
@@ -75,6 +76,8 @@ struct DockingSim::Impl : SimState {
   double find_relative_tolerance() const;
   double find_share_of_norm() const;
   bool can_be_quiescent() const;
+  double find_real_time_step();
+  double find_impacting_mass() const;
   void check_joint_starts(const LoopPlan& plan) const;
   void check_mechanism_rests() const;
   Status bring_joints_to_start();
@@ -199,7 +202,7 @@ struct DockingSim::Impl : SimState {
   DockingData<double>& trial() const { return evaluator->trial(); }
   bool has_surfaces() const { return events->has_surfaces(); }
   /// @pre check_parameters()
-  const MethodFacts& method() const { return *find_method(setup->parameters.solver_method); }
+  const MethodFacts& method() const { return *find_method(chosen.method); }
   bool is_fixed_step() const { return method().fixed_step; }
   /// Does an inner step end at an event?
   bool locates_events() const { return fmi_kind == FmiKind::kCoSimulation && !is_fixed_step(); }
@@ -232,9 +235,11 @@ struct DockingSim::Impl : SimState {
   std::array<bool, static_cast<size_t>(OutputGroup::kCount)> valid{};
   std::string status_text;
   std::vector<std::string> warnings;
+  std::string choice_text;  ///< what accuracy has chosen; empty without accuracy
 
   // set by start(); a const model is replaced for other tunable parameters or coordinates
   std::shared_ptr<const Setup> setup;  ///< null before start()
+  SolverChoice chosen;                 ///< of the setup
   std::shared_ptr<const DockingModel> model;
   std::unique_ptr<Mechanism> start_mechanism;    ///< in the coordinates of the start
   std::shared_ptr<const KernelLibrary> kernels;  ///< from the FMU; may be null

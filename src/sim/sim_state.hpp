@@ -54,6 +54,7 @@ struct SimState {
   double elapsed = 0.0;       ///< [s] from start to the last communication point
   double h_warm = 0.0;        ///< step size for the next communication step [s]
   double last_step = 0.0;     ///< [s]
+  double inner_step = 0.0;    ///< largest one of a method with fixed steps [s]
   double fastest_rate = 0.0;  ///< of the solution, last estimate [1/s]
   Vec3<double> frame_velocity = Vec3<double>::Zero();  ///< of O in N [m/s]
   Vec3<double> frame_shift = Vec3<double>::Zero();     ///< of O in N since the start [m]
@@ -111,9 +112,9 @@ void transfer(A& archive, Parameters& p) {
   transfer_members<Parameters>(
       archive, p.vehicle, p.contact_thrust, p.contact_thrust_delay, p.friction_coefficient,
       p.friction_model, p.restitution, p.restitution_speed, p.element_numbers, p.failure_active,
-      p.failure_numbers, p.model_level, p.flight, p.solver_method, p.dae_form, p.step, p.rtol,
-      p.atol_position, p.atol_velocity, p.atol_energy, p.coupling_mode, p.coupling_expected_step,
-      p.coupling_velocity_tolerance);
+      p.failure_numbers, p.model_level, p.flight, p.accuracy, p.solver_method, p.dae_form, p.step,
+      p.rtol, p.atol_position, p.atol_velocity, p.atol_energy, p.coupling_mode,
+      p.coupling_expected_step, p.coupling_velocity_tolerance);
 }
 
 template <class A>
@@ -226,9 +227,9 @@ void transfer(A& archive, KeptJacobian& kept) {
 
 template <class A>
 void transfer(A& archive, SimState& s) {
-  transfer_members<SimState>(archive, s.elapsed, s.h_warm, s.last_step, s.fastest_rate,
-                             s.frame_velocity, s.frame_shift, s.discrete, s.memory, s.peaks,
-                             s.mean_load, s.coupling, s.quiescent, s.margin_looked_at,
+  transfer_members<SimState>(archive, s.elapsed, s.h_warm, s.last_step, s.inner_step,
+                             s.fastest_rate, s.frame_velocity, s.frame_shift, s.discrete, s.memory,
+                             s.peaks, s.mean_load, s.coupling, s.quiescent, s.margin_looked_at,
                              s.warned_margin, s.warned_tilt, s.coordinates, s.kept_jacobian,
                              s.drift, s.energy_audit, s.momentum_audit);
 }

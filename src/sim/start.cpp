@@ -116,6 +116,21 @@ void put_failures(const Parameters& p, std::vector<LawFailure>& failures) {
   }
 }
 
+/// Largest absolute eigenvalue, by squaring: lim |J^n|^(1/n). @param matrix  is overwritten
+double find_spectral_radius(MatX<double>& matrix) {
+  constexpr int kSquares = 10;
+  double logarithm = 0.0, power = 1.0;
+  for (int i = 0; i <= kSquares; ++i) {
+    const double norm = matrix.norm();
+    if (!(norm > 0.0)) return 0.0;
+    logarithm += std::log(norm) / power;
+    matrix /= norm;
+    if (i < kSquares) matrix = (matrix * matrix).eval();
+    power *= 2.0;
+  }
+  return std::exp(logarithm);
+}
+
 Stepper::Method find_stepper_method(int method) {
   switch (method) {
     case kImplicit:
@@ -144,6 +159,7 @@ Parameters find_start_parameters(const Scene& scene) {
   p.restitution = scene.restitution;
   p.restitution_speed = scene.restitution_speed;
   p.model_level = scene.level;
+  p.accuracy = scene.accuracy;
   p.solver_method = scene.solver.method;
   p.step = scene.solver.step;
   p.rtol = scene.solver.rtol;
@@ -416,8 +432,13 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   warnings.clear();
   check_method(from->parameters, comparison != nullptr);  // a saved state may come from elsewhere
   check_level(from->parameters, fmi_kind);
+  check_accuracy(from->parameters.accuracy);
   setup = std::move(from);
   parameters = setup->parameters;
+  choice_text.clear();
+  Parameters wanted = parameters;
+  if (fmi_kind == FmiKind::kModelExchange) wanted.accuracy = 0.0;  // the host integrates
+  chosen = choose_solver(wanted, setup->tolerance);
   choose_frame_O();
   const auto made = std::make_shared<DockingModel>(make_docking_model(
       *scene, parameters.vehicle, make_contact_law(), frame_origin, parameters.model_level));
@@ -436,9 +457,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   evaluator = std::make_unique<Evaluator>(model, *this, loads);
   host = std::make_unique<HostCoupling>(*model, setup, frame_origin, inputs, loads, *events,
                                         *evaluator, *this, warnings);
-  quiescent_mode =
-      std::make_unique<QuiescentMode>(*model, *this, parameters, find_relative_tolerance(),
-                                      can_be_quiescent(), loads, *events, *evaluator);
+  quiescent_mode = std::make_unique<QuiescentMode>(*model, *this, chosen, find_relative_tolerance(),
+                                                   can_be_quiescent(), loads, *events, *evaluator);
   derivative_pass.reset();
   jump_work.reset();
   look_ahead_start.reset();
@@ -453,7 +473,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     least_inertia[i] = find_principal_moments(inertia)[0];
   }
   // At rest the scale is the motion of a vehicle within the tolerance.
-  const double least_momentum = parameters.atol_velocity * parameters.vehicle[kChaser].mass;
+  const double least_momentum = chosen.atol_velocity * parameters.vehicle[kChaser].mass;
 
   Status status = bring_joints_to_start();
   if (status.ok()) {
@@ -466,6 +486,13 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     check_mechanism_rests();
     quiescent_mode->lock_always();
     if (!evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
+  }
+  if (chosen.needs_step) chosen.step = find_real_time_step();
+  inner_step = chosen.step;
+  if (parameters.accuracy != 0.0) {
+    choice_text = fmi_kind == FmiKind::kModelExchange
+                      ? "accuracy has no effect for model exchange: the host integrates"
+                      : describe_choice(parameters, chosen, setup->tolerance);
   }
   start_energy_audit(*model, present(), stepper->y(), energy_audit);
   start_momentum_audit(*model, present(), least_momentum, momentum_audit);
@@ -509,7 +536,64 @@ bool DockingSim::Impl::can_be_quiescent() const {
 /// The smaller of the tolerances of parameter and host.
 double DockingSim::Impl::find_relative_tolerance() const {
   const double asked = setup->tolerance;
-  return asked > 0.0 ? std::min(asked, parameters.rtol) : parameters.rtol;
+  return asked > 0.0 ? std::min(asked, chosen.rtol) : chosen.rtol;
+}
+
+/// Inner step for real time [s], by the fastest rates of the equations: those of the mechanism at
+/// the start, and those of its capture body in contact, in latches and sliding. A Runge-Kutta step
+/// of order 4 is stable up to 2.8 over the rate; an oscillation needs shorter steps.
+/// @pre evaluate
+double DockingSim::Impl::find_real_time_step() {
+  constexpr double kPerRate = 1.0, kPerOscillation = 0.3, kPerFriction = 2.0;
+  constexpr double kLongest = 0.01;  // [s]
+  constexpr double kAtOnce = 3.0;    // petals or latches that carry the load
+  evaluator->reserve_jacobian();
+  MatX<double> jacobian;
+  if (evaluator->aside(0.0, stepper->y(), nullptr).ok() &&
+      evaluator->calc_jacobian(0.0, stepper->y()).ok()) {
+    jacobian = evaluator->jacobian();
+  }
+  double step = kLongest;
+  const auto limit = [&step](double rate, double factor) {
+    if (rate * step > factor) step = factor / rate;
+  };
+  evaluator->forget();
+  if (jacobian.size() > 0 && jacobian.allFinite()) limit(find_spectral_radius(jacobian), kPerRate);
+  double mass = find_impacting_mass();
+  if (!(mass > 0.0)) {  // no capture body: the lighter vehicle
+    for (int i : {kChaser, kTarget}) {
+      const double other = parameters.vehicle[i].mass;
+      if (model->moves[i]) mass = mass > 0.0 ? std::min(mass, other) : other;
+    }
+  }
+  if (!(mass > 0.0)) return step;
+  const ContactModel& contact = model->contact;
+  const ContactLaw& law = contact.law;
+  double stiffness = 0.0;
+  if (contact.kind == ContactModel::Kind::kAbsorber) stiffness = contact.absorber.stiffness;
+  if (contact.kind == ContactModel::Kind::kRings) stiffness = kAtOnce * law.stiffness;
+  if (model->latches.count() > 0) {
+    stiffness = std::max(stiffness, kAtOnce * model->latches.law.hold_stiffness);
+  }
+  const double frequency = std::sqrt(stiffness / mass);
+  limit(frequency, kPerOscillation);
+  if (contact.kind != ContactModel::Kind::kRings || law.friction_coefficient == 0.0) return step;
+  const double force = present().relative.v.norm() * std::sqrt(kAtOnce * law.stiffness * mass);
+  const double friction = law.friction_coefficient * force / (law.friction_speed * mass);
+  limit(law.friction_model == 1 ? friction : law.bristle_stiffness / law.bristle_relaxation,
+        kPerFriction);
+  return step;
+}
+
+/// Mass that meets the target: the capture body on its legs, or all bodies; 0 without such bodies
+/// [kg].
+double DockingSim::Impl::find_impacting_mass() const {
+  const int body = model->mechanism.model.capture_body;
+  if (!present().locked) return body == kBase ? 0.0 : model->mechanism.model.bodies[body].mass;
+  double inverse_mass = 0.0;
+  if (model->moves[kChaser]) inverse_mass += 1.0 / quiescent_mode->locked().whole.mass;
+  if (model->moves[kTarget]) inverse_mass += 1.0 / model->vehicle[kTarget].mass;
+  return inverse_mass > 0.0 ? 1.0 / inverse_mass : 0.0;
 }
 
 /// Generated code evaluates trial states, if the FMU has such code and the code applies. The form
@@ -562,16 +646,15 @@ void DockingSim::Impl::make_stepper() {
       comparison->enter(method().method, *this, problem);
     }
   }
-  const int chosen = setup->parameters.solver_method;
   stepper = std::make_unique<Stepper>(std::move(problem), uses_structured_matrix()
                                                               ? Stepper::Method::kRosenbrock
-                                                              : find_stepper_method(chosen));
+                                                              : find_stepper_method(chosen.method));
 
   std::vector<double> atol = find_absolute_tolerances();
   // A smaller relative tolerance of the host also reduces absolute tolerances, down to rounding.
-  const double rtol = find_relative_tolerance(), share_of_atol = rtol / parameters.rtol;
+  const double rtol = find_relative_tolerance(), share_of_atol = rtol / chosen.rtol;
   constexpr double kRounding = 1e-13;  // [m], [m/s]; of positions and speeds near the docking
-  const double least = kRounding / std::max(parameters.atol_position, kRounding);
+  const double least = kRounding / std::max(chosen.atol_position, kRounding);
   for (double& value : atol) value *= std::max(share_of_atol, least);
   stepper->set_tolerances(rtol * std::sqrt(find_share_of_norm()), atol.data());
   if (unreduced) {
@@ -602,7 +685,7 @@ bool DockingSim::Impl::prefers_structured_matrix() const {
   constexpr double kLoose = 1e-4, kLooseVelocity = 1e-6;  // solver.rtol, solver.atol_velocity
   constexpr double kUsual = 1e-6, kSteep = 1e-4;          // solver.rtol, contact.friction_speed
   const double rtol = find_relative_tolerance();
-  const bool is_loose = rtol >= kLoose && setup->parameters.atol_velocity >= kLooseVelocity;
+  const bool is_loose = rtol >= kLoose && chosen.atol_velocity >= kLooseVelocity;
   const bool is_steep = rtol >= kUsual && model->contact.law.friction_speed < kSteep;
   return model->contact.has_surfaces() && (is_loose || is_steep);
 }
@@ -666,21 +749,21 @@ int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_column
 /// Per state, by kind; momenta are velocities times mass or inertia.
 std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
   const StateLayout& layout = model->layout;
-  std::vector<double> atol(static_cast<size_t>(layout.size), parameters.atol_position);
-  std::fill_n(atol.begin() + layout.mechanism_v, layout.mechanism_nv, parameters.atol_velocity);
+  std::vector<double> atol(static_cast<size_t>(layout.size), chosen.atol_position);
+  std::fill_n(atol.begin() + layout.mechanism_v, layout.mechanism_nv, chosen.atol_velocity);
   for (int i : {kChaser, kTarget}) {
     if (layout.momentum[i] < 0) continue;
     const VehicleParameters& p = parameters.vehicle[i];
     const double lever2 = p.interface_position.squaredNorm();
     const double inertia = p.inertia.head<3>().maxCoeff() + p.mass * lever2;
-    std::fill_n(atol.begin() + layout.momentum[i], 3, parameters.atol_velocity * p.mass);
-    std::fill_n(atol.begin() + layout.momentum[i] + 3, 3, parameters.atol_velocity * inertia);
+    std::fill_n(atol.begin() + layout.momentum[i], 3, chosen.atol_velocity * p.mass);
+    std::fill_n(atol.begin() + layout.momentum[i] + 3, 3, chosen.atol_velocity * inertia);
     if (i == kChaser) {
-      std::fill_n(atol.begin() + layout.impulse, 3, parameters.atol_velocity * p.mass);
-      std::fill_n(atol.begin() + layout.impulse + 3, 3, parameters.atol_velocity * inertia);
+      std::fill_n(atol.begin() + layout.impulse, 3, chosen.atol_velocity * p.mass);
+      std::fill_n(atol.begin() + layout.impulse + 3, 3, chosen.atol_velocity * inertia);
     }
   }
-  std::fill_n(atol.begin() + layout.sums, layout.sum_count, parameters.atol_energy);
+  std::fill_n(atol.begin() + layout.sums, layout.sum_count, chosen.atol_energy);
   if (unreduced) unreduced->add_tolerances(atol);
   for (int i : {kChaser, kTarget}) {
     if (layout.host_impulse[i] < 0) continue;
@@ -721,14 +804,7 @@ void DockingSim::Impl::warn_about_start() {
   }
   if (!has_surfaces() || !model->contact.has_surfaces()) return;
   // k >= 4 m v^2/rounding^2 for the impacting mass: the capture body on its legs, or all bodies.
-  const int body = model->mechanism.model.capture_body;
-  double mass = body == kBase ? 0.0 : model->mechanism.model.bodies[body].mass;
-  if (present().locked) {
-    double inverse_mass = 0.0;
-    if (model->moves[kChaser]) inverse_mass += 1.0 / quiescent_mode->locked().whole.mass;
-    if (model->moves[kTarget]) inverse_mass += 1.0 / model->vehicle[kTarget].mass;
-    mass = inverse_mass > 0.0 ? 1.0 / inverse_mass : 0.0;
-  }
+  const double mass = find_impacting_mass();
   const double v = present().relative.v.norm();
   const double needed =
       4.0 * mass * v * v / (model->contact.least_rounding * model->contact.least_rounding);

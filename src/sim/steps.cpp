@@ -259,7 +259,7 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
 /// method, events detected at their ends. The cost is bounded; errors are not controlled.
 /// @pre evaluate_start()
 Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
-  const double wanted = std::ceil(h / parameters.step * (1.0 - 1e-9));
+  const double wanted = std::ceil(h / inner_step * (1.0 - 1e-9));
   constexpr int kRk4 = 4, kSdirk = 7;  // evaluations, and a Jacobian
   const double each = needs_jacobian() ? kSdirk + find_jacobian_cost() : kRk4;
   if (wanted * each > static_cast<double>(limit)) {
@@ -268,7 +268,7 @@ Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
         text, sizeof text,
         "the step needs %.6g inner steps of solver.step = %.6g s, but the limit is %.6g: shorten "
         "the step or increase solver.step",
-        wanted, parameters.step, std::floor(static_cast<double>(limit) / each));
+        wanted, inner_step, std::floor(static_cast<double>(limit) / each));
     status_text = text;
     return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed};
   }
@@ -367,7 +367,7 @@ Status DockingSim::Impl::step_to_root(double tau) {
 
 /// Does the step that ends here create energy? If so, status_text contains the message.
 bool DockingSim::Impl::is_energy_created(const EnergyBalance& found, double tau) {
-  const double there = find_energy_scale(energy_audit, found, parameters.atol_energy);
+  const double there = find_energy_scale(energy_audit, found, chosen.atol_energy);
   if (!creates_energy(energy_audit, found, there)) return false;
   char text[400];
   std::snprintf(
@@ -383,7 +383,7 @@ bool DockingSim::Impl::is_energy_created(const EnergyBalance& found, double tau)
 
 /// Updates the energy audit. Issues a warning at a residual of 1 %, and again at 10 %.
 void DockingSim::Impl::watch_energy(const EnergyBalance& found, double tau) {
-  const double there = find_energy_scale(energy_audit, found, parameters.atol_energy);
+  const double there = find_energy_scale(energy_audit, found, chosen.atol_energy);
   if (!update_energy_audit(found, there, energy_audit)) return;
   char text[300];
   std::snprintf(text, sizeof text,

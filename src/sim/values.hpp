@@ -46,6 +46,7 @@ struct Parameters {
   std::vector<double> failure_numbers;  ///< time [s] and value of each
   int flight = kQuiescent;              ///< see FreeDriftModel
   int model_level = kReduced;           ///< see ModelLevel
+  double accuracy = 0.0;                ///< [-] wanted relative error; see sim/accuracy.hpp
   int solver_method = 1;                ///< see SolverMethod
   int dae_form = 3;                     ///< of method 9: see kDaeForms
   double step = 0.0;                    ///< [s] inner step of the fixed methods
@@ -282,6 +283,10 @@ struct Outputs : OutputValues<double> {
   double solver_steps = 0, solver_rhs_evaluations = 0, solver_rejected_steps = 0;
   double solver_closure_residual = 0.0;    ///< largest loop gap, see SimState::drift [m]
   double solver_singularity_margin = 1.0;  ///< smallest margin over loops [-]
+  int solver_chosen_method = kAuto;        ///< see SolverMethod
+  double solver_chosen_rtol = 0.0;         ///< [-] 0 with fixed steps
+  double solver_chosen_step = 0.0;         ///< [s] 0 without fixed steps
+  double solver_error_estimate = 0.0;      ///< [-] 0 = none
 };
 
 }  // namespace dockloop

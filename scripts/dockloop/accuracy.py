@@ -1,0 +1,176 @@
+"""The error of a run, as ``accuracy`` and ``dockloop run --estimate-error`` mean it.
+
+Two runs of one docking are compared: peak loads, stroke, time of capture, final motion. Every
+figure is relative; the largest one is the error of the run. A second run with tighter tolerances
+estimates the error of the first one.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from dockloop import schema
+from dockloop.core import list_loads, list_methods, name_choice
+from dockloop.errors import UsageError
+from dockloop.results import Result
+from dockloop.trade.errors import find_frame, find_scales, find_times
+
+_LEAST_PEAK = 0.05  # no peak is compared with less than this part of the largest one of its unit
+_TIGHTER, _LEAST_RTOL = 1e-2, 1e-13  # tolerances of the second run over those of the first
+_SHORTER = 0.25  # the same for the step of a fixed-step method
+ATOL_PER_RTOL = {"atol_position": 1e-2, "atol_velocity": 1e-2, "atol_energy": 1e-1}  # of the choice
+COMPARED = (
+    *("relative.position", "relative.attitude", "relative.velocity", "relative.angular_velocity"),
+    *("ring.position", "ring.attitude", "ring.velocity", "ring.angular_velocity"),
+    *("outcome", "captured", "time_of_contact", "time_of_capture", "capture.peak", "solver."),
+)
+_FINAL = {  # figure -> scale (`find_scales`), output of the frame
+    "final_position": ("position_m", "position"),
+    "final_attitude": ("attitude_rad", "attitude"),
+    "final_velocity": ("end_velocity_m_s", "velocity"),
+    "final_angular_velocity": ("end_angular_velocity_rad_s", "angular_velocity"),
+}
+
+
+def find_figures(reference: Result, run: Result) -> dict[str, float]:
+    """Return the relative errors of a run.
+
+    Args:
+        reference: the same docking, closer to the solution.
+        run: at the same communication points, or at points among which are those of `reference`.
+
+    Returns:
+        By name: ``capture.peak.NAME`` over the peak itself (at least 5 % of the largest peak of its
+        unit), ``stroke`` over the largest displacement of the ring, ``time_of_capture`` over the
+        time from contact to capture, final motion over its largest value. Figures that the scene
+        does not have are left out. Without capture in one of the two runs ``time_of_capture`` is
+        infinite.
+    """
+    scales = find_scales(reference)
+    here = find_times(reference.time, run.time)
+    figures = _compare_peaks(reference, run)
+    if "stroke" in scales:
+        strokes = [_find_stroke(reference), _find_stroke(run, here)]
+        figures["stroke"] = float(abs(strokes[1] - strokes[0]) / scales["stroke"])
+    if "time_of_capture" in reference:
+        times = [each["time_of_capture"][-1] for each in (run, reference)]
+        if min(times) >= 0.0:
+            figures["time_of_capture"] = float(abs(times[0] - times[1]) / scales["capture_time_s"])
+        elif max(times) >= 0.0:
+            figures["time_of_capture"] = np.inf
+    frame = find_frame(reference.names)
+    for figure, (scale, name) in _FINAL.items():
+        ends = [each.vector(f"{frame}.{name}")[-1] for each in (run, reference)]
+        apart = np.linalg.norm(ends[0] - ends[1])
+        if name == "attitude":  # the angle; q and -q are the same attitude
+            apart = 2.0 * np.minimum(apart, np.linalg.norm(ends[0] + ends[1]))
+        figures[figure] = float(apart / scales[scale])
+    return figures
+
+
+def has_same_outcome(reference: Result, run: Result) -> bool:
+    """Return whether two runs end alike: outcome, and capture or none."""
+    return all(
+        round(reference[name][-1]) == round(run[name][-1])
+        for name in ("outcome", "captured")
+        if name in reference
+    )
+
+
+def find_error(reference: Result, run: Result) -> float:
+    """Return the largest of the `find_figures`; infinite if the outcome is another one."""
+    if not has_same_outcome(reference, run):
+        return np.inf
+    return max(find_figures(reference, run).values())
+
+
+def _compare_peaks(reference: Result, run: Result) -> dict[str, float]:
+    """Return the relative errors of the peak loads."""
+    if "capture.peak.shear" not in reference:
+        return {}
+    peaks = {load: reference[f"capture.peak.{load}"][-1] for load in list_loads()}
+    largest = {
+        unit: max(peaks[load] for load, of in list_loads().items() if of == unit)
+        for unit in list_loads().values()
+    }
+    figures = {}
+    for load, unit in list_loads().items():
+        scale = max(peaks[load], _LEAST_PEAK * largest[unit])
+        if scale > 0.0:
+            name = f"capture.peak.{load}"
+            figures[name] = float(abs(run[name][-1] - peaks[load]) / scale)
+    return figures
+
+
+def _find_stroke(run: Result, here: np.ndarray | None = None) -> float:
+    """Return the largest displacement of the ring from its start [m]."""
+    positions = run.vector("ring.position")
+    positions = positions if here is None else positions[here]
+    return float(np.max(np.linalg.norm(positions - positions[0], axis=1)))
+
+
+def estimate_error(run: Result, repeat: Callable[[dict[str, float]], Result]) -> dict[str, Any]:
+    """Estimate the error of a run by a second run with tolerances of a hundredth.
+
+    Args:
+        run: the run; it needs the group ``solver`` of outputs.
+        repeat: makes the same run with other start values.
+
+    Returns:
+        ``error`` (None: not known), ``figures`` (see `find_figures`), ``second_run`` (its start
+        values and evaluations) and ``sentence``.
+
+    Raises:
+        UsageError: the scene does not have the outputs that are compared.
+    """
+    if "solver.chosen_rtol" not in run:
+        raise UsageError("an error estimate needs the outputs 'solver': add it to outputs.groups")
+    find_frame(run.names)
+    tighter = _tighten(run)
+    second = repeat(tighter)
+    cost = int(second["solver.rhs_evaluations"][-1])
+    known: dict[str, Any] = {"second_run": {**tighter, "evaluations": cost}}
+    settings = ", ".join(f"{n} {v:.3g}" for n, v in tighter.items() if n in _NAMED)
+    if not has_same_outcome(second, run):
+        ends = " and ".join(f"'{_say_outcome(each)}'" for each in (run, second))
+        return known | {
+            "error": None,
+            "figures": {},
+            "sentence": "the outcome depends on the last digits: this run and a second one"
+            f" ({settings}) end as {ends}; the docking is at a boundary of capture, and its loads"
+            " and times are not determined",
+        }
+    figures = find_figures(second, run)
+    worst = max(figures, key=lambda name: figures[name])
+    return known | {
+        "error": figures[worst],
+        "figures": figures,
+        "sentence": f"about {figures[worst]:.1e} ({worst}), by a second run ({settings})",
+    }
+
+
+_NAMED = ("solver.rtol", "solver.step")  # settings that a sentence names
+
+
+def _tighten(run: Result) -> dict[str, float]:
+    """Return start values of a run with a smaller error, without choices of its own."""
+    number = int(run["solver.chosen_method"][-1])
+    tighter: dict[str, float] = {"accuracy": 0.0, "solver.method": number}
+    method = next(each for each in list_methods() if each["number"] == number)
+    if method["fixed_step"]:
+        return tighter | {"solver.step": _SHORTER * float(run["solver.chosen_step"][-1])}
+    used = float(run["solver.chosen_rtol"][-1])
+    rtol = max(_TIGHTER * used, min(used, _LEAST_RTOL))
+    defaults = schema.list_defaults("scene", "solver")
+    for name, share in ATOL_PER_RTOL.items():
+        given = run.parameters[f"solver.{name}"]
+        is_chosen = run.parameters["accuracy"] != 0.0 and given == defaults[name]
+        atol = share * used if is_chosen else given * min(1.0, used / run.parameters["solver.rtol"])
+        tighter[f"solver.{name}"] = atol * rtol / used
+    return tighter | {"solver.rtol": rtol}
+
+
+def _say_outcome(run: Result) -> str:
+    """Return the outcome of a run."""
+    return name_choice("outcome", run["outcome"][-1]) if "outcome" in run else "not captured"

@@ -1,0 +1,169 @@
+// Choice of method, tolerances and inner step; see accuracy.hpp.
+#include "sim/accuracy.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "sim/accuracy_table.hpp"
+
+namespace dockloop {
+namespace {
+
+/// Rows of one method: wanted error and tolerance, both fall from row to row.
+struct Column {
+  size_t method;  ///< place in kCalibratedMethods
+  size_t count;   ///< rows; further rows are not reached
+
+  explicit Column(size_t place) : method(place), count(0) {
+    while (count < kAccuracyTable.size() && kAccuracyTable[count].rtol[method] > 0.0) ++count;
+  }
+  double rtol(size_t row) const { return kAccuracyTable[row].rtol[method]; }
+  double find_rtol(double error) const {
+    return interpolate(
+        error, [](size_t i) { return kAccuracyTable[i].error; },
+        [this](size_t i) { return rtol(i); });
+  }
+  double find_error(double tolerance) const {
+    return interpolate(
+        tolerance, [this](size_t i) { return rtol(i); },
+        [](size_t i) { return kAccuracyTable[i].error; });
+  }
+  /// The smallest error that the method promises for a wanted one.
+  double clamp(double wanted) const {
+    return std::clamp(wanted, kAccuracyTable[count - 1].error, kAccuracyTable[0].error);
+  }
+
+ private:
+  /// Linear in the logarithms, constant outside.
+  template <class From, class To>
+  double interpolate(double value, const From& from, const To& to) const {
+    if (value >= from(0)) return to(0);
+    for (size_t i = 1; i < count; ++i) {
+      const double a = from(i - 1), b = from(i);
+      if (value < b) continue;
+      return to(i - 1) * std::pow(to(i) / to(i - 1), std::log(value / a) / std::log(b / a));
+    }
+    return to(count - 1);
+  }
+};
+
+/// The cheapest method for the expected communication step: of the loosest row that is tight
+/// enough, or of the last one.
+SolverMethod find_best(const Parameters& p) {
+  const auto found = std::find_if(kAccuracyTable.begin(), kAccuracyTable.end(),
+                                  [&](const AccuracyRow& row) { return row.error <= p.accuracy; });
+  const AccuracyRow& row = found == kAccuracyTable.end() ? kAccuracyTable.back() : *found;
+  return row.method[p.coupling_expected_step < kLongStep ? 0 : 1];
+}
+
+/// Place of a method in the table, or its size.
+size_t find_place(int method) {
+  const auto found = std::find(kCalibratedMethods.begin(), kCalibratedMethods.end(), method);
+  return static_cast<size_t>(found - kCalibratedMethods.begin());
+}
+
+/// The setting `name` is not explicit: its value may be chosen. Otherwise it is listed.
+bool may_choose(const char* name, bool is_default, SolverChoice& choice) {
+  if (is_default) return true;
+  choice.stated += (choice.stated.empty() ? "solver." : ", solver.") + std::string(name);
+  return false;
+}
+
+/// Tolerances of the method in use. A method without measured errors has those of the best one.
+void choose_tolerances(const Parameters& p, double tolerance, SolverChoice& c) {
+  const SolverSettings defaults;
+  const size_t place = find_place(c.method);
+  const bool is_measured = place < kCalibratedMethods.size() && p.model_level != kReference;
+  const Column column(is_measured ? place : find_place(find_best(p)));
+  const double rtol = column.find_rtol(p.accuracy);
+  if (may_choose("rtol", p.rtol == defaults.rtol, c)) c.rtol = rtol;
+  bool is_in_proportion = true;
+  const auto choose = [&](const char* name, bool is_default, double per_rtol, double& value) {
+    if (may_choose(name, is_default, c)) value = per_rtol * c.rtol;
+    is_in_proportion = is_in_proportion && value <= per_rtol * c.rtol;
+  };
+  choose("atol_position", p.atol_position == defaults.atol_position, kAtolPosition,
+         c.atol_position);
+  choose("atol_velocity", p.atol_velocity == defaults.atol_velocity, kAtolVelocity,
+         c.atol_velocity);
+  choose("atol_energy", p.atol_energy == defaults.atol_energy, kAtolEnergy, c.atol_energy);
+  // A smaller tolerance of the host reduces all of them (DockingSim::Impl::make_stepper).
+  const double used = tolerance > 0.0 ? std::min(tolerance, c.rtol) : c.rtol;
+  if (is_measured && is_in_proportion && used <= column.rtol(0)) {
+    c.error_estimate = used == rtol ? column.clamp(p.accuracy) : column.find_error(used);
+  }
+}
+
+}  // namespace
+
+void check_accuracy(double accuracy) {
+  if (accuracy == kRealTime || accuracy >= 0.0) return;
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "accuracy is %.9g; it must be above 0 (wanted relative error), 0 (solver.* as they "
+                "are) or -1 (real time)",
+                accuracy);
+  throw ModelError(text);
+}
+
+SolverChoice choose_solver(const Parameters& p, double tolerance) {
+  SolverChoice c;
+  static_cast<SolverSettings&>(c) = {p.rtol,        p.atol_position, p.atol_velocity,
+                                     p.atol_energy, p.step,          p.solver_method};
+  if (p.accuracy == 0.0) return c;
+  const bool is_real_time = p.accuracy == kRealTime;
+  // The form with multipliers has its own method.
+  if (may_choose("method", p.solver_method == SolverSettings().method, c) &&
+      p.model_level != kReference) {
+    c.method = is_real_time ? kFixedRk4 : find_best(p);
+  }
+  if (find_method(c.method)->fixed_step) {
+    c.needs_step = may_choose("step", p.step == SolverSettings().step, c) && is_real_time;
+  } else if (!is_real_time) {
+    choose_tolerances(p, tolerance, c);
+  }
+  return c;
+}
+
+std::string describe_choice(const Parameters& p, const SolverChoice& c, double tolerance) {
+  const MethodFacts& method = *find_method(c.method);
+  char text[400];
+  if (method.fixed_step) {
+    std::snprintf(text, sizeof text,
+                  "accuracy = %.6g%s: solver.method %s with solver.step %.3g s; the cost of a step "
+                  "is bounded, its error is not controlled",
+                  p.accuracy, p.accuracy == kRealTime ? " (real-time)" : "", method.name, c.step);
+  } else if (p.accuracy == kRealTime) {
+    std::snprintf(text, sizeof text,
+                  "accuracy = -1 (real-time): solver.method %s stays; the cost of a step is not "
+                  "bounded",
+                  method.name);
+  } else {
+    std::snprintf(text, sizeof text, "accuracy = %.6g: solver.method %s, solver.rtol %.3g",
+                  p.accuracy, method.name, c.rtol);
+  }
+  std::string sentence = text;
+  if (c.error_estimate > 0.0) {
+    std::snprintf(text, sizeof text,
+                  "; 95 %% of %d measured dockings had an error below %.3g with these tolerances",
+                  kCalibrationCount, c.error_estimate);
+    sentence += text;
+  } else if (!method.fixed_step && p.accuracy != kRealTime) {
+    sentence += "; there is no measured error for these settings";
+  }
+  if (p.accuracy > 0.0 && p.accuracy < kAccuracyTable.back().error) {
+    std::snprintf(text, sizeof text, "; no smaller error than %.3g was measured",
+                  kAccuracyTable.back().error);
+    sentence += text;
+  }
+  if (tolerance > 0.0 && tolerance < c.rtol && !method.fixed_step) {
+    std::snprintf(text, sizeof text, "; the smaller tolerance of the host, %.3g, is used",
+                  tolerance);
+    sentence += text;
+  }
+  if (!c.stated.empty()) sentence += "; as stated: " + c.stated;
+  return sentence;
+}
+
+}  // namespace dockloop

@@ -1,0 +1,422 @@
+"""The parameter `accuracy`: its calibration, and how well it keeps its promise.
+
+Three commands. They draw random dockings (`draw_case`): the IDSS box, four pairs of vehicles,
+friction, stiffness of the contact, soft and stiff legs, steps of 10 ms and 0.25 s.
+
+* ``calibrate`` runs dockings at a ladder of tolerances, compares each run with a run at a tight
+  tolerance, and writes all errors into tests/data/accuracy.json and the table of the core.
+* ``table`` writes the table of the core, src/sim/accuracy_table.hpp, from that file.
+* ``check`` runs other dockings with `accuracy` and writes tests/validation/accuracy.md.
+
+Examples:
+    .venv/bin/python tests/studies/accuracy.py calibrate                     # five minutes
+    .venv/bin/python tests/studies/accuracy.py calibrate --cases 8 -o build/accuracy.json
+    .venv/bin/python tests/studies/accuracy.py check                         # ten minutes
+"""
+
+import argparse
+import json
+import math
+import os
+import random
+from multiprocessing.pool import Pool
+from pathlib import Path
+
+import numpy as np
+
+import dockloop as dl
+from dockloop.accuracy import ATOL_PER_RTOL, estimate_error, find_error
+from dockloop.errors import DockloopError
+from dockloop.paths import ROOT
+from dockloop.results import ProgressBar
+from page import find_origin, write_head, write_page, write_row
+
+DATA = ROOT / "tests" / "data" / "accuracy.json"
+TABLE = ROOT / "src" / "sim" / "accuracy_table.hpp"
+PAGE = ROOT / "tests" / "validation" / "accuracy.md"
+
+SCENE, STOP, STEPS = "idss_25t_350t", 12.0, (0.01, 0.25)
+GROUPS = ["relative", "capture", "phase", "ring", "solver"]
+METHODS = ("auto", "bdf")  # of the calibration; the cheapest one is chosen
+LADDER = tuple(10.0**-k for k in range(2, 11))  # relative tolerances
+REFERENCE = ("bdf", 1e-11)  # method and tolerance of the reference solution: errors below 1e-7
+WANTED = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7)  # rows
+MARGIN, WORST = 1.2, 4.0  # promised: MARGIN times the error of 95 %, and no error above WORST times
+
+SEED, FIRST_CHECK = 2026, 1001  # number of the first docking of ``check``
+CHECKED = (1e-2, 1e-3, 1e-4, 1e-6)
+ESTIMATED = (1e-2, 1e-3, 1e-4)  # with error estimates by second runs
+
+PAIRS = (  # chaser and target: mass, principal moments, distance of the docking interface
+    ((25e3, (60.5e3, 132e3, 132e3), 4.0), (350e3, (4e7, 8e7, 8e7), 15.0)),
+    ((100e3, (8e5, 3.7e6, 3.7e6), 10.0), (100e3, (8e5, 3.7e6, 3.7e6), 10.0)),
+    ((12e3, (25e3, 45e3, 45e3), 3.0), (25e3, (60.5e3, 132e3, 132e3), 4.0)),
+    ((5e3, (8e3, 12e3, 12e3), 2.0), (350e3, (4e7, 8e7, 8e7), 15.0)),
+)
+DISCS = {  # magnitude: direction, limit of the standard
+    "lateral_offset": ("lateral_direction_deg", 0.1),
+    "lateral_speed": ("lateral_speed_direction_deg", 0.04),
+    "pitch_yaw_deg": ("pitch_yaw_direction_deg", 4.0),
+    "pitch_yaw_rate_deg_s": ("pitch_yaw_rate_direction_deg", 0.2),
+}
+STIFF_LEGS = {
+    "mechanism.set.leg_defaults.stiffness": 7100.0,
+    "mechanism.set.leg_defaults.damping": 4600.0,
+}
+
+
+def draw_case(number):
+    """Draw a docking: keys of the scene, and the communication step [s]."""
+    draw = random.Random(f"{SEED}/{number}")
+    step = STEPS[number // len(PAIRS) % len(STEPS)]
+    keys = {"outputs.groups": GROUPS, "initial.approach_time": 0.5, "experiment.step": step}
+    pair = PAIRS[number % len(PAIRS)]
+    for name, sign, (mass, moments, distance) in zip(
+        ("chaser", "target"), (1.0, -1.0), pair, strict=True
+    ):
+        keys[f"{name}.mass"] = mass
+        keys[f"{name}.inertia"] = [*moments, 0.0, 0.0, 0.0]
+        keys[f"{name}.interface_position"] = [sign * distance, 0.0, 0.0]
+    stiffness = 2e6 * 10.0 ** draw.uniform(-1.0, 1.0)
+    keys |= {"contact.stiffness": stiffness, "contact.node_stiffness": stiffness / 12.0}
+    keys["initial.closing_speed"] = draw.uniform(0.05, 0.10)
+    keys["initial.roll_deg"] = draw.uniform(-4.0, 4.0)
+    keys["initial.roll_rate_deg_s"] = draw.uniform(-0.2, 0.2)
+    keys["contact.friction_coefficient"] = draw.uniform(0.0, 0.3)
+    for size, (direction, limit) in DISCS.items():
+        keys[f"initial.{size}"] = limit * math.sqrt(draw.random())
+        keys[f"initial.{direction}"] = draw.uniform(0.0, 360.0)
+    if draw.random() < 0.5:
+        keys |= STIFF_LEGS
+    return keys, step
+
+
+def run(keys, step, start_values, **options):
+    """Run a docking; None if its start is refused or a step fails."""
+    try:
+        return dl.run(SCENE, keys, start_values, stop=STOP, step=step, **options)
+    except DockloopError:
+        return None
+
+
+def set_tolerance(method, rtol):
+    """Return start values: a method, a relative tolerance and absolute ones in proportion."""
+    atols = {f"solver.{name}": share * rtol for name, share in ATOL_PER_RTOL.items()}
+    return {"solver.method": method, "solver.rtol": rtol, **atols}
+
+
+def find_reference(keys):
+    """Return the reference solution; None if surfaces overlap before the first contact."""
+    return run(keys, max(STEPS), set_tolerance(*REFERENCE))
+
+
+def count(result):
+    """Return the evaluations of a run."""
+    return int(result["solver.rhs_evaluations"][-1])
+
+
+def round_error(error):
+    """Return an error with three digits; None if it is infinite."""
+    return float(f"{error:.3g}") if math.isfinite(error) else None
+
+
+def run_ladder(keys, step, reference, method):
+    """Return errors and evaluations of a docking along the ladder; None: refused, other outcome."""
+    errors, costs = [], []
+    for rtol in LADDER:
+        made = run(keys, step, set_tolerance(method, rtol))
+        errors.append(None if made is None else round_error(find_error(reference, made)))
+        costs.append(None if made is None else count(made))
+    return {"errors": errors, "evaluations": costs}
+
+
+def calibrate_case(number):
+    """Return the row of a docking; None if it cannot start."""
+    keys, step = draw_case(number)
+    reference = find_reference(keys)
+    if reference is None:
+        return None
+    ladders = {method: run_ladder(keys, step, reference, method) for method in METHODS}
+    return {"number": number, "step": step, **ladders}
+
+
+def run_cases(function, numbers, workers, label):
+    """Return what a function returns for every docking, those without a start left out."""
+    report, rows = ProgressBar(label), []
+    with Pool(workers) as pool:
+        for done, row in enumerate(pool.imap_unordered(function, numbers), 1):
+            report(done / len(numbers))
+            rows += [row] if row else []
+    return sorted(rows, key=lambda row: row["number"])
+
+
+def write_data(rows, path):
+    """Write the errors, one docking per line."""
+    lines = ",\n".join(f"  {json.dumps(row)}" for row in rows)
+    about = "written by tests/studies/accuracy.py calibrate"
+    head = {"comment": about, "seed": SEED, "stop": STOP, "rtol": LADDER, "methods": METHODS}
+    text = json.dumps(head)[:-1] + f', "cases": [\n{lines}\n]}}\n'
+    path.write_text(text, encoding="utf-8")
+
+
+def find_promises(data, method):
+    """Return the error that is promised at every tolerance of the ladder."""
+    errors = [
+        [np.inf if e is None else e for e in case[method]["errors"]] for case in data["cases"]
+    ]
+    promises = []
+    for column in np.array(errors).T:
+        most = np.quantile(column, 0.95, method="higher")
+        promises.append(max(MARGIN * most, np.max(column) / WORST))
+    return np.maximum.accumulate(promises[::-1])[::-1]  # a tighter tolerance promises no more
+
+
+def find_rtol(data, method, wanted):
+    """Return the tolerance for a wanted error, interpolated; None: no tolerance is tight enough."""
+    promises, ladder = find_promises(data, method), data["rtol"]
+    if promises[-1] > wanted:
+        return None
+    first = int(np.argmax(promises <= wanted))
+    if first == 0 or not math.isfinite(promises[first - 1]):
+        return ladder[first]
+    a, b = (math.log(promises[i]) for i in (first - 1, first))
+    share = (math.log(wanted) - a) / (b - a)
+    return ladder[first - 1] * (ladder[first] / ladder[first - 1]) ** share
+
+
+def find_cost(data, method, rtol, step):
+    """Return the geometric mean of evaluations over the dockings with this communication step."""
+    ladder = np.log(data["rtol"])
+    costs = [
+        np.interp(-math.log(rtol), -ladder, np.log(case[method]["evaluations"]))
+        for case in data["cases"]
+        if case["step"] == step and None not in case[method]["evaluations"]
+    ]
+    return math.exp(np.mean(costs))
+
+
+def list_rows(data):
+    """Return rows of the table: wanted error, cheapest methods, tolerance of every method, costs.
+
+    The methods are those for short and for long communication steps. A tolerance of 0: the method
+    does not reach this error. Costs are evaluations by method, for both steps.
+    """
+    rows = []
+    for wanted in WANTED:
+        rtols = {method: find_rtol(data, method, wanted) for method in data["methods"]}
+        reached = {method: rtol for method, rtol in rtols.items() if rtol}
+        if not reached:
+            break
+        values = [float(f"{rtol or 0.0:.2g}") for rtol in rtols.values()]
+        if rows and any(a <= b for a, b in zip(rows[-1][2], values, strict=True) if b > 0.0):
+            rows.pop()  # not tighter: the row before says less
+        costs = [
+            {m: find_cost(data, m, rtol, step) for m, rtol in reached.items()} for step in STEPS
+        ]
+        rows.append((wanted, [min(cost, key=cost.get) for cost in costs], values, costs))
+    return rows
+
+
+def name_enumerator(method):
+    """Return the name of a method in the core: kFixedRk4 of fixed_rk4."""
+    return "k" + "".join(word.capitalize() for word in method.split("_"))
+
+
+def make_table(data):
+    """Return the text of the table of the core."""
+    methods = ", ".join(map(name_enumerator, data["methods"]))
+    rows = [
+        f"    {{{error:g}, {{{', '.join(map(name_enumerator, best))}}},"
+        f" {{{', '.join(f'{rtol:g}' for rtol in rtols)}}}}},"
+        for error, best, rtols, _ in list_rows(data)
+    ]
+    shares = [
+        f"constexpr double kAtol{name.removeprefix('atol_').capitalize()} = {share:g};"
+        for name, share in ATOL_PER_RTOL.items()
+    ]
+    return f"""// Written by tests/studies/accuracy.py from tests/data/accuracy.json: do not edit.
+//
+// Tolerances with which 95 % of random dockings stay below an error (accuracy.hpp).
+#pragma once
+
+#include <array>
+
+#include "sim/solver_methods.hpp"
+
+namespace dockloop {{
+
+constexpr int kCalibrationCount = {len(data["cases"])};  ///< dockings
+constexpr size_t kColumns = {len(data["methods"])};
+constexpr std::array<SolverMethod, kColumns> kCalibratedMethods = {{{methods}}};
+
+// Absolute tolerances over the relative one: [m], [m/s], [J].
+{chr(10).join(shares)}
+
+/// Limit between short and long communication steps [s].
+constexpr double kLongStep = {math.sqrt(STEPS[0] * STEPS[1]):g};
+
+struct AccuracyRow {{
+  /// Wanted.
+  double error;
+  /// The cheapest ones for short and for long communication steps.
+  std::array<SolverMethod, 2> method;
+  /// Of each method; 0 = not reached.
+  std::array<double, kColumns> rtol;
+}};
+constexpr std::array<AccuracyRow, {len(rows)}> kAccuracyTable = {{{{
+{chr(10).join(rows)}
+}}}};
+
+}}  // namespace dockloop
+"""
+
+
+def check_case(number):
+    """Return errors, costs and estimates of a docking; None if it cannot start."""
+    keys, step = draw_case(number)
+    reference = find_reference(keys)
+    if reference is None:
+        return None
+    row = {"number": number, "step": step}
+    for accuracy in (*CHECKED, "real-time"):
+        made = run(keys, step, {"accuracy": accuracy})
+        if made is None:
+            row[str(accuracy)] = {"error": np.inf, "evaluations": None}
+            continue
+        found = {"error": find_error(reference, made), "evaluations": count(made)}
+        found["promise"] = float(made["solver.error_estimate"][-1])
+        if accuracy in ESTIMATED:
+            found["estimate"] = estimate_error(made, lambda more: run(keys, step, more))["error"]
+        row[str(accuracy)] = found
+    return row
+
+
+def describe_check(rows):
+    """Return the lines of the page."""
+    costs = {a: np.array([row[str(a)]["evaluations"] for row in rows], float) for a in CHECKED}
+    lines = write_head(
+        *("`accuracy`", "within it", "within 5 times", "median error", "largest error"),
+        *("evaluations over those of 1e-6, median (10 to 90 %)", "evaluations, median"),
+    )
+    for accuracy in CHECKED:
+        errors = np.array([row[str(accuracy)]["error"] for row in rows])
+        ratio = np.nanquantile(costs[accuracy] / costs[1e-6], (0.5, 0.1, 0.9))
+        lines.append(
+            write_row(
+                f"{accuracy:g}",
+                f"{np.mean(errors <= accuracy):.0%}",
+                f"{np.mean(errors <= 5.0 * accuracy):.0%}",
+                f"{np.median(errors):.0e}",
+                f"{np.max(errors):.0e}",
+                f"{ratio[0]:.2f} ({ratio[1]:.2f} to {ratio[2]:.2f})",
+                f"{np.nanmedian(costs[accuracy]):.0f}",
+            )
+        )
+    real = [row["real-time"] for row in rows if row["real-time"]["evaluations"]]
+    errors = np.array([each["error"] for each in real])
+    lines += [
+        "",
+        f"Real time: {len(real)} of {len(rows)} dockings ran to the end; half of them with an error"
+        f" below {np.median(errors):.0e}, 95 % below {np.quantile(errors, 0.95):.0e}, with"
+        f" {np.median([each['evaluations'] for each in real]):.0f} evaluations in the median.",
+        "",
+        "## Error estimates",
+        "",
+        "Estimate over true error of the same runs: by a second run (`dockloop run"
+        " --estimate-error`), and the statistical value of `solver.error_estimate`.",
+        "",
+        *write_head(
+            *("`accuracy`", "second run: within a factor of 5", "outcome not determined"),
+            *(
+                "estimate over error: 5 %, median, 95 %",
+                "`solver.error_estimate` within a factor of 5",
+            ),
+        ),
+    ]
+    for accuracy in ESTIMATED:
+        found = [row[str(accuracy)] for row in rows if row[str(accuracy)]["evaluations"]]
+        ratios = np.array([e["estimate"] / e["error"] for e in found if e["estimate"] is not None])
+        promises = np.array([e["promise"] / e["error"] for e in found])
+        close = [np.mean((each > 0.2) & (each < 5.0)) for each in (ratios, promises)]
+        quantiles = np.quantile(ratios, (0.05, 0.5, 0.95))
+        lines.append(
+            write_row(
+                f"{accuracy:g}",
+                f"{close[0]:.0%}",
+                len(found) - len(ratios),
+                ", ".join(f"{q:.2f}" for q in quantiles),
+                f"{close[1]:.0%}",
+            )
+        )
+    return lines
+
+
+def describe_calibration(data):
+    """Return the table of errors by tolerance, and the choice."""
+    lines = write_head("`solver.rtol`", *(f"{m}: median, 95 %, largest" for m in data["methods"]))
+    for i, rtol in enumerate(data["rtol"]):
+        cells = []
+        for method in data["methods"]:
+            errors = [case[method]["errors"][i] for case in data["cases"]]
+            known = np.array([np.inf if e is None else e for e in errors])
+            at = [np.quantile(known, q, method="higher") for q in (0.5, 0.95, 1.0)]
+            cells.append(", ".join(f"{value:.0e}" for value in at))
+        lines.append(write_row(f"{rtol:g}", *cells))
+    titles = (f"steps of {step:g} s: method, `solver.rtol`, evaluations" for step in STEPS)
+    lines += ["", *write_head("`accuracy`", *titles)]
+    for error, methods, rtols, costs in list_rows(data):
+        cells = [
+            f"{method}, {rtols[data['methods'].index(method)]:g}, {cost[method]:.0f}"
+            for method, cost in zip(methods, costs, strict=True)
+        ]
+        lines.append(write_row(f"{error:g}", *cells))
+    return lines
+
+
+def main():
+    """Do the command."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("command", choices=("calibrate", "table", "check"))
+    parser.add_argument("--cases", type=int, help="dockings (default: 48, check: 110)")
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
+    parser.add_argument("-o", "--output", type=Path, help="the data or the page")
+    options = parser.parse_args()
+    if options.command == "check":
+        cases = options.cases or 110
+        numbers = range(FIRST_CHECK, FIRST_CHECK + cases)
+        rows = run_cases(check_case, numbers, options.workers, "check")
+        data = json.loads(DATA.read_text(encoding="utf-8"))
+        write_page(
+            options.output or PAGE,
+            "# The parameter accuracy",
+            find_origin("tests/studies/accuracy.py check"),
+            "",
+            f"{len(rows)} random dockings of {STOP:g} s that are not in the calibration (of"
+            f" {cases} drawn; the others start with overlapping surfaces and are refused). The"
+            " error of a run is the largest relative one of five peak loads, stroke, time of"
+            " capture, final position, attitude and rates (`scripts/dockloop/accuracy.py`),"
+            f" compared with {REFERENCE[0]} at a tolerance of {REFERENCE[1]:g}. Another outcome"
+            " counts as an infinite error.",
+            "",
+            *describe_check(rows),
+            "",
+            "## Calibration",
+            "",
+            f"Errors of {len(data['cases'])} other dockings (`tests/data/accuracy.json`), absolute"
+            " tolerances in proportion, and the settings that follow.",
+            "",
+            *describe_calibration(data),
+        )
+        return
+    path = options.output or DATA
+    if options.command == "calibrate":
+        numbers = range(1, 1 + (options.cases or 48))
+        write_data(run_cases(calibrate_case, numbers, options.workers, "calibrate"), path)
+    if path == DATA:
+        TABLE.write_text(make_table(json.loads(DATA.read_text(encoding="utf-8"))), "utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,355 @@
+"""The parameter `accuracy` chooses method and tolerances from measured dockings.
+
+1. The table of the core is what the calibration command writes; the stored errors repeat.
+2. A run with `accuracy` has an error within it, costs less than a more accurate one, and says in
+   outputs and in one note what was chosen and why.
+3. Without `accuracy` nothing changes; explicit settings of scene and host stay.
+4. Real time: fixed steps, the same work in every communication step.
+5. Saved states, resets and files keep choice and parameter; values without a meaning are refused.
+6. The error estimate by a second run is close to the error; at a boundary of capture it says so.
+"""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import dockloop as dl
+from dockloop import accuracy
+from dockloop.cli import main
+from dockloop.core import list_methods
+from dockloop.paths import ROOT
+from dockloop.scene import resolve_scene
+from dockloop.simulate import Instance, unpack_fmu
+
+SCENE = "idss_25t_350t"
+NEAR = {
+    "initial.approach_time": 0.3,
+    "outputs.groups": ["relative", "capture", "phase", "ring", "solver"],
+}
+STOP, STEP = 3.0, 0.05
+
+
+@pytest.fixture(scope="module")
+def study():
+    """The module of the calibration command."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.syspath_prepend(str(ROOT / "tests" / "studies"))
+        import accuracy as module  # that of tests/studies
+
+        yield module
+        sys.modules.pop("accuracy")
+
+
+@pytest.fixture(scope="module")
+def data(study):
+    return json.loads(study.DATA.read_text(encoding="utf-8"))
+
+
+def run(start_values=None, **options):
+    return dl.run(SCENE, NEAR, start_values, stop=STOP, step=STEP, **options)
+
+
+@pytest.fixture(scope="module")
+def solution():
+    return run({"solver.method": "bdf", **tolerances(1e-11)})
+
+
+def tolerances(rtol):
+    shares = accuracy.ATOL_PER_RTOL
+    return {"solver.rtol": rtol, **{f"solver.{name}": v * rtol for name, v in shares.items()}}
+
+
+def last(result, name):
+    return float(result[f"solver.{name}"][-1])
+
+
+# ---------------------------------------------------------------------------- the table
+
+
+def test_the_table_of_the_core_is_what_the_command_writes(study, data):
+    assert study.TABLE.read_text(encoding="utf-8") == study.make_table(data)
+    assert len(data["cases"]) >= 30
+
+
+def test_stored_errors_repeat(study, data):
+    case = data["cases"][-1]
+    keys, step = study.draw_case(case["number"])
+    assert step == case["step"]
+    reference = study.find_reference(keys)
+    for method in data["methods"]:
+        place = data["rtol"].index(1e-5)
+        made = study.run(keys, step, study.set_tolerance(method, 1e-5))
+        stored = case[method]["errors"][place]
+        assert accuracy.find_error(reference, made) == pytest.approx(stored, rel=0.1)
+
+
+def test_a_promise_holds_for_the_dockings_of_the_calibration(study, data):
+    rows = study.list_rows(data)
+    assert [rows[0][0], rows[-1][0]] == [pytest.approx(0.1, rel=3.0), pytest.approx(1e-6, rel=3.0)]
+    for wanted, (_, method), rtols, _ in rows:
+        rtol = rtols[data["methods"].index(method)]
+        tighter = [i for i, each in enumerate(data["rtol"]) if each <= rtol * 1.1]
+        errors = [case[method]["errors"][tighter[0]] for case in data["cases"]]
+        within = [e is not None and e <= wanted for e in errors]
+        assert np.mean(within) >= 0.95, wanted
+
+
+# ---------------------------------------------------------------------------- the choice
+
+
+@pytest.mark.parametrize("wanted", [1e-2, 1e-4])
+def test_the_error_is_within_the_accuracy(solution, wanted):
+    made = run(accuracy=wanted)
+    error = accuracy.find_error(solution, made)
+    assert error <= wanted
+    assert last(made, "error_estimate") == pytest.approx(wanted, rel=1e-6)
+
+
+def test_less_accuracy_costs_less():
+    runs = [run(accuracy=wanted) for wanted in (1e-2, 2e-3, 1e-4, 1e-6)]
+    rtols = [last(each, "chosen_rtol") for each in runs]
+    assert rtols == sorted(rtols, reverse=True)
+    assert rtols[0] > 3.0 * rtols[1] > 10.0 * rtols[2]
+    costs = [last(each, "rhs_evaluations") for each in runs]
+    assert costs == sorted(costs)
+    assert costs[0] < 0.6 * costs[-1]
+
+
+def test_the_choice_is_that_of_the_table(study, data):
+    for wanted, methods, rtols, _ in study.list_rows(data):
+        for method, step in zip(methods, study.STEPS, strict=True):
+            made = dl.Docking(SCENE, NEAR | {"experiment.step": step})
+            made.set("accuracy", wanted)
+            rtol = rtols[data["methods"].index(method)]
+            assert made.get("solver.chosen_rtol") == pytest.approx(rtol, rel=1e-9)
+            assert made.get("solver.chosen_method") == made_number(method)
+            assert made.get("accuracy") == wanted
+            assert made.get("solver.rtol") == 1e-6  # the parameter itself keeps its value
+
+
+def made_number(method):
+    return next(each["number"] for each in list_methods() if each["name"] == method)
+
+
+def test_a_note_says_once_what_was_chosen():
+    made = run(accuracy=1e-3)
+    assert len(made.notes) == 1
+    assert made.notes[0].startswith("accuracy = 0.001: solver.method ")
+    assert f"{last(made, 'chosen_rtol'):.3g}" in made.notes[0]
+    assert "95 %" in made.notes[0]
+    assert made.summary["notes"] == made.notes
+    assert made.warnings == []
+
+
+def test_the_log_of_the_fmu_says_so_once_per_run(runs, tmp_path):
+    description, _ = unpack_fmu(runs.fmu(SCENE, "initial.approach_time=0.3"), tmp_path)
+    rows = {v.name: v for v in description.modelVariables}
+    with Instance(description, str(tmp_path), "test") as instance:
+        for _ in range(2):
+            instance.initialise([(rows["accuracy"], 1e-3)], np.array([0.0, 1.0]))
+            for name in ("gap", "relative.axial"):
+                instance.slave.getReal([rows[name].valueReference])
+            instance.slave.doStep(0.0, 0.05)
+            assert len(instance.notes) == 1
+            assert instance.notes[0].startswith("accuracy = 0.001: ")
+            instance.reset()
+        instance.initialise([], np.array([0.0, 1.0]))
+        assert instance.notes == []
+
+
+def test_a_smaller_accuracy_than_any_measured_one_is_said():
+    made = run(accuracy=1e-12)
+    assert "no smaller error than" in made.notes[0]
+    assert last(made, "error_estimate") > 1e-8
+
+
+# ---------------------------------------------------------------------------- explicit settings
+
+
+def test_without_accuracy_nothing_is_chosen():
+    plain, zero = run(), run({"accuracy": 0.0})
+    assert plain.values.tobytes() == zero.values.tobytes()
+    assert plain.notes == []
+    assert [last(plain, f"chosen_{name}") for name in ("method", "rtol", "step")] == [1, 1e-6, 0]
+    assert last(plain, "error_estimate") == 0.0
+
+
+@pytest.mark.parametrize("place", ["parameter", "scene"])
+def test_explicit_settings_stay(place):
+    stated = {"solver.rtol": 1e-8, "solver.method": "explicit", **tolerances(1e-8)}
+    plain = (
+        run(stated) if place == "parameter" else dl.run(SCENE, NEAR | stated, stop=STOP, step=STEP)
+    )
+    made = (
+        run(stated | {"accuracy": 1e-2})
+        if place == "parameter"
+        else dl.run(SCENE, NEAR | stated, stop=STOP, step=STEP, accuracy=1e-2)
+    )
+    assert last(made, "chosen_rtol") == 1e-8
+    assert last(made, "rhs_evaluations") == last(plain, "rhs_evaluations")
+    assert made["relative.axial"].tobytes() == plain["relative.axial"].tobytes()
+    assert "as stated: solver.method, solver.rtol, solver.atol_position" in made.notes[0]
+
+
+def test_one_explicit_setting_leaves_the_others_to_the_choice(study, data):
+    made = run({"solver.method": "auto", "solver.atol_position": 1e-12}, accuracy=1e-2)
+    other = run({"solver.method": "explicit"}, accuracy=1e-2)
+    assert last(made, "chosen_rtol") > 1e-6
+    assert "as stated: solver.atol_position" in made.notes[0]
+    assert last(other, "chosen_method") == made_number("explicit")
+    assert last(other, "chosen_rtol") > 1e-6
+    assert last(other, "error_estimate") == 0.0
+    assert "no measured error" in other.notes[0]
+    own = run({"solver.method": "stabilised"}, accuracy=1e-2)  # another name of auto
+    rtol = study.list_rows(data)[[r[0] for r in study.list_rows(data)].index(1e-2)][2]
+    assert last(own, "chosen_rtol") == pytest.approx(rtol[data["methods"].index("auto")])
+
+
+# ---------------------------------------------------------------------------- real time
+
+
+def test_real_time_makes_the_same_work_in_every_step():
+    made = run(accuracy="real-time")
+    work = np.diff(made["solver.rhs_evaluations"])[1:]
+    assert np.ptp(work) == 0.0
+    assert last(made, "chosen_method") == made_number("fixed_rk4")
+    step = last(made, "chosen_step")
+    assert work[0] == 4 * np.ceil(STEP / step)
+    assert 1e-4 < step < 5e-3
+    assert "real-time" in made.notes[0]
+
+
+def test_the_real_time_step_follows_from_the_equations(solution):
+    steps = {}
+    for stiffness in (2e5, 2e6, 2e7):
+        keys = NEAR | {"contact.stiffness": stiffness, "contact.friction_coefficient": 0.0}
+        docking = dl.Docking(SCENE, keys)
+        docking.set("accuracy", -1)
+        steps[stiffness] = docking.get("solver.chosen_step")
+    assert steps[2e6] == pytest.approx(np.sqrt(10.0) * steps[2e7], rel=0.1)
+    assert steps[2e5] > steps[2e6]
+    assert accuracy.find_error(solution, run(accuracy="real-time")) < 1e-2
+    assert last(run({"solver.step": 5e-4}, accuracy="real-time"), "chosen_step") == 5e-4
+
+
+def test_a_scene_names_its_accuracy(tmp_path):
+    text = (ROOT / "modelDescription" / "scenes" / f"{SCENE}.toml").read_text(encoding="utf-8")
+    for value, number in (('"real-time"', -1), ("1e-3", 1e-3)):
+        file = tmp_path / "own.toml"
+        file.write_text(text.replace("[solver]", f"[solver]\naccuracy = {value}"), encoding="utf-8")
+        assert resolve_scene(file)["solver"]["accuracy"] == number
+        docking = dl.Docking(file)
+        assert docking.get("accuracy") == number
+        assert docking.get("solver.error_estimate") == pytest.approx(max(number, 0.0))
+
+
+# ---------------------------------------------------------------------------- states, refusals
+
+
+@pytest.mark.parametrize("wanted", [1e-3, "real-time"])
+def test_a_saved_state_keeps_the_choice(wanted):
+    first, second = dl.Docking(SCENE, NEAR), dl.Docking(SCENE, NEAR)
+    first.set("accuracy", wanted)
+    first.set("target.torque_ext", [500.0, 0.0, 0.0])
+    for _ in range(20):
+        first.step(STEP)
+    second.set("accuracy", 1e-6)
+    second.restore(first.save())
+    for docking in (first, second):
+        for _ in range(10):
+            docking.step(STEP)
+    for name in first.variables:
+        assert first.get(name) == second.get(name), name
+    assert second.get("solver.chosen_rtol") == first.get("solver.chosen_rtol")
+
+
+def test_values_without_a_meaning_are_refused():
+    docking = dl.Docking(SCENE, NEAR)
+    for value, words in ((2.0, "above its maximum 1"), (-2.0, "below its minimum -1")):
+        with pytest.raises(dl.UsageError, match=words):
+            docking.set("accuracy", value)
+    with pytest.raises(dl.UsageError, match="must be a number or real-time"):
+        docking.set("accuracy", "fast")
+    docking.set("accuracy", -0.5)
+    with pytest.raises(dl.UsageError, match=r"accuracy is -0.5; it must be above 0"):
+        docking.step(STEP)
+    with pytest.raises(dl.UsageError, match=r"solver.accuracy is .fast.: must be a number or real"):
+        dl.Docking(SCENE, {"solver.accuracy": "fast"})
+    with pytest.raises(dl.UsageError, match=r"solver.accuracy is -1: must be at least 0"):
+        dl.Docking(SCENE, {"solver.accuracy": -1})
+
+
+# ---------------------------------------------------------------------------- error estimates
+
+
+@pytest.mark.parametrize("start", [{"accuracy": 1e-2}, {"accuracy": 1e-4}, tolerances(1e-5)])
+def test_an_estimate_is_close_to_the_error(solution, start):
+    made = run(start, estimate_error=True)
+    error = accuracy.find_error(solution, made)
+    estimate = made.summary["error_estimate"]
+    assert estimate["error"] == max(estimate["figures"].values())
+    assert 0.2 * error < estimate["error"] < 5.0 * error
+    second = estimate["second_run"]
+    assert second["solver.rtol"] == pytest.approx(0.01 * last(made, "chosen_rtol"))
+    assert second["evaluations"] > last(made, "rhs_evaluations")
+    assert {"capture.peak.shear", "stroke", "time_of_capture", "final_velocity"} <= set(
+        estimate["figures"]
+    )
+
+
+def test_an_estimate_with_fixed_steps_halves_them_twice(solution):
+    made = run({"solver.method": "fixed_rk4", "solver.step": 2e-3}, estimate_error=True)
+    error = accuracy.find_error(solution, made)
+    assert 0.2 * error < made.error_estimate["error"] < 5.0 * error
+    assert made.error_estimate["second_run"]["solver.step"] == 5e-4
+
+
+def test_a_boundary_of_capture_is_said():
+    made = run(accuracy=1e-2)
+    missed = dl.run(
+        SCENE, NEAR | {"initial.lateral_offset": 0.5}, stop=STOP, step=STEP, accuracy=1e-2
+    )
+    estimate = accuracy.estimate_error(made, lambda _: missed)
+    assert estimate["error"] is None
+    assert "the outcome depends on the last digits" in estimate["sentence"]
+    assert "boundary of capture" in estimate["sentence"]
+
+
+def test_the_errors_of_two_runs_are_those_of_their_figures(solution):
+    other = run(tolerances(1e-4))
+    figures = accuracy.find_figures(solution, other)
+    place = "capture.peak.compression"
+    peaks = [each[place][-1] for each in (solution, other)]
+    assert figures[place] == pytest.approx(abs(peaks[1] / peaks[0] - 1.0))
+    assert accuracy.find_error(solution, other) == max(figures.values())
+    assert max(accuracy.find_figures(solution, solution).values()) == 0.0
+
+
+def test_the_command_chooses_and_estimates(tmp_path, capsys):
+    command = ["run", SCENE, "--scene", "initial.approach_time=0.3", "--stop", "2", "--step", "0.1"]
+    command += ["--no-plots", "-o", str(tmp_path / "own.csv")]
+    assert main([*command, "--accuracy", "1e-3", "--estimate-error", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["notes"][0].startswith("accuracy = 0.001: ")
+    assert summary["parameters"]["accuracy"] == 1e-3
+    assert 0.0 < summary["error_estimate"]["error"] < 1e-2
+    assert main([*command, "--accuracy", "real-time", "--estimate-error"]) == 0
+    printed = capsys.readouterr().out
+    assert "note         accuracy = -1 (real-time): solver.method fixed_rk4" in printed
+    assert "  error        about " in printed
+    assert main([*command, "--set", "accuracy=real-time"]) == 0
+    assert "fixed_rk4" in capsys.readouterr().out
+    assert main([*command, "--accuracy", "fast"]) == 2
+    assert "must be a number or real-time" in capsys.readouterr().err
+
+
+def test_the_study_checks_dockings_that_are_not_in_the_calibration(study, data, tmp_path):
+    assert max(case["number"] for case in data["cases"]) < study.FIRST_CHECK
+    page = tmp_path / "page.md"
+    command = [sys.executable, study.__file__, "check", "--cases", "2", "--workers", "1"]
+    done = subprocess.run([*command, "-o", page], check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "| 0.001 |" in page.read_text(encoding="utf-8")
