@@ -316,14 +316,15 @@ def describe_check(rows):
     errors = np.array([each["error"] for each in real])
     lines += [
         "",
-        f"Real time: {len(real)} of {len(rows)} dockings ran to the end; half of them with an error"
-        f" below {np.median(errors):.0e}, 95 % below {np.quantile(errors, 0.95):.0e}, with"
-        f" {np.median([each['evaluations'] for each in real]):.0f} evaluations in the median.",
+        f"Real time: {len(real)} of {len(rows)} dockings ran to the end. Half of them have an error"
+        f" below {np.median(errors):.0e}, and 95 % below {np.quantile(errors, 0.95):.0e}. The"
+        f" median cost is {np.median([each['evaluations'] for each in real]):.0f} evaluations.",
         "",
         "## Error estimates",
         "",
-        "Estimate over true error of the same runs: by a second run (`dockloop run"
-        " --estimate-error`), and the statistical value of `solver.error_estimate`.",
+        "Estimates of the errors of the same runs: by a second run (`dockloop run"
+        " --estimate-error`), and the statistical value of `solver.error_estimate`. This value is"
+        " an upper limit for 95 % of dockings, so most errors are much smaller.",
         "",
         *write_head(
             *("`accuracy`", "second run: within a factor of 5", "outcome not determined"),
@@ -393,12 +394,12 @@ def main():
             "# The parameter accuracy",
             find_origin("tests/studies/accuracy.py check"),
             "",
-            f"{len(rows)} random dockings of {STOP:g} s that are not in the calibration (of"
-            f" {cases} drawn; the others start with overlapping surfaces and are refused). The"
-            " error of a run is the largest relative one of five peak loads, stroke, time of"
-            " capture, final position, attitude and rates (`scripts/dockloop/accuracy.py`),"
-            f" compared with {REFERENCE[0]} at a tolerance of {REFERENCE[1]:g}. Another outcome"
-            " counts as an infinite error.",
+            f"{len(rows)} random dockings of {STOP:g} s that are not in the calibration, of {cases}"
+            " drawn. (The others start with overlapping surfaces and are refused.) The error of a"
+            " run is the largest relative one of five peak loads, stroke, time of capture and final"
+            f" motion (`scripts/dockloop/accuracy.py`). The reference solution is that of"
+            f" {REFERENCE[0]} at a tolerance of {REFERENCE[1]:g}. Another outcome counts as an"
+            " infinite error.",
             "",
             *describe_check(rows),
             "",
