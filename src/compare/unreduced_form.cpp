@@ -33,8 +33,7 @@ class Multipliers : public UnreducedForm {
     constexpr double kNone = 1e20;
     atol.resize(static_cast<size_t>(form_->size), kNone);
     std::fill_n(atol.begin() + form_->q_dep, form_->cuts, sim_.chosen.atol_position);
-    std::fill(atol.begin() + form_->v_dep, atol.begin() + form_->lambda,
-              sim_.chosen.atol_velocity);
+    std::fill(atol.begin() + form_->v_dep, atol.begin() + form_->lambda, sim_.chosen.atol_velocity);
   }
   void set_nominals(VecX<double> nominal) override { nominal_ = std::move(nominal); }
   double find_cut_gap(double tau) override {

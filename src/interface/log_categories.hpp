@@ -11,7 +11,14 @@ struct LogCategory {
 };
 
 /// The first four belong to the fmi2Status of the line; logEvents is for debugging.
-enum Category : unsigned { kLogWarning, kLogDiscard, kLogError, kLogFatal, kLogEvents, kLogChoices };
+enum Category : unsigned {
+  kLogWarning,
+  kLogDiscard,
+  kLogError,
+  kLogFatal,
+  kLogEvents,
+  kLogChoices
+};
 constexpr std::array<LogCategory, 6> kLogCategories = {{
     {"logStatusWarning", "Something that should be looked at; the run goes on"},
     {"logStatusDiscard", "A step that failed and may succeed with a smaller step size"},
