@@ -340,6 +340,10 @@ def test_the_command_chooses_and_estimates(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "note         accuracy = -1 (real-time): solver.method fixed_rk4" in printed
     assert "  error        about " in printed
+    chosen = ["run", "absorber_1d", "--stop", "2", "--no-plots", "--outputs", "relative.axial"]
+    assert main([*chosen, "--estimate-error", "-o", str(tmp_path / "one.csv")]) == 0
+    assert "  error        about " in capsys.readouterr().out
+    assert (tmp_path / "one.csv").read_text(encoding="utf-8").startswith("time,relative.axial\n")
     assert main([*command, "--set", "accuracy=real-time"]) == 0
     assert "fixed_rk4" in capsys.readouterr().out
     assert main([*command, "--accuracy", "fast"]) == 2

@@ -20,11 +20,6 @@ _LEAST_PEAK = 0.05  # no peak is compared with less than this part of the larges
 _TIGHTER, _LEAST_RTOL = 1e-2, 1e-13  # tolerances of the second run over those of the first
 _SHORTER = 0.25  # the same for the step of a fixed-step method
 ATOL_PER_RTOL = {"atol_position": 1e-2, "atol_velocity": 1e-2, "atol_energy": 1e-1}  # of the choice
-COMPARED = (
-    *("relative.position", "relative.attitude", "relative.velocity", "relative.angular_velocity"),
-    *("ring.position", "ring.attitude", "ring.velocity", "ring.angular_velocity"),
-    *("outcome", "captured", "time_of_contact", "time_of_capture", "capture.peak", "solver."),
-)
 _FINAL = {  # figure -> scale (`find_scales`), output of the frame
     "final_position": ("position_m", "position"),
     "final_attitude": ("attitude_rad", "attitude"),

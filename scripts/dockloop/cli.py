@@ -458,6 +458,7 @@ def _run(options: argparse.Namespace) -> None:
     _claim_run(options, result)
     if options.accuracy is not None:
         options.set.append(f"accuracy={options.accuracy}")
+    everything = ["*"] * (options.estimate_error and bool(options.outputs))  # is compared
 
     with scratch() as folder:
         if not is_fmu:
@@ -467,7 +468,7 @@ def _run(options: argparse.Namespace) -> None:
             options.set,
             options.stop,
             options.step,
-            outputs=options.outputs,
+            outputs=[*options.outputs, *everything],
             check_size=lambda points, columns: check_size(
                 points, columns, result.suffix, options.max_gigabytes
             ),
@@ -484,15 +485,13 @@ def _run(options: argparse.Namespace) -> None:
 
 def _estimate_error(options: argparse.Namespace, fmu: Path, run: Any) -> dict:
     """Return the error of a run, by a second run."""
-    from dockloop.accuracy import COMPARED, estimate_error
+    from dockloop.accuracy import estimate_error
     from dockloop.simulate import ProgressBar, run_fmu
 
     def repeat(tighter: dict[str, float]) -> Any:
         settings = [*options.set, *(f"{name}={value!r}" for name, value in tighter.items())]
         progress = ProgressBar(f"{fmu.stem}, second run")
-        return run_fmu(
-            fmu, settings, options.stop, options.step, outputs=COMPARED, progress=progress
-        )
+        return run_fmu(fmu, settings, options.stop, options.step, progress=progress)
 
     return estimate_error(run, repeat)
 
