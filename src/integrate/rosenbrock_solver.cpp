@@ -46,12 +46,6 @@ constexpr std::array<double, kStages> kTime = {0.0, 0.75, 0.321448134013046, 0.5
 constexpr std::array<double, kStages> kSlope = {0.25, -0.5, -0.189532918363016, 0.085612108792769,
                                                 0.0,  0.0};
 
-constexpr double kSafety = 0.9, kGrowth = 5.0, kShrink = 0.2, kLeastShrink = 0.1;
-constexpr double kProportional = 0.7 / 4.0, kIntegral = 0.3 / 4.0;
-constexpr double kLeastError = 1e-3;  ///< errors below it say nothing of the next step
-constexpr int kMaxRejected = 20;      ///< in a row
-constexpr int kUnrollWidth = 4;       ///< states that are added up together
-
 class RosenbrockSolver : public Solver {
  public:
   RosenbrockSolver(System& system, bool adapts)
@@ -86,6 +80,12 @@ class RosenbrockSolver : public Solver {
   bool has_fixed_step() const override { return fixed_; }
 
  private:
+  static constexpr double kSafety = 0.9, kGrowth = 5.0, kShrink = 0.2, kLeastShrink = 0.1;
+  static constexpr double kProportional = 0.7 / 4.0, kIntegral = 0.3 / 4.0;
+  static constexpr double kLeastError = 1e-3;  ///< errors below it say nothing of the next step
+  static constexpr int kMaxRejected = 20;      ///< in a row
+  static constexpr int kUnrollWidth = 4;       ///< states that are added up together
+
   double* get_stage(int i) { return stages_.data() + static_cast<size_t>(i) * stride_; }
   bool calc_rates(double t, const double* y, double* ydot) {
     return system_.calc_rates(t, y, ydot) == 0;

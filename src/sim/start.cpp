@@ -568,20 +568,23 @@ double DockingSim::Impl::find_real_time_step() {
   }
   if (!(mass > 0.0)) return step;
   const ContactModel& contact = model->contact;
-  const ContactLaw& law = contact.law;
   double stiffness = 0.0;
   if (contact.kind == ContactModel::Kind::kAbsorber) stiffness = contact.absorber.stiffness;
-  if (contact.kind == ContactModel::Kind::kRings) stiffness = kAtOnce * law.stiffness;
-  if (model->latches.count() > 0) {
-    stiffness = std::max(stiffness, kAtOnce * model->latches.law.hold_stiffness);
+  if (contact.has_surfaces()) {
+    for (const ContactLaw& law : contact.laws) {
+      stiffness = std::max(stiffness, kAtOnce * law.stiffness);
+      const double force = present().relative.v.norm() * std::sqrt(kAtOnce * law.stiffness * mass);
+      const double friction = law.friction_coefficient * force / (law.friction_speed * mass);
+      const double bristle = law.bristle_stiffness / law.bristle_relaxation;
+      if (law.friction_coefficient > 0.0) {
+        limit(law.friction_model == 1 ? friction : bristle, kPerFriction);
+      }
+    }
   }
-  const double frequency = std::sqrt(stiffness / mass);
-  limit(frequency, kPerOscillation);
-  if (contact.kind != ContactModel::Kind::kRings || law.friction_coefficient == 0.0) return step;
-  const double force = present().relative.v.norm() * std::sqrt(kAtOnce * law.stiffness * mass);
-  const double friction = law.friction_coefficient * force / (law.friction_speed * mass);
-  limit(law.friction_model == 1 ? friction : law.bristle_stiffness / law.bristle_relaxation,
-        kPerFriction);
+  for (const Latch& latch : model->latches.latch) {
+    stiffness = std::max(stiffness, kAtOnce * latch.law.hold_stiffness);
+  }
+  limit(std::sqrt(stiffness / mass), kPerOscillation);
   return step;
 }
 

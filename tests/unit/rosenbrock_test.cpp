@@ -72,7 +72,7 @@ TEST(Rosenbrock, has_order_four_with_the_exact_matrix_and_two_with_any) {
 }
 
 /// y' = -k (y - cos t) - sin t
-Stepper::Problem make_stiff(double k) {
+Stepper::Problem make_decay(double k) {
   Stepper::Problem p;
   p.size = 1;
   p.rates = [k](double t, const double* y, double* ydot) {
@@ -110,7 +110,7 @@ TEST(Rosenbrock, ends_stiff_decay_in_one_step) {
 
 TEST(Rosenbrock, follows_a_slow_solution_past_stiffness) {
   for (const double k : {1e2, 1e4, 1e6, 1e8}) {
-    Stepper stepper(make_stiff(k), kMethod);
+    Stepper stepper(make_decay(k), kMethod);
     stepper.set_tolerances(1e-5, std::array{1e-5}.data());
     stepper.y()[0] = 1.0;
     stepper.restart(0.0, 0.01);
@@ -166,7 +166,7 @@ TEST(Rosenbrock, keeps_linear_sums_with_any_matrix) {
 }
 
 TEST(Rosenbrock, follows_the_solution_inside_a_step) {
-  Stepper stepper(make_stiff(1e4), kMethod);
+  Stepper stepper(make_decay(1e4), kMethod);
   stepper.set_tolerances(1e-5, std::array{1e-5}.data());
   stepper.y()[0] = 1.0;
   stepper.restart(0.0, 0.01);

@@ -71,7 +71,7 @@ Scene slider_crank() {
   return on_mechanism(scene["mechanism"]);
 }
 
-struct Case {
+struct MatrixCase {
   const char* name;
   std::function<Scene()> scene;
   double depth, lateral, tilt;
@@ -80,7 +80,7 @@ struct Case {
   bool locked;
   double least, most;  ///< differences at kShort and kLong: three times those measured
 };
-void PrintTo(const Case& at, std::ostream* out) { *out << at.name; }
+void PrintTo(const MatrixCase& at, std::ostream* out) { *out << at.name; }
 
 bool touches(const Docking& docking, PairKind kind) {
   const ContactModel& contact = docking.model.contact;
@@ -90,7 +90,7 @@ bool touches(const Docking& docking, PairKind kind) {
   return false;
 }
 
-Docking draw(const Case& at, const Scene& scene, TestRandom& random) {
+Docking draw(const MatrixCase& at, const Scene& scene, TestRandom& random) {
   for (int draws = 0; draws < 300; ++draws) {
     Docking docking(scene);
     docking.set_random_state(random, at.depth, at.lateral, at.tilt);
@@ -182,10 +182,10 @@ Compared compare(Docking& docking, double g, TestRandom& random) {
   return {find_distance(found), find_distance(g * x)};
 }
 
-class StructuredMatrices : public ::testing::TestWithParam<Case> {};
+class StructuredMatrices : public ::testing::TestWithParam<MatrixCase> {};
 
 TEST_P(StructuredMatrices, solve_nearly_as_the_jacobian_does) {
-  const Case& at = GetParam();
+  const MatrixCase& at = GetParam();
   const Scene scene = at.scene();
   for (const double g : {kShort, kLong}) {
     TestRandom random(81);
@@ -220,39 +220,41 @@ constexpr LatchMode kOpen = LatchMode::kOpen, kHeld = LatchMode::kHeld,
 INSTANTIATE_TEST_SUITE_P(
     cases, StructuredMatrices,
     ::testing::Values(
-        Case{"apart", ring, -0.05, 0.2, 0.12, kNone, kSpent, false, 5.4e-3, 4.8e-2},
-        Case{"nodes_on_ring", ring, kSlight, 4e-3, 2e-3, kPointAnnulus, kSpent, false, 4.8e-3,
-             4.2e-2},
-        Case{"edge_on_ring", ring, kSlight, 0.2, 0.12, kSegmentAnnulus, kSpent, false, 9.3e-4,
-             4.2e-3},
-        Case{"petal_on_petal", ring, kSlight, 0.2, 0.12, kPlatePlate, kSpent, false, 2.7e-3,
-             7.5e-3},
-        Case{"node_on_petal", ring, kSlight, 0.4, 0.3, kPointPlate, kSpent, false, 2.5e-2, 3.3e-1},
-        Case{"nodes_deep_in_ring", ring, 1e-3, 4e-3, 2e-3, kPointAnnulus, kSpent, false, 8.7e-2,
-             5.1e-2},
-        Case{"petal_deep_in_petal", ring, 2e-3, 0.2, 0.12, kPlatePlate, kSpent, false, 7.8e-2,
-             3e-1},
-        Case{"into_the_barrier", ring, 7e-3, 0.05, 0.05, kSegmentAnnulus, kSpent, false, 3.3e-1,
-             6.3e-1},
-        Case{"latches_open", ring_without_surfaces, -0.01, 0.0, 0.03, kNone, kOpen, false, 7.2e-2,
-             3.3e-1},
-        Case{"latches_held", ring_without_surfaces, -0.0055, 0.0, 0.003, kNone, kHeld, false, 2e-2,
-             2.4e-1},
-        Case{"latches_releasing", ring_without_surfaces, -0.0055, 0.0, 0.003, kNone, kReleasing,
-             false, 1.2e-2, 5.4e-2},
-        Case{"latches_far_pulled", ring_without_surfaces, -0.012, 0.0, 0.01, kNone, kHeld, false,
-             2.7e-1, 3e-1},
-        Case{"absorber", absorber, 2e-3, 0.0, 0.1, kNone, kSpent, false, 8.1e-6, 2.3e-4},
-        Case{"brake", braked_slide, 2e-3, 0.0, 0.1, kNone, kSpent, false, 2.3e-3, 6.6e-3},
-        Case{"loop", slider_crank, 2e-3, 0.0, 0.1, kNone, kSpent, false, 7.2e-3, 1.3e-2},
-        Case{"immobile_chaser", ring_with_an_immobile_vehicle<kChaser>, kSlight, 0.2, 0.12,
-             kSegmentAnnulus, kSpent, false, 1.3e-3, 9e-3},
-        Case{"immobile_target", ring_with_an_immobile_vehicle<kTarget>, kSlight, 0.2, 0.12,
-             kSegmentAnnulus, kSpent, false, 2.2e-3, 8.7e-3},
-        Case{"driven_chaser", ring_driven, kSlight, 0.2, 0.12, kSegmentAnnulus, kSpent, false,
-             2.7e-3, 2.5e-2},
-        Case{"locked", ring, kSlight, 0.2, 0.12, kSegmentAnnulus, kSpent, true, 7.5e-6, 1.8e-4}),
-    [](const ::testing::TestParamInfo<Case>& at) { return std::string(at.param.name); });
+        MatrixCase{"apart", ring, -0.05, 0.2, 0.12, kNone, kSpent, false, 5.4e-3, 4.8e-2},
+        MatrixCase{"nodes_on_ring", ring, kSlight, 4e-3, 2e-3, kPointAnnulus, kSpent, false, 4.8e-3,
+                   4.2e-2},
+        MatrixCase{"edge_on_ring", ring, kSlight, 0.2, 0.12, kSegmentAnnulus, kSpent, false, 9.3e-4,
+                   4.2e-3},
+        MatrixCase{"petal_on_petal", ring, kSlight, 0.2, 0.12, kPlatePlate, kSpent, false, 2.7e-3,
+                   7.5e-3},
+        MatrixCase{"node_on_petal", ring, kSlight, 0.4, 0.3, kPointPlate, kSpent, false, 2.5e-2,
+                   3.3e-1},
+        MatrixCase{"nodes_deep_in_ring", ring, 1e-3, 4e-3, 2e-3, kPointAnnulus, kSpent, false,
+                   8.7e-2, 5.1e-2},
+        MatrixCase{"petal_deep_in_petal", ring, 2e-3, 0.2, 0.12, kPlatePlate, kSpent, false, 7.8e-2,
+                   3e-1},
+        MatrixCase{"into_the_barrier", ring, 7e-3, 0.05, 0.05, kSegmentAnnulus, kSpent, false,
+                   3.3e-1, 6.3e-1},
+        MatrixCase{"latches_open", ring_without_surfaces, -0.01, 0.0, 0.03, kNone, kOpen, false,
+                   7.2e-2, 3.3e-1},
+        MatrixCase{"latches_held", ring_without_surfaces, -0.0055, 0.0, 0.003, kNone, kHeld, false,
+                   2e-2, 2.4e-1},
+        MatrixCase{"latches_releasing", ring_without_surfaces, -0.0055, 0.0, 0.003, kNone,
+                   kReleasing, false, 1.2e-2, 5.4e-2},
+        MatrixCase{"latches_far_pulled", ring_without_surfaces, -0.012, 0.0, 0.01, kNone, kHeld,
+                   false, 2.7e-1, 3e-1},
+        MatrixCase{"absorber", absorber, 2e-3, 0.0, 0.1, kNone, kSpent, false, 8.1e-6, 2.3e-4},
+        MatrixCase{"brake", braked_slide, 2e-3, 0.0, 0.1, kNone, kSpent, false, 2.3e-3, 6.6e-3},
+        MatrixCase{"loop", slider_crank, 2e-3, 0.0, 0.1, kNone, kSpent, false, 7.2e-3, 1.3e-2},
+        MatrixCase{"immobile_chaser", ring_with_an_immobile_vehicle<kChaser>, kSlight, 0.2, 0.12,
+                   kSegmentAnnulus, kSpent, false, 1.3e-3, 9e-3},
+        MatrixCase{"immobile_target", ring_with_an_immobile_vehicle<kTarget>, kSlight, 0.2, 0.12,
+                   kSegmentAnnulus, kSpent, false, 2.2e-3, 8.7e-3},
+        MatrixCase{"driven_chaser", ring_driven, kSlight, 0.2, 0.12, kSegmentAnnulus, kSpent, false,
+                   2.7e-3, 2.5e-2},
+        MatrixCase{"locked", ring, kSlight, 0.2, 0.12, kSegmentAnnulus, kSpent, true, 7.5e-6,
+                   1.8e-4}),
+    [](const ::testing::TestParamInfo<MatrixCase>& at) { return std::string(at.param.name); });
 
 TEST(StructuredMatrix, keeps_momentum) {
   TestRandom random(82);
