@@ -170,7 +170,8 @@ void DockingSim::Impl::build_for(const SavedSim& from) {
   keep(fresh);
   fresh.reference.valid = from.snapshot.reference.valid;
   if (!have_same_shape(fresh, from.snapshot) || !fits(from.snapshot.state.memory, model->contact) ||
-      !(from.snapshot.state.inner_step > 0.0) || !are_modes(from.snapshot.state.discrete) || !are_branches(from.snapshot.reference)) {
+      !(from.snapshot.state.inner_step > 0.0) || !are_modes(from.snapshot.state.discrete) ||
+      !are_branches(from.snapshot.reference)) {
     throw ModelError("the saved state does not fit this model");
   }
   warnings.clear();  // already issued when the state was made

@@ -67,8 +67,8 @@ Status DockingSim::get_indicators(double* indicator) {
   std::copy_n(roots, kFixedRoots, indicator);
   for (int i = 0; i < me.model->latches.count(); ++i) {
     const LatchMotion motion = find_latch_motion(me.model->latches, i, me.trial().relative);
-    const std::array<double, 2> both = find_conditions(me.model->latches.latch[i].law, me.discrete.latch[i],
-                                                       motion, roots[kFixedRoots + i]);
+    const std::array<double, 2> both = find_conditions(
+        me.model->latches.latch[i].law, me.discrete.latch[i], motion, roots[kFixedRoots + i]);
     std::copy(both.begin(), both.end(), indicator + kFixedRoots + 2 * i);
   }
   return {};
