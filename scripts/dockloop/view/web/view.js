@@ -211,10 +211,10 @@
       return r.petals.map((petal) => addPetal(parent, petal.map(vector), r.petal_rounding, color));
     }
     function addCores(parent, cores, color) {
-      const material = solid(color);
+      const material = solid(color), glass = solid(color, { transparent: true, opacity: 0.4, depthWrite: false });
       for (const core of cores) {
         const holder = group(parent, core.pose);
-        if (core.kind === 'revolution') addRevolution(holder, core.points, core.rounding, material);
+        if (core.kind === 'revolution') addRevolution(holder, core.points, core.rounding, glass); // what it holds shows
         else if (core.kind === 'plate') addPetal(holder, core.points.map(vector), core.rounding, color);
         else {
           const points = core.points.map(vector);
