@@ -415,7 +415,7 @@ def test_a_method_for_comparison_is_refused_by_the_fmu_that_does_not_carry_it(ru
 
 def test_bad_usage_is_refused_with_one_sentence(dockloop):
     for arguments, words in (
-        (["hexapod"], "did you mean 'hexapod_bench'"),
+        (["hexapod_bank"], "did you mean 'hexapod_bench'"),
         (["absorber_1d", "--methods", "implict"], "there is no 'implict' (did you mean 'implicit'"),
         (["absorber_1d", "--levels", "stiff"], "must be of 1 rigid, 2 massless_legs"),
         (["absorber_1d", "--tolerances", "1e-3,x"], "must be numbers separated by commas"),
