@@ -59,7 +59,9 @@ SolverMethod find_best(const Parameters& p) {
 
 /// Place of a method in the table, or its size.
 size_t find_place(int method) {
-  const auto found = std::find(kCalibratedMethods.begin(), kCalibratedMethods.end(), method);
+  // `auto` took stabilised steps when it was measured, as it still does at these tolerances.
+  const int measured = method == kStabilised ? kAuto : method;
+  const auto found = std::find(kCalibratedMethods.begin(), kCalibratedMethods.end(), measured);
   return static_cast<size_t>(found - kCalibratedMethods.begin());
 }
 
