@@ -11,14 +11,13 @@
 // 4 with the exact one. What matters is that A knows the stiff parts. A sum that w'f and w'A leave
 // alone (a momentum) is kept to rounding: w'u_i is zero too.
 //
-// The end of a step is evaluated last: it is the first stage of the next step. Dense output is the
-// cubic through both ends; the method's own is not better.
+// Dense output is the cubic through both ends; the method's own is not better.
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <vector>
 
-#include "integrate/solver.hpp"
+#include "integrate/one_step_solver.hpp"
 
 namespace dockloop {
 namespace {
@@ -46,80 +45,58 @@ constexpr std::array<double, kStages> kTime = {0.0, 0.75, 0.321448134013046, 0.5
 constexpr std::array<double, kStages> kSlope = {0.25, -0.5, -0.189532918363016, 0.085612108792769,
                                                 0.0,  0.0};
 
-class RosenbrockSolver : public Solver {
+class RosenbrockSolver : public OneStepSolver {
  public:
   RosenbrockSolver(System& system, bool adapts)
-      : system_(system),
-        fixed_(!adapts),
-        size_(system.problem.size),
-        stride_((size_ + kUnrollWidth - 1) / kUnrollWidth * kUnrollWidth),
+      : OneStepSolver(system, !adapts, kGrowth),
         stages_(static_cast<size_t>(stride_) * kStages, 0.0) {
-    for (auto* x : {&start_, &end_, &first_, &last_, &slope_, &sum_, &scale_, &atol_}) {
+    for (auto* x : {&first_, &last_, &slope_, &sum_}) {
       x->assign(static_cast<size_t>(stride_), 0.0);
     }
-    std::copy_n(NV_DATA_S(system.atol), size_, atol_.begin());
   }
 
-  void set_tolerances(double rtol, N_Vector atol) override {
-    rtol_ = rtol;
-    std::copy_n(NV_DATA_S(atol), size_, atol_.begin());
-  }
-  void restart(double t, N_Vector, double h) override {
-    t_ = t;
-    h_ = h;
-    last_error_ = 1.0;
-    rated_ = at_end_ = false;
-  }
   void set_known(const Stepper::Known& known) override {
     if (known.rates) std::copy_n(known.rates, size_, first_.begin());
     rated_ = known.rates != nullptr;
   }
-  StepOutcome step(double t_stop, N_Vector y, double& t) override;
   bool interpolate(double t, N_Vector y) override;
-  double next_step() const override { return h_; }
-  bool has_fixed_step() const override { return fixed_; }
 
  private:
-  static constexpr double kSafety = 0.9, kGrowth = 5.0, kShrink = 0.2, kLeastShrink = 0.1;
+  static constexpr double kSafety = 0.9, kGrowth = 5.0, kLeastShrink = 0.1;
   static constexpr double kProportional = 0.7 / 4.0, kIntegral = 0.3 / 4.0;
   static constexpr double kLeastError = 1e-3;  ///< errors below it say nothing of the next step
-  static constexpr int kMaxRejected = 20;      ///< in a row
-  static constexpr int kUnrollWidth = 4;       ///< states that are added up together
 
   double* get_stage(int i) { return stages_.data() + static_cast<size_t>(i) * stride_; }
-  bool calc_rates(double t, const double* y, double* ydot) {
-    return system_.calc_rates(t, y, ydot) == 0;
+  double* get_first_rates() override { return first_.data(); }
+  void continue_from_end() override { std::swap(first_, last_); }
+  bool prepare(double room) override;
+  bool calc_end(double h) override;
+  bool find_error(double, double& error) override {
+    error = find_mean(get_stage(kStages - 1));
+    return true;
   }
+  bool calc_last_rates(double h) override { return calc_rates(t_ + h, end_.data(), last_.data()); }
+  double find_shrink(double error) const override;
+  double find_factor(double error) override;
   bool build_matrix();
   bool find_time_slope(double h);
   bool factorise(double g);
   void add_up(int stage, double h);
-  bool calc_end(double h);
-  double find_error() const;
   double find_first_step(double room) const;
-  std::int64_t present_steps() const override { return steps_; }
-  std::int64_t present_rejected() const override { return rejected_; }
 
-  System& system_;
-  const bool fixed_;
-  const int size_, stride_;
   std::vector<double> stages_;        // u, one stage after another
-  std::vector<double> start_, end_;   // of the step
-  std::vector<double> first_, last_;  // rates there
+  std::vector<double> first_, last_;  // rates at the start and at the end of the step
   std::vector<double> slope_;         // of the rates over time, at the start
   std::vector<double> sum_;           // of the stages, by a row of C/h
-  std::vector<double> scale_;         // 1/(rtol |y| + atol)
-  std::vector<double> atol_;
-  double rtol_ = 1e-6;
-  double t_ = 0.0, h_ = 0.0;  // end of the last step, size of the next one [s]
-  double made_ = 0.0;         // size of the last one [s]
-  double last_error_ = 1.0;   // of the step before, in tolerances
-  double g_ = 0.0;            // of the present factors [s]
-  bool rated_ = false;        // first_ holds the rates at t_
-  bool at_end_ = false;       // last_ does
-  bool sloped_ = false;       // slope_ counts
-  std::int64_t steps_ = 0, rejected_ = 0;
+  double g_ = 0.0;                    // of the present factors [s]
+  bool sloped_ = false;               // slope_ counts
 };
+
+bool RosenbrockSolver::prepare(double room) {
+  if (!build_matrix()) return false;
+  if (!(h_ > 0.0)) h_ = find_first_step(room);
+  return find_time_slope(std::min(h_, room));
+}
 
 /// @pre the rates at the start have been evaluated last
 bool RosenbrockSolver::build_matrix() {
@@ -168,8 +145,9 @@ void RosenbrockSolver::add_up(int stage, double h) {
   }
 }
 
-/// @pre matrix, factors and time slope of the start
+/// @pre matrix and time slope of the start
 bool RosenbrockSolver::calc_end(double h) {
+  if (!factorise(kGamma * h)) return false;
   const auto& solve = system_.problem.matrix.solve;
   for (int stage = 0; stage < kStages; ++stage) {
     double* u = get_stage(stage);
@@ -195,89 +173,28 @@ bool RosenbrockSolver::calc_end(double h) {
   return true;
 }
 
-/// In tolerances (root mean square).
-double RosenbrockSolver::find_error() const {
-  const double* error = stages_.data() + static_cast<size_t>(stride_) * (kStages - 1);
-  double sum = 0.0;
-  for (int i = 0; i < size_; ++i) {
-    const double e = error[i] * scale_[i];
-    sum += e * e;
-  }
-  return std::sqrt(sum / size_);
+double RosenbrockSolver::find_shrink(double error) const {
+  const double shrink = kSafety * std::pow(error, -0.25);
+  return shrink > kLeastShrink ? std::min(0.9, shrink) : kLeastShrink;
+}
+
+double RosenbrockSolver::find_factor(double error) {
+  const double now = std::max(error, kLeastError), before = last_error_;
+  last_error_ = now;
+  return kSafety * std::pow(now, -kProportional) * std::pow(before, kIntegral);
 }
 
 /// Without a proposal: the time in which the state changes by one percent, or a hundredth of the
 /// room. Stiffness does not matter, and error control does the rest.
 double RosenbrockSolver::find_first_step(double room) const {
-  double y = 0.0, speed = 0.0;
-  for (int i = 0; i < size_; ++i) {
-    y += start_[i] * scale_[i] * (start_[i] * scale_[i]);
-    speed += first_[i] * scale_[i] * (first_[i] * scale_[i]);
-  }
-  y = std::max(1.0, std::sqrt(y / size_));
-  speed = std::sqrt(speed / size_);
+  const double y = std::max(1.0, find_mean(start_.data())), speed = find_mean(first_.data());
   return 0.01 * (y < room * speed ? y / speed : room);
-}
-
-StepOutcome RosenbrockSolver::step(double t_stop, N_Vector y, double& t) {
-  if (at_end_) std::swap(first_, last_);
-  std::copy_n(NV_DATA_S(y), size_, start_.begin());
-  if (!rated_ && !at_end_ && !calc_rates(t_, start_.data(), first_.data())) {
-    return StepOutcome::kFailed;
-  }
-  rated_ = true;
-  at_end_ = false;
-  for (int i = 0; i < size_; ++i) scale_[i] = 1.0 / (rtol_ * std::abs(start_[i]) + atol_[i]);
-  const double room = t_stop - t_;
-  if (!(room > 0.0)) return StepOutcome::kStopped;
-  if (!build_matrix()) return StepOutcome::kFailed;
-  if (!(h_ > 0.0)) h_ = find_first_step(room);
-  if (!find_time_slope(std::min(h_, room))) return StepOutcome::kFailed;
-  bool grows = true;
-  for (int tries = 0; tries < kMaxRejected; ++tries) {
-    // What is left is divided evenly: a last step that is much shorter would be wasted.
-    const bool stops = h_ >= room * (1.0 - 1e-12);
-    const double h = stops ? room : std::min(h_, 0.5 * room);
-    if (!(t_ + h != t_)) return StepOutcome::kFailed;
-    if (!factorise(kGamma * h) || !calc_end(h)) return StepOutcome::kFailed;
-    double factor = 1.0;
-    if (!fixed_) {
-      const double error = find_error();
-      if (!(error <= 1.0)) {
-        ++rejected_;
-        const double shrink = kSafety * std::pow(error, -0.25);
-        h_ = h * (shrink > kLeastShrink ? std::min(0.9, shrink) : kLeastShrink);
-        grows = false;
-        continue;
-      }
-      if (!calc_rates(t_ + h, end_.data(), last_.data())) return StepOutcome::kFailed;
-      const double now = std::max(error, kLeastError);
-      factor = kSafety * std::pow(now, -kProportional) * std::pow(last_error_, kIntegral);
-      factor = std::clamp(factor, kShrink, grows ? kGrowth : 1.0);
-      last_error_ = now;
-      at_end_ = true;
-    }
-    rated_ = false;
-    made_ = h;
-    h_ = h * factor;
-    t_ = stops ? t_stop : t_ + h;
-    t = t_;
-    std::copy_n(end_.begin(), size_, NV_DATA_S(y));
-    ++steps_;
-    return stops ? StepOutcome::kStopped : StepOutcome::kStepped;
-  }
-  return StepOutcome::kFailed;
 }
 
 bool RosenbrockSolver::interpolate(double t, N_Vector y) {
   if (fixed_) return true;  // no roots are looked for
   if (!at_end_) return false;
-  const double s = 1.0 - (t_ - t) / made_, r = 1.0 - s;
-  for (int i = 0; i < size_; ++i) {
-    const double way = end_[i] - start_[i];
-    const double bend = r * (made_ * first_[i] - way) + s * (way - made_ * last_[i]);
-    NV_Ith_S(y, i) = start_[i] + s * (way + r * bend);
-  }
+  interpolate_cubic(t, start_.data(), first_.data(), last_.data(), y);
   return true;
 }
 

@@ -1,5 +1,6 @@
 // What Stepper asks of a method, and what every method sees of the problem.
 //
+//   one_step_solver.cpp   what the two methods of our own share
 //   explicit_solver.cpp   Runge-Kutta, adaptive or of fixed size (our own; runge_kutta.hpp)
 //   rosenbrock_solver.cpp linearly implicit, one matrix a step (our own)
 //   implicit_solver.cpp   diagonally implicit Runge-Kutta (ARKStep; implicit_solver.hpp)
