@@ -25,6 +25,33 @@ void start_docking_pass(const DockingModel& model, const Loads& loads, double t,
   std::copy(y, y + model.layout.size, pass.y.begin());
 }
 
+void seed_displacement(const DockingModel& model, const double* y, int direction, int lane,
+                       std::vector<Derivative>& seeded) {
+  const auto put = [&](int first, const auto& rate) {
+    for (int i = 0; i < rate.size(); ++i) seeded[first + i].d[lane] = rate[i];
+  };
+  int q = model.layout.mechanism_q;
+  for (int i : model.mechanism_bodies) {
+    const Body& body = model.mechanism.model.bodies[i];
+    if (direction >= body.nv()) {
+      direction -= body.nv();
+      q += body.nq();
+      continue;
+    }
+    if (body.joint != JointType::kFree) {
+      seeded[q].d[lane] = 1.0;
+      return;
+    }
+    const Vec4<double> quat(y[q + 3], y[q + 4], y[q + 5], y[q + 6]);
+    if (direction < 3) {
+      put(q, Vec3<double>(quat_to_matrix<double>(quat).col(direction)));
+    } else {
+      put(q + 3, quat_rate<double>(quat, Vec3<double>(Vec3<double>::Unit(direction - 3))));
+    }
+    return;
+  }
+}
+
 Status calc_docking_pass(const DockingModel& model, const DiscreteState& discrete,
                          const ContactMemory& memory, const DockingData<double>& at,
                          DockingPass& pass) {

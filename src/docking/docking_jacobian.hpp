@@ -33,6 +33,10 @@ struct DockingPass {
 void start_docking_pass(const DockingModel& model, const Loads& loads, double t, const double* y,
                         DockingPass& pass);
 
+/// Puts a displacement along one velocity of the mechanism into one lane of a state.
+void seed_displacement(const DockingModel& model, const double* y, int direction, int lane,
+                       std::vector<Derivative>& seeded);
+
 /// @param at  a plain evaluation (calc_docking) of the same state: start pose and branches of the
 ///            loops. From a pose nearby a Newton closure needs more iterations.
 Status calc_docking_pass(const DockingModel& model, const DiscreteState& discrete,

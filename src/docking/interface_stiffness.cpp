@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "docking/rigid_maps.hpp"
+
 namespace dockloop {
 namespace {
 
@@ -25,38 +27,20 @@ struct Interface {
   Mat6<double> L;    ///< x = L xi
 };
 
-/// Motion of G from that of a vehicle's origin, r from there to G: [E, -r^; 0, E].
-Mat6<double> make_transfer(const Vec3<double>& r) {
-  Mat6<double> J = Mat6<double>::Identity();
-  J.topRightCorner<3, 3>() = -skew<double>(r);
-  return J;
-}
-
-/// Inertia of the chaser with a locked mechanism about its origin.
-Mat6<double> make_locked_inertia(const VehicleBody& whole) {
-  Mat6<double> A = Mat6<double>::Zero();
-  const Mat3<double> h = whole.mass * skew<double>(whole.com);
-  A.topLeftCorner<3, 3>() = whole.mass * Mat3<double>::Identity();
-  A.topRightCorner<3, 3>() = -h;
-  A.bottomLeftCorner<3, 3>() = h;
-  A.bottomRightCorner<3, 3>() = whole.inertia - h * skew<double>(whole.com);
-  return A;
-}
-
 /// Inverse of the effective mass of relative motion at G.
 Mat6<double> find_mobility(const DockingModel& model, const DockingData<double>& at,
                            const Interface& geometry, VecX<double>& column) {
   Mat6<double> sum = Mat6<double>::Zero();
   if (model.moves[kChaser]) {
     Mat6<double> inverse;  // with free joints: the leading block of the whole inverse
-    if (at.locked) inverse = make_locked_inertia(at.locked->whole).inverse();
+    if (at.locked) inverse = make_inertia(at.locked->whole).inverse();
     for (int i = 0; !at.locked && i < 6; ++i) {
       column.setZero();
       column[i] = 1.0;
       at.mechanism.factor.solveInPlace(column);
       inverse.col(i) = column.head<6>();
     }
-    const Mat6<double> J = make_transfer(geometry.arm);
+    const Mat6<double> J = make_transfer(Mat3<double>::Identity(), geometry.arm);
     sum += J * inverse * J.transpose();
   }
   if (model.moves[kTarget]) {
@@ -65,7 +49,8 @@ Mat6<double> find_mobility(const DockingModel& model, const DockingData<double>&
     Mat6<double> inverse = Mat6<double>::Identity() / model.vehicle[kTarget].mass;
     inverse.bottomRightCorner<3, 3>() =
         R * model.vehicle[kTarget].inertia.inverse() * R.transpose();
-    const Mat6<double> J = make_transfer(geometry.R.transpose() * (at.capture.p - target.p));
+    const Vec3<double> arm = geometry.R.transpose() * (at.capture.p - target.p);
+    const Mat6<double> J = make_transfer(Mat3<double>::Identity(), arm);
     sum += J * inverse * J.transpose();
   }
   return sum;
@@ -79,7 +64,9 @@ class Seeds {
       : model_(model), at_(at), geometry_(geometry), y_(y), seeded_(seeded) {}
 
   void put_displacement(int direction, int lane) {
-    if (direction < model_.layout.mechanism_nv) return put_coordinate(direction, lane);
+    if (direction < model_.layout.mechanism_nv) {
+      return seed_displacement(model_, y_, direction, lane, seeded_);
+    }
     const Twist<double> twist = find_twist(direction);
     const FrameMotion<double>& frame = at_.vehicle[mover()];
     const int pose = model_.layout.pose[mover()];
@@ -102,8 +89,8 @@ class Seeds {
     if (mover() == kChaser) {
       Vec6<double> body;
       body << geometry_.R.transpose() * twist.v, geometry_.R.transpose() * twist.w;
-      const Mat6<double> inertia = at_.locked ? make_locked_inertia(at_.locked->whole)
-                                              : Mat6<double>(A.topLeftCorner<6, 6>());
+      const Mat6<double> inertia =
+          at_.locked ? make_inertia(at_.locked->whole) : Mat6<double>(A.topLeftCorner<6, 6>());
       return put_chaser_momentum(inertia * body, lane);
     }
     const FrameMotion<double>& target = at_.vehicle[kTarget];
@@ -124,26 +111,6 @@ class Seeds {
     const Vec3<double> w = sign * (geometry_.R * x.tail<3>());
     const Vec3<double> v = sign * (geometry_.R * x.head<3>());
     return {w, v + w.cross(at_.vehicle[mover()].p - at_.capture.p)};
-  }
-
-  void put_coordinate(int direction, int lane) {
-    int q = model_.layout.mechanism_q;
-    for (int i : model_.mechanism_bodies) {
-      const Body& body = model_.mechanism.model.bodies[i];
-      if (direction >= body.nv()) {
-        direction -= body.nv();
-        q += body.nq();
-        continue;
-      }
-      if (body.joint != JointType::kFree) {
-        seeded_[q].d[lane] = 1.0;
-        return;
-      }
-      const Vec4<double> quat(y_[q + 3], y_[q + 4], y_[q + 5], y_[q + 6]);
-      if (direction < 3) return add<3>(q, lane, quat_to_matrix<double>(quat).col(direction));
-      return add<4>(q + 3, lane,
-                    quat_rate<double>(quat, Vec3<double>(Vec3<double>::Unit(direction - 3))));
-    }
   }
 
   /// @param momentum  about the chaser's origin, its axes

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "docking/rigid_maps.hpp"
+
 namespace dockloop {
 namespace {
 
@@ -15,31 +17,12 @@ Mat6<double> make_turn(const Mat3<double>& R) {
   return turn;
 }
 
-/// Velocity (v, w) of a point of a body, in axes R, from that of its origin in body axes.
-/// @param arm  from the origin to the point, body axes
-Mat6<double> make_transfer(const Mat3<double>& R, const Vec3<double>& arm) {
-  Mat6<double> map = make_turn(R);
-  map.topRightCorner<3, 3>() = -R * skew<double>(arm);
-  return map;
-}
-
 /// Momentum in body axes about the body's origin from that in axes of O about the origin of O.
 Mat6<double> make_momentum_map(const FrameMotion<double>& body) {
   const Mat3<double> R = body.R.transpose();
   Mat6<double> map = make_turn(R);
   map.bottomLeftCorner<3, 3>() = -R * skew<double>(body.p);
   return map;
-}
-
-/// Inertia of a rigid body about the origin of its axes, for (v, w).
-Mat6<double> make_inertia(const VehicleBody& body) {
-  Mat6<double> A = Mat6<double>::Zero();
-  const Mat3<double> h = body.mass * skew<double>(body.com);
-  A.topLeftCorner<3, 3>() = body.mass * Mat3<double>::Identity();
-  A.topRightCorner<3, 3>() = -h;
-  A.bottomLeftCorner<3, 3>() = h;
-  A.bottomRightCorner<3, 3>() = body.inertia - h * skew<double>(body.com);
-  return A;
 }
 
 /// Motion in body axes that changes position and attitude q at these rates.
@@ -70,33 +53,6 @@ int find_mechanism_block_size(const DockingModel& model) {
   return all * (n + all);
 }
 
-namespace {
-
-/// A displacement along one velocity of the mechanism.
-void seed_displacement(const DockingModel& model, const double* y, int direction, int lane,
-                       DockingPass& pass) {
-  int q = model.layout.mechanism_q;
-  for (int i : model.mechanism_bodies) {
-    const Body& body = model.mechanism.model.bodies[i];
-    if (direction >= body.nv()) {
-      direction -= body.nv();
-      q += body.nq();
-      continue;
-    }
-    if (body.joint != JointType::kFree) {
-      pass.y[q].d[lane] = 1.0;
-      return;
-    }
-    const Vec4<double> quat = get_attitude(y + q);
-    std::array<double, 7> rate{};
-    add_rates(quat_to_matrix<double>(quat), quat, Vec6<double>::Unit(direction), 1.0, rate.data());
-    for (int j = 0; j < 7; ++j) pass.y[q + j].d[lane] = rate[j];
-    return;
-  }
-}
-
-}  // namespace
-
 Status calc_mechanism_block(const DockingModel& model, const DiscreteState& discrete,
                             const ContactMemory& memory, const DockingData<double>& at,
                             const Loads& loads, double t, const double* y, DockingPass& pass,
@@ -114,7 +70,7 @@ Status calc_mechanism_block(const DockingModel& model, const DiscreteState& disc
     for (int lane = 0; lane < count; ++lane) {
       const int column = first + lane;
       if (column < n) {
-        seed_displacement(model, y, column, lane, pass);
+        seed_displacement(model, y, column, lane, pass.y);
       } else {
         pass.y[find_state(column - n)].d[lane] = 1.0;
       }
