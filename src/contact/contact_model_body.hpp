@@ -55,20 +55,13 @@ struct PairPoints : Closest<S> {
   }
 };
 
-/// Lower bound of the distance of a sphere from a profile: both in a box of the half-plane [m].
+/// Lower bound of the distance of a point from a profile in this box of the half-plane [m].
 template <class S>
-S find_box_gap(const Profile& profile, const Vec3<S>& centre) {
+S find_box_gap(const ProfileBox& box, const Vec3<S>& centre) {
   using std::max;
-  double x_low = profile.node[0].x, x_high = x_low, r_low = profile.node[0].r, r_high = r_low;
-  for (const Profile::Node& node : profile.node) {
-    x_low = std::min(x_low, node.x);
-    x_high = std::max(x_high, node.x);
-    r_low = std::min(r_low, node.r);
-    r_high = std::max(r_high, node.r);
-  }
   const S r = find_axis_distance<S>(centre[1], centre[2]);
-  const S along = max<S>(S(x_low) - centre[0], centre[0] - S(x_high));
-  return max<S>(along, max<S>(S(r_low) - r, r - S(r_high)));
+  const S along = max<S>(S(box.x_low) - centre[0], centre[0] - S(box.x_high));
+  return max<S>(along, max<S>(S(box.r_low) - r, r - S(box.r_high)));
 }
 
 /// Closest points of one pair; returns the gap [m].
@@ -98,7 +91,7 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
     return passive ? Vec3<S>(x.R * r + x.p) : r;
   };
   const auto find_sphere_bound = [&]() -> S {
-    const CoreSphere a = find_sphere(first), b = find_sphere(second);
+    const CoreSphere &a = first.sphere, &b = second.sphere;
     const Vec3<S> between = into_G(b.centre, !on_passive) - into_G(a.centre, on_passive);
     return between.norm() - S(a.radius + b.radius) - rounding;
   };
@@ -130,7 +123,7 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
     }
     case PairKind::kPointRevolution: {
       const Vec3<S> point = into_axis(first.point);
-      const S bound = find_box_gap<S>(second.profile, point) - rounding;
+      const S bound = find_box_gap<S>(second.box, point) - rounding;
       if (bound > limit) return bound;
       c = find_point_revolution<S>(point, second.profile, c.piece);
       break;
@@ -138,7 +131,7 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
     case PairKind::kSegmentRevolution: {
       const Vec3<S> a = into_axis(first.point), b = into_axis(first.end);
       const S bound =
-          find_box_gap<S>(second.profile, (a + b) / S(2)) - S(find_sphere(first).radius) - rounding;
+          find_box_gap<S>(second.box, (a + b) / S(2)) - S(first.sphere.radius) - rounding;
       if (bound > limit) return bound;
       c = find_segment_revolution<S>(a, b - a, second.profile, mu, c.piece);
       break;

@@ -34,6 +34,18 @@ CoreSphere find_sphere(const Core& core) {
   return {core.point, 0.0};
 }
 
+ProfileBox find_box(const Profile& profile) {
+  const Profile::Node& first = profile.node.at(0);
+  ProfileBox box{first.x, first.x, first.r, first.r};
+  for (const Profile::Node& node : profile.node) {
+    box.x_low = std::min(box.x_low, node.x);
+    box.x_high = std::max(box.x_high, node.x);
+    box.r_low = std::min(box.r_low, node.r);
+    box.r_high = std::max(box.r_high, node.r);
+  }
+  return box;
+}
+
 double find_reach(const std::vector<Core>& cores) {
   double reach = 0.0;
   const auto include = [&](const Vec3<double>& point, double rounding) {

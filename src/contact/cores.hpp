@@ -16,6 +16,17 @@ namespace dockloop {
 /// From simple to complex: the first core of a pair is the simpler one.
 enum class CoreKind : signed char { kPoint, kSegment, kPlate, kRevolution };
 
+/// Sphere that contains a core, without its rounding; axes of the body.
+struct CoreSphere {
+  Vec3<double> centre = Vec3<double>::Zero();
+  double radius = 0.0;
+};
+
+/// Rectangle that contains a profile.
+struct ProfileBox {
+  double x_low = 0.0, x_high = 0.0, r_low = 0.0, r_high = 0.0;
+};
+
 struct Core {
   std::string name;  ///< in words, for messages
   CoreKind kind = CoreKind::kPoint;
@@ -28,6 +39,8 @@ struct Core {
   int surface = -1;                           ///< of ContactModel::surfaces, -1 for none
   std::vector<int> piece_surfaces;            ///< per piece of a profile; empty: `surface`
   std::vector<int> edges;                     ///< of a plate: cores of this side, segments
+  CoreSphere sphere;                          ///< with it: written when a contact model is made
+  ProfileBox box;                             ///< of kRevolution
 };
 
 inline Core make_point(std::string name, const Vec3<double>& at, double rounding) {
@@ -65,12 +78,8 @@ bool is_annulus(const Core& core);
 /// @pre is_annulus
 Annulus<double> get_annulus(const Core& core);
 
-/// Sphere that contains a core, without its rounding; axes of the body.
-struct CoreSphere {
-  Vec3<double> centre;
-  double radius;
-};
 CoreSphere find_sphere(const Core& core);
+ProfileBox find_box(const Profile& profile);
 
 /// Radius of a sphere about the origin that contains all surfaces [m].
 double find_reach(const std::vector<Core>& cores);

@@ -90,6 +90,12 @@ void make_node_sets(ContactModel& m) {
 /// What follows from cores and pairs.
 void finish(ContactModel& m) {
   m.kind = ContactModel::Kind::kSurfaces;
+  for (std::vector<Core>* side : {&m.active, &m.passive}) {
+    for (Core& core : *side) {
+      core.sphere = find_sphere(core);
+      if (core.kind == CoreKind::kRevolution) core.box = find_box(core.profile);
+    }
+  }
   m.reach = std::max(find_reach(m.active), find_reach(m.passive));
   m.least_rounding = kNoGap;
   for (const ContactPair& pair : m.pairs) {
@@ -272,13 +278,9 @@ std::string list_groups(const NamedSide& side) {
 double find_depth(const std::vector<Core>& passive) {
   double depth = 0.0;
   for (const Core& core : passive) {
-    const CoreSphere sphere = find_sphere(core);
-    double x = sphere.centre.x() + sphere.radius;
+    double x = core.sphere.centre.x() + core.sphere.radius;
     if (core.kind == CoreKind::kRevolution && core.axis.R.isIdentity(0.0)) {
-      x = core.axis.p.x() + core.profile.node[0].x;
-      for (const Profile::Node& node : core.profile.node) {
-        x = std::max(x, core.axis.p.x() + node.x);
-      }
+      x = core.axis.p.x() + core.box.x_high;
     }
     depth = std::max(depth, x);
   }

@@ -34,7 +34,6 @@ struct OnProfile {
   S x, r, square;    ///< the point, and its squared distance
   int piece;         ///< that it lies on
   bool inside;       ///< of the piece, not at one of its ends
-  double nx, nr;     ///< with it: unit normal of the piece
   bool same_radius;  ///< of both points: both lie on one line along the axis
 };
 
@@ -43,11 +42,10 @@ template <class S>
 OnProfile<S> find_on_piece(const Profile& profile, int piece, const S& x, const S& r) {
   const Profile::Node &a = profile.begin_of(piece), &b = profile.end_of(piece);
   const double dx = b.x - a.x, dr = b.r - a.r, square = dx * dx + dr * dr;
-  OnProfile<S> c{S(a.x), S(a.r), S(0), piece, false, 0.0, 0.0, false};
+  OnProfile<S> c{S(a.x), S(a.r), S(0), piece, false, false};
   if (square > 0.0 && dx == 0.0) {  // exact: the height of a point over a disc
     c.r = std::min<S>(std::max<S>(r, S(std::min(a.r, b.r))), S(std::max(a.r, b.r)));
     c.inside = c.same_radius = c.r == r;
-    c.nx = 1.0;
   } else if (square > 0.0) {
     const S t = ((x - S(a.x)) * S(dx) + (r - S(a.r)) * S(dr)) / S(square);
     c.inside = t > S(0) && t < S(1);
@@ -58,8 +56,6 @@ OnProfile<S> find_on_piece(const Profile& profile, int piece, const S& x, const 
       c.x = S(b.x);
       c.r = S(b.r);
     }
-    c.nx = -dr / std::sqrt(square);
-    c.nr = dx / std::sqrt(square);
   }
   c.square = (x - c.x) * (x - c.x) + (r - c.r) * (r - c.r);
   return c;
@@ -122,7 +118,10 @@ struct SegmentOnRevolution {
       const S r1 = (y * d[1] + z * d[2]) / r, r2 = (dr2 - r1 * r1) / r;
       l.slope = ex * d[0] + er * r1 + weight * u;
       if (c.inside) {
-        const S nx(c.nx), nr(c.nr), across = nx * d[0] + nr * r1;
+        const Profile::Node &a = profile->begin_of(c.piece), &b = profile->end_of(c.piece);
+        const double length = find_length(b.x - a.x, b.r - a.r);
+        const S nx((a.r - b.r) / length), nr((b.x - a.x) / length);  // normal of the piece
+        const S across = nx * d[0] + nr * r1;
         l.curvature = across * across + (nx * ex + nr * er) * nr * r2 + weight;
       } else {
         l.curvature = d[0] * d[0] + r1 * r1 + er * r2 + weight;
