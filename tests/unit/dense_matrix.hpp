@@ -1,6 +1,7 @@
-// A Jacobian as the matrix of a linearly implicit method, for problems of tests.
+// A stiff problem, and a Jacobian as the matrix of a linearly implicit method: for tests.
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <vector>
@@ -9,6 +10,17 @@
 #include "math/small_lu.hpp"
 
 namespace dockloop {
+
+/// y' = -k (y - cos t) - sin t, y = cos t.
+inline Stepper::Problem make_stiff(double k) {
+  Stepper::Problem p;
+  p.size = 1;
+  p.rates = [k](double t, const double* y, double* ydot) {
+    ydot[0] = -k * (y[0] - std::cos(t)) - std::sin(t);
+    return 0;
+  };
+  return p;
+}
 
 /// @param fill  A(t, y), a square matrix
 inline Stepper::Problem::Matrix make_dense_matrix(

@@ -288,23 +288,13 @@ void put_bristles(Docking& docking, TestRandom& random) {
 
 class DockingDerivatives : public ::testing::TestWithParam<Case> {};
 
-bool touches(const Docking& docking, PairKind kind) {
-  const ContactModel& contact = docking.model.contact;
-  for (int i = 0; i < contact.pair_count(); ++i) {
-    if (contact.pairs[i].kind == kind && docking.data.contact_work.closed[i]) return true;
-  }
-  return false;
-}
-
 /// A random state in which the surfaces touch as the case wants.
 Docking draw(const Case& at, const Scene& scene, TestRandom& random) {
-  for (int draws = 0; draws < 300; ++draws) {
+  return draw_docking(at.touching, [&] {
     Docking docking(scene, at.friction_model);
     docking.set_random_state(random, at.depth, at.lateral, at.tilt);
-    if (!docking.try_evaluate().ok()) continue;  // where two cores meet
-    if (!at.touching || touches(docking, *at.touching)) return docking;
-  }
-  throw ModelError("no random state touches as it should");
+    return docking;
+  });
 }
 
 TEST_P(DockingDerivatives, are_those_of_central_differences) {

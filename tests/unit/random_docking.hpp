@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -127,6 +128,27 @@ struct Docking {
   std::array<Vec3<double>, 2> velocity{Vec3<double>::Zero(), Vec3<double>::Zero()};
   std::array<Vec3<double>, 2> rate{Vec3<double>::Zero(), Vec3<double>::Zero()};
 };
+
+/// Is a pair of this kind closed?
+inline bool touches(const Docking& docking, PairKind kind) {
+  const ContactModel& contact = docking.model.contact;
+  for (int i = 0; i < contact.pair_count(); ++i) {
+    if (contact.pairs[i].kind == kind && docking.data.contact_work.closed[i]) return true;
+  }
+  return false;
+}
+
+/// The first docking that can be evaluated, and touches as it should.
+/// @param touching  kind of a pair that takes part, or none
+template <class Make>
+Docking draw_docking(const std::optional<PairKind>& touching, const Make& make) {
+  for (int draws = 0; draws < 300; ++draws) {
+    Docking docking = make();
+    if (!docking.try_evaluate().ok()) continue;  // where two cores meet
+    if (!touching || touches(docking, *touching)) return docking;
+  }
+  throw ModelError("no random state touches as it should");
+}
 
 template <class S>
 ExternalLoads<S> cast_loads(const Loads& loads) {

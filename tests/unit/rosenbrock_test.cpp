@@ -71,14 +71,9 @@ TEST(Rosenbrock, has_order_four_with_the_exact_matrix_and_two_with_any) {
   EXPECT_GE(find_order({}), 1.9);
 }
 
-/// y' = -k (y - cos t) - sin t
+/// With its exact matrix.
 Stepper::Problem make_decay(double k) {
-  Stepper::Problem p;
-  p.size = 1;
-  p.rates = [k](double t, const double* y, double* ydot) {
-    ydot[0] = -k * (y[0] - std::cos(t)) - std::sin(t);
-    return 0;
-  };
+  Stepper::Problem p = make_stiff(k);
   p.matrix = make_dense_matrix(1, [k](double, const double*, MatX<double>& A) { A(0, 0) = -k; });
   return p;
 }

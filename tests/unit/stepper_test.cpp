@@ -235,17 +235,6 @@ TEST_P(AdaptiveSteppers, get_around_states_that_cannot_be_evaluated) {
   EXPECT_NEAR(stepper.y()[0], 0.01, 1e-4);
 }
 
-/// y' = -k (y - cos t) - sin t, y = cos t.
-Stepper::Problem make_stiff(double k) {
-  Stepper::Problem p;
-  p.size = 1;
-  p.rates = [k](double t, const double* y, double* ydot) {
-    ydot[0] = -k * (y[0] - std::cos(t)) - std::sin(t);
-    return 0;
-  };
-  return p;
-}
-
 TEST(StiffProblems, are_stepped_over_by_implicit_methods_only) {
   long steps[kCases.size()] = {};
   for (size_t i = 0; i < kCases.size(); ++i) {

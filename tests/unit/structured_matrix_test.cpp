@@ -82,26 +82,16 @@ struct MatrixCase {
 };
 void PrintTo(const MatrixCase& at, std::ostream* out) { *out << at.name; }
 
-bool touches(const Docking& docking, PairKind kind) {
-  const ContactModel& contact = docking.model.contact;
-  for (int i = 0; i < contact.pair_count(); ++i) {
-    if (contact.pairs[i].kind == kind && docking.data.contact_work.closed[i]) return true;
-  }
-  return false;
-}
-
 Docking draw(const MatrixCase& at, const Scene& scene, TestRandom& random) {
-  for (int draws = 0; draws < 300; ++draws) {
+  return draw_docking(at.touching, [&] {
     Docking docking(scene);
     docking.set_random_state(random, at.depth, at.lateral, at.tilt);
     docking.t = 7.02;
     for (int i = 0; i < docking.model.latches.count(); ++i) {
       docking.discrete.latch[static_cast<size_t>(i)] = {at.latches, 7.0 - 0.01 * i};
     }
-    if (!docking.try_evaluate().ok()) continue;
-    if (!at.touching || touches(docking, *at.touching)) return docking;
-  }
-  throw ModelError("no random state touches as it should");
+    return docking;
+  });
 }
 
 /// Units in which states are of equal size: metres and metres per second at the vehicles.
