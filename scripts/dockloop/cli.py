@@ -458,7 +458,7 @@ def _run(options: argparse.Namespace) -> None:
     _claim_run(options, result)
     if options.accuracy is not None:
         options.set.append(f"accuracy={options.accuracy}")
-    everything = ["*"] * (options.estimate_error and bool(options.outputs))  # is compared
+    everything = ["*"] if options.estimate_error and options.outputs else []  # is compared
 
     with scratch() as folder:
         if not is_fmu:
