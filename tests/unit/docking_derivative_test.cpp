@@ -236,15 +236,6 @@ void compare(const std::vector<Column>& columns, const std::vector<std::string>&
   }
 }
 
-Scene ring() { return read_test_scene("scene_ring.json"); }
-Scene absorber() { return read_test_scene("scene_minimal.json"); }
-
-Scene ring_without_surfaces() {
-  Scene scene = ring();
-  scene.contact = ContactModel();
-  return scene;
-}
-
 Scene ring_on_immobile_base() {
   Scene scene = ring();
   scene.motion[kChaser] = Motion::kFixed;

@@ -17,6 +17,14 @@ inline Scene read_test_scene(const std::string& name) {
   return read_scene(read_test_file(name), name);
 }
 
+inline Scene ring() { return read_test_scene("scene_ring.json"); }
+inline Scene absorber() { return read_test_scene("scene_minimal.json"); }
+inline Scene ring_without_surfaces() {
+  Scene scene = ring();
+  scene.contact = ContactModel();
+  return scene;
+}
+
 /// A docking with a random state near the docking, for whatever scene.
 struct Docking {
   explicit Docking(const Scene& from, int friction_model = 1)

@@ -28,13 +28,6 @@ constexpr double kShort = 1e-3, kLong = 1e-2;  ///< g [s]
 /// Depth [m] at which normals that turn, left out, matter little.
 constexpr double kSlight = 5e-5;
 
-Scene ring() { return read_test_scene("scene_ring.json"); }
-Scene absorber() { return read_test_scene("scene_minimal.json"); }
-Scene ring_without_surfaces() {
-  Scene scene = ring();
-  scene.contact = ContactModel();
-  return scene;
-}
 template <int kVehicle>
 Scene ring_with_an_immobile_vehicle() {
   Scene scene = ring();
