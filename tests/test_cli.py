@@ -6,6 +6,7 @@ import shlex
 import subprocess
 import sys
 import time
+from xml.etree import ElementTree
 
 import pytest
 
@@ -294,6 +295,72 @@ def test_check_tells_where_end_stops_begin_and_what_ends_a_coordinate(dockloop, 
         assert sign * row[side] > sign * begins
         assert f"{begins:.4g} m" in text
     assert "begins; no loop ends it up to" in text
+
+
+def test_check_says_what_each_coordinate_moves(dockloop):
+    """A differential: an axial push moves the drive alone, a lateral one all but the drive."""
+    report = json.loads(dockloop("check", "apda", "--json").out)
+    effects = {row["coordinate"]: row for row in report["effects"]}
+    axial, lateral = (
+        {part["name"]: part["rate"] for part in effects[name]["elements"]}
+        for name in ("ring.x", "ring.z")
+    )
+    ring = effects["ring.x"]["joints"]
+    rods = {part["name"]: part["rate"] for part in ring if part["name"].endswith("_rod")}
+    assert len(rods) == 6
+    assert axial == {"drive": pytest.approx(rods["rod1_rod"], rel=1e-12)}
+    assert max(abs(rate) for rate in lateral.values()) == pytest.approx(0.419, abs=5e-4)
+    assert "drive" not in lateral
+    text = dockloop("check", "apda").out
+    assert "1 m of ring.x     drive 0.8913" in text
+    assert "difference2 and difference3 0.2096" in text
+
+
+def test_check_counts_no_rate_of_a_drive_as_an_effect(dockloop, tmp_path):
+    nut = {"name": "nut", "parent": "base", "joint": {"type": "revolute", "axis": [1, 0, 0]}}
+    nut["inertia"] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    screw = {"name": "screw", "dependent": "nut", "terms": [{"joint": "slide", "ratio": 3}]}
+    mechanism = {
+        "name": "own",
+        "bodies": [slide("slide"), nut],
+        "couplings": [{**screw, "rate": 5}],
+    }
+    text, report = check(dockloop, tmp_path, mechanism)
+    assert report["effects"][0]["joints"] == [{"name": "nut", "rate": 3.0}]
+    assert "1 m of slide  nut 3" in text
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "words"),
+    [
+        ("apda", ["pair1_sum - 1 drive", "cut R3 at ring (loop rod6)", "element tilt1: spring"]),
+        ("probe_drogue", ["independent; turns about", "element probe: "]),
+        ("idss_hexapod", ["independent; free", "leg6"]),
+        ("absorber_1d", ["bodies"]),
+    ],
+)
+def test_check_draws_a_mechanism(dockloop, tmp_path, mechanism, words):
+    run = dockloop("check", mechanism, "--draw", "own.svg")
+    assert run.status == 0, run.err
+    sheet = (tmp_path / "own.svg").read_text()
+    texts = [text for text in ElementTree.fromstring(sheet).itertext() if text.strip()]
+    for word in words:
+        assert any(word in text for text in texts)
+    names = [body["name"] for body in read_shipped(mechanism).get("bodies", [])]
+    assert all(texts.count(name) == 1 for name in names if name != mechanism)
+    assert dockloop("check", mechanism, "--draw", "own.svg").status == 0  # its own, once more
+
+
+def read_shipped(name):
+    return json.loads((paths.MECHANISMS / f"{name}.json").read_text())
+
+
+def test_check_draws_over_no_file_of_another_kind(dockloop, tmp_path):
+    (tmp_path / "own.svg").write_text("<svg/>")
+    refused = dockloop("check", "apda", "--draw", "own.svg")
+    assert refused.status != 0
+    assert "own.svg" in refused.err
+    assert (tmp_path / "own.svg").read_text() == "<svg/>"
 
 
 def make_rotor(name, *moments):

@@ -35,7 +35,7 @@ _SWEEP_EXAMPLE = "example: dockloop sweep absorber_1d_speeds --engine core --wor
 _TRADE_EXAMPLE = (
     "example: dockloop trade absorber_1d --methods explicit,adams --tolerances 1e-4,1e-8"
 )
-_CHECK_EXAMPLE = "example: dockloop check idss_hexapod"
+_CHECK_EXAMPLE = "example: dockloop check apda --draw apda.svg"
 _EXTREMES_EXAMPLE = "example: dockloop extremes --item 10 --quick"
 _VARIABLES_EXAMPLE = "example: dockloop variables idss_25t_350t --match solver --match 'latch[1].*'"
 _SOLUTION_EXAMPLE = (
@@ -214,6 +214,12 @@ def _make_parser() -> argparse.ArgumentParser:
         type=Path,
         metavar="FILE.json",
         help="evaluate the mechanism at these states and print accelerations and forces as JSON",
+    )
+    check.add_argument(
+        "--draw",
+        type=Path,
+        metavar="FILE.svg",
+        help="draw bodies, joints, cuts and force elements at home",
     )
     check.add_argument("--json", action="store_true", help="print the report as JSON")
 
@@ -711,9 +717,13 @@ def _trade_command(options: argparse.Namespace) -> str:
 
 def _check(options: argparse.Namespace) -> None:
     """Check a mechanism."""
-    from dockloop.mechanism import check_mechanism, describe_report
+    from dockloop.mechanism import check_mechanism, describe_report, draw
 
+    if options.draw and options.states:
+        raise UsageError("--draw shows the mechanism at home: leave --states away")
     report = check_mechanism(options.mechanism, options.states)
+    if options.draw:
+        draw(options.mechanism, report, options.draw)
     if options.json or options.states:
         _tell(json.dumps(report, indent=2))
     else:

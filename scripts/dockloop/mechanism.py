@@ -5,6 +5,7 @@ is answered by the C++ core.
 """
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -43,13 +44,7 @@ def check_mechanism(mechanism: str | Path | dict, states: Path | None = None) ->
     Raises:
         UsageError: naming file, member, value and limit.
     """
-    if isinstance(mechanism, dict):
-        path, document = Path(str(mechanism.get("name", "mechanism"))), mechanism
-        document = document.get("mechanism", document)
-    else:
-        path = find_mechanism(str(mechanism))
-        document = read_mechanism(path)
-    schema.check(document, "mechanism", path)
+    path, document = _read(mechanism)
     if states is None:
         return core.check(document, path)
     if not is_file(states):
@@ -59,10 +54,39 @@ def check_mechanism(mechanism: str | Path | dict, states: Path | None = None) ->
     return core.evaluate(document, path, text, states)
 
 
+def draw(mechanism: str | Path | dict, report: dict, to: Path) -> None:
+    """Draw a mechanism at home as SVG: bodies, joints, cuts, force elements.
+
+    Args:
+        mechanism: as for `check_mechanism`.
+        report: what `check_mechanism` said of it.
+        to: file to write; one that is no such drawing is kept.
+
+    Raises:
+        UsageError: `to` is a file of another kind.
+    """
+    from dockloop.mechanism_drawing import write_drawing
+
+    write_drawing(to, _read(mechanism)[1], report)
+
+
+def _read(mechanism: str | Path | dict) -> tuple[Path, dict]:
+    """Return a mechanism that its schema accepts, and its name for messages."""
+    if isinstance(mechanism, dict):
+        path, document = Path(str(mechanism.get("name", "mechanism"))), mechanism
+        document = document.get("mechanism", document)
+    else:
+        path = find_mechanism(str(mechanism))
+        document = read_mechanism(path)
+    schema.check(document, "mechanism", path)
+    return path, document
+
+
 def describe_report(report: dict) -> str:
     """Say the report of the core in words: one fact per line, tables of loops, ranges, modes."""
     tables = {
         "loops": ("loops", _name_first),
+        "effects": ("what a unit of each coordinate changes at home", _effect),
         "ranges": ("range of each independent coordinate from home, the others held", _range),
         "modes": ("vibration about home, base at rest, joint forces of the file", _mode),
     }
@@ -91,6 +115,34 @@ def _range(row: dict) -> dict:
             end = stop["at"]
         columns |= {side: f"{factor * end:.4g} {unit}", f"{side} end": why}
     return columns
+
+
+def _effect(row: dict) -> dict:
+    """Return what follows one coordinate: elements and legs; joints where there are neither."""
+    parts = row["elements"] + row["legs"] or row["joints"]
+    return {
+        "coordinate": f"1 {row['unit']} of {row['coordinate']}",
+        "changes": ", ".join(_group(parts)) or "nothing else",
+    }
+
+
+def _group(parts: list[dict]) -> list[str]:
+    """Say rates; parts that move alike and differ by a number in their names stand together."""
+    groups: list[tuple[str, list[str]]] = []
+    for part in parts:
+        rate, name = _short(part["rate"]), part["name"]
+        same_kind = groups and re.sub(r"\d+", "#", groups[-1][1][0]) == re.sub(r"\d+", "#", name)
+        if same_kind and groups[-1][0] == rate:
+            groups[-1][1].append(name)
+        else:
+            groups.append((rate, [name]))
+    return [_span(names) + f" {rate}" for rate, names in groups]
+
+
+def _span(names: list[str]) -> str:
+    """Name parts that belong together by the first and the last."""
+    between = " and " if len(names) == 2 else " to "
+    return names[0] if len(names) == 1 else names[0] + between + names[-1]
 
 
 def _mode(row: dict) -> dict:

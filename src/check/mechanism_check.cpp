@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <map>
 
+#include "check/coordinate_effects.hpp"
 #include "check/mechanism_modes.hpp"
 #include "check/reachable_range.hpp"
 #include "contact/seated_play.hpp"
@@ -123,6 +124,25 @@ json describe_ranges(const Mechanism& mechanism) {
     add_end("lower", range.lower);
     add_end("upper", range.upper);
     list.push_back(row);
+  }
+  return list;
+}
+
+json describe_parts(const std::vector<MovedPart>& parts) {
+  json rates = json::array();
+  for (const MovedPart& part : parts) rates.push_back({{"name", part.name}, {"rate", part.rate}});
+  return rates;
+}
+
+/// What each independent coordinate moves at home.
+json describe_effects(const Mechanism& mechanism) {
+  json list = json::array();
+  for (const CoordinateEffect& effect : find_coordinate_effects(mechanism)) {
+    list.push_back({{"coordinate", effect.coordinate},
+                    {"unit", effect.is_angle ? "rad" : "m"},
+                    {"elements", describe_parts(effect.elements)},
+                    {"legs", describe_parts(effect.legs)},
+                    {"joints", describe_parts(effect.joints)}});
   }
   return list;
 }
@@ -269,6 +289,7 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
   warn_of_inertias(model, warnings);
   const json play = describe_seated_play(read_capture(text, source_name), warnings);
   if (!play.is_null()) result["seated_play"] = play;
+  result["effects"] = describe_effects(mechanism);
   result["ranges"] = describe_ranges(mechanism);
   json modes = json::array();
   for (const Mode& mode : find_modes(mechanism)) modes.push_back(describe_mode(mode));

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "check/coordinate_effects.hpp"
+
 namespace dockloop {
 namespace {
 
@@ -115,7 +117,6 @@ RangeEnd find_end(const Mechanism& mechanism, const Body& body, int k, double st
 }  // namespace
 
 std::vector<CoordinateRange> find_reachable_ranges(const Mechanism& mechanism) {
-  static const char* const kNames[] = {".x", ".y", ".z", ".rx", ".ry", ".rz"};
   constexpr double kTurn = 6.28318530717958647692;
   double length = 0.0;
   for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
@@ -128,9 +129,8 @@ std::vector<CoordinateRange> find_reachable_ranges(const Mechanism& mechanism) {
     for (int k = 0; k < body.nv(); ++k) {
       if (!moves_loop(mechanism, body.v_index + k)) continue;
       CoordinateRange range;
-      range.coordinate = body.name + (body.joint == JointType::kFree ? kNames[k] : "");
-      range.is_angle =
-          body.joint == JointType::kRevolute || (body.joint == JointType::kFree && k >= 3);
+      range.coordinate = find_coordinate_name(body, k);
+      range.is_angle = is_angle(body, k);
       const double limit = range.is_angle ? kTurn : 2.0 * length;
       range.lower = find_end(mechanism, body, k, -limit / 400.0, limit);
       range.upper = find_end(mechanism, body, k, limit / 400.0, limit);
