@@ -9,7 +9,9 @@
    runs alone to the bits of its row; the metadata holds the set-up; the linear absorber gives its
    linear answer.
 5. Failures are rows: refused by the scene, by the FMU, a step discarded, a worker lost.
-6. The journal: a line that was changed is reported once and its case is run again, all others are
+6. Two passes: rows are bit for bit those of a sweep at the first or at the second accuracy; the
+   summary has the differences; both passes are resumed; a refined case is viewed as it ran last.
+7. The journal: a line that was changed is reported once and its case is run again, all others are
    kept; a full disk loses nothing; the finished table of another sweep stays.
 """
 
@@ -32,9 +34,11 @@ pytest.importorskip("pyarrow")
 pytest.importorskip("scipy")
 
 import dask
+import pandas as pd
 from distributed import LocalCluster
 from pyarrow import parquet
 
+import dockloop as dl
 from dockloop import executors, paths, sweep_report
 from dockloop.cases import Job, LoadedFmu, Result
 from dockloop.errors import UsageError
@@ -42,6 +46,7 @@ from dockloop.planning import Planner
 from dockloop.sampling import as_setting, read_sweep
 from dockloop.simulate import ProgressBar
 from dockloop.sweeps import Journal, run_sweep
+from dockloop.view.command import find_command
 
 SHIPPED = sorted(file.stem for file in paths.SWEEPS.glob("*.toml"))
 
@@ -589,6 +594,72 @@ def test_a_case_that_is_lost_with_its_workers_is_tried_again_by_resume(tmp_path,
         assert "died" in lost.reason
         ran = run_sweep(read_sweep(str(path)), output, scheduler=address, resume=True)
         assert ran["results"][0].status == "done", ran["results"][0]
+
+
+# ---------------------------------------------------------------- two passes
+
+PASSES = ("--accuracy", "1e-2", "--refine", "compression > 900 or not contact",
+          "--refine-accuracy", "1e-4")  # fmt: skip
+
+
+def test_critical_cases_run_again_at_another_accuracy(dockloop, tmp_path):
+    path, table = write(tmp_path, SHORT), tmp_path / "own.parquet"
+    command = ("sweep", str(path), *PASSES, "-o", str(table), "--no-plots", "--json", "--report")
+    done = dockloop(*command)
+    assert done.status == 0, done
+    found = json.loads(done.out)["refined"]
+    rows = parquet.read_table(table).to_pylist()
+    cheap, fine = (dl.sweep(path, accuracy=each).to_dict("records") for each in (1e-2, "1e-4"))
+    load, changes = "capture.peak.compression", []
+    for row, first, second in zip(rows, cheap, fine, strict=True):
+        is_again = first[load] > 900.0
+        for name, expected in (second if is_again else first).items():
+            assert row[name] == expected or not np.all(pd.notna(expected)), name
+        for name in ("status", "outcome", load, "capture.peak.bending"):
+            assert row[f"first.{name}"] == (first[name] if is_again else None), name
+        changes += [abs(first[load] - second[load]) / second[load]] if is_again else []
+    assert 3 <= len(changes) == found["cases"] < 12
+    peak = found["peaks"]["compression"]
+    assert peak["largest"] == pytest.approx(max(changes), rel=1e-12)
+    assert peak["median"] == pytest.approx(np.median(changes), rel=1e-12)
+    assert 1e-6 < peak["largest"] < 0.02  # the second pass is another one, near the first
+    assert found["changed"] == []
+    assert f"{len(changes)} of them ran again" in (tmp_path / "own_report.html").read_text()
+
+    # Both passes are resumed: journals that end in the first one and in the second one.
+    journal, whole = tmp_path / "own.jsonl", table.read_bytes()
+    lines = journal.read_bytes().splitlines(keepends=True)
+    assert len(lines) == 1 + 12 + len(changes) + 1
+    for kept, ran in ((5, 8 + len(changes)), (14, len(changes) - 1)):
+        journal.write_bytes(b"".join(lines[:kept]))
+        assert "interrupted" in dockloop(*command).err
+        again = dockloop(*command, "--resume")
+        assert json.loads(again.out)["time"]["ran"] == ran, again
+        assert table.read_bytes() == whole
+
+    # A case that ran again is shown as it ran last.
+    worst = json.loads(done.out)["worst"]
+    assert "accuracy=0.0001" in worst["command"]
+    metadata = {k.decode(): v.decode() for k, v in parquet.read_schema(table).metadata.items()}
+    shown = find_command(table, metadata, worst["case"], tmp_path)
+    assert shown[3:] == shlex.split(worst["command"])[3:]
+
+
+def test_passes_that_make_no_sense_are_refused(dockloop, tmp_path):
+    path = str(write(tmp_path, SHORT))
+    own = str(write(tmp_path, SHORT.replace("[set]", "[set]\naccuracy = 1e-3"), "own"))
+    for arguments, words in (
+        ((path, *PASSES[2:]), "give both, and --accuracy of that pass"),
+        ((path, *PASSES[:4]), "give both, and --accuracy of that pass"),
+        ((path, "--accuracy", "2"), "--accuracy 2: must be greater than 0 and at most 1"),
+        ((path, *PASSES[:5], "0.5"), "--refine-accuracy 0.5: must be greater than 0 and less"),
+        ((path, *PASSES[:3], "shear", *PASSES[4:]), "--refine 'shear': is a number"),
+        ((path, *PASSES, "--rare", "miss"), "--rare and --refine: give one of them"),
+        ((own, *PASSES), "own.toml: decides 'accuracy' already"),
+    ):
+        refused = dockloop("sweep", *arguments)
+        assert (refused.status, refused.err.count("\n")) == (2, 1), refused
+        assert words in refused.err, refused
 
 
 # ---------------------------------------------------------------- the journal

@@ -5,13 +5,14 @@ figure is relative; the largest one is the error of the run. A second run with t
 estimates the error of the first one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from dockloop import schema
 from dockloop.core import list_loads, list_methods, name_choice
+from dockloop.criteria import PEAK
 from dockloop.errors import UsageError
 from dockloop.results import Result
 from dockloop.trade.errors import find_frame, find_scales, find_times
@@ -44,7 +45,11 @@ def find_figures(reference: Result, run: Result) -> dict[str, float]:
     """
     scales = find_scales(reference)
     here = find_times(reference.time, run.time)
-    figures = _compare_peaks(reference, run)
+    peaks = [
+        {name: each[name][-1] for name in each.names if name.startswith(PEAK)}
+        for each in (reference, run)
+    ]
+    figures = compare_peaks(*peaks)
     if "stroke" in scales:
         strokes = [_find_stroke(reference), _find_stroke(run, here)]
         figures["stroke"] = float(abs(strokes[1] - strokes[0]) / scales["stroke"])
@@ -80,21 +85,16 @@ def find_error(reference: Result, run: Result) -> float:
     return max(find_figures(reference, run).values())
 
 
-def _compare_peaks(reference: Result, run: Result) -> dict[str, float]:
-    """Return the relative errors of the peak loads."""
-    if "capture.peak.shear" not in reference:
-        return {}
-    peaks = {load: reference[f"capture.peak.{load}"][-1] for load in list_loads()}
-    largest = {
-        unit: max(peaks[load] for load, of in list_loads().items() if of == unit)
-        for unit in list_loads().values()
-    }
+def compare_peaks(reference: Mapping[str, float], run: Mapping[str, float]) -> dict[str, float]:
+    """Return the relative errors of the peak loads, ``capture.peak.NAME``, that both runs have."""
+    units = {f"{PEAK}{load}": unit for load, unit in list_loads().items()}
+    names = [name for name in units if name in reference and name in run]
     figures = {}
-    for load, unit in list_loads().items():
-        scale = max(peaks[load], _LEAST_PEAK * largest[unit])
+    for name in names:
+        alike = [reference[each] for each in names if units[each] == units[name]]
+        scale = max(reference[name], _LEAST_PEAK * max(alike))
         if scale > 0.0:
-            name = f"capture.peak.{load}"
-            figures[name] = float(abs(run[name][-1] - peaks[load]) / scale)
+            figures[name] = float(abs(run[name] - reference[name]) / scale)
     return figures
 
 

@@ -187,6 +187,22 @@ def _make_parser() -> argparse.ArgumentParser:
         " (default: build/sweeps/SWEEP/SWEEP.parquet)",
     )
     sweep.add_argument(
+        "--accuracy",
+        metavar="ERROR",
+        help="wanted relative error of all cases, or real-time, as for dockloop run",
+    )
+    sweep.add_argument(
+        "--refine",
+        metavar="TEXT",
+        help='run cases again that meet a criterion, e.g. "load_ratio > 0.8 or not captured", and'
+        " cases with a step that failed",
+    )
+    sweep.add_argument(
+        "--refine-accuracy",
+        metavar="ERROR",
+        help="wanted relative error of these; the report says what changed",
+    )
+    sweep.add_argument(
         "--rare",
         metavar="TEXT",
         help='estimate how rarely dockings fail, e.g. "load_ratio > 1" (a criterion as for dockloop'
@@ -591,12 +607,15 @@ def _sweep(options: argparse.Namespace) -> None:
     from dockloop import html_report, sweep_report
     from dockloop.figures import can_draw
     from dockloop.outputs import claim
-    from dockloop.sampling import read_sweep
+    from dockloop.sampling import read_passes, read_sweep
     from dockloop.simulate import ProgressBar
     from dockloop.summary import find_summary, write_summary
     from dockloop.sweeps import COMMAND, run_sweep
 
-    sweep = read_sweep(options.sweep)
+    passes = read_passes(options.accuracy, options.refine, options.refine_accuracy)
+    if passes and passes.refine and options.rare:
+        raise UsageError("--rare and --refine: give one of them")
+    sweep = read_sweep(options.sweep, passes)
     name = sweep.path.stem
     output = options.output or paths.BUILD / "sweeps" / name / f"{name}.parquet"
     plots = not options.no_plots
@@ -616,8 +635,8 @@ def _sweep(options: argparse.Namespace) -> None:
         resume=options.resume,
         progress=ProgressBar(name),
     )
-    planner = ran["planner"]
-    table = sweep_report.make_table(sweep, planner, ran["results"])
+    planner, sweep = ran["planner"], ran["sweep"]
+    table = sweep_report.make_table(sweep, planner, ran["results"], ran["first"])
     summary = sweep_report.summarise_sweep(sweep, planner, table, ran)
     files = sweep_report.write_table(table, output, as_csv=options.csv)
     if plots and can_draw():

@@ -23,6 +23,7 @@ import numpy as np
 from dockloop import __version__
 from dockloop.core import list_choices
 from dockloop.outputs import Kind, read_head, writing
+from dockloop.sampling import say_accuracy
 
 _WORST = 10  # cases in a list
 _SOLVER = ("accuracy", "method", "rtol", "atol_position", "atol_velocity", "atol_energy", "step")
@@ -219,16 +220,40 @@ def report_sweep(
         rows = list_peaks(summary["peak_loads"], ("median", "q95", "q99", "largest"))
         sections.append(Section("Peak loads", columns=columns, rows=rows))
     sections += [_show(figure) for figure in figures]
+    sections += _show_passes(summary, sweep, planner, data) if "refined" in summary else []
     sections += _rank_cases(sweep, planner, data)
     sections += _rank_inputs(planner, data)
     varied = [[f"{q.name} [{q.unit}]" if q.unit else q.name, _say_range(data[q.name])]
-              for q in planner.quantities]  # fmt: skip
+              for q in planner.varied]  # fmt: skip
     sections.append(Section("What varied", columns=("quantity", "from ... to"), rows=varied))
     document = planner.base
     more = [["seed", str(summary["seed"])], ["sampling", summary["sampling"]]]
     more += [[f"set {name}", _say(value)] for name, value in sweep.document["set"].items()]
     sections += [describe_scene(document), describe_settings(document, more)]
     return sections
+
+
+def _show_passes(summary: dict, sweep: Any, planner: Any, data: dict) -> list[Section]:
+    """Return what the second pass changed, and the cases that end otherwise."""
+    found = summary["refined"]
+    text = (
+        f"All cases ran at accuracy {say_accuracy(found['accuracy'])}. {found['cases']} of them ran"
+        f" again at {found['refine_accuracy']:g}: those with {found['refine']}, or with a step that"
+        f" failed. {len(found['changed'])} end otherwise. Everything else on this page has their"
+        " second results."
+    )
+    rows = [
+        [load, f"{part['median']:.2g}", f"{part['largest']:.2g}", str(part["case"])]
+        for load, part in found["peaks"].items()
+    ]
+    columns = ("peak load", "relative change: median", "largest", "in case")
+    commands = []
+    for change in found["changed"][:_WORST]:
+        row = change["case"] - 1
+        words = planner.make_command(sweep.cases[row], data["end_time"][row])
+        remark = f"case {change['case']}: {change['first']}, then {change['again']}"
+        commands.append((remark, shlex.join(words)))
+    return [Section("What the second pass changed", text, columns, rows, commands=commands)]
 
 
 def _rank_cases(sweep: Any, planner: Any, data: dict) -> list[Section]:
@@ -265,7 +290,7 @@ def _rank_inputs(planner: Any, data: dict) -> list[Section]:
         y = np.array([target[i] for i in known])
         if len(known) < 20 or np.ptp(y) == 0.0:
             continue
-        for quantity in planner.quantities:
+        for quantity in planner.varied:
             values = [data[quantity.name][i] for i in known]
             if not all(isinstance(v, int | float) for v in values) or np.ptp(values) == 0.0:
                 continue

@@ -10,8 +10,8 @@ import copy
 import hashlib
 import json
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -19,8 +19,9 @@ import numpy as np
 from dockloop import __version__
 from dockloop.binaries import find_libraries
 from dockloop.capture import list_needed
-from dockloop.cases import Job
+from dockloop.cases import Job, Result
 from dockloop.core import core_errors, list_loads, name_source, to_json
+from dockloop.criteria import Criterion, parse_criterion
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.fmu import find_placement, write_fmu
 from dockloop.journal import make_digest
@@ -73,7 +74,8 @@ class Planner:
     Attributes:
         unplaced: the resolved scene with ``[set]``, before anything varies.
         base: the same with both vehicles at their start.
-        quantities: what varies, with units.
+        quantities: what varies, with units; with passes ``accuracy`` is the last one.
+        varied: those that the sweep file names.
         outcomes: names of the outputs to collect.
         asked: these, and what explains why there was no capture.
         variables: of a docking of `base`, by name.
@@ -110,12 +112,14 @@ class Planner:
             examples = {value if isinstance(value, str) else type(value): value for value in values}
             self._check_name(quantity.name, "vary", examples.values())
         self.quantities = [self._with_unit(quantity) for quantity in sweep.quantities]
+        self.varied = self.quantities[: -1 if sweep.passes else None]
         self.outcomes = self._find_outcomes()
         outputs = [v.name for v in self.variables.values() if v.causality == "output"]
         self.asked = list(dict.fromkeys([*self.outcomes, *list_needed(outputs)]))
         self.times = self.list_points(self.base)
         names = [quantity.name for quantity in self.quantities]
-        decided = [self.unplaced, fixed, names, sweep.cases, self.outcomes, self.experiment]
+        passes = sweep.passes and asdict(sweep.passes)
+        decided = [self.unplaced, fixed, names, sweep.cases, self.outcomes, self.experiment, passes]
         self.digest = make_digest(decided)
 
     def find_setup(self) -> dict[str, Any]:
@@ -129,9 +133,23 @@ class Planner:
             "experiment": self.experiment,
         }
 
-    def ask(self, outputs: Iterable[str]) -> None:
-        """Collect more outputs at the end of every case."""
-        self.asked = list(dict.fromkeys([*self.asked, *outputs]))
+    def ask(self, text: str, option: str) -> Criterion:
+        """Return a criterion of the user, and collect the outputs that it looks at.
+
+        Raises:
+            UsageError: it is bad; the option names where it stands.
+        """
+        outputs = {name: v for name, v in self.variables.items() if v.causality == "output"}
+        names = [quantity.name for quantity in self.quantities]
+        criterion = parse_criterion(text, outputs, names, option=option)
+        self.asked = list(dict.fromkeys([*self.asked, *criterion.outputs]))
+        return criterion
+
+    def name_values(self, values: tuple[Value, ...], result: Result) -> dict[str, Any]:
+        """Return the quantities of a case that was done and its outputs at the end, by name."""
+        names = (quantity.name for quantity in self.quantities)
+        varied = zip(names, values, strict=True)
+        return {**dict(zip(self.asked, result.outputs, strict=True)), **dict(varied)}
 
     def is_scene_key(self, name: str) -> bool:
         """Return whether a name is a key of the scene; if not, it is a start value of the FMU."""

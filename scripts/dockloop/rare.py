@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from dockloop.criteria import Criterion, parse_criterion
+from dockloop.criteria import Criterion
 from dockloop.errors import DockloopError, UsageError
 from dockloop.executors import Executor, choose_engine, open_executor
 from dockloop.journal import Journal, make_digest, make_report
@@ -218,11 +218,9 @@ def run_rare(
     if samples < 50 or samples % 10:
         raise UsageError(f"--rare-cases {samples}: must be a multiple of 10, at least 50")
     planner = Planner(sweep)
-    outputs = {name: v for name, v in planner.variables.items() if v.causality == "output"}
-    names = [quantity.name for quantity in planner.quantities]
-    criterion = parse_criterion(failure, outputs, names, option="--rare")
-    planner.ask(criterion.outputs)
-    digest = make_digest([planner.unplaced, sweep.document["vary"], failure, samples])
+    criterion = planner.ask(failure, "--rare")
+    decided = [planner.unplaced, sweep.document["vary"], failure, samples, list(sweep.complete(()))]
+    digest = make_digest(decided)
     most = samples * (_MOST_LEVELS + 1)
     setup = planner.find_setup()
     kept = Journal(journal, setup, most, resume=resume, work=WORK, digest=digest)
@@ -258,11 +256,11 @@ class _Ranker:
         self.ran = 0
         self.not_run = 0
         self.failures: dict[tuple[Value, ...], str | None] = {}  # of the sample, with a reason
-        self._names = [quantity.name for quantity in planner.quantities]
 
     def rank(self, cube: np.ndarray) -> np.ndarray:
         """Return how near points of the unit cube are to failing; what does not run fails."""
-        cases = [tuple(values) for values in transform_cube(self._sweep.document, cube)]
+        drawn = transform_cube(self._sweep.document, cube)
+        cases = [self._sweep.complete(values) for values in drawn]
         missing = [c for c in dict.fromkeys(cases) if c not in self._journal.known]
         report = make_report(self.progress, len(cases) - len(missing), len(cases))
         run_cases(self._executor, self.planner, missing, self._journal.add, report)
@@ -275,8 +273,7 @@ class _Ranker:
             self.not_run += 1
             self.failures[case] = result.reason
             return math.inf
-        ends = zip(self.planner.asked, result.outputs, strict=True)
-        rank = self._criterion.rank({**dict(ends), **dict(zip(self._names, case, strict=True))})
+        rank = self._criterion.rank(self.planner.name_values(case, result))
         if rank == math.inf:
             self.failures[case] = None
         return rank

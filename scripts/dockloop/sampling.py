@@ -11,8 +11,8 @@ import json
 import math
 import re
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from dockloop import schema
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.paths import SWEEPS, find_absence, is_file, shown
 from dockloop.scene import find_scene, read_toml
+from dockloop.variables import NAMED_NUMBERS
 
 _MAX_CASES = 10_000_000
 Value = float | int | bool | str
@@ -36,6 +37,21 @@ class Quantity:
 
 
 @dataclass(frozen=True)
+class Passes:
+    """At which ``accuracy`` cases run: all of them, then critical ones again.
+
+    Attributes:
+        accuracy: of all cases.
+        refine: criterion of the cases that run again; empty: none do.
+        refine_accuracy: of these.
+    """
+
+    accuracy: float
+    refine: str = ""
+    refine_accuracy: float = 0.0
+
+
+@dataclass(frozen=True)
 class Sweep:
     """A sweep file, checked.
 
@@ -44,8 +60,10 @@ class Sweep:
         text: what it says.
         scene: the scene file.
         document: its members, with defaults for all that have one.
-        quantities: what varies, in the order of the columns of `cases`.
+        quantities: what varies, in the order of the columns of `cases`; with passes ``accuracy``
+            is the last one.
         cases: the value of every quantity in every case.
+        passes: at which accuracy cases run; None: as file and scene say.
     """
 
     path: Path
@@ -54,29 +72,45 @@ class Sweep:
     document: dict
     quantities: list[Quantity]
     cases: list[tuple[Value, ...]]
+    passes: Passes | None = None
+
+    def complete(self, drawn: Iterable[Value], accuracy: float | None = None) -> tuple[Value, ...]:
+        """Return the values of a case from those that the file varies.
+
+        Args:
+            drawn: these.
+            accuracy: of the case; default: that of all cases.
+        """
+        if self.passes is None:
+            return tuple(drawn)
+        return (*drawn, self.passes.accuracy if accuracy is None else accuracy)
 
 
-def read_sweep(reference: str) -> Sweep:
+def read_sweep(reference: str, passes: Passes | None = None) -> Sweep:
     """Read a sweep file and draw its cases.
 
     Args:
         reference: name of a shipped sweep, or path of a .toml file.
+        passes: at which accuracy cases run.
 
     Raises:
         UsageError: naming file, member, value and limit.
     """
     path = _find_sweep(reference)
     given, text = read_toml(path)
-    return make_sweep(given, path, text)
+    return make_sweep(given, path, text, passes)
 
 
-def make_sweep(given: dict, path: Path, text: str | None = None) -> Sweep:
+def make_sweep(
+    given: dict, path: Path, text: str | None = None, passes: Passes | None = None
+) -> Sweep:
     """Draw the cases of the members of a sweep file. Raises UsageError like `read_sweep`.
 
     Args:
         given: the members.
         path: the file; a scene of the user's own is looked up next to it.
         text: what the file says; default: the members as JSON.
+        passes: at which accuracy cases run.
     """
     schema.check(given, "sweep", path)
     document = {"title": path.stem, **schema.list_defaults("sweep"), "set": {}, **given}
@@ -87,9 +121,59 @@ def make_sweep(given: dict, path: Path, text: str | None = None) -> Sweep:
         scene = find_scene(str(next_to) if next_to.suffix == ".toml" else given["scene"])
     except UsageError as error:
         raise UsageError(f"{shown(path)}: scene: {error}") from None
-    cases = _draw(document)
+    quantities = list_quantities(document)
+    if passes:
+        if any(name == "accuracy" for name in (*document["set"], *(q.name for q in quantities))):
+            raise UsageError(f"{shown(path)}: decides 'accuracy' already: leave out --accuracy")
+        quantities.append(Quantity("accuracy", ""))
     text = json.dumps(given) if text is None else text
-    return Sweep(path, text, scene, document, list_quantities(document), cases)
+    sweep = Sweep(path, text, scene, document, quantities, [], passes)
+    return replace(sweep, cases=[sweep.complete(case) for case in _draw(document)])
+
+
+def read_passes(
+    accuracy: float | str | None, refine: str | None, refine_accuracy: float | str | None
+) -> Passes | None:
+    """Return the passes of a sweep from what the user wrote; None: nothing.
+
+    Raises:
+        UsageError: one of them is missing or bad.
+    """
+    if accuracy is None and refine is None and refine_accuracy is None:
+        return None
+    if accuracy is None or (refine is None) != (refine_accuracy is None):
+        raise UsageError(
+            "--refine, --refine-accuracy: critical cases run again after a first pass: give both,"
+            " and --accuracy of that pass"
+        )
+    names = NAMED_NUMBERS["accuracy"]
+    first = float(names[str(accuracy)]) if accuracy in names else _read_number(accuracy)
+    if not (0.0 < first <= 1.0 or accuracy in names):
+        raise UsageError(
+            f"--accuracy {accuracy}: must be greater than 0 and at most 1, or {', '.join(names)}"
+        )
+    if refine is None or refine_accuracy is None:
+        return Passes(first)
+    second = _read_number(refine_accuracy)
+    if not 0.0 < second < (first if first > 0.0 else 1.0):
+        raise UsageError(
+            f"--refine-accuracy {refine_accuracy}: must be greater than 0 and less than --accuracy"
+        )
+    return Passes(first, refine, second)
+
+
+def _read_number(given: float | str) -> float:
+    """Return a number; not a number if it is none."""
+    try:
+        return float(given)
+    except ValueError:
+        return math.nan
+
+
+def say_accuracy(accuracy: float) -> str:
+    """Return an accuracy by its name, or as a number."""
+    names = {number: name for name, number in NAMED_NUMBERS["accuracy"].items()}
+    return names.get(int(accuracy), f"{accuracy:g}") if accuracy < 0.0 else f"{accuracy:g}"
 
 
 def list_quantities(document: dict) -> list[Quantity]:

@@ -11,6 +11,8 @@ import json
 import math
 import platform
 import shlex
+from collections.abc import Mapping
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from dockloop import __version__
+from dockloop.accuracy import compare_peaks
 from dockloop.capture import explain_capture
 from dockloop.cases import STATUSES, Result
 from dockloop.core import list_choices, list_loads, name_choice
@@ -25,11 +28,13 @@ from dockloop.criteria import NEVER, PEAK
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
-from dockloop.sampling import Sweep, list_discs
+from dockloop.sampling import Sweep, list_discs, say_accuracy
 from dockloop.summary import find_summary
 from dockloop.sweeps import COMMAND, DIGEST, TABLE, Planner, find_journal
 
+FIRST = "first."  # begins columns of the first pass, filled where a case ran again
 _NAMED = ("outcome", "phase")  # Integers of the FMU that the table spells out
+_TEXTS = ("status", "reason", "warning", "explanation", *_NAMED)
 _COLOURS = {
     "captured": "tab:blue",
     "partial capture": "tab:orange",
@@ -67,13 +72,16 @@ def _list_plots(stem: Path) -> list[Path]:
     return [stem.with_name(f"{stem.name}_{name}.png") for name in ("envelope", "loads")]
 
 
-def make_table(sweep: Sweep, planner: Planner, results: list[Result]) -> Any:
+def make_table(
+    sweep: Sweep, planner: Planner, results: list[Result], first: Mapping[int, Result] | None = None
+) -> Any:
     """Return the table of a sweep as a ``pyarrow.Table``.
 
     Args:
         sweep: what was to be done.
         planner: how it was done.
         results: one per case.
+        first: of cases that ran again: result of the first pass by row, from 0.
     """
     import pyarrow
 
@@ -82,9 +90,8 @@ def make_table(sweep: Sweep, planner: Planner, results: list[Result]) -> Any:
     def add(name: str, values: list, unit: str = "", description: str = "") -> None:
         array = pyarrow.array(values)
         if pyarrow.types.is_null(array.type):
-            array = array.cast(
-                pyarrow.string() if name in ("reason", "warning", "explanation") else "double"
-            )
+            is_text = name.removeprefix(FIRST) in _TEXTS
+            array = array.cast(pyarrow.string() if is_text else "double")
         columns.append(array)
         metadata = {"unit": unit, "description": description}
         fields.append(pyarrow.field(name, array.type, metadata=metadata))
@@ -99,10 +106,17 @@ def make_table(sweep: Sweep, planner: Planner, results: list[Result]) -> Any:
     add("reason", [r.reason for r in results], description="why a case is not done")
     add("warning", [r.warning for r in results], description="what placement or FMU had to say")
     add("end_time", [r.end_time for r in results], "s", "where the case ended")
-    for number, name in enumerate(planner.outcomes):
-        ends = [describe_output(name, r.outputs[number]) if r.outputs else None for r in results]
-        variable = planner.variables[name]
-        add(name, ends, variable.unit, variable.description)
+
+    def add_outcomes(prefix: str, results: list[Result | None]) -> None:
+        for number, name in enumerate(planner.outcomes):
+            ends = [
+                describe_output(name, r.outputs[number]) if r and r.outputs else None
+                for r in results
+            ]
+            variable = planner.variables[name]
+            add(f"{prefix}{name}", ends, variable.unit, variable.description)
+
+    add_outcomes("", [*results])
     if "capture.reason" in planner.asked:
         latches = planner.base["mechanism"].get("latches", {})
         add(
@@ -115,6 +129,10 @@ def make_table(sweep: Sweep, planner: Planner, results: list[Result]) -> Any:
             ],
             description="why it was captured or not",
         )
+    if sweep.passes and sweep.passes.refine:
+        before = [(first or {}).get(row) for row in range(len(results))]
+        add(f"{FIRST}status", [r and r.status for r in before], description=", ".join(STATUSES))
+        add_outcomes(FIRST, before)
 
     schema = pyarrow.schema(fields, metadata=_make_metadata(sweep, planner))
     return pyarrow.Table.from_arrays(columns, schema=schema)
@@ -173,6 +191,8 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
         summary["outcomes"] = {name: found.count(name) for name in names if name in found}
         summary["captured"] = estimate_fraction(found.count("captured"), len(found))
     summary["peak_loads"] = _count_loads(planner, table)
+    if sweep.passes and sweep.passes.refine:
+        summary["refined"] = {**asdict(sweep.passes), **compare_passes(table)}
     units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
     summary["units"] = {name: unit for name, unit in units.items() if unit}
     worst = _find_worst(sweep, planner, table)
@@ -215,6 +235,7 @@ def describe_sweep(summary: dict) -> str:
             if "rated" in load:
                 line += f" rated {load['rated']:.0f}, above it in {load['above_rated']:.1%}"
             lines.append(line.rstrip())
+    lines += _describe_passes(summary["refined"]) if "refined" in summary else []
     if "worst" in summary:
         worst = summary["worst"]
         lines.append(f"  worst case   {worst['case']}: {worst['by']} {worst['value']:.4g}; alone:")
@@ -275,6 +296,7 @@ def _make_metadata(sweep: Sweep, planner: Planner) -> dict[str, str]:
         "dockloop.sweep": sweep.text,
         "dockloop.scene": sweep.scene.read_text(encoding="utf-8"),
         "dockloop.model": json.dumps(planner.base),
+        "dockloop.passes": json.dumps(sweep.passes and asdict(sweep.passes)),
         "dockloop.seed": str(sweep.document["seed"]),
         "dockloop.experiment": json.dumps(
             {
@@ -307,6 +329,51 @@ def _peaks(table: Any) -> dict[str, np.ndarray]:
             if len(values):
                 peaks[name.removeprefix(PEAK)] = values
     return peaks
+
+
+def compare_passes(table: Any) -> dict:
+    """Compare both passes of the cases that ran again.
+
+    Returns:
+        ``cases`` that ran again, ``failed`` in one of the passes, ``changed`` (case and both
+        outcomes where these differ), ``peaks``: the relative change of every peak load, as
+        `dockloop.accuracy` has it: its median, the largest one and the case of that.
+    """
+    rows = [row for row in table.to_pylist() if row[f"{FIRST}status"] is not None]
+    changed, changes = [], []
+    for row in rows:
+        first = {name.removeprefix(FIRST): v for name, v in row.items() if name.startswith(FIRST)}
+        outcomes = [each["status"] if each["status"] != "done" else each.get("outcome", "done")
+                    for each in (first, row)]  # fmt: skip
+        if outcomes[0] != outcomes[1]:
+            changed.append({"case": row["case"], "first": outcomes[0], "again": outcomes[1]})
+        elif row["status"] == "done":
+            peaks = [{n: v for n, v in each.items() if n.startswith(PEAK)} for each in (row, first)]
+            changes.append((row["case"], compare_peaks(*peaks)))
+    found: dict = {"cases": len(rows), "changed": changed, "peaks": {}}
+    for name in dict.fromkeys(name for _, each in changes for name in each):
+        parts = [(each[name], case) for case, each in changes if name in each]
+        largest, case = max(parts)
+        median = float(np.median([part for part, _ in parts]))
+        load = name.removeprefix(PEAK)
+        found["peaks"][load] = {"median": median, "largest": largest, "case": case}
+    return found
+
+
+def _describe_passes(found: dict) -> list[str]:
+    """Say what the second pass changed."""
+    before, after = say_accuracy(found["accuracy"]), say_accuracy(found["refine_accuracy"])
+    lines = [
+        f"  refined      {found['cases']} cases at accuracy {after} after {before}"
+        f" ({found['refine']}): {len(found['changed'])} end otherwise"
+    ]
+    if found["peaks"]:
+        load, worst = max(found["peaks"].items(), key=lambda item: item[1]["largest"])
+        lines.append(
+            f"               largest change of a peak load: {worst['largest']:.2g} of it ({load},"
+            f" case {worst['case']})"
+        )
+    return lines
 
 
 def _count_loads(planner: Planner, table: Any) -> dict:
@@ -351,7 +418,7 @@ def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> No
     outcome = np.array([name or "not run" for name in table["outcome"].to_pylist()])
     numbers = {
         quantity.name: (np.array(table[quantity.name].to_pylist(), dtype=float), quantity.unit)
-        for quantity in planner.quantities
+        for quantity in planner.varied
         if all(isinstance(v, int | float) for v in table[quantity.name].to_pylist())
     }
     discs = list_discs(sweep.document)

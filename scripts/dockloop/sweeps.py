@@ -4,15 +4,20 @@ Where cases run is the matter of `dockloop.executors`; results, journal and tabl
 all. Results are appended to a journal (JSON lines) as they arrive, in any order. ``--resume`` reads
 it back and runs what is missing: a case is known by its values, not by its number, so that a sweep
 may also be continued with more cases.
+
+A sweep may have two passes: all cases at a cheap ``accuracy``, then critical ones again at a better
+one. To planner and journal these are cases like others, with another value of ``accuracy``.
 """
 
 import time
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dockloop.cases import Result
+from dockloop.criteria import Criterion
 from dockloop.errors import UsageError
 from dockloop.executors import Executor, choose_engine, open_executor
 from dockloop.journal import Journal, find_digests, make_report
@@ -20,7 +25,7 @@ from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import shown
 from dockloop.planning import Planner
 from dockloop.results import ProgressBar, import_optional
-from dockloop.sampling import Sweep, make_sweep, read_sweep
+from dockloop.sampling import Passes, Sweep, Value, make_sweep, read_passes, read_sweep
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,6 +43,9 @@ def sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     resume: bool = False,
+    accuracy: float | str | None = None,
+    refine: str | None = None,
+    refine_accuracy: float | str | None = None,
 ) -> "pd.DataFrame":
     """Run many dockings and return what became of them.
 
@@ -48,11 +56,15 @@ def sweep(
         workers: local threads or processes; default: one per processor.
         scheduler: address of a Dask scheduler to use instead.
         resume: go on with the journal of `output`.
+        accuracy: wanted relative error of all cases, or ``"real-time"``.
+        refine: criterion of cases that run again, such as ``"load_ratio > 0.8 or not captured"``.
+        refine_accuracy: wanted relative error of these.
 
     Returns:
         One row per case: ``case``, the quantities, ``status``, ``reason``, ``warning``,
-        ``end_time`` [s], the outcomes at the end. Units are in ``table.attrs["units"]``, the
-        summary of ``dockloop sweep --json`` is in ``table.attrs["summary"]``.
+        ``end_time`` [s], the outcomes at the end; with `refine` also those of the first pass,
+        ``first.NAME``. Units are in ``table.attrs["units"]``, the summary of ``dockloop sweep
+        --json`` is in ``table.attrs["summary"]``.
 
     Raises:
         UsageError: the sweep, a name in it or the journal is bad.
@@ -62,10 +74,11 @@ def sweep(
     import_optional("pyarrow")
     from dockloop import sweep_report
 
+    passes = read_passes(accuracy, refine, refine_accuracy)
     if isinstance(reference, dict):
-        cases = make_sweep(reference, Path("sweep"))
+        cases = make_sweep(reference, Path("sweep"), passes=passes)
     else:
-        cases = read_sweep(str(reference))
+        cases = read_sweep(str(reference), passes)
     with scratch() as folder:
         ran = run_sweep(
             cases,
@@ -75,7 +88,8 @@ def sweep(
             scheduler=scheduler,
             resume=resume,
         )
-    table = sweep_report.make_table(cases, ran["planner"], ran["results"])
+    cases = ran["sweep"]
+    table = sweep_report.make_table(cases, ran["planner"], ran["results"], ran["first"])
     frame = table.to_pandas()
     frame.attrs["units"] = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
     frame.attrs["summary"] = sweep_report.summarise_sweep(cases, ran["planner"], table, ran)
@@ -104,8 +118,9 @@ def run_sweep(
         progress: shows how far it is.
 
     Returns:
-        ``planner``, ``results`` (one per case, in order), ``ran`` (cases run now), ``wall`` [s],
-        ``engine`` and ``workers``.
+        ``planner``, ``sweep`` (with each case as it ran last), ``results`` (one per case, in
+        order), ``first`` (of cases that ran again: result of the first pass by row), ``ran`` (cases
+        run now), ``wall`` [s], ``engine`` and ``workers``.
 
     Raises:
         UsageError: the sweep, a name in it or the journal is bad.
@@ -113,29 +128,54 @@ def run_sweep(
         InterruptedWorkError: by Ctrl-C.
     """
     planner = Planner(sweep)
+    passes = sweep.passes or Passes(0.0)
+    criterion = planner.ask(passes.refine, "--refine") if passes.refine else None
     path = find_journal(output)
     _check_table(output, {planner.digest, *(find_digests(path) if resume else ())})
-    journal = Journal(
-        path, planner.find_setup(), len(sweep.cases), resume=resume, digest=planner.digest
-    )
-    missing = [values for values in dict.fromkeys(sweep.cases) if values not in journal.known]
-    done = len(sweep.cases) - len(missing)
-    began, threads = time.perf_counter(), 0
+    wanted = list(sweep.cases)
+    most = len(wanted) * (2 if criterion else 1)
+    journal = Journal(path, planner.find_setup(), most, resume=resume, digest=planner.digest)
     engine = choose_engine(engine, scheduler)
-    with journal.at_work(lambda: journal.count(sweep.cases)):
+    clock: dict[str, Any] = {"ran": 0, "wall": 0.0, "engine": engine, "workers": 0}
+
+    def run(cases: list[tuple]) -> None:
+        missing = [values for values in dict.fromkeys(cases) if values not in journal.known]
         if missing:
             with open_executor(planner, engine, workers, scheduler, len(missing)) as executor:
-                began, threads = time.perf_counter(), executor.count()
-                report = make_report(progress, done, len(sweep.cases))
+                began, clock["workers"] = time.perf_counter(), executor.count()
+                report = make_report(progress, len(cases) - len(missing), len(cases))
                 run_cases(executor, planner, missing, journal.add, report)
+                clock["wall"] += time.perf_counter() - began
+        clock["ran"] += len(missing)
+
+    last = list(sweep.cases)
+    with journal.at_work(lambda: journal.count(wanted)):
+        run(sweep.cases)
+        first = [journal.known[values] for values in sweep.cases]
+        if criterion:
+            for row, values in enumerate(sweep.cases):
+                if _is_critical(criterion, planner, values, first[row]):
+                    last[row] = sweep.complete(values[:-1], passes.refine_accuracy)
+            again = [row for row, values in enumerate(sweep.cases) if last[row] != values]
+            wanted += [last[row] for row in again]
+            run([last[row] for row in again])
+            journal.finish()
     return {
         "planner": planner,
-        "results": [journal.known[values] for values in sweep.cases],
-        "ran": len(missing),
-        "wall": time.perf_counter() - began,
-        "engine": engine,
-        "workers": threads,
+        "sweep": replace(sweep, cases=last),
+        "results": [journal.known[values] for values in last],
+        "first": {row: first[row] for row in again} if criterion else {},
+        **clock,
     }
+
+
+def _is_critical(
+    criterion: Criterion, planner: Planner, values: tuple[Value, ...], result: Result
+) -> bool:
+    """Return whether a case runs again: it meets the criterion, or a step of it failed."""
+    if result.status == "done":
+        return criterion.holds(planner.name_values(values, result))
+    return result.status == "failed"
 
 
 def find_journal(output: Path) -> Path:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from dockloop.cases import Result
-from dockloop.criteria import Criterion, parse_criterion
+from dockloop.criteria import Criterion
 from dockloop.envelopes.mesh import Bracket, Class, Mesh, Point
 from dockloop.errors import DockloopError, UsageError
 from dockloop.executors import Executor, choose_engine, open_executor
@@ -196,9 +196,7 @@ def _prepare(order: Order) -> Search:
         raise UsageError(f"--check {order.checks}: must be at least 0")
     levels = max(0, math.ceil(math.log2(0.5 / tolerance / coarse) - 1e-9))
     planner = Planner(_make_sweep(order))
-    outputs = {name: v for name, v in planner.variables.items() if v.causality == "output"}
-    criteria = [parse_criterion(text, outputs, names) for text in order.criteria]
-    planner.ask(output for criterion in criteria for output in criterion.outputs)
+    criteria = [planner.ask(text, "--criterion") for text in order.criteria]
     return Search(order, planner, criteria, Mesh(dimensions, coarse, levels))
 
 
@@ -301,6 +299,5 @@ class _Runner:
         search = self._search
         if search.runs[point].status != "done":
             return (False,) * len(search.criteria)
-        names = (axis.name for axis in search.order.axes)
-        values = {**search.outputs(point), **dict(zip(names, search.values(point), strict=True))}
+        values = search.planner.name_values(search.values(point), search.runs[point])
         return tuple(criterion.holds(values) for criterion in search.criteria)

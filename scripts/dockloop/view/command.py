@@ -1,6 +1,7 @@
 """The command ``dockloop view``: page, stills or film of a result, or of cases of a sweep."""
 
 import argparse
+import json
 import math
 import re
 import shlex
@@ -133,7 +134,7 @@ def _view_sweep(
     lines = []
     for case, file in outputs.items():
         with scratch() as folder:
-            words = _find_command(table, metadata, case, folder)
+            words = find_command(table, metadata, case, folder)
             overrides, settings = _list_values(words, "--scene"), _list_values(words, "--set")
             stop, step = (float(_list_values(words, name)[0]) for name in ("--stop", "--step"))
             name = Path(words[2]).stem
@@ -197,14 +198,14 @@ def _choose_cases(
     return [max(done, key=lambda row: -math.inf if row[by] is None else row[by])["case"]]
 
 
-def _find_command(table: Path, metadata: dict[str, str], case: int, folder: Path) -> list[str]:
+def find_command(table: Path, metadata: dict[str, str], case: int, folder: Path) -> list[str]:
     """Return the words of the command that runs a case by itself.
 
     The sweep and a scene of the user are written as they were when the table was made.
     """
     from pyarrow import parquet
 
-    from dockloop.sampling import read_sweep
+    from dockloop.sampling import Passes, read_sweep
     from dockloop.sweeps import DIGEST, Planner
 
     text, named = metadata["dockloop.sweep"], tomllib.loads(metadata["dockloop.sweep"])["scene"]
@@ -217,7 +218,8 @@ def _find_command(table: Path, metadata: dict[str, str], case: int, folder: Path
             file.write_text(text.replace(named, scene.name), encoding="utf-8")
         scene.parent.mkdir(parents=True, exist_ok=True)
         scene.write_text(metadata["dockloop.scene"], encoding="utf-8")
-    sweep = read_sweep(str(file))
+    passes = json.loads(metadata.get("dockloop.passes", "null"))
+    sweep = read_sweep(str(file), passes and Passes(**passes))
     try:
         planner = Planner(sweep)
     except UsageError as error:
@@ -230,8 +232,9 @@ def _find_command(table: Path, metadata: dict[str, str], case: int, folder: Path
             f"{shown(table)}: was made with another scene, mechanism or dockloop than these: its"
             " cases would not be the same; run the sweep again"
         )
-    ends = parquet.read_table(table, columns=["end_time"])["end_time"]
-    return planner.make_command(sweep.cases[case - 1], ends[case - 1].as_py())
+    names = [quantity.name for quantity in sweep.quantities]
+    row = parquet.read_table(table, columns=[*names, "end_time"]).slice(case - 1, 1).to_pylist()[0]
+    return planner.make_command(tuple(row[name] for name in names), row["end_time"])
 
 
 def _list_values(words: list[str], option: str) -> list[str]:
