@@ -1,7 +1,8 @@
 """``--report``: one HTML page about a run, a sweep, an envelope.
 
-1. A page is self-contained: no address of another file or server, figures inside, no script; it
-   holds outcome, loads next to the rated ones, commands, settings; names of files are escaped.
+1. A page is self-contained: no address of another file or server but pages with the motion next to
+   it, figures inside, no script; it holds outcome, loads next to the rated ones, commands, settings;
+   names of files are escaped. The timeline shows the recorded phases and latches.
 2. Numbers of the page are those of the summary. Inputs are ranked by what they decide.
 3. A page of something else is not replaced.
 """
@@ -11,11 +12,15 @@ import html
 import json
 import re
 
+import numpy as np
 import pytest
 
 pytest.importorskip("scipy")
 pytest.importorskip("pyarrow")
 pytest.importorskip("matplotlib")
+
+import dockloop as dl
+from dockloop.core import list_choices
 
 SCENE = "idss_25t_350t"
 SWEEP = """
@@ -43,22 +48,32 @@ def read_page(path):
     assert "<script" not in page
     links = re.findall(r'(?:src|href)="([^"]{0,30})', page)
     assert links
-    assert all(link.startswith("data:image/png;base64,") for link in links)
+    views = [link for link in links if not link.startswith("data:image/png;base64,")]
+    for view in views:
+        assert (
+            (path.parent / view)
+            .read_text()
+            .startswith("<!doctype html>\n<!-- made by dockloop view")
+        )
     for figure in re.findall(r"base64,([^\"]+)", page):
         assert base64.b64decode(figure).startswith(b"\x89PNG")
-    return page, html.unescape(
-        re.sub(r"<[^>]+>", " ", re.sub(r"<style.*?</style>", "", page, flags=re.S))
-    )
+    text = re.sub(r"<[^>]+>", " ", re.sub(r"<style.*?</style>", "", page, flags=re.S))
+    return page, html.unescape(text), views
 
 
 def test_a_run_has_a_page(dockloop, tmp_path):
     done = dockloop(
         *("run", SCENE, "--set", "friction.coefficient=0.2", "--scene", "solver.method=bdf"),
         *("--stop", "5", "--step", "0.1", "--report", "--json", "-o", str(tmp_path / "own.csv")),
+        "--view",
     )
     assert done.status == 0, done
     summary = json.loads(done.out)
-    _, text = read_page(tmp_path / "own_report.html")
+    page, text, views = read_page(tmp_path / "own_report.html")
+    assert views == ["own_view.html"]
+    assert re.findall(r"<h2>(Motion|Loads|Components|Timeline)</h2>\n[^<]*<img", page) == [
+        *("Motion", "Loads", "Components", "Timeline"),
+    ]
     for words in (
         "captured at",
         "dockloop run idss_25t_350t --scene solver.method=bdf --set friction.coefficient=0.2",
@@ -72,17 +87,41 @@ def test_a_run_has_a_page(dockloop, tmp_path):
         assert re.search(row + rf"\s+{load['rated']:g}\s+{load['ratio']:.1%}", text), name
 
 
+def test_a_timeline_has_the_phases_and_latches_of_the_result():
+    from matplotlib.colors import to_rgba
+
+    result = dl.run(SCENE, stop=4.0, step=0.05)
+    t, axes = result["time"], result.plot()["timeline"].axes
+    for axis, choice, outputs in (
+        (axes[0], "phase", ["phase"]),
+        (axes[1], "latch.state", [f"latch[{i}].state" for i in (3, 2, 1)]),
+    ):
+        numbers = {to_rgba(f"C{value.number}"): value.number for value in list_choices(choice)}
+        shown = np.zeros((len(outputs), len(t)))
+        for bars in axis.collections:
+            for path in bars.get_paths():
+                (left, low), (right, _) = path.vertices.min(axis=0), path.vertices.max(axis=0)
+                inside = (t >= left) & (t < right)
+                shown[round(low + 0.4), inside] = numbers[tuple(bars.get_facecolor()[0])]
+        for row, output in zip(shown, outputs, strict=True):
+            assert (row[:-1] == result[output][:-1]).all(), output
+    assert len(set(result["phase"])) >= 3
+
+
 def test_a_sweep_has_a_page_with_ranked_cases_and_inputs(dockloop, tmp_path):
     (tmp_path / "mine.toml").write_text(SWEEP)
     table = tmp_path / "own.parquet"
     done = dockloop("sweep", str(tmp_path / "mine.toml"), "--report", "--json", "-o", str(table))
     assert done.status == 0, done
     summary = json.loads(done.out)
-    page, text = read_page(tmp_path / "own_report.html")
+    page, text, views = read_page(tmp_path / "own_report.html")
+    assert views == [f"own_worst{i}.html" for i in (1, 2, 3)]
+    first = (tmp_path / views[0]).read_text()
+    assert json.dumps(summary["worst"]["command"]).replace("<", "\\u003c") in first
     assert "&lt;b&gt;friction &amp; speed" in page
     assert f"Captured: {summary['captured']['fraction']:.1%}" in text
     assert summary["worst"]["command"] in text
-    worst = [float(v) for v in re.findall(r"load_ratio ([\d.e+-]+)\s+dockloop run", text)]
+    worst = [float(v) for v in re.findall(r"load_ratio ([\d.e+-]+)[ ,\w]*\s+dockloop run", text)]
     assert worst[:10] == sorted(worst[:10], reverse=True)
     assert worst[0] == pytest.approx(summary["worst"]["value"], rel=1e-3)
     decides = text.index("What decides about the largest load ratio")
@@ -105,7 +144,7 @@ def test_an_envelope_has_a_page(dockloop, tmp_path):
     )
     assert done.status == 0, done
     summary = json.loads(done.out)
-    _, text = read_page(tmp_path / "own" / "report.html")
+    _, text, _ = read_page(tmp_path / "own" / "report.html")
     (criterion,) = summary["criteria"]
     assert f"{criterion['met']:.1%} +- {criterion['unsure']:.1%}" in text
     assert criterion["unmet_example"]["command"] in text

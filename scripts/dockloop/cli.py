@@ -558,7 +558,10 @@ def _write_run(options: argparse.Namespace, run: Any, summary: dict, result: Pat
     if options.report:
         figures = [file for file in files if file.suffix == ".png"]
         sections = html_report.report_run(
-            summary, figures, _repeat("run", options.scene, options, ("stop", "step"))
+            summary,
+            figures,
+            _repeat("run", options.scene, options, ("stop", "step")),
+            _find_view(result) if options.view else None,
         )
         files.append(html_report.find_page(result))
         html_report.write_page(files[-1], COMMAND, summary["title"], sections)
@@ -611,6 +614,7 @@ def _sweep(options: argparse.Namespace) -> None:
     from dockloop.simulate import ProgressBar
     from dockloop.summary import find_summary, write_summary
     from dockloop.sweeps import COMMAND, run_sweep
+    from dockloop.view.page import PAGE
 
     passes = read_passes(options.accuracy, options.refine, options.refine_accuracy)
     if passes and passes.refine and options.rare:
@@ -626,6 +630,8 @@ def _sweep(options: argparse.Namespace) -> None:
         claim(file, kind)
     if options.report:
         claim(html_report.find_page(output), html_report.page_kind(COMMAND))
+        for file in sweep_report.list_views(output):
+            claim(file, PAGE)
     ran = run_sweep(
         sweep,
         output,
@@ -643,8 +649,9 @@ def _sweep(options: argparse.Namespace) -> None:
         files += sweep_report.write_sweep_plots(sweep, planner, table, output.with_suffix(""))
     if options.report:
         figures = [file for file in files if file.suffix == ".png"]
-        sections = html_report.report_sweep(summary, sweep, planner, table, figures)
-        files.append(html_report.find_page(output))
+        views = sweep_report.write_views(sweep, planner, table, output)
+        sections = html_report.report_sweep(summary, sweep, planner, table, figures, views=views)
+        files += [*views.values(), html_report.find_page(output)]
         html_report.write_page(files[-1], COMMAND, summary["title"], sections)
     files.append(find_summary(output))
     summary["files"] = [paths.shown(file) for file in files]

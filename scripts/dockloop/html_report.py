@@ -11,7 +11,7 @@ import platform
 import re
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
@@ -24,6 +24,7 @@ from dockloop import __version__
 from dockloop.core import list_choices
 from dockloop.outputs import Kind, read_head, writing
 from dockloop.sampling import say_accuracy
+from dockloop.sweep_report import list_worst, read_worst
 
 _WORST = 10  # cases in a list
 _SOLVER = ("accuracy", "method", "rtol", "atol_position", "atol_velocity", "atol_energy", "step")
@@ -41,6 +42,7 @@ class Section:
         rows: of the table, as text; empty: no table.
         figures: PNG files.
         commands: lines for a terminal, each with a remark.
+        links: pages that show the motion, by remark.
     """
 
     title: str
@@ -49,6 +51,7 @@ class Section:
     rows: Rows = field(default_factory=list)
     figures: Sequence[Path] = ()
     commands: Sequence[tuple[str, str]] = ()
+    links: Mapping[str, Path] = field(default_factory=dict)
 
 
 def page_kind(command: str) -> Kind:
@@ -152,18 +155,22 @@ def list_peaks(loads: dict, keys: Sequence[str]) -> Rows:
 # ---------------------------------------------------------------- one run
 
 
-def report_run(summary: dict, figures: Sequence[Path], command: Sequence[str]) -> list[Section]:
+def report_run(
+    summary: dict, figures: Sequence[Path], command: Sequence[str], view: Path | None = None
+) -> list[Section]:
     """Return the parts of the page of a run.
 
     Args:
         summary: of `summarise`.
         figures: PNG files of the run.
         command: words that repeat it.
+        view: page with its motion.
     """
     from dockloop.summary import describe
 
     sections = [Section("Outcome", describe(summary).split("\n")[1].strip())]
     sections[0].commands = [("again", shlex.join(command))]
+    sections[0].links = {"again": view} if view else {}
     if "outcome" in summary:
         keys = ("outcome", "phase", "time_of_contact", "time_of_capture", "explanation")
         sections[0].columns = ("what", "is")
@@ -187,7 +194,13 @@ def report_run(summary: dict, figures: Sequence[Path], command: Sequence[str]) -
 
 
 def report_sweep(
-    summary: dict, sweep: Any, planner: Any, table: Any, figures: Sequence[Path]
+    summary: dict,
+    sweep: Any,
+    planner: Any,
+    table: Any,
+    figures: Sequence[Path],
+    *,
+    views: Mapping[int, Path],
 ) -> list[Section]:
     """Return the parts of the page of a sweep.
 
@@ -197,6 +210,7 @@ def report_sweep(
         planner: how it was done.
         table: of `make_table`.
         figures: PNG files of the sweep.
+        views: pages with the motion of cases, by row of the table.
     """
     data = {name: table[name].to_pylist() for name in table.column_names}
     status = ", ".join(f"{count} {name}" for name, count in summary["status"].items())
@@ -221,7 +235,7 @@ def report_sweep(
         sections.append(Section("Peak loads", columns=columns, rows=rows))
     sections += [_show(figure) for figure in figures]
     sections += _show_passes(summary, sweep, planner, data) if "refined" in summary else []
-    sections += _rank_cases(sweep, planner, data)
+    sections += _rank_cases(sweep, planner, data, views)
     sections += _rank_inputs(planner, data)
     varied = [[f"{q.name} [{q.unit}]" if q.unit else q.name, _say_range(data[q.name])]
               for q in planner.varied]  # fmt: skip
@@ -256,24 +270,23 @@ def _show_passes(summary: dict, sweep: Any, planner: Any, data: dict) -> list[Se
     return [Section("What the second pass changed", text, columns, rows, commands=commands)]
 
 
-def _rank_cases(sweep: Any, planner: Any, data: dict) -> list[Section]:
-    """Return the worst cases, and those that were not captured, with their commands."""
-    by = sweep.document.get("worst", "capture.peak.load_ratio")
-    numbers = np.array(
-        [v if isinstance(v, int | float) else -np.inf for v in data.get(by, [])], dtype=float
-    )
+def _rank_cases(sweep: Any, planner: Any, data: dict, views: Mapping[int, Path]) -> list[Section]:
+    """Return the worst cases, and those that were not captured, with commands and views."""
+    by, numbers = read_worst(sweep, data)
     sections = []
-    worst = [int(i) for i in np.argsort(-numbers, kind="stable")[:_WORST] if numbers[i] > -np.inf]
+    worst = list_worst(numbers, _WORST)
     lost = [i for i, name in enumerate(data.get("outcome", [])) if name not in (None, "captured")]
     for title, cases in ((f"Worst cases by {by}", worst), ("Cases not captured", lost[:_WORST])):
         if cases:
-            commands = []
+            commands: list[tuple[str, str]] = []
+            links: dict[str, Path] = {}
             for i in cases:
                 words = planner.make_command(sweep.cases[i], data["end_time"][i])
                 remark = f"case {i + 1}"
                 remark += f", {by} {numbers[i]:.4g}" if len(numbers) else ""
                 commands.append((remark, shlex.join(words)))
-            sections.append(Section(title, commands=commands))
+                links |= {remark: views[i]} if i in views else {}
+            sections.append(Section(title, commands=commands, links=links))
     return sections
 
 

@@ -1,18 +1,21 @@
-"""Figures of one docking: relative motion, interface loads, legs, energies and residuals.
+"""Figures of one docking: relative motion, loads, phases and latches, legs, energies, residuals.
 
 A figure whose outputs were not recorded is left out. Every figure is one PNG next to the result.
 """
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dockloop.core import list_loads
+from dockloop.core import list_choices, list_loads
 from dockloop.figures import save_figure
 from dockloop.results import Result
 from dockloop.summary import COMMAND
+
+_LATCH_STATE = re.compile(r"latch\[\d+\]\.state")
 
 
 def write_plots(run: Result, stem: Path) -> list[Path]:
@@ -109,17 +112,75 @@ def _plot_loads(run: Result, axes: Any) -> None:
             label += f", rated {rated[name]:g}"
         values = run[f"capture.{name}"]
         (line,) = axis.plot(t, values, label=label, linewidth=0.9)
-        largest = int(np.argmax(values))
-        axis.plot(t[largest], values[largest], "o", color=line.get_color(), markersize=4)
-        last = max(last, t[largest])
+        last = max(last, _mark_largest(axis, t, values, line))
         if name in rated and peak > 0.5 * rated[name]:
             axis.axhline(rated[name], color=line.get_color(), linestyle="--", linewidth=0.9)
+    _zoom(run, axes[0], last)
+    axes[0].set_ylabel("force on the target [N]")
+    axes[1].set_ylabel("moment on the target [N m]")
+
+
+def _plot_components(run: Result, axes: Any) -> None:
+    """Components of force and moment on the target; marks and times as for the loads."""
+    t = run["time"]
+    last = t[0]
+    for axis, name in zip(axes, ("force", "torque"), strict=True):
+        for letter, values in zip("xyz", run.vector(f"capture.{name}").T, strict=True):
+            label = f"{letter}, largest {np.max(np.abs(values)):.0f}"
+            (line,) = axis.plot(t, values, label=label, linewidth=0.9)
+            last = max(last, _mark_largest(axis, t, values, line))
+    _zoom(run, axes[0], last)
+    axes[0].set_ylabel("force on the target, axes of P [N]")
+    axes[1].set_ylabel("moment on the target [N m]")
+
+
+def _mark_largest(axis: Any, t: np.ndarray, values: np.ndarray, line: Any) -> float:
+    """Put a dot where a line is farthest from zero; returns that time [s]."""
+    largest = int(np.argmax(np.abs(values)))
+    axis.plot(t[largest], values[largest], "o", color=line.get_color(), markersize=4)
+    return float(t[largest])
+
+
+def _zoom(run: Result, axis: Any, last: float) -> None:
+    """Show the time from first contact to the capture or to `last`, what is later [s]."""
     if "time_of_contact" in run and run["time_of_contact"][-1] >= 0.0:
         begin, end = run["time_of_contact"][-1], max(last, run["time_of_capture"][-1])
         margin = 0.1 * (end - begin) + 0.1
-        axes[0].set_xlim(max(t[0], begin - margin), min(t[-1], end + margin))
-    axes[0].set_ylabel("force on the target [N]")
-    axes[1].set_ylabel("moment on the target [N m]")
+        axis.set_xlim(max(run["time"][0], begin - margin), min(run["time"][-1], end + margin))
+
+
+def _plot_timeline(run: Result, axes: Any) -> None:
+    """Draw a strip of phases, and a strip of states for every latch."""
+    _draw_strips(axes[0], run, {"phase": "phase"}, "phase")
+    count = sum(bool(_LATCH_STATE.fullmatch(name)) for name in run.names)
+    strips = {f"latch {i}": f"latch[{i}].state" for i in range(count, 0, -1)}
+    _draw_strips(axes[1], run, strips, "latch.state")
+
+
+def _draw_strips(axis: Any, run: Result, strips: dict[str, str], choice: str) -> None:
+    """Draw outputs that are choices as coloured strips.
+
+    Args:
+        axis: where.
+        run: what was recorded.
+        strips: outputs by label, from below.
+        choice: as for `list_choices`.
+    """
+    t, used = run["time"], {int(n) for output in strips.values() for n in np.unique(run[output])}
+    for row, output in enumerate(strips.values()):
+        starts = np.flatnonzero(np.diff(run[output], prepend=np.nan))
+        ends = np.append(t[starts[1:]], t[-1])
+        for value in list_choices(choice):
+            if value.number in used:
+                spans = [
+                    (t[i], end - t[i])
+                    for i, end in zip(starts, ends, strict=True)
+                    if run[output][i] == value.number
+                ]
+                label = value.name if row == 0 else None
+                axis.broken_barh(spans, (row - 0.4, 0.8), color=f"C{value.number}", label=label)
+    axis.set_yticks(range(len(strips)), strips)
+    axis.set_ylim(-0.6, len(strips) - 0.4 + 0.35 * len(strips))  # room for the legend
 
 
 def _plot_legs(run: Result, axes: Any) -> None:
@@ -157,6 +218,11 @@ _FIGURES: dict[str, tuple[tuple[str, ...], Callable]] = {
         _plot_ring,
     ),
     "loads": (("capture.compression", "capture.peak.compression"), _plot_loads),
+    "components": (
+        tuple(f"capture.{name}[{i}]" for name in ("force", "torque") for i in (1, 2, 3)),
+        _plot_components,
+    ),
+    "timeline": (("phase", "latch[1].state"), _plot_timeline),
     "legs": (("leg[1].length",), _plot_legs),
     "energy": (("energy.residual",), _plot_energy),
 }

@@ -44,6 +44,7 @@ _COLOURS = {
     "not run": "black",
 }
 _BINS = 8
+_VIEWS = 3  # worst cases that a report shows in motion
 _COLUMNS = 4  # panels of a figure side by side
 
 
@@ -395,20 +396,52 @@ def _count_loads(planner: Planner, table: Any) -> dict:
     return loads
 
 
-def _find_worst(sweep: Sweep, planner: Planner, table: Any) -> dict | None:
-    """Return the case with the largest value of the outcome that counts, and its command."""
+def read_worst(sweep: Sweep, data: Mapping[str, list]) -> tuple[str, np.ndarray]:
+    """Return the outcome by which cases are ranked and its values, -inf where there is none.
+
+    Args:
+        sweep: what was to be done.
+        data: columns of its table.
+    """
     by = sweep.document.get("worst", f"{PEAK}load_ratio")
-    if by not in table.column_names:
-        return None
     values = [
         value if isinstance(value, int | float) and not isinstance(value, bool) else -math.inf
-        for value in table[by].to_pylist()
+        for value in data.get(by, [])
     ]
-    row = int(np.argmax(values))
-    if not math.isfinite(values[row]):
-        return None
-    command = planner.make_command(sweep.cases[row], table["end_time"][row].as_py())
-    return {"case": row + 1, "by": by, "value": values[row], "command": shlex.join(command)}
+    return by, np.array(values)
+
+
+def list_worst(values: np.ndarray, count: int) -> list[int]:
+    """Return the rows of the largest values that are finite, the largest one first."""
+    return [int(i) for i in np.argsort(-values, kind="stable")[:count] if np.isfinite(values[i])]
+
+
+def _find_worst(sweep: Sweep, planner: Planner, table: Any) -> dict | None:
+    """Return the case with the largest value of the outcome that counts, and its command."""
+    by, values = read_worst(sweep, table.to_pydict())
+    for row in list_worst(values, 1):
+        command = planner.make_command(sweep.cases[row], table["end_time"][row].as_py())
+        value = float(values[row])
+        return {"case": row + 1, "by": by, "value": value, "command": shlex.join(command)}
+    return None
+
+
+def list_views(output: Path) -> list[Path]:
+    """Return the pages that show the worst cases, those of a report."""
+    return [output.with_name(f"{output.stem}_worst{i + 1}.html") for i in range(_VIEWS)]
+
+
+def write_views(sweep: Sweep, planner: Planner, table: Any, output: Path) -> dict[int, Path]:
+    """Run the worst cases again and write pages with their motion; returns these by row."""
+    from dockloop.view.command import run_again
+    from dockloop.view.page import write_page
+
+    _, values = read_worst(sweep, table.to_pydict())
+    views = dict(zip(list_worst(values, _VIEWS), list_views(output), strict=False))
+    for row, path in views.items():
+        words = planner.make_command(sweep.cases[row], table["end_time"][row].as_py())
+        write_page(run_again(words, f"case {row + 1}"), path, command=shlex.join(words))
+    return views
 
 
 def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> None:

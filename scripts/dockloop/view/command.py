@@ -122,9 +122,6 @@ def _view_sweep(
     table: Path, output: Path, options: argparse.Namespace, meshes: dict[str, Path]
 ) -> str:
     """Run cases of a sweep again and write one page for each."""
-    from dockloop.fmu import build_fmu
-    from dockloop.simulate import run_fmu
-
     rows, metadata = _read_table(table)
     cases = _choose_cases(table, rows, metadata, options)
     outputs = {case: output.with_stem(f"{output.stem}_case{case}") for case in cases}
@@ -135,14 +132,27 @@ def _view_sweep(
     for case, file in outputs.items():
         with scratch() as folder:
             words = find_command(table, metadata, case, folder)
-            overrides, settings = _list_values(words, "--scene"), _list_values(words, "--set")
-            stop, step = (float(_list_values(words, name)[0]) for name in ("--stop", "--step"))
-            name = Path(words[2]).stem
-            fmu = build_fmu(words[2], overrides, folder / f"{name}.fmu", bare=True)
-            run = run_fmu(fmu, settings, stop, step, label=f"case {case} of {shown(table)}")
+            run = run_again(words, f"case {case} of {shown(table)}")
         words[2] = tomllib.loads(metadata["dockloop.sweep"])["scene"]
         lines.append(_write(run, file, options, meshes, shlex.join(words)))
     return "\n".join(lines)
+
+
+def run_again(words: list[str], label: str) -> Recording:
+    """Return what a case of a sweep records.
+
+    Args:
+        words: of its command (`Planner.make_command`).
+        label: what errors call it.
+    """
+    from dockloop.fmu import build_fmu
+    from dockloop.simulate import run_fmu
+
+    overrides, settings = _list_values(words, "--scene"), _list_values(words, "--set")
+    stop, step = (float(_list_values(words, name)[0]) for name in ("--stop", "--step"))
+    with scratch() as folder:
+        fmu = build_fmu(words[2], overrides, folder / f"{Path(words[2]).stem}.fmu", bare=True)
+        return run_fmu(fmu, settings, stop, step, label=label)
 
 
 def _read_table(table: Path) -> tuple[list[dict], dict[str, str]]:
