@@ -30,7 +30,13 @@ from dockloop.reference import FOLDER as REFERENCE
 from test_binary import FLOORS, parse
 
 DEFAULT = "idss_25t_350t"
-SCENES_WITH_LEGS = ("idss_25t_350t", "idss_100t_100t")  # and a target: their pages show the legs
+SCENES_WITH_LEGS = (
+    "idss_25t_350t",
+    "idss_100t_100t",
+    "hexapod",
+    "apda",
+    "probe_drogue",
+)  # and a target: their pages show the legs
 HARD = ("initial.closing_speed=0.3", "chaser.contact_thrust=1500", "initial.pitch_yaw_deg=4")
 VARIANTS = [
     *((scene,) for scene in SCENES),

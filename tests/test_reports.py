@@ -1,7 +1,7 @@
 """``--report``: one HTML page about a run, a sweep, an envelope.
 
 1. A page is self-contained: no address of another file or server but pages with the motion next to
-   it, figures inside, no script; it holds outcome, loads next to the rated ones, commands, settings;
+   it, figures inside, no script; it holds outcome, loads next to rated ones, commands, settings;
    names of files are escaped. The timeline shows the recorded phases and latches.
 2. Numbers of the page are those of the summary. Inputs are ranked by what they decide.
 3. A page of something else is not replaced.

@@ -559,7 +559,7 @@ def _model(document: dict, report: dict) -> str:
     )
     figure = drawing.draw_legs(mechanism, report["home_q"])
     if figure:
-        caption = "Legs at home, to scale: squares on the base, circles on the ring."
+        caption = "Legs at home, to scale: squares at the root, circles at the closing body."
         if contact == "guide_ring" and "azimuth" in mechanism.get("latches", {}):
             caption += " Petals in red, hooks of the latches in yellow."
         text += _figure(figure, caption) + _leg_table(mechanism, report["home_q"])
@@ -568,12 +568,12 @@ def _model(document: dict, report: dict) -> str:
 
 def _leg_table(mechanism: dict, home_q: list[float]) -> str:
     """Return the ends of the legs."""
-    rows = []
-    for i, (_, root, end) in enumerate(drawing.find_legs(mechanism, home_q), start=1):
+    rows, listed = [], len(mechanism.get("legs", []))
+    for i, (name, root, end) in enumerate(drawing.find_legs(mechanism, home_q), start=1):
         points = (", ".join(_number(f"{1e3 * x:.1f}") for x in point) for point in (root, end))
         length = 1e3 * float(sum((end - root) ** 2)) ** 0.5
-        rows.append((f"leg[{i}]", *points, f"{length:.1f}"))
-    head = ("leg", "end on the base, mm in B", "end on the ring, mm in B", "length at home, mm")
+        rows.append((f"leg[{i}]" if i <= listed else name, *points, f"{length:.1f}"))
+    head = ("leg", "root, mm in B", "closing end, mm in B", "length at home, mm")
     return _table(head, rows)
 
 

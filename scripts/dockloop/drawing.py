@@ -17,6 +17,7 @@ Point = tuple[float, float]
 Vector = Sequence[float] | np.ndarray
 View = Callable[[Vector], Point]  # from a point in space to the sheet
 
+_STRAIGHT = 1e-9  # m: nearer to a line is on it
 INK, FAINT, PAPER = "#1d2733", "#8a97a6", "#ffffff"
 CHASER, TARGET, RING, LEG = "#dbe7f5", "#f3e7d3", "#c2483d", "#2f6db5"
 AXES = {"x": "#c0392b", "y": "#2e8b57", "z": "#2f5fc4"}
@@ -265,19 +266,59 @@ def _matrix(quaternion: Sequence[float]) -> np.ndarray:
     return np.eye(3) + 2 * w * cross + 2 * cross @ cross
 
 
+def list_legs(mechanism: dict) -> list[dict]:
+    """Return all legs, with their defaults: listed ones, then those that are written out.
+
+    Each has at least ``name``, ``root``, ``closing``, ``root_point`` and ``closing_point``. A leg
+    that is written out is a loop through two turns at the root, a slide and a ball on one line; it
+    also has ``bodies``, the names of the bodies between its ends, and ``length`` where the slide
+    has its zero.
+    """
+    defaults = {"root": "base", **mechanism.get("leg_defaults", {})}
+    legs = [{**defaults, **leg} for leg in mechanism.get("legs", [])]
+    places = find_body_places(mechanism)
+    bodies = {body["name"]: body for body in mechanism.get("bodies", [])}
+    for loop in mechanism.get("loops", []):
+        chain = [bodies[loop["terminal"]]]
+        while chain[0]["name"] != loop["first"]:
+            chain.insert(0, bodies[chain[0]["parent"]])
+        joints = [body["joint"] for body in chain]
+        kinds = [joint["type"] for joint in joints]
+        if kinds != ["revolute", "revolute", "prismatic"] or loop["cut"]["type"] != "R3":
+            continue
+        rotation, position = places[loop["terminal"]]
+        end = rotation @ np.array(loop["cut"]["point_on_terminal"], float)
+        root = np.array(joints[0].get("position", (0, 0, 0)), float)
+        apart = [*(places[body["name"]][1] - position for body in chain)]
+        apart.append(np.cross(end, rotation @ np.array(joints[2]["axis"], float)))
+        if np.max(np.abs(apart)) > _STRAIGHT:
+            continue
+        names = {body["name"] for body in chain}
+        names |= {name for name, body in bodies.items() if body["parent"] in names}
+        legs.append(
+            {
+                **{key: loop[key] for key in ("name", "root", "closing")},
+                "root_point": root.tolist(),
+                "closing_point": loop["cut"]["point_on_closing"],
+                "bodies": sorted(names),
+                "length": float(np.linalg.norm(end)),
+            }
+        )
+    return legs
+
+
 def find_legs(
     mechanism: dict, home_q: Sequence[float] = ()
 ) -> list[tuple[str, np.ndarray, np.ndarray]]:
     """Return name and both ends at home of every leg, axes and origin of the base."""
-    places, defaults = find_body_places(mechanism, home_q), mechanism.get("leg_defaults", {})
+    places = find_body_places(mechanism, home_q)
     legs = []
-    for leg in mechanism.get("legs", []):
-        full = {"root": "base", **defaults, **leg}
+    for leg in list_legs(mechanism):
         ends = []
         for body, point in (("root", "root_point"), ("closing", "closing_point")):
-            rotation, position = places[full[body]]
-            ends.append(position + rotation @ np.array(full[point], float))
-        legs.append((full["name"], *ends))
+            rotation, position = places[leg[body]]
+            ends.append(position + rotation @ np.array(leg[point], float))
+        legs.append((leg["name"], *ends))
     return legs
 
 

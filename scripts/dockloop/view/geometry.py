@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dockloop.drawing import find_body_places
+from dockloop.drawing import find_body_places, list_legs
 
 _HERE = {"p": [0.0, 0.0, 0.0], "q": [1.0, 0.0, 0.0, 0.0]}
 _PORT = 0.15  # clearance of a vehicle's box from its mating plane [m]
@@ -164,16 +164,16 @@ def _make_vehicle(name: str, vehicle: dict, parameters: dict[str, float], front:
 
 
 def _list_legs(mechanism: dict) -> list[dict]:
-    """Return the legs with their defaults."""
+    """Return what is drawn of the legs."""
     legs = []
-    for leg in mechanism.get("legs", []):
-        full = {"root": "base", **mechanism.get("leg_defaults", {}), **leg}
-        stops = full.get("stops") or {}
+    for leg in list_legs(mechanism):
+        stops = leg.get("stops") or {}
         legs.append(
             {
-                **{key: full[key] for key in ("name", "root", "closing")},
-                **{key: [float(x) for x in full[key]] for key in ("root_point", "closing_point")},
+                **{key: leg[key] for key in ("name", "root", "closing")},
+                **{key: [float(x) for x in leg[key]] for key in ("root_point", "closing_point")},
                 **{key: stops[key] for key in ("min_length", "max_length") if key in stops},
+                **{key: leg[key] for key in ("bodies", "length") if key in leg},
             }
         )
     return legs

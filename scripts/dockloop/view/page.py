@@ -102,7 +102,7 @@ def write_page(
 def make_data(run: Recording, command: str | None = None) -> dict:
     """Return all that a page holds: ``meta``, ``geometry``, ``events``, ``columns``."""
     shapes = geometry.make_geometry(run.scene, run.parameters)
-    poses, notes = _find_poses(run, shapes["vehicles"])
+    poses, notes = _find_poses(run, shapes)
     fit = _check_fit(run, poses, shapes)
     times = run["time"]
     chosen = {name: run[name] for name in run.names if _SHOWN.fullmatch(name)}
@@ -194,7 +194,7 @@ def describe_outcome(run: Recording) -> str:
     return describe(summarise(replace(run, wall=timed))).splitlines()[1].strip()
 
 
-def _find_poses(run: Recording, vehicles: dict) -> tuple[dict[str, np.ndarray], list[str]]:
+def _find_poses(run: Recording, shapes: dict) -> tuple[dict[str, np.ndarray], list[str]]:
     """Return poses of P, of the ring and of other bodies in axes of A, one row of 7 per sample."""
     poses, notes = {}, []
     count = len(run.values)
@@ -202,7 +202,7 @@ def _find_poses(run: Recording, vehicles: dict) -> tuple[dict[str, np.ndarray], 
         if "relative.position[1]" in run and "relative.attitude[1]" in run:
             poses["target"] = _rows(run, "relative")
         elif "chaser.position[1]" in run and "target.position[1]" in run:
-            poses["target"] = _find_relative(run, vehicles)
+            poses["target"] = _find_relative(run, shapes["vehicles"])
             notes.append(
                 "relative.* is not recorded: P in A follows from the poses of the vehicles"
             )
@@ -211,15 +211,19 @@ def _find_poses(run: Recording, vehicles: dict) -> tuple[dict[str, np.ndarray], 
     mechanism = run.scene["mechanism"]
     capture = mechanism.get("capture", {}).get("body", "base")
     if "state.q[1]" in run:
-        placed = geometry.place_bodies(mechanism, run.vector("state.q")) or {}
-        for name, rows in placed.items():
+        found = geometry.place_bodies(mechanism, run.vector("state.q")) or {}
+        for name, rows in found.items():
             if name != capture:
                 poses[f"body.{name}"] = rows
             elif "ring" not in poses:
                 poses["ring"] = rows
                 notes.append("ring.* is not recorded: the ring follows from state.q")
     others = [b["name"] for b in mechanism.get("bodies", []) if b["name"] != capture]
-    missing = [name for name in others if f"body.{name}" not in poses]
+    placed = {"base", *([capture] if "ring" in poses else [])}
+    placed |= {name.removeprefix("body.") for name in poses}
+    legs = [leg for leg in shapes["legs"] if {leg["root"], leg["closing"]} <= placed]
+    placed |= {name for leg in legs for name in leg.get("bodies", [])}
+    missing = [name for name in others if name not in placed]
     if missing:
         notes.append(
             f"not drawn: {', '.join(missing[:6])}{' and others' * (len(missing) > 6)}; the poses of"

@@ -308,11 +308,11 @@
     const legs = [];
     geometry.legs.forEach((leg, k) => {
       if (!isPlaced(leg.root) || !isPlaced(leg.closing)) return;
-      const home = vector(leg.root_point).distanceTo(vector(leg.closing_point));
+      const home = leg.length || vector(leg.root_point).distanceTo(vector(leg.closing_point));
       const lengths = has(`leg[${k + 1}].length`) ? columns[`leg[${k + 1}].length`] : [home];
       const shortest = lengths.reduce((a, x) => Math.min(a, x), leg.min_length || Infinity);
       const thick = 0.02 * Math.min(1.5, Math.max(0.5, home / 0.9)), material = solid(COLORS.rod);
-      const made = { leg, shortest, material, cylinder: rod(world, thick, solid(COLORS.leg)), rod: rod(world, 0.6 * thick, material) };
+      const made = { leg, force: `leg[${k + 1}].force`, shortest, material, cylinder: rod(world, thick, solid(COLORS.leg)), rod: rod(world, 0.6 * thick, material) };
       made.joints = [ball(world, new T.Vector3(), 1.4 * thick, solid('#3a4653')), ball(world, new T.Vector3(), 1.2 * thick, solid('#3a4653'))];
       legs.push(made);
     });
@@ -376,9 +376,9 @@
         span(made.rod, ends[1].clone().addScaledVector(along, -Math.min(0.8 * made.shortest, length)), ends[1]);
         made.joints.forEach((joint, k) => joint.position.copy(ends[k]));
       }
-      legs.forEach((made, k) => {
-        const force = value(legForces[k], i);
-        if (!(most.leg > 0)) return;
+      legs.forEach((made) => {
+        const force = value(made.force, i);
+        if (!(most.leg > 0 && has(made.force))) return;
         const part = Math.min(1, Math.abs(force) / most.leg);
         made.material.color.set(COLORS.rod).lerp(new T.Color(force > 0 ? COLORS.push : COLORS.pull), part);
       });
