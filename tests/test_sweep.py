@@ -93,11 +93,40 @@ def make_cluster(workers: int) -> LocalCluster:
     )
 
 
+class Cluster:
+    """A scheduler and two workers, processes of their own, started as scripts/README.md says."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._file = folder, folder / "scheduler.json"
+        self._scheduler = self._start("scheduler", "--port", "0")
+        self.workers = [self.start_worker() for _ in range(2)]
+        for _ in range(6000):
+            if self._file.exists():
+                break
+            time.sleep(0.01)
+        self.scheduler_address = json.loads(self._file.read_text())["address"]
+
+    def start_worker(self) -> subprocess.Popen:
+        alone = ("--nthreads", "1", "--no-nanny", "--memory-limit", "0")
+        return self._start("worker", *alone, "--local-directory", str(self._folder))
+
+    def close(self) -> None:
+        for process in (*self.workers, self._scheduler):
+            process.kill()
+            process.wait(timeout=60)
+
+    def _start(self, *words: str) -> subprocess.Popen:
+        common = ("--scheduler-file", str(self._file), "--no-dashboard", "--host", "127.0.0.1")
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        return subprocess.Popen([sys.executable, "-m", "dask", *words, *common], **quiet)
+
+
 @pytest.fixture(scope="module")
-def cluster():
+def cluster(tmp_path_factory):
     """Two worker processes of a scheduler that sweeps reach by its address."""
-    with make_cluster(2) as two:
-        yield two
+    two = Cluster(tmp_path_factory.mktemp("cluster"))
+    yield two
+    two.close()
 
 
 # ---------------------------------------------------------------- samples
@@ -383,16 +412,17 @@ def test_a_killed_worker_changes_no_bit(cluster, reference, tmp_path):
 
     def kill() -> None:
         wait_for_lines(output.with_suffix(".jsonl"), 2)
-        victim = next(iter(cluster.workers.values())).pid
         killed.append(lines_of(output.with_suffix(".jsonl")))
-        os.kill(victim, signal.SIGKILL)
+        cluster.workers[0].kill()
 
     killer = threading.Thread(target=kill)
     killer.start()
     run(path, output, scheduler=cluster.scheduler_address)
     killer.join()
     assert killed[0] < 12, "the sweep was over before the worker was killed"
+    assert cluster.workers[0].wait(timeout=60) == -signal.SIGKILL
     assert output.read_bytes() == whole.read_bytes()
+    cluster.workers[0] = cluster.start_worker()
 
 
 @pytest.mark.parametrize("engine", ["core", "fmu"])
