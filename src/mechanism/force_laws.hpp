@@ -181,17 +181,20 @@ LawTerms<S> calc_law(const BrakeLaw& law, const LawInput<S>& in) {
   constexpr double kOpen = 0.1;
   const Bristle bristle = find_bristle(law);
   const S k = S(bristle.stiffness), eta = S(bristle.relaxation), F = k * in.z;
+  const S size = F < S(0) ? S(-F) : F;
   LawTerms<S> out;
   out.energy = F * in.z / S(2);
   const S engagement = S(law.engagement) * in.engagement;
   if (engagement < S(kOpen)) {
+    // Fades out below the floor: without that, z' would jump at z = 0 for as long as v is not 0.
+    const S share = std::min<S>(S(1), size / S(bristle.floor));
     const bool unloads = F * in.v < S(0);  // until then it still pulls
-    if (unloads) out.force = -F;
-    out.z_rate = (unloads ? in.v : S(0)) - F / eta;
-    out.dissipation = F * F / eta;
+    if (unloads) out.force = -F * share * share;
+    out.z_rate = (unloads ? in.v * share * share : S(0)) - share * F / eta;
+    out.dissipation = share * F * F / eta;
     return out;
   }
-  const S size = F < S(0) ? S(-F) : F, speed = in.v < S(0) ? S(-in.v) : in.v;
+  const S speed = in.v < S(0) ? S(-in.v) : in.v;
   const S level =
       engagement * S(in.z < S(0) ? law.back : law.forward) + S(law.load_share) * in.load;
   // Plastic share: half-cosine between 0.9 and 1 of the level.
