@@ -240,6 +240,14 @@ def test_the_shipped_sweep_fills_the_box_of_the_standard():
 
 # ---------------------------------------------------------------- files
 
+NAMED = """type = "cases"
+name = "variant"
+[vary.cases."as it is"]
+[vary.cases."heavy"]
+"chaser.mass" = 30e3
+"initial.closing_speed" = 0.05
+"""
+
 BAD_FILES = {
     "scene lacks": ("[[vary]]\n" + UNIFORM, "lacks the member 'scene'"),
     "no cases": (vary(UNIFORM, 0), "cases is 0: must be at least 1"),
@@ -257,7 +265,12 @@ BAD_FILES = {
     ),
     "repeated": (
         vary('type = "grid"\nname = "chaser.mass"\nvalues = [1, 2]', 3),
-        "cases is 3: must be 1 when only grids vary",
+        "cases is 3: must be 1 when only grids and named cases vary",
+    ),
+    "nothing": (vary('type = "cases"\nname = "variant"\ncases = {}'), "vary[1].cases"),
+    "decided": (
+        vary(NAMED + "\n[[vary]]\n" + UNIFORM),
+        "vary[2] varies 'chaser.mass', which vary[1] decides already",
     ),
 }
 
@@ -282,6 +295,14 @@ BAD_NAMES = {
     "name": (
         'type = "grid"\nname = "model.flight"\nvalues = ["restin"]',
         "vary 'model.flight' is 'restin': must be one of resting, integrated (did you mean",
+    ),
+    "unknown in a case": (
+        NAMED.replace("chaser.mass", "chaser.mas"),
+        "vary 'variant', case 'heavy': 'chaser.mas': is neither a key",
+    ),
+    "column": (
+        NAMED.replace("variant", "outcome"),
+        "'outcome': is the column of the names of cases",
     ),
     "outcome": (UNIFORM, "outcomes lists 'outcom', which is no output", 'outcomes = ["outcom"]'),
     "worst": (
@@ -553,10 +574,37 @@ def test_the_linear_absorber_gives_a_linear_answer(cluster, tmp_path):
         assert abs(error) < 1e-6, error
 
 
+def test_named_cases_set_what_they_name_and_nothing_else(dockloop, tmp_path):
+    write(tmp_path, vary(NAMED, more="[experiment]\nstop = 3.0\nstep = 0.5"))
+    sweep = dockloop("sweep", "mine.toml", "--no-plots")
+    assert sweep.status == 0, sweep.err
+    rows = parquet.read_table("build/sweeps/mine/mine.parquet").to_pylist()
+    assert [row["variant"] for row in rows] == ["as it is", "heavy"]
+    for row, settings in zip(
+        rows, ({}, {"chaser.mass": 30e3, "initial.closing_speed": 0.05}), strict=True
+    ):
+        alone = dl.run("absorber_1d", settings, stop=3.0, step=0.5)
+        peak = "capture.peak.compression"
+        assert row[peak] == alone[peak][-1]
+    heavy = Planner(read_sweep("mine.toml")).make_command(("heavy",), 3.0)
+    assert "chaser.mass=30000.0" in heavy
+    assert not any("variant" in word for word in heavy)
+
+
+def test_another_meaning_of_a_named_case_is_another_sweep(dockloop, tmp_path):
+    text = vary(NAMED, more="[experiment]\nstop = 1.0\nstep = 0.5")
+    write(tmp_path, text)
+    assert dockloop("sweep", "mine.toml", "--no-plots").status == 0
+    write(tmp_path, text.replace("30e3", "31e3"))
+    again = dockloop("sweep", "mine.toml", "--no-plots", "--resume")
+    assert again.status != 0
+    assert "another" in again.err or "differ" in again.err, again.err
+
+
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_names_of_a_shipped_sweep_are_known(name):
     planner = Planner(read_sweep(name))
-    assert all(quantity.unit for quantity in planner.quantities)
+    assert all(quantity.unit or quantity.named for quantity in planner.quantities)
     assert "capture.peak.compression" in planner.outcomes
 
 

@@ -108,9 +108,8 @@ class Planner:
         for name, value in fixed.items():
             self._check_name(name, "set", [value])
         for number, quantity in enumerate(sweep.quantities):
-            values = (case[number] for case in sweep.cases)
-            examples = {value if isinstance(value, str) else type(value): value for value in values}
-            self._check_name(quantity.name, "vary", examples.values())
+            values = list({case[number]: None for case in sweep.cases})
+            self._check_quantity(quantity, values)
         self.quantities = [self._with_unit(quantity) for quantity in sweep.quantities]
         self.varied = self.quantities[: -1 if sweep.passes else None]
         self.outcomes = self._find_outcomes()
@@ -118,8 +117,10 @@ class Planner:
         self.asked = list(dict.fromkeys([*self.outcomes, *list_needed(outputs)]))
         self.times = self.list_points(self.base)
         names = [quantity.name for quantity in self.quantities]
+        named = [quantity.named for quantity in self.quantities]
         passes = sweep.passes and asdict(sweep.passes)
-        decided = [self.unplaced, fixed, names, sweep.cases, self.outcomes, self.experiment, passes]
+        decided = [self.unplaced, fixed, names, named, sweep.cases, self.outcomes]
+        decided += [self.experiment, passes]
         self.digest = make_digest(decided)
 
     def find_setup(self) -> dict[str, Any]:
@@ -129,6 +130,7 @@ class Planner:
             "model": self.model_digest,
             "set": self._sweep.document["set"],
             "quantities": [quantity.name for quantity in self.quantities],
+            "named_cases": [quantity.named for quantity in self.quantities],
             "outcomes": self.asked,
             "experiment": self.experiment,
         }
@@ -162,12 +164,19 @@ class Planner:
             UsageError: the scene refuses these values.
         """
         scene, starts = list(self._fixed_scene), dict(self._fixed_starts)
-        for quantity, value in zip(self.quantities, values, strict=True):
-            if self.is_scene_key(quantity.name):
-                scene.append(as_setting(quantity.name, value))
+        for name, setting in self.list_settings(values).items():
+            if self.is_scene_key(name):
+                scene.append(as_setting(name, setting))
             else:
-                starts[quantity.name] = value
+                starts[name] = setting
         return self._reader.resolve(scene), self._as_types(starts)
+
+    def list_settings(self, values: tuple[Value, ...]) -> dict[str, Value]:
+        """Return names and values that a case sets."""
+        settings: dict[str, Value] = {}
+        for quantity, value in zip(self.quantities, values, strict=True):
+            settings |= quantity.settings(value)
+        return settings
 
     def list_points(self, document: dict) -> np.ndarray:
         """Return the communication points of a case with this scene [s]."""
@@ -205,8 +214,7 @@ class Planner:
 
     def make_command(self, values: tuple[Value, ...], end: float) -> list[str]:
         """Return the words of the command that runs one case by itself."""
-        names = [quantity.name for quantity in self.quantities]
-        settings = {**self._sweep.document["set"], **dict(zip(names, values, strict=True))}
+        settings = {**self._sweep.document["set"], **self.list_settings(values)}
         words = ["dockloop", "run", self._sweep.document["scene"]]
         if self._sweep.document["scene"].endswith(".toml"):
             words[-1] = shown(self._sweep.scene)
@@ -260,12 +268,31 @@ class Planner:
             types[name] = TYPES[variable.type](number)
         return types
 
+    def _check_quantity(self, quantity: Quantity, values: list[Value]) -> None:
+        """Check the names of what varies, and one value of each kind."""
+        if quantity.named is None:
+            examples = {value if isinstance(value, str) else type(value): value for value in values}
+            self._check_name(quantity.name, "vary", examples.values())
+            return
+        if quantity.name in self.variables or self.is_scene_key(quantity.name):
+            raise UsageError(
+                f"{shown(self._sweep.path)}: vary '{quantity.name}': is the column of the names of"
+                " cases: choose a name that no key and no variable has"
+            )
+        for case, settings in quantity.named.items():
+            for name, value in settings.items():
+                self._check_name(name, f"vary '{quantity.name}', case '{case}':", [value])
+
     def _check_name(self, name: str, where: str, values: Any) -> None:
         """Check that there is something of this name that takes values of this kind."""
         place = f"{shown(self._sweep.path)}: {where} '{name}'"
         if self.is_scene_key(name):
             placed = name.startswith("initial.") and name.split(".")[1] not in ("at", *_PLACED)
-            if placed and where == "vary" and self.base["initial"]["at"] != "first_contact":
+            if (
+                placed
+                and where.startswith("vary")
+                and self.base["initial"]["at"] != "first_contact"
+            ):
                 raise UsageError(f"{place}: has no effect while initial.at is not 'first_contact'")
             return
         variable = self.variables.get(name)
@@ -296,7 +323,7 @@ class Planner:
             unit = variable.unit
         if not unit:
             unit = scene_members().get(name, {}).get("unit", "")
-        return Quantity(name, unit)
+        return Quantity(name, unit, quantity.named)
 
     def _find_outcomes(self) -> list[str]:
         """Return the outputs to collect, checked against those of the FMU."""

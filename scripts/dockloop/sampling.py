@@ -11,7 +11,7 @@ import json
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,15 +25,27 @@ from dockloop.scene import find_scene, read_toml
 from dockloop.variables import NAMED_NUMBERS
 
 _MAX_CASES = 10_000_000
+_LISTED = ("grid", "cases")  # not drawn at random
 Value = float | int | bool | str
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """What varies: its name and, if known, its unit."""
+    """What varies.
+
+    Attributes:
+        name: a key of the scene or a start value; of named cases the column of their names.
+        unit: if known.
+        named: of named cases: what each one sets.
+    """
 
     name: str
     unit: str
+    named: Mapping[str, Mapping[str, Value]] | None = None
+
+    def settings(self, value: Value) -> Mapping[str, Value]:
+        """Return what a case with this value sets."""
+        return {self.name: value} if self.named is None else self.named[str(value)]
 
 
 @dataclass(frozen=True)
@@ -123,7 +135,8 @@ def make_sweep(
         raise UsageError(f"{shown(path)}: scene: {error}") from None
     quantities = list_quantities(document)
     if passes:
-        if any(name == "accuracy" for name in (*document["set"], *(q.name for q in quantities))):
+        decided = {name for entry in document["vary"] for name in _decided(entry)}
+        if "accuracy" in decided | set(document["set"]):
             raise UsageError(f"{shown(path)}: decides 'accuracy' already: leave out --accuracy")
         quantities.append(Quantity("accuracy", ""))
     text = json.dumps(given) if text is None else text
@@ -181,7 +194,7 @@ def list_quantities(document: dict) -> list[Quantity]:
     quantities = []
     for entry in document["vary"]:
         first, *direction = _names(entry)
-        quantities.append(Quantity(first, entry.get("unit", "")))
+        quantities.append(Quantity(first, entry.get("unit", ""), entry.get("cases")))
         quantities += [Quantity(name, "deg") for name in direction]
     return quantities
 
@@ -210,7 +223,20 @@ def _find_sweep(reference: str) -> Path:
 
 
 def _names(entry: dict) -> list[str]:
+    """Return the names of the columns of an entry."""
     return [entry["magnitude"], entry["direction"]] if entry["type"] == "disc" else [entry["name"]]
+
+
+def _decided(entry: dict) -> list[str]:
+    """Return the names of what an entry decides."""
+    if entry["type"] != "cases":
+        return _names(entry)
+    return [entry["name"], *dict.fromkeys(n for case in entry["cases"].values() for n in case)]
+
+
+def _values(entry: dict) -> list[Value]:
+    """Return the values of an entry that is not drawn at random, one by one."""
+    return list(entry["cases"]) if entry["type"] == "cases" else entry["values"]
 
 
 def _check_members(document: dict, path: Path) -> None:
@@ -219,12 +245,13 @@ def _check_members(document: dict, path: Path) -> None:
     grid_points = 1
     for number, entry in enumerate(document["vary"], 1):
         where = f"{shown(path)}: vary[{number}]"
-        for name in _names(entry):
+        for name in _decided(entry):
             if name in owners:
                 raise UsageError(f"{where} varies '{name}', which {owners[name]} decides already")
             owners[name] = f"vary[{number}]"
+        if entry["type"] in _LISTED:
+            grid_points *= len(_values(entry))
         if entry["type"] == "grid":
-            grid_points *= len(entry["values"])
             kinds = {str if isinstance(v, str) else type(v) for v in entry["values"]}
             if kinds - {int, float} and len(kinds) > 1:
                 raise UsageError(f"{where}.values has {entry['values']}: must be all of one kind")
@@ -244,15 +271,16 @@ def _check_members(document: dict, path: Path) -> None:
             f"{shown(path)}: cases times the points of the grids is {total}: must be at most"
             f" {_MAX_CASES}"
         )
-    if document["cases"] > 1 and all(entry["type"] == "grid" for entry in document["vary"]):
+    if document["cases"] > 1 and all(entry["type"] in _LISTED for entry in document["vary"]):
         raise UsageError(
-            f"{shown(path)}: cases is {document['cases']}: must be 1 when only grids vary"
+            f"{shown(path)}: cases is {document['cases']}: must be 1 when only grids and named"
+            " cases vary"
         )
 
 
 def count_drawn(document: dict) -> int:
     """Return how many numbers are drawn at random in a case: one per quantity, two per disc."""
-    return sum(len(_names(entry)) for entry in document["vary"] if entry["type"] != "grid")
+    return sum(len(_names(entry)) for entry in document["vary"] if entry["type"] not in _LISTED)
 
 
 def transform_cube(document: dict, cube: np.ndarray) -> list[list[float]]:
@@ -264,7 +292,7 @@ def transform_cube(document: dict, cube: np.ndarray) -> list[list[float]]:
     """
     columns: list[np.ndarray] = []
     for entry in document["vary"]:
-        if entry["type"] != "grid":
+        if entry["type"] not in _LISTED:
             own = cube.T[len(columns) : len(columns) + len(_names(entry))]
             columns += _TRANSFORMS[entry["type"]](entry, *own)
     return np.column_stack(columns).tolist() if columns else [[]]
@@ -273,7 +301,7 @@ def transform_cube(document: dict, cube: np.ndarray) -> list[list[float]]:
 def _draw(document: dict) -> list[tuple[Value, ...]]:
     """Return the cases: all samples at the first point of the grids, then at the next."""
     entries = document["vary"]
-    grids = [entry["values"] for entry in entries if entry["type"] == "grid"]
+    grids = [_values(entry) for entry in entries if entry["type"] in _LISTED]
     width = count_drawn(document)
     cube = _sample_cube(document["sampling"], document["cases"], width, document["seed"])
     samples = transform_cube(document, cube)
@@ -284,7 +312,7 @@ def _draw(document: dict) -> list[tuple[Value, ...]]:
             on_grid, off_grid = iter(point), iter(sample)
             case: list[Value] = []
             for entry in entries:
-                source = on_grid if entry["type"] == "grid" else off_grid
+                source = on_grid if entry["type"] in _LISTED else off_grid
                 case += itertools.islice(source, len(_names(entry)))
             cases.append(tuple(case))
     return cases
