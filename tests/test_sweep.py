@@ -580,6 +580,9 @@ def test_named_cases_set_what_they_name_and_nothing_else(dockloop, tmp_path):
     assert sweep.status == 0, sweep.err
     rows = parquet.read_table("build/sweeps/mine/mine.parquet").to_pylist()
     assert [row["variant"] for row in rows] == ["as it is", "heavy"]
+    table = [line.split() for line in sweep.out.splitlines() if line.startswith("    ")]
+    assert table[0][0] == "variant"
+    assert [row[0] for row in table[1:3]] == ["as", "heavy"]
     for row, settings in zip(
         rows, ({}, {"chaser.mass": 30e3, "initial.closing_speed": 0.05}), strict=True
     ):

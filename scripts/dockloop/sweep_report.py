@@ -28,7 +28,7 @@ from dockloop.criteria import NEVER, PEAK
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
-from dockloop.sampling import Sweep, list_discs, say_accuracy
+from dockloop.sampling import Sweep, count_drawn, list_discs, say_accuracy
 from dockloop.summary import find_summary
 from dockloop.sweeps import COMMAND, DIGEST, TABLE, Planner, find_journal
 
@@ -46,6 +46,8 @@ _COLOURS = {
 _BINS = 8
 _VIEWS = 3  # worst cases that a report shows in motion
 _COLUMNS = 4  # panels of a figure side by side
+_MOST_ROWS = 64  # of a table in words
+_ENDS = ("outcome", "time_of_capture", "capture.peak.load_ratio", "explanation")
 
 
 # A header has the number of the case, what varies, what became of it, outcomes.
@@ -196,6 +198,8 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
         summary["refined"] = {**asdict(sweep.passes), **compare_passes(table)}
     units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
     summary["units"] = {name: unit for name, unit in units.items() if unit}
+    if len(status) <= _MOST_ROWS and not count_drawn(sweep.document):
+        summary["table"] = _list_cases(planner, table)
     worst = _find_worst(sweep, planner, table)
     if worst:
         summary["worst"] = worst
@@ -204,6 +208,27 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
     if ran["ran"]:
         summary["time"]["cases_per_second"] = ran["ran"] / wall
     return summary
+
+
+def _list_cases(planner: Planner, table: Any) -> list[dict]:
+    """Return what varied in every case and how the case ended, for a table that people read."""
+    names = [quantity.name for quantity in planner.quantities]
+    shown = [*names, *(name for name in _ENDS if name in table.column_names)]
+    return [{name: row[name] for name in shown} for row in table.to_pylist()]
+
+
+def _describe_cases(rows: list[dict]) -> list[str]:
+    """Return aligned lines, one per case, under short names of the columns."""
+    heads = [name.rpartition(".")[2].replace("_", " ") for name in rows[0]]
+    cells = [heads] + [
+        ["" if v is None else f"{v:.4g}" if isinstance(v, float) else str(v) for v in row.values()]
+        for row in rows
+    ]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return [
+        "    " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+        for row in cells
+    ]
 
 
 def describe_sweep(summary: dict) -> str:
@@ -226,6 +251,7 @@ def describe_sweep(summary: dict) -> str:
             f"  captured     {part['fraction']:.1%} (95 % interval {part['low']:.1%} to"
             f" {part['high']:.1%}): {others}"
         )
+    lines += _describe_cases(summary["table"]) if "table" in summary else []
     if summary["peak_loads"]:
         lines.append("  peak loads        median      95 %      99 %   largest")
         for name, load in summary["peak_loads"].items():
