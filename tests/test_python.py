@@ -221,6 +221,14 @@ def test_a_scene_is_read_once_and_changed_by_overrides():
     assert dl.Docking(scene).scene is scene
 
 
+def test_overrides_may_be_numbers_and_arrays_of_numpy():
+    speed, shift = np.linspace(0.05, 0.1, 2)[0], np.array([3.0, 0.0, 0.0])
+    changes = {"initial.closing_speed": speed, "chaser.interface_position": shift}
+    document = dl.Scene(SCENE, changes).document
+    plain = {"initial.closing_speed": 0.05, "chaser.interface_position": [3.0, 0.0, 0.0]}
+    assert document == dl.Scene(SCENE, plain).document
+
+
 def test_a_result_becomes_tables_with_units():
     result = dl.run("hexapod_bench", stop=0.5, step=0.05)
     assert result.time.tolist() == pytest.approx(np.arange(11) * 0.05)

@@ -361,6 +361,8 @@ _TRANSFORMS: dict[str, Callable[..., list[np.ndarray]]] = {
 
 def to_text(value: Value) -> str:
     """Return a value as it is written in TOML and after ``KEY=``, with all digits."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
     match value:
         case bool():
             return str(value).lower()

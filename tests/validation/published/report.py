@@ -1,0 +1,155 @@
+"""Compares dockloop with what was published. Writes tests/validation/published.md, with figures.
+
+A script and no command of dockloop: the cases are tests of this project, and the product must not
+import tests. Exact comparisons are in the plain test suite, trends in the long one
+(tests/test_published.py); scenarios are only in the page.
+
+Examples:
+    .venv/bin/python tests/validation/published/report.py             # all cases and the page
+    .venv/bin/python tests/validation/published/report.py --case A    # one case, on the terminal
+"""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parents[1] / "studies"))
+
+from case import Case, Comparison
+from cases import CASES
+from dockloop.paths import ROOT
+from page import find_origin, write_head, write_page, write_row
+
+PAGE, FIGURES = ROOT / "tests" / "validation" / "published.md", HERE / "figures"
+STRENGTHS = ("exact", "trend", "scenario")
+
+CLAIM = (
+    "> dockloop is verified against closed forms, and consistent with published trends, ratios and"
+    " time scales of the Soyuz and Apollo docking mechanisms as far as the tables below agree. It"
+    " is not validated against measured force histories."
+)
+INTRODUCTION = f"""
+No published case with all parameters and measured curves was available. So this page has three
+kinds of comparisons, which are not equally strong:
+
+| kind | compared with | a failure |
+|---|---|---|
+| exact | closed forms and independent solutions | fails the test suite |
+| trend | published order, sign, ratio, scale, threshold | fails the release run, unless its reason is stated here |
+| scenario | a requirement or a story without numbers | is reported |
+
+Bands come from the sources and were fixed before the runs. The docking rigs of the time reproduced loads within 5 to
+15 % (Syromiatnikov, pages 289, 298, 301). A comparison with hardware cannot claim more than that.
+
+What users may quote:
+
+{CLAIM}
+
+*Given*: stated in the source. *Assumed*: chosen here, as the source does not state it or the number is lost.
+*Derived*: follows from given numbers. What is assumed in the shipped mechanisms, and what to measure first:
+[parameters.md](parameters.md).
+"""
+CLOSING = """
+## What is missing
+
+* Retraction: the jet that fires while the ring retracts (case F).
+* Measured force histories. With them, `dockloop compare RESULT DATA.csv` lays data over a run.
+* Scans of pages 26, 74, 148, 186 to 188, 213, 214, 239, 243 and 258 of the book: masses, springs and the plotted
+  force of the qualification tests. With these, cases A and C become comparisons within 5 to 15 %.
+* Schliesing 1972, and NASA TN D-6854: loads of Apollo dockings in numbers.
+"""
+
+
+def run_case(case: Case) -> dict[str, list[Comparison]]:
+    """Run all comparisons of a case."""
+    found = {}
+    for strength in STRENGTHS:
+        compare = getattr(case, strength)
+        if compare is not None:
+            began = time.perf_counter()
+            found[strength] = compare()
+            seconds = time.perf_counter() - began
+            print(f"{case.letter} {strength}: {seconds:.1f} s", file=sys.stderr)
+    return found
+
+
+def count_agreeing(rows: list[Comparison] | None) -> str:
+    """Return how many comparisons agree, of how many."""
+    return f"{sum(row.agrees for row in rows)} of {len(rows)}" if rows else "-"
+
+
+def write_comparisons(rows: list[Comparison], strength: str) -> list[str]:
+    """Return the table of comparisons of one strength."""
+    lines = write_head(strength, "dockloop", "expected", "band", "verdict")
+    for row in rows:
+        verdict = f"**{row.verdict}**" if not row.agrees else row.verdict
+        lines.append(write_row(row.what, row.found, row.expected, row.band, verdict))
+    reasons = [f"* {row.what}: {row.reason}" for row in rows if row.reason]
+    return [*lines, "", *(["Why comparisons fail:", "", *reasons, ""] if reasons else [])]
+
+
+def draw_case(case: Case) -> Path:
+    """Draw the figure of a case."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 4), layout="constrained")
+    axes = figure.subplots()
+    case.figure(axes)
+    axes.grid(alpha=0.3)
+    FIGURES.mkdir(exist_ok=True)
+    file = FIGURES / f"{case.letter}.png"
+    figure.savefig(file, dpi=80, metadata={"Software": "tests/validation/published/report.py"})
+    return file
+
+
+def write_case(case: Case, found: dict[str, list[Comparison]]) -> list[str]:
+    """Return the section of a case."""
+    lines = [f"## {case.letter}. {case.title}", "", f"Source: {case.source}.", "", case.words, ""]
+    lines += write_head("input", "value", "origin", "where")
+    lines += [write_row(i.name, i.value, i.origin, i.where) for i in case.inputs]
+    lines.append("")
+    for strength, rows in found.items():
+        lines += write_comparisons(rows, strength)
+    if case.figure is not None:
+        file = draw_case(case).relative_to(PAGE.parent)
+        lines += [f"![{case.title}]({file.as_posix()})", ""]
+    return lines
+
+
+def main() -> int:
+    """Run cases; write the page, or print one case."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--case", choices=[case.letter for case in CASES], help="only this case")
+    options = parser.parse_args()
+    chosen = [case for case in CASES if options.case in (None, case.letter)]
+    found = {case.letter: run_case(case) for case in chosen}
+    if options.case:
+        for strength, rows in found[options.case].items():
+            print("\n".join(write_comparisons(rows, strength)))
+        return 0
+    table = write_head("case", "source", *STRENGTHS)
+    for case in chosen:
+        counts = [count_agreeing(found[case.letter].get(strength)) for strength in STRENGTHS]
+        table.append(write_row(f"{case.letter}. {case.title}", case.source, *counts))
+    sections = [line for case in chosen for line in write_case(case, found[case.letter])]
+    write_page(
+        PAGE,
+        "# Compared with what was published",
+        find_origin("tests/validation/published/report.py"),
+        INTRODUCTION,
+        "Comparisons that agree, of all:",
+        "",
+        *table,
+        "",
+        *sections,
+        CLOSING.strip(),
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
