@@ -6,10 +6,11 @@ tau = mr/c. A gear multiplies both by its square, and a larger brake both by its
 
 import math
 
-import dockloop as dl
 import numpy as np
 from case import ASSUMED, GIVEN, Case, Comparison, Input, compare_near
 from models import make_axial_unit, make_scene
+
+import dockloop as dl
 
 FORCE, SLOPE, ROTOR, FRONT = 500.0, 4000.0, 200.0, 2e-3  # N, N s/m, kg, kg
 TAU = ROTOR / SLOPE
@@ -55,10 +56,10 @@ CASE = Case(
     "Syromiatnikov, pages 257-258",
     (
         Input("the speed approaches its limit exponentially", "yes", GIVEN, "257"),
-        Input("the time constant does not depend on size and gear of the brake", "yes", GIVEN, "258"),
+        Input("its time constant does not depend on size and gear", "yes", GIVEN, "258"),
         Input("force, slope, rotor", "500 N, 4 kN s/m, 200 kg", ASSUMED),
     ),
-    "The rotor turns with the rods through screws and differentials of the shipped unit. Other masses"
-    " are 1e-5 of that of the rotor, as the statement is about the brake alone.",
+    "The rotor turns with the rods through screws and differentials of the shipped unit. Other"
+    " masses are 1e-5 of that of the rotor, as the statement is about the brake alone.",
     exact=compare_exactly,
 )  # fmt: skip

@@ -13,10 +13,11 @@ from one step to the next has the spectral radius 1.
 import math
 from collections.abc import Callable
 
-import dockloop as dl
 import numpy as np
 from case import ASSUMED, GIVEN, Case, Comparison, Input, compare_near, compare_words
 from models import make_scene
+
+import dockloop as dl
 
 MASS, STIFFNESS = 25e3 * 350e3 / 375e3, 20e3  # kg, N/m
 DEPTH, START = 0.1, 0.01  # m: of the rest position, and the displacement from it
@@ -191,7 +192,8 @@ CASE = Case(
         Input("damping ratios", "0.02, 0.1, 0.3, 0.5", ASSUMED),
     ),
     "A host that uses a force of the past feeds energy into a contact. For light damping the limit"
-    " is b/k, whatever the mass. A force that is held over an exchange of length H is late by H/2 in the mean,"
-    " and by 3 H/2 if it arrives one exchange late. Announced mean loads have no such limit there.",
+    " is b/k, whatever the mass. A force that is held over an exchange of length H is late by H/2"
+    " in the mean, and by 3 H/2 if it arrives one exchange late. Announced mean loads"
+    " have no such limit there.",
     exact=compare_exactly,
 )  # fmt: skip

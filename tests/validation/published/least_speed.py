@@ -9,12 +9,14 @@ after first contact a thrust P acts. Captured is a motion that reaches s.
    captured if m v1^2/2 + P (s - x1) >= k (s^2 - x1^2)/2, or if s is reached before T.
 """
 
+import itertools
 import math
 from collections.abc import Callable
 
-import dockloop as dl
 from case import ASSUMED, GIVEN, Case, Comparison, Input, compare_near, compare_range, compare_words
 from models import make_scene
+
+import dockloop as dl
 
 MASS, FORCE, THRUST, TRAVEL = 4650.0, 1500.0, 400.0, 0.05  # kg, N, N, m
 STIFFNESS = 2.0 * FORCE / TRAVEL  # N/m: takes the same energy over the travel
@@ -113,13 +115,13 @@ def compare_exactly() -> list[Comparison]:
 def compare_trends() -> list[Comparison]:
     """Order of size, and monotony over delay and thrust, of runs."""
     speeds = [find_least(lambda v, t=t: runs_to_capture(v, t, constant=True)) for t in DELAYS]
-    rising = all(a < b for a, b in zip(speeds, speeds[1:], strict=False))
+    rising = all(a < b for a, b in itertools.pairwise(speeds))
     part = (speeds[3] - speeds[0]) / (speeds[4] - speeds[0])
     by_thrust = [
         find_least(lambda v, p=p: runs_to_capture(v, 0.0, constant=True, thrust=p))
         for p in (0.0, 400.0, 800.0)
     ]
-    falling = all(a > b for a, b in zip(by_thrust, by_thrust[1:], strict=False))
+    falling = all(a > b for a, b in itertools.pairwise(by_thrust))
     return [
         compare_range("least speed with thrust and no delay [m/s]", speeds[0], 0.1, 0.2),
         compare_words(
@@ -172,9 +174,9 @@ CASE = Case(
         Input("resistance, travel", "1.5 kN over 50 mm; spring 60 kN/m", ASSUMED),
         Input("thrust", "400 N", ASSUMED),
     ),
-    "The thrust is triggered by first contact, and ends with the capture by the latches. Both events"
-    " are those of the product. The constant resistance is an external force; the spring is a"
-    " contact. The published 0.14 m/s is met in size only, as mass, springs and thrust are lost.",
+    "The thrust is triggered by first contact, and ends with the capture by the latches. Both"
+    " events are those of the product. The constant resistance is an external force; the spring is"
+    " a contact. The published 0.14 m/s is met in size only, as mass, springs and thrust are lost.",
     exact=compare_exactly,
     trend=compare_trends,
     figure=draw,

@@ -101,4 +101,3 @@ def make_axial_unit(
     del unit["latches"]
     del unit["contact"]
     return unit if contact is None else unit | {"contact": contact}
-

@@ -14,15 +14,15 @@ import sys
 import time
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parents[1] / "studies"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "studies"))
 
 from case import Case, Comparison
 from cases import CASES
+
 from dockloop.paths import ROOT
 from page import find_origin, write_head, write_page, write_row
 
-PAGE, FIGURES = ROOT / "tests" / "validation" / "published.md", HERE / "figures"
+PAGE, FIGURES = ROOT / "tests" / "validation" / "published.md", Path(__file__).parent / "figures"
 STRENGTHS = ("exact", "trend", "scenario")
 
 CLAIM = (
@@ -37,27 +37,29 @@ kinds of comparisons, which are not equally strong:
 | kind | compared with | a failure |
 |---|---|---|
 | exact | closed forms and independent solutions | fails the test suite |
-| trend | published order, sign, ratio, scale, threshold | fails the release run, unless its reason is stated here |
+| trend | published order, sign, ratio, scale | fails the release run, if no reason is stated here |
 | scenario | a requirement or a story without numbers | is reported |
 
-Bands come from the sources and were fixed before the runs. The docking rigs of the time reproduced loads within 5 to
-15 % (Syromiatnikov, pages 289, 298, 301). A comparison with hardware cannot claim more than that.
+Bands come from the sources and were fixed before the runs. The docking rigs of the time reproduced
+loads within 5 to 15 % (Syromiatnikov, pages 289, 298, 301). A comparison with hardware cannot claim
+more than that.
 
 What users may quote:
 
 {CLAIM}
 
-*Given*: stated in the source. *Assumed*: chosen here, as the source does not state it or the number is lost.
-*Derived*: follows from given numbers. What is assumed in the shipped mechanisms, and what to measure first:
-[parameters.md](parameters.md).
+*Given*: stated in the source. *Assumed*: chosen here, as the source does not state it or the number
+is lost. *Derived*: follows from given numbers. What is assumed in the shipped mechanisms, and what
+to measure first: [parameters.md](parameters.md).
 """
 CLOSING = """
 ## What is missing
 
 * Retraction: the jet that fires while the ring retracts (case F).
 * Measured force histories. With them, `dockloop compare RESULT DATA.csv` lays data over a run.
-* Scans of pages 26, 74, 148, 186 to 188, 213, 214, 239, 243 and 258 of the book: masses, springs and the plotted
-  force of the qualification tests. With these, cases A and C become comparisons within 5 to 15 %.
+* Scans of pages 26, 74, 148, 186 to 188, 213, 214, 239, 243 and 258 of the book: masses, springs
+  and the plotted force of the qualification tests. With these, cases A and C become comparisons
+  within 5 to 15 %.
 * Schliesing 1972, and NASA TN D-6854: loads of Apollo dockings in numbers.
 """
 
