@@ -164,8 +164,8 @@ CASE = Case(
     "The shipped differential unit stands on its axis: its rods are parallel to it, and screws,"
     " differentials and brake are those of the file. The book states that three changes together"
     " cut the peak by about 40 %, and lost are the masses, springs and dampers. With assumed ones"
-    " the signs and the order are tested. That the sum is near 40 % depends on the assumed numbers and"
-    " is no evidence.",
+    " the signs and the order are tested. That the sum is near 40 % depends on the assumed numbers"
+    " and is no evidence.",
     exact=compare_exactly,
     trend=compare_trends,
     figure=draw,

@@ -21,6 +21,13 @@ def read_mechanism(name: str) -> dict:
     return json.loads((paths.MECHANISMS / f"{name}.json").read_text(encoding="utf-8"))
 
 
+def write_value(value: Any) -> str:
+    """Return a value as TOML."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {write_value(v)}" for key, v in value.items()) + "}"
+    return json.dumps(value)
+
+
 def make_scene(
     mechanism: dict,
     *,
@@ -41,7 +48,7 @@ def make_scene(
     }
     lines = ['title = "case of tests/validation/published"']
     for section, members in sections.items():
-        lines += [f"[{section}]", *(f"{key} = {json.dumps(v)}" for key, v in members.items())]
+        lines += [f"[{section}]", *(f"{key} = {write_value(v)}" for key, v in members.items())]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "own.json").write_text(json.dumps(mechanism | {"name": "own"}), encoding="utf-8")
