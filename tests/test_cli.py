@@ -6,6 +6,7 @@ import shlex
 import subprocess
 import sys
 import time
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -13,7 +14,9 @@ import pytest
 from conftest import SCENES
 from dockloop import paths
 
-COMMANDS = ("build", "ssp", "run", "view", "sweep", "trade", "truth", "check", "extremes")
+COMMANDS = (
+    *("build", "ssp", "run", "view", "compare", "sweep", "trade", "truth", "check", "extremes"),
+)
 
 
 def assert_refused(outcome, *words):
@@ -32,6 +35,10 @@ def test_the_example_of_every_help_text_runs(dockloop, command):
     example = text.out.partition("example: dockloop ")[2]
     if command == "view":  # of the result of the run that the README begins with
         assert dockloop("run", "idss_25t_350t", "--stop", "3", "--no-plots").status == 0
+    if command == "compare":  # data as the example says
+        assert dockloop("run", "absorber_1d", "--no-plots").status == 0
+        header = "time [s],relative.axial [mm],capture.compression [N]\n"
+        Path("rig.csv").write_text(f"{header}0,0,1296\n0.5,-42,1700\n1.4,-72,1440\n")
     outcome = dockloop(*shlex.split(example))
     assert outcome.status == 0, outcome.err
     assert outcome.out

@@ -1,4 +1,4 @@
-"""The command line: ``dockloop build | ssp | run | view | sweep | trade | truth | check | ...``.
+"""The command line: ``dockloop build | ssp | run | view | compare | sweep | trade | truth | ...``.
 
 Thin on purpose: arguments in, one call into the package, text and exit status out. Exit status:
 0 done, 1 the work failed, 2 bad usage or a bad file. Errors are one sentence on standard error;
@@ -158,6 +158,7 @@ def _make_parser() -> argparse.ArgumentParser:
 
     _add_run(commands)
     _add_view(commands)
+    _add_compare(commands)
 
     sweep = _add(
         commands,
@@ -349,6 +350,14 @@ def _add_view(commands: Any) -> None:
 
     text = "write a page that shows a docking in three dimensions; it opens offline"
     add_arguments(_add(commands, "view", _view, text, EXAMPLE))
+
+
+def _add_compare(commands: Any) -> None:
+    """Add the command that lays measurements over a run."""
+    from dockloop.measured.options import EXAMPLE, add_arguments
+
+    text = "lay measured time histories over a run: time shift, peaks, energies, differences"
+    add_arguments(_add(commands, "compare", _compare, text, EXAMPLE))
 
 
 def _add_envelope(commands: Any) -> None:
@@ -590,6 +599,14 @@ def _view(options: argparse.Namespace) -> None:
     from dockloop.view.command import view
 
     _tell(view(options))
+
+
+def _compare(options: argparse.Namespace) -> None:
+    """Lay measurements over a run, write numbers and figure."""
+    from dockloop.measured.command import describe, run_command
+
+    found = run_command(options)
+    _tell(json.dumps(found, indent=2) if options.json else describe(found))
 
 
 def _sweep(options: argparse.Namespace) -> None:

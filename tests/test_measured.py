@@ -1,0 +1,142 @@
+"""``dockloop compare``: measured histories over a run.
+
+1. Data of another engine (MuJoCo, `data/measured_mujoco.py`) with noise, another clock and a load
+   cell that reads 2 % too much: shift, peaks, energies, outcome are found.
+2. The same data next to a run with other hardware: the differences show it.
+3. A known shift, units and scale of a column come back exactly.
+4. Bad tables and options are refused in one sentence.
+"""
+
+import json
+
+import numpy as np
+import pytest
+
+from dockloop.measured.data import read_data
+from dockloop.measured.overlay import compare, find_shift
+from dockloop.paths import ROOT
+from dockloop.results import Result
+
+RIG = ROOT / "tests" / "data" / "measured_mujoco.csv"
+CONTACT = 6.8 + 0.5  # s, of the clock of the rig
+LATER = ("--scene", "initial.approach_time=0.5")
+
+
+def run_absorber(dockloop, *options):
+    ran = dockloop("run", "absorber_1d", *LATER, *options, "--no-plots", "-o", "own.csv")
+    assert ran.status == 0, ran.err
+
+
+def compare_rig(dockloop, *options):
+    ran = dockloop("compare", "own.csv", RIG, "--json", *options)
+    assert ran.status == 0, ran.err
+    return json.loads(ran.out)
+
+
+def test_data_of_another_engine_agree_with_the_run(dockloop, tmp_path):
+    run_absorber(dockloop, "--stop", "7")
+    found = compare_rig(dockloop, "--outcome", "rebound")
+    assert found["shift"] == pytest.approx(0.5 - CONTACT, abs=5e-3)
+    assert found["overlap"] > 0.98
+    force = found["columns"]["capture.force[1]"]
+    noise = 3.5 * 15.0  # N, largest of some hundred samples
+    assert force["measured_peak"] == pytest.approx(1.02 * 1757.152, abs=noise)
+    assert force["computed_peak"] == pytest.approx(1757.152, rel=1e-3)
+    axial = found["columns"]["relative.axial"]
+    assert axial["unit"] == "m"
+    assert axial["rms"] == pytest.approx(0.5e-3, rel=0.1)  # the noise, and nothing else
+    assert min(row["in_band"] for row in found["columns"].values()) > 0.98
+    before, after = (found["energies"][f"axial motion at the {end}"] for end in ("start", "end"))
+    assert before["computed"] == pytest.approx(0.5 * 25e3 * 350e3 / 375e3 * 0.01, rel=1e-3)
+    assert before["measured"] == pytest.approx(before["computed"], rel=0.02)
+    assert after["measured"] == pytest.approx(after["computed"], rel=0.02)
+    taken = found["energies"]["energy taken by the axial force"]
+    assert taken["measured"] / taken["computed"] == pytest.approx(1.02, abs=0.01)
+    lost = before["computed"] - after["computed"]
+    assert taken["computed"] == pytest.approx(lost, rel=0.01)  # 0.7 %: a jump between two samples
+    assert found["outcome"] == {"measured": "rebound", "computed": "rebound", "agrees": True}
+    assert (tmp_path / "own_compared.png").stat().st_size > 1e4
+    words = dockloop("compare", "own.csv", RIG).out
+    assert "time shift   -6.80" in words
+    assert "measured: give --outcome" in words
+
+
+def test_other_hardware_shows(dockloop):
+    run_absorber(dockloop, "--scene", "mechanism.set.contact.damping=25923")
+    found = compare_rig(dockloop, "--no-plots", "--outcome", "captured")
+    assert found["columns"]["capture.force[1]"]["in_band"] < 0.9
+    assert found["columns"]["relative.axial"]["rms"] > 5e-3
+    assert found["outcome"]["agrees"] is False
+    given = compare_rig(dockloop, "--no-plots", "--shift", "-6.5")
+    assert (given["shift"], given["shift_found"]) == (-6.5, False)
+
+
+def make_run():
+    time = np.linspace(0.0, 10.0, 1001)
+    angle = np.radians(5.0) * np.exp(-((time - 4.0) ** 2))
+    values = np.column_stack([time, angle, 100.0 * np.sin(time), time > 6.0])
+    names = ["time", "relative.roll", "capture.force[1]", "captured"]
+    return Result({}, names, ["s", "rad", "N", "1"], values)
+
+
+def write_table(path, run, shift, rows):
+    lines = ["time [ms], relative.roll [deg] ,capture.force[1] [kN],captured [1]"]
+    for time, angle, force, held in run.values[rows]:
+        cells = (1e3 * (time + shift), np.degrees(angle), 1e-3 * force, held)
+        lines.append(",".join(repr(float(cell)) for cell in cells))
+    path.write_text("\ufeff" + "\r\n".join(lines) + "\r\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("shift", [0.0, -2.0, 1234.56])
+def test_shift_units_and_time_of_capture_are_found(tmp_path, shift):
+    run = make_run()
+    file = write_table(tmp_path / "rig.csv", run, shift, slice(200, 900, 3))
+    data = read_data(file, run.names, run.units)
+    assert data["relative.roll"].max() == pytest.approx(np.radians(5.0), rel=1e-4)
+    assert find_shift(run, data) == pytest.approx(-shift, abs=1e-5)
+    found = compare(run, data, 0.1, -shift)
+    assert max(row["largest_error"] for row in found["columns"].values()) < 1e-9
+    assert found["captured"]["measured_time"] == pytest.approx(6.02, abs=1e-9)
+    assert found["captured"]["computed_time"] == pytest.approx(6.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("time [s],relative.axal [m]\n0,1\n1,2\n", "did you mean 'relative.axial'"),
+        ("time [s],relative.axial\n0,1\n1,2\n", "must be an output and its unit"),
+        ("time [s],relative.axial [N]\n0,1\n1,2\n", "must be in m or mm"),
+        ("relative.axial [m],time [s]\n0,1\n1,2\n", "must begin with 'time [s]'"),
+        ("time [s],gap [m],gap [m]\n0,1,1\n1,2,2\n", "two columns 'gap'"),
+        ("time [s],gap [m]\n0,1\n0,2\n", "time must increase, but does not in line 3"),
+        ("time [s],gap [m]\n0,1\n1,nan\n", "'gap' in line 3 is 'nan'"),
+        ("time [s],gap [m]\n0,1\n1\n", "line 3 has 1 values: must have 2"),
+        ("time [s],gap [m]\n0,1\n", "at least two rows"),
+        ("time [s],gap [m]\n90,1\n91,2\n", "give another --shift"),
+    ],
+)
+def test_bad_tables_are_refused_in_one_sentence(dockloop, tmp_path, text, words):
+    run_absorber(dockloop, "--stop", "1")
+    (tmp_path / "rig.csv").write_text(text)
+    ran = dockloop("compare", "own.csv", "rig.csv", "--shift", "0", "--no-plots")
+    assert ran.status == 2, ran
+    assert words in ran.err
+    assert ran.err.count("\n") == 1
+    assert not (tmp_path / "own_compared.json").exists()
+
+
+def test_bad_options_are_refused(dockloop, tmp_path):
+    run_absorber(dockloop, "--stop", "1")
+    for option, value, words in (
+        ("--band", "0", "above 0"),
+        ("--shift", "nan", "must be finite"),
+        ("--outcome", "reboundd", "did you mean 'rebound'"),
+        ("-o", "own.txt", "must end in .json"),
+        ("-o", "own_summary.json", "own_summary.json"),
+    ):
+        ran = dockloop("compare", "own.csv", RIG, option, value, "--no-plots")
+        assert ran.status == 2, (option, ran)
+        assert words in ran.err
+    assert dockloop("compare", "none.csv", RIG).status == 2
+    assert dockloop("compare", "own.csv", "none.csv").status == 2
