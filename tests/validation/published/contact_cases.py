@@ -98,7 +98,8 @@ CASE = Case(
         Input("misalignments", "4 deg, 0.1 m", ASSUMED, "limits of the IDSS"),
     ),
     "Four of the five cases of the three-freedom rig; the fifth, ring on ring, needs a geometry"
-    " that is lost. A jet that fires during retraction is left out: retraction is not modelled yet.",
+    " that is lost. A jet that fires during retraction is left out: there is no retraction"
+    " here yet.",
     trend=compare_trends,
     scenario=report,
 )  # fmt: skip

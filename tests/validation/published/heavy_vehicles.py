@@ -20,6 +20,12 @@ VEHICLES = {
 }
 
 
+REASON = (
+    "the pawls of the shipped latches take 0.5 J of the 25 J, and petals that meet almost straight"
+    " take little; the forces of the original are not known"
+)
+
+
 def run_docking(thrust: float) -> dl.Result:
     """Run the docking of two heavy vehicles with the differential unit."""
     values = {"chaser.contact_thrust": thrust, "chaser.contact_thrust_delay": 0.3}
@@ -36,7 +42,7 @@ def report() -> list[Comparison]:
         found = run.summary["explanation"] + (f", {after:.1f} s after contact" * is_captured)
         agrees = is_captured if thrust else (not is_captured or after > 5.0)
         what = f"{SPEED:g} m/s, thrust {thrust:.0f} N"
-        rows.append(compare_words(what, found, expected, agrees))
+        rows.append(compare_words(what, found, expected, agrees, REASON))
     return rows
 
 

@@ -4,33 +4,32 @@ from case import ASSUMED, GIVEN, Case, Comparison, Input, compare_words
 
 import dockloop as dl
 
-HELD, THRUST = 4.0, 400.0  # s, N
+THRUST, HELD, LAST = 400.0, 4.0, 1.0  # N, s, s
 
 
 def run_failure() -> dl.Result:
     """Run the shipped probe with pawls that no striker comes near enough to, under thrust."""
     start = {"chaser.contact_thrust": THRUST}
     failed = {"mechanism.set.latches.window": 1e-6}
-    return dl.run("probe_drogue", failed | start, stop=12.0, step=0.1)
+    return dl.run("probe_drogue", failed | start, stop=2.0 + HELD, step=0.05)
 
 
 def report() -> list[Comparison]:
     """No capture, contact that lasts while the thrust does, and the sentence about it."""
     run = run_failure()
-    since = run.time - run["time_of_contact"][-1]
-    held = float(run["capture.compression"][(since > 2.0) & (since < HELD)].mean())
+    held = float(run["capture.compression"][run.time > run.time[-1] - LAST].mean())
     return [
         compare_words(
-            f"pawls never seat, {THRUST:.0f} N held",
+            f"pawls never seat, {THRUST:.0f} N held for {HELD:g} s",
             run.summary["explanation"],
             "not captured",
             not run["captured"].any(),
         ),
         compare_words(
-            f"mean compression from 2 to {HELD:g} s after contact",
+            f"mean compression of the last {LAST:g} s",
             f"{held:.0f} N",
-            f"some of the {THRUST:.0f} N of thrust: the head stays pressed",
-            0.0 < held <= THRUST,
+            "above 0: the thrust keeps the head pressed",
+            held > 0.0,
         ),
     ]
 
