@@ -1,7 +1,8 @@
 """The product against what was published (`tests/validation/published.md`).
 
 1. Exact comparisons: every one agrees within its band.
-2. Trends, ratios and scales (long): every one agrees, but for those with a stated reason.
+2. Trends, ratios and scales (long): every one agrees, but for those that are known to fail. These
+   have a reason on the page; one that begins to agree must leave the list here.
 3. A comparison outside its band fails, whatever was found.
 """
 
@@ -42,17 +43,29 @@ def test_exact_cases_agree(published, letter):
     assert not [row.reason for row in rows if row.reason]  # no excuse where the solution is known
 
 
+KNOWN_FAILURES = {
+    "D": ("independent legs, single", "independent legs, all deviations"),
+    "E": ("apda, axial motion", "apda, lateral motion"),
+    "L": ("probe_drogue: spread", "probe_drogue: change of the least"),
+}
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("letter", ["A", "C", "D", "E", "F", "G", "L"])
-def test_trends_agree_or_have_a_stated_reason(published, letter):
-    check(published[letter].trend())
+@pytest.mark.parametrize("letter", ["A", "B", "C", "D", "E", "F", "G", "L"])
+def test_trends_agree_but_for_those_that_are_known(published, letter):
+    rows = published[letter].trend()
+    check(rows)
+    failing = {row.what for row in rows if not row.agrees}
+    known = KNOWN_FAILURES.get(letter, ())
+    assert len(failing) == len(known)
+    assert all(any(what.startswith(name) for what in failing) for name in known)
 
 
 def test_no_case_is_left_out(published):
     letters = {name: case for name, case in published.items() if name != "case"}
     marks = {mark.args[0]: mark.args[1] for mark in test_exact_cases_agree.pytestmark}
     assert set(marks["letter"]) == {name for name, case in letters.items() if case.exact}
-    marks = test_trends_agree_or_have_a_stated_reason.pytestmark
+    marks = test_trends_agree_but_for_those_that_are_known.pytestmark
     (trends,) = [mark.args[1] for mark in marks if mark.name == "parametrize"]
     assert set(trends) == {name for name, case in letters.items() if case.trend}
 
