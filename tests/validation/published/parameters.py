@@ -120,7 +120,7 @@ FAMILIES: dict[str, tuple[str, dict[str, Change], str]] = {
         },
         "Known: six screws in three pairs with differentials, three brakes, a friction brake in the"
         " drive (Syromiatnikov 64-65); rotating parts of 205, later 170 kg, referred to the ring"
-        " (135): here 191 kg with the ring; brakes that hold more on the way back (172), staged"
+        " (135), here 122 kg; brakes that hold more on the way back (172), staged"
         " springs (249). Sizes of ring and rated tension and bending as in the IDSS. All other"
         " numbers are assumed.",
     ),
