@@ -26,7 +26,8 @@ from page import find_origin, write_head, write_page, write_row
 
 PAGE = paths.ROOT / "tests" / "validation" / "parameters.md"
 LOW, HIGH = 0.8, 1.25
-END, STEP = 6.0, 0.05  # s
+END, STEP = 12.0, 0.05  # s
+LEAST = 0.1  # elasticity that is worth a measurement
 START = {"initial.approach_time": 0.5}
 Change = Callable[[dict, float], None]
 WORDS = f"""\
@@ -211,6 +212,13 @@ def find_size(value: float) -> float:
     return 0.0 if math.isnan(value) else abs(value)
 
 
+def name_largest(rows: dict[str, dict[str, float]], result: str) -> str:
+    """Return the two groups with the largest effect on a result."""
+    sizes = {name: find_size(row[result]) for name, row in rows.items()}
+    names = [n for n in sorted(sizes, key=lambda n: -sizes[n]) if sizes[n] >= LEAST]
+    return ", ".join(names[:2]) or f"nothing above {LEAST:g}"
+
+
 def show(value: float) -> str:
     """Return an elasticity as text."""
     return "-" if math.isnan(value) else f"{value:+.2f}"
@@ -228,10 +236,7 @@ def write_family(scene: str) -> list[str]:
     lines = [f"## `{scene}`", "", known, "", f"Shipped: {shipped}.", ""]
     lines += write_head("group of numbers", *RESULTS)
     lines += [write_row(n, *(show(rows[n][result]) for result in RESULTS)) for n in order]
-    tops = [
-        f"{result}: {', '.join(sorted(rows, key=lambda n: -find_size(rows[n][result]))[:2])}"
-        for result in RESULTS
-    ]
+    tops = [f"{result}: {name_largest(rows, result)}" for result in RESULTS]
     print(scene, file=sys.stderr)
     return [*lines, "", f"Measure first, for {'; for '.join(tops)}.", ""]
 

@@ -61,7 +61,7 @@ change, which needs masses, springs and brakes of one and the same unit:
 * The rotating parts of `apda` have 122 kg referred to the ring, with ring and rods 191 kg.
   Published are 205 and later 170 kg for the rotating parts of the original.
 * The compression of `apda` can exceed its rating within the box (case H). The two last rows show
-  the same dockings with a quarter of the damper of the drive; the source removed its dampers too.
+  the same dockings with a softer contact, which the elasticities name first (parameters.md).
 * The angular and lateral motions of all rings last differently from those of the original (case E).
 * The differential unit of `apda` has less advantage over independent legs than published (case D).
 
