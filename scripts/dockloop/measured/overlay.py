@@ -14,7 +14,7 @@ import numpy as np
 from dockloop.measured.data import Data
 from dockloop.results import Result
 
-_SHIFTS, _SAMPLES = 2001, 2000  # of a search
+_SHIFTS, _SAMPLES = 2001, 2000  # of a search; the result is refined with all samples
 _NEAR = 0.05  # part of the shorter side that the second search covers, both ways
 _GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 _EDGE = 0.02  # part of the overlap over which speeds at its ends are averaged
@@ -70,18 +70,18 @@ def find_shift(run: Result, data: Data) -> float:
     names = [name for name in data.names if np.ptp(data[name]) > 0.0 and not _is_choice(name)]
     if not names:
         return 0.0
-    rows = np.unique(np.linspace(0, len(data.time) - 1, _SAMPLES).astype(int))
     everything = np.arange(len(data.time))
+    some = np.unique(np.linspace(0, len(data.time) - 1, _SAMPLES).astype(int))
     first = run.time[0] - data.time[-1], run.time[-1] - data.time[0]
-    coarse = _search(lambda t: _calc_cost(run, data, names, t, rows, has_penalty=True), *first)
+    coarse = _search(lambda t: _calc_cost(run, data, names, t, some, has_penalty=True), *first)
 
-    def calc_fine(shift: float) -> float:
-        return _calc_cost(run, data, names, shift, everything, has_penalty=False)
+    def calc_fine(shift: float, rows: np.ndarray = some) -> float:
+        return _calc_cost(run, data, names, shift, rows, has_penalty=False)
 
     half = _NEAR * min(np.ptp(run.time), np.ptp(data.time))
     fine = _search(calc_fine, coarse - half, coarse + half)
     step = 2.0 * half / (_SHIFTS - 1)
-    return _minimise(calc_fine, fine - step, fine + step)
+    return _minimise(lambda t: calc_fine(t, everything), fine - step, fine + step)
 
 
 def _calc_cost(
