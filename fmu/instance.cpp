@@ -28,6 +28,7 @@ fmi2Status fmi_status(StatusCode code) {
     case StatusCode::kOutOfReach:
     case StatusCode::kRedundancyLost:
     case StatusCode::kInertiaNotPositive:
+    case StatusCode::kSequenceChatters:
     case StatusCode::kNotFinite:
       return fmi2Error;
   }
@@ -229,7 +230,7 @@ namespace {
 constexpr char kMagic[8] = {'D', 'O', 'C', 'K', 'L', 'O', 'O', 'P'};
 constexpr std::uint32_t kByteOrder = 0x01020304;
 /// Increase it when the contents change.
-constexpr std::uint32_t kStateFormat = 9;
+constexpr std::uint32_t kStateFormat = 10;
 
 struct Header {
   char magic[8];

@@ -17,49 +17,10 @@ import pytest
 from dockloop.errors import UsageError
 from dockloop.extremes.fmi_host import OK, Host
 from dockloop.fmu import build_fmu
+from slides import make_element, make_slide, write_slide
 
 DATA = json.loads((Path(__file__).parent / "data" / "mechanism_oracles.json").read_text())
 M_EQ = 25e3 * 350e3 / 375e3
-
-SCENE = """
-title = "One body on a slide"
-[chaser]
-motion = "fixed"
-mass = 1000
-inertia = [1000, 1000, 1000, 0, 0, 0]
-[mechanism]
-name = "slide"
-[initial]
-at = "start"
-[initial.joints.block]
-rate = {rate}
-[solver]
-rtol = 1e-10
-atol_position = 1e-11
-atol_velocity = 1e-11
-atol_energy = 1e-9
-[experiment]
-stop = 1.0
-step = 0.01
-tolerance = 1e-10
-[outputs]
-groups = ["states", "energy", "solver"]
-"""
-
-
-def make_slide(mass: float, *elements: dict, **members: object) -> dict:
-    """One body that slides along x of the base."""
-    body = {
-        "name": "block",
-        "parent": "base",
-        "joint": {"type": "prismatic", "axis": [1, 0, 0]},
-        "mass": mass,
-    }
-    return {"name": "slide", "bodies": [body], "forces": list(elements), **members}
-
-
-def make_element(*laws: dict, name: str = "one") -> dict:
-    return {"name": name, "along": [{"joint": "block", "ratio": 1.0}], "laws": list(laws)}
 
 
 @pytest.fixture
@@ -70,10 +31,7 @@ def write_scene(tmp_path):
     def write(mechanism: dict, rate: float = 0.0) -> str:
         folder = tmp_path / str(next(count))
         folder.mkdir()
-        (folder / "slide.json").write_text(json.dumps(mechanism))
-        scene = folder / "scene.toml"
-        scene.write_text(SCENE.format(rate=rate))
-        return str(scene)
+        return write_slide(folder, mechanism, rate)
 
     return write
 

@@ -98,7 +98,7 @@ class SceneReader:
         _number_choices(scene)
         # A scene without mechanism is a vehicle by itself (or two that pass through each other).
         named = scene.get("mechanism")
-        text = json.dumps(named, default=str)
+        text = json.dumps(named and named | {"sequence": scene.get("sequence", {})}, default=str)
         return _resolve(scene, self._mechanism(text) if named else {"name": "none"}, self._path)
 
 
@@ -153,7 +153,8 @@ def load_mechanism(reference: dict, scene_path: Path) -> dict:
     """Find, read, modify and check the mechanism that a scene names.
 
     Args:
-        reference: section ``[mechanism]`` of the scene: ``name`` and optionally ``set``.
+        reference: section ``[mechanism]`` of the scene: ``name`` and optionally ``set``; with
+            ``sequence``, the section of this name.
         scene_path: the scene file; a mechanism next to it wins over a shipped one.
 
     Returns:
@@ -163,9 +164,12 @@ def load_mechanism(reference: dict, scene_path: Path) -> dict:
     path = find_mechanism(name, scene_path)
     mechanism = read_mechanism(path)
     places = {
-        f"mechanism.set.{dotted}": _set_member(mechanism, dotted, value, path, scene_path)
+        f"mechanism.set.{dotted}": _set_member(
+            mechanism, dotted, value, path, f"{shown(scene_path)}: mechanism.set.{dotted}"
+        )
         for dotted, value in reference.get("set", {}).items()
     }
+    places |= _change_sequence(mechanism, reference.get("sequence", {}), path, scene_path)
     if found := schema.find_violation(mechanism, "mechanism"):
         schema.check(read_mechanism(path), "mechanism", path)  # of the file itself
         keys = [key for key, place in places.items() if _is_below(found.path, place)]
@@ -226,8 +230,9 @@ def apply_override(scene: dict, text: str) -> None:
     Args:
         scene: modified in place.
         text: dotted key, ``=``, a TOML value; bare words are texts. What follows
-            ``mechanism.set.`` is a path into the mechanism file; what follows ``initial.joints.``
-            begins with the name of a body.
+            ``mechanism.set.`` is a path into the mechanism file, and what follows
+            ``sequence.set.`` one into its steps; what follows ``initial.joints.`` begins with the
+            name of a body.
 
     Raises:
         UsageError: no ``=``, or a key that no scene has.
@@ -236,10 +241,10 @@ def apply_override(scene: dict, text: str) -> None:
     if not equals or not key:
         raise UsageError(f"--scene {text}: must be KEY=VALUE, for example chaser.motion=driven")
     value = parse_value(value_text)
-    if key.startswith("mechanism.set."):
-        changes = _find_section(scene, ["mechanism", "set"], text)
-        changes[key.removeprefix("mechanism.set.")] = value
-        return
+    for section in ("mechanism", "sequence"):
+        if key.startswith(prefix := f"{section}.set."):
+            _find_section(scene, [section, "set"], text)[key.removeprefix(prefix)] = value
+            return
     known = scene_keys()
     if key not in known and not key.startswith("initial.joints."):
         hint = did_you_mean(key, known)
@@ -343,8 +348,45 @@ def _is_below(path: tuple, other: tuple) -> bool:
     return path[: len(other)] == other
 
 
-def _set_member(mechanism: dict, dotted: str, value: Any, path: Path, scene_path: Path) -> tuple:
+def _change_sequence(
+    mechanism: dict, changes: dict, path: Path, scene_path: Path
+) -> dict[str, tuple]:
+    """Apply section ``[sequence]`` of a scene to the sequence of its mechanism.
+
+    Returns:
+        The keys of the section with their places in the document.
+
+    Raises:
+        UsageError: the mechanism has no sequence, or no such step or member.
+    """
+    if not changes:
+        return {}
+    where = f"{shown(scene_path)}: sequence"
+    if not isinstance(mechanism.get("sequence"), dict):
+        raise UsageError(f"{where}: the mechanism in {shown(path)} has no sequence")
+    places = {
+        f"sequence.set.{dotted}": _set_member(
+            mechanism, f"sequence.steps.{dotted}", value, path, f"{where}.set.{dotted}"
+        )
+        for dotted, value in changes.get("set", {}).items()
+    }
+    if (last := changes.get("stop_after")) is not None:
+        listed = mechanism["sequence"].get("steps", [])
+        steps = {str(step.get("name")): step for step in listed if isinstance(step, dict)}
+        if last not in steps:
+            raise UsageError(
+                f"{where}.stop_after is '{last}': the sequence in {shown(path)} has no such"
+                f" step{did_you_mean(last, list(steps))}; its steps are {', '.join(steps)}"
+            )
+        for member in ("next", "timeout", "on_timeout"):
+            steps[last].pop(member, None)
+    return places
+
+
+def _set_member(mechanism: dict, dotted: str, value: Any, path: Path, key: str) -> tuple:
     """Set one member of a mechanism; list entries are addressed by name or number, from 1.
+
+    Messages begin with `key`.
 
     Returns:
         Where it is in the document, as schemas count.
@@ -352,7 +394,6 @@ def _set_member(mechanism: dict, dotted: str, value: Any, path: Path, scene_path
     node: Any = mechanism
     walked: list[str] = []
     place: list[str | int] = []
-    key = f"{shown(scene_path)}: mechanism.set.{dotted}"
     *groups, last = dotted.split(".")
     for part in groups:
         if isinstance(node, list):

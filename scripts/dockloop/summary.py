@@ -21,6 +21,7 @@ COMMAND = "dockloop run"
 _DISSIPATED = "dissipated_"
 _COLUMN = re.compile(  # outputs of FMUs by dockloop
     r"(chaser|target|relative|capture|contact|ring|base|energy|momentum|solver|coupling|state"
+    r"|sequence"
     r"|(leg|latch|loop|element)\[\d+\])(\.\w+(\[\d+\])?)+"
     r"|latched\[\d+\]|gap|phase|outcome|captured|time_(to|of)_\w+"
 )
@@ -28,7 +29,7 @@ _COLUMN = re.compile(  # outputs of FMUs by dockloop
 _SUMMARISED = re.compile(  # what a summary looks at
     r"outcome|captured|phase|time_of_\w+|latched\[\d+\]|capture\.(peak\.\w+|reason|seated_time)"
     r"|latch\[\d+\]\.(opening|lateral)|contact\.petal\[\d+\]\.force|energy\.\w+|momentum\.residual"
-    r"|leg\[\d+\]\.(length|force)|relative\.velocity\[\d\]|solver\.\w+"
+    r"|leg\[\d+\]\.(length|force)|relative\.velocity\[\d\]|solver\.\w+|sequence\.\w+"
 )
 
 
@@ -76,6 +77,8 @@ def summarise(run: Result) -> dict:
     }
     if "outcome" in run:
         summary |= _outcome(run)
+    if "sequence.step" in run:
+        summary["sequence"] = _sequence(run)
     if "capture.peak.compression" in run:
         summary["peak_loads"] = _peak_loads(run)
     if "energy.residual" in run:
@@ -125,6 +128,12 @@ def relative_energy(run: Result) -> float:
 def describe(summary: dict) -> str:
     """Say a summary in words and numbers, one fact per line."""
     lines = [f"{summary['scene']}: {summary['title']}", f"  {_outcome_sentence(summary)}"]
+    if "sequence" in summary:
+        reached = summary["sequence"]
+        lines.append(
+            f"  sequence     {', '.join(reached['steps'])}; in '{reached['step']}' for"
+            f" {reached['time_in_step']:.1f} s at the end"
+        )
     if "peak_loads" in summary:
         lines.append("  peak loads on the target")
         for name, load in summary["peak_loads"].items():
@@ -249,6 +258,18 @@ def _outcome(run: Result) -> dict:
         "time_of_capture": when("time_of_capture"),
         "latches_held": int(np.sum(latched)),
         "latches": len(latched),
+    }
+
+
+def _sequence(run: Result) -> dict:
+    """Return the steps that were seen in their order, and the last one with its time [s]."""
+    names = [step["name"] for step in run.scene["mechanism"]["sequence"]["steps"]]
+    numbers = run["sequence.step"].astype(int)
+    changed = np.flatnonzero(np.diff(numbers, prepend=0))
+    return {
+        "steps": [names[numbers[i] - 1] for i in changed],
+        "step": names[numbers[-1] - 1],
+        "time_in_step": float(run["sequence.time_in_step"][-1]),
     }
 
 

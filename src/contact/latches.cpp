@@ -107,4 +107,16 @@ double update_latch(const LatchSet& set, int i, double t, const RelativeMotion<d
   return before.energy - calc_latch<double>(law, state, t, s, rate).energy;
 }
 
+double release_latch(const LatchSet& set, int i, double t, const RelativeMotion<double>& motion,
+                     LatchState& state) {
+  const LatchMotion at = find_latch_motion(set, i, motion);
+  const auto find_energy = [&] {
+    return calc_latch<double>(set.latch[i].law, state, t, at.s, at.rate[0]).energy;
+  };
+  const double before = find_energy();
+  if (state.mode == LatchMode::kHeld) state = {LatchMode::kReleasing, t};
+  if (state.mode == LatchMode::kOpen) state.mode = LatchMode::kSpent;
+  return before - find_energy();
+}
+
 }  // namespace dockloop

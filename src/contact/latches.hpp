@@ -60,7 +60,7 @@ void check_latches(const LatchSet& set);
 /// kSpent: released; ready again after the opening has exceeded the pawl range.
 enum class LatchMode : int { kOpen = 1, kHeld = 2, kReleasing = 3, kSpent = 4 };
 
-/// Discrete state of one latch. To release on command, set kReleasing and the time.
+/// Discrete state of one latch.
 struct LatchState {
   LatchMode mode = LatchMode::kOpen;
   double release_time = 0.0;  ///< start of the release [s], used in kReleasing only
@@ -121,5 +121,10 @@ bool is_passed(const LatchLaw& law, const LatchState& state, const LatchMotion& 
 /// change is due.
 double update_latch(const LatchSet& set, int i, double t, const RelativeMotion<double>& motion,
                     LatchState& state, bool passed = false);
+
+/// Release on command: a latch that holds lets go, an open one does not catch.
+/// @return energy dissipated [J]
+double release_latch(const LatchSet& set, int i, double t, const RelativeMotion<double>& motion,
+                     LatchState& state);
 
 }  // namespace dockloop

@@ -154,6 +154,7 @@ DockingModel make_docking_model(const Scene& scene,
   model.contact = scene.contact;
   if (!model.contact.empty()) set_law(model.contact, law);
   model.latches = scene.latches;
+  model.sequence = scene.sequence;
   model.falling = chaser_moves && (!scene.has_target || model.moves[kTarget]);
   model.layout = make_layout(model);
   return model;

@@ -22,6 +22,7 @@
 #include "contact/contact_model.hpp"
 #include "contact/latches.hpp"
 #include "docking/scene.hpp"
+#include "docking/sequence.hpp"
 #include "mechanism/element_forces.hpp"
 #include "mechanism/joint_forces.hpp"
 #include "mechanism/mechanism_dynamics.hpp"
@@ -88,6 +89,7 @@ struct DockingModel {
   std::vector<int> mechanism_bodies;            ///< independent bodies without the vehicle
   ContactModel contact;
   LatchSet latches;
+  Sequence sequence;                        ///< empty: phases follow from motion and latches
   double thrust = 0.0, thrust_delay = 0.0;  ///< [N] along x of A at the CoM, [s]
   bool falling = true;                      ///< O falls with gravity
   StateLayout layout;
@@ -105,6 +107,8 @@ struct DiscreteState {
   bool seated = false;       ///< every striker is as deep as a catch needs, not all are caught
   double seated_time = 0.0;  ///< [s] for which that was so
   double seen = 0.0;         ///< time of the last accepted state [s since start]
+  SequenceState sequence;
+  std::vector<LawSetting> law;  ///< of all elements; empty without a sequence
 };
 
 /// Loads from outside, held over a step.

@@ -307,14 +307,15 @@ namespace {
 
 /// Forces of elements, and rates of their bristles. The bristles of a locked mechanism rest.
 template <class S>
-void calc_element_loads(const DockingModel& model, const S& t, const S* y, S* ydot,
-                        DockingData<S>& data) {
+void calc_element_loads(const DockingModel& model, const DiscreteState& discrete, const S& t,
+                        const S* y, S* ydot, DockingData<S>& data) {
   const StateLayout& layout = model.layout;
   const MechanismModel& mechanism = model.mechanism.model;
   const TreeData<S>& tree = data.mechanism.tree;
   ElementData<S>& elements = data.elements;
+  const LawSetting* setting = discrete.law.empty() ? nullptr : discrete.law.data();
   calc_element_forces(mechanism, tree.q, tree.v, t, data.command.data() + mechanism.forces.size(),
-                      y + layout.element_bristles, elements, data.mechanism.tau);
+                      setting, y + layout.element_bristles, elements, data.mechanism.tau);
   if (data.locked) {
     elements.z_rate.setZero();
     elements.sums.braking = S(0);
@@ -356,7 +357,9 @@ Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
   data.command = loads.command;
   data.joints = calc_joint_forces(model.mechanism.model, mechanism.tree.q, mechanism.tree.v,
                                   data.command, data.joint_force, mechanism.tau);
-  if (!model.mechanism.model.elements.empty()) calc_element_loads(model, t, y, ydot, data);
+  if (!model.mechanism.model.elements.empty()) {
+    calc_element_loads(model, discrete, t, y, ydot, data);
+  }
   return {};
 }
 

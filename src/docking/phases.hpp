@@ -6,8 +6,8 @@
 
 namespace dockloop {
 
-/// Values of the variable `phase`. Phases 6 (retracting) and 7 (hard docked) need a retraction
-/// drive, which no shipped mechanism has.
+/// Values of the variable `phase`. A mechanism with a sequence has the phase of its step. Without
+/// one, phases 1 to 5 and 8 follow from motion and latches.
 enum Phase {
   kApproach = 1,
   kContact,
@@ -16,7 +16,10 @@ enum Phase {
   kAligned,
   kRetracting,
   kHardDocked,
-  kRebound
+  kRebound,
+  kUndocking,
+  kSeparated,
+  kHeldAfterFailure
 };
 inline const ChoiceList kPhases = {
     {kApproach, "approach", "before the first contact"},
@@ -24,18 +27,37 @@ inline const ChoiceList kPhases = {
     {kCaptured, "captured", "all latches hold, the distance still decreases"},
     {kAttenuating, "attenuating", "all latches hold, the motion has reversed at least once"},
     {kAligned, "aligned", "all latches hold, at rest: below 1 mm/s and 0.02 deg/s"},
-    {kRetracting, "retracting", "needs a retraction drive, which the mechanism does not have"},
-    {kHardDocked, "hard_docked", "as 6"},
+    {kRetracting, "retracting", "a drive pulls the vehicles together; only in a sequence"},
+    {kHardDocked, "hard_docked", "the vehicles are joined; only in a sequence"},
     {kRebound, "rebound", "gap above 50 mm and increasing, no latch holds"},
+    {kUndocking, "undocking", "the joint opens; only in a sequence"},
+    {kSeparated, "separated", "after undocking; only in a sequence"},
+    {kHeldAfterFailure, "held", "the sequence waits after a failure; only in a sequence"},
 };
 
-enum Outcome { kUndecided = 1, kOutcomeCaptured, kPartialCapture, kOutcomeRebound, kMiss };
+enum Outcome {
+  kUndecided = 1,
+  kOutcomeCaptured,
+  kPartialCapture,
+  kOutcomeRebound,
+  kMiss,
+  kDocked,
+  kUndocked,
+  kHangUp,
+  kRetractionStalled,
+  kTimedOut
+};
 inline const ChoiceList kOutcomes = {
     {kUndecided, "undecided", "no final outcome yet"},
     {kOutcomeCaptured, "captured", "all latches hold"},
     {kPartialCapture, "partial capture", "some latches hold"},
     {kOutcomeRebound, "rebound", "contact and separation without a latch"},
     {kMiss, "miss", "separation or passing without contact"},
+    {kDocked, "docked", "the vehicles are joined; stated by a sequence, as all that follow"},
+    {kUndocked, "undocked", "separation after undocking"},
+    {kHangUp, "hang-up", "at rest in contact, not all latches hold"},
+    {kRetractionStalled, "retraction stalled", "the drive is at its limit and does not move"},
+    {kTimedOut, "timed out", "a step took longer than its time-out"},
 };
 
 /// Reason for no capture (yet).
@@ -90,7 +112,7 @@ constexpr double kPassedDepth = 0.05;    ///< interface behind the ring without 
 constexpr double kAlignedSpeed = 1e-3;   ///< at rest below [m/s]
 constexpr double kAlignedRate = 3.5e-4;  ///< and below this angular rate, 0.02 deg/s [rad/s]
 
-/// Update phase and outcome at an accepted step.
+/// Update phase and outcome at an accepted step of a mechanism without a sequence.
 void update_phase(const PhaseInputs& now, DiscreteState& state);
 
 /// Updates the duration of seated rings without capture. At accepted steps. @param t  [s]

@@ -11,6 +11,7 @@
 
 #include "contact/contact_model.hpp"
 #include "contact/latches.hpp"
+#include "docking/sequence.hpp"
 #include "math/choice.hpp"
 #include "math/types.hpp"
 #include "model/mechanism_model.hpp"
@@ -124,6 +125,7 @@ struct Scene {
   Pose<double> base_in_interface;  ///< pose of B in A
   ContactModel contact;            ///< no pairs if the scene has no contact
   LatchSet latches;
+  Sequence sequence;  ///< of the mechanism; empty if its file has none
   RatedLoads rated;
   CaptureBodyStart capture_body_start;
   std::vector<JointStart> joint_starts;
@@ -147,6 +149,7 @@ Scene read_scene(const std::string& json_text, const std::string& source_name);
 struct Capture {
   ContactModel contact;
   LatchSet latches;
+  Sequence sequence;
 };
 
 /// Read it from a mechanism document, by itself or under the key "mechanism"; angles in rad, or in

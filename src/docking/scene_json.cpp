@@ -6,6 +6,7 @@
 
 #include "docking/hardware_json.hpp"
 #include "docking/scene.hpp"
+#include "docking/sequence_json.hpp"
 #include "model/json_reader.hpp"
 #include "model/text_hash.hpp"
 
@@ -20,7 +21,7 @@ int read_choice(const JsonReader& item, const ChoiceList& list) {
 }
 
 /// Increase it when the same document leads to other variables or other meanings.
-constexpr const char* kVariableTableVersion = "dockloop-variables/2";
+constexpr const char* kVariableTableVersion = "dockloop-variables/3";
 
 constexpr int kMaxNodes = 360;  ///< of a guide ring
 constexpr int kMaxMethod = 99;  ///< sim/solver_methods.hpp has the list
@@ -194,6 +195,8 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   }
   if (scene.has_target && mechanism.has("latches"))
     scene.latches = read_latches(mechanism.at("latches"));
+  scene.sequence =
+      read_sequence(mechanism, scene.mechanism, scene.has_target ? &scene.latches : nullptr);
   if (root.has("initial")) read_initial(root.at("initial"), scene);
   if (root.has("solver")) {
     const JsonReader solver = root.at("solver");
@@ -275,7 +278,11 @@ Capture read_capture(const std::string& json_text, const std::string& source_nam
     Scene scene;
     if (mechanism.has("contact")) read_contact(mechanism, nullptr, scene);
     if (mechanism.has("latches")) scene.latches = read_latches(mechanism.at("latches"));
-    return Capture{scene.contact, scene.latches};
+    if (mechanism.has("sequence")) {
+      scene.mechanism = read_mechanism(mechanism.node().dump(), source_name);
+      scene.sequence = read_sequence(mechanism, scene.mechanism, &scene.latches);
+    }
+    return Capture{scene.contact, scene.latches, scene.sequence};
   });
 }
 

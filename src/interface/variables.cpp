@@ -147,8 +147,9 @@ class Table {
                std::move(description));
   }
   /// Set by the host at any communication point.
-  Row input(std::string name, double* value, Quantity quantity, std::string description) {
-    return add(std::move(name), Causality::kInput, Variability::kContinuous, value, value, quantity,
+  template <class T>
+  Row input(std::string name, T* value, Quantity quantity, std::string description) {
+    return add(std::move(name), Causality::kInput, natural(value), value, value, quantity,
                std::move(description));
   }
   /// Computed; an Integer or Boolean changes only at communication points.
@@ -443,13 +444,17 @@ void add_contact(Table& table, const ContactModel& contact, Parameters& paramete
       .tunable();
 }
 
-void add_phase(Table& table, Parameters& parameter, Outputs& out) {
+void add_progress(Table& table, Outputs& out) {
   table.output("phase", &out.phase, kNone, "Phase of the docking").choices(kPhases);
+  table.output("outcome", &out.outcome, kNone, "Outcome so far").choices(kOutcomes);
+}
+
+void add_phase(Table& table, Parameters& parameter, Outputs& out) {
+  add_progress(table, out);
   table.output("captured", &out.captured, kNone, "All latches hold");
   for (size_t i = 0; i < out.latched.size(); ++i) {
     table.output(indexed("latched", i), &out.latched[i], kNone, "This latch holds");
   }
-  table.output("outcome", &out.outcome, kNone, "Outcome so far").choices(kOutcomes);
   table.output("capture.reason", &out.capture_reason, kNone, "Reason for no capture")
       .choices(kCaptureReasons);
   table
@@ -481,6 +486,28 @@ void add_phase(Table& table, Parameters& parameter, Outputs& out) {
                  "Time from first contact to the contact thrust")
       .not_negative()
       .tunable();
+}
+
+/// Names of the steps with their numbers, for the description.
+std::string list_steps(const Sequence& sequence) {
+  std::string text;
+  for (size_t i = 0; i < sequence.steps.size(); ++i) {
+    text += (i > 0 ? ", " : "") + std::to_string(i + 1) + " " + sequence.steps[i].name;
+  }
+  return text;
+}
+
+void add_sequence(Table& table, const Sequence& sequence, Inputs& in, Outputs& out) {
+  table.input("command", &in.command, kNone, "Command to the sequence").choices(kCommands);
+  table
+      .output("sequence.step", &out.sequence_step, kNone,
+              "Present step of the sequence: " + list_steps(sequence))
+      .limits(1, static_cast<double>(sequence.steps.size()));
+  table
+      .output("sequence.time_in_step", &out.sequence_time_in_step, kTime,
+              "Time in this step; stands still while the command is hold")
+      .not_negative()
+      .discrete();
 }
 
 void add_ring(Table& table, Outputs& out) {
@@ -956,6 +983,10 @@ std::vector<Variable> make_variables(DockingSim& sim) {
     if (wants("capture")) add_capture(table, outputs);
     if (wants("contact")) add_contact(table, scene.contact, parameters, outputs);
     if (wants("phase")) add_phase(table, parameters, outputs);
+  }
+  if (!scene.sequence.empty()) {
+    if (!scene.has_target || !wants("phase")) add_progress(table, outputs);
+    add_sequence(table, scene.sequence, inputs, outputs);
   }
   if (wants("ring")) add_ring(table, outputs);
   if (wants("legs")) add_legs(table, inputs, outputs);

@@ -22,6 +22,7 @@ enum class StatusCode {
   kContactFlipped,      ///< contact normal reversed: a surface was passed unseen
   kIntegrationFailed,   ///< integrator could not meet its tolerance
   kNotFinite,           ///< NaN or infinity
+  kSequenceChatters,    ///< steps of the sequence follow each other without end
   kBadInput,            ///< impossible input of the host; correct the input and repeat the step
 };
 

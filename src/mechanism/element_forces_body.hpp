@@ -68,6 +68,27 @@ void scale_terms(const FailureEffect<S>& effect, LawTerms<S>& terms) {
   }
 }
 
+/// A law that a sequence has switched. @param effect  of failures; an eddy brake that is not
+/// engaged is as one that has failed
+template <class S>
+LawTerms<S> calc_switched_law(const ForceLaw& law, const LawSetting& setting, LawInput<S> in,
+                              FailureEffect<S>& effect) {
+  in.engagement = in.engagement * S(setting.engagement);
+  if (std::holds_alternative<EddyLaw>(law)) effect.factor = effect.factor * S(setting.engagement);
+  const DriveLaw* drive = std::get_if<DriveLaw>(&law);
+  if (!drive || setting.drive == LawSetting::Drive::kAsStated) {
+    return std::visit([&](const auto& each) { return calc_law(each, in); }, law);
+  }
+  if (setting.drive == LawSetting::Drive::kOff) return {};
+  DriveLaw running = *drive;
+  running.target = setting.target;
+  running.speed = setting.is_held ? 0.0 : setting.speed;
+  running.acceleration = setting.acceleration;
+  running.deceleration = setting.deceleration;
+  in.time = in.time - S(setting.since);
+  return calc_law(running, in);
+}
+
 /// Elastic locks of jammed elements: their bristles come after those of the brakes.
 template <class S>
 void add_locks(const MechanismModel& model, const S& time, const S* z, int bristle,
@@ -100,10 +121,11 @@ void add_terms(const ForceLaw& law, const LawTerms<S>& terms, ElementSums<S>& su
 
 template <class S>
 void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const VecX<S>& v,
-                         const S& time, const S* command, const S* z, ElementData<S>& data,
-                         VecX<S>& tau) {
+                         const S& time, const S* command, const LawSetting* setting, const S* z,
+                         ElementData<S>& data, VecX<S>& tau) {
   data.sums = ElementSums<S>();
   int bristle = 0;
+  size_t first_law = 0;  // of the element, among all laws
   for (size_t e = 0; e < model.elements.size(); ++e) {
     const ForceElement& element = model.elements[e];
     const int i = static_cast<int>(e);
@@ -117,10 +139,12 @@ void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const Ve
     S force(0), saturation(0);
     const auto add = [&](size_t k, bool is_brake) {
       const ForceLaw& law = element.laws[k];
-      const FailureEffect<S> failure = find_failure(model, e, k, time);
+      FailureEffect<S> failure = find_failure(model, e, k, time);
       in.time = time - S(failure.delay);
       in.engagement = failure.factor;  // what a failure does to a brake
-      LawTerms<S> terms = std::visit([&](const auto& each) { return calc_law(each, in); }, law);
+      LawTerms<S> terms =
+          setting ? calc_switched_law(law, setting[first_law + k], in, failure)
+                  : std::visit([&](const auto& each) { return calc_law(each, in); }, law);
       if (!is_brake) scale_terms(failure, terms);
       force += terms.force;
       saturation = std::max<S>(saturation, terms.saturation);
@@ -145,6 +169,7 @@ void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const Ve
     for (const ElementTerm& term : element.along) {
       tau[model.bodies[term.body].v_index] += S(term.ratio) * force;
     }
+    first_law += element.laws.size();
     data.coordinate[i] = in.s;
     data.rate[i] = in.v;
     data.force[i] = force;
@@ -156,7 +181,8 @@ void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const Ve
 #define DOCK_INSTANTIATE(S)                                                                   \
   template struct ElementData<S>;                                                             \
   template void calc_element_forces<S>(const MechanismModel&, const VecX<S>&, const VecX<S>&, \
-                                       const S&, const S*, const S*, ElementData<S>&, VecX<S>&);
+                                       const S&, const S*, const LawSetting*, const S*,       \
+                                       ElementData<S>&, VecX<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
 #undef DOCK_INSTANTIATE

@@ -147,6 +147,12 @@ int count_element_bristles(const std::vector<ForceElement>& elements,
   return count;
 }
 
+int count_laws(const std::vector<ForceElement>& elements) {
+  size_t count = 0;
+  for (const ForceElement& element : elements) count += element.laws.size();
+  return static_cast<int>(count);
+}
+
 std::vector<double> list_start_commands(const std::vector<ForceElement>& elements) {
   std::vector<double> commands;
   for (const ForceElement& element : elements) {

@@ -223,6 +223,18 @@ struct ForceElement {
   std::vector<ForceLaw> laws;
 };
 
+/// What a sequence has switched in a law. As long as it has switched nothing, the numbers of the
+/// law hold.
+struct LawSetting {
+  enum class Drive : int { kAsStated, kOff, kRuns };
+  double engagement = 1.0;           ///< of a brake, multiplies its own; or of an eddy brake
+  Drive drive = Drive::kAsStated;    ///< kRuns: towards the target below
+  bool is_held = false;              ///< a drive that runs keeps its place
+  double since = 0.0;                ///< start of the run [s since the start]
+  double target = 0.0, speed = 0.0;  ///< of the run, as in DriveLaw
+  double acceleration = 0.0, deceleration = 0.0;
+};
+
 /// What happens to a law, or to a whole element, during a run.
 struct LawFailure {
   enum class Kind {
@@ -263,6 +275,9 @@ inline bool is_commanded(const ForceLaw& law) {
 /// Number of states of all elements: bristles of brakes, then locks of jammed elements.
 int count_element_bristles(const std::vector<ForceElement>& elements,
                            const std::vector<LawFailure>& failures);
+
+/// Number of laws of all elements.
+int count_laws(const std::vector<ForceElement>& elements);
 
 /// Per element what its commanded law has in the file: start values of the inputs.
 std::vector<double> list_start_commands(const std::vector<ForceElement>& elements);

@@ -115,6 +115,7 @@ std::string list_all_choices() {
   const std::pair<const char*, const ChoiceList*> lists[] = {
       {"phase", &kPhases},
       {"outcome", &kOutcomes},
+      {"command", &kCommands},
       {"capture.reason", &kCaptureReasons},
       {"latch.state", &kLatchReports},
       {"friction.model", &kFrictionModels},

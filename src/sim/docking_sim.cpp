@@ -151,6 +151,22 @@ bool are_modes(const DiscreteState& discrete) {
          });
 }
 
+/// Steps and settings exist, and the command has a meaning.
+bool fits(const DiscreteState& discrete, int command, const DockingModel& model) {
+  const SequenceState& s = discrete.sequence;
+  const size_t laws =
+      model.sequence.empty() ? 0 : static_cast<size_t>(count_laws(model.mechanism.model.elements));
+  const int steps = std::max(1, static_cast<int>(model.sequence.steps.size()));
+  const auto is_step = [&](int step) { return step >= 0 && step < steps; };
+  const auto is_command = [](int number) {
+    return number >= kNoCommand && number <= kCommands.back().number;
+  };
+  return discrete.law.size() == laws && is_step(s.step) && is_command(s.command) &&
+         is_command(command) && s.outcome >= 0 && s.outcome <= kOutcomes.back().number &&
+         s.changes >= 0 && s.changes <= kMaxChanges &&
+         std::all_of(s.visited.begin(), s.visited.end(), is_step);
+}
+
 /// Assembly branches are signs.
 bool are_branches(const LoopReference<double>& reference) {
   const auto is_sign = [](int sign) { return sign == 1 || sign == -1; };
@@ -171,6 +187,7 @@ void DockingSim::Impl::build_for(const SavedSim& from) {
   fresh.reference.valid = from.snapshot.reference.valid;
   if (!have_same_shape(fresh, from.snapshot) || !fits(from.snapshot.state.memory, model->contact) ||
       !(from.snapshot.state.inner_step > 0.0) || !are_modes(from.snapshot.state.discrete) ||
+      !fits(from.snapshot.state.discrete, from.inputs.command, *model) ||
       !are_branches(from.snapshot.reference)) {
     throw ModelError("the saved state does not fit this model");
   }

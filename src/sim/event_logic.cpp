@@ -24,7 +24,14 @@ void EventLogic::calc_functions(DockingData<double>& at, double* roots) const {
     roots[0] = by_state ? at.contact.gap : -at.contact.pressed;
     roots[1] = by_state ? -at.contact.gap : at.contact.pressed;
   }
-  for (int i = 0; i < model_->latches.count(); ++i) roots[kFixedRoots + i] = at.latch.event[i];
+  for (int i = 0; i < model_->latches.count(); ++i) {
+    roots[kFixedRoots + i] = is_disarmed(i) ? 1.0 : at.latch.event[i];
+  }
+  if (sequence_.exists()) sequence_.calc_functions(at, roots + first_row());
+}
+
+bool EventLogic::is_disarmed(int latch) const {
+  return discrete_.latch[latch].mode == LatchMode::kSpent && !discrete_.sequence.is_armed;
 }
 
 void EventLogic::calc_speeds(const DockingData<double>& at, double* speeds) const {
@@ -38,10 +45,11 @@ void EventLogic::calc_speeds(const DockingData<double>& at, double* speeds) cons
     speeds[kFixedRoots + i] =
         find_event_speed(discrete_.latch[i], find_latch_motion(model_->latches, i, at.relative));
   }
+  std::fill_n(speeds + first_row(), sequence_.root_count(), 0.0);
 }
 
 void EventLogic::set_due_below(DockingData<double>& at, double limit) {
-  double roots[kFixedRoots + kMaxLatches];
+  double roots[kMaxRoots];
   calc_functions(at, roots);
   for (int i = 0; i < root_count(); ++i) set_due(i, roots[i] <= limit);
 }
@@ -90,6 +98,7 @@ bool EventLogic::update_latches(const DockingData<double>& at, double now, doubl
   bool changed = false;
   for (int i = 0; i < model_->latches.count(); ++i) {
     if (!is_due(kFixedRoots + i) && !passed_[i] && at.latch.event[i] > 0.0) continue;
+    if (is_disarmed(i)) continue;
     LatchState& latch = discrete_.latch[i];
     const LatchMode before = latch.mode;
     dissipated += update_latch(model_->latches, i, now, at.relative, latch, passed_[i] != 0);
@@ -108,8 +117,18 @@ void EventLogic::update_capture(double now) {
   discrete_.captured = all;
 }
 
+SequenceChange EventLogic::update_sequence(DockingData<double>& at, double now,
+                                           double clock_rounding, double& dissipated) {
+  char* const due = due_.data() + first_row();
+  const SequenceChange change = sequence_.update(at, now, clock_rounding, due, dissipated);
+  std::fill_n(due, sequence_.root_count(), 0);
+  return change;
+}
+
 std::optional<double> EventLogic::find_thrust_onset() const {
-  if (model_->thrust == 0.0 || !discrete_.contacted || discrete_.captured) return std::nullopt;
+  if (model_->thrust == 0.0) return std::nullopt;
+  if (sequence_.exists()) return sequence_.find_thrust_onset();
+  if (!discrete_.contacted || discrete_.captured) return std::nullopt;
   return discrete_.time_of_contact + model_->thrust_delay;
 }
 
@@ -126,24 +145,29 @@ bool EventLogic::update_thrust(double now, double clock_rounding) {
 void EventLogic::update_phases(DockingData<double>& at, double now) {
   const PhaseInputs in = find_phase_inputs(at, find_near_gap(at));
   update_seat(in, now, discrete_);
-  update_phase(in, discrete_);
+  if (sequence_.exists()) {
+    sequence_.update_phase(in.latched);
+  } else {
+    update_phase(in, discrete_);
+  }
 }
 
 bool EventLogic::is_change_due(DockingData<double>& at, double now, double clock_rounding) const {
-  double roots[kFixedRoots + kMaxLatches];
+  double roots[kMaxRoots];
   calc_functions(at, roots);
   const bool touched = !discrete_.contacted && has_surfaces() && at.contact.gap <= 0.0;
-  const bool latch = std::any_of(roots + kFixedRoots, roots + root_count(),
+  const bool latch = std::any_of(roots + kFixedRoots, roots + first_row(),
                                  [](double root) { return root <= 0.0; });
+  if (touched || latch || is_thrust_due(now, clock_rounding) != discrete_.thrust_on) return true;
+  if (sequence_.exists()) return sequence_.is_change_due(at, now, clock_rounding);
   DiscreteState next = discrete_;
   update_phase(find_phase_inputs(at, find_near_gap(at)), next);
-  return touched || latch || next.phase != discrete_.phase || next.outcome != discrete_.outcome ||
-         is_thrust_due(now, clock_rounding) != discrete_.thrust_on;
+  return next.phase != discrete_.phase || next.outcome != discrete_.outcome;
 }
 
 bool EventLogic::may_part() const {
-  return has_surfaces() && model_->contact.has_surfaces() && !discrete_.captured &&
-         discrete_.phase != kRebound && count_held_latches() == 0;
+  return !sequence_.exists() && has_surfaces() && model_->contact.has_surfaces() &&
+         !discrete_.captured && discrete_.phase != kRebound && count_held_latches() == 0;
 }
 
 double EventLogic::find_near_gap(DockingData<double>& at) const {

@@ -1,4 +1,4 @@
-// Events at accepted states: first contact, latches, capture, thrust, absorber, phase.
+// Events at accepted states: first contact, latches, capture, sequence, thrust, absorber, phase.
 //
 // The functions depend on the model, on one evaluated state and on the discrete state, and change
 // the discrete state. They return the energy that an event dissipates; the caller adds this energy
@@ -11,22 +11,30 @@
 
 #include "docking/docking_model.hpp"
 #include "docking/phases.hpp"
+#include "sim/sequence_logic.hpp"
 #include "sim/values.hpp"
 
 namespace dockloop {
 
-constexpr int kFixedRoots = 3;      ///< event functions before those of the latches
+constexpr int kFixedRoots = 3;  ///< event functions before those of latches, then of the sequence
+constexpr int kMaxRoots = kFixedRoots + kMaxLatches + kMaxRows;
 constexpr double kTouching = 1e-9;  ///< gap that counts as contact at the start [m]
 
 class EventLogic {
  public:
   /// Keeps references to all three.
   EventLogic(const DockingModel& model, DiscreteState& discrete, ContactMemory& memory)
-      : model_(&model), discrete_(discrete), memory_(memory) {}
+      : model_(&model), discrete_(discrete), memory_(memory), sequence_(model, discrete) {}
   /// The same events in a changed copy of the model.
-  void use_model(const DockingModel& model) { model_ = &model; }
+  void use_model(const DockingModel& model) {
+    model_ = &model;
+    sequence_.use_model(model);
+  }
+  SequenceLogic& sequence() { return sequence_; }
+  const SequenceLogic& sequence() const { return sequence_; }
 
-  int root_count() const { return kFixedRoots + model_->latches.count(); }
+  int first_row() const { return kFixedRoots + model_->latches.count(); }
+  int root_count() const { return first_row() + sequence_.root_count(); }
   bool has_surfaces() const { return model_->present[kTarget] && !model_->contact.empty(); }
   bool is_absorber() const { return model_->contact.kind == ContactModel::Kind::kAbsorber; }
   int count_held_latches() const;
@@ -34,7 +42,8 @@ class EventLogic {
   // Event functions between accepted states
 
   /// First contact (for an absorber every onset), release of an absorber, surfaces that open as far
-  /// as a rebound, latches. @param at  its workspace of the contact search is used
+  /// as a rebound, latches, rows of the sequence. @param at  its workspace of the contact search is
+  /// used
   void calc_functions(DockingData<double>& at, double* roots) const;
   /// Largest rates of event functions that may be below zero between two states.
   void calc_speeds(const DockingData<double>& at, double* speeds) const;
@@ -67,14 +76,17 @@ class EventLogic {
   /// @param dissipated  increased by the dissipated energy [J]. @return whether a latch changed
   bool update_latches(const DockingData<double>& at, double now, double& dissipated);
   void update_capture(double now);
+  /// At most one change of the sequence. @post none of its rows is due
+  SequenceChange update_sequence(DockingData<double>& at, double now, double clock_rounding,
+                                 double& dissipated);
   /// @param clock_rounding  of the host [s]
   bool update_thrust(double now, double clock_rounding);
   void update_phases(DockingData<double>& at, double now);
 
   // Results
 
-  /// Contact thrust acts from its delay after first contact until capture. @return its onset
-  /// [s since the start], if the thrust is to act
+  /// Contact thrust acts from its delay after first contact until capture, or as the sequence says.
+  /// @return its onset [s since the start], if the thrust is to act
   std::optional<double> find_thrust_onset() const;
   bool is_thrust_due(double now, double clock_rounding) const;
   /// Would anything change at this state? @param now, clock_rounding  as of update_thrust()
@@ -93,11 +105,14 @@ class EventLogic {
  private:
   /// Is a rebound possible? Its event function is then checked between accepted states.
   bool may_part() const;
+  /// Has a latch released, and must not catch again?
+  bool is_disarmed(int latch) const;
 
   const DockingModel* model_;
   DiscreteState& discrete_;
   ContactMemory& memory_;
-  std::array<char, kFixedRoots + kMaxLatches> due_{};
+  SequenceLogic sequence_;
+  std::array<char, kMaxRoots> due_{};
   std::array<char, kMaxLatches> passed_{};                 ///< due, if not at this state
   std::array<LatchMotion, kMaxLatches> latches_before_{};  ///< at the start of a fixed step
 };

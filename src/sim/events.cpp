@@ -23,6 +23,8 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (events->update_absorber(present())) jumped = true;
   if (update_latches(now)) jumped = true;
   events->update_capture(now);
+  const Status switched = update_sequence(tau, changed, jumped);
+  if (!switched.ok()) return switched;
   if (update_thrust(now)) jumped = true;
   changed = changed || jumped;
   if (changed) kept_jacobian.valid = false;
@@ -138,6 +140,42 @@ bool DockingSim::Impl::update_thrust(double now) {
 
 bool DockingSim::Impl::update_latches(double now) {
   return events->update_latches(present(), now, stepper->y()[model->layout.sums + kSumLatches]);
+}
+
+/// Steps of the sequence that are due at the present state. @pre evaluate(tau)
+/// @param changed  set if the integrator must restart. @param jumped  set if forces have changed
+Status DockingSim::Impl::update_sequence(double tau, bool& changed, bool& jumped) {
+  if (!events->sequence().exists()) return {};
+  const double now = elapsed + tau;
+  double& dissipated = stepper->y()[model->layout.sums + kSumLatches];
+  for (;;) {
+    const SequenceChange made =
+        events->update_sequence(present(), now, find_clock_rounding(now), dissipated);
+    if (made.chatters) {
+      const Status status{StatusCode::kSequenceChatters, -1, 0.0, now};
+      status_text = describe(status);  // names steps that a restored state does not know
+      return status;
+    }
+    changed = changed || made.events;
+    jumped = jumped || made.equations;
+    if (!made.step) return {};
+    events->update_capture(now);
+    if (!made.equations) continue;
+    const Status status = evaluate(tau);
+    if (!status.ok()) return status;
+  }
+}
+
+/// A command of the host that differs from the last one. @pre evaluate(0). @post the same
+Status DockingSim::Impl::update_command() {
+  if (!events->sequence().update_command(inputs.command, elapsed)) return {};
+  bool changed = false, jumped = false;
+  kept_jacobian.valid = false;
+  const Status status = update_sequence(0.0, changed, jumped);
+  if (!status.ok()) return status;
+  update_thrust(elapsed);
+  events->update_phases(present(), elapsed);
+  return evaluate_start();
 }
 
 /// Evaluate one state of the stepper, tau after the last communication point.

@@ -58,6 +58,12 @@ std::string DockingSim::Impl::describe(const Status& status) const {
                     "the integrator cannot meet its tolerance: increase solver.rtol, or "
                     "set solver.method = 3 (implicit)");
       break;
+    case StatusCode::kSequenceChatters:
+      std::snprintf(text, sizeof text,
+                    "the sequence changes its step more than %d times at one instant (%s): its "
+                    "conditions hold at once; give them a dwell ('for') or bounds that differ",
+                    kMaxChanges, events->sequence().list_visited().c_str());
+      break;
     case StatusCode::kBadInput:
       std::snprintf(text, sizeof text, "an input has an impossible value");
       break;

@@ -13,7 +13,9 @@ namespace dockloop {
 
 int DockingSim::state_count() const { return impl_->state_count; }
 
-int DockingSim::indicator_count() const { return kFixedRoots + 2 * impl_->scene->latches.count(); }
+int DockingSim::indicator_count() const {
+  return kFixedRoots + 2 * impl_->scene->latches.count() + count_rows(impl_->scene->sequence);
+}
 
 void DockingSim::set_time(double t) {
   Impl& me = *impl_;
@@ -60,10 +62,12 @@ Status DockingSim::get_indicators(double* indicator) {
   if (!status.ok()) return status;
   // A host sees signs at the ends of its steps only. Each condition for a catch has its own
   // indicator, so two sign changes within one step are not missed.
-  double roots[kFixedRoots + kMaxLatches];
+  double roots[kMaxRoots];
   me.events->calc_functions(me.trial(), roots);
-  const double gap = me.events->find_near_gap(me.trial());
-  roots[2] = find_phase_indicator(me.events->find_phase_inputs(me.trial(), gap), me.discrete);
+  if (!me.events->sequence().exists()) {
+    const double gap = me.events->find_near_gap(me.trial());
+    roots[2] = find_phase_indicator(me.events->find_phase_inputs(me.trial(), gap), me.discrete);
+  }
   std::copy_n(roots, kFixedRoots, indicator);
   for (int i = 0; i < me.model->latches.count(); ++i) {
     const LatchMotion motion = find_latch_motion(me.model->latches, i, me.trial().relative);
@@ -71,6 +75,8 @@ Status DockingSim::get_indicators(double* indicator) {
         me.model->latches.latch[i].law, me.discrete.latch[i], motion, roots[kFixedRoots + i]);
     std::copy(both.begin(), both.end(), indicator + kFixedRoots + 2 * i);
   }
+  std::copy(roots + me.events->first_row(), roots + me.events->root_count(),
+            indicator + kFixedRoots + 2 * me.model->latches.count());
   return {};
 }
 
@@ -110,6 +116,7 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   me.read_inputs();
   const std::shared_ptr<const Coordinates> coordinates = me.coordinates;
   std::copy(me.stepper->y(), me.stepper->y() + me.state_count, me.y_accepted.begin());
+  me.events->sequence().update_command(me.inputs.command, me.elapsed);
   // An event may cause the next event.
   constexpr int kPasses = 8;
   for (int pass = 0; pass < kPasses; ++pass) {
@@ -125,10 +132,13 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   update.nominals_changed = me.coordinates != coordinates;
   update.states_changed = update.nominals_changed ||
                           !std::equal(me.y_accepted.begin(), me.y_accepted.end(), me.stepper->y());
+  double next = me.events->sequence().find_next_time(me.elapsed);
   const std::optional<double> onset = me.events->find_thrust_onset();
-  update.next_time_defined =
-      onset && !me.events->is_thrust_due(me.elapsed, me.find_clock_rounding(me.elapsed));
-  if (update.next_time_defined) update.next_time = me.setup->t_start + *onset;
+  if (onset && !me.events->is_thrust_due(me.elapsed, me.find_clock_rounding(me.elapsed))) {
+    next = std::min(next, *onset);
+  }
+  update.next_time_defined = next < kNever;
+  if (update.next_time_defined) update.next_time = me.setup->t_start + next;
   return {};
 }
 

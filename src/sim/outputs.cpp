@@ -10,11 +10,15 @@
 
 namespace dockloop {
 
+std::array<double, Outputs::kLoadCount> find_capture_loads(const DockingData<double>& data) {
+  return find_load_components(find_capture_load(data));
+}
+
 std::array<double, kPeakCount> DockingSim::Impl::find_peak_values(
     const DockingData<double>& at) const {
   std::array<double, kPeakCount> values{};
   if (!model->present[kTarget]) return values;
-  const auto load = find_load_components(find_capture_load(at));
+  const auto load = find_capture_loads(at);
   std::copy(load.begin(), load.end(), values.begin());
   values[Outputs::kLoadCount] = find_load_ratio(load, scene->rated);
   for (size_t i = 0; i < outputs.surface_peak.size(); ++i) {
@@ -138,6 +142,11 @@ void DockingSim::Impl::update_phase_outputs() {
   outputs.capture_reason =
       find_capture_reason(events->find_phase_inputs(present(), outputs.gap), discrete);
   outputs.seated_time = discrete.seated_time;
+  outputs.sequence_step = discrete.sequence.step + 1;
+  outputs.sequence_time_in_step = 0.0;
+  if (events->sequence().exists()) {
+    outputs.sequence_time_in_step = events->sequence().find_time_in_step(elapsed);
+  }
   outputs.phase = discrete.phase;
   outputs.outcome = discrete.outcome;
   outputs.captured = discrete.captured;

@@ -33,4 +33,14 @@ void read_outputs(const OutputSource<S>& from, OutputValues<S>& out);
 template <class S>
 void read_momentum(const OutputSource<S>& from, OutputValues<S>& out);
 
+/// Loads on the target through the capture interface: tension, compression, shear [N], bending,
+/// torsion [N m].
+std::array<double, Outputs::kLoadCount> find_capture_loads(const DockingData<double>& data);
+
+/// Angle between the docking axes, and twist about them, of an attitude [rad].
+template <class S>
+S find_pitch_yaw(const Vec4<S>& attitude);
+template <class S>
+S find_roll(const Vec4<S>& attitude);
+
 }  // namespace dockloop

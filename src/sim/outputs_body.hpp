@@ -112,13 +112,8 @@ void read_relative(const OutputSource<S>& from, OutputValues<S>& out) {
   out.relative_angular_velocity = relative.w;
   out.relative_axial = relative.p.x();
   out.relative_lateral = find_length<S>(relative.p.y(), relative.p.z());
-  // Swing and twist about x: q = swing * twist.
-  const Vec4<S>& q = out.relative_attitude;
-  out.relative_pitch_yaw = S(2) * atan2(find_length<S>(q[2], q[3]), find_length<S>(q[0], q[1]));
-  out.relative_roll = S(2) * atan2(q[1], q[0]);
-  constexpr double kPi = static_cast<double>(EIGEN_PI);
-  if (out.relative_roll > S(kPi)) out.relative_roll -= S(2.0 * kPi);
-  if (out.relative_roll < S(-kPi)) out.relative_roll += S(2.0 * kPi);
+  out.relative_pitch_yaw = find_pitch_yaw(out.relative_attitude);
+  out.relative_roll = find_roll(out.relative_attitude);
 
   const Wrench<S> load = find_capture_load(from.data);
   out.capture_force = load.f;
@@ -241,6 +236,21 @@ void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
 
 }  // namespace
 
+// Swing and twist about x: q = swing * twist.
+template <class S>
+S find_pitch_yaw(const Vec4<S>& q) {
+  return S(2) * atan2(find_length<S>(q[2], q[3]), find_length<S>(q[0], q[1]));
+}
+
+template <class S>
+S find_roll(const Vec4<S>& q) {
+  constexpr double kPi = static_cast<double>(EIGEN_PI);
+  S roll = S(2) * atan2(q[1], q[0]);
+  if (roll > S(kPi)) roll -= S(2.0 * kPi);
+  if (roll < S(-kPi)) roll += S(2.0 * kPi);
+  return roll;
+}
+
 template <class S>
 void read_momentum(const OutputSource<S>& from, OutputValues<S>& out) {
   S mass(0);
@@ -262,9 +272,11 @@ void read_outputs(const OutputSource<S>& from, OutputValues<S>& out) {
   read_energy(from, out);
 }
 
-#define DOCK_INSTANTIATE(S)                                                \
-  template void read_outputs<S>(const OutputSource<S>&, OutputValues<S>&); \
-  template void read_momentum<S>(const OutputSource<S>&, OutputValues<S>&);
+#define DOCK_INSTANTIATE(S)                                                 \
+  template void read_outputs<S>(const OutputSource<S>&, OutputValues<S>&);  \
+  template void read_momentum<S>(const OutputSource<S>&, OutputValues<S>&); \
+  template S find_pitch_yaw<S>(const Vec4<S>&);                             \
+  template S find_roll<S>(const Vec4<S>&);
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
 #undef DOCK_INSTANTIATE
 

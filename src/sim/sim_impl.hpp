@@ -3,7 +3,7 @@
 //   start.cpp           from scene and parameters to the start state
 //   steps.cpp           communication steps, inputs, audits
 //   coupling.cpp        hosts of driven vehicles in a communication step
-//   events.cpp          events at accepted states: contact, latches, phases, coordinates
+//   events.cpp          events at accepted states: contact, latches, sequence, coordinates
 //   model_exchange.cpp  the same equations for a host that integrates all states
 //   outputs.cpp         outputs
 //   derivatives.cpp     derivatives of outputs
@@ -71,10 +71,12 @@ struct DockingSim::Impl : SimState {
   bool prefers_structured_matrix() const;
   bool uses_structured_matrix() const;
   void enter_structured_matrix(Stepper::Problem& problem);
+  bool is_drive_starting() const;
   int build_matrix(double t, const double* y, int& cost);
   std::vector<double> find_absolute_tolerances() const;
   double find_relative_tolerance() const;
   double find_share_of_norm() const;
+  void start_sequence();
   bool can_be_quiescent() const;
   double find_real_time_step();
   double find_impacting_mass() const;
@@ -135,6 +137,8 @@ struct DockingSim::Impl : SimState {
   bool update_latches(double now);
   double find_clock_rounding(double now) const;
   bool update_thrust(double now);
+  Status update_sequence(double tau, bool& changed, bool& jumped);
+  Status update_command();
   Status evaluate(double tau, bool may_lock = true);
   Status evaluate_present();
   Status evaluate_start();

@@ -124,6 +124,7 @@ void transfer(A& archive, Inputs& inputs) {
   if constexpr (A::kReads) inputs.leg_force_command.resize(legs);
   if constexpr (A::kReads) inputs.element_command.resize(elements);
   for_each_value(inputs, [&](double& value) { transfer(archive, value); });
+  transfer(archive, inputs.command);
 }
 
 template <class A>
@@ -178,10 +179,23 @@ void transfer(A& archive, LatchState& latch) {
 }
 
 template <class A>
+void transfer(A& archive, SequenceState& s) {
+  transfer_members<SequenceState>(archive, s.step, s.began, s.since, s.timed_out, s.outcome,
+                                  s.was_captured, s.is_armed, s.thrust_since, s.command,
+                                  s.held_since, s.stood, s.seen, s.instant, s.changes, s.visited);
+}
+
+template <class A>
+void transfer(A& archive, LawSetting& law) {
+  transfer_members<LawSetting>(archive, law.engagement, law.drive, law.is_held, law.since,
+                               law.target, law.speed, law.acceleration, law.deceleration);
+}
+
+template <class A>
 void transfer(A& archive, DiscreteState& d) {
   transfer_members<DiscreteState>(archive, d.latch, d.contacted, d.captured, d.time_of_contact,
                                   d.time_of_capture, d.thrust_on, d.phase, d.outcome, d.seated,
-                                  d.seated_time, d.seen);
+                                  d.seated_time, d.seen, d.sequence, d.law);
 }
 
 template <class A>

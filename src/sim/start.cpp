@@ -516,8 +516,9 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   if (update_latches(0.0) && !evaluate(0.0).ok())
     throw ModelError("start state cannot be evaluated");
   events->update_capture(0.0);
+  start_sequence();
   update_thrust(0.0);
-  update_phase(events->find_phase_inputs(present(), events->find_near_gap(present())), discrete);
+  events->update_phases(present(), 0.0);
   peaks.start(0.0, find_peak_values());
   quiescent_mode->start(stepper->y());
   host->start();
@@ -526,11 +527,26 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   invalidate();
 }
 
+/// Enter the first step of the sequence, and those that follow at once. @pre evaluate(0)
+void DockingSim::Impl::start_sequence() {
+  SequenceLogic& sequence = events->sequence();
+  if (!sequence.exists()) return;
+  sequence.start();
+  sequence.update_command(inputs.command, 0.0);
+  sequence.enter(model->sequence.start, 0, present(), 0.0,
+                 stepper->y()[model->layout.sums + kSumLatches]);
+  bool changed = false, jumped = false;
+  Status status = evaluate(0.0);
+  if (status.ok()) status = update_sequence(0.0, changed, jumped);
+  if (!status.ok()) throw ModelError("start state: " + describe(status));
+}
+
 /// Can the mechanism become quiescent in this run? Reference solutions always integrate it.
 bool DockingSim::Impl::can_be_quiescent() const {
   return setup->parameters.flight == kQuiescent && fmi_kind == FmiKind::kCoSimulation &&
          !is_fixed_step() && !host->has_host() && !adapt_problem &&
-         !model->mechanism.plan.is_driven && !acts_by_itself(model->mechanism.model);
+         !model->mechanism.plan.is_driven && model->sequence.empty() &&
+         !acts_by_itself(model->mechanism.model);
 }
 
 /// The smaller of the tolerances of parameter and host.
@@ -610,7 +626,7 @@ void DockingSim::Impl::make_stepper() {
   const StateLayout& layout = model->layout;
   Stepper::Problem problem;
   problem.size = layout.size;
-  problem.root_count = kFixedRoots + model->latches.count();
+  problem.root_count = events->root_count();
   problem.rates = [this](double t, const double* y, double* ydot) {
     const Status status = evaluator->at_trial(t, y, ydot);
     return update_failure_code(status, t, ydot, model->layout.size);
@@ -714,9 +730,17 @@ void DockingSim::Impl::enter_structured_matrix(Stepper::Problem& problem) {
     const auto releases = [](const LatchState& latch) {
       return latch.mode == LatchMode::kReleasing;
     };
-    return loads.are_sloped() || model->mechanism.plan.is_driven ||
+    return loads.are_sloped() || model->mechanism.plan.is_driven || is_drive_starting() ||
            std::any_of(discrete.latch.begin(), discrete.latch.end(), releases);
   };
+}
+
+/// May a drive that the sequence runs still gain speed in this communication step?
+bool DockingSim::Impl::is_drive_starting() const {
+  return std::any_of(discrete.law.begin(), discrete.law.end(), [this](const LawSetting& law) {
+    return law.drive == LawSetting::Drive::kRuns &&
+           (elapsed - law.since) * law.acceleration < law.speed;
+  });
 }
 
 /// @return as the rates

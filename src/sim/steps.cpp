@@ -122,6 +122,7 @@ Status DockingSim::Impl::step(double t, double h) {
     status = receive(h);
     if (update_thrust(elapsed)) kept_jacobian.valid = false;  // it may be a new input
     if (status.ok()) status = evaluate_start();
+    if (status.ok()) status = update_command();
     step_begin = find_coupling_point(*model, present(), stepper->y());
     drift = 0.0;
     const std::int64_t limit = find_work_limit(h);
@@ -328,13 +329,16 @@ double DockingSim::Impl::update_singularity_step(double made, double proposal) {
 }
 
 /// Where the next inner step must end at the latest: the end of the communication step, the onset
-/// of thrust, and the bound that prevents surfaces from passing through each other unseen.
+/// of thrust, a known time of the sequence, and the bound that prevents surfaces from passing
+/// through each other unseen.
 double DockingSim::Impl::find_next_stop(double tau, double h) const {
   double stop = h;
   const std::optional<double> onset = events->find_thrust_onset();
   if (onset && !discrete.thrust_on && *onset - elapsed > tau) {
     stop = std::min(stop, *onset - elapsed);
   }
+  const double switches = events->sequence().find_next_time(elapsed + tau) - elapsed;
+  if (switches > tau) stop = std::min(stop, switches);
   for (const LawFailure& failure : model->mechanism.model.failures) {
     const double begins = failure.time - elapsed;
     if (failure.active && begins > tau) stop = std::min(stop, begins);

@@ -73,7 +73,8 @@ struct Inputs {
   Vec3<double> gravity = Vec3<double>::Zero();  ///< in N [m/s2]
   std::vector<double> leg_force_command;        ///< [N], one per leg
   std::vector<double> element_command;          ///< one per force element
-  double next_step = 0.0;  ///< [s] of the step after the coming step, 0 = the same
+  double next_step = 0.0;    ///< [s] of the step after the coming step, 0 = the same
+  int command = kNoCommand;  ///< to the sequence, see Command
 };
 
 /// Is this a unit quaternion, within errors of rounding and integration?
@@ -86,7 +87,7 @@ inline bool is_all_zero(const Inputs::Vehicle& in) {
          in.angular_velocity.isZero(0.0);
 }
 
-/// Calls f(double&) for every input, in an order that depends on the sizes only.
+/// Calls f(double&) for every Real input, in an order that depends on the sizes only.
 template <class F>
 void for_each_value(Inputs& inputs, F&& f) {
   const auto each = [&](auto& vector) {
@@ -254,8 +255,10 @@ struct Outputs : OutputValues<double> {
   std::vector<double> surface_peak;      ///< per group of hardware that is no guide ring [N]
 
   // group phase
-  int phase = 1;    ///< see docking/phases.hpp
-  int outcome = 1;  ///< 1 undecided, 2 captured, 3 partial capture, 4 rebound, 5 miss
+  int phase = 1;                       ///< see docking/phases.hpp
+  int outcome = 1;                     ///< the same
+  int sequence_step = 1;               ///< place in the list of steps, from 1
+  double sequence_time_in_step = 0.0;  ///< [s]
   bool captured = false;
   std::vector<char> latched;      ///< 0 or 1, one per latch (char: vector<bool> has no addresses)
   std::vector<int> latch_state;   ///< see LatchReport, one per latch

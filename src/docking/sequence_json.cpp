@@ -1,0 +1,358 @@
+// Reader of a sequence; see sequence_json.hpp.
+#include "docking/sequence_json.hpp"
+
+#include <algorithm>
+
+#include "docking/phases.hpp"
+
+namespace dockloop {
+namespace {
+
+/// Quantities by name; with a count: `name[1]` to `name[count]`.
+struct QuantityName {
+  Measured quantity;
+  const char* name;
+  const char* member;  ///< after the index
+  int count;           ///< -1: legs, -2: latches, 0: no index
+};
+constexpr int kPerLeg = -1, kPerLatch = -2;
+constexpr QuantityName kQuantities[] = {
+    {Measured::kTime, "time", "", 0},
+    {Measured::kGap, "gap", "", 0},
+    {Measured::kRelativePosition, "relative.position", "", 3},
+    {Measured::kRelativeVelocity, "relative.velocity", "", 3},
+    {Measured::kRelativeAxial, "relative.axial", "", 0},
+    {Measured::kRelativeLateral, "relative.lateral", "", 0},
+    {Measured::kRelativePitchYaw, "relative.pitch_yaw", "", 0},
+    {Measured::kRelativeRoll, "relative.roll", "", 0},
+    {Measured::kRelativeSpeed, "relative.speed", "", 0},
+    {Measured::kRelativeAngularSpeed, "relative.angular_speed", "", 0},
+    {Measured::kCaptureAxial, "capture.axial", "", 0},
+    {Measured::kCaptureAxialRate, "capture.axial_rate", "", 0},
+    {Measured::kCaptureTension, "capture.tension", "", 0},
+    {Measured::kCaptureCompression, "capture.compression", "", 0},
+    {Measured::kCaptureShear, "capture.shear", "", 0},
+    {Measured::kCaptureBending, "capture.bending", "", 0},
+    {Measured::kCaptureTorsion, "capture.torsion", "", 0},
+    {Measured::kRingPosition, "ring.position", "", 3},
+    {Measured::kLegLength, "leg", ".length", kPerLeg},
+    {Measured::kLegRate, "leg", ".rate", kPerLeg},
+    {Measured::kLatchOpening, "latch", ".opening", kPerLatch},
+    {Measured::kLatchForce, "latch", ".force", kPerLatch},
+};
+constexpr std::pair<Measured, const char*> kElementQuantities[] = {
+    {Measured::kElementCoordinate, "coordinate"},
+    {Measured::kElementRate, "rate"},
+    {Measured::kElementForce, "force"},
+    {Measured::kElementSaturation, "saturation"},
+};
+
+/// Does a name fit a pattern, where each * stands for any text?
+bool fits_pattern(const std::string& name, const std::string& pattern, size_t n = 0, size_t p = 0) {
+  if (p == pattern.size()) return n == name.size();
+  if (pattern[p] == '*') {
+    return fits_pattern(name, pattern, n, p + 1) ||
+           (n < name.size() && fits_pattern(name, pattern, n + 1, p));
+  }
+  return n < name.size() && name[n] == pattern[p] && fits_pattern(name, pattern, n + 1, p + 1);
+}
+
+/// Names of choices in files have _ where people write a space or a hyphen.
+std::string find_file_name(const Choice& choice) {
+  std::string name = choice.name;
+  std::replace_if(name.begin(), name.end(), [](char c) { return c == ' ' || c == '-'; }, '_');
+  return name;
+}
+
+/// Number of a choice by its name in a file.
+int read_choice_name(const JsonReader& item, const ChoiceList& list) {
+  std::string known;
+  for (const Choice& choice : list) {
+    if (find_file_name(choice) == item.text()) return choice.number;
+    known += (known.empty() ? "" : ", ") + find_file_name(choice);
+  }
+  item.fail("is '" + item.text() + "'; known names are " + known);
+}
+
+/// What the members of a sequence refer to.
+struct Context {
+  const MechanismModel& model;
+  const LatchSet* latches;
+  const std::vector<std::string>& steps;
+
+  int find_element(const std::string& name) const {
+    for (size_t i = 0; i < model.elements.size(); ++i) {
+      if (model.elements[i].name == name) return static_cast<int>(i);
+    }
+    return -1;
+  }
+  int find_step(const JsonReader& item) const {
+    const auto at = std::find(steps.begin(), steps.end(), item.text());
+    if (at == steps.end()) item.fail("is '" + item.text() + "'; no step has this name");
+    return static_cast<int>(at - steps.begin());
+  }
+};
+
+// ---------------------------------------------------------------- conditions
+
+/// Reads "element.NAME.MEMBER". @return false if the name does not begin so
+bool read_element_quantity(const JsonReader& item, const Context& context, Condition& condition) {
+  const std::string name = item.text(), begin = "element.";
+  if (name.rfind(begin, 0) != 0) return false;
+  const size_t dot = name.rfind('.');
+  const std::string element =
+      dot > begin.size() ? name.substr(begin.size(), dot - begin.size()) : "";
+  condition.index = context.find_element(element);
+  if (condition.index < 0) {
+    item.fail("is '" + name + "'; no force element has the name '" + element + "'");
+  }
+  std::string known;
+  for (const auto& [quantity, member] : kElementQuantities) {
+    if (name.substr(dot + 1) == member) {
+      condition.quantity = quantity;
+      return true;
+    }
+    known += (known.empty() ? "" : ", ") + std::string(member);
+  }
+  item.fail("is '" + name + "'; an element has " + known);
+}
+
+int find_count(const QuantityName& entry, const Context& context) {
+  if (entry.count == kPerLeg) return static_cast<int>(context.model.legs.size());
+  if (entry.count == kPerLatch) return context.latches ? context.latches->count() : kMaxLatches;
+  return entry.count;
+}
+
+void read_quantity(const JsonReader& item, const Context& context, Condition& condition) {
+  if (read_element_quantity(item, context, condition)) return;
+  std::string known;
+  for (const QuantityName& entry : kQuantities) {
+    condition.quantity = entry.quantity;
+    const std::string member = entry.member;
+    if (entry.count == 0 && item.text() == entry.name) return;
+    for (int i = 0; i < find_count(entry, context); ++i) {
+      condition.index = i;
+      if (item.text() == entry.name + ("[" + std::to_string(i + 1) + "]") + member) return;
+    }
+    known += std::string(entry.name) + (entry.count == 0 ? "" : "[i]") + member + ", ";
+  }
+  item.fail("is '" + item.text() + "'; known quantities are " + known +
+            "element.NAME.coordinate, rate, force and saturation");
+}
+
+int read_latch_count(const JsonReader& item, const Context& context) {
+  return item.whole(1, context.latches ? std::max(1, context.latches->count()) : kMaxLatches);
+}
+
+Condition read_condition(const JsonReader& item, const Context& context) {
+  Condition condition;
+  int kinds = 0;
+  for (const char* key : {"quantity", "latched", "latched_below", "command"}) {
+    kinds += item.has(key) ? 1 : 0;
+  }
+  if (kinds != 1) {
+    item.fail(
+        "must have one of quantity, latched, latched_below, command (all and any only once, "
+        "outside); it has " +
+        std::to_string(kinds));
+  }
+  if (item.has("latched")) {
+    condition.kind = Condition::Kind::kLatched;
+    condition.number = read_latch_count(item.at("latched"), context);
+  } else if (item.has("latched_below")) {
+    condition.kind = Condition::Kind::kLatchedBelow;
+    condition.number = read_latch_count(item.at("latched_below"), context);
+  } else if (item.has("command")) {
+    condition.kind = Condition::Kind::kCommand;
+    condition.number = read_choice_name(item.at("command"), kCommands);
+  } else {
+    read_quantity(item.at("quantity"), context, condition);
+    const int bounds = item.has("above") + item.has("below") + item.has("between");
+    if (bounds != 1) {
+      item.fail("must have one of above, below, between; it has " + std::to_string(bounds));
+    }
+    if (item.has("above")) condition.low = item.at("above").number();
+    if (item.has("below")) condition.high = item.at("below").number();
+    if (item.has("between")) {
+      const Eigen::Vector2d both = item.at("between").vector<2>();
+      condition.low = both[0];
+      condition.high = both[1];
+      if (!(both[0] < both[1])) item.at("between").fail("must be two numbers that increase");
+    }
+  }
+  return condition;
+}
+
+When read_when(const JsonReader& item, const Context& context) {
+  When when;
+  when.any = item.has("any");
+  when.dwell = item.non_negative("for", 0.0);
+  if (when.any && item.has("all")) item.fail("has both all and any; write a row for each");
+  if (!when.any && !item.has("all")) {
+    when.parts = {read_condition(item, context)};
+    return when;
+  }
+  for (const JsonReader& part : item.list(when.any ? "any" : "all", kMaxParts)) {
+    when.parts.push_back(read_condition(part, context));
+  }
+  if (when.parts.empty()) item.fail("has an empty list of conditions");
+  return when;
+}
+
+// ---------------------------------------------------------------- actions
+
+/// One of two words.
+bool read_word(const JsonReader& item, const char* yes, const char* no) {
+  if (item.text() != yes && item.text() != no) {
+    item.fail("is '" + item.text() + "'; it must be " + yes + " or " + no);
+  }
+  return item.text() == yes;
+}
+
+/// Laws that an action switches: f(law, its number among all laws) for every law that it may.
+/// @param types  types of laws that can be switched so
+template <class F>
+void read_laws(const JsonReader& item, const Context& context, std::vector<std::string> types,
+               F&& f) {
+  const bool is_one = item.has("element");
+  if (is_one == item.has("elements")) item.fail("must have either element or elements");
+  const JsonReader name = item.at(is_one ? "element" : "elements");
+  if (is_one && context.find_element(name.text()) < 0) {
+    name.fail("is '" + name.text() + "'; no force element has this name");
+  }
+  std::string wanted = types.front();
+  for (size_t i = 1; i < types.size(); ++i) wanted += " or " + types[i];
+  if (item.has("law")) {
+    const std::string type = item.at("law").text();
+    if (std::find(types.begin(), types.end(), type) == types.end()) {
+      item.at("law").fail("is '" + type + "'; this action switches laws of type " + wanted);
+    }
+    types = {wanted = type};
+  }
+  int number = 0, count = 0;
+  for (const ForceElement& element : context.model.elements) {
+    const bool fits =
+        is_one ? element.name == name.text() : fits_pattern(element.name, name.text());
+    for (const ForceLaw& law : element.laws) {
+      const bool is_type = std::find(types.begin(), types.end(), describe_type(law)) != types.end();
+      if (fits && is_type) {
+        ++count;
+        f(law, number);
+      }
+      ++number;
+    }
+  }
+  if (count == 0) {
+    name.fail("is '" + name.text() + "', which has no law of type " + wanted + " to switch");
+  }
+}
+
+void read_action(const JsonReader& item, const Context&, ThrustAction& action) {
+  action.on = read_word(item.at(ThrustAction::kKey), "on", "off");
+}
+
+void read_action(const JsonReader& item, const Context&, LatchesAction& action) {
+  action.arm = read_word(item.at(LatchesAction::kKey), "arm", "release");
+}
+
+void read_action(const JsonReader& item, const Context& context, RunAction& action) {
+  const JsonReader run = item.at(RunAction::kKey);
+  action.on = !run.node().is_string();
+  if (!action.on && run.text() != "off") run.fail("must be off, or an object with a target");
+  if (action.on) action.target = run.at("target").number();
+  read_laws(item, context, {DriveLaw::kType}, [&](const ForceLaw& law, int number) {
+    const DriveLaw& drive = std::get<DriveLaw>(law);
+    if (drive.commanded) {
+      item.fail("runs a drive that the host commands; leave out 'commanded' of the drive");
+    }
+    RunAction::Drive settings{number, drive.speed, drive.acceleration, drive.deceleration};
+    if (action.on) {
+      if (run.has("speed")) settings.speed = run.positive("speed");
+      if (run.has("acceleration")) {
+        settings.acceleration = settings.deceleration = run.positive("acceleration");
+      }
+      if (run.has("deceleration")) settings.deceleration = run.positive("deceleration");
+    }
+    action.drives.push_back(settings);
+  });
+}
+
+void read_action(const JsonReader& item, const Context& context, EngagementAction& action) {
+  const JsonReader engagement = item.at(EngagementAction::kKey);
+  action.engagement = engagement.number();
+  const std::string fault = find_fault(action.engagement, Rule::kShare);
+  if (!fault.empty()) engagement.fail("is " + engagement.shown() + "; " + fault);
+  read_laws(item, context, {BrakeLaw::kType, EddyLaw::kType},
+            [&](const ForceLaw&, int number) { action.laws.push_back(number); });
+}
+
+/// Reads the alternative of Action whose key the item has.
+template <size_t i = 0>
+Action read_keyed(const JsonReader& item, const Context& context, const std::string& known = "") {
+  if constexpr (i < std::variant_size_v<Action>) {
+    using Each = std::variant_alternative_t<i, Action>;
+    if (!item.has(Each::kKey)) {
+      return read_keyed<i + 1>(item, context, known + (i > 0 ? ", " : "") + Each::kKey);
+    }
+    Each action;
+    read_action(item, context, action);
+    return action;
+  } else {
+    item.fail("is no action; an action has one of " + known);
+  }
+}
+
+// ---------------------------------------------------------------- steps
+
+SequenceBranch read_branch(const JsonReader& item, const Context& context) {
+  SequenceBranch branch;
+  if (item.has("go")) branch.go = context.find_step(item.at("go"));
+  if (item.has("outcome")) branch.outcome = read_choice_name(item.at("outcome"), kOutcomes);
+  return branch;
+}
+
+SequenceStep read_step(const JsonReader& item, const Context& context) {
+  SequenceStep step;
+  step.name = item.at("name").text();
+  step.phase = item.at("phase").whole(kPhases.front().number, kPhases.back().number);
+  if (item.has("outcome")) step.outcome = read_choice_name(item.at("outcome"), kOutcomes);
+  for (const JsonReader& action : item.list("do", kMaxActions)) {
+    step.actions.push_back(read_keyed(action, context));
+  }
+  for (const JsonReader& row : item.list("next", kMaxRows)) {
+    row.at("go");
+    step.next.push_back({read_branch(row, context), read_when(row.at("when"), context)});
+  }
+  if (item.has("timeout")) step.timeout = item.positive("timeout");
+  step.on_timeout.outcome = kTimedOut;
+  if (item.has("on_timeout")) {
+    if (!item.has("timeout")) item.fail("has on_timeout, but no timeout");
+    step.on_timeout = read_branch(item.at("on_timeout"), context);
+  }
+  return step;
+}
+
+}  // namespace
+
+Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
+                       const LatchSet* latches) {
+  Sequence sequence;
+  if (!mechanism.has("sequence")) return sequence;
+  const JsonReader item = mechanism.at("sequence");
+  const std::vector<JsonReader> steps = item.at("steps").items(kMaxSteps);
+  std::vector<std::string> names;
+  for (const JsonReader& step : steps) {
+    const std::string name = step.at("name").text();
+    if (std::count(names.begin(), names.end(), name)) {
+      step.at("name").fail("'" + name + "' is used twice");
+    }
+    names.push_back(name);
+  }
+  if (names.empty()) item.at("steps").fail("is empty; a sequence needs a step");
+  const Context context{model, latches, names};
+  for (const JsonReader& step : steps) sequence.steps.push_back(read_step(step, context));
+  if (item.has("start")) sequence.start = context.find_step(item.at("start"));
+  return sequence;
+}
+
+}  // namespace dockloop

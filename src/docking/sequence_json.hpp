@@ -1,0 +1,17 @@
+// Reads the sequence of a mechanism document.
+#pragma once
+
+#include "contact/latches.hpp"
+#include "docking/sequence.hpp"
+#include "model/json_reader.hpp"
+#include "model/mechanism_model.hpp"
+
+namespace dockloop {
+
+/// The member `sequence` of a mechanism; an empty sequence if there is none.
+/// @param latches  of a scene with a target; null: conditions on latches never hold
+/// @throws ModelError naming file, member, value and limit
+Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
+                       const LatchSet* latches);
+
+}  // namespace dockloop

@@ -1,0 +1,324 @@
+// See sequence_logic.hpp.
+#include "sim/sequence_logic.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sim/outputs.hpp"
+
+namespace dockloop {
+namespace {
+
+/// A condition that holds ends this far beyond its bound, in the unit of the quantity: more than
+/// the rounding of a located state, less than any bound means.
+constexpr double kRelease = 3e-9;
+constexpr double kExactGap =
+    0.05;                          ///< a gap is exact as long as it is not so far above a bound [m]
+constexpr double kInstant = 1e-6;  ///< changes within this time count as simultaneous [s]
+
+double find_sign(bool holds) { return holds ? -1.0 : 1.0; }
+
+/// Tolerance of a comparison of times [s].
+double find_slack(double rounding) { return 4.0 * rounding; }
+
+}  // namespace
+
+// ---------------------------------------------------------------- conditions
+
+double SequenceLogic::find_clock(double now) const {
+  return (state_.command == kHold ? state_.held_since : now) - state_.stood;
+}
+
+double SequenceLogic::find_quantity(const Condition& part, DockingData<double>& at) const {
+  const auto relative = [&] { return find_relative(at.interface[kChaser], at.interface[kTarget]); };
+  const auto load = [&] {
+    return find_capture_loads(
+        at)[static_cast<size_t>(part.quantity) - static_cast<size_t>(Measured::kCaptureTension)];
+  };
+  const auto leg = [&]() -> const Body& {
+    const MechanismModel& mechanism = model_->mechanism.model;
+    return mechanism.bodies[mechanism.legs[static_cast<size_t>(part.index)].slide_body];
+  };
+  const size_t latch = static_cast<size_t>(part.index);
+  switch (part.quantity) {
+    case Measured::kTime:
+      break;
+    case Measured::kGap: {
+      const double bound = std::isfinite(part.low) ? part.low : part.high;
+      const bool is_sure = at.contact.gap < 0.0 || at.contact.gap > bound + kExactGap;
+      if (is_sure || model_->contact.empty()) return at.contact.gap;
+      return find_gap(model_->contact, at.relative, at.contact_work);
+    }
+    case Measured::kRelativePosition:
+      return relative().p[part.index];
+    case Measured::kRelativeVelocity:
+      return relative().v[part.index];
+    case Measured::kRelativeAxial:
+      return relative().p.x();
+    case Measured::kRelativeLateral:
+      return relative().p.tail<2>().norm();
+    case Measured::kRelativePitchYaw:
+      return find_pitch_yaw<double>(quat_from_matrix<double>(relative().R));
+    case Measured::kRelativeRoll:
+      return find_roll<double>(quat_from_matrix<double>(relative().R));
+    case Measured::kRelativeSpeed:
+      return relative().v.norm();
+    case Measured::kRelativeAngularSpeed:
+      return relative().w.norm();
+    case Measured::kCaptureAxial:
+      return at.relative.p.x() + model_->contact.depth;
+    case Measured::kCaptureAxialRate:
+      return at.relative.v.x();
+    case Measured::kCaptureTension:
+    case Measured::kCaptureCompression:
+    case Measured::kCaptureShear:
+    case Measured::kCaptureBending:
+    case Measured::kCaptureTorsion:
+      return load();
+    case Measured::kRingPosition:
+      return find_relative(at.interface[kChaser], at.capture).p[part.index];
+    case Measured::kLegLength:
+      return model_->mechanism.model.legs[latch].home_length + at.mechanism.tree.q[leg().q_index];
+    case Measured::kLegRate:
+      return at.mechanism.tree.v[leg().v_index];
+    case Measured::kLatchOpening:
+      return at.latch.opening[latch];
+    case Measured::kLatchForce:
+      return at.latch.force[latch];
+    case Measured::kElementCoordinate:
+      return at.elements.coordinate[part.index];
+    case Measured::kElementRate:
+      return at.elements.rate[part.index];
+    case Measured::kElementForce:
+      return at.elements.force[part.index];
+    case Measured::kElementSaturation:
+      return at.elements.saturation[part.index];
+  }
+  return 0.0;
+}
+
+double SequenceLogic::find_value(const Condition& part, DockingData<double>& at, double now) const {
+  int held = 0;
+  for (int i = 0; i < model_->latches.count(); ++i) {
+    held += discrete_.latch[static_cast<size_t>(i)].mode == LatchMode::kHeld ? 1 : 0;
+  }
+  switch (part.kind) {
+    case Condition::Kind::kLatched:
+      return find_sign(held >= part.number);
+    case Condition::Kind::kLatchedBelow:
+      return find_sign(held < part.number);
+    case Condition::Kind::kCommand:
+      return find_sign(state_.command == part.number);
+    case Condition::Kind::kBounds:
+      break;
+  }
+  if (part.quantity == Measured::kTime) {
+    const double time = find_time_in_step(now);
+    return find_sign(time >= part.low && time < part.high);
+  }
+  const double value = find_quantity(part, at);
+  return std::max(part.low - value, value - part.high);
+}
+
+double SequenceLogic::find_value(const When& when, DockingData<double>& at, double now) const {
+  double found = when.any ? kNever : -kNever;
+  for (const Condition& part : when.parts) {
+    const double value = find_value(part, at, now);
+    found = when.any ? std::min(found, value) : std::max(found, value);
+  }
+  return found;
+}
+
+void SequenceLogic::calc_functions(DockingData<double>& at, double* roots) const {
+  std::fill_n(roots, root_count(), 1.0);
+  const std::vector<SequenceRow>& rows = step().next;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const double value = find_value(rows[i].when, at, state_.seen);
+    roots[i] = state_.since[i] < 0.0 ? value : kRelease - value;
+  }
+}
+
+bool SequenceLogic::is_timed_out(double now, double slack) const {
+  return step().timeout > 0.0 && !state_.timed_out &&
+         find_time_in_step(now) + slack >= step().timeout;
+}
+
+/// The first row that is due, -1 if none is. @param[in,out] since  as SequenceState::since
+int SequenceLogic::find_row(DockingData<double>& at, double now, double slack, const char* due,
+                            std::array<double, kMaxRows>& since) const {
+  const std::vector<SequenceRow>& rows = step().next;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    const bool waits = since[i] >= 0.0, passed = due && due[i];
+    const double value = find_value(rows[i].when, at, now + slack);
+    const bool holds = waits ? !passed && value <= kRelease : passed || value <= 0.0;
+    if (holds != waits) since[i] = holds ? find_clock(now) : -1.0;
+    if (holds && find_clock(now) + slack >= since[i] + rows[i].when.dwell)
+      return static_cast<int>(i);
+  }
+  return -1;
+}
+
+double SequenceLogic::find_next_time(double now) const {
+  double next = kNever;
+  if (!exists() || state_.command == kHold) return next;
+  const auto add = [&](double clock) {
+    const double time = clock + state_.stood;
+    if (time > now) next = std::min(next, time);
+  };
+  const std::vector<SequenceRow>& rows = step().next;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    if (state_.since[i] >= 0.0) add(state_.since[i] + rows[i].when.dwell);
+    for (const Condition& part : rows[i].when.parts) {
+      if (part.kind != Condition::Kind::kBounds || part.quantity != Measured::kTime) continue;
+      add(state_.began + part.low);
+      add(state_.began + part.high);
+    }
+  }
+  if (step().timeout > 0.0 && !state_.timed_out) add(state_.began + step().timeout);
+  return next;
+}
+
+// ---------------------------------------------------------------- steps
+
+void SequenceLogic::start() {
+  state_ = SequenceState();
+  state_.since.fill(-1.0);
+  state_.step = model_->sequence.start;
+  discrete_.law.assign(static_cast<size_t>(count_laws(model_->mechanism.model.elements)),
+                       LawSetting());
+}
+
+bool SequenceLogic::update_command(int command, double now) {
+  if (!exists() || command == state_.command) return false;
+  const bool resumes = state_.command == kHold;
+  if (resumes) state_.stood += now - state_.held_since;
+  state_.command = command;
+  state_.held_since = now;
+  for (LawSetting& law : discrete_.law) {
+    law.is_held = command == kHold;
+    if (resumes) law.since = now;
+  }
+  return true;
+}
+
+SequenceChange SequenceLogic::update(DockingData<double>& at, double now, double clock_rounding,
+                                     const char* due, double& dissipated) {
+  const double slack = find_slack(clock_rounding);
+  if (discrete_.captured != state_.was_captured) {
+    if (discrete_.captured) state_.outcome = kOutcomeCaptured;
+    if (!discrete_.captured && state_.outcome == kOutcomeCaptured) state_.outcome = 0;
+  }
+  state_.was_captured = discrete_.captured;
+  state_.seen = now;
+  const std::array<double, kMaxRows> before = state_.since;
+  const int row = find_row(at, now, slack, due, state_.since);
+  if (row >= 0) return follow(step().next[static_cast<size_t>(row)], at, now, dissipated);
+  if (is_timed_out(now, slack)) return follow(step().on_timeout, at, now, dissipated);
+  SequenceChange change;
+  change.events = state_.since != before;
+  return change;
+}
+
+bool SequenceLogic::is_change_due(DockingData<double>& at, double now,
+                                  double clock_rounding) const {
+  const double slack = find_slack(clock_rounding);
+  std::array<double, kMaxRows> since = state_.since;
+  return find_row(at, now, slack, nullptr, since) >= 0 || since != state_.since ||
+         is_timed_out(now, slack);
+}
+
+SequenceChange SequenceLogic::follow(const SequenceBranch& branch, const DockingData<double>& at,
+                                     double now, double& dissipated) {
+  SequenceChange change;
+  change.events = true;
+  if (branch.go < 0) {
+    state_.timed_out = true;
+    state_.outcome = branch.outcome;
+    return change;
+  }
+  if (!(now - state_.instant <= kInstant)) {
+    state_.instant = now;
+    state_.changes = 0;
+  }
+  if (state_.changes == kMaxChanges) {
+    change.chatters = true;
+    return change;
+  }
+  state_.visited[static_cast<size_t>(state_.changes++)] = state_.step;
+  enter(branch.go, branch.outcome, at, now, dissipated);
+  change.step = true;
+  change.equations = !step().actions.empty();
+  return change;
+}
+
+void SequenceLogic::enter(int to, int outcome, const DockingData<double>& at, double now,
+                          double& dissipated) {
+  state_.step = to;
+  state_.began = find_clock(now);
+  state_.since.fill(-1.0);
+  state_.timed_out = false;
+  if (step().outcome) outcome = step().outcome;
+  if (outcome || step().phase <= kContact) state_.outcome = outcome;
+  for (const Action& action : step().actions) {
+    std::visit([&](const auto& each) { act(each, at, now, dissipated); }, action);
+  }
+}
+
+std::string SequenceLogic::list_visited() const {
+  std::string text;
+  for (int i = 0; i < state_.changes; ++i) {
+    const int at = state_.visited[static_cast<size_t>(i)];
+    const std::string name = "'" + model_->sequence.steps[static_cast<size_t>(at)].name + "'";
+    if (text.find(name) == std::string::npos) text += (text.empty() ? "" : ", ") + name;
+  }
+  return text;
+}
+
+void SequenceLogic::update_phase(int held) {
+  discrete_.phase = step().phase;
+  const int so_far = held > 0 ? kPartialCapture : kUndecided;
+  discrete_.outcome = state_.outcome ? state_.outcome : so_far;
+}
+
+// ---------------------------------------------------------------- actions
+
+void SequenceLogic::act(const ThrustAction& action, const DockingData<double>&, double now,
+                        double&) {
+  state_.thrust_since = action.on ? now : -1.0;
+}
+
+std::optional<double> SequenceLogic::find_thrust_onset() const {
+  if (state_.thrust_since < 0.0) return std::nullopt;
+  return state_.thrust_since + model_->thrust_delay;
+}
+
+void SequenceLogic::act(const LatchesAction& action, const DockingData<double>& at, double now,
+                        double& dissipated) {
+  state_.is_armed = action.arm;
+  if (action.arm) return;
+  for (int i = 0; i < model_->latches.count(); ++i) {
+    dissipated += release_latch(model_->latches, i, now, at.relative,
+                                discrete_.latch[static_cast<size_t>(i)]);
+  }
+}
+
+void SequenceLogic::act(const RunAction& action, const DockingData<double>&, double now, double&) {
+  for (const RunAction::Drive& drive : action.drives) {
+    LawSetting& law = discrete_.law[static_cast<size_t>(drive.law)];
+    law.drive = action.on ? LawSetting::Drive::kRuns : LawSetting::Drive::kOff;
+    law.since = now;
+    law.target = action.target;
+    law.speed = drive.speed;
+    law.acceleration = drive.acceleration;
+    law.deceleration = drive.deceleration;
+  }
+}
+
+void SequenceLogic::act(const EngagementAction& action, const DockingData<double>&, double,
+                        double&) {
+  for (const int law : action.laws) {
+    discrete_.law[static_cast<size_t>(law)].engagement = action.engagement;
+  }
+}
+
+}  // namespace dockloop

@@ -1,0 +1,91 @@
+// Steps of a sequence at accepted states; see docking/sequence.hpp.
+//
+// A condition is a number that is positive while it is false: for a bound, how far the quantity is
+// from it; all parts: the largest of their numbers, any: the smallest. What does not change between
+// accepted states (latches, commands, times) counts as +1 or -1. The integrator locates where the
+// number of a row falls to zero. While a row waits for the end of its dwell, its event function is
+// that of the end of the condition. Ends of dwells, time-outs and bounds of the time are known
+// times: a step of the integrator ends there.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "docking/docking_model.hpp"
+#include "docking/phases.hpp"
+
+namespace dockloop {
+
+/// What an update of the sequence has changed.
+struct SequenceChange {
+  bool events = false;     ///< event functions: the integrator must restart
+  bool step = false;       ///< the step: look again at this instant
+  bool equations = false;  ///< forces or latches: evaluate again
+  bool chatters = false;   ///< more than kMaxChanges at one instant: refuse
+};
+
+class SequenceLogic {
+ public:
+  /// Keeps references to both.
+  SequenceLogic(const DockingModel& model, DiscreteState& discrete)
+      : model_(&model), discrete_(discrete), state_(discrete.sequence) {}
+  void use_model(const DockingModel& model) { model_ = &model; }
+
+  bool exists() const { return !model_->sequence.empty(); }
+  int root_count() const { return count_rows(model_->sequence); }
+  /// Event functions of the rows of the present step, root_count() of them.
+  void calc_functions(DockingData<double>& at, double* roots) const;
+  /// Where the integrator must stop next, after `now` [s since the start]; kNever: nowhere.
+  double find_next_time(double now) const;
+  /// The contact thrust acts from here [s since the start].
+  std::optional<double> find_thrust_onset() const;
+  /// Time in the present step, by the clock of the sequence [s].
+  double find_time_in_step(double now) const { return find_clock(now) - state_.began; }
+  /// "'capture', 'align'": the steps of the last changes at one instant.
+  std::string list_visited() const;
+
+  /// Before the first step.
+  void start();
+  /// Enter a step: its actions follow. @param outcome  that the way to it states; 0: none
+  /// @param dissipated  increased by the energy that actions release [J]
+  void enter(int step, int outcome, const DockingData<double>& at, double now, double& dissipated);
+  /// A command of the host. @return whether it differs from the last one
+  bool update_command(int command, double now);
+  /// Take the first step that is due, if one is.
+  /// @param due  per row: its event function has fallen to zero
+  /// @param clock_rounding  of times [s]
+  /// @param dissipated  as of enter()
+  SequenceChange update(DockingData<double>& at, double now, double clock_rounding, const char* due,
+                        double& dissipated);
+  /// Would update() change anything?
+  bool is_change_due(DockingData<double>& at, double now, double clock_rounding) const;
+  /// Phase and outcome as the sequence has them. @param held  latches that hold
+  void update_phase(int held);
+
+ private:
+  const SequenceStep& step() const {
+    return model_->sequence.steps[static_cast<size_t>(state_.step)];
+  }
+  double find_clock(double now) const;
+  double find_quantity(const Condition& part, DockingData<double>& at) const;
+  double find_value(const Condition& part, DockingData<double>& at, double now) const;
+  double find_value(const When& when, DockingData<double>& at, double now) const;
+  bool is_timed_out(double now, double slack) const;
+  int find_row(DockingData<double>& at, double now, double slack, const char* due,
+               std::array<double, kMaxRows>& since) const;
+  SequenceChange follow(const SequenceBranch& branch, const DockingData<double>& at, double now,
+                        double& dissipated);
+  void act(const ThrustAction& action, const DockingData<double>& at, double now,
+           double& dissipated);
+  void act(const LatchesAction& action, const DockingData<double>& at, double now,
+           double& dissipated);
+  void act(const RunAction& action, const DockingData<double>& at, double now, double& dissipated);
+  void act(const EngagementAction& action, const DockingData<double>& at, double now,
+           double& dissipated);
+
+  const DockingModel* model_;
+  DiscreteState& discrete_;
+  SequenceState& state_;
+};
+
+}  // namespace dockloop
