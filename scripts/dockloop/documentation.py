@@ -28,6 +28,7 @@ _SECTIONS = (
     ("Guide ring", r"ring\."),
     ("Legs", r"leg\["),
     ("Force elements", r"(element\[|failure\[)"),
+    ("Hard dock", r"(hook\[|hooks\.|faces\.|pushers\.|joint\.)"),
     ("Independent coordinates", r"(der\()?state\."),
     ("Cut forces and base", r"(loop\[|base\.)"),
     ("Energy and momentum", r"(energy\.|momentum\.)"),

@@ -75,7 +75,7 @@ StateLayout make_layout(const DockingModel& model) {
     layout.pose[i] = take(7);
     layout.momentum[i] = take(6);
   }
-  if (!mechanism.elements.empty()) layout.sum_count = kSumCountWithElements;
+  layout.sum_count = count_sums(mechanism, model.hard_dock);
   layout.sums = take(layout.sum_count);
   layout.impulse = take(6);
   for (int i : {kChaser, kTarget}) {
@@ -98,6 +98,11 @@ void list_mechanism_bodies(DockingModel& model) {
 }
 
 }  // namespace
+
+int count_sums(const MechanismModel& mechanism, const HardDock& dock) {
+  if (!dock.empty()) return kSumCountWithHardDock;
+  return mechanism.elements.empty() ? kSumCount : kSumCountWithElements;
+}
 
 void set_mechanism(DockingModel& model, const Mechanism& mechanism) {
   model.mechanism = mechanism;
@@ -155,6 +160,7 @@ DockingModel make_docking_model(const Scene& scene,
   if (!model.contact.empty()) set_law(model.contact, law);
   model.latches = scene.latches;
   model.sequence = scene.sequence;
+  model.hard_dock = scene.hard_dock;
   model.falling = chaser_moves && (!scene.has_target || model.moves[kTarget]);
   model.layout = make_layout(model);
   return model;
@@ -178,6 +184,29 @@ void lock_mechanism(const DockingModel& model, DockingData<double>& data, Locked
   locked.whole =
       model.moves[kChaser] ? join(model.vehicle[kChaser], locked.mechanism) : locked.mechanism;
   data.locked = &locked;
+}
+
+void join_target(const DockingModel& model, const RigidJoint& joint, LockedMechanism& locked) {
+  locked.has_target = joint.on;
+  if (!joint.on) return;
+  locked.target_pose = {joint.R, joint.p};
+  locked.target = transform(locked.target_pose, model.vehicle[kTarget]);
+  locked.joined = join(locked.whole, locked.target);
+}
+
+void put_joined_target(const DockingModel& model, const LockedMechanism& locked,
+                       const FrameMotion<double>& chaser, double* y) {
+  const FrameMotion<double> target = find_frame_on(chaser, locked.target_pose);
+  const double* q = y + model.layout.pose[kTarget] + 3;
+  Vec4<double> attitude = quat_from_matrix<double>(target.R);
+  if (attitude.dot(Vec4<double>(q[0], q[1], q[2], q[3])) < 0.0) attitude = -attitude;
+  set_vehicle_pose(model, kTarget, target.p, attitude, y);
+  const Wrench<double> momentum = find_part_momentum(locked.target, chaser);
+  double *of_chaser = y + model.layout.momentum[kChaser],
+         *of_target = y + model.layout.momentum[kTarget];
+  for (int j = 0; j < 6; ++j) of_chaser[j] += of_target[j];
+  set_momentum(model, kTarget, momentum, y);
+  for (int j = 0; j < 6; ++j) of_chaser[j] -= of_target[j];
 }
 
 Status calc_mechanism_position(const DockingModel& model, const double* y,

@@ -15,12 +15,15 @@
 // Two right-hand sides: the mechanism moves, or it is locked (LockedMechanism, of DockingData).
 // Chaser and locked mechanism are one rigid body. Loops and inertia are not evaluated, and the
 // states of the mechanism rest. Locked or not is a property of an evaluation, not of the model.
+// While a rigid joint (docking/hard_dock.hpp) holds the target, it is a part of that body: its
+// motion follows from the sum of both momenta, and rates need neither contact nor forces of joints.
 #pragma once
 
 #include <array>
 
 #include "contact/contact_model.hpp"
 #include "contact/latches.hpp"
+#include "docking/hard_dock.hpp"
 #include "docking/scene.hpp"
 #include "docking/sequence.hpp"
 #include "mechanism/element_forces.hpp"
@@ -29,8 +32,8 @@
 
 namespace dockloop {
 
-/// Dissipated energies and other sums that are integrated with the state; the last two only if the
-/// mechanism has force elements.
+/// Dissipated energies and other sums that are integrated with the state. Brakes and drives only if
+/// there are force elements or a hard dock, the last one only with a hard dock.
 enum Sum {
   kSumContact,
   kSumFriction,
@@ -40,8 +43,12 @@ enum Sum {
   kSumCount,
   kSumBrakes = kSumCount,
   kSumDrives,
-  kSumCountWithElements
+  kSumCountWithElements,
+  kSumHardDock = kSumCountWithElements,
+  kSumCountWithHardDock
 };
+
+int count_sums(const MechanismModel& mechanism, const HardDock& dock);
 
 /// Where things are in y; -1 = not there.
 struct StateLayout {
@@ -57,6 +64,7 @@ struct StateLayout {
                                             ///< applies to it by itself: known loads, gravity
   int size = 0;
   bool has_element_sums() const { return sum_count > kSumCount; }
+  bool has_hard_dock_sum() const { return sum_count > kSumCountWithElements; }
 };
 
 /// A mechanism that is held still relative to its vehicle: with it, it is one rigid body, and
@@ -66,6 +74,11 @@ struct LockedMechanism {
   VehicleBody whole;      ///< chaser (if it moves) and mechanism
   Pose<double> capture;   ///< G
   VecX<double> q;         ///< all coordinates, where they are held
+  // With a rigid joint only
+  bool has_target = false;
+  Pose<double> target_pose;  ///< D
+  VehicleBody target;        ///< the target
+  VehicleBody joined;        ///< `whole` and the target
 };
 
 /// Everything that does not change during a run. A simulation replaces its model by a changed copy
@@ -89,6 +102,7 @@ struct DockingModel {
   std::vector<int> mechanism_bodies;            ///< independent bodies without the vehicle
   ContactModel contact;
   LatchSet latches;
+  HardDock hard_dock;
   Sequence sequence;                        ///< empty: phases follow from motion and latches
   double thrust = 0.0, thrust_delay = 0.0;  ///< [N] along x of A at the CoM, [s]
   bool falling = true;                      ///< O falls with gravity
@@ -109,6 +123,7 @@ struct DiscreteState {
   double seen = 0.0;         ///< time of the last accepted state [s since start]
   SequenceState sequence;
   std::vector<LawSetting> law;  ///< of all elements; empty without a sequence
+  HardDockState hard_dock;
 };
 
 /// Loads from outside, held over a step.
@@ -139,16 +154,19 @@ struct DockingData {
   std::array<FrameMotion<S>, 2> interface;  ///< A, P
   FrameMotion<S> capture;                   ///< G
   RelativeMotion<S> relative;               ///< P relative to G
+  RelativeMotion<S> across;                 ///< P relative to A, with a hard dock only
   ContactWorkspace<S> contact_work;
   ContactResult<S> contact;
   LatchResult<S> latch;
   Wrench<S> on_passive;  ///< contact and latches, about G, axes of O
+  HardDockResult<S> hard_dock;
+  Wrench<S> on_target;  ///< hard dock or rigid joint, about A, axes of O
   JointForceSums<S> joints;
   ElementData<S> elements;
   VecX<S> command;                   ///< as in ExternalLoads
   VecX<S> joint_force;               ///< per joint force [N]
   VecX<S> bristle_rate;              ///< scratch where no rates are wanted
-  bool touches = true;               ///< false: as if contact and latches were not there
+  bool touches = true;               ///< false: as if contact, latches and hard dock were not there
   Vec3<S> thrust = Vec3<S>::Zero();  ///< on the chaser's CoM, axes of O
 };
 
@@ -166,6 +184,15 @@ DockingModel make_docking_model(const Scene& scene,
 /// read, and their rates are zero.
 /// @pre calc_docking with the mechanism at rest and not locked. @post data.locked == &locked
 void lock_mechanism(const DockingModel& model, DockingData<double>& data, LockedMechanism& locked);
+
+/// Join the target to the locked mechanism, or release it. @pre lock_mechanism
+void join_target(const DockingModel& model, const RigidJoint& joint, LockedMechanism& locked);
+
+/// A rigid joint moves the target with the chaser: pose and momentum of the target into the state;
+/// the chaser keeps the rest of the momentum of both.
+/// @param chaser  its motion
+void put_joined_target(const DockingModel& model, const LockedMechanism& locked,
+                       const FrameMotion<double>& chaser, double* y);
 
 /// Put a mechanism in other independent coordinates into the model (the same bodies and loops).
 void set_mechanism(DockingModel& model, const Mechanism& mechanism);

@@ -131,17 +131,22 @@ void calc_locked_kinematics(const DockingModel& model, const S* y, DockingData<S
   data.mechanism.vdot.setZero();
   data.mechanism.linear_momentum.setZero();
   if (model.mechanism.vehicle != kBase) {
-    const VehicleBody& whole = locked.whole;
+    const VehicleBody& body = locked.has_target ? locked.joined : locked.whole;
     const S* x = y + model.layout.momentum[kChaser];
-    const Vec3<S> linear(x[0], x[1], x[2]), angular(x[3], x[4], x[5]);
-    const Vec3<S> c = chaser.R * whole.com.template cast<S>();
+    Vec3<S> linear(x[0], x[1], x[2]), angular(x[3], x[4], x[5]);
+    if (locked.has_target) {
+      const S* x_t = y + model.layout.momentum[kTarget];
+      linear += Vec3<S>(x_t[0], x_t[1], x_t[2]);
+      angular += Vec3<S>(x_t[3], x_t[4], x_t[5]);
+    }
+    const Vec3<S> c = chaser.R * body.com.template cast<S>();
     const Vec3<S> spin = chaser.R.transpose() * (angular - Vec3<S>(chaser.p + c).cross(linear));
-    const Mat3<double> inverse_inertia = whole.inertia.inverse();
+    const Mat3<double> inverse_inertia = body.inertia.inverse();
     chaser.w = chaser.R * (inverse_inertia.template cast<S>() * spin);
-    chaser.v = linear / S(whole.mass) - chaser.w.cross(c);
+    chaser.v = linear / S(body.mass) - chaser.w.cross(c);
     tree.p[0] = chaser.p;
-    tree.m_sum[0] = S(whole.mass);
-    tree.h_sum[0] = S(whole.mass) * c;
+    tree.m_sum[0] = S(locked.whole.mass);
+    tree.h_sum[0] = S(locked.whole.mass) * (chaser.R * locked.whole.com.template cast<S>());
   }
   data.capture = find_frame_on(chaser, locked.capture);
   calc_frames(model, y, data);
@@ -165,6 +170,19 @@ Status calc_kinematics(const DockingModel& model, const S& t, const S* y, Need n
 
 }  // namespace
 
+namespace {
+
+/// Relative motion of frames that are fixed on one body.
+template <class S>
+RelativeMotion<S> find_rest(const Pose<double>& pose) {
+  RelativeMotion<S> motion;
+  motion.R = pose.R.template cast<S>();
+  motion.p = pose.p.template cast<S>();
+  return motion;
+}
+
+}  // namespace
+
 template <class S>
 void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data) {
   if (!data.locked) {
@@ -175,10 +193,24 @@ void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data) {
   }
   data.interface[kChaser] = find_frame_on(data.vehicle[kChaser], model.interface_pose[kChaser]);
   if (model.present[kTarget]) {
-    data.vehicle[kTarget] = get_vehicle_pose(model, kTarget, y);
-    if (model.moves[kTarget]) calc_target_velocity(model, y, data.vehicle[kTarget]);
+    const bool is_joined = data.locked && data.locked->has_target;
+    if (is_joined) {
+      data.vehicle[kTarget] = find_frame_on(data.vehicle[kChaser], data.locked->target_pose);
+    } else {
+      data.vehicle[kTarget] = get_vehicle_pose(model, kTarget, y);
+      if (model.moves[kTarget]) calc_target_velocity(model, y, data.vehicle[kTarget]);
+    }
     data.interface[kTarget] = find_frame_on(data.vehicle[kTarget], model.interface_pose[kTarget]);
+    if (is_joined) {
+      const Pose<double> P = data.locked->target_pose * model.interface_pose[kTarget];
+      data.relative = find_rest<S>(inverse(data.locked->capture) * P);
+      data.across = find_rest<S>(inverse(model.interface_pose[kChaser]) * P);
+      return;
+    }
     data.relative = find_relative(data.capture, data.interface[kTarget]);
+    if (!model.hard_dock.empty()) {
+      data.across = find_relative(data.interface[kChaser], data.interface[kTarget]);
+    }
   }
 }
 
@@ -272,6 +304,24 @@ Wrench<S> find_inertial_load(const VehicleBody& part, const FrameMotion<S>& chas
   return load;
 }
 
+namespace {
+
+/// Acceleration of the chaser's origin less gravity, and angular acceleration, of one rigid body.
+/// @param load  on the body, about the chaser's origin
+template <class S>
+void calc_rigid_acceleration(const VehicleBody& whole, const FrameMotion<S>& chaser,
+                             const Wrench<S>& load, Vec3<S>& a, Vec3<S>& alpha) {
+  const Vec3<S> c = chaser.R * whole.com.template cast<S>();
+  const Vec3<S> w = chaser.R.transpose() * chaser.w;
+  const Mat3<S> I = whole.inertia.template cast<S>();
+  const Vec3<S> moment = chaser.R.transpose() * (load.t - c.cross(load.f));
+  const Mat3<double> inverse_inertia = whole.inertia.inverse();
+  alpha = chaser.R * (inverse_inertia.template cast<S>() * (moment - w.cross(Vec3<S>(I * w))));
+  a = load.f / S(whole.mass) - alpha.cross(c) - chaser.w.cross(Vec3<S>(chaser.w.cross(c)));
+}
+
+}  // namespace
+
 template <class S>
 void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
   const int vehicle = model.mechanism.vehicle;
@@ -285,15 +335,8 @@ void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
   captured.t = -data.on_passive.t - (data.capture.p - chaser.p).cross(data.on_passive.f);
   Vec3<S> a = -data.base.gravity, alpha = Vec3<S>::Zero();
   if (vehicle != kBase) {
-    const VehicleBody& whole = data.locked->whole;
     const Wrench<S> load = data.mechanism.tree.external[vehicle] + captured;
-    const Vec3<S> c = chaser.R * whole.com.template cast<S>();
-    const Vec3<S> w = chaser.R.transpose() * chaser.w;
-    const Mat3<S> I = whole.inertia.template cast<S>();
-    const Vec3<S> moment = chaser.R.transpose() * (load.t - c.cross(load.f));
-    const Mat3<double> inverse_inertia = whole.inertia.inverse();
-    alpha = chaser.R * (inverse_inertia.template cast<S>() * (moment - w.cross(Vec3<S>(I * w))));
-    a = load.f / S(whole.mass) - alpha.cross(c) - chaser.w.cross(Vec3<S>(chaser.w.cross(c)));
+    calc_rigid_acceleration(data.locked->whole, chaser, load, a, alpha);
     data.mechanism.tree.a[vehicle] = a;
     data.mechanism.tree.alpha[vehicle] = alpha;
   }
@@ -326,15 +369,44 @@ void calc_element_loads(const DockingModel& model, const DiscreteState& discrete
   }
 }
 
-}  // namespace
-
+/// Load across A and P: forces of the hard dock; with a rigid joint, what moves the target with the
+/// chaser. @pre loads on the chaser from outside; contact and latches
 template <class S>
-Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
-                  const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
-                  S* ydot, DockingData<S>& data) {
-  const Status status = calc_capture_forces(model, discrete, memory, t, y, ydot, data);
-  if (!status.ok()) return status;
+void calc_load_on_target(const DockingModel& model, const DiscreteState& discrete,
+                         const ExternalLoads<S>& loads, const S& t, DockingData<S>& data) {
+  const FrameMotion<S>&chaser = data.vehicle[kChaser], &A = data.interface[kChaser];
+  const bool is_joined = data.locked && data.locked->has_target;
+  calc_hard_dock(model.hard_dock, discrete.hard_dock, t, data.across, data.hard_dock);
+  if (!is_joined) {
+    data.on_target.f = A.R * data.hard_dock.on_passive.f;
+    data.on_target.t = A.R * data.hard_dock.on_passive.t;
+  } else {
+    const FrameMotion<S>& target = data.vehicle[kTarget];
+    Wrench<S> outside;  // about the chaser's origin, without weight
+    outside.f = loads.force[kTarget];
+    outside.t = target.R * loads.torque[kTarget] + (target.p - chaser.p).cross(outside.f);
+    Vec3<S> a, alpha;
+    calc_rigid_acceleration(data.locked->joined, chaser,
+                            data.mechanism.tree.external[model.mechanism.vehicle] + outside, a,
+                            alpha);
+    Wrench<S> load = find_inertial_load(data.locked->target, chaser, a, alpha);
+    load -= outside;
+    load.f -= data.on_passive.f;
+    load.t -= data.on_passive.t + (data.capture.p - chaser.p).cross(data.on_passive.f);
+    data.on_target.f = load.f;
+    data.on_target.t = load.t - (A.p - chaser.p).cross(load.f);
+  }
+  if (model.mechanism.vehicle == kBase) return;
+  Wrench<S>& on_chaser = data.mechanism.tree.external[model.mechanism.vehicle];
+  on_chaser.f -= data.on_target.f;
+  on_chaser.t -= data.on_target.t + (A.p - chaser.p).cross(data.on_target.f);
+}
 
+/// Weight of the mechanism, contact and latches on the capture body, loads from outside on the
+/// chaser, and the load across A and P.
+template <class S>
+void calc_outside_loads(const DockingModel& model, const DiscreteState& discrete,
+                        const ExternalLoads<S>& loads, const S& t, DockingData<S>& data) {
   MechanismData<S>& mechanism = data.mechanism;
   const Vec3<S> gravity = model.falling ? Vec3<S>(Vec3<S>::Zero()) : loads.gravity;
   data.base.gravity = gravity;
@@ -353,6 +425,36 @@ Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
     load.f += loads.force[kChaser] + data.thrust;
     load.t += data.vehicle[kChaser].R * loads.torque[kChaser];
   }
+  if (model.hard_dock.empty()) return;
+  data.on_target = Wrench<S>();
+  if (data.touches) calc_load_on_target(model, discrete, loads, t, data);
+}
+
+/// The same for chaser, mechanism and target as one body. Of what acts inside, rates need only what
+/// releases energy: latches, hooks, pushers.
+template <class S>
+void calc_joined_loads(const DockingModel& model, const DiscreteState& discrete,
+                       const ExternalLoads<S>& loads, const S& t, DockingData<S>& data) {
+  data.on_passive = Wrench<S>();
+  data.contact.contact_power = data.contact.friction_power = S(0);
+  data.joints = JointForceSums<S>();
+  data.elements.sums = {};
+  if (model.latches.count() > 0) {
+    calc_latches(model.latches, discrete.latch.data(), t, data.relative, data.latch);
+  }
+  calc_outside_loads(model, discrete, loads, t, data);
+}
+
+}  // namespace
+
+template <class S>
+Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
+                  const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
+                  S* ydot, DockingData<S>& data) {
+  const Status status = calc_capture_forces(model, discrete, memory, t, y, ydot, data);
+  if (!status.ok()) return status;
+  calc_outside_loads(model, discrete, loads, t, data);
+  MechanismData<S>& mechanism = data.mechanism;
   mechanism.tau.setZero();
   data.command = loads.command;
   data.joints = calc_joint_forces(model.mechanism.model, mechanism.tree.q, mechanism.tree.v,
@@ -364,6 +466,15 @@ Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
 }
 
 namespace {
+
+/// Bristles rest in a stack that moves as one body.
+template <class S>
+void rest_bristles(const DockingModel& model, S* ydot, DockingData<S>& data) {
+  data.contact.friction_power = S(0);
+  if (!ydot) return;
+  std::fill_n(ydot + model.layout.bristles, model.layout.bristle_count, S(0));
+  std::fill_n(ydot + model.layout.element_bristles, model.layout.element_bristle_count, S(0));
+}
 
 /// Rates of all states. @pre calc_loads; accelerations of a mechanism that moves
 template <class S>
@@ -393,7 +504,13 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
   Status status;
   if (data.locked) {
     calc_locked_kinematics(model, y, data);
-    status = calc_loads(model, discrete, memory, loads, t, y, ydot, data);
+    const bool is_joined = data.locked->has_target;
+    if (is_joined && need == Need::kRates) {
+      calc_joined_loads(model, discrete, loads, t, data);
+    } else {
+      status = calc_loads(model, discrete, memory, loads, t, y, ydot, data);
+    }
+    if (is_joined) rest_bristles(model, ydot, data);
     if (!status.ok()) return status;
   } else {
     status = calc_kinematics(model, t, y, need, data);
@@ -413,21 +530,26 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
   const FrameMotion<S>& chaser = data.vehicle[kChaser];
   const Vec3<S> chaser_force = loads.force[kChaser] + data.thrust;
   const Vec3<S> chaser_moment = chaser.R * loads.torque[kChaser];
-  // Vehicles: the capture force acts on both at the same point, so their rates cancel exactly.
+  // Vehicles: the forces between them act on both at the same point, so their rates cancel exactly.
   Vec3<S> impulse = Vec3<S>::Zero(), angular_impulse = Vec3<S>::Zero();
   S power = data.joints.command_power;
   if (model.mechanism.plan.is_driven) {
     power += find_drive_power(model.mechanism.model, model.mechanism.plan, mechanism.loops);
   }
-  const Vec3<S> capture_moment = data.capture.p.cross(data.on_passive.f) + data.on_passive.t;
+  Vec3<S> exchanged = data.on_passive.f;
+  Vec3<S> exchanged_moment = data.capture.p.cross(data.on_passive.f) + data.on_passive.t;
+  if (!model.hard_dock.empty()) {
+    exchanged += data.on_target.f;
+    exchanged_moment += data.interface[kChaser].p.cross(data.on_target.f) + data.on_target.t;
+  }
   if (model.moves[kChaser]) {
     const S mass = mechanism.tree.m_sum[0];
     const Vec3<S> weight_moment =
         (mechanism.tree.h_sum[0] + mass * mechanism.tree.p[0]).cross(gravity);
     const Vec3<S> force = chaser_force + mass * gravity;
     const Vec3<S> moment = chaser_moment + chaser.p.cross(chaser_force) + weight_moment;
-    put_vehicle_rates<S>(model, kChaser, chaser, force - data.on_passive.f, moment - capture_moment,
-                         y, ydot);
+    put_vehicle_rates<S>(model, kChaser, chaser, force - exchanged, moment - exchanged_moment, y,
+                         ydot);
     impulse += force;
     angular_impulse += moment;
     const S* momentum = y + model.layout.momentum[kChaser];
@@ -441,8 +563,8 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
     const Vec3<S> force = loads.force[kTarget] + S(model.vehicle[kTarget].mass) * gravity;
     const Vec3<S> moment = target.R * loads.torque[kTarget];
     const Vec3<S> moment_about_O = moment + target.p.cross(force);
-    put_vehicle_rates<S>(model, kTarget, target, force + data.on_passive.f,
-                         moment_about_O + capture_moment, y, ydot);
+    put_vehicle_rates<S>(model, kTarget, target, force + exchanged,
+                         moment_about_O + exchanged_moment, y, ydot);
     impulse += force;
     angular_impulse += moment_about_O;
     power += force.dot(target.v) + moment.dot(target.w);
@@ -456,6 +578,10 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
   if (model.layout.has_element_sums()) {
     sums[kSumBrakes] = data.elements.sums.braking;
     sums[kSumDrives] = data.elements.sums.drive_power;
+  }
+  if (model.layout.has_hard_dock_sum()) {
+    sums[kSumDrives] += data.hard_dock.work;
+    sums[kSumHardDock] = data.hard_dock.dissipation;
   }
   put<S>(ydot + model.layout.impulse, impulse);
   put<S>(ydot + model.layout.impulse + 3, angular_impulse);

@@ -147,8 +147,15 @@ void read_forces(const DockingModel& model, const Interface& geometry,
   const Mat3<Derivative> R = chaser.R.transpose();
   const Vec3<Derivative> moved =
       R * (data.capture.p - chaser.p) - geometry.arm.cast<Derivative>();  // G goes with q
-  const Vec3<Derivative> force = R * data.on_passive.f;
-  const Vec3<Derivative> moment = R * data.on_passive.t + moved.cross(force);
+  Vec3<Derivative> force = R * data.on_passive.f;
+  Vec3<Derivative> moment = R * data.on_passive.t + moved.cross(force);
+  if (!model.hard_dock.empty()) {  // it acts on the chaser itself, about A
+    const Vec3<Derivative> across = R * data.on_target.f;
+    const Vec3<Derivative> arm =
+        R * (data.interface[kChaser].p - chaser.p) - geometry.arm.cast<Derivative>();
+    force += across;
+    moment += R * data.on_target.t + arm.cross(across);
+  }
   for (int lane = 0; lane < count; ++lane) {
     for (int i = 0; i < n; ++i) {
       out(i, first + lane) = -data.mechanism.b_ind[skipped + i].d[lane];
@@ -233,6 +240,7 @@ Status calc_stiffness(const DockingModel& model, const DiscreteState& discrete,
 bool is_held(const DockingModel& model, const DiscreteState& discrete,
              const DockingData<double>& at) {
   if (!model.contact.empty() && at.contact.active_count > 0) return true;
+  if (!model.hard_dock.empty() && !at.on_target.f.isZero(0.0)) return true;
   for (int i = 0; i < model.latches.count(); ++i) {
     const LatchMode mode = discrete.latch[i].mode;
     const bool grips = mode == LatchMode::kHeld || mode == LatchMode::kReleasing;
@@ -324,6 +332,7 @@ double find_interface_frequency(const DockingModel& model, const DiscreteState& 
   work.squared_frequency.setZero();
   work.damping_rate.setZero();
   if (!model.present[kTarget] || !(model.moves[kChaser] || model.moves[kTarget])) return 0.0;
+  if (at.locked && at.locked->has_target) return 0.0;  // no relative motion
 
   Interface geometry;
   geometry.R = at.vehicle[kChaser].R;

@@ -11,6 +11,7 @@
 
 #include "contact/contact_model.hpp"
 #include "contact/latches.hpp"
+#include "docking/hard_dock.hpp"
 #include "docking/sequence.hpp"
 #include "math/choice.hpp"
 #include "math/types.hpp"
@@ -125,6 +126,7 @@ struct Scene {
   Pose<double> base_in_interface;  ///< pose of B in A
   ContactModel contact;            ///< no pairs if the scene has no contact
   LatchSet latches;
+  HardDock hard_dock;
   Sequence sequence;  ///< of the mechanism; empty if its file has none
   RatedLoads rated;
   CaptureBodyStart capture_body_start;

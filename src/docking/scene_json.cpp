@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <iterator>
 
+#include "docking/hard_dock_json.hpp"
 #include "docking/hardware_json.hpp"
 #include "docking/scene.hpp"
 #include "docking/sequence_json.hpp"
@@ -195,8 +196,10 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   }
   if (scene.has_target && mechanism.has("latches"))
     scene.latches = read_latches(mechanism.at("latches"));
-  scene.sequence =
-      read_sequence(mechanism, scene.mechanism, scene.has_target ? &scene.latches : nullptr);
+  if (scene.has_target && mechanism.has("interface"))
+    scene.hard_dock = read_hard_dock(mechanism.at("interface"));
+  scene.sequence = read_sequence(mechanism, scene.mechanism,
+                                 scene.has_target ? &scene.latches : nullptr, scene.hard_dock);
   if (root.has("initial")) read_initial(root.at("initial"), scene);
   if (root.has("solver")) {
     const JsonReader solver = root.at("solver");
@@ -280,7 +283,10 @@ Capture read_capture(const std::string& json_text, const std::string& source_nam
     if (mechanism.has("latches")) scene.latches = read_latches(mechanism.at("latches"));
     if (mechanism.has("sequence")) {
       scene.mechanism = read_mechanism(mechanism.node().dump(), source_name);
-      scene.sequence = read_sequence(mechanism, scene.mechanism, &scene.latches);
+      if (mechanism.has("interface")) {
+        scene.hard_dock = read_hard_dock(mechanism.at("interface"));
+      }
+      scene.sequence = read_sequence(mechanism, scene.mechanism, &scene.latches, scene.hard_dock);
     }
     return Capture{scene.contact, scene.latches, scene.sequence};
   });

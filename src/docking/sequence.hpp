@@ -78,13 +78,13 @@ enum class Measured : int {
 
 /// One part of a condition.
 struct Condition {
-  enum class Kind { kBounds, kLatched, kLatchedBelow, kCommand };
+  enum class Kind { kBounds, kLatched, kLatchedBelow, kHooksClosed, kCommand };
   Kind kind = Kind::kBounds;
   Measured quantity = Measured::kTime;
   int index = 0;
   double low = -std::numeric_limits<double>::infinity();  ///< holds from low to high
   double high = std::numeric_limits<double>::infinity();
-  int number = 0;  ///< of latches, or of the command
+  int number = 0;  ///< of latches or hooks, or of the command
 };
 
 /// All parts, or any of them, for a time.
@@ -137,7 +137,26 @@ struct EngagementAction {
   double engagement = 1.0;
 };
 
-using Action = std::variant<ThrustAction, LatchesAction, RunAction, EngagementAction>;
+/// Hooks close as soon as the opening allows, or open.
+struct HooksAction {
+  static constexpr const char* kKey = "hooks";
+  bool close = false;
+};
+
+/// Pushers act, or are held back.
+struct PushersAction {
+  static constexpr const char* kKey = "pushers";
+  bool on = false;
+};
+
+/// Chaser, mechanism and target become one rigid body, or move as hooks and faces let them.
+struct JointAction {
+  static constexpr const char* kKey = "joint";
+  bool rigid = false;
+};
+
+using Action = std::variant<ThrustAction, LatchesAction, RunAction, EngagementAction, HooksAction,
+                            PushersAction, JointAction>;
 
 struct SequenceStep {
   std::string name;
@@ -154,6 +173,17 @@ struct Sequence {
   int start = 0;
   bool empty() const { return steps.empty(); }
 };
+
+/// Has the sequence a rigid joint?
+inline bool joins_vehicles(const Sequence& sequence) {
+  for (const SequenceStep& step : sequence.steps) {
+    for (const Action& action : step.actions) {
+      const JointAction* joint = std::get_if<JointAction>(&action);
+      if (joint && joint->rigid) return true;
+    }
+  }
+  return false;
+}
 
 /// Largest number of rows of a step.
 inline int count_rows(const Sequence& sequence) {

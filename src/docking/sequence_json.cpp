@@ -79,6 +79,7 @@ struct Context {
   const MechanismModel& model;
   const LatchSet* latches;
   const std::vector<std::string>& steps;
+  const HardDock& hard_dock;  ///< empty without a target
 
   int find_element(const std::string& name) const {
     for (size_t i = 0; i < model.elements.size(); ++i) {
@@ -147,13 +148,13 @@ int read_latch_count(const JsonReader& item, const Context& context) {
 Condition read_condition(const JsonReader& item, const Context& context) {
   Condition condition;
   int kinds = 0;
-  for (const char* key : {"quantity", "latched", "latched_below", "command"}) {
+  for (const char* key : {"quantity", "latched", "latched_below", "hooks_closed", "command"}) {
     kinds += item.has(key) ? 1 : 0;
   }
   if (kinds != 1) {
     item.fail(
-        "must have one of quantity, latched, latched_below, command (all and any only once, "
-        "outside); it has " +
+        "must have one of quantity, latched, latched_below, hooks_closed, command (all and any "
+        "only once, outside); it has " +
         std::to_string(kinds));
   }
   if (item.has("latched")) {
@@ -162,6 +163,10 @@ Condition read_condition(const JsonReader& item, const Context& context) {
   } else if (item.has("latched_below")) {
     condition.kind = Condition::Kind::kLatchedBelow;
     condition.number = read_latch_count(item.at("latched_below"), context);
+  } else if (item.has("hooks_closed")) {
+    condition.kind = Condition::Kind::kHooksClosed;
+    const int hooks = context.hard_dock.hooks.count();
+    condition.number = item.at("hooks_closed").whole(1, hooks > 0 ? hooks : kMaxHooks);
   } else if (item.has("command")) {
     condition.kind = Condition::Kind::kCommand;
     condition.number = read_choice_name(item.at("command"), kCommands);
@@ -286,6 +291,32 @@ void read_action(const JsonReader& item, const Context& context, EngagementActio
             [&](const ForceLaw&, int number) { action.laws.push_back(number); });
 }
 
+/// Refuses an action without its hardware.
+void require_part(const JsonReader& item, const Context& context, bool is_there,
+                  const std::string& part) {
+  if (is_there || !context.latches) return;  // without a target there is no hardware at all
+  item.fail("acts on the hard dock, but the mechanism has no member interface" + part);
+}
+
+void read_action(const JsonReader& item, const Context& context, HooksAction& action) {
+  require_part(item, context, !context.hard_dock.hooks.rows.empty(), ".hooks");
+  action.close = read_word(item.at(HooksAction::kKey), "close", "open");
+}
+
+void read_action(const JsonReader& item, const Context& context, PushersAction& action) {
+  require_part(item, context, context.hard_dock.pusher_count() > 0, ".pushers");
+  action.on = read_word(item.at(PushersAction::kKey), "on", "off");
+}
+
+void read_action(const JsonReader& item, const Context& context, JointAction& action) {
+  require_part(item, context, !context.hard_dock.empty(), "");
+  const JsonReader joint = item.at(JointAction::kKey);
+  action.rigid = joint.text() == "rigid";
+  if (!action.rigid && joint.text() != "elastic" && joint.text() != "open") {
+    joint.fail("is '" + joint.text() + "'; it must be rigid, elastic or open");
+  }
+}
+
 /// Reads the alternative of Action whose key the item has.
 template <size_t i = 0>
 Action read_keyed(const JsonReader& item, const Context& context, const std::string& known = "") {
@@ -335,7 +366,7 @@ SequenceStep read_step(const JsonReader& item, const Context& context) {
 }  // namespace
 
 Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
-                       const LatchSet* latches) {
+                       const LatchSet* latches, const HardDock& hard_dock) {
   Sequence sequence;
   if (!mechanism.has("sequence")) return sequence;
   const JsonReader item = mechanism.at("sequence");
@@ -349,7 +380,7 @@ Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
     names.push_back(name);
   }
   if (names.empty()) item.at("steps").fail("is empty; a sequence needs a step");
-  const Context context{model, latches, names};
+  const Context context{model, latches, names, hard_dock};
   for (const JsonReader& step : steps) sequence.steps.push_back(read_step(step, context));
   if (item.has("start")) sequence.start = context.find_step(item.at("start"));
   return sequence;

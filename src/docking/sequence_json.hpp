@@ -2,6 +2,7 @@
 #pragma once
 
 #include "contact/latches.hpp"
+#include "docking/hard_dock.hpp"
 #include "docking/sequence.hpp"
 #include "model/json_reader.hpp"
 #include "model/mechanism_model.hpp"
@@ -10,8 +11,9 @@ namespace dockloop {
 
 /// The member `sequence` of a mechanism; an empty sequence if there is none.
 /// @param latches  of a scene with a target; null: conditions on latches never hold
+/// @param hard_dock  of a scene with a target
 /// @throws ModelError naming file, member, value and limit
 Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
-                       const LatchSet* latches);
+                       const LatchSet* latches, const HardDock& hard_dock);
 
 }  // namespace dockloop

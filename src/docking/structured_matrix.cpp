@@ -92,6 +92,7 @@ StructuredMatrix::StructuredMatrix(const DockingModel& model)
       n_(model.layout.mechanism_nv),
       all_(n_ + model.layout.element_bristle_count),
       skipped_(static_cast<int>(model.mechanism.plan.ind_v.size()) - n_),
+      loads_(model.hard_dock.empty() ? 6 : 12),
       tree_(model.mechanism.model) {
   const MechanismModel& mechanism = model.mechanism.model;
   const int vehicle = model.mechanism.vehicle;
@@ -117,15 +118,16 @@ StructuredMatrix::StructuredMatrix(const DockingModel& model)
     vehicle_[i].pose = layout_.pose[i];
     vehicle_[i].momentum = layout_.momentum[i];
   }
-  for (MatX<double>* x : {&capture_, &N_m_, &N_, &carried_}) x->setZero(6, n_);
+  for (MatX<double>* x : {&capture_, &N_m_, &N_, &carried_, &dock_N_}) x->setZero(6, n_);
   B_.setZero(n_, 6);
+  dock_B_.setZero(n_, 6);
   J_.setZero(skipped_ + n_, 6);
   L_x_.setZero(all_, n_);
   L_s_.setZero(all_, all_);
-  matrix_.setZero(all_ + 6, all_ + 6);
-  lu_.resize(all_ + 6);
+  matrix_.setZero(all_ + loads_, all_ + loads_);
+  lu_.resize(all_ + loads_);
   twist_.setZero(n_);
-  unknown_.setZero(all_ + 6);
+  unknown_.setZero(all_ + loads_);
 }
 
 /// Motion of G by the velocities of the mechanism, axes of G.
@@ -169,7 +171,7 @@ void StructuredMatrix::calc_capture_columns(const DockingModel& model,
 
 /// Motion of the mechanism, and its response to the wrench on P.
 void StructuredMatrix::build_mechanism(const DockingModel& model, const DockingData<double>& at) {
-  for (MatX<double>* x : {&N_m_, &N_, &carried_, &B_}) x->setZero();
+  for (MatX<double>* x : {&N_m_, &N_, &carried_, &B_, &dock_N_, &dock_B_}) x->setZero();
   if (locked_ || n_ == 0) return;
   calc_capture_columns(model, at);
   for (int j = 0; j < n_; ++j) {
@@ -180,13 +182,21 @@ void StructuredMatrix::build_mechanism(const DockingModel& model, const DockingD
   N_ = N_m_;
   if (skipped_ > 0) {
     const Vec3<double> arm = chaser.R.transpose() * (at.capture.p - at.vehicle[kChaser].p);
-    J_.topRows<6>() = make_transfer(at.capture.R.transpose() * chaser.R, arm).transpose();
+    const Mat6<double> J_c = make_transfer(at.capture.R.transpose() * chaser.R, arm).transpose();
+    J_.topRows<6>() = J_c;
     for (int j = 0; j < n_; ++j) {
       Vec6<double> column = at.mechanism.A_ind.col(6 + j).head<6>();
       solve_leading<6>(at.mechanism.factor, column);
       carried_.col(j) = column;
     }
     N_.noalias() -= chaser.N.lazyProduct(carried_);
+    if (docked_) {
+      dock_N_.noalias() -= chaser.N.lazyProduct(carried_);
+      J_.bottomRows(n_).setZero();
+      at.mechanism.factor.solveInPlace(J_);
+      dock_B_ = -J_.bottomRows(n_);
+    }
+    J_.topRows<6>() = J_c;
   }
   J_.bottomRows(n_) = capture_.transpose();
   at.mechanism.factor.solveInPlace(J_);
@@ -215,23 +225,49 @@ void StructuredMatrix::build_vehicle(const DockingModel& model, int i,
   }
   const Vec3<double> arm = frame.R.transpose() * (at.interface[kTarget].p - frame.p);
   const double sign = i == kTarget ? 1.0 : -1.0;
+  if (joined_) vehicle.to_motion.setZero();
   vehicle.N = sign * make_transfer(at.capture.R.transpose() * frame.R, arm);
   vehicle.W.noalias() = vehicle.N * vehicle.to_motion;
+}
+
+/// What contact, latches and hard dock add, in axes of G.
+void StructuredMatrix::build_tangents(const DockingModel& model, const DiscreteState& discrete,
+                                      const ContactMemory& memory, const DockingData<double>& at,
+                                      double t) {
+  tangent_ = dock_tangent_ = InterfaceTangent();
+  if (model.present[kTarget] && !joined_) {
+    if (!model.contact.empty()) {
+      add_contact_tangent(model.contact, memory, at.relative, at.contact_work, at.contact,
+                          tangent_);
+    }
+    add_latch_tangent(model.latches, discrete.latch.data(), t, at.relative, tangent_);
+    if (!model.hard_dock.empty()) {
+      add_hard_dock_tangent(model.hard_dock, discrete.hard_dock, t, at.across, dock_tangent_);
+    }
+  }
+  const auto acts = [](const InterfaceTangent& tangent) {
+    return !tangent.stiffness.isZero(0.0) || !tangent.damping.isZero(0.0);
+  };
+  connected_ = acts(tangent_);
+  docked_ = acts(dock_tangent_);
+  if (!docked_) return;
+  // From axes and origin of A.
+  const FrameMotion<double>& A = at.interface[kChaser];
+  const Mat6<double> to_A = make_turn(A.R.transpose() * at.capture.R);
+  Mat6<double> to_G = to_A.transpose();
+  const Vec3<double> arm = at.capture.R.transpose() * (A.p - at.capture.p);
+  to_G.bottomLeftCorner<3, 3>() = skew<double>(arm) * to_G.topLeftCorner<3, 3>();
+  for (Mat6<double>* x : {&dock_tangent_.stiffness, &dock_tangent_.damping}) {
+    *x = (to_G * *x * to_A).eval();
+  }
 }
 
 void StructuredMatrix::build(const DockingModel& model, const DiscreteState& discrete,
                              const ContactMemory& memory, const DockingData<double>& at, double t,
                              const double* y, const double* block) {
   locked_ = at.locked != nullptr;
-  tangent_ = InterfaceTangent();
-  if (model.present[kTarget]) {
-    if (!model.contact.empty()) {
-      add_contact_tangent(model.contact, memory, at.relative, at.contact_work, at.contact,
-                          tangent_);
-    }
-    add_latch_tangent(model.latches, discrete.latch.data(), t, at.relative, tangent_);
-  }
-  connected_ = !tangent_.stiffness.isZero(0.0) || !tangent_.damping.isZero(0.0);
+  joined_ = locked_ && at.locked->has_target;
+  build_tangents(model, discrete, memory, at, t);
   for (int i : {kChaser, kTarget}) {
     if (vehicle_[i].pose >= 0) build_vehicle(model, i, at, y);
   }
@@ -265,9 +301,20 @@ bool StructuredMatrix::factor(double g) {
   matrix_.topLeftCorner(all_, n_) -= (g * g) * L_x_;
   if (connected_) {
     G_ = tangent_.damping + g * tangent_.stiffness;
-    matrix_.topRightCorner(n_, 6) = -g * B_;
-    matrix_.bottomLeftCorner(6, n_) = -G_.lazyProduct(N_);
-    matrix_.bottomRightCorner<6, 6>().noalias() -= g * G_ * mobility_;
+    matrix_.block(0, all_, n_, 6) = -g * B_;
+    matrix_.block(all_, 0, 6, n_) = -G_.lazyProduct(N_);
+    matrix_.block<6, 6>(all_, all_).noalias() -= g * G_ * mobility_;
+  }
+  if (docked_) {
+    const int dock = all_ + 6;
+    dock_G_ = dock_tangent_.damping + g * dock_tangent_.stiffness;
+    matrix_.block(0, dock, n_, 6) = -g * dock_B_;
+    matrix_.block(dock, 0, 6, n_) = -dock_G_.lazyProduct(dock_N_);
+    matrix_.block<6, 6>(dock, dock).noalias() -= g * dock_G_ * mobility_;
+    if (connected_) {
+      matrix_.block<6, 6>(dock, all_).noalias() = -g * dock_G_ * mobility_;
+      matrix_.block<6, 6>(all_, dock).noalias() = -g * G_ * mobility_;
+    }
   }
   return lu_.factorise(matrix_);
 }
@@ -299,14 +346,18 @@ void StructuredMatrix::solve(double* x) {
   unknown_.head(n_) = g * v_m;
   unknown_.segment(n_, all_ - n_) = g * bristles;
   unknown_.head(all_) += (g * g) * L_x_.lazyProduct(twist_);
-  unknown_.tail<6>().setZero();
+  unknown_.tail(loads_).setZero();
+  if (docked_) {
+    unknown_.tail<6>() = g * (dock_G_ * momentum_part + dock_tangent_.stiffness * displacement);
+  }
   if (connected_) {
     displacement.noalias() += N_m_.lazyProduct(twist_);
-    unknown_.tail<6>() = g * (G_ * momentum_part + tangent_.stiffness * displacement);
+    unknown_.segment<6>(all_) = g * (G_ * momentum_part + tangent_.stiffness * displacement);
   }
   lu_.solve(unknown_);
   v_m = unknown_.head(n_);
-  if (connected_) F = unknown_.tail<6>();
+  if (connected_) F = unknown_.segment<6>(all_);
+  if (docked_) F += unknown_.tail<6>();
 
   const Vec6<double> exchanged = to_O_ * F;
   for (int i : {kChaser, kTarget}) {

@@ -6,12 +6,15 @@
 // velocities through the inverse inertia, whose factor the evaluation has left behind. Legs and
 // other parts of the mechanism act on its own n velocities. So 1/g - A of all states shrinks to
 // n + 6 equations for the velocities of the mechanism, v_m, and F, in axes of G (and one for each
-// bristle of a brake):
+// bristle of a brake; and six more for the load E of the hard dock between A and P):
 //
 //   nu  = N_m v_m + N_c v_c + N_t v_t
 //   v_c = A_cc^-1 (p_c - A_cm v_m),  v_t = M_t^-1 p_t    momenta in body axes about own origins
 //   s' = B F + L_x x + L_s s,  x' = v_m                  B = -(A_ind^-1 J_G^T), rows of v_m
 //   p_c' = -P F,  p_t' = P F                             the same six numbers with both signs
+//
+// E is written as F is: about the origin of G, axes of G. It acts on the chaser itself, so in its
+// rows N_m is zero, and B has zero for J_G.
 //
 // with the kinematics of this pose. Sums and impulses have no part in A. Momentum is kept to
 // rounding, whatever stands in K, C and L.
@@ -22,7 +25,8 @@
 //
 // Left out: what turns with the vehicles (gyroscopic terms, loads in body axes), normals that turn,
 // gravity of bodies that move. None of it is stiff. Bristles of contacts are left out too: they are
-// stiff, and a docking with them needs another method.
+// stiff, and a docking with them needs another method. While a rigid joint holds the target,
+// nothing is stiff, and A is zero.
 #pragma once
 
 #include "contact/interface_tangent.hpp"
@@ -74,6 +78,8 @@ class StructuredMatrix {
   void build_vehicle(const DockingModel& model, int i, const DockingData<double>& at,
                      const double* y);
   void build_mechanism(const DockingModel& model, const DockingData<double>& at);
+  void build_tangents(const DockingModel& model, const DiscreteState& discrete,
+                      const ContactMemory& memory, const DockingData<double>& at, double t);
   void calc_capture_columns(const DockingModel& model, const DockingData<double>& at);
 
   // of the model
@@ -81,6 +87,7 @@ class StructuredMatrix {
   int n_;                     ///< velocities of the mechanism
   int all_;                   ///< with the bristles of brakes and locks
   int skipped_;               ///< the chaser's velocities, which precede them in A_ind
+  int loads_;                 ///< 6 of F, and 6 of E with a hard dock
   std::vector<Joint> joint_;  ///< from the capture body inwards
   bool follows_loops_ = false;
   std::vector<char> is_free_;          ///< joints of the mechanism's velocities: free, or single
@@ -88,21 +95,24 @@ class StructuredMatrix {
   Mat3<double> target_inverse_inertia_ = Mat3<double>::Zero();
   // written by build()
   bool locked_ = false;     ///< the mechanism rests
+  bool joined_ = false;     ///< a rigid joint holds the target
   bool connected_ = false;  ///< K or C is not zero
+  bool docked_ = false;     ///< the same of the hard dock
   std::array<Vehicle, 2> vehicle_;
   Mat6<double> to_O_;  ///< P: F to force and moment about the origin of O
-  InterfaceTangent tangent_;
-  Mat6<double> mobility_;   ///< M: nu by F through both momenta
-  MatX<double> capture_;    ///< 6 x n: motion of G by v_m, axes of G
-  MatX<double> N_m_, N_;    ///< 6 x n: nu by v_m, at fixed v_c and at fixed p_c
-  MatX<double> carried_;    ///< 6 x n: A_cc^-1 A_cm
-  MatX<double> B_, J_;      ///< n x 6; all velocities x 6: J_G^T
-  MatX<double> L_x_, L_s_;  ///< of the mechanism block
-  TreeData<double> tree_;   ///< scratch: velocities that go with one
+  InterfaceTangent tangent_, dock_tangent_;
+  Mat6<double> mobility_;         ///< M: nu by F through both momenta
+  MatX<double> capture_;          ///< 6 x n: motion of G by v_m, axes of G
+  MatX<double> N_m_, N_;          ///< 6 x n: nu by v_m, at fixed v_c and at fixed p_c
+  MatX<double> carried_;          ///< 6 x n: A_cc^-1 A_cm
+  MatX<double> B_, J_;            ///< n x 6; all velocities x 6: J_G^T
+  MatX<double> dock_N_, dock_B_;  ///< the same of the hard dock: nu at fixed p_c, response to E
+  MatX<double> L_x_, L_s_;        ///< of the mechanism block
+  TreeData<double> tree_;         ///< scratch: velocities that go with one
   // written by factor()
   double g_ = 0.0;
-  Mat6<double> G_;       ///< C + g K
-  MatX<double> matrix_;  ///< for s and F
+  Mat6<double> G_, dock_G_;  ///< C + g K
+  MatX<double> matrix_;      ///< for s and F
   SmallLu<double> lu_;
   VecX<double> twist_, unknown_;  ///< of v_m; s and F
 };

@@ -598,6 +598,39 @@ void add_failures(Table& table, DockingSim& sim) {
   }
 }
 
+/// Hardware of the hard dock between A and P.
+void add_hard_dock(Table& table, const HardDock& dock, Inputs& in, Outputs& out) {
+  if (dock.empty()) return;
+  table
+      .input("hard_dock.command", &in.hard_dock_command, kNone,
+             "Command to the hard dock, carried out when it changes")
+      .choices(kHardDockCommands);
+  for (size_t i = 0; i < out.hook_force.size(); ++i) {
+    table.output(indexed("hook", i) + ".force", &out.hook_force[i], kForce, "Tension of this hook")
+        .not_negative();
+  }
+  if (!out.hook_force.empty()) {
+    table
+        .output("hooks.closed", &out.hooks_closed, kNone,
+                "Number of hooks that have closed with their preload")
+        .limits(0, kMaxHooks);
+  }
+  if (dock.face_count() > 0) {
+    table.output("faces.force", &out.face_force, kForce, "Force that presses the faces, in all")
+        .not_negative();
+  }
+  if (dock.pusher_count() > 0) {
+    table.output("pushers.force", &out.pusher_force, kForce, "Force of the pushers, in all")
+        .not_negative();
+  }
+  table.outputs("joint.force", out.joint_force, kForce,
+                "Force on the target across A and P, by faces, hooks and pushers or by the rigid "
+                "joint, axes of P");
+  table.outputs("joint.torque", out.joint_torque, kTorque,
+                "Torque on the target across A and P about the origin of P, axes of P");
+  table.output("joint.rigid", &out.joint_rigid, kNone, "Chaser and target are one rigid body");
+}
+
 void add_states(Table& table, Outputs& out) {
   // Slides and turns share these arrays: unit 1 means m or rad.
   const auto rows = [&](const char* name, std::vector<double>& values, const char* text) {
@@ -621,7 +654,7 @@ void add_loops(Table& table, Outputs& out) {
                 "Torque of the mechanism on its base about the origin of B, axes of B");
 }
 
-void add_energy(Table& table, Outputs& out, bool has_elements) {
+void add_energy(Table& table, Outputs& out, bool has_elements, bool has_hard_dock) {
   table.output("energy.kinetic", &out.energy_kinetic, kEnergy,
                "Kinetic energy of all bodies inside");
   table.output("energy.potential", &out.energy_potential, kEnergy,
@@ -639,8 +672,14 @@ void add_energy(Table& table, Outputs& out, bool has_elements) {
   if (has_elements) {
     table.output("energy.dissipated_brakes", &out.energy_dissipated_brakes, kEnergy,
                  "Energy dissipated in the brakes of the force elements");
+  }
+  if (has_hard_dock) {
+    table.output("energy.dissipated_hard_dock", &out.energy_dissipated_hard_dock, kEnergy,
+                 "Energy dissipated in faces, hooks and pushers, and when a rigid joint was made");
+  }
+  if (has_elements || has_hard_dock) {
     table.output("energy.drive_work", &out.energy_drive_work, kEnergy,
-                 "Work of motors and drives of the force elements since the start");
+                 "Work of motors and drives, those of hooks and pushers too, since the start");
   }
   table.output("energy.external", &out.energy_external, kEnergy,
                "Work of forces from outside since the start");
@@ -703,9 +742,12 @@ void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
   }
   rows("ode.external", 1, kEnergy, "Work of forces from outside since the start");
   const std::vector<ForceElement>& elements = scene.mechanism.elements;
-  if (!elements.empty()) {
+  if (!elements.empty() || !scene.hard_dock.empty()) {
     rows("ode.dissipated_brakes", 1, kEnergy, "Energy dissipated since the start");
     rows("ode.drive_work", 1, kEnergy, "Work of motors and drives since the start");
+  }
+  if (!scene.hard_dock.empty()) {
+    rows("ode.dissipated_hard_dock", 1, kEnergy, "Energy dissipated since the start", true);
   }
   rows("ode.impulse", 3, kMomentum, "Impulse of forces from outside since the start");
   rows("ode.angular_impulse", 3, kAngularMomentum, "Angular impulse of forces from outside");
@@ -992,9 +1034,12 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   if (wants("legs")) add_legs(table, inputs, outputs);
   add_elements(table, sim);
   add_failures(table, sim);
+  add_hard_dock(table, scene.hard_dock, inputs, outputs);
   if (wants("states")) add_states(table, outputs);
   if (wants("loops")) add_loops(table, outputs);
-  if (wants("energy")) add_energy(table, outputs, !scene.mechanism.elements.empty());
+  if (wants("energy")) {
+    add_energy(table, outputs, !scene.mechanism.elements.empty(), !scene.hard_dock.empty());
+  }
   const bool is_driven = !offers_model_exchange(scene);
   if (is_driven) add_coupling_parameters(table, parameters, inputs);
   if (is_driven && wants("coupling")) add_coupling_outputs(table, outputs);

@@ -118,6 +118,7 @@ std::string list_all_choices() {
       {"command", &kCommands},
       {"capture.reason", &kCaptureReasons},
       {"latch.state", &kLatchReports},
+      {"hard_dock.command", &kHardDockCommands},
       {"friction.model", &kFrictionModels},
       {"coupling.mode", &kCouplingModes},
       {"model.level", &kLevels},

@@ -217,6 +217,11 @@ Dependencies DockingSim::find_dependencies() {
       latch.mode = static_cast<LatchMode>(1 + sample % 4);
       latch.release_time = me.elapsed - 0.01;
     }
+    for (HookRowState& row : me.discrete.hard_dock.row) {
+      row = {static_cast<HookMode>(1 + sample % 4), me.elapsed - 0.01, 0.0};
+    }
+    const bool can_join = !me.model->hard_dock.empty() && !me.find_joint_obstacle();
+    if (can_join && sample % 3 == 1 && me.evaluate(0.0).ok()) me.join_rigidly(0.0);
     me.add_dependencies(found);
   }
   load(present);

@@ -145,7 +145,14 @@ bool fits(const ContactMemory& memory, const ContactModel& contact) {
 bool are_modes(const DiscreteState& discrete) {
   const bool named = discrete.phase >= kApproach && discrete.phase <= kPhases.back().number &&
                      discrete.outcome >= kUndecided && discrete.outcome <= kOutcomes.back().number;
-  return named &&
+  const auto is_mode = [](const HookRowState& row) {
+    return row.mode >= HookMode::kOpen && row.mode <= HookMode::kOpening;
+  };
+  const Mat3<double>& turn = discrete.hard_dock.joint.R;
+  const bool is_turn = (turn * turn.transpose()).isIdentity(1e-6) && turn.determinant() > 0.0;
+  const int command = static_cast<int>(discrete.hard_dock.command);
+  return named && is_turn && command >= 1 && command <= kHardDockCommands.back().number &&
+         std::all_of(discrete.hard_dock.row.begin(), discrete.hard_dock.row.end(), is_mode) &&
          std::all_of(discrete.latch.begin(), discrete.latch.end(), [](const LatchState& latch) {
            return latch.mode >= LatchMode::kOpen && latch.mode <= LatchMode::kSpent;
          });

@@ -27,6 +27,12 @@ void EventLogic::calc_functions(DockingData<double>& at, double* roots) const {
   for (int i = 0; i < model_->latches.count(); ++i) {
     roots[kFixedRoots + i] = is_disarmed(i) ? 1.0 : at.latch.event[i];
   }
+  if (discrete_.hard_dock.joint.on) std::fill_n(roots, kFixedRoots, 1.0);  // nothing moves inside
+  const HardDock& dock = model_->hard_dock;
+  if (hook_root() < first_row()) {
+    roots[hook_root()] =
+        are_waiting(dock, discrete_.hard_dock) ? find_hook_distance(dock, at.across) : 1.0;
+  }
   if (sequence_.exists()) sequence_.calc_functions(at, roots + first_row());
 }
 
@@ -45,7 +51,7 @@ void EventLogic::calc_speeds(const DockingData<double>& at, double* speeds) cons
     speeds[kFixedRoots + i] =
         find_event_speed(discrete_.latch[i], find_latch_motion(model_->latches, i, at.relative));
   }
-  std::fill_n(speeds + first_row(), sequence_.root_count(), 0.0);
+  std::fill(speeds + hook_root(), speeds + root_count(), 0.0);
 }
 
 void EventLogic::set_due_below(DockingData<double>& at, double limit) {
@@ -109,6 +115,14 @@ bool EventLogic::update_latches(const DockingData<double>& at, double now, doubl
   return changed;
 }
 
+bool EventLogic::update_hooks(const DockingData<double>& at, double now, double clock_rounding) {
+  const HardDock& dock = model_->hard_dock;
+  if (dock.hooks.rows.empty()) return false;
+  const bool can_close = are_waiting(dock, discrete_.hard_dock) &&
+                         (is_due(hook_root()) || find_hook_distance(dock, at.across) <= 0.0);
+  return dockloop::update_hooks(dock, can_close, now + clock_rounding, discrete_.hard_dock);
+}
+
 void EventLogic::update_capture(double now) {
   const bool all = model_->latches.is_capture(count_held_latches());
   if (all && !discrete_.captured && discrete_.time_of_capture < 0.0) {
@@ -158,7 +172,10 @@ bool EventLogic::is_change_due(DockingData<double>& at, double now, double clock
   const bool touched = !discrete_.contacted && has_surfaces() && at.contact.gap <= 0.0;
   const bool latch = std::any_of(roots + kFixedRoots, roots + first_row(),
                                  [](double root) { return root <= 0.0; });
-  if (touched || latch || is_thrust_due(now, clock_rounding) != discrete_.thrust_on) return true;
+  HardDockState docking = discrete_.hard_dock;
+  const bool ramp = dockloop::update_hooks(model_->hard_dock, false, now + clock_rounding, docking);
+  if (touched || latch || ramp) return true;
+  if (is_thrust_due(now, clock_rounding) != discrete_.thrust_on) return true;
   if (sequence_.exists()) return sequence_.is_change_due(at, now, clock_rounding);
   DiscreteState next = discrete_;
   update_phase(find_phase_inputs(at, find_near_gap(at)), next);
@@ -221,6 +238,9 @@ double EventLogic::find_free_gap(DockingData<double>& at, double exact_below) co
   double gap = at.contact.gap;  // a cheap bound
   if (gap <= exact_below && has_surfaces()) {
     gap = find_gap(model_->contact, at.relative, at.contact_work);
+  }
+  if (!model_->hard_dock.empty()) {
+    gap = std::min(gap, find_free_opening(model_->hard_dock, discrete_.hard_dock, at.across));
   }
   for (int i = 0; i < model_->latches.count(); ++i) {
     if (discrete_.latch[i].mode != LatchMode::kOpen) return 0.0;

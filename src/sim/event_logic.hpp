@@ -1,4 +1,5 @@
-// Events at accepted states: first contact, latches, capture, sequence, thrust, absorber, phase.
+// Events at accepted states: first contact, latches, capture, hooks, sequence, thrust, absorber,
+// phase.
 //
 // The functions depend on the model, on one evaluated state and on the discrete state, and change
 // the discrete state. They return the energy that an event dissipates; the caller adds this energy
@@ -16,8 +17,9 @@
 
 namespace dockloop {
 
-constexpr int kFixedRoots = 3;  ///< event functions before those of latches, then of the sequence
-constexpr int kMaxRoots = kFixedRoots + kMaxLatches + kMaxRows;
+/// Event functions before those of latches, waiting hooks and the sequence.
+constexpr int kFixedRoots = 3;
+constexpr int kMaxRoots = kFixedRoots + kMaxLatches + 1 + kMaxRows;
 constexpr double kTouching = 1e-9;  ///< gap that counts as contact at the start [m]
 
 class EventLogic {
@@ -33,7 +35,8 @@ class EventLogic {
   SequenceLogic& sequence() { return sequence_; }
   const SequenceLogic& sequence() const { return sequence_; }
 
-  int first_row() const { return kFixedRoots + model_->latches.count(); }
+  int hook_root() const { return kFixedRoots + model_->latches.count(); }
+  int first_row() const { return hook_root() + (model_->hard_dock.hooks.rows.empty() ? 0 : 1); }
   int root_count() const { return first_row() + sequence_.root_count(); }
   bool has_surfaces() const { return model_->present[kTarget] && !model_->contact.empty(); }
   bool is_absorber() const { return model_->contact.kind == ContactModel::Kind::kAbsorber; }
@@ -42,8 +45,8 @@ class EventLogic {
   // Event functions between accepted states
 
   /// First contact (for an absorber every onset), release of an absorber, surfaces that open as far
-  /// as a rebound, latches, rows of the sequence. @param at  its workspace of the contact search is
-  /// used
+  /// as a rebound, latches, waiting hooks, rows of the sequence. @param at  its workspace of the
+  /// contact search is used
   void calc_functions(DockingData<double>& at, double* roots) const;
   /// Largest rates of event functions that may be below zero between two states.
   void calc_speeds(const DockingData<double>& at, double* speeds) const;
@@ -79,6 +82,9 @@ class EventLogic {
   /// At most one change of the sequence. @post none of its rows is due
   SequenceChange update_sequence(DockingData<double>& at, double now, double clock_rounding,
                                  double& dissipated);
+  /// Rows of hooks that begin to close, ramps that end. @param clock_rounding  of the host [s]
+  /// @return whether a row changed
+  bool update_hooks(const DockingData<double>& at, double now, double clock_rounding);
   /// @param clock_rounding  of the host [s]
   bool update_thrust(double now, double clock_rounding);
   void update_phases(DockingData<double>& at, double now);

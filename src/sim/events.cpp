@@ -23,6 +23,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (events->update_absorber(present())) jumped = true;
   if (update_latches(now)) jumped = true;
   events->update_capture(now);
+  if (update_hooks(now)) jumped = true;
   const Status switched = update_sequence(tau, changed, jumped);
   if (!switched.ok()) return switched;
   if (update_thrust(now)) jumped = true;
@@ -161,7 +162,9 @@ Status DockingSim::Impl::update_sequence(double tau, bool& changed, bool& jumped
     if (!made.step) return {};
     events->update_capture(now);
     if (!made.equations) continue;
-    const Status status = evaluate(tau);
+    update_hooks(now);
+    Status status = evaluate(tau);
+    if (status.ok()) status = update_joint(tau);
     if (!status.ok()) return status;
   }
 }

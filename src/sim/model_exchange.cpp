@@ -14,7 +14,9 @@ namespace dockloop {
 int DockingSim::state_count() const { return impl_->state_count; }
 
 int DockingSim::indicator_count() const {
-  return kFixedRoots + 2 * impl_->scene->latches.count() + count_rows(impl_->scene->sequence);
+  const Scene& scene = *impl_->scene;
+  const int hooks = scene.hard_dock.hooks.rows.empty() ? 0 : 1;
+  return kFixedRoots + 2 * scene.latches.count() + hooks + count_rows(scene.sequence);
 }
 
 void DockingSim::set_time(double t) {
@@ -75,7 +77,7 @@ Status DockingSim::get_indicators(double* indicator) {
         me.model->latches.latch[i].law, me.discrete.latch[i], motion, roots[kFixedRoots + i]);
     std::copy(both.begin(), both.end(), indicator + kFixedRoots + 2 * i);
   }
-  std::copy(roots + me.events->first_row(), roots + me.events->root_count(),
+  std::copy(roots + me.events->hook_root(), roots + me.events->root_count(),
             indicator + kFixedRoots + 2 * me.model->latches.count());
   return {};
 }
@@ -117,6 +119,11 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   const std::shared_ptr<const Coordinates> coordinates = me.coordinates;
   std::copy(me.stepper->y(), me.stepper->y() + me.state_count, me.y_accepted.begin());
   me.events->sequence().update_command(me.inputs.command, me.elapsed);
+  if (me.inputs.hard_dock_command != static_cast<int>(me.discrete.hard_dock.command)) {
+    Status status = me.evaluate(0.0);
+    if (status.ok()) status = me.update_hard_dock_command();
+    if (!status.ok()) return status;
+  }
   // An event may cause the next event.
   constexpr int kPasses = 8;
   for (int pass = 0; pass < kPasses; ++pass) {
@@ -137,6 +144,9 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   if (onset && !me.events->is_thrust_due(me.elapsed, me.find_clock_rounding(me.elapsed))) {
     next = std::min(next, *onset);
   }
+  next = std::min(
+      next,
+      find_next_ramp(me.model->hard_dock, me.discrete.hard_dock, me.elapsed).value_or(kNever));
   update.next_time_defined = next < kNever;
   if (update.next_time_defined) update.next_time = me.setup->t_start + next;
   return {};

@@ -147,6 +147,8 @@ void DockingSim::Impl::update_phase_outputs() {
   if (events->sequence().exists()) {
     outputs.sequence_time_in_step = events->sequence().find_time_in_step(elapsed);
   }
+  outputs.hooks_closed = count_closed_hooks(model->hard_dock, discrete.hard_dock);
+  outputs.joint_rigid = discrete.hard_dock.joint.on;
   outputs.phase = discrete.phase;
   outputs.outcome = discrete.outcome;
   outputs.captured = discrete.captured;

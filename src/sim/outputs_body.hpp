@@ -93,6 +93,12 @@ void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
                                    data.mechanism.tree.alpha[0]);
       }
     }
+    if (!model.hard_dock.empty()) {
+      const S sign(i == kTarget ? 1 : -1);
+      const Vec3<S> arm = data.interface[kChaser].p - frame.p;
+      load.f += sign * data.on_target.f;
+      load.t += sign * (data.on_target.t + arm.cross(data.on_target.f));
+    }
     typename OutputValues<S>::Vehicle& vehicle = out.vehicle[i];
     vehicle.force = load.f;
     vehicle.torque = frame.R.transpose() * load.t;
@@ -104,8 +110,10 @@ void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
 
 template <class S>
 void read_relative(const OutputSource<S>& from, OutputValues<S>& out) {
+  const bool is_joined = from.data.locked && from.data.locked->has_target;
   const RelativeMotion<S> relative =
-      find_relative(from.data.interface[kChaser], from.data.interface[kTarget]);
+      is_joined ? from.data.across
+                : find_relative(from.data.interface[kChaser], from.data.interface[kTarget]);
   out.relative_position = relative.p;
   out.relative_attitude = quat_from_matrix<S>(relative.R);
   out.relative_velocity = relative.v;
@@ -138,6 +146,19 @@ void read_contact(const OutputSource<S>& from, OutputValues<S>& out) {
     out.latch_lateral[i] = data.latch.lateral[i];
     out.latch_force[i] = data.latch.force[i];
   }
+}
+
+/// Loads across A and P.
+template <class S>
+void read_hard_dock(const OutputSource<S>& from, OutputValues<S>& out) {
+  const DockingData<S>& data = from.data;
+  const FrameMotion<S>& P = data.interface[kTarget];
+  const Vec3<S> arm = data.interface[kChaser].p - P.p;
+  out.joint_force = P.R.transpose() * data.on_target.f;
+  out.joint_torque = P.R.transpose() * (data.on_target.t + arm.cross(data.on_target.f));
+  out.face_force = data.hard_dock.face_force;
+  out.pusher_force = data.hard_dock.pusher_force;
+  std::copy_n(data.hard_dock.hook_force.begin(), out.hook_force.size(), out.hook_force.begin());
 }
 
 /// Force along a leg: spring, damper, stops and command, and the force of couplings (a screw with
@@ -216,8 +237,8 @@ void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
   const DockingData<S>& data = from.data;
   const S* sums = from.y + model.layout.sums;
   out.energy_kinetic = find_kinetic_energy(model, data);
-  out.energy_potential =
-      data.joints.energy + data.elements.sums.energy + data.contact.energy + data.latch.energy;
+  out.energy_potential = data.joints.energy + data.elements.sums.energy + data.contact.energy +
+                         data.latch.energy + data.hard_dock.energy;
   out.energy_dissipated_contact = sums[kSumContact];
   out.energy_dissipated_friction = sums[kSumFriction];
   out.energy_dissipated_legs = sums[kSumLegs];
@@ -229,6 +250,10 @@ void read_energy(const OutputSource<S>& from, OutputValues<S>& out) {
     out.energy_dissipated_brakes = sums[kSumBrakes];
     out.energy_dissipated += sums[kSumBrakes];
     out.energy_drive_work = sums[kSumDrives];
+  }
+  if (model.layout.has_hard_dock_sum()) {
+    out.energy_dissipated_hard_dock = sums[kSumHardDock];
+    out.energy_dissipated += sums[kSumHardDock];
   }
   out.energy_residual = out.energy_kinetic + out.energy_potential + out.energy_dissipated -
                         out.energy_external - out.energy_drive_work - S(from.energy_start);
@@ -268,6 +293,7 @@ void read_outputs(const OutputSource<S>& from, OutputValues<S>& out) {
   read_vehicle_loads(from, out);
   if (from.model.present[kTarget]) read_relative(from, out);
   read_contact(from, out);
+  if (!from.model.hard_dock.empty()) read_hard_dock(from, out);
   read_mechanism(from, out);
   read_energy(from, out);
 }

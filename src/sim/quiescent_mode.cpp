@@ -27,12 +27,14 @@ double find_spin_bound(const Mat3<double>& inertia, const Vec3<double>& w) {
 
 QuiescentMode::QuiescentMode(const DockingModel& model, SimState& state,
                              const SolverSettings& settings, double rtol, bool is_possible,
-                             const StepLoads& loads, EventLogic& events, Evaluator& evaluator)
+                             bool can_drift, const StepLoads& loads, EventLogic& events,
+                             Evaluator& evaluator)
     : model_(&model),
       state_(state),
       settings_(settings),
       rtol_(rtol),
       is_possible_(is_possible),
+      can_drift_(can_drift),
       loads_(loads),
       events_(events),
       evaluator_(evaluator),
@@ -61,17 +63,28 @@ void QuiescentMode::lock_always() {
 }
 
 void QuiescentMode::restore(const double* y) {
-  if (is_on()) lock(y);
+  if (is_on() || is_joined()) lock(y);
+  join_target(*model_, state_.discrete.hard_dock.joint, locked_);
+  evaluator_.hold_always(is_always_locked_ || is_joined() ? &locked_ : nullptr);
 }
 
 const LockedMechanism* QuiescentMode::find_held(bool may_lock) const {
-  return is_always_locked_ || (may_lock && is_in_effect()) ? &locked_ : nullptr;
+  return is_always_locked_ || is_joined() || (may_lock && is_in_effect()) ? &locked_ : nullptr;
 }
 
 /// Are vehicles and mechanism free of loads now?
 bool QuiescentMode::is_free() const {
-  return is_possible_ && !state_.discrete.thrust_on && !events_.find_thrust_onset() &&
-         loads_.are_absent(model_->falling);
+  return (is_joined() ? can_drift_ : is_possible_) && !state_.discrete.thrust_on &&
+         !events_.find_thrust_onset() && loads_.are_absent(model_->falling);
+}
+
+/// Does nothing inside a stack release energy?
+bool QuiescentMode::is_stack_at_rest(double now) const {
+  const auto& latches = state_.discrete.latch;
+  return !is_ramping(model_->hard_dock, state_.discrete.hard_dock, now) &&
+         model_->mechanism.model.failures.empty() &&
+         std::none_of(latches.begin(), latches.end(),
+                      [](const LatchState& latch) { return latch.mode == LatchMode::kReleasing; });
 }
 
 Status QuiescentMode::evaluate(double tau, const double* y) {
@@ -83,6 +96,11 @@ Status QuiescentMode::update(double tau, double* y) {
   const double now = state_.elapsed + tau;
   const StateLayout& layout = model_->layout;
   QuiescentState& quiescent = state_.quiescent;
+  if (is_joined()) {
+    quiescent.on = is_free() && is_stack_at_rest(now);
+    quiescent.since = now;
+    return {};
+  }
   const double* const q = y + layout.mechanism_q;
   double* const v = y + layout.mechanism_v;
   bool kept = true;
@@ -202,6 +220,11 @@ double QuiescentMode::find_drift_time() const {
   const DockingModel& model = *model_;
   DockingData<double>& data = evaluator_.present();
   double longest = kNever, speed = 0.0;
+  if (is_joined()) {
+    const FrameMotion<double>& chaser = data.vehicle[kChaser];
+    const double spin = find_spin_bound(locked_.joined.inertia, chaser.R.transpose() * chaser.w);
+    return spin > 0.0 ? std::min(longest, kMostTurns * kTurn / spin) : longest;
+  }
   std::array<Vec3<double>, 2> v{Vec3<double>::Zero(), Vec3<double>::Zero()};
   for (int i : {kChaser, kTarget}) {
     if (!model.present[i] || !model.moves[i]) continue;
@@ -226,23 +249,40 @@ double QuiescentMode::find_drift_time() const {
   return distance < longest * speed ? distance / speed : longest;
 }
 
+/// Ballistic propagation of one vehicle as this body. @return steps of its attitude
+std::int64_t QuiescentMode::drift_body(int i, const VehicleBody& body, const Vec3<double>& momentum,
+                                       double duration, FrameMotion<double>& frame,
+                                       double* y) const {
+  double* const pose = y + model_->layout.pose[i];
+  Vec4<double> q = Vec4<double>(pose[3], pose[4], pose[5], pose[6]).normalized();
+  Vec3<double> w = frame.R.transpose() * frame.w;
+  const Vec3<double> center = frame.p + frame.R * body.com + duration / body.mass * momentum;
+  const int turns = static_cast<int>(std::ceil(w.norm() * duration / kTurn));
+  turn_rigid_body(body.inertia, Vec3<double>::Zero(), duration, std::max(1, turns), q, w);
+  set_vehicle_pose(*model_, i, center - quat_to_matrix<double>(q) * body.com, q, y);
+  frame = get_vehicle_pose(*model_, i, y);
+  frame.w = frame.R * w;
+  frame.v = momentum / body.mass - frame.w.cross(Vec3<double>(frame.R * body.com));
+  return turns;
+}
+
 std::int64_t QuiescentMode::drift(double duration, double* y) const {
   std::int64_t made = 0;
+  const auto get_momentum = [&](int i) {
+    const double* const x = y + model_->layout.momentum[i];
+    return Vec3<double>(x[0], x[1], x[2]);
+  };
+  if (is_joined()) {
+    FrameMotion<double> chaser = evaluator_.present().vehicle[kChaser];
+    made = drift_body(kChaser, locked_.joined, get_momentum(kChaser) + get_momentum(kTarget),
+                      duration, chaser, y);
+    put_joined_target(*model_, locked_, chaser, y);
+    return 1 + made / kTurnsPerEvaluation;
+  }
   for (int i : {kChaser, kTarget}) {
     if (!model_->present[i] || !model_->moves[i]) continue;
-    const VehicleBody& body = find_drifting_body(i);
-    double* const pose = y + model_->layout.pose[i];
-    const double* const momentum = y + model_->layout.momentum[i];
-    const FrameMotion<double>& frame = evaluator_.present().vehicle[i];
-    Vec4<double> q = Vec4<double>(pose[3], pose[4], pose[5], pose[6]).normalized();
-    Vec3<double> w = frame.R.transpose() * frame.w;
-    const Vec3<double> center =
-        frame.p + frame.R * body.com +
-        duration / body.mass * Vec3<double>(momentum[0], momentum[1], momentum[2]);
-    const int turns = static_cast<int>(std::ceil(w.norm() * duration / kTurn));
-    turn_rigid_body(body.inertia, Vec3<double>::Zero(), duration, std::max(1, turns), q, w);
-    made += turns;
-    set_vehicle_pose(*model_, i, center - quat_to_matrix<double>(q) * body.com, q, y);
+    FrameMotion<double> frame = evaluator_.present().vehicle[i];
+    made += drift_body(i, find_drifting_body(i), get_momentum(i), duration, frame, y);
   }
   return 1 + made / kTurnsPerEvaluation;
 }

@@ -7,6 +7,9 @@
 // that would move the mechanism. The error of the coordinates is then about ten absolute
 // tolerances.
 //
+// A rigid joint between the vehicles (docking/hard_dock.hpp) holds the mechanism too, as long as it
+// is on. Without loads the stack then drifts as one body.
+//
 // The class decides (update()), holds the mechanism in evaluations (find_held()) and makes the
 // drift. The quiescent state is part of SimState. The class owns the constants of the locked
 // mechanism; they follow from that state.
@@ -23,17 +26,17 @@ namespace dockloop {
 class QuiescentMode {
  public:
   /// Keeps references to all but the model. @param is_possible  can the mechanism become quiescent
-  /// in this run?
+  /// in this run? @param can_drift  can bodies drift at all?
   QuiescentMode(const DockingModel& model, SimState& state, const SolverSettings& settings,
-                double rtol, bool is_possible, const StepLoads& loads, EventLogic& events,
-                Evaluator& evaluator);
+                double rtol, bool is_possible, bool can_drift, const StepLoads& loads,
+                EventLogic& events, Evaluator& evaluator);
   void use_model(const DockingModel& model) { model_ = &model; }
 
   /// Start in the present pose. @pre evaluator.present() is at y
   void start(const double* y);
   /// The mechanism is locked in its present pose for the whole run (model.level 1).
   void lock_always();
-  /// After y and state were restored.
+  /// After y and state were restored, and after the rigid joint was made or released.
   void restore(const double* y);
 
   bool is_on() const { return state_.quiescent.on; }
@@ -55,18 +58,22 @@ class QuiescentMode {
   std::int64_t drift(double duration, double* y) const;
 
  private:
+  bool is_joined() const { return state_.discrete.hard_dock.joint.on; }
   bool is_free() const;
+  bool is_stack_at_rest(double now) const;
   Status evaluate(double tau, const double* y);
   bool update_balance(double tau, const double* y);
   bool calc_pull(double tau, VecX<double>& pull);
   void lock(const double* y);
   const VehicleBody& find_drifting_body(int vehicle) const;
+  std::int64_t drift_body(int vehicle, const VehicleBody& body, const Vec3<double>& momentum,
+                          double duration, FrameMotion<double>& frame, double* y) const;
 
   const DockingModel* model_;
   SimState& state_;
   const SolverSettings& settings_;
   double rtol_;
-  bool is_possible_, is_always_locked_ = false;
+  bool is_possible_, can_drift_, is_always_locked_ = false;
   const StepLoads& loads_;
   EventLogic& events_;
   Evaluator& evaluator_;

@@ -107,6 +107,8 @@ double SequenceLogic::find_value(const Condition& part, DockingData<double>& at,
       return find_sign(held >= part.number);
     case Condition::Kind::kLatchedBelow:
       return find_sign(held < part.number);
+    case Condition::Kind::kHooksClosed:
+      return find_sign(count_closed_hooks(model_->hard_dock, discrete_.hard_dock) >= part.number);
     case Condition::Kind::kCommand:
       return find_sign(state_.command == part.number);
     case Condition::Kind::kBounds:
@@ -319,6 +321,25 @@ void SequenceLogic::act(const EngagementAction& action, const DockingData<double
   for (const int law : action.laws) {
     discrete_.law[static_cast<size_t>(law)].engagement = action.engagement;
   }
+}
+
+void SequenceLogic::act(const HooksAction& action, const DockingData<double>&, double now,
+                        double&) {
+  if (action.close) {
+    close_hooks(discrete_.hard_dock);
+  } else {
+    open_hooks(model_->hard_dock, now, discrete_.hard_dock);
+  }
+}
+
+void SequenceLogic::act(const PushersAction& action, const DockingData<double>&, double now,
+                        double&) {
+  switch_pushers(model_->hard_dock, action.on, now, discrete_.hard_dock);
+}
+
+/// The caller of update() carries it out: momenta and poses change.
+void SequenceLogic::act(const JointAction& action, const DockingData<double>&, double, double&) {
+  discrete_.hard_dock.wants_joint = action.rigid && model_->present[kTarget];
 }
 
 }  // namespace dockloop

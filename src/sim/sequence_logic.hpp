@@ -82,6 +82,12 @@ class SequenceLogic {
   void act(const RunAction& action, const DockingData<double>& at, double now, double& dissipated);
   void act(const EngagementAction& action, const DockingData<double>& at, double now,
            double& dissipated);
+  void act(const HooksAction& action, const DockingData<double>& at, double now,
+           double& dissipated);
+  void act(const PushersAction& action, const DockingData<double>& at, double now,
+           double& dissipated);
+  void act(const JointAction& action, const DockingData<double>& at, double now,
+           double& dissipated);
 
   const DockingModel* model_;
   DiscreteState& discrete_;

@@ -4,6 +4,7 @@
 //   steps.cpp           communication steps, inputs, audits
 //   coupling.cpp        hosts of driven vehicles in a communication step
 //   events.cpp          events at accepted states: contact, latches, sequence, coordinates
+//   hard_docking.cpp    commands to hooks, pushers and rigid joint
 //   model_exchange.cpp  the same equations for a host that integrates all states
 //   outputs.cpp         outputs
 //   derivatives.cpp     derivatives of outputs
@@ -78,6 +79,7 @@ struct DockingSim::Impl : SimState {
   double find_share_of_norm() const;
   void start_sequence();
   bool can_be_quiescent() const;
+  bool can_drift() const;
   double find_real_time_step();
   double find_impacting_mass() const;
   void check_joint_starts(const LoopPlan& plan) const;
@@ -146,6 +148,16 @@ struct DockingSim::Impl : SimState {
   void go_on(double h);
   StepOutcome make_inner_step(double stop, bool watch_roots);
   void warn_of_tilt(double now);
+
+  // hard_docking.cpp
+  const char* find_joint_obstacle() const;
+  Status command(HardDockCommand command, double tau);
+  Status update_hard_dock_command();
+  Status update_joint(double tau);
+  Status join_rigidly(double tau);
+  Status release_joint(double tau);
+  bool update_hooks(double now);
+  void put_joined_target();
 
   // model_exchange.cpp
   Status calc_rates(double* ydot);

@@ -125,6 +125,7 @@ void transfer(A& archive, Inputs& inputs) {
   if constexpr (A::kReads) inputs.element_command.resize(elements);
   for_each_value(inputs, [&](double& value) { transfer(archive, value); });
   transfer(archive, inputs.command);
+  transfer(archive, inputs.hard_dock_command);
 }
 
 template <class A>
@@ -192,10 +193,31 @@ void transfer(A& archive, LawSetting& law) {
 }
 
 template <class A>
+void transfer(A& archive, HookRowState& row) {
+  transfer_members<HookRowState>(archive, row.mode, row.since, row.end);
+}
+
+template <class A>
+void transfer(A& archive, PusherState& pushers) {
+  transfer_members<PusherState>(archive, pushers.on, pushers.since, pushers.share);
+}
+
+template <class A>
+void transfer(A& archive, RigidJoint& joint) {
+  transfer_members<RigidJoint>(archive, joint.on, joint.R, joint.p);
+}
+
+template <class A>
+void transfer(A& archive, HardDockState& s) {
+  transfer_members<HardDockState>(archive, s.command, s.row, s.closes, s.pushers, s.wants_joint,
+                                  s.joint);
+}
+
+template <class A>
 void transfer(A& archive, DiscreteState& d) {
   transfer_members<DiscreteState>(archive, d.latch, d.contacted, d.captured, d.time_of_contact,
                                   d.time_of_capture, d.thrust_on, d.phase, d.outcome, d.seated,
-                                  d.seated_time, d.seen, d.sequence, d.law);
+                                  d.seated_time, d.seen, d.hard_dock, d.sequence, d.law);
 }
 
 template <class A>

@@ -213,6 +213,7 @@ void DockingSim::Impl::clear() {
   zero(outputs.latch_opening, static_cast<size_t>(scene->latches.count()));
   zero(outputs.latch_lateral, static_cast<size_t>(scene->latches.count()));
   zero(outputs.latch_force, static_cast<size_t>(scene->latches.count()));
+  zero(outputs.hook_force, static_cast<size_t>(scene->hard_dock.hooks.count()));
   outputs.latch_state.assign(static_cast<size_t>(scene->latches.count()), kFree);
   outputs.latched.assign(static_cast<size_t>(scene->latches.count()), 0);
   for (auto* v : {&outputs.leg_length, &outputs.leg_rate, &outputs.leg_force})
@@ -222,7 +223,7 @@ void DockingSim::Impl::clear() {
   zero(outputs.state_q, plan.ind_q.size());
   zero(outputs.state_v, plan.ind_v.size());
   zero(outputs.state_a, plan.ind_v.size());
-  state_count = m.elements.empty() ? kSumCount : kSumCountWithElements;
+  state_count = count_sums(m, scene->hard_dock);
   state_count +=
       6 + count_element_bristles(m.elements, m.failures) + bristle_state_count(scene->contact);
   for (int i : plan.ind_bodies) state_count += m.bodies[i].nq() + m.bodies[i].nv();
@@ -450,6 +451,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   check_elements(made->mechanism.model.elements);
   put_failures(parameters, made->mechanism.model.failures);
   model = made;
+  discrete.hard_dock = make_start(model->hard_dock);
   events = std::make_unique<EventLogic>(*model, discrete, memory);
   start_mechanism.reset();
   state_bodies = model->mechanism_bodies;
@@ -457,8 +459,9 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   evaluator = std::make_unique<Evaluator>(model, *this, loads);
   host = std::make_unique<HostCoupling>(*model, setup, frame_origin, inputs, loads, *events,
                                         *evaluator, *this, warnings);
-  quiescent_mode = std::make_unique<QuiescentMode>(*model, *this, chosen, find_relative_tolerance(),
-                                                   can_be_quiescent(), loads, *events, *evaluator);
+  quiescent_mode =
+      std::make_unique<QuiescentMode>(*model, *this, chosen, find_relative_tolerance(),
+                                      can_be_quiescent(), can_drift(), loads, *events, *evaluator);
   derivative_pass.reset();
   jump_work.reset();
   look_ahead_start.reset();
@@ -531,21 +534,30 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
 void DockingSim::Impl::start_sequence() {
   SequenceLogic& sequence = events->sequence();
   if (!sequence.exists()) return;
+  if (const char* obstacle = joins_vehicles(model->sequence) ? find_joint_obstacle() : nullptr) {
+    throw ModelError("the sequence has the action 'joint': 'rigid': " + std::string(obstacle));
+  }
   sequence.start();
   sequence.update_command(inputs.command, 0.0);
   sequence.enter(model->sequence.start, 0, present(), 0.0,
                  stepper->y()[model->layout.sums + kSumLatches]);
   bool changed = false, jumped = false;
+  update_hooks(0.0);
   Status status = evaluate(0.0);
+  if (status.ok()) status = update_joint(0.0);
   if (status.ok()) status = update_sequence(0.0, changed, jumped);
   if (!status.ok()) throw ModelError("start state: " + describe(status));
 }
 
-/// Can the mechanism become quiescent in this run? Reference solutions always integrate it.
-bool DockingSim::Impl::can_be_quiescent() const {
+/// Can bodies drift in this run? Reference solutions always integrate them.
+bool DockingSim::Impl::can_drift() const {
   return setup->parameters.flight == kQuiescent && fmi_kind == FmiKind::kCoSimulation &&
-         !is_fixed_step() && !host->has_host() && !adapt_problem &&
-         !model->mechanism.plan.is_driven && model->sequence.empty() &&
+         !is_fixed_step() && !host->has_host() && !adapt_problem;
+}
+
+/// Can the mechanism become quiescent in this run?
+bool DockingSim::Impl::can_be_quiescent() const {
+  return can_drift() && !model->mechanism.plan.is_driven && model->sequence.empty() &&
          !acts_by_itself(model->mechanism.model);
 }
 
@@ -601,6 +613,13 @@ double DockingSim::Impl::find_real_time_step() {
     stiffness = std::max(stiffness, kAtOnce * latch.law.hold_stiffness);
   }
   limit(std::sqrt(stiffness / mass), kPerOscillation);
+  const HardDock& dock = model->hard_dock;
+  double inverse_mass = 0.0;
+  for (int i : {kChaser, kTarget}) {
+    if (model->moves[i]) inverse_mass += 1.0 / parameters.vehicle[i].mass;
+  }
+  const double docked = dock.faces.stiffness + dock.hooks.stiffness * dock.hooks.count();
+  limit(std::sqrt(docked * inverse_mass), kPerOscillation);
   return step;
 }
 
@@ -731,6 +750,7 @@ void DockingSim::Impl::enter_structured_matrix(Stepper::Problem& problem) {
       return latch.mode == LatchMode::kReleasing;
     };
     return loads.are_sloped() || model->mechanism.plan.is_driven || is_drive_starting() ||
+           is_ramping(model->hard_dock, discrete.hard_dock, elapsed) ||
            std::any_of(discrete.latch.begin(), discrete.latch.end(), releases);
   };
 }

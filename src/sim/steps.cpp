@@ -123,6 +123,7 @@ Status DockingSim::Impl::step(double t, double h) {
     if (update_thrust(elapsed)) kept_jacobian.valid = false;  // it may be a new input
     if (status.ok()) status = evaluate_start();
     if (status.ok()) status = update_command();
+    if (status.ok()) status = update_hard_dock_command();
     step_begin = find_coupling_point(*model, present(), stepper->y());
     drift = 0.0;
     const std::int64_t limit = find_work_limit(h);
@@ -183,7 +184,8 @@ Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
     status = quiescent_mode->update(tau, stepper->y());
     if (!status.ok()) return status;
     if (quiescent.on) {
-      const double drift_time = std::min(quiescent_mode->find_drift_time(), h - tau);
+      const double stop = discrete.hard_dock.joint.on ? find_next_stop(tau, h) : h;
+      const double drift_time = std::min(quiescent_mode->find_drift_time(), stop - tau);
       turns += quiescent_mode->drift(drift_time, stepper->y());
       evaluator->forget();
       tau = drift_time < h - tau ? tau + drift_time : h;
@@ -329,8 +331,8 @@ double DockingSim::Impl::update_singularity_step(double made, double proposal) {
 }
 
 /// Where the next inner step must end at the latest: the end of the communication step, the onset
-/// of thrust, a known time of the sequence, and the bound that prevents surfaces from passing
-/// through each other unseen.
+/// of thrust, a known time of the sequence, an end of a ramp, and the bound that prevents surfaces
+/// from passing through each other unseen.
 double DockingSim::Impl::find_next_stop(double tau, double h) const {
   double stop = h;
   const std::optional<double> onset = events->find_thrust_onset();
@@ -343,7 +345,11 @@ double DockingSim::Impl::find_next_stop(double tau, double h) const {
     const double begins = failure.time - elapsed;
     if (failure.active && begins > tau) stop = std::min(stop, begins);
   }
-  if (has_surfaces() && model->contact.has_surfaces()) {
+  const double now = elapsed + tau;
+  if (const auto ramp = find_next_ramp(model->hard_dock, discrete.hard_dock, now)) {
+    if (*ramp - elapsed > tau) stop = std::min(stop, *ramp - elapsed);
+  }
+  if (has_surfaces() && model->contact.has_surfaces() && !discrete.hard_dock.joint.on) {
     const double bound = find_step_bound(model->contact, present().contact.gap, present().relative);
     if (tau + bound < stop) stop = tau + bound;
   }
@@ -415,6 +421,7 @@ void DockingSim::Impl::finish_step(double h) {
   coupling.regular_step = std::max(h, kFade * coupling.regular_step);
   last_step = h;
   invalidate();
+  put_joined_target();
   const CouplingPoint end = find_coupling_point(*model, present(), stepper->y());
   update_mean_loads(h, end);
   if (host->has_host()) host->update_impulse_balance(h, step_begin, end, stepper->y());

@@ -73,8 +73,9 @@ struct Inputs {
   Vec3<double> gravity = Vec3<double>::Zero();  ///< in N [m/s2]
   std::vector<double> leg_force_command;        ///< [N], one per leg
   std::vector<double> element_command;          ///< one per force element
-  double next_step = 0.0;    ///< [s] of the step after the coming step, 0 = the same
-  int command = kNoCommand;  ///< to the sequence, see Command
+  double next_step = 0.0;     ///< [s] of the step after the coming step, 0 = the same
+  int command = kNoCommand;   ///< to the sequence, see Command
+  int hard_dock_command = 1;  ///< see HardDockCommand
 };
 
 /// Is this a unit quaternion, within errors of rounding and integration?
@@ -148,6 +149,12 @@ struct OutputValues {
   std::vector<S> latch_lateral;  ///< [m]
   std::vector<S> latch_force;    ///< [N]
 
+  // group hard_dock: load on the target across A and P, about the origin of P, axes of P
+  Vec3<S> joint_force = Vec3<S>::Zero();     ///< [N]
+  Vec3<S> joint_torque = Vec3<S>::Zero();    ///< [N m]
+  S face_force = S(0), pusher_force = S(0);  ///< sums [N]
+  std::vector<S> hook_force;                 ///< tension [N]
+
   // group ring: G with respect to A, axes of A (angular velocity in axes of A)
   Vec3<S> ring_position = Vec3<S>::Zero();
   Vec4<S> ring_attitude{S(1), S(0), S(0), S(0)};
@@ -170,10 +177,10 @@ struct OutputValues {
 
   // group energy
   S energy_kinetic = S(0), energy_potential = S(0);  ///< [J]; kinetic in the internal frame
-  S energy_dissipated = S(0);                        ///< sum of the five below [J]
+  S energy_dissipated = S(0);                        ///< sum of the six below [J]
   S energy_dissipated_contact = S(0), energy_dissipated_friction = S(0);
   S energy_dissipated_legs = S(0), energy_dissipated_latches = S(0);
-  S energy_dissipated_brakes = S(0);
+  S energy_dissipated_brakes = S(0), energy_dissipated_hard_dock = S(0);
   S energy_drive_work = S(0);                    ///< of motors and drives on the mechanism [J]
   S energy_external = S(0);                      ///< work done by forces from outside [J]
   S energy_residual = S(0);                      ///< error of the energy balance [J]
@@ -199,26 +206,42 @@ void for_each_value(OutputValues<S>& values, F&& f) {
        {&values.relative_position, &values.relative_velocity, &values.relative_angular_velocity,
         &values.capture_force, &values.capture_torque, &values.ring_position, &values.ring_velocity,
         &values.ring_angular_velocity, &values.base_force, &values.base_torque,
-        &values.momentum_linear, &values.momentum_angular, &values.momentum_reference}) {
+        &values.momentum_linear, &values.momentum_angular, &values.momentum_reference,
+        &values.joint_force, &values.joint_torque}) {
     each(*x);
   }
   each(values.relative_attitude);
   each(values.ring_attitude);
   each(values.capture_load);
-  for (S* x : {&values.relative_axial, &values.relative_lateral, &values.relative_pitch_yaw,
-               &values.relative_roll, &values.gap, &values.capture_load_ratio,
-               &values.contact_depth_ratio, &values.energy_kinetic, &values.energy_potential,
-               &values.energy_dissipated, &values.energy_dissipated_contact,
-               &values.energy_dissipated_friction, &values.energy_dissipated_legs,
-               &values.energy_dissipated_latches, &values.energy_dissipated_brakes,
-               &values.energy_drive_work, &values.energy_external, &values.energy_residual}) {
+  for (S* x : {&values.relative_axial,
+               &values.relative_lateral,
+               &values.relative_pitch_yaw,
+               &values.relative_roll,
+               &values.gap,
+               &values.capture_load_ratio,
+               &values.contact_depth_ratio,
+               &values.energy_kinetic,
+               &values.energy_potential,
+               &values.energy_dissipated,
+               &values.energy_dissipated_contact,
+               &values.energy_dissipated_friction,
+               &values.energy_dissipated_legs,
+               &values.energy_dissipated_latches,
+               &values.energy_dissipated_brakes,
+               &values.energy_drive_work,
+               &values.energy_external,
+               &values.energy_residual,
+               &values.energy_dissipated_hard_dock,
+               &values.face_force,
+               &values.pusher_force}) {
     f(*x);
   }
   for (std::vector<S>* x :
        {&values.petal_force, &values.surface_force, &values.latch_opening, &values.latch_lateral,
         &values.latch_force, &values.leg_length, &values.leg_rate, &values.leg_force,
         &values.element_coordinate, &values.element_rate, &values.element_force,
-        &values.element_saturation, &values.state_q, &values.state_v, &values.state_a}) {
+        &values.element_saturation, &values.state_q, &values.state_v, &values.state_a,
+        &values.hook_force}) {
     each(*x);
   }
   for (Vec3<S>& x : values.loop_force) each(x);
@@ -232,6 +255,7 @@ void match_sizes(const OutputValues<double>& from, OutputValues<S>& to) {
   to.latch_opening.resize(from.latch_opening.size());
   to.latch_lateral.resize(from.latch_lateral.size());
   to.latch_force.resize(from.latch_force.size());
+  to.hook_force.resize(from.hook_force.size());
   to.leg_length.resize(from.leg_length.size());
   to.leg_rate.resize(from.leg_rate.size());
   to.leg_force.resize(from.leg_force.size());
@@ -260,10 +284,12 @@ struct Outputs : OutputValues<double> {
   int sequence_step = 1;               ///< place in the list of steps, from 1
   double sequence_time_in_step = 0.0;  ///< [s]
   bool captured = false;
-  std::vector<char> latched;      ///< 0 or 1, one per latch (char: vector<bool> has no addresses)
-  std::vector<int> latch_state;   ///< see LatchReport, one per latch
-  int capture_reason = 1;         ///< see CaptureReason
-  double seated_time = 0.0;       ///< [s] seated without capture
+  std::vector<char> latched;     ///< 0 or 1, one per latch (char: vector<bool> has no addresses)
+  std::vector<int> latch_state;  ///< see LatchReport, one per latch
+  int capture_reason = 1;        ///< see CaptureReason
+  double seated_time = 0.0;      ///< [s] seated without capture
+  int hooks_closed = 0;          ///< with their preload
+  bool joint_rigid = false;
   double time_to_contact = 0.0;   ///< [s] lower bound from gap and closing speed
   double time_of_contact = -1.0;  ///< [s] simulation time, -1 before
   double time_of_capture = -1.0;  ///< [s] simulation time, -1 before

@@ -1,8 +1,8 @@
 // Exact derivatives of the whole docking, by dual numbers.
 // 1. rates, capture force, latch forces, relative motion and energy by states, loads and time are
 //    those of central differences of sixth order in Extended: free drift, contact of every
-//    kind of surface with either friction law, latches open, held and releasing, absorber, thrust,
-//    gravity, a drive, Newton closures;
+//    kind of surface with either friction law, latches open, held and releasing, hooks and faces, a
+//    rigid joint, absorber, thrust, gravity, a drive, Newton closures;
 // 2. the Jacobian by states is what passes in mixed directions give;
 // 3. where a length is zero (striker on the axis of its hook, nothing slides, pose of the neighbour
 //    list) derivatives are finite and right;
@@ -99,7 +99,7 @@ std::vector<Column> list_columns(const Docking& docking) {
     const bool closed = docking.data.contact_work.closed[pair];
     if (closed || open-- > 0) add_states("bristle", 3e-9L, layout.bristles + 3 * pair, 3);
   }
-  add_states("sums", 1.0L, layout.sums, kSumCount);
+  add_states("sums", 1.0L, layout.sums, layout.sum_count);
   add(Column::kGravity, "gravity", 0.1L, 0, 3);
   add(Column::kCommand, "command", 1.0L, 0, static_cast<int>(docking.loads.command.size()));
   add(Column::kTime, "time", 1e-3L, 0, 1);
@@ -133,18 +133,25 @@ Results<S> collect(const Docking& docking, const std::vector<S>& ydot, const Doc
     add(name + "_momentum", ydot, layout.momentum[i], 3);
     add(name + "_angular_momentum", ydot, layout.momentum[i] + 3, 3);
   }
-  for (int i = 0; i < kSumCount; ++i) add("sum" + std::to_string(i), ydot, layout.sums + i, 1);
+  for (int i = 0; i < layout.sum_count; ++i)
+    add("sum" + std::to_string(i), ydot, layout.sums + i, 1);
   add("impulse", ydot, layout.impulse, 3);
   add("angular_impulse", ydot, layout.impulse + 3, 3);
   add("bristle", ydot, layout.bristles, layout.bristle_count);
   add("capture_force", data.on_passive.f, 0, 3);
   add("capture_moment", data.on_passive.t, 0, 3);
   add("latch_force", data.latch.force, 0, docking.model.latches.count());
+  if (!docking.model.hard_dock.empty()) {
+    add("hook_force", data.hard_dock.hook_force, 0, docking.model.hard_dock.hooks.count());
+    add("force_across", data.on_target.f, 0, 3);
+    add("moment_across", data.on_target.t, 0, 3);
+  }
   const RelativeMotion<S> x = find_relative(data.interface[kChaser], data.interface[kTarget]);
   add("relative_position", x.p, 0, 3);
   add("relative_velocity", x.v, 0, 3);
-  const std::array<S, 2> energy{find_kinetic_energy(docking.model, data),
-                                data.contact.energy + data.latch.energy + data.joints.energy};
+  const std::array<S, 2> energy{
+      find_kinetic_energy(docking.model, data),
+      data.contact.energy + data.latch.energy + data.joints.energy + data.hard_dock.energy};
   add("kinetic_energy", energy, 0, 1);
   add("potential_energy", energy, 1, 1);
   return results;
@@ -179,6 +186,7 @@ MatX<L> find_differences(const Docking& docking, const std::vector<Column>& colu
                          std::vector<std::string>& kinds, VecX<L>& noise) {
   const L weight[3] = {3.0L / 4, -3.0L / 20, 1.0L / 60};
   DockingData<L> data(docking.model);
+  data.locked = docking.data.locked;
   const LongInputs start{
       docking.t, {docking.y.begin(), docking.y.end()}, cast_loads<L>(docking.loads)};
   std::vector<L> ydot(start.y.size());
@@ -298,7 +306,7 @@ TEST_P(DockingDerivatives, are_those_of_central_differences) {
     Docking docking = draw(at, scene, random);
     at.change(docking, random);
     docking.evaluate();
-    loaded = loaded || docking.data.on_passive.f.norm() > 0.0;
+    loaded = loaded || docking.data.on_passive.f.norm() + docking.data.on_target.f.norm() > 0.0;
     const std::vector<Column> columns = list_columns(docking);
     std::vector<std::string> kinds;
     VecX<L> size;
@@ -357,6 +365,15 @@ INSTANTIATE_TEST_SUITE_P(
              set_latches<LatchMode::kHeld>, 3.1e-10},
         Case{"latches_releasing", ring_without_surfaces, -0.012, 0.0, 0.01, kNone, 1,
              set_latches<LatchMode::kReleasing>, 4e-10},
+        Case{"hooks_and_faces", ring_with_hooks, -0.01, 0.0, 0.03, kNone, 1, dock, 1e-9},
+        Case{"rigid_joint", ring_with_hooks, -0.01, 0.0, 0.03, kNone, 1,
+             [](Docking& docking, TestRandom& random) {
+               static LockedMechanism locked;
+               dock(docking, random);
+               docking.set_random_loads(random);
+               join(docking, locked);
+             },
+             1e-9},
         Case{"absorber", absorber, 2e-3, 0.0, 0.1, kNone, 1, load, 2.9e-10},
         Case{"driven_wheel", ring_with_driven_wheel, 5e-4, 0.2, 0.12, kNone, 1,
              [](Docking& docking, TestRandom&) { docking.t = 1.7; }, 1e-10},

@@ -137,6 +137,52 @@ struct Docking {
   std::array<Vec3<double>, 2> rate{Vec3<double>::Zero(), Vec3<double>::Zero()};
 };
 
+/// The ring without surfaces, and hooks on faces between A and P.
+inline Scene ring_with_hooks() {
+  Scene scene = ring_without_surfaces();
+  HardDock& dock = scene.hard_dock;
+  dock.faces = {make_circle(24, 0.65, 0.0), 1e8, 1.0, 1e-5};
+  dock.hooks.rows = {{make_circle(6, 0.7, 0.1), 0.0}, {make_circle(6, 0.7, 0.6), 0.0}};
+  dock.hooks.stiffness = 1e6;
+  dock.hooks.preload = 2000.0;
+  dock.hooks.damping = 1.0;
+  dock.hooks.play = 0.003;
+  dock.hooks.close_time = 5.0;
+  dock.pushers.points = make_circle(4, 0.6, 0.3);
+  dock.pushers.stroke = 0.03;
+  dock.pushers.preload = 200.0;
+  dock.pushers.stiffness = 4e3;
+  return scene;
+}
+
+/// Faces pressed, one row of hooks closed, the other one in the middle of a ramp at t = 7.02 s.
+inline void dock(Docking& docking, TestRandom& random) {
+  using V = Vec3<double>;
+  const FrameMotion<double>& A = docking.data.interface[kChaser];
+  const V p(random.uniform(-3e-4, -1e-4), random.uniform(-0.01, 0.01), random.uniform(-0.01, 0.01));
+  docking.put_pose(kTarget, Pose<double>{A.R, A.p} *
+                                Pose<double>{rotation_of(random.vector(1e-4)), p} *
+                                inverse(docking.model.interface_pose[kTarget]));
+  ASSERT_TRUE(set_vehicle_velocity(docking.model, kTarget, docking.velocity[kTarget],
+                                   docking.rate[kTarget], docking.y.data(), docking.data)
+                  .ok());
+  docking.t = 7.02;
+  docking.discrete.hard_dock.row[0] = {HookMode::kClosed, 0.0, 0.0};
+  docking.discrete.hard_dock.row[1] = {HookMode::kClosing, 3.2, 0.0};
+  docking.discrete.hard_dock.pushers = {false, 7.0, 1.0};
+}
+
+/// A rigid joint in the present pose; the mechanism rests.
+inline void join(Docking& docking, LockedMechanism& locked) {
+  std::fill_n(docking.y.begin() + docking.model.layout.mechanism_v,
+              docking.model.layout.mechanism_nv, 0.0);
+  docking.evaluate();
+  lock_mechanism(docking.model, docking.data, locked);
+  const FrameMotion<double>&C = docking.data.vehicle[kChaser], &D = docking.data.vehicle[kTarget];
+  docking.discrete.hard_dock.joint = {true, C.R.transpose() * D.R, C.R.transpose() * (D.p - C.p)};
+  join_target(docking.model, docking.discrete.hard_dock.joint, locked);
+}
+
 /// Is a pair of this kind closed?
 inline bool touches(const Docking& docking, PairKind kind) {
   const ContactModel& contact = docking.model.contact;

@@ -51,7 +51,8 @@ inline std::vector<double> flatten(const Outputs& outputs, bool with_solver = fa
                              double(o.captured), o.time_to_contact, o.time_of_contact,
                              o.time_of_capture, o.momentum_residual, o.solver_closure_residual,
                              o.solver_singularity_margin, o.seated_time});
-  put(std::array<double, 1>{double(o.capture_reason)});
+  put(std::array<double, 3>{double(o.capture_reason), double(o.hooks_closed),
+                            double(o.joint_rigid)});
   if (with_solver) {
     put(std::array<double, 3>{o.solver_steps, o.solver_rhs_evaluations, o.solver_rejected_steps});
   }

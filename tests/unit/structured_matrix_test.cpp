@@ -239,12 +239,41 @@ INSTANTIATE_TEST_SUITE_P(
                    1.8e-4}),
     [](const ::testing::TestParamInfo<MatrixCase>& at) { return std::string(at.param.name); });
 
+TEST(StructuredMatrix, solves_nearly_as_the_jacobian_does_with_hooks_and_a_rigid_joint) {
+  for (const bool is_joined : {false, true}) {
+    for (const double g : {kShort, kLong}) {
+      TestRandom random(84);
+      Compared worst;
+      for (int trial = 0; trial < kTrials; ++trial) {
+        Docking docking(ring_with_hooks());
+        docking.set_random_state(random, -0.0055, 0.0, 0.003);
+        dock(docking, random);
+        for (LatchState& latch : docking.discrete.latch) latch = {LatchMode::kHeld, 0.0};
+        LockedMechanism locked;
+        if (is_joined) join(docking, locked);
+        docking.evaluate();
+        const Compared found = compare(docking, g, random);
+        worst.with = std::max(worst.with, found.with);
+        worst.without = std::max(worst.without, found.without);
+      }
+      std::printf("%s, g = %g s: %.1e, without %.1e\n", is_joined ? "joint" : "hooks", g,
+                  worst.with, worst.without);
+      EXPECT_LT(worst.with, g == kShort ? 3e-2 : 3e-1);
+      if (is_joined) continue;
+      EXPECT_GT(worst.without, 2.0 * worst.with);
+    }
+  }
+}
+
 TEST(StructuredMatrix, keeps_momentum) {
   TestRandom random(82);
-  Docking docking(ring());
-  docking.set_random_state(random, 2e-3);
+  Docking docking(ring_with_hooks());
+  docking.set_random_state(random, -0.0055, 0.0, 0.003);
+  dock(docking, random);
+  for (LatchState& latch : docking.discrete.latch) latch = {LatchMode::kHeld, 0.0};
   docking.evaluate();
-  ASSERT_GT(docking.data.contact.active_count, 0);
+  ASSERT_GT(docking.data.hard_dock.face_force, 0.0);
+  ASSERT_GT(docking.data.on_passive.f.norm(), 0.0);
   const StateLayout& layout = docking.model.layout;
   const std::vector<double> block(static_cast<size_t>(find_mechanism_block_size(docking.model)),
                                   -3.0);
