@@ -59,6 +59,7 @@ class ExplicitSolver : public OneStepSolver {
   void set_known(const Stepper::Known& known) override {
     if (known.rates) std::copy_n(known.rates, size_, get_rates(0));
     rated_ = known.rates != nullptr;
+    last_error_ = known.last_error;
     fastest_ = known.fastest_rate;
   }
   double fastest_rate() const override { return fastest_; }

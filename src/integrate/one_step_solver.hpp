@@ -18,6 +18,7 @@ class OneStepSolver : public Solver {
   void restart(double t, N_Vector y, double h) override;
   StepOutcome step(double t_stop, N_Vector y, double& t) final;
   double next_step() const override { return h_; }
+  double last_error() const override { return last_error_; }
   bool has_fixed_step() const override { return fixed_; }
 
  protected:

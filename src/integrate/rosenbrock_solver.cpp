@@ -58,8 +58,10 @@ class RosenbrockSolver : public OneStepSolver {
   void set_known(const Stepper::Known& known) override {
     if (known.rates) std::copy_n(known.rates, size_, first_.begin());
     rated_ = known.rates != nullptr;
+    last_error_ = known.last_error;
   }
   bool interpolate(double t, N_Vector y) override;
+  bool find_slope(double t, double* slope) override;
 
  private:
   static constexpr double kSafety = 0.9, kGrowth = 5.0, kLeastShrink = 0.1;
@@ -195,6 +197,17 @@ bool RosenbrockSolver::interpolate(double t, N_Vector y) {
   if (fixed_) return true;  // no roots are looked for
   if (!at_end_) return false;
   interpolate_cubic(t, start_.data(), first_.data(), last_.data(), y);
+  return true;
+}
+
+bool RosenbrockSolver::find_slope(double t, double* slope) {
+  if (fixed_ || !at_end_) return false;
+  const double s = 1.0 - (t_ - t) / made_, r = 1.0 - s;
+  for (int i = 0; i < size_; ++i) {
+    const double mean = (end_[i] - start_[i]) / made_;
+    slope[i] =
+        mean + r * (r - 2.0 * s) * (first_[i] - mean) + s * (2.0 * r - s) * (mean - last_[i]);
+  }
   return true;
 }
 

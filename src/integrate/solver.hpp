@@ -88,10 +88,13 @@ class Solver {
   /// What is known at the start; for methods that have a use for it.
   virtual void set_known(const Stepper::Known&) {}
   virtual double fastest_rate() const { return 0.0; }
+  virtual double last_error() const { return 1.0; }
   /// One step towards t_stop; on failure y and t say nothing.
   virtual StepOutcome step(double t_stop, N_Vector y, double& t) = 0;
   /// State inside the last step.
   virtual bool interpolate(double t, N_Vector y) = 0;
+  /// Its slope there. @return false if it is not known
+  virtual bool find_slope(double, double*) { return false; }
   virtual double next_step() const = 0;
   /// All unknowns at the end of the last step; null where y is all.
   virtual const double* unknowns() const { return nullptr; }

@@ -335,7 +335,7 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
     const double factor = steps_on ? kStepsOver[steps_over++] : std::pow(0.25, ++retry);
     std::copy(me.y_before.begin(), me.y_before.end(), y());
     restart(t_before, std::min(factor * h_first, t_stop - t_before),
-            {nullptr, me.solver->fastest_rate(), nullptr});
+            {nullptr, me.solver->fastest_rate()});
     me.low_valid = watch;  // the start is where it was
   }
   return StepOutcome::kFailed;
@@ -347,11 +347,15 @@ bool Stepper::interpolate(double t, double* y) const {
   std::copy_n(NV_DATA_S(impl_->y_inside), impl_->system.problem.size, y);
   return true;
 }
+bool Stepper::find_slope(double t, double* slope) const {
+  return impl_->solver->find_slope(t, slope);
+}
 /// Dormand-Prince has stages at 0.2, 0.3, 0.8, 0.89 and 1 of a step: the state is in the middle of
 /// the largest gap. The other methods use the same size.
 double Stepper::find_size_across(double distance) { return distance / 0.55; }
 double Stepper::next_step() const { return impl_->solver->next_step(); }
 double Stepper::fastest_rate() const { return impl_->solver->fastest_rate(); }
+double Stepper::last_error() const { return impl_->solver->last_error(); }
 const double* Stepper::unknowns() const { return impl_->solver->unknowns(); }
 bool Stepper::root_found(int i) const { return impl_->root_info[i] != 0; }
 std::int64_t Stepper::steps() const { return impl_->solver->steps() - impl_->idle_steps; }

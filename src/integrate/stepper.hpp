@@ -1,6 +1,6 @@
 // Steps of one initial value problem, one at a time.
 //
-// Every communication point is a stop, and inputs may change there: the integration starts again.
+// Where inputs change the integration starts again, with most methods at every communication point.
 // One-step methods do so at no cost, multistep methods with order 1. The stepper never passes the
 // stop time it is given, reports roots of event functions inside a step, and keeps no state beyond
 // y and the step size when it is restarted: the same y, time, step size and what is known (Known)
@@ -75,6 +75,7 @@ class Stepper {
   struct Known {
     const double* rates = nullptr;  ///< there
     double fastest_rate = 0.0;      ///< as fastest_rate() reported it last [1/s]
+    double last_error = 1.0;        ///< as last_error() reported it last
     /// By columns, of a state not far away: stands for the first one that an implicit method asks
     /// for. Where Newton iteration fails with it, a new one is made.
     const double* jacobian = nullptr;
@@ -101,6 +102,8 @@ class Stepper {
   double time() const;
   /// State inside the last step, unless a root cut that short. @return false if it is not known
   bool interpolate(double t, double* y) const;
+  /// Slope of interpolate(), of methods that know it.
+  bool find_slope(double t, double* slope) const;
   /// Size of a step that passes over a state `distance` ahead, where rates do not exist: no stage
   /// lies near this state [s].
   static double find_size_across(double distance);
@@ -108,6 +111,8 @@ class Stepper {
   double next_step() const;
   /// Fastest rate of the solution, as far as the method knows it [1/s]; 0 = not known.
   double fastest_rate() const;
+  /// Estimated error of the last step, in tolerances; 1 = not known.
+  double last_error() const;
   /// All unknowns at the end of the last step; null where y is all.
   const double* unknowns() const;
   /// Event functions found at their root by the step that returned kRoot.

@@ -137,7 +137,12 @@ Status DockingSim::Impl::look_ahead(double h, CouplingPoint& begin, CouplingPoin
   // Not much more work than the step that was just made.
   std::int64_t limit = find_work_limit(h);
   if (coupling.work > 0) limit = std::min(limit, kWorkAhead * (1000 + coupling.work));
-  if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
+  if (status.ok() && is_fixed_step()) {
+    status = integrate_fixed(h, limit);
+  } else if (status.ok()) {
+    go_on(h);
+    status = integrate(0.0, h, false, limit);
+  }
   if (status.ok()) end = find_coupling_point(*model, present(), stepper->y());
   restore(*look_ahead_start);
   set_counters(counters);

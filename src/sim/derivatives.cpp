@@ -19,7 +19,7 @@ constexpr int kGravityInput = 2 * kInputsPerVehicle, kCommandInput = kGravityInp
 /// Values of the present state, without variation. @post data is evaluated
 Status DockingSim::Impl::start_pass() {
   read_inputs();
-  const Status status = evaluate(0.0, false);  // a load would end the quiescent state
+  const Status status = evaluate_point(false);  // a load would end the quiescent state
   if (!status.ok()) return status;
   if (!derivative_pass || derivative_pass->coordinates != coordinates) {
     derivative_pass = std::make_unique<DerivativePass>(*model);
@@ -31,7 +31,8 @@ Status DockingSim::Impl::start_pass() {
       derivative_pass->output_cells.push_back(&cell);
     });
   }
-  start_docking_pass(*model, loads.at_start(), elapsed, stepper->y(), derivative_pass->docking);
+  start_docking_pass(*model, loads.at_start(), find_point_time(), point_y(),
+                     derivative_pass->docking);
   derivative_pass->frame_velocity = frame_velocity.cast<Derivative>();
   derivative_pass->frame_shift = frame_shift.cast<Derivative>();
   return {};
@@ -69,7 +70,7 @@ void DockingSim::Impl::seed(const Seed& seed, int lane) {
 
 Status DockingSim::Impl::finish_pass() {
   DerivativePass& pass = *derivative_pass;
-  const Status status = calc_docking_pass(*model, discrete, memory, present(), pass.docking);
+  const Status status = calc_docking_pass(*model, discrete, memory, shown(), pass.docking);
   if (!status.ok()) return status;
   const OutputSource<Derivative> source = make_output_source<Derivative>(
       pass.docking.data, pass.docking.y.data(), pass.frame_velocity, pass.frame_shift);

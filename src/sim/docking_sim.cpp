@@ -70,18 +70,16 @@ void DockingSim::load(const SavedSim& from) { impl_->load(from); }
 /// @post restore(into) restores this state. Allocates only if `into` was never used.
 /// @param with_pose  if false, `into` holds the accepted configuration of the loops already
 void DockingSim::Impl::keep(Snapshot& into, bool with_pose) const {
-  // The number of near pairs of surfaces differs from save to save.
   const size_t pairs = static_cast<size_t>(model->contact.pair_count());
-  into.state.memory.gap.reserve(pairs);
-  into.state.memory.near.reserve(pairs);
-  into.state.memory.closed.reserve(pairs);
-  into.state.memory.n_last.reserve(pairs);
+  reserve(into.state.memory, pairs);
+  reserve(into.state.ahead.context.memory, pairs);
   into.state = *this;
-  into.y.assign(stepper->y(), stepper->y() + model->layout.size);
+  into.y.assign(accepted_y(), accepted_y() + model->layout.size);
   if (with_pose) into.reference = present().mechanism.loops.reference;
 }
 
-void DockingSim::Impl::restore(const Snapshot& from) {
+/// @return not ok if a pending step cannot be made again, which happens to damaged states only
+Status DockingSim::Impl::restore(const Snapshot& from) {
   if (coordinates != from.state.coordinates) use_coordinates(from.state.coordinates);
   static_cast<SimState&>(*this) = from.state;
   std::copy(from.y.begin(), from.y.end(), stepper->y());
@@ -90,6 +88,7 @@ void DockingSim::Impl::restore(const Snapshot& from) {
   evaluator->forget_present();
   pose_is_kept = false;
   invalidate();
+  return ahead.pending ? remake_pending() : Status();
 }
 
 Counters DockingSim::Impl::find_counters() const {
@@ -118,18 +117,20 @@ void DockingSim::Impl::save(SavedSim& into) const {
 namespace {
 
 /// Equal sizes: the saved state was made by the same model.
-bool have_same_shape(const Snapshot& a, const Snapshot& b) {
-  const LoopReference<double>&r = a.reference, &s = b.reference;
-  bool same = a.y.size() == b.y.size() &&
-              a.state.quiescent.q.size() == b.state.quiescent.q.size() &&
-              a.state.kept_jacobian.entries.size() == b.state.kept_jacobian.entries.size() &&
-              r.valid == s.valid && r.q.size() == s.q.size() && r.H.size() == s.H.size() &&
+bool have_same_shape(const LoopReference<double>& r, const LoopReference<double>& s) {
+  bool same = r.valid == s.valid && r.q.size() == s.q.size() && r.H.size() == s.H.size() &&
               r.sign.size() == s.sign.size() && r.margin.size() == s.margin.size() &&
               r.branch.size() == s.branch.size() && r.spin_branch.size() == s.spin_branch.size();
   for (size_t k = 0; same && k < r.H.size(); ++k) {
     same = r.H[k].rows() == s.H[k].rows() && r.H[k].cols() == s.H[k].cols();
   }
   return same;
+}
+
+bool have_same_shape(const Snapshot& a, const Snapshot& b) {
+  return a.y.size() == b.y.size() && a.state.quiescent.q.size() == b.state.quiescent.q.size() &&
+         a.state.kept_jacobian.entries.size() == b.state.kept_jacobian.entries.size() &&
+         have_same_shape(a.reference, b.reference);
 }
 
 /// Lists of the contact search have an entry per pair, and contain existing pairs only.
@@ -181,6 +182,21 @@ bool are_branches(const LoopReference<double>& reference) {
                      [&](const LegBranch& b) { return is_sign(b.elbow) && is_sign(b.flip); });
 }
 
+/// Is there all that a pending step, or the next one, is made of?
+bool fits(const RunAhead& ahead, const Snapshot& all, const DockingModel& model) {
+  const auto commands = count_commands(model.mechanism.model);
+  if (ahead.loads.command.size() != commands || ahead.mean_known.command.size() != commands) {
+    return false;
+  }
+  if (ahead.is_mean_due && ahead.y_before.size() != all.y.size()) return false;
+  if (!ahead.pending) return ahead.reached == 0.0;
+  return ahead.y_before.size() == all.y.size() && ahead.reached >= ahead.begin &&
+         ahead.size >= 0.0 && ahead.last_error > 0.0 && are_modes(ahead.context.discrete) &&
+         fits(ahead.context.memory, model.contact) && are_branches(ahead.context.reference) &&
+         have_same_shape(ahead.context.reference, all.reference) &&
+         ahead.jacobian.entries.size() == all.state.kept_jacobian.entries.size();
+}
+
 }  // namespace
 
 /// Build the model of a saved state, which has other parameters or comes from another process.
@@ -195,7 +211,9 @@ void DockingSim::Impl::build_for(const SavedSim& from) {
   if (!have_same_shape(fresh, from.snapshot) || !fits(from.snapshot.state.memory, model->contact) ||
       !(from.snapshot.state.inner_step > 0.0) || !are_modes(from.snapshot.state.discrete) ||
       !fits(from.snapshot.state.discrete, from.inputs.command, *model) ||
-      !are_branches(from.snapshot.reference)) {
+      !are_branches(from.snapshot.reference) ||
+      !fits(from.snapshot.state.ahead, from.snapshot, *model) ||
+      (from.snapshot.state.ahead.pending && !runs_ahead())) {
     throw ModelError("the saved state does not fit this model");
   }
   warnings.clear();  // already issued when the state was made
@@ -204,7 +222,7 @@ void DockingSim::Impl::build_for(const SavedSim& from) {
 /// Check a state restored from bytes: unit quaternions, and finite results of an evaluation.
 /// @throws ModelError
 void DockingSim::Impl::check_restored() {
-  const double* y = stepper->y();
+  const double* y = accepted_y();
   const auto check_attitude = [&](int at, const std::string& name) {
     if (is_attitude({y[at], y[at + 1], y[at + 2], y[at + 3]})) return;
     throw ModelError("the saved state is damaged: the attitude of " + name +
@@ -236,13 +254,14 @@ void DockingSim::Impl::check_restored() {
 /// Load the complete state into its model.
 void DockingSim::Impl::take(const SavedSim& from) {
   parameters = from.parameters;
-  if (from.setup) adopt_tunables();
+  if (from.setup) use_tunables();
   inputs = from.inputs;
   slopes = from.slopes;
   setup = from.setup;
   invalidate();
   if (!setup) return;
-  restore(from.snapshot);
+  const Status status = restore(from.snapshot);
+  if (!status.ok()) throw ModelError("the saved state is damaged: " + describe(status));
   set_counters(from.counters);
 }
 
@@ -278,16 +297,32 @@ void DockingSim::Impl::load(const SavedSim& from) {
   }
 }
 
-/// Take over parameters that may be changed during a run. Other values make a new model.
-void DockingSim::Impl::adopt_tunables() {
+/// Do parameters that may be changed during a run have other values than the model?
+bool DockingSim::Impl::are_tunables_new() const {
   const ContactLaw law = make_contact_law(), &last = model->contact.law;
   const bool same_law = model->contact.empty() ||
                         (law.friction_coefficient == last.friction_coefficient &&
                          law.friction_model == last.friction_model && law.damping == last.damping);
-  if (!same_law || parameters.contact_thrust != model->thrust ||
-      parameters.contact_thrust_delay != model->thrust_delay) {
+  return !same_law || parameters.contact_thrust != model->thrust ||
+         parameters.contact_thrust_delay != model->thrust_delay;
+}
+
+/// Take over these parameters. The step to the communication point still has their last values.
+void DockingSim::Impl::adopt_tunables() {
+  if (ahead.pending && !are_tunables_new()) return;
+  if (ahead.pending) {
+    ContactModel tried = model->contact;
+    if (!tried.empty()) set_law(tried, make_contact_law());  // may throw, before anything changes
+    settle_for_parameters();
+  }
+  use_tunables();
+}
+
+/// Other values make a new model.
+void DockingSim::Impl::use_tunables() {
+  if (are_tunables_new()) {
     const auto changed = std::make_shared<DockingModel>(*model);
-    if (!changed->contact.empty()) set_law(changed->contact, law);  // may throw
+    if (!changed->contact.empty()) set_law(changed->contact, make_contact_law());  // may throw
     changed->thrust = parameters.contact_thrust;
     changed->thrust_delay = parameters.contact_thrust_delay;
     use_model(changed);

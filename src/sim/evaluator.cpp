@@ -13,6 +13,7 @@ Evaluator::Evaluator(std::shared_ptr<const DockingModel> model, const SimState& 
       present_(std::make_unique<DockingData<double>>(*model_)),
       trial_(std::make_unique<DockingData<double>>(*model_)),
       start_rates_(static_cast<size_t>(model_->layout.size), 0.0),
+      trial_rates_(start_rates_),
       key_y_(start_rates_) {}
 
 void Evaluator::use_coordinates(std::shared_ptr<const DockingModel> model) {
@@ -65,23 +66,43 @@ Status Evaluator::at(double tau, const double* y, double* ydot) {
   return status;
 }
 
-Status Evaluator::at_start(const double* y) {
-  const Status status = at(0.0, y, start_rates_.data());
-  set_key(present_.get(), 0.0, y);
+Status Evaluator::at_start(double tau, const double* y) {
+  const Status status = at(tau, y, start_rates_.data());
+  set_key(present_.get(), tau, y);
+  is_start_counted_ = false;
   return status;
 }
 
+/// A trial state is not complete after generated code, or with a locked mechanism.
+bool Evaluator::is_complete_at_key(double tau, const double* y) const {
+  return key_ == trial_.get() && is_at_key(tau, y) && !present_->locked &&
+         trial_->mechanism.found != Need::kRates;
+}
+
 Status Evaluator::at_end(double tau, const double* y) {
-  const bool is_there = key_ == trial_.get() && is_at_key(tau, y);
-  // A trial state is not complete after generated code, or with a locked mechanism.
-  if (!is_there || present_->locked || trial_->mechanism.found == Need::kRates) return at(tau, y);
+  if (!is_complete_at_key(tau, y)) return at(tau, y);
   std::swap(present_, trial_);
   forget();
   return {};
 }
 
+Status Evaluator::at_end_with_rates(double tau, const double* y) {
+  Status status;
+  if (is_complete_at_key(tau, y) && are_trial_rates_known_) {
+    std::swap(present_, trial_);
+    std::swap(start_rates_, trial_rates_);
+    key_ = present_.get();
+  } else {
+    status = at_start(tau, y);
+  }
+  is_start_counted_ = true;
+  return status;
+}
+
 Status Evaluator::at_trial(double tau, const double* y, double* ydot) {
   const Status status = calc(tau, y, ydot, Need::kRates, *trial_);
+  are_trial_rates_known_ = ydot != nullptr;
+  if (ydot) std::copy_n(ydot, trial_rates_.size(), trial_rates_.begin());
   set_key(trial_.get(), tau, y);
   return status;
 }
@@ -134,7 +155,7 @@ Status Evaluator::build_matrix(double tau, const double* y, bool is_accepted, bo
 
 void Evaluator::begin_inner_step() {
   if (key_ == trial_.get()) forget();
-  if (is_started()) count(1);
+  if (is_started() && !is_start_counted_) count(1);
 }
 
 bool Evaluator::is_at_key(double tau, const double* y) const {

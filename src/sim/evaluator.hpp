@@ -55,10 +55,12 @@ class Evaluator {
 
   /// Everything, into `present`. @param ydot  rates, or null
   Status at(double tau, const double* y, double* ydot = nullptr);
-  /// at(0), with the rates. @post start_rates() until an inner step has been made
-  Status at_start(const double* y);
+  /// at(), with the rates. @post start_rates() until an inner step has been made
+  Status at_start(double tau, const double* y);
   /// The end of an inner step: at(), unless this state was evaluated completely.
   Status at_end(double tau, const double* y);
+  /// The same with the rates, which the integrator has counted. @post as of at_start()
+  Status at_end_with_rates(double tau, const double* y);
   /// A trial state, as far as rates and event functions need it.
   Status at_trial(double tau, const double* y, double* ydot);
   /// What event functions are read from. @post events_at()
@@ -84,7 +86,7 @@ class Evaluator {
   /// Trial states before this inner step are not valid in it. The integrator does not count an
   /// evaluation if it starts with start_rates().
   void begin_inner_step();
-  /// Rates at the start of the communication step; null: not known.
+  /// Rates where the next inner step starts; null: not known.
   const double* start_rates() const { return is_started() ? start_rates_.data() : nullptr; }
   /// `present` is exactly at the present state until forget_present() or at().
   void keep_present() { is_present_kept_ = true; }
@@ -103,6 +105,7 @@ class Evaluator {
  private:
   bool is_started() const { return key_ == present_.get(); }
   bool is_at_key(double tau, const double* y) const;
+  bool is_complete_at_key(double tau, const double* y) const;
   void set_key(const DockingData<double>* to, double tau, const double* y);
   Status calc(double tau, const double* y, double* ydot, Need need, DockingData<double>& data);
 
@@ -110,7 +113,9 @@ class Evaluator {
   const SimState& state_;
   const StepLoads& loads_;
   std::unique_ptr<DockingData<double>> present_, trial_;
-  std::vector<double> start_rates_;
+  std::vector<double> start_rates_, trial_rates_;
+  bool are_trial_rates_known_ = false;
+  bool is_start_counted_ = false;             ///< the evaluation of start_rates()
   const DockingData<double>* key_ = nullptr;  ///< workspace of the key: present_, trial_ or none
   double key_tau_ = 0.0;
   std::vector<double> key_y_;

@@ -188,10 +188,10 @@ Status DockingSim::Impl::evaluate(double tau, bool may_lock) {
   return evaluator->at(tau, stepper->y());
 }
 
-/// evaluate(0), unless a free drift has just evaluated this state.
+/// evaluate_point(), unless a free drift has just evaluated this state.
 Status DockingSim::Impl::evaluate_present() {
   if (evaluator->is_present_kept() && quiescent_mode->is_in_effect()) return {};
-  return evaluate(0.0);
+  return evaluate_point();
 }
 
 /// The same at the start of a communication step, with the rates for methods that begin with them.
@@ -199,7 +199,7 @@ Status DockingSim::Impl::evaluate_start() {
   evaluator->forget();
   if (quiescent.on || !begins_with_rates()) return evaluate_present();
   evaluator->hold(quiescent_mode->find_held());
-  return evaluator->at_start(stepper->y());
+  return evaluator->at_start(0.0, stepper->y());
 }
 
 }  // namespace dockloop

@@ -50,7 +50,8 @@ Status DockingSim::get_rates(double* ydot) {
 
 Status DockingSim::Impl::calc_rates(double* ydot) {
   read_inputs();
-  const Status status = evaluator->aside(0.0, stepper->y(), ydot);
+  Status status = balance_point();
+  if (status.ok()) status = evaluator->aside(ahead.reached, point_y(), ydot);
   if (!status.ok()) return status;
   const bool finite =
       std::all_of(ydot, ydot + model->layout.size, [](double rate) { return std::isfinite(rate); });

@@ -46,10 +46,11 @@ Status DockingSim::Impl::update(OutputGroup group) {
 
 Status DockingSim::Impl::update_main() {
   read_inputs();
-  const Status status = evaluate_present();
+  Status status = calc_due_mean_loads();
+  if (status.ok()) status = evaluate_present();
   if (!status.ok()) return status;
-  read_outputs<double>(find_present_source(), outputs);
-  outputs.time = setup->t_start + elapsed;
+  read_outputs<double>(find_source(), outputs);
+  outputs.time = setup->t_start + find_point_time();
   std::copy_n(peaks.peak().begin(), static_cast<int>(Outputs::kLoadCount),
               outputs.capture_peak.begin());
   outputs.capture_peak_load_ratio = peaks.peak()[Outputs::kLoadCount];
@@ -70,8 +71,7 @@ Status DockingSim::Impl::update_main() {
   outputs.solver_steps = static_cast<double>(counters.steps);
   outputs.solver_rhs_evaluations = static_cast<double>(counters.rate_evaluations);
   outputs.solver_rejected_steps = static_cast<double>(counters.rejected_steps);
-  outputs.solver_singularity_margin =
-      find_singularity_margin(model->mechanism, present().mechanism);
+  outputs.solver_singularity_margin = find_singularity_margin(model->mechanism, shown().mechanism);
   outputs.solver_chosen_method = chosen.method;
   outputs.solver_chosen_rtol = is_fixed_step() ? 0.0 : find_relative_tolerance();
   outputs.solver_chosen_step = is_fixed_step() ? inner_step : 0.0;
@@ -83,13 +83,12 @@ Status DockingSim::Impl::update_bodies() {
   read_inputs();
   const Status status = evaluate_present();
   if (!status.ok()) return status;
-  read_momentum<double>(find_present_source(), outputs);
-  outputs.momentum_residual =
-      std::max(momentum_audit.residual,
-               find_momentum_residual(*model, present(), stepper->y(), momentum_audit));
-  const bool moves = !present().locked;
+  read_momentum<double>(find_source(), outputs);
+  outputs.momentum_residual = std::max(
+      momentum_audit.residual, find_momentum_residual(*model, shown(), point_y(), momentum_audit));
+  const bool moves = !shown().locked;
   outputs.solver_closure_residual =
-      std::max(moves ? find_closure_residual(model->mechanism, present().mechanism) : 0.0, drift);
+      std::max(moves ? find_closure_residual(model->mechanism, shown().mechanism) : 0.0, drift);
   return {};
 }
 
@@ -101,7 +100,7 @@ Status DockingSim::Impl::update_states() {
   std::fill(outputs.rates.begin(), outputs.rates.end(), 0.0);
   std::fill(outputs.states.begin(), outputs.states.end(), 0.0);
   std::copy_n(rates.begin(), shared, outputs.rates.begin());
-  std::copy_n(stepper->y(), shared, outputs.states.begin());
+  std::copy_n(point_y(), shared, outputs.states.begin());
   return {};
 }
 
@@ -115,7 +114,7 @@ double DockingSim::Impl::find_acceleration_bound() const {
     const double arm = p.interface_position.norm() + model->contact.reach;
     bound += loads.at_start().force[i].norm() / p.mass +
              loads.at_start().torque[i].norm() * arm / least_inertia[i];
-    if (i == kChaser) bound += present().thrust.norm() / p.mass;
+    if (i == kChaser) bound += shown().thrust.norm() / p.mass;
   }
   const int ring = model->mechanism.model.capture_body;
   if (ring != kBase && ring != model->mechanism.vehicle) {
@@ -128,7 +127,7 @@ double DockingSim::Impl::find_acceleration_bound() const {
 
 /// Lower bound of the time until surfaces touch [s]. @param gap  of find_gap() [m]
 double DockingSim::Impl::find_earliest_contact(double gap) const {
-  return find_time_to_contact(gap, find_approach_bound(model->contact, present().relative),
+  return find_time_to_contact(gap, find_approach_bound(model->contact, shown().relative),
                               find_acceleration_bound());
 }
 
@@ -137,10 +136,10 @@ void DockingSim::Impl::update_phase_outputs() {
   if (has_surfaces()) outputs.time_to_contact = find_earliest_contact(outputs.gap);
   for (int i = 0; i < model->latches.count(); ++i) {
     outputs.latched[i] = discrete.latch[i].mode == LatchMode::kHeld ? 1 : 0;
-    outputs.latch_state[i] = events->find_latch_report(present(), i);
+    outputs.latch_state[i] = events->find_latch_report(shown(), i);
   }
   outputs.capture_reason =
-      find_capture_reason(events->find_phase_inputs(present(), outputs.gap), discrete);
+      find_capture_reason(events->find_phase_inputs(shown(), outputs.gap), discrete);
   outputs.seated_time = discrete.seated_time;
   outputs.sequence_step = discrete.sequence.step + 1;
   outputs.sequence_time_in_step = 0.0;

@@ -2,6 +2,7 @@
 //
 //   start.cpp           from scene and parameters to the start state
 //   steps.cpp           communication steps, inputs, audits
+//   run_ahead.cpp       inner steps that end after the communication point
 //   coupling.cpp        hosts of driven vehicles in a communication step
 //   events.cpp          events at accepted states: contact, latches, sequence, coordinates
 //   hard_docking.cpp    commands to hooks, pushers and rigid joint
@@ -41,6 +42,8 @@ namespace dockloop {
 
 constexpr int kJacobianSteps = 50;  ///< longest use of a Jacobian, unless Newton fails
 
+constexpr double kFarthestAhead = 1.0;  ///< an inner step that may pass communication points [s]
+
 constexpr double kLookAgain = 0.7;  ///< factor of the margin for a new search of coordinates
 
 /// Derivatives of all continuous outputs, along eight directions at a time.
@@ -51,6 +54,13 @@ struct DerivativePass {
   OutputValues<Derivative> output;
   std::vector<Derivative*> output_cells;           ///< as for_each_value() counts them
   std::shared_ptr<const Coordinates> coordinates;  ///< coordinates of `docking`
+};
+
+/// A step of the integrator, not booked yet.
+struct InnerStep {
+  StepOutcome outcome = StepOutcome::kFailed;
+  double from = 0.0, to = 0.0;  ///< after SimState::elapsed [s]
+  EnergyBalance audit;          ///< at its end
 };
 
 struct ExtendedEquations;  ///< of src/compare
@@ -93,6 +103,8 @@ struct DockingSim::Impl : SimState {
 
   // steps.cpp
   Status step(double t, double h);
+  double find_lateness(double t) const;
+  Status begin_step(double h);
   void read_inputs();
   void advance_inputs(double h);
   double find_evaluation_cost() const;
@@ -100,21 +112,52 @@ struct DockingSim::Impl : SimState {
   std::int64_t find_work_limit(double h) const;
   std::int64_t find_work() const;
   Status refuse_work(double h, std::int64_t limit, double tau);
-  Status integrate(double h, std::int64_t limit);
+  void accept_state();
+  void return_to(double tau, double h);
+  StepOutcome make_solver_step(double stop, bool watch_roots);
+  Status make_inner_step(double tau, double end, bool is_single);
+  Status book_inner_step(bool& changed);
+  Status drift_freely(double& tau, double end, std::int64_t& turns);
+  Status integrate(double tau, double end, bool passes, std::int64_t limit);
   Status integrate_fixed(double h, std::int64_t limit);
   void look_into_step(double from, double to);
-  double update_singularity_step(double made, double proposal);
+  double update_singularity_step(double made);
   double find_next_stop(double tau, double h) const;
   Status find_failure(double tau) const;
-  Status step_to_root(double tau);
-  void finish_step(double h);
-  void update_mean_loads(double h, const CouplingPoint& end);
+  Status step_to_root(double tau, bool is_single);
+  void finish_step(double h, bool was_pending);
+  void update_mean_loads(double h, const CouplingPoint& begin, const CouplingPoint& end,
+                         const Loads& known);
   void update_momentum_audit();
   EnergyBalance find_balance() const {
     return find_energy_balance(*model, present(), stepper->y(), energy_audit);
   }
   bool is_energy_created(const EnergyBalance& found, double tau);
   void watch_energy(const EnergyBalance& found, double tau);
+
+  // run_ahead.cpp
+  bool runs_ahead() const;
+  bool may_pass() const;
+  bool can_go_on(double late, double h) const;
+  void note_inputs(bool goes_on);
+  void stride(double late, double h);
+  void keep_context();
+  Status begin_ahead(double tau, bool is_evaluated);
+  void start_ahead();
+  Status stay_pending(double point);
+  Status remake_pending();
+  Status settle();
+  void settle_for_parameters();
+  Status calc_due_mean_loads();
+  Status balance_point();
+  Status evaluate_point(bool may_lock = true);
+  /// The communication point [s since start], and the state there. @pre evaluate_point()
+  double find_point_time() const { return elapsed + ahead.reached; }
+  const double* point_y() const { return ahead.pending ? y_shown.data() : stepper->y(); }
+  /// The workspace of evaluate_point().
+  DockingData<double>& shown() const { return ahead.pending ? trial() : present(); }
+  /// The last state that was booked.
+  const double* accepted_y() const { return ahead.pending ? y_accepted.data() : stepper->y(); }
 
   // coupling.cpp
   Status receive(double h);
@@ -146,7 +189,6 @@ struct DockingSim::Impl : SimState {
   Status evaluate_start();
   void start_stepper(double tau, double h, const double* known_rates = nullptr);
   void go_on(double h);
-  StepOutcome make_inner_step(double stop, bool watch_roots);
   void warn_of_tilt(double now);
 
   // hard_docking.cpp
@@ -165,13 +207,15 @@ struct DockingSim::Impl : SimState {
 
   // docking_sim.cpp
   void keep(Snapshot& into, bool with_pose = true) const;
-  void restore(const Snapshot& from);
+  Status restore(const Snapshot& from);
   void save(SavedSim& into) const;
   void load(const SavedSim& from);
   void build_for(const SavedSim& from);
   void check_restored();
   void take(const SavedSim& from);
+  bool are_tunables_new() const;
   void adopt_tunables();
+  void use_tunables();
   void use_model(std::shared_ptr<const DockingModel> changed);
 
   // outputs.cpp
@@ -184,8 +228,8 @@ struct DockingSim::Impl : SimState {
   Status update_bodies();
   Status update_states();
   void update_phase_outputs();
-  OutputSource<double> find_present_source() {
-    return make_output_source(present(), stepper->y(), frame_velocity, frame_shift);
+  OutputSource<double> find_source() {
+    return make_output_source(shown(), point_y(), frame_velocity, frame_shift);
   }
   template <class S>
   OutputSource<S> make_output_source(DockingData<S>& at, const S* y, const Vec3<S>& velocity,
@@ -283,7 +327,12 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<UnreducedForm> unreduced;      ///< at model.level 4 only
   Status last_trouble;
   double margin_before = 1.0;  ///< of the loops, at the last accepted state
+  InnerStep inner;             ///< the last one, or the pending one
+  double proposal = 0.0;       ///< step size of the error control, without stops [s]
   std::vector<double> y_accepted, rates;
+  /// At a communication point inside a pending step: of the cubic, and as it is read.
+  std::vector<double> y_inside, y_shown;
+  bool is_shown = false;      ///< y_shown is valid
   bool pose_is_kept = false;  ///< step_start holds the accepted configuration of the loops
   Snapshot step_start;        ///< state to restore after a refused step
 };

@@ -50,8 +50,47 @@ struct KeptJacobian {
   std::vector<double> entries;  ///< empty if the method needs none
 };
 
+/// The number of near pairs of surfaces differs from state to state: later copies allocate nothing.
+inline void reserve(ContactMemory& memory, size_t pairs) {
+  memory.gap.reserve(pairs);
+  memory.near.reserve(pairs);
+  memory.closed.reserve(pairs);
+  memory.n_last.reserve(pairs);
+}
+
+/// What an evaluation depends on, apart from time, state and loads, to the last bit.
+struct EvaluationContext {
+  DiscreteState discrete;
+  ContactMemory memory;
+  LoopReference<double> reference;
+};
+
+/// An inner step that ends after the communication point, and what decides its bits. While it is
+/// pending, all other data are those at its start (run_ahead.cpp).
+struct RunAhead {
+  bool pending = false;
+  double reached = 0.0;   ///< the communication point [s since `elapsed`]; 0 unless pending
+  double begin = 0.0;     ///< of the step [s since `elapsed`]
+  double size = 0.0;      ///< as the solver was asked for it [s]
+  double proposal = 0.0;  ///< of the error control [s]
+  double last_error = 1.0;
+  std::int64_t steps = 0;     ///< count of steps before it
+  KeptJacobian jacobian;      ///< before it
+  EvaluationContext context;  ///< of the rates at its start
+  Loads loads;                ///< of the last communication step
+  int changes = 0;            ///< bits: did a host change inputs at the last four points?
+  bool is_retuned = false;    ///< parameters were changed since the last point
+
+  // Mean loads are computed when they are read: they need evaluations at both points.
+  bool is_mean_due = false;
+  std::vector<double> y_before;  ///< state at the last communication point but one
+  Loads mean_known;              ///< mean known loads since then
+};
+
 struct SimState {
-  double elapsed = 0.0;       ///< [s] from start to the last communication point
+  /// Inner steps count their time from here [s since start]: the last communication point, or an
+  /// earlier one while a step is pending.
+  double elapsed = 0.0;
   double h_warm = 0.0;        ///< step size for the next communication step [s]
   double last_step = 0.0;     ///< [s]
   double inner_step = 0.0;    ///< largest one of a method with fixed steps [s]
@@ -71,6 +110,7 @@ struct SimState {
   std::shared_ptr<const Coordinates> coordinates;
 
   KeptJacobian kept_jacobian;
+  RunAhead ahead;
 
   double drift = 0.0;  ///< largest gap at inner steps of the last step, if multipliers hold the
                        ///< cuts [m]
@@ -262,12 +302,29 @@ void transfer(A& archive, KeptJacobian& kept) {
 }
 
 template <class A>
+void transfer(A& archive, EvaluationContext& c) {
+  transfer_members<EvaluationContext>(archive, c.discrete, c.memory, c.reference);
+}
+
+template <class A>
+void transfer(A& archive, Loads& l) {
+  transfer_members<Loads>(archive, l.force, l.torque, l.gravity, l.command);
+}
+
+template <class A>
+void transfer(A& archive, RunAhead& a) {
+  transfer_members<RunAhead>(archive, a.pending, a.reached, a.begin, a.size, a.proposal,
+                             a.last_error, a.steps, a.jacobian, a.context, a.loads, a.changes,
+                             a.is_retuned, a.is_mean_due, a.y_before, a.mean_known);
+}
+
+template <class A>
 void transfer(A& archive, SimState& s) {
   transfer_members<SimState>(archive, s.elapsed, s.h_warm, s.last_step, s.inner_step,
                              s.fastest_rate, s.frame_velocity, s.frame_shift, s.discrete, s.memory,
                              s.peaks, s.mean_load, s.coupling, s.quiescent, s.margin_looked_at,
                              s.warned_margin, s.warned_tilt, s.coordinates, s.kept_jacobian,
-                             s.drift, s.energy_audit, s.momentum_audit);
+                             s.ahead, s.drift, s.energy_audit, s.momentum_audit);
 }
 
 template <class A>

@@ -525,6 +525,13 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   peaks.start(0.0, find_peak_values());
   quiescent_mode->start(stepper->y());
   host->start();
+  ahead.loads = ahead.mean_known = loads.at_start();
+  if (runs_ahead()) {
+    ahead.jacobian = kept_jacobian;
+    ahead.y_before = y_accepted;
+    reserve(ahead.context.memory, static_cast<size_t>(model->contact.pair_count()));
+    keep_context();
+  }
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
@@ -699,7 +706,7 @@ void DockingSim::Impl::make_stepper() {
     unreduced->set_nominals(Eigen::Map<VecX<double>>(atol.data(), unreduced->size()) / rtol);
   }
   y_accepted.assign(static_cast<size_t>(layout.size), 0.0);
-  rates = y_accepted;
+  rates = y_inside = y_shown = y_accepted;
 }
 
 /// Keep a failure for the message. @param values  computed values: all must be finite

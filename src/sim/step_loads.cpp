@@ -35,6 +35,11 @@ void StepLoads::read(const MechanismModel& mechanism, const Inputs& inputs, cons
   sloped_ = are_sloped;
 }
 
+void StepLoads::hold(const Loads& loads) {
+  start_ = loads;
+  sloped_ = false;
+}
+
 const Loads& StepLoads::at(double tau) const {
   if (!sloped_) return start_;
   for (int i : {kChaser, kTarget}) {
@@ -51,6 +56,11 @@ bool StepLoads::are_absent(bool falling) const {
   if (!falling && !start_.gravity.isZero(0.0)) return false;
   return start_.force[kChaser].isZero(0.0) && start_.force[kTarget].isZero(0.0) &&
          start_.torque[kChaser].isZero(0.0) && start_.torque[kTarget].isZero(0.0);
+}
+
+bool are_same(const Loads& a, const Loads& b) {
+  return a.force == b.force && a.torque == b.torque && a.gravity == b.gravity &&
+         a.command == b.command;
 }
 
 }  // namespace dockloop

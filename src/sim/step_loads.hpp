@@ -14,6 +14,9 @@ class StepLoads {
   void read(const MechanismModel& mechanism, const Inputs& inputs, const Inputs& slopes,
             bool are_sloped);
 
+  /// The same loads at all times.
+  void hold(const Loads& loads);
+
   const Loads& at_start() const { return start_; }
   const Loads& rates() const { return rates_; }
   bool are_sloped() const { return sloped_; }
@@ -28,5 +31,7 @@ class StepLoads {
   mutable Loads now_;  ///< result of at()
   bool sloped_ = false;
 };
+
+bool are_same(const Loads& a, const Loads& b);
 
 }  // namespace dockloop

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <utility>
 
 #include "sim/sim_impl.hpp"
 
@@ -104,43 +105,52 @@ void DockingSim::Impl::advance_inputs(double h) {
 /// One communication step from t to exactly t + h. On failure the state is unchanged.
 Status DockingSim::Impl::step(double t, double h) {
   status_text.clear();
+  const double late = find_lateness(t);
+  read_inputs();
+  const bool goes_on = can_go_on(late, h);
+  if (goes_on && ahead.reached + late + h < inner.to) {
+    stride(late, h);
+    return {};
+  }
   keep(step_start, !pose_is_kept);
   pose_is_kept = true;
   const Counters counters = find_counters();
   const std::int64_t work = find_work();
-  // The host's clock is used, except for its rounding at large times.
-  const double host_time = t - setup->t_start;
-  const double rounding = 4e-16 * std::max(std::abs(t), std::abs(setup->t_start));
-  if (std::abs(host_time - elapsed) > rounding) {
-    elapsed = host_time;
-    evaluator->forget_present();
-  }
-  read_inputs();
+  const bool was_pending = ahead.pending;
   Status status;
   if (h > 0.0 && h <= kLongestStep) {
-    if (host->announces()) notice_step(h);
-    status = receive(h);
-    if (update_thrust(elapsed)) kept_jacobian.valid = false;  // it may be a new input
-    if (status.ok()) status = evaluate_start();
-    if (status.ok()) status = update_command();
-    if (status.ok()) status = update_hard_dock_command();
-    step_begin = find_coupling_point(*model, present(), stepper->y());
-    drift = 0.0;
+    note_inputs(goes_on);
+    if (ahead.pending && !goes_on) status = settle();
+    if (ahead.pending) {
+      ahead.reached += late;
+    } else if (late != 0.0) {
+      elapsed = t - setup->t_start;
+      evaluator->forget_present();
+    }
     const std::int64_t limit = find_work_limit(h);
-    if (status.ok()) status = is_fixed_step() ? integrate_fixed(h, limit) : integrate(h, limit);
+    if (status.ok() && !ahead.pending) status = begin_step(h);
+    if (runs_ahead()) {
+      ahead.loads = loads.at_start();
+      std::copy_n(was_pending ? y_inside.data() : stepper->y(), y_shown.size(),
+                  ahead.y_before.begin());
+    }
+    if (status.ok()) {
+      status = is_fixed_step() ? integrate_fixed(h, limit)
+                               : integrate(ahead.begin, ahead.reached + h, may_pass(), limit);
+    }
   } else {
     status_text = "the step must be longer than 0 s and at most 1e9 s";
     status.code = StatusCode::kBadInput;
   }
   if (status.ok()) {
     coupling.work = find_work() - work;
-    finish_step(h);
+    finish_step(h, was_pending);
     return status;
   }
-  restore(step_start);
+  const Status back = restore(step_start);
   set_counters(counters);
   // Outputs after a refusal are the outputs before the step; that state was valid.
-  if (!evaluate(0.0).ok()) status.code = StatusCode::kNotFinite;
+  if (!back.ok() || !evaluate_point().ok()) status.code = StatusCode::kNotFinite;
   char text[120];
   std::snprintf(text, sizeof text, "step from t = %.9g s over %.6g s: ", t, h);
   if (status_text.empty()) status_text = describe(status);
@@ -148,114 +158,197 @@ Status DockingSim::Impl::step(double t, double h) {
   return status;
 }
 
+/// The host's clock minus that of the simulation, except for its rounding at large times [s].
+double DockingSim::Impl::find_lateness(double t) const {
+  const double late = t - setup->t_start - find_point_time();
+  const double rounding = 4e-16 * std::max(std::abs(t), std::abs(setup->t_start));
+  return std::abs(late) > rounding ? late : 0.0;
+}
+
+/// Inputs and the first evaluation of a step from a state that was reached exactly.
+Status DockingSim::Impl::begin_step(double h) {
+  if (host->announces()) notice_step(h);
+  Status status = receive(h);
+  if (update_thrust(elapsed)) kept_jacobian.valid = false;  // it may be a new input
+  if (status.ok()) status = evaluate_start();
+  if (status.ok()) status = update_command();
+  if (status.ok()) status = update_hard_dock_command();
+  step_begin = find_coupling_point(*model, present(), stepper->y());
+  drift = 0.0;
+  if (status.ok() && !is_fixed_step()) go_on(h);
+  return status;
+}
+
 /// Start the integrator (again) from its state. @param known_rates  there, or null
 void DockingSim::Impl::start_stepper(double tau, double h, const double* known_rates) {
-  stepper->restart(tau, h, {known_rates, fastest_rate, nullptr});
+  stepper->restart(tau, h, {known_rates, fastest_rate});
 }
 
 /// The same at the start of a communication step, which continues the last step.
+/// @pre evaluate_start()
 void DockingSim::Impl::go_on(double h) {
   const bool is_good = needs_jacobian() && kept_jacobian.valid &&
                        find_counters().steps - kept_jacobian.step < kJacobianSteps;
   const double* known = is_good ? kept_jacobian.entries.data() : nullptr;
-  stepper->restart(0.0, h, {evaluator->start_rates(), fastest_rate, known});
+  accept_state();
+  margin_before = find_singularity_margin(model->mechanism, present().mechanism);
+  proposal = h_warm;
+  ahead.begin = 0.0;
+  stepper->restart(0.0, std::min(proposal, h),
+                   {evaluator->start_rates(), fastest_rate, 1.0, known});
 }
 
-/// A step of the integrator, which stores its last evaluation.
-StepOutcome DockingSim::Impl::make_inner_step(double stop, bool watch_roots) {
+void DockingSim::Impl::accept_state() {
+  std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
+}
+
+/// Back to the last accepted state, from which the integrator starts again.
+void DockingSim::Impl::return_to(double tau, double h) {
+  std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
+  start_stepper(tau, h);
+}
+
+/// A step of the solver, which stores its last evaluation.
+StepOutcome DockingSim::Impl::make_solver_step(double stop, bool watch_roots) {
   evaluator->begin_inner_step();
   return stepper->step(stop, watch_roots);
 }
 
-/// Advance by h from the present state, through events. On failure the state is undefined.
-/// @pre evaluate_start()
-Status DockingSim::Impl::integrate(double h, std::int64_t limit) {
-  Status status;
+/// Make an inner step; nothing but the clocks of its solver knows of it until it is booked.
+/// @param end  it ends there at the latest. @param is_single  it is one step of the solver, which
+/// knows the states inside. @post inner; outcome kFailed: no step, else the end is no good
+Status DockingSim::Impl::make_inner_step(double tau, double end, bool is_single) {
+  last_trouble = Status();
+  inner.from = tau;
+  inner.outcome = make_solver_step(find_next_stop(tau, end), true);
+  if (inner.outcome == StepOutcome::kFailed) return find_failure(tau);
+  inner.to = stepper->time();
+  if (inner.outcome == StepOutcome::kRoot) {
+    const Status status = step_to_root(tau, is_single);
+    if (!status.ok()) inner.outcome = StepOutcome::kFailed;
+    if (!status.ok()) return status;
+    inner.to = stepper->time();
+  } else {
+    events->clear_due();
+    const bool cut_short =
+        inner.outcome == StepOutcome::kStopped && inner.to - inner.from < proposal;
+    proposal = cut_short ? std::max(proposal, stepper->next_step()) : stepper->next_step();
+  }
+  fastest_rate = stepper->fastest_rate();
+  const Status status = is_single ? evaluator->at_end_with_rates(inner.to, stepper->y())
+                                  : evaluator->at_end(inner.to, stepper->y());
+  if (!status.ok()) return status;
+  inner.audit = find_balance();
+  if (!is_energy_created(inner.audit, inner.to)) return {};
+  return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed + inner.to};
+}
+
+/// The inner step becomes part of the run. @param changed  set if the integrator must restart
+Status DockingSim::Impl::book_inner_step(bool& changed) {
+  if (inner.outcome != StepOutcome::kRoot) look_into_step(inner.from, inner.to);
+  watch_energy(inner.audit, inner.to);
+  changed = inner.outcome == StepOutcome::kRoot;
+  const Status status = accept(inner.to, changed);
+  accept_state();
+  return status;
+}
+
+/// Free drift of a quiescent mechanism, to `end` at the latest. @post tau, evaluation
+Status DockingSim::Impl::drift_freely(double& tau, double end, std::int64_t& turns) {
+  const double stop = discrete.hard_dock.joint.on ? find_next_stop(tau, end) : end;
+  const double duration = std::min(quiescent_mode->find_drift_time(), stop - tau);
+  turns += quiescent_mode->drift(duration, stepper->y());
+  evaluator->forget();
+  tau = duration < end - tau ? tau + duration : end;
+  events->clear_due();
+  bool changed = false;
+  const Pose<double> looked_from{memory.R_ref, memory.p_ref};
+  Status status = evaluate(tau);
+  if (status.ok()) status = accept(tau, changed);
+  if (!status.ok()) return status;
+  accept_state();
+  // Another evaluation gives a better gap only with a new neighbour list.
+  if (!changed && memory.p_ref == looked_from.p && memory.R_ref == looked_from.R) {
+    evaluator->keep_present();
+  }
+  return {};
+}
+
+/// Advance from tau to `end`, through events. On failure the state is undefined.
+/// @param passes  the last inner step may end later; it is then pending
+/// @pre evaluation and start of the integrator at tau, or a pending step
+Status DockingSim::Impl::integrate(double tau, double end, bool passes, std::int64_t limit) {
+  const double asked = end - ahead.reached;
   const std::int64_t begun = find_work();
   stepper->set_evaluation_limit(limit);
-  std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
-  margin_before = find_singularity_margin(model->mechanism, present().mechanism);
-  double tau = 0.0;
-  int refused = 0;           // consecutive end states that could not be evaluated
-  double proposal = h_warm;  // step size of the error control, without stops
-  go_on(std::min(proposal, h));
+  bool is_made = std::exchange(ahead.pending, false);
+  bool is_evaluated = false;  // with rates, for a step ahead
+  int refused = 0;            // consecutive end states that could not be evaluated
+  const auto ask_for_proposal = [this] {
+    ahead.size = proposal;
+    ahead.last_error = 1.0;
+  };
+  if (!is_made) ask_for_proposal();
   for (std::int64_t turns = 0; find_work() - begun + turns < limit;) {
-    status_text.clear();  // of an attempt that was refused and repeated
-    status = quiescent_mode->update(tau, stepper->y());
-    if (!status.ok()) return status;
-    if (quiescent.on) {
-      const double stop = discrete.hard_dock.joint.on ? find_next_stop(tau, h) : h;
-      const double drift_time = std::min(quiescent_mode->find_drift_time(), stop - tau);
-      turns += quiescent_mode->drift(drift_time, stepper->y());
-      evaluator->forget();
-      tau = drift_time < h - tau ? tau + drift_time : h;
-      events->clear_due();
-      bool changed = false;
-      const Pose<double> looked_from{memory.R_ref, memory.p_ref};
-      status = evaluate(tau);
-      if (status.ok()) status = accept(tau, changed);
+    Status status;
+    if (!is_made) {
+      status_text.clear();  // of an attempt that was refused and repeated
+      status = quiescent_mode->update(tau, stepper->y());
       if (!status.ok()) return status;
-      std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
-      // Another evaluation gives a better gap only with a new neighbour list.
-      if (!changed && memory.p_ref == looked_from.p && memory.R_ref == looked_from.R) {
-        evaluator->keep_present();
+      if (quiescent.on) {
+        status = drift_freely(tau, end, turns);
+        if (!status.ok() || tau >= end) return status;
+        start_stepper(tau, std::min(proposal, end - tau));
+        is_evaluated = false;
+        ask_for_proposal();
+        continue;
       }
-      if (tau >= h) return {};
-      start_stepper(tau, std::min(proposal, h - tau));
-      continue;
-    }
-    const double stop = find_next_stop(tau, h);
-    last_trouble = Status();
-    const StepOutcome outcome = make_inner_step(stop, true);
-    if (outcome == StepOutcome::kFailed) {
-      return stepper->is_exhausted() ? refuse_work(h, limit, tau) : find_failure(tau);
-    }
-    bool restart = false;
-    const double made = stepper->time() - tau;
-    if (outcome == StepOutcome::kRoot) {
-      status = step_to_root(tau);
+      if (passes) status = begin_ahead(tau, is_evaluated);
       if (!status.ok()) return status;
-      restart = true;
-    } else {
-      events->clear_due();
-      const bool cut_short = outcome == StepOutcome::kStopped && made < proposal;
-      proposal = cut_short ? std::max(proposal, stepper->next_step()) : stepper->next_step();
+      status = make_inner_step(tau, passes ? tau + kFarthestAhead : end, passes);
+      if (!status.ok() && passes) {  // no failure of this communication step
+        passes = false;
+        return_to(tau, std::min(proposal, end - tau));
+        continue;
+      }
+      if (inner.outcome == StepOutcome::kFailed) {
+        return stepper->is_exhausted() ? refuse_work(asked, limit, tau) : status;
+      }
+      if (!status.ok()) {
+        // Error control accepted a state that cannot be evaluated or that creates energy: make
+        // smaller steps.
+        if (++refused > kMaxRefused) return status;
+        proposal = 0.25 * (inner.to - inner.from);
+        return_to(tau, proposal);
+        continue;
+      }
+      refused = 0;
     }
-    fastest_rate = stepper->fastest_rate();
-    status = evaluator->at_end(stepper->time(), stepper->y());
-    EnergyBalance audit;
-    if (status.ok()) audit = find_balance();
-    if (status.ok() && is_energy_created(audit, stepper->time())) {
-      status.code = StatusCode::kIntegrationFailed;
-    }
-    if (!status.ok()) {
-      // Error control accepted a state that cannot be evaluated or that creates energy: make
-      // smaller steps.
-      if (++refused > kMaxRefused) return status;
-      std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
-      proposal = 0.25 * made;
-      start_stepper(tau, proposal);
-      continue;
-    }
-    refused = 0;
-    if (outcome != StepOutcome::kRoot) look_into_step(tau, stepper->time());
-    tau = stepper->time();
-    watch_energy(audit, tau);
-    status = accept(tau, restart);
+    is_made = false;
+    if (inner.to > end) return stay_pending(end);
+    bool changed = false;
+    if (passes) keep_context();
+    status = book_inner_step(changed);
     if (!status.ok()) return status;
-    std::copy(stepper->y(), stepper->y() + model->layout.size, y_accepted.begin());
-    if (tau >= h) {
+    tau = inner.to;
+    if (tau >= end) {
       h_warm = proposal;
       return {};
     }
-    const double size = update_singularity_step(made, proposal);
-    if (size > 0.0) {
-      stepper->restart(tau, std::min(size, h - tau));
-    } else if (restart) {
-      start_stepper(tau, std::min(proposal, h - tau));
+    const double size = update_singularity_step(tau - inner.from);
+    if (passes) {
+      update_momentum_audit();
+      is_evaluated = !changed;
+      if (changed) evaluator->forget();
+      ahead.size = size > 0.0 ? size : proposal;
+      ahead.last_error = changed || size > 0.0 ? 1.0 : stepper->last_error();
+    } else if (size > 0.0) {
+      stepper->restart(tau, std::min(size, end - tau));
+    } else if (changed) {
+      start_stepper(tau, std::min(proposal, end - tau));
     }
   }
-  return refuse_work(h, limit, tau);
+  return refuse_work(asked, limit, tau);
 }
 
 /// The same with a number of inner steps that depends on h only: equal steps of a Runge-Kutta
@@ -277,12 +370,12 @@ Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
   }
   const int count = std::max(1, static_cast<int>(wanted));
   double tau = 0.0;
-  for (int inner = 1; inner <= count; ++inner) {
-    const double end = inner == count ? h : h * inner / count;
+  for (int k = 1; k <= count; ++k) {
+    const double end = k == count ? h : h * k / count;
     last_trouble = Status();
     events->note_latches(present());
-    start_stepper(tau, end - tau, inner == 1 ? evaluator->start_rates() : nullptr);
-    if (make_inner_step(end, false) == StepOutcome::kFailed) return find_failure(tau);
+    start_stepper(tau, end - tau, k == 1 ? evaluator->start_rates() : nullptr);
+    if (make_solver_step(end, false) == StepOutcome::kFailed) return find_failure(tau);
     const double made = end - tau;
     tau = end;
     Status status = evaluator->at_end(tau, stepper->y());
@@ -314,10 +407,9 @@ void DockingSim::Impl::look_into_step(double from, double to) {
 
 /// Step over a singularity. A mechanism can be evaluated on both sides of a singular pose, but not
 /// in the pose. Size of a step without a stage in the pose, or of a step to the start of such a
-/// step. Updates the margin of the last step. @param made, proposal  last step, size of the error
-/// control
+/// step. Updates the margin of the last step. @param made  size of the last step
 /// @return 0 if no singular pose is ahead
-double DockingSim::Impl::update_singularity_step(double made, double proposal) {
+double DockingSim::Impl::update_singularity_step(double made) {
   const double margin = find_singularity_margin(model->mechanism, present().mechanism);
   const double rate = (margin_before - margin) / made;
   margin_before = margin;
@@ -362,16 +454,22 @@ Status DockingSim::Impl::find_failure(double tau) const {
 }
 
 /// A root lies in the step just made: replace its interpolated state by steps that end there.
-Status DockingSim::Impl::step_to_root(double tau) {
+/// @param is_single  one step; if it ends earlier, the next inner step finds the root again
+Status DockingSim::Impl::step_to_root(double tau, bool is_single) {
   const double root = stepper->time();
   for (int i = 0; i < events->root_count(); ++i) events->set_due(i, stepper->root_found(i));
   std::copy(y_accepted.begin(), y_accepted.end(), stepper->y());
   if (!(root > tau)) return {};
   start_stepper(tau, root - tau);
   for (;;) {  // ends with the limit of evaluations
-    const StepOutcome outcome = make_inner_step(root, false);
+    const StepOutcome outcome = make_solver_step(root, false);
     if (outcome == StepOutcome::kFailed) return find_failure(tau);
     if (outcome == StepOutcome::kStopped) return {};
+    if (!is_single) continue;
+    events->clear_due();
+    inner.outcome = outcome;
+    proposal = stepper->next_step();
+    return {};
   }
 }
 
@@ -405,8 +503,8 @@ void DockingSim::Impl::watch_energy(const EnergyBalance& found, double tau) {
   warnings.push_back(text);
 }
 
-/// Finish a successful communication step.
-void DockingSim::Impl::finish_step(double h) {
+/// Finish a successful communication step. @param was_pending  did a pending step cover its start?
+void DockingSim::Impl::finish_step(double h, bool was_pending) {
   // O drifts with its velocity and falls with gravity, so gravity does not act relative to O.
   frame_shift += frame_velocity * h;
   if (model->falling) {
@@ -417,15 +515,21 @@ void DockingSim::Impl::finish_step(double h) {
       frame_velocity += 0.5 * h * h * loads.rates().gravity;
     }
   }
-  elapsed += h;
+  if (!ahead.pending) elapsed += ahead.reached + h;
+  ahead.reached = ahead.pending ? ahead.reached + h : 0.0;
   coupling.regular_step = std::max(h, kFade * coupling.regular_step);
   last_step = h;
   invalidate();
   put_joined_target();
-  const CouplingPoint end = find_coupling_point(*model, present(), stepper->y());
-  update_mean_loads(h, end);
-  if (host->has_host()) host->update_impulse_balance(h, step_begin, end, stepper->y());
-  update_momentum_audit();
+  ahead.is_mean_due = was_pending || ahead.pending;
+  if (ahead.is_mean_due) {
+    ahead.mean_known = loads.at(0.5 * h);
+  } else {
+    const CouplingPoint end = find_coupling_point(*model, present(), stepper->y());
+    update_mean_loads(h, step_begin, end, loads.at(0.5 * h));
+    if (host->has_host()) host->update_impulse_balance(h, step_begin, end, stepper->y());
+  }
+  if (!ahead.pending) update_momentum_audit();
   advance_inputs(h);
   if (host->announces()) {
     read_inputs();
@@ -433,15 +537,16 @@ void DockingSim::Impl::finish_step(double h) {
   }
 }
 
-/// Mean loads over the step just made, on vehicles that are not driven.
-void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& end) {
+/// Mean loads over the step just made, on vehicles that are not driven. @param known  mean loads
+/// from outside
+void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& begin,
+                                         const CouplingPoint& end, const Loads& known) {
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i] || !model->moves[i] || model->driven[i]) continue;
-    const VehicleState &before = step_begin.vehicle[i], &after = end.vehicle[i];
+    const VehicleState &before = begin.vehicle[i], &after = end.vehicle[i];
     const Wrench<double> impulse =
         host->find_stated_momentum(i, after) - host->find_stated_momentum(i, before);
     mean_load[i] = find_mean_load(impulse, before, after, h);
-    const Loads& known = loads.at(0.5 * h);
     mean_load[i].f -= known.force[i];
     if (!model->falling) mean_load[i].f -= model->stated_mass[i] * known.gravity;
     mean_load[i].t -= known.torque[i];
