@@ -4,11 +4,11 @@
 namespace dockloop {
 namespace {
 
-constexpr size_t kMaxLaws = 16, kMaxTerms = 100, kMaxRows = 100;  ///< of one element or law
+constexpr size_t kMaxLaws = 16, kMaxTerms = 100, kMaxTableRows = 100;  ///< of one element or law
 
 std::vector<TableRow> read_table(const JsonReader& item, const char* key) {
   std::vector<TableRow> rows;
-  for (const JsonReader& row : item.list(key, kMaxRows)) {
+  for (const JsonReader& row : item.list(key, kMaxTableRows)) {
     const Eigen::Vector2d pair = row.vector<2>();
     rows.push_back({pair[0], pair[1]});
   }
