@@ -134,7 +134,7 @@ INSTANTIATE_TEST_SUITE_P(All, Methods,
                                                       1.1e-3, 1e-7},
                                            MethodCase{kHighOrder, "high_order", 6e-5, 1e-6, 1e-8},
                                            MethodCase{kStabilised, "stabilised", 5e-6, 1e-6, 1e-8},
-                                           MethodCase{kRosenbrock, "rosenbrock", 5e-7, 1e-8, 1e-10},
+                                           MethodCase{kRosenbrock, "rosenbrock", 2e-6, 1e-8, 1e-10},
                                            MethodCase{kDae, "dae", 5e-6, 3e-6, 1e-5}),
                          [](const auto& c) { return std::string(c.param.name); });
 
