@@ -122,7 +122,7 @@ def estimate_error(run: Result, repeat: Callable[[dict[str, float]], Result]) ->
     if "solver.chosen_rtol" not in run:
         raise UsageError("an error estimate needs the outputs 'solver': add it to outputs.groups")
     find_frame(run.names)
-    tighter = _tighten(run)
+    tighter = tighten(run)
     second = repeat(tighter)
     cost = int(second["solver.rhs_evaluations"][-1])
     known: dict[str, Any] = {"second_run": {**tighter, "evaluations": cost}}
@@ -148,7 +148,7 @@ def estimate_error(run: Result, repeat: Callable[[dict[str, float]], Result]) ->
 _NAMED = ("solver.rtol", "solver.step")  # settings that a sentence names
 
 
-def _tighten(run: Result) -> dict[str, float]:
+def tighten(run: Result) -> dict[str, float]:
     """Return start values of a run with a smaller error, without choices of its own."""
     number = int(run["solver.chosen_method"][-1])
     tighter: dict[str, float] = {"accuracy": 0.0, "solver.method": number}

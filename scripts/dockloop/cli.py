@@ -23,6 +23,7 @@ from dockloop.arguments import (
     add_run_options,
     add_scene,
     add_scene_option,
+    positive,
 )
 from dockloop.errors import DockloopError, UsageError, find_reason, one_line
 
@@ -36,7 +37,7 @@ _TRADE_EXAMPLE = (
     "example: dockloop trade absorber_1d --methods explicit,adams --tolerances 1e-4,1e-8"
 )
 _CHECK_EXAMPLE = "example: dockloop check apda --draw apda.svg"
-_EXTREMES_EXAMPLE = "example: dockloop extremes --item 10 --quick"
+_EXTREMES_EXAMPLE = "example: dockloop extremes --random 200 --seed 7"
 _VARIABLES_EXAMPLE = "example: dockloop variables idss_25t_350t --match solver --match 'latch[1].*'"
 _SOLUTION_EXAMPLE = (
     "example: dockloop truth absorber_1d --output relative.axial --stop 1 --step 0.1 --check"
@@ -222,6 +223,7 @@ def _make_parser() -> argparse.ArgumentParser:
     sweep.add_argument("--json", action="store_true", help="print the summary as JSON")
 
     _add_envelope(commands)
+    _add_map(commands)
     _add_trade(commands)
 
     check = _add(commands, "check", _check, "say whether a mechanism is sound", _CHECK_EXAMPLE)
@@ -240,26 +242,7 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     check.add_argument("--json", action="store_true", help="print the report as JSON")
 
-    extremes = _add(
-        commands,
-        "extremes",
-        _extremes,
-        "run the numerical extremes and print a verdict for each: right, refused or bad",
-        _EXTREMES_EXAMPLE,
-    )
-    extremes.add_argument(
-        "--item",
-        dest="items",
-        action="append",
-        type=int,
-        default=[],
-        metavar="N",
-        help="only this item, 1 to 12 (repeatable); default: all",
-    )
-    extremes.add_argument(
-        "--quick", action="store_true", help="the shorter ranges, about a minute in all"
-    )
-    extremes.add_argument("--json", action="store_true", help="print the report as JSON")
+    _add_extremes(commands)
 
     variables = _add(
         commands,
@@ -368,6 +351,14 @@ def _add_envelope(commands: Any) -> None:
     add_arguments(_add(commands, "envelope", _envelope, text, EXAMPLE))
 
 
+def _add_map(commands: Any) -> None:
+    """Add the command that maps where a scene holds."""
+    from dockloop.maps.options import EXAMPLE, add_arguments
+
+    text = "map where a scene is right, refused or wrong over two quantities, and what that costs"
+    add_arguments(_add(commands, "map", _map, text, EXAMPLE))
+
+
 def _add_solution(commands: Any) -> None:
     """Add the command that integrates with 32 digits."""
     solution = _add(
@@ -435,9 +426,65 @@ def _add_trade(commands: Any) -> None:
         "--output",
         type=Path,
         metavar="FOLDER",
-        help="for tables, figure and journal (default: build/results/trade_SCENE)",
+        help="for tables, figure and journal (default: build/results/trade_SCENE); with --apply"
+        " also FILE.toml, the copy of the scene",
     )
     trade.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def _add_extremes(commands: Any) -> None:
+    """Add the command that tests the edges of what numbers can be."""
+    extremes = _add(
+        commands,
+        "extremes",
+        _extremes,
+        "run the numerical extremes, or random scenes over many decades, and print verdicts",
+        _EXTREMES_EXAMPLE,
+    )
+    extremes.add_argument(
+        "--item",
+        dest="items",
+        action="append",
+        type=int,
+        default=[],
+        metavar="N",
+        help="only this item, 1 to 12 (repeatable); default: all",
+    )
+    extremes.add_argument(
+        "--quick", action="store_true", help="the shorter ranges, about a minute in all"
+    )
+    extremes.add_argument(
+        "--random", type=positive, metavar="N", help="judge N random scenes instead of the items"
+    )
+    extremes.add_argument("--seed", type=int, default=1, metavar="S", help="of these (default: 1)")
+    extremes.add_argument(
+        "--first",
+        type=positive,
+        default=1,
+        metavar="K",
+        help="number of the first one (default: 1)",
+    )
+    extremes.add_argument(
+        "--limit",
+        type=positive,
+        default=60,
+        metavar="T",
+        help="processor time of a random scene, after which it is hung [s] (default: 60)",
+    )
+    extremes.add_argument(
+        "--workers", type=positive, metavar="N", help="processes (default: one per processor)"
+    )
+    extremes.add_argument(
+        "--resume", action="store_true", help="go on with the random scenes of FOLDER"
+    )
+    extremes.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FOLDER",
+        help="for page and journal of random scenes (default: build/extremes)",
+    )
+    extremes.add_argument("--json", action="store_true", help="print the report as JSON")
 
 
 def _build(options: argparse.Namespace) -> None:
@@ -712,6 +759,15 @@ def _envelope(options: argparse.Namespace) -> None:
     _tell(json.dumps(summary, indent=2) if options.json else describe_envelope(summary))
 
 
+def _map(options: argparse.Namespace) -> None:
+    """Map right, refused and wrong over two quantities: page, picture, table."""
+    from dockloop.maps.command import run_command
+    from dockloop.maps.report import describe_map
+
+    summary = run_command(options)
+    _tell(json.dumps(summary, indent=2) if options.json else describe_map(summary))
+
+
 def _trade(options: argparse.Namespace) -> None:
     """Measure what accuracy costs: runs, tables, figure, recommendation."""
     from dockloop import trade
@@ -789,6 +845,9 @@ def _extremes(options: argparse.Namespace) -> None:
     from dockloop.extremes import describe, run_extremes
     from dockloop.simulate import ProgressBar
 
+    if options.random:
+        _random_extremes(options)
+        return
     rows = run_extremes(options.items, options.quick, ProgressBar("extremes"))
     _tell(json.dumps(rows, indent=2) if options.json else describe(rows))
     bad = [row for row in rows if row["verdict"] == "bad"]
@@ -796,6 +855,21 @@ def _extremes(options: argparse.Namespace) -> None:
         raise DockloopError(
             f"extremes: {len(bad)} of {len(rows)} verdicts are bad, the first one:"
             f" item {bad[0]['item']}, {bad[0]['bad'][0]}"
+        )
+
+
+def _random_extremes(options: argparse.Namespace) -> None:
+    """Judge random scenes; a bad one is a failure."""
+    from dockloop.extremes import random_report
+
+    summary = random_report.run_command(options)
+    text = random_report.describe(summary)
+    _tell(json.dumps(summary) if options.json else text)
+    if summary["bad"]:
+        first = summary["bad"][0]
+        raise DockloopError(
+            f"extremes: {len(summary['bad'])} of {summary['scenes']} scenes are bad, the first one:"
+            f" {first['repeat']}: {first['reason']}"
         )
 
 

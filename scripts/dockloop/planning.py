@@ -163,7 +163,7 @@ class Planner:
         Raises:
             UsageError: the scene refuses these values.
         """
-        scene, starts = list(self._fixed_scene), dict(self._fixed_starts)
+        scene, starts = [], {}
         for name, setting in self.list_settings(values).items():
             if self.is_scene_key(name):
                 scene.append(as_setting(name, setting))
@@ -171,9 +171,15 @@ class Planner:
                 starts[name] = setting
         return self._reader.resolve(scene), self._as_types(starts)
 
-    def list_settings(self, values: tuple[Value, ...]) -> dict[str, Value]:
-        """Return names and values that a case sets."""
-        settings: dict[str, Value] = {}
+    @property
+    def scene_reference(self) -> str:
+        """Name or path of the scene, as commands take it."""
+        reference = self._sweep.document["scene"]
+        return shown(self._sweep.scene) if reference.endswith(".toml") else reference
+
+    def list_settings(self, values: tuple[Value, ...]) -> dict[str, Any]:
+        """Return all in which a case differs from the scene: scene keys and start values."""
+        settings = dict(self._sweep.document["set"])
         for quantity, value in zip(self.quantities, values, strict=True):
             settings |= quantity.settings(value)
         return settings
@@ -214,13 +220,12 @@ class Planner:
 
     def make_command(self, values: tuple[Value, ...], end: float) -> list[str]:
         """Return the words of the command that runs one case by itself."""
-        settings = {**self._sweep.document["set"], **self.list_settings(values)}
-        words = ["dockloop", "run", self._sweep.document["scene"]]
-        if self._sweep.document["scene"].endswith(".toml"):
-            words[-1] = shown(self._sweep.scene)
+        settings = self.list_settings(values)
+        words = ["dockloop", "run", self.scene_reference]
         for name, value in settings.items():
             words += ["--scene" if self.is_scene_key(name) else "--set", as_setting(name, value)]
-        step = self.experiment.get("step", self.base["experiment"]["step"])
+        step = settings.get("experiment.step", self.base["experiment"]["step"])
+        step = self.experiment.get("step", step)
         return [*words, "--stop", repr(float(end)), "--step", repr(step)]
 
     def without_folder(self, text: str) -> str:

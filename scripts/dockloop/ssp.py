@@ -131,20 +131,30 @@ def _split(document: dict, source: Path) -> dict[str, dict]:
     documents = {}
     for vehicle in taken_out:
         docking[vehicle]["motion"] = "driven"
-        documents[vehicle] = {
-            "format": document["format"],
-            "name": vehicle,
-            "title": f"Rigid body moved by the loads it receives: {vehicle} of {document['name']}",
-            "chaser": {**document[vehicle], "motion": "free"},
-            "mechanism": {"name": "none"},
-            "initial": {"at": "start"},
-            "solver": document["solver"],
-            "experiment": document["experiment"],
-            "outputs": {"groups": []},
-        }
+        documents[vehicle] = take_out(document, vehicle)
     if docking["coupling"]["mode"] == "sequential":
         return {"docking": docking, **documents}
     return {**documents, "docking": docking}
+
+
+def take_out(document: dict, vehicle: str) -> dict:
+    """Return the scene of one vehicle by itself: a rigid body, called `chaser` in there.
+
+    Args:
+        document: a resolved scene, vehicles placed.
+        vehicle: which one.
+    """
+    return {
+        "format": document["format"],
+        "name": vehicle,
+        "title": f"Rigid body moved by the loads it receives: {vehicle} of {document['name']}",
+        "chaser": {**document[vehicle], "motion": "free"},
+        "mechanism": {"name": "none"},
+        "initial": {"at": "start"},
+        "solver": document["solver"],
+        "experiment": document["experiment"],
+        "outputs": {"groups": []},
+    }
 
 
 class _Fmu:

@@ -99,7 +99,7 @@ def envelope(
         _make_axes(ranges, log),
         (criteria,) if isinstance(criteria, str) else tuple(criteria),
         {**(overrides or {}), **(start_values or {})},
-        _make_experiment(stop, step),
+        make_experiment(stop, step),
         tolerance,
         coarse,
         checks,
@@ -127,16 +127,14 @@ def run_command(options: argparse.Namespace) -> dict:
     name = find_scene(options.scene).stem
     ranges = [given for given in (options.x, options.y, options.z) if given]
     numbers = [
-        _parse_range(f"--{letter}", given) for letter, given in zip("xyz", ranges, strict=False)
+        parse_range(f"--{letter}", given) for letter, given in zip("xyz", ranges, strict=False)
     ]
-    settings = dict(_parse_setting("--scene", text) for text in options.overrides)
-    settings |= dict(_parse_setting("--set", text) for text in options.set)
     order = Order(
         options.scene,
         _make_axes(numbers, options.log),
         tuple(options.criteria),
-        settings,
-        _make_experiment(options.stop, options.step),
+        make_settings(options),
+        make_experiment(options.stop, options.step),
         options.tolerance,
         options.coarse,
         options.check,
@@ -151,7 +149,7 @@ def run_command(options: argparse.Namespace) -> dict:
         workers=options.workers,
         scheduler=options.scheduler,
         resume=options.resume,
-        progress=_make_progress(name),
+        progress=make_progress(name),
     )
     summary = report.summarise_envelope(found)
     report.write_tables(found, files)
@@ -168,8 +166,14 @@ def run_command(options: argparse.Namespace) -> dict:
     return summary
 
 
-def _parse_range(option: str, given: Sequence[str]) -> Range:
-    """Parse ``NAME LOW HIGH``."""
+def make_settings(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what all dockings have otherwise than the scene."""
+    settings = dict(_parse_setting("--scene", text) for text in options.overrides)
+    return settings | dict(_parse_setting("--set", text) for text in options.set)
+
+
+def parse_range(option: str, given: Sequence[str]) -> Range:
+    """Parse ``NAME LOW HIGH``. Raises UsageError."""
     name, *ends = given
     try:
         low, high = map(float, ends)
@@ -190,7 +194,8 @@ def _make_axes(ranges: Sequence[Range], log: str) -> tuple[Axis, ...]:
     )
 
 
-def _make_experiment(stop: float | None, step: float | None) -> dict[str, float]:
+def make_experiment(stop: float | None, step: float | None) -> dict[str, float]:
+    """Return what an experiment has otherwise than the scene."""
     given = {"stop": stop, "step": step}
     return {name: value for name, value in given.items() if value is not None}
 
@@ -203,14 +208,14 @@ def _parse_setting(option: str, text: str) -> tuple[str, Any]:
     return name, parse_value(value)
 
 
-def _make_progress(label: str) -> Progress:
+def make_progress(label: str, what: str = "dockings") -> Progress:
     """Return what shows progress: a bar at a terminal, else a line for every round."""
     bar, rounds = ProgressBar(label), set()
 
     def show(done: int, total: int, note: str) -> None:
-        bar(0.999 * done / max(total, 1), f"{done} of {total} dockings so far, {note}")
+        bar(0.999 * done / max(total, 1), f"{done} of {total} {what} so far, {note}")
         if total not in rounds and not sys.stderr.isatty():
             rounds.add(total)
-            print(f"{label}: {note}, {total} dockings so far", file=sys.stderr, flush=True)
+            print(f"{label}: {note}, {total} {what} so far", file=sys.stderr, flush=True)
 
     return show

@@ -283,7 +283,7 @@ def _draw_panel(axis: Any, search: Search, number: int, height: int) -> None:
             continue
         here = [known[corner][number] for corner in mesh.corners(cell)]
         polygons.append(
-            [search.values((*c, height) if not flat else c)[:2] for c in _outline(cell)]
+            [search.values((*c, height) if not flat else c)[:2] for c in list_outline(cell)]
         )
         colours.append(_MET if all(here) else "#6baed6" if any(here) else _NOT_MET)
     axis.add_collection(
@@ -313,7 +313,7 @@ def _draw_panel(axis: Any, search: Search, number: int, height: int) -> None:
         axis.legend(loc="best", fontsize="x-small")
 
 
-def _outline(cell: Cell) -> list[Point]:
+def list_outline(cell: Cell) -> list[Point]:
     """Return the corners of a square in order round it."""
     (x, y), w = cell.corner[:2], cell.width
     return [(x, y), (x + w, y), (x + w, y + w), (x, y + w)]
@@ -326,7 +326,7 @@ def _find_segments(search: Search, number: int) -> list[list[tuple[float, ...]]]
     for cell in mesh.cells:
         if cell.width > 1:
             continue
-        round_it = _outline(cell)
+        round_it = list_outline(cell)
         middles = []
         for first, second in zip(round_it, round_it[1:] + round_it[:1], strict=True):
             if known[first][number] != known[second][number]:

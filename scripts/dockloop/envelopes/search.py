@@ -9,10 +9,10 @@ its cell is refined like all others.
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from dockloop.cases import Result
 from dockloop.criteria import Criterion
@@ -85,6 +85,25 @@ class Order:
     seed: int = 0
 
 
+class Judge(Protocol):
+    """Runs points in a way of its own, and says what is alike: criteria on its own outputs.
+
+    Attributes:
+        work: the command, as journals name it.
+        setup: all that decides its results and is not in the planner.
+        outputs: what `Result.outputs` of its executor are.
+        criteria: on these outputs.
+    """
+
+    work: str
+    setup: dict[str, Any]
+    outputs: list[str]
+    criteria: list[Criterion]
+
+    def open(self, planner: Planner, workers: int | None) -> AbstractContextManager[Executor]:
+        """Start what runs points."""
+
+
 @dataclass
 class Search:
     """What was found.
@@ -135,6 +154,7 @@ def find_envelope(
     scheduler: str | None = None,
     resume: bool = False,
     progress: Progress | None = None,
+    judge: Judge | None = None,
 ) -> Search:
     """Find the boundary of criteria.
 
@@ -145,22 +165,30 @@ def find_envelope(
         scheduler: address of a Dask scheduler to use instead.
         resume: go on with the journal; the criteria, the ranges and the tolerance may be others.
         progress: receives runs done, runs asked for so far, and what is being done.
+        judge: runs the points and has the criteria; None: dockings end with the outputs of the FMU.
 
     Raises:
         UsageError: a name, range, criterion or the journal is bad.
         DockloopError: no docking could be run, or the engine failed.
         InterruptedWorkError: by Ctrl-C.
     """
-    search = _prepare(order)
+    search = _prepare(order, judge)
     planner = search.planner
     digest = make_digest([planner.unplaced, order.axes, order.criteria, search.mesh.size])
     most = (search.mesh.size + 1) ** len(order.axes)
-    setup = planner.find_setup()
-    kept = Journal(journal, setup, most, resume=resume, work=WORK, digest=digest)
+    setup = planner.find_setup() | (judge.setup if judge else {})
+    work = judge.work if judge else WORK
+    kept = Journal(journal, setup, most, resume=resume, work=work, digest=digest)
     with kept.at_work(lambda: f"{len(kept.known)} dockings"):
         with ExitStack() as stack:
             runner = _Runner(
-                search, kept, stack, workers=workers, scheduler=scheduler, progress=progress
+                search,
+                kept,
+                stack,
+                workers=workers,
+                scheduler=scheduler,
+                progress=progress,
+                judge=judge,
             )
             runner.refine("refining")
             runner.check()
@@ -171,12 +199,12 @@ def find_envelope(
     return search
 
 
-def _prepare(order: Order) -> Search:
+def _prepare(order: Order, judge: Judge | None) -> Search:
     """Check what is asked for, before anything runs."""
     dimensions = len(order.axes)
     if dimensions not in _COARSE:
         raise UsageError(f"--x, --y, --z: there are {dimensions} quantities: must be 2 or 3")
-    if not order.criteria:
+    if not order.criteria and judge is None:
         raise UsageError('--criterion: at least one is needed, for example "captured within 5 s"')
     for letter, axis in zip("xyz", order.axes, strict=False):
         _check_axis(f"--{letter} {axis.name}", axis)
@@ -196,6 +224,9 @@ def _prepare(order: Order) -> Search:
         raise UsageError(f"--check {order.checks}: must be at least 0")
     levels = max(0, math.ceil(math.log2(0.5 / tolerance / coarse) - 1e-9))
     planner = Planner(_make_sweep(order))
+    if judge is not None:
+        planner.asked = judge.outputs
+        return Search(order, planner, judge.criteria, Mesh(dimensions, coarse, levels))
     criteria = [planner.ask(text, "--criterion") for text in order.criteria]
     return Search(order, planner, criteria, Mesh(dimensions, coarse, levels))
 
@@ -205,7 +236,9 @@ def _check_axis(place: str, axis: Axis) -> None:
     if not (math.isfinite(axis.low) and math.isfinite(axis.high) and axis.low < axis.high):
         raise UsageError(f"{place} {axis.low:g} {axis.high:g}: must be finite and ascend")
     if axis.is_log and axis.low <= 0.0:
-        raise UsageError(f"{place} {axis.low:g} {axis.high:g}: must be above 0 for --log")
+        raise UsageError(
+            f"{place} {axis.low:g} {axis.high:g}: must be above 0 on a logarithmic axis"
+        )
 
 
 def _make_sweep(order: Order) -> Sweep:
@@ -238,8 +271,10 @@ class _Runner:
         workers: int | None,
         scheduler: str | None,
         progress: Progress | None,
+        judge: Judge | None,
     ) -> None:
         self._search, self._journal, self._progress = search, journal, progress
+        self._judge = judge
         self._workers, self._scheduler, self._stack = workers, scheduler, stack
         self._executor: Executor | None = None
 
@@ -286,6 +321,9 @@ class _Runner:
 
     def _open(self) -> Executor:
         """Return the executor, started when it is first needed."""
+        if self._executor is None and self._judge is not None:
+            opened = self._judge.open(self._search.planner, self._workers)
+            self._executor = self._stack.enter_context(opened)
         if self._executor is None:
             engine = choose_engine("auto", self._scheduler)
             many = 1 << 16  # as many threads as there are processors, whatever a round asks for

@@ -1,0 +1,203 @@
+"""What random scenes say: a summary, and a page with the table by outcome and every command."""
+
+import argparse
+import math
+import shlex
+import statistics
+import sys
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from dockloop import paths
+from dockloop.errors import one_line
+from dockloop.extremes.random_scenes import LIMIT, Drawn, Outcome, run_random
+from dockloop.journal import journal_kind
+from dockloop.judging import BAD, ENERGY, MOMENTUM, VERDICTS, Verdict
+from dockloop.outputs import claim, table_kind, write_text
+from dockloop.results import ProgressBar
+
+COMMAND = "dockloop extremes"
+OFF = ("loose", "warned", "undetermined", "slow")  # neither right nor refused nor bad
+_TITLE = "# Random extremes"
+_PAGE = table_kind("page", COMMAND, _TITLE)
+_MEANINGS = {
+    "right": "within what its tolerance promises of the reference solution, audits hold",
+    "refused": "a start value or a step is refused, with a reason",
+    "loose": "off by more than the tolerance promises, right with a tighter one",
+    "warned": "off, and the run issues a warning that says so",
+    "undetermined": "off, but neighbours of the reference solution do not agree on that figure",
+    "slow": "all steps end, but the run takes too long to be judged",
+    "wrong": "none of the above",
+    "hung": "no end within the time limit",
+    "crashed": "the process died",
+}
+
+
+def run_command(options: argparse.Namespace) -> dict:
+    """Judge random scenes, write the page; returns the summary.
+
+    Raises:
+        UsageError: an option is bad.
+        InterruptedWorkError: by Ctrl-C.
+    """
+    folder = options.output or paths.BUILD / "extremes"
+    page, journal = folder / "random.md", folder / "random.jsonl"
+    claim(page, _PAGE)
+    claim(journal, journal_kind("extremes"))
+    outcome = run_random(
+        options.random,
+        options.seed,
+        first=options.first,
+        limit=options.limit,
+        workers=options.workers,
+        journal=journal,
+        resume=options.resume,
+        progress=_make_progress(),
+    )
+    summary = summarise(outcome)
+    summary["files"] = [paths.shown(page), paths.shown(journal)]
+    write_text(page, _PAGE, make_page(summary, _find_command(options)))
+    return summary
+
+
+def _find_command(options: argparse.Namespace) -> str:
+    words = ["dockloop", "extremes", "--random", str(options.random), "--seed", str(options.seed)]
+    words += ["--first", str(options.first)] if options.first != 1 else []
+    return shlex.join(words + (["--limit", str(options.limit)] if options.limit != LIMIT else []))
+
+
+def _make_progress() -> Callable[[int, int, Counter], None]:
+    """Return what shows progress: a bar at a terminal, else a line now and then."""
+    bar, shown = ProgressBar("extremes"), 0
+
+    def show(done: int, total: int, tally: Counter) -> None:
+        nonlocal shown
+        text = ", ".join(f"{count} {name}" for name, count in tally.most_common())
+        bar(0.999 * done / total, text)
+        if not sys.stderr.isatty() and 10 * done // total > shown:
+            shown = 10 * done // total
+            print(f"extremes: {done} of {total} scenes: {text}", file=sys.stderr, flush=True)
+
+    return show
+
+
+def summarise(outcome: Outcome) -> dict:
+    """Return what ``--json`` prints: counts of the verdicts, and everything that is bad."""
+    verdicts = [drawn.verdict for drawn in outcome.drawn]
+    tally = Counter(verdict.verdict for verdict in verdicts)
+    right = [d for d in outcome.drawn if d.verdict.verdict == "right"]
+    compared = [d for d in right if not d.verdict.audited]
+    slowest = max(outcome.drawn, key=lambda d: d.verdict.seconds)
+    summary: dict[str, Any] = {
+        "scenes": len(verdicts),
+        "seed": outcome.seed,
+        "limit": outcome.limit,
+        **{name: tally[name] for name in VERDICTS},
+        "right_by_audits_only": len(right) - len(compared),
+        "slowest": {"seconds": slowest.verdict.seconds, "command": _repeat(outcome, slowest)},
+        "refusals": _list_reasons(verdicts, "refused"),
+        "bad": [_describe_case(outcome, d) for d in outcome.drawn if d.verdict.verdict in BAD],
+        "off": [_describe_case(outcome, d) for d in outcome.drawn if d.verdict.verdict in OFF],
+    }
+    for name in ("error", "energy", "momentum"):
+        known = [d for d in right if math.isfinite(getattr(d.verdict, name))]
+        if known:
+            values = [getattr(d.verdict, name) for d in known]
+            worst = max(known, key=lambda d: getattr(d.verdict, name))
+            summary[f"largest_{name}"] = {
+                "value": max(values),
+                "median": statistics.median(values),
+                "command": _repeat(outcome, worst),
+            }
+    return summary
+
+
+def _repeat(outcome: Outcome, drawn: Drawn) -> str:
+    """Return the command that draws and judges one scene again."""
+    words = ["dockloop", "extremes", "--random", "1", "--seed", str(outcome.seed)]
+    return shlex.join([*words, "--first", str(drawn.number)])
+
+
+def _describe_case(outcome: Outcome, drawn: Drawn) -> dict:
+    """Return all that is known of a case that is not right."""
+    found = {
+        "number": drawn.number,
+        "verdict": drawn.verdict.verdict,
+        "reason": drawn.verdict.reason,
+        "repeat": _repeat(outcome, drawn),
+        "run": drawn.case.make_command(),
+    }
+    if drawn.simpler:
+        case, verdict = drawn.simpler
+        found |= {"simpler": case.make_command(), "simpler_reason": verdict.reason}
+    return found
+
+
+def _list_reasons(verdicts: Sequence[Verdict], wanted: str) -> list[dict]:
+    """Return the kinds of reasons (numbers and names left out) with how often and an example."""
+    kinds: dict[str, list[str]] = {}
+    for verdict in verdicts:
+        if verdict.verdict == wanted:
+            words = [w for w in verdict.reason.split() if w.isalpha()]
+            kinds.setdefault(" ".join(words), []).append(verdict.reason)
+    rows = [{"count": len(texts), "example": texts[0]} for texts in kinds.values()]
+    return sorted(rows, key=lambda row: -row["count"])
+
+
+def describe(summary: dict) -> str:
+    """Say a summary in words and numbers."""
+    lines = [f"{summary['scenes']} random scenes, seed {summary['seed']}"]
+    for name, meaning in _MEANINGS.items():
+        lines.append(f"  {name:12} {summary[name]:6}  {meaning}")
+    for case in summary["bad"]:
+        lines += [f"{case['verdict']}: {case['reason']}", f"  {case['repeat']}"]
+        lines.append(f"  {case.get('simpler', case['run'])}")
+    return "\n".join([*lines, f"files: {', '.join(summary['files'])}"])
+
+
+def make_page(summary: dict, command: str) -> str:
+    """Return the page of random scenes."""
+    lines = [
+        _TITLE,
+        "",
+        f"Written by `{command}`: {summary['scenes']} whole scenes drawn over many decades"
+        " (`scripts/dockloop/extremes/random_scenes.py`).",
+        "",
+        "* Reference solution: the explicit method at a relative tolerance of 1e-11.",
+        "* A relative tolerance r promises an error of 30 r^0.6 in peak loads, stroke, time of"
+        " capture and final motion. It promises the same part of the energy in play, and 100"
+        " absolute tolerances. Kinks of contact and friction keep the error from falling as fast"
+        " as the tolerance.",
+        "* From r = 3.5e-3 on, and with fixed steps, no error is promised: audits must hold.",
+        f"* Audits: all outputs are finite, momentum is conserved within {MOMENTUM:g}, a warning"
+        f" reports an energy residual above {ENERGY:.0%}.",
+        f"* A scene is hung after {summary['limit']:g} s of processor time.",
+        "",
+        "| outcome | scenes | meaning |",
+        "|---|---|---|",
+        *(f"| {name} | {summary[name]} | {text} |" for name, text in _MEANINGS.items()),
+        "",
+        f"{summary['right_by_audits_only']} of the right scenes are judged by audits only: no error"
+        " is promised, or the reference solution takes too long.",
+        "",
+        "| of the right scenes | median | largest | command |",
+        "|---|---|---|---|",
+    ]
+    for name in ("error", "energy", "momentum"):
+        if found := summary.get(f"largest_{name}"):
+            figures = f"{found['median']:.0e} | {found['value']:.0e}"
+            lines.append(f"| {name} | {figures} | `{found['command']}` |")
+    slowest = summary["slowest"]
+    lines += ["", f"Slowest: {slowest['seconds']:.3g} s, `{slowest['command']}`."]
+    for title, cases in (("Bad", summary["bad"]), ("Off, but not bad", summary["off"])):
+        lines += ["", f"## {title}", "", *([] if cases else ["None."])]
+        for case in cases:
+            lines.append(f"* {case['verdict']}: {one_line(case['reason'])}: `{case['repeat']}`")
+            if "simpler" in case:
+                lines.append(f"  Simpler: `{case['simpler']}` ({one_line(case['simpler_reason'])})")
+    lines += ["", "## Refused", "", "| scenes | reason, for example |", "|---|---|"]
+    for row in summary["refusals"]:
+        example = one_line(row["example"]).replace("|", "\\|")
+        lines.append(f"| {row['count']} | {example} |")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,285 @@
+"""``dockloop extremes --random N``: whole scenes drawn at random over many decades, each judged.
+
+Masses, stiffnesses, speeds, offsets, times, steps and tolerances are drawn log-uniformly
+(`draw_scene`), method and level by name. Every scene runs in a process that is killed when it takes
+too long, and is judged against its reference solution and its audits (`dockloop.judging`). A bad
+case (wrong, hung, crashed) is made simpler: quantities go back to their defaults, or half-way, as
+long as the case stays bad.
+"""
+
+import math
+import os
+import random
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import as_completed
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from dockloop import __version__
+from dockloop.accuracy import ATOL_PER_RTOL
+from dockloop.core import list_choices, list_methods
+from dockloop.crew import Crew
+from dockloop.journal import Journal, make_digest
+from dockloop.judging import BAD, Case, Verdict, find_verdict, judge
+from dockloop.outputs import scratch
+
+LIMIT = 60.0  # s of processor time, of a scene
+WORK = "extremes"
+_SHRINKS = {"wrong": 24, "crashed": 24, "hung": 6}  # scenes, at most, tried to find a simpler one
+_HALVINGS = 2  # of a quantity towards its default
+_MOST_STEPS = 500  # communication steps of a scene
+
+BASES = {  # scene: how often it is drawn, contact law can be set, numbers of its legs
+    "idss_25t_350t": (5, True, "mechanism.set.leg_defaults"),
+    "hexapod": (2, True, ""),
+    "probe_drogue": (3, True, ""),
+    "apda": (1, True, ""),
+    "absorber_1d": (1, False, ""),
+}
+
+
+class Range(NamedTuple):
+    """Where a quantity is drawn, log-uniformly.
+
+    Attributes:
+        low: lower end, above 0.
+        high: upper end.
+        default: of the scene, towards which a bad case shrinks.
+        zero: how often it is 0 instead.
+    """
+
+    low: float
+    high: float
+    default: float
+    zero: float = 0.0
+
+
+RANGES = {  # of every scene
+    "chaser.mass": Range(1.0, 1e7, 25e3),
+    "target.mass": Range(1.0, 1e7, 350e3),
+    "initial.closing_speed": Range(1e-4, 2.0, 0.1, 0.02),
+    "initial.approach_time": Range(1e-4, 0.3, 0.1),
+    "experiment.start": Range(1e-3, 1e9, 0.0, 0.5),
+    "experiment.step": Range(1e-6, 10.0, 0.01),
+    "solver.rtol": Range(1e-12, 1e-2, 1e-6),
+    "solver.step": Range(1e-5, 0.1, 1e-3),
+}
+TURNED = {  # of scenes whose vehicles may meet askew
+    "initial.lateral_offset": Range(1e-4, 0.5, 0.05, 0.05),
+    "initial.lateral_speed": Range(1e-5, 0.5, 0.01, 0.3),
+    "initial.pitch_yaw_deg": Range(1e-3, 29.0, 1.5, 0.05),
+    "initial.pitch_yaw_rate_deg_s": Range(1e-3, 360.0, 0.05, 0.3),
+    "initial.roll_rate_deg_s": Range(1e-3, 360.0, 0.05, 0.3),
+}
+CONTACT = {
+    "contact.stiffness": Range(1e2, 1e10, 2e6),
+    "contact.node_stiffness": Range(1e2, 1e10, 2e5),
+    "contact.friction_coefficient": Range(1e-3, 2.0, 0.1, 0.1),
+    "contact.friction_speed": Range(1e-6, 0.1, 1e-3),
+}
+LEGS = {"stiffness": Range(1e2, 1e10, 2e3), "damping": Range(1.0, 1e6, 1e3, 0.1)}
+ANGLES = {  # uniform
+    "initial.lateral_direction_deg": 360.0,
+    "initial.pitch_yaw_direction_deg": 360.0,
+    "initial.pitch_yaw_rate_direction_deg": 360.0,
+}
+SIZES = (0.3, 10.0)  # m, edges of the box that a vehicle is
+DURATION = (0.1, 2.0)  # s after first contact
+
+
+@dataclass
+class Drawn:
+    """A scene of a seed.
+
+    Attributes:
+        number: of the scene.
+        case: what is judged.
+        verdict: on it.
+        simpler: a bad case made simpler, and its verdict; None: it was not bad.
+    """
+
+    number: int
+    case: Case
+    verdict: Verdict
+    simpler: tuple[Case, Verdict] | None = None
+
+
+@dataclass
+class Outcome:
+    """All that a run of random scenes found.
+
+    Attributes:
+        seed: of the scenes.
+        limit: time limit [s].
+        drawn: the scenes in order.
+    """
+
+    seed: int
+    limit: float
+    drawn: list[Drawn] = field(default_factory=list)
+
+
+def draw_scene(seed: int, number: int, limit: float = LIMIT) -> Case:
+    """Return a scene of a seed: always the same one for the same two numbers."""
+    dice = random.Random(f"{seed}/{number}")
+    weights = [often for often, _, _ in BASES.values()]
+    scene = dice.choices(list(BASES), weights)[0]
+    keys: dict[str, Any] = {}
+    for name, where in list_ranges(scene).items():
+        keys[name] = 0.0 if dice.random() < where.zero else _draw_log(dice, where.low, where.high)
+    if BASES[scene][1]:
+        keys |= {name: dice.uniform(0.0, most) for name, most in ANGLES.items()}
+        keys["contact.friction_model"] = dice.choice(["regularised", "bristle"])
+    for vehicle, sign in (("chaser", 1.0), ("target", -1.0)):
+        length, *others = (_draw_log(dice, *SIZES) for _ in range(3))
+        keys[f"{vehicle}.inertia"] = _find_inertia(keys[f"{vehicle}.mass"], length, *others)
+        keys[f"{vehicle}.interface_position"] = [sign * length / 2.0, 0.0, 0.0]
+    keys["solver.method"] = _draw_method(dice)
+    keys["model.level"] = dice.choice([c.name for c in list_choices("model.level")][:3])
+    if dice.random() < 0.03:
+        keys["model.level"] = "reference"  # which no FMU carries
+    keys |= {f"solver.{n}": share * keys["solver.rtol"] for n, share in ATOL_PER_RTOL.items()}
+    span = keys["initial.approach_time"] + _draw_log(dice, *DURATION)
+    span = max(min(span, _MOST_STEPS * keys["experiment.step"]), keys["experiment.step"])
+    if span < 4.0 * keys["initial.approach_time"]:  # few steps: begin close to the contact
+        keys["initial.approach_time"] = span / 4.0
+    keys["experiment.stop"] = keys["experiment.start"] + span
+    return Case(scene, keys, limit=limit)
+
+
+def list_ranges(scene: str) -> dict[str, Range]:
+    """Return the quantities of a scene that are drawn log-uniformly."""
+    _, has_contact, legs = BASES[scene]
+    ranges = dict(RANGES)
+    if has_contact:
+        ranges |= TURNED | CONTACT
+    return ranges | ({f"{legs}.{name}": where for name, where in LEGS.items()} if legs else {})
+
+
+def _draw_log(dice: random.Random, low: float, high: float) -> float:
+    """Draw a number log-uniformly, four digits of it."""
+    return float(f"{low * (high / low) ** dice.random():.4g}")
+
+
+def _draw_method(dice: random.Random) -> str:
+    """Draw a method: mostly one that FMUs carry."""
+    is_carried = dice.random() < 0.95
+    return dice.choice([m["name"] for m in list_methods() if m["for_comparison"] != is_carried])
+
+
+def _find_inertia(mass: float, a: float, b: float, c: float) -> list[float]:
+    """Return the inertia of a homogeneous box."""
+    squares = (b * b + c * c, a * a + c * c, a * a + b * b)
+    return [*(mass * square / 12.0 for square in squares), 0.0, 0.0, 0.0]
+
+
+def run_random(
+    count: int,
+    seed: int,
+    *,
+    first: int = 1,
+    limit: float = LIMIT,
+    workers: int | None = None,
+    journal: Path | None = None,
+    resume: bool = False,
+    progress: Callable[[int, int, Counter], None] = lambda *_: None,
+) -> Outcome:
+    """Draw scenes and judge them.
+
+    Args:
+        count: how many.
+        seed: of the random numbers.
+        first: number of the first scene.
+        limit: most processor time of a scene [s].
+        workers: processes; default: one per processor.
+        journal: file in which verdicts are kept; None: nowhere.
+        resume: go on with the journal.
+        progress: receives scenes judged, scenes asked for, and how many of each verdict.
+
+    Raises:
+        UsageError: the journal belongs to other scenes.
+        InterruptedWorkError: by Ctrl-C.
+    """
+    numbers = range(first, first + count)
+    outcome = Outcome(seed, limit)
+    with ExitStack() as stack:
+        path = journal or stack.enter_context(scratch()) / "journal.jsonl"
+        setup = {"dockloop": __version__, "seed": seed, "limit": limit}
+        kept = Journal(path, setup, count, resume=resume, work=WORK, digest=make_digest([*numbers]))
+        cases = [(number,) for number in numbers]
+        stack.enter_context(kept.at_work(lambda: kept.count(cases)))
+        crew = stack.enter_context(Crew(judge, workers or len(os.sched_getaffinity(0))))
+        found = {n: Verdict.from_result(kept.known[n,]) for n in numbers if (n,) in kept.known}
+        tally = Counter(verdict.verdict for verdict in found.values())
+        progress(len(found), count, tally)
+        missing = {
+            crew.begin(draw_scene(seed, n, limit), limit): n for n in numbers if n not in found
+        }
+        for future in as_completed(missing):
+            number, verdict = missing[future], find_verdict(future.result())
+            found[number] = verdict
+            kept.add((number,), verdict.to_result())
+            tally[verdict.verdict] += 1
+            progress(len(found), count, tally)
+        for number in numbers:
+            case = draw_scene(seed, number, limit)
+            drawn = Drawn(number, case, found[number])
+            if found[number].verdict in BAD:
+                drawn.simpler = shrink(crew, case, found[number])
+            outcome.drawn.append(drawn)
+    return outcome
+
+
+def shrink(crew: Crew, case: Case, verdict: Verdict) -> tuple[Case, Verdict]:
+    """Make a bad case simpler: every quantity at its default, else half-way, if it stays bad."""
+    left = _SHRINKS[verdict.verdict]
+
+    def try_out(simpler: Case) -> bool:
+        nonlocal case, verdict, left
+        if left == 0 or simpler == case:
+            return False
+        left -= 1
+        found = find_verdict(crew.begin(simpler, simpler.limit).result())
+        if found.verdict != verdict.verdict:
+            return False
+        case, verdict = simpler, found
+        return True
+
+    ranges = list_ranges(case.scene)
+    for names in _list_groups(case):
+        try_out(replace(case, overrides=_without(case.overrides, names)))
+    for name in [n for n in ranges if n in case.overrides and n != "experiment.start"]:
+        for _ in range(_HALVINGS):
+            half = _go_half_way(case.overrides[name], ranges[name].default)
+            if not try_out(replace(case, overrides={**case.overrides, name: half})):
+                break
+    return case, verdict
+
+
+def _list_groups(case: Case) -> Iterator[list[str]]:
+    """Yield names that go back to their defaults together."""
+    groups: dict[str, list[str]] = {}
+    for name in case.overrides:
+        head = name.partition(".")[0]
+        if name in ("experiment.step", "solver.method", "solver.step", "model.level"):
+            head = name
+        if name in ("experiment.start", "experiment.stop", "initial.approach_time"):
+            continue  # they belong together
+        if "rate" in name or "speed" in name:
+            head = name
+        groups.setdefault(head, []).append(name)
+    yield from groups.values()
+
+
+def _without(overrides: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    return {name: value for name, value in overrides.items() if name not in names}
+
+
+def _go_half_way(value: float, default: float) -> float:
+    """Return the value between another one and the default, in decades where both are above 0."""
+    if value > 0.0 and default > 0.0:
+        return float(f"{math.sqrt(value * default):.4g}")
+    return (value + default) / 2.0

@@ -1,0 +1,98 @@
+"""The command ``dockloop map``."""
+
+import argparse
+import math
+import shlex
+
+from dockloop import paths
+from dockloop.envelopes.command import make_experiment, make_progress, make_settings, parse_range
+from dockloop.envelopes.search import Axis, Order, find_envelope
+from dockloop.errors import UsageError
+from dockloop.figures import can_draw
+from dockloop.maps import report
+from dockloop.maps.verdicts import PointJudge
+from dockloop.outputs import claim
+from dockloop.scene import find_scene
+from dockloop.summary import write_summary
+
+_COARSE = 8  # cells along a range at the beginning
+_FEWEST = 3  # points along a range
+
+
+def run_command(options: argparse.Namespace) -> dict:
+    """Make and write a map; returns the summary, with the files written.
+
+    Raises:
+        UsageError: an option is bad.
+        DockloopError: the work failed.
+    """
+    name = find_scene(options.scene).stem
+    if not (math.isfinite(options.error) and options.error > 0.0):
+        raise UsageError(f"--error {options.error:g}: must be greater than 0 and finite")
+    if not (math.isfinite(options.limit) and options.limit > 0.0):
+        raise UsageError(f"--limit {options.limit:g}: must be greater than 0 and finite")
+    if options.points < _FEWEST:
+        raise UsageError(f"--points {options.points}: must be at least {_FEWEST}")
+    judge = PointJudge(options.error, options.limit, options.host)
+    order = _make_order(options)
+    files = report.name_files(options.output or paths.BUILD / "maps" / name)
+    for file, kind in files.list_kinds():
+        claim(file, kind)
+    search = find_envelope(
+        order,
+        files.journal,
+        workers=options.workers,
+        resume=options.resume,
+        progress=make_progress(name, "points"),
+        judge=judge,
+    )
+    summary = report.summarise_map(search, judge, _make_command(options))
+    report.write_map(search, judge, summary, files)
+    written = [files.page, files.table]
+    if not options.no_plots and can_draw():
+        report.write_figure(search, files.figure)
+        written.append(files.figure)
+    written.append(files.summary)
+    summary["files"] = [paths.shown(file) for file in written]
+    write_summary(summary, files.summary)
+    return summary
+
+
+def _make_order(options: argparse.Namespace) -> Order:
+    """Return what the search is asked for."""
+    axes = []
+    for letter, given in (("x", options.x), ("y", options.y)):
+        is_linear = getattr(options, f"linear_{letter}")
+        axis = Axis(*parse_range(f"--{letter}", given), is_log=not is_linear)
+        if not is_linear and axis.low <= 0.0:
+            raise UsageError(
+                f"--{letter} {' '.join(given)}: must be above 0 on a logarithmic axis: raise LOW"
+                f" or add --linear-{letter}"
+            )
+        axes.append(axis)
+    cells = options.points - 1
+    coarse = min(_COARSE, max(2, cells // 2))
+    return Order(
+        options.scene,
+        tuple(axes),
+        (),
+        make_settings(options),
+        make_experiment(options.stop, options.step),
+        tolerance=min(0.25, 0.5 / cells),
+        coarse=coarse,
+        checks=0,
+    )
+
+
+def _make_command(options: argparse.Namespace) -> str:
+    """Return the command that makes the map again."""
+    words = ["dockloop", "map", options.scene, "--x", *options.x, "--y", *options.y]
+    words += [f"--linear-{letter}" for letter in "xy" if getattr(options, f"linear_{letter}")]
+    words += ["--error", f"{options.error:g}", "--points", str(options.points)]
+    words += ["--host", options.host] if options.host else []
+    for option, texts in (("--scene", options.overrides), ("--set", options.set)):
+        words += [word for text in texts for word in (option, text)]
+    for name in ("stop", "step"):
+        value = getattr(options, name)
+        words += [] if value is None else [f"--{name}", f"{value:g}"]
+    return shlex.join(words)

@@ -1,0 +1,327 @@
+"""What a map says: a page with its picture and tables, a table of all points, a summary.
+
+``points.csv`` has a row for every point with the command that runs it alone. The page ``map.md``
+has the parts of the plane with each verdict, reasons of refusals, every bad point with its command,
+and a grid of all coarse points.
+"""
+
+import csv
+import math
+import shlex
+from collections import Counter
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from dockloop.envelopes.mesh import Cell, Point
+from dockloop.envelopes.report import list_outline
+from dockloop.envelopes.search import Search
+from dockloop.errors import one_line
+from dockloop.figures import save_figure
+from dockloop.journal import journal_kind
+from dockloop.judging import BAD, VERDICTS, Verdict
+from dockloop.maps.verdicts import PointJudge, read_verdict
+from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_text, writing
+
+COMMAND = "dockloop map"
+_TITLE = "# Map: "
+_PAGE = table_kind("page", COMMAND, _TITLE)
+_TABLE = table_kind("table", COMMAND, "point,", ",verdict,reason,")
+_COLOURS = {
+    "right": "#9ecae1",
+    "refused": "#d9d9d9",
+    "warned": "#ffffb3",
+    "undetermined": "#c2a5cf",
+    "slow": "#bdb76b",
+    "loose": "#fdae61",
+    "wrong": "#d7301f",
+    "hung": "#7f0000",
+    "crashed": "#000000",
+}
+_MIXED = "#ffffff"
+_MOST_LISTED = 40  # bad points on the page; the table has all
+
+
+class Files(NamedTuple):
+    """What is written into the folder of a map."""
+
+    page: Path
+    figure: Path
+    table: Path
+    summary: Path
+    journal: Path
+
+    def list_kinds(self) -> list[tuple[Path, Kind]]:
+        """Return every file with its kind."""
+        summary = json_kind("summary", COMMAND)
+        kinds = (_PAGE, figure_kind(COMMAND), _TABLE, summary, journal_kind("map"))
+        return list(zip(self, kinds, strict=True))
+
+
+def name_files(folder: Path) -> Files:
+    """Return the files of a map in a folder."""
+    names = ("map.md", "map.png", "points.csv", "summary.json", "journal.jsonl")
+    return Files(*(folder / name for name in names))
+
+
+def summarise_map(search: Search, judge: PointJudge, command: str) -> dict:
+    """Condense a map into a dictionary that can be written as JSON."""
+    verdicts = {point: read_verdict(search, point) for point in search.runs}
+    tally = Counter(verdict.verdict for verdict in verdicts.values())
+    right = [v for v in verdicts.values() if v.verdict == "right"]
+    return {
+        MADE_BY: COMMAND,
+        "command": command,
+        "scene": search.order.scene,
+        "title": search.planner.base["title"],
+        "wanted": judge.wanted,
+        "host": judge.host,
+        "limit": judge.limit,
+        "quantities": [
+            {
+                "name": quantity.name,
+                "unit": quantity.unit,
+                "low": axis.low,
+                "high": axis.high,
+                "log": axis.is_log,
+            }
+            for quantity, axis in zip(search.planner.quantities, search.order.axes, strict=True)
+        ],
+        "points": len(verdicts),
+        "grid": (search.mesh.size + 1) ** 2,
+        "verdicts": {name: tally[name] for name in VERDICTS},
+        "parts": {name: _find_part(search, name) for name in VERDICTS if tally[name]},
+        "right_by_audits_only": sum(verdict.audited for verdict in right),
+        "largest_error_of_right": max((v.error for v in right if not v.audited), default=None),
+        "refusals": _list_reasons(verdicts, "refused"),
+        "bad": [
+            _describe_point(search, judge, point, verdicts[point])
+            for point in sorted(verdicts)
+            if verdicts[point].verdict in BAD
+        ],
+        "time": {"ran": search.ran, "wall": search.wall},
+    }
+
+
+def _find_part(search: Search, name: str) -> list[float]:
+    """Return the part of the plane with a verdict, and half the part that is not sure."""
+    return list(search.mesh.measure(search.known, VERDICTS.index(name)))
+
+
+def _describe_point(search: Search, judge: PointJudge, point: Point, verdict: Verdict) -> dict:
+    """Return what is known of one point."""
+    return {
+        "values": list(search.values(point)),
+        "verdict": verdict.verdict,
+        "reason": verdict.reason,
+        "command": make_command(search, judge, point),
+    }
+
+
+def make_command(search: Search, judge: PointJudge, point: Point) -> str:
+    """Return the command that runs one point alone; with a host, the one that maps it alone."""
+    values = search.values(point)
+    if not judge.host:
+        stop = float(search.planner.times[-1])
+        return shlex.join(search.planner.make_command(values, stop))
+    words = ["dockloop", "map", search.planner.scene_reference, "--host", judge.host]
+    for letter, axis, value in zip("xy", search.order.axes, values, strict=True):
+        words += [f"--{letter}", axis.name, repr(value), repr(value * (1.0 + 1e-9))]
+    return shlex.join([*words, "--points", "3"])
+
+
+def _list_reasons(verdicts: dict[Point, Verdict], wanted: str) -> list[dict]:
+    """Return the kinds of reasons, numbers left out, with how often and an example."""
+    kinds: dict[str, list[str]] = {}
+    for verdict in verdicts.values():
+        if verdict.verdict == wanted:
+            kind = " ".join(word for word in verdict.reason.split() if word.isalpha())
+            kinds.setdefault(kind, []).append(one_line(verdict.reason))
+    rows = [{"count": len(texts), "example": texts[0]} for texts in kinds.values()]
+    return sorted(rows, key=lambda row: -row["count"])
+
+
+def describe_map(summary: dict) -> str:
+    """Say a summary in words and numbers."""
+    lines = [f"{summary['scene']}: {summary['title']}"]
+    for quantity in summary["quantities"]:
+        lines.append(f"  {_describe_axis(quantity)}")
+    tally = {name: count for name, count in summary["verdicts"].items() if count}
+    text = ", ".join(f"{count} {name}" for name, count in tally.items())
+    lines.append(f"  points       {summary['points']}: {text} (error up to {summary['wanted']:g})")
+    for name, (part, unsure) in summary["parts"].items():
+        lines.append(f"  {name:12} {part:.1%} +- {unsure:.1%} of the plane")
+    lines += [
+        f"  {bad['verdict']}: {bad['reason']}\n    {bad['command']}" for bad in summary["bad"]
+    ]
+    lines.append(f"  files        {', '.join(summary['files'])}")
+    return "\n".join(lines)
+
+
+def _describe_axis(quantity: dict) -> str:
+    unit = f" {quantity['unit']}" if quantity["unit"] not in ("", "1") else ""
+    scale = "equal ratios" if quantity["log"] else "equal differences"
+    ends = f"{quantity['low']:g} to {quantity['high']:g}{unit}"
+    return f"{quantity['name']}: {ends}, in {scale}"
+
+
+def write_map(search: Search, judge: PointJudge, summary: dict, files: Files) -> None:
+    """Write page and table. Raises DockloopError: one cannot be written."""
+    with (
+        writing(files.table, _TABLE) as partial,
+        partial.open("w", newline="", encoding="utf-8") as file,
+    ):
+        writer = csv.writer(file, lineterminator="\n")
+        names = [axis.name for axis in search.order.axes]
+        measures = ("error", "energy", "momentum", "evaluations", "seconds")
+        writer.writerow(["point", *names, "verdict", "reason", "audited", *measures, "command"])
+        for number, point in enumerate(sorted(search.runs), 1):
+            verdict = read_verdict(search, point)
+            figures = [_plain(getattr(verdict, name)) for name in measures]
+            row = [verdict.verdict, one_line(verdict.reason), verdict.audited, *figures]
+            command = make_command(search, judge, point)
+            writer.writerow([number, *search.values(point), *row, command])
+    write_text(files.page, _PAGE, _make_page(search, summary, files))
+
+
+def _plain(value: float) -> str:
+    return "" if isinstance(value, float) and math.isnan(value) else f"{value:.6g}"
+
+
+def _make_page(search: Search, summary: dict, files: Files) -> str:
+    """Return the page."""
+    x, y = summary["quantities"]
+    lines = [
+        f"{_TITLE}{x['name']} and {y['name']}",
+        "",
+        f"{summary['title']}. Written by",
+        "",
+        "```sh",
+        summary["command"],
+        "```",
+        "",
+        f"![verdicts and cost over {x['name']} and {y['name']}]({files.figure.name})",
+        "",
+        f"* {_describe_axis(x)}.",
+        f"* {_describe_axis(y)}.",
+        f"* Right: error up to {summary['wanted']:g} of the tight run. `scripts/README.md` defines"
+        " all verdicts.",
+        f"* {summary['points']} points; a grid as fine as the refined parts has"
+        f" {summary['grid']}. `{files.table.name}` has all points with their commands.",
+        "",
+        "| verdict | points | part of the plane |",
+        "|---|---|---|",
+    ]
+    for name, (part, unsure) in summary["parts"].items():
+        lines.append(f"| {name} | {summary['verdicts'][name]} | {part:.1%} ± {unsure:.1%} |")
+    lines += ["", "## Coarse points", ""]
+    lines += _make_grid(search)
+    if summary["refusals"]:
+        lines += ["", "## Refused", "", "| points | reason, for example |", "|---|---|"]
+        lines += [f"| {row['count']} | {_cell(row['example'])} |" for row in summary["refusals"]]
+    if summary["bad"]:
+        lines += ["", "## Not right", ""]
+        for bad in summary["bad"][:_MOST_LISTED]:
+            lines.append(f"* {bad['verdict']}: {_cell(bad['reason'])}")
+            lines.append(f"  `{bad['command']}`")
+        if len(summary["bad"]) > _MOST_LISTED:
+            lines.append(f"* ... of {len(summary['bad'])}; all are in `{files.table.name}`.")
+    return "\n".join(lines) + "\n"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def _make_grid(search: Search) -> list[str]:
+    """Return the table of the coarse points: verdict, error, evaluations."""
+    size = search.mesh.size
+    places = range(0, size + 1, max(1, size // 8))
+    x, y = search.planner.quantities
+    heads = [f"{search.values((i, 0))[0]:.2g}" for i in places]
+    lines = [f"| {y.name} \\ {x.name} | {' | '.join(heads)} |", "|---" * (len(heads) + 1) + "|"]
+    for j in reversed(places):
+        cells = [_describe_cell(search, (i, j)) for i in places]
+        lines.append(f"| {search.values((0, j))[1]:.2g} | {' | '.join(cells)} |")
+    return [*lines, "", "Each cell: verdict (nothing: right), error, evaluations."]
+
+
+def _describe_cell(search: Search, point: Point) -> str:
+    if point not in search.runs:
+        return ""
+    verdict = read_verdict(search, point)
+    words = [] if verdict.verdict == "right" else [verdict.verdict]
+    if verdict.verdict != "refused" and not math.isnan(verdict.error):
+        words.append(f"{verdict.error:.0e}")
+    if verdict.evaluations:
+        words.append(f"{verdict.evaluations:.1e}".replace("e+0", "e"))
+    return ", ".join(words)
+
+
+def write_figure(search: Search, path: Path) -> None:
+    """Write the picture: verdicts, and evaluations."""
+    save_figure(draw_map(search), path, COMMAND)
+
+
+def draw_map(search: Search) -> Any:
+    """Draw verdicts and cost over both quantities; returns a ``matplotlib.figure.Figure``."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 3.9), layout="constrained", dpi=80)
+    verdicts, costs = figure.subplots(1, 2, sharey=True)
+    _draw_verdicts(verdicts, search)
+    _draw_costs(figure, costs, search)
+    x, y = search.order.axes
+    for axis in (verdicts, costs):
+        for scale, limit, quantity in (
+            (axis.set_xscale, axis.set_xlim, x),
+            (axis.set_yscale, axis.set_ylim, y),
+        ):
+            scale("log" if quantity.is_log else "linear")
+            limit(quantity.low, quantity.high)
+        axis.set_xlabel(_label(search, 0))
+    verdicts.set_ylabel(_label(search, 1))
+    figure.suptitle(search.planner.base["title"], fontsize="medium")
+    return figure
+
+
+def _label(search: Search, number: int) -> str:
+    quantity = search.planner.quantities[number]
+    return f"{quantity.name} [{quantity.unit}]" if quantity.unit else quantity.name
+
+
+def _draw_verdicts(axis: Any, search: Search) -> None:
+    """Draw cells in the colour of their verdict, white where their corners differ; and points."""
+    from matplotlib.collections import PolyCollection
+
+    outlines = [_list_corners(search, cell) for cell in search.mesh.cells]
+    colours = []
+    for cell in search.mesh.cells:
+        names = {read_verdict(search, corner).verdict for corner in search.mesh.corners(cell)}
+        colours.append(_COLOURS[names.pop()] if len(names) == 1 else _MIXED)
+    axis.add_collection(PolyCollection(outlines, facecolors=colours, edgecolors="none", alpha=0.6))
+    for name, colour in _COLOURS.items():
+        chosen = [search.values(p) for p in search.runs if read_verdict(search, p).verdict == name]
+        if chosen:
+            axis.plot(*zip(*chosen, strict=True), "s", color=colour, markeredgecolor="0.3",
+                      markeredgewidth=0.3, markersize=3.5, clip_on=False,
+                      label=f"{name}: {len(chosen)}")  # fmt: skip
+    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize="x-small")
+
+
+def _list_corners(search: Search, cell: Cell) -> list[tuple[float, ...]]:
+    return [search.values(point) for point in list_outline(cell)]
+
+
+def _draw_costs(figure: Any, axis: Any, search: Search) -> None:
+    """Draw the evaluations of all runs."""
+    from matplotlib.colors import LogNorm
+
+    rows = [
+        (*search.values(point), verdict.evaluations)
+        for point in search.runs
+        if (verdict := read_verdict(search, point)).evaluations
+    ]
+    if rows:
+        x, y, cost = zip(*rows, strict=True)
+        drawn = axis.scatter(x, y, c=cost, s=14, norm=LogNorm(), cmap="viridis", clip_on=False)
+        figure.colorbar(drawn, ax=axis, label="evaluations")

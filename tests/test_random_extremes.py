@@ -1,0 +1,133 @@
+"""``dockloop extremes --random``: whole scenes over many decades, each with a verdict.
+
+1. A scene is drawn alike every time; draws stay in their ranges and reach all methods and levels.
+2. Some scenes of the plain suite are right or refused, none is wrong, hung or crashed; with the
+   label long 200 of them.
+3. A bad case is made simpler, stays bad, and its command repeats it; the summary counts it and the
+   command fails.
+"""
+
+import json
+import math
+from collections import Counter
+
+import pytest
+
+from dockloop.core import list_methods
+from dockloop.crew import Ending
+from dockloop.extremes import random_report, random_scenes
+from dockloop.extremes.random_scenes import Drawn, Outcome, draw_scene, list_ranges, run_random
+from dockloop.judging import BAD, VERDICTS, Case, Verdict
+
+SEED, FEW, MANY = 11, 8, 200
+
+
+def test_scenes_are_drawn_alike_and_in_their_ranges():
+    cases = [draw_scene(SEED, number) for number in range(1, 400)]
+    assert cases[:5] == [draw_scene(SEED, number) for number in range(1, 6)]
+    for case in cases:
+        for name, where in list_ranges(case.scene).items():
+            value = case.overrides[name]
+            is_cut = name == "initial.approach_time"  # of scenes of few steps
+            assert where.low * (0.0 if is_cut else 1.0) <= value <= where.high or value == 0.0
+            assert value > 0.0 or where.zero > 0.0
+        xx, yy, zz, *_ = case.overrides["chaser.inertia"]
+        assert max(xx, yy, zz) <= (1.0 + 1e-12) * (xx + yy + zz) / 2.0
+        assert case.overrides["experiment.stop"] > case.overrides["experiment.start"]
+    drawn = {case.overrides["solver.method"] for case in cases}
+    assert drawn == {method["name"] for method in list_methods()}
+    levels = Counter(case.overrides["model.level"] for case in cases)
+    assert set(levels) == {"rigid", "massless_legs", "reduced", "reference"}
+    assert {case.scene for case in cases} == set(random_scenes.BASES)
+
+
+def check(outcome, count):
+    """Check that no scene is bad and that scenes really ran."""
+    tally = Counter(drawn.verdict.verdict for drawn in outcome.drawn)
+    assert sum(tally.values()) == count
+    bad = [d for d in outcome.drawn if d.verdict.verdict in BAD]
+    assert not bad, [(d.number, d.verdict.reason, d.case.make_command()) for d in bad]
+    assert tally["right"] > count // 5
+    assert tally["slow"] <= count // 20
+    for drawn in outcome.drawn:
+        if drawn.verdict.verdict == "refused":
+            assert len(drawn.verdict.reason.split()) >= 3
+        else:
+            assert drawn.verdict.evaluations > 0 or drawn.verdict.verdict == "slow"
+
+
+def test_some_random_scenes_are_right_or_refused():
+    check(run_random(FEW, SEED), FEW)
+
+
+@pytest.mark.long
+def test_many_random_scenes_are_right_or_refused():
+    check(run_random(MANY, SEED + 1), MANY)
+
+
+class BadAbove:
+    """A crew that calls every scene wrong whose chaser is heavier than 1 t."""
+
+    def __init__(self):
+        self.asked = 0
+
+    def begin(self, case, _limit):
+        self.asked += 1
+        is_bad = case.overrides.get("chaser.mass", 25e3) > 1e3
+        self.verdict = Verdict("wrong" if is_bad else "right", "mass")
+        return self
+
+    def result(self):
+        return Ending("done", self.verdict)
+
+
+def test_a_bad_case_is_made_simpler_and_stays_bad():
+    number = next(n for n in range(1, 99) if draw_scene(1, n).overrides["chaser.mass"] > 1e5)
+    case, crew = draw_scene(1, number), BadAbove()
+    simpler, verdict = random_scenes.shrink(crew, case, Verdict("wrong", "mass"))
+    assert verdict.verdict == "wrong"
+    assert len(simpler.overrides) < len(case.overrides) / 2
+    assert simpler.overrides.get("chaser.mass", 25e3) > 1e3
+    assert 0 < crew.asked <= 24
+
+
+def test_a_summary_counts_and_names_what_is_bad():
+    case = Case("absorber_1d", {"chaser.mass": 3.0})
+    outcome = Outcome(5, 60.0)
+    outcome.drawn = [
+        Drawn(1, case, Verdict("right", error=1e-4, energy=1e-6, momentum=1e-15)),
+        Drawn(2, case, Verdict("refused", "chaser.mass is 3: must be more")),
+        Drawn(3, case, Verdict("crashed", "died by SIGSEGV"), (case, Verdict("crashed", "died"))),
+    ]
+    summary = random_report.summarise(outcome)
+    assert {name: summary[name] for name in VERDICTS if summary[name]} == {
+        "right": 1,
+        "refused": 1,
+        "crashed": 1,
+    }
+    assert summary["bad"][0]["repeat"] == "dockloop extremes --random 1 --seed 5 --first 3"
+    assert summary["bad"][0]["simpler"] == "dockloop run absorber_1d --scene chaser.mass=3.0"
+    assert math.isclose(summary["largest_error"]["value"], 1e-4)
+    page = random_report.make_page(summary, "dockloop extremes --random 3 --seed 5")
+    assert "| crashed | 1 |" in page
+    assert "* crashed: died by SIGSEGV: `dockloop extremes --random 1 --seed 5 --first 3`" in page
+    assert json.loads(json.dumps(summary)) == summary
+
+
+def test_the_command_counts_resumes_and_fails_when_a_scene_is_bad(dockloop, tmp_path, monkeypatch):
+    words = ("extremes", "--random", "2", "--seed", "4", "--workers", "1", "-o", str(tmp_path))
+    reported = dockloop(*words, "--json")
+    assert reported.status == 0, reported.err
+    counts = json.loads(reported.out.splitlines()[-1])
+    assert sum(counts[name] for name in VERDICTS) == counts["scenes"] == 2
+    before = (tmp_path / "random.md").read_text()
+    again = dockloop(*words, "--resume")
+    assert again.status == 0, again.err
+    assert "right" in again.out
+    assert (tmp_path / "random.md").read_text() == before
+    bad = Drawn(1, Case("absorber_1d"), Verdict("hung", "no end"))
+    monkeypatch.setattr(random_report, "run_random", lambda *_, **__: Outcome(4, 60.0, [bad]))
+    failed = dockloop(*words)
+    assert failed.status == 1
+    assert "1 of 1 scenes are bad" in failed.err
+    assert "hung: no end" in failed.out
