@@ -7,6 +7,8 @@
 3. Rows: a refused setting is one with a reason; an interrupted trade goes on to the same rows; the
    default against itself costs its own time; the grid asks for what the FMU has.
 4. Front, recommendation and verdicts on made-up rows.
+5. --quick has every method of the product, all at the same steps; --apply writes the cheapest right
+   setting into a copy of the scene, which runs with it, and replaces no file of the user.
 """
 
 import csv
@@ -14,18 +16,20 @@ import json
 import math
 import re
 import stat
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import dockloop as dl
 from dockloop import paths, trade
 from dockloop.core import list_methods
 from dockloop.errors import UsageError
 from dockloop.journal import InterruptedWorkError
 from dockloop.simulate import Recording
-from dockloop.trade import Choice, Setting, report
+from dockloop.trade import Choice, Setting, apply, report
 from dockloop.trade.bench import Bench
 from dockloop.trade.errors import find_compared, find_errors, find_scales
 from dockloop.trade.solution import find_solution
@@ -133,7 +137,7 @@ def test_the_quick_grid_of_the_hexapod_bench_from_the_command_line(dockloop, run
         else:
             assert row["position_m"] < 0.1 * row["rtol"], row
         assert row["loop_gap_m"] < 1e-12, row
-    assert len(reduced) == 7
+    assert len(reduced) == 1 + 2 * 3 * 2  # default; methods, tolerances, steps
     page = (folder / "trade.md").read_text()
     assert "`dockloop trade hexapod_bench --methods explicit,adams,dae --quick`" in page
     with (folder / "trade.csv").open() as file:
@@ -534,3 +538,111 @@ def test_scales_are_those_of_the_solution():
         }
     )
     assert all(math.isfinite(scale) for scale in scales.values())
+
+
+# ---------------------------------------------------------------- --quick, --apply
+
+
+def test_the_quick_grid_compares_like_with_like(absorber):
+    settings = trade.make_settings(absorber, Choice(quick=True), absorber.stop)
+    steps: dict[int, set] = {}
+    for setting in settings:
+        if setting.level == 3:
+            steps.setdefault(setting.method, set()).add(setting.step)
+    carried = {method["number"] for method in list_methods() if not method["for_comparison"]}
+    assert set(steps) == carried
+    assert 12 in carried
+    assert set(map(frozenset, steps.values())) == {frozenset({0.01, 0.1})}
+    named = trade.make_settings(absorber, Choice(methods=(5,), quick=True), absorber.stop)
+    assert {setting.method for setting in named} == {1, 5}
+
+
+TOML = """title = "a scene"  # of this test
+
+[solver]                   # of the user
+rtol = 1e-6                # relative
+method = "bdf"
+
+[experiment]
+step = 0.5                 # s
+"""
+
+
+def test_a_key_is_set_in_place_and_comments_stay():
+    changed = apply.set_key(TOML, "solver", "rtol", 1e-3)
+    assert "rtol = 0.001                # relative" in changed
+    changed = apply.set_key(changed, "solver", "step", 2e-3)
+    changed = apply.set_key(changed, "solver", "method", "auto")
+    changed = apply.set_key(changed, "model", "level", "rigid")
+    assert tomllib.loads(changed) == {
+        "title": "a scene",
+        "solver": {"rtol": 1e-3, "method": "auto", "step": 2e-3},
+        "experiment": {"step": 0.5},
+        "model": {"level": "rigid"},
+    }
+    assert changed.count("#") == TOML.count("#")
+
+
+@pytest.fixture
+def own_scene(tmp_path):
+    """A scene of the user's own, with a method and a comment."""
+    own = tmp_path / "mine.toml"
+    text = (paths.SCENES / "absorber_1d.toml").read_text()
+    own.write_text(text.replace("[solver]", '[solver]\nmethod = "bdf"  # mine'))
+    return own
+
+
+def test_apply_writes_a_copy_that_run_sweep_and_build_honour(dockloop, own_scene):
+    before = own_scene.read_text()
+    words = ("trade", str(own_scene), "--quick", "--methods", "explicit,fixed_rk4", "--stop", "1")
+    words += ("--apply", "1e-3")
+    reported = dockloop(*words, "--json")
+    assert reported.status == 0, reported.err
+    applied = json.loads(reported.out)["applied"]
+    copy = own_scene.with_name("mine_error_0p001.toml")
+    assert applied["file"].endswith(copy.name)
+    assert own_scene.read_text() == before
+    found = tomllib.loads(copy.read_text())
+    for name, value in applied["keys"].items():
+        section, member = name.split(".")
+        assert found[section][member] == value, name
+    assert found["experiment"] == tomllib.loads(before)["experiment"]
+    number = {m["name"]: m["number"] for m in list_methods()}[found["solver"]["method"]]
+    assert number in (2, 7)
+    result = dl.run(copy, stop=0.1)
+    assert result["solver.chosen_method"][-1] == number
+    swept = dl.sweep(
+        {
+            "scene": str(copy),
+            "outcomes": ["solver.chosen_method"],
+            "vary": [{"type": "grid", "name": "initial.closing_speed", "values": [0.1]}],
+            "experiment": {"stop": 0.1},
+        }
+    )
+    assert list(swept["solver.chosen_method"]) == [number]
+    fmu = copy.with_suffix(".fmu")
+    assert dockloop("build", str(copy), "-o", str(fmu)).status == 0
+    assert Bench(fmu).start("solver.method") == number
+    again = dockloop(*words, "--resume")  # its own copy is replaced
+    assert again.status == 0, again.err
+    assert f"{copy.name} has: " in again.out
+
+
+def test_apply_replaces_no_file_of_the_user_and_says_what_it_cannot_reach(dockloop, own_scene):
+    before = own_scene.read_text()
+    quick = ("trade", str(own_scene), "--quick", "--methods", "explicit", "--stop", "1")
+    foreign = dockloop(*quick, "--apply", "1e-3", "-o", str(own_scene))
+    assert foreign.status == 2
+    assert "which 'dockloop trade' did not write" in foreign.err
+    assert own_scene.read_text() == before
+    for words, text in (
+        (("--apply", "2"), "--apply 2: must be a number above 0 and below 1"),
+        (("--apply", "1e-3", "--scene", "solver.rtol=1e-3"), "put it into the scene file"),
+        (("-o", "own.toml"), "a scene needs --apply ERROR"),
+    ):
+        refused = dockloop(*quick, *words)
+        assert (refused.status, refused.err.count("\n")) == (2, 1)
+        assert text in refused.err
+    beyond = dockloop(*quick, "--apply", "1e-15")
+    assert beyond.status == 1
+    assert "--apply 1e-15: no measured setting reaches it: the smallest error is" in beyond.err

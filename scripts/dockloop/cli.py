@@ -419,7 +419,18 @@ def _add_trade(commands: Any) -> None:
         metavar="T",
         help="end of the runs [s] (default: a second after the capture, or that of the scene)",
     )
-    trade.add_argument("--quick", action="store_true", help="a small grid, each setting timed once")
+    trade.add_argument(
+        "--quick",
+        action="store_true",
+        help="a small grid: methods of the product, all at the same two communication steps, each"
+        " setting timed once",
+    )
+    trade.add_argument(
+        "--apply",
+        metavar="ERROR",
+        help="write the cheapest setting with this error into a copy of the scene (its name is"
+        " printed; with -o FILE.toml it is that file)",
+    )
     trade.add_argument("--resume", action="store_true", help="go on after an interruption")
     trade.add_argument(
         "-o",
@@ -788,7 +799,9 @@ def _trade(options: argparse.Namespace) -> None:
         options.quick,
     )
     name = find_scene(options.scene).stem
-    folder = options.output or paths.BUILD / "results" / f"trade_{name}"
+    copy = _find_copy(options)
+    given = None if copy is not None and copy == options.output else options.output
+    folder = given or paths.BUILD / "results" / f"trade_{name}"
     for file, kind in report.list_files(folder):
         claim(file, kind)
     with scratch() as temporary:
@@ -803,7 +816,41 @@ def _trade(options: argparse.Namespace) -> None:
     measured = trade.run_trade(bench, choice, folder, resume=options.resume, progress=progress)
     summary = report.summarise_trade(measured, _trade_command(options))
     summary["files"] = [paths.shown(file) for file in report.write_trade(summary, folder)]
+    if copy is not None:
+        _apply(options, bench, summary, copy)
     _tell(json.dumps(summary, indent=2) if options.json else report.describe_trade(summary))
+
+
+def _find_copy(options: argparse.Namespace) -> Path | None:
+    """Return the copy of the scene that --apply writes, made sure that it can be; None without."""
+    from dockloop.outputs import claim
+    from dockloop.trade.apply import SCENE, name_copy, parse_error
+
+    if options.apply is None:
+        if options.output and options.output.suffix == ".toml":
+            raise UsageError(f"-o {options.output}: is a folder here: a scene needs --apply ERROR")
+        return None
+    if options.overrides:
+        raise UsageError(
+            f"--scene {options.overrides[0]}: has no place in the copy that --apply writes: put it"
+            " into the scene file"
+        )
+    wanted = parse_error(options.apply)
+    is_file = options.output and options.output.suffix == ".toml"
+    copy: Path = options.output if is_file else name_copy(options.scene, wanted)
+    claim(copy, SCENE)
+    return copy
+
+
+def _apply(options: argparse.Namespace, bench: Any, summary: dict, copy: Path) -> None:
+    """Write the copy of the scene; the summary names it."""
+    from dockloop.trade.apply import choose_row, make_keys, parse_error, write_copy
+
+    row = choose_row(summary["rows"], parse_error(options.apply), bench.step)
+    keys = make_keys(row, bench)
+    write_copy(options.scene, keys, row, summary["command"], copy)
+    summary["applied"] = {"file": paths.shown(copy), "setting": row["setting"], "keys": keys}
+    summary["files"].append(paths.shown(copy))
 
 
 def _trade_command(options: argparse.Namespace) -> str:
@@ -811,6 +858,7 @@ def _trade_command(options: argparse.Namespace) -> str:
     scene = Path(options.scene)
     name = scene.name if scene.is_absolute() else options.scene
     words = _repeat("trade", name, options, ("levels", "methods", "tolerances", "steps", "stop"))
+    words += ["--apply", options.apply] * (options.apply is not None)
     return shlex.join(words + ["--quick"] * options.quick)
 
 

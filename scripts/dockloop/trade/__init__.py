@@ -15,6 +15,7 @@ FMUs do not carry (`dockloop.compiled`). A second name of a method is that metho
 | ``solution.py`` | the reference solution, of dockloop-compare or of the FMU at its best |
 | ``errors.py`` | figures of a run against that solution, and the scalar that sums them up |
 | ``report.py`` | front, recommendation, table, figure |
+| ``apply.py`` | ``--apply``: a copy of the scene with the recommended settings |
 """
 
 import itertools
@@ -73,7 +74,7 @@ _LADDER = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10, 1e-12)
 _SHORT = (1e-3, 1e-6, 1e-9)
 _INNER_STEPS = (4e-3, 2e-3, 1e-3, 5e-4)
 _OF_OTHER_LEVELS = (2, 3)  # methods
-_QUICK_STEPS, _QUICK_STRIDE = (10,), 3  # --quick: one step, every third value of a ladder
+_QUICK_STEPS, _QUICK_STRIDE = (1, 10), 3  # --quick: of every method; every third value of a ladder
 _LOOKS = 40  # times, at least, at which a run is compared with the reference solution
 _AFTER_CAPTURE = 1.0  # s that a run goes on by default
 _PAIRS = 5  # most runs of a setting and of the default, one after the other ...
@@ -175,7 +176,8 @@ class Choice:
         tolerances: instead of those of the grid.
         steps: communication steps [s] instead of those of the grid.
         stop: end [s]; None: 1 s after the capture, in whole seconds, or that of the scene.
-        quick: one communication step, a third of the tolerances, no repeated timing.
+        quick: methods that FMUs carry (and those named), all at the same two communication steps,
+            a third of the tolerances, no repeated timing.
     """
 
     levels: tuple[int, ...] = ()
@@ -399,7 +401,8 @@ def _expand(block: Block, bench: Bench, choice: Choice, stop: float) -> Iterator
         levels = [own_level if level is None else level for level in block.levels]
         levels = [level for level in levels if not choice.levels or level in choice.levels]
     forms = block.forms if "solver.dae_form" in bench.variables else (None,)
-    methods = [m for m in block.methods if not choice.methods or m in choice.methods]
+    left_out = {m["number"] for m in list_methods() if m["for_comparison"] and choice.quick}
+    methods = [m for m in block.methods if m in (choice.methods or {*block.methods} - left_out)]
     combined = itertools.product(levels, methods, forms, tolerances, inner_steps, steps)
     yield from itertools.starmap(Setting, combined)
 

@@ -81,6 +81,7 @@ def describe_trade(summary: dict) -> str:
         *summary["refused"],
         *_other_outcomes(summary),
         "",
+        *_describe_applied(summary),
         *(f"wrote {file}" for file in summary["files"]),
     ]
     return "\n".join(
@@ -228,6 +229,12 @@ def _other_outcomes(summary: dict) -> list[str]:
         f"other outcome than the reference solution: {setting}"
         for setting in summary["other_outcome"]
     ]
+
+
+def _describe_applied(summary: dict) -> list[str]:
+    """Say which setting the copy of the scene has."""
+    applied = summary.get("applied")
+    return [f"{applied['file']} has: {applied['setting']}"] if applied else []
 
 
 def _solution_sentence(summary: dict) -> str:

@@ -1,0 +1,130 @@
+"""``dockloop trade SCENE --apply ERROR``: writes what was measured to be cheapest into a scene.
+
+The copy of the scene has the keys ``[solver]`` (and the level of the model) of the cheapest setting
+whose error is at most the wanted one. Settings with the communication step of the scene come first;
+if none of them was measured, the copy has the step of the setting too. Everything else in the file,
+comments included, stays as it is.
+"""
+
+import math
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from dockloop import paths
+from dockloop.core import list_methods, name_choice
+from dockloop.errors import DockloopError, UsageError
+from dockloop.outputs import table_kind, write_text
+from dockloop.paths import shown
+from dockloop.sampling import to_text
+from dockloop.scene import find_scene, resolve_scene
+from dockloop.trade.bench import Bench
+from dockloop.trade.report import recommend
+
+_BEGIN = "# Solver settings by: dockloop trade"
+SCENE = table_kind("scene", "dockloop trade", _BEGIN)
+_REFERENCE = "reference"  # the level that no FMU carries
+
+
+def parse_error(text: str) -> float:
+    """Parse the wanted error of ``--apply``. Raises UsageError."""
+    try:
+        wanted = float(text)
+    except ValueError:
+        wanted = math.nan
+    if not 0.0 < wanted < 1.0:
+        raise UsageError(f"--apply {text}: must be a number above 0 and below 1, e.g. 1e-3")
+    return wanted
+
+
+def name_copy(reference: str, wanted: float) -> Path:
+    """Return the name of the copy: next to a scene of the user's own, else in ``build/scenes``."""
+    source = find_scene(reference)
+    error = f"{wanted:g}".replace("-", "m").replace(".", "p")  # names of FMUs have no others
+    folder = source.parent if reference.endswith(".toml") else paths.BUILD / "scenes"
+    return folder / f"{source.stem}_error_{error}.toml"
+
+
+def choose_row(rows: list[dict], wanted: float, step: float) -> dict:
+    """Return the cheapest setting that FMUs carry and that is right.
+
+    Args:
+        rows: of a trade.
+        wanted: error.
+        step: communication step of the scene [s].
+
+    Raises:
+        DockloopError: no setting is.
+    """
+    compared = {method["number"] for method in list_methods() if method["for_comparison"]}
+    carried = [row for row in rows if row["method"] not in compared and not _is_reference(row)]
+    own_step = [row for row in carried if math.isclose(row["step"], step)]
+    row = recommend(own_step or carried, wanted)
+    if row is None:
+        errors = [r["error"] for r in carried if r["status"] == "done" and r["error"] is not None]
+        least = f"the smallest error is {min(errors):.1e}" if errors else "none ran to its end"
+        raise DockloopError(f"--apply {wanted:g}: no measured setting reaches it: {least}")
+    return row
+
+
+def _is_reference(row: dict) -> bool:
+    return row["level"] is not None and name_choice("model.level", row["level"]) == _REFERENCE
+
+
+def make_keys(row: dict, bench: Bench) -> dict[str, Any]:
+    """Return the keys of the scene that make a setting."""
+    keys: dict[str, Any] = {"solver.method": name_choice("solver.method", row["method"])}
+    if bench.start("accuracy"):  # it would choose other values
+        keys["solver.accuracy"] = 0.0
+    if row["rtol"] is not None:
+        keys |= bench.tolerances(row["rtol"])
+    if row["inner_step"] is not None:
+        keys["solver.step"] = row["inner_step"]
+    if row["level"] is not None:
+        keys["model.level"] = name_choice("model.level", row["level"])
+    if not math.isclose(row["step"], bench.step):
+        keys["experiment.step"] = row["step"]
+    return keys
+
+
+def write_copy(reference: str, keys: dict[str, Any], row: dict, command: str, path: Path) -> None:
+    """Write the copy of a scene; what it means is checked before.
+
+    Raises:
+        UsageError: the file is there and of something else, or its mechanism is not found there.
+        DockloopError: it cannot be written.
+    """
+    source = find_scene(reference)
+    text = source.read_text(encoding="utf-8")
+    for name, value in keys.items():
+        section, member = name.split(".")
+        text = set_key(text, section, member, value)
+    head = f"{_BEGIN} (error {row['error']:.1e}, measured by `{command}`)\n"
+    text = head + text.removeprefix(text.partition("\n")[0] + "\n" if _is_copy(text) else "")
+    found = tomllib.loads(text)
+    for name, value in keys.items():
+        section, member = name.split(".")
+        if found[section][member] != value:
+            raise DockloopError(f"{shown(source)}: {name} cannot be set in this file: set it there")
+    write_text(path, SCENE, text)
+    resolve_scene(path)
+
+
+def _is_copy(text: str) -> bool:
+    return text.startswith(_BEGIN)
+
+
+def set_key(text: str, section: str, member: str, value: Any) -> str:
+    """Return a TOML text with one key set; comments and everything else stay."""
+    line = f"{member} = {to_text(value)}"
+    header = re.search(rf"^[ \t]*\[[ \t]*{section}[ \t]*\][^\n]*$", text, re.MULTILINE)
+    if not header:
+        return f"{text.rstrip()}\n\n[{section}]\n{line}\n"
+    after = re.search(r"^[ \t]*\[", text[header.end() :], re.MULTILINE)
+    end = header.end() + after.start() if after else len(text)
+    body = text[header.end() : end]
+    pattern = rf"^([ \t]*){member}[ \t]*=[ \t]*[^#\n]*?([ \t]*(?:#[^\n]*)?)$"
+    changed, count = re.subn(pattern, lambda m: m[1] + line + m[2], body, count=1, flags=re.M)
+    body = changed if count else f"\n{line}{body}"
+    return text[: header.end()] + body + text[end:]
