@@ -1,0 +1,127 @@
+"""The six maps that are shipped: where the default docking is right, refused or wrong.
+
+Runs `dockloop map` for each, keeps journals in build/maps, and writes pages, pictures and tables
+into tests/validation/maps, with an overview in tests/validation/maps.md.
+
+Examples:
+    .venv/bin/python tests/studies/maps.py                         # an hour of two processors
+    .venv/bin/python tests/studies/maps.py --only wrong_mass_and_step --points 9
+    .venv/bin/python tests/studies/maps.py --resume                # after Ctrl-C
+"""
+
+import argparse
+import json
+import shutil
+import sys
+
+from dockloop import cli
+from dockloop.judging import VERDICTS
+from dockloop.paths import BUILD, ROOT
+from page import find_origin, write_head, write_page, write_row
+
+SCENE = ("idss_25t_350t", "--scene", "initial.approach_time=0.2")
+FOLDER = ROOT / "tests" / "validation" / "maps"
+PAGE = FOLDER.with_suffix(".md")
+SHIPPED = ("map.md", "map.png", "points.csv")
+STEP = ("--y", "experiment.step", "1e-4", "1")
+STIFFNESS = ("contact.stiffness", "1e4", "1e10")
+DAMPING = ("mechanism.set.leg_defaults.damping", "10", "1e6")
+MAPS = {  # folder: what it shows, arguments
+    "stiffness_and_step": (
+        "contact stiffness and communication step",
+        ("--x", *STIFFNESS, *STEP, "--stop", "1.5"),
+    ),
+    "mass_and_stiffness": (
+        "mass of the chaser and contact stiffness",
+        ("--x", "chaser.mass", "1e2", "1e7", "--y", *STIFFNESS, "--stop", "1.5"),
+    ),
+    "speed_and_tolerance": (
+        "closing speed and relative tolerance",
+        (
+            *("--x", "initial.closing_speed", "1e-3", "2"),
+            *("--y", "solver.rtol", "1e-12", "1e-2", "--stop", "1.5"),
+        ),
+    ),
+    "wrong_mass_and_step": (
+        "a vehicle of 25 t in the host, the mass that the FMU receives, and communication step",
+        (
+            *("--x", "chaser.mass", "2.5e3", "2.5e5"),
+            *("--y", "experiment.step", "1e-3", "0.3", "--host", "chaser", "--stop", "4"),
+        ),
+    ),
+    "friction_speed_and_step": (
+        "friction speed and communication step",
+        ("--x", "contact.friction_speed", "1e-7", "1e-1", *STEP, "--stop", "1.5"),
+    ),
+    "damping_and_fixed_step": (
+        "leg damping and inner step of fixed_rk4",
+        (
+            *("--x", *DAMPING, "--y", "solver.step", "1e-4", "1e-1"),
+            *("--set", "solver.method=fixed_rk4", "--stop", "1.5"),
+        ),
+    ),
+}
+
+
+def make_map(name, arguments, options):
+    """Make one map and ship its files; returns its summary."""
+    folder = BUILD / "maps" / name
+    words = ["map", *SCENE, *arguments, "--points", str(options.points), "-o", str(folder)]
+    if cli.main([*words, *["--resume"] * options.resume]) != 0:
+        sys.exit(f"{name}: no map")
+    (FOLDER / name).mkdir(parents=True, exist_ok=True)
+    for file in SHIPPED:
+        shutil.copyfile(folder / file, FOLDER / name / file)
+    return json.loads((folder / "summary.json").read_text())
+
+
+def describe(name, about, summary):
+    """Return the lines of one map on the overview."""
+    parts = [
+        f"{summary['parts'][verdict][0]:.0%} {verdict}"
+        for verdict in VERDICTS
+        if verdict in summary["parts"]
+    ]
+    count = {verdict: summary["verdicts"][verdict] for verdict in VERDICTS}
+    bad = count["wrong"] + count["hung"] + count["crashed"]
+    largest = summary["largest_error_of_right"]
+    return write_row(
+        f"[{about}](maps/{name}/map.md)",
+        summary["points"],
+        ", ".join(parts),
+        bad,
+        f"{largest:.0e}",
+        summary["right_by_audits_only"],
+    )
+
+
+def main():
+    """Make the maps and the overview."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--points", type=int, default=17, help="along a range (default: 17)")
+    parser.add_argument("--only", choices=MAPS, help="one map; the overview is not written")
+    parser.add_argument("--resume", action="store_true", help="go on with the journals")
+    options = parser.parse_args()
+    rows, pictures = [], []
+    for name, (about, arguments) in MAPS.items():
+        if options.only in (None, name):
+            rows.append(describe(name, about, make_map(name, arguments, options)))
+            pictures += ["", f"![{about}](maps/{name}/map.png)"]
+    if options.only is None:
+        head = ("over", "points", "part of the plane", "bad points")
+        write_page(
+            PAGE,
+            "# Where the default docking holds",
+            find_origin("tests/studies/maps.py"),
+            "",
+            "Maps of `dockloop map`: first contact after 0.2 s, error up to 1e-2, bad: wrong, hung"
+            " or crashed. Each page has reasons, commands and a table of all points.",
+            "",
+            *write_head(*head, "largest error of right points", "right by audits only"),
+            *rows,
+            *pictures,
+        )
+
+
+if __name__ == "__main__":
+    main()
