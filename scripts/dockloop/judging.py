@@ -23,7 +23,7 @@ import math
 import shlex
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -34,21 +34,13 @@ from dockloop.cases import Result as CaseResult
 from dockloop.core import list_methods
 from dockloop.crew import Ending
 from dockloop.docking import Docking, Scene
-from dockloop.errors import DockloopError
+from dockloop.errors import DockloopError, one_line
 from dockloop.results import Result, list_points
 from dockloop.sampling import as_setting
 from dockloop.ssp import take_out
 
 VERDICTS = (
-    "right",
-    "refused",
-    "warned",
-    "undetermined",
-    "slow",
-    "wrong",
-    "hung",
-    "crashed",
-    "loose",
+    *("right", "refused", "warned", "undetermined", "slow", "wrong", "hung", "crashed", "loose"),
 )
 BAD = ("wrong", "hung", "crashed")
 MEASURES = ("verdict", "audited", "error", "energy", "momentum", "evaluations", "seconds")
@@ -78,7 +70,7 @@ class Case:
         stop: end [s]; None: that of the scene.
         wanted: relative error; None: whatever the tolerance promises (`find_promise`).
         limit: most processor time of one step, and of the whole judgement [s].
-        patience: the same of the run, and of a reference solution [s].
+        patience: most processor time of the run, and of a reference solution [s].
         host: vehicle that is integrated outside; empty: none.
     """
 
@@ -229,16 +221,15 @@ def _list_points(case: Case, docking: Docking) -> np.ndarray:
 def _run_hosted(case: Case) -> Result:
     """Run a docking one of whose vehicles is integrated outside, the docking first."""
     true = Scene(case.scene, _without_reported(case))
-    vehicle = copy.copy(true)
+    vehicle, driven = copy.copy(true), Scene(case.scene, case.overrides)
     vehicle.document = take_out(true.document, case.host)
-    driven = Scene(case.scene, case.overrides)
-    places = {name: true.document[case.host][name] for name in _MOTION}
     driven.document = copy.deepcopy(driven.document)
-    driven.document["target"] |= {n: true.document["target"][n] for n in _MOTION}
-    driven.document[case.host] |= {**places, "motion": "driven"}
-    driven.document["initial"] = true.document["initial"]
+    for name in ("chaser", "target"):  # both begin where they begin with the true mass
+        if name in driven.document:
+            driven.document[name] |= {m: true.document[name][m] for m in _MOTION}
+    driven.document[case.host]["motion"] = "driven"
     docking, body = Docking(driven), Docking(vehicle)
-    for name, value in case.starts.items():
+    for name, value in ({"coupling.mode": "sequential"} | dict(case.starts)).items():
         docking.set(name, value)
     times = _list_points(case, docking)
     rows = [docking.record(times[:1])]
@@ -254,9 +245,12 @@ def _run_hosted(case: Case) -> Result:
 
 
 def _without_reported(case: Case) -> dict[str, Any]:
-    """Return the keys of the scene without the mass that a docking receives of its host."""
+    """Return the keys of the scene as they truly are: without the mass that a host reports."""
+    if not case.host:
+        return dict(case.overrides)
     reported = {f"{case.host}.{name}" for name in ("mass", "inertia")}
-    return {name: value for name, value in case.overrides.items() if name not in reported}
+    true = {name: value for name, value in case.overrides.items() if name not in reported}
+    return true | {f"{case.host}.motion": "free"}
 
 
 def _audit(run: Result, seconds: float) -> Verdict:
@@ -331,8 +325,8 @@ def _compare(case: Case, run: Result, audited: Verdict) -> Verdict:
         figures = _find_figures(reference, run)
         off = {name for name, error in figures.items() if not error <= wanted}
         determined = _find_determined(case, reference, shift, wanted) if off else set()
-    except DockloopError:
-        return audited
+    except DockloopError as error:
+        return replace(audited, reason=f"no reference solution: {error}")
     worst = max(off & determined or figures, key=lambda name: figures[name])
     verdict = replace(audited, audited=False, error=figures[worst])
     if not off:
@@ -434,3 +428,13 @@ def _shift_start(case: Case, overrides: Mapping[str, Any], shift: float) -> dict
                 shifted[f"{vehicle}.{name}[{i}]"] = moved + 0.01 * shift * (-1.0) ** i
         break
     return {name: value for name, value in shifted.items() if name not in case.starts}
+
+
+def list_reasons(verdicts: Iterable[Verdict]) -> list[dict]:
+    """Return the kinds of reasons (numbers and names left out) with how often and an example."""
+    kinds: dict[str, list[str]] = {}
+    for verdict in verdicts:
+        kind = " ".join(word for word in verdict.reason.split() if word.isalpha())
+        kinds.setdefault(kind, []).append(one_line(verdict.reason))
+    rows = [{"count": len(texts), "example": texts[0]} for texts in kinds.values()]
+    return sorted(rows, key=lambda row: -row["count"])

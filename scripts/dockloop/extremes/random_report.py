@@ -6,14 +6,14 @@ import shlex
 import statistics
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from dockloop import paths
 from dockloop.errors import one_line
 from dockloop.extremes.random_scenes import LIMIT, Drawn, Outcome, run_random
 from dockloop.journal import journal_kind
-from dockloop.judging import BAD, ENERGY, MOMENTUM, VERDICTS, Verdict
+from dockloop.judging import BAD, ENERGY, MOMENTUM, VERDICTS, list_reasons
 from dockloop.outputs import claim, table_kind, write_text
 from dockloop.results import ProgressBar
 
@@ -96,7 +96,8 @@ def summarise(outcome: Outcome) -> dict:
         **{name: tally[name] for name in VERDICTS},
         "right_by_audits_only": len(right) - len(compared),
         "slowest": {"seconds": slowest.verdict.seconds, "command": _repeat(outcome, slowest)},
-        "refusals": _list_reasons(verdicts, "refused"),
+        "refusals": list_reasons([v for v in verdicts if v.verdict == "refused"]),
+        "without_solution": list_reasons([d.verdict for d in right if d.verdict.reason]),
         "bad": [_describe_case(outcome, d) for d in outcome.drawn if d.verdict.verdict in BAD],
         "off": [_describe_case(outcome, d) for d in outcome.drawn if d.verdict.verdict in OFF],
     }
@@ -134,17 +135,6 @@ def _describe_case(outcome: Outcome, drawn: Drawn) -> dict:
     return found
 
 
-def _list_reasons(verdicts: Sequence[Verdict], wanted: str) -> list[dict]:
-    """Return the kinds of reasons (numbers and names left out) with how often and an example."""
-    kinds: dict[str, list[str]] = {}
-    for verdict in verdicts:
-        if verdict.verdict == wanted:
-            words = [w for w in verdict.reason.split() if w.isalpha()]
-            kinds.setdefault(" ".join(words), []).append(verdict.reason)
-    rows = [{"count": len(texts), "example": texts[0]} for texts in kinds.values()]
-    return sorted(rows, key=lambda row: -row["count"])
-
-
 def describe(summary: dict) -> str:
     """Say a summary in words and numbers."""
     lines = [f"{summary['scenes']} random scenes, seed {summary['seed']}"]
@@ -179,7 +169,7 @@ def make_page(summary: dict, command: str) -> str:
         *(f"| {name} | {summary[name]} | {text} |" for name, text in _MEANINGS.items()),
         "",
         f"{summary['right_by_audits_only']} of the right scenes are judged by audits only: no error"
-        " is promised, or the reference solution takes too long.",
+        " is promised, or there is no reference solution (see below).",
         "",
         "| of the right scenes | median | largest | command |",
         "|---|---|---|---|",
@@ -196,8 +186,12 @@ def make_page(summary: dict, command: str) -> str:
             lines.append(f"* {case['verdict']}: {one_line(case['reason'])}: `{case['repeat']}`")
             if "simpler" in case:
                 lines.append(f"  Simpler: `{case['simpler']}` ({one_line(case['simpler_reason'])})")
-    lines += ["", "## Refused", "", "| scenes | reason, for example |", "|---|---|"]
-    for row in summary["refusals"]:
-        example = one_line(row["example"]).replace("|", "\\|")
-        lines.append(f"| {row['count']} | {example} |")
+    for title, rows in (
+        ("Refused", summary["refusals"]),
+        ("Right by audits, without a reference solution", summary["without_solution"]),
+    ):
+        lines += ["", f"## {title}", "", "| scenes | reason, for example |", "|---|---|"]
+        for row in rows:
+            example = one_line(row["example"]).replace("|", "\\|")
+            lines.append(f"| {row['count']} | {example} |")
     return "\n".join(lines) + "\n"

@@ -18,7 +18,7 @@ from dockloop.envelopes.search import Search
 from dockloop.errors import one_line
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
-from dockloop.judging import BAD, VERDICTS, Verdict
+from dockloop.judging import BAD, VERDICTS, Verdict, list_reasons
 from dockloop.maps.verdicts import PointJudge, read_verdict
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_text, writing
 
@@ -92,7 +92,8 @@ def summarise_map(search: Search, judge: PointJudge, command: str) -> dict:
         "parts": {name: _find_part(search, name) for name in VERDICTS if tally[name]},
         "right_by_audits_only": sum(verdict.audited for verdict in right),
         "largest_error_of_right": max((v.error for v in right if not v.audited), default=None),
-        "refusals": _list_reasons(verdicts, "refused"),
+        "refusals": list_reasons([v for v in verdicts.values() if v.verdict == "refused"]),
+        "without_solution": list_reasons([v for v in right if v.reason]),
         "bad": [
             _describe_point(search, judge, point, verdicts[point])
             for point in sorted(verdicts)
@@ -127,17 +128,6 @@ def make_command(search: Search, judge: PointJudge, point: Point) -> str:
     for letter, axis, value in zip("xy", search.order.axes, values, strict=True):
         words += [f"--{letter}", axis.name, repr(value), repr(value * (1.0 + 1e-9))]
     return shlex.join([*words, "--points", "3"])
-
-
-def _list_reasons(verdicts: dict[Point, Verdict], wanted: str) -> list[dict]:
-    """Return the kinds of reasons, numbers left out, with how often and an example."""
-    kinds: dict[str, list[str]] = {}
-    for verdict in verdicts.values():
-        if verdict.verdict == wanted:
-            kind = " ".join(word for word in verdict.reason.split() if word.isalpha())
-            kinds.setdefault(kind, []).append(one_line(verdict.reason))
-    rows = [{"count": len(texts), "example": texts[0]} for texts in kinds.values()]
-    return sorted(rows, key=lambda row: -row["count"])
 
 
 def describe_map(summary: dict) -> str:
@@ -215,9 +205,13 @@ def _make_page(search: Search, summary: dict, files: Files) -> str:
         lines.append(f"| {name} | {summary['verdicts'][name]} | {part:.1%} ± {unsure:.1%} |")
     lines += ["", "## Coarse points", ""]
     lines += _make_grid(search)
-    if summary["refusals"]:
-        lines += ["", "## Refused", "", "| points | reason, for example |", "|---|---|"]
-        lines += [f"| {row['count']} | {_cell(row['example'])} |" for row in summary["refusals"]]
+    for title, rows in (
+        ("Refused", summary["refusals"]),
+        ("Right by audits, without a reference solution", summary["without_solution"]),
+    ):
+        if rows:
+            lines += ["", f"## {title}", "", "| points | reason, for example |", "|---|---|"]
+            lines += [f"| {row['count']} | {_cell(row['example'])} |" for row in rows]
     if summary["bad"]:
         lines += ["", "## Not right", ""]
         for bad in summary["bad"][:_MOST_LISTED]:
@@ -242,7 +236,11 @@ def _make_grid(search: Search) -> list[str]:
     for j in reversed(places):
         cells = [_describe_cell(search, (i, j)) for i in places]
         lines.append(f"| {search.values((0, j))[1]:.2g} | {' | '.join(cells)} |")
-    return [*lines, "", "Each cell: verdict (nothing: right), error, evaluations."]
+    return [
+        *lines,
+        "",
+        "Each cell: verdict (nothing: right; audits: right by audits only), error, evaluations.",
+    ]
 
 
 def _describe_cell(search: Search, point: Point) -> str:
@@ -250,6 +248,7 @@ def _describe_cell(search: Search, point: Point) -> str:
         return ""
     verdict = read_verdict(search, point)
     words = [] if verdict.verdict == "right" else [verdict.verdict]
+    words += ["audits"] if verdict.verdict == "right" and verdict.audited else []
     if verdict.verdict != "refused" and not math.isnan(verdict.error):
         words.append(f"{verdict.error:.0e}")
     if verdict.evaluations:

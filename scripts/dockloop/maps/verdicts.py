@@ -15,6 +15,7 @@ from dockloop.envelopes.search import Search
 from dockloop.judging import MEASURES, VERDICTS, Case, Verdict, find_verdict, judge
 from dockloop.planning import Planner
 from dockloop.sampling import Value
+from dockloop.trade.errors import find_frame
 
 
 @dataclass
@@ -40,7 +41,8 @@ class PointJudge:
 
     @contextmanager
     def open(self, planner: Planner, workers: int | None) -> Iterator["_Judging"]:
-        """Start the processes."""
+        """Start the processes. Raises UsageError: the scene has no outputs that are compared."""
+        find_frame([name for name, v in planner.variables.items() if v.causality == "output"])
         with Crew(judge, workers or len(os.sched_getaffinity(0))) as crew:
             yield _Judging(self, planner, crew)
 
