@@ -94,10 +94,10 @@ class Planner:
         self._fmus: OrderedDict[str, tuple[str, bytes]] = OrderedDict()
         self.built = 0
         fixed = sweep.document["set"]
-        self._fixed_scene = [as_setting(n, v) for n, v in fixed.items() if self.is_scene_key(n)]
-        self._fixed_starts = {n: v for n, v in fixed.items() if not self.is_scene_key(n)}
         self._reader = SceneReader(sweep.scene)
-        self.unplaced = self._reader.resolve(self._fixed_scene)
+        self.unplaced = self._reader.resolve(
+            [as_setting(n, v) for n, v in fixed.items() if self.is_scene_key(n)]
+        )
         self.base = copy.deepcopy(self.unplaced)
         find_placement(self.base, sweep.scene)
         with core_errors() as core:
@@ -163,7 +163,8 @@ class Planner:
         Raises:
             UsageError: the scene refuses these values.
         """
-        scene, starts = [], {}
+        scene: list[str] = []
+        starts: dict[str, Any] = {}
         for name, setting in self.list_settings(values).items():
             if self.is_scene_key(name):
                 scene.append(as_setting(name, setting))
