@@ -14,7 +14,7 @@ namespace {
 
 /// The shared scene with a drive on a slide of the chaser. The steps go back and forth: by a
 /// located bound with a dwell, by the time, and by a command.
-Scene make_scene() {
+Scene make_sequence_scene() {
   nlohmann::json document = nlohmann::json::parse(minimal_scene_text());
   document["mechanism"].update(nlohmann::json::parse(R"({
     "bodies": [{"name": "block", "parent": "base", "mass": 40,
@@ -37,10 +37,10 @@ Scene make_scene() {
   return read_scene(document.dump(), "scene of the test");
 }
 
-struct Run {
-  DockingSim sim{std::make_shared<const Scene>(make_scene())};
+struct Stepped {
+  DockingSim sim{std::make_shared<const Scene>(make_sequence_scene())};
   double time = 0.0;
-  Run() { sim.initialise(0.0, 0.0); }
+  Stepped() { sim.initialise(0.0, 0.0); }
   bool step(double h) {
     const bool ok = sim.step(time, h).ok();
     time += h;
@@ -50,7 +50,7 @@ struct Run {
 
 #ifdef DOCKLOOP_COUNTS_ALLOCATIONS
 TEST(Sequence, steps_and_commands_do_nothing_that_can_block) {
-  Run run;
+  Stepped run;
   SavedSim saved;
   run.sim.save(saved);
   bool ok = true;
@@ -75,7 +75,7 @@ TEST(Sequence, steps_and_commands_do_nothing_that_can_block) {
 #endif
 
 TEST(Sequence, saved_states_restore_a_run_bit_for_bit) {
-  Run run;
+  Stepped run;
   for (int i = 0; i < 40; ++i) {
     run.sim.inputs().command = i % 9 == 4 ? kHold : kNoCommand;
     ASSERT_TRUE(run.step(0.031));
@@ -102,11 +102,11 @@ TEST(Sequence, saved_states_restore_a_run_bit_for_bit) {
 }
 
 TEST(Sequence, a_saved_state_with_an_impossible_step_is_refused) {
-  Run run;
+  Stepped run;
   ASSERT_TRUE(run.step(0.1));
   SavedSim saved;
   run.sim.save(saved);
-  saved.setup = std::make_shared<const Setup>(*saved.setup);  // as from another process
+  saved.setup = std::make_shared<const dockloop::Setup>(*saved.setup);  // as from another process
   const auto refuses = [&](auto change) {
     SavedSim damaged = saved;
     change(damaged.snapshot.state.discrete);
