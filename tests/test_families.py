@@ -95,3 +95,22 @@ def test_the_page_draws_pawls_where_the_core_has_them(tmp_path):
     page = run.view(tmp_path / "probe.html")
     assert "latch[4].opening" in run.names
     assert '"kind": "revolution"' in page.read_text() or '"kind":"revolution"' in page.read_text()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", FAMILIES)
+def test_the_sequence_of_every_family_retracts_until_the_planes_meet(name):
+    docking = dl.Docking(name)
+    steps = [step["name"] for step in docking.scene.document["mechanism"]["sequence"]["steps"]]
+    started = docking.get("energy.kinetic")
+    seen = []
+    while docking.time < 150.0 and "seated" not in seen:
+        docking.step(0.5)
+        if (present := steps[docking.get("sequence.step") - 1]) not in seen:
+            seen.append(present)
+    assert seen[-1] == "seated"
+    assert docking.get("relative.axial") < 0.0021
+    assert docking.get("captured")
+    assert docking.get("outcome") == 2
+    assert docking.get("momentum.residual") < 1e-12
+    assert abs(docking.get("energy.residual")) < 1e-4 * started

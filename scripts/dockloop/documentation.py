@@ -600,7 +600,7 @@ def _limits(document: dict) -> str:
             f"Contact depth: surfaces are rounded (smallest radius {rounding:g} mm). A state"
             " deeper than 0.98 of the roundings of a pair is refused.",
             "Relative tilt below 30 deg; behind the ring nothing is modelled that could be touched."
-            " No retraction and no hard docking.",
+            " No hard docking.",
         ]
     if legs := mechanism.get("legs"):
         items.append(
