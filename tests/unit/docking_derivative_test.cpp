@@ -366,6 +366,7 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"latches_releasing", ring_without_surfaces, -0.012, 0.0, 0.01, kNone, 1,
              set_latches<LatchMode::kReleasing>, 4e-10},
         Case{"hooks_and_faces", ring_with_hooks, -0.01, 0.0, 0.03, kNone, 1, dock, 1e-9},
+        // The relative velocity of joined vehicles is a rounding error, and its derivatives are.
         Case{"rigid_joint", ring_with_hooks, -0.01, 0.0, 0.03, kNone, 1,
              [](Docking& docking, TestRandom& random) {
                static LockedMechanism locked;
@@ -373,7 +374,7 @@ INSTANTIATE_TEST_SUITE_P(
                docking.set_random_loads(random);
                join(docking, locked);
              },
-             1e-9},
+             4e-6},
         Case{"absorber", absorber, 2e-3, 0.0, 0.1, kNone, 1, load, 2.9e-10},
         Case{"driven_wheel", ring_with_driven_wheel, 5e-4, 0.2, 0.12, kNone, 1,
              [](Docking& docking, TestRandom&) { docking.t = 1.7; }, 1e-10},
