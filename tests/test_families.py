@@ -122,4 +122,3 @@ def test_every_family_goes_from_approach_to_undocking(name):
     assert docking.get("relative.axial") > 0.1
     assert docking.get("momentum.residual") < 1e-12
     assert abs(docking.get("energy.residual")) < 1e-5 * started
-

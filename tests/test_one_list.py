@@ -34,6 +34,8 @@ OWNERS = {
     "outcome": "src/docking/phases.hpp",
     "capture.reason": "src/docking/phases.hpp",
     "latch.state": "src/docking/phases.hpp",
+    "command": "src/docking/sequence.hpp",
+    "hard_dock.command": "src/docking/hard_dock.hpp",
     "friction.model": "src/docking/scene.hpp",
     "coupling.mode": "src/docking/scene.hpp",
     "model.level": "src/docking/scene.hpp",
@@ -46,6 +48,8 @@ OWNERS = {
 _SCHEMA = "values that a file may have, for editors of files; a test below compares the lists"
 _ORACLE = "hosts and oracles of the extremes share nothing with what they check"
 ALLOWED = {
+    ("command", "modelDescription/mechanism.schema.json"): _SCHEMA,
+    ("outcome", "modelDescription/mechanism.schema.json"): _SCHEMA,
     ("coupling.mode", "modelDescription/scene.schema.json"): _SCHEMA,
     ("friction.model", "modelDescription/mechanism.schema.json"): _SCHEMA,
     ("friction.model", "modelDescription/scene.schema.json"): _SCHEMA,
@@ -56,15 +60,12 @@ ALLOWED = {
     ("types", "scripts/dockloop/extremes/fmi_host.py"): _ORACLE,
     ("types", "scripts/dockloop/simulate.py"): "the getter and the parser of each type",
     ("types", "scripts/dockloop/variables.py"): "the Python type and the words of each type",
-    ("outcome", "scripts/dockloop/sweep_report.py"): "the colour of each outcome",
-    ("phase", "scripts/dockloop/documentation.py"): "what may follow each phase",
     ("dissipated energies", "scripts/dockloop/view/geometry.py"): "other parts of the same names",
     ("loads", "src/docking/scene_json.cpp"): "reads the rated loads into their members",
     ("coupling.mode", "scripts/examples/masters.py"): "the mode of each master",
     ("friction.model", "src/contact/contact_model.cpp"): "lies below the list (src/README.md)",
     ("friction.model", "src/contact/laws.hpp"): "lies below the list (src/README.md)",
     ("friction.model", "src/sim/values.hpp"): "a comment on the member",
-    ("outcome", "src/sim/values.hpp"): "a comment on the member",
     ("model.level", "src/math/choice.hpp"): "the example in a comment",
     ("model.level", "src/sim/start.cpp"): "the message names two levels",
     ("solver.method", "src/sim/start.cpp"): "the message names two methods",
@@ -197,6 +198,10 @@ def test_schemas_list_what_the_core_lists(variables):
         names = choices[variable]  # their numbers are allowed too
         listed = scene["properties"][section]["properties"][member]["enum"]
         assert listed == [*names, *range(1, len(names) + 1)]
+    condition = mechanism["$defs"]["condition_members"]["properties"]
+    assert condition["command"]["enum"] == choices["command"]
+    outcomes = [name.replace(" ", "_").replace("-", "_") for name in choices["outcome"]]
+    assert mechanism["$defs"]["outcome"]["enum"] == outcomes
     numbered = ", ".join(f"{i} {name}" for i, name in enumerate(choices["friction.model"], 1))
     member = mechanism["$defs"]["law_members"]["properties"]["friction_model"]
     assert member["enum"] == [1, 2]

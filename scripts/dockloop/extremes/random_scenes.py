@@ -132,7 +132,9 @@ def draw_scene(seed: int, number: int, limit: float = LIMIT) -> Case:
         keys[name] = 0.0 if dice.random() < where.zero else _draw_log(dice, where.low, where.high)
     if BASES[scene][1]:
         keys |= {name: dice.uniform(0.0, most) for name, most in ANGLES.items()}
-        keys["contact.friction_model"] = dice.choice(["regularised", "bristle"])
+        keys["contact.friction_model"] = dice.choice(
+            [choice.name for choice in list_choices("friction.model")]
+        )
     for vehicle, sign in (("chaser", 1.0), ("target", -1.0)):
         length, *others = (_draw_log(dice, *SIZES) for _ in range(3))
         keys[f"{vehicle}.inertia"] = _find_inertia(keys[f"{vehicle}.mass"], length, *others)
