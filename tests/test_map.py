@@ -220,7 +220,7 @@ def test_a_point_runs_alone(dockloop, mapped, tmp_path):
         (("--x", "solver.rtol", "1e-2", "1e-9"), "must be finite and ascend"),
         (("--error", "0"), "--error 0: must be greater than 0"),
         (("--points", "2"), "--points 2: must be at least 3"),
-        (("--scene", "outputs.groups=[]"), "add one of them to outputs.groups"),
+        (("--scene", "outputs.groups=['energy']"), "add one of them to outputs.groups"),
         (("--limit", "nan"), "--limit nan: must be greater than 0"),
     ],
 )

@@ -100,6 +100,9 @@ class Judge(Protocol):
     outputs: list[str]
     criteria: list[Criterion]
 
+    def check(self, planner: Planner) -> None:
+        """Check, before anything runs, that the scene can be judged. Raises UsageError."""
+
     def open(self, planner: Planner, workers: int | None) -> AbstractContextManager[Executor]:
         """Start what runs points."""
 
@@ -225,6 +228,7 @@ def _prepare(order: Order, judge: Judge | None) -> Search:
     levels = max(0, math.ceil(math.log2(0.5 / tolerance / coarse) - 1e-9))
     planner = Planner(_make_sweep(order))
     if judge is not None:
+        judge.check(planner)
         planner.asked = judge.outputs
         return Search(order, planner, judge.criteria, Mesh(dimensions, coarse, levels))
     criteria = [planner.ask(text, "--criterion") for text in order.criteria]

@@ -39,10 +39,13 @@ class PointJudge:
         self.outputs = list(MEASURES)
         self.criteria = [_make_criterion(number, name) for number, name in enumerate(VERDICTS)]
 
+    def check(self, planner: Planner) -> None:
+        """Check that the scene has outputs that are compared. Raises UsageError."""
+        find_frame([name for name, v in planner.variables.items() if v.causality == "output"])
+
     @contextmanager
     def open(self, planner: Planner, workers: int | None) -> Iterator["_Judging"]:
-        """Start the processes. Raises UsageError: the scene has no outputs that are compared."""
-        find_frame([name for name, v in planner.variables.items() if v.causality == "output"])
+        """Start the processes."""
         with Crew(judge, workers or len(os.sched_getaffinity(0))) as crew:
             yield _Judging(self, planner, crew)
 
