@@ -105,7 +105,7 @@ struct AxialSum {
 
 /// Lower bound of all openings of points within this radius [m].
 inline double find_least_opening(const Openings<double>& openings, double radius) {
-  return openings.centre - radius * std::hypot(openings.axis[1], openings.axis[2]);
+  return openings.centre - radius * find_length(openings.axis[1], openings.axis[2]);
 }
 
 }  // namespace
