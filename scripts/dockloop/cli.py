@@ -37,7 +37,7 @@ _TRADE_EXAMPLE = (
     "example: dockloop trade absorber_1d --methods explicit,adams --tolerances 1e-4,1e-8"
 )
 _CHECK_EXAMPLE = "example: dockloop check apda --draw apda.svg"
-_EXTREMES_EXAMPLE = "example: dockloop extremes --random 200 --seed 7"
+_EXTREMES_EXAMPLE = "example: dockloop extremes --item 10 --quick"
 _VARIABLES_EXAMPLE = "example: dockloop variables idss_25t_350t --match solver --match 'latch[1].*'"
 _SOLUTION_EXAMPLE = (
     "example: dockloop truth absorber_1d --output relative.axial --stop 1 --step 0.1 --check"

@@ -21,8 +21,8 @@ COMMAND = "dockloop run"
 _DISSIPATED = "dissipated_"
 _COLUMN = re.compile(  # outputs of FMUs by dockloop
     r"(chaser|target|relative|capture|contact|ring|base|energy|momentum|solver|coupling|state"
-    r"|sequence"
-    r"|(leg|latch|loop|element)\[\d+\])(\.\w+(\[\d+\])?)+"
+    r"|sequence|hooks|faces|pushers|joint"
+    r"|(leg|latch|loop|element|hook)\[\d+\])(\.\w+(\[\d+\])?)+"
     r"|latched\[\d+\]|gap|phase|outcome|captured|time_(to|of)_\w+"
 )
 
