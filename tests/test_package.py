@@ -36,9 +36,10 @@ step = 0.1
 def lay_out(site: Path) -> None:
     """Put the package into a folder as CMakeLists.txt and pyproject.toml install it."""
     package = site / "dockloop"
-    ignored = shutil.ignore_patterns("__pycache__", "trade")
+    ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(paths.ROOT / "scripts" / "dockloop", package, ignore=ignored)
-    shutil.copytree(paths.MODELS, package / "data" / "modelDescription", ignore=ignored)
+    no_trades = shutil.ignore_patterns("trade")
+    shutil.copytree(paths.MODELS, package / "data" / "modelDescription", ignore=no_trades)
     (package / "data" / "bin").mkdir()
     for file in (paths.LIBRARY, paths.GENERATOR):
         shutil.copy(file, package / "data" / "bin")

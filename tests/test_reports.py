@@ -21,6 +21,7 @@ pytest.importorskip("matplotlib")
 
 import dockloop as dl
 from dockloop.core import list_choices
+from dockloop.plots import color_of
 
 SCENE = "idss_25t_350t"
 SWEEP = """
@@ -88,15 +89,13 @@ def test_a_run_has_a_page(dockloop, tmp_path):
 
 
 def test_a_timeline_has_the_phases_and_latches_of_the_result():
-    from matplotlib.colors import to_rgba
-
     result = dl.run(SCENE, stop=4.0, step=0.05)
     t, axes = result["time"], result.plot()["timeline"].axes
     for axis, choice, outputs in (
         (axes[0], "phase", ["phase"]),
         (axes[1], "latch.state", [f"latch[{i}].state" for i in (3, 2, 1)]),
     ):
-        numbers = {to_rgba(f"C{value.number}"): value.number for value in list_choices(choice)}
+        numbers = {color_of(value.number): value.number for value in list_choices(choice)}
         shown = np.zeros((len(outputs), len(t)))
         for bars in axis.collections:
             for path in bars.get_paths():

@@ -58,7 +58,10 @@ def test_chosen_outputs_draw_the_figures_that_they_allow(dockloop, tmp_path):
     assert done.status == 0, done
     assert {file.name for file in tmp_path.glob("own*.png")} == set()
     done = dockloop(*RUN[:-2], "--outputs", "capture.", "-o", str(tmp_path / "own.csv"))
-    assert {file.name for file in tmp_path.glob("own*.png")} == {"own_loads.png"}
+    assert {file.name for file in tmp_path.glob("own*.png")} == {
+        "own_loads.png",
+        "own_components.png",
+    }
 
 
 def test_a_name_that_no_output_has_is_refused(dockloop, tmp_path):

@@ -296,7 +296,7 @@ MALFORMED = {
     },
     "an element has coordinate": {"steps": [step("a", (when("element.one.x", above=0), "a"))]},
     "two numbers that increase": {"steps": [step("a", (when(X, between=[1, 0]), "a"))]},
-    "one of quantity, latched, latched_below, command": {
+    "one of quantity, latched, latched_below, hooks_closed, command": {
         "steps": [step("a", ({**when(X, above=0), "latched": 1}, "a"))]
     },
     "both all and any": {

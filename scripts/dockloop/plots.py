@@ -178,9 +178,16 @@ def _draw_strips(axis: Any, run: Result, strips: dict[str, str], choice: str) ->
                     if run[output][i] == value.number
                 ]
                 label = value.name if row == 0 else None
-                axis.broken_barh(spans, (row - 0.4, 0.8), color=f"C{value.number}", label=label)
+                axis.broken_barh(spans, (row - 0.4, 0.8), color=color_of(value.number), label=label)
     axis.set_yticks(range(len(strips)), strips)
     axis.set_ylim(-0.6, len(strips) - 0.4 + 0.35 * len(strips))  # room for the legend
+
+
+def color_of(number: int) -> tuple[float, float, float, float]:
+    """Return the colour of a choice: all of up to twenty differ."""
+    from matplotlib import colormaps
+
+    return colormaps["tab20"](number - 1)
 
 
 def _plot_legs(run: Result, axes: Any) -> None:

@@ -17,9 +17,10 @@ AXIS_GROUPS = ("relative", "capture", "phase", "ring", "legs", "energy", "solver
 
 
 def read_mechanism(name: str) -> dict:
-    """Return a shipped mechanism, without its failures: they name elements that cases change."""
+    """Return a shipped mechanism without what names elements that cases change."""
     mechanism = json.loads((paths.MECHANISMS / f"{name}.json").read_text(encoding="utf-8"))
-    mechanism.pop("failures", None)
+    for member in ("failures", "sequence", "interface"):
+        mechanism.pop(member, None)
     return mechanism
 
 
