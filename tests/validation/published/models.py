@@ -17,10 +17,18 @@ AXIS_GROUPS = ("relative", "capture", "phase", "ring", "legs", "energy", "solver
 
 
 def read_mechanism(name: str) -> dict:
-    """Return a shipped mechanism without what names elements that cases change."""
+    """Return a shipped mechanism for an impact alone: its ring at home stands in A.
+
+    Sequence, hard dock and failures are left out: they name parts that cases change.
+    """
     mechanism = json.loads((paths.MECHANISMS / f"{name}.json").read_text(encoding="utf-8"))
     for member in ("failures", "sequence", "interface"):
         mechanism.pop(member, None)
+    on_base = [body["joint"] for body in mechanism["bodies"] if body["parent"] == "base"]
+    stroke = next((j["position"][0] for j in on_base if j["type"] == "free" and "position" in j), 0)
+    for joint in on_base:
+        if "position" in joint:
+            joint["position"][0] -= stroke
     return mechanism
 
 
