@@ -51,10 +51,14 @@ Status DockingSim::Impl::update_main() {
   if (!status.ok()) return status;
   read_outputs<double>(find_source(), outputs);
   outputs.time = setup->t_start + find_point_time();
-  std::copy_n(peaks.peak().begin(), static_cast<int>(Outputs::kLoadCount),
-              outputs.capture_peak.begin());
-  outputs.capture_peak_load_ratio = peaks.peak()[Outputs::kLoadCount];
-  std::copy_n(peaks.peak().begin() + kFirstSurfacePeak, outputs.surface_peak.size(),
+  std::array<double, kPeakCount> peak = peaks.peak();
+  if (ahead.pending) {  // its loads are not booked yet, but those of this point have occurred
+    const std::array<double, kPeakCount> here = find_peak_values(shown());
+    for (size_t i = 0; i < peak.size(); ++i) peak[i] = std::max(peak[i], here[i]);
+  }
+  std::copy_n(peak.begin(), static_cast<int>(Outputs::kLoadCount), outputs.capture_peak.begin());
+  outputs.capture_peak_load_ratio = peak[Outputs::kLoadCount];
+  std::copy_n(peak.begin() + kFirstSurfacePeak, outputs.surface_peak.size(),
               outputs.surface_peak.begin());
   update_phase_outputs();
   if (host->has_host()) {
