@@ -196,6 +196,30 @@ def test_outside_libraries_are_included_in_their_room_only():
                     assert folder in rooms, f"{folder}/{path.name} includes {include}"
 
 
+def find_named(text: str) -> list[str]:
+    """Constants and types that a source file defines outside functions."""
+    pattern = r"^(?:constexpr .*?\b(k[A-Z]\w*)\b|(?:struct|class|enum class) (\w+)\b(?! *;))"
+    return [constant or kind for constant, kind in re.findall(pattern, text, re.MULTILINE)]
+
+
+def test_source_files_of_the_library_share_no_name():
+    """An FMU with sources compiles several files as one: unnamed namespaces then become one."""
+    homes = {}
+    for path in list_sources("src"):
+        room = find_room(path)
+        if path.suffix != ".cpp" or room == "compare" or "_avx" in path.name:
+            continue
+        for name in find_named(path.read_text()):
+            other = homes.setdefault(name, path)
+            assert other == path, f"{name} of {path} is defined in {other} too: rename one"
+    assert len(homes) > 100
+
+
+def test_a_shared_name_is_found():
+    text = "namespace {\nconstexpr std::array<double, 2> kTime = {0, 1};\nstruct Row {\n};\n}"
+    assert find_named(text) == ["kTime", "Row"]
+
+
 def test_every_source_file_explains_itself_in_its_first_lines():
     for path in list_sources("src", "fmu", "tests/unit"):
         assert path.read_text().startswith("//"), path

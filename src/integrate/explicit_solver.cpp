@@ -24,7 +24,7 @@ constexpr double kGrowth = 25.0, kLeastShrink = 0.2;  ///< limits of a change of
 // Step size times fastest rate:
 constexpr double kLimited = 2.8;     ///< where stability begins to limit Dormand-Prince steps
 constexpr double kWorthwhile = 4.0;  ///< where a stabilised step is cheaper than two of those
-constexpr double kFade = 0.9;        ///< of the fastest rate seen, per step
+constexpr double kRateFade = 0.9;    ///< of the fastest rate seen, per step
 
 /// A table, and what follows from it.
 struct Method {
@@ -172,7 +172,7 @@ void ExplicitSolver::update_fastest_rate(double h) {
     change += rate * rate;
   }
   const double seen = apart > 0.0 ? std::sqrt(change / apart) : 0.0;
-  fastest_ = std::max(std::isfinite(seen) ? seen : 0.0, kFade * fastest_);
+  fastest_ = std::max(std::isfinite(seen) ? seen : 0.0, kRateFade * fastest_);
 }
 
 /// Without a proposal: a step in which the state bends away from its tangent by one tolerance,

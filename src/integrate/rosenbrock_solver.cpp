@@ -40,8 +40,8 @@ constexpr double kC[kStages][kStages] = {
     {-5.888975457523102, -8.15739661784182, 24.805546872612922, 12.79040151279698},
     {-4.408651676063871, -6.692003137674639, 24.625568527593117, 16.627521966636085,
      -5.714285714285718}};
-constexpr std::array<double, kStages> kTime = {0.0, 0.75, 0.321448134013046, 0.519745732277726,
-                                               1.0, 1.0};
+constexpr std::array<double, kStages> kStageTime = {0.0, 0.75, 0.321448134013046, 0.519745732277726,
+                                                    1.0, 1.0};
 constexpr std::array<double, kStages> kSlope = {0.25, -0.5, -0.189532918363016, 0.085612108792769,
                                                 0.0,  0.0};
 
@@ -157,7 +157,7 @@ bool RosenbrockSolver::calc_end(double h) {
       std::copy_n(first_.data(), size_, u);
     } else {
       add_up(stage, h);
-      if (!calc_rates(t_ + kTime[stage] * h, end_.data(), u)) return false;
+      if (!calc_rates(t_ + kStageTime[stage] * h, end_.data(), u)) return false;
       for (int i = 0; i < size_; ++i) u[i] += sum_[i];
     }
     if (sloped_ && kSlope[stage] != 0.0) {

@@ -14,14 +14,14 @@ constexpr double kForgetTime = 0.01;     ///< [s]
 constexpr double kSilentChange = 1e-11;  ///< change of velocity that is ignored, [m/s], [rad/s] ...
 constexpr double kRelativeRounding = 1e-14;  ///< ... and of the speed in N [-]
 constexpr int kEnoughSteps = 10;
-constexpr double kExplained = 0.05;     ///< of the squares of innovations, by an explanation
-constexpr double kMassWarning = 0.05;   ///< mismatch that causes a warning [-]
-constexpr double kMassConfirmed = 0.1;  ///< mismatch below which no step is too long [-]
-constexpr double kLeastFelt = 0.1;      ///< of a predicted change; less counts as no change
-constexpr double kMostFelt = 10.0;      ///< of a predicted change; more has another cause
-constexpr double kStableRange = 0.8;    ///< frequency x step with a mass that is not confirmed
-constexpr double kLongestStep = 0.1;    ///< longest suggested step [s]
-constexpr double kShare = 0.3;          ///< of the tolerance, for the next step
+constexpr double kExplained = 0.05;         ///< of the squares of innovations, by an explanation
+constexpr double kMassWarning = 0.05;       ///< mismatch that causes a warning [-]
+constexpr double kMassConfirmed = 0.1;      ///< mismatch below which no step is too long [-]
+constexpr double kLeastFelt = 0.1;          ///< of a predicted change; less counts as no change
+constexpr double kMostFelt = 10.0;          ///< of a predicted change; more has another cause
+constexpr double kStableRange = 0.8;        ///< frequency x step with a mass that is not confirmed
+constexpr double kLongestSuggestion = 0.1;  ///< longest suggested step [s]
+constexpr double kShare = 0.3;              ///< of the tolerance, for the next step
 constexpr double kUnmodelled =
     1e-4;  ///< acceleration that causes a warning [m/s2], and part of gravity
 
@@ -254,7 +254,7 @@ double HostCoupling::find_suggested_step(double frequency, double contact_time) 
                                                  kLeastGrowth, kMostGrowth)
                                     : kMostGrowth;
   double step =
-      std::min(growth * state_.last_step, std::max(kLongestStep, p.coupling_expected_step));
+      std::min(growth * state_.last_step, std::max(kLongestSuggestion, p.coupling_expected_step));
   if (!confirmed && frequency > 0.0) step = std::min(step, kStableRange / frequency);
   // The first contact is the critical event: approach the contact in suitable steps.
   step = std::min(step, std::max(contact_time, p.coupling_expected_step));
