@@ -594,6 +594,20 @@ def test_named_cases_set_what_they_name_and_nothing_else(dockloop, tmp_path):
     assert not any("variant" in word for word in heavy)
 
 
+def test_a_sweep_varies_what_a_sequence_has_set(tmp_path):
+    text = """scene = "apda"
+[[vary]]
+type = "grid"
+name = "sequence.set.retract.timeout"
+values = [50.0, 60.0]
+"""
+    planner = Planner(read_sweep(str(write(tmp_path, text))))
+    document, _ = planner.resolve((50.0,))
+    steps = {step["name"]: step for step in document["mechanism"]["sequence"]["steps"]}
+    assert steps["retract"]["timeout"] == 50.0
+    assert "--scene" in planner.make_command((50.0,), 1.0)
+
+
 def test_another_meaning_of_a_named_case_is_another_sweep(dockloop, tmp_path):
     text = vary(NAMED, more="[experiment]\nstop = 1.0\nstep = 0.5")
     write(tmp_path, text)

@@ -45,6 +45,25 @@ def add_run_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--step", type=float, metavar="H", help="communication step [s]")
 
 
+def add_range(command: argparse.ArgumentParser, letter: str, *, is_optional: bool = False) -> None:
+    """Add a quantity that goes over a range."""
+    command.add_argument(
+        f"--{letter}",
+        nargs=3,
+        required=not is_optional,
+        metavar=("NAME", "LOW", "HIGH"),
+        help="a quantity and its range: a key of the scene or an FMU variable"
+        + (" (optional)" if is_optional else ""),
+    )
+
+
+def add_processes(command: argparse.ArgumentParser) -> None:
+    """Add how many worker processes a command starts."""
+    command.add_argument(
+        "--workers", type=positive, metavar="N", help="processes (default: one per processor)"
+    )
+
+
 def add_executor_options(command: argparse.ArgumentParser) -> None:
     """Add where many dockings run."""
     where = command.add_mutually_exclusive_group()

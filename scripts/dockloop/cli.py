@@ -23,7 +23,6 @@ from dockloop.arguments import (
     add_run_options,
     add_scene,
     add_scene_option,
-    positive,
 )
 from dockloop.errors import DockloopError, UsageError, find_reason, one_line
 
@@ -37,7 +36,6 @@ _TRADE_EXAMPLE = (
     "example: dockloop trade absorber_1d --methods explicit,adams --tolerances 1e-4,1e-8"
 )
 _CHECK_EXAMPLE = "example: dockloop check apda --draw apda.svg"
-_EXTREMES_EXAMPLE = "example: dockloop extremes --item 10 --quick"
 _VARIABLES_EXAMPLE = "example: dockloop variables idss_25t_350t --match solver --match 'latch[1].*'"
 _SOLUTION_EXAMPLE = (
     "example: dockloop truth absorber_1d --output relative.axial --stop 1 --step 0.1 --check"
@@ -445,57 +443,10 @@ def _add_trade(commands: Any) -> None:
 
 def _add_extremes(commands: Any) -> None:
     """Add the command that tests the edges of what numbers can be."""
-    extremes = _add(
-        commands,
-        "extremes",
-        _extremes,
-        "run the numerical extremes, or random scenes over many decades, and print verdicts",
-        _EXTREMES_EXAMPLE,
-    )
-    extremes.add_argument(
-        "--item",
-        dest="items",
-        action="append",
-        type=int,
-        default=[],
-        metavar="N",
-        help="only this item, 1 to 12 (repeatable); default: all",
-    )
-    extremes.add_argument(
-        "--quick", action="store_true", help="the shorter ranges, about a minute in all"
-    )
-    extremes.add_argument(
-        "--random", type=positive, metavar="N", help="judge N random scenes instead of the items"
-    )
-    extremes.add_argument("--seed", type=int, default=1, metavar="S", help="of these (default: 1)")
-    extremes.add_argument(
-        "--first",
-        type=positive,
-        default=1,
-        metavar="K",
-        help="number of the first one (default: 1)",
-    )
-    extremes.add_argument(
-        "--limit",
-        type=positive,
-        default=60,
-        metavar="T",
-        help="processor time of a random scene, after which it is hung [s] (default: 60)",
-    )
-    extremes.add_argument(
-        "--workers", type=positive, metavar="N", help="processes (default: one per processor)"
-    )
-    extremes.add_argument(
-        "--resume", action="store_true", help="go on with the random scenes of FOLDER"
-    )
-    extremes.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="FOLDER",
-        help="for page and journal of random scenes (default: build/extremes)",
-    )
-    extremes.add_argument("--json", action="store_true", help="print the report as JSON")
+    from dockloop.extremes.options import EXAMPLE, add_arguments
+
+    text = "run the numerical extremes, or random scenes over many decades, and print verdicts"
+    add_arguments(_add(commands, "extremes", _extremes, text, EXAMPLE))
 
 
 def _build(options: argparse.Namespace) -> None:

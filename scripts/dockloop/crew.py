@@ -37,14 +37,17 @@ class Ending(NamedTuple):
 class Crew:
     """Processes that all do the same work, one case each at a time."""
 
-    def __init__(self, work: Callable[[Any, Callable[[Any], None]], Any], count: int) -> None:
+    def __init__(
+        self, work: Callable[[Any, Callable[[Any], None]], Any], count: int | None = None
+    ) -> None:
         """Prepare the processes; each starts with its first case.
 
         Args:
             work: function of a module: receives a case, and a function that sends a note; each
                 note restarts the clock.
-            count: processes.
+            count: processes; default: one per processor.
         """
+        count = count or len(os.sched_getaffinity(0))
         self._count = count
         self._idle: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
         self._workers = [_Worker(work) for _ in range(count)]

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dockloop import core, schema
+from dockloop.columns import align
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.paths import MECHANISMS, find_absence, is_file, shown
 from dockloop.scene import read_mechanism, reading
@@ -170,12 +171,7 @@ def _table(rows: list[dict]) -> list[str]:
     columns = list(dict.fromkeys(column for row in rows for column in row))
     cells = [[column.replace("_", " ") for column in columns]]
     cells += [[_short(row.get(column, "")) for column in columns] for row in rows]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(columns))]
-    return [
-        "  "
-        + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in cells
-    ]
+    return align(cells, "  ")
 
 
 def _name_first(report: dict) -> dict:

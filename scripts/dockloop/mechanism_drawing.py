@@ -22,6 +22,7 @@ from dockloop.drawing import (
     Vector,
     find_body_places,
     find_legs,
+    list_legs,
 )
 from dockloop.outputs import Kind, read_head, write_text
 
@@ -75,11 +76,10 @@ def _list_rows(mechanism: dict, independent: set[str]) -> Iterator[tuple[int, st
             notes.insert(0, "independent")
         kind = body["joint"]["type"]
         yield depth[body["name"]], kind, body["name"], "; ".join(notes)
-    defaults = mechanism.get("leg_defaults", {})
-    for leg in mechanism.get("legs", []):
-        full = {"root": "base", **defaults, **leg}
-        kind = f"{full.get('type', 'leg')} from {full['root']} to {full['closing']}"
-        yield 0, "leg", full["name"], kind
+    for leg in list_legs(mechanism):
+        if "bodies" not in leg:  # these are in the tree
+            kind = f"{leg.get('type', 'leg')} from {leg['root']} to {leg['closing']}"
+            yield 0, "leg", leg["name"], kind
 
 
 def _sort_depth_first(bodies: list[dict], parent: str = "base") -> Iterator[dict]:
@@ -175,9 +175,11 @@ def _find_skeleton(
             if loop[body] != "base":
                 lines.append(("body", position, at))
         marks.append(("cut", at))
-    for _, root, end in find_legs(mechanism, home_q):
+    loops = {loop["name"] for loop in mechanism.get("loops", [])}
+    for name, root, end in find_legs(mechanism, home_q):
         lines.append(("leg", root, end))
-        marks.append(("cut", end))
+        if name not in loops:
+            marks.append(("cut", end))
     return lines, marks
 
 

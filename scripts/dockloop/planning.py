@@ -29,7 +29,7 @@ from dockloop.outputs import scratch
 from dockloop.paths import shown
 from dockloop.results import list_points
 from dockloop.sampling import Quantity, Sweep, Value, as_setting
-from dockloop.scene import SceneReader, scene_keys, scene_members
+from dockloop.scene import OPEN_KEYS, SceneReader, scene_keys, scene_members
 from dockloop.variables import TYPES, WORDS, find_number, is_of_type, list_names, read_variables
 
 # Members of a resolved scene that an FMU takes as start values, with the names of their variables.
@@ -155,7 +155,7 @@ class Planner:
 
     def is_scene_key(self, name: str) -> bool:
         """Return whether a name is a key of the scene; if not, it is a start value of the FMU."""
-        return name in self._keys or name.startswith(("mechanism.set.", "initial.joints."))
+        return name in self._keys or name.startswith(OPEN_KEYS)
 
     def resolve(self, values: tuple[Value, ...]) -> tuple[dict, dict[str, Any]]:
         """Return the scene of a case, vehicles not placed, and its other start values.

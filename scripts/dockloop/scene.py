@@ -29,6 +29,8 @@ from dockloop.paths import MECHANISMS, SCENES, find_absence, is_file, shown
 from dockloop.variables import NAMED_NUMBERS
 
 FORMAT = "dockloop-scene/1"
+_PATHS = ("mechanism.set.", "sequence.set.")  # begin keys that go on as paths into the mechanism
+OPEN_KEYS = (*_PATHS, "initial.joints.")  # begin keys that no list of keys of a scene holds
 _KEPT = 16  # mechanisms, with what is set in them, that a reader of a scene remembers
 
 _NUMBERED = {  # choices that a scene names and its document numbers: the variable with the names
@@ -241,12 +243,13 @@ def apply_override(scene: dict, text: str) -> None:
     if not equals or not key:
         raise UsageError(f"--scene {text}: must be KEY=VALUE, for example chaser.motion=driven")
     value = parse_value(value_text)
-    for section in ("mechanism", "sequence"):
-        if key.startswith(prefix := f"{section}.set."):
-            _find_section(scene, [section, "set"], text)[key.removeprefix(prefix)] = value
+    for prefix in _PATHS:
+        if key.startswith(prefix):
+            changes = _find_section(scene, prefix.rstrip(".").split("."), text)
+            changes[key.removeprefix(prefix)] = value
             return
     known = scene_keys()
-    if key not in known and not key.startswith("initial.joints."):
+    if key not in known and not key.startswith(OPEN_KEYS):
         hint = did_you_mean(key, known)
         if any(name.startswith(f"{key}.") for name in known):
             hint = f" (it is a section: write {key}.MEMBER)"

@@ -23,6 +23,7 @@ from dockloop import __version__
 from dockloop.accuracy import compare_peaks
 from dockloop.capture import explain_capture
 from dockloop.cases import STATUSES, Result
+from dockloop.columns import align
 from dockloop.core import list_choices, list_loads, name_choice
 from dockloop.criteria import NEVER, PEAK
 from dockloop.figures import save_figure
@@ -224,11 +225,7 @@ def _describe_cases(rows: list[dict]) -> list[str]:
         ["" if v is None else f"{v:.4g}" if isinstance(v, float) else str(v) for v in row.values()]
         for row in rows
     ]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    return [
-        "    " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
-        for row in cells
-    ]
+    return align(cells, "    ")
 
 
 def describe_sweep(summary: dict) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from dockloop.arguments import (
     add_executor_options,
+    add_range,
     add_report_option,
     add_run_options,
     add_scene,
@@ -25,14 +26,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     """Describe the arguments of the command."""
     add_scene(command)
     for letter in "xyz":
-        command.add_argument(
-            f"--{letter}",
-            nargs=3,
-            required=letter != "z",
-            metavar=("NAME", "LOW", "HIGH"),
-            help="a quantity and its range: a key of the scene or an FMU variable"
-            + (" (optional)" if letter == "z" else ""),
-        )
+        add_range(command, letter, is_optional=letter == "z")
     command.add_argument(
         "--criterion",
         dest="criteria",

@@ -113,16 +113,12 @@ def summarise_envelope(search: Search) -> dict:
         "set": dict(search.order.settings),
         "quantities": [
             {
-                "name": quantity.name,
-                "unit": quantity.unit,
-                "low": axis.low,
-                "high": axis.high,
-                "log": axis.is_log,
+                **described,
                 "half_distance": axis.value(0.5 / mesh.size) / axis.low - 1.0
                 if axis.is_log
                 else axis.value(0.5 / mesh.size) - axis.low,
             }
-            for quantity, axis in zip(planner.quantities, search.order.axes, strict=True)
+            for described, axis in zip(list_axes(search), search.order.axes, strict=True)
         ],
         "criteria": criteria,
         "cells": mesh.size,
@@ -141,6 +137,20 @@ def summarise_envelope(search: Search) -> dict:
             {"reason": reason, "count": count} for reason, count in reasons.most_common(5)
         ]
     return summary
+
+
+def list_axes(search: Search) -> list[dict]:
+    """Return what varies, for a summary: name, unit, range, scale."""
+    return [
+        {
+            "name": quantity.name,
+            "unit": quantity.unit,
+            "low": axis.low,
+            "high": axis.high,
+            "log": axis.is_log,
+        }
+        for quantity, axis in zip(search.planner.quantities, search.order.axes, strict=True)
+    ]
 
 
 def list_units(search: Search) -> dict[str, str]:

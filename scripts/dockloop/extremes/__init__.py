@@ -18,6 +18,7 @@ figure, NaN, a refusal without a reason, a defect. One bad case makes the verdic
 | ``fmi_host.py`` | a host that steps an FMU, saves and restores it |
 | ``random_scenes.py`` | ``--random``: whole scenes over many decades, bad ones made simpler |
 | ``random_report.py`` | summary and page of random scenes |
+| ``options.py`` | arguments of the command |
 | ``own_mechanism.py`` | scene files of mechanisms made in code |
 | ``hexapod_r2p1r3.json`` | mechanism and states of ``tests/data``, without the figures |
 

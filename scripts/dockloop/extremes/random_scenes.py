@@ -8,7 +8,6 @@ long as the case stays bad.
 """
 
 import math
-import os
 import random
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -213,7 +212,7 @@ def run_random(
         kept = Journal(path, setup, count, resume=resume, work=WORK, digest=make_digest([*numbers]))
         cases = [(number,) for number in numbers]
         stack.enter_context(kept.at_work(lambda: kept.count(cases)))
-        crew = stack.enter_context(Crew(judge, workers or len(os.sched_getaffinity(0))))
+        crew = stack.enter_context(Crew(judge, workers))
         found = {n: Verdict.from_result(kept.known[n,]) for n in numbers if (n,) in kept.known}
         tally = Counter(verdict.verdict for verdict in found.values())
         progress(len(found), count, tally)

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from dockloop.arguments import add_run_options, add_scene, positive
+from dockloop.arguments import add_processes, add_range, add_run_options, add_scene, positive
 
 EXAMPLE = (
     "example: dockloop map idss_25t_350t --x contact.stiffness 1e4 1e10 --y experiment.step 1e-4 1"
@@ -14,13 +14,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     """Describe the arguments of the command."""
     add_scene(command)
     for letter in "xy":
-        command.add_argument(
-            f"--{letter}",
-            nargs=3,
-            required=True,
-            metavar=("NAME", "LOW", "HIGH"),
-            help="a quantity and its range: a key of the scene or an FMU variable",
-        )
+        add_range(command, letter)
     for letter in "xy":
         command.add_argument(
             f"--linear-{letter}",
@@ -57,9 +51,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="processor time of a point, after which it is hung [s] (default: 60)",
     )
     add_run_options(command)
-    command.add_argument(
-        "--workers", type=positive, metavar="N", help="processes (default: one per processor)"
-    )
+    add_processes(command)
     command.add_argument(
         "--resume", action="store_true", help="go on with the points that are there"
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from dockloop.envelopes.mesh import Cell, Point
-from dockloop.envelopes.report import list_outline
+from dockloop.envelopes.report import list_axes, list_outline
 from dockloop.envelopes.search import Search
 from dockloop.errors import one_line
 from dockloop.figures import save_figure
@@ -76,16 +76,7 @@ def summarise_map(search: Search, judge: PointJudge, command: str) -> dict:
         "wanted": judge.wanted,
         "host": judge.host,
         "limit": judge.limit,
-        "quantities": [
-            {
-                "name": quantity.name,
-                "unit": quantity.unit,
-                "low": axis.low,
-                "high": axis.high,
-                "log": axis.is_log,
-            }
-            for quantity, axis in zip(search.planner.quantities, search.order.axes, strict=True)
-        ],
+        "quantities": list_axes(search),
         "points": len(verdicts),
         "grid": (search.mesh.size + 1) ** 2,
         "verdicts": {name: tally[name] for name in VERDICTS},

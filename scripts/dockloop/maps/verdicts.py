@@ -1,6 +1,5 @@
 """Judges the points of a map: the search of envelopes asks, processes that may be killed answer."""
 
-import os
 from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
@@ -46,7 +45,7 @@ class PointJudge:
     @contextmanager
     def open(self, planner: Planner, workers: int | None) -> Iterator["_Judging"]:
         """Start the processes."""
-        with Crew(judge, workers or len(os.sched_getaffinity(0))) as crew:
+        with Crew(judge, workers) as crew:
             yield _Judging(self, planner, crew)
 
     def make_case(self, planner: Planner, values: tuple[Value, ...]) -> Case:
