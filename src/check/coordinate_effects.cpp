@@ -1,6 +1,8 @@
 // Unit rates of the independent coordinates at home; see coordinate_effects.hpp.
 #include "check/coordinate_effects.hpp"
 
+#include "mechanism/element_forces.hpp"
+
 namespace dockloop {
 namespace {
 
@@ -8,14 +10,6 @@ constexpr double kRest = 1e-9;  // a smaller rate per unit rate is rounding
 
 void add_moved(const std::string& name, double rate, std::vector<MovedPart>& parts) {
   if (std::abs(rate) > kRest) parts.push_back({name, rate});
-}
-
-double find_rate(const MechanismModel& model, const ForceElement& element, const VecX<double>& v) {
-  double rate = 0.0;
-  for (const ElementTerm& term : element.along) {
-    rate += term.ratio * v[model.bodies[term.body].v_index];
-  }
-  return rate;
 }
 
 }  // namespace
@@ -56,7 +50,7 @@ std::vector<CoordinateEffect> find_coordinate_effects(const Mechanism& mechanism
         add_moved(leg.name, moved[model.bodies[leg.slide_body].v_index], effect.legs);
       }
       for (const ForceElement& element : model.elements) {
-        add_moved(element.name, find_rate(model, element, moved), effect.elements);
+        add_moved(element.name, find_rate<double>(model, element, moved), effect.elements);
       }
       effects.push_back(effect);
     }

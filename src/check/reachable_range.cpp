@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "check/coordinate_effects.hpp"
+#include "mechanism/element_forces.hpp"
 
 namespace dockloop {
 namespace {
@@ -36,10 +37,7 @@ int find_stopped_body(const MechanismModel& model, const VecX<double>& q) {
     if (at < force.stops.lower || at > force.stops.upper) return force.body;
   }
   for (const ForceElement& element : model.elements) {
-    double at = 0.0;
-    for (const ElementTerm& term : element.along) {
-      at += term.ratio * q[model.bodies[term.body].q_index];
-    }
+    const double at = find_coordinate<double>(model, element, q);
     for (const ForceLaw& law : element.laws) {
       const StopLaw* stop = std::get_if<StopLaw>(&law);
       if (stop && (at < stop->lower || at > stop->upper)) return element.along.front().body;

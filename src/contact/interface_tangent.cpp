@@ -109,8 +109,8 @@ LatchSlopes find_slopes(const LatchLaw& law, const LatchState& state, double t,
   }
   double grip = 1.0;
   if (state.mode == LatchMode::kReleasing) {
-    const double u = std::clamp((t - state.release_time) / law.release_ramp, 0.0, 1.0);
-    grip = 1.0 - u * u * (3.0 - 2.0 * u);
+    const double u = clamp_unit((t - state.release_time) / law.release_ramp);
+    grip = 1.0 - calc_ramp(u, law.release_ramp).share;
   }
   const double phi = 1.0 + law.hold_damping * motion.rate[0], stretch = motion.s[0] - law.play;
   if (!(phi > 0.0)) return {};

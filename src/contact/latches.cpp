@@ -107,6 +107,12 @@ double update_latch(const LatchSet& set, int i, double t, const RelativeMotion<d
   return before.energy - calc_latch<double>(law, state, t, s, rate).energy;
 }
 
+int count_held(const LatchSet& set, const LatchState* states) {
+  return static_cast<int>(std::count_if(states, states + set.count(), [](const LatchState& latch) {
+    return latch.mode == LatchMode::kHeld;
+  }));
+}
+
 double release_latch(const LatchSet& set, int i, double t, const RelativeMotion<double>& motion,
                      LatchState& state) {
   const LatchMotion at = find_latch_motion(set, i, motion);

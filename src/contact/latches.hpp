@@ -122,6 +122,9 @@ bool is_passed(const LatchLaw& law, const LatchState& state, const LatchMotion& 
 double update_latch(const LatchSet& set, int i, double t, const RelativeMotion<double>& motion,
                     LatchState& state, bool passed = false);
 
+/// Number of latches that hold.
+int count_held(const LatchSet& set, const LatchState* states);
+
 /// Release on command: a latch that holds lets go, an open one does not catch.
 /// @return energy dissipated [J]
 double release_latch(const LatchSet& set, int i, double t, const RelativeMotion<double>& motion,

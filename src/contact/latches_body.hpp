@@ -6,6 +6,7 @@
 
 #include "contact/latches.hpp"
 #include "contact/laws.hpp"
+#include "math/ramp.hpp"
 #include "math/scalar.hpp"
 
 namespace dockloop {
@@ -90,8 +91,8 @@ OneLatch<S> calc_latch(const LatchLaw& law, const LatchState& state, const S& t,
     case LatchMode::kReleasing: {
       const S ramp = S(law.release_ramp), left = S(state.release_time) + ramp - t;
       const S u = clamp_unit<S>(S(1) - left / ramp);
-      OneLatch<S> latch = calc_hold<S>(law, s[0], rate, S(1) - u * u * (S(3) - S(2) * u),
-                                       S(6) * u * (S(1) - u) / ramp);
+      const Ramp<S> release = calc_ramp<S>(u, ramp);
+      OneLatch<S> latch = calc_hold<S>(law, s[0], rate, S(1) - release.share, release.rate);
       latch.event = left;
       return latch;
     }

@@ -19,6 +19,7 @@
 #include <utility>
 
 #include "math/dual.hpp"
+#include "math/ramp.hpp"
 #include "math/types.hpp"
 
 namespace dockloop {
@@ -80,11 +81,6 @@ template <class S>
 struct Annulus {
   S x, inner, outer;
 };
-
-template <class S>
-S clamp_unit(const S& t) {
-  return std::min<S>(std::max<S>(t, S(0)), S(1));
-}
 
 /// Point on annulus; no regularisation. On the axis, where every azimuth is closest, y is taken.
 template <class S>

@@ -168,10 +168,6 @@ Status calc_kinematics(const DockingModel& model, const S& t, const S* y, Need n
   return {};
 }
 
-}  // namespace
-
-namespace {
-
 /// Relative motion of frames that are fixed on one body.
 template <class S>
 RelativeMotion<S> find_rest(const Pose<double>& pose) {

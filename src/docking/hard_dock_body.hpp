@@ -4,23 +4,18 @@
 #include <algorithm>
 #include <cmath>
 
-#include "contact/primitives.hpp"
 #include "docking/hard_dock.hpp"
 #include "math/one_sided_spring.hpp"
+#include "math/ramp.hpp"
 #include "math/scalar.hpp"
 
 namespace dockloop {
 namespace {
 
-/// C1 ramp from 0 to 1 over `duration`, and its rate.
+/// Ramp from 0 at `since` to 1.
 template <class S>
-struct DockRamp {
-  S share, rate;
-};
-template <class S>
-DockRamp<S> calc_dock_ramp(const S& t, double since, double duration) {
-  const S u = clamp_unit<S>((t - S(since)) / S(duration));
-  return {u * u * (S(3) - S(2) * u), S(6) * u * (S(1) - u) / S(duration)};
+Ramp<S> calc_dock_ramp(const S& t, double since, double duration) {
+  return calc_ramp<S>(clamp_unit<S>((t - S(since)) / S(duration)), S(duration));
 }
 
 /// A row of hooks now: where its ends stand, how much of the tension acts.
@@ -36,7 +31,7 @@ RowNow<S> find_row_now(const HardDock& dock, const HookRowState& row, const S& t
   if (row.mode == HookMode::kOpen) return now;
   now.grip = S(1);
   if (row.mode == HookMode::kOpening) {
-    const DockRamp<S> ramp = calc_dock_ramp<S>(t, row.since, hooks.open_time);
+    const Ramp<S> ramp = calc_dock_ramp<S>(t, row.since, hooks.open_time);
     now.end = S(row.end);
     now.grip = S(1) - ramp.share;
     now.loss = ramp.rate;
@@ -45,7 +40,7 @@ RowNow<S> find_row_now(const HardDock& dock, const HookRowState& row, const S& t
   const double end = find_preloaded_end(dock);
   now.end = S(end);
   if (row.mode == HookMode::kClosing) {
-    const DockRamp<S> ramp = calc_dock_ramp<S>(t, row.since, hooks.close_time);
+    const Ramp<S> ramp = calc_dock_ramp<S>(t, row.since, hooks.close_time);
     const S travel(end - hooks.play);
     now.end = S(hooks.play) + travel * ramp.share;
     now.end_rate = travel * ramp.rate;
@@ -55,8 +50,8 @@ RowNow<S> find_row_now(const HardDock& dock, const HookRowState& row, const S& t
 
 /// Pushers now: share of the force, and its rate.
 template <class S>
-DockRamp<S> find_pushers_now(const PusherLaw& law, const PusherState& state, const S& t) {
-  const DockRamp<S> ramp = calc_dock_ramp<S>(t, state.since, law.ramp);
+Ramp<S> find_pushers_now(const PusherLaw& law, const PusherState& state, const S& t) {
+  const Ramp<S> ramp = calc_dock_ramp<S>(t, state.since, law.ramp);
   const S travel((state.on ? 1.0 : 0.0) - state.share);
   return {S(state.share) + travel * ramp.share, travel * ramp.rate};
 }
@@ -162,7 +157,7 @@ void calc_hard_dock(const HardDock& dock, const HardDockState& state, const S& t
   }
   // Pushers.
   if (dock.pusher_count() > 0) {
-    const DockRamp<S> now = find_pushers_now<S>(dock.pushers, state.pushers, t);
+    const Ramp<S> now = find_pushers_now<S>(dock.pushers, state.pushers, t);
     for (const Eigen::Vector2d& at : dock.pushers.points) {
       const S compressed = S(dock.pushers.stroke) - openings.at(at);
       if (compressed <= S(0)) continue;

@@ -163,6 +163,15 @@ void read_initial(const JsonReader& item, Scene& scene) {
   }
 }
 
+/// Hard dock and sequence, which names parts of it. @pre mechanism and latches of the scene
+void read_sequence_and_hard_dock(const JsonReader& mechanism, Scene& scene) {
+  if (scene.has_target && mechanism.has("interface")) {
+    scene.hard_dock = read_hard_dock(mechanism.at("interface"));
+  }
+  scene.sequence = read_sequence(mechanism, scene.mechanism,
+                                 scene.has_target ? &scene.latches : nullptr, scene.hard_dock);
+}
+
 Scene read_members(const JsonReader& root, const std::string& source_name) {
   Scene scene;
   scene.name = root.at("name").text();
@@ -196,10 +205,7 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   }
   if (scene.has_target && mechanism.has("latches"))
     scene.latches = read_latches(mechanism.at("latches"));
-  if (scene.has_target && mechanism.has("interface"))
-    scene.hard_dock = read_hard_dock(mechanism.at("interface"));
-  scene.sequence = read_sequence(mechanism, scene.mechanism,
-                                 scene.has_target ? &scene.latches : nullptr, scene.hard_dock);
+  read_sequence_and_hard_dock(mechanism, scene);
   if (root.has("initial")) read_initial(root.at("initial"), scene);
   if (root.has("solver")) {
     const JsonReader solver = root.at("solver");
@@ -283,10 +289,7 @@ Capture read_capture(const std::string& json_text, const std::string& source_nam
     if (mechanism.has("latches")) scene.latches = read_latches(mechanism.at("latches"));
     if (mechanism.has("sequence")) {
       scene.mechanism = read_mechanism(mechanism.node().dump(), source_name);
-      if (mechanism.has("interface")) {
-        scene.hard_dock = read_hard_dock(mechanism.at("interface"));
-      }
-      scene.sequence = read_sequence(mechanism, scene.mechanism, &scene.latches, scene.hard_dock);
+      read_sequence_and_hard_dock(mechanism, scene);
     }
     return Capture{scene.contact, scene.latches, scene.sequence};
   });

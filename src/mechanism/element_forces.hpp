@@ -25,6 +25,26 @@ struct ElementData {
   ElementSums<S> sums;
 };
 
+/// Coordinate of an element. @param q  all coordinates
+template <class S>
+S find_coordinate(const MechanismModel& model, const ForceElement& element, const VecX<S>& q) {
+  S sum(0);
+  for (const ElementTerm& term : element.along) {
+    sum += S(term.ratio) * q[model.bodies[term.body].q_index];
+  }
+  return sum;
+}
+
+/// Its rate. @param v  all velocities
+template <class S>
+S find_rate(const MechanismModel& model, const ForceElement& element, const VecX<S>& v) {
+  S sum(0);
+  for (const ElementTerm& term : element.along) {
+    sum += S(term.ratio) * v[model.bodies[term.body].v_index];
+  }
+  return sum;
+}
+
 /// Add the forces of all elements to tau.
 /// @param[in]  q, v     all coordinates (nq) and velocities (nv)
 /// @param[in]  time     since the start [s]

@@ -1,6 +1,7 @@
 // Forces of elements, for any scalar; see element_forces.hpp.
 #pragma once
 
+#include "math/ramp.hpp"
 #include "math/scalar.hpp"
 #include "mechanism/element_forces.hpp"
 #include "mechanism/force_laws.hpp"
@@ -41,11 +42,9 @@ FailureEffect<S> find_failure(const MechanismModel& model, size_t element, size_
     const S u = (time - S(failure.time)) / S(kFades);
     if (!(u > S(0))) continue;
     const double last = failure.kind == Kind::kOff ? 0.0 : failure.value;
-    const bool is_over = !(u < S(1));
-    const S faded = is_over ? S(1) : S(u * u * (S(3) - S(2) * u));
-    const S fading = is_over ? S(0) : S(S(6) * u * (S(1) - u) / S(kFades));
-    const S g = S(1) + S(last - 1.0) * faded;
-    effect.rate = effect.rate * g + effect.factor * S(last - 1.0) * fading;
+    const Ramp<S> fade = calc_ramp<S>(clamp_unit<S>(u), S(kFades));
+    const S g = S(1) + S(last - 1.0) * fade.share;
+    effect.rate = effect.rate * g + effect.factor * S(last - 1.0) * fade.rate;
     effect.factor = effect.factor * g;
   }
   return effect;
@@ -131,11 +130,8 @@ void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const Ve
     const int i = static_cast<int>(e);
     LawInput<S> in;
     if (command) in.command = command[i];
-    for (const ElementTerm& term : element.along) {
-      const Body& body = model.bodies[term.body];
-      in.s += S(term.ratio) * q[body.q_index];
-      in.v += S(term.ratio) * v[body.v_index];
-    }
+    in.s = find_coordinate<S>(model, element, q);
+    in.v = find_rate<S>(model, element, v);
     S force(0), saturation(0);
     const auto add = [&](size_t k, bool is_brake) {
       const ForceLaw& law = element.laws[k];

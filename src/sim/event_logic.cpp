@@ -8,11 +8,7 @@
 namespace dockloop {
 
 int EventLogic::count_held_latches() const {
-  int held = 0;
-  for (int i = 0; i < model_->latches.count(); ++i) {
-    held += discrete_.latch[i].mode == LatchMode::kHeld;
-  }
-  return held;
+  return count_held(model_->latches, discrete_.latch.data());
 }
 
 void EventLogic::calc_functions(DockingData<double>& at, double* roots) const {

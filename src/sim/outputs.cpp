@@ -51,11 +51,8 @@ Status DockingSim::Impl::update_main() {
   if (!status.ok()) return status;
   read_outputs<double>(find_source(), outputs);
   outputs.time = setup->t_start + find_point_time();
-  std::array<double, kPeakCount> peak = peaks.peak();
-  if (ahead.pending) {  // its loads are not booked yet, but those of this point have occurred
-    const std::array<double, kPeakCount> here = find_peak_values(shown());
-    for (size_t i = 0; i < peak.size(); ++i) peak[i] = std::max(peak[i], here[i]);
-  }
+  // Loads of a pending step are not booked yet, but those of this point have occurred.
+  const auto peak = ahead.pending ? peaks.peak_with(find_peak_values(shown())) : peaks.peak();
   std::copy_n(peak.begin(), static_cast<int>(Outputs::kLoadCount), outputs.capture_peak.begin());
   outputs.capture_peak_load_ratio = peak[Outputs::kLoadCount];
   std::copy_n(peak.begin() + kFirstSurfacePeak, outputs.surface_peak.size(),

@@ -42,6 +42,12 @@ class PeakTracker {
   }
 
   const std::array<double, N>& peak() const { return peak_; }
+  /// The peaks, if these values occur now too.
+  std::array<double, N> peak_with(const std::array<double, N>& value) const {
+    std::array<double, N> largest = peak_;
+    for (int i = 0; i < N; ++i) largest[i] = std::max(largest[i], value[i]);
+    return largest;
+  }
 
   /// Is there a value near its peak, or above it?
   bool is_near(const std::array<double, N>& value) const {

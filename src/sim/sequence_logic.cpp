@@ -98,15 +98,12 @@ double SequenceLogic::find_quantity(const Condition& part, DockingData<double>& 
 }
 
 double SequenceLogic::find_value(const Condition& part, DockingData<double>& at, double now) const {
-  int held = 0;
-  for (int i = 0; i < model_->latches.count(); ++i) {
-    held += discrete_.latch[static_cast<size_t>(i)].mode == LatchMode::kHeld ? 1 : 0;
-  }
+  const auto held = [&] { return count_held(model_->latches, discrete_.latch.data()); };
   switch (part.kind) {
     case Condition::Kind::kLatched:
-      return find_sign(held >= part.number);
+      return find_sign(held() >= part.number);
     case Condition::Kind::kLatchedBelow:
-      return find_sign(held < part.number);
+      return find_sign(held() < part.number);
     case Condition::Kind::kHooksClosed:
       return find_sign(count_closed_hooks(model_->hard_dock, discrete_.hard_dock) >= part.number);
     case Condition::Kind::kCommand:
@@ -214,8 +211,9 @@ SequenceChange SequenceLogic::update(DockingData<double>& at, double now, double
   state_.seen = now;
   const std::array<double, kMaxRows> before = state_.since;
   const int row = find_row(at, now, slack, due, state_.since);
-  if (row >= 0) return follow(step().next[static_cast<size_t>(row)], at, now, dissipated);
-  if (is_timed_out(now, slack)) return follow(step().on_timeout, at, now, dissipated);
+  const Occasion occasion{at, now, dissipated};
+  if (row >= 0) return follow(step().next[static_cast<size_t>(row)], occasion);
+  if (is_timed_out(now, slack)) return follow(step().on_timeout, occasion);
   SequenceChange change;
   change.events = state_.since != before;
   return change;
@@ -229,8 +227,8 @@ bool SequenceLogic::is_change_due(DockingData<double>& at, double now,
          is_timed_out(now, slack);
 }
 
-SequenceChange SequenceLogic::follow(const SequenceBranch& branch, const DockingData<double>& at,
-                                     double now, double& dissipated) {
+SequenceChange SequenceLogic::follow(const SequenceBranch& branch, const Occasion& occasion) {
+  const double now = occasion.now;
   SequenceChange change;
   change.events = true;
   if (branch.go < 0) {
@@ -247,22 +245,21 @@ SequenceChange SequenceLogic::follow(const SequenceBranch& branch, const Docking
     return change;
   }
   state_.visited[static_cast<size_t>(state_.changes++)] = state_.step;
-  enter(branch.go, branch.outcome, at, now, dissipated);
+  enter(branch.go, branch.outcome, occasion);
   change.step = true;
   change.equations = !step().actions.empty();
   return change;
 }
 
-void SequenceLogic::enter(int to, int outcome, const DockingData<double>& at, double now,
-                          double& dissipated) {
+void SequenceLogic::enter(int to, int outcome, const Occasion& occasion) {
   state_.step = to;
-  state_.began = find_clock(now);
+  state_.began = find_clock(occasion.now);
   state_.since.fill(-1.0);
   state_.timed_out = false;
   if (step().outcome) outcome = step().outcome;
   if (outcome || step().phase <= kContact) state_.outcome = outcome;
   for (const Action& action : step().actions) {
-    std::visit([&](const auto& each) { act(each, at, now, dissipated); }, action);
+    std::visit([&](const auto& each) { act(each, occasion); }, action);
   }
 }
 
@@ -284,9 +281,8 @@ void SequenceLogic::update_phase(int held) {
 
 // ---------------------------------------------------------------- actions
 
-void SequenceLogic::act(const ThrustAction& action, const DockingData<double>&, double now,
-                        double&) {
-  state_.thrust_since = action.on ? now : -1.0;
+void SequenceLogic::act(const ThrustAction& action, const Occasion& occasion) {
+  state_.thrust_since = action.on ? occasion.now : -1.0;
 }
 
 std::optional<double> SequenceLogic::find_thrust_onset() const {
@@ -294,21 +290,20 @@ std::optional<double> SequenceLogic::find_thrust_onset() const {
   return state_.thrust_since + model_->thrust_delay;
 }
 
-void SequenceLogic::act(const LatchesAction& action, const DockingData<double>& at, double now,
-                        double& dissipated) {
+void SequenceLogic::act(const LatchesAction& action, const Occasion& occasion) {
   state_.is_armed = action.arm;
   if (action.arm) return;
   for (int i = 0; i < model_->latches.count(); ++i) {
-    dissipated += release_latch(model_->latches, i, now, at.relative,
-                                discrete_.latch[static_cast<size_t>(i)]);
+    occasion.dissipated += release_latch(model_->latches, i, occasion.now, occasion.at.relative,
+                                         discrete_.latch[static_cast<size_t>(i)]);
   }
 }
 
-void SequenceLogic::act(const RunAction& action, const DockingData<double>&, double now, double&) {
+void SequenceLogic::act(const RunAction& action, const Occasion& occasion) {
   for (const RunAction::Drive& drive : action.drives) {
     LawSetting& law = discrete_.law[static_cast<size_t>(drive.law)];
     law.drive = action.on ? LawSetting::Drive::kRuns : LawSetting::Drive::kOff;
-    law.since = now;
+    law.since = occasion.now;
     law.target = action.target;
     law.speed = drive.speed;
     law.acceleration = drive.acceleration;
@@ -316,29 +311,26 @@ void SequenceLogic::act(const RunAction& action, const DockingData<double>&, dou
   }
 }
 
-void SequenceLogic::act(const EngagementAction& action, const DockingData<double>&, double,
-                        double&) {
+void SequenceLogic::act(const EngagementAction& action, const Occasion&) {
   for (const int law : action.laws) {
     discrete_.law[static_cast<size_t>(law)].engagement = action.engagement;
   }
 }
 
-void SequenceLogic::act(const HooksAction& action, const DockingData<double>&, double now,
-                        double&) {
+void SequenceLogic::act(const HooksAction& action, const Occasion& occasion) {
   if (action.close) {
     close_hooks(discrete_.hard_dock);
   } else {
-    open_hooks(model_->hard_dock, now, discrete_.hard_dock);
+    open_hooks(model_->hard_dock, occasion.now, discrete_.hard_dock);
   }
 }
 
-void SequenceLogic::act(const PushersAction& action, const DockingData<double>&, double now,
-                        double&) {
-  switch_pushers(model_->hard_dock, action.on, now, discrete_.hard_dock);
+void SequenceLogic::act(const PushersAction& action, const Occasion& occasion) {
+  switch_pushers(model_->hard_dock, action.on, occasion.now, discrete_.hard_dock);
 }
 
 /// The caller of update() carries it out: momenta and poses change.
-void SequenceLogic::act(const JointAction& action, const DockingData<double>&, double, double&) {
+void SequenceLogic::act(const JointAction& action, const Occasion&) {
   discrete_.hard_dock.wants_joint = action.rigid && model_->present[kTarget];
 }
 

@@ -24,6 +24,13 @@ struct SequenceChange {
   bool chatters = false;   ///< more than kMaxChanges at one instant: refuse
 };
 
+/// When actions follow: at this evaluated state.
+struct Occasion {
+  const DockingData<double>& at;
+  double now;          ///< [s since the start]
+  double& dissipated;  ///< increased by the energy that actions release [J]
+};
+
 class SequenceLogic {
  public:
   /// Keeps references to both.
@@ -47,14 +54,13 @@ class SequenceLogic {
   /// Before the first step.
   void start();
   /// Enter a step: its actions follow. @param outcome  that the way to it states; 0: none
-  /// @param dissipated  increased by the energy that actions release [J]
-  void enter(int step, int outcome, const DockingData<double>& at, double now, double& dissipated);
+  void enter(int step, int outcome, const Occasion& occasion);
   /// A command of the host. @return whether it differs from the last one
   bool update_command(int command, double now);
   /// Take the first step that is due, if one is.
   /// @param due  per row: its event function has fallen to zero
   /// @param clock_rounding  of times [s]
-  /// @param dissipated  as of enter()
+  /// @param dissipated  as of Occasion
   SequenceChange update(DockingData<double>& at, double now, double clock_rounding, const char* due,
                         double& dissipated);
   /// Would update() change anything?
@@ -73,21 +79,14 @@ class SequenceLogic {
   bool is_timed_out(double now, double slack) const;
   int find_row(DockingData<double>& at, double now, double slack, const char* due,
                std::array<double, kMaxRows>& since) const;
-  SequenceChange follow(const SequenceBranch& branch, const DockingData<double>& at, double now,
-                        double& dissipated);
-  void act(const ThrustAction& action, const DockingData<double>& at, double now,
-           double& dissipated);
-  void act(const LatchesAction& action, const DockingData<double>& at, double now,
-           double& dissipated);
-  void act(const RunAction& action, const DockingData<double>& at, double now, double& dissipated);
-  void act(const EngagementAction& action, const DockingData<double>& at, double now,
-           double& dissipated);
-  void act(const HooksAction& action, const DockingData<double>& at, double now,
-           double& dissipated);
-  void act(const PushersAction& action, const DockingData<double>& at, double now,
-           double& dissipated);
-  void act(const JointAction& action, const DockingData<double>& at, double now,
-           double& dissipated);
+  SequenceChange follow(const SequenceBranch& branch, const Occasion& occasion);
+  void act(const ThrustAction& action, const Occasion& occasion);
+  void act(const LatchesAction& action, const Occasion& occasion);
+  void act(const RunAction& action, const Occasion& occasion);
+  void act(const EngagementAction& action, const Occasion& occasion);
+  void act(const HooksAction& action, const Occasion& occasion);
+  void act(const PushersAction& action, const Occasion& occasion);
+  void act(const JointAction& action, const Occasion& occasion);
 
   const DockingModel* model_;
   DiscreteState& discrete_;

@@ -546,8 +546,8 @@ void DockingSim::Impl::start_sequence() {
   }
   sequence.start();
   sequence.update_command(inputs.command, 0.0);
-  sequence.enter(model->sequence.start, 0, present(), 0.0,
-                 stepper->y()[model->layout.sums + kSumLatches]);
+  sequence.enter(model->sequence.start, 0,
+                 {present(), 0.0, stepper->y()[model->layout.sums + kSumLatches]});
   bool changed = false, jumped = false;
   update_hooks(0.0);
   Status status = evaluate(0.0);

@@ -463,13 +463,7 @@ TEST(HardDocking, saved_states_repeat_the_same_bits) {
     run.go(time, 0.05);
     if (command) run.command(*command);
     run.sim.save(saved);
-    ByteWriter writer;
-    transfer(writer, saved);
-    const std::vector<char> bytes = writer.take();
-    ByteReader reader(bytes.data(), bytes.size());
-    SavedSim read;
-    transfer(reader, read);
-    other.load(read);
+    other.load(through_bytes(saved));
     ASSERT_TRUE(run.sim.step(run.time, 0.013).ok());
     ASSERT_TRUE(other.step(run.time, 0.013).ok());
     run.time += 0.013;

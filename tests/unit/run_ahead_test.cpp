@@ -116,16 +116,6 @@ double make_random_step(DockingSim& sim, double t, const RandomStep& step) {
   return t + step.h;
 }
 
-SavedSim send_as_bytes(const SavedSim& saved) {
-  ByteWriter writer;
-  transfer(writer, const_cast<SavedSim&>(saved));
-  const std::vector<char> bytes = writer.take();
-  ByteReader reader(bytes.data(), bytes.size());
-  SavedSim copy;
-  transfer(reader, copy);
-  return copy;
-}
-
 TEST(RunningAhead, is_saved_and_restored_bit_for_bit_at_any_point) {
   const std::vector<RandomStep> steps = draw_steps(1000);
   auto sim = make_sim_ahead(), other = make_sim_ahead();
@@ -142,7 +132,7 @@ TEST(RunningAhead, is_saved_and_restored_bit_for_bit_at_any_point) {
       sim->outputs();
       sim->load(saved);
     } else if (i % 3 == 1) {
-      other->load(i % 2 ? saved : send_as_bytes(saved));
+      other->load(i % 2 ? saved : through_bytes(saved));
       std::swap(sim, other);
     }
     make_random_step(*sim, t, steps[i]);

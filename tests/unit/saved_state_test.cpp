@@ -165,17 +165,6 @@ class SavedState : public ::testing::TestWithParam<Run> {
   }
 };
 
-SavedSim through_bytes(const SavedSim& saved) {
-  ByteWriter writer;
-  transfer(writer, const_cast<SavedSim&>(saved));
-  const std::vector<char> bytes = writer.take();
-  ByteReader reader(bytes.data(), bytes.size());
-  SavedSim copy;
-  transfer(reader, copy);
-  EXPECT_EQ(reader.left(), 0u);
-  return copy;
-}
-
 TEST_P(SavedState, rollback_of_every_step_gives_the_bits_of_the_uninterrupted_run) {
   const auto expected = reference();
   const auto sim = make();

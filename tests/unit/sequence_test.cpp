@@ -7,6 +7,7 @@
 #include "sim/docking_sim.hpp"
 #include "sim/sim_state.hpp"
 #include "unit/minimal_scene.hpp"
+#include "unit/sim_test_support.hpp"
 #include "unit/traps.hpp"
 
 namespace dockloop {
@@ -82,15 +83,10 @@ TEST(Sequence, saved_states_restore_a_run_bit_for_bit) {
     SavedSim saved;
     run.sim.save(saved);
     const double from = run.time;
-    ByteWriter writer;
-    transfer(writer, saved);
-    const std::vector<char> bytes = writer.take();
+    const SavedSim read = through_bytes(saved);
     for (int k = 0; k < 4; ++k) ASSERT_TRUE(run.step(0.047));
     const double there = run.sim.outputs().element_coordinate[0];
     const int step = run.sim.outputs().sequence_step;
-    SavedSim read;
-    ByteReader reader(bytes.data(), bytes.size());
-    transfer(reader, read);
     run.sim.load(read);
     run.time = from;
     for (int k = 0; k < 4; ++k) ASSERT_TRUE(run.step(0.047));

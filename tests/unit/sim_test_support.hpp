@@ -1,6 +1,8 @@
 // Scenes for tests of DockingSim, and all its outputs as numbers to compare.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <array>
 #include <cstring>
 #include <memory>
@@ -9,6 +11,7 @@
 #include "compare/comparison.hpp"
 #include "docking/placement.hpp"
 #include "sim/docking_sim.hpp"
+#include "sim/sim_state.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {
@@ -34,6 +37,18 @@ struct ComparingSim : DockingSim {
 
 inline std::shared_ptr<const Scene> share(Scene scene) {
   return std::make_shared<const Scene>(std::move(scene));
+}
+
+/// A saved state as another process receives it.
+inline SavedSim through_bytes(const SavedSim& saved) {
+  ByteWriter writer;
+  transfer(writer, const_cast<SavedSim&>(saved));
+  const std::vector<char> bytes = writer.take();
+  ByteReader reader(bytes.data(), bytes.size());
+  SavedSim copy;
+  transfer(reader, copy);
+  EXPECT_EQ(reader.left(), 0u);
+  return copy;
 }
 
 /// Every number of the outputs, in a fixed order. @param with_solver also step counters
