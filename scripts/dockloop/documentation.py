@@ -569,11 +569,13 @@ def _model(document: dict, report: dict) -> str:
 
 def _leg_table(mechanism: dict, home_q: list[float]) -> str:
     """Return the ends of the legs."""
-    rows, listed = [], len(mechanism.get("legs", []))
-    for i, (name, root, end) in enumerate(drawing.find_legs(mechanism, home_q), start=1):
+    rows = []
+    numbers = {leg["name"]: i for i, leg in enumerate(mechanism.get("legs", []), start=1)}
+    for name, root, end in drawing.find_legs(mechanism, home_q):
         points = (", ".join(_number(f"{1e3 * x:.1f}") for x in point) for point in (root, end))
         length = 1e3 * float(sum((end - root) ** 2)) ** 0.5
-        rows.append((f"leg[{i}]" if i <= listed else name, *points, f"{length:.1f}"))
+        label = f"leg[{numbers[name]}]" if name in numbers else name
+        rows.append((label, *points, f"{length:.1f}"))
     head = ("leg", "root, mm in B", "closing end, mm in B", "length at home, mm")
     return _table(head, rows)
 
@@ -608,8 +610,8 @@ def _limits(document: dict) -> str:
             " along the first axis of its universal joint or has no length; near such a pose the"
             " log warns, and a step into it is refused."
         )
-        stops = {**mechanism.get("leg_defaults", {}), **legs[0]}.get("stops")
-        if stops:
+        first = legs[0] if "slide" in legs[0] else {**mechanism.get("leg_defaults", {}), **legs[0]}
+        if stops := first.get("stops"):
             items.append(
                 f"End stops of the legs at {1e3 * stops['min_length']:g} mm and"
                 f" {1e3 * stops['max_length']:g} mm."

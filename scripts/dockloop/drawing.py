@@ -272,10 +272,12 @@ def list_legs(mechanism: dict) -> list[dict]:
     Each has at least ``name``, ``root``, ``closing``, ``root_point`` and ``closing_point``. A leg
     that is written out is a loop through two turns at the root, a slide and a ball on one line; it
     also has ``bodies``, the names of the bodies between its ends, and ``length`` where the slide
-    has its zero.
+    has its zero. It has the name that ``legs`` gives to its slide, otherwise that of the loop.
     """
     defaults = {"root": "base", **mechanism.get("leg_defaults", {})}
-    legs = [{**defaults, **leg} for leg in mechanism.get("legs", [])]
+    listed = mechanism.get("legs", [])
+    legs = [{**defaults, **leg} for leg in listed if "slide" not in leg]
+    names_of_slides = {leg["slide"]: leg["name"] for leg in listed if "slide" in leg}
     places = find_body_places(mechanism)
     bodies = {body["name"]: body for body in mechanism.get("bodies", [])}
     for loop in mechanism.get("loops", []):
@@ -297,7 +299,8 @@ def list_legs(mechanism: dict) -> list[dict]:
         names |= {name for name, body in bodies.items() if body["parent"] in names}
         legs.append(
             {
-                **{key: loop[key] for key in ("name", "root", "closing")},
+                "name": names_of_slides.get(loop["terminal"], loop["name"]),
+                **{key: loop[key] for key in ("root", "closing")},
                 "root_point": root.tolist(),
                 "closing_point": loop["cut"]["point_on_closing"],
                 "bodies": sorted(names),

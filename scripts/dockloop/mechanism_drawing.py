@@ -5,6 +5,7 @@ how each one moves, where loops are cut, which joint follows which, where force 
 Everything is read from the mechanism file.
 """
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -79,7 +80,11 @@ def _list_rows(mechanism: dict, independent: set[str]) -> Iterator[tuple[int, st
     for leg in list_legs(mechanism):
         if "bodies" not in leg:  # these are in the tree
             kind = f"{leg.get('type', 'leg')} from {leg['root']} to {leg['closing']}"
-            yield 0, "leg", leg["name"], kind
+            if screw := leg.get("screw"):
+                kind += f"; screw of {1e3 * screw['lead']:g} mm"
+            parts = ("cross", "cyl", "rod", "rotor")
+            ties = (_describe_ties(mechanism, f"{leg['name']}_{part}") for part in parts)
+            yield 0, "leg", leg["name"], "; ".join((kind, *itertools.chain(*ties)))
 
 
 def _sort_depth_first(bodies: list[dict], parent: str = "base") -> Iterator[dict]:

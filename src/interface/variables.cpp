@@ -530,9 +530,10 @@ void add_legs(Table& table, Inputs& in, Outputs& out) {
         .not_negative();
     table.output(leg + ".rate", &out.leg_rate[i], kSmallVelocity,
                  "Rate of change of the length of this leg");
-    table.output(leg + ".force", &out.leg_force[i], kForce,
-                 "Force along this leg, including forces of couplings on its slide, positive when "
-                 "it pushes the ends apart");
+    table.output(
+        leg + ".force", &out.leg_force[i], kForce,
+        "Force along this leg, including elements and couplings on its slide, positive when "
+        "it pushes the ends apart");
     table.input(leg + ".force_command", &in.leg_force_command[i], kForce,
                 "Commanded force of the actuator of this leg, positive when it pushes the ends "
                 "apart");

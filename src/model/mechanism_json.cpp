@@ -1,7 +1,8 @@
 // Reads a mechanism document and expands its legs into bodies, loops and joint forces.
 //
 // The members `bodies` and `loops` are the tree and the loop table. The member `legs` is shorter: a
-// leg type with points, axes and masses. A file may have both.
+// leg type with points, axes and masses. A file may have both. A leg whose bodies are written out
+// is only named: the body that slides in it.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -191,9 +192,17 @@ Mat3<double> make_axial_inertia(double axial, double transverse) {
   return Vec3<double>(axial, transverse, transverse).asDiagonal();
 }
 
+/// Legs while they are read: screws of all legs, whose couplings come after all loops.
+struct LegScrew {
+  JsonReader item;
+  std::string name;
+  int rotor, rod;
+  double ratio;  ///< turn of the rotor per travel of the rod [rad/m]
+};
+
 /// Universal joint on the root, cylinder, rod sliding in it, spherical joint on the closing body.
 /// Leg axes at home: x along the leg, y the first universal axis, z the second.
-void add_slide_leg(const LegReader& in, MechanismModel& model) {
+void add_slide_leg(const LegReader& in, MechanismModel& model, std::vector<LegScrew>& screws) {
   const std::string name = in.leg.at("name").text();
   const std::string place = "leg '" + name + "' (" + in.leg.path() + ")";
   const std::string root_name = in.owner("root").text("root", "base");
@@ -262,6 +271,26 @@ void add_slide_leg(const LegReader& in, MechanismModel& model) {
   };
   read_part("cylinder", model.bodies[cylinder], false);
   read_part("rod", model.bodies[rod], true);
+  if (in.has("screw")) {
+    const JsonReader screw = in.owner("screw").at("screw");
+    const std::string carrier = screw.text("carried_by", "cylinder");
+    const bool on_rod = carrier == "rod";
+    if (!on_rod && carrier != "cylinder") {
+      screw.at("carried_by").fail("is '" + carrier + "'; a rotor is carried by cylinder or rod");
+    }
+    constexpr double kTurn = 2.0 * static_cast<double>(EIGEN_PI);
+    const double lead = screw.at("lead").number(), gear = screw.number("gear", 1.0);
+    if (lead == 0.0) screw.at("lead").fail("must not be 0");
+    if (gear == 0.0) screw.at("gear").fail("must not be 0");
+    const int rotor =
+        add_body("rotor", on_rod ? rod : cylinder, JointType::kRevolute, Vec3<double>::UnitX());
+    Body& body = model.bodies[rotor];
+    body.mass = screw.non_negative("mass", 0.0);
+    const double com = screw.number("com", 0.0), axial = screw.non_negative("inertia", 0.0);
+    body.com = Vec3<double>(on_rod ? length - com : com, 0.0, 0.0);
+    body.inertia = make_axial_inertia(axial, screw.non_negative("inertia_transverse", 0.5 * axial));
+    screws.push_back({in.leg, name + "_screw", rotor, rod, gear * kTurn / lead});
+  }
 
   Loop loop;
   loop.name = name;
@@ -296,6 +325,56 @@ void add_slide_leg(const LegReader& in, MechanismModel& model) {
   }
   model.legs.push_back({name, rod, length, static_cast<int>(model.forces.size())});
   model.forces.push_back(force);
+}
+
+void add_screw(const LegScrew& screw, MechanismModel& model) {
+  Loop loop;
+  loop.cut = CutType::kCoupling;
+  loop.name = screw.name;
+  check_loop_name(screw.item, loop.name, model);
+  loop.dependent = {screw.rotor};
+  loop.first = loop.terminal = screw.rotor;
+  loop.root = model.bodies[screw.rotor].parent;
+  loop.terms = {{screw.rod, screw.ratio}};
+  model.loops.push_back(loop);
+}
+
+/// A leg whose bodies are in the list of bodies.
+void add_written_leg(const JsonReader& item, MechanismModel& model) {
+  const std::string name = item.at("name").text();
+  const JsonReader slide = item.at("slide");
+  const int body = find_body(model, slide.text(), slide.path());
+  if (body == kBase || model.bodies[body].joint != JointType::kPrismatic) {
+    slide.fail("(leg '" + name + "') must name a body with a prismatic joint");
+  }
+  for (const Leg& other : model.legs) {
+    if (other.name == name) item.at("name").fail("'" + name + "' is used twice");
+    if (other.slide_body == body) {
+      slide.fail("(leg '" + name + "') is the slide of leg '" + other.name + "' already");
+    }
+  }
+  JointForce force;  // of its command alone: laws of such legs are elements
+  force.body = body;
+  model.legs.push_back(
+      {name, body, item.positive("home_length"), static_cast<int>(model.forces.size())});
+  model.forces.push_back(force);
+}
+
+void read_legs(const JsonReader& root, MechanismModel& model) {
+  const bool shared = root.has("leg_defaults");
+  const JsonReader defaults = shared ? root.at("leg_defaults") : root;
+  std::vector<LegScrew> screws;
+  for (const JsonReader& item : root.list("legs", kMaxItems)) {
+    if (item.has("slide")) {
+      add_written_leg(item, model);
+      continue;
+    }
+    const LegReader leg{item, shared ? &defaults : nullptr};
+    const std::string type = leg.owner("type").at("type").text();
+    if (type != "R2P1R3") item.fail("has type '" + type + "'; the known leg type is R2P1R3");
+    add_slide_leg(leg, model, screws);
+  }
+  for (const LegScrew& screw : screws) add_screw(screw, model);
 }
 
 void read_joint_force(const JsonReader& item, MechanismModel& model) {
@@ -415,14 +494,7 @@ MechanismModel read_mechanism(const std::string& json_text, const std::string& s
       model.bodies.push_back(read_body(item, model));
     for (const JsonReader& item : root.list("loops", kMaxItems))
       model.loops.push_back(read_loop(item, model));
-    const bool shared = root.has("leg_defaults");
-    const JsonReader defaults = shared ? root.at("leg_defaults") : root;
-    for (const JsonReader& item : root.list("legs", kMaxItems)) {
-      const LegReader leg{item, shared ? &defaults : nullptr};
-      const std::string type = leg.owner("type").at("type").text();
-      if (type != "R2P1R3") item.fail("has type '" + type + "'; the known leg type is R2P1R3");
-      add_slide_leg(leg, model);
-    }
+    read_legs(root, model);
     for (const JsonReader& item : root.list("couplings", kMaxItems)) {
       model.loops.push_back(read_coupling(item, model));
     }

@@ -161,12 +161,18 @@ void read_hard_dock(const OutputSource<S>& from, OutputValues<S>& out) {
   std::copy_n(data.hard_dock.hook_force.begin(), out.hook_force.size(), out.hook_force.begin());
 }
 
-/// Force along a leg: spring, damper, stops and command, and the force of couplings (a screw with
-/// its rotor, a differential) on its slide. @pre calc_docking_reactions()
+/// Force along a leg: spring, damper, stops, laws of elements and command, and the force of
+/// couplings (a screw with its rotor, a differential) on its slide. @pre calc_docking_reactions()
 template <class S>
 S find_leg_force(const DockingModel& model, const DockingData<S>& data, const Leg& leg) {
   const Mechanism& mechanism = model.mechanism;
   S force = data.joint_force[leg.force];
+  for (size_t e = 0; e < mechanism.model.elements.size(); ++e) {
+    for (const ElementTerm& term : mechanism.model.elements[e].along) {
+      if (term.body != leg.slide_body) continue;
+      force += S(term.ratio) * data.elements.force[static_cast<int>(e)];
+    }
+  }
   if (data.locked) return force;  // forces of couplings are unknown
   for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
     const Loop& loop = mechanism.model.loops[k];
