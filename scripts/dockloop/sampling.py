@@ -359,7 +359,7 @@ _TRANSFORMS: dict[str, Callable[..., list[np.ndarray]]] = {
 }
 
 
-def to_text(value: Value) -> str:
+def to_text(value: Any) -> str:
     """Return a value as it is written in TOML and after ``KEY=``, with all digits."""
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
@@ -368,6 +368,10 @@ def to_text(value: Value) -> str:
             return str(value).lower()
         case str():
             return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        case list() | tuple():
+            return "[" + ", ".join(map(to_text, value)) + "]"
+        case dict():
+            return "{" + ", ".join(f"{to_text(k)} = {to_text(v)}" for k, v in value.items()) + "}"
     return repr(value)
 
 

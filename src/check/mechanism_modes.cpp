@@ -24,7 +24,7 @@ void put_joint_forces(const MechanismModel& model, MechanismData<S>& data) {
   data.tau.setZero();
   calc_joint_forces(model, data.tree.q, data.tree.v, command, force, data.tau);
   ElementData<S> elements(model);
-  calc_element_forces<S>(model, data.tree.q, data.tree.v, S(0), nullptr, nullptr, nullptr, elements,
+  calc_element_forces<S>(model, data.tree.q, data.tree.v, S(0), nullptr, {}, nullptr, elements,
                          data.tau);
 }
 

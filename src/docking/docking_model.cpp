@@ -160,6 +160,7 @@ DockingModel make_docking_model(const Scene& scene,
   if (!model.contact.empty()) set_law(model.contact, law);
   model.latches = scene.latches;
   model.sequence = scene.sequence;
+  model.disturbances = scene.disturbances;
   model.hard_dock = scene.hard_dock;
   model.falling = chaser_moves && (!scene.has_target || model.moves[kTarget]);
   model.layout = make_layout(model);

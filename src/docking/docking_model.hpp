@@ -104,6 +104,7 @@ struct DockingModel {
   LatchSet latches;
   HardDock hard_dock;
   Sequence sequence;                        ///< empty: phases follow from motion and latches
+  std::vector<Disturbance> disturbances;    ///< at most kMaxDisturbances
   double thrust = 0.0, thrust_delay = 0.0;  ///< [N] along x of A at the CoM, [s]
   bool falling = true;                      ///< O falls with gravity
   StateLayout layout;
@@ -123,6 +124,8 @@ struct DiscreteState {
   double seen = 0.0;         ///< time of the last accepted state [s since start]
   SequenceState sequence;
   std::vector<LawSetting> law;  ///< of all elements; empty without a sequence
+  std::vector<double> entered;  ///< per step of the sequence: first time [s since the start], or -1
+  int disturbances = 0;         ///< bit k: disturbance k acts
   HardDockState hard_dock;
 };
 

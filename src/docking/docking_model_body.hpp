@@ -352,9 +352,10 @@ void calc_element_loads(const DockingModel& model, const DiscreteState& discrete
   const MechanismModel& mechanism = model.mechanism.model;
   const TreeData<S>& tree = data.mechanism.tree;
   ElementData<S>& elements = data.elements;
-  const LawSetting* setting = discrete.law.empty() ? nullptr : discrete.law.data();
+  ElementSwitches switches;
+  if (!model.sequence.empty()) switches = {discrete.law.data(), discrete.entered.data()};
   calc_element_forces(mechanism, tree.q, tree.v, t, data.command.data() + mechanism.forces.size(),
-                      setting, y + layout.element_bristles, elements, data.mechanism.tau);
+                      switches, y + layout.element_bristles, elements, data.mechanism.tau);
   if (data.locked) {
     elements.z_rate.setZero();
     elements.sums.braking = S(0);

@@ -11,6 +11,7 @@
 
 #include "contact/contact_model.hpp"
 #include "contact/latches.hpp"
+#include "docking/disturbance.hpp"
 #include "docking/hard_dock.hpp"
 #include "docking/sequence.hpp"
 #include "math/choice.hpp"
@@ -128,6 +129,7 @@ struct Scene {
   LatchSet latches;
   HardDock hard_dock;
   Sequence sequence;  ///< of the mechanism; empty if its file has none
+  std::vector<Disturbance> disturbances;
   RatedLoads rated;
   CaptureBodyStart capture_body_start;
   std::vector<JointStart> joint_starts;

@@ -8,6 +8,7 @@
 #include "docking/hardware_json.hpp"
 #include "docking/scene.hpp"
 #include "docking/sequence_json.hpp"
+#include "model/element_json.hpp"
 #include "model/json_reader.hpp"
 #include "model/text_hash.hpp"
 
@@ -163,13 +164,36 @@ void read_initial(const JsonReader& item, Scene& scene) {
   }
 }
 
-/// Hard dock and sequence, which names parts of it. @pre mechanism and latches of the scene
+/// Hard dock, sequence, which names parts of it, and the steps that failures name.
+/// @pre mechanism and latches of the scene
 void read_sequence_and_hard_dock(const JsonReader& mechanism, Scene& scene) {
   if (scene.has_target && mechanism.has("interface")) {
     scene.hard_dock = read_hard_dock(mechanism.at("interface"));
   }
   scene.sequence = read_sequence(mechanism, scene.mechanism,
                                  scene.has_target ? &scene.latches : nullptr, scene.hard_dock);
+  size_t k = 0;
+  for (const JsonReader& item : mechanism.list("failures", kMaxItems)) {
+    find_step(item, scene.sequence, scene.mechanism.failures[k++].onset);
+  }
+}
+
+Disturbance read_disturbance(const JsonReader& item, const Scene& scene) {
+  Disturbance disturbance;
+  const std::string vehicle = item.at("vehicle").text();
+  if (vehicle != "chaser" && vehicle != "target") {
+    item.at("vehicle").fail("is '" + vehicle + "'; a disturbance acts on chaser or target");
+  }
+  disturbance.vehicle = vehicle == "chaser" ? kChaser : kTarget;
+  if (disturbance.vehicle == kTarget && !scene.has_target) {
+    item.at("vehicle").fail("is 'target', but the scene has none");
+  }
+  disturbance.onset = read_onset(item);
+  find_step(item, scene.sequence, disturbance.onset);
+  disturbance.duration = item.positive("duration");
+  disturbance.force = item.vector<3>("force", Vec3<double>::Zero());
+  disturbance.torque = item.vector<3>("torque", Vec3<double>::Zero());
+  return disturbance;
 }
 
 Scene read_members(const JsonReader& root, const std::string& source_name) {
@@ -206,6 +230,9 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   if (scene.has_target && mechanism.has("latches"))
     scene.latches = read_latches(mechanism.at("latches"));
   read_sequence_and_hard_dock(mechanism, scene);
+  for (const JsonReader& item : root.list("disturbance", kMaxDisturbances)) {
+    scene.disturbances.push_back(read_disturbance(item, scene));
+  }
   if (root.has("initial")) read_initial(root.at("initial"), scene);
   if (root.has("solver")) {
     const JsonReader solver = root.at("solver");

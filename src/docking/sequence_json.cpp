@@ -386,4 +386,16 @@ Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
   return sequence;
 }
 
+void find_step(const JsonReader& item, const Sequence& sequence, Onset& onset) {
+  if (onset.step_name.empty()) return;
+  const JsonReader name = item.at("at");
+  if (sequence.empty()) name.fail("names a step, but the mechanism has no sequence; give the time");
+  const auto& steps = sequence.steps;
+  const auto at = std::find_if(steps.begin(), steps.end(), [&](const SequenceStep& step) {
+    return step.name == onset.step_name;
+  });
+  if (at == steps.end()) name.fail("is '" + onset.step_name + "'; no step has this name");
+  onset.step = static_cast<int>(at - steps.begin());
+}
+
 }  // namespace dockloop

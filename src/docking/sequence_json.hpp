@@ -16,4 +16,8 @@ namespace dockloop {
 Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
                        const LatchSet* latches, const HardDock& hard_dock);
 
+/// Find the step that an onset names, if it does. @param item  with the member `at`
+/// @throws ModelError if there is no such step
+void find_step(const JsonReader& item, const Sequence& sequence, Onset& onset);
+
 }  // namespace dockloop

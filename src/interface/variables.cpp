@@ -580,6 +580,24 @@ void add_elements(Table& table, DockingSim& sim) {
   }
 }
 
+/// Loads of the scene on vehicles, for a while.
+void add_disturbances(Table& table, DockingSim& sim) {
+  for (size_t k = 0; k < sim.parameters().disturbance.size(); ++k) {
+    DisturbanceNumbers& numbers = sim.parameters().disturbance[k];
+    const std::string name = indexed("disturbance", k);
+    table.parameter(name + ".time", &numbers.time, kTime, "Begin of this load on a vehicle")
+        .not_negative();
+    table
+        .parameter(name + ".duration", &numbers.duration, kTime,
+                   "Time for which this load acts on a vehicle")
+        .not_negative();
+    table.parameters(name + ".force", numbers.force, kForce,
+                     "Force of this load at the centre of mass, inertial axes");
+    table.parameters(name + ".torque", numbers.torque, kTorque,
+                     "Torque of this load, axes of the vehicle");
+  }
+}
+
 /// Failures of laws.
 void add_failures(Table& table, DockingSim& sim) {
   Parameters& parameters = sim.parameters();
@@ -1035,6 +1053,7 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   if (wants("legs")) add_legs(table, inputs, outputs);
   add_elements(table, sim);
   add_failures(table, sim);
+  add_disturbances(table, sim);
   add_hard_dock(table, scene.hard_dock, inputs, outputs);
   if (wants("states")) add_states(table, outputs);
   if (wants("loops")) add_loops(table, outputs);

@@ -45,16 +45,21 @@ S find_rate(const MechanismModel& model, const ForceElement& element, const VecX
   return sum;
 }
 
+/// What a sequence has done so far; null: there is none.
+struct ElementSwitches {
+  const LawSetting* setting = nullptr;  ///< per law of all elements
+  const double* entered = nullptr;      ///< as of find_time(Onset)
+};
+
 /// Add the forces of all elements to tau.
 /// @param[in]  q, v     all coordinates (nq) and velocities (nv)
 /// @param[in]  time     since the start [s]
 /// @param[in]  command  per element; null: 0
-/// @param[in]  setting  per law of all elements; null: a sequence has switched nothing
 /// @param[in]  z        bristles (count_element_bristles); null: 0
 /// @param[out] tau      joint forces (nv), added to
 template <class S>
 void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const VecX<S>& v,
-                         const S& time, const S* command, const LawSetting* setting, const S* z,
-                         ElementData<S>& data, VecX<S>& tau);
+                         const S& time, const S* command, const ElementSwitches& switches,
+                         const S* z, ElementData<S>& data, VecX<S>& tau);
 
 }  // namespace dockloop

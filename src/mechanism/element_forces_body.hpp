@@ -26,7 +26,7 @@ struct FailureEffect {
 
 template <class S>
 FailureEffect<S> find_failure(const MechanismModel& model, size_t element, size_t law,
-                              const S& time) {
+                              const S& time, const double* entered) {
   constexpr double kFades = 0.05;  // [s]
   using Kind = LawFailure::Kind;
   FailureEffect<S> effect;
@@ -39,7 +39,7 @@ FailureEffect<S> find_failure(const MechanismModel& model, size_t element, size_
       effect.delay += failure.value;
       continue;
     }
-    const S u = (time - S(failure.time)) / S(kFades);
+    const S u = (time - S(find_time(failure.onset, entered))) / S(kFades);
     if (!(u > S(0))) continue;
     const double last = failure.kind == Kind::kOff ? 0.0 : failure.value;
     const Ramp<S> fade = calc_ramp<S>(clamp_unit<S>(u), S(kFades));
@@ -90,13 +90,13 @@ LawTerms<S> calc_switched_law(const ForceLaw& law, const LawSetting& setting, La
 
 /// Elastic locks of jammed elements: their bristles come after those of the brakes.
 template <class S>
-void add_locks(const MechanismModel& model, const S& time, const S* z, int bristle,
-               ElementData<S>& data, VecX<S>& tau) {
+void add_locks(const MechanismModel& model, const S& time, const double* entered, const S* z,
+               int bristle, ElementData<S>& data, VecX<S>& tau) {
   for (const LawFailure& failure : model.failures) {
     if (failure.kind != LawFailure::Kind::kJammed) continue;
     const int i = failure.element;
     const S deflection = z ? z[bristle] : S(0);
-    const bool holds = failure.active && !(time < S(failure.time));
+    const bool holds = failure.active && !(time < S(find_time(failure.onset, entered)));
     const S force = S(-failure.value) * deflection;
     data.z_rate[bristle++] = holds ? data.rate[i] : S(0);
     data.force[i] += force;
@@ -120,8 +120,8 @@ void add_terms(const ForceLaw& law, const LawTerms<S>& terms, ElementSums<S>& su
 
 template <class S>
 void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const VecX<S>& v,
-                         const S& time, const S* command, const LawSetting* setting, const S* z,
-                         ElementData<S>& data, VecX<S>& tau) {
+                         const S& time, const S* command, const ElementSwitches& switches,
+                         const S* z, ElementData<S>& data, VecX<S>& tau) {
   data.sums = ElementSums<S>();
   int bristle = 0;
   size_t first_law = 0;  // of the element, among all laws
@@ -135,12 +135,12 @@ void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const Ve
     S force(0), saturation(0);
     const auto add = [&](size_t k, bool is_brake) {
       const ForceLaw& law = element.laws[k];
-      FailureEffect<S> failure = find_failure(model, e, k, time);
+      FailureEffect<S> failure = find_failure(model, e, k, time, switches.entered);
       in.time = time - S(failure.delay);
       in.engagement = failure.factor;  // what a failure does to a brake
       LawTerms<S> terms =
-          setting ? calc_switched_law(law, setting[first_law + k], in, failure)
-                  : std::visit([&](const auto& each) { return calc_law(each, in); }, law);
+          switches.setting ? calc_switched_law(law, switches.setting[first_law + k], in, failure)
+                           : std::visit([&](const auto& each) { return calc_law(each, in); }, law);
       if (!is_brake) scale_terms(failure, terms);
       force += terms.force;
       saturation = std::max<S>(saturation, terms.saturation);
@@ -171,13 +171,13 @@ void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const Ve
     data.force[i] = force;
     data.saturation[i] = saturation;
   }
-  add_locks(model, time, z, bristle, data, tau);
+  add_locks(model, time, switches.entered, z, bristle, data, tau);
 }
 
 #define DOCK_INSTANTIATE(S)                                                                   \
   template struct ElementData<S>;                                                             \
   template void calc_element_forces<S>(const MechanismModel&, const VecX<S>&, const VecX<S>&, \
-                                       const S&, const S*, const LawSetting*, const S*,       \
+                                       const S&, const S*, const ElementSwitches&, const S*,  \
                                        ElementData<S>&, VecX<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)

@@ -124,6 +124,10 @@ ForceElement read_element(const JsonReader& item, const MechanismModel& model) {
   return element;
 }
 
+Onset read_onset(const JsonReader& item) {
+  return {item.non_negative("time", 0.0), item.text("at", ""), -1};
+}
+
 LawFailure read_failure(const JsonReader& item, const MechanismModel& model) {
   using Kind = LawFailure::Kind;
   LawFailure failure;
@@ -148,8 +152,10 @@ LawFailure read_failure(const JsonReader& item, const MechanismModel& model) {
   if (failure.kind != Kind::kJammed) {
     failure.law = item.at("law").whole(1, static_cast<int>(element.laws.size())) - 1;
   }
-  if (item.has("at")) item.at("at").fail("names a step of a sequence; give the time instead");
-  failure.time = item.non_negative("time", 0.0);
+  failure.onset = read_onset(item);
+  if (failure.kind == Kind::kDelayed && item.has("at")) {
+    item.at("at").fail("has no effect: commands are delayed during the whole run");
+  }
   constexpr double kLock = 5e7;  // [N/m]
   if (failure.kind == Kind::kFactor || failure.kind == Kind::kDelayed) item.at("value");
   failure.value = item.non_negative("value", failure.kind == Kind::kJammed ? kLock : 0.0);

@@ -13,6 +13,8 @@
 #include <variant>
 #include <vector>
 
+#include "model/onset.hpp"
+
 namespace dockloop {
 
 /// What a number of a law may be.
@@ -246,7 +248,7 @@ struct LawFailure {
   int element = 0, law = 0;
   Kind kind = Kind::kOff;
   bool active = true;
-  double time = 0.0;   ///< of the onset [s since the start]
+  Onset onset;
   double value = 0.0;  ///< see Kind
 };
 

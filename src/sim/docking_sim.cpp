@@ -169,9 +169,11 @@ bool fits(const DiscreteState& discrete, int command, const DockingModel& model)
   const auto is_command = [](int number) {
     return number >= kNoCommand && number <= kCommands.back().number;
   };
-  return discrete.law.size() == laws && is_step(s.step) && is_command(s.command) &&
-         is_command(command) && s.outcome >= 0 && s.outcome <= kOutcomes.back().number &&
-         s.changes >= 0 && s.changes <= kMaxChanges &&
+  const int known = 1 << model.disturbances.size();
+  return discrete.law.size() == laws && discrete.entered.size() == model.sequence.steps.size() &&
+         discrete.disturbances >= 0 && discrete.disturbances < known && is_step(s.step) &&
+         is_command(s.command) && is_command(command) && s.outcome >= 0 &&
+         s.outcome <= kOutcomes.back().number && s.changes >= 0 && s.changes <= kMaxChanges &&
          std::all_of(s.visited.begin(), s.visited.end(), is_step);
 }
 
@@ -271,7 +273,8 @@ void DockingSim::Impl::load(const SavedSim& from) {
            in.element_command.size() == inputs.element_command.size() &&
            p.element_numbers.size() == parameters.element_numbers.size() &&
            p.failure_active.size() == parameters.failure_active.size() &&
-           p.failure_numbers.size() == parameters.failure_numbers.size();
+           p.failure_numbers.size() == parameters.failure_numbers.size() &&
+           p.disturbance.size() == parameters.disturbance.size();
   };
   if (!fits_lists(from.inputs, from.parameters) || !fits_lists(from.slopes, from.parameters) ||
       (from.setup && !fits_lists(from.inputs, from.setup->parameters))) {

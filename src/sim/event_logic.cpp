@@ -152,6 +152,44 @@ bool EventLogic::update_thrust(double now, double clock_rounding) {
   return std::exchange(discrete_.thrust_on, on) != on;
 }
 
+int EventLogic::find_acting(double now, double clock_rounding) const {
+  int acting = 0;
+  for (size_t k = 0; k < model_->disturbances.size(); ++k) {
+    const Disturbance& disturbance = model_->disturbances[k];
+    const double begin = find_time(disturbance.onset, discrete_.entered.data());
+    const double at = now + clock_rounding;
+    if (at >= begin && at < begin + disturbance.duration) acting |= 1 << k;
+  }
+  return acting;
+}
+
+bool EventLogic::update_disturbances(double now, double clock_rounding) {
+  const int acting = find_acting(now, clock_rounding);
+  return std::exchange(discrete_.disturbances, acting) != acting;
+}
+
+double EventLogic::find_next_disturbance(double now) const {
+  double next = std::numeric_limits<double>::infinity();
+  for (const Disturbance& disturbance : model_->disturbances) {
+    const double begin = find_time(disturbance.onset, discrete_.entered.data());
+    for (const double change : {begin, begin + disturbance.duration}) {
+      if (change > now) next = std::min(next, change);
+    }
+  }
+  return next;
+}
+
+DisturbingLoads EventLogic::find_disturbing_loads() const {
+  DisturbingLoads loads{};
+  for (size_t k = 0; k < model_->disturbances.size(); ++k) {
+    if (!(discrete_.disturbances & (1 << k))) continue;
+    const Disturbance& disturbance = model_->disturbances[k];
+    if (model_->driven[disturbance.vehicle]) continue;  // the host states what acts
+    loads[disturbance.vehicle] += Wrench<double>{disturbance.force, disturbance.torque};
+  }
+  return loads;
+}
+
 void EventLogic::update_phases(DockingData<double>& at, double now) {
   const PhaseInputs in = find_phase_inputs(at, find_near_gap(at));
   update_seat(in, now, discrete_);
@@ -172,6 +210,7 @@ bool EventLogic::is_change_due(DockingData<double>& at, double now, double clock
   const bool ramp = dockloop::update_hooks(model_->hard_dock, false, now + clock_rounding, docking);
   if (touched || latch || ramp) return true;
   if (is_thrust_due(now, clock_rounding) != discrete_.thrust_on) return true;
+  if (find_acting(now, clock_rounding) != discrete_.disturbances) return true;
   if (sequence_.exists()) return sequence_.is_change_due(at, now, clock_rounding);
   DiscreteState next = discrete_;
   update_phase(find_phase_inputs(at, find_near_gap(at)), next);

@@ -87,6 +87,8 @@ class EventLogic {
   bool update_hooks(const DockingData<double>& at, double now, double clock_rounding);
   /// @param clock_rounding  of the host [s]
   bool update_thrust(double now, double clock_rounding);
+  /// Disturbances that act from now on. @return whether others did before
+  bool update_disturbances(double now, double clock_rounding);
   void update_phases(DockingData<double>& at, double now);
 
   // Results
@@ -95,6 +97,9 @@ class EventLogic {
   /// @return its onset [s since the start], if the thrust is to act
   std::optional<double> find_thrust_onset() const;
   bool is_thrust_due(double now, double clock_rounding) const;
+  /// When the next one begins or ends; infinite: none is known. @param now  [s since the start]
+  double find_next_disturbance(double now) const;
+  DisturbingLoads find_disturbing_loads() const;
   /// Would anything change at this state? @param now, clock_rounding  as of update_thrust()
   bool is_change_due(DockingData<double>& at, double now, double clock_rounding) const;
   /// The gap of the surfaces, exact if positive and not above kReboundGap. Above kReboundGap, and
@@ -111,6 +116,7 @@ class EventLogic {
  private:
   /// Is a rebound possible? Its event function is then checked between accepted states.
   bool may_part() const;
+  int find_acting(double now, double clock_rounding) const;
   /// Has a latch released, and must not catch again?
   bool is_disarmed(int latch) const;
 

@@ -136,7 +136,10 @@ double DockingSim::Impl::find_clock_rounding(double now) const {
 }
 
 bool DockingSim::Impl::update_thrust(double now) {
-  return events->update_thrust(now, find_clock_rounding(now));
+  const double rounding = find_clock_rounding(now);
+  const bool disturbed = events->update_disturbances(now, rounding);
+  if (disturbed) loads.add(events->find_disturbing_loads());
+  return events->update_thrust(now, rounding) || disturbed;
 }
 
 bool DockingSim::Impl::update_latches(double now) {

@@ -145,6 +145,7 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   if (onset && !me.events->is_thrust_due(me.elapsed, me.find_clock_rounding(me.elapsed))) {
     next = std::min(next, *onset);
   }
+  next = std::min(next, me.events->find_next_disturbance(me.elapsed));
   next = std::min(
       next,
       find_next_ramp(me.model->hard_dock, me.discrete.hard_dock, me.elapsed).value_or(kNever));

@@ -75,7 +75,8 @@ const LockedMechanism* QuiescentMode::find_held(bool may_lock) const {
 /// Are vehicles and mechanism free of loads now?
 bool QuiescentMode::is_free() const {
   return (is_joined() ? can_drift_ : is_possible_) && !state_.discrete.thrust_on &&
-         !events_.find_thrust_onset() && loads_.are_absent(model_->falling);
+         !events_.find_thrust_onset() && model_->disturbances.empty() &&
+         loads_.are_absent(model_->falling);
 }
 
 /// Does nothing inside a stack release energy?

@@ -18,8 +18,8 @@ constexpr double kClockSlack = 1e-6;                 ///< of the host, per step
 /// Steps that pass communication points need a one-step method, loads that do not change by
 /// themselves and no host that integrates a vehicle. A sequence acts at booked states only.
 bool DockingSim::Impl::runs_ahead() const {
-  return uses_structured_matrix() && !host->has_host() && model->sequence.empty() &&
-         model->hard_dock.empty();
+  return uses_structured_matrix() && !is_fixed_step() && !host->has_host() &&
+         model->sequence.empty() && model->hard_dock.empty() && model->disturbances.empty();
 }
 
 /// May the next inner steps end after the communication point?

@@ -183,6 +183,7 @@ void SequenceLogic::start() {
   state_ = SequenceState();
   state_.since.fill(-1.0);
   state_.step = model_->sequence.start;
+  discrete_.entered.assign(model_->sequence.steps.size(), -1.0);
   discrete_.law.assign(static_cast<size_t>(count_laws(model_->mechanism.model.elements)),
                        LawSetting());
 }
@@ -247,7 +248,7 @@ SequenceChange SequenceLogic::follow(const SequenceBranch& branch, const Occasio
   state_.visited[static_cast<size_t>(state_.changes++)] = state_.step;
   enter(branch.go, branch.outcome, occasion);
   change.step = true;
-  change.equations = !step().actions.empty();
+  change.equations = !step().actions.empty() || begins_something();
   return change;
 }
 
@@ -256,11 +257,20 @@ void SequenceLogic::enter(int to, int outcome, const Occasion& occasion) {
   state_.began = find_clock(occasion.now);
   state_.since.fill(-1.0);
   state_.timed_out = false;
+  double& entered = discrete_.entered[static_cast<size_t>(to)];
+  if (entered < 0.0) entered = occasion.now;
   if (step().outcome) outcome = step().outcome;
   if (outcome || step().phase <= kContact) state_.outcome = outcome;
   for (const Action& action : step().actions) {
     std::visit([&](const auto& each) { act(each, occasion); }, action);
   }
+}
+
+bool SequenceLogic::begins_something() const {
+  const auto& failures = model_->mechanism.model.failures;
+  return std::any_of(failures.begin(), failures.end(), [this](const LawFailure& failure) {
+    return failure.onset.step == state_.step;
+  });
 }
 
 std::string SequenceLogic::list_visited() const {

@@ -80,6 +80,8 @@ class SequenceLogic {
   int find_row(DockingData<double>& at, double now, double slack, const char* due,
                std::array<double, kMaxRows>& since) const;
   SequenceChange follow(const SequenceBranch& branch, const Occasion& occasion);
+  /// Does the present step begin a failure?
+  bool begins_something() const;
   void act(const ThrustAction& action, const Occasion& occasion);
   void act(const LatchesAction& action, const Occasion& occasion);
   void act(const RunAction& action, const Occasion& occasion);

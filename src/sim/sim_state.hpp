@@ -148,12 +148,17 @@ void transfer(A& archive, VehicleParameters& v) {
 }
 
 template <class A>
+void transfer(A& archive, DisturbanceNumbers& d) {
+  transfer_members<DisturbanceNumbers>(archive, d.time, d.duration, d.force, d.torque);
+}
+
+template <class A>
 void transfer(A& archive, Parameters& p) {
   transfer_members<Parameters>(
       archive, p.vehicle, p.contact_thrust, p.contact_thrust_delay, p.friction_coefficient,
       p.friction_model, p.restitution, p.restitution_speed, p.element_numbers, p.failure_active,
-      p.failure_numbers, p.model_level, p.flight, p.accuracy, p.solver_method, p.dae_form, p.step,
-      p.rtol, p.atol_position, p.atol_velocity, p.atol_energy, p.coupling_mode,
+      p.failure_numbers, p.disturbance, p.model_level, p.flight, p.accuracy, p.solver_method,
+      p.dae_form, p.step, p.rtol, p.atol_position, p.atol_velocity, p.atol_energy, p.coupling_mode,
       p.coupling_expected_step, p.coupling_velocity_tolerance);
 }
 
@@ -257,7 +262,8 @@ template <class A>
 void transfer(A& archive, DiscreteState& d) {
   transfer_members<DiscreteState>(archive, d.latch, d.contacted, d.captured, d.time_of_contact,
                                   d.time_of_capture, d.thrust_on, d.phase, d.outcome, d.seated,
-                                  d.seated_time, d.seen, d.hard_dock, d.sequence, d.law);
+                                  d.seated_time, d.seen, d.hard_dock, d.sequence, d.law, d.entered,
+                                  d.disturbances);
 }
 
 template <class A>

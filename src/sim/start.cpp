@@ -108,11 +108,25 @@ bool acts_by_itself(const MechanismModel& mechanism) {
 void put_failures(const Parameters& p, std::vector<LawFailure>& failures) {
   for (size_t k = 0; k < failures.size(); ++k) {
     failures[k].active = p.failure_active[k] != 0;
-    failures[k].time = p.failure_numbers[2 * k];
+    failures[k].onset.time = p.failure_numbers[2 * k];
     failures[k].value = p.failure_numbers[2 * k + 1];
-    if (failures[k].time >= 0.0 && failures[k].value >= 0.0) continue;
+    if (failures[k].onset.time >= 0.0 && failures[k].value >= 0.0) continue;
     throw ModelError("failure[" + std::to_string(k + 1) +
                      "] has a time or value below 0; both must be 0 or more");
+  }
+}
+
+void put_disturbances(const Parameters& p, std::vector<Disturbance>& disturbances) {
+  for (size_t k = 0; k < disturbances.size(); ++k) {
+    const DisturbanceNumbers& from = p.disturbance[k];
+    Disturbance& to = disturbances[k];
+    to.onset.time = from.time;
+    to.duration = from.duration;
+    to.force = from.force;
+    to.torque = from.torque;
+    if (from.time >= 0.0 && from.duration >= 0.0) continue;
+    throw ModelError("disturbance[" + std::to_string(k + 1) +
+                     "] has a time or duration below 0 s; both must be 0 s or more");
   }
 }
 
@@ -171,7 +185,10 @@ Parameters find_start_parameters(const Scene& scene) {
   p.element_numbers = get_element_numbers(scene.mechanism.elements);
   for (const LawFailure& failure : scene.mechanism.failures) {
     p.failure_active.push_back(failure.active ? 1 : 0);
-    p.failure_numbers.insert(p.failure_numbers.end(), {failure.time, failure.value});
+    p.failure_numbers.insert(p.failure_numbers.end(), {failure.onset.time, failure.value});
+  }
+  for (const Disturbance& d : scene.disturbances) {
+    p.disturbance.push_back({d.onset.time, d.duration, d.force, d.torque});
   }
   return p;
 }
@@ -451,6 +468,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   check_elements(made->mechanism.model.elements);
   put_failures(parameters, made->mechanism.model.failures);
   model = made;
+  put_disturbances(parameters, made->disturbances);
   discrete.hard_dock = make_start(model->hard_dock);
   events = std::make_unique<EventLogic>(*model, discrete, memory);
   start_mechanism.reset();

@@ -25,6 +25,7 @@ void StepLoads::start(int commands) {
   start_ = Loads();
   start_.command.setZero(commands);
   rates_ = now_ = start_;
+  read_ = {};
   sloped_ = false;
 }
 
@@ -33,6 +34,14 @@ void StepLoads::read(const MechanismModel& mechanism, const Inputs& inputs, cons
   read_loads(mechanism, inputs, start_);
   read_loads(mechanism, slopes, rates_);
   sloped_ = are_sloped;
+  for (int i : {kChaser, kTarget}) read_[i] = {start_.force[i], start_.torque[i]};
+}
+
+void StepLoads::add(const DisturbingLoads& loads) {
+  for (int i : {kChaser, kTarget}) {
+    start_.force[i] = read_[i].f + loads[i].f;
+    start_.torque[i] = read_[i].t + loads[i].t;
+  }
 }
 
 void StepLoads::hold(const Loads& loads) {

@@ -14,6 +14,9 @@ class StepLoads {
   void read(const MechanismModel& mechanism, const Inputs& inputs, const Inputs& slopes,
             bool are_sloped);
 
+  /// Loads of disturbances in addition to those that were read, from now on.
+  void add(const DisturbingLoads& loads);
+
   /// The same loads at all times.
   void hold(const Loads& loads);
 
@@ -28,7 +31,8 @@ class StepLoads {
 
  private:
   Loads start_, rates_;
-  mutable Loads now_;  ///< result of at()
+  DisturbingLoads read_{};  ///< on vehicles, without disturbances
+  mutable Loads now_;       ///< result of at()
   bool sloped_ = false;
 };
 

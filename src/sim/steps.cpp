@@ -82,6 +82,7 @@ void DockingSim::Impl::read_inputs() {
   bool are_sloped = false;
   for_each_value(slopes, [&](double& slope) { are_sloped = are_sloped || slope != 0.0; });
   loads.read(scene->mechanism, inputs, slopes, are_sloped);
+  loads.add(events->find_disturbing_loads());
 }
 
 /// A slope holds for one step; the input then keeps its final value. The equations of motion
@@ -423,8 +424,8 @@ double DockingSim::Impl::update_singularity_step(double made) {
 }
 
 /// Where the next inner step must end at the latest: the end of the communication step, the onset
-/// of thrust, a known time of the sequence, an end of a ramp, and the bound that prevents surfaces
-/// from passing through each other unseen.
+/// of thrust or of another load, a known time of the sequence, an end of a ramp, and the bound that
+/// prevents surfaces from passing through each other unseen.
 double DockingSim::Impl::find_next_stop(double tau, double h) const {
   double stop = h;
   const std::optional<double> onset = events->find_thrust_onset();
@@ -434,12 +435,14 @@ double DockingSim::Impl::find_next_stop(double tau, double h) const {
   const double switches = events->sequence().find_next_time(elapsed + tau) - elapsed;
   if (switches > tau) stop = std::min(stop, switches);
   for (const LawFailure& failure : model->mechanism.model.failures) {
-    const double begins = failure.time - elapsed;
+    const double begins = find_time(failure.onset, discrete.entered.data()) - elapsed;
     if (failure.active && begins > tau) stop = std::min(stop, begins);
   }
   const double now = elapsed + tau;
   if (const auto ramp = find_next_ramp(model->hard_dock, discrete.hard_dock, now)) {
     if (*ramp - elapsed > tau) stop = std::min(stop, *ramp - elapsed);
+  const double load_changes = events->find_next_disturbance(elapsed + tau) - elapsed;
+  if (load_changes > tau) stop = std::min(stop, load_changes);
   }
   if (has_surfaces() && model->contact.has_surfaces() && !discrete.hard_dock.joint.on) {
     const double bound = find_step_bound(model->contact, present().contact.gap, present().relative);

@@ -32,6 +32,12 @@ inline const ChoiceList kDaeForms = {
     {3, "stabilised index 2", "by velocities and positions"},
 };
 
+/// Numbers of a disturbance (docking/disturbance.hpp).
+struct DisturbanceNumbers {
+  double time = 0.0, duration = 0.0;                                         ///< [s]
+  Vec3<double> force = Vec3<double>::Zero(), torque = Vec3<double>::Zero();  ///< [N], [N m]
+};
+
 /// Parameters of a run, fixed at the start. Start values come from the scene.
 struct Parameters {
   std::array<VehicleParameters, 2> vehicle;  ///< [kChaser], [kTarget]; docking/scene.hpp
@@ -44,18 +50,19 @@ struct Parameters {
   std::vector<double> element_numbers;  ///< of all laws (model/force_element.hpp)
   std::vector<char> failure_active;     ///< 0 or 1, one per failure
   std::vector<double> failure_numbers;  ///< time [s] and value of each
-  int flight = kQuiescent;              ///< see FreeDriftModel
-  int model_level = kReduced;           ///< see ModelLevel
-  double accuracy = 0.0;                ///< [-] wanted relative error; see sim/accuracy.hpp
-  int solver_method = 1;                ///< see SolverMethod
-  int dae_form = 3;                     ///< of method 9: see kDaeForms
-  double step = 0.0;                    ///< [s] inner step of the fixed methods
-  double rtol = 0.0;                    ///< [-]
-  double atol_position = 0.0;           ///< [m], also for attitude [-]
-  double atol_velocity = 0.0;           ///< [m/s], also for angular velocity [rad/s]
-  double atol_energy = 0.0;             ///< [J] of dissipated energies and external work
-  int coupling_mode = 1;                ///< see CouplingMode
-  double coupling_expected_step = 0.0;  ///< [s] of the first announced load
+  std::vector<DisturbanceNumbers> disturbance;
+  int flight = kQuiescent;                    ///< see FreeDriftModel
+  int model_level = kReduced;                 ///< see ModelLevel
+  double accuracy = 0.0;                      ///< [-] wanted relative error; see sim/accuracy.hpp
+  int solver_method = 1;                      ///< see SolverMethod
+  int dae_form = 3;                           ///< of method 9: see kDaeForms
+  double step = 0.0;                          ///< [s] inner step of the fixed methods
+  double rtol = 0.0;                          ///< [-]
+  double atol_position = 0.0;                 ///< [m], also for attitude [-]
+  double atol_velocity = 0.0;                 ///< [m/s], also for angular velocity [rad/s]
+  double atol_energy = 0.0;                   ///< [J] of dissipated energies and external work
+  int coupling_mode = 1;                      ///< see CouplingMode
+  double coupling_expected_step = 0.0;        ///< [s] of the first announced load
   double coupling_velocity_tolerance = 1e-4;  ///< [m/s] for the suggested step
 };
 

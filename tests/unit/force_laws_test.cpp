@@ -204,7 +204,7 @@ TEST(ForceLaws, an_element_along_two_joints_acts_on_both_with_its_ratios) {
   v << 1.0, 3.0;
   tau << 7.0, 0.0;
   ElementData<double> data(model);
-  calc_element_forces<double>(model, q, v, 0.0, nullptr, nullptr, nullptr, data, tau);
+  calc_element_forces<double>(model, q, v, 0.0, nullptr, {}, nullptr, data, tau);
   EXPECT_DOUBLE_EQ(data.coordinate[0], -0.35);
   EXPECT_DOUBLE_EQ(data.rate[0], -5.5);
   EXPECT_DOUBLE_EQ(data.force[0], 35.0);

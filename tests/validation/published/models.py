@@ -12,6 +12,7 @@ from typing import Any
 
 import dockloop as dl
 from dockloop import paths
+from dockloop.sampling import to_text
 
 AXIS_GROUPS = ("relative", "capture", "phase", "ring", "legs", "energy", "solver")
 
@@ -30,13 +31,6 @@ def read_mechanism(name: str) -> dict:
         if "position" in joint:
             joint["position"][0] -= stroke
     return mechanism
-
-
-def write_value(value: Any) -> str:
-    """Return a value as TOML."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {write_value(v)}" for key, v in value.items()) + "}"
-    return json.dumps(value)
 
 
 def make_scene(
@@ -59,7 +53,7 @@ def make_scene(
     }
     lines = ['title = "case of tests/validation/published"']
     for section, members in sections.items():
-        lines += [f"[{section}]", *(f"{key} = {write_value(v)}" for key, v in members.items())]
+        lines += [f"[{section}]", *(f"{key} = {to_text(v)}" for key, v in members.items())]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "own.json").write_text(json.dumps(mechanism | {"name": "own"}), encoding="utf-8")

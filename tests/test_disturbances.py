@@ -1,0 +1,141 @@
+"""Loads on vehicles that act for a while, and failures that begin at a step of the sequence."""
+
+import numpy as np
+import pytest
+
+import dockloop as dl
+from dockloop.errors import UsageError
+from slides import make_element, make_slide, write_slide
+
+VEHICLE = """
+title = "A vehicle by itself"
+[chaser]
+mass = 1000
+inertia = [1000, 1000, 1000, 0, 0, 0]
+[initial]
+at = "start"
+[experiment]
+stop = 3.0
+step = 0.3
+[outputs]
+groups = ["energy", "solver"]
+[[disturbance]]
+vehicle = "chaser"
+time = 0.5
+duration = 1.0
+force = [10, 0, 0]
+torque = [0, 0, 5]
+"""
+SPRING = {"type": "spring", "stages": [[0, 400]]}
+STEPS = [
+    {
+        "name": "wait",
+        "phase": 1,
+        "next": [{"when": {"quantity": "time", "above": 0.5}, "go": "next"}],
+    },
+    {"name": "next", "phase": 2},
+]
+
+
+@pytest.fixture
+def scene(tmp_path):
+    file = tmp_path / "vehicle.toml"
+    file.write_text(VEHICLE)
+    return str(file)
+
+
+@pytest.mark.parametrize("method", ["auto", "explicit", "bdf", "fixed_rk4", "rosenbrock", "fixed_rosenbrock"])
+def test_a_disturbance_has_its_impulse_at_any_step(scene, method):
+    """Neither begin nor end lies at a communication point; bdf keeps to its tolerance."""
+    most = 1e-4 if method == "bdf" else 1e-9
+    run = dl.run(scene, start_values={"solver.method": method}, stop=3.0, step=0.3)
+    assert run["chaser.velocity[1]"][-1] == pytest.approx(0.01, rel=most)
+    assert run["chaser.angular_velocity[3]"][-1] == pytest.approx(0.005, rel=most)
+    assert run["chaser.position[1]"][-1] == pytest.approx(0.005 + 1.5 * 0.01, rel=most)
+    assert np.max(np.abs(run["energy.residual"])) < max(1e-9, 0.1 * most)
+    early = run.time < 0.5
+    assert np.all(run["chaser.velocity[1]"][early] == 0.0)
+
+
+def test_its_numbers_are_parameters(scene):
+    values = {"disturbance[1].force[1]": 0.0, "disturbance[1].force[2]": 20.0}
+    run = dl.run(scene, start_values={**values, "disturbance[1].time": 2.5}, stop=3.0)
+    assert run["chaser.velocity[1]"][-1] == 0.0
+    assert run["chaser.velocity[2]"][-1] == pytest.approx(0.01, rel=1e-9)  # half of it
+
+
+def test_a_state_saved_while_it_acts_goes_on_with_the_same_bits(scene):
+    docking = dl.Docking(scene)
+    docking.step(0.8)
+    saved = docking.save()
+    ends = []
+    for _ in range(2):
+        for _ in range(7):
+            docking.step(0.2)
+        ends.append(docking.get("chaser.position"))
+        docking.restore(saved)
+    assert np.array_equal(*ends)
+    assert ends[0][0] == pytest.approx(0.005 + 0.7 * 0.01, rel=1e-9)
+
+
+def test_a_disturbance_may_wait_for_a_step(tmp_path):
+    mechanism = make_slide(40, make_element(SPRING), sequence={"steps": STEPS})
+    scene = write_slide(tmp_path, mechanism, 0.1)
+    load = {"vehicle": "chaser", "at": "next", "time": 0.25, "duration": 0.5, "force": [80, 0, 0]}
+    run = dl.run(scene, {"chaser.motion": "free", "disturbance": [load]}, stop=2.0, step=0.1)
+    momentum = 1040 * run["chaser.velocity[1]"] + 40 * run["state.v[1]"]
+    assert np.ptp(momentum[run.time < 0.75]) < 1e-9
+    assert momentum[-1] - momentum[0] == pytest.approx(40.0, rel=1e-9)
+    assert np.max(np.abs(run["energy.residual"])) < 1e-7
+
+
+@pytest.mark.parametrize("kind", ["off", "jammed"])
+def test_a_failure_may_begin_at_a_step(tmp_path, kind):
+    """As the same failure at the time at which the step is entered."""
+    failure = {"element": "one", "kind": kind} | ({"law": 1} if kind == "off" else {})
+    runs = []
+    for onset in ({"time": 0.7}, {"at": "next", "time": 0.2}):
+        mechanism = make_slide(
+            40, make_element(SPRING), sequence={"steps": STEPS}, failures=[failure | onset]
+        )
+        runs.append(dl.run(write_slide(tmp_path, mechanism, 0.1), stop=1.5, step=0.1))
+    a, b = (run["state.q[1]"] for run in runs)
+    assert np.max(np.abs(a - b)) < 1e-8
+    assert abs(runs[0]["state.v[1]"][-1] - 0.1 * np.cos(np.sqrt(10.0) * 1.5)) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"vehicle": "target"}, "is 'target', but the scene has none"),
+        ({"duration": 0}, "must be greater than 0"),
+        ({"at": "retract"}, r"disturbance\[1\].at names a step, but the mechanism has no"),
+        ({"forces": [1, 0, 0]}, "unknown member 'forces'"),
+    ],
+)
+def test_a_disturbance_that_cannot_act_is_refused(scene, change, message):
+    load = {"vehicle": "chaser", "duration": 1.0, **change}
+    with pytest.raises(UsageError, match=message):
+        dl.Docking(scene, overrides={"disturbance": [load]})
+
+
+@pytest.mark.parametrize(
+    ("failure", "message"),
+    [
+        ({"kind": "jammed", "at": "next"}, "names a step, but the mechanism has no sequence"),
+        ({"kind": "delayed", "law": 1, "value": 1, "at": "next"}, "commands are delayed during"),
+    ],
+)
+def test_a_failure_that_names_no_step_is_refused(tmp_path, failure, message):
+    mechanism = make_slide(40, make_element(SPRING), failures=[{"element": "one", **failure}])
+    with pytest.raises(UsageError, match=message):
+        dl.Docking(write_slide(tmp_path, mechanism))
+
+
+def test_a_step_that_does_not_exist_is_named(tmp_path):
+    failure = {"element": "one", "kind": "jammed", "at": "later"}
+    mechanism = make_slide(
+        40, make_element(SPRING), sequence={"steps": STEPS}, failures=[failure]
+    )
+    with pytest.raises(UsageError, match="is 'later'; no step has this name"):
+        dl.Docking(write_slide(tmp_path, mechanism))
