@@ -44,7 +44,9 @@ def scene(tmp_path):
     return str(file)
 
 
-@pytest.mark.parametrize("method", ["auto", "explicit", "bdf", "fixed_rk4", "rosenbrock", "fixed_rosenbrock"])
+@pytest.mark.parametrize(
+    "method", ["auto", "explicit", "bdf", "fixed_rk4", "rosenbrock", "fixed_rosenbrock"]
+)
 def test_a_disturbance_has_its_impulse_at_any_step(scene, method):
     """Neither begin nor end lies at a communication point; bdf keeps to its tolerance."""
     most = 1e-4 if method == "bdf" else 1e-9
@@ -134,8 +136,6 @@ def test_a_failure_that_names_no_step_is_refused(tmp_path, failure, message):
 
 def test_a_step_that_does_not_exist_is_named(tmp_path):
     failure = {"element": "one", "kind": "jammed", "at": "later"}
-    mechanism = make_slide(
-        40, make_element(SPRING), sequence={"steps": STEPS}, failures=[failure]
-    )
+    mechanism = make_slide(40, make_element(SPRING), sequence={"steps": STEPS}, failures=[failure])
     with pytest.raises(UsageError, match="is 'later'; no step has this name"):
         dl.Docking(write_slide(tmp_path, mechanism))

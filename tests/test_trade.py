@@ -358,7 +358,7 @@ def test_the_grid_asks_for_what_the_fmu_has():
     assert {(s.method, s.dae_form) for s in settings if s.level == 4} == {(9, f) for f in (1, 2, 3)}
     assert {s.level for s in settings} == {1, 2, 3, 4}
     for setting in settings[1:]:
-        fixed = setting.method in (7, 8)
+        fixed = setting.method in (7, 8, 13)
         assert (setting.rtol is None, setting.inner_step is None) == (fixed, not fixed), setting
     assert max(s.step for s in settings) == 1.0
     assert max(s.step for s in trade.make_settings(make_bench(), Choice(), 0.5)) == 0.5

@@ -150,7 +150,7 @@ REFUSED = {
     "set": (
         ["run", "absorber_1d", "--set", "solver.method=bfd"],
         "--set solver.method=bfd: 'solver.method' is 'bfd': must be one of auto, explicit,"
-        " implicit, bdf, fixed_rk4, stabilised, rosenbrock (did you mean 'bdf'?)",
+        " implicit, bdf, fixed_rk4, stabilised, rosenbrock, fixed_rosenbrock (did you mean 'bdf'?)",
     ),
     "not carried": (
         ["build", "absorber_1d", "--scene", "solver.method=adams", "-o", "{folder}/a.fmu"],

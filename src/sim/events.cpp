@@ -13,6 +13,7 @@ namespace dockloop {
 /// restart.
 Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (unreduced) drift = std::max(drift, unreduced->find_cut_gap(tau));
+  const std::shared_ptr<const Coordinates> before = coordinates;
   const Status moved = update_coordinates(tau, changed);
   if (!moved.ok()) return moved;
   keep_pose();
@@ -28,7 +29,8 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (!switched.ok()) return switched;
   if (update_thrust(now)) jumped = true;
   changed = changed || jumped;
-  if (changed) kept_jacobian.valid = false;
+  // Equal steps take equal work: a block of the mechanism that is old by an event will do.
+  if (changed && (!is_fixed_step() || coordinates != before)) kept_jacobian.valid = false;
   warn_of_tilt(now);
   events->update_phases(present(), now);
   // Peaks include the forces on both sides of a jump. An absorber that does not pull is released at

@@ -35,6 +35,9 @@ constexpr std::array<MethodFacts, kMethodCount> kMethods = {{
     {kRosenbrock, "rosenbrock",
      "linearly implicit one-step, for loose tolerances and steep friction; with bristles as 11",
      kCore, !kFixed, !kJacobian, kRates},
+    {kFixedRosenbrock, "fixed_rosenbrock",
+     "as 7 with the steps of 12, for stiff models; with bristles as 7", kCore, kFixed, !kJacobian,
+     kRates},
 }};
 
 constexpr bool is_in_order() {

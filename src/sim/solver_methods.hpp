@@ -25,8 +25,9 @@ enum SolverMethod {
   kHighOrder = 10,
   kStabilised = 11,
   kRosenbrock = 12,
+  kFixedRosenbrock = 13,
 };
-constexpr int kMethodCount = kRosenbrock;
+constexpr int kMethodCount = kFixedRosenbrock;
 
 struct MethodFacts {
   SolverMethod method;

@@ -152,6 +152,7 @@ Stepper::Method find_stepper_method(int method) {
     case kBdf:
       return Stepper::Method::kBdf;
     case kFixedRk4:
+    case kFixedRosenbrock:  // with bristles
       return Stepper::Method::kClassicRk4;
     case kAuto:
     case kStabilised:
@@ -467,8 +468,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   put_element_numbers(parameters.element_numbers, made->mechanism.model.elements);
   check_elements(made->mechanism.model.elements);
   put_failures(parameters, made->mechanism.model.failures);
-  model = made;
   put_disturbances(parameters, made->disturbances);
+  model = made;
   discrete.hard_dock = make_start(model->hard_dock);
   events = std::make_unique<EventLogic>(*model, discrete, memory);
   start_mechanism.reset();
@@ -709,9 +710,10 @@ void DockingSim::Impl::make_stepper() {
       comparison->enter(method().method, *this, problem);
     }
   }
-  stepper = std::make_unique<Stepper>(std::move(problem), uses_structured_matrix()
-                                                              ? Stepper::Method::kRosenbrock
-                                                              : find_stepper_method(chosen.method));
+  const Stepper::Method implicit =
+      is_fixed_step() ? Stepper::Method::kFixedRosenbrock : Stepper::Method::kRosenbrock;
+  stepper = std::make_unique<Stepper>(
+      std::move(problem), uses_structured_matrix() ? implicit : find_stepper_method(chosen.method));
 
   std::vector<double> atol = find_absolute_tolerances();
   // A smaller relative tolerance of the host also reduces absolute tolerances, down to rounding.
@@ -758,7 +760,7 @@ bool DockingSim::Impl::prefers_structured_matrix() const {
 bool DockingSim::Impl::uses_structured_matrix() const {
   if (fmi_kind != FmiKind::kCoSimulation || adapt_problem) return false;
   if (setup->parameters.model_level == kReference || model->layout.bristle_count > 0) return false;
-  return method().method == kRosenbrock ||
+  return method().method == kRosenbrock || method().method == kFixedRosenbrock ||
          (method().method == kAuto && prefers_structured_matrix());
 }
 

@@ -357,8 +357,10 @@ Status DockingSim::Impl::integrate(double tau, double end, bool passes, std::int
 /// @pre evaluate_start()
 Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
   const double wanted = std::ceil(h / inner_step * (1.0 - 1e-9));
-  constexpr int kRk4 = 4, kSdirk = 7;  // evaluations, and a Jacobian
-  const double each = needs_jacobian() ? kSdirk + find_jacobian_cost() : kRk4;
+  constexpr int kRk4 = 4, kRosenbrock = 8, kSdirk = 7;  // evaluations; the last: and a Jacobian
+  const double each = needs_jacobian()           ? kSdirk + find_jacobian_cost()
+                      : uses_structured_matrix() ? kRosenbrock
+                                                 : kRk4;
   if (wanted * each > static_cast<double>(limit)) {
     char text[200];
     std::snprintf(
@@ -370,6 +372,7 @@ Status DockingSim::Impl::integrate_fixed(double h, std::int64_t limit) {
     return {StatusCode::kIntegrationFailed, -1, 0.0, elapsed};
   }
   const int count = std::max(1, static_cast<int>(wanted));
+  kept_jacobian.valid = false;  // made anew at the same places in every communication step
   double tau = 0.0;
   for (int k = 1; k <= count; ++k) {
     const double end = k == count ? h : h * k / count;
@@ -438,11 +441,11 @@ double DockingSim::Impl::find_next_stop(double tau, double h) const {
     const double begins = find_time(failure.onset, discrete.entered.data()) - elapsed;
     if (failure.active && begins > tau) stop = std::min(stop, begins);
   }
+  const double load_changes = events->find_next_disturbance(elapsed + tau) - elapsed;
+  if (load_changes > tau) stop = std::min(stop, load_changes);
   const double now = elapsed + tau;
   if (const auto ramp = find_next_ramp(model->hard_dock, discrete.hard_dock, now)) {
     if (*ramp - elapsed > tau) stop = std::min(stop, *ramp - elapsed);
-  const double load_changes = events->find_next_disturbance(elapsed + tau) - elapsed;
-  if (load_changes > tau) stop = std::min(stop, load_changes);
   }
   if (has_surfaces() && model->contact.has_surfaces() && !discrete.hard_dock.joint.on) {
     const double bound = find_step_bound(model->contact, present().contact.gap, present().relative);

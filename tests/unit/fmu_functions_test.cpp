@@ -345,9 +345,9 @@ TEST_F(Fmi, ImpossibleValuesAreRefusedByName) {
   EXPECT_EQ(set("chaser.mass", -1), fmi2Error);
   expect_text("'chaser.mass' = -1 is below its minimum 0 kg");
   const fmi2ValueReference method = reference_.at("solver.method");
-  const fmi2Integer beyond = 13;
+  const fmi2Integer beyond = 14;
   EXPECT_EQ(fmi2SetInteger(c_, &method, 1, &beyond), fmi2Error);
-  expect_text("'solver.method' = 13 is above its maximum 12");
+  expect_text("'solver.method' = 14 is above its maximum 13");
 }
 
 TEST_F(Fmi, ReferencesAndTypesAreChecked) {

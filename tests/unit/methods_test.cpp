@@ -123,20 +123,21 @@ TEST_P(Methods, repeat_to_the_last_bit_also_after_a_refused_step) {
   EXPECT_EQ(refused, 3);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, Methods,
-                         ::testing::Values(MethodCase{kExplicit, "explicit", 5e-6, 1e-6, 1e-8},
-                                           MethodCase{kImplicit, "implicit", 5e-5, 1e-6, 5e-7},
-                                           MethodCase{kImex, "imex", 1e-5, 1e-6, 1e-8},
-                                           MethodCase{kAdams, "adams", 5e-6, 1e-6, 1e-5},
-                                           MethodCase{kBdf, "bdf", 2e-5, 3e-6, 1e-5},
-                                           MethodCase{kFixedRk4, "fixed_rk4", 1e-2, 1.1e-3, 1e-7},
-                                           MethodCase{kFixedImplicit, "fixed_implicit", 1e-2,
-                                                      1.1e-3, 1e-7},
-                                           MethodCase{kHighOrder, "high_order", 6e-5, 1e-6, 1e-8},
-                                           MethodCase{kStabilised, "stabilised", 5e-6, 1e-6, 1e-8},
-                                           MethodCase{kRosenbrock, "rosenbrock", 2e-6, 1e-8, 1e-10},
-                                           MethodCase{kDae, "dae", 5e-6, 3e-6, 1e-5}),
-                         [](const auto& c) { return std::string(c.param.name); });
+INSTANTIATE_TEST_SUITE_P(
+    All, Methods,
+    ::testing::Values(MethodCase{kExplicit, "explicit", 5e-6, 1e-6, 1e-8},
+                      MethodCase{kImplicit, "implicit", 5e-5, 1e-6, 5e-7},
+                      MethodCase{kImex, "imex", 1e-5, 1e-6, 1e-8},
+                      MethodCase{kAdams, "adams", 5e-6, 1e-6, 1e-5},
+                      MethodCase{kBdf, "bdf", 2e-5, 3e-6, 1e-5},
+                      MethodCase{kFixedRk4, "fixed_rk4", 1e-2, 1.1e-3, 1e-7},
+                      MethodCase{kFixedImplicit, "fixed_implicit", 1e-2, 1.1e-3, 1e-7},
+                      MethodCase{kHighOrder, "high_order", 6e-5, 1e-6, 1e-8},
+                      MethodCase{kStabilised, "stabilised", 5e-6, 1e-6, 1e-8},
+                      MethodCase{kRosenbrock, "rosenbrock", 2e-6, 1e-8, 1e-10},
+                      MethodCase{kFixedRosenbrock, "fixed_rosenbrock", 1e-2, 1.1e-3, 1e-7},
+                      MethodCase{kDae, "dae", 5e-6, 3e-6, 1e-5}),
+    [](const auto& c) { return std::string(c.param.name); });
 
 TEST(StiffLegs, need_few_implicit_steps) {
   double steps[2];
@@ -165,6 +166,12 @@ TEST(StiffLegs, are_stable_with_equal_implicit_steps_only) {
   const double peak = expected.capture_peak[Outputs::kCompression];
   EXPECT_NEAR(out.capture_peak[Outputs::kCompression], peak, 1e-4 * peak);
   EXPECT_LE((out.relative_position - expected.relative_position).norm(), 1e-7);
+  const auto linear = start(stiff_scene(), kFixedRosenbrock);
+  ASSERT_TRUE(run(*linear, 0.01, kStiffEnd).ok()) << linear->status_text();
+  print("fixed_rosenbrock", linear->outputs());
+  EXPECT_NEAR(linear->outputs().capture_peak[Outputs::kCompression], peak, 1e-4 * peak);
+  EXPECT_LE((linear->outputs().relative_position - expected.relative_position).norm(), 1e-7);
+  EXPECT_LT(4.0 * linear->outputs().solver_rhs_evaluations, out.solver_rhs_evaluations);
   const auto explicit_ = start(stiff_scene(), kFixedRk4);
   EXPECT_FALSE(run(*explicit_, 0.01, kStiffEnd).ok())
       << "peak " << explicit_->outputs().capture_peak[Outputs::kCompression];
@@ -226,7 +233,7 @@ TEST(Auto, takes_linearly_implicit_steps_where_they_pay) {
 TEST(MethodsThatDoNotExist, are_refused_with_the_choice) {
   for (const auto& [method, form, reason] :
        {std::tuple{0, 3, "solver.method is 0; it must be 1 (auto)"},
-        std::tuple{13, 3, "solver.method is 13; it must be 1 (auto)"},
+        std::tuple{14, 3, "solver.method is 14; it must be 1 (auto)"},
         std::tuple{int(kDae), 4, "solver.dae_form is 4; it must be 1 (index 1)"}}) {
     ComparingSim sim(share(short_ring_scene()));
     sim.parameters().solver_method = method;

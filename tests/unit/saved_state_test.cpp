@@ -75,6 +75,7 @@ std::vector<Run> make_runs() {
   add_method("adams", [](Parameters& p) { p.solver_method = kAdams; });
   add_method("bdf", [](Parameters& p) { p.solver_method = kBdf; });
   add_method("rosenbrock", [](Parameters& p) { p.solver_method = kRosenbrock; });
+  add_method("fixed_rosenbrock", [](Parameters& p) { p.solver_method = kFixedRosenbrock; });
   add_method("imex", [](Parameters& p) { p.solver_method = kImex; });
   add_method("dae", [](Parameters& p) { p.model_level = kReference; });
   runs.push_back({"sloped_inputs", ring, [](Parameters& p) { p.contact_thrust = 50.0; }, push});
