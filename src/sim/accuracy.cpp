@@ -54,13 +54,14 @@ SolverMethod find_best(const Parameters& p) {
   const auto found = std::find_if(kAccuracyTable.begin(), kAccuracyTable.end(),
                                   [&](const AccuracyRow& row) { return row.error <= p.accuracy; });
   const AccuracyRow& row = found == kAccuracyTable.end() ? kAccuracyTable.back() : *found;
-  return row.method[p.coupling_expected_step < kLongStep ? 0 : 1];
+  const auto& methods = p.friction_model == 2 ? row.with_bristles : row.method;
+  return methods[p.coupling_expected_step < kLongStep ? 0 : 1];
 }
 
 /// Place of a method in the table, or its size.
 size_t find_place(int method) {
-  // `auto` took stabilised steps when it was measured, as it still does at these tolerances.
-  const int measured = method == kStabilised ? kAuto : method;
+  // `auto` takes stabilised steps at these tolerances, and others where they cost less.
+  const int measured = method == kAuto ? kStabilised : method;
   const auto found = std::find(kCalibratedMethods.begin(), kCalibratedMethods.end(), measured);
   return static_cast<size_t>(found - kCalibratedMethods.begin());
 }
@@ -119,6 +120,7 @@ SolverChoice choose_solver(const Parameters& p, double tolerance) {
   if (may_choose("method", p.solver_method == SolverSettings().method, c) &&
       p.model_level != kReference) {
     c.method = is_real_time ? kFixedRk4 : find_best(p);
+    if (c.method == kStabilised) c.method = kAuto;
   }
   if (find_method(c.method)->fixed_step) {
     c.needs_step = may_choose("step", p.step == SolverSettings().step, c) && is_real_time;

@@ -10,8 +10,8 @@
 namespace dockloop {
 
 constexpr int kCalibrationCount = 47;  ///< dockings
-constexpr size_t kColumns = 2;
-constexpr std::array<SolverMethod, kColumns> kCalibratedMethods = {kAuto, kBdf};
+constexpr size_t kColumns = 3;
+constexpr std::array<SolverMethod, kColumns> kCalibratedMethods = {kStabilised, kBdf, kRosenbrock};
 
 // Absolute tolerances over the relative one: [m], [m/s], [J].
 constexpr double kAtolPosition = 0.01;
@@ -26,21 +26,23 @@ struct AccuracyRow {
   double error;
   /// The cheapest ones for short and for long communication steps.
   std::array<SolverMethod, 2> method;
+  /// The same where contacts have bristles.
+  std::array<SolverMethod, 2> with_bristles;
   /// Of each method; 0 = not reached.
   std::array<double, kColumns> rtol;
 };
 constexpr std::array<AccuracyRow, 11> kAccuracyTable = {{
-    {0.1, {kBdf, kBdf}, {0.00017, 0.0023}},
-    {0.03, {kBdf, kBdf}, {6e-05, 0.00048}},
-    {0.01, {kBdf, kBdf}, {3.2e-05, 0.00011}},
-    {0.003, {kAuto, kBdf}, {1.6e-05, 4.4e-06}},
-    {0.001, {kAuto, kBdf}, {6.6e-06, 7.7e-07}},
-    {0.0003, {kAuto, kBdf}, {1.4e-06, 1.7e-07}},
-    {0.0001, {kAuto, kBdf}, {2.3e-07, 4.3e-08}},
-    {3e-05, {kAuto, kBdf}, {3.4e-08, 9.7e-09}},
-    {1e-05, {kAuto, kBdf}, {3.8e-09, 2.9e-09}},
-    {3e-06, {kBdf, kBdf}, {2.7e-10, 7.6e-10}},
-    {1e-06, {kBdf, kBdf}, {0, 2.3e-10}},
+    {0.1, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {0.00017, 0.0023, 0.01}},
+    {0.03, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {6e-05, 0.00046, 0.0049}},
+    {0.01, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {3.2e-05, 0.00011, 0.0017}},
+    {0.003, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {1.6e-05, 4.4e-06, 0.00054}},
+    {0.001, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {6.6e-06, 7.7e-07, 0.00018}},
+    {0.0003, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {1.4e-06, 1.7e-07, 5.3e-05}},
+    {0.0001, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {2.3e-07, 4.3e-08, 1.8e-05}},
+    {3e-05, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {3.5e-08, 9.7e-09, 3.5e-06}},
+    {1e-05, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {4e-09, 2.8e-09, 6.9e-07}},
+    {3e-06, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {2.7e-10, 7.5e-10, 2e-07}},
+    {1e-06, {kBdf, kBdf}, {kBdf, kBdf}, {0, 2.3e-10, 0}},
 }};
 
 }  // namespace dockloop

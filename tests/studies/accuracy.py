@@ -19,6 +19,7 @@ import json
 import math
 import os
 import random
+import time
 from multiprocessing.pool import Pool
 from pathlib import Path
 
@@ -37,8 +38,10 @@ PAGE = ROOT / "tests" / "validation" / "accuracy.md"
 
 SCENE, STOP, STEPS = "idss_25t_350t", 12.0, (0.01, 0.25)
 GROUPS = ["relative", "capture", "phase", "ring", "solver"]
-METHODS = ("auto", "bdf")  # of the calibration; the cheapest one is chosen
+METHODS = ("stabilised", "bdf", "rosenbrock")  # of the calibration; the cheapest one is chosen
+NOT_WITH_BRISTLES = ("rosenbrock",)
 LADDER = tuple(10.0**-k for k in range(2, 11))  # relative tolerances
+TIGHTEST = {"rosenbrock": 1e-7}  # of the ladder; tighter ones cost too much
 REFERENCE = ("bdf", 1e-11)  # method and tolerance of the reference solution: errors below 1e-7
 WANTED = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7)  # rows
 MARGIN, WORST = 1.2, 4.0  # promised: MARGIN times the error of 95 %, and no error above WORST times
@@ -121,13 +124,19 @@ def round_error(error):
 
 
 def run_ladder(keys, step, reference, method):
-    """Return errors and evaluations of a docking along the ladder; None: refused, other outcome."""
-    errors, costs = [], []
-    for rtol in LADDER:
+    """Return errors and costs of a docking along the ladder; None: refused, other outcome.
+
+    Costs are evaluations and seconds of the processor: evaluations of methods cost differently.
+    """
+    errors, costs, seconds = [], [], []
+    for rtol in (rtol for rtol in LADDER if rtol >= TIGHTEST.get(method, 0.0)):
+        began = time.process_time()
         made = run(keys, step, set_tolerance(method, rtol))
+        took = time.process_time() - began
         errors.append(None if made is None else round_error(find_error(reference, made)))
         costs.append(None if made is None else count(made))
-    return {"errors": errors, "evaluations": costs}
+        seconds.append(None if made is None else round(took, 4))
+    return {"errors": errors, "evaluations": costs, "seconds": seconds}
 
 
 def calibrate_case(number):
@@ -173,7 +182,8 @@ def find_promises(data, method):
 
 def find_rtol(data, method, wanted):
     """Return the tolerance for a wanted error, interpolated; None: no tolerance is tight enough."""
-    promises, ladder = find_promises(data, method), data["rtol"]
+    promises = find_promises(data, method)
+    ladder = data["rtol"][: len(promises)]
     if promises[-1] > wanted:
         return None
     first = int(np.argmax(promises <= wanted))
@@ -184,13 +194,13 @@ def find_rtol(data, method, wanted):
     return ladder[first - 1] * (ladder[first] / ladder[first - 1]) ** share
 
 
-def find_cost(data, method, rtol, step):
-    """Return the geometric mean of evaluations over the dockings with this communication step."""
+def find_cost(data, method, rtol, step, what="seconds"):
+    """Return the geometric mean of a cost over the dockings with this communication step."""
     ladder = np.log(data["rtol"])
     costs = [
-        np.interp(-math.log(rtol), -ladder, np.log(case[method]["evaluations"]))
+        np.interp(-math.log(rtol), -ladder[: len(case[method][what])], np.log(case[method][what]))
         for case in data["cases"]
-        if case["step"] == step and None not in case[method]["evaluations"]
+        if case["step"] == step and None not in case[method][what]
     ]
     return math.exp(np.mean(costs))
 
@@ -199,7 +209,7 @@ def list_rows(data):
     """Return rows of the table: wanted error, cheapest methods, tolerance of every method, costs.
 
     The methods are those for short and for long communication steps. A tolerance of 0: the method
-    does not reach this error. Costs are evaluations by method, for both steps.
+    does not reach this error. Costs are seconds by method, for both steps.
     """
     rows = []
     for wanted in WANTED:
@@ -213,8 +223,19 @@ def list_rows(data):
         costs = [
             {m: find_cost(data, m, rtol, step) for m, rtol in reached.items()} for step in STEPS
         ]
-        rows.append((wanted, [min(cost, key=cost.get) for cost in costs], values, costs))
+        rows.append((wanted, [find_cheapest(cost) for cost in costs], values, costs))
     return rows
+
+
+def find_cheapest(cost, excluded=()):
+    """Return the method with the least cost; with all methods if only these are excluded."""
+    left = {method: value for method, value in cost.items() if method not in excluded} or cost
+    return min(left, key=left.get)
+
+
+def list_enumerators(methods):
+    """Return methods as a list of the core."""
+    return "{" + ", ".join(map(name_enumerator, methods)) + "}"
 
 
 def name_enumerator(method):
@@ -226,9 +247,10 @@ def make_table(data):
     """Return the text of the table of the core."""
     methods = ", ".join(map(name_enumerator, data["methods"]))
     rows = [
-        f"    {{{error:g}, {{{', '.join(map(name_enumerator, best))}}},"
+        f"    {{{error:g}, {list_enumerators(best)},"
+        f" {list_enumerators([find_cheapest(cost, NOT_WITH_BRISTLES) for cost in costs])},"
         f" {{{', '.join(f'{rtol:g}' for rtol in rtols)}}}}},"
-        for error, best, rtols, _ in list_rows(data)
+        for error, best, rtols, costs in list_rows(data)
     ]
     shares = [
         f"constexpr double kAtol{name.removeprefix('atol_').capitalize()} = {share:g};"
@@ -260,6 +282,8 @@ struct AccuracyRow {{
   double error;
   /// The cheapest ones for short and for long communication steps.
   std::array<SolverMethod, 2> method;
+  /// The same where contacts have bristles.
+  std::array<SolverMethod, 2> with_bristles;
   /// Of each method; 0 = not reached.
   std::array<double, kColumns> rtol;
 }};
@@ -279,11 +303,13 @@ def check_case(number):
         return None
     row = {"number": number, "step": step}
     for accuracy in (*CHECKED, "real-time"):
+        began = time.process_time()
         made = run(keys, step, {"accuracy": accuracy})
+        took = time.process_time() - began
         if made is None:
-            row[str(accuracy)] = {"error": np.inf, "evaluations": None}
+            row[str(accuracy)] = {"error": np.inf, "evaluations": None, "seconds": np.nan}
             continue
-        found = {"error": find_error(reference, made), "evaluations": count(made)}
+        found = {"error": find_error(reference, made), "evaluations": count(made), "seconds": took}
         found["promise"] = float(made["solver.error_estimate"][-1])
         if accuracy in ESTIMATED:
             found["estimate"] = estimate_error(made, lambda more: run(keys, step, more))["error"]
@@ -293,14 +319,17 @@ def check_case(number):
 
 def describe_check(rows):
     """Return the lines of the page."""
-    costs = {a: np.array([row[str(a)]["evaluations"] for row in rows], float) for a in CHECKED}
+    costs, seconds = (
+        {a: np.array([row[str(a)][what] for row in rows], float) for a in CHECKED}
+        for what in ("evaluations", "seconds")
+    )
     lines = write_head(
         *("`accuracy`", "within it", "within 5 times", "median error", "largest error"),
-        *("evaluations over those of 1e-6, median (10 to 90 %)", "evaluations, median"),
+        *("processor time over that of 1e-6, median (10 to 90 %)", "evaluations, median"),
     )
     for accuracy in CHECKED:
         errors = np.array([row[str(accuracy)]["error"] for row in rows])
-        ratio = np.nanquantile(costs[accuracy] / costs[1e-6], (0.5, 0.1, 0.9))
+        ratio = np.nanquantile(seconds[accuracy] / seconds[1e-6], (0.5, 0.1, 0.9))
         lines.append(
             write_row(
                 f"{accuracy:g}",
@@ -358,18 +387,29 @@ def describe_calibration(data):
     for i, rtol in enumerate(data["rtol"]):
         cells = []
         for method in data["methods"]:
-            errors = [case[method]["errors"][i] for case in data["cases"]]
+            errors = [case[method]["errors"][i : i + 1] for case in data["cases"]]
+            if not all(errors):
+                cells.append("")
+                continue
+            errors = [error for (error,) in errors]
             known = np.array([np.inf if e is None else e for e in errors])
             at = [np.quantile(known, q, method="higher") for q in (0.5, 0.95, 1.0)]
             cells.append(", ".join(f"{value:.0e}" for value in at))
         lines.append(write_row(f"{rtol:g}", *cells))
-    titles = (f"steps of {step:g} s: method, `solver.rtol`, evaluations" for step in STEPS)
+    titles = (
+        f"steps of {step:g} s: method, `solver.rtol`, evaluations, processor time over that of 1e-6"
+        for step in STEPS
+    )
     lines += ["", *write_head("`accuracy`", *titles)]
-    for error, methods, rtols, costs in list_rows(data):
-        cells = [
-            f"{method}, {rtols[data['methods'].index(method)]:g}, {cost[method]:.0f}"
-            for method, cost in zip(methods, costs, strict=True)
-        ]
+    rows = list_rows(data)
+    floor = [min(cost.values()) for cost in rows[-1][3]]
+    for error, methods, rtols, costs in rows:
+        cells = []
+        for method, cost, step, most in zip(methods, costs, STEPS, floor, strict=True):
+            rtol = rtols[data["methods"].index(method)]
+            evaluations = find_cost(data, method, rtol, step, "evaluations")
+            ratio = cost[method] / most
+            cells.append(f"{method}, {rtol:g}, {evaluations:.0f}, {ratio:.2f}")
         lines.append(write_row(f"{error:g}", *cells))
     return lines
 
