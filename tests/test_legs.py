@@ -26,7 +26,8 @@ def expand_leg(leg: dict, members: dict, ring_position: np.ndarray) -> tuple[lis
     y /= np.linalg.norm(y)
     axes = np.column_stack((x, y, np.cross(x, y))).tolist()
 
-    def make(part, parent, kind, axis, com=0.0, axial=0.0, transverse=0.0, mass=0.0, **place):
+    def make(part, parent, kind, axis, own=(0.0, 0.0, 0.0, 0.0), **place):
+        mass, com, axial, transverse = own
         return {
             "name": f"{name}_{part}",
             "parent": parent,
@@ -37,15 +38,15 @@ def expand_leg(leg: dict, members: dict, ring_position: np.ndarray) -> tuple[lis
         }
 
     cylinder, rod, screw = (members[part] for part in ("cylinder", "rod", "screw"))
-    tube = (cylinder["com"], cylinder["inertia_axial"], cylinder["inertia_transverse"])
-    tip = (length - rod["com"], rod["inertia_axial"], rod["inertia_transverse"])
-    rotor = (screw["com"], screw["inertia"], screw["inertia_transverse"])
+    tube = [cylinder[key] for key in ("mass", "com", "inertia_axial", "inertia_transverse")]
+    tip = [rod["mass"], length - rod["com"], rod["inertia_axial"], rod["inertia_transverse"]]
+    rotor = [screw[key] for key in ("mass", "com", "inertia", "inertia_transverse")]
     place = {"position": root.tolist(), "rotation": axes}
     bodies = [
         make("cross", "base", "revolute", [0, 1, 0], **place),
-        make("cyl", f"{name}_cross", "revolute", [0, 0, 1], *tube, mass=cylinder["mass"]),
-        make("rod", f"{name}_cyl", "prismatic", [1, 0, 0], *tip, mass=rod["mass"]),
-        make("rotor", f"{name}_cyl", "revolute", [1, 0, 0], *rotor, mass=screw["mass"]),
+        make("cyl", f"{name}_cross", "revolute", [0, 0, 1], tube),
+        make("rod", f"{name}_cyl", "prismatic", [1, 0, 0], tip),
+        make("rotor", f"{name}_cyl", "revolute", [1, 0, 0], rotor),
     ]
     loop = {
         "name": name,
