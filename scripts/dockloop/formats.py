@@ -216,7 +216,12 @@ def _row(member: str, node: dict, is_required: bool) -> tuple[str, ...]:
 def _describe_value(node: dict) -> str:
     """Return which values a member can have."""
     if "enum" in node:
-        return ", ".join(f"`{value}`" for value in node["enum"])
+        values = node["enum"]
+        names = [value for value in values if not isinstance(value, int)]
+        numbers = values[len(names) :]
+        if names and len(numbers) > 2:
+            return ", ".join(f"`{name}`" for name in names) + f", `{numbers[0]}` to `{numbers[-1]}`"
+        return ", ".join(f"`{value}`" for value in values)
     types = node.get("type", "object" if _is_group(node) else [])
     types = [types] if isinstance(types, str) else types
     if types == ["array"]:
