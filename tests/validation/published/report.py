@@ -67,7 +67,6 @@ change, which needs masses, springs and brakes of one and the same unit:
 
 ## What is missing
 
-* Retraction: the jet that fires while the ring retracts (case F).
 * Measured force histories. With them, `dockloop compare RESULT DATA.csv` lays data over a run.
 * Scans of pages 26, 74, 148, 186 to 188, 213, 214, 239, 243 and 258 of the book: masses, springs
   and the plotted force of the qualification tests. With these, cases A and C become comparisons
