@@ -610,7 +610,7 @@ def _limits(document: dict) -> str:
             " along the first axis of its universal joint or has no length; near such a pose the"
             " log warns, and a step into it is refused."
         )
-        first = legs[0] if "slide" in legs[0] else {**mechanism.get("leg_defaults", {}), **legs[0]}
+        first = next(iter(drawing.list_legs(mechanism)), {})
         if stops := first.get("stops"):
             items.append(
                 f"End stops of the legs at {1e3 * stops['min_length']:g} mm and"

@@ -180,10 +180,10 @@ def _find_skeleton(
             if loop[body] != "base":
                 lines.append(("body", position, at))
         marks.append(("cut", at))
-    loops = {loop["name"] for loop in mechanism.get("loops", [])}
+    written = {leg["name"] for leg in list_legs(mechanism) if "bodies" in leg}
     for name, root, end in find_legs(mechanism, home_q):
         lines.append(("leg", root, end))
-        if name not in loops:
+        if name not in written:  # its loop has marked the cut
             marks.append(("cut", end))
     return lines, marks
 

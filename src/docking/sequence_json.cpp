@@ -74,6 +74,13 @@ int read_choice_name(const JsonReader& item, const ChoiceList& list) {
   item.fail("is '" + item.text() + "'; known names are " + known);
 }
 
+/// Position of the step that a text names. @param item  the text
+int find_step(const JsonReader& item, const std::vector<std::string>& names) {
+  const auto at = std::find(names.begin(), names.end(), item.text());
+  if (at == names.end()) item.fail("is '" + item.text() + "'; no step has this name");
+  return static_cast<int>(at - names.begin());
+}
+
 /// What the members of a sequence refer to.
 struct Context {
   const MechanismModel& model;
@@ -86,11 +93,6 @@ struct Context {
       if (model.elements[i].name == name) return static_cast<int>(i);
     }
     return -1;
-  }
-  int find_step(const JsonReader& item) const {
-    const auto at = std::find(steps.begin(), steps.end(), item.text());
-    if (at == steps.end()) item.fail("is '" + item.text() + "'; no step has this name");
-    return static_cast<int>(at - steps.begin());
   }
 };
 
@@ -337,7 +339,7 @@ Action read_keyed(const JsonReader& item, const Context& context, const std::str
 
 SequenceBranch read_branch(const JsonReader& item, const Context& context) {
   SequenceBranch branch;
-  if (item.has("go")) branch.go = context.find_step(item.at("go"));
+  if (item.has("go")) branch.go = find_step(item.at("go"), context.steps);
   if (item.has("outcome")) branch.outcome = read_choice_name(item.at("outcome"), kOutcomes);
   return branch;
 }
@@ -382,7 +384,7 @@ Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
   if (names.empty()) item.at("steps").fail("is empty; a sequence needs a step");
   const Context context{model, latches, names, hard_dock};
   for (const JsonReader& step : steps) sequence.steps.push_back(read_step(step, context));
-  if (item.has("start")) sequence.start = context.find_step(item.at("start"));
+  if (item.has("start")) sequence.start = find_step(item.at("start"), names);
   return sequence;
 }
 
@@ -390,12 +392,9 @@ void find_step(const JsonReader& item, const Sequence& sequence, Onset& onset) {
   if (onset.step_name.empty()) return;
   const JsonReader name = item.at("at");
   if (sequence.empty()) name.fail("names a step, but the mechanism has no sequence; give the time");
-  const auto& steps = sequence.steps;
-  const auto at = std::find_if(steps.begin(), steps.end(), [&](const SequenceStep& step) {
-    return step.name == onset.step_name;
-  });
-  if (at == steps.end()) name.fail("is '" + onset.step_name + "'; no step has this name");
-  onset.step = static_cast<int>(at - steps.begin());
+  std::vector<std::string> names;
+  for (const SequenceStep& step : sequence.steps) names.push_back(step.name);
+  onset.step = find_step(name, names);
 }
 
 }  // namespace dockloop

@@ -25,24 +25,27 @@ struct ElementData {
   ElementSums<S> sums;
 };
 
+/// Sum of ratio x number over the joints of an element. @param index  of a body into the numbers
+template <class S>
+S sum_along(const MechanismModel& model, const ForceElement& element, const VecX<S>& numbers,
+            int Body::* index) {
+  S sum(0);
+  for (const ElementTerm& term : element.along) {
+    sum += S(term.ratio) * numbers[model.bodies[term.body].*index];
+  }
+  return sum;
+}
+
 /// Coordinate of an element. @param q  all coordinates
 template <class S>
 S find_coordinate(const MechanismModel& model, const ForceElement& element, const VecX<S>& q) {
-  S sum(0);
-  for (const ElementTerm& term : element.along) {
-    sum += S(term.ratio) * q[model.bodies[term.body].q_index];
-  }
-  return sum;
+  return sum_along<S>(model, element, q, &Body::q_index);
 }
 
 /// Its rate. @param v  all velocities
 template <class S>
 S find_rate(const MechanismModel& model, const ForceElement& element, const VecX<S>& v) {
-  S sum(0);
-  for (const ElementTerm& term : element.along) {
-    sum += S(term.ratio) * v[model.bodies[term.body].v_index];
-  }
-  return sum;
+  return sum_along<S>(model, element, v, &Body::v_index);
 }
 
 /// What a sequence has done so far; null: there is none.

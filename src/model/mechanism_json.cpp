@@ -132,23 +132,30 @@ Loop read_loop(const JsonReader& item, const MechanismModel& model) {
   return loop;
 }
 
-/// A gear, differential or screw: one joint coordinate is a linear function of others.
-Loop read_coupling(const JsonReader& item, const MechanismModel& model) {
+/// A coupling without its terms.
+Loop make_coupling(const std::string& name, int dependent, const MechanismModel& model) {
   Loop loop;
   loop.cut = CutType::kCoupling;
-  loop.name = item.at("name").text();
-  check_loop_name(item, loop.name, model);
-  const auto read_joint = [&](const JsonReader& name) {
+  loop.name = name;
+  loop.dependent = {dependent};
+  loop.first = loop.terminal = dependent;
+  loop.root = model.bodies[dependent].parent;
+  return loop;
+}
+
+/// A gear, differential or screw: one joint coordinate is a linear function of others.
+Loop read_coupling(const JsonReader& item, const MechanismModel& model) {
+  const std::string name = item.at("name").text();
+  check_loop_name(item, name, model);
+  const auto read_joint = [&](const JsonReader& joint) {
     const int body =
-        find_body(model, name.text(), "coupling '" + loop.name + "' (" + name.path() + ")");
+        find_body(model, joint.text(), "coupling '" + name + "' (" + joint.path() + ")");
     if (body == kBase || model.bodies[body].joint == JointType::kFree) {
-      name.fail("(coupling '" + loop.name + "') must name a revolute or prismatic joint");
+      joint.fail("(coupling '" + name + "') must name a revolute or prismatic joint");
     }
     return body;
   };
-  loop.dependent = {read_joint(item.at("dependent"))};
-  loop.first = loop.terminal = loop.dependent[0];
-  loop.root = model.bodies[loop.first].parent;
+  Loop loop = make_coupling(name, read_joint(item.at("dependent")), model);
   for (const JsonReader& term : item.list("terms", kMaxItems)) {
     const int body = read_joint(term.at("joint"));
     for (const CouplingTerm& other : loop.terms) {
@@ -192,7 +199,7 @@ Mat3<double> make_axial_inertia(double axial, double transverse) {
   return Vec3<double>(axial, transverse, transverse).asDiagonal();
 }
 
-/// Legs while they are read: screws of all legs, whose couplings come after all loops.
+/// The screw of a leg while legs are read: its coupling comes after all loops.
 struct LegScrew {
   JsonReader item;
   std::string name;
@@ -328,13 +335,8 @@ void add_slide_leg(const LegReader& in, MechanismModel& model, std::vector<LegSc
 }
 
 void add_screw(const LegScrew& screw, MechanismModel& model) {
-  Loop loop;
-  loop.cut = CutType::kCoupling;
-  loop.name = screw.name;
-  check_loop_name(screw.item, loop.name, model);
-  loop.dependent = {screw.rotor};
-  loop.first = loop.terminal = screw.rotor;
-  loop.root = model.bodies[screw.rotor].parent;
+  check_loop_name(screw.item, screw.name, model);
+  Loop loop = make_coupling(screw.name, screw.rotor, model);
   loop.terms = {{screw.rod, screw.ratio}};
   model.loops.push_back(loop);
 }

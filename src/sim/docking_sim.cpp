@@ -332,7 +332,7 @@ void DockingSim::Impl::use_tunables() {
   }
   evaluator->forget_present();
   kept_jacobian.valid = false;
-  update_thrust(elapsed);
+  update_outside_loads(elapsed);
 }
 
 /// From now on the equations are those of a changed copy of the model. The layout of the state is

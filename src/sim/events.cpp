@@ -27,7 +27,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (update_hooks(now)) jumped = true;
   const Status switched = update_sequence(tau, changed, jumped);
   if (!switched.ok()) return switched;
-  if (update_thrust(now)) jumped = true;
+  if (update_outside_loads(now)) jumped = true;
   changed = changed || jumped;
   // Equal steps take equal work: a block of the mechanism that is old by an event will do.
   if (changed && (!is_fixed_step() || coordinates != before)) kept_jacobian.valid = false;
@@ -137,7 +137,8 @@ double DockingSim::Impl::find_clock_rounding(double now) const {
   return 4e-16 * (std::abs(setup->t_start) + std::abs(now));
 }
 
-bool DockingSim::Impl::update_thrust(double now) {
+/// Contact thrust and disturbances that begin or end. @return whether they do
+bool DockingSim::Impl::update_outside_loads(double now) {
   const double rounding = find_clock_rounding(now);
   const bool disturbed = events->update_disturbances(now, rounding);
   if (disturbed) loads.add(events->find_disturbing_loads());
@@ -181,7 +182,7 @@ Status DockingSim::Impl::update_command() {
   kept_jacobian.valid = false;
   const Status status = update_sequence(0.0, changed, jumped);
   if (!status.ok()) return status;
-  update_thrust(elapsed);
+  update_outside_loads(elapsed);
   events->update_phases(present(), elapsed);
   return evaluate_start();
 }

@@ -181,7 +181,7 @@ struct DockingSim::Impl : SimState {
   Status decide_absorber();
   bool update_latches(double now);
   double find_clock_rounding(double now) const;
-  bool update_thrust(double now);
+  bool update_outside_loads(double now);
   Status update_sequence(double tau, bool& changed, bool& jumped);
   Status update_command();
   Status evaluate(double tau, bool may_lock = true);

@@ -539,7 +539,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     throw ModelError("start state cannot be evaluated");
   events->update_capture(0.0);
   start_sequence();
-  update_thrust(0.0);
+  update_outside_loads(0.0);
   events->update_phases(present(), 0.0);
   peaks.start(0.0, find_peak_values());
   quiescent_mode->start(stepper->y());

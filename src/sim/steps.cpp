@@ -170,7 +170,7 @@ double DockingSim::Impl::find_lateness(double t) const {
 Status DockingSim::Impl::begin_step(double h) {
   if (host->announces()) notice_step(h);
   Status status = receive(h);
-  if (update_thrust(elapsed)) kept_jacobian.valid = false;  // it may be a new input
+  if (update_outside_loads(elapsed)) kept_jacobian.valid = false;  // it may be a new input
   if (status.ok()) status = evaluate_start();
   if (status.ok()) status = update_command();
   if (status.ok()) status = update_hard_dock_command();
@@ -430,23 +430,19 @@ double DockingSim::Impl::update_singularity_step(double made) {
 /// of thrust or of another load, a known time of the sequence, an end of a ramp, and the bound that
 /// prevents surfaces from passing through each other unseen.
 double DockingSim::Impl::find_next_stop(double tau, double h) const {
-  double stop = h;
-  const std::optional<double> onset = events->find_thrust_onset();
-  if (onset && !discrete.thrust_on && *onset - elapsed > tau) {
-    stop = std::min(stop, *onset - elapsed);
-  }
-  const double switches = events->sequence().find_next_time(elapsed + tau) - elapsed;
-  if (switches > tau) stop = std::min(stop, switches);
-  for (const LawFailure& failure : model->mechanism.model.failures) {
-    const double begins = find_time(failure.onset, discrete.entered.data()) - elapsed;
-    if (failure.active && begins > tau) stop = std::min(stop, begins);
-  }
-  const double load_changes = events->find_next_disturbance(elapsed + tau) - elapsed;
-  if (load_changes > tau) stop = std::min(stop, load_changes);
   const double now = elapsed + tau;
-  if (const auto ramp = find_next_ramp(model->hard_dock, discrete.hard_dock, now)) {
-    if (*ramp - elapsed > tau) stop = std::min(stop, *ramp - elapsed);
+  double stop = h;
+  const auto stop_at = [&](double time) {
+    if (time - elapsed > tau) stop = std::min(stop, time - elapsed);
+  };
+  const std::optional<double> onset = events->find_thrust_onset();
+  if (onset && !discrete.thrust_on) stop_at(*onset);
+  stop_at(events->sequence().find_next_time(now));
+  for (const LawFailure& failure : model->mechanism.model.failures) {
+    if (failure.active) stop_at(find_time(failure.onset, discrete.entered.data()));
   }
+  stop_at(events->find_next_disturbance(now));
+  if (const auto ramp = find_next_ramp(model->hard_dock, discrete.hard_dock, now)) stop_at(*ramp);
   if (has_surfaces() && model->contact.has_surfaces() && !discrete.hard_dock.joint.on) {
     const double bound = find_step_bound(model->contact, present().contact.gap, present().relative);
     if (tau + bound < stop) stop = tau + bound;
