@@ -25,6 +25,9 @@ constexpr double kGrowth = 25.0, kLeastShrink = 0.2;  ///< limits of a change of
 constexpr double kLimited = 2.8;     ///< where stability begins to limit Dormand-Prince steps
 constexpr double kWorthwhile = 4.0;  ///< where a stabilised step is cheaper than two of those
 constexpr double kRateFade = 0.9;    ///< of the fastest rate seen, per step
+/// Error, in tolerances, of a step that is ten times too long. Its stages have left the solution,
+/// for example deep into a contact, and the rate at its end is not that of the solution.
+constexpr double kFarOff = 1e5;
 
 /// A table, and what follows from it.
 struct Method {
@@ -125,15 +128,15 @@ double ExplicitSolver::find_norm(const double* weight, double h) {
 bool ExplicitSolver::find_error(double h, double& error) {
   const RungeKuttaTable& table = used_->table;
   if (!calc_rates(t_ + h, end_.data(), get_rates(table.stages))) return false;
-  update_fastest_rate(h);
   const double high = find_norm(table.error, h);
   if (!table.low_error) {
     error = std::sqrt(high / size_);
-    return true;
+  } else {
+    const double low = find_norm(table.low_error, h);
+    const double both = high + 0.01 * low;  // as DOP853 has it
+    error = both > 0.0 ? high / std::sqrt(both * size_) : 0.0;
   }
-  const double low = find_norm(table.low_error, h);
-  const double both = high + 0.01 * low;  // as DOP853 has it
-  error = both > 0.0 ? high / std::sqrt(both * size_) : 0.0;
+  if (error < kFarOff) update_fastest_rate(h);
   return true;
 }
 

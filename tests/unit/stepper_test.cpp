@@ -6,7 +6,8 @@
 // 4. steps and restarts do not allocate;
 // 5. roots are found where they are; a state that cannot be evaluated makes the step smaller;
 // 6. what stiffness costs: implicit methods need few steps where explicit ones need many, and equal
-//    implicit steps are stable where explicit ones of the same size are not;
+//    implicit steps are stable where explicit ones of the same size are not; a step that runs deep
+//    into a contact does not decide the sizes of later ones;
 // 7. an event function that is below zero inside a step only is seen, if its speed is known;
 // 8. steps fail once all evaluations that are allowed have been made.
 #include "integrate/stepper.hpp"
@@ -271,6 +272,33 @@ TEST(StiffProblems, are_cheaper_with_stabilised_steps_and_as_accurate) {
   }
   EXPECT_LT(2 * evaluations[1], evaluations[0]);
   EXPECT_LT(error[1], 1e-4);
+}
+
+TEST(StiffProblems, that_begin_inside_a_step_leave_no_rate_of_stages_that_are_far_off) {
+  // A ball flies freely, so steps grow, and meets a wall of cubic stiffness. Stages of the long
+  // step that meets it lie a metre deep.
+  Stepper::Problem p;
+  p.size = 2;
+  p.rates = [](double, const double* y, double* ydot) {
+    const double depth = std::max(0.0, y[0]);
+    ydot[0] = y[1];
+    ydot[1] = -1e9 * depth * depth * depth;
+    return 0;
+  };
+  long evaluations[2];
+  const Method methods[] = {Method::kDormandPrince, Method::kStabilised};
+  for (int i = 0; i < 2; ++i) {
+    Stepper stepper(p, methods[i]);
+    set_tolerance(stepper, 2, 1e-8);
+    stepper.y()[0] = -0.25;
+    stepper.y()[1] = 1.0;
+    stepper.restart(0.0, 1e-6);
+    ASSERT_TRUE(run_to(stepper, 1.0));
+    EXPECT_NEAR(stepper.y()[1], -1.0, 1e-5);
+    evaluations[i] = stepper.rate_evaluations();
+    std::printf("%ld evaluations, fastest rate %.3g/s\n", evaluations[i], stepper.fastest_rate());
+  }
+  EXPECT_LT(evaluations[1], 2 * evaluations[0]);
 }
 
 TEST(SmoothProblems, are_never_handed_to_the_stabilised_pair) {
