@@ -2,11 +2,14 @@
 //
 // Sampling at communication points misses peaks. Inner steps of a high-order method are long too,
 // so near a peak (is_near()) the middle of a step is also a sample. A sample above both neighbours
-// is refined by the polynomial through the last five samples (fourth order in the spacing). The
-// parabola through the three middle samples bounds the result, so a kink causes no overshoot.
+// is refined by the polynomial through the last five samples (fourth order in the spacing). Two
+// bounds keep it from overshooting at a kink or a jump that is not announced: the parabola through
+// the three middle samples, and the lines through the two samples on either side.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "sim/archive.hpp"
 
@@ -30,9 +33,11 @@ class PeakTracker {
 
   void add(double t, const std::array<double, N>& value) {
     raise(value);
-    // Samples much closer than their neighbours would only amplify rounding.
-    if (count_ >= 2 && t - time_[count_ - 1] < 1e-2 * (time_[count_ - 1] - time_[count_ - 2]))
+    // Samples much closer than their neighbours would only amplify rounding, or are behind a jump.
+    if (count_ >= 2 && t - time_[count_ - 1] < 1e-2 * (time_[count_ - 1] - time_[count_ - 2])) {
+      if (has_jumped(value)) begin(t, value);
       return;
+    }
     push(t, value);
     if (count_ < kWindow) return;
     for (int i = 0; i < N; ++i) {
@@ -103,6 +108,31 @@ class PeakTracker {
     return sum;
   }
 
+  /// Does a value right behind the last sample differ by half as much as all samples do?
+  bool has_jumped(const std::array<double, N>& value) const {
+    constexpr int kLeast = 3;  // samples, of which two may be equal at a smooth peak
+    for (int i = 0; i < N && count_ >= kLeast; ++i) {
+      double low = value_[0][i], high = low;
+      for (int j = 1; j < count_; ++j) {
+        low = std::min(low, value_[j][i]);
+        high = std::max(high, value_[j][i]);
+      }
+      if (std::abs(value[i] - value_[count_ - 1][i]) > 0.5 * (high - low)) return true;
+    }
+    return false;
+  }
+
+  /// Bound between samples k and k + 1 of values that are concave from k - 1 to k + 2: where the
+  /// lines through the samples on either side meet. It is exact at a corner of straight lines.
+  double find_bound(int i, int k) const {
+    const double first = value_[k][i], last = value_[k + 1][i];
+    const double from_left = interpolate(i, k - 1, k, time_[k + 1]);
+    const double from_right = interpolate(i, k + 1, k + 2, time_[k]);
+    const double begin = from_right - first, end = from_left - last;
+    if (!(begin > 0.0 && end > 0.0)) return std::max(first, last);  // they are not concave
+    return first + begin / (begin + end) * (from_left - first);
+  }
+
   double find_maximum(int i, int first, int last) const {
     constexpr double kGolden = 0.6180339887498949;
     double a = time_[1], b = time_[3];
@@ -126,6 +156,7 @@ class PeakTracker {
     const double parabola = find_maximum(i, 1, 3);
     double best = find_maximum(i, 0, 4);
     if (best > mid + 2.0 * (parabola - mid)) best = parabola;
+    best = std::min(best, std::max(find_bound(i, 1), find_bound(i, 2)));
     if (best > peak_[i]) peak_[i] = best;
   }
 
