@@ -5,11 +5,11 @@ run of the explicit method, momentum is conserved to rounding, and the energy au
 promised. It is *refused* if a start value or a step is
 refused with a reason. It is *warned* if a figure or the energy audit is off and the run says so in
 a warning. It is *undetermined* if a figure is off, but two neighbours of the reference solution
-(slightly other start, other tolerance, other steps) do not agree on that figure either: the outcome
-depends on the last digits, or the reference solution is not good enough. It is *loose* if a figure is off, but becomes right with a hundredth of the
-tolerance (a quarter of a fixed step), tried up to three times. All else is *wrong*; *hung* (a step
-does not end) and *crashed* are found by `dockloop.crew`. A run whose steps all end, but not the
-last one in time, is *slow*: it is not judged.
+(slightly other start, other tolerance, other steps) do not agree on that figure either: it depends
+on the last digits, or the reference solution is not good enough. It is *loose* if a figure is off,
+but becomes right with a hundredth of the tolerance (a quarter of a fixed step), tried up to three
+times. All else is *wrong*; *hung* (a step does not end) and *crashed* are found by `dockloop.crew`.
+A run whose steps all end, but not the last one in time, is *slow*: it is not judged.
 
 With a `host` a vehicle is integrated outside, as a co-simulation master does it: it makes every
 step with the mean load of the docking's own step. The mass that the case gives is then only what
