@@ -101,7 +101,7 @@ def run_fmus(sweep: Sweep) -> list[Result]:
 
 def run_core(sweep: Sweep, folder: Path, threads: int, **options) -> list[Result]:
     output = folder / f"{threads}.parquet"
-    return run_sweep(sweep, output, engine="core", workers=threads, **options)["results"]
+    return list(run_sweep(sweep, output, engine="core", workers=threads, **options)["results"])
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -157,9 +157,9 @@ def test_a_sweep_that_ends_early_loses_nothing(mixed, tmp_path, monkeypatch):
     assert 2 <= done < len(sweep.cases), journal
     again = run_sweep(sweep, tmp_path / "2.parquet", engine="core", resume=True)
     assert again["ran"] == len(sweep.cases) - done
-    assert again["results"] == expected
+    assert list(again["results"]) == expected
     other = run_sweep(sweep, tmp_path / "2.parquet", engine="fmu", resume=True)
-    assert (other["ran"], other["results"]) == (0, expected)
+    assert (other["ran"], list(other["results"])) == (0, expected)
 
 
 def test_a_defect_of_the_planner_is_reported(mixed, tmp_path, monkeypatch):

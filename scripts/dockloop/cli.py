@@ -668,9 +668,11 @@ def _sweep(options: argparse.Namespace) -> None:
         progress=ProgressBar(name),
     )
     planner, sweep = ran["planner"], ran["sweep"]
-    table = sweep_report.make_table(sweep, planner, ran["results"], ran["first"])
+    files = sweep_report.write_table(
+        sweep, planner, ran["results"], ran["first"], output, as_csv=options.csv
+    )
+    table = sweep_report.TableFile(output)
     summary = sweep_report.summarise_sweep(sweep, planner, table, ran)
-    files = sweep_report.write_table(table, output, as_csv=options.csv)
     if plots and can_draw():
         files += sweep_report.write_sweep_plots(sweep, planner, table, output.with_suffix(""))
     if options.report:

@@ -24,7 +24,7 @@ from dockloop import __version__
 from dockloop.core import list_choices
 from dockloop.outputs import Kind, read_head, writing
 from dockloop.sampling import say_accuracy
-from dockloop.sweep_report import list_worst, read_worst
+from dockloop.sweep_report import count_texts, is_text, list_worst, read_numbers, read_worst
 
 _WORST = 10  # cases in a list
 _SOLVER = ("accuracy", "method", "rtol", "atol_position", "atol_velocity", "atol_energy", "step")
@@ -208,11 +208,10 @@ def report_sweep(
         summary: of `summarise_sweep`.
         sweep: what was to be done.
         planner: how it was done.
-        table: of `make_table`.
+        table: of `make_table`, or its file.
         figures: PNG files of the sweep.
         views: pages with the motion of cases, by row of the table.
     """
-    data = {name: table[name].to_pylist() for name in table.column_names}
     status = ", ".join(f"{count} {name}" for name, count in summary["status"].items())
     text = f"{summary['cases']} cases: {status}."
     if "captured" in summary:
@@ -223,8 +222,11 @@ def report_sweep(
         )
     outcomes = [[name, str(count)] for name, count in summary.get("outcomes", {}).items()]
     sections = [Section("Outcomes", text, ("outcome", "cases"), outcomes)]
-    why = Counter(_without_numbers(w) for w in data.get("explanation", []) if w and w != "captured")
-    why.update(_without_numbers(reason) for reason in data["reason"] if reason)
+    why: Counter[str] = Counter()
+    for name in ("explanation", "reason"):
+        for words, count in count_texts(table[name]).items() if name in table.column_names else ():
+            why[_without_numbers(words)] += 0 if words == "captured" else count
+    why = +why
     if why:
         rows = [[reason, str(count)] for reason, count in why.most_common(_WORST)]
         heads = ("why not captured, or not run", "cases")
@@ -234,10 +236,10 @@ def report_sweep(
         rows = list_peaks(summary["peak_loads"], ("median", "q95", "q99", "largest"))
         sections.append(Section("Peak loads", columns=columns, rows=rows))
     sections += [_show(figure) for figure in figures]
-    sections += _show_passes(summary, sweep, planner, data) if "refined" in summary else []
-    sections += _rank_cases(sweep, planner, data, views)
-    sections += _rank_inputs(planner, data)
-    varied = [[f"{q.name} [{q.unit}]" if q.unit else q.name, _say_range(data[q.name])]
+    sections += _show_passes(summary, sweep, planner, table) if "refined" in summary else []
+    sections += _rank_cases(sweep, planner, table, views)
+    sections += _rank_inputs(planner, table)
+    varied = [[f"{q.name} [{q.unit}]" if q.unit else q.name, _say_range(table, q.name)]
               for q in planner.varied]  # fmt: skip
     sections.append(Section("What varied", columns=("quantity", "from ... to"), rows=varied))
     document = planner.base
@@ -247,7 +249,7 @@ def report_sweep(
     return sections
 
 
-def _show_passes(summary: dict, sweep: Any, planner: Any, data: dict) -> list[Section]:
+def _show_passes(summary: dict, sweep: Any, planner: Any, table: Any) -> list[Section]:
     """Return what the second pass changed, and the cases that end otherwise."""
     found = summary["refined"]
     text = (
@@ -261,27 +263,32 @@ def _show_passes(summary: dict, sweep: Any, planner: Any, data: dict) -> list[Se
         for load, part in found["peaks"].items()
     ]
     columns = ("peak load", "relative change: median", "largest", "in case")
-    commands = []
+    commands, ends = [], table["end_time"]
     for change in found["changed"][:_WORST]:
         row = change["case"] - 1
-        words = planner.make_command(sweep.cases[row], data["end_time"][row])
+        words = planner.make_command(sweep.cases[row], ends[row].as_py())
         remark = f"case {change['case']}: {change['first']}, then {change['again']}"
         commands.append((remark, shlex.join(words)))
     return [Section("What the second pass changed", text, columns, rows, commands=commands)]
 
 
-def _rank_cases(sweep: Any, planner: Any, data: dict, views: Mapping[int, Path]) -> list[Section]:
+def _rank_cases(sweep: Any, planner: Any, table: Any, views: Mapping[int, Path]) -> list[Section]:
     """Return the worst cases, and those that were not captured, with commands and views."""
-    by, numbers = read_worst(sweep, data)
-    sections = []
+    from pyarrow import compute
+
+    by, numbers = read_worst(sweep, table)
+    sections, ends = [], table["end_time"]
     worst = list_worst(numbers, _WORST)
-    lost = [i for i, name in enumerate(data.get("outcome", [])) if name not in (None, "captured")]
+    lost: list[int] = []
+    if "outcome" in table.column_names:
+        is_lost = compute.not_equal(table["outcome"], "captured").fill_null(False)
+        lost = np.flatnonzero(is_lost.to_numpy()).tolist()
     for title, cases in ((f"Worst cases by {by}", worst), ("Cases not captured", lost[:_WORST])):
         if cases:
             commands: list[tuple[str, str]] = []
             links: dict[str, Path] = {}
             for i in cases:
-                words = planner.make_command(sweep.cases[i], data["end_time"][i])
+                words = planner.make_command(sweep.cases[i], ends[i].as_py())
                 remark = f"case {i + 1}"
                 remark += f", {by} {numbers[i]:.4g}" if len(numbers) else ""
                 commands.append((remark, shlex.join(words)))
@@ -290,22 +297,28 @@ def _rank_cases(sweep: Any, planner: Any, data: dict, views: Mapping[int, Path])
     return sections
 
 
-def _rank_inputs(planner: Any, data: dict) -> list[Section]:
+def _rank_inputs(planner: Any, table: Any) -> list[Section]:
     """Return how much each quantity decides about capture and the largest load."""
+    from pyarrow import compute
     from scipy.stats import chatterjeexi, spearmanr
 
-    sections = []
-    captured = [n if n is None else float(n == "captured") for n in data.get("outcome", [])]
-    ratios = data.get("capture.peak.load_ratio", [])
-    for title, target in (("capture", captured), ("the largest load ratio", ratios)):
+    sections, targets = [], {}
+    if "outcome" in table.column_names:
+        is_captured = compute.equal(table["outcome"], "captured")
+        targets["capture"] = is_captured.cast("double").to_numpy()
+    if "capture.peak.load_ratio" in table.column_names:
+        targets["the largest load ratio"] = read_numbers(table, "capture.peak.load_ratio")
+    for title, target in targets.items():
         rows: list[list] = []
-        known = [i for i, v in enumerate(target) if v is not None]
-        y = np.array([target[i] for i in known])
-        if len(known) < 20 or np.ptp(y) == 0.0:
+        known = ~np.isnan(target)
+        y = target[known]
+        if len(y) < 20 or np.ptp(y) == 0.0:
             continue
         for quantity in planner.varied:
-            values = [data[quantity.name][i] for i in known]
-            if not all(isinstance(v, int | float) for v in values) or np.ptp(values) == 0.0:
+            if is_text(table, quantity.name):
+                continue
+            values = read_numbers(table, quantity.name)[known]
+            if np.ptp(values) == 0.0:
                 continue
             xi, rank = chatterjeexi(values, y), spearmanr(values, y)
             chance = min(xi.pvalue, rank.pvalue)
@@ -375,10 +388,11 @@ def _say(value: Any) -> str:
     return json.dumps(value)
 
 
-def _say_range(values: list) -> str:
-    if all(isinstance(value, int | float) for value in values):
-        return f"{min(values):g} ... {max(values):g}"
-    return ", ".join(sorted({str(value) for value in values}))
+def _say_range(table: Any, name: str) -> str:
+    if is_text(table, name):
+        return ", ".join(sorted(count_texts(table[name])))
+    values = read_numbers(table, name)
+    return f"{values.min():g} ... {values.max():g}"
 
 
 def _without_numbers(text: str) -> str:

@@ -9,6 +9,9 @@ The first line says which command made the file, under which set-up, and for whi
 number and a digest); another such line follows when the cases become others. Every line ends with a
 checksum of what stands before it: a line that was changed is reported once, its case is run again,
 all other lines stay what they are.
+
+Results stay on the disk. In memory is a digest of the values of each case, and where its line
+begins.
 """
 
 import datetime
@@ -18,10 +21,10 @@ import itertools
 import json
 import os
 import time
+import weakref
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -62,6 +65,52 @@ def find_digests(path: Path) -> set[str]:
     return {line["digest"] for line in lines if line and "digest" in line}
 
 
+class Known(Mapping[tuple[Value, ...], Result]):
+    """Results of a journal by the values of their cases, read when they are looked at."""
+
+    def __init__(self, path: Path) -> None:
+        """Prepare to read a journal; the file may be closed and opened meanwhile."""
+        self._path = path
+        self._file: BinaryIO | None = None
+        self._places: dict[bytes, int | tuple] = {}  # of a case without a line: case and result
+
+    def __len__(self) -> int:
+        """Return the number of cases."""
+        return len(self._places)
+
+    def __contains__(self, values: object) -> bool:
+        """Return whether there is a result."""
+        return _find_key(values) in self._places
+
+    def __iter__(self) -> Iterator[tuple[Value, ...]]:
+        """Yield the values of all cases."""
+        return (self._read(place)[0] for place in self._places.values())
+
+    def __getitem__(self, values: tuple[Value, ...]) -> Result:
+        """Return the result of a case."""
+        return self._read(self._places[_find_key(values)])[1]
+
+    def note(self, values: tuple[Value, ...], place: int | Result) -> None:
+        """Note where the line of a case begins, or the result of a case without a line."""
+        self._places[_find_key(values)] = place if isinstance(place, int) else (values, place)
+
+    def clear(self) -> None:
+        """Forget all results."""
+        self._places.clear()
+
+    def _read(self, place: int | tuple) -> tuple[tuple[Value, ...], Result]:
+        if isinstance(place, tuple):
+            return place
+        if self._file is None:
+            self._file = self._path.open("rb")
+            weakref.finalize(self, self._file.close)
+        self._file.seek(place)
+        found = _read_result(_parse(self._file.readline()))
+        if found is None:
+            raise DockloopError(f"{shown(self._path)}: was changed by another program meanwhile")
+        return found
+
+
 class Journal:
     """Results of cases, one line each, appended as they arrive.
 
@@ -95,7 +144,7 @@ class Journal:
             DockloopError: it cannot be written.
         """
         self.path, self._work = path, work
-        self.known: dict[tuple[Value, ...], Result] = {}
+        self.known = Known(path)
         self._synced, self._is_broken = time.monotonic(), False
         claim(path, journal_kind(work))
         header = {MADE_BY: f"dockloop {work}", "setup": setup, "cases": cases, "digest": digest}
@@ -127,9 +176,10 @@ class Journal:
         Raises:
             DockloopError: it cannot be written.
         """
-        self.known[values] = result
-        if result.status != "lost":
-            self._write({"values": values, **asdict(result)})
+        if result.status == "lost":
+            self.known.note(values, result)
+        else:
+            self.known.note(values, self._write({"values": values, **vars(result)}))
 
     def finish(self) -> None:
         """Note that there will be no more cases: what is known is all. Raises DockloopError."""
@@ -146,9 +196,12 @@ class Journal:
             if not self._is_broken:  # else it has been reported
                 raise self._cannot_write(error) from None
 
-    def count(self, cases: Sequence[tuple[Value, ...]]) -> str:
+    def count(self, cases: Iterable[tuple[Value, ...]]) -> str:
         """Say how many of these cases are there: ``3 of 8 cases``."""
-        return f"{sum(case in self.known for case in cases)} of {len(cases)} cases"
+        done, total = 0, 0
+        for case in cases:
+            done, total = done + (case in self.known), total + 1
+        return f"{done} of {total} cases"
 
     @contextmanager
     def at_work(self, describe: Callable[[], str]) -> Iterator[None]:
@@ -208,6 +261,8 @@ class Journal:
             bad = set(damaged)
             kept = (raw for number, raw in enumerate(self._file, 1) if number not in bad)
             self._replace(raw for raw in kept if raw.endswith(b"\n"))
+            self._file.seek(0)
+            self._read()  # lines have moved
         else:
             self._file.truncate(intact)  # what was cut off in the middle of a line is done again
             self._file.seek(intact)
@@ -224,31 +279,20 @@ class Journal:
         for number, raw in enumerate(self._file, 1):
             if not raw.endswith(b"\n"):
                 break
-            intact += len(raw)
             line = _parse(raw)
             if line and "setup" in line:
                 header = line
-            elif not (line and self._keep(line)):
+            elif found := _read_result(line):
+                self.known.note(found[0], intact)
+            else:
                 damaged.append(number)
+            intact += len(raw)
         if header is None:
             raise UsageError(
                 f"{shown(self.path)}: line 1 is damaged or was changed, and no other says what the"
                 " cases belong to: delete the file, or write elsewhere with -o"
             )
         return header, intact, damaged
-
-    def _keep(self, line: dict) -> bool:
-        """Put the result that a line holds into `known`; returns whether it holds one."""
-        try:
-            values = tuple(line.pop("values"))
-            result = Result(**line)
-            result.outputs = tuple(result.outputs)
-            if result.status not in STATUSES:
-                return False
-            self.known[values] = result
-        except (KeyError, TypeError):
-            return False
-        return True
 
     def _replace(self, lines: Iterable[bytes]) -> None:
         """Put a file of these lines into the place of the present one, and go on with that."""
@@ -261,8 +305,10 @@ class Journal:
         self._file.close()
         self._file = file
 
-    def _write(self, line: dict) -> None:
+    def _write(self, line: dict) -> int:
+        """Append a line; returns where it begins."""
         try:
+            place = self._file.tell()
             self._file.write(_to_line(line))
             self._file.flush()
             now = time.monotonic()
@@ -272,12 +318,29 @@ class Journal:
         except OSError as error:
             self._is_broken = True
             raise self._cannot_write(error) from None
+        return place
 
     def _cannot_write(self, error: OSError) -> DockloopError:
         return DockloopError(
             f"{shown(self.path)}: cannot be written ({find_reason(error)}); the same command with"
             " --resume goes on"
         )
+
+
+def _find_key(values: Any) -> bytes:
+    """Return what a case is known by, as long for many values as for few."""
+    return hashlib.blake2b(json.dumps(values).encode(), digest_size=12).digest()
+
+
+def _read_result(line: Any) -> tuple[tuple[Value, ...], Result] | None:
+    """Return the values and the result that a line holds; None if it holds none."""
+    try:
+        values = tuple(line.pop("values"))
+        result = Result(**line)
+        result.outputs = tuple(result.outputs)
+    except (AttributeError, KeyError, TypeError):
+        return None
+    return (values, result) if result.status in STATUSES else None
 
 
 def _to_line(content: dict) -> bytes:

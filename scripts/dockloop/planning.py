@@ -108,8 +108,7 @@ class Planner:
         for name, value in fixed.items():
             self._check_name(name, "set", [value])
         for number, quantity in enumerate(sweep.quantities):
-            values = list({case[number]: None for case in sweep.cases})
-            self._check_quantity(quantity, values)
+            self._check_quantity(quantity, sweep.cases.list_examples(number))
         self.quantities = [self._with_unit(quantity) for quantity in sweep.quantities]
         self.varied = self.quantities[: -1 if sweep.passes else None]
         self.outcomes = self._find_outcomes()
@@ -119,7 +118,7 @@ class Planner:
         names = [quantity.name for quantity in self.quantities]
         named = [quantity.named for quantity in self.quantities]
         passes = sweep.passes and asdict(sweep.passes)
-        decided = [self.unplaced, fixed, names, named, sweep.cases, self.outcomes]
+        decided = [self.unplaced, fixed, names, named, sweep.cases.find_digest(), self.outcomes]
         decided += [self.experiment, passes]
         self.digest = make_digest(decided)
 

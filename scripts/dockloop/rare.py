@@ -259,7 +259,7 @@ class _Ranker:
 
     def rank(self, cube: np.ndarray) -> np.ndarray:
         """Return how near points of the unit cube are to failing; what does not run fails."""
-        drawn = transform_cube(self._sweep.document, cube)
+        drawn = transform_cube(self._sweep.document, cube).tolist()
         cases = [self._sweep.complete(values) for values in drawn]
         missing = [c for c in dict.fromkeys(cases) if c not in self._journal.known]
         report = make_report(self.progress, len(cases) - len(missing), len(cases))

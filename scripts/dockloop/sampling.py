@@ -6,13 +6,14 @@ Every point of the grids meets the same samples, so that differences between gri
 those of chance.
 """
 
-import itertools
+import copy
+import hashlib
 import json
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,73 @@ class Passes:
     refine_accuracy: float = 0.0
 
 
+class Cases(Sequence[tuple[Value, ...]]):
+    """The values of all cases, one tuple per case, made when it is looked at.
+
+    All samples come at the first point of the grids, then at the next; the last grid is the
+    fastest. What is kept grows by one number per sample and quantity that is drawn.
+    """
+
+    def __init__(
+        self, vary: list[dict], drawn: np.ndarray, accuracy: float | np.ndarray | None = None
+    ) -> None:
+        """Join samples and grids.
+
+        Args:
+            vary: what varies, as in a sweep file.
+            drawn: of `transform_cube`.
+            accuracy: last value of a case, one of all cases or one of each; None: there is none.
+        """
+        self._drawn = drawn
+        self._columns: list[list[Value] | int] = []  # the values of a list, or a column of `drawn`
+        for entry in vary:
+            if entry["type"] in _LISTED:
+                self._columns.append(_values(entry))
+            else:
+                first = sum(isinstance(column, int) for column in self._columns)
+                self._columns += range(first, first + len(_names(entry)))
+        self._strides, stride = [0] * len(self._columns), len(drawn)
+        for number, column in reversed(list(enumerate(self._columns))):
+            if not isinstance(column, int):
+                self._strides[number] = stride
+                stride *= len(column)
+        self._count = stride
+        self._accuracy = None if accuracy is None else np.broadcast_to(accuracy, stride)
+
+    def __len__(self) -> int:
+        """Return how many cases there are."""
+        return self._count
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return a case."""
+        row = range(self._count)[index]
+        sample = self._drawn[row % len(self._drawn)].tolist()
+        values = (
+            sample[column] if isinstance(column, int) else column[row // stride % len(column)]
+            for column, stride in zip(self._columns, self._strides, strict=True)
+        )
+        if self._accuracy is None:
+            return tuple(values)
+        return (*values, float(self._accuracy[row]))
+
+    def at_accuracy(self, accuracy: np.ndarray) -> "Cases":
+        """Return the same cases, each at another accuracy."""
+        cases = copy.copy(self)
+        cases._accuracy = accuracy
+        return cases
+
+    def list_examples(self, number: int) -> list[Value]:
+        """Return the values of a list that one quantity takes, or one value that was drawn."""
+        column = self._columns[number] if number < len(self._columns) else 0
+        return [self[-1][number]] if isinstance(column, int) else list(dict.fromkeys(column))
+
+    def find_digest(self) -> str:
+        """Return the SHA-256 of the values; the accuracy is left out."""
+        digest = hashlib.sha256(json.dumps([self._columns, self._drawn.shape]).encode())
+        digest.update(self._drawn.tobytes())
+        return digest.hexdigest()
+
+
 @dataclass(frozen=True)
 class Sweep:
     """A sweep file, checked.
@@ -83,7 +151,7 @@ class Sweep:
     scene: Path
     document: dict
     quantities: list[Quantity]
-    cases: list[tuple[Value, ...]]
+    cases: Cases
     passes: Passes | None = None
 
     def complete(self, drawn: Iterable[Value], accuracy: float | None = None) -> tuple[Value, ...]:
@@ -140,8 +208,7 @@ def make_sweep(
             raise UsageError(f"{shown(path)}: decides 'accuracy' already: leave out --accuracy")
         quantities.append(Quantity("accuracy", ""))
     text = json.dumps(given) if text is None else text
-    sweep = Sweep(path, text, scene, document, quantities, [], passes)
-    return replace(sweep, cases=[sweep.complete(case) for case in _draw(document)])
+    return Sweep(path, text, scene, document, quantities, _draw(document, passes), passes)
 
 
 def read_passes(
@@ -283,8 +350,8 @@ def count_drawn(document: dict) -> int:
     return sum(len(_names(entry)) for entry in document["vary"] if entry["type"] not in _LISTED)
 
 
-def transform_cube(document: dict, cube: np.ndarray) -> list[list[float]]:
-    """Return the quantities that are drawn at random, for points of the unit cube.
+def transform_cube(document: dict, cube: np.ndarray) -> np.ndarray:
+    """Return the quantities that are drawn at random for points of the unit cube, shape as there.
 
     Args:
         document: the members of a sweep file.
@@ -295,27 +362,16 @@ def transform_cube(document: dict, cube: np.ndarray) -> list[list[float]]:
         if entry["type"] not in _LISTED:
             own = cube.T[len(columns) : len(columns) + len(_names(entry))]
             columns += _TRANSFORMS[entry["type"]](entry, *own)
-    return np.column_stack(columns).tolist() if columns else [[]]
+    return np.column_stack(columns) if columns else cube
 
 
-def _draw(document: dict) -> list[tuple[Value, ...]]:
-    """Return the cases: all samples at the first point of the grids, then at the next."""
-    entries = document["vary"]
-    grids = [_values(entry) for entry in entries if entry["type"] in _LISTED]
+def _draw(document: dict, passes: Passes | None) -> Cases:
+    """Return the cases of a sweep file."""
     width = count_drawn(document)
     cube = _sample_cube(document["sampling"], document["cases"], width, document["seed"])
-    samples = transform_cube(document, cube)
-
-    cases = []
-    for point in itertools.product(*grids):
-        for sample in samples:
-            on_grid, off_grid = iter(point), iter(sample)
-            case: list[Value] = []
-            for entry in entries:
-                source = on_grid if entry["type"] in _LISTED else off_grid
-                case += itertools.islice(source, len(_names(entry)))
-            cases.append(tuple(case))
-    return cases
+    return Cases(
+        document["vary"], transform_cube(document, cube), passes.accuracy if passes else None
+    )
 
 
 def _sample_cube(sampling: str, count: int, width: int, seed: int) -> np.ndarray:

@@ -11,7 +11,7 @@ import json
 import math
 import platform
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -35,7 +35,8 @@ from dockloop.sweeps import COMMAND, DIGEST, TABLE, Planner, find_journal
 
 FIRST = "first."  # begins columns of the first pass, filled where a case ran again
 _NAMED = ("outcome", "phase")  # Integers of the FMU that the table spells out
-_TEXTS = ("status", "reason", "warning", "explanation", *_NAMED)
+_OF_RESULTS = ("status", "reason", "warning", "end_time")
+_PART = 1 << 14  # rows that are made at a time
 _COLOURS = {
     "captured": "tab:blue",
     "partial capture": "tab:orange",
@@ -77,7 +78,10 @@ def _list_plots(stem: Path) -> list[Path]:
 
 
 def make_table(
-    sweep: Sweep, planner: Planner, results: list[Result], first: Mapping[int, Result] | None = None
+    sweep: Sweep,
+    planner: Planner,
+    results: Sequence[Result],
+    first: Sequence[Result | None] | None = None,
 ) -> Any:
     """Return the table of a sweep as a ``pyarrow.Table``.
 
@@ -85,80 +89,162 @@ def make_table(
         sweep: what was to be done.
         planner: how it was done.
         results: one per case.
-        first: of cases that ran again: result of the first pass by row, from 0.
+        first: results of the first pass, None where a case did not run again.
     """
     import pyarrow
 
-    columns, fields = [], []
-
-    def add(name: str, values: list, unit: str = "", description: str = "") -> None:
-        array = pyarrow.array(values)
-        if pyarrow.types.is_null(array.type):
-            is_text = name.removeprefix(FIRST) in _TEXTS
-            array = array.cast(pyarrow.string() if is_text else "double")
-        columns.append(array)
-        metadata = {"unit": unit, "description": description}
-        fields.append(pyarrow.field(name, array.type, metadata=metadata))
-
-    add("case", list(range(1, len(results) + 1)), description="number of the case, from 1")
-    for number, quantity in enumerate(planner.quantities):
-        values = [case[number] for case in sweep.cases]
-        if {type(value) for value in values} == {int, float}:
-            values = [float(value) for value in values]
-        add(quantity.name, values, quantity.unit, "varied")
-    add("status", [r.status for r in results], description=", ".join(STATUSES))
-    add("reason", [r.reason for r in results], description="why a case is not done")
-    add("warning", [r.warning for r in results], description="what placement or FMU had to say")
-    add("end_time", [r.end_time for r in results], "s", "where the case ended")
-
-    def add_outcomes(prefix: str, results: list[Result | None]) -> None:
-        for number, name in enumerate(planner.outcomes):
-            ends = [
-                describe_output(name, r.outputs[number]) if r and r.outputs else None
-                for r in results
-            ]
-            variable = planner.variables[name]
-            add(f"{prefix}{name}", ends, variable.unit, variable.description)
-
-    add_outcomes("", [*results])
-    if "capture.reason" in planner.asked:
-        latches = planner.base["mechanism"].get("latches", {})
-        add(
-            "explanation",
-            [
-                explain_capture(dict(zip(planner.asked, r.outputs, strict=True)), latches)
-                if r.outputs
-                else None
-                for r in results
-            ],
-            description="why it was captured or not",
-        )
-    if sweep.passes and sweep.passes.refine:
-        before = [(first or {}).get(row) for row in range(len(results))]
-        add(f"{FIRST}status", [r and r.status for r in before], description=", ".join(STATUSES))
-        add_outcomes(FIRST, before)
-
-    schema = pyarrow.schema(fields, metadata=_make_metadata(sweep, planner))
-    return pyarrow.Table.from_arrays(columns, schema=schema)
+    parts = _make_parts(sweep, planner, results, first)
+    return pyarrow.Table.from_batches(parts, _make_schema(sweep, planner))
 
 
-def write_table(table: Any, path: Path, *, as_csv: bool = False) -> list[Path]:
-    """Write the table as Parquet, on request also as CSV; returns the files."""
+def write_table(
+    sweep: Sweep,
+    planner: Planner,
+    results: Sequence[Result],
+    first: Sequence[Result | None] | None,
+    path: Path,
+    *,
+    as_csv: bool = False,
+) -> list[Path]:
+    """Write the table of `make_table` as Parquet, on request also as CSV; returns the files.
+
+    A part after the other is made, each a row group.
+    """
     from pyarrow import parquet
 
     files = [path]
-    with writing(path, TABLE) as partial:
-        parquet.write_table(table, partial)
+    with (
+        writing(path, TABLE) as partial,
+        parquet.ParquetWriter(partial, _make_schema(sweep, planner)) as writer,
+    ):
+        for part in _make_parts(sweep, planner, results, first):
+            writer.write_batch(part)
     if as_csv:
         files.append(path.with_suffix(".csv"))
+        table = TableFile(path)
         with (
             writing(files[-1], _CSV) as partial,
             partial.open("w", newline="", encoding="utf-8") as file,
         ):
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(table.column_names)
-            writer.writerows(zip(*(c.to_pylist() for c in table.columns), strict=True))
+            lines = csv.writer(file, lineterminator="\n")
+            lines.writerow(table.column_names)
+            for part in table.to_batches():
+                lines.writerows(zip(*(c.to_pylist() for c in part.columns), strict=True))
     return files
+
+
+class TableFile:
+    """The table in its file: what the summary needs of a ``pyarrow.Table``, column by column.
+
+    Attributes:
+        schema: with units and descriptions.
+        column_names: names of the columns.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open a table."""
+        from pyarrow import parquet
+
+        self._file = parquet.ParquetFile(path)
+        self.schema = self._file.schema_arrow
+        self.column_names: list[str] = self.schema.names
+
+    def __getitem__(self, name: str) -> Any:
+        """Read a column."""
+        return self._file.read(columns=[name])[name]
+
+    def to_batches(self) -> Iterator[Any]:
+        """Read some rows after the other."""
+        return self._file.iter_batches(_PART)
+
+
+def _make_schema(sweep: Sweep, planner: Planner) -> Any:
+    """Return names, types, units and descriptions of the columns, and the metadata."""
+    import pyarrow
+
+    text, number, whole = pyarrow.string(), pyarrow.float64(), pyarrow.int64()
+    fields = []
+
+    def add(name: str, kind: Any, unit: str = "", description: str = "") -> None:
+        metadata = {"unit": unit, "description": description}
+        fields.append(pyarrow.field(name, kind, metadata=metadata))
+
+    def add_outcomes(prefix: str) -> None:
+        for name in planner.outcomes:
+            variable = planner.variables[name]
+            kind = text if name in _NAMED else number if variable.type == "Real" else whole
+            add(f"{prefix}{name}", kind, variable.unit, variable.description)
+
+    add("case", whole, description="number of the case, from 1")
+    kinds = {str: text, bool: pyarrow.bool_(), int: whole}
+    for column, quantity in enumerate(planner.quantities):
+        types = {type(value) for value in sweep.cases.list_examples(column)}
+        kind = kinds.get(types.pop(), number) if len(types) == 1 else number
+        add(quantity.name, kind, quantity.unit, "varied")
+    add("status", text, description=", ".join(STATUSES))
+    add("reason", text, description="why a case is not done")
+    add("warning", text, description="what placement or FMU had to say")
+    add("end_time", number, "s", "where the case ended")
+    add_outcomes("")
+    if "capture.reason" in planner.asked:
+        add("explanation", text, description="why it was captured or not")
+    if sweep.passes and sweep.passes.refine:
+        add(f"{FIRST}status", text, description=", ".join(STATUSES))
+        add_outcomes(FIRST)
+    return pyarrow.schema(fields, metadata=_make_metadata(sweep, planner))
+
+
+def _make_parts(
+    sweep: Sweep,
+    planner: Planner,
+    results: Sequence[Result],
+    first: Sequence[Result | None] | None,
+) -> Iterator[Any]:
+    """Yield the table in parts of so many rows that they fit into memory."""
+    import pyarrow
+
+    schema = _make_schema(sweep, planner)
+    latches = planner.base["mechanism"].get("latches", {})
+
+    def list_outcomes(found: list[Any]) -> list[list]:
+        return [
+            [describe_output(name, r.outputs[i]) if r and r.outputs else None for r in found]
+            for i, name in enumerate(planner.outcomes)
+        ]
+
+    for begin in range(0, len(results), _PART):
+        rows = range(begin, min(begin + _PART, len(results)))
+        found = [results[row] for row in rows]
+        columns: list[Iterable] = [[row + 1 for row in rows]]
+        columns += zip(*(sweep.cases[row] for row in rows), strict=True)
+        columns += [[getattr(r, name) for r in found] for name in _OF_RESULTS]
+        columns += list_outcomes(found)
+        if "capture.reason" in planner.asked:
+            ends = (dict(zip(planner.asked, r.outputs, strict=False)) for r in found)
+            columns.append([explain_capture(end, latches) if end else None for end in ends])
+        if sweep.passes and sweep.passes.refine:
+            before = [first[row] if first else None for row in rows]
+            columns.append([r and r.status for r in before])
+            columns += list_outcomes(before)
+        pairs = zip(columns, schema, strict=True)
+        arrays = [pyarrow.array(values, field.type) for values, field in pairs]
+        yield pyarrow.RecordBatch.from_arrays(arrays, schema=schema)
+
+
+def count_texts(column: Any) -> dict[str, int]:
+    """Return how often each text is in a column, the first one first."""
+    counts = column.drop_null().value_counts()
+    return {each["values"]: each["counts"] for each in counts.to_pylist()}
+
+
+def is_text(table: Any, name: str) -> bool:
+    """Return whether a column has texts, and no numbers."""
+    return str(table.schema.field(name).type) == "string"
+
+
+def read_numbers(table: Any, name: str) -> np.ndarray:
+    """Return a column of numbers, NaN where there is none."""
+    return table[name].cast("double").to_numpy()
 
 
 def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> dict:
@@ -173,7 +259,7 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
     Returns:
         A dictionary that can be written as JSON.
     """
-    status = table["status"].to_pylist()
+    status = count_texts(table["status"])
     summary: dict = {
         MADE_BY: COMMAND,
         "sweep": sweep.path.stem,
@@ -181,25 +267,24 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
         "scene": sweep.document["scene"],
         "seed": sweep.document["seed"],
         "sampling": sweep.document["sampling"],
-        "cases": len(status),
+        "cases": len(sweep.cases),
         "fmus_built": planner.built,
-        "status": {name: status.count(name) for name in STATUSES if name in status},
+        "status": {name: status[name] for name in STATUSES if name in status},
     }
-    reasons = [reason for reason in table["reason"].to_pylist() if reason]
-    if reasons:
-        most = max(set(reasons), key=lambda text: (reasons.count(text), text))
-        summary["reasons"] = {"different": len(set(reasons)), "example": most}
+    if reasons := count_texts(table["reason"]):
+        most = max(reasons, key=lambda text: (reasons[text], text))
+        summary["reasons"] = {"different": len(reasons), "example": most}
     if "outcome" in table.column_names and "done" in status:
-        found = [name for name in table["outcome"].to_pylist() if name is not None]
+        found = count_texts(table["outcome"])
         names = [choice.name for choice in list_choices("outcome")]
-        summary["outcomes"] = {name: found.count(name) for name in names if name in found}
-        summary["captured"] = estimate_fraction(found.count("captured"), len(found))
+        summary["outcomes"] = {name: found[name] for name in names if name in found}
+        summary["captured"] = estimate_fraction(found.get("captured", 0), sum(found.values()))
     summary["peak_loads"] = _count_loads(planner, table)
     if sweep.passes and sweep.passes.refine:
         summary["refined"] = {**asdict(sweep.passes), **compare_passes(table)}
     units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
     summary["units"] = {name: unit for name, unit in units.items() if unit}
-    if len(status) <= _MOST_ROWS and not count_drawn(sweep.document):
+    if len(sweep.cases) <= _MOST_ROWS and not count_drawn(sweep.document):
         summary["table"] = _list_cases(planner, table)
     worst = _find_worst(sweep, planner, table)
     if worst:
@@ -215,7 +300,11 @@ def _list_cases(planner: Planner, table: Any) -> list[dict]:
     """Return what varied in every case and how the case ended, for a table that people read."""
     names = [quantity.name for quantity in planner.quantities]
     shown = [*names, *(name for name in _ENDS if name in table.column_names)]
-    return [{name: row[name] for name in shown} for row in table.to_pylist()]
+    return [
+        {name: row[name] for name in shown}
+        for part in table.to_batches()
+        for row in part.to_pylist()
+    ]
 
 
 def _describe_cases(rows: list[dict]) -> list[str]:
@@ -349,7 +438,7 @@ def _peaks(table: Any) -> dict[str, np.ndarray]:
     peaks = {}
     for name in table.column_names:
         if name.startswith(PEAK):
-            values = np.array([v for v in table[name].to_pylist() if v is not None], dtype=float)
+            values = table[name].drop_null().to_numpy()
             if len(values):
                 peaks[name.removeprefix(PEAK)] = values
     return peaks
@@ -363,9 +452,10 @@ def compare_passes(table: Any) -> dict:
         outcomes where these differ), ``peaks``: the relative change of every peak load, as
         `dockloop.accuracy` has it: its median, the largest one and the case of that.
     """
-    rows = [row for row in table.to_pylist() if row[f"{FIRST}status"] is not None]
-    changed, changes = [], []
-    for row in rows:
+    changed, changes, cases = [], [], 0
+    again = (part.filter(part[f"{FIRST}status"].is_valid()) for part in table.to_batches())
+    for row in (row for part in again for row in part.to_pylist()):
+        cases += 1
         first = {name.removeprefix(FIRST): v for name, v in row.items() if name.startswith(FIRST)}
         outcomes = [each["status"] if each["status"] != "done" else each.get("outcome", "done")
                     for each in (first, row)]  # fmt: skip
@@ -374,7 +464,7 @@ def compare_passes(table: Any) -> dict:
         elif row["status"] == "done":
             peaks = [{n: v for n, v in each.items() if n.startswith(PEAK)} for each in (row, first)]
             changes.append((row["case"], compare_peaks(*peaks)))
-    found: dict = {"cases": len(rows), "changed": changed, "peaks": {}}
+    found: dict = {"cases": cases, "changed": changed, "peaks": {}}
     for name in dict.fromkeys(name for _, each in changes for name in each):
         parts = [(each[name], case) for case, each in changes if name in each]
         largest, case = max(parts)
@@ -419,19 +509,17 @@ def _count_loads(planner: Planner, table: Any) -> dict:
     return loads
 
 
-def read_worst(sweep: Sweep, data: Mapping[str, list]) -> tuple[str, np.ndarray]:
-    """Return the outcome by which cases are ranked and its values, -inf where there is none.
+def read_worst(sweep: Sweep, table: Any) -> tuple[str, np.ndarray]:
+    """Return the outcome by which cases are ranked and its values, NaN where there is none.
 
     Args:
         sweep: what was to be done.
-        data: columns of its table.
+        table: of `make_table`.
     """
     by = sweep.document.get("worst", f"{PEAK}load_ratio")
-    values = [
-        value if isinstance(value, int | float) and not isinstance(value, bool) else -math.inf
-        for value in data.get(by, [])
-    ]
-    return by, np.array(values)
+    if by not in table.column_names or is_text(table, by):
+        return by, np.array([])
+    return by, read_numbers(table, by)
 
 
 def list_worst(values: np.ndarray, count: int) -> list[int]:
@@ -441,7 +529,7 @@ def list_worst(values: np.ndarray, count: int) -> list[int]:
 
 def _find_worst(sweep: Sweep, planner: Planner, table: Any) -> dict | None:
     """Return the case with the largest value of the outcome that counts, and its command."""
-    by, values = read_worst(sweep, table.to_pydict())
+    by, values = read_worst(sweep, table)
     for row in list_worst(values, 1):
         command = planner.make_command(sweep.cases[row], table["end_time"][row].as_py())
         value = float(values[row])
@@ -459,7 +547,7 @@ def write_views(sweep: Sweep, planner: Planner, table: Any, output: Path) -> dic
     from dockloop.view.command import run_again
     from dockloop.view.page import write_page
 
-    _, values = read_worst(sweep, table.to_pydict())
+    _, values = read_worst(sweep, table)
     views = dict(zip(list_worst(values, _VIEWS), list_views(output), strict=False))
     for row, path in views.items():
         words = planner.make_command(sweep.cases[row], table["end_time"][row].as_py())
@@ -470,12 +558,13 @@ def write_views(sweep: Sweep, planner: Planner, table: Any, output: Path) -> dic
 def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> None:
     """Cases by outcome over what varied; below, which part captured in bins of each quantity."""
     from matplotlib.figure import Figure
+    from pyarrow import compute
 
-    outcome = np.array([name or "not run" for name in table["outcome"].to_pylist()])
+    outcomes = table["outcome"].fill_null("not run")
     numbers = {
-        quantity.name: (np.array(table[quantity.name].to_pylist(), dtype=float), quantity.unit)
+        quantity.name: (read_numbers(table, quantity.name), quantity.unit)
         for quantity in planner.varied
-        if all(isinstance(v, int | float) for v in table[quantity.name].to_pylist())
+        if not is_text(table, quantity.name)
     }
     discs = list_discs(sweep.document)
     directions = {direction for _, direction in discs}
@@ -503,14 +592,15 @@ def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> No
             axis.set_xlabel(f"{first} along y [{x_unit}]", fontsize="small")
             axis.set_ylabel(f"along z [{x_unit}]")
         for name, colour in _COLOURS.items():
-            chosen = outcome == name
+            chosen = compute.equal(outcomes, name).to_numpy()
             if chosen.any():
                 label = f"{name}: {chosen.sum()}"
                 size = 4 if name == "captured" else 12
                 axis.scatter(x[chosen], y[chosen], size, color=colour, label=label, linewidths=0)
+    captured = compute.equal(outcomes, "captured").to_numpy()
     for axis, name in zip(scalar_axes, scalars, strict=False):
         values, unit = numbers[name]
-        _plot_fraction(axis, values, outcome == "captured")
+        _plot_fraction(axis, values, captured)
         axis.set_xlabel(f"{name} [{unit}]")
         axis.set_ylabel("part captured")
         axis.set_ylim(-0.03, 1.03)

@@ -9,23 +9,26 @@ A sweep may have two passes: all cases at a cheap ``accuracy``, then critical on
 one. To planner and journal these are cases like others, with another value of ``accuracy``.
 """
 
+import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from dockloop.cases import Result
 from dockloop.criteria import Criterion
 from dockloop.errors import UsageError
 from dockloop.executors import Executor, choose_engine, open_executor
-from dockloop.journal import Journal, find_digests, make_report
+from dockloop.journal import Journal, Known, find_digests, make_report
 from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import shown
 from dockloop.planning import Planner
 from dockloop.results import ProgressBar, import_optional
-from dockloop.sampling import Passes, Sweep, Value, make_sweep, read_passes, read_sweep
+from dockloop.sampling import Cases, Passes, Sweep, Value, make_sweep, read_passes, read_sweep
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -88,8 +91,8 @@ def sweep(
             scheduler=scheduler,
             resume=resume,
         )
-    cases = ran["sweep"]
-    table = sweep_report.make_table(cases, ran["planner"], ran["results"], ran["first"])
+        cases = ran["sweep"]
+        table = sweep_report.make_table(cases, ran["planner"], ran["results"], ran["first"])
     frame = table.to_pandas()
     frame.attrs["units"] = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
     frame.attrs["summary"] = sweep_report.summarise_sweep(cases, ran["planner"], table, ran)
@@ -119,8 +122,8 @@ def run_sweep(
 
     Returns:
         ``planner``, ``sweep`` (with each case as it ran last), ``results`` (one per case, in
-        order), ``first`` (of cases that ran again: result of the first pass by row), ``ran`` (cases
-        run now), ``wall`` [s], ``engine`` and ``workers``.
+        order, from the journal), ``first`` (the same of the first pass; None where a case did not
+        run again), ``ran`` (cases run now), ``wall`` [s], ``engine`` and ``workers``.
 
     Raises:
         UsageError: the sweep, a name in it or the journal is bad.
@@ -132,41 +135,68 @@ def run_sweep(
     criterion = planner.ask(passes.refine, "--refine") if passes.refine else None
     path = find_journal(output)
     _check_table(output, {planner.digest, *(find_digests(path) if resume else ())})
-    wanted = list(sweep.cases)
-    most = len(wanted) * (2 if criterion else 1)
+    cases = sweep.cases
+    most = len(cases) * (2 if criterion else 1)
     journal = Journal(path, planner.find_setup(), most, resume=resume, digest=planner.digest)
     engine = choose_engine(engine, scheduler)
     clock: dict[str, Any] = {"ran": 0, "wall": 0.0, "engine": engine, "workers": 0}
 
-    def run(cases: list[tuple]) -> None:
-        missing = [values for values in dict.fromkeys(cases) if values not in journal.known]
-        if missing:
-            with open_executor(planner, engine, workers, scheduler, len(missing)) as executor:
+    def run(cases: Cases, rows: Sequence[int]) -> None:
+        known = journal.known
+        missing = (values for values in map(cases.__getitem__, rows) if values not in known)
+        before = len(known)
+        count = sum(cases[row] not in known for row in rows) if before else len(rows)
+        if count:
+            with open_executor(planner, engine, workers, scheduler, count) as executor:
                 began, clock["workers"] = time.perf_counter(), executor.count()
-                report = make_report(progress, len(cases) - len(missing), len(cases))
+                report = make_report(progress, len(rows) - count, len(rows))
                 run_cases(executor, planner, missing, journal.add, report)
                 clock["wall"] += time.perf_counter() - began
-        clock["ran"] += len(missing)
+        clock["ran"] += len(known) - before
 
-    last = list(sweep.cases)
-    with journal.at_work(lambda: journal.count(wanted)):
-        run(sweep.cases)
-        first = [journal.known[values] for values in sweep.cases]
+    last, again = cases, np.zeros(len(cases), dtype=bool)
+    with journal.at_work(
+        lambda: journal.count(itertools.chain(cases, itertools.compress(last, again)))
+    ):
+        run(cases, range(len(cases)))
         if criterion:
-            for row, values in enumerate(sweep.cases):
-                if _is_critical(criterion, planner, values, first[row]):
-                    last[row] = sweep.complete(values[:-1], passes.refine_accuracy)
-            again = [row for row, values in enumerate(sweep.cases) if last[row] != values]
-            wanted += [last[row] for row in again]
-            run([last[row] for row in again])
+            results = Results(journal.known, cases)
+            for row, values in enumerate(cases):
+                again[row] = _is_critical(criterion, planner, values, results[row])
+            last = cases.at_accuracy(np.where(again, passes.refine_accuracy, passes.accuracy))
+            run(last, np.flatnonzero(again).tolist())
             journal.finish()
     return {
         "planner": planner,
         "sweep": replace(sweep, cases=last),
-        "results": [journal.known[values] for values in last],
-        "first": {row: first[row] for row in again} if criterion else {},
+        "results": Results(journal.known, last),
+        "first": Results(journal.known, cases, again),
         **clock,
     }
+
+
+class Results(Sequence[Any]):
+    """Results of cases, in their order, read from the journal when they are looked at."""
+
+    def __init__(self, known: Known, cases: Cases, wanted: np.ndarray | None = None) -> None:
+        """Prepare to read.
+
+        Args:
+            known: results by the values of their cases.
+            cases: these values.
+            wanted: which rows have a result, the others have None; default: all.
+        """
+        self._known, self._cases, self._wanted = known, cases, wanted
+
+    def __len__(self) -> int:
+        """Return the number of cases."""
+        return len(self._cases)
+
+    def __getitem__(self, row: Any) -> Any:
+        """Return the result of a row, or None."""
+        if self._wanted is None or self._wanted[row]:
+            return self._known[self._cases[row]]
+        return None
 
 
 def _is_critical(
@@ -207,7 +237,7 @@ def _check_table(path: Path, digests: set[str]) -> None:
 def run_cases(
     executor: Executor,
     planner: Planner,
-    cases: list[tuple],
+    cases: Iterable[tuple],
     keep: Callable[[tuple, Result], None],
     report: Callable[[], None],
 ) -> None:
@@ -216,7 +246,7 @@ def run_cases(
     Args:
         executor: where they run.
         planner: whose cases they are.
-        cases: their values.
+        cases: their values; of equal cases only one runs at a time.
         keep: receives every case with its result.
         report: called after each.
     """
@@ -230,6 +260,8 @@ def run_cases(
     def fill() -> None:
         most = _AHEAD * max(1, executor.count())
         while len(running) < most and (values := next(todo, None)) is not None:
+            if values in running.values():
+                continue
             try:
                 running[executor.submit(values)] = values
             except UsageError as error:

@@ -83,7 +83,7 @@ def run(folder: Path, scene: str, cases: int, step: float) -> list:
     file = folder / f"step_{step}.toml"
     file.write_text(SWEEP.format(scene=scene, cases=cases, step=step), encoding="utf-8")
     output, label = file.with_suffix(".parquet"), f"steps of {step} s"
-    return run_sweep(read_sweep(str(file)), output, progress=ProgressBar(label))["results"]
+    return list(run_sweep(read_sweep(str(file)), output, progress=ProgressBar(label))["results"])
 
 
 def compare(cases: int, *, light: bool) -> tuple[list[int], list[str]]:

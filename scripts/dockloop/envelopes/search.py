@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from dockloop.cases import Result
 from dockloop.criteria import Criterion
 from dockloop.envelopes.mesh import Bracket, Class, Mesh, Point
@@ -21,7 +23,7 @@ from dockloop.errors import DockloopError, UsageError
 from dockloop.executors import Executor, choose_engine, open_executor
 from dockloop.journal import Journal, make_digest
 from dockloop.planning import Planner
-from dockloop.sampling import Sweep, Value, list_quantities
+from dockloop.sampling import Cases, Sweep, list_quantities
 from dockloop.scene import find_scene
 from dockloop.sweeps import run_cases
 
@@ -255,12 +257,9 @@ def _make_sweep(order: Order) -> Sweep:
         "vary": vary,
         "experiment": dict(order.experiment),
     }
-    ends: list[tuple[Value, ...]] = [
-        tuple(axis.low for axis in order.axes),
-        tuple(axis.high for axis in order.axes),
-    ]
+    ends = np.array([[axis.low, axis.high] for axis in order.axes]).T
     scene, quantities = find_scene(order.scene), list_quantities(document)
-    return Sweep(Path(WORK), "", scene, document, quantities, ends)
+    return Sweep(Path(WORK), "", scene, document, quantities, Cases(vary, ends))
 
 
 class _Runner:
