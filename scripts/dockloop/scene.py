@@ -33,6 +33,7 @@ _PATHS = ("mechanism.set.", "sequence.set.")  # begin keys that go on as paths i
 OPEN_KEYS = (*_PATHS, "initial.joints.")  # begin keys that no list of keys of a scene holds
 _KEPT = 16  # mechanisms, with what is set in them, that a reader of a scene remembers
 
+_NUMBER = re.compile(r"-?(0|[1-9][0-9]{0,300})(\.[0-9]+)?([eE][+-]?[0-9]+)?")
 _NUMBERED = {  # choices that a scene names and its document numbers: the variable with the names
     ("solver", "method"): "solver.method",
     ("contact", "friction_model"): "friction.model",
@@ -89,14 +90,17 @@ class SceneReader:
         """Read the scene. Raises UsageError."""
         self._path = path
         self._scene, _ = read_toml(path)
-        self._mechanism = lru_cache(_KEPT)(lambda text: load_mechanism(json.loads(text), path))
+        self._checker, checker = schema.Checker("scene"), schema.Checker("mechanism")
+        self._mechanism = lru_cache(_KEPT)(
+            lambda text: load_mechanism(json.loads(text), path, checker)
+        )
 
     def resolve(self, overrides: list[str] | tuple[str, ...] = ()) -> dict:
         """Do the work of `resolve_scene`; documents of equal mechanisms share them."""
         scene = copy.deepcopy(self._scene)
-        for text in overrides:
-            apply_override(scene, text)
-        schema.check(scene, "scene", self._path)
+        changes = dict(apply_override(scene, text) for text in overrides)
+        if found := self._checker.find_violation(scene, changes):
+            raise UsageError(f"{shown(self._path)}: {found.sentence}")
         _number_choices(scene)
         # A scene without mechanism is a vehicle by itself (or two that pass through each other).
         named = scene.get("mechanism")
@@ -151,13 +155,16 @@ def _resolve(scene: dict, mechanism: dict, path: Path) -> dict:
     return document
 
 
-def load_mechanism(reference: dict, scene_path: Path) -> dict:
+def load_mechanism(
+    reference: dict, scene_path: Path, checker: schema.Checker | None = None
+) -> dict:
     """Find, read, modify and check the mechanism that a scene names.
 
     Args:
         reference: section ``[mechanism]`` of the scene: ``name`` and optionally ``set``; with
             ``sequence``, the section of this name.
         scene_path: the scene file; a mechanism next to it wins over a shipped one.
+        checker: of mechanisms of this scene.
 
     Returns:
         The mechanism document, angles in rad, comments removed.
@@ -171,8 +178,13 @@ def load_mechanism(reference: dict, scene_path: Path) -> dict:
         )
         for dotted, value in reference.get("set", {}).items()
     }
-    places |= _change_sequence(mechanism, reference.get("sequence", {}), path, scene_path)
-    if found := schema.find_violation(mechanism, "mechanism"):
+    sequence = reference.get("sequence", {})
+    places |= _change_sequence(mechanism, sequence, path, scene_path)
+    values = (*reference.get("set", {}).values(), *sequence.get("set", {}).values())
+    changes = dict(zip(places.values(), values, strict=True))
+    changes |= {("name",): name, ("sequence.stop_after",): sequence.get("stop_after")}
+    checker = checker or schema.Checker("mechanism")
+    if found := checker.find_violation(mechanism, changes):
         schema.check(read_mechanism(path), "mechanism", path)  # of the file itself
         keys = [key for key, place in places.items() if _is_below(found.path, place)]
         keys = keys or [key for key, place in places.items() if _is_below(place, found.path)]
@@ -226,7 +238,7 @@ def reading(path: Path, language: str, parts: str) -> Iterator[None]:
         raise UsageError(f"{shown(path)}: lists and {parts} are nested too deeply") from None
 
 
-def apply_override(scene: dict, text: str) -> None:
+def apply_override(scene: dict, text: str) -> tuple[tuple[str, ...], Any]:
     """Apply one ``KEY=VALUE`` to a scene as read from its file.
 
     Args:
@@ -235,6 +247,9 @@ def apply_override(scene: dict, text: str) -> None:
             ``mechanism.set.`` is a path into the mechanism file, and what follows
             ``sequence.set.`` one into its steps; what follows ``initial.joints.`` begins with the
             name of a body.
+
+    Returns:
+        Where the value is in the scene, and the value.
 
     Raises:
         UsageError: no ``=``, or a key that no scene has.
@@ -245,9 +260,9 @@ def apply_override(scene: dict, text: str) -> None:
     value = parse_value(value_text)
     for prefix in _PATHS:
         if key.startswith(prefix):
-            changes = _find_section(scene, prefix.rstrip(".").split("."), text)
-            changes[key.removeprefix(prefix)] = value
-            return
+            sections, last = prefix.rstrip(".").split("."), key.removeprefix(prefix)
+            _find_section(scene, sections, text)[last] = value
+            return (*sections, last), value
     known = scene_keys()
     if key not in known and not key.startswith(OPEN_KEYS):
         hint = did_you_mean(key, known)
@@ -256,6 +271,7 @@ def apply_override(scene: dict, text: str) -> None:
         raise UsageError(f"--scene {text}: a scene has no key '{key}'{hint}")
     *sections, last = key.split(".")
     _find_section(scene, sections, text)[last] = value
+    return (*sections, last), value
 
 
 def _find_section(scene: dict, sections: list[str], text: str) -> dict:
@@ -272,6 +288,8 @@ def _find_section(scene: dict, sections: list[str], text: str) -> dict:
 def parse_value(text: str) -> Any:
     """Parse the right side of KEY=VALUE: a TOML value, or a bare word as text."""
     try:
+        if _NUMBER.fullmatch(text):  # for speed: the same in TOML and in JSON
+            return json.loads(text)
         parsed = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
         return text
@@ -307,8 +325,9 @@ def scene_keys() -> list[str]:
     return list(scene_members())
 
 
+@cache
 def _defaults(*section: str) -> dict[str, Any]:
-    """Return the defaults of a section of a scene file."""
+    """Return the defaults of a section of a scene file, to be merged into another dictionary."""
     return schema.list_defaults("scene", *section)
 
 

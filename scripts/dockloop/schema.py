@@ -7,7 +7,7 @@ An error says which file, which member, its value and the limit, in one sentence
 import copy
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.paths import MODELS, shown
 
+_KEPT = 1000  # kinds of documents that a checker remembers
 _NAMED_TYPES = {
     "object": "a group of members",
     "array": "a list",
@@ -90,6 +91,55 @@ def find_violation(document: Any, schema_name: str) -> Violation | None:
     if "Properties" in error.validator:
         extra = (_find_extra(error, root),)
     return Violation((*path, *extra), _sentence(error, root) + _owner(document, path))
+
+
+class Checker:
+    """Checks documents that differ by numbers only: the first one as a whole, then these numbers.
+
+    A number is checked by the rules of its member alone: no schema of this project lets a number
+    decide which rules other members have.
+    """
+
+    def __init__(self, schema_name: str) -> None:
+        """Prepare to check against a schema; its name is that of `check`."""
+        self._name = schema_name
+        self._rules: dict[tuple, list[Any]] = {}
+
+    def find_violation(self, document: Any, changes: Mapping[tuple, Any]) -> Violation | None:
+        """Do the work of `find_violation`.
+
+        Args:
+            document: as there.
+            changes: all in which documents of this checker differ: values by their paths.
+        """
+        numbers = {path: v for path, v in changes.items() if type(v) in (int, float)}
+        others = [item for item in changes.items() if item[0] not in numbers]
+        rules = self._rules.get(kind := (*numbers, repr(others)))
+        if rules is not None and all(
+            _find_limit(value) is None and rule.is_valid(value)
+            for value, rule in zip(numbers.values(), rules, strict=True)
+        ):
+            return None
+        found = find_violation(document, self._name)
+        if found is None:
+            if len(self._rules) == _KEPT:
+                self._rules.clear()
+            self._rules[kind] = [self._make_rule(document, path) for path in numbers]
+        return found
+
+    def _make_rule(self, document: Any, path: tuple) -> Any:
+        """Return the validator of one member of a document."""
+        root = load_schema(self._name)
+        node = root
+        for part in path:
+            inner = resolve(node, root)
+            if isinstance(part, int):
+                node = inner["items"]
+            else:
+                others = inner.get("additionalProperties")
+                node = known_members(node, root, document).get(part, others or {})
+            document = document[part]
+        return _make_validator(self._name).evolve(schema=node)
 
 
 def known_members(node: dict, root: dict, instance: Any = None) -> dict[str, dict]:
