@@ -5,6 +5,7 @@ These tests need no compiled part.
 
 import json
 import math
+import tomllib
 
 import pytest
 
@@ -12,10 +13,13 @@ from conftest import SCENES
 from dockloop import paths, schema
 from dockloop.errors import UsageError
 from dockloop.scene import (
+    SceneReader,
     apply_override,
     find_scene,
     load_mechanism,
+    parse_value,
     read_mechanism,
+    read_toml,
     resolve_scene,
 )
 
@@ -216,3 +220,87 @@ def test_an_override_parses_toml_values_and_bare_words():
     apply_override(scene, "chaser.motion=fixed")
     apply_override(scene, "chaser.interface_position=[1, 2, 3]")
     assert scene == {"chaser": {"mass": 2.5e4, "motion": "fixed", "interface_position": [1, 2, 3]}}
+
+
+def list_numbers(node, path=()):
+    """Yield the path of every number that is a member of a group, and what kind of member it is."""
+    if isinstance(node, dict):
+        kind = (node.get("type"), node.get("kind"))
+        for name, value in node.items():
+            if type(value) in (int, float):
+                yield (*path, name), (*(part for part in path if isinstance(part, str)), name, kind)
+            yield from list_numbers(value, (*path, name))
+    if isinstance(node, list):
+        for number, value in enumerate(node):
+            yield from list_numbers(value, (*path, number))
+
+
+def test_a_changed_number_is_checked_as_with_its_whole_document():
+    """One member of each kind in all shipped files: the same sentence, or none."""
+    documents = [("scene", read_toml(file)[0]) for file in sorted(paths.SCENES.glob("*.toml"))]
+    files = sorted(paths.MECHANISMS.glob("*.json"))
+    documents += [("mechanism", read_mechanism(file)) for file in files]
+    seen, refused = set(), 0
+    for name, document in documents:
+        for path, kind in list_numbers(document):
+            if (name, kind) in seen:
+                continue
+            seen.add((name, kind))
+            group, checker = document, schema.Checker(name)
+            for part in path[:-1]:
+                group = group[part]
+            was = group[path[-1]]
+            assert checker.find_violation(document, {path: was}) is None
+            for value in (-2.5, 1e4):
+                group[path[-1]] = value
+                found = checker.find_violation(document, {path: value})
+                assert found == schema.find_violation(document, name), (path, value)
+                refused += found is not None
+            group[path[-1]] = was
+    assert len(seen) > 100
+    assert refused > 50
+
+
+def test_a_reader_refuses_what_a_scene_refuses():
+    """Good values first, so that only what changes is checked."""
+    path = find_scene(DEFAULT)
+    reader = SceneReader(path)
+    for good, bad in (
+        ("chaser.mass=2e4", "chaser.mass=-1"),
+        ("chaser.mass=2e4", "chaser.mass=1e999"),
+        ("chaser.mass=2e4", "chaser.mass=heavy"),
+        ("initial.pitch_yaw_deg=1", "initial.pitch_yaw_deg=31.0"),
+        ("mechanism.set.leg_defaults.stiffness=1e3", "mechanism.set.leg_defaults.stiffness=-1e3"),
+        ("mechanism.set.legs.4.preload=5", "mechanism.set.legs.4.preload=inf"),
+        ("solver.method=7", "solver.method=7.5"),
+    ):
+        assert reader.resolve([good]) == resolve_scene(path, [good])
+        assert reader.resolve([good]) == resolve_scene(path, [good])
+        sentences = []
+        for refuse in (lambda text: reader.resolve([text]), resolve):
+            with pytest.raises(UsageError) as error:
+                refuse(bad)
+            sentences.append(str(error.value))
+        assert sentences[0] == sentences[1]
+
+
+def test_numbers_of_overrides_are_those_of_toml():
+    for text in (
+        "1",
+        "-0",
+        "0.5",
+        "-1.5e-07",
+        "1e+300",
+        "1E400",
+        "01",
+        "1.",
+        ".5",
+        "1_0",
+        "+2",
+        "0x1f",
+    ):
+        try:
+            expected = tomllib.loads(f"value = {text}")["value"]
+        except ValueError:
+            expected = text
+        assert repr(parse_value(text)) == repr(expected)

@@ -11,7 +11,9 @@
 5. Failures are rows: refused by the scene, by the FMU, a step discarded, a worker lost.
 6. Two passes: rows are bit for bit those of a sweep at the first or at the second accuracy; the
    summary has the differences; both passes are resumed; a refined case is viewed as it ran last.
-7. The journal: a line that was changed is reported once and its case is run again, all others are
+7. Many cases: a million are planned in the memory of their samples; a table in parts has the same
+   bytes for any number of workers and any order of the journal.
+8. The journal: a line that was changed is reported once and its case is run again, all others are
    kept; a full disk loses nothing; the finished table of another sweep stays.
 """
 
@@ -24,6 +26,7 @@ import subprocess
 import sys
 import threading
 import time
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +46,7 @@ from dockloop import executors, paths, sweep_report
 from dockloop.cases import Job, LoadedFmu, Result
 from dockloop.errors import UsageError
 from dockloop.planning import Planner
-from dockloop.sampling import as_setting, read_sweep
+from dockloop.sampling import Passes, as_setting, read_sweep
 from dockloop.simulate import ProgressBar
 from dockloop.sweeps import Journal, run_sweep
 from dockloop.view.command import find_command
@@ -696,7 +699,8 @@ PASSES = ("--accuracy", "1e-2", "--refine", "compression > 900 or not contact",
           "--refine-accuracy", "1e-4")  # fmt: skip
 
 
-def test_critical_cases_run_again_at_another_accuracy(dockloop, tmp_path):
+def test_critical_cases_run_again_at_another_accuracy(dockloop, tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep_report, "_PART", 5)
     path, table = write(tmp_path, SHORT), tmp_path / "own.parquet"
     command = ("sweep", str(path), *PASSES, "-o", str(table), "--no-plots", "--json", "--report")
     done = dockloop(*command)
@@ -754,6 +758,83 @@ def test_passes_that_make_no_sense_are_refused(dockloop, tmp_path):
         refused = dockloop("sweep", *arguments)
         assert (refused.status, refused.err.count("\n")) == (2, 1), refused
         assert words in refused.err, refused
+
+
+# ---------------------------------------------------------------- many cases
+
+MANY = """
+scene = "absorber_1d"
+cases = {cases}
+[[vary]]
+type = "grid"
+name = "target.mass"
+values = [3e5, 3.5e5, 4e5, 4.5e5]
+[[vary]]
+type = "uniform"
+name = "initial.closing_speed"
+range = [0.05, 0.1]
+[[vary]]
+type = "uniform"
+name = "chaser.mass"
+range = [10e3, 30e3]
+[experiment]
+stop = 0.01
+step = 0.01
+"""
+
+
+def test_a_million_cases_are_planned_in_the_memory_of_their_samples(tmp_path):
+    few = read_sweep(str(write(tmp_path, MANY.format(cases=1024), "few"))).cases
+    path = str(write(tmp_path, MANY.format(cases=250_000)))
+    Planner(read_sweep(path))  # what is loaded once
+    tracemalloc.start()
+    planned = read_sweep(path, Passes(1e-3))
+    planner = Planner(planned)
+    kept, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert kept < 8e6, kept  # 4 MB of samples
+    assert most < 40e6, most
+    cases = planned.cases
+    assert len(cases) == 1_000_000
+    for row in (0, 1023, 250_000, 999_999, *np.random.default_rng(1).integers(10**6, size=50)):
+        settings = planner.list_settings(cases[row])
+        assert settings["accuracy"] == 1e-3
+        assert settings["target.mass"] == (3e5, 3.5e5, 4e5, 4.5e5)[row // 250_000]
+        if row % 250_000 < 1024:
+            point = row // 250_000 * 1024 + row % 250_000
+            assert cases[row] == (*few[point], 1e-3)
+    assert cases[-1] == cases[999_999]
+    with pytest.raises(IndexError):
+        cases[1_000_000]
+
+
+def test_a_table_in_parts_has_the_same_bytes_for_any_order_of_the_journal(
+    dockloop, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(sweep_report, "_PART", 512)
+    path = write(tmp_path, MANY.format(cases=512))
+    command = ["sweep", str(path), "--csv", "--no-plots", "--json", "-o", "own.parquet"]
+    first = dockloop(*command, "--workers", "1")
+    assert first.status == 0, first.err
+    summary = json.loads(first.out)
+    table, journal = tmp_path / "own.parquet", tmp_path / "own.jsonl"
+    whole = table.read_bytes()
+    assert parquet.read_metadata(table).num_row_groups == 4
+    rows = parquet.read_table(table).to_pylist()
+    assert [row["case"] for row in rows] == list(range(1, 2049))
+    csv = (tmp_path / "own.csv").read_text().splitlines()
+    assert len(csv) == 2049
+    assert csv[-1].startswith("2048,450000.0,")
+    peaks = [row["capture.peak.compression"] for row in rows]
+    assert summary["peak_loads"]["compression"]["largest"] == max(peaks)
+
+    header, *lines = journal.read_text().splitlines(keepends=True)
+    kept = [*reversed(lines[600:]), *lines[:100]]
+    journal.write_text("".join([header, *kept]))
+    second = dockloop(*command, "--workers", "2", "--resume")
+    assert second.status == 0, second.err
+    assert json.loads(second.out)["time"]["ran"] == 500
+    assert table.read_bytes() == whole
 
 
 # ---------------------------------------------------------------- the journal

@@ -97,7 +97,7 @@ class SceneReader:
 
     def resolve(self, overrides: list[str] | tuple[str, ...] = ()) -> dict:
         """Do the work of `resolve_scene`; documents of equal mechanisms share them."""
-        scene = copy.deepcopy(self._scene)
+        scene = without_nulls(self._scene)  # a copy: TOML has no nulls
         changes = dict(apply_override(scene, text) for text in overrides)
         if found := self._checker.find_violation(scene, changes):
             raise UsageError(f"{shown(self._path)}: {found.sentence}")

@@ -246,7 +246,7 @@ def run_cases(
     Args:
         executor: where they run.
         planner: whose cases they are.
-        cases: their values; of equal cases only one runs at a time.
+        cases: their values.
         keep: receives every case with its result.
         report: called after each.
     """
@@ -260,8 +260,6 @@ def run_cases(
     def fill() -> None:
         most = _AHEAD * max(1, executor.count())
         while len(running) < most and (values := next(todo, None)) is not None:
-            if values in running.values():
-                continue
             try:
                 running[executor.submit(values)] = values
             except UsageError as error:
