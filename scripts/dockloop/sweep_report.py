@@ -2,8 +2,9 @@
 
 The table (Parquet) has one row per case: its number, the quantities, the status and the reason of
 a failure, the outcomes at its end. It knows nothing of workers and clocks, so that the same sweep
-gives the same file. Units and descriptions are in the metadata of the columns; the whole set-up is
-in the metadata of the table, under keys that begin with ``dockloop.``.
+gives the same file. It is made from the journal in parts, each a row group. Units and descriptions
+are in the metadata of the columns; the whole set-up is in the metadata of the table, under keys
+that begin with ``dockloop.``.
 """
 
 import csv
@@ -48,6 +49,7 @@ _COLOURS = {
 _BINS = 8
 _VIEWS = 3  # worst cases that a report shows in motion
 _COLUMNS = 4  # panels of a figure side by side
+_MOST_POINTS = 20_000  # of one colour in a panel
 _MOST_ROWS = 64  # of a table in words
 _ENDS = ("outcome", "time_of_capture", "capture.peak.load_ratio", "explanation")
 
@@ -592,9 +594,11 @@ def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> No
             axis.set_xlabel(f"{first} along y [{x_unit}]", fontsize="small")
             axis.set_ylabel(f"along z [{x_unit}]")
         for name, colour in _COLOURS.items():
-            chosen = compute.equal(outcomes, name).to_numpy()
-            if chosen.any():
-                label = f"{name}: {chosen.sum()}"
+            chosen = np.flatnonzero(compute.equal(outcomes, name).to_numpy())
+            if len(chosen):
+                label = f"{name}: {len(chosen)}"
+                if len(chosen) > _MOST_POINTS:  # at random: every n-th of a sequence is no sample
+                    chosen = np.random.default_rng(0).choice(chosen, _MOST_POINTS, replace=False)
                 size = 4 if name == "captured" else 12
                 axis.scatter(x[chosen], y[chosen], size, color=colour, label=label, linewidths=0)
     captured = compute.equal(outcomes, "captured").to_numpy()
@@ -639,10 +643,12 @@ def _plot_loads(sweep: Sweep, planner: Planner, table: Any, path: Path) -> None:
         if name not in list_loads():
             continue
         axis = axes[0] if list_loads()[name] == "N" else axes[1]
-        exceeded = 1.0 - np.arange(len(values)) / len(values)
+        # From the largest one on, as dense on the logarithmic axis as can be seen.
+        ranks = np.unique(np.geomspace(1, len(values), _MOST_POINTS).astype(int))[::-1]
         label = f"{name}, largest {values.max():.0f}"
         label += f", rated {rated[name]:g}" if name in rated else ""
-        (line,) = axis.step(np.sort(values), exceeded, where="pre", label=label, linewidth=0.9)
+        loads, exceeded = np.sort(values)[-ranks], ranks / len(values)
+        (line,) = axis.step(loads, exceeded, where="pre", label=label, linewidth=0.9)
         if name in rated:
             axis.axvline(rated[name], color=line.get_color(), linestyle="--", linewidth=0.9)
     for axis, text in zip(axes, ("peak force [N]", "peak moment [N m]"), strict=True):
