@@ -49,6 +49,11 @@ def make_values(reason, held=(0, 0, 0), **others):
         (make_values(7, (1, 0, 0)), "not captured: rebounded, with 1 of 3 latches held"),
         (make_values(7), "not captured: rebounded"),
         (make_values(8), "not captured: missed"),
+        (  # a sequence releases the latches when the hooks are closed
+            make_values(4, outcome=6.0, time_of_capture=3.218),
+            "captured at 3.218 s, then docked",
+        ),
+        (make_values(3, outcome=7.0, time_of_capture=3.5), "captured at 3.500 s, then undocked"),
         ({"latched[1]": 0}, None),
     ],
 )

@@ -8,10 +8,13 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 
+from dockloop.core import name_choice
+
 _NEEDED = re.compile(
-    r"capture\.(reason|seated_time)|time_of_capture|latched\[\d+\]|latch\[\d+\]\.(opening|lateral)"
-    r"|contact\.petal\[\d+\]\.force"
+    r"capture\.(reason|seated_time)|time_of_capture|outcome|latched\[\d+\]"
+    r"|latch\[\d+\]\.(opening|lateral)|contact\.petal\[\d+\]\.force"
 )
+AFTER_CAPTURE = ("docked", "undocked")  # outcomes of a sequence that has released the latches
 
 
 def list_needed(outputs: Iterable[str]) -> list[str]:
@@ -32,6 +35,9 @@ def explain_capture(values: Mapping[str, float], latches: Mapping) -> str | None
     """
     if "capture.reason" not in values:
         return None
+    outcome = name_choice("outcome", values["outcome"]) if "outcome" in values else ""
+    if outcome in AFTER_CAPTURE and values.get("time_of_capture", -1.0) >= 0.0:
+        return f"captured at {values['time_of_capture']:.3f} s, then {outcome}"
     held = _list(values, "latched[{}]")
     some = f"with {sum(map(bool, held))} of {len(held)} latches held" if any(held) else ""
     free = [i for i, holds in enumerate(held) if not holds]
