@@ -28,7 +28,8 @@ _SECTIONS = (
     ("Guide ring", r"ring\."),
     ("Legs", r"leg\["),
     ("Force elements", r"(element\[|failure\[)"),
-    ("Hard dock", r"(hook\[|hooks\.|faces\.|pushers\.|joint\.)"),
+    ("Sequence", r"(sequence\.|command$)"),
+    ("Hard dock", r"(hard_dock\.|hook\[|hooks\.|faces\.|pushers\.|joint\.)"),
     ("Independent coordinates", r"(der\()?state\."),
     ("Cut forces and base", r"(loop\[|base\.)"),
     ("Energy and momentum", r"(energy\.|momentum\.)"),
@@ -601,9 +602,10 @@ def _limits(document: dict) -> str:
         items += [
             f"Contact depth: surfaces are rounded (smallest radius {rounding:g} mm). A state"
             " deeper than 0.98 of the roundings of a pair is refused.",
-            "Relative tilt below 30 deg; behind the ring nothing is modelled that could be touched."
-            " No hard docking.",
+            "Relative tilt below 30 deg; nothing behind the ring is modelled.",
         ]
+    if "target" in document and "interface" not in mechanism:
+        items.append("No hooks, no hard docking: the mechanism has no <code>interface</code>.")
     if legs := mechanism.get("legs"):
         items.append(
             f"Singular poses: each of the {len(legs)} legs loses its grip where it lies"
@@ -617,7 +619,7 @@ def _limits(document: dict) -> str:
                 f" {1e3 * stops['max_length']:g} mm."
             )
     items.append(
-        "Bodies are rigid. Very stiff parts make the explicit default slow: choose an implicit"
+        "Bodies are rigid. Very stiff parts make the default method slow: choose an implicit"
         " <code>solver.method</code> for them."
     )
     return text + "<h3>Validity</h3>" + _list(items)
