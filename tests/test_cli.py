@@ -63,12 +63,19 @@ def test_bad_usage_is_refused(dockloop):
     assert_refused(dockloop("run", "idss_25t_350t", "--stop", "soon"), "--stop")
     assert_refused(dockloop("run", "idss_25t_350t", "-o", "result.txt"), "result.txt", ".csv")
     assert_refused(dockloop("run", "no.fmu"), "no.fmu")
+    assert_refused(dockloop("check", "apda", "--draw", "own.gif"), "--draw own.gif", ".svg")
+    assert_refused(dockloop("check", "apda", "--draw", "/proc/own.svg"), "choose another --draw")
     assert_refused(dockloop("run", "no.fmu", "--scene", "chaser.mass=1"), "--set")
 
 
 def test_unknown_names_are_refused_with_near_matches(dockloop):
     assert_refused(dockloop("build", "idss_25t"), "'idss_25t_350t'")
     assert_refused(dockloop("check", "idss_hexpod"), "'idss_hexapod'")
+    assert_refused(dockloop("check", "idss_25t_350t"), "it is the name of a scene")
+    assert_refused(dockloop("sweep", "idss_25t_350t"), "it is the name of a scene")
+    assert_refused(dockloop("run", "idss_hexapod"), "it is the name of a mechanism")
+    assert_refused(dockloop("run", paths.MECHANISMS / "apda.json"), "apda.json", ".toml")
+    assert_refused(dockloop("sweep", paths.MECHANISMS / "apda.json"), "apda.json", ".toml")
     assert_refused(dockloop("build", SCENES[0], "--scene", "mechanism.name=nope"), "nope.json")
     assert_refused(dockloop("build", SCENES[0], "--scene", "chaser.mas=1"), "'chaser.mass'")
 

@@ -821,6 +821,8 @@ def _check(options: argparse.Namespace) -> None:
 
     if options.draw and options.states:
         raise UsageError("--draw shows the mechanism at home: leave --states away")
+    if options.draw and options.draw.suffix != ".svg":
+        raise UsageError(f"--draw {options.draw}: must end in .svg")
     report = check_mechanism(options.mechanism, options.states)
     if options.draw:
         draw(options.mechanism, report, options.draw)

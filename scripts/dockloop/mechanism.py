@@ -12,7 +12,7 @@ from typing import Any
 from dockloop import core, schema
 from dockloop.columns import align
 from dockloop.errors import UsageError, did_you_mean
-from dockloop.paths import MECHANISMS, find_absence, is_file, shown
+from dockloop.paths import MECHANISMS, find_absence, is_file, name_kind, shown
 from dockloop.scene import read_mechanism, reading
 
 
@@ -24,9 +24,10 @@ def find_mechanism(reference: str) -> Path:
     shipped = MECHANISMS / f"{reference}.json"
     if path.suffix or not is_file(shipped):
         names = [file.stem for file in sorted(MECHANISMS.glob("*.json"))]
+        near = name_kind(reference) or did_you_mean(reference, names)
         raise UsageError(
             f"{reference}: no such file, and no mechanism of that name in {shown(MECHANISMS)}"
-            f"{did_you_mean(reference, names)}: there are {', '.join(names)}"
+            f"{near}: there are {', '.join(names)}"
         )
     return shipped
 

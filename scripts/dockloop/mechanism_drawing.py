@@ -25,7 +25,7 @@ from dockloop.drawing import (
     find_legs,
     list_legs,
 )
-from dockloop.outputs import Kind, read_head, write_text
+from dockloop.outputs import Kind, claim, read_head, write_text
 
 _MADE_BY = "<!-- made by dockloop check -->"
 SHEET = Kind("drawing", "dockloop check", lambda path: _MADE_BY.encode() in read_head(path))
@@ -36,6 +36,7 @@ _NAMES = "xyz"
 
 def write_drawing(path: Path, mechanism: dict, report: dict) -> None:
     """Write the sheet of a checked mechanism. Raises like `dockloop.outputs.writing`."""
+    claim(path, SHEET, "--draw")
     sheet = draw_mechanism(mechanism, report["home_q"], report["independent"])
     write_text(path, SHEET, sheet.replace("<title>", f"{_MADE_BY}<title>", 1))
 

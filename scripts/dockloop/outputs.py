@@ -116,22 +116,23 @@ def read_entry(path: Path | BinaryIO, name: str) -> bytes:
         raise ValueError(f"{name} in it cannot be unpacked ({error})") from None
 
 
-def claim(path: Path, kind: Kind) -> None:
+def claim(path: Path, kind: Kind, option: str = "-o") -> None:
     """Make sure, before any work, that a file can be written at its end.
 
     Args:
         path: the file.
         kind: what will be written there.
+        option: names the file, for the message.
 
     Raises:
         UsageError: there is a file of another kind or command, a folder, or no way to write.
     """
     real = Path(os.path.realpath(path))  # a link stays what it is, its file is replaced
-    place, other = shown(path), "choose another -o"
+    place, other = shown(path), f"choose another {option}"
     try:
         mode = real.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
-        _probe(real.parent, path)
+        _probe(real.parent, path, other)
         return
     except OSError as error:
         raise UsageError(f"{place}: cannot be written ({find_reason(error)}): {other}") from None
@@ -145,7 +146,7 @@ def claim(path: Path, kind: Kind) -> None:
         )
     if not os.access(real, os.W_OK):
         raise UsageError(f"{place}: is write-protected: {other}")
-    _probe(real.parent, path)
+    _probe(real.parent, path, other)
 
 
 @contextmanager
@@ -242,7 +243,7 @@ def _is_own(path: Path, kind: Kind) -> bool:
         return False
 
 
-def _probe(folder: Path, path: Path) -> None:
+def _probe(folder: Path, path: Path, other: str) -> None:
     """Check that a file can be made in a folder, or in the one in which that would be made."""
     while not os.path.lexists(folder) and folder != folder.parent:
         folder = folder.parent
@@ -253,7 +254,7 @@ def _probe(folder: Path, path: Path) -> None:
             pass
     except OSError as error:
         raise UsageError(
-            f"{shown(path)}: cannot be written ({find_reason(error)}): choose another -o"
+            f"{shown(path)}: cannot be written ({find_reason(error)}): {other}"
         ) from None
 
 

@@ -46,6 +46,14 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def name_kind(name: str) -> str:
+    """Say of which kind the shipped file of a name is; empty if there is none."""
+    for folder, what in ((SCENES, "scene"), (MECHANISMS, "mechanism"), (SWEEPS, "sweep")):
+        if any(is_file(folder / f"{name}{suffix}") for suffix in (".toml", ".json")):
+            return f" (it is the name of a {what})"
+    return ""
+
+
 def find_absence(path: Path, what: str) -> str:
     """Say of a path where no file is what is wrong with it; `what` is what was looked for."""
     wrong = f"no such {what}"

@@ -21,7 +21,7 @@ import numpy as np
 
 from dockloop import schema
 from dockloop.errors import UsageError, did_you_mean
-from dockloop.paths import SWEEPS, find_absence, is_file, shown
+from dockloop.paths import SWEEPS, find_absence, is_file, name_kind, shown
 from dockloop.scene import find_scene, read_toml
 from dockloop.variables import NAMED_NUMBERS
 
@@ -279,8 +279,11 @@ def _find_sweep(reference: str) -> Path:
         path = SWEEPS / f"{reference}.toml"
         if not is_file(path):
             names = [file.stem for file in sorted(SWEEPS.glob("*.toml"))]
+            if is_file(Path(reference)):
+                raise UsageError(f"{reference}: is no sweep: sweep files end in .toml")
+            near = name_kind(reference) or did_you_mean(reference, names)
             raise UsageError(
-                f"no sweep '{reference}' in {shown(SWEEPS)}{did_you_mean(reference, names)}:"
+                f"no sweep '{reference}' in {shown(SWEEPS)}{near}:"
                 f" there are {', '.join(names)}; a sweep of your own is given by its path,"
                 " ending in .toml"
             )

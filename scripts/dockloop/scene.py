@@ -25,7 +25,7 @@ from typing import Any
 from dockloop import schema
 from dockloop.core import list_choices
 from dockloop.errors import UsageError, did_you_mean, find_reason
-from dockloop.paths import MECHANISMS, SCENES, find_absence, is_file, shown
+from dockloop.paths import MECHANISMS, SCENES, find_absence, is_file, name_kind, shown
 from dockloop.variables import NAMED_NUMBERS
 
 FORMAT = "dockloop-scene/1"
@@ -51,8 +51,11 @@ def find_scene(reference: str) -> Path:
         shipped = SCENES / f"{reference}.toml"
         if not is_file(shipped):
             names = [file.stem for file in sorted(SCENES.glob("*.toml"))]
+            if is_file(path):
+                raise UsageError(f"{reference}: is no scene: scene files end in .toml")
+            near = name_kind(reference) or did_you_mean(reference, names)
             raise UsageError(
-                f"no scene '{reference}' in {shown(SCENES)}{did_you_mean(reference, names)}:"
+                f"no scene '{reference}' in {shown(SCENES)}{near}:"
                 f" there are {', '.join(names)}; a scene of your own is given by its path,"
                 " ending in .toml"
             )
