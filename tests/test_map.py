@@ -216,7 +216,10 @@ def test_a_point_runs_alone(dockloop, mapped, tmp_path):
     ("words", "text"),
     [
         (("--x", "solver.rtol", "0", "1e-2"), "must be above 0 on a logarithmic axis"),
-        (("--x", "solver.rtoll", "1e-9", "1e-2"), "is neither a key of the scene nor a variable"),
+        (
+            ("--x", "solver.rtoll", "1e-9", "1e-2"),
+            "map: vary 'solver.rtoll': is neither a key",
+        ),
         (("--x", "solver.rtol", "1e-2", "1e-9"), "must be finite and ascend"),
         (("--error", "0"), "--error 0: must be greater than 0"),
         (("--points", "2"), "--points 2: must be at least 3"),

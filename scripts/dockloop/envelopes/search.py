@@ -228,7 +228,7 @@ def _prepare(order: Order, judge: Judge | None) -> Search:
     if order.checks < 0:
         raise UsageError(f"--check {order.checks}: must be at least 0")
     levels = max(0, math.ceil(math.log2(0.5 / tolerance / coarse) - 1e-9))
-    planner = Planner(_make_sweep(order))
+    planner = Planner(_make_sweep(order, judge.work if judge else WORK))
     if judge is not None:
         judge.check(planner)
         planner.asked = judge.outputs
@@ -247,11 +247,11 @@ def _check_axis(place: str, axis: Axis) -> None:
         )
 
 
-def _make_sweep(order: Order) -> Sweep:
+def _make_sweep(order: Order, work: str) -> Sweep:
     """Return the sweep whose cases are the corners of the box, for the planner."""
     vary = [{"type": "uniform", "name": a.name, "range": [a.low, a.high]} for a in order.axes]
     document = {
-        "title": f"envelope of {order.scene}",
+        "title": f"{work} of {order.scene}",
         "scene": order.scene,
         "set": dict(order.settings),
         "vary": vary,
@@ -259,7 +259,7 @@ def _make_sweep(order: Order) -> Sweep:
     }
     ends = np.array([[axis.low, axis.high] for axis in order.axes]).T
     scene, quantities = find_scene(order.scene), list_quantities(document)
-    return Sweep(Path(WORK), "", scene, document, quantities, Cases(vary, ends))
+    return Sweep(Path(work), "", scene, document, quantities, Cases(vary, ends))
 
 
 class _Runner:
