@@ -278,7 +278,7 @@ def test_a_saved_state_keeps_the_choice(wanted):
 
 def test_values_without_a_meaning_are_refused():
     docking = dl.Docking(SCENE, NEAR)
-    for value, words in ((2.0, "above its maximum 1"), (-2.0, "below its minimum -1")):
+    for value, words in ((2.0, "above its maximum 1$"), (-2.0, "below its minimum -1$")):
         with pytest.raises(dl.UsageError, match=words):
             docking.set("accuracy", value)
     with pytest.raises(dl.UsageError, match="must be a number or real-time"):

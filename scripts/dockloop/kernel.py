@@ -82,7 +82,7 @@ def make_kernel(document: dict, needed: bool) -> Kernel:
 def _write(document: dict, needed: bool) -> tuple[str, str]:
     """Write the source of a kernel; returns it and one line about it, or an empty text and why."""
     if not needed and has_only_legs(document, Path(document["name"])):
-        return "", "its legs are evaluated side by side; no code has to be generated"
+        return "", "its legs have fast code in the library, so none is generated"
     try:
         find_compiled(paths.GENERATOR)
     except DockloopError as error:

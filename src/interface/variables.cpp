@@ -1081,8 +1081,9 @@ void check_value(const Variable& v, double value, const char* function) {
   if (absent != v.refused.end()) refuse(absent->second);
   if (std::abs(value) > kLargestValue)
     refuse(" is too large: its absolute value must be at most 1e30");
-  if (value < v.min) refuse(" is below its minimum " + shortest(v.min) + ' ' + v.unit);
-  if (value > v.max) refuse(" is above its maximum " + shortest(v.max) + ' ' + v.unit);
+  const std::string unit = v.unit == std::string("1") ? "" : std::string(" ") + v.unit;
+  if (value < v.min) refuse(" is below its minimum " + shortest(v.min) + unit);
+  if (value > v.max) refuse(" is above its maximum " + shortest(v.max) + unit);
 }
 
 }  // namespace dockloop
