@@ -18,6 +18,13 @@ from dockloop.simulate import run_fmu
 
 FILE = Path(__file__).parent / "data" / "budgets.json"
 BUDGETS = json.loads(FILE.read_text())["budgets"]
+PAGE = paths.ROOT / "src" / "mechanism" / "README.md"  # has a table of the operations
+COUNTED = {
+    "hexapod_r2p1r3": "24 / 6",
+    "hexapod_bench": "24 / 6",
+    "crank_nested": "40 / 7, 12 loops",
+    "planar_two_loop": "6 / 2",
+}
 
 
 @functools.cache
@@ -75,8 +82,27 @@ def test_a_figure_is_what_the_budget_says(budget):
     )
 
 
+def make_table(budgets: list[dict]) -> str:
+    """Return the rows of the page: operations of the accelerations, and with all reactions."""
+    figures = {budget["name"]: f"{budget['figure']:,}".replace(",", " ") for budget in budgets}
+
+    def count(mechanism: str, what: str) -> str:
+        name = f"operations: {mechanism}, {what}"
+        return f"{figures[name]}, {figures[f'{name}, zeros and ones taken out']} left"
+
+    return "".join(
+        f"| `{name}` ({velocities}) | {count(name, 'accelerations')}"
+        f" | {count(name, 'with cut forces and base wrench')} |\n"
+        for name, velocities in COUNTED.items()
+    )
+
+
+def test_the_page_has_the_counts_of_the_budgets():
+    assert make_table(BUDGETS) in PAGE.read_text()
+
+
 def update() -> None:
-    """Write the figures of today into the file."""
+    """Write the figures of today into the file and the page."""
     document = json.loads(FILE.read_text())
     for budget in document["budgets"]:
         figure = measure(budget)
@@ -87,6 +113,8 @@ def update() -> None:
             budget["figure"] = round(figure)
     comment = json.dumps(document["comment"], indent=2).replace("\n", "\n  ")
     lines = ",\n    ".join(json.dumps(budget) for budget in document["budgets"])
+    page = PAGE.read_text()
+    PAGE.write_text(page.replace(make_table(BUDGETS), make_table(document["budgets"])))
     FILE.write_text(f'{{\n  "comment": {comment},\n  "budgets": [\n    {lines}\n  ]\n}}\n')
 
 
