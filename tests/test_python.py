@@ -196,6 +196,12 @@ def test_a_start_value_cannot_be_set_after_the_first_step():
     docking.set("friction.coefficient", 0.2)  # a tunable parameter
 
 
+def test_a_column_that_is_not_there_is_refused_with_near_matches():
+    result = dl.run("absorber_1d", stop=0.1)
+    with pytest.raises(dl.UsageError, match=r"no column 'relative.axia' \(did you mean 'relative"):
+        result["relative.axia"]
+
+
 def test_scenes_are_refused_with_the_sentences_of_the_command_line():
     for bad, words in {
         "nope": "no scene 'nope'",

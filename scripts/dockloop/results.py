@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dockloop.errors import DockloopError, UsageError
+from dockloop.errors import DockloopError, UsageError, did_you_mean
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,7 +55,10 @@ class Result:
         return name in self.names
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Return one variable over time, shape (points,)."""
+        """Return one variable over time, shape (points,). Raises UsageError: no such column."""
+        if name not in self.names:
+            near = did_you_mean(name, self.names)
+            raise UsageError(f"this result has no column '{name}'{near}; .names lists all")
         return self.values[:, self.names.index(name)]
 
     def vector(self, name: str) -> np.ndarray:
