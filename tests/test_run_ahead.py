@@ -4,7 +4,11 @@
    any communication step; energy and momentum hold.
 2. A change of an input or of a parameter acts from its communication point on, not earlier.
 3. What is read changes nothing.
+4. Mechanisms with a sequence, hooks and pushers take such steps too: the same run for any
+   communication step, saved states bit for bit. (Commands: test_sequence.py.)
 """
+
+import random
 
 import numpy as np
 import pytest
@@ -88,3 +92,81 @@ def test_reading_changes_nothing(scene):
         read.get("chaser.force_mean")
     for name in read.variables:
         assert silent.get(name) == read.get(name), name
+
+
+# ---------------------------------------------------------------------------- sequences
+
+FAMILIES = ("hexapod", "apda", "probe_drogue")
+
+
+def make_family(name):
+    """Return a docking of a family that begins just before contact."""
+    docking = Docking(Scene(name, {"initial.approach_time": 0.1}))
+    docking.set("accuracy", 1e-3)
+    return docking
+
+
+def read(docking):
+    return {name: docking.get(name) for name in docking.variables}
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_sequence_is_the_same_for_any_communication_step(name):
+    """A run with an exact method is near; energy and momentum hold."""
+    coarse, fine = make_family(name), make_family(name)
+    exact = Docking(fine.scene)
+    exact.set("solver.method", 2)
+    for docking, h in ((coarse, 0.5), (fine, 0.02), (exact, 0.5)):
+        for _ in range(round(12.0 / h)):
+            docking.step(h)
+    assert fine.get("captured")
+    assert fine.get("solver.rhs_evaluations") == coarse.get("solver.rhs_evaluations")
+    assert fine.get("time_of_capture") == pytest.approx(coarse.get("time_of_capture"), abs=1e-12)
+    assert fine.get("sequence.step") == coarse.get("sequence.step") == exact.get("sequence.step")
+    place = [docking.get("relative.position") for docking in (fine, coarse, exact)]
+    assert np.allclose(place[0], place[1], rtol=0.0, atol=1e-9)
+    assert np.allclose(place[0], place[2], rtol=0.0, atol=1e-4)
+    assert fine.get("momentum.residual") < 1e-13
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_run_with_a_sequence_goes_on_from_any_saved_state(name):
+    draw = random.Random(3)
+    straight, docking = make_family(name), make_family(name)
+    restored = 0
+    for i in range(150):
+        h = draw.choice([0.005, 0.05, 0.2])
+        if i == 100:
+            for each in (straight, docking):
+                each.set("command", "hold")
+        straight.step(h)
+        if draw.random() < 0.2:
+            state = docking.save()
+            if draw.random() < 0.5:  # something else first
+                docking.step(0.3 * h)
+                docking.get("capture.force")
+            else:
+                docking = Docking(docking.scene)
+            docking.restore(state)
+            restored += 1
+        docking.step(h)
+        assert (
+            docking.get("relative.position").tobytes()
+            == straight.get("relative.position").tobytes()
+        )
+    assert restored > 20
+    ours, theirs = read(docking), read(straight)
+    for variable, value in theirs.items():
+        assert np.array_equal(ours[variable], value), variable
+
+
+def test_mean_loads_of_long_steps_are_the_changes_of_momentum():
+    """Between two points the head slides from one side of the cone to the other."""
+    docking = make_family("probe_drogue")
+    mass = docking.get("chaser.mass")
+    speed = docking.get("chaser.velocity")
+    for _ in range(20):
+        docking.step(0.5)
+        gained = mass * (docking.get("chaser.velocity") - speed) / 0.5
+        assert docking.get("chaser.force_mean") == pytest.approx(gained, abs=1e-6 * mass)
+        speed = docking.get("chaser.velocity")

@@ -41,13 +41,18 @@ def step(name: str, *rows: tuple, phase: int = 1, **members: object) -> dict:
     return {"name": name, "phase": phase, "next": rows, **members}
 
 
-@pytest.fixture
-def dock(tmp_path):
-    """Make a docking of a slide with laws and steps; other members are those of the mechanism."""
+@pytest.fixture(params=["auto", "rosenbrock"])
+def dock(tmp_path, request):
+    """Make a docking of a slide with laws and steps; other members are those of the mechanism.
+
+    Steps of the second method may end after the communication point.
+    """
 
     def make(*steps: dict, laws: tuple, mass: float = 40.0, rate: float = 0.0, **keys: object):
         mechanism = make_slide(mass, make_element(*laws), sequence={"steps": list(steps)})
-        return dl.Docking(write_slide(tmp_path, mechanism, rate), overrides=keys)
+        docking = dl.Docking(write_slide(tmp_path, mechanism, rate), overrides=keys)
+        docking.set("solver.method", request.param)
+        return docking
 
     return make
 

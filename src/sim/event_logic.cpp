@@ -180,12 +180,29 @@ double EventLogic::find_next_disturbance(double now) const {
 }
 
 DisturbingLoads EventLogic::find_disturbing_loads() const {
+  return add_disturbances([this](size_t k) { return discrete_.disturbances & (1 << k) ? 1.0 : 0.0; });
+}
+
+DisturbingLoads EventLogic::find_mean_disturbing_loads(double from, double to) const {
+  return add_disturbances([&](size_t k) {
+    const Disturbance& disturbance = model_->disturbances[k];
+    const double begin = find_time(disturbance.onset, discrete_.entered.data());
+    const double end = begin + disturbance.duration;
+    return std::max(0.0, std::min(end, to) - std::max(begin, from)) / (to - from);
+  });
+}
+
+/// @param share  of each disturbance
+template <class Share>
+DisturbingLoads EventLogic::add_disturbances(Share share) const {
   DisturbingLoads loads{};
   for (size_t k = 0; k < model_->disturbances.size(); ++k) {
-    if (!(discrete_.disturbances & (1 << k))) continue;
     const Disturbance& disturbance = model_->disturbances[k];
     if (model_->driven[disturbance.vehicle]) continue;  // the host states what acts
-    loads[disturbance.vehicle] += Wrench<double>{disturbance.force, disturbance.torque};
+    const double part = share(k);
+    if (part == 0.0) continue;
+    loads[disturbance.vehicle] +=
+        Wrench<double>{part * disturbance.force, part * disturbance.torque};
   }
   return loads;
 }

@@ -100,6 +100,8 @@ class EventLogic {
   /// When the next one begins or ends; infinite: none is known. @param now  [s since the start]
   double find_next_disturbance(double now) const;
   DisturbingLoads find_disturbing_loads() const;
+  /// Their means between two times that have passed.
+  DisturbingLoads find_mean_disturbing_loads(double from, double to) const;
   /// Would anything change at this state? @param now, clock_rounding  as of update_thrust()
   bool is_change_due(DockingData<double>& at, double now, double clock_rounding) const;
   /// The gap of the surfaces, exact if positive and not above kReboundGap. Above kReboundGap, and
@@ -117,6 +119,8 @@ class EventLogic {
   /// Is a rebound possible? Its event function is then checked between accepted states.
   bool may_part() const;
   int find_acting(double now, double clock_rounding) const;
+  template <class Share>
+  DisturbingLoads add_disturbances(Share share) const;
   /// Has a latch released, and must not catch again?
   bool is_disarmed(int latch) const;
 

@@ -145,7 +145,7 @@ void DockingSim::Impl::update_phase_outputs() {
   outputs.sequence_step = discrete.sequence.step + 1;
   outputs.sequence_time_in_step = 0.0;
   if (events->sequence().exists()) {
-    outputs.sequence_time_in_step = events->sequence().find_time_in_step(elapsed);
+    outputs.sequence_time_in_step = events->sequence().find_time_in_step(find_point_time());
   }
   outputs.hooks_closed = count_closed_hooks(model->hard_dock, discrete.hard_dock);
   outputs.joint_rigid = discrete.hard_dock.joint.on;

@@ -15,11 +15,10 @@ constexpr double kClockSlack = 1e-6;                 ///< of the host, per step
 
 }  // namespace
 
-/// Steps that pass communication points need a one-step method, loads that do not change by
-/// themselves and no host that integrates a vehicle. A sequence acts at booked states only.
+/// Steps that pass communication points need a one-step method and no host that integrates a
+/// vehicle. What acts at known times ends a step; a sequence acts at booked states only.
 bool DockingSim::Impl::runs_ahead() const {
-  return uses_structured_matrix() && !is_fixed_step() && !host->has_host() &&
-         model->sequence.empty() && model->hard_dock.empty() && model->disturbances.empty();
+  return uses_structured_matrix() && !is_fixed_step() && !host->has_host();
 }
 
 /// May the next inner steps end after the communication point?
@@ -30,8 +29,16 @@ bool DockingSim::Impl::may_pass() const {
 
 /// Is the pending step valid for a communication step of h too? @pre read_inputs()
 bool DockingSim::Impl::can_go_on(double late, double h) const {
-  return ahead.pending && !ahead.is_retuned && !loads.are_sloped() && h > 0.0 &&
-         std::abs(late) <= kClockSlack * h && are_same(loads.at_start(), ahead.loads);
+  return ahead.pending && !ahead.is_retuned && !is_command_new() && !loads.are_sloped() &&
+         h > 0.0 && std::abs(late) <= kClockSlack * h && are_same(loads.at_start(), ahead.loads);
+}
+
+/// Has the host another command for the sequence or the hard dock?
+bool DockingSim::Impl::is_command_new() const {
+  const auto& dock = discrete.hard_dock;
+  return (events->sequence().exists() && inputs.command != discrete.sequence.command) ||
+         (!model->hard_dock.empty() &&
+          static_cast<HardDockCommand>(inputs.hard_dock_command) != dock.command);
 }
 
 /// A host that changes its inputs at every point would pay for steps that are dropped: count.
@@ -73,6 +80,7 @@ Status DockingSim::Impl::begin_ahead(double tau, bool is_evaluated) {
     }
   }
   ahead.begin = tau;
+  ahead.loads = loads.at_start();
   ahead.proposal = proposal;
   ahead.steps = find_counters().steps;
   ahead.jacobian = kept_jacobian;
@@ -163,16 +171,24 @@ void DockingSim::Impl::settle_for_parameters() {
 /// Mean loads since the last communication point, if they have not been computed yet.
 Status DockingSim::Impl::calc_due_mean_loads() {
   if (!ahead.is_mean_due) return {};
-  const double* before = ahead.y_before.data();
-  Status status = evaluator->aside(ahead.reached - last_step, before, nullptr);
-  if (!status.ok()) return status;
-  const CouplingPoint begin = find_coupling_point(*model, trial(), before);
   const double* now = ahead.pending ? y_inside.data() : stepper->y();
-  status = evaluator->aside(ahead.reached, now, nullptr);
+  CouplingPoint begin, end;
+  Status status = calc_coupling_point(ahead.reached - last_step, ahead.y_before.data(), begin);
+  if (status.ok()) status = calc_coupling_point(ahead.reached, now, end);
   if (!status.ok()) return status;
-  update_mean_loads(last_step, begin, find_coupling_point(*model, trial(), now), ahead.mean_known);
+  update_mean_loads(last_step, begin, end, ahead.mean_known);
   ahead.is_mean_due = false;
   return {};
+}
+
+/// The vehicles at another time than that of the contact memory. Their motion does not depend on
+/// contact.
+Status DockingSim::Impl::calc_coupling_point(double tau, const double* y, CouplingPoint& point) {
+  trial().touches = false;
+  const Status status = evaluator->aside(tau, y, nullptr);
+  trial().touches = true;
+  if (status.ok()) point = find_coupling_point(*model, trial(), y);
+  return status;
 }
 
 /// The state to be read inside a pending step, from that of the cubic. Where the rates differ from

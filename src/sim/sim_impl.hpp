@@ -139,6 +139,7 @@ struct DockingSim::Impl : SimState {
   bool runs_ahead() const;
   bool may_pass() const;
   bool can_go_on(double late, double h) const;
+  bool is_command_new() const;
   void note_inputs(bool goes_on);
   void stride(double late, double h);
   void keep_context();
@@ -149,6 +150,7 @@ struct DockingSim::Impl : SimState {
   Status settle();
   void settle_for_parameters();
   Status calc_due_mean_loads();
+  Status calc_coupling_point(double tau, const double* y, CouplingPoint& point);
   Status balance_point();
   Status evaluate_point(bool may_lock = true);
   /// The communication point [s since start], and the state there. @pre evaluate_point()

@@ -60,6 +60,17 @@ const Loads& StepLoads::at(double tau) const {
   return now_;
 }
 
+const Loads& StepLoads::find_mean(double h, const DisturbingLoads& disturbing) const {
+  const double half = sloped_ ? 0.5 * h : 0.0;
+  for (int i : {kChaser, kTarget}) {
+    now_.force[i] = read_[i].f + half * rates_.force[i] + disturbing[i].f;
+    now_.torque[i] = read_[i].t + half * rates_.torque[i] + disturbing[i].t;
+  }
+  now_.gravity = start_.gravity + half * rates_.gravity;
+  now_.command = start_.command + half * rates_.command;
+  return now_;
+}
+
 bool StepLoads::are_absent(bool falling) const {
   if (sloped_ || !start_.command.isZero(0.0)) return false;
   if (!falling && !start_.gravity.isZero(0.0)) return false;

@@ -25,6 +25,8 @@ class StepLoads {
   bool are_sloped() const { return sloped_; }
   /// Loads tau after the start of the step; valid until the next call.
   const Loads& at(double tau) const;
+  /// Means over a step of h; valid until the next call. @param disturbing  means of disturbances
+  const Loads& find_mean(double h, const DisturbingLoads& disturbing) const;
   /// No force, torque, gravity or command now and over the step? @param falling  gravity has no
   /// effect, because frame O falls
   bool are_absent(bool falling) const;
@@ -32,7 +34,7 @@ class StepLoads {
  private:
   Loads start_, rates_;
   DisturbingLoads read_{};  ///< on vehicles, without disturbances
-  mutable Loads now_;       ///< result of at()
+  mutable Loads now_;       ///< result of at() and find_mean()
   bool sloped_ = false;
 };
 

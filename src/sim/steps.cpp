@@ -131,7 +131,6 @@ Status DockingSim::Impl::step(double t, double h) {
     const std::int64_t limit = find_work_limit(h);
     if (status.ok() && !ahead.pending) status = begin_step(h);
     if (runs_ahead()) {
-      ahead.loads = loads.at_start();
       std::copy_n(was_pending ? y_inside.data() : stepper->y(), y_shown.size(),
                   ahead.y_before.begin());
     }
@@ -139,6 +138,7 @@ Status DockingSim::Impl::step(double t, double h) {
       status = is_fixed_step() ? integrate_fixed(h, limit)
                                : integrate(ahead.begin, ahead.reached + h, may_pass(), limit);
     }
+    if (runs_ahead() && !ahead.pending) ahead.loads = loads.at_start();
   } else {
     status_text = "the step must be longer than 0 s and at most 1e9 s";
     status.code = StatusCode::kBadInput;
@@ -517,6 +517,8 @@ void DockingSim::Impl::finish_step(double h, bool was_pending) {
       frame_velocity += 0.5 * h * h * loads.rates().gravity;
     }
   }
+  const double begun = find_point_time();
+  const Loads& known = loads.find_mean(h, events->find_mean_disturbing_loads(begun, begun + h));
   if (!ahead.pending) elapsed += ahead.reached + h;
   ahead.reached = ahead.pending ? ahead.reached + h : 0.0;
   coupling.regular_step = std::max(h, kFade * coupling.regular_step);
@@ -525,10 +527,10 @@ void DockingSim::Impl::finish_step(double h, bool was_pending) {
   put_joined_target();
   ahead.is_mean_due = was_pending || ahead.pending;
   if (ahead.is_mean_due) {
-    ahead.mean_known = loads.at(0.5 * h);
+    ahead.mean_known = known;
   } else {
     const CouplingPoint end = find_coupling_point(*model, present(), stepper->y());
-    update_mean_loads(h, step_begin, end, loads.at(0.5 * h));
+    update_mean_loads(h, step_begin, end, known);
     if (host->has_host()) host->update_impulse_balance(h, step_begin, end, stepper->y());
   }
   if (!ahead.pending) update_momentum_audit();
