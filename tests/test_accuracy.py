@@ -76,12 +76,12 @@ def test_the_table_of_the_core_is_what_the_command_writes(study, data):
 
 def test_stored_errors_repeat(study, data):
     case = data["cases"][-1]
-    keys, step = study.draw_case(case["number"])
-    assert step == case["step"]
-    reference = study.find_reference(keys)
+    drawn = study.draw_case(case["number"])
+    assert [drawn.scene, drawn.step] == [case["scene"], case["step"]]
+    reference = study.find_reference(drawn)
     for method in data["methods"]:
         place = data["rtol"].index(1e-5)
-        made = study.run(keys, step, study.set_tolerance(method, 1e-5))
+        made = study.run(drawn, study.set_tolerance(method, 1e-5))
         stored = case[method]["errors"][place]
         assert accuracy.find_error(reference, made) == pytest.approx(stored, rel=0.1)
 
@@ -363,7 +363,7 @@ def test_the_command_chooses_and_estimates(tmp_path, capsys):
 def test_the_study_checks_dockings_that_are_not_in_the_calibration(study, data, tmp_path):
     assert max(case["number"] for case in data["cases"]) < study.FIRST_CHECK
     page = tmp_path / "page.md"
-    command = [sys.executable, study.__file__, "check", "--cases", "2", "--workers", "1"]
+    command = [sys.executable, study.__file__, "check", "--cases", "2", "1", "--workers", "1"]
     done = subprocess.run([*command, "-o", page], check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "| 0.001 |" in page.read_text(encoding="utf-8")

@@ -1,7 +1,8 @@
 """The parameter `accuracy`: its calibration, and how well it keeps its promise.
 
-Three commands. They draw random dockings (`draw_case`): the IDSS box, four pairs of vehicles,
-friction, stiffness of the contact, soft and stiff legs, steps of 10 ms and 0.25 s.
+Three commands. They draw random dockings (`draw_case`) in the IDSS box, with steps of 10 ms and
+0.25 s: passive rings with four pairs of vehicles, random friction and stiffness of the contact,
+soft and stiff legs; and the three families of mechanisms as they are shipped.
 
 * ``calibrate`` runs dockings at a ladder of tolerances, compares each run with a run at a tight
   tolerance, and writes all errors into tests/data/accuracy.json and the table of the core.
@@ -10,7 +11,7 @@ friction, stiffness of the contact, soft and stiff legs, steps of 10 ms and 0.25
 
 Examples:
     .venv/bin/python tests/studies/accuracy.py calibrate                     # five minutes
-    .venv/bin/python tests/studies/accuracy.py calibrate --cases 8 -o build/accuracy.json
+    .venv/bin/python tests/studies/accuracy.py calibrate --cases 8 3 -o build/accuracy.json
     .venv/bin/python tests/studies/accuracy.py check                         # ten minutes
 """
 
@@ -22,6 +23,7 @@ import random
 import time
 from multiprocessing.pool import Pool
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,7 +38,8 @@ DATA = ROOT / "tests" / "data" / "accuracy.json"
 TABLE = ROOT / "src" / "sim" / "accuracy_table.hpp"
 PAGE = ROOT / "tests" / "validation" / "accuracy.md"
 
-SCENE, STOP, STEPS = "idss_25t_350t", 12.0, (0.01, 0.25)
+RING, FAMILIES = "idss_25t_350t", ("hexapod", "apda", "probe_drogue")
+STOP, STEPS = 12.0, (0.01, 0.25)
 GROUPS = ["relative", "capture", "phase", "ring", "solver"]
 METHODS = ("stabilised", "bdf", "rosenbrock")  # of the calibration; the cheapest one is chosen
 NOT_WITH_BRISTLES = ("rosenbrock",)
@@ -47,6 +50,8 @@ WANTED = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7
 MARGIN, WORST = 1.2, 4.0  # promised: MARGIN times the error of 95 %, and no error above WORST times
 
 SEED, FIRST_CHECK = 2026, 1001  # number of the first docking of ``check``
+FAMILY = 500  # above this number, in each thousand, dockings are those of families
+CALIBRATED, CHECKS = (48, 24), (110, 30)  # dockings with rings, and with families
 CHECKED = (1e-2, 1e-3, 1e-4, 1e-6)
 ESTIMATED = (1e-2, 1e-3, 1e-4)  # with error estimates by second runs
 
@@ -68,12 +73,42 @@ STIFF_LEGS = {
 }
 
 
+class Case(NamedTuple):
+    """A docking: scene, keys of the scene, communication step [s]."""
+
+    scene: str
+    keys: dict
+    step: float
+
+
+def is_family(number):
+    """Is this a docking of one of the families?"""
+    return number % 1000 > FAMILY
+
+
+def list_numbers(first, counts):
+    """Return the numbers of dockings, those with rings first."""
+    return [*range(first, first + counts[0]), *range(first + FAMILY, first + FAMILY + counts[1])]
+
+
 def draw_case(number):
-    """Draw a docking: keys of the scene, and the communication step [s]."""
+    """Draw a docking."""
     draw = random.Random(f"{SEED}/{number}")
-    step = STEPS[number // len(PAIRS) % len(STEPS)]
-    keys = {"outputs.groups": GROUPS, "initial.approach_time": 0.5, "experiment.step": step}
-    pair = PAIRS[number % len(PAIRS)]
+    keys = {"outputs.groups": GROUPS, "initial.approach_time": 0.5}
+    if is_family(number):
+        scene = FAMILIES[number % len(FAMILIES)]
+        step = STEPS[number // len(FAMILIES) % len(STEPS)]
+        keys |= draw_approach(draw)
+    else:
+        scene = RING
+        step = STEPS[number // len(PAIRS) % len(STEPS)]
+        keys |= draw_ring(draw, PAIRS[number % len(PAIRS)])
+    return Case(scene, keys | {"experiment.step": step}, step)
+
+
+def draw_ring(draw, pair):
+    """Draw masses, contact, legs and initial conditions of a docking with passive rings."""
+    keys = {}
     for name, sign, (mass, moments, distance) in zip(
         ("chaser", "target"), (1.0, -1.0), pair, strict=True
     ):
@@ -82,22 +117,30 @@ def draw_case(number):
         keys[f"{name}.interface_position"] = [sign * distance, 0.0, 0.0]
     stiffness = 2e6 * 10.0 ** draw.uniform(-1.0, 1.0)
     keys |= {"contact.stiffness": stiffness, "contact.node_stiffness": stiffness / 12.0}
-    keys["initial.closing_speed"] = draw.uniform(0.05, 0.10)
+    keys |= draw_approach(draw)
+    if draw.random() < 0.5:
+        keys |= STIFF_LEGS
+    return keys
+
+
+def draw_approach(draw):
+    """Draw initial conditions and friction."""
+    keys = {"initial.closing_speed": draw.uniform(0.05, 0.10)}
     keys["initial.roll_deg"] = draw.uniform(-4.0, 4.0)
     keys["initial.roll_rate_deg_s"] = draw.uniform(-0.2, 0.2)
     keys["contact.friction_coefficient"] = draw.uniform(0.0, 0.3)
     for size, (direction, limit) in DISCS.items():
         keys[f"initial.{size}"] = limit * math.sqrt(draw.random())
         keys[f"initial.{direction}"] = draw.uniform(0.0, 360.0)
-    if draw.random() < 0.5:
-        keys |= STIFF_LEGS
-    return keys, step
+    return keys
 
 
-def run(keys, step, start_values, **options):
+def run(case, start_values, step=None, **options):
     """Run a docking; None if its start is refused or a step fails."""
     try:
-        return dl.run(SCENE, keys, start_values, stop=STOP, step=step, **options)
+        return dl.run(
+            case.scene, case.keys, start_values, stop=STOP, step=step or case.step, **options
+        )
     except DockloopError:
         return None
 
@@ -108,9 +151,9 @@ def set_tolerance(method, rtol):
     return {"solver.method": method, "solver.rtol": rtol, **atols}
 
 
-def find_reference(keys):
+def find_reference(case):
     """Return the reference solution; None if surfaces overlap before the first contact."""
-    return run(keys, max(STEPS), set_tolerance(*REFERENCE))
+    return run(case, set_tolerance(*REFERENCE), max(STEPS))
 
 
 def count(result):
@@ -123,7 +166,7 @@ def round_error(error):
     return float(f"{error:.3g}") if math.isfinite(error) else None
 
 
-def run_ladder(keys, step, reference, method):
+def run_ladder(case, reference, method):
     """Return errors and costs of a docking along the ladder; None: refused, other outcome.
 
     Costs are evaluations and seconds of the processor: evaluations of methods cost differently.
@@ -131,7 +174,7 @@ def run_ladder(keys, step, reference, method):
     errors, costs, seconds = [], [], []
     for rtol in (rtol for rtol in LADDER if rtol >= TIGHTEST.get(method, 0.0)):
         began = time.process_time()
-        made = run(keys, step, set_tolerance(method, rtol))
+        made = run(case, set_tolerance(method, rtol))
         took = time.process_time() - began
         errors.append(None if made is None else round_error(find_error(reference, made)))
         costs.append(None if made is None else count(made))
@@ -141,12 +184,12 @@ def run_ladder(keys, step, reference, method):
 
 def calibrate_case(number):
     """Return the row of a docking; None if it cannot start."""
-    keys, step = draw_case(number)
-    reference = find_reference(keys)
+    case = draw_case(number)
+    reference = find_reference(case)
     if reference is None:
         return None
-    ladders = {method: run_ladder(keys, step, reference, method) for method in METHODS}
-    return {"number": number, "step": step, **ladders}
+    ladders = {method: run_ladder(case, reference, method) for method in METHODS}
+    return {"number": number, "scene": case.scene, "step": case.step, **ladders}
 
 
 def run_cases(function, numbers, workers, label):
@@ -297,14 +340,14 @@ constexpr std::array<AccuracyRow, {len(rows)}> kAccuracyTable = {{{{
 
 def check_case(number):
     """Return errors, costs and estimates of a docking; None if it cannot start."""
-    keys, step = draw_case(number)
-    reference = find_reference(keys)
+    case = draw_case(number)
+    reference = find_reference(case)
     if reference is None:
         return None
-    row = {"number": number, "step": step}
+    row = {"number": number}
     for accuracy in (*CHECKED, "real-time"):
         began = time.process_time()
-        made = run(keys, step, {"accuracy": accuracy})
+        made = run(case, {"accuracy": accuracy})
         took = time.process_time() - began
         if made is None:
             row[str(accuracy)] = {"error": np.inf, "evaluations": None, "seconds": np.nan}
@@ -312,13 +355,13 @@ def check_case(number):
         found = {"error": find_error(reference, made), "evaluations": count(made), "seconds": took}
         found["promise"] = float(made["solver.error_estimate"][-1])
         if accuracy in ESTIMATED:
-            found["estimate"] = estimate_error(made, lambda more: run(keys, step, more))["error"]
+            found["estimate"] = estimate_error(made, lambda more: run(case, more))["error"]
         row[str(accuracy)] = found
     return row
 
 
-def describe_check(rows):
-    """Return the lines of the page."""
+def describe_errors(rows):
+    """Return the table of errors and costs of some dockings."""
     costs, seconds = (
         {a: np.array([row[str(a)][what] for row in rows], float) for a in CHECKED}
         for what in ("evaluations", "seconds")
@@ -341,6 +384,22 @@ def describe_check(rows):
                 f"{np.nanmedian(costs[accuracy]):.0f}",
             )
         )
+    return lines
+
+
+def describe_check(rows):
+    """Return the lines of the page."""
+    rings = [row for row in rows if not is_family(row["number"])]
+    families = [row for row in rows if is_family(row["number"])]
+    lines = [
+        f"{len(rings)} dockings with passive rings (`{RING}`):",
+        "",
+        *describe_errors(rings),
+        "",
+        f"{len(families)} dockings of the families ({', '.join(f'`{f}`' for f in FAMILIES)}):",
+        "",
+        *describe_errors(families),
+    ]
     real = [row["real-time"] for row in rows if row["real-time"]["evaluations"]]
     errors = np.array([each["error"] for each in real])
     lines += [
@@ -420,13 +479,18 @@ def main():
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("command", choices=("calibrate", "table", "check"))
-    parser.add_argument("--cases", type=int, help="dockings (default: 48, check: 110)")
+    parser.add_argument(
+        "--cases",
+        type=int,
+        nargs=2,
+        metavar=("RINGS", "FAMILIES"),
+        help=f"dockings (default: {CALIBRATED[0]} {CALIBRATED[1]}, check: {CHECKS[0]} {CHECKS[1]})",
+    )
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("-o", "--output", type=Path, help="the data or the page")
     options = parser.parse_args()
     if options.command == "check":
-        cases = options.cases or 110
-        numbers = range(FIRST_CHECK, FIRST_CHECK + cases)
+        numbers = list_numbers(FIRST_CHECK, options.cases or CHECKS)
         rows = run_cases(check_case, numbers, options.workers, "check")
         data = json.loads(DATA.read_text(encoding="utf-8"))
         write_page(
@@ -434,12 +498,12 @@ def main():
             "# The parameter accuracy",
             find_origin("tests/studies/accuracy.py check"),
             "",
-            f"{len(rows)} random dockings of {STOP:g} s that are not in the calibration, of {cases}"
-            " drawn. (The others start with overlapping surfaces and are refused.) The error of a"
-            " run is the largest relative one of five peak loads, stroke, time of capture and final"
-            f" motion (`scripts/dockloop/accuracy.py`). The reference solution is that of"
-            f" {REFERENCE[0]} at a tolerance of {REFERENCE[1]:g}. Another outcome counts as an"
-            " infinite error.",
+            f"{len(rows)} random dockings of {STOP:g} s that are not in the calibration, of"
+            f" {len(numbers)} drawn. (The others start with overlapping surfaces and are refused.)"
+            " The error of a run is the largest relative one of five peak loads, stroke, time of"
+            " capture and final motion (`scripts/dockloop/accuracy.py`). The reference solution is"
+            f" that of {REFERENCE[0]} at a tolerance of {REFERENCE[1]:g}. Another outcome counts as"
+            " an infinite error.",
             "",
             *describe_check(rows),
             "",
@@ -453,7 +517,7 @@ def main():
         return
     path = options.output or DATA
     if options.command == "calibrate":
-        numbers = range(1, 1 + (options.cases or 48))
+        numbers = list_numbers(1, options.cases or CALIBRATED)
         write_data(run_cases(calibrate_case, numbers, options.workers, "calibrate"), path)
     if path == DATA:
         TABLE.write_text(make_table(json.loads(DATA.read_text(encoding="utf-8"))), "utf-8")
