@@ -170,6 +170,17 @@ def test_the_log_of_the_fmu_says_so_once_per_run(runs, tmp_path):
         assert instance.notes == []
 
 
+@pytest.mark.parametrize(
+    ("method", "step", "warned"),
+    [("fixed_rk4", 7.5e-3, True), ("fixed_rk4", 5e-4, False), ("fixed_rosenbrock", 7.5e-3, False)],
+)
+def test_equal_steps_that_are_long_for_the_scene_are_warned_of(method, step, warned):
+    """With soft damping such a run has peak loads that are wrong by half, and good audits."""
+    settings = {"solver.method": method, "solver.step": step}
+    made = dl.run(SCENE, NEAR, settings, stop=0.5, step=STEP)
+    assert any(w.startswith(f"solver.step = {step:.3g} s is long") for w in made.warnings) == warned
+
+
 def test_a_smaller_accuracy_than_any_measured_one_is_said():
     made = run(accuracy=1e-12)
     assert "no smaller error than" in made.notes[0]

@@ -96,6 +96,7 @@ struct DockingSim::Impl : SimState {
   void check_mechanism_rests() const;
   Status bring_joints_to_start();
   void set_start_state();
+  void warn_about_inner_step();
   void warn_about_start();
 
   // failure_status.cpp
