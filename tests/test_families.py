@@ -124,3 +124,36 @@ def test_every_family_goes_from_approach_to_undocking(name, accuracy, share):
     assert docking.get("relative.axial") > 0.1
     assert docking.get("momentum.residual") < 1e-12
     assert abs(docking.get("energy.residual")) < share * started
+
+
+ALIGNED = {
+    "initial.approach_time": 0.5,
+    "initial.closing_speed": 0.1,
+    "initial.lateral_offset": 0.0,
+    "initial.pitch_yaw_deg": 0.0,
+    "initial.roll_deg": 0.0,
+}
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_without_misalignment_a_family_docks_too(name):
+    """Nothing rubs then, so the rings rock for long within the play of the latches."""
+    docking = dl.Docking(name, ALIGNED)
+    docking.set("accuracy", 1e-3)
+    steps = [step["name"] for step in docking.scene.document["mechanism"]["sequence"]["steps"]]
+    while docking.time < 200.0 and steps[docking.get("sequence.step") - 1] != "hard_docked":
+        docking.step(0.5)
+    assert docking.get("outcome") == 6
+    assert docking.get("hooks.closed") == 12
+
+
+def test_all_latches_may_catch_at_the_first_contact():
+    """Two steps of the sequence follow at one instant; the outcome is that of the capture."""
+    thrust = {"chaser.contact_thrust": 1000.0, "chaser.contact_thrust_delay": 0.3}
+    docking = dl.Docking("apda", ALIGNED | thrust)
+    while docking.time < 10.0:
+        docking.step(0.5)
+        if docking.get("captured"):
+            assert docking.get("capture.reason") == 1
+            assert docking.get("outcome") == 2
+    assert docking.get("captured")

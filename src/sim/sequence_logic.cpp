@@ -260,7 +260,9 @@ void SequenceLogic::enter(int to, int outcome, const Occasion& occasion) {
   double& entered = discrete_.entered[static_cast<size_t>(to)];
   if (entered < 0.0) entered = occasion.now;
   if (step().outcome) outcome = step().outcome;
-  if (outcome || step().phase <= kContact) state_.outcome = outcome;
+  // All latches may catch at the first contact.
+  const int begun = discrete_.captured ? kOutcomeCaptured : 0;
+  if (outcome || step().phase <= kContact) state_.outcome = outcome ? outcome : begun;
   for (const Action& action : step().actions) {
     std::visit([&](const auto& each) { act(each, occasion); }, action);
   }
