@@ -148,7 +148,7 @@ json describe_effects(const Mechanism& mechanism) {
 }
 
 /// A number as people say it.
-std::string shown(double value, const std::string& unit = "") {
+std::string describe_rounded(double value, const std::string& unit = "") {
   char text[32];
   std::snprintf(text, sizeof text, "%.4g", value);
   return text + (unit.empty() ? "" : " " + unit);
@@ -160,7 +160,7 @@ json describe_mode(const Mode& mode) {
   if (mode.frequency == 0.0) {
     row["motion"] = "free, no force opposes it";
   } else if (mode.growth > 0.0) {
-    row["motion"] = "unstable, grows with " + shown(mode.growth, "1/s");
+    row["motion"] = "unstable, grows with " + describe_rounded(mode.growth, "1/s");
   } else if (mode.oscillates) {
     row["damping_ratio"] = mode.damping();
     row["motion"] = "oscillates";
@@ -176,24 +176,25 @@ json describe_seated_play(const Capture& capture, json& warnings) {
   const SeatedPlay play = find_seated_play(capture.contact, capture.latches);
   if (play.overlap > 0.0) {
     warnings.push_back("the rings cannot seat: when their faces meet, petals are " +
-                       shown(1e3 * play.overlap, "mm") + " deep in each other or in a ring");
+                       describe_rounded(1e3 * play.overlap, "mm") +
+                       " deep in each other or in a ring");
     return {};
   }
   const double catch_distance = capture.latches.latch[0].law.catch_distance;
   if (play.striker_opening > catch_distance) {
-    warnings.push_back("seated, a striker stands " + shown(1e3 * play.striker_opening, "mm") +
-                       " before its hook, but latches.catch is " +
-                       shown(1e3 * catch_distance, "mm") +
-                       ": latches catch only while contact is pressed that deep; move the hooks or "
-                       "let the latches catch earlier");
+    warnings.push_back(
+        "seated, a striker stands " + describe_rounded(1e3 * play.striker_opening, "mm") +
+        " before its hook, but latches.catch is " + describe_rounded(1e3 * catch_distance, "mm") +
+        ": latches catch only while contact is pressed that deep; move the hooks or "
+        "let the latches catch earlier");
   }
   const double window = capture.latches.latch[0].law.window;
   if (play.striker_offset > window) {
-    warnings.push_back("seated, a striker can stand up to " +
-                       shown(1e3 * play.striker_offset, "mm") +
-                       " next to its hook, but latches.window is " + shown(1e3 * window, "mm") +
-                       ": rings can sit there and not be caught; give the petals less play or the "
-                       "latches a wider window");
+    warnings.push_back(
+        "seated, a striker can stand up to " + describe_rounded(1e3 * play.striker_offset, "mm") +
+        " next to its hook, but latches.window is " + describe_rounded(1e3 * window, "mm") +
+        ": rings can sit there and not be caught; give the petals less play or the "
+        "latches a wider window");
   }
   return {{"roll_deg", {play.least_roll / kDegree, play.most_roll / kDegree}},
           {"lateral_mm", {1e3 * play.least_lateral, 1e3 * play.most_lateral}},
@@ -213,8 +214,8 @@ void warn_of_inertias(const MechanismModel& model, json& warnings) {
   }
   for (const auto& [moment, text] : names) {
     warnings.push_back("inertia of " + text + ": no rigid body has the principal moments " +
-                       shown(moment[0]) + ", " + shown(moment[1]) + ", " +
-                       shown(moment[2], "kg m2") +
+                       describe_rounded(moment[0]) + ", " + describe_rounded(moment[1]) + ", " +
+                       describe_rounded(moment[2], "kg m2") +
                        "; the largest is at most the sum of the others, unless this idealises "
                        "a rotor or a strut");
   }

@@ -14,7 +14,7 @@ namespace {
 
 void require_value(bool ok, const char* name, double value, const char* limit) {
   if (!ok) {
-    throw ModelError(std::string("contact law: ") + name + " is " + std::to_string(value) +
+    throw ModelError(std::string("contact law: ") + name + " is " + describe_number(value) +
                      "; it must be " + limit);
   }
 }

@@ -30,11 +30,11 @@ double find_restitution(double c) {
 
 double find_damping_for_restitution(double restitution, double speed) {
   if (!(restitution > 0 && restitution <= 1)) {
-    throw ModelError("restitution is " + std::to_string(restitution) +
+    throw ModelError("restitution is " + describe_number(restitution) +
                      "; it must be above 0 and at most 1");
   }
   if (!(speed > 0)) {
-    throw ModelError("restitution_speed is " + std::to_string(speed) + " m/s; it must be above 0");
+    throw ModelError("restitution_speed is " + describe_number(speed) + " m/s; it must be above 0");
   }
   if (restitution == 1) return 0.0;
   const auto excess = [&](double c) { return restitution - find_restitution(c); };

@@ -231,8 +231,8 @@ void check_bore(const Core& first, const Core& second, double rounding) {
     const bool is_disc = a.x == b.x && a.r != b.r && least == 0.0;
     if (is_disc || least > rounding) continue;
     throw ModelError("contact: the profile of " + second.name + " has a radius of " +
-                     std::to_string(least) + " m, and the roundings of it and of " + first.name +
-                     " are " + std::to_string(rounding) +
+                     describe_number(least) + " m, and the roundings of it and of " + first.name +
+                     " are " + describe_number(rounding) +
                      " m together; radii must be larger than that, except of a disc that begins "
                      "on the axis (where the core touches on the axis, no direction exists)");
   }

@@ -40,7 +40,7 @@ Vec4<double> read_quaternion(const JsonReader& owner, const std::string& key) {
   Vec4<double> q = owner.vector<4>(key, Vec4<double>(1, 0, 0, 0));
   if (std::abs(q.norm() - 1.0) > 1e-3) {
     owner.at(key).fail("must be a unit quaternion (w, x, y, z); its norm is " +
-                       std::to_string(q.norm()));
+                       describe_number(q.norm()));
   }
   // A unit quaternion within rounding keeps its bits.
   return std::abs(q.norm() - 1.0) > 1e-15 ? Vec4<double>(q / q.norm()) : q;

@@ -427,7 +427,7 @@ void add_contact(Table& table, const ContactModel& contact, Parameters& paramete
   table
       .parameter("friction.coefficient", &parameter.friction_coefficient, kNone,
                  "Coefficient of friction of the capture surfaces")
-      .not_negative()
+      .limits(0, 2)
       .nominal(0.1)
       .tunable();
   table.parameter("friction.model", &parameter.friction_model, kNone, "Friction law")

@@ -5,6 +5,7 @@
 // run and are exceptions (ModelError).
 #pragma once
 
+#include <cstdio>
 #include <stdexcept>
 #include <string>
 
@@ -42,6 +43,13 @@ class ModelError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
+
+/// A real number in a message.
+inline std::string describe_number(double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
 
 /// @throws ModelError "part: text" unless `ok`.
 inline void require(const char* part, bool ok, const char* text) {

@@ -8,39 +8,34 @@
 namespace dockloop {
 namespace {
 
-/// The shortest text of a number that people would write.
-std::string shown(double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.6g", value);
-  return text;
-}
-
 std::string find_own_fault(const SpringLaw& law) {
   if (law.stages.empty()) return "lacks stages";
-  const std::string corner = "corner is " + shown(law.corner) + "; it must be at most ";
+  const std::string corner = "corner is " + describe_number(law.corner) + "; it must be at most ";
   if (law.side == 0 && law.stages[0][0] != 0.0) {
-    return "the first stage starts at " + shown(law.stages[0][0]) +
+    return "the first stage starts at " + describe_number(law.stages[0][0]) +
            "; with side 'both' it must start at 0";
   }
   for (size_t i = 1; i < law.stages.size(); ++i) {
     const double width = law.stages[i][0] - law.stages[i - 1][0];
     if (!(width > 0.0)) {
-      return "stage " + std::to_string(i + 1) + " starts at " + shown(law.stages[i][0]) +
+      return "stage " + std::to_string(i + 1) + " starts at " + describe_number(law.stages[i][0]) +
              "; it must start beyond stage " + std::to_string(i);
     }
     if (law.corner > 0.5 * width) {
-      return corner + shown(0.5 * width) + ", half the width of stage " + std::to_string(i);
+      return corner + describe_number(0.5 * width) + ", half the width of stage " +
+             std::to_string(i);
     }
   }
   if (law.preload == 0.0) return "";
   if (!(law.take_up > 0.0)) {
-    return "preload is " + shown(law.preload) +
+    return "preload is " + describe_number(law.preload) +
            " without take_up, which is a jump of the force; give take_up, for example 0.001";
   }
-  if (law.corner > law.take_up) return corner + shown(law.take_up) + ", the take_up";
+  if (law.corner > law.take_up) return corner + describe_number(law.take_up) + ", the take_up";
   if (law.stages.size() > 1 && !(law.take_up < law.stages[1][0] - law.stages[0][0])) {
-    return "take_up is " + shown(law.take_up) + "; it must be less than the width of stage 1, " +
-           shown(law.stages[1][0] - law.stages[0][0]);
+    return "take_up is " + describe_number(law.take_up) +
+           "; it must be less than the width of stage 1, " +
+           describe_number(law.stages[1][0] - law.stages[0][0]);
   }
   return "";
 }
@@ -48,8 +43,8 @@ std::string find_own_fault(const SpringLaw& law) {
 std::string find_own_fault(const DamperLaw& law) {
   for (size_t i = 1; i < law.orifice.size(); ++i) {
     if (law.orifice[i][0] > law.orifice[i - 1][0]) continue;
-    return "row " + std::to_string(i + 1) + " of orifice is at " + shown(law.orifice[i][0]) +
-           "; the coordinates must increase";
+    return "row " + std::to_string(i + 1) + " of orifice is at " +
+           describe_number(law.orifice[i][0]) + "; the coordinates must increase";
   }
   return "";
 }
@@ -62,7 +57,7 @@ std::string find_own_fault(const BrakeLaw& law) {
   }
   if (!law.has_bristle()) return "";
   if (less < kLeastRatio * larger) {
-    return "has the levels " + shown(law.forward) + " and " + shown(law.back) +
+    return "has the levels " + describe_number(law.forward) + " and " + describe_number(law.back) +
            "; the smaller level of a bristle must be at least 0.1 of the larger one; use model 1 "
            "for a brake that acts one way";
   }
@@ -75,18 +70,20 @@ std::string find_own_fault(const BrakeLaw& law) {
 
 std::string find_own_fault(const MotorLaw& law) {
   if (law.corner <= law.current_limit) return "";
-  return "corner is " + shown(law.corner) + "; it must be at most current_limit, " +
-         shown(law.current_limit);
+  return "corner is " + describe_number(law.corner) + "; it must be at most current_limit, " +
+         describe_number(law.current_limit);
 }
 
 std::string find_own_fault(const DriveLaw& law) {
   if (law.corner <= law.limit) return "";
-  return "corner is " + shown(law.corner) + "; it must be at most limit, " + shown(law.limit);
+  return "corner is " + describe_number(law.corner) + "; it must be at most limit, " +
+         describe_number(law.limit);
 }
 
 std::string find_own_fault(const StopLaw& law) {
   if (law.lower < law.upper) return "";
-  return "lower is " + shown(law.lower) + "; it must be less than upper, " + shown(law.upper);
+  return "lower is " + describe_number(law.lower) + "; it must be less than upper, " +
+         describe_number(law.upper);
 }
 
 template <class Law>
@@ -129,7 +126,7 @@ std::string find_fault(const ForceLaw& law) {
   ForceLaw copy = law;  // the list of numbers is for laws that may change
   for_each_number(copy, [&](const std::string& name, double& number, Rule rule, const char*) {
     const std::string why = find_fault(number, rule);
-    if (fault.empty() && !why.empty()) fault = name + " is " + shown(number) + "; " + why;
+    if (fault.empty() && !why.empty()) fault = name + " is " + describe_number(number) + "; " + why;
   });
   if (!fault.empty()) return fault;
   return std::visit([](const auto& each) { return find_own_fault(each); }, law);

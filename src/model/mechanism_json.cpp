@@ -229,7 +229,7 @@ void add_slide_leg(const LegReader& in, MechanismModel& model, std::vector<LegSc
     y = axis.unit_vector();
     if (std::abs(y.dot(x)) > 1e-6) {
       axis.fail("(leg '" + name + "') must be perpendicular to the leg at home; the cosine is " +
-                std::to_string(y.dot(x)));
+                describe_number(y.dot(x)));
     }
     y = (y - y.dot(x) * x).normalized();
   } else {
@@ -326,7 +326,7 @@ void add_slide_leg(const LegReader& in, MechanismModel& model, std::vector<LegSc
     force.stops.damping = stops.non_negative("damping", 0.0);
     force.stops.toe = stops.positive("toe");
     if (!(force.stops.lower < 0.0 && force.stops.upper > 0.0)) {
-      stops.fail("(leg '" + name + "'): the home length " + std::to_string(length) +
+      stops.fail("(leg '" + name + "'): the home length " + describe_number(length) +
                  " m must lie between min_length and max_length");
     }
   }
@@ -464,7 +464,7 @@ void check_mechanism(const MechanismModel& model) {
     const Vec3<double> principal = find_principal_moments(body.inertia);
     if (principal[0] < -1e-12 * scale) {
       throw ModelError(place + "inertia of body '" + body.name +
-                       "' has the negative principal value " + std::to_string(principal[0]) +
+                       "' has the negative principal value " + describe_number(principal[0]) +
                        " kg m2");
     }
   }
@@ -479,7 +479,7 @@ void check_mechanism(const MechanismModel& model) {
     if (!(std::abs(norm - 1.0) < 1e-3)) {
       throw ModelError(place + "home_q of the free joint of body '" + body.name +
                        "' must end in a unit quaternion (w, x, y, z); its norm is " +
-                       std::to_string(norm));
+                       describe_number(norm));
     }
   }
 }

@@ -180,7 +180,8 @@ double EventLogic::find_next_disturbance(double now) const {
 }
 
 DisturbingLoads EventLogic::find_disturbing_loads() const {
-  return add_disturbances([this](size_t k) { return discrete_.disturbances & (1 << k) ? 1.0 : 0.0; });
+  return add_disturbances(
+      [this](size_t k) { return discrete_.disturbances & (1 << k) ? 1.0 : 0.0; });
 }
 
 DisturbingLoads EventLogic::find_mean_disturbing_loads(double from, double to) const {

@@ -24,7 +24,7 @@ Inputs::Vehicle find_start(const VehicleParameters& p) {
 void check_quaternion(const Vec4<double>& q, const std::string& name) {
   if (!is_attitude(q)) {
     throw ModelError(name + " must be a unit quaternion (w, x, y, z); its norm is " +
-                     std::to_string(q.norm()));
+                     describe_number(q.norm()));
   }
 }
 
@@ -32,14 +32,14 @@ void check_vehicle(const VehicleParameters& p, const std::string& name) {
   // Far below the mass of any vehicle, far above numbers with an infinite inverse.
   constexpr double kLeastMass = 1e-9, kLeastInertia = 1e-12;  // [kg], [kg m2]
   if (!(p.mass >= kLeastMass)) {
-    throw ModelError(name + ".mass is " + std::to_string(p.mass) +
+    throw ModelError(name + ".mass is " + describe_number(p.mass) +
                      " kg; it must be at least 1e-9 kg");
   }
   const Mat3<double> inertia = make_symmetric(p.inertia);
   const Eigen::LLT<Mat3<double>> positive(inertia);
   if (positive.info() != Eigen::Success || !(inertia.diagonal().minCoeff() >= kLeastInertia)) {
     std::string values;
-    for (int i = 0; i < 6; ++i) values += " " + std::to_string(p.inertia[i]);
+    for (int i = 0; i < 6; ++i) values += " " + describe_number(p.inertia[i]);
     throw ModelError(name + ".inertia (xx yy zz xy xz yz) is" + values +
                      "; it must be positive definite");
   }
@@ -275,7 +275,8 @@ void DockingSim::Impl::check_parameters() const {
   if (scene->has_target) check_vehicle(p.vehicle[kTarget], "target");
   const auto positive = [](double value, const char* name) {
     if (!(value > 0.0)) {
-      throw ModelError(std::string(name) + " is " + std::to_string(value) + "; it must be above 0");
+      throw ModelError(std::string(name) + " is " + describe_number(value) +
+                       "; it must be above 0");
     }
   };
   positive(p.rtol, "solver.rtol");
@@ -526,7 +527,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
       throw ModelError(
           "start state: the passive ring is behind the active ring, so the surfaces have passed "
           "through each other (relative.position[1] would be " +
-          std::to_string(present().relative.p.x()) +
+          describe_number(present().relative.p.x()) +
           " m as seen from the ring); start with the target further along +x of A");
     }
     update_contact_memory(model->contact, present().relative, bristles(), present().contact_work,
