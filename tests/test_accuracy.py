@@ -215,6 +215,13 @@ def test_explicit_settings_stay(place):
     assert "as stated: solver.method, solver.rtol, solver.atol_position" in made.notes[0]
 
 
+def test_a_stated_tolerance_gets_a_method_that_is_made_for_it():
+    """The scene states 1e-10; linearly implicit steps would take 300 times the evaluations."""
+    plain = dl.run("absorber_1d", stop=2.0)
+    chosen = dl.run("absorber_1d", stop=2.0, accuracy=1e-2)
+    assert last(chosen, "rhs_evaluations") <= 1.1 * last(plain, "rhs_evaluations")
+
+
 def test_one_explicit_setting_leaves_the_others_to_the_choice(study, data):
     made = run({"solver.method": "auto", "solver.atol_position": 1e-12}, accuracy=1e-2)
     other = run({"solver.method": "explicit"}, accuracy=1e-2)

@@ -48,22 +48,27 @@ struct Column {
   }
 };
 
-/// The cheapest method for the expected communication step: of the loosest row that is tight
-/// enough, or of the last one.
-SolverMethod find_best(const Parameters& p) {
-  const auto found = std::find_if(kAccuracyTable.begin(), kAccuracyTable.end(),
-                                  [&](const AccuracyRow& row) { return row.error <= p.accuracy; });
-  const AccuracyRow& row = found == kAccuracyTable.end() ? kAccuracyTable.back() : *found;
-  const auto& methods = p.friction_model == 2 ? row.with_bristles : row.method;
-  return methods[p.coupling_expected_step < kLongStep ? 0 : 1];
-}
-
 /// Place of a method in the table, or its size.
 size_t find_place(int method) {
   // `auto` takes stabilised steps at these tolerances, and others where they cost less.
   const int measured = method == kAuto ? kStabilised : method;
   const auto found = std::find(kCalibratedMethods.begin(), kCalibratedMethods.end(), measured);
   return static_cast<size_t>(found - kCalibratedMethods.begin());
+}
+
+/// The cheapest method for the expected communication step: of the loosest row that is tight
+/// enough. If a tighter tolerance is stated, the row is one at which the method has this tolerance.
+/// @param tolerance  of the host, 0: none
+SolverMethod find_best(const Parameters& p, double tolerance) {
+  double stated = tolerance > 0.0 ? tolerance : 1.0;
+  if (p.rtol != SolverSettings().rtol) stated = std::min(stated, p.rtol);
+  const size_t step = p.coupling_expected_step < kLongStep ? 0 : 1;
+  SolverMethod best = kStabilised;
+  for (const AccuracyRow& row : kAccuracyTable) {
+    best = (p.friction_model == 2 ? row.with_bristles : row.method)[step];
+    if (row.error <= p.accuracy && row.rtol[find_place(best)] <= stated) return best;
+  }
+  return stated < 1.0 ? kStabilised : best;
 }
 
 /// The setting `name` is not explicit: its value may be chosen. Otherwise it is listed.
@@ -78,7 +83,7 @@ void choose_tolerances(const Parameters& p, double tolerance, SolverChoice& c) {
   const SolverSettings defaults;
   const size_t place = find_place(c.method);
   const bool is_measured = place < kCalibratedMethods.size() && p.model_level != kReference;
-  const Column column(is_measured ? place : find_place(find_best(p)));
+  const Column column(is_measured ? place : find_place(find_best(p, tolerance)));
   const double rtol = column.find_rtol(p.accuracy);
   if (may_choose("rtol", p.rtol == defaults.rtol, c)) c.rtol = rtol;
   bool is_in_proportion = true;
@@ -119,7 +124,7 @@ SolverChoice choose_solver(const Parameters& p, double tolerance) {
   // The form with multipliers has its own method.
   if (may_choose("method", p.solver_method == SolverSettings().method, c) &&
       p.model_level != kReference) {
-    c.method = is_real_time ? kFixedRk4 : find_best(p);
+    c.method = is_real_time ? kFixedRk4 : find_best(p, tolerance);
     if (c.method == kStabilised) c.method = kAuto;
   }
   if (find_method(c.method)->fixed_step) {
