@@ -10,29 +10,31 @@
 namespace dockloop {
 namespace {
 
+const AccuracyTable& get_table(Calibration kind) {
+  return kAccuracyTables[static_cast<size_t>(kind)];
+}
+
 /// Rows of one method: wanted error and tolerance, both fall from row to row.
 struct Column {
+  const AccuracyTable& table;
   size_t method;  ///< place in kCalibratedMethods
   size_t count;   ///< rows; further rows are not reached
 
-  explicit Column(size_t place) : method(place), count(0) {
-    while (count < kAccuracyTable.size() && kAccuracyTable[count].rtol[method] > 0.0) ++count;
+  Column(const AccuracyTable& rows, size_t place) : table(rows), method(place), count(0) {
+    while (count < table.size && table.row[count].rtol[method] > 0.0) ++count;
   }
-  double rtol(size_t row) const { return kAccuracyTable[row].rtol[method]; }
-  double find_rtol(double error) const {
+  double error(size_t row) const { return table.row[row].error; }
+  double rtol(size_t row) const { return table.row[row].rtol[method]; }
+  double find_rtol(double wanted) const {
     return interpolate(
-        error, [](size_t i) { return kAccuracyTable[i].error; },
-        [this](size_t i) { return rtol(i); });
+        wanted, [this](size_t i) { return error(i); }, [this](size_t i) { return rtol(i); });
   }
   double find_error(double tolerance) const {
     return interpolate(
-        tolerance, [this](size_t i) { return rtol(i); },
-        [](size_t i) { return kAccuracyTable[i].error; });
+        tolerance, [this](size_t i) { return rtol(i); }, [this](size_t i) { return error(i); });
   }
   /// The smallest error that the method promises for a wanted one.
-  double clamp(double wanted) const {
-    return std::clamp(wanted, kAccuracyTable[count - 1].error, kAccuracyTable[0].error);
-  }
+  double clamp(double wanted) const { return std::clamp(wanted, error(count - 1), error(0)); }
 
  private:
   /// Linear in the logarithms, constant outside.
@@ -59,16 +61,20 @@ size_t find_place(int method) {
 /// The cheapest method for the expected communication step: of the loosest row that is tight
 /// enough. If a tighter tolerance is stated, the row is one at which the method has this tolerance.
 /// @param tolerance  of the host, 0: none
-SolverMethod find_best(const Parameters& p, double tolerance) {
+SolverMethod find_best(const Parameters& p, double tolerance, const AccuracyTable& table) {
   double stated = tolerance > 0.0 ? tolerance : 1.0;
   if (p.rtol != SolverSettings().rtol) stated = std::min(stated, p.rtol);
   const size_t step = p.coupling_expected_step < kLongStep ? 0 : 1;
   SolverMethod best = kStabilised;
-  for (const AccuracyRow& row : kAccuracyTable) {
+  for (size_t i = 0; i < table.size; ++i) {
+    const AccuracyRow& row = table.row[i];
     best = (p.friction_model == 2 ? row.with_bristles : row.method)[step];
     if (row.error <= p.accuracy && row.rtol[find_place(best)] <= stated) return best;
   }
-  return stated < 1.0 ? kStabilised : best;
+  // No row is tight enough: stabilised steps still pay where they reach the wanted error.
+  const size_t place = find_place(kStabilised);
+  const Column stabilised(table, place);
+  return stabilised.error(stabilised.count - 1) <= p.accuracy ? kStabilised : best;
 }
 
 /// The setting `name` is not explicit: its value may be chosen. Otherwise it is listed.
@@ -79,11 +85,12 @@ bool may_choose(const char* name, bool is_default, SolverChoice& choice) {
 }
 
 /// Tolerances of the method in use. A method without measured errors has those of the best one.
-void choose_tolerances(const Parameters& p, double tolerance, SolverChoice& c) {
+void choose_tolerances(const Parameters& p, double tolerance, const AccuracyTable& table,
+                       SolverChoice& c) {
   const SolverSettings defaults;
   const size_t place = find_place(c.method);
   const bool is_measured = place < kCalibratedMethods.size() && p.model_level != kReference;
-  const Column column(is_measured ? place : find_place(find_best(p, tolerance)));
+  const Column column(table, is_measured ? place : find_place(find_best(p, tolerance, table)));
   const double rtol = column.find_rtol(p.accuracy);
   if (may_choose("rtol", p.rtol == defaults.rtol, c)) c.rtol = rtol;
   bool is_in_proportion = true;
@@ -115,7 +122,7 @@ void check_accuracy(double accuracy) {
   throw ModelError(text);
 }
 
-SolverChoice choose_solver(const Parameters& p, double tolerance) {
+SolverChoice choose_solver(const Parameters& p, double tolerance, Calibration kind) {
   SolverChoice c;
   static_cast<SolverSettings&>(c) = {p.rtol,        p.atol_position, p.atol_velocity,
                                      p.atol_energy, p.step,          p.solver_method};
@@ -124,18 +131,20 @@ SolverChoice choose_solver(const Parameters& p, double tolerance) {
   // The form with multipliers has its own method.
   if (may_choose("method", p.solver_method == SolverSettings().method, c) &&
       p.model_level != kReference) {
-    c.method = is_real_time ? kFixedRk4 : find_best(p, tolerance);
+    c.method = is_real_time ? kFixedRk4 : find_best(p, tolerance, get_table(kind));
     if (c.method == kStabilised) c.method = kAuto;
   }
   if (find_method(c.method)->fixed_step) {
     c.needs_step = may_choose("step", p.step == SolverSettings().step, c) && is_real_time;
   } else if (!is_real_time) {
-    choose_tolerances(p, tolerance, c);
+    choose_tolerances(p, tolerance, get_table(kind), c);
   }
   return c;
 }
 
-std::string describe_choice(const Parameters& p, const SolverChoice& c, double tolerance) {
+std::string describe_choice(const Parameters& p, const SolverChoice& c, double tolerance,
+                            Calibration kind) {
+  const AccuracyTable& table = get_table(kind);
   const MethodFacts& method = *find_method(c.method);
   char text[400];
   if (method.fixed_step) {
@@ -156,14 +165,14 @@ std::string describe_choice(const Parameters& p, const SolverChoice& c, double t
   if (c.error_estimate > 0.0) {
     std::snprintf(text, sizeof text,
                   "; 95 %% of %d measured dockings had an error below %.3g with these tolerances",
-                  kCalibrationCount, c.error_estimate);
+                  table.dockings, c.error_estimate);
     sentence += text;
   } else if (!method.fixed_step && p.accuracy != kRealTime) {
     sentence += "; there is no measured error for these settings";
   }
-  if (p.accuracy > 0.0 && p.accuracy < kAccuracyTable.back().error) {
-    std::snprintf(text, sizeof text, "; no smaller error than %.3g was measured",
-                  kAccuracyTable.back().error);
+  const double least = table.row[table.size - 1].error;
+  if (p.accuracy > 0.0 && p.accuracy < least) {
+    std::snprintf(text, sizeof text, "; no smaller error than %.3g was measured", least);
     sentence += text;
   }
   if (tolerance > 0.0 && tolerance < c.rtol && !method.fixed_step) {
