@@ -160,6 +160,27 @@ def test_a_run_with_a_sequence_goes_on_from_any_saved_state(name):
         assert np.array_equal(ours[variable], value), variable
 
 
+def test_a_rigid_joint_ends_steps_ahead():
+    """The target then follows the chaser at communication points, under a constant load too."""
+    straight, docking = make_family("apda"), make_family("apda")
+    for i in range(120):
+        for each in (straight, docking):
+            if i == 40:
+                each.set("chaser.force_ext", [20.0, 5.0, 0.0])
+            if i == 60:
+                each.set("hard_dock.command", "join")
+        straight.step(0.05)
+        if i % 7 == 3:
+            state = docking.save()
+            docking = Docking(docking.scene)
+            docking.restore(state)
+        docking.step(0.05)
+    ours, theirs = read(docking), read(straight)
+    for variable, value in theirs.items():
+        assert np.array_equal(ours[variable], value), variable
+    assert np.abs(docking.get("relative.velocity")).max() < 1e-9
+
+
 def test_mean_loads_of_long_steps_are_the_changes_of_momentum():
     """Between two points the head slides from one side of the cone to the other."""
     docking = make_family("probe_drogue")

@@ -9,6 +9,7 @@ import tomllib
 
 import pytest
 
+import dockloop as dl
 from conftest import SCENES
 from dockloop import paths, schema
 from dockloop.errors import UsageError
@@ -304,3 +305,12 @@ def test_numbers_of_overrides_are_those_of_toml():
         except ValueError:
             expected = text
         assert repr(parse_value(text)) == repr(expected)
+
+
+def test_a_step_that_ends_the_sequence_may_have_other_numbers_too():
+    """The last step loses the members that the other key has changed."""
+    set_too = {"sequence.stop_after": "seated", "sequence.set.seated.timeout": 5.0}
+    for timeout in (5.0, 6.0):
+        scene = dl.Scene("apda", set_too | {"sequence.set.seated.timeout": timeout})
+        steps = {step["name"]: step for step in scene.document["mechanism"]["sequence"]["steps"]}
+        assert "timeout" not in steps["seated"]

@@ -225,7 +225,7 @@ def report_sweep(
     why: Counter[str] = Counter()
     for name in ("explanation", "reason"):
         for words, count in count_texts(table[name]).items() if name in table.column_names else ():
-            why[_without_numbers(words)] += 0 if words == "captured" else count
+            why[_without_numbers(words)] += 0 if words.startswith("captured") else count
     why = +why
     if why:
         rows = [[reason, str(count)] for reason, count in why.most_common(_WORST)]

@@ -4,6 +4,7 @@ The schemas are part of the project (``modelDescription/*.schema.json``) and doc
 An error says which file, which member, its value and the limit, in one sentence.
 """
 
+import contextlib
 import copy
 import json
 import math
@@ -124,7 +125,8 @@ class Checker:
         if found is None:
             if len(self._rules) == _KEPT:
                 self._rules.clear()
-            self._rules[kind] = [self._make_rule(document, path) for path in numbers]
+            with contextlib.suppress(LookupError):  # a later change has removed a member
+                self._rules[kind] = [self._make_rule(document, path) for path in numbers]
         return found
 
     def _make_rule(self, document: Any, path: tuple) -> Any:

@@ -161,8 +161,11 @@ def run_sweep(
         run(cases, range(len(cases)))
         if criterion:
             results = Results(journal.known, cases)
-            for row, values in enumerate(cases):
-                again[row] = _is_critical(criterion, planner, values, results[row])
+            critical = [
+                _is_critical(criterion, planner, values, results[row])
+                for row, values in enumerate(cases)
+            ]
+            again = np.array(critical, dtype=bool)
             last = cases.at_accuracy(np.where(again, passes.refine_accuracy, passes.accuracy))
             run(last, np.flatnonzero(again).tolist())
             journal.finish()

@@ -194,6 +194,7 @@ bool fits(const RunAhead& ahead, const Snapshot& all, const DockingModel& model)
   if (!ahead.pending) return ahead.reached == 0.0;
   return ahead.y_before.size() == all.y.size() && ahead.reached >= ahead.begin &&
          ahead.size >= 0.0 && ahead.last_error > 0.0 && are_modes(ahead.context.discrete) &&
+         fits(ahead.context.discrete, ahead.context.discrete.sequence.command, model) &&
          fits(ahead.context.memory, model.contact) && are_branches(ahead.context.reference) &&
          have_same_shape(ahead.context.reference, all.reference) &&
          ahead.jacobian.entries.size() == all.state.kept_jacobian.entries.size();

@@ -184,12 +184,12 @@ DisturbingLoads EventLogic::find_disturbing_loads() const {
       [this](size_t k) { return discrete_.disturbances & (1 << k) ? 1.0 : 0.0; });
 }
 
-DisturbingLoads EventLogic::find_mean_disturbing_loads(double from, double to) const {
+DisturbingLoads EventLogic::find_mean_disturbing_loads(double from, double h) const {
   return add_disturbances([&](size_t k) {
     const Disturbance& disturbance = model_->disturbances[k];
     const double begin = find_time(disturbance.onset, discrete_.entered.data());
     const double end = begin + disturbance.duration;
-    return std::max(0.0, std::min(end, to) - std::max(begin, from)) / (to - from);
+    return std::clamp((std::min(end, from + h) - std::max(begin, from)) / h, 0.0, 1.0);
   });
 }
 

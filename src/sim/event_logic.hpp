@@ -100,8 +100,8 @@ class EventLogic {
   /// When the next one begins or ends; infinite: none is known. @param now  [s since the start]
   double find_next_disturbance(double now) const;
   DisturbingLoads find_disturbing_loads() const;
-  /// Their means between two times that have passed.
-  DisturbingLoads find_mean_disturbing_loads(double from, double to) const;
+  /// Their means over a step of h that has been made. @param from  [s since the start]
+  DisturbingLoads find_mean_disturbing_loads(double from, double h) const;
   /// Would anything change at this state? @param now, clock_rounding  as of update_thrust()
   bool is_change_due(DockingData<double>& at, double now, double clock_rounding) const;
   /// The gap of the surfaces, exact if positive and not above kReboundGap. Above kReboundGap, and

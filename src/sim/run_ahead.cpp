@@ -23,7 +23,7 @@ bool DockingSim::Impl::runs_ahead() const {
 
 /// May the next inner steps end after the communication point?
 bool DockingSim::Impl::may_pass() const {
-  return runs_ahead() && !loads.are_sloped() &&
+  return runs_ahead() && !loads.are_sloped() && !discrete.hard_dock.joint.on &&
          std::bitset<kPointsWatched>(static_cast<unsigned>(ahead.changes)).count() <= kMostChanges;
 }
 

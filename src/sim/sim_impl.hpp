@@ -87,6 +87,7 @@ struct DockingSim::Impl : SimState {
   std::vector<double> find_absolute_tolerances() const;
   double find_relative_tolerance() const;
   double find_share_of_norm() const;
+  Calibration find_calibration() const;
   void start_sequence();
   bool can_be_quiescent() const;
   bool can_drift() const;

@@ -11,6 +11,8 @@
 namespace dockloop {
 namespace {
 
+constexpr double kLongestRealTimeStep = 0.01;  ///< [s]
+
 /// Motion of a vehicle at the start values of its scene.
 Inputs::Vehicle find_start(const VehicleParameters& p) {
   Inputs::Vehicle start;
@@ -458,7 +460,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   choice_text.clear();
   Parameters wanted = parameters;
   if (fmi_kind == FmiKind::kModelExchange) wanted.accuracy = 0.0;  // the host integrates
-  chosen = choose_solver(wanted, setup->tolerance);
+  chosen = choose_solver(wanted, setup->tolerance, find_calibration());
   choose_frame_O();
   const auto made = std::make_shared<DockingModel>(make_docking_model(
       *scene, parameters.vehicle, make_contact_law(), frame_origin, parameters.model_level));
@@ -516,7 +518,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   if (parameters.accuracy != 0.0) {
     choice_text = fmi_kind == FmiKind::kModelExchange
                       ? "accuracy has no effect for model exchange: the host integrates"
-                      : describe_choice(parameters, chosen, setup->tolerance);
+                      : describe_choice(parameters, chosen, setup->tolerance, find_calibration());
   }
   start_energy_audit(*model, present(), stepper->y(), energy_audit);
   start_momentum_audit(*model, present(), least_momentum, momentum_audit);
@@ -556,6 +558,11 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
+}
+
+Calibration DockingSim::Impl::find_calibration() const {
+  const bool is_passive = scene->contact.rings && scene->mechanism.elements.empty();
+  return is_passive ? Calibration::kPassiveRings : Calibration::kOthers;
 }
 
 /// Enter the first step of the sequence, and those that follow at once. @pre evaluate(0)
@@ -601,15 +608,14 @@ double DockingSim::Impl::find_relative_tolerance() const {
 /// @pre evaluate
 double DockingSim::Impl::find_real_time_step() {
   constexpr double kPerRate = 1.0, kPerOscillation = 0.3, kPerFriction = 2.0;
-  constexpr double kLongest = 0.01;  // [s]
-  constexpr double kAtOnce = 3.0;    // petals or latches that carry the load
+  constexpr double kAtOnce = 3.0;  // petals or latches that carry the load
   evaluator->reserve_jacobian();
   MatX<double> jacobian;
   if (evaluator->aside(0.0, stepper->y(), nullptr).ok() &&
       evaluator->calc_jacobian(0.0, stepper->y()).ok()) {
     jacobian = evaluator->jacobian();
   }
-  double step = kLongest;
+  double step = kLongestRealTimeStep;
   const auto limit = [&step](double rate, double factor) {
     if (rate * step > factor) step = factor / rate;
   };
@@ -779,16 +785,17 @@ void DockingSim::Impl::enter_structured_matrix(Stepper::Problem& problem) {
       return latch.mode == LatchMode::kReleasing;
     };
     return loads.are_sloped() || model->mechanism.plan.is_driven || is_drive_starting() ||
-           is_ramping(model->hard_dock, discrete.hard_dock, elapsed) ||
+           is_ramping(model->hard_dock, discrete.hard_dock, elapsed + ahead.begin) ||
            std::any_of(discrete.latch.begin(), discrete.latch.end(), releases);
   };
 }
 
-/// May a drive that the sequence runs still gain speed in this communication step?
+/// May a drive that the sequence runs still gain speed in the inner steps from here on?
 bool DockingSim::Impl::is_drive_starting() const {
-  return std::any_of(discrete.law.begin(), discrete.law.end(), [this](const LawSetting& law) {
+  const double now = elapsed + ahead.begin;
+  return std::any_of(discrete.law.begin(), discrete.law.end(), [now](const LawSetting& law) {
     return law.drive == LawSetting::Drive::kRuns &&
-           (elapsed - law.since) * law.acceleration < law.speed;
+           (now - law.since) * law.acceleration < law.speed;
   });
 }
 
@@ -863,11 +870,11 @@ void DockingSim::Impl::warn_about_inner_step() {
   if (fmi_kind != FmiKind::kCoSimulation || !is_fixed_step() || chosen.needs_step) return;
   if (needs_jacobian() || uses_structured_matrix()) return;
   const double suggested = find_real_time_step();
-  if (inner_step <= kLong * suggested) return;
+  if (inner_step <= kLong * suggested || suggested >= kLongestRealTimeStep) return;
   char text[300];
   std::snprintf(text, sizeof text,
-                "solver.step = %.3g s is long for the fastest rates in contact and latches: peak "
-                "loads may be wrong without another sign; accuracy = -1 (real-time) takes %.3g s",
+                "solver.step = %.3g s is long for the fastest rates of this scene: peak loads may "
+                "be wrong without another sign; accuracy = -1 (real-time) takes %.3g s",
                 inner_step, suggested);
   warnings.push_back(text);
 }

@@ -304,6 +304,10 @@ Status DockingSim::Impl::integrate(double tau, double end, bool passes, std::int
         ask_for_proposal();
         continue;
       }
+      if (passes && discrete.hard_dock.joint.on) {  // it begins inside this communication step
+        passes = false;
+        return_to(tau, std::min(proposal, end - tau));
+      }
       if (passes) status = begin_ahead(tau, is_evaluated);
       if (!status.ok()) return status;
       status = make_inner_step(tau, passes ? tau + kFarthestAhead : end, passes);
@@ -517,8 +521,7 @@ void DockingSim::Impl::finish_step(double h, bool was_pending) {
       frame_velocity += 0.5 * h * h * loads.rates().gravity;
     }
   }
-  const double begun = find_point_time();
-  const Loads& known = loads.find_mean(h, events->find_mean_disturbing_loads(begun, begun + h));
+  const DisturbingLoads disturbing = events->find_mean_disturbing_loads(find_point_time(), h);
   if (!ahead.pending) elapsed += ahead.reached + h;
   ahead.reached = ahead.pending ? ahead.reached + h : 0.0;
   coupling.regular_step = std::max(h, kFade * coupling.regular_step);
@@ -527,10 +530,10 @@ void DockingSim::Impl::finish_step(double h, bool was_pending) {
   put_joined_target();
   ahead.is_mean_due = was_pending || ahead.pending;
   if (ahead.is_mean_due) {
-    ahead.mean_known = known;
+    ahead.mean_known = loads.find_mean(h, disturbing);
   } else {
     const CouplingPoint end = find_coupling_point(*model, present(), stepper->y());
-    update_mean_loads(h, step_begin, end, known);
+    update_mean_loads(h, step_begin, end, loads.find_mean(h, disturbing));
     if (host->has_host()) host->update_impulse_balance(h, step_begin, end, stepper->y());
   }
   if (!ahead.pending) update_momentum_audit();

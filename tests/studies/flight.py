@@ -51,7 +51,7 @@ def run(fmu, drift, size, **values):
 def main():
     """Write the page."""
     lines = write_head(
-        *("flight", "step s", "evaluations in free drift / all", "share", "share of time"),
+        *("mechanism", "step s", "evaluations in free drift / all", "share", "share of time"),
         *("peak loads off by", "times s", "motion m, m/s"),
     )
     with tempfile.TemporaryDirectory() as folder:
@@ -60,10 +60,10 @@ def main():
         exact = run(fmu, 2, 1.0, **TIGHT)
         for name, drift, size in (
             ("integrated", 2, 1.0),
-            ("resting", 1, 1.0),
+            ("quiescent", 1, 1.0),
             ("integrated", 2, 0.1),
-            ("resting", 1, 0.1),
-            ("resting", 1, 0.01),
+            ("quiescent", 1, 0.1),
+            ("quiescent", 1, 0.01),
         ):
             loads, times, motion, cost = run(fmu, drift, size)
             (before, seconds), (total, total_seconds) = cost
