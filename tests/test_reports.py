@@ -19,7 +19,10 @@ pytest.importorskip("scipy")
 pytest.importorskip("pyarrow")
 pytest.importorskip("matplotlib")
 
+import pyarrow as pa
+
 import dockloop as dl
+from dockloop import html_report
 from dockloop.core import list_choices
 from dockloop.plots import color_of
 
@@ -148,3 +151,10 @@ def test_an_envelope_has_a_page(dockloop, tmp_path):
     assert f"{criterion['met']:.1%} +- {criterion['unsure']:.1%}" in text
     assert criterion["unmet_example"]["command"] in text
     assert f"{summary['dockings']} dockings; a grid of the same resolution has 25" in text
+
+
+def test_a_docked_case_counts_as_captured():
+    """A sequence releases its latches when it has docked; cases that did not run are left out."""
+    table = pa.table({"outcome": ["captured", "docked", "undocked", "miss", None]})
+    assert html_report.has_captured(table).tolist()[:4] == [1.0, 1.0, 1.0, 0.0]
+    assert np.isnan(html_report.has_captured(table)[4])

@@ -15,6 +15,7 @@ _NEEDED = re.compile(
     r"|latch\[\d+\]\.(opening|lateral)|contact\.petal\[\d+\]\.force"
 )
 AFTER_CAPTURE = ("docked", "undocked")  # outcomes of a sequence that has released the latches
+WITH_CAPTURE = ("captured", *AFTER_CAPTURE)
 
 
 def list_needed(outputs: Iterable[str]) -> list[str]:

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from dockloop import __version__
+from dockloop.capture import WITH_CAPTURE
 from dockloop.core import list_choices
 from dockloop.outputs import Kind, read_head, writing
 from dockloop.sampling import say_accuracy
@@ -274,15 +275,12 @@ def _show_passes(summary: dict, sweep: Any, planner: Any, table: Any) -> list[Se
 
 def _rank_cases(sweep: Any, planner: Any, table: Any, views: Mapping[int, Path]) -> list[Section]:
     """Return the worst cases, and those that were not captured, with commands and views."""
-    from pyarrow import compute
-
     by, numbers = read_worst(sweep, table)
     sections, ends = [], table["end_time"]
     worst = list_worst(numbers, _WORST)
     lost: list[int] = []
     if "outcome" in table.column_names:
-        is_lost = compute.not_equal(table["outcome"], "captured").fill_null(False)
-        lost = np.flatnonzero(is_lost.to_numpy()).tolist()
+        lost = np.flatnonzero(has_captured(table) == 0.0).tolist()
     for title, cases in ((f"Worst cases by {by}", worst), ("Cases not captured", lost[:_WORST])):
         if cases:
             commands: list[tuple[str, str]] = []
@@ -297,15 +295,22 @@ def _rank_cases(sweep: Any, planner: Any, table: Any, views: Mapping[int, Path])
     return sections
 
 
+def has_captured(table: Any) -> np.ndarray:
+    """Return 1 for each case with a capture, 0 without, NaN if it did not run."""
+    from pyarrow import array, compute
+
+    outcome = table["outcome"]
+    captured = compute.is_in(outcome, value_set=array(WITH_CAPTURE)).cast("double")
+    return compute.if_else(outcome.is_valid(), captured, np.nan).to_numpy()
+
+
 def _rank_inputs(planner: Any, table: Any) -> list[Section]:
     """Return how much each quantity decides about capture and the largest load."""
-    from pyarrow import compute
     from scipy.stats import chatterjeexi, spearmanr
 
     sections, targets = [], {}
     if "outcome" in table.column_names:
-        is_captured = compute.equal(table["outcome"], "captured")
-        targets["capture"] = is_captured.cast("double").to_numpy()
+        targets["capture"] = has_captured(table)
     if "capture.peak.load_ratio" in table.column_names:
         targets["the largest load ratio"] = read_numbers(table, "capture.peak.load_ratio")
     for title, target in targets.items():

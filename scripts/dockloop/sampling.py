@@ -154,16 +154,9 @@ class Sweep:
     cases: Cases
     passes: Passes | None = None
 
-    def complete(self, drawn: Iterable[Value], accuracy: float | None = None) -> tuple[Value, ...]:
-        """Return the values of a case from those that the file varies.
-
-        Args:
-            drawn: these.
-            accuracy: of the case; default: that of all cases.
-        """
-        if self.passes is None:
-            return tuple(drawn)
-        return (*drawn, self.passes.accuracy if accuracy is None else accuracy)
+    def complete(self, drawn: Iterable[Value]) -> tuple[Value, ...]:
+        """Return the values of a case from those that the file varies."""
+        return tuple(drawn) if self.passes is None else (*drawn, self.passes.accuracy)
 
 
 def read_sweep(reference: str, passes: Passes | None = None) -> Sweep:

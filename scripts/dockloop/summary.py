@@ -11,7 +11,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from dockloop.capture import AFTER_CAPTURE, explain_capture, list_needed
+from dockloop.capture import WITH_CAPTURE, explain_capture, list_needed
 from dockloop.core import list_loads, name_choice
 from dockloop.outputs import MADE_BY, Kind, json_kind, read_head, write_text, writing
 from dockloop.results import Result, import_optional
@@ -348,7 +348,7 @@ def _outcome_sentence(summary: dict) -> str:
     end = f"{summary['outcome']}, phase {summary['phase']} at the end"
     if capture is not None:
         began = f"captured at {capture:.3f} s, {capture - contact:.3f} s after {begin}"
-        if summary["outcome"] not in ("captured", *AFTER_CAPTURE) and why:
+        if summary["outcome"] not in WITH_CAPTURE and why:
             return f"{why}; {begin}; {end}"
         return began if summary["outcome"] == "captured" else f"{began}; {end}"
     if summary["latches"]:

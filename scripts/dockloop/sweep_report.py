@@ -22,7 +22,7 @@ import numpy as np
 
 from dockloop import __version__
 from dockloop.accuracy import compare_peaks
-from dockloop.capture import explain_capture
+from dockloop.capture import WITH_CAPTURE, explain_capture
 from dockloop.cases import STATUSES, Result
 from dockloop.columns import align
 from dockloop.core import list_choices, list_loads, name_choice
@@ -280,7 +280,8 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
         found = count_texts(table["outcome"])
         names = [choice.name for choice in list_choices("outcome")]
         summary["outcomes"] = {name: found[name] for name in names if name in found}
-        summary["captured"] = estimate_fraction(found.get("captured", 0), sum(found.values()))
+        captured = sum(found.get(name, 0) for name in WITH_CAPTURE)
+        summary["captured"] = estimate_fraction(captured, sum(found.values()))
     summary["peak_loads"] = _count_loads(planner, table)
     if sweep.passes and sweep.passes.refine:
         summary["refined"] = {**asdict(sweep.passes), **compare_passes(table)}
@@ -560,9 +561,11 @@ def write_views(sweep: Sweep, planner: Planner, table: Any, output: Path) -> dic
 def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> None:
     """Cases by outcome over what varied; below, which part captured in bins of each quantity."""
     from matplotlib.figure import Figure
-    from pyarrow import compute
+    from pyarrow import array, compute
 
     outcomes = table["outcome"].fill_null("not run")
+    docked = compute.is_in(outcomes, value_set=array(WITH_CAPTURE))
+    outcomes = compute.if_else(docked, "captured", outcomes)
     numbers = {
         quantity.name: (read_numbers(table, quantity.name), quantity.unit)
         for quantity in planner.varied
