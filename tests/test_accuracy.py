@@ -240,6 +240,13 @@ def test_a_tighter_tolerance_does_not_choose_a_worse_method():
         assert docking.get("solver.chosen_method") == made_number("bdf")
 
 
+def test_steep_friction_costs_little_at_any_accuracy():
+    """With velocities known to 2e-5 m/s only, surfaces with friction over 1e-5 m/s chatter."""
+    steep = NEAR | {"mechanism.set.contact.law.friction_speed": 1e-5}
+    runs = [dl.run(SCENE, steep, stop=6.0, step=0.25, accuracy=each) for each in (1e-2, 1e-3)]
+    assert max(last(each, "rhs_evaluations") for each in runs) < 10_000
+
+
 def test_one_explicit_setting_leaves_the_others_to_the_choice(study, data, rings):
     made = run({"solver.method": "auto", "solver.atol_position": 1e-12}, accuracy=1e-2)
     other = run({"solver.method": "explicit"}, accuracy=1e-2)

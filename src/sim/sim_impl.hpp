@@ -88,6 +88,7 @@ struct DockingSim::Impl : SimState {
   double find_relative_tolerance() const;
   double find_share_of_norm() const;
   Calibration find_calibration() const;
+  void limit_velocity_tolerance();
   void start_sequence();
   bool can_be_quiescent() const;
   bool can_drift() const;

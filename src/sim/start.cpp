@@ -473,6 +473,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   put_failures(parameters, made->mechanism.model.failures);
   put_disturbances(parameters, made->disturbances);
   model = made;
+  limit_velocity_tolerance();
   discrete.hard_dock = make_start(model->hard_dock);
   events = std::make_unique<EventLogic>(*model, discrete, memory);
   start_mechanism.reset();
@@ -558,6 +559,18 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
+}
+
+/// Surfaces that stick slide slowly. A tolerance that accuracy chooses stays below the transition
+/// speed of friction; else accepted errors shake the surfaces loose again and again.
+void DockingSim::Impl::limit_velocity_tolerance() {
+  constexpr double kShare = 0.5;
+  if (!(parameters.accuracy > 0.0) || !model->contact.has_surfaces()) return;
+  if (parameters.atol_velocity != SolverSettings().atol_velocity) return;
+  for (const ContactLaw& law : model->contact.laws) {
+    if (law.friction_model != 1 || law.friction_coefficient == 0.0) continue;
+    chosen.atol_velocity = std::min(chosen.atol_velocity, kShare * law.friction_speed);
+  }
 }
 
 Calibration DockingSim::Impl::find_calibration() const {
