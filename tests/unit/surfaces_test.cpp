@@ -433,7 +433,7 @@ TEST(Surfaces, HardwareThatMakesNoSenseIsRefused) {
   expect(probe, drogue, {{"head", "cone", "soft"}}, "contact.laws lacks");
   Cores fat = probe;
   fat[0].core.rounding = 0.044;  // 46 mm with the drogue, whose socket has a radius of 45 mm
-  expect(fat, drogue, {{"head", "cone", ""}}, "has a radius of 0.045000 m");
+  expect(fat, drogue, {{"head", "cone", ""}}, "has a radius of 0.045 m");
   EXPECT_EQ(find_refusal(fat, drogue, {{"head", "floor", ""}}), "accepted");
   expect(drogue, drogue, {{"cone", "cone", ""}}, "both surfaces of revolution");
   Core plate = make_plate_core(
