@@ -21,11 +21,17 @@ from typing import Any
 import numpy as np
 
 from dockloop import __version__
-from dockloop.capture import WITH_CAPTURE
 from dockloop.core import list_choices
 from dockloop.outputs import Kind, read_head, writing
 from dockloop.sampling import say_accuracy
-from dockloop.sweep_report import count_texts, is_text, list_worst, read_numbers, read_worst
+from dockloop.sweep_report import (
+    count_texts,
+    is_captured,
+    is_text,
+    list_worst,
+    read_numbers,
+    read_worst,
+)
 
 _WORST = 10  # cases in a list
 _SOLVER = ("accuracy", "method", "rtol", "atol_position", "atol_velocity", "atol_energy", "step")
@@ -226,8 +232,8 @@ def report_sweep(
     why: Counter[str] = Counter()
     for name in ("explanation", "reason"):
         for words, count in count_texts(table[name]).items() if name in table.column_names else ():
-            why[_without_numbers(words)] += 0 if words.startswith("captured") else count
-    why = +why
+            if not words.startswith("captured"):
+                why[_without_numbers(words)] += count
     if why:
         rows = [[reason, str(count)] for reason, count in why.most_common(_WORST)]
         heads = ("why not captured, or not run", "cases")
@@ -297,10 +303,10 @@ def _rank_cases(sweep: Any, planner: Any, table: Any, views: Mapping[int, Path])
 
 def has_captured(table: Any) -> np.ndarray:
     """Return 1 for each case with a capture, 0 without, NaN if it did not run."""
-    from pyarrow import array, compute
+    from pyarrow import compute
 
     outcome = table["outcome"]
-    captured = compute.is_in(outcome, value_set=array(WITH_CAPTURE)).cast("double")
+    captured = is_captured(outcome).cast("double")
     return compute.if_else(outcome.is_valid(), captured, np.nan).to_numpy()
 
 

@@ -95,8 +95,9 @@ def make_table(
     """
     import pyarrow
 
-    parts = _make_parts(sweep, planner, results, first)
-    return pyarrow.Table.from_batches(parts, _make_schema(sweep, planner))
+    schema = _make_schema(sweep, planner)
+    parts = _make_parts(schema, sweep, planner, results, first)
+    return pyarrow.Table.from_batches(parts, schema)
 
 
 def write_table(
@@ -114,12 +115,12 @@ def write_table(
     """
     from pyarrow import parquet
 
-    files = [path]
+    files, schema = [path], _make_schema(sweep, planner)
     with (
         writing(path, TABLE) as partial,
-        parquet.ParquetWriter(partial, _make_schema(sweep, planner)) as writer,
+        parquet.ParquetWriter(partial, schema) as writer,
     ):
-        for part in _make_parts(sweep, planner, results, first):
+        for part in _make_parts(schema, sweep, planner, results, first):
             writer.write_batch(part)
     if as_csv:
         files.append(path.with_suffix(".csv"))
@@ -197,6 +198,7 @@ def _make_schema(sweep: Sweep, planner: Planner) -> Any:
 
 
 def _make_parts(
+    schema: Any,
     sweep: Sweep,
     planner: Planner,
     results: Sequence[Result],
@@ -205,7 +207,6 @@ def _make_parts(
     """Yield the table in parts of so many rows that they fit into memory."""
     import pyarrow
 
-    schema = _make_schema(sweep, planner)
     latches = planner.base["mechanism"].get("latches", {})
 
     def list_outcomes(found: list[Any]) -> list[list]:
@@ -237,6 +238,13 @@ def count_texts(column: Any) -> dict[str, int]:
     """Return how often each text is in a column, the first one first."""
     counts = column.drop_null().value_counts()
     return {each["values"]: each["counts"] for each in counts.to_pylist()}
+
+
+def is_captured(outcomes: Any) -> Any:
+    """Return of each outcome whether it is one with a capture."""
+    from pyarrow import array, compute
+
+    return compute.is_in(outcomes, value_set=array(WITH_CAPTURE))
 
 
 def is_text(table: Any, name: str) -> bool:
@@ -561,11 +569,11 @@ def write_views(sweep: Sweep, planner: Planner, table: Any, output: Path) -> dic
 def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> None:
     """Cases by outcome over what varied; below, which part captured in bins of each quantity."""
     from matplotlib.figure import Figure
-    from pyarrow import array, compute
+    from pyarrow import compute
 
     outcomes = table["outcome"].fill_null("not run")
-    docked = compute.is_in(outcomes, value_set=array(WITH_CAPTURE))
-    outcomes = compute.if_else(docked, "captured", outcomes)
+    captured = is_captured(outcomes)
+    outcomes = compute.if_else(captured, "captured", outcomes)
     numbers = {
         quantity.name: (read_numbers(table, quantity.name), quantity.unit)
         for quantity in planner.varied
@@ -604,10 +612,9 @@ def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> No
                     chosen = np.random.default_rng(0).choice(chosen, _MOST_POINTS, replace=False)
                 size = 4 if name == "captured" else 12
                 axis.scatter(x[chosen], y[chosen], size, color=colour, label=label, linewidths=0)
-    captured = compute.equal(outcomes, "captured").to_numpy()
     for axis, name in zip(scalar_axes, scalars, strict=False):
         values, unit = numbers[name]
-        _plot_fraction(axis, values, captured)
+        _plot_fraction(axis, values, captured.to_numpy())
         axis.set_xlabel(f"{name} [{unit}]")
         axis.set_ylabel("part captured")
         axis.set_ylim(-0.03, 1.03)

@@ -149,9 +149,7 @@ json describe_effects(const Mechanism& mechanism) {
 
 /// A number as people say it.
 std::string describe_rounded(double value, const std::string& unit = "") {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text + (unit.empty() ? "" : " " + unit);
+  return describe_number(value, 4) + (unit.empty() ? "" : " " + unit);
 }
 
 /// A damping ratio only where something oscillates and dies out: elsewhere it would mislead.

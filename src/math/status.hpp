@@ -45,9 +45,9 @@ class ModelError : public std::runtime_error {
 };
 
 /// A real number in a message.
-inline std::string describe_number(double value) {
+inline std::string describe_number(double value, int digits = 6) {
   char text[40];
-  std::snprintf(text, sizeof text, "%.6g", value);
+  std::snprintf(text, sizeof text, "%.*g", digits, value);
   return text;
 }
 

@@ -4,14 +4,30 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "sim/accuracy_table.hpp"
 
 namespace dockloop {
 namespace {
 
-const AccuracyTable& get_table(Calibration kind) {
-  return kAccuracyTables[static_cast<size_t>(kind)];
+/// Passive rings, and other dockings, were measured apart.
+const AccuracyTable& get_table(const DockingModel& model) {
+  const bool is_passive = model.contact.rings && model.mechanism.model.elements.empty();
+  return is_passive ? kPassiveRings : kOthers;
+}
+
+/// Surfaces that stick slide slowly. The tolerance of velocities stays below the transition speed
+/// of friction; else accepted errors shake the surfaces loose again and again.
+double find_velocity_limit(const DockingModel& model) {
+  constexpr double kShare = 0.5;
+  double limit = std::numeric_limits<double>::infinity();
+  if (!model.contact.has_surfaces()) return limit;
+  for (const ContactLaw& law : model.contact.laws) {
+    if (law.friction_model != 1 || law.friction_coefficient == 0.0) continue;
+    limit = std::min(limit, kShare * law.friction_speed);
+  }
+  return limit;
 }
 
 /// Rows of one method: wanted error and tolerance, both fall from row to row.
@@ -72,8 +88,7 @@ SolverMethod find_best(const Parameters& p, double tolerance, const AccuracyTabl
     if (row.error <= p.accuracy && row.rtol[find_place(best)] <= stated) return best;
   }
   // No row is tight enough: stabilised steps still pay where they reach the wanted error.
-  const size_t place = find_place(kStabilised);
-  const Column stabilised(table, place);
+  const Column stabilised(table, find_place(kStabilised));
   return stabilised.error(stabilised.count - 1) <= p.accuracy ? kStabilised : best;
 }
 
@@ -85,8 +100,9 @@ bool may_choose(const char* name, bool is_default, SolverChoice& choice) {
 }
 
 /// Tolerances of the method in use. A method without measured errors has those of the best one.
-void choose_tolerances(const Parameters& p, double tolerance, const AccuracyTable& table,
+void choose_tolerances(const Parameters& p, double tolerance, const DockingModel& model,
                        SolverChoice& c) {
+  const AccuracyTable& table = get_table(model);
   const SolverSettings defaults;
   const size_t place = find_place(c.method);
   const bool is_measured = place < kCalibratedMethods.size() && p.model_level != kReference;
@@ -100,8 +116,9 @@ void choose_tolerances(const Parameters& p, double tolerance, const AccuracyTabl
   };
   choose("atol_position", p.atol_position == defaults.atol_position, kAtolPosition,
          c.atol_position);
-  choose("atol_velocity", p.atol_velocity == defaults.atol_velocity, kAtolVelocity,
-         c.atol_velocity);
+  const bool is_default_velocity = p.atol_velocity == defaults.atol_velocity;
+  choose("atol_velocity", is_default_velocity, kAtolVelocity, c.atol_velocity);
+  if (is_default_velocity) c.atol_velocity = std::min(c.atol_velocity, find_velocity_limit(model));
   choose("atol_energy", p.atol_energy == defaults.atol_energy, kAtolEnergy, c.atol_energy);
   // A smaller tolerance of the host reduces all of them (DockingSim::Impl::make_stepper).
   const double used = tolerance > 0.0 ? std::min(tolerance, c.rtol) : c.rtol;
@@ -122,7 +139,7 @@ void check_accuracy(double accuracy) {
   throw ModelError(text);
 }
 
-SolverChoice choose_solver(const Parameters& p, double tolerance, Calibration kind) {
+SolverChoice choose_solver(const Parameters& p, double tolerance, const DockingModel& model) {
   SolverChoice c;
   static_cast<SolverSettings&>(c) = {p.rtol,        p.atol_position, p.atol_velocity,
                                      p.atol_energy, p.step,          p.solver_method};
@@ -131,20 +148,20 @@ SolverChoice choose_solver(const Parameters& p, double tolerance, Calibration ki
   // The form with multipliers has its own method.
   if (may_choose("method", p.solver_method == SolverSettings().method, c) &&
       p.model_level != kReference) {
-    c.method = is_real_time ? kFixedRk4 : find_best(p, tolerance, get_table(kind));
+    c.method = is_real_time ? kFixedRk4 : find_best(p, tolerance, get_table(model));
     if (c.method == kStabilised) c.method = kAuto;
   }
   if (find_method(c.method)->fixed_step) {
     c.needs_step = may_choose("step", p.step == SolverSettings().step, c) && is_real_time;
   } else if (!is_real_time) {
-    choose_tolerances(p, tolerance, get_table(kind), c);
+    choose_tolerances(p, tolerance, model, c);
   }
   return c;
 }
 
 std::string describe_choice(const Parameters& p, const SolverChoice& c, double tolerance,
-                            Calibration kind) {
-  const AccuracyTable& table = get_table(kind);
+                            const DockingModel& model) {
+  const AccuracyTable& table = get_table(model);
   const MethodFacts& method = *find_method(c.method);
   char text[400];
   if (method.fixed_step) {

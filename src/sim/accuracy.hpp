@@ -12,6 +12,7 @@
 
 #include <string>
 
+#include "docking/docking_model.hpp"
 #include "sim/values.hpp"
 
 namespace dockloop {
@@ -23,17 +24,15 @@ struct SolverChoice : SolverSettings {
   std::string stated;           ///< names of explicit settings, with commas
 };
 
-/// Kinds of dockings whose errors were measured apart.
-enum class Calibration { kPassiveRings, kOthers };
-
 /// @throws ModelError if it is no value of accuracy
 void check_accuracy(double accuracy);
 
 /// @param tolerance  relative, of the host; 0 = none given
-SolverChoice choose_solver(const Parameters& parameters, double tolerance, Calibration kind);
+SolverChoice choose_solver(const Parameters& parameters, double tolerance,
+                           const DockingModel& model);
 
 /// The choice and its reason in one sentence. @pre parameters.accuracy != 0
 std::string describe_choice(const Parameters& parameters, const SolverChoice& choice,
-                            double tolerance, Calibration kind);
+                            double tolerance, const DockingModel& model);
 
 }  // namespace dockloop

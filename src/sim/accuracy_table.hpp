@@ -30,6 +30,12 @@ struct AccuracyRow {
   /// Of each method; 0 = not reached.
   std::array<double, kColumns> rtol;
 };
+struct AccuracyTable {
+  const AccuracyRow* row;
+  size_t size;
+  int dockings;  ///< that were measured
+};
+
 constexpr std::array<AccuracyRow, 11> kErrorsOfPassiveRings = {{
     {0.1, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {0.00017, 0.0023, 0.01}},
     {0.03, {kRosenbrock, kRosenbrock}, {kStabilised, kStabilised}, {6e-05, 0.00046, 0.0049}},
@@ -43,6 +49,7 @@ constexpr std::array<AccuracyRow, 11> kErrorsOfPassiveRings = {{
     {3e-06, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {2.7e-10, 7.5e-10, 2e-07}},
     {1e-06, {kBdf, kBdf}, {kBdf, kBdf}, {0, 2.3e-10, 0}},
 }};
+constexpr AccuracyTable kPassiveRings = {kErrorsOfPassiveRings.data(), 11, 47};
 
 constexpr std::array<AccuracyRow, 11> kErrorsOfOthers = {{
     {0.1, {kRosenbrock, kRosenbrock}, {kStabilised, kBdf}, {8.9e-05, 0.00021, 0.001}},
@@ -57,16 +64,6 @@ constexpr std::array<AccuracyRow, 11> kErrorsOfOthers = {{
     {3e-06, {kStabilised, kStabilised}, {kStabilised, kStabilised}, {1.1e-09, 6.4e-10, 1.8e-07}},
     {1e-06, {kBdf, kBdf}, {kBdf, kBdf}, {0, 2.2e-10, 0}},
 }};
-
-struct AccuracyTable {
-  const AccuracyRow* row;
-  size_t size;
-  int dockings;  ///< that were measured
-};
-/// In the order of Calibration.
-constexpr std::array<AccuracyTable, 2> kAccuracyTables = {{
-    {kErrorsOfPassiveRings.data(), 11, 47},
-    {kErrorsOfOthers.data(), 11, 59},
-}};
+constexpr AccuracyTable kOthers = {kErrorsOfOthers.data(), 11, 59};
 
 }  // namespace dockloop

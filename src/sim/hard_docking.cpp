@@ -105,10 +105,16 @@ bool DockingSim::Impl::update_hooks(double now) {
   return events->update_hooks(present(), now, find_clock_rounding(now));
 }
 
+/// Does the command of the host differ from the last one?
+bool DockingSim::Impl::is_hard_dock_command_new() const {
+  return !model->hard_dock.empty() &&
+         static_cast<HardDockCommand>(inputs.hard_dock_command) != discrete.hard_dock.command;
+}
+
 /// A command of the host that differs from the last one. @pre evaluate_start(). @post the same
 Status DockingSim::Impl::update_hard_dock_command() {
+  if (!is_hard_dock_command_new()) return {};
   const auto wanted = static_cast<HardDockCommand>(inputs.hard_dock_command);
-  if (wanted == discrete.hard_dock.command || model->hard_dock.empty()) return {};
   discrete.hard_dock.command = wanted;
   const Status status = command(wanted, 0.0);
   if (!status.ok()) return status;

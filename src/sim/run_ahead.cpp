@@ -29,16 +29,9 @@ bool DockingSim::Impl::may_pass() const {
 
 /// Is the pending step valid for a communication step of h too? @pre read_inputs()
 bool DockingSim::Impl::can_go_on(double late, double h) const {
-  return ahead.pending && !ahead.is_retuned && !is_command_new() && !loads.are_sloped() &&
-         h > 0.0 && std::abs(late) <= kClockSlack * h && are_same(loads.at_start(), ahead.loads);
-}
-
-/// Has the host another command for the sequence or the hard dock?
-bool DockingSim::Impl::is_command_new() const {
-  const auto& dock = discrete.hard_dock;
-  return (events->sequence().exists() && inputs.command != discrete.sequence.command) ||
-         (!model->hard_dock.empty() &&
-          static_cast<HardDockCommand>(inputs.hard_dock_command) != dock.command);
+  const bool is_commanded = events->sequence().is_new(inputs.command) || is_hard_dock_command_new();
+  return ahead.pending && !ahead.is_retuned && !is_commanded && !loads.are_sloped() && h > 0.0 &&
+         std::abs(late) <= kClockSlack * h && are_same(loads.at_start(), ahead.loads);
 }
 
 /// A host that changes its inputs at every point would pay for steps that are dropped: count.

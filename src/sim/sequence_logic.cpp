@@ -189,7 +189,7 @@ void SequenceLogic::start() {
 }
 
 bool SequenceLogic::update_command(int command, double now) {
-  if (!exists() || command == state_.command) return false;
+  if (!is_new(command)) return false;
   const bool resumes = state_.command == kHold;
   if (resumes) state_.stood += now - state_.held_since;
   state_.command = command;

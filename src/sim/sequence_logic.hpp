@@ -55,7 +55,9 @@ class SequenceLogic {
   void start();
   /// Enter a step: its actions follow. @param outcome  that the way to it states; 0: none
   void enter(int step, int outcome, const Occasion& occasion);
-  /// A command of the host. @return whether it differs from the last one
+  /// Does a command of the host differ from the last one?
+  bool is_new(int command) const { return exists() && command != state_.command; }
+  /// A command of the host. @return is_new()
   bool update_command(int command, double now);
   /// Take the first step that is due, if one is.
   /// @param due  per row: its event function has fallen to zero

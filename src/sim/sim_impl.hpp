@@ -87,8 +87,6 @@ struct DockingSim::Impl : SimState {
   std::vector<double> find_absolute_tolerances() const;
   double find_relative_tolerance() const;
   double find_share_of_norm() const;
-  Calibration find_calibration() const;
-  void limit_velocity_tolerance();
   void start_sequence();
   bool can_be_quiescent() const;
   bool can_drift() const;
@@ -142,7 +140,6 @@ struct DockingSim::Impl : SimState {
   bool runs_ahead() const;
   bool may_pass() const;
   bool can_go_on(double late, double h) const;
-  bool is_command_new() const;
   void note_inputs(bool goes_on);
   void stride(double late, double h);
   void keep_context();
@@ -199,6 +196,7 @@ struct DockingSim::Impl : SimState {
   // hard_docking.cpp
   const char* find_joint_obstacle() const;
   Status command(HardDockCommand command, double tau);
+  bool is_hard_dock_command_new() const;
   Status update_hard_dock_command();
   Status update_joint(double tau);
   Status join_rigidly(double tau);

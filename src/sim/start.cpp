@@ -460,7 +460,6 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   choice_text.clear();
   Parameters wanted = parameters;
   if (fmi_kind == FmiKind::kModelExchange) wanted.accuracy = 0.0;  // the host integrates
-  chosen = choose_solver(wanted, setup->tolerance, find_calibration());
   choose_frame_O();
   const auto made = std::make_shared<DockingModel>(make_docking_model(
       *scene, parameters.vehicle, make_contact_law(), frame_origin, parameters.model_level));
@@ -473,7 +472,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   put_failures(parameters, made->mechanism.model.failures);
   put_disturbances(parameters, made->disturbances);
   model = made;
-  limit_velocity_tolerance();
+  chosen = choose_solver(wanted, setup->tolerance, *model);
   discrete.hard_dock = make_start(model->hard_dock);
   events = std::make_unique<EventLogic>(*model, discrete, memory);
   start_mechanism.reset();
@@ -519,7 +518,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   if (parameters.accuracy != 0.0) {
     choice_text = fmi_kind == FmiKind::kModelExchange
                       ? "accuracy has no effect for model exchange: the host integrates"
-                      : describe_choice(parameters, chosen, setup->tolerance, find_calibration());
+                      : describe_choice(parameters, chosen, setup->tolerance, *model);
   }
   start_energy_audit(*model, present(), stepper->y(), energy_audit);
   start_momentum_audit(*model, present(), least_momentum, momentum_audit);
@@ -559,23 +558,6 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
-}
-
-/// Surfaces that stick slide slowly. A tolerance that accuracy chooses stays below the transition
-/// speed of friction; else accepted errors shake the surfaces loose again and again.
-void DockingSim::Impl::limit_velocity_tolerance() {
-  constexpr double kShare = 0.5;
-  if (!(parameters.accuracy > 0.0) || !model->contact.has_surfaces()) return;
-  if (parameters.atol_velocity != SolverSettings().atol_velocity) return;
-  for (const ContactLaw& law : model->contact.laws) {
-    if (law.friction_model != 1 || law.friction_coefficient == 0.0) continue;
-    chosen.atol_velocity = std::min(chosen.atol_velocity, kShare * law.friction_speed);
-  }
-}
-
-Calibration DockingSim::Impl::find_calibration() const {
-  const bool is_passive = scene->contact.rings && scene->mechanism.elements.empty();
-  return is_passive ? Calibration::kPassiveRings : Calibration::kOthers;
 }
 
 /// Enter the first step of the sequence, and those that follow at once. @pre evaluate(0)

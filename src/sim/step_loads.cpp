@@ -51,24 +51,28 @@ void StepLoads::hold(const Loads& loads) {
 
 const Loads& StepLoads::at(double tau) const {
   if (!sloped_) return start_;
-  for (int i : {kChaser, kTarget}) {
-    now_.force[i] = start_.force[i] + tau * rates_.force[i];
-    now_.torque[i] = start_.torque[i] + tau * rates_.torque[i];
-  }
-  now_.gravity = start_.gravity + tau * rates_.gravity;
-  now_.command = start_.command + tau * rates_.command;
+  now_ = start_;
+  add_slopes(tau);
   return now_;
 }
 
 const Loads& StepLoads::find_mean(double h, const DisturbingLoads& disturbing) const {
-  const double half = sloped_ ? 0.5 * h : 0.0;
+  now_ = start_;
   for (int i : {kChaser, kTarget}) {
-    now_.force[i] = read_[i].f + half * rates_.force[i] + disturbing[i].f;
-    now_.torque[i] = read_[i].t + half * rates_.torque[i] + disturbing[i].t;
+    now_.force[i] = read_[i].f + disturbing[i].f;
+    now_.torque[i] = read_[i].t + disturbing[i].t;
   }
-  now_.gravity = start_.gravity + half * rates_.gravity;
-  now_.command = start_.command + half * rates_.command;
+  if (sloped_) add_slopes(0.5 * h);
   return now_;
+}
+
+void StepLoads::add_slopes(double tau) const {
+  for (int i : {kChaser, kTarget}) {
+    now_.force[i] += tau * rates_.force[i];
+    now_.torque[i] += tau * rates_.torque[i];
+  }
+  now_.gravity += tau * rates_.gravity;
+  now_.command += tau * rates_.command;
 }
 
 bool StepLoads::are_absent(bool falling) const {

@@ -32,6 +32,9 @@ class StepLoads {
   bool are_absent(bool falling) const;
 
  private:
+  /// now_ += tau times the slopes.
+  void add_slopes(double tau) const;
+
   Loads start_, rates_;
   DisturbingLoads read_{};  ///< on vehicles, without disturbances
   mutable Loads now_;       ///< result of at() and find_mean()

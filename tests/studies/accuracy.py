@@ -86,7 +86,7 @@ def is_family(number):
     return number % 1000 > FAMILY
 
 
-KINDS = ("kPassiveRings", "kOthers")  # as in accuracy.hpp
+KINDS = ("kPassiveRings", "kOthers")  # tables of the core
 
 
 def select(data, kind):
@@ -312,16 +312,17 @@ def make_table(data):
         f"constexpr double kAtol{name.removeprefix('atol_').capitalize()} = {share:g};"
         for name, share in ATOL_PER_RTOL.items()
     ]
-    tables, list_of_tables = [], []
+    tables = []
     for kind in KINDS:
         of_kind = select(data, kind)
         rows = make_rows(of_kind)
         name = f"kErrorsOf{kind.removeprefix('k')}"
-        list_of_tables.append(f"    {{{name}.data(), {len(rows)}, {len(of_kind['cases'])}}},")
         tables += [
             f"constexpr std::array<AccuracyRow, {len(rows)}> {name} = {{{{",
             *rows,
             "}};",
+            f"constexpr AccuracyTable {kind} = "
+            f"{{{name}.data(), {len(rows)}, {len(of_kind['cases'])}}};",
             "",
         ]
     return f"""// Written by tests/studies/accuracy.py from tests/data/accuracy.json: do not edit.
@@ -354,17 +355,13 @@ struct AccuracyRow {{
   /// Of each method; 0 = not reached.
   std::array<double, kColumns> rtol;
 }};
-{chr(10).join(tables)}
 struct AccuracyTable {{
   const AccuracyRow* row;
   size_t size;
   int dockings;  ///< that were measured
 }};
-/// In the order of Calibration.
-constexpr std::array<AccuracyTable, {len(KINDS)}> kAccuracyTables = {{{{
-{chr(10).join(list_of_tables)}
-}}}};
 
+{chr(10).join(tables)}
 }}  // namespace dockloop
 """
 
