@@ -17,7 +17,7 @@ MildRates make_mild_rates(DockingSim::Impl& sim) {
     sim.trial().touches = false;
     const Status status = sim.evaluator->aside(t, y, ydot, Need::kRates);
     sim.trial().touches = true;
-    return sim.update_failure_code(status, t, ydot, sim.model->layout.size);
+    return sim.step_loop->update_failure_code(status, t, ydot, sim.model->layout.size);
   };
 }
 

@@ -58,18 +58,14 @@ int calc_rates(Sim& sim, const Extended& time, const Extended* y, Extended* ydot
   Status status = evaluate(sim, time, y, ydot);
   double sum = 0.0;
   for (int i = 0; i < sim.model->layout.size; ++i) sum += ydot[i].high;
-  if (status.ok() && !std::isfinite(sum)) status = {StatusCode::kNotFinite, -1, 0.0, 0.0};
-  if (status.ok()) return 0;
-  sim.last_trouble = status;
-  sim.last_trouble.time = sim.elapsed + time.high;
-  return status.code == StatusCode::kLoopSingular ? Stepper::kStepOver : Stepper::kSmaller;
+  return sim.step_loop->update_failure_code(status, time.high, &sum, 1);
 }
 
 template <class Sim>
 int calc_roots(Sim& sim, double time, const double* y, double* roots) {
   const Status status = evaluate(sim, time, sim.extended->solver->find_state(y).data(), nullptr);
   if (!status.ok()) {
-    sim.last_trouble = status;
+    sim.step_loop->keep_failure(status);
     return 1;
   }
   const DockingData<Extended>& at = *sim.extended->data;
@@ -125,7 +121,7 @@ Status DockingSim::calc_extended_outputs(std::vector<double>& output) {
   Impl& me = *impl_;
   ExtendedEquations& extended = *me.extended;
   me.read_inputs();
-  std::vector<Extended> y = extended.solver->find_state(me.stepper->y());
+  std::vector<Extended> y = extended.solver->find_state(me.step_loop->y());
   const Status status = evaluate(me, 0, y.data(), nullptr);
   if (!status.ok()) return status;
   if (extended.output_cells.empty()) {

@@ -37,8 +37,8 @@ class Multipliers : public UnreducedForm {
   }
   void set_nominals(VecX<double> nominal) override { nominal_ = std::move(nominal); }
   double find_cut_gap(double tau) override {
-    return dockloop::find_cut_gap(*sim_.model, *form_, sim_.elapsed + tau, sim_.stepper->unknowns(),
-                                  *data_);
+    return dockloop::find_cut_gap(*sim_.model, *form_, sim_.elapsed + tau,
+                                  sim_.step_loop->unknowns(), *data_);
   }
 
  private:
@@ -49,14 +49,14 @@ class Multipliers : public UnreducedForm {
       const Status status =
           calc_unreduced_residual(*sim_.model, *form_, sim_.discrete, sim_.memory, sim_.loads.at(t),
                                   sim_.elapsed + t, z, zdot, residual, *data_);
-      return sim_.update_failure_code(status, t, residual, form_->size);
+      return sim_.step_loop->update_failure_code(status, t, residual, form_->size);
     };
     dae.jacobian = [this](double t, double alpha, const double* z, const double* zdot,
                           const double* residual, double* by_columns) {
       const Status status = calc_unreduced_jacobian(*sim_.model, *form_, sim_.discrete, sim_.memory,
                                                     sim_.loads.at(t), sim_.elapsed + t, alpha, z,
                                                     zdot, residual, nominal_, by_columns, *data_);
-      return sim_.update_failure_code(status, t, by_columns, form_->size * form_->size);
+      return sim_.step_loop->update_failure_code(status, t, by_columns, form_->size * form_->size);
     };
     dae.complete = [this](double* z, double* zdot) {
       complete_unreduced_state(*sim_.model, *form_, sim_.trial(), z, zdot);

@@ -120,7 +120,7 @@ void choose_tolerances(const Parameters& p, double tolerance, const DockingModel
   choose("atol_velocity", is_default_velocity, kAtolVelocity, c.atol_velocity);
   if (is_default_velocity) c.atol_velocity = std::min(c.atol_velocity, find_velocity_limit(model));
   choose("atol_energy", p.atol_energy == defaults.atol_energy, kAtolEnergy, c.atol_energy);
-  // A smaller tolerance of the host reduces all of them (DockingSim::Impl::make_stepper).
+  // A smaller tolerance of the host reduces all of them (DockingSim::Impl::make_loop).
   const double used = tolerance > 0.0 ? std::min(tolerance, c.rtol) : c.rtol;
   if (is_measured && is_in_proportion && used <= column.rtol(0)) {
     c.error_estimate = used == rtol ? column.clamp(p.accuracy) : column.find_error(used);

@@ -54,14 +54,14 @@ Status DockingSim::Impl::receive(double h) {
     if (!status.ok()) return status;
     received[i] = true;
     const VehicleState moved = host->receive(i, h);
-    set_vehicle_pose(*model, i, moved.x, moved.q, stepper->y());
+    set_vehicle_pose(*model, i, moved.x, moved.q, step_loop->y());
   }
   if (grips) {
     // The ring keeps its place on the target. The received motion may have moved the target.
     const FrameMotion<double> P = find_frame_on(
-        get_vehicle_pose<double>(*model, kTarget, stepper->y()), model->interface_pose[kTarget]);
+        get_vehicle_pose<double>(*model, kTarget, step_loop->y()), model->interface_pose[kTarget]);
     const Pose<double> on_target = Pose<double>{P.R, P.p} * inverse(passive) * capture;
-    status = hold_capture_body(*model, on_target, stepper->y(), present(), *jump_work);
+    status = hold_capture_body(*model, on_target, step_loop->y(), present(), *jump_work);
     if (!status.ok()) return status;
   }
   status = match_momenta(received, chaser_before, mechanism_before);
@@ -97,11 +97,11 @@ Status DockingSim::Impl::match_momenta(const std::array<bool, 2>& received,
     if (!received[i]) continue;
     const Wrench<double> momentum = host->find_internal_momentum(i);
     if (i == kTarget) {
-      set_momentum(*model, i, momentum, stepper->y());
+      set_momentum(*model, i, momentum, step_loop->y());
       continue;
     }
     const Status status = jump_to_momentum(*model, chaser_before, momentum + mechanism_before,
-                                           stepper->y(), present(), *jump_work);
+                                           step_loop->y(), present(), *jump_work);
     if (!status.ok()) return status;
   }
   return {};
@@ -130,22 +130,20 @@ void DockingSim::Impl::announce(double h) {
 /// @param begin, end  of the integration; the same if it failed
 Status DockingSim::Impl::look_ahead(double h, CouplingPoint& begin, CouplingPoint& end) {
   keep(*look_ahead_start);
-  const Counters counters = find_counters();
+  const Counters counters = step_loop->find_counters();
   const size_t warned = warnings.size();
   Status status = evaluate_start();
-  begin = end = find_coupling_point(*model, present(), stepper->y());
+  begin = end = find_coupling_point(*model, present(), step_loop->y());
   // Not much more work than the step that was just made.
-  std::int64_t limit = find_work_limit(h);
+  std::int64_t limit = step_loop->find_work_limit(h);
   if (coupling.work > 0) limit = std::min(limit, kWorkAhead * (1000 + coupling.work));
-  if (status.ok() && is_fixed_step()) {
-    status = integrate_fixed(h, limit);
-  } else if (status.ok()) {
-    go_on(h);
-    status = integrate(0.0, h, false, limit);
+  if (status.ok()) {
+    step_loop->begin(h);
+    status = step_loop->advance(h, limit, false);
   }
-  if (status.ok()) end = find_coupling_point(*model, present(), stepper->y());
+  if (status.ok()) end = find_coupling_point(*model, present(), step_loop->y());
   restore(*look_ahead_start);
-  set_counters(counters);
+  step_loop->set_counters(counters);
   warnings.resize(warned);
   status_text.clear();
   return status;
@@ -166,7 +164,7 @@ void DockingSim::Impl::notice_step(double h) {
   double suggested = coupling.suggestion;
   if (!coupling.follows) {
     if (h == last_step || !evaluate(0.0).ok()) return;
-    suggested = host->find_suggested_step(host->find_interface_frequency(stepper->y()),
+    suggested = host->find_suggested_step(host->find_interface_frequency(step_loop->y()),
                                           find_contact_time());
   }
   coupling.follows = std::abs(h - suggested) <= kSame * suggested;
@@ -177,8 +175,8 @@ void DockingSim::Impl::notice_step(double h) {
 double DockingSim::Impl::update_expected_step() {
   if (inputs.next_step > 0.0) return inputs.next_step;
   if (!coupling.follows || !evaluate(0.0).ok()) return last_step;
-  coupling.suggestion =
-      host->find_suggested_step(host->find_interface_frequency(stepper->y()), find_contact_time());
+  coupling.suggestion = host->find_suggested_step(host->find_interface_frequency(step_loop->y()),
+                                                  find_contact_time());
   return coupling.suggestion;
 }
 
@@ -194,7 +192,7 @@ void DockingSim::Impl::update_coupling() {
       outputs.coupling_mass_mismatch = mismatch;
     }
   }
-  outputs.coupling_frequency = host->find_interface_frequency(stepper->y());
+  outputs.coupling_frequency = host->find_interface_frequency(step_loop->y());
   outputs.coupling_suggested_step =
       coupling.follows ? coupling.suggestion
                        : host->find_suggested_step(outputs.coupling_frequency, find_contact_time());

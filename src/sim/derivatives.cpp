@@ -31,7 +31,7 @@ Status DockingSim::Impl::start_pass() {
       derivative_pass->output_cells.push_back(&cell);
     });
   }
-  start_docking_pass(*model, loads.at_start(), find_point_time(), point_y(),
+  start_docking_pass(*model, loads.at_start(), find_point_time(), step_loop->point_y(),
                      derivative_pass->docking);
   derivative_pass->frame_velocity = frame_velocity.cast<Derivative>();
   derivative_pass->frame_shift = frame_shift.cast<Derivative>();
@@ -121,7 +121,7 @@ double DockingSim::rate_derivative(int place) const {
 /// A random state near the present state, with capture surfaces in contact if possible.
 void DockingSim::Impl::spread_states(std::mt19937_64& random) {
   std::uniform_real_distribution<double> any(-1.0, 1.0);
-  double* y = stepper->y();
+  double* y = step_loop->y();
   const StateLayout& layout = model->layout;
   const auto vary = [&](int first, int count, double by) {
     for (int i = first; i < first + count; ++i) y[i] += by * any(random);

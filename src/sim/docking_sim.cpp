@@ -74,7 +74,7 @@ void DockingSim::Impl::keep(Snapshot& into, bool with_pose) const {
   reserve(into.state.memory, pairs);
   reserve(into.state.ahead.context.memory, pairs);
   into.state = *this;
-  into.y.assign(accepted_y(), accepted_y() + model->layout.size);
+  into.y.assign(step_loop->accepted_y(), step_loop->accepted_y() + model->layout.size);
   if (with_pose) into.reference = present().mechanism.loops.reference;
 }
 
@@ -82,26 +82,13 @@ void DockingSim::Impl::keep(Snapshot& into, bool with_pose) const {
 Status DockingSim::Impl::restore(const Snapshot& from) {
   if (coordinates != from.state.coordinates) use_coordinates(from.state.coordinates);
   static_cast<SimState&>(*this) = from.state;
-  std::copy(from.y.begin(), from.y.end(), stepper->y());
+  std::copy(from.y.begin(), from.y.end(), step_loop->y());
   evaluator->use_reference(from.reference);
-  quiescent_mode->restore(stepper->y());
+  quiescent_mode->restore(step_loop->y());
   evaluator->forget_present();
   pose_is_kept = false;
   invalidate();
-  return ahead.pending ? remake_pending() : Status();
-}
-
-Counters DockingSim::Impl::find_counters() const {
-  return {counted_elsewhere.steps + stepper->steps(),
-          counted_elsewhere.rejected_steps + stepper->rejected_steps(),
-          counted_elsewhere.rate_evaluations + evaluator->counted() + stepper->rate_evaluations()};
-}
-
-void DockingSim::Impl::set_counters(const Counters& wanted) {
-  const Counters here = find_counters();
-  counted_elsewhere.steps += wanted.steps - here.steps;
-  counted_elsewhere.rejected_steps += wanted.rejected_steps - here.rejected_steps;
-  counted_elsewhere.rate_evaluations += wanted.rate_evaluations - here.rate_evaluations;
+  return ahead.pending ? step_loop->remake_pending() : Status();
 }
 
 void DockingSim::Impl::save(SavedSim& into) const {
@@ -111,7 +98,7 @@ void DockingSim::Impl::save(SavedSim& into) const {
   into.setup = setup;
   if (!setup) return;
   keep(into.snapshot);
-  into.counters = find_counters();
+  into.counters = step_loop->find_counters();
 }
 
 namespace {
@@ -216,7 +203,7 @@ void DockingSim::Impl::build_for(const SavedSim& from) {
       !fits(from.snapshot.state.discrete, from.inputs.command, *model) ||
       !are_branches(from.snapshot.reference) ||
       !fits(from.snapshot.state.ahead, from.snapshot, *model) ||
-      (from.snapshot.state.ahead.pending && !runs_ahead())) {
+      (from.snapshot.state.ahead.pending && !step_loop->method().runs_ahead)) {
     throw ModelError("the saved state does not fit this model");
   }
   warnings.clear();  // already issued when the state was made
@@ -225,7 +212,7 @@ void DockingSim::Impl::build_for(const SavedSim& from) {
 /// Check a state restored from bytes: unit quaternions, and finite results of an evaluation.
 /// @throws ModelError
 void DockingSim::Impl::check_restored() {
-  const double* y = accepted_y();
+  const double* y = step_loop->accepted_y();
   const auto check_attitude = [&](int at, const std::string& name) {
     if (is_attitude({y[at], y[at + 1], y[at + 2], y[at + 3]})) return;
     throw ModelError("the saved state is damaged: the attitude of " + name +
@@ -265,7 +252,7 @@ void DockingSim::Impl::take(const SavedSim& from) {
   if (!setup) return;
   const Status status = restore(from.snapshot);
   if (!status.ok()) throw ModelError("the saved state is damaged: " + describe(status));
-  set_counters(from.counters);
+  step_loop->set_counters(from.counters);
 }
 
 void DockingSim::Impl::load(const SavedSim& from) {
@@ -343,6 +330,7 @@ void DockingSim::Impl::use_model(std::shared_ptr<const DockingModel> changed) {
   evaluator->use_model(changed);
   quiescent_mode->use_model(*changed);
   host->use_model(*changed);
+  step_loop->use_model(*changed);
   model = std::move(changed);
 }
 

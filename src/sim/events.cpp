@@ -30,7 +30,8 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (update_outside_loads(now)) jumped = true;
   changed = changed || jumped;
   // Equal steps take equal work: a block of the mechanism that is old by an event will do.
-  if (changed && (!is_fixed_step() || coordinates != before)) kept_jacobian.valid = false;
+  if (changed && (!step_loop->method().is_fixed_step() || coordinates != before))
+    kept_jacobian.valid = false;
   warn_of_tilt(now);
   events->update_phases(present(), now);
   // Peaks include the forces on both sides of a jump. An absorber that does not pull is released at
@@ -95,7 +96,7 @@ Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
   TreeData<double>& tree = present().mechanism.tree;
   tree.q = q;
   tree.v = v;
-  get_mechanism_state(*model, tree, stepper->y());
+  get_mechanism_state(*model, tree, step_loop->y());
   changed = true;
   return evaluate(tau);
 }
@@ -120,21 +121,21 @@ bool DockingSim::Impl::update_memory() {
   if (!has_surfaces()) return false;
   const double dropped = update_contact_memory(model->contact, present().relative, bristles(),
                                                present().contact_work, memory);
-  stepper->y()[model->layout.sums + kSumFriction] += dropped;
+  step_loop->y()[model->layout.sums + kSumFriction] += dropped;
   return dropped > 0.0;
 }
 
 /// Without a located event, the present state decides whether the absorber acts. @pre evaluate(0).
 /// @post the same
 Status DockingSim::Impl::decide_absorber() {
-  if (!locates_events() || !events->decide_absorber(present())) return {};
+  if (!step_loop->method().locates_events() || !events->decide_absorber(present())) return {};
   kept_jacobian.valid = false;
   return evaluate(0.0);
 }
 
 /// Rounding of the host's clock [s].
 double DockingSim::Impl::find_clock_rounding(double now) const {
-  return 4e-16 * (std::abs(setup->t_start) + std::abs(now));
+  return dockloop::find_clock_rounding(setup->t_start, now);
 }
 
 /// Contact thrust and disturbances that begin or end. @return whether they do
@@ -146,7 +147,7 @@ bool DockingSim::Impl::update_outside_loads(double now) {
 }
 
 bool DockingSim::Impl::update_latches(double now) {
-  return events->update_latches(present(), now, stepper->y()[model->layout.sums + kSumLatches]);
+  return events->update_latches(present(), now, step_loop->y()[model->layout.sums + kSumLatches]);
 }
 
 /// Steps of the sequence that are due at the present state. @pre evaluate(tau)
@@ -154,7 +155,7 @@ bool DockingSim::Impl::update_latches(double now) {
 Status DockingSim::Impl::update_sequence(double tau, bool& changed, bool& jumped) {
   if (!events->sequence().exists()) return {};
   const double now = elapsed + tau;
-  double& dissipated = stepper->y()[model->layout.sums + kSumLatches];
+  double& dissipated = step_loop->y()[model->layout.sums + kSumLatches];
   for (;;) {
     const SequenceChange made =
         events->update_sequence(present(), now, find_clock_rounding(now), dissipated);
@@ -187,11 +188,10 @@ Status DockingSim::Impl::update_command() {
   return evaluate_start();
 }
 
-/// Evaluate one state of the stepper, tau after the last communication point.
+/// Evaluate the state of the integrator, tau after the last communication point.
 /// @param may_lock  as one body with the chaser, if the mechanism is quiescent
 Status DockingSim::Impl::evaluate(double tau, bool may_lock) {
-  evaluator->hold(quiescent_mode->find_held(may_lock));
-  return evaluator->at(tau, stepper->y());
+  return quiescent_mode->evaluate(tau, step_loop->y(), may_lock);
 }
 
 /// evaluate_point(), unless a free drift has just evaluated this state.
@@ -203,9 +203,9 @@ Status DockingSim::Impl::evaluate_present() {
 /// The same at the start of a communication step, with the rates for methods that begin with them.
 Status DockingSim::Impl::evaluate_start() {
   evaluator->forget();
-  if (quiescent.on || !begins_with_rates()) return evaluate_present();
+  if (quiescent.on || !step_loop->method().begins_with_rates()) return evaluate_present();
   evaluator->hold(quiescent_mode->find_held());
-  return evaluator->at_start(0.0, stepper->y());
+  return evaluator->at_start(0.0, step_loop->y());
 }
 
 }  // namespace dockloop

@@ -72,7 +72,7 @@ Status DockingSim::Impl::join_rigidly(double tau) {
   discrete.hard_dock.joint = {true, chaser.R.transpose() * target.R,
                               chaser.R.transpose() * (target.p - chaser.p)};
   quiescent.on = false;
-  double* y = stepper->y();
+  double* y = step_loop->y();
   std::fill_n(y + model->layout.mechanism_v, model->layout.mechanism_nv, 0.0);
   quiescent_mode->restore(y);
   Status status = evaluate(tau);
@@ -88,7 +88,7 @@ Status DockingSim::Impl::release_joint(double tau) {
   put_joined_target();
   discrete.hard_dock.joint = RigidJoint();
   quiescent.on = false;
-  quiescent_mode->restore(stepper->y());
+  quiescent_mode->restore(step_loop->y());
   return evaluate(tau);
 }
 
@@ -97,7 +97,7 @@ Status DockingSim::Impl::release_joint(double tau) {
 void DockingSim::Impl::put_joined_target() {
   if (!discrete.hard_dock.joint.on) return;
   dockloop::put_joined_target(*model, quiescent_mode->locked(), present().vehicle[kChaser],
-                              stepper->y());
+                              step_loop->y());
   evaluator->forget_present();
 }
 

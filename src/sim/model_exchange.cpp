@@ -27,12 +27,12 @@ void DockingSim::set_time(double t) {
 }
 
 void DockingSim::set_states(const double* y) {
-  std::copy(y, y + impl_->state_count, impl_->stepper->y());
+  std::copy(y, y + impl_->state_count, impl_->step_loop->y());
   impl_->invalidate();
 }
 
 void DockingSim::get_states(double* y) const {
-  std::copy(impl_->stepper->y(), impl_->stepper->y() + impl_->state_count, y);
+  std::copy(impl_->step_loop->y(), impl_->step_loop->y() + impl_->state_count, y);
 }
 
 /// Relative tolerance of the solver times nominal value = absolute tolerance of the scene.
@@ -51,7 +51,7 @@ Status DockingSim::get_rates(double* ydot) {
 Status DockingSim::Impl::calc_rates(double* ydot) {
   read_inputs();
   Status status = balance_point();
-  if (status.ok()) status = evaluator->aside(ahead.reached, point_y(), ydot);
+  if (status.ok()) status = evaluator->aside(ahead.reached, step_loop->point_y(), ydot);
   if (!status.ok()) return status;
   const bool finite =
       std::all_of(ydot, ydot + model->layout.size, [](double rate) { return std::isfinite(rate); });
@@ -61,7 +61,7 @@ Status DockingSim::Impl::calc_rates(double* ydot) {
 Status DockingSim::get_indicators(double* indicator) {
   Impl& me = *impl_;
   me.read_inputs();
-  const Status status = me.evaluator->aside(0.0, me.stepper->y(), nullptr);
+  const Status status = me.evaluator->aside(0.0, me.step_loop->y(), nullptr);
   if (!status.ok()) return status;
   // A host sees signs at the ends of its steps only. Each condition for a catch has its own
   // indicator, so two sign changes within one step are not missed.
@@ -88,16 +88,17 @@ Status DockingSim::complete_step(bool& event_due) {
   me.read_inputs();
   const Status status = me.evaluate(0.0);
   if (!status.ok()) return status;
-  ++me.counted_elsewhere.steps;
+  me.step_loop->count_step();
   me.keep_pose();
   // Bristles of open pairs decay by their rates; setting them to zero would be an event.
   if (me.has_surfaces()) {
     update_contact_memory(me.model->contact, me.present().relative, nullptr,
                           me.present().contact_work, me.memory);
   }
-  me.watch_energy(me.find_balance(), 0.0);
+  me.balances->update_energy(me.balances->find_energy(*me.model, me.present(), me.step_loop->y()),
+                             0.0);
   me.peaks.add(me.elapsed, me.find_peak_values());
-  me.update_momentum_audit();
+  me.balances->update_momentum(*me.model, me.present(), me.step_loop->y());
   if (find_singularity_margin(me.model->mechanism, me.present().mechanism) >= kChangeMargin) {
     me.margin_looked_at = kChangeMargin;
   }
@@ -118,7 +119,7 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   update = EventUpdate();
   me.read_inputs();
   const std::shared_ptr<const Coordinates> coordinates = me.coordinates;
-  std::copy(me.stepper->y(), me.stepper->y() + me.state_count, me.y_accepted.begin());
+  me.step_loop->accept_state();
   me.events->sequence().update_command(me.inputs.command, me.elapsed);
   if (me.inputs.hard_dock_command != static_cast<int>(me.discrete.hard_dock.command)) {
     Status status = me.evaluate(0.0);
@@ -138,8 +139,7 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
   }
   me.invalidate();
   update.nominals_changed = me.coordinates != coordinates;
-  update.states_changed = update.nominals_changed ||
-                          !std::equal(me.y_accepted.begin(), me.y_accepted.end(), me.stepper->y());
+  update.states_changed = update.nominals_changed || !me.step_loop->is_at_accepted_state();
   double next = me.events->sequence().find_next_time(me.elapsed);
   const std::optional<double> onset = me.events->find_thrust_onset();
   if (onset && !me.events->is_thrust_due(me.elapsed, me.find_clock_rounding(me.elapsed))) {

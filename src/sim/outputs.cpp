@@ -14,15 +14,16 @@ std::array<double, Outputs::kLoadCount> find_capture_loads(const DockingData<dou
   return find_load_components(find_capture_load(data));
 }
 
-std::array<double, kPeakCount> DockingSim::Impl::find_peak_values(
-    const DockingData<double>& at) const {
+std::array<double, kPeakCount> find_peak_values(const DockingModel& model, const RatedLoads& rated,
+                                                const DockingData<double>& data) {
   std::array<double, kPeakCount> values{};
-  if (!model->present[kTarget]) return values;
-  const auto load = find_capture_loads(at);
+  if (!model.present[kTarget]) return values;
+  const auto load = find_capture_loads(data);
   std::copy(load.begin(), load.end(), values.begin());
-  values[Outputs::kLoadCount] = find_load_ratio(load, scene->rated);
-  for (size_t i = 0; i < outputs.surface_peak.size(); ++i) {
-    values[kFirstSurfacePeak + i] = at.contact.surface_force[i].norm();
+  values[Outputs::kLoadCount] = find_load_ratio(load, rated);
+  const size_t surfaces = model.contact.rings ? 0 : model.contact.surfaces.size();
+  for (size_t i = 0; i < surfaces; ++i) {
+    values[kFirstSurfacePeak + i] = data.contact.surface_force[i].norm();
   }
   return values;
 }
@@ -68,14 +69,14 @@ Status DockingSim::Impl::update_main() {
       outputs.coupling_pending_angular_impulse += pending.t;
     }
   }
-  const Counters counters = find_counters();
+  const Counters counters = step_loop->find_counters();
   outputs.solver_steps = static_cast<double>(counters.steps);
   outputs.solver_rhs_evaluations = static_cast<double>(counters.rate_evaluations);
   outputs.solver_rejected_steps = static_cast<double>(counters.rejected_steps);
   outputs.solver_singularity_margin = find_singularity_margin(model->mechanism, shown().mechanism);
   outputs.solver_chosen_method = chosen.method;
-  outputs.solver_chosen_rtol = is_fixed_step() ? 0.0 : find_relative_tolerance();
-  outputs.solver_chosen_step = is_fixed_step() ? inner_step : 0.0;
+  outputs.solver_chosen_rtol = step_loop->method().is_fixed_step() ? 0.0 : step_loop->method().rtol;
+  outputs.solver_chosen_step = step_loop->method().is_fixed_step() ? inner_step : 0.0;
   outputs.solver_error_estimate = chosen.error_estimate;
   return {};
 }
@@ -85,8 +86,9 @@ Status DockingSim::Impl::update_bodies() {
   const Status status = evaluate_present();
   if (!status.ok()) return status;
   read_momentum<double>(find_source(), outputs);
-  outputs.momentum_residual = std::max(
-      momentum_audit.residual, find_momentum_residual(*model, shown(), point_y(), momentum_audit));
+  outputs.momentum_residual =
+      std::max(momentum_audit.residual,
+               find_momentum_residual(*model, shown(), step_loop->point_y(), momentum_audit));
   const bool moves = !shown().locked;
   outputs.solver_closure_residual =
       std::max(moves ? find_closure_residual(model->mechanism, shown().mechanism) : 0.0, drift);
@@ -101,7 +103,7 @@ Status DockingSim::Impl::update_states() {
   std::fill(outputs.rates.begin(), outputs.rates.end(), 0.0);
   std::fill(outputs.states.begin(), outputs.states.end(), 0.0);
   std::copy_n(rates.begin(), shared, outputs.rates.begin());
-  std::copy_n(point_y(), shared, outputs.states.begin());
+  std::copy_n(step_loop->point_y(), shared, outputs.states.begin());
   return {};
 }
 

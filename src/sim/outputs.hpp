@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "docking/docking_model.hpp"
-#include "sim/values.hpp"
+#include "sim/sim_state.hpp"
 
 namespace dockloop {
 
@@ -36,6 +36,10 @@ void read_momentum(const OutputSource<S>& from, OutputValues<S>& out);
 /// Loads on the target through the capture interface: tension, compression, shear [N], bending,
 /// torsion [N m].
 std::array<double, Outputs::kLoadCount> find_capture_loads(const DockingData<double>& data);
+
+/// Values of which SimState keeps the peaks.
+std::array<double, kPeakCount> find_peak_values(const DockingModel& model, const RatedLoads& rated,
+                                                const DockingData<double>& data);
 
 /// Angle between the docking axes, and twist about them, of an attitude [rad].
 template <class S>

@@ -88,8 +88,8 @@ bool QuiescentMode::is_stack_at_rest(double now) const {
                       [](const LatchState& latch) { return latch.mode == LatchMode::kReleasing; });
 }
 
-Status QuiescentMode::evaluate(double tau, const double* y) {
-  evaluator_.hold(find_held());
+Status QuiescentMode::evaluate(double tau, const double* y, bool may_lock) {
+  evaluator_.hold(find_held(may_lock));
   return evaluator_.at(tau, y);
 }
 

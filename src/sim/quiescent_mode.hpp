@@ -46,6 +46,8 @@ class QuiescentMode {
   /// @param may_lock  if false, a quiescent mechanism is evaluated as one that moves
   const LockedMechanism* find_held(bool may_lock = true) const;
   const LockedMechanism& locked() const { return locked_; }
+  /// Evaluator::at(), with the mechanism as find_held() has it.
+  Status evaluate(double tau, const double* y, bool may_lock = true);
 
   /// Begin or end the quiescent state. @pre evaluation at tau of an accepted state
   Status update(double tau, double* y);
@@ -61,7 +63,6 @@ class QuiescentMode {
   bool is_joined() const { return state_.discrete.hard_dock.joint.on; }
   bool is_free() const;
   bool is_stack_at_rest(double now) const;
-  Status evaluate(double tau, const double* y);
   bool update_balance(double tau, const double* y);
   bool calc_pull(double tau, VecX<double>& pull);
   void lock(const double* y);

@@ -1,8 +1,8 @@
 // Private parts of DockingSim, shared by the files of this folder:
 //
 //   start.cpp           from scene and parameters to the start state
-//   steps.cpp           communication steps, inputs, audits
-//   run_ahead.cpp       inner steps that end after the communication point
+//   method_setup.cpp    integrator, tolerances, step for real time
+//   steps.cpp           communication steps and points, inputs
 //   coupling.cpp        hosts of driven vehicles in a communication step
 //   events.cpp          events at accepted states: contact, latches, sequence, coordinates
 //   hard_docking.cpp    commands to hooks, pushers and rigid joint
@@ -12,8 +12,8 @@
 //   failure_status.cpp  meaning of a Status, as a sentence
 //   docking_sim.cpp     public functions; saving and restoring
 //
-// Parts with a class of their own: StepLoads, Evaluator, EventLogic, QuiescentMode,
-// HostCoupling.
+// Parts with a class of their own: StepLoads, Evaluator, EventLogic, QuiescentMode, HostCoupling,
+// BalanceWatch, StepLoop.
 #pragma once
 
 #include <array>
@@ -27,7 +27,6 @@
 
 #include "docking/base_jump.hpp"
 #include "docking/docking_jacobian.hpp"
-#include "integrate/stepper.hpp"
 #include "sim/accuracy.hpp"
 #include "sim/comparison.hpp"
 #include "sim/docking_sim.hpp"
@@ -37,12 +36,9 @@
 #include "sim/outputs.hpp"
 #include "sim/quiescent_mode.hpp"
 #include "sim/step_loads.hpp"
+#include "sim/step_loop.hpp"
 
 namespace dockloop {
-
-constexpr int kJacobianSteps = 50;  ///< longest use of a Jacobian, unless Newton fails
-
-constexpr double kFarthestAhead = 1.0;  ///< an inner step that may pass communication points [s]
 
 constexpr double kLookAgain = 0.7;  ///< factor of the margin for a new search of coordinates
 
@@ -54,13 +50,6 @@ struct DerivativePass {
   OutputValues<Derivative> output;
   std::vector<Derivative*> output_cells;           ///< as for_each_value() counts them
   std::shared_ptr<const Coordinates> coordinates;  ///< coordinates of `docking`
-};
-
-/// A step of the integrator, not booked yet.
-struct InnerStep {
-  StepOutcome outcome = StepOutcome::kFailed;
-  double from = 0.0, to = 0.0;  ///< after SimState::elapsed [s]
-  EnergyBalance audit;          ///< at its end
 };
 
 struct ExtendedEquations;  ///< of src/compare
@@ -75,29 +64,28 @@ struct DockingSim::Impl : SimState {
   void check_parameters() const;
   ContactLaw make_contact_law() const;
   void choose_frame_O();
-  void make_stepper();
-  void attach_kernel();
-  int update_failure_code(Status status, double t, const double* values, int count);
-  int calc_jacobian(double t, const double* y, double* by_columns);
-  bool prefers_structured_matrix() const;
-  bool uses_structured_matrix() const;
-  void enter_structured_matrix(Stepper::Problem& problem);
-  bool is_drive_starting() const;
-  int build_matrix(double t, const double* y, int& cost);
-  std::vector<double> find_absolute_tolerances() const;
-  double find_relative_tolerance() const;
-  double find_share_of_norm() const;
   void start_sequence();
   bool can_be_quiescent() const;
   bool can_drift() const;
-  double find_real_time_step();
-  double find_impacting_mass() const;
   void check_joint_starts(const LoopPlan& plan) const;
   void check_mechanism_rests() const;
   Status bring_joints_to_start();
   void set_start_state();
-  void warn_about_inner_step();
   void warn_about_start();
+
+  // method_setup.cpp
+  double find_relative_tolerance() const;
+  bool prefers_structured_matrix(double rtol) const;
+  bool uses_structured_matrix(const RunMethod& method) const;
+  RunMethod choose_method() const;
+  void enter_comparison(Stepper::Problem& problem);
+  void make_loop();
+  void attach_kernel();
+  std::vector<double> find_absolute_tolerances() const;
+  double find_share_of_norm() const;
+  double find_real_time_step();
+  double find_impacting_mass() const;
+  void warn_about_inner_step();
 
   // failure_status.cpp
   std::string describe(const Status& status) const;
@@ -108,58 +96,19 @@ struct DockingSim::Impl : SimState {
   Status begin_step(double h);
   void read_inputs();
   void advance_inputs(double h);
-  double find_evaluation_cost() const;
-  double find_factor_cost() const;
-  std::int64_t find_work_limit(double h) const;
-  std::int64_t find_work() const;
-  Status refuse_work(double h, std::int64_t limit, double tau);
-  void accept_state();
-  void return_to(double tau, double h);
-  StepOutcome make_solver_step(double stop, bool watch_roots);
-  Status make_inner_step(double tau, double end, bool is_single);
-  Status book_inner_step(bool& changed);
-  Status drift_freely(double& tau, double end, std::int64_t& turns);
-  Status integrate(double tau, double end, bool passes, std::int64_t limit);
-  Status integrate_fixed(double h, std::int64_t limit);
-  void look_into_step(double from, double to);
-  double update_singularity_step(double made);
-  double find_next_stop(double tau, double h) const;
-  Status find_failure(double tau) const;
-  Status step_to_root(double tau, bool is_single);
   void finish_step(double h, bool was_pending);
   void update_mean_loads(double h, const CouplingPoint& begin, const CouplingPoint& end,
                          const Loads& known);
-  void update_momentum_audit();
-  EnergyBalance find_balance() const {
-    return find_energy_balance(*model, present(), stepper->y(), energy_audit);
-  }
-  bool is_energy_created(const EnergyBalance& found, double tau);
-  void watch_energy(const EnergyBalance& found, double tau);
-
-  // run_ahead.cpp
-  bool runs_ahead() const;
-  bool may_pass() const;
-  bool can_go_on(double late, double h) const;
-  void note_inputs(bool goes_on);
-  void stride(double late, double h);
-  void keep_context();
-  Status begin_ahead(double tau, bool is_evaluated);
-  void start_ahead();
-  Status stay_pending(double point);
-  Status remake_pending();
   Status settle();
   void settle_for_parameters();
   Status calc_due_mean_loads();
   Status calc_coupling_point(double tau, const double* y, CouplingPoint& point);
   Status balance_point();
   Status evaluate_point(bool may_lock = true);
-  /// The communication point [s since start], and the state there. @pre evaluate_point()
+  /// The communication point [s since start]
   double find_point_time() const { return elapsed + ahead.reached; }
-  const double* point_y() const { return ahead.pending ? y_shown.data() : stepper->y(); }
   /// The workspace of evaluate_point().
   DockingData<double>& shown() const { return ahead.pending ? trial() : present(); }
-  /// The last state that was booked.
-  const double* accepted_y() const { return ahead.pending ? y_accepted.data() : stepper->y(); }
 
   // coupling.cpp
   Status receive(double h);
@@ -189,8 +138,6 @@ struct DockingSim::Impl : SimState {
   Status evaluate(double tau, bool may_lock = true);
   Status evaluate_present();
   Status evaluate_start();
-  void start_stepper(double tau, double h, const double* known_rates = nullptr);
-  void go_on(double h);
   void warn_of_tilt(double now);
 
   // hard_docking.cpp
@@ -222,7 +169,9 @@ struct DockingSim::Impl : SimState {
   void use_model(std::shared_ptr<const DockingModel> changed);
 
   // outputs.cpp
-  std::array<double, kPeakCount> find_peak_values(const DockingData<double>& at) const;
+  std::array<double, kPeakCount> find_peak_values(const DockingData<double>& at) const {
+    return dockloop::find_peak_values(*model, scene->rated, at);
+  }
   std::array<double, kPeakCount> find_peak_values() const { return find_peak_values(present()); }
   double find_acceleration_bound() const;
   double find_earliest_contact(double gap) const;
@@ -232,7 +181,7 @@ struct DockingSim::Impl : SimState {
   Status update_states();
   void update_phase_outputs();
   OutputSource<double> find_source() {
-    return make_output_source(shown(), point_y(), frame_velocity, frame_shift);
+    return make_output_source(shown(), step_loop->point_y(), frame_velocity, frame_shift);
   }
   template <class S>
   OutputSource<S> make_output_source(DockingData<S>& at, const S* y, const Vec3<S>& velocity,
@@ -264,29 +213,9 @@ struct DockingSim::Impl : SimState {
   DockingData<double>& present() const { return evaluator->present(); }
   DockingData<double>& trial() const { return evaluator->trial(); }
   bool has_surfaces() const { return events->has_surfaces(); }
-  /// @pre check_parameters()
-  const MethodFacts& method() const { return *find_method(chosen.method); }
-  bool is_fixed_step() const { return method().fixed_step; }
-  /// Does an inner step end at an event?
-  bool locates_events() const { return fmi_kind == FmiKind::kCoSimulation && !is_fixed_step(); }
-  bool needs_jacobian() const { return method().needs_jacobian; }
-  /// Cost of a Jacobian, in evaluations: about one per column, measured.
-  int find_jacobian_cost() const {
-    return model->layout.sums + model->layout.element_bristle_count + model->layout.bristle_count;
-  }
-  /// Does the next communication step begin with the last Jacobian?
-  bool keeps_jacobian() const {
-    return needs_jacobian() && !is_fixed_step() && fmi_kind == FmiKind::kCoSimulation;
-  }
-  /// Does the method begin a step with the rates there?
-  bool begins_with_rates() const {
-    return method().begins_with_rates && !unreduced && !adapt_problem;
-  }
   double* bristles() {
-    return model->layout.bristle_count > 0 ? stepper->y() + model->layout.bristles : nullptr;
+    return model->layout.bristle_count > 0 ? step_loop->y() + model->layout.bristles : nullptr;
   }
-  Counters find_counters() const;
-  void set_counters(const Counters& wanted);
 
   std::shared_ptr<const Scene> scene;
   FmiKind fmi_kind;
@@ -310,13 +239,13 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<Evaluator> evaluator;
   std::unique_ptr<QuiescentMode> quiescent_mode;
   std::unique_ptr<HostCoupling> host;  ///< of driven vehicles
-  std::unique_ptr<Stepper> stepper;    ///< owns the state y
-  int state_count = 0;                 ///< of y; fixed at construction
-  std::vector<int> state_bodies;       ///< joints of state.*: the independent ones at the start
+  std::unique_ptr<BalanceWatch> balances;
+  std::unique_ptr<StepLoop> step_loop;  ///< owns the state y
+  int state_count = 0;                  ///< of y; fixed at construction
+  std::vector<int> state_bodies;        ///< joints of state.*: the independent ones at the start
   Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
   std::array<double, 2> least_inertia{};             ///< of the vehicles, about any axis [kg m2]
   std::unique_ptr<DerivativePass> derivative_pass;   ///< made at the first call
-  Counters counted_elsewhere;  ///< work of other integrators that led to the present state
 
   // set by DockingSim::use_extended_precision() only
   std::function<void(Stepper::Problem&)> adapt_problem;  ///< other rates, roots and method
@@ -328,14 +257,7 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<BaseJumpWorkspace> jump_work;  ///< with a driven vehicle only
   std::unique_ptr<Snapshot> look_ahead_start;    ///< only if loads are announced
   std::unique_ptr<UnreducedForm> unreduced;      ///< at model.level 4 only
-  Status last_trouble;
-  double margin_before = 1.0;  ///< of the loops, at the last accepted state
-  InnerStep inner;             ///< the last one, or the pending one
-  double proposal = 0.0;       ///< step size of the error control, without stops [s]
-  std::vector<double> y_accepted, rates;
-  /// At a communication point inside a pending step: of the cubic, and as it is read.
-  std::vector<double> y_inside, y_shown;
-  bool is_shown = false;      ///< y_shown is valid
+  std::vector<double> rates;                     ///< for outputs
   bool pose_is_kept = false;  ///< step_start holds the accepted configuration of the loops
   Snapshot step_start;        ///< state to restore after a refused step
 };

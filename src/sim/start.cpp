@@ -11,8 +11,6 @@
 namespace dockloop {
 namespace {
 
-constexpr double kLongestRealTimeStep = 0.01;  ///< [s]
-
 /// Motion of a vehicle at the start values of its scene.
 Inputs::Vehicle find_start(const VehicleParameters& p) {
   Inputs::Vehicle start;
@@ -132,39 +130,6 @@ void put_disturbances(const Parameters& p, std::vector<Disturbance>& disturbance
   }
 }
 
-/// Largest absolute eigenvalue, by squaring: lim |J^n|^(1/n). @param matrix  is overwritten
-double find_spectral_radius(MatX<double>& matrix) {
-  constexpr int kSquares = 10;
-  double logarithm = 0.0, power = 1.0;
-  for (int i = 0; i <= kSquares; ++i) {
-    const double norm = matrix.norm();
-    if (!(norm > 0.0)) return 0.0;
-    logarithm += std::log(norm) / power;
-    matrix /= norm;
-    if (i < kSquares) matrix = (matrix * matrix).eval();
-    power *= 2.0;
-  }
-  return std::exp(logarithm);
-}
-
-Stepper::Method find_stepper_method(int method) {
-  switch (method) {
-    case kImplicit:
-      return Stepper::Method::kEsdirk;
-    case kBdf:
-      return Stepper::Method::kBdf;
-    case kFixedRk4:
-    case kFixedRosenbrock:  // with bristles
-      return Stepper::Method::kClassicRk4;
-    case kAuto:
-    case kStabilised:
-    case kRosenbrock:  // with bristles
-      return Stepper::Method::kStabilised;
-    default:
-      return Stepper::Method::kDormandPrince;
-  }
-}
-
 /// Values of the scene; every other parameter has its default.
 Parameters find_start_parameters(const Scene& scene) {
   Parameters p;
@@ -265,7 +230,8 @@ void DockingSim::Impl::clear() {
   evaluator.reset();
   quiescent_mode.reset();
   host.reset();
-  stepper.reset();
+  step_loop.reset();
+  balances.reset();
   status_text.clear();
   warnings.clear();
   invalidate();
@@ -382,7 +348,7 @@ Status DockingSim::Impl::bring_joints_to_start() {
 }
 
 void DockingSim::Impl::set_start_state() {
-  double* y = stepper->y();
+  double* y = step_loop->y();
   const StateLayout& layout = model->layout;
   std::fill(y, y + layout.size, 0.0);
   // Mechanism in the home pose; capture body and single joints may be displaced.
@@ -489,9 +455,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   look_ahead_start.reset();
   if (host->has_host()) jump_work = std::make_unique<BaseJumpWorkspace>(model->mechanism);
   if (host->announces()) look_ahead_start = std::make_unique<Snapshot>();
-  make_stepper();
+  make_loop();
   read_inputs();
-  counted_elsewhere = Counters();
   events->clear_due();
   for (int i : {kChaser, kTarget}) {
     const Mat3<double> inertia = make_symmetric(parameters.vehicle[i].inertia);
@@ -520,7 +485,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
                       ? "accuracy has no effect for model exchange: the host integrates"
                       : describe_choice(parameters, chosen, setup->tolerance, *model);
   }
-  start_energy_audit(*model, present(), stepper->y(), energy_audit);
+  start_energy_audit(*model, present(), step_loop->y(), energy_audit);
   start_momentum_audit(*model, present(), least_momentum, momentum_audit);
   attach_kernel();
   warn_about_start();
@@ -546,15 +511,9 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   update_outside_loads(0.0);
   events->update_phases(present(), 0.0);
   peaks.start(0.0, find_peak_values());
-  quiescent_mode->start(stepper->y());
+  quiescent_mode->start(step_loop->y());
   host->start();
-  ahead.loads = ahead.mean_known = loads.at_start();
-  if (runs_ahead()) {
-    ahead.jacobian = kept_jacobian;
-    ahead.y_before = y_accepted;
-    reserve(ahead.context.memory, static_cast<size_t>(model->contact.pair_count()));
-    keep_context();
-  }
+  step_loop->start();
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
@@ -570,7 +529,7 @@ void DockingSim::Impl::start_sequence() {
   sequence.start();
   sequence.update_command(inputs.command, 0.0);
   sequence.enter(model->sequence.start, 0,
-                 {present(), 0.0, stepper->y()[model->layout.sums + kSumLatches]});
+                 {present(), 0.0, step_loop->y()[model->layout.sums + kSumLatches]});
   bool changed = false, jumped = false;
   update_hooks(0.0);
   Status status = evaluate(0.0);
@@ -582,296 +541,13 @@ void DockingSim::Impl::start_sequence() {
 /// Can bodies drift in this run? Reference solutions always integrate them.
 bool DockingSim::Impl::can_drift() const {
   return setup->parameters.flight == kQuiescent && fmi_kind == FmiKind::kCoSimulation &&
-         !is_fixed_step() && !host->has_host() && !adapt_problem;
+         !find_method(chosen.method)->fixed_step && !host->has_host() && !adapt_problem;
 }
 
 /// Can the mechanism become quiescent in this run?
 bool DockingSim::Impl::can_be_quiescent() const {
   return can_drift() && !model->mechanism.plan.is_driven && model->sequence.empty() &&
          !acts_by_itself(model->mechanism.model);
-}
-
-/// The smaller of the tolerances of parameter and host.
-double DockingSim::Impl::find_relative_tolerance() const {
-  const double asked = setup->tolerance;
-  return asked > 0.0 ? std::min(asked, chosen.rtol) : chosen.rtol;
-}
-
-/// Inner step for real time [s], by the fastest rates of the equations: those of the mechanism at
-/// the start, and those of its capture body in contact, in latches and sliding. A Runge-Kutta step
-/// of order 4 is stable up to 2.8 over the rate; an oscillation needs shorter steps.
-/// @pre evaluate
-double DockingSim::Impl::find_real_time_step() {
-  constexpr double kPerRate = 1.0, kPerOscillation = 0.3, kPerFriction = 2.0;
-  constexpr double kAtOnce = 3.0;  // petals or latches that carry the load
-  evaluator->reserve_jacobian();
-  MatX<double> jacobian;
-  if (evaluator->aside(0.0, stepper->y(), nullptr).ok() &&
-      evaluator->calc_jacobian(0.0, stepper->y()).ok()) {
-    jacobian = evaluator->jacobian();
-  }
-  double step = kLongestRealTimeStep;
-  const auto limit = [&step](double rate, double factor) {
-    if (rate * step > factor) step = factor / rate;
-  };
-  evaluator->forget();
-  if (jacobian.size() > 0 && jacobian.allFinite()) limit(find_spectral_radius(jacobian), kPerRate);
-  double mass = find_impacting_mass();
-  if (!(mass > 0.0)) {  // no capture body: the lighter vehicle
-    for (int i : {kChaser, kTarget}) {
-      const double other = parameters.vehicle[i].mass;
-      if (model->moves[i]) mass = mass > 0.0 ? std::min(mass, other) : other;
-    }
-  }
-  if (!(mass > 0.0)) return step;
-  const ContactModel& contact = model->contact;
-  double stiffness = 0.0;
-  if (contact.kind == ContactModel::Kind::kAbsorber) stiffness = contact.absorber.stiffness;
-  if (contact.has_surfaces()) {
-    for (const ContactLaw& law : contact.laws) {
-      stiffness = std::max(stiffness, kAtOnce * law.stiffness);
-      const double force = present().relative.v.norm() * std::sqrt(kAtOnce * law.stiffness * mass);
-      const double friction = law.friction_coefficient * force / (law.friction_speed * mass);
-      const double bristle = law.bristle_stiffness / law.bristle_relaxation;
-      if (law.friction_coefficient > 0.0) {
-        limit(law.friction_model == 1 ? friction : bristle, kPerFriction);
-      }
-    }
-  }
-  for (const Latch& latch : model->latches.latch) {
-    stiffness = std::max(stiffness, kAtOnce * latch.law.hold_stiffness);
-  }
-  limit(std::sqrt(stiffness / mass), kPerOscillation);
-  const HardDock& dock = model->hard_dock;
-  double inverse_mass = 0.0;
-  for (int i : {kChaser, kTarget}) {
-    if (model->moves[i]) inverse_mass += 1.0 / parameters.vehicle[i].mass;
-  }
-  const double docked = dock.faces.stiffness + dock.hooks.stiffness * dock.hooks.count();
-  limit(std::sqrt(docked * inverse_mass), kPerOscillation);
-  return step;
-}
-
-/// Mass that meets the target: the capture body on its legs, or all bodies; 0 without such bodies
-/// [kg].
-double DockingSim::Impl::find_impacting_mass() const {
-  const int body = model->mechanism.model.capture_body;
-  if (!present().locked) return body == kBase ? 0.0 : model->mechanism.model.bodies[body].mass;
-  double inverse_mass = 0.0;
-  if (model->moves[kChaser]) inverse_mass += 1.0 / quiescent_mode->locked().whole.mass;
-  if (model->moves[kTarget]) inverse_mass += 1.0 / model->vehicle[kTarget].mass;
-  return inverse_mass > 0.0 ? 1.0 / inverse_mass : 0.0;
-}
-
-/// Generated code evaluates trial states, if the FMU has such code and the code applies. The form
-/// with multipliers and the reference solution use no generated code.
-void DockingSim::Impl::attach_kernel() {
-  const bool serves = !unreduced && !adapt_problem && parameters.model_level != kRigid;
-  evaluator->use_kernels(serves ? kernels : nullptr);
-}
-
-void DockingSim::Impl::make_stepper() {
-  const StateLayout& layout = model->layout;
-  Stepper::Problem problem;
-  problem.size = layout.size;
-  problem.root_count = events->root_count();
-  problem.rates = [this](double t, const double* y, double* ydot) {
-    const Status status = evaluator->at_trial(t, y, ydot);
-    return update_failure_code(status, t, ydot, model->layout.size);
-  };
-  problem.roots = [this](double t, const double* y, double* roots) {
-    const Status status = evaluator->at_events(t, y);
-    if (!status.ok()) {
-      last_trouble = status;
-      return 1;
-    }
-    events->calc_functions(evaluator->events_at(), roots);
-    return 0;
-  };
-  problem.root_speeds = [this](double* speeds) {
-    events->calc_speeds(evaluator->events_at(), speeds);
-  };
-  if (needs_jacobian()) {
-    evaluator->reserve_jacobian();
-    if (keeps_jacobian()) {
-      kept_jacobian.entries.assign(static_cast<size_t>(layout.size * layout.size), 0.0);
-    }
-    problem.jacobian = [this](double t, const double* y, double* by_columns) {
-      return calc_jacobian(t, y, by_columns);
-    };
-    problem.jacobian_cost = find_jacobian_cost();
-  }
-  if (uses_structured_matrix()) enter_structured_matrix(problem);
-  unreduced.reset();
-  if (adapt_problem) {
-    adapt_problem(problem);
-  } else if (fmi_kind == FmiKind::kCoSimulation) {
-    if (setup->parameters.model_level == kReference) {
-      unreduced = comparison->make_unreduced_form(*this);
-      unreduced->enter(problem);
-    } else if (method().for_comparison) {
-      comparison->enter(method().method, *this, problem);
-    }
-  }
-  const Stepper::Method implicit =
-      is_fixed_step() ? Stepper::Method::kFixedRosenbrock : Stepper::Method::kRosenbrock;
-  stepper = std::make_unique<Stepper>(
-      std::move(problem), uses_structured_matrix() ? implicit : find_stepper_method(chosen.method));
-
-  std::vector<double> atol = find_absolute_tolerances();
-  // A smaller relative tolerance of the host also reduces absolute tolerances, down to rounding.
-  const double rtol = find_relative_tolerance(), share_of_atol = rtol / chosen.rtol;
-  constexpr double kRounding = 1e-13;  // [m], [m/s]; of positions and speeds near the docking
-  const double least = kRounding / std::max(chosen.atol_position, kRounding);
-  for (double& value : atol) value *= std::max(share_of_atol, least);
-  stepper->set_tolerances(rtol * std::sqrt(find_share_of_norm()), atol.data());
-  if (unreduced) {
-    unreduced->set_nominals(Eigen::Map<VecX<double>>(atol.data(), unreduced->size()) / rtol);
-  }
-  y_accepted.assign(static_cast<size_t>(layout.size), 0.0);
-  rates = y_inside = y_shown = y_accepted;
-}
-
-/// Keep a failure for the message. @param values  computed values: all must be finite
-/// @return status code for Stepper::Problem
-int DockingSim::Impl::update_failure_code(Status status, double t, const double* values,
-                                          int count) {
-  if (status.ok()) {
-    double sum = 0.0;
-    for (int i = 0; i < count; ++i) sum += values[i];
-    if (std::isfinite(sum)) return 0;
-    status.code = StatusCode::kNotFinite;
-  }
-  last_trouble = status;
-  last_trouble.time = elapsed + t;
-  return status.code == StatusCode::kLoopSingular ? Stepper::kStepOver : Stepper::kSmaller;
-}
-
-/// Does `auto` take linearly implicit steps? They pay where friction and latches limit explicit
-/// steps: at loose tolerances, or if friction is steep. Limits measured with the docking scenes.
-bool DockingSim::Impl::prefers_structured_matrix() const {
-  constexpr double kLoose = 1e-4, kLooseVelocity = 1e-6;  // solver.rtol, solver.atol_velocity
-  constexpr double kUsual = 1e-6, kSteep = 1e-4;          // solver.rtol, contact.friction_speed
-  const double rtol = find_relative_tolerance();
-  const bool is_loose = rtol >= kLoose && chosen.atol_velocity >= kLooseVelocity;
-  const bool is_steep = rtol >= kUsual && model->contact.law.friction_speed < kSteep;
-  return model->contact.has_surfaces() && (is_loose || is_steep);
-}
-
-/// Linearly implicit steps? Bristles of contacts, and forms that integrate other unknowns, need
-/// another method.
-bool DockingSim::Impl::uses_structured_matrix() const {
-  if (fmi_kind != FmiKind::kCoSimulation || adapt_problem) return false;
-  if (setup->parameters.model_level == kReference || model->layout.bristle_count > 0) return false;
-  return method().method == kRosenbrock || method().method == kFixedRosenbrock ||
-         (method().method == kAuto && prefers_structured_matrix());
-}
-
-void DockingSim::Impl::enter_structured_matrix(Stepper::Problem& problem) {
-  evaluator->reserve_matrix();
-  kept_jacobian.entries.assign(static_cast<size_t>(find_mechanism_block_size(*model)), 0.0);
-  problem.matrix.build = [this](double t, const double* y, int& cost) {
-    return build_matrix(t, y, cost);
-  };
-  problem.matrix.factor = [this](double g) { return evaluator->matrix().factor(g); };
-  problem.matrix.solve = [this](double* x) { evaluator->matrix().solve(x); };
-  problem.depends_on_time = [this] {
-    const auto releases = [](const LatchState& latch) {
-      return latch.mode == LatchMode::kReleasing;
-    };
-    return loads.are_sloped() || model->mechanism.plan.is_driven || is_drive_starting() ||
-           is_ramping(model->hard_dock, discrete.hard_dock, elapsed + ahead.begin) ||
-           std::any_of(discrete.latch.begin(), discrete.latch.end(), releases);
-  };
-}
-
-/// May a drive that the sequence runs still gain speed in the inner steps from here on?
-bool DockingSim::Impl::is_drive_starting() const {
-  const double now = elapsed + ahead.begin;
-  return std::any_of(discrete.law.begin(), discrete.law.end(), [now](const LawSetting& law) {
-    return law.drive == LawSetting::Drive::kRuns &&
-           (now - law.since) * law.acceleration < law.speed;
-  });
-}
-
-/// @return as the rates
-int DockingSim::Impl::build_matrix(double t, const double* y, int& cost) {
-  const bool is_accepted = std::equal(y_accepted.begin(), y_accepted.end(), y);
-  const std::int64_t step = find_counters().steps;
-  const bool renews = !kept_jacobian.valid || step - kept_jacobian.step >= kJacobianSteps;
-  const Status status =
-      evaluator->build_matrix(t, y, is_accepted, renews, kept_jacobian.entries.data(), cost);
-  if (renews) {
-    kept_jacobian.valid = status.ok();
-    kept_jacobian.step = step;
-  }
-  return update_failure_code(status, t, nullptr, 0);
-}
-
-/// Derivatives of the rates by the states, by columns, for implicit methods. @return as the rates
-int DockingSim::Impl::calc_jacobian(double t, const double* y, double* by_columns) {
-  evaluator->forget();
-  Status status = evaluator->aside(t, y, nullptr);
-  if (status.ok()) status = evaluator->calc_jacobian(t, y);
-  const MatX<double>& jacobian = evaluator->jacobian();
-  std::copy_n(jacobian.data(), jacobian.size(), by_columns);
-  const int code = update_failure_code(status, t, by_columns, static_cast<int>(jacobian.size()));
-  if (keeps_jacobian()) {
-    kept_jacobian.entries.assign(by_columns, by_columns + jacobian.size());
-    kept_jacobian.valid = code == 0;
-    kept_jacobian.step = find_counters().steps;
-  }
-  return code;
-}
-
-/// Per state, by kind; momenta are velocities times mass or inertia.
-std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
-  const StateLayout& layout = model->layout;
-  std::vector<double> atol(static_cast<size_t>(layout.size), chosen.atol_position);
-  std::fill_n(atol.begin() + layout.mechanism_v, layout.mechanism_nv, chosen.atol_velocity);
-  for (int i : {kChaser, kTarget}) {
-    if (layout.momentum[i] < 0) continue;
-    const VehicleParameters& p = parameters.vehicle[i];
-    const double lever2 = p.interface_position.squaredNorm();
-    const double inertia = p.inertia.head<3>().maxCoeff() + p.mass * lever2;
-    std::fill_n(atol.begin() + layout.momentum[i], 3, chosen.atol_velocity * p.mass);
-    std::fill_n(atol.begin() + layout.momentum[i] + 3, 3, chosen.atol_velocity * inertia);
-    if (i == kChaser) {
-      std::fill_n(atol.begin() + layout.impulse, 3, chosen.atol_velocity * p.mass);
-      std::fill_n(atol.begin() + layout.impulse + 3, 3, chosen.atol_velocity * inertia);
-    }
-  }
-  std::fill_n(atol.begin() + layout.sums, layout.sum_count, chosen.atol_energy);
-  if (unreduced) unreduced->add_tolerances(atol);
-  for (int i : {kChaser, kTarget}) {
-    if (layout.host_impulse[i] < 0) continue;
-    std::copy_n(atol.begin() + layout.momentum[i], 6, atol.begin() + layout.host_impulse[i]);
-  }
-  for (double& value : atol) value *= std::sqrt(find_share_of_norm());
-  return atol;
-}
-
-/// Error norms are means over unknowns: idle bristles and multipliers must not reduce the norm.
-double DockingSim::Impl::find_share_of_norm() const {
-  const int all = unreduced ? unreduced->size() : model->layout.size;
-  const int counted = unreduced ? unreduced->controlled_size() : all;
-  return static_cast<double>(counted - model->layout.bristle_count) / all;
-}
-
-/// Explicit equal steps that are long for the scene show nothing but wrong loads.
-void DockingSim::Impl::warn_about_inner_step() {
-  // Measured with the default docking: four times the step for real time costs some percent.
-  constexpr double kLong = 4.0;
-  if (fmi_kind != FmiKind::kCoSimulation || !is_fixed_step() || chosen.needs_step) return;
-  if (needs_jacobian() || uses_structured_matrix()) return;
-  const double suggested = find_real_time_step();
-  if (inner_step <= kLong * suggested || suggested >= kLongestRealTimeStep) return;
-  char text[300];
-  std::snprintf(text, sizeof text,
-                "solver.step = %.3g s is long for the fastest rates of this scene: peak loads may "
-                "be wrong without another sign; accuracy = -1 (real-time) takes %.3g s",
-                inner_step, suggested);
-  warnings.push_back(text);
 }
 
 /// Warnings about unusual values, which may be right.

@@ -1,0 +1,237 @@
+// From the chosen settings to the method of a run: integrator, tolerances, step for real time.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "mechanism/kernels.hpp"
+#include "sim/sim_impl.hpp"
+
+namespace dockloop {
+namespace {
+
+constexpr double kLongestRealTimeStep = 0.01;  ///< [s]
+
+/// Largest absolute eigenvalue, by squaring: lim |J^n|^(1/n). @param matrix  is overwritten
+double find_spectral_radius(MatX<double>& matrix) {
+  constexpr int kSquares = 10;
+  double logarithm = 0.0, power = 1.0;
+  for (int i = 0; i <= kSquares; ++i) {
+    const double norm = matrix.norm();
+    if (!(norm > 0.0)) return 0.0;
+    logarithm += std::log(norm) / power;
+    matrix /= norm;
+    if (i < kSquares) matrix = (matrix * matrix).eval();
+    power *= 2.0;
+  }
+  return std::exp(logarithm);
+}
+
+}  // namespace
+
+/// The smaller of the tolerances of parameter and host.
+double DockingSim::Impl::find_relative_tolerance() const {
+  const double asked = setup->tolerance;
+  return asked > 0.0 ? std::min(asked, chosen.rtol) : chosen.rtol;
+}
+
+/// Does `auto` take linearly implicit steps? They pay where friction and latches limit explicit
+/// steps: at loose tolerances, or if friction is steep. Limits measured with the docking scenes.
+bool DockingSim::Impl::prefers_structured_matrix(double rtol) const {
+  constexpr double kLoose = 1e-4, kLooseVelocity = 1e-6;  // solver.rtol, solver.atol_velocity
+  constexpr double kUsual = 1e-6, kSteep = 1e-4;          // solver.rtol, contact.friction_speed
+  const bool is_loose = rtol >= kLoose && chosen.atol_velocity >= kLooseVelocity;
+  const bool is_steep = rtol >= kUsual && model->contact.law.friction_speed < kSteep;
+  return model->contact.has_surfaces() && (is_loose || is_steep);
+}
+
+/// Linearly implicit steps? Bristles of contacts, and forms that integrate other unknowns, need
+/// another method.
+bool DockingSim::Impl::uses_structured_matrix(const RunMethod& method) const {
+  if (!method.is_co_simulation || method.is_reference) return false;
+  if (parameters.model_level == kReference || model->layout.bristle_count > 0) return false;
+  return chosen.method == kRosenbrock || chosen.method == kFixedRosenbrock ||
+         (chosen.method == kAuto && prefers_structured_matrix(method.rtol));
+}
+
+/// The method and what follows from it. Steps that pass communication points need a one-step method
+/// and no host that integrates a vehicle. What acts at known times ends a step; a sequence acts at
+/// booked states only.
+RunMethod DockingSim::Impl::choose_method() const {
+  RunMethod method;
+  method.facts = find_method(chosen.method);
+  method.rtol = find_relative_tolerance();
+  method.is_co_simulation = fmi_kind == FmiKind::kCoSimulation;
+  method.is_reference = static_cast<bool>(adapt_problem);
+  method.is_structured = uses_structured_matrix(method);
+  method.runs_ahead = method.is_structured && !method.is_fixed_step() && !host->has_host();
+  return method;
+}
+
+/// Methods and forms of src/compare.
+void DockingSim::Impl::enter_comparison(Stepper::Problem& problem) {
+  if (adapt_problem) {
+    adapt_problem(problem);
+  } else if (unreduced) {
+    unreduced->enter(problem);
+  } else if (fmi_kind == FmiKind::kCoSimulation && find_method(chosen.method)->for_comparison) {
+    comparison->enter(chosen.method, *this, problem);
+  }
+}
+
+void DockingSim::Impl::make_loop() {
+  RunMethod method = choose_method();
+  unreduced.reset();
+  if (parameters.model_level == kReference && method.is_co_simulation && !adapt_problem) {
+    unreduced = comparison->make_unreduced_form(*this);
+    method.unreduced = unreduced.get();
+  }
+  balances = std::make_unique<BalanceWatch>(
+      *this, chosen.atol_energy, setup->t_start,
+      method.is_fixed_step() ? "solver.step, or set solver.method = 1 (auto)" : "solver.rtol",
+      status_text, warnings);
+  step_loop = std::make_unique<StepLoop>(
+      *model, method,
+      StepLoop::Parts{*this, loads, *events, *evaluator, *quiescent_mode, *balances, status_text},
+      scene->rated, setup->t_start,
+      [this](double tau, bool& changed) { return accept(tau, changed); },
+      [this](Stepper::Problem& problem) { enter_comparison(problem); });
+
+  std::vector<double> atol = find_absolute_tolerances();
+  // A smaller relative tolerance of the host also reduces absolute tolerances, down to rounding.
+  const double share_of_atol = method.rtol / chosen.rtol;
+  constexpr double kRounding = 1e-13;  // [m], [m/s]; of positions and speeds near the docking
+  const double least = kRounding / std::max(chosen.atol_position, kRounding);
+  for (double& value : atol) value *= std::max(share_of_atol, least);
+  step_loop->set_tolerances(method.rtol * std::sqrt(find_share_of_norm()), atol);
+  if (unreduced) {
+    unreduced->set_nominals(Eigen::Map<VecX<double>>(atol.data(), unreduced->size()) / method.rtol);
+  }
+  rates.assign(static_cast<size_t>(model->layout.size), 0.0);
+}
+
+/// Generated code evaluates trial states, if the FMU has such code and the code applies. The form
+/// with multipliers and the reference solution use no generated code.
+void DockingSim::Impl::attach_kernel() {
+  const bool serves = !unreduced && !adapt_problem && parameters.model_level != kRigid;
+  evaluator->use_kernels(serves ? kernels : nullptr);
+}
+
+/// Per state, by kind; momenta are velocities times mass or inertia.
+std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
+  const StateLayout& layout = model->layout;
+  std::vector<double> atol(static_cast<size_t>(layout.size), chosen.atol_position);
+  std::fill_n(atol.begin() + layout.mechanism_v, layout.mechanism_nv, chosen.atol_velocity);
+  for (int i : {kChaser, kTarget}) {
+    if (layout.momentum[i] < 0) continue;
+    const VehicleParameters& p = parameters.vehicle[i];
+    const double lever2 = p.interface_position.squaredNorm();
+    const double inertia = p.inertia.head<3>().maxCoeff() + p.mass * lever2;
+    std::fill_n(atol.begin() + layout.momentum[i], 3, chosen.atol_velocity * p.mass);
+    std::fill_n(atol.begin() + layout.momentum[i] + 3, 3, chosen.atol_velocity * inertia);
+    if (i == kChaser) {
+      std::fill_n(atol.begin() + layout.impulse, 3, chosen.atol_velocity * p.mass);
+      std::fill_n(atol.begin() + layout.impulse + 3, 3, chosen.atol_velocity * inertia);
+    }
+  }
+  std::fill_n(atol.begin() + layout.sums, layout.sum_count, chosen.atol_energy);
+  if (unreduced) unreduced->add_tolerances(atol);
+  for (int i : {kChaser, kTarget}) {
+    if (layout.host_impulse[i] < 0) continue;
+    std::copy_n(atol.begin() + layout.momentum[i], 6, atol.begin() + layout.host_impulse[i]);
+  }
+  for (double& value : atol) value *= std::sqrt(find_share_of_norm());
+  return atol;
+}
+
+/// Error norms are means over unknowns: idle bristles and multipliers must not reduce the norm.
+double DockingSim::Impl::find_share_of_norm() const {
+  const int all = unreduced ? unreduced->size() : model->layout.size;
+  const int counted = unreduced ? unreduced->controlled_size() : all;
+  return static_cast<double>(counted - model->layout.bristle_count) / all;
+}
+
+/// Inner step for real time [s], by the fastest rates of the equations: those of the mechanism at
+/// the start, and those of its capture body in contact, in latches and sliding. A Runge-Kutta step
+/// of order 4 is stable up to 2.8 over the rate; an oscillation needs shorter steps.
+/// @pre evaluation of the start
+double DockingSim::Impl::find_real_time_step() {
+  constexpr double kPerRate = 1.0, kPerOscillation = 0.3, kPerFriction = 2.0;
+  constexpr double kAtOnce = 3.0;  // petals or latches that carry the load
+  evaluator->reserve_jacobian();
+  MatX<double> jacobian;
+  if (evaluator->aside(0.0, step_loop->y(), nullptr).ok() &&
+      evaluator->calc_jacobian(0.0, step_loop->y()).ok()) {
+    jacobian = evaluator->jacobian();
+  }
+  double step = kLongestRealTimeStep;
+  const auto limit = [&step](double rate, double factor) {
+    if (rate * step > factor) step = factor / rate;
+  };
+  evaluator->forget();
+  if (jacobian.size() > 0 && jacobian.allFinite()) limit(find_spectral_radius(jacobian), kPerRate);
+  double mass = find_impacting_mass();
+  if (!(mass > 0.0)) {  // no capture body: the lighter vehicle
+    for (int i : {kChaser, kTarget}) {
+      const double other = parameters.vehicle[i].mass;
+      if (model->moves[i]) mass = mass > 0.0 ? std::min(mass, other) : other;
+    }
+  }
+  if (!(mass > 0.0)) return step;
+  const ContactModel& contact = model->contact;
+  double stiffness = 0.0;
+  if (contact.kind == ContactModel::Kind::kAbsorber) stiffness = contact.absorber.stiffness;
+  if (contact.has_surfaces()) {
+    for (const ContactLaw& law : contact.laws) {
+      stiffness = std::max(stiffness, kAtOnce * law.stiffness);
+      const double force = present().relative.v.norm() * std::sqrt(kAtOnce * law.stiffness * mass);
+      const double friction = law.friction_coefficient * force / (law.friction_speed * mass);
+      const double bristle = law.bristle_stiffness / law.bristle_relaxation;
+      if (law.friction_coefficient > 0.0) {
+        limit(law.friction_model == 1 ? friction : bristle, kPerFriction);
+      }
+    }
+  }
+  for (const Latch& latch : model->latches.latch) {
+    stiffness = std::max(stiffness, kAtOnce * latch.law.hold_stiffness);
+  }
+  limit(std::sqrt(stiffness / mass), kPerOscillation);
+  const HardDock& dock = model->hard_dock;
+  double inverse_mass = 0.0;
+  for (int i : {kChaser, kTarget}) {
+    if (model->moves[i]) inverse_mass += 1.0 / parameters.vehicle[i].mass;
+  }
+  const double docked = dock.faces.stiffness + dock.hooks.stiffness * dock.hooks.count();
+  limit(std::sqrt(docked * inverse_mass), kPerOscillation);
+  return step;
+}
+
+/// Mass that meets the target: the capture body on its legs, or all bodies; 0 without such bodies
+/// [kg].
+double DockingSim::Impl::find_impacting_mass() const {
+  const int body = model->mechanism.model.capture_body;
+  if (!present().locked) return body == kBase ? 0.0 : model->mechanism.model.bodies[body].mass;
+  double inverse_mass = 0.0;
+  if (model->moves[kChaser]) inverse_mass += 1.0 / quiescent_mode->locked().whole.mass;
+  if (model->moves[kTarget]) inverse_mass += 1.0 / model->vehicle[kTarget].mass;
+  return inverse_mass > 0.0 ? 1.0 / inverse_mass : 0.0;
+}
+
+/// Explicit equal steps that are long for the scene show nothing but wrong loads.
+void DockingSim::Impl::warn_about_inner_step() {
+  // Measured with the default docking: four times the step for real time costs some percent.
+  constexpr double kLong = 4.0;
+  if (fmi_kind != FmiKind::kCoSimulation || !step_loop->method().is_fixed_step() ||
+      chosen.needs_step)
+    return;
+  if (step_loop->method().needs_jacobian() || step_loop->method().is_structured) return;
+  const double suggested = find_real_time_step();
+  if (inner_step <= kLong * suggested || suggested >= kLongestRealTimeStep) return;
+  char text[300];
+  std::snprintf(text, sizeof text,
+                "solver.step = %.3g s is long for the fastest rates of this scene: peak loads may "
+                "be wrong without another sign; accuracy = -1 (real-time) takes %.3g s",
+                inner_step, suggested);
+  warnings.push_back(text);
+}
+
+}  // namespace dockloop

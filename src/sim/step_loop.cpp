@@ -1,0 +1,451 @@
+// Inner steps; see step_loop.hpp.
+#include "sim/step_loop.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <utility>
+
+#include "sim/outputs.hpp"
+
+namespace dockloop {
+namespace {
+
+constexpr int kMaxRefused = 12;  ///< consecutive end states that cannot be evaluated
+
+// A refusal must not take minutes. Time until a refusal on a slow processor [s]:
+#ifndef DOCKLOOP_REFUSAL_TIME  // shorter for the fuzzers
+#define DOCKLOOP_REFUSAL_TIME 0.5
+#endif
+constexpr double kRefusalTime = DOCKLOOP_REFUSAL_TIME, kRefusalTimePerSecond = 5.0;
+constexpr double kLongestRefusal = 60.0;
+
+}  // namespace
+
+StepLoop::StepLoop(const DockingModel& model, const RunMethod& method, const Parts& parts,
+                   const RatedLoads& rated, double t_start, Accept accept,
+                   const std::function<void(Stepper::Problem&)>& adapt)
+    : model_(&model),
+      method_(method),
+      state_(parts.state),
+      ahead_(parts.state.ahead),
+      kept_(parts.state.kept_jacobian),
+      loads_(parts.loads),
+      events_(parts.events),
+      evaluator_(parts.evaluator),
+      quiescent_mode_(parts.quiescent_mode),
+      balances_(parts.balances),
+      status_text_(parts.status_text),
+      rated_(rated),
+      t_start_(t_start),
+      accept_(std::move(accept)),
+      y_accepted_(static_cast<size_t>(model.layout.size), 0.0),
+      y_inside_(y_accepted_),
+      y_shown_(y_accepted_),
+      scratch_(y_accepted_) {
+  Stepper::Problem problem = make_problem();
+  if (adapt) adapt(problem);
+  stepper_ = std::make_unique<Stepper>(std::move(problem), find_stepper_method(method_));
+}
+
+void StepLoop::set_tolerances(double rtol, const std::vector<double>& atol) {
+  stepper_->set_tolerances(rtol, atol.data());
+}
+
+void StepLoop::start() {
+  ahead_.loads = ahead_.mean_known = loads_.at_start();
+  if (!method_.runs_ahead) return;
+  ahead_.jacobian = kept_;
+  ahead_.y_before = y_accepted_;
+  reserve(ahead_.context.memory, static_cast<size_t>(model_->contact.pair_count()));
+  keep_context();
+}
+
+Status StepLoop::advance(double h, std::int64_t limit, bool was_pending) {
+  if (method_.runs_ahead) {
+    std::copy_n(was_pending ? y_inside_.data() : y(), y_inside_.size(), ahead_.y_before.begin());
+  }
+  const Status status = method_.is_fixed_step()
+                            ? integrate_fixed(h, limit)
+                            : integrate(ahead_.begin, ahead_.reached + h, may_pass(), limit);
+  if (method_.runs_ahead && !is_pending()) ahead_.loads = loads_.at_start();
+  return status;
+}
+
+Counters StepLoop::find_counters() const {
+  return {
+      counted_elsewhere_.steps + stepper_->steps(),
+      counted_elsewhere_.rejected_steps + stepper_->rejected_steps(),
+      counted_elsewhere_.rate_evaluations + evaluator_.counted() + stepper_->rate_evaluations()};
+}
+
+void StepLoop::set_counters(const Counters& wanted) {
+  const Counters here = find_counters();
+  counted_elsewhere_.steps += wanted.steps - here.steps;
+  counted_elsewhere_.rejected_steps += wanted.rejected_steps - here.rejected_steps;
+  counted_elsewhere_.rate_evaluations += wanted.rate_evaluations - here.rate_evaluations;
+}
+
+bool StepLoop::is_at_accepted_state() const {
+  return std::equal(y_accepted_.begin(), y_accepted_.end(), y());
+}
+
+double StepLoop::find_margin() const {
+  return find_singularity_margin(model_->mechanism, present().mechanism);
+}
+
+/// Upper bound of the time of one evaluation on a slow processor [s]. The bound is estimated from
+/// the model, not measured, because a step must be refused after the same work on every machine.
+double StepLoop::find_evaluation_cost() const {
+  constexpr double kBasic = 3e-6, kPerBody = 0.6e-6, kPerLegBody = 0.1e-6, kPerBristle = 3e-9;
+  const LoopPlan& plan = model_->mechanism.plan;
+  const double tree = kPerBody * static_cast<double>(plan.tree_bodies.size());
+  const double legs = static_cast<double>(plan.leg_bodies.size());
+  const double mechanism = tree + (method_.unreduced ? kPerBody : kPerLegBody) * legs;
+  return (method_.unreduced ? 4.0 : 1.0) * (kBasic + mechanism) +
+         kPerBristle * model_->layout.bristle_count +
+         kPerLegBody * static_cast<double>(model_->mechanism.model.elements.size());
+}
+
+/// Cost of an implicit step without its evaluations, in evaluations: the factorisation of a matrix,
+/// the largest cost for many states.
+double StepLoop::find_factor_cost() const {
+  constexpr double kStructured = 1.2;  // build, factorise, solve six times; measured
+  if (method_.is_structured) return kStructured;
+  if (!method_.needs_jacobian() && !method_.unreduced) return 0.0;
+  constexpr double kPerEntry = 0.5e-9;  // [s], on a slow processor
+  const double n = method_.unreduced ? method_.unreduced->size() : model_->layout.size;
+  return kPerEntry * n * n * n / 3.0 / find_evaluation_cost();
+}
+
+/// A minimum number of steps is allowed for models with expensive steps.
+std::int64_t StepLoop::find_work_limit(double h) const {
+  if (method_.is_reference) return std::numeric_limits<std::int64_t>::max();
+  constexpr double kLeastSteps = 200.0, kEvaluationsPerStep = 10.0;
+  const double time = std::min(kRefusalTime + kRefusalTimePerSecond * h, kLongestRefusal);
+  const double factor = find_factor_cost(), derivatives = factor > 0.0 ? find_jacobian_cost() : 0.0;
+  return static_cast<std::int64_t>(std::max(
+      time / find_evaluation_cost(), kLeastSteps * (kEvaluationsPerStep + derivatives + factor)));
+}
+
+std::int64_t StepLoop::find_work() const {
+  const Counters made = find_counters();
+  const double steps = static_cast<double>(made.steps + made.rejected_steps);
+  return made.rate_evaluations + static_cast<std::int64_t>(find_factor_cost() * steps);
+}
+
+Status StepLoop::refuse_work(double h, std::int64_t limit, double tau) {
+  char text[400];
+  std::snprintf(
+      text, sizeof text,
+      "after t = %.9g s the step needs more than %.3g evaluations, the limit for a step of %.6g s "
+      "of this model: shorten the step, or check speeds, spins, contact.friction_speed, stiffness "
+      "and damping of contact and legs",
+      t_start_ + state_.elapsed + tau, static_cast<double>(limit), h);
+  status_text_ = text;
+  return {StatusCode::kIntegrationFailed, -1, 0.0, state_.elapsed + tau};
+}
+
+/// Start the integrator (again) from its state. @param known_rates  there, or null
+void StepLoop::start_stepper(double tau, double h, const double* known_rates) {
+  stepper_->restart(tau, h, {known_rates, state_.fastest_rate});
+}
+
+void StepLoop::begin(double h) {
+  if (method_.is_fixed_step()) return;
+  const bool is_good = method_.needs_jacobian() && kept_.valid &&
+                       find_counters().steps - kept_.step < kJacobianSteps;
+  const double* known = is_good ? kept_.entries.data() : nullptr;
+  accept_state();
+  margin_before_ = find_margin();
+  proposal_ = state_.h_warm;
+  ahead_.begin = 0.0;
+  stepper_->restart(0.0, std::min(proposal_, h),
+                    {evaluator_.start_rates(), state_.fastest_rate, 1.0, known});
+}
+
+void StepLoop::accept_state() { std::copy(y(), y() + model_->layout.size, y_accepted_.begin()); }
+
+/// Back to the last accepted state, from which the integrator starts again.
+void StepLoop::return_to(double tau, double h) {
+  std::copy(y_accepted_.begin(), y_accepted_.end(), y());
+  start_stepper(tau, h);
+}
+
+/// A step of the solver, which stores its last evaluation.
+StepOutcome StepLoop::make_solver_step(double stop, bool watch_roots) {
+  evaluator_.begin_inner_step();
+  return stepper_->step(stop, watch_roots);
+}
+
+/// Make an inner step; nothing but the clocks of its solver knows of it until it is booked.
+/// @param end  it ends there at the latest. @param is_single  it is one step of the solver, which
+/// knows the states inside. @post inner; outcome kFailed: no step, else the end is no good
+Status StepLoop::make_inner_step(double tau, double end, bool is_single) {
+  last_failure_ = Status();
+  inner_.from = tau;
+  inner_.outcome = make_solver_step(find_next_stop(tau, end), true);
+  if (inner_.outcome == StepOutcome::kFailed) return find_failure(tau);
+  inner_.to = stepper_->time();
+  if (inner_.outcome == StepOutcome::kRoot) {
+    const Status status = step_to_root(tau, is_single);
+    if (!status.ok()) inner_.outcome = StepOutcome::kFailed;
+    if (!status.ok()) return status;
+    inner_.to = stepper_->time();
+  } else {
+    events_.clear_due();
+    const bool cut_short =
+        inner_.outcome == StepOutcome::kStopped && inner_.to - inner_.from < proposal_;
+    proposal_ = cut_short ? std::max(proposal_, stepper_->next_step()) : stepper_->next_step();
+  }
+  state_.fastest_rate = stepper_->fastest_rate();
+  const Status status =
+      is_single ? evaluator_.at_end_with_rates(inner_.to, y()) : evaluator_.at_end(inner_.to, y());
+  if (!status.ok()) return status;
+  inner_.energy = balances_.find_energy(*model_, present(), y());
+  if (!balances_.is_energy_created(inner_.energy, inner_.to)) return {};
+  return {StatusCode::kIntegrationFailed, -1, 0.0, state_.elapsed + inner_.to};
+}
+
+/// The inner step becomes part of the run. @param changed  set if the integrator must restart
+Status StepLoop::book_inner_step(bool& changed) {
+  if (inner_.outcome != StepOutcome::kRoot) look_into_step(inner_.from, inner_.to);
+  balances_.update_energy(inner_.energy, inner_.to);
+  changed = inner_.outcome == StepOutcome::kRoot;
+  const Status status = accept_(inner_.to, changed);
+  accept_state();
+  return status;
+}
+
+/// Free drift of a quiescent mechanism, to `end` at the latest. @post tau, evaluation
+Status StepLoop::drift_freely(double& tau, double end, std::int64_t& turns) {
+  const double stop = state_.discrete.hard_dock.joint.on ? find_next_stop(tau, end) : end;
+  const double duration = std::min(quiescent_mode_.find_drift_time(), stop - tau);
+  turns += quiescent_mode_.drift(duration, y());
+  evaluator_.forget();
+  tau = duration < end - tau ? tau + duration : end;
+  events_.clear_due();
+  bool changed = false;
+  const Pose<double> looked_from{state_.memory.R_ref, state_.memory.p_ref};
+  Status status = quiescent_mode_.evaluate(tau, y());
+  if (status.ok()) status = accept_(tau, changed);
+  if (!status.ok()) return status;
+  accept_state();
+  // Another evaluation gives a better gap only with a new neighbour list.
+  if (!changed && state_.memory.p_ref == looked_from.p && state_.memory.R_ref == looked_from.R) {
+    evaluator_.keep_present();
+  }
+  return {};
+}
+
+/// Advance from tau to `end`, through events. On failure the state is undefined.
+/// @param passes  the last inner step may end later; it is then pending
+/// @pre evaluation and start of the integrator at tau, or a pending step
+Status StepLoop::integrate(double tau, double end, bool passes, std::int64_t limit) {
+  const double asked = end - ahead_.reached;
+  const std::int64_t begun = find_work();
+  stepper_->set_evaluation_limit(limit);
+  bool is_made = std::exchange(ahead_.pending, false);
+  bool is_evaluated = false;  // with rates, for a step ahead
+  int refused = 0;            // consecutive end states that could not be evaluated
+  const auto ask_for_proposal = [this] {
+    ahead_.size = proposal_;
+    ahead_.last_error = 1.0;
+  };
+  if (!is_made) ask_for_proposal();
+  for (std::int64_t turns = 0; find_work() - begun + turns < limit;) {
+    Status status;
+    if (!is_made) {
+      status_text_.clear();  // of an attempt that was refused and repeated
+      status = quiescent_mode_.update(tau, y());
+      if (!status.ok()) return status;
+      if (state_.quiescent.on) {
+        status = drift_freely(tau, end, turns);
+        if (!status.ok() || tau >= end) return status;
+        start_stepper(tau, std::min(proposal_, end - tau));
+        is_evaluated = false;
+        ask_for_proposal();
+        continue;
+      }
+      if (passes &&
+          state_.discrete.hard_dock.joint.on) {  // it begins inside this communication step
+        passes = false;
+        return_to(tau, std::min(proposal_, end - tau));
+      }
+      if (passes) status = begin_ahead(tau, is_evaluated);
+      if (!status.ok()) return status;
+      status = make_inner_step(tau, passes ? tau + kFarthestAhead : end, passes);
+      if (!status.ok() && passes) {  // no failure of this communication step
+        passes = false;
+        return_to(tau, std::min(proposal_, end - tau));
+        continue;
+      }
+      if (inner_.outcome == StepOutcome::kFailed) {
+        return stepper_->is_exhausted() ? refuse_work(asked, limit, tau) : status;
+      }
+      if (!status.ok()) {
+        // Error control accepted a state that cannot be evaluated or that creates energy: make
+        // smaller steps.
+        if (++refused > kMaxRefused) return status;
+        proposal_ = 0.25 * (inner_.to - inner_.from);
+        return_to(tau, proposal_);
+        continue;
+      }
+      refused = 0;
+    }
+    is_made = false;
+    if (inner_.to > end) return stay_pending(end);
+    bool changed = false;
+    if (passes) keep_context();
+    status = book_inner_step(changed);
+    if (!status.ok()) return status;
+    tau = inner_.to;
+    if (tau >= end) {
+      state_.h_warm = proposal_;
+      return {};
+    }
+    const double size = update_singularity_step(tau - inner_.from);
+    if (passes) {
+      balances_.update_momentum(*model_, present(), y());
+      is_evaluated = !changed;
+      if (changed) evaluator_.forget();
+      ahead_.size = size > 0.0 ? size : proposal_;
+      ahead_.last_error = changed || size > 0.0 ? 1.0 : stepper_->last_error();
+    } else if (size > 0.0) {
+      stepper_->restart(tau, std::min(size, end - tau));
+    } else if (changed) {
+      start_stepper(tau, std::min(proposal_, end - tau));
+    }
+  }
+  return refuse_work(asked, limit, tau);
+}
+
+/// The same with a number of inner steps that depends on h only: equal steps of a Runge-Kutta
+/// method, events detected at their ends. The cost is bounded; errors are not controlled.
+/// @pre evaluation at tau = 0
+Status StepLoop::integrate_fixed(double h, std::int64_t limit) {
+  const double wanted = std::ceil(h / state_.inner_step * (1.0 - 1e-9));
+  constexpr int kRk4 = 4, kRosenbrock = 8, kSdirk = 7;  // evaluations; the last: and a Jacobian
+  const double each = method_.needs_jacobian() ? kSdirk + find_jacobian_cost()
+                      : method_.is_structured  ? kRosenbrock
+                                               : kRk4;
+  if (wanted * each > static_cast<double>(limit)) {
+    char text[200];
+    std::snprintf(
+        text, sizeof text,
+        "the step needs %.6g inner steps of solver.step = %.6g s, but the limit is %.6g: shorten "
+        "the step or increase solver.step",
+        wanted, state_.inner_step, std::floor(static_cast<double>(limit) / each));
+    status_text_ = text;
+    return {StatusCode::kIntegrationFailed, -1, 0.0, state_.elapsed};
+  }
+  const int count = std::max(1, static_cast<int>(wanted));
+  kept_.valid = false;  // made anew at the same places in every communication step
+  double tau = 0.0;
+  for (int k = 1; k <= count; ++k) {
+    const double end = k == count ? h : h * k / count;
+    last_failure_ = Status();
+    events_.note_latches(present());
+    start_stepper(tau, end - tau, k == 1 ? evaluator_.start_rates() : nullptr);
+    if (make_solver_step(end, false) == StepOutcome::kFailed) return find_failure(tau);
+    const double made = end - tau;
+    tau = end;
+    Status status = evaluator_.at_end(tau, y());
+    if (!status.ok()) return status;
+    const EnergyBalance audit = balances_.find_energy(*model_, present(), y());
+    if (balances_.is_energy_created(audit, tau))
+      return {StatusCode::kIntegrationFailed, -1, 0.0, state_.elapsed + tau};
+    balances_.update_energy(audit, tau);
+    events_.set_due_below(present(), 0.0);
+    events_.find_passed_latches(present(), made);
+    bool changed = false;
+    status = accept_(tau, changed);
+    events_.clear_passed();
+    if (!status.ok()) return status;
+  }
+  return {};
+}
+
+/// If the loads at the end of a step are near their peaks, the loads in its middle count too.
+/// @pre evaluation at `to`
+void StepLoop::look_into_step(double from, double to) {
+  if (method_.is_reference || !state_.peaks.is_near(find_peak_values(*model_, rated_, present())))
+    return;
+  const double middle = 0.5 * (from + to);
+  if (!stepper_->interpolate(middle, scratch_.data())) return;
+  evaluator_.count(1);
+  if (!evaluator_.aside(middle, scratch_.data(), nullptr).ok()) return;
+  state_.peaks.add(state_.elapsed + middle, find_peak_values(*model_, rated_, evaluator_.trial()));
+}
+
+/// Step over a singularity. A mechanism can be evaluated on both sides of a singular pose, but not
+/// in the pose. Size of a step without a stage in the pose, or of a step to the start of such a
+/// step. Updates the margin of the last step. @param made  size of the last step
+/// @return 0 if no singular pose is ahead
+double StepLoop::update_singularity_step(double made) {
+  const double margin = find_margin();
+  const double rate = (margin_before_ - margin) / made;
+  margin_before_ = margin;
+  if (!(rate > 0.0) || margin > 3.0 * kChangeMargin) return 0.0;
+  const double distance = margin / rate;  // to the pose, with the present rate of the margin
+  const double width = model_->mechanism.model.singularity.error / rate;
+  if (distance - width > 1.3 * proposal_) return 0.0;
+  // If the step over the pose is too long for the error control, end half a step before the pose.
+  const double size = Stepper::find_size_across(distance);
+  return size <= 1.6 * proposal_ ? size : distance - 0.5 * proposal_;
+}
+
+/// Where the next inner step must end at the latest: the end of the communication step, the onset
+/// of thrust or of another load, a known time of the sequence, an end of a ramp, and the bound that
+/// prevents surfaces from passing through each other unseen.
+double StepLoop::find_next_stop(double tau, double end) const {
+  const double now = state_.elapsed + tau;
+  double stop = end;
+  const auto stop_at = [&](double time) {
+    if (time - state_.elapsed > tau) stop = std::min(stop, time - state_.elapsed);
+  };
+  const std::optional<double> onset = events_.find_thrust_onset();
+  if (onset && !state_.discrete.thrust_on) stop_at(*onset);
+  stop_at(events_.sequence().find_next_time(now));
+  for (const LawFailure& failure : model_->mechanism.model.failures) {
+    if (failure.active) stop_at(find_time(failure.onset, state_.discrete.entered.data()));
+  }
+  stop_at(events_.find_next_disturbance(now));
+  if (const auto ramp = find_next_ramp(model_->hard_dock, state_.discrete.hard_dock, now))
+    stop_at(*ramp);
+  if (events_.has_surfaces() && model_->contact.has_surfaces() &&
+      !state_.discrete.hard_dock.joint.on) {
+    const double bound =
+        find_step_bound(model_->contact, present().contact.gap, present().relative);
+    if (tau + bound < stop) stop = tau + bound;
+  }
+  return stop;
+}
+
+Status StepLoop::find_failure(double tau) const {
+  if (!last_failure_.ok()) return last_failure_;
+  return {StatusCode::kIntegrationFailed, -1, 0.0, state_.elapsed + tau};
+}
+
+/// A root lies in the step just made: replace its interpolated state by steps that end there.
+/// @param is_single  one step; if it ends earlier, the next inner step finds the root again
+Status StepLoop::step_to_root(double tau, bool is_single) {
+  const double root = stepper_->time();
+  for (int i = 0; i < events_.root_count(); ++i) events_.set_due(i, stepper_->root_found(i));
+  std::copy(y_accepted_.begin(), y_accepted_.end(), y());
+  if (!(root > tau)) return {};
+  start_stepper(tau, root - tau);
+  for (;;) {  // ends with the limit of evaluations
+    const StepOutcome outcome = make_solver_step(root, false);
+    if (outcome == StepOutcome::kFailed) return find_failure(tau);
+    if (outcome == StepOutcome::kStopped) return {};
+    if (!is_single) continue;
+    events_.clear_due();
+    inner_.outcome = outcome;
+    proposal_ = stepper_->next_step();
+    return {};
+  }
+}
+
+}  // namespace dockloop
