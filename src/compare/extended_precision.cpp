@@ -81,7 +81,7 @@ int calc_roots(Sim& sim, double time, const double* y, double* roots) {
   rounded.relative = {round(at.relative.R), round(at.relative.p), round(at.relative.w),
                       round(at.relative.v)};
   rounded.across = {round(at.across.R), round(at.across.p), round(at.across.w), round(at.across.v)};
-  sim.evaluator->put_events_into_trial();
+  sim.evaluator->forget();  // trial() is no longer the evaluation of a state
   sim.events->calc_functions(rounded, roots);
   return 0;
 }

@@ -11,10 +11,10 @@ Evaluator::Evaluator(std::shared_ptr<const DockingModel> model, const SimState& 
       state_(state),
       loads_(loads),
       present_(std::make_unique<DockingData<double>>(*model_)),
-      trial_(std::make_unique<DockingData<double>>(*model_)),
-      start_rates_(static_cast<size_t>(model_->layout.size), 0.0),
-      trial_rates_(start_rates_),
-      key_y_(start_rates_) {}
+      trial_(std::make_unique<DockingData<double>>(*model_)) {
+  key_.y.assign(static_cast<size_t>(model_->layout.size), 0.0);
+  key_.rates = key_.y;
+}
 
 void Evaluator::use_coordinates(std::shared_ptr<const DockingModel> model) {
   use_model(std::move(model));
@@ -58,68 +58,45 @@ Status Evaluator::calc(double tau, const double* y, double* ydot, Need need,
                               state_.elapsed + tau, y, ydot, data, need);
 }
 
-Status Evaluator::at(double tau, const double* y, double* ydot) {
-  is_present_kept_ = false;
-  if (is_started()) forget();
-  Status status = calc(tau, y, ydot, Need::kState, *present_);
-  if (!status.ok()) status.time = state_.elapsed + tau;
-  return status;
-}
-
-Status Evaluator::at_start(double tau, const double* y) {
-  const Status status = at(tau, y, start_rates_.data());
-  set_key(present_.get(), tau, y);
-  is_start_counted_ = false;
-  return status;
-}
-
 /// A trial state is not complete after generated code, or with a locked mechanism.
 bool Evaluator::is_complete_at_key(double tau, const double* y) const {
-  return key_ == trial_.get() && is_at_key(tau, y) && !present_->locked &&
+  return key_.at == trial_.get() && is_at_key(tau, y) && !present_->locked &&
          trial_->mechanism.found != Need::kRates;
 }
 
-Status Evaluator::at_end(double tau, const double* y) {
-  if (!is_complete_at_key(tau, y)) return at(tau, y);
-  std::swap(present_, trial_);
-  forget();
-  return {};
-}
-
-Status Evaluator::at_end_with_rates(double tau, const double* y) {
+Status Evaluator::at(double tau, const double* y, Rates rates) {
+  is_present_kept_ = false;
+  const bool with_rates = rates != Rates::kNone;
   Status status;
-  if (is_complete_at_key(tau, y) && are_trial_rates_known_) {
+  if (is_complete_at_key(tau, y) && (key_.has_rates || !with_rates)) {
     std::swap(present_, trial_);
-    std::swap(start_rates_, trial_rates_);
-    key_ = present_.get();
   } else {
-    status = at_start(tau, y);
+    status = calc(tau, y, with_rates ? key_.rates.data() : nullptr, Need::kState, *present_);
+    if (!status.ok()) status.time = state_.elapsed + tau;
   }
-  is_start_counted_ = true;
+  if (with_rates && status.ok()) {
+    set_key(present_.get(), tau, y, true);
+    key_.is_counted = rates == Rates::kCounted;
+  } else {
+    forget();
+  }
   return status;
 }
 
 Status Evaluator::at_trial(double tau, const double* y, double* ydot) {
+  if (!ydot && is_at_key(tau, y)) return {};
   const Status status = calc(tau, y, ydot, Need::kRates, *trial_);
-  are_trial_rates_known_ = ydot != nullptr;
-  if (ydot) std::copy_n(ydot, trial_rates_.size(), trial_rates_.begin());
-  set_key(trial_.get(), tau, y);
-  return status;
-}
-
-Status Evaluator::at_events(double tau, const double* y) {
-  if (is_at_key(tau, y)) {
-    events_at_ = is_started() ? present_.get() : trial_.get();
-    return {};
+  if (!status.ok()) {
+    forget();
+    return status;
   }
-  const Status status = at_trial(tau, y, nullptr);
-  if (!status.ok()) forget();
-  events_at_ = trial_.get();
+  if (ydot) std::copy_n(ydot, key_.rates.size(), key_.rates.begin());
+  set_key(trial_.get(), tau, y, ydot != nullptr);
   return status;
 }
 
 Status Evaluator::aside(double tau, const double* y, double* ydot, Need need) {
-  if (key_ == trial_.get()) forget();
+  if (key_.at == trial_.get()) forget();
   return calc(tau, y, ydot, need, *trial_);
 }
 
@@ -154,18 +131,20 @@ Status Evaluator::build_matrix(double tau, const double* y, bool is_accepted, bo
 }
 
 void Evaluator::begin_inner_step() {
-  if (key_ == trial_.get()) forget();
-  if (is_started() && !is_start_counted_) count(1);
+  if (key_.at == trial_.get()) forget();
+  if (is_started() && !key_.is_counted) count(1);
 }
 
 bool Evaluator::is_at_key(double tau, const double* y) const {
-  return key_ && tau == key_tau_ && std::equal(key_y_.begin(), key_y_.end(), y);
+  return key_.at && tau == key_.tau && std::equal(key_.y.begin(), key_.y.end(), y);
 }
 
-void Evaluator::set_key(const DockingData<double>* to, double tau, const double* y) {
-  key_ = to;
-  key_tau_ = tau;
-  std::copy_n(y, key_y_.size(), key_y_.begin());
+void Evaluator::set_key(const DockingData<double>* at, double tau, const double* y,
+                        bool has_rates) {
+  key_.at = at;
+  key_.tau = tau;
+  std::copy_n(y, key_.y.size(), key_.y.begin());
+  key_.has_rates = has_rates;
 }
 
 }  // namespace dockloop

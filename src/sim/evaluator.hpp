@@ -1,10 +1,13 @@
 // Evaluations of the equations of motion, and the states they are valid for.
 //
 // Two workspaces: `present` belongs to the last accepted state, `trial` to other states. One key
-// names the state (tau, y) of the last evaluation for the integrator, and its workspace. If the
-// integrator, the search for events or the end of an inner step asks for the state of the key,
-// nothing is computed: the same state gives the same bits. The key is void as soon as the state
-// that it names may have other loads, latches or contacts (forget(), begin_inner_step()).
+// names the state (tau, y) of the last evaluation for the integrator, its workspace and its rates.
+// If the search for events or the end of an inner step asks for the state of the key, nothing is
+// computed: the same state gives the same bits. The key is void as soon as the state that it names
+// may have other loads, latches or contacts (forget(), begin_inner_step()).
+//
+// There is one entry for each purpose: at() for accepted states, at_trial() for what the integrator
+// asks for, aside() for all other states, which must not disturb the key.
 #pragma once
 
 #include <cstdint>
@@ -53,18 +56,17 @@ class Evaluator {
 
   // Evaluations: y at tau after the last communication point
 
-  /// Everything, into `present`. @param ydot  rates, or null
-  Status at(double tau, const double* y, double* ydot = nullptr);
-  /// at(), with the rates. @post start_rates() until an inner step has been made
-  Status at_start(double tau, const double* y);
-  /// The end of an inner step: at(), unless this state was evaluated completely.
-  Status at_end(double tau, const double* y);
-  /// The same with the rates, which the integrator has counted. @post as of at_start()
-  Status at_end_with_rates(double tau, const double* y);
-  /// A trial state, as far as rates and event functions need it.
+  /// Rates of an accepted state. kCounted: the integrator has counted their evaluation already.
+  enum class Rates { kNone, kNew, kCounted };
+
+  /// An accepted state: everything, into `present`. Nothing is computed if the key names this state
+  /// with all of it; where loads, latches or contacts may have changed, forget() first.
+  /// @post with rates: start_rates() until an inner step has been made
+  Status at(double tau, const double* y, Rates rates = Rates::kNone);
+  /// A trial state of the integrator, as far as rates and event functions need it. @param ydot
+  /// rates; null: event functions only, and nothing is computed at the state of the key.
+  /// @post events_at()
   Status at_trial(double tau, const double* y, double* ydot);
-  /// What event functions are read from. @post events_at()
-  Status at_events(double tau, const double* y);
   /// Everything, into `trial`, without a key: for other purposes than the integration.
   Status aside(double tau, const double* y, double* ydot, Need need = Need::kState);
   /// Derivatives of the rates. @pre reserve_jacobian(); aside() at this state
@@ -82,20 +84,18 @@ class Evaluator {
   // Validity
 
   /// The state of the key is no longer valid.
-  void forget() { key_ = nullptr; }
+  void forget() { key_.at = nullptr; }
   /// Trial states before this inner step are not valid in it. The integrator does not count an
   /// evaluation if it starts with start_rates().
   void begin_inner_step();
   /// Rates where the next inner step starts; null: not known.
-  const double* start_rates() const { return is_started() ? start_rates_.data() : nullptr; }
+  const double* start_rates() const { return is_started() ? key_.rates.data() : nullptr; }
   /// `present` is exactly at the present state until forget_present() or at().
   void keep_present() { is_present_kept_ = true; }
   void forget_present() { is_present_kept_ = false; }
   bool is_present_kept() const { return is_present_kept_; }
-  /// The workspace of the last event functions.
-  DockingData<double>& events_at() { return *events_at_; }
-  /// Another form of the equations has written the values for event functions into `trial`.
-  void put_events_into_trial() { events_at_ = trial_.get(); }
+  /// The workspace that event functions are read from.
+  DockingData<double>& events_at() { return is_started() ? *present_ : *trial_; }
 
   // Evaluations that the integrator does not count
 
@@ -103,23 +103,25 @@ class Evaluator {
   std::int64_t counted() const { return counted_; }
 
  private:
-  bool is_started() const { return key_ == present_.get(); }
+  /// The state of the last evaluation for the integrator.
+  struct Key {
+    const DockingData<double>* at = nullptr;  ///< its workspace: present_, trial_ or none
+    double tau = 0.0;
+    std::vector<double> y, rates;
+    bool has_rates = false;
+    bool is_counted = false;  ///< the evaluation of the rates
+  };
+  bool is_started() const { return key_.at == present_.get(); }
   bool is_at_key(double tau, const double* y) const;
   bool is_complete_at_key(double tau, const double* y) const;
-  void set_key(const DockingData<double>* to, double tau, const double* y);
+  void set_key(const DockingData<double>* at, double tau, const double* y, bool has_rates);
   Status calc(double tau, const double* y, double* ydot, Need need, DockingData<double>& data);
 
   std::shared_ptr<const DockingModel> model_;
   const SimState& state_;
   const StepLoads& loads_;
   std::unique_ptr<DockingData<double>> present_, trial_;
-  std::vector<double> start_rates_, trial_rates_;
-  bool are_trial_rates_known_ = false;
-  bool is_start_counted_ = false;             ///< the evaluation of start_rates()
-  const DockingData<double>* key_ = nullptr;  ///< workspace of the key: present_, trial_ or none
-  double key_tau_ = 0.0;
-  std::vector<double> key_y_;
-  DockingData<double>* events_at_ = nullptr;
+  Key key_;
   bool is_present_kept_ = false;
   std::unique_ptr<DockingPass> pass_;  ///< with reserve_jacobian() only
   MatX<double> jacobian_;

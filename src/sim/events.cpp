@@ -205,7 +205,7 @@ Status DockingSim::Impl::evaluate_start() {
   evaluator->forget();
   if (quiescent.on || !step_loop->method().begins_with_rates()) return evaluate_present();
   evaluator->hold(quiescent_mode->find_held());
-  return evaluator->at_start(0.0, step_loop->y());
+  return evaluator->at(0.0, step_loop->y(), Evaluator::Rates::kNew);
 }
 
 }  // namespace dockloop

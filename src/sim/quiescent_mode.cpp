@@ -89,6 +89,7 @@ bool QuiescentMode::is_stack_at_rest(double now) const {
 }
 
 Status QuiescentMode::evaluate(double tau, const double* y, bool may_lock) {
+  evaluator_.forget();
   evaluator_.hold(find_held(may_lock));
   return evaluator_.at(tau, y);
 }

@@ -46,7 +46,7 @@ class QuiescentMode {
   /// @param may_lock  if false, a quiescent mechanism is evaluated as one that moves
   const LockedMechanism* find_held(bool may_lock = true) const;
   const LockedMechanism& locked() const { return locked_; }
-  /// Evaluator::at(), with the mechanism as find_held() has it.
+  /// A new evaluation of an accepted state, with the mechanism as find_held() has it.
   Status evaluate(double tau, const double* y, bool may_lock = true);
 
   /// Begin or end the quiescent state. @pre evaluation at tau of an accepted state

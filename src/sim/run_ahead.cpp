@@ -57,7 +57,7 @@ Status StepLoop::begin_ahead(double tau, bool is_evaluated) {
     keep_context();
     if (!evaluator_.start_rates()) {
       evaluator_.hold(quiescent_mode_.find_held());
-      const Status status = evaluator_.at_start(tau, y());
+      const Status status = evaluator_.at(tau, y(), Evaluator::Rates::kNew);
       if (!status.ok()) return status;
     }
   }
@@ -97,7 +97,8 @@ Status StepLoop::remake_pending() {
   exchange_context();
   evaluator_.use_reference(ahead_.context.reference);
   evaluator_.hold(quiescent_mode_.find_held());
-  Status status = evaluator_.at_start(ahead_.begin, y());
+  evaluator_.forget();
+  Status status = evaluator_.at(ahead_.begin, y(), Evaluator::Rates::kNew);
   exchange_context();
   evaluator_.use_reference(accepted);
   if (!status.ok()) return status;

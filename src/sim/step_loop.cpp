@@ -200,8 +200,8 @@ Status StepLoop::make_inner_step(double tau, double end, bool is_single) {
     proposal_ = cut_short ? std::max(proposal_, stepper_->next_step()) : stepper_->next_step();
   }
   state_.fastest_rate = stepper_->fastest_rate();
-  const Status status =
-      is_single ? evaluator_.at_end_with_rates(inner_.to, y()) : evaluator_.at_end(inner_.to, y());
+  const Status status = evaluator_.at(
+      inner_.to, y(), is_single ? Evaluator::Rates::kCounted : Evaluator::Rates::kNone);
   if (!status.ok()) return status;
   inner_.energy = balances_.find_energy(*model_, present(), y());
   if (!balances_.is_energy_created(inner_.energy, inner_.to)) return {};
@@ -351,7 +351,7 @@ Status StepLoop::integrate_fixed(double h, std::int64_t limit) {
     if (make_solver_step(end, false) == StepOutcome::kFailed) return find_failure(tau);
     const double made = end - tau;
     tau = end;
-    Status status = evaluator_.at_end(tau, y());
+    Status status = evaluator_.at(tau, y());
     if (!status.ok()) return status;
     const EnergyBalance audit = balances_.find_energy(*model_, present(), y());
     if (balances_.is_energy_created(audit, tau))

@@ -44,7 +44,7 @@ Stepper::Problem StepLoop::make_problem() {
     return update_failure_code(status, t, ydot, model_->layout.size);
   };
   problem.roots = [this](double t, const double* y, double* roots) {
-    const Status status = evaluator_.at_events(t, y);
+    const Status status = evaluator_.at_trial(t, y, nullptr);
     if (!status.ok()) {
       last_failure_ = status;
       return 1;
