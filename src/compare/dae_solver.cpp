@@ -13,6 +13,7 @@
 #include <stdexcept>
 
 #include "compare/methods.hpp"
+#include "math/dock_assert.hpp"
 
 namespace dockloop {
 namespace {
@@ -155,6 +156,7 @@ class DaeSolver : public Solver {
 }  // namespace
 
 std::unique_ptr<Solver> make_dae_solver(System& system, Dae dae) {
+  DOCK_ASSERT(system.problem.unknowns > 0);
   return std::make_unique<DaeSolver>(system, std::move(dae));
 }
 

@@ -5,6 +5,7 @@
 // Discrete decisions stay in double: which pairs of surfaces are near, and on which branch the
 // loops are (their reference pose). Values do not depend on the digits of either.
 #include "compare/extended_solver.hpp"
+#include "math/dock_assert.hpp"
 #include "sim/sim_impl.hpp"
 
 namespace dockloop {
@@ -114,6 +115,7 @@ void DockingSim::use_extended_precision(double tolerance) {
 }
 
 const Extended* DockingSim::extended_states() const {
+  DOCK_ASSERT(impl_->extended);
   return impl_->extended->solver->state().data();
 }
 

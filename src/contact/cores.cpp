@@ -1,6 +1,8 @@
 // Bounds of cores.
 #include "contact/cores.hpp"
 
+#include "math/dock_assert.hpp"
+
 namespace dockloop {
 
 bool is_annulus(const Core& core) {
@@ -11,6 +13,7 @@ bool is_annulus(const Core& core) {
 }
 
 Annulus<double> get_annulus(const Core& core) {
+  DOCK_ASSERT(is_annulus(core));
   const std::vector<Profile::Node>& node = core.profile.node;
   return {node[0].x, std::min(node[0].r, node[1].r), std::max(node[0].r, node[1].r)};
 }

@@ -6,6 +6,7 @@
 
 #include "contact/latches.hpp"
 #include "contact/laws.hpp"
+#include "math/dock_assert.hpp"
 #include "math/ramp.hpp"
 #include "math/scalar.hpp"
 
@@ -107,6 +108,7 @@ OneLatch<S> calc_latch(const LatchLaw& law, const LatchState& state, const S& t,
 template <class S>
 void calc_latches(const LatchSet& set, const LatchState* state, S t,
                   const RelativeMotion<S>& motion, LatchResult<S>& out) {
+  DOCK_ASSERT(set.count() <= kMaxLatches);
   out = LatchResult<S>();
   for (int i = 0; i < set.count(); ++i) {
     const LatchPlace<S> place = find_place<S>(set.latch[i], motion);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "contact/contact_model.hpp"
+#include "math/dock_assert.hpp"
 #include "math/status.hpp"
 
 namespace dockloop {
@@ -22,6 +23,8 @@ double find_length_of(const Core& segment) { return 2.0 * find_sphere(segment).r
 /// Kind of a pair; the first core is the simpler one. @pre no pair of a plate or a surface of
 /// revolution with a surface of revolution
 PairKind find_kind(const Core& first, const Core& second) {
+  DOCK_ASSERT(second.kind != CoreKind::kRevolution || first.kind == CoreKind::kPoint ||
+              first.kind == CoreKind::kSegment);
   switch (second.kind) {
     case CoreKind::kPoint:
       return PairKind::kPointPoint;

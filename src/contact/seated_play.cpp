@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/dock_assert.hpp"
 #include "math/rotation.hpp"
 
 namespace dockloop {
@@ -149,6 +150,7 @@ double find_highest(const Samples& along_x, const Samples& along_y, const Height
 }  // namespace
 
 SeatedPlay find_seated_play(const ContactModel& model, const LatchSet& latches) {
+  DOCK_ASSERT(model.rings);
   SeatedRings rings(model, latches);
   SeatedPlay play;
   play.overlap = std::max(0.0, -rings.find_gap_at(0.0, 0.0, 0.0));

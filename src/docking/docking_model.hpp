@@ -185,7 +185,8 @@ DockingModel make_docking_model(const Scene& scene,
 
 /// Hold the mechanism where it is. With data.locked its coordinates and velocities in y are not
 /// read, and their rates are zero.
-/// @pre calc_docking with the mechanism at rest and not locked. @post data.locked == &locked
+/// @pre the poses of mechanism, chaser and capture body are those to hold, and the mechanism is at
+/// rest. @post data.locked == &locked
 void lock_mechanism(const DockingModel& model, DockingData<double>& data, LockedMechanism& locked);
 
 /// Join the target to the locked mechanism, or release it. @pre lock_mechanism

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "docking/hard_dock_body.hpp"
+#include "math/dock_assert.hpp"
 #include "math/status.hpp"
 
 namespace dockloop {
@@ -48,6 +49,7 @@ std::vector<Eigen::Vector2d> make_circle(int count, double radius, double azimut
 }
 
 double find_preloaded_end(const HardDock& dock) {
+  DOCK_ASSERT(dock.face_count() > 0 && dock.hooks.count() > 0);
   const HookLaw& hooks = dock.hooks;
   const double all = hooks.preload * hooks.count();
   const double pressed = all / dock.faces.stiffness + dock.faces.toe / 2.0;

@@ -5,6 +5,7 @@
 #include <type_traits>
 
 #include "loops/loop_equations.hpp"
+#include "math/dock_assert.hpp"
 #include "math/scalar.hpp"
 #include "mechanism/mechanism_dynamics.hpp"
 
@@ -121,6 +122,7 @@ void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
 template <class S>
 void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int base_body,
                     MechanismData<S>& data) {
+  DOCK_ASSERT(data.found != Need::kRates);
   const MechanismModel& model = mechanism.model;
   const LoopPlan& plan = mechanism.plan;
   TreeData<S>& tree = data.tree;
@@ -151,6 +153,7 @@ void keep_reference(const Mechanism& mechanism, MechanismData<S>& data) {
 
 template <class S>
 void calc_leg_bodies(const Mechanism& mechanism, MechanismData<S>& data) {
+  DOCK_ASSERT(data.found != Need::kRates);
   calc_leg_coordinates(mechanism.model, data.tree, data.loops);
   put_leg_velocities(data.tree, data.loops);
   calc_tree_position(mechanism.model, mechanism.plan.leg_bodies, data.tree);
@@ -169,6 +172,7 @@ Wrench<S> find_own_momentum(const Body& body, int i, const TreeData<S>& tree) {
 
 template <class S>
 S find_mechanism_energy(const Mechanism& mechanism, const MechanismData<S>& data) {
+  DOCK_ASSERT(data.found != Need::kRates);
   const TreeData<S>& tree = data.tree;
   S energy(0);
   for (int i : mechanism.plan.tree_bodies) {
@@ -184,6 +188,7 @@ S find_mechanism_energy(const Mechanism& mechanism, const MechanismData<S>& data
 
 template <class S>
 LegSums<S> find_motion_sums(const Mechanism& mechanism, const MechanismData<S>& data) {
+  DOCK_ASSERT(data.found != Need::kRates);
   const TreeData<S>& tree = data.tree;
   LegSums<S> sum{S(0), Vec3<S>::Zero(), {}};
   for (int i : mechanism.plan.tree_bodies) {
@@ -210,6 +215,7 @@ LegSums<S> find_motion_sums(const Mechanism& mechanism, const MechanismData<S>& 
 
 template <class S>
 void calc_joint_loads(const Mechanism& mechanism, MechanismData<S>& data) {
+  DOCK_ASSERT(data.found == Need::kEverything);
   const MechanismModel& model = mechanism.model;
   TreeData<S>& tree = data.tree;
   data.scratch = tree.external;
@@ -252,6 +258,7 @@ void calc_joint_loads(const Mechanism& mechanism, MechanismData<S>& data) {
 
 template <class S>
 double find_closure_residual(const Mechanism& mechanism, MechanismData<S>& data) {
+  DOCK_ASSERT(data.found != Need::kRates);
   const LoopPlan& plan = mechanism.plan;
   if (!plan.platforms.empty()) {
     calc_leg_coordinates(mechanism.model, data.tree, data.loops);

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "math/dock_assert.hpp"
 #include "sim/accuracy_table.hpp"
 
 namespace dockloop {
@@ -161,6 +162,7 @@ SolverChoice choose_solver(const Parameters& p, double tolerance, const DockingM
 
 std::string describe_choice(const Parameters& p, const SolverChoice& c, double tolerance,
                             const DockingModel& model) {
+  DOCK_ASSERT(p.accuracy != 0.0);
   const AccuracyTable& table = get_table(model);
   const MethodFacts& method = *find_method(c.method);
   char text[400];

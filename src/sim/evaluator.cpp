@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "math/dock_assert.hpp"
+
 namespace dockloop {
 
 Evaluator::Evaluator(std::shared_ptr<const DockingModel> model, const SimState& state,
@@ -101,12 +103,14 @@ Status Evaluator::aside(double tau, const double* y, double* ydot, Need need) {
 }
 
 Status Evaluator::calc_jacobian(double tau, const double* y) {
+  DOCK_ASSERT(pass_);
   return calc_docking_jacobian(*model_, state_.discrete, state_.memory, *trial_, loads_.at(tau),
                                state_.elapsed + tau, y, *pass_, jacobian_);
 }
 
 Status Evaluator::build_matrix(double tau, const double* y, bool is_accepted, bool renews,
                                double* block, int& cost) {
+  DOCK_ASSERT(matrix_);
   const StateLayout& layout = model_->layout;
   // Of dual numbers, per direction, measured.
   constexpr int kCost = 2;

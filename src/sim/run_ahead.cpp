@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "math/dock_assert.hpp"
 #include "sim/step_loop.hpp"
 
 namespace dockloop {
@@ -35,6 +36,7 @@ void StepLoop::note_inputs(bool goes_on) {
 }
 
 void StepLoop::stride(double late, double h) {
+  DOCK_ASSERT(is_pending() && covers(late, h));
   note_inputs(true);
   ahead_.reached += late;
   ahead_.y_before.swap(y_inside_);
@@ -83,6 +85,7 @@ Status StepLoop::stay_pending(double point) {
 }
 
 Status StepLoop::remake_pending() {
+  DOCK_ASSERT(is_pending());
   const LoopReference<double> accepted = present().mechanism.loops.reference;
   Counters counters = find_counters();
   counters.steps = ahead_.steps;
@@ -116,6 +119,7 @@ Status StepLoop::remake_pending() {
 }
 
 Status StepLoop::settle() {
+  DOCK_ASSERT(is_pending());
   const double begin = ahead_.begin, end = ahead_.reached;
   loads_.hold(ahead_.loads);
   ahead_.pending = false;

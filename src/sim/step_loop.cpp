@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+#include "math/dock_assert.hpp"
 #include "sim/outputs.hpp"
 
 namespace dockloop {
@@ -63,6 +64,7 @@ void StepLoop::start() {
 }
 
 Status StepLoop::advance(double h, std::int64_t limit, bool was_pending) {
+  DOCK_ASSERT(h > 0.0);
   if (method_.runs_ahead) {
     std::copy_n(was_pending ? y_inside_.data() : y(), y_inside_.size(), ahead_.y_before.begin());
   }

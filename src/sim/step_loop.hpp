@@ -119,15 +119,16 @@ class StepLoop {
   bool can_go_on(double late, double h) const;
   /// Does a communication step of h end inside the pending step?
   bool covers(double late, double h) const { return ahead_.reached + late + h < inner_.to; }
-  /// A communication step inside the pending step: no evaluation.
+  /// A communication step inside the pending step: no evaluation. @pre covers()
   void stride(double late, double h);
   /// A host that changes its inputs at every point would pay for steps that are dropped: count.
   void note_inputs(bool goes_on);
   /// Inputs are about to change: make the pending step again, as a step to the communication point.
-  /// On failure the state is undefined. @post the loads are those of the pending step
+  /// On failure the state is undefined. @pre is_pending() @post the loads are those of the pending
+  /// step
   Status settle();
-  /// Make the pending step again after its start was restored, with the same bits. @pre the
-  /// counters have no meaning
+  /// Make the pending step again after its start was restored, with the same bits.
+  /// @pre is_pending(); the counters have no meaning
   Status remake_pending();
   /// The state at the communication point: as interpolated, and as it is read.
   const double* interpolated_y() const { return is_pending() ? y_inside_.data() : y(); }
