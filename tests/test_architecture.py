@@ -116,6 +116,21 @@ def test_a_room_includes_only_what_lies_below_it(room):
     assert not wrong, wrong
 
 
+LONGEST = 700  # lines of a source file
+LONGER = {  # one algorithm as templates, in the order of its steps
+    "src/docking/docking_model_body.hpp",
+    "src/loops/leg_platforms_body.hpp",
+}
+
+
+def test_a_source_file_can_be_read_at_once():
+    lengths = {
+        str(path.relative_to(ROOT)): len(path.read_text().splitlines())
+        for path in list_sources("src", "fmu")
+    }
+    assert {name for name, lines in lengths.items() if lines > LONGEST} == LONGER
+
+
 # Edges that once were there and that no test saw.
 @pytest.mark.parametrize(
     ("file", "include"),

@@ -42,7 +42,8 @@ OWNERS = {
     "model.flight": "src/sim/values.hpp",
     "solver.dae_form": "src/sim/values.hpp",
     "solver.method": "src/sim/solver_methods.cpp",
-    **dict.fromkeys(("loads", "dissipated energies", "units", GROUPS), TABLE),
+    **dict.fromkeys(("loads", "units", GROUPS), TABLE),
+    "dissipated energies": "src/interface/variables_solver.cpp",
     **dict.fromkeys(("types", "causalities", "variabilities"), TABLE),
 }
 _SCHEMA = "values that a file may have, for editors of files; a test below compares the lists"
@@ -67,8 +68,6 @@ ALLOWED = {
     ("friction.model", "src/contact/laws.hpp"): "lies below the list (src/README.md)",
     ("friction.model", "src/sim/values.hpp"): "a comment on the member",
     ("model.level", "src/math/choice.hpp"): "the example in a comment",
-    ("model.level", "src/sim/start.cpp"): "the message names two levels",
-    ("solver.method", "src/sim/start.cpp"): "the message names two methods",
 }
 LITERAL = re.compile(r'"((?:\\.|[^"\\\n])*)"|\'((?:\\.|[^\'\\\n])*)\'')
 

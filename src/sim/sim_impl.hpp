@@ -61,14 +61,11 @@ struct DockingSim::Impl : SimState {
   void clear();
   void initialise(double t0, double tolerance);
   void start(std::shared_ptr<const Setup> from);
-  void check_parameters() const;
   ContactLaw make_contact_law() const;
   void choose_frame_O();
   void start_sequence();
   bool can_be_quiescent() const;
   bool can_drift() const;
-  void check_joint_starts(const LoopPlan& plan) const;
-  void check_mechanism_rests() const;
   Status bring_joints_to_start();
   void set_start_state();
   void warn_about_start();

@@ -1,4 +1,4 @@
-// From scene and parameters to the start state: checks, model, integrator, warnings.
+// From scene and parameters to the start state: model, parts of the simulation, warnings.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -7,6 +7,7 @@
 #include "math/inertia.hpp"
 #include "mechanism/kernels.hpp"
 #include "sim/sim_impl.hpp"
+#include "sim/start_checks.hpp"
 
 namespace dockloop {
 namespace {
@@ -19,81 +20,6 @@ Inputs::Vehicle find_start(const VehicleParameters& p) {
   start.attitude = p.attitude;
   start.angular_velocity = p.angular_velocity;
   return start;
-}
-
-void check_quaternion(const Vec4<double>& q, const std::string& name) {
-  if (!is_attitude(q)) {
-    throw ModelError(name + " must be a unit quaternion (w, x, y, z); its norm is " +
-                     describe_number(q.norm()));
-  }
-}
-
-void check_vehicle(const VehicleParameters& p, const std::string& name) {
-  // Far below the mass of any vehicle, far above numbers with an infinite inverse.
-  constexpr double kLeastMass = 1e-9, kLeastInertia = 1e-12;  // [kg], [kg m2]
-  if (!(p.mass >= kLeastMass)) {
-    throw ModelError(name + ".mass is " + describe_number(p.mass) +
-                     " kg; it must be at least 1e-9 kg");
-  }
-  const Mat3<double> inertia = make_symmetric(p.inertia);
-  const Eigen::LLT<Mat3<double>> positive(inertia);
-  if (positive.info() != Eigen::Success || !(inertia.diagonal().minCoeff() >= kLeastInertia)) {
-    std::string values;
-    for (int i = 0; i < 6; ++i) values += " " + describe_number(p.inertia[i]);
-    throw ModelError(name + ".inertia (xx yy zz xy xz yz) is" + values +
-                     "; it must be positive definite");
-  }
-  constexpr double kTyped = 1e-6;  // relative rounding in a data sheet
-  const Vec3<double> moment = find_principal_moments(inertia);
-  if (!can_have_moments(moment, kTyped)) {
-    char text[300];
-    std::snprintf(text, sizeof text,
-                  "%s.inertia has the principal moments %.6g, %.6g and %.6g kg m2; no body has one "
-                  "larger than the sum of the two others: check the order xx yy zz xy xz yz",
-                  name.c_str(), moment[0], moment[1], moment[2]);
-    throw ModelError(text);
-  }
-  if (p.mass_includes_mechanism != 1 && p.mass_includes_mechanism != 2) {
-    throw ModelError(name + ".mass_includes_mechanism must be 1 (excluded) or 2 (included)");
-  }
-  check_quaternion(p.interface_attitude, name + ".interface_attitude");
-  check_quaternion(p.attitude, name + ".attitude");
-}
-
-/// Methods and levels of src/compare are valid only with src/compare.
-void check_method(const Parameters& p, bool has_comparison) {
-  check_choice(p.solver_method, list_carried_methods(has_comparison), "solver.method");
-  if (has_comparison) return;
-  if (find_method(p.solver_method)->for_comparison) {
-    throw ModelError("solver.method is " + std::to_string(p.solver_method) +
-                     describe_missing_method(p.solver_method));
-  }
-  if (p.model_level == kReference) {
-    throw ModelError("model.level is 4" + describe_missing_reference_level());
-  }
-}
-
-/// The form with multipliers needs method 9, and method 9 needs this form.
-void check_level(const Parameters& p, FmiKind fmi_kind) {
-  check_choice(p.model_level, kLevels, "model.level");
-  if (fmi_kind == FmiKind::kModelExchange) {
-    if (p.model_level != kReference) return;
-    throw ModelError(
-        "model.level is 4 (reference), which is not available for model exchange: set "
-        "model.level = 3 (reduced), or use co-simulation");
-  }
-  if (p.model_level == kReference && p.solver_method != kDae && p.solver_method != kAuto) {
-    throw ModelError(
-        "model.level is 4 (reference), which only solver.method 9 (dae) or 1 (auto) "
-        "integrates; solver.method is " +
-        std::to_string(p.solver_method));
-  }
-  if (p.model_level != kReference && p.solver_method == kDae) {
-    throw ModelError(
-        "solver.method is 9 (dae), which integrates the mechanism with multipliers: "
-        "set model.level to 4 (reference); it is " +
-        std::to_string(p.model_level));
-  }
 }
 
 /// Motors and drives act by themselves, failures at their time.
@@ -204,7 +130,7 @@ void DockingSim::Impl::clear() {
   for (auto* v : {&outputs.leg_length, &outputs.leg_rate, &outputs.leg_force})
     zero(*v, m.legs.size());
   const LoopPlan plan = Mechanism(m).plan;
-  check_joint_starts(plan);
+  check_joint_starts(*scene, plan);
   zero(outputs.state_q, plan.ind_q.size());
   zero(outputs.state_v, plan.ind_v.size());
   zero(outputs.state_a, plan.ind_v.size());
@@ -235,82 +161,6 @@ void DockingSim::Impl::clear() {
   status_text.clear();
   warnings.clear();
   invalidate();
-}
-
-void DockingSim::Impl::check_parameters() const {
-  const Parameters& p = parameters;
-  check_vehicle(p.vehicle[kChaser], "chaser");
-  if (scene->has_target) check_vehicle(p.vehicle[kTarget], "target");
-  const auto positive = [](double value, const char* name) {
-    if (!(value > 0.0)) {
-      throw ModelError(std::string(name) + " is " + describe_number(value) +
-                       "; it must be above 0");
-    }
-  };
-  positive(p.rtol, "solver.rtol");
-  positive(p.atol_position, "solver.atol_position");
-  positive(p.atol_velocity, "solver.atol_velocity");
-  positive(p.atol_energy, "solver.atol_energy");
-  positive(p.step, "solver.step");
-  positive(p.coupling_expected_step, "coupling.expected_step");
-  positive(p.coupling_velocity_tolerance, "coupling.velocity_tolerance");
-  check_choice(p.coupling_mode, kCouplingModes, "coupling.mode");
-  check_method(p, comparison != nullptr);
-  check_level(p, fmi_kind);
-  check_choice(p.flight, kFreeDriftModels, "model.flight");
-  check_choice(p.dae_form, kDaeForms, "solver.dae_form");
-  if (fmi_kind == FmiKind::kModelExchange &&
-      p.friction_model != scene->contact.law.friction_model) {
-    throw ModelError("friction.model is " + std::to_string(p.friction_model) +
-                     ", which changes the number of continuous states: for model exchange set it "
-                     "in the scene (key contact.friction_model) and build the FMU again");
-  }
-  if (!(p.contact_thrust_delay >= 0.0)) {
-    throw ModelError("chaser.contact_thrust_delay must be 0 s or more");
-  }
-}
-
-/// A start can be prescribed only for single joints that no loop determines.
-void DockingSim::Impl::check_joint_starts(const LoopPlan& plan) const {
-  const std::vector<Body>& bodies = scene->mechanism.bodies;
-  const auto is_independent = [&](int i) {
-    return std::find(plan.ind_bodies.begin(), plan.ind_bodies.end(), i) != plan.ind_bodies.end();
-  };
-  for (const JointStart& start : scene->joint_starts) {
-    int at = kBase;
-    std::string choice;
-    for (int i = 0; i < static_cast<int>(bodies.size()); ++i) {
-      if (bodies[i].name == start.name) at = i;
-      if (is_independent(i) && bodies[i].joint != JointType::kFree)
-        choice += (choice.empty() ? "" : ", ") + bodies[i].name;
-    }
-    if (at != kBase && is_independent(at) && bodies[at].joint != JointType::kFree) continue;
-    const std::string reason =
-        at == kBase ? "the mechanism has no body of that name"
-        : !is_independent(at)
-            ? "a loop determines this joint"
-            : "a free joint has no single coordinate (initial.capture_body displaces a free "
-              "capture body)";
-    throw ModelError("initial.joints." + start.name + ": " + reason +
-                     (choice.empty() ? "; no joint of this mechanism has a free start value"
-                                     : "; joints with a free start value are " + choice));
-  }
-}
-
-/// A locked mechanism must be at rest. @pre evaluate
-void DockingSim::Impl::check_mechanism_rests() const {
-  for (const Body& body : model->mechanism.model.bodies) {
-    if (&body == &model->mechanism.model.bodies[0] && model->mechanism.vehicle != kBase) continue;
-    const double rate = present().mechanism.tree.v.segment(body.v_index, body.nv()).norm();
-    if (rate == 0.0) continue;
-    char text[320];
-    std::snprintf(text, sizeof text,
-                  "model.level is 1 (rigid), but the joint of body '%s' starts at a rate of %.6g; "
-                  "leave out rates in initial.capture_body and initial.joints (and driven "
-                  "couplings), or set model.level = 3 (reduced)",
-                  body.name.c_str(), rate);
-    throw ModelError(text);
-  }
 }
 
 ContactLaw DockingSim::Impl::make_contact_law() const {
@@ -405,7 +255,7 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
     p.attitude = in.attitude;
     p.angular_velocity = in.angular_velocity;
   }
-  check_parameters();
+  check_parameters(parameters, *scene, fmi_kind, comparison != nullptr);
   try {
     start(std::make_shared<const Setup>(Setup{parameters, t0, tolerance}));
     if (host->announces()) announce(parameters.coupling_expected_step);
@@ -473,7 +323,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   if (!status.ok()) throw ModelError("start state: " + describe(status));
   keep_pose();
   if (parameters.model_level == kRigid) {
-    check_mechanism_rests();
+    check_mechanism_rests(*model, present());
     quiescent_mode->lock_always();
     if (!evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
   }

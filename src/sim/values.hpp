@@ -1,5 +1,5 @@
 // Inputs and outputs of a docking simulation: plain data with the names and units of the FMU
-// (frames: src/README.md). The variable table in src/interface/variables.cpp points to these
+// (frames: src/README.md). The variable table in src/interface/variables_*.cpp points to these
 // structs.
 #pragma once
 
