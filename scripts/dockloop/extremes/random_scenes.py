@@ -121,29 +121,50 @@ class Outcome:
     drawn: list[Drawn] = field(default_factory=list)
 
 
+class Dice:
+    """Random numbers of a scene: each quantity has its own, so a new one leaves the others alone.
+
+    Attributes:
+        name: of the scene.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def draw(self, what: str) -> float:
+        """Return the number of a quantity, from 0 to 1."""
+        return random.Random(f"{self.name}/{what}").random()
+
+    def draw_log(self, what: str, low: float, high: float) -> float:
+        """Draw a quantity log-uniformly, four digits of it."""
+        return float(f"{low * (high / low) ** self.draw(what):.4g}")
+
+    def choose(self, what: str, weights: dict[str, float]) -> str:
+        """Choose a name. Where a new name is added, it takes its share of all others."""
+        return max(weights, key=lambda name: self.draw(f"{what}={name}") ** (1.0 / weights[name]))
+
+
 def draw_scene(seed: int, number: int, limit: float = LIMIT) -> Case:
     """Return a scene of a seed: always the same one for the same two numbers."""
-    dice = random.Random(f"{seed}/{number}")
-    weights = [often for often, _, _ in BASES.values()]
-    scene = dice.choices(list(BASES), weights)[0]
+    dice = Dice(f"{seed}/{number}")
+    scene = dice.choose("scene", {name: often for name, (often, _, _) in BASES.items()})
     keys: dict[str, Any] = {}
     for name, where in list_ranges(scene).items():
-        keys[name] = 0.0 if dice.random() < where.zero else _draw_log(dice, where.low, where.high)
+        is_zero = dice.draw(f"{name} is zero") < where.zero
+        keys[name] = 0.0 if is_zero else dice.draw_log(name, where.low, where.high)
     if BASES[scene][1]:
-        keys |= {name: dice.uniform(0.0, most) for name, most in ANGLES.items()}
-        keys["contact.friction_model"] = dice.choice(
-            [choice.name for choice in list_choices("friction.model")]
-        )
+        keys |= {name: most * dice.draw(name) for name, most in ANGLES.items()}
+        keys["contact.friction_model"] = _choose(dice, "friction.model")
     for vehicle, sign in (("chaser", 1.0), ("target", -1.0)):
-        length, *others = (_draw_log(dice, *SIZES) for _ in range(3))
+        length, *others = (dice.draw_log(f"{vehicle} {axis}", *SIZES) for axis in "xyz")
         keys[f"{vehicle}.inertia"] = _find_inertia(keys[f"{vehicle}.mass"], length, *others)
         keys[f"{vehicle}.interface_position"] = [sign * length / 2.0, 0.0, 0.0]
     keys["solver.method"] = _draw_method(dice)
-    keys["model.level"] = dice.choice([c.name for c in list_choices("model.level")][:3])
-    if dice.random() < 0.03:
+    keys["model.level"] = _choose(dice, "model.level", 3)
+    if dice.draw("reference level") < 0.03:
         keys["model.level"] = "reference"  # which no FMU carries
     keys |= {f"solver.{n}": share * keys["solver.rtol"] for n, share in ATOL_PER_RTOL.items()}
-    span = keys["initial.approach_time"] + _draw_log(dice, *DURATION)
+    span = keys["initial.approach_time"] + dice.draw_log("duration", *DURATION)
     span = max(min(span, _MOST_STEPS * keys["experiment.step"]), keys["experiment.step"])
     if span < 4.0 * keys["initial.approach_time"]:  # few steps: begin close to the contact
         keys["initial.approach_time"] = span / 4.0
@@ -160,15 +181,16 @@ def list_ranges(scene: str) -> dict[str, Range]:
     return ranges | ({f"{legs}.{name}": where for name, where in LEGS.items()} if legs else {})
 
 
-def _draw_log(dice: random.Random, low: float, high: float) -> float:
-    """Draw a number log-uniformly, four digits of it."""
-    return float(f"{low * (high / low) ** dice.random():.4g}")
+def _choose(dice: Dice, what: str, count: int | None = None) -> str:
+    """Choose one of the first names of a list of choices."""
+    return dice.choose(what, {choice.name: 1.0 for choice in list_choices(what)[:count]})
 
 
-def _draw_method(dice: random.Random) -> str:
+def _draw_method(dice: Dice) -> str:
     """Draw a method: mostly one that FMUs carry."""
-    is_carried = dice.random() < 0.95
-    return dice.choice([m["name"] for m in list_methods() if m["for_comparison"] != is_carried])
+    is_carried = dice.draw("carried method") < 0.95
+    names = [m["name"] for m in list_methods() if m["for_comparison"] != is_carried]
+    return dice.choose("method", dict.fromkeys(names, 1.0))
 
 
 def _find_inertia(mass: float, a: float, b: float, c: float) -> list[float]:
