@@ -139,7 +139,7 @@ def test_no_step_begins_on_the_wrong_side_of_the_jump(runs):
     # The damper's force is there from the first stage on; error control would cut such a step down.
     run = simulate(runs, 0.5, pulls=True)
     assert run["capture.compression"][0] == pytest.approx(Exact(0.5).force(0.0), rel=1e-12)
-    assert run["solver.rejected_steps"][-1] <= 1  # at the end of contact
+    assert run["solver.rejected_steps"][-1] <= 2  # at the end of contact
 
 
 @pytest.mark.parametrize("zeta", ZETAS)

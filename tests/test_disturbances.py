@@ -64,7 +64,7 @@ def test_a_disturbance_has_its_impulse_at_any_step(scene, method):
 def test_its_numbers_are_parameters(scene):
     values = {"disturbance[1].force[1]": 0.0, "disturbance[1].force[2]": 20.0}
     run = dl.run(scene, start_values={**values, "disturbance[1].time": 2.5}, stop=3.0)
-    assert run["chaser.velocity[1]"][-1] == 0.0
+    assert abs(run["chaser.velocity[1]"][-1]) < 1e-18
     assert run["chaser.velocity[2]"][-1] == pytest.approx(0.01, rel=1e-9)  # half of it
 
 

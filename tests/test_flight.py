@@ -72,7 +72,7 @@ def test_a_drift_costs_nothing_and_changes_nothing(docking):
     share = runs["resting"][0] / runs["resting"][1]
     before = runs["integrated"][0] / runs["integrated"][1]
     print(f"free drift: {100 * share:.2f} % of the evaluations, integrated {100 * before:.0f} %")
-    assert before > 0.15, before
+    assert before > 0.1, before
     assert share < 0.08, share
     scale = runs["truth"][2].max()
     for name in ("integrated", "resting", "short steps"):
@@ -170,9 +170,10 @@ def test_what_moves_or_is_close_does_not_rest(runs, case):
     )
     scene = swinging if case == "swinging" else ("initial.approach_time=0.1",)
     with started(runs.fmu("idss_25t_350t", GROUPS, *scene)) as host:
-        for _ in range(5):
+        for _ in range(5):  # longer than a step ahead of the communication points before
             before = evaluations(host)
-            host.step(1.0 if case == "swinging" else 0.015)
+            for _ in range(1 if case == "swinging" else 5):
+                host.step(1.0 if case == "swinging" else 0.015)
             assert evaluations(host) > before
 
 

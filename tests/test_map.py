@@ -64,14 +64,14 @@ def test_an_ordinary_run_is_right_with_its_figures():
 
 
 def test_a_tolerance_that_is_too_wide_is_loose_and_its_remedy_is_right():
-    verdict = judge_short(wanted=1e-4, solver__rtol=1e-2)
+    verdict = judge_short(wanted=1e-5, solver__rtol=1e-2)
     assert verdict.verdict == "loose", verdict
-    assert verdict.error > 1e-4
+    assert verdict.error > 1e-5
     name, value = verdict.reason.rpartition("right with ")[2].split()
     assert name == "solver.rtol"
     share = float(value) / 1e-2
     atol = {"solver.atol_position": 1e-8 * share, "solver.atol_velocity": 1e-8 * share}
-    cured = Case(SCENE, SHORT | {name: float(value)} | atol, stop=0.6, wanted=1e-4)
+    cured = Case(SCENE, SHORT | {name: float(value)} | atol, stop=0.6, wanted=1e-5)
     assert judge(cured).verdict == "right"
 
 

@@ -62,6 +62,8 @@ Status DockingSim::Impl::update_joint(double tau) {
 /// Chaser, mechanism and target become one body in their present relative pose. Momenta stay; the
 /// kinetic energy of relative motion is dissipated.
 Status DockingSim::Impl::join_rigidly(double tau) {
+  Status status = calc_begin_point(ahead.reached);
+  if (!status.ok()) return status;
   if (const char* obstacle = find_joint_obstacle()) {
     status_text = obstacle;
     return {StatusCode::kBadInput, -1, 0.0, elapsed + tau};
@@ -75,7 +77,7 @@ Status DockingSim::Impl::join_rigidly(double tau) {
   double* y = step_loop->y();
   std::fill_n(y + model->layout.mechanism_v, model->layout.mechanism_nv, 0.0);
   quiescent_mode->restore(y);
-  Status status = evaluate(tau);
+  status = evaluate(tau);
   if (!status.ok()) return status;
   put_joined_target();
   status = evaluate(tau);
@@ -85,6 +87,8 @@ Status DockingSim::Impl::join_rigidly(double tau) {
 
 /// All bodies keep the common motion.
 Status DockingSim::Impl::release_joint(double tau) {
+  const Status status = calc_begin_point(ahead.reached);
+  if (!status.ok()) return status;
   put_joined_target();
   discrete.hard_dock.joint = RigidJoint();
   quiescent.on = false;

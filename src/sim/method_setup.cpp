@@ -53,6 +53,15 @@ bool DockingSim::Impl::uses_structured_matrix(const RunMethod& method) const {
          (chosen.method == kAuto && prefers_structured_matrix(method.rtol));
 }
 
+/// One-step methods of our own with error control? Methods and forms for comparison are others.
+bool DockingSim::Impl::makes_own_steps(const RunMethod& method) const {
+  if (method.is_structured) return !method.is_fixed_step();
+  if (!method.is_co_simulation || method.is_reference || method.facts->for_comparison) return false;
+  if (parameters.model_level == kReference) return false;
+  const Stepper::Method used = find_stepper_method(method);
+  return used == Stepper::Method::kDormandPrince || used == Stepper::Method::kStabilised;
+}
+
 /// The method and what follows from it. Steps that pass communication points need a one-step method
 /// and no host that integrates a vehicle. What acts at known times ends a step; a sequence acts at
 /// booked states only.
@@ -63,7 +72,7 @@ RunMethod DockingSim::Impl::choose_method() const {
   method.is_co_simulation = fmi_kind == FmiKind::kCoSimulation;
   method.is_reference = static_cast<bool>(adapt_problem);
   method.is_structured = uses_structured_matrix(method);
-  method.runs_ahead = method.is_structured && !method.is_fixed_step() && !host->has_host();
+  method.runs_ahead = makes_own_steps(method) && !host->has_host();
   return method;
 }
 

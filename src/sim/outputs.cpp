@@ -141,9 +141,12 @@ void DockingSim::Impl::update_phase_outputs() {
     outputs.latched[i] = discrete.latch[i].mode == LatchMode::kHeld ? 1 : 0;
     outputs.latch_state[i] = events->find_latch_report(shown(), i);
   }
+  DiscreteState inside;
+  if (ahead.pending) inside = events->find_phases(shown(), find_point_time());
+  const DiscreteState& there = ahead.pending ? inside : discrete;
   outputs.capture_reason =
-      find_capture_reason(events->find_phase_inputs(shown(), outputs.gap), discrete);
-  outputs.seated_time = discrete.seated_time;
+      find_capture_reason(events->find_phase_inputs(shown(), outputs.gap), there);
+  outputs.seated_time = there.seated_time;
   outputs.sequence_step = discrete.sequence.step + 1;
   outputs.sequence_time_in_step = 0.0;
   if (events->sequence().exists()) {
@@ -151,8 +154,8 @@ void DockingSim::Impl::update_phase_outputs() {
   }
   outputs.hooks_closed = count_closed_hooks(model->hard_dock, discrete.hard_dock);
   outputs.joint_rigid = discrete.hard_dock.joint.on;
-  outputs.phase = discrete.phase;
-  outputs.outcome = discrete.outcome;
+  outputs.phase = there.phase;
+  outputs.outcome = there.outcome;
   outputs.captured = discrete.captured;
   const auto report = [this](double since_start) {
     return since_start < 0.0 ? -1.0 : setup->t_start + since_start;

@@ -40,6 +40,8 @@ void StepLoop::stride(double late, double h) {
   note_inputs(true);
   ahead_.reached += late;
   ahead_.y_before.swap(y_inside_);
+  ahead_.is_begin_known = false;
+  ahead_.pose_before = present().mechanism.loops.reference;
   stepper_->interpolate(ahead_.reached + h, y_inside_.data());
   is_shown_ = false;
 }
@@ -52,9 +54,10 @@ void StepLoop::keep_context() {
 }
 
 /// Prepare a step that may end after the communication point: what decides its bits becomes part of
-/// the state. @param is_evaluated  the start was the end of an inner step; else evaluate it
+/// the state. @param h  of the communication step. @param is_evaluated  the start was the end of an
+/// inner step; else evaluate it
 /// @pre ahead_.size, ahead_.last_error
-Status StepLoop::begin_ahead(double tau, bool is_evaluated) {
+Status StepLoop::begin_ahead(double tau, double h, bool is_evaluated) {
   if (!is_evaluated) {
     keep_context();
     if (!evaluator_.start_rates()) {
@@ -64,8 +67,10 @@ Status StepLoop::begin_ahead(double tau, bool is_evaluated) {
     }
   }
   ahead_.begin = tau;
+  ahead_.farthest = tau + kFarthestAhead * h;
   ahead_.loads = loads_.at_start();
   ahead_.proposal = proposal_;
+  ahead_.fastest_rate = state_.fastest_rate;
   ahead_.steps = find_counters().steps;
   ahead_.jacobian = kept_;
   start_ahead();
@@ -74,7 +79,7 @@ Status StepLoop::begin_ahead(double tau, bool is_evaluated) {
 
 void StepLoop::start_ahead() {
   stepper_->restart(ahead_.begin, ahead_.size,
-                    {evaluator_.start_rates(), state_.fastest_rate, ahead_.last_error});
+                    {evaluator_.start_rates(), ahead_.fastest_rate, ahead_.last_error});
 }
 
 /// The step just made ends after the communication point.
@@ -86,7 +91,7 @@ Status StepLoop::stay_pending(double point) {
 
 Status StepLoop::remake_pending() {
   DOCK_ASSERT(is_pending());
-  const LoopReference<double> accepted = present().mechanism.loops.reference;
+  accepted_pose_ = present().mechanism.loops.reference;
   Counters counters = find_counters();
   counters.steps = ahead_.steps;
   set_counters(counters);
@@ -103,14 +108,15 @@ Status StepLoop::remake_pending() {
   evaluator_.forget();
   Status status = evaluator_.at(ahead_.begin, y(), Evaluator::Rates::kNew);
   exchange_context();
-  evaluator_.use_reference(accepted);
+  evaluator_.use_reference(accepted_pose_);
   if (!status.ok()) return status;
   margin_before_ = find_margin();
   proposal_ = ahead_.proposal;
+  state_.fastest_rate = ahead_.fastest_rate;
   kept_ = ahead_.jacobian;
   start_ahead();
   stepper_->set_evaluation_limit(std::numeric_limits<std::int64_t>::max());
-  status = make_inner_step(ahead_.begin, ahead_.begin + kFarthestAhead, true);
+  status = make_inner_step(ahead_.begin, ahead_.farthest, true);
   if (!status.ok()) return status;
   if (!(inner_.to > ahead_.reached && ahead_.reached >= ahead_.begin)) {
     return find_failure(ahead_.reached);
@@ -125,6 +131,7 @@ Status StepLoop::settle() {
   ahead_.pending = false;
   ahead_.reached = 0.0;
   state_.h_warm = proposal_ = ahead_.proposal;
+  state_.fastest_rate = ahead_.fastest_rate;
   return_to(begin, std::min(proposal_, end - begin));
   Status status = quiescent_mode_.evaluate(begin, y());
   if (status.ok() && end - begin > find_clock_rounding(t_start_, state_.elapsed + end)) {
@@ -136,11 +143,17 @@ Status StepLoop::settle() {
   return status;
 }
 
-/// The state to be read inside a pending step, from that of the cubic. Where the rates differ from
-/// the slope of the cubic, stiff forces are not in balance: one linearly implicit step of no
-/// length, with the matrix of the pending step, restores the balance and keeps momentum.
+/// The state to be read inside a pending step, from the polynomial of the method. Linearly implicit
+/// steps are long where forces are stiff: where the rates differ from the slope of the cubic, these
+/// forces are not in balance. One linearly implicit step of no length, with the matrix of the
+/// pending step, restores the balance and keeps momentum.
 Status StepLoop::balance_point() {
   if (is_balanced()) return {};
+  if (!method_.is_structured) {
+    y_shown_ = y_inside_;
+    is_shown_ = true;
+    return {};
+  }
   loads_.hold(ahead_.loads);
   const Status status = evaluator_.aside(ahead_.reached, y_inside_.data(), scratch_.data());
   if (!status.ok() || !stepper_->find_slope(ahead_.reached, y_shown_.data())) return status;

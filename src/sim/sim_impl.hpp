@@ -74,6 +74,7 @@ struct DockingSim::Impl : SimState {
   double find_relative_tolerance() const;
   bool prefers_structured_matrix(double rtol) const;
   bool uses_structured_matrix(const RunMethod& method) const;
+  bool makes_own_steps(const RunMethod& method) const;
   RunMethod choose_method() const;
   void enter_comparison(Stepper::Problem& problem);
   void make_loop();
@@ -99,6 +100,7 @@ struct DockingSim::Impl : SimState {
   Status settle();
   void settle_for_parameters();
   Status calc_due_mean_loads();
+  Status calc_begin_point(double tau);
   Status calc_coupling_point(double tau, const double* y, CouplingPoint& point);
   Status balance_point();
   Status evaluate_point(bool may_lock = true);
@@ -250,7 +252,6 @@ struct DockingSim::Impl : SimState {
 
   // scratch
   StepLoads loads;
-  CouplingPoint step_begin;                      ///< at the start of the last communication step
   std::unique_ptr<BaseJumpWorkspace> jump_work;  ///< with a driven vehicle only
   std::unique_ptr<Snapshot> look_ahead_start;    ///< only if loads are announced
   std::unique_ptr<UnreducedForm> unreduced;      ///< at model.level 4 only

@@ -71,9 +71,11 @@ struct RunAhead {
   bool pending = false;
   double reached = 0.0;   ///< the communication point [s since `elapsed`]; 0 unless pending
   double begin = 0.0;     ///< of the step [s since `elapsed`]
+  double farthest = 0.0;  ///< it ends there at the latest [s since `elapsed`]
   double size = 0.0;      ///< as the solver was asked for it [s]
   double proposal = 0.0;  ///< of the error control [s]
   double last_error = 1.0;
+  double fastest_rate = 0.0;  ///< of the solution, before it [1/s]
   std::int64_t steps = 0;     ///< count of steps before it
   KeptJacobian jacobian;      ///< before it
   EvaluationContext context;  ///< of the rates at its start
@@ -83,8 +85,11 @@ struct RunAhead {
 
   // Mean loads are computed when they are read: they need evaluations at both points.
   bool is_mean_due = false;
-  std::vector<double> y_before;  ///< state at the last communication point but one
-  Loads mean_known;              ///< mean known loads since then
+  bool is_begin_known = true;         ///< the motion at the last communication point but one
+  CouplingPoint begin_point;          ///< this motion; else it follows from:
+  std::vector<double> y_before;       ///< the state there
+  LoopReference<double> pose_before;  ///< the accepted configuration there
+  Loads mean_known;                   ///< mean known loads since then
 };
 
 struct SimState {
@@ -208,6 +213,11 @@ void transfer(A& archive, DrivenVehicle& v) {
 }
 
 template <class A>
+void transfer(A& archive, CouplingPoint& p) {
+  transfer_members<CouplingPoint>(archive, p.vehicle, p.known);
+}
+
+template <class A>
 void transfer(A& archive, CouplingState& c) {
   transfer_members<CouplingState>(archive, c.vehicle, c.work_residual, c.suggestion, c.follows,
                                   c.regular_step, c.work, c.frequency, c.held_latches, c.warned);
@@ -319,9 +329,10 @@ void transfer(A& archive, Loads& l) {
 
 template <class A>
 void transfer(A& archive, RunAhead& a) {
-  transfer_members<RunAhead>(archive, a.pending, a.reached, a.begin, a.size, a.proposal,
-                             a.last_error, a.steps, a.jacobian, a.context, a.loads, a.changes,
-                             a.is_retuned, a.is_mean_due, a.y_before, a.mean_known);
+  transfer_members<RunAhead>(archive, a.pending, a.reached, a.begin, a.farthest, a.size, a.proposal,
+                             a.last_error, a.fastest_rate, a.steps, a.jacobian, a.context, a.loads,
+                             a.changes, a.is_retuned, a.is_mean_due, a.is_begin_known,
+                             a.begin_point, a.y_before, a.pose_before, a.mean_known);
 }
 
 template <class A>

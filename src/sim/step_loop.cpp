@@ -61,12 +61,15 @@ void StepLoop::start() {
   ahead_.y_before = y_accepted_;
   reserve(ahead_.context.memory, static_cast<size_t>(model_->contact.pair_count()));
   keep_context();
+  ahead_.pose_before = accepted_pose_ = ahead_.context.reference;
 }
 
 Status StepLoop::advance(double h, std::int64_t limit, bool was_pending) {
   DOCK_ASSERT(h > 0.0);
-  if (method_.runs_ahead) {
-    std::copy_n(was_pending ? y_inside_.data() : y(), y_inside_.size(), ahead_.y_before.begin());
+  if (was_pending) {  // what the host has read at this point
+    ahead_.y_before = y_inside_;
+    ahead_.pose_before = present().mechanism.loops.reference;
+    ahead_.is_begin_known = false;
   }
   const Status status = method_.is_fixed_step()
                             ? integrate_fixed(h, limit)
@@ -275,9 +278,9 @@ Status StepLoop::integrate(double tau, double end, bool passes, std::int64_t lim
         passes = false;
         return_to(tau, std::min(proposal_, end - tau));
       }
-      if (passes) status = begin_ahead(tau, is_evaluated);
+      if (passes) status = begin_ahead(tau, asked, is_evaluated);
       if (!status.ok()) return status;
-      status = make_inner_step(tau, passes ? tau + kFarthestAhead : end, passes);
+      status = make_inner_step(tau, passes ? ahead_.farthest : end, passes);
       if (!status.ok() && passes) {  // no failure of this communication step
         passes = false;
         return_to(tau, std::min(proposal_, end - tau));

@@ -32,7 +32,7 @@ namespace dockloop {
 
 constexpr int kJacobianSteps = 50;  ///< longest use of a Jacobian, unless Newton fails
 
-constexpr double kFarthestAhead = 1.0;  ///< an inner step that may pass communication points [s]
+constexpr double kFarthestAhead = 1000.0;  ///< end of a step ahead, in communication steps
 
 /// Rounding of the host's clock [s]. @param now  [s since start]
 inline double find_clock_rounding(double t_start, double now) {
@@ -196,7 +196,7 @@ class StepLoop {
   // run_ahead.cpp
   bool may_pass() const;
   void keep_context();
-  Status begin_ahead(double tau, bool is_evaluated);
+  Status begin_ahead(double tau, double h, bool is_evaluated);
   void start_ahead();
   Status stay_pending(double point);
 
@@ -222,10 +222,11 @@ class StepLoop {
   double margin_before_ = 1.0;  ///< of the loops, at the last accepted state
   Status last_failure_;
   std::vector<double> y_accepted_;
-  /// At a communication point inside a pending step: of the cubic, and as it is read.
+  /// At a communication point inside a pending step: interpolated, and as it is read.
   std::vector<double> y_inside_, y_shown_;
-  bool is_shown_ = false;        ///< y_shown_ is valid
-  std::vector<double> scratch_;  ///< size of y
+  bool is_shown_ = false;                ///< y_shown_ is valid
+  LoopReference<double> accepted_pose_;  ///< while a pending step is made again
+  std::vector<double> scratch_;          ///< size of y
 };
 
 }  // namespace dockloop

@@ -103,7 +103,8 @@ Status DockingSim::Impl::begin_step(double h) {
   if (status.ok()) status = evaluate_start();
   if (status.ok()) status = update_command();
   if (status.ok()) status = update_hard_dock_command();
-  step_begin = find_coupling_point(*model, present(), step_loop->y());
+  ahead.begin_point = find_coupling_point(*model, present(), step_loop->y());
+  ahead.is_begin_known = true;
   drift = 0.0;
   if (status.ok()) step_loop->begin(h);
   return status;
@@ -133,8 +134,8 @@ void DockingSim::Impl::finish_step(double h, bool was_pending) {
     ahead.mean_known = loads.find_mean(h, disturbing);
   } else {
     const CouplingPoint end = find_coupling_point(*model, present(), step_loop->y());
-    update_mean_loads(h, step_begin, end, loads.find_mean(h, disturbing));
-    if (host->has_host()) host->update_impulse_balance(h, step_begin, end, step_loop->y());
+    update_mean_loads(h, ahead.begin_point, end, loads.find_mean(h, disturbing));
+    if (host->has_host()) host->update_impulse_balance(h, ahead.begin_point, end, step_loop->y());
   }
   if (!ahead.pending) balances->update_momentum(*model, present(), step_loop->y());
   advance_inputs(h);
@@ -185,13 +186,25 @@ void DockingSim::Impl::settle_for_parameters() {
 /// Mean loads since the last communication point, if they have not been computed yet.
 Status DockingSim::Impl::calc_due_mean_loads() {
   if (!ahead.is_mean_due) return {};
-  CouplingPoint begin, end;
-  Status status = calc_coupling_point(ahead.reached - last_step, ahead.y_before.data(), begin);
+  CouplingPoint end;
+  Status status = calc_begin_point(ahead.reached - last_step);
   if (status.ok()) status = calc_coupling_point(ahead.reached, step_loop->interpolated_y(), end);
   if (!status.ok()) return status;
-  update_mean_loads(last_step, begin, end, ahead.mean_known);
+  update_mean_loads(last_step, ahead.begin_point, end, ahead.mean_known);
   ahead.is_mean_due = false;
   return {};
+}
+
+/// The motion where a communication step began, at tau. After a change of the model (other
+/// independent coordinates, a rigid joint) it cannot be found any more.
+Status DockingSim::Impl::calc_begin_point(double tau) {
+  if (ahead.is_begin_known) return {};
+  LoopReference<double>& pose = trial().mechanism.loops.reference;
+  pose = ahead.pose_before;
+  const Status status = calc_coupling_point(tau, ahead.y_before.data(), ahead.begin_point);
+  pose = present().mechanism.loops.reference;
+  ahead.is_begin_known = status.ok();
+  return status;
 }
 
 /// The vehicles at another time than that of the contact memory. Their motion does not depend on

@@ -14,6 +14,7 @@
 #include <random>
 
 #include "sim/sim_state.hpp"
+#include "sim/solver_methods.hpp"
 #include "unit/allocations.hpp"
 #include "unit/sim_test_support.hpp"
 
@@ -22,11 +23,12 @@ namespace {
 
 constexpr double kEnd = 4.0;  // [s]; contact after 0.1 s, capture soon after
 
-std::unique_ptr<DockingSim> make_sim_ahead(double rtol = 1e-3) {
+std::unique_ptr<DockingSim> make_sim_ahead(SolverMethod method) {
+  constexpr double rtol = 1e-3;
   static const auto scene = share(short_ring_scene());
   auto sim = std::make_unique<DockingSim>(scene);
   Parameters& p = sim->parameters();
-  p.solver_method = kRosenbrock;
+  p.solver_method = method;
   const double looser = rtol / p.rtol;
   p.rtol = rtol;
   p.atol_position *= looser;
@@ -37,8 +39,8 @@ std::unique_ptr<DockingSim> make_sim_ahead(double rtol = 1e-3) {
 }
 
 /// @return simulation at kEnd. @param reads  after every step
-std::unique_ptr<DockingSim> run_ahead(double h, bool reads) {
-  auto sim = make_sim_ahead();
+std::unique_ptr<DockingSim> run_ahead(SolverMethod method, double h, bool reads) {
+  auto sim = make_sim_ahead(method);
   const int count = static_cast<int>(std::lround(kEnd / h));
   for (int i = 0; i < count; ++i) {
     const Status status = sim->step(i * h, h);
@@ -52,18 +54,25 @@ std::unique_ptr<DockingSim> run_ahead(double h, bool reads) {
   return sim;
 }
 
+/// Of linearly implicit steps, of both explicit pairs.
+class RunningAhead : public testing::TestWithParam<SolverMethod> {};
+
+INSTANTIATE_TEST_SUITE_P(methods, RunningAhead,
+                         testing::Values(kRosenbrock, kStabilised, kExplicit),
+                         [](const auto& of) { return std::string(find_method(of.param)->name); });
+
 bool is_pending(const DockingSim& sim) {
   SavedSim saved;
   sim.save(saved);
   return saved.snapshot.state.ahead.pending;
 }
 
-TEST(RunningAhead, gives_the_same_motion_with_any_communication_step) {
-  const auto coarse = run_ahead(1.0, false);
+TEST_P(RunningAhead, gives_the_same_motion_with_any_communication_step) {
+  const auto coarse = run_ahead(GetParam(), 1.0, false);
   const Outputs& expected = coarse->outputs();
   ASSERT_TRUE(expected.captured);
   for (const double h : {0.25, 0.01, 0.003125}) {
-    const auto sim = run_ahead(h, false);
+    const auto sim = run_ahead(GetParam(), h, false);
     const Outputs& out = sim->outputs();
     EXPECT_TRUE(is_pending(*sim));
     EXPECT_NEAR(out.time_of_contact, expected.time_of_contact, 1e-12);
@@ -79,8 +88,8 @@ TEST(RunningAhead, gives_the_same_motion_with_any_communication_step) {
   }
 }
 
-TEST(RunningAhead, gives_the_same_bits_whether_outputs_are_read_or_not) {
-  const auto silent = run_ahead(0.01, false), read = run_ahead(0.01, true);
+TEST_P(RunningAhead, gives_the_same_bits_whether_outputs_are_read_or_not) {
+  const auto silent = run_ahead(GetParam(), 0.01, false), read = run_ahead(GetParam(), 0.01, true);
   EXPECT_TRUE(same_bits(flatten(silent->outputs(), true), flatten(read->outputs(), true)));
 }
 
@@ -116,10 +125,10 @@ double make_random_step(DockingSim& sim, double t, const RandomStep& step) {
   return t + step.h;
 }
 
-TEST(RunningAhead, is_saved_and_restored_bit_for_bit_at_any_point) {
+TEST_P(RunningAhead, is_saved_and_restored_bit_for_bit_at_any_point) {
   const std::vector<RandomStep> steps = draw_steps(1000);
-  auto sim = make_sim_ahead(), other = make_sim_ahead();
-  const auto reference = make_sim_ahead();
+  auto sim = make_sim_ahead(GetParam()), other = make_sim_ahead(GetParam());
+  const auto reference = make_sim_ahead(GetParam());
   SavedSim saved;
   int pending = 0;
   double t = 0.0;
@@ -144,8 +153,8 @@ TEST(RunningAhead, is_saved_and_restored_bit_for_bit_at_any_point) {
   EXPECT_GT(pending, 600);
 }
 
-TEST(RunningAhead, goes_back_to_the_point_inside_a_step_after_a_refusal) {
-  const auto sim = make_sim_ahead(), reference = make_sim_ahead();
+TEST_P(RunningAhead, goes_back_to_the_point_inside_a_step_after_a_refusal) {
+  const auto sim = make_sim_ahead(GetParam()), reference = make_sim_ahead(GetParam());
   for (int i = 0; i < 200; ++i) {
     const double t = 0.01 * i;
     EXPECT_FALSE(sim->step(t, -1.0).ok());
@@ -159,7 +168,7 @@ TEST(RunningAhead, goes_back_to_the_point_inside_a_step_after_a_refusal) {
 
 /// Evaluations of a run in steps of 10 ms in which a force changes at every n-th point.
 double count_evaluations(int every) {
-  const auto sim = make_sim_ahead();
+  const auto sim = make_sim_ahead(kRosenbrock);
   for (int i = 0; i < 400; ++i) {
     if (i % every == 0) {
       sim->inputs().vehicle[kChaser].force_ext.y() = 1e-6 * (i / every % 2);
@@ -169,7 +178,7 @@ double count_evaluations(int every) {
   return sim->outputs().solver_rhs_evaluations;
 }
 
-TEST(RunningAhead, costs_little_where_inputs_change_at_every_point) {
+TEST(RunningAheadOfImplicitSteps, costs_little_where_inputs_change_at_every_point) {
   const double never = count_evaluations(1000), always = count_evaluations(1);
   RecordProperty("never", static_cast<int>(never));
   RecordProperty("always", static_cast<int>(always));
@@ -184,8 +193,8 @@ TEST(RunningAhead, costs_little_where_inputs_change_at_every_point) {
 
 // ---------------------------------------------------------------- what is read
 
-TEST(RunningAhead, mean_loads_are_the_changes_of_momentum) {
-  const auto sim = make_sim_ahead();
+TEST_P(RunningAhead, mean_loads_are_the_changes_of_momentum) {
+  const auto sim = make_sim_ahead(GetParam());
   const double mass = sim->parameters().vehicle[kTarget].mass;
   const Vec3<double> start = sim->outputs().vehicle[kTarget].velocity;
   Vec3<double> impulse = Vec3<double>::Zero();
@@ -198,8 +207,8 @@ TEST(RunningAhead, mean_loads_are_the_changes_of_momentum) {
   EXPECT_LT((impulse - change).norm(), 1e-5 * change.norm());
 }
 
-TEST(RunningAhead, derivatives_are_the_slopes_of_outputs) {
-  const auto sim = make_sim_ahead();
+TEST_P(RunningAhead, derivatives_are_the_slopes_of_outputs) {
+  const auto sim = make_sim_ahead(GetParam());
   constexpr double kShort = 1e-6;
   double t = 0.0;
   int inside = 0;
@@ -228,8 +237,8 @@ TEST(RunningAhead, derivatives_are_the_slopes_of_outputs) {
 }
 
 #ifdef DOCKLOOP_COUNTS_ALLOCATIONS
-TEST(RunningAhead, allocates_nothing) {
-  const auto sim = make_sim_ahead();
+TEST_P(RunningAhead, allocates_nothing) {
+  const auto sim = make_sim_ahead(GetParam());
   const long allocated = count_allocations([&] {
     for (int i = 0; i < 300; ++i) {
       if (i % 10 == 0) sim->inputs().vehicle[kChaser].force_ext.y() = i % 20;
