@@ -577,7 +577,7 @@ def _leg_table(mechanism: dict, home_q: list[float]) -> str:
         length = 1e3 * float(sum((end - root) ** 2)) ** 0.5
         label = f"leg[{numbers[name]}]" if name in numbers else name
         rows.append((label, *points, f"{length:.1f}"))
-    head = ("leg", "root, mm in B", "closing end, mm in B", "length at home, mm")
+    head = ("leg", "root, mm in B", "closing end, mm in B", "distance at home, mm")
     return _table(head, rows)
 
 
@@ -607,16 +607,21 @@ def _limits(document: dict) -> str:
     if "target" in document and "interface" not in mechanism:
         items.append("No hooks, no hard docking: the mechanism has no <code>interface</code>.")
     if legs := mechanism.get("legs"):
-        items.append(
-            f"Singular poses: each of the {len(legs)} legs loses its grip where it lies"
-            " along the first axis of its universal joint or has no length; near such a pose the"
-            " log warns, and a step into it is refused."
-        )
         first = next(iter(drawing.list_legs(mechanism)), {})
+        has_cranks = "pin" in first or any("crank_joint" in leg for leg in legs)
+        where = (
+            "its crank and its rod are in line, seen along the crank axis"
+            if has_cranks
+            else "it lies along the first axis of its universal joint or has no length"
+        )
+        items.append(
+            f"Singular poses: each of the {len(legs)} legs loses its grip where {where};"
+            " near such a pose the log warns, and a step into it is refused."
+        )
         if stops := first.get("stops"):
             items.append(
                 f"End stops of the legs at {1e3 * stops['min_length']:g} mm and"
-                f" {1e3 * stops['max_length']:g} mm."
+                f" {1e3 * stops['max_length']:g} mm{' of pin travel' * has_cranks}."
             )
     items.append(
         "Bodies are rigid. Very stiff parts make the default method slow: choose an implicit"

@@ -273,10 +273,15 @@ def list_legs(mechanism: dict) -> list[dict]:
     that is written out is a loop through two turns at the root, a slide and a ball on one line; it
     also has ``bodies``, the names of the bodies between its ends, and ``length`` where the slide
     has its zero. It has the name that ``legs`` gives to its slide, otherwise that of the loop.
+    A listed crank leg also has ``pin``: from the root point to the crank pin at home, axes of the
+    root. Crank legs that are written out are not returned: their bodies are shown as bodies.
     """
     defaults = {"root": "base", **mechanism.get("leg_defaults", {})}
     listed = mechanism.get("legs", [])
-    legs = [{**defaults, **leg} for leg in listed if "slide" not in leg]
+    legs = [{**defaults, **leg} for leg in listed if not {"slide", "crank_joint"} & leg.keys()]
+    for leg in legs:
+        if leg["type"] == "R1R2R3":
+            leg["pin"] = _find_pin(leg)
     names_of_slides = {leg["slide"]: leg["name"] for leg in listed if "slide" in leg}
     places = find_body_places(mechanism)
     bodies = {body["name"]: body for body in mechanism.get("bodies", [])}
@@ -310,6 +315,28 @@ def list_legs(mechanism: dict) -> list[dict]:
     return legs
 
 
+def _find_pin(leg: dict) -> list[float]:
+    """Return where the pin of a crank is at home, from the root point of its leg."""
+    crank, axis = leg["crank"], np.array(leg["axis"], float)
+    axis /= np.linalg.norm(axis)
+    lean = math.radians(crank["lean_deg"]) if "lean_deg" in crank else crank.get("lean", 0.0)
+    level = np.cross(leg.get("reference_axis", (1.0, 0.0, 0.0)), axis)
+    level /= np.linalg.norm(level)
+    direction = math.cos(lean) * level + math.sin(lean) * np.cross(axis, level)
+    return (crank["length"] * direction).tolist()
+
+
+def find_pins(mechanism: dict, home_q: Sequence[float] = ()) -> dict[str, np.ndarray]:
+    """Return the crank pin at home of every listed crank leg, axes and origin of the base."""
+    places = find_body_places(mechanism, home_q)
+    pins = {}
+    for leg in list_legs(mechanism):
+        if "pin" in leg:
+            rotation, position = places[leg["root"]]
+            pins[leg["name"]] = position + rotation @ np.add(leg["root_point"], leg["pin"])
+    return pins
+
+
 def find_legs(
     mechanism: dict, home_q: Sequence[float] = ()
 ) -> list[tuple[str, np.ndarray, np.ndarray]]:
@@ -330,6 +357,7 @@ def draw_legs(mechanism: dict, home_q: Sequence[float] = ()) -> str:
     legs = find_legs(mechanism, home_q)
     if not legs:
         return ""
+    pins = find_pins(mechanism, home_q)
     roots, ends = (np.array([leg[i] for leg in legs]) for i in (1, 2))
     along = int(np.argmax(np.abs(np.mean(ends - roots, axis=0))))
     right, up = (along + 1) % 3, (along + 2) % 3
@@ -337,7 +365,7 @@ def draw_legs(mechanism: dict, home_q: Sequence[float] = ()) -> str:
     contact = mechanism.get("contact", {})
     capture = mechanism.get("capture", {}).get("body", "base")
     has_ring = contact.get("type") == "guide_ring"
-    everything = np.vstack([roots, ends])
+    everything = np.vstack([roots, ends, *pins.values()])
     low, high = everything.min(axis=0), everything.max(axis=0)
     radius = max(np.hypot(everything[:, right], everything[:, up]))
     if has_ring:
@@ -363,10 +391,11 @@ def draw_legs(mechanism: dict, home_q: Sequence[float] = ()) -> str:
             for view in (side, front)
         ]
         _draw_ring(d, mechanism, scale, *views)
-    for i, (_, root, end) in enumerate(legs):
-        middle = root + 0.3 * (end - root)
+    for i, (name, root, end) in enumerate(legs):
+        middle = pins.get(name, root + 0.3 * (end - root))
         for view in (side, front):
-            d.line(view(root), view(end), color=LEG, width=3)
+            bends = [view(pins[name])] if name in pins else []
+            d.line(view(root), *bends, view(end), color=LEG, width=3)
             d.circle(view(end), 3.5, fill=PAPER, color=LEG)
             x, y = view(root)
             d.line(

@@ -23,6 +23,7 @@ from dockloop.drawing import (
     Vector,
     find_body_places,
     find_legs,
+    find_pins,
     list_legs,
 )
 from dockloop.outputs import Kind, claim, read_head, write_text
@@ -83,7 +84,9 @@ def _list_rows(mechanism: dict, independent: set[str]) -> Iterator[tuple[int, st
             kind = f"{leg.get('type', 'leg')} from {leg['root']} to {leg['closing']}"
             if screw := leg.get("screw"):
                 kind += f"; screw of {1e3 * screw['lead']:g} mm"
-            parts = ("cross", "cyl", "rod", "rotor")
+            if gear := leg.get("gear"):
+                kind += f"; gear of {gear['ratio']:g}"
+            parts = ("crank", "cross", "cyl", "rod", "rotor")
             ties = (_describe_ties(mechanism, f"{leg['name']}_{part}") for part in parts)
             yield 0, "leg", leg["name"], "; ".join((kind, *itertools.chain(*ties)))
 
@@ -182,8 +185,10 @@ def _find_skeleton(
                 lines.append(("body", position, at))
         marks.append(("cut", at))
     written = {leg["name"] for leg in list_legs(mechanism) if "bodies" in leg}
+    pins = find_pins(mechanism, home_q)
     for name, root, end in find_legs(mechanism, home_q):
-        lines.append(("leg", root, end))
+        points = [root, *([pins[name]] if name in pins else []), end]
+        lines += [("leg", *pair) for pair in itertools.pairwise(points)]
         if name not in written:  # its loop has marked the cut
             marks.append(("cut", end))
     return lines, marks

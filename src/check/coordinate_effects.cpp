@@ -47,7 +47,7 @@ std::vector<CoordinateEffect> find_coordinate_effects(const Mechanism& mechanism
         }
       }
       for (const Leg& leg : model.legs) {
-        add_moved(leg.name, moved[model.bodies[leg.slide_body].v_index], effect.legs);
+        add_moved(leg.name, leg.arm * moved[model.bodies[leg.body].v_index], effect.legs);
       }
       for (const ForceElement& element : model.elements) {
         add_moved(element.name, find_rate<double>(model, element, moved), effect.elements);

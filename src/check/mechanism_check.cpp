@@ -99,7 +99,7 @@ std::vector<double> read_numbers(const JsonReader& state, const std::string& key
 /// What people call a joint with end stops: the leg, where it is one.
 std::string find_joint_name(const MechanismModel& model, int body) {
   for (const Leg& leg : model.legs) {
-    if (leg.slide_body == body) return leg.name;
+    if (leg.body == body) return leg.name;
   }
   return model.bodies[body].name;
 }

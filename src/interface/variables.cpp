@@ -113,7 +113,7 @@ std::vector<Variable> make_variables(DockingSim& sim) {
     add_sequence(table, scene.sequence, inputs, outputs);
   }
   if (wants("ring")) add_ring(table, outputs);
-  if (wants("legs")) add_legs(table, inputs, outputs);
+  if (wants("legs")) add_legs(table, scene.mechanism, inputs, outputs);
   add_elements(table, sim);
   add_failures(table, sim);
   add_disturbances(table, sim);

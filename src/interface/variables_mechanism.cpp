@@ -17,9 +17,27 @@ void add_ring(Table& table, Outputs& out) {
                 "Angular velocity of the guide ring with respect to A, axes of A");
 }
 
-void add_legs(Table& table, Inputs& in, Outputs& out) {
+static void add_crank_leg(Table& table, const std::string& leg, size_t i, Inputs& in,
+                          Outputs& out) {
+  table.output(leg + ".length", &out.leg_length[i], kSmallLength,
+               "Travel of the crank pin of this leg along its circle, from home");
+  table.output(leg + ".rate", &out.leg_rate[i], kSmallVelocity,
+               "Speed of the crank pin of this leg along its circle");
+  table.output(leg + ".force", &out.leg_force[i], kForce,
+               "Torque about the crank axis of this leg over the crank length, including elements "
+               "and couplings on the crank, positive along the travel of the pin");
+  table.input(leg + ".force_command", &in.leg_force_command[i], kForce,
+              "Commanded torque of the actuator of this leg over the crank length, positive along "
+              "the travel of the crank pin");
+}
+
+void add_legs(Table& table, const MechanismModel& mechanism, Inputs& in, Outputs& out) {
   for (size_t i = 0; i < out.leg_length.size(); ++i) {
     const std::string leg = indexed("leg", i);
+    if (mechanism.bodies[mechanism.legs[i].body].joint == JointType::kRevolute) {
+      add_crank_leg(table, leg, i, in, out);
+      continue;
+    }
     table.output(leg + ".length", &out.leg_length[i], kSmallLength, "Length of this leg")
         .not_negative();
     table.output(leg + ".rate", &out.leg_rate[i], kSmallVelocity,

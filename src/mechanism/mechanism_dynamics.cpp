@@ -214,7 +214,7 @@ MechanismModel attach_vehicle(const MechanismModel& mechanism, const VehicleBody
   for (ForceElement& element : model.elements) {
     for (ElementTerm& term : element.along) term.body += 1;
   }
-  for (Leg& leg : model.legs) leg.slide_body += 1;
+  for (Leg& leg : model.legs) leg.body += 1;
   model.capture_body += 1;
   model.home_q.insert(model.home_q.begin(), {0, 0, 0, 1, 0, 0, 0});
   number_coordinates(model);

@@ -2,7 +2,7 @@
 //
 // The members `bodies` and `loops` are the tree and the loop table. The member `legs` is shorter: a
 // leg type with points, axes and masses. A file may have both. A leg whose bodies are written out
-// is only named: the body that slides in it.
+// is only named: the body that slides in it, or its crank.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -199,27 +199,117 @@ Mat3<double> make_axial_inertia(double axial, double transverse) {
   return Vec3<double>(axial, transverse, transverse).asDiagonal();
 }
 
-/// The screw of a leg while legs are read: its coupling comes after all loops.
-struct LegScrew {
+/// A screw or gear train of a leg while legs are read: its coupling comes after all loops.
+struct LegTrain {
   JsonReader item;
   std::string name;
-  int rotor, rod;
-  double ratio;  ///< turn of the rotor per travel of the rod [rad/m]
+  int rotor, mover;
+  double ratio;  ///< turn of the rotor per coordinate of the mover [rad/m] or [1]
 };
+
+/// Where the short form of a leg puts its ends, and how it adds bodies.
+struct LegEnds {
+  std::string name;
+  int root, closing;
+  Vec3<double> root_point, closing_point;
+  Vec3<double> tip;  ///< the closing point at home, axes of the root
+
+  LegEnds(const LegReader& in, const MechanismModel& model) : name(in.leg.at("name").text()) {
+    const std::string place = "leg '" + name + "' (" + in.leg.path() + ")";
+    root = find_body(model, in.owner("root").text("root", "base"), place);
+    closing = find_body(model, in.owner("closing").at("closing").text(), place);
+    root_point = in.owner("root_point").at("root_point").vector<3>();
+    closing_point = in.owner("closing_point").at("closing_point").vector<3>();
+    const Pose<double> closing_in_root =
+        inverse(find_home_pose(model, root)) * find_home_pose(model, closing);
+    tip = closing_in_root.R * closing_point + closing_in_root.p;
+  }
+
+  int add_body(const LegReader& in, const char* part, int parent, JointType joint,
+               const Vec3<double>& axis, MechanismModel& model) const {
+    Body body;
+    body.name = name + "_" + part;
+    body.parent = parent;
+    body.joint = joint;
+    body.axis = axis;
+    for (const Body& other : model.bodies) {
+      if (other.name == body.name) in.leg.fail("needs the body name '" + body.name + "', in use");
+    }
+    model.bodies.push_back(body);
+    return static_cast<int>(model.bodies.size()) - 1;
+  }
+
+  void add_loop(const std::vector<int>& bodies, double length, ClosureKind closure,
+                MechanismModel& model) const {
+    Loop loop;
+    loop.name = name;
+    loop.root = root;
+    loop.first = bodies.front();
+    loop.terminal = bodies.back();
+    loop.closing = closing;
+    loop.point_on_terminal = Vec3<double>(length, 0.0, 0.0);
+    loop.point_on_closing = closing_point;
+    loop.dependent = bodies;
+    loop.closure = closure;
+    model.loops.push_back(loop);
+  }
+};
+
+Vec3<double> read_reference_axis(const LegReader& in) {
+  const JsonReader& owner = in.owner("reference_axis");
+  return owner.has("reference_axis") ? owner.at("reference_axis").unit_vector()
+                                     : Vec3<double>::UnitX();
+}
+
+void read_cross(const LegReader& in, Body& body) {
+  if (!in.has("cross")) return;
+  const JsonReader part = in.owner("cross").at("cross");
+  body.mass = part.non_negative("mass", 0.0);
+  body.inertia = part.non_negative("inertia", 0.0) * Mat3<double>::Identity();
+}
+
+/// A part along x of its axes. @param tip  where the part ends if `com` counts back from there
+void read_part(const JsonReader& part, Body& body, const double* tip = nullptr) {
+  body.mass = part.non_negative("mass", 0.0);
+  const double com = part.number("com", 0.0);
+  body.com = Vec3<double>(tip ? *tip - com : com, 0.0, 0.0);
+  body.inertia = make_axial_inertia(part.non_negative("inertia_axial", 0.0),
+                                    part.non_negative("inertia_transverse", 0.0));
+}
+
+/// The leg for users, with its spring, damper and stops. Lengths become coordinates of its joint.
+void add_leg(const LegReader& in, const Leg& leg, MechanismModel& model) {
+  const double arm = leg.arm, home = leg.home_length;
+  JointForce force;
+  force.body = leg.body;
+  force.stiffness = in.owner("stiffness").non_negative("stiffness", 0.0) * arm * arm;
+  force.damping = in.owner("damping").non_negative("damping", 0.0) * arm * arm;
+  force.rest = (in.owner("free_length").number("free_length", home) - home) / arm;
+  force.preload = in.owner("preload").number("preload", 0.0) * arm;
+  if (in.has("stops")) {
+    const JsonReader stops = in.owner("stops").at("stops");
+    force.stops.present = true;
+    force.stops.lower = (stops.at("min_length").number() - home) / arm;
+    force.stops.upper = (stops.at("max_length").number() - home) / arm;
+    force.stops.stiffness = stops.positive("stiffness") * arm * arm;
+    force.stops.damping = stops.non_negative("damping", 0.0) * arm;
+    force.stops.toe = stops.positive("toe") / arm;
+    if (!(force.stops.lower < 0.0 && force.stops.upper > 0.0)) {
+      stops.fail("(leg '" + leg.name + "'): the home length " + describe_number(home) +
+                 " m must lie between min_length and max_length");
+    }
+  }
+  model.legs.push_back(leg);
+  model.legs.back().force = static_cast<int>(model.forces.size());
+  model.forces.push_back(force);
+}
 
 /// Universal joint on the root, cylinder, rod sliding in it, spherical joint on the closing body.
 /// Leg axes at home: x along the leg, y the first universal axis, z the second.
-void add_slide_leg(const LegReader& in, MechanismModel& model, std::vector<LegScrew>& screws) {
-  const std::string name = in.leg.at("name").text();
-  const std::string place = "leg '" + name + "' (" + in.leg.path() + ")";
-  const std::string root_name = in.owner("root").text("root", "base");
-  const int root = find_body(model, root_name, place);
-  const int closing = find_body(model, in.owner("closing").at("closing").text(), place);
-  const Vec3<double> root_point = in.owner("root_point").at("root_point").vector<3>();
-  const Vec3<double> closing_point = in.owner("closing_point").at("closing_point").vector<3>();
-  const Pose<double> closing_in_root =
-      inverse(find_home_pose(model, root)) * find_home_pose(model, closing);
-  const Vec3<double> along = closing_in_root.R * closing_point + closing_in_root.p - root_point;
+void add_slide_leg(const LegReader& in, MechanismModel& model, std::vector<LegTrain>& trains) {
+  const LegEnds ends(in, model);
+  const std::string& name = ends.name;
+  const Vec3<double> along = ends.tip - ends.root_point;
   const double length = along.norm();
   if (length < 1e-6) in.leg.fail("(leg '" + name + "') has no length at home");
   const Vec3<double> x = along / length;
@@ -233,11 +323,7 @@ void add_slide_leg(const LegReader& in, MechanismModel& model, std::vector<LegSc
     }
     y = (y - y.dot(x) * x).normalized();
   } else {
-    const JsonReader& owner = in.owner("reference_axis");
-    const Vec3<double> reference = owner.has("reference_axis")
-                                       ? owner.at("reference_axis").unit_vector()
-                                       : Vec3<double>::UnitX();
-    const Vec3<double> across = reference.cross(x);
+    const Vec3<double> across = read_reference_axis(in).cross(x);
     if (across.norm() < 1e-6) {
       in.leg.fail("(leg '" + name + "') is parallel to its reference axis; give 'first_axis'");
     }
@@ -245,39 +331,16 @@ void add_slide_leg(const LegReader& in, MechanismModel& model, std::vector<LegSc
   }
   const auto add_body = [&](const char* part, int parent, JointType joint,
                             const Vec3<double>& axis) {
-    Body body;
-    body.name = name + "_" + part;
-    body.parent = parent;
-    body.joint = joint;
-    body.axis = axis;
-    for (const Body& other : model.bodies) {
-      if (other.name == body.name) in.leg.fail("needs the body name '" + body.name + "', in use");
-    }
-    model.bodies.push_back(body);
-    return static_cast<int>(model.bodies.size()) - 1;
+    return ends.add_body(in, part, parent, joint, axis, model);
   };
-  const int cross = add_body("cross", root, JointType::kRevolute, Vec3<double>::UnitY());
-  Body& cross_body = model.bodies[cross];
-  cross_body.placement.R << x, y, x.cross(y);
-  cross_body.placement.p = root_point;
-  if (in.has("cross")) {
-    const JsonReader part = in.owner("cross").at("cross");
-    cross_body.mass = part.non_negative("mass", 0.0);
-    cross_body.inertia = part.non_negative("inertia", 0.0) * Mat3<double>::Identity();
-  }
+  const int cross = add_body("cross", ends.root, JointType::kRevolute, Vec3<double>::UnitY());
+  model.bodies[cross].placement.R << x, y, x.cross(y);
+  model.bodies[cross].placement.p = ends.root_point;
+  read_cross(in, model.bodies[cross]);
   const int cylinder = add_body("cyl", cross, JointType::kRevolute, Vec3<double>::UnitZ());
   const int rod = add_body("rod", cylinder, JointType::kPrismatic, Vec3<double>::UnitX());
-  const auto read_part = [&](const char* key, Body& body, bool from_tip) {
-    if (!in.has(key)) return;
-    const JsonReader part = in.owner(key).at(key);
-    body.mass = part.non_negative("mass", 0.0);
-    const double com = part.number("com", 0.0);
-    body.com = Vec3<double>(from_tip ? length - com : com, 0.0, 0.0);
-    body.inertia = make_axial_inertia(part.non_negative("inertia_axial", 0.0),
-                                      part.non_negative("inertia_transverse", 0.0));
-  };
-  read_part("cylinder", model.bodies[cylinder], false);
-  read_part("rod", model.bodies[rod], true);
+  if (in.has("cylinder")) read_part(in.owner("cylinder").at("cylinder"), model.bodies[cylinder]);
+  if (in.has("rod")) read_part(in.owner("rod").at("rod"), model.bodies[rod], &length);
   if (in.has("screw")) {
     const JsonReader screw = in.owner("screw").at("screw");
     const std::string carrier = screw.text("carried_by", "cylinder");
@@ -296,87 +359,181 @@ void add_slide_leg(const LegReader& in, MechanismModel& model, std::vector<LegSc
     const double com = screw.number("com", 0.0), axial = screw.non_negative("inertia", 0.0);
     body.com = Vec3<double>(on_rod ? length - com : com, 0.0, 0.0);
     body.inertia = make_axial_inertia(axial, screw.non_negative("inertia_transverse", 0.5 * axial));
-    screws.push_back({in.leg, name + "_screw", rotor, rod, gear * kTurn / lead});
+    trains.push_back({in.leg, name + "_screw", rotor, rod, gear * kTurn / lead});
   }
-
-  Loop loop;
-  loop.name = name;
-  loop.root = root;
-  loop.first = cross;
-  loop.terminal = rod;
-  loop.closing = closing;
-  loop.point_on_terminal = Vec3<double>(length, 0.0, 0.0);
-  loop.point_on_closing = closing_point;
-  loop.dependent = {cross, cylinder, rod};
-  loop.closure = ClosureKind::kR2P1R3;
-  model.loops.push_back(loop);
-
-  JointForce force;
-  force.body = rod;
-  force.stiffness = in.owner("stiffness").non_negative("stiffness", 0.0);
-  force.damping = in.owner("damping").non_negative("damping", 0.0);
-  force.rest = in.owner("free_length").number("free_length", length) - length;
-  force.preload = in.owner("preload").number("preload", 0.0);
+  ends.add_loop({cross, cylinder, rod}, length, ClosureKind::kR2P1R3, model);
   if (in.has("stops")) {
     const JsonReader stops = in.owner("stops").at("stops");
-    force.stops.present = true;
-    force.stops.lower = stops.positive("min_length") - length;
-    force.stops.upper = stops.positive("max_length") - length;
-    force.stops.stiffness = stops.positive("stiffness");
-    force.stops.damping = stops.non_negative("damping", 0.0);
-    force.stops.toe = stops.positive("toe");
-    if (!(force.stops.lower < 0.0 && force.stops.upper > 0.0)) {
-      stops.fail("(leg '" + name + "'): the home length " + describe_number(length) +
-                 " m must lie between min_length and max_length");
-    }
+    for (const char* key : {"min_length", "max_length"}) stops.positive(key);
   }
-  model.legs.push_back({name, rod, length, static_cast<int>(model.forces.size())});
-  model.forces.push_back(force);
+  add_leg(in, {name, rod, length}, model);
 }
 
-void add_screw(const LegScrew& screw, MechanismModel& model) {
-  check_loop_name(screw.item, screw.name, model);
-  Loop loop = make_coupling(screw.name, screw.rotor, model);
-  loop.terms = {{screw.rod, screw.ratio}};
+/// Crank on the root, universal joint at its pin, rod, spherical joint on the closing body. The
+/// joints count from home. Crank axes: x along the crank, z its axis. The cross has the same z and
+/// the rod in its plane x z; x of the rod points at the closing point.
+void add_crank_leg(const LegReader& in, MechanismModel& model, std::vector<LegTrain>& trains) {
+  const LegEnds ends(in, model);
+  const std::string place = "(leg '" + ends.name + "') ";
+  const JsonReader axis = in.owner("axis").at("axis");
+  const JsonReader part = in.owner("crank").at("crank");
+  const Vec3<double> z = axis.unit_vector();
+  const Vec3<double> across = read_reference_axis(in).cross(z);
+  if (across.norm() < 1e-6) {
+    axis.fail(place +
+              "is parallel to the reference axis, from which the crank leans; give another "
+              "'reference_axis'");
+  }
+  const double length = part.positive("length");
+  const double lean = part.has("lean") || part.has("lean_deg") ? part.angle("lean") : 0.0;
+  const Vec3<double> level = across.normalized(), up = z.cross(level);
+  const Vec3<double> x = std::cos(lean) * level + std::sin(lean) * up;
+  const Vec3<double> rod_vector = ends.tip - ends.root_point - length * x;
+  const double rod_length = rod_vector.norm();
+  if (rod_length < 1e-6) {
+    in.leg.fail(place + "has a rod without length: its closing point at home is the crank pin");
+  }
+  const Vec3<double> flat = rod_vector - rod_vector.dot(z) * z;
+  if (flat.norm() < 1e-6 * rod_length) {
+    in.leg.fail(place +
+                "has a rod parallel to the crank axis at home, where the crank cannot move "
+                "it; move 'closing_point' or change 'lean_deg'");
+  }
+  const Vec3<double> rod_x = flat.normalized();
+  if (x.cross(rod_x).norm() < 1e-6) {
+    in.leg.fail(place +
+                "is stretched or folded at home: seen along the crank axis, crank and rod "
+                "lie on one line; change 'lean_deg' or a length");
+  }
+
+  const auto add_body = [&](const char* name, int parent, const Vec3<double>& about) {
+    return ends.add_body(in, name, parent, JointType::kRevolute, about, model);
+  };
+  const int crank = add_body("crank", ends.root, Vec3<double>::UnitZ());
+  Pose<double>& foot = model.bodies[crank].placement;
+  foot.R << x, z.cross(x), z;
+  foot.p = ends.root_point;
+  read_part(part, model.bodies[crank]);
+  Mat3<double> cross_axes;
+  cross_axes << rod_x, z.cross(rod_x), z;
+  cross_axes = (foot.R.transpose() * cross_axes).eval();
+  const int cross = add_body("cross", crank, Vec3<double>::UnitZ());
+  model.bodies[cross].placement.R = cross_axes;
+  model.bodies[cross].placement.p = Vec3<double>(length, 0.0, 0.0);
+  read_cross(in, model.bodies[cross]);
+  const int rod = add_body("rod", cross, Vec3<double>::UnitY());
+  const double c = flat.norm() / rod_length, s = rod_vector.dot(z) / rod_length;
+  model.bodies[rod].placement.R << c, 0.0, -s, 0.0, 1.0, 0.0, s, 0.0, c;
+  if (in.has("rod")) read_part(in.owner("rod").at("rod"), model.bodies[rod], &rod_length);
+  if (in.has("gear")) {
+    const JsonReader gear = in.owner("gear").at("gear");
+    const double ratio = gear.at("ratio").number();
+    if (ratio == 0.0) gear.at("ratio").fail("must not be 0");
+    const Vec3<double> about = gear.has("axis") ? gear.at("axis").unit_vector() : z;
+    const int rotor = add_body("rotor", ends.root, about);
+    Body& body = model.bodies[rotor];
+    body.placement.p = ends.root_point;
+    body.mass = gear.non_negative("mass", 0.0);
+    const double axial = gear.non_negative("inertia", 0.0);
+    const double transverse = gear.non_negative("inertia_transverse", 0.5 * axial);
+    body.inertia =
+        transverse * Mat3<double>::Identity() + (axial - transverse) * about * about.transpose();
+    trains.push_back({in.leg, ends.name + "_gear", rotor, crank, ratio});
+  }
+  ends.add_loop({crank, cross, rod}, rod_length, ClosureKind::kR1R2R3, model);
+  add_leg(in, {ends.name, crank, 0.0, length}, model);
+}
+
+void add_train(const LegTrain& train, MechanismModel& model) {
+  check_loop_name(train.item, train.name, model);
+  Loop loop = make_coupling(train.name, train.rotor, model);
+  loop.terms = {{train.mover, train.ratio}};
   model.loops.push_back(loop);
 }
 
-/// A leg whose bodies are in the list of bodies.
+/// A leg whose bodies are in the list of bodies: a slide or a crank.
 void add_written_leg(const JsonReader& item, MechanismModel& model) {
-  const std::string name = item.at("name").text();
-  const JsonReader slide = item.at("slide");
-  const int body = find_body(model, slide.text(), slide.path());
-  if (body == kBase || model.bodies[body].joint != JointType::kPrismatic) {
-    slide.fail("(leg '" + name + "') must name a body with a prismatic joint");
+  Leg leg;
+  leg.name = item.at("name").text();
+  const bool is_slide = item.has("slide");
+  const JsonReader joint = item.at(is_slide ? "slide" : "crank_joint");
+  const std::string place = "(leg '" + leg.name + "') ";
+  leg.body = find_body(model, joint.text(), joint.path());
+  const JointType type = is_slide ? JointType::kPrismatic : JointType::kRevolute;
+  if (leg.body == kBase || model.bodies[leg.body].joint != type) {
+    joint.fail(place + "must name a body with a " + (is_slide ? "prismatic" : "revolute") +
+               " joint");
   }
   for (const Leg& other : model.legs) {
-    if (other.name == name) item.at("name").fail("'" + name + "' is used twice");
-    if (other.slide_body == body) {
-      slide.fail("(leg '" + name + "') is the slide of leg '" + other.name + "' already");
+    if (other.name == leg.name) item.at("name").fail("'" + leg.name + "' is used twice");
+    if (other.body == leg.body) {
+      joint.fail(place + "is the " + (is_slide ? "slide" : "crank") + " of leg '" + other.name +
+                 "' already");
     }
   }
+  if (is_slide) {
+    leg.home_length = item.positive("home_length");
+  } else {
+    leg.arm = item.positive("crank_length");
+  }
+  leg.force = static_cast<int>(model.forces.size());
+  model.legs.push_back(leg);
   JointForce force;  // of its command alone: laws of such legs are elements
-  force.body = body;
-  model.legs.push_back(
-      {name, body, item.positive("home_length"), static_cast<int>(model.forces.size())});
+  force.body = leg.body;
   model.forces.push_back(force);
+}
+
+/// A leg type of the short form.
+struct LegForm {
+  const char* type;
+  void (*add)(const LegReader&, MechanismModel&, std::vector<LegTrain>&);
+  std::vector<std::string> own;  ///< members that no other type has
+};
+
+const std::vector<LegForm> kLegForms = {
+    {"R2P1R3", add_slide_leg, {"first_axis", "cylinder", "screw"}},
+    {"R1R2R3", add_crank_leg, {"axis", "crank", "gear"}}};
+
+const LegForm& find_leg_form(const JsonReader& type) {
+  std::string known;
+  for (const LegForm& form : kLegForms) {
+    if (type.text() == form.type) return form;
+    known += (known.empty() ? "" : ", ") + std::string(form.type);
+  }
+  type.fail("is '" + type.text() + "'; known leg types are " + known);
+}
+
+/// A leg must not have a member of another type; shared members need a leg of their type.
+void check_leg_members(const JsonReader& item, const std::vector<const LegForm*>& used,
+                       const std::string& what) {
+  for (const LegForm& form : kLegForms) {
+    if (std::find(used.begin(), used.end(), &form) != used.end()) continue;
+    for (const std::string& key : form.own) {
+      if (item.has(key)) {
+        item.at(key).fail("is a member of legs of type " + std::string(form.type) + "; " + what);
+      }
+    }
+  }
 }
 
 void read_legs(const JsonReader& root, MechanismModel& model) {
   const bool shared = root.has("leg_defaults");
   const JsonReader defaults = shared ? root.at("leg_defaults") : root;
-  std::vector<LegScrew> screws;
+  std::vector<LegTrain> trains;
+  std::vector<const LegForm*> used;
   for (const JsonReader& item : root.list("legs", kMaxItems)) {
-    if (item.has("slide")) {
+    if (item.has("slide") || item.has("crank_joint")) {
       add_written_leg(item, model);
       continue;
     }
     const LegReader leg{item, shared ? &defaults : nullptr};
-    const std::string type = leg.owner("type").at("type").text();
-    if (type != "R2P1R3") item.fail("has type '" + type + "'; the known leg type is R2P1R3");
-    add_slide_leg(leg, model, screws);
+    const LegForm& form = find_leg_form(leg.owner("type").at("type"));
+    check_leg_members(item, {&form}, "this leg has type " + std::string(form.type));
+    used.push_back(&form);
+    form.add(leg, model, trains);
   }
-  for (const LegScrew& screw : screws) add_screw(screw, model);
+  if (!used.empty() && shared) check_leg_members(defaults, used, "no leg here has this type");
+  for (const LegTrain& train : trains) add_train(train, model);
 }
 
 void read_joint_force(const JsonReader& item, MechanismModel& model) {

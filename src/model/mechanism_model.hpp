@@ -139,11 +139,12 @@ struct JointForce {
   EndStops stops;
 };
 
-/// A leg for users: length, rate and force along one slide.
+/// A leg for users: length, rate and force along one slide, or along the arc of a crank pin.
 struct Leg {
   std::string name;
-  int slide_body = 0;        ///< body with the prismatic joint of the leg
-  double home_length = 0.0;  ///< [m] between the end joints at slide coordinate 0
+  int body = 0;              ///< body with the slide of the leg, or its crank
+  double home_length = 0.0;  ///< [m] between the ends of a slide leg at coordinate 0; crank: 0
+  double arm = 1.0;          ///< length per joint coordinate: crank length [m/rad]; slide: 1
   int force = 0;             ///< index into MechanismModel::forces
 };
 

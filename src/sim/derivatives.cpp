@@ -40,7 +40,7 @@ Status DockingSim::Impl::start_pass() {
 
 void DockingSim::Impl::seed(const Seed& seed, int lane) {
   DockingPass& pass = derivative_pass->docking;
-  const auto add = [&](Derivative& to) { to.d[lane] += seed.weight; };
+  const auto add = [&](Derivative& to, double factor = 1.0) { to.d[lane] += factor * seed.weight; };
   if (seed.of == Seed::Of::kState) {
     // Bristles that the friction model does not use have no effect.
     if (static_cast<size_t>(seed.place) < pass.y.size())
@@ -53,7 +53,7 @@ void DockingSim::Impl::seed(const Seed& seed, int lane) {
     const MechanismModel& m = scene->mechanism;
     const size_t legs = m.legs.size(), at = static_cast<size_t>(place - kCommandInput);
     if (at < legs) {
-      add(pass.loads.command[m.legs[at].force]);
+      add(pass.loads.command[m.legs[at].force], m.legs[at].arm);
     } else if (at < legs + m.elements.size()) {
       add(pass.loads.command[static_cast<int>(m.forces.size() + at - legs)]);
     }

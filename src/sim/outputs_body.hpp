@@ -162,27 +162,28 @@ void read_hard_dock(const OutputSource<S>& from, OutputValues<S>& out) {
 }
 
 /// Force along a leg: spring, damper, stops, laws of elements and command, and the force of
-/// couplings (a screw with its rotor, a differential) on its slide. @pre calc_docking_reactions()
+/// couplings (a screw with its rotor, a differential) on its slide or crank.
+/// @pre calc_docking_reactions()
 template <class S>
 S find_leg_force(const DockingModel& model, const DockingData<S>& data, const Leg& leg) {
   const Mechanism& mechanism = model.mechanism;
   S force = data.joint_force[leg.force];
   for (size_t e = 0; e < mechanism.model.elements.size(); ++e) {
     for (const ElementTerm& term : mechanism.model.elements[e].along) {
-      if (term.body != leg.slide_body) continue;
+      if (term.body != leg.body) continue;
       force += S(term.ratio) * data.elements.force[static_cast<int>(e)];
     }
   }
-  if (data.locked) return force;  // forces of couplings are unknown
+  if (data.locked) return force / S(leg.arm);  // forces of couplings are unknown
   for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
     const Loop& loop = mechanism.model.loops[k];
     if (loop.cut != CutType::kCoupling) continue;
-    const double factor = find_coupling_factor(loop, leg.slide_body);
+    const double factor = find_coupling_factor(loop, leg.body);
     if (factor == 0.0) continue;
     force +=
         S(factor) * get_cut_force(mechanism.plan, data.mechanism.loops, static_cast<int>(k), 0);
   }
-  return force;
+  return force / S(leg.arm);
 }
 
 template <class S>
@@ -196,9 +197,9 @@ void read_mechanism(const OutputSource<S>& from, OutputValues<S>& out) {
   out.ring_angular_velocity = ring.w;
   for (size_t i = 0; i < model.mechanism.model.legs.size(); ++i) {
     const Leg& leg = model.mechanism.model.legs[i];
-    const Body& slide = model.mechanism.model.bodies[leg.slide_body];
-    out.leg_length[i] = S(leg.home_length) + mechanism.tree.q[slide.q_index];
-    out.leg_rate[i] = mechanism.tree.v[slide.v_index];
+    const Body& body = model.mechanism.model.bodies[leg.body];
+    out.leg_length[i] = S(leg.home_length) + S(leg.arm) * mechanism.tree.q[body.q_index];
+    out.leg_rate[i] = S(leg.arm) * mechanism.tree.v[body.v_index];
     out.leg_force[i] = find_leg_force(model, from.data, leg);
   }
   for (size_t i = 0; i < out.element_force.size(); ++i) {

@@ -35,11 +35,8 @@ double SequenceLogic::find_quantity(const Condition& part, DockingData<double>& 
     return find_capture_loads(
         at)[static_cast<size_t>(part.quantity) - static_cast<size_t>(Measured::kCaptureTension)];
   };
-  const auto leg = [&]() -> const Body& {
-    const MechanismModel& mechanism = model_->mechanism.model;
-    return mechanism.bodies[mechanism.legs[static_cast<size_t>(part.index)].slide_body];
-  };
   const size_t latch = static_cast<size_t>(part.index);
+  const MechanismModel& mechanism = model_->mechanism.model;
   switch (part.quantity) {
     case Measured::kTime:
       break;
@@ -77,10 +74,14 @@ double SequenceLogic::find_quantity(const Condition& part, DockingData<double>& 
       return load();
     case Measured::kRingPosition:
       return find_relative(at.interface[kChaser], at.capture).p[part.index];
-    case Measured::kLegLength:
-      return model_->mechanism.model.legs[latch].home_length + at.mechanism.tree.q[leg().q_index];
-    case Measured::kLegRate:
-      return at.mechanism.tree.v[leg().v_index];
+    case Measured::kLegLength: {
+      const Leg& leg = mechanism.legs[latch];
+      return leg.home_length + leg.arm * at.mechanism.tree.q[mechanism.bodies[leg.body].q_index];
+    }
+    case Measured::kLegRate: {
+      const Leg& leg = mechanism.legs[latch];
+      return leg.arm * at.mechanism.tree.v[mechanism.bodies[leg.body].v_index];
+    }
     case Measured::kLatchOpening:
       return at.latch.opening[latch];
     case Measured::kLatchForce:

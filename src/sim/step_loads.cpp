@@ -11,7 +11,7 @@ void read_loads(const MechanismModel& mechanism, const Inputs& from, Loads& to) 
   }
   to.gravity = from.gravity;
   for (size_t i = 0; i < mechanism.legs.size(); ++i) {
-    to.command[mechanism.legs[i].force] = from.leg_force_command[i];
+    to.command[mechanism.legs[i].force] = mechanism.legs[i].arm * from.leg_force_command[i];
   }
   const int first = static_cast<int>(mechanism.forces.size());
   for (size_t i = 0; i < mechanism.elements.size(); ++i) {

@@ -247,7 +247,7 @@ TEST_F(FreeHexapod, is_after_two_seconds_where_the_reference_is) {
                             3.153540275342, 3.15369576913,  3.153320900893};
   for (size_t i = 0; i < 6; ++i) {
     const Leg& leg = motion.mechanism.model.legs[i];
-    const int slide = motion.mechanism.model.bodies[leg.slide_body].q_index;
+    const int slide = motion.mechanism.model.bodies[leg.body].q_index;
     state.add(leg.home_length + tree.q[slide] - length[i], leg.name);
   }
   energy.add(motion.kinetic_energy() + motion.sums.energy - 0.0969757294406, "mechanical");

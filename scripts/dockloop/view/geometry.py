@@ -76,13 +76,36 @@ def place_bodies(mechanism: dict, coordinates: np.ndarray) -> dict[str, np.ndarr
 
 
 def find_leg_length(leg: dict, root: np.ndarray, closing: np.ndarray) -> np.ndarray:
-    """Return lengths of a leg from the poses of the bodies at its ends, rows of 7 numbers [m]."""
+    """Return lengths of a leg from the poses of the bodies at its ends, rows of 7 numbers [m].
+
+    The length of a crank leg is the travel of its pin from home.
+    """
     ends = (
         rows[:, :3] + turn(rows[:, 3:], np.array(leg[point]))
         for rows, point in ((root, "root_point"), (closing, "closing_point"))
     )
     first, second = ends
-    return np.linalg.norm(second - first, axis=1)
+    if "crank" not in leg:
+        return np.linalg.norm(second - first, axis=1)
+    crank = leg["crank"]
+    axis, home = np.array(crank["axis"]), np.array(crank["pin"])
+    pin = _find_pin(crank, turn(conjugate(root[:, 3:]), second - first))
+    angle = np.arctan2(np.cross(home, pin) @ axis, pin @ home)
+    return np.linalg.norm(home) * angle
+
+
+def _find_pin(crank: dict, tip: np.ndarray) -> np.ndarray:
+    """Return the crank pin for tips, rows of 3 numbers from the root point, axes of the root.
+
+    Seen along the crank axis, crank and rod are two sides of a triangle from root point to tip.
+    """
+    axis, length = np.array(crank["axis"]), np.linalg.norm(crank["pin"])
+    height = tip @ axis
+    flat = tip - np.outer(height, axis)
+    reach = np.linalg.norm(flat, axis=1)
+    along = (reach**2 + length**2 - crank["rod"] ** 2 + height**2) / (2.0 * reach)
+    across = crank["side"] * np.sqrt(np.maximum(length**2 - along**2, 0.0))
+    return (along[:, None] * flat + across[:, None] * np.cross(axis, flat)) / reach[:, None]
 
 
 def turn(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
@@ -166,17 +189,34 @@ def _make_vehicle(name: str, vehicle: dict, parameters: dict[str, float], front:
 def _list_legs(mechanism: dict) -> list[dict]:
     """Return what is drawn of the legs."""
     legs = []
+    places = find_body_places(mechanism)
     for leg in list_legs(mechanism):
-        stops = leg.get("stops") or {}
+        stops = {} if "pin" in leg else leg.get("stops") or {}
         legs.append(
             {
                 **{key: leg[key] for key in ("name", "root", "closing")},
                 **{key: [float(x) for x in leg[key]] for key in ("root_point", "closing_point")},
                 **{key: stops[key] for key in ("min_length", "max_length") if key in stops},
                 **{key: leg[key] for key in ("bodies", "length") if key in leg},
+                **({"crank": _make_crank(leg, places)} if "pin" in leg else {}),
             }
         )
     return legs
+
+
+def _make_crank(leg: dict, places: dict[str, tuple[np.ndarray, np.ndarray]]) -> dict:
+    """Return what places a crank: axis, pin at home, length of the rod, side of the pin."""
+    (root, at), (closing, there) = places[leg["root"]], places[leg["closing"]]
+    tip = root.T @ (there + closing @ np.array(leg["closing_point"], float) - at)
+    tip -= np.array(leg["root_point"], float)
+    axis, pin = np.array(leg["axis"], float), np.array(leg["pin"], float)
+    axis /= np.linalg.norm(axis)
+    return {
+        "axis": axis.tolist(),
+        "pin": pin.tolist(),
+        "rod": float(np.linalg.norm(tip - pin)),
+        "side": 1.0 if np.cross(axis, tip) @ pin > 0.0 else -1.0,
+    }
 
 
 def _make_rings(contact: dict) -> dict:

@@ -304,12 +304,26 @@
     const holderOf = (name) => (name === 'base' ? base : name === geometry.capture_body ? captureBody : bodies[name]?.made);
     const isPlaced = (name) => name === 'base' || (name === geometry.capture_body ? hasRing : name in bodies);
 
+    /** Pin of a crank for a tip, both from the root point: two sides of a triangle, seen along the axis. */
+    function findPin(crank, tip) {
+      const axis = vector(crank.axis), arm = vector(crank.pin).length(), height = tip.dot(axis);
+      const flat = tip.clone().addScaledVector(axis, -height), reach = flat.length();
+      const along = (reach ** 2 + arm ** 2 - crank.rod ** 2 + height ** 2) / (2 * reach);
+      const across = crank.side * Math.sqrt(Math.max(0, arm ** 2 - along ** 2));
+      return axis.clone().cross(flat).multiplyScalar(across / reach).addScaledVector(flat, along / reach);
+    }
+    /** Travel of a crank pin from home. */
+    function findTravel(crank, pin) {
+      const home = vector(crank.pin);
+      return home.length() * Math.atan2(home.clone().cross(pin).dot(vector(crank.axis)), home.dot(pin));
+    }
+
     // Legs: cylinder at the root, rod at the closing body; both ends are joint points of the mechanism.
     const legs = [];
     geometry.legs.forEach((leg, k) => {
       if (!isPlaced(leg.root) || !isPlaced(leg.closing)) return;
       const home = leg.length || vector(leg.root_point).distanceTo(vector(leg.closing_point));
-      const lengths = has(`leg[${k + 1}].length`) ? columns[`leg[${k + 1}].length`] : [home];
+      const lengths = has(`leg[${k + 1}].length`) && !leg.crank ? columns[`leg[${k + 1}].length`] : [home];
       const shortest = lengths.reduce((a, x) => Math.min(a, x), leg.min_length || Infinity);
       const thick = 0.02 * Math.min(1.5, Math.max(0.5, home / 0.9)), material = solid(COLORS.rod);
       const made = { leg, force: `leg[${k + 1}].force`, shortest, material, cylinder: rod(world, thick, solid(COLORS.leg)), rod: rod(world, 0.6 * thick, material) };
@@ -371,6 +385,17 @@
         });
         const along = ends[1].clone().sub(ends[0]), length = along.length();
         made.length = length;
+        if (made.leg.crank) {
+          const holder = holderOf(made.leg.root);
+          const tip = along.applyQuaternion(holder.quaternion.clone().invert());
+          const pin = findPin(made.leg.crank, tip);
+          made.length = findTravel(made.leg.crank, pin);
+          pin.applyQuaternion(holder.quaternion).add(ends[0]);
+          span(made.cylinder, ends[0], pin);
+          span(made.rod, pin, ends[1]);
+          made.joints.forEach((joint, k) => joint.position.copy(k ? pin : ends[0]));
+          continue;
+        }
         along.divideScalar(length);
         span(made.cylinder, ends[0], ends[0].clone().addScaledVector(along, Math.min(0.85 * made.shortest, 0.95 * length)));
         span(made.rod, ends[1].clone().addScaledVector(along, -Math.min(0.8 * made.shortest, length)), ends[1]);
