@@ -17,8 +17,9 @@ void add_ring(Table& table, Outputs& out) {
                 "Angular velocity of the guide ring with respect to A, axes of A");
 }
 
-static void add_crank_leg(Table& table, const std::string& leg, size_t i, Inputs& in,
-                          Outputs& out) {
+namespace {
+
+void add_crank_leg(Table& table, const std::string& leg, size_t i, Inputs& in, Outputs& out) {
   table.output(leg + ".length", &out.leg_length[i], kSmallLength,
                "Travel of the crank pin of this leg along its circle, from home");
   table.output(leg + ".rate", &out.leg_rate[i], kSmallVelocity,
@@ -30,6 +31,8 @@ static void add_crank_leg(Table& table, const std::string& leg, size_t i, Inputs
               "Commanded torque of the actuator of this leg over the crank length, positive along "
               "the travel of the crank pin");
 }
+
+}  // namespace
 
 void add_legs(Table& table, const MechanismModel& mechanism, Inputs& in, Outputs& out) {
   for (size_t i = 0; i < out.leg_length.size(); ++i) {
