@@ -13,7 +13,9 @@
    summary has the differences; both passes are resumed; a refined case is viewed as it ran last.
 7. Many cases: a million are planned in the memory of their samples; a table in parts has the same
    bytes for any number of workers and any order of the journal.
-8. The journal: a line that was changed is reported once and its case is run again, all others are
+8. Repeats: cases that come to the same scene run once; the table has the bytes of a sweep that runs
+   all of them, by both engines and after --resume.
+9. The journal: a line that was changed is reported once and its case is run again, all others are
    kept; a full disk loses nothing; the finished table of another sweep stays.
 """
 
@@ -835,6 +837,90 @@ def test_a_table_in_parts_has_the_same_bytes_for_any_order_of_the_journal(
     assert second.status == 0, second.err
     assert json.loads(second.out)["time"]["ran"] == 500
     assert table.read_bytes() == whole
+
+
+# ---------------------------------------------------------------- repeats
+
+# Offset 0 has no direction, and one condition sets what the scene has: 2 x 4 x 3 cases, of which
+# (1 + 4) x 2 differ.
+POLAR = """
+scene = "idss_25t_350t"
+[set]
+"initial.approach_time" = 0.1
+[[vary]]
+type = "grid"
+name = "initial.lateral_offset"
+values = [0.0, 0.05]
+[[vary]]
+type = "grid"
+name = "initial.lateral_direction_deg"
+values = [0.0, 90.0, 180.0, 270.0]
+[[vary]]
+type = "cases"
+name = "condition"
+[vary.cases."nominal"]
+[vary.cases."also nominal"]
+"chaser.mass" = 25e3
+[vary.cases."heavy"]
+"chaser.mass" = 30e3
+[experiment]
+stop = 0.5
+step = 0.25
+"""
+
+
+def test_cases_that_repeat_others_run_once_and_change_no_byte(dockloop, tmp_path, monkeypatch):
+    write(tmp_path, POLAR)
+    command = ["sweep", "mine.toml", "--no-plots", "--json", "--workers", "2", "-o"]
+    with monkeypatch.context() as patched:  # all of them run
+        patched.setattr(Planner, "find_key", lambda *_: None)
+        every = dockloop(*command, "every.parquet")
+    assert every.status == 0, every.err
+    assert json.loads(every.out)["time"]["repeats"] == 0
+    table = (tmp_path / "every.parquet").read_bytes()
+    lines = sorted((tmp_path / "every.jsonl").read_text().splitlines()[1:])
+    assert len(lines) == 24
+
+    begun, submit = [], executors.CoreThreads.submit
+
+    def count(self, values):
+        begun.append(values)
+        return submit(self, values)
+
+    monkeypatch.setattr(executors.CoreThreads, "submit", count)
+    once = dockloop(*command, "once.parquet")
+    assert once.status == 0, once.err
+    assert len(begun) == 10
+    clock = json.loads(once.out)["time"]
+    assert (clock["ran"], clock["repeats"]) == (24, 14)
+    assert (tmp_path / "once.parquet").read_bytes() == table
+    journal = tmp_path / "once.jsonl"
+    header, *found = journal.read_text().splitlines(keepends=True)
+    assert sorted(line.rstrip() for line in found) == lines
+
+    journal.write_text("".join([header, *found[:9]]))
+    again = dockloop(*[word for word in command if word != "--json"], "once.parquet", "--resume")
+    assert again.status == 0, again.err
+    assert "have the scene and start values of another case" in again.out
+    assert (tmp_path / "once.parquet").read_bytes() == table
+
+    fmu = dockloop(*command, "fmu.parquet", "--engine", "fmu")
+    assert fmu.status == 0, fmu.err
+    assert json.loads(fmu.out)["time"]["repeats"] == 14
+    rows = [parquet.read_table(f"{name}.parquet").to_pylist() for name in ("fmu", "every")]
+    for one, other in zip(*rows, strict=True):
+        assert one["status"] == other["status"] == "done"
+        peak = "capture.peak.compression"
+        assert one[peak] == pytest.approx(other[peak], rel=1e-9)
+
+
+def test_a_case_that_is_refused_repeats_no_other(tmp_path):
+    text = POLAR.replace('"chaser.mass" = 25e3', '"chaser.mass" = -1.0')
+    sweep = read_sweep(str(write(tmp_path, text.replace("30e3", "-1.0"))))
+    ran = run_sweep(sweep, tmp_path / "t.parquet")
+    assert ran["repeats"] == 3  # of the nominal condition
+    statuses = [result.status for result in ran["results"]]
+    assert statuses == ["done", "refused", "refused"] * 8
 
 
 # ---------------------------------------------------------------- the journal

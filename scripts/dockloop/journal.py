@@ -36,6 +36,7 @@ from dockloop.sampling import Value
 from dockloop.simulate import ProgressBar
 
 _SYNC = 1.0  # s between two times that the journal is forced to the disk
+Place = int | tuple[tuple[Value, ...], Result]  # where a line begins; or a case that has no line
 _SUM = b', "crc": "'  # stands between what a line says and its checksum
 
 
@@ -72,7 +73,7 @@ class Known(Mapping[tuple[Value, ...], Result]):
         """Prepare to read a journal; the file may be closed and opened meanwhile."""
         self._path = path
         self._file: BinaryIO | None = None
-        self._places: dict[bytes, int | tuple] = {}  # of a case without a line: case and result
+        self._places: dict[bytes, Place] = {}
 
     def __len__(self) -> int:
         """Return the number of cases."""
@@ -88,7 +89,15 @@ class Known(Mapping[tuple[Value, ...], Result]):
 
     def __getitem__(self, values: tuple[Value, ...]) -> Result:
         """Return the result of a case."""
-        return self._read(self._places[_find_key(values)])[1]
+        return self.read(self.find_place(values))
+
+    def find_place(self, values: tuple[Value, ...]) -> Place:
+        """Return where the result of a case is: less to keep than the result."""
+        return self._places[_find_key(values)]
+
+    def read(self, place: Place) -> Result:
+        """Return the result at a place."""
+        return self._read(place)[1]
 
     def note(self, values: tuple[Value, ...], place: int | Result) -> None:
         """Note where the line of a case begins, or the result of a case without a line."""
@@ -98,7 +107,7 @@ class Known(Mapping[tuple[Value, ...], Result]):
         """Forget all results."""
         self._places.clear()
 
-    def _read(self, place: int | tuple) -> tuple[tuple[Value, ...], Result]:
+    def _read(self, place: Place) -> tuple[tuple[Value, ...], Result]:
         if isinstance(place, tuple):
             return place
         if self._file is None:

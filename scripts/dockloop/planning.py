@@ -171,6 +171,17 @@ class Planner:
                 starts[name] = setting
         return self._reader.resolve(scene), self._as_types(starts)
 
+    def find_key(self, values: tuple[Value, ...]) -> bytes | None:
+        """Return a digest of what a case runs: its scene and start values; None: it is refused.
+
+        Cases of other values may run the same, such as other directions of an offset of 0.
+        """
+        try:
+            content = json.dumps(self.resolve(values))
+        except UsageError:
+            return None
+        return hashlib.blake2b(content.encode(), digest_size=12).digest()
+
     @property
     def scene_reference(self) -> str:
         """Name or path of the scene, as commands take it."""

@@ -263,7 +263,7 @@ class _Ranker:
         cases = [self._sweep.complete(values) for values in drawn]
         missing = [c for c in dict.fromkeys(cases) if c not in self._journal.known]
         report = make_report(self.progress, len(cases) - len(missing), len(cases))
-        run_cases(self._executor, self.planner, missing, self._journal.add, report)
+        run_cases(self._executor, self.planner, missing, self._journal, report)
         self.ran += len(missing)
         return np.array([self._rank(case) for case in cases])
 

@@ -124,6 +124,10 @@ class Cases(Sequence[tuple[Value, ...]]):
         column = self._columns[number] if number < len(self._columns) else 0
         return [self[-1][number]] if isinstance(column, int) else list(dict.fromkeys(column))
 
+    def count_points(self) -> int:
+        """Return how many points the grids have; all samples come at each of them."""
+        return self._count // len(self._drawn)
+
     def find_digest(self) -> str:
         """Return the SHA-256 of the values; the accuracy is left out."""
         digest = hashlib.sha256(json.dumps([self._columns, self._drawn.shape]).encode())

@@ -350,7 +350,7 @@ def _initial(scene: dict, path: Path) -> dict:
 
     def disc(magnitude: str, direction: str, unit: float = 1.0) -> list[float]:
         size = unit * given[magnitude]
-        angle = math.radians(given[direction])
+        angle = math.radians(given[direction]) if size else 0.0  # no offset, no direction
         return [size * math.cos(angle), size * math.sin(angle)]
 
     degree = math.radians(1.0)

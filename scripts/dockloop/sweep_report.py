@@ -51,6 +51,7 @@ _VIEWS = 3  # worst cases that a report shows in motion
 _COLUMNS = 4  # panels of a figure side by side
 _MOST_POINTS = 20_000  # of one colour in a panel
 _MOST_ROWS = 64  # of a table in words
+_CLOCK = ("ran", "repeats", "wall", "engine", "workers")
 _ENDS = ("outcome", "time_of_capture", "capture.peak.load_ratio", "explanation")
 
 
@@ -264,7 +265,7 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
         sweep: what was to be done.
         planner: how it was done.
         table: of `make_table`.
-        ran: of `run_sweep`: cases run now, wall time [s], engine, workers.
+        ran: of `run_sweep`: cases done now, repeats among them, wall time [s], engine, workers.
 
     Returns:
         A dictionary that can be written as JSON.
@@ -301,7 +302,7 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
     if worst:
         summary["worst"] = worst
     wall = ran["wall"]
-    summary["time"] = {name: ran[name] for name in ("ran", "wall", "engine", "workers")}
+    summary["time"] = {name: ran[name] for name in _CLOCK}
     if ran["ran"]:
         summary["time"]["cases_per_second"] = ran["ran"] / wall
     return summary
@@ -370,6 +371,11 @@ def describe_sweep(summary: dict) -> str:
             f"  time         {clock['ran']} cases in {clock['wall']:.1f} s,"
             f" {clock['cases_per_second']:.2f} per second with {clock['workers']} workers"
             f" (engine {clock['engine']})"
+        )
+    if clock["repeats"]:
+        lines.append(
+            f"               {clock['repeats']} of them have the scene and start values of another"
+            " case, and took its result"
         )
     if "files" in summary:
         first, *others = summary["files"]

@@ -3,7 +3,8 @@
 Where cases run is the matter of `dockloop.executors`; results, journal and table are the same for
 all. Results are appended to a journal (JSON lines) as they arrive, in any order. ``--resume`` reads
 it back and runs what is missing: a case is known by its values, not by its number, so that a sweep
-may also be continued with more cases.
+may also be continued with more cases. Cases of a grid that come to the same merged scene and start
+values run once; each of them has its own line with the result.
 
 A sweep may have two passes: all cases at a cheap ``accuracy``, then critical ones again at a better
 one. To planner and journal these are cases like others, with another value of ``accuracy``.
@@ -23,7 +24,7 @@ from dockloop.cases import Result
 from dockloop.criteria import Criterion
 from dockloop.errors import UsageError
 from dockloop.executors import Executor, choose_engine, open_executor
-from dockloop.journal import Journal, Known, find_digests, make_report
+from dockloop.journal import Journal, Known, Place, find_digests, make_report
 from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import shown
 from dockloop.planning import Planner
@@ -123,7 +124,8 @@ def run_sweep(
     Returns:
         ``planner``, ``sweep`` (with each case as it ran last), ``results`` (one per case, in
         order, from the journal), ``first`` (the same of the first pass; None where a case did not
-        run again), ``ran`` (cases run now), ``wall`` [s], ``engine`` and ``workers``.
+        run again), ``ran`` (cases done now), ``repeats`` (those of them that took the result of
+        an equal case), ``wall`` [s], ``engine`` and ``workers``.
 
     Raises:
         UsageError: the sweep, a name in it or the journal is bad.
@@ -139,7 +141,13 @@ def run_sweep(
     most = len(cases) * (2 if criterion else 1)
     journal = Journal(path, planner.find_setup(), most, resume=resume, digest=planner.digest)
     engine = choose_engine(engine, scheduler)
-    clock: dict[str, Any] = {"ran": 0, "wall": 0.0, "engine": engine, "workers": 0}
+    clock: dict[str, Any] = {
+        "ran": 0,
+        "repeats": 0,
+        "wall": 0.0,
+        "engine": engine,
+        "workers": 0,
+    }
 
     def run(cases: Cases, rows: Sequence[int]) -> None:
         known = journal.known
@@ -150,7 +158,10 @@ def run_sweep(
             with open_executor(planner, engine, workers, scheduler, count) as executor:
                 began, clock["workers"] = time.perf_counter(), executor.count()
                 report = make_report(progress, len(rows) - count, len(rows))
-                run_cases(executor, planner, missing, journal.add, report)
+                may_repeat = cases.count_points() > 1
+                clock["repeats"] += run_cases(
+                    executor, planner, missing, journal, report, may_repeat=may_repeat
+                )
                 clock["wall"] += time.perf_counter() - began
         clock["ran"] += len(known) - before
 
@@ -241,36 +252,69 @@ def run_cases(
     executor: Executor,
     planner: Planner,
     cases: Iterable[tuple],
-    keep: Callable[[tuple, Result], None],
+    journal: Journal,
     report: Callable[[], None],
-) -> None:
+    *,
+    may_repeat: bool = False,
+) -> int:
     """Submit cases, a few more than run at a time, and keep what comes back.
 
     Args:
         executor: where they run.
         planner: whose cases they are.
         cases: their values.
-        keep: receives every case with its result.
+        journal: keeps every case with its result.
         report: called after each.
+        may_repeat: cases of other values may come to the same scene and start values: these run
+            once, and each of them gets the result.
+
+    Returns:
+        The number of cases that got the result of another one.
     """
     todo = iter(cases)
-    running: dict[Future, tuple] = {}
+    running: dict[Future, tuple[bytes | None, list[tuple]]] = {}  # key; the case and its repeats
+    begun: dict[bytes, Future] = {}  # cases that run now, by their keys
+    done: dict[bytes, Place] = {}  # cases that have run, by their keys
+    repeats = 0
 
     def finish(values: tuple, result: Result) -> None:
-        keep(values, result)
+        journal.add(values, result)
         report()
 
     def fill() -> None:
+        nonlocal repeats
         most = _AHEAD * max(1, executor.count())
         while len(running) < most and (values := next(todo, None)) is not None:
-            try:
-                running[executor.submit(values)] = values
-            except UsageError as error:
-                finish(values, Result("refused", planner.without_folder(str(error))))
+            key = planner.find_key(values) if may_repeat else None
+            if key in begun:
+                repeats += 1
+                running[begun[key]][1].append(values)
+            elif key in done:
+                repeats += 1
+                finish(values, journal.known.read(done[key]))
+            else:
+                submit(key, values)
+
+    def submit(key: bytes | None, values: tuple) -> None:
+        try:
+            future = executor.submit(values)
+        except UsageError as error:
+            finish(values, Result("refused", planner.without_folder(str(error))))
+            return
+        running[future] = (key, [values])
+        if key is not None:
+            begun[key] = future
 
     fill()
     while running:
         arrived: set[Future] = wait(running, return_when=FIRST_COMPLETED).done
         for future in arrived:
-            finish(running.pop(future), executor.collect(future))
+            result = executor.collect(future)
+            key, equal = running.pop(future)
+            for values in equal:
+                finish(values, result)
+            if key is not None:
+                del begun[key]
+                done[key] = journal.known.find_place(equal[0])
         fill()
+    return repeats

@@ -315,7 +315,7 @@ class _Runner:
                 if self._progress:
                     self._progress(next(finished), total, note)
 
-            run_cases(self._open(), search.planner, missing, journal.add, report)
+            run_cases(self._open(), search.planner, missing, journal, report)
             search.wall += time.perf_counter() - began
             search.ran += len(missing)
         for values, point in cases.items():
