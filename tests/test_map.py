@@ -100,7 +100,7 @@ def test_a_figure_on_which_neighbours_do_not_agree_is_undetermined():
 
 def test_a_run_that_takes_too_long_is_slow():
     case = Case(SCENE, SHORT, {"solver.method": "fixed_rk4", "solver.step": 1e-6}, stop=5.0)
-    verdict = judge(Case(**{**vars(case), "patience": 0.3}))
+    verdict = judge(Case(**{**vars(case), "limit": 0.9}))
     assert verdict.verdict == "slow"
     assert "of the run are done" in verdict.reason
 
@@ -224,7 +224,7 @@ def test_a_point_runs_alone(dockloop, mapped, tmp_path):
         (("--error", "0"), "--error 0: must be greater than 0"),
         (("--points", "2"), "--points 2: must be at least 3"),
         (("--scene", "outputs.groups=['energy']"), "add one of them to outputs.groups"),
-        (("--limit", "nan"), "--limit nan: must be greater than 0"),
+        (("--limit", "nan"), "--limit: is nan: must be greater than 0"),
     ],
 )
 def test_bad_usage_is_refused_in_one_sentence(dockloop, tmp_path, words, text):

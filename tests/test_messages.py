@@ -324,6 +324,10 @@ def test_an_override_below_a_value_of_the_file_is_refused(dockloop, tmp_path):
         ["check", "a" * 5000],
         ["sweep", "a" * 5000],
         ["check", "."],
+        ["build", "absorber_1d", "-o", "own.zip"],
+        ["ssp", "absorber_1d", "-o", "own"],
+        ["map", "absorber_1d", "--x", "a", "1", "2", "--y", "b", "1", "2", "--limit", "0"],
+        ["extremes", "--random", "1", "--limit", "inf"],
     ],
 )
 def test_bad_usage_is_one_sentence(dockloop, tmp_path, arguments):
@@ -331,6 +335,26 @@ def test_bad_usage_is_one_sentence(dockloop, tmp_path, arguments):
     assert_said(outcome, {}, tmp_path)
     assert outcome.status == 2, outcome
     assert "_positive" not in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("setting", "sentence"),
+    [
+        ("friction.coefficient=-1", "'friction.coefficient' = -1 is below its minimum 0"),
+        ("chaser.mass=-5", "'chaser.mass' = -5 is below its minimum 0 kg"),
+        ("solver.method=99", "'solver.method' = 99 is above its maximum 13"),
+    ],
+)
+def test_a_refused_value_is_named_without_functions_of_fmi(dockloop, tmp_path, setting, sentence):
+    run = dockloop("run", "absorber_1d", "--set", setting, "--stop", "0.1")
+    assert (run.status, run.err) == (2, f"dockloop: scene absorber_1d: {sentence}\n")
+    name, value = setting.split("=")
+    text = f'scene = "absorber_1d"\n[[vary]]\ntype = "grid"\nname = "{name}"\nvalues = [{value}]\n'
+    (tmp_path / "own.toml").write_text(text)
+    sweep = dockloop("sweep", "own.toml", "--no-plots")
+    assert (sweep.status, sweep.err.count("\n")) == (1, 1)
+    assert f"{name} is {value}: must be" in sweep.err or sentence in sweep.err
+    assert "fmi2" not in sweep.err
 
 
 @pytest.mark.parametrize(

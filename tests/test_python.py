@@ -191,8 +191,12 @@ def test_a_start_value_cannot_be_set_after_the_first_step():
     docking.step(0.01)
     with pytest.raises(dl.UsageError, match=r"'chaser\.mass' is a fixed parameter"):
         docking.set("chaser.mass", 1000.0)
-    with pytest.raises(dl.UsageError, match="too short for a saved state"):
+    before = docking.save()
+    with pytest.raises(dl.UsageError, match=r"^Docking\.restore: too short for a saved state"):
         docking.restore(b"nonsense")
+    with pytest.raises(dl.UsageError, match=r"^Docking\.restore: .*type str: must be bytes"):
+        docking.restore("nonsense")
+    assert docking.save() == before
     docking.set("friction.coefficient", 0.2)  # a tunable parameter
 
 

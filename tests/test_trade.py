@@ -409,7 +409,7 @@ def test_a_method_for_comparison_is_refused_by_the_fmu_that_does_not_carry_it(ru
         with pytest.raises(UsageError) as refused:
             bench.run({"solver.method": number}, 0.1, 0.1)
         assert str(refused.value).startswith(
-            f"fmi2SetInteger: 'solver.method' = {number} ({name}), a method for comparison, which"
+            f"'solver.method' = {number} ({name}), a method for comparison, which"
             " this build does not carry: take 1 (auto), 2 (explicit)"
         )
         assert "`dockloop trade`" in str(refused.value)

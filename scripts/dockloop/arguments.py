@@ -1,6 +1,9 @@
 """Arguments that several commands share, in a module that loads quickly."""
 
 import argparse
+import math
+
+LIMIT = 60.0  # s of processor time that a docking to be judged may take
 
 
 def positive(text: str) -> int:
@@ -62,6 +65,34 @@ def add_processes(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--workers", type=positive, metavar="N", help="processes (default: one per processor)"
     )
+
+
+def add_limit(command: argparse.ArgumentParser, what: str) -> None:
+    """Add the processor time of one docking that is judged.
+
+    Args:
+        command: `map` or `extremes`.
+        what: the docking.
+    """
+    command.add_argument(
+        "--limit",
+        type=_duration,
+        default=LIMIT,
+        metavar="T",
+        help=f"processor time of {what}: a run that needs more than a third of it is slow, one"
+        f" that needs all of it is hung [s] (default: {LIMIT:g})",
+    )
+
+
+def _duration(text: str) -> float:
+    """Parse a time above 0 [s]."""
+    try:
+        time = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"is {text}: must be a number of seconds") from None
+    if not 0.0 < time < math.inf:
+        raise argparse.ArgumentTypeError(f"is {text}: must be greater than 0 and finite [s]")
+    return time
 
 
 def add_executor_options(command: argparse.ArgumentParser) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from dockloop.errors import DockloopError, UsageError, one_line
+from dockloop.errors import DockloopError, UsageError, one_line, without_function
 from dockloop.paths import shown
 
 
@@ -44,7 +44,7 @@ def core_errors() -> Iterator[ModuleType]:
     try:
         yield core
     except core.ModelError as error:
-        raise UsageError(str(error)) from None
+        raise UsageError(without_function(str(error))) from None
     except core.StepError as error:
         raise DockloopError(str(error)) from None
 

@@ -190,8 +190,16 @@ class Docking:
         Raises:
             UsageError: these bytes are no state of this scene; nothing is changed.
         """
-        with core_errors():
-            self._core.restore(state)
+        if not isinstance(state, bytes):
+            kind = type(state).__name__
+            raise UsageError(f"Docking.restore: the state is of type {kind}: must be bytes")
+        try:
+            with core_errors():
+                self._core.restore(state)
+        except UsageError as error:
+            raise UsageError(
+                f"Docking.restore: {error}: take what 'save' of a docking with this scene returned"
+            ) from None
 
     def record(
         self,

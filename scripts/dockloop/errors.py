@@ -2,6 +2,7 @@
 
 import difflib
 import errno
+import re
 import sys
 from collections.abc import Iterable
 
@@ -43,6 +44,11 @@ def one_line(text: str) -> str:
     """Return a text on one line; what cannot be printed, in names of others, is escaped."""
     escaped = (c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
     return "".join(escaped)
+
+
+def without_function(text: str) -> str:
+    """Return a sentence of the FMU without the C function that it begins with."""
+    return re.sub(r"^fmi2[A-Za-z]+: ", "", text)
 
 
 def warn(text: str) -> None:

@@ -18,7 +18,7 @@ from typing import Any, Protocol
 from dockloop import __version__
 from dockloop.cases import Result, run_case, say_version
 from dockloop.core import load_core, to_json
-from dockloop.errors import DockloopError, UsageError
+from dockloop.errors import DockloopError, UsageError, without_function
 from dockloop.fmu import NEVER_TOUCH
 from dockloop.outputs import scratch
 from dockloop.planning import KEPT_FMUS, Planner
@@ -89,7 +89,8 @@ class CoreThreads:
         except UsageError as error:
             result.reason = str(error)
         except core.ModelError as error:
-            result.reason = f"the FMU: {error}" if docking else str(error)
+            reason = without_function(str(error))
+            result.reason = f"the FMU: {reason}" if docking else reason
         except core.StepError as error:
             result.end_time = docking.time
             result.reason = f"at {docking.time:.9g} s: the FMU: {error}"

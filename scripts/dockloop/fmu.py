@@ -37,7 +37,7 @@ from dockloop.documentation import describe_needs, make_page
 from dockloop.errors import DockloopError, UsageError, warn
 from dockloop.kernel import Kernel, make_kernel
 from dockloop.licenses import read_licenses
-from dockloop.outputs import Kind, claim, read_entry, scratch, writing
+from dockloop.outputs import Kind, check_suffix, claim, read_entry, scratch, writing
 from dockloop.scene import FORMAT, find_scene, resolve_scene
 from dockloop.sources import list_sources, source_entries
 from dockloop.terminals import make_terminals
@@ -101,13 +101,14 @@ def build_fmu(
         The FMU.
 
     Raises:
-        UsageError: scene, mechanism or override is bad.
+        UsageError: scene, mechanism, override or name of the file is bad.
         DockloopError: the compiled parts are missing, the file cannot be written, or there is no
             kernel though one is asked for.
     """
     source = find_scene(reference)
     document = resolve_scene(source, overrides)
     output = output or paths.BUILD / "fmu" / f"{document['name']}.fmu"
+    check_suffix(output, ".fmu")
     claim(output, FMU)
     place_vehicles(document, source)
     if finish is None:

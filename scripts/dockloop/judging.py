@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 
 from dockloop.accuracy import ATOL_PER_RTOL, find_figures, has_same_outcome, tighten
+from dockloop.arguments import LIMIT
 from dockloop.cases import Result as CaseResult
 from dockloop.core import list_methods
 from dockloop.crew import Ending
@@ -70,7 +71,6 @@ class Case:
         stop: end [s]; None: that of the scene.
         wanted: relative error; None: whatever the tolerance promises (`find_promise`).
         limit: most processor time of one step, and of the whole judgement [s].
-        patience: most processor time of the run, and of a reference solution [s].
         host: vehicle that is integrated outside; empty: none.
     """
 
@@ -79,9 +79,13 @@ class Case:
     starts: Mapping[str, Any] = field(default_factory=dict)
     stop: float | None = None
     wanted: float | None = None
-    limit: float = 60.0
-    patience: float = 20.0
+    limit: float = LIMIT
     host: str = ""
+
+    @property
+    def patience(self) -> float:
+        """Most processor time of the run, and of a reference solution [s]."""
+        return self.limit / 3.0
 
     def make_command(self) -> str:
         """Return the command that runs the docking alone."""

@@ -19,7 +19,13 @@ import numpy as np
 from fmpy import fmi2, read_model_description
 from fmpy.fmi1 import FMICallException
 
-from dockloop.errors import DockloopError, UsageError, did_you_mean, find_reason
+from dockloop.errors import (
+    DockloopError,
+    UsageError,
+    did_you_mean,
+    find_reason,
+    without_function,
+)
 from dockloop.fmu import read_model
 from dockloop.outputs import filling, scratch
 from dockloop.paths import find_absence, is_file, shown
@@ -226,7 +232,7 @@ class Instance:
     def sentence(self, error: Exception) -> str:
         """Return why the last call failed, in the words of the FMU."""
         text = self._log[-1] if self._log else f"the FMU refused without a message ({error})"
-        return f"{self._label}: {self._without_folder(text)}"
+        return f"{self._label}: {self._without_folder(without_function(text))}"
 
     def _without_folder(self, text: str) -> str:
         """Return a sentence that names files of the FMU as people know them."""

@@ -41,7 +41,7 @@ from pathlib import Path
 from dockloop import __version__, paths
 from dockloop.errors import UsageError
 from dockloop.fmu import find_date, place_vehicles, read_model, write_fmu, write_zip
-from dockloop.outputs import Kind, claim, read_entry, scratch
+from dockloop.outputs import Kind, check_suffix, claim, read_entry, scratch
 from dockloop.scene import find_scene, resolve_scene
 from dockloop.variables import TYPES
 
@@ -89,12 +89,14 @@ def build_ssp(
         The package.
 
     Raises:
-        UsageError: scene, mechanism or override is bad, or no vehicle can be taken out.
+        UsageError: scene, mechanism, override or name of the file is bad, or no vehicle can be
+            taken out.
         DockloopError: the compiled parts are missing, or the file cannot be written.
     """
     source = find_scene(reference)
     document = resolve_scene(source, overrides)
     output = output or paths.BUILD / "ssp" / f"{document['name']}.ssp"
+    check_suffix(output, ".ssp")
     claim(output, PACKAGE)
     documents = _split(document, source)
     with scratch() as folder:

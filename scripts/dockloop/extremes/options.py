@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from dockloop.arguments import add_processes, positive
+from dockloop.arguments import add_limit, add_processes, positive
 
 EXAMPLE = "example: dockloop extremes --item 10 --quick"
 
@@ -33,13 +33,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         metavar="K",
         help="number of the first one (default: 1)",
     )
-    command.add_argument(
-        "--limit",
-        type=positive,
-        default=60,
-        metavar="T",
-        help="processor time of a random scene, after which it is hung [s] (default: 60)",
-    )
+    add_limit(command, "a random scene")
     add_processes(command)
     command.add_argument(
         "--resume", action="store_true", help="go on with the random scenes of FOLDER"

@@ -10,8 +10,9 @@ from collections.abc import Callable
 from typing import Any
 
 from dockloop import paths
+from dockloop.arguments import LIMIT
 from dockloop.errors import one_line
-from dockloop.extremes.random_scenes import LIMIT, Drawn, Outcome, run_random
+from dockloop.extremes.random_scenes import Drawn, Outcome, run_random
 from dockloop.journal import journal_kind
 from dockloop.judging import BAD, ENERGY, MOMENTUM, VERDICTS, list_reasons
 from dockloop.outputs import claim, table_kind, write_text
@@ -64,7 +65,7 @@ def run_command(options: argparse.Namespace) -> dict:
 def _find_command(options: argparse.Namespace) -> str:
     words = ["dockloop", "extremes", "--random", str(options.random), "--seed", str(options.seed)]
     words += ["--first", str(options.first)] if options.first != 1 else []
-    return shlex.join(words + (["--limit", str(options.limit)] if options.limit != LIMIT else []))
+    return shlex.join(words + (["--limit", f"{options.limit:g}"] if options.limit != LIMIT else []))
 
 
 def _make_progress() -> Callable[[int, int, Counter], None]:

@@ -19,13 +19,13 @@ from typing import Any, NamedTuple
 
 from dockloop import __version__
 from dockloop.accuracy import ATOL_PER_RTOL
+from dockloop.arguments import LIMIT
 from dockloop.core import list_choices, list_methods
 from dockloop.crew import Crew
 from dockloop.journal import Journal, make_digest
 from dockloop.judging import BAD, Case, Verdict, find_verdict, judge
 from dockloop.outputs import scratch
 
-LIMIT = 60.0  # s of processor time, of a scene
 WORK = "extremes"
 _SHRINKS = {"wrong": 24, "crashed": 24, "hung": 6}  # scenes, at most, tried to find a simpler one
 _HALVINGS = 2  # of a quantity towards its default

@@ -29,8 +29,6 @@ def run_command(options: argparse.Namespace) -> dict:
     name = find_scene(options.scene).stem
     if not (math.isfinite(options.error) and options.error > 0.0):
         raise UsageError(f"--error {options.error:g}: must be greater than 0 and finite")
-    if not (math.isfinite(options.limit) and options.limit > 0.0):
-        raise UsageError(f"--limit {options.limit:g}: must be greater than 0 and finite")
     if options.points < _FEWEST:
         raise UsageError(f"--points {options.points}: must be at least {_FEWEST}")
     judge = PointJudge(options.error, options.limit, options.host)

@@ -3,7 +3,14 @@
 import argparse
 from pathlib import Path
 
-from dockloop.arguments import add_processes, add_range, add_run_options, add_scene, positive
+from dockloop.arguments import (
+    add_limit,
+    add_processes,
+    add_range,
+    add_run_options,
+    add_scene,
+    positive,
+)
 
 EXAMPLE = (
     "example: dockloop map idss_25t_350t --x contact.stiffness 1e4 1e10 --y experiment.step 1e-4 1"
@@ -43,13 +50,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="integrate this vehicle outside, with the mass of the scene; its mass on an axis is"
         " then what the docking receives",
     )
-    command.add_argument(
-        "--limit",
-        type=float,
-        default=60.0,
-        metavar="T",
-        help="processor time of a point, after which it is hung [s] (default: 60)",
-    )
+    add_limit(command, "a point")
     add_run_options(command)
     add_processes(command)
     command.add_argument(

@@ -61,7 +61,6 @@ class PointJudge:
             starts,
             wanted=self.wanted,
             limit=self.limit,
-            patience=self.limit / 2.0,
             host=self.host,
         )
 
