@@ -346,11 +346,11 @@ def test_bad_usage_is_one_sentence(dockloop, tmp_path, arguments):
     ],
 )
 def test_a_refused_value_is_named_without_functions_of_fmi(dockloop, tmp_path, setting, sentence):
-    run = dockloop("run", "absorber_1d", "--set", setting, "--stop", "0.1")
-    assert (run.status, run.err) == (2, f"dockloop: scene absorber_1d: {sentence}\n")
+    run = dockloop("run", "idss_25t_350t", "--set", setting, "--stop", "0.1")
+    assert (run.status, run.err) == (2, f"dockloop: scene idss_25t_350t: {sentence}\n")
     name, value = setting.split("=")
-    text = f'scene = "absorber_1d"\n[[vary]]\ntype = "grid"\nname = "{name}"\nvalues = [{value}]\n'
-    (tmp_path / "own.toml").write_text(text)
+    vary = f'[[vary]]\ntype = "grid"\nname = "{name}"\nvalues = [{value}]\n'
+    (tmp_path / "own.toml").write_text(f'scene = "idss_25t_350t"\n{vary}')
     sweep = dockloop("sweep", "own.toml", "--no-plots")
     assert (sweep.status, sweep.err.count("\n")) == (1, 1)
     assert f"{name} is {value}: must be" in sweep.err or sentence in sweep.err

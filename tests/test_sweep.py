@@ -12,13 +12,15 @@
 6. Two passes: rows are bit for bit those of a sweep at the first or at the second accuracy; the
    summary has the differences; both passes are resumed; a refined case is viewed as it ran last.
 7. Many cases: a million are planned in the memory of their samples; a table in parts has the same
-   bytes for any number of workers and any order of the journal.
+   bytes for any number of workers and any order of the journal. A table is read in parts; a case of
+   a large one is chosen in little memory.
 8. Repeats: cases that come to the same scene run once; the table has the bytes of a sweep that runs
    all of them, by both engines and after --resume.
 9. The journal: a line that was changed is reported once and its case is run again, all others are
    kept; a full disk loses nothing; the finished table of another sweep stays.
 """
 
+import argparse
 import json
 import math
 import os
@@ -40,6 +42,7 @@ pytest.importorskip("scipy")
 
 import dask
 import pandas as pd
+import pyarrow as pa
 from distributed import LocalCluster
 from pyarrow import parquet
 
@@ -50,8 +53,8 @@ from dockloop.errors import UsageError
 from dockloop.planning import Planner
 from dockloop.sampling import Passes, as_setting, read_sweep
 from dockloop.simulate import ProgressBar
-from dockloop.sweeps import Journal, run_sweep
-from dockloop.view.command import find_command
+from dockloop.sweeps import Journal, read_table_metadata, run_sweep
+from dockloop.view.command import _choose_cases, find_command
 
 SHIPPED = sorted(file.stem for file in paths.SWEEPS.glob("*.toml"))
 
@@ -837,6 +840,69 @@ def test_a_table_in_parts_has_the_same_bytes_for_any_order_of_the_journal(
     assert second.status == 0, second.err
     assert json.loads(second.out)["time"]["ran"] == 500
     assert table.read_bytes() == whole
+
+
+def test_a_table_is_read_in_parts(dockloop, tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep_report, "_PART", 500)
+    path = write(tmp_path, MANY.format(cases=512))
+    command = ["sweep", str(path), "--no-plots", "-o", "own.parquet"]
+    assert dockloop(*command).status == 0
+    whole = pd.read_parquet("own.parquet").set_index("case", drop=False)
+    parts = list(dl.read_parts("own.parquet"))
+    assert max(map(len, parts)) <= 500
+    pd.testing.assert_frame_equal(pd.concat(parts), whole)
+    columns = ["capture.peak.compression", "target.mass"]
+    few = pd.concat(dl.read_parts("own.parquet", columns))
+    pd.testing.assert_frame_equal(few, whole[columns])
+    assert next(dl.read_parts("own.parquet", columns)).attrs["units"] == dict(
+        zip(columns, ("N", "kg"), strict=True)
+    )
+    with pytest.raises(UsageError, match=r"own\.parquet: has no column 'outcom' \(did you mean"):
+        dl.read_parts("own.parquet", ["outcom"])
+    with pytest.raises(UsageError, match="is no table of 'dockloop sweep'"):
+        dl.read_parts(path)
+    table = sweep_report.open_table(Path("own.parquet"))
+    assert len(table) == 2048
+    for row in (0, 499, 500, 2047):
+        assert table.read_row(row, ["case"]) == {"case": row + 1}
+    with pytest.raises(IndexError):
+        table.read_row(2048, ["case"])
+
+
+def test_a_case_of_a_large_table_is_chosen_in_little_memory(tmp_path):
+    rows = 1 << 18
+    numbers = np.arange(rows)
+    outcomes = np.where(numbers % 80_000 == 777, "miss", "captured")
+    statuses = np.where(numbers == 5, "failed", "done")
+    loads = np.random.default_rng(1).random(rows)
+    loads[5], loads[246_543] = 9.0, 2.0
+    columns = {"case": numbers + 1, "status": statuses, "reason": np.full(rows, "a" * 30)}
+    columns |= {"outcome": outcomes, "capture.peak.load_ratio": loads}
+    columns |= {f"filler{i}": loads + i for i in range(10)}
+    text = 'scene = "absorber_1d"\n'
+    table = pa.table(columns).replace_schema_metadata({"dockloop.sweep": text})
+    file = tmp_path / "own.parquet"
+    parquet.write_table(table, file, row_group_size=1 << 14)
+    del columns, table
+
+    def choose(**options):
+        chosen = {"cases": [], "not_captured": None} | options
+        opened, metadata = sweep_report.open_table(file), read_table_metadata(file)
+        return _choose_cases(file, opened, metadata, argparse.Namespace(**chosen))
+
+    before = pa.total_allocated_bytes()
+    tracemalloc.start()
+    assert choose() == [246_544]
+    assert choose(not_captured=3) == [778, 80_778, 160_778]
+    assert choose(cases=[rows]) == [rows]
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 30e6, most
+    assert pa.total_allocated_bytes() - before < 30e6
+    with pytest.raises(UsageError, match=r"--case 6: was not done in .* \(a{30}\)"):
+        choose(cases=[6])
+    with pytest.raises(UsageError, match="has the cases 1 to 262144"):
+        choose(cases=[0])
 
 
 # ---------------------------------------------------------------- repeats

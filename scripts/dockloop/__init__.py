@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from dockloop.errors import DockloopError, UsageError
     from dockloop.mechanism import check_mechanism as check
     from dockloop.results import Result
+    from dockloop.sweep_report import read_parts
     from dockloop.sweeps import sweep
 
 __version__ = "0.1.0"
@@ -70,6 +71,7 @@ __all__ = [
     "UsageError",
     "check",
     "envelope",
+    "read_parts",
     "run",
     "sweep",
 ]
@@ -86,6 +88,7 @@ _WHERE = {  # imported when they are used, so that a command starts quickly
     "UsageError": "errors",
     "check": "mechanism",
     "envelope": "envelopes.command",
+    "read_parts": "sweep_report",
     "run": "docking",
     "sweep": "sweeps",
 }

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,12 +27,18 @@ from dockloop.cases import STATUSES, Result
 from dockloop.columns import align
 from dockloop.core import list_choices, list_loads, name_choice
 from dockloop.criteria import NEVER, PEAK
+from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
+from dockloop.paths import find_absence, is_file, shown
+from dockloop.results import import_optional
 from dockloop.sampling import Sweep, count_drawn, list_discs, say_accuracy
 from dockloop.summary import find_summary
 from dockloop.sweeps import COMMAND, DIGEST, TABLE, Planner, find_journal
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FIRST = "first."  # begins columns of the first pass, filled where a case ran again
 _NAMED = ("outcome", "phase")  # Integers of the FMU that the table spells out
@@ -137,8 +143,69 @@ def write_table(
     return files
 
 
+def read_parts(path: str | Path, columns: Sequence[str] | None = None) -> Iterator["pd.DataFrame"]:
+    """Read the table of ``dockloop sweep`` in parts: memory holds one of them.
+
+    ::
+
+        for part in dl.read_parts("own.parquet", ["outcome", "capture.peak.compression"]):
+            largest = max(largest, part["capture.peak.compression"].max())
+
+    Args:
+        path: the table.
+        columns: the columns to read; default: all.
+
+    Returns:
+        An iterator over tables of at most 16384 cases each, in the order of the cases. The index
+        is the number of the case. Units are in ``part.attrs["units"]``.
+
+    Raises:
+        UsageError: the file is no table of a sweep, or lacks a column.
+        DockloopError: a package is missing.
+    """
+    import_optional("pandas")
+    table = open_table(Path(path))
+    wanted = list(table.column_names if columns is None else columns)
+    for name in wanted:
+        if name not in table.column_names:
+            near = did_you_mean(name, table.column_names)
+            raise UsageError(f"{shown(Path(path))}: has no column '{name}'{near}")
+    units = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
+
+    def read() -> Iterator["pd.DataFrame"]:
+        for batch in table.to_batches(list(dict.fromkeys(["case", *wanted]))):
+            part = batch.to_pandas().set_index("case", drop="case" not in wanted)[wanted]
+            part.attrs["units"] = {name: units[name] for name in wanted}
+            yield part
+
+    return read()
+
+
+def open_table(path: Path) -> "TableFile":
+    """Open the table of a sweep.
+
+    Raises:
+        UsageError: the file is none.
+        DockloopError: pyarrow is missing.
+    """
+    if not is_file(path):
+        raise UsageError(find_absence(path, "table"))
+    try:
+        import_optional("pyarrow")
+    except DockloopError:
+        raise DockloopError(
+            "tables of sweeps need the package pyarrow: .venv/bin/pip install -e '.[sweep]'"
+        ) from None
+    try:
+        if not TABLE.is_own(path):
+            raise ValueError("it has no such metadata")
+        return TableFile(path)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{shown(path)}: is no table of 'dockloop sweep' ({error})") from None
+
+
 class TableFile:
-    """The table in its file: what the summary needs of a ``pyarrow.Table``, column by column.
+    """The table in its file: what the summary needs of a ``pyarrow.Table``, read part by part.
 
     Attributes:
         schema: with units and descriptions.
@@ -157,9 +224,23 @@ class TableFile:
         """Read a column."""
         return self._file.read(columns=[name])[name]
 
-    def to_batches(self) -> Iterator[Any]:
-        """Read some rows after the other."""
-        return self._file.iter_batches(_PART)
+    def to_batches(self, columns: list[str] | None = None) -> Iterator[Any]:
+        """Read some rows after the other, of all columns or some."""
+        return self._file.iter_batches(_PART, columns=columns)
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return int(self._file.metadata.num_rows)
+
+    def read_row(self, row: int, columns: list[str]) -> dict[str, Any]:
+        """Read one row, from 0: only the row group that holds it."""
+        for group in range(self._file.num_row_groups):
+            count = self._file.metadata.row_group(group).num_rows
+            if row < count:
+                part = self._file.read_row_group(group, columns=columns).slice(row, 1)
+                return dict(part.to_pylist()[0])
+            row -= count
+        raise IndexError(row)
 
 
 def _make_schema(sweep: Sweep, planner: Planner) -> Any:

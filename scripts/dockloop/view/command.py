@@ -7,15 +7,19 @@ import re
 import shlex
 import tomllib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from dockloop.errors import DockloopError, UsageError, did_you_mean
+from dockloop.errors import UsageError, did_you_mean
 from dockloop.outputs import Kind, claim, scratch
-from dockloop.paths import find_absence, is_file, shown
+from dockloop.paths import shown
 from dockloop.simulate import Recording
 from dockloop.summary import RESULT
 from dockloop.view.page import PAGE, write_page
 from dockloop.view.pictures import FILM, STILL, write_film, write_stills
 from dockloop.view.results import read_result, read_state
+
+if TYPE_CHECKING:
+    from dockloop.sweep_report import TableFile
 
 _SIZE = re.compile(r"(\d{2,5})x(\d{2,5})")
 _MOST_CASES = 20
@@ -122,8 +126,14 @@ def _view_sweep(
     table: Path, output: Path, options: argparse.Namespace, meshes: dict[str, Path]
 ) -> str:
     """Run cases of a sweep again and write one page for each."""
-    rows, metadata = _read_table(table)
-    cases = _choose_cases(table, rows, metadata, options)
+    from dockloop.sweep_report import open_table
+    from dockloop.sweeps import read_table_metadata
+
+    rows, metadata = open_table(table), read_table_metadata(table)
+    try:
+        cases = _choose_cases(table, rows, metadata, options)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{shown(table)}: cannot be read ({error})") from None
     outputs = {case: output.with_stem(f"{output.stem}_case{case}") for case in cases}
     for file in outputs.values():
         for part, kind in _list_files(file, options):
@@ -155,57 +165,49 @@ def run_again(words: list[str], label: str) -> Recording:
         return run_fmu(fmu, settings, stop, step, label=label)
 
 
-def _read_table(table: Path) -> tuple[list[dict], dict[str, str]]:
-    """Return rows and metadata of the table of a sweep."""
-    if not is_file(table):
-        raise UsageError(find_absence(table, "table"))
-    try:
-        from pyarrow import parquet
-    except ImportError:
-        raise DockloopError(
-            "tables of sweeps need the package pyarrow: .venv/bin/pip install -e '.[sweep]'"
-        ) from None
-    from dockloop.sweeps import TABLE, read_table_metadata
-
-    try:
-        if not TABLE.is_own(table):
-            raise ValueError("it has no such metadata")
-        return parquet.read_table(table).to_pylist(), read_table_metadata(table)
-    except (OSError, ValueError) as error:
-        raise UsageError(f"{shown(table)}: is no table of 'dockloop sweep' ({error})") from None
-
-
 def _choose_cases(
-    table: Path, rows: list[dict], metadata: dict[str, str], options: argparse.Namespace
+    table: Path, rows: "TableFile", metadata: dict[str, str], options: argparse.Namespace
 ) -> list[int]:
-    """Return the numbers of the cases to show, from 1."""
+    """Return the numbers of the cases to show, from 1. The table is read in parts."""
     count = options.not_captured
     if options.cases and count is not None:
         raise UsageError("--case and --not-captured: give one of them")
     for case in options.cases:
         if not 1 <= case <= len(rows):
             raise UsageError(f"--case {case}: {shown(table)} has the cases 1 to {len(rows)}")
-        if rows[case - 1]["status"] != "done":
-            why = rows[case - 1]["reason"]
-            raise UsageError(f"--case {case}: was not done in {shown(table)} ({why})")
+        row = rows.read_row(case - 1, ["status", "reason"])
+        if row["status"] != "done":
+            raise UsageError(f"--case {case}: was not done in {shown(table)} ({row['reason']})")
     if options.cases:
         return list(dict.fromkeys(options.cases))
-    done = [row for row in rows if row["status"] == "done"]
+    if count is not None and not 1 <= count <= _MOST_CASES:
+        raise UsageError(f"--not-captured {count}: must be 1 to {_MOST_CASES}")
+    worst = tomllib.loads(metadata["dockloop.sweep"]).get("worst", "capture.peak.load_ratio")
+    return _find_cases(table, rows, worst if count is None else "outcome", count)
+
+
+def _find_cases(table: Path, rows: "TableFile", by: str, count: int | None) -> list[int]:
+    """Return the case with the largest value of a column, or so many that were not captured."""
+    has_column = by in rows.column_names
+    columns = ["case", "status", *([by] if has_column else [])]
+    found: list[int] = []
+    done, most = 0, -math.inf
+    for row in (row for part in rows.to_batches(columns) for row in part.to_pylist()):
+        if row["status"] != "done":
+            continue
+        done += 1
+        value = row.get(by)
+        if count is not None and value != "captured" and len(found) < count:
+            found.append(row["case"])
+        elif count is None and isinstance(value, int | float) and (not found or value > most):
+            found, most = [row["case"]], value
     if not done:
         raise UsageError(f"{shown(table)}: no case was done, so there is none to show")
-    if count is not None:
-        if not 1 <= count <= _MOST_CASES:
-            raise UsageError(f"--not-captured {count}: must be 1 to {_MOST_CASES}")
-        if "outcome" not in done[0]:
-            raise UsageError(f"{shown(table)}: 'outcome' is no column of it, so name a --case")
-        found = [row["case"] for row in done if row["outcome"] != "captured"]
-        if not found:
-            raise UsageError(f"{shown(table)}: all {len(done)} cases were captured")
-        return found[:count]
-    by = tomllib.loads(metadata["dockloop.sweep"]).get("worst", "capture.peak.load_ratio")
-    if not any(isinstance(row.get(by), int | float) for row in done):
+    if not has_column or (count is None and not found):
         raise UsageError(f"{shown(table)}: '{by}' is no column of it, so name a --case")
-    return [max(done, key=lambda row: -math.inf if row[by] is None else row[by])["case"]]
+    if not found:
+        raise UsageError(f"{shown(table)}: all {done} cases were captured")
+    return found
 
 
 def find_command(table: Path, metadata: dict[str, str], case: int, folder: Path) -> list[str]:
@@ -213,9 +215,8 @@ def find_command(table: Path, metadata: dict[str, str], case: int, folder: Path)
 
     The sweep and a scene of the user are written as they were when the table was made.
     """
-    from pyarrow import parquet
-
     from dockloop.sampling import Passes, read_sweep
+    from dockloop.sweep_report import open_table
     from dockloop.sweeps import DIGEST, Planner
 
     text, named = metadata["dockloop.sweep"], tomllib.loads(metadata["dockloop.sweep"])["scene"]
@@ -243,7 +244,7 @@ def find_command(table: Path, metadata: dict[str, str], case: int, folder: Path)
             " cases would not be the same; run the sweep again"
         )
     names = [quantity.name for quantity in sweep.quantities]
-    row = parquet.read_table(table, columns=[*names, "end_time"]).slice(case - 1, 1).to_pylist()[0]
+    row = open_table(table).read_row(case - 1, [*names, "end_time"])
     return planner.make_command(tuple(row[name] for name in names), row["end_time"])
 
 
