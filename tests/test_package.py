@@ -1,12 +1,16 @@
 """The package outside of the clone.
 
 1. Laid out as it is installed, in another folder: commands, scenes, schemas, FMUs, Python.
-2. Label `long`: the same after a real ``pip install`` into a new environment, which compiles
+2. The wheel of ``scripts/platforms wheel``, installed by pip into a new environment without a
+   compiler: run, build, sweep, view.
+3. Label `long`: the same after a real ``pip install`` into a new environment, which compiles
    everything.
 """
 
 import json
 import os
+import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -17,7 +21,10 @@ from pathlib import Path
 import pytest
 
 from dockloop import paths
-from dockloop.core import load_core
+
+sys.path.append(str(paths.ROOT / "scripts" / "lib"))
+
+from make_wheel import lay_out, write_wheel
 
 SWEEP = """
 scene = "absorber_1d"
@@ -31,20 +38,6 @@ range = [800.0, 1000.0]
 stop = 0.2
 step = 0.1
 """
-
-
-def lay_out(site: Path) -> None:
-    """Put the package into a folder as CMakeLists.txt and pyproject.toml install it."""
-    package = site / "dockloop"
-    ignored = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(paths.ROOT / "scripts" / "dockloop", package, ignore=ignored)
-    no_trades = shutil.ignore_patterns("trade")
-    shutil.copytree(paths.MODELS, package / "data" / "modelDescription", ignore=no_trades)
-    (package / "data" / "bin").mkdir()
-    for file in (paths.LIBRARY, paths.GENERATOR):
-        shutil.copy(file, package / "data" / "bin")
-    shutil.copy(paths.ROOT / "LICENSE", package / "data")
-    shutil.copy(load_core().__file__, package)
 
 
 def check_package(python: list, folder: Path, environment: dict[str, str]) -> None:
@@ -85,6 +78,52 @@ def test_a_package_outside_of_the_clone_has_all_that_it_needs(tmp_path):
     lay_out(tmp_path / "site")
     path = os.pathsep.join([str(tmp_path / "site"), sysconfig.get_paths()["purelib"]])
     check_package([sys.executable, "-S"], tmp_path / "elsewhere", {"PYTHONPATH": path})
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the wheel is for Linux x86_64")
+def test_the_wheel_works_without_a_compiler(tmp_path):
+    pytest.importorskip("auditwheel")
+    for package in ("pandas", "pyarrow", "scipy"):
+        pytest.importorskip(package)
+    wheel = write_wheel(tmp_path / "wheels")
+    assert re.fullmatch(r"dockloop-[\d.]+-cp3\d+-cp3\d+-manylinux_2_\d+_x86_64\.whl", wheel.name)
+    assert write_wheel(tmp_path / "again").read_bytes() == wheel.read_bytes()
+    subprocess.run([sys.executable, "-m", "venv", tmp_path / "venv"], check=True)
+    programs = tmp_path / "venv" / "bin"
+    install = ("-m", "pip", "install", "--quiet", "--no-deps", "--no-index", str(wheel))
+    subprocess.run([programs / "python", *install], check=True)
+    # Packages that dockloop needs are taken from .venv, but not dockloop: it comes from the wheel.
+    site = next((tmp_path / "venv" / "lib").glob("python3*/site-packages"))
+    (site / "needed.pth").write_text(sysconfig.get_paths()["purelib"])
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    (folder / "mine.toml").write_text(SWEEP)
+    environment = {"PATH": str(programs), "HOME": str(tmp_path)}
+    assert not any(shutil.which(name, path=str(programs)) for name in ("cc", "gcc", "c++", "cmake"))
+
+    def call(*words: str) -> str:
+        done = subprocess.run(
+            [programs / words[0], *words[1:]],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    where = call("python", "-c", "import dockloop, dockloop._core as c; print(c.__file__)").strip()
+    assert Path(where).is_relative_to(site), where
+    ran = json.loads(call("dockloop", "run", "idss_25t_350t", "--stop", "1", "--json"))
+    assert all((folder / file).exists() for file in ran["files"])
+    assert "mine.fmu" in call("dockloop", "build", "absorber_1d", "-o", "mine.fmu")
+    again = json.loads(call("dockloop", "run", "mine.fmu", "--stop", "0.2", "--json"))
+    assert again["files"]
+    swept = json.loads(call("dockloop", "sweep", "mine.toml", "--json", "--no-plots"))
+    assert swept["status"] == {"done": 8}
+    call("dockloop", "view", ran["files"][0], "-o", "own.html")
+    assert (folder / "own.html").stat().st_size > 100_000
 
 
 @pytest.mark.long

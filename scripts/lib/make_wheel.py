@@ -1,0 +1,116 @@
+"""Packs the compiled package into a wheel: for machines without a compiler.
+
+``scripts/platforms wheel`` calls it. The files are those that ``pip install .`` installs
+(CMakeLists.txt), but taken from ``build/release``: nothing is compiled. The platform tag is found
+by auditwheel, from the symbols that the compiled files need. The module belongs to one version of
+Python: the one in ``.venv``.
+"""
+
+import base64
+import hashlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+import zipfile
+from pathlib import Path
+
+from dockloop import paths
+from dockloop.core import load_core
+
+WHEELS = paths.BUILD / "wheels"
+_EXTRAS = ("tables", "sweep")  # the others are of use in a clone only
+_PYTHON = f"cp{sys.version_info.major}{sys.version_info.minor}"
+
+
+def lay_out(site: Path) -> None:
+    """Put the package into a folder as CMakeLists.txt and pyproject.toml install it."""
+    package = site / "dockloop"
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(paths.ROOT / "scripts" / "dockloop", package, ignore=ignored)
+    no_trades = shutil.ignore_patterns("trade")
+    shutil.copytree(paths.MODELS, package / "data" / "modelDescription", ignore=no_trades)
+    (package / "data" / "bin").mkdir()
+    for file in (paths.LIBRARY, paths.GENERATOR):
+        shutil.copy(file, package / "data" / "bin")
+    shutil.copy(paths.ROOT / "LICENSE", package / "data")
+    shutil.copy(load_core().__file__, package)
+
+
+def write_wheel(folder: Path = WHEELS) -> Path:
+    """Write the wheel of this machine into a folder; returns the file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as place:
+        site = Path(place) / "site"
+        lay_out(site)
+        platform = _find_platform(_pack(site, Path(place), "linux_x86_64"))
+        return _pack(site, folder, platform)
+
+
+def _find_platform(wheel: Path) -> str:
+    """Return the platform tag that auditwheel finds for a wheel."""
+    command = [sys.executable, "-m", "auditwheel", "show", str(wheel)]
+    text = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    found = re.search(r'platform\s+tag:\s+"(\w+)"', text)
+    if not found:
+        raise SystemExit(f"scripts/platforms: auditwheel finds no platform tag:\n{text}")
+    return found[1]
+
+
+def _pack(site: Path, folder: Path, platform: str) -> Path:
+    """Write a wheel of the files below `site`; equal files give equal bytes."""
+    project = tomllib.loads((paths.ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    tag, stem = f"{_PYTHON}-{_PYTHON}-{platform}", f"dockloop-{project['version']}"
+    scripts = "".join(f"{name} = {value}\n" for name, value in project["scripts"].items())
+    info = {
+        "METADATA": _describe(project),
+        "WHEEL": f"Wheel-Version: 1.0\nGenerator: dockloop\nRoot-Is-Purelib: false\nTag: {tag}\n",
+        "entry_points.txt": f"[console_scripts]\n{scripts}",
+    }
+    files = {file.relative_to(site).as_posix(): file for file in site.rglob("*") if file.is_file()}
+    record = []
+    wheel = folder / f"{stem}-{tag}.whl"
+    with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED) as archive:
+
+        def add(name: str, content: bytes, mode: int) -> None:
+            entry = zipfile.ZipInfo(name)
+            entry.external_attr = (0o100000 | mode) << 16
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, content)
+            digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=")
+            record.append(f"{name},sha256={digest.decode()},{len(content)}\n")
+
+        for name in sorted(files):
+            add(
+                name,
+                files[name].read_bytes(),
+                0o755 if files[name].stat().st_mode & 0o100 else 0o644,
+            )
+        for name, text in info.items():
+            add(f"{stem}.dist-info/{name}", text.encode(), 0o644)
+        name = f"{stem}.dist-info/RECORD"
+        add(name, "".join([*record, f"{name},,\n"]).encode(), 0o644)
+    return wheel
+
+
+def _describe(project: dict) -> str:
+    """Return the metadata of the wheel."""
+    lines = ["Metadata-Version: 2.1"]
+    for key in ("name", "version"):
+        lines.append(f"{key.capitalize()}: {project[key]}")
+    lines.append(f"Summary: {project['description']}")
+    lines.append(f"License: {project['license']['text']}")
+    lines.append(f"Requires-Python: {project['requires-python']}")
+    lines += [f"Requires-Dist: {need}" for need in project["dependencies"]]
+    for extra in _EXTRAS:
+        lines.append(f"Provides-Extra: {extra}")
+        needs = project["optional-dependencies"][extra]
+        lines += [f"Requires-Dist: {need}; extra == '{extra}'" for need in needs]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    made = write_wheel()
+    print(f"{paths.shown(made)} ({made.stat().st_size / 1e6:.1f} MB)")
