@@ -108,8 +108,8 @@ def build_fmu(
     source = find_scene(reference)
     document = resolve_scene(source, overrides)
     output = output or paths.BUILD / "fmu" / f"{document['name']}.fmu"
-    check_suffix(output, ".fmu")
     claim(output, FMU)
+    check_suffix(output, ".fmu")
     place_vehicles(document, source)
     if finish is None:
         write_fmu(document, source, output, kernel, report, bare=bare)

@@ -96,8 +96,8 @@ def build_ssp(
     source = find_scene(reference)
     document = resolve_scene(source, overrides)
     output = output or paths.BUILD / "ssp" / f"{document['name']}.ssp"
-    check_suffix(output, ".ssp")
     claim(output, PACKAGE)
+    check_suffix(output, ".ssp")
     documents = _split(document, source)
     with scratch() as folder:
         archives = {name: folder / f"{name}.fmu" for name in documents}
