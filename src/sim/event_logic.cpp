@@ -218,12 +218,11 @@ void EventLogic::update_phases(DockingData<double>& at, double now) {
   }
 }
 
-DiscreteState EventLogic::find_phases(DockingData<double>& at, double now) const {
-  DiscreteState there = discrete_;
+void EventLogic::find_phases(DockingData<double>& at, double now, DiscreteState& there) const {
+  there = discrete_;
   const PhaseInputs in = find_phase_inputs(at, find_near_gap(at));
   update_seat(in, now, there);
   if (!sequence_.exists()) update_phase(in, there);
-  return there;
 }
 
 bool EventLogic::is_change_due(DockingData<double>& at, double now, double clock_rounding) const {

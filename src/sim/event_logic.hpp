@@ -90,8 +90,8 @@ class EventLogic {
   /// Disturbances that act from now on. @return whether others did before
   bool update_disturbances(double now, double clock_rounding);
   void update_phases(DockingData<double>& at, double now);
-  /// The same, for a state to be read before it is booked.
-  DiscreteState find_phases(DockingData<double>& at, double now) const;
+  /// The same, for a state that is read before it is booked. @param[out] there  with its phases
+  void find_phases(DockingData<double>& at, double now, DiscreteState& there) const;
 
   // Results
 

@@ -141,9 +141,8 @@ void DockingSim::Impl::update_phase_outputs() {
     outputs.latched[i] = discrete.latch[i].mode == LatchMode::kHeld ? 1 : 0;
     outputs.latch_state[i] = events->find_latch_report(shown(), i);
   }
-  DiscreteState inside;
-  if (ahead.pending) inside = events->find_phases(shown(), find_point_time());
-  const DiscreteState& there = ahead.pending ? inside : discrete;
+  if (ahead.pending) events->find_phases(shown(), find_point_time(), discrete_inside);
+  const DiscreteState& there = ahead.pending ? discrete_inside : discrete;
   outputs.capture_reason =
       find_capture_reason(events->find_phase_inputs(shown(), outputs.gap), there);
   outputs.seated_time = there.seated_time;

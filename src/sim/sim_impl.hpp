@@ -256,6 +256,7 @@ struct DockingSim::Impl : SimState {
   std::unique_ptr<Snapshot> look_ahead_start;    ///< only if loads are announced
   std::unique_ptr<UnreducedForm> unreduced;      ///< at model.level 4 only
   std::vector<double> rates;                     ///< for outputs
+  DiscreteState discrete_inside;                 ///< with the phases inside a pending step
   bool pose_is_kept = false;  ///< step_start holds the accepted configuration of the loops
   Snapshot step_start;        ///< state to restore after a refused step
 };

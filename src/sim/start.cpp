@@ -364,6 +364,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   quiescent_mode->start(step_loop->y());
   host->start();
   step_loop->start();
+  discrete_inside = discrete;
   keep(step_start);
   if (look_ahead_start) keep(*look_ahead_start);
   invalidate();
