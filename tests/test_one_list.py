@@ -68,6 +68,9 @@ ALLOWED = {
     ("friction.model", "src/contact/laws.hpp"): "lies below the list (src/README.md)",
     ("friction.model", "src/sim/values.hpp"): "a comment on the member",
     ("model.level", "src/math/choice.hpp"): "the example in a comment",
+    ("units", "src/interface/variable_table.hpp"): "each quantity names its unit",
+    ("model.level", "src/sim/start_checks.cpp"): "the message names two levels",
+    ("solver.method", "src/sim/start_checks.cpp"): "the message names two methods",
 }
 LITERAL = re.compile(r'"((?:\\.|[^"\\\n])*)"|\'((?:\\.|[^\'\\\n])*)\'')
 
