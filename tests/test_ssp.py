@@ -301,7 +301,7 @@ def test_a_load_from_the_first_step_on_reaches_the_vehicles(runs, bare_package, 
     for name, outside in reported.items():
         difference = np.max(np.abs(np.subtract(found[outside], expected[name]))[1:])
         assert np.ptp(expected[name]) > 0.01
-        assert difference < 5e-14, name  # 4e-15
+        assert difference < 2e-11, name  # 4e-12: at points inside a step
 
 
 def test_in_the_wrong_mode_it_is_of_first_order(recording_of, alone):
