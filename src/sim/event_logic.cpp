@@ -210,19 +210,13 @@ DisturbingLoads EventLogic::add_disturbances(Share share) const {
 
 void EventLogic::update_phases(DockingData<double>& at, double now) {
   const PhaseInputs in = find_phase_inputs(at, find_near_gap(at));
-  update_seat(in, now, discrete_);
-  if (sequence_.exists()) {
-    sequence_.update_phase(in.latched);
-  } else {
-    update_phase(in, discrete_);
-  }
+  update_phases(in, now, discrete_);
+  if (sequence_.exists()) sequence_.update_phase(in.latched);
 }
 
-void EventLogic::find_phases(DockingData<double>& at, double now, DiscreteState& there) const {
-  there = discrete_;
-  const PhaseInputs in = find_phase_inputs(at, find_near_gap(at));
-  update_seat(in, now, there);
-  if (!sequence_.exists()) update_phase(in, there);
+void EventLogic::update_phases(const PhaseInputs& in, double now, DiscreteState& state) const {
+  update_seat(in, now, state);
+  if (!sequence_.exists()) update_phase(in, state);
 }
 
 bool EventLogic::is_change_due(DockingData<double>& at, double now, double clock_rounding) const {

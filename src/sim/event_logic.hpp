@@ -90,8 +90,9 @@ class EventLogic {
   /// Disturbances that act from now on. @return whether others did before
   bool update_disturbances(double now, double clock_rounding);
   void update_phases(DockingData<double>& at, double now);
-  /// The same, for a state that is read before it is booked. @param[out] there  with its phases
-  void find_phases(DockingData<double>& at, double now, DiscreteState& there) const;
+  /// The same for a copy of the discrete state, but for the phase of a sequence: it follows from
+  /// events only. For a state that is read before it is booked.
+  void update_phases(const PhaseInputs& in, double now, DiscreteState& state) const;
 
   // Results
 

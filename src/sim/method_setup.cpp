@@ -44,11 +44,15 @@ bool DockingSim::Impl::prefers_structured_matrix(double rtol) const {
   return model->contact.has_surfaces() && (is_loose || is_steep);
 }
 
+/// Does the integrator make the steps, of the reduced form in doubles?
+bool DockingSim::Impl::integrates_reduced_form(const RunMethod& method) const {
+  return method.is_co_simulation && !method.is_reference && parameters.model_level != kReference;
+}
+
 /// Linearly implicit steps? Bristles of contacts, and forms that integrate other unknowns, need
 /// another method.
 bool DockingSim::Impl::uses_structured_matrix(const RunMethod& method) const {
-  if (!method.is_co_simulation || method.is_reference) return false;
-  if (parameters.model_level == kReference || model->layout.bristle_count > 0) return false;
+  if (!integrates_reduced_form(method) || model->layout.bristle_count > 0) return false;
   return chosen.method == kRosenbrock || chosen.method == kFixedRosenbrock ||
          (chosen.method == kAuto && prefers_structured_matrix(method.rtol));
 }
@@ -56,8 +60,7 @@ bool DockingSim::Impl::uses_structured_matrix(const RunMethod& method) const {
 /// One-step methods of our own with error control? Methods and forms for comparison are others.
 bool DockingSim::Impl::makes_own_steps(const RunMethod& method) const {
   if (method.is_structured) return !method.is_fixed_step();
-  if (!method.is_co_simulation || method.is_reference || method.facts->for_comparison) return false;
-  if (parameters.model_level == kReference) return false;
+  if (!integrates_reduced_form(method) || method.facts->for_comparison) return false;
   const Stepper::Method used = find_stepper_method(method);
   return used == Stepper::Method::kDormandPrince || used == Stepper::Method::kStabilised;
 }

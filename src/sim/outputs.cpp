@@ -141,10 +141,13 @@ void DockingSim::Impl::update_phase_outputs() {
     outputs.latched[i] = discrete.latch[i].mode == LatchMode::kHeld ? 1 : 0;
     outputs.latch_state[i] = events->find_latch_report(shown(), i);
   }
-  if (ahead.pending) events->find_phases(shown(), find_point_time(), discrete_inside);
+  const PhaseInputs in = events->find_phase_inputs(shown(), outputs.gap);
+  if (ahead.pending) {
+    discrete_inside = discrete;
+    events->update_phases(in, find_point_time(), discrete_inside);
+  }
   const DiscreteState& there = ahead.pending ? discrete_inside : discrete;
-  outputs.capture_reason =
-      find_capture_reason(events->find_phase_inputs(shown(), outputs.gap), there);
+  outputs.capture_reason = find_capture_reason(in, there);
   outputs.seated_time = there.seated_time;
   outputs.sequence_step = discrete.sequence.step + 1;
   outputs.sequence_time_in_step = 0.0;

@@ -73,6 +73,7 @@ struct DockingSim::Impl : SimState {
   // method_setup.cpp
   double find_relative_tolerance() const;
   bool prefers_structured_matrix(double rtol) const;
+  bool integrates_reduced_form(const RunMethod& method) const;
   bool uses_structured_matrix(const RunMethod& method) const;
   bool makes_own_steps(const RunMethod& method) const;
   RunMethod choose_method() const;
