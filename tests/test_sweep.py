@@ -109,7 +109,7 @@ class Cluster:
         self._scheduler = self._start("scheduler", "--port", "0")
         self.workers = [self.start_worker() for _ in range(2)]
         for _ in range(6000):
-            if self._file.exists():
+            if self._file.exists() and self._file.stat().st_size > 0:  # it is made, then written
                 break
             time.sleep(0.01)
         self.scheduler_address = json.loads(self._file.read_text())["address"]
