@@ -50,6 +50,7 @@ LEAST_SHIFT = 1e-9  # of the neighbours, relative
 MOMENTUM = 1e-9  # largest momentum.residual that is rounding
 ENERGY = 0.01  # of the energy in play: beyond it the run must issue a warning
 ATOL_ERRORS = 100.0  # absolute tolerances of energy that a residual may have in addition
+_NEIGHBOURS = (1.0, -1.0, 10.0, -10.0)  # times the shift
 _AGREE = 1.0 / 3.0  # neighbours agree on a figure if it differs by this part of the wanted error
 _TIGHTER = 3  # times that tighter settings are tried
 _POINTS = 100  # communication steps of a reference solution, about
@@ -303,7 +304,9 @@ def _find_energy_error(run: Result) -> float:
     Errors of some absolute tolerances do not count.
     """
     kinetic, potential = run["energy.kinetic"], run["energy.potential"]
-    in_play = abs(kinetic[0] + potential[0]) + np.abs(run["energy.external"])
+    brought = sum(run[name] for name in ("energy.external", "energy.drive_work") if name in run)
+    at_start = kinetic[0] + potential[0] + run["energy.dissipated"][0]  # latches that catch there
+    in_play = abs(at_start) + np.abs(brought)
     in_play = np.maximum.accumulate(in_play + np.maximum(0.0, -potential))
     atol = run.parameters.get("solver.atol_energy", 0.0)
     in_play = np.maximum(in_play, max(1e4 * atol, np.finfo(float).tiny))
@@ -364,7 +367,7 @@ def _compare(case: Case, run: Result, audited: Verdict) -> Verdict:
 def _find_determined(case: Case, reference: Result, shift: float, wanted: float) -> set[str]:
     """Return the figures on which neighbours of the reference solution agree."""
     changes = [
-        _find_figures(reference, _find_reference(case, sign * shift)) for sign in (1.0, -1.0)
+        _find_figures(reference, _find_reference(case, size * shift)) for size in _NEIGHBOURS
     ]
     most = _AGREE * wanted
     return {name for name in changes[0] if all(c.get(name, math.inf) <= most for c in changes)}

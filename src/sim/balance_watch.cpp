@@ -6,6 +6,11 @@
 #include <cstdio>
 
 namespace dockloop {
+namespace {
+
+constexpr double kAlike = 0.002;  ///< of the energy in play; the audit warns at 0.01
+
+}  // namespace
 
 BalanceWatch::BalanceWatch(SimState& state, double atol_energy, double t_start, const char* remedy,
                            std::string& status_text, std::vector<std::string>& warnings)
@@ -39,6 +44,10 @@ bool BalanceWatch::is_energy_created(const EnergyBalance& found, double tau) {
       std::abs(found.residual), there);
   status_text_ = text;
   return true;
+}
+
+bool BalanceWatch::are_alike(const EnergyBalance& one, const EnergyBalance& other) const {
+  return std::abs(one.residual - other.residual) <= kAlike * find_scale(one);
 }
 
 void BalanceWatch::update_energy(const EnergyBalance& found, double tau) {

@@ -19,6 +19,8 @@ class BalanceWatch {
                             const double* y) const;
   /// Does the inner step that ends at tau create energy? If so, status_text contains the message.
   bool is_energy_created(const EnergyBalance& found, double tau);
+  /// Do two states of one inner step have the same balance, within a part of the energy in play?
+  bool are_alike(const EnergyBalance& one, const EnergyBalance& other) const;
   /// Updates the energy audit. Issues a warning at a residual of 1 %, and again at 10 %.
   void update_energy(const EnergyBalance& found, double tau);
   /// Updates the scales of momentum and the largest residual. @param data  complete evaluation of y

@@ -82,6 +82,19 @@ void StepLoop::start_ahead() {
                     {evaluator_.start_rates(), ahead_.fastest_rate, ahead_.last_error});
 }
 
+/// May states inside the step just made be read? Bristles settle much faster than a long explicit
+/// step, whose polynomial then swings: energy in its middle is not that at its ends. (Linearly
+/// implicit steps have balance_point().) @pre evaluation at the end, inner_.energy
+bool StepLoop::is_good_inside() {
+  if (method_.is_structured || model_->layout.bristle_count == 0) return true;
+  const double middle = 0.5 * (inner_.from + inner_.to);
+  if (!stepper_->interpolate(middle, scratch_.data())) return false;
+  evaluator_.count(1);
+  if (!evaluator_.aside(middle, scratch_.data(), nullptr).ok()) return false;
+  const EnergyBalance found = balances_.find_energy(*model_, evaluator_.trial(), scratch_.data());
+  return balances_.are_alike(found, inner_.energy);
+}
+
 /// The step just made ends after the communication point.
 Status StepLoop::stay_pending(double point) {
   ahead_.pending = stepper_->interpolate(point, y_inside_.data());

@@ -281,7 +281,7 @@ Status StepLoop::integrate(double tau, double end, bool passes, std::int64_t lim
       if (passes) status = begin_ahead(tau, asked, is_evaluated);
       if (!status.ok()) return status;
       status = make_inner_step(tau, passes ? ahead_.farthest : end, passes);
-      if (!status.ok() && passes) {  // no failure of this communication step
+      if (passes && (!status.ok() || (inner_.to > end && !is_good_inside()))) {  // no failure
         passes = false;
         return_to(tau, std::min(proposal_, end - tau));
         continue;

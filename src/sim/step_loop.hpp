@@ -198,6 +198,7 @@ class StepLoop {
   void keep_context();
   Status begin_ahead(double tau, double h, bool is_evaluated);
   void start_ahead();
+  bool is_good_inside();
   Status stay_pending(double point);
 
   const DockingModel* model_;
