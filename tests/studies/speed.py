@@ -1,0 +1,241 @@
+"""What a wanted error costs, beside an earlier version of the project: tests/validation/speed.md.
+
+Every docking runs through its FMU. The settings of the earlier version are chosen by hand: method
+auto, with the loosest relative tolerance of a ladder that has the wanted error. The present version
+has `accuracy` at that error. Both run by turns in one process, and the least time inside
+``fmi2DoStep`` counts. Without an earlier version the present one is compared with itself.
+
+Examples:
+    git worktree add ../before c645e7a && ../before/scripts/demo    # before linearly implicit steps
+    .venv/bin/python tests/studies/speed.py --before ../before      # a quarter of an hour
+    .venv/bin/python tests/studies/speed.py --quick -o build/speed.md
+"""
+
+import argparse
+import resource
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+import dockloop as dl
+from dockloop.accuracy import ATOL_PER_RTOL, find_error
+from dockloop.errors import DockloopError
+from dockloop.paths import ROOT, SWEEPS
+from dockloop.results import ProgressBar, Result
+from dockloop.simulate import run_fmu
+from idss import make_corners
+from page import find_origin, write_head, write_page, write_row
+
+PAGE = ROOT / "tests" / "validation" / "speed.md"
+RING, FAMILIES = "idss_25t_350t", ("hexapod", "apda", "probe_drogue")
+STEEP = "mechanism.set.contact.law.friction_speed=1e-5"  # 100 times as steep
+GROUPS = 'outputs.groups=["relative", "capture", "phase", "ring", "solver"]'
+LADDER = tuple(10.0 ** (-k / 2) for k in range(4, 20))  # relative tolerances, 1e-2 to 3e-10
+TIGHT = 1e-11  # of the reference solution, explicit
+TURNS, CORNERS, CASES = 5, 4, 512
+
+
+class Docking(NamedTuple):
+    """A docking: its title, overrides of the scene, end [s], communication step [s]."""
+
+    title: str
+    overrides: tuple[str, ...]
+    stop: float
+    step: float
+
+
+class Cost(NamedTuple):
+    """What a run took: evaluations, its error, time in fmi2DoStep [s]."""
+
+    evaluations: float
+    error: float
+    seconds: float
+
+
+def list_dockings(*, quick: bool) -> list[tuple[Docking, tuple[float, ...]]]:
+    """Return dockings, and the errors that are wanted of each."""
+    default = Docking("default docking", (), 20.0, 0.01)
+    if quick:
+        return [(default._replace(stop=3.0), (1e-3,))]
+    steep = Docking("friction 100 times as steep", (STEEP,), 20.0, 0.01)
+    corners = [
+        Docking(f"corner {i} of the standard", tuple(corner), 25.0, 0.25)
+        for i, corner in enumerate(make_corners(CORNERS), 1)
+    ]
+    return [
+        (default, (1e-3, 1e-4, 1e-6)),
+        (default._replace(step=1.0), (1e-3, 1e-4, 1e-6)),
+        (steep, (1e-3,)),
+        *((corner, (1e-3,)) for corner in corners),
+    ]
+
+
+def set_tolerance(method: int, rtol: float) -> list[str]:
+    """Return settings: a method, a relative tolerance and absolute ones in proportion."""
+    atols = [f"solver.{name}={share * rtol!r}" for name, share in ATOL_PER_RTOL.items()]
+    return [f"solver.method={method}", f"solver.rtol={rtol!r}", *atols]
+
+
+def build(clone: Path, docking: Docking, path: Path) -> Path:
+    """Build the FMU of a docking with one version of the project."""
+    words = [str(clone / ".venv/bin/dockloop"), "build", RING, "-o", str(path)]
+    for override in (*docking.overrides, GROUPS):
+        words += ["--scene", override]
+    subprocess.run(words, check=True, capture_output=True)
+    return path
+
+
+def run(fmu: Path, docking: Docking, settings: list[str]) -> Result | None:
+    """Run an FMU; None if a step is refused."""
+    try:
+        return run_fmu(fmu, settings, docking.stop, docking.step)
+    except DockloopError:
+        return None
+
+
+def choose_by_hand(fmu: Path, docking: Docking, reference: Result, wanted: float) -> float:
+    """Return the loosest tolerance with which method auto has the wanted error."""
+    for rtol in LADDER:
+        made = run(fmu, docking, set_tolerance(1, rtol))
+        if made is not None and find_error(reference, made) <= wanted:
+            return rtol
+    raise SystemExit(f"{docking.title}: no tolerance has an error of {wanted:g}")
+
+
+def compare(docking: Docking, fmus: tuple[Path, Path], wanted: float) -> tuple[Cost, Cost, float]:
+    """Return the costs of a docking before and now, and the tolerance chosen by hand."""
+    references = [run(fmu, docking, set_tolerance(2, TIGHT)) for fmu in fmus]
+    rtol = choose_by_hand(fmus[0], docking, references[0], wanted)
+    settings = (set_tolerance(1, rtol), [f"accuracy={wanted!r}"])
+    turns = [
+        [run(fmu, docking, chosen) for fmu, chosen in zip(fmus, settings, strict=True)]
+        for _ in range(TURNS)
+    ]
+    before, now = (
+        Cost(
+            float(made["solver.rhs_evaluations"][-1]),
+            find_error(references[i], made),
+            min(turn[i].wall["do_step"] for turn in turns),
+        )
+        for i, made in enumerate(turns[0])
+    )
+    return before, now, rtol
+
+
+def compare_dockings(clones: tuple[Path, Path], *, quick: bool) -> tuple[list[str], float]:
+    """Return the table of dockings, and the first tolerance that was chosen by hand."""
+    dockings = list_dockings(quick=quick)
+    report, lines, chosen = ProgressBar("dockings"), [], []
+    with tempfile.TemporaryDirectory() as folder:
+        for i, (docking, errors) in enumerate(dockings):
+            fmus = tuple(
+                build(clone, docking, Path(folder) / f"{i}_{j}.fmu")
+                for j, clone in enumerate(clones)
+            )
+            for wanted in errors:
+                before, now, rtol = compare(docking, fmus, wanted)
+                chosen.append(rtol)
+                lines.append(
+                    write_row(
+                        f"{docking.title}, {docking.stop:g} s at {docking.step:g} s",
+                        f"{wanted:g}",
+                        f"{before.evaluations:,.0f} / {now.evaluations:,.0f}",
+                        f"{before.error:.0e} / {now.error:.0e}",
+                        f"{before.seconds / now.seconds:.1f}",
+                    )
+                )
+            report((i + 1) / len(dockings))
+    head = write_head(
+        *("docking", "wanted error", "evaluations before / now", "error before / now"),
+        "time before over time now",
+    )
+    return head + lines, chosen[0]
+
+
+def time_sweep(clone: Path, keys: dict[str, float], options: list[str], cases: int) -> float:
+    """Return the processor time per case of a sweep, reading and writing included [s]."""
+    text = (SWEEPS / "idss_initial_conditions.toml").read_text(encoding="utf-8")
+    settings = "".join(f'"{name}" = {value!r}\n' for name, value in keys.items())
+    lines = text.replace("[set]\n", f"[set]\n{settings}").splitlines()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "sweep.toml"
+        lines = [f"cases = {cases}" if line.startswith("cases") else line for line in lines]
+        path.write_text("\n".join(lines), encoding="utf-8")
+        words = [str(clone / ".venv/bin/dockloop"), "sweep", str(path), "--engine", "core"]
+        words += ["--no-plots", "-o", f"{folder}/table.parquet", *options]
+        began = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(words, check=True, capture_output=True)
+        ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+    used = ended.ru_utime + ended.ru_stime - began.ru_utime - began.ru_stime
+    return used / cases
+
+
+def compare_sweeps(clones: tuple[Path, Path], rtol: float, cases: int) -> list[str]:
+    """Return the table of sweeps."""
+    keys = {"solver.rtol": rtol}
+    keys |= {f"solver.{name}": share * rtol for name, share in ATOL_PER_RTOL.items()}
+    before = time_sweep(clones[0], keys, [], cases)
+    lines = write_head("wanted error", "cases per second and processor, before / now", "ratio")
+    for wanted in (1e-3, 1e-4):
+        now = time_sweep(clones[1], {}, ["--accuracy", repr(wanted)], cases)
+        lines.append(
+            write_row(f"{wanted:g}", f"{1 / before:.1f} / {1 / now:.1f}", f"{before / now:.1f}")
+        )
+    return lines
+
+
+def list_families(*, quick: bool) -> list[str]:
+    """Return the table of the families: evaluations of 20 s."""
+    lines = write_head("scene", "default settings", "`accuracy` 1e-3", "`accuracy` 1e-4")
+    for scene in (RING, *FAMILIES):
+        cells = []
+        for starts in ({}, {"accuracy": 1e-3}, {"accuracy": 1e-4}):
+            made = dl.run(scene, None, starts, stop=2.0 if quick else 20.0, step=0.01)
+            cells.append(f"{made['solver.rhs_evaluations'][-1]:,.0f}")
+        lines.append(write_row(f"`{scene}`", *cells))
+    return lines
+
+
+def main() -> None:
+    """Write the page."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--before", type=Path, default=ROOT, metavar="CLONE", help="an earlier version, set up"
+    )
+    parser.add_argument("-o", "--output", type=Path, default=PAGE, help="the page")
+    parser.add_argument("--quick", action="store_true", help="one short docking, eight cases")
+    options = parser.parse_args()
+    clones = (options.before.resolve(), ROOT)
+    git = ["git", "-C", str(clones[0]), "log", "-1", "--format=%h of %cs"]
+    earlier = subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()
+    dockings, rtol = compare_dockings(clones, quick=options.quick)
+    cases = 8 if options.quick else CASES
+    write_page(
+        options.output,
+        "# Speed that accuracy buys",
+        find_origin("tests/studies/speed.py"),
+        "",
+        f"Before: version {earlier}, method auto, with the loosest relative tolerance (two in a"
+        " decade) that has the wanted error. Now: `accuracy`. The error is the largest relative"
+        " one of peak loads, stroke, time of capture and final motion; the reference solution is"
+        f" that of the explicit method at {TIGHT:g}. Times are the least of {TURNS} by turns.",
+        "",
+        *dockings,
+        "",
+        f"A sweep of {cases} dockings with the conditions of the standard (25 s each). Before: a"
+        f" relative tolerance of {rtol:.0e}, chosen by hand for the default docking and an error of"
+        " 1e-3. Processor time includes the start of the program, and the table.",
+        "",
+        *compare_sweeps(clones, rtol, cases),
+        "",
+        "Evaluations of 20 s at 10 ms, present version:",
+        "",
+        *list_families(quick=options.quick),
+    )
+
+
+if __name__ == "__main__":
+    main()
