@@ -35,6 +35,7 @@ SCENES_WITH_LEGS = (
     "idss_100t_100t",
     "hexapod",
     "apda",
+    "apda_cranks",
     "probe_drogue",
 )  # and a target: their pages show the legs
 HARD = ("initial.closing_speed=0.3", "chaser.contact_thrust=1500", "initial.pitch_yaw_deg=4")

@@ -1,4 +1,6 @@
-"""The three families of mechanisms: a hexapod with motors, a differential unit, a probe.
+"""The three families of mechanisms and two variants: how they dock.
+
+A hexapod with motors, a differential unit on rods or cranks, a probe with side absorbers or levers.
 
 Each docks under its shipped scene. Energy and momentum are audited, and what makes a family what
 it is shows in the result: a brake that gives way and then sticks, a probe that ends in its socket.
@@ -12,7 +14,8 @@ import pytest
 import dockloop as dl
 from dockloop import paths, summary
 
-FAMILIES = ("hexapod", "apda", "probe_drogue")
+VARIANTS = {"apda_cranks": "apda", "probe_drogue_levers": "probe_drogue"}  # of which family
+FAMILIES = ("hexapod", "apda", "probe_drogue", *VARIANTS)
 
 
 def read_mechanism(name: str) -> dict:
@@ -39,10 +42,43 @@ def test_a_result_of_every_family_is_known_as_one(docking, tmp_path):
 
 def test_rings_of_two_families_are_those_of_the_standard():
     standard = read_mechanism("idss_hexapod")
-    for name in ("hexapod", "apda"):
+    for name in ("hexapod", "apda", "apda_cranks"):
         for part in ("contact", "latches", "limits"):
             own = read_mechanism(name)[part]
             assert without_comments(own) == without_comments(standard[part]), (name, part)
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_variant_differs_from_its_family_in_legs_only(name):
+    own, family = read_mechanism(name), read_mechanism(VARIANTS[name])
+    for part in ("capture", "contact", "latches", "limits", "interface"):
+        assert without_comments(own[part]) == without_comments(family[part]), part
+    steps, wanted = (each["sequence"]["steps"] for each in (own, family))
+    for step, other in zip(steps, wanted, strict=True):
+        for action, same in zip(step.get("do", []), other.get("do", []), strict=True):
+            if isinstance(action.get("run"), dict):  # the drive ends where its legs do
+                action["run"]["target"] = same["run"]["target"]
+        assert step == other
+    laws = [{f["name"]: f["laws"][0] for f in each["forces"]} for each in (own, family)]
+    shared = laws[0].keys() & laws[1].keys()
+    assert shared
+    assert all(laws[0][element] == laws[1][element] for element in shared)
+
+
+def test_crank_legs_turn_with_the_drive():
+    """The travel at the pins of all six cranks is that of the drive, whatever the ring does."""
+    run = dl.run("apda_cranks", stop=6.0, step=0.05)
+    travel = np.mean([run[f"leg[{i}].length"] for i in range(1, 7)], axis=0)
+    assert np.ptp(travel) > 0.02
+    assert travel == pytest.approx(run["element[7].coordinate"], abs=1e-9)
+
+
+def test_levers_turn_with_the_gimbal():
+    """Near home a lever turns as far as the housing; its link keeps the lengths of the loop."""
+    run = dl.run("probe_drogue_levers", stop=6.0, step=0.05)
+    turned = [np.ptp(run[f"element[{i}].coordinate"]) for i in (2, 3)]
+    assert min(turned) > 0.01
+    assert max(turned) < 0.6
 
 
 def without_comments(part):

@@ -1,4 +1,4 @@
-"""What a wanted error costs, beside an earlier version of the project: tests/validation/speed.md.
+"""What a wanted error costs, now and in an earlier version: tests/validation/speed.md.
 
 Every docking runs through its FMU. The settings of the earlier version are chosen by hand: method
 auto, with the loosest relative tolerance of a ladder that has the wanted error. The present version
@@ -6,7 +6,8 @@ has `accuracy` at that error. Both run by turns in one process, and the least ti
 ``fmi2DoStep`` counts. Without an earlier version the present one is compared with itself.
 
 Examples:
-    git worktree add ../before c645e7a && ../before/scripts/demo    # before linearly implicit steps
+    git clone . ../before && git -C ../before checkout c645e7a    # before linearly implicit steps
+    ../before/scripts/demo && ../before/.venv/bin/pip install -e '../before[sweep]'
     .venv/bin/python tests/studies/speed.py --before ../before      # a quarter of an hour
     .venv/bin/python tests/studies/speed.py --quick -o build/speed.md
 """
@@ -77,12 +78,17 @@ def set_tolerance(method: int, rtol: float) -> list[str]:
     return [f"solver.method={method}", f"solver.rtol={rtol!r}", *atols]
 
 
+def call(*words: str) -> None:
+    """Run a program; stop with its message if it fails."""
+    made = subprocess.run(words, capture_output=True, text=True, check=False)
+    if made.returncode:
+        raise SystemExit(f"{' '.join(words)}: {made.stderr.strip()}")
+
+
 def build(clone: Path, docking: Docking, path: Path) -> Path:
     """Build the FMU of a docking with one version of the project."""
-    words = [str(clone / ".venv/bin/dockloop"), "build", RING, "-o", str(path)]
-    for override in (*docking.overrides, GROUPS):
-        words += ["--scene", override]
-    subprocess.run(words, check=True, capture_output=True)
+    scene = [word for key in (*docking.overrides, GROUPS) for word in ("--scene", key)]
+    call(str(clone / ".venv/bin/dockloop"), "build", RING, "-o", str(path), *scene)
     return path
 
 
@@ -163,9 +169,8 @@ def time_sweep(clone: Path, keys: dict[str, float], options: list[str], cases: i
         lines = [f"cases = {cases}" if line.startswith("cases") else line for line in lines]
         path.write_text("\n".join(lines), encoding="utf-8")
         words = [str(clone / ".venv/bin/dockloop"), "sweep", str(path), "--engine", "core"]
-        words += ["--no-plots", "-o", f"{folder}/table.parquet", *options]
         began = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run(words, check=True, capture_output=True)
+        call(*words, "--no-plots", "-o", f"{folder}/table.parquet", *options)
         ended = resource.getrusage(resource.RUSAGE_CHILDREN)
     used = ended.ru_utime + ended.ru_stime - began.ru_utime - began.ru_stime
     return used / cases
