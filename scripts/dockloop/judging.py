@@ -358,10 +358,11 @@ def _compare(case: Case, run: Result, audited: Verdict) -> Verdict:
         return replace(verdict, verdict="undetermined", reason=reason)
     reason = f"{worst} is off by {figures[worst]:.2g}, more than {wanted:.2g}"
     blamed = _blame(verdict, run, reason)
-    remedy = _find_remedy(case, run, reference, off & determined, wanted)
-    if blamed.verdict == "wrong" and remedy:
-        return replace(verdict, verdict="loose", reason=f"{reason}; right with {remedy}")
-    return blamed
+    if blamed.verdict != "wrong":
+        return blamed
+    return _excuse(
+        blamed, case, run, lambda run: _is_right(reference, run, off & determined, wanted)
+    )
 
 
 def _find_determined(case: Case, reference: Result, shift: float, wanted: float) -> set[str]:
@@ -373,18 +374,28 @@ def _find_determined(case: Case, reference: Result, shift: float, wanted: float)
     return {name for name in changes[0] if all(c.get(name, math.inf) <= most for c in changes)}
 
 
-def _find_remedy(case: Case, run: Result, reference: Result, off: set[str], wanted: float) -> str:
-    """Return the setting with which the figures that are off become right; empty: there is none."""
+def _is_right(reference: Result, run: Result, names: set[str], wanted: float) -> bool:
+    """Return whether some figures of a run have the wanted error."""
+    figures = _find_figures(reference, run)
+    return all(figures.get(name, math.inf) <= wanted for name in names)
+
+
+def _excuse(wrong: Verdict, case: Case, run: Result, is_right: Callable[[Result], bool]) -> Verdict:
+    """Return the verdict on a run that is wrong: loose, if tighter settings make it right."""
     for _ in range(_TIGHTER):
         tighter = tighten(run)
         try:
             run = _run_case(replace(case, starts={**case.starts, **tighter}))
+        except _OutOfTimeError as slow:
+            reason = f"{wrong.reason}; with tighter settings {slow}"
+            return replace(wrong, verdict="slow", reason=reason)
         except DockloopError:
-            return ""
-        if all(_find_figures(reference, run).get(name, math.inf) <= wanted for name in off):
+            return wrong
+        if is_right(run):
             name = "solver.rtol" if "solver.rtol" in tighter else "solver.step"
-            return f"{name} {tighter[name]:.2g}"
-    return ""
+            reason = f"{wrong.reason}; right with {name} {tighter[name]:.2g}"
+            return replace(wrong, verdict="loose", reason=reason)
+    return wrong
 
 
 def _find_figures(reference: Result, run: Result) -> Figures:
