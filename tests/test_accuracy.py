@@ -60,12 +60,7 @@ def run(start_values=None, **options):
 
 @pytest.fixture(scope="module")
 def solution():
-    return run({"solver.method": "bdf", **tolerances(1e-11)})
-
-
-def tolerances(rtol):
-    shares = accuracy.ATOL_PER_RTOL
-    return {"solver.rtol": rtol, **{f"solver.{name}": v * rtol for name, v in shares.items()}}
+    return run({"solver.method": "bdf", **accuracy.list_tolerances(1e-11)})
 
 
 def last(result, name):
@@ -209,7 +204,7 @@ def test_without_accuracy_nothing_is_chosen():
 
 @pytest.mark.parametrize("place", ["parameter", "scene"])
 def test_explicit_settings_stay(place):
-    stated = {"solver.rtol": 1e-8, "solver.method": "explicit", **tolerances(1e-8)}
+    stated = {"solver.rtol": 1e-8, "solver.method": "explicit", **accuracy.list_tolerances(1e-8)}
     plain = (
         run(stated) if place == "parameter" else dl.run(SCENE, NEAR | stated, stop=STOP, step=STEP)
     )
@@ -338,7 +333,9 @@ def test_values_without_a_meaning_are_refused():
 # ---------------------------------------------------------------------------- error estimates
 
 
-@pytest.mark.parametrize("start", [{"accuracy": 1e-2}, {"accuracy": 1e-4}, tolerances(1e-5)])
+@pytest.mark.parametrize(
+    "start", [{"accuracy": 1e-2}, {"accuracy": 1e-4}, accuracy.list_tolerances(1e-5)]
+)
 def test_an_estimate_is_close_to_the_error(solution, start):
     made = run(start, estimate_error=True)
     error = accuracy.find_error(solution, made)
@@ -372,7 +369,7 @@ def test_a_boundary_of_capture_is_said():
 
 
 def test_the_errors_of_two_runs_are_those_of_their_figures(solution):
-    other = run(tolerances(1e-4))
+    other = run(accuracy.list_tolerances(1e-4))
     figures = accuracy.find_figures(solution, other)
     place = "capture.peak.compression"
     peaks = [each[place][-1] for each in (solution, other)]

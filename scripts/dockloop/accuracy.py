@@ -145,6 +145,13 @@ def estimate_error(run: Result, repeat: Callable[[dict[str, float]], Result]) ->
     }
 
 
+def list_tolerances(rtol: float) -> dict[str, float]:
+    """Return start values: a relative tolerance, and absolute ones in proportion."""
+    return {"solver.rtol": rtol} | {
+        f"solver.{n}": share * rtol for n, share in ATOL_PER_RTOL.items()
+    }
+
+
 _NAMED = ("solver.rtol", "solver.step")  # settings that a sentence names
 
 

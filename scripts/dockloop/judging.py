@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from dockloop.accuracy import ATOL_PER_RTOL, find_figures, has_same_outcome, tighten
+from dockloop.accuracy import find_figures, has_same_outcome, list_tolerances, tighten
 from dockloop.arguments import LIMIT
 from dockloop.cases import Result as CaseResult
 from dockloop.core import list_methods
@@ -444,8 +444,7 @@ def _solve(case: Case, overrides: Mapping[str, Any], shift: float) -> Result:
     """
     rtol = NEIGHBOUR_RTOL if shift else REFERENCE_RTOL
     number = next(m["number"] for m in list_methods() if m["name"] == "explicit")
-    starts = {"accuracy": 0.0, "solver.method": number, "solver.rtol": rtol}
-    starts |= {f"solver.{name}": share * rtol for name, share in ATOL_PER_RTOL.items()}
+    starts = {"accuracy": 0.0, "solver.method": number} | list_tolerances(rtol)
     if shift:
         starts |= _shift_start(case, overrides, shift)
     return _run(case, starts, overrides, 1 if not shift else 2 if shift > 0.0 else 3)

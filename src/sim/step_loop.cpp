@@ -281,8 +281,8 @@ Status StepLoop::integrate(double tau, double end, bool passes, std::int64_t lim
       if (passes) status = begin_ahead(tau, asked, is_evaluated);
       if (!status.ok()) return status;
       status = make_inner_step(tau, passes ? ahead_.farthest : end, passes);
-      if (passes && (!status.ok() || (inner_.to > end && !is_good_inside()))) {  // no failure
-        passes = false;
+      if (passes && (!status.ok() || (inner_.to > end && !is_good_inside()))) {
+        passes = false;  // no failure of this communication step: make it without a step ahead
         return_to(tau, std::min(proposal_, end - tau));
         continue;
       }

@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 import dockloop as dl
-from dockloop.accuracy import ATOL_PER_RTOL, estimate_error, find_error
+from dockloop.accuracy import ATOL_PER_RTOL, estimate_error, find_error, list_tolerances
 from dockloop.errors import DockloopError
 from dockloop.paths import ROOT
 from dockloop.results import ProgressBar
@@ -157,8 +157,7 @@ def run(case, start_values, step=None, **options):
 
 def set_tolerance(method, rtol):
     """Return start values: a method, a relative tolerance and absolute ones in proportion."""
-    atols = {f"solver.{name}": share * rtol for name, share in ATOL_PER_RTOL.items()}
-    return {"solver.method": method, "solver.rtol": rtol, **atols}
+    return {"solver.method": method, **list_tolerances(rtol)}
 
 
 def find_reference(case):
@@ -368,18 +367,17 @@ struct AccuracyTable {{
 
 
 def find_best_by_hand(case, reference):
-    """Return the least seconds of the processor for each error of the check; inf: not reached.
+    """Return the least seconds of the processor for each error of the check that is reached.
 
     The candidates are all methods of the calibration at all tolerances of the ladder.
     """
-    best = dict.fromkeys(CHECKED, math.inf)
-    for method in METHODS:
-        ladder = run_ladder(case, reference, method)
-        for error, seconds in zip(ladder["errors"], ladder["seconds"], strict=True):
-            for wanted in CHECKED:
-                if error is not None and error <= wanted:
-                    best[wanted] = min(best[wanted], seconds)
-    return best
+    ladders = [run_ladder(case, reference, method) for method in METHODS]
+    made = [pair for each in ladders for pair in zip(each["errors"], each["seconds"], strict=True)]
+    reached = {
+        wanted: [seconds for error, seconds in made if error is not None and error <= wanted]
+        for wanted in CHECKED
+    }
+    return {wanted: min(seconds) for wanted, seconds in reached.items() if seconds}
 
 
 def is_by_hand(number):
@@ -412,12 +410,10 @@ def check_case(number):
     return row
 
 
-def describe_spread(values):
-    """Return median and range of some ratios."""
-    if not values:
-        return ""
-    low, median, high = np.quantile(values, (0.1, 0.5, 0.9))
-    return f"{median:.1f} ({low:.1f} to {high:.1f}), {len(values)} dockings"
+def describe_spread(ratios, digits):
+    """Return median and range of some ratios; those that are unknown do not count."""
+    low, median, high = np.nanquantile(ratios, (0.1, 0.5, 0.9))
+    return f"{median:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
 
 def describe_errors(rows):
@@ -432,10 +428,10 @@ def describe_errors(rows):
         "time over the best by hand, median (10 to 90 %)",
     )
     for accuracy in CHECKED:
-        errors = np.array([row[str(accuracy)]["error"] for row in rows])
-        ratio = np.nanquantile(seconds[accuracy] / seconds[1e-6], (0.5, 0.1, 0.9))
-        found = [row[str(accuracy)].get("over_best", 0.0) for row in rows]
-        over = [each for each in found if each > 0.0]  # 0: not looked for, or not reached
+        made = [row[str(accuracy)] for row in rows]
+        errors = np.array([each["error"] for each in made])
+        ratios = np.array([each.get("over_best", np.nan) for each in made])
+        over_best = ratios[np.isfinite(ratios)]
         lines.append(
             write_row(
                 f"{accuracy:g}",
@@ -443,9 +439,11 @@ def describe_errors(rows):
                 f"{np.mean(errors <= 5.0 * accuracy):.0%}",
                 f"{np.median(errors):.0e}",
                 f"{np.max(errors):.0e}",
-                f"{ratio[0]:.2f} ({ratio[1]:.2f} to {ratio[2]:.2f})",
+                describe_spread(seconds[accuracy] / seconds[1e-6], 2),
                 f"{np.nanmedian(costs[accuracy]):.0f}",
-                describe_spread(over),
+                f"{describe_spread(over_best, 1)}, {len(over_best)} dockings"
+                if len(over_best)
+                else "",
             )
         )
     return lines

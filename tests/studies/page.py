@@ -17,12 +17,17 @@ def write_head(*cells: str) -> list[str]:
     return [write_row(*cells), "|" + "---|" * len(cells)]
 
 
+def find_commit(clone: Path = ROOT) -> str:
+    """Return commit and date of a clone."""
+    git = ["git", "-C", str(clone), "log", "-1", "--format=%h of %cs"]
+    commit = subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()
+    return commit or "unknown"
+
+
 def find_origin(command: str) -> str:
     """Return the sentence that says what made a page, from which state of the project."""
-    git = ["git", "-C", str(ROOT), "log", "-1", "--format=%h of %cs"]
-    commit = subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()
     return (
-        f"Written by `.venv/bin/python {command}`, after commit {commit or 'unknown'}, on"
+        f"Written by `.venv/bin/python {command}`, after commit {find_commit()}, on"
         f" {platform.machine()} {platform.system()}."
     )
 

@@ -20,16 +20,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import dockloop as dl
-from dockloop.accuracy import ATOL_PER_RTOL, find_error
+from accuracy import FAMILIES, RING
+from dockloop.accuracy import find_error, list_tolerances
 from dockloop.errors import DockloopError
 from dockloop.paths import ROOT, SWEEPS
 from dockloop.results import ProgressBar, Result
 from dockloop.simulate import run_fmu
-from idss import make_corners
-from page import find_origin, write_head, write_page, write_row
+from idss import SWEEP, make_corners
+from page import find_commit, find_origin, write_head, write_page, write_row
 
 PAGE = ROOT / "tests" / "validation" / "speed.md"
-RING, FAMILIES = "idss_25t_350t", ("hexapod", "apda", "probe_drogue")
 STEEP = "mechanism.set.contact.law.friction_speed=1e-5"  # 100 times as steep
 GROUPS = 'outputs.groups=["relative", "capture", "phase", "ring", "solver"]'
 LADDER = tuple(10.0 ** (-k / 2) for k in range(4, 20))  # relative tolerances, 1e-2 to 3e-10
@@ -74,8 +74,8 @@ def list_dockings(*, quick: bool) -> list[tuple[Docking, tuple[float, ...]]]:
 
 def set_tolerance(method: int, rtol: float) -> list[str]:
     """Return settings: a method, a relative tolerance and absolute ones in proportion."""
-    atols = [f"solver.{name}={share * rtol!r}" for name, share in ATOL_PER_RTOL.items()]
-    return [f"solver.method={method}", f"solver.rtol={rtol!r}", *atols]
+    tolerances = [f"{name}={value!r}" for name, value in list_tolerances(rtol).items()]
+    return [f"solver.method={method}", *tolerances]
 
 
 def call(*words: str) -> None:
@@ -109,9 +109,10 @@ def choose_by_hand(fmu: Path, docking: Docking, reference: Result, wanted: float
     raise SystemExit(f"{docking.title}: no tolerance has an error of {wanted:g}")
 
 
-def compare(docking: Docking, fmus: tuple[Path, Path], wanted: float) -> tuple[Cost, Cost, float]:
+def compare(
+    docking: Docking, fmus: list[Path], references: list[Result], wanted: float
+) -> tuple[Cost, Cost, float]:
     """Return the costs of a docking before and now, and the tolerance chosen by hand."""
-    references = [run(fmu, docking, set_tolerance(2, TIGHT)) for fmu in fmus]
     rtol = choose_by_hand(fmus[0], docking, references[0], wanted)
     settings = (set_tolerance(1, rtol), [f"accuracy={wanted!r}"])
     turns = [
@@ -135,12 +136,15 @@ def compare_dockings(clones: tuple[Path, Path], *, quick: bool) -> tuple[list[st
     report, lines, chosen = ProgressBar("dockings"), [], []
     with tempfile.TemporaryDirectory() as folder:
         for i, (docking, errors) in enumerate(dockings):
-            fmus = tuple(
+            fmus = [
                 build(clone, docking, Path(folder) / f"{i}_{j}.fmu")
                 for j, clone in enumerate(clones)
-            )
+            ]
+            references = [
+                run_fmu(fmu, set_tolerance(2, TIGHT), docking.stop, docking.step) for fmu in fmus
+            ]
             for wanted in errors:
-                before, now, rtol = compare(docking, fmus, wanted)
+                before, now, rtol = compare(docking, fmus, references, wanted)
                 chosen.append(rtol)
                 lines.append(
                     write_row(
@@ -161,7 +165,7 @@ def compare_dockings(clones: tuple[Path, Path], *, quick: bool) -> tuple[list[st
 
 def time_sweep(clone: Path, keys: dict[str, float], options: list[str], cases: int) -> float:
     """Return the processor time per case of a sweep, reading and writing included [s]."""
-    text = (SWEEPS / "idss_initial_conditions.toml").read_text(encoding="utf-8")
+    text = (SWEEPS / f"{SWEEP}.toml").read_text(encoding="utf-8")
     settings = "".join(f'"{name}" = {value!r}\n' for name, value in keys.items())
     lines = text.replace("[set]\n", f"[set]\n{settings}").splitlines()
     with tempfile.TemporaryDirectory() as folder:
@@ -178,9 +182,7 @@ def time_sweep(clone: Path, keys: dict[str, float], options: list[str], cases: i
 
 def compare_sweeps(clones: tuple[Path, Path], rtol: float, cases: int) -> list[str]:
     """Return the table of sweeps."""
-    keys = {"solver.rtol": rtol}
-    keys |= {f"solver.{name}": share * rtol for name, share in ATOL_PER_RTOL.items()}
-    before = time_sweep(clones[0], keys, [], cases)
+    before = time_sweep(clones[0], list_tolerances(rtol), [], cases)
     lines = write_head("wanted error", "cases per second and processor, before / now", "ratio")
     for wanted in (1e-3, 1e-4):
         now = time_sweep(clones[1], {}, ["--accuracy", repr(wanted)], cases)
@@ -214,8 +216,6 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one short docking, eight cases")
     options = parser.parse_args()
     clones = (options.before.resolve(), ROOT)
-    git = ["git", "-C", str(clones[0]), "log", "-1", "--format=%h of %cs"]
-    earlier = subprocess.run(git, capture_output=True, text=True, check=True).stdout.strip()
     dockings, rtol = compare_dockings(clones, quick=options.quick)
     cases = 8 if options.quick else CASES
     write_page(
@@ -223,10 +223,11 @@ def main() -> None:
         "# Speed that accuracy buys",
         find_origin("tests/studies/speed.py"),
         "",
-        f"Before: version {earlier}, method auto, with the loosest relative tolerance (two in a"
-        " decade) that has the wanted error. Now: `accuracy`. The error is the largest relative"
-        " one of peak loads, stroke, time of capture and final motion; the reference solution is"
-        f" that of the explicit method at {TIGHT:g}. Times are the least of {TURNS} by turns.",
+        f"Before: version {find_commit(clones[0])}, method auto, with the loosest relative"
+        " tolerance (two in a decade) that has the wanted error. Now: `accuracy`. The error is the"
+        " largest relative one of peak loads, stroke, time of capture and final motion; the"
+        f" reference solution is that of the explicit method at {TIGHT:g}. Times are the least of"
+        f" {TURNS} by turns.",
         "",
         *dockings,
         "",

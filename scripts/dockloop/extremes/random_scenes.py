@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from dockloop import __version__
-from dockloop.accuracy import ATOL_PER_RTOL
+from dockloop.accuracy import list_tolerances
 from dockloop.arguments import LIMIT
 from dockloop.core import list_choices, list_methods
 from dockloop.crew import Crew
@@ -163,7 +163,7 @@ def draw_scene(seed: int, number: int, limit: float = LIMIT) -> Case:
     keys["model.level"] = _choose(dice, "model.level", 3)
     if dice.draw("reference level") < 0.03:
         keys["model.level"] = "reference"  # which no FMU carries
-    keys |= {f"solver.{n}": share * keys["solver.rtol"] for n, share in ATOL_PER_RTOL.items()}
+    keys |= list_tolerances(keys["solver.rtol"])
     span = keys["initial.approach_time"] + dice.draw_log("duration", *DURATION)
     span = max(min(span, _MOST_STEPS * keys["experiment.step"]), keys["experiment.step"])
     if span < 4.0 * keys["initial.approach_time"]:  # few steps: begin close to the contact
