@@ -115,6 +115,66 @@ def test_a_sequence_retracts_a_load_in_the_stated_time(dock, case):
     assert abs(docking.get("energy.residual")) < 1e-7 * RETRACTION["work"]
 
 
+def test_a_lock_stops_and_holds_a_load_as_its_spring_and_damper_do(dock):
+    """Closed form: a free run under a force, a damped swing about the lock, a free run again."""
+    mass, force, rate, begin, end = 40.0, 10.0, 0.002, 0.1, 100.0
+    stiffness, damping = 1e6, 2e3
+    lock = {"element": "one", "lock": "on", "stiffness": stiffness, "damping": damping}
+    docking = dock(
+        step("run", (when("time", above=begin), "held")),
+        step("held", (when("time", above=1.0), "held again"), do=[lock]),
+        step("held again", (when("time", above=end - 1.0), "free"), do=[lock]),
+        step("free", do=[{"elements": "o*", "lock": "off"}]),
+        laws=({"type": "constant", "force": force},),
+        mass=mass,
+        rate=rate,
+    )
+    place = rate * begin + force / mass * begin**2 / 2
+    speed = rate + force / mass * begin
+    decay, sag = damping / (2 * mass), force / stiffness
+    turns = np.sqrt(stiffness / mass - decay**2)
+
+    def swing(t: float) -> float:
+        sine = (speed - decay * sag) / turns
+        return sag + np.exp(-decay * t) * (sine * np.sin(turns * t) - sag * np.cos(turns * t))
+
+    advance(docking, begin, 0.1)
+    for t in (0.004, 0.01, 0.03, 0.2):
+        docking.step(begin + t - docking.time)
+        assert docking.get("element[1].coordinate") == pytest.approx(place + swing(t), abs=1e-9)
+    advance(docking, begin + end - 2.0, 10.0)
+    assert docking.get("element[1].force") == pytest.approx(0.0, abs=1e-3)  # held at rest
+    advance(docking, begin + end, 10.0)
+    assert docking.get("element[1].coordinate") == pytest.approx(place + sag, abs=1e-9)
+    brought = mass * speed**2 / 2
+    assert docking.get("energy.dissipated_brakes") == pytest.approx(brought + force * sag, rel=1e-6)
+    docking.step(0.5)
+    run = place + sag + force / mass * 0.5**2 / 2
+    assert docking.get("element[1].coordinate") == pytest.approx(run, abs=1e-6)
+    assert abs(docking.get("energy.residual")) < 1e-8
+
+
+def test_a_lock_of_its_own_stiffness_holds_without_creep(dock):
+    """In turns: a saved state in the middle restores the hold, and the energy that it stores."""
+    docking = dock(
+        step("held", (when("time", above=100.0), "free"), do=[{"element": "one", "lock": "on"}]),
+        step("free", do=[{"element": "one", "lock": "off"}]),
+        laws=({"type": "constant", "force": 200.0},),
+    )
+    docking.step(50.0)
+    state, results = docking.save(), []
+    for _ in range(2):
+        docking.restore(state)
+        docking.step(49.0)
+        results += [[docking.get(name) for name in ("element[1].coordinate", "energy.potential")]]
+        docking.step(2.0)
+        results[-1].append(docking.get("element[1].coordinate"))
+    assert results[0] == results[1]
+    held, _, free = results[0]
+    assert abs(held) < 5e-6
+    assert free == pytest.approx(held + 200.0 / 40.0 / 2, rel=1e-6)
+
+
 def test_a_drive_below_its_load_stalls(dock):
     docking = dock(
         *retract(RUN),
@@ -315,6 +375,15 @@ MALFORMED = {
     },
     "which has no law of type drive to switch": {
         "steps": [step("a", do=[{"elements": "o*", "run": "off"}])]
+    },
+    'lock is "tight": must be one of on, off': {
+        "steps": [step("a", do=[{"element": "one", "lock": "tight"}])]
+    },
+    "'x\\*'; no force element has this name": {
+        "steps": [step("a", do=[{"elements": "x*", "lock": "off"}])]
+    },
+    "stiffness .*(greater than|above) 0": {
+        "steps": [step("a", do=[{"element": "one", "lock": "on", "stiffness": 0}])]
     },
     "is no action; an action has one of thrust, latches, run, engagement": {
         "steps": [step("a", do=[{"element": "one"}])]

@@ -353,7 +353,9 @@ void calc_element_loads(const DockingModel& model, const DiscreteState& discrete
   const TreeData<S>& tree = data.mechanism.tree;
   ElementData<S>& elements = data.elements;
   ElementSwitches switches;
-  if (!model.sequence.empty()) switches = {discrete.law.data(), discrete.entered.data()};
+  if (!model.sequence.empty()) {
+    switches = {discrete.law.data(), discrete.entered.data(), discrete.lock.data()};
+  }
   calc_element_forces(mechanism, tree.q, tree.v, t, data.command.data() + mechanism.forces.size(),
                       switches, y + layout.element_bristles, elements, data.mechanism.tau);
   if (data.locked) {

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "math/choice.hpp"
+#include "model/force_element.hpp"
 
 namespace dockloop {
 
@@ -137,6 +138,13 @@ struct EngagementAction {
   double engagement = 1.0;
 };
 
+/// Elements are held where they are, or free again.
+struct LockAction {
+  static constexpr const char* kKey = "lock";
+  std::vector<int> elements;
+  ElementLock lock;  ///< open: free again
+};
+
 /// Hooks close as soon as the opening allows, or open.
 struct HooksAction {
   static constexpr const char* kKey = "hooks";
@@ -155,8 +163,8 @@ struct JointAction {
   bool rigid = false;
 };
 
-using Action = std::variant<ThrustAction, LatchesAction, RunAction, EngagementAction, HooksAction,
-                            PushersAction, JointAction>;
+using Action = std::variant<ThrustAction, LatchesAction, RunAction, EngagementAction, LockAction,
+                            HooksAction, PushersAction, JointAction>;
 
 struct SequenceStep {
   std::string name;

@@ -216,17 +216,30 @@ bool read_word(const JsonReader& item, const char* yes, const char* no) {
   return item.text() == yes;
 }
 
+/// Elements that an action names: f(element, its number).
+/// @return the member that names them
+template <class F>
+JsonReader read_elements(const JsonReader& item, const Context& context, F&& f) {
+  const bool is_one = item.has("element");
+  if (is_one == item.has("elements")) item.fail("must have either element or elements");
+  const JsonReader name = item.at(is_one ? "element" : "elements");
+  int number = 0, count = 0;
+  for (const ForceElement& element : context.model.elements) {
+    if (is_one ? element.name == name.text() : fits_pattern(element.name, name.text())) {
+      f(element, number);
+      ++count;
+    }
+    ++number;
+  }
+  if (count == 0) name.fail("is '" + name.text() + "'; no force element has this name");
+  return name;
+}
+
 /// Laws that an action switches: f(law, its number among all laws) for every law that it may.
 /// @param types  types of laws that can be switched so
 template <class F>
 void read_laws(const JsonReader& item, const Context& context, std::vector<std::string> types,
                F&& f) {
-  const bool is_one = item.has("element");
-  if (is_one == item.has("elements")) item.fail("must have either element or elements");
-  const JsonReader name = item.at(is_one ? "element" : "elements");
-  if (is_one && context.find_element(name.text()) < 0) {
-    name.fail("is '" + name.text() + "'; no force element has this name");
-  }
   std::string wanted = types.front();
   for (size_t i = 1; i < types.size(); ++i) wanted += " or " + types[i];
   if (item.has("law")) {
@@ -236,19 +249,18 @@ void read_laws(const JsonReader& item, const Context& context, std::vector<std::
     }
     types = {wanted = type};
   }
-  int number = 0, count = 0;
-  for (const ForceElement& element : context.model.elements) {
-    const bool fits =
-        is_one ? element.name == name.text() : fits_pattern(element.name, name.text());
+  const std::vector<ForceElement>& all = context.model.elements;
+  int count = 0;
+  const JsonReader name = read_elements(item, context, [&](const ForceElement& element, int e) {
+    int number = count_laws({all.begin(), all.begin() + e});
     for (const ForceLaw& law : element.laws) {
-      const bool is_type = std::find(types.begin(), types.end(), describe_type(law)) != types.end();
-      if (fits && is_type) {
+      if (std::find(types.begin(), types.end(), describe_type(law)) != types.end()) {
         ++count;
         f(law, number);
       }
       ++number;
     }
-  }
+  });
   if (count == 0) {
     name.fail("is '" + name.text() + "', which has no law of type " + wanted + " to switch");
   }
@@ -291,6 +303,17 @@ void read_action(const JsonReader& item, const Context& context, EngagementActio
   if (!fault.empty()) engagement.fail("is " + engagement.shown() + "; " + fault);
   read_laws(item, context, {BrakeLaw::kType, EddyLaw::kType},
             [&](const ForceLaw&, int number) { action.laws.push_back(number); });
+}
+
+void read_action(const JsonReader& item, const Context& context, LockAction& action) {
+  if (read_word(item.at(LockAction::kKey), "on", "off")) {
+    constexpr double kRelaxation = 1e-3;  // damping over stiffness, if none is stated [s]
+    ElementLock& lock = action.lock;
+    lock.stiffness = item.has("stiffness") ? item.positive("stiffness") : kLockStiffness;
+    lock.damping = item.non_negative("damping", kRelaxation * lock.stiffness);
+  }
+  read_elements(item, context,
+                [&](const ForceElement&, int element) { action.elements.push_back(element); });
 }
 
 /// Refuses an action without its hardware.

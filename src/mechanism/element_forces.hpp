@@ -52,6 +52,7 @@ S find_rate(const MechanismModel& model, const ForceElement& element, const VecX
 struct ElementSwitches {
   const LawSetting* setting = nullptr;  ///< per law of all elements
   const double* entered = nullptr;      ///< as of find_time(Onset)
+  const ElementLock* lock = nullptr;    ///< per element
 };
 
 /// Add the forces of all elements to tau.

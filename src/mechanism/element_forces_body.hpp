@@ -107,6 +107,15 @@ void add_locks(const MechanismModel& model, const S& time, const double* entered
   }
 }
 
+/// Lock of an element by a sequence: a spring and a damper about the place where it was.
+template <class S>
+S calc_lock(const ElementLock& lock, const S& coordinate, const S& rate, ElementSums<S>& sums) {
+  const S deflection = coordinate - S(lock.place);
+  sums.energy += S(0.5 * lock.stiffness) * deflection * deflection;
+  sums.braking += S(lock.damping) * rate * rate;
+  return S(-lock.stiffness) * deflection - S(lock.damping) * rate;
+}
+
 /// Book the powers of a law: brakes and drives have lines of their own.
 template <class S>
 void add_terms(const ForceLaw& law, const LawTerms<S>& terms, ElementSums<S>& sums) {
@@ -161,6 +170,9 @@ void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const Ve
       in.z = sticks && z ? z[bristle] : S(0);
       const S z_rate = add(k, true);
       if (sticks) data.z_rate[bristle++] = z_rate;
+    }
+    if (switches.lock && switches.lock[e].is_closed()) {
+      force += calc_lock(switches.lock[e], in.s, in.v, data.sums);
     }
     for (const ElementTerm& term : element.along) {
       tau[model.bodies[term.body].v_index] += S(term.ratio) * force;

@@ -156,9 +156,8 @@ LawFailure read_failure(const JsonReader& item, const MechanismModel& model) {
   if (failure.kind == Kind::kDelayed && item.has("at")) {
     item.at("at").fail("has no effect: commands are delayed during the whole run");
   }
-  constexpr double kLock = 5e7;  // [N/m]
   if (failure.kind == Kind::kFactor || failure.kind == Kind::kDelayed) item.at("value");
-  failure.value = item.non_negative("value", failure.kind == Kind::kJammed ? kLock : 0.0);
+  failure.value = item.non_negative("value", failure.kind == Kind::kJammed ? kLockStiffness : 0.0);
   failure.active = item.flag("active", true);
   return failure;
 }

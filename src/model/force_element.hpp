@@ -237,6 +237,19 @@ struct LawSetting {
   double acceleration = 0.0, deceleration = 0.0;
 };
 
+constexpr double kLockStiffness = 5e7;  ///< of an elastic lock, if none is stated [N/m]
+
+/// What holds an element where it was when a sequence locked it.
+struct ElementLock {
+  double stiffness = 0.0;  ///< 0: open
+  double damping = 0.0;
+  double place = 0.0;  ///< coordinate of the element that is held
+  bool is_closed() const { return stiffness > 0.0; }
+  double find_energy(double coordinate) const {
+    return 0.5 * stiffness * (coordinate - place) * (coordinate - place);
+  }
+};
+
 /// What happens to a law, or to a whole element, during a run.
 struct LawFailure {
   enum class Kind {

@@ -149,18 +149,21 @@ bool are_modes(const DiscreteState& discrete) {
 /// Steps and settings exist, and the command has a meaning.
 bool fits(const DiscreteState& discrete, int command, const DockingModel& model) {
   const SequenceState& s = discrete.sequence;
-  const size_t laws =
-      model.sequence.empty() ? 0 : static_cast<size_t>(count_laws(model.mechanism.model.elements));
+  const std::vector<ForceElement>& elements = model.mechanism.model.elements;
+  const bool none = model.sequence.empty();
+  const size_t laws = none ? 0 : static_cast<size_t>(count_laws(elements));
+  const size_t locks = none ? 0 : elements.size();
   const int steps = std::max(1, static_cast<int>(model.sequence.steps.size()));
   const auto is_step = [&](int step) { return step >= 0 && step < steps; };
   const auto is_command = [](int number) {
     return number >= kNoCommand && number <= kCommands.back().number;
   };
   const int known = 1 << model.disturbances.size();
-  return discrete.law.size() == laws && discrete.entered.size() == model.sequence.steps.size() &&
-         discrete.disturbances >= 0 && discrete.disturbances < known && is_step(s.step) &&
-         is_command(s.command) && is_command(command) && s.outcome >= 0 &&
-         s.outcome <= kOutcomes.back().number && s.changes >= 0 && s.changes <= kMaxChanges &&
+  return discrete.law.size() == laws && discrete.lock.size() == locks &&
+         discrete.entered.size() == model.sequence.steps.size() && discrete.disturbances >= 0 &&
+         discrete.disturbances < known && is_step(s.step) && is_command(s.command) &&
+         is_command(command) && s.outcome >= 0 && s.outcome <= kOutcomes.back().number &&
+         s.changes >= 0 && s.changes <= kMaxChanges &&
          std::all_of(s.visited.begin(), s.visited.end(), is_step);
 }
 

@@ -128,9 +128,9 @@ void EventLogic::update_capture(double now) {
 }
 
 SequenceChange EventLogic::update_sequence(DockingData<double>& at, double now,
-                                           double clock_rounding, double& dissipated) {
+                                           double clock_rounding, double* sums) {
   char* const due = due_.data() + first_row();
-  const SequenceChange change = sequence_.update(at, now, clock_rounding, due, dissipated);
+  const SequenceChange change = sequence_.update(at, now, clock_rounding, due, sums);
   std::fill_n(due, sequence_.root_count(), 0);
   return change;
 }

@@ -80,8 +80,9 @@ class EventLogic {
   bool update_latches(const DockingData<double>& at, double now, double& dissipated);
   void update_capture(double now);
   /// At most one change of the sequence. @post none of its rows is due
+  /// @param sums  as of Occasion
   SequenceChange update_sequence(DockingData<double>& at, double now, double clock_rounding,
-                                 double& dissipated);
+                                 double* sums);
   /// Rows of hooks that begin to close, ramps that end. @param clock_rounding  of the host [s]
   /// @return whether a row changed
   bool update_hooks(const DockingData<double>& at, double now, double clock_rounding);

@@ -157,10 +157,10 @@ bool DockingSim::Impl::update_latches(double now) {
 Status DockingSim::Impl::update_sequence(double tau, bool& changed, bool& jumped) {
   if (!events->sequence().exists()) return {};
   const double now = elapsed + tau;
-  double& dissipated = step_loop->y()[model->layout.sums + kSumLatches];
+  double* const sums = step_loop->y() + model->layout.sums;
   for (;;) {
     const SequenceChange made =
-        events->update_sequence(present(), now, find_clock_rounding(now), dissipated);
+        events->update_sequence(present(), now, find_clock_rounding(now), sums);
     if (made.chatters) {
       const Status status{StatusCode::kSequenceChatters, -1, 0.0, now};
       status_text = describe(status);  // names steps that a restored state does not know

@@ -187,6 +187,7 @@ void SequenceLogic::start() {
   discrete_.entered.assign(model_->sequence.steps.size(), -1.0);
   discrete_.law.assign(static_cast<size_t>(count_laws(model_->mechanism.model.elements)),
                        LawSetting());
+  discrete_.lock.assign(model_->mechanism.model.elements.size(), ElementLock());
 }
 
 bool SequenceLogic::update_command(int command, double now) {
@@ -203,7 +204,7 @@ bool SequenceLogic::update_command(int command, double now) {
 }
 
 SequenceChange SequenceLogic::update(DockingData<double>& at, double now, double clock_rounding,
-                                     const char* due, double& dissipated) {
+                                     const char* due, double* sums) {
   const double slack = find_slack(clock_rounding);
   if (discrete_.captured != state_.was_captured) {
     if (discrete_.captured) state_.outcome = kOutcomeCaptured;
@@ -213,7 +214,7 @@ SequenceChange SequenceLogic::update(DockingData<double>& at, double now, double
   state_.seen = now;
   const std::array<double, kMaxRows> before = state_.since;
   const int row = find_row(at, now, slack, due, state_.since);
-  const Occasion occasion{at, now, dissipated};
+  const Occasion occasion{at, now, sums};
   if (row >= 0) return follow(step().next[static_cast<size_t>(row)], occasion);
   if (is_timed_out(now, slack)) return follow(step().on_timeout, occasion);
   SequenceChange change;
@@ -307,8 +308,9 @@ void SequenceLogic::act(const LatchesAction& action, const Occasion& occasion) {
   state_.is_armed = action.arm;
   if (action.arm) return;
   for (int i = 0; i < model_->latches.count(); ++i) {
-    occasion.dissipated += release_latch(model_->latches, i, occasion.now, occasion.at.relative,
-                                         discrete_.latch[static_cast<size_t>(i)]);
+    occasion.sums[kSumLatches] +=
+        release_latch(model_->latches, i, occasion.now, occasion.at.relative,
+                      discrete_.latch[static_cast<size_t>(i)]);
   }
 }
 
@@ -327,6 +329,18 @@ void SequenceLogic::act(const RunAction& action, const Occasion& occasion) {
 void SequenceLogic::act(const EngagementAction& action, const Occasion&) {
   for (const int law : action.laws) {
     discrete_.law[static_cast<size_t>(law)].engagement = action.engagement;
+  }
+}
+
+/// An element that is held already stays where it is. What an open lock has stored is lost.
+void SequenceLogic::act(const LockAction& action, const Occasion& occasion) {
+  for (const int element : action.elements) {
+    ElementLock& lock = discrete_.lock[static_cast<size_t>(element)];
+    if (lock.is_closed() == action.lock.is_closed()) continue;
+    const double place = occasion.at.elements.coordinate[element];
+    if (lock.is_closed()) occasion.sums[kSumBrakes] += lock.find_energy(place);
+    lock = action.lock;
+    lock.place = place;
   }
 }
 

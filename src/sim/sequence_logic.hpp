@@ -27,8 +27,8 @@ struct SequenceChange {
 /// When actions follow: at this evaluated state.
 struct Occasion {
   const DockingData<double>& at;
-  double now;          ///< [s since the start]
-  double& dissipated;  ///< increased by the energy that actions release [J]
+  double now;    ///< [s since the start]
+  double* sums;  ///< of the state (see Sum), increased by the energy that actions release [J]
 };
 
 class SequenceLogic {
@@ -62,9 +62,9 @@ class SequenceLogic {
   /// Take the first step that is due, if one is.
   /// @param due  per row: its event function has fallen to zero
   /// @param clock_rounding  of times [s]
-  /// @param dissipated  as of Occasion
+  /// @param sums  as of Occasion
   SequenceChange update(DockingData<double>& at, double now, double clock_rounding, const char* due,
-                        double& dissipated);
+                        double* sums);
   /// Would update() change anything?
   bool is_change_due(DockingData<double>& at, double now, double clock_rounding) const;
   /// Phase and outcome as the sequence has them. @param held  latches that hold
@@ -88,6 +88,7 @@ class SequenceLogic {
   void act(const LatchesAction& action, const Occasion& occasion);
   void act(const RunAction& action, const Occasion& occasion);
   void act(const EngagementAction& action, const Occasion& occasion);
+  void act(const LockAction& action, const Occasion& occasion);
   void act(const HooksAction& action, const Occasion& occasion);
   void act(const PushersAction& action, const Occasion& occasion);
   void act(const JointAction& action, const Occasion& occasion);

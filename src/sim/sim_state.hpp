@@ -248,6 +248,11 @@ void transfer(A& archive, LawSetting& law) {
 }
 
 template <class A>
+void transfer(A& archive, ElementLock& lock) {
+  transfer_members<ElementLock>(archive, lock.stiffness, lock.damping, lock.place);
+}
+
+template <class A>
 void transfer(A& archive, HookRowState& row) {
   transfer_members<HookRowState>(archive, row.mode, row.since, row.end);
 }
@@ -272,8 +277,8 @@ template <class A>
 void transfer(A& archive, DiscreteState& d) {
   transfer_members<DiscreteState>(archive, d.latch, d.contacted, d.captured, d.time_of_contact,
                                   d.time_of_capture, d.thrust_on, d.phase, d.outcome, d.seated,
-                                  d.seated_time, d.seen, d.hard_dock, d.sequence, d.law, d.entered,
-                                  d.disturbances);
+                                  d.seated_time, d.seen, d.hard_dock, d.sequence, d.law, d.lock,
+                                  d.entered, d.disturbances);
 }
 
 template <class A>

@@ -379,8 +379,7 @@ void DockingSim::Impl::start_sequence() {
   }
   sequence.start();
   sequence.update_command(inputs.command, 0.0);
-  sequence.enter(model->sequence.start, 0,
-                 {present(), 0.0, step_loop->y()[model->layout.sums + kSumLatches]});
+  sequence.enter(model->sequence.start, 0, {present(), 0.0, step_loop->y() + model->layout.sums});
   bool changed = false, jumped = false;
   update_hooks(0.0);
   Status status = evaluate(0.0);

@@ -25,7 +25,8 @@ Scene make_sequence_scene() {
       {"type": "brake", "forward": 2}]}],
     "sequence": {"steps": [
       {"name": "out", "phase": 1, "do": [{"element": "drive", "run": {"target": 0.05}},
-                                         {"element": "drive", "engagement": 0}],
+                                         {"element": "drive", "engagement": 0},
+                                         {"element": "drive", "lock": "off"}],
        "next": [{"when": {"quantity": "element.drive.coordinate", "above": 0.03, "for": 0.05},
                  "go": "back"}, {"when": {"command": "abort"}, "go": "hold"}]},
       {"name": "back", "phase": 2, "do": [{"element": "drive", "run": {"target": 0}},
@@ -33,7 +34,8 @@ Scene make_sequence_scene() {
        "next": [{"when": {"any": [{"quantity": "time", "above": 0.3},
                                   {"quantity": "gap", "below": -1}]}, "go": "hold"}]},
       {"name": "hold", "phase": 11, "do": [{"element": "drive", "run": "off"},
-                                           {"element": "drive", "engagement": 1}],
+                                           {"element": "drive", "engagement": 1},
+                                           {"element": "drive", "lock": "on"}],
        "timeout": 0.2, "on_timeout": {"go": "out"}}]}})"));
   return read_scene(document.dump(), "scene of the test");
 }
