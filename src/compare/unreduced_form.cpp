@@ -11,7 +11,7 @@
 namespace dockloop {
 namespace {
 
-class Multipliers : public UnreducedForm {
+class Multipliers final : public UnreducedForm {
  public:
   explicit Multipliers(DockingSim::Impl& sim) : sim_(sim) { update_coordinates(); }
 

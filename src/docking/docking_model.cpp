@@ -144,7 +144,7 @@ DockingModel make_docking_model(const Scene& scene,
   model.fixed_pose = fixed_pose;
   model.interface_pose = interface_pose;
   model.vehicle[kChaser] = bare;
-  model.frozen = frozen;
+  model.frozen = std::move(frozen);
   model.vehicle[kTarget].mass = parameters[kTarget].mass;
   model.vehicle[kTarget].inertia = make_symmetric(parameters[kTarget].inertia);
   model.base_in_chaser = base_in_chaser;

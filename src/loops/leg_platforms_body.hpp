@@ -783,7 +783,7 @@ void put_leg_forces(const MechanismModel& model, const VecX<S>& tau, TreeData<S>
     if constexpr (std::is_same_v<S, double>) {  // all at once, without a branch per number
       std::uint64_t bits[6], any = 0;
       static_assert(sizeof bits == sizeof load, "a wrench is six numbers");
-      std::memcpy(bits, &load, sizeof bits);
+      std::memcpy(bits, static_cast<const void*>(&load), sizeof bits);
       for (const std::uint64_t word : bits) any |= word;
       return any == 0;
     }
