@@ -7,6 +7,7 @@ report are good; its microseconds are those of one machine. What is written: ``r
 
 import argparse
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -239,6 +240,7 @@ def main() -> None:
     parser.add_argument("--peers", default=",".join(PEERS), help="comma-separated, or none")
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--rounds", type=int, default=None)
+    parser.add_argument("--page", action="store_true")
     options = parser.parse_args()
     peers = [peer for peer in options.peers.split(",") if peer != "none"]
     rounds = options.rounds or (1 if options.quick else 5)
@@ -259,6 +261,9 @@ def main() -> None:
         "figures": figures,
     }
     report.write_report(results, folder)
+    if options.page:
+        for name in ("report.md", "work_precision.png"):
+            shutil.copy(folder / name, Path(__file__).parent / name)
     print(f"{paths.shown(folder / 'report.md')} ({time.monotonic() - began:.0f} s)")
 
 

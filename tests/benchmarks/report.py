@@ -287,10 +287,11 @@ def write_report(results: dict, folder: Path) -> None:
         "# Benchmarks",
         f"Made by `{results['command']}` on {results['date']}: {results['machine']}; "
         f"{results['rounds']} rounds, least times. Compare figures of one report only.",
-        f"Codes: `general` is the core, a `kernel` a special code behind the same interface (here: "
-        f"{', '.join(codes[1:]) or 'none'}), `{FLOOR}` the same mechanism reduced by hand in plain "
-        "scalar C++ (the floor). Other engines always find cut forces along with accelerations; "
-        "their error is the largest difference of an acceleration from that of dockloop.",
+        "Codes: `general` is the core. A `kernel` is a special code behind the same interface"
+        f" (here: {', '.join(codes[1:]) or 'none'}). `{FLOOR}` is the same mechanism reduced by"
+        " hand in plain scalar C++ (the floor). Other engines always find cut forces along with"
+        " accelerations; their error is the largest difference of an acceleration from that of"
+        " dockloop.",
         "## Aims",
         aims_table(figures, results["fmpy"]),
         "## One evaluation: hexapod_bench",
@@ -304,7 +305,7 @@ def write_report(results: dict, folder: Path) -> None:
         evaluations_table(figures, "hexapod_r1r2r3_square"),
         "## 5 s of hexapod_bench: milliseconds for an accuracy",
         "Cheapest setting that reaches it: time in ms (evaluations, setting). Without an "
-        "integrator of its own a code is moved by the same bare Runge-Kutta steps; the FMU has "
+        "integrator of its own a code is moved by the same bare Runge-Kutta steps. The FMU has "
         "everything that it always has, output of the position included.",
         motions_table(figures),
         "![work and precision](work_precision.png)",
