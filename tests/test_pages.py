@@ -1,0 +1,54 @@
+"""Pages: a link leads to a file that is there, and to a heading that this file has."""
+
+import re
+import subprocess
+
+from dockloop.paths import ROOT
+
+FENCES = re.compile(r"```.*?```", re.DOTALL)
+
+
+def list_pages():
+    """Return all Markdown files of the project."""
+    command = ["git", "-C", str(ROOT), "ls-files", "-co", "--exclude-standard", "*.md"]
+    names = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    return [ROOT / name for name in names if (ROOT / name).exists()]
+
+
+def list_anchors(text):
+    """Return the names by which links reach the headings of a page."""
+    heads = re.findall(r"^#+ (.*)$", FENCES.sub("", text), flags=re.MULTILINE)
+    bare = [re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", head).strip().lower() for head in heads]
+    return {re.sub(r"[^\w\- ]", "", head).replace(" ", "-") for head in bare}
+
+
+def list_dead_links(page):
+    """Return the links of a page that lead nowhere."""
+    dead = []
+    for link in re.findall(r"\]\(([^)\s]+)\)", FENCES.sub("", page.read_text(encoding="utf-8"))):
+        name, _, anchor = link.partition("#")
+        if re.match(r"[a-z]+:", link):
+            continue  # of the web
+        file = page.parent / name if name else page
+        is_there = file.exists()
+        if is_there and anchor and file.suffix == ".md":
+            is_there = anchor in list_anchors(file.read_text(encoding="utf-8"))
+        if not is_there:
+            dead.append(link)
+    return dead
+
+
+def test_links_of_pages_lead_somewhere():
+    pages = list_pages()
+    assert len(pages) > 20
+    dead = {str(page.relative_to(ROOT)): list_dead_links(page) for page in pages}
+    assert not {name: links for name, links in dead.items() if links}
+
+
+def test_dead_links_are_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "# A `word` here\n[a](other.md) [b](page.md#a-word-here) [c](#nothing) [d](https://x.y)\n"
+        "```\n[e](gone.md)\n```\n"
+    )
+    assert list_dead_links(page) == ["other.md", "#nothing"]
