@@ -92,6 +92,27 @@ def test_a_wrong_mass_in_a_coupling_is_off_and_reported():
     assert "chaser.mass is 2500 kg" in off.reason
 
 
+@pytest.mark.parametrize(
+    ("overrides", "host"),
+    [
+        ({"chaser.mass": 2500.0, "experiment.step": 0.3}, "chaser"),  # a tenth: units may be wrong
+        ({"chaser.mass": 2.5e5, "experiment.step": 0.3}, "chaser"),  # as a load that is not known
+        (
+            {
+                "mechanism.set.leg_defaults.damping": 42.2,
+                "solver.method": "fixed_rk4",
+                "solver.step": 0.0075,
+            },
+            "",
+        ),
+    ],
+)
+def test_what_a_warning_of_any_kind_says_is_not_wrong(overrides, host):
+    overrides = {"initial.approach_time": 0.2, **overrides}
+    off = judge(Case(SCENE, overrides, stop=4.0 if host else 1.5, wanted=1e-2, host=host))
+    assert off.verdict == "warned", off
+
+
 def test_a_figure_on_which_neighbours_do_not_agree_is_undetermined():
     verdict = judge_short(wanted=1e-11)  # the start of the neighbours is 1e-9 away
     assert verdict.verdict == "undetermined", verdict

@@ -57,7 +57,10 @@ _SAME_TIME = 1e-9  # s between two points that are the same one
 _POINTS = 100  # communication steps of a reference solution, about
 _KEPT = 24  # reference solutions that a process remembers
 _MOTION = ("position", "velocity", "attitude", "angular_velocity")
-_TELLING = ("energy audit", "chaser.mass", "target.mass")  # in warnings that loads may be off
+_TELLING = (  # in warnings that loads or motion may be off
+    *("energy audit", "loads may be wrong", "chaser.mass", "target.mass"),
+    *("move as predicted", "unmodelled acceleration"),
+)
 _LEAST_WORDS = 3  # of a reason
 Figures = dict[str, float]
 

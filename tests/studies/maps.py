@@ -4,7 +4,7 @@ Runs `dockloop map` for each, keeps journals in build/maps, and writes pages, pi
 into tests/validation/maps, with an overview in tests/validation/maps.md.
 
 Examples:
-    .venv/bin/python tests/studies/maps.py                         # half an hour of two processors
+    .venv/bin/python tests/studies/maps.py                         # some minutes of two processors
     .venv/bin/python tests/studies/maps.py --only wrong_mass_and_step --points 9
     .venv/bin/python tests/studies/maps.py --resume                # after Ctrl-C
 """
