@@ -62,13 +62,13 @@ MAPS = {  # folder: what it shows, arguments
     ),
 }
 
-POINTS = {"stiffness_and_step": 17, "damping_and_fixed_step": 17}
+POINTS = 17  # along a range
 
 
 def make_map(name, arguments, options):
     """Make one map and ship its files."""
     folder = BUILD / "maps" / name
-    points = str(options.points or POINTS.get(name, 9))
+    points = str(options.points)
     words = ["map", *SCENE, *arguments, "--points", points, "-o", str(folder)]
     if cli.main([*words, *["--resume"] * options.resume]) != 0:
         sys.exit(f"{name}: no map")
@@ -105,7 +105,7 @@ def describe(name, about, summary):
 def main():
     """Make the maps and the overview."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--points", type=int, help="along a range (default: 17 or 9)")
+    parser.add_argument("--points", type=int, default=POINTS, help="along a range")
     parser.add_argument("--only", choices=MAPS, help="one map; the overview is not written")
     parser.add_argument("--resume", action="store_true", help="go on with the journals")
     parser.add_argument("--overview", action="store_true", help="of the maps that are there")
