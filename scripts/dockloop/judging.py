@@ -58,8 +58,12 @@ _POINTS = 100  # communication steps of a reference solution, about
 _KEPT = 24  # reference solutions that a process remembers
 _MOTION = ("position", "velocity", "attitude", "angular_velocity")
 _TELLING = (  # in warnings that loads or motion may be off
-    *("energy audit", "loads may be wrong", "chaser.mass", "target.mass"),
-    *("move as predicted", "unmodelled acceleration"),
+    "energy audit",
+    "loads may be wrong",
+    "chaser.mass",
+    "target.mass",
+    "move as predicted",
+    "unmodelled acceleration",
 )
 _LEAST_WORDS = 3  # of a reason
 Figures = dict[str, float]

@@ -110,10 +110,9 @@ void add_locks(const MechanismModel& model, const S& time, const double* entered
 /// Lock of an element by a sequence: a spring and a damper about the place where it was.
 template <class S>
 S calc_lock(const ElementLock& lock, const S& coordinate, const S& rate, ElementSums<S>& sums) {
-  const S deflection = coordinate - S(lock.place);
-  sums.energy += S(0.5 * lock.stiffness) * deflection * deflection;
+  sums.energy += lock.find_energy(coordinate);
   sums.braking += S(lock.damping) * rate * rate;
-  return S(-lock.stiffness) * deflection - S(lock.damping) * rate;
+  return S(-lock.stiffness) * (coordinate - S(lock.place)) - S(lock.damping) * rate;
 }
 
 /// Book the powers of a law: brakes and drives have lines of their own.

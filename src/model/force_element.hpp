@@ -245,8 +245,11 @@ struct ElementLock {
   double damping = 0.0;
   double place = 0.0;  ///< coordinate of the element that is held
   bool is_closed() const { return stiffness > 0.0; }
-  double find_energy(double coordinate) const {
-    return 0.5 * stiffness * (coordinate - place) * (coordinate - place);
+  /// Stored energy [J].
+  template <class S>
+  S find_energy(const S& coordinate) const {
+    const S deflection = coordinate - S(place);
+    return S(0.5 * stiffness) * deflection * deflection;
   }
 };
 
