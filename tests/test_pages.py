@@ -1,18 +1,10 @@
 """Pages: a link leads to a file that is there, and to a heading that this file has."""
 
 import re
-import subprocess
 
-from dockloop.paths import ROOT
+from test_words import ROOT, list_files
 
 FENCES = re.compile(r"```.*?```", re.DOTALL)
-
-
-def list_pages():
-    """Return all Markdown files of the project."""
-    command = ["git", "-C", str(ROOT), "ls-files", "-co", "--exclude-standard", "*.md"]
-    names = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
-    return [ROOT / name for name in names if (ROOT / name).exists()]
 
 
 def list_anchors(text):
@@ -39,7 +31,7 @@ def list_dead_links(page):
 
 
 def test_links_of_pages_lead_somewhere():
-    pages = list_pages()
+    pages = [ROOT / name for name in list_files() if name.endswith(".md")]
     assert len(pages) > 20
     dead = {str(page.relative_to(ROOT)): list_dead_links(page) for page in pages}
     assert not {name: links for name, links in dead.items() if links}

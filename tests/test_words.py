@@ -74,8 +74,8 @@ CODE = {".cpp", ".hpp", ".c"}
 HASH = {".toml", ".cmake", ".sh", ".yaml", ".yml", ""}
 
 
-def files():
-    """Files of the repository that are checked."""
+def list_files():
+    """Names of all files of the repository, also of those that are not committed yet."""
     listed = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
         cwd=ROOT,
@@ -83,11 +83,14 @@ def files():
         text=True,
         check=True,
     ).stdout.split("\n")
-    for name in filter(None, listed):
+    return [name for name in listed if (ROOT / name).is_file()]
+
+
+def files():
+    """Files of the repository that are checked."""
+    for name in list_files():
         is_written = name.startswith(NOT_OURS) and name not in TYPED
-        if name.startswith(NOT_YET) or is_written:
-            continue
-        if (ROOT / name).is_file():
+        if not (name.startswith(NOT_YET) or is_written):
             yield name
 
 

@@ -7,10 +7,6 @@ refusals of each part, and what is bad. ``tests/test_extremes.py`` runs the shor
 """
 
 import re
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from dockloop.extremes import describe, run_extremes
 from dockloop.paths import ROOT

@@ -6,11 +6,6 @@ tests/validation/reference_solutions.md: evaluations, and the largest difference
     .venv/bin/python tests/studies/reference_solutions.py            # some minutes
 """
 
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
 from dockloop.paths import ROOT
 from dockloop.solution import make_solution
 from page import find_origin, write_head, write_page, write_row
