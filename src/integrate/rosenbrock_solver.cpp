@@ -11,7 +11,13 @@
 // 4 with the exact one. What matters is that A knows the stiff parts. A sum that w'f and w'A leave
 // alone (a momentum) is kept to rounding: w'u_i is zero too.
 //
-// Dense output is the cubic through both ends; the method's own is not better.
+// Dense output is a cubic, with s from 0 to 1:
+//
+//   y(s) = (1 - s) y0 + s y1 + s (1 - s) (p + s q)
+//
+// With the rates at both ends it has order 4. But rates hold the error of the state times the
+// stiffness, and inside a long step this polynomial is false. The method's own has order 3 and no
+// rates: p = sum H_1j u_j, q = sum H_2j u_j. It serves where the two differ by more than kFalse.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -44,6 +50,13 @@ constexpr std::array<double, kStages> kStageTime = {0.0, 0.75, 0.321448134013046
                                                     1.0, 1.0};
 constexpr std::array<double, kStages> kSlope = {0.25, -0.5, -0.189532918363016, 0.085612108792769,
                                                 0.0,  0.0};
+
+constexpr double kH[2][kStages] = {{-5.323528268423303, -10.042123754867493, 17.175254928256965,
+                                    -5.079931171878093, -0.016185991706112, 0.0},
+                                   {6.984505741529879, 6.914061169603662, -0.849178943070653,
+                                    18.104410789349338, -3.516963011559032, 0.0}};
+
+constexpr double kFalse = 3.0;  ///< difference of the two polynomials [tolerances]
 
 class RosenbrockSolver : public OneStepSolver {
  public:
@@ -85,13 +98,18 @@ class RosenbrockSolver : public OneStepSolver {
   bool factorise(double g);
   void add_up(int stage, double h);
   double find_first_step(double room) const;
+  /// p and q of a state, and of the method's own polynomial.
+  std::array<double, 2> find_bends(int i) const;
+  std::array<double, 2> find_own_bends(int i) const;
+  void choose_bends();
 
-  std::vector<double> stages_;        // u, one stage after another
-  std::vector<double> first_, last_;  // rates at the start and at the end of the step
-  std::vector<double> slope_;         // of the rates over time, at the start
-  std::vector<double> sum_;           // of the stages, by a row of C/h
-  double g_ = 0.0;                    // of the present factors [s]
-  bool sloped_ = false;               // slope_ counts
+  std::vector<double> stages_;         // u, one stage after another
+  std::vector<double> first_, last_;   // rates at the start and at the end of the step
+  std::vector<double> slope_;          // of the rates over time, at the start
+  std::vector<double> sum_;            // of the stages, by a row of C/h
+  double g_ = 0.0;                     // of the present factors [s]
+  bool sloped_ = false;                // slope_ counts
+  bool chosen_ = false, own_ = false;  // dense output of the last step: chosen; the method's own
 };
 
 bool RosenbrockSolver::prepare(double room) {
@@ -149,6 +167,7 @@ void RosenbrockSolver::add_up(int stage, double h) {
 
 /// @pre matrix and time slope of the start
 bool RosenbrockSolver::calc_end(double h) {
+  chosen_ = false;
   if (!factorise(kGamma * h)) return false;
   const auto& solve = system_.problem.matrix.solve;
   for (int stage = 0; stage < kStages; ++stage) {
@@ -193,20 +212,59 @@ double RosenbrockSolver::find_first_step(double room) const {
   return 0.01 * (y < room * speed ? y / speed : room);
 }
 
+std::array<double, 2> RosenbrockSolver::find_own_bends(int i) const {
+  std::array<double, 2> bends = {};
+  for (int j = 0; j < kStages; ++j) {
+    const double u = stages_[static_cast<size_t>(j) * stride_ + i];
+    bends[0] += kH[0][j] * u;
+    bends[1] += kH[1][j] * u;
+  }
+  return bends;
+}
+
+std::array<double, 2> RosenbrockSolver::find_bends(int i) const {
+  if (own_) return find_own_bends(i);
+  const double way = end_[i] - start_[i];
+  const double p = made_ * first_[i] - way;
+  return {p, way - made_ * last_[i] - p};
+}
+
+/// @pre at_end_
+void RosenbrockSolver::choose_bends() {
+  if (chosen_) return;
+  chosen_ = true;
+  own_ = false;
+  double difference = 0.0;
+  for (const double s : {0.25, 0.75}) {
+    for (int i = 0; i < size_; ++i) {
+      const auto [p, q] = find_bends(i);
+      const auto [own_p, own_q] = find_own_bends(i);
+      sum_[i] = s * (1.0 - s) * (p - own_p + s * (q - own_q));
+    }
+    difference = std::max(difference, find_mean(sum_.data()));
+  }
+  own_ = !(difference <= kFalse);
+}
+
 bool RosenbrockSolver::interpolate(double t, N_Vector y) {
   if (fixed_) return true;  // no roots are looked for
   if (!at_end_) return false;
-  interpolate_cubic(t, start_.data(), first_.data(), last_.data(), y);
+  choose_bends();
+  const double s = 1.0 - (t_ - t) / made_, r = 1.0 - s;
+  for (int i = 0; i < size_; ++i) {
+    const auto [p, q] = find_bends(i);
+    NV_Ith_S(y, i) = start_[i] + s * (end_[i] - start_[i] + r * (p + s * q));
+  }
   return true;
 }
 
 bool RosenbrockSolver::find_slope(double t, double* slope) {
   if (fixed_ || !at_end_) return false;
+  choose_bends();
   const double s = 1.0 - (t_ - t) / made_, r = 1.0 - s;
   for (int i = 0; i < size_; ++i) {
-    const double mean = (end_[i] - start_[i]) / made_;
-    slope[i] =
-        mean + r * (r - 2.0 * s) * (first_[i] - mean) + s * (2.0 * r - s) * (mean - last_[i]);
+    const auto [p, q] = find_bends(i);
+    slope[i] = (end_[i] - start_[i] + (r - s) * (p + s * q) + s * r * q) / made_;
   }
   return true;
 }

@@ -160,8 +160,8 @@ Status StepLoop::settle() {
 }
 
 /// The state to be read inside a pending step, from the polynomial of the method. Linearly implicit
-/// steps are long where forces are stiff: where the rates differ from the slope of the cubic, these
-/// forces are not in balance. One linearly implicit step of no length, with the matrix of the
+/// steps are long where forces are stiff: where the rates differ from the slope of the polynomial,
+/// these forces are not in balance. One linearly implicit step of no length, with the matrix of the
 /// pending step, restores the balance and keeps momentum.
 Status StepLoop::balance_point() {
   if (is_balanced()) return {};

@@ -7,7 +7,8 @@
 // 5. roots are found where they are; a state that cannot be evaluated makes the step smaller;
 // 6. what stiffness costs: implicit methods need few steps where explicit ones need many, and equal
 //    implicit steps are stable where explicit ones of the same size are not; a step that runs deep
-//    into a contact does not decide the sizes of later ones;
+//    into a contact does not decide the sizes of later ones; states inside long linearly implicit
+//    steps are right;
 // 7. an event function that is below zero inside a step only is seen, if its speed is known;
 // 8. steps fail once all evaluations that are allowed have been made.
 #include "integrate/stepper.hpp"
@@ -346,6 +347,68 @@ TEST(StiffProblems, are_stable_with_equal_implicit_steps) {
     } else {
       EXPECT_FALSE(error < 1e100);
     }
+  }
+}
+
+/// An oscillation (y1, y2), and y0 = cos^2 t that a stiffness k holds.
+Stepper::Problem make_follower(double k) {
+  Stepper::Problem p;
+  p.size = 3;
+  p.rates = [k](double, const double* y, double* ydot) {
+    ydot[0] = -k * (y[0] - y[1] * y[1]) + 2.0 * y[1] * y[2];
+    ydot[1] = y[2];
+    ydot[2] = -y[1];
+    return 0;
+  };
+  return p;
+}
+
+// The rates at the ends of a long step hold the error of the state times the stiffness, which a
+// polynomial through them would spread over the inside of the step.
+TEST(StiffProblems, are_as_right_inside_linearly_implicit_steps_as_at_their_ends) {
+  constexpr double kTolerance = 1e-4;
+  const auto find_square_of_cosine = [](double t) { return std::cos(t) * std::cos(t); };
+  for (const double k : {1e2, 1e5, 1e8}) {
+    Stepper::Problem problem = make_follower(k);
+    const auto rates = problem.rates;
+    problem.matrix = make_dense_matrix(3, [k](double, const double* y, MatX<double>& A) {
+      A << -k, 1.98 * k * y[1], 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0;  // a little off
+    });
+    Stepper stepper(std::move(problem), Method::kRosenbrock);
+    set_tolerance(stepper, 3, kTolerance);
+    stepper.y()[0] = stepper.y()[1] = 1.0;
+    stepper.y()[2] = 0.0;
+    stepper.restart(0.0, 1e-3);
+    double longest = 0.0, at_ends = 0.0, inside = 0.0, slopes = 0.0, rate_error = 0.0;
+    for (double t = 0.0; t < 10.0;) {
+      ASSERT_NE(stepper.step(10.0, false), StepOutcome::kFailed);
+      const double h = stepper.time() - t;
+      longest = std::max(longest, h);
+      at_ends = std::max(at_ends, std::abs(stepper.y()[0] - find_square_of_cosine(stepper.time())));
+      std::array<double, 3> rate;
+      rates(stepper.time(), stepper.y(), rate.data());
+      rate_error = std::max(rate_error, h * std::abs(rate[0] + std::sin(2.0 * stepper.time())));
+      for (const double part : {0.1, 0.3, 0.5, 0.7, 0.9}) {
+        const double at = t + part * h;
+        std::array<double, 3> y, slope;
+        ASSERT_TRUE(stepper.interpolate(at, y.data()));
+        ASSERT_TRUE(stepper.find_slope(at, slope.data()));
+        inside = std::max(inside, std::abs(y[0] - find_square_of_cosine(at)));
+        slopes = std::max(slopes, h * std::abs(slope[0] + std::sin(2.0 * at)));
+      }
+      t = stepper.time();
+    }
+    std::printf(
+        "stiffness %g: steps up to %.2g s, errors %.1e at ends, %.1e inside, %.1e of slopes, %.1e "
+        "of "
+        "rates at ends\n",
+        k, longest, at_ends, inside, slopes, rate_error);
+    EXPECT_GT(k * longest, 10.0);
+    if (k > 1e4) {
+      EXPECT_GT(rate_error, 100.0 * inside);
+    }
+    EXPECT_LT(inside, 10.0 * kTolerance);
+    EXPECT_LT(slopes, 50.0 * kTolerance);
   }
 }
 
