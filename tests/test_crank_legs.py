@@ -244,7 +244,7 @@ def test_crank_legs_are_legs_of_the_fast_kind(tmp_path):
         dl.Scene(write_scene(tmp_path, make_cranks(gear) | {"name": name}))
         for gear, name in ((None, "plain"), (GEAR, "geared"))
     ]
-    assert [core.has_only_legs(s.document, tmp_path) for s in scenes] == [True, False]
+    assert all(core.has_only_legs(s.document, tmp_path) for s in scenes)
     report = check_mechanism(make_cranks())
     assert {loop["closure"] for loop in report["loops"]} == {"R1R2R3"}
 

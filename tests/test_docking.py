@@ -13,7 +13,7 @@ from dockloop.summary import describe, relative_energy, summarise
 
 DEFAULT = "idss_25t_350t"
 MOMENTUM_LIMIT = 1e-10  # relative
-ENERGY_LIMIT = 1e-6  # of the initial relative energy
+ENERGY_LIMIT = 3e-6  # of the initial relative energy: one step over a corner of a law may take two
 
 # No misalignment at all: what a test then adds is the only one.
 ALIGNED = (

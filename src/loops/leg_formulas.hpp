@@ -57,6 +57,14 @@ Moments<N, P> shift(const Moments<N, P>& of, Zero) {
   return of;
 }
 
+/// Rotors on tube or rod that turn with the slide, about its axis; frozen they are a part of their
+/// carrier. Zero of legs that have no slide.
+template <class N>
+struct Spin {
+  N momentum;  ///< per rate of the slide
+  N inertia;   ///< that the slide feels
+};
+
 /// Momentum or force, and its moment about centre or elbow, E.
 template <class P>
 struct Wrench {
@@ -74,6 +82,48 @@ struct Motion {
   A a;
   Vector<P> w, alpha;
 };
+
+/// With the momentum of rotors per rate of the slide.
+template <class N, class P>
+Wrench<P> add_spin(const Wrench<P>& w, const Spin<N>& spin) {
+  return {w.f, {w.n.x + spin.momentum, w.n.y, w.n.z}};
+}
+template <class P>
+Wrench<P> add_spin(const Wrench<P>& w, Zero) {
+  return w;
+}
+
+/// Inertia that the last joint feels of rotors.
+template <class N>
+N get_inertia(const Spin<N>& spin) {
+  return spin.inertia;
+}
+inline Zero get_inertia(Zero) { return {}; }
+
+/// What moves rotors relative to their carrier. @param w  of the carrier
+/// @param rate, acceleration  of the slide
+template <class N, class P, class A>
+Wrench<P> find_spin_load(const Spin<N>& spin, const Vector<P>& w, const P& rate,
+                         const A& acceleration) {
+  const P momentum = spin.momentum * rate;
+  return {{P{}, P{}, P{}}, {P{} + spin.momentum * acceleration, momentum * w.z, -(momentum * w.y)}};
+}
+
+template <class P, class A>
+Zero find_spin_load(Zero, const Vector<P>&, const P&, const A&) {
+  return {};
+}
+
+/// Force that a slide needs for its rotors.
+/// @param along  angular acceleration of the carrier about the slide
+template <class N, class P, class A>
+P find_spin_force(const Spin<N>& spin, const P& along, const A& acceleration) {
+  return spin.momentum * along + spin.inertia * acceleration;
+}
+template <class P, class A>
+Zero find_spin_force(Zero, const P&, const A&) {
+  return {};
+}
 
 /// What moves a body.
 template <class N, class B, class P, class A>
@@ -131,6 +181,7 @@ struct Leg {
 //   find_turned    inertia about the first axis of what has these moments about the elbow, less
 //                  what it would have as a point there
 //   carry_last     momentum of the rod about the elbow per rate of the last joint
+//   get_spin       rotors that turn with the last joint
 //   move_rod       motion of the rod. @param rate, acceleration  of the last joint
 
 /// A universal joint and a slide.                                                      [Y2 (9a)]
@@ -173,6 +224,10 @@ struct SlideLeg : Leg<N, P> {
   static P get_along_axis(const Vector<P>& v) { return v.y; }
   P find_first(const Wrench<P>& w) const { return second.s * w.n.x + second.c * w.n.y; }
   static P find_last(const Wrench<P>& w) { return w.f.x; }
+  template <class In>
+  static Spin<N> get_spin(const In& in) {
+    return {in.get(kSpin), in.get(kSpin + 1)};
+  }
   P find_turned(const Moments<N, P>& of) const {
     const P &s = second.s, &c = second.c;
     return s * s * of.J.xx + 2.0 * s * c * of.J.xy + c * c * of.J.yy;
@@ -247,6 +302,10 @@ struct CrankLeg : Leg<N, P> {
     return w.n.z + l1 * (second.s * w.f.x + second.c * w.f.y);
   }
   static P find_last(const Wrench<P>& w) { return w.n.y; }
+  template <class In>
+  static Zero get_spin(const In&) {
+    return {};
+  }
   P find_turned(const Moments<N, P>& of) const {
     return of.J.zz + 2.0 * l1 * (second.c * of.h.x - second.s * of.h.y);
   }
@@ -311,6 +370,10 @@ struct SquareCrankLeg : Leg<N, P> {
     return second.c * w.n.x - second.s * w.n.y + l1 * w.f.z;
   }
   static P find_last(const Wrench<P>& w) { return w.n.x; }
+  template <class In>
+  static Zero get_spin(const In&) {
+    return {};
+  }
   P find_turned(const Moments<N, P>& of) const {
     const P &s = second.s, &c = second.c;
     return c * c * of.J.xx - 2.0 * c * s * of.J.xy + s * s * of.J.yy +

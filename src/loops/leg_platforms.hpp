@@ -2,7 +2,8 @@
 //
 // The bodies of such legs leave the tree. What remains of a leg is, for its root body R, its mass
 // frozen where it stands and the momentum that its joints carry; for its platform C, its apparent
-// inertia. Sums over legs are 6 x 6, whatever their number. LEGS.md derives this.
+// inertia. Sums over legs are 6 x 6, whatever their number. Gears, which turn with joints of legs,
+// are a part of these sums. LEGS.md derives this.
 // Legs of one kind stand side by side where numbers are doubles (leg_lanes.hpp); other scalars
 // evaluate the same formulas leg by leg (leg_stages.hpp).
 #pragma once
@@ -102,15 +103,43 @@ class LegStore<double> {
   std::vector<int> used_;  ///< lanes per group
 };
 
+/// A gear (LegGear): where its numbers stand, and what is computed for it.
+template <class S>
+struct GearData {
+  struct Term {
+    size_t leg = 0;
+    int joint = 0;
+    double ratio = 0.0;
+  };
+  int body = 0, carrier = kBase, block = 0, q = 0, v = 0;
+  double constant = 0.0;
+  std::vector<Term> terms;   ///< its coordinate is the constant and the sum of these
+  bool is_reported = false;  ///< its coordinate and rate are found in every evaluation
+  bool on_root = false;      ///< else its inertia is a part of its leg (legs::kSpin)
+  S inertia = S(0);          ///< about its axis [kg m2]
+  Vec3<S> axis;              ///< R; of gears on tube or rod: E
+  // Of gears on the root
+  S mass = S(0);
+  Vec3<S> first_moment;  ///< about the origin of R, R [kg m]
+  Mat3<S> frozen;        ///< inertia of the body there, R [kg m2]
+  Vec6<S> row;           ///< its rate per twist of C
+  // Loads
+  S torque = S(0);  ///< of forces and loads on its joint [N m]
+  Wrench<S> load;   ///< from outside, passed on to the carrier; about its origin, base axes
+};
+
 /// Everything computed for one platform.
 template <class S>
 struct PlatformData {
   PlatformData(const MechanismModel& model, const LoopPlan& plan, const LegPlatform& platform);
   std::vector<LegPlace> legs;
+  std::vector<GearData<S>> gears;
+  std::vector<int> gear_bodies;
+  std::vector<Vec3<S>> force;  ///< with gears: scratch, forces in the joints of each leg
   std::vector<ReportedJoint> reported;
   std::array<bool, 3> angles{};  ///< is the angle of a first, second, third joint reported?
   LegStore<S> store;
-  S mass = S(0);                   ///< of all legs [kg]
+  S mass = S(0);                   ///< of all legs and gears [kg]
   legs::PlatformMotion<S> motion;  ///< of C relative to R
   std::vector<Pose<S>> pose;       ///< of the bodies of the path, in R; not where one free joint is
                                    ///< the path
@@ -133,7 +162,7 @@ template <class S>
 Status calc_leg_positions(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                           LoopData<S>& loops);
 
-/// Coordinates of all joints of legs, and joint poses of their bodies. @pre calc_leg_positions
+/// Coordinates of all joints of legs and gears, and joint poses. @pre calc_leg_positions
 template <class S>
 void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops);
 
@@ -141,8 +170,8 @@ void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopDa
 template <class S>
 void calc_leg_maps(LoopData<S>& loops);
 
-/// Rates of the joints of legs, where rows of `columns` are other velocities of the tree that are
-/// possible. @pre calc_leg_positions
+/// Rates of the joints of legs and gears, where rows of `columns` are other velocities of the tree
+/// that are possible. @pre calc_leg_positions
 template <class S>
 void add_leg_columns(const LoopPlan& plan, const LoopData<S>& loops, MatX<S>& columns);
 
@@ -160,7 +189,7 @@ template <class S>
 void calc_leg_velocities(const MechanismModel& model, const LoopPlan& plan, const Vec3<S>& base_w,
                          TreeData<S>& tree, LoopData<S>& loops);
 
-/// Rates of all joints of legs. @pre calc_leg_velocities
+/// Rates of all joints of legs and gears. @pre calc_leg_velocities
 template <class S>
 void put_leg_velocities(TreeData<S>& tree, const LoopData<S>& loops);
 
@@ -170,17 +199,18 @@ template <class S>
 void add_leg_biases(const MechanismModel& model, const LoopPlan& plan, const BaseMotion<S>& base,
                     const VecX<S>& tau, TreeData<S>& tree, LoopData<S>& loops);
 
-/// h of the blocks of legs, and the accelerations of their joints. @pre calc_leg_maps,
-/// add_leg_biases, other accelerations
+/// h of the blocks of legs, and the accelerations of the joints of legs and gears. @pre
+/// calc_leg_maps, add_leg_biases, other accelerations
 template <class S>
 void put_leg_accelerations(const LoopPlan& plan, VecX<S>& vdot, LoopData<S>& loops);
 
-/// Cut forces of the legs; what the legs need, onto their roots (tree.transmitted), or onto
-/// `on_base` where the root is `base_body`.
+/// Cut forces of the legs, forces of the couplings of gears; what both need, onto their roots
+/// (tree.transmitted), or onto `on_base` where the root is `base_body`.
 /// @pre add_leg_biases; calc_tree_acceleration with vdot, calc_body_forces
 template <class S>
-void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_body,
-                   const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops, Wrench<S>& on_base);
+void add_leg_loads(const MechanismModel& model, const LoopPlan& plan, const BaseMotion<S>& base,
+                   int base_body, const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops,
+                   Wrench<S>& on_base);
 
 /// Sums over the legs of one platform, base axes, about the origin of its root.
 template <class S>

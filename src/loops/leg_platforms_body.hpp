@@ -9,291 +9,16 @@
 #include <type_traits>
 
 #include "loops/branch_following.hpp"
-#include "loops/leg_platforms.hpp"
-#include "loops/leg_stages.hpp"
+#include "loops/leg_gears_body.hpp"
+#include "loops/leg_setup_body.hpp"
 #include "loops/loop_equations.hpp"
 #include "loops/path_motion.hpp"
 
 namespace dockloop {
 
-// ---------------------------------------------------------------- legs one by one
-
-template <class S>
-void LegStore<S>::add(LegPlace& place) {
-  place.group = legs_.size();
-  legs_.emplace_back();
-  legs_.back().type = place.type;
-}
-
-namespace {
-
-// The stages for one leg. N is the number of its constants.
-
-template <class N, class S>
-bool calc_one_position(legs::LegType type, const N* parameter, S* one,
-                       const legs::PlatformMotion<S>& at, bool moving, double least, S* sums) {
-  const lanes::CellsOf<lanes::OneByOne<const N>> in{{parameter}};
-  const lanes::CellsOf<lanes::OneByOne<S>> work{{one}}, total{{sums}};
-  const lanes::Matrix<S> R = lanes::spread9<S>(at.R);
-  const lanes::Vector<S> p = lanes::spread3<S>(at.p);
-  const legs::Reached reached = legs::visit_leg<N, S>(type, [&](auto leg) {
-    return moving ? legs::calc_leg_position<true>(leg, in, work, total, R, p, least)
-                  : legs::calc_leg_position<false>(leg, in, work, total, R, p, least);
-  });
-  if (reached != legs::Reached::kYes) return false;
-  for (int i = legs::kReach; i < legs::kReach + 4; i += 2) {
-    if (!(to_double(one[i]) >= least * to_double(one[i + 1]))) return false;
-  }
-  return true;
-}
-
-template <class N, class S>
-void calc_one_bias(legs::LegType type, const N* parameter, S* one,
-                   const legs::PlatformMotion<S>& at, bool moving, S* sums) {
-  const lanes::CellsOf<lanes::OneByOne<const N>> in{{parameter}};
-  const lanes::CellsOf<lanes::OneByOne<S>> work{{one}}, total{{sums}};
-  legs::visit_leg<N, S>(type, [&](auto leg) {
-    if (moving) return legs::calc_leg_bias<true>(leg, in, work, total, at);
-    legs::calc_leg_bias<false>(leg, in, work, total, at);
-  });
-}
-
-template <class N, class S>
-void calc_one_load(legs::LegType type, const N* parameter, S* one,
-                   const legs::PlatformMotion<S>& at, S* sums) {
-  const lanes::CellsOf<lanes::OneByOne<const N>> in{{parameter}};
-  const lanes::CellsOf<lanes::OneByOne<S>> work{{one}}, total{{sums}};
-  legs::visit_leg<N, S>(type, [&](auto leg) { legs::calc_leg_loads(leg, in, work, total, at); });
-}
-
-template <class N, class S>
-void calc_one_rate(const N* parameter, S* one, const legs::PlatformMotion<S>& at) {
-  legs::calc_leg_rates<S>(lanes::CellsOf<lanes::OneByOne<const N>>{{parameter}},
-                          lanes::CellsOf<lanes::OneByOne<S>>{{one}}, at);
-}
-
-}  // namespace
-
-template <class S>
-bool LegStore<S>::calc_position(const legs::PlatformMotion<S>& at, bool moving, double least,
-                                S* sums) {
-  std::fill_n(sums, moving ? legs::kPositionSums : legs::kFixedSums, S(0));
-  for (One& one : legs_) {
-    if (!calc_one_position(one.type, one.parameter, one.work, at, moving, least, sums)) {
-      return false;
-    }
-  }
-  return true;
-}
-
-template <class S>
-void LegStore<S>::calc_rates(const legs::PlatformMotion<S>& at) {
-  for (One& one : legs_) calc_one_rate(one.parameter, one.work, at);
-}
-
-template <class S>
-void LegStore<S>::calc_bias(const legs::PlatformMotion<S>& at, bool moving, S* sums) {
-  std::fill_n(sums, moving ? legs::kBiasSums : legs::kFixedBiasSums, S(0));
-  for (One& one : legs_) calc_one_bias(one.type, one.parameter, one.work, at, moving, sums);
-}
-
-template <class S>
-void LegStore<S>::calc_loads(const legs::PlatformMotion<S>& at, S* sums) {
-  std::fill_n(sums, legs::kLoadSums, S(0));
-  for (One& one : legs_) calc_one_load(one.type, one.parameter, one.work, at, sums);
-}
-
-// ---------------------------------------------------------------- set-up
-
-namespace {
-
-/// Mass, first moment, inertia about an origin.
-template <class N>
-struct BodyMoments {
-  N mass = N(0);
-  Vec3<N> first = Vec3<N>::Zero();
-  Mat3<N> inertia = Mat3<N>::Zero();
-};
-
-/// Of a body, about the origin of axes in which it has this pose.
-template <class N>
-BodyMoments<N> find_moments(const Body& body, const Pose<N>& pose) {
-  const Vec3<N> c = pose.R * body.com.cast<N>() + pose.p;
-  const N mass(body.mass);
-  return {mass, mass * c,
-          pose.R * body.inertia.cast<N>() * pose.R.transpose() +
-              mass * (c.squaredNorm() * Mat3<N>::Identity() - c * c.transpose())};
-}
-
-/// A rotation matrix to the digits of its numbers. @param R  one to rounding of doubles
-template <class N>
-Mat3<N> find_rotation(const Mat3<double>& R) {
-  Mat3<N> m = R.cast<N>();
-  if constexpr (!std::is_same_v<N, double>) {
-    for (int i = 0; i < 2; ++i) {  // twice as many digits each time
-      m = (N(0.5) * m * (N(3) * Mat3<N>::Identity() - m.transpose() * m)).eval();
-    }
-  }
-  return m;
-}
-
-/// Constants of a leg (legs::Parameter).
-template <class S>
-void put_leg_constants(const MechanismModel& model, const LegPlace& place, LegStore<S>& store) {
-  using N = typename LegStore<S>::Constant;
-  const ClosedForm& form = place.form;
-  const auto put = [&](int row, const N& x) { store.put(place, row, x); };
-  const auto put_vector = [&](int row, const Vec3<N>& x) {
-    for (int i = 0; i < 3; ++i) put(row + i, x[i]);
-  };
-  const auto put_moments = [&](int row, const BodyMoments<N>& of) {
-    const Mat3<N>& m = of.inertia;
-    const N cells[] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
-    put(row, of.mass);
-    put_vector(row + 1, of.first);
-    for (int i = 0; i < 6; ++i) put(row + 4 + i, cells[i]);
-  };
-  Mat3<double> axes = form.in_parent.R;
-  Vec3<double> elbow(form.shape.l1, 0.0, form.shape.height), tip = form.shape.tip;
-  int axis = form.kind == LegKind::kR2P1R3 ? 1 : 2;  // of the first joint
-  if (form.kind == LegKind::kR2P1R3) elbow.setZero();
-  if (form.kind == LegKind::kR1R2R3Perpendicular) {  // its second joint must turn about z
-    axes << form.in_parent.R.col(2), form.in_parent.R.col(0), form.in_parent.R.col(1);
-    elbow = {form.shape.height, form.shape.l1, 0.0};
-    tip = {0.0, form.shape.l2, 0.0};
-    axis = 0;
-  }
-  const Pose<N> K{find_rotation<N>(axes), form.in_parent.p.cast<N>()};
-  for (int i = 0; i < 3; ++i) put_vector(legs::kAxesK + 3 * i, K.R.col(i));
-  put_vector(legs::kCentre, K.p);
-  put_vector(legs::kCentreK, K.R.transpose() * K.p);
-  put_vector(legs::kRing, place.ring.cast<N>());
-  put_vector(legs::kTip, tip.cast<N>());
-  put(legs::kElbow, N(form.branch.elbow));
-  put(legs::kFlip, N(form.branch.flip));
-  put(legs::kCrank, N(form.shape.l1));
-  put(legs::kCrank + 1, N(form.shape.height));
-  // The three bodies at canonical coordinates zero, axes K; the outer two about the elbow.
-  Pose<N> pose = inverse(K);
-  BodyMoments<N> moments[3];
-  for (size_t i = 0; i < 3; ++i) {
-    const JointMap& joint = form.joint[i];
-    const Body& body = model.bodies[joint.body];
-    pose = pose * Pose<N>{body.placement.R.cast<N>(), body.placement.p.cast<N>()};
-    // theta = sign q + zero = 0
-    if (body.joint == JointType::kRevolute) {
-      pose.R =
-          (pose.R * axis_rotation<N>(body.axis.cast<N>(), N(joint.c), N(-joint.sign * joint.s)))
-              .eval();
-    }
-    moments[i] =
-        find_moments<N>(body, {pose.R, i == 0 ? pose.p : Vec3<N>(pose.p - elbow.cast<N>())});
-  }
-  put_moments(legs::kCross, moments[0]);
-  put_moments(legs::kTube, moments[1]);
-  put_moments(legs::kRod, moments[2]);
-  elbow[axis] = 0.0;
-  put(legs::kTurned, moments[0].inertia(axis, axis) +
-                         (moments[1].mass + moments[2].mass) * N(elbow.squaredNorm()));
-}
-
-/// Does a force depend on the coordinate of its joint?
-inline bool depends_on_coordinate(const JointForce& law) {
-  return law.stiffness != 0.0 || law.preload != 0.0 || law.stops.present;
-}
-
-/// Does a force element act on the joint of this body?
-inline bool has_element(const MechanismModel& model, int body) {
-  for (const ForceElement& element : model.elements) {
-    for (const ElementTerm& term : element.along) {
-      if (term.body == body) return true;
-    }
-  }
-  return false;
-}
-
-template <class S>
-void list_reported_joints(const MechanismModel& model, PlatformData<S>& at) {
-  for (size_t k = 0; k < at.legs.size(); ++k) {
-    for (int i = 0; i < 3; ++i) {
-      const int body = at.legs[k].body[i];
-      ReportedJoint joint{k, i, model.bodies[body].joint == JointType::kPrismatic, false};
-      bool forced = has_element(model, body);
-      joint.needs_angle = forced && !joint.slides;
-      for (const JointForce& law : model.forces) {
-        if (law.body != body) continue;
-        forced = true;
-        joint.needs_angle = joint.needs_angle || (!joint.slides && depends_on_coordinate(law));
-      }
-      if (!joint.slides && !forced) continue;
-      at.angles[i] = at.angles[i] || joint.needs_angle;
-      at.reported.push_back(joint);
-    }
-  }
-}
-
-}  // namespace
-
-template <class S>
-PlatformData<S>::PlatformData(const MechanismModel& model, const LoopPlan& plan,
-                              const LegPlatform& platform) {
-  for (const legs::LegType type : {legs::kSlideLeg, legs::kCrankLeg, legs::kSquareCrankLeg}) {
-    for (int b : platform.blocks) {
-      LegPlace place;
-      place.block = b;
-      place.form = *plan.blocks[b].form();
-      if (static_cast<int>(place.form.kind) != static_cast<int>(type)) continue;
-      place.type = type;
-      place.ring = model.loops[plan.blocks[b].loops[0]].point_on_closing;
-      for (int i = 0; i < 3; ++i) {
-        const Body& body = model.bodies[place.form.joint[i].body];
-        place.body.push_back(place.form.joint[i].body);
-        place.q[i] = body.q_index;
-        place.v[i] = body.v_index;
-        place.sign[i] = place.form.joint[i].sign;
-        mass += S(body.mass);
-      }
-      store.add(place);
-      put_leg_constants(model, place, store);
-      legs.push_back(place);
-    }
-  }
-  store.finish();
-  list_reported_joints(model, *this);
-  if (!platform.is_free) pose.resize(platform.path.size());
-  J.setZero(6, static_cast<int>(platform.low.size()));
-  if (platform.is_free) J.setIdentity();
-  sums.fill(S(0));
-  bias.fill(S(0));
-  motion = {};
-}
-
 // ---------------------------------------------------------------- position
 
 namespace {
-
-template <class S>
-Eigen::Map<Vec3<S>> as_vector(S* x) {
-  return Eigen::Map<Vec3<S>>(x);
-}
-template <class S>
-Eigen::Map<const Vec3<S>> as_vector(const S* x) {
-  return Eigen::Map<const Vec3<S>>(x);
-}
-template <class S>
-Eigen::Map<const Mat3<S>> as_columns(const S* x) {
-  return Eigen::Map<const Mat3<S>>(x);
-}
-template <class S>
-Mat3<S> get_rows(const S* x) {
-  return Eigen::Map<const Mat3<S>>(x).transpose();
-}
-template <class S>
-Mat3<S> get_symmetric(const S* s) {
-  Mat3<S> m;
-  m << s[0], s[3], s[4], s[3], s[1], s[5], s[4], s[5], s[2];
-  return m;
-}
 
 /// Pose of C in R, and how it moves with the joints of a path that is more than a free joint.
 template <class S>
@@ -401,23 +126,6 @@ double find_square_margin(const PlatformData<S>& at, const LegPlace& leg) {
   return std::min(quotient(0), quotient(2));
 }
 
-/// Rates of the joints of one leg per twist of the platform.
-template <class S>
-Eigen::Matrix<S, 3, 6> find_rates_per_twist(const PlatformData<S>& at, const LegPlace& leg) {
-  Mat3<S> axes, rows;  // E in C; inverse of the loop matrix, rows as columns
-  for (int i = 0; i < 9; ++i) {
-    axes(i % 3, i / 3) = at.store.work(leg, legs::kAxesC + i);
-    rows(i % 3, i / 3) = at.store.work(leg, legs::kInverse + i);
-  }
-  const Vec3<S> ring = leg.ring.template cast<S>();
-  Eigen::Matrix<S, 3, 6> rates;
-  for (int i = 0; i < 3; ++i) {
-    const Vec3<S> force = S(leg.sign[i]) * (axes * rows.col(i)), moment = ring.cross(force);
-    rates.row(i) << force.transpose(), moment.transpose();
-  }
-  return rates;
-}
-
 /// H of one leg. v_dep = H v_low
 template <class S>
 void calc_leg_map(const PlatformData<S>& at, const LegPlace& leg, BlockData<S>& data) {
@@ -466,7 +174,7 @@ Status calc_leg_positions(const MechanismModel& model, const LoopPlan& plan, Tre
     calc_platform_pose(model, platform, tree, at);
     choose_leg_branches(model, plan, tree, loops, at);
     at.carries = platform.root != kBase;
-    if (!at.store.calc_position(at.motion, at.carries, least, at.sums.data())) {
+    if (!calc_position_sums(at, at.carries, least)) {
       return find_leg_failure(model, plan, tree, loops, platform);
     }
     for (const LegPlace& leg : at.legs) {
@@ -484,6 +192,9 @@ Status calc_leg_positions(const MechanismModel& model, const LoopPlan& plan, Tre
       if (at.angles[i]) at.store.calc_angles(i);
     }
     put_reported_coordinates(reference, tree, at);
+    for (const GearData<S>& gear : at.gears) {
+      if (gear.is_reported) put_gear_coordinate(at, gear, tree);
+    }
   }
   return {};
 }
@@ -500,6 +211,10 @@ void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopDa
         solved.s[i] = at.store.work(leg, legs::kTurns + 2 * i + 1);
         put_joint(model, leg.form.joint[i], solved, static_cast<size_t>(i), reference, tree);
       }
+    }
+    for (const GearData<S>& gear : at.gears) {
+      put_gear_coordinate(at, gear, tree);
+      calc_joint_pose(model, gear.body, tree);
     }
   }
 }
@@ -527,6 +242,12 @@ void add_leg_columns(const LoopPlan& plan, const LoopData<S>& loops, MatX<S>& co
           const S rate = rates.row(i).dot(at.J.col(j));
           columns.col(leg.v[i]) += rate * columns.col(plan.platforms[n].low[j]);
         }
+      }
+    }
+    for (const GearData<S>& gear : at.gears) {
+      columns.col(gear.v).setZero();
+      for (const auto& term : gear.terms) {
+        columns.col(gear.v) += S(term.ratio) * columns.col(at.legs[term.leg].v[term.joint]);
       }
     }
   }
@@ -571,7 +292,7 @@ template <class S>
 void make_carry(PlatformData<S>& at) {
   if (at.carries) return;
   at.carries = true;
-  at.store.calc_position(at.motion, true, 0.0, at.sums.data());
+  calc_position_sums(at, true, 0.0);
 }
 
 /// All sums over legs, where some were not needed before leg by leg.
@@ -586,6 +307,9 @@ PositionSums<S> find_all_sums(const PlatformData<S>& at) {
   for (const LegPlace& leg : at.legs) {
     for (int i = 0; i < legs::kParameters; ++i) parameter[i] = at.store.get(leg, i);
     calc_one_position<N, S>(leg.type, parameter, work, at.motion, true, 0.0, sums.data());
+  }
+  for (const GearData<S>& gear : at.gears) {
+    if (gear.on_root) add_gear_inertia(gear, true, sums.data());
   }
   return sums;
 }
@@ -693,6 +417,9 @@ void calc_leg_velocities(const MechanismModel& model, const LoopPlan& plan, cons
       tree.v[leg.v[joint.joint]] =
           S(leg.sign[joint.joint]) * at.store.work(leg, legs::kRate + joint.joint);
     }
+    for (const GearData<S>& gear : at.gears) {
+      if (gear.is_reported) tree.v[gear.v] = find_gear_rate(at, gear);
+    }
   }
 }
 
@@ -704,6 +431,7 @@ void put_leg_velocities(TreeData<S>& tree, const LoopData<S>& loops) {
         tree.v[leg.v[i]] = S(leg.sign[i]) * at.store.work(leg, legs::kRate + i);
       }
     }
+    for (const GearData<S>& gear : at.gears) tree.v[gear.v] = find_gear_rate(at, gear);
   }
 }
 
@@ -773,8 +501,8 @@ LegSums<S> find_leg_sums(const LegPlatform& platform, const TreeData<S>& tree,
 
 namespace {
 
-/// Forces in the joints of the legs; loads on their bodies as forces in the joints and as a load on
-/// the root: power is the same.
+/// Forces in the joints of legs and gears; loads on their bodies as forces in the joints and as a
+/// load on the root: power is the same.
 template <class S>
 void put_leg_forces(const MechanismModel& model, const VecX<S>& tau, TreeData<S>& tree,
                     LoopData<S>& loops, PlatformData<S>& at) {
@@ -799,15 +527,33 @@ void put_leg_forces(const MechanismModel& model, const VecX<S>& tau, TreeData<S>
       at.is_loaded = at.is_loaded || !is_zero(leg.body[i]);
     }
   }
-  if (!at.is_loaded) return;
+  for (GearData<S>& gear : at.gears) {
+    gear.torque = tau[gear.v];
+    at.is_loaded = at.is_loaded || !is_zero(gear.body);
+  }
+  if (!at.is_loaded) {
+    for (const GearData<S>& gear : at.gears) press_legs(gear, gear.torque, at);
+    return;
+  }
   calc_leg_coordinates(model, tree, loops);
   at.external = Wrench<S>();
+  for (const LegPlace& leg : at.legs) calc_tree_position(model, leg.body, tree);
+  calc_tree_position(model, at.gear_bodies, tree);
+  for (GearData<S>& gear : at.gears) {
+    gear.load = tree.external[gear.body];
+    gear.torque += tree.e[gear.body].dot(gear.load.t);
+    gear.load.t += tree.r[gear.body].cross(gear.load.f);
+    if (gear.on_root) at.external += gear.load;
+    press_legs(gear, gear.torque, at);
+  }
   for (const LegPlace& leg : at.legs) {
-    calc_tree_position(model, leg.body, tree);
     Wrench<S> load;  // about the origin of the body
     for (int i = 2; i >= 0; --i) {
       const int body = leg.body[i];
       load += tree.external[body];
+      for (const GearData<S>& gear : at.gears) {
+        if (gear.carrier == body) load += gear.load;
+      }
       const bool slides = model.bodies[body].joint == JointType::kPrismatic;
       const S along = tree.e[body].dot(slides ? load.f : load.t);
       at.store.work(leg, legs::kForce + i) += S(leg.sign[i]) * along;
@@ -837,6 +583,7 @@ void add_leg_biases(const MechanismModel& model, const LoopPlan& plan, const Bas
       root << R.transpose() * tree.a[platform.root], R.transpose() * tree.alpha[platform.root];
     }
     at.store.calc_bias(at.motion, moving, at.bias.data());
+    add_gear_biases(moving, at);
     // What the platform passes to the legs at their tips.
     Vec6<S> tip;
     tip << as_vector(&at.bias[legs::kSumTipForce]), as_vector(&at.bias[legs::kSumTipMoment]);
@@ -882,12 +629,17 @@ void put_leg_accelerations(const LoopPlan& plan, VecX<S>& vdot, LoopData<S>& loo
         vdot[block.dep[i]] = sum;
       }
     }
+    for (const GearData<S>& gear : at.gears) {
+      vdot[gear.v] =
+          find_gear_sum(at, gear, [&](const LegPlace& leg, int i) { return vdot[leg.v[i]]; });
+    }
   }
 }
 
 template <class S>
-void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_body,
-                   const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops, Wrench<S>& on_base) {
+void add_leg_loads(const MechanismModel& model, const LoopPlan& plan, const BaseMotion<S>& base,
+                   int base_body, const VecX<S>& vdot, TreeData<S>& tree, LoopData<S>& loops,
+                   Wrench<S>& on_base) {
   for (size_t n = 0; n < plan.platforms.size(); ++n) {
     const LegPlatform& platform = plan.platforms[n];
     PlatformData<S>& at = loops.platform[n];
@@ -908,7 +660,8 @@ void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_bod
       as_vector(motion.root_alpha) = R.transpose() * tree.alpha[platform.root];
     }
     std::array<S, legs::kLoadSums> sums;
-    at.store.calc_loads(motion, sums.data());
+    calc_load_sums(at, sums);
+    calc_gear_forces(model, plan, at, loops);
     for (const LegPlace& leg : at.legs) {
       for (int i = 0; i < 3; ++i) {
         loops.block[leg.block].lambda[i] = at.store.work(leg, legs::kCut + i);
@@ -942,8 +695,8 @@ void add_leg_loads(const LoopPlan& plan, const BaseMotion<S>& base, int base_bod
   template void add_leg_biases<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&,  \
                                   const VecX<S>&, TreeData<S>&, LoopData<S>&);                   \
   template void put_leg_accelerations<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);               \
-  template void add_leg_loads<S>(const LoopPlan&, const BaseMotion<S>&, int, const VecX<S>&,     \
-                                 TreeData<S>&, LoopData<S>&, Wrench<S>&);                        \
+  template void add_leg_loads<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&,   \
+                                 int, const VecX<S>&, TreeData<S>&, LoopData<S>&, Wrench<S>&);   \
   template double find_leg_margin<S>(const PlatformData<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)

@@ -34,7 +34,9 @@ enum Parameter {
   kTube = kCross + 10,     ///< about the elbow, E
   kRod = kTube + 10,       ///< about the elbow, E, at coordinate 0 of the last joint
   kTurned = kRod + 10,     ///< inertia about the first axis: cross, and the others in the elbow
-  kParameters = kTurned + 1
+  kSpin = kTurned + 1,     ///< rotors that turn with the slide: momentum along it per its rate, and
+                           ///< inertia that they reflect (2)
+  kParameters = kSpin + 2
 };
 
 /// What one stage leaves for later ones.
@@ -58,7 +60,8 @@ enum Work {
                                  ///< quotients (4)
   kCut = kReach + 4,             ///< force of the cut on the rod, R (3), by calc_loads
   kJoint = kCut + 3,             ///< accelerations of the three joints, by calc_loads
-  kWork = kJoint + 3             ///< their number
+  kAlong = kJoint + 3,           ///< angular acceleration of the tube along x, by calc_loads
+  kWork = kAlong + 1             ///< their number
 };
 
 /// Motion of C relative to R: what all legs of a platform share.

@@ -34,10 +34,11 @@ Reached calc_leg_position(AnyLeg leg, const In& in, const Out& work, const Out& 
   const Moments<N, P> rod = leg.place_rod(get_moments(in, kRod));
   const Moments<N, P> outer = get_moments(in, kTube) + rod;
   const Wrench<P> second = {{-outer.h.y, outer.h.x, P{}}, {outer.J.xz, outer.J.yz, outer.J.zz}};
-  const Wrench<P> last = leg.carry_last(rod);  // momentum per joint rate
+  const auto spin = leg.get_spin(in);
+  const Wrench<P> last = add_spin(leg.carry_last(rod), spin);  // momentum per joint rate
   const Symmetric<P> inertia = {in.get(kTurned) + leg.find_turned(outer),
                                 outer.J.zz,
-                                leg.find_last(last),
+                                leg.find_last(last) + get_inertia(spin),
                                 leg.find_first(second),
                                 leg.find_first(last),
                                 last.n.z};
@@ -114,22 +115,26 @@ struct LegLoad {
   Vector<P> joint;  ///< generalised forces of the three joints
 };
 
-/// Of tube and rod; about the elbow.
-template <class AnyLeg, class In, class Out, class AnyMotion>
-auto find_outer_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMotion& at) {
+/// Of tube and rod; about the elbow. @param rate, acceleration  of the last joint
+template <class AnyLeg, class In, class Out, class AnyMotion, class P, class A>
+auto find_outer_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMotion& at,
+                     const P& rate, const A& acceleration) {
   using N = typename In::Number;
-  using P = typename Out::Number;
   const Wrench<P> rod = find_load(
       Moments<N, P>{in.get(kRod), work.get_vector(kRodMoment), work.get_symmetric(kRodInertia)},
       at.rod);
   const Wrench<P> both = find_load(get_moments(in, kTube), at.tube) + rod;
-  return LegLoad<P>{both, {leg.find_first(both), both.n.z, leg.find_last(rod)}};
+  const auto spin = leg.get_spin(in);
+  const Wrench<P> all = both + find_spin_load(spin, at.tube.w, rate, acceleration);
+  return LegLoad<P>{all,
+                    {leg.find_first(all), all.n.z,
+                     leg.find_last(rod) + find_spin_force(spin, at.tube.alpha.x, acceleration)}};
 }
 
-template <class AnyLeg, class In, class Out, class AnyMotion>
-auto find_leg_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMotion& at) {
-  using P = typename Out::Number;
-  const LegLoad<P> outer = find_outer_load(leg, in, work, at);
+template <class AnyLeg, class In, class Out, class AnyMotion, class P, class A>
+auto find_leg_load(const AnyLeg& leg, const In& in, const Out& work, const AnyMotion& at,
+                   const P& rate, const A& acceleration) {
+  const LegLoad<P> outer = find_outer_load(leg, in, work, at, rate, acceleration);
   const Turn<P>& turn1 = leg.second;  // from E to axes turned by the first joint only
   const Motion<P, Vector<P>> cross_at = {turn1 * at.cross.a, turn1 * at.cross.w,
                                          turn1 * at.cross.alpha};
@@ -162,11 +167,12 @@ void calc_leg_bias(AnyLeg leg, const In& in, const Out& work, const Out& total,
     const Vector<P> root = spread3<P>(at.root);
     const Matrix<P> ER = work.get_matrix(kAxesR);
     const Vector<P> swing = cross(root, cross(root, in.get_vector(kCentre)));
-    load = find_leg_load(leg, in, work,
-                         find_motion(leg, turn_back(ER, root), Zero(), turn_back(ER, swing), rate,
-                                     NoAcceleration()));
+    load = find_leg_load(
+        leg, in, work,
+        find_motion(leg, turn_back(ER, root), Zero(), turn_back(ER, swing), rate, NoAcceleration()),
+        rate.z, Zero());
   } else {  // the cross turns about an axis at rest
-    load = find_outer_load(leg, in, work, relative);
+    load = find_outer_load(leg, in, work, relative, rate.z, Zero());
   }
   const Vector<P> b = work.get_symmetric(kApparent) * free +
                       work.get_matrix(kInverse) * (load.joint - work.get_vector(kForce));
@@ -198,10 +204,11 @@ void calc_leg_loads(AnyLeg leg, const In& in, const Out& work, const Out& total,
   work.put(kJoint, joint);
   const Vector<P> a =
       spread3<P>(at.root_a) + cross(alpha0, centre) + cross(root, cross(root, centre));
-  const LegLoad<P> load =
-      find_leg_load(leg, in, work,
-                    find_motion(leg, turn_back(ER, root), turn_back(ER, alpha0), turn_back(ER, a),
-                                work.get_vector(kRate), joint));
+  const Vector<P> rate = work.get_vector(kRate);
+  const auto motion =
+      find_motion(leg, turn_back(ER, root), turn_back(ER, alpha0), turn_back(ER, a), rate, joint);
+  work.put(kAlong, motion.tube.alpha.x);
+  const LegLoad<P> load = find_leg_load(leg, in, work, motion, rate.z, joint.z);
   work.put(kCut, ER * (inverse * (load.joint - work.get_vector(kForce))));
   const Vector<P> force = ER * load.whole.f;
   total.add(kSumLoad, force);

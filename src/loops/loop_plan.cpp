@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <string>
 
+#include "loops/platform_plan.hpp"
 #include "math/rotation.hpp"
 #include "math/status.hpp"
 
@@ -285,7 +285,8 @@ void find_touched(const MechanismModel& model, LoopPlan& plan) {
   std::vector<char> eliminated(nv, 0);
   for (auto block = plan.blocks.rbegin(); block != plan.blocks.rend(); ++block) {
     for (int d : block->dep) eliminated[d] = 1;
-    if (block->is_leg) continue;  // couples only what lies above its platform, as the tree does
+    // Couples only what lies above its platform, as the tree does.
+    if (block->is_condensed()) continue;
     for (int i = 0; i < nv; ++i) {
       const bool coupled = std::any_of(block->dep.begin(), block->dep.end(),
                                        [&](int d) { return nonzero[i][d] != 0; });
@@ -314,66 +315,6 @@ Recognition choose_closure(const MechanismModel& model, const LoopPlan& plan,
                    describe_closure(loop.closure) + "' it declares (" +
                    (found.form ? "they are " + describe_leg(*found.form) : found.reason) +
                    "); correct the geometry or leave 'closure' out");
-}
-
-/// Is a block a leg with an inverse whose bodies serve nothing else?
-/// @param users  per body: joints below it, and loops that pass it or end on it
-bool is_leg_block(const MechanismModel& model, const LoopPlan& plan, const LoopBlock& block,
-                  const std::vector<int>& users) {
-  const ClosedForm* form = block.form();
-  if (!form || !form->has_inverse() || block.size() != 3) return false;
-  const Loop& loop = model.loops[block.loops[0]];
-  const LoopPaths& paths = plan.paths[block.loops[0]];
-  if (paths.closing.empty() || paths.terminal.size() != 3 || !loop.redundant.empty()) return false;
-  int parent = paths.lca;
-  for (size_t i = 0; i < 3; ++i) {
-    const int body = form->joint[i].body;
-    // The joint below and this loop; the terminal body carries this loop only.
-    if (body != paths.terminal[i] || model.bodies[body].parent != parent ||
-        users[body] != (i < 2 ? 2 : 1) || body == model.capture_body) {
-      return false;
-    }
-    parent = body;
-  }
-  return true;
-}
-
-/// Legs of platforms, and the bodies that remain in the tree. Their blocks become the last ones.
-void find_platforms(const MechanismModel& model, LoopPlan& plan) {
-  std::vector<int> users(model.bodies.size(), 0);
-  for (const Body& body : model.bodies) {
-    if (body.parent != kBase) ++users[body.parent];
-  }
-  for (const LoopPaths& paths : plan.paths) {
-    for (const auto* path : {&paths.terminal, &paths.closing, &paths.tied}) {
-      for (int body : *path) ++users[body];
-    }
-  }
-  for (LoopBlock& block : plan.blocks) block.is_leg = is_leg_block(model, plan, block, users);
-  std::stable_partition(plan.blocks.begin(), plan.blocks.end(),
-                        [](const LoopBlock& block) { return !block.is_leg; });
-  std::vector<char> in_leg(model.bodies.size(), 0);
-  for (int b = 0; b < static_cast<int>(plan.blocks.size()); ++b) {
-    const LoopBlock& block = plan.blocks[b];
-    for (int k : block.loops) plan.block_of_loop[k] = b;
-    if (!block.is_leg) continue;
-    for (int body : block.dep_bodies) in_leg[body] = 1;
-    const LoopPaths& paths = plan.paths[block.loops[0]];
-    const int body = paths.closing.back();
-    auto platform = std::find_if(
-        plan.platforms.begin(), plan.platforms.end(),
-        [&](const LegPlatform& known) { return known.root == paths.lca && known.body == body; });
-    if (platform == plan.platforms.end()) {
-      const bool is_free =
-          paths.closing.size() == 1 && model.bodies[body].joint == JointType::kFree;
-      plan.platforms.push_back({paths.lca, body, paths.closing, block.low, {}, is_free});
-      platform = std::prev(plan.platforms.end());
-    }
-    platform->blocks.push_back(b);
-  }
-  for (int i = 0; i < static_cast<int>(model.bodies.size()); ++i) {
-    (in_leg[i] ? plan.leg_bodies : plan.tree_bodies).push_back(i);
-  }
 }
 
 }  // namespace
@@ -425,7 +366,7 @@ LoopPlan make_loop_plan(const MechanismModel& model, const std::vector<double>& 
     plan.is_driven = plan.is_driven || block.is_driven;
     plan.iterates = plan.iterates || (!block.form() && !block.is_coupling);
   }
-  find_platforms(model, plan);
+  find_platforms(model, home, plan);
   find_touched(model, plan);
   std::vector<char> dependent(model.nv, 0);
   for (const LoopBlock& block : plan.blocks) {

@@ -32,18 +32,32 @@ struct LoopBlock {
   bool is_coupling = false;    ///< one coupling by itself
   bool is_driven = false;      ///< some coupling in it moves with time
   bool is_leg = false;         ///< a leg of a platform (LegPlatform), eliminated at its tip
+  bool is_gear = false;        ///< the coupling of a gear of a platform (LegGear)
+  /// Do sums of a platform stand for the bodies of this block?
+  bool is_condensed() const { return is_leg || is_gear; }
   const ClosedForm* form() const { return closure.form ? &*closure.form : nullptr; }
   int size() const { return static_cast<int>(dep.size()); }
 };
 
+/// A body that turns with joints of legs: the rotor of a screw, the shaft of a differential. Its
+/// inertia is the same at every angle, so what it adds to its carrier is a momentum along a fixed
+/// axis.
+struct LegGear {
+  int body = 0, block = 0;          ///< of its coupling
+  double constant = 0.0;            ///< coordinate = constant + sum of ratio x coordinate
+  std::vector<CouplingTerm> terms;  ///< joints of legs
+  int carrier = kBase;              ///< root of the platform, or a body of a leg
+};
+
 /// A body that legs hold on a root body: each leg is one loop in closed form whose three bodies
-/// belong to nothing else. Such blocks come last.
+/// belong to nothing else but gears. Blocks of legs come after all others, those of gears last.
 struct LegPlatform {
   int root = kBase, body = 0;
-  std::vector<int> path;    ///< bodies from below the root to the platform
-  std::vector<int> low;     ///< their velocity indices, ascending
-  std::vector<int> blocks;  ///< its legs
-  bool is_free = false;     ///< one free joint leads from root to platform
+  std::vector<int> path;       ///< bodies from below the root to the platform
+  std::vector<int> low;        ///< their velocity indices, ascending
+  std::vector<int> blocks;     ///< its legs
+  bool is_free = false;        ///< one free joint leads from root to platform
+  std::vector<LegGear> gears;  ///< a gear comes after those that its coupling names
 };
 
 struct LoopPlan {
@@ -57,7 +71,7 @@ struct LoopPlan {
   std::vector<int> ind_q;          ///< independent coordinates, ascending
   std::vector<int> ind_bodies;     ///< bodies with independent joints
   std::vector<LegPlatform> platforms;
-  std::vector<int> tree_bodies;  ///< bodies that belong to no leg of a platform, ascending
+  std::vector<int> tree_bodies;  ///< bodies that are neither legs nor gears, ascending
   std::vector<int> leg_bodies;   ///< the others, ascending
   bool iterates = false;         ///< some block is solved by Newton iteration
   bool is_driven = false;        ///< some joint moves with time by itself

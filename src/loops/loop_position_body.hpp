@@ -265,7 +265,7 @@ Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from
   }
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_leg) break;  // they come last
+    if (block.is_condensed()) break;  // they come last
     BlockData<S>& data = loops.block[b];
     Status status;
     if (from_reference && !block.is_coupling) predict(model, b, block, tree, loops);
@@ -323,7 +323,7 @@ Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, Tre
   for (int i : plan.ind_bodies) calc_moved(model, i, tree, loops);
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     for (int i : plan.blocks[b].dep_bodies) {
-      if (!plan.blocks[b].is_leg) calc_moved(model, i, tree, loops);
+      if (!plan.blocks[b].is_condensed()) calc_moved(model, i, tree, loops);
     }
   }
   return calc_leg_positions(model, plan, tree, loops);
@@ -333,7 +333,7 @@ template <class S>
 void calc_leg_cuts(const MechanismModel& model, const LoopPlan& plan, const TreeData<S>& tree,
                    LoopData<S>& loops) {
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
-    if (plan.blocks[b].is_leg) {
+    if (plan.blocks[b].is_condensed()) {
       calc_block_position(model, plan, plan.blocks[b], tree, loops, loops.block[b]);
     }
   }

@@ -39,6 +39,15 @@ LoopData<S>::LoopData(const MechanismModel& model, const LoopPlan& plan) {
       data.branch = b.form()->branch;
       if (b.form()->spin) data.spin_branch = b.form()->spin->branch;
     }
+    if (b.is_gear) {  // a constant
+      const Loop& loop = model.loops[b.loops[0]];
+      for (int body : plan.paths[b.loops[0]].tied) {
+        const int column = b.column_of[model.bodies[body].v_index] - m;
+        if (column < 0) continue;
+        data.H(0, column) =
+            S(-find_coupling_factor(loop, body) / find_coupling_factor(loop, b.dep_bodies[0]));
+      }
+    }
     block.push_back(data);
     reference.H.push_back(data.H);
   }
@@ -56,7 +65,7 @@ template <class S>
 void calc_velocity_maps(const MechanismModel& model, const LoopPlan& plan, LoopData<S>& loops) {
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_leg) continue;
+    if (block.is_condensed()) continue;
     BlockData<S>& data = loops.block[b];
     calc_block_map(block, data);
     if (!block.is_driven) continue;
@@ -83,7 +92,7 @@ template <class S>
 void calc_loop_velocity(const LoopPlan& plan, TreeData<S>& tree, const LoopData<S>& loops) {
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_leg) continue;
+    if (block.is_condensed()) continue;
     const BlockData<S>& data = loops.block[b];
     for (int i = 0; i < block.size(); ++i) {
       S sum = data.g[i];
@@ -98,7 +107,7 @@ void calc_loop_bias(const MechanismModel& model, const LoopPlan& plan, const Tre
                     LoopData<S>& loops) {
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_leg) continue;
+    if (block.is_condensed()) continue;
     BlockData<S>& data = loops.block[b];
     const BlockData<S>* leg = has_leg_bias(block.form()) ? &data : nullptr;
     for (size_t i = 0; i < block.loops.size(); ++i) {
@@ -114,7 +123,7 @@ template <class S>
 void reduce_inertia(const LoopPlan& plan, MatX<S>& A, LoopData<S>& loops) {
   for (size_t b = plan.blocks.size(); b-- > 0;) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_leg) continue;
+    if (block.is_condensed()) continue;
     BlockData<S>& data = loops.block[b];
     const int m = block.size();
     const int n_low = static_cast<int>(block.low.size());
@@ -146,7 +155,7 @@ template <class S>
 void reduce_forces(const LoopPlan& plan, VecX<S>& b, LoopData<S>& loops) {
   for (size_t k = plan.blocks.size(); k-- > 0;) {
     const LoopBlock& block = plan.blocks[k];
-    if (block.is_leg) continue;
+    if (block.is_condensed()) continue;
     BlockData<S>& data = loops.block[k];
     const int m = block.size();
     for (int i = 0; i < m; ++i) data.b_d[i] = b[block.dep[i]];
@@ -170,7 +179,7 @@ template <class S>
 void calc_loop_acceleration(const LoopPlan& plan, VecX<S>& vdot, const LoopData<S>& loops) {
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_leg) continue;
+    if (block.is_condensed()) continue;
     const BlockData<S>& data = loops.block[b];
     for (int i = 0; i < block.size(); ++i) {
       S sum = data.h[i];
@@ -184,7 +193,7 @@ template <class S>
 void calc_loop_forces(const LoopPlan& plan, const VecX<S>& vdot, LoopData<S>& loops) {
   for (size_t b = 0; b < plan.blocks.size(); ++b) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_leg) continue;
+    if (block.is_condensed()) continue;
     BlockData<S>& data = loops.block[b];
     // Force the cuts must exert on the dependent joints: Q = A_dl vdot_l + A_dd vdot_d - b_d, with
     // A and b as they were when this block was eliminated.

@@ -56,7 +56,7 @@ Status calc_position(const Mechanism& mechanism, MechanismData<S>& data, Need ne
   add_leg_inertia(model, plan, data.tree, data.loops, data.A_tree);
   if (need == Need::kEverything && plan.platforms.empty()) data.tree.A = data.A_tree;
   // Reduce it and gather what is left.                                               [Y2 (10)]
-  const bool reduces = !plan.blocks.empty() && !plan.blocks[0].is_leg;
+  const bool reduces = !plan.blocks.empty() && !plan.blocks[0].is_condensed();
   if (reduces) {
     data.A = data.A_tree;
     reduce_inertia(plan, data.A, data.loops);
@@ -133,7 +133,7 @@ void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int b
   calc_tree_acceleration(model, plan.tree_bodies, base, &data.vdot, tree);
   calc_body_forces(model, plan.tree_bodies, tree);
   data.on_base = Wrench<S>();
-  add_leg_loads(plan, base, base_body, data.vdot, tree, data.loops, data.on_base);
+  add_leg_loads(model, plan, base, base_body, data.vdot, tree, data.loops, data.on_base);
   calc_transmitted(model, plan.tree_bodies, tree);
   for (int i : plan.tree_bodies) {
     if (model.bodies[i].parent != base_body) continue;
@@ -277,7 +277,8 @@ template <class S>
 double find_singularity_margin(const Mechanism& mechanism, const MechanismData<S>& data) {
   double margin = 1.0;
   for (size_t b = 0; b < data.loops.block.size(); ++b) {
-    if (!mechanism.plan.blocks[b].is_leg) margin = std::min(margin, data.loops.block[b].margin);
+    if (mechanism.plan.blocks[b].is_condensed()) continue;
+    margin = std::min(margin, data.loops.block[b].margin);
   }
   for (const PlatformData<S>& at : data.loops.platform) {
     margin = std::min(margin, find_leg_margin(at));
