@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <string>
 
 #include "contact/contact_model_body.hpp"
@@ -29,6 +30,20 @@ ContactModel make_absorber_contact(const AbsorberLaw& law) {
   m.absorber = law;
   m.least_rounding = kNoGap;
   return m;
+}
+
+Closest<double> find_plates(const plates::PlateFunctions& functions, const Plate<double>& P,
+                            const Plate<double>& Q, double mu) {
+  plates::PlateNumbers numbers[2];
+  static_assert(sizeof(Plate<double>) == sizeof(plates::PlateNumbers) + sizeof(double),
+                "the numbers of a plate, and its radius");
+  std::memcpy(&numbers[0], static_cast<const void*>(&P), sizeof numbers[0]);
+  std::memcpy(&numbers[1], static_cast<const void*>(&Q), sizeof numbers[1]);
+  const plates::PlateCandidate least = functions.find(numbers[0], numbers[1], mu);
+  Closest<double> best{Eigen::Map<const Vec3<double>>(least.first),
+                       Eigen::Map<const Vec3<double>>(least.second), least.square};
+  improve_by_faces(P, Q, mu, best);
+  return best;
 }
 
 std::string describe_pair(const ContactModel& model, int pair) {
@@ -91,27 +106,42 @@ double update_contact_memory(const ContactModel& model, const RelativeMotion<dou
   }
   memory.gap.reserve(count);  // all allocation happens in the first call
   memory.near.reserve(count);
+  memory.near_gap.reserve(count);
   if (find_sphere_gap(model, motion.p) <= 0 && count > 0) {
+    memory.searched += work.searched;
+    forget_plates(work);
+    const auto find_gap_below = [&](int pair, double limit) {
+      PairPoints<double> c;
+      return find_pair<double>(model, model.pairs[pair], motion, work, limit, c);
+    };
+    const int near = static_cast<int>(memory.near.size());
     // A new list origin after a motion of half the list radius.
-    const double delta =
-        memory.has_reference ? find_displacement<double>(model, memory, motion) : 0;
-    if (!memory.has_reference || delta > memory.radius / 2) {
-      place_plates<double>(model, motion, work);
+    if (!memory.has_reference ||
+        find_displacement<double>(model, memory.all, motion) > memory.radius / 2) {
       memory.gap.resize(count);
       memory.least_gap = kNoGap;
       for (int i = 0; i < count; ++i) {
-        PairPoints<double> c;
-        memory.gap[i] = find_pair<double>(model, model.pairs[i], motion, work, kGapLimit, c);
+        memory.gap[i] = find_gap_below(i, kGapLimit);
         memory.least_gap = std::min(memory.least_gap, memory.gap[i]);
       }
       memory.radius = std::max(kLeastListRadius, memory.least_gap / 2);
       memory.near.clear();
+      memory.near_gap.clear();
       for (int i = 0; i < count; ++i) {
-        if (memory.gap[i] <= memory.radius) memory.near.push_back(i);
+        if (memory.gap[i] > memory.radius) continue;
+        memory.near.push_back(i);
+        memory.near_gap.push_back(memory.gap[i]);
       }
-      memory.R_ref = motion.R;
-      memory.p_ref = motion.p;
+      memory.all = memory.close = {motion.R, motion.p};
+      memory.searched = 0;
       memory.has_reference = true;
+    } else if (kSearches * memory.searched > near) {
+      // And one for the near pairs as soon as searches would have paid for it.
+      for (int k = 0; k < near; ++k) {
+        memory.near_gap[k] = find_gap_below(memory.near[k], memory.radius);
+      }
+      memory.close = {motion.R, motion.p};
+      memory.searched = 0;
     }
   }
 

@@ -18,6 +18,7 @@
 #include "contact/guide_ring.hpp"
 #include "contact/laws.hpp"
 #include "contact/node_lanes.hpp"
+#include "contact/plate_lanes.hpp"
 #include "contact/primitives.hpp"
 #include "math/status.hpp"
 #include "math/types.hpp"
@@ -150,19 +151,20 @@ struct RelativeMotion {
 /// holds until the next event, beyond the surface too.
 enum class Acting : signed char { kByState, kNo, kYes };
 
-/// Data of the last accepted step. Plain data, may be copied and stored. The neighbour list (a list
-/// origin, which is a pose, with lower bounds of all gaps there) only saves work. With the bounding
-/// radius r, a point of P moves by at most delta = |p - p_ref| + 2 sin(theta/2) r from the origin,
-/// so a pair with gap > delta is open. The closed pairs and their normals detect a trial state on
-/// the far side of a surface.
+/// Data of the last accepted step. Plain data, may be copied and stored. The neighbour list only
+/// saves work: lower bounds of all gaps at one list origin (a pose of P in G), and of the gaps of
+/// near pairs at a later one. With the bounding radius r, a point of P moves by at most
+/// delta = |p - p_origin| + 2 sin(theta/2) r from an origin, so a pair with gap > delta is open.
+/// The closed pairs and their normals detect a trial state on the far side of a surface.
 struct ContactMemory {
   bool has_reference = false;
-  Mat3<double> R_ref = Mat3<double>::Identity();
-  Vec3<double> p_ref = Vec3<double>::Zero();
+  Pose<double> all, close;           ///< list origins: of all pairs, of the near ones
   double least_gap = 0.0;            ///< smallest entry of gap [m]
   double radius = 0.0;               ///< pairs with gap <= radius are `near` [m]
-  std::vector<double> gap;           ///< per pair, lower bound at the list origin [m]
+  std::vector<double> gap;           ///< per pair, lower bound at `all` [m]
   std::vector<int> near;             ///< pair indices, ascending
+  std::vector<double> near_gap;      ///< of these pairs, lower bound at `close` [m]
+  int searched = 0;                  ///< open pairs searched at accepted steps since `close`
   std::vector<char> closed;          ///< per pair, 1 if in contact at the last accepted step
   std::vector<Vec3<double>> n_last;  ///< unit normal of every closed pair, axes of G
   Acting absorber = Acting::kByState;
@@ -175,8 +177,10 @@ struct ContactWorkspace {
   // Plates by index of their core; nothing for other cores.
   std::vector<Plate<S>> active_plates;   ///< axes of G, written by the constructor
   std::vector<Plate<S>> passive_local;   ///< axes of P, written by the constructor
-  std::vector<Plate<S>> passive_plates;  ///< axes of G, written by every evaluation
+  std::vector<Plate<S>> passive_plates;  ///< axes of G, of an evaluation that needs them
+  std::vector<char> is_placed;           ///< is an entry of passive_plates of this evaluation?
   std::vector<char> closed;              ///< per pair, written by calc_contact
+  int searched = 0;                      ///< open pairs of which it has searched closest points
   std::vector<Vec3<S>>
       way;  ///< with it: distance vector from G to P of every closed pair, axes of G [m]
   /// With it, of closed pairs but those of node sets, where `way` gives both: middle of the closest
@@ -184,7 +188,9 @@ struct ContactWorkspace {
   std::vector<Vec3<S>> middle;
   std::vector<S> root;
   const nodes::NodeFunctions* node_functions = nullptr;  ///< for plain numbers
-  std::vector<nodes::NodeGaps> node_gaps;                ///< with them, per group of a set
+  const plates::PlateFunctions* plate_functions = nullptr;
+  std::vector<nodes::NodeGaps> node_gaps;  ///< with them, per group of a set
+  std::vector<char> may_touch;             ///< per group of a set
 };
 
 template <class S>
@@ -200,6 +206,10 @@ struct ContactResult {
   std::array<Vec3<S>, kMaxSurfaces> surface_force;  ///< on each surface, axes of G [N]
   ContactResult() { surface_force.fill(Vec3<S>::Zero()); }
 };
+
+/// As find_plate_plate(), in SIMD lanes.
+Closest<double> find_plates(const plates::PlateFunctions& functions, const Plate<double>& P,
+                            const Plate<double>& Q, double mu);
 
 /// Bristle states in the ODE: 0 for friction model 1, else three per pair (z [m], axes of G).
 int bristle_state_count(const ContactModel& model);

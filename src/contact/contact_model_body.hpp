@@ -20,24 +20,31 @@ constexpr double kLeastRoot = 1e-6;        // [m] of sqrt(V)
 constexpr double kSlack = 1e-9;            // [m] rounding errors of the displacement bound
 constexpr double kLeastListRadius = 5e-3;  // [m] of the neighbour list
 constexpr double kGapLimit = 0.1;          // [m] a bound is sufficient for larger gaps
+constexpr int kSearches = 8;               // evaluations of an accepted step, about
 
-/// Displacement bound of the hardware of P from the list origin [m], rounded up.
-/// 2 sin(theta/2) = |R - R_ref|_F/sqrt(2).
+/// Displacement bound of the hardware of P from a list origin [m], rounded up.
+/// 2 sin(theta/2) = |R - R_origin|_F/sqrt(2).
 template <class S>
-S find_displacement(const ContactModel& model, const ContactMemory& memory,
+S find_displacement(const ContactModel& model, const Pose<double>& origin,
                     const RelativeMotion<S>& x) {
   using std::sqrt;
-  const S turn = (x.R - memory.R_ref.template cast<S>()).squaredNorm() / S(2);
-  return (x.p - memory.p_ref.template cast<S>()).norm() + sqrt(turn) * S(model.reach) + S(kSlack);
+  const S turn = (x.R - origin.R.template cast<S>()).squaredNorm() / S(2);
+  return (x.p - origin.p.template cast<S>()).norm() + sqrt(turn) * S(model.reach) + S(kSlack);
+}
+
+/// A plate of P in axes of G. @pre is_placed is cleared for a new motion
+template <class S>
+const Plate<S>& get_passive_plate(int i, const RelativeMotion<S>& x, ContactWorkspace<S>& work) {
+  if (!work.is_placed[i]) {
+    work.passive_plates[i] = place_plate<S>(work.passive_local[i], x.R, x.p);
+    work.is_placed[i] = 1;
+  }
+  return work.passive_plates[i];
 }
 
 template <class S>
-void place_plates(const ContactModel& model, const RelativeMotion<S>& x,
-                  ContactWorkspace<S>& work) {
-  for (size_t i = 0; i < model.passive.size(); ++i) {
-    if (model.passive[i].kind != CoreKind::kPlate) continue;
-    work.passive_plates[i] = place_plate<S>(work.passive_local[i], x.R, x.p);
-  }
+void forget_plates(ContactWorkspace<S>& work) {
+  std::fill(work.is_placed.begin(), work.is_placed.end(), 0);
 }
 
 template <class S>
@@ -69,7 +76,7 @@ S find_box_gap(const ProfileBox& box, const Vec3<S>& centre) {
 /// Pairs with a surface of revolution work in its axes.
 template <class S>
 S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMotion<S>& x,
-            const ContactWorkspace<S>& work, const S& limit, PairPoints<S>& c) {
+            ContactWorkspace<S>& work, const S& limit, PairPoints<S>& c) {
   using std::abs;
   using std::max;
   using std::min;
@@ -99,7 +106,9 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
     if (on_passive) std::swap(c.first, c.second);
     return sqrt(c.square) - rounding;
   };
-  const std::vector<Plate<S>>& plates = on_passive ? work.active_plates : work.passive_plates;
+  const auto get_second_plate = [&]() -> const Plate<S>& {
+    return on_passive ? work.active_plates[pair.second] : get_passive_plate(pair.second, x, work);
+  };
   switch (pair.kind) {
     case PairKind::kPointAnnulus: {
       const Annulus<double> ring = get_annulus(second);
@@ -137,15 +146,20 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
       break;
     }
     case PairKind::kPlatePlate: {
-      const Plate<S>&P = work.active_plates[pair.first], &Q = work.passive_plates[pair.second];
+      const Plate<S>&P = work.active_plates[pair.first],
+            &Q = get_passive_plate(pair.second, x, work);
       const S bound = (Q.centre - P.centre).norm() - P.radius - Q.radius - rounding;
       if (bound > limit) return bound;
-      c = find_plate_plate<S>(P, Q, mu);
+      if constexpr (std::is_same_v<S, double>) {
+        c = find_plates(*work.plate_functions, P, Q, mu);
+      } else {
+        c = find_plate_plate<S>(P, Q, mu);
+      }
       return sqrt(c.square) - rounding;
     }
     case PairKind::kPointPlate: {
       const Vec3<S> point = into_G(first.point, on_passive);
-      const Plate<S>& plate = plates[pair.second];
+      const Plate<S>& plate = get_second_plate();
       const Vec3<S> d = point - plate.centre;
       const S bound = max<S>(abs(plate.normal.dot(d)), d.norm() - plate.radius) - rounding;
       if (bound > limit) return bound;
@@ -166,7 +180,7 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
       } else if (pair.kind == PairKind::kSegmentSegment) {
         c = find_segment_segment<S>(p0, d, p0 + d / S(2), q0, e, q0 + e / S(2), mu);
       } else {
-        c = find_segment_plate<S>(p0, d, plates[pair.second], mu);
+        c = find_segment_plate<S>(p0, d, get_second_plate(), mu);
       }
       return put_sides();
     }
@@ -258,8 +272,8 @@ void add_bristles(const ContactModel& model, const std::vector<char>& closed, co
 
 enum class NodesFound { kAdded, kTooDeep, kRefused };
 
-/// All pairs of a set of nodes together. kTooDeep: nothing was added; evaluate the pairs one by
-/// one.
+/// The pairs of a set of nodes together, in groups with work.may_touch. kTooDeep: nothing was
+/// added; evaluate the pairs one by one.
 inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
                             const ContactMemory& memory, const RelativeMotion<double>& motion,
                             ContactWorkspace<double>& work, ContactResult<double>& out,
@@ -291,6 +305,7 @@ inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
     return memory.has_reference ? &memory.closed[set.first + g * kGroup] : nullptr;
   };
   for (size_t g = 0; g < set.groups.size(); ++g) {
+    if (!work.may_touch[g]) continue;
     const char* before = find_before(g);
     const bool ways =
         before && std::find(before, before + find_count(g), 1) != before + find_count(g);
@@ -301,6 +316,7 @@ inline NodesFound add_nodes(const ContactModel& model, const NodeSet& set,
   }
   double least = kNoGap;
   for (size_t g = 0; g < set.groups.size(); ++g) {
+    if (!work.may_touch[g]) continue;
     const nodes::NodeGaps& gaps = work.node_gaps[g];
     const char* before = find_before(g);
     for (int i = 0; i < find_count(g); ++i) {
@@ -342,35 +358,51 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
                  ContactResult<S>& out) {
   // No contact: the spheres of the two sides are apart, or all pairs are open by the bounds of the
   // list.
+  work.searched = 0;
   out.gap = motion.p.norm() - S(2 * model.reach);
   if (out.gap > S(0)) return {};
   const bool listed = memory.has_reference;
-  const S delta = listed ? find_displacement<S>(model, memory, motion) : S(0);
-  out.gap = listed ? S(memory.least_gap) - delta : S(0);
+  const S from_all = listed ? find_displacement<S>(model, memory.all, motion) : S(0);
+  out.gap = listed ? S(memory.least_gap) - from_all : S(0);
   if (out.gap > S(0)) return {};
 
-  place_plates<S>(model, motion, work);
-  const bool near_only = listed && delta <= S(memory.radius);
-  out.gap = near_only ? S(memory.radius) - delta : S(kNoGap);
+  forget_plates(work);
+  const bool near_only = listed && from_all <= S(memory.radius);
+  out.gap = near_only ? S(memory.radius) - from_all : S(kNoGap);
+  const S delta = near_only ? find_displacement<S>(model, memory.close, motion) : from_all;
   const int count = near_only ? static_cast<int>(memory.near.size()) : model.pair_count();
+  const auto get_pair = [&](int k) { return near_only ? memory.near[k] : k; };
+  const auto was_closed_at = [&](int i) { return listed && memory.closed[i]; };
+  // Pair k of the list may be open by its bound; then only the bound counts.
+  const auto passes_over = [&](int k) {
+    const int i = get_pair(k);
+    if (!listed || memory.closed[i]) return false;
+    const S bound = S(near_only ? memory.near_gap[k] : memory.gap[i]) - delta;
+    if (!(bound > S(0))) return false;
+    out.gap = std::min<S>(out.gap, bound);
+    return true;
+  };
   [[maybe_unused]] int one_by_one = 0;  // pairs before this one are not evaluated together
   for (int k = 0; k < count; ++k) {
-    const int i = near_only ? memory.near[k] : k;
+    if (passes_over(k)) continue;
+    const int i = get_pair(k);
     const ContactPair& pair = model.pairs[i];
-    const bool was_closed = listed && memory.closed[i];
-    if (listed && !was_closed && S(memory.gap[i]) > delta) {
-      out.gap = std::min<S>(out.gap, S(memory.gap[i]) - delta);
-      continue;
-    }
+    const bool was_closed = was_closed_at(i);
     if constexpr (std::is_same_v<S, double>) {
       if (pair.node_set >= 0 && !z && one_by_one <= i) {
         const NodeSet& set = model.node_sets[pair.node_set];
         const int end = set.first + set.count;
+        std::fill(work.may_touch.begin(), work.may_touch.end(), 0);
+        int last = k;  // of the set
+        for (; last < count && get_pair(last) < end; ++last) {
+          if (last == k || !passes_over(last))
+            work.may_touch[(get_pair(last) - set.first) / kGroup] = 1;
+        }
         Status status;
         const NodesFound found = add_nodes(model, set, memory, motion, work, out, status);
         if (found == NodesFound::kRefused) return status;
         if (found == NodesFound::kAdded) {  // continue after the set
-          while (k + 1 < count && (near_only ? memory.near[k + 1] : k + 1) < end) ++k;
+          k = last - 1;
           continue;
         }
         one_by_one = end;
@@ -379,6 +411,7 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
     PairPoints<S> c;
     const S gap = find_pair<S>(model, pair, motion, work, was_closed ? S(kNoGap) : S(0), c);
     out.gap = std::min<S>(out.gap, gap);
+    if (gap >= S(0)) ++work.searched;
     if (gap >= S(0) && !was_closed) continue;
 
     // States that must not be accepted.
@@ -436,14 +469,17 @@ ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
   };
   active_plates = cast_plates(model.active);
   passive_plates = passive_local = cast_plates(model.passive);
+  is_placed.assign(model.passive.size(), 0);
   closed.assign(model.pairs.size(), 0);
   way.assign(model.pairs.size(), Vec3<S>::Zero());
   middle = way;
   root.assign(model.pairs.size(), S(0));
   node_functions = &nodes::find_node_functions();
+  plate_functions = &plates::find_plate_functions();
   for (const NodeSet& set : model.node_sets) {
     node_gaps.resize(std::max(node_gaps.size(), set.groups.size()));
   }
+  may_touch.assign(node_gaps.size(), 0);
 }
 
 template <class S>
@@ -466,7 +502,7 @@ Status calc_contact(const ContactModel& model, const ContactMemory& memory,
 template <class S>
 S find_gap(const ContactModel& model, const RelativeMotion<S>& motion, ContactWorkspace<S>& work) {
   if (model.kind == ContactModel::Kind::kAbsorber) return motion.p[0];
-  place_plates<S>(model, motion, work);
+  forget_plates(work);
   S gap = S(kNoGap);
   for (const ContactPair& pair : model.pairs) {
     PairPoints<S> c;

@@ -181,12 +181,15 @@ Closest<S> find_segment_plate(const Vec3<S>& p0, const Vec3<S>& d, const Plate<S
   return best;
 }
 
+template <class S>
+void improve_by_faces(const Plate<S>& P, const Plate<S>& Q, const S& mu, Closest<S>& best);
+
 /// Plate on plate, mu > 0: the least of 25 feasible candidates, one of which is the minimiser of
 /// this strictly convex problem: 16 edges on edges; 8 edges on a face, the face point being free in
-/// its plane; face on face. Cost about 2 000 operations.
+/// its plane; face on face. Cost about 2 000 operations; doubles find all but the last one in
+/// SIMD lanes (plate_lanes.hpp).
 template <class S>
 Closest<S> find_plate_plate(const Plate<S>& P, const Plate<S>& Q, const S& mu) {
-  const S m = mu / (S(1) + mu);
   const Vec3<S>&cp = P.centre, &cq = Q.centre;
 
   // Edge on edge.
@@ -213,7 +216,16 @@ Closest<S> find_plate_plate(const Plate<S>& P, const Plate<S>& Q, const S& mu) {
   face_on_edges(P, Q, false);
   face_on_edges(Q, P, true);
 
-  // Face on face: with p eliminated, q = cq + y in the plane of Q solves
+  improve_by_faces(P, Q, mu, best);
+  return best;
+}
+
+/// The last candidate of find_plate_plate(), face on face, if it is less than `best`.
+template <class S>
+void improve_by_faces(const Plate<S>& P, const Plate<S>& Q, const S& mu, Closest<S>& best) {
+  const S m = mu / (S(1) + mu);
+  const Vec3<S>&cp = P.centre, &cq = Q.centre;
+  // With p eliminated, q = cq + y in the plane of Q solves
   // ((m + mu) 1 + (1 - m) b b') y = -rhs, b = normal of P in the plane of Q (Sherman-Morrison).
   const auto in_plane_q = [&](const Vec3<S>& x) -> Vec3<S> {
     return x - Q.normal * Q.normal.dot(x);
@@ -225,11 +237,9 @@ Closest<S> find_plate_plate(const Plate<S>& P, const Plate<S>& Q, const S& mu) {
   const Vec3<S> q = cq - in_plane_q(y);  // again: the small divisor has blown up rounding errors
   const Vec3<S> pq = q - cp;
   const Vec3<S> p = cp + (pq - P.normal * P.normal.dot(pq)) / (S(1) + mu);
-  if (Q.contains(q) && P.contains(p)) {
-    const S v = square(p, q);
-    if (v < best.square) best = {p, q, v};
-  }
-  return best;
+  if (!Q.contains(q) || !P.contains(p)) return;
+  const S v = (p - q).squaredNorm() + mu * ((p - cp).squaredNorm() + (q - cq).squaredNorm());
+  if (v < best.square) best = {p, q, v};
 }
 
 /// Segment p0 + t d, 0 <= t <= 1, and an annulus: what is to be minimised is

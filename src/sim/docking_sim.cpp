@@ -126,6 +126,8 @@ bool fits(const ContactMemory& memory, const ContactModel& contact) {
   if (!memory.has_reference && memory.closed.empty() && memory.near.empty()) return true;
   return memory.closed.size() == pairs && memory.n_last.size() == pairs &&
          (!memory.has_reference || memory.gap.size() == pairs) &&
+         memory.near_gap.size() == memory.near.size() && memory.searched >= 0 &&
+         memory.searched <= 2 * contact.pair_count() &&
          std::all_of(memory.near.begin(), memory.near.end(),
                      [&](int i) { return i >= 0 && i < static_cast<int>(pairs); });
 }

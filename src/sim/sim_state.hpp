@@ -54,6 +54,7 @@ struct KeptJacobian {
 inline void reserve(ContactMemory& memory, size_t pairs) {
   memory.gap.reserve(pairs);
   memory.near.reserve(pairs);
+  memory.near_gap.reserve(pairs);
   memory.closed.reserve(pairs);
   memory.n_last.reserve(pairs);
 }
@@ -282,9 +283,15 @@ void transfer(A& archive, DiscreteState& d) {
 }
 
 template <class A>
+void transfer(A& archive, Pose<double>& pose) {
+  transfer_members<Pose<double>>(archive, pose.R, pose.p);
+}
+
+template <class A>
 void transfer(A& archive, ContactMemory& m) {
-  transfer_members<ContactMemory>(archive, m.has_reference, m.R_ref, m.p_ref, m.least_gap, m.radius,
-                                  m.gap, m.near, m.closed, m.n_last, m.absorber);
+  transfer_members<ContactMemory>(archive, m.has_reference, m.all, m.close, m.least_gap, m.radius,
+                                  m.gap, m.near, m.near_gap, m.searched, m.closed, m.n_last,
+                                  m.absorber);
 }
 
 template <class A>

@@ -232,13 +232,13 @@ Status StepLoop::drift_freely(double& tau, double end, std::int64_t& turns) {
   tau = duration < end - tau ? tau + duration : end;
   events_.clear_due();
   bool changed = false;
-  const Pose<double> looked_from{state_.memory.R_ref, state_.memory.p_ref};
+  const Pose<double> looked_from = state_.memory.all;
   Status status = quiescent_mode_.evaluate(tau, y());
   if (status.ok()) status = accept_(tau, changed);
   if (!status.ok()) return status;
   accept_state();
   // Another evaluation gives a better gap only with a new neighbour list.
-  if (!changed && state_.memory.p_ref == looked_from.p && state_.memory.R_ref == looked_from.R) {
+  if (!changed && state_.memory.all.p == looked_from.p && state_.memory.all.R == looked_from.R) {
     evaluator_.keep_present();
   }
   return {};

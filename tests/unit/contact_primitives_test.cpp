@@ -1,7 +1,8 @@
 // Closest points of cores.
 // 1. stored vectors (an independent implementation) are met;
 // 2. certificates of optimality: for a convex problem the point (p, q) is the minimiser if and only
-//    if no feasible point is downhill, which for linear gradients is decided at the corners;
+//    if no feasible point is downhill, which for linear gradients is decided at the corners; plates
+//    in SIMD lanes, with the same bits for every width;
 // 3. segment on annulus against brute force (dense samples, golden section);
 // 4. the gradient of sqrt(V) is the direction and sqrt(V) is 1-Lipschitz.
 #include <gtest/gtest.h>
@@ -68,7 +69,9 @@ TEST(ContactPrimitives, StoredPairsAreMet) {
             "p");
   }
   for (const auto& j : data["plate_plate"]) {
-    compare(j, find_plate_plate<double>(to_plate(j["P"]), to_plate(j["Q"]), j["mu"]), "p");
+    const Plate<double> P = to_plate(j["P"]), Q = to_plate(j["Q"]);
+    compare(j, find_plate_plate<double>(P, Q, j["mu"]), "p");
+    compare(j, find_plates(plates::find_plate_functions(), P, Q, j["mu"]), "p");
   }
   for (const auto& j : data["point_plate"]) {
     compare(j, find_point_plate<double>(to_vec3(j["x"]), to_plate(j["P"])), "x");
@@ -79,7 +82,7 @@ TEST(ContactPrimitives, StoredPairsAreMet) {
                                        {0, j["Ri"].get<double>(), j["Ro"].get<double>()}),
             "x");
   }
-  EXPECT_EQ(n, 74);
+  EXPECT_EQ(n, 74 + static_cast<int>(data["plate_plate"].size()));
   EXPECT_WORST_BELOW(value, 3e-15);  // measured 2.2e-16 m
   EXPECT_WORST_BELOW(point, 2e-13);  // measured 1.5e-14 m
 }
@@ -121,6 +124,16 @@ TEST(ContactPrimitives, PlateOnPlateIsOptimalForAllFeatures) {
       return 1;
     };
     ++interior[inside(P, c.first)][inside(Q, c.second)];
+    // The same in SIMD lanes, with the same bits for every width.
+    const Closest<double> lanes = find_plates(plates::find_plate_functions(2), P, Q, mu);
+    worst.add(
+        std::min(0.0, find_certificate(corners(P), corners(Q), P.centre, Q.centre, lanes, mu)), i);
+    for (const int widest : {4, 8}) {
+      const Closest<double> same = find_plates(plates::find_plate_functions(widest), P, Q, mu);
+      ASSERT_EQ(same.square, lanes.square) << i;
+      ASSERT_EQ(same.first, lanes.first) << i;
+      ASSERT_EQ(same.second, lanes.second) << i;
+    }
   }
   EXPECT_WORST_BELOW(worst, 3e-12);  // measured 3.1e-13 m2
   for (int k = 0; k < 4; ++k) EXPECT_GT(interior[k / 2][k % 2], 50) << "feature kind " << k;
