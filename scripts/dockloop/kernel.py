@@ -1,6 +1,6 @@
 """Makes the kernel of a scene's mechanism: straight-line C from dockloop-kernel, compiled here.
 
-What a kernel is and when an FMU uses it: ``src/loops/LEGS.md``. The compiled one is kept in
+What a kernel is and when an FMU uses it: ``src/mechanism/README.md``. The compiled one is kept in
 ``build/kernels`` under the hash of its source: most scenes that are built share a mechanism.
 """
 
