@@ -424,6 +424,10 @@ def test_run_writes_summary_result_and_plots_next_to_the_result(dockloop, runs, 
     summary = json.loads(outcome.out)
     assert summary["communication_steps"] == 30
     assert summary == json.loads((tmp_path / "out" / "first_summary.json").read_text())
+    (tmp_path / "states.json").write_text('{"states": [{"q": [], "q": []}]}')
+    outcome = dockloop("check", "hexapod_bench", "--states", "states.json")
+    assert outcome.status == 2
+    assert "states.json: is not JSON (the member states[1].q is there twice)" in outcome.err
     for name in summary["files"]:
         assert (tmp_path / name).stat().st_size > 100
     assert {f"out/first_{n}.png" for n in ("motion", "ring", "loads", "legs", "energy")} <= set(

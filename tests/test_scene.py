@@ -182,6 +182,9 @@ def test_a_bad_mechanism_file_is_refused_with_the_path_of_the_member(tmp_path):
             resolve_scene(tmp_path / "mine.toml")
         for word in words:
             assert word in str(error.value)
+    own.write_text('{"bodies": [{"name": "a", "mass": 1, "mass": 2}]}')
+    with pytest.raises(UsageError, match=r"own\.json: .*bodies\[1\]\.mass is there twice"):
+        resolve_scene(tmp_path / "mine.toml")
     own.write_text("{")
     with pytest.raises(UsageError, match="is not JSON"):
         resolve_scene(tmp_path / "mine.toml")

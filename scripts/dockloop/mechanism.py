@@ -4,6 +4,7 @@ The file is checked against its schema here; what needs kinematics (loops, closu
 is answered by the C++ core.
 """
 
+import json
 import math
 import re
 from pathlib import Path
@@ -13,7 +14,7 @@ from dockloop import core, schema
 from dockloop.columns import align
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.paths import MECHANISMS, find_absence, is_file, name_kind, shown
-from dockloop.scene import read_mechanism, reading
+from dockloop.scene import read_json, read_mechanism
 
 
 def find_mechanism(reference: str) -> Path:
@@ -51,9 +52,7 @@ def check_mechanism(mechanism: str | Path | dict, states: Path | None = None) ->
         return core.check(document, path)
     if not is_file(states):
         raise UsageError(find_absence(states, "file of states"))
-    with reading(states, "JSON", "groups"):
-        text = states.read_text(encoding="utf-8")
-    return core.evaluate(document, path, text, states)
+    return core.evaluate(document, path, json.dumps(read_json(states)), states)
 
 
 def draw(mechanism: str | Path | dict, report: dict, to: Path) -> None:

@@ -225,7 +225,45 @@ def read_mechanism(path: Path) -> dict:
 def read_json(path: Path) -> Any:
     """Read a JSON file. Raises UsageError."""
     with reading(path, "JSON", "groups"):
-        return json.loads(path.read_text(encoding="utf-8"))
+        return parse_json(path.read_text(encoding="utf-8"))
+
+
+class _Repeated(dict):
+    """An object of a JSON file that has a key twice."""
+
+    key: str
+
+
+def parse_json(text: str) -> Any:
+    """Parse JSON. Raises ValueError, also where an object has a key twice."""
+    repeated: list[_Repeated] = []
+
+    def make_object(pairs: list[tuple[str, Any]]) -> dict:
+        members = dict(pairs)
+        if len(members) == len(pairs):
+            return members
+        names = [name for name, _ in pairs]
+        found = _Repeated(members)
+        found.key = next(name for name in members if names.count(name) > 1)
+        repeated.append(found)
+        return found
+
+    document = json.loads(text, object_pairs_hook=make_object)
+    if repeated:
+        raise ValueError(f"the member {_find_repeated(document)} is there twice")
+    return document
+
+
+def _find_repeated(node: Any, path: str = "") -> str:
+    """Return the path of the first key that is there twice; empty: there is none."""
+    if isinstance(node, _Repeated):
+        return f"{path}.{node.key}".lstrip(".")
+    entries: Any = ()
+    if isinstance(node, dict):
+        entries = ((f"{path}.{name}", child) for name, child in node.items())
+    elif isinstance(node, list):
+        entries = ((f"{path}[{number}]", child) for number, child in enumerate(node, 1))
+    return next(filter(None, (_find_repeated(child, where) for where, child in entries)), "")
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """Results of ``dockloop run`` read back: the recorded values and the model that made them."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from dockloop.errors import UsageError, find_reason
 from dockloop.outputs import MADE_BY, scratch
 from dockloop.paths import find_absence, is_file, shown
 from dockloop.results import import_optional
+from dockloop.scene import parse_json
 from dockloop.simulate import (
     Instance,
     Recorder,
@@ -137,7 +137,7 @@ def _find_model(path: Path, model: str | None, rows: int) -> tuple[dict, dict[st
             f"{shown(path)}: {shown(summary_file)} is missing, which holds its model: {hint}"
         )
     try:
-        summary: Any = json.loads(summary_file.read_text(encoding="utf-8"))
+        summary: Any = parse_json(summary_file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise UsageError(f"{shown(summary_file)}: cannot be read ({error}): {hint}") from None
     if not isinstance(summary, dict) or summary.get(MADE_BY) != COMMAND:
