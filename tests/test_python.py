@@ -283,6 +283,12 @@ def test_a_mechanism_is_checked_by_name_by_file_and_as_a_document():
     assert report["degrees_of_freedom"] == 6
     assert dl.check(file) == report
     assert dl.check(json.loads(file.read_text())) == report
+    assert result["ring.position"].shape == (11, 3)
+    assert result["ring.position"].tobytes() == result.vector("ring.position").tobytes()
+    assert "ring.position" in result
+    assert "ring" not in result
+    with pytest.raises(dl.UsageError, match="no column 'leg'"):  # leg[1].length is no vector
+        result["leg"]
     with pytest.raises(dl.UsageError, match="bodies"):
         dl.check({"name": "mine", "bodies": 3})
 

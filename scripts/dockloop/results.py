@@ -1,6 +1,7 @@
 """What a run left behind: every output at every communication point, with names and units."""
 
 import math
+import re
 import sys
 import time
 from collections.abc import Callable
@@ -25,7 +26,8 @@ _BYTES = {".csv": 17}  # of a value; elsewhere 8
 class Result:
     """What a run left behind.
 
-    ``result["relative.axial"]`` is one variable over time, shape (points,).
+    ``result["relative.axial"]`` is one variable over time, shape (points,), and
+    ``result["relative.position"]`` a vector, shape (points, 3).
 
     Attributes:
         scene: the resolved scene (``resources/model.json`` of the FMU).
@@ -51,11 +53,17 @@ class Result:
     error_estimate: dict[str, Any] = field(default_factory=dict)
 
     def __contains__(self, name: str) -> bool:
-        """Return whether a variable was recorded."""
-        return name in self.names
+        """Return whether a variable or a vector was recorded."""
+        return name in self.names or bool(self._find_entries(name))
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Return one variable over time, shape (points,). Raises UsageError: no such column."""
+        """Return one variable over time, shape (points,), or a vector, shape (points, entries).
+
+        Raises:
+            UsageError: there is no such column.
+        """
+        if name not in self.names and self._find_entries(name):
+            return self.vector(name)
         if name not in self.names:
             near = did_you_mean(name, self.names)
             raise UsageError(f"this result has no column '{name}'{near}; .names lists all")
@@ -63,8 +71,12 @@ class Result:
 
     def vector(self, name: str) -> np.ndarray:
         """Return ``name[1], name[2], ...`` as columns, shape (points, entries)."""
-        columns = [i for i, n in enumerate(self.names) if n.startswith(f"{name}[")]
-        return self.values[:, columns]
+        return self.values[:, self._find_entries(name)]
+
+    def _find_entries(self, name: str) -> list[int]:
+        """Return the columns of a vector; none if there is no such vector."""
+        entry = re.compile(re.escape(name) + r"\[\d+\]")
+        return [i for i, n in enumerate(self.names) if entry.fullmatch(n)]
 
     def choose(self, is_chosen: Callable[[str], bool]) -> "Result":
         """Return the same with the time and the variables that are chosen by their names."""
