@@ -366,3 +366,16 @@ def test_the_package_is_typed():
     done = subprocess.run(command, cwd=paths.ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     assert (paths.ROOT / "scripts" / "dockloop" / "py.typed").exists()
+@pytest.mark.parametrize(
+    ("is_installed", "command"),
+    [(True, "'pip install pandas'"), (False, r"\.venv/bin/pip install -e '\.\[sweep,tables\]'")],
+)
+def test_a_missing_package_is_named_with_the_command_that_installs_it(
+    monkeypatch, is_installed, command
+):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    monkeypatch.setattr(paths, "IS_INSTALLED", is_installed)
+    with pytest.raises(dl.DockloopError, match=f"pandas is needed here .*{command}"):
+        dl.run("absorber_1d", stop=0.1).to_pandas()
+
+

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dockloop import paths
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 
 if TYPE_CHECKING:
@@ -175,8 +176,11 @@ def import_optional(name: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError as error:
+        command = f"'pip install {name}'"
+        if not paths.IS_INSTALLED:
+            command = "\".venv/bin/pip install -e '.[sweep,tables]'\" in the clone"
         raise DockloopError(
-            f"the package {name} is needed here ({error}): install it by 'pip install {name}'"
+            f"the package {name} is needed here ({error}): install it by {command}"
         ) from None
 
 
