@@ -231,6 +231,45 @@ def test_a_scene_is_read_once_and_changed_by_overrides():
     assert dl.Docking(scene).scene is scene
 
 
+MISSPELT = {
+    "stop -1.0: must be greater than the start time": lambda: dl.run(SCENE, stop=-1.0),
+    "step 0.0: must be greater than 0": lambda: dl.run(SCENE, step=0.0),
+    "overrides chaser.mas=1.0: a scene has no key": lambda: dl.Scene(SCENE, {"chaser.mas": 1.0}),
+    "refine, refine_accuracy: .* give both, and accuracy of": lambda: dl.sweep(SWEEP, refine="x"),
+    "tolerance 0.3: must be": lambda: find_envelope(tolerance=0.3),
+    "checks -1: must be at least 0": lambda: find_envelope(checks=-1),
+    "criteria: at least one is needed": lambda: find_envelope(criteria=[]),
+}
+
+
+@pytest.mark.parametrize(("words", "call"), MISSPELT.items())
+def test_refusals_name_arguments_of_python_and_no_options(words, call):
+    pytest.importorskip("pandas")
+    with pytest.raises(dl.UsageError, match=f"^{words}") as refusal:
+        call()
+    assert "--" not in str(refusal.value)
+
+
+def find_envelope(scene="absorber_1d", **options):
+    """Find where the absorber compresses by less than its load at a middle speed and mass."""
+    speed, mass = ("initial.closing_speed", 0.05, 0.15), ("chaser.mass", 500.0, 1500.0)
+    few = {"stop": 3.0, "step": 0.5, "tolerance": 0.25, "coarse": 2, "checks": 0}
+    few |= {"criteria": "compression < 100"}
+    return dl.envelope(scene, speed, mass, **(few | options))
+
+
+def test_sweeps_and_envelopes_take_a_scene_with_its_overrides():
+    pytest.importorskip("scipy")
+    changes = {"initial.approach_time": np.float64(0.25)}
+    scene = dl.Scene("absorber_1d", changes)
+    ours, expected = dl.sweep({**SWEEP, "scene": scene}), dl.sweep({**SWEEP, "set": changes})
+    assert ours.equals(expected)
+    assert not ours.equals(dl.sweep(SWEEP))
+    ours, expected = find_envelope(scene), find_envelope(overrides=changes)
+    assert ours.points.drop(columns="command").equals(expected.points.drop(columns="command"))
+    assert ours.points["command"][0].count("initial.approach_time=0.25") == 1
+
+
 def test_overrides_may_be_numbers_and_arrays_of_numpy():
     speed, shift = np.linspace(0.05, 0.1, 2)[0], np.array([3.0, 0.0, 0.0])
     changes = {"initial.closing_speed": speed, "chaser.interface_position": shift}
@@ -243,6 +282,12 @@ def test_a_result_becomes_tables_with_units():
     result = dl.run("hexapod_bench", stop=0.5, step=0.05)
     assert result.time.tolist() == pytest.approx(np.arange(11) * 0.05)
     assert result["ring.position[1]"].shape == (11,)
+    assert result["ring.position"].shape == (11, 3)
+    assert result["ring.position"].tobytes() == result.vector("ring.position").tobytes()
+    assert "ring.position" in result
+    assert "ring" not in result
+    with pytest.raises(dl.UsageError, match="no column 'leg'"):  # leg[1].length is no vector
+        result["leg"]
     table = result.to_pandas()
     assert table.shape == (11, len(result.names) - 1)
     assert table.index.name == "time"
@@ -283,12 +328,6 @@ def test_a_mechanism_is_checked_by_name_by_file_and_as_a_document():
     assert report["degrees_of_freedom"] == 6
     assert dl.check(file) == report
     assert dl.check(json.loads(file.read_text())) == report
-    assert result["ring.position"].shape == (11, 3)
-    assert result["ring.position"].tobytes() == result.vector("ring.position").tobytes()
-    assert "ring.position" in result
-    assert "ring" not in result
-    with pytest.raises(dl.UsageError, match="no column 'leg'"):  # leg[1].length is no vector
-        result["leg"]
     with pytest.raises(dl.UsageError, match="bodies"):
         dl.check({"name": "mine", "bodies": 3})
 
@@ -331,6 +370,19 @@ def test_figures_alone_need_matplotlib(monkeypatch):
         result.plot()
 
 
+@pytest.mark.parametrize(
+    ("is_installed", "command"),
+    [(True, "'pip install pandas'"), (False, r"\.venv/bin/pip install -e '\.\[sweep,tables\]'")],
+)
+def test_a_missing_package_is_named_with_the_command_that_installs_it(
+    monkeypatch, is_installed, command
+):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    monkeypatch.setattr(paths, "IS_INSTALLED", is_installed)
+    with pytest.raises(dl.DockloopError, match=f"pandas is needed here .*{command}"):
+        dl.run("absorber_1d", stop=0.1).to_pandas()
+
+
 def test_names_are_imported_when_they_are_used():
     code = (
         "import sys, dockloop as dl\n"
@@ -366,16 +418,3 @@ def test_the_package_is_typed():
     done = subprocess.run(command, cwd=paths.ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
     assert (paths.ROOT / "scripts" / "dockloop" / "py.typed").exists()
-@pytest.mark.parametrize(
-    ("is_installed", "command"),
-    [(True, "'pip install pandas'"), (False, r"\.venv/bin/pip install -e '\.\[sweep,tables\]'")],
-)
-def test_a_missing_package_is_named_with_the_command_that_installs_it(
-    monkeypatch, is_installed, command
-):
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    monkeypatch.setattr(paths, "IS_INSTALLED", is_installed)
-    with pytest.raises(dl.DockloopError, match=f"pandas is needed here .*{command}"):
-        dl.run("absorber_1d", stop=0.1).to_pandas()
-
-

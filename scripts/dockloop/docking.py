@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dockloop.core import core_errors, name_source, to_json
-from dockloop.errors import UsageError, did_you_mean
+from dockloop.errors import UsageError, did_you_mean, names_arguments
 from dockloop.fmu import find_placement
 from dockloop.results import Result, list_points, warn_of_driven
 from dockloop.sampling import as_setting
@@ -28,7 +28,9 @@ class Scene:
     """A scene with overrides: what is modelled, read once and checked.
 
     Attributes:
+        reference: name of the shipped scene, or path of the file, as commands take it.
         path: the scene file.
+        overrides: keys in which it differs from its file.
         name: of the scene.
         title: one line.
         document: the resolved scene, all quantities in SI units (``resources/model.json`` of an
@@ -36,6 +38,7 @@ class Scene:
         warnings: issued when the vehicles were placed.
     """
 
+    @names_arguments
     def __init__(
         self, reference: "str | Path | Scene", overrides: Mapping[str, Any] | None = None
     ) -> None:
@@ -49,12 +52,16 @@ class Scene:
         Raises:
             UsageError: naming file, member, value and limit.
         """
-        self._overrides: dict[str, Any] = dict(overrides or {})
+        self.overrides: dict[str, Any] = {
+            name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+            for name, value in (overrides or {}).items()
+        }
         if isinstance(reference, Scene):
-            self._overrides = reference._overrides | self._overrides
-            reference = reference.path
-        self.path: Path = find_scene(str(reference))
-        texts = [as_setting(name, value) for name, value in self._overrides.items()]
+            self.overrides = reference.overrides | self.overrides
+            reference = reference.reference
+        self.reference = str(reference)
+        self.path: Path = find_scene(self.reference)
+        texts = [as_setting(name, value) for name, value in self.overrides.items()]
         self.document = resolve_scene(self.path, texts)
         warning = find_placement(self.document, self.path)
         self.warnings = [warning] if warning else []
@@ -62,7 +69,7 @@ class Scene:
         self.title: str = self.document["title"]
 
     def __repr__(self) -> str:
-        return f"Scene({self.name!r}, {self._overrides})"
+        return f"Scene({self.name!r}, {self.overrides})"
 
 
 class Docking:
@@ -264,6 +271,7 @@ class Docking:
         raise UsageError(f"{self.scene.name}: there is no variable '{name}'{hint}")
 
 
+@names_arguments
 def run(
     scene: str | Path | Scene,
     overrides: Mapping[str, Any] | None = None,

@@ -2,11 +2,23 @@
 
 import difflib
 import errno
+import functools
+import inspect
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import ParamSpec, TypeVar
 
 FULL = (errno.ENOSPC, errno.EDQUOT)  # errors of a disk that has no space left
+_OPTION = re.compile(r"(?<!\S)--([a-z][a-z-]*)")
+_ARGUMENTS = {  # of Python functions that have another name than the option
+    "check": "checks",
+    "criterion": "criteria",
+    "scene": "overrides",
+    "set": "start_values",
+}
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class DockloopError(Exception):
@@ -33,6 +45,24 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     """
     near = difflib.get_close_matches(word, dict.fromkeys(known), n=3, cutoff=0.6)
     return f" (did you mean {' or '.join(repr(name) for name in near)}?)" if near else ""
+
+
+def names_arguments(function: Callable[P, R]) -> Callable[P, R]:
+    """Let the messages of a Python function name its arguments: ``stop``, not ``--stop``."""
+    known = inspect.signature(function).parameters
+
+    def rename(option: re.Match) -> str:
+        name = _ARGUMENTS.get(option[1], option[1].replace("-", "_"))
+        return name if name in known else option[0]
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return function(*args, **kwargs)
+        except UsageError as error:
+            raise UsageError(_OPTION.sub(rename, str(error))) from None
+
+    return call
 
 
 def find_reason(error: OSError) -> str:

@@ -22,7 +22,8 @@ import numpy as np
 
 from dockloop.cases import Result
 from dockloop.criteria import Criterion
-from dockloop.errors import UsageError
+from dockloop.docking import Scene
+from dockloop.errors import UsageError, names_arguments
 from dockloop.executors import Executor, choose_engine, open_executor
 from dockloop.journal import Journal, Known, Place, find_digests, make_report
 from dockloop.outputs import Kind, claim, scratch
@@ -39,6 +40,7 @@ DIGEST = "dockloop.digest"  # of a sweep, in the metadata of its table
 _AHEAD = 4  # cases planned per case that runs
 
 
+@names_arguments
 def sweep(
     reference: str | Path | dict,
     *,
@@ -54,7 +56,8 @@ def sweep(
     """Run many dockings and return what became of them.
 
     Args:
-        reference: name of a shipped sweep, path of a ``.toml`` file, or the members of such a file.
+        reference: name of a shipped sweep, path of a ``.toml`` file, or the members of such a file;
+            there the scene may be a `dockloop.Scene`.
         output: where the journal is kept (next to this file, ``.jsonl``); default: nowhere.
         engine: ``core`` (threads), ``fmu`` (Dask workers) or ``auto``: threads without scheduler.
         workers: local threads or processes; default: one per processor.
@@ -80,7 +83,7 @@ def sweep(
 
     passes = read_passes(accuracy, refine, refine_accuracy)
     if isinstance(reference, dict):
-        cases = make_sweep(reference, Path("sweep"), passes=passes)
+        cases = make_sweep(_name_scene(reference), Path("sweep"), passes=passes)
     else:
         cases = read_sweep(str(reference), passes)
     with scratch() as folder:
@@ -98,6 +101,14 @@ def sweep(
     frame.attrs["units"] = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
     frame.attrs["summary"] = sweep_report.summarise_sweep(cases, ran["planner"], table, ran)
     return frame
+
+
+def _name_scene(members: dict) -> dict:
+    """Return the members of a sweep file, where a scene has a name; its overrides are set."""
+    scene = members.get("scene")
+    if not isinstance(scene, Scene):
+        return members
+    return {**members, "scene": scene.reference, "set": scene.overrides | members.get("set", {})}
 
 
 def run_sweep(

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dockloop import paths
+from dockloop.docking import Scene
 from dockloop.envelopes import report
 from dockloop.envelopes.search import Axis, Order, Progress, Search, find_envelope
-from dockloop.errors import UsageError
+from dockloop.errors import UsageError, names_arguments
 from dockloop.figures import can_draw
 from dockloop.outputs import claim, scratch
 from dockloop.results import ProgressBar, import_optional
@@ -45,8 +46,9 @@ class Envelope:
         return report.draw_envelope(self._search)
 
 
+@names_arguments
 def envelope(
-    scene: str | Path,
+    scene: str | Path | Scene,
     x: Range,
     y: Range,
     z: Range | None = None,
@@ -69,7 +71,7 @@ def envelope(
     """Find where dockings meet criteria: the boundary in two or three quantities.
 
     Args:
-        scene: name of a shipped scene, or path of a ``.toml`` file.
+        scene: name of a shipped scene, path of a ``.toml`` file, or a `dockloop.Scene`.
         x: name, low and high of a quantity: a key of the scene or a variable of the FMU.
         y: a second one.
         z: perhaps a third one.
@@ -94,6 +96,9 @@ def envelope(
     """
     pd = import_optional("pandas")
     ranges = [axis for axis in (x, y, z) if axis is not None]
+    if isinstance(scene, Scene):
+        overrides = scene.overrides | dict(overrides or {})
+        scene = scene.reference
     order = Order(
         str(scene),
         _make_axes(ranges, log),
