@@ -239,6 +239,7 @@ MISSPELT = {
     "tolerance 0.3: must be": lambda: find_envelope(tolerance=0.3),
     "checks -1: must be at least 0": lambda: find_envelope(checks=-1),
     "criteria: at least one is needed": lambda: find_envelope(criteria=[]),
+    "methods nope: there is no 'nope'": lambda: dl.trade("absorber_1d", methods=["nope"]),
 }
 
 

@@ -24,15 +24,15 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop import paths, trade
+from dockloop import paths, trades
 from dockloop.core import list_methods
 from dockloop.errors import UsageError
 from dockloop.journal import InterruptedWorkError
 from dockloop.simulate import Recording
-from dockloop.trade import Choice, Setting, apply, report
-from dockloop.trade.bench import Bench
-from dockloop.trade.errors import find_compared, find_errors, find_scales
-from dockloop.trade.solution import find_solution
+from dockloop.trades import Choice, Setting, apply, report
+from dockloop.trades.bench import Bench
+from dockloop.trades.errors import find_compared, find_errors, find_scales
+from dockloop.trades.solution import find_solution
 from test_absorber import Exact
 
 HEXAPOD = json.loads((Path(__file__).parent / "data/hexapod_bench_reference.json").read_text())
@@ -57,7 +57,7 @@ def absorber(runs, build):
 @pytest.fixture(scope="module")
 def measured(absorber, build):
     """Its quick grid."""
-    return trade.run_trade(absorber, Choice(quick=True), build / "absorber")
+    return trades.run_trade(absorber, Choice(quick=True), build / "absorber")
 
 
 def done(rows):
@@ -81,7 +81,7 @@ def test_errors_of_the_absorber_are_those_against_its_closed_form(absorber, meas
     """Every setting of the quick grid is run again here and compared without it."""
     exact = Exact(0.3)
     force = exact.force(exact.time_of_peak)
-    settings = trade.make_settings(absorber, Choice(quick=True), absorber.stop)
+    settings = trades.make_settings(absorber, Choice(quick=True), absorber.stop)
     for row, setting in zip(measured.rows, settings, strict=True):
         if row["status"] != "done":
             continue
@@ -104,6 +104,19 @@ def test_errors_of_the_absorber_are_those_against_its_closed_form(absorber, meas
     assert measured.about["truth"]["error"] < 1e-9, measured.about["truth"]
 
 
+def test_a_trade_from_python_returns_the_rows_of_the_command(runs, build):
+    scene = dl.Scene("absorber_1d", {"initial.closing_speed": 0.08})
+    table = dl.trade(scene, methods=["explicit"], tolerances=[1e-4, 1e-8], quick=True, stop=4.0)
+    assert (table["status"] == "done").all()
+    assert set(table["rtol"]) >= {1e-4, 1e-8}
+    loose, tight = (table[table["rtol"] == rtol]["error"].min() for rtol in (1e-4, 1e-8))
+    assert tight < loose
+    summary = table.attrs["summary"]
+    assert (summary["scene"], summary["stop"]) == ("absorber_1d", 4.0)
+    assert any(entry["sentence"] for entry in summary["recommendations"])
+    assert callable(dl.trade)  # also after the package of this name is imported
+
+
 def test_the_quick_grid_of_the_hexapod_bench_from_the_command_line(dockloop, runs):
     """Positions against the reference of another program, files, and what was refused."""
     reported = dockloop(
@@ -122,7 +135,7 @@ def test_the_quick_grid_of_the_hexapod_bench_from_the_command_line(dockloop, run
     for row in refused:  # the ring is let go with a velocity
         assert row["status"] == "refused", row
         assert row["reason"].startswith("model.level is 1 (rigid), but the joint"), row["reason"]
-        assert all(row[name] is None for name in trade.FIGURES), row
+        assert all(row[name] is None for name in trades.FIGURES), row
     bench = Bench(runs.comparing_fmu("hexapod_bench"))
     reduced = [row for row in done(summary["rows"]) if row["level"] == 3]
     for row in reduced:
@@ -305,7 +318,7 @@ def test_where_the_core_fails_the_fmu_says_the_solution_and_the_reason_is_kept(
 
 
 def test_an_interrupted_trade_goes_on_to_the_same_rows(absorber, measured, build, monkeypatch):
-    real, calls = trade.measure, []
+    real, calls = trades.measure, []
 
     def measure(*arguments, **options):
         calls.append(arguments[1])
@@ -313,21 +326,21 @@ def test_an_interrupted_trade_goes_on_to_the_same_rows(absorber, measured, build
             raise KeyboardInterrupt
         return real(*arguments, **options)
 
-    monkeypatch.setattr(trade, "measure", measure)
+    monkeypatch.setattr(trades, "measure", measure)
     choice, folder = Choice(quick=True), build / "interrupted"
     count = len(measured.rows)
     with pytest.raises(InterruptedWorkError, match=rf"with 4 of {count} cases in .*--resume"):
-        trade.run_trade(absorber, choice, folder)
+        trades.run_trade(absorber, choice, folder)
     with pytest.raises(UsageError, match=f"holds 4 of {count} cases of a trade"):
-        trade.run_trade(absorber, choice, folder)
-    rows = trade.run_trade(absorber, choice, folder, resume=True).rows
+        trades.run_trade(absorber, choice, folder)
+    rows = trades.run_trade(absorber, choice, folder, resume=True).rows
     assert len(calls) == 1 + count, len(calls)
     for row, whole in zip(rows, measured.rows, strict=True):
         assert {n: row[n] for n in row if n not in MEASURED} == {
             n: whole[n] for n in whole if n not in MEASURED
         }
     with pytest.raises(UsageError, match="made with another stop, "):
-        trade.run_trade(absorber, Choice(quick=True, stop=2.0), folder, resume=True)
+        trades.run_trade(absorber, Choice(quick=True, stop=2.0), folder, resume=True)
 
 
 def test_the_default_is_the_first_row_and_costs_its_own_time(measured):
@@ -339,9 +352,9 @@ def test_the_default_is_the_first_row_and_costs_its_own_time(measured):
 
 def test_runs_are_compared_as_often_whatever_their_step():
     for step, stop, interval in ((0.01, 4.0, 0.1), (0.1, 5.0, 0.1), (0.01, 50.0, 1.0)):
-        assert trade.find_interval(step, stop) == interval, (step, stop)
-    assert trade.find_interval(0.01, 0.55) == pytest.approx(0.01)
-    uneven = 5.005 / trade.find_interval(0.01, 5.005)
+        assert trades.find_interval(step, stop) == interval, (step, stop)
+    assert trades.find_interval(0.01, 0.55) == pytest.approx(0.01)
+    uneven = 5.005 / trades.find_interval(0.01, 5.005)
     assert uneven == pytest.approx(51.0, rel=1e-12), uneven
 
 
@@ -353,7 +366,7 @@ def make_bench(levels=True):
 
 
 def test_the_grid_asks_for_what_the_fmu_has():
-    settings = trade.make_settings(make_bench(), Choice(), 4.0)
+    settings = trades.make_settings(make_bench(), Choice(), 4.0)
     assert settings[0] == Setting(3, 1, None, 1e-6, None, 0.01)
     assert {(s.method, s.dae_form) for s in settings if s.level == 4} == {(9, f) for f in (1, 2, 3)}
     assert {s.level for s in settings} == {1, 2, 3, 4}
@@ -361,36 +374,36 @@ def test_the_grid_asks_for_what_the_fmu_has():
         fixed = setting.method in (7, 8, 13)
         assert (setting.rtol is None, setting.inner_step is None) == (fixed, not fixed), setting
     assert max(s.step for s in settings) == 1.0
-    assert max(s.step for s in trade.make_settings(make_bench(), Choice(), 0.5)) == 0.5
-    without = trade.make_settings(make_bench(levels=False), Choice(), 4.0)
+    assert max(s.step for s in trades.make_settings(make_bench(), Choice(), 0.5)) == 0.5
+    without = trades.make_settings(make_bench(levels=False), Choice(), 4.0)
     assert {s.level for s in without} == {None}
     assert [s.dae_form for s in without if s.method == 9] == [None] * 6
 
 
 def test_a_choice_restricts_the_grid():
     choice = Choice(levels=(3,), methods=(2, 7), tolerances=(1e-5,), steps=(0.02,))
-    settings = trade.make_settings(make_bench(), choice, 4.0)[1:]
+    settings = trades.make_settings(make_bench(), choice, 4.0)[1:]
     assert {s.method for s in settings} == {2, 7}
     assert {s.rtol for s in settings} == {1e-5, None}
     assert {s.step for s in settings} == {0.02}
     assert {s.level for s in settings} == {3}
     with pytest.raises(UsageError, match="no setting with these"):
-        trade.make_settings(make_bench(), Choice(levels=(1,), methods=(8,)), 4.0)
+        trades.make_settings(make_bench(), Choice(levels=(1,), methods=(8,)), 4.0)
     with pytest.raises(UsageError, match=r"no variable 'model\.level'"):
-        trade.make_settings(make_bench(levels=False), Choice(levels=(1,)), 4.0)
+        trades.make_settings(make_bench(levels=False), Choice(levels=(1,)), 4.0)
 
 
 def test_every_method_of_the_core_can_be_asked_for_by_its_name_and_is_in_the_grid(absorber):
     variable = absorber.variables["solver.method"]
-    methods = trade.name_methods()
+    methods = trades.name_methods()
     assert list(methods) == list(range(int(variable.min), int(variable.max) + 1))
     for number, name in methods.items():
         assert re.search(rf"\b{number} {name}\b", variable.description), (number, name)
-        (chosen,) = trade.parse_methods(name)
+        (chosen,) = trades.parse_methods(name)
         assert chosen == number
-        settings = trade.make_settings(make_bench(), Choice(methods=(chosen,)), 4.0)
+        settings = trades.make_settings(make_bench(), Choice(methods=(chosen,)), 4.0)
         assert {s.method for s in settings[1:]} == {chosen}, name
-    everything = trade.make_settings(make_bench(), Choice(), 4.0)
+    everything = trades.make_settings(make_bench(), Choice(), 4.0)
     assert {s.method for s in everything} == set(methods)
 
 
@@ -488,7 +501,7 @@ def test_the_cheapest_that_is_good_enough_is_recommended():
 
 def summarise(rows, doubt=1e-12):
     about = {"truth": {"source": "a test", "error": doubt}, "scales": {"position_m": 1.0}}
-    return report.summarise_trade(trade.Trade(rows, about), "dockloop trade")
+    return report.summarise_trade(trades.Trade(rows, about), "dockloop trade")
 
 
 def test_the_recommendation_says_it_in_words():
@@ -544,7 +557,7 @@ def test_scales_are_those_of_the_solution():
 
 
 def test_the_quick_grid_compares_like_with_like(absorber):
-    settings = trade.make_settings(absorber, Choice(quick=True), absorber.stop)
+    settings = trades.make_settings(absorber, Choice(quick=True), absorber.stop)
     steps: dict[int, set] = {}
     for setting in settings:
         if setting.level == 3:
@@ -553,7 +566,7 @@ def test_the_quick_grid_compares_like_with_like(absorber):
     assert set(steps) == carried
     assert 12 in carried
     assert set(map(frozenset, steps.values())) == {frozenset({0.01, 0.1})}
-    named = trade.make_settings(absorber, Choice(methods=(5,), quick=True), absorber.stop)
+    named = trades.make_settings(absorber, Choice(methods=(5,), quick=True), absorber.stop)
     assert {setting.method for setting in named} == {1, 5}
 
 

@@ -12,6 +12,7 @@ From a notebook or a script::
     found = dl.envelope("idss_25t_350t", criteria="captured within 5 s",
                         x=("initial.lateral_offset", 0.0, 0.2),
                         y=("initial.closing_speed", 0.01, 0.15))
+    table = dl.trade("idss_25t_350t", quick=True)  # speed against accuracy
     report = dl.check("idss_hexapod")            # is a mechanism sound?
 
 Modules, in the order in which a docking passes through them::
@@ -42,6 +43,7 @@ and many of them::
     criteria      "captured within 5 s and load_ratio < 1"
     rare          the part of dockings that fail when few do
     envelopes     the boundary of a criterion, with few dockings
+    trades        speed against accuracy of many settings
 
 and what has names: `variables` of a docking, and the `catalogue` of all that can be set and read.
 
@@ -60,6 +62,7 @@ if TYPE_CHECKING:
     from dockloop.results import Result
     from dockloop.sweep_report import read_parts
     from dockloop.sweeps import sweep
+    from dockloop.trades.command import trade
 
 __version__ = "0.1.0"
 __all__ = [
@@ -74,6 +77,7 @@ __all__ = [
     "read_parts",
     "run",
     "sweep",
+    "trade",
 ]
 
 if not paths.IS_INSTALLED:  # in a clone the compiled module is where the C++ build puts it
@@ -91,6 +95,7 @@ _WHERE = {  # imported when they are used, so that a command starts quickly
     "read_parts": "sweep_report",
     "run": "docking",
     "sweep": "sweeps",
+    "trade": "trades.command",
 }
 
 

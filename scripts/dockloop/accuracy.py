@@ -15,7 +15,7 @@ from dockloop.core import list_loads, list_methods, name_choice
 from dockloop.criteria import PEAK
 from dockloop.errors import UsageError
 from dockloop.results import Result
-from dockloop.trade.errors import find_frame, find_scales, find_times
+from dockloop.trades.errors import find_frame, find_scales, find_times
 
 _LEAST_PEAK = 0.05  # no peak is compared with less than this part of the largest one of its unit
 _TIGHTER, _LEAST_RTOL = 1e-2, 1e-13  # tolerances of the second run over those of the first

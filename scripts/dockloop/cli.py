@@ -8,7 +8,6 @@ only a defect of this program shows a traceback, and only with ``--debug``.
 import argparse
 import importlib
 import json
-import math
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -734,22 +733,15 @@ def _map(options: argparse.Namespace) -> None:
 
 def _trade(options: argparse.Namespace) -> None:
     """Measure what accuracy costs: runs, tables, figure, recommendation."""
-    from dockloop import trade
-    from dockloop.compiled import add_comparison
-    from dockloop.fmu import build_fmu
-    from dockloop.outputs import claim, scratch
-    from dockloop.scene import find_scene, resolve_scene
+    from dockloop.outputs import claim
+    from dockloop.scene import find_scene
     from dockloop.simulate import ProgressBar
-    from dockloop.trade import report
-    from dockloop.trade.bench import Bench
+    from dockloop.trades import report, run_trade
+    from dockloop.trades.command import make_bench, make_choice
 
-    choice = trade.Choice(
-        trade.parse_names("--levels", options.levels, trade.name_levels()),
-        trade.parse_methods(options.methods),
-        trade.parse_numbers("--tolerances", options.tolerances, 0.0, 1.0),
-        trade.parse_numbers("--steps", options.steps, 0.0, math.inf),
-        options.stop,
-        options.quick,
+    choice = make_choice(
+        *(options.levels, options.methods, options.tolerances, options.steps, options.stop),
+        quick=options.quick,
     )
     name = find_scene(options.scene).stem
     copy = _find_copy(options)
@@ -757,16 +749,9 @@ def _trade(options: argparse.Namespace) -> None:
     folder = given or paths.BUILD / "results" / f"trade_{name}"
     for file, kind in report.list_files(folder):
         claim(file, kind)
-    with scratch() as temporary:
-        fmu = temporary / f"{name}.fmu"
-        overrides = [*options.overrides]
-        model = resolve_scene(find_scene(options.scene), overrides).get("model", {})
-        if model.get("level") == "reference":
-            overrides.append("model.level=reduced")  # the grid has all levels; the FMU starts here
-        build_fmu(options.scene, overrides, fmu, bare=True, finish=add_comparison)
-        bench = Bench(fmu)
+    bench = make_bench(options.scene, options.overrides)
     progress = ProgressBar(name)
-    measured = trade.run_trade(bench, choice, folder, resume=options.resume, progress=progress)
+    measured = run_trade(bench, choice, folder, resume=options.resume, progress=progress)
     summary = report.summarise_trade(measured, _trade_command(options))
     summary["files"] = [paths.shown(file) for file in report.write_trade(summary, folder)]
     if copy is not None:
@@ -777,7 +762,7 @@ def _trade(options: argparse.Namespace) -> None:
 def _find_copy(options: argparse.Namespace) -> Path | None:
     """Return the copy of the scene that --apply writes, made sure that it can be; None without."""
     from dockloop.outputs import claim
-    from dockloop.trade.apply import SCENE, name_copy, parse_error
+    from dockloop.trades.apply import SCENE, name_copy, parse_error
 
     if options.apply is None:
         if options.output and options.output.suffix == ".toml":
@@ -797,7 +782,7 @@ def _find_copy(options: argparse.Namespace) -> Path | None:
 
 def _apply(options: argparse.Namespace, bench: Any, summary: dict, copy: Path) -> None:
     """Write the copy of the scene; the summary names it."""
-    from dockloop.trade.apply import choose_row, make_keys, parse_error, write_copy
+    from dockloop.trades.apply import choose_row, make_keys, parse_error, write_copy
 
     row = choose_row(summary["rows"], parse_error(options.apply), bench.step)
     keys = make_keys(row, bench)

@@ -35,7 +35,7 @@ from dockloop.summary import is_summarised
 from dockloop.variables import WORDS, find_number, fits, list_names
 
 __all__ = ["ProgressBar", "Recording", "run_fmu"]  # and what is defined here
-Recording = Result  # as `dockloop.trade` calls it
+Recording = Result  # as `dockloop.trades` calls it
 _WARNING = 1  # fmi2Warning
 _CHOICES = b"logChoices"  # category of what `accuracy` has chosen
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}

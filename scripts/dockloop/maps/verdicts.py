@@ -14,7 +14,7 @@ from dockloop.envelopes.search import Search
 from dockloop.judging import MEASURES, VERDICTS, Case, Verdict, find_verdict, judge
 from dockloop.planning import Planner
 from dockloop.sampling import Value
-from dockloop.trade.errors import find_frame
+from dockloop.trades.errors import find_frame
 
 
 @dataclass

@@ -15,6 +15,7 @@ FMUs do not carry (`dockloop.compiled`). A second name of a method is that metho
 | ``solution.py`` | the reference solution, of dockloop-compare or of the FMU at its best |
 | ``errors.py`` | figures of a run against that solution, and the scalar that sums them up |
 | ``report.py`` | front, recommendation, table, figure |
+| ``command.py`` | `dockloop.trade`; what it shares with the command line |
 | ``apply.py`` | ``--apply``: a copy of the scene with the recommended settings |
 """
 
@@ -33,8 +34,8 @@ from dockloop.core import list_choices, list_methods
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
 from dockloop.simulate import ProgressBar, Recording
-from dockloop.trade.bench import Bench
-from dockloop.trade.errors import (
+from dockloop.trades.bench import Bench
+from dockloop.trades.errors import (
     AUDITS,
     ERRORS,
     find_audits,
@@ -43,7 +44,7 @@ from dockloop.trade.errors import (
     find_scales,
     find_times,
 )
-from dockloop.trade.solution import find_solution
+from dockloop.trades.solution import find_solution
 
 _REFERENCE = 4
 _MULTIPLIERS = "dae"  # the method of that level

@@ -27,7 +27,7 @@ from dockloop.errors import DockloopError, UsageError, find_reason
 from dockloop.outputs import MADE_BY, claim, json_kind, write_text
 from dockloop.paths import shown
 from dockloop.simulate import Recording
-from dockloop.trade.bench import Bench
+from dockloop.trades.bench import Bench
 
 _EXPLICIT = 2  # solver.method
 _REDUCED = 3  # model.level

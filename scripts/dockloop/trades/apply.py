@@ -19,8 +19,8 @@ from dockloop.outputs import table_kind, write_text
 from dockloop.paths import shown
 from dockloop.sampling import to_text
 from dockloop.scene import find_scene, resolve_scene
-from dockloop.trade.bench import Bench
-from dockloop.trade.report import recommend
+from dockloop.trades.bench import Bench
+from dockloop.trades.report import recommend
 
 _BEGIN = "# Solver settings by: dockloop trade"
 SCENE = table_kind("scene", "dockloop trade", _BEGIN)

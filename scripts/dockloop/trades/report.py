@@ -13,8 +13,8 @@ from typing import Any
 from dockloop.figures import can_draw, save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import Kind, figure_kind, table_kind, write_text, writing
-from dockloop.trade import COSTS, FIGURES, Trade, find_journal, name_levels
-from dockloop.trade.errors import AUDITS, ERRORS, SCALES
+from dockloop.trades import COSTS, FIGURES, Trade, find_journal, name_levels
+from dockloop.trades.errors import AUDITS, ERRORS, SCALES
 
 WANTED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 _PAYS = 1.25  # times the cheapest: less is within what timing can resolve
