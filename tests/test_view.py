@@ -366,13 +366,16 @@ def test_cases_of_a_sweep(dockloop, tmp_path):
     worst = json.loads((tmp_path / "many_summary.json").read_text())["worst"]
     outcome = dockloop("view", "many.parquet", "-o", "own.html")
     assert outcome.status == 0, outcome.err
-    data = read_page(tmp_path / f"own_case{worst['case']}.html")
+    data = read_page(tmp_path / "own.html")
     assert data["meta"]["command"] == worst["command"]
     peak = max(e["text"] for e in data["events"] if e.get("first"))
     assert peak.startswith("peak ")
     outcome = dockloop("view", "many.parquet", "--not-captured", "2")
     assert outcome.status == 0, outcome.err
     assert len(list(tmp_path.glob("many_view_case*.html"))) == 2
+    outcome = dockloop("view", "many.parquet", "--not-captured", "1", "-o", "nc.html")
+    assert outcome.status == 0, outcome.err
+    assert [file.name for file in tmp_path.glob("nc*")] == ["nc.html"]
     assert "has the cases 1 to 4" in refuse(dockloop, "many.parquet", "--case", "5")
 
 

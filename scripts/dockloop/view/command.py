@@ -135,6 +135,8 @@ def _view_sweep(
     except (OSError, ValueError) as error:
         raise UsageError(f"{shown(table)}: cannot be read ({error})") from None
     outputs = {case: output.with_stem(f"{output.stem}_case{case}") for case in cases}
+    if options.output and len(cases) == 1:
+        outputs = {cases[0]: output}
     for file in outputs.values():
         for part, kind in _list_files(file, options):
             claim(part, kind)

@@ -20,7 +20,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         metavar="FILE",
-        help="page .html, still .png, film .mp4 (default: RESULT_view.html next to the result)",
+        help="page .html, still .png, film .mp4 (default: RESULT_view.html next to the result);"
+        " several cases of a sweep: FILE_caseN",
     )
     command.add_argument(
         "--model",
