@@ -257,6 +257,23 @@ def test_a_step_times_out(dock):
     assert (stays.get("sequence.step"), stays.get("outcome")) == (1, 10)
 
 
+def test_a_summary_has_the_steps_between_two_communication_points(dock):
+    """B and c last 0.1 s each, the communication step is 1 s; d leads back within one step."""
+    steps = (
+        step("a", (when("time", above=0.35), "b")),
+        step("b", (when("time", above=0.1), "c")),
+        step("c", (when("time", above=0.1), "e")),
+        step("d", (when("time", above=0.1), "e")),
+        step("e", (when("time", above=0.75), "d")),
+    )
+    docking = dock(*steps, laws=PUSH)
+    result = docking.record(np.arange(3.0))
+    assert result["sequence.step"].tolist() == [1, 5, 5]
+    assert result["sequence.entered"][-1] == pytest.approx([0, 0.35, 0.45, 1.3, 0.55])
+    assert result["sequence.entered"][1].tolist()[3] == -1.0
+    assert result.summary["sequence"]["steps"] == ["a", "b", "c", "e", "d", "e"]
+
+
 def test_a_command_acts_at_the_start_of_a_communication_step(dock):
     steps = (step("a", ({"command": "retract"}, "b")), step("b", ({"command": "abort"}, "a")))
     docking = dock(*steps, laws=PUSH)

@@ -29,7 +29,7 @@ _COLUMN = re.compile(  # outputs of FMUs by dockloop
 _SUMMARISED = re.compile(  # what a summary looks at
     r"outcome|captured|phase|time_of_\w+|latched\[\d+\]|capture\.(peak\.\w+|reason|seated_time)"
     r"|latch\[\d+\]\.(opening|lateral)|contact\.petal\[\d+\]\.force|energy\.\w+|momentum\.residual"
-    r"|leg\[\d+\]\.(length|force)|relative\.velocity\[\d\]|solver\.\w+|sequence\.\w+"
+    r"|leg\[\d+\]\.(length|force)|relative\.velocity\[\d\]|solver\.\w+|sequence\.\w+(\[\d+\])?"
 )
 
 
@@ -75,7 +75,7 @@ def summarise(run: Result) -> dict:
         "simulated_time": simulated,
         "communication_steps": len(run.values) - 1,
     }
-    if "outcome" in run:
+    if "captured" in run:  # a sequence without a target has an outcome only
         summary |= _outcome(run)
     if "sequence.step" in run:
         summary["sequence"] = _sequence(run)
@@ -262,12 +262,22 @@ def _outcome(run: Result) -> dict:
 
 
 def _sequence(run: Result) -> dict:
-    """Return the steps that were seen in their order, and the last one with its time [s]."""
+    """Return the steps in their order, and the last one with its time [s].
+
+    A step that begins and ends between two communication points is known if it was entered for the
+    first time there.
+    """
     names = [step["name"] for step in run.scene["mechanism"]["sequence"]["steps"]]
     numbers = run["sequence.step"].astype(int)
-    changed = np.flatnonzero(np.diff(numbers, prepend=0))
+    entered = run.vector("sequence.entered")  # an older FMU does not have it
+    counts = np.sum(entered >= 0.0, axis=1)
+    seen: list[int] = []
+    for row in np.flatnonzero(np.diff(numbers, prepend=0) | np.diff(counts, prepend=0)):
+        begun = [step for step in np.argsort(entered[row]) + 1 if entered[row, step - 1] >= 0.0]
+        seen += [step for step in begun if step not in (*seen, numbers[row])]
+        seen += [numbers[row]] if numbers[row] not in seen[-1:] else []
     return {
-        "steps": [names[numbers[i] - 1] for i in changed],
+        "steps": [names[step - 1] for step in seen],
         "step": names[numbers[-1] - 1],
         "time_in_step": float(run["sequence.time_in_step"][-1]),
     }

@@ -260,6 +260,13 @@ void add_sequence(Table& table, const Sequence& sequence, Inputs& in, Outputs& o
               "Time in this step; stands still while the command is hold")
       .not_negative()
       .discrete();
+  for (size_t i = 0; i < sequence.steps.size(); ++i) {
+    table
+        .output(indexed("sequence.entered", i), &out.sequence_entered[i], kTime,
+                "Time at which step '" + sequence.steps[i].name + "' was first entered, -1 before")
+        .limits(-1.0, kInfinity)
+        .discrete();
+  }
 }
 
 }  // namespace dockloop

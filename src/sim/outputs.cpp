@@ -151,17 +151,19 @@ void DockingSim::Impl::update_phase_outputs() {
   outputs.seated_time = there.seated_time;
   outputs.sequence_step = discrete.sequence.step + 1;
   outputs.sequence_time_in_step = 0.0;
+  const auto report = [this](double since_start) {
+    return since_start < 0.0 ? -1.0 : setup->t_start + since_start;
+  };
   if (events->sequence().exists()) {
     outputs.sequence_time_in_step = events->sequence().find_time_in_step(find_point_time());
+    std::transform(discrete.entered.begin(), discrete.entered.end(),
+                   outputs.sequence_entered.begin(), report);
   }
   outputs.hooks_closed = count_closed_hooks(model->hard_dock, discrete.hard_dock);
   outputs.joint_rigid = discrete.hard_dock.joint.on;
   outputs.phase = there.phase;
   outputs.outcome = there.outcome;
   outputs.captured = discrete.captured;
-  const auto report = [this](double since_start) {
-    return since_start < 0.0 ? -1.0 : setup->t_start + since_start;
-  };
   outputs.time_of_contact = report(discrete.time_of_contact);
   outputs.time_of_capture = report(discrete.time_of_capture);
 }

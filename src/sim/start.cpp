@@ -126,6 +126,7 @@ void DockingSim::Impl::clear() {
   zero(outputs.latch_force, static_cast<size_t>(scene->latches.count()));
   zero(outputs.hook_force, static_cast<size_t>(scene->hard_dock.hooks.count()));
   outputs.latch_state.assign(static_cast<size_t>(scene->latches.count()), kFree);
+  outputs.sequence_entered.assign(scene->sequence.steps.size(), -1.0);
   outputs.latched.assign(static_cast<size_t>(scene->latches.count()), 0);
   for (auto* v : {&outputs.leg_length, &outputs.leg_rate, &outputs.leg_force})
     zero(*v, m.legs.size());

@@ -290,6 +290,8 @@ struct Outputs : OutputValues<double> {
   int outcome = 1;                     ///< the same
   int sequence_step = 1;               ///< place in the list of steps, from 1
   double sequence_time_in_step = 0.0;  ///< [s]
+  std::vector<double>
+      sequence_entered;  ///< simulation time of the first entry, one per step; or -1
   bool captured = false;
   std::vector<char> latched;     ///< 0 or 1, one per latch (char: vector<bool> has no addresses)
   std::vector<int> latch_state;  ///< see LatchReport, one per latch
