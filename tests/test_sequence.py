@@ -358,8 +358,9 @@ def test_a_scene_changes_a_sequence_and_stops_it(dock):
     )
     docking = dock(*steps, laws=PUSH, **{"sequence.set.a.next.1.when.above": 0.2})
     assert advance(docking, 3.0)[1][0] == pytest.approx(2.0, abs=0.051)
-    docking = dock(*steps, laws=PUSH, **{"sequence.stop_after": "b"})
+    docking = dock(*steps, laws=PUSH, **{"sequence.stop_after": "b", "sequence.set.b.timeout": 0.1})
     assert [place for _, place in advance(docking, 3.0)] == [1, 2]
+    assert docking.get("outcome") == 1  # not timed out
     with pytest.raises(UsageError, match=r"stop_after is 'd': .* its steps are a, b, c"):
         dock(*steps, laws=PUSH, **{"sequence.stop_after": "d"})
 
@@ -408,6 +409,13 @@ MALFORMED = {
     "either element or elements": {"steps": [step("a", do=[{"engagement": 0.5}])]},
     "command .*dance": {"steps": [step("a", ({"command": "dance"}, "a"))]},
     "outcome .*success": {"steps": [step("a", outcome="success")]},
+    r"steps\[2\] \('b'\) cannot be reached from the first step 'a'": {
+        "steps": [step("a", timeout=1), step("b", (when(X, above=0), "c")), step("c", timeout=1)]
+    },
+    "'a'. cannot be reached from the first step 'b'": {
+        "start": "b",
+        "steps": [step("a", (when(X, above=0), "b")), step("b")],
+    },
 }
 
 
@@ -419,3 +427,5 @@ def test_a_malformed_sequence_is_refused_in_one_sentence(tmp_path, sentence):
     with pytest.raises(UsageError, match=sentence) as raised:
         dl.Docking(write_slide(tmp_path, mechanism))
     assert "\n" not in str(raised.value)
+    with pytest.raises(UsageError, match=sentence):
+        dl.check(mechanism)

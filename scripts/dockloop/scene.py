@@ -441,8 +441,7 @@ def _change_sequence(
                 f"{where}.stop_after is '{last}': the sequence in {shown(path)} has no such"
                 f" step{did_you_mean(last, list(steps))}; its steps are {', '.join(steps)}"
             )
-        for member in ("next", "timeout", "on_timeout"):
-            steps[last].pop(member, None)
+        mechanism["sequence"]["stop_after"] = last
     return places
 
 

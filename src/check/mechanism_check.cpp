@@ -12,6 +12,7 @@
 #include "check/reachable_range.hpp"
 #include "contact/seated_play.hpp"
 #include "docking/scene.hpp"
+#include "docking/sequence_json.hpp"
 #include "math/inertia.hpp"
 #include "math/status.hpp"
 #include "mechanism/mechanism_dynamics.hpp"
@@ -219,10 +220,19 @@ void warn_of_inertias(const MechanismModel& model, json& warnings) {
   }
 }
 
+/// Refuses a bad sequence; which hardware its actions find is known with a scene only.
+void check_sequence(const std::string& text, const std::string& source_name,
+                    const MechanismModel& model) {
+  const json document = parse_json(text, source_name);
+  const JsonReader file(document, source_name);
+  read_sequence(file.has("mechanism") ? file.at("mechanism") : file, model, nullptr, HardDock());
+}
+
 }  // namespace
 
 json check_mechanism_file(const std::string& text, const std::string& source_name) {
   Mechanism mechanism(read_mechanism(text, source_name));
+  check_sequence(text, source_name, mechanism.model);
   const std::vector<double> gaps = find_home_gaps(mechanism);
   close_home(mechanism, source_name);
   const MechanismModel& model = mechanism.model;

@@ -388,6 +388,28 @@ SequenceStep read_step(const JsonReader& item, const Context& context) {
   return step;
 }
 
+/// Refuses a step that nothing leads to. @param item  the member `sequence`
+void check_reached(const JsonReader& item, const Sequence& sequence) {
+  std::vector<bool> is_reached(sequence.steps.size());
+  std::vector<int> open = {sequence.start};
+  while (!open.empty()) {
+    const int at = open.back();
+    open.pop_back();
+    if (at < 0 || is_reached[static_cast<size_t>(at)]) continue;
+    is_reached[static_cast<size_t>(at)] = true;
+    const SequenceStep& step = sequence.steps[static_cast<size_t>(at)];
+    for (const SequenceRow& row : step.next) open.push_back(row.go);
+    if (step.timeout > 0.0) open.push_back(step.on_timeout.go);
+  }
+  for (size_t i = 0; i < is_reached.size(); ++i) {
+    if (is_reached[i]) continue;
+    const std::string& first = sequence.steps[static_cast<size_t>(sequence.start)].name;
+    item.at("steps").items(kMaxSteps)[i].fail("('" + sequence.steps[i].name +
+                                              "') cannot be reached from the first step '" + first +
+                                              "': add a row that leads to it, or leave it out");
+  }
+}
+
 }  // namespace
 
 Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
@@ -408,6 +430,13 @@ Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
   const Context context{model, latches, names, hard_dock};
   for (const JsonReader& step : steps) sequence.steps.push_back(read_step(step, context));
   if (item.has("start")) sequence.start = find_step(item.at("start"), names);
+  check_reached(item, sequence);
+  if (item.has("stop_after")) {
+    SequenceStep& last =
+        sequence.steps[static_cast<size_t>(find_step(item.at("stop_after"), names))];
+    last.next.clear();
+    last.timeout = 0.0;
+  }
   return sequence;
 }
 
