@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+import dockloop
 from dockloop import schema
 from dockloop.core import list_loads, load_core
 from dockloop.docking import Docking
@@ -251,3 +252,18 @@ def test_a_second_list_is_found():
     assert find_runs(f'"captured" {GAP * "-"} "rebound", "miss"', members) == []
     assert find_numbered("int outcome;\n// 1 undecided, 2 captured", members) == [2]
     assert find_numbered("in 5 s, 2 captured", members) == []
+
+
+def test_the_version_is_the_same_everywhere():
+    """CMake gives it to the core; three files type it, and one page names a wheel."""
+    patterns = {
+        "CMakeLists.txt": r"project\(dockloop VERSION ([\d.]+)",
+        "pyproject.toml": r'^version = "([\d.]+)"',
+        "scripts/dockloop/__init__.py": r'^__version__ = "([\d.]+)"',
+        "scripts/README.md": r"dockloop-([\d.]+)-cp",
+    }
+    found = {
+        name: re.findall(pattern, (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE)
+        for name, pattern in patterns.items()
+    }
+    assert {name for name, own in found.items() if set(own) != {dockloop.__version__}} == set()

@@ -67,7 +67,6 @@ ALLOWED = re.compile(
 )
 ALLOWED_NAMES = {
     "flight",  # Parameters: model.flight
-    "last_trouble",  # SimState, until src/sim is checked
     "kBesideWindow",  # a value of capture.reason
 }
 CODE = {".cpp", ".hpp", ".c"}

@@ -10,20 +10,12 @@ struct LogCategory {
   const char* description;
 };
 
-/// The first four belong to the fmi2Status of the line; logEvents is for debugging.
-enum Category : unsigned {
-  kLogWarning,
-  kLogDiscard,
-  kLogError,
-  kLogFatal,
-  kLogEvents,
-  kLogChoices
-};
-constexpr std::array<LogCategory, 6> kLogCategories = {{
+/// The first three belong to the fmi2Status of the line; logEvents is for debugging.
+enum Category : unsigned { kLogWarning, kLogDiscard, kLogError, kLogEvents, kLogChoices };
+constexpr std::array<LogCategory, 5> kLogCategories = {{
     {"logStatusWarning", "Something that should be looked at; the run goes on"},
     {"logStatusDiscard", "A step that failed and may succeed with a smaller step size"},
     {"logStatusError", "A call that was refused or failed"},
-    {"logStatusFatal", "A failure that leaves the instance unusable"},
     {"logEvents", "Changes of the docking phase, for debugging"},
     {"logChoices", "What the parameter accuracy has chosen, once per run"},
 }};

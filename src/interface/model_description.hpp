@@ -8,10 +8,6 @@
 
 #include "sim/docking_sim.hpp"
 
-#ifndef DOCKLOOP_VERSION
-#define DOCKLOOP_VERSION "0.1.0"
-#endif
-
 namespace dockloop {
 
 /// @param sim  freshly constructed from the scene: its start values are written into the file

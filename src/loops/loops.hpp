@@ -25,7 +25,6 @@ namespace dockloop {
 template <class S>
 struct CutData {
   std::vector<Pose<S>> terminal, closing;       ///< pose in L of each body on the two paths
-  std::vector<Vec3<S>> terminal_axis;           ///< joint axis of each body on the terminal path
   Vec3<S> p_T, p_I;                             ///< cut point on terminal and closing body [m]
   std::array<Vec3<S>, 2> axis_T;                ///< cross axes of the terminal body
   Vec3<S> axis_I;                               ///< axis of the closing body they are square to
