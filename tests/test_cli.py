@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shlex
 import subprocess
 import sys
@@ -405,6 +406,15 @@ def test_check_warns_of_moments_of_inertia_that_no_body_has(dockloop, tmp_path):
         assert f"warning: {warning}" in text
 
 
+def test_the_first_mechanism_of_the_page_can_be_checked(dockloop, tmp_path):
+    page = (paths.MODELS / "README.md").read_text(encoding="utf-8")
+    (tmp_path / "lever.json").write_text(page.partition("```json\n")[2].partition("```")[0])
+    outcome = dockloop("check", "lever.json")
+    assert outcome.status == 0, outcome.err
+    for words in ("bodies +3", "degrees of freedom +1", "independent +lever", "oscillates"):
+        assert re.search(words, outcome.out), words
+
+
 def test_check_evaluates_given_states(dockloop, tmp_path):
     report = json.loads(dockloop("check", "hexapod_bench", "--json").out)
     state = {"q": report["home_q"], "v_independent": [0.0] * 6, "tau": [0.0] * 24}
@@ -414,6 +424,10 @@ def test_check_evaluates_given_states(dockloop, tmp_path):
     (result,) = json.loads(outcome.out)
     for name in ("v", "a", "loop_force", "base_force", "base_moment", "reduced_inertia"):
         assert name in result
+    (tmp_path / "states.json").write_text('{"states": [{"q": [], "q": []}]}')
+    outcome = dockloop("check", "hexapod_bench", "--states", "states.json")
+    assert outcome.status == 2
+    assert "states.json: is not JSON (the member states[1].q is there twice)" in outcome.err
 
 
 def test_run_writes_summary_result_and_plots_next_to_the_result(dockloop, runs, tmp_path):
@@ -424,10 +438,6 @@ def test_run_writes_summary_result_and_plots_next_to_the_result(dockloop, runs, 
     summary = json.loads(outcome.out)
     assert summary["communication_steps"] == 30
     assert summary == json.loads((tmp_path / "out" / "first_summary.json").read_text())
-    (tmp_path / "states.json").write_text('{"states": [{"q": [], "q": []}]}')
-    outcome = dockloop("check", "hexapod_bench", "--states", "states.json")
-    assert outcome.status == 2
-    assert "states.json: is not JSON (the member states[1].q is there twice)" in outcome.err
     for name in summary["files"]:
         assert (tmp_path / name).stat().st_size > 100
     assert {f"out/first_{n}.png" for n in ("motion", "ring", "loads", "legs", "energy")} <= set(

@@ -10,7 +10,7 @@
 //
 //   face    f =  k s(-o), one-sided with a toe, times the damping factor; k is a share of the faces
 //   hook    f = -k s(o - x(t)); its drive moves the end x from +play to the preloaded end
-//   pusher  f =  P + k c for c = stroke - o > take-up; C1 from zero at c = 0
+//   pusher  f =  F0 + k c for c = stroke - o > take-up; C1 from zero at c = 0
 //
 // The preloaded end leaves the tension `preload` in every hook when faces and hooks alone are in
 // balance. Hooks open by a ramp that releases their tension, and books their energy as dissipated.

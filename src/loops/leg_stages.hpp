@@ -1,8 +1,14 @@
 // What one leg adds to its platform, stage by stage, for any number and any kind of leg: the whole
 // leg condensed to its tip.
 //
-// In, Out and Total are rows of arrays (leg_rows.hpp) as CellsOf of constants, work and sums; P is
-// the number. LEGS.md derives the formulas.
+// Every stage is a template, so that one formula serves single legs, dual numbers and SIMD lanes:
+//   In       reads the constants of a leg (rows `Parameter` of leg_rows.hpp)
+//   Out      reads and writes what stages leave for later ones (rows `Work`)
+//   Total    adds to the sums over all legs of the platform (`PositionSum`, `BiasSum`, `LoadSum`)
+//   N        the number of the constants, In::Number
+//   P        the number of what moves, Out::Number: one leg, or one leg per SIMD lane
+//   kMoving  the root body R moves: sums about R are needed too
+// LEGS.md derives the formulas.
 #pragma once
 
 #include "loops/leg_formulas.hpp"

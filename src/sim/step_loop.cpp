@@ -184,7 +184,7 @@ StepOutcome StepLoop::make_solver_step(double stop, bool watch_roots) {
   return stepper_->step(stop, watch_roots);
 }
 
-/// Make an inner step; nothing but the clocks of its solver knows of it until it is booked.
+/// Make an inner step. Only the solver has advanced; nothing is recorded yet.
 /// @param end  it ends there at the latest. @param is_single  it is one step of the solver, which
 /// knows the states inside. @post inner; outcome kFailed: no step, else the end is no good
 Status StepLoop::make_inner_step(double tau, double end, bool is_single) {
@@ -245,15 +245,18 @@ Status StepLoop::drift_freely(double& tau, double end, std::int64_t& turns) {
 }
 
 /// Advance from tau to `end`, through events. On failure the state is undefined.
-/// @param passes  the last inner step may end later; it is then pending
+/// @param passes  the last inner step may end after `end`; it is then pending. The loop sets it to
+/// false when it must end at `end` after all
 /// @pre evaluation and start of the integrator at tau, or a pending step
 Status StepLoop::integrate(double tau, double end, bool passes, std::int64_t limit) {
   const double asked = end - ahead_.reached;
   const std::int64_t begun = find_work();
   stepper_->set_evaluation_limit(limit);
+  // The pending inner step of the last call is made already: book it, make no other one.
   bool is_made = std::exchange(ahead_.pending, false);
-  bool is_evaluated = false;  // with rates, for a step ahead
-  int refused = 0;            // consecutive end states that could not be evaluated
+  // The rates at tau are those of the last booked inner step: a step ahead need not evaluate them.
+  bool is_evaluated = false;
+  int refused = 0;  // consecutive end states that could not be evaluated
   const auto ask_for_proposal = [this] {
     ahead_.size = proposal_;
     ahead_.last_error = 1.0;
