@@ -251,6 +251,14 @@ def test_refusals_name_arguments_of_python_and_no_options(words, call):
     assert "--" not in str(refusal.value)
 
 
+def test_a_journal_that_is_there_is_refused_with_the_names_of_arguments(tmp_path):
+    pytest.importorskip("scipy")
+    place = {"output": tmp_path / "own.parquet"}
+    dl.sweep(SWEEP, **place)
+    with pytest.raises(dl.UsageError, match="another sweep: choose another output or delete"):
+        dl.sweep({**SWEEP, "set": {"chaser.inertia": [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]}}, **place)
+
+
 def find_envelope(scene="absorber_1d", **options):
     """Find where the absorber compresses by less than its load at a middle speed and mass."""
     speed, mass = ("initial.closing_speed", 0.05, 0.15), ("chaser.mass", 500.0, 1500.0)
@@ -261,7 +269,7 @@ def find_envelope(scene="absorber_1d", **options):
 
 def test_sweeps_and_envelopes_take_a_scene_with_its_overrides():
     pytest.importorskip("scipy")
-    changes = {"initial.approach_time": np.float64(0.25)}
+    changes = {"initial.approach_time": np.float64(0.25), "chaser.interface_position": [1.5, 0, 0]}
     scene = dl.Scene("absorber_1d", changes)
     ours, expected = dl.sweep({**SWEEP, "scene": scene}), dl.sweep({**SWEEP, "set": changes})
     assert ours.equals(expected)

@@ -10,12 +10,13 @@ from collections.abc import Callable, Iterable
 from typing import ParamSpec, TypeVar
 
 FULL = (errno.ENOSPC, errno.EDQUOT)  # errors of a disk that has no space left
-_OPTION = re.compile(r"(?<!\S)--([a-z][a-z-]*)")
+_OPTION = re.compile(r"(?<!\S)-(o\b|-[a-z][a-z-]*)")
 _ARGUMENTS = {  # of Python functions that have another name than the option
-    "check": "checks",
-    "criterion": "criteria",
-    "scene": "overrides",
-    "set": "start_values",
+    "-check": "checks",
+    "-criterion": "criteria",
+    "-scene": "overrides",
+    "-set": "start_values",
+    "o": "output",
 }
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -52,15 +53,15 @@ def names_arguments(function: Callable[P, R]) -> Callable[P, R]:
     known = inspect.signature(function).parameters
 
     def rename(option: re.Match) -> str:
-        name = _ARGUMENTS.get(option[1], option[1].replace("-", "_"))
+        name = _ARGUMENTS.get(option[1], option[1][1:].replace("-", "_"))
         return name if name in known else option[0]
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             return function(*args, **kwargs)
-        except UsageError as error:
-            raise UsageError(_OPTION.sub(rename, str(error))) from None
+        except DockloopError as error:
+            raise type(error)(_OPTION.sub(rename, str(error))) from None
 
     return call
 
