@@ -4,9 +4,12 @@ A hexapod with motors, a differential unit on rods or cranks, a probe with side 
 
 Each docks under its shipped scene. Energy and momentum are audited, and what makes a family what
 it is shows in the result: a brake that gives way and then sticks, a probe that ends in its socket.
+Inertia, stiffness and rod forces at home are those of another program
+(``tests/data/mechanisms.json``).
 """
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +19,8 @@ from dockloop import paths, summary
 
 VARIANTS = {"apda_cranks": "apda", "probe_drogue_levers": "probe_drogue"}  # of which family
 FAMILIES = ("hexapod", "apda", "probe_drogue", *VARIANTS)
+CHECKS = json.loads((Path(__file__).parent / "data" / "mechanisms.json").read_text())
+NAMES_OF_CHECKS = {"hexapod": "hexapod_actuated"}  # others have the name of the family
 
 
 def read_mechanism(name: str) -> dict:
@@ -193,3 +198,114 @@ def test_all_latches_may_catch_at_the_first_contact():
             assert docking.get("capture.reason") == 1
             assert docking.get("outcome") == 2
     assert docking.get("captured")
+
+
+SCENE_AT_HOME = """
+title = "A mechanism on a fixed base"
+[chaser]
+motion = "fixed"
+mass = 1000
+inertia = [1000, 1000, 1000, 0, 0, 0]
+[mechanism]
+name = "own"
+[initial]
+at = "start"
+{start}
+[outputs]
+groups = ["energy", "legs"]
+"""
+
+
+def make_linear(name: str) -> dict:
+    """The mechanism with nothing but the first stage of each spring, as other programs have it."""
+    mechanism = read_mechanism(name)
+    for member in ("failures", "sequence", "interface", "contact", "latches", "limits"):
+        mechanism.pop(member, None)
+    for force in mechanism["forces"]:
+        stages = [law["stages"][0] for law in force["laws"] if law["type"] == "spring"]
+        if force["name"] == "drive":
+            stages = [[0.0, CHECKS["differential"]["k_drive"]]]  # here its brake holds the drive
+        force["laws"] = [{"type": "spring", "stages": [stage]} for stage in stages]
+    mechanism["forces"] = [force for force in mechanism["forces"] if force["laws"]]
+    return mechanism | {"name": "own"}
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Put a mechanism at a displacement or rate of its independent coordinates."""
+
+    def call(mechanism, kind, values):
+        values = [float(value) for value in values]
+        if len(values) == 6:
+            names = {"rate": ("velocity", "angular_velocity")}
+            first, second = names.get(kind, ("displacement", "rotation_vector"))
+            lines = [
+                "[initial.capture_body]",
+                f"{first} = {values[:3]}",
+                f"{second} = {values[3:]}",
+            ]
+        else:
+            joints = zip(("yoke", "housing", "probe"), values, strict=True)
+            lines = [f"[initial.joints.{joint}]\n{kind} = {value}" for joint, value in joints]
+        (tmp_path / "own.json").write_text(json.dumps(mechanism))
+        (tmp_path / "own.toml").write_text(SCENE_AT_HOME.format(start="\n".join(lines)))
+        return dl.Docking(tmp_path / "own.toml")
+
+    return call
+
+
+def find_matrix(energy, size, h):
+    """Matrix of a quadratic form, by central differences of second order."""
+    unit = h * np.eye(size)
+    at_home = energy(np.zeros(size))
+    alone = [energy(e) + energy(-e) - 2 * at_home for e in unit]
+    matrix = np.diag(alone)
+    for i, j in zip(*np.tril_indices(size, -1), strict=True):
+        pair = energy(unit[i] + unit[j]) + energy(-unit[i] - unit[j]) - 2 * at_home
+        matrix[i, j] = matrix[j, i] = (pair - alone[i] - alone[j]) / 2
+    return matrix / h**2
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_inertia_and_stiffness_at_home_are_those_of_another_program(start, name):
+    """Kinetic energy is quadratic in rates; potential energy is so for small displacements."""
+    checks = CHECKS["mechanisms"][NAMES_OF_CHECKS.get(name, name)]
+    mechanism = make_linear(name)
+    for kind, energy, wanted, h, share in (
+        ("rate", "kinetic", checks["reduced_inertia"], 1.0, 1e-7),  # measured: 1e-8
+        ("position", "potential", checks["stiffness"], 1e-4, 1e-6),  # 1.4e-7
+    ):
+        found = find_matrix(
+            lambda x, k=kind, e=energy: start(mechanism, k, x).get(f"energy.{e}"), len(wanted), h
+        )
+        assert np.max(np.abs(found - wanted)) < share * np.max(wanted), energy
+
+
+def test_the_differential_unit_stands_on_the_stiffness_of_its_shafts(start):
+    """Rods that feel each other, and the stiffness of the ring that follows from them.
+
+    With a ring of immense inertia nothing accelerates, so rod forces are those at rest.
+    """
+    checks = CHECKS["differential"]
+    unit = make_linear("apda")
+    rates = [
+        [start(unit, "rate", twist).get(f"leg[{i}].rate") for i in range(1, 7)]
+        for twist in np.eye(6)
+    ]
+    jacobian = np.array(rates).T
+    assert jacobian == pytest.approx(np.array(checks["J"]), abs=1e-9)
+    (ring,) = [body for body in unit["bodies"] if body["name"] == "ring"]
+    ring |= {"mass": 1e12, "inertia": (1e12 * np.eye(3)).tolist()}
+    h, columns = 1e-6, []
+    for twist in np.linalg.inv(jacobian).T:  # one rod longer, the others as they are
+        in_, out = (
+            np.array([moved.get(f"leg[{i}].force") for i in range(1, 7)])
+            for moved in (start(unit, "position", side * h * twist) for side in (-1, 1))
+        )
+        columns.append((in_ - out) / (2 * h))
+    stiffness = np.array(columns).T
+    assert stiffness == pytest.approx(np.array(checks["K_rod"]), abs=1e-3)
+    forces = 0.01 * stiffness[:, 0]
+    assert forces == pytest.approx(checks["rod_forces_for_10_mm_in_rod_1"], abs=1e-5)
+    of_ring = jacobian.T @ stiffness @ jacobian
+    assert of_ring == pytest.approx(np.array(checks["K_ring"]), abs=1e-2)
