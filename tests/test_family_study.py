@@ -1,0 +1,32 @@
+"""The study of the families of mechanisms: its small sample runs and has each section."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+
+from dockloop.paths import ROOT
+
+STUDY = ROOT / "tests" / "studies" / "families.py"
+SECTIONS = ("Cost", "Whole sequences", "Where they capture", "The brake", "What must come out")
+
+
+@pytest.mark.long
+def test_the_small_sample_of_the_study_has_each_section(tmp_path):
+    page = tmp_path / "own.md"
+    subprocess.run([sys.executable, STUDY, "--quick", "-o", page], check=True, timeout=600)
+    text = page.read_text(encoding="utf-8")
+    assert re.findall(r"^## (.*)$", text, flags=re.MULTILINE) == list(SECTIONS)
+    assert not re.search(r"\b(nan|inf)\b", text)
+    tables = re.findall(r"^\|(?:---\|)+\n\| (.*?) \|", text, flags=re.MULTILINE)
+    assert len(tables) == len(SECTIONS) + 1  # two of costs
+    for picture in re.findall(r"!\[.*?\]\((.*?)\)", text):
+        assert (tmp_path / picture).stat().st_size > 1000
+
+
+def test_a_sample_does_not_replace_the_page():
+    words = [sys.executable, STUDY, "--quick"]
+    run = subprocess.run(words, check=False, capture_output=True, text=True)
+    assert run.returncode == 2
+    assert "need another page" in run.stderr
