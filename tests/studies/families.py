@@ -239,8 +239,8 @@ def list_sequences(options: argparse.Namespace) -> list[str]:
     lines += ["", f"Wanted: energy {WANTED_ENERGY:g}, momentum {WANTED_MOMENTUM:g}."]
     if missed:
         lines += [
-            f"Missed by: {', '.join(missed)}. A likely reason: when hooks open, faces of 200 MN/m"
-            " swing freely for milliseconds. These are the fastest steps of a sequence.",
+            f"Missed by: {', '.join(missed)}. Stiff parts move in these steps: faces of 200 MN/m,"
+            " hooks that open or close. Why the error is larger for a probe is not known.",
         ]
     return lines
 
@@ -349,7 +349,7 @@ def list_captures(options: argparse.Namespace) -> list[str]:
             captured = list_captured(envelope)
             points = envelope.points
             failed += [
-                f"* `{point['command']}`: {point['reason']}"
+                (name, point["command"], point["reason"])
                 for _, point in points[points["status"] != "done"].iterrows()
             ]
             loads, stops = captured["capture.peak.load_ratio"], []
@@ -384,7 +384,14 @@ def list_captures(options: argparse.Namespace) -> list[str]:
     tolerance = envelope.summary["uncertainty"]
     lines += ["", f"The boundary is known within {100 * tolerance:.0f} % of a range."]
     if failed:
-        lines += ["", "Dockings that failed count as not captured:", "", *failed]
+        names, (_, command, reason) = sorted({name for name, *_ in failed}), failed[0]
+        lines += [
+            "",
+            f"{len(failed)} dockings of {', '.join(names)} failed and count as not captured."
+            " One is:",
+            "",
+            f"* `{command}`: {reason}",
+        ]
     return [*lines, *pictures]
 
 
