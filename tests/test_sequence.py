@@ -407,6 +407,9 @@ MALFORMED = {
         "steps": [step("a", do=[{"element": "one"}])]
     },
     "either element or elements": {"steps": [step("a", do=[{"engagement": 0.5}])]},
+    "has the actions thrust and latches; give each one an item of its own": {
+        "steps": [step("a", do=[{"latches": "arm", "thrust": "on"}])]
+    },
     "command .*dance": {"steps": [step("a", ({"command": "dance"}, "a"))]},
     "outcome .*success": {"steps": [step("a", outcome="success")]},
     r"steps\[2\] \('b'\) cannot be reached from the first step 'a'": {

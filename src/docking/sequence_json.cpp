@@ -2,6 +2,7 @@
 #include "docking/sequence_json.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "docking/phases.hpp"
 
@@ -358,6 +359,18 @@ Action read_keyed(const JsonReader& item, const Context& context, const std::str
   }
 }
 
+/// Refuses an item with the keys of several actions: only the first would act.
+template <size_t... i>
+void require_one_action(const JsonReader& item, std::index_sequence<i...>) {
+  std::string keys;
+  int count = 0;
+  const auto add = [&](const std::string& key) {
+    if (item.has(key)) keys += (count++ > 0 ? " and " : "") + key;
+  };
+  (add(std::variant_alternative_t<i, Action>::kKey), ...);
+  if (count > 1) item.fail("has the actions " + keys + "; give each one an item of its own");
+}
+
 // ---------------------------------------------------------------- steps
 
 SequenceBranch read_branch(const JsonReader& item, const Context& context) {
@@ -373,6 +386,7 @@ SequenceStep read_step(const JsonReader& item, const Context& context) {
   step.phase = item.at("phase").whole(kPhases.front().number, kPhases.back().number);
   if (item.has("outcome")) step.outcome = read_choice_name(item.at("outcome"), kOutcomes);
   for (const JsonReader& action : item.list("do", kMaxActions)) {
+    require_one_action(action, std::make_index_sequence<std::variant_size_v<Action>>());
     step.actions.push_back(read_keyed(action, context));
   }
   for (const JsonReader& row : item.list("next", kMaxRows)) {
