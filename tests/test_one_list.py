@@ -255,11 +255,12 @@ def test_a_second_list_is_found():
 
 
 def test_the_version_is_the_same_everywhere():
-    """CMake gives it to the core; three files type it, and one page names a wheel."""
+    """CMake gives it to the core; four files type it, and one page names a wheel."""
     patterns = {
         "CMakeLists.txt": r"project\(dockloop VERSION ([\d.]+)",
         "pyproject.toml": r'^version = "([\d.]+)"',
         "scripts/dockloop/__init__.py": r'^__version__ = "([\d.]+)"',
+        "src/interface/model_description.hpp": r'#define DOCKLOOP_VERSION "([\d.]+)"',
         "scripts/README.md": r"dockloop-([\d.]+)-cp",
     }
     found = {

@@ -8,6 +8,10 @@
 
 #include "sim/docking_sim.hpp"
 
+#ifndef DOCKLOOP_VERSION  // in the sources of an FMU, which other build files compile
+#define DOCKLOOP_VERSION "0.1.0"
+#endif
+
 namespace dockloop {
 
 /// @param sim  freshly constructed from the scene: its start values are written into the file
