@@ -16,7 +16,8 @@ from conftest import SCENES
 from dockloop import paths
 
 COMMANDS = (
-    *("build", "ssp", "run", "view", "compare", "sweep", "trade", "truth", "check", "extremes"),
+    *("new", "build", "ssp", "run", "view", "compare", "sweep", "trade", "truth", "check"),
+    "extremes",
 )
 
 

@@ -12,6 +12,7 @@ import pytest
 import dockloop as dl
 from conftest import SCENES
 from dockloop import paths, schema
+from dockloop.copies import copy_scene
 from dockloop.errors import UsageError
 from dockloop.scene import (
     SceneReader,
@@ -318,3 +319,26 @@ def test_a_step_that_ends_the_sequence_may_have_other_numbers_too():
         sequence = scene.document["mechanism"]["sequence"]
         steps = {step["name"]: step for step in sequence["steps"]}
         assert (sequence["stop_after"], steps["seated"]["timeout"]) == ("seated", timeout)
+
+
+def test_a_copy_of_a_scene_and_its_mechanism_is_that_docking(tmp_path):
+    for name in SCENES:
+        files = copy_scene(name, "mine", tmp_path / name)
+        copy, shipped = resolve_scene(files[0]), resolve_scene(paths.SCENES / f"{name}.toml")
+        assert copy | {"name": name} == shipped
+        assert "# " in files[0].read_text()  # comments stay
+
+
+def test_a_copy_replaces_nothing(tmp_path):
+    first, _ = copy_scene("apda", "mine", tmp_path)
+    before = first.read_text()
+    (tmp_path / "other.json").write_text("{}")
+    for name, why in (
+        ("mine", "is there already"),
+        ("other", "other.json: is there already"),
+        ("my-docking", "letters, digits and _"),
+    ):
+        with pytest.raises(UsageError, match=why):
+            copy_scene("hexapod", name, tmp_path)
+    assert first.read_text() == before
+    assert not (tmp_path / "other.toml").exists()

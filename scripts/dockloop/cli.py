@@ -28,6 +28,7 @@ from dockloop.errors import DockloopError, UsageError, find_reason, one_line
 _BUILD_EXAMPLE = (
     "example: dockloop build idss_25t_350t --scene initial.closing_speed=0.05 -o slow.fmu"
 )
+_NEW_EXAMPLE = "example: dockloop new my_docking --from apda"
 _SSP_EXAMPLE = "example: dockloop ssp idss_25t_350t --scene experiment.step=0.002 -o docking.ssp"
 _RUN_EXAMPLE = "example: dockloop run idss_25t_350t --set friction.coefficient=0.2 --stop 12"
 _SWEEP_EXAMPLE = "example: dockloop sweep absorber_1d_speeds --engine core --workers 2 --csv"
@@ -124,6 +125,19 @@ def _make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"dockloop {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    new = _add(commands, "new", _new, "copy a scene and its mechanism, to be edited", _NEW_EXAMPLE)
+    new.add_argument("name", metavar="NAME", help="of the copies NAME.toml and NAME.json")
+    new.add_argument(
+        "--from",
+        dest="scene",
+        default="idss_25t_350t",
+        metavar="SCENE",
+        help="a shipped scene or a file (default: idss_25t_350t)",
+    )
+    new.add_argument(
+        "-o", "--output", type=Path, default=Path(), metavar="FOLDER", help="default: this folder"
+    )
 
     build = _add(commands, "build", _build, "build the FMU of a scene", _BUILD_EXAMPLE)
     add_scene(build)
@@ -815,6 +829,13 @@ def _check(options: argparse.Namespace) -> None:
         _tell(json.dumps(report, indent=2))
     else:
         _tell(describe_report(report))
+
+
+def _new(options: argparse.Namespace) -> None:
+    """Copy a scene and its mechanism."""
+    from dockloop.copies import copy_scene, describe
+
+    _tell(describe(copy_scene(options.scene, options.name, options.output)))
 
 
 def _variables(options: argparse.Namespace) -> None:

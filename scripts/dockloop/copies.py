@@ -1,0 +1,66 @@
+"""``dockloop new NAME``: a shipped scene and its mechanism as files of the user's own.
+
+The copies stand next to each other under one name, so the scene finds its mechanism, and a change
+of either needs no other file. Comments stay.
+"""
+
+from pathlib import Path
+
+from dockloop.errors import UsageError
+from dockloop.outputs import Kind, write_text
+from dockloop.paths import shown
+from dockloop.scene import find_mechanism, find_scene, read_toml, resolve_scene
+from dockloop.trades.apply import set_key
+
+
+def copy_scene(reference: str, name: str, folder: Path) -> list[Path]:
+    """Copy a scene and its mechanism.
+
+    Args:
+        reference: name of a shipped scene, or path of a scene file.
+        name: of both copies, without an ending.
+        folder: where they are written; made if it is not there.
+
+    Returns:
+        The files: the scene, and the mechanism if the scene has one.
+
+    Raises:
+        UsageError: there is no such scene, the name cannot be that of an FMU, or a file is there
+            already.
+        DockloopError: a file cannot be written.
+    """
+    if not (name.isascii() and name.isidentifier()):
+        raise UsageError(
+            f"new {name}: the name becomes that of an FMU: take letters, digits and _, and begin"
+            " with a letter"
+        )
+    source = find_scene(reference)
+    scene, _ = read_toml(source)
+    text = source.read_text(encoding="utf-8")
+    texts = {folder / f"{name}.toml": text}
+    if "mechanism" in scene:
+        mechanism = find_mechanism(scene["mechanism"]["name"], source)
+        texts = {
+            folder / f"{name}.toml": set_key(text, "mechanism", "name", name),
+            folder / f"{name}.json": mechanism.read_text(encoding="utf-8"),
+        }
+    for file in texts:
+        if file.exists():
+            raise UsageError(f"{shown(file)}: is there already; take another name or -o FOLDER")
+    for file, content in texts.items():
+        write_text(file, Kind("file", "dockloop new", lambda _: False), content)
+    resolve_scene(next(iter(texts)))
+    return list(texts)
+
+
+def describe(files: list[Path]) -> str:
+    """Say what was written, and what to do next."""
+    names = [shown(file) for file in files]
+    lines = [f"{' and '.join(names)} written", "next:"]
+    if len(names) > 1:
+        lines.append(f"  dockloop check {names[1]}      what the mechanism is, as text or drawing")
+    lines += [
+        f"  dockloop variables {names[0]}  all that can be set and read",
+        f"  dockloop run {names[0]} --view",
+    ]
+    return "\n".join(lines)
