@@ -1,0 +1,78 @@
+// Forces in the joints of legs and gears, and loads on their bodies; see leg_platforms.hpp.
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+#include "loops/leg_gears_body.hpp"
+
+namespace dockloop {
+
+namespace {
+
+/// Forces in the joints of legs and gears; loads on their bodies as forces in the joints and as a
+/// load on the root: power is the same.
+template <class S>
+void put_leg_forces(const MechanismModel& model, const VecX<S>& tau, TreeData<S>& tree,
+                    LoopData<S>& loops, PlatformData<S>& at) {
+  const auto is_zero = [&](int body) {
+    const Wrench<S>& load = tree.external[body];
+    if constexpr (std::is_same_v<S, double>) {  // all at once, without a branch per number
+      std::uint64_t bits[6], any = 0;
+      static_assert(sizeof bits == sizeof load, "a wrench is six numbers");
+      std::memcpy(bits, static_cast<const void*>(&load), sizeof bits);
+      for (const std::uint64_t word : bits) any |= word;
+      return any == 0;
+    }
+    for (int i = 0; i < 3; ++i) {
+      if (load.f[i] != S(0) || load.t[i] != S(0)) return false;
+    }
+    return true;
+  };
+  at.is_loaded = false;
+  for (const LegPlace& leg : at.legs) {
+    for (int i = 0; i < 3; ++i) {
+      at.store.work(leg, legs::kForce + i) = S(leg.sign[i]) * tau[leg.v[i]];
+      at.is_loaded = at.is_loaded || !is_zero(leg.body[i]);
+    }
+  }
+  for (GearData<S>& gear : at.gears) {
+    gear.torque = tau[gear.v];
+    at.is_loaded = at.is_loaded || !is_zero(gear.body);
+  }
+  if (!at.is_loaded) {
+    for (const GearData<S>& gear : at.gears) press_legs(gear, gear.torque, at);
+    return;
+  }
+  calc_leg_coordinates(model, tree, loops);
+  at.external = Wrench<S>();
+  for (const LegPlace& leg : at.legs) calc_tree_position(model, leg.body, tree);
+  calc_tree_position(model, at.gear_bodies, tree);
+  for (GearData<S>& gear : at.gears) {
+    gear.load = tree.external[gear.body];
+    gear.torque += tree.e[gear.body].dot(gear.load.t);
+    gear.load.t += tree.r[gear.body].cross(gear.load.f);
+    if (gear.on_root) at.external += gear.load;
+    press_legs(gear, gear.torque, at);
+  }
+  for (const LegPlace& leg : at.legs) {
+    Wrench<S> load;  // about the origin of the body
+    for (int i = 2; i >= 0; --i) {
+      const int body = leg.body[i];
+      load += tree.external[body];
+      for (const GearData<S>& gear : at.gears) {
+        if (gear.carrier == body) load += gear.load;
+      }
+      const bool slides = model.bodies[body].joint == JointType::kPrismatic;
+      const S along = tree.e[body].dot(slides ? load.f : load.t);
+      at.store.work(leg, legs::kForce + i) += S(leg.sign[i]) * along;
+      load.t += tree.r[body].cross(load.f);
+    }
+    at.external += load;
+  }
+}
+
+}  // namespace
+
+}  // namespace dockloop
