@@ -36,7 +36,9 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   events->update_phases(present(), now);
   // Peaks include the forces on both sides of a jump. An absorber that does not pull is released at
   // zero force, except for rounding.
-  if (!events->is_due(1) || model->contact.absorber.pulls) peaks.add(now, find_peak_values());
+  if (!events->is_due(1) || model->contact.absorber.pulls) {
+    peaks.add(now, find_peak_values(), !step_loop->searches_peaks());
+  }
   if (!jumped) return {};
   const Status after = evaluate(tau);
   if (!after.ok()) return after;

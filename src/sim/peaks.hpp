@@ -1,19 +1,63 @@
 // Largest values over the inner steps of a run, refined between the steps.
 //
-// Sampling at communication points misses peaks. Inner steps of a high-order method are long too,
-// so near a peak (is_near()) the middle of a step is also a sample. A sample above both neighbours
-// is refined by the polynomial through the last five samples (fourth order in the spacing). Two
-// bounds keep it from overshooting at a kink or a jump that is not announced: the parabola through
-// the three middle samples, and the lines through the two samples on either side.
+// Sampling at communication points misses peaks, and inner steps of a high-order method are long
+// too. Near a peak (is_near()) a step is therefore searched: PeakSearch proposes times at which a
+// value may be largest, and the caller evaluates the state there. So the peak is a value that has
+// occurred.
+//
+// Where no state inside a step is known (fixed steps, hosts of model exchange), a sample above both
+// neighbours is refined by the polynomial through the last five samples (fourth order in the
+// spacing). Two bounds keep it from overshooting at a kink or a jump that is not announced: the
+// parabola through the three middle samples, and the lines through the two samples on either side.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "sim/archive.hpp"
 
 namespace dockloop {
+
+/// Polynomial of degree n - 1 through samples (time[k], value(k)) at time t.
+template <class F>
+double interpolate_samples(const double* time, int n, double t, F&& value) {
+  double sum = 0.0;
+  for (int j = 0; j < n; ++j) {
+    double weight = value(j);
+    for (int k = 0; k < n; ++k) {
+      if (k != j) weight *= (t - time[k]) / (time[j] - time[k]);
+    }
+    sum += weight;
+  }
+  return sum;
+}
+
+struct Maximum {
+  double time, value;
+};
+
+/// Largest value of f from a to b, where f has one maximum: search by golden sections.
+template <class F>
+Maximum find_largest(double a, double b, int sections, F&& f) {
+  constexpr double kGolden = 0.6180339887498949;
+  double c = b - kGolden * (b - a), d = a + kGolden * (b - a);
+  double fc = f(c), fd = f(d);
+  Maximum largest = fc > fd ? Maximum{c, fc} : Maximum{d, fd};
+  for (int n = 1; n < sections; ++n) {
+    if (fc > fd) {
+      b = d, d = c, fd = fc;
+      c = b - kGolden * (b - a), fc = f(c);
+    } else {
+      a = c, c = d, fc = fd;
+      d = a + kGolden * (b - a), fd = f(d);
+    }
+    if (fc > largest.value) largest = {c, fc};
+    if (fd > largest.value) largest = {d, fd};
+  }
+  return largest;
+}
 
 template <int N>
 class PeakTracker {
@@ -31,7 +75,8 @@ class PeakTracker {
     raise(value);
   }
 
-  void add(double t, const std::array<double, N>& value) {
+  /// @param refines  interpolate between samples
+  void add(double t, const std::array<double, N>& value, bool refines = true) {
     raise(value);
     // Samples much closer than their neighbours would only amplify rounding, or are behind a jump.
     if (count_ >= 2 && t - time_[count_ - 1] < 1e-2 * (time_[count_ - 1] - time_[count_ - 2])) {
@@ -39,14 +84,24 @@ class PeakTracker {
       return;
     }
     push(t, value);
-    if (count_ < kWindow) return;
+    if (count_ < kWindow || !refines) return;
     for (int i = 0; i < N; ++i) {
       const double mid = value_[2][i];
       if (mid > value_[1][i] && mid > value_[3][i] && mid > kNear * peak_[i]) refine(i);
     }
   }
 
+  /// These values have occurred.
+  void raise(const std::array<double, N>& value) {
+    for (int i = 0; i < N; ++i) {
+      if (value[i] > peak_[i]) peak_[i] = value[i];
+    }
+  }
+
   const std::array<double, N>& peak() const { return peak_; }
+  int count() const { return count_; }
+  double time(int k) const { return time_[k]; }
+  const std::array<double, N>& value(int k) const { return value_[k]; }
   /// The peaks, if these values occur now too.
   std::array<double, N> peak_with(const std::array<double, N>& value) const {
     std::array<double, N> largest = peak_;
@@ -76,12 +131,6 @@ class PeakTracker {
   static constexpr int kWindow = 5;
   static constexpr double kNear = 0.95;  // of the peak
 
-  void raise(const std::array<double, N>& value) {
-    for (int i = 0; i < N; ++i) {
-      if (value[i] > peak_[i]) peak_[i] = value[i];
-    }
-  }
-
   void push(double t, const std::array<double, N>& value) {
     if (count_ == kWindow) {
       for (int j = 1; j < kWindow; ++j) {
@@ -97,15 +146,8 @@ class PeakTracker {
 
   /// Polynomial through samples first..last at time t.
   double interpolate(int i, int first, int last, double t) const {
-    double sum = 0.0;
-    for (int j = first; j <= last; ++j) {
-      double weight = value_[j][i];
-      for (int k = first; k <= last; ++k) {
-        if (k != j) weight *= (t - time_[k]) / (time_[j] - time_[k]);
-      }
-      sum += weight;
-    }
-    return sum;
+    return interpolate_samples(&time_[first], last - first + 1, t,
+                               [&](int k) { return value_[first + k][i]; });
   }
 
   /// Does a value right behind the last sample differ by half as much as all samples do?
@@ -134,21 +176,8 @@ class PeakTracker {
   }
 
   double find_maximum(int i, int first, int last) const {
-    constexpr double kGolden = 0.6180339887498949;
-    double a = time_[1], b = time_[3];
-    double largest = value_[2][i];
-    for (int n = 0; n < 40; ++n) {
-      const double c = b - kGolden * (b - a), d = a + kGolden * (b - a);
-      const double fc = interpolate(i, first, last, c), fd = interpolate(i, first, last, d);
-      largest = largest > fc ? largest : fc;
-      largest = largest > fd ? largest : fd;
-      if (fc > fd) {
-        b = d;
-      } else {
-        a = c;
-      }
-    }
-    return largest;
+    const auto at = [&](double t) { return interpolate(i, first, last, t); };
+    return std::max(value_[2][i], find_largest(time_[1], time_[3], 40, at).value);
   }
 
   void refine(int i) {
@@ -164,6 +193,79 @@ class PeakTracker {
   std::array<double, kWindow> time_{};
   std::array<std::array<double, N>, kWindow> value_{};
   std::array<double, N> peak_{};
+};
+
+/// Searches one step for values above their peaks.
+template <int N>
+class PeakSearch {
+ public:
+  /// @param tracker  its last sample is the begin of the step
+  explicit PeakSearch(const PeakTracker<N>& tracker) : tracker_(tracker) {
+    for (int k = 0; k < tracker.count(); ++k) add(tracker.time(k), tracker.value(k));
+    begin_ = count_ - 1;
+  }
+
+  /// A sample in the step. @pre not full
+  void add(double t, const std::array<double, N>& value) {
+    int k = count_++;
+    for (; k > 0 && time_[k - 1] > t; --k) {
+      time_[k] = time_[k - 1];
+      value_[k] = value_[k - 1];
+    }
+    time_[k] = t;
+    value_[k] = value;
+  }
+
+  bool is_full() const { return count_ == kRoom; }
+
+  /// Time inside the step at which a value may exceed its peak by more than a share.
+  /// @pre the end of the step is a sample
+  std::optional<double> find_time(double share) const {
+    std::optional<double> time;
+    double most = share;
+    for (int i = 0; i < N; ++i) {
+      const double peak = tracker_.peak()[i];
+      int top = begin_;
+      for (int k = begin_; k < count_; ++k) top = value_[k][i] > value_[top][i] ? k : top;
+      if (!(peak > 0.0 && value_[top][i] > kWorth * peak)) continue;
+      const Maximum found = find_maximum(i, top);
+      const double gain = found.value / peak - 1.0;
+      if (gain > most && is_new(found.time)) {
+        most = gain;
+        time = found.time;
+      }
+    }
+    return time;
+  }
+
+ private:
+  static constexpr int kRoom = 12, kThrough = 5;
+  static constexpr double kWorth = 0.8;  // of its peak must a sample have
+
+  /// Of the polynomial through the samples next to the highest one, between its neighbours.
+  Maximum find_maximum(int i, int top) const {
+    const int n = std::min(kThrough, count_);
+    const int first = std::clamp(top - n / 2, 0, count_ - n);
+    const auto at = [&](double t) {
+      return interpolate_samples(&time_[first], n, t, [&](int k) { return value_[first + k][i]; });
+    };
+    const int left = std::max(top - 1, begin_), right = std::min(top + 1, count_ - 1);
+    return find_largest(time_[left], time_[right], 16, at);
+  }
+
+  /// Is a time not that of a sample?
+  bool is_new(double t) const {
+    const double least = 1e-4 * (time_[count_ - 1] - time_[begin_]);
+    for (int k = begin_; k < count_; ++k) {
+      if (std::abs(t - time_[k]) < least) return false;
+    }
+    return true;
+  }
+
+  const PeakTracker<N>& tracker_;
+  int count_ = 0, begin_ = 0;
+  std::array<double, kRoom> time_{};
+  std::array<std::array<double, N>, kRoom> value_{};
 };
 
 }  // namespace dockloop

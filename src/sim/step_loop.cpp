@@ -190,6 +190,7 @@ StepOutcome StepLoop::make_solver_step(double stop, bool watch_roots) {
 Status StepLoop::make_inner_step(double tau, double end, bool is_single) {
   last_failure_ = Status();
   inner_.from = tau;
+  inner_.is_one = true;
   inner_.outcome = make_solver_step(find_next_stop(tau, end), true);
   if (inner_.outcome == StepOutcome::kFailed) return find_failure(tau);
   inner_.to = stepper_->time();
@@ -215,7 +216,7 @@ Status StepLoop::make_inner_step(double tau, double end, bool is_single) {
 
 /// The inner step becomes part of the run. @param changed  set if the integrator must restart
 Status StepLoop::book_inner_step(bool& changed) {
-  if (inner_.outcome != StepOutcome::kRoot) look_into_step(inner_.from, inner_.to);
+  if (searches_peaks() && inner_.is_one) search_peaks(inner_.from, inner_.to);
   balances_.update_energy(inner_.energy, inner_.to);
   changed = inner_.outcome == StepOutcome::kRoot;
   const Status status = accept_(inner_.to, changed);
@@ -375,16 +376,34 @@ Status StepLoop::integrate_fixed(double h, std::int64_t limit) {
   return {};
 }
 
-/// If the loads at the end of a step are near their peaks, the loads in its middle count too.
+/// Loads near their peaks: evaluate the middle of the step, then where they may be largest.
 /// @pre evaluation at `to`
-void StepLoop::look_into_step(double from, double to) {
-  if (method_.is_reference || !state_.peaks.is_near(find_peak_values(*model_, rated_, present())))
-    return;
+void StepLoop::search_peaks(double from, double to) {
+  const double share = std::max(1e-2 * method_.rtol, 1e-10);  // of a peak, worth an evaluation
+  auto& peaks = state_.peaks;
+  const auto end = find_peak_values(*model_, rated_, present());
+  if (!peaks.is_near(end) && !peaks.is_near(peaks.value(peaks.count() - 1))) return;
+  std::array<double, kPeakCount> value;
+  const auto evaluate = [&](double t) {
+    if (!stepper_->interpolate(t, scratch_.data())) return false;
+    evaluator_.count(1);
+    if (!evaluator_.aside(t, scratch_.data(), nullptr).ok()) return false;
+    value = find_peak_values(*model_, rated_, evaluator_.trial());
+    return true;
+  };
   const double middle = 0.5 * (from + to);
-  if (!stepper_->interpolate(middle, scratch_.data())) return;
-  evaluator_.count(1);
-  if (!evaluator_.aside(middle, scratch_.data(), nullptr).ok()) return;
-  state_.peaks.add(state_.elapsed + middle, find_peak_values(*model_, rated_, evaluator_.trial()));
+  if (!evaluate(middle)) return;
+  PeakSearch<kPeakCount> search(peaks);
+  search.add(state_.elapsed + middle, value);
+  search.add(state_.elapsed + to, end);
+  peaks.add(state_.elapsed + middle, value, false);
+  peaks.raise(end);
+  while (!search.is_full()) {
+    const std::optional<double> t = search.find_time(share);
+    if (!t || !evaluate(*t - state_.elapsed)) break;
+    search.add(*t, value);
+    peaks.raise(value);
+  }
 }
 
 /// Step over a singularity. A mechanism can be evaluated on both sides of a singular pose, but not
@@ -442,9 +461,10 @@ Status StepLoop::step_to_root(double tau, bool is_single) {
   const double root = stepper_->time();
   for (int i = 0; i < events_.root_count(); ++i) events_.set_due(i, stepper_->root_found(i));
   std::copy(y_accepted_.begin(), y_accepted_.end(), y());
-  if (!(root > tau)) return {};
+  inner_.is_one = root > tau;
+  if (!inner_.is_one) return {};
   start_stepper(tau, root - tau);
-  for (;;) {  // ends with the limit of evaluations
+  for (;; inner_.is_one = false) {  // ends with the limit of evaluations
     const StepOutcome outcome = make_solver_step(root, false);
     if (outcome == StepOutcome::kFailed) return find_failure(tau);
     if (outcome == StepOutcome::kStopped) return {};

@@ -88,6 +88,8 @@ class StepLoop {
   /// @param atol  for all unknowns
   void set_tolerances(double rtol, const std::vector<double>& atol);
   const RunMethod& method() const { return method_; }
+  /// Are steps searched for peaks? Else peaks are interpolated.
+  bool searches_peaks() const { return !method_.is_reference && !method_.is_fixed_step(); }
 
   // State
 
@@ -161,6 +163,7 @@ class StepLoop {
   struct InnerStep {
     StepOutcome outcome = StepOutcome::kFailed;
     double from = 0.0, to = 0.0;
+    bool is_one = false;   ///< one step of the solver, which knows all states inside
     EnergyBalance energy;  ///< at its end
   };
 
@@ -175,7 +178,7 @@ class StepLoop {
   Status book_inner_step(bool& changed);
   Status step_to_root(double tau, bool is_single);
   Status drift_freely(double& tau, double end, std::int64_t& turns);
-  void look_into_step(double from, double to);
+  void search_peaks(double from, double to);
   double update_singularity_step(double made);
   double find_margin() const;
   double find_next_stop(double tau, double end) const;
