@@ -9,8 +9,6 @@ import pytest
 from dockloop.capture import explain_capture, list_needed
 from light_vehicles import write_light_scene
 
-LATCHES = {"window": 0.025}
-
 
 def make_values(reason, held=(0, 0, 0), **others):
     values = {"capture.reason": reason, "capture.seated_time": 4.86}
@@ -18,6 +16,7 @@ def make_values(reason, held=(0, 0, 0), **others):
         values[f"latched[{i}]"] = holds
         values[f"latch[{i}].opening"] = 0.003 * i
         values[f"latch[{i}].lateral"] = 0.001 * i
+        values[f"latch[{i}].window"] = 0.025
         values[f"contact.petal[{i}].force"] = 0.0
     return {**values, **others}
 
@@ -58,17 +57,18 @@ def make_values(reason, held=(0, 0, 0), **others):
     ],
 )
 def test_every_reason_has_a_sentence(values, sentence):
-    assert explain_capture(values, LATCHES) == sentence
+    assert explain_capture(values) == sentence
 
 
 def test_every_reason_of_the_fmu_has_one(runs):
     run = runs.run("idss_25t_350t", stop=0.02)
-    needed = list_needed(run.names)
-    assert {"capture.reason", "latch[1].lateral", "contact.petal[3].force"} <= set(needed)
+    needed = list_needed([*run.names, *run.parameters])
+    some = {"capture.reason", "latch[1].lateral", "latch[3].window", "contact.petal[3].force"}
+    assert some <= set(needed)
     (reason,) = {int(value) for value in run["capture.reason"]}
     assert reason == 2  # no contact so far
     for reason in range(1, 9):
-        assert explain_capture(make_values(reason), LATCHES)
+        assert explain_capture(make_values(reason))
 
 
 def test_the_summary_says_it(dockloop):

@@ -12,24 +12,23 @@ from dockloop.core import name_choice
 
 _NEEDED = re.compile(
     r"capture\.(reason|seated_time)|time_of_capture|outcome|latched\[\d+\]"
-    r"|latch\[\d+\]\.(opening|lateral)|contact\.petal\[\d+\]\.force"
+    r"|latch\[\d+\]\.(opening|lateral|window)|contact\.petal\[\d+\]\.force"
 )
 AFTER_CAPTURE = ("docked", "undocked")  # outcomes of a sequence that has released the latches
 WITH_CAPTURE = ("captured", *AFTER_CAPTURE)
 
 
-def list_needed(outputs: Iterable[str]) -> list[str]:
-    """Return the outputs of an FMU that `explain_capture` looks at; none if it gives no reason."""
-    needed = [name for name in outputs if _NEEDED.fullmatch(name)]
+def list_needed(names: Iterable[str]) -> list[str]:
+    """Return the variables of an FMU that `explain_capture` looks at; none without a reason."""
+    needed = [name for name in names if _NEEDED.fullmatch(name)]
     return needed if "capture.reason" in needed else []
 
 
-def explain_capture(values: Mapping[str, float], latches: Mapping) -> str | None:
+def explain_capture(values: Mapping[str, float]) -> str | None:
     """Say in one sentence why a docking was captured or not.
 
     Args:
-        values: outputs at the end, at least those of `list_needed`.
-        latches: of the mechanism: ``window`` [m], of all or of single ones.
+        values: outputs at the end and parameters, at least those of `list_needed`.
 
     Returns:
         The sentence, without a full stop; None if the FMU gives no reason.
@@ -42,12 +41,12 @@ def explain_capture(values: Mapping[str, float], latches: Mapping) -> str | None
     held = _list(values, "latched[{}]")
     some = f"with {sum(map(bool, held))} of {len(held)} latches held" if any(held) else ""
     free = [i for i, holds in enumerate(held) if not holds]
-    widest = _name_widest(values, free, latches)
+    widest = _name_widest(values, free)
     why = {  # by values of capture.reason; the list is in the description of that variable
         1: ["captured"],
         2: ["not captured: no contact so far"],
         3: ["not captured yet: has touched and is still moving", some, widest],
-        4: _describe_seat(values, free, some, latches),
+        4: _describe_seat(values, free, some),
         5: [f"not captured: hung up{_name_petal(values)}", some, widest],
         6: ["not captured: too slow to close, at rest before the latches", some, widest],
         7: ["not captured: rebounded", some],
@@ -67,13 +66,11 @@ def _list(values: Mapping[str, float], pattern: str) -> list[float]:
     return found
 
 
-def _describe_seat(
-    values: Mapping[str, float], free: list[int], some: str, latches: Mapping
-) -> list[str]:
+def _describe_seat(values: Mapping[str, float], free: list[int], some: str) -> list[str]:
     """Say for how long the rings were seated, and which striker stands furthest outside."""
     laterals = _list(values, "latch[{}].lateral")
     parts = [f"not captured: seated for {values.get('capture.seated_time', 0.0):.1f} s", some]
-    excess = {i: laterals[i] - _find_window(latches, i) for i in free if i < len(laterals)}
+    excess = {i: laterals[i] - _find_window(values, i) for i in free if i < len(laterals)}
     worst = max(excess, key=excess.__getitem__, default=0)
     if excess and excess[worst] <= 0.0:
         parts.append(f"latch {worst + 1} is within its window but does not catch again")
@@ -82,10 +79,9 @@ def _describe_seat(
     return parts
 
 
-def _find_window(latches: Mapping, i: int) -> float:
-    """Return the lateral window of latch i, counted from 0 [m]."""
-    single = latches["list"][i] if "list" in latches else {}
-    return single.get("window", latches.get("window", math.inf))
+def _find_window(values: Mapping[str, float], i: int) -> float:
+    """Return the lateral window of latch i, counted from 0 [m]; an older FMU does not have it."""
+    return values.get(f"latch[{i + 1}].window", math.inf)
 
 
 def _name_petal(values: Mapping[str, float]) -> str:
@@ -94,7 +90,7 @@ def _name_petal(values: Mapping[str, float]) -> str:
     return f" on petal {forces.index(max(forces)) + 1}" if any(forces) else ""
 
 
-def _name_widest(values: Mapping[str, float], free: list[int], latches: Mapping) -> str:
+def _name_widest(values: Mapping[str, float], free: list[int]) -> str:
     """Name the latch without a striker that is open most, and how far away it is."""
     openings = _list(values, "latch[{}].opening")
     known = [i for i in free if i < len(openings)]
@@ -103,5 +99,5 @@ def _name_widest(values: Mapping[str, float], free: list[int], latches: Mapping)
     widest = max(known, key=openings.__getitem__)
     text = f"latch {widest + 1} is {1e3 * openings[widest]:.1f} mm open"
     lateral = values.get(f"latch[{widest + 1}].lateral", 0.0)
-    excess = lateral - _find_window(latches, widest)
+    excess = lateral - _find_window(values, widest)
     return text + (f" and {1e3 * excess:.1f} mm outside its window" if excess > 0.0 else "")

@@ -45,7 +45,8 @@ _FRAMES = (
      " of the interface along the docking axis"),
     ("P", "passive interface, fixed on the target: origin at the centre of its mating plane, +x"
      " <em>into</em> the target. A and P coincide when docked"),
-    ("B", "base of the mechanism, fixed on the chaser; here the same as A"),
+    ("B", "base of the mechanism, fixed on the chaser; the same as A unless the scene places it"
+     " elsewhere"),
     ("G", "guide ring, the body that meets the target; docking axis +x"),
 )  # fmt: skip
 

@@ -112,8 +112,8 @@ class Planner:
         self.quantities = [self._with_unit(quantity) for quantity in sweep.quantities]
         self.varied = self.quantities[: -1 if sweep.passes else None]
         self.outcomes = self._find_outcomes()
-        outputs = [v.name for v in self.variables.values() if v.causality == "output"]
-        self.asked = list(dict.fromkeys([*self.outcomes, *list_needed(outputs)]))
+        known = [v.name for v in self.variables.values() if v.causality in ("output", "parameter")]
+        self.asked = list(dict.fromkeys([*self.outcomes, *list_needed(known)]))
         self.times = self.list_points(self.base)
         names = [quantity.name for quantity in self.quantities]
         named = [quantity.named for quantity in self.quantities]

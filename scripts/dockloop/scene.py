@@ -32,6 +32,7 @@ FORMAT = "dockloop-scene/1"
 _PATHS = ("mechanism.set.", "sequence.set.")  # begin keys that go on as paths into the mechanism
 OPEN_KEYS = (*_PATHS, "initial.joints.")  # begin keys that no list of keys of a scene holds
 _KEPT = 16  # mechanisms, with what is set in them, that a reader of a scene remembers
+_BASE = ("position", "attitude")  # of the base of the mechanism in A: base_position, ...
 
 _NUMBER = re.compile(r"-?(0|[1-9][0-9]{0,300})(\.[0-9]+)?([eE][+-]?[0-9]+)?")
 _NUMBERED = {  # choices that a scene names and its document numbers: the variable with the names
@@ -125,7 +126,7 @@ def _number_choices(scene: dict) -> None:
 
 def _resolve(scene: dict, mechanism: dict, path: Path) -> dict:
     """Put the document together from a scene that its schema accepts, and its mechanism."""
-    named = scene.get("mechanism")
+    named = scene.get("mechanism", {})
     law = scene.get("contact", {})
     if law and mechanism.get("contact", {}).get("type") not in ("guide_ring", "surfaces"):
         raise UsageError(
@@ -149,6 +150,8 @@ def _resolve(scene: dict, mechanism: dict, path: Path) -> dict:
             document[key] = scene[key]
     if "target" in scene:
         document["target"] = _defaults("target") | scene["target"]
+    if base := {m: named[f"base_{m}"] for m in _BASE if f"base_{m}" in named}:
+        document["base"] = base
     experiment = document["experiment"]
     if experiment["stop"] <= experiment["start"]:
         raise UsageError(
@@ -164,8 +167,8 @@ def load_mechanism(
     """Find, read, modify and check the mechanism that a scene names.
 
     Args:
-        reference: section ``[mechanism]`` of the scene: ``name`` and optionally ``set``; with
-            ``sequence``, the section of this name.
+        reference: section ``[mechanism]`` of the scene, of which ``name`` and ``set`` are read;
+            with ``sequence``, the section of this name.
         scene_path: the scene file; a mechanism next to it wins over a shipped one.
         checker: of mechanisms of this scene.
 

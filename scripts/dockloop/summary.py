@@ -247,10 +247,9 @@ def _outcome(run: Result) -> dict:
         return value if value >= 0.0 else None
 
     latched = run.vector("latched")[-1] if "latched[1]" in run else np.zeros(0)
-    needed = {name: float(run[name][-1]) for name in list_needed(run.names)}
-    latches = run.scene["mechanism"].get("latches", {})
+    values = {name: float(run[name][-1]) for name in list_needed(run.names)} | run.parameters
     return {
-        "explanation": explain_capture(needed, latches),
+        "explanation": explain_capture(values),
         "outcome": name_choice("outcome", run["outcome"][-1]),
         "captured": bool(run["captured"][-1]),
         "phase": name_choice("phase", run["phase"][-1]),

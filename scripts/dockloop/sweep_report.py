@@ -289,8 +289,6 @@ def _make_parts(
     """Yield the table in parts of so many rows that they fit into memory."""
     import pyarrow
 
-    latches = planner.base["mechanism"].get("latches", {})
-
     def list_outcomes(found: list[Any]) -> list[list]:
         return [
             [describe_output(name, r.outputs[i]) if r and r.outputs else None for r in found]
@@ -306,7 +304,7 @@ def _make_parts(
         columns += list_outcomes(found)
         if "capture.reason" in planner.asked:
             ends = (dict(zip(planner.asked, r.outputs, strict=False)) for r in found)
-            columns.append([explain_capture(end, latches) if end else None for end in ends])
+            columns.append([explain_capture(end) if end else None for end in ends])
         if sweep.passes and sweep.passes.refine:
             before = [first[row] if first else None for row in rows]
             columns.append([r and r.status for r in before])

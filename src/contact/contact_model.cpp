@@ -13,18 +13,17 @@ namespace dockloop {
 
 namespace {
 
-void require_value(bool ok, const char* name, double value, const char* limit) {
-  if (!ok) {
-    throw ModelError(std::string("contact law: ") + name + " is " + describe_number(value) +
-                     "; it must be " + limit);
-  }
+/// @throws ModelError with the fault, if there is one
+void refuse(const std::string& fault) {
+  if (!fault.empty()) throw ModelError("contact law: " + fault);
 }
 
 }  // namespace
 
+void check_absorber(const AbsorberLaw& law) { refuse(find_fault(law, kAbsorberNumbers)); }
+
 ContactModel make_absorber_contact(const AbsorberLaw& law) {
-  require_value(law.stiffness >= 0, "absorber stiffness", law.stiffness, "0 or more");
-  require_value(law.damping >= 0, "absorber damping", law.damping, "0 or more");
+  check_absorber(law);
   ContactModel m;
   m.kind = ContactModel::Kind::kAbsorber;
   m.absorber = law;
@@ -57,23 +56,16 @@ std::string describe_pair(const ContactModel& model, int pair) {
 namespace {
 
 void check_law(const ContactLaw& law) {
-  require_value(law.stiffness > 0, "stiffness", law.stiffness, "above 0");
-  require_value(law.node_stiffness > 0, "node_stiffness", law.node_stiffness, "above 0");
-  require_value(law.toe > 0, "toe", law.toe, "above 0");
-  require_value(law.damping >= 0, "damping", law.damping, "0 or more");
-  require_value(law.regularisation > 0 && law.regularisation <= 0.01, "regularisation",
-                law.regularisation, "above 0 and at most 0.01");
-  require_value(law.friction_coefficient >= 0, "friction_coefficient", law.friction_coefficient,
-                "0 or more");
-  require_value(law.friction_speed > 0, "friction_speed", law.friction_speed, "above 0");
-  require_value(law.friction_model == 1 || law.friction_model == 2, "friction_model",
-                law.friction_model, "1 (regularised) or 2 (bristle)");
-  require_value(law.bristle_stiffness > 0, "bristle_stiffness", law.bristle_stiffness, "above 0");
-  require_value(law.bristle_damping >= 0, "bristle_damping", law.bristle_damping, "0 or more");
-  require_value(law.bristle_relaxation > 0, "bristle_relaxation", law.bristle_relaxation,
-                "above 0");
-  require_value(law.bristle_force_floor > 0, "bristle_force_floor", law.bristle_force_floor,
-                "above 0");
+  refuse(find_fault(law, kContactNumbers));
+  constexpr double kMostRegularisation = 0.01;
+  if (law.regularisation > kMostRegularisation) {
+    refuse("regularisation is " + describe_number(law.regularisation) +
+           "; it must be at most 0.01");
+  }
+  if (law.friction_model != 1 && law.friction_model != 2) {
+    refuse("friction_model is " + std::to_string(law.friction_model) +
+           "; it must be 1 (regularised) or 2 (bristle)");
+  }
 }
 
 }  // namespace

@@ -36,6 +36,13 @@ struct AbsorberLaw {
   bool pulls = false;
 };
 
+inline constexpr LawNumber<AbsorberLaw> kAbsorberNumbers[] = {
+    {"stiffness", &AbsorberLaw::stiffness, "N/m", Rule::kNotNegative, true,
+     "Stiffness of the absorber"},
+    {"damping", &AbsorberLaw::damping, "N.s/m", Rule::kNotNegative, false,
+     "Damping of the absorber"},
+};
+
 constexpr int kMaxPetals = 6, kMaxSurfaces = 16;
 /// Gap of a model without surfaces [m] and time of an event that does not happen [s]: large but
 /// finite, because results must be finite numbers.
@@ -123,6 +130,8 @@ struct ContactModel {
 ContactModel make_ring_contact(const GuideRing& active, const GuideRing& passive,
                                const ContactLaw& law);
 ContactModel make_absorber_contact(const AbsorberLaw& law);
+/// @throws ModelError naming the parameter.
+void check_absorber(const AbsorberLaw& law);
 /// Any hardware. Pairs follow the order of `groups`, in both directions. A plate meets a surface of
 /// revolution with its edges. @throws ModelError naming core, group or parameter.
 ContactModel make_surface_contact(const std::vector<NamedCore>& active,

@@ -12,19 +12,25 @@ namespace dockloop {
 
 namespace {
 
-void check_law(const LatchLaw& law) {
-  require("latches", law.catch_distance > 0 && law.pawl_range > law.catch_distance,
-          "catch_distance must be above 0 and below pawl_range");
-  require("latches", law.play >= law.catch_distance,
-          "play must not be below catch_distance, or the force jumps at the catch");
-  require("latches", law.window > 0 && law.guard > 0, "window and guard must be above 0");
-  require(
-      "latches",
-      law.push_force >= 0 && law.hold_stiffness > 0 && law.hold_toe > 0 && law.hold_damping >= 0,
-      "hold_stiffness and hold_toe must be above 0, push_force and hold_damping 0 or more");
-  require("latches", law.release_ramp > 0, "release_ramp must be above 0");
-  require("latches", !law.releases_on_overload || law.rated_load > 0,
-          "rated_load must be above 0 if latches release on overload");
+/// What is wrong with a latch, as the rest of a sentence; empty if nothing is.
+std::string find_law_fault(const LatchLaw& law) {
+  const std::string fault = find_fault(law, kLatchNumbers);
+  if (!fault.empty()) return fault;
+  const auto length = [](const char* name, double value, const char* limit, double bound) {
+    return std::string(name) + " is " + describe_number(value) + " m; it must be " + limit + ", " +
+           describe_number(bound) + " m";
+  };
+  if (!(law.pawl_range > law.catch_distance)) {
+    return length("range", law.pawl_range, "above catch", law.catch_distance);
+  }
+  if (!(law.play >= law.catch_distance)) {
+    return length("play", law.play, "at least catch", law.catch_distance) +
+           ", or the force jumps when the latch catches";
+  }
+  if (law.releases_on_overload && law.rated_load == 0.0) {
+    return "rated_load is 0; a latch that releases on overload needs a rated_load above 0";
+  }
+  return "";
 }
 
 }  // namespace
@@ -33,7 +39,10 @@ void check_latches(const LatchSet& set) {
   require("latches", set.count() <= kMaxLatches, "at most 8 latches are possible");
   require("latches", set.required >= 0 && set.required <= set.count(),
           "required must be 1 or more and not above the number of latches");
-  for (const Latch& latch : set.latch) check_law(latch.law);
+  for (int i = 0; i < set.count(); ++i) {
+    const std::string fault = find_law_fault(set.latch[i].law);
+    if (!fault.empty()) throw ModelError("latch " + std::to_string(i + 1) + ": " + fault);
+  }
 }
 
 LatchMotion find_latch_motion(const LatchSet& set, int i, const RelativeMotion<double>& motion) {

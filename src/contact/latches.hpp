@@ -32,6 +32,28 @@ struct LatchLaw {
   double release_ramp = 0.05;  ///< the tension fades over this time [s]
 };
 
+/// The numbers of a latch that files and hosts may set.
+inline constexpr LawNumber<LatchLaw> kLatchNumbers[] = {
+    {"range", &LatchLaw::pawl_range, "m", Rule::kPositive, true,
+     "Opening at which the pawl of this latch starts to push"},
+    {"catch", &LatchLaw::catch_distance, "m", Rule::kPositive, true,
+     "Opening at which this latch catches"},
+    {"play", &LatchLaw::play, "m", Rule::kPositive, true,
+     "Free opening of the striker that this latch holds"},
+    {"window", &LatchLaw::window, "m", Rule::kPositive, true,
+     "Lateral offset up to which this latch catches"},
+    {"push_force", &LatchLaw::push_force, "N", Rule::kNotNegative, true,
+     "Largest force of the pawl of this latch"},
+    {"stiffness", &LatchLaw::hold_stiffness, "N/m", Rule::kPositive, true,
+     "Stiffness of this latch while it holds"},
+    {"damping", &LatchLaw::hold_damping, "s/m", Rule::kNotNegative, true,
+     "Factor of the rate of stretch on the force of this latch"},
+    {"release_ramp", &LatchLaw::release_ramp, "s", Rule::kPositive, false,
+     "Time over which the force of this latch fades at release"},
+    {"rated_load", &LatchLaw::rated_load, "N", Rule::kNotNegative, false,
+     "Tension at which this latch releases, if it releases on overload"},
+};
+
 constexpr int kMaxLatches = 8;
 
 enum class LatchMeasure : signed char {

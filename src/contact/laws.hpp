@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/law_number.hpp"
 #include "math/one_sided_spring.hpp"
 #include "math/types.hpp"
 
@@ -30,6 +31,31 @@ struct ContactLaw {
   double bristle_damping = 1500.0;    ///< c, while sticking [N s/m]
   double bristle_relaxation = 200.0;  ///< eta, of bristle force above the friction limit [N s/m]
   double bristle_force_floor = 1.0;   ///< F0: keeps mu N away from zero [N]
+};
+
+/// The numbers of a contact law; `damping` may follow from a restitution.
+inline constexpr LawNumber<ContactLaw> kContactNumbers[] = {
+    {"stiffness", &ContactLaw::stiffness, "N/m", Rule::kPositive, false, "Stiffness of a contact"},
+    {"node_stiffness", &ContactLaw::node_stiffness, "N/m", Rule::kPositive, false,
+     "Stiffness of one node of a ring on the face of the other ring"},
+    {"toe", &ContactLaw::toe, "m", Rule::kPositive, false,
+     "Depth over which the stiffness of a contact builds up"},
+    {"damping", &ContactLaw::damping, "s/m", Rule::kNotNegative, false,
+     "Factor of the rate of depth on the elastic force"},
+    {"regularisation", &ContactLaw::regularisation, "1", Rule::kPositive, false,
+     "Regularisation of closest points"},
+    {"friction_coefficient", &ContactLaw::friction_coefficient, "1", Rule::kNotNegative, false,
+     "Coefficient of friction"},
+    {"friction_speed", &ContactLaw::friction_speed, "m/s", Rule::kPositive, false,
+     "Sliding speed at which regularised friction has 0.7 of its force"},
+    {"bristle_stiffness", &ContactLaw::bristle_stiffness, "N/m", Rule::kPositive, false,
+     "Stiffness of a bristle of friction"},
+    {"bristle_damping", &ContactLaw::bristle_damping, "N.s/m", Rule::kNotNegative, false,
+     "Damping of a bristle while it sticks"},
+    {"bristle_relaxation", &ContactLaw::bristle_relaxation, "N.s/m", Rule::kPositive, false,
+     "Relaxation of a bristle above the limit of friction"},
+    {"bristle_force_floor", &ContactLaw::bristle_force_floor, "N", Rule::kPositive, false,
+     "Least limit of friction in the decay of a bristle"},
 };
 
 /// Contact force: toe spring plus the barrier k w u^2/(1 - u)^2, u = (d - w)/w from half depth

@@ -148,12 +148,11 @@ DockingModel make_docking_model(const Scene& scene,
   model.vehicle[kTarget].mass = parameters[kTarget].mass;
   model.vehicle[kTarget].inertia = make_symmetric(parameters[kTarget].inertia);
   model.base_in_chaser = base_in_chaser;
-  // Without a capture body G is placed in A, fixed on the chaser (or on the immobile base).
+  // Without a capture body G is placed in B, fixed on the chaser (or on the immobile base).
   model.capture_in_body = scene.mechanism.capture_in_body;
   if (scene.mechanism.capture_body == kBase) {
-    const Pose<double> A =
-        chaser_moves ? interface_pose[kChaser] : fixed_pose[kChaser] * interface_pose[kChaser];
-    model.capture_in_body = A * model.capture_in_body;
+    const Pose<double> B = chaser_moves ? base_in_chaser : fixed_pose[kChaser] * base_in_chaser;
+    model.capture_in_body = B * model.capture_in_body;
   }
   list_mechanism_bodies(model);
   model.contact = scene.contact;

@@ -56,6 +56,15 @@ double find_preloaded_end(const HardDock& dock) {
   return -pressed - hooks.preload / hooks.stiffness - hooks.toe / 2.0;
 }
 
+namespace {
+
+/// @throws ModelError with the fault of a part, if there is one
+void refuse(const char* part, const std::string& fault) {
+  if (!fault.empty()) throw ModelError(std::string(part) + ": " + fault);
+}
+
+}  // namespace
+
 void check_hard_dock(const HardDock& dock) {
   const FaceLaw& faces = dock.faces;
   const HookLaw& hooks = dock.hooks;
@@ -66,14 +75,13 @@ void check_hard_dock(const HardDock& dock) {
   } else {
     require("interface.faces", faces.points.size() >= 3,
             "count must be 3 or more, or the faces cannot carry a tilt");
-    require("interface.faces", faces.stiffness > 0.0 && faces.toe > 0.0,
-            "stiffness and toe must be above 0");
+    refuse("interface.faces", find_fault(faces, kFaceNumbers));
   }
   if (!hooks.rows.empty()) {
-    require("interface.hooks", hooks.stiffness > 0.0 && hooks.toe > 0.0 && hooks.preload > 0.0,
-            "stiffness, toe and preload must be above 0");
-    require("interface.hooks", hooks.play > 0.0 && hooks.close_time > 0.0 && hooks.open_time > 0.0,
-            "play, close_time and open_time must be above 0");
+    refuse("interface.hooks", find_fault(hooks, kHookNumbers));
+    for (const HookRow& row : hooks.rows) {
+      refuse("interface.hooks.rows", find_fault(row, kHookRowNumbers));
+    }
     require("interface.hooks", hooks.count() <= kMaxHooks, "at most 24 hooks are possible");
     require("interface.hooks", hooks.rows.size() <= kMaxHookRows, "at most 4 rows are possible");
     // Beyond their toes, where find_preloaded_end() is exact.
@@ -84,13 +92,11 @@ void check_hard_dock(const HardDock& dock) {
             "preload");
   }
   if (!pushers.points.empty()) {
-    require("interface.pushers", pushers.stroke > 0.0 && pushers.take_up > 0.0,
-            "stroke and take_up must be above 0");
+    refuse("interface.pushers", find_fault(pushers, kPusherNumbers));
     require("interface.pushers", pushers.take_up <= pushers.stroke,
             "take_up must not exceed stroke");
     require("interface.pushers", pushers.preload > 0.0 || pushers.stiffness > 0.0,
             "preload or stiffness must be above 0");
-    require("interface.pushers", pushers.ramp > 0.0, "ramp must be above 0");
   }
 }
 

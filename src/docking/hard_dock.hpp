@@ -43,9 +43,23 @@ struct FaceLaw {
   double toe = 1e-5;                    ///< [m]
 };
 
+inline constexpr LawNumber<FaceLaw> kFaceNumbers[] = {
+    {"stiffness", &FaceLaw::stiffness, "N/m", Rule::kPositive, true,
+     "Stiffness of the faces, all points together"},
+    {"damping", &FaceLaw::damping, "s/m", Rule::kNotNegative, false,
+     "Factor of the rate of depth on the elastic force of the faces"},
+    {"toe", &FaceLaw::toe, "m", Rule::kPositive, false,
+     "Depth over which the stiffness of the faces builds up"},
+};
+
 struct HookRow {
   std::vector<Eigen::Vector2d> points;  ///< y, z in A [m]
   double close_delay = 0.0;             ///< after the command [s]
+};
+
+inline constexpr LawNumber<HookRow> kHookRowNumbers[] = {
+    {"close_delay", &HookRow::close_delay, "s", Rule::kNotNegative, false,
+     "Delay of this row of hooks after the command to close"},
 };
 
 /// All hooks are equal.
@@ -60,6 +74,20 @@ struct HookLaw {
   int count() const;
 };
 
+inline constexpr LawNumber<HookLaw> kHookNumbers[] = {
+    {"stiffness", &HookLaw::stiffness, "N/m", Rule::kPositive, true, "Stiffness of one hook"},
+    {"preload", &HookLaw::preload, "N", Rule::kPositive, true,
+     "Tension of one hook of the closed joint"},
+    {"damping", &HookLaw::damping, "s/m", Rule::kNotNegative, false,
+     "Factor of the rate of stretch on the elastic force of a hook"},
+    {"toe", &HookLaw::toe, "m", Rule::kPositive, false,
+     "Stretch over which the stiffness of a hook builds up"},
+    {"play", &HookLaw::play, "m", Rule::kPositive, true,
+     "Largest opening at which hooks can close"},
+    {"close_time", &HookLaw::close_time, "s", Rule::kPositive, true, "Time in which a hook closes"},
+    {"open_time", &HookLaw::open_time, "s", Rule::kPositive, false, "Time in which a hook opens"},
+};
+
 struct PusherLaw {
   std::vector<Eigen::Vector2d> points;  ///< y, z in A [m]
   double stroke = 0.0;                  ///< opening at which they let go [m]
@@ -68,6 +96,19 @@ struct PusherLaw {
   double take_up = 5e-4;                ///< of the preload [m]
   double ramp = 0.05;                   ///< of switching [s]
   bool on_at_start = true;
+};
+
+inline constexpr LawNumber<PusherLaw> kPusherNumbers[] = {
+    {"stroke", &PusherLaw::stroke, "m", Rule::kPositive, true,
+     "Opening at which the pushers let go"},
+    {"preload", &PusherLaw::preload, "N", Rule::kNotNegative, false,
+     "Force of one pusher at the end of its stroke"},
+    {"stiffness", &PusherLaw::stiffness, "N/m", Rule::kNotNegative, false,
+     "Stiffness of one pusher"},
+    {"take_up", &PusherLaw::take_up, "m", Rule::kPositive, false,
+     "Travel over which the preload of a pusher builds up"},
+    {"ramp", &PusherLaw::ramp, "s", Rule::kPositive, false,
+     "Time in which the pushers are switched on or off"},
 };
 
 /// The hardware; without points, none.

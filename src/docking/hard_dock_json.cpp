@@ -16,28 +16,20 @@ FaceLaw read_faces(const JsonReader& item) {
   FaceLaw law;
   law.points = make_circle(item.whole("count", 24, 1, kMaxFacePoints), item.positive("radius"),
                            read_azimuth(item));
-  law.stiffness = item.positive("stiffness");
-  law.damping = item.non_negative("damping", law.damping);
-  law.toe = item.number("toe", law.toe);
+  read_numbers(item, kFaceNumbers, law);
   return law;
 }
 
 HookLaw read_hooks(const JsonReader& item) {
   HookLaw law;
-  law.stiffness = item.positive("stiffness");
-  law.preload = item.positive("preload");
-  law.damping = item.non_negative("damping", law.damping);
-  law.toe = item.number("toe", law.toe);
-  law.play = item.positive("play");
-  law.close_time = item.positive("close_time");
-  law.open_time = item.number("open_time", law.open_time);
+  read_numbers(item, kHookNumbers, law);
   const double radius = item.positive("radius");
   const std::vector<JsonReader> rows = item.list("rows", kMaxItems);
   if (rows.empty()) item.fail("needs at least one entry in 'rows'");
   for (const JsonReader& entry : rows) {
     HookRow row;
     row.points = make_circle(entry.at("count").whole(1, kMaxHooks), radius, read_azimuth(entry));
-    row.close_delay = entry.non_negative("close_delay", 0.0);
+    read_numbers(entry, kHookRowNumbers, row);
     law.rows.push_back(row);
   }
   return law;
@@ -47,11 +39,7 @@ PusherLaw read_pushers(const JsonReader& item) {
   PusherLaw law;
   law.points = make_circle(item.at("count").whole(1, kMaxPushers), item.non_negative("radius", 0.0),
                            read_azimuth(item));
-  law.stroke = item.positive("stroke");
-  law.preload = item.non_negative("preload", 0.0);
-  law.stiffness = item.non_negative("stiffness", 0.0);
-  law.take_up = item.number("take_up", law.take_up);
-  law.ramp = item.number("ramp", law.ramp);
+  read_numbers(item, kPusherNumbers, law);
   law.on_at_start = item.flag("on_at_start", law.on_at_start);
   return law;
 }

@@ -174,15 +174,13 @@ std::vector<LawVariant> read_laws(const JsonReader& contact) {
   for (const auto& entry : all.node().items()) {
     const JsonReader item = all.at(entry.key());
     LawVariant law{entry.key(), {}};
-    for (const auto& [key, member] : kLawMembers) {
-      if (item.has(key)) law.stated.emplace_back(member, item.at(key).number());
+    for (const LawNumber<ContactLaw>& each : kContactNumbers) {
+      if (item.has(each.name)) law.stated.emplace_back(each.member, item.at(each.name).number());
     }
     if (item.has("friction_model")) {
       item.at("friction_model").fail("is one for all pairs; state it in contact.law");
     }
-    if (item.has("damping")) {
-      law.stated.emplace_back(&ContactLaw::damping, item.at("damping").number());
-    } else if (item.has("restitution")) {
+    if (!item.has("damping") && item.has("restitution")) {
       const double speed = item.at("restitution_speed").number();
       law.stated.emplace_back(&ContactLaw::damping,
                               find_damping_for_restitution(item.at("restitution").number(), speed));
@@ -193,16 +191,10 @@ std::vector<LawVariant> read_laws(const JsonReader& contact) {
 }
 
 void read_latch_law(const JsonReader& item, LatchLaw& law) {
-  law.pawl_range = item.number("range", law.pawl_range);
-  law.catch_distance = item.number("catch", law.catch_distance);
-  law.play = item.number("play", law.play);
-  law.window = item.number("window", law.window);
-  law.push_force = item.number("push_force", law.push_force);
-  law.hold_stiffness = item.number("stiffness", law.hold_stiffness);
-  law.hold_damping = item.number("damping", law.hold_damping);
-  law.release_ramp = item.number("release_ramp", law.release_ramp);
+  for (const LawNumber<LatchLaw>& each : kLatchNumbers) {
+    law.*each.member = item.number(each.name, law.*each.member);
+  }
   law.releases_on_overload = item.flag("releases_on_overload", law.releases_on_overload);
-  law.rated_load = item.number("rated_load", law.rated_load);
 }
 
 LatchMeasure read_measure(const JsonReader& item, LatchMeasure fallback) {
@@ -218,12 +210,11 @@ LatchMeasure read_measure(const JsonReader& item, LatchMeasure fallback) {
 void read_single_latches(const std::vector<JsonReader>& items, const JsonReader* group,
                          const Latch& common, LatchSet& set) {
   for (const JsonReader& item : items) {
-    for (const char* name :
-         {"range", "catch", "play", "window", "push_force", "stiffness", "damping"}) {
-      if (!item.has(name) && !(group && group->has(name))) {
-        item.fail("lacks the member '" + std::string(name) + "', and no 'latches." + name +
-                  "' states it for all latches");
-      }
+    for (const LawNumber<LatchLaw>& each : kLatchNumbers) {
+      const std::string name = each.name;
+      if (!each.is_required || item.has(name) || (group && group->has(name))) continue;
+      item.fail("lacks the member '" + name + "', and no 'latches." + name +
+                "' states it for all latches");
     }
     Latch latch = common;
     latch.hook = item.at("hook").vector<3>();

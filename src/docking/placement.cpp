@@ -120,8 +120,9 @@ Placement find_placement(const Scene& scene) {
     if (!calc_position(mechanism, data).ok())
       throw ModelError("mechanism cannot be closed at home");
     const int body = scene.mechanism.capture_body;
-    G_in_A = scene.base_in_interface * Pose<double>{data.tree.R[body], data.tree.p[body]} * G_in_A;
+    G_in_A = Pose<double>{data.tree.R[body], data.tree.p[body]} * G_in_A;
   }
+  G_in_A = scene.base_in_interface * G_in_A;
   Vec3<double> p_AP = at.lateral;
   p_AP.x() = scene.contact.empty()
                  ? 0.0

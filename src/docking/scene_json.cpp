@@ -23,7 +23,7 @@ int read_choice(const JsonReader& item, const ChoiceList& list) {
 }
 
 /// Increase it when the same document leads to other variables or other meanings.
-constexpr const char* kVariableTableVersion = "dockloop-variables/3";
+constexpr const char* kVariableTableVersion = "dockloop-variables/4";
 
 constexpr int kMaxNodes = 360;  ///< of a guide ring
 constexpr int kMaxMethod = 99;  ///< sim/solver_methods.hpp has the list
@@ -83,8 +83,10 @@ GuideRing read_guide_ring(const JsonReader& item) {
 /// Members of a contact law; a missing `damping` follows from restitution.
 void read_contact_law(const JsonReader& item, ContactLaw& law, double& restitution,
                       double& restitution_speed) {
-  for (const auto& [key, member] : kLawMembers) law.*member = item.number(key, law.*member);
-  law.node_stiffness = item.number("node_stiffness", law.node_stiffness);
+  for (const LawNumber<ContactLaw>& each : kContactNumbers) {
+    if (each.member == &ContactLaw::damping) continue;  // may follow from the restitution
+    law.*each.member = item.number(each.name, law.*each.member);
+  }
   law.friction_model =
       item.whole("friction_model", law.friction_model, 1, static_cast<int>(kFrictionModels.size()));
   restitution = item.number("restitution", restitution);
@@ -102,8 +104,7 @@ void read_contact(const JsonReader& mechanism, const JsonReader* overrides, Scen
   const std::string type = item.at("type").text();
   if (type == "absorber") {
     AbsorberLaw law;
-    law.stiffness = item.at("stiffness").number();
-    law.damping = item.non_negative("damping", 0.0);
+    read_numbers(item, kAbsorberNumbers, law);
     law.pulls = item.flag("pulls", false);
     scene.contact = make_absorber_contact(law);
     return;
@@ -209,6 +210,11 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   if (scene.has_target) {
     scene.motion[kTarget] = read_motion(root.at("target"));
     scene.vehicle[kTarget] = read_vehicle(root.at("target"));
+  }
+  if (root.has("base")) {
+    const JsonReader base = root.at("base");
+    scene.base_in_interface = {quat_to_matrix<double>(read_quaternion(base, "attitude")),
+                               base.vector<3>("position", Vec3<double>::Zero())};
   }
   const JsonReader mechanism = root.at("mechanism");
   scene.mechanism = read_mechanism(mechanism.node().dump(), source_name + ": mechanism");

@@ -53,6 +53,10 @@ constexpr Quantity kEnergy{"Energy", "J", "", 10.0, "Energy", "Energy or work"};
 constexpr Quantity kPower{"Power", "W", "", 10.0, "Power", "Power"};
 constexpr Quantity kPerSecond{"PerSecond", "1/s", "", 1.0, "", "Rate of change, per second"};
 constexpr Quantity kMomentum{"Momentum", "N.s", "", 1e3, "Momentum", "Linear momentum or impulse"};
+constexpr Quantity kStiffness{"Stiffness", "N/m", "", 1e6, "", "Stiffness of a part"};
+constexpr Quantity kDamping{"Damping", "N.s/m", "", 1e3, "", "Force per speed"};
+constexpr Quantity kDampingFactor{
+    "DampingFactor", "s/m", "", 1.0, "", "Factor of a speed on an elastic force"};
 constexpr Quantity kAngularMomentum{"AngularMomentum", "N.m.s",           "", 1e3,
                                     "AngularMomentum", "Angular momentum"};
 
@@ -277,6 +281,7 @@ void add_elements(Table& table, DockingSim& sim);
 void add_disturbances(Table& table, DockingSim& sim);
 void add_failures(Table& table, DockingSim& sim);
 void add_hard_dock(Table& table, const HardDock& dock, Inputs& in, Outputs& out);
+void add_hardware(Table& table, DockingSim& sim);
 void add_states(Table& table, Outputs& out);
 void add_loops(Table& table, Outputs& out);
 

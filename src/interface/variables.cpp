@@ -85,6 +85,9 @@ const std::vector<Unit>& unit_definitions() {
       {"J", 1, 2, -2, 0, {}},
       {"W", 1, 2, -3, 0, {}},
       {"1/s", 0, 0, -1, 0, {}},
+      {"N/m", 1, 0, -2, 0, {}},
+      {"N.s/m", 1, 0, -1, 0, {}},
+      {"s/m", 0, -1, 1, 0, {}},
   };
   return kUnits;
 }
@@ -118,6 +121,7 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   add_failures(table, sim);
   add_disturbances(table, sim);
   add_hard_dock(table, scene.hard_dock, inputs, outputs);
+  if (scene.has_target) add_hardware(table, sim);
   if (wants("states")) add_states(table, outputs);
   if (wants("loops")) add_loops(table, outputs);
   if (wants("energy")) {

@@ -1,4 +1,5 @@
 // Rows of the variable table: ring, legs, elements, failures, disturbances, hard dock, loops.
+#include "docking/hardware_numbers.hpp"
 #include "docking/phases.hpp"
 #include "interface/variable_table.hpp"
 
@@ -55,10 +56,10 @@ void add_legs(Table& table, const MechanismModel& mechanism, Inputs& in, Outputs
   }
 }
 
-/// Limits of a parameter with this rule. Values at a limit that is not allowed are refused when the
-/// run starts.
 namespace {
 
+/// Limits of a parameter with this rule. Values at a limit that is not allowed are refused when the
+/// run starts.
 Row limited(Row row, Rule rule) {
   if (rule == Rule::kShare) return row.limits(0.0, 1.0);
   return rule == Rule::kAny ? row : row.not_negative();
@@ -167,6 +168,33 @@ void add_hard_dock(Table& table, const HardDock& dock, Inputs& in, Outputs& out)
   table.outputs("joint.torque", out.joint_torque, kTorque,
                 "Torque on the target across A and P about the origin of P, axes of P");
   table.output("joint.rigid", &out.joint_rigid, kNone, "Chaser and target are one rigid body");
+}
+
+namespace {
+
+/// Quantity of a number of the hardware, by its unit.
+const Quantity& find_quantity(const std::string& unit) {
+  for (const Quantity* each :
+       {&kSmallLength, &kSmallVelocity, &kTime, &kForce, &kStiffness, &kDamping, &kDampingFactor}) {
+    if (unit == each->unit) return *each;
+  }
+  return kNone;
+}
+
+}  // namespace
+
+/// Numbers of contact laws, latches and hard dock.
+void add_hardware(Table& table, DockingSim& sim) {
+  Parameters& parameters = sim.parameters();
+  double* number = parameters.hardware_numbers.data();
+  for_each_hardware_number(sim.scene(), [&](const std::string& name, double, const char* unit,
+                                            Rule rule, const std::string& text) {
+    limited(table.parameter(name, number++, find_quantity(unit), text), rule);
+  });
+  for (size_t i = 0; i < parameters.latch_overload.size(); ++i) {
+    table.parameter(indexed("latch", i) + ".releases_on_overload", &parameters.latch_overload[i],
+                    kNone, "This latch releases when its tension exceeds its rated load");
+  }
 }
 
 void add_states(Table& table, Outputs& out) {

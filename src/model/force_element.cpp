@@ -104,23 +104,6 @@ void for_each_number(std::vector<ForceElement>& elements, F&& f) {
 
 }  // namespace
 
-std::string find_fault(double number, Rule rule) {
-  switch (rule) {
-    case Rule::kAny:
-      break;
-    case Rule::kNotNegative:
-      if (!(number >= 0.0)) return "it must be 0 or more";
-      break;
-    case Rule::kPositive:
-      if (!(number > 0.0)) return "it must be above 0";
-      break;
-    case Rule::kShare:
-      if (!(number >= 0.0 && number <= 1.0)) return "it must be from 0 to 1";
-      break;
-  }
-  return "";
-}
-
 std::string find_fault(const ForceLaw& law) {
   std::string fault;
   ForceLaw copy = law;  // the list of numbers is for laws that may change

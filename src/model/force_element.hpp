@@ -13,12 +13,10 @@
 #include <variant>
 #include <vector>
 
+#include "math/law_number.hpp"
 #include "model/onset.hpp"
 
 namespace dockloop {
-
-/// What a number of a law may be.
-enum class Rule { kAny, kNotNegative, kPositive, kShare };
 
 constexpr double kUnlimited = 1e30;  ///< of a force or voltage without limit
 
@@ -209,9 +207,6 @@ void for_each_number(ForceLaw& law, F&& f) {
 
 /// What is wrong with the numbers of a law, as the rest of a sentence; empty if nothing is.
 std::string find_fault(const ForceLaw& law);
-
-/// Is a number as its rule says? @return the rest of a sentence; empty if it is
-std::string find_fault(double number, Rule rule);
 
 /// Joint whose coordinate counts with a ratio.
 struct ElementTerm {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "math/law_number.hpp"
 #include "math/status.hpp"
 #include "math/types.hpp"
 
@@ -200,5 +201,17 @@ class JsonReader {
   const nlohmann::json* node_;
   std::string source_, path_;
 };
+
+/// The numbers of a law that an object states; others keep their values.
+template <class Law, size_t n>
+void read_numbers(const JsonReader& item, const LawNumber<Law> (&list)[n], Law& law) {
+  for (const LawNumber<Law>& each : list) {
+    if (!each.is_required && !item.has(each.name)) continue;
+    const JsonReader at = item.at(each.name);
+    law.*each.member = at.number();
+    const std::string why = find_fault(law.*each.member, each.rule);
+    if (!why.empty()) at.fail("is " + at.shown() + "; " + why);
+  }
+}
 
 }  // namespace dockloop

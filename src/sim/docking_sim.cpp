@@ -268,6 +268,8 @@ void DockingSim::Impl::load(const SavedSim& from) {
   const auto fits_lists = [this](const Inputs& in, const Parameters& p) {
     return in.leg_force_command.size() == inputs.leg_force_command.size() &&
            in.element_command.size() == inputs.element_command.size() &&
+           p.hardware_numbers.size() == parameters.hardware_numbers.size() &&
+           p.latch_overload.size() == parameters.latch_overload.size() &&
            p.element_numbers.size() == parameters.element_numbers.size() &&
            p.failure_active.size() == parameters.failure_active.size() &&
            p.failure_numbers.size() == parameters.failure_numbers.size() &&
@@ -278,7 +280,7 @@ void DockingSim::Impl::load(const SavedSim& from) {
     throw ModelError("the saved state does not fit this model");
   }
   const bool rebuild = from.setup && from.setup != setup;
-  const Parameters parameters_before = parameters;
+  parameters_before = parameters;
   SavedSim before;
   if (rebuild) save(before);
   try {
@@ -299,7 +301,7 @@ void DockingSim::Impl::load(const SavedSim& from) {
 
 /// Do parameters that may be changed during a run have other values than the model?
 bool DockingSim::Impl::are_tunables_new() const {
-  const ContactLaw law = make_contact_law(), &last = model->contact.law;
+  const ContactLaw &last = model->contact.law, law = make_contact_law(last);
   const bool same_law = model->contact.empty() ||
                         (law.friction_coefficient == last.friction_coefficient &&
                          law.friction_model == last.friction_model && law.damping == last.damping);
@@ -312,7 +314,8 @@ void DockingSim::Impl::adopt_tunables() {
   if (ahead.pending && !are_tunables_new()) return;
   if (ahead.pending) {
     ContactModel tried = model->contact;
-    if (!tried.empty()) set_law(tried, make_contact_law());  // may throw, before anything changes
+    if (!tried.empty())
+      set_law(tried, make_contact_law(tried.law));  // may throw, before anything changes
     settle_for_parameters();
   }
   use_tunables();
@@ -322,7 +325,9 @@ void DockingSim::Impl::adopt_tunables() {
 void DockingSim::Impl::use_tunables() {
   if (are_tunables_new()) {
     const auto changed = std::make_shared<DockingModel>(*model);
-    if (!changed->contact.empty()) set_law(changed->contact, make_contact_law());  // may throw
+    if (!changed->contact.empty()) {
+      set_law(changed->contact, make_contact_law(changed->contact.law));  // may throw
+    }
     changed->thrust = parameters.contact_thrust;
     changed->thrust_delay = parameters.contact_thrust_delay;
     use_model(changed);

@@ -61,7 +61,8 @@ struct DockingSim::Impl : SimState {
   void clear();
   void initialise(double t0, double tolerance);
   void start(std::shared_ptr<const Setup> from);
-  ContactLaw make_contact_law() const;
+  ContactLaw make_contact_law(const ContactLaw& from) const;
+  void put_hardware(DockingModel& into) const;
   void choose_frame_O();
   void start_sequence();
   bool can_be_quiescent() const;
@@ -221,6 +222,7 @@ struct DockingSim::Impl : SimState {
   FmiKind fmi_kind;
   const Comparison* comparison;  ///< null: the core only
   Parameters parameters;
+  Parameters parameters_before;  ///< load(): kept in case it fails, of the same sizes
   Inputs inputs;
   Inputs slopes;  ///< rates of the inputs over the coming step
   Outputs outputs;

@@ -162,10 +162,11 @@ template <class A>
 void transfer(A& archive, Parameters& p) {
   transfer_members<Parameters>(
       archive, p.vehicle, p.contact_thrust, p.contact_thrust_delay, p.friction_coefficient,
-      p.friction_model, p.restitution, p.restitution_speed, p.element_numbers, p.failure_active,
-      p.failure_numbers, p.disturbance, p.model_level, p.flight, p.accuracy, p.solver_method,
-      p.dae_form, p.step, p.rtol, p.atol_position, p.atol_velocity, p.atol_energy, p.coupling_mode,
-      p.coupling_expected_step, p.coupling_velocity_tolerance);
+      p.friction_model, p.restitution, p.restitution_speed, p.hardware_numbers, p.latch_overload,
+      p.element_numbers, p.failure_active, p.failure_numbers, p.disturbance, p.model_level,
+      p.flight, p.accuracy, p.solver_method, p.dae_form, p.step, p.rtol, p.atol_position,
+      p.atol_velocity, p.atol_energy, p.coupling_mode, p.coupling_expected_step,
+      p.coupling_velocity_tolerance);
 }
 
 template <class A>

@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "docking/frame_origin.hpp"
+#include "docking/hardware_numbers.hpp"
 #include "math/inertia.hpp"
 #include "mechanism/kernels.hpp"
 #include "sim/sim_impl.hpp"
@@ -76,6 +77,10 @@ Parameters find_start_parameters(const Scene& scene) {
   p.atol_energy = scene.solver.atol_energy;
   p.coupling_mode = scene.parallel_host ? kParallel : kSequential;
   p.coupling_expected_step = scene.experiment.step;
+  p.hardware_numbers = get_hardware_numbers(scene);
+  for (const Latch& latch : scene.latches.latch) {
+    p.latch_overload.push_back(latch.law.releases_on_overload ? 1 : 0);
+  }
   p.element_numbers = get_element_numbers(scene.mechanism.elements);
   for (const LawFailure& failure : scene.mechanism.failures) {
     p.failure_active.push_back(failure.active ? 1 : 0);
@@ -109,6 +114,7 @@ void DockingSim::Impl::clear() {
   const Parameters start_parameters = find_start_parameters(*scene);
   const Inputs start_inputs = find_start_inputs(*scene);
   parameters = start_parameters;
+  parameters_before = start_parameters;
   inputs = start_inputs;
   for (Outputs::Vehicle& vehicle : outputs.vehicle) vehicle = Outputs::Vehicle();
   const MechanismModel& m = scene->mechanism;
@@ -164,8 +170,10 @@ void DockingSim::Impl::clear() {
   invalidate();
 }
 
-ContactLaw DockingSim::Impl::make_contact_law() const {
-  ContactLaw law = scene->contact.law;
+/// A law with the present friction and restitution.
+ContactLaw DockingSim::Impl::make_contact_law(const ContactLaw& from) const {
+  ContactLaw law = from;
+  law.damping = scene->contact.law.damping;
   law.friction_coefficient = parameters.friction_coefficient;
   law.friction_model = parameters.friction_model;
   if (parameters.restitution != scene->restitution ||
@@ -174,6 +182,18 @@ ContactLaw DockingSim::Impl::make_contact_law() const {
         find_damping_for_restitution(parameters.restitution, parameters.restitution_speed);
   }
   return law;
+}
+
+/// Hardware as the parameters have it.
+void DockingSim::Impl::put_hardware(DockingModel& into) const {
+  put_hardware_numbers(parameters.hardware_numbers, into);
+  if (!into.contact.empty()) set_law(into.contact, make_contact_law(into.contact.law));
+  check_absorber(into.contact.absorber);
+  for (size_t i = 0; i < into.latches.latch.size(); ++i) {
+    into.latches.latch[i].law.releases_on_overload = parameters.latch_overload[i] != 0;
+  }
+  check_latches(into.latches);
+  check_hard_dock(into.hard_dock);
 }
 
 void DockingSim::Impl::choose_frame_O() {
@@ -278,8 +298,10 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   Parameters wanted = parameters;
   if (fmi_kind == FmiKind::kModelExchange) wanted.accuracy = 0.0;  // the host integrates
   choose_frame_O();
-  const auto made = std::make_shared<DockingModel>(make_docking_model(
-      *scene, parameters.vehicle, make_contact_law(), frame_origin, parameters.model_level));
+  const auto made = std::make_shared<DockingModel>(
+      make_docking_model(*scene, parameters.vehicle, make_contact_law(scene->contact.law),
+                         frame_origin, parameters.model_level));
+  put_hardware(*made);
   made->thrust = parameters.contact_thrust;
   made->thrust_delay = parameters.contact_thrust_delay;
   // In model exchange frame O must be a function of time alone: O then drifts and does not fall.

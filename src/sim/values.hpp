@@ -41,15 +41,18 @@ struct DisturbanceNumbers {
 /// Parameters of a run, fixed at the start. Start values come from the scene.
 struct Parameters {
   std::array<VehicleParameters, 2> vehicle;  ///< [kChaser], [kTarget]; docking/scene.hpp
-  double contact_thrust = 0.0;          ///< [N] along +x of A, from first contact until captured
-  double contact_thrust_delay = 0.0;    ///< [s] after first contact
-  double friction_coefficient = 0.0;    ///< [-]
-  int friction_model = 1;               ///< 1 regularised, 2 bristle
-  double restitution = 0.0;             ///< [-] at restitution_speed
-  double restitution_speed = 0.0;       ///< [m/s]
-  std::vector<double> element_numbers;  ///< of all laws (model/force_element.hpp)
-  std::vector<char> failure_active;     ///< 0 or 1, one per failure
-  std::vector<double> failure_numbers;  ///< time [s] and value of each
+  double contact_thrust = 0.0;           ///< [N] along +x of A, from first contact until captured
+  double contact_thrust_delay = 0.0;     ///< [s] after first contact
+  double friction_coefficient = 0.0;     ///< [-]
+  int friction_model = 1;                ///< 1 regularised, 2 bristle
+  double restitution = 0.0;              ///< [-] at restitution_speed
+  double restitution_speed = 0.0;        ///< [m/s]
+  std::vector<double> hardware_numbers;  ///< of surfaces, latches, hard dock
+                                         ///< (docking/hardware_numbers.hpp)
+  std::vector<char> latch_overload;      ///< 0 or 1, one per latch: it releases on overload
+  std::vector<double> element_numbers;   ///< of all laws (model/force_element.hpp)
+  std::vector<char> failure_active;      ///< 0 or 1, one per failure
+  std::vector<double> failure_numbers;   ///< time [s] and value of each
   std::vector<DisturbanceNumbers> disturbance;
   int flight = kQuiescent;                    ///< see FreeDriftModel
   int model_level = kReduced;                 ///< see ModelLevel

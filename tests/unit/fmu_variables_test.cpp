@@ -270,7 +270,7 @@ TEST(VariableTable, OutputsOfNoGroupDoNotExist) {
     EXPECT_TRUE(has_prefix(v.name, "chaser.") || has_prefix(v.name, "target.") ||
                 has_prefix(v.name, "gravity") || has_prefix(v.name, "model.") ||
                 has_prefix(v.name, "solver.") || v.name == "accuracy" ||
-                v.causality == Causality::kLocal)
+                v.causality == Causality::kLocal || v.causality == Causality::kParameter)
         << v.name;
   }
   EXPECT_EQ(by_name(*sim).count("solver.steps"), 0u);

@@ -64,13 +64,12 @@ def list_points(search: Search) -> tuple[list[str], list[Row]]:
     shown = [n for n in dict.fromkeys([*planner.outcomes, *looked_at]) if n not in (*axes, *texts)]
     columns = ["run", *axes, "status", "reason", *texts]
     columns += [*shown, "explanation", "command"]
-    latches = planner.base["mechanism"].get("latches", {})
     rows = []
     for number, point in enumerate(sorted(search.runs), 1):
         result, outputs = search.runs[point], search.outputs(point)
         met = search.known[point] if outputs else [None] * len(search.criteria)
         ends = [describe_output(name, outputs[name]) if outputs else None for name in shown]
-        why = explain_capture(outputs, latches)
+        why = explain_capture(outputs)
         command = shlex.join(make_command(search, point))
         status = [result.status, result.reason]
         rows.append([number, *search.values(point), *status, *met, *ends, why, command])

@@ -26,8 +26,8 @@ def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
         parameters: values of the FMU's parameters; they win over the document.
 
     Returns:
-        Members ``vehicles``, ``ring``, ``cores``, ``contact``, ``legs``, ``latches``,
-        ``capture_body``, ``capture_body_in_G``, ``bodies``.
+        Members ``base`` (its pose in axes of A), ``vehicles``, ``ring``, ``cores``, ``contact``,
+        ``legs``, ``latches``, ``capture_body``, ``capture_body_in_G``, ``bodies``.
     """
     mechanism = document["mechanism"]
     legs = _list_legs(mechanism)
@@ -37,7 +37,12 @@ def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
         if name in document:
             vehicles[name] = _make_vehicle(name, document[name], parameters, front)
     contact = mechanism.get("contact", {})
+    base = document.get("base", {})
     return {
+        "base": {
+            "p": list(base.get("position", [0.0, 0.0, 0.0])),
+            "q": list(base.get("attitude", [1.0, 0.0, 0.0, 0.0])),
+        },
         "vehicles": vehicles,
         "ring": _make_rings(contact) if contact.get("type") == "guide_ring" else None,
         "cores": _make_cores(contact) if contact.get("type") == "surfaces" else None,
@@ -73,6 +78,19 @@ def place_bodies(mechanism: dict, coordinates: np.ndarray) -> dict[str, np.ndarr
             if name != "base":
                 rows[name].append([*position, *find_quaternion(rotation)])
     return {name: np.array(poses) for name, poses in rows.items()}
+
+
+def list_base(shapes: dict) -> np.ndarray:
+    """Return the pose of the base in axes of A, one row of 7 numbers."""
+    return np.array([[*shapes["base"]["p"], *shapes["base"]["q"]]])
+
+
+def place_on_base(shapes: dict, rows: np.ndarray) -> np.ndarray:
+    """Return poses in axes of A from poses in axes of the base, rows of 7 numbers."""
+    base = list_base(shapes)[0]
+    attitude = np.tile(base[3:], (len(rows), 1))
+    position = base[:3] + turn(attitude, rows[:, :3])
+    return np.hstack([position, multiply(attitude, rows[:, 3:])])
 
 
 def find_leg_length(leg: dict, root: np.ndarray, closing: np.ndarray) -> np.ndarray:

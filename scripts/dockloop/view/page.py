@@ -212,7 +212,8 @@ def _find_poses(run: Recording, shapes: dict) -> tuple[dict[str, np.ndarray], li
     capture = mechanism.get("capture", {}).get("body", "base")
     if "state.q[1]" in run:
         found = geometry.place_bodies(mechanism, run.vector("state.q")) or {}
-        for name, rows in found.items():
+        for name, in_base in found.items():
+            rows = geometry.place_on_base(shapes, in_base)
             if name != capture:
                 poses[f"body.{name}"] = rows
             elif "ring" not in poses:
@@ -230,7 +231,7 @@ def _find_poses(run: Recording, shapes: dict) -> tuple[dict[str, np.ndarray], li
             " these bodies are no outputs, or need the group 'states' in [outputs] groups"
         )
     if capture == "base" and "ring" not in poses and mechanism["name"] != "none":
-        poses["ring"] = np.tile([0.0, 0, 0, 1, 0, 0, 0], (count, 1))
+        poses["ring"] = np.tile(geometry.list_base(shapes), (count, 1))
     return poses, notes
 
 
@@ -263,7 +264,7 @@ def _check_fit(run: Recording, poses: dict[str, np.ndarray], shapes: dict) -> fl
     Raises:
         UsageError: the shapes are not those of the run.
     """
-    at = {"base": np.array([[0.0, 0, 0, 1, 0, 0, 0]])}
+    at = {"base": geometry.list_base(shapes)}
     if "ring" in poses:
         at[shapes["capture_body"]] = geometry.place_capture_body(shapes, poses["ring"])
     at |= {k.removeprefix("body."): v for k, v in poses.items() if k.startswith("body.")}

@@ -262,6 +262,9 @@
     }
 
     const base = group(world), ring = group(world), target = group(world);
+    const mount = group(world); // B, where the mechanism stands on the chaser
+    mount.position.copy(vector(geometry.base.p));
+    mount.quaternion.copy(quaternion(geometry.base.q));
     const captureBody = group(world);
     addFrame(base, 'A', 0.25, [-0.07, 0, -0.08]);
     if ('chaser' in geometry.vehicles) addVehicle(base, 'chaser');
@@ -301,7 +304,7 @@
       addFrame(made, body.name, 0.12);
       bodies[body.name] = { made, line, parent: body.parent };
     }
-    const holderOf = (name) => (name === 'base' ? base : name === geometry.capture_body ? captureBody : bodies[name]?.made);
+    const holderOf = (name) => (name === 'base' ? mount : name === geometry.capture_body ? captureBody : bodies[name]?.made);
     const isPlaced = (name) => name === 'base' || (name === geometry.capture_body ? hasRing : name in bodies);
 
     /** Pin of a crank for a tip, both from the root point: two sides of a triangle, seen along the axis. */
