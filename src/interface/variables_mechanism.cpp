@@ -187,9 +187,11 @@ const Quantity& find_quantity(const std::string& unit) {
 void add_hardware(Table& table, DockingSim& sim) {
   Parameters& parameters = sim.parameters();
   double* number = parameters.hardware_numbers.data();
-  for_each_hardware_number(sim.scene(), [&](const std::string& name, double, const char* unit,
+  for_each_hardware_number(sim.scene(), [&](const std::string& name, double value, const char* unit,
                                             Rule rule, const std::string& text) {
-    limited(table.parameter(name, number++, find_quantity(unit), text), rule);
+    const Quantity& quantity = find_quantity(unit);
+    limited(table.parameter(name, number++, quantity, text), rule)
+        .nominal(value > 0.0 ? value : quantity.nominal);
   });
   for (size_t i = 0; i < parameters.latch_overload.size(); ++i) {
     table.parameter(indexed("latch", i) + ".releases_on_overload", &parameters.latch_overload[i],
