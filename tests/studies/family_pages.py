@@ -1,0 +1,466 @@
+"""Tables and figures of the pages of the families: modelDescription/HEXAPOD.md and others.
+
+The text of a page is typed. What stands between ``<!-- made: ... -->`` and ``<!-- end -->`` is
+written here: the numbers of the mechanism file with units and sources, variables of the FMU, the
+loads of a whole docking. The figures are a drawing, a whole docking over time and, with --stills,
+the mechanism at first contact (needs Chromium).
+
+Examples:
+    .venv/bin/python tests/studies/family_pages.py                # half a minute
+    .venv/bin/python tests/studies/family_pages.py --stills       # also the pictures
+"""
+
+import argparse
+import hashlib
+import json
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import dockloop as dl
+from dockloop import core, formats
+from dockloop.drawing import find_legs
+from dockloop.figures import save_figure
+from dockloop.mechanism_drawing import draw_mechanism
+from dockloop.paths import MECHANISMS, MODELS, ROOT, SCENES, shown
+from page import write_head, write_row
+
+COMMAND = "tests/studies/family_pages.py"
+FIGURES = MODELS / "figures"
+SHORT, STOP, STEP = 20.0, 170.0, 0.05  # s: first panel, whole docking, recording
+LIMITS = ("tension", "compression", "shear", "bending", "torsion")
+SOURCE = re.compile(r"assum|standard|recalled|derived", re.IGNORECASE)
+BLOCK = re.compile(r"(<!-- made: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+class Family(NamedTuple):
+    """What a page shows.
+
+    Attributes:
+        drive: elements that retract; their coordinate is drawn.
+        sets: variables that a host sets.
+        reads: variables that a host reads.
+    """
+
+    drive: tuple[int, ...]
+    sets: tuple[str, ...]
+    reads: tuple[str, ...]
+
+
+_SETS = ("command", "chaser.contact_thrust", "chaser.contact_thrust_delay", "friction.coefficient")
+_READS = (
+    "sequence.step", "outcome", "captured", "relative.axial", "gap", "capture.load_ratio",
+    "hook[1].force", "faces.force", "energy.drive_work", "energy.residual",
+)  # fmt: skip
+FAMILIES = {
+    "hexapod": Family(
+        drive=(1, 3, 5, 7, 9, 11),
+        sets=(*_SETS, "element[2].command", "failure[1].active", "failure[2].active"),
+        reads=(*_READS, "leg[1].length", "leg[1].force", "element[2].force", "latch[1].force"),
+    ),
+    "apda": Family(
+        drive=(7,),
+        sets=(*_SETS, "failure[1].active", "failure[2].active", "element[7].law[2].engagement"),
+        reads=(*_READS, "leg[1].force", "element[1].coordinate", "element[7].force",
+               "element[7].saturation", "latch[1].force"),
+    ),
+    "probe_drogue": Family(
+        drive=(1,),
+        sets=(*_SETS, "failure[1].active", "failure[2].active", "element[1].law[3].limit"),
+        reads=(*_READS, "element[1].coordinate", "element[1].force", "element[1].saturation",
+               "leg[1].force", "contact.surface[3].force", "contact.surface[5].force",
+               "latch[1].force"),
+    ),
+}  # fmt: skip
+
+
+def find_page(name: str) -> Path:
+    """Return the page of a family."""
+    return MODELS / f"{name.upper()}.md"
+
+
+def read_mechanism(name: str) -> dict:
+    """Return a shipped mechanism file."""
+    return json.loads((MECHANISMS / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def find_stamp(name: str) -> str:
+    """Return the sum of the files that a recorded docking depends on."""
+    files = (MECHANISMS / f"{name}.json", SCENES / f"{name}.toml")
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
+
+
+# ------------------------------------------------ numbers
+
+
+def find_units() -> dict[str, str]:
+    """Return the unit of each member of mechanism files, by its path in FORMATS.md.
+
+    Groups that share members have them under the first of their paths: also by first and last part.
+    """
+    units = {path: node.get("unit", "") for path, node, _ in formats.list_members("mechanism")}
+    shared = {f"{re.split(r'[. ]', path)[0]}.{path.rsplit('.', 1)[-1]}": u
+              for path, u in units.items()}  # fmt: skip
+    return shared | units
+
+
+def write_number(value: Any) -> str:
+    """Return a value as text: diagonal of a matrix, numbers of a list, word."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int | float):
+        return f"{value:.4g}"
+    if isinstance(value, str):
+        return value
+    if np.shape(value) == (3, 3):
+        value = np.diag(value).tolist()
+    return f"({', '.join(write_number(part) for part in value)})"
+
+
+class Numbers:
+    """Rows of the table of numbers of one mechanism: part, numbers, source."""
+
+    def __init__(self, document: dict) -> None:
+        self.document = document
+        self._units = find_units()
+        self._rows: dict[tuple[str, str], list[str]] = {}  # text and source: names
+
+    def list_rows(self) -> Iterator[tuple[str, str, str]]:
+        """Yield name, numbers and source of each group."""
+        for body in self.document["bodies"]:
+            self._add(body["name"], body, "bodies[]", leave=("joint",))
+        for part, group in self.document.get("leg_defaults", {}).items():
+            if isinstance(group, dict):
+                self._add(f"{part} of a leg", group, f"leg_defaults.{part}")
+        self._add_legs()
+        for row in self.document.get("couplings", ()):
+            if len(row["terms"]) == 1:
+                ratio = write_number(abs(row["terms"][0]["ratio"]))
+                self._note(row["name"], f"{ratio} rad per unit of its joint", "")
+        for force in self.document["forces"]:
+            self._add_laws(force)
+        self._add_contact()
+        self._add_latches()
+        self._add("rated loads", self.document["limits"], "limits")
+        for part in ("faces", "hooks", "pushers"):
+            group = self.document["interface"]
+            self._add(part, group[part], f"interface.{part}", comment=group.get("comment", ""))
+        self._add_actions()
+        for (text, source), names in self._rows.items():
+            yield name_all(names), text, source
+
+    def _note(self, name: str, text: str, comment: str) -> None:
+        """Add a row, to an equal one if there is one."""
+        sentences = re.split(r"(?<=[.;:]) ", comment)
+        source = " ".join(text for text in sentences if SOURCE.search(text)) or "assumption"
+        self._rows.setdefault((text, source), []).append(name)
+
+    def _add(
+        self, name: str, group: dict, path: str, *, leave: tuple[str, ...] = (),
+        is_rotary: bool = False, comment: str = "",
+    ) -> None:  # fmt: skip
+        """Add the numbers of a group with their units."""
+        parts = [
+            self._write_member(key, value, f"{path}.{key}", is_rotary)
+            for key, value in group.items()
+            if key not in ("comment", "name", "parent", "type", "kind", "commanded", *leave)
+        ]
+        if parts:
+            self._note(name, "; ".join(parts), join_comment(group) or comment)
+
+    def _write_member(self, key: str, value: Any, path: str, is_rotary: bool) -> str:
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            inner = (
+                "; ".join(
+                    self._write_member(k, v, f"{path}[].{k}", is_rotary) for k, v in x.items()
+                )
+                for x in value
+            )
+            return f"{key} {', '.join(f'({text})' for text in inner)}"
+        short = f"{re.split(r'[. ]', path)[0]}.{key}"
+        unit = self._units.get(path, self._units.get(short, ""))
+        if key == "stages":
+            first, second = (choose_unit(part, is_rotary) for part in unit.split("; "))
+            return ", ".join(f"from {a:g} {first} {b:g} {second}" for a, b in value)
+        unit = choose_unit(unit, is_rotary)
+        return f"{key} {write_number(value)}" + (f" {unit}" if unit not in ("", "1") else "")
+
+    def _add_legs(self) -> None:
+        """Where legs stand at home: the first, others lie turned or mirrored."""
+        report = core.check(self.document, Path(self.document["name"]))
+        for name, root, end in list(find_legs(self.document, report["home_q"]))[:1]:
+            ends = (
+                f"{what}: x {point[0]:.3g} m, radius {np.hypot(*point[1:]):.3g} m,"
+                f" azimuth {np.degrees(np.arctan2(point[2], point[1])):.3g} deg"
+                for what, point in (("root", root), ("end", end))
+            )
+            self._note(f"{name} at home", "; ".join(ends), "")
+
+    def _add_laws(self, force: dict) -> None:
+        joints = {body["name"]: body["joint"] for body in self.document["bodies"]}
+        term = force["along"][0]
+        joint = joints.get(term["joint"], {}).get("type")
+        turns = joint == "revolute" or (joint is None and not term["joint"].endswith("_rod"))
+        is_rotary = turns and term.get("ratio", 1.0) == 1.0
+        for law in force["laws"]:
+            path = f"forces[] (without type).laws[] (type {law['type']})"
+            name = f"{force['name']}: {law['type']}"
+            self._add(name, law, path, is_rotary=is_rotary)
+
+    def _add_contact(self) -> None:
+        contact = self.document["contact"]
+        own = {k: v for k, v in contact.items() if k not in ("law", "laws", "type", "pairs")}
+        comment = join_comment(contact)
+        if contact["type"] == "guide_ring":
+            self._add("guide ring", own, "contact (type guide_ring)", comment=comment)
+        else:
+            for core_ in (*own["active"], *own["passive"]):
+                text = {k: v for k, v in core_.items() if k != "piece_groups"}
+                path = "contact (type surfaces).active[]"
+                self._add(f"surface {core_['name']}: {core_['kind']}", text, path)
+        self._add("contact law", contact["law"], "contact (type surfaces).law")
+
+    def _add_latches(self) -> None:
+        latches = self.document["latches"]
+        path = f"latches ({'with' if 'list' in latches else 'without'} list)"
+        text = {k: v for k, v in latches.items() if k != "list"}
+        self._add("latches", text, path, comment=join_comment(latches))
+
+    def _add_actions(self) -> None:
+        """What drives and brakes do, step by step."""
+        for step in self.document["sequence"]["steps"]:
+            for action in step.get("do", ()):
+                what = action.get("element", action.get("elements"))
+                if isinstance(action.get("run"), dict):
+                    run = action["run"]
+                    text = f"drive to {run['target']:g} m at {1e3 * run['speed']:g} mm/s"
+                    self._note(f"step {step['name']}", f"{what}: {text}", "")
+
+
+def join_comment(group: dict) -> str:
+    """Return the comment of a group as one text."""
+    comment = group.get("comment", "")
+    return comment if isinstance(comment, str) else " ".join(comment)
+
+
+def choose_unit(unit: str, is_rotary: bool) -> str:
+    """Return the unit of a slide or of a turn, of "m or rad"."""
+    parts = unit.split(" or ")
+    return parts[is_rotary] if len(parts) == 2 else unit
+
+
+def name_all(names: list[str]) -> str:
+    """Return one name of several that differ in numbers."""
+    kinds = dict.fromkeys(re.sub(r"\d+", "*", name) for name in names)
+    if len(kinds) == 1 and len(names) > 1:
+        return f"{next(iter(kinds))} ({len(names)} times)"
+    return ", ".join(names)
+
+
+def list_numbers(name: str) -> list[str]:
+    """Return the table of numbers of a family."""
+    rows = Numbers(read_mechanism(name)).list_rows()
+    return [*write_head("part", "numbers", "source"), *(write_row(*row) for row in rows)]
+
+
+# ------------------------------------------------ variables
+
+
+def list_variables(name: str) -> list[str]:
+    """Return the tables of what a host sets and reads."""
+    known = dl.Docking(name).variables
+    lines = write_head("variable", "unit", "meaning")
+    for kind, names in (("set", FAMILIES[name].sets), ("read", FAMILIES[name].reads)):
+        lines.append(write_row(f"*{kind}*", "", ""))
+        for each in names:
+            row = known[each]
+            text = row.description.split(": 1 ")[0]  # without the list of a choice
+            lines.append(write_row(f"`{each}`", "" if row.unit == "1" else row.unit, text))
+    return lines
+
+
+# ------------------------------------------------ a whole docking
+
+
+def run_docking(name: str) -> dl.Result:
+    """Run the shipped scene from approach to separation."""
+    return dl.run(name, None, {"command": "undock"}, stop=STOP, step=STEP)
+
+
+class Share(NamedTuple):
+    """A row of the table of loads.
+
+    Attributes:
+        what: load or travel.
+        largest: of the docking.
+        rated: or limit.
+    """
+
+    what: str
+    largest: float
+    rated: float
+    unit: str
+
+    @property
+    def share(self) -> float:
+        """Largest by rated."""
+        return self.largest / self.rated
+
+
+def list_shares(name: str, run: dl.Result) -> Iterator[Share]:
+    """Yield loads, travels to stops and forces of drives."""
+    document = read_mechanism(name)
+    for load in LIMITS:
+        unit = "N m" if load in ("bending", "torsion") else "N"
+        yield Share(load, run[f"capture.peak.{load}"][-1], document["limits"][load], unit)
+    for i, force in enumerate(document["forces"], 1):
+        travel = 1e3 * run[f"element[{i}].coordinate"]
+        for law in force["laws"]:
+            if law["type"] == "stop":
+                what = f"travel of {force['name']}"
+                ends = ((np.min(travel), law["lower"]), (np.max(travel), law["upper"]))
+                shares = (Share(what, most, 1e3 * end, "mm") for most, end in ends)
+                yield max(shares, key=lambda share: share.share)
+            if law["type"] == "drive":
+                most = np.max(run[f"element[{i}].saturation"]) * law["limit"]
+                yield Share(f"force of the drive of {force['name']}", most, law["limit"], "N")
+
+
+def list_loads(name: str, run: dl.Result) -> list[str]:
+    """Return the table of the largest loads and travels next to what is rated."""
+    kinds: dict[str, list[Share]] = {}
+    for share in list_shares(name, run):
+        kinds.setdefault(re.sub(r"\d+", "*", share.what), []).append(share)
+    lines = write_head("load or travel", "largest", "rated or limit", "share")
+    for kind, shares in kinds.items():
+        most = max(shares, key=lambda share: share.share)
+        what = most.what if len(shares) == 1 else f"{kind}, largest: {most.what.split()[-1]}"
+        each = (f"{value:.0f} {most.unit}" for value in (most.largest, most.rated))
+        lines.append(write_row(what, *each, f"{100 * most.share:.0f} %"))
+    return [f"<!-- files {find_stamp(name)} -->", "", *lines]
+
+
+def list_steps(name: str, run: dl.Result) -> list[tuple[float, str]]:
+    """Return the times at which steps begin."""
+    steps = [step["name"] for step in read_mechanism(name)["sequence"]["steps"]]
+    at = run["sequence.step"]
+    begins = [0, *(np.flatnonzero(np.diff(at)) + 1)]
+    return [(float(run["time"][i]), steps[int(at[i]) - 1]) for i in begins]
+
+
+def draw_docking(name: str, run: dl.Result) -> Any:
+    """Draw loads, legs, drive and steps over time; the capture has panels of its own."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.4, 7.2), layout="constrained")
+    panels: Any = figure.subplots(4, 2, sharey="row", sharex="col", width_ratios=(1, 1.4))
+    document: dict = read_mechanism(name)
+    t = run["time"]
+    end = float(t[min(len(t) - 1, np.searchsorted(t, list_steps(name, run)[-1][0] + 5.0))])
+    for side, (low, high) in enumerate(((0.0, SHORT), (SHORT, end))):
+        loads, legs, drive, steps = panels[:, side]
+        for load in LIMITS:
+            share = run[f"capture.{load}"] / document["limits"][load]
+            loads.plot(t, share, linewidth=0.8, label=load)
+        loads.axhline(1.0, color="0.4", linestyle="--", linewidth=0.8)
+        for i in range(1, len(document["legs"]) + 1):
+            legs.plot(t, run[f"leg[{i}].force"], linewidth=0.8,
+                      label=document["legs"][i - 1]["name"])  # fmt: skip
+        for i in FAMILIES[name].drive:
+            label = document["forces"][i - 1]["name"]
+            drive.plot(t, run[f"element[{i}].coordinate"], linewidth=0.8, label=label)
+        drive.plot(t, run["relative.axial"], color="0.2", linestyle=":", label="axial distance")
+        draw_steps(steps, list_steps(name, run))
+        for axis in panels[:, side]:
+            axis.grid(alpha=0.3)
+            axis.set_xlim(low, high)
+            axis.tick_params(labelsize="small")
+        panels[-1, side].set_xlabel("time [s]", fontsize="small")
+    texts = ("load / rated load", "leg force [N]", "travel, distance [m]", "step")
+    for axis, text in zip(panels[:, 0], texts, strict=True):
+        axis.set_ylabel(text, fontsize="small")
+    for axis in panels[:3, 1]:
+        axis.legend(loc="upper right", fontsize="xx-small", ncols=3)
+    panels[2, 0].set_ylim(np.min(run["relative.axial"]) - 0.35, 0.5)
+    return figure
+
+
+def draw_steps(axis: Any, begins: list[tuple[float, str]]) -> None:
+    """Draw the steps of a sequence as stairs with names."""
+    names = [name for _, name in begins]
+    times = [time for time, _ in begins]
+    axis.step([*times, STOP], [*range(len(names)), len(names) - 1], where="post", color="tab:blue")
+    axis.set_yticks(range(len(names)), names)
+
+
+# ------------------------------------------------ pages and figures
+
+
+def draw_mechanism_of(name: str) -> str:
+    """Return the drawing of `dockloop check --draw` as SVG."""
+    document = read_mechanism(name)
+    report = core.check(document, MECHANISMS / f"{name}.json")
+    return draw_mechanism(document, report["home_q"], report["independent"]) + "\n"
+
+
+def fill(text: str, blocks: dict[str, list[str]]) -> str:
+    """Return a page with these blocks written anew; others stay."""
+
+    def put(found: re.Match) -> str:
+        made = blocks.get(found[2])
+        return found[0] if made is None else f"{found[1]}\n" + "\n".join(made) + f"\n\n{found[3]}"
+
+    return BLOCK.sub(put, text)
+
+
+def make_page(name: str, run: dl.Result | None = None) -> str:
+    """Return the page of a family, with the loads of a docking if there is one."""
+    blocks = {"numbers": list_numbers(name), "variables": list_variables(name)}
+    if run is not None:
+        blocks["loads"] = list_loads(name, run)
+    return fill(find_page(name).read_text(encoding="utf-8"), blocks)
+
+
+def write_still(name: str) -> None:
+    """Let `dockloop view` draw the mechanism at first contact."""
+    tool = Path(sys.executable).with_name("dockloop")
+    with tempfile.TemporaryDirectory() as folder:
+        own = Path(folder) / "own.csv"
+        picture = FIGURES / f"{name}.png"
+        for words in (
+            f"run {name} --stop 4 --step 0.02 -o {own}",
+            f"view {own} --still contact -o {picture}",
+        ):
+            subprocess.run([tool, *words.split()], check=True, cwd=ROOT)
+
+
+def write_family(name: str, *, stills: bool) -> None:
+    """Write page and figures of a family."""
+    run = run_docking(name)
+    find_page(name).write_text(make_page(name, run), encoding="utf-8")
+    (FIGURES / f"{name}_drawing.svg").write_text(draw_mechanism_of(name), encoding="utf-8")
+    save_figure(draw_docking(name, run), FIGURES / f"{name}_docking.png", COMMAND)
+    if stills:
+        write_still(name)
+    print(shown(find_page(name)))
+
+
+def main(words: list[str] | None = None) -> None:
+    """Write pages and figures."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--stills", action="store_true", help="pictures, too (needs Chromium)")
+    options = parser.parse_args(words)
+    for name in FAMILIES:
+        write_family(name, stills=options.stills)
+
+
+if __name__ == "__main__":
+    main()
