@@ -20,9 +20,18 @@ BENCH = json.loads(bench.BENCH.read_text())
 START = json.loads((bench.DATA / "hexapod_bench.json").read_text())["initial"]
 
 
-@pytest.mark.parametrize("count", [None, 3, 7])
-def test_other_engines_receive_the_same_mechanism(count, tmp_path):
-    document = BENCH if count is None else mechanisms.hexapod(BENCH, count)
+# Its legs have screws. Laws of force elements are no part of what engines compare.
+SCREWS = {
+    key: value
+    for key, value in json.loads((paths.MECHANISMS / "hexapod.json").read_text()).items()
+    if key not in ("forces", "failures", "sequence")
+}
+
+
+@pytest.mark.parametrize(
+    "document", [BENCH, mechanisms.hexapod(BENCH, 3), mechanisms.hexapod(BENCH, 7), SCREWS]
+)
+def test_other_engines_receive_the_same_mechanism(document, tmp_path):
     expanded = mechanisms.expand(document, START)
     for state in expanded["states"]:
         state["external"] = []
@@ -33,7 +42,7 @@ def test_other_engines_receive_the_same_mechanism(count, tmp_path):
         core.evaluate(file.read_text(), file, bodies.read_text(), bodies) for file in (legs, bodies)
     )
     for state, a, b in zip(expanded["states"], ours, theirs, strict=True):
-        assert np.array(b["v"]) == pytest.approx(np.array(state["v"]), abs=1e-14)
+        assert np.array(b["v"]) == pytest.approx(np.array(state["v"]), rel=1e-14, abs=1e-14)
         for key in ("a", "base_force", "base_moment"):
             scale = np.max(np.abs(a[key]))
             assert np.array(b[key]) == pytest.approx(np.array(a[key]), abs=1e-12 * scale)

@@ -28,6 +28,7 @@ REFERENCE = DATA / "hexapod_bench_reference.json"
 BENCH = paths.MECHANISMS / "hexapod_bench.json"
 LEGS = (3, 6, 12, 24, 36, 48, 60)
 CRANKS = {"hexapod_r1r2r3": [0, 0, 1], "hexapod_r1r2r3_square": [0, 1, 0]}  # name: second axis
+FAMILIES = ("hexapod", "apda")  # with gears
 PEERS = ("pinocchio", "mujoco")
 
 
@@ -49,6 +50,7 @@ def make_documents(folder: Path) -> None:
         document = mechanisms.hexapod(bench, count)
         (folder / f"{document['name']}.json").write_text(json.dumps(document))
         documents.append(mechanisms.expand(document, start))
+    documents += [find_family(name, start) for name in FAMILIES]
     for document in documents:
         file = folder / f"{document['name']}_states.json"
         for state in document["states"]:
@@ -56,10 +58,19 @@ def make_documents(folder: Path) -> None:
         file.write_text(json.dumps(document))
         evaluated = core.evaluate(file.read_text(), file, file.read_text(), file)
         for state, expected in zip(document["states"], evaluated, strict=True):
-            state["expected"] = expected
+            state["q"], state["expected"] = expected["q"], expected
         file.write_text(json.dumps(document))
-        if document["name"] != "crank_nested":  # its ring has an inertia that MuJoCo refuses
+        # MuJoCo refuses the inertia of the ring of crank_nested, and does not know gears.
+        if document["name"] not in ("crank_nested", *FAMILIES):
             (folder / f"{document['name']}.xml").write_text(mechanisms.to_mjcf(document))
+
+
+def find_family(name: str, start: dict) -> dict:
+    """Return the mechanism of a family, written out with states of its ring."""
+    document = json.loads((paths.MECHANISMS / f"{name}.json").read_text())
+    if "couplings" in document:
+        return mechanisms.take(document)
+    return mechanisms.expand(document, start)
 
 
 def unpack_fmu(scene: str, folder: Path) -> Path:
@@ -113,7 +124,9 @@ def list_programs(folder: Path, peers: list[str], quick: bool) -> dict[str, list
     several = [f"legs_{n}" for n in legs]
     others = [*CRANKS, *several]
     phases = r"--benchmark_filter=^(hexapod_bench|crank_nested)/|/(accelerations|with reactions)$"
-    mechanism_files = [BENCH, DATA / "crank_nested.json", *(folder / f"{x}.json" for x in others)]
+    families = [paths.MECHANISMS / f"{name}.json" for name in FAMILIES]
+    mechanism_files = [BENCH, DATA / "crank_nested.json", *families]
+    mechanism_files += [folder / f"{x}.json" for x in others]
     scenes = {name: folder / name for name in ("idss_25t_350t", "hexapod_bench")}
     models = [at / "resources" / "model.json" for at in scenes.values()]
     reported = make_kernels(
@@ -129,7 +142,7 @@ def list_programs(folder: Path, peers: list[str], quick: bool) -> dict[str, list
     }
     motion = ["--motion", str(REFERENCE)]
     if "pinocchio" in peers:
-        files = map(states, ("hexapod_bench", "crank_nested", *several))
+        files = map(states, ("hexapod_bench", "crank_nested", *FAMILIES, *several))
         commands["pinocchio_bench"] = [*motion, *files, *once]
     if "mujoco" in peers:
         pairs = [(states(x), str(folder / f"{x}.xml")) for x in ("hexapod_bench", *several)]

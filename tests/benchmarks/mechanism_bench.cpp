@@ -3,8 +3,9 @@
 //   mechanism_bench MECHANISM.json[,KERNEL.so]... [--benchmark_... options]
 //
 // Names of benchmarks: MECHANISM/CODE/WHAT. CODE is `general` (the core), `generated
-// kernel` (where one applies) or `hand-written` (only for hexapod_bench); WHAT is `accelerations`,
-// `with reactions` (cut forces and the load on the base too) or a phase.
+// kernel` (where one applies), `hand-written` (only for hexapod_bench) or `no closed forms` (the
+// core with loops closed by iteration and gears as bodies of the tree, for mechanisms with gears);
+// WHAT is `accelerations`, `with reactions` (cut forces and the load on the base too) or a phase.
 #include <benchmark/benchmark.h>
 
 #include <cstdio>
@@ -77,7 +78,7 @@ void add_phases(const std::string& name, MechanismEvaluation& at) {
   phase("14 load on the base", [&] {
     calc_tree_acceleration(model, bodies, base, &data.vdot, data.tree);
     calc_body_forces(model, bodies, data.tree);
-    add_leg_loads(plan, base, kBase, data.vdot, data.tree, data.loops, data.on_base);
+    add_leg_loads(model, plan, base, kBase, data.vdot, data.tree, data.loops, data.on_base);
     calc_transmitted(model, bodies, data.tree);
   });
 }
@@ -86,6 +87,9 @@ void add_phases(const std::string& name, MechanismEvaluation& at) {
 struct Codes {
   explicit Codes(const Subject& subject) : general(subject.file) {
     if (general.mechanism.model.name == "hexapod_bench") hand_written.emplace(general.mechanism);
+    const std::vector<Loop>& loops = general.mechanism.model.loops;
+    const bool has_gears = !loops.empty() && loops.back().cut == CutType::kCoupling;
+    if (has_gears) iterated.emplace(subject.file, true);
     for (const NamedKernel& kernel : find_kernels(general.mechanism, subject.kernel_file)) {
       MechanismEvaluation& at = by_kernel.emplace_back(subject.file);
       names.push_back(kernel.name);
@@ -100,6 +104,10 @@ struct Codes {
   void add_benchmarks() {
     const std::string& name = general.mechanism.model.name;
     add(name + "/general/accelerations", general, [this] { general.calc_accelerations(); });
+    if (iterated) {
+      add(name + "/no closed forms/accelerations", *iterated,
+          [this] { iterated->calc_accelerations(); });
+    }
     add(name + "/general/with reactions", general, [this] {
       general.calc_accelerations();
       calc_reactions(general.mechanism, general.base, kBase, general.data);
@@ -147,6 +155,7 @@ struct Codes {
   }
 
   MechanismEvaluation general;
+  std::optional<MechanismEvaluation> iterated;
   std::unique_ptr<JacobianData> jacobian = std::make_unique<JacobianData>(general.mechanism);
   std::deque<MechanismEvaluation> by_kernel;  // addresses stay
   std::vector<std::string> names;

@@ -46,9 +46,10 @@ struct Subject {
 
 class MechanismEvaluation {
  public:
+  /// @param newton_only  close loops by iteration, by no closed form
   /// @throws ModelError if the mechanism cannot be read or closed
-  explicit MechanismEvaluation(const std::string& file)
-      : mechanism(read_closed_mechanism(file)), data(mechanism) {
+  explicit MechanismEvaluation(const std::string& file, bool newton_only = false)
+      : mechanism(read_closed_mechanism(file, newton_only)), data(mechanism) {
     base.gravity = mechanism.model.gravity;
     command_.setZero(static_cast<int>(mechanism.model.forces.size()));
     force_ = command_;

@@ -2,11 +2,14 @@
 
 ``hexapod`` makes the ring on legs of ``hexapod_bench`` with any number of legs. ``expand`` writes
 its legs out as bodies and loops, at states that are closed: the format of
-``tests/data/crank_nested.json``. ``to_mjcf`` writes such a document for MuJoCo.
+``tests/data/crank_nested.json``. ``take`` does so for a mechanism that is written out already.
+``to_mjcf`` writes such a document for MuJoCo.
 """
 
 import copy
+import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -147,13 +150,13 @@ def quaternion_of(vector: np.ndarray) -> np.ndarray:
 class _Leg:
     """A leg of the bench: x along it at home, y its first axis, z its second."""
 
-    def __init__(self, leg: dict, home: np.ndarray) -> None:
+    def __init__(self, leg: dict, home: np.ndarray, reference_axis: list[float]) -> None:
         self.root = np.array(leg["root_point"])
         self.closing = np.array(leg["closing_point"])
         along = home + self.closing - self.root
         self.length = float(np.linalg.norm(along))
         x = along / self.length
-        y = np.cross([0, 0, 1], x)
+        y = np.cross(reference_axis, x)
         y /= np.linalg.norm(y)
         self.axes = np.column_stack([x, y, np.cross(x, y)])
 
@@ -174,7 +177,7 @@ def expand(document: dict, start: dict) -> dict:
     """Write a ring on legs (`hexapod`) out as bodies and loops, with closed states.
 
     Args:
-        document: a mechanism with one free body and equal R2P1R3 legs.
+        document: a mechanism with one free body and equal R2P1R3 legs, perhaps with screws.
         start: member ``initial`` of ``tests/data/hexapod_bench.json``, the first state.
 
     Returns:
@@ -183,8 +186,12 @@ def expand(document: dict, start: dict) -> dict:
     """
     common, ring = document["leg_defaults"], document["bodies"][0]
     home = np.array(ring["joint"]["position"])
-    legs = [_Leg(leg, home) for leg in document["legs"]]
-    bodies, loops, forces = [ring], [], []
+    axis = common.get("reference_axis", [1.0, 0.0, 0.0])
+    legs = [_Leg(leg, home, axis) for leg in document["legs"]]
+    bodies, loops, forces, couplings = [ring], [], [], []
+    screw = common.get("screw")
+    turns = 2 * math.pi / screw["lead"] if screw else 0.0  # rad of a rotor per m of its rod
+    law = {key: common.get(key, 0.0) for key in ("stiffness", "damping")}
     for spec, leg in zip(document["legs"], legs, strict=True):
         name = spec["name"]
 
@@ -198,25 +205,22 @@ def expand(document: dict, start: dict) -> dict:
         add("cylinder", f"{name}_cross", "revolute", [0.0, 0.0, 1.0], com=cylinder)
         add("rod", f"{name}_cylinder", "prismatic", [1.0, 0.0, 0.0], com=rod)
         parts = [f"{name}_{part}" for part in ("cross", "cylinder", "rod")]
+        if screw:
+            data = {"inertia_axial": screw["inertia"], **screw}
+            joint = {"type": "revolute", "axis": [1.0, 0.0, 0.0]}
+            cylinder = f"{name}_cylinder"
+            bodies.append(_make_part(f"{name}_rotor", cylinder, joint, data, screw["com"]))
+            term = {"joint": f"{name}_rod", "ratio": turns}
+            row = {"name": f"{name}_screw", "dependent": f"{name}_rotor", "terms": [term]}
+            couplings.append(row)
         loops.append(_make_loop(name, parts, ring["name"], leg.length, leg.closing.tolist()))
-        law = {key: common[key] for key in ("stiffness", "damping")}
         forces.append({"body": f"{name}_rod", **law})
 
     states = []
-    for k in range(RING_STATES):
-        wave = np.sin(0.3 * k + 1.7 * np.arange(12))  # smooth in k, none of it special
-        displaced, turned = 0.03 * wave[:3], 0.03 * (1 + wave[3:6])
-        velocity, spin = 0.1 * wave[6:9], 0.1 * wave[9:]
-        if k == 0:
-            displaced, turned, velocity, spin = (
-                np.array(start[key])
-                for key in (
-                    "ring_displacement",
-                    "ring_rotation_vector",
-                    "ring_linear_velocity",
-                    "ring_angular_velocity",
-                )
-            )
+    names = ("displacement", "rotation_vector", "linear_velocity", "angular_velocity")
+    first = tuple(np.array(start[f"ring_{name}"]) for name in names)
+    motions = [first, *itertools.islice(_list_ring_motions(), 1, None)]
+    for displaced, turned, velocity, spin in motions:
         rotation = rotation_of(turned)
         of_ring = [*(rotation.T @ velocity), *(rotation.T @ spin)]
         q, v = [*displaced, *quaternion_of(turned)], list(of_ring)
@@ -226,18 +230,55 @@ def expand(document: dict, start: dict) -> dict:
             of_leg, rates = leg.find_motion(home + displaced + arm, velocity + np.cross(spin, arm))
             q += of_leg
             v += rates
-            tau += [0.0, 0.0, -common["stiffness"] * of_leg[2] - common["damping"] * rates[2]]
+            tau += [0.0, 0.0, -law["stiffness"] * of_leg[2] - law["damping"] * rates[2]]
+            if screw:
+                q.append(turns * of_leg[2])
+                v.append(turns * rates[2])
+                tau.append(0.0)
         states.append({"q": q, "v_independent": of_ring, "v": v, "tau": tau})
-    mechanism = {"gravity": document["gravity"], "bodies": bodies, "loops": loops}
+    mechanism = {"gravity": document.get("gravity", [0.0] * 3), "bodies": bodies, "loops": loops}
     return {
         "name": document["name"],
-        "mechanism": mechanism,
+        "mechanism": mechanism | ({"couplings": couplings} if couplings else {}),
         "forces": forces,
         "states": [
             {key: np.asarray(value, float).tolist() for key, value in state.items()}
             for state in states
         ],
     }
+
+
+def _list_ring_motions() -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield displacement [m], rotation vector [rad] and rates of the ring, in axes of the base."""
+    for k in range(RING_STATES):
+        wave = np.sin(0.3 * k + 1.7 * np.arange(12))  # smooth in k, none of it special
+        yield 0.03 * wave[:3], 0.03 * (1 + wave[3:6]), 0.1 * wave[6:9], 0.1 * wave[9:]
+
+
+def take(document: dict) -> dict:
+    """Return a mechanism of bodies, loops and couplings with states of its ring.
+
+    Args:
+        document: a mechanism; its first body is free, loops and couplings give all others.
+
+    Returns:
+        As `expand`. Coordinates of the other joints are zero: `dockloop.core.evaluate` closes them.
+    """
+    others = [0.0] * (len(document["bodies"]) - 1)
+    states = []
+    for displaced, turned, velocity, spin in _list_ring_motions():
+        rotation = rotation_of(turned)
+        of_ring = [*(rotation.T @ velocity), *(rotation.T @ spin)]
+        states.append(
+            {
+                "q": [*displaced.tolist(), *quaternion_of(turned).tolist(), *others],
+                "v_independent": np.asarray(of_ring).tolist(),
+                "tau": [0.0] * 6 + others,
+            }
+        )
+    parts = {key: document[key] for key in ("bodies", "loops", "couplings")}
+    mechanism = {"gravity": document.get("gravity", [0.0] * 3), **parts}
+    return {"name": document["name"], "mechanism": mechanism, "states": states}
 
 
 def to_mjcf(document: dict) -> str:

@@ -11,7 +11,8 @@
 //
 // Proximal settings are the cheapest that are accurate to 1e-9 (choose_settings).
 // A planar cut leaves two equations; Pinocchio has the three of a point, which say the same and are
-// redundant. Universal cuts it has not: such mechanisms are refused.
+// redundant. Universal cuts it has not: such mechanisms are refused. Mechanisms with gears:
+// pinocchio_geared.hpp.
 #include <benchmark/benchmark.h>
 
 #include <cstdio>
@@ -26,77 +27,43 @@
 #include <string>
 #include <vector>
 
+#include "benchmarks/peers/pinocchio_geared.hpp"
 #include "benchmarks/reference_motion.hpp"
 
 namespace pin = pinocchio;
 
 namespace {
 
-using nlohmann::json;
-using Vector = Eigen::VectorXd;
-
-Eigen::Vector3d read_vector(const json& at, const char* key) {
-  if (!at.contains(key)) return Eigen::Vector3d::Zero();
-  const auto x = at[key].get<std::array<double, 3>>();
-  return {x[0], x[1], x[2]};
-}
-
-Eigen::Matrix3d read_matrix(const json& at, const char* key, const Eigen::Matrix3d& otherwise) {
-  if (!at.contains(key)) return otherwise;
-  Eigen::Matrix3d m;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) m(i, j) = at[key][static_cast<size_t>(i)][static_cast<size_t>(j)];
-  }
-  return m;
-}
-
-Vector read_values(const json& at) {
-  const auto x = at.get<std::vector<double>>();
-  return Eigen::Map<const Vector>(x.data(), static_cast<Eigen::Index>(x.size()));
-}
+using dockloop::json;
+using dockloop::read_vector;
+using dockloop::State;
+using dockloop::Vector;
 
 enum class Algorithm { kConstraintDynamics, kLcaba };
 
-struct State {
-  Vector q, v, tau, expected;
-};
-
-class Peer {
+class Peer : public dockloop::PeerTree {
  public:
-  Peer(const std::string& file, Algorithm algorithm) : algorithm_(algorithm) {
-    std::ifstream stream(file);
-    const json document = json::parse(stream);
-    const json& mechanism = document.at("mechanism");
-    name = document.at("name");
-    model_.gravity.linear(read_vector(mechanism, "gravity"));
-    for (const json& body : mechanism.at("bodies")) add_body(body);
-    for (const json& loop : mechanism.at("loops")) add_loop(loop);
-    data_ = pin::Data(model_);
+  Peer(const std::string& file, Algorithm algorithm) : PeerTree(file), algorithm_(algorithm) {
+    for (const json& loop : document().at("mechanism").at("loops")) add_loop(loop);
     for (const auto& constraint : constraints_) constraint_data_.emplace_back(constraint);
     if (algorithm_ == Algorithm::kLcaba) {
-      pin::computeJointMinimalOrdering(model_, data_, constraints_);
+      pin::computeJointMinimalOrdering(model, data, constraints_);
     } else {
-      pin::initConstraintDynamics(model_, data_, constraints_, constraint_data_);
+      pin::initConstraintDynamics(model, data, constraints_, constraint_data_);
     }
-    for (const json& force : document.value("forces", json::array())) {
-      const pin::JointIndex joint = model_.getJointId(force.at("body"));
-      forces_.push_back({model_.joints[joint].idx_q(), model_.joints[joint].idx_v(),
+    for (const json& force : document().value("forces", json::array())) {
+      const pin::JointIndex joint = model.getJointId(force.at("body"));
+      forces_.push_back({model.joints[joint].idx_q(), model.joints[joint].idx_v(),
                          force.at("stiffness"), force.at("damping")});
-    }
-    for (const json& state : document.at("states")) {
-      State s{read_values(state.at("q")), read_values(state.at("expected").at("v")),
-              read_values(state.at("tau")), read_values(state.at("expected").at("a"))};
-      if (has_free_joint_) reorder_quaternion(s.q);
-      states.push_back(s);
     }
     choose_settings();
   }
 
   const Vector& calc_accelerations(const Vector& q, const Vector& v, const Vector& tau) {
     if (algorithm_ == Algorithm::kLcaba) {
-      return pin::lcaba(model_, data_, q, v, tau, constraints_, constraint_data_, settings_);
+      return pin::lcaba(model, data, q, v, tau, constraints_, constraint_data_, settings_);
     }
-    return pin::constraintDynamics(model_, data_, q, v, tau, constraints_, constraint_data_,
+    return pin::constraintDynamics(model, data, q, v, tau, constraints_, constraint_data_,
                                    settings_);
   }
 
@@ -107,24 +74,15 @@ class Peer {
   }
 
   double find_worst_error() {
-    double worst = 0.0;
-    for (const State& s : states) {
-      const Vector& a = calc_accelerations(s.q, s.v, s.tau);
-      if (!a.allFinite()) return std::numeric_limits<double>::infinity();
-      worst = std::max(worst,
-                       (a - s.expected).cwiseAbs().maxCoeff() / s.expected.cwiseAbs().maxCoeff());
-    }
-    return worst;
+    return PeerTree::find_worst_error(
+        [this](const State& s) -> const Vector& { return calc_accelerations(s.q, s.v, s.tau); });
   }
 
   double mu() const { return settings_.mu; }
   int iterations() const { return settings_.max_iter; }
-  int nq() const { return model_.nq; }
-  int nv() const { return model_.nv; }
-  pin::SE3 home() const { return model_.jointPlacements[1]; }
-
-  std::string name;
-  std::vector<State> states;
+  int nq() const { return model.nq; }
+  int nv() const { return model.nv; }
+  pin::SE3 home() const { return model.jointPlacements[1]; }
 
  private:
   struct Force {
@@ -152,70 +110,25 @@ class Peer {
     settings_ = choice;
   }
 
-  void add_body(const json& body) {
-    const json& joint = body.at("joint");
-    const std::string type = joint.at("type"), parent = body.at("parent");
-    const pin::SE3 placement(read_matrix(joint, "rotation", Eigen::Matrix3d::Identity()),
-                             read_vector(joint, "position"));
-    const pin::JointIndex up = parent == "base" ? 0 : model_.getJointId(parent);
-    const Eigen::Vector3d axis = read_vector(joint, "axis");
-    const auto put = [&](const auto& kind) {
-      return model_.addJoint(up, kind, placement, body.at("name"));
-    };
-    // Joints about an axis of their frame have code of their own.
-    pin::JointIndex index = 0;
-    if (type == "free") {
-      index = put(pin::JointModelFreeFlyer());
-      has_free_joint_ = true;
-    } else if (type == "revolute") {
-      index = axis.x() == 1.0   ? put(pin::JointModelRX())
-              : axis.y() == 1.0 ? put(pin::JointModelRY())
-              : axis.z() == 1.0 ? put(pin::JointModelRZ())
-                                : put(pin::JointModelRevoluteUnaligned(axis));
-    } else {
-      index = axis.x() == 1.0   ? put(pin::JointModelPX())
-              : axis.y() == 1.0 ? put(pin::JointModelPY())
-              : axis.z() == 1.0 ? put(pin::JointModelPZ())
-                                : put(pin::JointModelPrismaticUnaligned(axis));
-    }
-    model_.appendBodyToJoint(index,
-                             pin::Inertia(body.value("mass", 0.0), read_vector(body, "com"),
-                                          read_matrix(body, "inertia", Eigen::Matrix3d::Zero())),
-                             pin::SE3::Identity());
-  }
-
   void add_loop(const json& loop) {
     const json& cut = loop.at("cut");
     const std::string type = cut.at("type");
     if (type != "R3" && type != "R1_planar") throw std::runtime_error("cut " + type);
-    const auto joint = [&](const char* key) {
-      const std::string body = loop.at(key);
-      return body == "base" ? pin::JointIndex(0) : model_.getJointId(body);
-    };
+    const auto joint = [&](const char* key) { return find_joint(loop.at(key)); };
     const auto point = [&](const char* key) {
       return pin::SE3(Eigen::Matrix3d::Identity(), read_vector(cut, key));
     };
-    constraints_.emplace_back(pin::CONTACT_3D, model_, joint("closing"), point("point_on_closing"),
+    constraints_.emplace_back(pin::CONTACT_3D, model, joint("closing"), point("point_on_closing"),
                               joint("terminal"), point("point_on_terminal"), pin::LOCAL);
   }
 
-  /// Free joint first, if there is one: (w, x, y, z) becomes (x, y, z, w).
-  static void reorder_quaternion(Vector& q) {
-    const double w = q[3];
-    q.segment<3>(3) = q.segment<3>(4).eval();
-    q[6] = w;
-  }
-
   Algorithm algorithm_;
-  pin::Model model_;
-  pin::Data data_;
   std::vector<pin::RigidConstraintModel, Eigen::aligned_allocator<pin::RigidConstraintModel>>
       constraints_;
   std::vector<pin::RigidConstraintData, Eigen::aligned_allocator<pin::RigidConstraintData>>
       constraint_data_;
   pin::ProximalSettings settings_;
   std::vector<Force> forces_;
-  bool has_free_joint_ = false;
 };
 
 constexpr int kQ = 25, kV = 24;  // of hexapod_bench
@@ -250,6 +163,38 @@ void add_motion(const std::string& name, const dockloop::ReferenceMotion& refere
       });
 }
 
+std::string find_code(Algorithm algorithm) {
+  return algorithm == Algorithm::kLcaba ? "Pinocchio lcaba" : "Pinocchio constraintDynamics";
+}
+
+void add_evaluation(Peer& peer, Algorithm algorithm) {
+  benchmark::RegisterBenchmark(
+      (peer.name + "/" + find_code(algorithm) + "/with reactions").c_str(),
+      [&peer](benchmark::State& state) {
+        size_t k = 0;
+        for ([[maybe_unused]] auto _ : state) {
+          const State& s = peer.states[k++ % peer.states.size()];
+          benchmark::DoNotOptimize(peer.calc_accelerations(s.q, s.v, s.tau).data());
+        }
+        state.counters["error"] = peer.find_worst_error();
+        state.counters["mu"] = peer.mu();
+        state.counters["iterations_inside"] = peer.iterations();
+      });
+}
+
+void add_geared(dockloop::GearedPeer& peer) {
+  benchmark::RegisterBenchmark(
+      (peer.name + "/" + peer.find_code()).c_str(), [&peer](benchmark::State& state) {
+        size_t k = 0;
+        for ([[maybe_unused]] auto _ : state) {
+          benchmark::DoNotOptimize(
+              peer.calc_accelerations(peer.states[k++ % peer.states.size()]).data());
+        }
+        state.counters["error"] = peer.find_worst_error(
+            [&peer](const State& s) -> const Vector& { return peer.calc_accelerations(s); });
+      });
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -263,23 +208,17 @@ int main(int argc, char** argv) {
     }
     if (first >= argc) throw std::runtime_error("no STATES.json given");
     std::deque<Peer> peers;
+    std::deque<dockloop::GearedPeer> geared;
     for (int i = first; i < argc; ++i) {
+      if (dockloop::has_gears(argv[i])) {
+        for (const auto solution : {dockloop::Solution::kReduced, dockloop::Solution::kMultipliers})
+          add_geared(geared.emplace_back(argv[i], solution));
+        continue;
+      }
       for (const Algorithm algorithm : {Algorithm::kConstraintDynamics, Algorithm::kLcaba}) {
         Peer& peer = peers.emplace_back(argv[i], algorithm);
-        const std::string code =
-            algorithm == Algorithm::kLcaba ? "Pinocchio lcaba" : "Pinocchio constraintDynamics";
-        benchmark::RegisterBenchmark(
-            (peer.name + "/" + code + "/with reactions").c_str(), [&peer](benchmark::State& state) {
-              size_t k = 0;
-              for ([[maybe_unused]] auto _ : state) {
-                const State& s = peer.states[k++ % peer.states.size()];
-                benchmark::DoNotOptimize(peer.calc_accelerations(s.q, s.v, s.tau).data());
-              }
-              state.counters["error"] = peer.find_worst_error();
-              state.counters["mu"] = peer.mu();
-              state.counters["iterations_inside"] = peer.iterations();
-            });
-        if (reference && i == first) add_motion(code, *reference, peer);
+        add_evaluation(peer, algorithm);
+        if (reference && i == first) add_motion(find_code(algorithm), *reference, peer);
       }
     }
     benchmark::RunSpecifiedBenchmarks();
