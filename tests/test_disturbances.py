@@ -68,6 +68,46 @@ def test_its_numbers_are_parameters(scene):
     assert run["chaser.velocity[2]"][-1] == pytest.approx(0.01, rel=1e-9)  # half of it
 
 
+def test_a_key_changes_or_adds_a_disturbance(scene):
+    changed = dl.run(scene, {"disturbance.1.force.1": 20.0}, stop=3.0, step=0.3)
+    assert changed["chaser.velocity[1]"][-1] == pytest.approx(0.02, rel=1e-9)
+    assert changed["chaser.angular_velocity[3]"][-1] == pytest.approx(0.005, rel=1e-9)
+    added = {"vehicle": "chaser", "duration": 2.0, "force": [0.0, 3.0, 0.0]}
+    keys = {f"disturbance.2.{member}": value for member, value in added.items()}
+    both = dl.run(scene, keys, stop=3.0, step=0.3)
+    assert both["chaser.velocity[1]"][-1] == pytest.approx(0.01, rel=1e-9)
+    assert both["chaser.velocity[2]"][-1] == pytest.approx(0.006, rel=1e-3)  # it turns slowly
+
+
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        ("disturbance.0.time", "counted from 1"),
+        ("disturbance.3.time", "2 adds a disturbance"),
+        ("disturbance.first.time", "counted from 1"),
+        ("disturbance.1.forces", "did you mean 'force'"),
+        ("disturbance.1.force.4", "force and torque have 1, 2 and 3"),
+        ("disturbance.1.duration.1", "force and torque have 1, 2 and 3"),
+        ("disturbance.2.duration", "lacks the member 'vehicle'"),
+    ],
+)
+def test_a_wrong_key_of_a_disturbance_is_refused(scene, key, message):
+    with pytest.raises(UsageError, match=message) as error:
+        dl.run(scene, {key: 1.0})
+    assert "\n" not in str(error.value)
+
+
+def test_a_sweep_adds_a_disturbance(scene, tmp_path):
+    file = tmp_path / "push.toml"
+    file.write_text(
+        'scene = "vehicle.toml"\noutcomes = ["chaser.velocity[2]"]\n[set]\n'
+        '"disturbance.2.vehicle" = "chaser"\n"disturbance.2.duration" = 1.0\n'
+        '[[vary]]\ntype = "grid"\nname = "disturbance.2.force.2"\nvalues = [1.0, 2.0]\n'
+    )
+    table = dl.sweep(file)
+    assert table["chaser.velocity[2]"].tolist() == pytest.approx([1e-3, 2e-3], rel=1e-2)
+
+
 def test_a_state_saved_while_it_acts_goes_on_with_the_same_bits(scene):
     docking = dl.Docking(scene)
     docking.step(0.8)

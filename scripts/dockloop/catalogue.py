@@ -17,6 +17,7 @@ from dockloop.errors import UsageError, did_you_mean
 from dockloop.fmu import find_placement
 from dockloop.scene import (
     apply_override,
+    disturbance_members,
     find_mechanism,
     find_scene,
     read_mechanism,
@@ -89,7 +90,8 @@ def list_entries(
         docking = core.Docking(to_json(document), name_source(path))
     variables = [_describe_variable(v) for v in read_variables(docking).values()]
     starts = {entry.name: entry.default for entry in variables}
-    entries = [*_list_keys(scene, document, starts), *_list_mechanism(scene, path), *variables]
+    keys = [*_list_keys(scene, document, starts), *_list_disturbances(scene)]
+    entries = [*keys, *_list_mechanism(scene, path), *variables]
     if not has_states:
         entries = [entry for entry in entries if entry.kind != "local"]
     if not patterns:
@@ -181,6 +183,23 @@ def _list_keys(scene: dict, document: dict, starts: dict[str, Any]) -> Iterator[
             "--scene",
             node.get("description", ""),
         )
+
+
+def _list_disturbances(scene: dict) -> Iterator[Entry]:
+    """Yield the members of the disturbances that a scene has."""
+    for number, entry in enumerate(scene.get("disturbance", ()), 1):
+        for member, node in disturbance_members().items():
+            value = entry.get(member, node.get("default"))
+            yield Entry(
+                f"disturbance.{number}.{member}",
+                "scene key",
+                node.get("unit", ""),
+                value,
+                _find_limits(node),
+                tuple(node.get("enum", ())),
+                "--scene",
+                node.get("description", ""),
+            )
 
 
 def _list_mechanism(scene: dict, path: Path) -> Iterator[Entry]:

@@ -30,7 +30,9 @@ from dockloop.variables import NAMED_NUMBERS
 
 FORMAT = "dockloop-scene/1"
 _PATHS = ("mechanism.set.", "sequence.set.")  # begin keys that go on as paths into the mechanism
-OPEN_KEYS = (*_PATHS, "initial.joints.")  # begin keys that no list of keys of a scene holds
+_DISTURBANCE = "disturbance."  # begins keys of a disturbance, by its number from 1
+# Begin keys that no list of keys of a scene holds.
+OPEN_KEYS = (*_PATHS, _DISTURBANCE, "initial.joints.")
 _KEPT = 16  # mechanisms, with what is set in them, that a reader of a scene remembers
 _BASE = ("position", "attitude")  # of the base of the mechanism in A: base_position, ...
 
@@ -282,7 +284,7 @@ def reading(path: Path, language: str, parts: str) -> Iterator[None]:
         raise UsageError(f"{shown(path)}: lists and {parts} are nested too deeply") from None
 
 
-def apply_override(scene: dict, text: str) -> tuple[tuple[str, ...], Any]:
+def apply_override(scene: dict, text: str) -> tuple[tuple[str | int, ...], Any]:
     """Apply one ``KEY=VALUE`` to a scene as read from its file.
 
     Args:
@@ -290,7 +292,7 @@ def apply_override(scene: dict, text: str) -> tuple[tuple[str, ...], Any]:
         text: dotted key, ``=``, a TOML value; bare words are texts. What follows
             ``mechanism.set.`` is a path into the mechanism file, and what follows
             ``sequence.set.`` one into its steps; what follows ``initial.joints.`` begins with the
-            name of a body.
+            name of a body, and what follows ``disturbance.`` with a number from 1.
 
     Returns:
         Where the value is in the scene, and the value.
@@ -307,6 +309,8 @@ def apply_override(scene: dict, text: str) -> tuple[tuple[str, ...], Any]:
             sections, last = prefix.rstrip(".").split("."), key.removeprefix(prefix)
             _find_section(scene, sections, text)[last] = value
             return (*sections, last), value
+    if key.startswith(_DISTURBANCE):
+        return _set_disturbance(scene, key, value, text), value
     known = scene_keys()
     if key not in known and not key.startswith(OPEN_KEYS):
         hint = did_you_mean(key, known)
@@ -316,6 +320,48 @@ def apply_override(scene: dict, text: str) -> tuple[tuple[str, ...], Any]:
     *sections, last = key.split(".")
     _find_section(scene, sections, text)[last] = value
     return (*sections, last), value
+
+
+def _set_disturbance(scene: dict, key: str, value: Any, text: str) -> tuple[str | int, ...]:
+    """Set a member of a disturbance, or one of the three numbers of a member; the next one is new.
+
+    Returns:
+        Where the value is in the scene.
+    """
+    number, _, path = key.removeprefix(_DISTURBANCE).partition(".")
+    listed = scene.setdefault("disturbance", [])
+    place = int(number) if number.isdecimal() and len(number) < 10 else 0
+    if not isinstance(listed, list) or not 1 <= place <= len(listed) + 1:
+        count = len(listed)
+        raise UsageError(
+            f"--scene {text}: the scene has {count} disturbances, counted from 1; write"
+            f" disturbance.NUMBER.MEMBER, where {count + 1} adds a disturbance"
+        )
+    member, _, component = path.partition(".")
+    if member not in disturbance_members():
+        hint = did_you_mean(member, list(disturbance_members()))
+        raise UsageError(f"--scene {text}: a disturbance has no member '{member}'{hint}")
+    if place > len(listed):
+        listed.append({})
+    entry = listed[place - 1]
+    if not component:
+        entry[member] = value
+        return ("disturbance", place - 1, member)
+    numbers = entry.setdefault(member, copy.deepcopy(disturbance_members()[member].get("default")))
+    if not isinstance(numbers, list) or component not in ("1", "2", "3") or len(numbers) != 3:
+        raise UsageError(
+            f"--scene {text}: {member} of a disturbance has no number '{component}':"
+            " force and torque have 1, 2 and 3"
+        )
+    numbers[int(component) - 1] = value
+    return ("disturbance", place - 1, member, int(component) - 1)
+
+
+@cache
+def disturbance_members() -> dict[str, dict]:
+    """Return the members of a disturbance, with their nodes of the schema."""
+    root = schema.load_schema("scene")
+    return root["properties"]["disturbance"]["items"]["properties"]
 
 
 def _find_section(scene: dict, sections: list[str], text: str) -> dict:
