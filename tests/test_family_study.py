@@ -29,4 +29,18 @@ def test_a_sample_does_not_replace_the_page():
     words = [sys.executable, STUDY, "--quick"]
     run = subprocess.run(words, check=False, capture_output=True, text=True)
     assert run.returncode == 2
-    assert "need another page" in run.stderr
+    assert "needs another page" in run.stderr
+
+
+def test_one_section_of_a_page_is_written_anew(tmp_path):
+    page = tmp_path / "own.md"
+    text = "# Head\n\n## Cost\n\nold cost\n\n## The brake\n\nold brake\n\n## Last\n\nkept\n"
+    page.write_text(text)
+    words = [sys.executable, STUDY, "--quick", "--only", "brake", "-o", page]
+    subprocess.run(words, check=True, timeout=300)
+    text = page.read_text(encoding="utf-8")
+    assert "old cost" in text
+    assert "kept" in text
+    assert "old brake" not in text
+    assert "--only brake" in text
+    assert re.findall(r"^## (.*)$", text, flags=re.MULTILINE) == ["Cost", "The brake", "Last"]

@@ -5,6 +5,7 @@ capture, the brake against exact motions, and what must come out (family_trends.
 
 Examples:
     .venv/bin/python tests/studies/families.py                        # some ten minutes
+    .venv/bin/python tests/studies/families.py --only brake           # this section of the page
     .venv/bin/python tests/studies/families.py --only brake -o build/brake.md
     .venv/bin/python tests/studies/families.py --quick -o build/families.md   # a small sample
 """
@@ -26,7 +27,7 @@ import dockloop as dl
 from dockloop.figures import save_figure
 from dockloop.paths import ROOT
 from family_trends import ACCURACY, TRENDS, Row
-from page import find_origin, write_head, write_page, write_row
+from page import find_origin, replace_section, write_head, write_page, write_row
 from slides import make_element, make_slide, write_slide
 
 PAGE = ROOT / "tests" / "validation" / "families.md"
@@ -37,12 +38,7 @@ RIGID = {"sequence.set": {"hard_docked.do.2.joint": "rigid"}}
 
 DURATION = 1200.0  # s, approach to separation
 STEP, LONG_STEP = 0.5, 10.0  # s, communication; the long one while hard docked
-TIGHT = {
-    "solver.rtol": 1e-8,
-    "solver.atol_position": 1e-10,
-    "solver.atol_velocity": 1e-10,
-    "solver.atol_energy": 1e-9,
-}
+RTOL, COARSER = 1e-8, 1e-7  # of whole sequences: the audited one, one to compare with
 WANTED_ENERGY, WANTED_MOMENTUM = 1e-7, 1e-12
 
 OFFSETS, SPEEDS = (0.0, 0.40), (0.01, 0.15)  # m, m/s
@@ -71,9 +67,12 @@ body (rigid).
 """,
     "sequences": """
 Each family goes through its whole sequence, and is undocked 10 s after hard docking. The method is
-that of the scene, with rtol 1e-8, 1e-10 m, 1e-10 m/s and 1e-9 J. The energy residual is the largest
+that of the scene, with rtol 1e-8, 1e-10 m, 1e-11 m/s and 1e-9 J. The energy residual is the largest
 at communication points, divided by the kinetic energy at the start. Drives do more work than this
-energy. The momentum residual is relative to the largest momentum.
+energy. *Ten times coarser* is the same residual with all tolerances ten times larger. An event or
+a sum that is booked at a wrong time would leave a residual that does not fall with the tolerance.
+Under closing hooks the vehicles rock on their faces at mm/s, so an absolute tolerance must lie
+below rtol times such speeds. The momentum residual is relative to the largest momentum.
 """,
     "capture": """
 Offset towards 30 degrees, 1.5 degrees of misalignment as in the scenes, 30 s from first contact on.
@@ -203,45 +202,89 @@ def list_costs(options: argparse.Namespace) -> list[str]:
 # ------------------------------------------------ audits
 
 
+class Audit(NamedTuple):
+    """Residuals of a whole sequence.
+
+    Attributes:
+        end: its last step.
+        energy: largest energy residual, by the kinetic energy at the start.
+        docked: the same before undocking.
+        worst: step in which it grows most.
+        momentum: largest momentum residual.
+        work: of drives [J].
+    """
+
+    end: str
+    energy: float
+    docked: float
+    worst: str
+    momentum: float
+    work: float
+
+    def is_met(self) -> bool:
+        """Are both residuals as small as wanted?"""
+        return self.energy < WANTED_ENERGY and self.momentum < WANTED_MOMENTUM
+
+
+def find_tolerances(rtol: float) -> dict[str, float]:
+    """Return the tolerances of an audited sequence."""
+    names = ("rtol", "atol_position", "atol_velocity", "atol_energy")
+    shares = (1.0, 1e-2, 1e-3, 1e-1)
+    return {f"solver.{name}": rtol * s for name, s in zip(names, shares, strict=True)}
+
+
+def audit(name: str, keys: dict[str, Any]) -> Audit:
+    """Run a whole sequence and look at its residuals."""
+    docking = dl.Docking(name, keys)
+    scale = docking.get("energy.kinetic")
+    last = energy = docked = momentum = 0.0  # J, 1
+    growth: dict[str, float] = {}
+    for step in follow(docking, lambda waited: waited > 10.0, STEP):
+        present = docking.get("energy.residual")
+        growth[step] = growth.get(step, 0.0) + abs(present - last)
+        last, energy = present, max(energy, abs(present))
+        docked = docked if step in ("undock", "separated") else energy
+        momentum = max(momentum, docking.get("momentum.residual"))
+    return Audit(
+        find_steps(docking)[docking.get("sequence.step") - 1],
+        energy / scale,
+        docked / scale,
+        max(growth, key=lambda step: growth[step]),
+        momentum,
+        docking.get("energy.drive_work"),
+    )
+
+
 def list_sequences(options: argparse.Namespace) -> list[str]:
     """Energy and momentum residuals of whole sequences."""
     lines = write_head(
-        "family", "end", "energy residual", "grows most in", "before undocking",
-        "momentum residual", "work of drives J", "wanted",
+        "family", "end", "energy residual", "ten times coarser", "grows most in",
+        "before undocking", "momentum residual", "work of drives J", "wanted",
     )  # fmt: skip
     missed = []
     for name in options.families:
-        docking = dl.Docking(name, {"solver.accuracy": ACCURACY} if options.quick else TIGHT)
-        scale = docking.get("energy.kinetic")
-        last = energy = docked = momentum = 0.0  # J, 1
-        growth: dict[str, float] = {}
-        for step in follow(docking, lambda waited: waited > 10.0, STEP):
-            present = docking.get("energy.residual")
-            growth[step] = growth.get(step, 0.0) + abs(present - last)
-            last, energy = present, max(energy, abs(present))
-            docked = docked if step in ("undock", "separated") else energy
-            momentum = max(momentum, docking.get("momentum.residual"))
-        worst = max(growth, key=lambda step: growth[step])
-        holds = energy < WANTED_ENERGY * scale and momentum < WANTED_MOMENTUM
-        missed += [] if holds else [name]
+        rough = {"solver.accuracy": ACCURACY}
+        fine, coarse = (
+            audit(name, rough if options.quick else find_tolerances(rtol))
+            for rtol in (RTOL, COARSER)
+        )
+        missed += [] if fine.is_met() else [name]
         lines.append(
             write_row(
                 name,
-                find_steps(docking)[docking.get("sequence.step") - 1],
-                f"{energy / scale:.1e}",
-                worst,
-                f"{docked / scale:.1e}",
-                f"{momentum:.1e}",
-                f"{docking.get('energy.drive_work'):.0f}",
-                "met" if holds else "**missed**",
+                fine.end,
+                f"{fine.energy:.1e}",
+                f"{coarse.energy:.1e}",
+                fine.worst,
+                f"{fine.docked:.1e}",
+                f"{fine.momentum:.1e}",
+                f"{fine.work:.0f}",
+                "met" if fine.is_met() else "**missed**",
             )
         )
     lines += ["", f"Wanted: energy {WANTED_ENERGY:g}, momentum {WANTED_MOMENTUM:g}."]
     if missed:
-        lines += [
-            f"Missed by: {', '.join(missed)}. Stiff parts move in these steps: faces of 200 MN/m,"
-            " hooks that open or close. Why the error is larger for a probe is not known.",
-        ]
+        lines += [f"Missed by: {', '.join(missed)}."]
     return lines
 
 
@@ -486,26 +529,32 @@ def main(words: list[str] | None = None) -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--quick", action="store_true", help="a small sample of each section")
-    parser.add_argument("--only", choices=SECTIONS, help="one section")
+    parser.add_argument("--only", choices=SECTIONS, help="one section, the others stay")
     parser.add_argument("-o", "--output", type=Path, default=PAGE, help="page to write")
     options = parser.parse_args(words)
-    if options.output == PAGE and (options.quick or options.only):
-        parser.error("--quick and --only need another page: -o build/families.md")
+    if options.output == PAGE and options.quick:
+        parser.error("--quick needs another page: -o build/families.md")
     options.families = QUICK if options.quick else FAMILIES
+    if options.only and options.output.exists():
+        title, lines = make_section(options.only, options)
+        origin = find_origin(f"{COMMAND} --only {options.only}")
+        replace_section(options.output, title, origin, *lines)
+        return
+    made = [make_section(name, options) for name in SECTIONS if options.only in (None, name)]
+    lines = [line for title, part in made for line in ("", f"## {title}", *part)]
+    title = "# What the families of mechanisms cost and do"
+    write_page(options.output, title, find_origin(COMMAND), *lines)
+
+
+def make_section(name: str, options: argparse.Namespace) -> tuple[str, list[str]]:
+    """Return title and lines of a section."""
+    title, make = SECTIONS[name]
     exact = ORACLES["absorber"][0]
-    lines = []
-    for name, (title, make) in SECTIONS.items():
-        if options.only in (None, name):
-            text = TEXTS[name].format(**{k: 1e3 * exact[k] for k in ("x_max", "v_end")})
-            began = time.perf_counter()
-            lines += ["", f"## {title}", text, *make(options)]
-            print(f"{title}: {time.perf_counter() - began:.0f} s", flush=True)
-    write_page(
-        options.output,
-        "# What the families of mechanisms cost and do",
-        find_origin(COMMAND),
-        *lines,
-    )
+    text = TEXTS[name].format(**{k: 1e3 * exact[k] for k in ("x_max", "v_end")})
+    began = time.perf_counter()
+    lines = [text, *make(options)]
+    print(f"{title}: {time.perf_counter() - began:.0f} s", flush=True)
+    return title, lines
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Pages of measured figures: Markdown that the studies write into tests/validation/."""
 
 import platform
+import re
 import subprocess
 from pathlib import Path
 
@@ -36,4 +37,16 @@ def write_page(path: Path, title: str, origin: str, *lines: str) -> None:
     """Write a page and say where it is."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join((title, "", origin, *lines)) + "\n", encoding="utf-8")
+    print(shown(path))
+
+
+def replace_section(path: Path, title: str, origin: str, *lines: str) -> None:
+    """Write one section of a page anew, with its own origin; the others stay."""
+    text = path.read_text(encoding="utf-8")
+    made = "\n".join((f"## {title}", "", origin, *lines)) + "\n"
+    section = re.compile(rf"^## {re.escape(title)}\n.*?(?=\n## |\Z)", re.DOTALL | re.MULTILINE)
+    changed, count = section.subn(lambda _: made, text)
+    if count != 1:
+        raise ValueError(f"{shown(path)} has {count} sections '{title}': write the whole page")
+    path.write_text(changed, encoding="utf-8")
     print(shown(path))
