@@ -13,7 +13,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from benchmarks import bench, mechanisms, report
+from benchmarks import bench, families, mechanisms, report
 from dockloop import core, paths
 
 BENCH = json.loads(bench.BENCH.read_text())
@@ -46,6 +46,35 @@ def test_other_engines_receive_the_same_mechanism(document, tmp_path):
         for key in ("a", "base_force", "base_moment"):
             scale = np.max(np.abs(a[key]))
             assert np.array(b[key]) == pytest.approx(np.array(a[key]), abs=1e-12 * scale)
+
+
+def test_a_mechanism_with_gears_is_closed_at_states_that_move(tmp_path):
+    document = families.take_family("apda")
+    bench.add_expected(document, tmp_path)
+    state = json.loads((tmp_path / "apda_states.json").read_text())["states"][3]
+    nut, rod = (find_place(document, name) for name in ("rod1_nut", "rod1_rod"))
+    ratio = document["mechanism"]["couplings"][0]["terms"][0]["ratio"]
+    for key in ("v", "a"):
+        values = state["expected"][key]
+        assert values[nut + 5] == pytest.approx(ratio * values[rod + 5], rel=1e-12)
+        assert abs(values[rod + 5]) > 1e-3
+
+
+def find_place(document, name):
+    """Which body it is; the first has six velocities, all others one."""
+    return [body["name"] for body in document["mechanism"]["bodies"]].index(name)
+
+
+def test_the_page_of_families_says_what_is_met():
+    figures = {
+        "apda/general/accelerations": {"ns": 2000.0},
+        "apda/no closed forms/accelerations": {"ns": 22000.0},
+        "apda/Pinocchio, reduced by hand/accelerations": {"ns": 13000.0, "error": 1e-15},
+        "hexapod/general/accelerations": {"ns": 1000.0},
+    }
+    page = families.make_page(figures, "head")
+    assert "| apda, no closed forms / general | 11 | > 10 | yes |" in page
+    assert "| apda, Pinocchio, reduced by hand / general | 6.5 | > 10 | no |" in page
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,6 @@ REFERENCE = DATA / "hexapod_bench_reference.json"
 BENCH = paths.MECHANISMS / "hexapod_bench.json"
 LEGS = (3, 6, 12, 24, 36, 48, 60)
 CRANKS = {"hexapod_r1r2r3": [0, 0, 1], "hexapod_r1r2r3_square": [0, 1, 0]}  # name: second axis
-FAMILIES = ("hexapod", "apda")  # with gears
 PEERS = ("pinocchio", "mujoco")
 
 
@@ -50,27 +49,22 @@ def make_documents(folder: Path) -> None:
         document = mechanisms.hexapod(bench, count)
         (folder / f"{document['name']}.json").write_text(json.dumps(document))
         documents.append(mechanisms.expand(document, start))
-    documents += [find_family(name, start) for name in FAMILIES]
     for document in documents:
-        file = folder / f"{document['name']}_states.json"
-        for state in document["states"]:
-            state["external"] = []
-        file.write_text(json.dumps(document))
-        evaluated = core.evaluate(file.read_text(), file, file.read_text(), file)
-        for state, expected in zip(document["states"], evaluated, strict=True):
-            state["q"], state["expected"] = expected["q"], expected
-        file.write_text(json.dumps(document))
-        # MuJoCo refuses the inertia of the ring of crank_nested, and does not know gears.
-        if document["name"] not in ("crank_nested", *FAMILIES):
+        add_expected(document, folder)
+        if document["name"] != "crank_nested":  # its ring has an inertia that MuJoCo refuses
             (folder / f"{document['name']}.xml").write_text(mechanisms.to_mjcf(document))
 
 
-def find_family(name: str, start: dict) -> dict:
-    """Return the mechanism of a family, written out with states of its ring."""
-    document = json.loads((paths.MECHANISMS / f"{name}.json").read_text())
-    if "couplings" in document:
-        return mechanisms.take(document)
-    return mechanisms.expand(document, start)
+def add_expected(document: dict, folder: Path) -> None:
+    """Close the states of a mechanism, add accelerations of dockloop, write NAME_states.json."""
+    file = folder / f"{document['name']}_states.json"
+    for state in document["states"]:
+        state["external"] = []
+    file.write_text(json.dumps(document))
+    evaluated = core.evaluate(file.read_text(), file, file.read_text(), file)
+    for state, expected in zip(document["states"], evaluated, strict=True):
+        state["q"], state["expected"] = expected["q"], expected
+    file.write_text(json.dumps(document))
 
 
 def unpack_fmu(scene: str, folder: Path) -> Path:
@@ -110,12 +104,7 @@ def make_kernels(arguments: dict[Path, str], folder: Path) -> dict[Path, str]:
 def list_programs(folder: Path, peers: list[str], quick: bool) -> dict[str, list[str]]:
     """Return the command of each program that is there; each prints Google Benchmark's JSON."""
     legs = [n for n in LEGS if not quick or n in (6, 60)]
-    google = [
-        f"--benchmark_min_time={0.01 if quick else 0.05}",
-        "--benchmark_repetitions=1" if quick else "--benchmark_repetitions=3",
-        "--benchmark_enable_random_interleaving=true",
-        "--benchmark_format=json",
-    ]
+    google = list_options(quick)
     once = [*google[:1], "--benchmark_repetitions=1", *google[2:]]
 
     def states(name: str) -> str:
@@ -124,9 +113,7 @@ def list_programs(folder: Path, peers: list[str], quick: bool) -> dict[str, list
     several = [f"legs_{n}" for n in legs]
     others = [*CRANKS, *several]
     phases = r"--benchmark_filter=^(hexapod_bench|crank_nested)/|/(accelerations|with reactions)$"
-    families = [paths.MECHANISMS / f"{name}.json" for name in FAMILIES]
-    mechanism_files = [BENCH, DATA / "crank_nested.json", *families]
-    mechanism_files += [folder / f"{x}.json" for x in others]
+    mechanism_files = [BENCH, DATA / "crank_nested.json", *(folder / f"{x}.json" for x in others)]
     scenes = {name: folder / name for name in ("idss_25t_350t", "hexapod_bench")}
     models = [at / "resources" / "model.json" for at in scenes.values()]
     reported = make_kernels(
@@ -142,11 +129,26 @@ def list_programs(folder: Path, peers: list[str], quick: bool) -> dict[str, list
     }
     motion = ["--motion", str(REFERENCE)]
     if "pinocchio" in peers:
-        files = map(states, ("hexapod_bench", "crank_nested", *FAMILIES, *several))
+        files = map(states, ("hexapod_bench", "crank_nested", *several))
         commands["pinocchio_bench"] = [*motion, *files, *once]
     if "mujoco" in peers:
         pairs = [(states(x), str(folder / f"{x}.xml")) for x in ("hexapod_bench", *several)]
         commands["mujoco_bench"] = [*motion, *(file for pair in pairs for file in pair), *once]
+    return find_programs(commands)
+
+
+def list_options(quick: bool) -> list[str]:
+    """Return options of Google Benchmark."""
+    return [
+        f"--benchmark_min_time={0.01 if quick else 0.05}",
+        "--benchmark_repetitions=1" if quick else "--benchmark_repetitions=3",
+        "--benchmark_enable_random_interleaving=true",
+        "--benchmark_format=json",
+    ]
+
+
+def find_programs(commands: dict[str, list[str]]) -> dict[str, list[str]]:
+    """Return the command of each program that is compiled; a word behind its name comes first."""
     found = {}
     for name, arguments in commands.items():
         program, *first = name.split()

@@ -200,20 +200,6 @@ def aims_table(figures: dict, fmpy: dict[str, float]) -> str:
         ),
         *(
             (
-                f"{name}, {code} / accelerations",
-                best(name, what, code) / best(name, "accelerations", *ours),
-                ">",
-                10,
-            )
-            for name in ("hexapod", "apda")
-            for code, what in (
-                ("no closed forms", "accelerations"),
-                ("Pinocchio, multipliers by hand", "with reactions"),
-                ("Pinocchio, reduced by hand", "accelerations"),
-            )
-        ),
-        *(
-            (
                 f"5 s to {accuracy:.0e} m, Pinocchio / FMU",
                 motion(accuracy, "Pinocchio") / motion(accuracy, "dockloop FMU"),
                 ">",
@@ -314,15 +300,6 @@ def write_report(results: dict, folder: Path) -> None:
         evaluations_table(figures, "crank_nested"),
         "Planar loops leave two equations; other engines have the three of a point, one of them "
         "redundant.",
-        "## One evaluation: hexapod (six screws)",
-        evaluations_table(figures, "hexapod"),
-        "## One evaluation: apda (six screws, ten shafts of differentials)",
-        evaluations_table(figures, "apda"),
-        "Force elements, which all codes need, are left out. `no closed forms` is the core with"
-        " loops closed by iteration and gears as bodies of the tree. Pinocchio has no row among"
-        " joint coordinates. So `multipliers by hand` solves densely for all rows, with inertia,"
-        " Jacobian and bias of Pinocchio. `reduced by hand` eliminates gears and legs as dockloop"
-        " does. It has no cut forces.",
         "## One evaluation: the ring of hexapod_bench on crank legs, R1R2R3 and R1R2R3_perp",
         evaluations_table(figures, "hexapod_r1r2r3"),
         evaluations_table(figures, "hexapod_r1r2r3_square"),
