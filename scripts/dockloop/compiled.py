@@ -4,7 +4,6 @@
 ``dockloop truth``) and the generator of kernels are targets of the same build folder.
 """
 
-import fcntl
 import shutil
 import subprocess
 import sys
@@ -45,6 +44,8 @@ def find_compiled(*files: Path) -> list[Path]:
             " scripts/demo and 'cmake -DDOCKLOOP_COMPARE=ON build/release && cmake --build"
             f" build/release --target {TARGETS[missing[0]]}'"
         )
+    import fcntl  # not on Windows, where no clone compiles
+
     with (paths.COMPILED / "compiled.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # another process may build the same
         stale = [file for file in files if not _is_current(file)]

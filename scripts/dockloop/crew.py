@@ -16,6 +16,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from dockloop.system import count_processors
+
 _LOOK = 0.5  # s between two looks at the processor time of a case
 _PATIENCE = 20.0  # times the limit by the clock: the processors may be busy, or the process waits
 
@@ -47,7 +49,7 @@ class Crew:
                 note restarts the clock.
             count: processes; default: one per processor.
         """
-        count = count or len(os.sched_getaffinity(0))
+        count = count or count_processors()
         self._count = count
         self._idle: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
         self._workers = [_Worker(work) for _ in range(count)]

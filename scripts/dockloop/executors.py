@@ -7,7 +7,6 @@ becomes a lost row.
 """
 
 import logging
-import os
 from collections import OrderedDict
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -23,6 +22,7 @@ from dockloop.fmu import NEVER_TOUCH
 from dockloop.outputs import scratch
 from dockloop.planning import KEPT_FMUS, Planner
 from dockloop.sampling import Value
+from dockloop.system import count_processors
 
 
 class Executor(Protocol):
@@ -172,7 +172,7 @@ def open_executor(
     Raises:
         DockloopError: the scheduler cannot be used.
     """
-    count = min(workers or len(os.sched_getaffinity(0)), cases)
+    count = min(workers or count_processors(), cases)
     if engine == "core":
         with CoreThreads(planner, count) as threads:
             yield threads

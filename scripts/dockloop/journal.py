@@ -15,7 +15,6 @@ begins.
 """
 
 import datetime
-import fcntl
 import hashlib
 import itertools
 import json
@@ -34,6 +33,7 @@ from dockloop.outputs import MADE_BY, Kind, cannot_write, claim, json_kind, writ
 from dockloop.paths import shown
 from dockloop.sampling import Value
 from dockloop.simulate import ProgressBar
+from dockloop.system import CAN_REPLACE_OPEN_FILES, lock
 
 _SYNC = 1.0  # s between two times that the journal is forced to the disk
 Place = int | tuple[tuple[Value, ...], Result]  # where a line begins; or a case that has no line
@@ -234,7 +234,7 @@ class Journal:
 
     def _lock(self, file: BinaryIO) -> None:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock(file)
         except OSError:
             raise UsageError(f"{shown(self.path)}: another {self._work} is writing it") from None
 
@@ -311,7 +311,15 @@ class Journal:
             file.writelines(lines)
             file.flush()
             os.fsync(file.fileno())
-        self._file.close()
+            if not CAN_REPLACE_OPEN_FILES:
+                file.close()
+                self._file.close()
+        if CAN_REPLACE_OPEN_FILES:
+            self._file.close()
+        else:
+            file = self.path.open("r+b")
+            self._lock(file)
+            file.seek(0, os.SEEK_END)
         self._file = file
 
     def _write(self, line: dict) -> int:
