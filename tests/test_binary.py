@@ -137,6 +137,17 @@ def compile_master_for_windows(folder):
     return program
 
 
+def start_wine(folder):
+    """Make a folder for Wine's files; returns the environment of its programs."""
+    assert WINE.exists(), "apt-get install --no-install-recommends wine64"
+    settings = {"WINEPREFIX": str(folder), "WINEARCH": "win64", "WINEDEBUG": "-all"}
+    # Python asks Windows for its version by WMI, of which Wine 8 lacks a part.
+    environment = os.environ | settings | {"WINEDLLOVERRIDES": "wbemprox="}
+    # A program that starts while Wine still makes its prefix sometimes ends without a word.
+    subprocess.run([WINE, "wineboot", "-i"], env=environment, check=False)
+    return environment
+
+
 def final_values(fmu, file, resources, *program, stop=None, environment=None):
     """Run the default experiment with a library, or until `stop`; return the Reals at the end."""
     model = read_model_description(fmu)
@@ -248,15 +259,8 @@ def test_linux64_ends_where_the_native_library_ends(host):
 def test_win64_ends_where_the_native_library_ends_under_wine(host, tmp_path):
     fmu, folder, values = host
     windows = library("win64")
-    assert WINE.exists(), "apt-get install --no-install-recommends wine64"
     master = compile_master_for_windows(tmp_path)
-    environment = {
-        "WINEPREFIX": str(tmp_path / "wine"),
-        "WINEARCH": "win64",
-        "WINEDEBUG": "-all",
-    }
-    # A program that starts while Wine still makes its prefix sometimes ends without a word.
-    subprocess.run([WINE, "wineboot", "-i"], env=os.environ | environment, check=False)
+    environment = start_wine(tmp_path / "wine")
     ended = final_values(
         fmu,
         f"Z:{windows}",

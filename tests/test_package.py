@@ -95,11 +95,16 @@ def test_the_wheel_works_without_a_compiler(tmp_path):
     # Packages that dockloop needs are taken from .venv, but not dockloop: it comes from the wheel.
     site = next((tmp_path / "venv" / "lib").glob("python3*/site-packages"))
     (site / "needed.pth").write_text(sysconfig.get_paths()["purelib"])
-    folder = tmp_path / "elsewhere"
+    use_without_a_compiler(programs, site, tmp_path)
+
+
+def use_without_a_compiler(programs: Path, site: Path, home: Path) -> None:
+    """Run, build, sweep and view with an installed package; no compiler is on the path."""
+    folder = home / "elsewhere"
     folder.mkdir()
     (folder / "mine.toml").write_text(SWEEP)
-    environment = {"PATH": str(programs), "HOME": str(tmp_path)}
-    assert not any(shutil.which(name, path=str(programs)) for name in ("cc", "gcc", "c++", "cmake"))
+    environment = {"PATH": str(programs), "HOME": str(home)}
+    assert not any(shutil.which(name, path=str(programs)) for name in ("cc", "gcc", "c++", "clang"))
 
     def call(*words: str) -> str:
         done = subprocess.run(

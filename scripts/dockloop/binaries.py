@@ -54,6 +54,9 @@ def find_libraries() -> dict[str, Path]:
         library = portable_library(platform)
         if not library.exists() or (platform == "linux64" and "DOCKLOOP_BUILD" in os.environ):
             continue
+        if paths.IS_INSTALLED:  # a wheel holds one library, of the sources of its module
+            libraries[platform] = library
+            continue
         stamp = library.with_name(STAMP)
         present = present or fingerprint()
         if stamp.exists() and stamp.read_text().strip() == present:

@@ -25,7 +25,7 @@ COMPARE = COMPILED / "dockloop-compare"  # this and the next two: see compiled.p
 COMPARE_LIBRARY = COMPILED / "dockloop_compare.so"
 GENERATOR = COMPILED / "dockloop-kernel"
 KERNELS = BUILD / "kernels"  # compiled ones, by the hash of their source
-PLATFORMS = ROOT / "build" / "platforms"  # made by scripts/platforms
+PLATFORMS = (ROOT if IS_INSTALLED else ROOT / "build") / "platforms"  # made by scripts/platforms
 OUTSIDE = ROOT / "build" / "deps" / "source"  # of the outside packages, for portable binaries
 
 

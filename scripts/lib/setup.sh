@@ -123,6 +123,35 @@ ensure_sources() {
   rm -rf "$work"
 }
 
+# The Pythons of Linux, macOS and Windows in build/deps/python: headers for the modules of wheels, the
+# import library of Windows, and interpreters to test wheels with (tests/test_wheels.py). Debian has
+# none of another system, and the wheels of PyPI have no headers. Maven Central has all of them, as
+# parts of JavaCPP. One set serves both processors of a system: the stable ABI is the same.
+ensure_foreign_pythons() {
+  local target=$root/build/deps/python version=3.12.1-1.5.10 system
+  [ "$(cat "$target/version" 2>/dev/null)" = "$version" ] && return
+  say "Pythons of Linux, macOS and Windows into build/deps"
+  command -v mvn >/dev/null || {
+    apt_update
+    quietly apt-install as_root env DEBIAN_FRONTEND=noninteractive \
+      apt-get -qq install -y --no-install-recommends maven
+  }
+  local work=$root/build/deps/download
+  rm -rf "$work" "$target"
+  mkdir -p "$work" "$target"
+  for system in linux macosx windows; do
+    quietly "python-$system" mvn -q -B "-Dmaven.repo.local=$work/maven" dependency:copy \
+      "-Dartifact=org.bytedeco:cpython:$version:jar:$system-x86_64" "-DoutputDirectory=$work"
+    (cd "$work" && cmake -E tar xf "cpython-$version-$system-x86_64.jar")
+    mv "$work/org/bytedeco/cpython/$system-x86_64" "$target/$system"
+    [ $system = windows ] || mv "$target/$system/include/python3.12"/* "$target/$system/include/"
+  done
+  rm -rf "$target"/*/lib/python3.12/test "$target"/windows/lib/test "$target"/macosx/lib
+  chmod +x "$target/linux/bin/python3.12"
+  echo "$version" >"$target/version"
+  rm -rf "$work"
+}
+
 # ensure_python [platforms|test]: .venv with this package (editable), and with .venv/bin/dockloop.
 ensure_python() {
   local extra=${1:-} key stamp
