@@ -19,6 +19,8 @@ set(Python_INTERPRETER_ID Python)
 set(Python_INCLUDE_DIRS ${DOCKLOOP_PYTHON_ROOT}/include)
 
 function(fit_module_to_zig module)
+  # nanobind prints to stderr; Python.h includes <stdio.h> only without the stable ABI.
+  target_compile_options(nanobind-static-abi3 PUBLIC "SHELL:-include cstdio")
   if(CMAKE_SYSTEM_NAME STREQUAL Linux)
     target_link_options(${module} PRIVATE -Wl,--version-script=${CMAKE_SOURCE_DIR}/fmu/exports.map)
   elseif(APPLE)
