@@ -119,7 +119,7 @@ def list_imports(binary):
 
 def find_age(name):
     """Return the first version of Python whose stable ABI has a name."""
-    for names in (abi3info.FUNCTIONS, abi3info.DATAS):
+    for names in (abi3info.FUNCTIONS, abi3info.DATAS):  # codespell:ignore datas
         for symbol, entry in names.items():
             if symbol.name.removeprefix("_") == name:
                 return entry.added.major, entry.added.minor
