@@ -29,7 +29,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 import tracemalloc
 from pathlib import Path
 
@@ -55,6 +54,7 @@ from dockloop.sampling import Passes, as_setting, read_sweep
 from dockloop.simulate import ProgressBar
 from dockloop.sweeps import Journal, read_table_metadata, run_sweep
 from dockloop.view.command import _choose_cases, find_command
+from mishaps import Cluster, full_disk, lines_of, wait_for_lines
 
 SHIPPED = sorted(file.stem for file in paths.SWEEPS.glob("*.toml"))
 
@@ -99,34 +99,6 @@ def make_cluster(workers: int) -> LocalCluster:
     return LocalCluster(
         n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
     )
-
-
-class Cluster:
-    """A scheduler and two workers, processes of their own, started as scripts/README.md says."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder, self._file = folder, folder / "scheduler.json"
-        self._scheduler = self._start("scheduler", "--port", "0")
-        self.workers = [self.start_worker() for _ in range(2)]
-        for _ in range(6000):
-            if self._file.exists() and self._file.stat().st_size > 0:  # it is made, then written
-                break
-            time.sleep(0.01)
-        self.scheduler_address = json.loads(self._file.read_text())["address"]
-
-    def start_worker(self) -> subprocess.Popen:
-        alone = ("--nthreads", "1", "--no-nanny", "--memory-limit", "0")
-        return self._start("worker", *alone, "--local-directory", str(self._folder))
-
-    def close(self) -> None:
-        for process in (*self.workers, self._scheduler):
-            process.kill()
-            process.wait(timeout=60)
-
-    def _start(self, *words: str) -> subprocess.Popen:
-        common = ("--scheduler-file", str(self._file), "--no-dashboard", "--host", "127.0.0.1")
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        return subprocess.Popen([sys.executable, "-m", "dask", *words, *common], **quiet)
 
 
 @pytest.fixture(scope="module")
@@ -419,18 +391,6 @@ def reference(cluster, tmp_path_factory):
     folder = tmp_path_factory.mktemp("reference")
     path = write(folder, SHORT)
     return path, run(path, folder / "mine.parquet", scheduler=cluster.scheduler_address)
-
-
-def lines_of(journal: Path) -> int:
-    return journal.read_bytes().count(b"\n") - 1 if journal.exists() else 0
-
-
-def wait_for_lines(journal: Path, count: int) -> None:
-    for _ in range(6000):
-        if lines_of(journal) >= count:
-            return
-        time.sleep(0.01)
-    raise AssertionError(f"{journal} has {lines_of(journal)} results, not {count}")
 
 
 def test_a_killed_worker_changes_no_bit(cluster, reference, tmp_path):
@@ -1126,27 +1086,18 @@ def test_resume_makes_the_table_of_more_cases_and_of_those_that_it_had(dockloop,
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
-def test_a_full_disk_loses_no_case(dockloop, tmp_path, monkeypatch):
+def test_a_full_disk_loses_no_case(dockloop, tmp_path):
     """First there is no space for the first line of the journal, then none for its fifth."""
-    real, written = Journal._write, []
-
-    def write_line(self, line):
-        written.append(line)
-        if len(written) in (1, 6):
-            self._file.close()
-            self._file = Path("/dev/full").open("wb")  # noqa: SIM115  the journal closes it
-        return real(self, line)
-
-    monkeypatch.setattr(Journal, "_write", write_line)
-    for kept in (0, 3):
-        reported = dockloop(*SPEEDS)
-        assert reported.status == 1, reported
-        assert reported.err == (
-            "dockloop: mine.jsonl: cannot be written (no space is left on the disk); the same"
-            " command with --resume goes on\n"
-        )
-        assert (tmp_path / "mine.jsonl").exists() == bool(kept)
-        assert not (tmp_path / "mine.parquet").exists()
+    with full_disk(1, 6):
+        for kept in (0, 3):
+            reported = dockloop(*SPEEDS)
+            assert reported.status == 1, reported
+            assert reported.err == (
+                "dockloop: mine.jsonl: cannot be written (no space is left on the disk); the same"
+                " command with --resume goes on\n"
+            )
+            assert (tmp_path / "mine.jsonl").exists() == bool(kept)
+            assert not (tmp_path / "mine.parquet").exists()
     reported = dockloop(*SPEEDS, "--resume", "--json")
     assert json.loads(reported.out)["time"]["ran"] == 8 - kept, reported
 
