@@ -1,8 +1,7 @@
 """One HTML page about a run, a sweep or an envelope: self-contained, opens offline.
 
 The page says in words what was run, and shows tables and the figures that the command draws. Each
-part is a `Section`; `report.html` is the template. Ranked inputs of a sweep come from scipy:
-Spearman's rank correlation (direction) and Chatterjee's xi (any dependence, 0 none, 1 complete).
+part is a `Section`; `report.html` is the template. `influence` ranks the inputs of a sweep.
 """
 
 import base64
@@ -22,6 +21,8 @@ import numpy as np
 
 from dockloop import __version__
 from dockloop.core import list_choices
+from dockloop.errors import DockloopError
+from dockloop.influence import Influence, can_rank, find_influence
 from dockloop.outputs import Kind, read_head, writing
 from dockloop.sampling import say_accuracy
 from dockloop.sweep_report import (
@@ -34,6 +35,7 @@ from dockloop.sweep_report import (
 )
 
 _WORST = 10  # cases in a list
+_LEAST_SCORE = 0.5  # of forests whose ranking can be trusted
 _SOLVER = ("accuracy", "method", "rtol", "atol_position", "atol_velocity", "atol_energy", "step")
 Rows = list[list[str]]
 
@@ -245,7 +247,7 @@ def report_sweep(
     sections += [_show(figure) for figure in figures]
     sections += _show_passes(summary, sweep, planner, table) if "refined" in summary else []
     sections += _rank_cases(sweep, planner, table, views)
-    sections += _rank_inputs(planner, table)
+    sections += _rank_inputs(sweep, planner, table)
     varied = [[f"{q.name} [{q.unit}]" if q.unit else q.name, _say_range(table, q.name)]
               for q in planner.varied]  # fmt: skip
     sections.append(Section("What varied", columns=("quantity", "from ... to"), rows=varied))
@@ -310,36 +312,60 @@ def has_captured(table: Any) -> np.ndarray:
     return compute.if_else(outcome.is_valid(), captured, np.nan).to_numpy()
 
 
-def _rank_inputs(planner: Any, table: Any) -> list[Section]:
-    """Return how much each quantity decides about capture and the largest load."""
-    from scipy.stats import chatterjeexi, spearmanr
+def _rank_inputs(sweep: Any, planner: Any, table: Any) -> list[Section]:
+    """Return which quantity decides about capture, and about the outcome that ranks cases."""
+    outcomes = {"capture": has_captured(table)} if "outcome" in table.column_names else {}
+    by, values = read_worst(sweep, table)
+    outcomes |= {by: values} if len(values) else {}
+    return [_rank_inputs_of(name, planner, table, y) for name, y in outcomes.items()]
 
-    sections, targets = [], {}
-    if "outcome" in table.column_names:
-        targets["capture"] = has_captured(table)
-    if "capture.peak.load_ratio" in table.column_names:
-        targets["the largest load ratio"] = read_numbers(table, "capture.peak.load_ratio")
-    for title, target in targets.items():
-        rows: list[list] = []
-        known = ~np.isnan(target)
-        y = target[known]
-        if len(y) < 20 or np.ptp(y) == 0.0:
-            continue
-        for quantity in planner.varied:
-            if is_text(table, quantity.name):
-                continue
-            values = read_numbers(table, quantity.name)[known]
-            if np.ptp(values) == 0.0:
-                continue
-            xi, rank = chatterjeexi(values, y), spearmanr(values, y)
-            chance = min(xi.pvalue, rank.pvalue)
-            rows.append([quantity.name, xi.statistic, rank.statistic, chance])
-        rows.sort(key=lambda row: -max(row[1], abs(row[2])))
-        texts = [[row[0], *(f"{value:.2g}" for value in row[1:])] for row in rows]
-        columns = ("input", "xi", "rank correlation", "p (chance alone)")
-        text = "xi: 0 no influence, 1 decides alone. Small p: more than chance."
-        sections.append(Section(f"What decides about {title}", text, columns, texts))
-    return sections
+
+def _rank_inputs_of(outcome: str, planner: Any, table: Any, y: np.ndarray) -> Section:
+    """Return the quantities by their share of the variance of one outcome."""
+    from scipy.stats import spearmanr
+
+    section = Section(f"What decides about {outcome}")
+    known = np.isfinite(y)
+    inputs = {q.name: _read_input(table, q.name)[known] for q in planner.varied}
+    inputs = {name: values for name, values in inputs.items() if np.ptp(values) > 0.0}
+    if not (inputs and can_rank(y[known])):
+        section.text = "Too few cases, or too few that differ, to rank the inputs."
+        return section
+    try:
+        found = find_influence(np.column_stack(list(inputs.values())), y[known])
+    except DockloopError as error:
+        section.text = f"Not ranked: {error}."
+        return section
+    pairs = zip(inputs.items(), found.shares, strict=True)
+    for (name, values), share in sorted(pairs, key=lambda pair: -pair[1].mean):
+        rank = "" if is_text(table, name) else f"{spearmanr(values, y[known]).statistic:.2f}"
+        section.rows.append([name, f"{share.mean:.2f}", f"{share.spread:.2f}", rank])
+    section.columns = ("input", "share", "+-", "rank correlation")
+    section.text = _explain_ranks(found)
+    return section
+
+
+def _explain_ranks(found: Influence) -> str:
+    """Say what the shares are, and how far they can be trusted."""
+    text = (
+        "Share: the part of the variance that goes with this input, alone and together with others"
+        " (total Sobol index, by shuffling the input). Shares may add up to more than 1. An input"
+        " whose share is not larger than its +- may have no influence. Five forests of"
+        f" {found.cases} cases explain {found.score} of the variance of cases that they have not"
+        " seen; what they do not explain is missing in the shares. Rank correlation: whether the"
+        " outcome rises or falls with the input."
+    )
+    if found.score.mean < _LEAST_SCORE:
+        text += " They explain too little for a sure ranking: more cases may help."
+    return text
+
+
+def _read_input(table: Any, name: str) -> np.ndarray:
+    """Return an input as numbers; texts are counted in alphabetical order."""
+    if is_text(table, name):
+        texts = [str(text) for text in table[name].to_pylist()]
+        return np.unique(texts, return_inverse=True)[1].astype(float)
+    return read_numbers(table, name)
 
 
 # ---------------------------------------------------------------- an envelope

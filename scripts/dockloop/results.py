@@ -169,18 +169,23 @@ class Result:
         return file
 
 
-def import_optional(name: str) -> Any:
-    """Import a package that only some work needs. Raises DockloopError naming how to install it."""
+def import_optional(name: str, package: str | None = None) -> Any:
+    """Import a module that only some work needs. Raises DockloopError naming how to install it.
+
+    Args:
+        name: of the module.
+        package: that has it; default: the same name.
+    """
     import importlib
 
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        command = f"'pip install {name}'"
+        command = f"'pip install {package or name}'"
         if not paths.IS_INSTALLED:
             command = "\".venv/bin/pip install -e '.[sweep,tables]'\" in the clone"
         raise DockloopError(
-            f"the package {name} is needed here ({error}): install it by {command}"
+            f"the package {package or name} is needed here ({error}): install it by {command}"
         ) from None
 
 
