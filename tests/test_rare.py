@@ -25,6 +25,7 @@ import dockloop as dl
 from dockloop.criteria import parse_criterion
 from dockloop.errors import DockloopError
 from dockloop.rare import estimate_rare
+from pawls import MEAN, SWEEP, sample_failures
 
 CLOSED = {  # limit, exact probability, dimensions
     "a plane": (lambda z: z.sum(axis=1) / 2.0 - 3.5, norm.sf(3.5), 4),
@@ -120,46 +121,6 @@ def test_grades_rise_towards_failure(outputs, text):
 
 # ---------------------------------------------------------------- dockings
 
-SET = {
-    "model.level": "rigid",
-    **dict.fromkeys(("initial.lateral_offset", "initial.pitch_yaw_deg", "initial.roll_deg"), 0),
-    **dict.fromkeys(("initial.lateral_speed", "initial.pitch_yaw_rate_deg_s"), 0),
-    "initial.roll_rate_deg_s": 0,
-    "chaser.mass_includes_mechanism": 2,
-    "mechanism.set.latches.push_force": 100.0,
-}
-SPEED, DEVIATION, LEAST = 0.022, 0.002, 0.005
-SWEEP = f"""
-scene = "idss_25t_350t"
-seed = 3
-cases = 400
-sampling = "random"
-[set]
-{"".join(f'"{name}" = {json.dumps(value)}' + chr(10) for name, value in SET.items())}
-[[vary]]
-type = "normal"
-name = "initial.closing_speed"
-mean = {SPEED}
-deviation = {DEVIATION}
-range = [{LEAST}, 0.05]
-[[vary]]
-type = "uniform"
-name = "chaser.mass"
-range = [20e3, 30e3]
-[experiment]
-stop = 6.0
-step = 1.0
-"""
-
-
-def sample_closed_form(count=4_000_000):
-    """Return the part of samples whose energy does not open three pawls."""
-    random = np.random.default_rng(5)
-    speed = SPEED + DEVIATION * random.standard_normal(count)
-    chaser = random.uniform(20e3, 30e3, count)
-    mass = chaser * 350e3 / (chaser + 350e3)
-    return np.mean(mass * speed**2 / 2.0 < 3.0 * 100.0 * 0.016 / 2.0)
-
 
 def write(folder, text=SWEEP):
     (folder / "mine.toml").write_text(text)
@@ -167,7 +128,7 @@ def write(folder, text=SWEEP):
 
 
 def test_rare_failures_of_dockings_are_those_of_brute_force(dockloop, tmp_path):
-    exact = sample_closed_form()
+    exact = sample_failures()
     assert 1e-4 < exact < 1e-3, exact
     command = ("sweep", write(tmp_path), "-o", str(tmp_path / "own.parquet"))
     rare = ("--rare", "not captured", "--rare-cases", "100", "--json")
@@ -188,7 +149,7 @@ def test_rare_failures_of_dockings_are_those_of_brute_force(dockloop, tmp_path):
 
 
 def test_frequent_failures_are_those_of_a_plain_sweep(tmp_path):
-    slow = SWEEP.replace(f"mean = {SPEED}", "mean = 0.0155").replace("cases = 400", "cases = 150")
+    slow = SWEEP.replace(f"mean = {MEAN}", "mean = 0.0155").replace("cases = 400", "cases = 150")
     from dockloop.rare import run_rare
     from dockloop.sampling import read_sweep
 
