@@ -36,8 +36,8 @@ OFFSETS, SPEEDS = ("initial.lateral_offset", 0.0, 0.2), ("initial.closing_speed"
 CRITERIA = ("captured within 5 s", "captured within 5 s and load_ratio < 1")
 RARE_LOAD, BOX = "load_ratio > 0.38", "idss_initial_conditions"
 STOP = 6.0  # s, of dockings of the box
-PLAIN, LEVEL = 2048, 300  # dockings: of the plain sweep, in each level
-SEEDS = range(1, 6)
+PLAIN, LEVEL = 2048, 200  # dockings: of the plain sweep, in each level
+SEEDS = range(1, 4)
 AIM = 5.0  # times fewer dockings than a grid
 
 
