@@ -58,12 +58,22 @@ def make_digest(content: Any) -> str:
 
 def find_digests(path: Path) -> set[str]:
     """Return the digests of all cases that a journal was for; none if there is no journal."""
+    return {head["digest"] for head in _read_heads(path) if "digest" in head}
+
+
+def find_outcomes(path: Path) -> list[str]:
+    """Return the names of the outputs that a journal holds; none if there is no journal."""
+    return next((head["setup"].get("outcomes", []) for head in _read_heads(path)), [])
+
+
+def _read_heads(path: Path) -> list[dict]:
+    """Return the lines of a journal that say what it is for."""
     try:
         with path.open("rb") as file:
             lines = [_parse(raw) for raw in file if b'"setup"' in raw]
     except OSError:  # the journal says so itself when it is opened
-        return set()
-    return {line["digest"] for line in lines if line and "digest" in line}
+        return []
+    return [line for line in lines if line and "setup" in line]
 
 
 class Known(Mapping[tuple[Value, ...], Result]):

@@ -146,6 +146,11 @@ class Planner:
         self.asked = list(dict.fromkeys([*self.asked, *criterion.outputs]))
         return criterion
 
+    def collect_like(self, outcomes: list[str]) -> None:
+        """Collect what a journal holds, if that has all that is asked for."""
+        if set(self.asked) <= set(outcomes):
+            self.asked = outcomes
+
     def name_values(self, values: tuple[Value, ...], result: Result) -> dict[str, Any]:
         """Return the quantities of a case that was done and its outputs at the end, by name."""
         names = (quantity.name for quantity in self.quantities)

@@ -21,7 +21,7 @@ from dockloop.criteria import Criterion
 from dockloop.envelopes.mesh import Bracket, Class, Mesh, Point
 from dockloop.errors import DockloopError, UsageError
 from dockloop.executors import Executor, choose_engine, open_executor
-from dockloop.journal import Journal, make_digest
+from dockloop.journal import Journal, find_outcomes, make_digest
 from dockloop.planning import Planner
 from dockloop.sampling import Cases, Sweep, list_quantities
 from dockloop.scene import find_scene
@@ -179,6 +179,8 @@ def find_envelope(
     """
     search = _prepare(order, judge)
     planner = search.planner
+    if resume:
+        planner.collect_like(find_outcomes(journal))
     digest = make_digest([planner.unplaced, order.axes, order.criteria, search.mesh.size])
     most = (search.mesh.size + 1) ** len(order.axes)
     setup = planner.find_setup() | (judge.setup if judge else {})
