@@ -5,7 +5,7 @@
 3. With the gravity of the target inside the FMU, the vehicles fly to each other as the gradient of
    gravity says; with that of the chaser they do not notice that they are in orbit.
 4. Options that make no sense are refused in a sentence.
-5. The programs of README and scripts/README run, and the cells of the notebook.
+5. The cells of the notebook run.
 """
 
 import importlib.util
@@ -95,24 +95,6 @@ def test_options_that_make_no_sense_are_refused_in_a_sentence(options):
     assert process.returncode == 2
     assert f"argument {options[0]}" in process.stderr
     assert "Traceback" not in process.stderr
-
-
-@pytest.mark.parametrize("page", ["README.md", "scripts/README.md"])
-def test_the_programs_of_a_page_run(page, tmp_path):
-    text = (paths.ROOT / page).read_text(encoding="utf-8")
-    programs = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    assert programs
-    for program in programs:
-        done = subprocess.run(
-            [sys.executable, "-c", program],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr[-2000:]
-        if page == "README.md":
-            assert 100 < float(done.stdout.split()[-2]) < 3500  # N, below the rated load
 
 
 def test_the_cells_of_the_notebook_run_from_the_top(tmp_path):

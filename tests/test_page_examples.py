@@ -1,0 +1,205 @@
+"""Every example of the pages: commands run, JSON and TOML are read, programs end without an error.
+
+1. Commands run block by block in a folder that has the files of which the pages speak. Long work is
+   cut short by options at the end of the line (`SHORT`).
+2. A list in JSON or TOML is taken by the reader of the product, in a mechanism to which it belongs.
+3. Programs in Python run as they stand.
+4. What does not run here is in `ELSEWHERE`, with the reason; each entry is needed.
+"""
+
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from typing import NamedTuple
+
+import pytest
+
+pytest.importorskip("pyarrow")
+pytest.importorskip("scipy")
+
+import dockloop as dl
+from dockloop import paths, sampling
+from dockloop.planning import Planner
+from dockloop.sampling import read_sweep
+from dockloop.view.browser import find_browser
+from test_words import list_files
+
+DEFAULT = "idss_25t_350t"
+WRITTEN = ("tests/validation/maps/", "modelDescription/trade/")  # by the command that they show
+
+ELSEWHERE = {  # beginning of a line, or what is in it: why it does not run here
+    r"scripts/(demo|test|bench|platforms|fuzz)\b": "sets up or tests the whole project",
+    r"(cmake|ctest|cc|npm|npx|cp) ": "compiles, or fetches packages",
+    r"build/release/": "a program for developers",
+    r"(\.venv/bin/)?pip install": "installs packages; tests/test_package.py",
+    r"\.venv/bin/python (-m pytest|tests/)": "runs the tests",
+    r"\.venv/bin/python scripts/examples/": "tests/test_examples.py, tests/test_ssp.py",
+    r"\.venv/bin/dask ": "a server, started so by tests/mishaps.py",
+    r".* --scheduler ": "needs a cluster: tests/test_sweep.py",
+    r".* --rare ": "hundreds of dockings: tests/test_rare.py",
+    r".*extremes --quick": "tests/test_extremes.py",
+    r".*trade idss_25t_350t( --resume)? +#": "a quarter of an hour: tests/test_trade.py",
+    r"(sweep=|sed |time )": "measures the time of two engines",
+    r"(import zipfile|from ecospy|from fmpy.ssp|from pathlib)": "an importer: tests/test_ssp.py",
+}
+SHORT = {  # command: options that cut it short
+    "run": ("--stop", "0.5"),
+    "sweep": (),
+    "envelope": ("--stop", "1", "--tolerance", "0.25", "--coarse", "2", "--check", "0"),
+    "map": ("--stop", "0.3", "--points", "3"),
+    "trade": ("--stop", "0.5", "--tolerances", "1e-3"),
+    "truth": ("--stop", "0.2"),
+    "extremes": ("--random", "1"),
+}
+WHOLE = ("absorber_1d",)  # scenes that need no cut
+NEEDS = {"--still": find_browser, "--film": lambda: find_browser() and shutil.which("ffmpeg")}
+AROUND = {  # members of a list in JSON: the mechanism that has them, members that do not fit
+    "forces": ("apda", ("forces", "failures", "sequence")),
+    "failures": ("apda", ()),
+    "leg_defaults": ("idss_hexapod", ()),
+    "capture": ("probe_drogue", ("sequence",)),
+}
+
+
+class Block(NamedTuple):
+    """An example of a page."""
+
+    place: str
+    language: str
+    text: str
+
+
+def list_blocks():
+    """Return the fenced examples of all pages, and lines with commands that are indented."""
+    blocks = []
+    for name in (name for name in list_files() if name.endswith(".md")):
+        if name.startswith(WRITTEN):
+            continue
+        text = (paths.ROOT / name).read_text(encoding="utf-8")
+        fence = re.compile(r"^( *)```(\w*)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
+        for found in fence.finditer(text):
+            line = text.count("\n", 0, found.start()) + 1
+            body = re.sub(f"^{found[1]}", "", found[3], flags=re.MULTILINE)
+            blocks.append(Block(f"{name}:{line}", found[2], body))
+        plain = fence.sub("", text)
+        lines = re.findall(r"^    ((?:\.venv|scripts|build|ctest)\b.*)", plain, re.MULTILINE)
+        blocks += [Block(name, "sh", "\n".join(lines))] if lines else []
+    return blocks
+
+
+BLOCKS = list_blocks()
+
+
+def list_lines(block):
+    """Return the commands of a block, each on one line and without its remark."""
+    lines = re.sub(r"\\\n\s*", " ", block.text).splitlines()
+    return [line for line in lines if line.strip() and not line.startswith("#")]
+
+
+def find_reason(line):
+    """Return why a line does not run here, or None."""
+    return next((reason for text, reason in ELSEWHERE.items() if re.match(text, line)), None)
+
+
+def choose(language):
+    """Return the blocks of a language of which something runs here."""
+    chosen = [block for block in BLOCKS if block.language == language]
+    if language == "sh":
+        chosen = [b for b in chosen if any(not find_reason(line) for line in list_lines(b))]
+    else:
+        chosen = [b for b in chosen if not find_reason(b.text)]
+    return [pytest.param(block, id=block.place) for block in chosen]
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory, runs):
+    """A folder with the files of which pages speak."""
+    folder = tmp_path_factory.mktemp("pages")
+    for name in ("modelDescription", "tests", "scripts"):
+        (folder / name).symlink_to(paths.ROOT / name)
+    (folder / "build" / "fmu").mkdir(parents=True)
+    shutil.copy(runs.fmu(DEFAULT), folder / "build" / "fmu" / f"{DEFAULT}.fmu")
+    shutil.copy(runs.fmu(DEFAULT), folder / "own.fmu")
+    shutil.copy(paths.SCENES / f"{DEFAULT}.toml", folder / "mine.toml")
+    docking = dl.Docking(DEFAULT)
+    docking.step(0.1)
+    (folder / "own.bin").write_bytes(docking.save())
+    run = (sys.executable, "-m", "dockloop")
+    for words in (
+        ("run", DEFAULT, "--stop", "6", "-o", "own.csv"),
+        ("sweep", "absorber_1d_speeds", "-o", "sweep/own.parquet"),
+    ):
+        subprocess.run([*run, *words, "--no-plots"], cwd=folder, check=True, capture_output=True)
+    (folder / "sweep" / "own.parquet").rename(folder / "own.parquet")
+    return folder
+
+
+@pytest.fixture
+def folder(files, tmp_path, monkeypatch):
+    """A copy of these files; shipped sweeps have 8 cases of 3 s."""
+    shutil.copytree(files, tmp_path, symlinks=True, dirs_exist_ok=True)
+    monkeypatch.setattr(sampling, "SWEEPS", tmp_path / "short")
+    (tmp_path / "short").mkdir()
+    for sweep in paths.SWEEPS.glob("*.toml"):
+        text = re.sub(r"^cases = \d+", "cases = 8", sweep.read_text(), flags=re.MULTILINE)
+        text = re.sub(r"^stop = 25.0", "stop = 3.0", text, flags=re.MULTILINE)
+        (tmp_path / "short" / sweep.name).write_text(text)
+    return tmp_path
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("block", choose("sh"))
+def test_the_commands_of_a_page_run(dockloop, folder, block):
+    for line in list_lines(block):
+        if find_reason(line):
+            continue
+        program, command, *words = shlex.split(line, comments=True)
+        assert program in (".venv/bin/dockloop", "dockloop"), line
+        if not all(found() for option, found in NEEDS.items() if option in words):
+            continue
+        cut = () if words[0] in WHOLE else SHORT.get(command, ())
+        outcome = dockloop(command, *words, *cut)
+        assert outcome.status == 0, (line, outcome.err)
+
+
+@pytest.mark.parametrize("block", choose("json"))
+def test_the_reader_of_mechanisms_takes_what_a_page_shows(block):
+    if block.text.startswith("{"):
+        document = json.loads(block.text)
+    else:
+        members = json.loads(f"{{{block.text}}}")
+        name, others = AROUND[next(iter(members))]
+        around = json.loads((paths.MECHANISMS / f"{name}.json").read_text())
+        document = {k: v for k, v in around.items() if k not in others} | members
+    assert dl.check(document)["degrees_of_freedom"] >= 1
+
+
+@pytest.mark.parametrize("block", choose("toml"))
+def test_the_reader_of_sweeps_takes_what_a_page_shows(block, tmp_path):
+    (tmp_path / "mine.toml").write_text(block.text)
+    sweep = read_sweep(str(tmp_path / "mine.toml"))
+    assert len(sweep.cases) == 256 * 3 * 2
+    assert Planner(sweep).quantities
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("block", choose("python"))
+def test_the_programs_of_a_page_run(block, folder):
+    done = subprocess.run(
+        [sys.executable, "-c", block.text], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    if block.place.startswith("README.md"):
+        assert 100 < float(done.stdout.split()[-2]) < 3500  # N, below the rated load
+
+
+def test_every_entry_of_what_runs_elsewhere_is_needed():
+    lines = [line for b in BLOCKS if b.language == "sh" for line in list_lines(b)]
+    lines += [b.text for b in BLOCKS if b.language == "python"]
+    unused = [text for text in ELSEWHERE if not any(re.match(text, line) for line in lines)]
+    assert not unused
+    assert len(choose("sh")) > 15
+    assert {block.language for block in BLOCKS} == {"", "sh", "json", "toml", "python"}
