@@ -75,6 +75,18 @@ ensure_system() {
   python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "Python 3.11 or newer is needed"
 }
 
+# ensure_browser: Chromium, in which the pages of `dockloop view` are tested. Ubuntu has no such Debian
+# package (but a snap): there the tests are skipped.
+ensure_browser() {
+  [ -n "${DOCKLOOP_BROWSER:-}" ] && return
+  command -v chromium chromium-browser google-chrome google-chrome-stable chrome >/dev/null && return
+  apt_update
+  apt-cache show chromium >/dev/null 2>&1 || { say "no package chromium: tests in a browser are skipped"; return; }
+  say "system package: chromium"
+  quietly apt-chromium as_root env DEBIAN_FRONTEND=noninteractive \
+    apt-get -qq install -y --no-install-recommends chromium
+}
+
 # SUNDIALS: headers and static archives of the Debian package, unpacked, not installed. Installing it
 # would drag PETSc, hypre, MPI and a Fortran compiler (hundreds of MB); unpacked it is about 1 MB here.
 ensure_sundials() {
