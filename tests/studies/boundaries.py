@@ -34,9 +34,9 @@ COMMAND = "tests/studies/boundaries.py"
 PAGE = paths.ROOT / "tests" / "validation" / "boundaries.md"
 OFFSETS, SPEEDS = ("initial.lateral_offset", 0.0, 0.2), ("initial.closing_speed", 0.01, 0.15)
 CRITERIA = ("captured within 5 s", "captured within 5 s and load_ratio < 1")
-RARE_LOAD, BOX = "load_ratio > 0.38", "idss_initial_conditions"
-STOP = 6.0  # s, of dockings of the box
-PLAIN, LEVEL = 2048, 200  # dockings: of the plain sweep, in each level
+RARE_LOAD, BOX = "load_ratio > 0.37", "idss_initial_conditions"
+STOP, APPROACH = 6.0, 0.1  # s, of dockings of the box: the end, free motion before contact
+PLAIN, LEVEL = 1024, 200  # dockings: of the plain sweep, in each level
 SEEDS = range(1, 4)
 AIM = 5.0  # times fewer dockings than a grid
 
@@ -121,6 +121,7 @@ def write_box(folder: Path, cases: int, sampling: str) -> Path:
         (f"cases = {document['cases']}", f"cases = {cases}"),
         (f'sampling = "{document["sampling"]}"', f'sampling = "{sampling}"'),
         (f"stop = {document['experiment']['stop']}", f"stop = {STOP}"),
+        ('"initial.approach_time" = 0.5', f'"initial.approach_time" = {APPROACH}'),
     ):
         assert text.count(old) == 1, old
         text = text.replace(old, new)
@@ -138,7 +139,7 @@ def list_estimates(
         *("seed", "part that fails", "95 % interval", "meets the answer", "dockings"),
         *("plain sampling for the same interval", "times fewer"),
     )
-    for seed in list(SEEDS)[: 2 if options.quick else None]:
+    for seed in list(SEEDS)[: 1 if options.quick else None]:
         document = tomllib.loads(text)
         path.write_text(text.replace(f"seed = {document['seed']}\n", f"seed = {seed}\n"))
         level = 50 if options.quick else LEVEL
@@ -177,15 +178,16 @@ def list_loads(options: argparse.Namespace) -> list[str]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         table = dl.sweep(write_box(folder, cases, "random"))
-        assert (table["status"] == "done").all()
+        refused = table["status"] != "done"
         limit = float(RARE_LOAD.rpartition(" ")[2])
-        count = int((table["capture.peak.load_ratio"] > limit).sum())
+        count = int((refused | (table["capture.peak.load_ratio"] > limit)).sum())
         plain = estimate_fraction(count, cases)
         box = write_box(folder, cases, "sobol")
         lines = list_estimates(box, RARE_LOAD, (plain["low"], plain["high"]), options)
     answer = (
         f"Answer: {count} of {cases} dockings of a plain sweep, {plain['fraction']:.2e}"
-        f" (95 % interval {plain['low']:.2e} to {plain['high']:.2e})."
+        f" (95 % interval {plain['low']:.2e} to {plain['high']:.2e}). {refused.sum()} of them did"
+        " not run; both methods count these as failures."
     )
     return [answer, "", *lines]
 
