@@ -23,6 +23,7 @@ import pyarrow as pa
 
 import dockloop as dl
 from dockloop import html_report
+from dockloop.columns import say_number
 from dockloop.core import list_choices
 from dockloop.plots import color_of
 
@@ -136,6 +137,11 @@ def test_a_sweep_has_a_page_with_ranked_cases_and_inputs(dockloop, tmp_path):
     )
     assert re.search(r"What decides about capture\s+Too few cases", text)
     assert summary["units"]["initial.closing_speed"] == "m/s"
+    assert "but varied: initial.closing_speed, initial.roll_deg" in text
+    assert re.findall(r"experiment\.(stop|step)\s+(\S+)", text) == [
+        ("stop", "6.0"),
+        ("step", "0.5"),
+    ]
     (tmp_path / "own_report.html").write_text("<html>mine</html>")
     refused = dockloop("sweep", str(tmp_path / "mine.toml"), "--report", "-o", str(table))
     assert refused.status == 2
@@ -156,6 +162,13 @@ def test_an_envelope_has_a_page(dockloop, tmp_path):
     assert f"{criterion['met']:.1%} +- {criterion['unsure']:.1%}" in text
     assert criterion["unmet_example"]["command"] in text
     assert f"{summary['dockings']} dockings; a grid of the same resolution has 25" in text
+    assert re.search(r"experiment\.stop\s+5\.0", text)
+    assert re.search(r"initial\.lateral_offset\s+0 to 0\.2 m\s+0\.025 m", text)
+
+
+def test_numbers_of_loads_have_no_exponent():
+    numbers = {15260.0: "15260", 9999.7: "10000", 0.5724: "0.5724", 3.2e-6: "3.2e-06"}
+    assert {number: say_number(number) for number in numbers} == numbers
 
 
 def test_a_docked_case_counts_as_captured():

@@ -15,11 +15,13 @@ from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from dockloop import __version__
+from dockloop.columns import say_number
 from dockloop.core import list_choices
 from dockloop.errors import DockloopError
 from dockloop.influence import Influence, can_rank, find_influence
@@ -37,6 +39,12 @@ from dockloop.sweep_report import (
 _WORST = 10  # cases in a list
 _LEAST_SCORE = 0.5  # of forests whose ranking can be trusted
 _SOLVER = ("accuracy", "method", "rtol", "atol_position", "atol_velocity", "atol_energy", "step")
+_SHARES = (
+    "Share: the part of the variance that goes with this input, alone and together with others"
+    " (total Sobol index, by shuffling the input). Shares may add up to more than 1. An input whose"
+    " share is not larger than its +- may have no influence. Rank correlation: whether the outcome"
+    " rises or falls with the input."
+)
 Rows = list[list[str]]
 
 
@@ -99,13 +107,16 @@ def _embed(figure: Path) -> str:
 # ---------------------------------------------------------------- what all pages have
 
 
-def describe_scene(document: dict) -> Section:
+def describe_scene(document: dict, varied: Iterable[str] = ()) -> Section:
     """Say in words what is modelled.
 
     Args:
         document: the resolved scene.
+        varied: names of the quantities that vary.
     """
-    rows = []
+    text, rows = document["title"], []
+    if names := ", ".join(varied):
+        text += f". Here with the values of the scene, but varied: {names}."
     for name in ("chaser", "target"):
         if name in document:
             vehicle = document[name]
@@ -127,17 +138,30 @@ def describe_scene(document: dict) -> Section:
     loads = [f"{load} {value:g}" for load, value in rated.items() if isinstance(value, int | float)]
     if loads:
         rows.append(["rated loads", ", ".join(loads) + " (N, N m)"])
-    return Section("The scene", document["title"], ("what", "is"), rows)
+    return Section("The scene", text, ("what", "is"), rows)
 
 
-def describe_settings(document: dict, more: Sequence[list[str]] = ()) -> Section:
-    """List solver, experiment and versions."""
+def describe_settings(
+    document: dict,
+    more: Sequence[list[str]] = (),
+    experiment: Mapping[str, Any] = MappingProxyType({}),
+) -> Section:
+    """List solver, experiment and versions.
+
+    Args:
+        document: the resolved scene.
+        more: rows that come first.
+        experiment: what the experiment has otherwise than the scene.
+    """
     names = {choice.number: choice.name for choice in list_choices("solver.method")}
     solver = {**document["solver"], "method": names[document["solver"].get("method", 1)]}
     rows = [[f"solver.{name}", str(solver[name])] for name in _SOLVER if name in solver]
-    rows += [[f"experiment.{name}", str(v)] for name, v in document["experiment"].items()]
+    rows += [
+        [f"experiment.{name}", str(v)]
+        for name, v in {**document["experiment"], **experiment}.items()
+    ]
     rows += [["dockloop", __version__], ["python", platform.python_version()]]
-    for package in ("numpy", "scipy", "fmpy"):
+    for package in ("numpy", "scipy", "scikit-learn", "fmpy"):
         try:
             rows.append([package, version(package)])
         except PackageNotFoundError:
@@ -146,18 +170,16 @@ def describe_settings(document: dict, more: Sequence[list[str]] = ()) -> Section
 
 
 def list_peaks(loads: dict, keys: Sequence[str]) -> Rows:
-    """Return rows of a table of peak loads: values by `keys`, then the rated load."""
+    """Return rows of a table of peak loads: values by `keys`, unit, rated load, part.
+
+    The part is that of the rated load, or of the cases above the rated load.
+    """
     rows = []
     for name, load in loads.items():
-        row = [name, *(f"{load[key]:.4g}" for key in keys), load["unit"]]
-        rated = load.get("rated")
-        rows.append([*row, "" if rated is None else f"{rated:g}"])
-        if rated is not None:
-            over = load.get("above_rated")
-            part = f"{load['ratio']:.1%}" if over is None else f"{over:.1%} of the cases above"
-            rows[-1].append(part)
-        else:
-            rows[-1].append("")
+        row = [name, *(say_number(load[key]) for key in keys), load["unit"]]
+        rated, part = load.get("rated"), load.get("above_rated", load.get("ratio"))
+        ends = ["", ""] if rated is None else [say_number(rated), f"{part:.1%}"]
+        rows.append([*row, *ends])
     return rows
 
 
@@ -178,8 +200,9 @@ def report_run(
     from dockloop.summary import describe
 
     sections = [Section("Outcome", describe(summary).split("\n")[1].strip())]
-    sections[0].commands = [("again", shlex.join(command))]
-    sections[0].links = {"again": view} if view else {}
+    remark = "The same run again"
+    sections[0].commands = [(remark, shlex.join(command))]
+    sections[0].links = {remark: view} if view else {}
     if "outcome" in summary:
         keys = ("outcome", "phase", "time_of_contact", "time_of_capture", "explanation")
         sections[0].columns = ("what", "is")
@@ -241,7 +264,7 @@ def report_sweep(
         heads = ("why not captured, or not run", "cases")
         sections.append(Section("Reasons", columns=heads, rows=rows))
     if summary["peak_loads"]:
-        columns = ("load", "median", "95 %", "99 %", "largest", "unit", "rated", "")
+        columns = ("load", "median", "95 %", "99 %", "largest", "unit", "rated", "cases above")
         rows = list_peaks(summary["peak_loads"], ("median", "q95", "q99", "largest"))
         sections.append(Section("Peak loads", columns=columns, rows=rows))
     sections += [_show(figure) for figure in figures]
@@ -251,11 +274,17 @@ def report_sweep(
     varied = [[f"{q.name} [{q.unit}]" if q.unit else q.name, _say_range(table, q.name)]
               for q in planner.varied]  # fmt: skip
     sections.append(Section("What varied", columns=("quantity", "from ... to"), rows=varied))
-    document = planner.base
     more = [["seed", str(summary["seed"])], ["sampling", summary["sampling"]]]
     more += [[f"set {name}", _say(value)] for name, value in sweep.document["set"].items()]
-    sections += [describe_scene(document), describe_settings(document, more)]
-    return sections
+    return [*sections, *_describe_base(planner, more)]
+
+
+def _describe_base(planner: Any, more: Sequence[list[str]]) -> list[Section]:
+    """Return scene and settings of many dockings."""
+    return [
+        describe_scene(planner.base, (quantity.name for quantity in planner.varied)),
+        describe_settings(planner.base, more, planner.experiment),
+    ]
 
 
 def _show_passes(summary: dict, sweep: Any, planner: Any, table: Any) -> list[Section]:
@@ -317,7 +346,10 @@ def _rank_inputs(sweep: Any, planner: Any, table: Any) -> list[Section]:
     outcomes = {"capture": has_captured(table)} if "outcome" in table.column_names else {}
     by, values = read_worst(sweep, table)
     outcomes |= {by: values} if len(values) else {}
-    return [_rank_inputs_of(name, planner, table, y) for name, y in outcomes.items()]
+    sections = [_rank_inputs_of(name, planner, table, y) for name, y in outcomes.items()]
+    if first := next((section for section in sections if section.rows), None):
+        first.text = f"{_SHARES} {first.text}"
+    return sections
 
 
 def _rank_inputs_of(outcome: str, planner: Any, table: Any, y: np.ndarray) -> Section:
@@ -348,12 +380,8 @@ def _rank_inputs_of(outcome: str, planner: Any, table: Any, y: np.ndarray) -> Se
 def _explain_ranks(found: Influence) -> str:
     """Say what the shares are, and how far they can be trusted."""
     text = (
-        "Share: the part of the variance that goes with this input, alone and together with others"
-        " (total Sobol index, by shuffling the input). Shares may add up to more than 1. An input"
-        " whose share is not larger than its +- may have no influence. Five forests of"
-        f" {found.cases} cases explain {found.score} of the variance of cases that they have not"
-        " seen; what they do not explain is missing in the shares. Rank correlation: whether the"
-        " outcome rises or falls with the input."
+        f"Five forests of {found.cases} cases explain {found.score} of the variance of cases that"
+        " they have not seen; what they do not explain is missing in the shares."
     )
     if found.score.mean < _LEAST_SCORE:
         text += " They explain too little for a sure ranking: more cases may help."
@@ -371,22 +399,23 @@ def _read_input(table: Any, name: str) -> np.ndarray:
 # ---------------------------------------------------------------- an envelope
 
 
-def report_envelope(summary: dict, document: dict, figures: Sequence[Path]) -> list[Section]:
+def report_envelope(summary: dict, planner: Any, figures: Sequence[Path]) -> list[Section]:
     """Return the parts of the page of an envelope."""
     rows = [
         [c["text"], f"{c['met']:.1%} +- {c['unsure']:.1%}", str(c["boundary_points"])]
         for c in summary["criteria"]
     ]
-    text = (
-        f"{summary['dockings']} dockings; a grid of the same resolution has {summary['grid']}."
-        f" {summary['checks']['points']} more at random, {summary['checks']['differ']} not as"
-        " expected, are among them."
-    )
+    text = f"{summary['dockings']} dockings; a grid of the same resolution has {summary['grid']}."
+    if (checks := summary["checks"])["points"]:
+        text += (
+            f" {checks['points']} of them are checks at random away from the boundary;"
+            f" {checks['differ']} of these were not as expected."
+        )
     columns = ("criterion", "part of the box", "boundary points")
     sections = [Section("Where the criteria are met", text, columns, rows)]
     sections += [_show(figure) for figure in figures]
     axes = [
-        [q["name"], f"{q['low']:g} to {q['high']:g} {q['unit']}", f"{q['half_distance']:.3g}"]
+        [q["name"], f"{q['low']:g} to {q['high']:g} {q['unit']}", say_half_distance(q)]
         for q in summary["quantities"]
     ]
     heads = ("quantity", "range", "boundary within +-")
@@ -400,8 +429,15 @@ def report_envelope(summary: dict, document: dict, figures: Sequence[Path]) -> l
     if reasons:
         sections.append(Section("Dockings that did not run", "", ("reason", "dockings"), reasons))
     more = [[f"set {name}", _say(value)] for name, value in summary["set"].items()]
-    sections += [describe_scene(document), describe_settings(document, more)]
-    return sections
+    return [*sections, *_describe_base(planner, more)]
+
+
+def say_half_distance(quantity: dict) -> str:
+    """Say how well a boundary is known along a quantity of a summary."""
+    if quantity["log"]:
+        return f"{quantity['half_distance']:.1%} of the value"
+    unit = "" if quantity["unit"] == "1" else quantity["unit"]
+    return f"{quantity['half_distance']:.3g} {unit}".rstrip()
 
 
 def _show(figure: Path) -> Section:

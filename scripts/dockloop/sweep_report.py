@@ -24,7 +24,7 @@ from dockloop import __version__
 from dockloop.accuracy import compare_peaks
 from dockloop.capture import WITH_CAPTURE, explain_capture
 from dockloop.cases import STATUSES, Result
-from dockloop.columns import align
+from dockloop.columns import align, say_number
 from dockloop.core import list_choices, list_loads, name_choice
 from dockloop.criteria import NEVER, PEAK
 from dockloop.errors import DockloopError, UsageError, did_you_mean
@@ -402,7 +402,10 @@ def _describe_cases(rows: list[dict]) -> list[str]:
     """Return aligned lines, one per case, under short names of the columns."""
     heads = [name.rpartition(".")[2].replace("_", " ") for name in rows[0]]
     cells = [heads] + [
-        ["" if v is None else f"{v:.4g}" if isinstance(v, float) else str(v) for v in row.values()]
+        [
+            "" if v is None else say_number(v) if isinstance(v, float) else str(v)
+            for v in row.values()
+        ]
         for row in rows
     ]
     return align(cells, "    ")
@@ -433,7 +436,7 @@ def describe_sweep(summary: dict) -> str:
         lines.append("  peak loads        median      95 %      99 %   largest")
         for name, load in summary["peak_loads"].items():
             line = f"    {name:12}" + "".join(
-                f"{load[key]:10.4g}" for key in ("median", "q95", "q99", "largest")
+                f"{say_number(load[key]):>10}" for key in ("median", "q95", "q99", "largest")
             )
             line += f" {load['unit']:4}"
             if "rated" in load:

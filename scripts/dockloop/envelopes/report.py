@@ -17,7 +17,7 @@ from dockloop.capture import explain_capture
 from dockloop.envelopes.mesh import Cell, Point
 from dockloop.envelopes.search import COMMAND, WORK, Search
 from dockloop.figures import save_figure
-from dockloop.html_report import page_kind, report_envelope, write_page
+from dockloop.html_report import page_kind, report_envelope, say_half_distance, write_page
 from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
 from dockloop.sweep_report import describe_output, estimate_fraction
@@ -187,14 +187,9 @@ def describe_envelope(summary: dict) -> str:
     lines = [f"{summary['scene']}: {summary['title']}"]
     for quantity in summary["quantities"]:
         unit = f" {quantity['unit']}" if quantity["unit"] not in ("", "1") else ""
-        half = (
-            f"{quantity['half_distance']:.1%} of the value"
-            if quantity["log"]
-            else f"{quantity['half_distance']:.3g}{unit}"
-        )
         lines.append(
             f"  {quantity['name']}: {quantity['low']:g} to {quantity['high']:g}{unit},"
-            f" boundary within +-{half}"
+            f" boundary within +-{say_half_distance(quantity)}"
         )
     for criterion in summary["criteria"]:
         lines.append(f"  {criterion['text']}")
@@ -250,7 +245,7 @@ def write_tables(search: Search, files: Files) -> None:
 
 def write_report(search: Search, summary: dict, files: Files, figures: Sequence[Path]) -> None:
     """Write the page of an envelope."""
-    sections = report_envelope(summary, search.planner.base, figures)
+    sections = report_envelope(summary, search.planner, figures)
     write_page(files.page, COMMAND, f"Envelope: {summary['title']}", sections)
 
 
