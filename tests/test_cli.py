@@ -407,6 +407,12 @@ def test_check_warns_of_moments_of_inertia_that_no_body_has(dockloop, tmp_path):
         assert f"warning: {warning}" in text
 
 
+def test_a_sweep_is_no_scene_and_a_scene_no_sweep(dockloop):
+    sweep, scene = paths.SWEEPS / "absorber_1d_speeds.toml", paths.SCENES / "absorber_1d.toml"
+    assert_refused(dockloop("run", sweep), "absorber_1d_speeds.toml", "'dockloop sweep' runs it")
+    assert_refused(dockloop("sweep", scene), "absorber_1d.toml", "'dockloop run' runs it")
+
+
 def test_the_first_mechanism_of_the_page_can_be_checked(dockloop, tmp_path):
     page = (paths.MODELS / "README.md").read_text(encoding="utf-8")
     (tmp_path / "lever.json").write_text(page.partition("```json\n")[2].partition("```")[0])

@@ -175,6 +175,8 @@ def read_sweep(reference: str, passes: Passes | None = None) -> Sweep:
     """
     path = _find_sweep(reference)
     given, text = read_toml(path)
+    if "chaser" in given:
+        raise UsageError(f"{shown(path)}: is a scene, no sweep: 'dockloop run' runs it")
     return make_sweep(given, path, text, passes)
 
 

@@ -96,6 +96,8 @@ class SceneReader:
         """Read the scene. Raises UsageError."""
         self._path = path
         self._scene, _ = read_toml(path)
+        if "vary" in self._scene:
+            raise UsageError(f"{shown(path)}: is a sweep, no scene: 'dockloop sweep' runs it")
         self._checker, checker = schema.Checker("scene"), schema.Checker("mechanism")
         self._mechanism = lru_cache(_KEPT)(
             lambda text: load_mechanism(json.loads(text), path, checker)

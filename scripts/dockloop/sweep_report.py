@@ -676,10 +676,11 @@ def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> No
         pairs.append((alone[-1], others[0] if others else alone[-1]))
     scalars = [name for name in numbers if name not in directions]
     clouds = [(True, *disc) for disc in discs] + [(False, *pair) for pair in pairs]
-    cloud_rows, scalar_rows = (math.ceil(len(x) / _COLUMNS) for x in (clouds, scalars))
+    columns = min(_COLUMNS, max(2, len(clouds), len(scalars)))
+    cloud_rows, scalar_rows = (math.ceil(len(x) / columns) for x in (clouds, scalars))
     rows = max(1, cloud_rows + scalar_rows)
-    figure = Figure(figsize=(3.4 * _COLUMNS, 3.3 * rows), layout="constrained")
-    axes = figure.subplots(rows, _COLUMNS, squeeze=False)
+    figure = Figure(figsize=(3.4 * columns, 3.3 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False)
     cloud_axes, scalar_axes = axes[:cloud_rows].flat, axes[cloud_rows:].flat
 
     for axis, (is_disc, first, second) in zip(cloud_axes, clouds, strict=False):
@@ -710,7 +711,7 @@ def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> No
     for axis in (*cloud_axes[len(clouds) :], *scalar_axes[len(scalars) :]):
         axis.set_visible(False)
     if clouds:
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.suptitle(sweep.document["title"], fontsize="medium")
     save_figure(figure, path, COMMAND)
 
