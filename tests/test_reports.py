@@ -110,6 +110,19 @@ def test_a_timeline_has_the_phases_and_latches_of_the_result():
     assert len(set(result["phase"])) >= 3
 
 
+def test_dots_mark_the_true_peaks_of_the_summary():
+    result = dl.run(SCENE, stop=6.0, step=0.05)
+    drawn = {}
+    for axis in result.plot()["loads"].axes:
+        dots = [line for line in axis.lines if line.get_marker() == "o"]
+        loads = [line for line in axis.lines if "peak" in str(line.get_label())]
+        names = [line.get_label().partition(",")[0] for line in loads]
+        drawn |= {n: float(dot.get_ydata()[0]) for n, dot in zip(names, dots, strict=True)}
+    peaks = {name: load["value"] for name, load in result.summary["peak_loads"].items()}
+    assert drawn == peaks
+    assert any(peak > 1.1 * result[f"capture.{name}"].max() for name, peak in peaks.items())
+
+
 def test_a_sweep_has_a_page_with_ranked_cases_and_inputs(dockloop, tmp_path):
     (tmp_path / "mine.toml").write_text(SWEEP)
     table = tmp_path / "own.parquet"

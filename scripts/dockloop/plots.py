@@ -68,9 +68,8 @@ def _draw(run: Result, draw: Callable) -> Any:
             for event in ("time_of_contact", "time_of_capture"):
                 if run[event][-1] >= 0.0:
                     axis.axvline(run[event][-1], color="0.6", linewidth=0.8, linestyle=":")
-    axes[-1].set_xlabel(
-        "time [s]; dotted: first contact, capture" if "outcome" in run else "time [s]"
-    )
+    remark = "; dotted: first contact, capture" if "outcome" in run else ""
+    axes[-1].set_xlabel(f"time [s]{remark}{axes[-1].get_xlabel()}")
     axes[0].set_title(run.scene["title"], fontsize="medium")
     return figure
 
@@ -99,46 +98,48 @@ def _plot_ring(run: Result, axes: Any) -> None:
 def _plot_loads(run: Result, axes: Any) -> None:
     """Loads on the target through the interface; rated values where they are in sight.
 
-    A dot marks the largest sample of every load. The time is from first contact to the last dot.
+    A dot marks the true peak of every load, which may lie between two samples: it is at the second
+    of these. The time is from first contact to the last dot.
     """
     t, rated = run["time"], run.scene["mechanism"].get("limits", {})
     loads = {n: u for n, u in list_loads().items() if f"capture.{n}" in run}
     last = t[0]
     for name, unit in loads.items():
         axis = axes[0] if unit == "N" else axes[1]
-        peak = run[f"capture.peak.{name}"][-1]
+        peaks = run[f"capture.peak.{name}"]
+        peak = peaks[-1]
         label = f"{name}, peak {peak:.0f}"
         if name in rated:
             label += f", rated {rated[name]:g}"
-        values = run[f"capture.{name}"]
-        (line,) = axis.plot(t, values, label=label, linewidth=0.9)
-        last = max(last, _mark_largest(axis, t, values, line))
+        (line,) = axis.plot(t, run[f"capture.{name}"], label=label, linewidth=0.9)
+        last = max(last, _mark(axis, line, float(t[np.argmax(peaks >= peak)]), peak))
         if name in rated and peak > 0.5 * rated[name]:
             axis.axhline(rated[name], color=line.get_color(), linestyle="--", linewidth=0.9)
     _zoom(run, axes[0], last)
     axes[0].set_ylabel("force on the target [N]")
     axes[1].set_ylabel("moment on the target [N m]")
+    axes[1].set_xlabel("; dots: true peaks, between samples too")
 
 
 def _plot_components(run: Result, axes: Any) -> None:
-    """Components of force and moment on the target; marks and times as for the loads."""
+    """Components of force and moment on the target; a dot marks the largest sample of each."""
     t = run["time"]
     last = t[0]
     for axis, name in zip(axes, ("force", "torque"), strict=True):
         for letter, values in zip("xyz", run.vector(f"capture.{name}").T, strict=True):
             label = f"{letter}, largest {np.max(np.abs(values)):.0f}"
             (line,) = axis.plot(t, values, label=label, linewidth=0.9)
-            last = max(last, _mark_largest(axis, t, values, line))
+            largest = int(np.argmax(np.abs(values)))
+            last = max(last, _mark(axis, line, float(t[largest]), values[largest]))
     _zoom(run, axes[0], last)
     axes[0].set_ylabel("force on the target, axes of P [N]")
     axes[1].set_ylabel("moment on the target [N m]")
 
 
-def _mark_largest(axis: Any, t: np.ndarray, values: np.ndarray, line: Any) -> float:
-    """Put a dot where a line is farthest from zero; returns that time [s]."""
-    largest = int(np.argmax(np.abs(values)))
-    axis.plot(t[largest], values[largest], "o", color=line.get_color(), markersize=4)
-    return float(t[largest])
+def _mark(axis: Any, line: Any, time: float, value: float) -> float:
+    """Put a dot of the colour of a line; returns its time [s]."""
+    axis.plot(time, value, "o", color=line.get_color(), markersize=4)
+    return time
 
 
 def _zoom(run: Result, axis: Any, last: float) -> None:
