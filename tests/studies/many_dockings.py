@@ -214,7 +214,8 @@ def main(words: list[str] | None = None) -> None:
         find_origin(COMMAND),
         "",
         f"The shipped sweep `{SWEEP}` with {options.cases} cases of {STOP:g} s. Processor time is"
-        " that of the whole command: planning, dockings, journal, table, summary and figures.",
+        " that of the whole command: planning, dockings, journal, table, summary and figures. Cases"
+        " that are not done were refused: no free motion leads to their first contact.",
         "",
         "## Rate",
         "",
