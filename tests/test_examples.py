@@ -6,6 +6,7 @@
    gravity says; with that of the chaser they do not notice that they are in orbit.
 4. Options that make no sense are refused in a sentence.
 5. The cells of the notebook run.
+6. The controller of the hexapod takes energy out of the swing, and the audit closes.
 """
 
 import importlib.util
@@ -108,3 +109,16 @@ def test_the_cells_of_the_notebook_run_from_the_top(tmp_path):
     )
     assert done.returncode == 0, done.stderr[-2000:]
     assert (tmp_path / "docking.html").stat().st_size > 1e5
+
+
+def test_the_impedance_controller_damps_the_swing():
+    process = run_example("impedance_control.py", "--step", "0.005")
+    assert process.returncode == 0, process.stderr
+    rows = re.findall(r"^(.*?) {2,}(\S+) +(\S+)$", process.stdout, re.MULTILINE)
+    table = {name: (float(damped), float(free)) for name, damped, free in rows}
+    damped, free = table["swing of relative.axial"]
+    assert damped < 0.85 * free  # found: 0.71
+    assert table["energy.drive_work"][0] < -20.0  # found: -52 J
+    assert table["energy.drive_work"][1] == 0.0
+    assert max(map(abs, table["energy.residual"])) < 1e-4
+    assert min(table["time_of_capture"]) > 2.0
