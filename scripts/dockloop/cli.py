@@ -434,7 +434,7 @@ def _add_trade(commands: Any) -> None:
         "--quick",
         action="store_true",
         help="a small grid: methods of the product, all at the same two communication steps, each"
-        " setting timed once",
+        " setting timed once; the reference solution is the FMU at its tightest tolerance",
     )
     trade.add_argument(
         "--apply",

@@ -178,7 +178,7 @@ class Choice:
         steps: communication steps [s] instead of those of the grid.
         stop: end [s]; None: 1 s after the capture, in whole seconds, or that of the scene.
         quick: methods that FMUs carry (and those named), all at the same two communication steps,
-            a third of the tolerances, no repeated timing.
+            a third of the tolerances, no repeated timing, a reference solution of the FMU itself.
     """
 
     levels: tuple[int, ...] = ()
@@ -284,7 +284,8 @@ def run_trade(
     settings = make_settings(bench, choice, stop)
     names = find_compared(bench.outputs)
     try:
-        solution = find_solution(bench, stop, find_interval(bench.step, stop), names, _say)
+        interval = find_interval(bench.step, stop)
+        solution = find_solution(bench, stop, interval, names, _say, quick=choice.quick)
         setup = {
             "dockloop": __version__,
             "FMU": bench.fmu_digest,
