@@ -763,7 +763,7 @@ def _trade(options: argparse.Namespace) -> None:
     folder = given or paths.BUILD / "results" / f"trade_{name}"
     for file, kind in report.list_files(folder):
         claim(file, kind)
-    bench = make_bench(options.scene, options.overrides)
+    bench = make_bench(options.scene, options.overrides, choice)
     progress = ProgressBar(name)
     measured = run_trade(bench, choice, folder, resume=options.resume, progress=progress)
     summary = report.summarise_trade(measured, _trade_command(options))

@@ -5,8 +5,8 @@ communication step) is run through the FMU. Each run is compared with the refere
 priced: evaluations, steps, and processor time next to that of the default setting, which is run
 again by turns. What pays is the Pareto front; what the FMU refuses is a row with the reason.
 
-The FMU on the bench carries all methods that the core lists, also those for comparison, which other
-FMUs do not carry (`dockloop.compiled`). A second name of a method is that method: it has no rows.
+The FMU on the bench carries all methods of the grid, also those for comparison, which other FMUs do
+not carry (`dockloop.compiled`). A second name of a method is that method: it has no rows.
 
 | file | what it holds |
 |---|---|
@@ -234,6 +234,12 @@ def parse_names(option: str, text: str | None, names: dict[int, str]) -> tuple[i
 def parse_methods(text: str | None) -> tuple[int, ...]:
     """Parse names or numbers of methods."""
     return tuple(dict.fromkeys(parse_names("--methods", text, name_methods())))
+
+
+def needs_comparison(choice: Choice) -> bool:
+    """Return whether settings have methods that ordinary FMUs refuse."""
+    compared = {method["number"] for method in list_methods() if method["for_comparison"]}
+    return not choice.quick or not compared.isdisjoint(choice.methods)
 
 
 def find_default(bench: Bench) -> Setting:

@@ -16,6 +16,7 @@ from dockloop.scene import find_scene, resolve_scene
 from dockloop.trades import (
     Choice,
     name_levels,
+    needs_comparison,
     parse_methods,
     parse_names,
     parse_numbers,
@@ -76,7 +77,8 @@ def trade(
     texts = [as_setting(name, value) for name, value in whole.overrides.items()]
     with scratch() as kept:
         folder = output or kept
-        measured = run_trade(make_bench(whole.reference, texts), choice, folder, resume=resume)
+        bench = make_bench(whole.reference, texts, choice)
+        measured = run_trade(bench, choice, folder, resume=resume)
     summary = summarise_trade(measured, f"dockloop.trade({whole.reference!r}, ...)")
     table = pd.DataFrame(summary.pop("rows"))
     table.attrs["summary"] = summary
@@ -103,13 +105,14 @@ def make_choice(
     )
 
 
-def make_bench(reference: str, overrides: Sequence[str]) -> Bench:
-    """Return the FMU of a scene with all methods. Raises UsageError like `resolve_scene`."""
+def make_bench(reference: str, overrides: Sequence[str], choice: Choice) -> Bench:
+    """Return the FMU of a scene with all methods of the grid. Raises UsageError."""
     path = find_scene(reference)
     model = resolve_scene(path, [*overrides]).get("model", {})
     if model.get("level") == "reference":  # the grid has all levels; the FMU starts here
         overrides = [*overrides, "model.level=reduced"]
     with scratch() as temporary:
         fmu = temporary / f"{path.stem}.fmu"
-        build_fmu(reference, [*overrides], fmu, bare=True, finish=add_comparison)
+        finish = add_comparison if needs_comparison(choice) else None
+        build_fmu(reference, [*overrides], fmu, bare=True, finish=finish)
         return Bench(fmu)
