@@ -2,7 +2,8 @@
 
 Two runs of one docking are compared: peak loads, stroke, time of capture, final motion. Every
 figure is relative; the largest one is the error of the run. A second run with tighter tolerances
-estimates the error of the first one.
+estimates the error of the first one. If the model is simplified (``model.level``), one more run
+with every body shows what that costs in the same figures.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,15 +12,17 @@ from typing import Any
 import numpy as np
 
 from dockloop import schema
-from dockloop.core import list_loads, list_methods, name_choice
+from dockloop.core import list_choices, list_loads, list_methods, name_choice
 from dockloop.criteria import PEAK
-from dockloop.errors import UsageError
+from dockloop.errors import DockloopError, UsageError
 from dockloop.results import Result
 from dockloop.trades.errors import find_frame, find_scales, find_times
 
 _LEAST_PEAK = 0.05  # no peak is compared with less than this part of the largest one of its unit
 _TIGHTER, _LEAST_RTOL = 1e-2, 1e-13  # tolerances of the second run over those of the first
 _SHORTER = 0.25  # the same for the step of a fixed-step method
+_SIMPLIFIED, _FULL = ("rigid", "massless_legs"), "reduced"  # values of model.level
+_FAR_ABOVE = 5.0  # times the wanted error: worth a sentence
 ATOL_PER_RTOL = {"atol_position": 1e-2, "atol_velocity": 1e-2, "atol_energy": 1e-1}  # of the choice
 _FINAL = {  # figure -> scale (`find_scales`), output of the frame
     "final_position": ("position_m", "position"),
@@ -114,11 +117,21 @@ def estimate_error(run: Result, repeat: Callable[[dict[str, float]], Result]) ->
 
     Returns:
         ``error`` (None: not known), ``figures`` (see `find_figures`), ``second_run`` (its start
-        values and evaluations) and ``sentence``.
+        values and evaluations) and ``sentence``. With a simplified level of the model also
+        ``level``, see `estimate_level_error`.
 
     Raises:
         UsageError: the scene does not have the outputs that are compared.
     """
+    estimate = _estimate_integration(run, repeat)
+    level = estimate_level_error(run, repeat, estimate["error"])
+    return estimate | ({"level": level} if level else {})
+
+
+def _estimate_integration(
+    run: Result, repeat: Callable[[dict[str, float]], Result]
+) -> dict[str, Any]:
+    """Estimate the error of the integration."""
     if "solver.chosen_rtol" not in run:
         raise UsageError("an error estimate needs the outputs 'solver': add it to outputs.groups")
     find_frame(run.names)
@@ -141,7 +154,62 @@ def estimate_error(run: Result, repeat: Callable[[dict[str, float]], Result]) ->
     return known | {
         "error": figures[worst],
         "figures": figures,
-        "sentence": f"about {figures[worst]:.1e} ({worst}), by a second run ({settings})",
+        "sentence": f"about {figures[worst]:.1e} ({worst}), by a second run ({settings})"
+        + _compare_with_wanted(figures[worst], run.parameters["accuracy"]),
+    }
+
+
+def _compare_with_wanted(error: float, accuracy: float) -> str:
+    """Say that an error is far above the wanted one; empty if it is not."""
+    if accuracy <= 0.0 or error <= _FAR_ABOVE * accuracy:
+        return ""
+    return (
+        f"; that is more than {_FAR_ABOVE:g} times accuracy = {accuracy:g}: small changes grow in"
+        " this motion (repeated contacts, play); a smaller accuracy helps"
+    )
+
+
+def estimate_level_error(
+    run: Result, repeat: Callable[[dict[str, float]], Result], error: float | None = None
+) -> dict[str, Any]:
+    """Estimate what the simplified model of a run costs, by the same run with every body.
+
+    Args:
+        run: the run.
+        repeat: makes the same run with other start values.
+        error: of the integration of `run`; None: not known.
+
+    Returns:
+        ``name`` of the level, ``error`` (None: not known), ``figures`` (see `find_figures`),
+        ``full_run`` (its start values and evaluations), ``is_larger`` (than `error`) and
+        ``sentence``. Empty: nothing is simplified.
+    """
+    number = round(run.parameters.get("model.level", 0.0))
+    names = {level.name: level.number for level in list_choices("model.level")}
+    if number not in [names[name] for name in _SIMPLIFIED]:
+        return {}
+    known: dict[str, Any] = {"name": name_choice("model.level", number)}
+    known |= {"error": None, "figures": {}, "is_larger": True}
+    start: dict[str, float] = {"model.level": names[_FULL]}
+    try:
+        full = repeat(start)
+    except DockloopError as failure:
+        return known | {"sentence": f"not known: the run at level {_FULL} failed ({failure})"}
+    known["full_run"] = {**start, "evaluations": int(full["solver.rhs_evaluations"][-1])}
+    if not has_same_outcome(full, run):
+        ends = " and ".join(f"'{_say_outcome(each)}'" for each in (run, full))
+        sentence = f"this run and one at level {_FULL} end as {ends}: level {known['name']} has"
+        return known | {"sentence": f"{sentence} another outcome"}
+    figures = find_figures(full, run)
+    worst = max(figures, key=lambda name: figures[name])
+    is_larger = error is None or figures[worst] > error
+    compared = "more" if is_larger else "not more"
+    return known | {
+        "error": figures[worst],
+        "figures": figures,
+        "is_larger": is_larger,
+        "sentence": f"about {figures[worst]:.1e} ({worst}), by a run at level {_FULL};"
+        f" {compared} than the error of the integration",
     }
 
 

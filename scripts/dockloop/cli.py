@@ -328,7 +328,8 @@ def _add_run(commands: Any) -> None:
     run.add_argument(
         "--estimate-error",
         action="store_true",
-        help="run again with tighter tolerances and state the error of this run",
+        help="run again with tighter tolerances and state the error of this run; with a simplified"
+        " model.level also with every body: what that level costs in the same quantities",
     )
     run.add_argument("--no-plots", action="store_true", help="do not draw figures")
     run.add_argument(
@@ -537,13 +538,13 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _estimate_error(options: argparse.Namespace, fmu: Path, run: Any) -> dict:
-    """Return the error of a run, by a second run."""
+    """Return the error of a run, by a second run; that of a simplified level, by a third one."""
     from dockloop.accuracy import estimate_error
     from dockloop.simulate import ProgressBar, run_fmu
 
-    def repeat(tighter: dict[str, float]) -> Any:
-        settings = [*options.set, *(f"{name}={value!r}" for name, value in tighter.items())]
-        progress = ProgressBar(f"{fmu.stem}, second run")
+    def repeat(other: dict[str, float]) -> Any:
+        settings = [*options.set, *(f"{name}={value!r}" for name, value in other.items())]
+        progress = ProgressBar(f"{fmu.stem}, another run")
         return run_fmu(fmu, settings, options.stop, options.step, progress=progress)
 
     return estimate_error(run, repeat)

@@ -183,14 +183,17 @@ class Instance:
             raise UsageError(self.sentence(error)) from None
 
     def read_parameters(self) -> dict[str, float]:
-        """Read every Real parameter."""
-        found = [
-            v
-            for v in self.description.modelVariables
-            if v.type == "Real" and v.causality in ("parameter", "calculatedParameter")
-        ]
-        values = self.slave.getReal([v.valueReference for v in found])
-        return {v.name: value for v, value in zip(found, values, strict=True)}
+        """Read every parameter that is a number."""
+        values: dict[str, float] = {}
+        for kind, get in (("Real", self.slave.getReal), ("Integer", self.slave.getInteger)):
+            found = [
+                v
+                for v in self.description.modelVariables
+                if v.type == kind and v.causality in ("parameter", "calculatedParameter")
+            ]
+            names = [v.name for v in found]
+            values |= zip(names, get([v.valueReference for v in found]), strict=True)
+        return values
 
     def loop(
         self,

@@ -192,6 +192,8 @@ def describe(summary: dict) -> str:
     lines += [f"  note         {text}" for text in summary.get("notes", [])]
     if "error_estimate" in summary:
         lines.append(f"  error        {summary['error_estimate']['sentence']}")
+        if level := summary["error_estimate"].get("level"):
+            lines.append(f"  level error  {level['name']}: {level['sentence']}")
     lines += [f"  warning      {text}" for text in summary.get("warnings", [])]
     if "files" in summary:
         first, *others = summary["files"]
