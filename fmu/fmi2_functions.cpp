@@ -303,6 +303,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
 
 fmi2Status fmi2Terminate(fmi2Component c) {
   return guarded(c, call::kTerminate, [](Instance& self) {
+    if (self.initialised) self.log_left_out();
     self.state = kTerminated;
     return fmi2OK;
   });

@@ -91,6 +91,11 @@ void Instance::initialise() {
   if (!last_choice.empty()) logger.write(fmi2OK, kLogChoices, last_choice);
 }
 
+void Instance::log_left_out() {
+  const std::string text = logger.enabled(kLogChoices) ? sim.left_out_text() : std::string();
+  if (!text.empty()) logger.write(fmi2OK, kLogChoices, text);
+}
+
 void Instance::log_events() {
   for (const std::string& text : sim.take_warnings()) logger.write(fmi2Warning, kLogWarning, text);
   if (!logger.enabled(kLogEvents) || !sim.update(OutputGroup::kMain).ok()) return;

@@ -2,14 +2,17 @@
 
 1. The table of the core is what the calibration command writes; the stored errors repeat.
 2. A run with `accuracy` has an error within it, costs less than a more accurate one, and says in
-   outputs and in one note what was chosen and why.
+   outputs and in one note what was chosen and why. A second note, at the end, says what was left
+   out and what that is worth.
 3. Without `accuracy` nothing changes; explicit settings of scene and host stay.
 4. Real time: fixed steps, the same work in every communication step.
 5. Saved states, resets and files keep choice and parameter; values without a meaning are refused.
 6. The error estimate by a second run is close to the error; at a boundary of capture it says so.
+   With a simplified level of the model it also has the error of that level.
 """
 
 import json
+import re
 import subprocess
 import sys
 
@@ -150,8 +153,9 @@ def made_number(method):
 
 def test_a_note_says_once_what_was_chosen():
     made = run(accuracy=1e-3)
-    assert len(made.notes) == 1
+    assert len(made.notes) == 2
     assert made.notes[0].startswith("accuracy = 0.001: solver.method ")
+    assert made.notes[1].startswith("left out: ")
     assert f"{last(made, 'chosen_rtol'):.3g}" in made.notes[0]
     assert "95 %" in made.notes[0]
     assert made.summary["notes"] == made.notes
@@ -169,9 +173,53 @@ def test_the_log_of_the_fmu_says_so_once_per_run(runs, tmp_path):
             instance.slave.doStep(0.0, 0.05)
             assert len(instance.notes) == 1
             assert instance.notes[0].startswith("accuracy = 0.001: ")
+            instance.slave.terminate()
+            assert len(instance.notes) == 2
+            assert instance.notes[1].startswith("left out: inner steps for 0.05 s of free drift")
             instance.reset()
         instance.initialise([], np.array([0.0, 1.0]))
         assert instance.notes == []
+
+
+def find_numbers(pattern, note):
+    found = re.search(pattern, note)
+    assert found, note
+    return [float(number) for number in found.groups()]
+
+
+def test_a_note_says_what_was_left_out_and_what_that_is_worth():
+    made = dl.run(SCENE, NEAR | {"initial.approach_time": 1.0}, stop=2.0, step=0.5, accuracy=1e-3)
+    note = made.notes[-1]
+    drifted, place = find_numbers(r"for (\S+) s of free drift .* at most (\S+) m\)", note)
+    assert 0.5 < drifted < 1.0  # until half a centimetre before contact
+    assert place == pytest.approx(10.0 * 0.01 * last(made, "chosen_rtol"), rel=0.1)
+    saved, needed = find_numbers(r"about (\S+) evaluations .* which needed (\d+)", note)
+    assert needed == last(made, "rhs_evaluations")
+    assert saved == pytest.approx(needed * drifted / (2.0 - drifted), rel=0.1)
+    far, pairs = find_numbers(r"at least (\S+) of (\d+) contact pairs", note)
+    assert 0.5 * pairs < far < pairs
+
+
+def test_with_loads_all_the_time_only_outputs_and_pairs_are_left_out():
+    docking = dl.Docking(SCENE, NEAR)
+    docking.set("accuracy", 1e-3)
+    docking.set("target.torque_ext", [500.0, 0.0, 0.0])
+    for _ in range(8):
+        docking.step(STEP)
+    note = docking.record(np.array([0.4, 0.5])).notes[-1]
+    assert "free drift" not in note
+    assert "rigid joint" not in note
+    assert note.endswith("outputs at 8 of 10 communication points, where they were not read")
+    assert not dl.run(SCENE, NEAR, stop=0.1, step=0.1).notes
+
+
+def test_a_rigid_joint_is_left_out_too():
+    docking = dl.Docking("apda", {"outputs.groups": ["solver"]})
+    docking.set("accuracy", 1e-2)
+    docking.step(0.5)
+    docking.set("hard_dock.command", "join")
+    note = docking.record(np.array([0.5, 1.5])).notes[-1]
+    assert "relative motion for 1 s with a rigid joint" in note
 
 
 @pytest.mark.parametrize(
@@ -368,6 +416,46 @@ def test_a_boundary_of_capture_is_said():
     assert "boundary of capture" in estimate["sentence"]
 
 
+def test_the_error_of_a_simplified_level_is_next_to_the_estimate(solution):
+    level = {"model.level": "massless_legs"}
+    made = run(level, accuracy=1e-3, estimate_error=True)
+    estimate = made.summary["error_estimate"]
+    found = estimate["level"]
+    assert estimate["error"] < 1e-3 < found["error"]
+    assert found["is_larger"]
+    assert found["error"] == pytest.approx(accuracy.find_error(solution, made), rel=0.1)
+    assert set(found["figures"]) == set(estimate["figures"])
+    assert "the error of model.level is not included" in made.notes[0]
+    assert "level" not in run(accuracy=1e-2, estimate_error=True).error_estimate
+
+
+def test_a_level_with_another_outcome_is_said():
+    made = run({"model.level": "rigid"}, accuracy=1e-2, estimate_error=True)
+    found = made.error_estimate["level"]
+    assert found["error"] is None
+    assert found["sentence"].endswith("level rigid has another outcome")
+
+
+def test_a_run_at_the_full_level_that_fails_is_said():
+    made = run({"model.level": "massless_legs"}, accuracy=1e-2)
+
+    def refuse(_):
+        raise dl.DockloopError("step from t = 1 s: a test")
+
+    found = accuracy.estimate_level_error(made, refuse)
+    assert found["error"] is None
+    assert (
+        found["sentence"]
+        == "not known: the run at level reduced failed (step from t = 1 s: a test)"
+    )
+
+
+def test_an_error_far_above_the_wanted_one_is_said():
+    made = run({"solver.rtol": 1e-3, "solver.method": "bdf"}, accuracy=1e-6, estimate_error=True)
+    assert made.error_estimate["error"] > 5e-6
+    assert "more than 5 times accuracy = 1e-06" in made.error_estimate["sentence"]
+
+
 def test_the_errors_of_two_runs_are_those_of_their_figures(solution):
     other = run(accuracy.list_tolerances(1e-4))
     figures = accuracy.find_figures(solution, other)
@@ -394,6 +482,8 @@ def test_the_command_chooses_and_estimates(tmp_path, capsys):
     assert main([*chosen, "--estimate-error", "-o", str(tmp_path / "one.csv")]) == 0
     assert "  error        about " in capsys.readouterr().out
     assert (tmp_path / "one.csv").read_text(encoding="utf-8").startswith("time,relative.axial\n")
+    assert main([*command, "--estimate-error", "--set", "model.level=massless_legs"]) == 0
+    assert "  level error  massless_legs: about " in capsys.readouterr().out
     assert main([*command, "--set", "accuracy=real-time"]) == 0
     assert "fixed_rk4" in capsys.readouterr().out
     assert main([*command, "--accuracy", "fast"]) == 2

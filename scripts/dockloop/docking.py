@@ -86,7 +86,7 @@ class Docking:
         scene: what is modelled.
         variables: everything that can be read or set, by name.
         warnings: issued so far.
-        notes: what the parameter ``accuracy`` has chosen.
+        notes: what the parameter ``accuracy`` has chosen, and what it has left out.
     """
 
     def __init__(
@@ -244,6 +244,7 @@ class Docking:
         result.wall |= {"loop": time.perf_counter() - began, "do_step": wall[0], "read": wall[1]}
         result.values[:, 0] = times
         result.values[:, 1:] = values
+        self._core.log_left_out()
         self._keep_warnings()
         result.warnings, result.notes = list(self.warnings), list(self.notes)
         return result
@@ -256,7 +257,7 @@ class Docking:
         rows = [
             row
             for row, v in enumerate(self._list)
-            if v.type == "Real" and v.causality == "parameter"
+            if v.type in ("Real", "Integer") and v.causality == "parameter"
         ]
         values = self._core.get(rows)
         return {self._list[row].name: value for row, value in zip(rows, values, strict=True)}
@@ -292,7 +293,8 @@ def run(
         stop: end [s]; default: that of the scene.
         step: communication step [s]; default: that of the scene.
         accuracy: wanted relative error, or ``"real-time"``; default: that of the scene.
-        estimate_error: run again with tighter tolerances (`Result.error_estimate`).
+        estimate_error: run again with tighter tolerances, and with every body if ``model.level`` is
+            a simplified one (`Result.error_estimate`).
         progress: receives the part that is done, 0 to 1.
 
     Returns:
@@ -320,8 +322,8 @@ def run(
     if estimate_error:
         from dockloop import accuracy as errors  # loads FMPy
 
-        def repeat(tighter: dict[str, float]) -> Result:
-            return run(docking.scene, None, settings | tighter, stop=stop, step=step)
+        def repeat(other: dict[str, float]) -> Result:
+            return run(docking.scene, None, settings | other, stop=stop, step=step)
 
         result.error_estimate = errors.estimate_error(result, repeat)
     return result

@@ -35,11 +35,11 @@ class Result:
         names: recorded variables, ``time`` first.
         units: their units.
         values: one row per communication point, one column per name, shape (points, names).
-        parameters: value of every Real parameter after initialisation.
+        parameters: value of every parameter that is a number, after initialisation.
         wall: wall time [s]: ``load`` (until the start state is there), ``loop``, and of the loop
             ``do_step`` (inside the steps) and ``read`` (reading outputs).
         warnings: issued before and during the run.
-        notes: what the parameter ``accuracy`` has chosen.
+        notes: what the parameter ``accuracy`` has chosen, and what it has left out.
         error_estimate: from a second run (`dockloop.accuracy.estimate_error`); empty without one.
     """
 

@@ -17,7 +17,7 @@ constexpr std::array<LogCategory, 5> kLogCategories = {{
     {"logStatusDiscard", "A step that failed and may succeed with a smaller step size"},
     {"logStatusError", "A call that was refused or failed"},
     {"logEvents", "Changes of the docking phase, for debugging"},
-    {"logChoices", "What the parameter accuracy has chosen, once per run"},
+    {"logChoices", "What the parameter accuracy has chosen, and at the end what was left out"},
 }};
 
 }  // namespace dockloop

@@ -84,8 +84,10 @@ class Docking {
   std::vector<char> save() const;
   void restore(const char* bytes, size_t size);
   std::vector<std::string> take_warnings();
-  /// What accuracy has chosen, once per run.
+  /// What accuracy has chosen, once per run, and what log_left_out() has found.
   std::vector<std::string> take_notes();
+  /// Add a note about what accuracy has left out until now.
+  void log_left_out() { instance_.log_left_out(); }
 
  private:
   static void log(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,

@@ -212,5 +212,6 @@ NB_MODULE(_core, m) {
           [](Docking& self, const nb::bytes& state) { self.restore(state.c_str(), state.size()); },
           nb::arg("state"))
       .def("take_warnings", &Docking::take_warnings)
-      .def("take_notes", &Docking::take_notes);
+      .def("take_notes", &Docking::take_notes)
+      .def("log_left_out", &Docking::log_left_out);
 }

@@ -128,6 +128,37 @@ void choose_tolerances(const Parameters& p, double tolerance, const DockingModel
   }
 }
 
+template <class... Numbers>
+std::string format(const char* pattern, Numbers... numbers) {
+  char text[300];
+  std::snprintf(text, sizeof text, pattern, numbers...);
+  return text;
+}
+
+/// Free drift and the rigid joint. Their evaluations are estimated from those of the other times.
+std::string describe_left_out_motion(const WorkDone& work) {
+  const LeftOut& left = work.counters.left_out;
+  const double passed = left.quiescent_time + left.joined_time, other = work.time - passed;
+  std::string parts;
+  if (left.quiescent_time > 0.0) {
+    parts += format(
+        "; inner steps for %.4g s of free drift with a quiescent mechanism (error of its "
+        "coordinates at most %.2g m)",
+        left.quiescent_time, work.place);
+  }
+  if (left.joined_time > 0.0) {
+    parts += format("; relative motion for %.4g s with a rigid joint", left.joined_time);
+  }
+  const double made = static_cast<double>(work.counters.rate_evaluations);
+  if (passed > 0.0 && other > 1e-9 * work.time) {
+    parts += format(
+        "; these times would need about %.2g evaluations at the mean rate of the other times, "
+        "which needed %.0f",
+        made / other * passed, made);
+  }
+  return parts;
+}
+
 }  // namespace
 
 void check_accuracy(double accuracy) {
@@ -200,7 +231,29 @@ std::string describe_choice(const Parameters& p, const SolverChoice& c, double t
     sentence += text;
   }
   if (!c.stated.empty()) sentence += "; as stated: " + c.stated;
+  if (p.model_level == kRigid || p.model_level == kMasslessLegs) {
+    sentence += "; the error of model.level is not included: a run at level 3 (reduced) shows it";
+  }
   return sentence;
+}
+
+std::string describe_left_out(const WorkDone& work) {
+  const LeftOut& left = work.counters.left_out;
+  std::string parts = describe_left_out_motion(work);
+  if (work.pairs > 0 && left.booked_steps > 0) {
+    const double near =
+        static_cast<double>(left.near_pairs) / static_cast<double>(left.booked_steps);
+    parts += format(
+        "; at least %.1f of %d contact pairs on average, which were too far apart to touch "
+        "(exact)",
+        work.pairs - near, work.pairs);
+  }
+  if (work.read_points < work.points) {
+    parts += format("; outputs at %.0f of %.0f communication points, where they were not read",
+                    static_cast<double>(work.points - work.read_points),
+                    static_cast<double>(work.points));
+  }
+  return "left out: " + (parts.empty() ? "nothing" : parts.substr(2));
 }
 
 }  // namespace dockloop

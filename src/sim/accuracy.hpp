@@ -13,6 +13,7 @@
 #include <string>
 
 #include "docking/docking_model.hpp"
+#include "sim/sim_state.hpp"
 #include "sim/values.hpp"
 
 namespace dockloop {
@@ -34,5 +35,17 @@ SolverChoice choose_solver(const Parameters& parameters, double tolerance,
 /// The choice and its reason in one sentence. @pre parameters.accuracy != 0
 std::string describe_choice(const Parameters& parameters, const SolverChoice& choice,
                             double tolerance, const DockingModel& model);
+
+/// What a run has done and has not done until now.
+struct WorkDone {
+  double time = 0.0;   ///< since the start [s]
+  Counters counters;   ///< of the integrator
+  double place = 0.0;  ///< largest error of the coordinates of a quiescent mechanism [m]
+  int pairs = 0;       ///< of the contact model
+  std::int64_t points = 0, read_points = 0;  ///< communication points, and those with outputs
+};
+
+/// What was left out, and what that is worth, in one sentence.
+std::string describe_left_out(const WorkDone& work);
 
 }  // namespace dockloop

@@ -30,6 +30,7 @@ void DockingSim::use_kernels(std::shared_ptr<const KernelLibrary> library) {
 }
 
 const std::string& DockingSim::choice_text() const { return impl_->choice_text; }
+std::string DockingSim::left_out_text() const { return impl_->describe_left_out(); }
 
 std::vector<std::string> DockingSim::take_warnings() {
   std::vector<std::string> taken;
@@ -44,6 +45,7 @@ Status DockingSim::update(OutputGroup group) {
   if (group == OutputGroup::kCoupling) status = update(OutputGroup::kMain);
   if (status.ok()) status = impl_->update(group);
   valid = status.ok();
+  if (valid && group == OutputGroup::kMain) ++impl_->read_points;
   return status;
 }
 

@@ -114,6 +114,8 @@ class DockingSim {
 
   /// What accuracy has chosen, and why, in one sentence; empty without accuracy.
   const std::string& choice_text() const;
+  /// With accuracy: what was left out since the start, and what that is worth; else empty.
+  std::string left_out_text() const;
 
   /// Warnings gathered since the last call (parameters that break a rule of thumb, singular loops).
   std::vector<std::string> take_warnings();

@@ -11,7 +11,6 @@ namespace {
 
 constexpr double kAwake = 0.01;      ///< gap below which the mechanism is integrated [m]
 constexpr double kQuiet = 1.0;       ///< time with constant coordinates before quiescence [s]
-constexpr double kPlace = 10.0;      ///< change of constant coordinates, in absolute tolerances
 constexpr double kSlowSpin = 1e-12;  ///< [rad/s] rounding
 constexpr double kTurn = 0.005;      ///< turn of a vehicle in one step of its attitude [rad]
 constexpr int kMostTurns = 10000;    ///< steps of the attitude in one free drift
@@ -107,7 +106,7 @@ Status QuiescentMode::update(double tau, double* y) {
   double* const v = y + layout.mechanism_v;
   bool kept = true;
   for (int j = 0; j < layout.mechanism_nq; ++j) {
-    const double tolerance = kPlace * settings_.atol_position + rtol_ * std::abs(q[j]);
+    const double tolerance = kQuiescentPlace * settings_.atol_position + rtol_ * std::abs(q[j]);
     kept = kept && std::abs(q[j] - quiescent.q[j]) <= tolerance;
   }
   if (!kept) {
@@ -191,7 +190,7 @@ bool QuiescentMode::update_balance(double tau, const double* y) {
     }
     return largest;
   };
-  const double place = kPlace * settings_.atol_position;
+  const double place = kQuiescentPlace * settings_.atol_position;
   if (!(find_shift(pull_) <= place)) return false;
   // The load of spin is quadratic in it.
   quiescent.slack = 0.5 * place / std::max(find_shift(spinning_), 0.5 * place);

@@ -23,6 +23,9 @@
 
 namespace dockloop {
 
+/// Largest change of coordinates that count as constant, in absolute tolerances.
+constexpr double kQuiescentPlace = 10.0;
+
 class QuiescentMode {
  public:
   /// Keeps references to all but the model. @param is_possible  can the mechanism become quiescent

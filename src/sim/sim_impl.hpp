@@ -181,6 +181,7 @@ struct DockingSim::Impl : SimState {
   Status update_bodies();
   Status update_states();
   void update_phase_outputs();
+  std::string describe_left_out() const;
   OutputSource<double> find_source() {
     return make_output_source(shown(), step_loop->point_y(), frame_velocity, frame_shift);
   }
@@ -230,6 +231,8 @@ struct DockingSim::Impl : SimState {
   std::string status_text;
   std::vector<std::string> warnings;
   std::string choice_text;  ///< what accuracy has chosen; empty without accuracy
+  /// Communication points since the start, and times at which outputs were computed.
+  std::int64_t points = 0, read_points = 0;
 
   // set by start(); a const model is replaced for other tunable parameters or coordinates
   std::shared_ptr<const Setup> setup;  ///< null before start()

@@ -131,9 +131,18 @@ struct Snapshot {
   LoopReference<double> reference;
 };
 
+/// What the integrator did not have to do since the start.
+struct LeftOut {
+  double quiescent_time = 0.0;    ///< free drift with a quiescent mechanism [s]
+  double joined_time = 0.0;       ///< with a rigid joint between the vehicles [s]
+  std::int64_t booked_steps = 0;  ///< inner steps at which near pairs were counted
+  std::int64_t near_pairs = 0;    ///< contact pairs near enough for a search, sum over these steps
+};
+
 /// Work of the integrator since the start.
 struct Counters {
   std::int64_t steps = 0, rejected_steps = 0, rate_evaluations = 0;
+  LeftOut left_out;
 };
 
 struct SavedSim {
@@ -363,8 +372,14 @@ void transfer(A& archive, Snapshot& snapshot) {
 }
 
 template <class A>
+void transfer(A& archive, LeftOut& left) {
+  transfer_members<LeftOut>(archive, left.quiescent_time, left.joined_time, left.booked_steps,
+                            left.near_pairs);
+}
+
+template <class A>
 void transfer(A& archive, Counters& c) {
-  transfer_members<Counters>(archive, c.steps, c.rejected_steps, c.rate_evaluations);
+  transfer_members<Counters>(archive, c.steps, c.rejected_steps, c.rate_evaluations, c.left_out);
 }
 
 template <class A>

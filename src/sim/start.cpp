@@ -295,6 +295,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   setup = std::move(from);
   parameters = setup->parameters;
   choice_text.clear();
+  points = 1;
+  read_points = 0;
   Parameters wanted = parameters;
   if (fmi_kind == FmiKind::kModelExchange) wanted.accuracy = 0.0;  // the host integrates
   choose_frame_O();

@@ -79,10 +79,10 @@ Status StepLoop::advance(double h, std::int64_t limit, bool was_pending) {
 }
 
 Counters StepLoop::find_counters() const {
-  return {
-      counted_elsewhere_.steps + stepper_->steps(),
-      counted_elsewhere_.rejected_steps + stepper_->rejected_steps(),
-      counted_elsewhere_.rate_evaluations + evaluator_.counted() + stepper_->rate_evaluations()};
+  return {counted_elsewhere_.steps + stepper_->steps(),
+          counted_elsewhere_.rejected_steps + stepper_->rejected_steps(),
+          counted_elsewhere_.rate_evaluations + evaluator_.counted() + stepper_->rate_evaluations(),
+          counted_elsewhere_.left_out};
 }
 
 void StepLoop::set_counters(const Counters& wanted) {
@@ -90,6 +90,7 @@ void StepLoop::set_counters(const Counters& wanted) {
   counted_elsewhere_.steps += wanted.steps - here.steps;
   counted_elsewhere_.rejected_steps += wanted.rejected_steps - here.rejected_steps;
   counted_elsewhere_.rate_evaluations += wanted.rate_evaluations - here.rate_evaluations;
+  counted_elsewhere_.left_out = wanted.left_out;
 }
 
 bool StepLoop::is_at_accepted_state() const {
@@ -214,8 +215,17 @@ Status StepLoop::make_inner_step(double tau, double end, bool is_single) {
   return {StatusCode::kIntegrationFailed, -1, 0.0, state_.elapsed + inner_.to};
 }
 
+/// An inner step of this length is about to be booked. @pre evaluation at its end
+void StepLoop::count_left_out(double length) {
+  LeftOut& left = counted_elsewhere_.left_out;
+  ++left.booked_steps;
+  left.near_pairs += static_cast<std::int64_t>(state_.memory.near.size());
+  if (state_.discrete.hard_dock.joint.on) left.joined_time += length;
+}
+
 /// The inner step becomes part of the run. @param changed  set if the integrator must restart
 Status StepLoop::book_inner_step(bool& changed) {
+  count_left_out(inner_.to - inner_.from);
   if (searches_peaks() && inner_.is_one) search_peaks(inner_.from, inner_.to);
   balances_.update_energy(inner_.energy, inner_.to);
   changed = inner_.outcome == StepOutcome::kRoot;
@@ -228,6 +238,8 @@ Status StepLoop::book_inner_step(bool& changed) {
 Status StepLoop::drift_freely(double& tau, double end, std::int64_t& turns) {
   const double stop = state_.discrete.hard_dock.joint.on ? find_next_stop(tau, end) : end;
   const double duration = std::min(quiescent_mode_.find_drift_time(), stop - tau);
+  LeftOut& left = counted_elsewhere_.left_out;
+  (state_.discrete.hard_dock.joint.on ? left.joined_time : left.quiescent_time) += duration;
   turns += quiescent_mode_.drift(duration, y());
   evaluator_.forget();
   tau = duration < end - tau ? tau + duration : end;
@@ -366,6 +378,7 @@ Status StepLoop::integrate_fixed(double h, std::int64_t limit) {
     if (balances_.is_energy_created(audit, tau))
       return {StatusCode::kIntegrationFailed, -1, 0.0, state_.elapsed + tau};
     balances_.update_energy(audit, tau);
+    count_left_out(made);
     events_.set_due_below(present(), 0.0);
     events_.find_passed_latches(present(), made);
     bool changed = false;

@@ -175,6 +175,7 @@ class StepLoop {
   void return_to(double tau, double h);
   StepOutcome make_solver_step(double stop, bool watch_roots);
   Status make_inner_step(double tau, double end, bool is_single);
+  void count_left_out(double length);
   Status book_inner_step(bool& changed);
   Status step_to_root(double tau, bool is_single);
   Status drift_freely(double& tau, double end, std::int64_t& turns);

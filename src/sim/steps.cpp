@@ -127,6 +127,7 @@ void DockingSim::Impl::finish_step(double h, bool was_pending) {
   ahead.reached = ahead.pending ? ahead.reached + h : 0.0;
   coupling.regular_step = std::max(h, kFade * coupling.regular_step);
   last_step = h;
+  ++points;
   invalidate();
   put_joined_target();
   ahead.is_mean_due = was_pending || ahead.pending;
