@@ -163,9 +163,8 @@ def test_frequent_failures_are_those_of_a_plain_sweep(tmp_path):
 
 
 def test_bad_usage_is_refused(dockloop, tmp_path):
-    grid = SWEEP.replace('type = "uniform"', 'type = "grid"').replace(
-        "range = [20e3", "values = [20e3"
-    )
+    masses = 'name = "chaser.mass"'
+    grid = SWEEP.replace(f'type = "uniform"\n{masses}\nrange', f'type = "grid"\n{masses}\nvalues')
     for text, arguments, words in (
         (SWEEP, ("--rare", "not capturedd"), "--rare 'not capturedd': there is no 'capturedd'"),
         (SWEEP, ("--rare", "not captured", "--rare-cases", "55"), "must be a multiple of 10"),

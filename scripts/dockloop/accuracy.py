@@ -21,7 +21,7 @@ from dockloop.trades.errors import find_frame, find_scales, find_times
 _LEAST_PEAK = 0.05  # no peak is compared with less than this part of the largest one of its unit
 _TIGHTER, _LEAST_RTOL = 1e-2, 1e-13  # tolerances of the second run over those of the first
 _SHORTER = 0.25  # the same for the step of a fixed-step method
-_SIMPLIFIED, _FULL = ("rigid", "massless_legs"), "reduced"  # values of model.level
+_FULL = "reduced"  # level of the model with every body; simplified ones have smaller numbers
 _FAR_ABOVE = 5.0  # times the wanted error: worth a sentence
 ATOL_PER_RTOL = {"atol_position": 1e-2, "atol_velocity": 1e-2, "atol_energy": 1e-1}  # of the choice
 _FINAL = {  # figure -> scale (`find_scales`), output of the frame
@@ -186,7 +186,7 @@ def estimate_level_error(
     """
     number = round(run.parameters.get("model.level", 0.0))
     names = {level.name: level.number for level in list_choices("model.level")}
-    if number not in [names[name] for name in _SIMPLIFIED]:
+    if not 0 < number < names[_FULL]:
         return {}
     known: dict[str, Any] = {"name": name_choice("model.level", number)}
     known |= {"error": None, "figures": {}, "is_larger": True}

@@ -224,9 +224,9 @@ class PeakSearch {
     std::optional<double> time;
     double most = share;
     for (int i = 0; i < N; ++i) {
-      const double peak = tracker_.peak()[i];
       int top = begin_;
       for (int k = begin_; k < count_; ++k) top = value_[k][i] > value_[top][i] ? k : top;
+      const double peak = std::max(tracker_.peak()[i], value_[top][i]);
       if (!(peak > 0.0 && value_[top][i] > kWorth * peak)) continue;
       const Maximum found = find_maximum(i, top);
       const double gain = found.value / peak - 1.0;

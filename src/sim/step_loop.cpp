@@ -410,7 +410,6 @@ void StepLoop::search_peaks(double from, double to) {
   search.add(state_.elapsed + middle, value);
   search.add(state_.elapsed + to, end);
   peaks.add(state_.elapsed + middle, value, false);
-  peaks.raise(end);
   while (!search.is_full()) {
     const std::optional<double> t = search.find_time(share);
     if (!t || !evaluate(*t - state_.elapsed)) break;
