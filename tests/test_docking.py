@@ -66,8 +66,9 @@ def test_the_start_is_placed_so_that_the_conditions_hold_at_first_contact(runs):
 
 def test_peaks_are_no_smaller_than_samples_and_within_the_ratings(runs):
     run = runs.run(DEFAULT)
-    for load in list_loads():
-        assert run[f"capture.peak.{load}"][-1] >= np.max(np.abs(run[f"capture.{load}"])) - 1e-9
+    for load in list_loads():  # samples and peaks are values of one solution, good to rtol
+        largest = np.max(np.abs(run[f"capture.{load}"]))
+        assert run[f"capture.peak.{load}"][-1] >= largest * (1.0 - 1e-6)
     assert run["capture.peak.load_ratio"][-1] < 1.0
 
 

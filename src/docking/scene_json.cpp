@@ -8,6 +8,7 @@
 #include "docking/hardware_json.hpp"
 #include "docking/scene.hpp"
 #include "docking/sequence_json.hpp"
+#include "math/rotation.hpp"
 #include "model/element_json.hpp"
 #include "model/json_reader.hpp"
 #include "model/text_hash.hpp"

@@ -34,7 +34,7 @@ inline std::string find_fault(double number, Rule rule) {
 template <class Law>
 struct LawNumber {
   const char* name;
-  double Law::*member;
+  double Law::* member;
   const char* unit;  ///< of unit_definitions() in src/interface
   Rule rule;
   bool is_required;  ///< a file must state it

@@ -35,7 +35,7 @@ COMMAND = "tests/studies/family_pages.py"
 FIGURES = MODELS / "figures"
 SHORT, STOP, STEP = 20.0, 170.0, 0.05  # s: first panel, whole docking, recording
 LIMITS = ("tension", "compression", "shear", "bending", "torsion")
-SOURCE = re.compile(r"assum|standard|recalled|derived", re.IGNORECASE)
+SOURCE = re.compile(r"assumed|assumption|standard|recalled|derived", re.IGNORECASE)
 BLOCK = re.compile(r"(<!-- made: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
