@@ -5,7 +5,8 @@ not seen. There the values of one input are shuffled: half the growth of the squ
 variance of the outcome, is the total Sobol index of that input (Jansen, Computer Physics
 Communications 117 (1999) 35). It is the part of the variance that goes with the input, alone and
 together with others. How much the forests explain is their score on cases that they have not seen.
-Both have the spread over the five forests as uncertainty. `tests/test_influence.py` compares with closed forms.
+Both have the spread over the five forests as uncertainty. `tests/test_influence.py`
+compares with closed forms.
 """
 
 from collections.abc import Iterator
