@@ -37,7 +37,7 @@ MAY_SEE = {
 }
 # Where an outside library may be included: library header prefix -> folders.
 LIBRARIES = {
-    "arkode/": {"src/integrate"},
+    "arkode/": {"src/compare"},
     "cvode/": {"src/integrate", "src/compare"},
     "ida/": {"src/compare"},
     "nvector/": {"src/integrate"},

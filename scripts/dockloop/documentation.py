@@ -625,8 +625,8 @@ def _limits(document: dict) -> str:
                 f" {1e3 * stops['max_length']:g} mm{' of pin travel' * has_cranks}."
             )
     items.append(
-        "Bodies are rigid. Very stiff parts make the default method slow: choose an implicit"
-        " <code>solver.method</code> for them."
+        "Bodies are rigid. Very stiff parts make the default method slow: choose a"
+        " <code>solver.method</code> for stiff models."
     )
     return text + "<h3>Validity</h3>" + _list(items)
 

@@ -6,8 +6,8 @@
 
 #include <stdexcept>
 
+#include "compare/implicit_solver.hpp"
 #include "compare/methods.hpp"
-#include "integrate/implicit_solver.hpp"
 
 namespace dockloop {
 namespace {

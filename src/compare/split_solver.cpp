@@ -1,8 +1,8 @@
 // Steps that are explicit for the mild part of the rates and implicit for the rest: the pair
 // ARK4(3)6L[2]SA of Kennedy and Carpenter. Newton uses the Jacobian of all rates: the mild part
 // adds little.
+#include "compare/implicit_solver.hpp"
 #include "compare/methods.hpp"
-#include "integrate/implicit_solver.hpp"
 
 namespace dockloop {
 namespace {

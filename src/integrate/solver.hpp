@@ -3,7 +3,6 @@
 //   one_step_solver.cpp   what the two methods of our own share
 //   explicit_solver.cpp   Runge-Kutta, adaptive or of fixed size (our own; runge_kutta.hpp)
 //   rosenbrock_solver.cpp linearly implicit, one matrix a step (our own)
-//   implicit_solver.cpp   diagonally implicit Runge-Kutta (ARKStep; implicit_solver.hpp)
 //   multistep_solver.cpp  BDF (CVODE; multistep_solver.hpp)
 //
 // The folder src/compare adds others through Stepper::Problem::solver.
@@ -125,7 +124,6 @@ std::unique_ptr<Solver> make_explicit_solver(System& system, const RungeKuttaTab
                                              const RungeKuttaTable& stable);
 /// @param adapts  error control chooses the steps; else every step is what restart() asks for
 std::unique_ptr<Solver> make_rosenbrock_solver(System& system, bool adapts);
-std::unique_ptr<Solver> make_esdirk_solver(System& system);
 std::unique_ptr<Solver> make_bdf_solver(System& system);
 
 }  // namespace dockloop

@@ -95,8 +95,6 @@ std::unique_ptr<Solver> make_solver(System& system, Stepper::Method method) {
       return make_explicit_solver(system, get_dormand_prince(), get_stabilised());
     case Stepper::Method::kClassicRk4:
       return make_explicit_solver(system, get_classic());
-    case Stepper::Method::kEsdirk:
-      return make_esdirk_solver(system);
     case Stepper::Method::kRosenbrock:
       return make_rosenbrock_solver(system, true);
     case Stepper::Method::kFixedRosenbrock:

@@ -65,7 +65,6 @@ class Stepper {
     kStabilised,     ///< kDormandPrince, and where stability would limit it a method of order 4(3)
                      ///< with a long interval of stability
     kClassicRk4,     ///< as kDormandPrince of order 4; every step is what restart() asks for
-    kEsdirk,         ///< implicit one-step, L-stable, order 4(3)
     kRosenbrock,     ///< linearly implicit one-step, L-stable, order 4(3)
     kFixedRosenbrock,  ///< the same without error control; steps as those of kClassicRk4
     kBdf,              ///< multistep, stiff, order up to 5

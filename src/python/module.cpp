@@ -104,7 +104,8 @@ std::string list_method_facts() {
                     {"name", m.name},
                     {"meaning", m.meaning},
                     {"for_comparison", m.for_comparison},
-                    {"fixed_step", m.fixed_step}});
+                    {"fixed_step", m.fixed_step},
+                    {"same_as", m.same_as}});
   }
   return list.dump();
 }

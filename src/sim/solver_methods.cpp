@@ -13,8 +13,7 @@ constexpr std::array<MethodFacts, kMethodCount> kMethods = {{
      "12 where surfaces may touch and tolerances are loose or friction is steep, else 11", kCore,
      !kFixed, !kJacobian, kRates},
     {kExplicit, "explicit", "adaptive one-step", kCore, !kFixed, !kJacobian, kRates},
-    {kImplicit, "implicit", "one-step, for stiff contact, latches or friction", kCore, !kFixed,
-     kJacobian},
+    {kImplicit, "implicit", "another name of 12", kCore, !kFixed, !kJacobian, kRates, kRosenbrock},
     {kImex, "imex", "implicit for contact and latches only", kCompare, !kFixed, kJacobian},
     {kAdams, "adams", "multistep, for long communication steps as 6", kCompare},
     {kBdf, "bdf",
@@ -60,6 +59,11 @@ const MethodFacts* find_method(int number) {
 const ChoiceList& get_method_choices() {
   static const ChoiceList kAll = list_carried_methods(true);
   return kAll;
+}
+
+int find_used_method(int number) {
+  const int other = find_method(number)->same_as;
+  return other > 0 ? other : number;
 }
 
 ChoiceList list_carried_methods(bool has_comparison) {

@@ -12,8 +12,6 @@ Stepper::Method find_stepper_method(const RunMethod& method) {
                                   : Stepper::Method::kRosenbrock;
   }
   switch (method.facts->method) {
-    case kImplicit:
-      return Stepper::Method::kEsdirk;
     case kBdf:
       return Stepper::Method::kBdf;
     case kFixedRk4:

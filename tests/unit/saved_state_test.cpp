@@ -71,7 +71,6 @@ std::vector<Run> make_runs() {
     runs.back().steps = 100;
     runs.back().seen = "latched";
   };
-  add_method("implicit", [](Parameters& p) { p.solver_method = kImplicit; });
   add_method("adams", [](Parameters& p) { p.solver_method = kAdams; });
   add_method("bdf", [](Parameters& p) { p.solver_method = kBdf; });
   add_method("rosenbrock", [](Parameters& p) { p.solver_method = kRosenbrock; });
@@ -86,9 +85,9 @@ std::vector<Run> make_runs() {
   runs.push_back({"driven", driven_scene(), [](Parameters&) {}, drive});
   runs.push_back(
       {"announced", driven_scene(), [](Parameters& p) { p.coupling_mode = kParallel; }, drive});
-  runs.push_back({"bristles_implicit", ring, [](Parameters& p) {
+  runs.push_back({"bristles_bdf", ring, [](Parameters& p) {
                     p.friction_model = 2;
-                    p.solver_method = kImplicit;
+                    p.solver_method = kBdf;
                   }});
   runs.back().steps = 12;  // with 600 bristles a Jacobian costs as much as a second of other runs
   runs.back().seen = "contact";
@@ -112,8 +111,8 @@ std::vector<Run> make_runs() {
   runs.back().seen = "released";
   runs.push_back({"other_coordinates", slider_crank_scene()});
   runs.back().seen = "coordinates";
-  runs.push_back({"other_coordinates_implicit", slider_crank_scene(),
-                  [](Parameters& p) { p.solver_method = kImplicit; }});
+  runs.push_back({"other_coordinates_bdf", slider_crank_scene(),
+                  [](Parameters& p) { p.solver_method = kBdf; }});
   runs.back().seen = "coordinates";
   runs.push_back({"other_coordinates_rosenbrock", slider_crank_scene(),
                   [](Parameters& p) { p.solver_method = kRosenbrock; }});

@@ -42,16 +42,15 @@ struct Case {
 constexpr Method kOther = Method::kDormandPrince;
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
-const std::array<Case, 10> kCases = {{{Method::kDormandPrince, "dormand_prince", false},
-                                      {Method::kClassicRk4, "classic_rk4", true},
-                                      {Method::kEsdirk, "esdirk", false},
-                                      {kOther, "sdirk", true, make_fixed_implicit_solver},
-                                      {kOther, "adams", false, make_adams_solver},
-                                      {Method::kBdf, "bdf", false},
-                                      {kOther, "dop853", false, make_high_order_solver},
-                                      {Method::kStabilised, "stabilised", false},
-                                      {Method::kRosenbrock, "rosenbrock", false},
-                                      {Method::kFixedRosenbrock, "fixed_rosenbrock", true}}};
+const std::array<Case, 9> kCases = {{{Method::kDormandPrince, "dormand_prince", false},
+                                     {Method::kClassicRk4, "classic_rk4", true},
+                                     {kOther, "sdirk", true, make_fixed_implicit_solver},
+                                     {kOther, "adams", false, make_adams_solver},
+                                     {Method::kBdf, "bdf", false},
+                                     {kOther, "dop853", false, make_high_order_solver},
+                                     {Method::kStabilised, "stabilised", false},
+                                     {Method::kRosenbrock, "rosenbrock", false},
+                                     {Method::kFixedRosenbrock, "fixed_rosenbrock", true}}};
 
 bool is_implicit(const Case& c) {
   return c.solver == make_fixed_implicit_solver || c.method == Method::kFixedRosenbrock;
@@ -251,9 +250,8 @@ TEST(StiffProblems, are_stepped_over_by_implicit_methods_only) {
     std::printf("%s: %ld steps, %ld evaluations\n", kCases[i].name, steps[i],
                 stepper.rate_evaluations());
   }
-  EXPECT_GT(steps[0], 100 * steps[2]) << "explicit against implicit";
-  EXPECT_GT(steps[4], 100 * steps[5]) << "Adams against BDF";
-  EXPECT_GT(steps[0], 100 * steps[8]) << "explicit against linearly implicit";
+  EXPECT_GT(steps[3], 100 * steps[4]) << "Adams against BDF";
+  EXPECT_GT(steps[0], 100 * steps[7]) << "explicit against linearly implicit";
 }
 
 TEST(StiffProblems, are_cheaper_with_stabilised_steps_and_as_accurate) {

@@ -76,8 +76,7 @@ TEST_P(Passes, are_not_caught_next_to_the_window) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Methods, Passes,
-                         ::testing::Values(kAuto, kExplicit, kImplicit, kHighOrder, kRosenbrock,
-                                           kFixedRk4));
+                         ::testing::Values(kAuto, kExplicit, kHighOrder, kRosenbrock, kFixedRk4));
 
 // ---------------------------------------------------------------- reasons
 

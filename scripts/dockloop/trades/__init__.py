@@ -103,9 +103,11 @@ def name_levels() -> dict[int, str]:
 
 
 def make_grid() -> tuple[Block, ...]:
-    """Return the grid: every method that the core lists."""
+    """Return the grid: every method that the core lists, once."""
     numbers: dict[str, list[int]] = {"carried": [], "compared": [], "fixed": [], "multipliers": []}
     for method in list_methods():
+        if method["same_as"]:
+            continue
         kind = "compared" if method["for_comparison"] else "carried"
         kind = "fixed" if method["fixed_step"] else kind
         kind = "multipliers" if method["name"] == _MULTIPLIERS else kind

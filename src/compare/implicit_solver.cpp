@@ -1,8 +1,5 @@
-// Diagonally implicit Runge-Kutta steps by ARKStep, for stiff contact, latches and friction.
-//
-// The method is the pair ESDIRK4(3)7L[2]SA of Kennedy and Carpenter, L-stable and stiffly accurate,
-// with Newton iteration until it has converged; the Jacobian is kept while it is good enough.
-#include "integrate/implicit_solver.hpp"
+// See implicit_solver.hpp.
+#include "compare/implicit_solver.hpp"
 
 #include <sunnonlinsol/sunnonlinsol_newton.h>
 
@@ -83,23 +80,6 @@ std::int64_t ImplicitSolver::present_rejected() const {
   ARKStepGetNumErrTestFails(ark_, &errors);
   ARKStepGetNumStepSolveFails(ark_, &unsolved);
   return errors + unsolved;
-}
-
-namespace {
-
-class EsdirkSolver : public ImplicitSolver {
- public:
-  explicit EsdirkSolver(System& system)
-      : ImplicitSolver(system, nullptr, &System::call_rates, &System::call_jacobian, &system) {
-    System::check(ARKStepSetTableNum(ark_, ARKODE_ESDIRK437L2SA_7_3_4, ARKODE_ERK_NONE));
-    adapt_steps();
-  }
-};
-
-}  // namespace
-
-std::unique_ptr<Solver> make_esdirk_solver(System& system) {
-  return std::make_unique<EsdirkSolver>(system);
 }
 
 }  // namespace dockloop
