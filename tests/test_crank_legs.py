@@ -279,6 +279,21 @@ def test_the_force_of_a_crank_leg_is_its_spring_damper_and_preload(tmp_path):
         assert docking.get("leg[3].force") == pytest.approx(wanted, abs=1e-6)
 
 
+def test_springs_of_crank_legs_are_parameters_at_the_pin(tmp_path):
+    names = {"leg[2].stiffness": 700.0, "leg[3].damping": 45.0, "leg[1].stops.max_length": 0.11}
+    mechanism = make_cranks()
+    plain, by_parameter = (
+        dl.run(write_scene(tmp_path, mechanism), start_values=values, stop=0.5)
+        for values in ({}, names)
+    )
+    mechanism["legs"][1]["stiffness"] = 700.0
+    mechanism["legs"][2]["damping"] = 45.0
+    mechanism["legs"][0]["stops"] = STOPS | {"max_length": 0.11}
+    by_file = dl.run(write_scene(tmp_path, mechanism), stop=0.5)
+    assert np.array_equal(by_parameter.values, by_file.values)
+    assert not np.array_equal(by_parameter.values, plain.values)
+
+
 def test_derivatives_know_the_arm_of_a_crank(runs, tmp_path):
     """All laws are given, so the force of a leg grows as much as its command."""
     fmu = runs.fmu(write_scene(tmp_path, make_cranks()))

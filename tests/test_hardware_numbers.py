@@ -1,4 +1,4 @@
-"""Numbers of surfaces, latches and hard dock as parameters; where the mechanism stands on A."""
+"""Numbers of springs, surfaces, latches and hard dock as parameters; where a base stands on A."""
 
 import json
 import re
@@ -10,6 +10,7 @@ import pytest
 import dockloop as dl
 from dockloop.errors import UsageError
 from dockloop.paths import MECHANISMS, SCENES
+from slides import make_slide, write_slide
 
 RING, PROBE, ABSORBER = "idss_25t_350t", "probe_drogue", "absorber_1d"
 STOP = 6.0  # [s], after capture and first contacts of the faces
@@ -42,6 +43,24 @@ SAME = {
     ),
     "hooks": (PROBE, {"hooks.preload": 9e3}, {"mechanism.set.interface.hooks.preload": 9e3}),
     "pushers": (PROBE, {"pushers.stroke": 0.02}, {"mechanism.set.interface.pushers.stroke": 0.02}),
+    "legs": (
+        RING,
+        {
+            f"leg[{i}].{name}": value
+            for i in range(1, 7)
+            for name, value in (("stiffness", 2500.0), ("free_length", 0.93), ("preload", 40.0))
+        },
+        {
+            "mechanism.set.leg_defaults.stiffness": 2500.0,
+            "mechanism.set.leg_defaults.free_length": 0.93,
+            "mechanism.set.leg_defaults.preload": 40.0,
+        },
+    ),
+    "end stops": (
+        RING,
+        {f"leg[{i}].stops.min_length": 0.91 for i in range(1, 7)},
+        {"mechanism.set.leg_defaults.stops.min_length": 0.91},
+    ),
     "absorber": (ABSORBER, {"contact.damping": 300.0}, {"mechanism.set.contact.damping": 300.0}),
 }
 
@@ -77,6 +96,16 @@ def test_a_law_of_its_own_has_parameters_of_its_own(tmp_path):
     assert numbers == {f"contact.law[1].{name}" for name in contact["laws"]["smooth"]}
 
 
+def test_a_spring_of_a_joint_has_parameters(tmp_path):
+    spring = {"type": "joint_spring_damper", "joint": "block", "stiffness": 50.0, "damping": 2.0}
+    runs = []
+    for rest, names in ((0.0, {"joint_spring[1].rest": 0.2}), (0.2, {}), (0.0, {})):
+        scene = write_slide(tmp_path, make_slide(3.0, spring | {"rest": rest}), rate=0.1)
+        runs.append(dl.run(scene, start_values=names).values)
+    assert np.array_equal(runs[0], runs[1])
+    assert not np.array_equal(runs[0], runs[2])
+
+
 def test_a_latch_can_release_on_overload():
     loads = {f"latch[{i}].rated_load": 90.0 for i in (1, 2, 3)}
     switches = {f"latch[{i}].releases_on_overload": True for i in (1, 2, 3)}
@@ -90,6 +119,12 @@ def test_a_latch_can_release_on_overload():
 
 
 BAD = {
+    "leg[2].stiffness": (-1.0, "leg[2].stiffness' = -1 is below its minimum 0 N/m"),
+    "leg[3].stops.toe": (0.0, "leg 'leg3': stops: toe is 0; it must be above 0"),
+    "leg[1].stops.max_length": (
+        0.5,
+        "leg 'leg1': stops: the home length 0.93",
+    ),
     "latch[2].play": (0.001, "latch 2: play is 0.001 m; it must be at least catch, 0.004 m"),
     "latch[1].range": (0.002, "latch 1: range is 0.002 m; it must be above catch, 0.004 m"),
     "latch[1].stiffness": (0.0, "latch 1: stiffness is 0; it must be above 0"),

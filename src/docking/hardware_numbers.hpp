@@ -1,7 +1,9 @@
-// Numbers of the capture hardware and of the hard dock that a host may set before a run.
+// Numbers of springs, of the capture hardware and of the hard dock that a host may set before a
+// run.
 //
-// One list gives their names in the FMU, units, limits and order: contact laws, latches, faces,
-// hooks, pushers. Friction and restitution have parameters of their own (sim/values.hpp).
+// One list gives their names in the FMU, units, limits and order: springs of legs and joints,
+// contact laws, latches, faces, hooks, pushers. Friction and restitution have parameters of their
+// own (sim/values.hpp).
 #pragma once
 
 #include <string>
@@ -9,17 +11,12 @@
 
 #include "contact/contact_model.hpp"
 #include "contact/latches.hpp"
+#include "docking/docking_model.hpp"
 #include "docking/hard_dock.hpp"
+#include "docking/scene.hpp"
+#include "model/spring_numbers.hpp"
 
 namespace dockloop {
-
-/// f(name, number, unit, rule, text) for every number of a law. @param law  a Law, or const
-template <class Law, class Same, size_t n, class F>
-void for_each_number(const LawNumber<Law> (&list)[n], Same& law, const std::string& prefix, F&& f) {
-  for (const LawNumber<Law>& each : list) {
-    f(prefix + each.name, law.*each.member, each.unit, each.rule, std::string(each.text));
-  }
-}
 
 /// The numbers of the common law that no other parameter sets, then those that variants state.
 template <class Contact, class F>
@@ -49,9 +46,12 @@ void for_each_contact_number(Contact& contact, F&& f) {
   }
 }
 
-/// All numbers of the hardware. @param owner  a Scene or a DockingModel, or const
+inline const MechanismModel& get_mechanism(const Scene& scene) { return scene.mechanism; }
+inline MechanismModel& get_mechanism(DockingModel& model) { return model.mechanism.model; }
+
+/// Numbers of what meets the target. @param owner  a Scene or a DockingModel, or const
 template <class Owner, class F>
-void for_each_hardware_number(Owner& owner, F&& f) {
+void for_each_docking_number(Owner& owner, F&& f) {
   for_each_contact_number(owner.contact, f);
   size_t i = 0;
   for (auto& latch : owner.latches.latch) {
@@ -65,6 +65,13 @@ void for_each_hardware_number(Owner& owner, F&& f) {
     for_each_number(kHookRowNumbers, row, "hooks.row[" + std::to_string(++k) + "].", f);
   }
   if (dock.pusher_count() > 0) for_each_number(kPusherNumbers, dock.pushers, "pushers.", f);
+}
+
+/// All numbers of the hardware.
+template <class Owner, class F>
+void for_each_hardware_number(Owner& owner, F&& f) {
+  for_each_spring_number(get_mechanism(owner), f);
+  for_each_docking_number(owner, f);
 }
 
 template <class Owner>

@@ -121,7 +121,7 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   add_failures(table, sim);
   add_disturbances(table, sim);
   add_hard_dock(table, scene.hard_dock, inputs, outputs);
-  if (scene.has_target) add_hardware(table, sim);
+  add_hardware(table, sim);
   if (wants("states")) add_states(table, outputs);
   if (wants("loops")) add_loops(table, outputs);
   if (wants("energy")) {

@@ -174,8 +174,8 @@ namespace {
 
 /// Quantity of a number of the hardware, by its unit.
 const Quantity& find_quantity(const std::string& unit) {
-  for (const Quantity* each :
-       {&kSmallLength, &kSmallVelocity, &kTime, &kForce, &kStiffness, &kDamping, &kDampingFactor}) {
+  for (const Quantity* each : {&kSmallLength, &kSmallVelocity, &kTime, &kForce, &kStiffness,
+                               &kDamping, &kDampingFactor, &kLawNumber}) {
     if (unit == each->unit) return *each;
   }
   return kNone;
@@ -183,16 +183,20 @@ const Quantity& find_quantity(const std::string& unit) {
 
 }  // namespace
 
-/// Numbers of contact laws, latches and hard dock.
+/// Numbers of springs, and of contact laws, latches and hard dock where there is a target.
 void add_hardware(Table& table, DockingSim& sim) {
   Parameters& parameters = sim.parameters();
+  const Scene& scene = sim.scene();
   double* number = parameters.hardware_numbers.data();
-  for_each_hardware_number(sim.scene(), [&](const std::string& name, double value, const char* unit,
-                                            Rule rule, const std::string& text) {
+  const auto add = [&](const std::string& name, double value, const char* unit, Rule rule,
+                       const std::string& text) {
     const Quantity& quantity = find_quantity(unit);
     limited(table.parameter(name, number++, quantity, text), rule)
         .nominal(value > 0.0 ? value : quantity.nominal);
-  });
+  };
+  for_each_spring_number(scene.mechanism, add);
+  if (!scene.has_target) return;
+  for_each_docking_number(scene, add);
   for (size_t i = 0; i < parameters.latch_overload.size(); ++i) {
     table.parameter(indexed("latch", i) + ".releases_on_overload", &parameters.latch_overload[i],
                     kNone, "This latch releases when its tension exceeds its rated load");

@@ -119,11 +119,6 @@ void put_leg_constants(const MechanismModel& model, const LegPlatform& platform,
   put(legs::kSpin + 1, reflected);
 }
 
-/// Does a force depend on the coordinate of its joint?
-inline bool depends_on_coordinate(const JointForce& law) {
-  return law.stiffness != 0.0 || law.preload != 0.0 || law.stops.present;
-}
-
 /// Does a force element act on the joint of this body?
 inline bool has_element(const MechanismModel& model, int body) {
   for (const ForceElement& element : model.elements) {
@@ -162,7 +157,7 @@ void list_reported_joints(const MechanismModel& model, PlatformData<S>& at) {
       for (const JointForce& law : model.forces) {
         if (law.body != body) continue;
         forced = true;
-        joint.needs_angle = joint.needs_angle || (!joint.slides && depends_on_coordinate(law));
+        joint.needs_angle = joint.needs_angle || (!joint.slides && has_spring(law));
       }
       if (!joint.slides && !forced) continue;
       at.angles[i] = at.angles[i] || joint.needs_angle;

@@ -52,4 +52,12 @@ std::string find_fault(const Law& law, const LawNumber<Law> (&list)[n]) {
   return "";
 }
 
+/// f(name, number, unit, rule, text) for every number of a law. @param law  a Law, or const
+template <class Law, class Same, size_t n, class F>
+void for_each_number(const LawNumber<Law> (&list)[n], Same& law, const std::string& prefix, F&& f) {
+  for (const LawNumber<Law>& each : list) {
+    f(prefix + each.name, law.*each.member, each.unit, each.rule, std::string(each.text));
+  }
+}
+
 }  // namespace dockloop

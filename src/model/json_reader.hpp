@@ -202,15 +202,19 @@ class JsonReader {
   std::string source_, path_;
 };
 
+template <class Law>
+void read_number(const JsonReader& item, const LawNumber<Law>& number, Law& law) {
+  const JsonReader at = item.at(number.name);
+  law.*number.member = at.number();
+  const std::string why = find_fault(law.*number.member, number.rule);
+  if (!why.empty()) at.fail("is " + at.shown() + "; " + why);
+}
+
 /// The numbers of a law that an object states; others keep their values.
 template <class Law, size_t n>
 void read_numbers(const JsonReader& item, const LawNumber<Law> (&list)[n], Law& law) {
   for (const LawNumber<Law>& each : list) {
-    if (!each.is_required && !item.has(each.name)) continue;
-    const JsonReader at = item.at(each.name);
-    law.*each.member = at.number();
-    const std::string why = find_fault(law.*each.member, each.rule);
-    if (!why.empty()) at.fail("is " + at.shown() + "; " + why);
+    if (each.is_required || item.has(each.name)) read_number(item, each, law);
   }
 }
 

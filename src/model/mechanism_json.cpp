@@ -11,6 +11,7 @@
 #include "model/element_json.hpp"
 #include "model/json_reader.hpp"
 #include "model/mechanism_model.hpp"
+#include "model/spring_numbers.hpp"
 
 namespace dockloop {
 namespace {
@@ -277,29 +278,24 @@ void read_part(const JsonReader& part, Body& body, const double* tip = nullptr) 
                                     part.non_negative("inertia_transverse", 0.0));
 }
 
-/// The leg for users, with its spring, damper and stops. Lengths become coordinates of its joint.
+/// The leg for users, with its spring, damper and stops.
 void add_leg(const LegReader& in, const Leg& leg, MechanismModel& model) {
-  const double arm = leg.arm, home = leg.home_length;
-  JointForce force;
-  force.body = leg.body;
-  force.stiffness = in.owner("stiffness").non_negative("stiffness", 0.0) * arm * arm;
-  force.damping = in.owner("damping").non_negative("damping", 0.0) * arm * arm;
-  force.rest = (in.owner("free_length").number("free_length", home) - home) / arm;
-  force.preload = in.owner("preload").number("preload", 0.0) * arm;
+  LegLaw law;
+  law.free_length = leg.home_length;
+  for (const LawNumber<LegLaw>& each : kLegNumbers) {
+    if (in.has(each.name)) read_number(in.owner(each.name), each, law);
+  }
   if (in.has("stops")) {
     const JsonReader stops = in.owner("stops").at("stops");
-    force.stops.present = true;
-    force.stops.lower = (stops.at("min_length").number() - home) / arm;
-    force.stops.upper = (stops.at("max_length").number() - home) / arm;
-    force.stops.stiffness = stops.positive("stiffness") * arm * arm;
-    force.stops.damping = stops.non_negative("damping", 0.0) * arm;
-    force.stops.toe = stops.positive("toe") / arm;
-    if (!(force.stops.lower < 0.0 && force.stops.upper > 0.0)) {
-      stops.fail("(leg '" + leg.name + "'): the home length " + describe_number(home) +
-                 " m must lie between min_length and max_length");
-    }
+    read_numbers(stops, kLegStopNumbers, law.stops.emplace());
+    const std::string why = find_fault(leg, *law.stops);
+    if (!why.empty()) stops.fail("(leg '" + leg.name + "'): " + why);
   }
+  JointForce force;
+  force.body = leg.body;
+  put_leg_law(leg, law, force);
   model.legs.push_back(leg);
+  if (has_spring(force)) model.legs.back().law = law;
   model.legs.back().force = static_cast<int>(model.forces.size());
   model.forces.push_back(force);
 }
@@ -548,10 +544,7 @@ void read_joint_force(const JsonReader& item, MechanismModel& model) {
   if (force.body == kBase || model.bodies[force.body].joint == JointType::kFree) {
     item.at("joint").fail("must name a revolute or prismatic joint");
   }
-  force.stiffness = item.non_negative("stiffness", 0.0);
-  force.damping = item.non_negative("damping", 0.0);
-  force.rest = item.number("rest", 0.0);
-  force.preload = item.number("preload", 0.0);
+  read_numbers(item, kJointForceNumbers, force);
   model.forces.push_back(force);
 }
 

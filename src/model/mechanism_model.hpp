@@ -5,9 +5,11 @@
 // Conventions (joint axes, free joint, cut sign): src/README.md.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "math/law_number.hpp"
 #include "math/types.hpp"
 #include "model/force_element.hpp"
 
@@ -139,6 +141,54 @@ struct JointForce {
   EndStops stops;
 };
 
+inline constexpr LawNumber<JointForce> kJointForceNumbers[] = {
+    {"stiffness", &JointForce::stiffness, "1", Rule::kNotNegative, false, "Stiffness"},
+    {"damping", &JointForce::damping, "1", Rule::kNotNegative, false, "Damping"},
+    {"rest", &JointForce::rest, "1", Rule::kAny, false, "Coordinate without a spring force"},
+    {"preload", &JointForce::preload, "1", Rule::kAny, false,
+     "Constant force, positive along the coordinate"},
+};
+
+/// Does a spring, damper or stop act, in addition to the command?
+inline bool has_spring(const JointForce& force) {
+  return force.stiffness != 0.0 || force.damping != 0.0 || force.preload != 0.0 ||
+         force.stops.present;
+}
+
+/// End stops of a leg.
+struct LegStops {
+  double min_length = 0.0, max_length = 0.0;         ///< [m]
+  double stiffness = 0.0, damping = 0.0, toe = 0.0;  ///< [N/m], [s/m], [m]
+};
+
+inline constexpr LawNumber<LegStops> kLegStopNumbers[] = {
+    {"min_length", &LegStops::min_length, "m", Rule::kAny, true, "Length at the lower stop"},
+    {"max_length", &LegStops::max_length, "m", Rule::kAny, true, "Length at the upper stop"},
+    {"stiffness", &LegStops::stiffness, "N/m", Rule::kPositive, true, "Stiffness of the end stops"},
+    {"damping", &LegStops::damping, "s/m", Rule::kNotNegative, false,
+     "Factor of the rate of depth on the elastic force of the end stops"},
+    {"toe", &LegStops::toe, "m", Rule::kPositive, true,
+     "Depth over which the stiffness of the end stops builds up"},
+};
+
+/// Spring, damper and stops of a leg in its own lengths.
+struct LegLaw {
+  double stiffness = 0.0;    ///< [N/m]
+  double damping = 0.0;      ///< [N s/m]
+  double free_length = 0.0;  ///< [m]
+  double preload = 0.0;      ///< [N]
+  std::optional<LegStops> stops;
+};
+
+inline constexpr LawNumber<LegLaw> kLegNumbers[] = {
+    {"stiffness", &LegLaw::stiffness, "N/m", Rule::kNotNegative, false, "Stiffness of the spring"},
+    {"damping", &LegLaw::damping, "N.s/m", Rule::kNotNegative, false, "Damping"},
+    {"free_length", &LegLaw::free_length, "m", Rule::kAny, false,
+     "Length without a force of the spring"},
+    {"preload", &LegLaw::preload, "N", Rule::kAny, false,
+     "Constant force, positive when it pushes the ends apart"},
+};
+
 /// A leg for users: length, rate and force along one slide, or along the arc of a crank pin.
 struct Leg {
   std::string name;
@@ -146,6 +196,8 @@ struct Leg {
   double home_length = 0.0;  ///< [m] between the ends of a slide leg at coordinate 0; crank: 0
   double arm = 1.0;          ///< length per joint coordinate: crank length [m/rad]; slide: 1
   int force = 0;             ///< index into MechanismModel::forces
+  /// Springs and stops; none if a file states none: laws of such a leg are elements.
+  std::optional<LegLaw> law = {};
 };
 
 struct MechanismModel {

@@ -187,6 +187,7 @@ ContactLaw DockingSim::Impl::make_contact_law(const ContactLaw& from) const {
 /// Hardware as the parameters have it.
 void DockingSim::Impl::put_hardware(DockingModel& into) const {
   put_hardware_numbers(parameters.hardware_numbers, into);
+  update_springs(into.mechanism.model);
   if (!into.contact.empty()) set_law(into.contact, make_contact_law(into.contact.law));
   check_absorber(into.contact.absorber);
   for (size_t i = 0; i < into.latches.latch.size(); ++i) {
