@@ -95,6 +95,12 @@ def test_every_real_has_a_declared_type_of_its_unit(runs, variant):
     assert not set(types) & set(variables(fmu)), "a type is named like a variable"
 
 
+def test_a_ratio_is_no_number_of_a_force_law(runs):
+    _, kind = variables(runs.fmu("idss_25t_350t"))["contact.regularisation"]
+    assert kind.get("unit") == "1"
+    assert kind.get("declaredType") != "LawNumber"
+
+
 @EVERY_VARIANT
 def test_units_have_the_right_exponents_and_display_factors(runs, variant):
     for unit in description(runs.fmu(*variant)).iterfind("UnitDefinitions/Unit"):

@@ -96,14 +96,34 @@ def test_a_law_of_its_own_has_parameters_of_its_own(tmp_path):
     assert numbers == {f"contact.law[1].{name}" for name in contact["laws"]["smooth"]}
 
 
+@pytest.mark.parametrize("level", ["rigid", "massless_legs"])
+def test_legs_have_their_numbers_at_every_level_of_the_model(level):
+    keys = {"mechanism.set.leg_defaults.damping": 700.0, "model.level": level}
+    values = {f"leg[{i}].damping": 700.0 for i in range(1, 7)}
+    by_parameter = dl.run(RING, {"model.level": level}, start_values=values, stop=4.0)
+    by_scene = dl.run(RING, keys, stop=4.0)
+    assert np.array_equal(by_parameter.values, by_scene.values)
+
+
 def test_a_spring_of_a_joint_has_parameters(tmp_path):
+    """Those of every spring that the file states, also of one that is all zeros."""
     spring = {"type": "joint_spring_damper", "joint": "block", "stiffness": 50.0, "damping": 2.0}
-    runs = []
-    for rest, names in ((0.0, {"joint_spring[1].rest": 0.2}), (0.2, {}), (0.0, {})):
-        scene = write_slide(tmp_path, make_slide(3.0, spring | {"rest": rest}), rate=0.1)
-        runs.append(dl.run(scene, start_values=names).values)
+    idle = spring | {"stiffness": 0.0, "damping": 0.0}
+    rest = {"joint_spring[2].rest": 0.2}
+    off = {f"joint_spring[2].{name}": 0.0 for name in ("stiffness", "damping")}
+    runs = [
+        dl.run(write_slide(tmp_path, make_slide(3.0, idle, last), 0.1), start_values=values).values
+        for last, values in (
+            (spring, rest),
+            (spring | {"rest": 0.2}, {}),
+            (spring, off),
+            (idle, {}),
+            (spring, {}),
+        )
+    ]
     assert np.array_equal(runs[0], runs[1])
-    assert not np.array_equal(runs[0], runs[2])
+    assert np.array_equal(runs[2], runs[3])
+    assert not np.array_equal(runs[0], runs[4])
 
 
 def test_a_latch_can_release_on_overload():
@@ -120,11 +140,9 @@ def test_a_latch_can_release_on_overload():
 
 BAD = {
     "leg[2].stiffness": (-1.0, "leg[2].stiffness' = -1 is below its minimum 0 N/m"),
-    "leg[3].stops.toe": (0.0, "leg 'leg3': stops: toe is 0; it must be above 0"),
-    "leg[1].stops.max_length": (
-        0.5,
-        "leg 'leg1': stops: the home length 0.93",
-    ),
+    "leg[3].stops.toe": (0.0, "leg[3].stops.toe is 0 m; it must be above 0"),
+    "leg[4].stops.min_length": (-0.1, "leg[4].stops: min_length is -0.1; it must be above 0"),
+    "leg[1].stops.max_length": (0.5, "must lie between min_length and max_length"),
     "latch[2].play": (0.001, "latch 2: play is 0.001 m; it must be at least catch, 0.004 m"),
     "latch[1].range": (0.002, "latch 1: range is 0.002 m; it must be above catch, 0.004 m"),
     "latch[1].stiffness": (0.0, "latch 1: stiffness is 0; it must be above 0"),

@@ -174,8 +174,9 @@ namespace {
 
 /// Quantity of a number of the hardware, by its unit.
 const Quantity& find_quantity(const std::string& unit) {
-  for (const Quantity* each : {&kSmallLength, &kSmallVelocity, &kTime, &kForce, &kStiffness,
-                               &kDamping, &kDampingFactor, &kLawNumber}) {
+  if (unit.empty()) return kLawNumber;
+  for (const Quantity* each :
+       {&kSmallLength, &kSmallVelocity, &kTime, &kForce, &kStiffness, &kDamping, &kDampingFactor}) {
     if (unit == each->unit) return *each;
   }
   return kNone;

@@ -157,7 +157,7 @@ void list_reported_joints(const MechanismModel& model, PlatformData<S>& at) {
       for (const JointForce& law : model.forces) {
         if (law.body != body) continue;
         forced = true;
-        joint.needs_angle = joint.needs_angle || (!joint.slides && has_spring(law));
+        joint.needs_angle = joint.needs_angle || (!joint.slides && law.is_stated);
       }
       if (!joint.slides && !forced) continue;
       at.angles[i] = at.angles[i] || joint.needs_angle;

@@ -35,7 +35,7 @@ template <class Law>
 struct LawNumber {
   const char* name;
   double Law::* member;
-  const char* unit;  ///< of unit_definitions() in src/interface
+  const char* unit;  ///< of unit_definitions() in src/interface; empty: of a slide or a turn
   Rule rule;
   bool is_required;  ///< a file must state it
   const char* text;

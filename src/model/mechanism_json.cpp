@@ -282,8 +282,11 @@ void read_part(const JsonReader& part, Body& body, const double* tip = nullptr) 
 void add_leg(const LegReader& in, const Leg& leg, MechanismModel& model) {
   LegLaw law;
   law.free_length = leg.home_length;
+  bool is_stated = in.has("stops");
   for (const LawNumber<LegLaw>& each : kLegNumbers) {
-    if (in.has(each.name)) read_number(in.owner(each.name), each, law);
+    if (!in.has(each.name)) continue;
+    is_stated = true;
+    read_number(in.owner(each.name), each, law);
   }
   if (in.has("stops")) {
     const JsonReader stops = in.owner("stops").at("stops");
@@ -293,9 +296,10 @@ void add_leg(const LegReader& in, const Leg& leg, MechanismModel& model) {
   }
   JointForce force;
   force.body = leg.body;
+  force.is_stated = is_stated;
   put_leg_law(leg, law, force);
   model.legs.push_back(leg);
-  if (has_spring(force)) model.legs.back().law = law;
+  if (is_stated) model.legs.back().law = law;
   model.legs.back().force = static_cast<int>(model.forces.size());
   model.forces.push_back(force);
 }
@@ -358,10 +362,6 @@ void add_slide_leg(const LegReader& in, MechanismModel& model, std::vector<LegTr
     trains.push_back({in.leg, name + "_screw", rotor, rod, gear * kTurn / lead});
   }
   ends.add_loop({cross, cylinder, rod}, length, ClosureKind::kR2P1R3, model);
-  if (in.has("stops")) {
-    const JsonReader stops = in.owner("stops").at("stops");
-    for (const char* key : {"min_length", "max_length"}) stops.positive(key);
-  }
   add_leg(in, {name, rod, length}, model);
 }
 
@@ -476,6 +476,7 @@ void add_written_leg(const JsonReader& item, MechanismModel& model) {
   model.legs.push_back(leg);
   JointForce force;  // of its command alone: laws of such legs are elements
   force.body = leg.body;
+  force.is_stated = false;
   model.forces.push_back(force);
 }
 

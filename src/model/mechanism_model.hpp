@@ -139,21 +139,17 @@ struct JointForce {
   double rest = 0.0;       ///< [m]
   double preload = 0.0;    ///< [N], positive extends
   EndStops stops;
+  bool is_stated = true;  ///< by the file; false: of the command to a leg alone
 };
 
+/// Units are those of a slide or a turn.
 inline constexpr LawNumber<JointForce> kJointForceNumbers[] = {
-    {"stiffness", &JointForce::stiffness, "1", Rule::kNotNegative, false, "Stiffness"},
-    {"damping", &JointForce::damping, "1", Rule::kNotNegative, false, "Damping"},
-    {"rest", &JointForce::rest, "1", Rule::kAny, false, "Coordinate without a spring force"},
-    {"preload", &JointForce::preload, "1", Rule::kAny, false,
+    {"stiffness", &JointForce::stiffness, "", Rule::kNotNegative, false, "Stiffness"},
+    {"damping", &JointForce::damping, "", Rule::kNotNegative, false, "Damping"},
+    {"rest", &JointForce::rest, "", Rule::kAny, false, "Coordinate without a spring force"},
+    {"preload", &JointForce::preload, "", Rule::kAny, false,
      "Constant force, positive along the coordinate"},
 };
-
-/// Does a spring, damper or stop act, in addition to the command?
-inline bool has_spring(const JointForce& force) {
-  return force.stiffness != 0.0 || force.damping != 0.0 || force.preload != 0.0 ||
-         force.stops.present;
-}
 
 /// End stops of a leg.
 struct LegStops {
@@ -162,8 +158,10 @@ struct LegStops {
 };
 
 inline constexpr LawNumber<LegStops> kLegStopNumbers[] = {
-    {"min_length", &LegStops::min_length, "m", Rule::kAny, true, "Length at the lower stop"},
-    {"max_length", &LegStops::max_length, "m", Rule::kAny, true, "Length at the upper stop"},
+    {"min_length", &LegStops::min_length, "m", Rule::kAny, true,
+     "Length, or travel of the crank pin, at the lower stop"},
+    {"max_length", &LegStops::max_length, "m", Rule::kAny, true,
+     "Length, or travel of the crank pin, at the upper stop"},
     {"stiffness", &LegStops::stiffness, "N/m", Rule::kPositive, true, "Stiffness of the end stops"},
     {"damping", &LegStops::damping, "s/m", Rule::kNotNegative, false,
      "Factor of the rate of depth on the elastic force of the end stops"},
@@ -184,9 +182,9 @@ inline constexpr LawNumber<LegLaw> kLegNumbers[] = {
     {"stiffness", &LegLaw::stiffness, "N/m", Rule::kNotNegative, false, "Stiffness of the spring"},
     {"damping", &LegLaw::damping, "N.s/m", Rule::kNotNegative, false, "Damping"},
     {"free_length", &LegLaw::free_length, "m", Rule::kAny, false,
-     "Length without a force of the spring"},
+     "Length, or travel of the crank pin, without a force of the spring"},
     {"preload", &LegLaw::preload, "N", Rule::kAny, false,
-     "Constant force, positive when it pushes the ends apart"},
+     "Constant force, positive when it increases the length or travel"},
 };
 
 /// A leg for users: length, rate and force along one slide, or along the arc of a crank pin.
@@ -195,7 +193,7 @@ struct Leg {
   int body = 0;              ///< body with the slide of the leg, or its crank
   double home_length = 0.0;  ///< [m] between the ends of a slide leg at coordinate 0; crank: 0
   double arm = 1.0;          ///< length per joint coordinate: crank length [m/rad]; slide: 1
-  int force = 0;             ///< index into MechanismModel::forces
+  int force = 0;             ///< index into MechanismModel::forces; its numbers follow from `law`
   /// Springs and stops; none if a file states none: laws of such a leg are elements.
   std::optional<LegLaw> law = {};
 };

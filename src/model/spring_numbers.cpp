@@ -23,6 +23,10 @@ void put_leg_law(const Leg& leg, const LegLaw& law, JointForce& force) {
 }
 
 std::string find_fault(const Leg& leg, const LegStops& stops) {
+  const bool is_crank = leg.home_length == 0.0;  // its pin travels both ways
+  if (!is_crank && stops.min_length <= 0.0) {
+    return "min_length is " + describe_number(stops.min_length) + "; it must be above 0";
+  }
   if (stops.min_length < leg.home_length && leg.home_length < stops.max_length) return "";
   return "the home length " + describe_number(leg.home_length) +
          " m must lie between min_length and max_length";
@@ -30,27 +34,24 @@ std::string find_fault(const Leg& leg, const LegStops& stops) {
 
 bool is_joint_spring(const MechanismModel& model, const JointForce& force) {
   const auto index = static_cast<int>(&force - model.forces.data());
-  return has_spring(force) && std::none_of(model.legs.begin(), model.legs.end(),
-                                           [&](const Leg& leg) { return leg.force == index; });
+  return force.is_stated && std::none_of(model.legs.begin(), model.legs.end(),
+                                         [&](const Leg& leg) { return leg.force == index; });
 }
 
 void update_springs(MechanismModel& model) {
-  for (const Leg& leg : model.legs) {
+  for_each_spring_number(model, [](const std::string& name, double number, const std::string& unit,
+                                   Rule rule, const std::string&) {
+    const std::string why = find_fault(number, rule);
+    if (why.empty()) return;
+    throw ModelError(name + " is " + describe_number(number) + (unit.empty() ? "" : " " + unit) +
+                     "; " + why);
+  });
+  for (size_t i = 0; i < model.legs.size(); ++i) {
+    const Leg& leg = model.legs[i];
     if (!leg.law) continue;
-    std::string why = find_fault(*leg.law, kLegNumbers);
-    if (why.empty() && leg.law->stops) {
-      why = find_fault(*leg.law->stops, kLegStopNumbers);
-      if (why.empty()) why = find_fault(leg, *leg.law->stops);
-      if (!why.empty()) why = "stops: " + why;
-    }
-    if (!why.empty()) throw ModelError("leg '" + leg.name + "': " + why);
+    const std::string why = leg.law->stops ? find_fault(leg, *leg.law->stops) : "";
+    if (!why.empty()) throw ModelError("leg[" + std::to_string(i + 1) + "].stops: " + why);
     put_leg_law(leg, *leg.law, model.forces[static_cast<size_t>(leg.force)]);
-  }
-  for (const JointForce& force : model.forces) {
-    const std::string why = find_fault(force, kJointForceNumbers);
-    if (why.empty()) continue;
-    throw ModelError("joint_spring at joint '" +
-                     model.bodies[static_cast<size_t>(force.body)].name + "': " + why);
   }
 }
 

@@ -13,7 +13,7 @@ void put_leg_law(const Leg& leg, const LegLaw& law, JointForce& force);
 /// What is wrong with the stops of a leg, as the rest of a sentence; empty if nothing is.
 std::string find_fault(const Leg& leg, const LegStops& stops);
 
-/// Is this a spring with numbers, of no leg?
+/// Is this a spring that the file states for a joint, not for a leg?
 bool is_joint_spring(const MechanismModel& model, const JointForce& force);
 
 /// f(name, number, unit, rule, text) for every number. @param model  or const

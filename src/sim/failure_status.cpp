@@ -56,7 +56,7 @@ std::string DockingSim::Impl::describe(const Status& status) const {
     case StatusCode::kIntegrationFailed:
       std::snprintf(text, sizeof text,
                     "the integrator cannot meet its tolerance: increase solver.rtol, or "
-                    "set solver.method = 6 (bdf)");
+                    "set another solver.method (6, bdf, for stiff parts)");
       break;
     case StatusCode::kSequenceChatters:
       std::snprintf(text, sizeof text,

@@ -37,7 +37,7 @@ struct MethodFacts {
   bool fixed_step = false;         ///< equal steps of solver.step
   bool needs_jacobian = false;     ///< needs the Jacobian of the rates
   bool begins_with_rates = false;  ///< a step uses the rates at the start
-  int same_as = 0;                 ///< number of the method that this is another name of
+  int same_as = 0;                 ///< number of the method that this is another name of; 0: none
 };
 
 /// All methods, in the order of their numbers, from 1.
@@ -46,7 +46,7 @@ const std::array<MethodFacts, kMethodCount>& list_methods();
 /// @return null if there is no method of this number
 const MethodFacts* find_method(int number);
 
-/// The method that makes the steps, for a name or another name. @pre find_method()
+/// Number of the method that makes the steps; see MethodFacts::same_as. @pre find_method()
 int find_used_method(int number);
 
 /// Choices: all methods, or the methods of a build with or without src/compare.

@@ -47,7 +47,7 @@ struct Parameters {
   int friction_model = 1;                ///< 1 regularised, 2 bristle
   double restitution = 0.0;              ///< [-] at restitution_speed
   double restitution_speed = 0.0;        ///< [m/s]
-  std::vector<double> hardware_numbers;  ///< of surfaces, latches, hard dock
+  std::vector<double> hardware_numbers;  ///< of springs, surfaces, latches, hard dock
                                          ///< (docking/hardware_numbers.hpp)
   std::vector<char> latch_overload;      ///< 0 or 1, one per latch: it releases on overload
   std::vector<double> element_numbers;   ///< of all laws (model/force_element.hpp)

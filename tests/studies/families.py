@@ -55,7 +55,7 @@ BRAKES = {  # as in the specification: bristle_stiffness is k_b, rate_cap is v_b
     "bristle 4 MN/m, rate cap 10 mm/s": {"bristle_stiffness": 4e6, "rate_cap": 0.01},
     "bristle 40 MN/m, rate cap 10 mm/s": {"bristle_stiffness": 4e7, "rate_cap": 0.01},
 }
-METHODS = ("explicit", "rosenbrock")
+METHODS = ("explicit", "bdf")
 NO_CAP = 1e6  # m/s, a rate that is never met
 
 TEXTS = {
@@ -464,7 +464,7 @@ def list_brakes(options: argparse.Namespace) -> list[str]:
     """Errors, evaluations and creep of the models of a brake."""
     case = ORACLES["absorber"][0]
     lines = write_head(
-        "model", "error x_max mm", "error v_end mm/s", "evaluations: explicit", "rosenbrock",
+        "model", "error x_max mm", "error v_end mm/s", "evaluations: explicit", "bdf",
         "creep in 98 s, um",
     )  # fmt: skip
     stop, block = 1.02 * case["t_end"], ORACLES["brake_block"]

@@ -182,9 +182,9 @@ INSTANTIATE_TEST_SUITE_P(Methods, FixedSteps,
                                            int(kFixedRosenbrock)),
                          kNameOf);
 INSTANTIATE_TEST_SUITE_P(Methods, RealTime,
-                         ::testing::Values(int(kExplicit), int(kImplicit), int(kImex), int(kAdams),
-                                           int(kBdf), int(kFixedRk4), int(kFixedImplicit),
-                                           int(kDae), int(kRosenbrock), int(kFixedRosenbrock)),
+                         ::testing::Values(int(kExplicit), int(kImex), int(kAdams), int(kBdf),
+                                           int(kFixedRk4), int(kFixedImplicit), int(kDae),
+                                           int(kRosenbrock), int(kFixedRosenbrock)),
                          kNameOf);
 
 }  // namespace

@@ -74,7 +74,7 @@ class Block:
 _LADDER = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10, 1e-12)
 _SHORT = (1e-3, 1e-6, 1e-9)
 _INNER_STEPS = (4e-3, 2e-3, 1e-3, 5e-4)
-_OF_OTHER_LEVELS = (2, 3)  # methods
+_OF_OTHER_LEVELS = (2, 12)  # methods
 _QUICK_STEPS, _QUICK_STRIDE = (1, 10), 3  # --quick: of every method; every third value of a ladder
 _LOOKS = 40  # times, at least, at which a run is compared with the reference solution
 _AFTER_CAPTURE = 1.0  # s that a run goes on by default
@@ -234,8 +234,10 @@ def parse_names(option: str, text: str | None, names: dict[int, str]) -> tuple[i
 
 
 def parse_methods(text: str | None) -> tuple[int, ...]:
-    """Parse names or numbers of methods."""
-    return tuple(dict.fromkeys(parse_names("--methods", text, name_methods())))
+    """Parse names or numbers of methods; another name means the method that it stands for."""
+    used = {method["number"]: method["same_as"] or method["number"] for method in list_methods()}
+    numbers = parse_names("--methods", text, name_methods())
+    return tuple(dict.fromkeys(used[number] for number in numbers))
 
 
 def needs_comparison(choice: Choice) -> bool:
