@@ -46,6 +46,15 @@ apt_update() { # once per run
   fi
 }
 
+# apt_install PACKAGE...: nothing happens without a package.
+apt_install() {
+  [ $# -gt 0 ] || return 0
+  say "system packages: $*"
+  apt_update
+  quietly apt-install as_root env DEBIAN_FRONTEND=noninteractive \
+    apt-get -qq install -y --no-install-recommends "$@"
+}
+
 # ensure_system [test]: compiler, CMake, headers, Python; with `test` also GoogleTest, what the
 # importer ecos needs, and Wine if DOCKLOOP_PLATFORMS has win64.
 ensure_system() {
@@ -66,25 +75,22 @@ ensure_system() {
       [ -x /usr/lib/wine/wine64 ] || missing+=(wine64)
     fi
   fi
-  if [ ${#missing[@]} -gt 0 ]; then
-    say "system packages: ${missing[*]}"
-    apt_update
-    quietly apt-install as_root env DEBIAN_FRONTEND=noninteractive \
-      apt-get -qq install -y --no-install-recommends "${missing[@]}"
-  fi
+  apt_install "${missing[@]}"
   python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "Python 3.11 or newer is needed"
 }
 
-# ensure_browser: Chromium, in which the pages of `dockloop view` are tested. Ubuntu has no such Debian
-# package (but a snap): there the tests are skipped.
+# ensure_browser: Chromium, in which the pages of `dockloop view` are tested, and ffmpeg for films.
+# Ubuntu has no such Debian package chromium (but a snap): there the tests are skipped.
 ensure_browser() {
-  [ -n "${DOCKLOOP_BROWSER:-}" ] && return
-  command -v chromium chromium-browser google-chrome google-chrome-stable chrome >/dev/null && return
-  apt_update
-  apt-cache show chromium >/dev/null 2>&1 || { say "no package chromium: tests in a browser are skipped"; return; }
-  say "system package: chromium"
-  quietly apt-chromium as_root env DEBIAN_FRONTEND=noninteractive \
-    apt-get -qq install -y --no-install-recommends chromium
+  local missing=()
+  command -v ffmpeg >/dev/null || missing+=(ffmpeg)
+  if [ -z "${DOCKLOOP_BROWSER:-}" ] &&
+    ! command -v chromium chromium-browser google-chrome google-chrome-stable chrome >/dev/null; then
+    apt_update
+    apt-cache show chromium >/dev/null 2>&1 || { say "no package chromium: tests in a browser are skipped"; return; }
+    missing+=(chromium)
+  fi
+  apt_install "${missing[@]}"
 }
 
 # SUNDIALS: headers and static archives of the Debian package, unpacked, not installed. Installing it
@@ -143,11 +149,7 @@ ensure_foreign_pythons() {
   local target=$root/build/deps/python version=3.12.1-1.5.10 system
   [ "$(cat "$target/version" 2>/dev/null)" = "$version" ] && return
   say "Pythons of Linux, macOS and Windows into build/deps"
-  command -v mvn >/dev/null || {
-    apt_update
-    quietly apt-install as_root env DEBIAN_FRONTEND=noninteractive \
-      apt-get -qq install -y --no-install-recommends maven
-  }
+  command -v mvn >/dev/null || apt_install maven
   local work=$root/build/deps/download
   rm -rf "$work" "$target"
   mkdir -p "$work" "$target"
