@@ -21,6 +21,7 @@ from fmpy.model_description import read_build_description
 
 from dockloop import binaries, paths
 from dockloop.fmu import build_fmu
+from dockloop.simulate import run_fmu
 
 FUNCTIONS = 44  # of FMI 2.0, both interfaces
 REQUIRED = os.environ.get("DOCKLOOP_PLATFORMS", "linux64 win64").split()
@@ -301,6 +302,14 @@ def test_libraries_of_other_sources_are_left_out_with_one_warning(
     }
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith("scripts/platforms linux64 aarch64-linux")
+
+
+def test_run_loads_the_library_of_its_processor(tmp_path, monkeypatch):
+    """FMPy alone would look into linux64."""
+    monkeypatch.setattr("dockloop.fmu.find_libraries", lambda: {"aarch64-linux": paths.LIBRARY})
+    monkeypatch.setattr("dockloop.binaries.machine", lambda: "aarch64")
+    fmu = build_fmu("absorber_1d", output=tmp_path / "absorber_1d.fmu", kernel=False, bare=True)
+    assert len(run_fmu(fmu, stop=0.2).time) > 2
 
 
 def test_the_fingerprint_follows_the_sources(tmp_path, monkeypatch):

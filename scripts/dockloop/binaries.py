@@ -8,6 +8,7 @@ never packed.
 import hashlib
 import os
 from pathlib import Path
+from platform import machine, system
 
 from dockloop import paths
 from dockloop.errors import warn
@@ -19,6 +20,13 @@ EXTENSIONS = {
     "aarch64-linux": ".so",
     "darwin64": ".dylib",
     "aarch64-darwin": ".dylib",
+}
+_MACHINES = {
+    ("Linux", "x86_64"): "linux64",
+    ("Linux", "aarch64"): "aarch64-linux",
+    ("Windows", "AMD64"): "win64",
+    ("Darwin", "x86_64"): "darwin64",
+    ("Darwin", "arm64"): "aarch64-darwin",
 }
 
 
@@ -37,6 +45,22 @@ def fingerprint() -> str:
 def portable_library(platform: str) -> Path:
     """Return where the portable library of a platform is, or would be."""
     return paths.PLATFORMS / platform / f"dockloop{EXTENSIONS[platform]}"
+
+
+def find_platform() -> str | None:
+    """Return the platform of this machine; None if no library is built for it."""
+    return _MACHINES.get((system(), machine()))
+
+
+def find_loadable(folder: Path, name: str) -> str | None:
+    """Return the library of an unpacked FMU for this machine.
+
+    None if there is none; FMPy then looks for one itself. FMPy knows only linux64 and darwin64,
+    whatever the processor.
+    """
+    here = find_platform()
+    library = folder / "binaries" / here / f"{name}{EXTENSIONS[here]}" if here else None
+    return str(library.absolute()) if library and library.exists() else None
 
 
 def find_libraries() -> dict[str, Path]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dockloop import paths
+from dockloop.binaries import find_platform
 from dockloop.compiled import find_compiled
 from dockloop.core import has_only_legs, to_json
 from dockloop.errors import DockloopError, UsageError, find_reason
@@ -26,7 +27,6 @@ FLAGS = [
     *("-shared", "-fPIC", "-s"),
 ]
 _STDIN = "/dev/stdin"
-_PLATFORMS = {("Linux", "x86_64"): "linux64", ("Linux", "aarch64"): "aarch64-linux"}
 
 
 @dataclass
@@ -61,7 +61,7 @@ def make_kernel(document: dict, needed: bool) -> Kernel:
         document: the resolved scene, as FMUs hold it.
         needed: make one also where the core has a kernel of its own.
     """
-    folder = _PLATFORMS.get((platform.system(), platform.machine()))
+    folder = find_platform() if platform.system() == "Linux" else None
     compiler = find_compiler()
     if not folder:
         return Kernel(f"none: not made on {platform.system()} {platform.machine()}")

@@ -19,6 +19,7 @@ import numpy as np
 from fmpy import fmi2, read_model_description
 from fmpy.fmi1 import FMICallException
 
+from dockloop.binaries import find_loadable
 from dockloop.errors import (
     DockloopError,
     UsageError,
@@ -137,13 +138,15 @@ class Instance:
         self._callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(self._on_log)
         self._callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
         self._callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
+        identifier = description.coSimulation.modelIdentifier
         here = Path.cwd()  # FMPy goes elsewhere to load, and stays there when it fails
         try:
             self.slave = fmi2.FMU2Slave(
                 guid=description.guid,
                 unzipDirectory=folder,
-                modelIdentifier=description.coSimulation.modelIdentifier,
+                modelIdentifier=identifier,
                 instanceName=description.modelName,
+                libraryPath=find_loadable(Path(folder), identifier),
             )
         except Exception as error:  # noqa: BLE001  FMPy raises a bare Exception here
             os.chdir(here)

@@ -28,6 +28,8 @@ from fmpy.fmi2 import (
     fmi2ValueReference,
 )
 
+from dockloop.binaries import find_loadable
+
 OK, WARNING, DISCARD, ERROR = range(4)
 STEP = 0.01  # s
 
@@ -65,11 +67,13 @@ class Host:
         }
         self.information = None  # of the last event
         self.lines = []  # (status, category, text)
+        folder, identifier = unpack(fmu), self.description.coSimulation.modelIdentifier
         self.slave = (FMU2Model if exchange else FMU2Slave)(
             guid=self.description.guid,
-            unzipDirectory=str(unpack(fmu)),
-            modelIdentifier=self.description.coSimulation.modelIdentifier,
+            unzipDirectory=str(folder),
+            modelIdentifier=identifier,
             instanceName="test",
+            libraryPath=find_loadable(Path(folder), identifier),
         )
         self._callbacks = fmi2CallbackFunctions()
         self._callbacks.logger = fmi2CallbackLoggerTYPE(self._log)
