@@ -25,7 +25,7 @@ import pytest
 
 import dockloop as dl
 from dockloop import paths, trades
-from dockloop.core import list_methods
+from dockloop.core import list_different_methods, list_methods
 from dockloop.errors import UsageError
 from dockloop.journal import InterruptedWorkError
 from dockloop.simulate import Recording
@@ -563,7 +563,7 @@ def test_the_quick_grid_compares_like_with_like(absorber):
     for setting in settings:
         if setting.level == 3:
             steps.setdefault(setting.method, set()).add(setting.step)
-    carried = {m["number"] for m in list_methods() if not m["for_comparison"] and not m["same_as"]}
+    carried = {m["number"] for m in list_different_methods() if not m["for_comparison"]}
     assert set(steps) == carried
     assert 12 in carried
     assert set(map(frozenset, steps.values())) == {frozenset({0.01, 0.1})}

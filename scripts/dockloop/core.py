@@ -125,6 +125,11 @@ def list_methods() -> tuple[dict, ...]:
         return tuple(json.loads(core.methods()))
 
 
+def list_different_methods() -> tuple[dict, ...]:
+    """Return the methods without those that are another name of one of them."""
+    return tuple(method for method in list_methods() if not method["same_as"])
+
+
 class Choice(NamedTuple):
     """One value of a choice: a number in the FMU, a name everywhere else."""
 

@@ -31,14 +31,6 @@ ImplicitSolver::~ImplicitSolver() {
   if (newton_) SUNNonlinSolFree(newton_);
 }
 
-void ImplicitSolver::adapt_steps() {
-  // Newton starts from the last step, extrapolated; less far for later stages.
-  System::check(ARKStepSetPredictorMethod(ark_, 2));
-  // As in explicit_solver.cpp.
-  System::check(ARKStepSetMaxGrowth(ark_, 25.0));
-  System::check(ARKStepSetMaxFirstGrowth(ark_, 25.0));
-}
-
 void ImplicitSolver::set_first_step(double h) { ARKStepSetInitStep(ark_, h); }
 
 void ImplicitSolver::set_tolerances(double rtol, N_Vector atol) {

@@ -24,8 +24,6 @@ class ImplicitSolver : public Solver {
   /// `user_data`, and so does `jacobian`.
   ImplicitSolver(System& system, ARKRhsFn mild, ARKRhsFn stiff, ARKLsJacFn jacobian,
                  void* user_data);
-  /// Error control chooses the steps.
-  void adapt_steps();
   /// Hands the first step on to ARKStep.
   virtual void set_first_step(double h);
 

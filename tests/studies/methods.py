@@ -16,7 +16,7 @@ import numpy as np
 
 from dockloop import paths
 from dockloop.compiled import add_comparison
-from dockloop.core import list_methods as list_methods_of_core
+from dockloop.core import list_different_methods
 from dockloop.errors import DockloopError
 from dockloop.fmu import build_fmu
 from dockloop.simulate import ProgressBar, run_fmu
@@ -33,11 +33,6 @@ LEVELS = {
 }
 TURNS = 5  # of which the shortest time counts
 TIGHT = ["solver.rtol=1e-11", "solver.atol_position=1e-13", "solver.atol_velocity=1e-13"]
-
-
-def list_different_methods():
-    """Return the methods of the core, each once."""
-    return [method for method in list_methods_of_core() if not method["same_as"]]
 
 
 class Study:

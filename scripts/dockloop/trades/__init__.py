@@ -30,7 +30,7 @@ from typing import Any
 
 from dockloop import __version__
 from dockloop.cases import Result
-from dockloop.core import list_choices, list_methods
+from dockloop.core import list_choices, list_different_methods, list_methods
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
 from dockloop.simulate import ProgressBar, Recording
@@ -105,9 +105,7 @@ def name_levels() -> dict[int, str]:
 def make_grid() -> tuple[Block, ...]:
     """Return the grid: every method that the core lists, once."""
     numbers: dict[str, list[int]] = {"carried": [], "compared": [], "fixed": [], "multipliers": []}
-    for method in list_methods():
-        if method["same_as"]:
-            continue
+    for method in list_different_methods():
         kind = "compared" if method["for_comparison"] else "carried"
         kind = "fixed" if method["fixed_step"] else kind
         kind = "multipliers" if method["name"] == _MULTIPLIERS else kind
