@@ -246,8 +246,8 @@ def main() -> None:
         " dockings, so that most dockings have a smaller error.",
         "",
         "The error is the largest relative one of peak loads, stroke, time of capture and final"
-        f" motion; the reference solution is that of the explicit method at {TIGHT:g}. Times are the"
-        f" least of {TURNS} by turns.",
+        f" motion; the reference solution is that of the explicit method at {TIGHT:g}. Times are"
+        f" the least of {TURNS} by turns.",
         "",
         *dockings,
         "",
