@@ -26,7 +26,7 @@ import math
 
 import numpy as np
 
-from dockloop.extremes.fmi_host import WARNING, Host
+from extreme_cases.fmi_host import WARNING, Host
 
 VEHICLES = ("chaser", "target")
 SEQUENTIAL, PARALLEL = 1, 2  # coupling.mode

@@ -22,7 +22,7 @@ import numpy as np
 from fmpy.fmi1 import FMICallException
 
 from coupling_host import MOTION, VEHICLES, Coupling, read_body, rotation_vector
-from dockloop.extremes.fmi_host import Host
+from extreme_cases.fmi_host import Host
 
 GROUPS = 'outputs.groups=["relative", "capture", "phase", "energy", "coupling", "solver"]'
 LOADS = ("compression", "shear", "bending")

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from hypothesis import strategies as st
 
-from dockloop.extremes.absolute_kkt import (
+from extreme_cases.absolute_kkt import (
     RANK,
     Mechanism,
     axis_rotation,

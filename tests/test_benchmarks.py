@@ -9,7 +9,7 @@
 5. Planar slider-crank through its dead centres, with the crank or the slider as coordinate.
 6. Starts of joints as `[initial.joints.NAME]` states them.
 
-Mechanisms are in ``dockloop.extremes.mechanism_benchmarks``. "Computed" figures were computed here
+Mechanisms are in ``extreme_cases.mechanism_benchmarks``. "Computed" figures were computed here
 with 25 to 30 digits: the mechanisms have one degree of freedom and conserve energy, so time is an
 integral over the coordinate. Unless stated otherwise runs are made with the tolerances of SOLVER,
 and a tolerance of a test is about ten times what was measured.
@@ -23,9 +23,9 @@ import numpy as np
 import pytest
 
 from dockloop.errors import UsageError
-from dockloop.extremes import mechanism_benchmarks as benchmarks
-from dockloop.extremes.own_mechanism import FIXED_BASE, turn, write_scene
 from dockloop.mechanism import check_mechanism
+from extreme_cases import mechanism_benchmarks as benchmarks
+from extreme_cases.own_mechanism import FIXED_BASE, turn, write_scene
 
 GRAVITY = 9.81
 SOLVER = """

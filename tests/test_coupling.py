@@ -47,7 +47,7 @@ from coupling_scenes import (
     run_solution,
 )
 from dockloop import paths
-from dockloop.extremes.fmi_host import OK, WARNING, Host
+from extreme_cases.fmi_host import OK, WARNING, Host
 
 STEP = 0.01  # s
 # Contact and capture; one swing of the oscillator [s]

@@ -19,9 +19,9 @@ import pytest
 
 from dockloop import paths
 from dockloop.errors import UsageError
-from dockloop.extremes import mechanism_benchmarks as benchmarks
-from dockloop.extremes.own_mechanism import FIXED_BASE, write_scene
 from dockloop.mechanism import check_mechanism
+from extreme_cases import mechanism_benchmarks as benchmarks
+from extreme_cases.own_mechanism import FIXED_BASE, write_scene
 
 FREE_BASE = FIXED_BASE.replace("fixed", "free").replace("mass = 1000", "mass = 20")
 GROUPS = '[outputs]\ngroups = ["ring", "states", "energy", "solver"]'

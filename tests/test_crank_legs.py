@@ -15,9 +15,9 @@ import dockloop as dl
 from dockloop import core, paths
 from dockloop.drawing import find_pins
 from dockloop.errors import UsageError
-from dockloop.extremes.fmi_host import OK, Host
 from dockloop.mechanism import check_mechanism, describe_report, draw
 from dockloop.view import geometry
+from extreme_cases.fmi_host import OK, Host
 
 LENGTH, LEAN_DEG = 0.24, 25.0
 CRANK = {"mass": 2.0, "com": 0.1, "inertia_axial": 0.002, "inertia_transverse": 0.012}

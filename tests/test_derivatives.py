@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Model
 
-from dockloop.extremes.fmi_host import ERROR, OK, Host
+from extreme_cases.fmi_host import ERROR, OK, Host
 
 DEFAULT = "idss_25t_350t"
 NEAR = "initial.approach_time=0.1"

@@ -17,8 +17,8 @@ import pytest
 
 import dockloop as dl
 from dockloop.errors import UsageError
-from dockloop.extremes.fmi_host import OK, Host
 from dockloop.fmu import build_fmu
+from extreme_cases.fmi_host import OK, Host
 from slides import make_element, make_slide, write_slide
 
 DATA = json.loads((Path(__file__).parent / "data" / "mechanism_oracles.json").read_text())

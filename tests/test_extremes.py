@@ -1,20 +1,18 @@
-"""The numerical extremes (``dockloop extremes``), every part in its quick range.
+"""The numerical extremes (``extreme_cases``), every part in its quick range.
 
 1. Every case of every part is right within its limit or refused with a reason; what cannot be
    right is refused.
 2. The score counts as bad what is beyond a limit, NaN, a refusal without words, a part that breaks
    down and one without a case.
-3. The command prints the table or JSON, and fails when a verdict is bad.
+3. The table states every part and what is bad.
 """
 
-import json
 import math
 
 import pytest
 
-from dockloop import extremes
 from dockloop.errors import DockloopError, UsageError
-from dockloop.extremes import Part, Score, list_parts, run_part
+from extreme_cases import TITLES, Part, Score, describe, list_parts, run_extremes, run_part
 
 pytestmark = pytest.mark.long  # hundreds of extreme scenes
 
@@ -31,7 +29,7 @@ def test_every_case_is_right_or_refused(part):
 
 
 def test_every_item_of_the_list_has_a_part():
-    assert {part.item for part in PARTS} == set(extremes.TITLES) == set(range(1, 13))
+    assert {part.item for part in PARTS} == set(TITLES) == set(range(1, 13))
 
 
 def fail():
@@ -88,23 +86,14 @@ def test_a_part_that_breaks_down_or_runs_nothing_is_bad(run, word):
     assert word in row["bad"][0]
 
 
-def test_the_command_prints_a_report_as_table_and_as_json(dockloop):
-    table = dockloop("extremes", "--item", "4", "--quick")
-    assert table.status == 0, table.err
-    assert "| 4 redundant constraints |" in table.out
-    report = dockloop("extremes", "--item", "4", "--quick", "--json")
-    assert report.status == 0, report.err
-    assert {row["verdict"] for row in json.loads(report.out)} == {"right"}
+def test_the_table_states_every_part_and_what_is_bad():
+    table = describe(run_extremes([4], quick=True, progress=lambda _: None))
+    assert "| 4 redundant constraints |" in table
+    assert "0 bad cases" in table
+    row = run_part(bad_part(break_down), quick=True)
+    assert "of this test" in describe([row])
 
 
-def test_the_command_fails_when_a_verdict_is_bad_and_for_an_item_that_is_not_there(
-    dockloop, monkeypatch
-):
-    outcome = dockloop("extremes", "--item", "13")
-    assert (outcome.status, outcome.err.count("\n")) == (UsageError.exit_status, 1)
-    assert "--item 13" in outcome.err
-    monkeypatch.setattr(extremes, "list_parts", lambda _: [bad_part(break_down)])
-    outcome = dockloop("extremes", "--quick")
-    assert outcome.status == 1
-    assert "| bad |" in outcome.out
-    assert "of this test" in outcome.err
+def test_an_item_that_is_not_there_is_named():
+    with pytest.raises(UsageError, match="--item 13: no such item; there are 1, 2"):
+        list_parts([13])

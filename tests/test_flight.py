@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from dockloop import paths
-from dockloop.extremes.fmi_host import Host
+from extreme_cases.fmi_host import Host
 
 RESTING, INTEGRATED = 1, 2
 DRIFT = 60.0  # s

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 
-from dockloop.extremes.fmi_host import Host
+from extreme_cases.fmi_host import Host
 
 
 @pytest.fixture

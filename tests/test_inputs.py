@@ -25,7 +25,7 @@ import random
 import numpy as np
 import pytest
 
-from dockloop.extremes.fmi_host import DISCARD, ERROR, OK, Host
+from extreme_cases.fmi_host import DISCARD, ERROR, OK, Host
 
 DEFAULT = "idss_25t_350t"
 NEAR = "initial.approach_time=0.1"

@@ -22,10 +22,10 @@ import pytest
 
 from benchmarks.mechanisms import crank_hexapod
 from dockloop import paths
-from dockloop.extremes.fmi_host import WARNING, Host
-from dockloop.extremes.own_mechanism import FIXED_BASE, capture_body_section, write_scene
 from dockloop.fmu import build_fmu
 from dockloop.kernel import find_compiler
+from extreme_cases.fmi_host import WARNING, Host
+from extreme_cases.own_mechanism import FIXED_BASE, capture_body_section, write_scene
 
 ENTRY = "resources/kernels/linux64/kernel.so"
 SCENE = "hexapod_bench"

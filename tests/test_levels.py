@@ -12,7 +12,7 @@ import zipfile
 
 import pytest
 
-from dockloop.extremes.fmi_host import ERROR, Host
+from extreme_cases.fmi_host import ERROR, Host
 
 DEFAULT = "idss_25t_350t"
 NEAR = "initial.approach_time=0.1"

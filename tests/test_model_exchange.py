@@ -25,7 +25,7 @@ from fmpy import simulate_fmu
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import fmi2EventInfo
 
-from dockloop.extremes.fmi_host import DISCARD, ERROR, OK, Host
+from extreme_cases.fmi_host import DISCARD, ERROR, OK, Host
 
 DEFAULT = "idss_25t_350t"
 NEAR = "initial.approach_time=0.1"

@@ -25,7 +25,7 @@ from dockloop.variables import TYPES
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ("src", "fmu", "scripts", "modelDescription/*.schema.json")
 SUFFIXES = {"", ".py", ".cpp", ".hpp", ".json", ".js", ".html", ".cmake"}
-NOT_LISTS = ("scripts/dockloop/view/web/three", "scripts/dockloop/extremes/hexapod")
+NOT_LISTS = ("scripts/dockloop/view/web/three",)
 GAP = 150  # characters between two members of one list
 GROUPS = "outputs.groups"
 
@@ -48,7 +48,6 @@ OWNERS = {
     **dict.fromkeys(("types", "causalities", "variabilities"), TABLE),
 }
 _SCHEMA = "values that a file may have, for editors of files; a test below compares the lists"
-_ORACLE = "hosts and oracles of the extremes share nothing with what they check"
 ALLOWED = {
     ("command", "modelDescription/mechanism.schema.json"): _SCHEMA,
     ("outcome", "modelDescription/mechanism.schema.json"): _SCHEMA,
@@ -59,7 +58,6 @@ ALLOWED = {
     ("solver.method", "modelDescription/scene.schema.json"): _SCHEMA,
     (GROUPS, "modelDescription/scene.schema.json"): _SCHEMA,
     ("causalities", "scripts/dockloop/catalogue.py"): "the heading of each kind of name",
-    ("types", "scripts/dockloop/extremes/fmi_host.py"): _ORACLE,
     ("types", "scripts/dockloop/simulate.py"): "the getter and the parser of each type",
     ("types", "scripts/dockloop/variables.py"): "the Python type and the words of each type",
     ("dissipated energies", "scripts/dockloop/view/geometry.py"): "other parts of the same names",
@@ -230,19 +228,6 @@ def test_a_check_names_the_cuts_as_the_file_does():
         cuts = {loop["name"]: loop["cut"]["type"] for loop in document["mechanism"]["loops"]}
         report = check_mechanism(path)
         assert {loop["name"]: loop["cut"] for loop in report["loops"]} == cuts
-
-
-def test_the_hexapod_of_the_extremes_is_that_of_the_test_data():
-    """`dockloop extremes` works without tests/: it has the mechanism and the states once more."""
-    own = ROOT / "scripts" / "dockloop" / "extremes" / "hexapod_r2p1r3.json"
-    copy, data = (
-        json.loads(path.read_text(encoding="utf-8"))
-        for path in (own, ROOT / "tests" / "data" / "hexapod_r2p1r3.json")
-    )
-    assert copy["mechanism"] == data["mechanism"]
-    assert copy["home_q"] == data["home_q"]
-    states = [{key: state[key] for key in copy["states"][0]} for state in data["states"]]
-    assert all(state in states for state in copy["states"])
 
 
 def test_a_second_list_is_found():

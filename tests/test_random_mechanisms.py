@@ -1,6 +1,6 @@
 """Random mechanisms of every kind of loop against a dense solution in absolute coordinates.
 
-1. The oracle (`absolute_kkt` of `dockloop.extremes`) reproduces the three files of another program.
+1. The oracle (`absolute_kkt` of `extreme_cases`) reproduces the three files of another program.
 2. For each kind of branch or coupling, mechanisms that hold one of that kind among up to five
    others (`random_mechanisms.py`) are evaluated by ``check --states``: positions, velocities,
    accelerations, forces of cuts and couplings, joint loads, base loads and reduced inertia are
@@ -24,7 +24,8 @@ import pytest
 from hypothesis import HealthCheck, Phase, assume, given, seed, settings
 
 from dockloop.errors import DockloopError, UsageError
-from dockloop.extremes.absolute_kkt import (
+from dockloop.paths import BUILD, shown
+from extreme_cases.absolute_kkt import (
     Mechanism,
     close_states,
     find_errors,
@@ -34,7 +35,6 @@ from dockloop.extremes.absolute_kkt import (
     run_check,
     solve,
 )
-from dockloop.paths import BUILD, shown
 from random_mechanisms import KINDS, TRUNKS, build, plans
 
 pytestmark = pytest.mark.long  # long property runs
@@ -86,9 +86,10 @@ def compare(document: dict, kind: str, newton: bool, file: Path) -> bool:
         kept = BUILD / "failures" / f"{kind}.json"
         kept.parent.mkdir(parents=True, exist_ok=True)
         kept.write_text(text)
-        repeat = f"-m dockloop.extremes.absolute_kkt {shown(kept)}{' --newton' if newton else ''}"
+        python = "PYTHONPATH=tests .venv/bin/python -m extreme_cases.absolute_kkt"
+        repeat = f"{python} {shown(kept)}{' --newton' if newton else ''}"
         raise AssertionError(
-            f"{error}\nsmallest singular values {margin}\nrepeat with: .venv/bin/python {repeat}"
+            f"{error}\nsmallest singular values {margin}\nrepeat with: {repeat}"
         ) from None
     for key, value in errors.items():
         worst[key] = max(worst.get(key, 0.0), value)

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dockloop.extremes.own_mechanism import (
+from dockloop.mechanism import check_mechanism
+from extreme_cases.own_mechanism import (
     FIXED_BASE,
     assert_quaternion,
     capture_body_section,
@@ -20,7 +21,6 @@ from dockloop.extremes.own_mechanism import (
     turn,
     write_scene,
 )
-from dockloop.mechanism import check_mechanism
 
 DATA = Path(__file__).parent / "data"
 VECTORS = ("hexapod_r2p1r3", "crank_nested", "planar_two_loop")

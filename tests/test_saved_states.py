@@ -26,9 +26,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dockloop.extremes import mechanism_benchmarks
-from dockloop.extremes.fmi_host import DISCARD, ERROR, OK, STEP, Host
-from dockloop.extremes.own_mechanism import FIXED_BASE, write_scene
+from extreme_cases import mechanism_benchmarks
+from extreme_cases.fmi_host import DISCARD, ERROR, OK, STEP, Host
+from extreme_cases.own_mechanism import FIXED_BASE, write_scene
 
 DEFAULT = "idss_25t_350t"
 NEAR = "initial.approach_time=0.1"  # contact after 0.1 s, capture before 1 s
@@ -135,7 +135,7 @@ def test_a_state_goes_on_in_another_instance_with_other_parameters(runs, near):
 SCRIPT = """
 import pickle, sys
 sys.path.insert(0, sys.argv[1])
-from dockloop.extremes.fmi_host import Host
+from extreme_cases.fmi_host import Host
 fmu, name, time, steps, out = sys.argv[2:]
 with Host(fmu) as host:
     if name.endswith("started"):
@@ -490,7 +490,7 @@ def test_a_change_of_coordinates_in_model_exchange_is_reported_and_restores(slid
 OTHER_FRICTION = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from dockloop.extremes.fmi_host import Host
+from extreme_cases.fmi_host import Host
 fmu, chosen, use = sys.argv[2:]
 axial, force = ["relative.axial"], ["chaser.force_ext[1]"]
 with Host(fmu) as host:

@@ -30,9 +30,9 @@ from fmpy.ssp.ssd import read_ssd
 from fmpy.validation import validate_fmu
 
 from dockloop import paths
-from dockloop.extremes.fmi_host import Host
 from dockloop.fmu import build_fmu
 from dockloop.ssp import build_ssp
+from extreme_cases.fmi_host import Host
 from importers import find_obstacle, record_importer, run_importer
 
 pytestmark = pytest.mark.long  # four importers run whole packages

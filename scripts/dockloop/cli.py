@@ -456,10 +456,10 @@ def _add_trade(commands: Any) -> None:
 
 
 def _add_extremes(commands: Any) -> None:
-    """Add the command that tests the edges of what numbers can be."""
+    """Add the command that judges random scenes."""
     from dockloop.extremes.options import EXAMPLE, add_arguments
 
-    text = "run the numerical extremes, or random scenes over many decades, and print verdicts"
+    text = "judge whole scenes drawn at random over many decades"
     add_arguments(_add(commands, "extremes", _extremes, text, EXAMPLE))
 
 
@@ -851,24 +851,6 @@ def _variables(options: argparse.Namespace) -> None:
 
 
 def _extremes(options: argparse.Namespace) -> None:
-    """Run the extremes; a bad verdict is a failure."""
-    from dockloop.extremes import describe, run_extremes
-    from dockloop.simulate import ProgressBar
-
-    if options.random:
-        _random_extremes(options)
-        return
-    rows = run_extremes(options.items, options.quick, ProgressBar("extremes"))
-    _tell(json.dumps(rows, indent=2) if options.json else describe(rows))
-    bad = [row for row in rows if row["verdict"] == "bad"]
-    if bad:
-        raise DockloopError(
-            f"extremes: {len(bad)} of {len(rows)} verdicts are bad, the first one:"
-            f" item {bad[0]['item']}, {bad[0]['bad'][0]}"
-        )
-
-
-def _random_extremes(options: argparse.Namespace) -> None:
     """Judge random scenes; a bad one is a failure."""
     from dockloop.extremes import random_report
 

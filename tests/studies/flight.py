@@ -18,9 +18,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from dockloop.core import list_loads
-from dockloop.extremes.fmi_host import Host
 from dockloop.fmu import build_fmu
 from dockloop.paths import ROOT
+from extreme_cases.fmi_host import Host
 from page import find_origin, write_head, write_page, write_row
 
 DRIFT, DOCKING = 600.0, 20.0  # s

@@ -16,10 +16,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import test_benchmarks as cases
 from dockloop import paths
-from dockloop.extremes import mechanism_benchmarks as benchmarks
-from dockloop.extremes.own_mechanism import FIXED_BASE, write_scene
 from dockloop.fmu import build_fmu
 from dockloop.simulate import run_fmu
+from extreme_cases import mechanism_benchmarks as benchmarks
+from extreme_cases.own_mechanism import FIXED_BASE, write_scene
 from page import find_origin, write_head, write_page, write_row
 
 WEIGHT_Y = {"gravity[2]": -cases.GRAVITY}

@@ -242,8 +242,8 @@ def main() -> None:
         f"Before: version {find_commit(clones[0])}, method auto, with the loosest relative"
         " tolerance (two in a decade) that has the wanted error. By hand: the present version with"
         " the method auto or rosenbrock and the tolerance chosen in the same way. `accuracy`: the"
-        " present version, told only the wanted error. `accuracy` is made to keep it in 95 % of all"
-        " dockings, so that most dockings have a smaller error.",
+        " present version, given only the wanted error. `accuracy` is made to keep it in 95 % of"
+        " all dockings, so that most dockings have a smaller error.",
         "",
         "The error is the largest relative one of peak loads, stroke, time of capture and final"
         f" motion; the reference solution is that of the explicit method at {TIGHT:g}. Times are"

@@ -10,9 +10,9 @@ import threading
 
 import numpy as np
 
-from dockloop.extremes import Part
-from dockloop.extremes import mechanism_benchmarks as benchmarks
-from dockloop.extremes.mechanics import (
+from extreme_cases import Part
+from extreme_cases import mechanism_benchmarks as benchmarks
+from extreme_cases.mechanics import (
     BRICARD_HINGE,
     BRICARD_TIME,
     BUMPER_OUTPUTS,
@@ -26,8 +26,8 @@ from dockloop.extremes.mechanics import (
     find_four_bars_constant,
     find_hexapod,
 )
-from dockloop.extremes.reference import Bumper
-from dockloop.extremes.scenes import FIXED_BASE, OK, OUTPUTS, Host, hexapod, move
+from extreme_cases.reference import Bumper
+from extreme_cases.scenes import FIXED_BASE, OK, OUTPUTS, Host, hexapod, move
 
 NEAR = "initial.approach_time=0.1"  # default docking: contact after 0.1 s, capture before 1 s
 EXACT = 1.0 / 128  # s, a step that binary numbers hold
@@ -483,7 +483,7 @@ def run_passed(shop, score, _quick):
 # 9. Saved states.
 CONTINUE = """
 import pickle, sys
-from dockloop.extremes.fmi_host import Host
+from extreme_cases.fmi_host import Host
 fmu, name, time, steps, out = sys.argv[1:]
 with Host(fmu) as host:
     host.restore_bytes(open(name, "rb").read(), float(time))

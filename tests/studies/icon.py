@@ -1,9 +1,9 @@
 """Draws the icon of the FMUs: two vehicles, and between them a ring on legs.
 
-``python -m dockloop.icon`` writes icon.png, icon.svg and the icons of the terminals to
-``modelDescription/figures``. The files are part of the project and FMUs take them as they are, so
-that an FMU does not depend on the version of the drawing library. Legs and ring are those of the
-default mechanism, seen from the side and stretched out of the vehicle.
+``.venv/bin/python tests/studies/icon.py`` writes icon.png, icon.svg and the icons of the terminals
+to ``modelDescription/figures``. The files are part of the project and FMUs take them as they are,
+so that an FMU does not depend on the version of the drawing library. Legs and ring are those of
+the default mechanism, seen from the side and stretched out of the vehicle.
 """
 
 import json

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dockloop.extremes import Part
-from dockloop.extremes import mechanism_benchmarks as benchmarks
-from dockloop.extremes.absolute_kkt import (
+from extreme_cases import Part
+from extreme_cases import mechanism_benchmarks as benchmarks
+from extreme_cases.absolute_kkt import (
     Mechanism,
     close_states,
     find_errors,
@@ -17,8 +17,8 @@ from dockloop.extremes.absolute_kkt import (
     follow_core,
     solve,
 )
-from dockloop.extremes.reference import Bumper, Hexapod, find_rotations, integrate
-from dockloop.extremes.scenes import (
+from extreme_cases.reference import Bumper, Hexapod, find_rotations, integrate
+from extreme_cases.scenes import (
     FIXED_BASE,
     HEXAPOD_ENDS,
     OUTPUTS,
@@ -119,7 +119,8 @@ def run_hexapod_masses(shop, score, quick):
 
 def read_hexapod():
     """Mechanism and states of the hexapod whose figures another program computed."""
-    return json.loads((Path(__file__).parent / "hexapod_r2p1r3.json").read_text(encoding="utf-8"))
+    path = Path(__file__).parents[1] / "data" / "hexapod_r2p1r3.json"
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def float_hexapod(document, ratio, leg):

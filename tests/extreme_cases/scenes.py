@@ -14,10 +14,10 @@ from fmpy.fmi1 import FMICallException
 from dockloop import core
 from dockloop.binaries import find_libraries
 from dockloop.errors import UsageError
-from dockloop.extremes.fmi_host import OK, Host
-from dockloop.extremes.own_mechanism import FIXED_BASE, capture_body_section, write_scene
 from dockloop.fmu import place_vehicles
 from dockloop.scene import find_scene, resolve_scene
+from extreme_cases.fmi_host import OK, Host
+from extreme_cases.own_mechanism import FIXED_BASE, capture_body_section, write_scene
 
 __all__ = ["FIXED_BASE", "OK", "Host", "Workshop", "capture_body_section", "hexapod", "solver"]
 

@@ -23,7 +23,7 @@ counts states, so that several states are solved in one call. Conventions of the
 
 Run it to compare the core with the oracle on one file that holds ``mechanism`` and ``states``:
 
-    .venv/bin/python -m dockloop.extremes.absolute_kkt FILE.json [--newton]
+    PYTHONPATH=tests .venv/bin/python -m extreme_cases.absolute_kkt FILE.json [--newton]
 """
 
 import argparse
