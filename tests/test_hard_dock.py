@@ -12,7 +12,11 @@ import json
 import pytest
 
 import dockloop as dl
+from dockloop.cases import LoadedFmu
 from dockloop.errors import UsageError
+from dockloop.executors import CoreThreads
+from dockloop.planning import Planner
+from dockloop.sampling import read_sweep
 
 INTERFACE = {
     "faces": {"radius": 0.65, "stiffness": 2e8, "damping": 3.0},
@@ -118,6 +122,32 @@ def test_a_sequence_docks_and_undocks(tmp_path):
     go(docking, 2010.0)
     # The slow release leaves what the pushers give, less their take-up.
     assert docking.get("relative.velocity")[0] == pytest.approx(0.0563, abs=1e-3)
+
+
+SWEEP = """
+scene = "scene.toml"
+[[vary]]
+type = "grid"
+name = "hooks.close_time"
+values = [4.0]
+[experiment]
+stop = 30.0
+step = 0.5
+end_after_outcome = 2.0
+"""
+
+
+def test_cases_of_a_sweep_end_after_an_outcome_that_a_sequence_states(tmp_path):
+    write(tmp_path, SEQUENCE)
+    (tmp_path / "sweep.toml").write_text(SWEEP)
+    planner = Planner(read_sweep(str(tmp_path / "sweep.toml")))
+    plan = planner.plan((4.0,))
+    fmu = LoadedFmu(planner.fmu(plan.fmu)[1])
+    with CoreThreads(planner, 1) as threads:
+        results = [fmu.run(plan.job), threads.submit((4.0,)).result()]
+    fmu.close()
+    assert [result.reason for result in results] == [None, None]
+    assert results[0].end_time == results[1].end_time < 30.0
 
 
 def test_a_host_commands_the_hardware(tmp_path):

@@ -48,6 +48,7 @@ from pyarrow import parquet
 import dockloop as dl
 from dockloop import executors, paths, sweep_report
 from dockloop.cases import Job, LoadedFmu, Result
+from dockloop.core import list_final_outcomes
 from dockloop.errors import UsageError
 from dockloop.planning import Planner
 from dockloop.sampling import Passes, as_setting, read_sweep
@@ -366,7 +367,7 @@ def test_one_fmu_that_is_reset_gives_the_bits_of_an_fmu_for_each_case(tmp_path, 
 
 def test_an_early_end_gives_the_bits_of_a_run_to_that_time(runs):
     fmu = LoadedFmu(runs.fmu(CAPTURED).read_bytes())
-    result = fmu.run(Job((), ENDS, 20.0, 0.25, 1.5))
+    result = fmu.run(Job((), ENDS, 20.0, 0.25, 1.5, list_final_outcomes()))
     fmu.close()
     captured_at = 3.25  # the first communication point after 3.08 s
     assert result.end_time == captured_at + 1.5

@@ -21,7 +21,6 @@ from dockloop.simulate import Instance, communication_points, unpack_fmu
 
 STATUSES = ("done", "refused", "failed", "lost")  # what can become of a case
 _MOST_LOADED = 4  # FMUs that a thread keeps loaded
-_DECIDED = (2, 4, 5)  # outcomes captured, rebound, miss; a partial capture may still become one
 _MINE = threading.local()  # FMUs of this thread: their digest -> LoadedFmu
 
 
@@ -34,7 +33,8 @@ class Job:
         outputs: outputs to read at the end.
         stop: end [s]; None: of the default experiment.
         step: communication step [s]; None: of the default experiment.
-        end_after_outcome: end when the outcome has been decided for this long [s]; None: never.
+        end_after_outcome: end when the outcome has been final for this long [s]; None: never.
+        final: numbers of the final outcomes.
         warning: issued when the vehicles were placed.
     """
 
@@ -43,6 +43,7 @@ class Job:
     stop: float | None
     step: float | None
     end_after_outcome: float | None
+    final: tuple[int, ...]
     warning: str | None = None
 
 
@@ -127,7 +128,7 @@ class LoadedFmu:
         starts = [(self._variables[name], value) for name, value in job.starts]
         self._instance.initialise(starts, times)
         try:
-            self._step(times.tolist(), job.end_after_outcome)
+            self._step(times.tolist(), job)
             outputs = tuple(self._read(name) for name in job.outputs)
             self._instance.slave.terminate()
         except FMICallException as error:
@@ -135,18 +136,18 @@ class LoadedFmu:
         warning = "; ".join(self._instance.warnings) or None
         return Result("done", warning=warning, end_time=self.time, outputs=outputs)
 
-    def _step(self, points: list[float], patience: float | None) -> None:
-        """Step through all points, or until the outcome has been decided for `patience` seconds."""
+    def _step(self, points: list[float], job: Job) -> None:
+        """Step through all points, or until the outcome has been final for long enough."""
         do_step, component = self._instance.slave.fmi2DoStep, self._instance.slave.component
         decision, since = 0, points[0]
         for begin, end in itertools.pairwise(points):
             do_step(component, begin, end - begin, fmi2.fmi2True)
             self.time = end
-            if patience is not None:
+            if job.end_after_outcome is not None:
                 outcome = self._read("outcome")
                 if outcome != decision:
                     decision, since = outcome, end
-                if decision in _DECIDED and end - since >= patience:
+                if decision in job.final and end - since >= job.end_after_outcome:
                     return
 
     def _read(self, name: str) -> Any:

@@ -155,6 +155,12 @@ def list_choices(variable: str) -> tuple[Choice, ...]:
     return read_choices()[variable]
 
 
+def list_final_outcomes() -> tuple[int, ...]:
+    """Return the numbers of the outcomes with which a case can end (``end_after_outcome``)."""
+    with core_errors() as core:
+        return tuple(core.final_outcomes())
+
+
 def name_choice(variable: str, number: float) -> str:
     """Return the name of one value of a choice."""
     return list_choices(variable)[int(number) - 1].name

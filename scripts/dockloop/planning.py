@@ -20,7 +20,7 @@ from dockloop import __version__
 from dockloop.binaries import find_libraries
 from dockloop.capture import list_needed
 from dockloop.cases import Job, Result
-from dockloop.core import core_errors, list_loads, name_source, to_json
+from dockloop.core import core_errors, list_final_outcomes, list_loads, name_source, to_json
 from dockloop.criteria import Criterion, parse_criterion
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.fmu import find_placement, write_fmu
@@ -216,6 +216,7 @@ class Planner:
             self.experiment.get("stop"),
             self.experiment.get("step"),
             self.experiment.get("end_after_outcome"),
+            list_final_outcomes(),
             warning or None,
         )
         return Plan(self._key(document), job)

@@ -59,6 +59,10 @@ inline const ChoiceList kOutcomes = {
     {kRetractionStalled, "retraction stalled", "the drive is at its limit and does not move"},
     {kTimedOut, "timed out", "a step took longer than its time-out"},
 };
+/// Can a case end with this outcome? A partial capture may still become another one.
+constexpr bool is_final(int outcome) {
+  return outcome != kUndecided && outcome != kPartialCapture;
+}
 
 /// Reason for no capture (yet).
 enum CaptureReason {

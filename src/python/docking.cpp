@@ -186,9 +186,7 @@ Record Docking::record(const RecordOrder& order) {
       decision = outcome;
       since = order.times[k];
     }
-    // A partial capture may still become one.
-    const bool decided = decision != kUndecided && decision != kPartialCapture;
-    if (decided && order.times[k] - since >= order.end_after_outcome) break;
+    if (is_final(decision) && order.times[k] - since >= order.end_after_outcome) break;
   }
   if (order.last_only) keep();
   return result;

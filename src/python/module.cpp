@@ -132,6 +132,15 @@ std::string list_all_choices() {
   return all.dump();
 }
 
+/// Numbers of the outcomes with which a case can end.
+std::vector<int> list_final_outcomes() {
+  std::vector<int> numbers;
+  for (const Choice& c : kOutcomes) {
+    if (is_final(c.number)) numbers.push_back(c.number);
+  }
+  return numbers;
+}
+
 /// The loads between ring and target, as JSON: [[name, unit], ...].
 std::string list_all_loads() {
   nlohmann::json all = nlohmann::json::array();
@@ -171,6 +180,7 @@ NB_MODULE(_core, m) {
         FreeThreads());
   m.def("methods", &list_method_facts);
   m.def("choices", &list_all_choices);
+  m.def("final_outcomes", &list_final_outcomes);
   m.def("loads", &list_all_loads);
   m.def("has_only_legs", &has_only_legs, nb::arg("document"), nb::arg("source"), FreeThreads());
   m.def(
