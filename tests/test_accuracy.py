@@ -18,6 +18,7 @@ import sys
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 
 import dockloop as dl
 from dockloop import accuracy
@@ -26,6 +27,7 @@ from dockloop.core import list_methods
 from dockloop.paths import ROOT
 from dockloop.scene import resolve_scene
 from dockloop.simulate import Instance, unpack_fmu
+from extreme_cases.fmi_host import Host
 
 SCENE = "idss_25t_350t"
 NEAR = {
@@ -240,6 +242,19 @@ def test_a_smaller_accuracy_than_any_measured_one_is_said():
 
 
 # ---------------------------------------------------------------------------- explicit settings
+
+
+@pytest.mark.parametrize("tolerance", [None, "suggested", 1e-7])
+def test_the_suggested_tolerance_of_the_fmu_is_no_wish_of_the_host(runs, tolerance):
+    """FMPy and others pass on that of the default experiment; a smaller one is a wish."""
+    fmu = runs.fmu(SCENE)
+    suggested = float(read_model_description(str(fmu)).defaultExperiment.tolerance)
+    with Host(fmu, tolerance=suggested if tolerance == "suggested" else tolerance) as host:
+        host.set(accuracy=1e-2)
+        host.start()
+        host.step(6.0)
+        evaluations = host.value("solver.rhs_evaluations")
+    assert evaluations < 3000 if tolerance != 1e-7 else evaluations > 6000, evaluations
 
 
 def test_without_accuracy_nothing_is_chosen():

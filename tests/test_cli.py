@@ -296,6 +296,30 @@ def test_check_gives_no_reach_to_what_only_a_coupling_follows(dockloop, tmp_path
     assert "-0" not in text
 
 
+def test_check_states_the_end_stops_of_a_coordinate_that_moves_no_loop(dockloop, tmp_path):
+    stop = {"type": "stop", "lower": -0.1, "upper": 0.2, "stiffness": 1e5, "toe": 1e-3}
+    element = {"name": "one", "along": [{"joint": "slide"}], "laws": [stop]}
+    _, report = check(
+        dockloop, tmp_path, {"name": "own", "bodies": [slide("slide")], "forces": [element]}
+    )
+    (row,) = report["ranges"]
+    ends = [row[f"{side}_stop"]["at"] for side in ("lower", "upper")]
+    assert ends == pytest.approx([-0.1, 0.2], abs=1e-9)
+
+
+def test_check_lets_engaged_bristle_brakes_stick(dockloop, tmp_path):
+    """Stuck: a spring of level over presliding; sliding would show the weak spring alone."""
+    laws = [
+        {"type": "spring", "stages": [[0, 4000]]},
+        {"type": "brake", "forward": 400, "presliding": 1e-4},
+    ]
+    element = {"name": "one", "along": [{"joint": "slide"}], "laws": laws}
+    mechanism = {"name": "own", "bodies": [slide("slide")], "forces": [element]}
+    _, report = check(dockloop, tmp_path, mechanism)
+    (mode,) = report["modes"]
+    assert mode["frequency_rad_s"] == pytest.approx(math.sqrt((400 / 1e-4 + 4000) / 2), rel=1e-6)
+
+
 def test_check_tells_where_end_stops_begin_and_what_ends_a_coordinate(dockloop, tmp_path):
     text, report = check(dockloop, tmp_path, spoil(lambda m: None))
     (row,) = (row for row in report["ranges"] if row["coordinate"] == "ring.x")

@@ -150,6 +150,13 @@ def test_cases_of_a_sweep_end_after_an_outcome_that_a_sequence_states(tmp_path):
     assert results[0].end_time == results[1].end_time < 30.0
 
 
+def test_faces_that_are_in_each_other_at_the_start_are_refused(tmp_path):
+    scene = write(tmp_path)
+    scene.write_text(VEHICLES.replace("19.02", "18.97"))
+    with pytest.raises(UsageError, match=r"mating faces of A and P are 30 mm in each other"):
+        dl.Docking(scene).step(0.1)
+
+
 def test_a_host_commands_the_hardware(tmp_path):
     docking = dl.Docking(write(tmp_path))
     docking.set("hard_dock.command", "close_hooks")

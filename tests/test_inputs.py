@@ -135,6 +135,20 @@ def test_a_slope_lasts_one_step_and_its_input_goes_on_from_the_value_it_has_reac
         assert math.isclose(end - middle, 5.0, abs_tol=1e-9), end - middle
 
 
+def test_a_slope_that_is_set_changes_nothing_at_the_communication_point(runs):
+    """Steps run ahead of it: the slope begins at the point, not where those steps began."""
+    with started(Host(runs.fmu(DEFAULT, AWAY))) as host:
+        host.put("chaser.force_ext", (1.0, 0.0, 0.0))
+        for _ in range(20):
+            host.step(0.05)
+        names = [f"chaser.{name}[{i}]" for name in ("velocity", "force") for i in (1, 2, 3)]
+        before = [*host.output_derivatives(names[:3])[1], *map(host.value, names)]
+        assert host.slope_status({"chaser.force_ext[1]": 100.0}) == OK
+        host.put("chaser.force_ext", (1.0, 0.0, 0.0))
+        after = [*host.output_derivatives(names[:3])[1], *map(host.value, names)]
+        assert after == before
+
+
 def test_the_mean_load_leaves_out_the_whole_ramp(runs):
     # The mean load is of the docking system only: away from contact, the ramp must not show in it.
     with started(Host(runs.fmu("absorber_1d", "initial.approach_time=5.0"))) as host:

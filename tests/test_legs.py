@@ -39,14 +39,17 @@ def expand_leg(leg: dict, members: dict, ring_position: np.ndarray) -> tuple[lis
 
     cylinder, rod, screw = (members[part] for part in ("cylinder", "rod", "screw"))
     tube = [cylinder[key] for key in ("mass", "com", "inertia_axial", "inertia_transverse")]
+    on_rod = screw.get("carried_by") == "rod"
     tip = [rod["mass"], length - rod["com"], rod["inertia_axial"], rod["inertia_transverse"]]
     rotor = [screw[key] for key in ("mass", "com", "inertia", "inertia_transverse")]
+    if on_rod:
+        rotor[1] = length - rotor[1]
     place = {"position": root.tolist(), "rotation": axes}
     bodies = [
         make("cross", "base", "revolute", [0, 1, 0], **place),
         make("cyl", f"{name}_cross", "revolute", [0, 0, 1], tube),
         make("rod", f"{name}_cyl", "prismatic", [1, 0, 0], tip),
-        make("rotor", f"{name}_cyl", "revolute", [1, 0, 0], rotor),
+        make("rotor", f"{name}_{'rod' if on_rod else 'cyl'}", "revolute", [1, 0, 0], rotor),
     ]
     loop = {
         "name": name,
@@ -60,7 +63,8 @@ def expand_leg(leg: dict, members: dict, ring_position: np.ndarray) -> tuple[lis
             "point_on_closing": leg["closing_point"],
         },
     }
-    ratio = 2.0 * math.pi / screw["lead"]
+    # Nut and thread: a rotor on the rod turns the other way for the same thread.
+    ratio = (-2.0 if on_rod else 2.0) * math.pi / screw["lead"]
     coupling = {
         "name": f"{name}_screw",
         "dependent": f"{name}_rotor",
@@ -69,9 +73,11 @@ def expand_leg(leg: dict, members: dict, ring_position: np.ndarray) -> tuple[lis
     return bodies, loop, coupling
 
 
-def test_a_leg_with_a_screw_is_its_bodies(tmp_path):
+@pytest.mark.parametrize("carrier", ["cylinder", "rod"])
+def test_a_leg_with_a_screw_is_its_bodies(tmp_path, carrier):
     mechanism = json.loads((paths.MECHANISMS / "hexapod.json").read_text(encoding="utf-8"))
     members, legs = mechanism.pop("leg_defaults"), mechanism["legs"]
+    members["screw"]["carried_by"] = carrier
     ring = np.array(mechanism["bodies"][0]["joint"]["position"])
     parts = [expand_leg(leg, members, ring) for leg in legs]
     for bodies, *_ in parts:
@@ -90,10 +96,9 @@ def test_a_leg_with_a_screw_is_its_bodies(tmp_path):
     scene = (paths.SCENES / "hexapod.toml").read_text(encoding="utf-8")
     (tmp_path / "written.toml").write_text(scene.replace('name = "hexapod"', 'name = "written"'))
     settings = {"solver.rtol": 1e-9, "solver.atol_position": 1e-11, "solver.atol_velocity": 1e-11}
-    short, written = (
-        dl.run(which, settings, stop=4.0, step=0.05)
-        for which in ("hexapod", str(tmp_path / "written.toml"))
-    )
+    carried = {"mechanism.set.leg_defaults.screw.carried_by": carrier}
+    short = dl.run("hexapod", settings | carried, stop=4.0, step=0.05)
+    written = dl.run(str(tmp_path / "written.toml"), settings, stop=4.0, step=0.05)
     assert short["captured"][-1]
     for name in short.names:
         if name.startswith(("relative.", "ring.", "leg[", "element[")):

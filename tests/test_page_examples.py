@@ -41,7 +41,6 @@ ELSEWHERE = {  # beginning of a line, or what is in it: why it does not run here
     r".* --scheduler ": "needs a cluster: tests/test_sweep.py",
     r".* --rare ": "hundreds of dockings: tests/test_rare.py",
     r".*trade idss_25t_350t( --resume)? +#": "a quarter of an hour: tests/test_trade.py",
-    r"(sweep=|sed |time )": "measures the time of two engines",
     r"(import zipfile|from ecospy|from fmpy.ssp|from pathlib)": "an importer: tests/test_ssp.py",
 }
 SHORT = {  # command: options that cut it short

@@ -67,6 +67,20 @@ def advance(docking, stop: float, h: float = 0.05) -> list[tuple[float, int]]:
     return seen
 
 
+@pytest.mark.parametrize("h", [0.01, 2.0])
+def test_a_window_that_is_passed_within_one_inner_step_is_seen(dock, h):
+    """A free slide takes steps of seconds; the condition holds for a third of a second."""
+    docking = dock(
+        step("before", (when(X, between=[0.1, 0.2]), "inside")),
+        step("inside"),
+        laws=({"type": "spring", "stages": [[10.0, 400]], "side": "positive"},),
+        rate=0.3,
+    )
+    times = advance(docking, 2.0, h)
+    assert times[-1][1] == 2
+    assert docking.get("sequence.time_in_step") == pytest.approx(2.0 - 1.0 / 3.0, abs=1e-6)
+
+
 def retract(run: dict) -> tuple[dict, ...]:
     """Run the drive; end at the target, or held by a stall."""
     stall = {

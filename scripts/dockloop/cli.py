@@ -32,9 +32,7 @@ _NEW_EXAMPLE = "example: dockloop new my_docking --from apda"
 _SSP_EXAMPLE = "example: dockloop ssp idss_25t_350t --scene experiment.step=0.002 -o docking.ssp"
 _RUN_EXAMPLE = "example: dockloop run idss_25t_350t --set friction.coefficient=0.2 --stop 12"
 _SWEEP_EXAMPLE = "example: dockloop sweep absorber_1d_speeds --engine core --workers 2 --csv"
-_TRADE_EXAMPLE = (
-    "example: dockloop trade absorber_1d --methods explicit,adams --tolerances 1e-4,1e-8"
-)
+_TRADE_EXAMPLE = "example: dockloop trade absorber_1d --methods explicit,bdf --tolerances 1e-4,1e-8"
 _CHECK_EXAMPLE = "example: dockloop check apda --draw apda.svg"
 _VARIABLES_EXAMPLE = "example: dockloop variables idss_25t_350t --match solver --match 'latch[1].*'"
 _SOLUTION_EXAMPLE = (

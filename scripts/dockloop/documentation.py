@@ -553,12 +553,11 @@ def _model(document: dict, report: dict) -> str:
         rows.append(("latches", str(len(latches.get("list") or latches["azimuth"]))))
     text = _table((), rows, "s")
     text += (
-        "<p>Loops are cut and eliminated: only the independent coordinates are integrated, by an"
-        " explicit Runge&ndash;Kutta method with error control unless <code>solver.method</code>"
-        " says otherwise. There are no multipliers (but at level 4) and nothing drifts apart.</p>"
-        "<p><code>model.level</code> chooses how much of the mechanism is modelled: 3 every body, 2"
-        " legs without mass, 1 locked at its start pose (then the legs show what their springs"
-        " would exert, and cut forces are zero); 4 is 3 with multipliers, to compare with.</p>"
+        "<p>Loops are cut and eliminated: only the independent coordinates are integrated, by the"
+        " method of <code>solver.method</code>. There are no multipliers and nothing drifts"
+        " apart.</p><p><code>model.level</code> chooses how much of the mechanism is modelled: 3"
+        " every body, 2 legs without mass, 1 locked at its start pose (then the legs show what"
+        " their springs would exert, and cut forces are zero).</p>"
     )
     figure = drawing.draw_legs(mechanism, report["home_q"])
     if figure:
@@ -625,8 +624,8 @@ def _limits(document: dict) -> str:
                 f" {1e3 * stops['max_length']:g} mm{' of pin travel' * has_cranks}."
             )
     items.append(
-        "Bodies are rigid. Very stiff parts make the default method slow: choose a"
-        " <code>solver.method</code> for stiff models."
+        "Bodies are rigid. Very stiff parts and small tolerances together cost many steps:"
+        " <code>solver.method</code> 6 (bdf) may take fewer."
     )
     return text + "<h3>Validity</h3>" + _list(items)
 

@@ -16,15 +16,48 @@ namespace {
 // critical damping or of a body that floats, by the root of that.
 constexpr double kRoundingOfRates = 1e-12, kDouble = 1e-7;
 
-/// Joint forces of the file into data.tau: elements at the start of a run, brakes unstressed.
+/// Bristles about home, where they are unstressed and stick: their deflections follow the elements.
+struct Bristles {
+  MatX<double> gain;  ///< deflection per motion of an element, bristles x elements
+  VecX<double> home;  ///< coordinates of the elements at home
+};
+
+Bristles find_bristles(const MechanismModel& model, const VecX<double>& q) {
+  constexpr double kSlow = 1e-9;  // rate far below any at which a bristle slips
+  ElementData<double> elements(model);
+  Bristles bristles;
+  const int count = static_cast<int>(model.elements.size());
+  bristles.gain.setZero(elements.z_rate.size(), count);
+  bristles.home.setZero(count);
+  VecX<double> v = VecX<double>::Zero(model.nv), tau = v;
+  for (int e = 0; e < count; ++e) {
+    v.setZero();
+    for (const ElementTerm& term : model.elements[static_cast<size_t>(e)].along) {
+      v[model.bodies[term.body].v_index] = kSlow * term.ratio;
+    }
+    calc_element_forces<double>(model, q, v, 0.0, nullptr, {}, nullptr, elements, tau);
+    bristles.home[e] = elements.coordinate[e];
+    if (elements.rate[e] > 0.0) bristles.gain.col(e) = elements.z_rate / elements.rate[e];
+  }
+  return bristles;
+}
+
+/// Joint forces of the file into data.tau: elements at the start of a run.
 template <class S>
-void put_joint_forces(const MechanismModel& model, MechanismData<S>& data) {
+void put_joint_forces(const MechanismModel& model, const Bristles& bristles,
+                      MechanismData<S>& data) {
   const VecX<S> command = VecX<S>::Zero(static_cast<int>(model.forces.size()));
   VecX<S> force = command;
   data.tau.setZero();
   calc_joint_forces(model, data.tree.q, data.tree.v, command, force, data.tau);
+  VecX<S> z = VecX<S>::Zero(bristles.gain.rows());
+  for (int e = 0; e < bristles.gain.cols(); ++e) {
+    const ForceElement& element = model.elements[static_cast<size_t>(e)];
+    const S moved = find_coordinate<S>(model, element, data.tree.q) - S(bristles.home[e]);
+    for (int b = 0; b < bristles.gain.rows(); ++b) z[b] += S(bristles.gain(b, e)) * moved;
+  }
   ElementData<S> elements(model);
-  calc_element_forces<S>(model, data.tree.q, data.tree.v, S(0), nullptr, {}, nullptr, elements,
+  calc_element_forces<S>(model, data.tree.q, data.tree.v, S(0), nullptr, {}, z.data(), elements,
                          data.tau);
 }
 
@@ -62,12 +95,13 @@ std::vector<Mode> find_modes(const Mechanism& mechanism) {
   std::vector<Mode> modes;
   if (n == 0 || !calc_position(mechanism, data).ok()) return modes;
   calc_velocity(mechanism, base, data);
-  put_joint_forces(mechanism.model, data);
+  const Bristles bristles = find_bristles(mechanism.model, data.tree.q);
+  put_joint_forces(mechanism.model, bristles, data);
   calc_acceleration(mechanism, base, data);
   JacobianData work(mechanism);
   AccelerationJacobian jacobian(mechanism);
   const auto put_loads = [&](MechanismData<Derivative>& dual) {
-    put_joint_forces(mechanism.model, dual);
+    put_joint_forces(mechanism.model, bristles, dual);
   };
   if (!calc_acceleration_jacobian(mechanism, base, data, put_loads, work, jacobian).ok()) {
     return modes;

@@ -2,6 +2,7 @@
 #include "check/reachable_range.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "check/coordinate_effects.hpp"
 #include "mechanism/element_forces.hpp"
@@ -44,6 +45,30 @@ int find_stopped_body(const MechanismModel& model, const VecX<double>& q) {
     }
   }
   return kBase;
+}
+
+/// Distance from home to the farthest end stop that depends on this joint alone, 0 without one.
+double find_stop_distance(const MechanismModel& model, int body) {
+  const double home = model.home_q[static_cast<size_t>(model.bodies[body].q_index)];
+  double farthest = 0.0;
+  const auto look_at = [&](double place) {
+    if (std::isfinite(place)) farthest = std::max(farthest, std::abs(place - home));
+  };
+  for (const JointForce& force : model.forces) {
+    if (force.body != body || !force.stops.present) continue;
+    look_at(force.stops.lower);
+    look_at(force.stops.upper);
+  }
+  for (const ForceElement& element : model.elements) {
+    if (element.along.size() != 1 || element.along.front().body != body) continue;
+    for (const ForceLaw& law : element.laws) {
+      const StopLaw* stop = std::get_if<StopLaw>(&law);
+      if (!stop) continue;
+      look_at(stop->lower / element.along.front().ratio);
+      look_at(stop->upper / element.along.front().ratio);
+    }
+  }
+  return farthest;
 }
 
 /// Does a loop, other than a coupling, move with this velocity coordinate, be it through others?
@@ -115,7 +140,7 @@ RangeEnd find_end(const Mechanism& mechanism, const Body& body, int k, double st
 }  // namespace
 
 std::vector<CoordinateRange> find_reachable_ranges(const Mechanism& mechanism) {
-  constexpr double kTurn = 6.28318530717958647692;
+  constexpr double kTurn = 6.28318530717958647692, kBeyond = 1.25;
   double length = 0.0;
   for (size_t k = 0; k < mechanism.model.loops.size(); ++k) {
     if (mechanism.model.loops[k].cut == CutType::kCoupling) continue;
@@ -125,11 +150,13 @@ std::vector<CoordinateRange> find_reachable_ranges(const Mechanism& mechanism) {
   for (int i : mechanism.plan.ind_bodies) {
     const Body& body = mechanism.model.bodies[i];
     for (int k = 0; k < body.nv(); ++k) {
-      if (!moves_loop(mechanism, body.v_index + k)) continue;
+      const bool is_single = body.joint != JointType::kFree;
+      const double stop = is_single ? find_stop_distance(mechanism.model, i) : 0.0;
+      if (stop == 0.0 && !moves_loop(mechanism, body.v_index + k)) continue;
       CoordinateRange range;
       range.coordinate = find_coordinate_name(body, k);
       range.is_angle = is_angle(body, k);
-      const double limit = range.is_angle ? kTurn : 2.0 * length;
+      const double limit = std::max(range.is_angle ? kTurn : 2.0 * length, kBeyond * stop);
       range.lower = find_end(mechanism, body, k, -limit / 400.0, limit);
       range.upper = find_end(mechanism, body, k, limit / 400.0, limit);
       ranges.push_back(range);

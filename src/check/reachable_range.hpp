@@ -24,8 +24,8 @@ struct CoordinateRange {
   RangeEnd lower, upper;
 };
 
-/// Of the coordinates that move a loop, searched up to a full turn and to twice the size of the
-/// largest loop, from the closed home.
+/// Of the coordinates that move a loop or have an end stop, from the closed home. The search ends
+/// at a full turn, and at twice the size of the largest loop or a little beyond the end stops.
 std::vector<CoordinateRange> find_reachable_ranges(const Mechanism& mechanism);
 
 }  // namespace dockloop

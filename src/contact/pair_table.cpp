@@ -182,8 +182,12 @@ int add_surface(ContactModel& m, const std::string& name, bool on_passive) {
 void add_side(ContactModel& m, const std::vector<NamedCore>& named, NamedSide& side) {
   for (const NamedCore& each : named) {
     Core core = each.core;
-    core.surface = add_surface(m, each.group, side.on_passive);
-    for (const std::string& group : each.piece_groups) {
+    // A group without a piece has no surface: its force would always be zero.
+    const std::vector<std::string>& pieces = each.piece_groups;
+    const bool has_piece =
+        pieces.empty() || std::find(pieces.begin(), pieces.end(), each.group) != pieces.end();
+    core.surface = add_surface(m, has_piece ? each.group : pieces.front(), side.on_passive);
+    for (const std::string& group : pieces) {
       core.piece_surfaces.push_back(add_surface(m, group, side.on_passive));
     }
     side.cores.push_back(core);

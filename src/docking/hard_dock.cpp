@@ -180,6 +180,13 @@ int count_closed_hooks(const HardDock& dock, const HardDockState& state) {
 
 // ---------------------------------------------------------------- bounds and slopes
 
+double find_face_depth(const HardDock& dock, const RelativeMotion<double>& motion) {
+  const Openings<double> openings(motion);
+  double least = kNoGap;
+  for (const Eigen::Vector2d& at : dock.faces.points) least = std::min(least, openings.at(at));
+  return -least;
+}
+
 double find_free_opening(const HardDock& dock, const HardDockState& state,
                          const RelativeMotion<double>& motion) {
   const bool grips = std::any_of(state.row.begin(), state.row.end(), [](const HookRowState& row) {

@@ -222,6 +222,9 @@ template <class S>
 void calc_hard_dock(const HardDock& dock, const HardDockState& state, const S& t,
                     const RelativeMotion<S>& motion, HardDockResult<S>& out);
 
+/// How deep the faces are in each other at the deepest point [m]; below 0: they are apart.
+double find_face_depth(const HardDock& dock, const RelativeMotion<double>& motion);
+
 /// Lower bound of the distance to any force [m]; 0 while a hook is not open.
 double find_free_opening(const HardDock& dock, const HardDockState& state,
                          const RelativeMotion<double>& motion);

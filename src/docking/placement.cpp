@@ -117,8 +117,10 @@ Placement find_placement(const Scene& scene) {
   if (scene.mechanism.capture_body != kBase) {
     Mechanism mechanism(scene.mechanism);
     MechanismData<double> data(mechanism);
-    if (!calc_position(mechanism, data).ok())
-      throw ModelError("mechanism cannot be closed at home");
+    const Status status = calc_position(mechanism, data);
+    if (!status.ok()) {
+      throw ModelError("mechanism: " + describe_home_failure(mechanism, data, status));
+    }
     const int body = scene.mechanism.capture_body;
     G_in_A = Pose<double>{data.tree.R[body], data.tree.p[body]} * G_in_A;
   }

@@ -40,7 +40,7 @@ void add_energy(Table& table, Outputs& out, bool has_elements, bool has_hard_doc
   table
       .output("momentum.residual", &out.momentum_residual, kNone,
               "Momentum balance error since the start, relative to the largest momentum: largest "
-              "value so far; with a compiled kernel the present value")
+              "value so far")
       .not_negative()
       .nominal(1e-14)
       .discrete()

@@ -124,6 +124,33 @@ std::vector<double> find_home_gaps(const Mechanism& mechanism) {
   return gaps;
 }
 
+std::string describe_home_failure(const Mechanism& mechanism, const MechanismData<double>& data,
+                                  const Status& status) {
+  const MechanismModel& model = mechanism.model;
+  if (status.index >= 0) {
+    const std::string reason = status.code == StatusCode::kOutOfReach ? "its branch cannot reach"
+                               : status.code == StatusCode::kLoopSingular
+                                   ? "it is singular there"
+                                   : "Newton does not converge";
+    return "loop '" + model.loops[status.index].name + "' cannot be closed from the home pose (" +
+           reason + "); correct the geometry or give home_q";
+  }
+  std::string bodies;
+  for (int i : mechanism.plan.ind_bodies) {
+    const Body& body = model.bodies[static_cast<size_t>(i)];
+    for (size_t k = 0; k < mechanism.plan.ind_v.size(); ++k) {
+      const int v = mechanism.plan.ind_v[k] - body.v_index, row = static_cast<int>(k);
+      if (v < 0 || v >= body.nv() || data.A_ind(row, row) > 0.0) continue;
+      bodies += (bodies.empty() ? "'" : ", '") + body.name + "'";
+      break;
+    }
+  }
+  return "the inertia in the independent coordinates is not positive definite; give the bodies "
+         "they "
+         "move a mass" +
+         (bodies.empty() ? std::string() : ": nothing that moves with " + bodies + " has one");
+}
+
 void close_home(Mechanism& mechanism, const std::string& source_name) {
   MechanismModel& model = mechanism.model;
   char text[256];
@@ -148,19 +175,8 @@ void close_home(Mechanism& mechanism, const std::string& source_name) {
   }
   MechanismData<double> data(mechanism);
   const Status status = calc_position(mechanism, data);
-  if (!status.ok() && status.index >= 0) {
-    const std::string reason = status.code == StatusCode::kOutOfReach ? "its branch cannot reach"
-                               : status.code == StatusCode::kLoopSingular
-                                   ? "it is singular there"
-                                   : "Newton does not converge";
-    throw ModelError(source_name + ": loop '" + model.loops[status.index].name +
-                     "' cannot be closed from the home pose (" + reason +
-                     "); correct the geometry or give home_q");
-  }
   if (!status.ok()) {
-    throw ModelError(source_name +
-                     ": the inertia in the independent coordinates is not positive definite; give "
-                     "the bodies they move a mass");
+    throw ModelError(source_name + ": " + describe_home_failure(mechanism, data, status));
   }
   // A leg whose slide must travel a good part of its length to close was not closed at home.
   for (const LoopBlock& block : mechanism.plan.blocks) {
@@ -256,7 +272,10 @@ VehicleBody transform(const Pose<double>& pose, const VehicleBody& body) {
 
 VehicleBody find_frozen_body(const Mechanism& mechanism) {
   MechanismData<double> data(mechanism);
-  if (!calc_position(mechanism, data).ok()) throw ModelError("mechanism cannot be closed at home");
+  const Status status = calc_position(mechanism, data);
+  if (!status.ok()) {
+    throw ModelError("mechanism: " + describe_home_failure(mechanism, data, status));
+  }
   VehicleBody frozen;
   Vec3<double> first_moment = Vec3<double>::Zero();
   for (size_t i = 0; i < mechanism.model.bodies.size(); ++i) {

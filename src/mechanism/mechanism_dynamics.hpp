@@ -148,6 +148,10 @@ double find_singularity_margin(const Mechanism& mechanism, const MechanismData<S
 /// Gap of every loop at home_q as it stands [m].
 std::vector<double> find_home_gaps(const Mechanism& mechanism);
 
+/// Why the home pose cannot be evaluated, in words. @param status  of calc_position, not ok
+std::string describe_home_failure(const Mechanism& mechanism, const MechanismData<double>& data,
+                                  const Status& status);
+
 constexpr double kHomeGap = 1e-6;  ///< a stated home is closed to this part of the loop size [-]
 
 /// Close the home pose: replaces the dependent entries of home_q by a solution.

@@ -359,7 +359,9 @@ void add_slide_leg(const LegReader& in, MechanismModel& model, std::vector<LegTr
     const double com = screw.number("com", 0.0), axial = screw.non_negative("inertia", 0.0);
     body.com = Vec3<double>(on_rod ? length - com : com, 0.0, 0.0);
     body.inertia = make_axial_inertia(axial, screw.non_negative("inertia_transverse", 0.5 * axial));
-    trains.push_back({in.leg, name + "_screw", rotor, rod, gear * kTurn / lead});
+    // One thread: a rotor on the rod turns the other way relative to the rod.
+    const double ratio = (on_rod ? -gear : gear) * kTurn / lead;
+    trains.push_back({in.leg, name + "_screw", rotor, rod, ratio});
   }
   ends.add_loop({cross, cylinder, rod}, length, ClosureKind::kR2P1R3, model);
   add_leg(in, {name, rod, length}, model);

@@ -47,7 +47,8 @@ void EventLogic::calc_speeds(const DockingData<double>& at, double* speeds) cons
     speeds[kFixedRoots + i] =
         find_event_speed(discrete_.latch[i], find_latch_motion(model_->latches, i, at.relative));
   }
-  std::fill(speeds + hook_root(), speeds + root_count(), 0.0);
+  std::fill(speeds + hook_root(), speeds + first_row(), 0.0);
+  sequence_.calc_speeds(at, speeds + first_row());
 }
 
 void EventLogic::set_due_below(DockingData<double>& at, double limit) {

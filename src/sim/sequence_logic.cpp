@@ -138,6 +138,49 @@ void SequenceLogic::calc_functions(DockingData<double>& at, double* roots) const
   }
 }
 
+double SequenceLogic::find_speed(const Condition& part, const DockingData<double>& at) const {
+  if (part.kind != Condition::Kind::kBounds) return 0.0;
+  const auto relative = [&] { return find_relative(at.interface[kChaser], at.interface[kTarget]); };
+  switch (part.quantity) {
+    case Measured::kGap:
+      return model_->contact.has_surfaces() ? find_approach_bound(model_->contact, at.relative)
+                                            : at.relative.v.norm();
+    case Measured::kRelativePosition:
+    case Measured::kRelativeAxial:
+    case Measured::kRelativeLateral:
+      return relative().v.norm();
+    case Measured::kRelativePitchYaw:
+    case Measured::kRelativeRoll:
+      return relative().w.norm();
+    case Measured::kCaptureAxial:
+      return at.relative.v.norm();
+    case Measured::kRingPosition:
+      return find_relative(at.interface[kChaser], at.capture).v.norm();
+    case Measured::kLegLength: {
+      const MechanismModel& mechanism = model_->mechanism.model;
+      const Leg& leg = mechanism.legs[static_cast<size_t>(part.index)];
+      return std::abs(leg.arm * at.mechanism.tree.v[mechanism.bodies[leg.body].v_index]);
+    }
+    case Measured::kLatchOpening:
+      return at.relative.v.norm() + at.relative.w.norm() * at.relative.p.norm();
+    case Measured::kElementCoordinate:
+      return std::abs(at.elements.rate[part.index]);
+    default:
+      return 0.0;
+  }
+}
+
+void SequenceLogic::calc_speeds(const DockingData<double>& at, double* speeds) const {
+  std::fill_n(speeds, root_count(), 0.0);
+  if (!exists()) return;
+  const std::vector<SequenceRow>& rows = step().next;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    for (const Condition& part : rows[i].when.parts) {
+      speeds[i] = std::max(speeds[i], find_speed(part, at));
+    }
+  }
+}
+
 bool SequenceLogic::is_timed_out(double now, double slack) const {
   return step().timeout > 0.0 && !state_.timed_out &&
          find_time_in_step(now) + slack >= step().timeout;

@@ -42,6 +42,9 @@ class SequenceLogic {
   int root_count() const { return count_rows(model_->sequence); }
   /// Event functions of the rows of the present step, root_count() of them.
   void calc_functions(DockingData<double>& at, double* roots) const;
+  /// How fast they change at most. Zero for rates and forces: nothing bounds their changes.
+  /// @pre calc_functions
+  void calc_speeds(const DockingData<double>& at, double* speeds) const;
   /// Where the integrator must stop next, after `now` [s since the start]; kNever: nowhere.
   double find_next_time(double now) const;
   /// The contact thrust acts from here [s since the start].
@@ -76,6 +79,7 @@ class SequenceLogic {
   }
   double find_clock(double now) const;
   double find_quantity(const Condition& part, DockingData<double>& at) const;
+  double find_speed(const Condition& part, const DockingData<double>& at) const;
   double find_value(const Condition& part, DockingData<double>& at, double now) const;
   double find_value(const When& when, DockingData<double>& at, double now) const;
   bool is_timed_out(double now, double slack) const;

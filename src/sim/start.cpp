@@ -279,7 +279,10 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
   }
   check_parameters(parameters, *scene, fmi_kind, comparison != nullptr);
   try {
-    start(std::make_shared<const Setup>(Setup{parameters, t0, tolerance}));
+    // Many hosts pass on what the default experiment suggests: that is no wish of theirs.
+    const bool is_suggested = tolerance == scene->experiment.tolerance;
+    const double asked = parameters.accuracy != 0.0 && is_suggested ? 0.0 : tolerance;
+    start(std::make_shared<const Setup>(Setup{parameters, t0, asked}));
     if (host->announces()) announce(parameters.coupling_expected_step);
   } catch (...) {
     setup.reset();
@@ -365,6 +368,18 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   start_momentum_audit(*model, present(), least_momentum, momentum_audit);
   attach_kernel();
   warn_about_start();
+  if (model->present[kTarget]) {
+    // Faces of a docked pair are compressed by much less.
+    constexpr double kDeepest = 1e-3;  // [m]
+    const double depth = find_face_depth(model->hard_dock, present().across);
+    if (depth > kDeepest) {
+      throw ModelError("start state: the mating faces of A and P are " +
+                       describe_number(1e3 * depth) + " mm in each other (limit " +
+                       describe_number(1e3 * kDeepest) +
+                       " mm); start with the target further along +x of A, or set 'capture' of the "
+                       "mechanism to the body that meets the target first");
+    }
+  }
   if (has_surfaces()) {
     if (have_rings_passed(model->contact, present().relative)) {
       throw ModelError(

@@ -30,7 +30,8 @@ void StepLoads::start(int commands) {
 }
 
 void StepLoads::read(const MechanismModel& mechanism, const Inputs& inputs, const Inputs& slopes,
-                     bool are_sloped) {
+                     bool are_sloped, double begin) {
+  begin_ = begin;
   read_loads(mechanism, inputs, start_);
   read_loads(mechanism, slopes, rates_);
   sloped_ = are_sloped;
@@ -52,7 +53,7 @@ void StepLoads::hold(const Loads& loads) {
 const Loads& StepLoads::at(double tau) const {
   if (!sloped_) return start_;
   now_ = start_;
-  add_slopes(tau);
+  add_slopes(tau - begin_);
   return now_;
 }
 

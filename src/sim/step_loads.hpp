@@ -11,8 +11,9 @@ class StepLoads {
   /// Zero loads. @param commands  see count_commands()
   void start(int commands);
   /// Loads of the coming step. @param slopes  rates of the inputs; are_sloped: some are not zero
+  /// @param begin  where that step begins, in the time of at()
   void read(const MechanismModel& mechanism, const Inputs& inputs, const Inputs& slopes,
-            bool are_sloped);
+            bool are_sloped, double begin);
 
   /// Loads of disturbances in addition to those that were read, from now on.
   void add(const DisturbingLoads& loads);
@@ -23,7 +24,7 @@ class StepLoads {
   const Loads& at_start() const { return start_; }
   const Loads& rates() const { return rates_; }
   bool are_sloped() const { return sloped_; }
-  /// Loads tau after the start of the step; valid until the next call.
+  /// Loads at tau, in the time of the solver; valid until the next call.
   const Loads& at(double tau) const;
   /// Means over a step of h; valid until the next call. @param disturbing  means of disturbances
   const Loads& find_mean(double h, const DisturbingLoads& disturbing) const;
@@ -39,6 +40,7 @@ class StepLoads {
   DisturbingLoads read_{};  ///< on vehicles, without disturbances
   mutable Loads now_;       ///< result of at() and find_mean()
   bool sloped_ = false;
+  double begin_ = 0.0;  ///< where the slopes begin
 };
 
 bool are_same(const Loads& a, const Loads& b);

@@ -16,7 +16,8 @@ constexpr double kFade = 0.7;         ///< per step, of the regular step after a
 void DockingSim::Impl::read_inputs() {
   bool are_sloped = false;
   for_each_value(slopes, [&](double& slope) { are_sloped = are_sloped || slope != 0.0; });
-  loads.read(scene->mechanism, inputs, slopes, are_sloped);
+  const double begin = ahead.pending ? ahead.reached : 0.0;
+  loads.read(scene->mechanism, inputs, slopes, are_sloped, begin);
   loads.add(events->find_disturbing_loads());
 }
 
