@@ -1,4 +1,4 @@
-"""Loads on vehicles that act for a while, and failures that begin at a step of the sequence."""
+"""Loads on vehicles that act for a while, failures that begin at a step, and late settings."""
 
 import numpy as np
 import pytest
@@ -167,10 +167,12 @@ def test_a_disturbance_that_cannot_act_is_refused(scene, change, message):
     ("failure", "message"),
     [
         ({"kind": "jammed", "at": "next"}, "names a step, but the mechanism has no sequence"),
-        ({"kind": "delayed", "law": 1, "value": 1, "at": "next"}, "commands are delayed during"),
+        ({"kind": "jammed", "value": 0}, "value is 0; the stiffness of the lock .* above 0"),
+        ({"kind": "jammed", "law": 1}, "law has no effect: 'jammed' holds the whole element"),
+        ({"kind": "delayed", "law": 1, "value": 1}, r"law 1 \(spring\) .* takes no command"),
     ],
 )
-def test_a_failure_that_names_no_step_is_refused(tmp_path, failure, message):
+def test_a_failure_without_effect_is_refused(tmp_path, failure, message):
     mechanism = make_slide(40, make_element(SPRING), failures=[{"element": "one", **failure}])
     with pytest.raises(UsageError, match=message):
         dl.Docking(write_slide(tmp_path, mechanism))
@@ -181,3 +183,118 @@ def test_a_step_that_does_not_exist_is_named(tmp_path):
     mechanism = make_slide(40, make_element(SPRING), sequence={"steps": STEPS}, failures=[failure])
     with pytest.raises(UsageError, match="is 'later'; no step has this name"):
         dl.Docking(write_slide(tmp_path, mechanism))
+
+
+# ---------------------------------------------------------------- late settings
+
+DRIVE = {"type": "drive", "target": 0.5, "speed": 0.05, "acceleration": 0.1}
+DRIVE |= {"gain": 1e4, "limit": 300, "corner": 10}
+MOTOR = {"type": "motor", "constant": 1.0, "resistance": 1.0, "current_limit": 50, "current": 5}
+PUSH = {"type": "constant", "force": 100.0}
+LATE = {"element": "one", "law": 1, "kind": "delayed", "value": 0.75}
+
+
+def at_times(*settings: tuple[float, dict]) -> dict:
+    """A sequence that makes settings of the element at these times; the first is the start."""
+    times = [time for time, _ in settings]
+    steps = []
+    for i, (time, members) in enumerate(settings):
+        step = {"name": f"s{i}", "phase": 1, "do": [{"element": "one", **members}]}
+        if i + 1 < len(settings):
+            wait = {"quantity": "time", "above": times[i + 1] - time}
+            step["next"] = [{"when": wait, "go": f"s{i + 1}"}]
+        steps.append(step)
+    return {"steps": steps}
+
+
+def run_slide(folder, laws, settings=(), *, rate=0.0, failures=(), stop=4.0):
+    """Run a slide whose sequence makes the settings."""
+    keys = {"sequence": at_times(*settings)} if settings else {}
+    mechanism = make_slide(40, make_element(*laws), failures=list(failures), **keys)
+    return dl.run(write_slide(folder, mechanism, rate), stop=stop, step=0.05)
+
+
+def find_difference(a, b):
+    """Largest differences of coordinate, and of force away from jumps."""
+    forces = np.abs(a["element[1].force"] - b["element[1].force"])
+    assert np.sum(forces > 1e-3) <= 2, forces
+    return np.max(np.abs(a["element[1].coordinate"] - b["element[1].coordinate"]))
+
+
+TURN = ({"run": {"target": 0.2}}, {"run": {"target": -0.2}}, {"run": "off"})
+GRIP = ({"engagement": 0}, {"engagement": 1}, {"engagement": 0.3})
+BRAKE = {"type": "brake", "forward": 400, "presliding": 1e-4}
+LAWS = {
+    "drive": ((DRIVE,), TURN, {"run": "off"}),
+    "brake": ((BRAKE, PUSH), GRIP, {"engagement": 1}),
+    "regularised": (({**BRAKE, "model": 1}, PUSH), GRIP, {"engagement": 1}),
+    "eddy": (({"type": "eddy", "slope": 300, "peak_rate": 2.0}, PUSH), GRIP, {"engagement": 1}),
+}
+
+
+@pytest.mark.parametrize("kind", LAWS)
+@pytest.mark.parametrize("times", [(0.0, 1.5, 2.5), (0.0, 1.0, 1.25)], ids=["apart", "under way"])
+def test_a_late_setting_is_one_that_is_made_later(tmp_path, kind, times):
+    """Until it arrives the old one acts, also while others are on their way."""
+    laws, actions, before = LAWS[kind]
+    late = run_slide(tmp_path, laws, list(zip(times, actions, strict=True)), failures=[LATE])
+    later = [(0.0, before), *zip((time + 0.75 for time in times), actions, strict=True)]
+    assert find_difference(late, run_slide(tmp_path, laws, later)) < 1e-7
+    assert np.max(np.abs(late["energy.residual"])) < 1e-4
+
+
+@pytest.mark.parametrize("onset", [{"time": 1.2}, {"at": "s1"}, {"at": "s1", "time": 0.5}])
+def test_a_setting_before_the_onset_is_not_late(tmp_path, onset):
+    settings = list(zip((0.0, 1.5, 2.5), TURN, strict=True))
+    late = run_slide(tmp_path, (DRIVE,), settings, failures=[LATE | onset])
+    first = 2 if len(onset) == 2 else 1  # setting that is late
+    later = settings[:first] + [(time + 0.75, action) for time, action in settings[first:]]
+    assert find_difference(late, run_slide(tmp_path, (DRIVE,), later)) < 1e-7
+
+
+@pytest.mark.parametrize("law", [MOTOR, DRIVE], ids=["motor", "drive"])
+@pytest.mark.parametrize(("onset", "start"), [(0.0, 0.75), (5.0, 0.0)])
+def test_a_motor_starts_late_if_the_delay_begins_with_the_run(tmp_path, law, onset, start):
+    made = run_slide(tmp_path, (law,), failures=[LATE | {"time": onset}], stop=1.0)
+    moves = made["element[1].coordinate"] > 0.0
+    assert np.array_equal(moves, made.time > start + 1e-9)
+
+
+def test_the_command_hold_is_late_too(tmp_path):
+    mechanism = make_slide(40, make_element(DRIVE), failures=[LATE | {"time": 0.5}])
+    mechanism["sequence"] = at_times((0.0, {"run": {"target": 0.5}}))
+    docking = dl.Docking(write_slide(tmp_path, mechanism))
+    docking.step(1.0)
+    docking.set("command", "hold")
+    docking.step(0.7)
+    assert docking.get("element[1].rate") == pytest.approx(0.05, rel=1e-3)
+    docking.step(1.3)
+    assert abs(docking.get("element[1].rate")) < 1e-3
+
+
+def test_settings_under_way_are_part_of_a_saved_state(tmp_path):
+    mechanism = make_slide(40, make_element(DRIVE), failures=[LATE])
+    mechanism["sequence"] = at_times(*zip((0.0, 1.5, 1.9), TURN, strict=True))
+    docking = dl.Docking(write_slide(tmp_path, mechanism))
+    docking.step(2.0)  # two are on their way
+    saved, ends = docking.save(), []
+    for _ in range(2):
+        for _ in range(8):
+            docking.step(0.13)
+        ends.append((docking.get("element[1].coordinate"), docking.get("element[1].rate")))
+        docking.restore(saved)
+    assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize(
+    ("law", "failures", "message"),
+    [
+        ({**DRIVE, "commanded": True}, [LATE], r"law 1 \(drive\) .* has its command from the host"),
+        (DRIVE, [LATE, LATE], "is delayed already; give one failure with the sum of the delays"),
+    ],
+)
+def test_a_delay_that_cannot_act_is_refused(tmp_path, law, failures, message):
+    mechanism = make_slide(40, make_element(law), failures=failures)
+    with pytest.raises(UsageError, match=message) as error:
+        dl.Docking(write_slide(tmp_path, mechanism))
+    assert "\n" not in str(error.value)

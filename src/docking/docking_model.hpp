@@ -123,8 +123,9 @@ struct DiscreteState {
   double seated_time = 0.0;  ///< [s] for which that was so
   double seen = 0.0;         ///< time of the last accepted state [s since start]
   SequenceState sequence;
-  std::vector<LawSetting> law;    ///< of all elements; empty without a sequence
-  std::vector<ElementLock> lock;  ///< per element; empty without a sequence
+  std::vector<LawSetting> law;     ///< of all elements; empty without a sequence
+  std::vector<LateSettings> late;  ///< per failure of the file, for one that delays; as `law`
+  std::vector<ElementLock> lock;   ///< per element; empty without a sequence
   std::vector<double> entered;  ///< per step of the sequence: first time [s since the start], or -1
   int disturbances = 0;         ///< bit k: disturbance k acts
   HardDockState hard_dock;

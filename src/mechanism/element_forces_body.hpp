@@ -17,7 +17,8 @@ ElementData<S>::ElementData(const MechanismModel& model) {
 
 namespace {
 
-/// Effect of failures on a law: factor g of its force and energy, its rate, delay of commands.
+/// Effect of failures on a law: factor g of its force and energy, its rate, delay of its start.
+/// The sequence itself delays what it sets (sim/sequence_logic.cpp).
 template <class S>
 struct FailureEffect {
   S factor = S(1), rate = S(0);
@@ -35,11 +36,12 @@ FailureEffect<S> find_failure(const MechanismModel& model, size_t element, size_
     if (failure.element != static_cast<int>(element) || failure.law != static_cast<int>(law)) {
       continue;
     }
+    const double onset = find_time(failure.onset, entered);
     if (failure.kind == Kind::kDelayed) {
-      effect.delay += failure.value;
+      if (onset <= 0.0) effect.delay = failure.value;
       continue;
     }
-    const S u = (time - S(find_time(failure.onset, entered))) / S(kFades);
+    const S u = (time - S(onset)) / S(kFades);
     if (!(u > S(0))) continue;
     const double last = failure.kind == Kind::kOff ? 0.0 : failure.value;
     const Ramp<S> fade = calc_ramp<S>(clamp_unit<S>(u), S(kFades));
@@ -67,6 +69,13 @@ void scale_terms(const FailureEffect<S>& effect, LawTerms<S>& terms) {
   }
 }
 
+/// A law with the numbers of the file; a motor or drive may start late.
+template <class S>
+LawTerms<S> calc_stated_law(const ForceLaw& law, LawInput<S> in, const FailureEffect<S>& effect) {
+  in.time = in.time - S(effect.delay);
+  return std::visit([&](const auto& each) { return calc_law(each, in); }, law);
+}
+
 /// A law that a sequence has switched. @param effect  of failures; an eddy brake that is not
 /// engaged is as one that has failed
 template <class S>
@@ -76,7 +85,7 @@ LawTerms<S> calc_switched_law(const ForceLaw& law, const LawSetting& setting, La
   if (std::holds_alternative<EddyLaw>(law)) effect.factor = effect.factor * S(setting.engagement);
   const DriveLaw* drive = std::get_if<DriveLaw>(&law);
   if (!drive || setting.drive == LawSetting::Drive::kAsStated) {
-    return std::visit([&](const auto& each) { return calc_law(each, in); }, law);
+    return calc_stated_law(law, in, effect);
   }
   if (setting.drive == LawSetting::Drive::kOff) return {};
   DriveLaw running = *drive;
@@ -144,11 +153,11 @@ void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const Ve
     const auto add = [&](size_t k, bool is_brake) {
       const ForceLaw& law = element.laws[k];
       FailureEffect<S> failure = find_failure(model, e, k, time, switches.entered);
-      in.time = time - S(failure.delay);
+      in.time = time;
       in.engagement = failure.factor;  // what a failure does to a brake
-      LawTerms<S> terms =
-          switches.setting ? calc_switched_law(law, switches.setting[first_law + k], in, failure)
-                           : std::visit([&](const auto& each) { return calc_law(each, in); }, law);
+      LawTerms<S> terms = switches.setting
+                              ? calc_switched_law(law, switches.setting[first_law + k], in, failure)
+                              : calc_stated_law(law, in, failure);
       if (!is_brake) scale_terms(failure, terms);
       force += terms.force;
       saturation = std::max<S>(saturation, terms.saturation);

@@ -124,6 +124,26 @@ ForceElement read_element(const JsonReader& item, const MechanismModel& model) {
   return element;
 }
 
+/// Refuses a delay without effect, or a second one. @param kind  the member of the failure
+void check_delay(const JsonReader& kind, const LawFailure& failure, const MechanismModel& model) {
+  const ForceElement& element = model.elements[static_cast<size_t>(failure.element)];
+  const ForceLaw& law = element.laws[static_cast<size_t>(failure.law)];
+  const std::string what = "is 'delayed', but law " + std::to_string(failure.law + 1) + " (" +
+                           describe_type(law) + ") of element '" + element.name + "' ";
+  if (!takes_settings(law)) {
+    kind.fail(what + "takes no command; only a motor, drive, brake or eddy brake does");
+  }
+  if (is_commanded(law)) {
+    kind.fail(what + "has its command from the host; delay the input of the host, or leave out " +
+              "'commanded' of the law");
+  }
+  for (const LawFailure& other : model.failures) {
+    if (other.kind == failure.kind && other.number == failure.number) {
+      kind.fail(what + "is delayed already; give one failure with the sum of the delays");
+    }
+  }
+}
+
 Onset read_onset(const JsonReader& item) {
   return {item.non_negative("time", 0.0), item.text("at", ""), -1};
 }
@@ -149,15 +169,21 @@ LawFailure read_failure(const JsonReader& item, const MechanismModel& model) {
                  : kind == "factor" ? Kind::kFactor
                  : kind == "jammed" ? Kind::kJammed
                                     : Kind::kDelayed;
+  const auto first = model.elements.begin();
+  failure.number = count_laws({first, first + failure.element});
   if (failure.kind != Kind::kJammed) {
     failure.law = item.at("law").whole(1, static_cast<int>(element.laws.size())) - 1;
+    failure.number += failure.law;
+  } else if (item.has("law")) {
+    item.at("law").fail("has no effect: 'jammed' holds the whole element; leave it out");
   }
+  if (failure.kind == Kind::kDelayed) check_delay(item.at("kind"), failure, model);
   failure.onset = read_onset(item);
-  if (failure.kind == Kind::kDelayed && item.has("at")) {
-    item.at("at").fail("has no effect: commands are delayed during the whole run");
-  }
   if (failure.kind == Kind::kFactor || failure.kind == Kind::kDelayed) item.at("value");
   failure.value = item.non_negative("value", failure.kind == Kind::kJammed ? kLockStiffness : 0.0);
+  if (failure.kind == Kind::kJammed && failure.value == 0.0) {
+    item.at("value").fail("is 0; the stiffness of the lock of a jammed element must be above 0");
+  }
   failure.active = item.flag("active", true);
   return failure;
 }

@@ -232,6 +232,18 @@ struct LawSetting {
   double acceleration = 0.0, deceleration = 0.0;
 };
 
+constexpr int kMaxUnderWay = 8;  ///< settings on their way to one law
+
+/// Settings on their way to a law that a failure delays, the oldest first.
+struct LateSettings {
+  struct Entry {
+    double arrival = 0.0;  ///< [s since the start]
+    LawSetting setting;
+  };
+  int count = 0;
+  std::array<Entry, kMaxUnderWay> entry;
+};
+
 constexpr double kLockStiffness = 5e7;  ///< of an elastic lock, if none is stated [N/m]
 
 /// What holds an element where it was when a sequence locked it.
@@ -254,9 +266,10 @@ struct LawFailure {
     kOff,     ///< the law fades out within 0.05 s
     kFactor,  ///< the same to `value`
     kJammed,  ///< an elastic lock of stiffness `value` holds the element
-    kDelayed  ///< commands reach the law `value` seconds later
+    kDelayed  ///< start and settings of a sequence reach the law `value` seconds later
   };
   int element = 0, law = 0;
+  int number = 0;  ///< of the law, among the laws of all elements
   Kind kind = Kind::kOff;
   bool active = true;
   Onset onset;
@@ -276,6 +289,12 @@ inline bool has_bristle(const ForceLaw& law) {
 /// Does the law do work on the mechanism?
 inline bool is_powered(const ForceLaw& law) {
   return std::holds_alternative<MotorLaw>(law) || std::holds_alternative<DriveLaw>(law);
+}
+
+/// Has the law a start, or settings of a sequence, that a failure may delay?
+inline bool takes_settings(const ForceLaw& law) {
+  return is_powered(law) || std::holds_alternative<BrakeLaw>(law) ||
+         std::holds_alternative<EddyLaw>(law);
 }
 
 /// Does an input replace the voltage, current or target of the law?

@@ -157,13 +157,19 @@ bool fits(const DiscreteState& discrete, int command, const DockingModel& model)
   const bool none = model.sequence.empty();
   const size_t laws = none ? 0 : static_cast<size_t>(count_laws(elements));
   const size_t locks = none ? 0 : elements.size();
+  const size_t failures = none ? 0 : model.mechanism.model.failures.size();
   const int steps = std::max(1, static_cast<int>(model.sequence.steps.size()));
   const auto is_step = [&](int step) { return step >= 0 && step < steps; };
   const auto is_command = [](int number) {
     return number >= kNoCommand && number <= kCommands.back().number;
   };
+  const auto is_queue = [](const LateSettings& late) {
+    return late.count >= 0 && late.count <= kMaxUnderWay;
+  };
   const int known = 1 << model.disturbances.size();
   return discrete.law.size() == laws && discrete.lock.size() == locks &&
+         discrete.late.size() == failures &&
+         std::all_of(discrete.late.begin(), discrete.late.end(), is_queue) &&
          discrete.entered.size() == model.sequence.steps.size() && discrete.disturbances >= 0 &&
          discrete.disturbances < known && is_step(s.step) && is_command(s.command) &&
          is_command(command) && s.outcome >= 0 && s.outcome <= kOutcomes.back().number &&

@@ -203,6 +203,12 @@ int SequenceLogic::find_row(DockingData<double>& at, double now, double slack, c
 
 double SequenceLogic::find_next_time(double now) const {
   double next = kNever;
+  for (const LateSettings& late : discrete_.late) {
+    for (int i = 0; i < late.count; ++i) {
+      const double arrival = late.entry[static_cast<size_t>(i)].arrival;
+      if (arrival > now) next = std::min(next, arrival);
+    }
+  }
   if (!exists() || state_.command == kHold) return next;
   const auto add = [&](double clock) {
     const double time = clock + state_.stood;
@@ -230,6 +236,7 @@ void SequenceLogic::start() {
   discrete_.entered.assign(model_->sequence.steps.size(), -1.0);
   discrete_.law.assign(static_cast<size_t>(count_laws(model_->mechanism.model.elements)),
                        LawSetting());
+  discrete_.late.assign(model_->mechanism.model.failures.size(), LateSettings());
   discrete_.lock.assign(model_->mechanism.model.elements.size(), ElementLock());
 }
 
@@ -239,9 +246,11 @@ bool SequenceLogic::update_command(int command, double now) {
   if (resumes) state_.stood += now - state_.held_since;
   state_.command = command;
   state_.held_since = now;
-  for (LawSetting& law : discrete_.law) {
-    law.is_held = command == kHold;
-    if (resumes) law.since = now;
+  if (command != kHold && !resumes) return true;
+  for (int law = 0; law < static_cast<int>(discrete_.law.size()); ++law) {
+    const Change made = change_setting(law, now);
+    made.setting.is_held = command == kHold;
+    if (resumes) made.setting.since = made.arrival;
   }
   return true;
 }
@@ -249,6 +258,15 @@ bool SequenceLogic::update_command(int command, double now) {
 SequenceChange SequenceLogic::update(DockingData<double>& at, double now, double clock_rounding,
                                      const char* due, double* sums) {
   const double slack = find_slack(clock_rounding);
+  const bool arrives = deliver(now + slack);
+  SequenceChange change = take_step(at, now, slack, due, sums);
+  change.events = change.events || arrives;
+  change.equations = change.equations || arrives;
+  return change;
+}
+
+SequenceChange SequenceLogic::take_step(DockingData<double>& at, double now, double slack,
+                                        const char* due, double* sums) {
   if (discrete_.captured != state_.was_captured) {
     if (discrete_.captured) state_.outcome = kOutcomeCaptured;
     if (!discrete_.captured && state_.outcome == kOutcomeCaptured) state_.outcome = 0;
@@ -269,8 +287,8 @@ bool SequenceLogic::is_change_due(DockingData<double>& at, double now,
                                   double clock_rounding) const {
   const double slack = find_slack(clock_rounding);
   std::array<double, kMaxRows> since = state_.since;
-  return find_row(at, now, slack, nullptr, since) >= 0 || since != state_.since ||
-         is_timed_out(now, slack);
+  return is_arrival_due(now + slack) || find_row(at, now, slack, nullptr, since) >= 0 ||
+         since != state_.since || is_timed_out(now, slack);
 }
 
 SequenceChange SequenceLogic::follow(const SequenceBranch& branch, const Occasion& occasion) {
@@ -357,11 +375,52 @@ void SequenceLogic::act(const LatchesAction& action, const Occasion& occasion) {
   }
 }
 
+/// If too many settings are on their way, the last one is replaced.
+SequenceLogic::Change SequenceLogic::change_setting(int law, double now) {
+  LawSetting& acting = discrete_.law[static_cast<size_t>(law)];
+  const std::vector<LawFailure>& failures = model_->mechanism.model.failures;
+  for (size_t k = 0; k < failures.size(); ++k) {
+    const LawFailure& failure = failures[k];
+    if (failure.kind != LawFailure::Kind::kDelayed || failure.number != law) continue;
+    if (!failure.active || now < find_time(failure.onset, discrete_.entered.data())) continue;
+    LateSettings& late = discrete_.late[k];
+    const size_t last = static_cast<size_t>(std::max(late.count - 1, 0));
+    const LawSetting newest = late.count > 0 ? late.entry[last].setting : acting;
+    late.count = std::min(late.count + 1, kMaxUnderWay);
+    LateSettings::Entry& entry = late.entry[static_cast<size_t>(late.count - 1)];
+    entry = {now + failure.value, newest};
+    return {entry.setting, entry.arrival};
+  }
+  return {acting, now};
+}
+
+bool SequenceLogic::is_arrival_due(double at) const {
+  return std::any_of(discrete_.late.begin(), discrete_.late.end(), [at](const LateSettings& late) {
+    return late.count > 0 && late.entry[0].arrival <= at;
+  });
+}
+
+bool SequenceLogic::deliver(double at) {
+  if (!is_arrival_due(at)) return false;
+  for (size_t k = 0; k < discrete_.late.size(); ++k) {
+    LateSettings& late = discrete_.late[k];
+    const auto begin = late.entry.begin(), end = begin + late.count;
+    const auto waits = std::find_if(begin, end, [at](const auto& e) { return e.arrival > at; });
+    if (waits == begin) continue;
+    const size_t law = static_cast<size_t>(model_->mechanism.model.failures[k].number);
+    discrete_.law[law] = (waits - 1)->setting;
+    late.count = static_cast<int>(end - waits);
+    std::move(waits, end, begin);
+  }
+  return true;
+}
+
 void SequenceLogic::act(const RunAction& action, const Occasion& occasion) {
   for (const RunAction::Drive& drive : action.drives) {
-    LawSetting& law = discrete_.law[static_cast<size_t>(drive.law)];
+    const Change made = change_setting(drive.law, occasion.now);
+    LawSetting& law = made.setting;
     law.drive = action.on ? LawSetting::Drive::kRuns : LawSetting::Drive::kOff;
-    law.since = occasion.now;
+    law.since = made.arrival;
     law.target = action.target;
     law.speed = drive.speed;
     law.acceleration = drive.acceleration;
@@ -369,9 +428,9 @@ void SequenceLogic::act(const RunAction& action, const Occasion& occasion) {
   }
 }
 
-void SequenceLogic::act(const EngagementAction& action, const Occasion&) {
+void SequenceLogic::act(const EngagementAction& action, const Occasion& occasion) {
   for (const int law : action.laws) {
-    discrete_.law[static_cast<size_t>(law)].engagement = action.engagement;
+    change_setting(law, occasion.now).setting.engagement = action.engagement;
   }
 }
 

@@ -6,6 +6,9 @@
 // number of a row falls to zero. While a row waits for the end of its dwell, its event function is
 // that of the end of the condition. Ends of dwells, time-outs and bounds of the time are known
 // times: a step of the integrator ends there.
+//
+// A failure may delay the settings of a law. Until they arrive, at known times too, they wait in
+// DiscreteState::late, and the old setting acts.
 #pragma once
 
 #include <optional>
@@ -86,6 +89,20 @@ class SequenceLogic {
   int find_row(DockingData<double>& at, double now, double slack, const char* due,
                std::array<double, kMaxRows>& since) const;
   SequenceChange follow(const SequenceBranch& branch, const Occasion& occasion);
+  /// What an action changes, and from when it acts.
+  struct Change {
+    LawSetting& setting;
+    double arrival;  ///< [s since the start]
+  };
+  /// The setting of a law that an action changes; a failure may delay it.
+  /// @param law  among the laws of all elements
+  Change change_setting(int law, double now);
+  /// Is a setting that was on its way due? @param at  [s since the start]
+  bool is_arrival_due(double at) const;
+  /// Settings that are due act. @return is_arrival_due()
+  bool deliver(double at);
+  SequenceChange take_step(DockingData<double>& at, double now, double slack, const char* due,
+                           double* sums);
   /// Does the present step begin a failure?
   bool begins_something() const;
   void act(const ThrustAction& action, const Occasion& occasion);

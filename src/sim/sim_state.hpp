@@ -259,6 +259,16 @@ void transfer(A& archive, LawSetting& law) {
 }
 
 template <class A>
+void transfer(A& archive, LateSettings::Entry& entry) {
+  transfer_members<LateSettings::Entry>(archive, entry.arrival, entry.setting);
+}
+
+template <class A>
+void transfer(A& archive, LateSettings& late) {
+  transfer_members<LateSettings>(archive, late.count, late.entry);
+}
+
+template <class A>
 void transfer(A& archive, ElementLock& lock) {
   transfer_members<ElementLock>(archive, lock.stiffness, lock.damping, lock.place);
 }
@@ -288,8 +298,8 @@ template <class A>
 void transfer(A& archive, DiscreteState& d) {
   transfer_members<DiscreteState>(archive, d.latch, d.contacted, d.captured, d.time_of_contact,
                                   d.time_of_capture, d.thrust_on, d.phase, d.outcome, d.seated,
-                                  d.seated_time, d.seen, d.hard_dock, d.sequence, d.law, d.lock,
-                                  d.entered, d.disturbances);
+                                  d.seated_time, d.seen, d.hard_dock, d.sequence, d.law, d.late,
+                                  d.lock, d.entered, d.disturbances);
 }
 
 template <class A>

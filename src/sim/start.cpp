@@ -34,12 +34,16 @@ bool acts_by_itself(const MechanismModel& mechanism) {
 /// Failures as the parameters have them.
 void put_failures(const Parameters& p, std::vector<LawFailure>& failures) {
   for (size_t k = 0; k < failures.size(); ++k) {
+    const std::string name = "failure[" + std::to_string(k + 1) + "]";
     failures[k].active = p.failure_active[k] != 0;
     failures[k].onset.time = p.failure_numbers[2 * k];
     failures[k].value = p.failure_numbers[2 * k + 1];
-    if (failures[k].onset.time >= 0.0 && failures[k].value >= 0.0) continue;
-    throw ModelError("failure[" + std::to_string(k + 1) +
-                     "] has a time or value below 0; both must be 0 or more");
+    if (!(failures[k].onset.time >= 0.0) || !(failures[k].value >= 0.0)) {
+      throw ModelError(name + " has a time or value below 0; both must be 0 or more");
+    }
+    if (failures[k].kind == LawFailure::Kind::kJammed && failures[k].value == 0.0) {
+      throw ModelError(name + ".value is 0; the stiffness of a jammed element must be above 0");
+    }
   }
 }
 
