@@ -186,3 +186,15 @@ def test_the_base_may_stand_elsewhere_on_the_interface(tmp_path):
     assert np.allclose(moved["capture.force"], shipped["capture.force"], rtol=1e-3, atol=0.5)
     assert moved["time_of_capture"][-1] == pytest.approx(shipped["time_of_capture"][-1], abs=1e-6)
     moved.view(tmp_path / "moved.html")  # refuses geometry that disagrees with the run
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_a_count_of_latches_that_differs_from_their_angles_is_refused(count):
+    message = f"latches.count is {count}, but azimuth_deg lists 3 angles"
+    with pytest.raises(UsageError, match=message):
+        dl.Docking(RING, overrides={"mechanism.set.latches.count": count})
+
+
+def test_play_of_a_latch_is_above_0_in_the_file_as_in_the_parameter():
+    with pytest.raises(UsageError, match="latches.play is 0: must be greater than 0"):
+        dl.Docking(RING, overrides={"mechanism.set.latches.play": 0})

@@ -250,6 +250,11 @@ LatchSet read_latches(const JsonReader& item) {
         common.striker = common.hook;
         set.latch.push_back(common);
       }
+      const int listed = set.count();
+      if (item.has("count") && item.at("count").number() != listed) {
+        item.at("count").fail("is " + item.at("count").shown() + ", but azimuth_deg lists " +
+                              std::to_string(listed) + " angles; give one for each latch");
+      }
       if (set.count() > kMaxLatches) {
         item.at("azimuth").fail("lists " + std::to_string(set.count()) + " latches; the limit is " +
                                 std::to_string(kMaxLatches));
