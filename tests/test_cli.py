@@ -95,6 +95,11 @@ def test_a_start_of_a_joint_that_cannot_have_one_is_refused_by_build(dockloop, j
     assert_refused(outcome, "hexapod_bench.toml", *words, "no joint of this mechanism")
 
 
+def test_a_start_of_a_joint_that_a_coupling_determines_is_refused_with_its_name(dockloop):
+    outcome = dockloop("build", "apda", "--scene", "initial.joints.rod1_nut.rate=1")
+    assert_refused(outcome, "initial.joints.rod1_nut: the coupling 'screw1' determines this joint")
+
+
 def test_a_file_that_is_no_fmu_is_refused(dockloop, tmp_path):
     (tmp_path / "text.fmu").write_text("not a zip file")
     assert_refused(dockloop("run", "text.fmu"), "text.fmu", "not a zip file")

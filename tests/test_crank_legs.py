@@ -350,7 +350,11 @@ def test_a_drawing_shows_cranks_and_gears(tmp_path):
         (lambda d, leg: d.update(gear={**GEAR, "axis": [0, 0, 3]}), "gear.axis must be a unit"),
         (
             lambda d, leg: d["stops"].update(min_length=0.01),
-            "the home length 0 m must lie between min_length and max_length",
+            "the home length 0 m must lie between min_length and max_length, 0.01 m and ",
+        ),
+        (
+            lambda d, leg: d["stops"].update(min_length=0.5, max_length=0.3),
+            "min_length 0.5 m must be below max_length 0.3 m",
         ),
         (
             lambda d, leg: leg.update(screw={"lead": 0.02, "inertia": 1e-5}),

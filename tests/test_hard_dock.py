@@ -186,7 +186,7 @@ def test_a_host_commands_the_hardware(tmp_path):
         ("hooks", {"preload": 0.01}, "increase preload"),
         ("hooks", {"playy": 0.1}, "unknown member 'playy' (did you mean 'play'"),
         ("hooks", {"open_time": 0}, "open_time"),
-        ("pushers", {"take_up": 0.1}, "take_up must not exceed stroke"),
+        ("pushers", {"take_up": 0.1}, "take_up is 0.1 m; it must not exceed stroke, 0.03 m"),
         ("pushers", {"stroke": 0}, "stroke"),
     ],
 )
@@ -204,6 +204,7 @@ def test_malformed_hardware_is_refused_in_one_sentence(tmp_path, part, members, 
         ({"joint": "stiff"}, {}, "rigid"),
         ({"pushers": "on"}, {"pushers": None}, "no member interface.pushers"),
         ({"hooks": "close"}, {"hooks": None}, "no member interface.hooks"),
+        ({"hooks": "close", "law": "brake"}, {}, "the member 'law', which the action 'hooks'"),
     ],
 )
 def test_actions_without_hardware_are_refused(tmp_path, action, part, message):

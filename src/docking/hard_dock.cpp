@@ -93,8 +93,11 @@ void check_hard_dock(const HardDock& dock) {
   }
   if (!pushers.points.empty()) {
     refuse("interface.pushers", find_fault(pushers, kPusherNumbers));
-    require("interface.pushers", pushers.take_up <= pushers.stroke,
-            "take_up must not exceed stroke");
+    if (pushers.take_up > pushers.stroke) {
+      refuse("interface.pushers", "take_up is " + describe_number(pushers.take_up) +
+                                      " m; it must not exceed stroke, " +
+                                      describe_number(pushers.stroke) + " m");
+    }
     require("interface.pushers", pushers.preload > 0.0 || pushers.stiffness > 0.0,
             "preload or stiffness must be above 0");
   }

@@ -27,9 +27,14 @@ std::string find_fault(const Leg& leg, const LegStops& stops) {
   if (!is_crank && stops.min_length <= 0.0) {
     return "min_length is " + describe_number(stops.min_length) + "; it must be above 0";
   }
+  const std::string least = describe_number(stops.min_length) + " m";
+  const std::string most = describe_number(stops.max_length) + " m";
+  if (!(stops.min_length < stops.max_length)) {
+    return "min_length " + least + " must be below max_length " + most;
+  }
   if (stops.min_length < leg.home_length && leg.home_length < stops.max_length) return "";
   return "the home length " + describe_number(leg.home_length) +
-         " m must lie between min_length and max_length";
+         " m must lie between min_length and max_length, " + least + " and " + most;
 }
 
 bool is_joint_spring(const MechanismModel& model, const JointForce& force) {

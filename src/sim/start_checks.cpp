@@ -118,6 +118,17 @@ void check_parameters(const Parameters& p, const Scene& scene, FmiKind fmi_kind,
   }
 }
 
+/// What determines a joint that is not independent.
+std::string describe_cause(const MechanismModel& mechanism, int body) {
+  for (const Loop& loop : mechanism.loops) {
+    const bool is_its = std::count(loop.dependent.begin(), loop.dependent.end(), body) > 0;
+    if (is_its && loop.cut == CutType::kCoupling) {
+      return "the coupling '" + loop.name + "' determines this joint";
+    }
+  }
+  return "a loop determines this joint";
+}
+
 void check_joint_starts(const Scene& scene, const LoopPlan& plan) {
   const std::vector<Body>& bodies = scene.mechanism.bodies;
   const auto is_independent = [&](int i) {
@@ -135,7 +146,7 @@ void check_joint_starts(const Scene& scene, const LoopPlan& plan) {
     const std::string reason =
         at == kBase ? "the mechanism has no body of that name"
         : !is_independent(at)
-            ? "a loop determines this joint"
+            ? describe_cause(scene.mechanism, at)
             : "a free joint has no single coordinate (initial.capture_body displaces a free "
               "capture body)";
     throw ModelError("initial.joints." + start.name + ": " + reason +

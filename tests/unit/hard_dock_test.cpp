@@ -522,7 +522,7 @@ TEST(HardDock, parameters_out_of_range_are_refused) {
       {"/hooks/open_time", 0, "open_time is 0; it must be above 0"},
       {"/hooks/rows/0/close_delay", -1, "close_delay"},
       {"/pushers/stroke", 0, "must be above 0"},
-      {"/pushers/take_up", 0.04, "take_up must not exceed stroke"},
+      {"/pushers/take_up", 0.04, "take_up is 0.04 m; it must not exceed stroke, 0.03 m"},
       {"/pushers/ramp", 0, "ramp is 0; it must be above 0"},
       {"/pushers/on_at_start", "yes", "must be true or false"},
   };
