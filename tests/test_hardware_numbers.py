@@ -142,7 +142,7 @@ BAD = {
     "leg[2].stiffness": (-1.0, "leg[2].stiffness' = -1 is below its minimum 0 N/m"),
     "leg[3].stops.toe": (0.0, "leg[3].stops.toe is 0 m; it must be above 0"),
     "leg[4].stops.min_length": (-0.1, "leg[4].stops: min_length is -0.1; it must be above 0"),
-    "leg[1].stops.max_length": (0.5, "must lie between min_length and max_length"),
+    "leg[1].stops.max_length": (0.5, "min_length 0.65 m must be below max_length 0.5 m"),
     "latch[2].play": (0.001, "latch 2: play is 0.001 m; it must be at least catch, 0.004 m"),
     "latch[1].range": (0.002, "latch 1: range is 0.002 m; it must be above catch, 0.004 m"),
     "latch[1].stiffness": (0.0, "latch 1: stiffness is 0; it must be above 0"),

@@ -392,7 +392,22 @@ MALFORMED = {
         "steps": [step("a", (when("element.two.rate", above=0), "a"))]
     },
     "an element has coordinate": {"steps": [step("a", (when("element.one.x", above=0), "a"))]},
-    "two numbers that increase": {"steps": [step("a", (when(X, between=[1, 0]), "a"))]},
+    "is 1 and 0; it must be two numbers that increase": {
+        "steps": [step("a", (when(X, between=[1, 0]), "a"))]
+    },
+    "is 'leg\\[3\\].length', but there are 0 legs": {
+        "steps": [step("a", (when("leg[3].length", above=0), "a"))]
+    },
+    "is 'relative.position\\[4\\]', but its index is 1 to 3": {
+        "steps": [step("a", (when("relative.position[4]", above=0), "a"))]
+    },
+    "is 'gap', but the mechanism has no contact": {
+        "steps": [step("a", (when("gap", below=0), "a"))]
+    },
+    "latched is 1, but the mechanism has no latches": {"steps": [step("a", ({"latched": 1}, "a"))]},
+    "latched_below is 2, but the mechanism has no latches": {
+        "steps": [step("a", ({"latched_below": 2}, "a"))]
+    },
     "one of quantity, latched, latched_below, hooks_closed, command": {
         "steps": [step("a", ({**when(X, above=0), "latched": 1}, "a"))]
     },
@@ -421,6 +436,18 @@ MALFORMED = {
         "steps": [step("a", do=[{"element": "one"}])]
     },
     "either element or elements": {"steps": [step("a", do=[{"engagement": 0.5}])]},
+    "has the member 'element', which the action 'thrust' does not use": {
+        "steps": [step("a", do=[{"thrust": "on", "element": "one"}])]
+    },
+    "has the member 'stiffness', which the action 'thrust' does not use": {
+        "steps": [step("a", do=[{"thrust": "on", "stiffness": 3}])]
+    },
+    "has the member 'law', which the action 'lock' does not use": {
+        "steps": [step("a", do=[{"element": "one", "lock": "on", "law": "brake"}])]
+    },
+    "stiffness has no effect with 'lock': 'off'": {
+        "steps": [step("a", do=[{"element": "one", "lock": "off", "stiffness": 3}])]
+    },
     "has the actions thrust and latches; give each one an item of its own": {
         "steps": [step("a", do=[{"latches": "arm", "thrust": "on"}])]
     },

@@ -106,22 +106,29 @@ struct SequenceRow : SequenceBranch {
 
 // Actions: each has the key by which files name it. To add one: its struct here and its place in
 // Action; read_action() in sequence_json.cpp; act() in sim/sequence_logic.cpp.
+// kMembers are the members that may stand next to the key.
+constexpr std::array<const char*, 0> kNoMembers{};
+constexpr std::array<const char*, 3> kLawMembers{"element", "elements", "law"};
+constexpr std::array<const char*, 4> kLockMembers{"element", "elements", "stiffness", "damping"};
 
 /// The contact thrust comes on after its delay, or goes off.
 struct ThrustAction {
   static constexpr const char* kKey = "thrust";
+  static constexpr auto kMembers = kNoMembers;
   bool on = false;
 };
 
 /// All latches release, or may catch again.
 struct LatchesAction {
   static constexpr const char* kKey = "latches";
+  static constexpr auto kMembers = kNoMembers;
   bool arm = false;
 };
 
 /// Drives run to a target, or are off.
 struct RunAction {
   static constexpr const char* kKey = "run";
+  static constexpr auto kMembers = kLawMembers;
   struct Drive {
     int law = 0;  ///< among the laws of all elements
     double speed = 0.0, acceleration = 0.0, deceleration = 0.0;
@@ -134,6 +141,7 @@ struct RunAction {
 /// Brakes engage or open.
 struct EngagementAction {
   static constexpr const char* kKey = "engagement";
+  static constexpr auto kMembers = kLawMembers;
   std::vector<int> laws;  ///< among the laws of all elements
   double engagement = 1.0;
 };
@@ -141,6 +149,7 @@ struct EngagementAction {
 /// Elements are held where they are, or free again.
 struct LockAction {
   static constexpr const char* kKey = "lock";
+  static constexpr auto kMembers = kLockMembers;
   std::vector<int> elements;
   ElementLock lock;  ///< open: free again
 };
@@ -148,18 +157,21 @@ struct LockAction {
 /// Hooks close as soon as the opening allows, or open.
 struct HooksAction {
   static constexpr const char* kKey = "hooks";
+  static constexpr auto kMembers = kNoMembers;
   bool close = false;
 };
 
 /// Pushers act, or are held back.
 struct PushersAction {
   static constexpr const char* kKey = "pushers";
+  static constexpr auto kMembers = kNoMembers;
   bool on = false;
 };
 
 /// Chaser, mechanism and target become one rigid body, or move as hooks and faces let them.
 struct JointAction {
   static constexpr const char* kKey = "joint";
+  static constexpr auto kMembers = kNoMembers;
   bool rigid = false;
 };
 

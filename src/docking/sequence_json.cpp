@@ -84,6 +84,7 @@ int find_step(const JsonReader& item, const std::vector<std::string>& names) {
 
 /// What the members of a sequence refer to.
 struct Context {
+  const JsonReader& mechanism;
   const MechanismModel& model;
   const LatchSet* latches;
   const std::vector<std::string>& steps;
@@ -127,16 +128,48 @@ int find_count(const QuantityName& entry, const Context& context) {
   return entry.count;
 }
 
+/// Index in a name like "leg[3].length"; -1: it has not this form.
+int find_index(const std::string& text, const QuantityName& entry) {
+  const std::string begin = std::string(entry.name) + "[", end = std::string("]") + entry.member;
+  if (text.size() <= begin.size() + end.size() || text.rfind(begin, 0) != 0) return -1;
+  const std::string digits = text.substr(begin.size(), text.size() - begin.size() - end.size());
+  constexpr size_t kMostDigits = 4;
+  if (text.substr(begin.size() + digits.size()) != end || digits.size() > kMostDigits ||
+      digits.find_first_not_of("0123456789") != std::string::npos) {
+    return -1;
+  }
+  const int index = std::stoi(digits);
+  return std::to_string(index) == digits ? index : -1;
+}
+
+/// "there are 2 latches"
+std::string describe_count(const QuantityName& entry, const Context& context) {
+  const int count = find_count(entry, context);
+  const std::string number = std::to_string(count);
+  if (entry.count > 0) return "its index is 1 to " + number;
+  const bool is_leg = entry.count == kPerLeg;
+  if (!is_leg && !context.latches) return "at most " + number + " latches are possible";
+  if (count == 1) return std::string("there is 1 ") + (is_leg ? "leg" : "latch");
+  return "there are " + number + (is_leg ? " legs" : " latches");
+}
+
 void read_quantity(const JsonReader& item, const Context& context, Condition& condition) {
   if (read_element_quantity(item, context, condition)) return;
   std::string known;
   for (const QuantityName& entry : kQuantities) {
     condition.quantity = entry.quantity;
     const std::string member = entry.member;
-    if (entry.count == 0 && item.text() == entry.name) return;
-    for (int i = 0; i < find_count(entry, context); ++i) {
-      condition.index = i;
-      if (item.text() == entry.name + ("[" + std::to_string(i + 1) + "]") + member) return;
+    if (entry.count == 0 && item.text() == entry.name) {
+      if (entry.quantity != Measured::kGap || context.mechanism.has("contact")) return;
+      item.fail("is 'gap', but the mechanism has no contact");
+    }
+    const int index = entry.count == 0 ? -1 : find_index(item.text(), entry);
+    if (index >= 1 && index <= find_count(entry, context)) {
+      condition.index = index - 1;
+      return;
+    }
+    if (index >= 0) {
+      item.fail("is '" + item.text() + "', but " + describe_count(entry, context));
     }
     known += std::string(entry.name) + (entry.count == 0 ? "" : "[i]") + member + ", ";
   }
@@ -145,6 +178,9 @@ void read_quantity(const JsonReader& item, const Context& context, Condition& co
 }
 
 int read_latch_count(const JsonReader& item, const Context& context) {
+  if (!context.mechanism.has("latches")) {
+    item.fail("is " + item.shown() + ", but the mechanism has no latches");
+  }
   return item.whole(1, context.latches ? std::max(1, context.latches->count()) : kMaxLatches);
 }
 
@@ -169,6 +205,9 @@ Condition read_condition(const JsonReader& item, const Context& context) {
   } else if (item.has("hooks_closed")) {
     condition.kind = Condition::Kind::kHooksClosed;
     const int hooks = context.hard_dock.hooks.count();
+    if (hooks == 0 && context.latches) {
+      item.at("hooks_closed").fail("counts hooks, but the mechanism has no member interface.hooks");
+    }
     condition.number = item.at("hooks_closed").whole(1, hooks > 0 ? hooks : kMaxHooks);
   } else if (item.has("command")) {
     condition.kind = Condition::Kind::kCommand;
@@ -185,7 +224,11 @@ Condition read_condition(const JsonReader& item, const Context& context) {
       const Eigen::Vector2d both = item.at("between").vector<2>();
       condition.low = both[0];
       condition.high = both[1];
-      if (!(both[0] < both[1])) item.at("between").fail("must be two numbers that increase");
+      if (!(both[0] < both[1])) {
+        item.at("between").fail("is " + describe_number(both[0]) + " and " +
+                                describe_number(both[1]) +
+                                "; it must be two numbers that increase");
+      }
     }
   }
   return condition;
@@ -307,7 +350,11 @@ void read_action(const JsonReader& item, const Context& context, EngagementActio
 }
 
 void read_action(const JsonReader& item, const Context& context, LockAction& action) {
-  if (read_word(item.at(LockAction::kKey), "on", "off")) {
+  const bool locks = read_word(item.at(LockAction::kKey), "on", "off");
+  for (const char* number : {"stiffness", "damping"}) {
+    if (!locks && item.has(number)) item.at(number).fail("has no effect with 'lock': 'off'");
+  }
+  if (locks) {
     constexpr double kRelaxation = 1e-3;  // damping over stiffness, if none is stated [s]
     ElementLock& lock = action.lock;
     lock.stiffness = item.has("stiffness") ? item.positive("stiffness") : kLockStiffness;
@@ -343,6 +390,19 @@ void read_action(const JsonReader& item, const Context& context, JointAction& ac
   }
 }
 
+/// Refuses a member that an action does not use.
+template <class Each>
+void require_members(const JsonReader& item) {
+  for (const auto& member : item.node().items()) {
+    const std::string& key = member.key();
+    const auto is_key = [&](const char* known) { return key == known; };
+    if (key == Each::kKey || key == "comment") continue;
+    if (std::any_of(Each::kMembers.begin(), Each::kMembers.end(), is_key)) continue;
+    item.fail("has the member '" + key + "', which the action '" + Each::kKey +
+              "' does not use; leave it out");
+  }
+}
+
 /// Reads the alternative of Action whose key the item has.
 template <size_t i = 0>
 Action read_keyed(const JsonReader& item, const Context& context, const std::string& known = "") {
@@ -351,6 +411,7 @@ Action read_keyed(const JsonReader& item, const Context& context, const std::str
     if (!item.has(Each::kKey)) {
       return read_keyed<i + 1>(item, context, known + (i > 0 ? ", " : "") + Each::kKey);
     }
+    require_members<Each>(item);
     Each action;
     read_action(item, context, action);
     return action;
@@ -441,7 +502,7 @@ Sequence read_sequence(const JsonReader& mechanism, const MechanismModel& model,
     names.push_back(name);
   }
   if (names.empty()) item.at("steps").fail("is empty; a sequence needs a step");
-  const Context context{model, latches, names, hard_dock};
+  const Context context{mechanism, model, latches, names, hard_dock};
   for (const JsonReader& step : steps) sequence.steps.push_back(read_step(step, context));
   if (item.has("start")) sequence.start = find_step(item.at("start"), names);
   check_reached(item, sequence);
