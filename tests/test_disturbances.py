@@ -308,17 +308,18 @@ def test_a_delay_that_cannot_act_is_refused(tmp_path, law, failures, message):
     ("engagement", "failure", "left"),
     [
         (1.0, {"kind": "off"}, 0.0),
-        (0.0, {"kind": "factor", "value": 1.0}, 0.0),
         (1.0, {"kind": "factor", "value": 0.5}, 0.5),
+        (0.5, {"kind": "off"}, 0.0),
     ],
-    ids=["off", "engagement 0", "half"],
+    ids=["off", "half", "engagement 0.5"],
 )
-def test_the_friction_of_a_load_fades_with_the_levels(tmp_path, model, engagement, failure, left):
+def test_the_friction_of_a_load_fails_with_its_brake(tmp_path, model, engagement, failure, left):
+    """The level is that of the brake times its engagement, and a share of the load."""
     brake = {"type": "brake", "forward": 20, "load_share": 0.5, "model": model}
     brake |= {"engagement": engagement}
     failure = {"element": "one", "law": 2, "time": 1.0, **failure}
     made = run_slide(tmp_path, (PUSH, brake), rate=1.0, failures=[failure], stop=2.0)
     friction = 100.0 - made["element[1].force"]
-    whole = 70.0 * engagement
+    whole = 20.0 * engagement + 50.0
     assert friction[(made.time > 0.2) & (made.time < 0.99)] == pytest.approx(whole, abs=1e-3)
     assert friction[-1] == pytest.approx(left * whole, abs=1e-3)

@@ -154,7 +154,8 @@ void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const Ve
       const ForceLaw& law = element.laws[k];
       FailureEffect<S> failure = find_failure(model, e, k, time, switches.entered);
       in.time = time;
-      in.engagement = failure.factor;  // what a failure does to a brake
+      in.engagement = S(1);
+      in.health = failure.factor;
       LawTerms<S> terms = switches.setting
                               ? calc_switched_law(law, switches.setting[first_law + k], in, failure)
                               : calc_stated_law(law, in, failure);

@@ -22,7 +22,8 @@ template <class S>
 struct LawInput {
   S s = S(0), v = S(0);  ///< coordinate of the element and its rate
   S time = S(0);         ///< since the law acts, negative before [s]
-  S engagement = S(1);   ///< of a brake; multiplies its own. 0: no friction at all
+  S engagement = S(1);   ///< of a brake; multiplies its own
+  S health = S(1);       ///< what failures leave of the level of a brake
   S command = S(0);      ///< of a commanded law: voltage, current or target
   S z = S(0);            ///< bristle
   S load = S(0);         ///< size of the sum of the other laws of the element
@@ -160,10 +161,11 @@ LawTerms<S> calc_regularised_brake(const BrakeLaw& law, const LawInput<S>& in) {
   using std::sqrt;
   LawTerms<S> out;
   const S share = in.v / sqrt(in.v * in.v + S(law.friction_speed * law.friction_speed));
-  const S level = S(law.engagement) * in.engagement *
-                  (S(0.5 * (law.forward + law.back)) + S(0.5 * (law.forward - law.back)) * share +
-                   S(law.load_share) * in.load);
-  out.force = -level * share;
+  const S level =
+      S(law.engagement) * in.engagement *
+          (S(0.5 * (law.forward + law.back)) + S(0.5 * (law.forward - law.back)) * share) +
+      S(law.load_share) * in.load;
+  out.force = -in.health * level * share;
   out.dissipation = -out.force * in.v;
   return out;
 }
@@ -183,7 +185,7 @@ LawTerms<S> calc_law(const BrakeLaw& law, const LawInput<S>& in) {
   const S size = F < S(0) ? S(-F) : F;
   LawTerms<S> out;
   out.energy = F * in.z / S(2);
-  const S engagement = S(law.engagement) * in.engagement;
+  const S engagement = S(law.engagement) * in.engagement * in.health;
   if (engagement < S(kOpen)) {
     // Fades out below the floor: without that, z' would jump at z = 0 for as long as v is not 0.
     const S share = std::min<S>(S(1), size / S(bristle.floor));
@@ -194,8 +196,8 @@ LawTerms<S> calc_law(const BrakeLaw& law, const LawInput<S>& in) {
     return out;
   }
   const S speed = in.v < S(0) ? S(-in.v) : in.v;
-  const S level =
-      engagement * (S(in.z < S(0) ? law.back : law.forward) + S(law.load_share) * in.load);
+  const S level = engagement * S(in.z < S(0) ? law.back : law.forward) +
+                  in.health * S(law.load_share) * in.load;
   // Plastic share: half-cosine between 0.9 and 1 of the level.
   S alpha = S(0);
   if (F * in.v > S(0) && size > S(0.9) * level) {
