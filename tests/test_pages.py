@@ -1,4 +1,4 @@
-"""Pages: a link leads to a file that is there, and to a heading that this file has."""
+"""Pages: a link leads to a file and a heading that exist; limits are those of the code."""
 
 import re
 
@@ -44,3 +44,15 @@ def test_dead_links_are_found(tmp_path):
         "```\n[e](gone.md)\n```\n"
     )
     assert list_dead_links(page) == ["other.md", "#nothing"]
+
+
+def test_the_page_states_the_limits_of_the_code_for_a_step():
+    code = (ROOT / "src" / "sim" / "step_loop.cpp").read_text(encoding="utf-8")
+    page = " ".join((ROOT / "fmu" / "README.md").read_text(encoding="utf-8").split())
+    base = re.search(r"#define DOCKLOOP_REFUSAL_TIME ([\d.]+)", code)[1]
+    rate = float(re.search(r"kRefusalTimePerSecond = ([\d.]+)", code)[1])
+    most = float(re.search(r"kLongestRefusal = ([\d.]+)", code)[1])
+    steps = float(re.search(r"kLeastSteps = ([\d.]+)", code)[1])
+    limits = f"{base} s, and {rate:g} s more per second of the step, but at most {most:g} s"
+    assert limits in page
+    assert f"may make {steps:g} inner steps in any case" in page
