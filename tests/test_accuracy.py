@@ -346,6 +346,16 @@ def test_the_real_time_step_follows_from_the_equations(solution):
     assert last(run({"solver.step": 5e-4}, accuracy="real-time"), "chosen_step") == 5e-4
 
 
+def test_bristles_take_the_steps_of_another_method():
+    """A dense matrix of all bristles would cost more than a communication step may."""
+    keys = NEAR | {"contact.friction_model": "bristle"}
+    work = [
+        last(dl.run(SCENE, keys, {"solver.method": method}, stop=1.0, step=0.1), "rhs_evaluations")
+        for method in ("bdf", "rosenbrock", "stabilised")
+    ]
+    assert work[0] == work[1] == work[2]
+
+
 def test_a_scene_names_its_accuracy(tmp_path):
     text = (ROOT / "modelDescription" / "scenes" / f"{SCENE}.toml").read_text(encoding="utf-8")
     for value, number in (('"real-time"', -1), ("1e-3", 1e-3)):

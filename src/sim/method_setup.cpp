@@ -53,8 +53,9 @@ bool DockingSim::Impl::integrates_reduced_form(const RunMethod& method) const {
 /// another method.
 bool DockingSim::Impl::uses_structured_matrix(const RunMethod& method) const {
   if (!integrates_reduced_form(method) || model->layout.bristle_count > 0) return false;
-  return chosen.method == kRosenbrock || chosen.method == kFixedRosenbrock ||
-         (chosen.method == kAuto && prefers_structured_matrix(method.rtol));
+  const int number = method.facts->method;
+  return number == kRosenbrock || number == kFixedRosenbrock ||
+         (number == kAuto && prefers_structured_matrix(method.rtol));
 }
 
 /// One-step methods of our own with error control? Methods and forms for comparison are others.
@@ -70,7 +71,9 @@ bool DockingSim::Impl::makes_own_steps(const RunMethod& method) const {
 /// booked states only.
 RunMethod DockingSim::Impl::choose_method() const {
   RunMethod method;
-  method.facts = find_method(chosen.method);
+  const bool has_bristles = model->layout.bristle_count > 0;
+  method.facts =
+      has_bristles ? find_method_with_bristles(chosen.method) : find_method(chosen.method);
   method.rtol = find_relative_tolerance();
   method.is_co_simulation = fmi_kind == FmiKind::kCoSimulation;
   method.is_reference = static_cast<bool>(adapt_problem);

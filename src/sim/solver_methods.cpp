@@ -19,8 +19,8 @@ constexpr std::array<MethodFacts, kMethodCount> kMethods = {{
     {kAdams, "adams", "multistep, for long communication steps as 6", kCompare},
     {kBdf, "bdf",
      "multistep for stiff models; restarts at every communication point and event: for long "
-     "communication steps",
-     kCore, !kFixed, kJacobian},
+     "communication steps; with bristles as 11",
+     kCore, !kFixed, kJacobian, !kRates, 0, kStabilised},
     {kFixedRk4, "fixed_rk4", "equal steps of solver.step, bounded cost", kCore, kFixed, !kJacobian,
      kRates},
     {kFixedImplicit, "fixed_implicit", "as 7, for stiff models", kCompare, kFixed, kJacobian},
@@ -34,10 +34,10 @@ constexpr std::array<MethodFacts, kMethodCount> kMethods = {{
      kCore, !kFixed, !kJacobian, kRates},
     {kRosenbrock, "rosenbrock",
      "linearly implicit one-step, for loose tolerances and steep friction; with bristles as 11",
-     kCore, !kFixed, !kJacobian, kRates},
+     kCore, !kFixed, !kJacobian, kRates, 0, kStabilised},
     {kFixedRosenbrock, "fixed_rosenbrock",
      "as 7 with the steps of 12, for stiff models; with bristles as 7", kCore, kFixed, !kJacobian,
-     kRates},
+     kRates, 0, kFixedRk4},
 }};
 
 constexpr bool is_in_order() {
@@ -65,6 +65,11 @@ const ChoiceList& get_method_choices() {
 int find_used_method(int number) {
   const int other = find_method(number)->same_as;
   return other > 0 ? other : number;
+}
+
+const MethodFacts* find_method_with_bristles(int number) {
+  const MethodFacts* stated = find_method(number);
+  return stated->with_bristles > 0 ? find_method(stated->with_bristles) : stated;
 }
 
 ChoiceList list_carried_methods(bool has_comparison) {

@@ -38,6 +38,7 @@ struct MethodFacts {
   bool needs_jacobian = false;     ///< needs the Jacobian of the rates
   bool begins_with_rates = false;  ///< a step uses the rates at the start
   int same_as = 0;                 ///< number of the method that this is another name of; 0: none
+  int with_bristles = 0;           ///< method where contacts have bristles; 0: the same
 };
 
 /// All methods, in the order of their numbers, from 1.
@@ -48,6 +49,9 @@ const MethodFacts* find_method(int number);
 
 /// Number of the method that makes the steps; see MethodFacts::same_as. @pre find_method()
 int find_used_method(int number);
+
+/// The method that makes the steps where contacts have bristles. @pre find_method()
+const MethodFacts* find_method_with_bristles(int number);
 
 /// Choices: all methods, or the methods of a build with or without src/compare.
 const ChoiceList& get_method_choices();

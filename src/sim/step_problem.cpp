@@ -15,11 +15,11 @@ Stepper::Method find_stepper_method(const RunMethod& method) {
     case kBdf:
       return Stepper::Method::kBdf;
     case kFixedRk4:
-    case kFixedRosenbrock:  // with bristles
+    case kFixedRosenbrock:  // of other forms
       return Stepper::Method::kClassicRk4;
     case kAuto:
     case kStabilised:
-    case kRosenbrock:  // with bristles
+    case kRosenbrock:  // of other forms
       return Stepper::Method::kStabilised;
     default:
       return Stepper::Method::kDormandPrince;
