@@ -15,6 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+import dockloop as dl
+from dockloop.accuracy import list_tolerances
+
 M_EQ = 25e3 * 350e3 / 375e3
 STIFFNESS = 20e3
 SPEED = 0.10
@@ -191,3 +194,12 @@ def test_energy_and_momentum_add_up(runs, zeta, pulls):
     energy = 0.5 * M_EQ * SPEED**2
     assert np.max(np.abs(run["energy.residual"])) < RELATIVE * energy
     assert np.max(run["momentum.residual"]) < 1e-10
+
+
+@pytest.mark.parametrize(("rtol", "step"), [(1e-9, 0.05), (1e-10, 0.05), (1e-11, 1.0)])
+def test_an_absorber_is_released_once(rtol, step):
+    """Steps of BDF end a little before the release: it must not be found again and again."""
+    made = dl.run(
+        "absorber_1d", {}, {"solver.method": "bdf", **list_tolerances(rtol)}, stop=5.0, step=step
+    )
+    assert made["solver.rhs_evaluations"][-1] < 20000

@@ -16,9 +16,7 @@ void EventLogic::calc_functions(DockingData<double>& at, double* roots) const {
   roots[1] = 1.0;
   roots[2] = may_part() ? kReboundGap - find_near_gap(at) : 1.0;
   if (has_surfaces() && is_absorber()) {
-    const bool by_state = memory_.absorber == Acting::kByState;
-    roots[0] = by_state ? at.contact.gap : -at.contact.pressed;
-    roots[1] = by_state ? -at.contact.gap : at.contact.pressed;
+    calc_absorber_functions(at.contact, roots);
   }
   for (int i = 0; i < model_->latches.count(); ++i) {
     roots[kFixedRoots + i] = is_disarmed(i) ? 1.0 : at.latch.event[i];
@@ -30,6 +28,19 @@ void EventLogic::calc_functions(DockingData<double>& at, double* roots) const {
         are_waiting(dock, discrete_.hard_dock) ? find_hook_distance(dock, at.across) : 1.0;
   }
   if (sequence_.exists()) sequence_.calc_functions(at, roots + first_row());
+}
+
+/// Contact and release.
+void EventLogic::calc_absorber_functions(const ContactResult<double>& contact,
+                                         double* roots) const {
+  const Acting acting = memory_.absorber;
+  if (acting == Acting::kByState) {
+    roots[0] = contact.gap;
+    roots[1] = -contact.gap;
+    return;
+  }
+  roots[0] = is_guarded_ && acting == Acting::kYes ? 1.0 : -contact.pressed;
+  roots[1] = is_guarded_ && acting == Acting::kNo ? 1.0 : contact.pressed;
 }
 
 bool EventLogic::is_disarmed(int latch) const {

@@ -48,6 +48,10 @@ class EventLogic {
   /// as a rebound, latches, waiting hooks, rows of the sequence. @param at  its workspace of the
   /// contact search is used
   void calc_functions(DockingData<double>& at, double* roots) const;
+  /// A released absorber is not released again, and one in contact meets no contact. A multistep
+  /// method needs this: its steps to an event start again and end a little before it, again and
+  /// again. With one-step methods the absorber soon is on the other side by itself.
+  void guard_absorber() { is_guarded_ = true; }
   /// Largest rates of event functions that may be below zero between two states.
   void calc_speeds(const DockingData<double>& at, double* speeds) const;
 
@@ -125,6 +129,8 @@ class EventLogic {
   int find_acting(double now, double clock_rounding) const;
   template <class Share>
   DisturbingLoads add_disturbances(Share share) const;
+  /// @param roots  the first two
+  void calc_absorber_functions(const ContactResult<double>& contact, double* roots) const;
   /// Has a latch released, and must not catch again?
   bool is_disarmed(int latch) const;
 
@@ -132,6 +138,7 @@ class EventLogic {
   DiscreteState& discrete_;
   ContactMemory& memory_;
   SequenceLogic sequence_;
+  bool is_guarded_ = false;  ///< see guard_absorber()
   std::array<char, kMaxRoots> due_{};
   std::array<char, kMaxLatches> passed_{};                 ///< due, if not at this state
   std::array<LatchMotion, kMaxLatches> latches_before_{};  ///< at the start of a fixed step

@@ -136,6 +136,7 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
   const StateLayout& layout = model->layout;
   std::vector<double> atol(static_cast<size_t>(layout.size), chosen.atol_position);
   std::fill_n(atol.begin() + layout.mechanism_v, layout.mechanism_nv, chosen.atol_velocity);
+  if (method.facts->method == kBdf) events->guard_absorber();
   for (int i : {kChaser, kTarget}) {
     if (layout.momentum[i] < 0) continue;
     const VehicleParameters& p = parameters.vehicle[i];
