@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <vector>
 
 #include "math/dock_assert.hpp"
 #include "sim/accuracy_table.hpp"
@@ -91,6 +92,17 @@ SolverMethod find_best(const Parameters& p, double tolerance, const AccuracyTabl
   // No row is tight enough: stabilised steps still pay where they reach the wanted error.
   const Column stabilised(table, find_place(kStabilised));
   return stabilised.error(stabilised.count - 1) <= p.accuracy ? kStabilised : best;
+}
+
+/// Equal steps for real time. Regularised friction can become faster than any affordable explicit
+/// step, as where legs reach their stops: linearly implicit steps are stable at any rate.
+SolverMethod find_real_time_method(const DockingModel& model) {
+  const std::vector<ContactLaw>& laws = model.contact.laws;
+  const bool is_regularised = model.contact.has_surfaces() && model.layout.bristle_count == 0 &&
+                              std::any_of(laws.begin(), laws.end(), [](const ContactLaw& law) {
+                                return law.friction_coefficient > 0.0;
+                              });
+  return is_regularised ? kFixedRosenbrock : kFixedRk4;
 }
 
 /// The setting `name` is not explicit: its value may be chosen. Otherwise it is listed.
@@ -181,7 +193,8 @@ SolverChoice choose_solver(const Parameters& p, double tolerance, const DockingM
   // The form with multipliers has its own method.
   if (may_choose("method", p.solver_method == SolverSettings().method, c) &&
       p.model_level != kReference) {
-    c.method = is_real_time ? kFixedRk4 : find_best(p, tolerance, get_table(model));
+    c.method =
+        is_real_time ? find_real_time_method(model) : find_best(p, tolerance, get_table(model));
     if (c.method == kStabilised) c.method = kAuto;
   }
   if (find_method(c.method)->fixed_step) {

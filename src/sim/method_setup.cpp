@@ -10,6 +10,42 @@ namespace dockloop {
 namespace {
 
 constexpr double kLongestRealTimeStep = 0.01;  ///< [s]
+constexpr double kAtOnce = 3.0;                ///< petals or latches that carry the load
+constexpr double kPerFriction = 2.0;           ///< explicit step times rate; stable up to 2.8
+
+/// Rate at which regularised friction stops a body [1/s]. @param slide  speed that it has
+double find_regularised_rate(const ContactLaw& law, double force, double mass, double slide = 0.0) {
+  return law.friction_coefficient * force / (std::hypot(slide, law.friction_speed) * mass);
+}
+
+/// Rate of bristles [1/s]: they relax, they yield while surfaces slide under little load, and they
+/// damp the body while they stick. @param speed  of the approach
+double find_bristle_rate(const ContactLaw& law, double speed, double mass, double pairs) {
+  constexpr double kSlides = 0.5;  // of the speed, at light contact; measured
+  return law.bristle_stiffness / law.bristle_relaxation +
+         law.bristle_stiffness * kSlides * speed / law.bristle_force_floor +
+         pairs * law.bristle_damping / mass;
+}
+
+/// Pairs that stick together: all nodes of faces that lie flat on each other, or some petals.
+double count_sticking_pairs(const ContactModel& contact) {
+  double nodes = 0.0;
+  for (const NodeSet& set : contact.node_sets) nodes += set.count;
+  return std::max(nodes, kAtOnce);
+}
+
+/// Fastest rate of friction of a body that strikes at this speed [1/s].
+double find_friction_rate(const ContactModel& contact, double speed, double mass) {
+  double rate = 0.0;
+  for (const ContactLaw& law : contact.laws) {
+    if (!(law.friction_coefficient > 0.0)) continue;
+    const double force = speed * std::sqrt(kAtOnce * law.stiffness * mass);
+    rate = std::max(rate, law.friction_model == 1
+                              ? find_regularised_rate(law, force, mass)
+                              : find_bristle_rate(law, speed, mass, count_sticking_pairs(contact)));
+  }
+  return rate;
+}
 
 /// Largest absolute eigenvalue, by squaring: lim |J^n|^(1/n). @param matrix  is overwritten
 double find_spectral_radius(MatX<double>& matrix) {
@@ -100,6 +136,7 @@ void DockingSim::Impl::make_loop() {
     unreduced = comparison->make_unreduced_form(*this);
     method.unreduced = unreduced.get();
   }
+  if (method.facts->method == kBdf) events->guard_absorber();
   balances = std::make_unique<BalanceWatch>(
       *this, chosen.atol_energy, setup->t_start,
       method.is_fixed_step() ? "solver.step, or set solver.method = 1 (auto)" : "solver.rtol",
@@ -136,7 +173,6 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances() const {
   const StateLayout& layout = model->layout;
   std::vector<double> atol(static_cast<size_t>(layout.size), chosen.atol_position);
   std::fill_n(atol.begin() + layout.mechanism_v, layout.mechanism_nv, chosen.atol_velocity);
-  if (method.facts->method == kBdf) events->guard_absorber();
   for (int i : {kChaser, kTarget}) {
     if (layout.momentum[i] < 0) continue;
     const VehicleParameters& p = parameters.vehicle[i];
@@ -168,30 +204,17 @@ double DockingSim::Impl::find_share_of_norm() const {
 
 /// Inner step for real time [s], by the fastest rates of the equations: those of the mechanism at
 /// the start, and those of its capture body in contact, in latches and sliding. A Runge-Kutta step
-/// of order 4 is stable up to 2.8 over the rate; an oscillation needs shorter steps.
+/// of order 4 is stable up to 2.8 over the rate; an oscillation needs shorter steps. Linearly
+/// implicit steps are stable at any rate: they may pass over fast rates of mechanism and friction.
 /// @pre evaluation of the start
-double DockingSim::Impl::find_real_time_step() {
-  constexpr double kPerRate = 1.0, kPerOscillation = 0.3, kPerFriction = 2.0;
-  constexpr double kAtOnce = 3.0;  // petals or latches that carry the load
-  evaluator->reserve_jacobian();
-  MatX<double> jacobian;
-  if (evaluator->aside(0.0, step_loop->y(), nullptr).ok() &&
-      evaluator->calc_jacobian(0.0, step_loop->y()).ok()) {
-    jacobian = evaluator->jacobian();
-  }
+double DockingSim::Impl::find_real_time_step(bool is_implicit) {
+  const double per_rate = is_implicit ? 10.0 : 1.0, per_oscillation = is_implicit ? 0.2 : 0.3;
   double step = kLongestRealTimeStep;
   const auto limit = [&step](double rate, double factor) {
     if (rate * step > factor) step = factor / rate;
   };
-  evaluator->forget();
-  if (jacobian.size() > 0 && jacobian.allFinite()) limit(find_spectral_radius(jacobian), kPerRate);
-  double mass = find_impacting_mass();
-  if (!(mass > 0.0)) {  // no capture body: the lighter vehicle
-    for (int i : {kChaser, kTarget}) {
-      const double other = parameters.vehicle[i].mass;
-      if (model->moves[i]) mass = mass > 0.0 ? std::min(mass, other) : other;
-    }
-  }
+  limit(find_rate_at_start(), per_rate);
+  const double mass = find_struck_mass();
   if (!(mass > 0.0)) return step;
   const ContactModel& contact = model->contact;
   double stiffness = 0.0;
@@ -199,26 +222,72 @@ double DockingSim::Impl::find_real_time_step() {
   if (contact.has_surfaces()) {
     for (const ContactLaw& law : contact.laws) {
       stiffness = std::max(stiffness, kAtOnce * law.stiffness);
-      const double force = present().relative.v.norm() * std::sqrt(kAtOnce * law.stiffness * mass);
-      const double friction = law.friction_coefficient * force / (law.friction_speed * mass);
-      const double bristle = law.bristle_stiffness / law.bristle_relaxation;
-      if (law.friction_coefficient > 0.0) {
-        limit(law.friction_model == 1 ? friction : bristle, kPerFriction);
-      }
     }
+    const double friction = find_friction_rate(contact, present().relative.v.norm(), mass);
+    if (!is_implicit) limit(friction, kPerFriction);
   }
   for (const Latch& latch : model->latches.latch) {
     stiffness = std::max(stiffness, kAtOnce * latch.law.hold_stiffness);
   }
-  limit(std::sqrt(stiffness / mass), kPerOscillation);
+  limit(std::sqrt(stiffness / mass), per_oscillation);
   const HardDock& dock = model->hard_dock;
   double inverse_mass = 0.0;
   for (int i : {kChaser, kTarget}) {
     if (model->moves[i]) inverse_mass += 1.0 / parameters.vehicle[i].mass;
   }
   const double docked = dock.faces.stiffness + dock.hooks.stiffness * dock.hooks.count();
-  limit(std::sqrt(docked * inverse_mass), kPerOscillation);
+  limit(std::sqrt(docked * inverse_mass), per_oscillation);
   return step;
+}
+
+/// Fastest rate of the equations at the start; 0 if there is no derivative [1/s].
+double DockingSim::Impl::find_rate_at_start() {
+  evaluator->reserve_jacobian();
+  MatX<double> jacobian;
+  if (evaluator->aside(0.0, step_loop->y(), nullptr).ok() &&
+      evaluator->calc_jacobian(0.0, step_loop->y()).ok()) {
+    jacobian = evaluator->jacobian();
+  }
+  evaluator->forget();
+  return jacobian.size() > 0 && jacobian.allFinite() ? find_spectral_radius(jacobian) : 0.0;
+}
+
+/// Mass that surfaces stop; without a capture body the lighter vehicle that moves, else 0 [kg].
+double DockingSim::Impl::find_struck_mass() const {
+  double mass = find_impacting_mass();
+  if (mass > 0.0) return mass;
+  for (int i : {kChaser, kTarget}) {
+    const double other = parameters.vehicle[i].mass;
+    if (model->moves[i]) mass = mass > 0.0 ? std::min(mass, other) : other;
+  }
+  return mass;
+}
+
+/// Explicit equal steps do not follow friction under loads that the start does not show, as of legs
+/// at their stops. Warn once. @pre evaluation
+void DockingSim::Impl::warn_of_friction(double now) {
+  const RunMethod& method = step_loop->method();
+  const ContactResult<double>& contact = present().contact;
+  const bool is_explicit = method.is_fixed_step() && !method.is_structured &&
+                           !method.needs_jacobian() && model->layout.bristle_count == 0;
+  if (warned_friction || !is_explicit || contact.active_count == 0) return;
+  const double force = contact.on_passive.f.norm(), mass = find_struck_mass();
+  double rate = 0.0;
+  for (const ContactLaw& law : model->contact.laws) {
+    const double most = law.friction_coefficient * force;
+    if (!(most > 0.0)) continue;
+    const double slide = contact.friction_power / most;
+    rate = std::max(rate, find_regularised_rate(law, force, mass, slide));
+  }
+  if (!(rate * inner_step > kPerFriction)) return;
+  warned_friction = true;
+  char text[400];
+  std::snprintf(text, sizeof text,
+                "solver.step = %.3g s is too long for friction under a contact force of %.3g N at "
+                "t = %.9g s, which needs %.2g s: loads and motion may be wrong; set solver.method "
+                "= 13 (fixed_rosenbrock), or decrease solver.step",
+                inner_step, force, setup->t_start + now, kPerFriction / rate);
+  warnings.push_back(text);
 }
 
 /// Mass that meets the target: the capture body on its legs, or all bodies; 0 without such bodies
@@ -240,12 +309,12 @@ void DockingSim::Impl::warn_about_inner_step() {
       chosen.needs_step)
     return;
   if (step_loop->method().needs_jacobian() || step_loop->method().is_structured) return;
-  const double suggested = find_real_time_step();
+  const double suggested = find_real_time_step(false);
   if (inner_step <= kLong * suggested || suggested >= kLongestRealTimeStep) return;
   char text[300];
   std::snprintf(text, sizeof text,
                 "solver.step = %.3g s is long for the fastest rates of this scene: peak loads may "
-                "be wrong without another sign; accuracy = -1 (real-time) takes %.3g s",
+                "be wrong without another sign; take %.3g s, or set accuracy = -1 (real-time)",
                 inner_step, suggested);
   warnings.push_back(text);
 }

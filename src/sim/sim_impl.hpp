@@ -83,9 +83,12 @@ struct DockingSim::Impl : SimState {
   void attach_kernel();
   std::vector<double> find_absolute_tolerances() const;
   double find_share_of_norm() const;
-  double find_real_time_step();
+  double find_real_time_step(bool is_implicit);
+  double find_rate_at_start();
+  double find_struck_mass() const;
   double find_impacting_mass() const;
   void warn_about_inner_step();
+  void warn_of_friction(double now);
 
   // failure_status.cpp
   std::string describe(const Status& status) const;

@@ -360,7 +360,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
     quiescent_mode->lock_always();
     if (!evaluate(0.0).ok()) throw ModelError("start state cannot be evaluated");
   }
-  if (chosen.needs_step) chosen.step = find_real_time_step();
+  if (chosen.needs_step) chosen.step = find_real_time_step(step_loop->method().is_structured);
   inner_step = chosen.step;
   warn_about_inner_step();
   if (parameters.accuracy != 0.0) {
