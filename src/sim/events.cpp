@@ -33,7 +33,6 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (changed && (!step_loop->method().is_fixed_step() || coordinates != before))
     kept_jacobian.valid = false;
   warn_of_tilt(now);
-  warn_of_friction(now);
   events->update_phases(present(), now);
   // Peaks include the forces on both sides of a jump. An absorber that does not pull is released at
   // zero force, except for rounding.

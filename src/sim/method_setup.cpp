@@ -13,9 +13,9 @@ constexpr double kLongestRealTimeStep = 0.01;  ///< [s]
 constexpr double kAtOnce = 3.0;                ///< petals or latches that carry the load
 constexpr double kPerFriction = 2.0;           ///< explicit step times rate; stable up to 2.8
 
-/// Rate at which regularised friction stops a body [1/s]. @param slide  speed that it has
-double find_regularised_rate(const ContactLaw& law, double force, double mass, double slide = 0.0) {
-  return law.friction_coefficient * force / (std::hypot(slide, law.friction_speed) * mass);
+/// Rate at which regularised friction stops a body that slides slowly [1/s].
+double find_regularised_rate(const ContactLaw& law, double force, double mass) {
+  return law.friction_coefficient * force / (law.friction_speed * mass);
 }
 
 /// Rate of bristles [1/s]: they relax, they yield while surfaces slide under little load, and they
@@ -261,33 +261,6 @@ double DockingSim::Impl::find_struck_mass() const {
     if (model->moves[i]) mass = mass > 0.0 ? std::min(mass, other) : other;
   }
   return mass;
-}
-
-/// Explicit equal steps do not follow friction under loads that the start does not show, as of legs
-/// at their stops. Warn once. @pre evaluation
-void DockingSim::Impl::warn_of_friction(double now) {
-  const RunMethod& method = step_loop->method();
-  const ContactResult<double>& contact = present().contact;
-  const bool is_explicit = method.is_fixed_step() && !method.is_structured &&
-                           !method.needs_jacobian() && model->layout.bristle_count == 0;
-  if (warned_friction || !is_explicit || contact.active_count == 0) return;
-  const double force = contact.on_passive.f.norm(), mass = find_struck_mass();
-  double rate = 0.0;
-  for (const ContactLaw& law : model->contact.laws) {
-    const double most = law.friction_coefficient * force;
-    if (!(most > 0.0)) continue;
-    const double slide = contact.friction_power / most;
-    rate = std::max(rate, find_regularised_rate(law, force, mass, slide));
-  }
-  if (!(rate * inner_step > kPerFriction)) return;
-  warned_friction = true;
-  char text[400];
-  std::snprintf(text, sizeof text,
-                "solver.step = %.3g s is too long for friction under a contact force of %.3g N at "
-                "t = %.9g s, which needs %.2g s: loads and motion may be wrong; set solver.method "
-                "= 13 (fixed_rosenbrock), or decrease solver.step",
-                inner_step, force, setup->t_start + now, kPerFriction / rate);
-  warnings.push_back(text);
 }
 
 /// Mass that meets the target: the capture body on its legs, or all bodies; 0 without such bodies

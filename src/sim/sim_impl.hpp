@@ -88,7 +88,6 @@ struct DockingSim::Impl : SimState {
   double find_struck_mass() const;
   double find_impacting_mass() const;
   void warn_about_inner_step();
-  void warn_of_friction(double now);
 
   // failure_status.cpp
   std::string describe(const Status& status) const;

@@ -112,7 +112,6 @@ struct SimState {
   double margin_looked_at = kChangeMargin;  ///< margin at the last search of coordinates
   bool warned_margin = false;               ///< warned of a loop close to singular
   bool warned_tilt = false;                 ///< warned of contact beyond the allowed tilt
-  bool warned_friction = false;             ///< warned of friction that is fast for equal steps
   /// Independent coordinates, if they differ from those of the start; else null.
   std::shared_ptr<const Coordinates> coordinates;
 
@@ -373,8 +372,8 @@ void transfer(A& archive, SimState& s) {
   transfer_members<SimState>(archive, s.elapsed, s.h_warm, s.last_step, s.inner_step,
                              s.fastest_rate, s.frame_velocity, s.frame_shift, s.discrete, s.memory,
                              s.peaks, s.mean_load, s.coupling, s.quiescent, s.margin_looked_at,
-                             s.warned_margin, s.warned_tilt, s.warned_friction, s.coordinates,
-                             s.kept_jacobian, s.ahead, s.drift, s.energy_audit, s.momentum_audit);
+                             s.warned_margin, s.warned_tilt, s.coordinates, s.kept_jacobian,
+                             s.ahead, s.drift, s.energy_audit, s.momentum_audit);
 }
 
 template <class A>
