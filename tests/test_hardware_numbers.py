@@ -196,5 +196,5 @@ def test_a_count_of_latches_that_differs_from_their_angles_is_refused(count):
 
 
 def test_play_of_a_latch_is_above_0_in_the_file_as_in_the_parameter():
-    with pytest.raises(UsageError, match="latches.play is 0: must be greater than 0"):
+    with pytest.raises(UsageError, match=r"latches\.play is 0: must be greater than 0"):
         dl.Docking(RING, overrides={"mechanism.set.latches.play": 0})

@@ -60,9 +60,7 @@ inline const ChoiceList kOutcomes = {
     {kTimedOut, "timed out", "a step took longer than its time-out"},
 };
 /// Can a case end with this outcome? A partial capture may still become another one.
-constexpr bool is_final(int outcome) {
-  return outcome != kUndecided && outcome != kPartialCapture;
-}
+constexpr bool is_final(int outcome) { return outcome != kUndecided && outcome != kPartialCapture; }
 
 /// Reason for no capture (yet).
 enum CaptureReason {
