@@ -318,11 +318,15 @@ def test_check_lets_engaged_bristle_brakes_stick(dockloop, tmp_path):
         {"type": "spring", "stages": [[0, 4000]]},
         {"type": "brake", "forward": 400, "presliding": 1e-4},
     ]
-    element = {"name": "one", "along": [{"joint": "slide"}], "laws": laws}
-    mechanism = {"name": "own", "bodies": [slide("slide")], "forces": [element]}
+    along = [{"joint": "slide"}]
+    elements = [
+        {"name": "one", "along": along, "laws": laws},
+        {"name": "other", "along": along, "laws": [{"type": "spring", "stages": [[0, 1000]]}]},
+    ]
+    mechanism = {"name": "own", "bodies": [slide("slide")], "forces": elements}
     _, report = check(dockloop, tmp_path, mechanism)
     (mode,) = report["modes"]
-    assert mode["frequency_rad_s"] == pytest.approx(math.sqrt((400 / 1e-4 + 4000) / 2), rel=1e-6)
+    assert mode["frequency_rad_s"] == pytest.approx(math.sqrt((400 / 1e-4 + 5000) / 2), rel=1e-6)
 
 
 def test_check_tells_where_end_stops_begin_and_what_ends_a_coordinate(dockloop, tmp_path):

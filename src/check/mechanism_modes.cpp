@@ -22,9 +22,25 @@ struct Bristles {
   VecX<double> home;  ///< coordinates of the elements at home
 };
 
+/// The element of each bristle: those of brakes, then locks of jammed elements.
+std::vector<int> list_owners(const MechanismModel& model) {
+  std::vector<int> owner;
+  for (size_t e = 0; e < model.elements.size(); ++e) {
+    const std::vector<ForceLaw>& laws = model.elements[e].laws;
+    owner.insert(owner.end(),
+                 static_cast<size_t>(std::count_if(laws.begin(), laws.end(), has_bristle)),
+                 static_cast<int>(e));
+  }
+  for (const LawFailure& failure : model.failures) {
+    if (failure.kind == LawFailure::Kind::kJammed) owner.push_back(failure.element);
+  }
+  return owner;
+}
+
 Bristles find_bristles(const MechanismModel& model, const VecX<double>& q) {
   constexpr double kSlow = 1e-9;  // rate far below any at which a bristle slips
   ElementData<double> elements(model);
+  const std::vector<int> owner = list_owners(model);
   Bristles bristles;
   const int count = static_cast<int>(model.elements.size());
   bristles.gain.setZero(elements.z_rate.size(), count);
@@ -37,7 +53,12 @@ Bristles find_bristles(const MechanismModel& model, const VecX<double>& q) {
     }
     calc_element_forces<double>(model, q, v, 0.0, nullptr, {}, nullptr, elements, tau);
     bristles.home[e] = elements.coordinate[e];
-    if (elements.rate[e] > 0.0) bristles.gain.col(e) = elements.z_rate / elements.rate[e];
+    if (!(elements.rate[e] > 0.0)) continue;
+    for (int b = 0; b < bristles.gain.rows(); ++b) {  // other elements may move along
+      if (owner[static_cast<size_t>(b)] == e) {
+        bristles.gain(b, e) = elements.z_rate[b] / elements.rate[e];
+      }
+    }
   }
   return bristles;
 }

@@ -152,11 +152,12 @@ std::vector<CoordinateRange> find_reachable_ranges(const Mechanism& mechanism) {
     for (int k = 0; k < body.nv(); ++k) {
       const bool is_single = body.joint != JointType::kFree;
       const double stop = is_single ? find_stop_distance(mechanism.model, i) : 0.0;
-      if (stop == 0.0 && !moves_loop(mechanism, body.v_index + k)) continue;
+      const bool has_loop = moves_loop(mechanism, body.v_index + k);
+      if (stop == 0.0 && !has_loop) continue;
       CoordinateRange range;
       range.coordinate = find_coordinate_name(body, k);
       range.is_angle = is_angle(body, k);
-      const double limit = std::max(range.is_angle ? kTurn : 2.0 * length, kBeyond * stop);
+      const double limit = !has_loop ? kBeyond * stop : range.is_angle ? kTurn : 2.0 * length;
       range.lower = find_end(mechanism, body, k, -limit / 400.0, limit);
       range.upper = find_end(mechanism, body, k, limit / 400.0, limit);
       ranges.push_back(range);

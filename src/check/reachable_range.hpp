@@ -25,7 +25,7 @@ struct CoordinateRange {
 };
 
 /// Of the coordinates that move a loop or have an end stop, from the closed home. The search ends
-/// at a full turn, and at twice the size of the largest loop or a little beyond the end stops.
+/// at a full turn or twice the size of the largest loop; without a loop a little beyond the stops.
 std::vector<CoordinateRange> find_reachable_ranges(const Mechanism& mechanism);
 
 }  // namespace dockloop

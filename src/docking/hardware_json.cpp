@@ -252,7 +252,8 @@ LatchSet read_latches(const JsonReader& item) {
       }
       const int listed = set.count();
       if (item.has("count") && item.at("count").number() != listed) {
-        item.at("count").fail("is " + item.at("count").shown() + ", but azimuth_deg lists " +
+        const std::string angles = item.has("azimuth_deg") ? "azimuth_deg" : "azimuth";
+        item.at("count").fail("is " + item.at("count").shown() + ", but " + angles + " lists " +
                               std::to_string(listed) + " angles; give one for each latch");
       }
       if (set.count() > kMaxLatches) {

@@ -1,7 +1,9 @@
 // Checks and lists of numbers of force elements; see force_element.hpp.
 #include "model/force_element.hpp"
 
+#include <algorithm>
 #include <cstdio>
+#include <limits>
 
 #include "math/status.hpp"
 
@@ -113,6 +115,19 @@ std::string find_fault(const ForceLaw& law) {
   });
   if (!fault.empty()) return fault;
   return std::visit([](const auto& each) { return find_own_fault(each); }, law);
+}
+
+double find_next_failure(const std::vector<LawFailure>& failures, const double* entered,
+                         double now) {
+  double next = std::numeric_limits<double>::infinity();
+  for (const LawFailure& failure : failures) {
+    if (!failure.active) continue;
+    double time = find_time(failure.onset, entered);
+    const bool delays = failure.kind == LawFailure::Kind::kDelayed;
+    if (delays && time <= 0.0) time = failure.value;
+    if (time > now) next = std::min(next, time);
+  }
+  return next;
 }
 
 int count_element_bristles(const std::vector<ForceElement>& elements,

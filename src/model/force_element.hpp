@@ -304,6 +304,11 @@ inline bool is_commanded(const ForceLaw& law) {
   return (motor && motor->commanded) || (drive && drive->commanded);
 }
 
+/// Next time after `now` at which a failure begins, or a motor or drive starts that it makes late
+/// [s since the start]; infinite: none is known. @param entered  as of find_time(Onset)
+double find_next_failure(const std::vector<LawFailure>& failures, const double* entered,
+                         double now);
+
 /// Number of states of all elements: bristles of brakes, then locks of jammed elements.
 int count_element_bristles(const std::vector<ForceElement>& elements,
                            const std::vector<LawFailure>& failures);

@@ -146,6 +146,8 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
     next = std::min(next, *onset);
   }
   next = std::min(next, me.events->find_next_disturbance(me.elapsed));
+  next = std::min(next, find_next_failure(me.model->mechanism.model.failures,
+                                          me.discrete.entered.data(), me.elapsed));
   next = std::min(
       next,
       find_next_ramp(me.model->hard_dock, me.discrete.hard_dock, me.elapsed).value_or(kNever));

@@ -162,7 +162,7 @@ double SequenceLogic::find_speed(const Condition& part, const DockingData<double
       return std::abs(leg.arm * at.mechanism.tree.v[mechanism.bodies[leg.body].v_index]);
     }
     case Measured::kLatchOpening:
-      return at.relative.v.norm() + at.relative.w.norm() * at.relative.p.norm();
+      return find_latch_motion(model_->latches, part.index, at.relative).rate.norm();
     case Measured::kElementCoordinate:
       return std::abs(at.elements.rate[part.index]);
     default:

@@ -447,12 +447,7 @@ double StepLoop::find_next_stop(double tau, double end) const {
   const std::optional<double> onset = events_.find_thrust_onset();
   if (onset && !state_.discrete.thrust_on) stop_at(*onset);
   stop_at(events_.sequence().find_next_time(now));
-  for (const LawFailure& failure : model_->mechanism.model.failures) {
-    if (!failure.active) continue;
-    const double begin = find_time(failure.onset, state_.discrete.entered.data());
-    stop_at(begin);
-    if (failure.kind == LawFailure::Kind::kDelayed) stop_at(begin + failure.value);
-  }
+  stop_at(find_next_failure(model_->mechanism.model.failures, state_.discrete.entered.data(), now));
   stop_at(events_.find_next_disturbance(now));
   if (const auto ramp = find_next_ramp(model_->hard_dock, state_.discrete.hard_dock, now))
     stop_at(*ramp);

@@ -2,11 +2,13 @@
 
 import ctypes
 import math
+import os
 import pickle
 import random
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 
@@ -523,7 +525,8 @@ def run_saved(shop, score, quick):
         state, out = fmu / "state", fmu / "seen"
         state.write_bytes(data)
         command = [sys.executable, "-c", CONTINUE, fmu, state, repr(time), str(steps), out]
-        subprocess.run(command, check=True)
+        tests = str(Path(__file__).parents[1])
+        subprocess.run(command, check=True, env=os.environ | {"PYTHONPATH": tests})
         seen = pickle.loads(out.read_bytes())
         score.compare(count_differences(seen, wanted), f"{law}, another process")
         run_threads(score, fmu, (data, time), wanted, law)
