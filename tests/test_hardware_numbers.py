@@ -190,7 +190,7 @@ def test_the_base_may_stand_elsewhere_on_the_interface(tmp_path):
 
 @pytest.mark.parametrize("count", [2, 4])
 def test_a_count_of_latches_that_differs_from_their_angles_is_refused(count):
-    message = f"latches.count is {count}, but azimuth_deg lists 3 angles"
+    message = f"latches.count is {count}, but there are 3 angles"
     with pytest.raises(UsageError, match=message):
         dl.Docking(RING, overrides={"mechanism.set.latches.count": count})
 

@@ -252,8 +252,7 @@ LatchSet read_latches(const JsonReader& item) {
       }
       const int listed = set.count();
       if (item.has("count") && item.at("count").number() != listed) {
-        const std::string angles = item.has("azimuth_deg") ? "azimuth_deg" : "azimuth";
-        item.at("count").fail("is " + item.at("count").shown() + ", but " + angles + " lists " +
+        item.at("count").fail("is " + item.at("count").shown() + ", but there are " +
                               std::to_string(listed) + " angles; give one for each latch");
       }
       if (set.count() > kMaxLatches) {
