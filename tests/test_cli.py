@@ -329,6 +329,15 @@ def test_check_lets_engaged_bristle_brakes_stick(dockloop, tmp_path):
     assert mode["frequency_rad_s"] == pytest.approx(math.sqrt((400 / 1e-4 + 5000) / 2), rel=1e-6)
 
 
+def test_a_coordinate_that_moves_no_mass_names_its_body(dockloop, tmp_path):
+    bodies = [slide("light") | {"mass": 0}]
+    (tmp_path / "own.json").write_text(json.dumps({"name": "own", "bodies": bodies}))
+    outcome = dockloop("check", "own.json")
+    assert outcome.status == 2
+    assert "nothing that moves with 'light' has one" in outcome.err
+    assert outcome.err.count("\n") == 1
+
+
 def test_check_tells_where_end_stops_begin_and_what_ends_a_coordinate(dockloop, tmp_path):
     text, report = check(dockloop, tmp_path, spoil(lambda m: None))
     (row,) = (row for row in report["ranges"] if row["coordinate"] == "ring.x")

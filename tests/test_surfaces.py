@@ -14,6 +14,7 @@ import pytest
 
 import dockloop as dl
 from dockloop import paths, schema
+from dockloop.catalogue import list_entries
 from dockloop.errors import UsageError
 
 PROBE = paths.MECHANISMS / "probe_drogue.json"
@@ -236,6 +237,21 @@ def test_hardware_that_makes_no_sense_is_refused(change, text):
     mechanism["contact"] |= change
     with pytest.raises(UsageError, match=text.replace("[", r"\[").replace(".", r"\.")):
         dl.check(mechanism)
+
+
+@pytest.mark.parametrize(("own", "count"), [("cone", 1), ("inside", 0)])
+def test_a_group_without_a_piece_has_no_outputs(tmp_path, own, count):
+    """Its force would always be zero: all pieces of the profile are booked to other groups."""
+    mechanism = read_probe()
+    cone = next(core for core in mechanism["contact"]["passive"] if core["name"] == "cone")
+    cone["piece_groups"] = ["mouth", own, "socket"]
+    (tmp_path / "surfaces.json").write_text(json.dumps(mechanism))
+    text = (paths.SCENES / "probe_drogue.toml").read_text(encoding="utf-8")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(text.replace('name = "probe_drogue"', 'name = "surfaces"'))
+    entries = list_entries(str(scene), patterns=["contact.surface[*].force"])
+    assert sum("'cone'" in entry.meaning for entry in entries) == count
+    assert len({entry.meaning for entry in entries}) == len(entries) == 8
 
 
 def test_schema_accepts_the_probe():
