@@ -18,47 +18,28 @@ constexpr double kRoundingOfRates = 1e-12, kDouble = 1e-7;
 
 /// Bristles about home, where they are unstressed and stick: their deflections follow the elements.
 struct Bristles {
-  MatX<double> gain;  ///< deflection per motion of an element, bristles x elements
-  VecX<double> home;  ///< coordinates of the elements at home
+  std::vector<int> element;  ///< of each
+  VecX<double> gain;         ///< deflection per motion of the element: 0 in an open brake
+  VecX<double> home;         ///< coordinate of the element at home
 };
-
-/// The element of each bristle: those of brakes, then locks of jammed elements.
-std::vector<int> list_owners(const MechanismModel& model) {
-  std::vector<int> owner;
-  for (size_t e = 0; e < model.elements.size(); ++e) {
-    const std::vector<ForceLaw>& laws = model.elements[e].laws;
-    owner.insert(owner.end(),
-                 static_cast<size_t>(std::count_if(laws.begin(), laws.end(), has_bristle)),
-                 static_cast<int>(e));
-  }
-  for (const LawFailure& failure : model.failures) {
-    if (failure.kind == LawFailure::Kind::kJammed) owner.push_back(failure.element);
-  }
-  return owner;
-}
 
 Bristles find_bristles(const MechanismModel& model, const VecX<double>& q) {
   constexpr double kSlow = 1e-9;  // rate far below any at which a bristle slips
   ElementData<double> elements(model);
-  const std::vector<int> owner = list_owners(model);
-  Bristles bristles;
-  const int count = static_cast<int>(model.elements.size());
-  bristles.gain.setZero(elements.z_rate.size(), count);
+  Bristles bristles{list_bristle_elements(model.elements, model.failures), {}, {}};
+  const int count = static_cast<int>(bristles.element.size());
+  bristles.gain.setZero(count);
   bristles.home.setZero(count);
   VecX<double> v = VecX<double>::Zero(model.nv), tau = v;
-  for (int e = 0; e < count; ++e) {
+  for (int b = 0; b < count; ++b) {
+    const int e = bristles.element[static_cast<size_t>(b)];
     v.setZero();
     for (const ElementTerm& term : model.elements[static_cast<size_t>(e)].along) {
       v[model.bodies[term.body].v_index] = kSlow * term.ratio;
     }
     calc_element_forces<double>(model, q, v, 0.0, nullptr, {}, nullptr, elements, tau);
-    bristles.home[e] = elements.coordinate[e];
-    if (!(elements.rate[e] > 0.0)) continue;
-    for (int b = 0; b < bristles.gain.rows(); ++b) {  // other elements may move along
-      if (owner[static_cast<size_t>(b)] == e) {
-        bristles.gain(b, e) = elements.z_rate[b] / elements.rate[e];
-      }
-    }
+    bristles.home[b] = elements.coordinate[e];
+    if (elements.rate[e] > 0.0) bristles.gain[b] = elements.z_rate[b] / elements.rate[e];
   }
   return bristles;
 }
@@ -71,11 +52,12 @@ void put_joint_forces(const MechanismModel& model, const Bristles& bristles,
   VecX<S> force = command;
   data.tau.setZero();
   calc_joint_forces(model, data.tree.q, data.tree.v, command, force, data.tau);
-  VecX<S> z = VecX<S>::Zero(bristles.gain.rows());
-  for (int e = 0; e < bristles.gain.cols(); ++e) {
+  VecX<S> z(bristles.gain.size());
+  for (int b = 0; b < z.size(); ++b) {
+    const int e = bristles.element[static_cast<size_t>(b)];
     const ForceElement& element = model.elements[static_cast<size_t>(e)];
-    const S moved = find_coordinate<S>(model, element, data.tree.q) - S(bristles.home[e]);
-    for (int b = 0; b < bristles.gain.rows(); ++b) z[b] += S(bristles.gain(b, e)) * moved;
+    z[b] = S(bristles.gain[b]) *
+           (find_coordinate<S>(model, element, data.tree.q) - S(bristles.home[b]));
   }
   ElementData<S> elements(model);
   calc_element_forces<S>(model, data.tree.q, data.tree.v, S(0), nullptr, {}, z.data(), elements,

@@ -117,10 +117,7 @@ Placement find_placement(const Scene& scene) {
   if (scene.mechanism.capture_body != kBase) {
     Mechanism mechanism(scene.mechanism);
     MechanismData<double> data(mechanism);
-    const Status status = calc_position(mechanism, data);
-    if (!status.ok()) {
-      throw ModelError("mechanism: " + describe_home_failure(mechanism, data, status));
-    }
+    calc_home_position(mechanism, "mechanism", data);
     const int body = scene.mechanism.capture_body;
     G_in_A = Pose<double>{data.tree.R[body], data.tree.p[body]} * G_in_A;
   }

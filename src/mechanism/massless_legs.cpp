@@ -34,10 +34,7 @@ void add_point_mass(const TreeData<double>& home, int body, double mass, const V
 MasslessLegs make_legs_massless(const MechanismModel& original) {
   const Mechanism mechanism(original);
   MechanismData<double> data(mechanism);
-  const Status status = calc_position(mechanism, data);
-  if (!status.ok()) {
-    throw ModelError("mechanism: " + describe_home_failure(mechanism, data, status));
-  }
+  calc_home_position(mechanism, "mechanism", data);
   const TreeData<double>& home = data.tree;
   const std::vector<Body>& bodies = mechanism.model.bodies;
   const std::vector<int>& free = mechanism.plan.ind_bodies;

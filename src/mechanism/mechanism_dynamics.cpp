@@ -124,6 +124,9 @@ std::vector<double> find_home_gaps(const Mechanism& mechanism) {
   return gaps;
 }
 
+namespace {
+
+/// Why the home pose cannot be evaluated, in words. @param status  of calc_position, not ok
 std::string describe_home_failure(const Mechanism& mechanism, const MechanismData<double>& data,
                                   const Status& status) {
   const MechanismModel& model = mechanism.model;
@@ -151,6 +154,15 @@ std::string describe_home_failure(const Mechanism& mechanism, const MechanismDat
          (bodies.empty() ? std::string() : ": nothing that moves with " + bodies + " has one");
 }
 
+}  // namespace
+
+void calc_home_position(const Mechanism& mechanism, const std::string& source,
+                        MechanismData<double>& data) {
+  const Status status = calc_position(mechanism, data);
+  if (status.ok()) return;
+  throw ModelError(source + ": " + describe_home_failure(mechanism, data, status));
+}
+
 void close_home(Mechanism& mechanism, const std::string& source_name) {
   MechanismModel& model = mechanism.model;
   char text[256];
@@ -174,10 +186,7 @@ void close_home(Mechanism& mechanism, const std::string& source_name) {
     }
   }
   MechanismData<double> data(mechanism);
-  const Status status = calc_position(mechanism, data);
-  if (!status.ok()) {
-    throw ModelError(source_name + ": " + describe_home_failure(mechanism, data, status));
-  }
+  calc_home_position(mechanism, source_name, data);
   // A leg whose slide must travel a good part of its length to close was not closed at home.
   for (const LoopBlock& block : mechanism.plan.blocks) {
     for (size_t i = 0; block.form() && i < block.form()->joint.size(); ++i) {
@@ -272,10 +281,7 @@ VehicleBody transform(const Pose<double>& pose, const VehicleBody& body) {
 
 VehicleBody find_frozen_body(const Mechanism& mechanism) {
   MechanismData<double> data(mechanism);
-  const Status status = calc_position(mechanism, data);
-  if (!status.ok()) {
-    throw ModelError("mechanism: " + describe_home_failure(mechanism, data, status));
-  }
+  calc_home_position(mechanism, "mechanism", data);
   VehicleBody frozen;
   Vec3<double> first_moment = Vec3<double>::Zero();
   for (size_t i = 0; i < mechanism.model.bodies.size(); ++i) {

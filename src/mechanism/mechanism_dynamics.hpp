@@ -148,9 +148,10 @@ double find_singularity_margin(const Mechanism& mechanism, const MechanismData<S
 /// Gap of every loop at home_q as it stands [m].
 std::vector<double> find_home_gaps(const Mechanism& mechanism);
 
-/// Why the home pose cannot be evaluated, in words. @param status  of calc_position, not ok
-std::string describe_home_failure(const Mechanism& mechanism, const MechanismData<double>& data,
-                                  const Status& status);
+/// calc_position() at home. @param source  begins the message
+/// @throws ModelError that says why the pose cannot be evaluated
+void calc_home_position(const Mechanism& mechanism, const std::string& source,
+                        MechanismData<double>& data);
 
 constexpr double kHomeGap = 1e-6;  ///< a stated home is closed to this part of the loop size [-]
 

@@ -130,16 +130,23 @@ double find_next_failure(const std::vector<LawFailure>& failures, const double* 
   return next;
 }
 
+std::vector<int> list_bristle_elements(const std::vector<ForceElement>& elements,
+                                       const std::vector<LawFailure>& failures) {
+  std::vector<int> list;
+  for (size_t e = 0; e < elements.size(); ++e) {
+    for (const ForceLaw& law : elements[e].laws) {
+      if (has_bristle(law)) list.push_back(static_cast<int>(e));
+    }
+  }
+  for (const LawFailure& failure : failures) {
+    if (failure.kind == LawFailure::Kind::kJammed) list.push_back(failure.element);
+  }
+  return list;
+}
+
 int count_element_bristles(const std::vector<ForceElement>& elements,
                            const std::vector<LawFailure>& failures) {
-  int count = 0;
-  for (const LawFailure& failure : failures) {
-    count += failure.kind == LawFailure::Kind::kJammed ? 1 : 0;
-  }
-  for (const ForceElement& element : elements) {
-    for (const ForceLaw& law : element.laws) count += has_bristle(law) ? 1 : 0;
-  }
-  return count;
+  return static_cast<int>(list_bristle_elements(elements, failures).size());
 }
 
 int count_laws(const std::vector<ForceElement>& elements) {

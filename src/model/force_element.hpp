@@ -309,7 +309,10 @@ inline bool is_commanded(const ForceLaw& law) {
 double find_next_failure(const std::vector<LawFailure>& failures, const double* entered,
                          double now);
 
-/// Number of states of all elements: bristles of brakes, then locks of jammed elements.
+/// The element of each state of all elements: bristles of brakes, then locks of jammed elements.
+std::vector<int> list_bristle_elements(const std::vector<ForceElement>& elements,
+                                       const std::vector<LawFailure>& failures);
+/// Their number.
 int count_element_bristles(const std::vector<ForceElement>& elements,
                            const std::vector<LawFailure>& failures);
 

@@ -117,9 +117,7 @@ void choose_tolerances(const Parameters& p, double tolerance, const DockingModel
                        SolverChoice& c) {
   const AccuracyTable& table = get_table(model);
   const SolverSettings defaults;
-  const bool has_bristles = model.layout.bristle_count > 0;
-  const int method = has_bristles ? find_method_with_bristles(c.method)->method : c.method;
-  const size_t place = find_place(method);
+  const size_t place = find_place(find_method(c.method, model.layout.bristle_count > 0)->method);
   const bool is_measured = place < kCalibratedMethods.size() && p.model_level != kReference;
   const Column column(table, is_measured ? place : find_place(find_best(p, tolerance, table)));
   const double rtol = column.find_rtol(p.accuracy);

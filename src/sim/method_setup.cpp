@@ -107,9 +107,7 @@ bool DockingSim::Impl::makes_own_steps(const RunMethod& method) const {
 /// booked states only.
 RunMethod DockingSim::Impl::choose_method() const {
   RunMethod method;
-  const bool has_bristles = model->layout.bristle_count > 0;
-  method.facts =
-      has_bristles ? find_method_with_bristles(chosen.method) : find_method(chosen.method);
+  method.facts = find_method(chosen.method, model->layout.bristle_count > 0);
   method.rtol = find_relative_tolerance();
   method.is_co_simulation = fmi_kind == FmiKind::kCoSimulation;
   method.is_reference = static_cast<bool>(adapt_problem);

@@ -67,9 +67,9 @@ int find_used_method(int number) {
   return other > 0 ? other : number;
 }
 
-const MethodFacts* find_method_with_bristles(int number) {
+const MethodFacts* find_method(int number, bool has_bristles) {
   const MethodFacts* stated = find_method(number);
-  return stated->with_bristles > 0 ? find_method(stated->with_bristles) : stated;
+  return has_bristles && stated->with_bristles > 0 ? find_method(stated->with_bristles) : stated;
 }
 
 ChoiceList list_carried_methods(bool has_comparison) {

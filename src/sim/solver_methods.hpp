@@ -50,8 +50,8 @@ const MethodFacts* find_method(int number);
 /// Number of the method that makes the steps; see MethodFacts::same_as. @pre find_method()
 int find_used_method(int number);
 
-/// The method that makes the steps where contacts have bristles. @pre find_method()
-const MethodFacts* find_method_with_bristles(int number);
+/// The method whose steps a model takes. @param has_bristles  of contacts. @pre find_method()
+const MethodFacts* find_method(int number, bool has_bristles);
 
 /// Choices: all methods, or the methods of a build with or without src/compare.
 const ChoiceList& get_method_choices();
