@@ -17,7 +17,6 @@
 
 import ctypes
 import os
-import pickle
 import random
 import subprocess
 import sys
@@ -27,7 +26,7 @@ import numpy as np
 import pytest
 
 from extreme_cases import mechanism_benchmarks
-from extreme_cases.fmi_host import DISCARD, ERROR, OK, STEP, Host
+from extreme_cases.fmi_host import DISCARD, ERROR, OK, STEP, Host, go_on_elsewhere
 from extreme_cases.own_mechanism import FIXED_BASE, write_scene
 
 DEFAULT = "idss_25t_350t"
@@ -132,42 +131,17 @@ def test_a_state_goes_on_in_another_instance_with_other_parameters(runs, near):
     near.release(saved)
 
 
-SCRIPT = """
-import pickle, sys
-sys.path.insert(0, sys.argv[1])
-from extreme_cases.fmi_host import Host
-fmu, name, time, steps, out = sys.argv[2:]
-with Host(fmu) as host:
-    if name.endswith("started"):
-        host.start()
-    host.restore_bytes(open(name, "rb").read(), float(time))
-    seen = []
-    for _ in range(int(steps)):
-        host.step()
-        seen.append(host.everything())
-pickle.dump(seen, open(out, "wb"))
-"""
-
-
 @pytest.mark.parametrize("friction", [1, 2])
 def test_bytes_go_on_with_the_same_bits_in_another_process(runs, tmp_path, friction):
     fmu = runs.fmu(DEFAULT, NEAR, f"contact.friction_model={friction}")
     with Host(fmu) as host:
         host.start()
         run_on(host, 40)
-        names = [tmp_path / "state", tmp_path / "state.started"]
-        for name in names:
-            name.write_bytes(host.save_bytes())
-        time = host.time
+        data, time = host.save_bytes(), host.time
         expected = run_on(host, 90)
         assert host.phase() >= CAPTURED
-    out = tmp_path / "seen"
-    name = names[friction - 1]  # into an instance that has started and one that has not
-    subprocess.run(
-        [sys.executable, "-c", SCRIPT, Path(__file__).parent, fmu, name, repr(time), "90", out],
-        check=True,
-    )
-    seen = pickle.loads(out.read_bytes())
+    # Into an instance that has not started, and into one that has.
+    seen = go_on_elsewhere(fmu, data, time, 90, tmp_path, starts=friction == 2)
     assert [i for i in range(60) if seen[i] != expected[i]] == []
 
 

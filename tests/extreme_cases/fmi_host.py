@@ -9,6 +9,9 @@ solver for model exchange of its own: equal Runge-Kutta steps, events found by b
 import ctypes
 import hashlib
 import math
+import pickle
+import subprocess
+import sys
 import tempfile
 from contextlib import suppress
 from pathlib import Path
@@ -365,3 +368,38 @@ class Host:
             x = new
             before = self.indicators()
         return info
+
+
+_GO_ON = """
+import pickle, sys
+sys.path.insert(0, sys.argv[1])
+from extreme_cases.fmi_host import Host
+fmu, state, time, steps, starts, seen = sys.argv[2:]
+with Host(fmu) as host:
+    if starts == "True":
+        host.start()
+    host.restore_bytes(open(state, "rb").read(), float(time))
+    found = []
+    for _ in range(int(steps)):
+        host.step()
+        found.append(host.everything())
+pickle.dump(found, open(seen, "wb"))
+"""
+
+
+def go_on_elsewhere(fmu, data, time, steps, folder, *, starts=False):
+    """Fingerprints after each of some steps of another process, from a state as bytes.
+
+    Args:
+        fmu: the FMU.
+        data: the state.
+        time: its time.
+        steps: how many.
+        folder: for two files.
+        starts: whether the other instance starts before it takes the state.
+    """
+    state, seen = Path(folder) / "state", Path(folder) / "seen"
+    state.write_bytes(data)
+    words = [Path(__file__).parents[1], fmu, state, repr(time), str(steps), str(starts), seen]
+    subprocess.run([sys.executable, "-c", _GO_ON, *words], check=True)
+    return pickle.loads(seen.read_bytes())

@@ -2,18 +2,14 @@
 
 import ctypes
 import math
-import os
-import pickle
 import random
-import subprocess
-import sys
 import threading
-from pathlib import Path
 
 import numpy as np
 
 from extreme_cases import Part
 from extreme_cases import mechanism_benchmarks as benchmarks
+from extreme_cases.fmi_host import go_on_elsewhere
 from extreme_cases.mechanics import (
     BRICARD_HINGE,
     BRICARD_TIME,
@@ -483,20 +479,6 @@ def run_passed(shop, score, _quick):
 
 # ------------------------------------------------------------------------------------------------
 # 9. Saved states.
-CONTINUE = """
-import pickle, sys
-from extreme_cases.fmi_host import Host
-fmu, name, time, steps, out = sys.argv[1:]
-with Host(fmu) as host:
-    host.restore_bytes(open(name, "rb").read(), float(time))
-    seen = []
-    for _ in range(int(steps)):
-        host.step()
-        seen.append(host.everything())
-pickle.dump(seen, open(out, "wb"))
-"""
-
-
 def step_on(host, steps):
     """Fingerprints of all variables after each of some steps."""
     seen = []
@@ -522,12 +504,7 @@ def run_saved(shop, score, quick):
                 seen = step_on(host, steps)
                 score.compare(count_differences(seen, wanted), f"{law}, restored")
             host.release(saved)
-        state, out = fmu / "state", fmu / "seen"
-        state.write_bytes(data)
-        command = [sys.executable, "-c", CONTINUE, fmu, state, repr(time), str(steps), out]
-        tests = str(Path(__file__).parents[1])
-        subprocess.run(command, check=True, env=os.environ | {"PYTHONPATH": tests})
-        seen = pickle.loads(out.read_bytes())
+        seen = go_on_elsewhere(fmu, data, time, steps, fmu)
         score.compare(count_differences(seen, wanted), f"{law}, another process")
         run_threads(score, fmu, (data, time), wanted, law)
 
