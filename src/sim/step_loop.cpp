@@ -105,12 +105,13 @@ double StepLoop::find_margin() const {
 /// the model, not measured, because a step must be refused after the same work on every machine.
 double StepLoop::find_evaluation_cost() const {
   constexpr double kBasic = 3e-6, kPerBody = 0.6e-6, kPerLegBody = 0.1e-6, kPerBristle = 3e-9;
+  constexpr double kPerPair = 0.05e-6;  // when surfaces are deep in each other
   const LoopPlan& plan = model_->mechanism.plan;
   const double tree = kPerBody * static_cast<double>(plan.tree_bodies.size());
   const double legs = static_cast<double>(plan.leg_bodies.size());
   const double mechanism = tree + (method_.unreduced ? kPerBody : kPerLegBody) * legs;
   return (method_.unreduced ? 4.0 : 1.0) * (kBasic + mechanism) +
-         kPerBristle * model_->layout.bristle_count +
+         kPerBristle * model_->layout.bristle_count + kPerPair * model_->contact.pair_count() +
          kPerLegBody * static_cast<double>(model_->mechanism.model.elements.size());
 }
 
