@@ -1,0 +1,133 @@
+"""Where the work of a docking goes: tests/validation/instructions.md.
+
+Runs dockings through their FMUs under callgrind (the Debian package valgrind), which counts the
+processor instructions inside ``fmi2DoStep``, function by function. Unlike times, the counts
+repeat. valgrind knows no vectors wider than four numbers, so wider processors need fewer.
+
+Examples:
+    apt-get install valgrind
+    .venv/bin/python tests/studies/instructions.py             # some five minutes
+"""
+
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from dockloop.fmu import build_fmu
+from dockloop.paths import ROOT
+from dockloop.results import ProgressBar
+from page import find_origin, write_head, write_page, write_row
+
+PAGE = ROOT / "tests" / "validation" / "instructions.md"
+STOP, STEP = 20.0, 0.01
+RUNS = (  # scene, accuracy; 0: default settings
+    ("idss_25t_350t", 1e-3),
+    ("idss_25t_350t", 1e-6),
+    ("hexapod", 1e-3),
+    ("apda", 1e-3),
+)
+EVALUATION = "calc_docking<double>("
+PARTS = {  # of one evaluation: functions, each with all that it calls
+    "mechanism: position, inertia and its factors": ("calc_position<double>(dockloop::Mechanism ",),
+    "mechanism: velocities, forces, accelerations": (
+        "calc_velocity<double>(dockloop::Mechanism ",
+        "calc_acceleration<double>(dockloop::Mechanism ",
+    ),
+    "contact, latches, hard dock": ("calc_capture_forces<double>(",),
+}
+MATRIX = ("StepLoop::build_matrix(", "StructuredMatrix::factor(", "StructuredMatrix::solve(")
+ALL = "dockloop::DockingSim::step(double, double)"  # fmi2DoStep calls nothing else that takes time
+# Calls `fmi2DoStep` of an FMU to the end; prints evaluations and inner steps.
+SCRIPT = """
+import sys
+from pathlib import Path
+from dockloop.simulate import run_fmu
+fmu, stop, step, *settings = sys.argv[1:]
+made = run_fmu(Path(fmu), settings, float(stop), float(step), outputs=["solver.*"])
+print(*(int(made[f"solver.{name}"][-1]) for name in ("rhs_evaluations", "steps")))
+"""
+
+
+def count(fmu: Path, accuracy: float, folder: Path) -> tuple[int, int, dict[str, int]]:
+    """Run an FMU under callgrind.
+
+    Returns:
+        Evaluations, inner steps, and the instructions of each function with all that it calls.
+    """
+    out = folder / "callgrind.out"
+    made = subprocess.run(
+        [
+            *("valgrind", "--tool=callgrind", f"--callgrind-out-file={out}"),
+            *("--collect-atstart=no", f"--toggle-collect={ALL}", sys.executable, "-c", SCRIPT),
+            *(str(fmu), repr(STOP), repr(STEP), f"accuracy={accuracy!r}"),
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    table = subprocess.run(
+        ["callgrind_annotate", "--inclusive=yes", "--threshold=100", str(out)],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    rows = re.findall(r"^ *([\d,]+) \([ \d.]+%\) +\S+?:(.*?) \[", table, re.MULTILINE)
+    evaluations, steps = map(int, made.stdout.split()[-2:])
+    return evaluations, steps, {name: int(number.replace(",", "")) for number, name in rows}
+
+
+def add_up(functions: dict[str, int], *parts: str) -> int:
+    """Return the instructions of the functions whose names contain one of these texts."""
+    return sum(n for name, n in functions.items() if any(part in name for part in parts))
+
+
+def main() -> None:
+    """Write the page."""
+    if shutil.which("valgrind") is None:
+        raise SystemExit("no valgrind on this machine: apt-get install valgrind")
+    names = ("all evaluations", *(f"- {name}" for name in PARTS), "- all else of an evaluation")
+    names += ("matrix of linearly implicit steps: build, factors, solutions", "all else")
+    columns: list[list[str]] = []
+    report = ProgressBar("runs")
+    with tempfile.TemporaryDirectory() as folder:
+        for i, (scene, accuracy) in enumerate(RUNS):
+            fmu = build_fmu(scene, (), Path(folder) / f"{scene}.fmu", bare=True)
+            evaluations, steps, functions = count(fmu, accuracy, Path(folder))
+            total, whole = functions[ALL], add_up(functions, EVALUATION)
+            parts = [add_up(functions, *found) for found in PARTS.values()]
+            matrix = add_up(functions, *MATRIX)
+            shares = [whole, *parts, whole - sum(parts), matrix, total - whole - matrix]
+            columns.append(
+                [
+                    f"{evaluations:,}",
+                    f"{steps:,}",
+                    f"{total / evaluations / 1000:.1f}",
+                    *(f"{share / total:.0%}" for share in shares),
+                ]
+            )
+            report((i + 1) / len(RUNS))
+    rows = zip(
+        ("evaluations", "inner steps", "thousand instructions for an evaluation, all in", *names),
+        *columns,
+        strict=True,
+    )
+    write_page(
+        PAGE,
+        "# Where the work of a docking goes",
+        find_origin("tests/studies/instructions.py"),
+        "",
+        f"Processor instructions inside `fmi2DoStep` by callgrind, {STOP:g} s at {STEP:g} s.",
+        "",
+        *write_head("part", *(f"`{scene}`, `accuracy` {wanted:g}" for scene, wanted in RUNS)),
+        *(write_row(*row) for row in rows),
+        "",
+        "All else: stages and error control of the solver, events, audits, peaks, the list of"
+        " contact pairs that are close, and what each communication point costs.",
+    )
+
+
+if __name__ == "__main__":
+    main()
