@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import pytest
 
 from conftest import SCENES
-from dockloop import paths
+from dockloop import commands, paths
 
 COMMANDS = (
     *("new", "build", "ssp", "run", "view", "compare", "sweep", "trade", "truth", "check"),
@@ -57,6 +57,20 @@ def test_help_is_quick_and_needs_no_heavy_package():
     assert time.perf_counter() - began < 5.0
     for package in ("fmpy", "matplotlib", "numpy", "jsonschema", "distributed", "pyarrow"):
         assert f" {package}\n" not in done.stderr
+
+
+def test_every_command_has_a_module_that_needs_no_heavy_package():
+    files = (paths.ROOT / "scripts" / "dockloop" / "commands").glob("*.py")
+    assert {file.stem for file in files} == {*commands.COMMANDS, "__init__"}
+    program = (
+        "import sys\n"
+        "from importlib import import_module\n"
+        "from dockloop.commands import COMMANDS\n"
+        "for name in COMMANDS:\n"
+        "    import_module(f'dockloop.commands.{name}')\n"
+        "assert not {'fmpy', 'matplotlib', 'numpy', 'jsonschema', 'pyarrow'} & set(sys.modules)\n"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
 
 
 def test_bad_usage_is_refused(dockloop):

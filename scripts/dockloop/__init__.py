@@ -18,6 +18,9 @@ From a notebook or a script::
 Modules, in the order in which a docking passes through them::
 
     cli        the command line; arguments in, text and exit status out
+    commands   one module a command: its options, and the calls that do its work
+    arguments  the parser of a command, with options that several commands share
+    console    what a command prints
     scene      scene file + mechanism file + overrides -> one resolved document
     schema     both files against their JSON Schemas, errors as one sentence
     core       the compiled module: checks, placement, model description, dockings

@@ -1,7 +1,15 @@
-"""Arguments that several commands share, in a module that loads quickly."""
+"""The parser of a command, with the arguments that several commands share; it loads quickly."""
 
 import argparse
 import math
+from argparse import Namespace as Options
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NoReturn
+
+from dockloop.errors import UsageError, one_line
+
+__all__ = ["LIMIT", "Command", "Options", "list_words", "positive"]
 
 LIMIT = 60.0  # s of processor time that a docking to be judged may take
 
@@ -17,73 +25,6 @@ def positive(text: str) -> int:
     return number
 
 
-def add_scene(command: argparse.ArgumentParser) -> None:
-    """Add the scene, and the keys in which it differs from its file."""
-    command.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
-    add_scene_option(command)
-
-
-def add_scene_option(command: argparse.ArgumentParser) -> None:
-    """Add the keys of the scene that differ from its file."""
-    command.add_argument(
-        "--scene",
-        dest="overrides",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="override a key of the scene, e.g. chaser.motion=driven (repeatable)",
-    )
-
-
-def add_run_options(command: argparse.ArgumentParser) -> None:
-    """Add what distinguishes one run of a scene from another, next to the scene."""
-    command.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="start value of an FMU variable (repeatable)",
-    )
-    command.add_argument("--stop", type=float, metavar="T", help="end of the run [s]")
-    command.add_argument("--step", type=float, metavar="H", help="communication step [s]")
-
-
-def add_range(command: argparse.ArgumentParser, letter: str, *, is_optional: bool = False) -> None:
-    """Add a quantity that goes over a range."""
-    command.add_argument(
-        f"--{letter}",
-        nargs=3,
-        required=not is_optional,
-        metavar=("NAME", "LOW", "HIGH"),
-        help="a quantity and its range: a key of the scene or an FMU variable"
-        + (" (optional)" if is_optional else ""),
-    )
-
-
-def add_processes(command: argparse.ArgumentParser) -> None:
-    """Add how many worker processes a command starts."""
-    command.add_argument(
-        "--workers", type=positive, metavar="N", help="processes (default: one per processor)"
-    )
-
-
-def add_limit(command: argparse.ArgumentParser, what: str) -> None:
-    """Add the processor time of one docking that is judged.
-
-    Args:
-        command: `map` or `extremes`.
-        what: the docking.
-    """
-    command.add_argument(
-        "--limit",
-        type=_duration,
-        default=LIMIT,
-        metavar="T",
-        help=f"processor time of {what}: a run that needs more than a third of it is slow, one"
-        f" that needs all of it is hung [s] (default: {LIMIT:g})",
-    )
-
-
 def _duration(text: str) -> float:
     """Parse a time above 0 [s]."""
     try:
@@ -95,24 +36,101 @@ def _duration(text: str) -> float:
     return time
 
 
-def add_executor_options(command: argparse.ArgumentParser) -> None:
-    """Add where many dockings run."""
-    where = command.add_mutually_exclusive_group()
-    where.add_argument(
-        "--workers",
-        type=positive,
-        metavar="N",
-        help="local threads or processes (default: one per processor)",
-    )
-    where.add_argument(
-        "--scheduler", metavar="ADDRESS", help="use this Dask cluster, e.g. tcp://host:8786"
-    )
+class Command(argparse.ArgumentParser):
+    """A parser whose errors are one sentence, like all others."""
+
+    def error(self, message: str) -> NoReturn:
+        """Leave the program with one sentence."""
+        text = one_line(f"{self.prog}: {message}; see {self.prog} --help")
+        self.exit(UsageError.exit_status, f"{text}\n")
+
+    def add_option(self, name: str, metavar: str | None, text: str, **more: Any) -> None:
+        """Add an option with a value."""
+        self.add_argument(name, metavar=metavar, help=text, **more)
+
+    def add_flag(self, name: str, text: str) -> None:
+        """Add something that is on if it is given."""
+        self.add_argument(name, action="store_true", help=text)
+
+    def add_list(self, name: str, member: str, metavar: str, text: str, **more: Any) -> None:
+        """Add something that may be given again and again, as the list `member` of the options."""
+        more = {"dest": member, "action": "append", "default": []} | more
+        self.add_option(name, metavar, text, **more)
+
+    def add_output(self, metavar: str, text: str, default: Path | None = None) -> None:
+        """Add the file or folder that the command writes."""
+        self.add_argument("-o", "--output", type=Path, default=default, metavar=metavar, help=text)
+
+    def add_report(self, file: str) -> None:
+        """Add the page that is written on demand."""
+        text = f"write {file}: one page with words, tables, figures and commands; opens offline"
+        self.add_flag("--report", text)
+
+    def add_scene(self) -> None:
+        """Add the scene, and the keys in which it differs from its file."""
+        self.add_argument("scene", metavar="SCENE", help="name of a shipped scene, or a .toml file")
+        self.add_scene_keys()
+
+    def add_scene_keys(self) -> None:
+        """Add the keys of the scene that differ from its file."""
+        text = "override a key of the scene, e.g. chaser.motion=driven (repeatable)"
+        self.add_list("--scene", "overrides", "KEY=VALUE", text)
+
+    def add_run(self) -> None:
+        """Add what distinguishes one run of a scene from another, next to the scene."""
+        self.add_list("--set", "set", "NAME=VALUE", "start value of an FMU variable (repeatable)")
+        self.add_option("--stop", "T", "end of the run [s]", type=float)
+        self.add_option("--step", "H", "communication step [s]", type=float)
+
+    def add_range(self, letter: str, *, is_optional: bool = False) -> None:
+        """Add a quantity that goes over a range."""
+        self.add_argument(
+            f"--{letter}",
+            nargs=3,
+            required=not is_optional,
+            metavar=("NAME", "LOW", "HIGH"),
+            help="a quantity and its range: a key of the scene or an FMU variable"
+            + (" (optional)" if is_optional else ""),
+        )
+
+    def add_limit(self, what: str) -> None:
+        """Add the processor time of one docking that is judged; `what` names the docking."""
+        self.add_option(
+            "--limit",
+            "T",
+            f"processor time of {what}: a run that needs more than a third of it is slow, one"
+            f" that needs all of it is hung [s] (default: {LIMIT:g})",
+            type=_duration,
+            default=LIMIT,
+        )
+
+    def add_workers(self) -> None:
+        """Add how many worker processes the command starts."""
+        text = "processes (default: one per processor)"
+        self.add_option("--workers", "N", text, type=positive)
+
+    def add_executor(self) -> None:
+        """Add where many dockings run."""
+        where = self.add_mutually_exclusive_group()
+        where.add_argument(
+            "--workers",
+            type=positive,
+            metavar="N",
+            help="local threads or processes (default: one per processor)",
+        )
+        where.add_argument(
+            "--scheduler", metavar="ADDRESS", help="use this Dask cluster, e.g. tcp://host:8786"
+        )
 
 
-def add_report_option(command: argparse.ArgumentParser, file: str) -> None:
-    """Add the page that is written on demand."""
-    command.add_argument(
-        "--report",
-        action="store_true",
-        help=f"write {file}: one page with words, tables, figures and commands; opens offline",
-    )
+def list_words(
+    options: Options, names: Iterable[str], write: Callable[[Any], str] = str
+) -> list[str]:
+    """Return the words that give options again: ``--scene``, ``--set``, and those of `names`."""
+    words = []
+    for option, texts in (("--scene", options.overrides), ("--set", getattr(options, "set", []))):
+        words += [word for text in texts for word in (option, text)]
+    for name in names:
+        value = getattr(options, name)
+        words += [] if value is None else [f"--{name}", write(value)]
+    return words

@@ -4,5 +4,4 @@
 |---|---|
 | ``random_scenes.py`` | draws scenes, judges each, makes bad ones simpler |
 | ``random_report.py`` | summary and page |
-| ``options.py`` | arguments of the command |
 """

@@ -5,6 +5,7 @@ import math
 import shlex
 
 from dockloop import paths
+from dockloop.arguments import list_words
 from dockloop.envelopes.command import make_experiment, make_progress, make_settings, parse_range
 from dockloop.envelopes.search import Axis, Order, find_envelope
 from dockloop.errors import UsageError
@@ -88,9 +89,4 @@ def _make_command(options: argparse.Namespace) -> str:
     words += [f"--linear-{letter}" for letter in "xy" if getattr(options, f"linear_{letter}")]
     words += ["--error", f"{options.error:g}", "--points", str(options.points)]
     words += ["--host", options.host] if options.host else []
-    for option, texts in (("--scene", options.overrides), ("--set", options.set)):
-        words += [word for text in texts for word in (option, text)]
-    for name in ("stop", "step"):
-        value = getattr(options, name)
-        words += [] if value is None else [f"--{name}", f"{value:g}"]
-    return shlex.join(words)
+    return shlex.join(words + list_words(options, ("stop", "step"), "{:g}".format))

@@ -2,5 +2,5 @@
 
 `geometry` takes shapes from the resolved scene, `results` reads result files, `page` puts all into
 one HTML file with the viewer in ``web/``, `browser` drives Chromium, `pictures` lets it draw stills
-and films, `options` and `command` are the command.
+and films, `command` is the work of the command.
 """

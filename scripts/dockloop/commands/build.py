@@ -1,0 +1,41 @@
+"""``dockloop build``: the FMU of a scene."""
+
+import argparse
+
+from dockloop.arguments import Command, Options
+from dockloop.console import write
+from dockloop.paths import shown
+
+EXAMPLE = "example: dockloop build idss_25t_350t --scene initial.closing_speed=0.05 -o slow.fmu"
+
+
+def add_options(command: Command) -> None:
+    """Describe the arguments of the command."""
+    command.add_scene()
+    command.add_output("FILE.fmu", "default: build/fmu/SCENE.fmu")
+    text = "run the default experiment and put its result into the FMU (folder extra)"
+    command.add_flag("--reference", text)
+    command.add_argument(
+        "--kernel",
+        action=argparse.BooleanOptionalAction,
+        help="with compiled code of its own for the mechanism, or without (default: with it where"
+        " there is a C compiler; results are the same)",
+    )
+
+
+def run(options: Options) -> None:
+    """Build the FMU and say where it is."""
+    from dockloop.fmu import build_fmu
+    from dockloop.reference import add_reference
+
+    notes: list[str] = []  # issued when the FMU is there
+    finish = add_reference if options.reference else None
+    fmu = build_fmu(
+        options.scene,
+        options.overrides,
+        options.output,
+        options.kernel,
+        notes.append,
+        finish=finish,
+    )
+    write("\n".join([*notes, f"{shown(fmu)} ({fmu.stat().st_size / 1e6:.1f} MB)"]))

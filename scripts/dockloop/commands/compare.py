@@ -1,0 +1,39 @@
+"""``dockloop compare``: measured time histories over a run."""
+
+from pathlib import Path
+
+from dockloop.arguments import Command, Options
+from dockloop.console import write_found
+
+EXAMPLE = "example: dockloop compare build/results/absorber_1d/absorber_1d.csv rig.csv"
+_BAND = 0.10
+
+
+def add_options(command: Command) -> None:
+    """Describe the arguments of the command."""
+    command.add_argument(
+        "result", type=Path, metavar="RESULT", help="result of a run (.csv, .npz or .parquet)"
+    )
+    command.add_argument(
+        "data",
+        type=Path,
+        metavar="DATA.csv",
+        help="measurements; the header names outputs with units: time [s],relative.axial [mm],...",
+    )
+    text = "time of the run less time of the data [s] (default: found from the columns)"
+    command.add_option("--shift", "T", text, type=float)
+    text = f"half width of the error band, as part of the measured peak (default: {_BAND:g})"
+    command.add_option("--band", "PART", text, type=float, default=_BAND)
+    text = "what became of the measured docking: captured, rebound, miss, ..."
+    command.add_option("--outcome", "NAME", text)
+    text = "numbers; the figure FILE.png is written next to them (default: RESULT_compared.json)"
+    command.add_output("FILE.json", text)
+    command.add_flag("--no-plots", "do not draw the figure")
+    command.add_flag("--json", "print the numbers as JSON")
+
+
+def run(options: Options) -> None:
+    """Compare, write numbers and figure."""
+    from dockloop.measured.command import describe, run_command
+
+    write_found(options, run_command(options), describe)

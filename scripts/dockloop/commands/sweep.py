@@ -1,0 +1,138 @@
+"""``dockloop sweep``: many dockings."""
+
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dockloop import paths
+from dockloop.arguments import Command, Options
+from dockloop.console import write_found
+from dockloop.errors import DockloopError, UsageError
+
+if TYPE_CHECKING:
+    from dockloop.sampling import Sweep
+
+EXAMPLE = "example: dockloop sweep absorber_1d_speeds --engine core --workers 2 --csv"
+
+
+def add_options(command: Command) -> None:
+    """Describe the arguments of the command."""
+    command.add_argument("sweep", metavar="SWEEP", help="name of a shipped sweep, or a .toml file")
+    command.add_argument(
+        "--engine",
+        choices=("auto", "core", "fmu"),
+        default="auto",
+        help="core: threads of one process; fmu: FMPy in Dask workers, for clusters;"
+        " auto (default): core, unless there is a --scheduler; results are the same",
+    )
+    command.add_executor()
+    command.add_flag("--resume", "go on with a sweep that was interrupted")
+    command.add_output(
+        "TABLE.parquet",
+        "the table; journal, TABLE_summary.json and plots are written next to it"
+        " (default: build/sweeps/SWEEP/SWEEP.parquet)",
+    )
+    text = "wanted relative error of all cases, or real-time, as for dockloop run"
+    command.add_option("--accuracy", "ERROR", text)
+    command.add_option(
+        "--refine",
+        "TEXT",
+        'run cases again that meet a criterion, e.g. "load_ratio > 0.8 or not captured", and'
+        " cases with a step that failed",
+    )
+    text = "wanted relative error of these; the report says what changed"
+    command.add_option("--refine-accuracy", "ERROR", text)
+    command.add_option(
+        "--rare",
+        "TEXT",
+        'estimate how rarely dockings fail, e.g. "load_ratio > 1" (a criterion as for dockloop'
+        " envelope), with fewer dockings than plain sampling; writes TABLE_rare.json, no table",
+    )
+    text = "dockings in every level of --rare: more make the interval narrow (default: 500)"
+    command.add_option("--rare-cases", "N", text, type=int, default=500)
+    command.add_flag("--csv", "write the table as CSV too")
+    command.add_flag("--no-plots", "do not draw figures")
+    command.add_report("TABLE_report.html")
+    command.add_flag("--json", "print the summary as JSON")
+
+
+def run(options: Options) -> None:
+    """Run the sweep, or estimate how rarely its dockings fail."""
+    if options.output and options.output.suffix != ".parquet":
+        raise UsageError(f"-o {options.output}: must end in .parquet")
+    if options.engine == "core" and options.scheduler:
+        raise UsageError("--engine core runs on this machine; a --scheduler needs --engine fmu")
+    uses_dask = options.engine == "fmu" or options.scheduler
+    try:
+        for package in ("pyarrow", "scipy", *(["distributed"] if uses_dask else [])):
+            import_module(package)
+    except ImportError as error:
+        raise DockloopError(
+            f"sweeps need the package {error.name}: pip install 'dockloop[sweep]'; in a clone"
+            " .venv/bin/pip install -e '.[sweep]'"
+        ) from None
+    from dockloop.sampling import read_passes, read_sweep
+    from dockloop.simulate import ProgressBar
+
+    passes = read_passes(options.accuracy, options.refine, options.refine_accuracy)
+    if passes and passes.refine and options.rare:
+        raise UsageError("--rare and --refine: give one of them")
+    sweep = read_sweep(options.sweep, passes)
+    name = sweep.path.stem
+    output = options.output or paths.BUILD / "sweeps" / name / f"{name}.parquet"
+    how = {key: getattr(options, key) for key in ("engine", "workers", "scheduler", "resume")}
+    work = _run_rare if options.rare else _run_all
+    work(options, sweep, output, how | {"progress": ProgressBar(name)})
+
+
+def _run_all(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]) -> None:
+    """Run all cases: table, summary, plots, pages."""
+    from dockloop import html_report, sweep_report
+    from dockloop.figures import can_draw
+    from dockloop.outputs import claim
+    from dockloop.summary import find_summary, write_summary
+    from dockloop.sweeps import COMMAND, run_sweep
+    from dockloop.view.page import PAGE
+
+    plots = not options.no_plots
+    for file, kind in sweep_report.list_files(output, as_csv=options.csv, plots=plots):
+        claim(file, kind)
+    if options.report:
+        claim(html_report.find_page(output), html_report.page_kind(COMMAND))
+        for file in sweep_report.list_views(output):
+            claim(file, PAGE)
+    ran = run_sweep(sweep, output, **how)
+    planner, sweep = ran["planner"], ran["sweep"]
+    files = sweep_report.write_table(
+        sweep, planner, ran["results"], ran["first"], output, as_csv=options.csv
+    )
+    table = sweep_report.TableFile(output)
+    summary = sweep_report.summarise_sweep(sweep, planner, table, ran)
+    if plots and can_draw():
+        files += sweep_report.write_sweep_plots(sweep, planner, table, output.with_suffix(""))
+    if options.report:
+        figures = [file for file in files if file.suffix == ".png"]
+        views = sweep_report.write_views(sweep, planner, table, output)
+        sections = html_report.report_sweep(summary, sweep, planner, table, figures, views=views)
+        files += [*views.values(), html_report.find_page(output)]
+        html_report.write_page(files[-1], COMMAND, summary["title"], sections)
+    files.append(find_summary(output))
+    summary["files"] = [paths.shown(file) for file in files]
+    write_summary(summary, files[-1])
+    write_found(options, summary, sweep_report.describe_sweep)
+    if "done" not in summary["status"]:
+        raise DockloopError(f"no case was done, for example: {summary['reasons']['example']}")
+
+
+def _run_rare(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]) -> None:
+    """Estimate how rarely the dockings of a sweep fail."""
+    from dockloop import rare
+    from dockloop.outputs import claim
+    from dockloop.summary import write_summary
+
+    file, journal = rare.name_files(output)
+    claim(file, rare.SUMMARY)
+    summary = rare.run_rare(sweep, options.rare, options.rare_cases, journal, **how)
+    summary["files"] = [paths.shown(file)]
+    write_summary(summary, file)
+    write_found(options, summary, rare.describe_rare)

@@ -1,0 +1,40 @@
+"""What a command prints: what it found on standard output, why it fails on standard error."""
+
+import json
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from dockloop.arguments import Options
+from dockloop.errors import DockloopError, find_reason, one_line
+
+
+class ReaderGoneError(Exception):
+    """The reader of our output has closed it."""
+
+
+def write(text: str, end: str = "\n") -> None:
+    """Print what a command found; without an `end`, at once, else when the command is done.
+
+    Raises:
+        ReaderGoneError: standard output has no reader any more.
+        DockloopError: standard output cannot be written.
+    """
+    try:
+        print(text, end=end, flush=not end)
+    except BrokenPipeError:
+        sys.stdout = None
+        raise ReaderGoneError from None
+    except OSError as error:
+        sys.stdout = None
+        raise DockloopError(f"standard output cannot be written ({find_reason(error)})") from None
+
+
+def write_found(options: Options, found: Any, describe: Callable[[Any], str]) -> None:
+    """Print what a command found: as JSON if the user wants that, else in words."""
+    write(json.dumps(found, indent=2) if options.json else describe(found))
+
+
+def write_failure(text: str) -> None:
+    """Say in one line why a command fails."""
+    print(one_line(f"dockloop: {text}"), file=sys.stderr)
