@@ -164,7 +164,7 @@ class Coupling:
         bodies: own rigid bodies by vehicle, where they differ from what the FMU says.
         shift, drift: everything is started elsewhere [m], with another velocity [m/s].
         loads: function from time to {vehicle: (force in N, torque in body axes)}; known loads.
-        told_loads: False keeps these loads from the FMU.
+        reported_loads: False keeps these loads from the FMU.
         gravity: in N [m/s2], reported to the FMU as well.
         settings: start values of the FMU by name.
         first_step: the step that is announced at the beginning (coupling.expected_step).
@@ -214,7 +214,7 @@ class Coupling:
             self.host.set(coupling__expected_step=first_step)
         if any(gravity):
             self.host.put("gravity", gravity)
-        self._tell_loads(self._known_loads())
+        self._report_loads(self._known_loads())
         self.host.start()
         self.known = np.zeros(6)  # impulse of known loads, and moment about the fixed point, so far
         self.calls = 0  # of fmi2DoStep
@@ -246,13 +246,13 @@ class Coupling:
         """Loads that the host knows at the present time."""
         return self.loads(self.host.time) if self.loads else {}
 
-    def _tell_loads(self, known):
+    def _report_loads(self, known):
         """Pass known loads to the FMU."""
         for vehicle, (force, torque) in known.items() if self.reported_loads else ():
             self.host.put(f"{vehicle}.force_ext", force)
             self.host.put(f"{vehicle}.torque_ext", torque)
 
-    def _tell_motion(self, vehicle, motion):
+    def _report_motion(self, vehicle, motion):
         """Pass the motion of a vehicle to the FMU, in one call."""
         names = [
             self.host.reference[f"{vehicle}.{name}[{i + 1}]"]
@@ -297,7 +297,7 @@ class Coupling:
             next_size: length of the step after it, which a parallel host may announce.
         """
         known = self._known_loads()
-        self._tell_loads(known)
+        self._report_loads(known)
         if next_size and "coupling.next_step" in self.host.reference:
             self.host.set(coupling__next_step=next_size)
         if self.scheme == "iterated":
@@ -309,7 +309,7 @@ class Coupling:
             if self.scheme == "vehicle_first":
                 reported = self._ends(loads, known, size)
             for vehicle in self.driven:
-                self._tell_motion(vehicle, reported[vehicle])
+                self._report_motion(vehicle, reported[vehicle])
             self._do_step(size)
             ends = self._ends(loads or self._read_loads(kind), known, size)
         self._count(known, ends, size)
@@ -329,7 +329,7 @@ class Coupling:
                 v, w = (x1 - x) / size, rotation_vector(q, q1) / size
                 if turn_count == 0:
                     v, w = first[vehicle]
-                self._tell_motion(vehicle, (x, v, q, w))
+                self._report_motion(vehicle, (x, v, q, w))
             self._do_step(size)
             new = self._ends(self._read_loads(), known, size)
             moved = [new[v][0] - ends[v][0] for v in self.driven]
@@ -340,7 +340,7 @@ class Coupling:
                 break
             if turn_count + 1 < most:
                 self.host.restore(saved)
-                self._tell_loads(known)
+                self._report_loads(known)
         self.host.release(saved)
         return ends
 
@@ -374,7 +374,7 @@ class Coupling:
         really did. Without gravity, which acts on masses inside that the host does not know.
         """
         for vehicle in self.driven:
-            self._tell_motion(vehicle, self.bodies[vehicle].motion())
+            self._report_motion(vehicle, self.bodies[vehicle].motion())
         total = np.zeros(6)
         for body in self.bodies.values():
             linear, angular = body.momentum(self.fixed_point)

@@ -432,8 +432,8 @@ def test_a_far_state_is_closed_on_the_branch_of_home(tmp_path):
         state = {"q": [angle, 0, 0], "v_independent": [1.0], "tau": [0, 0, 0]}
         (tmp_path / "states.json").write_text(json.dumps({"states": [state]}))
         q = check_mechanism(str(tmp_path / "own.json"), tmp_path / "states.json")[0]["q"]
-        reach = math.sqrt(0.09 - (0.1 * math.sin(angle)) ** 2)
-        assert q[2] == pytest.approx(0.1 * math.cos(angle) + reach, abs=1e-14), angle
+        span = math.sqrt(0.09 - (0.1 * math.sin(angle)) ** 2)
+        assert q[2] == pytest.approx(0.1 * math.cos(angle) + span, abs=1e-14), angle
 
 
 def test_a_crank_may_turn_a_thousand_times(move):
@@ -474,8 +474,8 @@ def test_the_start_of_a_joint_leaves_a_free_vehicle_the_velocity_it_is_given(mov
     start = {"position": angle, "rate": rate}
     run = move(benchmarks.slider_crank(), 0.5, 0.5, base=base, joints={"crank": start})
     assert np.max(np.abs(run.vector("chaser.velocity")[0] - [0.1, 0.0, 0.0])) < 1e-15
-    reach = math.sqrt(0.09 - (0.1 * math.sin(angle)) ** 2)
-    speed = -0.1 * rate * math.sin(angle) * (1.0 + 0.1 * math.cos(angle) / reach)
+    span = math.sqrt(0.09 - (0.1 * math.sin(angle)) ** 2)
+    speed = -0.1 * rate * math.sin(angle) * (1.0 + 0.1 * math.cos(angle) / span)
     assert run["ring.velocity[1]"][0] == pytest.approx(speed, rel=1e-13)
     assert np.max(run["momentum.residual"]) < 1e-13
     assert np.max(np.abs(run["energy.residual"])) < 1e-10

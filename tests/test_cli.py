@@ -352,7 +352,7 @@ def test_a_coordinate_that_moves_no_mass_names_its_body(dockloop, tmp_path):
     assert outcome.err.count("\n") == 1
 
 
-def test_check_tells_where_end_stops_begin_and_what_ends_a_coordinate(dockloop, tmp_path):
+def test_check_says_where_end_stops_begin_and_what_ends_a_coordinate(dockloop, tmp_path):
     text, report = check(dockloop, tmp_path, spoil(lambda m: None))
     (row,) = (row for row in report["ranges"] if row["coordinate"] == "ring.x")
     mechanism = spoil(lambda m: None)

@@ -19,7 +19,7 @@ import pytest
 from dockloop import paths
 from extreme_cases.fmi_host import Host
 
-RESTING, INTEGRATED = 1, 2
+QUIESCENT, INTEGRATED = 1, 2
 DRIFT = 60.0  # s
 GROUPS = (
     'outputs.groups=["relative", "capture", "phase", "ring", "legs", "states", "energy", "solver"]'
@@ -36,7 +36,7 @@ def docking(runs):
     return runs.fmu("idss_25t_350t", f"initial.approach_time={DRIFT}", GROUPS, *RATES)
 
 
-def started(fmu, drift=RESTING, **values):
+def started(fmu, drift=QUIESCENT, **values):
     host = Host(fmu)
     host.choose(model__flight=drift)
     host.set(**values)
@@ -51,10 +51,10 @@ def evaluations(host):
 def test_a_drift_costs_nothing_and_changes_nothing(docking):
     runs = {}
     for name, drift, size, values in (
-        ("truth", INTEGRATED, 1.0, {"solver__rtol": 1e-9, "solver__atol_velocity": 1e-10}),
+        ("reference", INTEGRATED, 1.0, {"solver__rtol": 1e-9, "solver__atol_velocity": 1e-10}),
         ("integrated", INTEGRATED, 1.0, {}),
-        ("resting", RESTING, 1.0, {}),
-        ("short steps", RESTING, 0.1, {}),
+        ("quiescent", QUIESCENT, 1.0, {}),
+        ("short steps", QUIESCENT, 0.1, {}),
     ):
         with started(docking, drift, **values) as host:
             while host.time < DRIFT - 1.0 - 1e-6:
@@ -69,15 +69,15 @@ def test_a_drift_costs_nothing_and_changes_nothing(docking):
                 host.get("time_of_contact", "time_of_capture", *RING, "relative.axial"),
             )
             assert abs(host.value("momentum.residual")) < 1e-13, name
-    share = runs["resting"][0] / runs["resting"][1]
+    share = runs["quiescent"][0] / runs["quiescent"][1]
     before = runs["integrated"][0] / runs["integrated"][1]
     print(f"free drift: {100 * share:.2f} % of the evaluations, integrated {100 * before:.0f} %")
     assert before > 0.1, before
     assert share < 0.08, share
-    scale = runs["truth"][2].max()
-    for name in ("integrated", "resting", "short steps"):
-        loads = np.abs(runs[name][2] - runs["truth"][2]).max() / scale
-        motion = np.abs(runs[name][3] - runs["truth"][3]).max()
+    scale = runs["reference"][2].max()
+    for name in ("integrated", "quiescent", "short steps"):
+        loads = np.abs(runs[name][2] - runs["reference"][2]).max() / scale
+        motion = np.abs(runs[name][3] - runs["reference"][3]).max()
         print(f"{name}: peak loads off by {loads:.1e}, times and motion by {motion:.1e} s, m")
         assert loads < 1e-4, (name, loads)  # taken at inner steps
         assert motion < 2e-6, (name, motion)
@@ -85,14 +85,14 @@ def test_a_drift_costs_nothing_and_changes_nothing(docking):
 
 def test_loads_and_commands_wake_the_mechanism(docking):
     shaken = {}
-    for drift in (RESTING, INTEGRATED):
+    for drift in (QUIESCENT, INTEGRATED):
         with started(docking, drift) as host:
             for _ in range(8):
                 host.step(1.0)
             before = evaluations(host)
             host.step(0.5)
             calm = evaluations(host) - before
-            assert (calm == 0) == (drift == RESTING), calm
+            assert (calm == 0) == (drift == QUIESCENT), calm
             host.put("chaser.force_ext", [2000.0, 500.0, -300.0])
             host.step(0.02)
             host.put("chaser.force_ext", [0.0, 0.0, 0.0])
@@ -106,7 +106,7 @@ def test_loads_and_commands_wake_the_mechanism(docking):
                 seen.append(host.get(*RING, "relative.velocity[2]"))
             shaken[drift] = np.array(seen)
     swing = np.ptp(shaken[INTEGRATED][:, :3], axis=0).max()
-    off = np.abs(shaken[RESTING] - shaken[INTEGRATED]).max()
+    off = np.abs(shaken[QUIESCENT] - shaken[INTEGRATED]).max()
     print(f"ring moved by {1e3 * swing:.2f} mm, difference {off:.1e}")
     assert swing > 1e-3, swing
     assert off < 1e-6, off
@@ -149,14 +149,14 @@ def test_tumbling_vehicles_are_where_the_integrator_puts_them(runs, tmp_path):
     tight = {"solver__rtol": 1e-11, "solver__atol_position": 1e-12, "solver__atol_velocity": 1e-12}
     names = [(f"{v}.{q}", n) for v in ("chaser", "target") for q, n in KINDS]
     ends = {}
-    for drift in (RESTING, INTEGRATED):
+    for drift in (QUIESCENT, INTEGRATED):
         with started(fmu, drift, **(tight if drift == INTEGRATED else {})) as host:
             for size in (20.0, 0.1, 7.3, 60.0, 60.0):
                 host.step(size)
             ends[drift] = np.concatenate([host.vector(name, count) for name, count in names])
             work = evaluations(host)
-            assert (work == 0) == (drift == RESTING), work
-    off = np.abs(ends[RESTING] - ends[INTEGRATED]).max()
+            assert (work == 0) == (drift == QUIESCENT), work
+    off = np.abs(ends[QUIESCENT] - ends[INTEGRATED]).max()
     print(f"attitudes and positions differ by {off:.1e}")
     assert off < 1e-6, off
 
@@ -187,7 +187,7 @@ def test_a_spin_that_changes_moves_the_mechanism_as_it_should(runs):
     )
     legs = [f"leg[{i}].length" for i in range(1, 7)]
     lengths, work = {}, {}
-    for drift in (RESTING, INTEGRATED):
+    for drift in (QUIESCENT, INTEGRATED):
         with Host(fmu) as host:
             host.choose(model__flight=drift)
             host.put("chaser.angular_velocity", [1e-5, 0.05, 0.0])
@@ -198,11 +198,11 @@ def test_a_spin_that_changes_moves_the_mechanism_as_it_should(runs):
                 seen.append(host.get(*legs))
             lengths[drift], work[drift] = np.array(seen), evaluations(host)
     travel = np.ptp(lengths[INTEGRATED][1:], axis=0).max()
-    off = np.abs(lengths[RESTING] - lengths[INTEGRATED]).max()
+    off = np.abs(lengths[QUIESCENT] - lengths[INTEGRATED]).max()
     print(f"legs move by {travel:.1e} m, difference {off:.1e} m, work {work}")
     assert travel > 2e-5, travel
     assert off < 5e-7, off
-    assert work[RESTING] < work[INTEGRATED], work
+    assert work[QUIESCENT] < work[INTEGRATED], work
 
 
 def test_creep_is_not_taken_for_rest(runs):
@@ -215,14 +215,14 @@ def test_creep_is_not_taken_for_rest(runs):
         "initial.capture_body.displacement=[1e-3, 0, 0]",
     )
     ends = {}
-    for drift in (RESTING, INTEGRATED):
+    for drift in (QUIESCENT, INTEGRATED):
         with Host(fmu) as host:
             host.choose(model__flight=drift, solver__method=6)
             host.start()
             for _ in range(5):
                 host.step(50.0)
             ends[drift] = host.get(*RING)
-    off = np.abs(ends[RESTING] - ends[INTEGRATED]).max()
+    off = np.abs(ends[QUIESCENT] - ends[INTEGRATED]).max()
     print(f"ring differs by {off:.1e} m")
     assert off < 5e-7, off
 

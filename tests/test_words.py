@@ -50,7 +50,7 @@ WORDS = {
     r"please": "(leave it out)",
 }
 WORD = re.compile(r"\b(?:" + "|".join(f"(?:{word})" for word in WORDS) + r")\b", re.IGNORECASE)
-# Names have parts: find_told_state, kToldLate. Only these words are looked for in them.
+# Names have parts: find_told_state, kToldLate, TOLD_LATE. Only these words are looked for in them.
 NAME_PARTS = {
     *("told", "untold", "leap", "leaps", "flight", "flown", "resting", "truth", "owed", "ledger"),
     *("ledgers", "sink", "sinks", "trouble", "dear", "beside", "nobody", "somebody", "please"),
@@ -167,7 +167,7 @@ def private_words(name):
         if is_name and text in ALLOWED_NAMES:
             continue
         if is_name:
-            pieces = re.findall(r"[A-Z]?[a-z]+", hidden)
+            pieces = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", hidden)
             words = [piece for piece in pieces if piece.lower() in NAME_PARTS]
         else:
             words = WORD.findall(hidden)
@@ -257,8 +257,9 @@ def test_private_words_are_found_in_comments_messages_and_names(tmp_path):
     code.write_text('int kToldLate;  // the host is told\nconst char* text = "no trouble";\n')
     assert [line.split("'")[1] for line in private_words(str(code))] == ["Told", "told", "trouble"]
     script = tmp_path / "script.py"
-    script.write_text('def find_leap():\n    """Ask somebody."""\n')
-    assert [line.split("'")[1] for line in private_words(str(script))] == ["leap", "somebody"]
+    script.write_text('NO_LEAP = 1\ndef find_leap():\n    """Ask somebody."""\n')
+    found = [line.split("'")[1] for line in private_words(str(script))]
+    assert found == ["LEAP", "leap", "somebody"]
 
 
 if __name__ == "__main__":

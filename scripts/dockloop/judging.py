@@ -57,7 +57,7 @@ _SAME_TIME = 1e-9  # s between two points that are the same one
 _POINTS = 100  # communication steps of a reference solution, about
 _KEPT = 24  # reference solutions that a process remembers
 _MOTION = ("position", "velocity", "attitude", "angular_velocity")
-_TELLING = (  # in warnings that loads or motion may be off
+_DOUBTS = (  # in warnings that loads or motion may be off
     "energy audit",
     "loads may be wrong",
     "chaser.mass",
@@ -338,7 +338,7 @@ def _find_energy_promise(run: Result) -> float:
 
 def _blame(verdict: Verdict, run: Result, reason: str) -> Verdict:
     """Return the verdict on a run that is off: did it say so?"""
-    warnings = [text for text in run.warnings if any(word in text for word in _TELLING)]
+    warnings = [text for text in run.warnings if any(word in text for word in _DOUBTS)]
     if warnings:
         return replace(verdict, verdict="warned", reason=f"{reason}; {warnings[-1]}")
     return replace(verdict, verdict="wrong", reason=reason)

@@ -105,7 +105,7 @@ def describe_report(report: dict) -> str:
 
 
 def _range(row: dict) -> dict:
-    """Return one coordinate's reach: the end stop that begins first, and what ends it for good."""
+    """Return one coordinate's range: the end stop that begins first, and what ends it for good."""
     factor, unit = (180.0 / math.pi, "deg") if row["unit"] == "rad" else (1.0, "m")
     columns = {"coordinate": row["coordinate"]}
     for side in ("lower", "upper"):

@@ -135,8 +135,8 @@ def _draw_views(d: Drawing, mechanism: dict, home_q: Sequence[float]) -> None:
     lines, marks = _find_skeleton(mechanism, home_q)
     points = np.array([point for _, *ends in lines for point in ends] or [np.zeros(3)])
     low, high = points.min(axis=0), points.max(axis=0)
-    reach = max(np.max(np.hypot(points[:, 1], points[:, 2])), 0.05)
-    scale = min(150 / reach, 460 / max(high[0] - low[0], 0.05))
+    radius = max(np.max(np.hypot(points[:, 1], points[:, 2])), 0.05)
+    scale = min(150 / radius, 460 / max(high[0] - low[0], 0.05))
 
     def side(point: Vector) -> Point:
         return 50 + scale * (point[0] - low[0]), 205 - scale * point[1]
@@ -153,7 +153,7 @@ def _draw_views(d: Drawing, mechanism: dict, home_q: Sequence[float]) -> None:
     origin = np.zeros(3)
     d.axes(side(origin), "B", (-12, 17), "xyz")
     d.axes(front(origin), "B", (-12, 17), "yzx")
-    length = 10 ** math.floor(math.log10(reach))
+    length = 10 ** math.floor(math.log10(radius))
     d.line((50, _TOP - 20), (50 + scale * length, _TOP - 20), width=2)
     d.label((58 + scale * length, _TOP - 16), f"{length:g} m", anchor="start", size=11)
 

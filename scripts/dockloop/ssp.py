@@ -180,13 +180,13 @@ class _Fmu:
 def _find_connections(vehicle: str) -> list[tuple[str, str, str, str]]:
     """Return (start element, start connector, end element, end connector) for one vehicle."""
     motion = [f"{name}[{i + 1}]" for name, count in _MOTION.items() for i in range(count)]
-    tells = [(vehicle, f"chaser.{name}", "docking", f"{vehicle}.{name}") for name in motion]
-    feels = [
+    motions = [(vehicle, f"chaser.{name}", "docking", f"{vehicle}.{name}") for name in motion]
+    loads = [
         ("docking", f"{vehicle}.{mean}[{i + 1}]", vehicle, f"chaser.{reported}[{i + 1}]")
         for mean, reported in _LOADS.items()
         for i in range(3)
     ]
-    return tells + feels
+    return motions + loads
 
 
 def _describe_system(document: dict, fmus: dict[str, _Fmu]) -> bytes:

@@ -68,7 +68,7 @@ class DockingModule(sysModel.SysModel):
         if now == 0:  # Basilisk updates its modules once at the start, over no time
             return write(self, now, np.zeros(3), np.zeros(3))
         loads = self.loads()  # parallel: announced for the coming step
-        self.tell_motion()
+        self.report_motion()
         self.docking.put("chaser.force_ext", self.control_force().forceRequestInertial)
         self.docking.put("chaser.torque_ext", self.control_torque().torqueRequestBody)
         self.docking.put("gravity", self.gravity())
@@ -77,7 +77,7 @@ class DockingModule(sysModel.SysModel):
             loads = self.loads()  # of the step just made
         return write(self, now, *loads)
 
-    def tell_motion(self) -> None:
+    def report_motion(self) -> None:
         """Put the motion of the spacecraft into the inputs of the FMU."""
         motion = self.motion()
         self.docking.put("chaser.position", motion.r_CN_N)  # of the centre of mass, not of B
@@ -156,7 +156,7 @@ def fly(docking: Docking, mode: str, gravity_at: str, steps: int) -> None:
     simulation.InitializeSimulation()
     simulation.ConfigureStopTime(steps * step)
     simulation.ExecuteSimulation()
-    module.tell_motion()  # of the end, for the comparison
+    module.report_motion()  # of the end, for the comparison
 
 
 def fly_alone(docking: Docking, steps: int) -> None:

@@ -20,7 +20,7 @@ class Vehicle:
         self.mass = docking.get("chaser.mass")
         self.inertia = symmetric(docking.get("chaser.inertia"))
 
-    def tell(self, docking: Docking) -> None:
+    def report(self, docking: Docking) -> None:
         """Put the motion of now into the inputs of the FMU."""
         for name, value in zip(MOTION, np.split(self.state, (3, 6, 10)), strict=True):
             docking.put(name, value)
@@ -56,11 +56,11 @@ def main() -> None:
     vehicle = Vehicle(docking)
     for _ in range(steps):
         coming = [docking.get(name) for name in LOADS]  # parallel: known before the step
-        vehicle.tell(docking)  # the motion of t
+        vehicle.report(docking)  # the motion of t
         docking.advance()  # to t + H
         made = [docking.get(name) for name in LOADS]  # sequential: known after the step
         vehicle.advance(options.step, *(coming if options.mode == "parallel" else made))
-    vehicle.tell(docking)  # the motion of the end, for the comparison
+    vehicle.report(docking)  # the motion of the end, for the comparison
 
     alone = Docking("free", options.step, ACCURATE)
     for _ in range(steps):

@@ -250,7 +250,7 @@ def run_inputs(shop, score, quick):
                 each.start()
                 pose = Drive(each, driven)
                 for _ in range(20):
-                    pose.tell(each)
+                    pose.report(each)
                     each.step()
             names = [
                 f"{free}.force_ext[1]", f"{free}.torque_ext[2]", "gravity[3]",
@@ -287,7 +287,7 @@ class Drive:
         )
         self.attitude = host.vector(f"{name}.attitude", 4)
 
-    def tell(self, host, sign=1.0, length=1.0):
+    def report(self, host, sign=1.0, length=1.0):
         """Set the pose at the beginning of the coming step."""
         host.put(f"{self.name}.position", self.position + host.time * self.velocity)
         host.put(f"{self.name}.velocity", self.velocity)
@@ -298,7 +298,7 @@ class Drive:
 def try_input(score, hosts, pose, values, where):
     """One trial: refused by the set or by the step, without a trace; then a step of both hosts."""
     host, alone = hosts
-    pose.tell(host)
+    pose.report(host)
     saved = host.save()
     before = host.everything()
     valid = host.get(*values)
@@ -313,7 +313,7 @@ def try_input(score, hosts, pose, values, where):
         score.bad.append(f"{where}: accepted")
         host.restore(saved)
     host.release(saved)
-    pose.tell(alone)
+    pose.report(alone)
     for each in hosts:
         each.step()
     score.check(host.everything() == alone.everything(), where, "the next step differs")
@@ -324,29 +324,29 @@ def run_harmless_inputs(shop, score, quick):
     fmu = shop.shipped("idss_25t_350t", NEAR, "target.motion=driven")
     watched = [f"relative.position[{i}]" for i in (1, 2, 3)]
     cases = {
-        "sign flipped at every step": lambda host, pose, i: pose.tell(host, (-1.0) ** i),
-        "sign flipped once": lambda host, pose, i: pose.tell(host, -1.0 if i > 15 else 1.0),
-        "length 1 + 1e-6": lambda host, pose, i: pose.tell(host, 1.0, 1.0 + 1e-6),
+        "sign flipped at every step": lambda host, pose, i: pose.report(host, (-1.0) ** i),
+        "sign flipped once": lambda host, pose, i: pose.report(host, -1.0 if i > 15 else 1.0),
+        "length 1 + 1e-6": lambda host, pose, i: pose.report(host, 1.0, 1.0 + 1e-6),
         "denormal force": lambda host, pose, _: (
-            pose.tell(host), host.put("chaser.force_ext", (5e-324, -5e-324, 1e-310))
+            pose.report(host), host.put("chaser.force_ext", (5e-324, -5e-324, 1e-310))
         ),
         "denormal gravity": lambda host, pose, _: (
-            pose.tell(host), host.put("gravity", (5e-324, -5e-324, 1e-310))
+            pose.report(host), host.put("gravity", (5e-324, -5e-324, 1e-310))
         ),
     }  # fmt: skip
 
-    def run(tell):
+    def run(report):
         with Host(fmu) as host:
             host.start()
             pose = Drive(host, "target")
             for i in range(25 if quick else 50):
-                tell(host, pose, i)
+                report(host, pose, i)
                 host.step()
             return host.get(*watched)
 
-    plain = run(lambda host, pose, _: pose.tell(host))
-    for where, tell in cases.items():
-        score.compare(np.max(np.abs(run(tell) - plain)), where)
+    plain = run(lambda host, pose, _: pose.report(host))
+    for where, report in cases.items():
+        score.compare(np.max(np.abs(run(report) - plain)), where)
 
 
 def run_start_values(shop, score, _quick):

@@ -120,10 +120,10 @@ def _find_pin(crank: dict, tip: np.ndarray) -> np.ndarray:
     axis, length = np.array(crank["axis"]), np.linalg.norm(crank["pin"])
     height = tip @ axis
     flat = tip - np.outer(height, axis)
-    reach = np.linalg.norm(flat, axis=1)
-    along = (reach**2 + length**2 - crank["rod"] ** 2 + height**2) / (2.0 * reach)
+    distance = np.linalg.norm(flat, axis=1)
+    along = (distance**2 + length**2 - crank["rod"] ** 2 + height**2) / (2.0 * distance)
     across = crank["side"] * np.sqrt(np.maximum(length**2 - along**2, 0.0))
-    return (along[:, None] * flat + across[:, None] * np.cross(axis, flat)) / reach[:, None]
+    return (along[:, None] * flat + across[:, None] * np.cross(axis, flat)) / distance[:, None]
 
 
 def turn(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
