@@ -304,7 +304,7 @@ def test_check_says_that_a_motion_is_unstable_and_how_fast_it_grows(dockloop, tm
     assert "-1" not in text.partition("vibration")[2]
 
 
-def test_check_gives_no_reach_to_what_only_a_coupling_follows(dockloop, tmp_path):
+def test_check_gives_no_range_to_what_only_a_coupling_follows(dockloop, tmp_path):
     """Nothing can end it: there was a row "-0 ... 0" of a search as long as no loop."""
     screw = {"name": "screw", "dependent": "nut", "terms": [{"joint": "slide", "ratio": 3}]}
     nut = {"name": "nut", "parent": "slide", "joint": {"type": "revolute", "axis": [1, 0, 0]}}

@@ -6,6 +6,7 @@ steps of the integrator, not samples. Energies are in J, times in s, forces in N
 
 import json
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import BinaryIO
 
@@ -14,6 +15,7 @@ import numpy as np
 from dockloop.capture import WITH_CAPTURE, explain_capture, list_needed
 from dockloop.core import list_loads, name_choice
 from dockloop.outputs import MADE_BY, Kind, json_kind, read_head, write_text, writing
+from dockloop.paths import shown
 from dockloop.results import Result, import_optional
 
 COMMAND = "dockloop run"
@@ -236,8 +238,9 @@ def _write_parquet(run: Result, file: BinaryIO) -> None:
     parquet.write_table(pyarrow.Table.from_arrays(list(run.values.T), schema=schema), file)
 
 
-def write_summary(summary: dict, path: Path) -> None:
-    """Write a summary as JSON. Raises DockloopError: it cannot be written."""
+def write_summary(summary: dict, path: Path, files: Iterable[Path]) -> None:
+    """Write a summary as JSON, with `files`. Raises DockloopError: it cannot be written."""
+    summary["files"] = [shown(file) for file in files]
     write_text(path, json_kind("summary", summary[MADE_BY]), json.dumps(summary, indent=2) + "\n")
 
 

@@ -160,5 +160,4 @@ def _write_files(options: Options, result: "Result", summary: dict, file: Path) 
     if options.view:
         files.append(_find_view(file))
         write_page(result, files[-1])
-    summary["files"] = [paths.shown(file) for file in files]
-    write_summary(summary, files[1])
+    write_summary(summary, files[1], files)

@@ -117,8 +117,7 @@ def _run_all(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]
         files += [*views.values(), html_report.find_page(output)]
         html_report.write_page(files[-1], COMMAND, summary["title"], sections)
     files.append(find_summary(output))
-    summary["files"] = [paths.shown(file) for file in files]
-    write_summary(summary, files[-1])
+    write_summary(summary, files[-1], files)
     write_found(options, summary, sweep_report.describe_sweep)
     if "done" not in summary["status"]:
         raise DockloopError(f"no case was done, for example: {summary['reasons']['example']}")
@@ -133,6 +132,5 @@ def _run_rare(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any
     file, journal = rare.name_files(output)
     claim(file, rare.SUMMARY)
     summary = rare.run_rare(sweep, options.rare, options.rare_cases, journal, **how)
-    summary["files"] = [paths.shown(file)]
-    write_summary(summary, file)
+    write_summary(summary, file, [file])
     write_found(options, summary, rare.describe_rare)

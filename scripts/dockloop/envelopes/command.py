@@ -165,9 +165,7 @@ def run_command(options: argparse.Namespace) -> dict:
     if options.report:
         report.write_report(found, summary, files, [f for f in written if f.suffix == ".png"])
         written.append(files.page)
-    written.append(files.summary)
-    summary["files"] = [paths.shown(file) for file in written]
-    write_summary(summary, files.summary)
+    write_summary(summary, files.summary, [*written, files.summary])
     return summary
 
 

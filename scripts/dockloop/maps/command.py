@@ -51,9 +51,7 @@ def run_command(options: argparse.Namespace) -> dict:
     if not options.no_plots and can_draw():
         report.write_figure(search, files.figure)
         written.append(files.figure)
-    written.append(files.summary)
-    summary["files"] = [paths.shown(file) for file in written]
-    write_summary(summary, files.summary)
+    write_summary(summary, files.summary, [*written, files.summary])
     return summary
 
 

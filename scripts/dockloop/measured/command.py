@@ -47,8 +47,7 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
     if not options.no_plots and can_draw():
         save_figure(draw(run, data, found), figure, COMMAND)
         files.append(figure)
-    found["files"] = [shown(file) for file in files]
-    write_summary(found, output)
+    write_summary(found, output, files)
     return found
 
 
