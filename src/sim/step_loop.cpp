@@ -19,7 +19,7 @@ constexpr int kMaxRefused = 12;  ///< consecutive end states that cannot be eval
 #ifndef DOCKLOOP_REFUSAL_TIME  // shorter for the fuzzers
 #define DOCKLOOP_REFUSAL_TIME 0.5
 #endif
-constexpr double kRefusalTime = DOCKLOOP_REFUSAL_TIME, kRefusalTimePerSecond = 5.0;
+constexpr double kRefusalTime = DOCKLOOP_REFUSAL_TIME, kRefusalTimePerSecond = 4.0;
 constexpr double kLongestRefusal = 60.0;
 
 }  // namespace
@@ -104,14 +104,13 @@ double StepLoop::find_margin() const {
 /// Upper bound of the time of one evaluation on a slow processor [s]. The bound is estimated from
 /// the model, not measured, because a step must be refused after the same work on every machine.
 double StepLoop::find_evaluation_cost() const {
-  constexpr double kBasic = 3e-6, kPerBody = 0.6e-6, kPerLegBody = 0.1e-6, kPerBristle = 3e-9;
-  constexpr double kPerPair = 0.05e-6;  // when surfaces are deep in each other
+  constexpr double kBasic = 6e-6, kPerBody = 0.6e-6, kPerLegBody = 0.1e-6, kPerBristle = 3e-9;
   const LoopPlan& plan = model_->mechanism.plan;
   const double tree = kPerBody * static_cast<double>(plan.tree_bodies.size());
   const double legs = static_cast<double>(plan.leg_bodies.size());
   const double mechanism = tree + (method_.unreduced ? kPerBody : kPerLegBody) * legs;
   return (method_.unreduced ? 4.0 : 1.0) * (kBasic + mechanism) +
-         kPerBristle * model_->layout.bristle_count + kPerPair * model_->contact.pair_count() +
+         kPerBristle * model_->layout.bristle_count +
          kPerLegBody * static_cast<double>(model_->mechanism.model.elements.size());
 }
 

@@ -6,7 +6,7 @@ from dockloop.arguments import Command, Options, positive
 from dockloop.console import write
 from dockloop.errors import DockloopError
 
-EXAMPLE = "example: dockloop extremes --random 200 --seed 7"
+EXAMPLE = "example: dockloop extremes --random 20 --seed 7"
 
 
 def add_options(command: Command) -> None:
