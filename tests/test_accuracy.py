@@ -21,7 +21,7 @@ import pytest
 from fmpy import read_model_description
 
 import dockloop as dl
-from dockloop import accuracy
+from dockloop import accuracy, run_errors
 from dockloop.cli import main
 from dockloop.core import list_methods
 from dockloop.paths import ROOT
@@ -89,7 +89,7 @@ def test_stored_errors_repeat(study, data):
         place = data["rtol"].index(1e-5)
         made = study.run(drawn, study.set_tolerance(method, 1e-5))
         stored = case[method]["errors"][place]
-        assert accuracy.find_error(reference, made) == pytest.approx(stored, rel=0.1)
+        assert run_errors.find_error(reference, made) == pytest.approx(stored, rel=0.1)
 
 
 @pytest.mark.parametrize("kind", ["kPassiveRings", "kOthers"])
@@ -111,7 +111,7 @@ def test_a_promise_holds_for_the_dockings_of_the_calibration(study, data, kind):
 @pytest.mark.parametrize("wanted", [1e-2, 1e-4])
 def test_the_error_is_within_the_accuracy(solution, wanted):
     made = run(accuracy=wanted)
-    error = accuracy.find_error(solution, made)
+    error = run_errors.find_error(solution, made)
     assert error <= wanted
     assert last(made, "error_estimate") == pytest.approx(wanted, rel=1e-6)
 
@@ -342,7 +342,7 @@ def test_the_real_time_step_follows_from_the_equations(solution):
         steps[stiffness] = docking.get("solver.chosen_step")
     assert steps[2e6] == pytest.approx(np.sqrt(10.0) * steps[2e7], rel=0.1)
     assert steps[2e5] > steps[2e6]
-    assert accuracy.find_error(solution, run(accuracy="real-time")) < 1e-2
+    assert run_errors.find_error(solution, run(accuracy="real-time")) < 1e-2
     assert last(run({"solver.step": 5e-4}, accuracy="real-time"), "chosen_step") == 5e-4
 
 
@@ -353,7 +353,7 @@ def test_real_time_steps_follow_bristles(scene):
     quick = dl.run(scene, keys, stop=STOP, step=STEP, accuracy="real-time")
     assert last(quick, "chosen_method") == made_number("fixed_rk4")
     assert not quick.warnings
-    assert accuracy.find_error(dl.run(scene, keys, stop=STOP, step=STEP), quick) < 1e-2
+    assert run_errors.find_error(dl.run(scene, keys, stop=STOP, step=STEP), quick) < 1e-2
 
 
 SOFT_LEGS = NEAR | {  # that reach their stops
@@ -451,7 +451,7 @@ def test_values_without_a_meaning_are_refused():
 )
 def test_an_estimate_is_close_to_the_error(solution, start):
     made = run(start, estimate_error=True)
-    error = accuracy.find_error(solution, made)
+    error = run_errors.find_error(solution, made)
     estimate = made.summary["error_estimate"]
     assert estimate["error"] == max(estimate["figures"].values())
     assert 0.2 * error < estimate["error"] < 5.0 * error
@@ -465,7 +465,7 @@ def test_an_estimate_is_close_to_the_error(solution, start):
 
 def test_an_estimate_with_fixed_steps_halves_them_twice(solution):
     made = run({"solver.method": "fixed_rk4", "solver.step": 2e-3}, estimate_error=True)
-    error = accuracy.find_error(solution, made)
+    error = run_errors.find_error(solution, made)
     assert 0.2 * error < made.error_estimate["error"] < 5.0 * error
     assert made.error_estimate["second_run"]["solver.step"] == 5e-4
 
@@ -488,7 +488,7 @@ def test_the_error_of_a_simplified_level_is_next_to_the_estimate(solution):
     found = estimate["level"]
     assert estimate["error"] < 1e-3 < found["error"]
     assert found["is_larger"]
-    assert found["error"] == pytest.approx(accuracy.find_error(solution, made), rel=0.1)
+    assert found["error"] == pytest.approx(run_errors.find_error(solution, made), rel=0.1)
     assert set(found["figures"]) == set(estimate["figures"])
     assert "the error of model.level is not included" in made.notes[0]
     assert "level" not in run(accuracy=1e-2, estimate_error=True).error_estimate
@@ -523,12 +523,12 @@ def test_an_error_far_above_the_wanted_one_is_said():
 
 def test_the_errors_of_two_runs_are_those_of_their_figures(solution):
     other = run(accuracy.list_tolerances(1e-4))
-    figures = accuracy.find_figures(solution, other)
+    figures = run_errors.find_figures(solution, other)
     place = "capture.peak.compression"
     peaks = [each[place][-1] for each in (solution, other)]
     assert figures[place] == pytest.approx(abs(peaks[1] / peaks[0] - 1.0))
-    assert accuracy.find_error(solution, other) == max(figures.values())
-    assert max(accuracy.find_figures(solution, solution).values()) == 0.0
+    assert run_errors.find_error(solution, other) == max(figures.values())
+    assert max(run_errors.find_figures(solution, solution).values()) == 0.0
 
 
 def test_the_command_chooses_and_estimates(tmp_path, capsys):

@@ -201,6 +201,32 @@ def test_an_edge_to_the_tests_is_found(text):
     assert find_test_edges(text)
 
 
+COMMANDS = {file.parent.name for file in (ROOT / "scripts" / "dockloop").glob("*/__init__.py")}
+BUILDS_UPON = {"maps": {"envelopes"}, "measured": {"view"}}
+
+
+def find_commands(text: str) -> set[str]:
+    """Packages of commands that a module imports as soon as it is imported."""
+    found = [node for node in ast.parse(text).body if isinstance(node, ast.Import | ast.ImportFrom)]
+    names = {
+        f"{getattr(node, 'module', '')}.{alias.name}" for node in found for alias in node.names
+    }
+    return {part for name in names if "dockloop." in name for part in name.split(".")} & COMMANDS
+
+
+@pytest.mark.parametrize("room", ["", *sorted(COMMANDS)])
+def test_what_commands_share_imports_no_command(room):
+    for path in (ROOT / "scripts" / "dockloop" / room).glob("*.py"):
+        above = find_commands(path.read_text()) - {room} - BUILDS_UPON.get(room, set())
+        assert not above, f"{path.relative_to(ROOT)} imports {above}"
+
+
+def test_an_import_of_a_command_is_found():
+    for text in ("from dockloop.trades.apply import a", "from dockloop import trades"):
+        assert find_commands(text) == {"trades"}
+    assert find_commands("def do():\n    from dockloop.trades import Trade") == set()
+
+
 def test_outside_libraries_are_included_in_their_room_only():
     for path in list_sources("src", "fmu", "tests/unit"):
         folder = str(path.parent.relative_to(ROOT))

@@ -25,6 +25,7 @@ from dockloop.extremes import random_report, random_scenes
 from dockloop.extremes.random_scenes import Drawn, Outcome, draw_scene, list_ranges, run_random
 from dockloop.judging import BAD, VERDICTS, Case, Verdict, judge
 from dockloop.results import Result
+from dockloop.run_errors import find_errors
 
 SEED, FEW, MANY = 11, 8, 200
 
@@ -206,7 +207,7 @@ def test_neighbours_are_compared_where_the_run_has_points(monkeypatch):
     run = make_result(times[[0, -1]], np.array([0.0, 0.3]))
     verdict = judging._compare(Case("any", wanted=1e-3), run, Verdict("right"))
     assert verdict.verdict == "undetermined", verdict
-    assert judging._find_figures(solution, solution)["stroke"] == 0.0
+    assert find_errors(solution, solution)["stroke"] == 0.0
 
 
 def test_an_energy_audit_that_a_tighter_tolerance_mends_is_loose():

@@ -4,13 +4,15 @@ The copies stand next to each other under one name, so the scene finds its mecha
 of either needs no other file. Comments stay.
 """
 
+import re
 from pathlib import Path
+from typing import Any
 
 from dockloop.errors import UsageError
 from dockloop.outputs import Kind, write_text
 from dockloop.paths import shown
+from dockloop.sampling import to_text
 from dockloop.scene import find_mechanism, find_scene, read_toml, resolve_scene
-from dockloop.trades.apply import set_key
 
 
 def copy_scene(reference: str, name: str, folder: Path) -> list[Path]:
@@ -64,3 +66,18 @@ def describe(files: list[Path]) -> str:
         f"  dockloop run {names[0]} --view",
     ]
     return "\n".join(lines)
+
+
+def set_key(text: str, section: str, member: str, value: Any) -> str:
+    """Return a TOML text with one key set; comments and everything else stay."""
+    line = f"{member} = {to_text(value)}"
+    header = re.search(rf"^[ \t]*\[[ \t]*{section}[ \t]*\][^\n]*$", text, re.MULTILINE)
+    if not header:
+        return f"{text.rstrip()}\n\n[{section}]\n{line}\n"
+    after = re.search(r"^[ \t]*\[", text[header.end() :], re.MULTILINE)
+    end = header.end() + after.start() if after else len(text)
+    body = text[header.end() : end]
+    pattern = rf"^([ \t]*){member}[ \t]*=[ \t]*[^#\n]*?([ \t]*(?:#[^\n]*)?)$"
+    changed, count = re.subn(pattern, lambda m: m[1] + line + m[2], body, count=1, flags=re.M)
+    body = changed if count else f"\n{line}{body}"
+    return text[: header.end()] + body + text[end:]

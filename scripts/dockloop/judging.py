@@ -1,6 +1,6 @@
 """Is a run right? A docking against its reference solution and its own audits, with a verdict.
 
-A run is *right* if every figure of `accuracy.find_figures` is within the wanted error of a tight
+A run is *right* if every figure of `run_errors.find_figures` is within the wanted error of a tight
 run of the explicit method, momentum is conserved to rounding, and the energy audit keeps what is
 promised. It is *refused* if a start value or a step is refused with a reason. It is *warned* if a
 figure or the energy audit is off and the run says so in a warning. It is *undetermined* if a figure
@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from dockloop.accuracy import find_figures, has_same_outcome, list_tolerances, tighten
+from dockloop.accuracy import list_tolerances, tighten
 from dockloop.arguments import LIMIT
 from dockloop.cases import Result as CaseResult
 from dockloop.core import list_methods
@@ -37,6 +37,7 @@ from dockloop.crew import Ending
 from dockloop.docking import Docking, Scene
 from dockloop.errors import DockloopError, one_line
 from dockloop.results import Result, list_points
+from dockloop.run_errors import find_errors
 from dockloop.sampling import as_setting
 from dockloop.ssp import take_out
 
@@ -66,7 +67,6 @@ _DOUBTS = (  # in warnings that loads or motion may be off
     "unmodelled acceleration",
 )
 _LEAST_WORDS = 3  # of a reason
-Figures = dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -355,7 +355,7 @@ def _compare(case: Case, run: Result, audited: Verdict) -> Verdict:
     shift = LEAST_SHIFT if case.wanted is not None else max(LEAST_SHIFT, rtol)
     try:
         reference = _take_common(_find_reference(case, 0.0), run)
-        figures = _find_figures(reference, run)
+        figures = find_errors(reference, run)
         off = {name for name, error in figures.items() if not error <= wanted}
         determined = _find_determined(case, reference, shift, wanted) if off else set()
     except DockloopError as error:
@@ -378,16 +378,14 @@ def _compare(case: Case, run: Result, audited: Verdict) -> Verdict:
 
 def _find_determined(case: Case, reference: Result, shift: float, wanted: float) -> set[str]:
     """Return the figures on which neighbours of the reference solution agree."""
-    changes = [
-        _find_figures(reference, _find_reference(case, size * shift)) for size in _NEIGHBOURS
-    ]
+    changes = [find_errors(reference, _find_reference(case, size * shift)) for size in _NEIGHBOURS]
     most = _AGREE * wanted
     return {name for name in changes[0] if all(c.get(name, math.inf) <= most for c in changes)}
 
 
 def _is_right(reference: Result, run: Result, names: set[str], wanted: float) -> bool:
     """Return whether some figures of a run have the wanted error."""
-    figures = _find_figures(reference, run)
+    figures = find_errors(reference, run)
     return all(figures.get(name, math.inf) <= wanted for name in names)
 
 
@@ -417,12 +415,6 @@ def _take_common(reference: Result, run: Result) -> Result:
     """
     common = [i for i, t in enumerate(reference.time) if np.min(np.abs(run.time - t)) < _SAME_TIME]
     return replace(reference, values=reference.values[common])
-
-
-def _find_figures(reference: Result, run: Result) -> Figures:
-    """Return the errors of a run, at the points of a reference solution."""
-    figures = find_figures(reference, run)
-    return figures | {"outcome": 0.0 if has_same_outcome(reference, run) else math.inf}
 
 
 _REFERENCES: OrderedDict[str, "Result | DockloopError"] = OrderedDict()

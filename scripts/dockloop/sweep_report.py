@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dockloop import __version__
-from dockloop.accuracy import compare_peaks
 from dockloop.capture import WITH_CAPTURE, explain_capture
 from dockloop.cases import STATUSES, Result
 from dockloop.columns import align, say_number
@@ -33,6 +32,7 @@ from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
 from dockloop.paths import find_absence, is_file, shown
 from dockloop.results import import_optional
+from dockloop.run_errors import compare_peaks
 from dockloop.sampling import Sweep, count_drawn, list_discs, say_accuracy
 from dockloop.summary import find_summary
 from dockloop.sweeps import COMMAND, DIGEST, TABLE, Planner, find_journal
@@ -549,7 +549,7 @@ def compare_passes(table: Any) -> dict:
     Returns:
         ``cases`` that ran again, ``failed`` in one of the passes, ``changed`` (case and both
         outcomes where these differ), ``peaks``: the relative change of every peak load, as
-        `dockloop.accuracy` has it: its median, the largest one and the case of that.
+        `dockloop.run_errors` has it: its median, the largest one and the case of that.
     """
     changed, changes, cases = [], [], 0
     again = (part.filter(part[f"{FIRST}status"].is_valid()) for part in table.to_batches())

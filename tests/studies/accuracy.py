@@ -31,10 +31,11 @@ from typing import NamedTuple
 import numpy as np
 
 import dockloop as dl
-from dockloop.accuracy import ATOL_PER_RTOL, estimate_error, find_error, list_tolerances
+from dockloop.accuracy import ATOL_PER_RTOL, estimate_error, list_tolerances
 from dockloop.errors import DockloopError
 from dockloop.paths import ROOT
 from dockloop.results import ProgressBar
+from dockloop.run_errors import find_error
 from page import find_origin, write_head, write_page, write_row
 
 DATA = ROOT / "tests" / "data" / "accuracy.json"
@@ -632,9 +633,9 @@ def main():
             f"{len(rows)} random dockings, most of {STOP:g} s, that are not in the calibration, of"
             f" {len(numbers)} drawn. (The others start with overlapping surfaces and are refused.)"
             " The error of a run is the largest relative one of five peak loads, stroke, time of"
-            " capture and final motion (`scripts/dockloop/accuracy.py`). The reference solution is"
-            f" that of {REFERENCE[0]} at a tolerance of {REFERENCE[1]:g}. Another outcome counts as"
-            " an infinite error. The best by hand is the least time of all methods of the"
+            " capture and final motion (`scripts/dockloop/run_errors.py`). The reference solution"
+            f" is that of {REFERENCE[0]} at a tolerance of {REFERENCE[1]:g}. Another outcome counts"
+            " as an infinite error. The best by hand is the least time of all methods of the"
             " calibration, at tolerances a decade apart, that has the error in this docking: a user"
             " would have to try them all.",
             "",

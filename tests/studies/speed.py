@@ -23,10 +23,11 @@ from typing import NamedTuple
 
 import dockloop as dl
 from accuracy import FAMILIES, RING
-from dockloop.accuracy import find_error, list_tolerances
+from dockloop.accuracy import list_tolerances
 from dockloop.errors import DockloopError
 from dockloop.paths import ROOT, SWEEPS
 from dockloop.results import ProgressBar, Result
+from dockloop.run_errors import find_error
 from dockloop.simulate import run_fmu
 from idss import SWEEP, make_corners
 from page import find_commit, find_origin, write_head, write_page, write_row

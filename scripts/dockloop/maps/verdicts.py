@@ -13,8 +13,8 @@ from dockloop.envelopes.mesh import Point
 from dockloop.envelopes.search import Search
 from dockloop.judging import MEASURES, VERDICTS, Case, Verdict, find_verdict, judge
 from dockloop.planning import Planner
+from dockloop.run_errors import find_frame
 from dockloop.sampling import Value
-from dockloop.trades.errors import find_frame
 
 
 @dataclass

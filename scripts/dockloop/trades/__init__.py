@@ -13,7 +13,7 @@ not carry (`dockloop.compiled`). A second name of a method is that method: it ha
 | ``__init__.py`` | the grid; which settings of it are run; one row; all rows, kept in a journal |
 | ``bench.py`` | the FMU, loaded once and run again and again |
 | ``solution.py`` | the reference solution, of dockloop-compare or of the FMU at its best |
-| ``errors.py`` | figures of a run against that solution, and the scalar that sums them up |
+| ``columns.py`` | what is measured of a run: error against that solution, residuals, cost |
 | ``report.py`` | front, recommendation, table, figure |
 | ``command.py`` | `dockloop.trade`; what it shares with the command line |
 | ``apply.py`` | ``--apply``: a copy of the scene with the recommended settings |
@@ -33,17 +33,10 @@ from dockloop.cases import Result
 from dockloop.core import list_choices, list_different_methods, list_methods
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
+from dockloop.run_errors import find_compared, find_frame, find_scales, find_times
 from dockloop.simulate import ProgressBar, Recording
 from dockloop.trades.bench import Bench
-from dockloop.trades.errors import (
-    AUDITS,
-    ERRORS,
-    find_audits,
-    find_compared,
-    find_errors,
-    find_scales,
-    find_times,
-)
+from dockloop.trades.columns import FIGURES, find_audits, find_error_columns
 from dockloop.trades.solution import find_solution
 
 _REFERENCE = 4
@@ -80,16 +73,6 @@ _LOOKS = 40  # times, at least, at which a run is compared with the reference so
 _AFTER_CAPTURE = 1.0  # s that a run goes on by default
 _PAIRS = 5  # most runs of a setting and of the default, one after the other ...
 _ENOUGH = 1.0  # ... until those of the setting have taken so long [s]
-
-COSTS = {
-    "evaluations": "`solver.rhs_evaluations`; a Jacobian counts as one per column",
-    "steps": "`solver.steps`",
-    "rejected_steps": "`solver.rejected_steps`",
-    "time_ratio": "processor time inside fmi2DoStep over that of the default setting, which was run"
-    " next to it by turns: ratio of the medians",
-    "time_ratio_of_best": "ratio of the shortest ones",
-}
-FIGURES = (*ERRORS, *AUDITS, *COSTS)
 
 
 def name_methods() -> dict[int, str]:
@@ -320,15 +303,17 @@ def run_trade(
             result = measure(bench, setting, default, solution.recording, stop, pairs=pairs)
             journal.add(astuple(setting), result)
             report()
-    doubt = find_errors(solution.recording, solution.doubt)["error"] if solution.doubt else None
+    known, doubted = solution.recording, solution.doubt
+    doubt = find_error_columns(known, doubted)["error"] if doubted else None
     about = {
         "scene": bench.scene["name"],
         "title": bench.scene["title"],
         "stop": stop,
-        "interval": float(solution.recording["time"][1]),
+        "interval": float(known.time[1]),
         "default": default.label,
         "truth": {"source": solution.source, **solution.facts, "error": doubt},
-        "scales": find_scales(solution.recording),
+        "frame": find_frame(names),
+        "scales": find_scales(known),
     }
     rows = [make_row(bench, s, default, journal.known[astuple(s)], stop) for s in settings]
     return Trade(rows, about)
@@ -366,7 +351,7 @@ def measure(
             seen = bench.probe(starts, stop, setting.step, solution["time"])
     except DockloopError as error:
         return Result("refused" if isinstance(error, UsageError) else "failed", str(error))
-    figures = find_errors(solution, seen) | find_audits(seen)
+    figures = find_error_columns(solution, seen) | find_audits(seen)
     for name, output in (
         ("evaluations", "solver.rhs_evaluations"),
         ("steps", "solver.steps"),

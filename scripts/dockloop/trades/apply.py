@@ -7,17 +7,16 @@ comments included, stays as it is.
 """
 
 import math
-import re
 import tomllib
 from pathlib import Path
 from typing import Any
 
 from dockloop import paths
+from dockloop.copies import set_key
 from dockloop.core import list_methods, name_choice
 from dockloop.errors import DockloopError, UsageError
 from dockloop.outputs import table_kind, write_text
 from dockloop.paths import shown
-from dockloop.sampling import to_text
 from dockloop.scene import find_scene, resolve_scene
 from dockloop.trades.bench import Bench
 from dockloop.trades.report import recommend
@@ -113,18 +112,3 @@ def write_copy(reference: str, keys: dict[str, Any], row: dict, command: str, pa
 
 def _is_copy(text: str) -> bool:
     return text.startswith(_BEGIN)
-
-
-def set_key(text: str, section: str, member: str, value: Any) -> str:
-    """Return a TOML text with one key set; comments and everything else stay."""
-    line = f"{member} = {to_text(value)}"
-    header = re.search(rf"^[ \t]*\[[ \t]*{section}[ \t]*\][^\n]*$", text, re.MULTILINE)
-    if not header:
-        return f"{text.rstrip()}\n\n[{section}]\n{line}\n"
-    after = re.search(r"^[ \t]*\[", text[header.end() :], re.MULTILINE)
-    end = header.end() + after.start() if after else len(text)
-    body = text[header.end() : end]
-    pattern = rf"^([ \t]*){member}[ \t]*=[ \t]*[^#\n]*?([ \t]*(?:#[^\n]*)?)$"
-    changed, count = re.subn(pattern, lambda m: m[1] + line + m[2], body, count=1, flags=re.M)
-    body = changed if count else f"\n{line}{body}"
-    return text[: header.end()] + body + text[end:]

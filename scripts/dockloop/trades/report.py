@@ -13,8 +13,9 @@ from typing import Any
 from dockloop.figures import can_draw, save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import Kind, figure_kind, table_kind, write_text, writing
-from dockloop.trades import COSTS, FIGURES, Trade, find_journal, name_levels
-from dockloop.trades.errors import AUDITS, ERRORS, SCALES
+from dockloop.run_errors import describe_scale
+from dockloop.trades import Trade, find_journal, name_levels
+from dockloop.trades.columns import AUDITS, COSTS, ERRORS, FIGURES
 
 WANTED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 _PAYS = 1.25  # times the cheapest: less is within what timing can resolve
@@ -50,7 +51,7 @@ def summarise_trade(trade: Trade, command: str) -> dict:
         front = find_front(rows, cost)
         for row in rows:
             row[name] = row in front
-    frame = _FRAMES["relative" if "peaks" in scales else "ring"]
+    frame = _FRAMES[trade.about["frame"]]
     return {
         **trade.about,
         "command": command,
@@ -244,11 +245,7 @@ def _solution_sentence(summary: dict) -> str:
 
 
 def _scale_sentence(name: str, scale: float) -> str:
-    unit, what = SCALES[name]
-    if name == "stroke":
-        return f"stroke ({what}, {scale:.4g} {unit})"
-    if name in ("peaks", "peak_moments"):
-        return f"{name} ({what}, {scale:.4g} {unit})"
+    unit, what = describe_scale(name)
     return f"{name} / {scale:.4g} {unit} ({what})"
 
 
@@ -272,11 +269,6 @@ def _cell(name: str, value: Any) -> str:
     if name in ("evaluations", "steps"):
         return _spaced(value)
     return f"{value:.2f}" if name == "time_ratio" else f"{value:.1e}"
-
-
-def _heading(name: str) -> str:
-    """Return the name of a column with its unit as people write it."""
-    return name.replace("_m_s", " m/s").replace("_rad_s", " rad/s").replace("_", " ")
 
 
 def _spaced(number: int) -> str:
@@ -347,7 +339,7 @@ def _make_page(summary: dict, rows: list[dict], figures: list[Path]) -> str:
         "",
     ]
     shown = [name for name in _TABLE if any(row[name] is not None for row in rows)]
-    lines += [_row(["setting", *(_heading(name) for name in shown)])]
+    lines += [_row(["setting", *(name.replace("_", " ") for name in shown)])]
     lines += [_row(["---"] * (1 + len(shown)))]
     for row in rows:
         name = f"**{row['setting']}**" if row["front_by_time"] else row["setting"]
