@@ -2,10 +2,12 @@
 
 The core has the lists: values of choices, loads, dissipated energies, units, names of FMI. A second
 list is a run of text literals with most members of a list, or a text that numbers its members again
-("1 regularised, 2 bristle"). `OWNERS` is where a list is typed. `ALLOWED` names the other places,
-each with its reason; a place that no longer types the list must leave it.
+("1 regularised, 2 bristle"). In Python also a number where a choice is meant. `OWNERS` is where a
+list is typed. `ALLOWED` and `NUMBERS` name the other places, each with its reason; a place that no
+longer types the list must leave them.
 """
 
+import ast
 import itertools
 import json
 import math
@@ -58,6 +60,7 @@ ALLOWED = {
     ("solver.method", "modelDescription/scene.schema.json"): _SCHEMA,
     (GROUPS, "modelDescription/scene.schema.json"): _SCHEMA,
     ("causalities", "scripts/dockloop/catalogue.py"): "the heading of each kind of name",
+    ("capture.reason", "scripts/dockloop/capture.py"): "a sentence for each reason",
     ("types", "scripts/dockloop/simulate.py"): "the getter and the parser of each type",
     ("types", "scripts/dockloop/variables.py"): "the Python type and the words of each type",
     ("dissipated energies", "scripts/dockloop/view/geometry.py"): "other parts of the same names",
@@ -70,6 +73,9 @@ ALLOWED = {
     ("units", "src/interface/variable_table.hpp"): "each quantity names its unit",
     ("model.level", "src/sim/start_checks.cpp"): "the message names two levels",
     ("solver.method", "src/sim/start_checks.cpp"): "the message names two methods",
+}
+NUMBERS = {  # files in which Python has a table of a choice, and why
+    "scripts/dockloop/capture.py": "a sentence for each reason",
 }
 LITERAL = re.compile(r'"((?:\\.|[^"\\\n])*)"|\'((?:\\.|[^\'\\\n])*)\'')
 
@@ -143,6 +149,52 @@ def find_numbered(text, members):
     return [text.count("\n", 0, a) + 1 for a, b in pairs if b - a < GAP]
 
 
+def find_numbers(text, choices):
+    """Lines at which Python text has a number, or a table by number or name, in place of a choice.
+
+    Numbers: the value of a variable (`{"solver.method": 2}`, `values["phase"] == 5`), an argument
+    (`levels=(1, 2)`), a constant with the name or a remark (`_REFERENCE = 4`). Tables: dictionaries
+    with three keys of a choice.
+    """
+    words = {name.split(".")[-1].removeprefix("dae_") for name in choices}
+    plurals = {f"{word}s" for word in words}
+    remarks = plurals | {name for name in choices if "." in name}
+    members = {name: {member.upper() for member in names} for name, names in choices.items()}
+    lines = text.splitlines()
+
+    def is_number(node):
+        if isinstance(node, ast.Tuple | ast.List | ast.Set):
+            return any(map(is_number, node.elts))
+        return isinstance(node, ast.Constant) and type(node.value) is int and node.value > 0
+
+    def is_choice(node):
+        return isinstance(node, ast.Constant) and node.value in choices
+
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Dict):
+            pairs = zip(node.keys, node.values, strict=True)
+            keys = [key.value for key in node.keys if isinstance(key, ast.Constant)]
+            numbered = sum(type(key) is int and key > 0 for key in keys) > 2
+            named = any(len(set(keys) & {*names}) > 2 for names in choices.values())
+            is_found = numbered or named or any(is_choice(k) and is_number(v) for k, v in pairs)
+        elif isinstance(node, ast.keyword):
+            is_found = node.arg in words | plurals and is_number(node.value)
+        elif isinstance(node, ast.Compare):
+            is_read = isinstance(node.left, ast.Subscript) and is_choice(node.left.slice)
+            is_found = is_read and any(map(is_number, node.comparators))
+        elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            name, line = node.targets[0].id.strip("_"), lines[node.lineno - 1]
+            remark = set(re.findall(r"[a-z_]+(?:[.][a-z_]+)*", line.partition("#")[2]))
+            is_meant = any(name in names for names in members.values())
+            is_found = is_number(node.value) and (is_meant or bool(remark & remarks))
+        else:
+            continue
+        if is_found:
+            found.append(node.lineno if hasattr(node, "lineno") else node.value.lineno)
+    return sorted(set(found))
+
+
 def read_sources():
     """Name and text of every file of the product that can type a list."""
     names = subprocess.run(
@@ -167,6 +219,16 @@ def test_no_file_types_a_list_again(lists):
               if (key, name) not in ALLOWED]  # fmt: skip
     assert not second, f"read these lists from the core instead: {second}"
     assert not [place for place in ALLOWED if place not in places], "no longer needed"
+
+
+def test_python_names_a_choice_and_types_no_number():
+    choices, places = read_choices(), []
+    for name, text in read_sources():
+        if name.startswith("scripts/dockloop/") and name.endswith(".py"):
+            places += [(name, line) for line in find_numbers(text, choices)]
+    found = {name for name, _ in places}
+    assert not found - {*NUMBERS}, f"name the choice instead: {places}"
+    assert not {*NUMBERS} - found, "no longer needed"
 
 
 def test_every_list_is_typed_by_its_owner(lists):
@@ -237,6 +299,30 @@ def test_a_second_list_is_found():
     assert find_runs(f'"captured" {GAP * "-"} "rebound", "miss"', members) == []
     assert find_numbered("int outcome;\n// 1 undecided, 2 captured", members) == [2]
     assert find_numbered("in 5 s, 2 captured", members) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "_REFERENCE = 4",
+        "_EXPLICIT = 2  # solver.method",
+        "_OF_OTHER_LEVELS = (2, 12)  # methods",
+        "Block(levels=(1, 2), methods=methods)",
+        "Block(forms=(1, 2, 3))",
+        'starts = {"solver.method": 2}',
+        'if values["capture.reason"] != 1: pass',
+        "boxes = {1: (10, 60), 2: (165, 60), 3: (330, 60)}",
+        '_NEXT_PHASES = {"approach": "2", "contact": "3, 8", "captured": "4"}',
+        '_COLOURS = {"captured": "blue", "rebound": "red", "miss": "tab:purple"}',
+    ],
+)
+def test_a_number_in_place_of_a_choice_is_found(text):
+    assert find_numbers(text, read_choices()) == [1]
+
+
+def test_what_is_no_choice_is_not_found():
+    text = "_KEPT = 16\ncount(steps=(1, 10))\nx = {'solver.method': number, 1: 2}"
+    assert find_numbers(text, read_choices()) == []
 
 
 def test_the_version_is_the_same_everywhere():

@@ -9,14 +9,13 @@ from collections.abc import Callable
 from typing import Any
 
 from dockloop import schema
-from dockloop.core import list_choices, list_methods, name_choice
+from dockloop.core import FULL, list_methods, name_choice, number_choice
 from dockloop.errors import DockloopError, UsageError
 from dockloop.results import Result
 from dockloop.run_errors import find_figures, find_frame, find_worst, has_same_outcome
 
 _TIGHTER, _LEAST_RTOL = 1e-2, 1e-13  # tolerances of the second run over those of the first
 _SHORTER = 0.25  # the same for the step of a fixed-step method
-_FULL = "reduced"  # level of the model with every body; simplified ones have smaller numbers
 _FAR_ABOVE = 5.0  # times the wanted error: worth a sentence
 ATOL_PER_RTOL = {"atol_position": 1e-2, "atol_velocity": 1e-2, "atol_energy": 1e-1}  # of the choice
 
@@ -98,20 +97,20 @@ def estimate_level_error(
         ``sentence``. Empty: nothing is simplified.
     """
     number = round(run.parameters.get("model.level", 0.0))
-    names = {level.name: level.number for level in list_choices("model.level")}
-    if not 0 < number < names[_FULL]:
+    full_level = number_choice("model.level", FULL)  # simplified ones have smaller numbers
+    if not 0 < number < full_level:
         return {}
     known: dict[str, Any] = {"name": name_choice("model.level", number)}
     known |= {"error": None, "figures": {}, "is_larger": True}
-    start: dict[str, float] = {"model.level": names[_FULL]}
+    start: dict[str, float] = {"model.level": full_level}
     try:
         full = repeat(start)
     except DockloopError as failure:
-        return known | {"sentence": f"not known: the run at level {_FULL} failed ({failure})"}
+        return known | {"sentence": f"not known: the run at level {FULL} failed ({failure})"}
     known["full_run"] = {**start, "evaluations": int(full["solver.rhs_evaluations"][-1])}
     if not has_same_outcome(full, run):
         ends = " and ".join(f"'{_say_outcome(each)}'" for each in (run, full))
-        sentence = f"this run and one at level {_FULL} end as {ends}: level {known['name']} has"
+        sentence = f"this run and one at level {FULL} end as {ends}: level {known['name']} has"
         return known | {"sentence": f"{sentence} another outcome"}
     figures = find_figures(full, run)
     worst, own = find_worst(figures)
@@ -121,7 +120,7 @@ def estimate_level_error(
         "error": own,
         "figures": figures,
         "is_larger": is_larger,
-        "sentence": f"about {own:.1e} ({worst}), by a run at level {_FULL};"
+        "sentence": f"about {own:.1e} ({worst}), by a run at level {FULL};"
         f" {compared} than the error of the integration",
     }
 

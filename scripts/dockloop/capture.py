@@ -42,18 +42,19 @@ def explain_capture(values: Mapping[str, float]) -> str | None:
     some = f"with {sum(map(bool, held))} of {len(held)} latches held" if any(held) else ""
     free = [i for i, holds in enumerate(held) if not holds]
     widest = _name_widest(values, free)
-    why = {  # by values of capture.reason; the list is in the description of that variable
-        1: ["captured"],
-        2: ["not captured: no contact so far"],
-        3: ["not captured yet: has touched and is still moving", some, widest],
-        4: _describe_seat(values, free, some),
-        5: [f"not captured: hung up{_name_petal(values)}", some, widest],
-        6: ["not captured: too slow to close, at rest before the latches", some, widest],
-        7: ["not captured: rebounded", some],
-        8: ["not captured: missed"],
+    why = {
+        "none": ["captured"],
+        "no contact": ["not captured: no contact so far"],
+        "in motion": ["not captured yet: has touched and is still moving", some, widest],
+        "beside window": _describe_seat(values, free, some),
+        "hung up": [f"not captured: hung up{_name_petal(values)}", some, widest],
+        "too slow": ["not captured: too slow to close, at rest before the latches", some, widest],
+        "rebound": ["not captured: rebounded", some],
+        "miss": ["not captured: missed"],
     }
-    parts = [part for part in why[int(values["capture.reason"])] if part]
-    if values.get("time_of_capture", -1.0) >= 0.0 and values["capture.reason"] != 1:
+    reason = name_choice("capture.reason", values["capture.reason"])
+    parts = [part for part in why[reason] if part]
+    if values.get("time_of_capture", -1.0) >= 0.0 and reason != "none":
         parts.insert(0, f"captured at {values['time_of_capture']:.3f} s, but latches let go again")
     return ", ".join(parts)
 

@@ -18,6 +18,8 @@ from typing import Any, NamedTuple
 from dockloop.errors import DockloopError, UsageError, one_line, without_function
 from dockloop.paths import shown
 
+FULL, REFERENCE = "reduced", "reference"  # levels of the model: of FMUs the last one; without loops
+
 
 def load_core() -> ModuleType:
     """Return the compiled module. Raises DockloopError if it is missing or cannot be loaded."""
@@ -130,6 +132,11 @@ def list_different_methods() -> tuple[dict, ...]:
     return tuple(method for method in list_methods() if not method["same_as"])
 
 
+def list_compared_methods() -> frozenset[int]:
+    """Return the numbers of the methods for comparison, which ordinary FMUs do not carry."""
+    return frozenset(method["number"] for method in list_methods() if method["for_comparison"])
+
+
 class Choice(NamedTuple):
     """One value of a choice: a number in the FMU, a name everywhere else."""
 
@@ -164,6 +171,11 @@ def list_final_outcomes() -> tuple[int, ...]:
 def name_choice(variable: str, number: float) -> str:
     """Return the name of one value of a choice."""
     return list_choices(variable)[int(number) - 1].name
+
+
+def number_choice(variable: str, name: str) -> int:
+    """Return the number of one value of a choice."""
+    return next(choice.number for choice in list_choices(variable) if choice.name == name)
 
 
 @cache

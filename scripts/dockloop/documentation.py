@@ -65,16 +65,6 @@ _CONVENTIONS = (
     " pushes the ends of the leg apart. A gap is negative in contact.",
 )
 
-# What may follow a phase.
-_NEXT_PHASES = {
-    "approach": "2, or outcome 5",
-    "contact": "3, 8",
-    "captured": "4",
-    "attenuating": "5",
-    "aligned": "2, 8 if latches let go",
-    "rebound": "2, 3",
-}
-
 _STATUSES = (
     ("fmi2Warning", "a log line only: a parameter breaks a rule of thumb, or a loop comes near a"
      " singular pose, or the energy audit is off", "what the line says"),
@@ -495,10 +485,9 @@ def _index(root: ET.Element) -> str:
 
 def _phases() -> str:
     """Return phases and outcomes with the figure of what follows what."""
-    phases = [(*phase, _NEXT_PHASES.get(phase.name, "&ndash;")) for phase in list_choices("phase")]
     return (
         _figure(drawing.draw_phases(), "What leads from one phase to the next.")
-        + _table(("phase", "name", "when", "then"), phases, "s")
+        + _table(("phase", "name", "when"), list_choices("phase"), "s")
         + _table(("outcome", "name", "when"), list_choices("outcome"), "s")
         + "<p>An outcome is the verdict so far: it can change while the run goes on (a rebound may"
         " be followed by a capture).</p>"

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dockloop.core import name_choice
+from dockloop.core import number_choice
 
 Point = tuple[float, float]
 Vector = Sequence[float] | np.ndarray
@@ -175,18 +175,17 @@ def draw_frames(has_target: bool, has_ring: bool) -> str:
 def draw_phases() -> str:
     """Draw the phases of a docking and what leads from one to the next."""
     d = Drawing(760, 214, "Phases of a docking")
-    boxes = {
-        1: (10, 60),
-        2: (165, 60),
-        3: (330, 60),
-        4: (490, 60),
-        5: (650, 60),
-        8: (165, 160),
-    }
-    for number, (x, y) in boxes.items():
-        fill = "#fbe3e0" if number == 8 else "#e4f2e7" if number == 5 else "#eef3f8"
-        d.box((x, y), (100, 42), fill)
-        d.label((x + 50, y + 26), f"{number} {name_choice('phase', number)}")
+    fills = {"rebound": "#fbe3e0", "aligned": "#e4f2e7"}
+    for x, y, name in (
+        (10, 60, "approach"),
+        (165, 60, "contact"),
+        (330, 60, "captured"),
+        (490, 60, "attenuating"),
+        (650, 60, "aligned"),
+        (165, 160, "rebound"),
+    ):
+        d.box((x, y), (100, 42), fills.get(name, "#eef3f8"))
+        d.label((x + 50, y + 26), f"{number_choice('phase', name)} {name}")
     for start, end, lines in (
         (110, 165, ("first", "touch")),
         (265, 330, ("all latches", "hold")),
@@ -205,7 +204,8 @@ def draw_phases() -> str:
         (240, 142), "touches again, or a latch catches", anchor="start", size=11, color="#55616e"
     )
     d.arrow((700, 102), (700, 181), (265, 181))
-    d.label((490, 174), "latches let go (also from 3 and 4; to 2 while it touches)", size=11)
+    text = "latches let go (also after capture; to contact while it touches)"
+    d.label((490, 174), text, size=11)
     return d.text_of()
 
 

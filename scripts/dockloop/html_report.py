@@ -22,7 +22,7 @@ import numpy as np
 
 from dockloop import __version__
 from dockloop.columns import say_number
-from dockloop.core import list_choices
+from dockloop.core import name_choice, number_choice
 from dockloop.errors import DockloopError
 from dockloop.influence import Influence, can_rank, find_influence
 from dockloop.outputs import Kind, read_head, writing
@@ -38,7 +38,6 @@ from dockloop.sweep_report import (
 
 _WORST = 10  # cases in a list
 _LEAST_SCORE = 0.5  # of forests whose ranking can be trusted
-_SOLVER = ("accuracy", "method", "rtol", "atol_position", "atol_velocity", "atol_energy", "step")
 _SHARES = (
     "Share: the part of the variance that goes with this input, alone and together with others"
     " (total Sobol index, by shuffling the input). Shares may add up to more than 1. An input whose"
@@ -153,9 +152,9 @@ def describe_settings(
         more: rows that come first.
         experiment: what the experiment has otherwise than the scene.
     """
-    names = {choice.number: choice.name for choice in list_choices("solver.method")}
-    solver = {**document["solver"], "method": names[document["solver"].get("method", 1)]}
-    rows = [[f"solver.{name}", str(solver[name])] for name in _SOLVER if name in solver]
+    solver = {"method": number_choice("solver.method", "auto")} | document["solver"]
+    solver["method"] = name_choice("solver.method", solver["method"])
+    rows = [[f"solver.{name}", str(value)] for name, value in solver.items()]
     rows += [
         [f"experiment.{name}", str(v)]
         for name, v in {**document["experiment"], **experiment}.items()

@@ -32,7 +32,7 @@ import numpy as np
 from dockloop.accuracy import list_tolerances, tighten
 from dockloop.arguments import LIMIT
 from dockloop.cases import Result as CaseResult
-from dockloop.core import list_methods
+from dockloop.core import number_choice
 from dockloop.crew import Ending
 from dockloop.docking import Docking, Scene
 from dockloop.errors import DockloopError, one_line
@@ -40,10 +40,19 @@ from dockloop.results import Result, list_points
 from dockloop.run_errors import find_errors
 from dockloop.sampling import as_setting
 from dockloop.ssp import take_out
+from dockloop.variables import MOTION
 
-VERDICTS = (
-    *("right", "refused", "warned", "undetermined", "slow", "wrong", "hung", "crashed", "loose"),
-)
+VERDICTS = {  # and their meanings; the order numbers them
+    "right": "within what its tolerance promises of the reference solution, audits hold",
+    "refused": "a start value or a step is refused, with a reason",
+    "warned": "off, and the run issues a warning that says so",
+    "undetermined": "off, but neighbours of the reference solution do not agree on that figure",
+    "slow": "all steps end, but the run takes too long to be judged",
+    "wrong": "none of the others",
+    "hung": "no end within the time limit",
+    "crashed": "the process died",
+    "loose": "off by more than the tolerance promises, right with a tighter one",
+}
 BAD = ("wrong", "hung", "crashed")
 MEASURES = ("verdict", "audited", "error", "energy", "momentum", "evaluations", "seconds")
 REFERENCE_RTOL, NEIGHBOUR_RTOL = 1e-11, 1e-10
@@ -57,7 +66,6 @@ _TIGHTER = 3  # times that tighter settings are tried
 _SAME_TIME = 1e-9  # s between two points that are the same one
 _POINTS = 100  # communication steps of a reference solution, about
 _KEPT = 24  # reference solutions that a process remembers
-_MOTION = ("position", "velocity", "attitude", "angular_velocity")
 _DOUBTS = (  # in warnings that loads or motion may be off
     "energy audit",
     "loads may be wrong",
@@ -132,7 +140,7 @@ class Verdict:
     def to_result(self) -> CaseResult:
         """Return it as a result of a case, for journals: the `MEASURES` are its outputs."""
         numbers = [getattr(self, name) for name in MEASURES[2:]]
-        outputs = (VERDICTS.index(self.verdict), self.audited, *numbers)
+        outputs = ([*VERDICTS].index(self.verdict), self.audited, *numbers)
         return CaseResult("done", self.reason or None, outputs=outputs)
 
     @staticmethod
@@ -142,7 +150,7 @@ class Verdict:
             return Verdict("refused", result.reason or "")
         verdict, audited, *numbers = result.outputs
         named: dict[str, Any] = dict(zip(MEASURES[2:], numbers, strict=True))
-        return Verdict(VERDICTS[int(verdict)], result.reason or "", bool(audited), **named)
+        return Verdict([*VERDICTS][int(verdict)], result.reason or "", bool(audited), **named)
 
 
 def find_promise(rtol: float) -> float:
@@ -257,7 +265,7 @@ def _run_hosted(case: Case) -> Result:
     driven.document = copy.deepcopy(driven.document)
     for name in ("chaser", "target"):  # both begin where they begin with the true mass
         if name in driven.document:
-            driven.document[name] |= {m: true.document[name][m] for m in _MOTION}
+            driven.document[name] |= {m: true.document[name][m] for m in MOTION}
     driven.document[case.host]["motion"] = "driven"
     docking, body = Docking(driven), Docking(vehicle)
     for name, value in ({"coupling.mode": "sequential"} | dict(case.starts)).items():
@@ -265,7 +273,7 @@ def _run_hosted(case: Case) -> Result:
     times = _list_points(case, docking)
     rows = [docking.record(times[:1])]
     for h in np.diff(times):
-        for name in _MOTION:
+        for name in MOTION:
             docking.set(f"{case.host}.{name}", body.get(f"chaser.{name}"))
         rows.append(docking.record(np.array([docking.time, docking.time + h])))
         for name in ("force", "torque"):
@@ -455,8 +463,8 @@ def _solve(case: Case, overrides: Mapping[str, Any], shift: float) -> Result:
     at a kink between two steps. Their communication steps are a half and a third.
     """
     rtol = NEIGHBOUR_RTOL if shift else REFERENCE_RTOL
-    number = next(m["number"] for m in list_methods() if m["name"] == "explicit")
-    starts = {"accuracy": 0.0, "solver.method": number} | list_tolerances(rtol)
+    explicit = number_choice("solver.method", "explicit")
+    starts = {"accuracy": 0.0, "solver.method": explicit} | list_tolerances(rtol)
     if shift:
         starts |= _shift_start(case, overrides, shift)
     return _run(case, starts, overrides, 1 if not shift else 2 if shift > 0.0 else 3)

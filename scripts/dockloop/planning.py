@@ -30,7 +30,15 @@ from dockloop.paths import shown
 from dockloop.results import list_points
 from dockloop.sampling import Quantity, Sweep, Value, as_setting
 from dockloop.scene import OPEN_KEYS, SceneReader, scene_keys, scene_members
-from dockloop.variables import TYPES, WORDS, find_number, is_of_type, list_names, read_variables
+from dockloop.variables import (
+    MOTION,
+    TYPES,
+    WORDS,
+    find_number,
+    is_of_type,
+    list_names,
+    read_variables,
+)
 
 # Members of a resolved scene that an FMU takes as start values, with the names of their variables.
 _SETTABLE = {
@@ -38,9 +46,8 @@ _SETTABLE = {
         (vehicle, member): f"{vehicle}.{member}"
         for vehicle in ("chaser", "target")
         for member in (
-            *("position", "velocity", "attitude", "angular_velocity"),
-            *("mass", "mass_includes_mechanism"),
-            *("contact_thrust", "contact_thrust_delay"),
+            *MOTION,
+            *("mass", "mass_includes_mechanism", "contact_thrust", "contact_thrust_delay"),
         )
     },
     ("contact", "friction_coefficient"): "friction.coefficient",

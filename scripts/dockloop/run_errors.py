@@ -14,8 +14,8 @@ from dockloop.core import list_loads
 from dockloop.criteria import PEAK
 from dockloop.errors import UsageError
 from dockloop.results import Result
+from dockloop.variables import MOTION
 
-_FINAL = ("position", "attitude", "velocity", "angular_velocity")  # of the frame
 _OUTCOME = ("outcome", "captured")
 _LEAST = 1e-3  # no scale but that of a peak is smaller, in its unit
 _LEAST_PEAK = 0.05  # no peak is compared with less than this part of the largest one of its unit
@@ -48,7 +48,7 @@ def find_frame(outputs: Sequence[str]) -> str:
 def find_compared(outputs: Sequence[str]) -> list[str]:
     """Return those of an FMU's outputs that are compared with the reference result."""
     frame = find_frame(outputs)
-    vectors = (*(f"{frame}.{name}[" for name in _FINAL), "ring.position[")
+    vectors = (*(f"{frame}.{name}[" for name in MOTION), "ring.position[")
     names = {*_OUTCOME, "time_of_contact", "time_of_capture", *(f"{PEAK}{n}" for n in list_loads())}
     return [name for name in outputs if name in names or name.startswith(vectors)]
 
@@ -63,7 +63,7 @@ def find_scales(reference: Result) -> dict[str, float]:
         scales["time_of_capture"] = (
             reference["time_of_capture"][-1] - reference["time_of_contact"][-1]
         )
-    for name in _FINAL:
+    for name in MOTION:
         points = reference.vector(f"{frame}.{name}")
         start = np.zeros_like(points) if name.endswith("velocity") else points[:1]
         scales[f"final_{name}"] = np.max(_find_distances(name, points, start))
@@ -106,7 +106,7 @@ def find_figures(reference: Result, run: Result) -> dict[str, float]:
             figures["time_of_capture"] = float(abs(times[0] - times[1]) / scales["time_of_capture"])
         elif max(times) >= 0.0:
             figures["time_of_capture"] = np.inf
-    for name in _FINAL:
+    for name in MOTION:
         ends = [each.vector(f"{frame}.{name}")[-1:] for each in (run, reference)]
         figures[f"final_{name}"] = float(_find_distances(name, *ends)[0] / scales[f"final_{name}"])
     return figures

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from dockloop import schema
-from dockloop.core import list_choices
+from dockloop.core import number_choice
 from dockloop.errors import UsageError, did_you_mean, find_reason
 from dockloop.paths import MECHANISMS, SCENES, find_absence, is_file, name_kind, shown
 from dockloop.variables import NAMED_NUMBERS
@@ -121,8 +121,7 @@ def _number_choices(scene: dict) -> None:
     for (section, member), variable in _NUMBERED.items():
         name = scene.get(section, {}).get(member)
         if isinstance(name, str):
-            numbers = {choice.name: choice.number for choice in list_choices(variable)}
-            scene[section][member] = numbers[name]
+            scene[section][member] = number_choice(variable, name)
     accuracy = scene.get("solver", {}).get("accuracy")
     if isinstance(accuracy, str):
         scene["solver"]["accuracy"] = NAMED_NUMBERS["accuracy"][accuracy]

@@ -43,12 +43,11 @@ from dockloop.errors import UsageError
 from dockloop.fmu import find_date, place_vehicles, read_model, write_fmu, write_zip
 from dockloop.outputs import Kind, check_suffix, claim, read_entry, scratch
 from dockloop.scene import find_scene, resolve_scene
-from dockloop.variables import TYPES
+from dockloop.variables import MOTION, TYPES
 
 PARAMETER_SET = "scene"
 
 _VEHICLES = ("chaser", "target")
-_MOTION = {"position": 3, "velocity": 3, "attitude": 4, "angular_velocity": 3}
 _LOADS = {"force_mean": "force_ext", "torque_mean": "torque_ext"}  # docking -> vehicle, 3 each
 _NAMESPACES = {
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
@@ -179,7 +178,7 @@ class _Fmu:
 
 def _find_connections(vehicle: str) -> list[tuple[str, str, str, str]]:
     """Return (start element, start connector, end element, end connector) for one vehicle."""
-    motion = [f"{name}[{i + 1}]" for name, count in _MOTION.items() for i in range(count)]
+    motion = [f"{name}[{i + 1}]" for name, count in MOTION.items() for i in range(count)]
     motions = [(vehicle, f"chaser.{name}", "docking", f"{vehicle}.{name}") for name in motion]
     loads = [
         ("docking", f"{vehicle}.{mean}[{i + 1}]", vehicle, f"chaser.{reported}[{i + 1}]")

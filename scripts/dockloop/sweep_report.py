@@ -8,6 +8,7 @@ that begin with ``dockloop.``.
 """
 
 import csv
+import itertools
 import json
 import math
 import platform
@@ -44,14 +45,12 @@ FIRST = "first."  # begins columns of the first pass, filled where a case ran ag
 _NAMED = ("outcome", "phase")  # Integers of the FMU that the table spells out
 _OF_RESULTS = ("status", "reason", "warning", "end_time")
 _PART = 1 << 14  # rows that are made at a time
-_COLOURS = {
-    "captured": "tab:blue",
-    "partial capture": "tab:orange",
-    "rebound": "tab:red",
-    "miss": "tab:purple",
-    "undecided": "0.5",
-    "not run": "black",
-}
+# Of the outcomes, in the order in which the core lists them; and of what did not run.
+_COLOURS = (
+    *("0.5", "tab:blue", "tab:orange", "tab:red", "tab:purple", "tab:cyan"),
+    *("tab:green", "tab:olive", "tab:brown", "tab:pink"),
+)
+_NOT_RUN = ("not run", "black")
 _BINS = 8
 _VIEWS = 3  # worst cases that a report shows in motion
 _COLUMNS = 4  # panels of a figure side by side
@@ -659,7 +658,7 @@ def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> No
     from matplotlib.figure import Figure
     from pyarrow import compute
 
-    outcomes = table["outcome"].fill_null("not run")
+    outcomes = table["outcome"].fill_null(_NOT_RUN[0])
     captured = is_captured(outcomes)
     outcomes = compute.if_else(captured, "captured", outcomes)
     numbers = {
@@ -693,7 +692,8 @@ def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> No
             axis.set_aspect("equal")
             axis.set_xlabel(f"{first} along y [{x_unit}]", fontsize="small")
             axis.set_ylabel(f"along z [{x_unit}]")
-        for name, colour in _COLOURS.items():
+        names = (outcome.name for outcome in list_choices("outcome"))
+        for name, colour in (*zip(names, itertools.cycle(_COLOURS), strict=False), _NOT_RUN):
             chosen = np.flatnonzero(compute.equal(outcomes, name).to_numpy())
             if len(chosen):
                 label = f"{name}: {len(chosen)}"

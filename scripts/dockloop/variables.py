@@ -11,6 +11,7 @@ from dockloop.errors import UsageError, did_you_mean
 
 Value = float | int | bool
 TYPES: dict[str, type] = {"Real": float, "Integer": int, "Boolean": bool}
+MOTION = {"position": 3, "velocity": 3, "attitude": 4, "angular_velocity": 3}  # of a body: entries
 NAMED_NUMBERS = {"accuracy": {"real-time": -1}}  # Reals of which some values have names
 WORDS = {"Real": "a finite number", "Integer": "a whole number", "Boolean": "true or false"}
 

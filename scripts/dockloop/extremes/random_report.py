@@ -22,17 +22,6 @@ COMMAND = "dockloop extremes"
 OFF = ("loose", "warned", "undetermined", "slow")  # neither right nor refused nor bad
 _TITLE = "# Random extremes"
 _PAGE = table_kind("page", COMMAND, _TITLE)
-_MEANINGS = {
-    "right": "within what its tolerance promises of the reference solution, audits hold",
-    "refused": "a start value or a step is refused, with a reason",
-    "loose": "off by more than the tolerance promises, right with a tighter one",
-    "warned": "off, and the run issues a warning that says so",
-    "undetermined": "off, but neighbours of the reference solution do not agree on that figure",
-    "slow": "all steps end, but the run takes too long to be judged",
-    "wrong": "none of the above",
-    "hung": "no end within the time limit",
-    "crashed": "the process died",
-}
 
 
 def run_command(options: argparse.Namespace) -> dict:
@@ -139,7 +128,7 @@ def _describe_case(outcome: Outcome, drawn: Drawn) -> dict:
 def describe(summary: dict) -> str:
     """Say a summary in words and numbers."""
     lines = [f"{summary['scenes']} random scenes, seed {summary['seed']}"]
-    for name, meaning in _MEANINGS.items():
+    for name, meaning in VERDICTS.items():
         lines.append(f"  {name:12} {summary[name]:6}  {meaning}")
     for case in summary["bad"]:
         lines += [f"{case['verdict']}: {case['reason']}", f"  {case['repeat']}"]
@@ -167,7 +156,7 @@ def make_page(summary: dict, command: str) -> str:
         "",
         "| outcome | scenes | meaning |",
         "|---|---|---|",
-        *(f"| {name} | {summary[name]} | {text} |" for name, text in _MEANINGS.items()),
+        *(f"| {name} | {summary[name]} | {text} |" for name, text in VERDICTS.items()),
         "",
         f"{summary['right_by_audits_only']} of the right scenes are judged by audits only: no error"
         " is promised, or there is no reference solution (see below).",

@@ -96,7 +96,7 @@ def summarise_map(search: Search, judge: PointJudge, command: str) -> dict:
 
 def _find_part(search: Search, name: str) -> list[float]:
     """Return the part of the plane with a verdict, and half the part that is not sure."""
-    return list(search.mesh.measure(search.known, VERDICTS.index(name)))
+    return list(search.mesh.measure(search.known, [*VERDICTS].index(name)))
 
 
 def _describe_point(search: Search, judge: PointJudge, point: Point, verdict: Verdict) -> dict:

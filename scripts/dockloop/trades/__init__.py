@@ -30,7 +30,16 @@ from typing import Any
 
 from dockloop import __version__
 from dockloop.cases import Result
-from dockloop.core import list_choices, list_different_methods, list_methods
+from dockloop.core import (
+    FULL,
+    REFERENCE,
+    list_choices,
+    list_compared_methods,
+    list_different_methods,
+    list_methods,
+    name_choice,
+    number_choice,
+)
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
 from dockloop.run_errors import find_compared, find_frame, find_scales, find_times
@@ -39,7 +48,6 @@ from dockloop.trades.bench import Bench
 from dockloop.trades.columns import FIGURES, find_audits, find_error_columns
 from dockloop.trades.solution import find_solution
 
-_REFERENCE = 4
 _MULTIPLIERS = "dae"  # the method of that level
 
 
@@ -67,22 +75,12 @@ class Block:
 _LADDER = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-10, 1e-12)
 _SHORT = (1e-3, 1e-6, 1e-9)
 _INNER_STEPS = (4e-3, 2e-3, 1e-3, 5e-4)
-_OF_OTHER_LEVELS = (2, 12)  # methods
+_OF_OTHER_LEVELS = ("explicit", "rosenbrock")  # methods
 _QUICK_STEPS, _QUICK_STRIDE = (1, 10), 3  # --quick: of every method; every third value of a ladder
 _LOOKS = 40  # times, at least, at which a run is compared with the reference solution
 _AFTER_CAPTURE = 1.0  # s that a run goes on by default
 _PAIRS = 5  # most runs of a setting and of the default, one after the other ...
 _ENOUGH = 1.0  # ... until those of the setting have taken so long [s]
-
-
-def name_methods() -> dict[int, str]:
-    """Return the names of all methods by their numbers."""
-    return {method["number"]: method["name"] for method in list_methods()}
-
-
-def name_levels() -> dict[int, str]:
-    """Return the names of the levels of the model by number."""
-    return {level.number: level.name for level in list_choices("model.level")}
 
 
 def make_grid() -> tuple[Block, ...]:
@@ -94,15 +92,17 @@ def make_grid() -> tuple[Block, ...]:
         kind = "multipliers" if method["name"] == _MULTIPLIERS else kind
         numbers[kind].append(method["number"])
     carried, compared, fixed, multipliers = map(tuple, numbers.values())
+    simplified = range(1, number_choice("model.level", FULL))
+    of_others = (number_choice("solver.method", name) for name in _OF_OTHER_LEVELS)
     return (
         Block(methods=carried, tolerances=_LADDER),
         Block(methods=compared, tolerances=_LADDER, steps=(10,)),
         Block(methods=fixed, inner_steps=_INNER_STEPS, steps=(1,)),
-        Block(levels=(1, 2), methods=_OF_OTHER_LEVELS, tolerances=_SHORT),
+        Block(levels=tuple(simplified), methods=tuple(of_others), tolerances=_SHORT),
         Block(
-            levels=(_REFERENCE,),
+            levels=(number_choice("model.level", REFERENCE),),
             methods=multipliers,
-            forms=(1, 2, 3),
+            forms=tuple(form.number for form in list_choices("solver.dae_form")),
             tolerances=_SHORT,
             steps=(10, 100),
         ),
@@ -123,8 +123,8 @@ class Setting:
     @property
     def scheme(self) -> str:
         """Name of level and method, for example ``rigid, explicit``."""
-        words = [] if self.level is None else [name_levels().get(self.level, f"level {self.level}")]
-        words.append(name_methods().get(self.method, f"method {self.method}"))
+        words = [] if self.level is None else [name_choice("model.level", self.level)]
+        words.append(name_choice("solver.method", self.method))
         if self.dae_form is not None:
             words[-1] += f" {self.dae_form}"
         return ", ".join(words)
@@ -201,14 +201,16 @@ def parse_numbers(option: str, text: str | None, least: float, most: float) -> t
     return numbers
 
 
-def parse_names(option: str, text: str | None, names: dict[int, str]) -> tuple[int, ...]:
-    """Parse names or numbers of methods or levels, separated by commas."""
-    numbers = {name: number for number, name in names.items()}
-    numbers |= {str(number): number for number in names}
+def parse_names(option: str, text: str | None, variable: str) -> tuple[int, ...]:
+    """Parse names or numbers of the values of a choice, separated by commas."""
+    choices = list_choices(variable)
+    numbers = {key: c.number for c in choices for key in (c.name, str(c.number))}
     chosen = []
     for word in text.split(",") if text is not None else ():
         if word.strip() not in numbers:
-            near = did_you_mean(word.strip(), names.values()) or f": must be of {_list(names)}"
+            all_of_them = ", ".join(f"{c.number} {c.name}" for c in choices)
+            near = did_you_mean(word.strip(), [c.name for c in choices])
+            near = near or f": must be of {all_of_them}"
             raise UsageError(f"{option} {text}: there is no '{word.strip()}'{near}")
         chosen.append(numbers[word.strip()])
     return tuple(chosen)
@@ -217,14 +219,13 @@ def parse_names(option: str, text: str | None, names: dict[int, str]) -> tuple[i
 def parse_methods(text: str | None) -> tuple[int, ...]:
     """Parse names or numbers of methods; another name means the method that it stands for."""
     used = {method["number"]: method["same_as"] or method["number"] for method in list_methods()}
-    numbers = parse_names("--methods", text, name_methods())
+    numbers = parse_names("--methods", text, "solver.method")
     return tuple(dict.fromkeys(used[number] for number in numbers))
 
 
 def needs_comparison(choice: Choice) -> bool:
     """Return whether settings have methods that ordinary FMUs refuse."""
-    compared = {method["number"] for method in list_methods() if method["for_comparison"]}
-    return not choice.quick or not compared.isdisjoint(choice.methods)
+    return not choice.quick or not list_compared_methods().isdisjoint(choice.methods)
 
 
 def find_default(bench: Bench) -> Setting:
@@ -391,12 +392,13 @@ def _expand(block: Block, bench: Bench, choice: Choice, stop: float) -> Iterator
     steps = sorted({float(f"{min(step, stop):.12g}") for step in steps})
     own_level = bench.start("model.level")
     if own_level is None:  # an FMU without levels: what it says to method dae is worth a row
-        levels = [None for level in block.levels if level in (None, _REFERENCE)]
+        reference = number_choice("model.level", REFERENCE)
+        levels = [None for level in block.levels if level in (None, reference)]
     else:
         levels = [own_level if level is None else level for level in block.levels]
         levels = [level for level in levels if not choice.levels or level in choice.levels]
     forms = block.forms if "solver.dae_form" in bench.variables else (None,)
-    left_out = {m["number"] for m in list_methods() if m["for_comparison"] and choice.quick}
+    left_out = list_compared_methods() if choice.quick else set()
     methods = [m for m in block.methods if m in (choice.methods or {*block.methods} - left_out)]
     combined = itertools.product(levels, methods, forms, tolerances, inner_steps, steps)
     yield from itertools.starmap(Setting, combined)
@@ -418,10 +420,6 @@ def _find_stop(bench: Bench, default: Setting) -> float:
         if capture >= 0.0:
             return min(bench.stop, float(math.ceil(capture + _AFTER_CAPTURE)))
     return bench.stop
-
-
-def _list(names: dict[int, str]) -> str:
-    return ", ".join(f"{number} {name}" for number, name in names.items())
 
 
 def _say(text: str) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 from dockloop import paths
 from dockloop.copies import set_key
-from dockloop.core import list_methods, name_choice
+from dockloop.core import REFERENCE, list_compared_methods, name_choice
 from dockloop.errors import DockloopError, UsageError
 from dockloop.outputs import table_kind, write_text
 from dockloop.paths import shown
@@ -23,7 +23,6 @@ from dockloop.trades.report import recommend
 
 _BEGIN = "# Solver settings by: dockloop trade"
 SCENE = table_kind("scene", "dockloop trade", _BEGIN)
-_REFERENCE = "reference"  # the level that no FMU carries
 
 
 def parse_error(text: str) -> float:
@@ -56,7 +55,7 @@ def choose_row(rows: list[dict], wanted: float, step: float) -> dict:
     Raises:
         DockloopError: no setting is.
     """
-    compared = {method["number"] for method in list_methods() if method["for_comparison"]}
+    compared = list_compared_methods()
     carried = [row for row in rows if row["method"] not in compared and not _is_reference(row)]
     own_step = [row for row in carried if math.isclose(row["step"], step)]
     row = recommend(own_step or carried, wanted)
@@ -68,7 +67,7 @@ def choose_row(rows: list[dict], wanted: float, step: float) -> dict:
 
 
 def _is_reference(row: dict) -> bool:
-    return row["level"] is not None and name_choice("model.level", row["level"]) == _REFERENCE
+    return row["level"] is not None and name_choice("model.level", row["level"]) == REFERENCE
 
 
 def make_keys(row: dict, bench: Bench) -> dict[str, Any]:

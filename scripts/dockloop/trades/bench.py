@@ -11,6 +11,7 @@ import numpy as np
 from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 
+from dockloop.accuracy import ATOL_PER_RTOL
 from dockloop.errors import DockloopError, UsageError
 from dockloop.outputs import scratch
 from dockloop.simulate import (
@@ -23,7 +24,6 @@ from dockloop.simulate import (
 )
 
 _CLOSE = 1e-9  # s: the same time
-_TOLERANCES = ("rtol", "atol_position", "atol_velocity", "atol_energy")
 
 
 class Bench:
@@ -62,8 +62,8 @@ class Bench:
     def tolerances(self, rtol: float) -> dict[str, float]:
         """Return start values for a relative tolerance; absolute ones keep their ratio to it."""
         factor = rtol / self.start("solver.rtol")
-        scaled = {f"solver.{name}": self.start(f"solver.{name}") * factor for name in _TOLERANCES}
-        return {**scaled, "solver.rtol": rtol}
+        names = (f"solver.{name}" for name in ATOL_PER_RTOL)
+        return {"solver.rtol": rtol} | {name: self.start(name) * factor for name in names}
 
     def run(self, starts: dict[str, Any], stop: float, step: float) -> Recording:
         """Run to `stop`; `wall` of the recording is processor time of this thread.

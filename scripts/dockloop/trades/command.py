@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dockloop.compiled import add_comparison
+from dockloop.core import FULL, REFERENCE
 from dockloop.docking import Scene
 from dockloop.errors import names_arguments
 from dockloop.fmu import build_fmu
@@ -15,7 +16,6 @@ from dockloop.sampling import as_setting
 from dockloop.scene import find_scene, resolve_scene
 from dockloop.trades import (
     Choice,
-    name_levels,
     needs_comparison,
     parse_methods,
     parse_names,
@@ -96,7 +96,7 @@ def make_choice(
 ) -> Choice:
     """Return what the user wants of the grid; lists are separated by commas. Raises UsageError."""
     return Choice(
-        parse_names("--levels", levels, name_levels()),
+        parse_names("--levels", levels, "model.level"),
         parse_methods(methods),
         parse_numbers("--tolerances", tolerances, 0.0, 1.0),
         parse_numbers("--steps", steps, 0.0, math.inf),
@@ -109,8 +109,8 @@ def make_bench(reference: str, overrides: Sequence[str], choice: Choice) -> Benc
     """Return the FMU of a scene with all methods of the grid. Raises UsageError."""
     path = find_scene(reference)
     model = resolve_scene(path, [*overrides]).get("model", {})
-    if model.get("level") == "reference":  # the grid has all levels; the FMU starts here
-        overrides = [*overrides, "model.level=reduced"]
+    if model.get("level") == REFERENCE:  # the grid has all levels; the FMU starts here
+        overrides = [*overrides, f"model.level={FULL}"]
     with scratch() as temporary:
         fmu = temporary / f"{path.stem}.fmu"
         finish = add_comparison if needs_comparison(choice) else None

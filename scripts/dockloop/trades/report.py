@@ -10,11 +10,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from dockloop.core import name_choice
 from dockloop.figures import can_draw, save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import Kind, figure_kind, table_kind, write_text, writing
 from dockloop.run_errors import describe_scale
-from dockloop.trades import Trade, find_journal, name_levels
+from dockloop.trades import Trade, find_journal
 from dockloop.trades.columns import AUDITS, COSTS, ERRORS, FIGURES
 
 WANTED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
@@ -173,7 +174,7 @@ def _describe_levels(rows: list[dict]) -> list[str]:
     sentences = []
     for level in sorted({row["level"] for row in rows if row["level"] is not None}):
         own = _usable(row for row in rows if row["level"] == level)
-        name = name_levels().get(level, str(level))
+        name = name_choice("model.level", level)
         if not own:
             sentences.append(
                 f"level {name}: no setting of it ran to the outcome of the reference solution"

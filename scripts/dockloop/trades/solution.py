@@ -23,15 +23,13 @@ import numpy as np
 
 from dockloop import paths
 from dockloop.compiled import find_compiled
-from dockloop.core import ask_program
+from dockloop.core import FULL, ask_program, number_choice
 from dockloop.errors import DockloopError, UsageError, find_reason
 from dockloop.outputs import MADE_BY, claim, json_kind, write_text
 from dockloop.paths import shown
 from dockloop.simulate import Recording
 from dockloop.trades.bench import Bench
 
-_EXPLICIT = 2  # solver.method
-_REDUCED = 3  # model.level
 _RTOL = 1e-13
 _FILE = json_kind("truth", "dockloop trade")
 _CORE_TOLERANCE = 1e-16  # far below what any setting reaches; less only takes longer
@@ -121,7 +119,8 @@ def _find_program() -> Path | None:
 
 def _level(bench: Bench) -> dict[str, int]:
     """Return the start value that chooses the whole mechanism, if the FMU has levels."""
-    return {} if bench.start("model.level") is None else {"model.level": _REDUCED}
+    name = "model.level"
+    return {} if bench.start(name) is None else {name: number_choice(name, FULL)}
 
 
 def _ask_core(bench: Bench, stop: float, step: float, names: list[str]) -> dict:
@@ -158,7 +157,8 @@ def _ask_core(bench: Bench, stop: float, step: float, names: list[str]) -> dict:
 
 def _ask_fmu(bench: Bench, stop: float, step: float, names: list[str]) -> dict:
     def run(rtol: float) -> Recording:
-        starts = {**_level(bench), "solver.method": _EXPLICIT, **bench.tolerances(rtol)}
+        method = {"solver.method": number_choice("solver.method", "explicit")}
+        starts = {**_level(bench), **method, **bench.tolerances(rtol)}
         return bench.run(starts, stop, step)
 
     best, check = run(_RTOL), run(10.0 * _RTOL)
