@@ -18,6 +18,7 @@ also if an older version wrote it. `Kind` says it for one kind of file; kinds st
 writes them. Temporary folders are here as well (`scratch`): a full disk is reported by its name.
 """
 
+import csv
 import errno
 import json
 import os
@@ -27,7 +28,7 @@ import struct
 import tempfile
 import tomllib
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -180,6 +181,14 @@ def writing(path: Path, kind: Kind) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
+
+
+def write_csv(path: Path, kind: Kind, columns: Sequence[str], rows: Iterable[Iterable]) -> None:
+    """Write a table, columns separated by commas. Raises like `writing`."""
+    with writing(path, kind) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(columns)
+        table.writerows(rows)
 
 
 def write_text(path: Path, kind: Kind, text: str) -> None:

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from dockloop import schema
-from dockloop.errors import UsageError, did_you_mean
-from dockloop.paths import SWEEPS, find_absence, is_file, name_kind, shown
-from dockloop.scene import find_scene, read_toml
+from dockloop.errors import UsageError
+from dockloop.paths import SWEEPS, shown
+from dockloop.scene import find_scene, find_shipped, read_toml
 from dockloop.variables import NAMED_NUMBERS
 
 _MAX_CASES = 10_000_000
@@ -173,7 +173,7 @@ def read_sweep(reference: str, passes: Passes | None = None) -> Sweep:
     Raises:
         UsageError: naming file, member, value and limit.
     """
-    path = _find_sweep(reference)
+    path = find_shipped(reference, "sweep", SWEEPS)
     given, text = read_toml(path)
     if "chaser" in given:
         raise UsageError(f"{shown(path)}: is a scene, no sweep: 'dockloop run' runs it")
@@ -269,26 +269,6 @@ def list_discs(document: dict) -> list[tuple[str, str]]:
     """Return magnitude and direction of every disc."""
     discs = (entry for entry in document["vary"] if entry["type"] == "disc")
     return [(entry["magnitude"], entry["direction"]) for entry in discs]
-
-
-def _find_sweep(reference: str) -> Path:
-    """Find a sweep by name (among the shipped ones) or by path."""
-    path = Path(reference)
-    if path.suffix != ".toml":
-        path = SWEEPS / f"{reference}.toml"
-        if not is_file(path):
-            names = [file.stem for file in sorted(SWEEPS.glob("*.toml"))]
-            if is_file(Path(reference)):
-                raise UsageError(f"{reference}: is no sweep: sweep files end in .toml")
-            near = name_kind(reference) or did_you_mean(reference, names)
-            raise UsageError(
-                f"no sweep '{reference}' in {shown(SWEEPS)}{near}:"
-                f" there are {', '.join(names)}; a sweep of your own is given by its path,"
-                " ending in .toml"
-            )
-    if not is_file(path):
-        raise UsageError(find_absence(path, "sweep file"))
-    return path
 
 
 def _names(entry: dict) -> list[str]:

@@ -43,28 +43,40 @@ _NUMBERED = {  # choices that a scene names and its document numbers: the variab
 }
 
 
+def find_shipped(reference: str, kind: str, folder: Path) -> Path:
+    """Find a scene or a sweep by name (among the shipped ones) or by path. Raises UsageError.
+
+    Args:
+        reference: the name, or the path, which ends in ``.toml``.
+        kind: ``scene`` or ``sweep``.
+        folder: of the shipped ones.
+    """
+    path = Path(reference)
+    if path.suffix != ".toml":
+        shipped = folder / f"{reference}.toml"
+        if not is_file(shipped):
+            names = [file.stem for file in sorted(folder.glob("*.toml"))]
+            if is_file(path):
+                raise UsageError(f"{reference}: is no {kind}: {kind} files end in .toml")
+            near = name_kind(reference) or did_you_mean(reference, names)
+            raise UsageError(
+                f"no {kind} '{reference}' in {shown(folder)}{near}:"
+                f" there are {', '.join(names)}; a {kind} of your own is given by its path,"
+                " ending in .toml"
+            )
+        path = shipped
+    if not is_file(path):
+        raise UsageError(find_absence(path, f"{kind} file"))
+    return path
+
+
 def find_scene(reference: str) -> Path:
     """Find a scene by name (among the shipped ones) or by path.
 
     Raises:
         UsageError: there is none, or its name cannot name an FMU.
     """
-    path = Path(reference)
-    if path.suffix != ".toml":
-        shipped = SCENES / f"{reference}.toml"
-        if not is_file(shipped):
-            names = [file.stem for file in sorted(SCENES.glob("*.toml"))]
-            if is_file(path):
-                raise UsageError(f"{reference}: is no scene: scene files end in .toml")
-            near = name_kind(reference) or did_you_mean(reference, names)
-            raise UsageError(
-                f"no scene '{reference}' in {shown(SCENES)}{near}:"
-                f" there are {', '.join(names)}; a scene of your own is given by its path,"
-                " ending in .toml"
-            )
-        path = shipped
-    if not is_file(path):
-        raise UsageError(find_absence(path, "scene file"))
+    path = find_shipped(reference, "scene", SCENES)
     if not re.fullmatch(r"[A-Za-z_]\w*", path.stem, re.ASCII):
         raise UsageError(
             f"{shown(path)}: the file name becomes the name of the FMU, so it must consist of"

@@ -7,7 +7,6 @@ are in the metadata of the columns; the whole set-up is in the metadata of the t
 that begin with ``dockloop.``.
 """
 
-import csv
 import itertools
 import json
 import math
@@ -30,7 +29,7 @@ from dockloop.criteria import NEVER, PEAK
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
-from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
+from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_csv, writing
 from dockloop.paths import find_absence, is_file, shown
 from dockloop.results import import_optional
 from dockloop.run_errors import compare_peaks
@@ -131,14 +130,8 @@ def write_table(
     if as_csv:
         files.append(path.with_suffix(".csv"))
         table = TableFile(path)
-        with (
-            writing(files[-1], _CSV) as partial,
-            partial.open("w", newline="", encoding="utf-8") as file,
-        ):
-            lines = csv.writer(file, lineterminator="\n")
-            lines.writerow(table.column_names)
-            for part in table.to_batches():
-                lines.writerows(zip(*(c.to_pylist() for c in part.columns), strict=True))
+        parts = (zip(*(c.to_pylist() for c in p.columns), strict=True) for p in table.to_batches())
+        write_csv(files[-1], _CSV, table.column_names, itertools.chain.from_iterable(parts))
     return files
 
 

@@ -5,7 +5,6 @@ has a row for every place where a criterion changes: a point on either side and 
 off by half their distance at most. Units of the columns are in the summary (member ``units``).
 """
 
-import csv
 import shlex
 from collections import Counter
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ from dockloop.envelopes.search import COMMAND, WORK, Search
 from dockloop.figures import save_figure
 from dockloop.html_report import page_kind, report_envelope, say_half_distance, write_page
 from dockloop.journal import journal_kind
-from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, writing
+from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_csv
 from dockloop.sweep_report import describe_output, estimate_fraction
 
 _POINTS = table_kind("table", COMMAND, "run,", ",status,reason")
@@ -230,17 +229,8 @@ def describe_envelope(summary: dict) -> str:
 
 def write_tables(search: Search, files: Files) -> None:
     """Write both tables. Raises DockloopError: one cannot be written."""
-    for path, kind, (columns, rows) in (
-        (files.points, _POINTS, list_points(search)),
-        (files.boundary, _BOUNDARY, list_boundary(search)),
-    ):
-        with (
-            writing(path, kind) as partial,
-            partial.open("w", newline="", encoding="utf-8") as file,
-        ):
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(rows)
+    write_csv(files.points, _POINTS, *list_points(search))
+    write_csv(files.boundary, _BOUNDARY, *list_boundary(search))
 
 
 def write_report(search: Search, summary: dict, files: Files, figures: Sequence[Path]) -> None:

@@ -5,7 +5,6 @@ has the parts of the plane with each verdict, reasons of refusals, every bad poi
 and a grid of all coarse points.
 """
 
-import csv
 import math
 import shlex
 from collections import Counter
@@ -20,7 +19,15 @@ from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
 from dockloop.judging import BAD, VERDICTS, Verdict, list_reasons
 from dockloop.maps.verdicts import PointJudge, read_verdict
-from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_text, writing
+from dockloop.outputs import (
+    MADE_BY,
+    Kind,
+    figure_kind,
+    json_kind,
+    table_kind,
+    write_csv,
+    write_text,
+)
 
 COMMAND = "dockloop map"
 _TITLE = "# Map: "
@@ -147,20 +154,16 @@ def _describe_axis(quantity: dict) -> str:
 
 def write_map(search: Search, judge: PointJudge, summary: dict, files: Files) -> None:
     """Write page and table. Raises DockloopError: one cannot be written."""
-    with (
-        writing(files.table, _TABLE) as partial,
-        partial.open("w", newline="", encoding="utf-8") as file,
-    ):
-        writer = csv.writer(file, lineterminator="\n")
-        names = [axis.name for axis in search.order.axes]
-        measures = ("error", "energy", "momentum", "evaluations", "seconds")
-        writer.writerow(["point", *names, "verdict", "reason", "audited", *measures, "command"])
-        for number, point in enumerate(sorted(search.runs), 1):
-            verdict = read_verdict(search, point)
-            figures = [_plain(getattr(verdict, name)) for name in measures]
-            row = [verdict.verdict, one_line(verdict.reason), verdict.audited, *figures]
-            command = make_command(search, judge, point)
-            writer.writerow([number, *search.values(point), *row, command])
+    names = [axis.name for axis in search.order.axes]
+    measures = ("error", "energy", "momentum", "evaluations", "seconds")
+    rows = []
+    for number, point in enumerate(sorted(search.runs), 1):
+        verdict = read_verdict(search, point)
+        figures = [_plain(getattr(verdict, name)) for name in measures]
+        row = [verdict.verdict, one_line(verdict.reason), verdict.audited, *figures]
+        rows.append([number, *search.values(point), *row, make_command(search, judge, point)])
+    columns = ["point", *names, "verdict", "reason", "audited", *measures, "command"]
+    write_csv(files.table, _TABLE, columns, rows)
     write_text(files.page, _PAGE, _make_page(search, summary, files))
 
 

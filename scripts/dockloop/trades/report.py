@@ -5,7 +5,6 @@ model cost something else than those of another. Where two settings take the sam
 are the steadier figure; the front by evaluations is marked too.
 """
 
-import csv
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from typing import Any
 from dockloop.core import name_choice
 from dockloop.figures import can_draw, save_figure
 from dockloop.journal import journal_kind
-from dockloop.outputs import Kind, figure_kind, table_kind, write_text, writing
+from dockloop.outputs import Kind, figure_kind, table_kind, write_csv, write_text
 from dockloop.run_errors import describe_scale
 from dockloop.trades import Trade, find_journal
 from dockloop.trades.columns import AUDITS, COSTS, ERRORS, FIGURES
@@ -110,13 +109,9 @@ def write_trade(summary: dict, folder: Path) -> list[Path]:
     table_file, page, figure = (path for path, _ in list_files(folder)[:3])
     rows = sorted(summary["rows"], key=_by_cost)
     drawn = [figure] if can_draw() else []
-    with (
-        writing(table_file, _CSV) as partial,
-        partial.open("w", newline="", encoding="utf-8") as file,
-    ):
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(_COLUMNS)
-        table.writerows([[_plain(row[name]) for name in _COLUMNS] for row in rows])
+    write_csv(
+        table_file, _CSV, _COLUMNS, ([_plain(row[name]) for name in _COLUMNS] for row in rows)
+    )
     write_text(page, _PAGE, _make_page(summary, rows, drawn))
     for path in drawn:
         _plot(summary, path)
