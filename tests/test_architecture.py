@@ -236,6 +236,14 @@ def test_outside_libraries_are_included_in_their_room_only():
                     assert folder in rooms, f"{folder}/{path.name} includes {include}"
 
 
+def test_an_fmu_carries_no_library_that_only_the_comparison_uses():
+    collected = (ROOT / "scripts" / "lib" / "sources.cmake").read_text()
+    parts = re.search(r"foreach\(part ([^)]*)\)", collected)[1].split()
+    needed = {prefix.rstrip("/") for prefix, rooms in LIBRARIES.items() if rooms != {"src/compare"}}
+    assert "cvode" in parts
+    assert {part.partition("/")[0] for part in parts} <= needed
+
+
 def find_named(text: str) -> list[str]:
     """Constants and types that a source file defines outside functions."""
     pattern = r"^(?:constexpr .*?\b(k[A-Z]\w*)\b|(?:struct|class|enum class) (\w+)\b(?! *;))"

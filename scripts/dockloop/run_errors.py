@@ -75,7 +75,7 @@ def describe_scale(figure: str) -> tuple[str, str]:
     """Return the unit of a figure, and words for what it is divided by."""
     if figure in _SCALES:
         return _SCALES[figure]
-    part = f"the peak, at least {_LEAST_PEAK:.0%} of the largest one of its unit"
+    part = f"the peak, at least {100.0 * _LEAST_PEAK:g} % of the largest one of its unit"
     return list_loads()[figure.removeprefix(PEAK)], part
 
 

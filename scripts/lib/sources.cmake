@@ -1,5 +1,5 @@
 # Collects the sources of the outside packages in one folder that is an include root by itself:
-# Eigen/, nlohmann/, arkode/, nvector/, sundials/, ... with headers and .c files side by side.
+# Eigen/, nlohmann/, cvode/, nvector/, sundials/, ... with headers and .c files side by side.
 # Portable binaries are compiled from it, and every FMU takes it along in sources/.
 #
 #   cmake -DARCHIVE=sundials.orig.tar.xz -DTARGET=FOLDER -P scripts/lib/sources.cmake
@@ -19,12 +19,13 @@ endforeach()
 
 file(COPY /usr/include/nlohmann DESTINATION ${TARGET})
 
-# SUNDIALS: ARKODE, CVODE and IDA with serial vectors, dense and band matrices and solvers. What its own
-# build would find out about the compiler holds for every compiler of C99 and is written down here.
+# SUNDIALS: CVODE with serial vectors, dense and band matrices and solvers. ARKODE and IDA are for
+# comparison only, which needs the installed packages. What its own build would find out about the
+# compiler holds for every compiler of C99 and is written down here.
 file(ARCHIVE_EXTRACT INPUT ${ARCHIVE} DESTINATION ${TARGET}.unpacked)
 file(GLOB sundials ${TARGET}.unpacked/*)
-foreach(part arkode cvode ida nvector/serial sundials sunmatrix/dense sunmatrix/band sunlinsol/dense
-        sunlinsol/band sunnonlinsol/newton sunnonlinsol/fixedpoint)
+foreach(part cvode nvector/serial sundials sunmatrix/dense sunmatrix/band sunlinsol/dense sunlinsol/band
+        sunnonlinsol/newton sunnonlinsol/fixedpoint)
   string(REGEX REPLACE "/.*" "" folder ${part})
   string(REPLACE "/" "_" header ${part})
   set(from ${sundials}/src/${part})

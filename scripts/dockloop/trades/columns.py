@@ -14,7 +14,7 @@ ERRORS = {
     "decided_by": "which one it is",
     "peaks": "worst of the peak loads until the end, relative",
     "stroke": "largest displacement of the ring from its start, relative",
-    "time_of_capture": "relative",
+    "time_of_capture": "over the time from first contact to capture",
     "final_position": "position of {frame} at the end, relative",
     "final_attitude": "attitude of {frame} at the end, relative",
     "final_velocity": "velocity of {frame} at the end, relative",
