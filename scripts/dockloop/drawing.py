@@ -107,6 +107,18 @@ class Drawing:
         tips = [(foot[0] + side[0], foot[1] + side[1]), (foot[0] - side[0], foot[1] - side[1])]
         self.line((x1, y1), *tips, color=color, width=0.5, fill=color, close=True)
 
+    def square(self, at: Point, fill: str, width: float = 1.5) -> None:
+        """Draw a small square around a point."""
+        corners = ((-4, -4), (4, -4), (4, 4), (-4, 4))
+        self.line(*((at[0] + x, at[1] + y) for x, y in corners), width=width, fill=fill, close=True)
+
+    def ruler(self, at: Point, scale: float, reach: float) -> None:
+        """Draw a power of ten [m] that is at most `reach`, with its label; `at` its left end."""
+        length = 10 ** math.floor(math.log10(reach))
+        x, y = at
+        self.line(at, (x + scale * length, y), width=2)
+        self.label((x + 8 + scale * length, y + 4), f"{length:g} m", anchor="start", size=11)
+
     def axes(
         self,
         at: Point,
@@ -397,23 +409,14 @@ def draw_legs(mechanism: dict, home_q: Sequence[float] = ()) -> str:
             bends = [view(pins[name])] if name in pins else []
             d.line(view(root), *bends, view(end), color=LEG, width=3)
             d.circle(view(end), 3.5, fill=PAPER, color=LEG)
-            x, y = view(root)
-            d.line(
-                *((x + sx, y + sy) for sx, sy in ((-4, -4), (4, -4), (4, 4), (-4, 4))),
-                color=INK,
-                width=1,
-                fill=INK,
-                close=True,
-            )
+            d.square(view(root), INK, width=1)
         d.circle(front(middle), 9, fill=PAPER, color=LEG, width=1)
         d.label((front(middle)[0], front(middle)[1] + 4), str(i + 1), size=11)
     origin = np.zeros(3)
     order = names[along] + names[right] + names[up]
     d.axes(side(origin), "B", (-12, 17), order)
     d.axes(front(origin), "B", (-12, 17), order[1:] + order[0])
-    length = 10 ** math.floor(math.log10(radius))
-    d.line((30, 345), (30 + scale * length, 345), width=2)
-    d.label((30 + scale * length + 8, 349), f"{length:g} m", anchor="start", size=11)
+    d.ruler((30, 345), scale, radius)
     return d.text_of()
 
 

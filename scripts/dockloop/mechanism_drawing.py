@@ -6,7 +6,6 @@ Everything is read from the mechanism file.
 """
 
 import itertools
-import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -153,9 +152,7 @@ def _draw_views(d: Drawing, mechanism: dict, home_q: Sequence[float]) -> None:
     origin = np.zeros(3)
     d.axes(side(origin), "B", (-12, 17), "xyz")
     d.axes(front(origin), "B", (-12, 17), "yzx")
-    length = 10 ** math.floor(math.log10(radius))
-    d.line((50, _TOP - 20), (50 + scale * length, _TOP - 20), width=2)
-    d.label((58 + scale * length, _TOP - 16), f"{length:g} m", anchor="start", size=11)
+    d.ruler((50, _TOP - 20), scale, radius)
 
 
 def _find_skeleton(
@@ -200,16 +197,13 @@ def _draw_joint(d: Drawing, at: Point, kind: str) -> None:
     if kind == "revolute":
         d.circle(at, 4, fill=PAPER, color=INK)
     elif kind == "prismatic":
-        d.line(*((x + a, y + b) for a, b in _SQUARE), fill=PAPER, close=True)
+        d.square(at, PAPER)
     elif kind == "cut":
         d.circle(at, 4, fill=PAPER, color=RING, width=2)
     elif kind == "leg":
         d.line((x - 5, y), (x + 5, y), color=LEG, width=3)
     else:
         d.circle(at, 3, fill=INK)
-
-
-_SQUARE = ((-4, -4), (4, -4), (4, 4), (-4, 4))
 
 
 def _draw_legend(d: Drawing) -> None:
