@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
 LONGEST = (
     *("test_binary", "test_ssp", "test_random_mechanisms", "test_extremes", "test_coupling"),
-    *("test_sweep", "test_examples", "test_fmu", "test_cli", "test_kernel", "test_saved_states"),
+    *("test_sweep", "test_sweep_journal", "test_sweep_tables", "test_examples", "test_fmu"),
+    *("test_cli", "test_kernel", "test_saved_states"),
 )
 FMUS = "DOCKLOOP_TEST_FMUS"  # environment variable with the folder of all FMUs
 SCENES = sorted(file.stem for file in paths.SCENES.glob("*.toml"))
