@@ -555,6 +555,7 @@ def test_the_command_chooses_and_estimates(tmp_path, capsys):
     assert "must be a number or real-time" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_the_study_checks_dockings_that_are_not_in_the_calibration(study, data, tmp_path):
     assert max(case["number"] for case in data["cases"]) < study.FIRST_CHECK
     page = tmp_path / "page.md"
