@@ -6,8 +6,8 @@
 
 namespace dockloop {
 
-/// Degrees of freedom, loop order, closures, gaps and margins at home, reach, vibration, seated
-/// play.
+/// Degrees of freedom, loop order, closures, gaps and margins at home, range of motion, vibration,
+/// seated play.
 /// @throws ModelError if the mechanism is not sound.
 nlohmann::json check_mechanism_file(const std::string& text, const std::string& source_name);
 

@@ -148,7 +148,7 @@ double update_contact_memory(const ContactModel& model, const RelativeMotion<dou
 }
 
 double find_sphere_gap(const ContactModel& model, const Vec3<double>& p) {
-  return p.norm() - 2 * model.reach;
+  return p.norm() - 2 * model.bounding_radius;
 }
 
 bool have_rings_passed(const ContactModel& model, const RelativeMotion<double>& motion) {
@@ -160,7 +160,7 @@ bool have_rings_passed(const ContactModel& model, const RelativeMotion<double>& 
 }
 
 double find_approach_bound(const ContactModel& model, const RelativeMotion<double>& motion) {
-  return motion.v.norm() + motion.w.norm() * model.reach;
+  return motion.v.norm() + motion.w.norm() * model.bounding_radius;
 }
 
 double find_step_bound(const ContactModel& model, double gap,

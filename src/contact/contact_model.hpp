@@ -116,8 +116,8 @@ struct ContactModel {
   std::vector<ContactLaw> laws;      ///< the common law and its variants, see set_law()
   AbsorberLaw absorber;
   bool rings = false;  ///< made by make_ring_contact(): face first, surfaces are the active petals
-  double reach = 0.0;  ///< bounding radius of each side about the origin of G (of P) [m]
-  double least_rounding = 0.0;  ///< smallest rounding sum of all pairs [m]
+  double bounding_radius = 0.0;  ///< of each side about the origin of G (of P) [m]
+  double least_rounding = 0.0;   ///< smallest rounding sum of all pairs [m]
   double depth = 0.0;  ///< from the origin of P along x to the innermost core of P, 0 for rings [m]
 
   bool empty() const { return kind == Kind::kNone; }

@@ -29,7 +29,8 @@ S find_displacement(const ContactModel& model, const Pose<double>& origin,
                     const RelativeMotion<S>& x) {
   using std::sqrt;
   const S turn = (x.R - origin.R.template cast<S>()).squaredNorm() / S(2);
-  return (x.p - origin.p.template cast<S>()).norm() + sqrt(turn) * S(model.reach) + S(kSlack);
+  return (x.p - origin.p.template cast<S>()).norm() + sqrt(turn) * S(model.bounding_radius) +
+         S(kSlack);
 }
 
 /// A plate of P in axes of G. @pre is_placed is cleared for a new motion
@@ -359,7 +360,7 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
   // No contact: the spheres of the two sides are apart, or all pairs are open by the bounds of the
   // list.
   work.searched = 0;
-  out.gap = motion.p.norm() - S(2 * model.reach);
+  out.gap = motion.p.norm() - S(2 * model.bounding_radius);
   if (out.gap > S(0)) return {};
   const bool listed = memory.has_reference;
   const S from_all = listed ? find_displacement<S>(model, memory.all, motion) : S(0);

@@ -49,10 +49,10 @@ ProfileBox find_box(const Profile& profile) {
   return box;
 }
 
-double find_reach(const std::vector<Core>& cores) {
-  double reach = 0.0;
+double find_bounding_radius(const std::vector<Core>& cores) {
+  double radius = 0.0;
   const auto include = [&](const Vec3<double>& point, double rounding) {
-    reach = std::max(reach, point.norm() + rounding);
+    radius = std::max(radius, point.norm() + rounding);
   };
   for (const Core& core : cores) {
     const CoreSphere sphere = find_sphere(core);
@@ -72,7 +72,7 @@ double find_reach(const std::vector<Core>& cores) {
         break;
     }
   }
-  return reach;
+  return radius;
 }
 
 }  // namespace dockloop

@@ -82,6 +82,6 @@ CoreSphere find_sphere(const Core& core);
 ProfileBox find_box(const Profile& profile);
 
 /// Radius of a sphere about the origin that contains all surfaces [m].
-double find_reach(const std::vector<Core>& cores);
+double find_bounding_radius(const std::vector<Core>& cores);
 
 }  // namespace dockloop

@@ -99,7 +99,7 @@ void finish(ContactModel& m) {
       if (core.kind == CoreKind::kRevolution) core.box = find_box(core.profile);
     }
   }
-  m.reach = std::max(find_reach(m.active), find_reach(m.passive));
+  m.bounding_radius = std::max(find_bounding_radius(m.active), find_bounding_radius(m.passive));
   m.least_rounding = kNoGap;
   for (const ContactPair& pair : m.pairs) {
     m.least_rounding = std::min(m.least_rounding, pair.rounding);

@@ -35,7 +35,7 @@ class SeatedRings {
   /// Free roll from the centre, in the direction `sign` [rad].
   double find_roll(double sign) {
     const double radius =
-        model_.reach;  // no point of the surfaces moves by more than radius x roll
+        model_.bounding_radius;  // no point of the surfaces moves by more than radius x roll
     return sign / radius * march(kHalfTurn * radius, [&](double s) {
              return find_gap_at(0.0, 0.0, sign * s / radius);
            });
@@ -44,7 +44,8 @@ class SeatedRings {
   /// Free distance from the docking axis at this roll [m].
   double find_lateral(double direction, double roll) {
     const double y = std::cos(direction), z = std::sin(direction);
-    return march(2.0 * model_.reach, [&](double s) { return find_gap_at(s * y, s * z, roll); });
+    return march(2.0 * model_.bounding_radius,
+                 [&](double s) { return find_gap_at(s * y, s * z, roll); });
   }
 
   /// Largest distance of a striker before its hook [m].

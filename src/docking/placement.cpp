@@ -18,9 +18,9 @@ double find_touching_distance(const Scene& scene, const Mat3<double>& R_AP,
                               bool& touches) {
   constexpr double kTouching = 1e-10;  // [m]
   ContactWorkspace<double> work(scene.contact);
-  double x = std::max(2.0 * scene.contact.reach, 1.0);  // an absorber has radius 0
+  double x = std::max(2.0 * scene.contact.bounding_radius, 1.0);  // an absorber has radius 0
   touches = true;
-  for (int i = 0; i < 100000 && x >= -scene.contact.reach; ++i) {
+  for (int i = 0; i < 100000 && x >= -scene.contact.bounding_radius; ++i) {
     RelativeMotion<double> relative;
     relative.R = G_in_A.R.transpose() * R_AP;
     relative.p = G_in_A.R.transpose() * (Vec3<double>(x, lateral.y(), lateral.z()) - G_in_A.p);

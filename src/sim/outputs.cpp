@@ -121,7 +121,7 @@ double DockingSim::Impl::find_acceleration_bound() const {
   for (int i : {kChaser, kTarget}) {
     if (!model->moves[i]) continue;
     const VehicleParameters& p = parameters.vehicle[i];
-    const double arm = p.interface_position.norm() + model->contact.reach;
+    const double arm = p.interface_position.norm() + model->contact.bounding_radius;
     bound += loads.at_start().force[i].norm() / p.mass +
              loads.at_start().torque[i].norm() * arm / least_inertia[i];
     if (i == kChaser) bound += shown().thrust.norm() / p.mass;

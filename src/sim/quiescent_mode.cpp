@@ -240,7 +240,7 @@ double QuiescentMode::find_drift_time() const {
       longest = std::min(longest, 0.5 * state_.quiescent.slack / spin);
     }
     const Vec3<double>& port = i == kChaser ? data.capture.p : data.interface[kTarget].p;
-    speed += spin * ((port - frame.p - arm).norm() + model.contact.reach);
+    speed += spin * ((port - frame.p - arm).norm() + model.contact.bounding_radius);
     // Latches and the absorber measure along axes of G, which turn with the chaser.
     if (i == kChaser) speed += spin * data.relative.p.norm();
   }

@@ -307,7 +307,7 @@ TEST(ContactModel, FarApartNothingIsEvaluatedAndTheGapIsABound) {
   EXPECT_EQ(r.active_count, 0);
   EXPECT_EQ(r.gap, find_sphere_gap(model, x.p));
   EXPECT_LE(r.gap, find_gap<double>(model, x, work));
-  EXPECT_LT(model.reach, 0.66);
+  EXPECT_LT(model.bounding_radius, 0.66);
 }
 
 TEST(ContactModel, TooDeepAndFlippedStatesAreRejected) {

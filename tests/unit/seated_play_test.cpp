@@ -108,8 +108,8 @@ TEST(SeatedPlay, WithoutPetalsEndsWithTheSearch) {
   const ContactModel model = make_ring_contact(ring, ring, {});
   const SeatedPlay play = find_seated_play(model, make_three_latches());
   EXPECT_NEAR(play.most_roll, 180.0 * kDegree, 1e-12);
-  EXPECT_NEAR(play.least_lateral, 2.0 * model.reach, 1e-12);
-  EXPECT_GT(play.striker_offset, 2.0 * model.reach);
+  EXPECT_NEAR(play.least_lateral, 2.0 * model.bounding_radius, 1e-12);
+  EXPECT_GT(play.striker_offset, 2.0 * model.bounding_radius);
 }
 
 }  // namespace

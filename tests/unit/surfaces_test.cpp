@@ -158,7 +158,7 @@ ContactModel make_ring_as_data(const ContactLaw& law) {
 TEST(Surfaces, GuideRingsAreDataOfThisKind) {
   const ContactModel ring = make_test_contact(), data = make_ring_as_data({});
   EXPECT_EQ(data.pair_count(), ring.pair_count());
-  EXPECT_EQ(data.reach, ring.reach);
+  EXPECT_EQ(data.bounding_radius, ring.bounding_radius);
   TestRandom random(91);
   ContactWorkspace<double> work(ring), same(data);
   Worst worst;
