@@ -11,10 +11,8 @@ import errno
 import json
 import os
 import shutil
-import sqlite3
 import subprocess
 import zipfile
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -52,13 +50,13 @@ COMMANDS = {
     "sweep": (
         [*SWEEP, "-o", "own.parquet", "--csv"],
         [
-            *("own.parquet", "own.sqlite", "own.csv", "own_summary.json"),
+            *("own.parquet", "own.jsonl", "own.csv", "own_summary.json"),
             *("own_envelope.png", "own_loads.png"),
         ],
     ),
     "trade": (
         [*TRADE, "-o", "own"],
-        [f"own/{name}" for name in ("trade.csv", "trade.md", "trade.sqlite", "work_precision.png")],
+        [f"own/{name}" for name in ("trade.csv", "trade.md", "trade.jsonl", "work_precision.png")],
     ),
     "truth": ([*SOLUTION, "-o", "own.json"], ["own.json"]),
     "build": (["build", "absorber_1d", "-o", "own.fmu"], ["own.fmu"]),
@@ -79,11 +77,6 @@ def write_table(path):
     parquet.write_table(pyarrow.table({"a": [1]}), path)
 
 
-def write_database(path):
-    with closing(sqlite3.connect(path)) as database:
-        database.execute("CREATE TABLE about (made_by TEXT)")
-
-
 FOREIGN = {
     "mechanism": lambda path: shutil.copy(paths.MECHANISMS / "absorber_1d.json", path),
     "scene": lambda path: shutil.copy(paths.SCENES / "absorber_1d.toml", path),
@@ -94,7 +87,6 @@ FOREIGN = {
     "json lines": lambda path: path.write_text('{"a": 1}\n{"a": 2}\n'),
     "arrays": lambda path: np.savez(path.open("wb"), names=["time"], values=[1]),
     "figure": write_figure,
-    "database": write_database,
     "table": write_table,
     "zip": lambda path: shutil.make_archive(path.with_suffix(""), "zip", path.parent),
     "other command": lambda path: path.write_text('{"made_by": "dockloop extremes"}\n'),
@@ -227,12 +219,12 @@ def test_the_shipped_results_can_be_made_again():
 
 
 @pytest.mark.parametrize(
-    ("command", "file"), [target for target in TARGETS if not target[1].endswith(".sqlite")]
+    ("command", "file"), [target for target in TARGETS if not target[1].endswith(".jsonl")]
 )
 def test_a_file_that_finds_no_space_does_not_get_its_name(
     dockloop, monkeypatch, tmp_path, command, file
 ):
-    """Renaming, the last step of every write, finds none; test_sweep_journal.py has the journal."""
+    """Renaming, the last step of every write, finds none; test_sweep.py has the journal."""
     real = Path.replace
 
     def replace(self, target):
@@ -311,7 +303,7 @@ def test_on_a_disk_that_is_really_full_all_files_are_whole(dockloop, small_disk,
     assert reported.err.count("\n") == 1, reported.err
     assert "cannot be written (no space is left on the disk)" in reported.err
     left = {path.name: path for path in small_disk.iterdir()}
-    assert set(left) <= {"filler", "own.csv", "own.sqlite", "own.sqlite-wal"}, left  # to go on with
+    assert set(left) <= {"filler", "own.csv", "own.jsonl"}, left  # the journal is to go on with
     if "own.csv" in left:
         assert left["own.csv"].read_text().count("\n") == 12
 

@@ -1,43 +1,43 @@
 """What long work of many cases leaves behind as it goes: a journal, and how far it is.
 
-A journal is an SQLite database. Results are added one by one as they arrive, in any order.
-``--resume`` runs what is missing: a case is known by its values, not by its number, so that the
-work may also be continued with more cases. A killed run loses nothing. When the computer itself
-stops, results since the last second in which one arrived may be lost; their cases run again.
+Results are appended to a file (JSON lines) as they arrive, in any order. ``--resume`` reads it back
+and runs what is missing: a case is known by its values, not by its number, so that the work may
+also be continued with more cases, and a killed run loses nothing. Used by ``dockloop sweep`` and
+``dockloop trade``.
 
-| table | a row |
-|---|---|
-| ``about`` | the command, the set-up, the number of cases and their digest; the last row counts |
-| ``results`` | the digest of the values of a case; values and result as JSON, with their CRC-32 |
+The first line says which command made the file, under which set-up, and for which cases (their
+number and a digest); another such line follows when the cases become others. Every line ends with a
+checksum of what stands before it: a line that was changed is reported once, its case is run again,
+all other lines stay what they are.
 
-One process at a time has the file. While it writes, the last results are in ``NAME.sqlite-wal``:
-after a kill both files belong together. Results stay on the disk; memory holds a few MB of them.
+Results stay on the disk. In memory is a digest of the values of each case, and where its line
+begins.
 """
 
 import datetime
 import hashlib
 import itertools
 import json
-import sqlite3
+import os
 import time
 import weakref
 import zlib
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from dockloop.cases import Result
-from dockloop.errors import DockloopError, UsageError, warn
-from dockloop.outputs import MADE_BY, Kind, cannot_write, claim, database_kind
+from dockloop.cases import STATUSES, Result
+from dockloop.errors import DockloopError, UsageError, find_reason, warn
+from dockloop.outputs import MADE_BY, Kind, cannot_write, claim, json_kind, writing
 from dockloop.paths import shown
 from dockloop.sampling import Value
 from dockloop.simulate import ProgressBar
+from dockloop.system import CAN_REPLACE_OPEN_FILES, lock
 
-_SYNC = 1.0  # s between two times that results are forced to the disk
-_ABOUT = f"CREATE TABLE about ({MADE_BY} TEXT DEFAULT '%s', setup TEXT, cases INT, digest UNIQUE)"
-_RESULTS = "CREATE TABLE results (key BLOB PRIMARY KEY, content BLOB, crc INT, is_lost INT)"
-_BUSY, _LOCKED, _CORRUPT, _FULL, _FOREIGN = 5, 6, 11, 13, 26  # error codes of SQLite
+_SYNC = 1.0  # s between two times that the journal is forced to the disk
+Place = int | tuple[tuple[Value, ...], Result]  # where a line begins; or a case that has no line
+_SUM = b', "crc": "'  # stands between what a line says and its checksum
 
 
 class InterruptedWorkError(DockloopError):
@@ -48,7 +48,7 @@ class InterruptedWorkError(DockloopError):
 
 def journal_kind(work: str) -> Kind:
     """Return the kind of the journal of ``dockloop WORK``."""
-    return database_kind("journal", f"dockloop {work}")
+    return json_kind("journal", f"dockloop {work}")
 
 
 def make_digest(content: Any) -> str:
@@ -56,38 +56,87 @@ def make_digest(content: Any) -> str:
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
-def make_key(values: Any) -> bytes:
-    """Return what a case is known by, as long for many values as for few."""
-    return hashlib.blake2b(json.dumps(values).encode(), digest_size=12).digest()
-
-
 def find_digests(path: Path) -> set[str]:
     """Return the digests of all cases that a journal was for; none if there is no journal."""
-    return {digest for _, digest in _read_about(path)}
+    return {head["digest"] for head in _read_heads(path) if "digest" in head}
 
 
 def find_outcomes(path: Path) -> list[str]:
     """Return the names of the outputs that a journal holds; none if there is no journal."""
-    return next((setup.get("outcomes", []) for setup, _ in _read_about(path)), [])
+    return next((head["setup"].get("outcomes", []) for head in _read_heads(path)), [])
 
 
-def _read_about(path: Path) -> list[tuple[dict, str]]:
-    """Return set-up and digest of all cases that a journal was for."""
-    if path.is_file():
-        with suppress(sqlite3.Error, ValueError), closing(_connect(path)) as database:
-            rows = database.execute("SELECT setup, digest FROM about")
-            return [(json.loads(setup), digest) for setup, digest in rows]
-    return []  # the journal says why when it is opened
+def _read_heads(path: Path) -> list[dict]:
+    """Return the lines of a journal that say what it is for."""
+    try:
+        with path.open("rb") as file:
+            lines = [_parse(raw) for raw in file if b'"setup"' in raw]
+    except OSError:  # the journal says so itself when it is opened
+        return []
+    return [line for line in lines if line and "setup" in line]
 
 
-def _connect(path: Path) -> sqlite3.Connection:
-    database = sqlite3.connect(path, timeout=0.0, isolation_level=None, check_same_thread=False)
-    database.execute("PRAGMA locking_mode = EXCLUSIVE")
-    return database
+class Known(Mapping[tuple[Value, ...], Result]):
+    """Results of a journal by the values of their cases, read when they are looked at."""
+
+    def __init__(self, path: Path) -> None:
+        """Prepare to read a journal; the file may be closed and opened meanwhile."""
+        self._path = path
+        self._file: BinaryIO | None = None
+        self._places: dict[bytes, Place] = {}
+
+    def __len__(self) -> int:
+        """Return the number of cases."""
+        return len(self._places)
+
+    def __contains__(self, values: object) -> bool:
+        """Return whether there is a result."""
+        return _find_key(values) in self._places
+
+    def __iter__(self) -> Iterator[tuple[Value, ...]]:
+        """Yield the values of all cases."""
+        return (self._read(place)[0] for place in self._places.values())
+
+    def __getitem__(self, values: tuple[Value, ...]) -> Result:
+        """Return the result of a case."""
+        return self.read(self.find_place(values))
+
+    def find_place(self, values: tuple[Value, ...]) -> Place:
+        """Return where the result of a case is: less to keep than the result."""
+        return self._places[_find_key(values)]
+
+    def read(self, place: Place) -> Result:
+        """Return the result at a place."""
+        return self._read(place)[1]
+
+    def note(self, values: tuple[Value, ...], place: int | Result) -> None:
+        """Note where the line of a case begins, or the result of a case without a line."""
+        self._places[_find_key(values)] = place if isinstance(place, int) else (values, place)
+
+    def clear(self) -> None:
+        """Forget all results."""
+        self._places.clear()
+
+    def _read(self, place: Place) -> tuple[tuple[Value, ...], Result]:
+        if isinstance(place, tuple):
+            return place
+        if self._file is None:
+            self._file = self._path.open("rb")
+            weakref.finalize(self, self._file.close)
+        self._file.seek(place)
+        found = _read_result(_parse(self._file.readline()))
+        if found is None:
+            raise DockloopError(f"{shown(self._path)}: was changed by another program meanwhile")
+        return found
 
 
 class Journal:
-    """Results by the values of their cases, each on the disk as soon as it is added."""
+    """Results of cases, one line each, appended as they arrive.
+
+    Attributes:
+        known: results by the values of their cases.
+        path: the file.
+    """
 
     def __init__(
         self,
@@ -110,92 +159,67 @@ class Journal:
             digest: of these cases; a finished journal of others is not begun anew.
 
         Raises:
-            UsageError: the file belongs to another set-up, is unfinished and not to be resumed, is
-                damaged, or another process writes it.
+            UsageError: the file belongs to another set-up, or is unfinished and not to be resumed.
             DockloopError: it cannot be written.
         """
-        self.path, self._work, self._setup, self._digest = path, work, setup, digest
+        self.path, self._work = path, work
+        self.known = Known(path)
+        self._synced, self._is_broken = time.monotonic(), False
         claim(path, journal_kind(work))
+        header = {MADE_BY: f"dockloop {work}", "setup": setup, "cases": cases, "digest": digest}
+        self._header = header
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with suppress(FileExistsError):
-                path.open("xb").close()
-            is_new = path.stat().st_size == 0
+            try:
+                self._file, is_new = path.open("x+b"), True
+            except FileExistsError:
+                self._file, is_new = path.open("r+b"), False
         except OSError as error:
             raise cannot_write(path, error) from None
-        self._database = _connect(path)
-        weakref.finalize(self, self._database.close)
-        self._synced = time.monotonic()
         try:
-            with self._explaining():
-                self._open(cases, is_new=is_new, resume=resume)
+            self._lock(self._file)
+            if is_new:
+                self._write(header)
+            else:
+                self._go_on(header, resume=resume)
         except BaseException:
-            self._database.close()
+            with suppress(OSError):
+                self._file.close()
             if is_new:
                 path.unlink(missing_ok=True)
             raise
 
-    def __len__(self) -> int:
-        """Return the number of results."""
-        return self._find("SELECT count(*) FROM results")[0]
-
-    def __contains__(self, values: object) -> bool:
-        """Return whether there is a result."""
-        return bool(self._find("SELECT 1 FROM results WHERE key = ?", make_key(values)))
-
-    def __getitem__(self, values: tuple[Value, ...]) -> Result:
-        """Return the result of a case."""
-        return self.read(make_key(values))
-
-    def read(self, key: bytes) -> Result:
-        """Return the result of a case by its `make_key`."""
-        row = self._find("SELECT content FROM results WHERE key = ?", key)
-        if row is None:
-            raise DockloopError(f"{shown(self.path)}: was changed by another program meanwhile")
-        content = json.loads(row[0])
-        del content["values"]
-        return Result(**content | {"outputs": tuple(content["outputs"])})
-
     def add(self, values: tuple[Value, ...], result: Result) -> None:
-        """Add one result; one that was lost with its worker is forgotten when the file is reopened.
+        """Append one result; a case that was lost with its worker is not recorded.
 
         Raises:
             DockloopError: it cannot be written.
         """
-        content = json.dumps({"values": values, **vars(result)}).encode()
-        row = (make_key(values), content, zlib.crc32(content), result.status == "lost")
-        with self._explaining():
-            self._database.execute("INSERT OR REPLACE INTO results VALUES (?, ?, ?, ?)", row)
-            now = time.monotonic()
-            if now - self._synced > _SYNC:
-                self._database.execute("PRAGMA wal_checkpoint")
-                self._synced = now
+        if result.status == "lost":
+            self.known.note(values, result)
+        else:
+            self.known.note(values, self._write({"values": values, **vars(result)}))
 
     def finish(self) -> None:
         """Note that there will be no more cases: what is known is all. Raises DockloopError."""
-        with self._explaining():
-            self._note_cases(len(self))
+        self._header["cases"] = len(self.known)
+        self._write(self._header)
 
     def close(self) -> None:
-        """Force everything to the disk, into one file that others may write; it can still be read.
-
-        Raises:
-            DockloopError: that fails.
-        """
+        """Force everything to the disk. Raises DockloopError: that fails."""
         try:
-            with self._explaining():
-                self._database.execute("PRAGMA journal_mode = DELETE")
-                self._database.execute("PRAGMA locking_mode = NORMAL")
-                self._database.execute("SELECT 1 FROM about").fetchone()  # this ends the lock
-        except DockloopError:
-            self._database.close()
-            raise
+            if not self._is_broken:
+                os.fsync(self._file.fileno())
+            self._file.close()
+        except OSError as error:
+            if not self._is_broken:  # else it has been reported
+                raise self._cannot_write(error) from None
 
     def count(self, cases: Iterable[tuple[Value, ...]]) -> str:
         """Say how many of these cases are there: ``3 of 8 cases``."""
         done, total = 0, 0
         for case in cases:
-            done, total = done + (case in self), total + 1
+            done, total = done + (case in self.known), total + 1
         return f"{done} of {total} cases"
 
     @contextmanager
@@ -218,92 +242,155 @@ class Journal:
         finally:
             self.close()
 
-    def _open(self, cases: int, *, is_new: bool, resume: bool) -> None:
-        """Lock the file, and make it one for these cases; what is refused stays as it is."""
-        execute = self._database.execute
-        execute("BEGIN EXCLUSIVE")
-        if is_new:
-            execute(_ABOUT % f"dockloop {self._work}")
-            execute(_RESULTS)
-        else:
-            self._take_over(resume=resume)
-        self._note_cases(cases)
-        execute("COMMIT")
-        execute("PRAGMA journal_mode = WAL")
-        execute("PRAGMA synchronous = NORMAL")  # no waiting for the disk but in checkpoints
+    def _lock(self, file: BinaryIO) -> None:
+        try:
+            lock(file)
+        except OSError:
+            raise UsageError(f"{shown(self.path)}: another {self._work} is writing it") from None
 
-    def _take_over(self, *, resume: bool) -> None:
-        """Keep the results of a file that is there, or clear it if it is finished."""
-        place, execute = shown(self.path), self._database.execute
-        (state,) = execute("PRAGMA integrity_check(1)").fetchone()
-        about = execute("SELECT setup, cases, digest FROM about ORDER BY rowid DESC").fetchone()
-        if state != "ok" or about is None:
-            raise self._damaged(state)
-        setup, cases, digest = json.loads(about[0]), about[1], about[2]
-        self._database.create_function("crc32", 1, zlib.crc32)
-        execute("DELETE FROM results WHERE is_lost")
-        damaged = execute("DELETE FROM results WHERE crc != crc32(CAST(content AS BLOB))").rowcount
-        other = [name for name in self._setup if setup.get(name) != self._setup[name]]
-        if resume and other:
+    def _go_on(self, header: dict, *, resume: bool) -> None:
+        """Take over a file that is there, or begin it anew if it is finished."""
+        old, intact, damaged = self._read()
+        place = shown(self.path)
+        if not resume:
+            holds = self.known or damaged
+            if holds and len(self.known) < old["cases"]:
+                raise UsageError(
+                    f"{place}: holds {len(self.known)} of {old['cases']} cases of a {self._work}"
+                    " that was interrupted: go on with --resume, or delete the file"
+                )
+            if holds and old["digest"] != header["digest"]:
+                raise UsageError(
+                    f"{place}: holds the finished cases of another {self._work}: choose another"
+                    " -o or delete the file"
+                )
+            self.known.clear()
+            self._replace([_to_line(header)])
+            return
+        setup = header["setup"]
+        other = [name for name in setup if old["setup"].get(name) != setup[name]]
+        if other:
             raise UsageError(
                 f"{place}: cannot be resumed, it was made with another {', '.join(other)}:"
                 " delete the file, or write elsewhere with -o"
             )
-        if resume:
-            if damaged:
-                warn(
-                    f"{place}: {damaged} of {len(self) + damaged} results are damaged or were"
-                    " changed: their cases run again"
-                )
-            return
-        holds = len(self) or damaged
-        if holds and len(self) < cases:
+        if damaged:
+            warn(f"{place}: {_describe(damaged)} run again")
+            self._file.seek(0)
+            bad = set(damaged)
+            kept = (raw for number, raw in enumerate(self._file, 1) if number not in bad)
+            self._replace(raw for raw in kept if raw.endswith(b"\n"))
+            self._file.seek(0)
+            self._read()  # lines have moved
+        else:
+            self._file.truncate(intact)  # what was cut off in the middle of a line is done again
+            self._file.seek(intact)
+        if (old["cases"], old["digest"]) != (header["cases"], header["digest"]):
+            self._write(header)
+
+    def _read(self) -> tuple[dict, int, list[int]]:
+        """Read all lines; fills `known`.
+
+        Returns:
+            The last header, the length up to the last whole line, and the numbers of bad lines.
+        """
+        header, intact, damaged = None, 0, []
+        for number, raw in enumerate(self._file, 1):
+            if not raw.endswith(b"\n"):
+                break
+            line = _parse(raw)
+            if line and "setup" in line:
+                header = line
+            elif found := _read_result(line):
+                self.known.note(found[0], intact)
+            else:
+                damaged.append(number)
+            intact += len(raw)
+        if header is None:
             raise UsageError(
-                f"{place}: holds {len(self)} of {cases} cases of a {self._work} that was"
-                " interrupted: go on with --resume, or delete the file"
+                f"{shown(self.path)}: line 1 is damaged or was changed, and no other says what the"
+                " cases belong to: delete the file, or write elsewhere with -o"
             )
-        if holds and digest != self._digest:
-            raise UsageError(
-                f"{place}: holds the finished cases of another {self._work}: choose another -o or"
-                " delete the file"
-            )
-        execute("DELETE FROM results")
-        execute("DELETE FROM about")
+        return header, intact, damaged
 
-    def _note_cases(self, cases: int) -> None:
-        self._database.execute(
-            "INSERT OR REPLACE INTO about (setup, cases, digest) VALUES (?, ?, ?)",
-            (json.dumps(self._setup), cases, self._digest),
-        )
+    def _replace(self, lines: Iterable[bytes]) -> None:
+        """Put a file of these lines into the place of the present one, and go on with that."""
+        with writing(self.path, journal_kind(self._work)) as partial:
+            file = partial.open("x+b")
+            self._lock(file)
+            file.writelines(lines)
+            file.flush()
+            os.fsync(file.fileno())
+            if not CAN_REPLACE_OPEN_FILES:
+                file.close()
+                self._file.close()
+        if CAN_REPLACE_OPEN_FILES:
+            self._file.close()
+        else:
+            file = self.path.open("r+b")
+            self._lock(file)
+            file.seek(0, os.SEEK_END)
+        self._file = file
 
-    def _find(self, question: str, *values: Any) -> Any:
-        """Return the first row of an answer, or None."""
-        with self._explaining():
-            return self._database.execute(question, values).fetchone()
-
-    @contextmanager
-    def _explaining(self) -> Iterator[None]:
-        """Say in one sentence what SQLite reports."""
+    def _write(self, line: dict) -> int:
+        """Append a line; returns where it begins."""
         try:
-            yield
-        except (sqlite3.Error, ValueError) as error:
-            code = getattr(error, "sqlite_errorcode", _CORRUPT) & 0xFF
-            if code in (_BUSY, _LOCKED):
-                reason = f"{shown(self.path)}: another {self._work} is writing it"
-                raise UsageError(reason) from None
-            if code in (_CORRUPT, _FOREIGN, 1):
-                raise self._damaged(error) from None
-            reason = "no space is left on the disk" if code == _FULL else str(error)
-            raise DockloopError(
-                f"{shown(self.path)}: cannot be written ({reason}); the same command with --resume"
-                " goes on"
-            ) from None
+            place = self._file.tell()
+            self._file.write(_to_line(line))
+            self._file.flush()
+            now = time.monotonic()
+            if now - self._synced > _SYNC:
+                os.fsync(self._file.fileno())
+                self._synced = now
+        except OSError as error:
+            self._is_broken = True
+            raise self._cannot_write(error) from None
+        return place
 
-    def _damaged(self, reason: object) -> UsageError:
-        return UsageError(
-            f"{shown(self.path)}: is damaged ({reason}): delete the file, or write elsewhere with"
-            " -o"
+    def _cannot_write(self, error: OSError) -> DockloopError:
+        return DockloopError(
+            f"{shown(self.path)}: cannot be written ({find_reason(error)}); the same command with"
+            " --resume goes on"
         )
+
+
+def _find_key(values: Any) -> bytes:
+    """Return what a case is known by, as long for many values as for few."""
+    return hashlib.blake2b(json.dumps(values).encode(), digest_size=12).digest()
+
+
+def _read_result(line: Any) -> tuple[tuple[Value, ...], Result] | None:
+    """Return the values and the result that a line holds; None if it holds none."""
+    try:
+        values = tuple(line.pop("values"))
+        result = Result(**line)
+        result.outputs = tuple(result.outputs)
+    except (AttributeError, KeyError, TypeError):
+        return None
+    return (values, result) if result.status in STATUSES else None
+
+
+def _to_line(content: dict) -> bytes:
+    """Return a line of the file."""
+    said = json.dumps(content).encode()[:-1]
+    return said + _SUM + b'%08x"}\n' % zlib.crc32(said)
+
+
+def _parse(raw: bytes) -> dict | None:
+    """Return what a line says, without its checksum; None if that is wrong."""
+    said, _, checksum = raw.rstrip().rpartition(_SUM)
+    if checksum != b'%08x"}' % zlib.crc32(said):
+        return None
+    return json.loads(said + b"}")
+
+
+def _describe(numbers: list[int]) -> str:
+    """Say which lines are bad, the first ones of many."""
+    if len(numbers) == 1:
+        return f"line {numbers[0]} is damaged or was changed: its case is"
+    few = ", ".join(map(str, numbers[:10]))
+    more = f" and {len(numbers) - 10} more" if len(numbers) > 10 else ""
+    return f"lines {few}{more} are damaged or were changed: their cases are"
 
 
 def make_report(progress: ProgressBar | None, done: int, total: int) -> Callable[[], None]:

@@ -6,8 +6,7 @@ have been made by the same command. The sign of this is in the file, never its n
 
 | file | made by the command if |
 |---|---|
-| summary, solution | it begins with the JSON member ``made_by`` that names the command |
-| journal | it is an SQLite database whose table ``about`` names the command |
+| summary, solution, journal | it begins with the JSON member ``made_by`` that names the command |
 | figure | the text ``Software`` of the PNG names the command |
 | result of a run | its columns are ``time`` and outputs that our FMUs can have, no others |
 | table of a sweep, of a trade | its metadata or header has the columns that all of them have |
@@ -23,7 +22,6 @@ import csv
 import errno
 import json
 import os
-import re
 import secrets
 import stat
 import struct
@@ -44,13 +42,7 @@ MADE_BY = "made_by"  # first member of every JSON document that a command writes
 _SCRATCH: set[Path] = set()  # temporary folders in use
 _HEAD = 1 << 20  # bytes of a file that are looked at
 _PNG = b"\x89PNG\r\n\x1a\n"
-_SQLITE = b"SQLite format 3\0"
-_BEGINNINGS = {
-    _PNG: "a figure of something else",
-    _SQLITE: "a database of something else",
-    b"PK": "a zip file",
-    b"PAR1": "a table",
-}
+_BEGINNINGS = {_PNG: "a figure of something else", b"PK": "a zip file", b"PAR1": "a table"}
 
 
 class Kind(NamedTuple):
@@ -68,7 +60,7 @@ class Kind(NamedTuple):
 
 
 def json_kind(what: str, command: str) -> Kind:
-    """Return the kind of a JSON document that begins with its command."""
+    """Return the kind of a JSON document, or of JSON lines, that begins with its command."""
     begin = json.dumps({MADE_BY: command})[:-1]
 
     def is_own(path: Path) -> bool:
@@ -76,11 +68,6 @@ def json_kind(what: str, command: str) -> Kind:
         return "".join(head.split()).startswith("".join(begin.split()))
 
     return Kind(what, command, is_own)
-
-
-def database_kind(what: str, command: str) -> Kind:
-    """Return the kind of an SQLite database; the default of a column `MADE_BY` is its command."""
-    return Kind(what, command, lambda path: _find_maker(read_head(path)) == command)
 
 
 def table_kind(what: str, command: str, begin: str, *columns: str) -> Kind:
@@ -292,13 +279,12 @@ def _describe(path: Path) -> str:
         head = read_head(path)
     except OSError as error:
         return f"a file that cannot be read ({find_reason(error)})"
-    maker = _find_maker(head)
     for begin, what in _BEGINNINGS.items():
         if head.startswith(begin):
-            return f"a file of '{maker}'" if maker else what
+            return what
     text = head.decode(errors="replace")
     with suppress(ValueError, RecursionError):
-        return _describe_members(json.loads(text))
+        return _describe_members(json.loads(text.partition("\n")[0] if _is_lines(text) else text))
     if not text:
         return "an empty file"
     with suppress(ValueError, RecursionError):
@@ -309,21 +295,23 @@ def _describe(path: Path) -> str:
     return "a file of something else"
 
 
+def _is_lines(text: str) -> bool:
+    """Return whether a text looks like JSON lines: its first line is a whole object."""
+    first = text.partition("\n")[0].strip()
+    return first.startswith("{") and first.endswith("}")
+
+
 def _describe_members(content: object) -> str:
     """Say what a JSON document is."""
     members = content if isinstance(content, dict) else {}
     if isinstance(members.get(MADE_BY), str):
         return f"a file of '{members[MADE_BY]}'"
+    if {"setup", "cases"} <= members.keys():
+        return "a journal of another dockloop"
     inner = members.get("mechanism", members)
     if isinstance(inner, dict) and inner and inner.keys() <= _list_mechanism_members():
         return "a mechanism"
     return "a JSON file of something else"
-
-
-def _find_maker(head: bytes) -> str:
-    """Return the command that made a database, from the schema on its first page, or nothing."""
-    found = re.search(rb"%s TEXT DEFAULT '([^']+)'" % MADE_BY.encode(), head[:4096])
-    return found[1].decode() if found and head.startswith(_SQLITE) else ""
 
 
 def _list_mechanism_members() -> set[str]:

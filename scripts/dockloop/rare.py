@@ -175,9 +175,9 @@ def _find_variation(passed: np.ndarray, is_chained: bool, chains: int, steps: in
 
 
 def name_files(output: Path) -> tuple[Path, Path]:
-    """Return ``own_rare.json`` (summary) and ``own_rare.sqlite`` (journal) next to a table."""
+    """Return ``own_rare.json`` (summary) and ``own_rare.jsonl`` (journal) next to a table."""
     stem = output.with_name(f"{output.stem}_rare")
-    return stem.with_suffix(".json"), stem.with_suffix(".sqlite")
+    return stem.with_suffix(".json"), stem.with_suffix(".jsonl")
 
 
 def run_rare(
@@ -226,7 +226,7 @@ def run_rare(
     kept = Journal(journal, setup, most, resume=resume, work=WORK, digest=digest)
     engine = choose_engine(engine, scheduler)
     began = time.perf_counter()
-    with kept.at_work(lambda: f"{len(kept)} dockings"):
+    with kept.at_work(lambda: f"{len(kept.known)} dockings"):
         with open_executor(planner, engine, workers, scheduler, samples) as executor:
             ranker = _Ranker(sweep, planner, criterion, kept, executor)
             ranker.progress = progress
@@ -261,14 +261,14 @@ class _Ranker:
         """Return how near points of the unit cube are to failing; what does not run fails."""
         drawn = transform_cube(self._sweep.document, cube).tolist()
         cases = [self._sweep.complete(values) for values in drawn]
-        missing = [c for c in dict.fromkeys(cases) if c not in self._journal]
+        missing = [c for c in dict.fromkeys(cases) if c not in self._journal.known]
         report = make_report(self.progress, len(cases) - len(missing), len(cases))
         run_cases(self._executor, self.planner, missing, self._journal, report)
         self.ran += len(missing)
         return np.array([self._rank(case) for case in cases])
 
     def _rank(self, case: tuple[Value, ...]) -> float:
-        result = self._journal[case]
+        result = self._journal.known[case]
         if result.status != "done":
             self.not_run += 1
             self.failures[case] = result.reason

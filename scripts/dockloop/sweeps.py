@@ -1,10 +1,10 @@
 """Runs many dockings: every case of a sweep that is not done yet, keeps every result at once.
 
 Where cases run is the matter of `dockloop.executors`; results, journal and table are the same for
-all. Results are added to a journal as they arrive, in any order. ``--resume`` runs what is missing:
-a case is known by its values, not by its number, so that a sweep may also be continued with more
-cases. Cases of a grid that come to the same merged scene and start values run once; each of them
-has its own row in the journal.
+all. Results are appended to a journal (JSON lines) as they arrive, in any order. ``--resume`` reads
+it back and runs what is missing: a case is known by its values, not by its number, so that a sweep
+may also be continued with more cases. Cases of a grid that come to the same merged scene and start
+values run once; each of them has its own line with the result.
 
 A sweep may have two passes: all cases at a cheap ``accuracy``, then critical ones again at a better
 one. To planner and journal these are cases like others, with another value of ``accuracy``.
@@ -25,7 +25,7 @@ from dockloop.criteria import Criterion
 from dockloop.docking import Scene
 from dockloop.errors import UsageError, names_arguments
 from dockloop.executors import Executor, choose_engine, open_executor
-from dockloop.journal import Journal, find_digests, make_key, make_report
+from dockloop.journal import Journal, Known, Place, find_digests, make_report
 from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import shown
 from dockloop.planning import Planner
@@ -58,7 +58,7 @@ def sweep(
     Args:
         reference: name of a shipped sweep, path of a ``.toml`` file, or the members of such a file;
             there the scene may be a `dockloop.Scene`.
-        output: where the journal is kept (next to this file, ``.sqlite``); default: nowhere.
+        output: where the journal is kept (next to this file, ``.jsonl``); default: nowhere.
         engine: ``core`` (threads), ``fmu`` (Dask workers) or ``auto``: threads without scheduler.
         workers: local threads or processes; default: one per processor.
         scheduler: address of a Dask scheduler to use instead.
@@ -161,9 +161,10 @@ def run_sweep(
     }
 
     def run(cases: Cases, rows: Sequence[int]) -> None:
-        missing = (values for values in map(cases.__getitem__, rows) if values not in journal)
-        before = len(journal)
-        count = sum(cases[row] not in journal for row in rows) if before else len(rows)
+        known = journal.known
+        missing = (values for values in map(cases.__getitem__, rows) if values not in known)
+        before = len(known)
+        count = sum(cases[row] not in known for row in rows) if before else len(rows)
         if count:
             with open_executor(planner, engine, workers, scheduler, count) as executor:
                 began, clock["workers"] = time.perf_counter(), executor.count()
@@ -173,7 +174,7 @@ def run_sweep(
                     executor, planner, missing, journal, report, may_repeat=may_repeat
                 )
                 clock["wall"] += time.perf_counter() - began
-        clock["ran"] += len(journal) - before
+        clock["ran"] += len(known) - before
 
     last, again = cases, np.zeros(len(cases), dtype=bool)
     with journal.at_work(
@@ -181,7 +182,7 @@ def run_sweep(
     ):
         run(cases, range(len(cases)))
         if criterion:
-            results = Results(journal, cases)
+            results = Results(journal.known, cases)
             critical = [
                 _is_critical(criterion, planner, values, results[row])
                 for row, values in enumerate(cases)
@@ -193,8 +194,8 @@ def run_sweep(
     return {
         "planner": planner,
         "sweep": replace(sweep, cases=last),
-        "results": Results(journal, last),
-        "first": Results(journal, cases, again),
+        "results": Results(journal.known, last),
+        "first": Results(journal.known, cases, again),
         **clock,
     }
 
@@ -202,15 +203,15 @@ def run_sweep(
 class Results(Sequence[Any]):
     """Results of cases, in their order, read from the journal when they are looked at."""
 
-    def __init__(self, journal: Journal, cases: Cases, wanted: np.ndarray | None = None) -> None:
+    def __init__(self, known: Known, cases: Cases, wanted: np.ndarray | None = None) -> None:
         """Prepare to read.
 
         Args:
-            journal: results by the values of their cases.
+            known: results by the values of their cases.
             cases: these values.
             wanted: which rows have a result, the others have None; default: all.
         """
-        self._journal, self._cases, self._wanted = journal, cases, wanted
+        self._known, self._cases, self._wanted = known, cases, wanted
 
     def __len__(self) -> int:
         """Return the number of cases."""
@@ -219,7 +220,7 @@ class Results(Sequence[Any]):
     def __getitem__(self, row: Any) -> Any:
         """Return the result of a row, or None."""
         if self._wanted is None or self._wanted[row]:
-            return self._journal[self._cases[row]]
+            return self._known[self._cases[row]]
         return None
 
 
@@ -234,7 +235,7 @@ def _is_critical(
 
 def find_journal(output: Path) -> Path:
     """Return where the journal next to the table of a sweep is."""
-    return output.with_suffix(".sqlite")
+    return output.with_suffix(".jsonl")
 
 
 def read_table_metadata(path: Path) -> dict[str, str]:
@@ -284,7 +285,7 @@ def run_cases(
     todo = iter(cases)
     running: dict[Future, tuple[bytes | None, list[tuple]]] = {}  # key; the case and its repeats
     begun: dict[bytes, Future] = {}  # cases that run now, by their keys
-    done: dict[bytes, bytes] = {}  # where the journal has cases that have run, by their keys
+    done: dict[bytes, Place] = {}  # cases that have run, by their keys
     repeats = 0
 
     def finish(values: tuple, result: Result) -> None:
@@ -301,7 +302,7 @@ def run_cases(
                 running[begun[key]][1].append(values)
             elif key in done:
                 repeats += 1
-                finish(values, journal.read(done[key]))
+                finish(values, journal.known.read(done[key]))
             else:
                 submit(key, values)
 
@@ -325,6 +326,6 @@ def run_cases(
                 finish(values, result)
             if key is not None:
                 del begun[key]
-                done[key] = make_key(equal[0])
+                done[key] = journal.known.find_place(equal[0])
         fill()
     return repeats

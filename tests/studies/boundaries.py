@@ -143,7 +143,7 @@ def list_estimates(
         document = tomllib.loads(text)
         path.write_text(text.replace(f"seed = {document['seed']}\n", f"seed = {seed}\n"))
         level = 50 if options.quick else LEVEL
-        found = run_rare(read_sweep(str(path)), failure, level, path.with_suffix(f".{seed}.sqlite"))
+        found = run_rare(read_sweep(str(path)), failure, level, path.with_suffix(f".{seed}.jsonl"))
         meets = found["low"] <= exact[1] and exact[0] <= found["high"]
         lines.append(
             write_row(

@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from dockloop import cli, executors, paths
 from dockloop.core import load_core
-from mishaps import Cluster, count_results, full_disk, wait_for_results
+from mishaps import Cluster, full_disk, lines_of, wait_for_lines
 from page import find_origin, write_head, write_page, write_row
 
 COMMAND = "tests/studies/many_dockings.py"
@@ -149,11 +149,11 @@ def measure_rate(sweep: Path, table: Path, workers: int) -> list[str]:
 
 def disturb(sweep: Path, table: Path, cases: int, folder: Path) -> list[tuple[str, int]]:
     """Run a sweep with mishaps; return these with the cases that were done until then."""
-    journal, events = table.with_suffix(".sqlite"), []
+    journal, events = table.with_suffix(".jsonl"), []
     words = ("sweep", str(sweep), "-o", str(table))
 
     def note(event: str) -> None:
-        events.append((event, count_results(journal)))
+        events.append((event, lines_of(journal)))
 
     cluster = Cluster(folder)
     try:
@@ -163,10 +163,10 @@ def disturb(sweep: Path, table: Path, cases: int, folder: Path) -> list[tuple[st
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        wait_for_results(journal, cases // 8, PATIENCE)
+        wait_for_lines(journal, cases // 8, PATIENCE)
         cluster.workers[0].kill()
         note("one of two Dask workers is killed (SIGKILL)")
-        wait_for_results(journal, cases // 4, PATIENCE)
+        wait_for_lines(journal, cases // 4, PATIENCE)
         assert first.poll() is None
         first.kill()
         assert first.wait() == -signal.SIGKILL

@@ -50,7 +50,7 @@ class Files(NamedTuple):
 def name_files(folder: Path) -> Files:
     """Return the files of an envelope in a folder."""
     tables = ("points.csv", "boundary.csv")
-    names = (*tables, "summary.json", "envelope.png", "journal.sqlite", "report.html")
+    names = (*tables, "summary.json", "envelope.png", "journal.jsonl", "report.html")
     return Files(*(folder / name for name in names))
 
 

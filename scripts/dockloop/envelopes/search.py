@@ -186,7 +186,7 @@ def find_envelope(
     setup = planner.find_setup() | (judge.setup if judge else {})
     work = judge.work if judge else WORK
     kept = Journal(journal, setup, most, resume=resume, work=work, digest=digest)
-    with kept.at_work(lambda: f"{len(kept)} dockings"):
+    with kept.at_work(lambda: f"{len(kept.known)} dockings"):
         with ExitStack() as stack:
             runner = _Runner(
                 search,
@@ -305,7 +305,7 @@ class _Runner:
         """Run points that are not in the journal, and classify all of them."""
         search, journal = self._search, self._journal
         cases = {search.values(point): point for point in points}
-        missing = [values for values in cases if values not in journal]
+        missing = [values for values in cases if values not in journal.known]
         done, total = len(search.runs) + len(cases) - len(missing), len(search.runs) + len(cases)
         if self._progress:
             self._progress(done, total, note)
@@ -321,7 +321,7 @@ class _Runner:
             search.wall += time.perf_counter() - began
             search.ran += len(missing)
         for values, point in cases.items():
-            search.runs[point] = journal[values]
+            search.runs[point] = journal.known[values]
             search.known[point] = self._classify(point)
 
     def _open(self) -> Executor:

@@ -32,7 +32,7 @@ def run_command(options: argparse.Namespace) -> dict:
         InterruptedWorkError: by Ctrl-C.
     """
     folder = options.output or paths.BUILD / "extremes"
-    page, journal = folder / "random.md", folder / "random.sqlite"
+    page, journal = folder / "random.md", folder / "random.jsonl"
     claim(page, _PAGE)
     claim(journal, journal_kind("extremes"))
     outcome = run_random(

@@ -229,13 +229,13 @@ def run_random(
     numbers = range(first, first + count)
     outcome = Outcome(seed, limit)
     with ExitStack() as stack:
-        path = journal or stack.enter_context(scratch()) / "journal.sqlite"
+        path = journal or stack.enter_context(scratch()) / "journal.jsonl"
         setup = {"dockloop": __version__, "seed": seed, "limit": limit}
         kept = Journal(path, setup, count, resume=resume, work=WORK, digest=make_digest([*numbers]))
         cases = [(number,) for number in numbers]
         stack.enter_context(kept.at_work(lambda: kept.count(cases)))
         crew = stack.enter_context(Crew(judge, workers))
-        found = {n: Verdict.from_result(kept[n,]) for n in numbers if (n,) in kept}
+        found = {n: Verdict.from_result(kept.known[n,]) for n in numbers if (n,) in kept.known}
         tally = Counter(verdict.verdict for verdict in found.values())
         progress(len(found), count, tally)
         missing = {

@@ -66,7 +66,7 @@ class Files(NamedTuple):
 
 def name_files(folder: Path) -> Files:
     """Return the files of a map in a folder."""
-    names = ("map.md", "map.png", "points.csv", "summary.json", "journal.sqlite")
+    names = ("map.md", "map.png", "points.csv", "summary.json", "journal.jsonl")
     return Files(*(folder / name for name in names))
 
 

@@ -297,7 +297,7 @@ def run_trade(
         raise InterruptedWorkError("interrupted before the first case") from None
     cases = [astuple(setting) for setting in settings]
     with journal.at_work(lambda: journal.count(cases)):
-        missing = [s for s in settings if astuple(s) not in journal]
+        missing = [s for s in settings if astuple(s) not in journal.known]
         report = make_report(progress, len(settings) - len(missing), len(settings))
         pairs = 1 if choice.quick else _PAIRS
         for setting in missing:
@@ -316,13 +316,13 @@ def run_trade(
         "frame": find_frame(names),
         "scales": find_scales(known),
     }
-    rows = [make_row(bench, s, default, journal[astuple(s)], stop) for s in settings]
+    rows = [make_row(bench, s, default, journal.known[astuple(s)], stop) for s in settings]
     return Trade(rows, about)
 
 
 def find_journal(folder: Path) -> Path:
     """Return where the journal of a trade is."""
-    return folder / "trade.sqlite"
+    return folder / "trade.jsonl"
 
 
 def measure(
