@@ -252,7 +252,9 @@ def test_a_perturbation_on_the_way_has_a_column_and_no_part_of_the_error(
     assert found["error"] == 0.0
 
 
-@pytest.mark.parametrize(("variable", "value"), [("outcome", 3.0), ("captured", 0.0)])
+@pytest.mark.parametrize(
+    ("variable", "value"), [("outcome", 3.0), ("captured", 0.0), ("time_of_capture", -1.0)]
+)
 def test_another_outcome_is_flagged_and_has_no_error(variable, value):
     solution, run = make_docking(), make_docking()
     run.values[2, run.names.index(variable)] = value

@@ -48,6 +48,9 @@ and many of them::
     rare          the part of dockings that fail when few do
     envelopes     the boundary of a criterion, with few dockings
     trades        speed against accuracy of many settings
+    run_errors    the error of a run against a reference result, for all commands
+    accuracy      the error of a run, estimated by a second run
+    judging       is a run right? for maps and random extremes
 
 and what has names: `variables` of a docking, and the `catalogue` of all that can be set and read.
 

@@ -170,12 +170,12 @@ def list_final_outcomes() -> tuple[int, ...]:
 
 def name_choice(variable: str, number: float) -> str:
     """Return the name of one value of a choice."""
-    return list_choices(variable)[int(number) - 1].name
+    return {choice.number: choice.name for choice in list_choices(variable)}[int(number)]
 
 
 def number_choice(variable: str, name: str) -> int:
     """Return the number of one value of a choice."""
-    return next(choice.number for choice in list_choices(variable) if choice.name == name)
+    return {choice.name: choice.number for choice in list_choices(variable)}[name]
 
 
 @cache

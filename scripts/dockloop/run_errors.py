@@ -16,7 +16,7 @@ from dockloop.errors import UsageError
 from dockloop.results import Result
 from dockloop.variables import MOTION
 
-_OUTCOME = ("outcome", "captured")
+_OUTCOME, _CAPTURE = ("outcome", "captured"), "time_of_capture"
 _LEAST = 1e-3  # no scale but that of a peak is smaller, in its unit
 _LEAST_PEAK = 0.05  # no peak is compared with less than this part of the largest one of its unit
 
@@ -49,7 +49,7 @@ def find_compared(outputs: Sequence[str]) -> list[str]:
     """Return those of an FMU's outputs that are compared with the reference result."""
     frame = find_frame(outputs)
     vectors = (*(f"{frame}.{name}[" for name in MOTION), "ring.position[")
-    names = {*_OUTCOME, "time_of_contact", "time_of_capture", *(f"{PEAK}{n}" for n in list_loads())}
+    names = {*_OUTCOME, "time_of_contact", _CAPTURE, *(f"{PEAK}{n}" for n in list_loads())}
     return [name for name in outputs if name in names or name.startswith(vectors)]
 
 
@@ -59,10 +59,8 @@ def find_scales(reference: Result) -> dict[str, float]:
     scales = {}
     if "ring.position[1]" in reference:
         scales["stroke"] = _find_stroke(reference.vector("ring.position"))
-    if "time_of_capture" in reference and reference["time_of_capture"][-1] >= 0.0:
-        scales["time_of_capture"] = (
-            reference["time_of_capture"][-1] - reference["time_of_contact"][-1]
-        )
+    if _CAPTURE in reference and reference[_CAPTURE][-1] >= 0.0:
+        scales[_CAPTURE] = reference[_CAPTURE][-1] - reference["time_of_contact"][-1]
     for name in MOTION:
         points = reference.vector(f"{frame}.{name}")
         start = np.zeros_like(points) if name.endswith("velocity") else points[:1]
@@ -96,16 +94,14 @@ def find_figures(reference: Result, run: Result) -> dict[str, float]:
     scales, frame = find_scales(reference), find_frame(reference.names)
     figures = compare_peaks(_find_peaks(reference), _find_peaks(run))
     if "stroke" in scales:
-        ours, theirs = run.vector("ring.position"), reference.vector("ring.position")
-        if (here := find_times(reference.time, run.time)) is not None:
-            ours = ours[here]
+        ours, theirs = _take_common("ring.position", reference, run)
         figures["stroke"] = abs(_find_stroke(ours) - _find_stroke(theirs)) / scales["stroke"]
-    if "time_of_capture" in reference:
-        times = [each["time_of_capture"][-1] for each in (run, reference)]
+    if _CAPTURE in reference:
+        times = [each[_CAPTURE][-1] for each in (run, reference)]
         if min(times) >= 0.0:
-            figures["time_of_capture"] = float(abs(times[0] - times[1]) / scales["time_of_capture"])
+            figures[_CAPTURE] = float(abs(times[0] - times[1]) / scales[_CAPTURE])
         elif max(times) >= 0.0:
-            figures["time_of_capture"] = np.inf
+            figures[_CAPTURE] = np.inf
     for name in MOTION:
         ends = [each.vector(f"{frame}.{name}")[-1:] for each in (run, reference)]
         figures[f"final_{name}"] = float(_find_distances(name, *ends)[0] / scales[f"final_{name}"])
@@ -113,10 +109,13 @@ def find_figures(reference: Result, run: Result) -> dict[str, float]:
 
 
 def has_same_outcome(reference: Result, run: Result) -> bool:
-    """Return whether two runs end alike: outcome, and capture or none."""
-    return all(
-        round(reference[name][-1]) == round(run[name][-1]) for name in _OUTCOME if name in reference
-    )
+    """Return whether two runs end alike: outcome, and capture or none, also in between."""
+
+    def find_end(of: Result) -> list[float]:
+        ends = [round(of[name][-1]) for name in _OUTCOME if name in reference]
+        return [*ends, _CAPTURE in reference and of[_CAPTURE][-1] >= 0.0]
+
+    return find_end(reference) == find_end(run)
 
 
 def find_errors(reference: Result, run: Result) -> dict[str, float]:
@@ -126,8 +125,8 @@ def find_errors(reference: Result, run: Result) -> dict[str, float]:
 
 
 def find_worst(figures: Mapping[str, float]) -> tuple[str, float]:
-    """Return the figure that decides the error, and the error."""
-    return max(figures.items(), key=lambda item: item[1])
+    """Return the figure that decides the error, and the error; NaN is worse than any number."""
+    return max(figures.items(), key=lambda item: (np.isnan(item[1]), item[1]))
 
 
 def find_error(reference: Result, run: Result) -> float:
@@ -143,11 +142,10 @@ def compare_peaks(reference: Mapping[str, float], run: Mapping[str, float]) -> d
 
 def find_largest_errors(reference: Result, run: Result) -> dict[str, float]:
     """Return the largest errors of position [m] and attitude [rad] over the whole run."""
-    frame, here = find_frame(reference.names), find_times(reference.time, run.time)
-    largest = {}
+    frame, largest = find_frame(reference.names), {}
     for name in ("position", "attitude"):
-        ours, theirs = (each.vector(f"{frame}.{name}") for each in (run, reference))
-        largest[name] = float(np.max(_find_distances(name, ours[here], theirs)))
+        ours, theirs = _take_common(f"{frame}.{name}", reference, run)
+        largest[name] = float(np.max(_find_distances(name, ours, theirs)))
     return largest
 
 
@@ -155,6 +153,12 @@ def find_times(wanted: np.ndarray, times: np.ndarray) -> np.ndarray | None:
     """Return the indices of the wanted times, to a nanosecond; None if one is not there."""
     nearest = np.abs(times[np.newaxis, :] - wanted[:, np.newaxis]).argmin(axis=1)
     return nearest if np.max(np.abs(times[nearest] - wanted)) < 1e-9 else None
+
+
+def _take_common(name: str, reference: Result, run: Result) -> tuple[np.ndarray, np.ndarray]:
+    """Return a vector of a run and of the reference result, at the points of the latter."""
+    ours, here = run.vector(name), find_times(reference.time, run.time)
+    return ours if here is None else ours[here], reference.vector(name)
 
 
 def _find_peaks(run: Result) -> dict[str, float]:

@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from pathlib import Path
 
 from dockloop.fmu import build_fmu
@@ -38,8 +39,11 @@ PARTS = {  # of one evaluation: functions, each with all that it calls
     ),
     "contact, latches, hard dock": ("calc_capture_forces<double>(",),
 }
-MATRIX = ("StepLoop::build_matrix(", "StructuredMatrix::factor(", "StructuredMatrix::solve(")
-ALL = "dockloop::DockingSim::step(double, double)"  # fmi2DoStep calls nothing else that takes time
+MATRIX = (
+    "calc_mechanism_block(",
+    *(f"StructuredMatrix::{n}(" for n in ("build", "factor", "solve")),
+)
+ALL = "dockloop::DockingSim::step(double, double)"  # all that takes time in fmi2DoStep
 # Calls `fmi2DoStep` of an FMU to the end; prints evaluations and inner steps.
 SCRIPT = """
 import sys
@@ -51,7 +55,7 @@ print(*(int(made[f"solver.{name}"][-1]) for name in ("rhs_evaluations", "steps")
 """
 
 
-def count(fmu: Path, accuracy: float, folder: Path) -> tuple[int, int, dict[str, int]]:
+def count(fmu: Path, accuracy: float, folder: Path) -> tuple[int, int, Counter[str]]:
     """Run an FMU under callgrind.
 
     Returns:
@@ -76,10 +80,13 @@ def count(fmu: Path, accuracy: float, folder: Path) -> tuple[int, int, dict[str,
     ).stdout
     rows = re.findall(r"^ *([\d,]+) \([ \d.]+%\) +\S+?:(.*?) \[", table, re.MULTILINE)
     evaluations, steps = map(int, made.stdout.split()[-2:])
-    return evaluations, steps, {name: int(number.replace(",", "")) for number, name in rows}
+    functions = Counter()
+    for number, name in rows:
+        functions[name] += int(number.replace(",", ""))
+    return evaluations, steps, functions
 
 
-def add_up(functions: dict[str, int], *parts: str) -> int:
+def add_up(functions: Counter[str], *parts: str) -> int:
     """Return the instructions of the functions whose names contain one of these texts."""
     return sum(n for name, n in functions.items() if any(part in name for part in parts))
 

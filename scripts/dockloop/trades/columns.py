@@ -11,7 +11,7 @@ from dockloop.run_errors import find_errors, find_largest_errors, find_worst, ha
 ERRORS = {
     "error": "the worst of the relative ones, as `accuracy` means it; empty when the outcome is"
     " another",
-    "decided_by": "which one it is",
+    "decided_by": "which one it is; one of the peak loads by its name",
     "peaks": "worst of the peak loads until the end, relative",
     "stroke": "largest displacement of the ring from its start, relative",
     "time_of_capture": "over the time from first contact to capture",
@@ -61,8 +61,8 @@ def find_error_columns(solution: Result, run: Result) -> dict:
     }
     if all(map(math.isfinite, figures.values())):
         known |= {"error": error, "decided_by": decided_by}
-    finite = {name: value for name, value in known.items() if value != math.inf}
-    return {name: finite.get(name) for name in ERRORS}
+    row = {name: known.get(name) for name in ERRORS}
+    return {n: None if isinstance(v, float) and not math.isfinite(v) else v for n, v in row.items()}
 
 
 def find_audits(run: Result) -> dict[str, float | None]:
