@@ -9,9 +9,9 @@ import functools
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import pytest
 
@@ -24,9 +24,13 @@ from dockloop.fmu import build_fmu
 from dockloop.results import Result
 from dockloop.simulate import run_fmu
 
+if TYPE_CHECKING:
+    from mishaps import Cluster
+
 LONGEST = (
     *("test_binary", "test_ssp", "test_random_mechanisms", "test_extremes", "test_coupling"),
-    *("test_sweep", "test_examples", "test_fmu", "test_cli", "test_kernel", "test_saved_states"),
+    *("test_sweep", "test_sweep_journal", "test_sweep_tables", "test_examples", "test_fmu"),
+    *("test_cli", "test_kernel", "test_saved_states"),
 )
 FMUS = "DOCKLOOP_TEST_FMUS"  # environment variable with the folder of all FMUs
 SCENES = sorted(file.stem for file in paths.SCENES.glob("*.toml"))
@@ -142,3 +146,23 @@ def dockloop(
         return Outcome(status, *capsys.readouterr())
 
     return call
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator["Cluster"]:
+    """Two worker processes of a scheduler that sweeps reach by its address."""
+    from mishaps import Cluster
+
+    two = Cluster(tmp_path_factory.mktemp("cluster"))
+    yield two
+    two.close()
+
+
+@pytest.fixture(scope="module")
+def reference(cluster: "Cluster", tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """The sweep SHORT and its table from two workers."""
+    from small_sweeps import SHORT, run_table, write
+
+    folder = tmp_path_factory.mktemp("reference")
+    path = write(folder, SHORT)
+    return path, run_table(path, folder / "mine.parquet", scheduler=cluster.scheduler_address)

@@ -27,10 +27,11 @@ from dockloop.planning import Planner
 from dockloop.sampling import Sweep, read_sweep
 from dockloop.simulate import ProgressBar
 from dockloop.sweeps import run_sweep
+from small_sweeps import OFFSETS, write
 
 # Geometry, conditions and start values; a tilt and a friction that are refused, and an inner step
 # of which a communication step needs too many.
-MIXED = """
+MIXED = f"""
 scene = "idss_25t_350t"
 seed = 3
 outcomes = ["outcome", "captured", "capture.peak.compression", "relative.roll", "energy.residual"]
@@ -38,10 +39,7 @@ outcomes = ["outcome", "captured", "capture.peak.compression", "relative.roll", 
 "initial.approach_time" = 0.1
 "solver.method" = 7
 [[vary]]
-type = "disc"
-magnitude = "initial.lateral_offset"
-direction = "initial.lateral_direction_deg"
-range = [0.0, 0.1]
+{OFFSETS}
 [[vary]]
 type = "uniform"
 name = "chaser.mass"
@@ -79,12 +77,6 @@ end_after_outcome = 1.5
 """
 
 
-def write(folder: Path, text: str) -> Sweep:
-    path = folder / "mine.toml"
-    path.write_text(text)
-    return read_sweep(str(path))
-
-
 def run_fmus(sweep: Sweep) -> list[Result]:
     """Run all cases as a worker does, in this process."""
     planner, results = Planner(sweep), []
@@ -116,7 +108,7 @@ def native():
 @pytest.fixture(scope="module")
 def mixed(native, tmp_path_factory) -> tuple[Sweep, list[Result]]:
     """The sweep MIXED, and its results by FMUs."""
-    sweep = write(tmp_path_factory.mktemp("mixed"), MIXED)
+    sweep = read_sweep(str(write(tmp_path_factory.mktemp("mixed"), MIXED)))
     return sweep, run_fmus(sweep)
 
 
@@ -132,7 +124,7 @@ def test_the_core_gives_the_bits_of_the_fmu_for_any_number_of_threads(mixed, tmp
 
 
 def test_an_early_end_is_that_of_the_fmu(tmp_path):
-    sweep = write(tmp_path, CAPTURED)
+    sweep = read_sweep(str(write(tmp_path, CAPTURED)))
     expected, found = run_fmus(sweep), run_core(sweep, tmp_path, 1)
     assert found == expected
     assert 0.0 < found[0].end_time < 20.0

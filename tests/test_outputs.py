@@ -224,7 +224,7 @@ def test_the_shipped_results_can_be_made_again():
 def test_a_file_that_finds_no_space_does_not_get_its_name(
     dockloop, monkeypatch, tmp_path, command, file
 ):
-    """Renaming, the last step of every write, finds none; test_sweep.py has the journal."""
+    """Renaming, the last step of every write, finds none; test_sweep_journal.py has the journal."""
     real = Path.replace
 
     def replace(self, target):
