@@ -1,16 +1,17 @@
 // Two vehicles, a mechanism between them, contact and latches: one system of ordinary equations.
 //
-// Frame O is where everything is computed: axes of N, origin near the docking. When both vehicles
-// can move it falls and drifts with them, so orbital positions and speeds never enter; gravity
-// then drops out exactly.
+// Frame O is where everything is computed: axes of the inertial frame N, origin near the docking.
+// When both vehicles can move it falls and drifts with them, so orbital positions and speeds never
+// enter; gravity then drops out exactly.
 //
 // State y (StateLayout): for each moving vehicle its pose and, instead of a velocity, the linear
 // and angular momentum (about the origin of O) of everything that moves with it, mechanism
 // included; for the mechanism its independent coordinates and velocities relative to the vehicle;
-// bristles of contacts and of brakes; dissipated energies and external impulses. Rates of the
-// momenta are plain sums of forces, which Runge-Kutta methods add up without error: momentum
-// balances to rounding at any tolerance. The vehicle's velocity follows from its momentum with the
-// factor of the reduced inertia that the accelerations need anyway.
+// bristles (elastic states of friction) of contacts and of brakes; dissipated energies and impulses
+// of external loads.
+// Rates of the momenta are plain sums of forces, which Runge-Kutta methods add up without error:
+// momentum balances to rounding at any tolerance. The vehicle's velocity follows from its momentum
+// with the factor of the reduced inertia that the accelerations need anyway.
 //
 // Two right-hand sides: the mechanism moves, or it is locked (LockedMechanism, of DockingData).
 // Chaser and locked mechanism are one rigid body. Loops and inertia are not evaluated, and the
@@ -88,15 +89,15 @@ struct DockingModel {
   Mechanism mechanism;  ///< on the chaser (or on the immobile base)
   std::array<bool, 2> present{true, true};
   std::array<bool, 2> moves{true, true};
-  std::array<bool, 2> driven{false, false};     ///< moved by a host, between communication points
-                                                ///< by the equations
+  std::array<bool, 2> driven{false, false};     ///< a host prescribes the motion at communication
+                                                ///< points; between them the equations move it
   std::array<double, 2> stated_mass{0.0, 0.0};  ///< of vehicles as their host knows them [kg]
   std::array<Pose<double>, 2> fixed_pose;       ///< in O, of a vehicle that does not move
   std::array<Pose<double>, 2> interface_pose;   ///< A in C, P in D
   std::array<VehicleBody, 2> vehicle;           ///< bare vehicles
-  VehicleBody frozen;                           ///< stated less bare chaser, axes of C: the
-                                                ///< mechanism at home if it is included; negative:
-                                                ///< feet of massless legs if it is not
+  VehicleBody frozen;                           ///< stated less bare chaser, axes of C. If the
+                                                ///< stated mass includes the mechanism: this one at
+                                                ///< home. Else minus the feet of massless legs
   Pose<double> base_in_chaser;                  ///< B in C
   Pose<double> capture_in_body;                 ///< G in axes of the capture body
   std::vector<int> mechanism_bodies;            ///< independent bodies without the vehicle
@@ -110,7 +111,7 @@ struct DockingModel {
   StateLayout layout;
 };
 
-/// What changes only at events.
+/// What changes at events and at accepted states only, never inside a step of the integrator.
 struct DiscreteState {
   std::array<LatchState, kMaxLatches> latch;
   bool contacted = false;         ///< first contact has happened

@@ -4,7 +4,8 @@
 // All legs have three bodies and three joints (LegType), and everything is computed alike but for
 // this: which joint coordinates bring the tip to a point, the inverse of the loop matrix, what
 // force and moment do along the first and along the last joint, and how the rod moves on the tube.
-// P is the number, N that of the constants of a leg. LEGS.md derives the formulas.
+// P is the type of numbers, N that of the constants of a leg. Axes R, C, K, E and rows of numbers
+// are those of leg_rows.hpp. LEGS.md lists the formulas.
 #pragma once
 
 #include "loops/leg_rows.hpp"
@@ -15,7 +16,8 @@ namespace {
 
 using namespace lanes;
 
-/// Is this square under a root positive? Vector code asks more: see leg_lanes_body.hpp.
+/// Is this square under a root positive? Vector code also compares it with `least`: see
+/// leg_lanes_body.hpp.
 /// @param least  smallest quotient of `square` and `of`
 template <class P>
 Reached find_reached(const P& square, const P&, double) {
@@ -171,15 +173,16 @@ struct Leg {
 };
 
 // Members of a kind, where they are not plain:
-//   solve          joint coordinates that bring the tip to L, K
+//   solve          joint coordinates that bring the tip to L, a vector from the centre, K
 //   find_axes      of E, in K
 //   find_inverse   of the loop matrix: its rows, E, are joint rates per velocity of the tip
 //   find_elbow     from the centre, E
 //   get_axis       of the first joint, E; get_along_axis: component along it, K turned by it
 //   find_first     what force and moment about the elbow do along the first joint
 //   find_last      the same, along the last one
-//   find_turned    inertia about the first axis of what has these moments about the elbow, less
-//                  what it would have as a point there
+//   find_turned    inertia about the first axis, from moments about the elbow, without the part of
+//                  a point mass in the elbow: kTurned holds that part
+//   place_rod      moments of the rod about the elbow, E, from those at coordinate 0
 //   carry_last     momentum of the rod about the elbow per rate of the last joint
 //   get_spin       rotors that turn with the last joint
 //   move_rod       motion of the rod. @param rate, acceleration  of the last joint

@@ -3,7 +3,7 @@
 // The bodies of such legs leave the tree. What remains of a leg is, for its root body R, its mass
 // frozen where it stands and the momentum that its joints carry; for its platform C, its apparent
 // inertia. Sums over legs are 6 x 6, whatever their number. Gears, which turn with joints of legs,
-// are a part of these sums. LEGS.md derives this.
+// are a part of these sums. LEGS.md explains this, leg_rows.hpp the axes R, C, K, E.
 // Legs of one kind stand side by side where numbers are doubles (leg_lanes.hpp); other scalars
 // evaluate the same formulas leg by leg (leg_stages.hpp).
 #pragma once
@@ -26,7 +26,7 @@ struct LegPlace {
   int lane = 0;
   std::vector<int> body;     ///< from the root outwards
   int q[3] = {}, v[3] = {};  ///< of its joints
-  double sign[3] = {};       ///< of the joint coordinates in the canonical ones
+  double sign[3] = {};       ///< +1 or -1: joint coordinate of the model per canonical one (K)
   ClosedForm form;
   Vec3<double> ring;  ///< tip on the platform, axes of the platform
 };
@@ -49,7 +49,7 @@ class LegStore {
   const Constant& get(const LegPlace& at, int row) const { return legs_[at.group].parameter[row]; }
   S& work(const LegPlace& at, int row) { return legs_[at.group].work[row]; }
   const S& work(const LegPlace& at, int row) const { return legs_[at.group].work[row]; }
-  /// Stages as in LegFunctions.
+  /// Stages as in LegFunctions (leg_lanes.hpp), which explains `moving` and `least`.
   bool calc_position(const legs::PlatformMotion<S>& at, bool moving, double least, S* sums);
   void calc_angles(int) {}
   void calc_rates(const legs::PlatformMotion<S>& at);

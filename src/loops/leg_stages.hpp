@@ -8,7 +8,7 @@
 //   N        the number of the constants, In::Number
 //   P        the number of what moves, Out::Number: one leg, or one leg per SIMD lane
 //   kMoving  the root body R moves: sums about R are needed too
-// LEGS.md derives the formulas.
+// LEGS.md lists the formulas.
 #pragma once
 
 #include "loops/leg_formulas.hpp"

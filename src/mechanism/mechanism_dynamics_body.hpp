@@ -1,4 +1,8 @@
 // The reduced equations of motion, for any scalar; see mechanism_dynamics.hpp.
+//
+// Tags as [Y2 (10)] name equations of the paper: loops/README.md has the map. In names of
+// functions, "tree" stands for bodies, "loop" for loops, "leg" for legs of platforms
+// (loops/LEGS.md).
 #pragma once
 
 #include <algorithm>
@@ -30,6 +34,7 @@ MechanismData<S>::MechanismData(const Mechanism& mechanism)
 template <class S>
 Status calc_position(const Mechanism& mechanism, MechanismData<S>& data, Need need) {
   if constexpr (std::is_same_v<S, double>) {
+    // Generated code finds the position, or leaves it to the general code below.
     data.found = Need::kRates;
     if (need == Need::kRates && data.generated && data.generated->calc_position(data)) return {};
   }
@@ -55,7 +60,8 @@ Status calc_position(const Mechanism& mechanism, MechanismData<S>& data, Need ne
   calc_composite_inertia(model, plan.tree_bodies, data.tree, data.A_tree);
   add_leg_inertia(model, plan, data.tree, data.loops, data.A_tree);
   if (need == Need::kEverything && plan.platforms.empty()) data.tree.A = data.A_tree;
-  // Reduce it and gather what is left.                                               [Y2 (10)]
+  // Reduce it and gather what is left. Blocks of legs come last: if the first is one, all are, and
+  // nothing is to be reduced.                                                        [Y2 (10)]
   const bool reduces = !plan.blocks.empty() && !plan.blocks[0].is_condensed();
   if (reduces) {
     data.A = data.A_tree;
@@ -114,6 +120,7 @@ void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
   // And the dependent ones from them.                                                [Y2 (6)]
   calc_loop_acceleration(plan, data.vdot, data.loops);
   if (data.found == Need::kEverything) put_leg_accelerations(plan, data.vdot, data.loops);
+  // A fixed base does not fall: the energy audit needs the power of the weight.
   if (mechanism.vehicle == kBase && !(base.gravity.array() == S(0)).all()) {
     data.linear_momentum = find_motion_sums(mechanism, data).momentum.f;
   }

@@ -3,8 +3,8 @@
 //
 // The class owns the integrator and the state y. It knows when an inner step is good, and where the
 // step must end. At every accepted state it calls Accept, which carries out the events there and
-// says whether the integration must start again. Time is counted from SimState::elapsed, in
-// seconds (tau).
+// says whether the integration must start again. A step is booked when this is done. Time is
+// counted from SimState::elapsed, in seconds (tau; elsewhere tau is a vector of joint forces).
 //
 //   step_loop.cpp      inner steps, equal steps, free drift, limits of the work
 //   step_problem.cpp   what the integrator asks for: rates, event functions, matrices
@@ -44,7 +44,7 @@ struct RunMethod {
   const MethodFacts* facts = nullptr;
   double rtol = 0.0;                   ///< the smaller of the tolerances of parameter and host
   bool is_co_simulation = true;        ///< else the host integrates
-  bool is_structured = false;          ///< linearly implicit steps with the structured matrix
+  bool is_structured = false;          ///< linearly implicit steps (docking/structured_matrix.hpp)
   bool runs_ahead = false;             ///< inner steps may end after the communication point
   bool is_reference = false;           ///< reference solution: rates and method come from elsewhere
   UnreducedForm* unreduced = nullptr;  ///< null: the reduced form
@@ -118,6 +118,7 @@ class StepLoop {
 
   bool is_pending() const { return ahead_.pending; }
   /// Is the pending step valid for a communication step of h too? @pre the loads were read
+  /// @param late  how far the clock of the host is ahead of ours [s]
   bool can_go_on(double late, double h) const;
   /// Does a communication step of h end inside the pending step?
   bool covers(double late, double h) const { return ahead_.reached + late + h < inner_.to; }

@@ -13,7 +13,10 @@
 // tree; ind_v lists the independent velocities, dep those that a block (here the one loop)
 // determines; form() is the closed form of a block, null where Newton iteration solves it; A_ind is
 // the inertia in the independent velocities, tau the generalised forces, lambda the cut force on
-// the tip. Run it: build/release/dockloop_tests --gtest_filter='*OneLeg*'
+// the tip, in base axes. tree.external holds a load for each body; body 0 is the plate. on_base is
+// what the mechanism exerts on its base. u is the direction of the leg, L its length; p1 and p2 are
+// its angles. scaled_tolerance() scales all tolerances alike (test_helpers.hpp).
+// Run it: build/release/dockloop_tests --gtest_filter='*OneLeg*'
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -24,6 +27,8 @@ namespace dockloop {
 namespace {
 
 // The mass of the rod sits in its tip, 1 m along its x axis, so its effect can be seen at once.
+// "R3" is a spherical cut. home_q is the pose at home: position and quaternion (w, x, y, z) of the
+// plate, then the three joints of the leg.
 constexpr const char* kDocument = R"({
   "name": "one_leg",
   "bodies": [
@@ -90,9 +95,12 @@ TEST_P(OneLeg, its_rates_follow_from_the_velocity_of_the_plate) {
   evaluate();
   // Along the leg: u . v = 2/7 0.7 = 0.2.
   EXPECT_NEAR(data.tree.v[kVSlide], 0.2, scaled_tolerance(kKinematics));
-  // Across, y x u = (-6, 0, -2)/7 belongs to the first angle with arm L cos^2 p2 = 1.4 40/49:
+  // Across: a rate of the first angle moves the tip by L (y x u) with y x u = (-6, 0, -2)/7. The
+  // square of y x u is cos^2 p2 = 40/49, so the rate is v . (y x u)/(L cos^2 p2) with
+  // v . (y x u) = -0.6 and L cos^2 p2 = 1.4 40/49.
   EXPECT_NEAR(data.tree.v[kVCross], -0.525, scaled_tolerance(kKinematics));
-  // and (-cos p1 sin p2, cos p2, sin p1 sin p2) to the second with arm L; cos p1 = 1/sqrt(10).
+  // A rate of the second moves it by L along (-cos p1 sin p2, cos p2, sin p1 sin p2), a unit
+  // vector; cos p1 = 1/sqrt(10).
   EXPECT_NEAR(data.tree.v[kVCylinder], -0.7 * 3.0 / 7.0 / std::sqrt(10.0) / kLength,
               scaled_tolerance(kKinematics));
 }
