@@ -54,7 +54,7 @@ class Evaluator {
   /// The same, with a saved configuration.
   void use_reference(const LoopReference<double>& reference);
 
-  // Evaluations: y at tau after the last communication point
+  // Evaluations: y at tau [s since SimState::elapsed]
 
   /// Rates of an accepted state. kCounted: the integrator has counted their evaluation already.
   enum class Rates { kNone, kNew, kCounted };

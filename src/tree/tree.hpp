@@ -4,7 +4,8 @@
 // parent's origin to the body's origin, so a mechanism far from the base origin loses no digits.
 // Order of a full evaluation:
 //   calc_joint_pose (each joint) -> calc_tree_position -> calc_tree_inertia
-//   calc_tree_velocity -> calc_tree_bias -> calc_tree_forces -> calc_tree_acceleration
+//   calc_tree_velocity -> calc_tree_acceleration -> calc_tree_forces
+// The last two run with zero joint accelerations for the bias, with the true ones for reactions.
 #pragma once
 
 #include <vector>
@@ -45,13 +46,13 @@ struct TreeData {
   // written by calc_tree_velocity
   std::vector<Vec3<S>> w, u;  ///< angular velocity; velocity of the origin, base axes
 
-  // written by calc_tree_bias (zero joint accelerations) and calc_tree_acceleration (true ones)
+  // written by calc_tree_acceleration, for zero or for true joint accelerations
   std::vector<Vec3<S>> alpha, a;  ///< angular acceleration; acceleration of the origin less gravity
 
-  // input of calc_tree_forces, written by the caller
+  // input of calc_body_forces, written by the caller
   std::vector<Wrench<S>> external;  ///< on each body about its origin, base axes
 
-  // written by calc_tree_forces
+  // written by calc_body_forces (a start of `transmitted`) and calc_transmitted
   std::vector<Wrench<S>> transmitted;  ///< load that joint i must pass to body i, about its origin
   VecX<S> tau_required;                ///< joint forces that these accelerations require, nv
 };
