@@ -7,6 +7,7 @@ from dockloop.sampling import read_sweep
 from dockloop.sweeps import run_sweep
 
 UNIFORM = 'type = "uniform"\nname = "chaser.mass"\nrange = [10.0, 20.0]'
+SPEED = 'type = "uniform"\nname = "initial.closing_speed"\nrange = [0.05, 0.1]'
 NORMAL = 'type = "normal"\nname = "chaser.mass"\nmean = 10.0\ndeviation = 2.0\nrange = [9.0, 14.0]'
 
 DISC = (
@@ -33,9 +34,7 @@ cases = 12
 [[vary]]
 {OFFSETS}
 [[vary]]
-type = "uniform"
-name = "initial.closing_speed"
-range = [0.05, 0.1]
+{SPEED}
 [[vary]]
 type = "uniform"
 name = "friction.coefficient"
@@ -45,17 +44,15 @@ stop = 1.5
 step = 0.25
 """
 
-MANY = """
+MANY = f"""
 scene = "absorber_1d"
-cases = {cases}
+cases = {{cases}}
 [[vary]]
 type = "grid"
 name = "target.mass"
 values = [3e5, 3.5e5, 4e5, 4.5e5]
 [[vary]]
-type = "uniform"
-name = "initial.closing_speed"
-range = [0.05, 0.1]
+{SPEED}
 [[vary]]
 type = "uniform"
 name = "chaser.mass"
