@@ -1,7 +1,6 @@
 // Checks and evaluations of a mechanism on its own; see mechanism_check.hpp.
 #include "check/mechanism_check.hpp"
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -13,7 +12,7 @@
 #include "contact/seated_play.hpp"
 #include "docking/scene.hpp"
 #include "docking/sequence_json.hpp"
-#include "math/inertia.hpp"
+#include "math/decompositions.hpp"
 #include "math/status.hpp"
 #include "mechanism/mechanism_dynamics.hpp"
 #include "model/json_reader.hpp"
@@ -52,8 +51,8 @@ double find_max_condition(const Mechanism& mechanism, const MechanismData<double
   double largest = 1.0;
   for (size_t b = 0; b < mechanism.plan.blocks.size(); ++b) {
     const int m = mechanism.plan.blocks[b].size();
-    Eigen::JacobiSVD<MatX<double>> svd(data.loops.block[b].G.leftCols(m));
-    largest = std::max(largest, svd.singularValues()[0] / svd.singularValues()[m - 1]);
+    const VecX<double> value = find_singular_values(data.loops.block[b].G.leftCols(m));
+    largest = std::max(largest, value[0] / value[m - 1]);
   }
   return largest;
 }

@@ -1,7 +1,7 @@
 // Impulse and displacement of the base under a mechanism; see base_jump.hpp.
 #include "docking/base_jump.hpp"
 
-#include <Eigen/Eigenvalues>
+#include "math/decompositions.hpp"
 
 namespace dockloop {
 namespace {
@@ -114,14 +114,14 @@ Status hold_capture_body(const DockingModel& model, const Pose<double>& capture,
   work.X = work.J_T;
   work.factor.solveInPlace(work.X);
   const Mat6<double> mobility = work.J_T.transpose().lazyProduct(work.X);
-  const Eigen::SelfAdjointEigenSolver<Mat6<double>> modes(mobility);
+  const PrincipalAxes principal = find_principal_axes(mobility);
   constexpr double kReachable = 1e-9;  // of the largest mobility
-  Vec6<double> share = modes.eigenvectors().transpose() * displacement;
+  Vec6<double> share = principal.axis.transpose() * displacement;
   for (int k = 0; k < 6; ++k) {
-    const double mobile = modes.eigenvalues()[k];
-    share[k] = mobile > kReachable * modes.eigenvalues()[5] ? share[k] / mobile : 0.0;
+    const double mobile = principal.value[k];
+    share[k] = mobile > kReachable * principal.value[5] ? share[k] / mobile : 0.0;
   }
-  work.dq.noalias() = work.X.lazyProduct(Vec6<double>(modes.eigenvectors() * share));
+  work.dq.noalias() = work.X.lazyProduct(Vec6<double>(principal.axis * share));
   move_coordinates(model, work.dq, y);
   return {};
 }

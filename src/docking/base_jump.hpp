@@ -19,7 +19,7 @@ namespace dockloop {
 struct BaseJumpWorkspace {
   explicit BaseJumpWorkspace(const Mechanism& mechanism);
   MatX<double> A_qq, J_T, X;  ///< n x n, n x 6, n x 6 for n coordinates of the mechanism
-  Eigen::LLT<MatX<double>> factor;
+  SmallCholesky factor;
   VecX<double> dq, dv;  ///< n; all independent velocities
 };
 

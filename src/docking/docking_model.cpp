@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "docking/docking_model_body.hpp"
+#include "math/decompositions.hpp"
 #include "mechanism/massless_legs.hpp"
 
 namespace dockloop {
@@ -41,8 +42,7 @@ Mechanism make_attached_mechanism(const MechanismModel& described, const Vehicle
     bare.inertia = make_symmetric(chaser.inertia) - I_frozen -
                    bare.mass * (bare.com.squaredNorm() * Mat3<double>::Identity() -
                                 bare.com * bare.com.transpose());
-    Eigen::LLT<Mat3<double>> positive(bare.inertia);
-    if (positive.info() != Eigen::Success) {
+    if (!is_positive_definite(bare.inertia)) {
       throw ModelError("chaser.inertia is less than that of the mechanism it is said to include");
     }
   } else if (on_base.mass > 0.0) {

@@ -1,12 +1,12 @@
 // Derivatives of the generalised forces, condensation, eigenvalues; see interface_stiffness.hpp.
 #include "docking/interface_stiffness.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "docking/rigid_maps.hpp"
+#include "math/decompositions.hpp"
 
 namespace dockloop {
 namespace {
@@ -33,7 +33,7 @@ Mat6<double> find_mobility(const DockingModel& model, const DockingData<double>&
   Mat6<double> sum = Mat6<double>::Zero();
   if (model.moves[kChaser]) {
     Mat6<double> inverse;  // with free joints: the leading block of the whole inverse
-    if (at.locked) inverse = make_inertia(at.locked->whole).inverse();
+    if (at.locked) inverse = invert(make_inertia(at.locked->whole));
     for (int i = 0; !at.locked && i < 6; ++i) {
       column.setZero();
       column[i] = 1.0;
@@ -304,11 +304,9 @@ Mat6<Complex> condense(double w, InterfaceWorkspace& work) {
 }
 
 /// Eigenvalues of the symmetric part, ascending; zero if they are not finite.
-Vec6<double> find_eigenvalues(const Mat6<double>& matrix) {
+Vec6<double> find_symmetric_eigenvalues(const Mat6<double>& matrix) {
   if (!matrix.allFinite()) return Vec6<double>::Zero();
-  const Mat6<double> symmetric = 0.5 * (matrix + matrix.transpose());
-  return Eigen::SelfAdjointEigenSolver<Mat6<double>>(symmetric, Eigen::EigenvaluesOnly)
-      .eigenvalues();
+  return find_eigenvalues(Mat6<double>(0.5 * (matrix + matrix.transpose())));
 }
 
 }  // namespace
@@ -337,7 +335,7 @@ double find_interface_frequency(const DockingModel& model, const DiscreteState& 
   Interface geometry;
   geometry.R = at.vehicle[kChaser].R;
   geometry.arm = geometry.R.transpose() * (at.capture.p - at.vehicle[kChaser].p);
-  geometry.L = find_mobility(model, at, geometry, work.column).llt().matrixL();
+  geometry.L = find_cholesky_factor(find_mobility(model, at, geometry, work.column));
   Status status = calc_damping(model, discrete, memory, at, geometry, loads, t, y, work);
   if (!status.ok()) return 0.0;
   status = calc_stiffness(model, discrete, memory, at, geometry, loads, t, y, work);
@@ -350,8 +348,8 @@ double find_interface_frequency(const DockingModel& model, const DiscreteState& 
   double w = kSlow;
   for (int i = 0; i < kIterations; ++i) {
     const Mat6<Complex> condensed = condense(w, work);
-    work.squared_frequency = find_eigenvalues(condensed.real());
-    work.damping_rate = find_eigenvalues(condensed.imag()) / w;
+    work.squared_frequency = find_symmetric_eigenvalues(condensed.real());
+    work.damping_rate = find_symmetric_eigenvalues(condensed.imag()) / w;
     for (double& square : work.squared_frequency) {
       if (!(square < rigid)) square = 0.0;
     }

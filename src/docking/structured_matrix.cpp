@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "docking/rigid_maps.hpp"
+#include "math/decompositions.hpp"
 
 namespace dockloop {
 namespace {
@@ -215,7 +216,7 @@ void StructuredMatrix::build_vehicle(const DockingModel& model, int i,
     vehicle.to_motion.bottomRows<3>() =
         (target_inverse_inertia_ * vehicle.to_motion.bottomRows<3>()).eval();
   } else if (locked_) {
-    vehicle.to_motion = make_inertia(at.locked->whole).inverse() * vehicle.to_motion;
+    vehicle.to_motion = invert(make_inertia(at.locked->whole)) * vehicle.to_motion;
   } else {
     for (int j = 0; j < 6; ++j) {
       Vec6<double> column = vehicle.to_motion.col(j);

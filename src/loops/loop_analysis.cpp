@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "loops/loop_equations.hpp"
+#include "math/decompositions.hpp"
 
 namespace dockloop {
 namespace {
@@ -307,7 +308,7 @@ std::optional<Dependents> find_better_dependents(const MechanismModel& model,
   const auto find_quality = [&](const std::vector<int>& rows) {
     MatX<double> part(n, n);
     for (int i = 0; i < n; ++i) part.row(i) = motions.row(rows[static_cast<size_t>(i)]);
-    return n > 0 ? Eigen::JacobiSVD<MatX<double>>(part).singularValues()[n - 1] : 1.0;
+    return n > 0 ? find_singular_values(part)[n - 1] : 1.0;
   };
   std::vector<char> dependent(static_cast<size_t>(model.nv), 0);
   for (const Loop& loop : model.loops) {

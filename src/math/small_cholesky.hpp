@@ -1,8 +1,12 @@
-// Cholesky factor of a small symmetric positive definite matrix, A = L L^T, for plain numbers.
+// Cholesky factor of a small symmetric positive definite matrix, A = L L^T.
 //
-// A ring on a fixed base has 6 coordinates, on a vehicle 12. Loops of these lengths take about half
-// the time of Eigen's LLT (tests/unit/small_cholesky_test.cpp compares the results). Eigen's LLT
-// serves all other sizes and scalars.
+// Plain numbers: a ring on a fixed base has 6 coordinates, on a vehicle 12. Loops of these lengths
+// take about half the time of Eigen's LLT (tests/unit/small_cholesky_test.cpp compares the
+// results). Eigen's LLT serves all other sizes.
+//
+// Dual numbers: the factor of the values serves the derivatives x' of a solution x too,
+//   A x = b,   A x' = b' - A' x
+// so no factor of dual numbers is made. Eigen's LLT serves all other scalars.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -11,6 +15,7 @@
 #include <cmath>
 #include <type_traits>
 
+#include "math/dual.hpp"
 #include "math/types.hpp"
 
 namespace dockloop {
@@ -21,18 +26,7 @@ class SmallCholesky {
   explicit SmallCholesky(int n = 0) : L_(MatX<double>::Identity(n, n)) {}
 
   /// Factorise A (n x n; its lower triangle counts). No allocation unless the size changes.
-  void compute(const MatX<double>& A) {
-    bool positive = true;
-    L_ = A;
-    if (A.rows() == 6) {
-      positive = factorise<6>(L_.data());
-    } else if (A.rows() == 12) {
-      positive = factorise<12>(L_.data());
-    } else {
-      positive = Eigen::LLT<Eigen::Ref<MatX<double>>>(L_).info() == Eigen::Success;
-    }
-    info_ = positive ? Eigen::Success : Eigen::NumericalIssue;
-  }
+  void compute(const MatX<double>& A);
   Eigen::ComputationInfo info() const { return info_; }
 
   /// The factor in the lower triangle.
@@ -42,14 +36,10 @@ class SmallCholesky {
   /// x := A^-1 x, every column.
   template <class Derived>
   void solveInPlace(const Eigen::MatrixBase<Derived>& x) const {
-    Derived& target = x.const_cast_derived();
-    if (L_.rows() == 6) {
-      solve_columns<6>(target);
-    } else if (L_.rows() == 12) {
-      solve_columns<12>(target);
+    if constexpr (Derived::ColsAtCompileTime == 1) {
+      solve_column(x.const_cast_derived());
     } else {
-      L_.triangularView<Eigen::Lower>().solveInPlace(target);
-      L_.transpose().triangularView<Eigen::Upper>().solveInPlace(target);
+      solve_columns(x.const_cast_derived());
     }
   }
 
@@ -65,37 +55,8 @@ class SmallCholesky {
   }
 
  private:
-  /// Columns W = L D^(1/2) of the factor, and the reciprocals of D, one after another: no operation
-  /// waits for a square root. Even rows first, in pairs, so that all loops have constant bounds.
-  template <int N, int J>
-  static void eliminate(const double* A, double* W, double* inverse) {
-    if constexpr (J < N) {
-      constexpr int kFirst = J / 2 * 2;
-      std::array<double, N> column;
-      for (int i = kFirst; i < N; ++i) column[i] = A[N * J + i];
-      for (int k = 0; k < J; ++k) {
-        const double factor = W[N * k + J] * inverse[k];
-        for (int i = kFirst; i < N; ++i) column[i] -= factor * W[N * k + i];
-      }
-      inverse[J] = 1.0 / column[J];
-      for (int i = kFirst; i < N; ++i) W[N * J + i] = column[i];
-      eliminate<N, J + 1>(A, W, inverse);
-    }
-  }
-
-  template <int N>
-  static bool factorise(double* A) {
-    std::array<double, N * N> W;
-    std::array<double, N> inverse;
-    eliminate<N, 0>(A, W.data(), inverse.data());
-    bool positive = true;
-    for (int j = 0; j < N; ++j) {
-      positive = positive && !(W[N * j + j] <= 0.0);  // NaN is not detected here, as with Eigen
-      const double root = 1.0 / std::sqrt(W[N * j + j]);
-      for (int i = j; i < N; ++i) A[N * j + i] = W[N * j + i] * root;
-    }
-    return positive;
-  }
+  void solve_column(Eigen::Ref<VecX<double>> x) const;
+  void solve_columns(Eigen::Ref<MatX<double>> x) const;
 
   template <int N, int J>
   static void solve_lower(const double* L, int stride, const double* inverse, double* x) {
@@ -115,23 +76,83 @@ class SmallCholesky {
     }
   }
 
-  template <int N, class Derived>
-  void solve_columns(Derived& x) const {
-    std::array<double, N> column;
-    for (Eigen::Index j = 0; j < x.cols(); ++j) {
-      for (int i = 0; i < N; ++i) column[i] = x(i, j);
-      solve_leading<N>(column.data());
-      for (int i = 0; i < N; ++i) x(i, j) = column[i];
-    }
-  }
-
   MatX<double> L_;
   Eigen::ComputationInfo info_ = Eigen::Success;
 };
 
-/// Factorisation of matrices of S.
+/// Factor of the values of a matrix of dual numbers, and the derivatives of the matrix.
+template <int N>
+class DualCholesky {
+ public:
+  explicit DualCholesky(int n = 0) : factor_(n) { compute(MatX<Dual<N>>::Identity(n, n)); }
+
+  /// The lower triangle of A counts. No allocation unless the size changes.
+  void compute(const MatX<Dual<N>>& A) {
+    A_ = A;
+    value_.resize(A.rows(), A.cols());
+    for (Eigen::Index i = 0; i < A.size(); ++i) value_.data()[i] = A.data()[i].value;
+    factor_.compute(value_);
+  }
+  Eigen::ComputationInfo info() const { return factor_.info(); }
+
+  void solveInPlace(VecX<Dual<N>>& x) const { solve(static_cast<int>(x.size()), x.data()); }
+
+  /// x := A_n^-1 x with the leading n x n block of A.
+  void solve(int n, Dual<N>* x) const {
+    const auto each_lane = [](auto&& change) {
+      for (int k = 0; k < N; ++k) change(k);
+    };
+    const MatX<double>& L = factor_.matrixLLT();
+    for (int j = 0; j < n; ++j) {
+      x[j].value /= L(j, j);
+      for (int i = j + 1; i < n; ++i) x[i].value -= L(i, j) * x[j].value;
+    }
+    for (int j = n - 1; j >= 0; --j) {
+      for (int i = j + 1; i < n; ++i) x[j].value -= L(i, j) * x[i].value;
+      x[j].value /= L(j, j);
+    }
+    for (int j = 0; j < n; ++j) {
+      each_lane([&](int k) { x[j].d[k] -= A_(j, j).d[k] * x[j].value; });
+      for (int i = j + 1; i < n; ++i) {
+        each_lane([&](int k) {
+          x[i].d[k] -= A_(i, j).d[k] * x[j].value;
+          x[j].d[k] -= A_(i, j).d[k] * x[i].value;
+        });
+      }
+    }
+    for (int j = 0; j < n; ++j) {
+      const double inverse = 1.0 / L(j, j);
+      each_lane([&](int k) { x[j].d[k] *= inverse; });
+      for (int i = j + 1; i < n; ++i) each_lane([&](int k) { x[i].d[k] -= L(i, j) * x[j].d[k]; });
+    }
+    for (int j = n - 1; j >= 0; --j) {
+      for (int i = j + 1; i < n; ++i) each_lane([&](int k) { x[j].d[k] -= L(i, j) * x[i].d[k]; });
+      const double inverse = 1.0 / L(j, j);
+      each_lane([&](int k) { x[j].d[k] *= inverse; });
+    }
+  }
+
+ private:
+  SmallCholesky factor_;
+  MatX<Dual<N>> A_;
+  MatX<double> value_;
+};
+
+/// The class that factorises matrices of S.
 template <class S>
-using Cholesky = std::conditional_t<std::is_same_v<S, double>, SmallCholesky, Eigen::LLT<MatX<S>>>;
+struct CholeskyOf {
+  using type = Eigen::LLT<MatX<S>>;
+};
+template <>
+struct CholeskyOf<double> {
+  using type = SmallCholesky;
+};
+template <int N>
+struct CholeskyOf<Dual<N>> {
+  using type = DualCholesky<N>;
+};
+template <class S>
+using Cholesky = typename CholeskyOf<S>::type;
 
 /// x := A_N^-1 x, as SmallCholesky::solve_leading.
 template <int N, class S>
@@ -143,6 +164,10 @@ void solve_leading(const Eigen::LLT<MatX<S>>& factor, Eigen::Matrix<S, N, 1>& x)
 template <int N>
 void solve_leading(const SmallCholesky& factor, Eigen::Matrix<double, N, 1>& x) {
   factor.solve_leading<N>(x.data());
+}
+template <int N, int Lanes>
+void solve_leading(const DualCholesky<Lanes>& factor, Eigen::Matrix<Dual<Lanes>, N, 1>& x) {
+  factor.solve(N, x.data());
 }
 
 }  // namespace dockloop

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <map>
 
-#include "math/inertia.hpp"
+#include "math/decompositions.hpp"
 #include "model/element_json.hpp"
 #include "model/json_reader.hpp"
 #include "model/mechanism_model.hpp"

@@ -87,7 +87,7 @@ class QuiescentMode {
   std::vector<double> y_, ydot_;
   VecX<double> pull_, spinning_;  ///< accelerations of the mechanism: all, of spin
   MatX<double> square_;           ///< J J^T
-  Eigen::LLT<MatX<double>> factor_;
+  SmallCholesky factor_;
 };
 
 }  // namespace dockloop

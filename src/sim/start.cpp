@@ -5,7 +5,7 @@
 
 #include "docking/frame_origin.hpp"
 #include "docking/hardware_numbers.hpp"
-#include "math/inertia.hpp"
+#include "math/decompositions.hpp"
 #include "mechanism/kernels.hpp"
 #include "sim/sim_impl.hpp"
 #include "sim/start_checks.hpp"

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "math/inertia.hpp"
+#include "math/decompositions.hpp"
 #include "sim/solver_methods.hpp"
 
 namespace dockloop {
@@ -26,8 +26,7 @@ void check_vehicle(const VehicleParameters& p, const std::string& name) {
                      " kg; it must be at least 1e-9 kg");
   }
   const Mat3<double> inertia = make_symmetric(p.inertia);
-  const Eigen::LLT<Mat3<double>> positive(inertia);
-  if (positive.info() != Eigen::Success || !(inertia.diagonal().minCoeff() >= kLeastInertia)) {
+  if (!is_positive_definite(inertia) || !(inertia.diagonal().minCoeff() >= kLeastInertia)) {
     std::string values;
     for (int i = 0; i < 6; ++i) values += " " + describe_number(p.inertia[i]);
     throw ModelError(name + ".inertia (xx yy zz xy xz yz) is" + values +

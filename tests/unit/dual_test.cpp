@@ -4,7 +4,8 @@
 // 3. plain numbers on either side are constants, order looks at the value only, equality at
 // everything;
 // 4. kinks and singular points behave as the header says;
-// 5. in Eigen: the derivative of a Cholesky solution; in rotations: exp and log undo each other, at
+// 5. a Cholesky solution has its derivative, also of a leading block; in rotations: exp and log
+// undo each other, at
 //    the zero rotation too; a spring's force is the derivative of its energy.
 #include <gtest/gtest.h>
 
@@ -15,6 +16,7 @@
 #include "math/one_sided_spring.hpp"
 #include "math/rotation.hpp"
 #include "math/scalar.hpp"
+#include "math/small_cholesky.hpp"
 #include "unit/test_helpers.hpp"
 
 namespace dockloop {
@@ -186,8 +188,8 @@ TEST(Dual, kinks_and_singular_points_are_as_stated) {
   EXPECT_EQ(sqrt(zero * zero).d[1], 0.0);
 }
 
-TEST(Dual, a_cholesky_solution_in_eigen_has_its_derivative) {
-  // x = A^-1 b has dx = A^-1 (db - dA x). Six unknowns, and forty: Eigen then works in blocks.
+TEST(Dual, a_cholesky_solution_has_its_derivative) {
+  // x = A^-1 b has dx = A^-1 (db - dA x). The upper triangle of A must not count.
   Residual residual;
   for (int n : {6, 40}) {
     TestRandom random(5);
@@ -207,7 +209,9 @@ TEST(Dual, a_cholesky_solution_in_eigen_has_its_derivative) {
       x_dual[i].d[2] = db[i];
       for (int j = 0; j < n; ++j) A_dual(i, j).d[2] = dA(i, j);
     }
-    const Eigen::LLT<MatX<D>> factor(A_dual);
+    A_dual.triangularView<Eigen::StrictlyUpper>().setConstant(D(7.0));
+    Cholesky<D> factor(n);
+    factor.compute(A_dual);
     ASSERT_EQ(factor.info(), Eigen::Success);
     factor.solveInPlace(x_dual);
     const VecX<double> x = A.llt().solve(b), dx = A.llt().solve(db - dA * x);
@@ -215,6 +219,16 @@ TEST(Dual, a_cholesky_solution_in_eigen_has_its_derivative) {
       residual.add(x_dual[i].value - x[i], "value");
       residual.add(x_dual[i].d[2] - dx[i], "derivative");
       residual.add(x_dual[i].d[0], "lane that does not vary");
+    }
+    const MatX<double> block = A.topLeftCorner<6, 6>();
+    Eigen::Matrix<D, 6, 1> leading = b.head<6>().cast<D>();
+    for (int i = 0; i < 6; ++i) leading[i].d[2] = db[i];
+    solve_leading<6>(factor, leading);
+    const VecX<double> y = block.llt().solve(b.head<6>());
+    const VecX<double> dy = block.llt().solve(db.head<6>() - dA.topLeftCorner<6, 6>() * y);
+    for (int i = 0; i < 6; ++i) {
+      residual.add(leading[i].value - y[i], "value with a leading block");
+      residual.add(leading[i].d[2] - dy[i], "derivative with a leading block");
     }
   }
   EXPECT_RESIDUAL_BELOW(residual, kEigen);
