@@ -162,6 +162,7 @@ def test_the_metadata_of_the_table_holds_units_and_the_whole_set_up(reference, t
     assert reported["dockloop.sweep"] == SHORT
     assert reported["dockloop.scene"] == (paths.SCENES / "idss_25t_350t.toml").read_text()
     assert json.loads(reported["dockloop.model"])["mechanism"]["name"] == "idss_hexapod"
+    assert json.loads(reported["dockloop.mechanisms"]) == {}  # it is a shipped one
     assert reported["dockloop.seed"] == "7"
     assert json.loads(reported["dockloop.experiment"])["step"] == 0.25
     assert set(json.loads(reported["dockloop.versions"])) >= {"dockloop", "numpy", "scipy", "fmpy"}

@@ -379,6 +379,24 @@ def test_cases_of_a_sweep(dockloop, tmp_path):
     assert "has the cases 1 to 4" in refuse(dockloop, "many.parquet", "--case", "5")
 
 
+def test_cases_of_a_sweep_with_mechanisms_of_the_user(dockloop, tmp_path):
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("scipy")
+    for name in ("mine", "other"):
+        assert dockloop("new", name, "--from", "probe_drogue").status == 0
+    (tmp_path / "many.toml").write_text(
+        'scene = "mine.toml"\n[experiment]\nstop = 2.2\n'
+        '[[vary]]\ntype = "grid"\nname = "mechanism.name"\nvalues = ["mine", "other"]\n'
+    )
+    outcome = dockloop("sweep", "many.toml", "--workers", "1", "-o", "many.parquet", "--no-plots")
+    assert outcome.status == 0, outcome.err
+    outcome = dockloop("view", "many.parquet", "--case", "1", "--case", "2")
+    assert outcome.status == 0, outcome.err
+    assert len(list(tmp_path.glob("many_view_case*.html"))) == 2
+    (tmp_path / "mine.json").unlink()  # the table holds what it needs
+    assert dockloop("view", "many.parquet", "--case", "2", "-o", "again.html").status == 0
+
+
 # ------------------------------------------------------------------- in a browser
 
 

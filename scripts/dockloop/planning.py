@@ -26,7 +26,7 @@ from dockloop.errors import UsageError, did_you_mean
 from dockloop.fmu import find_placement, write_fmu
 from dockloop.journal import make_digest
 from dockloop.outputs import scratch
-from dockloop.paths import shown
+from dockloop.paths import is_file, shown
 from dockloop.results import list_points
 from dockloop.sampling import Quantity, Sweep, Value, as_setting
 from dockloop.scene import OPEN_KEYS, SceneReader, scene_keys, scene_members
@@ -199,6 +199,15 @@ class Planner:
         """Name or path of the scene, as commands take it."""
         reference = self._sweep.document["scene"]
         return shown(self._sweep.scene) if reference.endswith(".toml") else reference
+
+    def read_own_mechanisms(self) -> dict[str, str]:
+        """Return the mechanism files next to the scene that cases use, by name: their texts."""
+        names = {self.base["mechanism"]["name"]}
+        for number, quantity in enumerate(self._sweep.quantities):
+            for value in self._sweep.cases.list_examples(number):
+                names |= {quantity.settings(value).get("mechanism.name")} - {None}
+        files = {name: self._sweep.scene.parent / f"{name}.json" for name in sorted(names)}
+        return {name: f.read_text(encoding="utf-8") for name, f in files.items() if is_file(f)}
 
     def list_settings(self, values: tuple[Value, ...]) -> dict[str, Any]:
         """Return all in which a case differs from the scene: scene keys and start values."""

@@ -499,6 +499,7 @@ def _make_metadata(sweep: Sweep, planner: Planner) -> dict[str, str]:
     return {
         "dockloop.sweep": sweep.text,
         "dockloop.scene": sweep.scene.read_text(encoding="utf-8"),
+        "dockloop.mechanisms": json.dumps(planner.read_own_mechanisms()),
         "dockloop.model": json.dumps(planner.base),
         "dockloop.passes": json.dumps(sweep.passes and asdict(sweep.passes)),
         "dockloop.seed": str(sweep.document["seed"]),

@@ -215,7 +215,8 @@ def _find_cases(table: Path, rows: "TableFile", by: str, count: int | None) -> l
 def find_command(table: Path, metadata: dict[str, str], case: int, folder: Path) -> list[str]:
     """Return the words of the command that runs a case by itself.
 
-    The sweep and a scene of the user are written as they were when the table was made.
+    The sweep, a scene of the user and its mechanisms are written as they were when the table was
+    made.
     """
     from dockloop.sampling import Passes, read_sweep
     from dockloop.sweep_report import open_table
@@ -231,6 +232,11 @@ def find_command(table: Path, metadata: dict[str, str], case: int, folder: Path)
             file.write_text(text.replace(named, scene.name), encoding="utf-8")
         scene.parent.mkdir(parents=True, exist_ok=True)
         scene.write_text(metadata["dockloop.scene"], encoding="utf-8")
+        for name, content in json.loads(metadata.get("dockloop.mechanisms", "{}")).items():
+            mechanism = scene.parent / f"{name}.json"
+            if mechanism.resolve().is_relative_to(folder.resolve()):
+                mechanism.parent.mkdir(parents=True, exist_ok=True)
+                mechanism.write_text(content, encoding="utf-8")
     passes = json.loads(metadata.get("dockloop.passes", "null"))
     sweep = read_sweep(str(file), passes and Passes(**passes))
     try:
