@@ -12,7 +12,8 @@ import json
 import numpy as np
 import pytest
 
-from dockloop.measured.data import read_data
+from dockloop.measured.command import describe
+from dockloop.measured.data import Data, read_data
 from dockloop.measured.overlay import compare, find_shift
 from dockloop.paths import ROOT
 from dockloop.results import Result
@@ -99,6 +100,32 @@ def test_shift_units_and_time_of_capture_are_found(tmp_path, shift):
     assert max(row["largest_error"] for row in found["columns"].values()) < 1e-9
     assert found["captured"]["measured_time"] == pytest.approx(6.02, abs=1e-9)
     assert found["captured"]["computed_time"] == pytest.approx(6.01)
+
+
+def test_a_column_in_a_wrong_unit_does_not_decide_the_shift():
+    run = make_run()
+    angle, force = run["relative.roll"], run["capture.force[1]"]
+    names = ["relative.roll", "relative.pitch_yaw", "capture.force[1]"]
+    run = Result(
+        {},
+        ["time", *names],
+        ["s", "rad", "rad", "N"],
+        np.column_stack([run.time, angle, angle**2, force]),
+    )
+    rows = slice(200, 900, 3)
+    values = np.column_stack([angle, angle**2, 1e-3 * force])[rows]  # force in kN, stated as N
+    data = Data(run.time[rows] + 12.0, names, ["rad", "rad", "N"], values)
+    assert find_shift(run, data) == pytest.approx(-12.0, abs=0.1)
+    # Where nothing fits, a shift of few samples comes with a warning.
+    found = compare(run, data, 0.1, -12.0) | {
+        "data": "a",
+        "result": "b",
+        "outcome": {},
+        "files": [],
+    }
+    words = "warning      few samples fall into the run: check units"
+    assert words in describe(found | {"shift_found": True, "overlap": 0.05})
+    assert words not in describe(found | {"shift_found": True, "overlap": 0.9})
 
 
 @pytest.mark.parametrize(

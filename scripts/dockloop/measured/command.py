@@ -19,6 +19,7 @@ from dockloop.summary import find_summary, write_summary
 from dockloop.view.results import read_result
 
 COMMAND = "dockloop compare"
+_FEW = 0.5  # part of the samples inside the run below which a found shift may be wrong
 
 
 def run_command(options: argparse.Namespace) -> dict[str, Any]:
@@ -59,8 +60,10 @@ def describe(found: dict[str, Any]) -> str:
         f"  time shift   {found['shift']:+.4f} s ({origin}); {found['overlap']:.0%} of the samples"
         " fall into the run",
     ]
+    if found["shift_found"] and found["overlap"] < _FEW:
+        lines.append("  warning      few samples fall into the run: check units, or give --shift")
     for name, row in found["columns"].items():
-        unit = row["unit"].replace(".", " ")
+        unit = row["unit"].replace(".", " ") or "1"
         lines += [
             f"  {name} [{unit}]",
             f"    peak       measured {row['measured_peak']:.4g} at"

@@ -1,7 +1,8 @@
 """Lays measured histories over a run: time shift, peaks, energies, outcome, differences.
 
 The shift is the one with the smallest sum of squares over all columns, each divided by its own
-variance. In the first search, samples outside of the run count as if the run had the mean of the
+variance or that of the run, the larger one. So a column in a wrong unit does not decide alone.
+In the first search, samples outside of the run count as if the run had the mean of the
 column there, so that a small overlap does not win. The second search, near the first, counts only
 samples inside. All other figures are those of the overlap.
 """
@@ -70,13 +71,14 @@ def find_shift(run: Result, data: Data) -> float:
     names = [name for name in data.names if np.ptp(data[name]) > 0.0 and not _is_choice(name)]
     if not names:
         return 0.0
+    scales = {name: float(max(np.var(data[name]), np.var(run[name]))) for name in names}
     everything = np.arange(len(data.time))
     some = np.unique(np.linspace(0, len(data.time) - 1, _SAMPLES).astype(int))
     first = run.time[0] - data.time[-1], run.time[-1] - data.time[0]
-    coarse = _search(lambda t: _calc_cost(run, data, names, t, some, has_penalty=True), *first)
+    coarse = _search(lambda t: _calc_cost(run, data, scales, t, some, has_penalty=True), *first)
 
     def calc_fine(shift: float, rows: np.ndarray = some) -> float:
-        return _calc_cost(run, data, names, shift, rows, has_penalty=False)
+        return _calc_cost(run, data, scales, shift, rows, has_penalty=False)
 
     half = _NEAR * min(np.ptp(run.time), np.ptp(data.time))
     fine = _search(calc_fine, coarse - half, coarse + half)
@@ -87,24 +89,24 @@ def find_shift(run: Result, data: Data) -> float:
 def _calc_cost(
     run: Result,
     data: Data,
-    names: list[str],
+    scales: dict[str, float],
     shift: float,
     rows: np.ndarray,
     *,
     has_penalty: bool,
 ) -> float:
-    """Return the sum over columns of mean squares over variances; inf without an overlap."""
+    """Return the sum over columns of mean squares over scales; inf without an overlap."""
     time = data.time[rows] + shift
     inside = (time >= run.time[0]) & (time <= run.time[-1])
     if not inside.any():
         return np.inf
     cost = 0.0
-    for name in names:
+    for name, scale in scales.items():
         values = data[name][rows]
         error = read_run(run, name, time) - values
         outside = values.mean() - values
         error = np.where(inside, error, outside) if has_penalty else error[inside]
-        cost += float(np.mean(error**2)) / float(np.var(data[name]))
+        cost += float(np.mean(error**2)) / scale
     return cost
 
 
