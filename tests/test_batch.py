@@ -24,8 +24,8 @@ from dockloop.errors import UsageError
 from dockloop.executors import CoreThreads
 from dockloop.journal import InterruptedWorkError
 from dockloop.planning import Planner
+from dockloop.results import ProgressBar
 from dockloop.sampling import Sweep, read_sweep
-from dockloop.simulate import ProgressBar
 from dockloop.sweeps import run_sweep
 from small_sweeps import OFFSETS, write
 

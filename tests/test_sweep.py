@@ -34,8 +34,8 @@ from dockloop import executors, sweep_report
 from dockloop.cases import Job, LoadedFmu
 from dockloop.core import list_final_outcomes
 from dockloop.planning import Planner
+from dockloop.results import ProgressBar
 from dockloop.sampling import Passes, as_setting, read_sweep
-from dockloop.simulate import ProgressBar
 from dockloop.sweeps import run_sweep
 from mishaps import lines_of, wait_for_lines
 from small_sweeps import DISC, MANY, NORMAL, UNIFORM, run_table, vary, write

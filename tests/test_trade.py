@@ -29,8 +29,8 @@ from dockloop.copies import set_key
 from dockloop.core import list_different_methods, list_methods
 from dockloop.errors import UsageError
 from dockloop.journal import InterruptedWorkError
+from dockloop.results import Result
 from dockloop.run_errors import find_compared, find_error, find_scales
-from dockloop.simulate import Recording
 from dockloop.trades import Choice, Setting, report
 from dockloop.trades.bench import Bench
 from dockloop.trades.columns import FIGURES, find_error_columns
@@ -178,7 +178,7 @@ def test_looking_between_communication_points_changes_no_bit(runs, build):
     assert (seen.values[7] == alone.values[-1]).all(), run.names
 
 
-def make_docking() -> Recording:
+def make_docking() -> Result:
     """A docking that never was: three points of time, captured at 1.5 s."""
     entries = {
         "relative.position": [[0.5, 0.0, 0.0], [0.2, 0.0, 0.0], [0.1, 0.0, 0.0]],
@@ -204,7 +204,7 @@ def make_docking() -> Recording:
     }.items():
         names.append(name)
         columns.append([value] * 3)
-    return Recording({}, names, [""] * len(names), np.array(columns).T)
+    return Result({}, names, [""] * len(names), np.array(columns).T)
 
 
 # Perturbed variable, at which point, by what -> figure, the error that it makes.

@@ -31,8 +31,8 @@ from dockloop.cases import STATUSES, Result
 from dockloop.errors import DockloopError, UsageError, find_reason, warn
 from dockloop.outputs import MADE_BY, Kind, cannot_write, claim, json_kind, writing
 from dockloop.paths import shown
+from dockloop.results import ProgressBar
 from dockloop.sampling import Value
-from dockloop.simulate import ProgressBar
 from dockloop.system import CAN_REPLACE_OPEN_FILES, lock
 
 _SYNC = 1.0  # s between two times that the journal is forced to the disk

@@ -30,13 +30,11 @@ from dockloop.errors import (
 from dockloop.fmu import read_model
 from dockloop.outputs import filling, scratch
 from dockloop.paths import find_absence, is_file, shown
-from dockloop.results import ProgressBar, Result, list_points, warn_of_driven
+from dockloop.results import Result, list_points, warn_of_driven
 from dockloop.scene import scene_keys
 from dockloop.summary import is_summarised
 from dockloop.variables import WORDS, find_number, fits, list_names
 
-__all__ = ["ProgressBar", "Recording", "run_fmu"]  # and what is defined here
-Recording = Result  # as `dockloop.trades` calls it
 _WARNING = 1  # fmi2Warning
 _CHOICES = b"logChoices"  # category of what `accuracy` has chosen
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}

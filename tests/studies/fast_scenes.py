@@ -19,8 +19,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from dockloop import paths
+from dockloop.results import ProgressBar
 from dockloop.sampling import read_sweep
-from dockloop.simulate import ProgressBar
 from dockloop.sweeps import run_sweep
 from light_vehicles import write_light_scene
 from page import find_origin, write_head, write_page, write_row

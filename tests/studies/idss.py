@@ -28,8 +28,9 @@ import numpy as np
 from dockloop.core import list_loads, name_choice
 from dockloop.fmu import build_fmu
 from dockloop.paths import ROOT, SWEEPS
+from dockloop.results import ProgressBar
 from dockloop.sampling import read_sweep
-from dockloop.simulate import ProgressBar, run_fmu
+from dockloop.simulate import run_fmu
 from dockloop.sweep_report import make_table
 from dockloop.sweeps import run_sweep
 from page import find_origin, write_head, write_page, write_row

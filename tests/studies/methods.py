@@ -19,7 +19,8 @@ from dockloop.compiled import add_comparison
 from dockloop.core import list_different_methods
 from dockloop.errors import DockloopError
 from dockloop.fmu import build_fmu
-from dockloop.simulate import ProgressBar, run_fmu
+from dockloop.results import ProgressBar
+from dockloop.simulate import run_fmu
 from page import find_origin, write_head, write_page, write_row
 
 SCENE, BENCH, STOP = "idss_25t_350t", "hexapod_bench", 20.0

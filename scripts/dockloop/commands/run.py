@@ -54,9 +54,9 @@ def run(options: Options) -> None:
     """Run the docking: FMU, recording, summary, result file, plots."""
     from dockloop.fmu import build_fmu
     from dockloop.outputs import scratch
-    from dockloop.results import check_size, import_optional
+    from dockloop.results import ProgressBar, check_size, import_optional
     from dockloop.scene import find_scene
-    from dockloop.simulate import ProgressBar, read_scene, run_fmu
+    from dockloop.simulate import read_scene, run_fmu
     from dockloop.summary import describe, summarise
 
     is_fmu = options.scene.endswith(".fmu")
@@ -101,7 +101,8 @@ def run(options: Options) -> None:
 def _estimate_error(options: Options, fmu: Path, result: "Result") -> dict:
     """Return the error of a run, by a second run; that of a simplified level, by a third one."""
     from dockloop.accuracy import estimate_error
-    from dockloop.simulate import ProgressBar, run_fmu
+    from dockloop.results import ProgressBar
+    from dockloop.simulate import run_fmu
 
     def repeat(other: dict[str, float]) -> Any:
         settings = [*options.set, *(f"{name}={value!r}" for name, value in other.items())]

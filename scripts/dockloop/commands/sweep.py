@@ -71,8 +71,8 @@ def run(options: Options) -> None:
             f"sweeps need the package {error.name}: pip install 'dockloop[sweep]'; in a clone"
             " .venv/bin/pip install -e '.[sweep]'"
         ) from None
+    from dockloop.results import ProgressBar
     from dockloop.sampling import read_passes, read_sweep
-    from dockloop.simulate import ProgressBar
 
     passes = read_passes(options.accuracy, options.refine, options.refine_accuracy)
     if passes and passes.refine and options.rare:

@@ -47,8 +47,8 @@ def add_options(command: Command) -> None:
 def run(options: Options) -> None:
     """Measure: runs, tables, figure, recommendation."""
     from dockloop.outputs import claim
+    from dockloop.results import ProgressBar
     from dockloop.scene import find_scene
-    from dockloop.simulate import ProgressBar
     from dockloop.trades import report, run_trade
     from dockloop.trades.command import make_bench, make_choice
 

@@ -31,8 +31,8 @@ def add_options(command: Command) -> None:
 def run(options: Options) -> None:
     """Integrate with extended precision, write the document, say what it took."""
     from dockloop.outputs import MADE_BY, claim, write_text
+    from dockloop.results import ProgressBar
     from dockloop.scene import find_scene
-    from dockloop.simulate import ProgressBar
     from dockloop.solution import FILE, make_solution
 
     name = find_scene(options.scene).stem

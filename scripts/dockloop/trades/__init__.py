@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from dockloop import __version__
-from dockloop.cases import Result
+from dockloop.cases import Result as CaseResult
 from dockloop.core import (
     FULL,
     REFERENCE,
@@ -42,8 +42,8 @@ from dockloop.core import (
 )
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
+from dockloop.results import ProgressBar, Result
 from dockloop.run_errors import find_compared, find_frame, find_scales, find_times
-from dockloop.simulate import ProgressBar, Recording
 from dockloop.trades.bench import Bench
 from dockloop.trades.columns import FIGURES, find_audits, find_error_columns
 from dockloop.trades.solution import find_solution
@@ -329,11 +329,11 @@ def measure(
     bench: Bench,
     setting: Setting,
     default: Setting,
-    solution: Recording,
+    solution: Result,
     stop: float,
     *,
     pairs: int = _PAIRS,
-) -> Result:
+) -> CaseResult:
     """Run one setting and the default by turns; compare and time it.
 
     Returns:
@@ -351,7 +351,7 @@ def measure(
         if find_times(solution["time"], first["time"]) is None:
             seen = bench.probe(starts, stop, setting.step, solution["time"])
     except DockloopError as error:
-        return Result("refused" if isinstance(error, UsageError) else "failed", str(error))
+        return CaseResult("refused" if isinstance(error, UsageError) else "failed", str(error))
     figures = find_error_columns(solution, seen) | find_audits(seen)
     for name, output in (
         ("evaluations", "solver.rhs_evaluations"),
@@ -362,10 +362,12 @@ def measure(
     figures["time_ratio"] = statistics.median(times) / statistics.median(ordinary_times)
     figures["time_ratio_of_best"] = min(times) / min(ordinary_times)
     warning = "; ".join(first.warnings) or None
-    return Result("done", None, warning, stop, tuple(figures[name] for name in FIGURES))
+    return CaseResult("done", None, warning, stop, tuple(figures[name] for name in FIGURES))
 
 
-def make_row(bench: Bench, setting: Setting, default: Setting, result: Result, stop: float) -> dict:
+def make_row(
+    bench: Bench, setting: Setting, default: Setting, result: CaseResult, stop: float
+) -> dict:
     """Return all that is known of one setting."""
     words = [f"--set {n}={v:.12g}" for n, v in setting.starts(bench).items()]
     options = [*words, f"--stop {stop:g}", f"--step {setting.step:g}"]

@@ -14,10 +14,10 @@ from fmpy.fmi1 import FMICallException
 from dockloop.accuracy import ATOL_PER_RTOL
 from dockloop.errors import DockloopError, UsageError
 from dockloop.outputs import scratch
+from dockloop.results import Result
 from dockloop.simulate import (
     Instance,
     Recorder,
-    Recording,
     communication_points,
     record,
     unpack_fmu,
@@ -65,7 +65,7 @@ class Bench:
         names = (f"solver.{name}" for name in ATOL_PER_RTOL)
         return {"solver.rtol": rtol} | {name: self.start(name) * factor for name in names}
 
-    def run(self, starts: dict[str, Any], stop: float, step: float) -> Recording:
+    def run(self, starts: dict[str, Any], stop: float, step: float) -> Result:
         """Run to `stop`; `wall` of the recording is processor time of this thread.
 
         Raises:
@@ -75,7 +75,7 @@ class Bench:
         with self._initialised(starts, stop, step) as (instance, times):
             return record(instance, self.scene, times, clock=time.thread_time)
 
-    def probe(self, starts: dict[str, Any], stop: float, step: float, at: np.ndarray) -> Recording:
+    def probe(self, starts: dict[str, Any], stop: float, step: float, at: np.ndarray) -> Result:
         """Run the same, but record the times `at`, also those between communication points.
 
         To look there a shorter step is made and taken back: what follows is not changed.
@@ -99,7 +99,7 @@ class Bench:
                         slave.setFMUstate(state)
                     slave.freeFMUstate(state)
                 _step(slave, begin, end)
-        return Recording(self.scene, recorder.names, recorder.units, recorder.values)
+        return Result(self.scene, recorder.names, recorder.units, recorder.values)
 
     @contextmanager
     def _initialised(

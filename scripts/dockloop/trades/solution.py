@@ -27,7 +27,7 @@ from dockloop.core import FULL, ask_program, number_choice
 from dockloop.errors import DockloopError, UsageError, find_reason
 from dockloop.outputs import MADE_BY, claim, json_kind, write_text
 from dockloop.paths import shown
-from dockloop.simulate import Recording
+from dockloop.results import Result
 from dockloop.trades.bench import Bench
 
 _RTOL = 1e-13
@@ -47,8 +47,8 @@ class Solution:
         facts: tolerance, digits and evaluations.
     """
 
-    recording: Recording
-    doubt: Recording | None
+    recording: Result
+    doubt: Result | None
     source: str
     key: str
     facts: dict
@@ -99,10 +99,10 @@ def _read(document: dict, names: list[str], bench: Bench, key: str) -> Solution:
     columns = [document["time"], *(document["values"][name] for name in names)]
     values = np.array(columns, dtype=float).T
     units = ["s", *(bench.variables[name].unit or "" for name in names)]
-    recording = Recording(bench.scene, ["time", *names], units, values)
+    recording = Result(bench.scene, ["time", *names], units, values)
     doubt, error = None, document.get("error")
     if isinstance(error, dict) and set(names) <= set(error):
-        doubt = Recording(bench.scene, recording.names, units, values.copy())
+        doubt = Result(bench.scene, recording.names, units, values.copy())
         for column, name in enumerate(names, 1):
             doubt.values[:, column] += error[name]  # a number, or one for each time
     facts = {n: document[n] for n in ("tolerance", "digits", "evaluations") if document.get(n)}
@@ -156,7 +156,7 @@ def _ask_core(bench: Bench, stop: float, step: float, names: list[str]) -> dict:
 
 
 def _ask_fmu(bench: Bench, stop: float, step: float, names: list[str]) -> dict:
-    def run(rtol: float) -> Recording:
+    def run(rtol: float) -> Result:
         method = {"solver.method": number_choice("solver.method", "explicit")}
         starts = {**_level(bench), **method, **bench.tolerances(rtol)}
         return bench.run(starts, stop, step)

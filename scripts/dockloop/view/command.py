@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import shown
-from dockloop.simulate import Recording
+from dockloop.results import Result
 from dockloop.summary import RESULT
 from dockloop.view.page import PAGE, write_page
 from dockloop.view.pictures import FILM, STILL, write_film, write_stills
@@ -71,7 +71,7 @@ def _is_run(source: Path) -> bool:
 
 
 def _write(
-    run: Recording,
+    run: Result,
     output: Path,
     options: argparse.Namespace,
     meshes: dict[str, Path],
@@ -150,7 +150,7 @@ def _view_sweep(
     return "\n".join(lines)
 
 
-def run_again(words: list[str], label: str) -> Recording:
+def run_again(words: list[str], label: str) -> Result:
     """Return what a case of a sweep records.
 
     Args:
@@ -277,7 +277,7 @@ def _list_files(output: Path, options: argparse.Namespace) -> list[tuple[Path, K
     return [(output.with_stem(f"{output.stem}_{i + 1}"), STILL) for i in range(count)]
 
 
-def _parse_moments(text: str, run: Recording) -> list[float | str]:
+def _parse_moments(text: str, run: Result) -> list[float | str]:
     """Return times [s] and events."""
     from dockloop.view.page import find_events
 

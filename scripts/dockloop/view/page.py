@@ -22,7 +22,7 @@ from dockloop.core import list_choices, list_loads
 from dockloop.errors import DockloopError, UsageError
 from dockloop.outputs import Kind, read_head, writing
 from dockloop.paths import shown
-from dockloop.simulate import Recording
+from dockloop.results import Result
 from dockloop.view import geometry
 
 COMMAND = "dockloop view"
@@ -58,7 +58,7 @@ PAGE = Kind("page", COMMAND, _is_page)
 
 
 def write_page(
-    run: Recording,
+    run: Result,
     path: Path,
     *,
     command: str | None = None,
@@ -99,7 +99,7 @@ def write_page(
     return {"bytes": size, **{k: data["meta"][k] for k in ("samples", "every", "fit")}}
 
 
-def make_data(run: Recording, command: str | None = None) -> dict:
+def make_data(run: Result, command: str | None = None) -> dict:
     """Return all that a page holds: ``meta``, ``geometry``, ``events``, ``columns``."""
     shapes = geometry.make_geometry(run.scene, run.parameters)
     poses, notes = _find_poses(run, shapes)
@@ -186,7 +186,7 @@ def read_page(path: Path) -> dict:
     return data
 
 
-def describe_outcome(run: Recording) -> str:
+def describe_outcome(run: Result) -> str:
     """Say in one line how the docking ended."""
     from dockloop.summary import describe, summarise
 
@@ -194,7 +194,7 @@ def describe_outcome(run: Recording) -> str:
     return describe(summarise(replace(run, wall=timed))).splitlines()[1].strip()
 
 
-def _find_poses(run: Recording, shapes: dict) -> tuple[dict[str, np.ndarray], list[str]]:
+def _find_poses(run: Result, shapes: dict) -> tuple[dict[str, np.ndarray], list[str]]:
     """Return poses of P, of the ring and of other bodies in axes of A, one row of 7 per sample."""
     poses, notes = {}, []
     count = len(run.values)
@@ -235,11 +235,11 @@ def _find_poses(run: Recording, shapes: dict) -> tuple[dict[str, np.ndarray], li
     return poses, notes
 
 
-def _rows(run: Recording, name: str) -> np.ndarray:
+def _rows(run: Result, name: str) -> np.ndarray:
     return np.hstack([run.vector(f"{name}.position"), run.vector(f"{name}.attitude")])
 
 
-def _find_relative(run: Recording, vehicles: dict) -> np.ndarray:
+def _find_relative(run: Result, vehicles: dict) -> np.ndarray:
     """Return P in axes of A from the poses of both vehicles."""
     frames = []
     for name in ("chaser", "target"):
@@ -255,7 +255,7 @@ def _find_relative(run: Recording, vehicles: dict) -> np.ndarray:
     return np.hstack([geometry.turn(inverse, p_p - p_a), geometry.multiply(inverse, q_p)])
 
 
-def _check_fit(run: Recording, poses: dict[str, np.ndarray], shapes: dict) -> float | None:
+def _check_fit(run: Result, poses: dict[str, np.ndarray], shapes: dict) -> float | None:
     """Compare drawn leg lengths and latch openings with the recorded ones.
 
     Returns:
@@ -289,7 +289,7 @@ def _check_fit(run: Recording, poses: dict[str, np.ndarray], shapes: dict) -> fl
     return max(differences.values(), default=None)
 
 
-def find_events(run: Recording) -> list[dict]:
+def find_events(run: Result) -> list[dict]:
     """Return start, first contact, capture, peak loads and end in the order of time.
 
     The index of an event is that of the first sample at which the event is over.
@@ -335,7 +335,7 @@ def find_events(run: Recording) -> list[dict]:
     return sorted(events, key=lambda event: (event["time"], event["key"] == "end"))
 
 
-def _choose_rows(run: Recording, events: list[dict], limit: int) -> np.ndarray:
+def _choose_rows(run: Result, events: list[dict], limit: int) -> np.ndarray:
     """Return the samples that a page holds: all, or evenly some and those of events."""
     count = len(run.values)
     if count <= limit:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dockloop.errors import DockloopError
 from dockloop.outputs import Kind, figure_kind, read_head, scratch, writing
-from dockloop.simulate import ProgressBar
+from dockloop.results import ProgressBar
 from dockloop.view.browser import Browser
 from dockloop.view.page import COMMAND
 

@@ -9,19 +9,18 @@ from fmpy.fmi1 import FMICallException
 from dockloop.errors import UsageError, find_reason
 from dockloop.outputs import MADE_BY, scratch
 from dockloop.paths import find_absence, is_file, shown
-from dockloop.results import import_optional
+from dockloop.results import Result, import_optional
 from dockloop.scene import parse_json
 from dockloop.simulate import (
     Instance,
     Recorder,
-    Recording,
     communication_points,
     unpack_fmu,
 )
 from dockloop.summary import COMMAND, RESULT, find_summary
 
 
-def read_result(path: Path, model: str | None = None) -> Recording:
+def read_result(path: Path, model: str | None = None) -> Result:
     """Read a result file and the model next to it.
 
     Args:
@@ -49,10 +48,10 @@ def read_result(path: Path, model: str | None = None) -> Recording:
         )
     names, units, values = _read_values(path)
     document, parameters = _find_model(path, model, len(values))
-    return Recording(document, names, units, values, parameters)
+    return Result(document, names, units, values, parameters)
 
 
-def read_state(fmu: Path, state: Path) -> Recording:
+def read_state(fmu: Path, state: Path) -> Result:
     """Return all outputs of an FMU in a saved state, as a recording of one sample at time 0.
 
     Args:
@@ -85,7 +84,7 @@ def read_state(fmu: Path, state: Path) -> Recording:
                 raise UsageError(
                     f"{shown(state)}: is no state of {shown(fmu)} ({instance.sentence(error)})"
                 ) from None
-    return Recording(scene, recorder.names, recorder.units, recorder.values, parameters)
+    return Result(scene, recorder.names, recorder.units, recorder.values, parameters)
 
 
 def _read_values(path: Path) -> tuple[list[str], list[str], np.ndarray]:
