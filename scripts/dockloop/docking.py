@@ -20,7 +20,7 @@ from dockloop.errors import UsageError, did_you_mean, names_arguments
 from dockloop.fmu import find_placement
 from dockloop.results import Result, list_points, warn_of_driven
 from dockloop.sampling import as_setting
-from dockloop.scene import find_scene, resolve_scene, scene_keys
+from dockloop.scene import find_scene, resolve_scene, scene_members
 from dockloop.variables import TYPES, Value, find_number, list_names, read_variables
 
 
@@ -267,7 +267,7 @@ class Docking:
         if name in self._rows:
             return self._rows[name]
         hint = did_you_mean(name, self._rows)
-        if name in scene_keys():
+        if name in scene_members():
             hint = f"; it is a key of the scene: overrides={{{name!r}: ...}}"
         raise UsageError(f"{self.scene.name}: there is no variable '{name}'{hint}")
 

@@ -29,7 +29,7 @@ from dockloop.outputs import scratch
 from dockloop.paths import is_file, shown
 from dockloop.results import list_points
 from dockloop.sampling import Quantity, Sweep, Value, as_setting
-from dockloop.scene import OPEN_KEYS, SceneReader, scene_keys, scene_members
+from dockloop.scene import OPEN_KEYS, SceneReader, scene_members
 from dockloop.variables import (
     MOTION,
     TYPES,
@@ -97,7 +97,6 @@ class Planner:
         """Read the base scene and check all names of the sweep against its variables."""
         self._sweep = sweep
         self.experiment = sweep.document["experiment"]
-        self._keys = set(scene_keys())
         self._fmus: OrderedDict[str, tuple[str, bytes]] = OrderedDict()
         self.built = 0
         fixed = sweep.document["set"]
@@ -166,7 +165,7 @@ class Planner:
 
     def is_scene_key(self, name: str) -> bool:
         """Return whether a name is a key of the scene; if not, it is a start value of the FMU."""
-        return name in self._keys or name.startswith(OPEN_KEYS)
+        return name in scene_members() or name.startswith(OPEN_KEYS)
 
     def resolve(self, values: tuple[Value, ...]) -> tuple[dict, dict[str, Any]]:
         """Return the scene of a case, vehicles not placed, and its other start values.
@@ -335,7 +334,7 @@ class Planner:
             return
         variable = self.variables.get(name)
         if variable is None:
-            near = did_you_mean(name, [*self._keys, *self.variables])
+            near = did_you_mean(name, [*scene_members(), *self.variables])
             raise UsageError(
                 f"{place}: is neither a key of the scene nor a variable of its FMU{near}"
             )

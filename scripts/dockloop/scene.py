@@ -324,7 +324,7 @@ def apply_override(scene: dict, text: str) -> tuple[tuple[str | int, ...], Any]:
             return (*sections, last), value
     if key.startswith(_DISTURBANCE):
         return _set_disturbance(scene, key, value, text), value
-    known = scene_keys()
+    known = scene_members()
     if key not in known and not key.startswith(OPEN_KEYS):
         hint = did_you_mean(key, known)
         if any(name.startswith(f"{key}.") for name in known):
@@ -420,12 +420,6 @@ def scene_members() -> dict[str, dict]:
         return members
 
     return walk(root, "")
-
-
-@cache
-def scene_keys() -> list[str]:
-    """Return every dotted key that the schema of scenes knows."""
-    return list(scene_members())
 
 
 @cache

@@ -31,7 +31,7 @@ from dockloop.fmu import read_model
 from dockloop.outputs import filling, scratch
 from dockloop.paths import find_absence, is_file, shown
 from dockloop.results import Result, list_points, warn_of_driven
-from dockloop.scene import scene_keys
+from dockloop.scene import scene_members
 from dockloop.summary import is_summarised
 from dockloop.variables import WORDS, find_number, fits, list_names
 
@@ -342,7 +342,7 @@ def _parse_setting(text: str, description: Any) -> tuple[Any, Any]:
     variables = {v.name: v for v in description.modelVariables}
     if name not in variables:
         hint = did_you_mean(name, variables)
-        if name in scene_keys():
+        if name in scene_members():
             hint = f"; it is a key of the scene: build with --scene {name}={value_text}"
         raise UsageError(f"--set {text}: the FMU has no variable '{name}'{hint}")
     variable = variables[name]
