@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from dockloop import paths
 from dockloop.docking import Scene
 from dockloop.envelopes import report
-from dockloop.envelopes.search import Axis, Order, Progress, Search, find_envelope
+from dockloop.envelopes.search import COMMAND, Axis, Order, Progress, Search, find_envelope
 from dockloop.errors import UsageError, names_arguments
-from dockloop.figures import can_draw
+from dockloop.figures import can_draw, save_figure
 from dockloop.outputs import claim, scratch
 from dockloop.results import ProgressBar, import_optional
 from dockloop.scene import find_scene, parse_value
@@ -111,7 +111,7 @@ def envelope(
         seed,
     )
     with scratch() as folder:
-        journal = report.name_files(output or folder).journal
+        journal = (output or folder) / "journal.jsonl"
         found = find_envelope(order, journal, workers=workers, scheduler=scheduler, resume=resume)
     tables = []
     for columns, rows in (report.list_points(found), report.list_boundary(found)):
@@ -145,27 +145,29 @@ def run_command(options: argparse.Namespace) -> dict:
         options.check,
         options.seed,
     )
-    files = report.name_files(options.output or paths.BUILD / "envelopes" / name)
-    for file, kind in files.list_kinds():
-        claim(file, kind)
+    folder = options.output or paths.BUILD / "envelopes" / name
+    for file, kind in report.KINDS.items():
+        claim(folder / file, kind)
     found = find_envelope(
         order,
-        files.journal,
+        folder / "journal.jsonl",
         workers=options.workers,
         scheduler=options.scheduler,
         resume=options.resume,
         progress=make_progress(name),
     )
     summary = report.summarise_envelope(found)
-    report.write_tables(found, files)
-    written = [files.points, files.boundary]
+    files = report.write_tables(found, folder)
+    figures = []
     if not options.no_plots and can_draw():
-        report.write_figure(found, files.figure)
-        written.append(files.figure)
+        figures.append(folder / "envelope.png")
+        save_figure(report.draw_envelope(found), figures[0], COMMAND)
+    files += figures
     if options.report:
-        report.write_report(found, summary, files, [f for f in written if f.suffix == ".png"])
-        written.append(files.page)
-    write_summary(summary, files.summary, [*written, files.summary])
+        files.append(folder / "report.html")
+        report.write_report(found, summary, files[-1], figures)
+    files.append(folder / "summary.json")
+    write_summary(summary, files[-1], files)
     return summary
 
 

@@ -10,48 +10,27 @@ from collections import Counter
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from dockloop.capture import explain_capture
 from dockloop.envelopes.mesh import Cell, Point
 from dockloop.envelopes.search import COMMAND, WORK, Search
-from dockloop.figures import save_figure
 from dockloop.html_report import page_kind, report_envelope, say_half_distance, write_page
 from dockloop.journal import journal_kind
-from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_csv
+from dockloop.outputs import MADE_BY, figure_kind, json_kind, table_kind, write_csv
 from dockloop.sweep_report import describe_output, estimate_fraction
 
-_POINTS = table_kind("table", COMMAND, "run,", ",status,reason")
-_BOUNDARY = table_kind("table", COMMAND, "criterion,along,")
+KINDS = {  # of the files in the folder of an envelope
+    "points.csv": table_kind("table", COMMAND, "run,", ",status,reason"),
+    "boundary.csv": table_kind("table", COMMAND, "criterion,along,"),
+    "summary.json": json_kind("summary", COMMAND),
+    "envelope.png": figure_kind(COMMAND),
+    "journal.jsonl": journal_kind(WORK),
+    "report.html": page_kind(COMMAND),
+}
 _SLICES = 4  # panels of a figure of three quantities, for each criterion
 _MET, _NOT_MET, _EDGE = "#9ecae1", "#f0f0f0", "#08306b"
 Row = list[Any]
-
-
-class Files(NamedTuple):
-    """What is written into the folder of an envelope."""
-
-    points: Path
-    boundary: Path
-    summary: Path
-    figure: Path
-    journal: Path
-    page: Path
-
-    def list_kinds(self) -> list[tuple[Path, Kind]]:
-        """Return every file with its kind."""
-        kinds = (
-            *(_POINTS, _BOUNDARY, json_kind("summary", COMMAND)),
-            *(figure_kind(COMMAND), journal_kind(WORK), page_kind(COMMAND)),
-        )
-        return list(zip(self, kinds, strict=True))
-
-
-def name_files(folder: Path) -> Files:
-    """Return the files of an envelope in a folder."""
-    tables = ("points.csv", "boundary.csv")
-    names = (*tables, "summary.json", "envelope.png", "journal.jsonl", "report.html")
-    return Files(*(folder / name for name in names))
 
 
 def list_points(search: Search) -> tuple[list[str], list[Row]]:
@@ -227,21 +206,18 @@ def describe_envelope(summary: dict) -> str:
     return "\n".join(lines)
 
 
-def write_tables(search: Search, files: Files) -> None:
-    """Write both tables. Raises DockloopError: one cannot be written."""
-    write_csv(files.points, _POINTS, *list_points(search))
-    write_csv(files.boundary, _BOUNDARY, *list_boundary(search))
+def write_tables(search: Search, folder: Path) -> list[Path]:
+    """Write both tables; returns the files. Raises DockloopError: one cannot be written."""
+    tables = {"points.csv": list_points(search), "boundary.csv": list_boundary(search)}
+    for name, table in tables.items():
+        write_csv(folder / name, KINDS[name], *table)
+    return [folder / name for name in tables]
 
 
-def write_report(search: Search, summary: dict, files: Files, figures: Sequence[Path]) -> None:
+def write_report(search: Search, summary: dict, path: Path, figures: Sequence[Path]) -> None:
     """Write the page of an envelope."""
     sections = report_envelope(summary, search.planner, figures)
-    write_page(files.page, COMMAND, f"Envelope: {summary['title']}", sections)
-
-
-def write_figure(search: Search, path: Path) -> None:
-    """Write the figure of all criteria."""
-    save_figure(draw_envelope(search), path, COMMAND)
+    write_page(path, COMMAND, f"Envelope: {summary['title']}", sections)
 
 
 def draw_envelope(search: Search) -> Any:

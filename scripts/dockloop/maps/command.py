@@ -9,7 +9,7 @@ from dockloop.arguments import list_words
 from dockloop.envelopes.command import make_experiment, make_progress, make_settings, parse_range
 from dockloop.envelopes.search import Axis, Order, find_envelope
 from dockloop.errors import UsageError
-from dockloop.figures import can_draw
+from dockloop.figures import can_draw, save_figure
 from dockloop.maps import report
 from dockloop.maps.verdicts import PointJudge
 from dockloop.outputs import claim
@@ -34,24 +34,24 @@ def run_command(options: argparse.Namespace) -> dict:
         raise UsageError(f"--points {options.points}: must be at least {_FEWEST}")
     judge = PointJudge(options.error, options.limit, options.host)
     order = _make_order(options)
-    files = report.name_files(options.output or paths.BUILD / "maps" / name)
-    for file, kind in files.list_kinds():
-        claim(file, kind)
+    folder = options.output or paths.BUILD / "maps" / name
+    for file, kind in report.KINDS.items():
+        claim(folder / file, kind)
     search = find_envelope(
         order,
-        files.journal,
+        folder / "journal.jsonl",
         workers=options.workers,
         resume=options.resume,
         progress=make_progress(name, "points"),
         judge=judge,
     )
     summary = report.summarise_map(search, judge, _make_command(options))
-    report.write_map(search, judge, summary, files)
-    written = [files.page, files.table]
+    files = report.write_map(search, judge, summary, folder)
     if not options.no_plots and can_draw():
-        report.write_figure(search, files.figure)
-        written.append(files.figure)
-    write_summary(summary, files.summary, [*written, files.summary])
+        files.append(folder / "map.png")
+        save_figure(report.draw_map(search), files[-1], report.COMMAND)
+    files.append(folder / "summary.json")
+    write_summary(summary, files[-1], files)
     return summary
 
 

@@ -9,19 +9,17 @@ import math
 import shlex
 from collections import Counter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from dockloop.envelopes.mesh import Cell, Point
 from dockloop.envelopes.report import list_axes, list_outline
 from dockloop.envelopes.search import Search
 from dockloop.errors import one_line
-from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
 from dockloop.judging import BAD, VERDICTS, Verdict, list_reasons
 from dockloop.maps.verdicts import PointJudge, read_verdict
 from dockloop.outputs import (
     MADE_BY,
-    Kind,
     figure_kind,
     json_kind,
     table_kind,
@@ -31,8 +29,13 @@ from dockloop.outputs import (
 
 COMMAND = "dockloop map"
 _TITLE = "# Map: "
-_PAGE = table_kind("page", COMMAND, _TITLE)
-_TABLE = table_kind("table", COMMAND, "point,", ",verdict,reason,")
+KINDS = {  # of the files in the folder of a map
+    "map.md": table_kind("page", COMMAND, _TITLE),
+    "map.png": figure_kind(COMMAND),
+    "points.csv": table_kind("table", COMMAND, "point,", ",verdict,reason,"),
+    "summary.json": json_kind("summary", COMMAND),
+    "journal.jsonl": journal_kind("map"),
+}
 _COLOURS = {
     "right": "#9ecae1",
     "refused": "#d9d9d9",
@@ -46,28 +49,6 @@ _COLOURS = {
 }
 _MIXED = "#ffffff"
 _MOST_LISTED = 40  # bad points on the page; the table has all
-
-
-class Files(NamedTuple):
-    """What is written into the folder of a map."""
-
-    page: Path
-    figure: Path
-    table: Path
-    summary: Path
-    journal: Path
-
-    def list_kinds(self) -> list[tuple[Path, Kind]]:
-        """Return every file with its kind."""
-        summary = json_kind("summary", COMMAND)
-        kinds = (_PAGE, figure_kind(COMMAND), _TABLE, summary, journal_kind("map"))
-        return list(zip(self, kinds, strict=True))
-
-
-def name_files(folder: Path) -> Files:
-    """Return the files of a map in a folder."""
-    names = ("map.md", "map.png", "points.csv", "summary.json", "journal.jsonl")
-    return Files(*(folder / name for name in names))
 
 
 def summarise_map(search: Search, judge: PointJudge, command: str) -> dict:
@@ -152,8 +133,8 @@ def _describe_axis(quantity: dict) -> str:
     return f"{quantity['name']}: {ends}, in {scale}"
 
 
-def write_map(search: Search, judge: PointJudge, summary: dict, files: Files) -> None:
-    """Write page and table. Raises DockloopError: one cannot be written."""
+def write_map(search: Search, judge: PointJudge, summary: dict, folder: Path) -> list[Path]:
+    """Write page and table; returns the files. Raises DockloopError: one cannot be written."""
     names = [axis.name for axis in search.order.axes]
     measures = ("error", "energy", "momentum", "evaluations", "seconds")
     rows = []
@@ -163,15 +144,17 @@ def write_map(search: Search, judge: PointJudge, summary: dict, files: Files) ->
         row = [verdict.verdict, one_line(verdict.reason), verdict.audited, *figures]
         rows.append([number, *search.values(point), *row, make_command(search, judge, point)])
     columns = ["point", *names, "verdict", "reason", "audited", *measures, "command"]
-    write_csv(files.table, _TABLE, columns, rows)
-    write_text(files.page, _PAGE, _make_page(search, summary, files))
+    page, table = folder / "map.md", folder / "points.csv"
+    write_csv(table, KINDS[table.name], columns, rows)
+    write_text(page, KINDS[page.name], _make_page(search, summary))
+    return [page, table]
 
 
 def _plain(value: float) -> str:
     return "" if isinstance(value, float) and math.isnan(value) else f"{value:.6g}"
 
 
-def _make_page(search: Search, summary: dict, files: Files) -> str:
+def _make_page(search: Search, summary: dict) -> str:
     """Return the page."""
     x, y = summary["quantities"]
     lines = [
@@ -183,14 +166,14 @@ def _make_page(search: Search, summary: dict, files: Files) -> str:
         summary["command"],
         "```",
         "",
-        f"![verdicts and cost over {x['name']} and {y['name']}]({files.figure.name})",
+        f"![verdicts and cost over {x['name']} and {y['name']}](map.png)",
         "",
         f"* {_describe_axis(x)}.",
         f"* {_describe_axis(y)}.",
         f"* Right: error up to {summary['wanted']:g} of the tight run. `scripts/README.md` defines"
         " all verdicts.",
         f"* {summary['points']} points; a grid as fine as the refined parts has"
-        f" {summary['grid']}. `{files.table.name}` has all points with their commands.",
+        f" {summary['grid']}. `points.csv` has all points with their commands.",
         "",
         "| verdict | points | part of the plane |",
         "|---|---|---|",
@@ -212,7 +195,7 @@ def _make_page(search: Search, summary: dict, files: Files) -> str:
             lines.append(f"* {bad['verdict']}: {_cell(bad['reason'])}")
             lines.append(f"  `{bad['command']}`")
         if len(summary["bad"]) > _MOST_LISTED:
-            lines.append(f"* ... of {len(summary['bad'])}; all are in `{files.table.name}`.")
+            lines.append(f"* ... of {len(summary['bad'])}; all are in `points.csv`.")
     return "\n".join(lines) + "\n"
 
 
@@ -248,11 +231,6 @@ def _describe_cell(search: Search, point: Point) -> str:
     if verdict.evaluations:
         words.append(f"{verdict.evaluations:.1e}".replace("e+0", "e"))
     return ", ".join(words)
-
-
-def write_figure(search: Search, path: Path) -> None:
-    """Write the picture: verdicts, and evaluations."""
-    save_figure(draw_map(search), path, COMMAND)
 
 
 def draw_map(search: Search) -> Any:
