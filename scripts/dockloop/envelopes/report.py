@@ -246,7 +246,6 @@ def _draw_panel(axis: Any, search: Search, number: int, height: int) -> None:
 
     mesh, known = search.mesh, search.known
     flat = mesh.dimensions == 2
-    names = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in search.planner.quantities]
     polygons, colours = [], []
     for cell in mesh.cells:
         if not flat and not cell.corner[2] <= height < cell.corner[2] + cell.width:
@@ -267,20 +266,32 @@ def _draw_panel(axis: Any, search: Search, number: int, height: int) -> None:
                       markersize=2.5, label=f"{label}: {len(chosen)}")  # fmt: skip
     if flat:
         axis.add_collection(LineCollection(_find_segments(search, number), colors=_EDGE))
-    x, y = search.order.axes[:2]
-    for scale, limit, quantity in ((axis.set_xscale, axis.set_xlim, x),
-                                   (axis.set_yscale, axis.set_ylim, y)):  # fmt: skip
-        scale("log" if quantity.is_log else "linear")
-        limit(quantity.low, quantity.high)
-    axis.set_xlabel(names[0])
-    axis.set_ylabel(names[1])
+    set_axes(axis, search)
     title = search.criteria[number].text
     if not flat:
         third = search.order.axes[2].value(height / mesh.size)
-        title += f"\n{names[2]}: {third:.4g}"
+        title += f"\n{_label(search, 2)}: {third:.4g}"
     axis.set_title(title, fontsize="small", wrap=True)
     if axis.get_legend_handles_labels()[0]:
         axis.legend(loc="best", fontsize="x-small")
+
+
+def set_axes(axis: Any, search: Search) -> None:
+    """Give the axes of a panel the ranges, scales and names of the first two quantities."""
+    x, y = search.order.axes[:2]
+    for scale, limit, quantity in (
+        (axis.set_xscale, axis.set_xlim, x),
+        (axis.set_yscale, axis.set_ylim, y),
+    ):
+        scale("log" if quantity.is_log else "linear")
+        limit(quantity.low, quantity.high)
+    axis.set_xlabel(_label(search, 0))
+    axis.set_ylabel(_label(search, 1))
+
+
+def _label(search: Search, number: int) -> str:
+    quantity = search.planner.quantities[number]
+    return f"{quantity.name} [{quantity.unit}]" if quantity.unit else quantity.name
 
 
 def list_outline(cell: Cell) -> list[Point]:

@@ -11,8 +11,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from dockloop.envelopes.mesh import Cell, Point
-from dockloop.envelopes.report import list_axes, list_outline
+from dockloop.envelopes.mesh import Point
+from dockloop.envelopes.report import list_axes, list_outline, set_axes
 from dockloop.envelopes.search import Search
 from dockloop.errors import one_line
 from dockloop.journal import journal_kind
@@ -241,31 +241,19 @@ def draw_map(search: Search) -> Any:
     verdicts, costs = figure.subplots(1, 2, sharey=True)
     _draw_verdicts(verdicts, search)
     _draw_costs(figure, costs, search)
-    x, y = search.order.axes
     for axis in (verdicts, costs):
-        for scale, limit, quantity in (
-            (axis.set_xscale, axis.set_xlim, x),
-            (axis.set_yscale, axis.set_ylim, y),
-        ):
-            scale("log" if quantity.is_log else "linear")
-            limit(quantity.low, quantity.high)
-        axis.set_xlabel(_label(search, 0))
-    verdicts.set_ylabel(_label(search, 1))
+        set_axes(axis, search)
+        axis.label_outer()
     figure.suptitle(search.planner.base["title"], fontsize="medium")
     return figure
-
-
-def _label(search: Search, number: int) -> str:
-    quantity = search.planner.quantities[number]
-    return f"{quantity.name} [{quantity.unit}]" if quantity.unit else quantity.name
 
 
 def _draw_verdicts(axis: Any, search: Search) -> None:
     """Draw cells in the colour of their verdict, white where their corners differ; and points."""
     from matplotlib.collections import PolyCollection
 
-    outlines = [_list_corners(search, cell) for cell in search.mesh.cells]
-    colours = []
+        outlines.append([search.values(point) for point in list_outline(cell)])
+    outlines, colours = [], []
     for cell in search.mesh.cells:
         names = {read_verdict(search, corner).verdict for corner in search.mesh.corners(cell)}
         colours.append(_COLOURS[names.pop()] if len(names) == 1 else _MIXED)
@@ -277,10 +265,6 @@ def _draw_verdicts(axis: Any, search: Search) -> None:
                       markeredgewidth=0.3, markersize=3.5, clip_on=False,
                       label=f"{name}: {len(chosen)}")  # fmt: skip
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize="x-small")
-
-
-def _list_corners(search: Search, cell: Cell) -> list[tuple[float, ...]]:
-    return [search.values(point) for point in list_outline(cell)]
 
 
 def _draw_costs(figure: Any, axis: Any, search: Search) -> None:
