@@ -54,7 +54,9 @@ VERDICTS = {  # and their meanings; the order numbers them
     "loose": "off by more than the tolerance promises, right with a tighter one",
 }
 BAD = ("wrong", "hung", "crashed")
-MEASURES = ("verdict", "audited", "error", "energy", "momentum", "evaluations", "seconds")
+NUMBERS = ("error", "energy", "momentum", "evaluations", "seconds")  # of a verdict
+MEASURES = ("verdict", "audited", *NUMBERS)
+_NUMBERED = tuple(VERDICTS)
 REFERENCE_RTOL, NEIGHBOUR_RTOL = 1e-11, 1e-10
 LEAST_SHIFT = 1e-9  # of the neighbours, relative
 MOMENTUM = 1e-9  # largest momentum.residual that is rounding
@@ -139,8 +141,8 @@ class Verdict:
 
     def to_result(self) -> CaseResult:
         """Return it as a result of a case, for journals: the `MEASURES` are its outputs."""
-        numbers = [getattr(self, name) for name in MEASURES[2:]]
-        outputs = ([*VERDICTS].index(self.verdict), self.audited, *numbers)
+        numbers = [getattr(self, name) for name in NUMBERS]
+        outputs = (_NUMBERED.index(self.verdict), self.audited, *numbers)
         return CaseResult("done", self.reason or None, outputs=outputs)
 
     @staticmethod
@@ -149,8 +151,8 @@ class Verdict:
         if result.status != "done":
             return Verdict("refused", result.reason or "")
         verdict, audited, *numbers = result.outputs
-        named: dict[str, Any] = dict(zip(MEASURES[2:], numbers, strict=True))
-        return Verdict([*VERDICTS][int(verdict)], result.reason or "", bool(audited), **named)
+        named: dict[str, Any] = dict(zip(NUMBERS, numbers, strict=True))
+        return Verdict(_NUMBERED[int(verdict)], result.reason or "", bool(audited), **named)
 
 
 def find_promise(rtol: float) -> float:

@@ -16,7 +16,7 @@ from dockloop.envelopes.report import list_axes, list_outline, set_axes
 from dockloop.envelopes.search import Search
 from dockloop.errors import one_line
 from dockloop.journal import journal_kind
-from dockloop.judging import BAD, VERDICTS, Verdict, list_reasons
+from dockloop.judging import BAD, NUMBERS, VERDICTS, Verdict, list_reasons
 from dockloop.maps.verdicts import PointJudge, read_verdict
 from dockloop.outputs import (
     MADE_BY,
@@ -68,7 +68,11 @@ def summarise_map(search: Search, judge: PointJudge, command: str) -> dict:
         "points": len(verdicts),
         "grid": (search.mesh.size + 1) ** 2,
         "verdicts": {name: tally[name] for name in VERDICTS},
-        "parts": {name: _find_part(search, name) for name in VERDICTS if tally[name]},
+        "parts": {
+            name: list(search.mesh.measure(search.known, number))
+            for number, name in enumerate(VERDICTS)
+            if tally[name]
+        },
         "right_by_audits_only": sum(verdict.audited for verdict in right),
         "largest_error_of_right": max((v.error for v in right if not v.audited), default=None),
         "refusals": list_reasons([v for v in verdicts.values() if v.verdict == "refused"]),
@@ -80,11 +84,6 @@ def summarise_map(search: Search, judge: PointJudge, command: str) -> dict:
         ],
         "time": {"ran": search.ran, "wall": search.wall},
     }
-
-
-def _find_part(search: Search, name: str) -> list[float]:
-    """Return the part of the plane with a verdict, and half the part that is not sure."""
-    return list(search.mesh.measure(search.known, [*VERDICTS].index(name)))
 
 
 def _describe_point(search: Search, judge: PointJudge, point: Point, verdict: Verdict) -> dict:
@@ -136,14 +135,13 @@ def _describe_axis(quantity: dict) -> str:
 def write_map(search: Search, judge: PointJudge, summary: dict, folder: Path) -> list[Path]:
     """Write page and table; returns the files. Raises DockloopError: one cannot be written."""
     names = [axis.name for axis in search.order.axes]
-    measures = ("error", "energy", "momentum", "evaluations", "seconds")
     rows = []
     for number, point in enumerate(sorted(search.runs), 1):
         verdict = read_verdict(search, point)
-        figures = [_plain(getattr(verdict, name)) for name in measures]
+        figures = [_plain(getattr(verdict, name)) for name in NUMBERS]
         row = [verdict.verdict, one_line(verdict.reason), verdict.audited, *figures]
         rows.append([number, *search.values(point), *row, make_command(search, judge, point)])
-    columns = ["point", *names, "verdict", "reason", "audited", *measures, "command"]
+    columns = ["point", *names, "verdict", "reason", "audited", *NUMBERS, "command"]
     page, table = folder / "map.md", folder / "points.csv"
     write_csv(table, KINDS[table.name], columns, rows)
     write_text(page, KINDS[page.name], _make_page(search, summary))
@@ -252,9 +250,9 @@ def _draw_verdicts(axis: Any, search: Search) -> None:
     """Draw cells in the colour of their verdict, white where their corners differ; and points."""
     from matplotlib.collections import PolyCollection
 
-        outlines.append([search.values(point) for point in list_outline(cell)])
     outlines, colours = [], []
     for cell in search.mesh.cells:
+        outlines.append([search.values(point) for point in list_outline(cell)])
         names = {read_verdict(search, corner).verdict for corner in search.mesh.corners(cell)}
         colours.append(_COLOURS[names.pop()] if len(names) == 1 else _MIXED)
     axis.add_collection(PolyCollection(outlines, facecolors=colours, edgecolors="none", alpha=0.6))
