@@ -305,19 +305,21 @@ def make_core(folder, monkeypatch, answer):
     monkeypatch.setattr(paths, "COMPARE", core)
 
 
-@pytest.mark.parametrize(("values", "error"), [("values", "error"), ("output", "check")])
-def test_the_solution_of_the_core_is_used_where_it_is_known(
-    absorber, tmp_path, monkeypatch, values, error
-):
+def test_the_solution_of_the_core_is_used_where_it_is_known(absorber, tmp_path, monkeypatch):
     """A program that is sure of a position of 42 m, but not of a peak of 42 N."""
     names = ["relative.position[1]", "capture.peak.compression"]
-    sure = dict(zip(names, (1e-14, 1.0), strict=True))
-    answer = {"time": [0.0, 0.5], values: {name: [42.0, 42.0] for name in names}, "digits": 33}
-    answer[error] = sure if error == "error" else {"difference": sure}
+    facts = {"tolerance": 1e-16, "digits": 33}
+    answer = {
+        "time": [0.0, 0.5],
+        "output": {name: [42.0, 42.0] for name in names},
+        "check": {"difference": dict(zip(names, (1e-14, 1.0), strict=True))},
+        "work": {"evaluations": 7},
+        **facts,
+    }
     make_core(tmp_path, monkeypatch, f"echo '{json.dumps(answer)}'")
     solution = find_solution(absorber, 0.5, 0.5, names)
     assert solution.source.startswith("dockloop truth; capture.peak.compression: the FMU itself")
-    assert solution.facts == {"digits": 33}
+    assert solution.facts == {**facts, "evaluations": 7}
     assert solution.recording[names[0]].tolist() == [42.0, 42.0]
     assert solution.doubt[names[0]] == pytest.approx([42.0, 42.0], rel=1e-12)
     ours = absorber.run(absorber.tolerances(1e-12), 0.5, 0.5)[names[1]]

@@ -304,8 +304,8 @@ def run_trade(
             result = measure(bench, setting, default, solution.recording, stop, pairs=pairs)
             journal.add(astuple(setting), result)
             report()
-    known, doubted = solution.recording, solution.doubt
-    doubt = find_error_columns(known, doubted)["error"] if doubted else None
+    known = solution.recording
+    doubt = find_error_columns(known, solution.doubt)["error"]
     about = {
         "scene": bench.scene["name"],
         "title": bench.scene["title"],

@@ -16,7 +16,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ import numpy as np
 from dockloop import paths
 from dockloop.compiled import find_compiled
 from dockloop.core import FULL, ask_program, number_choice
+from dockloop.criteria import PEAK
 from dockloop.errors import DockloopError, UsageError, find_reason
 from dockloop.outputs import MADE_BY, claim, json_kind, write_text
 from dockloop.paths import shown
@@ -41,14 +42,14 @@ class Solution:
 
     Attributes:
         recording: the outputs at every point of time.
-        doubt: the same, off by the errors that are stated; None if none are.
+        doubt: the same, off by the errors that are stated.
         source: where it is from.
         key: of all that decides it.
         facts: tolerance, digits and evaluations.
     """
 
     recording: Result
-    doubt: Result | None
+    doubt: Result
     source: str
     key: str
     facts: dict
@@ -100,12 +101,9 @@ def _read(document: dict, names: list[str], bench: Bench, key: str) -> Solution:
     values = np.array(columns, dtype=float).T
     units = ["s", *(bench.variables[name].unit or "" for name in names)]
     recording = Result(bench.scene, ["time", *names], units, values)
-    doubt, error = None, document.get("error")
-    if isinstance(error, dict) and set(names) <= set(error):
-        doubt = Result(bench.scene, recording.names, units, values.copy())
-        for column, name in enumerate(names, 1):
-            doubt.values[:, column] += error[name]  # a number, or one for each time
-    facts = {n: document[n] for n in ("tolerance", "digits", "evaluations") if document.get(n)}
+    errors = np.array([0.0, *(document["error"][name] for name in names)])
+    doubt = replace(recording, values=values + errors)
+    facts = {name: document[name] for name in ("tolerance", "digits", "evaluations")}
     return Solution(recording, doubt, document["source"], key, facts)
 
 
@@ -137,16 +135,14 @@ def _ask_core(bench: Bench, stop: float, step: float, names: list[str]) -> dict:
     document = {
         "source": "dockloop truth",
         "time": reported["time"],
-        "values": reported.get("values") or reported["output"],
-        "error": reported.get("error") or reported.get("check", {}).get("difference"),
-        "tolerance": reported.get("tolerance"),
-        "digits": reported.get("digits"),
-        "evaluations": reported.get("evaluations") or reported.get("work", {}).get("evaluations"),
+        "values": reported["output"],
+        "error": reported["check"]["difference"],
+        "tolerance": reported["tolerance"],
+        "digits": reported["digits"],
+        "evaluations": reported["work"]["evaluations"],
     }
-    peaks = (
-        [name for name in names if name.startswith("capture.peak.")] if document["error"] else []
-    )
-    worse = [name for name in peaks if np.max(document["error"][name]) > of_fmu["error"][name]]
+    peaks = [name for name in names if name.startswith(PEAK)]
+    worse = [name for name in peaks if document["error"][name] > of_fmu["error"][name]]
     for name in worse:
         for member in ("values", "error"):
             document[member][name] = of_fmu[member][name]
