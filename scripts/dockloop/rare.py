@@ -123,40 +123,19 @@ def estimate_rare(
         chosen = np.flatnonzero(passed)
         starts = random.permutation(chosen)[:kept]
         floor = float(next_floor)
-        chains = _Chains(points[starts], ranks[starts], floor, scale)
-        points, ranks = chains.run(rank, steps, random)
-        scale = chains.scale
-        count += kept * (steps - 1)
-
-
-class _Chains:
-    """Markov chains that stay where samples are near to failing.
-
-    Attributes:
-        scale: of the steps; follows the part of them that is accepted.
-    """
-
-    def __init__(self, points: np.ndarray, ranks: np.ndarray, floor: float, scale: float) -> None:
-        self._points, self._ranks, self._floor = points, ranks, floor
-        self.scale = scale
-
-    def run(
-        self, rank: Callable[[np.ndarray], np.ndarray], steps: int, random: np.random.Generator
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return samples and ranks, ordered by steps: all chains make a step at a time."""
-        from scipy.stats import norm
-
-        points, ranks = [self._points], [self._ranks]
+        # Markov chains that stay above the floor: all of them make a step at a time.
+        chains, chain_ranks = [points[starts]], [ranks[starts]]
         for step in range(1, steps):
-            keep = math.sqrt(1.0 - self.scale**2)
-            moved = keep * points[-1] + self.scale * random.standard_normal(points[-1].shape)
+            keep = math.sqrt(1.0 - scale**2)
+            moved = keep * chains[-1] + scale * random.standard_normal(chains[-1].shape)
             new = rank(norm.cdf(moved))
-            accepted = new >= self._floor
-            points.append(np.where(accepted[:, None], moved, points[-1]))
-            ranks.append(np.where(accepted, new, ranks[-1]))
+            accepted = new >= floor
+            chains.append(np.where(accepted[:, None], moved, chains[-1]))
+            chain_ranks.append(np.where(accepted, new, chain_ranks[-1]))
             change = (float(accepted.mean()) - _ACCEPTED) / math.sqrt(step)
-            self.scale = min(0.95, max(0.05, self.scale * math.exp(change)))
-        return np.concatenate(points), np.concatenate(ranks)
+            scale = min(0.95, max(0.05, scale * math.exp(change)))  # follows what is accepted
+        points, ranks = np.concatenate(chains), np.concatenate(chain_ranks)
+        count += kept * (steps - 1)
 
 
 def _find_variation(passed: np.ndarray, is_chained: bool, chains: int, steps: int) -> float:
