@@ -7,7 +7,7 @@ core makes for the scene.
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -170,19 +170,10 @@ def _list_keys(scene: dict, document: dict, starts: dict[str, Any]) -> Iterator[
         elif section != "initial" and member:  # values of [initial] are converted
             values.append(document.get(section, {}).get(member))
         default = next((value for value in values if value is not None), None)
-        choices = tuple(str(c) for c in node.get("enum", ()) if isinstance(c, str))
-        if isinstance(default, int) and choices and 1 <= default <= len(choices):
-            default = choices[default - 1]
-        yield Entry(
-            name,
-            "scene key",
-            node.get("unit", ""),
-            default,
-            _find_limits(node),
-            choices,
-            "--scene",
-            node.get("description", ""),
-        )
+        entry = _describe_key(name, "scene key", node, default)
+        if isinstance(default, int) and 1 <= default <= len(entry.choices):
+            entry = replace(entry, default=entry.choices[default - 1])
+        yield entry
 
 
 def _list_disturbances(scene: dict) -> Iterator[Entry]:
@@ -190,16 +181,21 @@ def _list_disturbances(scene: dict) -> Iterator[Entry]:
     for number, entry in enumerate(scene.get("disturbance", ()), 1):
         for member, node in disturbance_members().items():
             value = entry.get(member, node.get("default"))
-            yield Entry(
-                f"disturbance.{number}.{member}",
-                "scene key",
-                node.get("unit", ""),
-                value,
-                _find_limits(node),
-                tuple(node.get("enum", ())),
-                "--scene",
-                node.get("description", ""),
-            )
+            yield _describe_key(f"disturbance.{number}.{member}", "scene key", node, value)
+
+
+def _describe_key(name: str, kind: str, node: dict, default: Any) -> Entry:
+    """Return the entry of a key from its node of the schema."""
+    return Entry(
+        name,
+        kind,
+        node.get("unit", ""),
+        default,
+        _find_limits(node),
+        tuple(choice for choice in node.get("enum", ()) if isinstance(choice, str)),
+        "--scene",
+        node.get("description", ""),
+    )
 
 
 def _list_mechanism(scene: dict, path: Path) -> Iterator[Entry]:
@@ -223,11 +219,9 @@ def _list_mechanism(scene: dict, path: Path) -> Iterator[Entry]:
             for number, child in enumerate(value, 1):
                 yield from walk(child, item, f"{name}.{child.get('name', number)}")
         elif not isinstance(value, str) and not name.endswith(".comment"):
-            dotted = name.removeprefix("mechanism.set.")
-            default, limits = changed.get(dotted, value), _find_limits(node)
-            unit, meaning = node.get("unit", ""), node.get("description", "")
+            default = changed.get(name.removeprefix("mechanism.set."), value)
             if not _is_comment(value):
-                yield Entry(name, "mechanism key", unit, default, limits, (), "--scene", meaning)
+                yield _describe_key(name, "mechanism key", node, default)
 
     yield from walk(mechanism, root, "mechanism.set")
 
