@@ -115,20 +115,6 @@ class Browser:
             raise DockloopError(f"Chromium: {text}")
         return answer["result"].get("value")
 
-    def press(self, key: str, code: str | None = None) -> None:
-        """Press and release a key, by its name in JavaScript."""
-        text = {"text": key} if len(key) == 1 else {}
-        virtual = {"ArrowLeft": 37, "ArrowRight": 39, "End": 35, "Home": 36, " ": 32}.get(key, 0)
-        common = {"key": key, "code": code or key, "windowsVirtualKeyCode": virtual}
-        self.call("Input.dispatchKeyEvent", type="keyDown", **common, **text)
-        self.call("Input.dispatchKeyEvent", type="keyUp", **common)
-
-    def resize(self, width: int, height: int) -> None:
-        """Give the window another size in CSS pixels."""
-        self._size |= {"width": width, "height": height}
-        self.call("Emulation.setDeviceMetricsOverride", mobile=False, **self._size)
-        self.settle()
-
     def settle(self) -> None:
         """Wait until the page has drawn itself twice."""
         frames = "requestAnimationFrame(() => requestAnimationFrame(() => done(true)))"

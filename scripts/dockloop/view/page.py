@@ -2,14 +2,12 @@
 
 Data are columns in base64: times and poses as 64-bit numbers, everything else as 32-bit ones. A
 page stays below 5 MB: of long results some samples are taken, those of all events among them.
-`read_page` returns what a page holds, so that a test can compare it with the result.
 """
 
 import base64
 import html
 import json
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
@@ -30,7 +28,6 @@ TOLERANCE = 1e-4  # the shapes of the scene must fit what was recorded so well [
 _BEGIN = f"<!doctype html>\n<!-- made by {COMMAND} -->"
 _DATA_LIMIT = 2_500_000  # bytes of columns in base64
 _PAGE_LIMIT = 5_000_000  # bytes of a page
-_DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
 
 # Columns as well as poses: what the page shows of a result, by name or pattern.
 _SHOWN = re.compile(
@@ -50,11 +47,7 @@ _GROUPS = {
 }
 
 
-def _is_page(path: Path) -> bool:
-    return read_head(path).startswith(_BEGIN.encode())
-
-
-PAGE = Kind("page", COMMAND, _is_page)
+PAGE = Kind("page", COMMAND, lambda path: read_head(path).startswith(_BEGIN.encode()))
 
 
 def write_page(
@@ -170,20 +163,6 @@ def fill_template(data: dict) -> str:
         "data": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda m: parts[m[1]], read("page.html"))
-
-
-def read_page(path: Path) -> dict:
-    """Return the data of a page, its columns as arrays.
-
-    Raises:
-        UsageError: it is no page of `write_page`.
-    """
-    found = _DATA.search(path.read_text(encoding="utf-8"))
-    if not found or not _is_page(path):
-        raise UsageError(f"{shown(path)}: is no page of '{COMMAND}'")
-    data = json.loads(found[1])
-    data["columns"] = {name: _decode(column) for name, column in data["columns"].items()}
-    return data
 
 
 def describe_outcome(run: Result) -> str:
@@ -352,15 +331,16 @@ def _choose_rows(run: Result, events: list[dict], limit: int) -> np.ndarray:
 def _can_have(scene: dict, group: str) -> bool:
     """Return whether a scene has what a group of outputs is about."""
     mechanism = scene["mechanism"]
-    needs: dict[str, Callable[[], Any]] = {
-        "relative": lambda: "target" in scene,
-        "ring": lambda: mechanism.get("bodies"),
-        "capture": lambda: "target" in scene and mechanism.get("contact"),
-        "contact": lambda: mechanism.get("contact", {}).get("type") == "guide_ring",
-        "phase": lambda: "target" in scene and mechanism.get("contact"),
-        "legs": lambda: mechanism.get("legs"),
+    contact = mechanism.get("contact", {})
+    needs: dict[str, Any] = {
+        "relative": "target" in scene,
+        "ring": mechanism.get("bodies"),
+        "capture": "target" in scene and contact,
+        "contact": contact.get("type") == "guide_ring",
+        "phase": "target" in scene and contact,
+        "legs": mechanism.get("legs"),
     }
-    return bool(needs[group]())
+    return bool(needs[group])
 
 
 def _encode(values: np.ndarray, kind: str) -> dict:
@@ -374,9 +354,3 @@ def _encode(values: np.ndarray, kind: str) -> dict:
         "shape": packed.shape,
         "data": base64.b64encode(packed.tobytes()).decode(),
     }
-
-
-def _decode(column: dict) -> np.ndarray:
-    """Return the array of a column."""
-    packed = np.frombuffer(base64.b64decode(column["data"]), dtype=f"<{column['type']}")
-    return packed.reshape(column["shape"])
