@@ -13,7 +13,7 @@ from typing import Any
 from dockloop import core, schema
 from dockloop.columns import align
 from dockloop.errors import UsageError, did_you_mean
-from dockloop.paths import MECHANISMS, find_absence, is_file, name_kind, shown
+from dockloop.paths import MECHANISMS, check_file, is_file, name_kind, shown
 from dockloop.scene import read_json, read_mechanism
 
 
@@ -50,8 +50,7 @@ def check_mechanism(mechanism: str | Path | dict, states: Path | None = None) ->
     path, document = _read(mechanism)
     if states is None:
         return core.check(document, path)
-    if not is_file(states):
-        raise UsageError(find_absence(states, "file of states"))
+    check_file(states, "file of states")
     return core.evaluate(document, path, json.dumps(read_json(states)), states)
 
 

@@ -10,6 +10,8 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
+from dockloop.errors import UsageError, find_reason
+
 _DATA = Path(__file__).resolve().parent / "data"
 IS_INSTALLED = _DATA.is_dir()
 ROOT = _DATA if IS_INSTALLED else _DATA.parents[2]
@@ -54,12 +56,23 @@ def name_kind(name: str) -> str:
     return ""
 
 
-def find_absence(path: Path, what: str) -> str:
-    """Say of a path where no file is what is wrong with it; `what` is what was looked for."""
+def check_file(path: Path, what: str) -> None:
+    """Refuse a path where no file is; `what` is what was looked for. Raises UsageError."""
+    if is_file(path):
+        return
     wrong = f"no such {what}"
     with suppress(OSError):
         if path.is_dir():
             wrong = f"is a folder, no {what}"
         elif path.is_symlink():
             wrong = f"is a link to nothing, no {what}"
-    return f"{shown(path)}: {wrong}"
+    raise UsageError(f"{shown(path)}: {wrong}")
+
+
+def read_bytes(path: Path, what: str) -> bytes:
+    """Read a file that the user names; `what` is what was looked for. Raises UsageError."""
+    check_file(path, what)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise UsageError(f"{shown(path)}: cannot be read ({find_reason(error)})") from None

@@ -25,7 +25,7 @@ from typing import Any
 from dockloop import schema
 from dockloop.core import number_choice
 from dockloop.errors import UsageError, did_you_mean, find_reason
-from dockloop.paths import MECHANISMS, SCENES, find_absence, is_file, name_kind, shown
+from dockloop.paths import MECHANISMS, SCENES, check_file, is_file, name_kind, shown
 from dockloop.variables import NAMED_NUMBERS
 
 FORMAT = "dockloop-scene/1"
@@ -65,8 +65,7 @@ def find_shipped(reference: str, kind: str, folder: Path) -> Path:
                 " ending in .toml"
             )
         path = shipped
-    if not is_file(path):
-        raise UsageError(find_absence(path, f"{kind} file"))
+    check_file(path, f"{kind} file")
     return path
 
 

@@ -29,7 +29,7 @@ from dockloop.errors import (
 )
 from dockloop.fmu import read_model
 from dockloop.outputs import filling, scratch
-from dockloop.paths import find_absence, is_file, shown
+from dockloop.paths import check_file, shown
 from dockloop.results import Result, list_points, warn_of_driven
 from dockloop.scene import scene_members
 from dockloop.summary import is_summarised
@@ -288,8 +288,7 @@ class Recorder:
 
 def read_scene(path: Path) -> dict:
     """Return the scene of an FMU of this program. Raises UsageError: it is none."""
-    if not is_file(path):
-        raise UsageError(find_absence(path, "FMU"))
+    check_file(path, "FMU")
     try:
         return read_model(path)
     except OSError as error:

@@ -30,7 +30,7 @@ from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_csv, writing
-from dockloop.paths import find_absence, is_file, shown
+from dockloop.paths import check_file, shown
 from dockloop.results import import_optional
 from dockloop.run_errors import compare_peaks
 from dockloop.sampling import Sweep, count_drawn, list_discs, say_accuracy
@@ -180,8 +180,7 @@ def open_table(path: Path) -> "TableFile":
         UsageError: the file is none.
         DockloopError: pyarrow is missing.
     """
-    if not is_file(path):
-        raise UsageError(find_absence(path, "table"))
+    check_file(path, "table")
     try:
         import_optional("pyarrow")
     except DockloopError:

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dockloop.errors import UsageError, did_you_mean, find_reason
-from dockloop.paths import find_absence, is_file, shown
+from dockloop.errors import UsageError, did_you_mean
+from dockloop.paths import read_bytes, shown
 
 _COLUMN = re.compile(r"\s*(?P<name>[^\s\[]\S*)\s+\[(?P<unit>[^\[\]]+)\]\s*")
 
@@ -79,12 +79,8 @@ def read_data(path: Path, outputs: Sequence[str], units: Sequence[str]) -> Data:
     Raises:
         UsageError: naming file, column or row, and what is expected.
     """
-    if not is_file(path):
-        raise UsageError(find_absence(path, "file of measurements"))
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except OSError as error:
-        raise UsageError(f"{shown(path)}: cannot be read ({find_reason(error)})") from None
+        lines = read_bytes(path, "file of measurements").decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise UsageError(f"{shown(path)}: is no text in UTF-8 ({error.reason})") from None
     rows = [(i, line.split(",")) for i, line in enumerate(lines, 1) if line.strip()]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dockloop.errors import UsageError, find_reason
-from dockloop.paths import find_absence, is_file, shown
+from dockloop.errors import UsageError
+from dockloop.paths import read_bytes, shown
 
 _LONGEST = 1000.0  # m: what is longer is in millimetres
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
@@ -23,13 +23,7 @@ def read_mesh(path: Path) -> dict:
     Raises:
         UsageError: it is no STL file, or is not in metres.
     """
-    if not is_file(path):
-        raise UsageError(find_absence(path, "STL file"))
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise UsageError(f"{shown(path)}: cannot be read ({find_reason(error)})") from None
-    corners = _read_corners(content)
+    corners = _read_corners(read_bytes(path, "STL file"))
     if corners is None or not len(corners) or not np.all(np.isfinite(corners)):
         raise UsageError(f"{shown(path)}: is no STL file with triangles")
     length = float(np.max(np.ptp(corners, axis=0)))

@@ -8,7 +8,7 @@ from fmpy.fmi1 import FMICallException
 
 from dockloop.errors import UsageError, find_reason
 from dockloop.outputs import MADE_BY, scratch
-from dockloop.paths import find_absence, is_file, shown
+from dockloop.paths import check_file, is_file, read_bytes, shown
 from dockloop.results import Result, import_optional
 from dockloop.scene import parse_json
 from dockloop.simulate import (
@@ -33,8 +33,7 @@ def read_result(path: Path, model: str | None = None) -> Result:
     Raises:
         UsageError: it is no result, or nothing says which model made it.
     """
-    if not is_file(path):
-        raise UsageError(find_absence(path, "result file"))
+    check_file(path, "result file")
     try:
         is_own = RESULT.is_own(path)
     except OSError as error:
@@ -61,12 +60,7 @@ def read_state(fmu: Path, state: Path) -> Result:
     Raises:
         UsageError: one of the files is none, or the state is of another FMU.
     """
-    if not is_file(state):
-        raise UsageError(find_absence(state, "file of a saved state"))
-    try:
-        content = state.read_bytes()
-    except OSError as error:
-        raise UsageError(f"{shown(state)}: cannot be read ({find_reason(error)})") from None
+    content = read_bytes(state, "file of a saved state")
     with scratch() as folder:
         description, scene = unpack_fmu(fmu, folder)
         times = communication_points(description, None, None)
