@@ -7,10 +7,10 @@ becomes a lost row.
 """
 
 import logging
-from collections import OrderedDict
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from threading import Event
 from typing import Any, Protocol
 
@@ -113,7 +113,7 @@ class DaskWorkers:
     def __init__(self, planner: Planner, client: Any) -> None:
         self._planner, self._client = planner, client
         self._pool = client.get_executor(pure=False)
-        self._sent: OrderedDict[str, tuple[str, Any]] = OrderedDict()
+        self._find_sent = lru_cache(KEPT_FMUS)(self._send)
 
     def count(self) -> int:
         """Return the number of threads of all workers that are there now."""
@@ -122,15 +122,13 @@ class DaskWorkers:
     def submit(self, values: tuple[Value, ...]) -> Future:
         """Send a case. Raises UsageError like `Planner.plan`."""
         plan = self._planner.plan(values)
-        if plan.fmu not in self._sent:
-            digest, fmu = self._planner.fmu(plan.fmu)
-            task = self._client.submit(bytes, fmu, key=f"fmu-{digest}")
-            self._sent[plan.fmu] = (digest, task)
-        self._sent.move_to_end(plan.fmu)
-        if len(self._sent) > KEPT_FMUS:
-            self._sent.popitem(last=False)
-        digest, task = self._sent[plan.fmu]
+        digest, task = self._find_sent(plan.fmu)
         return self._pool.submit(run_case, task, digest, plan.job)
+
+    def _send(self, key: str) -> tuple[str, Future]:
+        """Send the FMU of a key; returns its digest, and the task whose result it is."""
+        digest, fmu = self._planner.fmu(key)
+        return digest, self._client.submit(bytes, fmu, key=f"fmu-{digest}")
 
     def collect(self, future: Future) -> Result:
         """Return what a worker made of a case, or say what became of the worker."""

@@ -9,9 +9,9 @@ scene keys. Names are checked against the variables of the core: no FMU is built
 import copy
 import hashlib
 import json
-from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -88,6 +88,7 @@ class Planner:
         variables: of a docking of `base`, by name.
         model_digest: SHA-256 of `base` and of the libraries that an FMU of it would hold.
         experiment: ``stop``, ``step``, ``end_after_outcome`` [s], those that the sweep gives.
+        fmu: returns the SHA-256 and the bytes of the FMU of a key, built if it is not at hand.
         built: number of FMUs built so far.
         times: communication points of a case that runs to its stop.
         digest: of all that the user decides: scene, what is set and varies, cases, outcomes.
@@ -97,7 +98,7 @@ class Planner:
         """Read the base scene and check all names of the sweep against its variables."""
         self._sweep = sweep
         self.experiment = sweep.document["experiment"]
-        self._fmus: OrderedDict[str, tuple[str, bytes]] = OrderedDict()
+        self.fmu = lru_cache(KEPT_FMUS)(self._build)
         self.built = 0
         fixed = sweep.document["set"]
         self._reader = SceneReader(sweep.scene)
@@ -236,19 +237,14 @@ class Planner:
         )
         return Plan(self._key(document), job)
 
-    def fmu(self, key: str) -> tuple[str, bytes]:
-        """Return the SHA-256 and the bytes of the FMU of a key; builds it if it is not at hand."""
-        if key not in self._fmus:
-            with scratch() as folder:
-                path = folder / "sweep.fmu"
-                write_fmu(json.loads(key), self._sweep.scene, path, kernel=False, bare=True)
-                fmu = path.read_bytes()
-            self._fmus[key] = (_hash(fmu), fmu)
-            self.built += 1
-            if len(self._fmus) > KEPT_FMUS:
-                self._fmus.popitem(last=False)
-        self._fmus.move_to_end(key)
-        return self._fmus[key]
+    def _build(self, key: str) -> tuple[str, bytes]:
+        """Do the work of `fmu`."""
+        with scratch() as folder:
+            path = folder / "sweep.fmu"
+            write_fmu(json.loads(key), self._sweep.scene, path, kernel=False, bare=True)
+            fmu = path.read_bytes()
+        self.built += 1
+        return _hash(fmu), fmu
 
     def make_command(self, values: tuple[Value, ...], end: float) -> list[str]:
         """Return the words of the command that runs one case by itself."""
