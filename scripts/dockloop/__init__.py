@@ -47,10 +47,19 @@ and many of them::
     criteria      "captured within 5 s and load_ratio < 1"
     rare          the part of dockings that fail when few do
     envelopes     the boundary of a criterion, with few dockings
+    maps          where a scene is right, refused or wrong, over two quantities
+    extremes      whole scenes drawn at random, each with a verdict
     trades        speed against accuracy of many settings
     run_errors    the error of a run against a reference result, for all commands
     accuracy      the error of a run, estimated by a second run
     judging       is a run right? for maps and random extremes
+    crew          processes for that, which may be killed
+
+and next to them::
+
+    mechanism  is a mechanism sound?
+    view       a docking in three dimensions
+    measured   measured time histories over a run
 
 and what has names: `variables` of a docking, and the `catalogue` of all that can be set and read.
 

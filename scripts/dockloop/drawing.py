@@ -1,5 +1,6 @@
-"""Figures of the documentation page: SVG text made from the numbers of a scene, nothing else.
+"""Figures as SVG text, made from the numbers of a scene, nothing else.
 
+They stand in the documentation page of an FMU; `mechanism_drawing` draws its sheet with them too.
 :class:`Drawing` is a sheet with a few kinds of marks. The functions below draw the frames, the legs
 at home, the phases of a docking and the coupling of a driven vehicle. Axes are coloured as usual:
 x red, y green, z blue. The same scene gives the same text.

@@ -2,8 +2,8 @@
 
 Results are appended to a file (JSON lines) as they arrive, in any order. ``--resume`` reads it back
 and runs what is missing: a case is known by its values, not by its number, so that the work may
-also be continued with more cases, and a killed run loses nothing. Used by ``dockloop sweep`` and
-``dockloop trade``.
+also be continued with more cases, and a killed run loses nothing. Sweeps (``--rare`` too),
+envelopes, maps, trades and random extremes keep one.
 
 The first line says which command made the file, under which set-up, and for which cases (their
 number and a digest); another such line follows when the cases become others. Every line ends with a

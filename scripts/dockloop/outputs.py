@@ -9,8 +9,9 @@ have been made by the same command. The sign of this is in the file, never its n
 | summary, solution, journal | it begins with the JSON member ``made_by`` that names the command |
 | figure | the text ``Software`` of the PNG names the command |
 | result of a run | its columns are ``time`` and outputs that our FMUs can have, no others |
-| table of a sweep, of a trade | its metadata or header has the columns that all of them have |
-| page of a trade | it begins with the title of all of them |
+| table | its metadata or header has the columns that all of them have |
+| page in Markdown | it begins with the title of all of them |
+| page in HTML, drawing, film | a comment in it names the command |
 | FMU, SSP package | it holds a scene of this program; all FMUs in a package do |
 
 An empty file is foreign, too. Whatever lies in the folder ``build/`` of the project is its own,

@@ -34,7 +34,7 @@ def write_stills(
     Args:
         page: the page.
         shots: time [s] or event by the file to write.
-        camera: one of those of `options`.
+        camera: a choice of ``--camera``.
         size: width and height in pixels.
 
     Raises:
@@ -65,7 +65,7 @@ def write_film(
         path: the file, ``.mp4``.
         span: begin and end [s].
         speed: seconds of the docking in one of the film.
-        camera: one of those of `options`.
+        camera: a choice of ``--camera``.
         size: width and height in pixels; odd ones are made even.
 
     Returns:
