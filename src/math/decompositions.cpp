@@ -1,3 +1,4 @@
+// Eigen compiled for these matrices; see decompositions.hpp.
 #include "math/decompositions.hpp"
 
 #include <Eigen/Cholesky>

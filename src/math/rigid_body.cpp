@@ -1,3 +1,4 @@
+// The Runge-Kutta steps; see rigid_body.hpp.
 #include "math/rigid_body.hpp"
 
 #include <Eigen/Cholesky>

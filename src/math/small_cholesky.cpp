@@ -1,3 +1,4 @@
+// Factors and solutions; see small_cholesky.hpp.
 #include "math/small_cholesky.hpp"
 
 namespace dockloop {
