@@ -22,7 +22,7 @@ pytest.importorskip("matplotlib")
 import pyarrow as pa
 
 import dockloop as dl
-from dockloop import html_report
+from dockloop import sweep_report
 from dockloop.columns import say_number
 from dockloop.core import list_choices
 from dockloop.plots import color_of
@@ -186,5 +186,5 @@ def test_numbers_of_loads_have_no_exponent():
 def test_a_docked_case_counts_as_captured():
     """A sequence releases its latches when it has docked; cases that did not run are left out."""
     table = pa.table({"outcome": ["captured", "docked", "undocked", "miss", None]})
-    assert html_report.has_captured(table).tolist()[:4] == [1.0, 1.0, 1.0, 0.0]
-    assert np.isnan(html_report.has_captured(table)[4])
+    assert sweep_report.has_captured(table).tolist()[:4] == [1.0, 1.0, 1.0, 0.0]
+    assert np.isnan(sweep_report.has_captured(table)[4])

@@ -336,17 +336,20 @@ def test_a_case_of_a_large_table_is_chosen_in_little_memory(tmp_path):
     rows = 1 << 18
     numbers = np.arange(rows)
     outcomes = np.where(numbers % 80_000 == 777, "miss", "captured")
-    statuses = np.where(numbers == 5, "failed", "done")
+    outcomes[3] = "docked"  # was captured before
+    failed = numbers == 5  # has no outputs
+    statuses = np.where(failed, "failed", "done")
     loads = np.random.default_rng(1).random(rows)
-    loads[5], loads[246_543] = 9.0, 2.0
+    loads[246_543] = 2.0
     columns = {"case": numbers + 1, "status": statuses, "reason": np.full(rows, "a" * 30)}
-    columns |= {"outcome": outcomes, "capture.peak.load_ratio": loads}
     columns |= {f"filler{i}": loads + i for i in range(10)}
+    outputs = {"outcome": outcomes, "capture.peak.load_ratio": loads}
+    columns |= {name: pa.array(values, mask=failed) for name, values in outputs.items()}
     text = 'scene = "absorber_1d"\n'
     table = pa.table(columns).replace_schema_metadata({"dockloop.sweep": text})
     file = tmp_path / "own.parquet"
     parquet.write_table(table, file, row_group_size=1 << 14)
-    del columns, table
+    del columns, outputs, table
 
     def choose(**options):
         chosen = {"cases": [], "not_captured": None} | options

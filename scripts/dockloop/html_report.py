@@ -29,7 +29,7 @@ from dockloop.outputs import Kind, read_head, writing
 from dockloop.sampling import say_accuracy
 from dockloop.sweep_report import (
     count_texts,
-    is_captured,
+    has_captured,
     is_text,
     list_worst,
     read_numbers,
@@ -329,15 +329,6 @@ def _rank_cases(sweep: Any, planner: Any, table: Any, views: Mapping[int, Path])
                 links |= {remark: views[i]} if i in views else {}
             sections.append(Section(title, commands=commands, links=links))
     return sections
-
-
-def has_captured(table: Any) -> np.ndarray:
-    """Return 1 for each case with a capture, 0 without, NaN if it did not run."""
-    from pyarrow import compute
-
-    outcome = table["outcome"]
-    captured = is_captured(outcome).cast("double")
-    return compute.if_else(outcome.is_valid(), captured, np.nan).to_numpy()
 
 
 def _rank_inputs(sweep: Any, planner: Any, table: Any) -> list[Section]:

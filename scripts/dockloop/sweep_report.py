@@ -318,6 +318,15 @@ def is_captured(outcomes: Any) -> Any:
     return compute.is_in(outcomes, value_set=array(WITH_CAPTURE))
 
 
+def has_captured(table: Any) -> np.ndarray:
+    """Return 1 for each case with a capture, 0 without, NaN if it did not run."""
+    from pyarrow import compute
+
+    outcome = table["outcome"]
+    captured = is_captured(outcome).cast("double")
+    return compute.if_else(outcome.is_valid(), captured, np.nan).to_numpy()
+
+
 def is_text(table: Any, name: str) -> bool:
     """Return whether a column has texts, and no numbers."""
     return str(table.schema.field(name).type) == "string"

@@ -9,6 +9,8 @@ import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import shown
@@ -170,7 +172,7 @@ def run_again(words: list[str], label: str) -> Result:
 def _choose_cases(
     table: Path, rows: "TableFile", metadata: dict[str, str], options: argparse.Namespace
 ) -> list[int]:
-    """Return the numbers of the cases to show, from 1. The table is read in parts."""
+    """Return the numbers of the cases to show, from 1; columns are read one by one."""
     count = options.not_captured
     if options.cases and count is not None:
         raise UsageError("--case and --not-captured: give one of them")
@@ -190,26 +192,21 @@ def _choose_cases(
 
 def _find_cases(table: Path, rows: "TableFile", by: str, count: int | None) -> list[int]:
     """Return the case with the largest value of a column, or so many that were not captured."""
-    has_column = by in rows.column_names
-    columns = ["case", "status", *([by] if has_column else [])]
-    found: list[int] = []
-    done, most = 0, -math.inf
-    for row in (row for part in rows.to_batches(columns) for row in part.to_pylist()):
-        if row["status"] != "done":
-            continue
-        done += 1
-        value = row.get(by)
-        if count is not None and value != "captured" and len(found) < count:
-            found.append(row["case"])
-        elif count is None and isinstance(value, int | float) and (not found or value > most):
-            found, most = [row["case"]], value
+    from dockloop.sweep_report import count_texts, has_captured, is_text, list_worst, read_numbers
+
+    done = count_texts(rows["status"]).get("done", 0)
     if not done:
         raise UsageError(f"{shown(table)}: no case was done, so there is none to show")
-    if not has_column or (count is None and not found):
-        raise UsageError(f"{shown(table)}: '{by}' is no column of it, so name a --case")
+    found: list[int] = []
+    if by in rows.column_names and count is not None:
+        found = np.flatnonzero(has_captured(rows) == 0.0)[:count].tolist()
+        if not found:
+            raise UsageError(f"{shown(table)}: all {done} cases were captured")
+    elif by in rows.column_names and not is_text(rows, by):
+        found = list_worst(read_numbers(rows, by), 1)
     if not found:
-        raise UsageError(f"{shown(table)}: all {done} cases were captured")
-    return found
+        raise UsageError(f"{shown(table)}: '{by}' is no column of it, so name a --case")
+    return [row + 1 for row in found]
 
 
 def find_command(table: Path, metadata: dict[str, str], case: int, folder: Path) -> list[str]:
