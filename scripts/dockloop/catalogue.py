@@ -219,15 +219,12 @@ def _list_mechanism(scene: dict, path: Path) -> Iterator[Entry]:
             for number, child in enumerate(value, 1):
                 yield from walk(child, item, f"{name}.{child.get('name', number)}")
         elif not isinstance(value, str) and not name.endswith(".comment"):
+            is_comment = isinstance(value, list) and any(isinstance(v, str) for v in value)
             default = changed.get(name.removeprefix("mechanism.set."), value)
-            if not _is_comment(value):
+            if not is_comment:
                 yield _describe_key(name, "mechanism key", node, default)
 
     yield from walk(mechanism, root, "mechanism.set")
-
-
-def _is_comment(value: Any) -> bool:
-    return isinstance(value, list) and any(isinstance(entry, str) for entry in value)
 
 
 def _describe_variable(variable: Variable) -> Entry:

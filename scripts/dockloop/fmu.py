@@ -69,11 +69,7 @@ def read_model(path: Path | BinaryIO) -> dict:
     return document
 
 
-def _is_fmu(path: Path) -> bool:
-    return bool(read_model(path))
-
-
-FMU = Kind("FMU", "dockloop build", _is_fmu)
+FMU = Kind("FMU", "dockloop build", lambda path: bool(read_model(path)))
 
 
 def build_fmu(

@@ -59,7 +59,7 @@ def make_page() -> str:
         root = load_schema(name)
         parts.append(f"## {title} ({language})\n\n{_sentence(root['description'])}\n")
         for section in _list_sections(name):
-            heading = section.title or "top level"
+            heading = f"`{section.title}`" if section.title else "top level"
             parts.append(f"### {name}: {heading}\n")
             if section.text:
                 parts.append(f"{section.text}\n")
@@ -95,7 +95,7 @@ def _list_sections(name: str) -> list[Section]:
         text = _sentence(node.get("description", "")) if title else ""
         text = " ".join(part for part in (text, _describe_known(node, known, root)) if part)
         if rows or known:
-            sections.append(Section(_heading(title), text, rows))
+            sections.append(Section(title, text, rows))
     return sections
 
 
@@ -252,10 +252,6 @@ def _describe_list(node: dict) -> str:
         plural = "lists of 3 numbers"
     count = f"{least} " if least is not None and least == most else ""
     return f"{count}{plural}".strip() if count and plural else f"list of {plural or 'entries'}"
-
-
-def _heading(title: str) -> str:
-    return f"`{title}`" if title else ""
 
 
 def _sentence(text: str) -> str:

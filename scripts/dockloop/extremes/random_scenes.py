@@ -10,7 +10,7 @@ long as the case stays bad.
 import math
 import random
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import as_completed
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -273,7 +273,8 @@ def shrink(crew: Crew, case: Case, verdict: Verdict) -> tuple[Case, Verdict]:
 
     ranges = list_ranges(case.scene)
     for names in _list_groups(case):
-        try_out(replace(case, overrides=_without(case.overrides, names)))
+        rest = {name: value for name, value in case.overrides.items() if name not in names}
+        try_out(replace(case, overrides=rest))
     for name in [n for n in ranges if n in case.overrides and n != "experiment.start"]:
         for _ in range(_HALVINGS):
             half = _go_half_way(case.overrides[name], ranges[name].default)
@@ -295,10 +296,6 @@ def _list_groups(case: Case) -> Iterator[list[str]]:
             head = name
         groups.setdefault(head, []).append(name)
     yield from groups.values()
-
-
-def _without(overrides: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    return {name: value for name, value in overrides.items() if name not in names}
 
 
 def _go_half_way(value: float, default: float) -> float:

@@ -13,7 +13,7 @@ from typing import Any
 
 from dockloop import paths
 from dockloop.copies import set_key
-from dockloop.core import REFERENCE, list_compared_methods, name_choice
+from dockloop.core import REFERENCE, list_compared_methods, name_choice, number_choice
 from dockloop.errors import DockloopError, UsageError
 from dockloop.outputs import table_kind, write_text
 from dockloop.paths import shown
@@ -55,8 +55,8 @@ def choose_row(rows: list[dict], wanted: float, step: float) -> dict:
     Raises:
         DockloopError: no setting is.
     """
-    compared = list_compared_methods()
-    carried = [row for row in rows if row["method"] not in compared and not _is_reference(row)]
+    compared, reference = list_compared_methods(), number_choice("model.level", REFERENCE)
+    carried = [r for r in rows if r["method"] not in compared and r["level"] != reference]
     own_step = [row for row in carried if math.isclose(row["step"], step)]
     row = recommend(own_step or carried, wanted)
     if row is None:
@@ -64,10 +64,6 @@ def choose_row(rows: list[dict], wanted: float, step: float) -> dict:
         least = f"the smallest error is {min(errors):.1e}" if errors else "none ran to its end"
         raise DockloopError(f"--apply {wanted:g}: no measured setting reaches it: {least}")
     return row
-
-
-def _is_reference(row: dict) -> bool:
-    return row["level"] is not None and name_choice("model.level", row["level"]) == REFERENCE
 
 
 def make_keys(row: dict, bench: Bench) -> dict[str, Any]:
@@ -99,7 +95,9 @@ def write_copy(reference: str, keys: dict[str, Any], row: dict, command: str, pa
         section, member = name.split(".")
         text = set_key(text, section, member, value)
     head = f"{_BEGIN} (error {row['error']:.1e}, measured by `{command}`)\n"
-    text = head + text.removeprefix(text.partition("\n")[0] + "\n" if _is_copy(text) else "")
+    if text.startswith(_BEGIN):  # a copy of a copy
+        text = text.partition("\n")[2]
+    text = head + text
     found = tomllib.loads(text)
     for name, value in keys.items():
         section, member = name.split(".")
@@ -107,7 +105,3 @@ def write_copy(reference: str, keys: dict[str, Any], row: dict, command: str, pa
             raise DockloopError(f"{shown(source)}: {name} cannot be set in this file: set it there")
     write_text(path, SCENE, text)
     resolve_scene(path)
-
-
-def _is_copy(text: str) -> bool:
-    return text.startswith(_BEGIN)
