@@ -208,11 +208,11 @@ def test_files_of_another_command_are_foreign(dockloop, tmp_path):
 
 def test_the_shipped_results_can_be_made_again():
     """`dockloop trade -o modelDescription/trade/NAME` replaces them."""
-    from dockloop.trades.report import list_files
+    from dockloop.trades.report import KINDS
 
     for folder in sorted((paths.MODELS / "trade").iterdir()):
-        for path, kind in list_files(folder):
-            outputs.claim(path, kind)
+        for name, kind in KINDS.items():
+            outputs.claim(folder / name, kind)
 
 
 # ---------------------------------------------------------------- half written files

@@ -60,8 +60,8 @@ def run(options: Options) -> None:
     copy = _find_copy(options)
     given = None if copy is not None and copy == options.output else options.output
     folder = given or paths.BUILD / "results" / f"trade_{name}"
-    for file, kind in report.list_files(folder):
-        claim(file, kind)
+    for file, kind in report.KINDS.items():
+        claim(folder / file, kind)
     bench = make_bench(options.scene, options.overrides, choice)
     progress = ProgressBar(name)
     measured = run_trade(bench, choice, folder, resume=options.resume, progress=progress)

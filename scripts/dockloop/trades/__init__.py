@@ -286,7 +286,7 @@ def run_trade(
             "figures": list(FIGURES),
         }
         journal = Journal(
-            find_journal(folder),
+            folder / "trade.jsonl",
             setup,
             len(settings),
             resume=resume,
@@ -318,11 +318,6 @@ def run_trade(
     }
     rows = [make_row(bench, s, default, journal.known[astuple(s)], stop) for s in settings]
     return Trade(rows, about)
-
-
-def find_journal(folder: Path) -> Path:
-    """Return where the journal of a trade is."""
-    return folder / "trade.jsonl"
 
 
 def measure(

@@ -12,9 +12,9 @@ from typing import Any
 from dockloop.core import name_choice
 from dockloop.figures import can_draw, save_figure
 from dockloop.journal import journal_kind
-from dockloop.outputs import Kind, figure_kind, table_kind, write_csv, write_text
+from dockloop.outputs import figure_kind, table_kind, write_csv, write_text
 from dockloop.run_errors import describe_scale
-from dockloop.trades import Trade, find_journal
+from dockloop.trades import Trade
 from dockloop.trades.columns import AUDITS, COSTS, ERRORS, FIGURES
 
 WANTED = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
@@ -23,8 +23,12 @@ _FIELDS = ("setting", "level", "method", "dae_form", "rtol", "inner_step", "step
 _COLUMNS = (*_FIELDS, "status", "reason", *FIGURES, "front_by_evaluations", "front_by_time")
 _COMMAND = "dockloop trade"
 _TITLE = "# Speed against accuracy: "
-_PAGE = table_kind("page", _COMMAND, _TITLE)
-_CSV = table_kind("table", _COMMAND, ",".join((*_FIELDS, "status", "reason", "")))
+KINDS = {  # of the files in the folder of a trade
+    "trade.csv": table_kind("table", _COMMAND, ",".join((*_FIELDS, "status", "reason", ""))),
+    "trade.md": table_kind("page", _COMMAND, _TITLE),
+    "work_precision.png": figure_kind(_COMMAND),
+    "trade.jsonl": journal_kind("trade"),
+}
 _TABLE = (*ERRORS, *AUDITS, "evaluations", "steps", "time_ratio")  # of the page
 _FRAMES = {"relative": "P seen from A", "ring": "the ring"}
 
@@ -90,32 +94,21 @@ def describe_trade(summary: dict) -> str:
     )
 
 
-def list_files(folder: Path) -> list[tuple[Path, Kind]]:
-    """Return every file that a trade could write, the journal last, and its kind."""
-    return [
-        (folder / "trade.csv", _CSV),
-        (folder / "trade.md", _PAGE),
-        (folder / "work_precision.png", figure_kind(_COMMAND)),
-        (find_journal(folder), journal_kind("trade")),
-    ]
-
-
 def write_trade(summary: dict, folder: Path) -> list[Path]:
     """Write trade.csv, trade.md and, if it can be drawn, work_precision.png; returns the files.
 
     Raises:
         DockloopError: one cannot be written.
     """
-    table_file, page, figure = (path for path, _ in list_files(folder)[:3])
+    table, page = folder / "trade.csv", folder / "trade.md"
     rows = sorted(summary["rows"], key=_by_cost)
-    drawn = [figure] if can_draw() else []
-    write_csv(
-        table_file, _CSV, _COLUMNS, ([_plain(row[name]) for name in _COLUMNS] for row in rows)
-    )
-    write_text(page, _PAGE, _make_page(summary, rows, drawn))
+    drawn = [folder / "work_precision.png"] if can_draw() else []
+    cells = ([_plain(row[name]) for name in _COLUMNS] for row in rows)
+    write_csv(table, KINDS[table.name], _COLUMNS, cells)
+    write_text(page, KINDS[page.name], _make_page(summary, rows, drawn))
     for path in drawn:
         _plot(summary, path)
-    return [table_file, page, *drawn]
+    return [table, page, *drawn]
 
 
 def _usable(rows: Iterable[dict]) -> list[dict]:
