@@ -162,7 +162,7 @@ def open_executor(
 
     Args:
         planner: plans them.
-        engine: ``core`` or ``fmu``.
+        engine: ``core``, ``fmu`` or ``auto``.
         workers: local threads (of the core) or processes; default: one per processor.
         scheduler: address of a Dask scheduler to use instead.
         cases: how many there are.
@@ -171,7 +171,7 @@ def open_executor(
         DockloopError: the scheduler cannot be used.
     """
     count = min(workers or count_processors(), cases)
-    if engine == "core":
+    if choose_engine(engine, scheduler) == "core":
         with CoreThreads(planner, count) as threads:
             yield threads
         return

@@ -24,7 +24,7 @@ import numpy as np
 
 from dockloop.criteria import Criterion
 from dockloop.errors import DockloopError, UsageError
-from dockloop.executors import Executor, choose_engine, open_executor
+from dockloop.executors import Executor, open_executor
 from dockloop.journal import Journal, make_digest, make_report
 from dockloop.outputs import MADE_BY, Kind, json_kind
 from dockloop.paths import shown
@@ -203,7 +203,6 @@ def run_rare(
     most = samples * (_MOST_LEVELS + 1)
     setup = planner.find_setup()
     kept = Journal(journal, setup, most, resume=resume, work=WORK, digest=digest)
-    engine = choose_engine(engine, scheduler)
     began = time.perf_counter()
     with kept.at_work(lambda: f"{len(kept.known)} dockings"):
         with open_executor(planner, engine, workers, scheduler, samples) as executor:

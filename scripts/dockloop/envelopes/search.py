@@ -20,7 +20,7 @@ from dockloop.cases import Result
 from dockloop.criteria import Criterion
 from dockloop.envelopes.mesh import Bracket, Class, Mesh, Point
 from dockloop.errors import DockloopError, UsageError
-from dockloop.executors import Executor, choose_engine, open_executor
+from dockloop.executors import Executor, open_executor
 from dockloop.journal import Journal, find_outcomes, make_digest
 from dockloop.planning import Planner
 from dockloop.sampling import Cases, Sweep, list_quantities
@@ -330,10 +330,9 @@ class _Runner:
             opened = self._judge.open(self._search.planner, self._workers)
             self._executor = self._stack.enter_context(opened)
         if self._executor is None:
-            engine = choose_engine("auto", self._scheduler)
             many = 1 << 16  # as many threads as there are processors, whatever a round asks for
             self._executor = self._stack.enter_context(
-                open_executor(self._search.planner, engine, self._workers, self._scheduler, many)
+                open_executor(self._search.planner, "auto", self._workers, self._scheduler, many)
             )
         return self._executor
 
