@@ -15,6 +15,7 @@ from typing import Any
 from fmpy import fmi2
 from fmpy.fmi1 import FMICallException
 
+from dockloop import __version__
 from dockloop.errors import DockloopError, UsageError
 from dockloop.outputs import scratch
 from dockloop.simulate import Instance, communication_points, unpack_fmu
@@ -87,8 +88,6 @@ def run_case(fmu: bytes, digest: str, job: Job) -> Result:
 
 def say_version() -> str:
     """Return the version of this package; a worker that has it can run cases."""
-    from dockloop import __version__
-
     return __version__
 
 

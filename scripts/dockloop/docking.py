@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dockloop.accuracy import estimate_error as find_estimate
 from dockloop.core import core_errors, name_source, to_json
 from dockloop.errors import UsageError, did_you_mean, names_arguments
 from dockloop.fmu import find_placement
@@ -320,10 +321,9 @@ def run(
     result.wall["load"] += loaded
     result.warnings += warn_of_driven(docking.scene.document)
     if estimate_error:
-        from dockloop import accuracy as errors  # loads FMPy
 
         def repeat(other: dict[str, float]) -> Result:
             return run(docking.scene, None, settings | other, stop=stop, step=step)
 
-        result.error_estimate = errors.estimate_error(result, repeat)
+        result.error_estimate = find_estimate(result, repeat)
     return result

@@ -27,6 +27,7 @@ from dockloop.errors import DockloopError
 from dockloop.influence import Influence, can_rank, find_influence
 from dockloop.outputs import Kind, read_head, writing
 from dockloop.sampling import say_accuracy
+from dockloop.summary import describe
 from dockloop.sweep_report import (
     count_texts,
     has_captured,
@@ -196,8 +197,6 @@ def report_run(
         command: words that repeat it.
         view: page with its motion.
     """
-    from dockloop.summary import describe
-
     sections = [Section("Outcome", describe(summary).split("\n")[1].strip())]
     remark = "The same run again"
     sections[0].commands = [(remark, shlex.join(command))]

@@ -16,7 +16,7 @@ from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import shown
 from dockloop.results import Result
 from dockloop.summary import RESULT
-from dockloop.view.page import PAGE, write_page
+from dockloop.view.page import PAGE, find_events, write_page
 from dockloop.view.pictures import FILM, STILL, write_film, write_stills
 from dockloop.view.results import read_result, read_state
 
@@ -276,8 +276,6 @@ def _list_files(output: Path, options: argparse.Namespace) -> list[tuple[Path, K
 
 def _parse_moments(text: str, run: Result) -> list[float | str]:
     """Return times [s] and events."""
-    from dockloop.view.page import find_events
-
     known = {event["key"] for event in find_events(run)}
     known |= {"peak"} if any(key.startswith("peak_") for key in known) else set()
     times = run["time"]

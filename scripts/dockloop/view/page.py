@@ -21,7 +21,9 @@ from dockloop.errors import DockloopError, UsageError
 from dockloop.outputs import Kind, read_head, writing
 from dockloop.paths import shown
 from dockloop.results import Result
+from dockloop.summary import describe, summarise
 from dockloop.view import geometry
+from dockloop.view.mesh import read_mesh
 
 COMMAND = "dockloop view"
 TOLERANCE = 1e-4  # the shapes of the scene must fit what was recorded so well [m]
@@ -75,8 +77,6 @@ def write_page(
     """
     data = make_data(run, command)
     for vehicle, mesh in (meshes or {}).items():
-        from dockloop.view.mesh import read_mesh
-
         if vehicle not in data["geometry"]["vehicles"]:
             raise UsageError(f"--mesh {vehicle}={shown(mesh)}: the scene has no {vehicle}")
         data["geometry"]["vehicles"][vehicle]["mesh"] = read_mesh(mesh)
@@ -167,8 +167,6 @@ def fill_template(data: dict) -> str:
 
 def describe_outcome(run: Result) -> str:
     """Say in one line how the docking ended."""
-    from dockloop.summary import describe, summarise
-
     timed = {"loop": 1.0, "do_step": 0.0, "read": 0.0, "load": 0.0}  # a result file has no times
     return describe(summarise(replace(run, wall=timed))).splitlines()[1].strip()
 

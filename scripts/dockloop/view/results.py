@@ -10,11 +10,12 @@ from dockloop.errors import UsageError, find_reason
 from dockloop.outputs import MADE_BY, scratch
 from dockloop.paths import check_file, is_file, read_bytes, shown
 from dockloop.results import Result, import_optional
-from dockloop.scene import parse_json
+from dockloop.scene import find_scene, parse_json, resolve_scene
 from dockloop.simulate import (
     Instance,
     Recorder,
     communication_points,
+    read_scene,
     unpack_fmu,
 )
 from dockloop.summary import COMMAND, RESULT, find_summary
@@ -120,7 +121,8 @@ def _read_values(path: Path) -> tuple[list[str], list[str], np.ndarray]:
 def _find_model(path: Path, model: str | None, rows: int) -> tuple[dict, dict[str, float]]:
     """Return the resolved scene and the parameters of a result."""
     if model:
-        document = read_model_of(model)
+        is_fmu = model.endswith(".fmu")
+        document = read_scene(Path(model)) if is_fmu else resolve_scene(find_scene(model))
         vehicles = [name for name in ("chaser", "target") if name in document]
         return document, {f"{name}.mass": float(document[name]["mass"]) for name in vehicles}
     summary_file = find_summary(path)
@@ -145,13 +147,3 @@ def _find_model(path: Path, model: str | None, rows: int) -> tuple[dict, dict[st
             f" {shown(path)} has {rows - 1}: {hint}"
         )
     return summary["model"], summary.get("parameters", {})
-
-
-def read_model_of(model: str) -> dict:
-    """Return the resolved scene of a scene file, of a shipped scene or of an FMU."""
-    from dockloop.scene import find_scene, resolve_scene
-    from dockloop.simulate import read_scene
-
-    if model.endswith(".fmu"):
-        return read_scene(Path(model))
-    return resolve_scene(find_scene(model))
