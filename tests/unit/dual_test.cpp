@@ -5,8 +5,7 @@
 // everything;
 // 4. kinks and singular points behave as the header says;
 // 5. a Cholesky solution has its derivative, also of a leading block; in rotations: exp and log
-// undo each other, at
-//    the zero rotation too; a spring's force is the derivative of its energy.
+//    undo each other, at the zero rotation too; a spring's force is the derivative of its energy.
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
