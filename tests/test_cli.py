@@ -1,5 +1,6 @@
 """The command line from outside: help, examples, exit status, one-sentence errors."""
 
+import argparse
 import json
 import math
 import re
@@ -7,13 +8,14 @@ import shlex
 import subprocess
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
 from conftest import SCENES
-from dockloop import commands, paths
+from dockloop import arguments, commands, paths
 
 COMMANDS = (
     *("new", "build", "ssp", "run", "view", "compare", "sweep", "trade", "truth", "check"),
@@ -73,10 +75,28 @@ def test_every_command_has_a_module_that_needs_no_heavy_package():
     subprocess.run([sys.executable, "-c", program], check=True)
 
 
+@pytest.mark.parametrize("text", ["inf", "nan", "1e400", "", "1,5"])
+def test_every_option_that_takes_a_number_refuses_what_is_none(text):
+    parsers = {}
+    for name in commands.COMMANDS:
+        command = arguments.Command()
+        import_module(f"dockloop.commands.{name}").add_options(command)
+        parsers |= {(name, action.dest): action.type for action in command._actions}
+    numbers = {place: parse for place, parse in parsers.items() if parse not in (None, Path)}
+    assert {("run", "stop"), ("run", "max_gigabytes"), ("map", "limit")} < set(numbers)
+    for parse in numbers.values():
+        with pytest.raises(argparse.ArgumentTypeError, match=r"must be a (finite|whole) number"):
+            parse(text)
+
+
 def test_bad_usage_is_refused(dockloop):
     assert_refused(dockloop(), "COMMAND")
     assert_refused(dockloop("sail"), "sail")
     assert_refused(dockloop("run", "idss_25t_350t", "--stop", "soon"), "--stop")
+    assert_refused(
+        dockloop("run", "idss_25t_350t", "--stop", "1e400"),
+        "--stop: is 1e400: must be a finite number",
+    )
     assert_refused(dockloop("run", "idss_25t_350t", "-o", "result.txt"), "result.txt", ".csv")
     assert_refused(dockloop("run", "no.fmu"), "no.fmu")
     assert_refused(dockloop("check", "apda", "--draw", "own.gif"), "--draw own.gif", ".svg")

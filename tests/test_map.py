@@ -245,7 +245,7 @@ def test_a_point_runs_alone(dockloop, mapped, tmp_path):
         (("--error", "0"), "--error 0: must be greater than 0"),
         (("--points", "2"), "--points 2: must be at least 3"),
         (("--scene", "outputs.groups=['energy']"), "add one of them to outputs.groups"),
-        (("--limit", "nan"), "--limit: is nan: must be greater than 0"),
+        (("--limit", "nan"), "--limit: is nan: must be a finite number"),
     ],
 )
 def test_bad_usage_is_refused_in_one_sentence(dockloop, tmp_path, words, text):

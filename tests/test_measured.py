@@ -157,7 +157,7 @@ def test_bad_options_are_refused(dockloop, tmp_path):
     run_absorber(dockloop, "--stop", "1")
     for option, value, words in (
         ("--band", "0", "above 0"),
-        ("--shift", "nan", "must be finite"),
+        ("--shift", "nan", "must be a finite number"),
         ("--outcome", "reboundd", "did you mean 'rebound'"),
         ("-o", "own.txt", "must end in .json"),
         ("-o", "own_summary.json", "own_summary.json"),

@@ -9,6 +9,7 @@
 """
 
 import json
+import math
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -233,11 +234,14 @@ def test_a_scene_is_read_once_and_changed_by_overrides():
 
 MISSPELT = {
     "stop -1.0: must be greater than the start time": lambda: dl.run(SCENE, stop=-1.0),
+    "stop inf: must be a finite number": lambda: dl.run(SCENE, stop=math.inf),
     "step 0.0: must be greater than 0": lambda: dl.run(SCENE, step=0.0),
+    "step nan: must be a finite number": lambda: dl.run(SCENE, step=math.nan),
     "overrides chaser.mas=1.0: a scene has no key": lambda: dl.Scene(SCENE, {"chaser.mas": 1.0}),
     "refine, refine_accuracy: .* give both, and accuracy of": lambda: dl.sweep(SWEEP, refine="x"),
     "tolerance 0.3: must be": lambda: find_envelope(tolerance=0.3),
     "checks -1: must be at least 0": lambda: find_envelope(checks=-1),
+    "seed -1: must be at least 0": lambda: find_envelope(seed=-1),
     "criteria: at least one is needed": lambda: find_envelope(criteria=[]),
     "methods nope: there is no 'nope'": lambda: dl.trade("absorber_1d", methods=["nope"]),
 }

@@ -9,17 +9,34 @@ from typing import Any, NoReturn
 
 from dockloop.errors import UsageError, one_line
 
-__all__ = ["LIMIT", "Command", "Options", "list_words", "positive"]
+__all__ = ["LIMIT", "Command", "Options", "finite", "list_words", "positive", "whole"]
 
 LIMIT = 60.0  # s of processor time that a docking to be judged may take
 
 
+def finite(text: str) -> float:
+    """Parse a finite number."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"is {text or 'empty'}: must be a finite number")
+    return number
+
+
+def whole(text: str) -> int:
+    """Parse a whole number."""
+    try:
+        return int(text)
+    except ValueError:
+        wrong = f"is {text or 'empty'}: must be a whole number"
+        raise argparse.ArgumentTypeError(wrong) from None
+
+
 def positive(text: str) -> int:
     """Parse a whole number above 0."""
-    try:
-        number = int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"is {text}: must be a whole number") from None
+    number = whole(text)
     if number < 1:
         raise argparse.ArgumentTypeError(f"is {text}: must be at least 1")
     return number
@@ -27,12 +44,9 @@ def positive(text: str) -> int:
 
 def _duration(text: str) -> float:
     """Parse a time above 0 [s]."""
-    try:
-        time = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"is {text}: must be a number of seconds") from None
-    if not 0.0 < time < math.inf:
-        raise argparse.ArgumentTypeError(f"is {text}: must be greater than 0 and finite [s]")
+    time = finite(text)
+    if time <= 0.0:
+        raise argparse.ArgumentTypeError(f"is {text}: must be greater than 0 [s]")
     return time
 
 
@@ -79,8 +93,8 @@ class Command(argparse.ArgumentParser):
     def add_run(self) -> None:
         """Add what distinguishes one run of a scene from another, next to the scene."""
         self.add_list("--set", "set", "NAME=VALUE", "start value of an FMU variable (repeatable)")
-        self.add_option("--stop", "T", "end of the run [s]", type=float)
-        self.add_option("--step", "H", "communication step [s]", type=float)
+        self.add_option("--stop", "T", "end of the run [s]", type=finite)
+        self.add_option("--step", "H", "communication step [s]", type=finite)
 
     def add_range(self, letter: str, *, is_optional: bool = False) -> None:
         """Add a quantity that goes over a range."""

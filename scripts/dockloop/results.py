@@ -195,9 +195,12 @@ def list_points(start: float, stop: float, step: float) -> np.ndarray:
     Raises:
         UsageError: naming the value and the limit.
     """
-    if not (math.isfinite(stop) and stop > start):
+    for option, value in (("--stop", stop), ("--step", step)):
+        if not math.isfinite(value):
+            raise UsageError(f"{option} {value}: must be a finite number")
+    if stop <= start:
         raise UsageError(f"--stop {stop}: must be greater than the start time {start} s")
-    if not (math.isfinite(step) and step > 0.0):
+    if step <= 0.0:
         raise UsageError(f"--step {step}: must be greater than 0")
     steps = (stop - start) / step * (1.0 - 1e-12)
     if not steps <= _MAX_STEPS:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from dockloop.arguments import Command, Options
+from dockloop.arguments import Command, Options, finite
 from dockloop.console import write_found
 
 EXAMPLE = "example: dockloop compare build/results/absorber_1d/absorber_1d.csv rig.csv"
@@ -21,9 +21,9 @@ def add_options(command: Command) -> None:
         help="measurements; the header names outputs with units: time [s],relative.axial [mm],...",
     )
     text = "time of the run less time of the data [s] (default: found from the columns)"
-    command.add_option("--shift", "T", text, type=float)
+    command.add_option("--shift", "T", text, type=finite)
     text = f"half width of the error band, as part of the measured peak (default: {_BAND:g})"
-    command.add_option("--band", "PART", text, type=float, default=_BAND)
+    command.add_option("--band", "PART", text, type=finite, default=_BAND)
     text = "what became of the measured docking: captured, rebound, miss, ..."
     command.add_option("--outcome", "NAME", text)
     text = "numbers; the figure FILE.png is written next to them (default: RESULT_compared.json)"

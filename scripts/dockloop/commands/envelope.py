@@ -1,6 +1,6 @@
 """``dockloop envelope``: the boundary of a criterion."""
 
-from dockloop.arguments import Command, Options
+from dockloop.arguments import Command, Options, finite, whole
 from dockloop.console import write_found
 
 EXAMPLE = (
@@ -27,17 +27,17 @@ def add_options(command: Command) -> None:
     text = "these quantities in equal ratios, e.g. --log xy"
     command.add_option("--log", "xyz", text, default="")
     text = "the boundary is found within this part of each range (default: 0.01; 0.04 with --z)"
-    command.add_option("--tolerance", "PART", text, type=float)
+    command.add_option("--tolerance", "PART", text, type=finite)
     command.add_option(
         "--coarse",
         "N",
         "cells along a range at the beginning; what is smaller may be missed (default: 8; 4"
         " with --z)",
-        type=int,
+        type=whole,
     )
     text = "dockings at random away from the boundary, to find what was missed (default: 16)"
-    command.add_option("--check", "N", text, type=int, default=16)
-    command.add_option("--seed", "N", "of these (default: 0)", type=int, default=0)
+    command.add_option("--check", "N", text, type=whole, default=16)
+    command.add_option("--seed", "N", "of these (default: 0)", type=whole, default=0)
     command.add_run()
     command.add_executor()
     command.add_flag(

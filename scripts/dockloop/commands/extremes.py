@@ -2,7 +2,7 @@
 
 import json
 
-from dockloop.arguments import Command, Options, positive
+from dockloop.arguments import Command, Options, positive, whole
 from dockloop.console import write
 from dockloop.errors import DockloopError
 
@@ -12,7 +12,7 @@ EXAMPLE = "example: dockloop extremes --random 20 --seed 7"
 def add_options(command: Command) -> None:
     """Describe the arguments of the command."""
     command.add_option("--random", "N", "number of scenes", type=positive, required=True)
-    command.add_option("--seed", "S", "of the random numbers (default: 1)", type=int, default=1)
+    command.add_option("--seed", "S", "of the random numbers (default: 1)", type=whole, default=1)
     text = "number of the first one (default: 1)"
     command.add_option("--first", "K", text, type=positive, default=1)
     command.add_limit("a scene")

@@ -1,6 +1,6 @@
 """``dockloop map``: where a scene holds, over two quantities."""
 
-from dockloop.arguments import Command, Options, positive
+from dockloop.arguments import Command, Options, finite, positive
 from dockloop.console import write_found
 
 EXAMPLE = (
@@ -21,7 +21,7 @@ def add_options(command: Command) -> None:
         "E",
         "relative error of peak loads, stroke, time of capture and final motion up to which a"
         " point is right (default: 1e-2)",
-        type=float,
+        type=finite,
         default=1e-2,
     )
     text = "points along each range where verdicts change (default: 33); elsewhere a quarter"

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dockloop import paths
-from dockloop.arguments import Command, Options, list_words
+from dockloop.arguments import Command, Options, finite, list_words
 from dockloop.console import write_found
 from dockloop.errors import UsageError
 
@@ -32,7 +32,7 @@ def add_options(command: Command) -> None:
         " whole (repeatable; default: all)",
     )
     text = "refuse to write a larger result file (default: 1)"
-    command.add_option("--max-gigabytes", "GB", text, type=float, default=1.0)
+    command.add_option("--max-gigabytes", "GB", text, type=finite, default=1.0)
     command.add_option(
         "--accuracy",
         "ERROR",

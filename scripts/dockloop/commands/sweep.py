@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dockloop import paths
-from dockloop.arguments import Command, Options
+from dockloop.arguments import Command, Options, whole
 from dockloop.console import write_found
 from dockloop.errors import DockloopError, UsageError
 
@@ -49,7 +49,7 @@ def add_options(command: Command) -> None:
         " envelope), with fewer dockings than plain sampling; writes TABLE_rare.json, no table",
     )
     text = "dockings in every level of --rare: more make the interval narrow (default: 500)"
-    command.add_option("--rare-cases", "N", text, type=int, default=500)
+    command.add_option("--rare-cases", "N", text, type=whole, default=500)
     command.add_flag("--csv", "write the table as CSV too")
     command.add_flag("--no-plots", "do not draw figures")
     command.add_report("TABLE_report.html")

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dockloop import paths
-from dockloop.arguments import Command, Options, list_words
+from dockloop.arguments import Command, Options, finite, list_words
 from dockloop.console import write_found
 from dockloop.errors import UsageError
 
@@ -23,7 +23,7 @@ def add_options(command: Command) -> None:
     command.add_option("--tolerances", "R,...", "relative tolerances to try")
     command.add_option("--steps", "H,...", "communication steps to try [s]")
     text = "end of the runs [s] (default: a second after the capture, or that of the scene)"
-    command.add_option("--stop", "T", text, type=float)
+    command.add_option("--stop", "T", text, type=finite)
     command.add_flag(
         "--quick",
         "a small grid: methods of the product, all at the same two communication steps, each"

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from dockloop import paths
-from dockloop.arguments import Command, Options
+from dockloop.arguments import Command, Options, finite
 from dockloop.console import write
 
 EXAMPLE = "example: dockloop truth absorber_1d --output relative.axial --stop 1 --step 0.1 --check"
@@ -17,7 +17,7 @@ def add_options(command: Command) -> None:
     text = "FMU variable to write (repeatable)"
     command.add_list("--output", "outputs", "NAME", text, required=True)
     text = "of the steps inside, relative (default: 1e-18)"
-    command.add_option("--tolerance", "TOL", text, type=float, default=1e-18)
+    command.add_option("--tolerance", "TOL", text, type=finite, default=1e-18)
     command.add_flag("--check", "run again with 1000 times the tolerance and state the differences")
     command.add_argument(
         "-o",

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from dockloop.arguments import Command, Options
+from dockloop.arguments import Command, Options, finite, whole
 from dockloop.console import write
 
 EXAMPLE = "example: dockloop view build/results/idss_25t_350t/idss_25t_350t.csv -o docking.html"
@@ -28,9 +28,9 @@ def add_options(command: Command) -> None:
     text = "draw chaser or target so: metres, axes and origin of its body frame (repeatable)"
     command.add_list("--mesh", "meshes", "VEHICLE=FILE.stl", text)
     text = "of a sweep: this case (repeatable; default: the worst one)"
-    command.add_list("--case", "cases", "N", text, type=int)
+    command.add_list("--case", "cases", "N", text, type=whole)
     text = "of a sweep: the first N cases that were not captured"
-    command.add_option("--not-captured", "N", text, type=int)
+    command.add_option("--not-captured", "N", text, type=whole)
     command.add_option(
         "--still",
         "T,...",
@@ -38,10 +38,10 @@ def add_options(command: Command) -> None:
         " with -o FILE.png (several: FILE_1.png, FILE_2.png); needs Chromium",
     )
     command.add_flag("--film", "a film, with -o FILE.mp4; needs Chromium and ffmpeg")
-    command.add_option("--from", "T", "begin of a film [s]", dest="begin", type=float)
-    command.add_option("--to", "T", "end of a film [s]", dest="end", type=float)
+    command.add_option("--from", "T", "begin of a film [s]", dest="begin", type=finite)
+    command.add_option("--to", "T", "end of a film [s]", dest="end", type=finite)
     text = "seconds of the docking in a second of a film (default: 1)"
-    command.add_option("--speed", "X", text, type=float, default=1.0)
+    command.add_option("--speed", "X", text, type=finite, default=1.0)
     command.add_argument(
         "--camera",
         choices=("oblique", "side", "front", "axis", "ring", "vehicles"),

@@ -227,8 +227,9 @@ def _prepare(order: Order, judge: Judge | None) -> Search:
         )
     if not 2 <= coarse <= _MOST_CELLS // 4:
         raise UsageError(f"--coarse {coarse}: must be 2 to {_MOST_CELLS // 4}")
-    if order.checks < 0:
-        raise UsageError(f"--check {order.checks}: must be at least 0")
+    for option, number in (("--check", order.checks), ("--seed", order.seed)):
+        if number < 0:
+            raise UsageError(f"{option} {number}: must be at least 0")
     levels = max(0, math.ceil(math.log2(0.5 / tolerance / coarse) - 1e-9))
     planner = Planner(_make_sweep(order, judge.work if judge else WORK))
     if judge is not None:

@@ -1,7 +1,6 @@
 """The command ``dockloop map``."""
 
 import argparse
-import math
 import shlex
 
 from dockloop import paths
@@ -28,8 +27,8 @@ def run_command(options: argparse.Namespace) -> dict:
         DockloopError: the work failed.
     """
     name = find_scene(options.scene).stem
-    if not (math.isfinite(options.error) and options.error > 0.0):
-        raise UsageError(f"--error {options.error:g}: must be greater than 0 and finite")
+    if options.error <= 0.0:
+        raise UsageError(f"--error {options.error:g}: must be greater than 0")
     if options.points < _FEWEST:
         raise UsageError(f"--points {options.points}: must be at least {_FEWEST}")
     judge = PointJudge(options.error, options.limit, options.host)

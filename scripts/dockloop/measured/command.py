@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -113,8 +112,6 @@ def _claim(options: argparse.Namespace) -> tuple[Path, Path]:
     """Return the files to write, after making sure that they can be written."""
     if not 0.0 < options.band <= 1.0:
         raise UsageError(f"--band {options.band:g}: must be above 0 and at most 1")
-    if options.shift is not None and not math.isfinite(options.shift):
-        raise UsageError(f"--shift {options.shift}: must be finite")
     result = options.result
     output = options.output or result.with_name(f"{result.stem}_compared.json")
     if output.suffix != ".json":

@@ -193,7 +193,9 @@ def parse_numbers(option: str, text: str | None, least: float, most: float) -> t
     try:
         numbers = tuple(float(word) for word in text.split(","))
     except ValueError:
-        raise UsageError(f"{option} {text}: must be numbers separated by commas") from None
+        numbers = (math.nan,)
+    if not all(map(math.isfinite, numbers)):
+        raise UsageError(f"{option} {text}: must be finite numbers separated by commas")
     for number in numbers:
         if not least < number <= most:
             limit = f" and at most {most:g}" if math.isfinite(most) else ""
@@ -271,7 +273,7 @@ def run_trade(
     """
     default = find_default(bench)
     if choice.stop is not None and not math.isfinite(choice.stop):
-        raise UsageError(f"--stop {choice.stop}: must be finite")
+        raise UsageError(f"--stop {choice.stop}: must be a finite number")
     stop = choice.stop if choice.stop is not None else _find_stop(bench, default)
     settings = make_settings(bench, choice, stop)
     names = find_compared(bench.outputs)

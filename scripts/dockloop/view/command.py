@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import math
 import re
 import shlex
 import tomllib
@@ -103,7 +102,7 @@ def _write(
                 f"--from {begin:g} --to {end:g}: must lie in order between {times[0]:g} and"
                 f" {times[-1]:g} s, where the result begins and ends"
             )
-        if not (math.isfinite(options.speed) and options.speed > 0.0):
+        if options.speed <= 0.0:
             raise UsageError(f"--speed {options.speed}: must be above 0")
         count = write_film(
             page,
