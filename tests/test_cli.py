@@ -82,11 +82,22 @@ def test_every_option_that_takes_a_number_refuses_what_is_none(text):
         command = arguments.Command()
         import_module(f"dockloop.commands.{name}").add_options(command)
         parsers |= {(name, action.dest): action.type for action in command._actions}
-    numbers = {place: parse for place, parse in parsers.items() if parse not in (None, Path)}
+    texts = (None, arguments.filled, arguments.file_path)
+    numbers = {place: parse for place, parse in parsers.items() if parse not in texts}
     assert {("run", "stop"), ("run", "max_gigabytes"), ("map", "limit")} < set(numbers)
     for parse in numbers.values():
         with pytest.raises(argparse.ArgumentTypeError, match=r"must be a (finite|whole) number"):
             parse(text)
+
+
+def test_every_option_with_a_value_refuses_an_empty_one():
+    for name in commands.COMMANDS:
+        command = arguments.Command()
+        import_module(f"dockloop.commands.{name}").add_options(command)
+        for action in command._actions:
+            if action.option_strings and action.nargs != 0 and not action.choices:
+                with pytest.raises(argparse.ArgumentTypeError, match=r"is empty: must (be|have) a"):
+                    action.type("")
 
 
 def test_bad_usage_is_refused(dockloop):
@@ -97,6 +108,12 @@ def test_bad_usage_is_refused(dockloop):
         dockloop("run", "idss_25t_350t", "--stop", "1e400"),
         "--stop: is 1e400: must be a finite number",
     )
+    assert_refused(
+        dockloop("run", "idss_25t_350t", "--outputs", ""), "--outputs: is empty: must have a value"
+    )
+    assert_refused(dockloop("view", ""), "RESULT: is empty")
+    assert_refused(dockloop("compare", "", ""), "RESULT: is empty")
+    assert_refused(dockloop("sweep", "absorber_1d_speeds", "--rare", " "), "--rare: is empty")
     assert_refused(dockloop("run", "idss_25t_350t", "-o", "result.txt"), "result.txt", ".csv")
     assert_refused(dockloop("run", "no.fmu"), "no.fmu")
     assert_refused(dockloop("check", "apda", "--draw", "own.gif"), "--draw own.gif", ".svg")

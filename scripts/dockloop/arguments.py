@@ -9,9 +9,31 @@ from typing import Any, NoReturn
 
 from dockloop.errors import UsageError, one_line
 
-__all__ = ["LIMIT", "Command", "Options", "finite", "list_words", "positive", "whole"]
+__all__ = [
+    "LIMIT",
+    "Command",
+    "Options",
+    "file_path",
+    "filled",
+    "finite",
+    "list_words",
+    "positive",
+    "whole",
+]
 
 LIMIT = 60.0  # s of processor time that a docking to be judged may take
+
+
+def filled(text: str) -> str:
+    """Parse a text that is not empty."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("is empty: must have a value")
+    return text
+
+
+def file_path(text: str) -> Path:
+    """Parse the name of a file or folder."""
+    return Path(filled(text))
 
 
 def finite(text: str) -> float:
@@ -60,7 +82,7 @@ class Command(argparse.ArgumentParser):
 
     def add_option(self, name: str, metavar: str | None, text: str, **more: Any) -> None:
         """Add an option with a value."""
-        self.add_argument(name, metavar=metavar, help=text, **more)
+        self.add_argument(name, metavar=metavar, help=text, **({"type": filled} | more))
 
     def add_flag(self, name: str, text: str) -> None:
         """Add something that is on if it is given."""
@@ -73,7 +95,8 @@ class Command(argparse.ArgumentParser):
 
     def add_output(self, metavar: str, text: str, default: Path | None = None) -> None:
         """Add the file or folder that the command writes."""
-        self.add_argument("-o", "--output", type=Path, default=default, metavar=metavar, help=text)
+        more: dict[str, Any] = {"type": file_path, "default": default, "metavar": metavar}
+        self.add_argument("-o", "--output", help=text, **more)
 
     def add_report(self, file: str) -> None:
         """Add the page that is written on demand."""
@@ -101,6 +124,7 @@ class Command(argparse.ArgumentParser):
         self.add_argument(
             f"--{letter}",
             nargs=3,
+            type=filled,
             required=not is_optional,
             metavar=("NAME", "LOW", "HIGH"),
             help="a quantity and its range: a key of the scene or an FMU variable"
@@ -133,7 +157,10 @@ class Command(argparse.ArgumentParser):
             help="local threads or processes (default: one per processor)",
         )
         where.add_argument(
-            "--scheduler", metavar="ADDRESS", help="use this Dask cluster, e.g. tcp://host:8786"
+            "--scheduler",
+            type=filled,
+            metavar="ADDRESS",
+            help="use this Dask cluster, e.g. tcp://host:8786",
         )
 
 

@@ -1,8 +1,6 @@
 """``dockloop check``: whether a mechanism is sound."""
 
-from pathlib import Path
-
-from dockloop.arguments import Command, Options
+from dockloop.arguments import Command, Options, file_path
 from dockloop.console import write_found
 from dockloop.errors import UsageError
 
@@ -13,9 +11,9 @@ def add_options(command: Command) -> None:
     """Describe the arguments of the command."""
     command.add_argument("mechanism", metavar="MECHANISM", help="name or .json file")
     text = "evaluate the mechanism at these states and print accelerations and forces as JSON"
-    command.add_option("--states", "FILE.json", text, type=Path)
+    command.add_option("--states", "FILE.json", text, type=file_path)
     text = "draw bodies, joints, cuts and force elements at home"
-    command.add_option("--draw", "FILE.svg", text, type=Path)
+    command.add_option("--draw", "FILE.svg", text, type=file_path)
     command.add_flag("--json", "print the report as JSON")
 
 

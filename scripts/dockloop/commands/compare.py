@@ -1,8 +1,6 @@
 """``dockloop compare``: measured time histories over a run."""
 
-from pathlib import Path
-
-from dockloop.arguments import Command, Options, finite
+from dockloop.arguments import Command, Options, file_path, finite
 from dockloop.console import write_found
 
 EXAMPLE = "example: dockloop compare build/results/absorber_1d/absorber_1d.csv rig.csv"
@@ -12,11 +10,11 @@ _BAND = 0.10
 def add_options(command: Command) -> None:
     """Describe the arguments of the command."""
     command.add_argument(
-        "result", type=Path, metavar="RESULT", help="result of a run (.csv, .npz or .parquet)"
+        "result", type=file_path, metavar="RESULT", help="result of a run (.csv, .npz or .parquet)"
     )
     command.add_argument(
         "data",
-        type=Path,
+        type=file_path,
         metavar="DATA.csv",
         help="measurements; the header names outputs with units: time [s],relative.axial [mm],...",
     )

@@ -25,7 +25,7 @@ def add_options(command: Command) -> None:
         required=True,
     )
     text = "these quantities in equal ratios, e.g. --log xy"
-    command.add_option("--log", "xyz", text, default="")
+    command.add_option("--log", "xyz", text)
     text = "the boundary is found within this part of each range (default: 0.01; 0.04 with --z)"
     command.add_option("--tolerance", "PART", text, type=finite)
     command.add_option(

@@ -1,10 +1,9 @@
 """``dockloop truth``: a reference solution with 32 digits."""
 
 import json
-from pathlib import Path
 
 from dockloop import paths
-from dockloop.arguments import Command, Options, finite
+from dockloop.arguments import Command, Options, file_path, finite
 from dockloop.console import write
 
 EXAMPLE = "example: dockloop truth absorber_1d --output relative.axial --stop 1 --step 0.1 --check"
@@ -22,7 +21,7 @@ def add_options(command: Command) -> None:
     command.add_argument(
         "-o",
         "--file",
-        type=Path,
+        type=file_path,
         metavar="FILE.json",
         help="default: build/results/SCENE/SCENE_truth.json",
     )

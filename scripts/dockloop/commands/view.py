@@ -1,8 +1,6 @@
 """``dockloop view``: the motion in three dimensions."""
 
-from pathlib import Path
-
-from dockloop.arguments import Command, Options, finite, whole
+from dockloop.arguments import Command, Options, file_path, filled, finite, whole
 from dockloop.console import write
 
 EXAMPLE = "example: dockloop view build/results/idss_25t_350t/idss_25t_350t.csv -o docking.html"
@@ -12,6 +10,7 @@ def add_options(command: Command) -> None:
     """Describe the arguments of the command."""
     command.add_argument(
         "result",
+        type=filled,
         metavar="RESULT",
         help="result of a run (.csv, .npz, .parquet), table of a sweep (.parquet; a case is run"
         " again), or FMU with a --state",
@@ -24,7 +23,7 @@ def add_options(command: Command) -> None:
     text = "what made the result (default: the summary next to the result says it)"
     command.add_option("--model", "SCENE|FILE.fmu", text)
     text = "of an FMU: this saved state, the bytes of fmi2SerializeFMUstate"
-    command.add_option("--state", "FILE", text, type=Path)
+    command.add_option("--state", "FILE", text, type=file_path)
     text = "draw chaser or target so: metres, axes and origin of its body frame (repeatable)"
     command.add_list("--mesh", "meshes", "VEHICLE=FILE.stl", text)
     text = "of a sweep: this case (repeatable; default: the worst one)"

@@ -136,7 +136,7 @@ def run_command(options: argparse.Namespace) -> dict:
     ]
     order = Order(
         options.scene,
-        _make_axes(numbers, options.log),
+        _make_axes(numbers, options.log or ""),
         tuple(options.criteria),
         make_settings(options),
         make_experiment(options.stop, options.step),
