@@ -139,6 +139,40 @@ def test_a_file_of_an_odd_name_is_one_sentence(dockloop, tmp_path, suffix, order
     assert_said(call(dockloop, order, f"{name}{suffix}"), before, tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("order", "expected"),
+    [
+        (["check", "FOLDER"], "a mechanism of your own is given by the path of its file"),
+        (["build", "FOLDER"], "a scene of your own is given by its path, ending in .toml"),
+        (["sweep", "FOLDER"], "a sweep of your own is given by its path, ending in .toml"),
+        (["view", "FOLDER"], "no result file"),
+        (["compare", "FOLDER", "FOLDER"], "no result file"),
+    ],
+)
+@pytest.mark.parametrize("folder", [".", "own"])
+def test_a_folder_is_called_a_folder(dockloop, tmp_path, order, expected, folder):
+    (tmp_path / "own").mkdir()
+    before = snapshot(tmp_path)
+    outcome = dockloop(*(folder if word == "FOLDER" else word for word in order))
+    assert_said(outcome, before, tmp_path)
+    assert "is a folder" in outcome.err
+    assert expected in outcome.err
+
+
+def test_a_byte_order_mark_and_other_ends_of_lines_are_read_over(dockloop, tmp_path):
+    mark = b"\xef\xbb\xbf"
+    scene, mechanism = tmp_path / "own.toml", tmp_path / "own.json"
+    text = (paths.SCENES / "absorber_1d.toml").read_text().replace('"absorber_1d"', '"own"')
+    scene.write_bytes(mark + text.encode().replace(b"\n", b"\r\n"))
+    content = (paths.MECHANISMS / "absorber_1d.json").read_bytes()
+    mechanism.write_bytes(mark + content.replace(b"\n", b"\r\n"))
+    assert dockloop("check", "own.json").status == 0
+    copied = dockloop("new", "copy", "--from", "own.toml")
+    assert copied.status == 0, copied
+    assert (tmp_path / "copy.json").read_bytes() == content
+    assert (tmp_path / "copy.toml").read_text() == text.replace('"own"', '"copy"')
+
+
 @pytest.mark.usefixtures("permissions")
 @pytest.mark.parametrize(("suffix", "order"), COMMANDS)
 def test_a_file_that_may_not_be_read_is_one_sentence(dockloop, tmp_path, suffix, order):

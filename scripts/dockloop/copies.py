@@ -10,7 +10,7 @@ from typing import Any
 
 from dockloop.errors import UsageError
 from dockloop.outputs import Kind, write_text
-from dockloop.paths import shown
+from dockloop.paths import read_text, shown
 from dockloop.sampling import to_text
 from dockloop.scene import find_mechanism, find_scene, read_toml, resolve_scene
 
@@ -37,14 +37,13 @@ def copy_scene(reference: str, name: str, folder: Path) -> list[Path]:
             " with a letter"
         )
     source = find_scene(reference)
-    scene, _ = read_toml(source)
-    text = source.read_text(encoding="utf-8")
+    scene, text = read_toml(source)
     texts = {folder / f"{name}.toml": text}
     if "mechanism" in scene:
         mechanism = find_mechanism(scene["mechanism"]["name"], source)
         texts = {
             folder / f"{name}.toml": set_key(text, "mechanism", "name", name),
-            folder / f"{name}.json": mechanism.read_text(encoding="utf-8"),
+            folder / f"{name}.json": read_text(mechanism),
         }
     for file in texts:
         if file.exists():

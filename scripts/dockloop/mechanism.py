@@ -28,7 +28,8 @@ def find_mechanism(reference: str) -> Path:
         near = name_kind(reference) or did_you_mean(reference, names)
         raise UsageError(
             f"{reference}: no such file, and no mechanism of that name in {shown(MECHANISMS)}"
-            f"{near}: there are {', '.join(names)}"
+            f"{near}: there are {', '.join(names)}; a mechanism of your own is given by the path of"
+            " its file"
         )
     return shipped
 

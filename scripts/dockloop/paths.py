@@ -49,7 +49,10 @@ def is_file(path: Path) -> bool:
 
 
 def name_kind(name: str) -> str:
-    """Say of which kind the shipped file of a name is; empty if there is none."""
+    """Say what a name that was not found is: a folder, another shipped file; else nothing."""
+    with suppress(OSError):
+        if Path(name).is_dir():
+            return " (it is a folder)"
     for folder, what in ((SCENES, "scene"), (MECHANISMS, "mechanism"), (SWEEPS, "sweep")):
         if any(is_file(folder / f"{name}{suffix}") for suffix in (".toml", ".json")):
             return f" (it is the name of a {what})"
@@ -67,6 +70,11 @@ def check_file(path: Path, what: str) -> None:
         elif path.is_symlink():
             wrong = f"is a link to nothing, no {what}"
     raise UsageError(f"{shown(path)}: {wrong}")
+
+
+def read_text(path: Path) -> str:
+    """Read a file that people edit; the byte order mark that some editors write is left out."""
+    return path.read_text(encoding="utf-8-sig")
 
 
 def read_bytes(path: Path, what: str) -> bytes:

@@ -26,7 +26,7 @@ from dockloop.errors import UsageError, did_you_mean
 from dockloop.fmu import find_placement, write_fmu
 from dockloop.journal import make_digest
 from dockloop.outputs import scratch
-from dockloop.paths import is_file, shown
+from dockloop.paths import is_file, read_text, shown
 from dockloop.results import list_points
 from dockloop.sampling import Quantity, Sweep, Value, as_setting
 from dockloop.scene import OPEN_KEYS, SceneReader, scene_members
@@ -207,7 +207,7 @@ class Planner:
             for value in self._sweep.cases.list_examples(number):
                 names |= {quantity.settings(value).get("mechanism.name")} - {None}
         files = {name: self._sweep.scene.parent / f"{name}.json" for name in sorted(names)}
-        return {name: f.read_text(encoding="utf-8") for name, f in files.items() if is_file(f)}
+        return {name: read_text(f) for name, f in files.items() if is_file(f)}
 
     def list_settings(self, values: tuple[Value, ...]) -> dict[str, Any]:
         """Return all in which a case differs from the scene: scene keys and start values."""

@@ -25,7 +25,7 @@ from typing import Any
 from dockloop import schema
 from dockloop.core import number_choice
 from dockloop.errors import UsageError, did_you_mean, find_reason
-from dockloop.paths import MECHANISMS, SCENES, check_file, is_file, name_kind, shown
+from dockloop.paths import MECHANISMS, SCENES, check_file, is_file, name_kind, read_text, shown
 from dockloop.variables import NAMED_NUMBERS
 
 FORMAT = "dockloop-scene/1"
@@ -242,7 +242,7 @@ def read_mechanism(path: Path) -> dict:
 def read_json(path: Path) -> Any:
     """Read a JSON file. Raises UsageError."""
     with reading(path, "JSON", "groups"):
-        return parse_json(path.read_text(encoding="utf-8"))
+        return parse_json(read_text(path))
 
 
 class _Repeated(dict):
@@ -401,7 +401,7 @@ def parse_value(text: str) -> Any:
 def read_toml(path: Path) -> tuple[dict, str]:
     """Read a TOML file; returns what it says, and its text. Raises UsageError."""
     with reading(path, "TOML", "tables"):
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
         return tomllib.loads(text), text
 
 

@@ -30,7 +30,7 @@ from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_csv, writing
-from dockloop.paths import check_file, shown
+from dockloop.paths import check_file, read_text, shown
 from dockloop.results import import_optional
 from dockloop.run_errors import compare_peaks
 from dockloop.sampling import Sweep, count_drawn, list_discs, say_accuracy
@@ -506,7 +506,7 @@ def _make_metadata(sweep: Sweep, planner: Planner) -> dict[str, str]:
             versions[package] = "unknown"
     return {
         "dockloop.sweep": sweep.text,
-        "dockloop.scene": sweep.scene.read_text(encoding="utf-8"),
+        "dockloop.scene": read_text(sweep.scene),
         "dockloop.mechanisms": json.dumps(planner.read_own_mechanisms()),
         "dockloop.model": json.dumps(planner.base),
         "dockloop.passes": json.dumps(sweep.passes and asdict(sweep.passes)),

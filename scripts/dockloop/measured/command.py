@@ -113,7 +113,7 @@ def _claim(options: argparse.Namespace) -> tuple[Path, Path]:
     if not 0.0 < options.band <= 1.0:
         raise UsageError(f"--band {options.band:g}: must be above 0 and at most 1")
     result = options.result
-    output = options.output or result.with_name(f"{result.stem}_compared.json")
+    output = options.output or result.parent / f"{result.stem}_compared.json"
     if output.suffix != ".json":
         raise UsageError(f"-o {output}: must end in .json")
     figure = output.with_suffix(".png")

@@ -90,7 +90,7 @@ def write_copy(reference: str, keys: dict[str, Any], row: dict, command: str, pa
         DockloopError: it cannot be written.
     """
     source = find_scene(reference)
-    text = source.read_text(encoding="utf-8")
+    text = paths.read_text(source)
     for name, value in keys.items():
         section, member = name.split(".")
         text = set_key(text, section, member, value)

@@ -258,7 +258,7 @@ def _list_values(words: list[str], option: str) -> list[str]:
 
 
 def _name(source: Path, suffix: str) -> Path:
-    return source.with_name(f"{source.stem}_view{suffix}")
+    return source.parent / f"{source.stem}_view{suffix}"  # `with_name` fails for "."
 
 
 def _list_files(output: Path, options: argparse.Namespace) -> list[tuple[Path, Kind]]:
