@@ -169,6 +169,8 @@ def test_bad_usage_is_refused(dockloop, tmp_path):
         (SWEEP, ("--rare", "not capturedd"), "--rare 'not capturedd': there is no 'capturedd'"),
         (SWEEP, ("--rare", "not captured", "--rare-cases", "55"), "must be a multiple of 10"),
         (grid, ("--rare", "not captured"), "--rare needs distributions"),
+        (SWEEP, ("--rare-cases", "100"), "--rare-cases 100: belongs to --rare"),
+        (SWEEP, ("--rare", "not captured", "--csv"), "--csv, --report: are for a table"),
     ):
         refused = dockloop("sweep", write(tmp_path, text), *arguments)
         assert (refused.status, refused.err.count("\n")) == (2, 1), refused

@@ -49,7 +49,7 @@ def add_options(command: Command) -> None:
         " envelope), with fewer dockings than plain sampling; writes TABLE_rare.json, no table",
     )
     text = "dockings in every level of --rare: more make the interval narrow (default: 500)"
-    command.add_option("--rare-cases", "N", text, type=whole, default=500)
+    command.add_option("--rare-cases", "N", text, type=whole)
     command.add_flag("--csv", "write the table as CSV too")
     command.add_flag("--no-plots", "do not draw figures")
     command.add_report("TABLE_report.html")
@@ -77,6 +77,10 @@ def run(options: Options) -> None:
     passes = read_passes(options.accuracy, options.refine, options.refine_accuracy)
     if passes and passes.refine and options.rare:
         raise UsageError("--rare and --refine: give one of them")
+    if options.rare_cases is not None and not options.rare:
+        raise UsageError(f"--rare-cases {options.rare_cases}: belongs to --rare: add it")
+    if options.rare and (options.csv or options.report):
+        raise UsageError("--csv, --report: are for a table, and --rare writes none: leave them out")
     sweep = read_sweep(options.sweep, passes)
     name = sweep.path.stem
     output = options.output or paths.BUILD / "sweeps" / name / f"{name}.parquet"
@@ -131,6 +135,7 @@ def _run_rare(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any
 
     file, journal = rare.name_files(output)
     claim(file, rare.SUMMARY)
-    summary = rare.run_rare(sweep, options.rare, options.rare_cases, journal, **how)
+    cases = 500 if options.rare_cases is None else options.rare_cases
+    summary = rare.run_rare(sweep, options.rare, cases, journal, **how)
     write_summary(summary, file, [file])
     write_found(options, summary, rare.describe_rare)

@@ -40,15 +40,14 @@ def add_options(command: Command) -> None:
     command.add_option("--from", "T", "begin of a film [s]", dest="begin", type=finite)
     command.add_option("--to", "T", "end of a film [s]", dest="end", type=finite)
     text = "seconds of the docking in a second of a film (default: 1)"
-    command.add_option("--speed", "X", text, type=finite, default=1.0)
+    command.add_option("--speed", "X", text, type=finite)
     command.add_argument(
         "--camera",
         choices=("oblique", "side", "front", "axis", "ring", "vehicles"),
-        default="oblique",
         help="of stills and films (default: oblique)",
     )
     text = "of stills and films (default: 1280x800)"
-    command.add_option("--size", "WxH", text, default="1280x800")
+    command.add_option("--size", "WxH", text)
 
 
 def run(options: Options) -> None:

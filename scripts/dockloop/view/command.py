@@ -40,6 +40,7 @@ def view(options: argparse.Namespace) -> str:
     suffix = ".png" if options.still else ".mp4" if options.film else ".html"
     if options.still and options.film:
         raise UsageError("--still and --film: give one of them")
+    _check_belonging(options)
     output = options.output or _name(source, suffix)
     if output.suffix != suffix:
         what = {".png": "stills", ".mp4": "a film", ".html": "a page"}[suffix]
@@ -63,6 +64,18 @@ def view(options: argparse.Namespace) -> str:
     return _write(run, output, options, meshes, None)
 
 
+def _check_belonging(options: argparse.Namespace) -> None:
+    """Refuse an option of stills or films where there are none."""
+    for names, is_on, remedy in (
+        (("from", "to", "speed"), options.film, "a film: add --film"),
+        (("camera", "size"), options.film or options.still, "pictures: add --still or --film"),
+    ):
+        for name in names:
+            value = getattr(options, {"from": "begin", "to": "end"}.get(name, name))
+            if value is not None and not is_on:
+                raise UsageError(f"--{name} {value}: belongs to {remedy}")
+
+
 def _is_run(source: Path) -> bool:
     """Return whether a table is that of one run, not of a sweep."""
     try:
@@ -81,7 +94,8 @@ def _write(
     """Write page, stills or film of one recording; returns what was written."""
     if not (options.still or options.film):
         return describe_page(output, write_page(run, output, command=command, meshes=meshes))
-    found = _SIZE.fullmatch(options.size)
+    camera = options.camera or "oblique"
+    found = _SIZE.fullmatch(options.size or "1280x800")
     if not found:
         raise UsageError(f"--size {options.size}: must be WIDTHxHEIGHT, for example 1280x800")
     width, height = int(found[1]), int(found[2])
@@ -92,7 +106,7 @@ def _write(
             files = [file for file, _ in _list_files(output, options)]
             moments = _parse_moments(options.still, run)
             shots = dict(zip(files, moments, strict=True))
-            write_stills(page, shots, options.camera, (width, height))
+            write_stills(page, shots, camera, (width, height))
             return "\n".join(shown(file) for file in files)
         times = run["time"]
         begin = float(times[0] if options.begin is None else options.begin)
@@ -102,14 +116,15 @@ def _write(
                 f"--from {begin:g} --to {end:g}: must lie in order between {times[0]:g} and"
                 f" {times[-1]:g} s, where the result begins and ends"
             )
-        if options.speed <= 0.0:
-            raise UsageError(f"--speed {options.speed}: must be above 0")
+        speed = 1.0 if options.speed is None else options.speed
+        if speed <= 0.0:
+            raise UsageError(f"--speed {speed}: must be above 0")
         count = write_film(
             page,
             output,
             (begin, end),
-            speed=options.speed,
-            camera=options.camera,
+            speed=speed,
+            camera=camera,
             size=(width, height),
         )
     return f"{shown(output)} ({count} pictures, {output.stat().st_size / 1e6:.1f} MB)"
