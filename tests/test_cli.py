@@ -341,6 +341,13 @@ def test_check_says_that_a_motion_is_unstable_and_how_fast_it_grows(dockloop, tm
     assert "-1" not in text.partition("vibration")[2]
 
 
+def test_check_has_one_line_for_free_motions(dockloop, tmp_path):
+    text, report = check(dockloop, tmp_path, {"name": "own", "bodies": [slide("a"), slide("b")]})
+    assert [mode["frequency_rad_s"] for mode in report["modes"]] == [0.0] * 4
+    (line,) = (line for line in text.splitlines() if "free, no force opposes it" in line)
+    assert line.endswith("(4 eigenvalues; a motion that nothing brakes has 2)")
+
+
 def test_check_gives_no_range_to_what_only_a_coupling_follows(dockloop, tmp_path):
     """Nothing can end it: there was a row "-0 ... 0" of a search as long as no loop."""
     screw = {"name": "screw", "dependent": "nut", "terms": [{"joint": "slide", "ratio": 3}]}

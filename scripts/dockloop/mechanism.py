@@ -97,6 +97,7 @@ def describe_report(report: dict) -> str:
             continue
         text = _play(value) if key == "seated_play" else _short(value)
         lines.append(f"{key.replace('_', ' '):22} {text}{' kg' if key == 'mass' else ''}")
+    report = report | {"modes": _join_free(report.get("modes", []))}
     for key, (title, make_row) in tables.items():
         if report.get(key):
             lines += [title, *_table([make_row(row) for row in report[key]])]
@@ -144,6 +145,16 @@ def _span(names: list[str]) -> str:
     """Name parts that belong together by the first and the last."""
     between = " and " if len(names) == 2 else " to "
     return names[0] if len(names) == 1 else names[0] + between + names[-1]
+
+
+def _join_free(modes: list[dict]) -> list[dict]:
+    """Return modes with those that are free, an eigenvalue each, as one: a motion has two."""
+    free = [mode for mode in modes if mode["frequency_rad_s"] == 0.0]
+    if len(free) < 2:
+        return modes
+    count = f" ({len(free)} eigenvalues; a motion that nothing brakes has 2)"
+    joined = {**free[0], "motion": free[0]["motion"] + count}
+    return [joined, *(mode for mode in modes if mode not in free)]
 
 
 def _mode(row: dict) -> dict:
