@@ -113,8 +113,9 @@ def summarise(run: Result) -> dict:
 def relative_energy(run: Result) -> float:
     """Return the kinetic energy of the relative motion at the start, m_eq v^2 / 2 [J].
 
-    A vehicle that is not free counts as infinitely heavy. Without a target: the energy of the
-    mechanism at the start.
+    A vehicle that is not free counts as infinitely heavy. Rotation is left out, and so is the mass
+    of a mechanism that the chaser's excludes. Without a target: the energy of the mechanism at the
+    start.
     """
     if "relative.velocity[1]" not in run:
         return float(run["energy.kinetic"][0] + run["energy.potential"][0])
