@@ -90,6 +90,14 @@ def test_every_option_that_takes_a_number_refuses_what_is_none(text):
             parse(text)
 
 
+def test_numbers_below_0_are_values_of_options():
+    command = arguments.Command()
+    command.add_option("--shift", "T", "", type=arguments.finite)
+    command.add_range("x")
+    options = command.parse_args(["--shift", "-1e-3", "--x", "speed", "-2E3", "-.5"])
+    assert (options.shift, options.x) == (-1e-3, ["speed", "-2E3", "-.5"])
+
+
 def test_every_option_with_a_value_refuses_an_empty_one():
     for name in commands.COMMANDS:
         command = arguments.Command()
@@ -108,6 +116,7 @@ def test_bad_usage_is_refused(dockloop):
         dockloop("run", "idss_25t_350t", "--stop", "1e400"),
         "--stop: is 1e400: must be a finite number",
     )
+    assert_refused(dockloop("run", "idss_25t_350t", "--step", "-inf"), "--step: is -inf")
     assert_refused(
         dockloop("run", "idss_25t_350t", "--outputs", ""), "--outputs: is empty: must have a value"
     )

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import re
 from argparse import Namespace as Options
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -74,6 +75,11 @@ def _duration(text: str) -> float:
 
 class Command(argparse.ArgumentParser):
     """A parser whose errors are one sentence, like all others."""
+
+    def __init__(self, **more: Any) -> None:
+        """Make a parser in which -1e-3 is a number, and no option."""
+        super().__init__(**more)
+        self._negative_number_matcher = re.compile(r"-(\.?\d|inf|nan)")
 
     def error(self, message: str) -> NoReturn:
         """Leave the program with one sentence."""
