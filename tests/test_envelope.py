@@ -364,10 +364,16 @@ BAD_USAGE = {
     "number": ([*COMMAND[:3], SPEED[0], "a", "0.1"], "must be NAME LOW HIGH, two numbers"),
     "name": ([*COMMAND[:3], "initial.closing_sped", "0.1", "0.2"], "mean 'initial.closing_speed'"),
     "twice": ([*COMMAND[:3], FORCE[0], "1", "2"], "--y mechanism.set.latches.push_force: this qu"),
-    "tolerance": ([*COMMAND[:6], "--tolerance", "0.9"], "--tolerance 0.9: must be 0.00012 to 0.25"),
+    "tolerance": (
+        [*COMMAND[:6], "--tolerance", "0.9"],
+        "0.9: must be 0.000125 to 0.25",
+    ),
     "log": ([*COMMAND[:6], "--log", "z"], "--log z: 'z' must be one of x, y"),
     "log range": ([*COMMAND[:3], "initial.roll_deg", "-1", "1", "--log", "x"], "must be above 0"),
     "coarse": ([*COMMAND[:6], "--coarse", "1"], "--coarse 1: must be 2 to 1024"),
+    "negative": ([*COMMAND[:3], "initial.roll_deg", "-1e-3", "-2e-3"], "_deg -0.001 -0.002: must"),
+    "infinite": ([*COMMAND[:6], "--criterion", "compression < 1e400"], "must be below 1e308"),
+    "before": ([*COMMAND[:6], "--criterion", "captured within -1 s"], "must be at least 0 s"),
     "criterion": ([*COMMAND[:6], "--criterion", "capture"], "did you mean 'captured'"),
 }
 

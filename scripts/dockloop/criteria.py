@@ -18,6 +18,7 @@ import ast
 import math
 import operator
 import re
+import sys
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -199,6 +200,8 @@ class _Parser:
             case ast.Constant(value=bool(value)):
                 return _Term("condition", lambda _: value)
             case ast.Constant(value=int(value) | float(value)):
+                if abs(value) > sys.float_info.max:
+                    raise self._error("has a number that is too large: must be below 1e308")
                 return _Term("number", lambda _: value)
             case ast.Constant(value=str(value)):
                 return _Term("text", lambda _: value)
@@ -280,6 +283,8 @@ class _Parser:
         if event not in _EVENTS:
             raise self._error(f"'{event}' has no time: 'within' takes one of {', '.join(_EVENTS)}")
         limit = self._constant(self._want("number", node))
+        if not limit >= 0.0:
+            raise self._error(f"'within' has the time {limit:g} s: must be at least 0 s")
         happened, (name, since) = self._name(event), _EVENTS[event]
         time = self._output(name)
         begin = self._output(since) if since else None

@@ -32,6 +32,7 @@ WORK = "envelope"
 _COARSE = {2: 8, 3: 4}  # cells along an axis at the beginning
 _TOLERANCE = {2: 0.01, 3: 0.04}
 _MOST_CELLS = 4096  # along an axis
+FINEST = 0.000125  # smallest tolerance
 Progress = Callable[[int, int, str], None]  # runs done, runs asked for so far, what is being done
 
 
@@ -221,10 +222,8 @@ def _prepare(order: Order, judge: Judge | None) -> Search:
             raise UsageError(f"--{'xyz'[number]} {name}: this quantity is given twice")
     tolerance = _TOLERANCE[dimensions] if order.tolerance is None else order.tolerance
     coarse = _COARSE[dimensions] if order.coarse is None else order.coarse
-    if not 0.5 / _MOST_CELLS <= tolerance <= 0.25:
-        raise UsageError(
-            f"--tolerance {tolerance:g}: must be {0.5 / _MOST_CELLS:.2g} to 0.25 (of the range)"
-        )
+    if not FINEST <= tolerance <= 0.25:
+        raise UsageError(f"--tolerance {tolerance:g}: must be {FINEST:g} to 0.25 (of the range)")
     if not 2 <= coarse <= _MOST_CELLS // 4:
         raise UsageError(f"--coarse {coarse}: must be 2 to {_MOST_CELLS // 4}")
     for option, number in (("--check", order.checks), ("--seed", order.seed)):
