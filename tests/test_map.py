@@ -23,8 +23,10 @@ import pytest
 
 pytest.importorskip("scipy")
 
+from dockloop.cli import _make_parser
 from dockloop.crew import Crew
 from dockloop.judging import VERDICTS, Case, Verdict, find_promise, find_verdict, judge
+from dockloop.maps.command import _make_command
 
 SCENE = "idss_25t_350t"
 SHORT = {"initial.approach_time": 0.1}
@@ -233,6 +235,13 @@ def test_a_point_runs_alone(dockloop, mapped, tmp_path):
     assert counted["solver"]["rhs_evaluations"] == float(row["evaluations"])
 
 
+def test_the_command_of_a_map_has_all_digits():
+    words = ["map", SCENE, "--x", "solver.rtol", "1e-9", "1e-2", "--y", "solver.step", "1e-4", "1"]
+    words += ["--error", "0.01", "--points", "9", "--stop", "4.123456789", "--limit", "20.5"]
+    command = _make_command(_make_parser(words).parse_args(words))
+    assert shlex.split(command) == ["dockloop", *words]
+
+
 @pytest.mark.parametrize(
     ("words", "text"),
     [
@@ -243,7 +252,8 @@ def test_a_point_runs_alone(dockloop, mapped, tmp_path):
         ),
         (("--x", "solver.rtol", "1e-2", "1e-9"), "must be finite and ascend"),
         (("--error", "0"), "--error 0: must be greater than 0"),
-        (("--points", "2"), "--points 2: must be at least 3"),
+        (("--points", "2"), "--points 2: must be 3 to 4001"),
+        (("--points", "4002"), "--points 4002: must be 3 to 4001"),
         (("--scene", "outputs.groups=['energy']"), "add one of them to outputs.groups"),
         (("--limit", "nan"), "--limit: is nan: must be a finite number"),
     ],

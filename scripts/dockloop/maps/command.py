@@ -4,9 +4,9 @@ import argparse
 import shlex
 
 from dockloop import paths
-from dockloop.arguments import list_words
+from dockloop.arguments import LIMIT, list_words
 from dockloop.envelopes.command import make_experiment, make_progress, make_settings, parse_range
-from dockloop.envelopes.search import Axis, Order, find_envelope
+from dockloop.envelopes.search import FINEST, Axis, Order, find_envelope
 from dockloop.errors import UsageError
 from dockloop.figures import can_draw, save_figure
 from dockloop.maps import report
@@ -17,6 +17,7 @@ from dockloop.summary import write_summary
 
 _COARSE = 8  # cells along a range at the beginning
 _FEWEST = 3  # points along a range
+_MOST = round(0.5 / FINEST) + 1
 
 
 def run_command(options: argparse.Namespace) -> dict:
@@ -29,8 +30,8 @@ def run_command(options: argparse.Namespace) -> dict:
     name = find_scene(options.scene).stem
     if options.error <= 0.0:
         raise UsageError(f"--error {options.error:g}: must be greater than 0")
-    if options.points < _FEWEST:
-        raise UsageError(f"--points {options.points}: must be at least {_FEWEST}")
+    if not _FEWEST <= options.points <= _MOST:
+        raise UsageError(f"--points {options.points}: must be {_FEWEST} to {_MOST}")
     judge = PointJudge(options.error, options.limit, options.host)
     order = _make_order(options)
     folder = options.output or paths.BUILD / "maps" / name
@@ -84,6 +85,12 @@ def _make_command(options: argparse.Namespace) -> str:
     """Return the command that makes the map again."""
     words = ["dockloop", "map", options.scene, "--x", *options.x, "--y", *options.y]
     words += [f"--linear-{letter}" for letter in "xy" if getattr(options, f"linear_{letter}")]
-    words += ["--error", f"{options.error:g}", "--points", str(options.points)]
     words += ["--host", options.host] if options.host else []
-    return shlex.join(words + list_words(options, ("stop", "step"), "{:g}".format))
+    names = ["error", "points", "stop", "step"] + ["limit"] * (options.limit != LIMIT)
+    return shlex.join(words + list_words(options, names, _to_word))
+
+
+def _to_word(number: float) -> str:
+    """Return a number with all its digits."""
+    short = f"{number:g}"
+    return short if float(short) == number else repr(number)
