@@ -160,17 +160,21 @@ def test_frequent_failures_are_those_of_a_plain_sweep(tmp_path):
     spread = math.sqrt(2.0 * part * (1.0 - part) / 150)
     assert abs(found["probability"] - part) < 3.0 * spread
     assert len(found["levels"]) == 1
+    assert found["plain_dockings"] == 150  # this was plain sampling
 
 
 def test_bad_usage_is_refused(dockloop, tmp_path):
     masses = 'name = "chaser.mass"'
+    cases = f'{SWEEP}[[vary]]\ntype = "cases"\nname = "variant"\n[vary.cases."a"]\n'
     grid = SWEEP.replace(f'type = "uniform"\n{masses}\nrange', f'type = "grid"\n{masses}\nvalues')
     for text, arguments, words in (
         (SWEEP, ("--rare", "not capturedd"), "--rare 'not capturedd': there is no 'capturedd'"),
         (SWEEP, ("--rare", "not captured", "--rare-cases", "55"), "must be a multiple of 10"),
         (grid, ("--rare", "not captured"), "--rare needs distributions"),
-        (SWEEP, ("--rare-cases", "100"), "--rare-cases 100: belongs to --rare"),
-        (SWEEP, ("--rare", "not captured", "--csv"), "--csv, --report: are for a table"),
+        (cases, ("--rare", "not captured"), "no vary of type cases"),
+        (SWEEP, ("--rare", ""), "is empty: must have a value"),
+        (SWEEP, ("--rare", "not captured", "--report"), "writes no table: leave out --report"),
+        (SWEEP, ("--rare-cases", "100"), "--rare-cases 100: needs --rare"),
     ):
         refused = dockloop("sweep", write(tmp_path, text), *arguments)
         assert (refused.status, refused.err.count("\n")) == (2, 1), refused

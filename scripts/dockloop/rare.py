@@ -30,11 +30,12 @@ from dockloop.outputs import MADE_BY, Kind, json_kind
 from dockloop.paths import shown
 from dockloop.planning import Planner
 from dockloop.results import ProgressBar
-from dockloop.sampling import Sweep, Value, count_drawn, transform_cube
+from dockloop.sampling import LISTED, Sweep, Value, count_drawn, transform_cube
 from dockloop.sweeps import COMMAND, run_cases
 
 SUMMARY: Kind = json_kind("summary", COMMAND)
 WORK = "sweep --rare"
+SAMPLES = 500  # in a level, unless the user says otherwise
 PART = 0.1  # of the dockings of a level, kept for the next
 _MOST_LEVELS = 10
 _CORRELATION = 0.5  # of levels that follow each other
@@ -72,6 +73,8 @@ class Estimate:
     @property
     def plain_samples(self) -> int:
         """Samples that plain sampling would need for the same variation."""
+        if len(self.levels) == 1:  # this was plain sampling
+            return self.samples
         if not self.probability:
             return 0
         return math.ceil((1.0 / self.probability - 1.0) / self.variation**2)
@@ -192,8 +195,11 @@ def run_rare(
         DockloopError: the criterion leads nowhere, or the engine cannot be used.
         InterruptedWorkError: by Ctrl-C.
     """
-    if any(entry["type"] == "grid" for entry in sweep.document["vary"]):
-        raise UsageError(f"{shown(sweep.path)}: --rare needs distributions, no vary of type grid")
+    for entry in sweep.document["vary"]:
+        if entry["type"] in LISTED:
+            raise UsageError(
+                f"{shown(sweep.path)}: --rare needs distributions, no vary of type {entry['type']}"
+            )
     if samples < 50 or samples % 10:
         raise UsageError(f"--rare-cases {samples}: must be a multiple of 10, at least 50")
     planner = Planner(sweep)

@@ -26,7 +26,7 @@ from dockloop.scene import find_scene, find_shipped, read_toml
 from dockloop.variables import NAMED_NUMBERS
 
 _MAX_CASES = 10_000_000
-_LISTED = ("grid", "cases")  # not drawn at random
+LISTED = ("grid", "cases")  # not drawn at random
 Value = float | int | bool | str
 
 
@@ -84,7 +84,7 @@ class Cases(Sequence[tuple[Value, ...]]):
         self._drawn = drawn
         self._columns: list[list[Value] | int] = []  # the values of a list, or a column of `drawn`
         for entry in vary:
-            if entry["type"] in _LISTED:
+            if entry["type"] in LISTED:
                 self._columns.append(_values(entry))
             else:
                 first = sum(isinstance(column, int) for column in self._columns)
@@ -225,6 +225,8 @@ def read_passes(
             "--refine, --refine-accuracy: critical cases run again after a first pass: give both,"
             " and --accuracy of that pass"
         )
+    if refine is not None and not refine.strip():
+        raise UsageError("--refine '': must be a criterion, for example not captured")
     names = NAMED_NUMBERS["accuracy"]
     first = float(names[str(accuracy)]) if accuracy in names else _read_number(accuracy)
     if not (0.0 < first <= 1.0 or accuracy in names):
@@ -298,7 +300,7 @@ def _check_members(document: dict, path: Path) -> None:
             if name in owners:
                 raise UsageError(f"{where} varies '{name}', which {owners[name]} decides already")
             owners[name] = f"vary[{number}]"
-        if entry["type"] in _LISTED:
+        if entry["type"] in LISTED:
             grid_points *= len(_values(entry))
         if entry["type"] == "grid":
             kinds = {str if isinstance(v, str) else type(v) for v in entry["values"]}
@@ -320,7 +322,7 @@ def _check_members(document: dict, path: Path) -> None:
             f"{shown(path)}: cases times the points of the grids is {total}: must be at most"
             f" {_MAX_CASES}"
         )
-    if document["cases"] > 1 and all(entry["type"] in _LISTED for entry in document["vary"]):
+    if document["cases"] > 1 and all(entry["type"] in LISTED for entry in document["vary"]):
         raise UsageError(
             f"{shown(path)}: cases is {document['cases']}: must be 1 when only grids and named"
             " cases vary"
@@ -329,7 +331,7 @@ def _check_members(document: dict, path: Path) -> None:
 
 def count_drawn(document: dict) -> int:
     """Return how many numbers are drawn at random in a case: one per quantity, two per disc."""
-    return sum(len(_names(entry)) for entry in document["vary"] if entry["type"] not in _LISTED)
+    return sum(len(_names(entry)) for entry in document["vary"] if entry["type"] not in LISTED)
 
 
 def transform_cube(document: dict, cube: np.ndarray) -> np.ndarray:
@@ -341,7 +343,7 @@ def transform_cube(document: dict, cube: np.ndarray) -> np.ndarray:
     """
     columns: list[np.ndarray] = []
     for entry in document["vary"]:
-        if entry["type"] not in _LISTED:
+        if entry["type"] not in LISTED:
             own = cube.T[len(columns) : len(columns) + len(_names(entry))]
             columns += _TRANSFORMS[entry["type"]](entry, *own)
     return np.column_stack(columns) if columns else cube

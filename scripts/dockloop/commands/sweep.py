@@ -10,7 +10,7 @@ from dockloop.console import write_found
 from dockloop.errors import DockloopError, UsageError
 
 if TYPE_CHECKING:
-    from dockloop.sampling import Sweep
+    from dockloop.sampling import Passes, Sweep
 
 EXAMPLE = "example: dockloop sweep absorber_1d_speeds --engine core --workers 2 --csv"
 
@@ -75,18 +75,26 @@ def run(options: Options) -> None:
     from dockloop.sampling import read_passes, read_sweep
 
     passes = read_passes(options.accuracy, options.refine, options.refine_accuracy)
-    if passes and passes.refine and options.rare:
-        raise UsageError("--rare and --refine: give one of them")
-    if options.rare_cases is not None and not options.rare:
-        raise UsageError(f"--rare-cases {options.rare_cases}: belongs to --rare: add it")
-    if options.rare and (options.csv or options.report):
-        raise UsageError("--csv, --report: are for a table, and --rare writes none: leave them out")
+    _check_rare(options, passes)
     sweep = read_sweep(options.sweep, passes)
     name = sweep.path.stem
     output = options.output or paths.BUILD / "sweeps" / name / f"{name}.parquet"
     how = {key: getattr(options, key) for key in ("engine", "workers", "scheduler", "resume")}
-    work = _run_rare if options.rare else _run_all
+    work = _run_all if options.rare is None else _run_rare
     work(options, sweep, output, how | {"progress": ProgressBar(name)})
+
+
+def _check_rare(options: Options, passes: "Passes | None") -> None:
+    """Check that options fit to ``--rare``, or to work without it. Raises UsageError."""
+    if options.rare is None:
+        if options.rare_cases is not None:
+            raise UsageError(f"--rare-cases {options.rare_cases}: needs --rare")
+        return
+    if passes and passes.refine:
+        raise UsageError("--rare and --refine: give one of them")
+    for name in ("csv", "report"):
+        if getattr(options, name):
+            raise UsageError(f"--rare and --{name}: --rare writes no table: leave out --{name}")
 
 
 def _run_all(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]) -> None:
@@ -135,7 +143,7 @@ def _run_rare(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any
 
     file, journal = rare.name_files(output)
     claim(file, rare.SUMMARY)
-    cases = 500 if options.rare_cases is None else options.rare_cases
-    summary = rare.run_rare(sweep, options.rare, cases, journal, **how)
+    samples = rare.SAMPLES if options.rare_cases is None else options.rare_cases
+    summary = rare.run_rare(sweep, options.rare, samples, journal, **how)
     write_summary(summary, file, [file])
     write_found(options, summary, rare.describe_rare)
