@@ -265,12 +265,23 @@ def test_passes_that_make_no_sense_are_refused(dockloop, tmp_path):
         ((path, "--accuracy", "2"), "--accuracy 2: must be greater than 0 and at most 1"),
         ((path, *PASSES[:5], "0.5"), "--refine-accuracy 0.5: must be greater than 0 and less"),
         ((path, *PASSES[:3], "shear", *PASSES[4:]), "--refine 'shear': is a number"),
+        ((path, *PASSES[:3], "", *PASSES[4:]), "--refine '': must be a criterion"),
         ((path, *PASSES, "--rare", "miss"), "--rare and --refine: give one of them"),
         ((own, *PASSES), "own.toml: decides 'accuracy' already"),
     ):
         refused = dockloop("sweep", *arguments)
         assert (refused.status, refused.err.count("\n")) == (2, 1), refused
         assert words in refused.err, refused
+
+
+def test_without_rated_loads_no_case_is_the_worst(dockloop, tmp_path):
+    few = MANY.format(cases=1).replace("[3e5, 3.5e5, 4e5, 4.5e5]", "[3e5]")
+    path = str(write(tmp_path, few))
+    passes = ("--accuracy", "1e-2", "--refine", "load_ratio > 1", "--refine-accuracy", "1e-4")
+    done = dockloop("sweep", path, *passes, "--no-plots", "-o", str(tmp_path / "own.parquet"))
+    assert "worst case   none: there are no rated loads" in done.out, done
+    assert "worst" not in json.loads((tmp_path / "own_summary.json").read_text())
+    assert "no rated loads (member 'limits'), so load_ratio is always 0" in done.err
 
 
 # ---------------------------------------------------------------- many cases

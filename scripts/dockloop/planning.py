@@ -22,7 +22,7 @@ from dockloop.capture import list_needed
 from dockloop.cases import Job, Result
 from dockloop.core import core_errors, list_final_outcomes, list_loads, name_source, to_json
 from dockloop.criteria import Criterion, parse_criterion
-from dockloop.errors import UsageError, did_you_mean
+from dockloop.errors import UsageError, did_you_mean, warn
 from dockloop.fmu import find_placement, write_fmu
 from dockloop.journal import make_digest
 from dockloop.outputs import scratch
@@ -151,6 +151,12 @@ class Planner:
         names = [quantity.name for quantity in self.quantities]
         criterion = parse_criterion(text, outputs, names, option=option)
         self.asked = list(dict.fromkeys([*self.asked, *criterion.outputs]))
+        has_ratio = any(name.endswith(".load_ratio") for name in criterion.outputs)
+        if has_ratio and not self.base["mechanism"].get("limits"):
+            warn(
+                f"{option} '{text}': the mechanism has no rated loads (member 'limits'), so"
+                " load_ratio is always 0: compare loads, for example compression < 1000"
+            )
         return criterion
 
     def collect_like(self, outcomes: list[str]) -> None:

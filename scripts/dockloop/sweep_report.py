@@ -447,6 +447,10 @@ def describe_sweep(summary: dict) -> str:
         worst = summary["worst"]
         lines.append(f"  worst case   {worst['case']}: {worst['by']} {worst['value']:.4g}; alone:")
         lines.append(f"    {worst['command']}")
+    elif summary["peak_loads"].get("load_ratio", {}).get("largest") == 0.0:
+        lines.append(
+            "  worst case   none: there are no rated loads; name an outcome as 'worst' in the sweep"
+        )
     clock = summary["time"]
     if clock["ran"]:
         lines.append(
@@ -612,6 +616,8 @@ def _count_loads(planner: Planner, table: Any) -> dict:
 def read_worst(sweep: Sweep, table: Any) -> tuple[str, np.ndarray]:
     """Return the outcome by which cases are ranked and its values, NaN where there is none.
 
+    There are no values if it cannot rank them: it is not collected, or there are no rated loads.
+
     Args:
         sweep: what was to be done.
         table: of `make_table`.
@@ -619,7 +625,9 @@ def read_worst(sweep: Sweep, table: Any) -> tuple[str, np.ndarray]:
     by = sweep.document.get("worst", f"{PEAK}load_ratio")
     if by not in table.column_names or is_text(table, by):
         return by, np.array([])
-    return by, read_numbers(table, by)
+    values = read_numbers(table, by)
+    is_ranked = "worst" in sweep.document or np.nanmax(values, initial=0.0) > 0.0
+    return by, values if is_ranked else np.array([])  # without rated loads no ratio is above 0
 
 
 def list_worst(values: np.ndarray, count: int) -> list[int]:
