@@ -9,6 +9,7 @@
 4. A full disk loses nothing.
 """
 
+import errno
 import json
 import os
 import signal
@@ -24,12 +25,13 @@ pytest.importorskip("scipy")
 
 from pyarrow import parquet
 
-from dockloop import paths
+from dockloop import paths, sweep_report
 from dockloop.cases import Result
 from dockloop.errors import UsageError
 from dockloop.journal import Journal
+from dockloop.outputs import cannot_write
 from mishaps import full_disk, lines_of, wait_for_lines
-from small_sweeps import NAMED, SHORT, run_table, vary, write
+from small_sweeps import MANY, NAMED, SHORT, run_table, vary, write
 
 SPEEDS = ["sweep", "absorber_1d_speeds", "--no-plots", "-o", "mine.parquet"]
 
@@ -101,7 +103,9 @@ def test_resume_makes_the_table_of_more_cases_and_of_those_that_it_had(dockloop,
     command = ["sweep", str(path), "--no-plots", "-o", "t.parquet"]
     assert dockloop(*command).status == 0
     write(tmp_path, shipped.replace("0.05, 0.10", "0.05, 0.10, 0.11"))
-    assert dockloop(*command).status == 2
+    refused = dockloop(*command)
+    assert refused.status == 2, refused
+    assert "another sweep: go on from them with --resume, choose another -o or" in refused.err
     reported = dockloop(*command, "--resume", "--json")
     assert json.loads(reported.out)["time"]["ran"] == 4, reported.err
     assert dockloop(*command).status == 0  # it is the same sweep now
@@ -287,6 +291,21 @@ def test_a_journal_without_its_first_line_is_refused(dockloop, tmp_path):
 
 
 # ---------------------------------------------------------------- full disks
+
+
+def test_a_table_without_space_comes_from_the_journal(dockloop, tmp_path, monkeypatch):
+    command = ("sweep", str(write(tmp_path, MANY.format(cases=1))), "--no-plots", "--json")
+    command += ("-o", str(tmp_path / "own.parquet"))
+
+    def fail(*_, **__):
+        raise cannot_write(tmp_path / "own.parquet", OSError(errno.ENOSPC, "full"))
+
+    with monkeypatch.context() as full:
+        full.setattr(sweep_report, "write_table", fail)
+        failed = dockloop(*command)
+    assert failed.status == 1, failed
+    assert "no space is left on the disk); the journal has all results: the same" in failed.err
+    assert json.loads(dockloop(*command, "--resume").out)["time"]["ran"] == 0
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")

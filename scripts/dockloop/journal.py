@@ -76,6 +76,19 @@ def _read_heads(path: Path) -> list[dict]:
     return [line for line in lines if line and "setup" in line]
 
 
+@contextmanager
+def keeps_results() -> Iterator[None]:
+    """Say that the journal has all results, when a file cannot be written after the work."""
+    try:
+        yield
+    except UsageError:
+        raise
+    except DockloopError as error:
+        raise DockloopError(
+            f"{error}; the journal has all results: the same command with --resume goes on"
+        ) from None
+
+
 class Known(Mapping[tuple[Value, ...], Result]):
     """Results of a journal by the values of their cases, read when they are looked at."""
 
@@ -251,7 +264,8 @@ class Journal:
     def _go_on(self, header: dict, *, resume: bool) -> None:
         """Take over a file that is there, or begin it anew if it is finished."""
         old, intact, damaged = self._read()
-        place = shown(self.path)
+        place, setup = shown(self.path), header["setup"]
+        other = [name for name in setup if old["setup"].get(name) != setup[name]]
         if not resume:
             holds = self.known or damaged
             if holds and len(self.known) < old["cases"]:
@@ -260,15 +274,14 @@ class Journal:
                     " that was interrupted: go on with --resume, or delete the file"
                 )
             if holds and old["digest"] != header["digest"]:
+                remedy = "" if other else "go on from them with --resume, "
                 raise UsageError(
-                    f"{place}: holds the finished cases of another {self._work}: choose another"
-                    " -o or delete the file"
+                    f"{place}: holds the finished cases of another {self._work}: {remedy}choose"
+                    " another -o or delete the file"
                 )
             self.known.clear()
             self._replace([_to_line(header)])
             return
-        setup = header["setup"]
-        other = [name for name in setup if old["setup"].get(name) != setup[name]]
         if other:
             raise UsageError(
                 f"{place}: cannot be resumed, it was made with another {', '.join(other)}:"

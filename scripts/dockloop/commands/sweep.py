@@ -101,6 +101,7 @@ def _run_all(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]
     """Run all cases: table, summary, plots, pages."""
     from dockloop import html_report, sweep_report
     from dockloop.figures import can_draw
+    from dockloop.journal import keeps_results
     from dockloop.outputs import claim
     from dockloop.summary import find_summary, write_summary
     from dockloop.sweeps import COMMAND, run_sweep
@@ -115,21 +116,24 @@ def _run_all(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]
             claim(file, PAGE)
     ran = run_sweep(sweep, output, **how)
     planner, sweep = ran["planner"], ran["sweep"]
-    files = sweep_report.write_table(
-        sweep, planner, ran["results"], ran["first"], output, as_csv=options.csv
-    )
-    table = sweep_report.TableFile(output)
-    summary = sweep_report.summarise_sweep(sweep, planner, table, ran)
-    if plots and can_draw():
-        files += sweep_report.write_sweep_plots(sweep, planner, table, output.with_suffix(""))
-    if options.report:
-        figures = [file for file in files if file.suffix == ".png"]
-        views = sweep_report.write_views(sweep, planner, table, output)
-        sections = html_report.report_sweep(summary, sweep, planner, table, figures, views=views)
-        files += [*views.values(), html_report.find_page(output)]
-        html_report.write_page(files[-1], COMMAND, summary["title"], sections)
-    files.append(find_summary(output))
-    write_summary(summary, files[-1], files)
+    with keeps_results():
+        files = sweep_report.write_table(
+            sweep, planner, ran["results"], ran["first"], output, as_csv=options.csv
+        )
+        table = sweep_report.TableFile(output)
+        summary = sweep_report.summarise_sweep(sweep, planner, table, ran)
+        if plots and can_draw():
+            files += sweep_report.write_sweep_plots(sweep, planner, table, output.with_suffix(""))
+        if options.report:
+            figures = [file for file in files if file.suffix == ".png"]
+            views = sweep_report.write_views(sweep, planner, table, output)
+            sections = html_report.report_sweep(
+                summary, sweep, planner, table, figures, views=views
+            )
+            files += [*views.values(), html_report.find_page(output)]
+            html_report.write_page(files[-1], COMMAND, summary["title"], sections)
+        files.append(find_summary(output))
+        write_summary(summary, files[-1], files)
     write_found(options, summary, sweep_report.describe_sweep)
     if "done" not in summary["status"]:
         raise DockloopError(f"no case was done, for example: {summary['reasons']['example']}")
@@ -138,6 +142,7 @@ def _run_all(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]
 def _run_rare(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]) -> None:
     """Estimate how rarely the dockings of a sweep fail."""
     from dockloop import rare
+    from dockloop.journal import keeps_results
     from dockloop.outputs import claim
     from dockloop.summary import write_summary
 
@@ -145,5 +150,6 @@ def _run_rare(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any
     claim(file, rare.SUMMARY)
     samples = rare.SAMPLES if options.rare_cases is None else options.rare_cases
     summary = rare.run_rare(sweep, options.rare, samples, journal, **how)
-    write_summary(summary, file, [file])
+    with keeps_results():
+        write_summary(summary, file, [file])
     write_found(options, summary, rare.describe_rare)

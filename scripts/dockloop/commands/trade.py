@@ -46,6 +46,7 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Measure: runs, tables, figure, recommendation."""
+    from dockloop.journal import keeps_results
     from dockloop.outputs import claim
     from dockloop.results import ProgressBar
     from dockloop.scene import find_scene
@@ -66,7 +67,8 @@ def run(options: Options) -> None:
     progress = ProgressBar(name)
     measured = run_trade(bench, choice, folder, resume=options.resume, progress=progress)
     summary = report.summarise_trade(measured, _make_command(options))
-    summary["files"] = [paths.shown(file) for file in report.write_trade(summary, folder)]
+    with keeps_results():
+        summary["files"] = [paths.shown(file) for file in report.write_trade(summary, folder)]
     if copy is not None:
         _apply(options, bench, summary, copy)
     write_found(options, summary, report.describe_trade)

@@ -13,6 +13,7 @@ from dockloop.envelopes import report
 from dockloop.envelopes.search import COMMAND, Axis, Order, Progress, Search, find_envelope
 from dockloop.errors import UsageError, names_arguments
 from dockloop.figures import can_draw, save_figure
+from dockloop.journal import keeps_results
 from dockloop.outputs import claim, scratch
 from dockloop.results import ProgressBar, import_optional
 from dockloop.scene import find_scene, parse_value
@@ -157,17 +158,18 @@ def run_command(options: argparse.Namespace) -> dict:
         progress=make_progress(name),
     )
     summary = report.summarise_envelope(found)
-    files = report.write_tables(found, folder)
-    figures = []
-    if not options.no_plots and can_draw():
-        figures.append(folder / "envelope.png")
-        save_figure(report.draw_envelope(found), figures[0], COMMAND)
-    files += figures
-    if options.report:
-        files.append(folder / "report.html")
-        report.write_report(found, summary, files[-1], figures)
-    files.append(folder / "summary.json")
-    write_summary(summary, files[-1], files)
+    with keeps_results():
+        files = report.write_tables(found, folder)
+        figures = []
+        if not options.no_plots and can_draw():
+            figures.append(folder / "envelope.png")
+            save_figure(report.draw_envelope(found), figures[0], COMMAND)
+        files += figures
+        if options.report:
+            files.append(folder / "report.html")
+            report.write_report(found, summary, files[-1], figures)
+        files.append(folder / "summary.json")
+        write_summary(summary, files[-1], files)
     return summary
 
 

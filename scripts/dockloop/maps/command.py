@@ -9,6 +9,7 @@ from dockloop.envelopes.command import make_experiment, make_progress, make_sett
 from dockloop.envelopes.search import FINEST, Axis, Order, find_envelope
 from dockloop.errors import UsageError
 from dockloop.figures import can_draw, save_figure
+from dockloop.journal import keeps_results
 from dockloop.maps import report
 from dockloop.maps.verdicts import PointJudge
 from dockloop.outputs import claim
@@ -46,12 +47,13 @@ def run_command(options: argparse.Namespace) -> dict:
         judge=judge,
     )
     summary = report.summarise_map(search, judge, _make_command(options))
-    files = report.write_map(search, judge, summary, folder)
-    if not options.no_plots and can_draw():
-        files.append(folder / "map.png")
-        save_figure(report.draw_map(search), files[-1], report.COMMAND)
-    files.append(folder / "summary.json")
-    write_summary(summary, files[-1], files)
+    with keeps_results():
+        files = report.write_map(search, judge, summary, folder)
+        if not options.no_plots and can_draw():
+            files.append(folder / "map.png")
+            save_figure(report.draw_map(search), files[-1], report.COMMAND)
+        files.append(folder / "summary.json")
+        write_summary(summary, files[-1], files)
     return summary
 
 
