@@ -272,7 +272,8 @@ def _sentence(error: Any, root: dict) -> str:
             return f"{where} lacks the member '{_find_missing(error)}'"
         case "additionalProperties" | "unevaluatedProperties":
             known, extra = known_members(error.schema, root, value), _find_extra(error, root)
-            return f"{where} has an unknown member '{extra}'{did_you_mean(extra, known)}"
+            near = did_you_mean(extra, known) or f": must be one of {', '.join(known)}"
+            return f"{where} has an unknown member '{extra}'{near}"
         case "exclusiveMinimum":
             return f"{where} is {shown_value}: must be greater than {limit}"
         case "minimum":
