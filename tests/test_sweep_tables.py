@@ -44,7 +44,7 @@ BAD_FILES = {
     "no cases": (vary(UNIFORM, 0), "cases is 0: must be at least 1"),
     "sampling": (vary(UNIFORM, 2, 'sampling = "sobl"'), "(did you mean 'sobol'?)"),
     "type": (vary(UNIFORM.replace("uniform", "unifrom")), 'vary[1].type is "unifrom": must be'),
-    "member": (vary(UNIFORM + "\nlimit = 3"), "vary[1] has an unknown member 'limit'"),
+    "member": (vary(UNIFORM + "\nlimit = 3"), "unknown member 'limit': must be one of "),
     "range": (vary(UNIFORM.replace("10.0, 20.0", "3.0, 2.0")), "vary[1].range is [3.0, 2.0]: must"),
     "radius": (vary(DISC.replace("0.1, 0.3", "-1.0, 0.3")), "vary[1].range[1] is -1.0: a radius"),
     "direction": (vary(DISC.replace("_direction_deg", "_speed")), "must be a key in degrees"),
@@ -174,6 +174,8 @@ def test_the_metadata_of_the_table_holds_units_and_the_whole_set_up(reference, t
     assert units["friction.coefficient"] == "1"
     assert units["capture.peak.compression"] == "N"
     assert units["capture.peak.bending"] == "N.m"
+    said = schema.field("time_of_capture").metadata[b"description"].decode()
+    assert said.endswith("all latches first held; empty if it did not happen")
     # The table alone is enough to make the sweep again.
     again = write(tmp_path, reported["dockloop.sweep"], "again")
     assert list(read_sweep(str(again)).cases) == list(read_sweep(str(path)).cases)

@@ -28,7 +28,8 @@ class Result:
     """What a run left behind.
 
     ``result["relative.axial"]`` is one variable over time, shape (points,), and
-    ``result["relative.position"]`` a vector, shape (points, 3).
+    ``result["relative.position"]`` a vector, shape (points, 3). All values are floats: true is 1, a
+    choice is its number.
 
     Attributes:
         scene: the resolved scene (``resources/model.json`` of the FMU).

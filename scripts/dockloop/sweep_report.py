@@ -249,7 +249,8 @@ def _make_schema(sweep: Sweep, planner: Planner) -> Any:
         for name in planner.outcomes:
             variable = planner.variables[name]
             kind = text if name in _NAMED else number if variable.type == "Real" else whole
-            add(f"{prefix}{name}", kind, variable.unit, variable.description)
+            said = variable.description.replace(", -1 before", "; empty if it did not happen")
+            add(f"{prefix}{name}", kind, variable.unit, said)
 
     add("case", whole, description="number of the case, from 1")
     kinds = {str: text, bool: pyarrow.bool_(), int: whole}
