@@ -103,9 +103,7 @@ def test_resume_makes_the_table_of_more_cases_and_of_those_that_it_had(dockloop,
     command = ["sweep", str(path), "--no-plots", "-o", "t.parquet"]
     assert dockloop(*command).status == 0
     write(tmp_path, shipped.replace("0.05, 0.10", "0.05, 0.10, 0.11"))
-    refused = dockloop(*command)
-    assert refused.status == 2, refused
-    assert "another sweep: go on from them with --resume, choose another -o or" in refused.err
+    assert dockloop(*command).status == 2
     reported = dockloop(*command, "--resume", "--json")
     assert json.loads(reported.out)["time"]["ran"] == 4, reported.err
     assert dockloop(*command).status == 0  # it is the same sweep now
