@@ -461,7 +461,6 @@ def test_bad_usage_is_refused_with_one_sentence(dockloop):
         (["absorber_1d", "--steps", "inf"], "must be finite numbers separated by commas"),
         (["absorber_1d", "--tolerances", "2"], "must be greater than 0 and at most 1"),
         (["absorber_1d", "--steps", "0"], "must be greater than 0"),
-        (["absorber_1d", "--steps", "inf"], "--steps inf: must be greater than 0 and finite"),
         (["absorber_1d", "--tolerances", "-1e-3"], "--tolerances -1e-3: must be greater than 0"),
         (["absorber_1d", "--stop", "-1"], "--stop -1.0: must be greater than"),
     ):

@@ -197,9 +197,9 @@ def parse_numbers(option: str, text: str | None, least: float, most: float) -> t
     if not all(map(math.isfinite, numbers)):
         raise UsageError(f"{option} {text}: must be finite numbers separated by commas")
     for number in numbers:
-        if not (least < number <= most and math.isfinite(number)):
-            limit = f"at most {most:g}" if math.isfinite(most) else "finite"
-            raise UsageError(f"{option} {text}: must be greater than {least:g} and {limit}")
+        if not least < number <= most:
+            limit = f" and at most {most:g}" if math.isfinite(most) else ""
+            raise UsageError(f"{option} {text}: must be greater than {least:g}{limit}")
     return numbers
 
 
