@@ -143,8 +143,8 @@ def test_a_refused_step_leaves_the_docking_where_it_was():
     docking = dl.Docking("hexapod_bench")
     docking.step(0.01)
     before = docking.save()
-    for h in (0.0, -1.0, float("nan")):
-        with pytest.raises(dl.UsageError, match=r"Docking\.step: h is .*must be positive"):
+    for h in (0.0, -1.0, float("nan"), "0.01", None, [0.01]):
+        with pytest.raises(dl.UsageError, match=r"Docking\.step: h is .*a positive, finite number"):
             docking.step(h)
     assert docking.save() == before
 

@@ -10,7 +10,7 @@ import re
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsFloat
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -179,8 +179,8 @@ class Docking:
             UsageError: `h` is no step.
             DockloopError: the step failed; the docking is where it was. A smaller step may succeed.
         """
-        if not (math.isfinite(h) and h > 0.0):
-            raise UsageError(f"Docking.step: h is {h!r} s: must be positive and finite")
+        if not (isinstance(h, SupportsFloat) and math.isfinite(h) and h > 0.0):
+            raise UsageError(f"Docking.step: h is {h!r} s: must be a positive, finite number")
         with core_errors():
             self._core.step(h)
         self._keep_warnings()
