@@ -45,6 +45,19 @@ def test_check_reproduces_states_of_another_program(name):
             assert np.max(np.abs(flat(result[key]) - flat(expected))) < 1e-11 * scale, key
 
 
+def test_a_home_pose_next_to_the_key_of_the_mechanism_is_its_home_pose():
+    path = DATA / "planar_two_loop.json"
+    document = json.loads(path.read_text())
+    mechanism, home = document["mechanism"], document["home_q"]
+    for source in (str(path), document):
+        report = check_mechanism(source)
+        assert report["home_q"] == pytest.approx(home, abs=1e-12)
+        assert not report["warnings"]
+    assert "home_q" not in mechanism  # the document of the caller stays as it is
+    own = document | {"mechanism": mechanism | {"home_q": home}, "home_q": [0.0] * len(home)}
+    assert check_mechanism(own)["home_q"] == pytest.approx(home, abs=1e-12)
+
+
 def test_a_low_level_mechanism_moves_as_in_another_program(runs, tmp_path):
     document = json.loads((DATA / "trajectory_hexapod_r2p1r3.json").read_text())
     mechanism = document["mechanism"]

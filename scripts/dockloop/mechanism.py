@@ -14,7 +14,7 @@ from dockloop import core, schema
 from dockloop.columns import align
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.paths import MECHANISMS, check_file, is_file, name_kind, shown
-from dockloop.scene import read_json, read_mechanism
+from dockloop.scene import get_mechanism, read_json, read_mechanism
 
 
 def find_mechanism(reference: str) -> Path:
@@ -75,7 +75,7 @@ def _read(mechanism: str | Path | dict) -> tuple[Path, dict]:
     """Return a mechanism that its schema accepts, and its name for messages."""
     if isinstance(mechanism, dict):
         path, document = Path(str(mechanism.get("name", "mechanism"))), mechanism
-        document = document.get("mechanism", document)
+        document = get_mechanism(document)
     else:
         path = find_mechanism(str(mechanism))
         document = read_mechanism(path)

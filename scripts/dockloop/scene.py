@@ -231,12 +231,20 @@ def read_mechanism(path: Path) -> dict:
     """Read a mechanism file; the document may stand alone or under the key "mechanism"."""
     document = read_json(path)
     if isinstance(document, dict):
-        document = document.get("mechanism", document)
+        document = get_mechanism(document)
     if not isinstance(document, dict):
         raise UsageError(f"{shown(path)}: is no mechanism, but {type(document).__name__}")
     if isinstance(document.get("latches"), list):  # short for a list of single latches
         document["latches"] = {"list": document["latches"]}
     return document
+
+
+def get_mechanism(document: dict) -> Any:
+    """Return the mechanism of a document: all of it, or a member and the home pose next to it."""
+    mechanism = document.get("mechanism", document)
+    if isinstance(mechanism, dict) and "home_q" in document:
+        return {"home_q": document["home_q"], **mechanism}
+    return mechanism
 
 
 def read_json(path: Path) -> Any:
