@@ -156,6 +156,10 @@ REFUSED = {
         ["build", "absorber_1d", "--scene", "solver.method=adams", "-o", "{folder}/a.fmu"],
         "solver.method is 5 (adams), a method for comparison, which this build does not carry",
     ),
+    "set what is not carried": (
+        ["run", "absorber_1d", "--set", "solver.method=adams", "-o", "{folder}/a.csv"],
+        "= 5 (adams), a method for comparison, which this build does not carry: take 1 (auto)",
+    ),
 }
 
 

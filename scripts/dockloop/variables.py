@@ -77,15 +77,18 @@ def list_names(variable: str, description: str) -> dict[str, int]:
 def find_number(variable: str, description: str, text: str) -> int:
     """Return the number of a value of a choice; arguments as for `list_names`.
 
+    A value that this FMU does not carry has its number too: the core refuses that with the reason.
+
     Raises:
         UsageError: there is no value of this name. The sentence continues one that ends in a colon.
     """
     names = list_names(variable, description)
-    if text not in names:
+    numbers = {v.name: v.number for v in read_choices().get(variable, ())} | names
+    if text not in numbers:
         near = did_you_mean(text, names)
         if variable in NAMED_NUMBERS:
             raise UsageError(
                 f"'{variable}' is '{text}': must be a number or {', '.join(names)}{near}"
             )
         raise UsageError(f"'{variable}' is '{text}': must be one of {', '.join(names)}{near}")
-    return names[text]
+    return numbers[text]
