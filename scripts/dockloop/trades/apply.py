@@ -73,6 +73,8 @@ def make_keys(row: dict, bench: Bench) -> dict[str, Any]:
         keys["solver.accuracy"] = 0.0
     if row["rtol"] is not None:
         keys |= bench.tolerances(row["rtol"])
+        if row["rtol"] > bench.scene["experiment"]["tolerance"]:  # an FMU takes the smaller one
+            keys["experiment.tolerance"] = row["rtol"]
     if row["inner_step"] is not None:
         keys["solver.step"] = row["inner_step"]
     if row["level"] is not None:
