@@ -90,8 +90,8 @@ std::vector<double> read_numbers(const JsonReader& state, const std::string& key
   std::vector<double> values;
   for (const JsonReader& item : state.list(key)) values.push_back(item.number());
   if (static_cast<int>(values.size()) != count) {
-    state.fail("." + key + " has " + std::to_string(values.size()) + " numbers, expected " +
-               std::to_string(count));
+    state.at(key).fail("has " + std::to_string(values.size()) + " numbers, expected " +
+                       std::to_string(count));
   }
   return values;
 }
