@@ -28,9 +28,8 @@ template <class S>
 S find_displacement(const ContactModel& model, const Pose<double>& origin,
                     const RelativeMotion<S>& x) {
   using std::sqrt;
-  const S turn = (x.R - origin.R.template cast<S>()).squaredNorm() / S(2);
-  return (x.p - origin.p.template cast<S>()).norm() + sqrt(turn) * S(model.bounding_radius) +
-         S(kSlack);
+  const S turn = (x.R - cast<S>(origin.R)).squaredNorm() / S(2);
+  return (x.p - cast<S>(origin.p)).norm() + sqrt(turn) * S(model.bounding_radius) + S(kSlack);
 }
 
 /// A plate of P in axes of G. @pre is_placed is cleared for a new motion
@@ -49,7 +48,7 @@ void forget_plates(ContactWorkspace<S>& work) {
 }
 
 template <class S>
-Annulus<S> cast(const Annulus<double>& ring) {
+Annulus<S> cast_annulus(const Annulus<double>& ring) {
   return {S(ring.x), S(ring.inner), S(ring.outer)};
 }
 
@@ -87,16 +86,16 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
   const Core& second = (on_passive ? model.active : model.passive)[pair.second];
   const S rounding = S(pair.rounding), mu = S(model.laws[pair.law].regularisation);
   const auto into_other = [&](const Vec3<double>& point) -> Vec3<S> {
-    const Vec3<S> r = point.template cast<S>();
-    return on_passive ? Vec3<S>(x.R * r + x.p) : Vec3<S>(x.R.transpose() * (r - x.p));
+    const Vec3<S> r = cast<S>(point);
+    return on_passive ? x.R * r + x.p : x.R.transpose() * (r - x.p);
   };
   const auto into_axis = [&](const Vec3<double>& point) -> Vec3<S> {
-    const Mat3<S> R = second.axis.R.template cast<S>();
-    return R.transpose() * (into_other(point) - second.axis.p.template cast<S>());
+    const Mat3<S> R = cast<S>(second.axis.R);
+    return R.transpose() * (into_other(point) - cast<S>(second.axis.p));
   };
   const auto into_G = [&](const Vec3<double>& point, bool passive) -> Vec3<S> {
-    const Vec3<S> r = point.template cast<S>();
-    return passive ? Vec3<S>(x.R * r + x.p) : r;
+    const Vec3<S> r = cast<S>(point);
+    return passive ? x.R * r + x.p : r;
   };
   const auto find_sphere_bound = [&]() -> S {
     const CoreSphere &a = first.sphere, &b = second.sphere;
@@ -116,7 +115,7 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
       const Vec3<S> node = into_other(first.point);
       const S bound = abs(node[0] - S(ring.x)) - rounding;
       if (bound > limit) return bound;
-      c = find_point_annulus<S>(node, cast<S>(ring));
+      c = find_point_annulus<S>(node, cast_annulus<S>(ring));
       break;
     }
     case PairKind::kSegmentAnnulus: {
@@ -128,7 +127,7 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
       const S r2 = max(a[1] * a[1] + a[2] * a[2], b[1] * b[1] + b[2] * b[2]);
       const S bound = max<S>(slab, S(ring.inner) - sqrt(r2)) - rounding;
       if (bound > limit) return bound;
-      c = find_segment_annulus<S>(a, b - a, cast<S>(ring), mu);
+      c = find_segment_annulus<S>(a, b - a, cast_annulus<S>(ring), mu);
       break;
     }
     case PairKind::kPointRevolution: {
@@ -188,8 +187,8 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
   }
   // Back from the axes of the surface of revolution, and of the side that carries it.
   if (pair.kind == PairKind::kPointRevolution || pair.kind == PairKind::kSegmentRevolution) {
-    const Mat3<S> R = second.axis.R.template cast<S>();
-    const Vec3<S> p = second.axis.p.template cast<S>();
+    const Mat3<S> R = cast<S>(second.axis.R);
+    const Vec3<S> p = cast<S>(second.axis.p);
     c.first = (R * c.first + p).eval();
     c.second = (R * c.second + p).eval();
   }
@@ -418,7 +417,7 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
     // States that must not be accepted.
     const Vec3<S> pq = c.second - c.first;
     const double margin = to_double(-gap) / pair.rounding;
-    if (was_closed && pq.dot(memory.n_last[i].template cast<S>()) < S(0)) {
+    if (was_closed && pq.dot(cast<S>(memory.n_last[i])) < S(0)) {
       return {StatusCode::kContactFlipped, i, margin};
     }
     if (gap >= S(0)) continue;
@@ -463,7 +462,7 @@ ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
     for (size_t i = 0; i < cores.size(); ++i) {
       if (cores[i].kind != CoreKind::kPlate) continue;
       std::array<Vec3<S>, 4> corner;
-      for (int k = 0; k < 4; ++k) corner[k] = cores[i].plate.corner[k].template cast<S>();
+      for (int k = 0; k < 4; ++k) corner[k] = cast<S>(cores[i].plate.corner[k]);
       plates[i] = make_plate<S>(corner);
     }
     return plates;

@@ -23,16 +23,16 @@ struct LatchPlace {
 
 template <class S>
 LatchPlace<S> find_place(const Latch& latch, const RelativeMotion<S>& motion) {
-  const Vec3<S> hook = latch.hook.template cast<S>();
-  const Vec3<S> lever = motion.R * latch.striker.template cast<S>();
+  const Vec3<S> hook = cast<S>(latch.hook);
+  const Vec3<S> lever = motion.R * cast<S>(latch.striker);
   if (latch.measure == LatchMeasure::kActiveAxis) {
     return {motion.p + lever - hook, motion.v + motion.w.cross(lever)};
   }
   const Mat3<S> to_P = motion.R.transpose();
-  const Vec3<S> opening = to_P * Vec3<S>(motion.p + lever - hook);
-  const Vec3<S> opening_rate = to_P * Vec3<S>(motion.v + motion.w.cross(Vec3<S>(hook - motion.p)));
+  const Vec3<S> opening = to_P * (motion.p + lever - hook);
+  const Vec3<S> opening_rate = to_P * (motion.v + motion.w.cross(hook - motion.p));
   const Vec3<S> to_axis = to_P * motion.p;
-  const Vec3<S> axis_rate = to_P * Vec3<S>(motion.v - motion.w.cross(motion.p));
+  const Vec3<S> axis_rate = to_P * (motion.v - motion.w.cross(motion.p));
   return {{opening[0], to_axis[1], to_axis[2]}, {opening_rate[0], axis_rate[1], axis_rate[2]}};
 }
 
@@ -115,13 +115,13 @@ void calc_latches(const LatchSet& set, const LatchState* state, S t,
     const Vec3<S>& s = place.s;
     const OneLatch<S> latch = calc_latch<S>(set.latch[i].law, state[i], t, s, place.rate[0]);
     if (set.latch[i].measure == LatchMeasure::kActiveAxis) {
-      const Vec3<S> at = motion.p + motion.R * set.latch[i].striker.template cast<S>();
+      const Vec3<S> at = motion.p + motion.R * cast<S>(set.latch[i].striker);
       out.on_passive.f += latch.force;
       out.on_passive.t += at.cross(latch.force);
     } else {
       const Vec3<S> along = motion.R.col(0) * latch.force[0];
       out.on_passive.f += motion.R * latch.force;
-      out.on_passive.t += set.latch[i].hook.template cast<S>().cross(along);
+      out.on_passive.t += cast<S>(set.latch[i].hook).cross(along);
     }
     out.energy += latch.energy;
     out.power += latch.power;

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "docking/docking_model.hpp"
+#include "math/decompositions.hpp"
 #include "math/scalar.hpp"
 
 namespace dockloop {
@@ -11,8 +12,8 @@ namespace dockloop {
 template <class S>
 FrameMotion<S> find_frame_on(const FrameMotion<S>& body, const Pose<double>& pose) {
   FrameMotion<S> frame;
-  const Vec3<S> arm = body.R * pose.p.template cast<S>();
-  frame.R = body.R * pose.R.template cast<S>();
+  const Vec3<S> arm = body.R * cast<S>(pose.p);
+  frame.R = body.R * cast<S>(pose.R);
   frame.p = body.p + arm;
   frame.w = body.w;
   frame.v = body.v + body.w.cross(arm);
@@ -35,8 +36,8 @@ template <class S>
 FrameMotion<S> get_vehicle_pose(const DockingModel& model, int i, const S* y) {
   FrameMotion<S> frame;
   if (model.layout.pose[i] < 0) {
-    frame.R = model.fixed_pose[i].R.template cast<S>();
-    frame.p = model.fixed_pose[i].p.template cast<S>();
+    frame.R = cast<S>(model.fixed_pose[i].R);
+    frame.p = cast<S>(model.fixed_pose[i].p);
     return frame;
   }
   const S* x = y + model.layout.pose[i];
@@ -115,8 +116,7 @@ void calc_target_velocity(const DockingModel& model, const S* y, FrameMotion<S>&
   const Vec3<S> linear(x[0], x[1], x[2]), angular(x[3], x[4], x[5]);
   target.v = linear / S(model.vehicle[kTarget].mass);
   const Vec3<S> spin = target.R.transpose() * (angular - target.p.cross(linear));
-  const Mat3<S> inverse_inertia = model.vehicle[kTarget].inertia.inverse().template cast<S>();
-  target.w = target.R * (inverse_inertia * spin);
+  target.w = target.R * (cast<S>(invert(model.vehicle[kTarget].inertia)) * spin);
 }
 
 /// Motion of the chaser with a locked mechanism, and what else evaluations read of the tree.
@@ -139,14 +139,13 @@ void calc_locked_kinematics(const DockingModel& model, const S* y, DockingData<S
       linear += Vec3<S>(x_t[0], x_t[1], x_t[2]);
       angular += Vec3<S>(x_t[3], x_t[4], x_t[5]);
     }
-    const Vec3<S> c = chaser.R * body.com.template cast<S>();
-    const Vec3<S> spin = chaser.R.transpose() * (angular - Vec3<S>(chaser.p + c).cross(linear));
-    const Mat3<double> inverse_inertia = body.inertia.inverse();
-    chaser.w = chaser.R * (inverse_inertia.template cast<S>() * spin);
+    const Vec3<S> c = chaser.R * cast<S>(body.com);
+    const Vec3<S> spin = chaser.R.transpose() * (angular - (chaser.p + c).cross(linear));
+    chaser.w = chaser.R * (cast<S>(invert(body.inertia)) * spin);
     chaser.v = linear / S(body.mass) - chaser.w.cross(c);
     tree.p[0] = chaser.p;
     tree.m_sum[0] = S(locked.whole.mass);
-    tree.h_sum[0] = S(locked.whole.mass) * (chaser.R * locked.whole.com.template cast<S>());
+    tree.h_sum[0] = S(locked.whole.mass) * (chaser.R * cast<S>(locked.whole.com));
   }
   data.capture = find_frame_on(chaser, locked.capture);
   calc_frames(model, y, data);
@@ -172,8 +171,8 @@ Status calc_kinematics(const DockingModel& model, const S& t, const S* y, Need n
 template <class S>
 RelativeMotion<S> find_rest(const Pose<double>& pose) {
   RelativeMotion<S> motion;
-  motion.R = pose.R.template cast<S>();
-  motion.p = pose.p.template cast<S>();
+  motion.R = cast<S>(pose.R);
+  motion.p = cast<S>(pose.p);
   return motion;
 }
 
@@ -292,11 +291,11 @@ DockingData<S>::DockingData(const DockingModel& model)
 template <class S>
 Wrench<S> find_inertial_load(const VehicleBody& part, const FrameMotion<S>& chaser,
                              const Vec3<S>& a, const Vec3<S>& alpha) {
-  const Vec3<S> c = chaser.R * part.com.template cast<S>();
-  const Mat3<S> I = chaser.R * part.inertia.template cast<S>() * chaser.R.transpose();
+  const Vec3<S> c = chaser.R * cast<S>(part.com);
+  const Mat3<S> I = chaser.R * cast<S>(part.inertia) * chaser.R.transpose();
   Wrench<S> load;
-  load.f = S(part.mass) * (a + alpha.cross(c) + chaser.w.cross(Vec3<S>(chaser.w.cross(c))));
-  load.t = c.cross(load.f) + I * alpha + chaser.w.cross(Vec3<S>(I * chaser.w));
+  load.f = S(part.mass) * (a + alpha.cross(c) + chaser.w.cross(chaser.w.cross(c)));
+  load.t = c.cross(load.f) + I * alpha + chaser.w.cross(I * chaser.w);
   return load;
 }
 
@@ -307,13 +306,12 @@ namespace {
 template <class S>
 void calc_rigid_acceleration(const VehicleBody& whole, const FrameMotion<S>& chaser,
                              const Wrench<S>& load, Vec3<S>& a, Vec3<S>& alpha) {
-  const Vec3<S> c = chaser.R * whole.com.template cast<S>();
+  const Vec3<S> c = chaser.R * cast<S>(whole.com);
   const Vec3<S> w = chaser.R.transpose() * chaser.w;
-  const Mat3<S> I = whole.inertia.template cast<S>();
+  const Mat3<S> I = cast<S>(whole.inertia);
   const Vec3<S> moment = chaser.R.transpose() * (load.t - c.cross(load.f));
-  const Mat3<double> inverse_inertia = whole.inertia.inverse();
-  alpha = chaser.R * (inverse_inertia.template cast<S>() * (moment - w.cross(Vec3<S>(I * w))));
-  a = load.f / S(whole.mass) - alpha.cross(c) - chaser.w.cross(Vec3<S>(chaser.w.cross(c)));
+  alpha = chaser.R * (cast<S>(invert(whole.inertia)) * (moment - w.cross(I * w)));
+  a = load.f / S(whole.mass) - alpha.cross(c) - chaser.w.cross(chaser.w.cross(c));
 }
 
 }  // namespace
@@ -417,7 +415,7 @@ void calc_outside_loads(const DockingModel& model, const DiscreteState& discrete
     load.t -= data.on_passive.t +
               (data.capture.p - mechanism.tree.p[capture_body]).cross(data.on_passive.f);
   }
-  data.thrust = discrete.thrust_on ? Vec3<S>(data.interface[kChaser].R.col(0) * S(model.thrust))
+  data.thrust = discrete.thrust_on ? data.interface[kChaser].R.col(0) * S(model.thrust)
                                    : Vec3<S>(Vec3<S>::Zero());
   if (model.mechanism.vehicle != kBase) {
     Wrench<S>& load = mechanism.tree.external[model.mechanism.vehicle];
@@ -599,8 +597,8 @@ namespace {
 /// Momentum of a part of the chaser, axes of O, angular part about the origin of O.
 template <class S>
 Wrench<S> find_part_momentum(const VehicleBody& part, const FrameMotion<S>& chaser) {
-  const Vec3<S> c = chaser.R * part.com.template cast<S>(), at = chaser.p + c;
-  const Mat3<S> I = chaser.R * part.inertia.template cast<S>() * chaser.R.transpose();
+  const Vec3<S> c = chaser.R * cast<S>(part.com), at = chaser.p + c;
+  const Mat3<S> I = chaser.R * cast<S>(part.inertia) * chaser.R.transpose();
   Wrench<S> p;
   p.f = S(part.mass) * (chaser.v + chaser.w.cross(c));
   p.t = at.cross(p.f) + I * chaser.w;
@@ -615,7 +613,7 @@ S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
   if (data.locked) {
     const FrameMotion<S>& chaser = data.vehicle[kChaser];
     const Wrench<S> p = find_part_momentum(data.locked->whole, chaser);
-    energy += S(0.5) * (chaser.v.dot(p.f) + chaser.w.dot(Vec3<S>(p.t - chaser.p.cross(p.f))));
+    energy += S(0.5) * (chaser.v.dot(p.f) + chaser.w.dot(p.t - chaser.p.cross(p.f)));
   } else {
     energy += find_mechanism_energy(model.mechanism, data.mechanism);
     const int vehicle = model.mechanism.vehicle;
@@ -631,7 +629,7 @@ S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
     const FrameMotion<S>& target = data.vehicle[kTarget];
     const Vec3<S> w = target.R.transpose() * target.w;
     energy += S(0.5 * model.vehicle[kTarget].mass) * target.v.squaredNorm() +
-              S(0.5) * w.dot(model.vehicle[kTarget].inertia.template cast<S>() * w);
+              S(0.5) * w.dot(cast<S>(model.vehicle[kTarget].inertia) * w);
   }
   return energy;
 }
@@ -654,7 +652,7 @@ Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingDat
     if (!model.moves[kTarget]) return sum;
     const FrameMotion<S>& target = data.vehicle[kTarget];
     sum.f = S(model.vehicle[kTarget].mass) * target.v;
-    sum.t = target.p.cross(sum.f) + target.R * (model.vehicle[kTarget].inertia.template cast<S>() *
+    sum.t = target.p.cross(sum.f) + target.R * (cast<S>(model.vehicle[kTarget].inertia) *
                                                 (target.R.transpose() * target.w));
     return sum;
   }
@@ -681,7 +679,7 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
   const auto add = [&](const VehicleBody& part, const S& sign) {
     sum += sign * find_part_momentum(part, chaser);
     mass += sign * S(part.mass);
-    first_moment += sign * S(part.mass) * (chaser.p + chaser.R * part.com.template cast<S>());
+    first_moment += sign * S(part.mass) * (chaser.p + chaser.R * cast<S>(part.com));
   };
   if (data.locked) {
     add(model.driven[kChaser] ? data.locked->mechanism : data.locked->whole, S(1));

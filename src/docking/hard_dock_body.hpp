@@ -75,7 +75,7 @@ struct Openings {
   explicit Openings(const RelativeMotion<S>& motion)
       : axis(motion.R.col(0)),
         centre(axis.dot(motion.p)),
-        centre_rate(axis.dot(Vec3<S>(motion.v - motion.w.cross(motion.p)))),
+        centre_rate(axis.dot(motion.v - motion.w.cross(motion.p))),
         spin(axis.cross(motion.w)) {}
   S at(const Eigen::Vector2d& t) const { return centre - axis[1] * S(t[0]) - axis[2] * S(t[1]); }
   /// x_P . (v + w x (t - p))

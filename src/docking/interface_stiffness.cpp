@@ -33,7 +33,7 @@ Mat6<double> find_mobility(const DockingModel& model, const DockingData<double>&
   Mat6<double> sum = Mat6<double>::Zero();
   if (model.moves[kChaser]) {
     Mat6<double> inverse;  // with free joints: the leading block of the whole inverse
-    if (at.locked) inverse = invert(make_inertia(at.locked->whole));
+    if (at.locked) inverse = make_mobility(at.locked->whole);
     for (int i = 0; !at.locked && i < 6; ++i) {
       column.setZero();
       column[i] = 1.0;
@@ -47,8 +47,7 @@ Mat6<double> find_mobility(const DockingModel& model, const DockingData<double>&
     const FrameMotion<double>& target = at.vehicle[kTarget];
     const Mat3<double> R = geometry.R.transpose() * target.R;
     Mat6<double> inverse = Mat6<double>::Identity() / model.vehicle[kTarget].mass;
-    inverse.bottomRightCorner<3, 3>() =
-        R * model.vehicle[kTarget].inertia.inverse() * R.transpose();
+    inverse.bottomRightCorner<3, 3>() = R * invert(model.vehicle[kTarget].inertia) * R.transpose();
     const Vec3<double> arm = geometry.R.transpose() * (at.capture.p - target.p);
     const Mat6<double> J = make_transfer(Mat3<double>::Identity(), arm);
     sum += J * inverse * J.transpose();

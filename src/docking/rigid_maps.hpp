@@ -2,6 +2,7 @@
 #pragma once
 
 #include "docking/docking_model.hpp"
+#include "math/decompositions.hpp"
 
 namespace dockloop {
 
@@ -24,6 +25,14 @@ inline Mat6<double> make_inertia(const VehicleBody& body) {
   A.bottomLeftCorner<3, 3>() = h;
   A.bottomRightCorner<3, 3>() = body.inertia - h * skew<double>(body.com);
   return A;
+}
+
+/// Its inverse: motion of the origin per impulse there.
+inline Mat6<double> make_mobility(const VehicleBody& body) {
+  Mat6<double> inverse = Mat6<double>::Identity() / body.mass;
+  inverse.bottomRightCorner<3, 3>() = invert(body.inertia);
+  const Mat6<double> from_com = make_transfer(Mat3<double>::Identity(), -body.com);
+  return from_com * inverse * from_com.transpose();
 }
 
 }  // namespace dockloop

@@ -44,7 +44,7 @@ void predict(const MechanismModel& model, size_t b, const LoopBlock& block, Tree
 template <class S>
 Vec3<S> find_leg_target(const ClosedForm& form, const Loop& loop, const LoopPaths& paths,
                         const TreeData<S>& tree) {
-  Vec3<S> L = loop.point_on_closing.template cast<S>();
+  Vec3<S> L = cast<S>(loop.point_on_closing);
   for (size_t i = paths.closing.size(); i-- > 0;) {
     const Pose<S>& joint = tree.joint[paths.closing[i]];
     L = joint.R * L + joint.p;
@@ -53,8 +53,7 @@ Vec3<S> find_leg_target(const ClosedForm& form, const Loop& loop, const LoopPath
     const Pose<S>& joint = tree.joint[paths.terminal[i]];
     L = joint.R.transpose() * (L - joint.p);
   }
-  return form.in_parent.R.template cast<S>().transpose() *
-         (L - form.in_parent.p.template cast<S>());
+  return cast<S>(form.in_parent.R).transpose() * (L - cast<S>(form.in_parent.p));
 }
 
 /// Put a solved joint into the tree.

@@ -133,7 +133,7 @@ template <class S>
 void solve_slider_strut(const LegShape& shape, LegBranch branch, const Vec3<S>& L,
                         LegSolution<S>& leg) {
   using std::sqrt;
-  const Vec3<S> axis = shape.slide.template cast<S>(), tip = shape.tip.template cast<S>();
+  const Vec3<S> axis = cast<S>(shape.slide), tip = cast<S>(shape.tip);
   const S along = axis.dot(L), length2 = tip.squaredNorm();
   S w, X;
   if (!take_root<S>(length2 - (L - along * axis).squaredNorm(), w, leg)) return;

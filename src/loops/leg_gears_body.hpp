@@ -21,7 +21,7 @@ Eigen::Matrix<S, 3, 6> find_rates_per_twist(const PlatformData<S>& at, const Leg
     axes(i % 3, i / 3) = at.store.work(leg, legs::kAxesC + i);
     rows(i % 3, i / 3) = at.store.work(leg, legs::kInverse + i);
   }
-  const Vec3<S> ring = leg.ring.template cast<S>();
+  const Vec3<S> ring = cast<S>(leg.ring);
   Eigen::Matrix<S, 3, 6> rates;
   for (int i = 0; i < 3; ++i) {
     const Vec3<S> force = S(leg.sign[i]) * (axes * rows.col(i)), moment = ring.cross(force);
@@ -131,8 +131,8 @@ template <class S>
 Wrench<S> find_gear_load(const GearData<S>& gear, const Vec3<S>& w, const S& rate,
                          const S& acceleration) {
   const Vec3<S> momentum = gear.inertia * gear.axis;
-  const Vec3<S> turned = w.cross(Vec3<S>(gear.frozen * w)) + rate * w.cross(momentum);
-  return {w.cross(Vec3<S>(w.cross(gear.first_moment))), turned + acceleration * momentum};
+  const Vec3<S> turned = w.cross(gear.frozen * w) + rate * w.cross(momentum);
+  return {w.cross(w.cross(gear.first_moment)), turned + acceleration * momentum};
 }
 
 /// Loads of the gears on the root at zero joint accelerations, into the sums of bias.

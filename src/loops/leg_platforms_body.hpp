@@ -40,11 +40,11 @@ void calc_platform_pose(const MechanismModel& model, const LegPlatform& platform
   for (size_t i = 0; i < platform.path.size(); ++i) {
     const Body& body = model.bodies[platform.path[i]];
     Vec3<S> e = Vec3<S>::Zero();
-    if (body.joint != JointType::kFree) e = at.pose[i].R * body.axis.template cast<S>();
+    if (body.joint != JointType::kFree) e = at.pose[i].R * cast<S>(body.axis);
     for (int k = 0; k < body.nv(); ++k) {
       Vec3<S> angular, linear;
       get_joint_column(body, at.pose[i].R, e, k, angular, linear);
-      linear += angular.cross(Vec3<S>(end.p - at.pose[i].p));
+      linear += angular.cross(end.p - at.pose[i].p);
       at.J.col(column).template head<3>() = end.R.transpose() * linear;
       at.J.col(column++).template tail<3>() = end.R.transpose() * angular;
     }

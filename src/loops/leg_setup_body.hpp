@@ -19,17 +19,17 @@ struct BodyMoments {
 /// Of a body, about the origin of axes in which it has this pose.
 template <class N>
 BodyMoments<N> find_moments(const Body& body, const Pose<N>& pose) {
-  const Vec3<N> c = pose.R * body.com.cast<N>() + pose.p;
+  const Vec3<N> c = pose.R * cast<N>(body.com) + pose.p;
   const N mass(body.mass);
   return {mass, mass * c,
-          pose.R * body.inertia.cast<N>() * pose.R.transpose() +
+          pose.R * cast<N>(body.inertia) * pose.R.transpose() +
               mass * (c.squaredNorm() * Mat3<N>::Identity() - c * c.transpose())};
 }
 
 /// A rotation matrix to the digits of its numbers. @param R  one to rounding of doubles
 template <class N>
 Mat3<N> find_rotation(const Mat3<double>& R) {
-  Mat3<N> m = R.cast<N>();
+  Mat3<N> m = cast<N>(R);
   if constexpr (!std::is_same_v<N, double>) {
     for (int i = 0; i < 2; ++i) {  // twice as many digits each time
       m = (N(0.5) * m * (N(3) * Mat3<N>::Identity() - m.transpose() * m)).eval();
@@ -70,12 +70,12 @@ void put_leg_constants(const MechanismModel& model, const LegPlatform& platform,
     tip = {0.0, form.shape.l2, 0.0};
     axis = 0;
   }
-  const Pose<N> K{find_rotation<N>(axes), form.in_parent.p.cast<N>()};
+  const Pose<N> K{find_rotation<N>(axes), cast<N>(form.in_parent.p)};
   for (int i = 0; i < 3; ++i) put_vector(legs::kAxesK + 3 * i, K.R.col(i));
   put_vector(legs::kCentre, K.p);
   put_vector(legs::kCentreK, K.R.transpose() * K.p);
-  put_vector(legs::kRing, place.ring.cast<N>());
-  put_vector(legs::kTip, tip.cast<N>());
+  put_vector(legs::kRing, cast<N>(place.ring));
+  put_vector(legs::kTip, cast<N>(tip));
   put(legs::kElbow, N(form.branch.elbow));
   put(legs::kFlip, N(form.branch.flip));
   put(legs::kCrank, N(form.shape.l1));
@@ -87,24 +87,23 @@ void put_leg_constants(const MechanismModel& model, const LegPlatform& platform,
   for (size_t i = 0; i < 3; ++i) {
     const JointMap& joint = form.joint[i];
     const Body& body = model.bodies[joint.body];
-    pose = pose * Pose<N>{body.placement.R.cast<N>(), body.placement.p.cast<N>()};
+    pose = pose * Pose<N>{cast<N>(body.placement.R), cast<N>(body.placement.p)};
     // theta = sign q + zero = 0
     if (body.joint == JointType::kRevolute) {
-      pose.R =
-          (pose.R * axis_rotation<N>(body.axis.cast<N>(), N(joint.c), N(-joint.sign * joint.s)))
-              .eval();
+      pose.R = (pose.R * axis_rotation<N>(cast<N>(body.axis), N(joint.c), N(-joint.sign * joint.s)))
+                   .eval();
     }
     moments[i] =
-        find_moments<N>(body, {pose.R, i == 0 ? pose.p : Vec3<N>(pose.p - elbow.cast<N>())});
+        find_moments<N>(body, {pose.R, i == 0 ? pose.p : Vec3<N>(pose.p - cast<N>(elbow))});
     for (const LegGear& gear : platform.gears) {
       if (gear.carrier != joint.body) continue;
       const Body& rotor = model.bodies[gear.body];
-      const Pose<N> at = pose * Pose<N>{rotor.placement.R.cast<N>(), rotor.placement.p.cast<N>()};
-      const BodyMoments<N> own = find_moments<N>(rotor, {at.R, Vec3<N>(at.p - elbow.cast<N>())});
+      const Pose<N> at = pose * Pose<N>{cast<N>(rotor.placement.R), cast<N>(rotor.placement.p)};
+      const BodyMoments<N> own = find_moments<N>(rotor, {at.R, Vec3<N>(at.p - cast<N>(elbow))});
       moments[i].mass += own.mass;
       moments[i].first += own.first;
       moments[i].inertia += own.inertia;
-      const N ratio = N(gear.terms[0].ratio) * (at.R * rotor.axis.cast<N>()).eval()[0];
+      const N ratio = N(gear.terms[0].ratio) * (at.R * cast<N>(rotor.axis)).eval()[0];
       spin += N(find_axial_inertia(rotor)) * ratio;
       reflected += N(find_axial_inertia(rotor)) * ratio * ratio;
     }
@@ -188,10 +187,10 @@ GearData<S> make_gear(const MechanismModel& model, const LegPlatform& platform, 
   }
   made.on_root = gear.carrier == platform.root;
   made.inertia = S(find_axial_inertia(body));
-  const Pose<N> pose{body.placement.R.cast<N>(), body.placement.p.cast<N>()};
+  const Pose<N> pose{cast<N>(body.placement.R), cast<N>(body.placement.p)};
   const BodyMoments<N> moments = find_moments<N>(body, pose);
   made.mass = S(body.mass);
-  made.axis = (pose.R * body.axis.cast<N>()).template cast<S>();
+  made.axis = cast<S>(Vec3<N>(pose.R * cast<N>(body.axis)));
   if (!made.on_root) {
     const LegPlace& leg = legs[made.terms[0].leg];
     const Body& rod = model.bodies[leg.body[2]];
@@ -199,8 +198,8 @@ GearData<S> make_gear(const MechanismModel& model, const LegPlatform& platform, 
     if (gear.carrier != leg.body[2]) slide = (rod.placement.R * slide).eval();
     made.axis = Vec3<S>(S(slide.dot(body.placement.R * body.axis)), S(0), S(0));
   }
-  made.first_moment = moments.first.template cast<S>();
-  made.frozen = moments.inertia.template cast<S>();
+  made.first_moment = cast<S>(moments.first);
+  made.frozen = cast<S>(moments.inertia);
   made.row.setZero();
   return made;
 }

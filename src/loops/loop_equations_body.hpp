@@ -17,14 +17,14 @@ Vec3<S> calc_path(const TreeData<S>& tree, const std::vector<int>& path, const V
   for (size_t i = 0; i < path.size(); ++i) {
     pose[i] = i == 0 ? tree.joint[path[i]] : pose[i - 1] * tree.joint[path[i]];
   }
-  const Vec3<S> local = point.cast<S>();
-  return path.empty() ? local : Vec3<S>(pose.back().R * local + pose.back().p);
+  const Vec3<S> local = cast<S>(point);
+  return path.empty() ? local : pose.back().R * local + pose.back().p;
 }
 
 template <class S>
 Vec3<S> rotate_to_lca(const std::vector<Pose<S>>& pose, const Vec3<double>& axis) {
-  const Vec3<S> local = axis.cast<S>();
-  return pose.empty() ? local : Vec3<S>(pose.back().R * local);
+  const Vec3<S> local = cast<S>(axis);
+  return pose.empty() ? local : pose.back().R * local;
 }
 
 /// Columns of one path, times `sign`.
@@ -36,7 +36,7 @@ void calc_path_columns(const MechanismModel& model, const std::vector<int>& path
   for (size_t i = 0; i < path.size(); ++i) {
     const Body& body = model.bodies[path[i]];
     Vec3<S> e = Vec3<S>::Zero();
-    if (body.joint != JointType::kFree) e = pose[i].R * body.axis.template cast<S>();
+    if (body.joint != JointType::kFree) e = pose[i].R * cast<S>(body.axis);
     const Vec3<S> arm = point - pose[i].p;
     for (int k = 0; k < body.nv(); ++k) {
       const int column = column_of[body.v_index + k];
@@ -93,7 +93,7 @@ void calc_cut_position(const MechanismModel& model, const LoopPlan& plan, int lo
   cut.p_I = calc_path(tree, paths.closing, loop.point_on_closing, cut.closing);
   const Vec3<S> gap = cut.p_T - cut.p_I;
   if (loop.cut == CutType::kPlanarRevolute) {
-    cut.plane = loop.plane_axes_in_root.template cast<S>();
+    cut.plane = cast<S>(loop.plane_axes_in_root);
     if (paths.root_on_terminal >= 0) {
       cut.plane = (cut.plane * cut.terminal[paths.root_on_terminal].R.transpose()).eval();
     }
@@ -160,8 +160,8 @@ void calc_cut_bias(const MechanismModel& model, const LoopPlan& plan, int loop_i
   for (size_t j = 0; j < plan.cross_axes[loop_index].size(); ++j) {
     if (rows[3 + j] < 0) continue;
     const Vec3<S> n = cut.axis_T[j].cross(cut.axis_I);
-    const Vec3<S> n_dot = Vec3<S>(T.w.cross(cut.axis_T[j])).cross(cut.axis_I) +
-                          cut.axis_T[j].cross(Vec3<S>(I.w.cross(cut.axis_I)));
+    const Vec3<S> n_dot =
+        T.w.cross(cut.axis_T[j]).cross(cut.axis_I) + cut.axis_T[j].cross(I.w.cross(cut.axis_I));
     gamma[rows[3 + j]] = n.dot(T.alpha - I.alpha) + n_dot.dot(T.w - I.w);
   }
 }

@@ -40,11 +40,11 @@ Status calc_spin(const MechanismModel& model, const LoopPaths& paths, const Loop
     if (index == spin.body) break;
     R = R * tree.joint[index].R;
   }
-  R = R * body.placement.R.template cast<S>();
+  R = R * cast<S>(body.placement.R);
   Mat3<S> R_closing = Mat3<S>::Identity();
   for (int index : paths.closing) R_closing = R_closing * tree.joint[index].R;
-  const Vec3<S> B = R.transpose() * (R_closing * loop.axis_on_closing.template cast<S>());
-  const Vec3<S> e = body.axis.template cast<S>(), A = spin.cross_axis.template cast<S>();
+  const Vec3<S> B = R.transpose() * (R_closing * cast<S>(loop.axis_on_closing));
+  const Vec3<S> e = cast<S>(body.axis), A = cast<S>(spin.cross_axis);
   const S along = e.dot(A);
   const S constant = along * e.dot(B);
   const S alpha = (A - along * e).dot(B), beta = e.cross(A).dot(B);
@@ -201,12 +201,10 @@ void calc_leg_axes(const LoopPaths& paths, const MechanismModel& model, const Cl
   const auto axis = [&](int i) {
     const JointMap& joint = form.joint[i];
     const size_t at = static_cast<size_t>(form.parent_on_terminal + 1 + i);
-    return Vec3<S>(S(joint.sign) *
-                   (cut.terminal[at].R * model.bodies[paths.terminal[at]].axis.template cast<S>()));
+    return S(joint.sign) * (cut.terminal[at].R * cast<S>(model.bodies[paths.terminal[at]].axis));
   };
   if (form.kind == LegKind::kR2P1R3) {
-    axes.col(0) =
-        cut.terminal.back().R * model.bodies[paths.terminal.back()].axis.template cast<S>();
+    axes.col(0) = cut.terminal.back().R * cast<S>(model.bodies[paths.terminal.back()].axis);
     axes.col(2) = axis(1);
     axes.col(1) = axes.col(2).cross(axes.col(0));
     return;

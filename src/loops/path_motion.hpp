@@ -25,18 +25,18 @@ PathBias<S> calc_path_bias(const MechanismModel& model, const TreeData<S>& tree,
     const Body& body = model.bodies[path[i]];
     if (i > 0) {
       const Vec3<S> r = pose[i].p - origin;
-      m.a += m.alpha.cross(r) + m.w.cross(Vec3<S>(m.w.cross(r)));
+      m.a += m.alpha.cross(r) + m.w.cross(m.w.cross(r));
     }
     origin = pose[i].p;
     switch (body.joint) {
       case JointType::kRevolute: {
-        const Vec3<S> rate = pose[i].R * (body.axis.template cast<S>() * tree.v[body.v_index]);
+        const Vec3<S> rate = pose[i].R * (cast<S>(body.axis) * tree.v[body.v_index]);
         m.alpha += m.w.cross(rate);
         m.w += rate;
         break;
       }
       case JointType::kPrismatic: {
-        const Vec3<S> rate = pose[i].R * (body.axis.template cast<S>() * tree.v[body.v_index]);
+        const Vec3<S> rate = pose[i].R * (cast<S>(body.axis) * tree.v[body.v_index]);
         m.a += S(2) * m.w.cross(rate);
         break;
       }
@@ -51,7 +51,7 @@ PathBias<S> calc_path_bias(const MechanismModel& model, const TreeData<S>& tree,
     }
   }
   const Vec3<S> arm = point - origin;
-  m.a += m.alpha.cross(arm) + m.w.cross(Vec3<S>(m.w.cross(arm)));
+  m.a += m.alpha.cross(arm) + m.w.cross(m.w.cross(arm));
   return m;
 }
 

@@ -9,7 +9,8 @@
 namespace dockloop {
 
 bool is_positive_definite(const Mat3<double>& matrix) {
-  return Eigen::LLT<Mat3<double>>(matrix).info() == Eigen::Success;
+  return matrix(0, 0) > 0.0 && matrix.topLeftCorner<2, 2>().determinant() > 0.0 &&
+         matrix.determinant() > 0.0;
 }
 
 Vec3<double> find_principal_moments(const Mat3<double>& inertia) {
@@ -29,7 +30,7 @@ VecX<double> find_singular_values(const MatX<double>& matrix) {
   return Eigen::JacobiSVD<MatX<double>>(matrix).singularValues();
 }
 
-Mat6<double> invert(const Mat6<double>& matrix) { return matrix.inverse(); }
+Mat3<double> invert(const Mat3<double>& matrix) { return matrix.inverse(); }
 
 Mat6<double> find_cholesky_factor(const Mat6<double>& matrix) { return matrix.llt().matrixL(); }
 

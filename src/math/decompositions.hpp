@@ -34,7 +34,7 @@ PrincipalAxes find_principal_axes(const Mat6<double>& matrix);
 /// Descending.
 VecX<double> find_singular_values(const MatX<double>& matrix);
 
-Mat6<double> invert(const Mat6<double>& matrix);
+Mat3<double> invert(const Mat3<double>& matrix);
 
 /// L of L L^T = matrix. @pre it is positive definite
 Mat6<double> find_cholesky_factor(const Mat6<double>& matrix);

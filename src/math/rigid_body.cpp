@@ -1,8 +1,7 @@
 // The Runge-Kutta steps; see rigid_body.hpp.
 #include "math/rigid_body.hpp"
 
-#include <Eigen/Cholesky>
-
+#include "math/decompositions.hpp"
 #include "math/rotation.hpp"
 
 namespace dockloop {
@@ -10,9 +9,9 @@ namespace dockloop {
 void turn_rigid_body(const Mat3<double>& inertia, const Vec3<double>& torque, double h, int count,
                      Vec4<double>& q, Vec3<double>& w) {
   const double dt = h / count;
-  const Eigen::LLT<Mat3<double>> solver(inertia);
+  const Mat3<double> inverse = invert(inertia);
   const auto wdot = [&](const Vec3<double>& rate) {
-    return Vec3<double>(solver.solve(Vec3<double>(torque + (inertia * rate).cross(rate))));
+    return inverse * (torque + (inertia * rate).cross(rate));
   };
   for (int i = 0; i < count; ++i) {
     const Vec3<double> k1 = wdot(w), w2 = w + 0.5 * dt * k1;

@@ -9,6 +9,8 @@
 #include <Eigen/Geometry>  // cross products
 #include <cmath>
 
+#include "math/vector_operators.hpp"
+
 namespace dockloop {
 
 template <class S>

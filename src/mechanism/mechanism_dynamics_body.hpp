@@ -251,7 +251,7 @@ void calc_joint_loads(const Mechanism& mechanism, MechanismData<S>& data) {
     }
     const auto add = [&](int body, const Vec3<double>& point, const S& sign) {
       if (body == kBase) return;
-      const Vec3<S> arm = tree.R[body] * point.template cast<S>();
+      const Vec3<S> arm = tree.R[body] * cast<S>(point);
       tree.external[body].f += sign * force;
       tree.external[body].t += sign * (moment + arm.cross(force));
     };

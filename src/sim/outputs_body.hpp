@@ -52,13 +52,13 @@ void read_vehicles(const OutputSource<S>& from, OutputValues<S>& out) {
     typename OutputValues<S>::Vehicle& vehicle = out.vehicle[i];
     if (!model.moves[i]) {
       const VehicleParameters& p = from.parameters.vehicle[i];
-      vehicle.position = p.position.template cast<S>();
-      vehicle.attitude = p.attitude.template cast<S>();
+      vehicle.position = cast<S>(p.position);
+      vehicle.attitude = cast<S>(p.attitude);
       continue;
     }
     const S* at = from.y + model.layout.pose[i];
     vehicle.position =
-        from.frame_origin.template cast<S>() + (from.frame_shift + Vec3<S>(at[0], at[1], at[2]));
+        cast<S>(from.frame_origin) + (from.frame_shift + Vec3<S>(at[0], at[1], at[2]));
     vehicle.attitude = Vec4<S>(at[3], at[4], at[5], at[6]).normalized();
     vehicle.velocity = from.frame_velocity + from.data.vehicle[i].v;
     vehicle.angular_velocity = from.data.vehicle[i].R.transpose() * from.data.vehicle[i].w;
@@ -103,8 +103,8 @@ void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
     vehicle.force = load.f;
     vehicle.torque = frame.R.transpose() * load.t;
     const bool has_mean = from.has_mean && model.moves[i];
-    vehicle.force_mean = has_mean ? Vec3<S>(from.mean[i].f.template cast<S>()) : vehicle.force;
-    vehicle.torque_mean = has_mean ? Vec3<S>(from.mean[i].t.template cast<S>()) : vehicle.torque;
+    vehicle.force_mean = has_mean ? cast<S>(from.mean[i].f) : vehicle.force;
+    vehicle.torque_mean = has_mean ? cast<S>(from.mean[i].t) : vehicle.torque;
   }
 }
 
@@ -290,7 +290,7 @@ void read_momentum(const OutputSource<S>& from, OutputValues<S>& out) {
   const Wrench<S> sum = find_inside_momentum(from.model, from.data, mass, first_moment);
   out.momentum_linear = sum.f + mass * from.frame_velocity;
   out.momentum_angular = sum.t + first_moment.cross(from.frame_velocity);
-  out.momentum_reference = from.frame_origin.template cast<S>() + from.frame_shift;
+  out.momentum_reference = cast<S>(from.frame_origin) + from.frame_shift;
 }
 
 template <class S>

@@ -31,9 +31,9 @@ template <class S>
 void calc_joint_pose(const MechanismModel& model, int i, const S& c, const S& s,
                      TreeData<S>& data) {
   const Body& body = model.bodies[i];
-  const Mat3<S> R0 = body.placement.R.template cast<S>();
-  const Vec3<S> p0 = body.placement.p.template cast<S>();
-  const Vec3<S> axis = body.axis.template cast<S>();
+  const Mat3<S> R0 = cast<S>(body.placement.R);
+  const Vec3<S> p0 = cast<S>(body.placement.p);
+  const Vec3<S> axis = cast<S>(body.axis);
   Pose<S>& pose = data.joint[i];
   switch (body.joint) {
     case JointType::kRevolute:
@@ -80,7 +80,7 @@ void calc_tree_position(const MechanismModel& model, const std::vector<int>& bod
       data.p[i] = data.p[up] + data.r[i];
     }
     // A joint axis is the same vector in body axes and in joint axes.
-    if (body.joint != JointType::kFree) data.e[i] = data.R[i] * body.axis.template cast<S>();
+    if (body.joint != JointType::kFree) data.e[i] = data.R[i] * cast<S>(body.axis);
   }
 }
 
@@ -95,9 +95,9 @@ void calc_body_inertia(const MechanismModel& model, const std::vector<int>& bodi
       data.I_body[i].setZero();
     } else {
       const S m(body.mass);
-      const Vec3<S> c = data.R[i] * body.com.template cast<S>();
+      const Vec3<S> c = data.R[i] * cast<S>(body.com);
       data.h_body[i] = m * c;
-      data.I_body[i] = data.R[i] * body.inertia.template cast<S>() * data.R[i].transpose() +
+      data.I_body[i] = data.R[i] * cast<S>(body.inertia) * data.R[i].transpose() +
                        m * (c.squaredNorm() * Mat3<S>::Identity() - c * c.transpose());
     }
     data.m_sum[i] = S(body.mass);
@@ -214,16 +214,15 @@ void calc_tree_acceleration(const MechanismModel& model, const std::vector<int>&
     const Vec3<S> alpha_up = up == kBase ? base.alpha : data.alpha[up];
     const Vec3<S>& r = data.r[i];
     data.alpha[i] = alpha_up;
-    data.a[i] = (up == kBase ? base_a : data.a[up]) + alpha_up.cross(r) +
-                w_up.cross(Vec3<S>(w_up.cross(r)));
+    data.a[i] = (up == kBase ? base_a : data.a[up]) + alpha_up.cross(r) + w_up.cross(w_up.cross(r));
     switch (body.joint) {
       case JointType::kRevolute: {
-        data.alpha[i] += w_up.cross(Vec3<S>(data.e[i] * data.v[body.v_index]));
+        data.alpha[i] += w_up.cross(data.e[i] * data.v[body.v_index]);
         if (vdot) data.alpha[i] += data.e[i] * (*vdot)[body.v_index];
         break;
       }
       case JointType::kPrismatic: {
-        data.a[i] += S(2) * w_up.cross(Vec3<S>(data.e[i] * data.v[body.v_index]));
+        data.a[i] += S(2) * w_up.cross(data.e[i] * data.v[body.v_index]);
         if (vdot) data.a[i] += data.e[i] * (*vdot)[body.v_index];
         break;
       }
@@ -251,10 +250,10 @@ void calc_body_forces(const MechanismModel& model, const std::vector<int>& bodie
     const Vec3<S>& w = data.w[i];
     const Vec3<S>& h = data.h_body[i];
     Wrench<S>& load = data.transmitted[i];
-    load.f = S(model.bodies[i].mass) * data.a[i] + data.alpha[i].cross(h) +
-             w.cross(Vec3<S>(w.cross(h))) - data.external[i].f;
-    load.t = data.I_body[i] * data.alpha[i] + w.cross(Vec3<S>(data.I_body[i] * w)) +
-             h.cross(data.a[i]) - data.external[i].t;
+    load.f = S(model.bodies[i].mass) * data.a[i] + data.alpha[i].cross(h) + w.cross(w.cross(h)) -
+             data.external[i].f;
+    load.t = data.I_body[i] * data.alpha[i] + w.cross(data.I_body[i] * w) + h.cross(data.a[i]) -
+             data.external[i].t;
   }
 }
 

@@ -498,16 +498,15 @@ TEST_P(Legs, have_the_derivatives_of_their_differences) {
   ASSERT_TRUE(calc_acceleration_jacobian(mechanism, base, data, work, jacobian).ok());
   const std::vector<int>&ind_q = mechanism.plan.ind_q, &ind_v = mechanism.plan.ind_v;
   Residual worst;
-  const auto find_difference = [&](auto shift) {
-    constexpr double kStep = 1e-5;
+  const auto find_difference = [&](auto shift, double width = 1e-5) {
     VecX<double> slope = VecX<double>::Zero(static_cast<int>(ind_v.size()));
     const double weight[] = {-1.0 / 60, 9.0 / 60, -45.0 / 60, 45.0 / 60, -9.0 / 60, 1.0 / 60};
     const int place[] = {-3, -2, -1, 1, 2, 3};
     for (int k = 0; k < 6; ++k) {
       copy_inputs(data, moved);
-      shift(moved, place[k] * kStep);
+      shift(moved, place[k] * width);
       evaluate(mechanism, base, moved, Need::kRates);
-      for (int i = 0; i < slope.size(); ++i) slope[i] += weight[k] / kStep * moved.vdot[ind_v[i]];
+      for (int i = 0; i < slope.size(); ++i) slope[i] += weight[k] / width * moved.vdot[ind_v[i]];
     }
     return slope;
   };
@@ -525,8 +524,8 @@ TEST_P(Legs, have_the_derivatives_of_their_differences) {
   }
   for (const LoopBlock& block : mechanism.plan.blocks) {
     for (int v : block.dep) {
-      const VecX<double> slope =
-          find_difference([&](MechanismData<double>& m, double step) { m.tau[v] += step; });
+      const VecX<double> slope = find_difference(  // accelerations are linear in forces
+          [&](MechanismData<double>& m, double step) { m.tau[v] += step; }, 1e-2);
       worst.add(find_relative_error(jacobian.dtau.col(v), slope), "tau " + std::to_string(v));
     }
   }
