@@ -325,7 +325,9 @@ def test_a_copy_of_a_scene_and_its_mechanism_is_that_docking(tmp_path):
     for name in SCENES:
         files = copy_scene(name, "mine", tmp_path / name)
         copy, shipped = resolve_scene(files[0]), resolve_scene(paths.SCENES / f"{name}.toml")
-        assert copy | {"name": name} == shipped
+        mechanism = copy["mechanism"] | {"name": shipped["mechanism"]["name"]}
+        assert copy | {"name": name, "mechanism": mechanism} == shipped
+        assert copy["mechanism"]["name"] == "mine"
         assert "# " in files[0].read_text()  # comments stay
 
 

@@ -4,6 +4,7 @@ The copies stand next to each other under one name, so the scene finds its mecha
 of either needs no other file. Comments stay.
 """
 
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from dockloop.errors import UsageError
 from dockloop.outputs import Kind, write_text
 from dockloop.paths import read_text, shown
 from dockloop.sampling import to_text
-from dockloop.scene import find_mechanism, find_scene, read_toml, resolve_scene
+from dockloop.scene import find_mechanism, find_scene, read_mechanism, read_toml, resolve_scene
 
 
 def copy_scene(reference: str, name: str, folder: Path) -> list[Path]:
@@ -43,7 +44,7 @@ def copy_scene(reference: str, name: str, folder: Path) -> list[Path]:
         mechanism = find_mechanism(scene["mechanism"]["name"], source)
         texts = {
             folder / f"{name}.toml": set_key(text, "mechanism", "name", name),
-            folder / f"{name}.json": read_text(mechanism),
+            folder / f"{name}.json": _rename(mechanism, name),
         }
     for file in texts:
         if file.exists():
@@ -52,6 +53,13 @@ def copy_scene(reference: str, name: str, folder: Path) -> list[Path]:
         write_text(file, Kind("file", "dockloop new", lambda _: False), content)
     resolve_scene(next(iter(texts)))
     return list(texts)
+
+
+def _rename(mechanism: Path, name: str) -> str:
+    """Return the text of a mechanism file with its name set; everything else stays."""
+    old = json.dumps(read_mechanism(mechanism).get("name"))
+    pattern = rf'("name"\s*:\s*){re.escape(old)}'
+    return re.sub(pattern, lambda m: m[1] + json.dumps(name), read_text(mechanism), count=1)
 
 
 def describe(files: list[Path]) -> str:
