@@ -87,11 +87,9 @@ def test_what_the_start_refuses_is_refused_with_its_reason():
 def test_a_wrong_mass_in_a_coupling_is_off_and_reported():
     right = judge_short(host="chaser", stop=1.0, wanted=1e-2, experiment__step=0.02)
     assert right.verdict == "right", right
-    off = judge_short(
-        host="chaser", stop=1.0, wanted=1e-3, experiment__step=0.04, chaser__mass=2.5e3
-    )
+    off = judge_short(host="chaser", stop=1.0, wanted=1e-3, experiment__step=0.04, chaser__mass=4e3)
     assert off.verdict == "warned", off
-    assert "chaser.mass is 2500 kg" in off.reason
+    assert "chaser.mass is 4000 kg" in off.reason
 
 
 @pytest.mark.parametrize(

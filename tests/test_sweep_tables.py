@@ -267,7 +267,7 @@ def test_passes_that_make_no_sense_are_refused(dockloop, tmp_path):
         ((path, "--accuracy", "2"), "--accuracy 2: must be greater than 0 and at most 1"),
         ((path, *PASSES[:5], "0.5"), "--refine-accuracy 0.5: must be greater than 0 and less"),
         ((path, *PASSES[:3], "shear", *PASSES[4:]), "--refine 'shear': is a number"),
-        ((path, *PASSES[:3], "", *PASSES[4:]), "--refine '': must be a criterion"),
+        ((path, *PASSES[:3], "", *PASSES[4:]), "--refine: is empty: must have a value"),
         ((path, *PASSES, "--rare", "miss"), "--rare and --refine: give one of them"),
         ((own, *PASSES), "own.toml: decides 'accuracy' already"),
     ):
