@@ -293,6 +293,6 @@ void add_coupling_parameters(Table& table, Parameters& parameter, Inputs& in);
 void add_coupling_outputs(Table& table, Outputs& out);
 void add_model_parameters(Table& table, Parameters& parameter, bool has_comparison);
 void add_solver_parameters(Table& table, Parameters& parameter, bool has_comparison);
-void add_solver_outputs(Table& table, Outputs& out);
+void add_solver_outputs(Table& table, Outputs& out, bool has_comparison);
 
 }  // namespace dockloop

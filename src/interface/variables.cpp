@@ -132,7 +132,7 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   if (is_driven && wants("coupling")) add_coupling_outputs(table, outputs);
   add_model_parameters(table, parameters, sim.has_comparison());
   add_solver_parameters(table, parameters, sim.has_comparison());
-  if (wants("solver")) add_solver_outputs(table, outputs);
+  if (wants("solver")) add_solver_outputs(table, outputs, sim.has_comparison());
   if (offers_model_exchange(scene)) add_state_vector(table, scene, outputs);
   std::vector<Variable> rows = table.take();
   number_values(rows, sim);

@@ -225,7 +225,7 @@ void add_solver_parameters(Table& table, Parameters& parameter, bool has_compari
       .nominal(1e-8);
 }
 
-void add_solver_outputs(Table& table, Outputs& out) {
+void add_solver_outputs(Table& table, Outputs& out, bool has_comparison) {
   table
       .output("solver.chosen_method", &out.solver_chosen_method, kNone,
               "Integration method in use (a number of solver.method): solver.method, or the choice "
@@ -268,7 +268,8 @@ void add_solver_outputs(Table& table, Outputs& out) {
       .discrete();
   table
       .output("solver.closure_residual", &out.solver_closure_residual, kSmallLength,
-              "Largest gap of a closed loop; with method 9 over the inner steps of the last step")
+              std::string("Largest gap of a closed loop") +
+                  (has_comparison ? "; with method 9 over the inner steps of the last step" : ""))
       .not_negative()
       .nominal(1e-14)
       .discrete()

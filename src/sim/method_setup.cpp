@@ -137,7 +137,9 @@ void DockingSim::Impl::make_loop() {
   if (method.facts->method == kBdf) events->guard_absorber();
   balances = std::make_unique<BalanceWatch>(
       *this, chosen.atol_energy, setup->t_start,
-      method.is_fixed_step() ? "solver.step, or set solver.method = 1 (auto)" : "solver.rtol",
+      !method.is_co_simulation ? "the tolerance of the host's solver"
+      : method.is_fixed_step() ? "solver.step, or set solver.method = 1 (auto)"
+                               : "solver.rtol",
       status_text, warnings);
   step_loop = std::make_unique<StepLoop>(
       *model, method,
