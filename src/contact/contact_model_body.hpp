@@ -189,14 +189,14 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
   if (pair.kind == PairKind::kPointRevolution || pair.kind == PairKind::kSegmentRevolution) {
     const Mat3<S> R = cast<S>(second.axis.R);
     const Vec3<S> p = cast<S>(second.axis.p);
-    c.first = (R * c.first + p).eval();
-    c.second = (R * c.second + p).eval();
+    c.first = R * c.first + p;
+    c.second = R * c.second + p;
   }
   if (on_passive) {
     std::swap(c.first, c.second);
   } else {
-    c.first = (x.R * c.first + x.p).eval();
-    c.second = (x.R * c.second + x.p).eval();
+    c.first = x.R * c.first + x.p;
+    c.second = x.R * c.second + x.p;
   }
   return sqrt(c.square) - rounding;
 }

@@ -238,8 +238,8 @@ Status calc_capture_forces(const DockingModel& model, const DiscreteState& discr
     calc_latches(model.latches, discrete.latch.data(), t, data.relative, data.latch);
     data.on_passive += data.latch.on_passive;
   }
-  data.on_passive.f = (data.capture.R * data.on_passive.f).eval();
-  data.on_passive.t = (data.capture.R * data.on_passive.t).eval();
+  data.on_passive.f = data.capture.R * data.on_passive.f;
+  data.on_passive.t = data.capture.R * data.on_passive.t;
   return {};
 }
 

@@ -90,8 +90,7 @@ void put_leg_constants(const MechanismModel& model, const LegPlatform& platform,
     pose = pose * Pose<N>{cast<N>(body.placement.R), cast<N>(body.placement.p)};
     // theta = sign q + zero = 0
     if (body.joint == JointType::kRevolute) {
-      pose.R = (pose.R * axis_rotation<N>(cast<N>(body.axis), N(joint.c), N(-joint.sign * joint.s)))
-                   .eval();
+      pose.R = pose.R * axis_rotation<N>(cast<N>(body.axis), N(joint.c), N(-joint.sign * joint.s));
     }
     moments[i] =
         find_moments<N>(body, {pose.R, i == 0 ? pose.p : Vec3<N>(pose.p - cast<N>(elbow))});
@@ -103,7 +102,7 @@ void put_leg_constants(const MechanismModel& model, const LegPlatform& platform,
       moments[i].mass += own.mass;
       moments[i].first += own.first;
       moments[i].inertia += own.inertia;
-      const N ratio = N(gear.terms[0].ratio) * (at.R * cast<N>(rotor.axis)).eval()[0];
+      const N ratio = N(gear.terms[0].ratio) * (at.R * cast<N>(rotor.axis))[0];
       spin += N(find_axial_inertia(rotor)) * ratio;
       reflected += N(find_axial_inertia(rotor)) * ratio * ratio;
     }
@@ -195,7 +194,7 @@ GearData<S> make_gear(const MechanismModel& model, const LegPlatform& platform, 
     const LegPlace& leg = legs[made.terms[0].leg];
     const Body& rod = model.bodies[leg.body[2]];
     Vec3<double> slide = leg.sign[2] * rod.axis;  // axes of the carrier
-    if (gear.carrier != leg.body[2]) slide = (rod.placement.R * slide).eval();
+    if (gear.carrier != leg.body[2]) slide = rod.placement.R * slide;
     made.axis = Vec3<S>(S(slide.dot(body.placement.R * body.axis)), S(0), S(0));
   }
   made.first_moment = cast<S>(moments.first);

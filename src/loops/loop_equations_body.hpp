@@ -95,7 +95,7 @@ void calc_cut_position(const MechanismModel& model, const LoopPlan& plan, int lo
   if (loop.cut == CutType::kPlanarRevolute) {
     cut.plane = cast<S>(loop.plane_axes_in_root);
     if (paths.root_on_terminal >= 0) {
-      cut.plane = (cut.plane * cut.terminal[paths.root_on_terminal].R.transpose()).eval();
+      cut.plane = cut.plane * cut.terminal[paths.root_on_terminal].R.transpose();
     }
     cut.residual.template head<2>() = cut.plane * gap;
     return;

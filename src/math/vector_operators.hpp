@@ -69,22 +69,18 @@ DOCK_INLINE Fixed<S, R, C> operator/(const Eigen::Matrix<S, R, C>& a, const S& d
 }
 
 template <class S, int R, int C>
-DOCK_INLINE const S& get(const Eigen::Matrix<S, R, C>& a, int i, int j) {
+DOCK_INLINE const S& coefficient(const Eigen::Matrix<S, R, C>& a, int i, int j) {
   return a.data()[i + R * j];
 }
-template <class S, int R, int C>
-DOCK_INLINE const S& get(const Eigen::Transpose<Eigen::Matrix<S, R, C>>& a, int i, int j) {
-  return get(a.nestedExpression(), j, i);
-}
-template <class S, int R, int C>
-DOCK_INLINE const S& get(const Eigen::Transpose<const Eigen::Matrix<S, R, C>>& a, int i, int j) {
-  return get(a.nestedExpression(), j, i);
+template <class T>
+DOCK_INLINE const typename T::Scalar& coefficient(const Eigen::Transpose<T>& a, int i, int j) {
+  return coefficient(a.nestedExpression(), j, i);
 }
 /// Coefficient (i, j) of a product. Terms are added in their order. (With Eigen the order depends
 /// on the address of the result.)
 template <class S, int K, class A, class B>
 DOCK_INLINE S add_terms(const A& a, const B& b, int i, int j) {
-  const S last = get(a, i, K - 1) * get(b, K - 1, j);
+  const S last = coefficient(a, i, K - 1) * coefficient(b, K - 1, j);
   if constexpr (K == 1) {
     return last;
   } else {
@@ -128,24 +124,24 @@ DOCK_INLINE Fixed<S, R, T::RowsAtCompileTime> operator*(const Eigen::Matrix<S, R
 template <class B>
 using Part = Eigen::MapBase<B, Eigen::ReadOnlyAccessors>;
 template <class B>
-DOCK_INLINE Fixed<typename B::Scalar, B::RowsAtCompileTime, B::ColsAtCompileTime> copy(
+DOCK_INLINE Fixed<typename B::Scalar, B::RowsAtCompileTime, B::ColsAtCompileTime> to_matrix(
     const Part<B>& part) {
   return part.derived();
 }
 template <class S, int R, int K, class B>
 DOCK_INLINE Fixed<S, R, B::ColsAtCompileTime> operator*(const Eigen::Matrix<S, R, K>& a,
                                                         const Part<B>& b) {
-  return a * copy(b);
+  return a * to_matrix(b);
 }
 template <class T, class B>
 DOCK_INLINE Fixed<typename B::Scalar, T::ColsAtCompileTime, B::ColsAtCompileTime> operator*(
     const Eigen::Transpose<T>& a, const Part<B>& b) {
-  return a * copy(b);
+  return a * to_matrix(b);
 }
 template <class B>
 DOCK_INLINE Fixed<typename B::Scalar, B::RowsAtCompileTime, B::ColsAtCompileTime> operator*(
     const typename B::Scalar& factor, const Part<B>& b) {
-  return factor * copy(b);
+  return factor * to_matrix(b);
 }
 
 }  // namespace dockloop

@@ -229,7 +229,7 @@ MechanismModel attach_vehicle(const MechanismModel& mechanism, const VehicleBody
       loop.axis_on_closing = base_in_vehicle.R * loop.axis_on_closing;
     }
     if (loop.root == kBase) {
-      loop.plane_axes_in_root = (loop.plane_axes_in_root * base_in_vehicle.R.transpose()).eval();
+      loop.plane_axes_in_root = loop.plane_axes_in_root * base_in_vehicle.R.transpose();
     }
     for (int* index : {&loop.root, &loop.first, &loop.terminal, &loop.closing}) *index += 1;
     for (int& index : loop.dependent) index += 1;
@@ -257,7 +257,7 @@ MechanismModel fix_base(const MechanismModel& mechanism, const Pose<double>& bas
       loop.axis_on_closing = base_pose.R * loop.axis_on_closing;
     }
     if (loop.root == kBase) {
-      loop.plane_axes_in_root = (loop.plane_axes_in_root * base_pose.R.transpose()).eval();
+      loop.plane_axes_in_root = loop.plane_axes_in_root * base_pose.R.transpose();
     }
   }
   return model;

@@ -246,8 +246,8 @@ void calc_joint_loads(const Mechanism& mechanism, MechanismData<S>& data) {
     }
     const int lca = mechanism.plan.paths[k].lca;
     if (lca != kBase) {
-      force = (tree.R[lca] * force).eval();
-      moment = (tree.R[lca] * moment).eval();
+      force = tree.R[lca] * force;
+      moment = tree.R[lca] * moment;
     }
     const auto add = [&](int body, const Vec3<double>& point, const S& sign) {
       if (body == kBase) return;

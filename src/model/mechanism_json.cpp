@@ -414,7 +414,7 @@ void add_crank_leg(const LegReader& in, MechanismModel& model, std::vector<LegTr
   read_part(part, model.bodies[crank]);
   Mat3<double> cross_axes;
   cross_axes << rod_x, z.cross(rod_x), z;
-  cross_axes = (foot.R.transpose() * cross_axes).eval();
+  cross_axes = foot.R.transpose() * cross_axes;
   const int cross = add_body("cross", crank, Vec3<double>::UnitZ());
   model.bodies[cross].placement.R = cross_axes;
   model.bodies[cross].placement.p = Vec3<double>(length, 0.0, 0.0);
