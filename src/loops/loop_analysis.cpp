@@ -1,8 +1,6 @@
 // Redundant equations and the choice of independent coordinates; see loop_analysis.hpp.
 #include "loops/loop_analysis.hpp"
 
-#include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <functional>
 
@@ -118,10 +116,7 @@ class FullSystem {
       for (size_t j = 0; j < velocities.size(); ++j) {
         part.col(static_cast<int>(j)) = G.col(velocities[j]);
       }
-      Eigen::CompleteOrthogonalDecomposition<MatX<double>> solver;
-      solver.setThreshold(kRank);
-      solver.compute(part);
-      const VecX<double> step = solver.solve(residual);
+      const VecX<double> step = solve_least(part, residual, kRank);
       const double size = step.cwiseAbs().maxCoeff();
       if (!(size < 1e6)) return false;
       if (size < 1e-13) return open < 1e-10;
@@ -134,19 +129,8 @@ class FullSystem {
     return residual.cwiseAbs().maxCoeff() < 1e-10;
   }
 
-  int find_rank() const {
-    Eigen::ColPivHouseholderQR<MatX<double>> qr;
-    qr.setThreshold(kRank);
-    qr.compute(G);
-    return static_cast<int>(qr.rank());
-  }
-
   /// Orthonormal basis of the motions that keep all loops closed, as columns.
-  MatX<double> find_motions() const {
-    Eigen::JacobiSVD<MatX<double>> svd(G, Eigen::ComputeFullV);
-    svd.setThreshold(kRank);
-    return svd.matrixV().rightCols(model_.nv - svd.rank());
-  }
+  MatX<double> find_motions() const { return find_null_space(G, kRank); }
 
   MatX<double> G;  ///< dimensionless: equations x velocities
   VecX<double> residual;
@@ -217,15 +201,6 @@ std::vector<int> find_listed_joints(const MechanismModel& model) {
   return joints;
 }
 
-/// First `count` pivots of a QR factorisation with column pivoting.
-std::vector<int> find_pivots(const MatX<double>& matrix, int count) {
-  Eigen::ColPivHouseholderQR<MatX<double>> qr(matrix);
-  std::vector<int> pivots;
-  for (int i = 0; i < count; ++i) pivots.push_back(qr.colsPermutation().indices()[i]);
-  std::sort(pivots.begin(), pivots.end());
-  return pivots;
-}
-
 }  // namespace
 
 std::vector<std::string> remove_redundancy(MechanismModel& model) {
@@ -241,7 +216,7 @@ std::vector<std::string> remove_redundancy(MechanismModel& model) {
     if (model.bodies[joint].nv() == 1) velocities.push_back(model.bodies[joint].v_index);
   }
   if (!system.close(q, velocities)) return notes;  // close_home() will say so
-  const int rank = system.find_rank();
+  const int rank = find_rank(system.G, kRank);
   if (rank == equations) return notes;
   // Singular only here, or redundant everywhere? Look from a pose nearby.
   const MatX<double> motions = system.find_motions();
@@ -252,7 +227,7 @@ std::vector<std::string> remove_redundancy(MechanismModel& model) {
                                            (0.05 * static_cast<double>(sign))));
     }
     // Off the pose, equations that are redundant must still have a common solution.
-    if (!system.close(nearby, every) || system.find_rank() != rank) return notes;
+    if (!system.close(nearby, every) || find_rank(system.G, kRank) != rank) return notes;
   }
   const std::vector<int> kept = find_pivots(system.G.transpose(), rank);
   MatX<double> columns(rank, static_cast<int>(velocities.size()));

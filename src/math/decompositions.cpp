@@ -4,7 +4,9 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <Eigen/QR>
 #include <Eigen/SVD>
+#include <algorithm>
 
 namespace dockloop {
 
@@ -28,6 +30,34 @@ PrincipalAxes find_principal_axes(const Mat6<double>& matrix) {
 
 VecX<double> find_singular_values(const MatX<double>& matrix) {
   return Eigen::JacobiSVD<MatX<double>>(matrix).singularValues();
+}
+
+MatX<double> find_null_space(const MatX<double>& matrix, double threshold) {
+  Eigen::JacobiSVD<MatX<double>> svd(matrix, Eigen::ComputeFullV);
+  svd.setThreshold(threshold);
+  return svd.matrixV().rightCols(matrix.cols() - svd.rank());
+}
+
+int find_rank(const MatX<double>& matrix, double threshold) {
+  Eigen::ColPivHouseholderQR<MatX<double>> qr;
+  qr.setThreshold(threshold);
+  qr.compute(matrix);
+  return static_cast<int>(qr.rank());
+}
+
+std::vector<int> find_pivots(const MatX<double>& matrix, int count) {
+  const Eigen::ColPivHouseholderQR<MatX<double>> qr(matrix);
+  const auto* first = qr.colsPermutation().indices().data();
+  std::vector<int> pivots(first, first + count);
+  std::sort(pivots.begin(), pivots.end());
+  return pivots;
+}
+
+VecX<double> solve_least(const MatX<double>& matrix, const VecX<double>& right, double threshold) {
+  Eigen::CompleteOrthogonalDecomposition<MatX<double>> solver;
+  solver.setThreshold(threshold);
+  solver.compute(matrix);
+  return solver.solve(right);
 }
 
 Mat3<double> invert(const Mat3<double>& matrix) { return matrix.inverse(); }

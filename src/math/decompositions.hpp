@@ -1,9 +1,11 @@
-// Eigenvalues, singular values and inverses of plain matrices, and the physical limits of moments
-// of inertia.
+// Eigenvalues, singular values, ranks and inverses of plain matrices, and the physical limits of
+// moments of inertia.
 //
-// decompositions.cpp alone compiles these parts of Eigen. In a header they would cost every source
-// about a second. Two files that use others (complex eigenvalues, ranks) compile them themselves.
+// decompositions.cpp alone compiles these parts of Eigen: each costs seconds. One other file
+// compiles complex eigenvalues.
 #pragma once
+
+#include <vector>
 
 #include "math/types.hpp"
 
@@ -33,6 +35,18 @@ PrincipalAxes find_principal_axes(const Mat6<double>& matrix);
 
 /// Descending.
 VecX<double> find_singular_values(const MatX<double>& matrix);
+
+/// Orthonormal basis, as columns. @param threshold  smaller singular values count as zero, relative
+MatX<double> find_null_space(const MatX<double>& matrix, double threshold);
+
+/// By a QR factorisation with column pivoting.
+/// @param threshold  smaller pivots count as zero, relative
+int find_rank(const MatX<double>& matrix, double threshold);
+/// The columns of the first pivots of such a factorisation, ascending.
+std::vector<int> find_pivots(const MatX<double>& matrix, int count);
+
+/// The smallest x with the smallest |matrix x - right|. @param threshold  as for find_rank
+VecX<double> solve_least(const MatX<double>& matrix, const VecX<double>& right, double threshold);
 
 Mat3<double> invert(const Mat3<double>& matrix);
 
