@@ -359,6 +359,22 @@ def test_what_cannot_run_meets_nothing_and_is_counted():
     assert "\nrefused" not in found.points.loc[refused, "command"].iloc[0]
 
 
+def test_a_search_without_any_docking_leaves_room_for_the_next(dockloop, tmp_path):
+    def search(*angles):
+        return dockloop(
+            *("envelope", SCENE, "--x", "initial.pitch_yaw_deg", *angles),
+            *("--y", "initial.closing_speed", "0.05", "0.1", "--criterion", "time_of_contact >= 0"),
+            *("--stop", "0.5", "--step", "0.5", "--tolerance", "0.25", "--coarse", "2"),
+            *("--check", "0", "--no-plots", "-o", str(tmp_path / "own")),
+        )
+
+    refused = search("31", "40")
+    assert refused.status == 1, refused
+    assert "no docking could be run, for example" in refused.err
+    found = search("0", "10")
+    assert found.status == 0, found
+
+
 BAD_USAGE = {
     "range": ([*COMMAND[:3], SPEED[0], "0.2", "0.1"], "--x initial.closing_speed 0.2 0.1: must"),
     "number": ([*COMMAND[:3], SPEED[0], "a", "0.1"], "must be NAME LOW HIGH, two numbers"),

@@ -218,6 +218,9 @@ def test_a_map_resumes_without_a_point_twice(dockloop, mapped):
     assert json.loads(again.out)["time"]["ran"] == 0
     assert (folder / "points.csv").read_text() == before
     assert json.loads(again.out)["verdicts"] == summary["verdicts"]
+    other = dockloop(*MAP, "-o", str(folder), "--resume", "--error", "0.5")
+    assert other.status == 2, other
+    assert "it was made with another error: delete the file" in other.err
 
 
 def test_a_point_runs_alone(dockloop, mapped, tmp_path):

@@ -32,7 +32,7 @@ WORK = "envelope"
 _COARSE = {2: 8, 3: 4}  # cells along an axis at the beginning
 _TOLERANCE = {2: 0.01, 3: 0.04}
 _MOST_CELLS = 4096  # along an axis
-FINEST = 0.000125  # smallest tolerance
+FINEST = 0.000125  # smallest tolerance: 4 000 cells
 Progress = Callable[[int, int, str], None]  # runs done, runs asked for so far, what is being done
 
 
@@ -202,6 +202,7 @@ def find_envelope(
             runner.check()
         kept.finish()
     if not any(result.status == "done" for result in search.runs.values()):
+        journal.unlink()  # it has no docking that another search could use
         reason = next(result.reason for result in search.runs.values())
         raise DockloopError(f"no docking could be run, for example: {reason}")
     return search

@@ -34,7 +34,7 @@ class PointJudge:
 
     def __post_init__(self) -> None:
         """Make what the search asks for: points are alike that have the same verdict."""
-        self.setup: dict[str, Any] = {"wanted": self.wanted, "limit": self.limit, "host": self.host}
+        self.setup: dict[str, Any] = {"error": self.wanted, "limit": self.limit, "host": self.host}
         self.outputs = list(MEASURES)
         self.criteria = [_make_criterion(number, name) for number, name in enumerate(VERDICTS)]
 
