@@ -360,9 +360,9 @@ def test_what_cannot_run_meets_nothing_and_is_counted():
 
 
 def test_a_search_without_any_docking_leaves_room_for_the_next(dockloop, tmp_path):
-    def search(*angles):
+    def search(*words):
         return dockloop(
-            *("envelope", SCENE, "--x", "initial.pitch_yaw_deg", *angles),
+            *("envelope", SCENE, "--x", "initial.pitch_yaw_deg", *words),
             *("--y", "initial.closing_speed", "0.05", "0.1", "--criterion", "time_of_contact >= 0"),
             *("--stop", "0.5", "--step", "0.5", "--tolerance", "0.25", "--coarse", "2"),
             *("--check", "0", "--no-plots", "-o", str(tmp_path / "own")),
@@ -373,6 +373,11 @@ def test_a_search_without_any_docking_leaves_room_for_the_next(dockloop, tmp_pat
     assert "no docking could be run, for example" in refused.err
     found = search("0", "10")
     assert found.status == 0, found
+    resumed = search("31", "40", "--resume")  # does not take the results above with it
+    assert resumed.status == 1, resumed
+    again = search("0", "10", "--resume", "--json")
+    assert again.status == 0, again
+    assert json.loads(again.out)["time"]["ran"] == 0
 
 
 BAD_USAGE = {

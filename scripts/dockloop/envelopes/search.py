@@ -9,7 +9,7 @@ its cell is refined like all others.
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -202,7 +202,9 @@ def find_envelope(
             runner.check()
         kept.finish()
     if not any(result.status == "done" for result in search.runs.values()):
-        journal.unlink()  # it has no docking that another search could use
+        if len(kept.known) == len(search.runs):  # nothing of an earlier search is there
+            with suppress(OSError):
+                journal.unlink()
         reason = next(result.reason for result in search.runs.values())
         raise DockloopError(f"no docking could be run, for example: {reason}")
     return search
