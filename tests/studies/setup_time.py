@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 from dockloop.paths import ROOT
 from page import find_commit, find_origin, write_head, write_page, write_row
+from structure import BEFORE
 
-BEFORE = "3d3eb40"  # the last commit before leg blocks and rooms
 _MARK = re.compile(r"\[ *(\d+) s\] (.*)")  # what scripts/demo prints before each part of its work
 
 
