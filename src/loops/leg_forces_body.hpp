@@ -1,8 +1,6 @@
 // Forces in the joints of legs and gears, and loads on their bodies; see leg_platforms.hpp.
 #pragma once
 
-#include <cstdint>
-#include <cstring>
 #include <type_traits>
 
 #include "loops/leg_gears_body.hpp"
@@ -16,31 +14,29 @@ namespace {
 template <class S>
 void put_leg_forces(const MechanismModel& model, const VecX<S>& tau, TreeData<S>& tree,
                     LoopData<S>& loops, PlatformData<S>& at) {
-  const auto is_zero = [&](int body) {
+  Vec3<double> loads = Vec3<double>::Zero();  // their size, added up without a branch per number
+  at.is_loaded = false;
+  const auto look_at = [&](int body) {
     const Wrench<S>& load = tree.external[body];
-    if constexpr (std::is_same_v<S, double>) {  // all at once, without a branch per number
-      std::uint64_t bits[6], any = 0;
-      static_assert(sizeof bits == sizeof load, "a wrench is six numbers");
-      std::memcpy(bits, static_cast<const void*>(&load), sizeof bits);
-      for (const std::uint64_t word : bits) any |= word;
-      return any == 0;
+    if constexpr (std::is_same_v<S, double>) {
+      loads += load.f.cwiseAbs() + load.t.cwiseAbs();
+      return;
     }
     for (int i = 0; i < 3; ++i) {
-      if (load.f[i] != S(0) || load.t[i] != S(0)) return false;
+      if (load.f[i] != S(0) || load.t[i] != S(0)) at.is_loaded = true;
     }
-    return true;
   };
-  at.is_loaded = false;
   for (const LegPlace& leg : at.legs) {
     for (int i = 0; i < 3; ++i) {
       at.store.work(leg, legs::kForce + i) = S(leg.sign[i]) * tau[leg.v[i]];
-      at.is_loaded = at.is_loaded || !is_zero(leg.body[i]);
+      look_at(leg.body[i]);
     }
   }
   for (GearData<S>& gear : at.gears) {
     gear.torque = tau[gear.v];
-    at.is_loaded = at.is_loaded || !is_zero(gear.body);
+    look_at(gear.body);
   }
+  at.is_loaded = at.is_loaded || !(loads.array() == 0.0).all();
   if (!at.is_loaded) {
     for (const GearData<S>& gear : at.gears) press_legs(gear, gear.torque, at);
     return;

@@ -16,6 +16,7 @@ struct alignas(64) LegGroup {
   double parameter[kParameters][kGroup];
   double work[kWork][kGroup];
   LegType type;
+  int legs;  ///< how many: they have the first lanes
 };
 
 /// The stages of an evaluation, for one instruction set. `moving`: R moves or falls.

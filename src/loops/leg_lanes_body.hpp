@@ -21,19 +21,25 @@ inline Reached find_reached(lanes::Lanes square, lanes::Lanes of, double least) 
 namespace dockloop::legs {
 namespace {
 
-/// Call work(leg, in, work, at) for the legs of all registers, with a leg of their kind.
-/// @return false as soon as a call does
+/// Call work(in, work, at, type) for each register that has a leg. @return false as soon as it does
 template <class Work>
-bool visit_legs(LegGroup* groups, int count, const Work& work) {
+bool visit_registers(LegGroup* groups, int count, const Work& work) {
   for (int g = 0; g < count; ++g) {
-    for (int at = 0; at < kGroup; at += LANES) {
+    for (int at = 0; at < groups[g].legs; at += LANES) {
       const Cells in{{groups[g].parameter, at}}, cells{{groups[g].work, at}};
-      const bool fine = visit_leg<Lanes, Lanes>(groups[g].type,
-                                                [&](auto leg) { return work(leg, in, cells, at); });
-      if (!fine) return false;
+      if (!work(in, cells, at, groups[g].type)) return false;
     }
   }
   return true;
+}
+
+/// Call work(leg, in, work, at), with a leg of the kind of the register. @return as above
+template <class Work>
+bool visit_legs(LegGroup* groups, int count, const Work& work) {
+  return visit_registers(
+      groups, count, [&](const Cells& in, const Cells& cells, int at, LegType type) {
+        return visit_leg<Lanes, Lanes>(type, [&](auto leg) { return work(leg, in, cells, at); });
+      });
 }
 
 template <bool kMoving>
@@ -60,21 +66,17 @@ bool calc_all_positions(LegGroup* groups, int count, const PlatformMotion<double
 }
 
 void calc_angles(LegGroup* groups, int count, int joint) {
-  for (int g = 0; g < count; ++g) {
-    for (int at = 0; at < kGroup; at += LANES) {
-      const Cells work{{groups[g].work, at}};
-      work.put(kAngles + joint, find_angle(work.get_turn(kTurns + 2 * joint)));
-    }
-  }
+  visit_registers(groups, count, [&](const Cells&, const Cells& work, int, LegType) {
+    work.put(kAngles + joint, find_angle(work.get_turn(kTurns + 2 * joint)));
+    return true;
+  });
 }
 
 void calc_rates(LegGroup* groups, int count, const PlatformMotion<double>& platform) {
-  for (int g = 0; g < count; ++g) {
-    for (int at = 0; at < kGroup; at += LANES) {
-      calc_leg_rates<Lanes>(Cells{{groups[g].parameter, at}}, Cells{{groups[g].work, at}},
-                            platform);
-    }
-  }
+  visit_registers(groups, count, [&](const Cells& in, const Cells& work, int, LegType) {
+    calc_leg_rates<Lanes>(in, work, platform);
+    return true;
+  });
 }
 
 template <bool kMoving>

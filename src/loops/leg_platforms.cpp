@@ -5,20 +5,17 @@
 namespace dockloop {
 
 void LegStore<double>::add(LegPlace& place) {
-  if (groups_.empty() || groups_.back().type != place.type || used_.back() == kGroup) {
-    groups_.push_back(legs::LegGroup{{}, {}, place.type});
-    used_.push_back(0);
+  if (groups_.empty() || groups_.back().type != place.type || groups_.back().legs == kGroup) {
+    groups_.push_back(legs::LegGroup{{}, {}, place.type, 0});
   }
   place.group = groups_.size() - 1;
-  place.lane = used_.back()++;
+  place.lane = groups_.back().legs++;
 }
 
 void LegStore<double>::finish() {
-  for (size_t g = 0; g < groups_.size(); ++g) {
-    for (int lane = used_[g]; lane < kGroup; ++lane) {
-      for (int i = 0; i < legs::kMasses; ++i) {
-        groups_[g].parameter[i][lane] = groups_[g].parameter[i][0];
-      }
+  for (legs::LegGroup& group : groups_) {
+    for (int lane = group.legs; lane < kGroup; ++lane) {
+      for (int i = 0; i < legs::kMasses; ++i) group.parameter[i][lane] = group.parameter[i][0];
     }
   }
 }

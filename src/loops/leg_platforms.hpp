@@ -100,7 +100,6 @@ class LegStore<double> {
   int count() const { return static_cast<int>(groups_.size()); }
   const legs::LegFunctions* functions_ = &legs::find_leg_functions(kGroup);
   std::vector<legs::LegGroup> groups_;
-  std::vector<int> used_;  ///< lanes per group
 };
 
 /// A gear (LegGear): where its numbers stand, and what is computed for it.

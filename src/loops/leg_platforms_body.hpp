@@ -51,16 +51,21 @@ void calc_platform_pose(const MechanismModel& model, const LegPlatform& platform
   }
 }
 
-/// Sum of squares of a matrix, for bounds.
+/// As is_near_singular(), for the three joints of a leg on the tangent of the reference pose.
 template <class S>
-double find_square(const MatX<S>& matrix) {
-  if constexpr (std::is_same_v<S, double>) return matrix.squaredNorm();
-  double sum = 0.0;
-  for (Eigen::Index i = 0; i < matrix.size(); ++i) {
-    const double x = to_double(matrix.data()[i]);
-    sum += x * x;
+bool comes_near_singular(const LoopBlock& block, const LoopReference<S>& reference, size_t b,
+                         const VecX<S>& moved) {
+  const double margin = reference.margin[b];
+  if (margin < kNearSingular) return true;
+  const S* H = reference.H[b].data();
+  double step[3] = {};
+  for (const int j : block.low) {
+    const double x = to_double(moved[j]);
+    for (double& sum : step) sum += to_double(*H++) * x;
   }
-  return sum;
+  bool near = false;
+  for (int i = 0; i < 3; ++i) near |= margin * block.dep_scale[i] < 2.0 * std::abs(step[i]);
+  return near;
 }
 
 /// The branch of each leg: that of the accepted pose, unless that pose is near a singular one.
@@ -69,24 +74,15 @@ void choose_leg_branches(const MechanismModel& model, const LoopPlan& plan, Tree
                          LoopData<S>& loops, PlatformData<S>& at) {
   using N = typename LegStore<S>::Constant;
   const LoopReference<S>& reference = loops.reference;
-  double moved = 0.0;  // sum over the velocities of the path
-  if (reference.valid) {
-    for (int j : plan.blocks[at.legs[0].block].low) moved += std::abs(to_double(loops.moved[j]));
-  }
   for (const LegPlace& leg : at.legs) {
     const size_t b = static_cast<size_t>(leg.block);
     BlockData<S>& data = loops.block[b];
     if (reference.valid) {
       data.branch = reference.branch[b];
-      // No joint can have moved farther than this; most often that is near enough.
-      const VecX<double>& unit = plan.blocks[b].dep_scale;
-      const double least = std::min({unit[0], unit[1], unit[2]}) * reference.margin[b];
-      const double twice = 2.0 * moved;
-      const bool may_be_near = !(reference.margin[b] >= kNearSingular &&
-                                 least * least >= find_square(reference.H[b]) * (twice * twice));
-      if (may_be_near) predict(model, b, plan.blocks[b], tree, loops);
-      if (may_be_near && is_near_singular(model, plan.blocks[b], tree, reference, b)) {
-        const int k = plan.blocks[b].loops[0];
+      const LoopBlock& block = plan.blocks[b];
+      if (comes_near_singular(block, reference, b, loops.moved)) {
+        predict(model, b, block, tree, loops);
+        const int k = block.loops[0];
         const Vec3<S> L = find_leg_target(leg.form, model.loops[k], plan.paths[k], tree);
         choose_branch<S>(model, leg.form, L, tree.q, plan.loop_size[k], 0, data.branch);
       }
