@@ -22,8 +22,9 @@ void eliminate(const double* A, double* W, double* inverse) {
   }
 }
 
+/// The factor of A in the lower triangle of L.
 template <int N>
-bool factorise(double* A) {
+bool factorise(const double* A, double* L) {
   std::array<double, N * N> W;
   std::array<double, N> inverse;
   eliminate<N, 0>(A, W.data(), inverse.data());
@@ -31,7 +32,7 @@ bool factorise(double* A) {
   for (int j = 0; j < N; ++j) {
     positive = positive && !(W[N * j + j] <= 0.0);  // NaN is not detected here, as with Eigen
     const double root = 1.0 / std::sqrt(W[N * j + j]);
-    for (int i = j; i < N; ++i) A[N * j + i] = W[N * j + i] * root;
+    for (int i = j; i < N; ++i) L[N * j + i] = W[N * j + i] * root;
   }
   return positive;
 }
@@ -50,12 +51,13 @@ void solve_each(const SmallCholesky& factor, Eigen::Ref<MatX<double>> x) {
 
 void SmallCholesky::compute(const MatX<double>& A) {
   bool positive = true;
-  L_ = A;
+  L_.resize(A.rows(), A.cols());
   if (A.rows() == 6) {
-    positive = factorise<6>(L_.data());
+    positive = factorise<6>(A.data(), L_.data());
   } else if (A.rows() == 12) {
-    positive = factorise<12>(L_.data());
+    positive = factorise<12>(A.data(), L_.data());
   } else {
+    L_ = A;
     positive = Eigen::LLT<Eigen::Ref<MatX<double>>>(L_).info() == Eigen::Success;
   }
   info_ = positive ? Eigen::Success : Eigen::NumericalIssue;

@@ -1,6 +1,7 @@
 // What an FMU costs its host, through the C interface.
 //
 //   fmu_bench docking FOLDER [--quick]           its default experiment, step by step; get and set
+//   fmu_bench exchange FOLDER [--quick]          a derivative of model exchange, at the start
 //   fmu_bench motion FOLDER REFERENCE.json [METHOD] [--quick]
 //                                                accuracy of hexapod_bench against time
 //
@@ -189,6 +190,39 @@ void measure_docking(const std::string& folder, bool quick) {
   fmu.release(c);
 }
 
+void measure_exchange(const std::string& folder, bool quick) {
+  const FmuLibrary fmu(folder);
+  const fmi2Component c = fmu.instantiate(fmi2ModelExchange);
+  fmu.initialise(c);
+  fmi2EventInfo events{};
+  do {
+    FmuLibrary::check(fmu.update(c, &events));
+  } while (events.newDiscreteStatesNeeded);
+  FmuLibrary::check(fmu.enter_continuous(c));
+  const std::regex derivative("derivative=\"");
+  const auto begin = std::sregex_iterator(fmu.xml().begin(), fmu.xml().end(), derivative);
+  std::vector<double> states(static_cast<size_t>(std::distance(begin, std::sregex_iterator())));
+  std::vector<double> rates(states.size());
+  FmuLibrary::check(fmu.get_states(c, states.data(), states.size()));
+  std::vector<double> others = states;
+  for (double& x : others) x *= 1.0 + 1e-9;  // an unchanged state is not evaluated again
+  bool turn = false;
+  json& one = put("exchange/derivative", find_least(
+                                             [&] {
+                                               turn = !turn;
+                                               const std::vector<double>& at =
+                                                   turn ? others : states;
+                                               fmu.set_states(c, at.data(), at.size());
+                                               fmu.get_rates(c, rates.data(), rates.size());
+                                             },
+                                             quick ? 2 : 50));
+  one["states"] = states.size();
+  for (const double x : rates) {
+    if (!std::isfinite(x)) throw std::runtime_error("a derivative is not finite");
+  }
+  fmu.release(c);
+}
+
 void measure_motion(const std::string& folder, const std::string& file, const std::string& only,
                     bool quick) {
   const FmuLibrary fmu(folder);
@@ -257,11 +291,14 @@ int main(int argc, char** argv) {
   try {
     if (what == "docking" && argc >= 3) {
       measure_docking(argv[2], quick);
+    } else if (what == "exchange" && argc >= 3) {
+      measure_exchange(argv[2], quick);
     } else if (what == "motion" && argc >= 4) {
       measure_motion(argv[2], argv[3], argc - quick > 4 ? argv[4] : "", quick);
     } else {
       std::fprintf(stderr,
                    "usage: fmu_bench docking FOLDER [--quick]\n"
+                   "       fmu_bench exchange FOLDER [--quick]\n"
                    "       fmu_bench motion FOLDER REFERENCE.json [METHOD] [--quick]\n");
       return 2;
     }

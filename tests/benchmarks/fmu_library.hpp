@@ -34,13 +34,18 @@ class FmuLibrary {
     load("fmi2EnterInitializationMode", enter);
     load("fmi2ExitInitializationMode", exit);
     load("fmi2DoStep", step);
+    load("fmi2NewDiscreteStates", update);
+    load("fmi2EnterContinuousTimeMode", enter_continuous);
+    load("fmi2GetContinuousStates", get_states);
+    load("fmi2SetContinuousStates", set_states);
+    load("fmi2GetDerivatives", get_rates);
     load("fmi2FreeInstance", release);
   }
 
-  fmi2Component instantiate() const {
+  fmi2Component instantiate(fmi2Type type = fmi2CoSimulation) const {
     static const fmi2CallbackFunctions callbacks{ignore_log, nullptr, nullptr, nullptr, nullptr};
-    const fmi2Component c = instantiate_("benchmark", fmi2CoSimulation, guid_.c_str(),
-                                         resources_.c_str(), &callbacks, fmi2False, fmi2False);
+    const fmi2Component c = instantiate_("benchmark", type, guid_.c_str(), resources_.c_str(),
+                                         &callbacks, fmi2False, fmi2False);
     if (!c) throw std::runtime_error("fmi2Instantiate refused");
     return c;
   }
@@ -73,6 +78,11 @@ class FmuLibrary {
   fmi2EnterInitializationModeTYPE* enter = nullptr;
   fmi2ExitInitializationModeTYPE* exit = nullptr;
   fmi2DoStepTYPE* step = nullptr;
+  fmi2NewDiscreteStatesTYPE* update = nullptr;
+  fmi2EnterContinuousTimeModeTYPE* enter_continuous = nullptr;
+  fmi2GetContinuousStatesTYPE* get_states = nullptr;
+  fmi2SetContinuousStatesTYPE* set_states = nullptr;
+  fmi2GetDerivativesTYPE* get_rates = nullptr;
   fmi2FreeInstanceTYPE* release = nullptr;
 
  private:
