@@ -62,6 +62,7 @@ class SmallCholesky {
   static void solve_lower(const double* L, int stride, const double* inverse, double* x) {
     if constexpr (J < N) {
       x[J] *= inverse[J];
+#pragma GCC unroll 12  // vectors of so few numbers cost more than they save
       for (int i = J + 1; i < N; ++i) x[i] -= x[J] * L[stride * J + i];
       solve_lower<N, J + 1>(L, stride, inverse, x);
     }
@@ -71,6 +72,7 @@ class SmallCholesky {
   static void solve_upper(const double* L, int stride, const double* inverse, double* x) {
     if constexpr (J >= 0) {
       x[J] *= inverse[J];
+#pragma GCC unroll 12
       for (int i = 0; i < J; ++i) x[i] -= x[J] * L[stride * i + J];
       solve_upper<N, J - 1>(L, stride, inverse, x);
     }
