@@ -28,6 +28,9 @@ class Cluster:
         alone = ("--nthreads", "1", "--no-nanny", "--memory-limit", "0")
         return self._start("worker", *alone, "--local-directory", str(self._folder))
 
+    def kill_scheduler(self) -> None:
+        self._scheduler.kill()
+
     def close(self) -> None:
         for process in (*self.workers, self._scheduler):
             process.kill()

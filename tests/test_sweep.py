@@ -4,8 +4,8 @@
    million cases are planned in the memory of their samples.
 2. Planning: one FMU set by start values, and reset between cases, gives the bits of an FMU of its
    own, for every kind of quantity; an early end gives the bits of a run to that time.
-3. Workers: the table has the same bytes when one of two workers is killed on the way; the linear
-   absorber gives its linear answer.
+3. Workers: the table has the same bytes when one of two workers is killed on the way, or both and
+   another one comes; a scheduler that dies is named; the linear absorber gives its linear answer.
 4. Failures are rows: refused by the scene, by the FMU, a step discarded, a worker lost.
 5. Repeats: cases that come to the same scene run once; the table has the bytes of a sweep that runs
    all of them, by both engines and after --resume.
@@ -18,6 +18,7 @@ import math
 import signal
 import threading
 import tracemalloc
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -30,14 +31,15 @@ import dask
 from distributed import LocalCluster
 from pyarrow import parquet
 
-from dockloop import executors, sweep_report
+from dockloop import executors, sweep_report, sweeps
 from dockloop.cases import Job, LoadedFmu
 from dockloop.core import list_final_outcomes
+from dockloop.errors import DockloopError
 from dockloop.planning import Planner
 from dockloop.results import ProgressBar
 from dockloop.sampling import Passes, as_setting, read_sweep
 from dockloop.sweeps import run_sweep
-from mishaps import lines_of, wait_for_lines
+from mishaps import Cluster, lines_of, wait_for_lines
 from small_sweeps import DISC, MANY, NORMAL, UNIFORM, run_table, vary, write
 
 # ---------------------------------------------------------------- samples
@@ -270,6 +272,46 @@ def test_a_killed_worker_changes_no_bit(cluster, reference, tmp_path):
     assert cluster.workers[0].wait(timeout=60) == -signal.SIGKILL
     assert output.read_bytes() == whole.read_bytes()
     cluster.workers[0] = cluster.start_worker()
+
+
+def test_a_sweep_without_workers_waits_and_without_scheduler_ends(reference, tmp_path, monkeypatch):
+    path, whole = reference
+    output, journal = tmp_path / "mine.parquet", tmp_path / "mine.jsonl"
+    two, said = Cluster(tmp_path), []
+
+    def begin(work) -> threading.Thread:
+        def kill() -> None:
+            wait_for_lines(journal, 2)
+            work()
+
+        thread = threading.Thread(target=kill)
+        thread.start()
+        return thread
+
+    def kill_workers() -> None:
+        for worker in two.workers:
+            worker.kill()
+
+    def note(text: str) -> None:
+        said.append(text)
+        two.workers.append(two.start_worker())
+
+    monkeypatch.setattr(sweeps, "_PATIENCE", 0.5)
+    monkeypatch.setattr(sweeps, "warn", note)
+    with closing(two):
+        killer = begin(kill_workers)
+        run_table(path, output, scheduler=two.scheduler_address)
+        killer.join()
+        assert [text.split(":")[0] for text in said] == ["no Dask worker is left"]
+        assert output.read_bytes() == whole.read_bytes()
+
+        output.unlink()
+        journal.unlink()
+        killer = begin(two.kill_scheduler)
+        with pytest.raises(DockloopError, match=r"the Dask scheduler is gone .* --resume goes on"):
+            run_table(path, output, scheduler=two.scheduler_address)
+        killer.join()
+        assert 2 <= lines_of(journal) < 12
 
 
 def test_the_linear_absorber_gives_a_linear_answer(cluster, tmp_path):

@@ -29,7 +29,7 @@ class Executor(Protocol):
     """Runs cases side by side."""
 
     def count(self) -> int:
-        """Return how many cases run at a time."""
+        """Return how many cases run at a time; 0 as long as no worker is left."""
 
     def submit(self, values: tuple[Value, ...]) -> Future:
         """Begin a case. Raises UsageError: the scene refuses these values."""
@@ -117,34 +117,48 @@ class DaskWorkers:
 
     def count(self) -> int:
         """Return the number of threads of all workers that are there now."""
-        return sum(self._client.nthreads().values())
+        with _needs_scheduler():
+            return sum(self._client.nthreads().values())
 
     def submit(self, values: tuple[Value, ...]) -> Future:
         """Send a case. Raises UsageError like `Planner.plan`."""
         plan = self._planner.plan(values)
         digest, task = self._find_sent(plan.fmu)
-        return self._pool.submit(run_case, task, digest, plan.job)
+        with _needs_scheduler():
+            return self._pool.submit(run_case, task, digest, plan.job)
 
     def _send(self, key: str) -> tuple[str, Future]:
         """Send the FMU of a key; returns its digest, and the task whose result it is."""
         digest, fmu = self._planner.fmu(key)
-        return digest, self._client.submit(bytes, fmu, key=f"fmu-{digest}")
+        with _needs_scheduler():
+            return digest, self._client.submit(bytes, fmu, key=f"fmu-{digest}")
 
     def collect(self, future: Future) -> Result:
         """Return what a worker made of a case, or say what became of the worker."""
-        from concurrent.futures import CancelledError
-
         from distributed import KilledWorker
 
         try:
-            return future.result()
+            with _needs_scheduler():
+                return future.result()
         except KilledWorker as error:
             attempts = getattr(error, "allowed_failures", 0) + 1
             return Result("lost", f"{attempts} workers in turn died while they had this case")
-        except (CancelledError, OSError) as error:
-            raise DockloopError(
-                f"the Dask scheduler is gone ({error}); the same command with --resume goes on"
-            ) from None
+
+
+@contextmanager
+def _needs_scheduler() -> Iterator[None]:
+    """Say what to do if the scheduler does not answer any more."""
+    from concurrent.futures import CancelledError
+
+    from distributed.client import ClosedClientError
+
+    try:
+        yield
+    except (CancelledError, ClosedClientError, OSError) as error:
+        why = str(error) or type(error).__name__
+        raise DockloopError(
+            f"the Dask scheduler is gone ({why}); the same command with --resume goes on"
+        ) from None
 
 
 def choose_engine(engine: str, scheduler: str | None) -> str:
@@ -185,12 +199,20 @@ def _open_cluster(workers: int, scheduler: str | None) -> Iterator[Any]:
     import dask
     from distributed import Client, LocalCluster
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in ("distributed", "distributed.client"):  # what fails is said by this package
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     if scheduler is not None:
         try:
             client = Client(scheduler, timeout=10)
-        except (OSError, ValueError) as error:
-            raise DockloopError(f"--scheduler {scheduler}: cannot be reached ({error})") from None
+        except ValueError as error:
+            raise UsageError(
+                f"--scheduler {scheduler}: must be an address like tcp://host:8786 ({error})"
+            ) from None
+        except OSError as error:
+            raise DockloopError(
+                f"--scheduler {scheduler}: cannot be reached ({error}): start 'dask scheduler'"
+                " there, and state the address that it prints"
+            ) from None
         with client:
             _check_workers(client, scheduler)
             yield client

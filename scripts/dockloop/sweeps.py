@@ -23,7 +23,7 @@ import numpy as np
 from dockloop.cases import Result
 from dockloop.criteria import Criterion
 from dockloop.docking import Scene
-from dockloop.errors import UsageError, names_arguments
+from dockloop.errors import UsageError, names_arguments, warn
 from dockloop.executors import Executor, choose_engine, open_executor
 from dockloop.journal import Journal, Known, Place, find_digests, make_report
 from dockloop.outputs import Kind, claim, scratch
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 COMMAND = "dockloop sweep"
 DIGEST = "dockloop.digest"  # of a sweep, in the metadata of its table
 _AHEAD = 4  # cases planned per case that runs
+_PATIENCE = 30.0  # without a result before the workers are counted [s]
 
 
 @names_arguments
@@ -317,8 +318,15 @@ def run_cases(
             begun[key] = future
 
     fill()
+    is_alone = False  # no worker is left
     while running:
-        arrived: set[Future] = wait(running, return_when=FIRST_COMPLETED).done
+        arrived: set[Future] = wait(running, _PATIENCE, return_when=FIRST_COMPLETED).done
+        was_alone, is_alone = is_alone, not arrived and executor.count() == 0
+        if is_alone and not was_alone:
+            warn(
+                "no Dask worker is left: the cases wait for one; after Ctrl-C the same command"
+                " with --resume goes on"
+            )
         for future in arrived:
             result = executor.collect(future)
             key, equal = running.pop(future)

@@ -1,7 +1,7 @@
 """What one evaluation costs, now and in an earlier version: tests/validation/evaluation_time.md.
 
 An evaluation is the fastest that the version has for the purpose: the earlier one has special code
-for legs and generated code beside its general one. Programs of `tests/benchmarks` and FMUs of both
+for legs and generated code, and its general one. Programs of `tests/benchmarks` and FMUs of both
 versions take turns, round after round, and the least time of each counts. The docking is that of
 the earlier version in both.
 
@@ -34,7 +34,15 @@ PAGE = ROOT / "tests" / "validation" / "evaluation_time.md"
 SCENE = "idss_25t_350t"
 ROUNDS = 8
 OTHER_CODE = ("hand-written", "phase", "no closed forms")  # no evaluation of the core
-TRUTH = ("hexapod_bench", "--step", "0.01", "--output", "ring.position[1]", "--tolerance", "1e-22")
+REFERENCE = (
+    "hexapod_bench",
+    "--step",
+    "0.01",
+    "--output",
+    "ring.position[1]",
+    "--tolerance",
+    "1e-22",
+)
 SPANS = (0.01, 20.0)  # [s] of motion with 32 digits: start and end of the program count in both
 FMU_HOST = ROOT / "build" / "release" / "fmu_bench"  # a host like any other, for both versions
 QUICK = ["--benchmark_min_time=0.03", "--benchmark_format=json"]
@@ -61,7 +69,7 @@ ROWS = (
     Row("docking, a derivative of model exchange", r"exchange/derivative", "<= 0.25"),
     Row("docking, 10 ms of a driven chaser", r"driven/step", "<= 1.1"),
     Row("docking, 10 ms of a free chaser", r"free/step", "<= 1.1"),
-    Row("`hexapod_bench`, an evaluation with 32 digits", r"truth/evaluation", "<= 0.25"),
+    Row("`hexapod_bench`, an evaluation with 32 digits", r"digits/evaluation", "<= 0.25"),
 )
 
 
@@ -126,16 +134,16 @@ class Version:
                     found[f"{name}/evaluations"] = item["evaluations"]
                 if what == "exchange":
                     found[item["name"]] = item["cpu_time"]
-        found["truth/evaluation"] = self.time_truth()
+        found["digits/evaluation"] = self.time_digits()
         return found
 
-    def time_truth(self) -> float:
+    def time_digits(self) -> float:
         """Return the processor time of an evaluation with 32 digits [ns]."""
         seconds, evaluations = [], []
         for stop in SPANS:
-            file = self.folder / f"truth_{stop}.json"
+            file = self.folder / f"reference_{stop}.json"
             before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-            run(self.command, "truth", *TRUTH, "--stop", stop, "-o", file)
+            run(self.command, "truth", *REFERENCE, "--stop", stop, "-o", file)
             seconds.append(resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before)
             evaluations.append(json.loads(file.read_text())["work"]["evaluations"])
         return 1e9 * (seconds[1] - seconds[0]) / (evaluations[1] - evaluations[0])
@@ -197,8 +205,8 @@ def main() -> None:
         "# Time of an evaluation, then and now",
         find_origin(" ".join(["tests/studies/evaluation_time.py", *sys.argv[1:]])),
         "",
-        f"Before: commit {find_commit(clones[0])}, with special code for legs beside the general",
-        f"code. Now: commit {find_commit()}, with one evaluation for all. By turns, least of"
+        f"Before: commit {find_commit(clones[0])}, with special code for legs and a general",
+        f"one. Now: commit {find_commit()}, with one evaluation for all. By turns, least of"
         f" {options.rounds} rounds.",
         "The aims are those of the change to one evaluation: nothing slower by more than 10 %, and",
         "what had only the general code before four times faster.",
@@ -207,7 +215,7 @@ def main() -> None:
         *table,
         "",
         f"Evaluations of 20 s with a driven and a free chaser: {counts[0]} before, {counts[1]}",
-        "now. So the times of steps also tell of methods, events and outputs that have changed.",
+        "now. So the times of steps also show what has changed in methods, events and outputs.",
     )
 
 

@@ -702,6 +702,7 @@ TEST(LegPlatforms, find_angles_to_rounding_all_around) {
     Residual worst;
     for (int n = -2000; n <= 2000; ++n) {
       legs::LegGroup group{};
+      group.legs = kGroup;
       const double step = 3.14159265358979323846 / 2000.0, angle = n * step;
       for (int lane = 0; lane < kGroup; ++lane) {
         group.work[legs::kTurns + 2][lane] = std::cos(angle + 0.1 * lane * step);
