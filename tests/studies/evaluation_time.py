@@ -18,7 +18,6 @@ import json
 import re
 import resource
 import shutil
-import subprocess
 import sys
 import tempfile
 import zipfile
@@ -26,9 +25,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from dockloop.kernel import FLAGS
-from dockloop.paths import ROOT
+from dockloop.paths import COMPILED, ROOT
 from dockloop.results import ProgressBar
-from page import find_commit, find_origin, write_head, write_page, write_row
+from page import call, find_commit, find_origin, write_head, write_page, write_row
 
 PAGE = ROOT / "tests" / "validation" / "evaluation_time.md"
 SCENE = "idss_25t_350t"
@@ -44,7 +43,7 @@ REFERENCE = (
     "1e-22",
 )
 SPANS = (0.01, 20.0)  # [s] of motion with 32 digits: start and end of the program count in both
-FMU_HOST = ROOT / "build" / "release" / "fmu_bench"  # a host like any other, for both versions
+FMU_HOST = COMPILED / "fmu_bench"  # a host like any other, for both versions
 QUICK = ["--benchmark_min_time=0.03", "--benchmark_format=json"]
 
 
@@ -73,14 +72,6 @@ ROWS = (
 )
 
 
-def run(*words: object) -> str:
-    """Run a program; stop with its message if it fails."""
-    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise SystemExit(f"{' '.join(map(str, words))}: {done.stderr.strip()[-500:]}")
-    return done.stdout
-
-
 class Version:
     """A clone with its compiled programs, and the files that they measure."""
 
@@ -103,14 +94,14 @@ class Version:
     def add_kernel(self, mechanism: Path) -> str:
         """Make the generated code of a mechanism; return the argument for its benchmark."""
         source, kernel = self.folder / "kernel.c", self.folder / "kernel.so"
-        source.write_text(run(self.programs / "dockloop-kernel", "mechanism", mechanism))
-        run("cc", *FLAGS, "-o", kernel, source, "-lm")
+        source.write_text(call(self.programs / "dockloop-kernel", "mechanism", mechanism))
+        call("cc", *FLAGS, "-o", kernel, source, "-lm")
         return f"{mechanism},{kernel}"
 
     def unpack(self, name: str, *options: str) -> Path:
         """Build an FMU of the docking and unpack it."""
         fmu, folder = self.folder / f"{name}.fmu", self.folder / name
-        run(self.command, "build", self.scene, "-o", fmu, *options)
+        call(self.command, "build", self.scene, "-o", fmu, *options)
         with zipfile.ZipFile(fmu) as archive:
             archive.extractall(folder)
         return folder
@@ -123,11 +114,11 @@ class Version:
             ("mechanism_bench", self.mechanisms, ""),
             ("rates_bench", [self.free / "resources" / "model.json"], "rates/"),
         ):
-            for item in json.loads(run(self.programs / name, *files, *QUICK))["benchmarks"]:
+            for item in json.loads(call(self.programs / name, *files, *QUICK))["benchmarks"]:
                 if not re.search(skipped, item["name"]):
                     found[prefix + item["name"]] = item["cpu_time"]
         for name, what in (("free", "docking"), ("driven", "docking"), ("free", "exchange")):
-            said = json.loads(run(FMU_HOST, what, getattr(self, name), "--quick"))
+            said = json.loads(call(FMU_HOST, what, getattr(self, name), "--quick"))
             for item in said["benchmarks"]:
                 if item["name"] == "docking/whole":
                     found[f"{name}/step"] = item["cpu_time"] / item["steps"]
@@ -143,7 +134,7 @@ class Version:
         for stop in SPANS:
             file = self.folder / f"reference_{stop}.json"
             before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-            run(self.command, "truth", *REFERENCE, "--stop", stop, "-o", file)
+            call(self.command, "truth", *REFERENCE, "--stop", stop, "-o", file)
             seconds.append(resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before)
             evaluations.append(json.loads(file.read_text())["work"]["evaluations"])
         return 1e9 * (seconds[1] - seconds[0]) / (evaluations[1] - evaluations[0])

@@ -1,4 +1,4 @@
-"""Pages of measured figures: Markdown that the studies write into tests/validation/."""
+"""Pages of measured figures, which the studies write into tests/validation/, and calls for them."""
 
 import platform
 import re
@@ -6,6 +6,14 @@ import subprocess
 from pathlib import Path
 
 from dockloop.paths import ROOT, shown
+
+
+def call(*words: object) -> str:
+    """Run a program and return what it prints; stop with its message if it fails."""
+    made = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=False)
+    if made.returncode:
+        raise SystemExit(f"{' '.join(map(str, words))}: {made.stderr.strip()}")
+    return made.stdout
 
 
 def write_row(*cells: object) -> str:

@@ -16,7 +16,6 @@ Examples:
 
 import argparse
 import resource
-import subprocess
 import tempfile
 from pathlib import Path
 from typing import NamedTuple
@@ -30,7 +29,7 @@ from dockloop.results import ProgressBar, Result
 from dockloop.run_errors import find_error
 from dockloop.simulate import run_fmu
 from idss import SWEEP, make_corners
-from page import find_commit, find_origin, write_head, write_page, write_row
+from page import call, find_commit, find_origin, write_head, write_page, write_row
 
 PAGE = ROOT / "tests" / "validation" / "speed.md"
 STEEP = "mechanism.set.contact.law.friction_speed=1e-5"  # 100 times as steep
@@ -80,13 +79,6 @@ def set_tolerance(method: int, rtol: float) -> list[str]:
     """Return settings: a method, a relative tolerance and absolute ones in proportion."""
     tolerances = [f"{name}={value!r}" for name, value in list_tolerances(rtol).items()]
     return [f"solver.method={method}", *tolerances]
-
-
-def call(*words: str) -> None:
-    """Run a program; stop with its message if it fails."""
-    made = subprocess.run(words, capture_output=True, text=True, check=False)
-    if made.returncode:
-        raise SystemExit(f"{' '.join(words)}: {made.stderr.strip()}")
 
 
 def build(clone: Path, docking: Docking, path: Path) -> Path:
