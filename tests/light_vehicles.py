@@ -7,7 +7,7 @@ from dockloop import paths
 LINES = {  # of the scene that differ
     "mass = 25e3": "mass = 400",
     "inertia = [60.5e3, 132e3, 132e3,": "inertia = [80, 90, 90,",
-    "interface_position = [4,": "interface_position = [0.5,",
+    "interface_position = [3.72,": "interface_position = [0.22,",
     "mass = 350e3": "mass = 800",
     "inertia = [4e7, 8e7, 8e7,": "inertia = [200, 250, 250,",
     "interface_position = [-15,": "interface_position = [-1,",

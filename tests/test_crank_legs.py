@@ -53,7 +53,7 @@ def make_cranks(gear: dict | None = None) -> dict:
             legs.append(
                 {
                     "name": f"leg{len(legs) + 1}",
-                    "root_point": (turned @ (-0.36, 0.62, 0.06 * side)).tolist(),
+                    "root_point": (turned @ (-0.08, 0.62, 0.06 * side)).tolist(),
                     "closing_point": end.tolist(),
                     "axis": (turned @ (0.0, side, 0.0)).tolist(),
                 }

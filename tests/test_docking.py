@@ -64,6 +64,16 @@ def test_the_start_is_placed_so_that_the_conditions_hold_at_first_contact(runs):
     assert np.hypot(*run.vector("relative.velocity")[before, 1:]) == pytest.approx(0.01, abs=1e-6)
 
 
+@pytest.mark.parametrize("scene", [DEFAULT, "idss_100t_100t", "hexapod", "apda", "apda_cranks"])
+def test_a_ring_attenuates_in_front_of_the_mating_plane(runs, scene):
+    """A and P coincide when the vehicles are docked, so nothing passes them before."""
+    run = runs.run(scene)
+    assert run["captured"][-1]
+    assert np.min(run["relative.axial"]) > 0.0
+    assert run["ring.position[1]"][0] >= 0.25  # home
+    assert np.min(run["ring.position[1]"]) > 0.0
+
+
 def test_peaks_are_no_smaller_than_samples_and_within_the_ratings(runs):
     run = runs.run(DEFAULT)
     for load in list_loads():  # samples and peaks are values of one solution, good to rtol
@@ -95,7 +105,7 @@ def test_nothing_slips_through_at_1_m_per_s(runs, offset):
     overrides = ("initial.closing_speed=1.0", f"initial.lateral_offset={offset}")
     run = runs.run(DEFAULT, *ALIGNED, *overrides, stop=2.0)
     assert np.max(run["contact.depth_ratio"]) < 1.0
-    assert np.min(run["relative.axial"]) > -0.75  # the ring stays in front of its base joints
+    assert np.min(run["relative.axial"]) > -0.47  # the ring stays in front of its base joints
     assert_audited(run)
 
 

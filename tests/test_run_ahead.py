@@ -98,7 +98,7 @@ def test_bristles_do_not_swing_inside_long_explicit_steps():
     keys = {  # a light chaser on soft surfaces with steep friction: long steps, fast bristles
         "chaser.mass": 266.7,
         "chaser.inertia": [1237.7335418, 1314.5630554, 652.2612614, 0.0, 0.0, 0.0],
-        "chaser.interface_position": [2.025, 0.0, 0.0],
+        "chaser.interface_position": [1.745, 0.0, 0.0],
         "initial.closing_speed": 0.08353,
         "initial.approach_time": 0.06266,
         "initial.lateral_offset": 0.03052,

@@ -121,11 +121,12 @@ def fast() -> None:
             f"initial.lateral_offset={offset}",
         )
         deepest = float(result["contact.depth_ratio"].max())
+        travel = float((result["ring.position[1]"] - result["ring.position[1]"][0]).min())
         residual = float(np.abs(result["energy.residual"]).max())
         show(
             f"1 m/s, lateral offset {offset} m",
-            f"depth {deepest:.2f} of the rounding, ring at {result['ring.position[1]'].min():+.2f}"
-            f" m, residual {residual:.0e} J of 11 667 J,"
+            f"depth {deepest:.2f} of the rounding, ring {travel:+.2f} m from home,"
+            f" residual {residual:.0e} J of 11 667 J,"
             f" {name_choice('outcome', result['outcome'][-1])}",
         )
 
