@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+import operator
 import re
 import shlex
 import subprocess
@@ -199,7 +200,9 @@ def spoil(change):
         (lambda m: m["legs"][2].update(closing="rng"), ["rng"]),
         (lambda m: m["legs"][2].update(root_point=[0, 0]), ["legs[3].root_point"]),
         (
-            lambda m: m["legs"][2].update(closing_point=m["legs"][2]["root_point"]),
+            lambda m: m["legs"][2].update(
+                closing_point=list(map(operator.sub, m["legs"][2]["root_point"], find_home(m)))
+            ),
             ["leg3", "length"],
         ),
         (lambda m: m["capture"].update(body="rign"), ["rign"]),
@@ -405,12 +408,18 @@ def test_a_coordinate_that_moves_no_mass_names_its_body(dockloop, tmp_path):
     assert outcome.err.count("\n") == 1
 
 
+def find_home(mechanism):
+    """Return where the ring stands in the base at home; both have the same axes there."""
+    return mechanism["bodies"][0]["joint"]["position"]
+
+
 def test_check_says_where_end_stops_begin_and_what_ends_a_coordinate(dockloop, tmp_path):
     text, report = check(dockloop, tmp_path, spoil(lambda m: None))
     (row,) = (row for row in report["ranges"] if row["coordinate"] == "ring.x")
     mechanism = spoil(lambda m: None)
     stops, leg = mechanism["leg_defaults"]["stops"], mechanism["legs"][0]
-    along, *across = (c - r for c, r in zip(leg["closing_point"], leg["root_point"], strict=True))
+    ends = zip(find_home(mechanism), leg["closing_point"], leg["root_point"], strict=True)
+    along, *across = (home + closing - root for home, closing, root in ends)
     for side, length, sign in (("lower", "min_length", -1), ("upper", "max_length", 1)):
         # Along x all legs change alike, until they are as short or as long as their stops.
         begins = math.sqrt(stops[length] ** 2 - across[0] ** 2 - across[1] ** 2) - along

@@ -244,9 +244,10 @@ def frozen_mechanism():
     """Mass, CoM from A and inertia about it of the ring and its legs at home."""
     document = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text())
     ring, legs = document["bodies"][0], document["leg_defaults"]
-    parts = [(ring["mass"], np.zeros(3), np.array(ring["inertia"]))]
+    home = np.array(ring["joint"]["position"])
+    parts = [(ring["mass"], home, np.array(ring["inertia"]))]
     for leg in document["legs"]:
-        root, end = np.array(leg["root_point"]), np.array(leg["closing_point"])
+        root, end = np.array(leg["root_point"]), home + np.array(leg["closing_point"])
         along = (end - root) / np.linalg.norm(end - root)
         for part, at in (
             (legs["cylinder"], root + legs["cylinder"]["com"] * along),

@@ -42,6 +42,13 @@ def turn(axis: np.ndarray, angle: float) -> np.ndarray:
     return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
 
 
+HOME = np.array(  # of the ring; its axes are those of the base
+    json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text(encoding="utf-8"))["bodies"][0][
+        "joint"
+    ]["position"]
+)
+
+
 def make_cranks(gear: dict | None = None) -> dict:
     """Guide ring, contact and latches of idss_hexapod on six cranks."""
     mechanism = json.loads((paths.MECHANISMS / "idss_hexapod.json").read_text(encoding="utf-8"))
@@ -98,7 +105,7 @@ def expand(leg: dict, gear: dict | None) -> tuple[list, dict, list, list]:
     axis, tip = np.array(leg["axis"]), np.array(leg["closing_point"])
     level = np.cross((1.0, 0.0, 0.0), axis)
     arm = turn(axis, math.radians(LEAN_DEG)) @ level
-    rod = tip - root - LENGTH * arm
+    rod = HOME + tip - root - LENGTH * arm
     length = float(np.linalg.norm(rod))
     along = rod / length
     second = np.cross(axis, rod - rod @ axis * axis)
@@ -378,7 +385,8 @@ def place_tip(mechanism: dict, beyond: float, aside: float = 0.0) -> None:
     leg = mechanism["legs"][0]
     axis = np.array(leg["axis"])
     arm = turn(axis, math.radians(LEAN_DEG)) @ np.cross((1.0, 0.0, 0.0), axis)
-    leg["closing_point"] = (leg["root_point"] + (LENGTH + beyond) * arm + aside * axis).tolist()
+    tip = leg["root_point"] + (LENGTH + beyond) * arm + aside * axis
+    leg["closing_point"] = (tip - HOME).tolist()
 
 
 @pytest.mark.parametrize(
