@@ -106,7 +106,7 @@ step = 0.5
     first, second = table["explanation"]
     assert first == "captured"
     assert second.startswith("not captured")
-    assert list(table)[-2:] == ["outcome", "explanation"]
+    assert list(table)[-3:] == ["outcome", "explanation", "limits"]
 
 
 REBOUND = [

@@ -36,7 +36,8 @@ capture.peak.{tension,compression,shear,bending,torsion,load_ratio}
 contact.petal[1..3].force contact.depth_ratio latch[1..3].{opening,force,lateral,state}
 friction.{coefficient,model} restitution restitution_speed
 phase captured latched[1..3] outcome time_to_contact time_of_contact time_of_capture
-capture.{reason,seated_time}
+capture.{reason,seated_time} limits.exceeded
+limits.{overlap,passed,stop,load,tilt,depth,time_out,singular}.{time,value}
 chaser.{contact_thrust,contact_thrust_delay}
 ring.{position,velocity,angular_velocity}[1..3] ring.attitude[1..4]
 leg[1..6].{length,rate,force,force_command}

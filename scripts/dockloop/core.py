@@ -185,6 +185,29 @@ def list_loads() -> dict[str, str]:
         return {name: unit.replace(".", " ") for name, unit in json.loads(core.loads())}
 
 
+class Limit(NamedTuple):
+    """A limit of models or hardware that is watched while a docking runs.
+
+    Attributes:
+        name: in outputs (``limits.NAME.time``) and tables.
+        unit: of its value.
+        happened: what is beyond the limit.
+        means: what follows from that.
+    """
+
+    name: str
+    unit: str
+    happened: str
+    means: str
+
+
+@cache
+def list_limits() -> tuple[Limit, ...]:
+    """Return the limits that are watched; limit k is bit 2^k of ``limits.exceeded``."""
+    with core_errors() as core:
+        return tuple(Limit(*row) for row in json.loads(core.limits()))
+
+
 def has_only_legs(document: dict, source: Path) -> bool:
     """Return whether all loops of a mechanism are legs, which need no generated code.
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from dockloop import __version__
 from dockloop.columns import say_number
-from dockloop.core import name_choice, number_choice
+from dockloop.core import list_limits, name_choice, number_choice
 from dockloop.errors import DockloopError
 from dockloop.influence import Influence, can_rank, find_influence
 from dockloop.outputs import Kind, read_head, writing
@@ -205,6 +205,11 @@ def report_run(
         keys = ("outcome", "phase", "time_of_contact", "time_of_capture", "explanation")
         sections[0].columns = ("what", "is")
         sections[0].rows = [[_title(key), _say(summary.get(key))] for key in keys]
+    if summary.get("limits"):
+        columns = ("limit", "first at [s]", "value", "unit", "meaning")
+        keys = ("name", "time", "value", "unit", "sentence")
+        rows = [[_say(limit[key]) for key in keys] for limit in summary["limits"]]
+        sections.append(Section("Limits passed", columns=columns, rows=rows))
     if "peak_loads" in summary:
         columns = ("load", "peak", "unit", "rated", "of it")
         rows = list_peaks(summary["peak_loads"], ["value"])
@@ -261,6 +266,10 @@ def report_sweep(
         rows = [[reason, str(count)] for reason, count in why.most_common(_WORST)]
         heads = ("why not captured, or not run", "cases")
         sections.append(Section("Reasons", columns=heads, rows=rows))
+    if summary.get("limits"):
+        meaning = {limit.name: f"{limit.happened}; {limit.means}" for limit in list_limits()}
+        rows = [[name, str(n), meaning[name]] for name, n in summary["limits"].items()]
+        sections.append(Section("Limits passed", columns=("limit", "cases", "meaning"), rows=rows))
     if summary["peak_loads"]:
         columns = ("load", "median", "95 %", "99 %", "largest", "unit", "rated", "cases above")
         rows = list_peaks(summary["peak_loads"], ("median", "q95", "q99", "largest"))

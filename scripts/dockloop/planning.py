@@ -25,6 +25,7 @@ from dockloop.criteria import Criterion, parse_criterion
 from dockloop.errors import UsageError, did_you_mean, warn
 from dockloop.fmu import find_placement, write_fmu
 from dockloop.journal import make_digest
+from dockloop.limits import EXCEEDED
 from dockloop.outputs import scratch
 from dockloop.paths import is_file, read_text, shown
 from dockloop.results import list_points
@@ -84,7 +85,7 @@ class Planner:
         quantities: what varies, with units; with passes ``accuracy`` is the last one.
         varied: those that the sweep file names.
         outcomes: names of the outputs to collect.
-        asked: these, and what explains why there was no capture.
+        asked: these, what explains why there was no capture, and limits that were passed.
         variables: of a docking of `base`, by name.
         model_digest: SHA-256 of `base` and of the libraries that an FMU of it would hold.
         experiment: ``stop``, ``step``, ``end_after_outcome`` [s], those that the sweep gives.
@@ -120,7 +121,8 @@ class Planner:
         self.varied = self.quantities[: -1 if sweep.passes else None]
         self.outcomes = self._find_outcomes()
         known = [v.name for v in self.variables.values() if v.causality in ("output", "parameter")]
-        self.asked = list(dict.fromkeys([*self.outcomes, *list_needed(known)]))
+        limits = [EXCEEDED] if EXCEEDED in known else []
+        self.asked = list(dict.fromkeys([*self.outcomes, *list_needed(known), *limits]))
         self.times = self.list_points(self.base)
         names = [quantity.name for quantity in self.quantities]
         named = [quantity.named for quantity in self.quantities]

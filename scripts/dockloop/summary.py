@@ -14,6 +14,7 @@ import numpy as np
 
 from dockloop.capture import WITH_CAPTURE, explain_capture, list_needed
 from dockloop.core import list_loads, name_choice
+from dockloop.limits import EXCEEDED, find_exceeded
 from dockloop.outputs import MADE_BY, Kind, json_kind, read_head, write_text, writing
 from dockloop.paths import shown
 from dockloop.results import Result, import_optional
@@ -22,7 +23,7 @@ COMMAND = "dockloop run"
 
 _DISSIPATED = "dissipated_"
 _COLUMN = re.compile(  # outputs of FMUs by dockloop
-    r"(chaser|target|relative|capture|contact|ring|base|energy|momentum|solver|coupling|state"
+    r"(chaser|target|relative|capture|contact|ring|base|energy|momentum|solver|coupling|state|limits"
     r"|sequence|hooks|faces|pushers|joint"
     r"|(leg|latch|loop|element|hook)\[\d+\])(\.\w+(\[\d+\])?)+"
     r"|latched\[\d+\]|gap|phase|outcome|captured|time_(to|of)_\w+"
@@ -32,6 +33,7 @@ _SUMMARISED = re.compile(  # what a summary looks at
     r"outcome|captured|phase|time_of_\w+|latched\[\d+\]|capture\.(peak\.\w+|reason|seated_time)"
     r"|latch\[\d+\]\.(opening|lateral)|contact\.petal\[\d+\]\.force|energy\.\w+|momentum\.residual"
     r"|leg\[\d+\]\.(length|force)|relative\.velocity\[\d\]|solver\.\w+|sequence\.\w+(\[\d+\])?"
+    r"|limits\.(exceeded|\w+\.(time|value))"
 )
 
 
@@ -79,6 +81,8 @@ def summarise(run: Result) -> dict:
     }
     if "captured" in run:  # a sequence without a target has an outcome only
         summary |= _outcome(run)
+    if EXCEEDED in run:
+        summary["limits"] = find_exceeded(run)
     if "sequence.step" in run:
         summary["sequence"] = _sequence(run)
     if "capture.peak.compression" in run:

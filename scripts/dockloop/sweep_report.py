@@ -12,6 +12,7 @@ import json
 import math
 import platform
 import shlex
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
@@ -24,11 +25,12 @@ from dockloop import __version__
 from dockloop.capture import WITH_CAPTURE, explain_capture
 from dockloop.cases import STATUSES, Result
 from dockloop.columns import align, say_number
-from dockloop.core import list_choices, list_loads, name_choice
+from dockloop.core import list_choices, list_limits, list_loads, name_choice
 from dockloop.criteria import NEVER, PEAK
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
+from dockloop.limits import EXCEEDED, name_exceeded
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_csv, writing
 from dockloop.paths import check_file, read_text, shown
 from dockloop.results import import_optional
@@ -56,7 +58,7 @@ _COLUMNS = 4  # panels of a figure side by side
 _MOST_POINTS = 20_000  # of one colour in a panel
 _MOST_ROWS = 64  # of a table in words
 _CLOCK = ("ran", "repeats", "wall", "engine", "workers")
-_ENDS = ("outcome", "time_of_capture", "capture.peak.load_ratio", "explanation")
+_ENDS = ("outcome", "time_of_capture", "capture.peak.load_ratio", "explanation", "limits")
 
 
 # A header has the number of the case, what varies, what became of it, outcomes.
@@ -265,6 +267,9 @@ def _make_schema(sweep: Sweep, planner: Planner) -> Any:
     add_outcomes("")
     if "capture.reason" in planner.asked:
         add("explanation", text, description="why it was captured or not")
+    if EXCEEDED in planner.asked:
+        names = ", ".join(limit.name for limit in list_limits())
+        add("limits", text, description=f"limits of models and hardware that it passed: {names}")
     if sweep.passes and sweep.passes.refine:
         add(f"{FIRST}status", text, description=", ".join(STATUSES))
         add_outcomes(FIRST)
@@ -294,9 +299,11 @@ def _make_parts(
         columns += zip(*(sweep.cases[row] for row in rows), strict=True)
         columns += [[getattr(r, name) for r in found] for name in _OF_RESULTS]
         columns += list_outcomes(found)
+        ends = [dict(zip(planner.asked, r.outputs, strict=False)) for r in found]
         if "capture.reason" in planner.asked:
-            ends = (dict(zip(planner.asked, r.outputs, strict=False)) for r in found)
             columns.append([explain_capture(end) if end else None for end in ends])
+        if EXCEEDED in planner.asked:
+            columns.append([name_exceeded(end[EXCEEDED]) if end else None for end in ends])
         if sweep.passes and sweep.passes.refine:
             before = [first[row] if first else None for row in rows]
             columns.append([r and r.status for r in before])
@@ -371,6 +378,8 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
         summary["outcomes"] = {name: found[name] for name in names if name in found}
         captured = sum(found.get(name, 0) for name in WITH_CAPTURE)
         summary["captured"] = estimate_fraction(captured, sum(found.values()))
+    if "limits" in table.column_names:
+        summary["limits"] = _count_limits(table)
     summary["peak_loads"] = _count_loads(planner, table)
     if sweep.passes and sweep.passes.refine:
         summary["refined"] = {**asdict(sweep.passes), **compare_passes(table)}
@@ -386,6 +395,14 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
     if ran["ran"]:
         summary["time"]["cases_per_second"] = ran["ran"] / wall
     return summary
+
+
+def _count_limits(table: Any) -> dict[str, int]:
+    """Return in how many cases each limit was passed; limits that no case passed are left out."""
+    found: Counter[str] = Counter()
+    for names, count in count_texts(table["limits"]).items():
+        found.update(dict.fromkeys(filter(None, names.split(", ")), count))
+    return dict(found.most_common())
 
 
 def _list_cases(planner: Planner, table: Any) -> list[dict]:
@@ -432,6 +449,9 @@ def describe_sweep(summary: dict) -> str:
             f"  captured     {part['fraction']:.1%} (95 % interval {part['low']:.1%} to"
             f" {part['high']:.1%}): {others}"
         )
+    if summary.get("limits"):
+        passed = ", ".join(f"{name} in {count}" for name, count in summary["limits"].items())
+        lines.append(f"  limits       passed: {passed} cases")
     lines += _describe_cases(summary["table"]) if "table" in summary else []
     if summary["peak_loads"]:
         lines.append("  peak loads        median      95 %      99 %   largest")

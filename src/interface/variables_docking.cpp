@@ -197,6 +197,43 @@ void add_progress(Table& table, Outputs& out) {
   table.output("outcome", &out.outcome, kNone, "Outcome so far").choices(kOutcomes);
 }
 
+namespace {
+
+Quantity find_quantity(const WatchedLimit& limit) {
+  switch (*limit.unit) {
+    case 'm':
+      return kSmallLength;
+    case 'r':
+      return kAngle;
+    case 's':
+      return kTime;
+    default:
+      return kNone;
+  }
+}
+
+void add_limits(Table& table, Outputs& out) {
+  std::string bits;
+  for (size_t i = 0; i < kLimits.size(); ++i) {
+    bits += std::string(i ? ", " : "") + kLimits[i].name + ' ' + std::to_string(1 << i);
+  }
+  table.output("limits.exceeded", &out.limits_exceeded, kNone,
+               "Limits passed since the start, sum of " + bits);
+  for (size_t i = 0; i < kLimits.size(); ++i) {
+    const std::string name = std::string("limits.") + kLimits[i].name;
+    table
+        .output(name + ".time", &out.limits.time[i], kTime,
+                std::string("Simulation time when first ") + kLimits[i].happened + ", -1 before")
+        .discrete();
+    table
+        .output(name + ".value", &out.limits.value[i], find_quantity(kLimits[i]),
+                "Value at this time, 0 before")
+        .discrete();
+  }
+}
+
+}  // namespace
+
 void add_phase(Table& table, Parameters& parameter, Outputs& out) {
   add_progress(table, out);
   table.output("captured", &out.captured, kNone, "All latches hold");
@@ -225,6 +262,7 @@ void add_phase(Table& table, Parameters& parameter, Outputs& out) {
       .output("time_of_capture", &out.time_of_capture, kTime,
               "Simulation time when all latches first held, -1 before")
       .discrete();
+  add_limits(table, out);
   table
       .parameter("chaser.contact_thrust", &parameter.contact_thrust, kForce,
                  "Thrust on the chaser along +x of A from first contact until captured")

@@ -148,6 +148,14 @@ std::string list_all_loads() {
   return all.dump();
 }
 
+std::string list_watched_limits() {
+  nlohmann::json all = nlohmann::json::array();
+  for (const WatchedLimit& limit : kLimits) {
+    all.push_back({limit.name, limit.unit, limit.happened, limit.means});
+  }
+  return all.dump();
+}
+
 /// Is generated code of no use for the mechanism of a scene, because all its loops are legs?
 bool has_only_legs(const std::string& document, const std::string& source) {
   return naming(source, [&] {
@@ -182,6 +190,7 @@ NB_MODULE(_core, m) {
   m.def("choices", &list_all_choices);
   m.def("final_outcomes", &list_final_outcomes);
   m.def("loads", &list_all_loads);
+  m.def("limits", &list_watched_limits);
   m.def("has_only_legs", &has_only_legs, nb::arg("document"), nb::arg("source"), FreeThreads());
   m.def(
       "check",

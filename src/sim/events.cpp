@@ -32,17 +32,18 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   // Equal steps take equal work: a block of the mechanism that is old by an event will do.
   if (changed && (!step_loop->method().is_fixed_step() || coordinates != before))
     kept_jacobian.valid = false;
-  warn_of_tilt(now);
   events->update_phases(present(), now);
   // Peaks include the forces on both sides of a jump. An absorber that does not pull is released at
   // zero force, except for rounding.
   if (!events->is_due(1) || model->contact.absorber.pulls) {
     peaks.add(now, find_peak_values(), !step_loop->searches_peaks());
   }
-  if (!jumped) return {};
-  const Status after = evaluate(tau);
-  if (!after.ok()) return after;
-  peaks.begin(now, find_peak_values());
+  if (jumped) {
+    const Status after = evaluate(tau);
+    if (!after.ok()) return after;
+    peaks.begin(now, find_peak_values());
+  }
+  watch_limits(now);
   return {};
 }
 
@@ -53,20 +54,21 @@ void DockingSim::Impl::keep_pose() {
   evaluator->keep_pose();
 }
 
-/// The model of rings is valid for a limited tilt only.
-void DockingSim::Impl::warn_of_tilt(double now) {
-  constexpr double kMostTilt = 30.0, kInDegrees = 180.0 / static_cast<double>(EIGEN_PI);  // [deg]
-  if (warned_tilt || !has_surfaces() || present().contact.active_count == 0) return;
-  const double tilt = kInDegrees * std::acos(std::clamp(present().relative.R(0, 0), -1.0, 1.0));
-  if (!model->contact.rings || tilt <= kMostTilt) return;
-  warned_tilt = true;
-  char text[200];
-  std::snprintf(
-      text, sizeof text,
-      "surfaces touch at t = %.9g s with the rings tilted by %.1f deg; the limit of the model is "
-      "%.0f deg: do not trust loads and motion from here on",
-      setup->t_start + now, tilt, kMostTilt);
-  warnings.push_back(text);
+/// Limits beyond which the present state is for the first time. @pre peaks of this state are added
+void DockingSim::Impl::watch_limits(double now) {
+  const LimitValues found = find_limit_values(*model, present(), peaks.peak()[Outputs::kLoadCount]);
+  limits.for_each_new(found, [&](Limit which) {
+    notice_limit(which, now, found.value[which], found.limit[which],
+                 which == kStopLimit ? found.part : nullptr);
+  });
+}
+
+/// Record a limit, and warn of it, once. @param part  that it concerns
+void DockingSim::Impl::notice_limit(Limit which, double now, double value, double limit,
+                                    const std::string* part) {
+  if (limits.has(which)) return;
+  limits.add(which, now, value);
+  warnings.push_back(describe_limit(which, setup->t_start + now, value, limit, part));
 }
 
 /// Near a singular pose of the independent coordinates, change to other independent coordinates.
@@ -75,13 +77,8 @@ void DockingSim::Impl::warn_of_tilt(double now) {
 Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
   if (present().locked) return {};
   const double margin = find_singularity_margin(model->mechanism, present().mechanism);
-  if (margin < model->mechanism.model.singularity.warning && !warned_margin) {
-    char text[120];
-    std::snprintf(text, sizeof text, "a loop is close to singular (margin %.3g) at t = %.9g s",
-                  margin, setup->t_start + elapsed + tau);
-    warnings.push_back(text);
-    warned_margin = true;
-  }
+  const double least = model->mechanism.model.singularity.warning;
+  if (margin < least) notice_limit(kSingularLimit, elapsed + tau, margin, least);
   if (margin >= kChangeMargin) {
     margin_looked_at = kChangeMargin;
     return {};
@@ -168,6 +165,7 @@ Status DockingSim::Impl::update_sequence(double tau, bool& changed, bool& jumped
       status_text = describe(status);  // names steps that a restored state does not know
       return status;
     }
+    if (made.timed_out > 0.0) notice_limit(kTimeOutLimit, now, made.timed_out, made.timed_out);
     changed = changed || made.events;
     jumped = jumped || made.equations;
     if (!made.step) return {};

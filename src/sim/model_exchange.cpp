@@ -98,6 +98,7 @@ Status DockingSim::complete_step(bool& event_due) {
   me.balances->update_energy(me.balances->find_energy(*me.model, me.present(), me.step_loop->y()),
                              0.0);
   me.peaks.add(me.elapsed, me.find_peak_values());
+  me.watch_limits(me.elapsed);
   me.balances->update_momentum(*me.model, me.present(), me.step_loop->y());
   if (find_singularity_margin(me.model->mechanism, me.present().mechanism) >= kChangeMargin) {
     me.margin_looked_at = kChangeMargin;

@@ -173,6 +173,15 @@ void DockingSim::Impl::update_phase_outputs() {
   outputs.captured = discrete.captured;
   outputs.time_of_contact = report(discrete.time_of_contact);
   outputs.time_of_capture = report(discrete.time_of_capture);
+  LimitRecord passed = limits;
+  if (ahead.pending) {
+    const LimitValues found = find_limit_values(*model, shown(), outputs.capture_peak_load_ratio);
+    limits.for_each_new(
+        found, [&](Limit which) { passed.add(which, find_point_time(), found.value[which]); });
+  }
+  outputs.limits_exceeded = passed.find_bits();
+  outputs.limits.value = passed.value;
+  std::transform(passed.time.begin(), passed.time.end(), outputs.limits.time.begin(), report);
 }
 
 }  // namespace dockloop

@@ -277,8 +277,13 @@ SequenceChange SequenceLogic::take_step(DockingData<double>& at, double now, dou
   const int row = find_row(at, now, slack, due, state_.since);
   const Occasion occasion{at, now, sums};
   if (row >= 0) return follow(step().next[static_cast<size_t>(row)], occasion);
-  if (is_timed_out(now, slack)) return follow(step().on_timeout, occasion);
   SequenceChange change;
+  if (is_timed_out(now, slack)) {
+    const double timeout = step().timeout;
+    change = follow(step().on_timeout, occasion);
+    change.timed_out = timeout;
+    return change;
+  }
   change.events = state_.since != before;
   return change;
 }

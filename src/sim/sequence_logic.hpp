@@ -25,6 +25,7 @@ struct SequenceChange {
   bool step = false;       ///< the step: look again at this instant
   bool equations = false;  ///< forces or latches: evaluate again
   bool chatters = false;   ///< more than kMaxChanges at one instant: refuse
+  double timed_out = 0.0;  ///< time-out of a step that has taken that long [s]
 };
 
 /// When actions follow: at this evaluated state.

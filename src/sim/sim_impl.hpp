@@ -141,7 +141,9 @@ struct DockingSim::Impl : SimState {
   Status evaluate(double tau, bool may_lock = true);
   Status evaluate_present();
   Status evaluate_start();
-  void warn_of_tilt(double now);
+  void watch_limits(double now);
+  void notice_limit(Limit which, double now, double value, double limit,
+                    const std::string* part = nullptr);
 
   // hard_docking.cpp
   const char* find_joint_obstacle() const;

@@ -18,6 +18,7 @@
 #include "docking/docking_model.hpp"
 #include "sim/audit.hpp"
 #include "sim/coupling.hpp"
+#include "sim/limits.hpp"
 #include "sim/peaks.hpp"
 #include "sim/values.hpp"
 
@@ -110,8 +111,7 @@ struct SimState {
   CouplingState coupling;                   ///< with hosts that drive vehicles
   QuiescentState quiescent;
   double margin_looked_at = kChangeMargin;  ///< margin at the last search of coordinates
-  bool warned_margin = false;               ///< warned of a loop close to singular
-  bool warned_tilt = false;                 ///< warned of contact beyond the allowed tilt
+  LimitRecord limits;
   /// Independent coordinates, if they differ from those of the start; else null.
   std::shared_ptr<const Coordinates> coordinates;
 
@@ -372,8 +372,8 @@ void transfer(A& archive, SimState& s) {
   transfer_members<SimState>(archive, s.elapsed, s.h_warm, s.last_step, s.inner_step,
                              s.fastest_rate, s.frame_velocity, s.frame_shift, s.discrete, s.memory,
                              s.peaks, s.mean_load, s.coupling, s.quiescent, s.margin_looked_at,
-                             s.warned_margin, s.warned_tilt, s.coordinates, s.kept_jacobian,
-                             s.ahead, s.drift, s.energy_audit, s.momentum_audit);
+                             s.limits, s.coordinates, s.kept_jacobian, s.ahead, s.drift,
+                             s.energy_audit, s.momentum_audit);
 }
 
 template <class A>

@@ -9,6 +9,7 @@
 
 #include "docking/scene.hpp"
 #include "math/types.hpp"
+#include "sim/limits.hpp"
 #include "sim/solver_methods.hpp"
 
 namespace dockloop {
@@ -305,6 +306,8 @@ struct Outputs : OutputValues<double> {
   double time_to_contact = 0.0;   ///< [s] lower bound from gap and closing speed
   double time_of_contact = -1.0;  ///< [s] simulation time, -1 before
   double time_of_capture = -1.0;  ///< [s] simulation time, -1 before
+  int limits_exceeded = 0;        ///< see LimitRecord::find_bits()
+  LimitRecord limits;             ///< with simulation times
 
   /// group energy: |p - p(0) - impulse| / momentum scale [-]; with kernels at present, else largest
   double momentum_residual = 0.0;

@@ -1,0 +1,112 @@
+"""Limits of models and hardware that are watched while a docking runs.
+
+Recordings at communication points are the oracle: a limit is noticed at the first inner step beyond
+it, so never after the first sample beyond it, and not before the last one within.
+"""
+
+import numpy as np
+import pytest
+
+import dockloop as dl
+from dockloop.core import list_limits
+from dockloop.limits import find_exceeded, name_exceeded
+from dockloop.summary import summarise
+
+DEFAULT = "idss_25t_350t"
+NEAR = {"initial.approach_time": 0.1}
+
+
+@pytest.fixture(scope="module")
+def fast():
+    """2 m/s: the mating planes pass through each other, stops and rated loads are passed."""
+    return dl.run(DEFAULT, NEAR | {"initial.closing_speed": 2.0}, stop=0.6, step=0.001)
+
+
+def find_first(run, beyond):
+    """Return the last sample within and the first one beyond a limit [s]."""
+    first = np.flatnonzero(beyond)[0]
+    return run.time[first - 1], run.time[first]
+
+
+def test_limits_are_noticed_when_they_are_passed(fast):
+    names = [f"leg[{i}].length" for i in range(1, 7)]
+    shortest = np.min([fast[name] for name in names], axis=0)
+    stops = fast.scene["mechanism"]["leg_defaults"]["stops"]
+    beyond = {
+        "overlap": -fast["relative.axial"] > 1e-3,
+        "stop": shortest < stops["min_length"] - stops["toe"],
+        "load": fast["capture.peak.load_ratio"] > 1.0,
+    }
+    for name, samples in beyond.items():
+        before, after = find_first(fast, samples)
+        assert before - 1e-9 <= fast[f"limits.{name}.time"][-1] <= after + 1e-3, name
+    assert 1e-3 < fast["limits.overlap.value"][-1] < 5e-3
+    found = {row["name"] for row in find_exceeded(fast)}
+    assert found == set(beyond)
+    assert set(name_exceeded(fast["limits.exceeded"][-1]).split(", ")) == found
+
+
+def test_each_limit_is_warned_of_once_with_time_value_and_limit(fast):
+    for row in find_exceeded(fast):
+        (text,) = (text for text in fast.warnings if f"limit '{row['name']}'" in text)
+        assert f"t = {row['time']:.9g} s" in text
+        assert f"{row['value']:.4g}" in text
+        assert "(limit " in text
+    (stop,) = (text for text in fast.warnings if "'stop'" in text)
+    assert "_rod')" in stop  # which
+    assert [row["name"] for row in summarise(fast)["limits"]] == ["load", "overlap", "stop"]
+
+
+def test_a_usual_docking_passes_no_limit():
+    run = dl.run(DEFAULT, NEAR, stop=6.0, step=0.1)
+    assert run["captured"][-1]
+    assert run["limits.exceeded"][-1] == 0
+    assert find_exceeded(run) == []
+    assert run.warnings == []
+    assert run["limits.load.time"][-1] == -1.0
+
+
+def test_vehicles_that_miss_each_other_may_pass_the_planes():
+    """Nothing is opposite: there is no overlap and no ring that is passed."""
+    keys = {"initial.at": "start", "chaser.position": [-19.5, 4.0, 0.0]}
+    run = dl.run(DEFAULT, keys | {"chaser.velocity": [1.0, 0.0, 0.0]}, stop=3.0, step=0.1)
+    assert run["relative.axial"][-1] < -1.0
+    assert run["limits.exceeded"][-1] == 0
+
+
+def test_rings_touch_with_too_much_tilt():
+    keys = {
+        "mechanism.set.leg_defaults.stiffness": 2e5,
+        "initial.pitch_yaw_deg": 29.99,
+        "initial.pitch_yaw_direction_deg": 65.0,
+        "initial.pitch_yaw_rate_deg_s": 5.0,
+        "initial.pitch_yaw_rate_direction_deg": 65.0,
+    }
+    run = dl.run(DEFAULT, NEAR | keys, stop=1.0, step=0.01)
+    _, after = find_first(run, run["relative.pitch_yaw"] > np.radians(33.0))
+    (tilt,) = (row for row in find_exceeded(run) if row["name"] == "tilt")
+    assert np.radians(30.0) < tilt["value"] < np.radians(33.0)
+    assert run["time_of_contact"][-1] <= tilt["time"] < after
+    assert any("limit 'tilt'" in text and "(limit 30 deg)" in text for text in run.warnings)
+
+
+def test_limits_do_not_depend_on_communication_points_and_survive_a_restored_state():
+    """The same inner steps notice the same limits; a restored run does not notice them again."""
+    scene = dl.Scene(DEFAULT, NEAR | {"initial.closing_speed": 2.0})
+    ends = []
+    for count in (1, 6):
+        docking = dl.Docking(scene)
+        for _ in range(count):
+            docking.step(0.6 / count)
+        ends.append([docking.get(f"limits.{limit.name}.time") for limit in list_limits()])
+    assert ends[0] == pytest.approx(ends[1], abs=2e-3)
+    first = dl.Docking(scene)
+    first.step(0.3)
+    state = first.save()
+    second = dl.Docking(scene)
+    second.restore(state)
+    for docking in (first, second):
+        docking.step(0.1)
+    for limit in list_limits():
+        name = f"limits.{limit.name}.time"
+        assert first.get(name) == second.get(name), name
