@@ -158,6 +158,7 @@ DockingModel make_docking_model(const Scene& scene,
   model.contact = scene.contact;
   if (!model.contact.empty()) set_law(model.contact, law);
   model.latches = scene.latches;
+  model.phase_limits = scene.phase_limits;
   model.sequence = scene.sequence;
   model.disturbances = scene.disturbances;
   model.hard_dock = scene.hard_dock;

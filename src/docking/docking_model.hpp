@@ -104,6 +104,7 @@ struct DockingModel {
   ContactModel contact;
   LatchSet latches;
   HardDock hard_dock;
+  PhaseLimits phase_limits;
   Sequence sequence;                        ///< empty: phases follow from motion and latches
   std::vector<Disturbance> disturbances;    ///< at most kMaxDisturbances
   double thrust = 0.0, thrust_delay = 0.0;  ///< [N] along x of A at the CoM, [s]

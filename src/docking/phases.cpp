@@ -6,13 +6,13 @@
 namespace dockloop {
 namespace {
 
-bool is_open(const PhaseInputs& now) { return now.gap > kReboundGap - kGapRounding; }
+bool is_open(const PhaseInputs& now) { return now.gap > now.limits.rebound_gap - kGapRounding; }
 
 void update_after_capture(const PhaseInputs& now, DiscreteState& state) {
   // Captured while still closing; attenuating from the first reversal; aligned once at rest.
   if (state.phase < kCaptured || state.phase == kRebound) state.phase = kCaptured;
   if (state.phase == kCaptured && now.axial_rate > 0.0) state.phase = kAttenuating;
-  if (state.phase == kAttenuating && now.speed < kAlignedSpeed &&
+  if (state.phase == kAttenuating && now.speed < now.limits.aligned_speed &&
       now.angular_speed < kAlignedRate) {
     state.phase = kAligned;
   }
@@ -28,13 +28,13 @@ void update_phase(const PhaseInputs& now, DiscreteState& state) {
   }
   if (!state.contacted) {
     state.phase = kApproach;
-    const bool passed = now.axial < -kPassedDepth;
+    const bool passed = now.axial < -now.limits.passed_depth;
     const bool leaving = is_open(now) && now.axial_rate > 0.0;
     state.outcome = passed || leaving ? kMiss : kUndecided;
     return;
   }
   const bool away = is_open(now) && now.axial_rate > 0.0;
-  const bool passed = is_open(now) && now.axial < -kPassedDepth;
+  const bool passed = is_open(now) && now.axial < -now.limits.passed_depth;
   if (now.latched > 0) {
     state.phase = kContact;
     state.outcome = kPartialCapture;
@@ -62,7 +62,7 @@ CaptureReason find_capture_reason(const PhaseInputs& now, const DiscreteState& s
   if (!state.contacted) return kNotTouched;
   if (state.phase == kRebound) return kReasonRebound;
   if (now.seated) return kBesideWindow;
-  if (now.speed >= kAlignedSpeed || now.angular_speed >= kAlignedRate) return kInMotion;
+  if (now.speed >= now.limits.aligned_speed || now.angular_speed >= kAlignedRate) return kInMotion;
   return now.on_petal ? kHungUp : kTooSlow;
 }
 
@@ -70,11 +70,12 @@ double find_phase_indicator(const PhaseInputs& now, const DiscreteState& state) 
   if (state.captured) {
     if (state.phase == kCaptured) return -now.axial_rate;
     if (state.phase != kAttenuating) return 1.0;
-    return std::max(now.speed / kAlignedSpeed, now.angular_speed / kAlignedRate) - 1.0;
+    return std::max(now.speed / now.limits.aligned_speed, now.angular_speed / kAlignedRate) - 1.0;
   }
-  const double leaving = std::max(kReboundGap - now.gap, -now.axial_rate);  // < 0: open and opening
+  const double leaving =
+      std::max(now.limits.rebound_gap - now.gap, -now.axial_rate);  // < 0: open and opening
   if (!state.contacted) {
-    const double miss = std::min(now.axial + kPassedDepth, leaving);
+    const double miss = std::min(now.axial + now.limits.passed_depth, leaving);
     return state.outcome == kMiss ? -miss : miss;
   }
   if (now.latched > 0) return 1.0;

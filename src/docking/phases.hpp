@@ -2,6 +2,7 @@
 #pragma once
 
 #include "docking/docking_model.hpp"
+#include "docking/phase_limits.hpp"
 #include "math/choice.hpp"
 
 namespace dockloop {
@@ -26,10 +27,13 @@ inline const ChoiceList kPhases = {
     {kContact, "contact", "after first contact, not all latches hold"},
     {kCaptured, "captured", "all latches hold, the distance still decreases"},
     {kAttenuating, "attenuating", "all latches hold, the motion has reversed at least once"},
-    {kAligned, "aligned", "all latches hold, at rest: below 1 mm/s and 0.02 deg/s"},
+    {kAligned, "aligned",
+     "all latches hold, at rest: below 1 mm/s for rings of 1.2 m, see phases.aligned_speed, and "
+     "0.02 deg/s"},
     {kRetracting, "retracting", "a drive pulls the vehicles together; only in a sequence"},
     {kHardDocked, "hard_docked", "the vehicles are joined; only in a sequence"},
-    {kRebound, "rebound", "gap above 50 mm and increasing, no latch holds"},
+    {kRebound, "rebound",
+     "gap increasing, above 50 mm for rings of 1.2 m, see phases.rebound_gap; no latch holds"},
     {kUndocking, "undocking", "the joint opens; only in a sequence"},
     {kSeparated, "separated", "after undocking; only in a sequence"},
     {kHeldAfterFailure, "held", "the sequence waits after a failure; only in a sequence"},
@@ -96,7 +100,8 @@ inline const ChoiceList kLatchReports = {
 
 /// Inputs of the phase logic, P relative to A unless stated.
 struct PhaseInputs {
-  double gap = 0.0;            ///< of the capture surfaces; above kReboundGap a lower bound [m]
+  PhaseLimits limits;
+  double gap = 0.0;            ///< of the capture surfaces; above rebound_gap a lower bound [m]
   double axial = 0.0;          ///< of P relative to G, plus ContactModel::depth [m]
   double axial_rate = 0.0;     ///< [m/s]
   double speed = 0.0;          ///< of P relative to A [m/s]
@@ -106,13 +111,8 @@ struct PhaseInputs {
   bool on_petal = false;       ///< a petal or a group of surfaces carries load
 };
 
-/// Limits of the phase logic (assumptions).
-constexpr double kReboundGap = 0.05;     ///< rebound: gap above this limit and increasing [m]
 constexpr double kGapRounding = 1e-6;    ///< of the gap at a located event [m]
-constexpr double kSeatedGap = 1e-3;      ///< largest gap of seated rings [m]
-constexpr double kPassedDepth = 0.05;    ///< interface behind the ring without contact: miss [m]
-constexpr double kAlignedSpeed = 1e-3;   ///< at rest below [m/s]
-constexpr double kAlignedRate = 3.5e-4;  ///< and below this angular rate, 0.02 deg/s [rad/s]
+constexpr double kAlignedRate = 3.5e-4;  ///< at rest below this angular rate, 0.02 deg/s [rad/s]
 
 /// Update phase and outcome at an accepted step of a mechanism without a sequence.
 void update_phase(const PhaseInputs& now, DiscreteState& state);

@@ -13,6 +13,7 @@
 #include "contact/latches.hpp"
 #include "docking/disturbance.hpp"
 #include "docking/hard_dock.hpp"
+#include "docking/phase_limits.hpp"
 #include "docking/sequence.hpp"
 #include "math/choice.hpp"
 #include "math/types.hpp"
@@ -128,7 +129,8 @@ struct Scene {
   ContactModel contact;            ///< no pairs if the scene has no contact
   LatchSet latches;
   HardDock hard_dock;
-  Sequence sequence;  ///< of the mechanism; empty if its file has none
+  PhaseLimits phase_limits;  ///< follow from the surfaces where the file states none
+  Sequence sequence;         ///< of the mechanism; empty if its file has none
   std::vector<Disturbance> disturbances;
   RatedLoads rated;
   CaptureBodyStart capture_body_start;

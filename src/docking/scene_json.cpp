@@ -236,6 +236,18 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   }
   if (scene.has_target && mechanism.has("latches"))
     scene.latches = read_latches(mechanism.at("latches"));
+  scene.phase_limits = find_phase_limits(scene.contact.bounding_radius);
+  if (root.has("phases")) {
+    const JsonReader phases = root.at("phases");
+    PhaseLimits& limits = scene.phase_limits;
+    for (const auto& [key, value] :
+         {std::pair<const char*, double*>{"rebound_gap", &limits.rebound_gap},
+          {"seated_gap", &limits.seated_gap},
+          {"passed_depth", &limits.passed_depth},
+          {"aligned_speed", &limits.aligned_speed}}) {
+      if (phases.has(key)) *value = phases.positive(key);
+    }
+  }
   read_sequence_and_hard_dock(mechanism, scene);
   for (const JsonReader& item : root.list("disturbance", kMaxDisturbances)) {
     scene.disturbances.push_back(read_disturbance(item, scene));

@@ -14,7 +14,7 @@ int EventLogic::count_held_latches() const {
 void EventLogic::calc_functions(DockingData<double>& at, double* roots) const {
   roots[0] = has_surfaces() && !discrete_.contacted ? at.contact.gap : 1.0;
   roots[1] = 1.0;
-  roots[2] = may_part() ? kReboundGap - find_near_gap(at) : 1.0;
+  roots[2] = may_part() ? model_->phase_limits.rebound_gap - find_near_gap(at) : 1.0;
   if (has_surfaces() && is_absorber()) {
     calc_absorber_functions(at.contact, roots);
   }
@@ -255,12 +255,14 @@ bool EventLogic::may_part() const {
 
 double EventLogic::find_near_gap(DockingData<double>& at) const {
   const double gap = at.contact.gap;
-  if (!has_surfaces() || discrete_.captured || gap < 0.0 || gap > kReboundGap) return gap;
+  const bool is_far = gap > model_->phase_limits.rebound_gap;
+  if (!has_surfaces() || discrete_.captured || gap < 0.0 || is_far) return gap;
   return find_gap(model_->contact, at.relative, at.contact_work);
 }
 
 PhaseInputs EventLogic::find_phase_inputs(const DockingData<double>& at, double gap) const {
   PhaseInputs in;
+  in.limits = model_->phase_limits;
   if (!model_->present[kTarget]) return in;
   const RelativeMotion<double> relative =
       find_relative(at.interface[kChaser], at.interface[kTarget]);
@@ -270,7 +272,7 @@ PhaseInputs EventLogic::find_phase_inputs(const DockingData<double>& at, double 
   in.speed = relative.v.norm();
   in.angular_speed = relative.w.norm();
   in.latched = count_held_latches();
-  in.seated = model_->latches.count() > 0 && in.gap <= kSeatedGap;
+  in.seated = model_->latches.count() > 0 && in.gap <= in.limits.seated_gap;
   for (int i = 0; i < model_->latches.count(); ++i) {
     in.seated = in.seated && at.latch.opening[i] <= model_->latches.latch[i].law.catch_distance;
   }

@@ -112,7 +112,7 @@ class EventLogic {
   DisturbingLoads find_mean_disturbing_loads(double from, double h) const;
   /// Would anything change at this state? @param now, clock_rounding  as of update_thrust()
   bool is_change_due(DockingData<double>& at, double now, double clock_rounding) const;
-  /// The gap of the surfaces, exact if positive and not above kReboundGap. Above kReboundGap, and
+  /// The gap of the surfaces, exact if positive and not above rebound_gap (PhaseLimits). Above, and
   /// after a capture, the result is a lower bound that depends on the last neighbour list.
   /// @param at  its workspace of the contact search is used
   double find_near_gap(DockingData<double>& at) const;

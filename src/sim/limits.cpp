@@ -6,8 +6,6 @@
 #include <cstdio>
 #include <limits>
 
-#include "docking/phases.hpp"
-
 namespace dockloop {
 namespace {
 
@@ -69,7 +67,7 @@ LimitValues find_limit_values(const DockingModel& model, const DockingData<doubl
   const bool is_joined = data.locked && data.locked->has_target;
   if (!model.contact.has_surfaces() || is_joined) return found;
   found.limit[kOverlapLimit] = kMostOverlap;
-  found.limit[kPassedLimit] = kPassedDepth;
+  found.limit[kPassedLimit] = model.phase_limits.passed_depth;
   find_distances(model, data, found);
   found.limit[kDepthLimit] = kMostDepth;
   found.value[kDepthLimit] = data.contact.depth_ratio;
