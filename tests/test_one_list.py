@@ -41,6 +41,7 @@ OWNERS = {
     "hard_dock.command": "src/docking/hard_dock.hpp",
     "friction.model": "src/docking/scene.hpp",
     "coupling.mode": "src/docking/scene.hpp",
+    "coupling.diagnosis": "src/sim/host_diagnosis.hpp",
     "model.level": "src/docking/scene.hpp",
     "model.flight": "src/sim/values.hpp",
     "solver.dae_form": "src/sim/values.hpp",

@@ -1,6 +1,7 @@
 // Rows of the variable table: energy, states, coupling, model and solver.
 #include "docking/phases.hpp"
 #include "interface/variable_table.hpp"
+#include "sim/host_diagnosis.hpp"
 
 namespace dockloop {
 
@@ -143,6 +144,16 @@ void add_coupling_outputs(Table& table, Outputs& out) {
       .output("coupling.mass_mismatch", &out.coupling_mass_mismatch, kNone,
               "Mass of a driven vehicle, estimated from its motion, divided by the stated mass, "
               "minus 1")
+      .discrete()
+      .group(OutputGroup::kCoupling);
+  table
+      .output("coupling.diagnosis", &out.coupling_diagnosis, kNone,
+              "Why reports of the host do not fit")
+      .choices(kHostFaults)
+      .group(OutputGroup::kCoupling);
+  table
+      .output("coupling.diagnosis_value", &out.coupling_diagnosis_value, kNone,
+              "Size of the error of coupling.diagnosis; its list states the unit")
       .discrete()
       .group(OutputGroup::kCoupling);
   table

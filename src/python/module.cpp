@@ -15,6 +15,7 @@
 #include "docking/scene_mechanism.hpp"
 #include "interface/model_description.hpp"
 #include "python/docking.hpp"
+#include "sim/host_diagnosis.hpp"
 #include "sim/solver_methods.hpp"
 
 namespace nb = nanobind;
@@ -122,6 +123,7 @@ std::string list_all_choices() {
       {"hard_dock.command", &kHardDockCommands},
       {"friction.model", &kFrictionModels},
       {"coupling.mode", &kCouplingModes},
+      {"coupling.diagnosis", &kHostFaults},
       {"model.level", &kLevels},
       {"model.flight", &kFreeDriftModels},
       {"solver.method", &get_method_choices()},

@@ -192,6 +192,9 @@ void DockingSim::Impl::update_coupling() {
       outputs.coupling_mass_mismatch = mismatch;
     }
   }
+  const HostFinding finding = host->find_diagnosis();
+  outputs.coupling_diagnosis = finding.fault;
+  outputs.coupling_diagnosis_value = finding.value;
   outputs.coupling_frequency = host->find_interface_frequency(step_loop->y());
   outputs.coupling_suggested_step =
       coupling.follows ? coupling.suggestion

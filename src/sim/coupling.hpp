@@ -21,52 +21,28 @@
 // coupling.cpp: the scheme in a communication step.
 #pragma once
 
+#include "sim/host_diagnosis.hpp"
 #include "sim/mean_load.hpp"
 #include "sim/values.hpp"
 
 namespace dockloop {
-
-/// Sums over the steps of one vehicle; old steps fade out.
-struct InnovationSums {
-  double predicted2 = 0.0;            ///< changes of velocity as predicted, gravity apart [m2/s2]
-  double innovation_predicted = 0.0;  ///< innovation times these [m2/s2]
-  double innovation2 = 0.0;           ///< [m2/s2]
-  double shifted2 = 0.0;  ///< the same, if the load of the neighbouring step was applied [m2/s2]
-  /// The same of angular velocities: predicted2, innovation_predicted, innovation2 [rad2/s2]
-  double turn2 = 0.0, innovation_turn = 0.0, turn_innovation2 = 0.0;
-  int loaded = 0;      ///< steps with a change that can be seen
-  int unmodelled = 0;  ///< consecutive steps with an innovation that no load explains
-};
 
 /// Data exchanged with the host of one driven vehicle, in frame O, which falls with gravity.
 struct DrivenVehicle {
   VehicleState received;   ///< at the start of the last step
   VehicleState predicted;  ///< of the host at its end
   Wrench<double> held;     ///< load that the host held over it: force (axes of O), torque (body)
-  Wrench<double> before;   ///< the same, a step earlier
   Wrench<double> pending;  ///< impulse, angular impulse about O, at `received`
   Vec3<double> fall = Vec3<double>::Zero();  ///< change of velocity by gravity over it [m/s]
   double work = 0.0;        ///< of the mechanism on the internal vehicle over the last step [J]
   double innovation = 0.0;  ///< of the velocity at the interface, at `received` [m/s]
   double error = 0.0;       ///< of the last step, at the interface [m/s]
   Inputs::Vehicle input;    ///< inputs that `received` comes from
-  InnovationSums sums;
+  HostFinding finding;      ///< the first cause of reports that do not fit
 };
 
 /// Warnings that are issued once.
-enum CouplingWarning {
-  kWarnedLate = 1,
-  kWarnedOrder = 2,
-  kWarnedGravity = 4,
-  kWarnedMass = 8,
-  kWarnedNorm = 16,
-  kWarnedStep = 32,
-  kWarnedFirst = 64,
-  kWarnedLookAhead = 128,
-  kWarnedNoForce = 256,
-  kWarnedNoTorque = 512,
-  kWarnedNoTorqueExt = 1024,
-};
+enum CouplingWarning { kWarnedNorm = 1, kWarnedStep = 2, kWarnedLookAhead = 4 };
 
 /// Start or end of an integration: motion, and impulses of the known loads of hosts until then.
 struct CouplingPoint {
@@ -76,11 +52,12 @@ struct CouplingPoint {
 
 struct CouplingState {
   std::array<DrivenVehicle, 2> vehicle;
-  double work_residual = 0.0;  ///< [J]
-  double suggestion = 0.0;     ///< step of announced loads, if the host follows suggestions [s]
-  bool follows = false;        ///< the host makes the suggested steps
-  double regular_step = 0.0;   ///< longest of the last few steps [s]
-  std::int64_t work = 0;       ///< of the last step, in evaluations
+  std::vector<ReportSums> reports;  ///< of both vehicles; empty without a host
+  double work_residual = 0.0;       ///< [J]
+  double suggestion = 0.0;    ///< step of announced loads, if the host follows suggestions [s]
+  bool follows = false;       ///< the host makes the suggested steps
+  double regular_step = 0.0;  ///< longest of the last few steps [s]
+  std::int64_t work = 0;      ///< of the last step, in evaluations
   double frequency =
       0.0;               ///< of the docking interface at the last latch event [rad/s], 0 = unknown
   int held_latches = 0;  ///< then

@@ -9,21 +9,15 @@
 namespace dockloop {
 namespace {
 
-constexpr double kForget = 0.98;         ///< of the sums, per kForgetTime
-constexpr double kForgetTime = 0.01;     ///< [s]
-constexpr double kSilentChange = 1e-11;  ///< change of velocity that is ignored, [m/s], [rad/s] ...
+constexpr double kForget = 0.98;             ///< of the sums, per kForgetTime
+constexpr double kForgetTime = 0.01;         ///< [s]
+constexpr double kSilentChange = 1e-11;      ///< change of velocity that is ignored [m/s] ...
 constexpr double kRelativeRounding = 1e-14;  ///< ... and of the speed in N [-]
-constexpr int kEnoughSteps = 10;
-constexpr double kExplained = 0.05;         ///< of the squares of innovations, by an explanation
-constexpr double kMassWarning = 0.05;       ///< mismatch that causes a warning [-]
-constexpr double kMassConfirmed = 0.1;      ///< mismatch below which no step is too long [-]
-constexpr double kLeastFelt = 0.1;          ///< of a predicted change; less counts as no change
-constexpr double kMostFelt = 10.0;          ///< of a predicted change; more has another cause
-constexpr double kStableRange = 0.8;        ///< frequency x step with a mass that is not confirmed
-constexpr double kLongestSuggestion = 0.1;  ///< longest suggested step [s]
-constexpr double kShare = 0.3;              ///< of the tolerance, for the next step
-constexpr double kUnmodelled =
-    1e-4;  ///< acceleration that causes a warning [m/s2], and part of gravity
+constexpr double kGravityError = 1e-4;       ///< of gravity as a constant over the step
+constexpr double kMassConfirmed = 0.1;       ///< mismatch below which no step is too long [-]
+constexpr double kStableRange = 0.8;         ///< frequency x step with a mass that is not confirmed
+constexpr double kLongestSuggestion = 0.1;   ///< longest suggested step [s]
+constexpr double kShare = 0.3;               ///< of the tolerance, for the next step
 
 }  // namespace
 
@@ -35,46 +29,28 @@ void HostCoupling::warn_once(int i, CouplingWarning what, const std::string& tex
 }
 
 double HostCoupling::find_mass_mismatch(int i) const {
-  const InnovationSums& sums = state_.coupling.vehicle[i].sums;
-  if (sums.loaded == 0 || !(sums.predicted2 > 0.0)) return 0.0;
-  const double felt = 1.0 + sums.innovation_predicted / sums.predicted2;
-  if (std::abs(felt) > kMostFelt) return 0.0;  // another load moves the vehicle
-  constexpr double kLeast = 1e-3;              // beyond: the vehicle does not move
-  return 1.0 / std::max(felt, kLeast) - 1.0;
+  return dockloop::find_mass_mismatch(state_.coupling.reports[static_cast<size_t>(i)]);
 }
 
-/// Squares of innovations that another mass does not explain [m2/s2].
-double HostCoupling::find_unexplained_by_mass(const InnovationSums& sums) {
-  if (!(sums.predicted2 > 0.0)) return sums.innovation2;
-  return sums.innovation2 - sums.innovation_predicted * sums.innovation_predicted / sums.predicted2;
+HostFinding HostCoupling::find_diagnosis() const {
+  for (const DrivenVehicle& v : state_.coupling.vehicle) {
+    if (v.finding.fault != kHostRight) return v.finding;
+  }
+  return {};
 }
 
-bool HostCoupling::is_mass_confirmed(int i) const {
-  const InnovationSums& sums = state_.coupling.vehicle[i].sums;
-  return sums.loaded >= kEnoughSteps && std::abs(find_mass_mismatch(i)) < kMassConfirmed &&
-         find_unexplained_by_mass(sums) < kExplained * sums.predicted2;
+Inputs::Vehicle HostCoupling::find_start_report(int i) const {
+  const VehicleState& start = state_.coupling.vehicle[i].predicted;
+  Inputs::Vehicle report;
+  report.position = start.x + frame_origin_ + state_.frame_shift;
+  report.velocity = start.v + state_.frame_velocity;
+  report.attitude = start.q;
+  report.angular_velocity = start.w;
+  return report;
 }
 
-/// The first received motion must be the motion at the start, not one step later.
-void HostCoupling::look_at_first_state(int i, const VehicleState& z, double h) {
-  const Vec3<double> distance = z.x - state_.coupling.vehicle[i].predicted.x;
-  const Vec3<double> step = h * (state_.coupling.vehicle[i].predicted.v + state_.frame_velocity);
-  if (!(step.norm() > 1e-9) || !((distance - step).norm() < 0.1 * step.norm())) return;
-  char text[300];
-  std::snprintf(text, sizeof text,
-                "%s.position of the first step is %.3g m away from the start position. This is the "
-                "distance of one step: the host passes the motion at the end of the step. Pass "
-                "the motion at currentCommunicationPoint",
-                get_vehicle_name(i), distance.norm());
-  warn_once(i, kWarnedFirst, text);
-}
-
-/// Motion of the host's vehicle over the last step, compared with the predicted motion.
-/// @param z  motion received now, at the end of the last step
 void HostCoupling::look_at_innovation(int i, const VehicleState& z) {
   DrivenVehicle& v = state_.coupling.vehicle[i];
-  InnovationSums& sums = v.sums;
-  const double h = state_.last_step, mass = model_->stated_mass[i];
   const Mat3<double> R = quat_to_matrix<double>(z.q);
   const Vec3<double> arm = R * setup_->parameters.vehicle[i].interface_position;
   const Vec3<double> innovation = z.v - v.predicted.v;
@@ -86,135 +62,60 @@ void HostCoupling::look_at_innovation(int i, const VehicleState& z) {
       quat_log<double>(quat_multiply<double>(quat_conjugate<double>(v.received.q), z.q));
   state_.coupling.work_residual += v.held.f.dot(z.x - v.received.x) + v.held.t.dot(turn) - v.work;
 
-  // Changes of velocity, gravity apart.
-  const Vec3<double> predicted = v.predicted.v - v.received.v - v.fall;
-  const Vec3<double> turned = v.predicted.w - v.received.w;
-  const double keep = std::pow(kForget, h / kForgetTime);
-  for (double* sum : {&sums.predicted2, &sums.innovation_predicted, &sums.innovation2,
-                      &sums.shifted2, &sums.turn2, &sums.innovation_turn, &sums.turn_innovation2}) {
-    *sum *= keep;
-  }
-  // Gravity as a constant over the step has at least this error.
-  const double rounding = kSilentChange + kRelativeRounding * inputs_.vehicle[i].velocity.norm() +
-                          h * kUnmodelled * loads_.at_start().gravity.norm();
-  if (predicted.norm() > rounding) {
-    ++sums.loaded;
-    sums.predicted2 += predicted.squaredNorm();
-    sums.innovation_predicted += innovation.dot(predicted);
-    sums.innovation2 += innovation.squaredNorm();
-    // Order of exchange: innovation with the load of the neighbouring step, applied a step late
-    // (sequential exchange expected) or a step early (announced load applied at once).
-    const Vec3<double> neighbour = announces() ? state_.mean_load[i].f : v.before.f;
-    sums.shifted2 += (innovation - h / mass * (neighbour - v.held.f)).squaredNorm();
-  }
-  if (turned.norm() > kSilentChange) {
-    sums.turn2 += turned.squaredNorm();
-    sums.innovation_turn += (z.w - v.predicted.w).dot(turned);
-    sums.turn_innovation2 += (z.w - v.predicted.w).squaredNorm();
-  }
-  const double load_effect = predicted.norm();
-  const double limit = kUnmodelled * std::max(1.0, loads_.at_start().gravity.norm());
-  const bool unmodelled = innovation.norm() > h * limit && innovation.norm() > 10.0 * load_effect;
-  sums.unmodelled = unmodelled ? sums.unmodelled + 1 : 0;
-  warn_of_exchange(i, innovation, z.w - v.predicted.w);
+  diagnose(i, judge(i, z, innovation), state_.last_step);
 }
 
-/// Find the cause of innovations: one warning that fits is better than three possible ones.
-void HostCoupling::warn_of_exchange(int i, const Vec3<double>& innovation,
-                                    const Vec3<double>& turn_innovation) {
+/// @param z  motion received now, at the end of the last step
+HostFinding HostCoupling::judge(int i, const VehicleState& z, const Vec3<double>& innovation) {
   const DrivenVehicle& v = state_.coupling.vehicle[i];
-  const InnovationSums& sums = v.sums;
-  const char* name = get_vehicle_name(i);
-  const double h = state_.last_step, stated = model_->stated_mass[i];
-  char text[400];
-  const auto unmodelled = [&](double acceleration) {
-    std::snprintf(text, sizeof text,
-                  "%s has an unmodelled acceleration of %.3g m/s2: connect 'gravity', and report "
-                  "every other load in %s.force_ext",
-                  name, acceleration, name);
-    warn_once(i, kWarnedGravity, text);
-  };
-  // A motion that is reported one step too early looks like many other errors.
-  if ((state_.coupling.warned[i] & kWarnedFirst) != 0) return;
-  if (sums.unmodelled == 5) unmodelled(innovation.norm() / h);
-  const Vec3<double> held = h / stated * v.held.f;
-  if (announces() && sums.loaded == 1 && (innovation + held).norm() < 0.05 * held.norm()) {
-    std::snprintf(text, sizeof text,
-                  "%s did not feel the first announced load (%.6g N over %.6g s): read "
-                  "%s.force_mean and %s.torque_mean after initialisation, before the first step",
-                  name, v.held.f.norm(), h, name, name);
-    warn_once(i, kWarnedLate, text);
+  ReportSums& sums = state_.coupling.reports[static_cast<size_t>(i)];
+  const double h = state_.last_step, keep = std::pow(kForget, h / kForgetTime);
+  HostFinding found;
+  if (!is_same_motion(inputs_.vehicle[i], v.input)) {  // a report that stays is an old one
+    const ReportPair pair{v.input,    inputs_.vehicle[i],
+                          h,          (z.v - v.received.v).norm(),
+                          z.v.norm(), setup_->parameters.vehicle[i].interface_position};
+    found = judge_motion(pair, keep, sums);
   }
-  if (sums.loaded < kEnoughSteps) return;
-  const double turn_felt = sums.turn2 > 0.0 ? 1.0 + sums.innovation_turn / sums.turn2 : 1.0;
-  const double turn_left =
-      sums.turn2 > 0.0
-          ? sums.turn_innovation2 - sums.innovation_turn * sums.innovation_turn / sums.turn2
-          : 0.0;
-  if (turn_felt < kLeastFelt &&
-      (turn_felt < -kMostFelt || turn_left > kExplained * sums.turn_innovation2)) {
-    // Too large, or about another axis: not a torque of the mechanism of either sign.
-    std::snprintf(text, sizeof text,
-                  "%s has an unmodelled angular acceleration of %.3g rad/s2: report every other "
-                  "torque in %s.torque_ext, about the centre of mass, in body axes",
-                  name, turn_innovation.norm() / h, name);
-    warn_once(i, kWarnedNoTorqueExt, text);
-  } else if (turn_felt < kLeastFelt) {
-    std::snprintf(text, sizeof text,
-                  "%s does not turn as predicted (%.3g of the predicted turn): connect "
-                  "%s.torque_mean, about the centre of mass, in body axes, with its sign",
-                  name, turn_felt, name);
-    warn_once(i, kWarnedNoTorque, text);
-  }
-  const double unexplained = find_unexplained_by_mass(sums);
-  const double size = std::sqrt(sums.innovation2 / sums.predicted2);
-  if (size < 1e-5) return;
-  if (sums.shifted2 < 0.01 * unexplained) {
-    std::snprintf(
-        text, sizeof text,
-        announces()
-            ? "%s applies the announced load a step early (innovations are %.3g of the changes of "
-              "velocity): the host makes each step after this FMU; set coupling.mode = 1 "
-              "(sequential)"
-            : "%s applies the mean load a step late (innovations are %.3g of the changes of "
-              "velocity): the host makes each step at the same time as this FMU; set "
-              "coupling.mode = 2 (parallel)",
-        name, size);
-    warn_once(i, kWarnedOrder, text);
-    return;
-  }
-  if ((state_.coupling.warned[i] & kWarnedOrder) != 0 || size < kMassWarning) return;
-  const double felt = 1.0 + sums.innovation_predicted / sums.predicted2;
-  if (unexplained > kExplained * sums.innovation2 || std::abs(felt) > kMostFelt) {
-    const double rest = size * (v.predicted.v - v.received.v - v.fall).norm() / h;
-    if (rest > kUnmodelled * std::max(1.0, loads_.at_start().gravity.norm())) unmodelled(rest);
-    return;
-  }
-  if (felt < kLeastFelt) {
-    std::snprintf(text, sizeof text,
-                  "%s does not move as predicted (%.3g of the predicted change of velocity): "
-                  "connect %s.force_mean, in N, with its sign",
-                  name, felt, name);
-    warn_once(i, kWarnedNoForce, text);
-    return;
-  }
-  const double mismatch = find_mass_mismatch(i);
-  std::snprintf(text, sizeof text,
-                "%s moves as if its mass were %.6g kg, but %s.mass is %.6g kg (mismatch %.3g): "
-                "loads are right to first order of the step only; see also "
-                "%s.mass_includes_mechanism",
-                name, stated * (1.0 + mismatch), name, stated, mismatch, name);
-  warn_once(i, kWarnedMass, text);
+  LoadStep step;
+  step.h = h;
+  step.mass = model_->stated_mass[i];
+  step.inertia = find_stated_inertia(i);
+  step.R = quat_to_matrix<double>(v.received.q);
+  step.arm = setup_->parameters.vehicle[i].interface_position;
+  step.announces = announces();
+  step.held = v.held;
+  step.next = step.announces ? state_.mean_load[i] : v.held;
+  step.change = v.predicted.v - v.received.v - v.fall;
+  step.error = innovation;
+  step.turn_error = z.w - v.predicted.w;
+  step.gravity = loads_.at_start().gravity.norm();
+  // Gravity as a constant over the step has at least this error.
+  step.rounding = kSilentChange + kRelativeRounding * inputs_.vehicle[i].velocity.norm() +
+                  h * kGravityError * step.gravity;
+  const HostFinding by_loads = judge_loads(step, keep, sums);
+  if (found.fault != kHostRight) return found;
+  return sums.turn_errors + sums.move_errors > 0 ? HostFinding() : by_loads;
+}
+
+/// The first cause is named; later ones may be its consequences.
+void HostCoupling::diagnose(int i, const HostFinding& found, double h) {
+  DrivenVehicle& v = state_.coupling.vehicle[i];
+  if (v.finding.fault != kHostRight || found.fault == kHostRight) return;
+  v.finding = found;
+  const double mass = model_->stated_mass[i];
+  std::string text = describe_finding(found, get_vehicle_name(i), h, mass);
   const double product = state_.coupling.frequency * h;
-  if (product > kStableRange && std::abs(mismatch) > kMassConfirmed) {
-    std::snprintf(text, sizeof text,
-                  "the docking interface has a frequency of %.4g rad/s; frequency times step "
-                  "(%.4g s) is %.3g, above the limit of %.1g: the coupling is not stable, because "
-                  "the mass is wrong by %.3g; correct the mass, or make steps below %.3g s",
-                  state_.coupling.frequency, h, product, kStableRange, mismatch,
-                  kStableRange / state_.coupling.frequency);
-    warn_once(i, kWarnedStep, text);
+  if (found.fault == kWrongMass && product > kStableRange &&
+      std::abs(found.value) > kMassConfirmed) {
+    char more[200];
+    std::snprintf(more, sizeof more,
+                  "; the coupling is not stable with it: the docking interface has %.3g rad/s, and "
+                  "frequency times step is %.3g, above the limit of %.1g",
+                  state_.coupling.frequency, product, kStableRange);
+    text += more;
   }
+  warnings_.push_back(std::move(text));
 }
 
 /// After a step: store data of the step for the monitors.
@@ -247,7 +148,7 @@ double HostCoupling::find_suggested_step(double frequency, double contact_time) 
   for (int i : {kChaser, kTarget}) {
     if (!model_->driven[i]) continue;
     error = std::max(error, state_.coupling.vehicle[i].error);
-    confirmed = confirmed && is_mass_confirmed(i);
+    confirmed = confirmed && is_mass_confirmed(state_.coupling.reports[static_cast<size_t>(i)]);
   }
   constexpr double kLeastGrowth = 0.3, kMostGrowth = 1.5;
   const double growth = error > 0.0 ? std::clamp(kShare * p.coupling_velocity_tolerance / error,

@@ -14,11 +14,6 @@ constexpr double kHostStep = 1e-3;  ///< of the host model's attitude [s]
 constexpr int kMaxHostSteps = 10000;
 constexpr double kNormWarning = 1e-6;  ///< error of the norm of a received quaternion
 
-bool is_same_motion(const Inputs::Vehicle& a, const Inputs::Vehicle& b) {
-  return a.position == b.position && a.velocity == b.velocity && a.attitude == b.attitude &&
-         a.angular_velocity == b.angular_velocity;
-}
-
 }  // namespace
 
 const char* get_vehicle_name(int vehicle) { return vehicle == kChaser ? "chaser" : "target"; }
@@ -91,7 +86,11 @@ VehicleState HostCoupling::receive(int i, double h) {
     v.pending = find_pending_impulse(i, z);
     look_at_innovation(i, z);
   } else {
-    look_at_first_state(i, z, h);
+    diagnose(i,
+             judge_first_report(inputs_.vehicle[i], find_start_report(i),
+                                setup_->parameters.vehicle[i].interface_position, h,
+                                state_.coupling.reports[static_cast<size_t>(i)]),
+             h);
   }
   v.received = z;
   v.input = inputs_.vehicle[i];
@@ -185,6 +184,7 @@ VehicleState HostCoupling::predict_host(int i, const VehicleState& z, const Wren
 
 void HostCoupling::start() {
   state_.coupling = CouplingState();
+  if (has_host()) state_.coupling.reports.assign(2, make_report_sums());
   for (int i : {kChaser, kTarget}) {
     if (!model_->driven[i]) continue;
     state_.coupling.vehicle[i].received = state_.coupling.vehicle[i].predicted =
@@ -206,7 +206,6 @@ void HostCoupling::update_impulse_balance(double h, const CouplingPoint& begin,
     DrivenVehicle& v = state_.coupling.vehicle[i];
     const Wrench<double> exerted = find_exerted_impulse(i, begin, end);
     v.pending += exerted;
-    v.before = v.held;
     if (announces()) {
       v.held = state_.mean_load[i];  // announced for this step
     } else {

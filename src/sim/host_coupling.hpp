@@ -74,6 +74,8 @@ class HostCoupling {
 
   /// True mass / stated mass - 1, estimated from the motion; 0 without an estimate.
   double find_mass_mismatch(int vehicle) const;
+  /// Why reports of hosts do not fit: of the chaser, else of the target.
+  HostFinding find_diagnosis() const;
   /// Highest frequency of mechanism, contact and latches between the vehicles [rad/s].
   /// @pre evaluation of y
   double find_interface_frequency(const double* y);
@@ -92,12 +94,13 @@ class HostCoupling {
                                       const CouplingPoint& to) const;
   Wrench<double> find_pending_impulse(int vehicle, const VehicleState& host) const;
   void warn_once(int vehicle, CouplingWarning what, const std::string& text);
-  bool is_mass_confirmed(int vehicle) const;
-  void look_at_first_state(int vehicle, const VehicleState& received, double h);
+  /// The motion at the start, in N, as a host would report it.
+  Inputs::Vehicle find_start_report(int vehicle) const;
+  /// Motion of the host's vehicle over the last step, compared with the predicted motion.
+  /// @param received  now, at the end of the last step
   void look_at_innovation(int vehicle, const VehicleState& received);
-  void warn_of_exchange(int vehicle, const Vec3<double>& innovation,
-                        const Vec3<double>& turn_innovation);
-  static double find_unexplained_by_mass(const InnovationSums& sums);
+  HostFinding judge(int vehicle, const VehicleState& received, const Vec3<double>& innovation);
+  void diagnose(int vehicle, const HostFinding& found, double h);
   void note_step(int vehicle, const Wrench<double>& exerted, const VehicleState& start,
                  const VehicleState& end, double h);
 

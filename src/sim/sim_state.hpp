@@ -211,16 +211,29 @@ void transfer(A& archive, Inputs::Vehicle& v) {
 }
 
 template <class A>
-void transfer(A& archive, InnovationSums& s) {
-  transfer_members<InnovationSums>(archive, s.predicted2, s.innovation_predicted, s.innovation2,
-                                   s.shifted2, s.turn2, s.innovation_turn, s.turn_innovation2,
-                                   s.loaded, s.unmodelled);
+void transfer(A& archive, HostFinding& f) {
+  transfer_members<HostFinding>(archive, f.fault, f.value);
+}
+
+template <class A>
+void transfer(A& archive, ResponseSums& r) {
+  transfer_members<ResponseSums>(archive, r.left2, r.late2, r.change2, r.axis_change2,
+                                 r.axis_product, r.product, r.error2, r.constant, r.time2,
+                                 r.loaded);
+}
+
+template <class A>
+void transfer(A& archive, ReportSums& s) {
+  transfer_members<ReportSums>(archive, s.turn_error2, s.turn2, s.spin2, s.turn_errors,
+                               s.first_angle, s.move_error2, s.point_matrix, s.point_side, s.move2,
+                               s.move_velocity, s.velocity2, s.move_errors, s.force, s.torque,
+                               s.first_load, s.unmodelled, s.held);
 }
 
 template <class A>
 void transfer(A& archive, DrivenVehicle& v) {
-  transfer_members<DrivenVehicle>(archive, v.received, v.predicted, v.held, v.before, v.pending,
-                                  v.fall, v.work, v.innovation, v.error, v.input, v.sums);
+  transfer_members<DrivenVehicle>(archive, v.received, v.predicted, v.held, v.pending, v.fall,
+                                  v.work, v.innovation, v.error, v.input, v.finding);
 }
 
 template <class A>
@@ -230,8 +243,9 @@ void transfer(A& archive, CouplingPoint& p) {
 
 template <class A>
 void transfer(A& archive, CouplingState& c) {
-  transfer_members<CouplingState>(archive, c.vehicle, c.work_residual, c.suggestion, c.follows,
-                                  c.regular_step, c.work, c.frequency, c.held_latches, c.warned);
+  transfer_members<CouplingState>(archive, c.vehicle, c.reports, c.work_residual, c.suggestion,
+                                  c.follows, c.regular_step, c.work, c.frequency, c.held_latches,
+                                  c.warned);
 }
 
 template <class A>

@@ -99,6 +99,11 @@ inline bool is_all_zero(const Inputs::Vehicle& in) {
          in.angular_velocity.isZero(0.0);
 }
 
+inline bool is_same_motion(const Inputs::Vehicle& a, const Inputs::Vehicle& b) {
+  return a.position == b.position && a.velocity == b.velocity && a.attitude == b.attitude &&
+         a.angular_velocity == b.angular_velocity;
+}
+
 /// Calls f(double&) for every Real input, in an order that depends on the sizes only.
 template <class F>
 void for_each_value(Inputs& inputs, F&& f) {
@@ -315,6 +320,8 @@ struct Outputs : OutputValues<double> {
   // group coupling, if a vehicle is driven
   double coupling_work_residual = 0.0;                                   ///< [J]
   double coupling_mass_mismatch = 0.0;                                   ///< [-]
+  int coupling_diagnosis = 1;                                            ///< see HostFault
+  double coupling_diagnosis_value = 0;                                   ///< see kHostFaults
   double coupling_frequency = 0.0;                                       ///< [rad/s]
   double coupling_suggested_step = 0.0;                                  ///< [s]
   Vec3<double> coupling_pending_impulse = Vec3<double>::Zero();          ///< [N s]

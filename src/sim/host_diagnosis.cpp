@@ -1,0 +1,596 @@
+// The rules of host_diagnosis.hpp, and the alternatives that are tried where a rule is broken.
+#include "sim/host_diagnosis.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <iterator>
+
+#include "math/decompositions.hpp"
+#include "math/rotation.hpp"
+
+namespace dockloop {
+namespace {
+
+constexpr int kLateLoads = 24;                     ///< longest delay that is recognised, in steps
+constexpr double kDegrees = 0.017453292519943295;  ///< [rad]
+
+// First report
+constexpr double kFirstAngle = 1e-3;     ///< from the start attitude [rad]
+constexpr double kFirstDistance = 1e-3;  ///< from the start position [m]
+constexpr double kSameShare = 0.05;      ///< of a vector, for an alternative that fits
+
+// Motion: an error of the rate above all of these. Half of the change covers integrators of hosts.
+constexpr double kTurnError = 1e-5;        ///< [rad/s]
+constexpr double kMoveError = 1e-5;        ///< [m/s]
+constexpr double kRateShare = 1e-3;        ///< of the rate
+constexpr double kChangeShare = 0.5;       ///< of its change over the step
+constexpr double kReportRounding = 1e-15;  ///< of positions and attitudes
+constexpr int kFewErrors = 3;              ///< consecutive, for an alternative that fits
+constexpr int kManyErrors = 6;             ///< consecutive, without such an alternative
+constexpr double kExplained = 0.04;        ///< of the squares of errors, by an alternative
+constexpr double kNothing = 1e-6;          ///< of squares: no motion at all
+constexpr double kPointRank = 1e-6;        ///< of squares of turns: a part of a point that shows
+
+// Loads
+constexpr int kEnoughSteps = 10;         ///< with loads
+constexpr double kDelayTime = 0.3;       ///< with loads: until then they may be late [s]
+constexpr int kUnexplainedSteps = 50;    ///< with loads, without an alternative that fits
+constexpr int kUnmodelledSteps = 5;      ///< consecutive
+constexpr double kLeastError = 1e-5;     ///< of predicted changes, for loads in another step
+constexpr double kLateExplained = 0.01;  ///< of the squares that another mass does not explain
+constexpr double kLoadError = 0.01;      ///< of predicted changes, for all other causes
+constexpr double kFlexible = 0.02;       ///< of predicted changes, without a cause
+constexpr double kLeastFelt = 0.1;       ///< of a predicted change; less counts as no change
+constexpr double kSignFelt = 0.1;        ///< around -1
+constexpr double kUnitFelt = 0.05;       ///< around 1000 or 1/1000, relative
+constexpr double kMostFelt = 10.0;       ///< of a predicted change; more has another cause
+constexpr double kMassConfirmed = 0.1;   ///< mismatch below which no step is too long [-]
+constexpr double kUnmodelled = 1e-4;     ///< acceleration that counts [m/s2], and part of gravity
+constexpr double kSilent = 1e-7;         ///< acceleration that counts as no load [m/s2], [rad/s2]
+
+double find_angle(const Vec4<double>& a, const Vec4<double>& b) {
+  return quat_log<double>(quat_multiply<double>(quat_conjugate<double>(a), b)).norm();
+}
+
+/// A quaternion in the order x, y, z, w.
+Vec4<double> reorder(const Vec4<double>& q) { return {q[3], q[0], q[1], q[2]}; }
+
+/// How a host may mean attitude and angular velocity.
+struct AttitudeReading {
+  int fault;
+  bool is_reordered, is_inverse;
+  double spin_factor;
+  bool is_spin_in_N;
+};
+constexpr AttitudeReading kAttitudeReadings[] = {
+    {kHostRight, false, false, 1.0, false},
+    {kQuaternionOrder, true, false, 1.0, false},
+    {kQuaternionInverse, false, true, 1.0, false},
+    {kQuaternionOrderInverse, true, true, 1.0, false},
+    {kSpinInDegrees, false, false, kDegrees, false},
+    {kSpinInN, false, false, 1.0, true},
+    {kSpinSign, false, false, -1.0, false},
+};
+static_assert(std::size(kAttitudeReadings) == std::tuple_size_v<decltype(ReportSums::turn_error2)>);
+
+Vec4<double> read_attitude(const AttitudeReading& as, const Inputs::Vehicle& report) {
+  Vec4<double> q = report.attitude.normalized();
+  if (as.is_reordered) q = reorder(q);
+  return as.is_inverse ? quat_conjugate<double>(q) : q;
+}
+
+Vec3<double> read_spin(const AttitudeReading& as, const Inputs::Vehicle& report) {
+  Vec3<double> w = as.spin_factor * report.angular_velocity;
+  if (as.is_spin_in_N) w = quat_to_matrix<double>(report.attitude).transpose() * w;
+  return w;
+}
+
+constexpr int kVelocityReadings[] = {kHostRight, kVelocityInBody, kVelocityTurned, kInterfacePoint};
+static_assert(std::size(kVelocityReadings) == std::tuple_size_v<decltype(ReportSums::move_error2)>);
+
+Vec3<double> read_velocity(int reading, const Inputs::Vehicle& report) {
+  const Mat3<double> R = quat_to_matrix<double>(report.attitude);
+  if (reading == kVelocityInBody) return R * report.velocity;
+  if (reading == kVelocityTurned) return R.transpose() * report.velocity;
+  return report.velocity;
+}
+
+bool is_close(const Vec3<double>& a, const Vec3<double>& b) {
+  return (a - b).norm() < kSameShare * b.norm();
+}
+
+/// The reading with the least error, if this error is a small part of the error as reported.
+template <size_t count>
+size_t find_reading(const std::array<double, count>& error2) {
+  const auto least = std::min_element(error2.begin(), error2.end());
+  return *least < kExplained * error2[0] ? static_cast<size_t>(least - error2.begin()) : 0;
+}
+
+/// Squares of errors that another mass (inertia) does not explain.
+double find_left_by_scale(const ResponseSums& r) {
+  if (!(r.change2 > 0.0)) return r.error2;
+  return r.error2 - r.product * r.product / r.change2;
+}
+
+/// Share of the predicted change that the vehicle shows.
+double find_felt(const ResponseSums& r) {
+  return r.change2 > 0.0 ? 1.0 + r.product / r.change2 : 1.0;
+}
+
+/// Adds a step to the sums.
+/// @param effects  change of the response if the load acts in another way
+/// @param late_effects  the same for the load of the coming step, and of earlier steps
+template <size_t count, class Late>
+void add_response(ResponseSums& r, const Vec3<double>& change, const Vec3<double>& error, double h,
+                  double keep, bool is_loaded, const std::array<Vec3<double>, count>& effects,
+                  const Late& late_effect) {
+  static_assert(count <= std::tuple_size_v<decltype(r.left2)>);
+  for (double* sum : {&r.change2, &r.product, &r.error2, &r.time2}) *sum *= keep;
+  for (Vec3<double>* sum : {&r.axis_change2, &r.axis_product, &r.constant}) *sum *= keep;
+  for (double& sum : r.left2) sum *= keep;
+  for (double& sum : r.late2) sum *= keep;
+  if (!is_loaded) return;
+  ++r.loaded;
+  r.change2 += change.squaredNorm();
+  r.product += error.dot(change);
+  r.error2 += error.squaredNorm();
+  r.axis_change2 += change.cwiseAbs2();
+  r.axis_product += error.cwiseProduct(change);
+  r.constant += h * error;
+  r.time2 += h * h;
+  for (size_t i = 0; i < count; ++i) r.left2[i] += (error - effects[i]).squaredNorm();
+  for (size_t i = 0; i < r.late2.size(); ++i) r.late2[i] += (error - late_effect(i)).squaredNorm();
+}
+
+/// The alternative that leaves the least of the squares of errors.
+class Search {
+ public:
+  explicit Search(const ResponseSums& r) : sums_(r), least_(kExplained * r.error2) {}
+  void consider(double left, int fault, double value = 0.0) {
+    if (!(left < least_)) return;
+    least_ = left;
+    found_ = {fault, value};
+  }
+  void consider_constant(int fault) {
+    if (!(sums_.time2 > 0.0)) return;
+    const Vec3<double> mean = sums_.constant / sums_.time2;
+    consider(sums_.error2 - mean.dot(sums_.constant), fault, mean.norm());
+  }
+  const HostFinding& found() const { return found_; }
+
+ private:
+  const ResponseSums& sums_;
+  double least_;
+  HostFinding found_;
+};
+
+/// Are loads that do not act late ones perhaps?
+bool may_be_late(const ResponseSums& r, double h) {
+  return r.loaded < kEnoughSteps + kLateLoads && r.loaded * h < kDelayTime &&
+         find_left_by_scale(r) < kExplained * r.error2;
+}
+
+bool is_near_unit(double felt) {
+  return std::abs(felt / 1e3 - 1.0) < kUnitFelt || std::abs(felt * 1e3 - 1.0) < kUnitFelt;
+}
+
+double find_error_size(const ResponseSums& r) {
+  return r.loaded >= kEnoughSteps && r.change2 > 0.0 ? std::sqrt(r.error2 / r.change2) : 0.0;
+}
+
+/// A mass a thousand times too large, or a force in another unit? The mass that gives the more
+/// natural radius of gyration is right.
+bool is_mass_plausible(const LoadStep& step, double mass) {
+  const double inertia = step.inertia.trace() / 3.0, size = std::max(step.arm.norm(), 0.1);
+  const auto distance = [&](double m) { return std::abs(std::log(inertia / (m * size * size))); };
+  return distance(mass) < distance(step.mass);
+}
+
+HostFinding explain_force(const LoadStep& step, const ResponseSums& r) {
+  Search search(r);
+  const double felt = find_felt(r), left = find_left_by_scale(r);
+  if (is_near_unit(felt) && !is_mass_plausible(step, step.mass / felt)) {
+    search.consider(left, kForceUnit, felt);
+  } else if (felt < -kLeastFelt) {
+    search.consider(left, kForceSign, felt);
+  } else if (felt < kLeastFelt && !is_near_unit(felt)) {
+    if (may_be_late(r, step.h)) return {};
+    search.consider(left, kForceMissing, felt);
+  } else {
+    search.consider(left, kWrongMass, 1.0 / felt - 1.0);
+  }
+  search.consider(r.left2[0], kForceInBody);
+  search.consider(r.left2[1], kForceTurned);
+  search.consider_constant(kUnreportedForce);
+  return search.found();
+}
+
+HostFinding explain_torque(double h, const ResponseSums& r) {
+  Search search(r);
+  const double felt = find_felt(r), left = find_left_by_scale(r);
+  if (is_near_unit(felt)) {
+    search.consider(left, kTorqueUnit, felt);
+  } else if (felt < -kLeastFelt) {
+    search.consider(left, kTorqueSign, felt);
+  } else if (felt < kLeastFelt) {
+    if (may_be_late(r, h)) return {};
+    search.consider(left, kTorqueMissing, felt);
+  } else {
+    double by_axis = r.error2, worst = 0.0;
+    for (int k = 0; k < 3; ++k) {
+      if (!(r.axis_change2[k] > 0.0)) continue;
+      by_axis -= r.axis_product[k] * r.axis_product[k] / r.axis_change2[k];
+      const double value = r.axis_change2[k] / (r.axis_change2[k] + r.axis_product[k]) - 1.0;
+      if (r.axis_change2[k] > kExplained * r.change2 && std::abs(value) > std::abs(worst))
+        worst = value;
+    }
+    search.consider(by_axis, kWrongInertia, worst);
+  }
+  search.consider(r.left2[0], kTorqueInN);
+  search.consider(r.left2[1], kTorqueTurned);
+  search.consider(r.left2[2], kTorquePoint);
+  search.consider_constant(kUnreportedTorque);
+  return search.found();
+}
+
+/// Loads of another step: the number of steps by which they act late, -1 for early, 0 for neither.
+int find_late_steps(const ResponseSums& r) {
+  if (r.loaded < kEnoughSteps || !(r.error2 > kLeastError * kLeastError * r.change2)) return 0;
+  const auto least = std::min_element(r.late2.begin(), r.late2.end());
+  const double left = find_left_by_scale(r);
+  // Before a delay is over, a late load is a missing one.
+  if (left < kExplained * r.error2 || !(*least < kLateExplained * left)) return 0;
+  const int place = static_cast<int>(least - r.late2.begin());
+  return place == 0 ? -1 : place;
+}
+
+HostFinding explain_late(const LoadStep& step, int steps) {
+  if (steps < 0) return {kLoadsEarly, step.h};
+  return {steps == 1 && !step.announces ? kLoadsStepLate : kLoadsDelayed, steps * step.h};
+}
+
+struct FaultText {
+  int fault;
+  const char* text;  ///< $v: vehicle, $x: value, $h: step, $s: stated mass, $m: from both
+};
+const FaultText kTexts[] = {
+    {kQuaternionOrder, "$v.attitude has the order x, y, z, w: report the attitude as w, x, y, z"},
+    {kQuaternionInverse,
+     "$v.attitude is the attitude of N in the body: report the attitude of the body in N (the "
+     "conjugate quaternion)"},
+    {kQuaternionOrderInverse,
+     "$v.attitude has the order x, y, z, w, and is the attitude of N in the body: report the "
+     "attitude of the body in N as w, x, y, z"},
+    {kAttitudeConstant,
+     "$v.attitude does not change, but $v.angular_velocity is $x rad/s: connect the attitude"},
+    {kSpinInDegrees, "$v.angular_velocity is in deg/s: report rad/s"},
+    {kSpinInN, "$v.angular_velocity is in axes of N: report body axes"},
+    {kSpinSign,
+     "$v.angular_velocity has the wrong sign: report the angular velocity of the body in N"},
+    {kSpinMissing,
+     "$v.attitude turns at $x rad/s, but $v.angular_velocity is 0: connect the angular velocity"},
+    {kAttitudeUnrelated,
+     "$v.attitude does not follow $v.angular_velocity (difference $x rad/s): report attitude (w, "
+     "x, y, z, body in N) and angular velocity (rad/s, body axes) of the same body and time"},
+    {kFirstAttitude,
+     "$v.attitude of the first step differs from the start attitude by $x rad: set the start "
+     "attitude, or report it in the first step"},
+    {kPositionUnit, "$v.position is in units of $x m (if $v.velocity is in m/s): report m and m/s"},
+    {kPositionConstant,
+     "$v.position does not change, but $v.velocity is $x m/s: connect the position"},
+    {kInterfacePoint,
+     "$v.position is the position of the docking interface, $x m from the centre of mass: report "
+     "position and velocity of the centre of mass"},
+    {kOtherPoint,
+     "$v.position is the position of a point $x m or more from the centre of mass: report position "
+     "and velocity of the centre of mass"},
+    {kFirstPosition,
+     "$v.position of the first step is $x m away from the start position: report the centre of "
+     "mass in the same frame N as the start position, or set the start position"},
+    {kVelocityInBody, "$v.velocity is in body axes: report axes of N"},
+    {kVelocityTurned, "$v.velocity is turned by the attitude: report axes of N"},
+    {kVelocityMissing, "$v.position moves at $x m/s, but $v.velocity is 0: connect the velocity"},
+    {kPositionUnrelated,
+     "$v.position does not follow $v.velocity (difference $x m/s): report both of the centre of "
+     "mass, in N, at the same time"},
+    {kEndOfStep,
+     "$v.position of the first step is $x m away from the start position. This is the distance of "
+     "one step: the host passes the motion at the end of the step. Pass the motion at "
+     "currentCommunicationPoint"},
+    {kFirstLoadMissing,
+     "$v did not feel the first announced load ($x N over $h s): read $v.force_mean and "
+     "$v.torque_mean after initialisation, before the first step"},
+    {kLoadsEarly,
+     "$v applies the announced load a step early: the host makes each step after this FMU; set "
+     "coupling.mode = 1 (sequential)"},
+    {kLoadsStepLate,
+     "$v applies the mean load a step late: the host makes each step at the same time as this "
+     "FMU; set coupling.mode = 2 (parallel)"},
+    {kLoadsDelayed,
+     "$v feels loads $x s too late, or reports its motion this much too late: take the delay out "
+     "of the loop, or make it shorter"},
+    {kForceInBody, "$v applies force_mean in body axes: the force is in axes of N"},
+    {kForceTurned,
+     "$v applies force_mean turned by the inverse of its attitude: the force is in axes of N"},
+    {kForceSign,
+     "$v moves against the force ($x of the predicted change of velocity): connect "
+     "$v.force_mean with its sign"},
+    {kForceMissing,
+     "$v does not move as predicted ($x of the predicted change of velocity): connect "
+     "$v.force_mean, in N, with its sign"},
+    {kForceUnit, "$v feels $x times the force: $v.force_mean is in N, or $v.mass is not in kg"},
+    {kTorqueInN, "$v applies torque_mean in axes of N: the torque is in body axes"},
+    {kTorqueTurned, "$v applies torque_mean turned by its attitude: the torque is in body axes"},
+    {kTorqueSign,
+     "$v turns against the torque ($x of the predicted turn): connect $v.torque_mean with its "
+     "sign"},
+    {kTorqueMissing,
+     "$v does not turn as predicted ($x of the predicted turn): connect $v.torque_mean, about the "
+     "centre of mass, in body axes, with its sign"},
+    {kTorqueUnit, "$v feels $x times the torque: $v.torque_mean is in N m, $v.inertia in kg m2"},
+    {kTorquePoint,
+     "$v applies force_mean at the docking interface: apply the force at the centre of mass, "
+     "because torque_mean contains its moment"},
+    {kUnreportedForce,
+     "$v has an unmodelled acceleration of $x m/s2 ($m N): connect 'gravity', and report every "
+     "other load in $v.force_ext"},
+    {kUnreportedTorque,
+     "$v has an unmodelled angular acceleration of $x rad/s2: report every other torque in "
+     "$v.torque_ext, about the centre of mass, in body axes"},
+    {kWrongMass,
+     "$v moves as if its mass were $m kg, but $v.mass is $s kg (mismatch $x): loads are right to "
+     "first order of the step only; see also $v.mass_includes_mechanism"},
+    {kWrongInertia,
+     "$v turns as if its inertia were another than $v.inertia (mismatch $x about the worst axis): "
+     "loads are right to first order of the step only"},
+    {kUnexplained,
+     "$v does not move as a rigid body under the reported loads ($x of the changes of velocity): "
+     "a flexible part or a load that is not in $v.force_ext"},
+};
+
+}  // namespace
+
+std::string describe_finding(const HostFinding& found, const char* vehicle, double h, double mass) {
+  const auto row = std::find_if(std::begin(kTexts), std::end(kTexts),
+                                [&](const FaultText& t) { return t.fault == found.fault; });
+  const auto number = [](double x, int digits = 3) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.*g", digits, x);
+    return std::string(text);
+  };
+  std::string text;
+  for (const char* c = row->text; *c; ++c) {
+    if (*c != '$') {
+      text += *c;
+      continue;
+    }
+    switch (*++c) {
+      case 'v':
+        text += vehicle;
+        break;
+      case 'h':
+        text += number(h);
+        break;
+      case 's':
+        text += number(mass, 6);
+        break;
+      case 'm':
+        text += found.fault == kWrongMass ? number(mass * (1.0 + found.value), 6)
+                                          : number(mass * found.value);
+        break;
+      default:
+        text += number(found.value);
+    }
+  }
+  return text;
+}
+
+ReportSums make_report_sums() {
+  ReportSums sums;
+  sums.force.late2.assign(kLateLoads + 1, 0.0);
+  sums.torque.late2.assign(kLateLoads + 1, 0.0);
+  sums.held.assign(kLateLoads, Wrench<double>());
+  return sums;
+}
+
+HostFinding judge_first_report(const Inputs::Vehicle& report, const Inputs::Vehicle& start,
+                               const Vec3<double>& interface_position, double h, ReportSums& sums) {
+  const Vec3<double> away = report.position - start.position, step = h * start.velocity;
+  if (step.norm() > 1e-9 && (away - step).norm() < 0.1 * step.norm()) {
+    return {kEndOfStep, away.norm()};
+  }
+  const Vec4<double> attitude = report.attitude.normalized();
+  sums.first_angle = find_angle(start.attitude, attitude);
+  for (const AttitudeReading& as : kAttitudeReadings) {
+    if (sums.first_angle > kFirstAngle &&
+        find_angle(start.attitude, read_attitude(as, report)) < kSameShare * sums.first_angle) {
+      return {as.fault, 0.0};
+    }
+    const Vec3<double> spin = report.angular_velocity - start.angular_velocity;
+    if (!(spin.norm() < 0.5 * start.angular_velocity.norm()) &&
+        is_close(read_spin(as, report), start.angular_velocity)) {
+      return {as.fault, 0.0};
+    }
+  }
+  for (int reading : {kVelocityInBody, kVelocityTurned}) {
+    if (!is_close(report.velocity, start.velocity) &&
+        is_close(read_velocity(reading, report), start.velocity)) {
+      return {reading, 0.0};
+    }
+  }
+  if (away.norm() < kFirstDistance) return {};
+  for (double unit : {1e-3, 1e-2, 0.3048, 1e3}) {  // mm, cm, ft, km
+    if ((unit * report.position - start.position).norm() < 1e-3 * away.norm()) {
+      return {kPositionUnit, unit};
+    }
+  }
+  const Vec3<double> arm = quat_to_matrix<double>(start.attitude) * interface_position;
+  if (is_close(away, arm)) return {kInterfacePoint, arm.norm()};
+  return {kFirstPosition, away.norm()};
+}
+
+HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums) {
+  const double h = pair.h;
+  // Attitude and angular velocity.
+  double error = 0.0, allowed = 0.0;
+  for (size_t i = 0; i < std::size(kAttitudeReadings); ++i) {
+    const AttitudeReading& as = kAttitudeReadings[i];
+    const Vec3<double> w0 = read_spin(as, pair.begin), w1 = read_spin(as, pair.end);
+    const Vec3<double> mean = 0.5 * (w0 + w1);
+    const Vec3<double> rate =
+        quat_log<double>(quat_multiply<double>(
+            quat_conjugate<double>(read_attitude(as, pair.begin)), read_attitude(as, pair.end))) /
+        h;
+    sums.turn_error2[i] = keep * sums.turn_error2[i] + (rate - mean).squaredNorm();
+    if (i > 0) continue;
+    sums.turn2 = keep * sums.turn2 + rate.squaredNorm();
+    sums.spin2 = keep * sums.spin2 + mean.squaredNorm();
+    error = (rate - mean).norm();
+    allowed = kTurnError + kReportRounding / h + kRateShare * mean.norm() +
+              kChangeShare * (w1 - w0).norm();
+  }
+  sums.turn_errors = error > allowed ? sums.turn_errors + 1 : 0;
+  const bool is_constant = sums.turn2 < kNothing * sums.spin2;
+  const bool is_missing = sums.spin2 < kNothing * sums.turn2;
+  if (sums.turn_errors >= kFewErrors && !is_constant && !is_missing) {
+    const size_t reading = find_reading(sums.turn_error2);
+    if (reading > 0) return {kAttitudeReadings[reading].fault, 0.0};
+  }
+  if (sums.turn_errors >= kManyErrors) {
+    if (is_constant) return {kAttitudeConstant, error};
+    if (is_missing) return {kSpinMissing, error};
+    return {kAttitudeUnrelated, error};
+  }
+  if (sums.turn_errors > 0) return {};
+
+  // Position and velocity.
+  const Vec3<double> rate = (pair.end.position - pair.begin.position) / h;
+  const Mat3<double> turned =
+      (quat_to_matrix<double>(pair.end.attitude) - quat_to_matrix<double>(pair.begin.attitude)) / h;
+  for (size_t i = 0; i < std::size(kVelocityReadings); ++i) {
+    Vec3<double> mean = 0.5 * (read_velocity(kVelocityReadings[i], pair.begin) +
+                               read_velocity(kVelocityReadings[i], pair.end));
+    if (kVelocityReadings[i] == kInterfacePoint) mean += turned * pair.interface_position;
+    sums.move_error2[i] = keep * sums.move_error2[i] + (rate - mean).squaredNorm();
+    if (i > 0) continue;
+    sums.move2 = keep * sums.move2 + rate.squaredNorm();
+    sums.velocity2 = keep * sums.velocity2 + mean.squaredNorm();
+    sums.move_velocity = keep * sums.move_velocity + rate.dot(mean);
+    sums.point_matrix = keep * sums.point_matrix + turned.transpose() * turned;
+    sums.point_side = keep * sums.point_side + turned.transpose() * (rate - mean);
+    error = (rate - mean).norm();
+  }
+  allowed = kMoveError + kReportRounding * pair.end.position.norm() / h + kRateShare * pair.speed +
+            kChangeShare * pair.change;
+  sums.move_errors = error > allowed ? sums.move_errors + 1 : 0;
+  if (sums.move_errors >= kFewErrors) {
+    const size_t reading = find_reading(sums.move_error2);
+    if (reading > 0) return {kVelocityReadings[reading], pair.interface_position.norm()};
+    const double units = sums.velocity2 > 0.0 ? sums.move_velocity / sums.velocity2 : 0.0;
+    const double left = sums.move2 - units * sums.move_velocity;
+    if (std::abs(units) > 1e-5 && left < kExplained * sums.move_error2[0])
+      return {kPositionUnit, 1.0 / units};
+    // Its part along the axis of rotation does not show: the smallest vector.
+    const Mat3<double> regular =
+        sums.point_matrix + kPointRank * sums.point_matrix.trace() * Mat3<double>::Identity();
+    const Vec3<double> point = invert(regular) * sums.point_side;
+    if (sums.move_error2[0] - point.dot(sums.point_side) < kExplained * sums.move_error2[0])
+      return {kOtherPoint, point.norm()};
+  }
+  if (sums.move_errors >= kManyErrors) {
+    if (sums.move2 < kNothing * sums.velocity2) return {kPositionConstant, error};
+    if (sums.velocity2 < kNothing * sums.move2) return {kVelocityMissing, error};
+    return {kPositionUnrelated, error};
+  }
+  // A first attitude that nothing else explains.
+  if (sums.first_angle > kFirstAngle && sums.move_errors == 0) {
+    return {kFirstAttitude, sums.first_angle};
+  }
+  return {};
+}
+
+HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
+  const Mat3<double> inverse = invert(step.inertia);
+  const auto accelerate = [&](const Vec3<double>& force) -> Vec3<double> {
+    return step.h / step.mass * (force - step.held.f);
+  };
+  const auto turn = [&](const Vec3<double>& torque) -> Vec3<double> {
+    return step.h * (inverse * (torque - step.held.t));
+  };
+  const auto find_load = [&](size_t i) -> const Wrench<double>& {
+    return i == 0 ? step.next : sums.held[i - 1];
+  };
+  const Vec3<double>& f = step.held.f;
+  const Vec3<double>& t = step.held.t;
+  const Vec3<double> turned = step.h * (inverse * t);
+  const bool has_force = step.change.norm() > step.rounding + kSilent * step.h;
+  add_response(
+      sums.force, step.change, step.error, step.h, keep, has_force,
+      std::array<Vec3<double>, 2>{accelerate(step.R * f), accelerate(step.R.transpose() * f)},
+      [&](size_t i) { return accelerate(find_load(i).f); });
+  add_response(sums.torque, turned, step.turn_error, step.h, keep, turned.norm() > kSilent * step.h,
+               std::array<Vec3<double>, 3>{turn(step.R.transpose() * t), turn(step.R * t),
+                                           turn(t + step.arm.cross(step.R.transpose() * f))},
+               [&](size_t i) { return turn(find_load(i).t); });
+  std::rotate(sums.held.begin(), sums.held.end() - 1, sums.held.end());
+  sums.held.front() = step.held;
+
+  const double limit = kUnmodelled * std::max(1.0, step.gravity), size = step.error.norm();
+  // Errors that begin without a load are no wrong response to loads.
+  const bool is_response = has_force && sums.unmodelled == 0 &&
+                           find_left_by_scale(sums.force) < kExplained * sums.force.error2;
+  const bool unmodelled =
+      size > step.h * limit && size > kMostFelt * step.change.norm() && !is_response;
+  sums.unmodelled = unmodelled ? sums.unmodelled + 1 : 0;
+  if (sums.unmodelled == kUnmodelledSteps) return {kUnreportedForce, size / step.h};
+
+  // The first announced load alone, or the first of many late loads?
+  const Vec3<double> held = step.h / step.mass * f;
+  const bool is_missing = (step.error + held).norm() < kSameShare * held.norm();
+  if (step.announces && has_force && sums.force.loaded == 1 && is_missing) {
+    sums.first_load = f.norm();
+  } else if (sums.first_load > 0.0 && has_force) {
+    const double first = sums.first_load;
+    sums.first_load = 0.0;
+    if (size < kSameShare * held.norm()) return {kFirstLoadMissing, first};
+  }
+  for (const ResponseSums* r : {&sums.force, &sums.torque}) {
+    const int steps = find_late_steps(*r);
+    if (steps > 0 || (steps < 0 && step.announces)) return explain_late(step, steps);
+  }
+  const double force_size = find_error_size(sums.force), torque_size = find_error_size(sums.torque);
+  const HostFinding by_force =
+      force_size > kLoadError ? explain_force(step, sums.force) : HostFinding();
+  const HostFinding by_torque =
+      torque_size > kLoadError ? explain_torque(step.h, sums.torque) : HostFinding();
+  const bool is_turn_larger = sums.torque.error2 * step.arm.squaredNorm() > sums.force.error2;
+  const HostFinding& larger = is_turn_larger ? by_torque : by_force;
+  const HostFinding& smaller = is_turn_larger ? by_force : by_torque;
+  if (larger.fault == kWrongInertia) {  // a wrong mass makes a wrong inertia plausible
+    if (sums.force.loaded < kEnoughSteps) return {};
+    return smaller.fault == kWrongMass ? smaller : larger;
+  }
+  if (larger.fault != kHostRight) return larger;
+  if (sums.force.loaded < kUnexplainedSteps) return {};
+  if (smaller.fault != kHostRight) return smaller;
+  if (force_size > kFlexible) return {kUnexplained, force_size};
+  return {};
+}
+
+double find_mass_mismatch(const ReportSums& sums) {
+  const ResponseSums& r = sums.force;
+  if (r.loaded == 0 || !(r.change2 > 0.0)) return 0.0;
+  const double felt = find_felt(r);
+  if (std::abs(felt) > kMostFelt) return 0.0;  // another load moves the vehicle
+  constexpr double kLeast = 1e-3;              // beyond: the vehicle does not move
+  return 1.0 / std::max(felt, kLeast) - 1.0;
+}
+
+bool is_mass_confirmed(const ReportSums& sums) {
+  constexpr double kUnexplainedShare = 0.05;
+  return sums.force.loaded >= kEnoughSteps && std::abs(find_mass_mismatch(sums)) < kMassConfirmed &&
+         find_left_by_scale(sums.force) < kUnexplainedShare * sums.force.change2;
+}
+
+}  // namespace dockloop

@@ -1,0 +1,195 @@
+"""Mistakes of hosts that integrate a vehicle by themselves: each is named, once and alone.
+
+A small host integrates the chaser of the default docking in a parallel exchange and makes one
+mistake at a time. N is turned, so that body axes are not those of N. The diagnosis is compared with
+the mistake that was made: the host is the oracle. Hosts without a mistake get no word.
+"""
+
+import numpy as np
+import pytest
+
+import dockloop as dl
+from coupling_host import turn
+from dockloop.core import name_choice
+
+MASS, INERTIA, ARM = 25e3, np.array([60.5e3, 132e3, 132e3]), np.array([4.0, 0.0, 0.0])
+MOTION = ("position", "velocity", "attitude", "angular_velocity")
+TURNED = np.array([0.8, 0.2, -0.4, 0.4])  # attitude of the frame of the scene in N
+
+
+def multiply(a, b):
+    """Product of two quaternions."""
+    return np.array(
+        [a[0] * b[0] - a[1:] @ b[1:], *(a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]))]
+    )
+
+
+def inverse(q):
+    return q * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def late(count):
+    """A function of loads that returns those of `count` steps earlier."""
+    queue = [(np.zeros(3), np.zeros(3))] * count
+    return lambda f, t, q: (queue.append((f, t)), queue.pop(0))[1]
+
+
+def old(count):
+    """A function of reports that returns the report of `count` steps earlier."""
+    queue = []
+    return lambda *z: (queue.append(z), queue[max(0, len(queue) - 1 - count)])[1]
+
+
+def dock(
+    step,
+    report=None,
+    loads=None,
+    *,
+    stop=2.5,
+    settings=None,
+    overrides=None,
+    attitude=TURNED,
+    detours=False,
+):
+    """Couple a host with a docking until it is diagnosed; return the docking."""
+    scene = {"chaser.motion": "driven", "initial.approach_time": 0.5, "coupling.mode": "parallel"}
+    docking = dl.Docking("idss_25t_350t", scene | (overrides or {}))
+    for body in ("chaser", "target"):
+        for name, f in (("position", turn), ("velocity", turn), ("attitude", multiply)):
+            variable = f"{body}.{name}"
+            docking.set(variable, f(attitude, np.array(docking.get(variable))))
+    for name, value in {"coupling.expected_step": step, **(settings or {})}.items():
+        docking.set(name, value)
+    p, v, q, w = (np.array(docking.get(f"chaser.{name}")) for name in MOTION)
+    for _ in range(round(stop / step)):
+        f, t = (np.array(docking.get(f"chaser.{name}_mean")) for name in ("force", "torque"))
+        for name, value in zip(MOTION, report(p, v, q, w) if report else (p, v, q, w), strict=True):
+            docking.set(f"chaser.{name}", value)
+        if detours:
+            saved = docking.save()
+            docking.step(2 * step)
+            docking.restore(saved)
+        docking.step(step)
+        if docking.get("coupling.diagnosis") != 1:
+            break
+        f, t = loads(f, t, q) if loads else (f, t)
+        h = step / 10
+        for _ in range(10):  # the midpoint rule
+            v0, v = v, v + h * f / MASS
+            p = p + h * (v0 + v) / 2
+            middle = w + h / 2 * (t - np.cross(w, INERTIA * w)) / INERTIA
+            w = w + h * (t - np.cross(middle, INERTIA * middle)) / INERTIA
+            q = q + h / 2 * multiply(q, np.array([0.0, *middle]))
+            q /= np.linalg.norm(q)
+    return docking
+
+
+REPORTS = {
+    "quaternion order": lambda p, v, q, w: (p, v, np.roll(q, -1), w),
+    "quaternion inverse": lambda p, v, q, w: (p, v, inverse(q), w),
+    "quaternion order and inverse": lambda p, v, q, w: (p, v, np.roll(inverse(q), -1), w),
+    "attitude constant": lambda p, v, q, w: (p, v, TURNED, w),
+    "angular velocity in degrees": lambda p, v, q, w: (p, v, q, np.degrees(w)),
+    "angular velocity in N": lambda p, v, q, w: (p, v, q, turn(q, w)),
+    "angular velocity sign": lambda p, v, q, w: (p, v, q, -w),
+    "angular velocity missing": lambda p, v, q, w: (p, v, q, 0 * w),
+    "position unit": lambda p, v, q, w: (1000 * p, v, q, w),
+    "interface point": lambda p, v, q, w: (p + turn(q, ARM), v, q, w),
+    "other point": lambda p, v, q, w: (p + turn(q, np.array([-0.2, 0.05, 0.02])), v, q, w),
+    "velocity in body axes": lambda p, v, q, w: (p, turn(inverse(q), v), q, w),
+    "velocity turned": lambda p, v, q, w: (p, turn(q, v), q, w),
+    "velocity missing": lambda p, v, q, w: (p, 0 * v, q, w),
+}
+LOADS = {
+    "force in body axes": lambda f, t, q: (turn(q, f), t),
+    "force turned": lambda f, t, q: (turn(inverse(q), f), t),
+    "force sign": lambda f, t, q: (-f, t),
+    "force missing": lambda f, t, q: (0 * f, t),
+    "force unit": lambda f, t, q: (f / 1000, t),
+    "torque in N": lambda f, t, q: (f, turn(inverse(q), t)),
+    "torque turned": lambda f, t, q: (f, turn(q, t)),
+    "torque sign": lambda f, t, q: (f, -t),
+    "torque missing": lambda f, t, q: (f, 0 * t),
+    "torque unit": lambda f, t, q: (f, t / 1000),
+    "torque point": lambda f, t, q: (f, t + np.cross(ARM, turn(inverse(q), f))),
+    "unreported force": lambda f, t, q: (f + turn(q, np.array([20.0, 0, 0])), t),
+    "unreported torque": lambda f, t, q: (f, t + np.array([0, 40.0, 0])),
+}
+STATED = {
+    "mass": {"chaser.mass": 0.5 * MASS},
+    "inertia": {"chaser.inertia": [*(0.5 * INERTIA), 0, 0, 0]},
+}
+
+
+def assert_named(docking, name):
+    """One diagnosis, and one warning that is about it."""
+    found = name_choice("coupling.diagnosis", docking.get("coupling.diagnosis"))
+    warnings = [text for text in docking.warnings if "contact stiffness" not in text]
+    assert found == name, (found, warnings)
+    assert len(warnings) == 1, warnings
+    assert warnings[0].startswith("chaser"), warnings
+
+
+@pytest.mark.parametrize("name", REPORTS)
+def test_a_wrong_report_is_named(name):
+    assert_named(dock(0.01, report=REPORTS[name]), name)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1])
+@pytest.mark.parametrize("name", LOADS)
+def test_a_wrong_load_is_named(name, step):
+    assert_named(dock(step, loads=LOADS[name], stop=4.0), name)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1])
+@pytest.mark.parametrize("name", STATED)
+def test_a_wrong_mass_and_a_wrong_inertia_are_named(name, step):
+    docking = dock(step, settings=STATED[name], stop=4.0)
+    assert_named(docking, name)
+    assert docking.get("coupling.diagnosis_value") == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.mark.parametrize("stated", [25.0, 25e6])
+def test_a_mass_in_another_unit_is_not_taken_for_a_force(stated):
+    docking = dock(0.01, settings={"chaser.mass": stated})
+    assert_named(docking, "mass")
+    assert "25000 kg, but" in docking.warnings[0], docking.warnings
+
+
+@pytest.mark.parametrize("make", [late, old], ids=["loads", "motion"])
+@pytest.mark.parametrize(
+    ("step", "count"), [(0.001, 5), (0.001, 20), (0.01, 1), (0.01, 3), (0.1, 2)]
+)
+def test_a_delay_is_named_with_its_length(make, step, count):
+    docking = dock(step, stop=4.0, **{"loads" if make is late else "report": make(count)})
+    assert_named(docking, "delay")
+    assert docking.get("coupling.diagnosis_value") == pytest.approx(count * step)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_hosts_without_a_mistake_get_no_word(seed):
+    random = np.random.default_rng(seed)
+    attitude = random.normal(size=4)
+    overrides = {
+        "initial.closing_speed": random.uniform(0.03, 0.15),
+        "initial.lateral_offset": random.uniform(0.0, 0.08),
+        "initial.pitch_yaw_deg": random.uniform(0.0, 3.0),
+        "initial.pitch_yaw_rate_deg_s": random.uniform(0.0, 0.15),
+    }
+    docking = dock(
+        float(random.choice([0.002, 0.01, 0.05, 0.1])),
+        overrides=overrides,
+        attitude=attitude / np.linalg.norm(attitude),
+    )
+    assert docking.get("coupling.diagnosis") == 1, docking.warnings
+    assert not docking.warnings
+
+
+def test_steps_that_are_tried_and_restored_change_no_diagnosis():
+    plain, tried = (dock(0.01, loads=LOADS["torque sign"], detours=d) for d in (False, True))
+    assert_named(plain, "torque sign")
+    assert set(tried.warnings) == set(plain.warnings)
+    assert (plain.time, plain.get("coupling.diagnosis_value")) == (
+        tried.time,
+        tried.get("coupling.diagnosis_value"),
+    )
