@@ -16,6 +16,7 @@ import json
 import numpy as np
 import pytest
 
+import dockloop as dl
 from dockloop import paths
 from extreme_cases.fmi_host import Host
 
@@ -239,3 +240,50 @@ def test_rates_do_not_depend_on_what_was_read_before(docking):
         second = host.get(*names)
         assert np.abs(first).max() > 1e-3, first
         assert (first == second).all(), (first, second)
+
+
+SLOW = [
+    ("revolute", 100.0, 5e-4, 1e-3),
+    ("revolute", 1.0, 5e-6, 1e-3),
+    ("prismatic", 0.1, 1e-3, 0.1),
+]
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 1e-6], ids=["free", "period of 2000 s"])
+@pytest.mark.parametrize("case", SLOW)
+@pytest.mark.parametrize("touches", [False, True], ids=["alone", "inputs change"])
+def test_a_slow_motion_is_not_stopped(tmp_path, case, touches, stiffness):
+    """A joint of 0.1 kg m2 or 0.1 kg moves for ten minutes, freely or as a slow oscillator."""
+    kind, start, rate, accuracy = case
+    probe = {
+        "name": "probe",
+        "parent": "base",
+        "mass": 0.1,
+        "inertia": np.diag([0.1, 0.1, 0.1]).tolist(),
+        "joint": {"type": kind, "axis": [0, 0, 1]},
+    }
+    spring = {
+        "name": "spring",
+        "along": [{"joint": "probe"}],
+        "laws": [{"type": "spring", "stages": [[0, stiffness]]}],
+    }
+    mechanism = {"name": "swing", "bodies": [probe], "forces": [spring] if stiffness else []}
+    (tmp_path / "swing.json").write_text(json.dumps(mechanism))
+    (tmp_path / "swing.toml").write_text(
+        "[chaser]\nmass = 1e9\ninertia = [1e9, 1e9, 1e9, 0, 0, 0]\n"
+        f'[mechanism]\nname = "swing"\n[initial.joints.probe]\nposition = {start}\nrate = {rate}\n'
+        '[experiment]\nstop = 600\nstep = 0.1\n[outputs]\ngroups = ["states", "solver"]\n'
+    )
+    docking = dl.Docking(tmp_path / "swing.toml")
+    docking.set("accuracy", accuracy)
+    docking.set("model.flight", QUIESCENT)
+    for i in range(600):
+        if touches and i < 20:
+            docking.set("gravity", [0.0, 0.0, -1e-12 * (i % 2)])
+        docking.step(1.0)
+    omega, t = np.sqrt(stiffness / 0.1), 600.0
+    if stiffness:
+        moved = start * (np.cos(omega * t) - 1.0) + rate / omega * np.sin(omega * t)
+    else:
+        moved = rate * t
+    assert docking.get("state.q[1]") - start == pytest.approx(moved, rel=0.01)

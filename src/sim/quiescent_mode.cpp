@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kAwake = 0.01;      ///< gap below which the mechanism is integrated [m]
 constexpr double kQuiet = 1.0;       ///< time with constant coordinates before quiescence [s]
+constexpr double kLongDrift = 1e5;   ///< longest time over which a rate may be left out [s]
 constexpr double kSlowSpin = 1e-12;  ///< [rad/s] rounding
 constexpr double kTurn = 0.005;      ///< turn of a vehicle in one step of its attitude [rad]
 constexpr int kMostTurns = 10000;    ///< steps of the attitude in one free drift
@@ -43,7 +44,7 @@ QuiescentMode::QuiescentMode(const DockingModel& model, SimState& state,
   if (!is_possible) return;
   const int n = model.layout.mechanism_nv;
   pull_.setZero(n);
-  spinning_ = pull_;
+  spinning_ = moving_ = pull_;
   square_.setIdentity(n, n);
   evaluator.reserve_jacobian();
 }
@@ -103,7 +104,6 @@ Status QuiescentMode::update(double tau, double* y) {
     return {};
   }
   const double* const q = y + layout.mechanism_q;
-  double* const v = y + layout.mechanism_v;
   bool kept = true;
   for (int j = 0; j < layout.mechanism_nq; ++j) {
     const double tolerance = kQuiescentPlace * settings_.atol_position + rtol_ * std::abs(q[j]);
@@ -126,16 +126,13 @@ Status QuiescentMode::update(double tau, double* y) {
     return wakes ? evaluate(tau, y) : Status();
   }
   if (quiescent.on) return {};
-  // At the start zero velocity is sufficient; later the coordinates must have been constant.
-  double speed = 0.0;
-  for (int j = 0; j < layout.mechanism_nv; ++j) speed = std::max(speed, std::abs(v[j]));
-  const bool starts = now == 0.0 && speed <= settings_.atol_velocity;
-  if (!starts && now - quiescent.since < kQuiet) return {};
+  // At the start nothing has moved yet; later the coordinates must have been constant.
+  if (now > 0.0 && now - quiescent.since < kQuiet) return {};
   if (!update_balance(tau, y)) {
     quiescent.since = now;
     return {};
   }
-  std::fill_n(v, layout.mechanism_nv, 0.0);
+  std::fill_n(y + layout.mechanism_v, layout.mechanism_nv, 0.0);
   quiescent.on = true;
   state_.kept_jacobian.valid = false;
   lock(y);
@@ -151,14 +148,23 @@ bool QuiescentMode::calc_pull(double tau, VecX<double>& pull) {
   return status.ok() && pull.allFinite();
 }
 
-/// Is the mechanism in static balance? Updates the change of spin that the balance allows. The
-/// distance from balance follows from the stiffness: J shift = -acceleration, of least norm.
-/// Without stiffness the mechanism is in balance only if its acceleration is zero.
+/// Is the mechanism at rest in static balance? Updates the change of spin that the balance allows.
+/// The distance from balance follows from the stiffness: J shift = -acceleration, of least norm. So
+/// does the motion that the present rates would cause: a swing of v / sqrt(J). Without stiffness
+/// the mechanism is in balance only if its acceleration is zero, and at rest only if its rates are
+/// worth nothing over a long drift.
 bool QuiescentMode::update_balance(double tau, const double* y) {
   const StateLayout& layout = model_->layout;
   QuiescentState& quiescent = state_.quiescent;
   const int n = layout.mechanism_nv, at = layout.mechanism_v;
   if (n == 0) return true;
+  double speed = 0.0;
+  for (int j = 0; j < n; ++j) {
+    moving_[j] = y[at + j];
+    speed = std::max(speed, std::abs(moving_[j]));
+  }
+  const double place = kQuiescentPlace * settings_.atol_position;
+  const bool is_slow = speed * kLongDrift <= place;
   std::copy_n(y, y_.size(), y_.begin());
   std::fill_n(y_.begin() + at, n, 0.0);
   quiescent.spin.setZero();
@@ -175,7 +181,7 @@ bool QuiescentMode::update_balance(double tau, const double* y) {
     std::copy_n(y + momentum, 6, y_.begin() + momentum);
   }
   if (!calc_pull(tau, pull_)) return false;
-  if (pull_.isZero(0.0)) return true;
+  if (pull_.isZero(0.0) && is_slow) return true;
   if (!evaluator_.calc_jacobian(tau, y_.data()).ok()) return false;
   evaluator_.count(layout.sums);
   const auto J = evaluator_.jacobian().block(at, layout.mechanism_q, n, layout.mechanism_nq);
@@ -190,8 +196,8 @@ bool QuiescentMode::update_balance(double tau, const double* y) {
     }
     return largest;
   };
-  const double place = kQuiescentPlace * settings_.atol_position;
   if (!(find_shift(pull_) <= place)) return false;
+  if (!is_slow && !(speed * find_shift(moving_) <= place * place)) return false;
   // The load of spin is quadratic in it.
   quiescent.slack = 0.5 * place / std::max(find_shift(spinning_), 0.5 * place);
   return true;

@@ -1,6 +1,7 @@
 // Quiescent mechanism and free drift far from contact: bodies without loads are not integrated.
 //
-// A mechanism with constant coordinates becomes quiescent after a while. Vehicle and mechanism then
+// A mechanism becomes quiescent after a while with constant coordinates, if its rates, too, would
+// move it by no more than the tolerance. Vehicle and mechanism then
 // drift freely as one rigid body. Its centre of mass moves on a straight line, and its attitude
 // follows Euler's equations. Momentum states and mechanism coordinates keep their bits. Any load,
 // thrust or command ends the quiescent state. So does a gap of a centimetre, and a change of spin
@@ -86,6 +87,7 @@ class QuiescentMode {
   // scratch
   std::vector<double> y_, ydot_;
   VecX<double> pull_, spinning_;  ///< accelerations of the mechanism: all, of spin
+  VecX<double> moving_;           ///< rates of the mechanism
   MatX<double> square_;           ///< J J^T
   SmallCholesky factor_;
 };
