@@ -14,6 +14,7 @@
 #include <iterator>
 #include <memory>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -115,12 +116,40 @@ fmi2Status set(Instance& self, const Call& call, const fmi2ValueReference vr[], 
 
 // ---------------------------------------------------------------- code shared by all functions
 
+/// One call of an instance at a time. A second one changes nothing.
+class OneCall {
+ public:
+  explicit OneCall(Instance& self) : self_(self) {
+    is_alone_ = self.caller.compare_exchange_strong(other_, std::this_thread::get_id());
+  }
+  ~OneCall() {
+    if (is_alone_) self_.caller.store(std::thread::id());
+  }
+  OneCall(const OneCall&) = delete;
+  OneCall& operator=(const OneCall&) = delete;
+  bool is_alone() const { return is_alone_; }
+  /// The call comes from a callback of the first one: its logger must not be called again.
+  bool is_nested() const { return other_ == std::this_thread::get_id(); }
+
+ private:
+  Instance& self_;
+  std::thread::id other_;
+  bool is_alone_;
+};
+
 /// Runs `body(instance)` if the state permits `call`; any exception becomes fmi2Error.
 template <class Body>
 fmi2Status guarded(fmi2Component c, const Call& call, Body&& body) noexcept {
   if (!c) return fmi2Error;
   Instance& self = *static_cast<Instance*>(c);
+  const OneCall one(self);
+  if (!one.is_alone() && one.is_nested()) return fmi2Error;
   try {
+    if (!one.is_alone()) {
+      throw Refusal(std::string(call.name) +
+                    ": another thread is in a call of this instance; use an instance from one "
+                    "thread at a time");
+    }
     if (!(call.permitted & self.state) || !(call.side & self.side())) {
       throw Refusal(forbidden_text(call, self.state, self.side()));
     }
@@ -262,7 +291,16 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   return nullptr;
 }
 
-void fmi2FreeInstance(fmi2Component c) { delete static_cast<Instance*>(c); }
+void fmi2FreeInstance(fmi2Component c) {
+  if (!c) return;
+  Instance& self = *static_cast<Instance*>(c);
+  const bool is_used = !OneCall(self).is_alone();
+  if (is_used) {
+    self.logger.error("fmi2FreeInstance: a call of this instance runs; the instance is not freed");
+    return;
+  }
+  delete &self;
+}
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, fmi2Real tolerance,
                                fmi2Real start_time, fmi2Boolean stop_time_defined,

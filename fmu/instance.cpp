@@ -24,6 +24,7 @@ fmi2Status fmi_status(StatusCode code) {
     case StatusCode::kIntegrationFailed:
     case StatusCode::kLoopSingular:  // another step size may step over the singularity
     case StatusCode::kBadInput:      // correct the input and repeat the step
+    case StatusCode::kInterrupted:
       return fmi2Discard;
     case StatusCode::kOutOfReach:
     case StatusCode::kRedundancyLost:

@@ -6,10 +6,12 @@
 
 #include <fmi2Functions.h>
 
+#include <atomic>
 #include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "call_order.hpp"
@@ -95,6 +97,9 @@ struct Instance {
   int phase = 0;                           ///< as last logged
   std::string last_choice;                 ///< of accuracy, as last logged
   std::vector<std::string> last_warnings;  ///< last logged: an initialisation may be repeated
+  /// Thread of the call that runs; none: no call runs. It guards this instance against a second
+  /// one.
+  std::atomic<std::thread::id> caller{};
 };
 
 /// A saved state as bytes, for another process: a header with its identity, and the contents.

@@ -83,6 +83,9 @@ class Docking:
         while not docking.get("captured") and docking.time < 20.0:
             docking.step(0.01)
 
+    Threads may share a docking: their calls wait for each other. A copy (`copy.copy`, `pickle`) is
+    another docking in the same state.
+
     Attributes:
         scene: what is modelled.
         variables: everything that can be read or set, by name.
@@ -185,6 +188,25 @@ class Docking:
             self._core.step(h)
         self._keep_warnings()
 
+    def reset(self) -> None:
+        """Go back to the state after construction: start values, inputs and time."""
+        with core_errors():
+            self._core.reset()
+        self.warnings, self.notes = list(self.scene.warnings), []
+
+    def __copy__(self) -> "Docking":
+        """Return another docking in the same state."""
+        other = Docking(self.scene)
+        other.restore(self.save())
+        other.warnings, other.notes = list(self.warnings), list(self.notes)
+        return other
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Docking":
+        return self.__copy__()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpickle, (self.scene, self.save(), self.warnings, self.notes)
+
     def save(self) -> bytes:
         """Return all that decides the future; the FMU of the scene accepts these bytes too."""
         return self._core.save()
@@ -271,6 +293,13 @@ class Docking:
         if name in scene_members():
             hint = f"; it is a key of the scene: overrides={{{name!r}: ...}}"
         raise UsageError(f"{self.scene.name}: there is no variable '{name}'{hint}")
+
+
+def _unpickle(scene: Scene, state: bytes, warnings: list[str], notes: list[str]) -> Docking:
+    docking = Docking(scene)
+    docking.restore(state)
+    docking.warnings, docking.notes = warnings, notes
+    return docking
 
 
 @names_arguments

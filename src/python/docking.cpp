@@ -54,6 +54,12 @@ Docking::Docking(const std::string& document, const std::string& source, bool pl
       instance_(make_scene(document, source, place, touches_), FmiKind::kCoSimulation,
                 Logger(callbacks_, "docking", false)) {
   instance_.state = kInitializationMode;
+  instance_.sim.use_interruption([this, asked = Clock::now()]() mutable {
+    constexpr double kBetween = 0.1;  // s
+    if (!interruption || seconds_since(asked) < kBetween) return false;
+    asked = Clock::now();
+    return interruption();
+  });
 }
 
 void Docking::reset() {

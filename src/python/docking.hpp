@@ -8,6 +8,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -86,6 +87,10 @@ class Docking {
   std::vector<std::string> take_warnings();
   /// What accuracy has chosen, once per run, and what log_left_out() has found.
   std::vector<std::string> take_notes();
+  /// Asked ten times a second during a step whether the user stops the step; empty: never.
+  std::function<bool()> interruption;
+  /// Held during a call: calls of several threads wait for each other. `order.progress` may call.
+  std::recursive_mutex mutex;
   /// Add a note about what accuracy has left out until now.
   void log_left_out() { instance_.log_left_out(); }
 

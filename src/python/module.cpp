@@ -8,6 +8,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <mutex>
 #include <nlohmann/json.hpp>
 
 #include "check/mechanism_check.hpp"
@@ -24,8 +25,48 @@ using FreeThreads = nb::call_guard<nb::gil_scoped_release>;
 
 namespace {
 
+/// Holds the docking, and not the interpreter while it waits: the thread that steps may need the
+/// interpreter before it lets go.
+class Held {
+ public:
+  explicit Held(Docking& docking) : lock_(docking.mutex, std::defer_lock) {
+    nb::gil_scoped_release free;
+    lock_.lock();
+  }
+
+ private:
+  std::unique_lock<std::recursive_mutex> lock_;
+};
+
+/// A step that the user stops ends with KeyboardInterrupt. @pre without the interpreter
+template <class Body>
+auto make_steps(Docking& docking, Body&& body) {
+  docking.interruption = [] {
+    nb::gil_scoped_acquire held;
+    return PyErr_CheckSignals() != 0;
+  };
+  try {
+    return body();
+  } catch (const StepError&) {
+    nb::gil_scoped_acquire held;
+    if (PyErr_Occurred()) throw nb::python_error();
+    throw;
+  }
+}
+
+/// A method whose calls from several threads wait for each other, without the interpreter.
+template <class Result, class... Arguments>
+auto one_at_a_time(Result (Docking::*method)(Arguments...)) {
+  return [method](Docking& self, Arguments... arguments) -> Result {
+    nb::gil_scoped_release free;
+    const std::lock_guard lock(self.mutex);
+    return (self.*method)(std::forward<Arguments>(arguments)...);
+  };
+}
+
 /// The rows of the variable table, as the constructor of dockloop.variables.Variable takes them.
 nb::list list_variables(Docking& self) {
+  const Held held(self);
   nb::list rows;
   for (const Variable& v : self.variables()) {
     nb::object start = nb::none();
@@ -90,7 +131,8 @@ nb::tuple record(Docking& self, std::vector<double> times, std::vector<int> rows
   nb::capsule owner(done, [](void* p) noexcept { delete static_cast<Record*>(p); });
   {
     nb::gil_scoped_release free;
-    *done = self.record(order);
+    const std::lock_guard lock(self.mutex);
+    *done = make_steps(self, [&] { return self.record(order); });
   }
   const size_t points = columns > 0 ? done->values.size() / columns : 0;
   nb::ndarray<nb::numpy, double> values(done->values.data(), {points, columns}, owner);
@@ -215,25 +257,41 @@ NB_MODULE(_core, m) {
       .def("variables", &list_variables)
       .def("find", &Docking::find, nb::arg("names"), FreeThreads())
       .def_prop_ro("touches", &Docking::touches)
-      .def_prop_ro("time", &Docking::time)
-      .def("set", &Docking::set, nb::arg("rows"), nb::arg("values"), nb::arg("caller") = "")
-      .def("get", &Docking::get, nb::arg("rows"), FreeThreads())
-      .def("start", &Docking::start, FreeThreads())
-      .def("reset", &Docking::reset, FreeThreads())
-      .def("step", &Docking::step, nb::arg("h"), FreeThreads())
+      .def_prop_ro("time",
+                   [](Docking& self) {
+                     const Held held(self);
+                     return self.time();
+                   })
+      .def("set", one_at_a_time(&Docking::set), nb::arg("rows"), nb::arg("values"),
+           nb::arg("caller") = "")
+      .def("get", one_at_a_time(&Docking::get), nb::arg("rows"))
+      .def("start", one_at_a_time(&Docking::start))
+      .def("reset", one_at_a_time(&Docking::reset))
+      .def(
+          "step",
+          [](Docking& self, double h) {
+            nb::gil_scoped_release free;
+            const std::lock_guard lock(self.mutex);
+            make_steps(self, [&] { self.step(h); });
+          },
+          nb::arg("h"))
       .def("record", &record, nb::arg("times"), nb::arg("rows"),
            nb::arg("end_after_outcome") = std::numeric_limits<double>::infinity(),
            nb::arg("last_only") = false, nb::arg("progress") = nb::none())
       .def("save",
-           [](const Docking& self) {
+           [](Docking& self) {
+             const Held held(self);
              const std::vector<char> bytes = self.save();
              return nb::bytes(bytes.data(), bytes.size());
            })
       .def(
           "restore",
-          [](Docking& self, const nb::bytes& state) { self.restore(state.c_str(), state.size()); },
+          [](Docking& self, const nb::bytes& state) {
+            const Held held(self);
+            self.restore(state.c_str(), state.size());
+          },
           nb::arg("state"))
-      .def("take_warnings", &Docking::take_warnings)
-      .def("take_notes", &Docking::take_notes)
-      .def("log_left_out", &Docking::log_left_out);
+      .def("take_warnings", one_at_a_time(&Docking::take_warnings))
+      .def("take_notes", one_at_a_time(&Docking::take_notes))
+      .def("log_left_out", one_at_a_time(&Docking::log_left_out));
 }

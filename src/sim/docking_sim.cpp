@@ -25,6 +25,9 @@ void DockingSim::invalidate_outputs() { impl_->invalidate(); }
 void DockingSim::initialise(double t0, double tolerance) { impl_->initialise(t0, tolerance); }
 Status DockingSim::step(double t, double h) { return impl_->step(t, h); }
 void DockingSim::reset() { impl_->clear(); }
+void DockingSim::use_interruption(std::function<bool()> asks) {
+  impl_->interruption = std::move(asks);
+}
 void DockingSim::use_kernels(std::shared_ptr<const KernelLibrary> library) {
   impl_->kernels = std::move(library);
 }

@@ -6,6 +6,7 @@
 // called: the host sets time and states and reads rates.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -91,6 +92,9 @@ class DockingSim {
   /// the reason in one sentence.
   Status step(double t, double h);
   const std::string& status_text() const;
+  /// @param asks  called before every inner step; true: the step is refused with kInterrupted.
+  /// Before initialise()
+  void use_interruption(std::function<bool()> asks);
 
   /// Values at the last communication point (model exchange: at the present time and states);
   /// computed once, at the first call.

@@ -147,6 +147,7 @@ void DockingSim::Impl::make_loop() {
       scene->rated, setup->t_start,
       [this](double tau, bool& changed) { return accept(tau, changed); },
       [this](Stepper::Problem& problem) { enter_comparison(problem); });
+  step_loop->use_interruption(interruption);
 
   std::vector<double> atol = find_absolute_tolerances();
   // A smaller relative tolerance of the host also reduces absolute tolerances, down to rounding.

@@ -234,6 +234,7 @@ struct DockingSim::Impl : SimState {
   std::array<bool, static_cast<size_t>(OutputGroup::kCount)> valid{};
   std::string status_text;
   std::vector<std::string> warnings;
+  std::function<bool()> interruption;  ///< see DockingSim::use_interruption()
   std::string choice_text;  ///< what accuracy has chosen; empty without accuracy
   /// Communication points since the start, and times at which outputs were computed.
   std::int64_t points = 0, read_points = 0;

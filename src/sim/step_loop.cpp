@@ -20,7 +20,7 @@ constexpr int kMaxRefused = 12;  ///< consecutive end states that cannot be eval
 #define DOCKLOOP_REFUSAL_TIME 0.5
 #endif
 constexpr double kRefusalTime = DOCKLOOP_REFUSAL_TIME, kRefusalTimePerSecond = 4.0;
-constexpr double kLongestRefusal = 60.0;
+constexpr double kLongestRefusal = 1.25;  // 2 s on the slowest processor that was measured
 
 }  // namespace
 
@@ -276,6 +276,7 @@ Status StepLoop::integrate(double tau, double end, bool passes, std::int64_t lim
   };
   if (!is_made) ask_for_proposal();
   for (std::int64_t turns = 0; find_work() - begun + turns < limit;) {
+    if (is_interrupted()) return {StatusCode::kInterrupted, -1, 0.0, state_.elapsed + tau};
     Status status;
     if (!is_made) {
       status_text_.clear();  // of an attempt that was refused and repeated
@@ -365,6 +366,7 @@ Status StepLoop::integrate_fixed(double h, std::int64_t limit) {
   kept_.valid = false;  // made anew at the same places in every communication step
   double tau = 0.0;
   for (int k = 1; k <= count; ++k) {
+    if (is_interrupted()) return {StatusCode::kInterrupted, -1, 0.0, state_.elapsed + tau};
     const double end = k == count ? h : h * k / count;
     last_failure_ = Status();
     events_.note_latches(present());

@@ -85,6 +85,8 @@ class StepLoop {
            const std::function<void(Stepper::Problem&)>& adapt);
   /// A changed copy of the model.
   void use_model(const DockingModel& model) { model_ = &model; }
+  /// Asked before every inner step whether the user stops the step; empty: never.
+  void use_interruption(std::function<bool()> asks) { interruption_ = std::move(asks); }
   /// @param atol  for all unknowns
   void set_tolerances(double rtol, const std::vector<double>& atol);
   const RunMethod& method() const { return method_; }
@@ -188,6 +190,7 @@ class StepLoop {
   double find_evaluation_cost() const;
   double find_factor_cost() const;
   Status refuse_work(double h, std::int64_t limit, double tau);
+  bool is_interrupted() const { return interruption_ && interruption_(); }
 
   // step_problem.cpp
   Stepper::Problem make_problem();
@@ -220,6 +223,7 @@ class StepLoop {
   const RatedLoads& rated_;
   double t_start_;
   Accept accept_;
+  std::function<bool()> interruption_;
   std::unique_ptr<Stepper> stepper_;
   Counters counted_elsewhere_;  ///< work of other integrators that led to the present state
 

@@ -3,7 +3,9 @@
 // the
 //    preset tsan as well);
 // 2. instantiating and freeing 10 000 times leaves no memory behind, whatever happened in between;
-// 3. a logger that throws, or none at all, changes nothing.
+// 3. a logger that throws, or none at all, changes nothing;
+// 4. an instance that is called while another call of it runs, by another thread or by its logger,
+//    refuses the second call.
 #include <gtest/gtest.h>
 #include <malloc.h>
 
@@ -75,6 +77,42 @@ TEST_F(Lifecycle, threads_with_an_instance_each_give_the_bits_of_one_alone) {
   }
   for (std::thread& thread : threads) thread.join();
   for (const std::vector<double>& values : found) EXPECT_EQ(values, alone);
+}
+
+/// Calls an instance back while the instance logs.
+struct Nosy {
+  static void log(fmi2ComponentEnvironment environment, fmi2String, fmi2Status, fmi2String,
+                  fmi2String, ...) {
+    Nosy& self = *static_cast<Nosy*>(environment);
+    const fmi2ValueReference first = 0;
+    double value = 0.0;
+    self.nested = fmi2GetReal(self.instance, &first, 1, &value);
+    std::thread([&] { self.foreign = fmi2GetReal(self.instance, &first, 1, &value); }).join();
+    ++self.lines;
+  }
+  fmi2Component instance = nullptr;
+  fmi2Status nested = fmi2OK, foreign = fmi2OK;
+  int lines = 0;
+};
+
+TEST_F(Lifecycle, a_second_call_of_an_instance_is_refused) {
+  use(read_test_file("scene_ring.json"));
+  Nosy nosy;
+  const fmi2CallbackFunctions callbacks{
+      [](fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,
+         fmi2String category, fmi2String text, ...) {
+        if (std::string(text).find("another thread") != std::string::npos) return;
+        Nosy::log(environment, name, status, category, text);
+      },
+      nullptr, nullptr, nullptr, &nosy};
+  nosy.instance = instantiate(callbacks);
+  ASSERT_NE(nosy.instance, nullptr);
+  ASSERT_TRUE(start(nosy.instance));
+  EXPECT_EQ(fmi2DoStep(nosy.instance, 5.0, -1.0, fmi2True), fmi2Error);  // logs
+  EXPECT_GE(nosy.lines, 1);
+  EXPECT_EQ(nosy.nested, fmi2Error);
+  EXPECT_EQ(nosy.foreign, fmi2Error);
+  fmi2FreeInstance(nosy.instance);
 }
 
 #ifdef DOCKLOOP_COUNTS_ALLOCATIONS
