@@ -103,7 +103,7 @@ double update_contact_memory(const ContactModel& model, const RelativeMotion<dou
     memory.searched += work.searched;
     forget_plates(work);
     const auto find_gap_below = [&](int pair, double limit) {
-      PairPoints<double> c;
+      Place<double> c;
       return find_pair<double>(model, model.pairs[pair], motion, work, limit, c);
     };
     const int near = static_cast<int>(memory.near.size());

@@ -49,7 +49,7 @@ constexpr int kMaxPetals = 6, kMaxSurfaces = 16;
 constexpr double kNoGap = 1e9, kNever = 1e9;
 
 /// First core, second core. The annulus kinds are special cases with less work: closed form without
-/// pieces; segments that are not longer than the inner radius.
+/// pieces; edges of the petals of guide rings, which have one valley.
 enum class PairKind : signed char {
   kPointPoint,
   kPointSegment,
@@ -179,6 +179,13 @@ struct ContactMemory {
   Acting absorber = Acting::kByState;
 };
 
+/// A place of a closed pair, axes of G.
+struct Touching {
+  int pair, sign;            ///< +1 valley, -1 ridge
+  Vec3<double> way, middle;  ///< from the point on G to the one on P, and between them [m]
+  double root;               ///< sqrt(V) [m]
+};
+
 /// Scratch of one evaluation; preallocated, without state.
 template <class S>
 struct ContactWorkspace {
@@ -192,10 +199,10 @@ struct ContactWorkspace {
   int searched = 0;                      ///< open pairs of which it has searched closest points
   std::vector<Vec3<S>>
       way;  ///< with it: distance vector from G to P of every closed pair, axes of G [m]
-  /// With it, of closed pairs but those of node sets, where `way` gives both: middle of the closest
-  /// points, axes of G, and sqrt(V) [m].
-  std::vector<Vec3<S>> middle;
-  std::vector<S> root;
+  std::vector<Place<S>> places;  ///< of one pair, axes of G; of the pair that is evaluated
+  /// With `closed`, for plain numbers: all places of closed pairs but those of node sets, where
+  /// `way` gives them.
+  std::vector<Touching> touching;
   const nodes::NodeFunctions* node_functions = nullptr;  ///< for plain numbers
   const plates::PlateFunctions* plate_functions = nullptr;
   std::vector<nodes::NodeGaps> node_gaps;  ///< with them, per group of a set

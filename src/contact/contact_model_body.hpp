@@ -1,12 +1,13 @@
 // Evaluation of pairs.
 //
-// Per pair: closest points p on G and q on P with V, n = (q - p)/sqrt(V), depth = rounding -
-// sqrt(V), depth rate = -n.v at c = (p + q)/2, force F n on P at c. n is not normalised (|n| < 1 by
-// about mu): only then is the elastic force the gradient of its potential.
+// Per pair and place of contact: closest points p on G and q on P with V, n = (q - p)/sqrt(V),
+// depth = rounding - sqrt(V), depth rate = -n.v at c = (p + q)/2, force F n on P at c. n is not
+// normalised (|n| < 1 by about mu): only then is the elastic force the gradient of its potential.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 #include <type_traits>
 
 #include "contact/contact_model.hpp"
@@ -52,15 +53,19 @@ Annulus<S> cast_annulus(const Annulus<double>& ring) {
   return {S(ring.x), S(ring.inner), S(ring.outer)};
 }
 
-/// Closest points of a pair, first on G, second on P, axes of G.
+/// Adds a place of a surface of revolution. Two of opposite sign at one point of a node cancel.
 template <class S>
-struct PairPoints : Closest<S> {
-  int piece = 0;  ///< of a surface of revolution
-  PairPoints& operator=(const Closest<S>& closest) {
-    static_cast<Closest<S>&>(*this) = closest;
-    return *this;
+void add_place(const Place<S>& place, std::vector<Place<S>>& places) {
+  constexpr double kSame = 1e-10;  // of t: values differ by its square
+  for (auto other = places.begin(); place.node >= 0 && other != places.end(); ++other) {
+    if (other->node == place.node && other->sign != place.sign &&
+        std::abs(to_double(other->t - place.t)) < kSame) {
+      places.erase(other);
+      return;
+    }
   }
-};
+  places.push_back(place);
+}
 
 /// Lower bound of the distance of a point from a profile in this box of the half-plane [m].
 template <class S>
@@ -71,12 +76,15 @@ S find_box_gap(const ProfileBox& box, const Vec3<S>& centre) {
   return max<S>(along, max<S>(S(box.r_low) - r, r - S(box.r_high)));
 }
 
-/// Closest points of one pair; returns the gap [m].
+/// Closest points of one pair, first on G, second on P, axes of G; returns the gap [m].
 /// If a cheap lower bound of the gap exceeds `limit`, that is returned and `c` is not set.
 /// Pairs with a surface of revolution work in its axes.
+/// @param[out] places  where such a pair touches, empty for other pairs; null: only `c` is wanted
 template <class S>
 S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMotion<S>& x,
-            ContactWorkspace<S>& work, const S& limit, PairPoints<S>& c) {
+            ContactWorkspace<S>& work, const S& limit, Place<S>& c,
+            std::vector<Place<S>>* places = nullptr) {
+  if (places) places->clear();
   using std::abs;
   using std::max;
   using std::min;
@@ -109,6 +117,10 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
   const auto get_second_plate = [&]() -> const Plate<S>& {
     return on_passive ? work.active_plates[pair.second] : get_passive_plate(pair.second, x, work);
   };
+  const auto take = [&](const Place<S>& place) {
+    if (place.sign > 0 && place.square < c.square) c = place;
+    if (places && sqrt(place.square) - rounding < S(0)) add_place<S>(place, *places);
+  };
   switch (pair.kind) {
     case PairKind::kPointAnnulus: {
       const Annulus<double> ring = get_annulus(second);
@@ -134,7 +146,8 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
       const Vec3<S> point = into_axis(first.point);
       const S bound = find_box_gap<S>(second.box, point) - rounding;
       if (bound > limit) return bound;
-      c = find_point_revolution<S>(point, second.profile, c.piece);
+      c.square = std::numeric_limits<S>::max();
+      visit_point_places<S>(point, second.profile, take);
       break;
     }
     case PairKind::kSegmentRevolution: {
@@ -142,7 +155,8 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
       const S bound =
           find_box_gap<S>(second.box, (a + b) / S(2)) - S(first.sphere.radius) - rounding;
       if (bound > limit) return bound;
-      c = find_segment_revolution<S>(a, b - a, second.profile, mu, c.piece);
+      c.square = std::numeric_limits<S>::max();
+      visit_segment_places<S>(a, b - a, second.profile, mu, places ? rounding : S(0), take);
       break;
     }
     case PairKind::kPlatePlate: {
@@ -186,19 +200,36 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
     }
   }
   // Back from the axes of the surface of revolution, and of the side that carries it.
-  if (pair.kind == PairKind::kPointRevolution || pair.kind == PairKind::kSegmentRevolution) {
-    const Mat3<S> R = cast<S>(second.axis.R);
-    const Vec3<S> p = cast<S>(second.axis.p);
-    c.first = R * c.first + p;
-    c.second = R * c.second + p;
-  }
-  if (on_passive) {
-    std::swap(c.first, c.second);
-  } else {
-    c.first = x.R * c.first + x.p;
-    c.second = x.R * c.second + x.p;
-  }
+  const bool turned =
+      pair.kind == PairKind::kPointRevolution || pair.kind == PairKind::kSegmentRevolution;
+  const auto put_into_G = [&](Place<S>& place) {
+    if (turned) {
+      const Mat3<S> R = cast<S>(second.axis.R);
+      const Vec3<S> p = cast<S>(second.axis.p);
+      place.first = R * place.first + p;
+      place.second = R * place.second + p;
+    }
+    if (on_passive) {
+      std::swap(place.first, place.second);
+    } else {
+      place.first = x.R * place.first + x.p;
+      place.second = x.R * place.second + x.p;
+    }
+  };
+  put_into_G(c);
+  if (places) std::for_each(places->begin(), places->end(), put_into_G);
   return sqrt(c.square) - rounding;
+}
+
+/// Upper bound of the number of places of a pair. On a piece, a segment has at most one more than
+/// it has breaks, and one at its end.
+inline size_t find_most_places(const ContactModel& model, const ContactPair& pair) {
+  constexpr size_t kOnPiece = std::tuple_size_v<decltype(Breaks::t)> + 2;
+  const Core& second = (pair.first_on_passive ? model.active : model.passive)[pair.second];
+  const size_t parts = 2 * static_cast<size_t>(second.profile.piece_count()) + 1;
+  return pair.kind == PairKind::kPointRevolution     ? parts
+         : pair.kind == PairKind::kSegmentRevolution ? parts * kOnPiece
+                                                     : 1;
 }
 
 /// Add the force of a pair on P to the surfaces that take part. @param piece  of a profile
@@ -215,43 +246,113 @@ void book_force(const ContactModel& model, const ContactPair& pair, int piece, c
   if (on_passive >= 0) out.surface_force[on_passive] += force;
 }
 
-/// Contribution of one closed pair; z, z_dot are its bristle or null.
+/// Normal force at one place of a closed pair.
+template <class S>
+struct Pressing {
+  Vec3<S> n, at, v;  ///< n not normalised; where; velocity of P relative to G there
+  S gap, rate;       ///< rate of the depth
+  Elastic<S> elastic;
+  S normal;  ///< with damping
+  Vec3<S> find_slip(const Vec3<S>& e) const { return v - e * e.dot(v); }
+};
+
+template <class S>
+Pressing<S> find_pressing(const ContactLaw& law, const S& rounding, const RelativeMotion<S>& x,
+                          const Place<S>& c) {
+  using std::sqrt;
+  Pressing<S> p;
+  p.gap = sqrt(c.square) - rounding;
+  p.n = (c.second - c.first) / (p.gap + rounding);
+  p.at = (c.first + c.second) / S(2);
+  p.v = x.v + x.w.cross(p.at - x.p);
+  p.rate = -p.n.dot(p.v);
+  p.elastic = calc_contact_spring<S>(-p.gap, S(law.stiffness), S(law.toe), rounding);
+  p.normal = calc_damped_force<S>(p.elastic.force, S(law.damping), p.rate);
+  return p;
+}
+
+/// Sums over the places of a pair that touches at several.
+template <class S>
+struct PlaceSums {
+  S elastic = S(0), normal = S(0);
+  Vec3<S> n = Vec3<S>::Zero(), v = Vec3<S>::Zero();      ///< weighted with the elastic force
+  S damped[2] = {S(0), S(0)}, rubbed[2] = {S(0), S(0)};  ///< powers of valleys and of ridges
+  /// A ridge takes back dissipation of its valleys, at most all of it.
+  static S find_share(const S power[2]) { return power[1] > power[0] ? power[0] / power[1] : S(1); }
+};
+
+template <class S>
+PlaceSums<S> find_sums(const ContactLaw& law, const S& rounding, const RelativeMotion<S>& x,
+                       const std::vector<Place<S>>& places) {
+  PlaceSums<S> sums;
+  for (const Place<S>& place : places) {
+    const Pressing<S> p = find_pressing<S>(law, rounding, x, place);
+    const S sign(place.sign), force = sign * p.elastic.force;
+    sums.elastic += force;
+    sums.normal += sign * p.normal;
+    sums.n += p.n * force;
+    sums.v += p.v * force;
+    sums.damped[place.sign < 0] += (p.normal - p.elastic.force) * p.rate;
+    sums.rubbed[place.sign < 0] +=
+        calc_regularised_friction<S>(law, p.normal, p.find_slip(p.n.normalized())).power;
+  }
+  if (sums.elastic > S(0)) {
+    sums.n /= sums.elastic;
+    sums.v /= sums.elastic;
+  }
+  return sums;
+}
+
+/// Contribution of one closed pair; z, z_dot are its bristle or null. A pair has one bristle: its
+/// friction is that of the mean place, and acts at all places in proportion to their forces.
 template <class S>
 void add_contact(const ContactModel& model, const ContactPair& pair, const RelativeMotion<S>& x,
-                 const PairPoints<S>& c, const S& gap, const S* z, S* z_dot,
-                 ContactResult<S>& out) {
+                 const std::vector<Place<S>>& places, const S* z, S* z_dot, ContactResult<S>& out) {
   const ContactLaw& law = model.laws[pair.law];
-  const Vec3<S> n = (c.second - c.first) / (gap + S(pair.rounding));
-  const Vec3<S> at = (c.first + c.second) / S(2);
-  const Vec3<S> v = x.v + x.w.cross(at - x.p);
-  const S rate = -n.dot(v);
+  const S rounding(pair.rounding);
+  const bool several = places.size() > 1;
+  PlaceSums<S> sums;
+  if (several) sums = find_sums<S>(law, rounding, x, places);
+  const S damping_share = PlaceSums<S>::find_share(sums.damped);
+  const S friction_share = PlaceSums<S>::find_share(sums.rubbed);
+  for (const Place<S>& place : places) {
+    const Pressing<S> p = find_pressing<S>(law, rounding, x, place);
+    const S sign(place.sign);
+    S normal = p.normal;
+    if (place.sign < 0) normal = p.elastic.force + damping_share * (normal - p.elastic.force);
+    out.energy += sign * p.elastic.energy;
+    out.contact_power += sign * ((normal - p.elastic.force) * p.rate);
 
-  // Normal force.
-  const Elastic<S> el =
-      calc_contact_spring<S>(-gap, S(law.stiffness), S(law.toe), S(pair.rounding));
-  const S normal = calc_damped_force<S>(el.force, S(law.damping), rate);
-  out.energy += el.energy;
-  out.contact_power += (normal - el.force) * rate;
+    // Friction in the tangent plane.
+    const Vec3<S> e = (z && several ? sums.n : p.n).normalized();
+    Friction<S> friction;
+    if (!z) {
+      friction = calc_regularised_friction<S>(law, p.normal, p.find_slip(e));
+      if (place.sign < 0) {
+        friction.force *= friction_share;
+        friction.power *= friction_share;
+      }
+    } else {
+      const Vec3<S> v = several ? sums.v : p.v;
+      friction = calc_bristle_friction<S>(law, several ? sums.normal : p.normal, v - e * e.dot(v),
+                                          e, Eigen::Map<const Vec3<S>>(z));
+      Eigen::Map<Vec3<S>> rate_map(z_dot);
+      rate_map = friction.bristle_rate;
+      if (several) {
+        const S part = sums.elastic > S(0) ? p.elastic.force / sums.elastic : S(0);
+        friction.force *= part;
+        friction.power *= part;
+      }
+    }
+    out.friction_power += sign * friction.power;
 
-  // Friction in the tangent plane.
-  const Vec3<S> e = n.normalized();
-  const Vec3<S> v_t = v - e * e.dot(v);
-  Friction<S> friction;
-  if (z) {
-    friction = calc_bristle_friction<S>(law, normal, v_t, e, Eigen::Map<const Vec3<S>>(z));
-    Eigen::Map<Vec3<S>> rate_map(z_dot);
-    rate_map = friction.bristle_rate;
-  } else {
-    friction = calc_regularised_friction<S>(law, normal, v_t);
+    // Sum.
+    const Vec3<S> f = (p.n * normal + friction.force) * sign;
+    out.on_passive.f += f;
+    out.on_passive.t += p.at.cross(f);
+    book_force<S>(model, pair, place.piece, f, out);
+    out.depth_ratio = std::max<S>(out.depth_ratio, -p.gap / rounding);
   }
-  out.friction_power += friction.power;
-
-  // Sum.
-  const Vec3<S> f = n * normal + friction.force;
-  out.on_passive.f += f;
-  out.on_passive.t += at.cross(f);
-  book_force<S>(model, pair, c.piece, f, out);
-  out.depth_ratio = std::max<S>(out.depth_ratio, -gap / S(pair.rounding));
   ++out.active_count;
 }
 
@@ -358,7 +459,9 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
                  ContactResult<S>& out) {
   // No contact: the spheres of the two sides are apart, or all pairs are open by the bounds of the
   // list.
+  using std::sqrt;
   work.searched = 0;
+  work.touching.clear();
   out.gap = motion.p.norm() - S(2 * model.bounding_radius);
   if (out.gap > S(0)) return {};
   const bool listed = memory.has_reference;
@@ -408,29 +511,45 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
         one_by_one = end;
       }
     }
-    PairPoints<S> c;
-    const S gap = find_pair<S>(model, pair, motion, work, was_closed ? S(kNoGap) : S(0), c);
+    Place<S> c;
+    std::vector<Place<S>>& places = work.places;
+    const S gap =
+        find_pair<S>(model, pair, motion, work, was_closed ? S(kNoGap) : S(0), c, &places);
     out.gap = std::min<S>(out.gap, gap);
     if (gap >= S(0)) ++work.searched;
     if (gap >= S(0) && !was_closed) continue;
 
-    // States that must not be accepted.
-    const Vec3<S> pq = c.second - c.first;
+    // States that must not be accepted: no place is on the side of the last one, or one is too
+    // deep.
+    if (places.empty()) places.push_back(c);
     const double margin = to_double(-gap) / pair.rounding;
-    if (was_closed && pq.dot(cast<S>(memory.n_last[i])) < S(0)) {
+    const auto keeps_side = [&](const Place<S>& place) {
+      return place.sign > 0 &&
+             !((place.second - place.first).dot(cast<S>(memory.n_last[i])) < S(0));
+    };
+    if (was_closed && std::none_of(places.begin(), places.end(), keeps_side)) {
       return {StatusCode::kContactFlipped, i, margin};
     }
     if (gap >= S(0)) continue;
-    const S root = gap + S(pair.rounding), least = S((1 - kDeepest) * pair.rounding);
-    if (root <= least || root < S(kLeastRoot) || pq.norm() <= least) {
-      return {StatusCode::kContactTooDeep, i, margin};
+    const S least = S((1 - kDeepest) * pair.rounding);
+    for (const Place<S>& place : places) {
+      const S root = sqrt(place.square);
+      if (root <= least || root < S(kLeastRoot) || (place.second - place.first).norm() <= least) {
+        return {StatusCode::kContactTooDeep, i, margin};
+      }
     }
-    add_contact<S>(model, pair, motion, c, gap, z ? z + 3 * i : nullptr,
+    add_contact<S>(model, pair, motion, places, z ? z + 3 * i : nullptr,
                    z ? z_dot + 3 * i : nullptr, out);
     work.closed[i] = 1;
-    work.way[i] = pq;
-    work.middle[i] = (c.first + c.second) / S(2);
-    work.root[i] = root;
+    work.way[i] = c.second - c.first;
+    if constexpr (std::is_same_v<S, double>) {
+      for (const Place<S>& place : places) {
+        if (pair.node_set >= 0) continue;
+
+        work.touching.push_back({i, place.sign, place.second - place.first,
+                                 (place.first + place.second) / 2.0, std::sqrt(place.square)});
+      }
+    }
   }
   return {};
 }
@@ -472,8 +591,14 @@ ContactWorkspace<S>::ContactWorkspace(const ContactModel& model) {
   is_placed.assign(model.passive.size(), 0);
   closed.assign(model.pairs.size(), 0);
   way.assign(model.pairs.size(), Vec3<S>::Zero());
-  middle = way;
-  root.assign(model.pairs.size(), S(0));
+  size_t most = 1, all = 0;
+  for (const ContactPair& pair : model.pairs) {
+    const size_t count = find_most_places(model, pair);
+    most = std::max(most, count);
+    all += count;
+  }
+  places.reserve(most);
+  if (std::is_same_v<S, double>) touching.reserve(all);
   node_functions = &nodes::find_node_functions();
   plate_functions = &plates::find_plate_functions();
   for (const NodeSet& set : model.node_sets) {
@@ -505,7 +630,7 @@ S find_gap(const ContactModel& model, const RelativeMotion<S>& motion, ContactWo
   forget_plates(work);
   S gap = S(kNoGap);
   for (const ContactPair& pair : model.pairs) {
-    PairPoints<S> c;
+    Place<S> c;
     gap = std::min<S>(gap, find_pair<S>(model, pair, motion, work, gap, c));
   }
   return gap;

@@ -26,32 +26,31 @@ Vec6<double> make_line(const Vec3<double>& direction, const Vec3<double>& arm) {
   return line;
 }
 
-/// A closed pair: where it touches.
-struct Touching {
+/// A place of a closed pair.
+struct Pressed {
   Vec3<double> n, at;  ///< not normalised; axes of G
   double depth;        ///< [m]
+  int sign;            ///< of Place
 };
 
-Touching find_touching(const ContactModel& model, int i, const RelativeMotion<double>& motion,
-                       const ContactWorkspace<double>& work) {
+/// Of a node, which is evaluated with others.
+Pressed find_pressed_node(const ContactModel& model, int i, const RelativeMotion<double>& motion,
+                          const ContactWorkspace<double>& work) {
   const ContactPair& pair = model.pairs[i];
   const Vec3<double>& way = work.way[i];
-  if (pair.node_set < 0) {
-    return {way / work.root[i], work.middle[i], pair.rounding - work.root[i]};
-  }
   const double root = way.norm();
   const Vec3<double> at =
       pair.first_on_passive
           ? Vec3<double>(motion.R * model.passive[pair.first].point + motion.p - way / 2.0)
           : Vec3<double>(model.active[pair.first].point + way / 2.0);
-  return {way / root, at, pair.rounding - root};
+  return {way / root, at, pair.rounding - root, 1};
 }
 
-void add_pair(const ContactModel& model, int i, const RelativeMotion<double>& motion,
-              const ContactWorkspace<double>& work, InterfaceTangent& tangent) {
+void add_place(const ContactModel& model, int i, const RelativeMotion<double>& motion,
+               const Pressed& pressed, InterfaceTangent& tangent) {
   const ContactPair& pair = model.pairs[i];
   const ContactLaw& law = model.laws[pair.law];
-  const auto [n, at, depth] = find_touching(model, i, motion, work);
+  const auto [n, at, depth, sign] = pressed;
   const Vec3<double> arm = at - motion.p, v = motion.v + motion.w.cross(arm);
   const double k = law.stiffness;
   const double elastic = calc_contact_spring<double>(depth, k, law.toe, pair.rounding).force;
@@ -62,13 +61,13 @@ void add_pair(const ContactModel& model, int i, const RelativeMotion<double>& mo
   const double square = v_t.squaredNorm(), least = law.friction_speed * law.friction_speed;
   const double s = std::sqrt(square + least), mu = law.friction_coefficient;
   const double slope = phi * find_contact_slope(depth, k, law.toe, pair.rounding);
-  const Vec6<double> a = make_line(n - mu / s * v_t, at), b = make_line(n, arm);
+  const Vec6<double> a = sign * make_line(n - mu / s * v_t, at), b = make_line(n, arm);
   const Vec6<double> push = -slope * a, drag = -law.damping * elastic * a;
   tangent.stiffness.noalias() += push * b.transpose();
   tangent.damping.noalias() += drag * b.transpose();
 
-  const double weight = mu * elastic * phi / s;
-  if (!(weight > 0.0)) return;
+  const double weight = sign * mu * elastic * phi / s;
+  if (weight == 0.0) return;
   // Without slip any direction across serves.
   const Vec3<double> across = square > 1e-12 * least ? v_t : Vec3<double>(e.unitOrthogonal());
   const Vec3<double> t1 = across.normalized(), t2 = e.cross(t1);
@@ -128,8 +127,18 @@ void add_contact_tangent(const ContactModel& model, const ContactMemory& memory,
     add_absorber(model.absorber, memory.absorber, motion, result, tangent);
   }
   if (!model.has_surfaces() || result.active_count == 0) return;
+  auto place = work.touching.begin();
   for (int i = 0; i < model.pair_count(); ++i) {
-    if (work.closed[i]) add_pair(model, i, motion, work, tangent);
+    if (!work.closed[i]) continue;
+    if (model.pairs[i].node_set >= 0) {
+      add_place(model, i, motion, find_pressed_node(model, i, motion, work), tangent);
+      continue;
+    }
+    for (; place != work.touching.end() && place->pair == i; ++place) {
+      const double depth = model.pairs[i].rounding - place->root;
+      add_place(model, i, motion, {place->way / place->root, place->middle, depth, place->sign},
+                tangent);
+    }
   }
 }
 

@@ -18,11 +18,9 @@ constexpr int kLeastNodes = 3;  ///< of a set that is evaluated together
 /// Cores of one side by index.
 using CoreList = std::vector<int>;
 
-double find_length_of(const Core& segment) { return 2.0 * find_sphere(segment).radius; }
-
-/// Kind of a pair; the first core is the simpler one. @pre no pair of a plate or a surface of
-/// revolution with a surface of revolution
-PairKind find_kind(const Core& first, const Core& second) {
+/// Kind of a pair; the first core is the simpler one. @param rings  of two guide rings
+/// @pre no pair of a plate or a surface of revolution with a surface of revolution
+PairKind find_kind(const Core& first, const Core& second, bool rings) {
   DOCK_ASSERT(second.kind != CoreKind::kRevolution || first.kind == CoreKind::kPoint ||
               first.kind == CoreKind::kSegment);
   switch (second.kind) {
@@ -40,9 +38,7 @@ PairKind find_kind(const Core& first, const Core& second) {
   if (first.kind == CoreKind::kPoint) {
     return is_annulus(second) ? PairKind::kPointAnnulus : PairKind::kPointRevolution;
   }
-  const bool short_segment =
-      is_annulus(second) && find_length_of(first) <= get_annulus(second).inner;
-  return short_segment ? PairKind::kSegmentAnnulus : PairKind::kSegmentRevolution;
+  return rings ? PairKind::kSegmentAnnulus : PairKind::kSegmentRevolution;
 }
 
 /// All pairs of a core of one list, which `flip` says is of P, with one of the other side.
@@ -50,8 +46,8 @@ void add_pairs(ContactModel& m, bool flip, const CoreList& first, const CoreList
   const std::vector<Core>&own = flip ? m.passive : m.active, &other = flip ? m.active : m.passive;
   for (const int i : first) {
     for (const int j : second) {
-      m.pairs.push_back(
-          {find_kind(own[i], other[j]), flip, i, j, law, own[i].rounding + other[j].rounding});
+      m.pairs.push_back({find_kind(own[i], other[j], m.rings), flip, i, j, law,
+                         own[i].rounding + other[j].rounding});
     }
   }
 }
