@@ -222,9 +222,9 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
 }
 
 /// Upper bound of the number of places of a pair. On a piece, a segment has at most one more than
-/// it has breaks, and one at its end.
+/// it has breaks, and two at its ends.
 inline size_t find_most_places(const ContactModel& model, const ContactPair& pair) {
-  constexpr size_t kOnPiece = std::tuple_size_v<decltype(Breaks::t)> + 2;
+  constexpr size_t kOnPiece = std::tuple_size_v<decltype(Breaks::t)> + 3;
   const Core& second = (pair.first_on_passive ? model.active : model.passive)[pair.second];
   const size_t parts = 2 * static_cast<size_t>(second.profile.piece_count()) + 1;
   return pair.kind == PairKind::kPointRevolution     ? parts
