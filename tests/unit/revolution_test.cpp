@@ -628,6 +628,49 @@ TEST(Revolution, PlacesAreWhereTheyShouldBe) {
   EXPECT_GT(find_energy(0.06) / straight, 1.2);
 }
 
+TEST(Revolution, AlignedPosesAreNoSpecialCase) {
+  const ContactLaw law = make_law(true);
+  const std::vector<Nodes> profiles = {{{0.0, 0.1}},
+                                       {{-0.1, 0.1}, {0.2, 0.1}},
+                                       {{0.0, 0.2}, {0.1, 0.1}},
+                                       {{0.0, 0.0}, {0.0, 0.1}},
+                                       {{-0.2, 0.1}, {0.0, 0.1}, {0.0, 0.05}, {0.2, 0.05}}};
+  const std::vector<V> directions = {V(1, 0, 0), V(0, 1, 0),  V(0, 0, 1),
+                                     V(1, 1, 0), V(-1, 1, 0), V(0, 1, 1)};
+  const double places[] = {0.0, 0.05, 0.081, 0.1, 0.119, 0.15};
+  int touching = 0, index = 0;
+  Worst worst;
+  for (const Nodes& nodes : profiles) {
+    for (const V& along : directions) {
+      const V half = 0.1 * along.normalized();
+      const Hardware h{make_segment("bar", -half, half, 0.015), nodes, {}, false};
+      const ContactModel model = h.make(law);
+      for (const double x : {-0.019, 0.0, 0.019, 0.05}) {
+        for (const double y : places) {
+          for (const double z : {0.0, 0.05}) {
+            const RelativeMotion<double> motion = make_pose(V::Zero(), -V(x, y, z));
+            ContactWorkspace<double> work(model);
+            ContactResult<double> r;
+            if (!calc_contact<double>(model, {}, motion, nullptr, nullptr, work, r).ok()) continue;
+            if (r.active_count == 0 || r.depth_ratio > 0.5) continue;
+            ++touching;
+            const double energy = find_sampled_energy(h, motion, law, 20000);
+            worst.add((r.energy - energy) / (law.stiffness * h.rounding() * 1e-6), ++index);
+            const ContactResult<Derivative> e = evaluate(model, make_directions(motion));
+            for (int j = 0; j < 3; ++j) {
+              const double scale = 1e-9 * r.on_passive.f.norm();
+              EXPECT_NEAR(e.energy.d[j], -r.on_passive.f[j], scale) << index;
+              EXPECT_NEAR(e.energy.d[3 + j], -r.on_passive.t[j], scale) << index;
+            }
+          }
+        }
+      }
+    }
+  }
+  EXPECT_GT(touching, 150);
+  EXPECT_WORST_BELOW(worst, 1.0);
+}
+
 TEST(Revolution, TheDeeperPlaceMayChangeSides) {
   const Core bar = make_segment("bar", V(-0.3, -0.03, 0), V(0.3, 0.03, 0), 0.015);
   const Hardware h{bar, {{-1.0, 0.049}, {1.0, 0.049}}, {}, false};
