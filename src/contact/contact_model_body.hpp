@@ -216,9 +216,16 @@ S find_pair(const ContactModel& model, const ContactPair& pair, const RelativeMo
       place.second = x.R * place.second + x.p;
     }
   };
-  put_into_G(c);
-  if (places) std::for_each(places->begin(), places->end(), put_into_G);
-  return sqrt(c.square) - rounding;
+  const S gap = sqrt(c.square) - rounding;
+  if (!places || places->empty()) {
+    put_into_G(c);
+  } else {
+    std::for_each(places->begin(), places->end(), put_into_G);
+    c = *std::min_element(places->begin(), places->end(), [](const auto& a, const auto& b) {
+      return a.sign != b.sign ? a.sign > b.sign : a.square < b.square;
+    });
+  }
+  return gap;
 }
 
 /// Upper bound of the number of places of a pair. On a piece, a segment has at most one more than

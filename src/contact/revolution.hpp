@@ -118,7 +118,7 @@ void visit_point_places(const Vec3<S>& point, const Profile& profile, const Take
     if (!last) c = find_on_piece<S>(a, profile.end_of(k), point[0], r);
     const int count = (k > 0 && before.end > 0) + (!last && c.end < 0) - (k > 0 && !last);
     if (count != 0) {
-      OnPiece<S> node = find_on_piece<S>(a, a, point[0], r);
+      const OnPiece<S> node{S(a.x), S(a.r), S(0), -1, false};
       Place<S> place = make_place<S>(point, r, node, std::max(k - 1, 0), count);
       place.node = k;
       take(place);
@@ -241,21 +241,23 @@ SegmentOnPiece<double> take_values(const SegmentOnPiece<S>& f) {
 
 /// The only zero of f' between two places: Newton, bisection where it leaves the bracket.
 template <class S>
-S find_zero(const SegmentOnPiece<S>& f, const typename SegmentOnPiece<S>::Local& from,
-            const typename SegmentOnPiece<S>::Local& to) {
+typename SegmentOnPiece<S>::Local find_zero(const SegmentOnPiece<S>& f,
+                                            const typename SegmentOnPiece<S>::Local& from,
+                                            const typename SegmentOnPiece<S>::Local& to) {
   using std::abs;
+  constexpr int kMost = 120;  // bisections to the digits of 32-digit numbers
   S low = from.t, high = to.t;
   S t = low + (high - low) * (from.slope / (from.slope - to.slope));
-  for (int i = 0; i < 120; ++i) {
+  const S small = S(4) * std::numeric_limits<S>::epsilon();
+  for (int i = 0;; ++i) {
     const auto l = f.at(t);
     ((l.slope < S(0)) == (from.slope < S(0)) ? low : high) = t;
-    S next = t - l.slope / l.curvature;
-    if (!(next > low && next < high)) next = (low + high) / S(2);
-    const S change = abs(next - t);
-    t = next;
-    if (change <= S(4) * std::numeric_limits<S>::epsilon()) break;
+    S change = -(l.slope / l.curvature);
+    const bool inside = t + change > low && t + change < high;
+    if (!inside && !(abs(change) <= small)) change = (low + high) / S(2) - t;
+    if (abs(change) <= small || i == kMost) return l;
+    t += change;
   }
-  return t;
 }
 
 /// All valleys and ridges of f with values below max(range^2, `least`), ascending; valleys are one
@@ -278,7 +280,7 @@ void visit_valleys(const SegmentOnPiece<S>& f, const S& range, S& least, const T
     if (falls == rises) {  // no point between comes closer than this bound
       const S bound = (from.distance + to.distance - length * (to.t - from.t)) / S(2);
       if (!(bound > S(0) && bound * bound >= std::max<S>(range * range, least))) {
-        report(f.at(find_zero<S>(f, from, to)), falls ? 1 : -1);
+        report(find_zero<S>(f, from, to), falls ? 1 : -1);
       }
     }
     from = to;
