@@ -538,25 +538,22 @@ Status add_pairs(const ContactModel& model, const ContactMemory& memory,
       return {StatusCode::kContactFlipped, i, margin};
     }
     if (gap >= S(0)) continue;
-    const S least = S((1 - kDeepest) * pair.rounding);
+    const S rounding(pair.rounding), least = S((1 - kDeepest) * pair.rounding);
     for (const Place<S>& place : places) {
-      const S root = sqrt(place.square);
+      const S root = sqrt(place.square) - rounding + rounding;  // as its gap is rounded
       if (root <= least || root < S(kLeastRoot) || (place.second - place.first).norm() <= least) {
         return {StatusCode::kContactTooDeep, i, margin};
+      }
+      if constexpr (std::is_same_v<S, double>) {
+        if (pair.node_set >= 0) continue;
+        work.touching.push_back(
+            {i, place.sign, place.second - place.first, (place.first + place.second) / 2.0, root});
       }
     }
     add_contact<S>(model, pair, motion, places, z ? z + 3 * i : nullptr,
                    z ? z_dot + 3 * i : nullptr, out);
     work.closed[i] = 1;
     work.way[i] = c.second - c.first;
-    if constexpr (std::is_same_v<S, double>) {
-      for (const Place<S>& place : places) {
-        if (pair.node_set >= 0) continue;
-
-        work.touching.push_back({i, place.sign, place.second - place.first,
-                                 (place.first + place.second) / 2.0, std::sqrt(place.square)});
-      }
-    }
   }
   return {};
 }

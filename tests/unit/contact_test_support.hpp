@@ -137,4 +137,35 @@ S find_power(const Wrench<S>& on_passive, const RelativeMotion<S>& x) {
   return on_passive.f.dot(x.v - x.w.cross(x.p)) + on_passive.t.dot(x.w);
 }
 
+/// A core in the group of its own name.
+inline NamedCore named(Core core, const std::string& law = "") {
+  const std::string name = core.name;
+  return {std::move(core), name, law, {}};
+}
+
+/// Contact at one pose, without friction states.
+template <class S>
+ContactResult<S> find_contact(const ContactModel& model, const RelativeMotion<S>& x,
+                              const ContactMemory& memory = {}) {
+  ContactWorkspace<S> work(model);
+  ContactResult<S> result;
+  EXPECT_TRUE(calc_contact<S>(model, memory, x, nullptr, nullptr, work, result).ok());
+  return result;
+}
+
+/// Motion of P whose directions 0 to 2 move it and 3 to 5 turn it about the origin of G.
+inline RelativeMotion<Derivative> make_directions(const RelativeMotion<double>& x) {
+  using S = Derivative;
+  RelativeMotion<S> motion = cast_motion<S>(x);
+  const auto turn = [](const Vec3<S>& a) {
+    const S w[3] = {S::variable(0.0, 3), S::variable(0.0, 4), S::variable(0.0, 5)};
+    return Vec3<S>(a[0] + w[1] * a[2] - w[2] * a[1], a[1] + w[2] * a[0] - w[0] * a[2],
+                   a[2] + w[0] * a[1] - w[1] * a[0]);
+  };
+  for (int j = 0; j < 3; ++j) motion.R.col(j) = turn(motion.R.col(j));
+  motion.p = turn(motion.p);
+  for (int j = 0; j < 3; ++j) motion.p[j] += S::variable(0.0, j);
+  return motion;
+}
+
 }  // namespace dockloop

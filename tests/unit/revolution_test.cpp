@@ -23,11 +23,6 @@ using Nodes = std::vector<Profile::Node>;
 
 constexpr double kMu = 1e-4;
 
-NamedCore named(Core core) {
-  const std::string name = core.name;
-  return {std::move(core), name, "", {}};
-}
-
 ContactLaw make_law(bool elastic) {
   ContactLaw law;
   law.stiffness = 1e6;
@@ -96,7 +91,7 @@ Hardware make_hardware(int i, TestRandom& random) {
 }
 
 /// Distance of a point from a piece in the half-plane, in other words than the core's.
-double find_distance(const Profile::Node& a, const Profile::Node& b, double x, double r) {
+double find_piece_distance(const Profile::Node& a, const Profile::Node& b, double x, double r) {
   const double ux = b.x - a.x, ur = b.r - a.r, square = ux * ux + ur * ur;
   double s = square > 0 ? ((x - a.x) * ux + (r - a.r) * ur) / square : 0.0;
   s = std::min(std::max(s, 0.0), 1.0);
@@ -118,8 +113,8 @@ double find_sampled_root(const Hardware& h, const RelativeMotion<double>& x, int
     const V q = p + t * d;
     double distance = 1e9;
     for (int k = 0; k < profile.piece_count(); ++k) {
-      distance = std::min(distance, find_distance(profile.begin_of(k), profile.end_of(k), q[0],
-                                                  std::hypot(q[1], q[2])));
+      distance = std::min(distance, find_piece_distance(profile.begin_of(k), profile.end_of(k),
+                                                        q[0], std::hypot(q[1], q[2])));
     }
     const double square = distance * distance + kMu * d.squaredNorm() * (t - 0.5) * (t - 0.5);
     if (square < least) {
@@ -182,7 +177,7 @@ double find_sampled_energy(const Hardware& h, const RelativeMotion<double>& x,
     for (int i = 0; i <= (segment ? count : 0); ++i) {
       const double t = segment ? static_cast<double>(i) / count : 0.5;
       const V q = p + t * d;
-      const double distance = find_distance(a, b, q[0], std::hypot(q[1], q[2]));
+      const double distance = find_piece_distance(a, b, q[0], std::hypot(q[1], q[2]));
       const double root =
           std::sqrt(distance * distance + kMu * d.squaredNorm() * (t - 0.5) * (t - 0.5));
       energy += find_spring_energy(law, h.rounding() - root, h.rounding());
@@ -198,14 +193,6 @@ double find_sampled_energy(const Hardware& h, const RelativeMotion<double>& x,
     if (k) energy -= add(profile.begin_of(k), profile.begin_of(k));
   }
   return energy;
-}
-
-template <class S>
-ContactResult<S> evaluate(const ContactModel& model, const RelativeMotion<S>& x) {
-  ContactWorkspace<S> work(model);
-  ContactResult<S> result;
-  EXPECT_TRUE(calc_contact<S>(model, {}, x, nullptr, nullptr, work, result).ok());
-  return result;
 }
 
 TEST(Revolution, NoPoseMissesTheLowestValley) {
@@ -471,21 +458,6 @@ void visit_touching(const ContactLaw& law, unsigned seed, int wanted, const F& v
   }
 }
 
-/// Motion of P whose directions 0 to 2 move it and 3 to 5 turn it about the origin of G.
-RelativeMotion<Derivative> make_directions(const RelativeMotion<double>& x) {
-  using S = Derivative;
-  RelativeMotion<S> motion = cast_motion<S>(x);
-  const auto turn = [](const Vec3<S>& a) {
-    const S w[3] = {S::variable(0.0, 3), S::variable(0.0, 4), S::variable(0.0, 5)};
-    return Vec3<S>(a[0] + w[1] * a[2] - w[2] * a[1], a[1] + w[2] * a[0] - w[0] * a[2],
-                   a[2] + w[0] * a[1] - w[1] * a[0]);
-  };
-  for (int j = 0; j < 3; ++j) motion.R.col(j) = turn(motion.R.col(j));
-  motion.p = turn(motion.p);
-  for (int j = 0; j < 3; ++j) motion.p[j] += S::variable(0.0, j);
-  return motion;
-}
-
 TEST(Revolution, DerivativesAgreeWithDifferences) {
   std::vector<double> errors;
   visit_touching(make_law(true), 426, 200,
@@ -493,7 +465,8 @@ TEST(Revolution, DerivativesAgreeWithDifferences) {
                      const ContactResult<double>& r, const ContactWorkspace<double>&, int) {
                    RelativeMotion<double> still = x;
                    still.v = still.w = V::Zero();
-                   const ContactResult<Derivative> exact = evaluate(model, make_directions(still));
+                   const ContactResult<Derivative> exact =
+                       find_contact(model, make_directions(still));
                    const double scale = r.on_passive.f.norm();
                    for (int j = 0; j < 3; ++j) {
                      EXPECT_NEAR(exact.energy.d[j], -r.on_passive.f[j], 1e-9 * scale);
@@ -503,7 +476,7 @@ TEST(Revolution, DerivativesAgreeWithDifferences) {
                      for (const int side : {0, 1}) {
                        RelativeMotion<double> moved = still;
                        moved.p[j] += side ? kStep : -kStep;
-                       force[side] = evaluate(model, moved).on_passive.f;
+                       force[side] = find_contact(model, moved).on_passive.f;
                      }
                      for (int k = 0; k < 3; ++k) {
                        const double slope = (force[1][k] - force[0][k]) / (2 * kStep);
@@ -523,7 +496,7 @@ TEST(Revolution, ExtendedAgrees) {
       make_law(false), 427, 150,
       [&](const ContactModel& model, const RelativeMotion<double>& x,
           const ContactResult<double>& r, const ContactWorkspace<double>&, int i) {
-        const ContactResult<Extended> e = evaluate(model, cast_motion<Extended>(x));
+        const ContactResult<Extended> e = find_contact(model, cast_motion<Extended>(x));
         energy.add(r.energy / to_double(e.energy) - 1, i);
         gap.add(r.gap - to_double(e.gap), i);
         for (int k = 0; k < 3; ++k) {
@@ -558,7 +531,7 @@ TEST(Revolution, EnergyBalancesWithDampingAndBothFrictions) {
           EXPECT_GE(r.contact_power, 0.0);
           EXPECT_GE(r.friction_power, 0.0);
           set_law(model, first);
-          const ContactResult<Derivative> e = evaluate(model, make_directions(x));
+          const ContactResult<Derivative> e = find_contact(model, make_directions(x));
           const V v = x.v - x.w.cross(x.p);
           double stored = friction == 2 ? k * z.dot(rate) : 0.0;
           for (int j = 0; j < 3; ++j) stored += e.energy.d[j] * v[j] + e.energy.d[3 + j] * x.w[j];
@@ -620,7 +593,7 @@ TEST(Revolution, PlacesAreWhereTheyShouldBe) {
   // A wall that is bent by less and less comes to touch as a straight one.
   const auto find_energy = [&](double bend) {
     const Hardware h{head, {{-0.3, 0.1 - bend}, {0.0, 0.1}, {0.3, 0.1 - bend}}, {}, false};
-    return evaluate(h.make(make_law(true)), make_pose(V::Zero(), V(0, -0.081, 0))).energy;
+    return find_contact(h.make(make_law(true)), make_pose(V::Zero(), V(0, -0.081, 0))).energy;
   };
   const double straight = find_energy(0.0);
   EXPECT_NEAR(find_energy(1e-6) / straight, 1.0, 1e-7);
@@ -656,7 +629,7 @@ TEST(Revolution, AlignedPosesAreNoSpecialCase) {
             ++touching;
             const double energy = find_sampled_energy(h, motion, law, 20000);
             worst.add((r.energy - energy) / (law.stiffness * h.rounding() * 1e-6), ++index);
-            const ContactResult<Derivative> e = evaluate(model, make_directions(motion));
+            const ContactResult<Derivative> e = find_contact(model, make_directions(motion));
             for (int j = 0; j < 3; ++j) {
               const double scale = 1e-9 * r.on_passive.f.norm();
               EXPECT_NEAR(e.energy.d[j], -r.on_passive.f[j], scale) << index;

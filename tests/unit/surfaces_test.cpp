@@ -27,11 +27,6 @@ ContactLaw make_elastic_law() {
   return law;
 }
 
-NamedCore named(Core core, const std::string& law = "") {
-  const std::string name = core.name;
-  return {std::move(core), name, law, {}};
-}
-
 const std::vector<Profile::Node> kCone = {{0, 0.45}, {0, 0.40}, {0.205, 0.045}, {0.28, 0.045}};
 
 Cores make_probe() {
@@ -53,15 +48,6 @@ const std::vector<GroupPair> kProbePairs = {
 
 ContactModel make_probe_contact(const ContactLaw& law) {
   return make_surface_contact(make_probe(), make_drogue(), kProbePairs, law, {});
-}
-
-template <class S>
-ContactResult<S> evaluate(const ContactModel& model, const RelativeMotion<S>& x,
-                          const ContactMemory& memory = {}) {
-  ContactWorkspace<S> work(model);
-  ContactResult<S> result;
-  EXPECT_TRUE(calc_contact<S>(model, memory, x, nullptr, nullptr, work, result).ok());
-  return result;
 }
 
 /// The lowest place of a point, or of a segment.
@@ -111,7 +97,7 @@ TEST(Surfaces, ProbeAndDrogueAgreeWithStoredPoses) {
       const ContactModel one = make_surface_contact(make_probe(), make_drogue(), {row}, law, {});
       ContactWorkspace<double> work(one);
       gap.add(find_gap<double>(one, x, work) - stored["gap"].get<double>(), index);
-      const ContactResult<double> r = evaluate(one, x);
+      const ContactResult<double> r = find_contact(one, x);
       const double scale = 1.0 + stored["force"].get<double>();
       energy.add((r.energy - stored["energy"].get<double>()) / scale, index);
       const V on_probe = -(R_PG * r.on_passive.f);
@@ -125,7 +111,7 @@ TEST(Surfaces, ProbeAndDrogueAgreeWithStoredPoses) {
       place.add((c.first - to_vec3(stored["p"])).norm(), index);
       place.add((c.second - to_vec3(stored["q"])).norm(), index);
     }
-    const ContactResult<double> whole = evaluate(make_probe_contact(law), x);
+    const ContactResult<double> whole = find_contact(make_probe_contact(law), x);
     const V on_probe = -(R_PG * whole.on_passive.f), expected = to_vec3(pose["force"]);
     force.add((on_probe - expected).norm() / (1.0 + expected.norm()), index);
     const V turning = -(R_PG * whole.on_passive.t),
@@ -184,7 +170,7 @@ TEST(Surfaces, GuideRingsAreDataOfThisKind) {
   int closed = 0;
   for (int i = 0; i < 300; ++i) {
     const RelativeMotion<double> x = make_touching_motion(ring, work, random, 2e-3);
-    const ContactResult<double> a = evaluate(ring, x), b = evaluate(data, x);
+    const ContactResult<double> a = find_contact(ring, x), b = find_contact(data, x);
     // Edges on the face are searched by other means.
     EXPECT_NEAR(find_gap<double>(ring, x, work), find_gap<double>(data, x, same), 1e-15);
     EXPECT_EQ(a.active_count, b.active_count);
@@ -232,21 +218,6 @@ ContactModel make_mixed_contact(const ContactLaw& law,
   return make_surface_contact(active, passive, pairs, law, {});
 }
 
-/// Motion of P whose directions 0 to 2 move it and 3 to 5 turn it about the origin of G.
-RelativeMotion<Derivative> make_directions(const RelativeMotion<double>& x) {
-  using S = Derivative;
-  RelativeMotion<S> motion = cast_motion<S>(x);
-  const auto turn = [](const Vec3<S>& a) {
-    const S w[3] = {S::variable(0.0, 3), S::variable(0.0, 4), S::variable(0.0, 5)};
-    return Vec3<S>(a[0] + w[1] * a[2] - w[2] * a[1], a[1] + w[2] * a[0] - w[0] * a[2],
-                   a[2] + w[0] * a[1] - w[1] * a[0]);
-  };
-  for (int j = 0; j < 3; ++j) motion.R.col(j) = turn(motion.R.col(j));
-  motion.p = turn(motion.p);
-  for (int j = 0; j < 3; ++j) motion.p[j] += S::variable(0.0, j);
-  return motion;
-}
-
 TEST(Surfaces, ForceIsTheGradientForEveryKindOfPair) {
   std::array<int, 10> closed{};
   std::vector<ContactModel> models = {make_mixed_contact(make_elastic_law()),
@@ -272,7 +243,7 @@ TEST(Surfaces, ForceIsTheGradientForEveryKindOfPair) {
       for (int k = 0; k < model.pair_count(); ++k) {
         closed[static_cast<size_t>(model.pairs[k].kind)] += work.closed[k];
       }
-      const ContactResult<Derivative> e = evaluate(model, make_directions(x));
+      const ContactResult<Derivative> e = find_contact(model, make_directions(x));
       EXPECT_NEAR(e.energy.value, r.energy, 1e-12 * r.energy + 1e-15);
       for (int j = 0; j < 3; ++j) {
         const double scale = r.on_passive.f.norm() + r.on_passive.t.norm() + 1.0;
@@ -347,7 +318,7 @@ TEST(Surfaces, ForcesOnGroupsAddUpAndPiecesHaveTheirOwn) {
   const auto touch = [&](const V& head, size_t surface) {
     RelativeMotion<double> x;
     x.p = -head;
-    const ContactResult<double> r = evaluate(model, x);
+    const ContactResult<double> r = find_contact(model, x);
     EXPECT_EQ(r.active_count, 1);
     EXPECT_EQ(r.surface_force[0], V(-r.on_passive.f));
     EXPECT_EQ(r.surface_force[surface], r.on_passive.f);
@@ -370,7 +341,7 @@ TEST(Surfaces, PairsHaveTheirLaw) {
         {{"half", {{&ContactLaw::stiffness, 1e6}}}, {"double", {{&ContactLaw::stiffness, 4e6}}}});
     RelativeMotion<double> x;
     x.p = V(-0.239, 0, 0);
-    return evaluate(model, x).on_passive.f.norm();
+    return find_contact(model, x).on_passive.f.norm();
   };
   const double common = find_force("", "");
   EXPECT_NEAR(find_force("half", ""), common / 2, 1e-9 * common);
