@@ -322,13 +322,14 @@ void add_contact(const ContactModel& model, const ContactPair& pair, const Relat
   if (several) sums = find_sums<S>(law, rounding, x, places);
   const S damping_share = PlaceSums<S>::find_share(sums.damped);
   const S friction_share = PlaceSums<S>::find_share(sums.rubbed);
+  S damped(0), rubbed(0);
   for (const Place<S>& place : places) {
     const Pressing<S> p = find_pressing<S>(law, rounding, x, place);
     const S sign(place.sign);
     S normal = p.normal;
     if (place.sign < 0) normal = p.elastic.force + damping_share * (normal - p.elastic.force);
     out.energy += sign * p.elastic.energy;
-    out.contact_power += sign * ((normal - p.elastic.force) * p.rate);
+    damped += sign * ((normal - p.elastic.force) * p.rate);
 
     // Friction in the tangent plane.
     const Vec3<S> e = (z && several ? sums.n : p.n).normalized();
@@ -351,7 +352,7 @@ void add_contact(const ContactModel& model, const ContactPair& pair, const Relat
         friction.power *= part;
       }
     }
-    out.friction_power += sign * friction.power;
+    rubbed += sign * friction.power;
 
     // Sum.
     const Vec3<S> f = (p.n * normal + friction.force) * sign;
@@ -360,6 +361,8 @@ void add_contact(const ContactModel& model, const ContactPair& pair, const Relat
     book_force<S>(model, pair, place.piece, f, out);
     out.depth_ratio = std::max<S>(out.depth_ratio, -p.gap / rounding);
   }
+  out.contact_power += std::max<S>(damped, S(0));  // rounding, where a ridge takes back all
+  out.friction_power += std::max<S>(rubbed, S(0));
   ++out.active_count;
 }
 
