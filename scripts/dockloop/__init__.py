@@ -43,7 +43,7 @@ and many of them::
     journal       results as they arrive, to go on with after an interruption
     cases         one case of a loaded FMU, as a Dask worker runs it
     sweep_report  the table, its summary in words and numbers, figures
-    influence     which input decides an outcome, by scikit-learn
+    influence     which input decides an outcome, and from which value on
     criteria      "captured within 5 s and load_ratio < 1"
     rare          the part of dockings that fail when few do
     envelopes     the boundary of a criterion, with few dockings

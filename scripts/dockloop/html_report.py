@@ -24,7 +24,7 @@ from dockloop import __version__
 from dockloop.columns import say_number
 from dockloop.core import list_limits, name_choice, number_choice
 from dockloop.errors import DockloopError
-from dockloop.influence import Influence, can_rank, find_influence
+from dockloop.influence import Influence, can_rank, find_cut, find_influence
 from dockloop.outputs import Kind, read_head, writing
 from dockloop.sampling import say_accuracy
 from dockloop.summary import describe
@@ -38,12 +38,13 @@ from dockloop.sweep_report import (
 )
 
 _WORST = 10  # cases in a list
-_LEAST_SCORE = 0.5  # of forests whose ranking can be trusted
+_LEAST_SCORE = 0.5  # of a prediction whose ranking can be trusted
+_SURE = 0.05  # p-value of a threshold
 _SHARES = (
     "Share: the part of the variance that goes with this input, alone and together with others"
-    " (total Sobol index, by shuffling the input). Shares may add up to more than 1. An input whose"
-    " share is not larger than its +- may have no influence. Rank correlation: whether the outcome"
-    " rises or falls with the input."
+    " (total Sobol index), with its 95 % interval. Shares may add up to more than 1. An input whose"
+    " interval begins at 0 may have no influence. Rank correlation: whether the outcome rises or"
+    " falls with the input."
 )
 Rows = list[list[str]]
 
@@ -161,7 +162,7 @@ def describe_settings(
         for name, v in {**document["experiment"], **experiment}.items()
     ]
     rows += [["dockloop", __version__], ["python", platform.python_version()]]
-    for package in ("numpy", "scipy", "scikit-learn", "fmpy"):
+    for package in ("numpy", "scipy", "fmpy"):
         try:
             rows.append([package, version(package)])
         except PackageNotFoundError:
@@ -367,23 +368,56 @@ def _rank_inputs_of(outcome: str, planner: Any, table: Any, y: np.ndarray) -> Se
         section.text = f"Not ranked: {error}."
         return section
     pairs = zip(inputs.items(), found.shares, strict=True)
-    for (name, values), share in sorted(pairs, key=lambda pair: -pair[1].mean):
+    for (name, values), share in sorted(pairs, key=lambda pair: -pair[1].value):
         rank = "" if is_text(table, name) else f"{spearmanr(values, y[known]).statistic:.2f}"
-        section.rows.append([name, f"{share.mean:.2f}", f"{share.spread:.2f}", rank])
-    section.columns = ("input", "share", "+-", "rank correlation")
+        interval = f"{share.low:.2f} to {share.high:.2f}"
+        section.rows.append([name, f"{share.value:.2f}", interval, rank])
+    section.columns = ("input", "share", "95 % interval", "rank correlation")
     section.text = _explain_ranks(found)
+    numbers = {name: values for name, values in inputs.items() if not is_text(table, name)}
+    if numbers:
+        units = {q.name: q.unit for q in planner.varied}
+        section.text += f" {say_cut(outcome, numbers, units, y[known])}"
     return section
 
 
 def _explain_ranks(found: Influence) -> str:
-    """Say what the shares are, and how far they can be trusted."""
+    """Say how far the shares can be trusted."""
     text = (
-        f"Five forests of {found.cases} cases explain {found.score} of the variance of cases that"
-        " they have not seen; what they do not explain is missing in the shares."
+        f"A Gaussian process through {found.cases} cases predicts {found.score:.0%} of the variance"
+        " of cases that are left out; the intervals are wider by the rest."
     )
-    if found.score.mean < _LEAST_SCORE:
-        text += " They explain too little for a sure ranking: more cases may help."
+    if found.score < _LEAST_SCORE:
+        text += " This is too little for a sure ranking: more cases may help."
     return text
+
+
+def say_cut(
+    outcome: str, inputs: Mapping[str, np.ndarray], units: Mapping[str, str], y: np.ndarray
+) -> str:
+    """Say the best threshold of one input, with the outcome on both sides.
+
+    Args:
+        outcome: its name.
+        inputs: values by name, each of shape (cases,).
+        units: of the inputs.
+        y: the outcome, shape (cases,); 0 and 1: without and with it.
+    """
+    cut = find_cut(np.column_stack(list(inputs.values())), y)
+    chance = f"p = {cut.probability:.3f} by permutations"
+    if cut.probability > _SURE:
+        return f"No threshold of one input separates the cases better than chance does ({chance})."
+    name = list(inputs)[cut.column]
+    above = inputs[name] > cut.value
+    where = f"{name} > {cut.value:.3g} {'' if units[name] == '1' else units[name]}".rstrip()
+    if set(np.unique(y)) <= {0.0, 1.0}:
+        word, met = ("with", y == 1.0) if 2.0 * y.sum() <= len(y) else ("without", y == 0.0)
+        found = f"{met.sum()} cases {word} {outcome}: {met[above].sum()} of {above.sum()} where"
+        rest = f"{met[~above].sum()} of the other {(~above).sum()}"
+    else:
+        found = f"mean {outcome}: {y[above].mean():.3g} in the {above.sum()} cases where"
+        rest = f"{y[~above].mean():.3g} in the other {(~above).sum()}"
+    return f"Best threshold: {found} {where}, {rest} ({chance})."
 
 
 def _read_input(table: Any, name: str) -> np.ndarray:
