@@ -24,7 +24,7 @@ from scipy.stats import norm
 import dockloop as dl
 from dockloop.criteria import parse_criterion
 from dockloop.errors import DockloopError
-from dockloop.rare import estimate_rare
+from dockloop.rare import describe_rare, estimate_rare
 from pawls import MEAN, SWEEP, sample_failures
 
 CLOSED = {  # limit, exact probability, dimensions
@@ -57,6 +57,14 @@ def test_the_interval_holds_the_answer_as_often_as_it_says(name):
         assert np.median([e.plain_samples / e.samples for e in found]) > 5.0
 
 
+def test_the_words_state_the_bound():
+    levels = [{"floor": None, "part": 0.1}, {"floor": 0.9, "part": 0.0}]
+    summary = {"sweep": "mine", "title": "T", "failure": "miss", "probability": 0.0, "high": 0.128}
+    summary |= {"levels": levels, "dockings": 190, "stuck": True, "not_run": 0, "examples": []}
+    words = describe_rare(summary | {"time": {"ran": 190, "wall": 1.0}})
+    assert "at most 0.13 (95 % confidence): none of 190 failed" in words
+
+
 def test_a_rank_without_grades_is_refused():
     def rank(cube):
         return np.where(cube[:, 0] > 0.9999, np.inf, -1.0)
@@ -80,6 +88,15 @@ def test_chains_that_cannot_move_are_reported():
     assert found.probability == 0.0
     assert found.is_stuck
     assert 2 <= len(found.levels) < 10
+
+
+def test_where_nothing_fails_the_bound_holds_as_often_as_it_says():
+    """The rank has no grade above 0.97, which 3 % of the samples have: no more can fail."""
+    found = [estimate_rare(lambda c: np.minimum(c[:, 0], 0.97), 2, 200, s) for s in range(100)]
+    assert all(e.is_stuck and e.probability == 0.0 and e.interval[0] == 0.0 for e in found)
+    bounds = np.array([e.interval[1] for e in found])
+    assert np.mean(bounds >= 0.03) >= 0.88  # 95 % of 100; binomial, 0.4 %
+    assert np.median(bounds) < 0.06
 
 
 @pytest.fixture(scope="module")

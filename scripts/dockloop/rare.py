@@ -40,7 +40,7 @@ PART = 0.1  # of the dockings of a level, kept for the next
 _MOST_LEVELS = 10
 _CORRELATION = 0.5  # of levels that follow each other
 _ACCEPTED = 0.44  # part of the moves that a chain should accept
-_NORMAL_95 = 1.959963984540054
+_NORMAL_95, _NORMAL_ONE_SIDED = 1.959963984540054, 1.6448536269514722
 _SHOWN = 5  # failures in a summary
 
 
@@ -50,7 +50,8 @@ class Estimate:
 
     Attributes:
         probability: the estimate.
-        variation: standard deviation of the estimate over the estimate.
+        variation: standard deviation of the estimate over the estimate; if nothing failed, that of
+            the part that is at least as near to failing as the last level.
         levels: for every level how near its samples are to failing at least (-inf: any sample), and
             the part of them that went on, or failed in the last level.
         samples: number of evaluations.
@@ -65,8 +66,16 @@ class Estimate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % interval, of a lognormal estimate."""
-        half = _NORMAL_95 * math.sqrt(math.log1p(self.variation**2))
+        """95 % interval, of a lognormal estimate; from 0 if nothing failed.
+
+        What fails is nearer to failing than the last level. So the part of the last level,
+        with 95 % confidence, is above the part that fails.
+        """
+        deviation = math.sqrt(math.log1p(self.variation**2))
+        if not self.probability:
+            reached = math.prod(part for _, part in self.levels[:-1])
+            return 0.0, min(1.0, reached * math.exp(_NORMAL_ONE_SIDED * deviation))
+        half = _NORMAL_95 * deviation
         low, high = (self.probability * math.exp(sign * half) for sign in (-1.0, 1.0))
         return low, min(1.0, high)
 
@@ -120,6 +129,8 @@ def estimate_rare(
         variations.append(_find_variation(passed, len(levels) > 1, kept, steps))
         if is_last:
             probability = math.prod(part for _, part in levels)
+            if not part:
+                variations.pop()  # the last level says nothing: none of its samples failed
             neighbours = sum(a * b for a, b in itertools.pairwise(variations))
             variance = sum(v**2 for v in variations) + 2.0 * _CORRELATION * neighbours
             return Estimate(probability, math.sqrt(variance), levels, count, bool(is_stuck))
@@ -312,8 +323,10 @@ def describe_rare(summary: dict) -> str:
             f" sampling needs {summary['plain_dockings']} for the same interval"
         )
     else:
-        least = math.prod(level["part"] for level in summary["levels"][:-1])
-        lines.append(f"  part         below {least:.1g}: none of {summary['dockings']} failed")
+        lines.append(
+            f"  part         at most {summary['high']:.2g} (95 % confidence): none of"
+            f" {summary['dockings']} failed"
+        )
         if summary["stuck"]:
             lines.append("               the last level led no further: try more --rare-cases")
     if summary["not_run"]:
