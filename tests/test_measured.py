@@ -102,6 +102,31 @@ def test_shift_units_and_time_of_capture_are_found(tmp_path, shift):
     assert found["captured"]["computed_time"] == pytest.approx(6.01)
 
 
+def test_bands_are_parts_of_the_range_or_the_stated_accuracy(tmp_path):
+    """A leg of 0.788 m that travels 0.1 m: the run is 8 % of the travel too long."""
+    time = np.linspace(0.0, 10.0, 201)
+    travel = 0.05 * np.cos(time)
+    names, units = ["time", "leg1.length", "gap"], ["s", "m", "m"]
+    lengths = 0.788 + travel
+    run = Result({}, names, units, np.column_stack([time, lengths + 0.008, 0.0 * time + 1.0]))
+
+    def read(accuracy):
+        rows = [f"{t!r},{1e3 * v!r},990" for t, v in np.column_stack([time, lengths]).tolist()]
+        header = f"time [s],leg1.length [mm]{accuracy},gap [mm] +-5"
+        (tmp_path / "rig.csv").write_text("\n".join([header, *rows]))
+        data = read_data(tmp_path / "rig.csv", names, units)
+        return compare(run, data, 0.1, 0.0)["columns"]
+
+    leg = read("")["leg1.length"]
+    assert leg["half_band"] == pytest.approx(0.1 * 2.0 * 0.05, rel=1e-3)
+    assert leg["relative_rms"] == pytest.approx(0.08, rel=1e-3)
+    stated = read(" +-7.9 ")
+    assert (stated["leg1.length"]["half_band"], stated["leg1.length"]["in_band"]) == (7.9e-3, 0.0)
+    assert read(" +-8.1")["leg1.length"]["in_band"] == 1.0
+    assert read("+- 8.1")["gap"]["relative_rms"] is None  # nothing moves
+    assert read("")["gap"]["in_band"] == 0.0  # 10 mm of 5
+
+
 def test_a_column_in_a_wrong_unit_does_not_decide_the_shift():
     run = make_run()
     angle, force = run["relative.roll"], run["capture.force[1]"]
@@ -140,6 +165,8 @@ def test_a_column_in_a_wrong_unit_does_not_decide_the_shift():
         ("time [s],gap [m]\n0,1\n1,nan\n", "'gap' in line 3 is 'nan'"),
         ("time [s],gap [m]\n0,1\n1\n", "line 3 has 1 values: must have 2"),
         ("time [s],gap [m]\n0,1\n", "at least two rows"),
+        ("time [s],gap [m] +-0\n0,1\n1,2\n", "accuracy of 'gap' is '0': must be a finite number"),
+        ("time [s],gap [m] +-x\n0,1\n1,2\n", "accuracy of 'gap' is 'x': must be a finite number"),
         ("time [s],gap [m]\n90,1\n91,2\n", "give another --shift"),
     ],
 )

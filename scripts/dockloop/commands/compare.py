@@ -16,11 +16,11 @@ def add_options(command: Command) -> None:
         "data",
         type=file_path,
         metavar="DATA.csv",
-        help="measurements; the header names outputs with units: time [s],relative.axial [mm],...",
+        help="measurements; the header has outputs, units, accuracies: time [s],relative.axial [mm] +-0.5,...",
     )
     text = "time of the run less time of the data [s] (default: found from the columns)"
     command.add_option("--shift", "T", text, type=finite)
-    text = f"half width of the error band, as part of the measured peak (default: {_BAND:g})"
+    text = f"half width of the error band, as part of the measured range (default: {_BAND:g})"
     command.add_option("--band", "PART", text, type=finite, default=_BAND)
     text = "what became of the measured docking: captured, rebound, miss, ..."
     command.add_option("--outcome", "NAME", text)

@@ -69,9 +69,9 @@ def describe(found: dict[str, Any]) -> str:
             f" {row['measured_peak_time']:.3f} s, run {row['computed_peak']:.4g} at"
             f" {row['computed_peak_time']:.3f} s"
             + _ratio(row["computed_peak"], row["measured_peak"]),
-            f"    difference rms {row['rms']:.3g} ({row['relative_rms']:.1%} of the peak), mean"
-            f" {row['bias']:+.3g}, largest {row['largest_error']:.3g}; {row['in_band']:.0%} of the"
-            f" samples within {found['band']:.0%}",
+            f"    difference rms {row['rms']:.3g}{_say_part(row)}, mean {row['bias']:+.3g}, largest"
+            f" {row['largest_error']:.3g}; {row['in_band']:.0%} of the samples within"
+            f" +-{row['half_band']:.3g}",
         ]
     for name, sides in found["energies"].items():
         unit = "N s" if name.startswith("impulse") else "J"
@@ -81,6 +81,12 @@ def describe(found: dict[str, Any]) -> str:
         )
     lines += _describe_ends(found)
     return "\n".join([*lines, f"  files        {', '.join(found['files'])}"])
+
+
+def _say_part(row: dict[str, Any]) -> str:
+    """Say the difference as a part of the measured range, if there is one."""
+    part = row["relative_rms"]
+    return "" if part is None else f" ({part:.1%} of the range {row['range']:.3g})"
 
 
 def _ratio(computed: float, measured: float) -> str:

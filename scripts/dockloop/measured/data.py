@@ -1,17 +1,17 @@
 """Reads measured time histories: a table of text whose header names outputs and units.
 
-    time [s],relative.axial [mm],capture.compression [kN]
+    time [s],relative.axial [mm] +-0.5,capture.compression [kN]
     0.000,12.5,0
     0.002,12.3,0.004
 
-Values become those of the outputs, in SI units. What cannot be read is refused with file, column,
+``+-0.5`` is the accuracy of the channel, in the unit of its header. Values become those of the outputs, in SI units. What cannot be read is refused with file, column,
 row, and what is expected.
 """
 
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,9 @@ import numpy as np
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.paths import read_bytes, shown
 
-_COLUMN = re.compile(r"\s*(?P<name>[^\s\[]\S*)\s+\[(?P<unit>[^\[\]]+)\]\s*")
+_COLUMN = re.compile(
+    r"\s*(?P<name>[^\s\[]\S*)\s+\[(?P<unit>[^\[\]]+)\]\s*(\+-\s*(?P<accuracy>\S+)\s*)?"
+)
 
 # Unit of a header: unit of the output, and its size in it.
 UNITS: dict[str, tuple[str, float]] = {
@@ -52,12 +54,14 @@ class Data:
         names: of the outputs that were measured.
         units: of these outputs.
         values: in these units, shape (samples, names).
+        accuracies: of the outputs whose header states one, in their unit.
     """
 
     time: np.ndarray
     names: list[str]
     units: list[str]
     values: np.ndarray
+    accuracies: dict[str, float] = field(default_factory=dict)
 
     def __contains__(self, name: str) -> bool:
         """Return whether an output was measured."""
@@ -87,27 +91,29 @@ def read_data(path: Path, outputs: Sequence[str], units: Sequence[str]) -> Data:
     if len(rows) < 3:
         raise UsageError(f"{shown(path)}: needs a header line and at least two rows of values")
     expected = dict(zip(outputs, units, strict=True))
-    names, factors = _read_header(path, rows[0][1], expected)
+    names, factors, accuracies = _read_header(path, rows[0][1], expected)
     values = np.array([_read_row(path, i, cells, names) for i, cells in rows[1:]]) * factors
     steps = np.diff(values[:, 0])
     if np.any(steps <= 0.0):
         row = rows[2 + int(np.argmax(steps <= 0.0))][0]
         raise UsageError(f"{shown(path)}: time must increase, but does not in line {row}")
-    return Data(values[:, 0], names[1:], [expected[n] for n in names[1:]], values[:, 1:])
+    units_of_data = [expected[n] for n in names[1:]]
+    return Data(values[:, 0], names[1:], units_of_data, values[:, 1:], accuracies)
 
 
 def _read_header(
     path: Path, cells: list[str], expected: dict[str, str]
-) -> tuple[list[str], np.ndarray]:
-    """Return the names of the columns, and the factors to the units of the outputs."""
+) -> tuple[list[str], np.ndarray, dict[str, float]]:
+    """Return names of the columns, factors to the units of the outputs, stated accuracies."""
     names: list[str] = []
+    accuracies: dict[str, float] = {}
     factors = []
     for cell in cells:
         found = _COLUMN.fullmatch(cell)
         if not found:
             raise UsageError(
                 f"{shown(path)}: the header has '{cell.strip()}': must be an output and its unit,"
-                " for example 'relative.axial [mm]'"
+                " for example 'relative.axial [mm]' or 'relative.axial [mm] +-0.5'"
             )
         name, unit = found["name"], found["unit"].strip()
         if name not in expected:
@@ -117,9 +123,17 @@ def _read_header(
             raise UsageError(f"{shown(path)}: has two columns '{name}'")
         names.append(name)
         factors.append(_find_factor(path, name, unit, expected[name]))
+        if stated := found["accuracy"]:
+            accuracy = _read_number(stated)
+            if not accuracy > 0.0:
+                raise UsageError(
+                    f"{shown(path)}: the accuracy of '{name}' is '{stated}': must be a finite"
+                    f" number above 0, in {unit}"
+                )
+            accuracies[name] = factors[-1] * accuracy
     if names[0] != "time" or len(names) < 2:
         raise UsageError(f"{shown(path)}: must begin with 'time [s]', and have one more column")
-    return names, np.array(factors)
+    return names, np.array(factors), accuracies
 
 
 def _find_factor(path: Path, name: str, unit: str, expected: str) -> float:
@@ -142,10 +156,7 @@ def _read_row(path: Path, line: int, cells: list[str], names: list[str]) -> list
         )
     numbers = []
     for name, cell in zip(names, cells, strict=True):
-        try:
-            number = float(cell)
-        except ValueError:
-            number = math.nan
+        number = _read_number(cell)
         if not math.isfinite(number):
             raise UsageError(
                 f"{shown(path)}: '{name}' in line {line} is '{cell.strip()}': must be a finite"
@@ -153,3 +164,12 @@ def _read_row(path: Path, line: int, cells: list[str], names: list[str]) -> list
             )
         numbers.append(number)
     return numbers
+
+
+def _read_number(text: str) -> float:
+    """Return a finite number; not a number if the text is none."""
+    try:
+        number = float(text)
+    except ValueError:
+        return math.nan
+    return number if math.isfinite(number) else math.nan

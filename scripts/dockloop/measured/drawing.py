@@ -19,7 +19,7 @@ def draw(run: Result, data: Data, found: dict[str, Any]) -> Any:
     panels = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
     time = data.time + found["shift"]
     for axis, name, unit in zip(panels, names, data.units, strict=False):
-        half = found["band"] * float(np.max(np.abs(data[name])))
+        half = found["columns"][name]["half_band"]
         axis.fill_between(
             time, data[name] - half, data[name] + half, color="0.85", label="error band"
         )

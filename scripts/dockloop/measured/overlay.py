@@ -27,7 +27,8 @@ def compare(run: Result, data: Data, band: float, shift: float | None = None) ->
     Args:
         run: what was recorded.
         data: what was measured.
-        band: half width of the error band, part of the largest measured value.
+        band: half width of the error band, part of the range of the measured values in the overlap;
+            it holds for columns whose header states no accuracy.
         shift: time of the run less time of the data [s]; None: find it.
 
     Returns:
@@ -40,7 +41,9 @@ def compare(run: Result, data: Data, band: float, shift: float | None = None) ->
     time = data.time[inside] + found
     columns = {
         name: {"unit": unit}
-        | _compare_column(data[name][inside], read_run(run, name, time), time, band)
+        | _compare_column(
+            data[name][inside], read_run(run, name, time), time, band, data.accuracies.get(name)
+        )
         for name, unit in zip(data.names, data.units, strict=True)
     }
     return {
@@ -138,14 +141,22 @@ def _is_choice(name: str) -> bool:
 
 
 def _compare_column(
-    measured: np.ndarray, computed: np.ndarray, time: np.ndarray, band: float
-) -> dict[str, float]:
-    """Return the figures of one column over the overlap."""
+    measured: np.ndarray,
+    computed: np.ndarray,
+    time: np.ndarray,
+    band: float,
+    accuracy: float | None,
+) -> dict[str, float | None]:
+    """Return the figures of one column over the overlap.
+
+    An accuracy, in the unit of the column, is the half width of its error band.
+    """
     if not len(time):
         return {}
     error = computed - measured
     size = np.abs(error)
-    rms, largest = float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(measured)))
+    rms, spread = float(np.sqrt(np.mean(error**2))), float(np.ptp(measured))
+    half = band * spread if accuracy is None else accuracy
     peaks = [int(np.argmax(np.abs(values))) for values in (measured, computed)]
     return {
         "measured_peak": float(measured[peaks[0]]),
@@ -153,10 +164,12 @@ def _compare_column(
         "computed_peak": float(computed[peaks[1]]),
         "computed_peak_time": float(time[peaks[1]]),
         "rms": rms,
-        "relative_rms": rms / largest if largest > 0.0 else 0.0,
+        "range": spread,
+        "relative_rms": rms / spread if spread > 0.0 else None,
         "bias": float(np.mean(error)),
         "largest_error": float(np.max(size)),
-        "in_band": float(np.mean(size <= band * largest)),
+        "half_band": half,
+        "in_band": float(np.mean(size <= half)),
     }
 
 
