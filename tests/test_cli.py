@@ -268,6 +268,15 @@ def test_check_reports_a_sound_mechanism_in_words_and_as_json(dockloop, mechanis
     assert all(abs(loop["gap"]) < 1e-12 for loop in report["loops"])
 
 
+def test_screws_are_couplings_and_no_closed_loops(dockloop):
+    words = dockloop("check", "hexapod").out
+    loops, couplings = re.search(
+        r"\nclosed loops\n(.*)\ncouplings\n(.*?)\n\S", words, re.S
+    ).groups()
+    assert (len(loops.splitlines()), len(couplings.splitlines())) == (7, 7)  # with their heads
+    assert "screw" not in loops
+
+
 def check(dockloop, folder, mechanism):
     """Return the report on a mechanism, in words and as JSON."""
     (folder / "own.json").write_text(json.dumps(mechanism))

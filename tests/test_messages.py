@@ -23,6 +23,7 @@ pytest.importorskip("scipy")
 
 from conftest import SCENES
 from dockloop import paths
+from dockloop.errors import DockloopError
 from dockloop.mechanism import check_mechanism
 from test_outputs import snapshot
 
@@ -512,6 +513,44 @@ def test_null_as_closure_is_as_if_left_out(dockloop, tmp_path):
     refused = dockloop("check", "null.json")
     assert refused.status == 2, refused
     assert "bodies[1].mass is null: must be a number" in refused.err
+
+
+FREE = {"type": "free"}
+AXLE = {"type": "revolute", "axis": [0, 0, 1]}
+SLIDE = {"type": "prismatic", "axis": [0, 0, 1]}
+MASS, INERTIA = "give the bodies they move a mass: nothing that moves with 'a'", "'a' has a moment"
+
+
+@pytest.mark.parametrize(
+    ("joint", "members", "present", "absent"),
+    [
+        (FREE, {"mass": 30}, [INERTIA], [MASS]),
+        (AXLE, {"mass": 5}, [INERTIA], [MASS]),
+        (FREE, {"mass": 5, "com": [0.1, 0, 0]}, [INERTIA], [MASS]),  # a point mass turns freely
+        (SLIDE, {"mass": 0}, [MASS], [INERTIA]),
+        (FREE, {"mass": 0}, [MASS, INERTIA], []),
+    ],
+)
+def test_what_lacks_is_named_mass_or_inertia(joint, members, present, absent):
+    body = {"name": "a", "parent": "base", "joint": joint, **members}
+    with pytest.raises(DockloopError, match="not positive definite") as refused:
+        check_mechanism({"name": "mine", "bodies": [body]})
+    assert all(words in str(refused.value) for words in present), refused.value
+    assert not any(words in str(refused.value) for words in absent), refused.value
+
+
+def test_a_mass_away_from_the_axis_is_an_inertia():
+    body = {"name": "a", "parent": "base", "joint": AXLE, "mass": 5, "com": [0.1, 0, 0]}
+    assert check_mechanism({"name": "mine", "bodies": [body]})["degrees_of_freedom"] == 1
+
+
+def test_a_name_that_is_cut_short_is_completed(dockloop, runs):
+    fmu = str(runs.fmu("idss_25t_350t"))
+    assert "did you mean 'friction.coefficient'" in dockloop("run", fmu, "--set", "friction=1").err
+    refused = dockloop("run", "absorber_1d", "--scene", "friction=0.2").err
+    assert "did you mean 'contact.friction_coefficient'" in refused
+    refused = dockloop("run", fmu, "--set", "frction.coeficient=1").err
+    assert "did you mean 'friction.coefficient'" in refused
 
 
 # ---------------------------------------------------------------- disks and packages

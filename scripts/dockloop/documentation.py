@@ -15,6 +15,7 @@ from collections.abc import Iterable
 from dockloop import drawing
 from dockloop.core import list_choices, list_loads
 from dockloop.licenses import PARTS
+from dockloop.mechanism import split_loops
 
 # Sections of the variable tables: title, and how the names in it begin.
 _SECTIONS = (
@@ -234,7 +235,7 @@ def _lead(document: dict, report: dict) -> str:
     mechanism, has_target = document["mechanism"], "target" in document
     what = "The docking of two spacecraft" if has_target else "A docking mechanism"
     parts = ["equations of motion"]
-    if loops := len(report["loops"]):
+    if loops := len(split_loops(report)["loops"]):
         parts.append(f"a mechanism with {loops} closed kinematic loop{'s' * (loops > 1)}")
     if has_target and mechanism.get("contact"):
         parts.append("contact")
@@ -513,13 +514,15 @@ def _model(document: dict, report: dict) -> str:
     freedoms = f"{report['degrees_of_freedom']} of the mechanism"
     if moving:
         freedoms += f", 6 of {'each vehicle' if moving > 1 else 'the vehicle that moves'}"
-    closures = sorted({loop.get("closure", "") for loop in report["loops"]} - {""})
-    loops = f"{len(report['loops'])}" + (f" ({', '.join(closures)})" if closures else "")
+    found = split_loops(report)
+    closures = sorted({loop.get("closure", "") for loop in found["loops"]} - {""})
+    loops = f"{len(found['loops'])}" + (f" ({', '.join(closures)})" if closures else "")
     rows = [
         ("vehicles", "; ".join(vehicles)),
         ("mechanism", f"<code>{html.escape(mechanism['name'])}</code>, {report['mass']:g} kg"),
         ("moving bodies of the mechanism", str(report["bodies"])),
         ("closed loops", loops),
+        ("couplings: screws, gears", str(len(found["couplings"]))),
         ("degrees of freedom", freedoms),
         ("bodies with independent coordinates", ", ".join(report["independent"]) or "none"),
     ]  # fmt: skip

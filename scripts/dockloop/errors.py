@@ -39,12 +39,16 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
     Args:
         word: what was written.
-        known: what could have been meant.
+        known: what could have been meant; names that begin with the word and have one more part
+            come first (``friction``: ``friction.coefficient``), then names with it as a part.
 
     Returns:
         `` (did you mean 'a' or 'b'?)`` with a leading blank, or an empty string.
     """
-    near = difflib.get_close_matches(word, dict.fromkeys(known), n=3, cutoff=0.6)
+    names = list(dict.fromkeys(known))
+    longer = [name for name in names if name.startswith(f"{word}.")]
+    longer = longer or [name for name in names if word in re.split(r"[._]", name)]
+    near = list(dict.fromkeys([*longer, *difflib.get_close_matches(word, names, 3, 0.6)]))[:3]
     return f" (did you mean {' or '.join(repr(name) for name in near)}?)" if near else ""
 
 

@@ -86,7 +86,8 @@ def _read(mechanism: str | Path | dict) -> tuple[Path, dict]:
 def describe_report(report: dict) -> str:
     """Say the report of the core in words: one fact per line, tables of loops, ranges, modes."""
     tables = {
-        "loops": ("loops", _name_first),
+        "loops": ("closed loops", _name_first),
+        "couplings": ("couplings", _name_first),
         "effects": ("what a unit of each coordinate changes at home", _effect),
         "ranges": ("range of each independent coordinate from home, the others held", _range),
         "modes": ("vibration about home, base at rest, joint forces of the file", _mode),
@@ -97,12 +98,20 @@ def describe_report(report: dict) -> str:
             continue
         text = _play(value) if key == "seated_play" else _short(value)
         lines.append(f"{key.replace('_', ' '):22} {text}{' kg' if key == 'mass' else ''}")
-    report = report | {"modes": _join_free(report.get("modes", []))}
+    report = report | split_loops(report) | {"modes": _join_free(report.get("modes", []))}
     for key, (title, make_row) in tables.items():
         if report.get(key):
             lines += [title, *_table([make_row(row) for row in report[key]])]
     lines += [f"warning: {text}" for text in report.get("warnings", [])]
     return "\n".join(lines)
+
+
+def split_loops(report: dict) -> dict[str, list[dict]]:
+    """Return the ``loops`` of a report, and apart from them the ``couplings``: screws and gears."""
+    found: dict[str, list[dict]] = {"loops": [], "couplings": []}
+    for row in report["loops"]:
+        found["couplings" if row["cut"] == "coupling" else "loops"].append(row)
+    return found
 
 
 def _range(row: dict) -> dict:

@@ -333,6 +333,12 @@ def _list_outputs(description: Any) -> list[Any]:
     return [v for v in description.modelVariables if v.causality == "output"]
 
 
+def _is_settable(variable: Any) -> bool:
+    """Return whether a variable takes a start value."""
+    given = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
+    return given and variable.variability != "constant"
+
+
 def _parse_setting(text: str, description: Any) -> tuple[Any, Any]:
     """Parse one NAME=VALUE against the variables of an FMU; returns variable and value."""
     name, equals, value_text = (part.strip() for part in text.rpartition("="))
@@ -340,16 +346,12 @@ def _parse_setting(text: str, description: Any) -> tuple[Any, Any]:
         raise UsageError(f"--set {text}: must be NAME=VALUE, for example friction.coefficient=0.2")
     variables = {v.name: v for v in description.modelVariables}
     if name not in variables:
-        hint = did_you_mean(name, variables)
+        hint = did_you_mean(name, [v.name for v in variables.values() if _is_settable(v)])
         if name in scene_members():
             hint = f"; it is a key of the scene: build with --scene {name}={value_text}"
         raise UsageError(f"--set {text}: the FMU has no variable '{name}'{hint}")
     variable = variables[name]
-    settable = variable.causality in ("parameter", "input") or variable.initial in (
-        "exact",
-        "approx",
-    )
-    if not settable or variable.variability == "constant":
+    if not _is_settable(variable):
         raise UsageError(f"--set {text}: '{name}' is computed by the FMU and has no start value")
     try:
         value = _parse_as(variable.type, value_text)

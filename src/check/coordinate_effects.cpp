@@ -19,10 +19,6 @@ std::string find_coordinate_name(const Body& body, int k) {
   return body.name + (body.joint == JointType::kFree ? kNames[k] : "");
 }
 
-bool is_angle(const Body& body, int k) {
-  return body.joint == JointType::kRevolute || (body.joint == JointType::kFree && k >= 3);
-}
-
 std::vector<CoordinateEffect> find_coordinate_effects(const Mechanism& mechanism) {
   const MechanismModel& model = mechanism.model;
   std::vector<CoordinateEffect> effects;

@@ -6,14 +6,12 @@
 #include <vector>
 
 #include "mechanism/mechanism_dynamics.hpp"
+#include "model/joint_coordinates.hpp"
 
 namespace dockloop {
 
 /// Body name; of a free joint with .x .y .z .rx .ry .rz (body axes).
 std::string find_coordinate_name(const Body& body, int k);
-
-/// Is velocity coordinate k of the body an angle?
-bool is_angle(const Body& body, int k);
 
 /// A joint, a leg or an element, and its rate per unit rate of an independent coordinate.
 struct MovedPart {

@@ -8,7 +8,9 @@
 #include <limits>
 
 #include "loops/loop_analysis.hpp"
+#include "math/decompositions.hpp"
 #include "mechanism/mechanism_dynamics_body.hpp"
+#include "model/joint_coordinates.hpp"
 
 namespace dockloop {
 
@@ -126,6 +128,45 @@ std::vector<double> find_home_gaps(const Mechanism& mechanism) {
 
 namespace {
 
+constexpr double kNoInertia = 1e-12;  // relative to the largest; rounding is less
+
+/// Which bodies lack a mass or an inertia, in words. @param A_ind  not positive definite
+std::string describe_missing_inertia(const Mechanism& mechanism, const MatX<double>& A_ind) {
+  // Coordinates without inertia; where each has one, a motion of several that has none names one.
+  VecX<double> inertia = A_ind.diagonal();
+  const MatX<double> free = find_null_space(A_ind, kNoInertia);
+  if (inertia.minCoeff() > 0.0 && free.cols() > 0) {
+    int largest = 0;
+    free.col(0).cwiseAbs().maxCoeff(&largest);
+    inertia[largest] = 0.0;
+  }
+  std::string lists[2];  // of bodies that move along, that turn about such a coordinate
+  for (int i : mechanism.plan.ind_bodies) {
+    const Body& body = mechanism.model.bodies[static_cast<size_t>(i)];
+    bool is_listed[2] = {false, false};
+    for (size_t k = 0; k < mechanism.plan.ind_v.size(); ++k) {
+      const int v = mechanism.plan.ind_v[k] - body.v_index;
+      if (v < 0 || v >= body.nv() || inertia[static_cast<int>(k)] > 0.0) continue;
+      is_listed[is_angle(body, v)] = true;
+    }
+    for (int kind : {0, 1}) {
+      if (!is_listed[kind]) continue;
+      lists[kind] += (lists[kind].empty() ? "'" : ", '") + body.name + "'";
+    }
+  }
+  std::string text;
+  if (!lists[0].empty()) {
+    text += "; give the bodies they move a mass: nothing that moves with " + lists[0] + " has one";
+  }
+  if (!lists[1].empty()) {
+    text +=
+        "; give the bodies they turn an inertia, or a com away from the axis: nothing that "
+        "turns with " +
+        lists[1] + " has a moment of inertia about every axis";
+  }
+  return text;
+}
+
 /// Why the home pose cannot be evaluated, in words. @param status  of calc_position, not ok
 std::string describe_home_failure(const Mechanism& mechanism, const MechanismData<double>& data,
                                   const Status& status) {
@@ -138,20 +179,8 @@ std::string describe_home_failure(const Mechanism& mechanism, const MechanismDat
     return "loop '" + model.loops[status.index].name + "' cannot be closed from the home pose (" +
            reason + "); correct the geometry or give home_q";
   }
-  std::string bodies;
-  for (int i : mechanism.plan.ind_bodies) {
-    const Body& body = model.bodies[static_cast<size_t>(i)];
-    for (size_t k = 0; k < mechanism.plan.ind_v.size(); ++k) {
-      const int v = mechanism.plan.ind_v[k] - body.v_index, row = static_cast<int>(k);
-      if (v < 0 || v >= body.nv() || data.A_ind(row, row) > 0.0) continue;
-      bodies += (bodies.empty() ? "'" : ", '") + body.name + "'";
-      break;
-    }
-  }
-  return "the inertia in the independent coordinates is not positive definite; give the bodies "
-         "they "
-         "move a mass" +
-         (bodies.empty() ? std::string() : ": nothing that moves with " + bodies + " has one");
+  return "the inertia in the independent coordinates is not positive definite" +
+         describe_missing_inertia(mechanism, data.A_ind);
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ def add_options(command: Command) -> None:
         "data",
         type=file_path,
         metavar="DATA.csv",
-        help="measurements; the header has outputs, units, accuracies: time [s],relative.axial [mm] +-0.5,...",
+        help="measurements; header: output, unit, accuracy: time [s],relative.axial [mm] +-1,...",
     )
     text = "time of the run less time of the data [s] (default: found from the columns)"
     command.add_option("--shift", "T", text, type=finite)

@@ -4,8 +4,8 @@
     0.000,12.5,0
     0.002,12.3,0.004
 
-``+-0.5`` is the accuracy of the channel, in the unit of its header. Values become those of the outputs, in SI units. What cannot be read is refused with file, column,
-row, and what is expected.
+``+-0.5`` is the accuracy of the channel, in the unit of its header. Values become those of the
+outputs, in SI units. What cannot be read is refused with file, column, row, and what is expected.
 """
 
 import math
