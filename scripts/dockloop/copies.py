@@ -12,8 +12,14 @@ from typing import Any
 from dockloop.errors import UsageError
 from dockloop.outputs import Kind, write_text
 from dockloop.paths import read_text, shown
-from dockloop.sampling import to_text
-from dockloop.scene import find_mechanism, find_scene, read_mechanism, read_toml, resolve_scene
+from dockloop.scene import (
+    find_mechanism,
+    find_scene,
+    read_mechanism,
+    read_toml,
+    resolve_scene,
+    to_text,
+)
 
 
 def copy_scene(reference: str, name: str, folder: Path) -> list[Path]:

@@ -21,7 +21,7 @@ from dockloop.errors import UsageError, did_you_mean, names_arguments
 from dockloop.fmu import find_placement
 from dockloop.results import Result, list_points, warn_of_driven
 from dockloop.sampling import as_setting
-from dockloop.scene import find_scene, resolve_scene, scene_members
+from dockloop.scene import find_scene, resolve_scene, scene_members, write_scene
 from dockloop.variables import TYPES, Value, find_number, list_names, read_variables
 
 
@@ -41,12 +41,16 @@ class Scene:
 
     @names_arguments
     def __init__(
-        self, reference: "str | Path | Scene", overrides: Mapping[str, Any] | None = None
+        self,
+        reference: "str | Path | Scene | Mapping[str, Any]",
+        overrides: Mapping[str, Any] | None = None,
     ) -> None:
         """Read a scene.
 
         Args:
-            reference: name of a shipped scene, path of a ``.toml`` file, or a scene to read again.
+            reference: name of a shipped scene, path of a ``.toml`` file, the members of such a
+                file, or a scene to read again. Among the members, ``mechanism`` may have those of a
+                mechanism file.
             overrides: values of keys of the scene file, in the units of the file:
                 ``{"initial.closing_speed": 0.05, "chaser.motion": "driven"}``.
 
@@ -60,6 +64,8 @@ class Scene:
         if isinstance(reference, Scene):
             self.overrides = reference.overrides | self.overrides
             reference = reference.reference
+        if isinstance(reference, Mapping):
+            reference = write_scene(reference)
         self.reference = str(reference)
         self.path: Path = find_scene(self.reference)
         texts = [as_setting(name, value) for name, value in self.overrides.items()]
@@ -94,12 +100,14 @@ class Docking:
     """
 
     def __init__(
-        self, scene: str | Path | Scene, overrides: Mapping[str, Any] | None = None
+        self,
+        scene: str | Path | Scene | Mapping[str, Any],
+        overrides: Mapping[str, Any] | None = None,
     ) -> None:
         """Make a docking at its start.
 
         Args:
-            scene: name of a shipped scene, path of a ``.toml`` file, or a `Scene`.
+            scene: name of a shipped scene, path of a ``.toml`` file, its members, or a `Scene`.
             overrides: as for `Scene`.
 
         Raises:
@@ -108,11 +116,7 @@ class Docking:
         if not isinstance(scene, Scene) or overrides:
             scene = Scene(scene, overrides)
         self.scene: Scene = scene
-        self.warnings = list(self.scene.warnings)
-        self.notes: list[str] = []
-        document, source = to_json(self.scene.document), name_source(self.scene.path)
-        with core_errors() as core:
-            self._core = core.Docking(document, source)
+        self.reset()
         self.variables = read_variables(self._core)
         self._rows: dict[str, list[int]] = {}
         for row, name in enumerate(self.variables):
@@ -120,6 +124,22 @@ class Docking:
             if found := re.fullmatch(r"(.*)\[\d+\]", name):
                 self._rows.setdefault(found[1], []).append(row)
         self._list = list(self.variables.values())
+        self._outputs = [
+            row
+            for kind in TYPES  # order of the columns of a result
+            for row, v in enumerate(self._list)
+            if v.causality == "output" and v.type == kind
+        ]
+
+    def reset(self) -> None:
+        """Go back to the start of the scene: what was set, stepped and issued is forgotten."""
+        self.warnings: list[str] = list(self.scene.warnings)
+        self.notes: list[str] = []
+        self._first: np.ndarray | None = None  # outputs before the first step
+        self._steps, self._wall = 0, 0.0
+        document, source = to_json(self.scene.document), name_source(self.scene.path)
+        with core_errors() as core:
+            self._core = core.Docking(document, source)
 
     @property
     def time(self) -> float:
@@ -184,28 +204,46 @@ class Docking:
         """
         if not (isinstance(h, SupportsFloat) and math.isfinite(h) and h > 0.0):
             raise UsageError(f"Docking.step: h is {h!r} s: must be a positive, finite number")
+        if self._first is None:
+            self._first = self._read_outputs()
+        began = time.perf_counter()
         with core_errors():
             self._core.step(h)
+        self._steps, self._wall = self._steps + 1, self._wall + time.perf_counter() - began
         self._keep_warnings()
-
-    def reset(self) -> None:
-        """Go back to the state after construction: start values, inputs and time."""
-        with core_errors():
-            self._core.reset()
-        self.warnings, self.notes = list(self.scene.warnings), []
 
     def __copy__(self) -> "Docking":
         """Return another docking in the same state."""
-        other = Docking(self.scene)
-        other.restore(self.save())
-        other.warnings, other.notes = list(self.warnings), list(self.notes)
-        return other
+        return _revive(*self.__reduce__()[1])
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Docking":
         return self.__copy__()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickle, (self.scene, self.save(), self.warnings, self.notes)
+        seen = {
+            "warnings": list(self.warnings),
+            "notes": list(self.notes),
+            "_first": self._first,
+            "_steps": self._steps,
+            "_wall": self._wall,
+        }
+        return _revive, (self.scene, self.save(), seen)
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What became of the docking so far, as `Result.summary`.
+
+        Audits are those of two points: before the first step of this object, and now. Ends the
+        setting of start values, as a step does.
+        """
+        from dockloop.summary import summarise
+
+        now = self._read_outputs()
+        first = now if self._first is None else self._first
+        result = self._make_result(np.array([first, now]))
+        result.wall = dict.fromkeys(("loop", "do_step"), self._wall) | {"load": 0.0, "read": 0.0}
+        result.warnings, result.notes = list(self.warnings), list(self.notes)
+        return summarise(result) | {"communication_steps": self._steps}
 
     def save(self) -> bytes:
         """Return all that decides the future; the FMU of the scene accepts these bytes too."""
@@ -246,31 +284,39 @@ class Docking:
             DockloopError: a step failed.
         """
         began = time.perf_counter()
-        outputs = [
-            row
-            for kind in TYPES  # order of the columns of a result
-            for row, v in enumerate(self._list)
-            if v.causality == "output" and v.type == kind
-        ]
         with core_errors():
             self._core.start()
-            result = Result(
-                copy.deepcopy(self.scene.document),
-                ["time", *(self._list[row].name for row in outputs)],
-                ["s", *(self._list[row].unit for row in outputs)],
-                np.zeros((len(times), 1 + len(outputs))),
-                self._read_parameters(),
-                {"load": time.perf_counter() - began},
-            )
+            result = self._make_result(np.zeros((len(times), 1 + len(self._outputs))))
+            result.wall = {"load": time.perf_counter() - began}
             began = time.perf_counter()
-            values, *wall = self._core.record(times.tolist(), outputs, progress=progress)
+            values, *wall = self._core.record(times.tolist(), self._outputs, progress=progress)
         result.wall |= {"loop": time.perf_counter() - began, "do_step": wall[0], "read": wall[1]}
         result.values[:, 0] = times
         result.values[:, 1:] = values
+        if self._first is None:
+            self._first = result.values[0].copy()
+        self._steps, self._wall = self._steps + len(times) - 1, self._wall + wall[0]
         self._core.log_left_out()
         self._keep_warnings()
         result.warnings, result.notes = list(self.warnings), list(self.notes)
         return result
+
+    def _make_result(self, values: np.ndarray) -> Result:
+        """Return a result with rows of time and outputs."""
+        chosen = [self._list[row] for row in self._outputs]
+        return Result(
+            copy.deepcopy(self.scene.document),
+            ["time", *(v.name for v in chosen)],
+            ["s", *(v.unit for v in chosen)],
+            values,
+            self._read_parameters(),
+        )
+
+    def _read_outputs(self) -> np.ndarray:
+        """Return the time and all outputs now, shape (1 + outputs,)."""
+        with core_errors():
+            self._core.start()
+            return np.array([self._core.time, *self._core.get(self._outputs)], dtype=float)
 
     def _keep_warnings(self) -> None:
         self.warnings += self._core.take_warnings()
@@ -295,16 +341,17 @@ class Docking:
         raise UsageError(f"{self.scene.name}: there is no variable '{name}'{hint}")
 
 
-def _unpickle(scene: Scene, state: bytes, warnings: list[str], notes: list[str]) -> Docking:
+def _revive(scene: Scene, state: bytes, seen: dict[str, Any]) -> Docking:
+    """Make a docking of a scene in a saved state; the rest of what it has seen."""
     docking = Docking(scene)
     docking.restore(state)
-    docking.warnings, docking.notes = warnings, notes
+    vars(docking).update(seen)
     return docking
 
 
 @names_arguments
 def run(
-    scene: str | Path | Scene,
+    scene: str | Path | Scene | Mapping[str, Any],
     overrides: Mapping[str, Any] | None = None,
     start_values: Mapping[str, Value | str | ArrayLike] | None = None,
     *,
@@ -317,7 +364,7 @@ def run(
     """Run one docking from its start to `stop`: ``dockloop run`` without an FMU.
 
     Args:
-        scene: name of a shipped scene, path of a ``.toml`` file, or a `Scene`.
+        scene: name of a shipped scene, path of a ``.toml`` file, its members, or a `Scene`.
         overrides: as for `Scene`.
         start_values: values of variables at the start, as for `Docking.set`.
         stop: end [s]; default: that of the scene.

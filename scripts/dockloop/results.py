@@ -4,7 +4,7 @@ import math
 import re
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -23,18 +23,39 @@ _MAX_STEPS = 10_000_000
 _BYTES = {".csv": 17}  # of a value; elsewhere 8
 
 
-@dataclass
+class Units(list[str]):
+    """Units of columns: ``units[3]`` by number, ``units["relative.axial"]`` by name."""
+
+    def __init__(self, units: Iterable[str], names: Sequence[str]) -> None:
+        """Join units with the names of their columns."""
+        super().__init__(units)
+        self._names = names
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return a unit. Raises UsageError: there is no column of this name."""
+        return super().__getitem__(find_column(self._names, key) if isinstance(key, str) else key)
+
+
+def find_column(names: Sequence[str], name: str) -> int:
+    """Return the number of a column of a result. Raises UsageError: there is none."""
+    if name not in names:
+        near = did_you_mean(name, names)
+        raise UsageError(f"this result has no column '{name}'{near}; .names lists all")
+    return names.index(name)
+
+
+@dataclass(repr=False)
 class Result:
     """What a run left behind.
 
     ``result["relative.axial"]`` is one variable over time, shape (points,), and
     ``result["relative.position"]`` a vector, shape (points, 3). All values are floats: true is 1, a
-    choice is its number.
+    choice is its number, and `get_choices` returns its name. Iteration and `keys` give the names.
 
     Attributes:
         scene: the resolved scene (``resources/model.json`` of the FMU).
         names: recorded variables, ``time`` first.
-        units: their units.
+        units: their units, ``units["relative.axial"]``.
         values: one row per communication point, one column per name, shape (points, names).
         parameters: value of every parameter that is a number, after initialisation.
         wall: wall time [s]: ``load`` (until the start state is there), ``loop``, and of the loop
@@ -54,6 +75,44 @@ class Result:
     notes: list[str] = field(default_factory=list)
     error_estimate: dict[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        self.units = Units(self.units, self.names)
+
+    def __repr__(self) -> str:
+        end = f", {self.outcome} at the end" if "outcome" in self else ""
+        return (
+            f"Result({self.scene.get('name', '')!r}: {len(self.values)} points from"
+            f" {self.time[0]:g} to {self.time[-1]:g} s, {len(self.names)} columns{end})"
+        )
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names of the columns, ``time`` first."""
+        return iter(self.names)
+
+    def keys(self) -> list[str]:
+        """Return the names of the columns, ``time`` first; ``dict(result)`` works."""
+        return list(self.names)
+
+    @property
+    def outcome(self) -> str:
+        """The outcome at the end, by its name, such as ``captured``."""
+        return str(self.get_choices("outcome")[-1])
+
+    def get_choices(self, name: str) -> np.ndarray:
+        """Return the names of a choice over time, such as ``phase``: texts, shape (points,).
+
+        Raises:
+            UsageError: there is no such column, or its values have no names.
+        """
+        from dockloop.core import read_choices
+
+        choices = read_choices().get(re.sub(r"\[\d+\]", "", name), ())
+        names = {choice.number: choice.name for choice in choices}
+        values = self[name]
+        if not names:
+            raise UsageError(f"Result.get_choices: values of '{name}' have no names")
+        return np.array([names[int(value)] for value in values])
+
     def __contains__(self, name: str) -> bool:
         """Return whether a variable or a vector was recorded."""
         return name in self.names or bool(self._find_entries(name))
@@ -66,10 +125,7 @@ class Result:
         """
         if name not in self.names and self._find_entries(name):
             return self.vector(name)
-        if name not in self.names:
-            near = did_you_mean(name, self.names)
-            raise UsageError(f"this result has no column '{name}'{near}; .names lists all")
-        return self.values[:, self.names.index(name)]
+        return self.values[:, find_column(self.names, name)]
 
     def vector(self, name: str) -> np.ndarray:
         """Return ``name[1], name[2], ...`` as columns, shape (points, entries)."""

@@ -22,7 +22,7 @@ import numpy as np
 from dockloop import schema
 from dockloop.errors import UsageError
 from dockloop.paths import SWEEPS, shown
-from dockloop.scene import find_scene, find_shipped, read_toml
+from dockloop.scene import find_scene, find_shipped, read_toml, to_text, write_scene
 from dockloop.variables import NAMED_NUMBERS
 
 _MAX_CASES = 10_000_000
@@ -191,6 +191,8 @@ def make_sweep(
         text: what the file says; default: the members as JSON.
         passes: at which accuracy cases run.
     """
+    if isinstance(given.get("scene"), Mapping):
+        given = {**given, "scene": str(write_scene(given["scene"]))}
     schema.check(given, "sweep", path)
     document = {"title": path.stem, **schema.list_defaults("sweep"), "set": {}, **given}
     _check_members(document, path)
@@ -397,22 +399,6 @@ _TRANSFORMS: dict[str, Callable[..., list[np.ndarray]]] = {
     "normal": _normal,
     "disc": _disc,
 }
-
-
-def to_text(value: Any) -> str:
-    """Return a value as it is written in TOML and after ``KEY=``, with all digits."""
-    if isinstance(value, np.generic | np.ndarray):
-        value = value.tolist()
-    match value:
-        case bool():
-            return str(value).lower()
-        case str():
-            return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-        case list() | tuple():
-            return "[" + ", ".join(map(to_text, value)) + "]"
-        case dict():
-            return "{" + ", ".join(f"{to_text(k)} = {to_text(v)}" for k, v in value.items()) + "}"
-    return repr(value)
 
 
 def as_setting(name: str, value: Any) -> str:

@@ -11,13 +11,15 @@ Frames: A is the active interface on the chaser, P the passive one on the target
 the docking axis into the target. All relative quantities are P with respect to A, axes of A.
 """
 
+import atexit
 import copy
+import hashlib
 import json
 import math
 import re
 import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -25,6 +27,7 @@ from typing import Any
 from dockloop import schema
 from dockloop.core import number_choice
 from dockloop.errors import UsageError, did_you_mean, find_reason
+from dockloop.outputs import scratch
 from dockloop.paths import MECHANISMS, SCENES, check_file, is_file, name_kind, read_text, shown
 from dockloop.variables import NAMED_NUMBERS
 
@@ -82,6 +85,50 @@ def find_scene(reference: str) -> Path:
             " letters, digits and _ and not begin with a digit"
         )
     return path
+
+
+def write_scene(members: Mapping[str, Any]) -> Path:
+    """Write the members of a scene file into a folder of this process; returns the file.
+
+    Args:
+        members: as in the file. ``mechanism`` may hold the members of a mechanism file, as well as
+            ``set``, ``base_position`` and ``base_attitude`` of the section.
+
+    Raises:
+        UsageError: a member is neither number, text, list nor group.
+        DockloopError: there is no folder for it.
+    """
+    scene = without_nulls(dict(members))
+    named, files = scene.get("mechanism"), {}
+    section = ("name", "set", *(f"base_{m}" for m in _BASE))
+    if isinstance(named, dict) and set(named) - set(section):
+        own = {m: named[m] for m in section[1:] if m in named}
+        mechanism = get_mechanism({key: value for key, value in named.items() if key not in own})
+        name = str(mechanism.get("name", "mechanism"))
+        scene["mechanism"] = {"name": name, **own}
+        files[f"{name}.json"] = json.dumps(mechanism, default=_to_plain)
+    files["scene.toml"] = "".join(f"{to_text(k)} = {to_text(v)}\n" for k, v in scene.items())
+    digest = hashlib.sha256(json.dumps(files).encode()).hexdigest()[:16]
+    folder = _make_own_folder() / digest
+    folder.mkdir(exist_ok=True)
+    for file, text in files.items():
+        (folder / file).write_text(text, encoding="utf-8")
+    return folder / "scene.toml"
+
+
+def _to_plain(value: Any) -> Any:
+    """Return an array or a number of numpy as JSON has it."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise UsageError(f"a mechanism holds {value!r}: must be numbers, texts, lists and groups")
+
+
+@cache
+def _make_own_folder() -> Path:
+    """Return the folder of scenes that are no files; it is removed when the process ends."""
+    stack = ExitStack()
+    atexit.register(stack.close)
+    return stack.enter_context(scratch())
 
 
 def resolve_scene(path: Path, overrides: list[str] | tuple[str, ...] = ()) -> dict:
@@ -404,6 +451,22 @@ def parse_value(text: str) -> Any:
     except (ValueError, RecursionError):
         return text
     return parsed["value"] if len(parsed) == 1 else text
+
+
+def to_text(value: Any) -> str:
+    """Return a value as it is written in TOML and after ``KEY=``, with all digits."""
+    if hasattr(value, "tolist"):  # of numpy
+        value = value.tolist()
+    match value:
+        case bool():
+            return str(value).lower()
+        case str():
+            return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        case list() | tuple():
+            return "[" + ", ".join(map(to_text, value)) + "]"
+        case dict():
+            return "{" + ", ".join(f"{to_text(k)} = {to_text(v)}" for k, v in value.items()) + "}"
+    return repr(value)
 
 
 def read_toml(path: Path) -> tuple[dict, str]:

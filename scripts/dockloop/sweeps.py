@@ -58,7 +58,7 @@ def sweep(
 
     Args:
         reference: name of a shipped sweep, path of a ``.toml`` file, or the members of such a file;
-            there the scene may be a `dockloop.Scene`.
+            there the scene may be a `dockloop.Scene`, or the members of a scene file.
         output: where the journal is kept (next to this file, ``.jsonl``); default: nowhere.
         engine: ``core`` (threads), ``fmu`` (Dask workers) or ``auto``: threads without scheduler.
         workers: local threads or processes; default: one per processor.

@@ -49,7 +49,7 @@ class Envelope:
 
 @names_arguments
 def envelope(
-    scene: str | Path | Scene,
+    scene: str | Path | Scene | Mapping[str, Any],
     x: Range,
     y: Range,
     z: Range | None = None,
@@ -72,7 +72,8 @@ def envelope(
     """Find where dockings meet criteria: the boundary in two or three quantities.
 
     Args:
-        scene: name of a shipped scene, path of a ``.toml`` file, or a `dockloop.Scene`.
+        scene: name of a shipped scene, path of a ``.toml`` file, its members, or a
+            `dockloop.Scene`.
         x: name, low and high of a quantity: a key of the scene or a variable of the FMU.
         y: a second one.
         z: perhaps a third one.
@@ -97,6 +98,8 @@ def envelope(
     """
     pd = import_optional("pandas")
     ranges = [axis for axis in (x, y, z) if axis is not None]
+    if isinstance(scene, Mapping):
+        scene = Scene(scene)
     if isinstance(scene, Scene):
         overrides = scene.overrides | dict(overrides or {})
         scene = scene.reference

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -134,7 +135,7 @@ def _read_run(result: Path) -> Result:
     run = read_result(result)
     if not any(run.units):
         units = json.loads(find_summary(result).read_text(encoding="utf-8")).get("units", {})
-        run.units = [units.get(name, "1") for name in run.names]
+        run = replace(run, units=[units.get(name, "1") for name in run.names])
     return run
 
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @names_arguments
 def trade(
-    scene: str | Path | Scene,
+    scene: str | Path | Scene | Mapping[str, Any],
     *,
     overrides: Mapping[str, Any] | None = None,
     levels: Sequence[str] = (),
@@ -46,7 +46,7 @@ def trade(
     """Measure speed against accuracy: a grid of settings against the reference solution.
 
     Args:
-        scene: name of a shipped scene, path of a ``.toml`` file, or a `Scene`.
+        scene: name of a shipped scene, path of a ``.toml`` file, its members, or a `Scene`.
         overrides: keys of the scene that all runs have otherwise.
         levels: only these levels of the model, by name; empty: all.
         methods: only these methods, by name; empty: all.

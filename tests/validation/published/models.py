@@ -12,7 +12,7 @@ from typing import Any
 
 import dockloop as dl
 from dockloop import paths
-from dockloop.sampling import to_text
+from dockloop.scene import to_text
 
 AXIS_GROUPS = ("relative", "capture", "phase", "ring", "legs", "energy", "solver")
 
