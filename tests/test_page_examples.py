@@ -4,7 +4,10 @@
    cut short by options at the end of the line (`SHORT`).
 2. A list in JSON or TOML is taken by the reader of the product, in a mechanism to which it belongs.
 3. Programs in Python run as they stand.
-4. What does not run here is in `ELSEWHERE`, with the reason; each entry is needed.
+4. Commands within sentences are parsed. Of `run` every scene, key and start value is set in a
+   docking; `check` and `variables` run. A command with words in capitals, or without argument, is only
+   a name.
+5. What does not run here is in `ELSEWHERE`, with the reason; each entry is needed.
 """
 
 import json
@@ -13,6 +16,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
@@ -21,9 +25,10 @@ pytest.importorskip("pyarrow")
 pytest.importorskip("scipy")
 
 import dockloop as dl
-from dockloop import paths, sampling
+from dockloop import cli, paths, sampling
 from dockloop.planning import Planner
 from dockloop.sampling import read_sweep
+from dockloop.scene import parse_value
 from dockloop.view.browser import find_browser
 from test_words import list_files
 
@@ -97,6 +102,24 @@ def list_lines(block):
     return [line for line in lines if line.strip() and not line.startswith("#")]
 
 
+def list_spoken():
+    """Return the commands within sentences, each once, with a page that has it."""
+    spoken = {}
+    for name in (name for name in list_files() if name.endswith(".md")):
+        text = (paths.ROOT / name).read_text(encoding="utf-8")
+        text = re.sub(r"^( *)```(\w*)\n(.*?)^ *```", "", text, flags=re.MULTILINE | re.DOTALL)
+        for found in re.findall(r"`(?:\.venv/bin/)?dockloop\s([^`]+)`", text):
+            words = shlex.split(found)
+            is_whole = len(words) > 1 and not words[1].startswith("-")
+            if is_whole and not any(re.match(r"-?[A-Z]{3}", word) for word in words):
+                spoken[tuple(words)] = name
+    return spoken
+
+
+SPOKEN = list_spoken()
+OWN = ("own", "mine", "lever")  # names of what the reader makes
+
+
 def find_reason(line):
     """Return why a line does not run here, or None."""
     return next((reason for text, reason in ELSEWHERE.items() if re.match(text, line)), None)
@@ -161,6 +184,22 @@ def test_the_commands_of_a_page_run(dockloop, folder, block):
         cut = () if words[0] in WHOLE else SHORT.get(command, ())
         outcome = dockloop(command, *words, *cut)
         assert outcome.status == 0, (line, outcome.err)
+
+
+@pytest.mark.parametrize("words", [pytest.param(w, id=" ".join(w)[:60]) for w in SPOKEN])
+def test_the_commands_within_sentences_are_understood(words, dockloop):
+    options = cli._make_parser(words).parse_args(words)
+    name = Path(words[1]).stem
+    if name in OWN or SPOKEN[words].startswith("tests/validation/random_"):
+        return  # made by the reader; drawn at random, of which some are refused
+    if words[0] == "run":
+        overrides = dict(text.split("=", 1) for text in options.overrides)
+        docking = dl.Docking(name, {key: parse_value(v) for key, v in overrides.items()})
+        for setting in options.set:
+            key, _, value = setting.rpartition("=")
+            docking.set(key, parse_value(value))
+    elif words[0] in ("check", "variables") and "-o" not in words:
+        assert dockloop(*words).status == 0
 
 
 @pytest.mark.parametrize("block", choose("json"))

@@ -6,9 +6,9 @@ kernel is a product over the inputs of 1 + a k(x, x') (analysis of variance by s
 Gu, Smoothing Spline ANOVA Models, 2013; order 1 or 2). Likelihood chooses the factors a and the
 order. A mean prediction is too smooth and its indices are too low. Indices of functions drawn from
 the posterior are not (Le Gratiet, Cannamela, Iooss, SIAM/ASA J. Uncertainty Quantification 2 (2014)
-336). Each draw also draws its own cases anew, so that its spread has both uncertainties. What the
-process does not predict of left-out cases may go with any input: it widens every interval. Inputs
-count as independent.
+336). Each draw also resamples as many points as there are cases, so that its spread has both
+uncertainties. What the process does not predict of left-out cases may go with any input: it widens
+every interval. Inputs count as independent.
 
 A threshold is the best cut of one input into two groups, with the p-value of a permutation test.
 `tests/test_influence.py` counts how often the intervals hold closed forms.
@@ -219,7 +219,7 @@ class _Process:
         values = values.reshape(inputs + 1, _POINTS, _DRAWS)
         totals = []
         for draw in range(_DRAWS):
-            start, *moved = values[:, random.integers(0, _POINTS, _POINTS), draw]
+            start, *moved = values[:, random.integers(0, _POINTS, count), draw]
             variances = [np.var([start, each]) for each in moved]
             totals.append(np.mean((start - moved) ** 2, axis=1) / variances / 2.0)
         return np.array(totals)
