@@ -20,12 +20,12 @@ pytest.importorskip("pyarrow")
 pytest.importorskip("matplotlib")
 
 import pyarrow as pa
+from matplotlib.colors import to_rgba
 
 import dockloop as dl
 from dockloop import sweep_report
 from dockloop.columns import say_number
-from dockloop.core import list_choices
-from dockloop.plots import color_of
+from dockloop.palette import LATCH_STATES, PHASES
 
 SCENE = "idss_25t_350t"
 SWEEP = """
@@ -94,11 +94,11 @@ def test_a_run_has_a_page(dockloop, tmp_path):
 def test_a_timeline_has_the_phases_and_latches_of_the_result():
     result = dl.run(SCENE, stop=4.0, step=0.05)
     t, axes = result["time"], result.plot()["timeline"].axes
-    for axis, choice, outputs in (
-        (axes[0], "phase", ["phase"]),
-        (axes[1], "latch.state", [f"latch[{i}].state" for i in (3, 2, 1)]),
+    for axis, colours, outputs in (
+        (axes[0], PHASES, ["phase"]),
+        (axes[1], LATCH_STATES, [f"latch[{i}].state" for i in (3, 2, 1)]),
     ):
-        numbers = {color_of(value.number): value.number for value in list_choices(choice)}
+        numbers = {to_rgba(colour): i + 1 for i, colour in enumerate(colours)}
         shown = np.zeros((len(outputs), len(t)))
         for bars in axis.collections:
             for path in bars.get_paths():

@@ -13,15 +13,28 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from dockloop.core import number_choice
+from dockloop.palette import (
+    ACTIVE_FILL,
+    AXES,
+    BOX,
+    CHASER,
+    CHASER_EDGE,
+    FAINT,
+    INK,
+    LATCH,
+    LEG,
+    PAPER,
+    RING,
+    SOFT,
+    TARGET,
+    TARGET_EDGE,
+)
 
 Point = tuple[float, float]
 Vector = Sequence[float] | np.ndarray
 View = Callable[[Vector], Point]  # from a point in space to the sheet
 
 _STRAIGHT = 1e-9  # m: nearer to a line is on it
-INK, FAINT, PAPER = "#1d2733", "#8a97a6", "#ffffff"
-CHASER, TARGET, RING, LEG = "#dbe7f5", "#f3e7d3", "#c2483d", "#2f6db5"
-AXES = {"x": "#c0392b", "y": "#2e8b57", "z": "#2f5fc4"}
 
 
 class Drawing:
@@ -146,17 +159,17 @@ def draw_frames(has_target: bool, has_ring: bool) -> str:
     d = Drawing(760, 318, "Frames N, C, A, B, G, P, D and the vectors between them")
     c, a, g, p, t, n = (120, 160), (250, 160), (345, 160), (505, 160), (635, 160), (48, 286)
     d.box((40, 90), (210, 140), CHASER)
-    d.label((58, 112), "chaser", anchor="start", color="#42607f")
+    d.label((58, 112), "chaser", anchor="start", color=CHASER_EDGE)
     if has_target:
         d.box((505, 80), (215, 160), TARGET)
-        d.label((703, 102), "target", anchor="end", color="#80683c")
-        d.line((505, 108), (505, 212), width=5, color="#80683c")
-    d.line((250, 112), (250, 208), width=5, color="#42607f")
+        d.label((703, 102), "target", anchor="end", color=TARGET_EDGE)
+        d.line((505, 108), (505, 212), width=5, color=TARGET_EDGE)
+    d.line((250, 112), (250, 208), width=5, color=CHASER_EDGE)
     if has_ring:
         for y0, y1 in ((112, 106), (126, 196), (194, 124), (208, 214)):
             d.line((250, y0), (g[0], y1), color=LEG, width=2)
         d.line((g[0], 100), (g[0], 220), color=RING, width=7)
-    grey = "#55616e"
+    grey = SOFT
     for start, end, text, place in (
         (n, c, "chaser.position", (66, 250)),
         *([(n, t, "target.position", (330, 243))] if has_target else []),
@@ -188,7 +201,7 @@ def draw_frames(has_target: bool, has_ring: bool) -> str:
 def draw_phases() -> str:
     """Draw the phases of a docking and what leads from one to the next."""
     d = Drawing(760, 214, "Phases of a docking")
-    fills = {"rebound": "#fbe3e0", "aligned": "#e4f2e7"}
+    fills = {"rebound": ACTIVE_FILL, "aligned": CHASER}
     for x, y, name in (
         (10, 60, "approach"),
         (165, 60, "contact"),
@@ -197,7 +210,7 @@ def draw_phases() -> str:
         (650, 60, "aligned"),
         (165, 160, "rebound"),
     ):
-        d.box((x, y), (100, 42), fills.get(name, "#eef3f8"))
+        d.box((x, y), (100, 42), fills.get(name, BOX))
         d.label((x + 50, y + 26), f"{number_choice('phase', name)} {name}")
     for start, end, lines in (
         (110, 165, ("first", "touch")),
@@ -207,15 +220,13 @@ def draw_phases() -> str:
     ):
         d.arrow((start, 81), (end, 81))
         for i, text in enumerate(lines):
-            d.label(((start + end) / 2, 28 + 13 * i), text, size=11, color="#55616e")
+            d.label(((start + end) / 2, 28 + 13 * i), text, size=11, color=SOFT)
         d.line(((start + end) / 2, 45), ((start + end) / 2, 74), color=FAINT, width=0.7, dash="2 3")
     d.arrow((198, 102), (198, 160))
-    d.label((191, 128), "open by 50 mm and opening,", anchor="end", size=11, color="#55616e")
-    d.label((191, 142), "no latch holds", anchor="end", size=11, color="#55616e")
+    d.label((191, 128), "open by 50 mm and opening,", anchor="end", size=11, color=SOFT)
+    d.label((191, 142), "no latch holds", anchor="end", size=11, color=SOFT)
     d.arrow((232, 160), (232, 102))
-    d.label(
-        (240, 142), "touches again, or a latch catches", anchor="start", size=11, color="#55616e"
-    )
+    d.label((240, 142), "touches again, or a latch catches", anchor="start", size=11, color=SOFT)
     d.arrow((700, 102), (700, 181), (265, 181))
     text = "latches let go (also after capture; to contact while it touches)"
     d.label((490, 174), text, size=11)
@@ -227,16 +238,16 @@ def draw_coupling(vehicle: str) -> str:
     d = Drawing(760, 150, f"Coupling of the driven vehicle {vehicle}")
     d.box((20, 30), (200, 100), CHASER if vehicle == "chaser" else TARGET)
     d.label((120, 70), "vehicle model of the host", size=13)
-    d.label((120, 92), "from t to t + h", size=12, color="#55616e")
-    d.box((540, 30), (200, 100), "#eef3f8")
+    d.label((120, 92), "from t to t + h", size=12, color=SOFT)
+    d.box((540, 30), (200, 100), BOX)
     d.label((640, 70), "this FMU", bold=True)
-    d.label((640, 92), "from t to t + h", size=12, color="#55616e")
+    d.label((640, 92), "from t to t + h", size=12, color=SOFT)
     d.arrow((220, 55), (540, 55))
     d.label((380, 30), f"at t: {vehicle}.position, velocity,", size=12)
     d.label((380, 46), "attitude, angular_velocity", size=12)
     d.arrow((540, 105), (220, 105))
     d.label((380, 98), f"after the step: {vehicle}.force_mean, torque_mean", size=12)
-    d.label((380, 124), "constant over the step, exact impulse", size=11, color="#55616e")
+    d.label((380, 124), "constant over the step, exact impulse", size=11, color=SOFT)
     return d.text_of()
 
 
@@ -393,10 +404,8 @@ def draw_legs(mechanism: dict, home_q: Sequence[float] = ()) -> str:
     def front(point: Vector) -> Point:
         return 570 + scale * point[right], 185 - scale * point[up]
 
-    d.label(
-        (30, 372), f"from the side ({names[along]} to the right)", anchor="start", color="#55616e"
-    )
-    d.label((570, 372), f"from the front (against {names[along]})", color="#55616e")
+    d.label((30, 372), f"from the side ({names[along]} to the right)", anchor="start", color=SOFT)
+    d.label((570, 372), f"from the front (against {names[along]})", color=SOFT)
     if has_ring:
         rotation, position = find_body_places(mechanism, home_q)[capture]
         views = [
@@ -427,13 +436,13 @@ def _draw_ring(d: Drawing, mechanism: dict, scale: float, side: View, front: Vie
     middle = front((0, 0, 0))
     inner = contact["core_inner_radius"] - contact["ring_rounding"]
     outer = contact["core_outer_radius"] + contact["ring_rounding"]
-    d.circle(middle, scale * (inner + outer) / 2, color="#e8b9b4", width=scale * (outer - inner))
+    d.circle(middle, scale * (inner + outer) / 2, color=ACTIVE_FILL, width=scale * (outer - inner))
     for radius in (inner, outer):
         d.circle(middle, scale * radius, color=RING, width=0.8)
     x = contact["core_x"]
     corners = [side((x + dx, r, 0)) for dx, r in ((-0.01, -outer), (0.01, -outer))]
     corners += [side((x + dx, r, 0)) for dx, r in ((0.01, outer), (-0.01, outer))]
-    d.line(*corners, color=RING, width=0.8, fill="#e8b9b4", close=True)
+    d.line(*corners, color=RING, width=0.8, fill=ACTIVE_FILL, close=True)
     count = contact["petal_count"]
     base = contact["petal_base_half_angle"]
     for k in range(count):
@@ -447,8 +456,8 @@ def _draw_ring(d: Drawing, mechanism: dict, scale: float, side: View, front: Vie
         outline = [foot - wide * across, foot + wide * across]
         outline += [tip + narrow * across, tip - narrow * across]
         for view in (side, front):
-            d.line(*map(view, outline), color=RING, width=1, fill="#f7dedb", close=True)
+            d.line(*map(view, outline), color=RING, width=1, fill=ACTIVE_FILL, close=True)
     for azimuth in latches.get("azimuth", []):
         r = latches["radius"]
         place = front((0, r * math.cos(azimuth), r * math.sin(azimuth)))
-        d.circle(place, 4.5, fill="#f0b429", color=INK, width=1)
+        d.circle(place, 4.5, fill=LATCH, color=INK, width=1)

@@ -12,11 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from dockloop.drawing import (
-    FAINT,
-    INK,
-    LEG,
-    PAPER,
-    RING,
     Drawing,
     Point,
     Vector,
@@ -26,6 +21,7 @@ from dockloop.drawing import (
     list_legs,
 )
 from dockloop.outputs import Kind, claim, read_head, write_text
+from dockloop.palette import FAINT, INK, LEG, PAPER, RING, SOFT
 
 _MADE_BY = "<!-- made by dockloop check -->"
 SHEET = Kind("drawing", "dockloop check", lambda path: _MADE_BY.encode() in read_head(path))
@@ -62,7 +58,7 @@ def draw_mechanism(mechanism: dict, home_q: Sequence[float], independent: Sequen
         if mark:
             _draw_joint(d, (x, y), mark)
         d.label((x + 10, y + 4), text, anchor="start", size=11, bold=not mark)
-        d.label((_COLUMN, y + 4), notes, anchor="start", size=11, color="#55616e")
+        d.label((_COLUMN, y + 4), notes, anchor="start", size=11, color=SOFT)
     return d.text_of()
 
 
@@ -213,5 +209,5 @@ def _draw_legend(d: Drawing) -> None:
         x = 330 + 130 * i
         _draw_joint(d, (x, 20), kind)
         d.label((x + 10, 24), text, anchor="start", size=11)
-    d.label((330, _TOP - 16), "from the side (x to the right)", size=11, color="#55616e")
-    d.label((740, _TOP - 16), "from the front (against x)", size=11, color="#55616e")
+    d.label((330, _TOP - 16), "from the side (x to the right)", size=11, color=SOFT)
+    d.label((740, _TOP - 16), "from the front (against x)", size=11, color=SOFT)

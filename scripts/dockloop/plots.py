@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from dockloop.core import list_choices, list_loads
-from dockloop.figures import save_figure
+from dockloop.figures import fit_ordinate, put_legend, save_figure
+from dockloop.palette import LATCH_STATES, PHASES, cycle_lines, style_line
 from dockloop.results import Result
 from dockloop.summary import COMMAND
 
@@ -57,13 +58,15 @@ def _draw(run: Result, draw: Callable) -> Any:
     """Let `draw` fill two panels over time."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9, 6), layout="constrained")
+    figure = Figure(figsize=(10, 6), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True)
+    for axis in axes:
+        axis.set_prop_cycle(cycle_lines())
     draw(run, axes)
     for axis in axes:
         axis.grid(alpha=0.3)
-        if axis.get_legend_handles_labels()[0]:
-            axis.legend(loc="best", fontsize="small")
+        fit_ordinate(axis)
+        put_legend(axis)
         if "time_of_contact" in run:
             for event in ("time_of_contact", "time_of_capture"):
                 if run[event][-1] >= 0.0:
@@ -106,15 +109,16 @@ def _plot_loads(run: Result, axes: Any) -> None:
     last = t[0]
     for name, unit in loads.items():
         axis = axes[0] if unit == "N" else axes[1]
+        style = style_line(list(list_loads()).index(name))
         peaks = run[f"capture.peak.{name}"]
         peak = peaks[-1]
-        label = f"{name}, peak {peak:.0f}"
+        label = f"{name}, peak {peak:.3g}"
         if name in rated:
             label += f", rated {rated[name]:g}"
-        (line,) = axis.plot(t, run[f"capture.{name}"], label=label, linewidth=0.9)
+        (line,) = axis.plot(t, run[f"capture.{name}"], label=label, linewidth=0.9, **style)
         last = max(last, _mark(axis, line, float(t[np.argmax(peaks >= peak)]), peak))
         if name in rated and peak > 0.5 * rated[name]:
-            axis.axhline(rated[name], color=line.get_color(), linestyle="--", linewidth=0.9)
+            axis.axhline(rated[name], color=line.get_color(), linestyle=":", linewidth=1.2)
     _zoom(run, axes[0], last)
     axes[0].set_ylabel("force on the target [N]")
     axes[1].set_ylabel("moment on the target [N m]")
@@ -127,7 +131,7 @@ def _plot_components(run: Result, axes: Any) -> None:
     last = t[0]
     for axis, name in zip(axes, ("force", "torque"), strict=True):
         for letter, values in zip("xyz", run.vector(f"capture.{name}").T, strict=True):
-            label = f"{letter}, largest {np.max(np.abs(values)):.0f}"
+            label = f"{letter}, largest {np.max(np.abs(values)):.3g}"
             (line,) = axis.plot(t, values, label=label, linewidth=0.9)
             largest = int(np.argmax(np.abs(values)))
             last = max(last, _mark(axis, line, float(t[largest]), values[largest]))
@@ -152,13 +156,15 @@ def _zoom(run: Result, axis: Any, last: float) -> None:
 
 def _plot_timeline(run: Result, axes: Any) -> None:
     """Draw a strip of phases, and a strip of states for every latch."""
-    _draw_strips(axes[0], run, {"phase": "phase"}, "phase")
+    _draw_strips(axes[0], run, {"phase": "phase"}, "phase", PHASES)
     count = sum(bool(_LATCH_STATE.fullmatch(name)) for name in run.names)
     strips = {f"latch {i}": f"latch[{i}].state" for i in range(count, 0, -1)}
-    _draw_strips(axes[1], run, strips, "latch.state")
+    _draw_strips(axes[1], run, strips, "latch.state", LATCH_STATES)
 
 
-def _draw_strips(axis: Any, run: Result, strips: dict[str, str], choice: str) -> None:
+def _draw_strips(
+    axis: Any, run: Result, strips: dict[str, str], choice: str, colours: tuple[str, ...]
+) -> None:
     """Draw outputs that are choices as coloured strips.
 
     Args:
@@ -166,6 +172,7 @@ def _draw_strips(axis: Any, run: Result, strips: dict[str, str], choice: str) ->
         run: what was recorded.
         strips: outputs by label, from below.
         choice: as for `list_choices`.
+        colours: of its values.
     """
     t, used = run["time"], {int(n) for output in strips.values() for n in np.unique(run[output])}
     for row, output in enumerate(strips.values()):
@@ -179,16 +186,10 @@ def _draw_strips(axis: Any, run: Result, strips: dict[str, str], choice: str) ->
                     if run[output][i] == value.number
                 ]
                 label = value.name if row == 0 else None
-                axis.broken_barh(spans, (row - 0.4, 0.8), color=color_of(value.number), label=label)
+                colour = colours[value.number - 1]
+                axis.broken_barh(spans, (row - 0.4, 0.8), color=colour, label=label)
     axis.set_yticks(range(len(strips)), strips)
-    axis.set_ylim(-0.6, len(strips) - 0.4 + 0.35 * len(strips))  # room for the legend
-
-
-def color_of(number: int) -> tuple[float, float, float, float]:
-    """Return the colour of a choice: all of up to twenty differ."""
-    from matplotlib import colormaps
-
-    return colormaps["tab20"](number - 1)
+    axis.set_ylim(-0.6, len(strips) - 0.4)
 
 
 def _plot_legs(run: Result, axes: Any) -> None:
@@ -196,7 +197,7 @@ def _plot_legs(run: Result, axes: Any) -> None:
     count = sum(name.endswith("].length") for name in run.names)
     for i in range(1, count + 1):
         axes[0].plot(run["time"], 1e3 * run[f"leg[{i}].length"], label=f"leg {i}")
-        axes[1].plot(run["time"], run[f"leg[{i}].force"])
+        axes[1].plot(run["time"], run[f"leg[{i}].force"], label=f"leg {i}")
     axes[0].set_ylabel("length [mm]")
     axes[1].set_ylabel("force, + pushes apart [N]")
 

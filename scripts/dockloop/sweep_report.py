@@ -32,6 +32,7 @@ from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
 from dockloop.limits import EXCEEDED, name_exceeded
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_csv, writing
+from dockloop.palette import BLUE, MARKERS, NOT_RUN, OUTCOMES, style_line
 from dockloop.paths import check_file, read_text, shown
 from dockloop.results import import_optional
 from dockloop.run_errors import compare_peaks
@@ -46,12 +47,7 @@ FIRST = "first."  # begins columns of the first pass, filled where a case ran ag
 _NAMED = ("outcome", "phase")  # Integers of the FMU that the table spells out
 _OF_RESULTS = ("status", "reason", "warning", "end_time")
 _PART = 1 << 14  # rows that are made at a time
-# Of the outcomes, in the order in which the core lists them; and of what did not run.
-_COLOURS = (
-    *("0.5", "tab:blue", "tab:orange", "tab:red", "tab:purple", "tab:cyan"),
-    *("tab:green", "tab:olive", "tab:brown", "tab:pink"),
-)
-_NOT_RUN = ("not run", "black")
+_NOT_RUN = "not run"  # in place of an outcome
 _BINS = 8
 _VIEWS = 3  # worst cases that a report shows in motion
 _COLUMNS = 4  # panels of a figure side by side
@@ -689,7 +685,7 @@ def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> No
     from matplotlib.figure import Figure
     from pyarrow import compute
 
-    outcomes = table["outcome"].fill_null(_NOT_RUN[0])
+    outcomes = table["outcome"].fill_null(_NOT_RUN)
     captured = is_captured(outcomes)
     outcomes = compute.if_else(captured, "captured", outcomes)
     numbers = {
@@ -723,15 +719,7 @@ def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> No
             axis.set_aspect("equal")
             axis.set_xlabel(f"{first} along y [{x_unit}]", fontsize="small")
             axis.set_ylabel(f"along z [{x_unit}]")
-        names = (outcome.name for outcome in list_choices("outcome"))
-        for name, colour in (*zip(names, itertools.cycle(_COLOURS), strict=False), _NOT_RUN):
-            chosen = np.flatnonzero(compute.equal(outcomes, name).to_numpy())
-            if len(chosen):
-                label = f"{name}: {len(chosen)}"
-                if len(chosen) > _MOST_POINTS:  # at random: every n-th of a sequence is no sample
-                    chosen = np.random.default_rng(0).choice(chosen, _MOST_POINTS, replace=False)
-                size = 4 if name == "captured" else 12
-                axis.scatter(x[chosen], y[chosen], size, color=colour, label=label, linewidths=0)
+        _plot_outcomes(axis, outcomes, x, y)
     for axis, name in zip(scalar_axes, scalars, strict=False):
         values, unit = numbers[name]
         _plot_fraction(axis, values, captured.to_numpy())
@@ -747,6 +735,23 @@ def _plot_envelope(sweep: Sweep, planner: Planner, table: Any, path: Path) -> No
     save_figure(figure, path, COMMAND)
 
 
+def _plot_outcomes(axis: Any, outcomes: Any, x: np.ndarray, y: np.ndarray) -> None:
+    """Draw cases as points in the colour and with the marker of their outcome."""
+    from pyarrow import compute
+
+    names = (*(outcome.name for outcome in list_choices("outcome")), _NOT_RUN)
+    styles = zip((*OUTCOMES, NOT_RUN), MARKERS, strict=True)
+    for name, (colour, marker) in zip(names, styles, strict=True):
+        chosen = np.flatnonzero(compute.equal(outcomes, name).to_numpy())
+        if len(chosen):
+            label = f"{name}: {len(chosen)}"
+            if len(chosen) > _MOST_POINTS:  # at random: every n-th of a sequence is no sample
+                chosen = np.random.default_rng(0).choice(chosen, _MOST_POINTS, replace=False)
+            size = 4 if name == "captured" else 12
+            axis.scatter(x[chosen], y[chosen], size, colour, marker=marker, label=label,
+                         linewidths=0.6 if marker == "x" else 0)  # fmt: skip
+
+
 def _plot_fraction(axis: Any, values: np.ndarray, captured: np.ndarray) -> None:
     """Draw the part captured in bins of equal count (or per value), with intervals."""
     different = np.unique(values)
@@ -758,35 +763,36 @@ def _plot_fraction(axis: Any, values: np.ndarray, captured: np.ndarray) -> None:
     for group in groups:
         part = estimate_fraction(int(captured[group].sum()), len(captured[group]))
         middle = float(np.mean(values[group]))
-        axis.plot([middle, middle], [part["low"], part["high"]], color="tab:blue", linewidth=0.9)
-        axis.plot(middle, part["fraction"], "o", color="tab:blue", markersize=4)
+        axis.plot([middle, middle], [part["low"], part["high"]], color=BLUE, linewidth=0.9)
+        axis.plot(middle, part["fraction"], "o", color=BLUE, markersize=4)
 
 
 def _plot_loads(sweep: Sweep, planner: Planner, table: Any, path: Path) -> None:
-    """Part of the cases whose peak exceeds a load; rated loads dashed."""
+    """Part of the cases whose peak exceeds a load; rated loads upright and dotted."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9, 4.5), layout="constrained")
+    figure = Figure(figsize=(9, 5.5), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     rated = planner.base["mechanism"].get("limits", {})
     for name, values in _peaks(table).items():
         if name not in list_loads():
             continue
         axis = axes[0] if list_loads()[name] == "N" else axes[1]
+        style = style_line(list(list_loads()).index(name))
         # From the largest one on, as dense on the logarithmic axis as can be seen.
         ranks = np.unique(np.geomspace(1, len(values), _MOST_POINTS).astype(int))[::-1]
-        label = f"{name}, largest {values.max():.0f}"
+        label = f"{name}, largest {values.max():.3g}"
         label += f", rated {rated[name]:g}" if name in rated else ""
         loads, exceeded = np.sort(values)[-ranks], ranks / len(values)
-        (line,) = axis.step(loads, exceeded, where="pre", label=label, linewidth=0.9)
+        (line,) = axis.step(loads, exceeded, where="pre", label=label, linewidth=0.9, **style)
         if name in rated:
-            axis.axvline(rated[name], color=line.get_color(), linestyle="--", linewidth=0.9)
+            axis.axvline(rated[name], color=line.get_color(), linestyle=":", linewidth=1.2)
     for axis, text in zip(axes, ("peak force [N]", "peak moment [N m]"), strict=True):
-        axis.set_xlabel(f"{text}; dashed: rated")
+        axis.set_xlabel(f"{text}; dotted: rated")
         axis.set_yscale("log")
         axis.grid(alpha=0.3)
         if axis.get_legend_handles_labels()[0]:
-            axis.legend(loc="best", fontsize="small")
+            axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize="small")
     axes[0].set_ylabel("part of the cases at or above")
     figure.suptitle(sweep.document["title"], fontsize="medium")
     save_figure(figure, path, COMMAND)

@@ -31,6 +31,7 @@ from coupling_host import Coupling
 from coupling_scenes import SCENES, TIGHT, compare, equal_steps, run_coupled, run_solution
 from dockloop import paths
 from dockloop.fmu import build_fmu
+from dockloop.palette import BLUE, GREY, NAVY, VERMILION
 from page import find_origin, write_page
 
 STUDIED = ("default", "light", "pressed", "both")
@@ -145,7 +146,7 @@ def draw(results, steps, file):
         rows, columns, figsize=(4.2 * columns, 3.4 * rows), sharex=True, sharey=True, squeeze=False
     )
     styles = {"parallel": "o", "sequential": "x", "iterated": "^", "end_of_step": "s"}
-    colours = {1.0: "tab:blue", 0.5: "tab:orange", 1.5: "tab:green"}
+    colours = {1.0: BLUE, 0.5: VERMILION, 1.5: NAVY}
     for axis, (name, found) in zip(axes.flat, results.items(), strict=False):
         for scheme, reported in dict.fromkeys((scheme, reported) for scheme, reported, _ in found):
             line = [
@@ -159,7 +160,7 @@ def draw(results, steps, file):
             axis.loglog(
                 *zip(*line, strict=True),
                 marker=styles[scheme],
-                color=colours.get(reported, "tab:gray") if scheme in OWN else "0.45",
+                color=colours.get(reported, GREY) if scheme in OWN else "0.45",
                 linestyle="--" if scheme == "sequential" else "-",
                 linewidth=1.0,
                 markersize=4.0,

@@ -25,6 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import dockloop as dl
 from dockloop.figures import save_figure
+from dockloop.palette import BLUE, VERMILION, YELLOW
 from dockloop.paths import ROOT
 from family_trends import ACCURACY, TRENDS, Row
 from page import find_origin, replace_section, write_head, write_page, write_row
@@ -357,14 +358,14 @@ def draw(name: str, envelopes: dict[float, Any], path: Path) -> None:
         points = envelope.points
         captured = points["captured"].eq(True)  # empty if a docking failed
         rated = captured & (points["capture.peak.load_ratio"] < 1.0)
-        for label, colour, chosen in (
-            ("captured, loads rated", "tab:blue", rated),
-            ("captured, loads above", "tab:orange", captured & ~rated),
-            ("not captured", "tab:red", ~captured),
+        for label, colour, marker, chosen in (
+            ("captured, loads rated", BLUE, "o", rated),
+            ("captured, loads above", YELLOW, "s", captured & ~rated),
+            ("not captured", VERMILION, "x", ~captured),
         ):
             part = points[chosen]
             axis.plot(
-                part["initial.lateral_offset"], 1e3 * part["initial.closing_speed"], "s",
+                part["initial.lateral_offset"], 1e3 * part["initial.closing_speed"], marker,
                 color=colour, markersize=4, label=label,
             )  # fmt: skip
         axis.set_title(f"{name}, thrust {thrust:.0f} N", fontsize="small")

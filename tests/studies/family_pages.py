@@ -26,8 +26,9 @@ import numpy as np
 import dockloop as dl
 from dockloop import core, formats
 from dockloop.drawing import find_legs
-from dockloop.figures import save_figure
+from dockloop.figures import put_legend, save_figure
 from dockloop.mechanism_drawing import draw_mechanism
+from dockloop.palette import BLUE, SOFT, cycle_lines
 from dockloop.paths import MECHANISMS, MODELS, ROOT, SCENES, shown
 from page import write_head, write_row
 
@@ -358,24 +359,26 @@ def draw_docking(name: str, run: dl.Result) -> Any:
     """Draw loads, legs, drive and steps over time; the capture has panels of its own."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8.4, 7.2), layout="constrained")
+    figure = Figure(figsize=(10.4, 7.8), layout="constrained")
     panels: Any = figure.subplots(4, 2, sharey="row", sharex="col", width_ratios=(1, 1.4))
     document: dict = read_mechanism(name)
     t = run["time"]
     end = float(t[min(len(t) - 1, np.searchsorted(t, list_steps(name, run)[-1][0] + 5.0))])
     for side, (low, high) in enumerate(((0.0, SHORT), (SHORT, end))):
         loads, legs, drive, steps = panels[:, side]
+        for axis in (loads, legs, drive):
+            axis.set_prop_cycle(cycle_lines())
         for load in LIMITS:
             share = run[f"capture.{load}"] / document["limits"][load]
             loads.plot(t, share, linewidth=0.8, label=load)
-        loads.axhline(1.0, color="0.4", linestyle="--", linewidth=0.8)
+        loads.axhline(1.0, color=SOFT, linewidth=0.8)
         for i in range(1, len(document["legs"]) + 1):
             legs.plot(t, run[f"leg[{i}].force"], linewidth=0.8,
                       label=document["legs"][i - 1]["name"])  # fmt: skip
         for i in FAMILIES[name].drive:
             label = document["forces"][i - 1]["name"]
             drive.plot(t, run[f"element[{i}].coordinate"], linewidth=0.8, label=label)
-        drive.plot(t, run["relative.axial"], color="0.2", linestyle=":", label="axial distance")
+        drive.plot(t, run["relative.axial"], color=SOFT, linestyle=":", label="axial distance")
         draw_steps(steps, list_steps(name, run))
         for axis in panels[:, side]:
             axis.grid(alpha=0.3)
@@ -386,7 +389,7 @@ def draw_docking(name: str, run: dl.Result) -> Any:
     for axis, text in zip(panels[:, 0], texts, strict=True):
         axis.set_ylabel(text, fontsize="small")
     for axis in panels[:3, 1]:
-        axis.legend(loc="upper right", fontsize="xx-small", ncols=3)
+        put_legend(axis)
     panels[2, 0].set_ylim(np.min(run["relative.axial"]) - 0.35, 0.5)
     return figure
 
@@ -395,7 +398,7 @@ def draw_steps(axis: Any, begins: list[tuple[float, str]]) -> None:
     """Draw the steps of a sequence as stairs with names."""
     names = [name for _, name in begins]
     times = [time for time, _ in begins]
-    axis.step([*times, STOP], [*range(len(names)), len(names) - 1], where="post", color="tab:blue")
+    axis.step([*times, STOP], [*range(len(names)), len(names) - 1], where="post", color=BLUE)
     axis.set_yticks(range(len(names)), names)
 
 

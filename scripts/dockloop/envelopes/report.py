@@ -18,6 +18,7 @@ from dockloop.envelopes.search import COMMAND, WORK, Search
 from dockloop.html_report import page_kind, report_envelope, say_half_distance, write_page
 from dockloop.journal import journal_kind
 from dockloop.outputs import MADE_BY, figure_kind, json_kind, table_kind, write_csv
+from dockloop.palette import CELLS, POINTS
 from dockloop.sweep_report import describe_output, estimate_fraction
 
 KINDS = {  # of the files in the folder of an envelope
@@ -29,7 +30,6 @@ KINDS = {  # of the files in the folder of an envelope
     "report.html": page_kind(COMMAND),
 }
 _SLICES = 4  # panels of a figure of three quantities, for each criterion
-_MET, _NOT_MET, _EDGE = "#9ecae1", "#f0f0f0", "#08306b"
 Row = list[Any]
 
 
@@ -254,18 +254,20 @@ def _draw_panel(axis: Any, search: Search, number: int, height: int) -> None:
         polygons.append(
             [search.values((*c, height) if not flat else c)[:2] for c in list_outline(cell)]
         )
-        colours.append(_MET if all(here) else "#6baed6" if any(here) else _NOT_MET)
+        colours.append(CELLS["met" if all(here) else "mixed" if any(here) else "not met"])
     axis.add_collection(
-        PolyCollection(polygons, facecolors=colours, edgecolors="white", linewidths=0.2)
+        PolyCollection(polygons, facecolors=colours, edgecolors="0.9", linewidths=0.2)
     )
     points = [point for point in search.runs if flat or point[2] == height]
-    for met, colour, label in ((True, "tab:blue", "met"), (False, "tab:red", "not met")):
+    for met, marker, label in ((True, "o", "met"), (False, "x", "not met")):
         chosen = [search.values(p) for p in points if known[p][number] == met]
         if chosen:
-            axis.plot(*zip(*(v[:2] for v in chosen), strict=True), ".", color=colour,
-                      markersize=2.5, label=f"{label}: {len(chosen)}")  # fmt: skip
+            axis.plot(
+                *zip(*(v[:2] for v in chosen), strict=True), marker, color=POINTS[label],
+                markersize=2.5, markeredgewidth=0.7, label=f"{label}: {len(chosen)}",
+            )  # fmt: skip
     if flat:
-        axis.add_collection(LineCollection(_find_segments(search, number), colors=_EDGE))
+        axis.add_collection(LineCollection(_find_segments(search, number), colors=CELLS["edge"]))
     set_axes(axis, search)
     title = search.criteria[number].text
     if not flat:
@@ -273,7 +275,7 @@ def _draw_panel(axis: Any, search: Search, number: int, height: int) -> None:
         title += f"\n{_label(search, 2)}: {third:.4g}"
     axis.set_title(title, fontsize="small", wrap=True)
     if axis.get_legend_handles_labels()[0]:
-        axis.legend(loc="best", fontsize="x-small")
+        axis.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16), ncols=2, fontsize="x-small")
 
 
 def set_axes(axis: Any, search: Search) -> None:

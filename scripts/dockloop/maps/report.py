@@ -26,6 +26,7 @@ from dockloop.outputs import (
     write_csv,
     write_text,
 )
+from dockloop.palette import MARKERS, VERDICT_COLOURS
 
 COMMAND = "dockloop map"
 _TITLE = "# Map: "
@@ -36,18 +37,6 @@ KINDS = {  # of the files in the folder of a map
     "summary.json": json_kind("summary", COMMAND),
     "journal.jsonl": journal_kind("map"),
 }
-_COLOURS = {
-    "right": "#9ecae1",
-    "refused": "#d9d9d9",
-    "warned": "#ffffb3",
-    "undetermined": "#c2a5cf",
-    "slow": "#bdb76b",
-    "loose": "#fdae61",
-    "wrong": "#d7301f",
-    "hung": "#7f0000",
-    "crashed": "#000000",
-}
-_MIXED = "#ffffff"
 _MOST_LISTED = 40  # bad points on the page; the table has all
 
 
@@ -254,12 +243,12 @@ def _draw_verdicts(axis: Any, search: Search) -> None:
     for cell in search.mesh.cells:
         outlines.append([search.values(point) for point in list_outline(cell)])
         names = {read_verdict(search, corner).verdict for corner in search.mesh.corners(cell)}
-        colours.append(_COLOURS[names.pop()] if len(names) == 1 else _MIXED)
-    axis.add_collection(PolyCollection(outlines, facecolors=colours, edgecolors="none", alpha=0.6))
-    for name, colour in _COLOURS.items():
+        colours.append(VERDICT_COLOURS[names.pop() if len(names) == 1 else "mixed"])
+    axis.add_collection(PolyCollection(outlines, facecolors=colours, edgecolors="0.9"))
+    for (name, colour), marker in zip(VERDICT_COLOURS.items(), MARKERS, strict=False):
         chosen = [search.values(p) for p in search.runs if read_verdict(search, p).verdict == name]
         if chosen:
-            axis.plot(*zip(*chosen, strict=True), "s", color=colour, markeredgecolor="0.3",
+            axis.plot(*zip(*chosen, strict=True), marker, color=colour, markeredgecolor="0.3",
                       markeredgewidth=0.3, markersize=3.5, clip_on=False,
                       label=f"{name}: {len(chosen)}")  # fmt: skip
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize="x-small")

@@ -4,7 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from dockloop.figures import put_legend
 from dockloop.measured.data import Data
+from dockloop.palette import VERMILION
 from dockloop.results import Result
 
 _MOST = 8  # panels
@@ -24,10 +26,10 @@ def draw(run: Result, data: Data, found: dict[str, Any]) -> Any:
             time, data[name] - half, data[name] + half, color="0.85", label="error band"
         )
         axis.plot(time, data[name], ".", markersize=2, color="0.35", label="measured")
-        axis.plot(run.time, run[name], linewidth=0.9, color="C3", label="run")
+        axis.plot(run.time, run[name], linewidth=0.9, color=VERMILION, label="run")
         axis.set_ylabel(f"{name} [{unit.replace('.', ' ')}]", fontsize="small")
         axis.grid(alpha=0.3)
-    panels[0].legend(loc="best", fontsize="small")
+    put_legend(panels[0])
     panels[0].set_title(run.scene["title"], fontsize="medium")
     panels[-1].set_xlabel(f"time of the run [s]; data shifted by {found['shift']:.4g} s")
     panels[-1].set_xlim(max(time[0], run.time[0]), min(time[-1], run.time[-1]))

@@ -5,6 +5,7 @@ model cost something else than those of another. Where two settings take the sam
 are the steadier figure; the front by evaluations is marked too.
 """
 
+import itertools
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from dockloop.core import name_choice
 from dockloop.figures import can_draw, save_figure
 from dockloop.journal import journal_kind
 from dockloop.outputs import figure_kind, table_kind, write_csv, write_text
+from dockloop.palette import LINES
 from dockloop.run_errors import describe_scale
 from dockloop.trades import Trade
 from dockloop.trades.columns import AUDITS, COSTS, ERRORS, FIGURES
@@ -340,7 +342,6 @@ def _make_page(summary: dict, rows: list[dict], figures: list[Path]) -> str:
 
 def _plot(summary: dict, path: Path) -> None:
     """Draw error against evaluations and against time, one line per scheme and step."""
-    from matplotlib import colormaps
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
@@ -348,8 +349,7 @@ def _plot(summary: dict, path: Path) -> None:
     schemes = list(dict.fromkeys(row["scheme"] for row in rows))
     steps = sorted({row["step"] for row in rows})
     styles = {step: ("-o", "--s", ":^", "-.v")[i % 4] for i, step in enumerate(steps)}
-    palette = colormaps["tab10" if len(schemes) <= 10 else "tab20"]
-    colours = {scheme: palette(i % palette.N) for i, scheme in enumerate(schemes)}
+    colours = dict(zip(schemes, itertools.cycle(LINES), strict=False))
     figure = Figure(figsize=(12, 6), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     for axis, cost in zip(axes, ("evaluations", "time_ratio"), strict=True):

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from dockloop import __version__
+from dockloop import __version__, palette
 from dockloop.core import list_choices, list_loads
 from dockloop.errors import DockloopError, UsageError
 from dockloop.outputs import Kind, read_head, writing
@@ -133,6 +133,17 @@ def make_data(run: Result, command: str | None = None) -> dict:
             "outcomes": [outcome.name for outcome in list_choices("outcome")],
             "latch_states": [state.name for state in list_choices("latch.state")],
             "loads": list_loads(),
+            "colors": {
+                **palette.SPACE,
+                "chaser": palette.CHASER_EDGE,
+                "target": palette.TARGET_EDGE,
+                "axes": list(palette.AXES.values()),
+                "latch": palette.LATCH_STATES,
+                "phase": palette.PHASES,
+                "lines": palette.LINES,
+                "dashes": palette.DASHES,
+                **{n: getattr(palette, n.upper()) for n in ("ink", "soft", "faint", "paper")},
+            },
             "rated": {
                 name: value
                 for name, value in run.scene["mechanism"].get("limits", {}).items()

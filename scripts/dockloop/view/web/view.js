@@ -6,13 +6,7 @@
   const data = JSON.parse(document.getElementById('data').textContent);
   const { meta, geometry, events } = data;
   const $ = (id) => document.getElementById(id);
-  const COLORS = {
-    chaser: '#5b87bd', target: '#b98a2f', active: '#c2483d', passive: '#c79a3e', leg: '#2f6db5', rod: '#8a97a6',
-    force: '#b3001b', torque: '#7a3fb0', petal: '#e0631b', push: '#c2255c', pull: '#1f8a70',
-    latch: ['#8a97a6', '#e2b100', '#ef7d1a', '#1f9d55', '#b5419b'],
-    phase: ['#dfe6ee', '#f5c26b', '#7cc58f', '#9fd3f0', '#4fae72', '#c9b6e8', '#3d7f5b', '#e58f87', '#c9b6e8', '#b0bac5', '#d9d2a8'],
-    lines: ['#1f5fa8', '#c2483d', '#1f8a70', '#b07a00', '#7a3fb0', '#55616e'],
-  };
+  const COLORS = meta.colors;
   const LOAD_NAMES = Object.keys(meta.loads);
 
   // ------------------------------------------------------------------ columns
@@ -156,11 +150,11 @@
       return sprite;
     }
     function addFrame(parent, name, size, at = [0, 0, -0.3 * size]) {
-      [['#c0392b', [1, 0, 0]], ['#2e8b57', [0, 1, 0]], ['#2f5fc4', [0, 0, 1]]].forEach(([color, axis]) => {
-        const bar = rod(parent, 0.008 * size / 0.25, new T.MeshBasicMaterial({ color }), 8);
+      [[1, 0, 0], [0, 1, 0], [0, 0, 1]].forEach((axis, k) => {
+        const bar = rod(parent, 0.008 * size / 0.25, new T.MeshBasicMaterial({ color: COLORS.axes[k] }), 8);
         span(bar, new T.Vector3(), vector(axis).multiplyScalar(size));
       });
-      if (name) addLabel(parent, name, at, '#1d2733', 0.032);
+      if (name) addLabel(parent, name, at, COLORS.ink, 0.032);
     }
 
     // Vehicles: the equal homogeneous box, or a mesh.
@@ -300,7 +294,7 @@
     const bodies = {};
     for (const body of geometry.bodies) {
       if (!has(`pose.body.${body.name}`)) continue;
-      const made = group(world), line = rod(world, 0.012, solid('#55616e'));
+      const made = group(world), line = rod(world, 0.012, solid(COLORS.soft));
       addFrame(made, body.name, 0.12);
       bodies[body.name] = { made, line, parent: body.parent };
     }
@@ -330,7 +324,7 @@
       const shortest = lengths.reduce((a, x) => Math.min(a, x), leg.min_length || Infinity);
       const thick = 0.02 * Math.min(1.5, Math.max(0.5, home / 0.9)), material = solid(COLORS.rod);
       const made = { leg, force: `leg[${k + 1}].force`, shortest, material, cylinder: rod(world, thick, solid(COLORS.leg)), rod: rod(world, 0.6 * thick, material) };
-      made.joints = [ball(world, new T.Vector3(), 1.4 * thick, solid('#3a4653')), ball(world, new T.Vector3(), 1.2 * thick, solid('#3a4653'))];
+      made.joints = [ball(world, new T.Vector3(), 1.4 * thick, solid(COLORS.ink)), ball(world, new T.Vector3(), 1.2 * thick, solid(COLORS.ink))];
       legs.push(made);
     });
 
@@ -417,7 +411,7 @@
       });
       petals.forEach((petal, k) => {
         const force = value(petalForces[k], i) || 0, part = most.petal > 0 ? force / most.petal : 0;
-        petal.material.color.copy(petal.color).lerp(new T.Color('#ffb200'), Math.sqrt(part));
+        petal.material.color.copy(petal.color).lerp(new T.Color(COLORS.load), Math.sqrt(part));
         const way = petal.normal.clone().multiplyScalar(most.force > 0 ? -ARROW * force / most.force : 0);
         arrows.petals[k](petal.middle.clone().sub(way), way);
       });
@@ -515,6 +509,17 @@
 
   const name2 = (text) => text.replace(/^.*\[(\d+)\].*$/, '$1');
   const figures = [];
+  /** The dashes of a curve, as the background of its key. */
+  function makeDashes({ color, dashes }) {
+    const stops = [];
+    let at = 0;
+    dashes.forEach((length, k) => {
+      const shown = k % 2 ? 'transparent' : color;
+      stops.push(`${shown} ${at}px ${at + length}px`);
+      at += length;
+    });
+    return `repeating-linear-gradient(90deg, ${stops.join(', ')})`;
+  }
   function addFigure(title, series, more = {}) {
     const found = series.filter((s) => has(s.column));
     if (!found.length) return;
@@ -524,9 +529,10 @@
     caption.append(heading);
     found.forEach((s, k) => {
       s.color = s.color || COLORS.lines[k % COLORS.lines.length];
+      s.dashes = COLORS.dashes[k % COLORS.dashes.length];
       s.factor = s.factor || 1;
       const entry = document.createElement('span'), key = document.createElement('i');
-      key.style.background = s.color;
+      key.style.background = s.dashes.length ? makeDashes(s) : s.color;
       s.text = document.createTextNode('');
       entry.append(key, s.text);
       caption.append(entry);
@@ -599,7 +605,7 @@
     const pen = sheet.getContext('2d');
     pen.scale(ratio, ratio);
     canvas.getContext('2d').scale(ratio, ratio);
-    pen.fillStyle = '#fff';
+    pen.fillStyle = COLORS.paper;
     pen.fillRect(0, 0, w, h);
     const [ta, tb] = range, x = (t) => ((t - ta) / (tb - ta || 1)) * w;
     const i0 = Math.max(0, findSample(ta)), i1 = Math.min(last, findSample(tb) + 1);
@@ -635,20 +641,21 @@
       if (low < 0 && high > 0) { pen.beginPath(); pen.moveTo(0, y(0)); pen.lineTo(w, y(0)); pen.stroke(); }
       for (const [level, text] of figure.levels) {
         if (level < low || level > high) continue;
-        pen.strokeStyle = '#8a97a6';
+        pen.strokeStyle = COLORS.faint;
         pen.setLineDash([5, 4]);
         pen.beginPath();
         pen.moveTo(0, y(level));
         pen.lineTo(w, y(level));
         pen.stroke();
         pen.setLineDash([]);
-        pen.fillStyle = '#5b6876';
+        pen.fillStyle = COLORS.soft;
         pen.fillText(text, w - pen.measureText(text).width - 4, y(level) - 3);
       }
       for (const s of figure.series) {
         const column = columns[s.column];
         pen.strokeStyle = s.color;
         pen.lineWidth = 1.3;
+        pen.setLineDash(s.dashes);
         pen.beginPath();
         for (let i = i0; i <= i1;) { // lowest and highest of every pixel
           const pixel = Math.floor(x(times[i]));
@@ -661,13 +668,14 @@
         }
         pen.stroke();
       }
-      pen.fillStyle = '#5b6876';
+      pen.setLineDash([]);
+      pen.fillStyle = COLORS.soft;
       pen.fillText(`${nice(high - margin)} ${figure.unit}`, 4, 12);
       pen.fillText(nice(low + margin), 4, h - 4);
     }
     for (const event of events) {
       if (!['contact', 'capture'].includes(event.key)) continue;
-      pen.strokeStyle = '#55616e';
+      pen.strokeStyle = COLORS.soft;
       pen.setLineDash([2, 3]);
       pen.beginPath();
       pen.moveTo(x(event.time), 0);
@@ -684,7 +692,7 @@
       pen.drawImage(figure.sheet, 0, 0, w, canvas.clientHeight);
       if (time >= range[0] - 1e-9 && time <= range[1] + 1e-9) {
         const x = ((time - range[0]) / (range[1] - range[0] || 1)) * w;
-        pen.fillStyle = '#1d2733';
+        pen.fillStyle = COLORS.ink;
         pen.fillRect(Math.min(w - 1.5, Math.max(0, x - 0.75)), 0, 1.5, canvas.clientHeight);
       }
       if (figure.strip) figure.text.textContent = figure.names[columns[figure.strip][i] - 1] || '';
@@ -811,7 +819,7 @@
   for (const event of [...events].sort((a, b) => b.key.startsWith('peak') - a.key.startsWith('peak'))) {
     const mark = document.createElement('span');
     mark.style.left = `${(100 * (event.time - times[0])) / (times[last] - times[0] || 1)}%`;
-    mark.style.borderTopColor = { contact: '#b07a00', capture: '#1f9d55', start: '#fff0', end: '#fff0' }[event.key] || '#c2483d';
+    mark.style.borderTopColor = { contact: COLORS.lines[1], capture: COLORS.lines[0], start: '#fff0', end: '#fff0' }[event.key] || COLORS.ink;
     $('marks').append(mark);
   }
   addOptions($('speed'), SPEEDS.map((s) => [String(s), `\u00d7 ${s}`]), '1');
