@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from dockloop.core import number_choice
+from dockloop.hardware import list_active, list_hooks, make_hardware
 from dockloop.palette import (
     ACTIVE_FILL,
     AXES,
@@ -131,7 +132,8 @@ class Drawing:
         length = 10 ** math.floor(math.log10(reach))
         x, y = at
         self.line(at, (x + scale * length, y), width=2)
-        self.label((x + 8 + scale * length, y + 4), f"{length:g} m", anchor="start", size=11)
+        text = f"{length:g} m" if length >= 0.1 else f"{1e3 * length:g} mm"
+        self.label((x + 8 + scale * length, y + 4), text, anchor="start", size=11)
 
     def axes(
         self,
@@ -386,15 +388,10 @@ def draw_legs(mechanism: dict, home_q: Sequence[float] = ()) -> str:
     along = int(np.argmax(np.abs(np.mean(ends - roots, axis=0))))
     right, up = (along + 1) % 3, (along + 2) % 3
     names = "xyz"
-    contact = mechanism.get("contact", {})
-    capture = mechanism.get("capture", {}).get("body", "base")
-    has_ring = contact.get("type") == "guide_ring"
-    everything = np.vstack([roots, ends, *pins.values()])
+    hardware = list_points(mechanism, home_q) if along == 0 else np.empty((0, 3))
+    everything = np.vstack([roots, ends, *pins.values(), hardware])
     low, high = everything.min(axis=0), everything.max(axis=0)
     radius = max(np.hypot(everything[:, right], everything[:, up]))
-    if has_ring:
-        high[along] = max(high[along], contact["petal_tip_x"])
-        radius = max(radius, contact["core_outer_radius"] + contact["ring_rounding"])
     scale = min(150 / radius, 310 / (high[along] - low[along]))
     d = Drawing(760, 380, "Legs at home, from the side and from the front")
 
@@ -406,13 +403,8 @@ def draw_legs(mechanism: dict, home_q: Sequence[float] = ()) -> str:
 
     d.label((30, 372), f"from the side ({names[along]} to the right)", anchor="start", color=SOFT)
     d.label((570, 372), f"from the front (against {names[along]})", color=SOFT)
-    if has_ring:
-        rotation, position = find_body_places(mechanism, home_q)[capture]
-        views = [
-            lambda p, view=view: view(position + rotation @ np.array(p, float))
-            for view in (side, front)
-        ]
-        _draw_ring(d, mechanism, scale, *views)
+    if along == 0:  # the ring stands across x
+        draw_hardware(d, mechanism, home_q, scale, (side, front))
     for i, (name, root, end) in enumerate(legs):
         middle = pins.get(name, root + 0.3 * (end - root))
         for view in (side, front):
@@ -430,34 +422,100 @@ def draw_legs(mechanism: dict, home_q: Sequence[float] = ()) -> str:
     return d.text_of()
 
 
-def _draw_ring(d: Drawing, mechanism: dict, scale: float, side: View, front: View) -> None:
-    """Draw guide ring, petals and latches; the ring stands across x, azimuth from y to z."""
-    contact, latches = mechanism["contact"], mechanism.get("latches", {})
-    middle = front((0, 0, 0))
-    inner = contact["core_inner_radius"] - contact["ring_rounding"]
-    outer = contact["core_outer_radius"] + contact["ring_rounding"]
-    d.circle(middle, scale * (inner + outer) / 2, color=ACTIVE_FILL, width=scale * (outer - inner))
-    for radius in (inner, outer):
-        d.circle(middle, scale * radius, color=RING, width=0.8)
-    x = contact["core_x"]
-    corners = [side((x + dx, r, 0)) for dx, r in ((-0.01, -outer), (0.01, -outer))]
-    corners += [side((x + dx, r, 0)) for dx, r in ((0.01, outer), (-0.01, outer))]
-    d.line(*corners, color=RING, width=0.8, fill=ACTIVE_FILL, close=True)
-    count = contact["petal_count"]
-    base = contact["petal_base_half_angle"]
-    for k in range(count):
-        azimuth = 2 * math.pi * k / count
-        radial = np.array((0, math.cos(azimuth), math.sin(azimuth)))
-        across = np.array((0, -math.sin(azimuth), math.cos(azimuth)))
-        flat, wide = (contact["petal_base_radius"] * f(base) for f in (math.cos, math.sin))
-        foot = np.array((contact["petal_base_x"], 0, 0)) + flat * radial
-        tip = np.array((contact["petal_tip_x"], 0, 0)) + contact["petal_tip_distance"] * radial
-        narrow = contact["petal_tip_half_width"]
-        outline = [foot - wide * across, foot + wide * across]
-        outline += [tip + narrow * across, tip - narrow * across]
-        for view in (side, front):
-            d.line(*map(view, outline), color=RING, width=1, fill=ACTIVE_FILL, close=True)
-    for azimuth in latches.get("azimuth", []):
-        r = latches["radius"]
-        place = front((0, r * math.cos(azimuth), r * math.sin(azimuth)))
-        d.circle(place, 4.5, fill=LATCH, color=INK, width=1)
+def draw_hardware(
+    d: Drawing,
+    mechanism: dict,
+    home_q: Sequence[float],
+    scale: float,
+    views: tuple[View, View],
+) -> None:
+    """Draw the hardware of the chaser at home: surfaces and latches of G, faces, hooks, pushers.
+
+    Args:
+        d: the sheet.
+        mechanism: its description, angles in rad.
+        home_q: as for `find_body_places`.
+        scale: points per metre.
+        views: across x and along x, of points in axes of the base.
+    """
+    hardware = make_hardware(mechanism)
+    ring = _place_ring(mechanism, home_q)
+    base = (np.eye(3), np.zeros(3))
+    for part in ("faces", "hooks", "pushers"):
+        for shape in hardware["interface"].get(part, ()):
+            colors = (SOFT, LATCH if part == "hooks" else PAPER)
+            _draw_shape(d, _place_shape(shape, base), scale, views, colors)
+    for shape in list_active(hardware):
+        _draw_shape(d, _place_shape(shape, ring), scale, views, (RING, ACTIVE_FILL))
+    for shape in list_hooks(hardware):
+        _draw_shape(d, _place_shape(shape, ring), scale, views, (INK, LATCH))
+
+
+def _place_ring(mechanism: dict, home_q: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+    """Return rotation and position of G at home, axes and origin of the base."""
+    capture = mechanism.get("capture", {})
+    rotation, position = find_body_places(mechanism, home_q)[capture.get("body", "base")]
+    at = position + rotation @ np.array(capture.get("position", (0, 0, 0)), float)
+    return rotation @ np.array(capture.get("rotation", np.eye(3)), float), at
+
+
+def list_points(mechanism: dict, home_q: Sequence[float]) -> np.ndarray:
+    """Return points that bound the drawn hardware at home, axes and origin of the base."""
+    hardware = make_hardware(mechanism)
+    ring, base = _place_ring(mechanism, home_q), (np.eye(3), np.zeros(3))
+    placed = [_place_shape(shape, ring) for shape in list_active(hardware)]
+    parts = hardware["interface"].values()
+    placed += [_place_shape(shape, base) for part in parts for shape in part]
+    points = [
+        shape["place"](point) + step
+        for shape in placed
+        for point in _list_corners(shape)
+        for step in (-shape["rounding"], shape["rounding"])
+    ]
+    return np.array(points).reshape(-1, 3)
+
+
+def _list_corners(shape: dict) -> list[Vector]:
+    """Return the points of a shape; of a surface of revolution four on every circle."""
+    if shape["kind"] != "revolution":
+        return shape["points"]
+    around = ((1, 0), (0, 1), (-1, 0), (0, -1))
+    return [(x, r * c, r * s) for line in shape["profiles"] for x, r in line for c, s in around]
+
+
+def _place_shape(shape: dict, frame: tuple[np.ndarray, np.ndarray]) -> dict:
+    """Return a shape with ``place``, which gives a point of it in axes of the base."""
+    rotation, position = frame
+    origin = position + rotation @ np.array(shape["pose"]["p"], float)
+    axes = rotation @ _matrix(shape["pose"]["q"])
+    return {**shape, "place": lambda point: origin + axes @ np.array(point, float)}
+
+
+def _draw_shape(
+    d: Drawing, shape: dict, scale: float, views: tuple[View, View], colors: tuple[str, str]
+) -> None:
+    """Draw a placed shape in both views: of a surface of revolution its section and its circles."""
+    (side, front), (color, fill), place = views, colors, shape["place"]
+    if shape["kind"] == "revolution":
+        for profile in shape["profiles"]:
+            for sign in (1, -1):
+                outline = (side(place((x, sign * r, 0.0))) for x, r in profile)
+                d.line(*outline, color=color, width=0.8, fill=fill, close=True)
+        x = shape["profiles"][0][0][0]
+        radii = [r for profile in shape["profiles"] for _, r in profile]
+        for radius in {min(radii), max(radii)}:
+            turns = (2 * math.pi * i / 72 for i in range(72))
+            circle = (place((x, radius * math.cos(a), radius * math.sin(a))) for a in turns)
+            d.line(*map(front, circle), color=color, width=0.8, close=True)
+        return
+    points = [place(point) for point in shape["points"]]
+    for view in views:
+        seen = [view(point) for point in points]
+        radius = max(scale * shape["rounding"], 0.5)
+        if shape["kind"] == "plate":
+            d.line(*seen, color=color, width=1, fill=fill, close=True)
+        elif len(seen) == 1 or math.dist(*seen) < radius / 2:
+            d.circle(seen[0], radius, fill=fill, color=color, width=0.8)
+        else:
+            d.line(*seen, color=color, width=2 * radius)
+            d.line(*seen, color=fill, width=max(2 * radius - 1.6, 0.2))

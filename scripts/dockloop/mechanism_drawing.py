@@ -15,13 +15,16 @@ from dockloop.drawing import (
     Drawing,
     Point,
     Vector,
+    draw_hardware,
     find_body_places,
     find_legs,
     find_pins,
     list_legs,
+    list_points,
 )
 from dockloop.outputs import Kind, claim, read_head, write_text
-from dockloop.palette import FAINT, INK, LEG, PAPER, RING, SOFT
+from dockloop.palette import FAINT, INK, LATCH, LEG, PAPER, RING, SOFT
+from dockloop.scene import convert_degrees
 
 _MADE_BY = "<!-- made by dockloop check -->"
 SHEET = Kind("drawing", "dockloop check", lambda path: _MADE_BY.encode() in read_head(path))
@@ -128,10 +131,12 @@ def _describe_ties(mechanism: dict, name: str) -> Iterator[str]:
 def _draw_views(d: Drawing, mechanism: dict, home_q: Sequence[float]) -> None:
     """Draw the mechanism from the side and from the front."""
     lines, marks = _find_skeleton(mechanism, home_q)
-    points = np.array([point for _, *ends in lines for point in ends] or [np.zeros(3)])
+    plain = convert_degrees(mechanism)
+    points = np.vstack([*(ends for _, *ends in lines), list_points(plain, home_q), np.zeros(3)])
     low, high = points.min(axis=0), points.max(axis=0)
-    radius = max(np.max(np.hypot(points[:, 1], points[:, 2])), 0.05)
-    scale = min(150 / radius, 460 / max(high[0] - low[0], 0.05))
+    radius = np.max(np.hypot(points[:, 1], points[:, 2]))
+    length = high[0] - low[0]
+    scale = min(150 / (radius or length or 1.0), 460 / (length or radius or 1.0))
 
     def side(point: Vector) -> Point:
         return 50 + scale * (point[0] - low[0]), 205 - scale * point[1]
@@ -139,6 +144,7 @@ def _draw_views(d: Drawing, mechanism: dict, home_q: Sequence[float]) -> None:
     def front(point: Vector) -> Point:
         return 740 + scale * point[1], 205 - scale * point[2]
 
+    draw_hardware(d, plain, home_q, scale, (side, front))
     for view in (side, front):
         for kind, first, last in lines:
             color, width = (LEG, 3.0) if kind == "leg" else (FAINT, 2.0)
@@ -148,7 +154,7 @@ def _draw_views(d: Drawing, mechanism: dict, home_q: Sequence[float]) -> None:
     origin = np.zeros(3)
     d.axes(side(origin), "B", (-12, 17), "xyz")
     d.axes(front(origin), "B", (-12, 17), "yzx")
-    d.ruler((50, _TOP - 20), scale, radius)
+    d.ruler((50, _TOP - 20), scale, radius or length or 1.0)
 
 
 def _find_skeleton(
@@ -196,6 +202,8 @@ def _draw_joint(d: Drawing, at: Point, kind: str) -> None:
         d.square(at, PAPER)
     elif kind == "cut":
         d.circle(at, 4, fill=PAPER, color=RING, width=2)
+    elif kind == "hook":
+        d.circle(at, 4, fill=LATCH, color=INK, width=1)
     elif kind == "leg":
         d.line((x - 5, y), (x + 5, y), color=LEG, width=3)
     else:
@@ -205,8 +213,10 @@ def _draw_joint(d: Drawing, at: Point, kind: str) -> None:
 def _draw_legend(d: Drawing) -> None:
     """Explain the marks."""
     texts = {"revolute": "turns", "prismatic": "slides", "free": "moves freely"}
-    for i, (kind, text) in enumerate({**texts, "cut": "cut of a loop"}.items()):
-        x = 330 + 130 * i
+    for i, (kind, text) in enumerate(
+        {**texts, "cut": "cut of a loop", "hook": "latch, hook"}.items()
+    ):
+        x = 330 + 125 * i
         _draw_joint(d, (x, 20), kind)
         d.label((x + 10, 24), text, anchor="start", size=11)
     d.label((330, _TOP - 16), "from the side (x to the right)", size=11, color=SOFT)

@@ -259,7 +259,7 @@ def load_mechanism(
             f"{shown(scene_path)}: {' and '.join(keys or places)} cannot be set in {shown(path)}:"
             f" {found.sentence}"
         )
-    return {"name": name, **_plain(without_nulls(mechanism))}
+    return {"name": name, **convert_degrees(without_nulls(mechanism))}
 
 
 def find_mechanism(name: str, scene_path: Path) -> Path:
@@ -621,10 +621,10 @@ def without_nulls(node: Any) -> Any:
     return node
 
 
-def _plain(node: Any) -> Any:
+def convert_degrees(node: Any) -> Any:
     """Return a mechanism without comments, with every NAME_deg as NAME in rad."""
     if isinstance(node, list):
-        return [_plain(entry) for entry in node]
+        return [convert_degrees(entry) for entry in node]
     if not isinstance(node, dict):
         return node
     plain = {}
@@ -633,5 +633,5 @@ def _plain(node: Any) -> Any:
             to_rad = [math.radians(v) for v in value] if isinstance(value, list) else None
             plain[key.removesuffix("_deg")] = math.radians(value) if to_rad is None else to_rad
         elif key != "comment":
-            plain[key] = _plain(value)
+            plain[key] = convert_degrees(value)
     return plain

@@ -7,15 +7,12 @@ file. A vehicle is a homogeneous box with its mass and inertia, or a mesh that t
 Poses are pairs ``{"p": [x, y, z], "q": [w, x, y, z]}``, quaternions as in the FMU.
 """
 
-import math
-from collections.abc import Sequence
-
 import numpy as np
 
 from dockloop.drawing import find_body_places, list_legs
+from dockloop.hardware import find_extent, find_quaternion, list_hooks, make_hardware
 
-_HERE = {"p": [0.0, 0.0, 0.0], "q": [1.0, 0.0, 0.0, 0.0]}
-_PORT = 0.15  # clearance of a vehicle's box from its mating plane [m]
+_PORT = 0.2  # clearance of a vehicle's box from its mating plane over the extent
 
 
 def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
@@ -26,17 +23,22 @@ def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
         parameters: values of the FMU's parameters; they win over the document.
 
     Returns:
-        Members ``base`` (its pose in axes of A), ``vehicles``, ``ring``, ``cores``, ``contact``,
-        ``legs``, ``latches``, ``capture_body``, ``capture_body_in_G``, ``bodies``.
+        Members ``base`` (its pose in axes of A), ``vehicles``, those of `make_hardware`, ``hooks``
+        (symbols of latches), ``extent`` [m], ``contact``, ``legs``, ``capture_body``,
+        ``capture_body_in_G``, ``bodies``.
     """
     mechanism = document["mechanism"]
     legs = _list_legs(mechanism)
-    back = min((leg["root_point"][0] for leg in legs if leg["root"] == "base"), default=-0.3)
+    hardware = make_hardware(mechanism)
+    extent = find_extent(
+        hardware, (leg[at] for leg in legs for at in ("root_point", "closing_point"))
+    )
+    port = _PORT * extent
+    back = min((leg["root_point"][0] for leg in legs if leg["root"] == "base"), default=-2 * port)
     vehicles = {}
-    for name, front in (("chaser", min(back, -_PORT)), ("target", _PORT)):
+    for name, front in (("chaser", min(back, -port)), ("target", port)):
         if name in document:
             vehicles[name] = _make_vehicle(name, document[name], parameters, front)
-    contact = mechanism.get("contact", {})
     base = document.get("base", {})
     return {
         "base": {
@@ -44,11 +46,11 @@ def make_geometry(document: dict, parameters: dict[str, float]) -> dict:
             "q": list(base.get("attitude", [1.0, 0.0, 0.0, 0.0])),
         },
         "vehicles": vehicles,
-        "ring": _make_rings(contact) if contact.get("type") == "guide_ring" else None,
-        "cores": _make_cores(contact) if contact.get("type") == "surfaces" else None,
-        "contact": contact.get("type"),
+        **hardware,
+        "hooks": list_hooks(hardware),
+        "extent": extent,
+        "contact": mechanism.get("contact", {}).get("type"),
         "legs": legs,
-        "latches": _make_latches(mechanism.get("latches")),
         "capture_body": mechanism.get("capture", {}).get("body", "base"),
         "capture_body_in_G": _place_body_in_ring(mechanism.get("capture", {})),
         "bodies": [
@@ -144,23 +146,6 @@ def conjugate(a: np.ndarray) -> np.ndarray:
     return a * np.array([1.0, -1.0, -1.0, -1.0])
 
 
-def find_quaternion(rotation: np.ndarray) -> np.ndarray:
-    """Return the unit quaternion (w, x, y, z) of a rotation matrix."""
-    k = np.array(
-        [
-            [np.trace(rotation), 0.0, 0.0, 0.0],
-            [rotation[2, 1] - rotation[1, 2], 2 * rotation[0, 0] - np.trace(rotation), 0.0, 0.0],
-            [rotation[0, 2] - rotation[2, 0], 0.0, 2 * rotation[1, 1] - np.trace(rotation), 0.0],
-            [rotation[1, 0] - rotation[0, 1], 0.0, 0.0, 2 * rotation[2, 2] - np.trace(rotation)],
-        ]
-    )
-    for i, j in ((1, 2), (1, 3), (2, 3)):
-        k[j, i] = rotation[i - 1, j - 1] + rotation[j - 1, i - 1]
-    values, vectors = np.linalg.eigh(k)  # reads the lower triangle
-    best = vectors[:, int(np.argmax(values))]
-    return best if best[0] >= 0.0 else -best
-
-
 def _make_vehicle(name: str, vehicle: dict, parameters: dict[str, float], front: float) -> dict:
     """Return the box of a vehicle and the pose of its body frame in its interface frame."""
 
@@ -190,9 +175,9 @@ def _make_vehicle(name: str, vehicle: dict, parameters: dict[str, float], front:
     low, high = points.min(axis=0), points.max(axis=0)
     center, is_cut = origin, False
     if name == "chaser" and high[0] > front:
-        high[0], low[0], is_cut = front, min(low[0], front - 0.1), True
+        high[0], low[0], is_cut = front, min(low[0], 5 / 3 * front), True
     if name == "target" and low[0] < front:
-        low[0], high[0], is_cut = front, max(high[0], front + 0.1), True
+        low[0], high[0], is_cut = front, max(high[0], 5 / 3 * front), True
     if is_cut:  # axes of the interface then, which are those of the box in all but odd cases
         center, size, box = (low + high) / 2.0, high - low, np.array([[1.0, 0.0, 0.0, 0.0]])
     return {
@@ -237,77 +222,6 @@ def _make_crank(leg: dict, places: dict[str, tuple[np.ndarray, np.ndarray]]) -> 
     }
 
 
-def _make_rings(contact: dict) -> dict:
-    """Return both guide rings; as ``make_capture_hardware`` in src/contact/guide_ring.cpp."""
-    count, petals = contact["petal_count"], []
-    base, half = contact["petal_base_radius"], contact["petal_base_half_angle"]
-    tip = (contact["petal_tip_x"], contact["petal_tip_distance"], contact["petal_tip_half_width"])
-    for j in range(count):
-        a = 2.0 * math.pi * j / count
-        petals.append(
-            [
-                _at_azimuth(contact["petal_base_x"], base, a - half),
-                _at_azimuth(contact["petal_base_x"], base, a + half),
-                _about_x((tip[0], tip[1], tip[2]), a),
-                _about_x((tip[0], tip[1], -tip[2]), a),
-            ]
-        )
-    axis = np.array(_at_azimuth(0.0, 1.0, math.pi / (2 * max(count, 1))))
-    return {
-        "core_x": contact["core_x"],
-        "inner": contact["core_inner_radius"],
-        "outer": contact["core_outer_radius"],
-        "ring_rounding": contact["ring_rounding"],
-        "petal_rounding": contact["petal_rounding"],
-        "petals": petals,
-        "passive": {"p": [0.0, 0.0, 0.0], "q": [0.0, *axis.tolist()]},  # a turn by pi
-    }
-
-
-def _make_cores(contact: dict) -> dict[str, list[dict]]:
-    """Return the cores of both sides, in axes of G and of P."""
-    return {
-        side: [shape for core in contact[side] for shape in _list_shapes(core)]
-        for side in ("active", "passive")
-    }
-
-
-def _list_shapes(core: dict) -> list[dict]:
-    """Return a core as shapes: ``kind``, ``points``, ``rounding`` and ``pose``."""
-    shape = {"kind": core["kind"], "rounding": core["rounding"], "pose": _HERE}
-    if core["kind"] == "nodes":
-        circle = (core.get("x", 0.0), core["radius"], core.get("azimuth_offset", 0.0))
-        points = [
-            _at_azimuth(*circle[:2], circle[2] + 2.0 * math.pi * i / core["count"])
-            for i in range(core["count"])
-        ]
-        return [{**shape, "kind": "point", "points": [point]} for point in points]
-    if core["kind"] == "revolution":
-        axis = core.get("axis", {})
-        turn_of_axis = find_quaternion(np.array(axis.get("rotation", np.eye(3)), float))
-        pose = {"p": axis.get("position", [0.0, 0.0, 0.0]), "q": turn_of_axis.tolist()}
-        return [{**shape, "points": core["profile"], "pose": pose}]
-    if core["kind"] == "point":
-        return [{**shape, "points": [core.get("position", [0.0, 0.0, 0.0])]}]
-    return [{**shape, "points": core["points" if core["kind"] == "segment" else "corners"]}]
-
-
-def _make_latches(latches: dict | None) -> dict | None:
-    """Return hooks in axes of G, strikers in axes of P, and distances of the first latch."""
-    if not latches:
-        return None
-    if "list" in latches:
-        hooks = [latch["hook"] for latch in latches["list"]]
-        strikers = [latch["striker"] for latch in latches["list"]]
-        first = {**latches, **latches["list"][0]}
-    else:
-        hooks = [_at_azimuth(0.0, latches["radius"], a) for a in latches["azimuth"]]
-        strikers, first = hooks, latches
-    law = {key: first[key] for key in ("range", "catch", "window")}
-    measure = first.get("measure", "active_axis")
-    return {"hooks": hooks, "strikers": strikers, "measure": measure, **law}
-
-
 def find_opening(latches: dict, i: int, ring: np.ndarray, target: np.ndarray) -> np.ndarray:
     """Return the opening of latch i, counted from 0, from poses of G and P, rows of 7 numbers [m].
 
@@ -332,13 +246,3 @@ def _place_body_in_ring(capture: dict) -> dict:
     back = conjugate(find_quaternion(np.array(capture.get("rotation", np.eye(3)), float))[None])
     position = turn(back, -np.array(capture.get("position", [0.0, 0.0, 0.0]), float))[0]
     return {"p": position.tolist(), "q": back[0].tolist()}
-
-
-def _at_azimuth(x: float, radius: float, azimuth: float) -> list[float]:
-    return [x, radius * math.cos(azimuth), radius * math.sin(azimuth)]
-
-
-def _about_x(point: Sequence[float], angle: float) -> list[float]:
-    x, y, z = point
-    c, s = math.cos(angle), math.sin(angle)
-    return [x, c * y - s * z, s * y + c * z]

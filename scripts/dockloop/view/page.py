@@ -306,7 +306,7 @@ def find_events(run: Result) -> list[dict]:
             part = (
                 f"{value / rated[name]:.1%} of the rated {rated[name]:g}" if name in rated else ""
             )
-            peaks.append((value / rated.get(name, 1.0), name, f"{value:.0f} {unit}", part, index))
+            peaks.append((value / rated.get(name, 1.0), name, f"{value:.4g} {unit}", part, index))
     for rank, (_, name, text, part, index) in enumerate(sorted(peaks, reverse=True)):
         events.append(
             {

@@ -74,12 +74,13 @@
 
   function makeView() {
     const T = THREE;
+    const extent = geometry.extent; // sizes of symbols, frames, arrows and cameras follow it [m]
     const renderer = new T.WebGLRenderer({ canvas: space, context, antialias: true });
     renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
     const scene = new T.Scene();
     scene.background = new T.Color('#f7f9fb');
     scene.add(new T.HemisphereLight('#ffffff', '#a8b2bd', 2.2));
-    const camera = new T.PerspectiveCamera(35, 1, 0.02, 2000);
+    const camera = new T.PerspectiveCamera(35, 1, 0.025 * extent, 2500 * extent + 100);
     camera.up.set(0, 0, 1);
     const lamp = new T.DirectionalLight('#ffffff', 1.5);
     lamp.position.set(-0.4, 0.7, 1);
@@ -90,8 +91,8 @@
     scene.add(world);
     const controls = new T.OrbitControls(camera, space);
     controls.enableDamping = false;
-    controls.minDistance = 0.2;
-    controls.maxDistance = 400;
+    controls.minDistance = 0.25 * extent;
+    controls.maxDistance = 500 * extent + 20;
 
     const vector = (a) => new T.Vector3(a[0], a[1], a[2]);
     const quaternion = (q) => new T.Quaternion(q[1], q[2], q[3], q[0]);
@@ -151,7 +152,7 @@
     }
     function addFrame(parent, name, size, at = [0, 0, -0.3 * size]) {
       [[1, 0, 0], [0, 1, 0], [0, 0, 1]].forEach((axis, k) => {
-        const bar = rod(parent, 0.008 * size / 0.25, new T.MeshBasicMaterial({ color: COLORS.axes[k] }), 8);
+        const bar = rod(parent, 0.032 * size, new T.MeshBasicMaterial({ color: COLORS.axes[k] }), 8);
         span(bar, new T.Vector3(), vector(axis).multiplyScalar(size));
       });
       if (name) addLabel(parent, name, at, COLORS.ink, 0.032);
@@ -174,7 +175,7 @@
         names.push(addLabel(holder, name, vehicle.pose.p, COLORS[name], 0.04));
         return;
       }
-      const box = new T.BoxGeometry(...vehicle.box.size.map((x) => Math.max(x, 0.02)));
+      const box = new T.BoxGeometry(...vehicle.box.size.map((x) => Math.max(x, 0.02 * extent)));
       const inside = group(holder, vehicle.box.pose);
       const faces = new T.MeshLambertMaterial({ color: COLORS[name], transparent: true, opacity: 0.13, depthWrite: false, side: T.DoubleSide });
       walls.push(faces);
@@ -184,31 +185,24 @@
     }
 
     // Surfaces: rings, petals and other cores with their rounding, as the contact computes them.
-    /** A polyline of (x, r) turned about x; one point makes a circle. */
-    function addRevolution(parent, nodes, rounding, material) {
-      for (let k = 0; k < Math.max(nodes.length - 1, 1); k++) {
-        const from = nodes[k], to = nodes[Math.min(k + 1, nodes.length - 1)], profile = [];
-        const along = Math.atan2(to[1] - from[1], to[0] - from[0]);
-        for (let j = 0; j <= 24; j++) { // once around the piece
-          const a = along - Math.PI / 2 + Math.PI * j / 12, center = j <= 12 ? to : from;
-          profile.push(new T.Vector2(Math.max(center[1] + rounding * Math.sin(a), 0), center[0] + rounding * Math.cos(a)));
-        }
-        profile.push(profile[0].clone());
-        const mesh = new T.Mesh(new T.LatheGeometry(profile, 96), material);
+    /** Closed outlines of (x, r) turned about x. */
+    function addRevolution(parent, profiles, material) {
+      for (const profile of profiles) {
+        const mesh = new T.Mesh(new T.LatheGeometry(profile.map(([x, r]) => new T.Vector2(r, x)), 96), material);
         mesh.rotation.z = -Math.PI / 2; // y of the lathe becomes x
         parent.add(mesh);
       }
     }
     function addRing(parent, color) {
       const r = geometry.ring;
-      addRevolution(parent, [[r.core_x, r.inner], [r.core_x, r.outer]], r.ring_rounding, solid(color));
+      addRevolution(parent, r.body.profiles, solid(color));
       return r.petals.map((petal) => addPetal(parent, petal.map(vector), r.petal_rounding, color));
     }
     function addCores(parent, cores, color) {
       const material = solid(color), glass = solid(color, { transparent: true, opacity: 0.4, depthWrite: false });
       for (const core of cores) {
         const holder = group(parent, core.pose);
-        if (core.kind === 'revolution') addRevolution(holder, core.points, core.rounding, glass); // what it holds shows
+        if (core.kind === 'revolution') addRevolution(holder, core.profiles, glass); // what it holds shows
         else if (core.kind === 'plate') addPetal(holder, core.points.map(vector), core.rounding, color);
         else {
           const points = core.points.map(vector);
@@ -237,6 +231,12 @@
       return { material, middle, normal, color: new T.Color(color) };
     }
 
+    /** A length of 1, 2, 4 or 8 in its first digit, at most this one. */
+    function floorLength(length) {
+      const unit = 10 ** Math.floor(Math.log10(length));
+      return Number((unit * [8, 4, 2, 1].find((digit) => digit * unit <= length * (1 + 1e-9))).toPrecision(1));
+    }
+    const sayLength = (x) => (x < 0.1 ? `${Number((1e3 * x).toPrecision(3))} mm` : `${x} m`);
     function addArrow(parent, color, radius) {
       const material = new T.MeshBasicMaterial({ color, depthTest: false, transparent: true, opacity: 0.92 });
       const shaft = rod(parent, radius, material, 12);
@@ -245,7 +245,7 @@
       shaft.renderOrder = head.renderOrder = 10;
       return (from, way) => {
         const length = way.length();
-        shaft.visible = head.visible = length > 0.004;
+        shaft.visible = head.visible = length > 0.005 * extent;
         if (!shaft.visible) return;
         const along = way.clone().divideScalar(length), tip = Math.min(7 * radius, 0.6 * length);
         head.scale.setScalar(tip / (7 * radius));
@@ -260,24 +260,26 @@
     mount.position.copy(vector(geometry.base.p));
     mount.quaternion.copy(quaternion(geometry.base.q));
     const captureBody = group(world);
-    addFrame(base, 'A', 0.25, [-0.07, 0, -0.08]);
+    addFrame(base, 'A', 0.3 * extent, [-0.08 * extent, 0, -0.1 * extent]);
     if ('chaser' in geometry.vehicles) addVehicle(base, 'chaser');
+    for (const part of Object.values(geometry.interface)) addCores(base, part, COLORS.rod);
     let petals = [];
     if (hasRing) {
-      addFrame(ring, geometry.capture_body === 'base' ? '' : 'G', 0.18, [-0.07, 0, 0.08]);
+      addFrame(ring, geometry.capture_body === 'base' ? '' : 'G', 0.22 * extent, [-0.08 * extent, 0, 0.1 * extent]);
       if (geometry.ring) petals = addRing(ring, COLORS.active);
       if (geometry.cores) addCores(ring, geometry.cores.active, COLORS.active);
     } else ring.visible = false;
     if (hasTarget) {
-      addFrame(target, 'P', 0.25, [0.09, 0, -0.08]);
+      addFrame(target, 'P', 0.3 * extent, [0.11 * extent, 0, -0.1 * extent]);
       addVehicle(target, 'target');
+      addCores(target, geometry.interface.faces || [], COLORS.passive);
       if (geometry.ring) addRing(group(target, geometry.ring.passive), COLORS.passive);
       if (geometry.cores) addCores(target, geometry.cores.passive, COLORS.passive);
     } else target.visible = false;
     if (!geometry.ring && !geometry.cores) { // interfaces or bodies without a surface that could be drawn
       const radius = ringRadius();
       const outline = (parent, color) => {
-        const mesh = new T.Mesh(new T.TorusGeometry(radius, 0.012, 10, 72), solid(color));
+        const mesh = new T.Mesh(new T.TorusGeometry(radius, 0.015 * extent, 10, 72), solid(color));
         if (hasTarget) mesh.rotation.y = Math.PI / 2;
         parent.add(mesh);
       };
@@ -286,16 +288,16 @@
     }
     function ringRadius() {
       const radii = geometry.legs.map((leg) => Math.hypot(...leg.closing_point));
-      return radii.length ? Math.max(...radii) : 0.4;
+      return radii.length ? Math.max(...radii) : extent;
     }
     let absorber = null;
-    if (geometry.contact === 'absorber' && hasTarget) absorber = rod(world, 0.02, solid(COLORS.leg));
+    if (geometry.contact === 'absorber' && hasTarget) absorber = rod(world, 0.025 * extent, solid(COLORS.leg));
 
     const bodies = {};
     for (const body of geometry.bodies) {
       if (!has(`pose.body.${body.name}`)) continue;
-      const made = group(world), line = rod(world, 0.012, solid(COLORS.soft));
-      addFrame(made, body.name, 0.12);
+      const made = group(world), line = rod(world, 0.015 * extent, solid(COLORS.soft));
+      addFrame(made, body.name, 0.15 * extent);
       bodies[body.name] = { made, line, parent: body.parent };
     }
     const holderOf = (name) => (name === 'base' ? mount : name === geometry.capture_body ? captureBody : bodies[name]?.made);
@@ -322,22 +324,22 @@
       const home = leg.length || vector(leg.root_point).distanceTo(vector(leg.closing_point));
       const lengths = has(`leg[${k + 1}].length`) && !leg.crank ? columns[`leg[${k + 1}].length`] : [home];
       const shortest = lengths.reduce((a, x) => Math.min(a, x), leg.min_length || Infinity);
-      const thick = 0.02 * Math.min(1.5, Math.max(0.5, home / 0.9)), material = solid(COLORS.rod);
+      const thick = 0.025 * extent * Math.min(1.5, Math.max(0.5, home / extent)), material = solid(COLORS.rod);
       const made = { leg, force: `leg[${k + 1}].force`, shortest, material, cylinder: rod(world, thick, solid(COLORS.leg)), rod: rod(world, 0.6 * thick, material) };
       made.joints = [ball(world, new T.Vector3(), 1.4 * thick, solid(COLORS.ink)), ball(world, new T.Vector3(), 1.2 * thick, solid(COLORS.ink))];
       legs.push(made);
     });
 
-    // Latches: hook on G, striker on P, in the colour of the state. Small on a slim head.
-    const markSize = geometry.cores ? 0.4 : 1;
+    // Latches: hook on G, striker on P, in the colour of the state.
     const marks = latches.map((_, k) => {
       const material = new T.MeshLambertMaterial({ color: COLORS.latch[0], emissive: COLORS.latch[0], emissiveIntensity: 0.25 });
-      if (hasRing) ball(ring, vector(geometry.latches.hooks[k]), markSize * 0.026, material);
-      if (hasTarget) ball(target, vector(geometry.latches.strikers[k]), markSize * 0.02, material);
+      const [hook] = geometry.hooks[k].points, size = geometry.hooks[k].rounding;
+      if (hasRing) ball(ring, vector(hook), size, material);
+      if (hasTarget) ball(target, vector(geometry.latches.strikers[k]), 0.8 * size, material);
       return material;
     });
 
-    const ARROW = 0.8;
+    const ARROW = floorLength(extent);
     const triple = (name, i) => new T.Vector3(value(`${name}[1]`, i), value(`${name}[2]`, i), value(`${name}[3]`, i));
     const peak = (name) => {
       let most = 0;
@@ -346,14 +348,14 @@
     };
     const most = { force: peak('capture.force'), torque: peak('capture.torque'), petal: largest(petalForces), leg: largest(legForces) };
     const arrows = {
-      force: addArrow(target, COLORS.force, 0.014),
-      torque: addArrow(target, COLORS.torque, 0.009),
-      petals: petals.map(() => addArrow(ring, COLORS.petal, 0.01)),
+      force: addArrow(target, COLORS.force, 0.018 * extent),
+      torque: addArrow(target, COLORS.torque, 0.011 * extent),
+      petals: petals.map(() => addArrow(ring, COLORS.petal, 0.0125 * extent)),
     };
     const round = (x) => Number(x.toPrecision(3));
     $('scale').textContent = [
-      most.force && `force ${ARROW} m: ${round(most.force)} N`,
-      most.torque && `moment ${ARROW} m: ${round(most.torque)} N m`,
+      most.force && `force ${sayLength(ARROW)}: ${round(most.force)} N`,
+      most.torque && `moment ${sayLength(ARROW)}: ${round(most.torque)} N m`,
     ].filter(Boolean).join(', ');
     $('scale').hidden = !$('scale').textContent;
 
@@ -446,15 +448,14 @@
       if (!points.length) points.push(new T.Vector3());
       return points.reduce((sum, p) => sum.add(p), new T.Vector3()).divideScalar(points.length).applyMatrix4(world.matrix);
     }
-    const reach = Math.max(geometry.ring ? geometry.ring.outer : ringRadius(), ...geometry.legs.map((leg) => Math.hypot(...leg.root_point)), 0.4);
     const DIRECTIONS = {
       oblique: [-0.62, -1, 0.62], side: [0, -1, 0.0001], top: [0, -0.0001, 1], front: [1, -0.0001, 0], axis: [-1, -0.0001, 0],
       ring: [0.75, -0.8, 0.55], vehicles: [-0.25, -1, 0.35],
     };
     function look(name) {
       const direction = vector(DIRECTIONS[name]).normalize(), middle = findMiddle(name);
-      let radius = 1.25 * reach + (hasTarget ? 0.2 : 0);
-      if (name === 'ring') radius = 0.95 * reach;
+      let radius = (hasTarget ? 1.15 : 1.05) * extent;
+      if (name === 'ring') radius = 0.95 * extent;
       if (name === 'vehicles') {
         const bounds = new T.Box3();
         world.updateMatrixWorld(true);
@@ -491,7 +492,7 @@
     return {
       update, look, resize, turn, state, controls, legs, most,
       draw: () => { // boxes fade from near, where they would hide the mechanism
-        const far = Math.min(1, Math.max(0, camera.position.distanceTo(controls.target) / (12 * reach) - 0.7));
+        const far = Math.min(1, Math.max(0, camera.position.distanceTo(controls.target) / (12 * extent) - 0.7));
         for (const faces of walls) faces.opacity = 0.04 + 0.14 * far;
         for (const name of names) name.visible = far > 0;
         renderer.render(scene, camera);
@@ -507,8 +508,10 @@
 
   // ------------------------------------------------------------------ curves
 
+  const nice = (x) => (Math.abs(x) >= 1000 ? x.toFixed(0) : String(Number(x.toPrecision(3))));
   const name2 = (text) => text.replace(/^.*\[(\d+)\].*$/, '$1');
   const figures = [];
+  const LEFT = 52, RIGHT = 38; // margins of a curve, for the labels of the ordinate [px]
   /** The dashes of a curve, as the background of its key. */
   function makeDashes({ color, dashes }) {
     const stops = [];
@@ -562,7 +565,8 @@
     const go = (event) => {
       const box = canvas.getBoundingClientRect();
       pause();
-      setTime(range[0] + (range[1] - range[0]) * Math.min(1, Math.max(0, (event.clientX - box.left) / box.width)));
+      const part = (event.clientX - box.left - LEFT) / (box.width - LEFT - RIGHT);
+      setTime(range[0] + (range[1] - range[0]) * Math.min(1, Math.max(0, part)));
     };
     canvas.addEventListener('pointerdown', (event) => { canvas.setPointerCapture(event.pointerId); go(event); });
     canvas.addEventListener('pointermove', (event) => { if (event.buttons) go(event); });
@@ -572,27 +576,26 @@
   const rated = meta.rated, allRated = LOAD_NAMES.every((n) => n in rated);
   addFigure(allRated ? 'loads, part of rated' : 'loads', LOAD_NAMES.map((n) => ({
     column: `capture.${n}`, name: n, unit: meta.loads[n], factor: allRated ? 100 / rated[n] : 1,
-    say: (x) => `${n} ${x.toFixed(0)}${n in rated ? ` of ${rated[n]}` : ''} ${meta.loads[n]}`,
+    say: (x) => `${n} ${nice(x)}${n in rated ? ` of ${rated[n]}` : ''} ${meta.loads[n]}`,
   })), { unit: allRated ? '%' : 'N', levels: allRated ? [[100, 'rated']] : [] });
   latches.forEach((column, k) => addStrip(`latch ${k + 1}`, column, COLORS.latch, meta.latch_states));
   addFigure('latch openings', list('latch[#].opening').map((column) => ({
-    column, factor: 1e3, say: (x) => `${name2(column)}: ${(1e3 * x).toFixed(1)} mm`,
+    column, factor: 1e3, say: (x) => `${name2(column)}: ${nice(1e3 * x)} mm`,
   })), { unit: 'mm', levels: geometry.latches ? [[1e3 * geometry.latches.range, 'pawl'], [1e3 * geometry.latches.catch, 'catch']] : [] });
   addFigure('P relative to A', [
-    { column: 'relative.axial', factor: 1e3, say: (x) => `axial ${(1e3 * x).toFixed(1)} mm` },
-    { column: 'relative.lateral', factor: 1e3, say: (x) => `lateral ${(1e3 * x).toFixed(1)} mm` },
+    { column: 'relative.axial', factor: 1e3, say: (x) => `axial ${nice(1e3 * x)} mm` },
+    { column: 'relative.lateral', factor: 1e3, say: (x) => `lateral ${nice(1e3 * x)} mm` },
   ], { unit: 'mm', levels: [] });
   addFigure('misalignment', [
     { column: 'relative.pitch_yaw', factor: 180 / Math.PI, say: (x) => `pitch/yaw ${(180 / Math.PI * x).toFixed(2)}\u00b0` },
     { column: 'relative.roll', factor: 180 / Math.PI, say: (x) => `roll ${(180 / Math.PI * x).toFixed(2)}\u00b0` },
   ], { unit: '\u00b0', levels: [] });
-  addFigure('surface forces (size)', surfaceForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${x.toFixed(0)} N` })), { unit: 'N', levels: [] });
-  addFigure('petal forces (size)', petalForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${x.toFixed(0)} N` })), { unit: 'N', levels: [] });
-  addFigure('leg forces, + pushes apart', legForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${x.toFixed(0)} N` })), { unit: 'N', levels: [] });
-  if (!legForces.length) addFigure('leg lengths', list('leg[#].length').map((column) => ({ column, factor: 1e3, say: (x) => `${name2(column)}: ${(1e3 * x).toFixed(0)} mm` })), { unit: 'mm', levels: [] });
+  addFigure('surface forces (size)', surfaceForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${nice(x)} N` })), { unit: 'N', levels: [] });
+  addFigure('petal forces (size)', petalForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${nice(x)} N` })), { unit: 'N', levels: [] });
+  addFigure('leg forces, + pushes apart', legForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${nice(x)} N` })), { unit: 'N', levels: [] });
+  if (!legForces.length) addFigure('leg lengths', list('leg[#].length').map((column) => ({ column, factor: 1e3, say: (x) => `${name2(column)}: ${nice(1e3 * x)} mm` })), { unit: 'mm', levels: [] });
 
   let range = [times[0], times[last]];
-  const nice = (x) => (Math.abs(x) >= 1000 ? x.toFixed(0) : String(Number(x.toPrecision(3))));
 
   /** Draw a curve or strip afresh, without the time cursor, on a sheet of its own. */
   function drawFigure(figure) {
@@ -607,7 +610,7 @@
     canvas.getContext('2d').scale(ratio, ratio);
     pen.fillStyle = COLORS.paper;
     pen.fillRect(0, 0, w, h);
-    const [ta, tb] = range, x = (t) => ((t - ta) / (tb - ta || 1)) * w;
+    const [ta, tb] = range, right = w - RIGHT, x = (t) => LEFT + ((t - ta) / (tb - ta || 1)) * (right - LEFT);
     const i0 = Math.max(0, findSample(ta)), i1 = Math.min(last, findSample(tb) + 1);
     if (figure.strip) {
       const column = columns[figure.strip];
@@ -615,7 +618,8 @@
         let j = i;
         while (j <= i1 && column[j] === column[i]) j++;
         pen.fillStyle = figure.colors[column[i] - 1] || '#eee';
-        pen.fillRect(x(times[i]), 2, x(times[Math.min(j, last)]) - x(times[i]) + 0.5, h - 4);
+        const from = Math.max(LEFT, x(times[i]));
+        pen.fillRect(from, 2, Math.min(right, x(times[Math.min(j, last)])) - from + 0.5, h - 4);
         i = j;
       }
     } else {
@@ -636,21 +640,29 @@
       const y = (v) => h - ((v - low) / (high - low)) * h;
       pen.strokeStyle = '#dfe5eb';
       pen.lineWidth = 1;
-      pen.strokeRect(0.5, 0.5, w - 1, h - 1);
+      pen.strokeRect(LEFT - 0.5, 0.5, right - LEFT + 1, h - 1);
       pen.font = '11px system-ui, "DejaVu Sans", sans-serif';
-      if (low < 0 && high > 0) { pen.beginPath(); pen.moveTo(0, y(0)); pen.lineTo(w, y(0)); pen.stroke(); }
-      for (const [level, text] of figure.levels) {
+      if (low < 0 && high > 0) { pen.beginPath(); pen.moveTo(LEFT, y(0)); pen.lineTo(right, y(0)); pen.stroke(); }
+      const rows = []; // base lines of the names of levels, one above the other
+      for (const [level, text] of [...figure.levels].sort((a, b) => a[0] - b[0])) {
         if (level < low || level > high) continue;
         pen.strokeStyle = COLORS.faint;
         pen.setLineDash([5, 4]);
         pen.beginPath();
-        pen.moveTo(0, y(level));
-        pen.lineTo(w, y(level));
+        pen.moveTo(LEFT, y(level));
+        pen.lineTo(right, y(level));
         pen.stroke();
         pen.setLineDash([]);
         pen.fillStyle = COLORS.soft;
-        pen.fillText(text, w - pen.measureText(text).width - 4, y(level) - 3);
+        let row = Math.min(h - 3, Math.max(11, y(level) + 4));
+        while (rows.some((other) => Math.abs(other - row) < 11)) row -= 1;
+        rows.push(row);
+        pen.fillText(text, right + 4, row);
       }
+      pen.save();
+      pen.beginPath();
+      pen.rect(LEFT, 0, right - LEFT, h);
+      pen.clip();
       for (const s of figure.series) {
         const column = columns[s.column];
         pen.strokeStyle = s.color;
@@ -668,13 +680,16 @@
         }
         pen.stroke();
       }
-      pen.setLineDash([]);
+      pen.restore();
       pen.fillStyle = COLORS.soft;
-      pen.fillText(`${nice(high - margin)} ${figure.unit}`, 4, 12);
-      pen.fillText(nice(low + margin), 4, h - 4);
+      pen.textAlign = 'right';
+      pen.fillText(nice(high - margin), LEFT - 4, 11);
+      pen.fillText(nice(low + margin), LEFT - 4, h - 4);
+      pen.fillText(figure.unit, LEFT - 4, h / 2 + 4);
+      pen.textAlign = 'left';
     }
     for (const event of events) {
-      if (!['contact', 'capture'].includes(event.key)) continue;
+      if (!['contact', 'capture'].includes(event.key) || event.time < ta || event.time > tb) continue;
       pen.strokeStyle = COLORS.soft;
       pen.setLineDash([2, 3]);
       pen.beginPath();
@@ -691,9 +706,9 @@
       const pen = canvas.getContext('2d'), w = canvas.clientWidth;
       pen.drawImage(figure.sheet, 0, 0, w, canvas.clientHeight);
       if (time >= range[0] - 1e-9 && time <= range[1] + 1e-9) {
-        const x = ((time - range[0]) / (range[1] - range[0] || 1)) * w;
+        const x = LEFT + ((time - range[0]) / (range[1] - range[0] || 1)) * (w - LEFT - RIGHT);
         pen.fillStyle = COLORS.ink;
-        pen.fillRect(Math.min(w - 1.5, Math.max(0, x - 0.75)), 0, 1.5, canvas.clientHeight);
+        pen.fillRect(x - 0.75, 0, 1.5, canvas.clientHeight);
       }
       if (figure.strip) figure.text.textContent = figure.names[columns[figure.strip][i] - 1] || '';
       else for (const s of figure.series) s.text.data = s.say(columns[s.column][i]);
@@ -852,6 +867,8 @@
   if (view) {
     const thing = geometry.ring ? 'ring' : 'side';
     if (hasRing) addEntry(COLORS.active, `active ${thing} ${geometry.capture_body === 'base' ? 'A' : 'G'}, on the chaser`);
+    const parts = Object.keys(geometry.interface);
+    if (parts.length) addEntry(COLORS.rod, `${parts.join(', ')} of the hard dock, on the chaser`);
     if (hasTarget) addEntry(COLORS.passive, `passive ${thing} P, on the target`);
     if (view.most.force > 0) addEntry(COLORS.force, 'force on the target');
     if (view.most.torque > 0) addEntry(COLORS.torque, 'moment on the target');
