@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from dockloop import core, schema
-from dockloop.columns import align
+from dockloop.columns import wrap
 from dockloop.errors import UsageError, did_you_mean
 from dockloop.paths import MECHANISMS, check_file, is_file, name_kind, shown
 from dockloop.scene import get_mechanism, read_json, read_mechanism
@@ -83,25 +83,52 @@ def _read(mechanism: str | Path | dict) -> tuple[Path, dict]:
     return path, document
 
 
+# Units of the facts of a report and of columns of its tables.
+_UNITS = {
+    "mass": "kg",
+    "closure_residual": "m",
+    "gap": "m, rad",
+    "size": "m",
+    "margin": "1",
+    "singularity_margin": "1",
+    "max_condition": "1",
+    "frequency_rad_s": "rad/s or 1/s",
+    "damping_ratio": "1",
+}
+
+
 def describe_report(report: dict) -> str:
-    """Say the report of the core in words: one fact per line, tables of loops, ranges, modes."""
-    tables = {
-        "loops": ("closed loops", _name_first),
-        "couplings": ("couplings", _name_first),
-        "effects": ("what a unit of each coordinate changes at home", _effect),
-        "ranges": ("range of each independent coordinate from home, the others held", _range),
-        "modes": ("vibration about home, base at rest, joint forces of the file", _mode),
-    }
-    lines = []
-    for key, value in _name_first(report).items():
-        if key in ("warnings", "home_q") or key in tables or value == []:
-            continue
-        text = _play(value) if key == "seated_play" else _short(value)
-        lines.append(f"{key.replace('_', ' '):22} {text}{' kg' if key == 'mass' else ''}")
+    """Say the report of the core in words: a table of facts, then of loops, ranges and others.
+
+    Tables have at most `columns.WIDTH` columns, heads and units. Warnings are whole sentences.
+    """
     report = report | split_loops(report) | {"modes": _join_free(report.get("modes", []))}
-    for key, (title, make_row) in tables.items():
-        if report.get(key):
-            lines += [title, *_table([make_row(row) for row in report[key]])]
+    tables = {
+        "loops": ("closed loops", [_name_first(row) for row in report["loops"]]),
+        "couplings": ("couplings", [_name_first(row) for row in report["couplings"]]),
+        "effects": (
+            "what a unit of each coordinate changes at home: joints and elements, m or rad",
+            [_effect(row) for row in report.get("effects", [])],
+        ),
+        "ranges": (
+            "range of each independent coordinate from home, the others held",
+            [_range(row, side) for row in report.get("ranges", []) for side in ("lower", "upper")],
+        ),
+        "modes": (
+            "vibration about home, base at rest, joint forces of the file",
+            [_mode(row) for row in report["modes"]],
+        ),
+    }
+    facts = [
+        fact
+        for key, value in _name_first(report).items()
+        if key not in ("warnings", "home_q", *tables) and value != []
+        for fact in (_play(value) if key == "seated_play" else [_fact(key, value)])
+    ]
+    lines = _table(facts, "")
+    for title, rows in tables.values():
+        if rows:
+            lines += [title, *_table(rows, "  ")]
     lines += [f"warning: {text}" for text in report.get("warnings", [])]
     return "\n".join(lines)
 
@@ -114,18 +141,21 @@ def split_loops(report: dict) -> dict[str, list[dict]]:
     return found
 
 
-def _range(row: dict) -> dict:
-    """Return one coordinate's range: the end stop that begins first, and what ends it for good."""
+def _fact(key: str, value: object) -> dict:
+    """Return one fact as the row of a table."""
+    name = key.replace("_", " ")
+    return {"quantity": name, "unit": _UNITS.get(key, ""), "value": _short(value)}
+
+
+def _range(row: dict, side: str) -> dict:
+    """Return one end of a range: the end stop that begins first, and what ends it for good."""
     factor, unit = (180.0 / math.pi, "deg") if row["unit"] == "rad" else (1.0, "m")
-    columns = {"coordinate": row["coordinate"]}
-    for side in ("lower", "upper"):
-        end, stop = row[side], row.get(f"{side}_stop")
-        why = row[f"{side}_end"]
-        if stop:
-            why = f"stop of {stop['joint']} begins; {why} up to {factor * end:.4g} {unit}"
-            end = stop["at"]
-        columns |= {side: f"{factor * end:.4g} {unit}", f"{side} end": why}
-    return columns
+    end, stop, why = row[side], row.get(f"{side}_stop"), row[f"{side}_end"]
+    if stop:
+        why = f"stop of {stop['joint']} begins; {why} up to {factor * end:.4g} {unit}"
+        end = stop["at"]
+    place = {"coordinate": row["coordinate"], "end": side, "at": f"{factor * end:.4g}"}
+    return {**place, "unit": unit, "reason": why}
 
 
 def _effect(row: dict) -> dict:
@@ -168,30 +198,35 @@ def _join_free(modes: list[dict]) -> list[dict]:
 
 def _mode(row: dict) -> dict:
     """Return one mode: what vibrates has a frequency, anything else a rate."""
-    return {
-        "rad/s or 1/s": row["frequency_rad_s"],
-        "damping ratio": row.get("damping_ratio", ""),
-        "motion": row["motion"],
-    }
+    names = ("frequency_rad_s", "damping_ratio", "motion")
+    return {name: row.get(name, "") for name in names}
 
 
-def _play(play: dict) -> str:
-    """Say how far seated rings can move."""
+def _play(play: dict) -> list[dict]:
+    """Return how far seated rings can move, as facts."""
     low, high = (_short(value) for value in play["roll_deg"])
     least, most = (_short(value) for value in play["lateral_mm"])
-    return (
-        f"roll {low} to {high} deg, lateral {least} to {most} mm by direction;"
-        f" strikers up to {play['striker_offset_mm']:.3g} mm next to their hooks"
-        f" (latches.window {play['latch_window_mm']:.3g} mm)"
+    offset, window = (_short(play[key]) for key in ("striker_offset_mm", "latch_window_mm"))
+    rows = (
+        ("seated play, roll", "deg", f"{low} to {high}"),
+        ("seated play, lateral", "mm", f"{least} to {most} by direction"),
+        ("strikers next to hooks", "mm", f"up to {offset} (latches.window {window})"),
     )
+    return [dict(zip(("quantity", "unit", "value"), row, strict=True)) for row in rows]
 
 
-def _table(rows: list[dict]) -> list[str]:
-    """Return rows as lines of aligned columns under the names of all their members."""
+def _table(rows: list[dict], indent: str) -> list[str]:
+    """Return rows as lines of aligned columns under the names and units of all their members."""
     columns = list(dict.fromkeys(column for row in rows for column in row))
-    cells = [[column.replace("_", " ") for column in columns]]
+    cells = [[_name_column(column) for column in columns]]
     cells += [[_short(row.get(column, "")) for column in columns] for row in rows]
-    return align(cells, "  ")
+    return wrap(cells, indent)
+
+
+def _name_column(column: str) -> str:
+    """Return the head of a column."""
+    name = column.removesuffix("_rad_s").replace("_", " ")
+    return f"{name} [{_UNITS[column]}]" if column in _UNITS else name
 
 
 def _name_first(report: dict) -> dict:
