@@ -15,6 +15,7 @@ import json
 import re
 import shutil
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ from dockloop.simulate import Instance, communication_points, unpack_fmu
 from dockloop.view import browser as chromium
 from dockloop.view import geometry
 from dockloop.view.browser import Browser
-from dockloop.view.page import write_page
+from dockloop.view.page import find_events, write_page
 
 DEFAULT = "idss_25t_350t"
 MM = 1e-3
@@ -127,9 +128,23 @@ def test_events_are_those_of_the_summary(docking, page):
         assert data["columns"]["time"][events[key]["index"]] >= events[key]["time"] - 1e-9
     assert data["columns"]["captured"][events["capture"]["index"]] == 1
     peak = events["peak_compression"]
-    assert f"{docking['capture.peak.compression'][-1]:.0f} N" in peak["text"]
+    assert f"{docking['capture.peak.compression'][-1]:.4g} N" in peak["text"]
     assert next(iter(events)) == "start"
     assert list(events)[-1] == "end"
+
+
+def test_loads_above_rated_are_events(docking):
+    """At the first sample that is above; a load that stays below has none."""
+    times, loads = docking["time"], docking["capture.compression"]
+    limits = {"compression": 0.5 * docking["capture.peak.compression"][-1], "shear": 1e9}
+    scene = {**docking.scene, "mechanism": {**docking.scene["mechanism"], "limits": limits}}
+    events = {event["key"]: event for event in find_events(replace(docking, scene=scene))}
+    assert [key for key in events if key.startswith("limit")] == ["limit_compression"]
+    found = events["limit_compression"]
+    assert found["text"] == f"compression above rated {limits['compression']:g} N"
+    before = times < found["time"]
+    assert loads[before].max() <= limits["compression"]
+    assert events["contact"]["time"] <= found["time"] <= events["peak_compression"]["time"]
 
 
 def test_passive_petals_face_the_active_ones(page):

@@ -65,6 +65,8 @@ SPACE = {
     "load": YELLOW,
 }
 
+EVENTS = {"contact": VERMILION, "capture": BLUE, "limit": MAROON}
+
 # Colours that are used together, for the test.
 SETS = {
     "lines": (*LINES, PAPER),
@@ -75,6 +77,7 @@ SETS = {
     "envelope": tuple(dict.fromkeys((*CELLS.values(), *POINTS.values()))),
     "axes": tuple(AXES.values()),
     "space": tuple(SPACE.values()),
+    "events": (*EVENTS.values(), INK),
 }
 
 

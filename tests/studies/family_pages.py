@@ -363,22 +363,26 @@ def draw_docking(name: str, run: dl.Result) -> Any:
     panels: Any = figure.subplots(4, 2, sharey="row", sharex="col", width_ratios=(1, 1.4))
     document: dict = read_mechanism(name)
     t = run["time"]
-    end = float(t[min(len(t) - 1, np.searchsorted(t, list_steps(name, run)[-1][0] + 5.0))])
+    last = min(len(t) - 1, np.searchsorted(t, list_steps(name, run)[-1][0] + 5.0))
+    end, shown = float(t[last]), slice(last + 1)
     for side, (low, high) in enumerate(((0.0, SHORT), (SHORT, end))):
         loads, legs, drive, steps = panels[:, side]
         for axis in (loads, legs, drive):
             axis.set_prop_cycle(cycle_lines())
         for load in LIMITS:
-            share = run[f"capture.{load}"] / document["limits"][load]
-            loads.plot(t, share, linewidth=0.8, label=load)
+            share = run[f"capture.{load}"][shown] / document["limits"][load]
+            loads.plot(t[shown], share, linewidth=0.8, label=load)
         loads.axhline(1.0, color=SOFT, linewidth=0.8)
         for i in range(1, len(document["legs"]) + 1):
-            legs.plot(t, run[f"leg[{i}].force"], linewidth=0.8,
+            legs.plot(t[shown], run[f"leg[{i}].force"][shown], linewidth=0.8,
                       label=document["legs"][i - 1]["name"])  # fmt: skip
         for i in FAMILIES[name].drive:
             label = document["forces"][i - 1]["name"]
-            drive.plot(t, run[f"element[{i}].coordinate"], linewidth=0.8, label=label)
-        drive.plot(t, run["relative.axial"], color=SOFT, linestyle=":", label="axial distance")
+            drive.plot(t[shown], run[f"element[{i}].coordinate"][shown], linewidth=0.8, label=label)
+        drive.plot(
+            t[shown], run["relative.axial"][shown], color=SOFT, linestyle=":",
+            label="axial distance",
+        )  # fmt: skip
         draw_steps(steps, list_steps(name, run))
         for axis in panels[:, side]:
             axis.grid(alpha=0.3)
@@ -390,7 +394,6 @@ def draw_docking(name: str, run: dl.Result) -> Any:
         axis.set_ylabel(text, fontsize="small")
     for axis in panels[:3, 1]:
         put_legend(axis)
-    panels[2, 0].set_ylim(np.min(run["relative.axial"]) - 0.35, 0.5)
     return figure
 
 

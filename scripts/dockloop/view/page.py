@@ -138,6 +138,7 @@ def make_data(run: Result, command: str | None = None) -> dict:
                 "chaser": palette.CHASER_EDGE,
                 "target": palette.TARGET_EDGE,
                 "axes": list(palette.AXES.values()),
+                **palette.EVENTS,
                 "latch": palette.LATCH_STATES,
                 "phase": palette.PHASES,
                 "lines": palette.LINES,
@@ -278,7 +279,7 @@ def _check_fit(run: Result, poses: dict[str, np.ndarray], shapes: dict) -> float
 
 
 def find_events(run: Result) -> list[dict]:
-    """Return start, first contact, capture, peak loads and end in the order of time.
+    """Return start, first contact, capture, peaks of loads, loads above rated, end, by time.
 
     The index of an event is that of the first sample at which the event is over.
     """
@@ -306,6 +307,9 @@ def find_events(run: Result) -> list[dict]:
             part = (
                 f"{value / rated[name]:.1%} of the rated {rated[name]:g}" if name in rated else ""
             )
+            if name in rated and value > rated[name]:
+                above = float(times[int(np.argmax(run[peak] > rated[name]))])
+                add(f"limit_{name}", f"{name} above rated {rated[name]:g} {unit}", above)
             peaks.append((value / rated.get(name, 1.0), name, f"{value:.4g} {unit}", part, index))
     for rank, (_, name, text, part, index) in enumerate(sorted(peaks, reverse=True)):
         events.append(

@@ -689,9 +689,10 @@
       pen.textAlign = 'left';
     }
     for (const event of events) {
-      if (!['contact', 'capture'].includes(event.key) || event.time < ta || event.time > tb) continue;
-      pen.strokeStyle = COLORS.soft;
-      pen.setLineDash([2, 3]);
+      const isLimit = event.key.startsWith('limit');
+      if (!(isLimit || ['contact', 'capture'].includes(event.key)) || event.time < ta || event.time > tb) continue;
+      pen.strokeStyle = isLimit ? COLORS.limit : COLORS.soft;
+      pen.setLineDash(isLimit ? [6, 3] : [2, 3]);
       pen.beginPath();
       pen.moveTo(x(event.time), 0);
       pen.lineTo(x(event.time), h);
@@ -834,7 +835,11 @@
   for (const event of [...events].sort((a, b) => b.key.startsWith('peak') - a.key.startsWith('peak'))) {
     const mark = document.createElement('span');
     mark.style.left = `${(100 * (event.time - times[0])) / (times[last] - times[0] || 1)}%`;
-    mark.style.borderTopColor = { contact: COLORS.lines[1], capture: COLORS.lines[0], start: '#fff0', end: '#fff0' }[event.key] || COLORS.ink;
+    const kind = event.key.replace(/_.*/, '');
+    if (kind === 'start' || kind === 'end') continue;
+    mark.className = kind;
+    mark.title = `${event.text}, ${event.time.toFixed(4)} s`;
+    mark.style.color = { contact: COLORS.contact, capture: COLORS.capture, limit: COLORS.limit }[kind] || COLORS.ink;
     $('marks').append(mark);
   }
   addOptions($('speed'), SPEEDS.map((s) => [String(s), `\u00d7 ${s}`]), '1');
