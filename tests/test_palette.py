@@ -97,6 +97,10 @@ def test_ordinates_fit_what_is_shown():
     fit_ordinate(axis)
     low, high = axis.get_ylim()
     assert (axis.get_yscale(), 0.5 < low < 1.0, 5.0 < high < 5.5) == ("linear", True, True)
+    axis.axhline(8.0)  # a rated load is in sight
+    axis.axvline(6.0)
+    fit_ordinate(axis)
+    assert 8.0 < axis.get_ylim()[1] < 9.0
     axis.set_xlim(1.99, 10.0)
     fit_ordinate(axis)
     assert axis.get_yscale() == "symlog"

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from dockloop.columns import say_number
 from dockloop.core import list_choices, list_loads
 from dockloop.figures import fit_ordinate, put_legend, save_figure
 from dockloop.palette import LATCH_STATES, PHASES, cycle_lines, style_line
@@ -112,7 +113,7 @@ def _plot_loads(run: Result, axes: Any) -> None:
         style = style_line(list(list_loads()).index(name))
         peaks = run[f"capture.peak.{name}"]
         peak = peaks[-1]
-        label = f"{name}, peak {peak:.3g}"
+        label = f"{name}, peak {say_number(peak)}"
         if name in rated:
             label += f", rated {rated[name]:g}"
         (line,) = axis.plot(t, run[f"capture.{name}"], label=label, linewidth=0.9, **style)
@@ -131,7 +132,7 @@ def _plot_components(run: Result, axes: Any) -> None:
     last = t[0]
     for axis, name in zip(axes, ("force", "torque"), strict=True):
         for letter, values in zip("xyz", run.vector(f"capture.{name}").T, strict=True):
-            label = f"{letter}, largest {np.max(np.abs(values)):.3g}"
+            label = f"{letter}, largest {say_number(np.max(np.abs(values)))}"
             (line,) = axis.plot(t, values, label=label, linewidth=0.9)
             largest = int(np.argmax(np.abs(values)))
             last = max(last, _mark(axis, line, float(t[largest]), values[largest]))

@@ -781,7 +781,7 @@ def _plot_loads(sweep: Sweep, planner: Planner, table: Any, path: Path) -> None:
         style = style_line(list(list_loads()).index(name))
         # From the largest one on, as dense on the logarithmic axis as can be seen.
         ranks = np.unique(np.geomspace(1, len(values), _MOST_POINTS).astype(int))[::-1]
-        label = f"{name}, largest {values.max():.3g}"
+        label = f"{name}, largest {say_number(values.max())}"
         label += f", rated {rated[name]:g}" if name in rated else ""
         loads, exceeded = np.sort(values)[-ranks], ranks / len(values)
         (line,) = axis.step(loads, exceeded, where="pre", label=label, linewidth=0.9, **style)
