@@ -32,7 +32,7 @@ V.mass_includes_mechanism gravity[1..3]
 relative.{position,velocity,angular_velocity}[1..3] relative.attitude[1..4]
 relative.{axial,lateral,pitch_yaw,roll} gap
 capture.{force,torque}[1..3] capture.{tension,compression,shear,bending,torsion,load_ratio}
-capture.peak.{tension,compression,shear,bending,torsion,load_ratio}
+capture.{peak,peak_time,peak_step}.{tension,compression,shear,bending,torsion,load_ratio}
 contact.petal[1..3].force contact.depth_ratio latch[1..3].{opening,force,lateral,state}
 friction.{coefficient,model} restitution restitution_speed
 phase captured latched[1..3] outcome time_to_contact time_of_contact time_of_capture

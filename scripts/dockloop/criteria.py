@@ -30,6 +30,7 @@ from dockloop.variables import Variable
 Values = Mapping[str, Any]
 NEVER = ("time_of_contact", "time_of_capture")  # negative: it did not happen
 PEAK = "capture.peak."
+PEAK_TIME = "capture.peak_time."
 _LONGEST = 500  # characters of a criterion
 _EVENTS = {  # that `within` takes: their time, and the time from which it counts
     "captured": ("time_of_capture", "time_of_contact"),
@@ -83,9 +84,30 @@ class Criterion:
         return math.inf if self.holds(values) else min(self.grade(_with_never(values)), 0.0)
 
 
+def say_not_seen(stop: float, end: float, steps: Mapping[str, float] | None = None) -> str | None:
+    """Say what runs that end before their scene have not seen; None: they run to its end.
+
+    Args:
+        stop: end of the runs [s].
+        end: end of the scene [s].
+        steps: steps of the sequence that begin later, with their times [s], where they are known.
+    """
+    if stop >= end:
+        return None
+    text = f"not seen: the scene runs to {end:g} s, and what happens after {stop:g} s"
+    if steps:
+        text += ", with the steps " + ", ".join(f"'{n}' ({t:.4g} s)" for n, t in steps.items())
+    return f"{text}, is not judged"
+
+
+def has_happened(name: str, value: float) -> bool:
+    """Return whether an output is not the time, -1, of what did not happen."""
+    return not (name in NEVER or name.startswith(PEAK_TIME)) or value >= 0.0
+
+
 def _with_never(values: Values) -> Values:
     """Return values in which what never happened is at a time of plus infinity."""
-    return {**values, **{name: math.inf for name in NEVER if values.get(name, 0.0) < 0.0}}
+    return {n: v if has_happened(n, v) else math.inf for n, v in values.items()}
 
 
 @dataclass(frozen=True)

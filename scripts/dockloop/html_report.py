@@ -26,6 +26,7 @@ from dockloop.core import list_limits, name_choice, number_choice
 from dockloop.errors import DockloopError
 from dockloop.influence import Influence, can_rank, find_cut, find_influence
 from dockloop.outputs import Kind, read_head, writing
+from dockloop.peaks import count_steps, name_step, say_place
 from dockloop.sampling import say_accuracy
 from dockloop.summary import describe
 from dockloop.sweep_report import (
@@ -34,7 +35,9 @@ from dockloop.sweep_report import (
     is_text,
     list_worst,
     read_numbers,
+    read_steps,
     read_worst,
+    say_steps,
 )
 
 _WORST = 10  # cases in a list
@@ -171,7 +174,7 @@ def describe_settings(
 
 
 def list_peaks(loads: dict, keys: Sequence[str]) -> Rows:
-    """Return rows of a table of peak loads: values by `keys`, unit, rated load, part.
+    """Return rows of a table of peak loads: values by `keys`, unit, rated load, part, place.
 
     The part is that of the rated load, or of the cases above the rated load.
     """
@@ -180,7 +183,7 @@ def list_peaks(loads: dict, keys: Sequence[str]) -> Rows:
         row = [name, *(say_number(load[key]) for key in keys), load["unit"]]
         rated, part = load.get("rated"), load.get("above_rated", load.get("ratio"))
         ends = ["", ""] if rated is None else [say_number(rated), f"{part:.1%}"]
-        rows.append([*row, *ends])
+        rows.append([*row, *ends, say_steps(load["steps"]) if "steps" in load else say_place(load)])
     return rows
 
 
@@ -212,7 +215,7 @@ def report_run(
         rows = [[_say(limit[key]) for key in keys] for limit in summary["limits"]]
         sections.append(Section("Limits passed", columns=columns, rows=rows))
     if "peak_loads" in summary:
-        columns = ("load", "peak", "unit", "rated", "of it")
+        columns = ("load", "peak", "unit", "rated", "of it", "where")
         rows = list_peaks(summary["peak_loads"], ["value"])
         sections.append(
             Section("Peak loads on the target", "True peaks over inner steps.", columns, rows)
@@ -256,6 +259,7 @@ def report_sweep(
             f" Captured: {part['fraction']:.1%} (95 % interval {part['low']:.1%} to"
             f" {part['high']:.1%})."
         )
+    text += _say_not_seen(summary)
     outcomes = [[name, str(count)] for name, count in summary.get("outcomes", {}).items()]
     sections = [Section("Outcomes", text, ("outcome", "cases"), outcomes)]
     why: Counter[str] = Counter()
@@ -272,7 +276,17 @@ def report_sweep(
         rows = [[name, str(n), meaning[name]] for name, n in summary["limits"].items()]
         sections.append(Section("Limits passed", columns=("limit", "cases", "meaning"), rows=rows))
     if summary["peak_loads"]:
-        columns = ("load", "median", "95 %", "99 %", "largest", "unit", "rated", "cases above")
+        columns = (
+            "load",
+            "median",
+            "95 %",
+            "99 %",
+            "largest",
+            "unit",
+            "rated",
+            "cases above",
+            "where",
+        )
         rows = list_peaks(summary["peak_loads"], ("median", "q95", "q99", "largest"))
         sections.append(Section("Peak loads", columns=columns, rows=rows))
     sections += [_show(figure) for figure in figures]
@@ -345,10 +359,39 @@ def _rank_inputs(sweep: Any, planner: Any, table: Any) -> list[Section]:
     outcomes = {"capture": has_captured(table)} if "outcome" in table.column_names else {}
     by, values = read_worst(sweep, table)
     outcomes |= {by: values} if len(values) else {}
-    sections = [_rank_inputs_of(name, planner, table, y) for name, y in outcomes.items()]
+    parts = [
+        part for name, y in outcomes.items() for part in _split_by_step(name, planner, table, y)
+    ]
+    sections = [_rank_inputs_of(name, planner, table, y) for name, y in parts]
     if first := next((section for section in sections if section.rows), None):
         first.text = f"{_SHARES} {first.text}"
     return sections
+
+
+def _say_not_seen(summary: dict) -> str:
+    return "".join(f" {text[0].upper()}{text[1:]}." for text in summary.get("not_seen", []))
+
+
+def _split_by_step(
+    outcome: str, planner: Any, table: Any, y: np.ndarray
+) -> list[tuple[str, np.ndarray]]:
+    """Return an outcome as it is, or for every step of the sequence in which its peaks arose.
+
+    Peaks of several steps have several causes: the first contact, or motors long after.
+    """
+    steps = read_steps(table, outcome)
+    found = count_steps(planner.base, steps)
+    if len(found) < 2:
+        return [(outcome, y)]
+    names = np.array([name_step(planner.base, number) for number in steps])
+    total = sum(found.values())
+    return [
+        (
+            f"{outcome}, {count} of {total} peaks: in step '{name}'",
+            np.where(names == name, y, np.nan),
+        )
+        for name, count in found.items()
+    ]
 
 
 def _rank_inputs_of(outcome: str, planner: Any, table: Any, y: np.ndarray) -> Section:
@@ -443,6 +486,7 @@ def report_envelope(summary: dict, planner: Any, figures: Sequence[Path]) -> lis
             f" {checks['points']} of them are checks at random away from the boundary;"
             f" {checks['differ']} of these were not as expected."
         )
+    text += _say_not_seen(summary)
     columns = ("criterion", "part of the box", "boundary points")
     sections = [Section("Where the criteria are met", text, columns, rows)]
     sections += [_show(figure) for figure in figures]

@@ -21,13 +21,14 @@ from dockloop.binaries import find_libraries
 from dockloop.capture import list_needed
 from dockloop.cases import Job, Result
 from dockloop.core import core_errors, list_final_outcomes, list_loads, name_source, to_json
-from dockloop.criteria import Criterion, parse_criterion
+from dockloop.criteria import Criterion, parse_criterion, say_not_seen
 from dockloop.errors import UsageError, did_you_mean, warn
 from dockloop.fmu import find_placement, write_fmu
 from dockloop.journal import make_digest
 from dockloop.limits import EXCEEDED
 from dockloop.outputs import scratch
 from dockloop.paths import is_file, read_text, shown
+from dockloop.peaks import list_with_places
 from dockloop.results import list_points
 from dockloop.sampling import Quantity, Sweep, Value, as_setting
 from dockloop.scene import OPEN_KEYS, SceneReader, scene_members
@@ -229,6 +230,16 @@ class Planner:
         experiment = {**document["experiment"], **self.experiment}
         return list_points(*(float(experiment[name]) for name in ("start", "stop", "step")))
 
+    def list_not_seen(self) -> list[str]:
+        """Return sentences on what the cases do not see: they end before their scene does."""
+        texts = [say_not_seen(float(self.times[-1]), float(self.base["experiment"]["stop"]))]
+        if (patience := self.experiment.get("end_after_outcome")) is not None:
+            texts.append(
+                f"not seen: a case ends {patience:g} s after its outcome is final, and later steps"
+                " of the sequence are not judged"
+            )
+        return [text for text in texts if text]
+
     def plan(self, values: tuple[Value, ...]) -> Plan:
         """Plan one case for a worker with its FMU. Raises UsageError like `resolve`."""
         document, starts = self.resolve(values)
@@ -371,6 +382,7 @@ class Planner:
         outputs = [v.name for v in self.variables.values() if v.causality == "output"]
         document, place = self._sweep.document, shown(self._sweep.path)
         chosen = document.get("outcomes", [name for name in _list_outcomes() if name in outputs])
+        placed = [each for name in chosen for each in list_with_places(name) if each in outputs]
         for name in chosen:
             if name not in outputs:
                 near = did_you_mean(name, outputs)
@@ -389,7 +401,7 @@ class Planner:
             raise UsageError(
                 f"{place}: experiment.end_after_outcome needs the output 'outcome' (group phase)"
             )
-        return list(chosen)
+        return list(dict.fromkeys(placed))
 
 
 def _hash(content: bytes) -> str:

@@ -14,6 +14,7 @@ from dockloop.columns import say_number
 from dockloop.core import list_choices, list_loads
 from dockloop.figures import fit_ordinate, put_legend, save_figure
 from dockloop.palette import LATCH_STATES, PHASES, cycle_lines, style_line
+from dockloop.peaks import find_peak
 from dockloop.results import Result
 from dockloop.summary import COMMAND
 
@@ -102,8 +103,8 @@ def _plot_ring(run: Result, axes: Any) -> None:
 def _plot_loads(run: Result, axes: Any) -> None:
     """Loads on the target through the interface; rated values where they are in sight.
 
-    A dot marks the true peak of every load, which may lie between two samples: it is at the second
-    of these. The time is from first contact to the last dot.
+    A dot marks the true peak of every load, which may lie between two samples. The time is from
+    first contact to the last dot.
     """
     t, rated = run["time"], run.scene["mechanism"].get("limits", {})
     loads = {n: u for n, u in list_loads().items() if f"capture.{n}" in run}
@@ -113,11 +114,15 @@ def _plot_loads(run: Result, axes: Any) -> None:
         style = style_line(list(list_loads()).index(name))
         peaks = run[f"capture.peak.{name}"]
         peak = peaks[-1]
+        found = find_peak(run, name)
         label = f"{name}, peak {say_number(peak)}"
+        if found["step"]:
+            label += f" in '{found['step']}'"
         if name in rated:
-            label += f", rated {rated[name]:g}"
+            label += f", rated {say_number(rated[name])}"
         (line,) = axis.plot(t, run[f"capture.{name}"], label=label, linewidth=0.9, **style)
-        last = max(last, _mark(axis, line, float(t[np.argmax(peaks >= peak)]), peak))
+        at = float(t[np.argmax(peaks >= peak)]) if found["time"] is None else found["time"]
+        last = max(last, _mark(axis, line, at, peak))
         if name in rated and peak > 0.5 * rated[name]:
             axis.axhline(rated[name], color=line.get_color(), linestyle=":", linewidth=1.2)
     _zoom(run, axes[0], last)

@@ -13,15 +13,18 @@ from typing import BinaryIO
 import numpy as np
 
 from dockloop.capture import WITH_CAPTURE, explain_capture, list_needed
+from dockloop.columns import say_number
 from dockloop.core import list_loads, name_choice
 from dockloop.limits import EXCEEDED, find_exceeded
 from dockloop.outputs import MADE_BY, Kind, json_kind, read_head, write_text, writing
 from dockloop.paths import shown
+from dockloop.peaks import find_peak, find_sampled_peak, say_place
 from dockloop.results import Result, import_optional
 
 COMMAND = "dockloop run"
 
 _DISSIPATED = "dissipated_"
+_LEAST_PART = 1e-3  # of the dissipated energy; smaller parts are not said
 _COLUMN = re.compile(  # outputs of FMUs by dockloop
     r"(chaser|target|relative|capture|contact|ring|base|energy|momentum|solver|coupling|state|limits"
     r"|sequence|hooks|faces|pushers|joint"
@@ -30,7 +33,7 @@ _COLUMN = re.compile(  # outputs of FMUs by dockloop
 )
 
 _SUMMARISED = re.compile(  # what a summary looks at
-    r"outcome|captured|phase|time_of_\w+|latched\[\d+\]|capture\.(peak\.\w+|reason|seated_time)"
+    r"outcome|captured|phase|time_of_\w+|latched\[\d+\]|capture\.(peak(_time|_step)?\.\w+|reason|seated_time)"
     r"|latch\[\d+\]\.(opening|lateral)|contact\.petal\[\d+\]\.force|energy\.\w+|momentum\.residual"
     r"|leg\[\d+\]\.(length|force)|relative\.velocity\[\d\]|solver\.\w+|sequence\.\w+(\[\d+\])?"
     r"|limits\.(exceeded|\w+\.(time|value))"
@@ -144,27 +147,30 @@ def describe(summary: dict) -> str:
     if "peak_loads" in summary:
         lines.append("  peak loads on the target")
         for name, load in summary["peak_loads"].items():
-            line = f"    {name:12}{load['value']:9.1f} {load['unit']:4}"
+            line = f"    {name:12}{say_number(load['value']):>9} {load['unit']:4}"
             if "rated" in load:
-                line += f" {load['ratio']:6.1%} of the rated {load['rated']:.0f}"
-            lines.append(line)
+                line += f" {load['ratio']:6.1%} of the rated {say_number(load['rated'])}"
+            lines.append(f"{line} {say_place(load)}".rstrip())
     if "legs" in summary:
         legs = summary["legs"]
         lines.append(
-            f"  legs         travel {1e3 * legs['shortest_travel']:+.0f} to"
-            f" {1e3 * legs['longest_travel']:+.0f} mm from the start,"
-            f" largest force {legs['largest_force']:.0f} N"
+            f"  legs         travel {say_number(1e3 * legs['shortest_travel'])} to"
+            f" {say_number(1e3 * legs['longest_travel'])} mm from the start,"
+            f" largest force {say_number(legs['largest_force'])} N {say_place(legs['peak'])}"
         )
     if "energy" in summary:
         energy = summary["energy"]
         parts = ", ".join(
-            f"{name.removeprefix(_DISSIPATED)} {value:.2f}"
+            f"{name.removeprefix(_DISSIPATED)} {say_number(value)}"
             for name, value in energy.items()
-            if name.startswith(_DISSIPATED) and value >= 0.005
+            if name.startswith(_DISSIPATED)
+            and value >= _LEAST_PART * abs(energy["dissipated"])
+            and value > 0.0
         )
         lines.append(
-            f"  energy       {energy['initial_relative']:.2f} J {energy['initial_meaning']},"
-            f" {energy['dissipated']:.2f} J absorbed" + (f" ({parts})" if parts else "")
+            f"  energy       {say_number(energy['initial_relative'])} J"
+            f" {energy['initial_meaning']}, {say_number(energy['dissipated'])} J absorbed"
+            + (f" ({parts})" if parts else "")
         )
         lines.append(
             f"  audit        energy residual {energy['residual']:.1e} J"
@@ -297,7 +303,7 @@ def _peak_loads(run: Result) -> dict:
     rated = run.scene["mechanism"].get("limits", {})
     loads = {}
     for name, unit in list_loads().items():
-        loads[name] = {"value": float(run[f"capture.peak.{name}"][-1]), "unit": unit}
+        loads[name] = find_peak(run, name) | {"unit": unit}
         if name in rated:
             loads[name] |= {"rated": rated[name], "ratio": loads[name]["value"] / rated[name]}
     return loads
@@ -326,11 +332,12 @@ def _legs(run: Result) -> dict:
     """Return travel of the legs from their start [m] and the largest force [N]."""
     count = sum(name.endswith("].length") for name in run.names)
     lengths = np.column_stack([run[f"leg[{i + 1}].length"] for i in range(count)])
-    forces = np.column_stack([run[f"leg[{i + 1}].force"] for i in range(count)])
+    peak = find_sampled_peak(run, [f"leg[{i + 1}].force" for i in range(count)])
     return {
         "shortest_travel": float(np.min(lengths - lengths[0])),
         "longest_travel": float(np.max(lengths - lengths[0])),
-        "largest_force": float(np.max(np.abs(forces))),
+        "largest_force": peak["value"],
+        "peak": peak,
     }
 
 

@@ -13,7 +13,7 @@ import math
 import platform
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -26,7 +26,7 @@ from dockloop.capture import WITH_CAPTURE, explain_capture
 from dockloop.cases import STATUSES, Result
 from dockloop.columns import align, say_number
 from dockloop.core import list_choices, list_limits, list_loads, name_choice
-from dockloop.criteria import NEVER, PEAK
+from dockloop.criteria import PEAK, has_happened
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.figures import save_figure
 from dockloop.journal import journal_kind
@@ -34,6 +34,7 @@ from dockloop.limits import EXCEEDED, name_exceeded
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_csv, writing
 from dockloop.palette import BLUE, MARKERS, NOT_RUN, OUTCOMES, style_line
 from dockloop.paths import check_file, read_text, shown
+from dockloop.peaks import count_steps, list_with_places
 from dockloop.results import import_optional
 from dockloop.run_errors import compare_peaks
 from dockloop.sampling import Sweep, count_drawn, list_discs, say_accuracy
@@ -376,6 +377,8 @@ def summarise_sweep(sweep: Sweep, planner: Planner, table: Any, ran: dict) -> di
         summary["captured"] = estimate_fraction(captured, sum(found.values()))
     if "limits" in table.column_names:
         summary["limits"] = _count_limits(table)
+    if not_seen := planner.list_not_seen():
+        summary["not_seen"] = not_seen
     summary["peak_loads"] = _count_loads(planner, table)
     if sweep.passes and sweep.passes.refine:
         summary["refined"] = {**asdict(sweep.passes), **compare_passes(table)}
@@ -425,6 +428,12 @@ def _describe_cases(rows: list[dict]) -> list[str]:
     return align(cells, "    ")
 
 
+def say_steps(steps: Mapping[str, int]) -> str:
+    """Say in which steps of the sequence the peaks arose: ``8 of 12 in step 'align'``."""
+    total = sum(steps.values())
+    return "arose in " + ", ".join(f"step '{name}' {n} of {total}" for name, n in steps.items())
+
+
 def describe_sweep(summary: dict) -> str:
     """Say a summary in words and numbers."""
     status = summary["status"]
@@ -448,6 +457,7 @@ def describe_sweep(summary: dict) -> str:
     if summary.get("limits"):
         passed = ", ".join(f"{name} in {count}" for name, count in summary["limits"].items())
         lines.append(f"  limits       passed: {passed} cases")
+    lines += [f"  {text}" for text in summary.get("not_seen", [])]
     lines += _describe_cases(summary["table"]) if "table" in summary else []
     if summary["peak_loads"]:
         lines.append("  peak loads        median      95 %      99 %   largest")
@@ -457,8 +467,10 @@ def describe_sweep(summary: dict) -> str:
             )
             line += f" {load['unit']:4}"
             if "rated" in load:
-                line += f" rated {load['rated']:.0f}, above it in {load['above_rated']:.1%}"
+                line += f" rated {say_number(load['rated'])}, above it in {load['above_rated']:.1%}"
             lines.append(line.rstrip())
+            if steps := load.get("steps"):
+                lines.append(f"{'':16}{say_steps(steps)}")
     lines += _describe_passes(summary["refined"]) if "refined" in summary else []
     if "worst" in summary:
         worst = summary["worst"]
@@ -514,7 +526,7 @@ def describe_output(name: str, value: Any) -> Any:
     """Return an output as the table shows it."""
     if name in _NAMED:
         return name_choice(name, value)
-    return None if name in NEVER and value < 0.0 else value  # it did not happen
+    return value if has_happened(name, value) else None
 
 
 def _make_metadata(sweep: Sweep, planner: Planner) -> dict[str, str]:
@@ -627,7 +639,19 @@ def _count_loads(planner: Planner, table: Any) -> dict:
                 "rated": rated[name],
                 "above_rated": float(np.mean(values > rated[name])),
             }
+        if steps := count_steps(planner.base, read_steps(table, f"{PEAK}{name}")):
+            loads[name]["steps"] = steps
     return loads
+
+
+def read_steps(table: Any, outcome: str) -> np.ndarray:
+    """Return the steps of the sequence in which the peaks of an outcome arose, from 1.
+
+    0: before, or no sequence; NaN: the case has no result. No values: the outcome is no peak.
+    """
+    column = list_with_places(outcome)[-1]
+    is_there = column != outcome and column in table.column_names
+    return read_numbers(table, column) if is_there else np.array([])
 
 
 def read_worst(sweep: Sweep, table: Any) -> tuple[str, np.ndarray]:

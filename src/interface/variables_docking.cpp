@@ -100,6 +100,28 @@ void add_relative(Table& table, Outputs& out) {
                "(1e9 where there are no surfaces)");
 }
 
+namespace {
+
+/// A peak: its value, time and step of the sequence.
+/// @param before, after  of the names: BEFORE.peak_time.AFTER
+void add_peak(Table& table, const std::string& before, const std::string& after, const Peak& peak,
+              Quantity quantity, const std::string& text) {
+  const std::string largest = "largest since the start over all inner steps";
+  table.output(before + ".peak" + after, &peak.value, quantity, text + ", " + largest)
+      .not_negative();
+  table
+      .output(before + ".peak_time" + after, &peak.time, kTime,
+              "Simulation time of " + before + ".peak" + after + ", -1 before")
+      .limits(-1.0, kInfinity);
+  table
+      .output(before + ".peak_step" + after, &peak.step, kNone,
+              "Step of the sequence in which " + before + ".peak" + after +
+                  " arose, as in sequence.step; 0 before, or without a sequence")
+      .limits(0, kMaxSteps);
+}
+
+}  // namespace
+
 void add_capture(Table& table, Outputs& out) {
   table.outputs("capture.force", out.capture_force, kForce,
                 "Force on the target through capture surfaces and latches, axes of P");
@@ -116,17 +138,12 @@ void add_capture(Table& table, Outputs& out) {
       .output("capture.load_ratio", &out.capture_load_ratio, kNone,
               "Largest ratio of a load between ring and target to its rated value")
       .not_negative();
-  const std::string largest = ", largest since the start over all inner steps";
   for (const Load& load : list_loads()) {
-    table
-        .output(std::string("capture.peak.") + load.name, &out.capture_peak[load.index],
-                load.quantity, load.text + largest)
-        .not_negative();
+    add_peak(table, "capture", std::string(".") + load.name, out.capture_peak[load.index],
+             load.quantity, load.text);
   }
-  table
-      .output("capture.peak.load_ratio", &out.capture_peak_load_ratio, kNone,
-              "Ratio of a load between ring and target to its rated value" + largest)
-      .not_negative();
+  add_peak(table, "capture", ".load_ratio", out.capture_peak_load_ratio, kNone,
+           "Ratio of a load between ring and target to its rated value");
 }
 
 namespace {
@@ -138,10 +155,7 @@ void add_surfaces(Table& table, const ContactModel& contact, Outputs& out) {
     const std::string text = "Size of the resultant contact force on '" + surface.name +
                              "' of the " + (surface.on_passive ? "passive" : "active") + " side";
     table.output(name + ".force", &out.surface_force[i], kForce, text).not_negative();
-    table
-        .output(name + ".peak", &out.surface_peak[i], kForce,
-                text + ", largest since the start over all inner steps")
-        .not_negative();
+    add_peak(table, name, "", out.surface_peak[i], kForce, text);
   }
 }
 

@@ -38,6 +38,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (!events->is_due(1) || model->contact.absorber.pulls) {
     peaks.add(now, find_peak_values(), !step_loop->searches_peaks());
   }
+  peaks.enter(find_sequence_step());
   if (jumped) {
     const Status after = evaluate(tau);
     if (!after.ok()) return after;
@@ -172,6 +173,7 @@ Status DockingSim::Impl::update_sequence(double tau, bool& changed, bool& jumped
     events->update_capture(now);
     if (!made.equations) continue;
     update_hooks(now);
+    peaks.enter(find_sequence_step());  // in which the loads are evaluated anew
     Status status = evaluate(tau);
     if (status.ok()) status = update_joint(tau);
     if (!status.ok()) return status;
@@ -185,6 +187,7 @@ Status DockingSim::Impl::update_command() {
   kept_jacobian.valid = false;
   const Status status = update_sequence(0.0, changed, jumped);
   if (!status.ok()) return status;
+  peaks.enter(find_sequence_step());
   update_outside_loads(elapsed);
   events->update_phases(present(), elapsed);
   return evaluate_start();

@@ -53,7 +53,11 @@ Status DockingSim::Impl::update_main() {
   read_outputs<double>(find_source(), outputs);
   outputs.time = setup->t_start + find_point_time();
   // Loads of a pending step are not booked yet, but those of this point have occurred.
-  const auto peak = ahead.pending ? peaks.peak_with(find_peak_values(shown())) : peaks.peak();
+  auto peak =
+      ahead.pending ? peaks.peak_with(find_point_time(), find_peak_values(shown())) : peaks.peak();
+  for (Peak& each : peak) {
+    each = each.value > 0.0 ? Peak{each.value, setup->t_start + each.time, each.step} : Peak{};
+  }
   std::copy_n(peak.begin(), static_cast<int>(Outputs::kLoadCount), outputs.capture_peak.begin());
   outputs.capture_peak_load_ratio = peak[Outputs::kLoadCount];
   std::copy_n(peak.begin() + kFirstSurfacePeak, outputs.surface_peak.size(),

@@ -59,12 +59,27 @@ Maximum find_largest(double a, double b, int sections, F&& f) {
   return largest;
 }
 
+/// The largest value so far, and where it arose.
+struct Peak {
+  double value = 0.0;
+  double time = -1.0;  ///< [s], -1 before
+  int step = 0;        ///< of the sequence, from 1; 0 without a sequence
+};
+
+/// For saved states (sim/archive.hpp).
+template <class A>
+void transfer(A& archive, Peak& peak) {
+  transfer_members<Peak>(archive, peak.value, peak.time, peak.step);
+}
+
 template <int N>
 class PeakTracker {
  public:
   /// Delete all samples; add the first sample of a run.
-  void start(double t, const std::array<double, N>& value) {
-    peak_ = value;
+  /// @param step  present step of the sequence, see Peak
+  void start(double t, const std::array<double, N>& value, int step = 0) {
+    step_ = step;
+    for (int i = 0; i < N; ++i) peak_[i] = {value[i], t, step};
     begin(t, value);
   }
 
@@ -72,12 +87,15 @@ class PeakTracker {
   void begin(double t, const std::array<double, N>& value) {
     count_ = 0;
     push(t, value);
-    raise(value);
+    raise(t, value);
   }
+
+  /// The sequence is in this step from here on: the next samples belong to it.
+  void enter(int step) { step_ = step; }
 
   /// @param refines  interpolate between samples
   void add(double t, const std::array<double, N>& value, bool refines = true) {
-    raise(value);
+    raise(t, value);
     // Samples much closer than their neighbours would only amplify rounding, or are behind a jump.
     if (count_ >= 2 && t - time_[count_ - 1] < 1e-2 * (time_[count_ - 1] - time_[count_ - 2])) {
       if (has_jumped(value)) begin(t, value);
@@ -87,32 +105,28 @@ class PeakTracker {
     if (count_ < kWindow || !refines) return;
     for (int i = 0; i < N; ++i) {
       const double mid = value_[2][i];
-      if (mid > value_[1][i] && mid > value_[3][i] && mid > kNear * peak_[i]) refine(i);
+      if (mid > value_[1][i] && mid > value_[3][i] && mid > kNear * peak_[i].value) refine(i);
     }
   }
 
   /// These values have occurred.
-  void raise(const std::array<double, N>& value) {
-    for (int i = 0; i < N; ++i) {
-      if (value[i] > peak_[i]) peak_[i] = value[i];
-    }
-  }
+  void raise(double t, const std::array<double, N>& value) { raise(peak_, t, value); }
 
-  const std::array<double, N>& peak() const { return peak_; }
+  const std::array<Peak, N>& peak() const { return peak_; }
   int count() const { return count_; }
   double time(int k) const { return time_[k]; }
   const std::array<double, N>& value(int k) const { return value_[k]; }
   /// The peaks, if these values occur now too.
-  std::array<double, N> peak_with(const std::array<double, N>& value) const {
-    std::array<double, N> largest = peak_;
-    for (int i = 0; i < N; ++i) largest[i] = std::max(largest[i], value[i]);
+  std::array<Peak, N> peak_with(double t, const std::array<double, N>& value) const {
+    std::array<Peak, N> largest = peak_;
+    raise(largest, t, value);
     return largest;
   }
 
   /// Is there a value near its peak, or above it?
   bool is_near(const std::array<double, N>& value) const {
     for (int i = 0; i < N; ++i) {
-      if (value[i] > 0.0 && value[i] > kNear * peak_[i]) return true;
+      if (value[i] > 0.0 && value[i] > kNear * peak_[i].value) return true;
     }
     return false;
   }
@@ -123,7 +137,9 @@ class PeakTracker {
     transfer(archive, peaks.count_);
     transfer(archive, peaks.time_);
     transfer(archive, peaks.value_);
+    transfer(archive, peaks.sample_step_);
     transfer(archive, peaks.peak_);
+    transfer(archive, peaks.step_);
     if (peaks.count_ < 0 || peaks.count_ > kWindow) throw ModelError("the saved state is damaged");
   }
 
@@ -136,12 +152,20 @@ class PeakTracker {
       for (int j = 1; j < kWindow; ++j) {
         time_[j - 1] = time_[j];
         value_[j - 1] = value_[j];
+        sample_step_[j - 1] = sample_step_[j];
       }
       --count_;
     }
     time_[count_] = t;
     value_[count_] = value;
+    sample_step_[count_] = step_;
     ++count_;
+  }
+
+  void raise(std::array<Peak, N>& peak, double t, const std::array<double, N>& value) const {
+    for (int i = 0; i < N; ++i) {
+      if (value[i] > peak[i].value) peak[i] = {value[i], t, step_};
+    }
   }
 
   /// Polynomial through samples first..last at time t.
@@ -175,24 +199,29 @@ class PeakTracker {
     return first + begin / (begin + end) * (from_left - first);
   }
 
-  double find_maximum(int i, int first, int last) const {
+  Maximum find_maximum(int i, int first, int last) const {
     const auto at = [&](double t) { return interpolate(i, first, last, t); };
-    return std::max(value_[2][i], find_largest(time_[1], time_[3], 40, at).value);
+    const Maximum found = find_largest(time_[1], time_[3], 40, at);
+    return found.value > value_[2][i] ? found : Maximum{time_[2], value_[2][i]};
   }
 
   void refine(int i) {
     const double mid = value_[2][i];
-    const double parabola = find_maximum(i, 1, 3);
-    double best = find_maximum(i, 0, 4);
-    if (best > mid + 2.0 * (parabola - mid)) best = parabola;
-    best = std::min(best, std::max(find_bound(i, 1), find_bound(i, 2)));
-    if (best > peak_[i]) peak_[i] = best;
+    const Maximum parabola = find_maximum(i, 1, 3);
+    Maximum best = find_maximum(i, 0, 4);
+    if (best.value > mid + 2.0 * (parabola.value - mid)) best = parabola;
+    best.value = std::min(best.value, std::max(find_bound(i, 1), find_bound(i, 2)));
+    if (!(best.value > peak_[i].value)) return;
+    // The step of the sequence changes behind a sample: a sample ends the interval of its step.
+    peak_[i] = {best.value, best.time, sample_step_[best.time > time_[2] ? 3 : 2]};
   }
 
   int count_ = 0;
   std::array<double, kWindow> time_{};
   std::array<std::array<double, N>, kWindow> value_{};
-  std::array<double, N> peak_{};
+  std::array<int, kWindow> sample_step_{};
+  std::array<Peak, N> peak_{};
+  int step_ = 0;
 };
 
 /// Searches one step for values above their peaks.
@@ -226,7 +255,7 @@ class PeakSearch {
     for (int i = 0; i < N; ++i) {
       int top = begin_;
       for (int k = begin_; k < count_; ++k) top = value_[k][i] > value_[top][i] ? k : top;
-      const double peak = std::max(tracker_.peak()[i], value_[top][i]);
+      const double peak = std::max(tracker_.peak()[i].value, value_[top][i]);
       if (!(peak > 0.0 && value_[top][i] > kWorth * peak)) continue;
       const Maximum found = find_maximum(i, top);
       const double gain = found.value / peak - 1.0;

@@ -178,6 +178,10 @@ struct DockingSim::Impl : SimState {
     return dockloop::find_peak_values(*model, scene->rated, at);
   }
   std::array<double, kPeakCount> find_peak_values() const { return find_peak_values(present()); }
+  /// Present step of the sequence, from 1; 0 without a sequence.
+  int find_sequence_step() const {
+    return events->sequence().exists() ? discrete.sequence.step + 1 : 0;
+  }
   double find_acceleration_bound() const;
   double find_earliest_contact(double gap) const;
   Status update(OutputGroup group);

@@ -130,7 +130,7 @@ void DockingSim::Impl::clear() {
   const size_t surfaces = scene->contact.surfaces.size();
   zero(outputs.petal_force, scene->contact.rings ? surfaces : 0);
   zero(outputs.surface_force, scene->contact.rings ? 0 : surfaces);
-  zero(outputs.surface_peak, outputs.surface_force.size());
+  outputs.surface_peak.assign(outputs.surface_force.size(), {});
   zero(outputs.latch_opening, static_cast<size_t>(scene->latches.count()));
   zero(outputs.latch_lateral, static_cast<size_t>(scene->latches.count()));
   zero(outputs.latch_force, static_cast<size_t>(scene->latches.count()));
@@ -405,7 +405,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   start_sequence();
   update_outside_loads(0.0);
   events->update_phases(present(), 0.0);
-  peaks.start(0.0, find_peak_values());
+  peaks.start(0.0, find_peak_values(), find_sequence_step());
   quiescent_mode->start(step_loop->y());
   host->start();
   step_loop->start();

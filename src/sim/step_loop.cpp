@@ -416,7 +416,7 @@ void StepLoop::search_peaks(double from, double to) {
     const std::optional<double> t = search.find_time(share);
     if (!t || !evaluate(*t - state_.elapsed)) break;
     search.add(*t, value);
-    peaks.raise(value);
+    peaks.raise(*t, value);
   }
 }
 

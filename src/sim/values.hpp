@@ -10,6 +10,7 @@
 #include "docking/scene.hpp"
 #include "math/types.hpp"
 #include "sim/limits.hpp"
+#include "sim/peaks.hpp"
 #include "sim/solver_methods.hpp"
 
 namespace dockloop {
@@ -290,9 +291,9 @@ struct Outputs : OutputValues<double> {
   double time = 0.0;  ///< [s]
 
   // group capture: largest since the start, over inner steps
-  std::array<double, kLoadCount> capture_peak{};
-  double capture_peak_load_ratio = 0.0;  ///< [-]
-  std::vector<double> surface_peak;      ///< per group of hardware that is no guide ring [N]
+  std::array<Peak, kLoadCount> capture_peak{};
+  Peak capture_peak_load_ratio;    ///< [-]
+  std::vector<Peak> surface_peak;  ///< per group of hardware that is no guide ring [N]
 
   // group phase
   int phase = 1;                       ///< see docking/phases.hpp

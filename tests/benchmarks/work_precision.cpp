@@ -55,7 +55,7 @@ Result run(const std::shared_ptr<const Scene>& scene, int method, double rtol, d
     result.ring.push_back(sim.outputs().ring_position);
   }
   result.evaluations = sim.outputs().solver_rhs_evaluations;
-  result.peak = sim.outputs().capture_peak[Outputs::kCompression];
+  result.peak = sim.outputs().capture_peak[Outputs::kCompression].value;
   return result;
 }
 

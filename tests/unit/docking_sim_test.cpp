@@ -320,7 +320,9 @@ TEST(Runs, with_different_communication_steps_agree_within_the_tolerance) {
     position.add((out.relative_position - r.relative_position).norm(), where);
     position.add((out.ring_position - r.ring_position).norm(), where);
     velocity.add((out.relative_velocity - r.relative_velocity).norm(), where);
-    peak.add(out.capture_peak[Outputs::kCompression] / r.capture_peak[Outputs::kCompression] - 1.0,
+    peak.add(out.capture_peak[Outputs::kCompression].value /
+                     r.capture_peak[Outputs::kCompression].value -
+                 1.0,
              where);
   }
   EXPECT_RESIDUAL_BELOW(position, 6e-10);  // measured 6.2e-11
@@ -579,7 +581,7 @@ TEST(Driven, mean_loads_give_a_host_the_velocities_of_the_free_run) {
         rate.add((host.angular_velocity - now.angular_velocity).norm(), where);
       }
     }
-    EXPECT_GT(run.sim.outputs().capture_peak[Outputs::kCompression], 50.0);
+    EXPECT_GT(run.sim.outputs().capture_peak[Outputs::kCompression].value, 50.0);
     EXPECT_RESIDUAL_BELOW(velocity, 1e-15);  // measured 3e-20 [m/s]: a few ulp
     EXPECT_RESIDUAL_BELOW(rate, 1.4e-7);     // measured 1.4e-8 [rad/s]
   }

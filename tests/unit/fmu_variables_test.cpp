@@ -300,7 +300,7 @@ TEST(VariableTable, RowsPointAtTheStorageTheyName) {
   EXPECT_EQ(rows.at("target.position[2]").value, &out.vehicle[kTarget].position[1]);
   EXPECT_EQ(rows.at("target.torque_ext[3]").start, &sim->inputs().vehicle[kTarget].torque_ext[2]);
   EXPECT_EQ(rows.at("chaser.torque_mean[1]").value, &out.vehicle[kChaser].torque_mean[0]);
-  EXPECT_EQ(rows.at("capture.peak.bending").value, &out.capture_peak[Outputs::kBending]);
+  EXPECT_EQ(rows.at("capture.peak.bending").value, &out.capture_peak[Outputs::kBending].value);
   EXPECT_EQ(rows.at("solver.method").start, &sim->parameters().solver_method);
   EXPECT_EQ(rows.at("captured").value, static_cast<const void*>(&out.captured));
 }

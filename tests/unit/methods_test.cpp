@@ -57,7 +57,7 @@ Status run(DockingSim& sim, double h = 0.01, double end = kEnd) {
 
 void print(const char* name, const Outputs& out) {
   std::printf("%s: peak %.6g N, capture at %.7f s, %.0f steps, %.0f evaluations\n", name,
-              out.capture_peak[Outputs::kCompression], out.time_of_capture, out.solver_steps,
+              out.capture_peak[Outputs::kCompression].value, out.time_of_capture, out.solver_steps,
               out.solver_rhs_evaluations);
 }
 
@@ -86,8 +86,8 @@ TEST_P(Methods, capture_as_a_tight_explicit_run_does) {
   print(GetParam().name, out);
   EXPECT_TRUE(out.captured);
   EXPECT_EQ(out.outcome, expected.outcome);
-  const double peak = expected.capture_peak[Outputs::kCompression];
-  EXPECT_NEAR(out.capture_peak[Outputs::kCompression], peak, GetParam().peak * peak);
+  const double peak = expected.capture_peak[Outputs::kCompression].value;
+  EXPECT_NEAR(out.capture_peak[Outputs::kCompression].value, peak, GetParam().peak * peak);
   EXPECT_NEAR(out.time_of_contact, expected.time_of_contact, GetParam().time);
   EXPECT_NEAR(out.time_of_capture, expected.time_of_capture, GetParam().time);
   const double pose = (out.relative_position - expected.relative_position).norm();
@@ -95,7 +95,7 @@ TEST_P(Methods, capture_as_a_tight_explicit_run_does) {
   std::printf(
       "  differences: peak %.1e, capture %.1e s, pose %.1e m; energy residual %.1e J, momentum "
       "residual %.1e\n",
-      out.capture_peak[Outputs::kCompression] / peak - 1.0,
+      out.capture_peak[Outputs::kCompression].value / peak - 1.0,
       out.time_of_capture - expected.time_of_capture, pose, out.energy_residual,
       out.momentum_residual);
   EXPECT_LE(std::abs(out.energy_residual), 0.01 * expected.energy_dissipated);
@@ -148,8 +148,8 @@ TEST(StiffLegs, need_few_implicit_steps) {
   }
   EXPECT_GT(steps[0], 5.0 * steps[1]);
   EXPECT_GT(out[0].solver_rhs_evaluations, 1.5 * out[1].solver_rhs_evaluations);
-  const double peak = out[0].capture_peak[Outputs::kCompression];
-  EXPECT_NEAR(out[1].capture_peak[Outputs::kCompression], peak, 1e-4 * peak);
+  const double peak = out[0].capture_peak[Outputs::kCompression].value;
+  EXPECT_NEAR(out[1].capture_peak[Outputs::kCompression].value, peak, 1e-4 * peak);
   EXPECT_LE((out[1].relative_position - out[0].relative_position).norm(), 1e-7);
 }
 
@@ -160,18 +160,18 @@ TEST(StiffLegs, are_stable_with_equal_implicit_steps_only) {
   ASSERT_TRUE(run(*implicit, 0.01, kStiffEnd).ok()) << implicit->status_text();
   const Outputs &expected = reference->outputs(), &out = implicit->outputs();
   print("fixed_implicit", out);
-  const double peak = expected.capture_peak[Outputs::kCompression];
-  EXPECT_NEAR(out.capture_peak[Outputs::kCompression], peak, 1e-4 * peak);
+  const double peak = expected.capture_peak[Outputs::kCompression].value;
+  EXPECT_NEAR(out.capture_peak[Outputs::kCompression].value, peak, 1e-4 * peak);
   EXPECT_LE((out.relative_position - expected.relative_position).norm(), 1e-7);
   const auto linear = start(stiff_scene(), kFixedRosenbrock);
   ASSERT_TRUE(run(*linear, 0.01, kStiffEnd).ok()) << linear->status_text();
   print("fixed_rosenbrock", linear->outputs());
-  EXPECT_NEAR(linear->outputs().capture_peak[Outputs::kCompression], peak, 1e-4 * peak);
+  EXPECT_NEAR(linear->outputs().capture_peak[Outputs::kCompression].value, peak, 1e-4 * peak);
   EXPECT_LE((linear->outputs().relative_position - expected.relative_position).norm(), 1e-7);
   EXPECT_LT(4.0 * linear->outputs().solver_rhs_evaluations, out.solver_rhs_evaluations);
   const auto explicit_ = start(stiff_scene(), kFixedRk4);
   EXPECT_FALSE(run(*explicit_, 0.01, kStiffEnd).ok())
-      << "peak " << explicit_->outputs().capture_peak[Outputs::kCompression];
+      << "peak " << explicit_->outputs().capture_peak[Outputs::kCompression].value;
 }
 
 TEST(StiffLegs, are_crossed_in_long_communication_steps) {
@@ -190,7 +190,7 @@ TEST(LooseTolerances, are_cheaper_with_linearly_implicit_steps) {
   const auto exact = start(share(short_ring_scene()), kExplicit, 1e-10);
   ASSERT_TRUE(run(*exact, kStep, kHeld).ok());
   const Outputs& expected = exact->outputs();
-  const double peak = expected.capture_peak[Outputs::kCompression];
+  const double peak = expected.capture_peak[Outputs::kCompression].value;
   double evaluations[2], off[2], pose[2];
   for (int i : {0, 1}) {
     const auto sim = start_loosely(share(short_ring_scene()), i == 0 ? kStabilised : kRosenbrock);
@@ -198,7 +198,7 @@ TEST(LooseTolerances, are_cheaper_with_linearly_implicit_steps) {
     const Outputs& out = sim->outputs();
     print(i == 0 ? "stabilised" : "rosenbrock", out);
     evaluations[i] = out.solver_rhs_evaluations;
-    off[i] = std::abs(out.capture_peak[Outputs::kCompression] / peak - 1.0);
+    off[i] = std::abs(out.capture_peak[Outputs::kCompression].value / peak - 1.0);
     pose[i] = (out.relative_position - expected.relative_position).norm();
     std::printf("  differences: peak %.1e, pose %.1e m\n", off[i], pose[i]);
   }

@@ -37,7 +37,7 @@ TEST(Peaks, of_a_damped_cosine_between_irregular_samples_is_found_to_a_millionth
       tracker.add(t, {value(t)});
       largest = std::max(largest, value(t));
     }
-    refined.add((tracker.peak()[0] - std::max(peak, value(-1.0 / omega))) / peak,
+    refined.add((tracker.peak()[0].value - std::max(peak, value(-1.0 / omega))) / peak,
                 "trial " + std::to_string(trial));
     worst_sample = std::max(worst_sample, 1.0 - largest / peak);
   }
@@ -55,10 +55,10 @@ TEST(Peaks, never_fall_and_are_never_below_a_sample) {
     const double x = random.uniform(-1, 1);
     largest = std::max(largest, x);
     tracker.add(t, {x, 5.0});
-    EXPECT_GE(tracker.peak()[0], before);
-    EXPECT_GE(tracker.peak()[0], largest);
-    EXPECT_EQ(tracker.peak()[1], 5.0);  // a constant stays what it is
-    before = tracker.peak()[0];
+    EXPECT_GE(tracker.peak()[0].value, before);
+    EXPECT_GE(tracker.peak()[0].value, largest);
+    EXPECT_EQ(tracker.peak()[1].value, 5.0);  // a constant stays what it is
+    before = tracker.peak()[0].value;
   }
 }
 
@@ -81,7 +81,7 @@ TEST(Peaks, do_not_overshoot_at_a_kink) {
       tracker.add(t, {value(t)});
     }
     // In units of what the kink changes over one sample.
-    overshoot.add(std::max(0.0, tracker.peak()[0] - 1.0) / (spacing * std::max(left, right)));
+    overshoot.add(std::max(0.0, tracker.peak()[0].value - 1.0) / (spacing * std::max(left, right)));
   }
   EXPECT_RESIDUAL_BELOW(overshoot, 1e-12);  // of the change over one sample
 }
@@ -98,12 +98,13 @@ TEST(Peaks, do_not_overshoot_at_a_jump_that_is_not_announced) {
     const double last = 0.35 + 0.05 * (1.0 - 1e-6) * left;
     tracker.add(last, {value(last)});
     for (const double h : after) tracker.add(at + h, {value(at + h)});
-    EXPECT_GE(tracker.peak()[0], value(last)) << left;
-    EXPECT_LE(tracker.peak()[0], at - at * at) << left;
+    EXPECT_GE(tracker.peak()[0].value, value(last)) << left;
+    EXPECT_LE(tracker.peak()[0].value, at - at * at) << left;
     PeakTracker<1> far;  // no short steps
     far.start(0.0, {0.0});
     for (int i = 1; i < 20; ++i) far.add(0.05 * i - 0.025, {value(0.05 * i - 0.025)});
-    EXPECT_NEAR(far.peak()[0], value(0.375), 0.005);  // as much as the slope changes over a step
+    EXPECT_NEAR(far.peak()[0].value, value(0.375),
+                0.005);  // as much as the slope changes over a step
   }
 }
 
@@ -114,7 +115,7 @@ TEST(Peaks, do_not_overshoot_on_a_plateau_behind_a_steep_onset) {
   PeakTracker<1> tracker;
   tracker.start(-4.0, {value(-4.0)});
   for (int i = -3; i <= 4; ++i) tracker.add(i, {value(i)});
-  EXPECT_NEAR(tracker.peak()[0], 1.0, scaled_tolerance(1e-12));  // measured 0
+  EXPECT_NEAR(tracker.peak()[0].value, 1.0, scaled_tolerance(1e-12));  // measured 0
 }
 
 TEST(Peaks, are_exact_at_a_kink_that_is_announced) {
@@ -123,7 +124,7 @@ TEST(Peaks, are_exact_at_a_kink_that_is_announced) {
   for (int i = 1; i <= 10; ++i) tracker.add(0.1 * i, {0.1 * i});
   tracker.begin(1.0, {1.0});  // the slope changes here
   for (int i = 1; i <= 10; ++i) tracker.add(1.0 + 0.1 * i, {1.0 - 0.1 * i});
-  EXPECT_EQ(tracker.peak()[0], 1.0);
+  EXPECT_EQ(tracker.peak()[0].value, 1.0);
 }
 
 TEST(Peaks, take_both_sides_of_a_jump_and_nothing_between) {
@@ -132,7 +133,7 @@ TEST(Peaks, take_both_sides_of_a_jump_and_nothing_between) {
   for (int i = 1; i <= 5; ++i) tracker.add(0.1 * i, {0.0});
   tracker.begin(0.5, {2.0});  // onset of a damper
   for (int i = 1; i <= 10; ++i) tracker.add(0.5 + 0.1 * i, {2.0 - 0.15 * i});
-  EXPECT_EQ(tracker.peak()[0], 2.0);
+  EXPECT_EQ(tracker.peak()[0].value, 2.0);
 }
 
 TEST(Peaks, are_searched_in_long_steps) {
@@ -162,21 +163,21 @@ TEST(Peaks, are_searched_in_long_steps) {
       search.add(middle, value(middle));
       search.add(t, value(t));
       tracker.add(middle, value(middle), false);
-      tracker.raise(value(t));
+      tracker.raise(t, value(t));
       while (!search.is_full()) {
         const std::optional<double> at = search.find_time(1e-9);
         if (!at) break;
         EXPECT_TRUE(*at > begin && *at < t);
         search.add(*at, value(*at));
-        tracker.raise(value(*at));
+        tracker.raise(*at, value(*at));
         ++evaluations;
       }
       tracker.add(t, value(t), false);
       ++searched;
     }
     for (int i : {0, 1}) {
-      error.add((tracker.peak()[i] - peak[i]) / peak[i], "trial " + std::to_string(trial));
-      EXPECT_LE(tracker.peak()[i], peak[i] * (1.0 + 1e-15));  // every value has occurred
+      error.add((tracker.peak()[i].value - peak[i]) / peak[i], "trial " + std::to_string(trial));
+      EXPECT_LE(tracker.peak()[i].value, peak[i] * (1.0 + 1e-15));  // every value has occurred
     }
   }
   EXPECT_RESIDUAL_BELOW(error, 3e-6);  // measured 1.3e-6
@@ -194,7 +195,7 @@ TEST(Peaks, need_no_evaluation_where_values_fall_or_rise) {
     PeakSearch<1> search(tracker);
     search.add(0.15, value(0.15));
     search.add(0.2, value(0.2));
-    tracker.raise(value(0.2));
+    tracker.raise(0.2, value(0.2));
     EXPECT_FALSE(search.find_time(1e-9).has_value());
   }
 }
@@ -211,7 +212,7 @@ TEST(Peaks, forget_everything_at_a_start) {
   PeakTracker<1> tracker;
   tracker.start(0.0, {7.0});
   tracker.start(0.0, {1.0});
-  EXPECT_EQ(tracker.peak()[0], 1.0);
+  EXPECT_EQ(tracker.peak()[0].value, 1.0);
 }
 
 TEST(Peaks, bear_samples_at_the_same_or_nearly_the_same_time) {
@@ -225,8 +226,8 @@ TEST(Peaks, bear_samples_at_the_same_or_nearly_the_same_time) {
     tracker.add(t, {value(t)});
     tracker.add(t + 1e-15, {value(t)});
   }
-  EXPECT_NEAR(tracker.peak()[0], 1.0, scaled_tolerance(1e-6));
-  EXPECT_TRUE(std::isfinite(tracker.peak()[0]));
+  EXPECT_NEAR(tracker.peak()[0].value, 1.0, scaled_tolerance(1e-6));
+  EXPECT_TRUE(std::isfinite(tracker.peak()[0].value));
 }
 
 TEST(Peaks, go_on_alike_after_being_restored) {
@@ -236,10 +237,55 @@ TEST(Peaks, go_on_alike_after_being_restored) {
   for (int i = 1; i < 8; ++i) tracker.add(0.05 * i, {value(0.05 * i)});
   const PeakTracker<1> kept = tracker;
   for (int i = 8; i < 40; ++i) tracker.add(0.05 * i, {value(0.05 * i)});
-  const double first = tracker.peak()[0];
+  const double first = tracker.peak()[0].value;
   tracker = kept;
   for (int i = 8; i < 40; ++i) tracker.add(0.05 * i, {value(0.05 * i)});
-  EXPECT_EQ(tracker.peak()[0], first);
+  EXPECT_EQ(tracker.peak()[0].value, first);
+}
+
+/// A half sine of height 1 in step 1 of a sequence, and one of height 2 in step 2, whose largest
+/// values are at 0.5 and at 1.5 by the formula.
+TEST(Peaks, carry_the_time_and_the_step_of_the_sequence_in_which_they_arose) {
+  const double pi = std::acos(-1.0);
+  PeakTracker<2> tracker;
+  const auto value = [&](double t) {
+    const double sine = std::sin(pi * t);
+    return std::array<double, 2>{sine > 0.0 ? sine : 0.0, sine < 0.0 ? -2.0 * sine : 0.0};
+  };
+  tracker.start(0.0, value(0.0), 1);
+  for (int i = 1; i <= 80; ++i) {
+    const double t = 0.0251 * i;  // no sample is at a largest value
+    if (t > 1.0 && t < 1.02) {
+      tracker.enter(2);
+      tracker.begin(1.0, value(1.0));
+    }
+    tracker.add(t, value(t));
+  }
+  EXPECT_NEAR(tracker.peak()[0].time, 0.5, 1e-4);
+  EXPECT_EQ(tracker.peak()[0].step, 1);
+  EXPECT_NEAR(tracker.peak()[1].time, 1.5, 1e-4);
+  EXPECT_EQ(tracker.peak()[1].step, 2);
+  tracker.raise(7.0, {0.5, 3.0});  // lower than the first peak, higher than the second
+  EXPECT_NEAR(tracker.peak()[0].time, 0.5, 1e-4);
+  EXPECT_EQ(tracker.peak()[1].time, 7.0);
+}
+
+/// The sequence changes its step right behind the sample that is the last one before a maximum
+/// between samples: a parabola of height 1 at t = 0.
+TEST(Peaks, between_samples_belong_to_the_step_that_is_present_there) {
+  for (const double from : {-2.75, -2.25}) {  // the maximum is behind or before the middle sample
+    PeakTracker<1> tracker;
+    const auto value = [](double t) { return std::array<double, 1>{1.0 - 0.01 * t * t}; };
+    tracker.start(from, value(from), 1);
+    for (int k = 1; k < 7; ++k) {
+      const double t = from + k;
+      tracker.add(t, value(t));
+      if (t > -1.0 && t < 0.0) tracker.enter(2);
+    }
+    EXPECT_NEAR(tracker.peak()[0].value, 1.0, 1e-12);
+    EXPECT_NEAR(tracker.peak()[0].time, 0.0, 1e-6) << from;
+    EXPECT_EQ(tracker.peak()[0].step, 2) << from;
+  }
 }
 
 }  // namespace

@@ -80,7 +80,8 @@ TEST_P(RunningAhead, gives_the_same_motion_with_any_communication_step) {
     EXPECT_LT((out.relative_position - expected.relative_position).norm(), 1e-11);
     EXPECT_LT((out.relative_velocity - expected.relative_velocity).norm(), 1e-10);
     for (size_t i = 0; i < out.capture_peak.size(); ++i) {
-      EXPECT_NEAR(out.capture_peak[i], expected.capture_peak[i], 1e-9 * expected.capture_peak[i]);
+      EXPECT_NEAR(out.capture_peak[i].value, expected.capture_peak[i].value,
+                  1e-9 * expected.capture_peak[i].value);
     }
     EXPECT_EQ(out.solver_rhs_evaluations, expected.solver_rhs_evaluations);
     EXPECT_EQ(out.solver_steps, expected.solver_steps);

@@ -59,13 +59,13 @@ inline std::vector<double> flatten(const Outputs& outputs, bool with_solver = fa
   const auto put = [&](const auto& list) {
     for (const auto& value : list) all.push_back(static_cast<double>(value));
   };
-  put(o.capture_peak);
+  for (const Peak& peak : o.capture_peak) put(std::array{peak.value, peak.time, double(peak.step)});
   put(o.latched);
   put(o.latch_state);
-  put(std::array<double, 12>{o.time, o.capture_peak_load_ratio, double(o.phase), double(o.outcome),
-                             double(o.captured), o.time_to_contact, o.time_of_contact,
-                             o.time_of_capture, o.momentum_residual, o.solver_closure_residual,
-                             o.solver_singularity_margin, o.seated_time});
+  put(std::array<double, 12>{
+      o.time, o.capture_peak_load_ratio.value, double(o.phase), double(o.outcome),
+      double(o.captured), o.time_to_contact, o.time_of_contact, o.time_of_capture,
+      o.momentum_residual, o.solver_closure_residual, o.solver_singularity_margin, o.seated_time});
   put(std::array<double, 3>{double(o.capture_reason), double(o.hooks_closed),
                             double(o.joint_rigid)});
   if (with_solver) {

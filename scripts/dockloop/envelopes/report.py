@@ -109,6 +109,8 @@ def summarise_envelope(search: Search) -> dict:
         "time": {"ran": search.ran, "wall": search.wall},
     }
     reasons = Counter(result.reason for result in search.runs.values() if result.reason)
+    if not_seen := planner.list_not_seen():
+        summary["not_seen"] = not_seen
     if reasons:
         summary["reasons"] = [
             {"reason": reason, "count": count} for reason, count in reasons.most_common(5)
@@ -163,6 +165,7 @@ def _summarise_criterion(search: Search, number: int) -> dict:
 def describe_envelope(summary: dict) -> str:
     """Say a summary in words and numbers."""
     lines = [f"{summary['scene']}: {summary['title']}"]
+    lines += [f"  {text}" for text in summary.get("not_seen", [])]
     for quantity in summary["quantities"]:
         unit = f" {quantity['unit']}" if quantity["unit"] not in ("", "1") else ""
         lines.append(

@@ -53,6 +53,7 @@ def summarise_map(search: Search, judge: PointJudge, command: str) -> dict:
         "wanted": judge.wanted,
         "host": judge.host,
         "limit": judge.limit,
+        "not_seen": search.planner.list_not_seen(),
         "quantities": list_axes(search),
         "points": len(verdicts),
         "grid": (search.mesh.size + 1) ** 2,
@@ -100,6 +101,7 @@ def make_command(search: Search, judge: PointJudge, point: Point) -> str:
 def describe_map(summary: dict) -> str:
     """Say a summary in words and numbers."""
     lines = [f"{summary['scene']}: {summary['title']}"]
+    lines += [f"  {text}" for text in summary["not_seen"]]
     for quantity in summary["quantities"]:
         lines.append(f"  {_describe_axis(quantity)}")
     tally = {name: count for name, count in summary["verdicts"].items() if count}

@@ -40,8 +40,10 @@ from dockloop.core import (
     name_choice,
     number_choice,
 )
+from dockloop.criteria import say_not_seen
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
+from dockloop.peaks import list_steps_after
 from dockloop.results import ProgressBar, Result
 from dockloop.run_errors import find_compared, find_frame, find_scales, find_times
 from dockloop.trades.bench import Bench
@@ -274,7 +276,8 @@ def run_trade(
     default = find_default(bench)
     if choice.stop is not None and not math.isfinite(choice.stop):
         raise UsageError(f"--stop {choice.stop}: must be a finite number")
-    stop = choice.stop if choice.stop is not None else _find_stop(bench, default)
+    whole = _run_scene(bench, default) if choice.stop is None else None
+    stop = choice.stop if choice.stop is not None else _find_stop(bench, whole)
     settings = make_settings(bench, choice, stop)
     names = find_compared(bench.outputs)
     try:
@@ -312,6 +315,7 @@ def run_trade(
         "scene": bench.scene["name"],
         "title": bench.scene["title"],
         "stop": stop,
+        "not_seen": say_not_seen(stop, bench.stop, whole and list_steps_after(whole, stop)),
         "interval": float(known.time[1]),
         "default": default.label,
         "truth": {"source": solution.source, **solution.facts, "error": doubt},
@@ -412,12 +416,17 @@ def find_interval(step: float, stop: float) -> float:
     return stop / math.ceil(stop / (step * coarser) * (1.0 - 1e-12))
 
 
-def _find_stop(bench: Bench, default: Setting) -> float:
+def _run_scene(bench: Bench, default: Setting) -> Result | None:
+    """Return a recording of the whole scene; None: the scene has no capture that ends its runs."""
+    if "time_of_capture" not in bench.outputs:
+        return None
+    return bench.run(default.starts(bench), bench.stop, default.step)
+
+
+def _find_stop(bench: Bench, whole: Result | None) -> float:
     """Return the end by default: a little after the capture, or that of the scene."""
-    if "time_of_capture" in bench.outputs:
-        capture = bench.run(default.starts(bench), bench.stop, default.step)["time_of_capture"][-1]
-        if capture >= 0.0:
-            return min(bench.stop, float(math.ceil(capture + _AFTER_CAPTURE)))
+    if whole and (capture := whole["time_of_capture"][-1]) >= 0.0:
+        return min(bench.stop, float(math.ceil(capture + _AFTER_CAPTURE)))
     return bench.stop
 
 

@@ -80,6 +80,7 @@ def describe_trade(summary: dict) -> str:
     lines = [
         f"{summary['title']}, {summary['stop']:g} s: {done} of {len(summary['rows'])} settings ran",
         _solution_sentence(summary),
+        *_not_seen(summary),
         "",
         *(entry["sentence"] for entry in summary["recommendations"]),
         "",
@@ -262,6 +263,10 @@ def _cell(name: str, value: Any) -> str:
     return f"{value:.2f}" if name == "time_ratio" else f"{value:.1e}"
 
 
+def _not_seen(summary: dict) -> list[str]:
+    return [summary["not_seen"]] if summary.get("not_seen") else []
+
+
 def _spaced(number: int) -> str:
     return f"{number:,}".replace(",", " ")
 
@@ -280,6 +285,7 @@ def _make_page(summary: dict, rows: list[dict], figures: list[Path]) -> str:
         f"Made by `{summary['command']}`: {summary['stop']:g} s, {len(rows)} settings.",
         f"Default setting: {summary['default']}.",
         _solution_sentence(summary).replace("r", "R", 1) + ".",
+        *(f"{text[0].upper()}{text[1:]}." for text in _not_seen(summary)),
         "",
         *(line for path in figures for line in (f"![error against cost]({path.name})", "")),
         "## What to use",

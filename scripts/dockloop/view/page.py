@@ -16,10 +16,12 @@ from typing import Any
 import numpy as np
 
 from dockloop import __version__, palette
+from dockloop.columns import say_number
 from dockloop.core import list_choices, list_loads
 from dockloop.errors import DockloopError, UsageError
 from dockloop.outputs import Kind, read_head, writing
 from dockloop.paths import shown
+from dockloop.peaks import find_peak
 from dockloop.results import Result
 from dockloop.summary import describe, summarise
 from dockloop.view import geometry
@@ -304,20 +306,24 @@ def find_events(run: Result) -> list[dict]:
         peak = f"capture.peak.{name}"
         if peak in run and run[peak][-1] > 0.0:
             value, index = float(run[peak][-1]), int(np.argmax(run[peak] >= run[peak][-1]))
+            found = find_peak(run, name)
+            at = float(times[index]) if found["time"] is None else found["time"]
             part = (
                 f"{value / rated[name]:.1%} of the rated {rated[name]:g}" if name in rated else ""
             )
             if name in rated and value > rated[name]:
                 above = float(times[int(np.argmax(run[peak] > rated[name]))])
                 add(f"limit_{name}", f"{name} above rated {rated[name]:g} {unit}", above)
-            peaks.append((value / rated.get(name, 1.0), name, f"{value:.4g} {unit}", part, index))
-    for rank, (_, name, text, part, index) in enumerate(sorted(peaks, reverse=True)):
+            text = f"{say_number(value)} {unit}"
+            text += f" in step '{found['step']}'" if found["step"] else ""
+            peaks.append((value / rated.get(name, 1.0), name, text, part, at, index))
+    for rank, (_, name, text, part, at, index) in enumerate(sorted(peaks, reverse=True)):
         events.append(
             {
                 "key": f"peak_{name}",
                 "text": f"peak {name} {text}",
                 "part": part,
-                "time": float(times[index]),
+                "time": at,
                 "index": index,
                 "first": rank == 0,  # nearest to its rated load
             }

@@ -1,0 +1,78 @@
+"""Places of peaks: time, step of the sequence and part, in summaries, tables and reports.
+
+The oracle of a run is its own history of samples: near the true peak a sample has almost its value,
+and the step of the sequence that is recorded there is that of the peak.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+import dockloop as dl
+from dockloop.criteria import Criterion, has_happened, parse_criterion, say_not_seen
+from dockloop.peaks import count_steps, find_sampled_peak, list_with_places, say_place
+from dockloop.variables import Variable
+
+SCENE = {"mechanism": {"sequence": {"steps": [{"name": "latch"}, {"name": "align"}]}}}
+
+
+def test_a_peak_load_says_where_it_arose():
+    run = dl.run("hexapod_bench", stop=4.0)
+    for name, load in run.summary["peak_loads"].items():
+        values = run[f"capture.{name}"]
+        if load["value"] <= 1e-6:
+            continue
+        sample = int(np.argmax(values))
+        spacing = run["time"][1] - run["time"][0]
+        assert abs(load["time"] - run["time"][sample]) <= 2.0 * spacing or (
+            load["value"] > 1.001 * values[sample]  # a spike between two samples
+        )
+        assert f"{load['time']:.4g} s" in say_place(load)
+        number = run[f"capture.peak_step.{name}"][-1]
+        assert number == (run["sequence.step"][sample] if "sequence.step" in run else 0)
+
+
+def test_a_sampled_peak_names_its_leg():
+    class Run(dict):
+        scene = SCENE
+
+    run = Run(
+        {"time": np.array([0.0, 1.0, 2.0]), "sequence.step": np.array([1, 2, 2]),
+         "leg[1].force": np.array([5.0, 1.0, 2.0]), "leg[2].force": np.array([0.0, -9.0, 3.0])}
+    )  # fmt: skip
+    peak = find_sampled_peak(run, ["leg[1].force", "leg[2].force"])
+    assert peak == {"value": 9.0, "time": 1.0, "step": "align", "place": "leg[2]"}
+    assert say_place(peak) == "in leg[2] at 1 s in step 'align'"
+
+
+def test_steps_of_peaks_are_counted():
+    steps = np.array([2, 1, 2, 0, np.nan, 2])
+    assert count_steps(SCENE, steps) == {"align": 3, "latch": 1}
+    assert count_steps({"mechanism": {}}, np.zeros(3)) == {}
+    assert list_with_places("outcome") == ["outcome"]
+    assert list_with_places("capture.peak.shear") == [
+        "capture.peak.shear", "capture.peak_time.shear", "capture.peak_step.shear"
+    ]  # fmt: skip
+
+
+def test_a_peak_that_is_not_there_has_no_time():
+    assert not has_happened("capture.peak_time.shear", -1.0)
+    assert has_happened("relative.axial", -1.0)
+    name = "capture.peak_time.shear"
+    criterion: Criterion = parse_criterion(
+        "capture.peak_time.shear < 3",
+        {name: Variable(name, "Real", "output", "continuous", "s", None, -1.0, math.inf, "")},
+    )
+    assert not criterion.holds({"capture.peak_time.shear": -1.0})
+    assert criterion.holds({"capture.peak_time.shear": 2.0})
+
+
+@pytest.mark.parametrize("stop", [4.0, 60.0, math.inf])
+def test_what_ends_before_its_scene_says_what_it_has_not_seen(stop):
+    text = say_not_seen(stop, 60.0, {"align": 12.25})
+    if stop >= 60.0:
+        assert text is None
+    else:
+        assert text is not None
+        assert "after 4 s, with the steps 'align' (12.25 s), is not judged" in text
