@@ -639,3 +639,14 @@ def test_conditions_at_first_contact_that_no_approach_leads_to_are_refused(dockl
     assert "initial.approach_time" in refused.err
     status, _, err = dockloop("build", "idss_25t_350t", *keys, "--scene=initial.approach_time=0")
     assert status == 0, err
+
+
+def test_a_run_says_how_many_names_a_star_has_set(dockloop):
+    command = ("run", "absorber_1d", "--stop", "0.1", "--no-plots", "-o", "own.csv", "--json")
+    ran = dockloop(*command, "--set", "*.mass=700")
+    assert ran.status == 0, ran.err
+    summary = json.loads(ran.out)
+    assert [summary["parameters"][f"{v}.mass"] for v in ("chaser", "target")] == [700.0, 700.0]
+    assert "*.mass=700: 2 names set" in summary["notes"]
+    refused = dockloop(*command, "--set", "*.mas=700").err
+    assert "no name that can be set is like '*.mas' (did you mean" in refused

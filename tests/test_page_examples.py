@@ -5,8 +5,8 @@
 2. A list in JSON or TOML is taken by the reader of the product, in a mechanism to which it belongs.
 3. Programs in Python run as they stand.
 4. Commands within sentences are parsed. Of `run` every scene, key and start value is set in a
-   docking; `check` and `variables` run. A command with words in capitals, or without argument, is only
-   a name.
+   docking; `check` and `variables` run. With words in capitals, or without argument, a command is
+   only a name.
 5. What does not run here is in `ELSEWHERE`, with the reason; each entry is needed.
 """
 

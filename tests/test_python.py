@@ -403,6 +403,26 @@ def test_a_docking_has_the_summary_of_a_run():
         assert found["peak_loads"][name]["value"] == pytest.approx(load["value"], rel=1e-9)
 
 
+def test_a_name_with_a_star_sets_all_that_are_like_it_and_says_how_many():
+    docking = dl.Docking("absorber_1d")
+    docking.set("*.mass", 700.0)
+    assert docking.get("chaser.mass") == docking.get("target.mass") == 700.0
+    assert docking.notes == ["*.mass=700.0: 2 names set"]
+    with pytest.raises(dl.UsageError, match=r"like '\*\.mas' \(did you mean 'mass'"):
+        docking.set("*.mas", 1.0)
+    with pytest.raises(dl.UsageError, match="must be one number"):
+        docking.set("*.mass", [1.0, 2.0])
+    bodies = dl.Scene("apda").document["mechanism"]["bodies"]
+    scene = dl.Scene("apda", {"mechanism.set.bodies.r*.mass": 3.5})
+    for old, new in zip(bodies, scene.document["mechanism"]["bodies"], strict=True):
+        assert new == (old | {"mass": 3.5} if old["name"].startswith("r") else old)
+    count = sum(body["name"].startswith("r") for body in bodies)
+    assert scene.notes == [f"mechanism.set.bodies.r*.mass=3.5: {count} name{'s' * (count > 1)} set"]
+    assert count > 0
+    with pytest.raises(dl.UsageError, match=r"like 'rig\*' \(did you mean 'ring'"):
+        dl.Scene("apda", {"mechanism.set.bodies.rig*.mass": 1.0})
+
+
 def test_a_result_is_a_mapping_with_names_of_choices():
     result = dl.run(SCENE, {"initial.approach_time": 0.2}, stop=10.0, step=0.1)
     assert len(repr(result)) < 120

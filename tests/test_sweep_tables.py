@@ -382,3 +382,49 @@ def test_a_case_of_a_large_table_is_chosen_in_little_memory(tmp_path):
         choose(cases=[6])
     with pytest.raises(UsageError, match="has the cases 1 to 262144"):
         choose(cases=[0])
+
+
+def test_what_named_cases_set_are_columns():
+    """A name that a case leaves to the scene is empty; all have units."""
+    cases = {
+        "nominal": {},
+        "heavy": {"chaser.mass": 30e3, "initial.closing_speed": 0.05},
+        "implicit": {"solver.method": "bdf"},
+    }
+    table = dl.sweep(
+        {
+            "scene": "idss_25t_350t",
+            "outcomes": ["chaser.position[1]"],
+            "vary": [
+                {"type": "cases", "name": "variant", "cases": cases},
+                {"type": "grid", "name": "friction.coefficient", "values": [0.1, 0.2]},
+            ],
+            "experiment": {"stop": 0.02, "step": 0.01},
+        }
+    )
+    assert list(table["status"]) == ["done"] * 6, list(table["reason"])
+    assert list(table["variant"]) == [name for name in cases for _ in range(2)]
+    for name in ("chaser.mass", "initial.closing_speed"):
+        assert table[name].isna().tolist() == [True, True, False, False, True, True]
+        assert table[name][2:4].tolist() == [cases["heavy"][name]] * 2
+    assert table["solver.method"][4] == "bdf"
+    assert list(table["friction.coefficient"]) == [0.1, 0.2] * 3
+    assert table.attrs["units"]["chaser.mass"] == "kg"
+    assert table.attrs["units"]["initial.closing_speed"] == "m/s"
+
+
+def test_names_with_a_star_set_all_that_are_like_them():
+    sweep = {
+        "scene": "absorber_1d",
+        "outcomes": ["relative.axial"],
+        "vary": [{"type": "grid", "name": "*.mass", "values": [800.0, 1000.0]}],
+        "experiment": {"stop": 3.0, "step": 1.0},
+    }
+    table = dl.sweep(sweep)
+    for mass, axial in zip(table["*.mass"], table["relative.axial"], strict=True):
+        both = dict.fromkeys(("chaser.mass", "target.mass"), mass)
+        assert dl.run("absorber_1d", None, both, stop=3.0, step=1.0)["relative.axial"][-1] == axial
+    assert table.attrs["units"]["*.mass"] == "kg"
+    sweep["vary"][0]["name"] = "*.mas"
+    with pytest.raises(dl.UsageError, match=r"like '\*\.mas' \(did you mean 'mass'"):
+        dl.sweep(sweep)

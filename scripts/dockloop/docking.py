@@ -21,8 +21,16 @@ from dockloop.errors import UsageError, did_you_mean, names_arguments
 from dockloop.fmu import find_placement
 from dockloop.results import Result, list_points, warn_of_driven
 from dockloop.sampling import as_setting
-from dockloop.scene import find_scene, resolve_scene, scene_members, write_scene
-from dockloop.variables import TYPES, Value, find_number, list_names, read_variables
+from dockloop.scene import find_scene, list_matches, resolve_scene, scene_members, write_scene
+from dockloop.variables import (
+    TYPES,
+    Value,
+    find_number,
+    list_names,
+    match_names,
+    read_variables,
+    say_matches,
+)
 
 
 class Scene:
@@ -37,6 +45,7 @@ class Scene:
         document: the resolved scene, all quantities in SI units (``resources/model.json`` of an
             FMU); both vehicles are at their start.
         warnings: issued when the vehicles were placed.
+        notes: how many members each override with ``*`` sets.
     """
 
     @names_arguments
@@ -70,6 +79,7 @@ class Scene:
         self.path: Path = find_scene(self.reference)
         texts = [as_setting(name, value) for name, value in self.overrides.items()]
         self.document = resolve_scene(self.path, texts)
+        self.notes = list_matches(self.path, texts)
         warning = find_placement(self.document, self.path)
         self.warnings = [warning] if warning else []
         self.name: str = self.document["name"]
@@ -96,7 +106,8 @@ class Docking:
         scene: what is modelled.
         variables: everything that can be read or set, by name.
         warnings: issued so far.
-        notes: what the parameter ``accuracy`` has chosen, and what it has left out.
+        notes: what the parameter ``accuracy`` has chosen, and what it has left out; how many names
+            a setting with ``*`` has set.
     """
 
     def __init__(
@@ -134,7 +145,7 @@ class Docking:
     def reset(self) -> None:
         """Go back to the start of the scene: what was set, stepped and issued is forgotten."""
         self.warnings: list[str] = list(self.scene.warnings)
-        self.notes: list[str] = []
+        self.notes: list[str] = list(self.scene.notes)
         self._first: np.ndarray | None = None  # outputs before the first step
         self._steps, self._wall = 0, 0.0
         document, source = to_json(self.scene.document), name_source(self.scene.path)
@@ -150,29 +161,36 @@ class Docking:
         """Set a variable: start values before the first step, inputs and tunable parameters always.
 
         Args:
-            name: ``"chaser.mass"``, or ``"chaser.force_ext"`` for ``chaser.force_ext[1..3]``.
+            name: ``"chaser.mass"``, ``"chaser.force_ext"`` for ``chaser.force_ext[1..3]``, or a
+                name with ``*`` for all that are like it: ``"element[*].law[1].stiffness"``.
             value: in the unit of the variable; for a vector an array of shape (entries,); for a
                 choice its number or its name (``"bdf"``).
 
         Raises:
             UsageError: naming variable, value and limit; nothing is changed.
         """
-        rows = self._find(name)
-        if isinstance(value, str) and list_names(name, self._list[rows[0]].description):
+        settable = (n for n, v in self.variables.items() if v.start is not None)
+        names = match_names(name, settable, "Docking.set")
+        rows = [row for each in names for row in self._find(each)]
+        first = self._list[rows[0]]
+        if isinstance(value, str) and list_names(first.name, first.description):
             try:
-                value = find_number(name, self._list[rows[0]].description, value)
+                value = find_number(first.name, first.description, value)
             except UsageError as error:
                 raise UsageError(f"Docking.set: {error}") from None
         values = np.asarray(value)
-        if values.shape != (() if name in self.variables else (len(rows),)):
-            expected = "one number" if name in self.variables else f"{len(rows)} numbers"
+        is_one = "*" in name or name in self.variables
+        if values.shape != (() if is_one else (len(rows),)):
+            expected = "one number" if is_one else f"{len(rows)} numbers"
             raise UsageError(f"Docking.set: '{name}' is {value!r}: must be {expected}")
         try:
-            numbers = np.atleast_1d(values).astype(float).tolist()
+            numbers = np.broadcast_to(values, len(rows)).astype(float).tolist()
         except (TypeError, ValueError):
             raise UsageError(f"Docking.set: '{name}' is {value!r}: must be a number") from None
         with core_errors():
             self._core.set(rows, numbers, "Docking.set")
+        if "*" in name:
+            self.notes.append(say_matches(f"{name}={values}", len(rows)))
 
     def get(self, name: str) -> Any:
         """Return the present value of a variable, in its unit.

@@ -39,6 +39,7 @@ from dockloop.variables import (
     find_number,
     is_of_type,
     list_names,
+    match_names,
     read_variables,
 )
 
@@ -102,6 +103,7 @@ class Planner:
         self.experiment = sweep.document["experiment"]
         self.fmu = lru_cache(KEPT_FMUS)(self._build)
         self.built = 0
+        self._matches: dict[str, list[str]] = {}
         fixed = sweep.document["set"]
         self._reader = SceneReader(sweep.scene)
         self.unplaced = self._reader.resolve(
@@ -118,7 +120,7 @@ class Planner:
             self._check_name(name, "set", [value])
         for number, quantity in enumerate(sweep.quantities):
             self._check_quantity(quantity, sweep.cases.list_examples(number))
-        self.quantities = [self._with_unit(quantity) for quantity in sweep.quantities]
+        self.quantities = [self.with_unit(quantity) for quantity in sweep.quantities]
         self.varied = self.quantities[: -1 if sweep.passes else None]
         self.outcomes = self._find_outcomes()
         known = [v.name for v in self.variables.values() if v.causality in ("output", "parameter")]
@@ -223,7 +225,17 @@ class Planner:
         settings = dict(self._sweep.document["set"])
         for quantity, value in zip(self.quantities, values, strict=True):
             settings |= quantity.settings(value)
-        return settings
+        return {each: value for name, value in settings.items() for each in self._match(name)}
+
+    def _match(self, name: str) -> list[str]:
+        """Return the start values that a name with ``*`` means; a key of the scene is itself."""
+        if "*" not in name or self.is_scene_key(name):
+            return [name]
+        if name not in self._matches:
+            settable = [n for n, v in self.variables.items() if v.start is not None]
+            place = f"{shown(self._sweep.path)}: '{name}'"
+            self._matches[name] = match_names(name, settable, place)
+        return self._matches[name]
 
     def list_points(self, document: dict) -> np.ndarray:
         """Return the communication points of a case with this scene [s]."""
@@ -347,6 +359,10 @@ class Planner:
             ):
                 raise UsageError(f"{place}: has no effect while initial.at is not 'first_contact'")
             return
+        if "*" in name:
+            for each in self._match(name):
+                self._check_name(each, where, values)
+            return
         variable = self.variables.get(name)
         if variable is None:
             near = did_you_mean(name, [*scene_members(), *self.variables])
@@ -366,11 +382,11 @@ class Planner:
                 wanted = f"one of {', '.join(names)}" if names else WORDS[variable.type]
                 raise UsageError(f"{place}: takes {value!r}: must be {wanted}")
 
-    def _with_unit(self, quantity: Quantity) -> Quantity:
+    def with_unit(self, quantity: Quantity) -> Quantity:
         """Fill in a unit that the sweep file leaves out."""
         name, unit = quantity.name, quantity.unit
         section, _, member = name.partition(".")
-        variable = self.variables.get(_SETTABLE.get((section, member), name))
+        variable = self.variables.get(_SETTABLE.get((section, member), self._match(name)[0]))
         if not unit and variable is not None:
             unit = variable.unit
         if not unit:

@@ -29,7 +29,7 @@ from dockloop.core import number_choice
 from dockloop.errors import UsageError, did_you_mean, find_reason
 from dockloop.outputs import scratch
 from dockloop.paths import MECHANISMS, SCENES, check_file, is_file, name_kind, read_text, shown
-from dockloop.variables import NAMED_NUMBERS
+from dockloop.variables import NAMED_NUMBERS, match_names, say_matches
 
 FORMAT = "dockloop-scene/1"
 _PATHS = ("mechanism.set.", "sequence.set.")  # begin keys that go on as paths into the mechanism
@@ -239,15 +239,19 @@ def load_mechanism(
     name = reference["name"]
     path = find_mechanism(name, scene_path)
     mechanism = read_mechanism(path)
+    where = f"{shown(scene_path)}: mechanism.set"
+    changed = _expand(mechanism, reference.get("set", {}), where)
     places = {
-        f"mechanism.set.{dotted}": _set_member(
-            mechanism, dotted, value, path, f"{shown(scene_path)}: mechanism.set.{dotted}"
-        )
-        for dotted, value in reference.get("set", {}).items()
+        f"mechanism.set.{dotted}": _set_member(mechanism, dotted, value, path, f"{where}.{dotted}")
+        for dotted, value in changed.items()
     }
     sequence = reference.get("sequence", {})
+    if isinstance(mechanism.get("sequence"), dict) and "set" in sequence:
+        steps = mechanism["sequence"].get("steps", [])
+        where = f"{shown(scene_path)}: sequence.set"
+        sequence = {**sequence, "set": _expand(steps, sequence["set"], where)}
     places |= _change_sequence(mechanism, sequence, path, scene_path)
-    values = (*reference.get("set", {}).values(), *sequence.get("set", {}).values())
+    values = (*changed.values(), *sequence.get("set", {}).values())
     changes = dict(zip(places.values(), values, strict=True))
     changes |= {("name",): name, ("sequence.stop_after",): sequence.get("stop_after")}
     checker = checker or schema.Checker("mechanism")
@@ -569,6 +573,58 @@ def _change_sequence(
             )
         mechanism["sequence"]["stop_after"] = last
     return places
+
+
+def _expand(node: Any, settings: dict[str, Any], where: str) -> dict[str, Any]:
+    """Return settings, where a path with ``*`` in its parts is replaced by all that are like it.
+
+    Raises:
+        UsageError: there are none. The message begins with `where`.
+    """
+
+    def list_paths(node: Any, parts: list[str], key: str) -> list[str]:
+        part, *rest = parts
+        children = dict(_list_children(node))
+        if "*" not in part:
+            below = list_paths(children.get(part), rest, key) if rest else []
+            return [f"{part}.{path}" for path in below] if rest else [part]
+        found = []
+        for name in match_names(part, children, f"{where}.{key}"):
+            below = list_paths(children[name], rest, key) if rest else []
+            found += [f"{name}.{path}" for path in below] if rest else [name]
+        return found
+
+    return {
+        path: value
+        for key, value in settings.items()
+        for path in (list_paths(node, key.split("."), key) if "*" in key else [key])
+    }
+
+
+def list_matches(path: Path, overrides: list[str] | tuple[str, ...]) -> list[str]:
+    """Say of every override with ``*`` how many members it sets; `resolve_scene` accepts all."""
+    scene, _ = read_toml(path)
+    for text in overrides:
+        apply_override(scene, text)
+    notes = []
+    for text in overrides:
+        key = text.partition("=")[0].strip()
+        prefix = next((prefix for prefix in _PATHS if key.startswith(prefix)), None)
+        if prefix and "*" in key:
+            node = read_mechanism(find_mechanism(scene["mechanism"]["name"], path))
+            node = node["sequence"]["steps"] if prefix == _PATHS[1] else node
+            notes.append(say_matches(text, len(_expand(node, {key.removeprefix(prefix): 0}, ""))))
+    return notes
+
+
+def _list_children(node: Any) -> Iterator[tuple[str, Any]]:
+    """Yield what paths can name: members of a group, entries of a list by name or number."""
+    if isinstance(node, dict):
+        yield from ((name, child) for name, child in node.items() if name != "comment")
+    elif isinstance(node, list):
+        for number, entry in enumerate(node, 1):
+            named = entry.get("name", number) if isinstance(entry, dict) else number
+            yield str(named), entry
 
 
 def _set_member(mechanism: dict, dotted: str, value: Any, path: Path, key: str) -> tuple:

@@ -33,7 +33,7 @@ from dockloop.paths import check_file, shown
 from dockloop.results import Result, list_points, warn_of_driven
 from dockloop.scene import scene_members
 from dockloop.summary import is_summarised
-from dockloop.variables import WORDS, find_number, fits, list_names
+from dockloop.variables import WORDS, find_number, fits, list_names, match_names, say_matches
 
 _WARNING = 1  # fmi2Warning
 _CHOICES = b"logChoices"  # category of what `accuracy` has chosen
@@ -74,7 +74,8 @@ def run_fmu(
     began = time.perf_counter()
     with scratch() as folder:
         description, scene = unpack_fmu(path, folder)
-        starts = [_parse_setting(text, description) for text in settings]
+        parsed = {text: _parse_settings(text, description) for text in settings}
+        starts = [start for found in parsed.values() for start in found]
         times = communication_points(description, stop, step)
         chosen = choose_outputs([v.name for v in _list_outputs(description)], tuple(outputs))
         if check_size:
@@ -85,6 +86,7 @@ def run_fmu(
             wanted = chosen | {v.name for v in description.modelVariables if is_summarised(v.name)}
             recording = record(instance, scene, times, progress, wanted=wanted)
             recording.wall["load"] = loaded - began
+            recording.notes += [say_matches(t, len(f)) for t, f in parsed.items() if "*" in t]
             recording.warnings += warn_of_driven(scene)
     return recording
 
@@ -331,6 +333,16 @@ def unpack_fmu(path: Path, folder: Path) -> tuple[Any, dict]:
 
 def _list_outputs(description: Any) -> list[Any]:
     return [v for v in description.modelVariables if v.causality == "output"]
+
+
+def _parse_settings(text: str, description: Any) -> list[tuple[Any, Any]]:
+    """Parse one NAME=VALUE, where NAME may have ``*``; returns variables and values."""
+    name, equals, value = (part.strip() for part in text.rpartition("="))
+    if not equals:
+        return [_parse_setting(text, description)]
+    settable = [v.name for v in description.modelVariables if _is_settable(v)]
+    names = match_names(name, settable, f"--set {text}")
+    return [_parse_setting(f"{each}={value}", description) for each in names]
 
 
 def _is_settable(variable: Any) -> bool:

@@ -37,7 +37,7 @@ from dockloop.paths import check_file, read_text, shown
 from dockloop.peaks import count_steps, list_with_places
 from dockloop.results import import_optional
 from dockloop.run_errors import compare_peaks
-from dockloop.sampling import Sweep, count_drawn, list_discs, say_accuracy
+from dockloop.sampling import Quantity, Sweep, count_drawn, list_discs, say_accuracy
 from dockloop.summary import find_summary
 from dockloop.sweeps import COMMAND, DIGEST, TABLE, Planner, find_journal
 
@@ -257,6 +257,12 @@ def _make_schema(sweep: Sweep, planner: Planner) -> Any:
         types = {type(value) for value in sweep.cases.list_examples(column)}
         kind = kinds.get(types.pop(), number) if len(types) == 1 else number
         add(quantity.name, kind, quantity.unit, "varied")
+        for name in _list_named(quantity):
+            values = [settings.get(name) for settings in quantity.named.values()]
+            types = {type(value) for value in values} - {type(None)}
+            kind = kinds.get(types.pop(), number) if len(types) == 1 else number
+            unit = planner.with_unit(Quantity(name, "")).unit
+            add(name, kind, unit, f"set by '{quantity.name}'; empty: as in the scene")
     add("status", text, description=", ".join(STATUSES))
     add("reason", text, description="why a case is not done")
     add("warning", text, description="what placement or FMU had to say")
@@ -271,6 +277,11 @@ def _make_schema(sweep: Sweep, planner: Planner) -> Any:
         add(f"{FIRST}status", text, description=", ".join(STATUSES))
         add_outcomes(FIRST)
     return pyarrow.schema(fields, metadata=_make_metadata(sweep, planner))
+
+
+def _list_named(quantity: Quantity) -> list[str]:
+    """Return what the named cases of a quantity set, each once."""
+    return list(dict.fromkeys(name for case in (quantity.named or {}).values() for name in case))
 
 
 def _make_parts(
@@ -293,7 +304,13 @@ def _make_parts(
         rows = range(begin, min(begin + _PART, len(results)))
         found = [results[row] for row in rows]
         columns: list[Iterable] = [[row + 1 for row in rows]]
-        columns += zip(*(sweep.cases[row] for row in rows), strict=True)
+        varied = zip(*(sweep.cases[row] for row in rows), strict=True)
+        for quantity, values in zip(planner.quantities, varied, strict=True):
+            columns.append(values)
+            columns += [
+                [quantity.named[str(value)].get(name) for value in values]
+                for name in _list_named(quantity)
+            ]
         columns += [[getattr(r, name) for r in found] for name in _OF_RESULTS]
         columns += list_outcomes(found)
         ends = [dict(zip(planner.asked, r.outputs, strict=False)) for r in found]

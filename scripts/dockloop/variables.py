@@ -4,6 +4,8 @@ A choice is an Integer in the FMU; everywhere else its values have names (`list_
 """
 
 import fnmatch
+import re
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from dockloop.core import read_choices
@@ -59,6 +61,43 @@ def fits(name: str, pattern: str) -> bool:
         return pattern in name
     literal = pattern.replace("[", "[[]")  # indices are no sets of characters
     return fnmatch.fnmatchcase(name, literal)
+
+
+def match_names(pattern: str, names: Iterable[str], place: str) -> list[str]:
+    """Return the names that are like a name with ``*`` as a whole; without ``*`` the name itself.
+
+    Args:
+        pattern: ``element[*].law[1].stiffness``, where ``*`` stands for anything.
+        names: what it can mean.
+        place: begins the message.
+
+    Raises:
+        UsageError: no name is like that.
+    """
+    if "*" not in pattern:
+        return [pattern]
+    known = list(names)
+    found = [name for name in known if fits(name, pattern)]
+    if not found:
+        near = did_you_mean(pattern, known) or _find_near_part(pattern, known)
+        raise UsageError(f"{place}: no name that can be set is like '{pattern}'{near}")
+    return found
+
+
+def _find_near_part(pattern: str, names: list[str]) -> str:
+    """Suggest parts of names near to the first part of a pattern that no name has."""
+
+    def list_parts(name: str) -> list[str]:
+        return re.sub(r"\[[^\]]*\]", "", name).split(".")
+
+    known = dict.fromkeys(part for name in names for part in list_parts(name))
+    odd = (part for part in list_parts(pattern) if "*" not in part and part not in known)
+    return did_you_mean(next(odd, ""), known)
+
+
+def say_matches(setting: str, count: int) -> str:
+    """Say how many names a setting with ``*`` has set."""
+    return f"{setting}: {count} name{'s' * (count != 1)} set"
 
 
 def list_names(variable: str, description: str) -> dict[str, int]:

@@ -55,7 +55,7 @@ def run(options: Options) -> None:
     from dockloop.fmu import build_fmu
     from dockloop.outputs import scratch
     from dockloop.results import ProgressBar, check_size, import_optional
-    from dockloop.scene import find_scene
+    from dockloop.scene import find_scene, list_matches
     from dockloop.simulate import read_scene, run_fmu
     from dockloop.summary import describe, summarise
 
@@ -90,6 +90,8 @@ def run(options: Options) -> None:
             progress=ProgressBar(fmu.stem),
             label=paths.shown(fmu) if is_fmu else f"scene {fmu.stem}",
         )
+        if not is_fmu:
+            result.notes += list_matches(find_scene(options.scene), options.overrides)
         if options.estimate_error:
             result.error_estimate = _estimate_error(options, fmu, result)
 
