@@ -64,7 +64,6 @@ ALLOWED = {
     ("capture.reason", "scripts/dockloop/capture.py"): "a sentence for each reason",
     ("types", "scripts/dockloop/simulate.py"): "the getter and the parser of each type",
     ("types", "scripts/dockloop/variables.py"): "the Python type and the words of each type",
-    ("dissipated energies", "scripts/dockloop/view/geometry.py"): "other parts of the same names",
     ("loads", "src/docking/scene_json.cpp"): "reads the rated loads into their members",
     ("coupling.mode", "scripts/examples/masters.py"): "the mode of each master",
     ("friction.model", "src/contact/contact_model.cpp"): "lies below the list (src/README.md)",

@@ -359,7 +359,7 @@ def draw_docking(name: str, run: dl.Result) -> Any:
     """Draw loads, legs, drive and steps over time; the capture has panels of its own."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.4, 7.8), layout="constrained")
+    figure = Figure(figsize=(9.6, 7.2), layout="constrained")
     panels: Any = figure.subplots(4, 2, sharey="row", sharex="col", width_ratios=(1, 1.4))
     document: dict = read_mechanism(name)
     t = run["time"]
@@ -441,7 +441,7 @@ def write_still(name: str) -> None:
         picture = FIGURES / f"{name}.png"
         for words in (
             f"run {name} --stop 4 --step 0.02 -o {own}",
-            f"view {own} --still contact -o {picture}",
+            f"view {own} --still contact --size 1040x650 -o {picture}",
         ):
             subprocess.run([tool, *words.split()], check=True, cwd=ROOT)
 
