@@ -27,6 +27,8 @@ closing_speed = 0.02
 [experiment]
 stop = 10.0
 step = 0.01
+[outputs]
+groups = ["relative", "phase", "contact"]
 """
 LENGTHS = ("core_x", "core_inner_radius", "core_outer_radius", "ring_rounding", "node_radius")
 PETALS = ("rounding", "base_x", "base_radius", "tip_x", "tip_distance", "tip_half_width")

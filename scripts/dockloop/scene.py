@@ -206,7 +206,7 @@ def _resolve(scene: dict, mechanism: dict, path: Path) -> dict:
         "experiment": _defaults("experiment") | scene.get("experiment", {}),
         "outputs": _defaults("outputs") | scene.get("outputs", {}),
     }
-    for key in ("coupling", "disturbance", "model"):
+    for key in ("coupling", "disturbance", "model", "phases"):
         if key in scene:
             document[key] = scene[key]
     if "target" in scene:
