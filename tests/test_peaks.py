@@ -5,6 +5,7 @@ and the step of the sequence that is recorded there is that of the peak.
 """
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -79,3 +80,24 @@ def test_what_ends_before_its_scene_says_what_it_has_not_seen(stop):
     else:
         assert text is not None
         assert "after 4 s, with the steps 'align' (12.25 s), is not judged" in text
+
+
+def test_inputs_are_ranked_for_the_peaks_of_each_step_apart():
+    pyarrow = pytest.importorskip("pyarrow")
+    from dockloop.html_report import _split_by_step
+    from dockloop.sweep_report import say_steps
+
+    name, planner = "capture.peak.tension", SimpleNamespace(base=SCENE)
+    table = pyarrow.table({"capture.peak_step.tension": [2, 1, 2, 0, None]})
+    peaks = np.array([5.0, 1.0, 6.0, 0.0, np.nan])
+    parts = _split_by_step(name, planner, table, peaks)
+    assert [title for title, _ in parts] == [
+        f"{name}, 2 of 3 peaks: in step 'align'", f"{name}, 1 of 3 peaks: in step 'latch'"
+    ]  # fmt: skip
+    np.testing.assert_array_equal(parts[0][1], [5.0, np.nan, 6.0, np.nan, np.nan])
+    np.testing.assert_array_equal(parts[1][1], [np.nan, 1.0, np.nan, np.nan, np.nan])
+    one = pyarrow.table({"capture.peak_step.tension": [2, 2, 2, 2, 0]})
+    assert _split_by_step(name, planner, one, peaks) == [(name, peaks)]
+    assert say_steps({"align": 2, "latch": 1}) == (
+        "arose in step 'align' 2 of 3, step 'latch' 1 of 3"
+    )

@@ -307,7 +307,10 @@ def find_events(run: Result) -> list[dict]:
         if peak in run and run[peak][-1] > 0.0:
             value, index = float(run[peak][-1]), int(np.argmax(run[peak] >= run[peak][-1]))
             found = find_peak(run, name)
-            at = float(times[index]) if found["time"] is None else found["time"]
+            at = float(times[index])
+            if found["time"] is not None:  # an inner step may report its peak samples later
+                at = found["time"]
+                index = min(int(np.searchsorted(times, at - 1e-9)), len(times) - 1)
             part = (
                 f"{value / rated[name]:.1%} of the rated {rated[name]:g}" if name in rated else ""
             )
