@@ -191,6 +191,7 @@ bool RosenbrockSolver::calc_end(double h) {
   }
   const double* error = get_stage(kStages - 1);
   for (int i = 0; i < size_; ++i) end_[i] += error[i];
+  if (fixed_) last_error_ = find_mean(error);
   return true;
 }
 

@@ -111,7 +111,7 @@ class Stepper {
   /// Fastest rate of the solution, as far as the method knows it [1/s]; 0 = not known.
   double fastest_rate() const;
   /// Estimated error of the last step, in tolerances; 1 = not known.
-  double last_error() const;
+  double last_error() const;  ///< kFixedRosenbrock: as estimated, of a step that is kept anyway
   /// All unknowns at the end of the last step; null where y is all.
   const double* unknowns() const;
   /// Event functions found at their root by the step that returned kRoot.

@@ -32,6 +32,7 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   // Equal steps take equal work: a block of the mechanism that is old by an event will do.
   if (changed && (!step_loop->method().is_fixed_step() || coordinates != before))
     kept_jacobian.valid = false;
+  warn_of_step_error(now);
   events->update_phases(present(), now);
   // Peaks include the forces on both sides of a jump. An absorber that does not pull is released at
   // zero force, except for rounding.
@@ -70,6 +71,22 @@ void DockingSim::Impl::notice_limit(Limit which, double now, double value, doubl
   if (limits.has(which)) return;
   limits.add(which, now, value);
   warnings.push_back(describe_limit(which, setup->t_start + now, value, limit, part));
+}
+
+/// Equal steps of a linearly implicit method stay stable where they are too long to be right.
+void DockingSim::Impl::warn_of_step_error(double now) {
+  if (warned_step_error || !step_loop->method().is_fixed_step()) return;
+  const double error = step_loop->last_error();
+  constexpr double kLong = 2.0;  // of find_judged_tolerances()
+  if (!(error > kLong)) return;
+  warned_step_error = true;
+  char text[300];
+  std::snprintf(
+      text, sizeof text,
+      "solver.step = %.3g s is long for the motion at t = %.9g s: peak loads may be wrong "
+      "without another sign; take %.2g s, or set solver.method = 12 (rosenbrock)",
+      inner_step, setup->t_start + now, inner_step / std::cbrt(4.0 * error));
+  warnings.push_back(text);
 }
 
 /// Near a singular pose of the independent coordinates, change to other independent coordinates.

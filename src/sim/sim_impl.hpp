@@ -82,6 +82,9 @@ struct DockingSim::Impl : SimState {
   void make_loop();
   void attach_kernel();
   std::vector<double> find_absolute_tolerances() const;
+  std::vector<double> find_absolute_tolerances(double position, double velocity,
+                                               double energy) const;
+  std::vector<double> find_judged_tolerances() const;
   double find_share_of_norm() const;
   double find_real_time_step(bool is_implicit);
   double find_rate_at_start();
@@ -144,6 +147,7 @@ struct DockingSim::Impl : SimState {
   void watch_limits(double now);
   void notice_limit(Limit which, double now, double value, double limit,
                     const std::string* part = nullptr);
+  void warn_of_step_error(double now);
 
   // hard_docking.cpp
   const char* find_joint_obstacle() const;
@@ -239,7 +243,7 @@ struct DockingSim::Impl : SimState {
   std::string status_text;
   std::vector<std::string> warnings;
   std::function<bool()> interruption;  ///< see DockingSim::use_interruption()
-  std::string choice_text;  ///< what accuracy has chosen; empty without accuracy
+  std::string choice_text;             ///< what accuracy has chosen; empty without accuracy
   /// Communication points since the start, and times at which outputs were computed.
   std::int64_t points = 0, read_points = 0;
 

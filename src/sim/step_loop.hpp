@@ -93,6 +93,9 @@ class StepLoop {
   /// Are steps searched for peaks? Else peaks are interpolated.
   bool searches_peaks() const { return !method_.is_reference && !method_.is_fixed_step(); }
 
+  /// Estimated error of the last step, in tolerances; 1 without an estimate.
+  double last_error() const { return stepper_->last_error(); }
+
   // State
 
   double* y() const { return stepper_->y(); }
