@@ -12,7 +12,13 @@ import pytest
 
 import dockloop as dl
 from dockloop.criteria import Criterion, has_happened, parse_criterion, say_not_seen
-from dockloop.peaks import count_steps, find_sampled_peak, list_with_places, say_place
+from dockloop.peaks import (
+    count_steps,
+    find_sampled_peak,
+    list_steps_after,
+    list_with_places,
+    say_place,
+)
 from dockloop.summary import describe
 from dockloop.variables import Variable
 
@@ -35,6 +41,11 @@ def test_a_peak_load_says_where_it_arose():
         assert np.all(np.diff(run[f"capture.peak_time.{name}"]) >= 0.0)
         steps.add(load["step"])
     assert len(steps) > 1
+    later = list_steps_after(run, 3.5)
+    first = run["time"][np.argmax(run["sequence.step"] == 4)]
+    assert first > 3.5
+    assert list(later) == ["attenuate"]
+    assert later["attenuate"] == pytest.approx(first, abs=0.02)
     assert run["capture.peak_time.tension"][0] == -1.0
     assert run["capture.peak_step.tension"][0] == 0
 
