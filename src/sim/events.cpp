@@ -58,7 +58,8 @@ void DockingSim::Impl::keep_pose() {
 
 /// Limits beyond which the present state is for the first time. @pre peaks of this state are added
 void DockingSim::Impl::watch_limits(double now) {
-  const LimitValues found = find_limit_values(*model, present(), peaks.peak()[Outputs::kLoadCount].value);
+  const LimitValues found =
+      find_limit_values(*model, present(), peaks.peak()[Outputs::kLoadCount].value);
   limits.for_each_new(found, [&](Limit which) {
     notice_limit(which, now, found.value[which], found.limit[which],
                  which == kStopLimit ? found.part : nullptr);

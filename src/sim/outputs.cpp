@@ -179,7 +179,8 @@ void DockingSim::Impl::update_phase_outputs() {
   outputs.time_of_capture = report(discrete.time_of_capture);
   LimitRecord passed = limits;
   if (ahead.pending) {
-    const LimitValues found = find_limit_values(*model, shown(), outputs.capture_peak_load_ratio.value);
+    const LimitValues found =
+        find_limit_values(*model, shown(), outputs.capture_peak_load_ratio.value);
     limits.for_each_new(
         found, [&](Limit which) { passed.add(which, find_point_time(), found.value[which]); });
   }

@@ -112,7 +112,7 @@ struct SimState {
   QuiescentState quiescent;
   double margin_looked_at = kChangeMargin;  ///< margin at the last search of coordinates
   LimitRecord limits;
-  bool warned_step_error = false;           ///< warned of equal steps that are too long
+  bool warned_step_error = false;  ///< warned of equal steps that are too long
   /// Independent coordinates, if they differ from those of the start; else null.
   std::shared_ptr<const Coordinates> coordinates;
 
@@ -387,8 +387,8 @@ void transfer(A& archive, SimState& s) {
   transfer_members<SimState>(archive, s.elapsed, s.h_warm, s.last_step, s.inner_step,
                              s.fastest_rate, s.frame_velocity, s.frame_shift, s.discrete, s.memory,
                              s.peaks, s.mean_load, s.coupling, s.quiescent, s.margin_looked_at,
-                             s.limits, s.warned_step_error, s.coordinates, s.kept_jacobian,
-                             s.ahead, s.drift, s.energy_audit, s.momentum_audit);
+                             s.limits, s.warned_step_error, s.coordinates, s.kept_jacobian, s.ahead,
+                             s.drift, s.energy_audit, s.momentum_audit);
 }
 
 template <class A>
