@@ -82,7 +82,8 @@ TEST_F(Lifecycle, threads_with_an_instance_each_give_the_bits_of_one_alone) {
 /// Calls an instance back while the instance logs.
 struct Nosy {
   static void log(fmi2ComponentEnvironment environment, fmi2String, fmi2Status, fmi2String,
-                  fmi2String, ...) {
+                  fmi2String text, ...) {
+    if (std::string(text).find("another thread") != std::string::npos) return;
     Nosy& self = *static_cast<Nosy*>(environment);
     const fmi2ValueReference first = 0;
     double value = 0.0;
@@ -98,13 +99,7 @@ struct Nosy {
 TEST_F(Lifecycle, a_second_call_of_an_instance_is_refused) {
   use(read_test_file("scene_ring.json"));
   Nosy nosy;
-  const fmi2CallbackFunctions callbacks{
-      [](fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status,
-         fmi2String category, fmi2String text, ...) {
-        if (std::string(text).find("another thread") != std::string::npos) return;
-        Nosy::log(environment, name, status, category, text);
-      },
-      nullptr, nullptr, nullptr, &nosy};
+  const fmi2CallbackFunctions callbacks{Nosy::log, nullptr, nullptr, nullptr, &nosy};
   nosy.instance = instantiate(callbacks);
   ASSERT_NE(nosy.instance, nullptr);
   ASSERT_TRUE(start(nosy.instance));
