@@ -14,12 +14,12 @@
 #include <iterator>
 #include <memory>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "instance.hpp"
 #include "interface/model_description.hpp"
+#include "one_call.hpp"
 #include "resource_location.hpp"
 
 namespace dockloop {
@@ -115,27 +115,6 @@ fmi2Status set(Instance& self, const Call& call, const fmi2ValueReference vr[], 
 }
 
 // ---------------------------------------------------------------- code shared by all functions
-
-/// One call of an instance at a time. A second one changes nothing.
-class OneCall {
- public:
-  explicit OneCall(Instance& self) : self_(self) {
-    is_alone_ = self.caller.compare_exchange_strong(other_, std::this_thread::get_id());
-  }
-  ~OneCall() {
-    if (is_alone_) self_.caller.store(std::thread::id());
-  }
-  OneCall(const OneCall&) = delete;
-  OneCall& operator=(const OneCall&) = delete;
-  bool is_alone() const { return is_alone_; }
-  /// The call comes from a callback of the first one: its logger must not be called again.
-  bool is_nested() const { return other_ == std::this_thread::get_id(); }
-
- private:
-  Instance& self_;
-  std::thread::id other_;
-  bool is_alone_;
-};
 
 /// Runs `body(instance)` if the state permits `call`; any exception becomes fmi2Error.
 template <class Body>

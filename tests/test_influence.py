@@ -82,7 +82,7 @@ def test_shares_are_the_total_sobol_indices():
     assert found.score > 0.95
     for share, right in zip(found.shares, exact, strict=True):
         assert share.low <= right <= share.high
-        assert share.high - share.low < 0.3
+        assert share.high - share.low < 0.4  # about 1.3 times the widths at 512 cases
 
 
 @pytest.mark.parametrize("decides", [0, 3])

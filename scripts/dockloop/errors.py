@@ -39,8 +39,9 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
     Args:
         word: what was written.
-        known: what could have been meant; names that begin with the word and have one more part
-            come first (``friction``: ``friction.coefficient``), then names with it as a part.
+        known: what could have been meant; names that differ in a letter come first, then names that
+            begin with the word and have one more part (``friction``: ``friction.coefficient``), then
+            names with it as a part.
 
     Returns:
         `` (did you mean 'a' or 'b'?)`` with a leading blank, or an empty string.
@@ -48,7 +49,8 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     names = list(dict.fromkeys(known))
     longer = [name for name in names if name.startswith(f"{word}.")]
     longer = longer or [name for name in names if word in re.split(r"[._]", name)]
-    near = list(dict.fromkeys([*longer, *difflib.get_close_matches(word, names, 3, 0.6)]))[:3]
+    close = [difflib.get_close_matches(word, names, 3, least) for least in (0.9, 0.6)]
+    near = list(dict.fromkeys([*close[0], *longer, *close[1]]))[:3]
     return f" (did you mean {' or '.join(repr(name) for name in near)}?)" if near else ""
 
 

@@ -215,10 +215,10 @@ def report_run(
         rows = [[_say(limit[key]) for key in keys] for limit in summary["limits"]]
         sections.append(Section("Limits passed", columns=columns, rows=rows))
     if "peak_loads" in summary:
-        columns = ("load", "peak", "unit", "rated", "of it", "where")
+        heads = ("load", "peak", "unit", "rated", "of it", "where")
         rows = list_peaks(summary["peak_loads"], ["value"])
         sections.append(
-            Section("Peak loads on the target", "True peaks over inner steps.", columns, rows)
+            Section("Peak loads on the target", "True peaks over inner steps.", heads, rows)
         )
     sections += [_show(figure) for figure in figures]
     if "energy" in summary:

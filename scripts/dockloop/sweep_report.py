@@ -258,9 +258,9 @@ def _make_schema(sweep: Sweep, planner: Planner) -> Any:
         kind = kinds.get(types.pop(), number) if len(types) == 1 else number
         add(quantity.name, kind, quantity.unit, "varied")
         for name in _list_named(quantity):
-            values = [settings.get(name) for settings in quantity.named.values()]
-            types = {type(value) for value in values} - {type(None)}
-            kind = kinds.get(types.pop(), number) if len(types) == 1 else number
+            values = [settings.get(name) for settings in (quantity.named or {}).values()]
+            found = {type(value) for value in values if value is not None}
+            kind = kinds.get(found.pop(), number) if len(found) == 1 else number
             unit = planner.with_unit(Quantity(name, "")).unit
             add(name, kind, unit, f"set by '{quantity.name}'; empty: as in the scene")
     add("status", text, description=", ".join(STATUSES))
@@ -308,7 +308,7 @@ def _make_parts(
         for quantity, values in zip(planner.quantities, varied, strict=True):
             columns.append(values)
             columns += [
-                [quantity.named[str(value)].get(name) for value in values]
+                [(quantity.named or {})[str(value)].get(name) for value in values]
                 for name in _list_named(quantity)
             ]
         columns += [[getattr(r, name) for r in found] for name in _OF_RESULTS]

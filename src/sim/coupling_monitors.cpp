@@ -14,7 +14,7 @@ constexpr double kForgetTime = 0.01;         ///< [s]
 constexpr double kSilentChange = 1e-11;      ///< change of velocity that is ignored [m/s] ...
 constexpr double kRelativeRounding = 1e-14;  ///< ... and of the speed in N [-]
 constexpr double kGravityError = 1e-4;       ///< of gravity as a constant over the step
-constexpr double kMassConfirmed = 0.1;       ///< mismatch below which no step is too long [-]
+constexpr double kStableMismatch = 0.1;       ///< mismatch below which no step is too long [-]
 constexpr double kStableRange = 0.8;         ///< frequency x step with a mass that is not confirmed
 constexpr double kLongestSuggestion = 0.1;   ///< longest suggested step [s]
 constexpr double kShare = 0.3;               ///< of the tolerance, for the next step
@@ -107,7 +107,7 @@ void HostCoupling::diagnose(int i, const HostFinding& found, double h) {
   std::string text = describe_finding(found, get_vehicle_name(i), h, mass);
   const double product = state_.coupling.frequency * h;
   if (found.fault == kWrongMass && product > kStableRange &&
-      std::abs(found.value) > kMassConfirmed) {
+      std::abs(found.value) > kStableMismatch) {
     char more[200];
     std::snprintf(more, sizeof more,
                   "; the coupling is not stable with it: the docking interface has %.3g rad/s, and "
