@@ -263,13 +263,20 @@ double DockingSim::Impl::find_real_time_step(bool is_implicit) {
   return step;
 }
 
-/// Fastest rate of the equations at the start; 0 if there is no derivative [1/s].
+/// Fastest rate of the equations at the start; 0 if there is no derivative [1/s]. Bristles of
+/// contacts stay out: hundreds of unknowns, which act on nothing while surfaces are apart, and
+/// whose rates find_friction_rate() has.
 double DockingSim::Impl::find_rate_at_start() {
   evaluator->reserve_jacobian();
   MatX<double> jacobian;
   if (evaluator->aside(0.0, step_loop->y(), nullptr).ok() &&
       evaluator->calc_jacobian(0.0, step_loop->y()).ok()) {
-    jacobian = evaluator->jacobian();
+    const MatX<double>& all = evaluator->jacobian();
+    const Eigen::Index count = model->layout.bristle_count, before = model->layout.bristles,
+                       after = all.rows() - before - count;
+    jacobian.resize(before + after, before + after);
+    jacobian << all.topLeftCorner(before, before), all.topRightCorner(before, after),
+        all.bottomLeftCorner(after, before), all.bottomRightCorner(after, after);
   }
   evaluator->forget();
   return jacobian.size() > 0 && jacobian.allFinite() ? find_spectral_radius(jacobian) : 0.0;
