@@ -229,8 +229,12 @@ def test_a_rigid_joint_is_left_out_too():
 
 @pytest.mark.parametrize(
     ("method", "step", "warned"),
-    [("fixed_rk4", 7.5e-3, True), ("fixed_rk4", 5e-4, False), ("fixed_rosenbrock", 7.5e-3, True),
-     ("fixed_rosenbrock", 1e-3, False)],
+    [
+        ("fixed_rk4", 7.5e-3, True),
+        ("fixed_rk4", 5e-4, False),
+        ("fixed_rosenbrock", 7.5e-3, True),
+        ("fixed_rosenbrock", 1e-3, False),
+    ],
 )
 def test_equal_steps_that_are_long_for_the_scene_are_warned_of(method, step, warned):
     """With soft damping such a run has peak loads that are wrong by half, and good audits."""

@@ -39,9 +39,9 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
     Args:
         word: what was written.
-        known: what could have been meant; names that differ in a letter come first, then names that
-            begin with the word and have one more part (``friction``: ``friction.coefficient``), then
-            names with it as a part.
+        known: what could have been meant; names that differ in a letter come first, then names
+            that begin with the word and have one more part (``friction``:
+            ``friction.coefficient``), then names with it as a part.
 
     Returns:
         `` (did you mean 'a' or 'b'?)`` with a leading blank, or an empty string.

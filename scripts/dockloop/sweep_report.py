@@ -451,6 +451,22 @@ def say_steps(steps: Mapping[str, int]) -> str:
     return "arose in " + ", ".join(f"step '{name}' {n} of {total}" for name, n in steps.items())
 
 
+def _describe_peak_loads(loads: dict[str, dict]) -> list[str]:
+    """Say the peak loads of a summary as a table."""
+    lines = ["  peak loads        median      95 %      99 %   largest"]
+    for name, load in loads.items():
+        line = f"    {name:12}" + "".join(
+            f"{say_number(load[key]):>10}" for key in ("median", "q95", "q99", "largest")
+        )
+        line += f" {load['unit']:4}"
+        if "rated" in load:
+            line += f" rated {say_number(load['rated'])}, above it in {load['above_rated']:.1%}"
+        lines.append(line.rstrip())
+        if steps := load.get("steps"):
+            lines.append(f"{'':16}{say_steps(steps)}")
+    return lines
+
+
 def describe_sweep(summary: dict) -> str:
     """Say a summary in words and numbers."""
     status = summary["status"]
@@ -476,18 +492,7 @@ def describe_sweep(summary: dict) -> str:
         lines.append(f"  limits       passed: {passed} cases")
     lines += [f"  {text}" for text in summary.get("not_seen", [])]
     lines += _describe_cases(summary["table"]) if "table" in summary else []
-    if summary["peak_loads"]:
-        lines.append("  peak loads        median      95 %      99 %   largest")
-        for name, load in summary["peak_loads"].items():
-            line = f"    {name:12}" + "".join(
-                f"{say_number(load[key]):>10}" for key in ("median", "q95", "q99", "largest")
-            )
-            line += f" {load['unit']:4}"
-            if "rated" in load:
-                line += f" rated {say_number(load['rated'])}, above it in {load['above_rated']:.1%}"
-            lines.append(line.rstrip())
-            if steps := load.get("steps"):
-                lines.append(f"{'':16}{say_steps(steps)}")
+    lines += _describe_peak_loads(summary["peak_loads"]) if summary["peak_loads"] else []
     lines += _describe_passes(summary["refined"]) if "refined" in summary else []
     if "worst" in summary:
         worst = summary["worst"]

@@ -20,7 +20,8 @@ namespace {
 using V = Vec3<double>;
 
 /// The ring scene with the origin of P at `p` from that of the ring at home, 0.28 m in front of A.
-/// Both are fixed in attitude, P moves with `v`. Without surfaces, so that nothing but latches acts.
+/// Both are fixed in attitude, P moves with `v`. Without surfaces, so that nothing but latches
+/// acts.
 std::shared_ptr<const Scene> make_pass(const V& p, const V& v) {
   Scene scene = ring_scene();
   scene.contact = ContactModel();
