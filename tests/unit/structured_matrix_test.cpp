@@ -269,6 +269,7 @@ TEST(StructuredMatrix, keeps_momentum) {
   TestRandom random(82);
   Docking docking(ring_with_hooks());
   docking.set_random_state(random, -0.0055, 0.0, 0.003);
+  docking.y[docking.model.layout.mechanism_q] -= 0.28;  // retracted: its latches hold the target
   dock(docking, random);
   for (LatchState& latch : docking.discrete.latch) latch = {LatchMode::kHeld, 0.0};
   docking.evaluate();
