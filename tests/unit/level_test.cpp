@@ -45,7 +45,8 @@ double find_difference(const Wrench<double>& a, const Wrench<double>& b) {
 TEST(RigidLevel, is_the_docking_of_one_body_with_the_stated_mass) {
   Scene scene = light_scene(kRigid);
   scene.vehicle[kChaser].mass_includes_mechanism = 2;
-  scene.solver = {1e-10, 1e-12, 1e-12, 1e-10, 1e-3};
+  // Tight: tolerances of angular momenta follow the lever of A, which differs, and so do the steps.
+  scene.solver = {1e-12, 1e-14, 1e-14, 1e-12, 1e-3};
   const Vec3<double> home(0.28, 0.0, 0.0);  // of the ring, from A
   Scene bare = scene;  // without a mechanism G is A: A stands where the ring is
   bare.vehicle[kChaser].interface_position += home;
@@ -71,7 +72,7 @@ TEST(RigidLevel, is_the_docking_of_one_body_with_the_stated_mass) {
   std::printf("rigid: peak %.6g N, difference from one body %.2g\n",
               locked.outputs().capture_peak[Outputs::kCompression].value, worst.value);
   EXPECT_GT(locked.outputs().capture_peak[Outputs::kCompression].value, 100.0) << "nothing touched";
-  EXPECT_LE(worst.value, 2e-6) << worst.where;
+  EXPECT_LE(worst.value, 1e-7) << worst.where;
 }
 
 TEST(RigidLevel, is_the_tree_with_held_joints_at_any_pose) {
