@@ -65,7 +65,9 @@ def count_intervals(function, exact, repetitions):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("function", "exact"), [(ishigami, list_ishigami())])
+@pytest.mark.parametrize(
+    ("function", "exact"), [(ishigami, list_ishigami()), (sobol, list_sobol())]
+)
 def test_intervals_hold_the_total_sobol_indices(function, exact):
     held, mean, widths = count_intervals(function, exact, 100)
     assert np.all(held >= LEAST), held
