@@ -55,12 +55,11 @@ bool creates_energy(const EnergyAudit& audit, const EnergyBalance& balance, doub
 }
 
 bool update_energy_audit(const EnergyBalance& balance, double scale, EnergyAudit& audit) {
-  constexpr double kMatters[] = {0.01, 0.1};  // of the energy in play
   audit.residual = balance.residual;
   audit.in_play = std::max(audit.in_play, balance.in_play);
   const double share = std::abs(audit.residual) / scale;
-  const auto reached = std::count_if(std::begin(kMatters), std::end(kMatters),
-                                     [&](double matters) { return share > matters; });
+  const auto reached = std::count_if(std::begin(kResidualsWarned), std::end(kResidualsWarned),
+                                     [&](double warned) { return share > warned; });
   if (reached <= audit.warnings) return false;
   audit.warnings = static_cast<int>(reached);
   return true;

@@ -14,6 +14,8 @@
 
 namespace dockloop {
 
+constexpr double kResidualsWarned[] = {0.01, 0.1};  ///< of the energy in play
+
 /// The energy of one state.
 struct EnergyBalance {
   double residual = 0.0;  ///< error of the balance since the start [J]

@@ -8,7 +8,7 @@
 namespace dockloop {
 namespace {
 
-constexpr double kAlike = 0.002;  ///< of the energy in play; the audit warns at 0.01
+constexpr double kAlike = 0.001;  ///< of the energy in play, less than kResidualsWarned
 
 }  // namespace
 
@@ -46,8 +46,11 @@ bool BalanceWatch::is_energy_created(const EnergyBalance& found, double tau) {
   return true;
 }
 
-bool BalanceWatch::are_alike(const EnergyBalance& one, const EnergyBalance& other) const {
-  return std::abs(one.residual - other.residual) <= kAlike * find_scale(one);
+bool BalanceWatch::is_good_inside(const EnergyBalance& found, const EnergyBalance& end) const {
+  const double scale = find_scale(end), residual = std::abs(found.residual);
+  return std::abs(found.residual - end.residual) <= kAlike * scale &&
+         (residual <= kResidualsWarned[0] * scale ||
+          std::abs(end.residual) > kResidualsWarned[0] * scale || state_.energy_audit.warnings > 0);
 }
 
 void BalanceWatch::update_energy(const EnergyBalance& found, double tau) {

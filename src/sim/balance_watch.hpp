@@ -19,8 +19,9 @@ class BalanceWatch {
                             const double* y) const;
   /// Does the inner step that ends at tau create energy? If so, status_text contains the message.
   bool is_energy_created(const EnergyBalance& found, double tau);
-  /// Do two states of one inner step have the same balance, within a part of the energy in play?
-  bool are_alike(const EnergyBalance& one, const EnergyBalance& other) const;
+  /// Has a state inside an inner step the balance of its end, within a part of the energy in play,
+  /// and no residual that needs a warning where the end needs none?
+  bool is_good_inside(const EnergyBalance& found, const EnergyBalance& end) const;
   /// Updates the energy audit. Issues a warning at a residual of 1 %, and again at 10 %.
   void update_energy(const EnergyBalance& found, double tau);
   /// Updates the scales of momentum and the largest residual. @param data  complete evaluation of y

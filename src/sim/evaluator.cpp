@@ -72,6 +72,7 @@ Status Evaluator::at(double tau, const double* y, Rates rates) {
   Status status;
   if (is_complete_at_key(tau, y) && (key_.has_rates || !with_rates)) {
     std::swap(present_, trial_);
+    forget_trial();
   } else {
     status = calc(tau, y, with_rates ? key_.rates.data() : nullptr, Need::kState, *present_);
     if (!status.ok()) status.time = state_.elapsed + tau;
@@ -87,6 +88,7 @@ Status Evaluator::at(double tau, const double* y, Rates rates) {
 
 Status Evaluator::at_trial(double tau, const double* y, double* ydot) {
   if (!ydot && is_at_key(tau, y)) return {};
+  forget_trial();
   const Status status = calc(tau, y, ydot, Need::kRates, *trial_);
   if (!status.ok()) {
     forget();
@@ -99,6 +101,7 @@ Status Evaluator::at_trial(double tau, const double* y, double* ydot) {
 
 Status Evaluator::aside(double tau, const double* y, double* ydot, Need need) {
   if (key_.at == trial_.get()) forget();
+  forget_trial();
   return calc(tau, y, ydot, need, *trial_);
 }
 

@@ -94,6 +94,10 @@ class Evaluator {
   void keep_present() { is_present_kept_ = true; }
   void forget_present() { is_present_kept_ = false; }
   bool is_present_kept() const { return is_present_kept_; }
+  /// `trial` is exactly at the communication point until the next evaluation of a trial state.
+  void keep_trial() { is_trial_kept_ = true; }
+  void forget_trial() { is_trial_kept_ = false; }
+  bool is_trial_kept() const { return is_trial_kept_; }
   /// The workspace that event functions are read from.
   DockingData<double>& events_at() { return is_started() ? *present_ : *trial_; }
 
@@ -122,7 +126,7 @@ class Evaluator {
   const StepLoads& loads_;
   std::unique_ptr<DockingData<double>> present_, trial_;
   Key key_;
-  bool is_present_kept_ = false;
+  bool is_present_kept_ = false, is_trial_kept_ = false;
   std::unique_ptr<DockingPass> pass_;  ///< with reserve_jacobian() only
   MatX<double> jacobian_;
   std::unique_ptr<StructuredMatrix> matrix_;  ///< with reserve_matrix() only

@@ -35,15 +35,15 @@ void StepLoop::note_inputs(bool goes_on) {
   ahead_.is_retuned = false;
 }
 
-void StepLoop::stride(double late, double h) {
+bool StepLoop::stride(double late, double h) {
   DOCK_ASSERT(is_pending() && covers(late, h));
+  if (!show_point(ahead_.reached + late + h)) return false;
   note_inputs(true);
   ahead_.reached += late;
-  ahead_.y_before.swap(y_inside_);
+  ahead_.y_before.swap(y_polynomial_);
   ahead_.is_begin_known = false;
   ahead_.pose_before = present().mechanism.loops.reference;
-  stepper_->interpolate(ahead_.reached + h, y_inside_.data());
-  is_shown_ = false;
+  return true;
 }
 
 /// The evaluation just made, or about to be made, has this context.
@@ -82,26 +82,34 @@ void StepLoop::start_ahead() {
                     {evaluator_.start_rates(), ahead_.fastest_rate, ahead_.last_error});
 }
 
-/// May states inside the step just made be read? Bristles settle much faster than a long explicit
-/// step, whose polynomial then swings: energy inside it is not that at its ends. (Linearly implicit
-/// steps have balance_point().) @pre evaluation at the end, inner_.energy
-bool StepLoop::is_good_inside() {
-  if (method_.is_structured || model_->layout.bristle_count == 0) return true;
-  for (const double share : {0.25, 0.5, 0.75}) {
-    const double t = inner_.from + share * (inner_.to - inner_.from);
-    if (!stepper_->interpolate(t, scratch_.data())) return false;
-    evaluator_.count(1);
-    if (!evaluator_.aside(t, scratch_.data(), nullptr).ok()) return false;
-    const EnergyBalance found = balances_.find_energy(*model_, evaluator_.trial(), scratch_.data());
-    if (!balances_.are_alike(found, inner_.energy)) return false;
+/// May the state at t inside the step just made be read? Stiff forces (bristles in explicit steps,
+/// contact and drives at loose tolerances) settle faster than a long step, whose polynomial then
+/// swings: energy inside it is not that at its ends. @pre evaluation at the end, inner_.energy
+/// @post if so, t is the communication point: y_inside_, y_shown_, the trial state; y_polynomial_
+/// is the last y_inside_
+bool StepLoop::show_point(double t) {
+  hide_point();
+  if (!stepper_->interpolate(t, y_polynomial_.data()) || !balance(t, y_polynomial_).ok()) {
+    return false;
   }
+  if (!evaluator_.aside(t, y_shown_.data(), nullptr).ok()) return false;
+  const EnergyBalance found = balances_.find_energy(*model_, evaluator_.trial(), y_shown_.data());
+  if (!balances_.is_good_inside(found, inner_.energy)) return false;
+  y_inside_.swap(y_polynomial_);
+  evaluator_.keep_trial();
+  is_shown_ = true;
   return true;
+}
+
+/// The communication point has moved.
+void StepLoop::hide_point() {
+  is_shown_ = false;
+  evaluator_.forget_trial();
 }
 
 /// The step just made ends after the communication point.
 Status StepLoop::stay_pending(double point) {
-  ahead_.pending = stepper_->interpolate(point, y_inside_.data());
-  is_shown_ = false;
+  ahead_.pending = is_shown_ || stepper_->interpolate(point, y_inside_.data());
   return ahead_.pending ? Status() : find_failure(point);
 }
 
@@ -159,25 +167,27 @@ Status StepLoop::settle() {
   return status;
 }
 
-/// The state to be read inside a pending step, from the polynomial of the method. Linearly implicit
-/// steps are long where forces are stiff: where the rates differ from the slope of the polynomial,
-/// these forces are not in balance. One linearly implicit step of no length, with the matrix of the
-/// pending step, restores the balance and keeps momentum.
-Status StepLoop::balance_point() {
-  if (is_balanced()) return {};
-  if (!method_.is_structured) {
-    y_shown_ = y_inside_;
-    is_shown_ = true;
-    return {};
-  }
-  loads_.hold(ahead_.loads);
-  const Status status = evaluator_.aside(ahead_.reached, y_inside_.data(), scratch_.data());
-  if (!status.ok() || !stepper_->find_slope(ahead_.reached, y_shown_.data())) return status;
+/// The state to be read at t inside the step just made, from the polynomial of the method. Linearly
+/// implicit steps are long where forces are stiff: where the rates differ from the slope of
+/// the polynomial, these forces are not in balance. One linearly implicit step of no length, with
+/// the matrix of the step just made, restores the balance and keeps momentum. @post y_shown_
+Status StepLoop::balance(double t, const std::vector<double>& y_polynomial) {
+  y_shown_ = y_polynomial;
+  if (!method_.is_structured) return {};
+  const Status status = evaluator_.aside(t, y_polynomial.data(), scratch_.data());
+  if (!status.ok() || !stepper_->find_slope(t, y_shown_.data())) return status;
   for (size_t i = 0; i < scratch_.size(); ++i) scratch_[i] -= y_shown_[i];
   evaluator_.matrix().solve(scratch_.data());
-  for (size_t i = 0; i < scratch_.size(); ++i) y_shown_[i] = y_inside_[i] + scratch_[i];
-  is_shown_ = true;
+  for (size_t i = 0; i < scratch_.size(); ++i) y_shown_[i] = y_polynomial[i] + scratch_[i];
   return {};
+}
+
+Status StepLoop::balance_point() {
+  if (is_balanced()) return {};
+  if (method_.is_structured) loads_.hold(ahead_.loads);
+  const Status status = balance(ahead_.reached, y_inside_);
+  is_shown_ = status.ok();
+  return status;
 }
 
 }  // namespace dockloop

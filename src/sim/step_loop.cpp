@@ -44,6 +44,7 @@ StepLoop::StepLoop(const DockingModel& model, const RunMethod& method, const Par
       y_accepted_(static_cast<size_t>(model.layout.size), 0.0),
       y_inside_(y_accepted_),
       y_shown_(y_accepted_),
+      y_polynomial_(y_accepted_),
       scratch_(y_accepted_) {
   Stepper::Problem problem = make_problem();
   if (adapt) adapt(problem);
@@ -189,6 +190,7 @@ StepOutcome StepLoop::make_solver_step(double stop, bool watch_roots) {
 /// @param end  it ends there at the latest. @param is_single  it is one step of the solver, which
 /// knows the states inside. @post inner; outcome kFailed: no step, else the end is no good
 Status StepLoop::make_inner_step(double tau, double end, bool is_single) {
+  hide_point();
   last_failure_ = Status();
   inner_.from = tau;
   inner_.is_one = true;
@@ -263,6 +265,7 @@ Status StepLoop::drift_freely(double& tau, double end, std::int64_t& turns) {
 /// @pre evaluation and start of the integrator at tau, or a pending step
 Status StepLoop::integrate(double tau, double end, bool passes, std::int64_t limit) {
   const double asked = end - ahead_.reached;
+  hide_point();
   const std::int64_t begun = find_work();
   stepper_->set_evaluation_limit(limit);
   // The pending inner step of the last call is made already: book it, make no other one.
@@ -298,7 +301,7 @@ Status StepLoop::integrate(double tau, double end, bool passes, std::int64_t lim
       if (passes) status = begin_ahead(tau, asked, is_evaluated);
       if (!status.ok()) return status;
       status = make_inner_step(tau, passes ? ahead_.farthest : end, passes);
-      if (passes && (!status.ok() || (inner_.to > end && !is_good_inside()))) {
+      if (passes && (!status.ok() || (inner_.to > end && !show_point(end)))) {
         passes = false;  // no failure of this communication step: make it without a step ahead
         return_to(tau, std::min(proposal_, end - tau));
         continue;
@@ -404,7 +407,8 @@ void StepLoop::search_peaks(double from, double to) {
     evaluator_.count(1);
     if (!evaluator_.aside(t, scratch_.data(), nullptr).ok()) return false;
     value = find_peak_values(*model_, rated_, evaluator_.trial());
-    return true;
+    const EnergyBalance found = balances_.find_energy(*model_, evaluator_.trial(), scratch_.data());
+    return balances_.is_good_inside(found, inner_.energy);
   };
   const double middle = 0.5 * (from + to);
   if (!evaluate(middle)) return;

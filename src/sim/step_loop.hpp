@@ -127,8 +127,9 @@ class StepLoop {
   bool can_go_on(double late, double h) const;
   /// Does a communication step of h end inside the pending step?
   bool covers(double late, double h) const { return ahead_.reached + late + h < inner_.to; }
-  /// A communication step inside the pending step: no evaluation. @pre covers()
-  void stride(double late, double h);
+  /// A communication step inside the pending step. @pre covers()
+  /// @return false: the state there is not good enough; nothing has changed
+  bool stride(double late, double h);
   /// A host that changes its inputs at every point would pay for steps that are dropped: count.
   void note_inputs(bool goes_on);
   /// Inputs are about to change: make the pending step again, as a step to the communication point.
@@ -209,8 +210,10 @@ class StepLoop {
   void keep_context();
   Status begin_ahead(double tau, double h, bool is_evaluated);
   void start_ahead();
-  bool is_good_inside();
+  bool show_point(double t);
+  Status balance(double t, const std::vector<double>& y_polynomial);
   Status stay_pending(double point);
+  void hide_point();
 
   const DockingModel* model_;
   RunMethod method_;
@@ -237,6 +240,7 @@ class StepLoop {
   std::vector<double> y_accepted_;
   /// At a communication point inside a pending step: interpolated, and as it is read.
   std::vector<double> y_inside_, y_shown_;
+  std::vector<double> y_polynomial_;     ///< where it is about to be
   bool is_shown_ = false;                ///< y_shown_ is valid
   LoopReference<double> accepted_pose_;  ///< while a pending step is made again
   std::vector<double> scratch_;          ///< size of y

@@ -45,11 +45,13 @@ Status DockingSim::Impl::step(double t, double h) {
   const double late = find_lateness(t);
   read_inputs();
   const bool is_commanded = events->sequence().is_new(inputs.command) || is_hard_dock_command_new();
-  const bool goes_on = !is_commanded && step_loop->can_go_on(late, h);
+  bool goes_on = !is_commanded && step_loop->can_go_on(late, h);
   if (goes_on && step_loop->covers(late, h)) {
-    step_loop->stride(late, h);
-    finish_step(h, true);
-    return {};
+    goes_on = step_loop->stride(late, h);
+    if (goes_on) {
+      finish_step(h, true);
+      return {};
+    }
   }
   keep(step_start, !pose_is_kept);
   pose_is_kept = true;
@@ -231,7 +233,10 @@ Status DockingSim::Impl::balance_point() {
 Status DockingSim::Impl::evaluate_point(bool may_lock) {
   if (!ahead.pending) return evaluate(0.0, may_lock);
   const Status status = balance_point();
-  return status.ok() ? evaluator->aside(ahead.reached, step_loop->point_y(), nullptr) : status;
+  if (!status.ok()) return status;
+  const bool is_there =
+      evaluator->is_trial_kept() && !loads.are_sloped() && are_same(loads.at_start(), ahead.loads);
+  return is_there ? Status() : evaluator->aside(ahead.reached, step_loop->point_y(), nullptr);
 }
 
 }  // namespace dockloop
