@@ -136,8 +136,8 @@ def test_the_choice_is_that_of_the_table(study, data, kind, scene):
             made.set("accuracy", wanted)
             rtol = rtols[data["methods"].index(method)]
             assert made.get("solver.chosen_rtol") == pytest.approx(rtol, rel=1e-9)
-            known = "auto" if method == "stabilised" else method  # auto takes these steps
-            assert made.get("solver.chosen_method") == made_number(known)
+            makes = ["stabilised", "rosenbrock"] if method == "stabilised" else [method]  # auto
+            assert made.get("solver.chosen_method") in map(made_number, makes)
             assert made.get("accuracy") == wanted
             assert made.get("solver.rtol") == 1e-6  # the parameter itself keeps its value
 
@@ -269,7 +269,11 @@ def test_without_accuracy_nothing_is_chosen():
     plain, zero = run(), run({"accuracy": 0.0})
     assert plain.values.tobytes() == zero.values.tobytes()
     assert plain.notes == []
-    assert [last(plain, f"chosen_{name}") for name in ("method", "rtol", "step")] == [1, 1e-6, 0]
+    assert [last(plain, f"chosen_{name}") for name in ("method", "rtol", "step")] == [
+        made_number("stabilised"),
+        1e-6,
+        0,
+    ]
     assert last(plain, "error_estimate") == 0.0
 
 
@@ -298,12 +302,12 @@ def test_a_stated_tolerance_gets_a_method_that_is_made_for_it():
 
 
 def test_a_tighter_tolerance_does_not_choose_a_worse_method():
-    """Stabilised steps reach 1e-6 with passive rings, and auto takes them."""
+    """Stabilised steps reach 1e-6 with passive rings."""
     for rtol in (2.5e-10, 1e-10, 1e-11):
         docking = dl.Docking(SCENE, NEAR)
         docking.set("accuracy", 1e-6)
         docking.set("solver.rtol", rtol)
-        assert docking.get("solver.chosen_method") == made_number("auto")
+        assert docking.get("solver.chosen_method") == made_number("stabilised")
 
 
 def test_steep_friction_costs_little_at_any_accuracy():

@@ -287,3 +287,23 @@ def test_a_slow_motion_is_not_stopped(tmp_path, case, touches, stiffness):
     else:
         moved = rate * t
     assert docking.get("state.q[1]") - start == pytest.approx(moved, rel=0.01)
+
+
+@pytest.mark.parametrize("family", ["hexapod", "probe_drogue"])
+def test_drift_after_undocking_costs_nothing(family):
+    """A sequence that waits for a command leaves the mechanism quiescent; momentum stays."""
+    docking = dl.Docking(family)
+    docking.set("command", "undock")
+    while docking.get("phase") != 10:  # separated
+        docking.step(1.0)
+        assert docking.time < 400.0
+    docking.step(20.0)
+    made, place = docking.get("solver.rhs_evaluations"), docking.get("relative.axial")
+    speed = docking.get("relative.velocity")[0]
+    docking.step(100.0)
+    assert docking.get("solver.rhs_evaluations") - made < 100
+    if family == "hexapod":  # the other chaser turns
+        assert docking.get("relative.axial") - place == pytest.approx(100.0 * speed, rel=0.01)
+    assert docking.get("momentum.residual") < 1e-12
+    docking.set("command", "hold")
+    docking.step(1.0)

@@ -238,9 +238,10 @@ void add_solver_parameters(Table& table, Parameters& parameter, bool has_compari
 
 void add_solver_outputs(Table& table, Outputs& out, bool has_comparison) {
   table
-      .output("solver.chosen_method", &out.solver_chosen_method, kNone,
-              "Integration method in use (a number of solver.method): solver.method, or the choice "
-              "of accuracy")
+      .output(
+          "solver.chosen_method", &out.solver_chosen_method, kNone,
+          "Integration method that makes the steps (a number of solver.method); 1 (auto) only in "
+          "model exchange, where the host integrates")
       .limits(1, kMethodCount);
   table
       .output("solver.chosen_rtol", &out.solver_chosen_rtol, kNone,

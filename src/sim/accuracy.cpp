@@ -205,11 +205,10 @@ SolverChoice choose_solver(const Parameters& p, double tolerance, const DockingM
   return c;
 }
 
-std::string describe_choice(const Parameters& p, const SolverChoice& c, double tolerance,
-                            const DockingModel& model) {
+std::string describe_choice(const Parameters& p, const SolverChoice& c, const MethodFacts& method,
+                            double tolerance, const DockingModel& model) {
   DOCK_ASSERT(p.accuracy != 0.0);
   const AccuracyTable& table = get_table(model);
-  const MethodFacts& method = *find_method(c.method);
   char text[400];
   if (method.fixed_step) {
     std::snprintf(text, sizeof text,

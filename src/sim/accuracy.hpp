@@ -32,9 +32,10 @@ void check_accuracy(double accuracy);
 SolverChoice choose_solver(const Parameters& parameters, double tolerance,
                            const DockingModel& model);
 
-/// The choice and its reason in one sentence. @pre parameters.accuracy != 0
+/// The choice and its reason in one sentence. @param method  that makes the steps
+/// @pre parameters.accuracy != 0
 std::string describe_choice(const Parameters& parameters, const SolverChoice& choice,
-                            double tolerance, const DockingModel& model);
+                            const MethodFacts& method, double tolerance, const DockingModel& model);
 
 /// What a run has done and has not done until now.
 struct WorkDone {

@@ -311,7 +311,8 @@ double EventLogic::find_free_gap(DockingData<double>& at, double exact_below) co
     gap = std::min(gap, find_free_opening(model_->hard_dock, discrete_.hard_dock, at.across));
   }
   for (int i = 0; i < model_->latches.count(); ++i) {
-    if (discrete_.latch[i].mode != LatchMode::kOpen) return 0.0;
+    const LatchMode mode = discrete_.latch[i].mode;
+    if (mode == LatchMode::kHeld || mode == LatchMode::kReleasing) return 0.0;
     const LatchLaw& law = model_->latches.latch[i].law;
     const Vec3<double> s = find_latch_motion(model_->latches, i, at.relative).s;
     gap = std::min(gap, std::max(s.x() - law.pawl_range, s.tail<2>().norm() - 2.0 * law.window));

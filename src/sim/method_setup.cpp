@@ -114,6 +114,11 @@ RunMethod DockingSim::Impl::choose_method() const {
   method.is_co_simulation = fmi_kind == FmiKind::kCoSimulation;
   method.is_reference = static_cast<bool>(adapt_problem);
   method.is_structured = uses_structured_matrix(method);
+  if (method.facts->method == kAuto && method.is_co_simulation && !method.is_reference) {
+    method.facts = find_method(parameters.model_level == kReference ? kDae
+                               : method.is_structured               ? kRosenbrock
+                                                                    : kStabilised);
+  }
   method.runs_ahead = makes_own_steps(method) && !host->has_host();
   return method;
 }

@@ -79,6 +79,14 @@ bool QuiescentMode::is_free() const {
          loads_.are_absent(model_->falling);
 }
 
+/// Do drives and the sequence change nothing by themselves, nor failures at their time?
+bool QuiescentMode::acts_by_command_only(double now) const {
+  const auto is_active = [](const LawFailure& failure) { return failure.active; };
+  const auto& failures = model_->mechanism.model.failures;
+  return events_.sequence().is_waiting() && !events_.sequence().are_drives_starting(now) &&
+         std::none_of(failures.begin(), failures.end(), is_active);
+}
+
 /// Does nothing inside a stack release energy?
 bool QuiescentMode::is_stack_at_rest(double now) const {
   const auto& latches = state_.discrete.latch;
@@ -119,7 +127,8 @@ Status QuiescentMode::update(double tau, double* y) {
                      change.norm() > quiescent.slack * quiescent.spin.norm() + kSlowSpin;
   // An exact gap is useful only to stay quiescent.
   const double exact_below = quiescent.on ? kAwake : -kNoGap;
-  if (swung || !is_free() || events_.find_free_gap(evaluator_.present(), exact_below) <= kAwake) {
+  if (swung || !is_free() || !acts_by_command_only(now) ||
+      events_.find_free_gap(evaluator_.present(), exact_below) <= kAwake) {
     const bool wakes = quiescent.on;
     quiescent.on = false;
     quiescent.since = now;

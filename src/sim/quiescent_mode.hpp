@@ -66,6 +66,7 @@ class QuiescentMode {
  private:
   bool is_joined() const { return state_.discrete.hard_dock.joint.on; }
   bool is_free() const;
+  bool acts_by_command_only(double now) const;
   bool is_stack_at_rest(double now) const;
   bool update_balance(double tau, const double* y);
   bool calc_pull(double tau, VecX<double>& pull);

@@ -227,6 +227,39 @@ double SequenceLogic::find_next_time(double now) const {
   return next;
 }
 
+bool SequenceLogic::is_waiting() const {
+  if (!exists()) return true;
+  const auto arrives = [](const LateSettings& late) { return late.count > 0; };
+  const auto is_command = [](const Condition& part) {
+    return part.kind == Condition::Kind::kCommand;
+  };
+  const auto awaits_command = [&](const SequenceRow& row) {
+    return std::all_of(row.when.parts.begin(), row.when.parts.end(), is_command);
+  };
+  return !(step().timeout > 0.0) &&
+         std::none_of(state_.since.begin(), state_.since.end(),
+                      [](double since) { return since >= 0.0; }) &&
+         std::all_of(step().next.begin(), step().next.end(), awaits_command) &&
+         std::none_of(discrete_.late.begin(), discrete_.late.end(), arrives);
+}
+
+bool SequenceLogic::are_drives_starting(double now) const {
+  const LawSetting as_stated;
+  size_t place = 0;  // among the laws of all elements
+  for (const ForceElement& element : model_->mechanism.model.elements) {
+    for (const ForceLaw& law : element.laws) {
+      const LawSetting& setting = exists() ? discrete_.law[place++] : as_stated;
+      const DriveLaw* drive = std::get_if<DriveLaw>(&law);
+      if (!drive || setting.drive == LawSetting::Drive::kOff) continue;
+      const bool runs = setting.drive == LawSetting::Drive::kRuns;
+      const double acceleration = runs ? setting.acceleration : drive->acceleration;
+      const double speed = runs ? setting.speed : drive->speed;
+      if ((now - setting.since) * acceleration < speed) return true;
+    }
+  }
+  return false;
+}
+
 // ---------------------------------------------------------------- steps
 
 void SequenceLogic::start() {

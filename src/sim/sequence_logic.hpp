@@ -51,6 +51,10 @@ class SequenceLogic {
   void calc_speeds(const DockingData<double>& at, double* speeds) const;
   /// Where the integrator must stop next, after `now` [s since the start]; kNever: nowhere.
   double find_next_time(double now) const;
+  /// Does the sequence change nothing until a command comes? Without a sequence: it does not.
+  bool is_waiting() const;
+  /// May a drive still gain speed after `now` [s since the start]? Its force depends on time then.
+  bool are_drives_starting(double now) const;
   /// The contact thrust acts from here [s since the start].
   std::optional<double> find_thrust_onset() const;
   /// Time in the present step, by the clock of the sequence [s].

@@ -23,12 +23,11 @@ Inputs::Vehicle find_start(const VehicleParameters& p) {
   return start;
 }
 
-/// Motors and drives act by themselves, failures at their time.
+/// Motors and drives act by themselves.
 bool acts_by_itself(const MechanismModel& mechanism) {
-  for (const ForceElement& element : mechanism.elements) {
-    if (std::any_of(element.laws.begin(), element.laws.end(), is_powered)) return true;
-  }
-  return !mechanism.failures.empty();
+  return std::any_of(mechanism.elements.begin(), mechanism.elements.end(), [](const auto& element) {
+    return std::any_of(element.laws.begin(), element.laws.end(), is_powered);
+  });
 }
 
 /// Failures as the parameters have them.
@@ -366,7 +365,8 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   if (parameters.accuracy != 0.0) {
     choice_text = fmi_kind == FmiKind::kModelExchange
                       ? "accuracy has no effect for model exchange: the host integrates"
-                      : describe_choice(parameters, chosen, setup->tolerance, *model);
+                      : describe_choice(parameters, chosen, *step_loop->method().facts,
+                                        setup->tolerance, *model);
   }
   start_energy_audit(*model, present(), step_loop->y(), energy_audit);
   start_momentum_audit(*model, present(), least_momentum, momentum_audit);
@@ -441,8 +441,8 @@ bool DockingSim::Impl::can_drift() const {
 
 /// Can the mechanism become quiescent in this run?
 bool DockingSim::Impl::can_be_quiescent() const {
-  return can_drift() && !model->mechanism.plan.is_driven && model->sequence.empty() &&
-         !acts_by_itself(model->mechanism.model);
+  return can_drift() && !model->mechanism.plan.is_driven &&
+         (!model->sequence.empty() || !acts_by_itself(model->mechanism.model));
 }
 
 /// Warnings about unusual values, which may be right.

@@ -200,7 +200,6 @@ class StepLoop {
   Stepper::Problem make_problem();
   void enter_structured_matrix(Stepper::Problem& problem);
   bool depends_on_time() const;
-  bool is_drive_starting() const;
   int build_matrix(double tau, const double* y, int& cost);
   int calc_jacobian(double tau, const double* y, double* by_columns);
   int find_jacobian_cost() const;

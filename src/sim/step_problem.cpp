@@ -91,20 +91,12 @@ void StepLoop::enter_structured_matrix(Stepper::Problem& problem) {
 }
 
 bool StepLoop::depends_on_time() const {
-  const auto releases = [](const LatchState& latch) { return latch.mode == LatchMode::kReleasing; };
-  return loads_.are_sloped() || model_->mechanism.plan.is_driven || is_drive_starting() ||
-         is_ramping(model_->hard_dock, state_.discrete.hard_dock, state_.elapsed + ahead_.begin) ||
-         std::any_of(state_.discrete.latch.begin(), state_.discrete.latch.end(), releases);
-}
-
-/// May a drive that the sequence runs still gain speed in the inner steps from here on?
-bool StepLoop::is_drive_starting() const {
   const double now = state_.elapsed + ahead_.begin;
-  return std::any_of(state_.discrete.law.begin(), state_.discrete.law.end(),
-                     [now](const LawSetting& law) {
-                       return law.drive == LawSetting::Drive::kRuns &&
-                              (now - law.since) * law.acceleration < law.speed;
-                     });
+  const auto releases = [](const LatchState& latch) { return latch.mode == LatchMode::kReleasing; };
+  return loads_.are_sloped() || model_->mechanism.plan.is_driven ||
+         events_.sequence().are_drives_starting(now) ||
+         is_ramping(model_->hard_dock, state_.discrete.hard_dock, now) ||
+         std::any_of(state_.discrete.latch.begin(), state_.discrete.latch.end(), releases);
 }
 
 /// @return as the rates
