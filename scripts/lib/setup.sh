@@ -185,6 +185,9 @@ ensure_python() {
 compile() {
   local tests=OFF
   [ "${1:-}" = test ] && tests=ON
+  # CMake refuses the files of a clone that was moved.
+  grep -qs "^CMAKE_CACHEFILE_DIR:INTERNAL=$root/build/release$" build/release/CMakeCache.txt ||
+    rm -rf build/release/CMakeCache.txt build/release/CMakeFiles build/release/build.ninja
   if [ ! -f build/release/build.ninja ] || { [ $tests = ON ] &&
     ! grep -q 'DOCKLOOP_TESTS:BOOL=ON' build/release/CMakeCache.txt; }; then
     say "configure"
