@@ -17,12 +17,15 @@ and a tolerance of a test is about ten times what was measured.
 
 import json
 import math
+import re
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from dockloop.errors import UsageError
+from dockloop.core import list_methods
+from dockloop.errors import DockloopError, UsageError
 from dockloop.mechanism import check_mechanism
 from extreme_cases import mechanism_benchmarks as benchmarks
 from extreme_cases.own_mechanism import FIXED_BASE, turn, write_scene
@@ -408,6 +411,38 @@ def test_a_run_says_once_that_a_loop_comes_close_to_singular(move):
     reported = [text for text in run.warnings if "close to singular" in text]
     assert len(reported) == 1
     assert "at t = 0." in reported[0]
+
+
+@pytest.mark.parametrize("closure", ["newton", None])
+@pytest.mark.parametrize(
+    "method",
+    ["auto", "explicit", "stabilised", "rosenbrock", "bdf", "fixed_rk4", "fixed_rosenbrock"],
+)
+def test_every_method_sees_a_singular_pose_between_ends_of_steps(move, closure, method):
+    """It is passed with a warning; bdf begins anew with steps that may be too short to pass."""
+    number = next(each["number"] for each in list_methods() if each["name"] == method)
+    go = partial(
+        move,
+        benchmarks.parallelogram(closure),
+        1.2,
+        0.02,
+        gravity=(0, -GRAVITY, 0),
+        joints={"crank": {"rate": 1.0}},
+        settings=(f"solver.method={number}", "solver.step=0.005", *find_tolerances(1e-6)),
+    )
+    try:
+        run = go()
+    except DockloopError as error:
+        if method != "bdf" or "loop 'bar' is singular" not in str(error):
+            raise
+        return
+    angle = run["state.q[1]"]
+    flat = np.interp(math.pi, 2.0 * angle, run.time)  # the bars are in line at a quarter turn
+    assert angle[-1] > math.pi / 2
+    said = [text for text in run.warnings if "limit 'singular'" in text]
+    assert len(said) == 1
+    time = float(re.search(r"at t = ([0-9.e+-]+) s", said[0])[1])
+    assert -0.1 < time - flat < 0.06, (time, flat)
 
 
 @pytest.mark.parametrize("closure", ["newton", None])

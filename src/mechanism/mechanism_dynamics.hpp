@@ -145,6 +145,11 @@ double find_closure_residual(const Mechanism& mechanism, MechanismData<S>& data)
 template <class S>
 double find_singularity_margin(const Mechanism& mechanism, const MechanismData<S>& data);
 
+/// Has a loop passed a singular pose since the accepted configuration? The determinant of its
+/// matrix has then changed its sign.
+template <class S>
+bool has_passed_singular_pose(const Mechanism& mechanism, const MechanismData<S>& data);
+
 /// Gap of every loop at home_q as it stands [m].
 std::vector<double> find_home_gaps(const Mechanism& mechanism);
 

@@ -293,6 +293,17 @@ double find_singularity_margin(const Mechanism& mechanism, const MechanismData<S
   return margin;
 }
 
+template <class S>
+bool has_passed_singular_pose(const Mechanism& mechanism, const MechanismData<S>& data) {
+  const LoopReference<S>& reference = data.loops.reference;
+  if (!reference.valid) return false;
+  for (size_t b = 0; b < data.loops.block.size(); ++b) {
+    if (mechanism.plan.blocks[b].is_condensed()) continue;
+    if (data.loops.block[b].sign != reference.sign[b]) return true;
+  }
+  return false;
+}
+
 #define DOCK_INSTANTIATE(S)                                                                        \
   template struct MechanismData<S>;                                                                \
   template Status calc_position<S>(const Mechanism&, MechanismData<S>&, Need);                     \
@@ -305,7 +316,8 @@ double find_singularity_margin(const Mechanism& mechanism, const MechanismData<S
   template S find_mechanism_energy<S>(const Mechanism&, const MechanismData<S>&);                  \
   template LegSums<S> find_motion_sums<S>(const Mechanism&, const MechanismData<S>&);              \
   template double find_closure_residual<S>(const Mechanism&, MechanismData<S>&);                   \
-  template double find_singularity_margin<S>(const Mechanism&, const MechanismData<S>&);
+  template double find_singularity_margin<S>(const Mechanism&, const MechanismData<S>&);           \
+  template bool has_passed_singular_pose<S>(const Mechanism&, const MechanismData<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
 #undef DOCK_INSTANTIATE

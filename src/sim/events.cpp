@@ -97,7 +97,10 @@ Status DockingSim::Impl::update_coordinates(double tau, bool& changed) {
   if (present().locked) return {};
   const double margin = find_singularity_margin(model->mechanism, present().mechanism);
   const double least = model->mechanism.model.singularity.warning;
-  if (margin < least) notice_limit(kSingularLimit, elapsed + tau, margin, least);
+  const bool has_passed = has_passed_singular_pose(model->mechanism, present().mechanism);
+  if (margin < least || has_passed) {
+    notice_limit(kSingularLimit, elapsed + tau, has_passed ? 0.0 : margin, least);
+  }
   if (margin >= kChangeMargin) {
     margin_looked_at = kChangeMargin;
     return {};

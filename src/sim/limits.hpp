@@ -46,8 +46,8 @@ inline constexpr std::array<WatchedLimit, kLimitCount> kLimits = {{
      "stiffen contact.stiffness or close more slowly: behind the rounding a step fails"},
     {"time_out", "s", "a step of the sequence timed out",
      "the sequence goes on as on_timeout of this step states"},
-    {"singular", "1", "a loop is close to singular",
-     "forces in the mechanism grow, and coordinates may be changed"},
+    {"singular", "1", "a loop is close to singular, or has passed a singular pose",
+     "forces in the mechanism grow there, and motions that meet there are told apart by rounding"},
 }};
 
 /// Values at one state, and limits, of what is not noticed at an event.
