@@ -103,7 +103,7 @@ def build_fmu(
     """
     source = find_scene(reference)
     document = resolve_scene(source, overrides)
-    output = output or paths.BUILD / "fmu" / f"{document['name']}.fmu"
+    output = output or paths.RESULTS / "fmu" / f"{document['name']}.fmu"
     claim(output, FMU)
     check_suffix(output, ".fmu")
     place_vehicles(document, source)

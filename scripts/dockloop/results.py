@@ -2,7 +2,6 @@
 
 import math
 import re
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dockloop import paths
-from dockloop.errors import DockloopError, UsageError, did_you_mean
+from dockloop.errors import DockloopError, UsageError, did_you_mean, is_watched, say
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -303,7 +302,7 @@ class ProgressBar:
     def __init__(self, label: str) -> None:
         """Prepare a bar that begins with `label`."""
         self._label = label
-        self._active = sys.stderr.isatty()
+        self._active = is_watched()
         self._next = 0.0
 
     def __call__(self, part: float, note: str = "") -> None:
@@ -315,4 +314,4 @@ class ProgressBar:
         bar = "#" * round(30 * part)
         end = "\r\033[K" if part >= 1.0 else ""
         text = f"\r{self._label} [{bar:30}] {part:4.0%} {note}\033[K{end}"
-        print(text, end="", file=sys.stderr, flush=True)
+        say(text, end="")

@@ -23,6 +23,7 @@ from dockloop.binaries import find_loadable
 from dockloop.errors import (
     DockloopError,
     UsageError,
+    check_current_folder,
     did_you_mean,
     find_reason,
     without_function,
@@ -139,6 +140,7 @@ class Instance:
         self._callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
         self._callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
         identifier = description.coSimulation.modelIdentifier
+        check_current_folder()
         here = Path.cwd()  # FMPy goes elsewhere to load, and stays there when it fails
         try:
             self.slave = fmi2.FMU2Slave(
@@ -151,7 +153,13 @@ class Instance:
         except Exception as error:  # noqa: BLE001  FMPy raises a bare Exception here
             os.chdir(here)
             why = self._without_folder(str(error))
-            raise DockloopError(f"{label}: its binary cannot be loaded ({why})") from None
+            remedy = ""
+            noexec = getattr(os, "ST_NOEXEC", 0)  # of Linux only
+            if noexec and os.statvfs(folder).f_flag & noexec:
+                remedy = (
+                    f": {Path(folder).parent} is mounted noexec, so let TMPDIR name another folder"
+                )
+            raise DockloopError(f"{label}: its binary cannot be loaded ({why}){remedy}") from None
 
     def __enter__(self) -> "Instance":
         try:

@@ -45,7 +45,7 @@ _PATIENCE = 30.0  # without a result before the workers are counted [s]
 def sweep(
     reference: str | Path | dict,
     *,
-    output: Path | None = None,
+    output: str | Path | None = None,
     engine: str = "auto",
     workers: int | None = None,
     scheduler: str | None = None,
@@ -90,7 +90,7 @@ def sweep(
     with scratch() as folder:
         ran = run_sweep(
             cases,
-            output or folder / "sweep.parquet",
+            Path(output) if output else folder / "sweep.parquet",
             engine=engine,
             workers=workers,
             scheduler=scheduler,

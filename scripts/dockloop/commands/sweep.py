@@ -78,7 +78,7 @@ def run(options: Options) -> None:
     _check_rare(options, passes)
     sweep = read_sweep(options.sweep, passes)
     name = sweep.path.stem
-    output = options.output or paths.BUILD / "sweeps" / name / f"{name}.parquet"
+    output = options.output or paths.RESULTS / "sweeps" / name / f"{name}.parquet"
     how = {key: getattr(options, key) for key in ("engine", "workers", "scheduler", "resume")}
     work = _run_all if options.rare is None else _run_rare
     work(options, sweep, output, how | {"progress": ProgressBar(name)})

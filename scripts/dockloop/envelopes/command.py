@@ -1,7 +1,6 @@
 """The command ``dockloop envelope``, and the same in Python: `envelope`."""
 
 import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from dockloop import paths
 from dockloop.docking import Scene
 from dockloop.envelopes import report
 from dockloop.envelopes.search import COMMAND, Axis, Order, Progress, Search, find_envelope
-from dockloop.errors import UsageError, names_arguments
+from dockloop.errors import UsageError, is_watched, names_arguments, say
 from dockloop.figures import can_draw, save_figure
 from dockloop.journal import keeps_results
 from dockloop.outputs import claim, scratch
@@ -64,7 +63,7 @@ def envelope(
     coarse: int | None = None,
     checks: int = 16,
     seed: int = 0,
-    output: Path | None = None,
+    output: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     resume: bool = False,
@@ -115,7 +114,7 @@ def envelope(
         seed,
     )
     with scratch() as folder:
-        journal = (output or folder) / "journal.jsonl"
+        journal = Path(output or folder) / "journal.jsonl"
         found = find_envelope(order, journal, workers=workers, scheduler=scheduler, resume=resume)
     tables = []
     for columns, rows in (report.list_points(found), report.list_boundary(found)):
@@ -149,7 +148,7 @@ def run_command(options: argparse.Namespace) -> dict:
         options.check,
         options.seed,
     )
-    folder = options.output or paths.BUILD / "envelopes" / name
+    folder = options.output or paths.RESULTS / "envelopes" / name
     for file, kind in report.KINDS.items():
         claim(folder / file, kind)
     found = find_envelope(
@@ -224,8 +223,8 @@ def make_progress(label: str, what: str = "dockings") -> Progress:
 
     def show(done: int, total: int, note: str) -> None:
         bar(0.999 * done / max(total, 1), f"{done} of {total} {what} so far, {note}")
-        if total not in rounds and not sys.stderr.isatty():
+        if total not in rounds and not is_watched():
             rounds.add(total)
-            print(f"{label}: {note}, {total} {what} so far", file=sys.stderr, flush=True)
+            say(f"{label}: {note}, {total} {what} so far")
 
     return show

@@ -22,7 +22,6 @@ not carry (`dockloop.compiled`). A second name of a method is that method: it ha
 import itertools
 import math
 import statistics
-import sys
 from collections.abc import Iterator
 from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
@@ -41,7 +40,7 @@ from dockloop.core import (
     number_choice,
 )
 from dockloop.criteria import say_not_seen
-from dockloop.errors import DockloopError, UsageError, did_you_mean
+from dockloop.errors import DockloopError, UsageError, did_you_mean, is_watched, say
 from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
 from dockloop.peaks import list_steps_after
 from dockloop.results import ProgressBar, Result
@@ -431,5 +430,5 @@ def _find_stop(bench: Bench, whole: Result | None) -> float:
 
 
 def _say(text: str) -> None:
-    if sys.stderr.isatty():
-        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
+    if is_watched():
+        say(f"\r\033[K{text}", end="")

@@ -40,7 +40,7 @@ def name_copy(reference: str, wanted: float) -> Path:
     """Return the name of the copy: next to a scene of the user's own, else in ``build/scenes``."""
     source = find_scene(reference)
     error = f"{wanted:g}".replace("-", "m").replace(".", "p")  # names of FMUs have no others
-    folder = source.parent if reference.endswith(".toml") else paths.BUILD / "scenes"
+    folder = source.parent if reference.endswith(".toml") else paths.RESULTS / "scenes"
     return folder / f"{source.stem}_error_{error}.toml"
 
 

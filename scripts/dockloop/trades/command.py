@@ -40,7 +40,7 @@ def trade(
     steps: Sequence[float] = (),
     stop: float | None = None,
     quick: bool = False,
-    output: Path | None = None,
+    output: str | Path | None = None,
     resume: bool = False,
 ) -> "pd.DataFrame":
     """Measure speed against accuracy: a grid of settings against the reference solution.
@@ -76,7 +76,7 @@ def trade(
     )
     texts = [as_setting(name, value) for name, value in whole.overrides.items()]
     with scratch() as kept:
-        folder = output or kept
+        folder = Path(output) if output else kept
         bench = make_bench(whole.reference, texts, choice)
         measured = run_trade(bench, choice, folder, resume=resume)
     summary = summarise_trade(measured, f"dockloop.trade({whole.reference!r}, ...)")
