@@ -20,6 +20,7 @@ from dockloop.cases import Result, run_case, say_version
 from dockloop.core import load_core, to_json
 from dockloop.errors import DockloopError, UsageError, check_current_folder, without_function
 from dockloop.fmu import NEVER_TOUCH
+from dockloop.number import check_whole
 from dockloop.outputs import scratch
 from dockloop.planning import KEPT_FMUS, Planner
 from dockloop.sampling import Value
@@ -185,7 +186,8 @@ def open_executor(
     Raises:
         DockloopError: the scheduler cannot be used.
     """
-    count = min(workers or count_processors(), cases)
+    wanted = count_processors() if workers is None else check_whole("--workers", workers, 1)
+    count = min(wanted, cases)
     if choose_engine(engine, scheduler) == "core":
         with CoreThreads(planner, count) as threads:
             yield threads

@@ -13,6 +13,7 @@ import numpy as np
 
 from dockloop import paths
 from dockloop.errors import DockloopError, UsageError, did_you_mean, is_watched, say
+from dockloop.number import check_number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -252,8 +253,7 @@ def list_points(start: float, stop: float, step: float) -> np.ndarray:
         UsageError: naming the value and the limit.
     """
     for option, value in (("--stop", stop), ("--step", step)):
-        if not math.isfinite(value):
-            raise UsageError(f"{option} {value}: must be a finite number")
+        check_number(option, value)
     if stop <= start:
         raise UsageError(f"--stop {stop}: must be greater than the start time {start} s")
     if step <= 0.0:

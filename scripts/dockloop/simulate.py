@@ -7,7 +7,6 @@ FMU, so the step may be as coarse as the plots allow.
 """
 
 import ctypes
-import math
 import os
 import time
 import zipfile
@@ -29,6 +28,7 @@ from dockloop.errors import (
     without_function,
 )
 from dockloop.fmu import read_model
+from dockloop.number import read_number, read_whole
 from dockloop.outputs import filling, scratch
 from dockloop.paths import check_file, shown
 from dockloop.results import Result, list_points, warn_of_driven
@@ -392,12 +392,9 @@ def _parse_as(type_name: str, text: str) -> Any:
     """Parse a value of an FMI data type. Raises ValueError."""
     match type_name:
         case "Real":
-            value = float(text)
-            if not math.isfinite(value):
-                raise ValueError
-            return value
+            return read_number(text)
         case "Integer":
-            return int(text)
+            return read_whole(text)
         case "Boolean":
             if text.lower() not in _BOOLEANS:
                 raise ValueError
@@ -410,6 +407,6 @@ def communication_points(description: Any, stop: float | None, step: float | Non
     default = description.defaultExperiment
     return list_points(
         float(default.startTime or 0.0),
-        float(default.stopTime if stop is None else stop),
-        float(default.stepSize if step is None else step),
+        float(default.stopTime) if stop is None else stop,
+        float(default.stepSize) if step is None else step,
     )

@@ -26,6 +26,7 @@ from dockloop.docking import Scene
 from dockloop.errors import UsageError, names_arguments, warn
 from dockloop.executors import Executor, choose_engine, open_executor
 from dockloop.journal import Journal, Known, Place, find_digests, make_report
+from dockloop.number import to_plain
 from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import shown
 from dockloop.planning import Planner
@@ -84,7 +85,7 @@ def sweep(
 
     passes = read_passes(accuracy, refine, refine_accuracy)
     if isinstance(reference, dict):
-        cases = make_sweep(_name_scene(reference), Path("sweep"), passes=passes)
+        cases = make_sweep(to_plain(_name_scene(reference)), Path("sweep"), passes=passes)
     else:
         cases = read_sweep(str(reference), passes)
     with scratch() as folder:

@@ -13,6 +13,7 @@ from dockloop.envelopes.search import COMMAND, Axis, Order, Progress, Search, fi
 from dockloop.errors import UsageError, is_watched, names_arguments, say
 from dockloop.figures import can_draw, save_figure
 from dockloop.journal import keeps_results
+from dockloop.number import check_number, read_number, to_plain
 from dockloop.outputs import claim, scratch
 from dockloop.results import ProgressBar, import_optional
 from dockloop.scene import find_scene, parse_value
@@ -106,7 +107,7 @@ def envelope(
         str(scene),
         _make_axes(ranges, log),
         (criteria,) if isinstance(criteria, str) else tuple(criteria),
-        {**(overrides or {}), **(start_values or {})},
+        to_plain({**(overrides or {}), **(start_values or {})}),
         make_experiment(stop, step),
         tolerance,
         coarse,
@@ -185,7 +186,7 @@ def parse_range(option: str, given: Sequence[str]) -> Range:
     """Parse ``NAME LOW HIGH``. Raises UsageError."""
     name, *ends = given
     try:
-        low, high = map(float, ends)
+        low, high = map(read_number, ends)
     except ValueError:
         raise UsageError(
             f"{option} {' '.join(given)}: must be NAME LOW HIGH, two numbers"
@@ -197,16 +198,19 @@ def _make_axes(ranges: Sequence[Range], log: str) -> tuple[Axis, ...]:
     letters = "xyz"[: len(ranges)]
     if wrong := set(log) - set(letters):
         raise UsageError(f"--log {log}: '{min(wrong)}' must be one of {', '.join(letters)}")
-    return tuple(
-        Axis(name, float(low), float(high), letter in log)
-        for letter, (name, low, high) in zip(letters, ranges, strict=True)
-    )
+    axes = []
+    for letter, (name, *ends) in zip(letters, ranges, strict=True):
+        if len(ends) != 2:
+            raise UsageError(f"--{letter} {name}: must be a name, low and high")
+        low, high = (check_number(f"--{letter} {name}", end) for end in ends)
+        axes.append(Axis(name, low, high, letter in log))
+    return tuple(axes)
 
 
 def make_experiment(stop: float | None, step: float | None) -> dict[str, float]:
     """Return what an experiment has otherwise than the scene."""
     given = {"stop": stop, "step": step}
-    return {name: value for name, value in given.items() if value is not None}
+    return {n: check_number(f"--{n}", value) for n, value in given.items() if value is not None}
 
 
 def _parse_setting(option: str, text: str) -> tuple[str, Any]:

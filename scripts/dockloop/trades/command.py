@@ -10,6 +10,7 @@ from dockloop.core import FULL, REFERENCE
 from dockloop.docking import Scene
 from dockloop.errors import names_arguments
 from dockloop.fmu import build_fmu
+from dockloop.number import check_number
 from dockloop.outputs import scratch
 from dockloop.results import import_optional
 from dockloop.sampling import as_setting
@@ -69,8 +70,12 @@ def trade(
     """
     pd = import_optional("pandas")
     whole = Scene(scene, overrides)
+    numbers = (
+        [check_number(option, number) for number in given]
+        for option, given in (("--tolerances", tolerances), ("--steps", steps))
+    )
     choice = make_choice(
-        *(",".join(map(str, given)) or None for given in (levels, methods, tolerances, steps)),
+        *(",".join(map(str, given)) or None for given in (levels, methods, *numbers)),
         stop,
         quick=quick,
     )
