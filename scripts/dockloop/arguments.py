@@ -1,7 +1,6 @@
 """The parser of a command, with the arguments that several commands share; it loads quickly."""
 
 import argparse
-import math
 import re
 from argparse import Namespace as Options
 from collections.abc import Callable, Iterable
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from dockloop.errors import UsageError, one_line
+from dockloop.number import read_number, read_whole
 
 __all__ = [
     "LIMIT",
@@ -40,18 +40,16 @@ def file_path(text: str) -> Path:
 def finite(text: str) -> float:
     """Parse a finite number."""
     try:
-        number = float(text)
+        return read_number(text)
     except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise argparse.ArgumentTypeError(f"is {text or 'empty'}: must be a finite number")
-    return number
+        wrong = f"is {text or 'empty'}: must be a finite number"
+        raise argparse.ArgumentTypeError(wrong) from None
 
 
 def whole(text: str) -> int:
     """Parse a whole number."""
     try:
-        return int(text)
+        return read_whole(text)
     except ValueError:
         wrong = f"is {text or 'empty'}: must be a whole number"
         raise argparse.ArgumentTypeError(wrong) from None

@@ -5,16 +5,17 @@ Thin on purpose: arguments in, one call into the package, text and exit status o
 only a defect of this program shows a traceback, and only with ``--debug``.
 """
 
+import os
 import sys
 from argparse import SUPPRESS
 from collections.abc import Sequence
 from importlib import import_module
 
-from dockloop import __version__, paths
+from dockloop import __version__
 from dockloop.arguments import Command
 from dockloop.commands import COMMANDS
 from dockloop.console import ReaderGoneError, write, write_failure
-from dockloop.errors import DockloopError, find_reason
+from dockloop.errors import DockloopError, UsageError, explain
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -26,6 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit status.
     """
+    _check_streams()
     words = sys.argv[1:] if arguments is None else arguments
     options = _make_parser(words).parse_args(words)
     if hasattr(sys.stdout, "reconfigure"):  # names of files may hold what a terminal cannot show
@@ -44,15 +46,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:  # of a disk, a folder, a program: nothing that is wrong in here
         if options.debug:
             raise
-        where = f"{paths.shown(str(error.filename))}: " if error.filename else ""
-        write_failure(f"{where}{find_reason(error)}")
-        return 1
+        failure = explain(error)
+        write_failure(str(failure))
+        return failure.exit_status
     except Exception as error:
         if options.debug:
             raise
         write_failure(f"defect: {type(error).__name__}: {error}; --debug shows where")
         return 1
     return 0
+
+
+def _check_streams() -> None:
+    """Refuse a closed standard output; no other file gets the number of a closed stream."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        os.set_inheritable(number, True)
+    os.close(number)
+    if sys.stdout is None:
+        write_failure("standard output is closed: let it go to a file, or to /dev/null")
+        sys.exit(UsageError.exit_status)
 
 
 def _make_parser(words: Sequence[str]) -> Command:

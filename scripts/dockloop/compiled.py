@@ -4,15 +4,17 @@
 ``dockloop truth``) and the generator of kernels are targets of the same build folder.
 """
 
+import os
+import re
 import shutil
 import subprocess
-import sys
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 
 from dockloop import paths
 from dockloop.core import run_program
-from dockloop.errors import DockloopError, warn
+from dockloop.errors import DockloopError, say, warn, warn_once
 from dockloop.outputs import scratch
 
 TARGETS = {
@@ -40,7 +42,7 @@ def find_compiled(*files: Path) -> list[Path]:
         return list(files)
     if obstacle:
         raise DockloopError(
-            f"{paths.shown(missing[0])} is not there, and {obstacle}: build it in a clone with"
+            f"{paths.shown(missing[0])} is not there, and {obstacle} build it in a clone with"
             " scripts/demo and 'cmake -DDOCKLOOP_COMPARE=ON build/release && cmake --build"
             f" build/release --target {TARGETS[missing[0]]}'"
         )
@@ -54,6 +56,27 @@ def find_compiled(*files: Path) -> list[Path]:
             for file in stale:  # the build may have found nothing to change
                 file.touch()
     return list(files)
+
+
+def find_optional(file: Path) -> str:
+    """Return an empty text if a compiled part is there or could be built, else why not.
+
+    A failure is a warning, once: it is kept next to the part until the core is compiled again.
+
+    Args:
+        file: key of `TARGETS` that a command can do without.
+    """
+    kept = file.with_suffix(".failed")
+    if not _is_current(file) and _is_current(kept):
+        return kept.read_text(encoding="utf-8")
+    try:
+        find_compiled(file)
+    except DockloopError as error:
+        warn_once(f"goes on without {file.name}: {error}")
+        with suppress(OSError):
+            kept.write_text(str(error), encoding="utf-8")
+        return str(error)
+    return ""
 
 
 def add_comparison(fmu: Path) -> None:
@@ -93,13 +116,20 @@ def _is_current(file: Path) -> bool:
 
 
 def _find_obstacle() -> str:
-    if not (paths.COMPILED / "CMakeCache.txt").exists():
-        return f"{paths.shown(paths.COMPILED)} is no build folder"
-    return "" if shutil.which("cmake") else "there is no cmake"
+    """Say why nothing can be compiled here, with what follows from it; empty if it can."""
+    folder, cache = paths.shown(paths.COMPILED), paths.COMPILED / "CMakeCache.txt"
+    if not cache.exists():
+        return f"{folder} is no build folder:"
+    made = re.search("^CMAKE_CACHEFILE_DIR:INTERNAL=(.*)", cache.read_text("utf-8"), re.MULTILINE)
+    if made and os.path.realpath(made[1]) != os.path.realpath(paths.COMPILED):
+        return f"{folder} was made as {made[1]}, then moved or copied: remove {folder} and"
+    if not os.access(paths.COMPILED, os.W_OK):
+        return f"{folder} cannot be written:"
+    return "" if shutil.which("cmake") else "there is no cmake:"
 
 
 def _build(targets: list[str]) -> None:
-    print(f"compiling {', '.join(targets)} (once)", file=sys.stderr, flush=True)
+    say(f"compiling {', '.join(targets)} (once)")
     folder, commands = str(paths.COMPILED), []
     if _OPTION not in (paths.COMPILED / "CMakeCache.txt").read_text(encoding="utf-8"):
         commands.append(["cmake", "-DDOCKLOOP_COMPARE=ON", folder])

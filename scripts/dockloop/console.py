@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from dockloop.arguments import Options
-from dockloop.errors import DockloopError, find_reason, one_line
+from dockloop.errors import DockloopError, find_reason, one_line, say
 
 
 class ReaderGoneError(Exception):
@@ -37,4 +37,4 @@ def write_found(options: Options, found: Any, describe: Callable[[Any], str]) ->
 
 def write_failure(text: str) -> None:
     """Say in one line why a command fails."""
-    print(one_line(f"dockloop: {text}"), file=sys.stderr)
+    say(one_line(f"dockloop: {text}"))

@@ -10,7 +10,7 @@ import re
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, SupportsFloat
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,7 @@ from dockloop.accuracy import estimate_error as find_estimate
 from dockloop.core import core_errors, name_source, to_json
 from dockloop.errors import UsageError, did_you_mean, names_arguments
 from dockloop.fmu import find_placement
+from dockloop.number import as_number, check_number, is_number
 from dockloop.results import Result, list_points, warn_of_driven
 from dockloop.sampling import as_setting
 from dockloop.scene import find_scene, list_matches, resolve_scene, scene_members, write_scene
@@ -178,15 +179,16 @@ class Docking:
                 value = find_number(first.name, first.description, value)
             except UsageError as error:
                 raise UsageError(f"Docking.set: {error}") from None
-        values = np.asarray(value)
+        values = np.array(value, dtype=object)  # so that each entry keeps its type
         is_one = "*" in name or name in self.variables
         if values.shape != (() if is_one else (len(rows),)):
             expected = "one number" if is_one else f"{len(rows)} numbers"
             raise UsageError(f"Docking.set: '{name}' is {value!r}: must be {expected}")
-        try:
-            numbers = np.broadcast_to(values, len(rows)).astype(float).tolist()
-        except (TypeError, ValueError):
-            raise UsageError(f"Docking.set: '{name}' is {value!r}: must be a number") from None
+        kinds = (bool, np.bool_) if first.type == "Boolean" else ()
+        if not all(is_number(entry) or isinstance(entry, kinds) for entry in values.flat):
+            raise UsageError(f"Docking.set: '{name}' is {value!r}: must be a number")
+        entries = np.broadcast_to(values, len(rows))
+        numbers = [float(e) if isinstance(e, kinds) else as_number(e) for e in entries]
         with core_errors():
             self._core.set(rows, numbers, "Docking.set")
         if "*" in name:
@@ -220,7 +222,7 @@ class Docking:
             UsageError: `h` is no step.
             DockloopError: the step failed; the docking is where it was. A smaller step may succeed.
         """
-        if not (isinstance(h, SupportsFloat) and math.isfinite(h) and h > 0.0):
+        if not 0.0 < as_number(h) < math.inf:
             raise UsageError(f"Docking.step: h is {h!r} s: must be a positive, finite number")
         if self._first is None:
             self._first = self._read_outputs()
@@ -289,7 +291,7 @@ class Docking:
 
     def record(
         self,
-        times: np.ndarray,
+        times: ArrayLike,
         progress: Callable[[float], None] | None = None,
     ) -> Result:
         """Step to every one of some times and record all outputs there.
@@ -299,9 +301,12 @@ class Docking:
             progress: receives the part that is done, 0 to 1, some ten times a second.
 
         Raises:
+            UsageError: a time is no number.
             DockloopError: a step failed.
         """
         began = time.perf_counter()
+        entries = np.array(times, dtype=object).ravel()
+        times = np.array([check_number("Docking.record: a time is", entry) for entry in entries])
         with core_errors():
             self._core.start()
             result = self._make_result(np.zeros((len(times), 1 + len(self._outputs))))
@@ -404,8 +409,8 @@ def run(
     experiment = docking.scene.document["experiment"]
     times = list_points(
         float(experiment["start"]),
-        float(experiment["stop"] if stop is None else stop),
-        float(experiment["step"] if step is None else step),
+        experiment["stop"] if stop is None else stop,
+        experiment["step"] if step is None else step,
     )
     settings = dict(start_values or {}) | ({} if accuracy is None else {"accuracy": accuracy})
     for name, value in settings.items():

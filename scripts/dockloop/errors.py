@@ -7,6 +7,7 @@ import inspect
 import re
 import sys
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 FULL = (errno.ENOSPC, errno.EDQUOT)  # errors of a disk that has no space left
@@ -68,6 +69,8 @@ def names_arguments(function: Callable[P, R]) -> Callable[P, R]:
             return function(*args, **kwargs)
         except DockloopError as error:
             raise type(error)(_OPTION.sub(rename, str(error))) from None
+        except OSError as error:
+            raise explain(error) from error
 
     return call
 
@@ -75,6 +78,25 @@ def names_arguments(function: Callable[P, R]) -> Callable[P, R]:
 def find_reason(error: OSError) -> str:
     """Return why the system refused something, without the name of the file."""
     return "no space is left on the disk" if error.errno in FULL else error.strerror or str(error)
+
+
+def check_current_folder() -> None:
+    """Refuse a current folder that was removed. Raises UsageError."""
+    try:
+        Path.cwd()
+    except OSError:
+        wrong = "the current folder is not there any more: change to another folder"
+        raise UsageError(wrong) from None
+
+
+def explain(error: OSError) -> DockloopError:
+    """Return the error of this package for what the system refused: file, reason and remedy."""
+    try:
+        check_current_folder()
+    except UsageError as gone:  # whatever needed it: the system names no file
+        return gone
+    where = f"{error.filename}: " if error.filename else ""
+    return DockloopError(f"{where}{find_reason(error)}")
 
 
 def one_line(text: str) -> str:
@@ -90,4 +112,21 @@ def without_function(text: str) -> str:
 
 def warn(text: str) -> None:
     """Say in one line on standard error what a command goes on in spite of."""
-    print(one_line(f"dockloop: warning: {text}"), file=sys.stderr)
+    say(one_line(f"dockloop: warning: {text}"))
+
+
+warn_once = functools.cache(warn)
+
+
+def say(text: str, end: str = "\n") -> None:
+    """Write to standard error; no work ends because that is closed, full or without a reader."""
+    if sys.stderr is not None:
+        try:
+            print(text, end=end, file=sys.stderr, flush=True)
+        except OSError:
+            sys.stderr = None
+
+
+def is_watched() -> bool:
+    """Return whether standard error is a terminal."""
+    return sys.stderr is not None and sys.stderr.isatty()

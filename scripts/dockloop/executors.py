@@ -7,6 +7,7 @@ becomes a lost row.
 """
 
 import logging
+import sys
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -17,8 +18,9 @@ from typing import Any, Protocol
 from dockloop import __version__
 from dockloop.cases import Result, run_case, say_version
 from dockloop.core import load_core, to_json
-from dockloop.errors import DockloopError, UsageError, without_function
+from dockloop.errors import DockloopError, UsageError, check_current_folder, without_function
 from dockloop.fmu import NEVER_TOUCH
+from dockloop.number import check_whole
 from dockloop.outputs import scratch
 from dockloop.planning import KEPT_FMUS, Planner
 from dockloop.sampling import Value
@@ -184,7 +186,8 @@ def open_executor(
     Raises:
         DockloopError: the scheduler cannot be used.
     """
-    count = min(workers or count_processors(), cases)
+    wanted = count_processors() if workers is None else check_whole("--workers", workers, 1)
+    count = min(wanted, cases)
     if choose_engine(engine, scheduler) == "core":
         with CoreThreads(planner, count) as threads:
             yield threads
@@ -197,7 +200,7 @@ def open_executor(
 def _open_cluster(workers: int, scheduler: str | None) -> Iterator[Any]:
     """Connect to a scheduler, or start local processes that end with the sweep."""
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     for name in ("distributed", "distributed.client"):  # what fails is said by this package
         logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -222,7 +225,8 @@ def _open_cluster(workers: int, scheduler: str | None) -> Iterator[Any]:
     with (
         dask.config.set({"distributed.worker.preload": [ignore]}),
         scratch() as folder,
-        LocalCluster(
+        _without_main(),
+        _start_cluster(
             n_workers=workers,
             threads_per_worker=1,
             dashboard_address=None,
@@ -234,6 +238,37 @@ def _open_cluster(workers: int, scheduler: str | None) -> Iterator[Any]:
         Client(cluster) as client,
     ):
         yield client
+
+
+def _start_cluster(**settings: Any) -> Any:
+    """Start worker processes here. Raises DockloopError: they cannot be started."""
+    from distributed import LocalCluster
+
+    try:
+        return LocalCluster(**settings)
+    except (RuntimeError, OSError) as error:
+        check_current_folder()
+        raise DockloopError(
+            f"no worker process can be started ({error.__cause__ or error}): use --engine core"
+        ) from None
+
+
+@contextmanager
+def _without_main() -> Iterator[None]:
+    """Let new processes import no main program: workers need nothing of it.
+
+    A script without ``if __name__ == "__main__"`` would begin its sweep anew in each of them.
+    """
+    members: dict[str, Any] = vars(sys.modules["__main__"])
+    kept: dict[str, Any] = {
+        name: members[name] for name in ("__file__", "__spec__") if name in members
+    }
+    members.pop("__file__", None)
+    members["__spec__"] = None
+    try:
+        yield
+    finally:
+        members |= kept
 
 
 def _check_workers(client: Any, scheduler: str) -> None:

@@ -1,5 +1,6 @@
 """Figures as PNG files. Without matplotlib there are none, and everything else is still written."""
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from dockloop.outputs import figure_kind, writing
 
 def can_draw() -> bool:
     """Return whether figures can be drawn; says in one line what is missing if not."""
+    # Without a home folder matplotlib works, and warns of it.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     try:
         import matplotlib.figure  # noqa: F401
     except ImportError as error:

@@ -37,6 +37,7 @@ from dockloop.documentation import describe_needs, make_page
 from dockloop.errors import DockloopError, UsageError, warn
 from dockloop.kernel import Kernel, make_kernel
 from dockloop.licenses import read_licenses
+from dockloop.number import read_whole
 from dockloop.outputs import Kind, check_suffix, claim, read_entry, scratch, writing
 from dockloop.scene import FORMAT, find_scene, resolve_scene
 from dockloop.sources import list_sources, source_entries
@@ -103,7 +104,7 @@ def build_fmu(
     """
     source = find_scene(reference)
     document = resolve_scene(source, overrides)
-    output = output or paths.BUILD / "fmu" / f"{document['name']}.fmu"
+    output = output or paths.RESULTS / "fmu" / f"{document['name']}.fmu"
     claim(output, FMU)
     check_suffix(output, ".fmu")
     place_vehicles(document, source)
@@ -195,7 +196,7 @@ def find_date() -> datetime.datetime:
     """Return the date of everything built: SOURCE_DATE_EPOCH, or the first of a zip file."""
     given = os.environ.get("SOURCE_DATE_EPOCH", str(_FIRST_ZIP_DATE))
     try:
-        stamp = min(max(int(given), _FIRST_ZIP_DATE), _LAST_ZIP_DATE)
+        stamp = min(max(read_whole(given), _FIRST_ZIP_DATE), _LAST_ZIP_DATE)
     except ValueError:
         raise UsageError(
             f"SOURCE_DATE_EPOCH is '{given}': must be a whole number of seconds since 1970"

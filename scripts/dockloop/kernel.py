@@ -7,18 +7,20 @@ What a kernel is and when an FMU uses it: ``src/mechanism/README.md``. The compi
 import hashlib
 import os
 import platform
+import secrets
 import shlex
 import shutil
 import subprocess
-import tempfile
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from dockloop import paths
 from dockloop.binaries import find_platform
-from dockloop.compiled import find_compiled
+from dockloop.compiled import find_compiled, find_optional
 from dockloop.core import has_only_legs, to_json
-from dockloop.errors import DockloopError, UsageError, find_reason
+from dockloop.errors import DockloopError, UsageError, warn_once
+from dockloop.outputs import scratch
 
 FLAGS = [
     # Vectors of two, and another order of instructions, cost more than they save here, measured.
@@ -72,10 +74,12 @@ def make_kernel(document: dict, needed: bool) -> Kernel:
         return Kernel(f"none: {said}")
     key = hashlib.sha256(f"{compiler} {FLAGS}\n{source}".encode()).hexdigest()[:32]
     library = paths.KERNELS / f"{key}.so"
-    error = "" if library.exists() else _compile(compiler, source, library)
-    if error:
+    try:
+        content = library.read_bytes() if library.exists() else _compile(compiler, source, library)
+    except DockloopError as error:
+        if not needed:
+            warn_once(f"goes on without generated code: {error}")
         return Kernel(f"none: {error}")
-    content = library.read_bytes()
     return Kernel(f"{said}, by {compiler[0]}", {f"resources/kernels/{folder}/kernel.so": content})
 
 
@@ -83,10 +87,10 @@ def _write(document: dict, needed: bool) -> tuple[str, str]:
     """Write the source of a kernel; returns it and one line about it, or an empty text and why."""
     if not needed and has_only_legs(document, Path(document["name"])):
         return "", "its legs have fast code in the library, so none is generated"
-    try:
+    if needed:
         find_compiled(paths.GENERATOR)
-    except DockloopError as error:
-        return "", str(error)
+    elif obstacle := find_optional(paths.GENERATOR):
+        return "", obstacle
     written = subprocess.run(
         [paths.GENERATOR, "scene", _STDIN],
         input=to_json(document),
@@ -100,18 +104,19 @@ def _write(document: dict, needed: bool) -> tuple[str, str]:
     return written.stdout, said
 
 
-def _compile(compiler: list[str], source: str, library: Path) -> str:
-    """Compile C into a shared library; returns what went wrong, or an empty text."""
+def _compile(compiler: list[str], source: str, library: Path) -> bytes:
+    """Compile C into a shared library, kept for the next time. Raises DockloopError."""
     command = [*compiler, *FLAGS, "-o", "kernel.so", "kernel.c", "-lm"]
-    try:
+    with scratch() as folder:
+        (folder / "kernel.c").write_text(source, encoding="utf-8")
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            said = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            raise DockloopError(f"{compiler[0]} failed: {said}")
+        content = (folder / "kernel.so").read_bytes()
+    with suppress(OSError):  # a folder that cannot be written keeps nothing
         library.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".kernel-", dir=library.parent) as folder:
-            (Path(folder) / "kernel.c").write_text(source, encoding="utf-8")
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-            if done.returncode != 0:
-                said = (done.stderr.strip().splitlines() or ["no message"])[-1]
-                return f"{compiler[0]} failed: {said}"
-            (Path(folder) / "kernel.so").replace(library)  # at once: others may build the same
-    except OSError as error:
-        return f"{paths.shown(library.parent)} cannot be written ({find_reason(error)})"
-    return ""
+        partial = library.with_name(f".kernel-{secrets.token_hex(6)}")
+        partial.write_bytes(content)
+        partial.replace(library)  # at once: others may build the same
+    return content

@@ -2,8 +2,8 @@
 
 In a clone the package is used as it stands in ``scripts/`` (``pip install -e``): compiled parts are
 those of the C++ build, in ``build/release`` or in the folder that ``DOCKLOOP_BUILD`` names, for
-example ``build/asan-ubsan``. An installed package carries all of it in its folder ``data``; results
-then go to ``build`` below the present folder.
+example ``build/asan-ubsan``. An installed package carries all of it in its folder ``data``. Results
+go to ``build`` below the present folder, in a clone too.
 """
 
 import os
@@ -20,6 +20,7 @@ SCENES = MODELS / "scenes"
 MECHANISMS = MODELS / "mechanisms"
 SWEEPS = MODELS / "sweeps"
 BUILD = Path("build") if IS_INSTALLED else ROOT / "build"
+RESULTS = Path("build")  # below the present folder, unless a command is given another place
 COMPILED = ROOT / "bin" if IS_INSTALLED else BUILD / "release"
 COMPILED = Path(os.environ.get("DOCKLOOP_BUILD", COMPILED))
 LIBRARY = COMPILED / "dockloop.so"

@@ -2,7 +2,6 @@
 
 import math
 import re
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dockloop import paths
-from dockloop.errors import DockloopError, UsageError, did_you_mean
+from dockloop.errors import DockloopError, UsageError, did_you_mean, is_watched, say
+from dockloop.number import check_number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -253,8 +253,7 @@ def list_points(start: float, stop: float, step: float) -> np.ndarray:
         UsageError: naming the value and the limit.
     """
     for option, value in (("--stop", stop), ("--step", step)):
-        if not math.isfinite(value):
-            raise UsageError(f"{option} {value}: must be a finite number")
+        check_number(option, value)
     if stop <= start:
         raise UsageError(f"--stop {stop}: must be greater than the start time {start} s")
     if step <= 0.0:
@@ -303,7 +302,7 @@ class ProgressBar:
     def __init__(self, label: str) -> None:
         """Prepare a bar that begins with `label`."""
         self._label = label
-        self._active = sys.stderr.isatty()
+        self._active = is_watched()
         self._next = 0.0
 
     def __call__(self, part: float, note: str = "") -> None:
@@ -315,4 +314,4 @@ class ProgressBar:
         bar = "#" * round(30 * part)
         end = "\r\033[K" if part >= 1.0 else ""
         text = f"\r{self._label} [{bar:30}] {part:4.0%} {note}\033[K{end}"
-        print(text, end="", file=sys.stderr, flush=True)
+        say(text, end="")

@@ -21,6 +21,7 @@ import numpy as np
 
 from dockloop import schema
 from dockloop.errors import UsageError
+from dockloop.number import as_number
 from dockloop.paths import SWEEPS, shown
 from dockloop.scene import find_scene, find_shipped, read_toml, to_text, write_scene
 from dockloop.variables import NAMED_NUMBERS
@@ -230,27 +231,19 @@ def read_passes(
     if refine is not None and not refine.strip():
         raise UsageError("--refine '': must be a criterion, for example not captured")
     names = NAMED_NUMBERS["accuracy"]
-    first = float(names[str(accuracy)]) if accuracy in names else _read_number(accuracy)
+    first = float(names[str(accuracy)]) if accuracy in names else as_number(accuracy)
     if not (0.0 < first <= 1.0 or accuracy in names):
         raise UsageError(
-            f"--accuracy {accuracy}: must be greater than 0 and at most 1, or {', '.join(names)}"
+            f"--accuracy {accuracy!r}: must be a number above 0, at most 1, or {', '.join(names)}"
         )
     if refine is None or refine_accuracy is None:
         return Passes(first)
-    second = _read_number(refine_accuracy)
+    second = as_number(refine_accuracy)
     if not 0.0 < second < (first if first > 0.0 else 1.0):
         raise UsageError(
-            f"--refine-accuracy {refine_accuracy}: must be greater than 0 and less than --accuracy"
+            f"--refine-accuracy {refine_accuracy!r}: must be a number above 0, below --accuracy"
         )
     return Passes(first, refine, second)
-
-
-def _read_number(given: float | str) -> float:
-    """Return a number; not a number if it is none."""
-    try:
-        return float(given)
-    except ValueError:
-        return math.nan
 
 
 def say_accuracy(accuracy: float) -> str:

@@ -19,7 +19,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from typing import Any
 from dockloop import schema
 from dockloop.core import number_choice
 from dockloop.errors import UsageError, did_you_mean, find_reason
+from dockloop.number import as_number, read_number, read_whole, to_plain
 from dockloop.outputs import scratch
 from dockloop.paths import MECHANISMS, SCENES, check_file, is_file, name_kind, read_text, shown
 from dockloop.variables import NAMED_NUMBERS, match_names, say_matches
@@ -39,7 +40,6 @@ OPEN_KEYS = (*_PATHS, _DISTURBANCE, "initial.joints.")
 _KEPT = 16  # mechanisms, with what is set in them, that a reader of a scene remembers
 _BASE = ("position", "attitude")  # of the base of the mechanism in A: base_position, ...
 
-_NUMBER = re.compile(r"-?(0|[1-9][0-9]{0,300})(\.[0-9]+)?([eE][+-]?[0-9]+)?")
 _NUMBERED = {  # choices that a scene names and its document numbers: the variable with the names
     ("solver", "method"): "solver.method",
     ("contact", "friction_model"): "friction.model",
@@ -448,19 +448,21 @@ def _find_section(scene: dict, sections: list[str], text: str) -> dict:
 
 def parse_value(text: str) -> Any:
     """Parse the right side of KEY=VALUE: a TOML value, or a bare word as text."""
+    for read in (read_whole, read_number):
+        with suppress(ValueError):
+            return read(text)
     try:
-        if _NUMBER.fullmatch(text):  # for speed: the same in TOML and in JSON
-            return json.loads(text)
         parsed = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
         return text
-    return parsed["value"] if len(parsed) == 1 else text
+    value = parsed["value"]
+    is_other = math.isfinite(as_number(value))  # a number of TOML alone, such as 1_000
+    return value if len(parsed) == 1 and not is_other else text
 
 
 def to_text(value: Any) -> str:
     """Return a value as it is written in TOML and after ``KEY=``, with all digits."""
-    if hasattr(value, "tolist"):  # of numpy
-        value = value.tolist()
+    value = to_plain(value)
     match value:
         case bool():
             return str(value).lower()

@@ -7,7 +7,6 @@ FMU, so the step may be as coarse as the plots allow.
 """
 
 import ctypes
-import math
 import os
 import time
 import zipfile
@@ -23,11 +22,13 @@ from dockloop.binaries import find_loadable
 from dockloop.errors import (
     DockloopError,
     UsageError,
+    check_current_folder,
     did_you_mean,
     find_reason,
     without_function,
 )
 from dockloop.fmu import read_model
+from dockloop.number import read_number, read_whole
 from dockloop.outputs import filling, scratch
 from dockloop.paths import check_file, shown
 from dockloop.results import Result, list_points, warn_of_driven
@@ -139,6 +140,7 @@ class Instance:
         self._callbacks.allocateMemory = fmi2.defaultCallbacks.allocateMemory
         self._callbacks.freeMemory = fmi2.defaultCallbacks.freeMemory
         identifier = description.coSimulation.modelIdentifier
+        check_current_folder()
         here = Path.cwd()  # FMPy goes elsewhere to load, and stays there when it fails
         try:
             self.slave = fmi2.FMU2Slave(
@@ -151,7 +153,13 @@ class Instance:
         except Exception as error:  # noqa: BLE001  FMPy raises a bare Exception here
             os.chdir(here)
             why = self._without_folder(str(error))
-            raise DockloopError(f"{label}: its binary cannot be loaded ({why})") from None
+            remedy = ""
+            noexec = getattr(os, "ST_NOEXEC", 0)  # of Linux only
+            if noexec and os.statvfs(folder).f_flag & noexec:
+                remedy = (
+                    f": {Path(folder).parent} is mounted noexec, so let TMPDIR name another folder"
+                )
+            raise DockloopError(f"{label}: its binary cannot be loaded ({why}){remedy}") from None
 
     def __enter__(self) -> "Instance":
         try:
@@ -384,12 +392,9 @@ def _parse_as(type_name: str, text: str) -> Any:
     """Parse a value of an FMI data type. Raises ValueError."""
     match type_name:
         case "Real":
-            value = float(text)
-            if not math.isfinite(value):
-                raise ValueError
-            return value
+            return read_number(text)
         case "Integer":
-            return int(text)
+            return read_whole(text)
         case "Boolean":
             if text.lower() not in _BOOLEANS:
                 raise ValueError
@@ -402,6 +407,6 @@ def communication_points(description: Any, stop: float | None, step: float | Non
     default = description.defaultExperiment
     return list_points(
         float(default.startTime or 0.0),
-        float(default.stopTime if stop is None else stop),
-        float(default.stepSize if step is None else step),
+        float(default.stopTime) if stop is None else stop,
+        float(default.stepSize) if step is None else step,
     )

@@ -94,7 +94,7 @@ def build_ssp(
     """
     source = find_scene(reference)
     document = resolve_scene(source, overrides)
-    output = output or paths.BUILD / "ssp" / f"{document['name']}.ssp"
+    output = output or paths.RESULTS / "ssp" / f"{document['name']}.ssp"
     claim(output, PACKAGE)
     check_suffix(output, ".ssp")
     documents = _split(document, source)

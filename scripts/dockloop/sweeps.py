@@ -26,6 +26,7 @@ from dockloop.docking import Scene
 from dockloop.errors import UsageError, names_arguments, warn
 from dockloop.executors import Executor, choose_engine, open_executor
 from dockloop.journal import Journal, Known, Place, find_digests, make_report
+from dockloop.number import to_plain
 from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import shown
 from dockloop.planning import Planner
@@ -45,7 +46,7 @@ _PATIENCE = 30.0  # without a result before the workers are counted [s]
 def sweep(
     reference: str | Path | dict,
     *,
-    output: Path | None = None,
+    output: str | Path | None = None,
     engine: str = "auto",
     workers: int | None = None,
     scheduler: str | None = None,
@@ -84,13 +85,13 @@ def sweep(
 
     passes = read_passes(accuracy, refine, refine_accuracy)
     if isinstance(reference, dict):
-        cases = make_sweep(_name_scene(reference), Path("sweep"), passes=passes)
+        cases = make_sweep(to_plain(_name_scene(reference)), Path("sweep"), passes=passes)
     else:
         cases = read_sweep(str(reference), passes)
     with scratch() as folder:
         ran = run_sweep(
             cases,
-            output or folder / "sweep.parquet",
+            Path(output) if output else folder / "sweep.parquet",
             engine=engine,
             workers=workers,
             scheduler=scheduler,

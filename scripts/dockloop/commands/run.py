@@ -67,7 +67,7 @@ def run(options: Options) -> None:
 
     fmu = Path(options.scene)
     name = read_scene(fmu)["name"] if is_fmu else find_scene(options.scene).stem
-    file = options.output or paths.BUILD / "results" / name / f"{name}.csv"
+    file = options.output or paths.RESULTS / "results" / name / f"{name}.csv"
     if file.suffix == ".parquet":
         import_optional("pyarrow")
     _claim(options, file)

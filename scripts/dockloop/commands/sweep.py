@@ -8,6 +8,7 @@ from dockloop import paths
 from dockloop.arguments import Command, Options, whole
 from dockloop.console import write_found
 from dockloop.errors import DockloopError, UsageError
+from dockloop.number import read_if_number
 
 if TYPE_CHECKING:
     from dockloop.sampling import Passes, Sweep
@@ -74,11 +75,12 @@ def run(options: Options) -> None:
     from dockloop.results import ProgressBar
     from dockloop.sampling import read_passes, read_sweep
 
-    passes = read_passes(options.accuracy, options.refine, options.refine_accuracy)
+    given = options.accuracy, options.refine, options.refine_accuracy
+    passes = read_passes(read_if_number(given[0]), given[1], read_if_number(given[2]))
     _check_rare(options, passes)
     sweep = read_sweep(options.sweep, passes)
     name = sweep.path.stem
-    output = options.output or paths.BUILD / "sweeps" / name / f"{name}.parquet"
+    output = options.output or paths.RESULTS / "sweeps" / name / f"{name}.parquet"
     how = {key: getattr(options, key) for key in ("engine", "workers", "scheduler", "resume")}
     work = _run_all if options.rare is None else _run_rare
     work(options, sweep, output, how | {"progress": ProgressBar(name)})

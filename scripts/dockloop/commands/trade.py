@@ -60,7 +60,7 @@ def run(options: Options) -> None:
     name = find_scene(options.scene).stem
     copy = _find_copy(options)
     given = None if copy is not None and copy == options.output else options.output
-    folder = given or paths.BUILD / "results" / f"trade_{name}"
+    folder = given or paths.RESULTS / "results" / f"trade_{name}"
     for file, kind in report.KINDS.items():
         claim(folder / file, kind)
     bench = make_bench(options.scene, options.overrides, choice)

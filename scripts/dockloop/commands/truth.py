@@ -35,7 +35,7 @@ def run(options: Options) -> None:
     from dockloop.solution import FILE, make_solution
 
     name = find_scene(options.scene).stem
-    file = options.file or paths.BUILD / "results" / name / f"{name}_truth.json"
+    file = options.file or paths.RESULTS / "results" / name / f"{name}_truth.json"
     claim(file, FILE)
     solution = make_solution(
         options.scene,

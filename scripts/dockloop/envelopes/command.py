@@ -1,7 +1,6 @@
 """The command ``dockloop envelope``, and the same in Python: `envelope`."""
 
 import argparse
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +10,10 @@ from dockloop import paths
 from dockloop.docking import Scene
 from dockloop.envelopes import report
 from dockloop.envelopes.search import COMMAND, Axis, Order, Progress, Search, find_envelope
-from dockloop.errors import UsageError, names_arguments
+from dockloop.errors import UsageError, is_watched, names_arguments, say
 from dockloop.figures import can_draw, save_figure
 from dockloop.journal import keeps_results
+from dockloop.number import check_number, read_number, to_plain
 from dockloop.outputs import claim, scratch
 from dockloop.results import ProgressBar, import_optional
 from dockloop.scene import find_scene, parse_value
@@ -64,7 +64,7 @@ def envelope(
     coarse: int | None = None,
     checks: int = 16,
     seed: int = 0,
-    output: Path | None = None,
+    output: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     resume: bool = False,
@@ -107,7 +107,7 @@ def envelope(
         str(scene),
         _make_axes(ranges, log),
         (criteria,) if isinstance(criteria, str) else tuple(criteria),
-        {**(overrides or {}), **(start_values or {})},
+        to_plain({**(overrides or {}), **(start_values or {})}),
         make_experiment(stop, step),
         tolerance,
         coarse,
@@ -115,7 +115,7 @@ def envelope(
         seed,
     )
     with scratch() as folder:
-        journal = (output or folder) / "journal.jsonl"
+        journal = Path(output or folder) / "journal.jsonl"
         found = find_envelope(order, journal, workers=workers, scheduler=scheduler, resume=resume)
     tables = []
     for columns, rows in (report.list_points(found), report.list_boundary(found)):
@@ -149,7 +149,7 @@ def run_command(options: argparse.Namespace) -> dict:
         options.check,
         options.seed,
     )
-    folder = options.output or paths.BUILD / "envelopes" / name
+    folder = options.output or paths.RESULTS / "envelopes" / name
     for file, kind in report.KINDS.items():
         claim(folder / file, kind)
     found = find_envelope(
@@ -186,7 +186,7 @@ def parse_range(option: str, given: Sequence[str]) -> Range:
     """Parse ``NAME LOW HIGH``. Raises UsageError."""
     name, *ends = given
     try:
-        low, high = map(float, ends)
+        low, high = map(read_number, ends)
     except ValueError:
         raise UsageError(
             f"{option} {' '.join(given)}: must be NAME LOW HIGH, two numbers"
@@ -198,16 +198,19 @@ def _make_axes(ranges: Sequence[Range], log: str) -> tuple[Axis, ...]:
     letters = "xyz"[: len(ranges)]
     if wrong := set(log) - set(letters):
         raise UsageError(f"--log {log}: '{min(wrong)}' must be one of {', '.join(letters)}")
-    return tuple(
-        Axis(name, float(low), float(high), letter in log)
-        for letter, (name, low, high) in zip(letters, ranges, strict=True)
-    )
+    axes = []
+    for letter, (name, *ends) in zip(letters, ranges, strict=True):
+        if len(ends) != 2:
+            raise UsageError(f"--{letter} {name}: must be a name, low and high")
+        low, high = (check_number(f"--{letter} {name}", end) for end in ends)
+        axes.append(Axis(name, low, high, letter in log))
+    return tuple(axes)
 
 
 def make_experiment(stop: float | None, step: float | None) -> dict[str, float]:
     """Return what an experiment has otherwise than the scene."""
     given = {"stop": stop, "step": step}
-    return {name: value for name, value in given.items() if value is not None}
+    return {n: check_number(f"--{n}", value) for n, value in given.items() if value is not None}
 
 
 def _parse_setting(option: str, text: str) -> tuple[str, Any]:
@@ -224,8 +227,8 @@ def make_progress(label: str, what: str = "dockings") -> Progress:
 
     def show(done: int, total: int, note: str) -> None:
         bar(0.999 * done / max(total, 1), f"{done} of {total} {what} so far, {note}")
-        if total not in rounds and not sys.stderr.isatty():
+        if total not in rounds and not is_watched():
             rounds.add(total)
-            print(f"{label}: {note}, {total} {what} so far", file=sys.stderr, flush=True)
+            say(f"{label}: {note}, {total} {what} so far")
 
     return show

@@ -22,6 +22,7 @@ from dockloop.envelopes.mesh import Bracket, Class, Mesh, Point
 from dockloop.errors import DockloopError, UsageError
 from dockloop.executors import Executor, open_executor
 from dockloop.journal import Journal, find_outcomes, make_digest
+from dockloop.number import check_number, check_whole
 from dockloop.planning import Planner
 from dockloop.sampling import Cases, Sweep, list_quantities
 from dockloop.scene import find_scene
@@ -225,13 +226,14 @@ def _prepare(order: Order, judge: Judge | None) -> Search:
             raise UsageError(f"--{'xyz'[number]} {name}: this quantity is given twice")
     tolerance = _TOLERANCE[dimensions] if order.tolerance is None else order.tolerance
     coarse = _COARSE[dimensions] if order.coarse is None else order.coarse
+    check_number("--tolerance", tolerance)
+    check_whole("--coarse", coarse, 2)
     if not FINEST <= tolerance <= 0.25:
         raise UsageError(f"--tolerance {tolerance:g}: must be {FINEST:g} to 0.25 (of the range)")
     if not 2 <= coarse <= _MOST_CELLS // 4:
         raise UsageError(f"--coarse {coarse}: must be 2 to {_MOST_CELLS // 4}")
     for option, number in (("--check", order.checks), ("--seed", order.seed)):
-        if number < 0:
-            raise UsageError(f"{option} {number}: must be at least 0")
+        check_whole(option, number, 0)
     levels = max(0, math.ceil(math.log2(0.5 / tolerance / coarse) - 1e-9))
     planner = Planner(_make_sweep(order, judge.work if judge else WORK))
     if judge is not None:

@@ -4,14 +4,13 @@ import argparse
 import math
 import shlex
 import statistics
-import sys
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
 from dockloop import paths
 from dockloop.arguments import LIMIT
-from dockloop.errors import one_line
+from dockloop.errors import is_watched, one_line, say
 from dockloop.extremes.random_scenes import Drawn, Outcome, run_random
 from dockloop.journal import journal_kind
 from dockloop.judging import BAD, ENERGY, MOMENTUM, VERDICTS, list_reasons
@@ -31,7 +30,7 @@ def run_command(options: argparse.Namespace) -> dict:
         UsageError: an option is bad.
         InterruptedWorkError: by Ctrl-C.
     """
-    folder = options.output or paths.BUILD / "extremes"
+    folder = options.output or paths.RESULTS / "extremes"
     page, journal = folder / "random.md", folder / "random.jsonl"
     claim(page, _PAGE)
     claim(journal, journal_kind("extremes"))
@@ -65,9 +64,9 @@ def _make_progress() -> Callable[[int, int, Counter], None]:
         nonlocal shown
         text = ", ".join(f"{count} {name}" for name, count in tally.most_common())
         bar(0.999 * done / total, text)
-        if not sys.stderr.isatty() and 10 * done // total > shown:
+        if not is_watched() and 10 * done // total > shown:
             shown = 10 * done // total
-            print(f"extremes: {done} of {total} scenes: {text}", file=sys.stderr, flush=True)
+            say(f"extremes: {done} of {total} scenes: {text}")
 
     return show
 

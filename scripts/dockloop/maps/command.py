@@ -35,7 +35,7 @@ def run_command(options: argparse.Namespace) -> dict:
         raise UsageError(f"--points {options.points}: must be {_FEWEST} to {_MOST}")
     judge = PointJudge(options.error, options.limit, options.host)
     order = _make_order(options)
-    folder = options.output or paths.BUILD / "maps" / name
+    folder = options.output or paths.RESULTS / "maps" / name
     for file, kind in report.KINDS.items():
         claim(folder / file, kind)
     search = find_envelope(

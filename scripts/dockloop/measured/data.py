@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from dockloop.errors import UsageError, did_you_mean
+from dockloop.number import read_number
 from dockloop.paths import read_bytes, shown
 
 _COLUMN = re.compile(
@@ -169,7 +170,6 @@ def _read_row(path: Path, line: int, cells: list[str], names: list[str]) -> list
 def _read_number(text: str) -> float:
     """Return a finite number; not a number if the text is none."""
     try:
-        number = float(text)
+        return read_number(text)
     except ValueError:
         return math.nan
-    return number if math.isfinite(number) else math.nan

@@ -22,7 +22,6 @@ not carry (`dockloop.compiled`). A second name of a method is that method: it ha
 import itertools
 import math
 import statistics
-import sys
 from collections.abc import Iterator
 from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
@@ -41,8 +40,9 @@ from dockloop.core import (
     number_choice,
 )
 from dockloop.criteria import say_not_seen
-from dockloop.errors import DockloopError, UsageError, did_you_mean
+from dockloop.errors import DockloopError, UsageError, did_you_mean, is_watched, say
 from dockloop.journal import InterruptedWorkError, Journal, make_digest, make_report
+from dockloop.number import check_number, read_number
 from dockloop.peaks import list_steps_after
 from dockloop.results import ProgressBar, Result
 from dockloop.run_errors import find_compared, find_frame, find_scales, find_times
@@ -193,11 +193,10 @@ def parse_numbers(option: str, text: str | None, least: float, most: float) -> t
     if text is None:
         return ()
     try:
-        numbers = tuple(float(word) for word in text.split(","))
+        numbers = tuple(map(read_number, text.split(",")))
     except ValueError:
-        numbers = (math.nan,)
-    if not all(map(math.isfinite, numbers)):
-        raise UsageError(f"{option} {text}: must be finite numbers separated by commas")
+        wrong = f"{option} {text}: must be finite numbers separated by commas"
+        raise UsageError(wrong) from None
     for number in numbers:
         if not least < number <= most:
             limit = f" and at most {most:g}" if math.isfinite(most) else ""
@@ -274,8 +273,8 @@ def run_trade(
         InterruptedWorkError: by Ctrl-C.
     """
     default = find_default(bench)
-    if choice.stop is not None and not math.isfinite(choice.stop):
-        raise UsageError(f"--stop {choice.stop}: must be a finite number")
+    if choice.stop is not None:
+        check_number("--stop", choice.stop)
     whole = _run_scene(bench, default) if choice.stop is None else None
     stop = choice.stop if choice.stop is not None else _find_stop(bench, whole)
     settings = make_settings(bench, choice, stop)
@@ -431,5 +430,5 @@ def _find_stop(bench: Bench, whole: Result | None) -> float:
 
 
 def _say(text: str) -> None:
-    if sys.stderr.isatty():
-        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
+    if is_watched():
+        say(f"\r\033[K{text}", end="")

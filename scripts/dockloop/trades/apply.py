@@ -15,6 +15,7 @@ from dockloop import paths
 from dockloop.copies import set_key
 from dockloop.core import REFERENCE, list_compared_methods, name_choice, number_choice
 from dockloop.errors import DockloopError, UsageError
+from dockloop.number import read_number
 from dockloop.outputs import table_kind, write_text
 from dockloop.paths import shown
 from dockloop.scene import find_scene, resolve_scene
@@ -28,7 +29,7 @@ SCENE = table_kind("scene", "dockloop trade", _BEGIN)
 def parse_error(text: str) -> float:
     """Parse the wanted error of ``--apply``. Raises UsageError."""
     try:
-        wanted = float(text)
+        wanted = read_number(text)
     except ValueError:
         wanted = math.nan
     if not 0.0 < wanted < 1.0:
@@ -40,7 +41,7 @@ def name_copy(reference: str, wanted: float) -> Path:
     """Return the name of the copy: next to a scene of the user's own, else in ``build/scenes``."""
     source = find_scene(reference)
     error = f"{wanted:g}".replace("-", "m").replace(".", "p")  # names of FMUs have no others
-    folder = source.parent if reference.endswith(".toml") else paths.BUILD / "scenes"
+    folder = source.parent if reference.endswith(".toml") else paths.RESULTS / "scenes"
     return folder / f"{source.stem}_error_{error}.toml"
 
 

@@ -10,6 +10,7 @@ from dockloop.core import FULL, REFERENCE
 from dockloop.docking import Scene
 from dockloop.errors import names_arguments
 from dockloop.fmu import build_fmu
+from dockloop.number import check_number
 from dockloop.outputs import scratch
 from dockloop.results import import_optional
 from dockloop.sampling import as_setting
@@ -40,7 +41,7 @@ def trade(
     steps: Sequence[float] = (),
     stop: float | None = None,
     quick: bool = False,
-    output: Path | None = None,
+    output: str | Path | None = None,
     resume: bool = False,
 ) -> "pd.DataFrame":
     """Measure speed against accuracy: a grid of settings against the reference solution.
@@ -69,14 +70,18 @@ def trade(
     """
     pd = import_optional("pandas")
     whole = Scene(scene, overrides)
+    numbers = (
+        [check_number(option, number) for number in given]
+        for option, given in (("--tolerances", tolerances), ("--steps", steps))
+    )
     choice = make_choice(
-        *(",".join(map(str, given)) or None for given in (levels, methods, tolerances, steps)),
+        *(",".join(map(str, given)) or None for given in (levels, methods, *numbers)),
         stop,
         quick=quick,
     )
     texts = [as_setting(name, value) for name, value in whole.overrides.items()]
     with scratch() as kept:
-        folder = output or kept
+        folder = Path(output) if output else kept
         bench = make_bench(whole.reference, texts, choice)
         measured = run_trade(bench, choice, folder, resume=resume)
     summary = summarise_trade(measured, f"dockloop.trade({whole.reference!r}, ...)")

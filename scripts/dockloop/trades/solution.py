@@ -79,7 +79,7 @@ def find_solution(
     if program:
         decides += [hashlib.sha256(program.read_bytes()).hexdigest(), _CORE_TOLERANCE]
     key = hashlib.sha256(json.dumps(decides).encode()).hexdigest()[:16]
-    file = paths.BUILD / "truth" / f"{bench.scene['name']}_{key}.json"
+    file = paths.RESULTS / "truth" / f"{bench.scene['name']}_{key}.json"
     if os.path.lexists(file):
         try:
             return _read(json.loads(file.read_text(encoding="utf-8")), names, bench, key)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dockloop.errors import UsageError, did_you_mean
+from dockloop.number import read_number
 from dockloop.outputs import Kind, claim, scratch
 from dockloop.paths import shown
 from dockloop.results import Result
@@ -299,7 +300,7 @@ def _parse_moments(text: str, run: Result) -> list[float | str]:
             moments.append(word)
             continue
         try:
-            moment = float(word)
+            moment = read_number(word)
         except ValueError:
             raise UsageError(
                 f"--still {word}: is no time, and no event of this result"

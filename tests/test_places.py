@@ -1,0 +1,157 @@
+"""Where a command runs: closed streams, a folder that is gone or read-only, a clone that moved.
+
+Each case works, or is refused in one sentence with the remedy: never a traceback, never silence.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dockloop import compiled, paths
+from dockloop.errors import DockloopError
+
+DOCKLOOP = [sys.executable, "-m", "dockloop"]
+RUN = ["run", "absorber_1d", "--stop", "0.1", "--no-plots"]
+GONE = "the current folder is not there any more: change to another folder\n"
+
+
+def call(script, *words, **more):
+    """Let a shell run a command, with `script` after it."""
+    command = ["sh", "-c", f'"$@" {script}', "sh", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, **more)
+
+
+def run_python(text, folder):
+    """Run a program that is a file, as the users' own are."""
+    file = folder / "own.py"
+    file.write_text(text)
+    return call("", sys.executable, file, cwd=folder)
+
+
+@pytest.mark.parametrize("words", [["variables", "absorber_1d"], ["run", "--help"], RUN])
+def test_a_closed_standard_output_is_refused(tmp_path, words):
+    done = call(">&-", *DOCKLOOP, *words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "dockloop: standard output is closed: let it go to a file, or to /dev/null\n"
+    )
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("stream", ["2>&-", "2>/dev/full", "2>&1 >/dev/null | true"])
+def test_a_standard_error_that_takes_nothing_changes_no_status(tmp_path, stream):
+    pipe = "; exit 2" if "|" in stream else ""  # sh reports the last of a pipe
+    assert call(stream + pipe, *DOCKLOOP, "run", "nothing", cwd=tmp_path).returncode == 2
+    done = call(stream, *DOCKLOOP, *RUN, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    if "|" not in stream:
+        assert done.stdout.startswith("absorber_1d: One-dimensional absorber")
+
+
+def test_with_all_streams_closed_but_one_the_result_is_whole(tmp_path):
+    done = call("<&- 2>&-", *DOCKLOOP, *RUN, "-o", "own.csv", cwd=tmp_path)
+    assert done.returncode == 0
+    assert (tmp_path / "own.csv").read_text().startswith("time,")
+
+
+@pytest.mark.parametrize("output", ["own.csv", "OUTSIDE/own.csv"])
+def test_a_current_folder_that_is_gone_is_named(tmp_path, output):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    words = [*DOCKLOOP, *RUN, "-o", output.replace("OUTSIDE", str(tmp_path))]
+    done = subprocess.run(
+        ["sh", "-c", 'rmdir ../gone && "$@"', "sh", *words],
+        cwd=gone,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (2, f"dockloop: {GONE}")
+
+
+def test_a_script_in_a_folder_that_is_gone_gets_the_error_of_this_package(tmp_path):
+    done = run_python(
+        "import os, dockloop as dl\nos.mkdir('gone')\nos.chdir('gone')\nos.rmdir('../gone')\n"
+        "dl.sweep('absorber_1d_speeds', output='own.parquet')\n",
+        tmp_path,
+    )
+    assert done.stderr.endswith(f"dockloop.errors.UsageError: {GONE}")
+
+
+def test_a_script_without_a_guard_runs_worker_processes(tmp_path):
+    pytest.importorskip("distributed")
+    done = run_python(
+        "import sys, dockloop as dl\nname = __file__\nprint('begin')\n"
+        "print(len(dl.sweep('absorber_1d_speeds', engine='fmu', workers=1)))\n"
+        "assert __file__ == name and __spec__ is None\n",
+        tmp_path,
+    )
+    assert (done.stdout, done.stderr) == ("begin\n8\n", "")
+
+
+def test_a_temporary_folder_on_a_disk_without_programs_is_named(tmp_path):
+    mount = f'mount -t tmpfs -o noexec tmpfs {tmp_path} && export TMPDIR={tmp_path} && exec "$@"'
+    if subprocess.run(["unshare", "-m", "sh", "-c", mount, "sh", "true"], check=False).returncode:
+        pytest.skip("this process may mount nothing")
+    file = tmp_path.parent / "own.csv"
+    done = call("", "unshare", "-m", "sh", "-c", mount, "sh", *DOCKLOOP, *RUN, "-o", file)
+    assert done.returncode == 1
+    assert done.stderr.endswith(
+        f": {tmp_path} is mounted noexec, so let TMPDIR name another folder\n"
+    )
+
+
+def test_another_user_in_a_read_only_folder_is_refused_and_without_home_runs():
+    other = ["setpriv", "--reuid", "65534", "--regid", "65534", "--clear-groups"]
+    if call("", *other, sys.executable, "-c", "import dockloop").returncode:
+        pytest.skip("this process cannot become another user")
+    done = call("", *other, *DOCKLOOP, *RUN, cwd="/")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "dockloop: build/results/absorber_1d/absorber_1d.csv: cannot be written (Permission"
+        " denied): choose another -o\n"
+    )
+    with_figures = ["env", "-u", "HOME", *other, *DOCKLOOP, *RUN[:-1], "-o"]
+    folder = Path("/tmp") / f"dockloop-test-{os.getpid()}"
+    folder.mkdir()
+    folder.chmod(0o777)
+    try:
+        done = call("", *with_figures, folder / "own.csv")
+        assert (done.returncode, done.stderr) == (0, "")
+    finally:
+        shutil.rmtree(folder)
+
+
+def test_results_are_below_the_current_folder_in_a_clone_too(tmp_path):
+    done = call("", *DOCKLOOP, *RUN, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "build" / "results" / "absorber_1d" / "absorber_1d.csv").is_file()
+
+
+@pytest.fixture
+def moved(monkeypatch, tmp_path):
+    """A build folder that is a copy of another."""
+    folder = tmp_path / "moved"
+    folder.mkdir()
+    shutil.copyfile(paths.COMPILED / "CMakeCache.txt", folder / "CMakeCache.txt")
+    generator = folder / "dockloop-kernel"
+    monkeypatch.setattr(paths, "COMPILED", folder)
+    monkeypatch.setattr(paths, "GENERATOR", generator)
+    monkeypatch.setattr(compiled, "TARGETS", {generator: "dockloop-kernel"})
+    return generator
+
+
+@pytest.mark.skipif(paths.IS_INSTALLED, reason="there is no clone")
+def test_a_clone_that_moved_is_named_once_with_the_remedy(dockloop, moved, tmp_path):
+    first, second = (dockloop("build", "absorber_1d", "-o", tmp_path / "a.fmu") for _ in range(2))
+    assert first.status == second.status == 0
+    (line,) = first.err.splitlines()
+    assert line.startswith("dockloop: warning: goes on without dockloop-kernel: ")
+    assert "then moved or copied: remove moved and build it in a clone with scripts/demo" in line
+    assert (second.err, "then moved or copied" in second.out) == ("", True)
+    with pytest.raises(DockloopError, match="then moved or copied"):
+        compiled.find_compiled(moved)
