@@ -428,3 +428,19 @@ def test_names_with_a_star_set_all_that_are_like_them():
     sweep["vary"][0]["name"] = "*.mas"
     with pytest.raises(dl.UsageError, match=r"like '\*\.mas' \(did you mean 'mass'"):
         dl.sweep(sweep)
+
+
+def test_names_with_a_star_mean_keys_of_the_scene_as_well():
+    sweep = {
+        "scene": "absorber_1d",
+        "outcomes": ["relative.axial"],
+        "vary": [{"type": "grid", "name": "solver.*tol", "values": [1e-4, 1e-6]}],
+        "experiment": {"stop": 3.0, "step": 1.0},
+    }
+    for engine in ("core", "fmu"):
+        table = dl.sweep(sweep, engine=engine)
+        for tolerance, axial in zip(table["solver.*tol"], table["relative.axial"], strict=True):
+            alone = dl.run("absorber_1d", {"solver.rtol": tolerance}, stop=3.0, step=1.0)
+            assert alone["relative.axial"][-1] == axial
+    with pytest.raises(dl.UsageError, match=r"varies 'solver\.rtol', which set decides already"):
+        dl.sweep({**sweep, "set": {"solver.rtol": 1e-5}})

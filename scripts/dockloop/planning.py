@@ -37,6 +37,7 @@ from dockloop.variables import (
     TYPES,
     WORDS,
     find_number,
+    fits,
     is_of_type,
     list_names,
     match_names,
@@ -107,7 +108,7 @@ class Planner:
         fixed = sweep.document["set"]
         self._reader = SceneReader(sweep.scene)
         self.unplaced = self._reader.resolve(
-            [as_setting(n, v) for n, v in fixed.items() if self.is_scene_key(n)]
+            [as_setting(n, v) for n, v in fixed.items() for n in self._list_keys_like(n)]
         )
         self.base = copy.deepcopy(self.unplaced)
         find_placement(self.base, sweep.scene)
@@ -120,6 +121,7 @@ class Planner:
             self._check_name(name, "set", [value])
         for number, quantity in enumerate(sweep.quantities):
             self._check_quantity(quantity, sweep.cases.list_examples(number))
+        self._check_decided_once()
         self.quantities = [self.with_unit(quantity) for quantity in sweep.quantities]
         self.varied = self.quantities[: -1 if sweep.passes else None]
         self.outcomes = self._find_outcomes()
@@ -227,15 +229,37 @@ class Planner:
             settings |= quantity.settings(value)
         return {each: value for name, value in settings.items() for each in self._match(name)}
 
+    def _list_keys_like(self, name: str) -> list[str]:
+        """Return the keys of the scene that a name means; none: it means start values alone."""
+        if self.is_scene_key(name):
+            return [name]
+        return [key for key in self._reader.list_keys() if "*" in name and fits(key, name)]
+
     def _match(self, name: str) -> list[str]:
-        """Return the start values that a name with ``*`` means; a key of the scene is itself."""
-        if "*" not in name or self.is_scene_key(name):
+        """Return keys of the scene and start values that a name with ``*`` means."""
+        if "*" not in name or self.is_scene_key(name):  # paths expand where their scene is read
             return [name]
         if name not in self._matches:
             settable = [n for n, v in self.variables.items() if v.start is not None]
+            known = dict.fromkeys([*self._reader.list_keys(), *settable])
             place = f"{shown(self._sweep.path)}: '{name}'"
-            self._matches[name] = match_names(name, settable, place)
+            self._matches[name] = match_names(name, known, place)
         return self._matches[name]
+
+    def _check_decided_once(self) -> None:
+        """Refuse names with ``*`` that mean what another entry decides."""
+        owners = {each: "set" for name in self._sweep.document["set"] for each in self._match(name)}
+        for number, quantity in enumerate(self._sweep.quantities):
+            values = self._sweep.cases.list_examples(number)
+            decided = {name: "" for value in values for name in quantity.settings(value)}
+            for name in {each: "" for given in decided for each in self._match(given)}:
+                where = f"vary '{quantity.name}'"
+                if name in owners:
+                    raise UsageError(
+                        f"{shown(self._sweep.path)}: {where} varies '{name}', which {owners[name]}"
+                        " decides already"
+                    )
+                owners[name] = where
 
     def list_points(self, document: dict) -> np.ndarray:
         """Return the communication points of a case with this scene [s]."""
@@ -385,12 +409,13 @@ class Planner:
     def with_unit(self, quantity: Quantity) -> Quantity:
         """Fill in a unit that the sweep file leaves out."""
         name, unit = quantity.name, quantity.unit
-        section, _, member = name.partition(".")
-        variable = self.variables.get(_SETTABLE.get((section, member), self._match(name)[0]))
+        first = self._match(name)[0]
+        section, _, member = first.partition(".")
+        variable = self.variables.get(_SETTABLE.get((section, member), first))
         if not unit and variable is not None:
             unit = variable.unit
         if not unit:
-            unit = scene_members().get(name, {}).get("unit", "")
+            unit = scene_members().get(first, {}).get("unit", "")
         return Quantity(name, unit, quantity.named)
 
     def _find_outcomes(self) -> list[str]:
