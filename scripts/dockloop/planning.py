@@ -9,6 +9,7 @@ scene keys. Names are checked against the variables of the core: no FMU is built
 import copy
 import hashlib
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -89,6 +90,7 @@ class Planner:
         varied: those that the sweep file names.
         outcomes: names of the outputs to collect.
         asked: these, what explains why there was no capture, and limits that were passed.
+        histories: names of the outputs whose time histories are kept.
         variables: of a docking of `base`, by name.
         model_digest: SHA-256 of `base` and of the libraries that an FMU of it would hold.
         experiment: ``stop``, ``step``, ``end_after_outcome`` [s], those that the sweep gives.
@@ -125,6 +127,7 @@ class Planner:
         self.quantities = [self.with_unit(quantity) for quantity in sweep.quantities]
         self.varied = self.quantities[: -1 if sweep.passes else None]
         self.outcomes = self._find_outcomes()
+        self.histories = self._find_histories()
         known = [v.name for v in self.variables.values() if v.causality in ("output", "parameter")]
         limits = [EXCEEDED] if EXCEEDED in known else []
         self.asked = list(dict.fromkeys([*self.outcomes, *list_needed(known), *limits]))
@@ -133,7 +136,7 @@ class Planner:
         named = [quantity.named for quantity in self.quantities]
         passes = sweep.passes and asdict(sweep.passes)
         decided = [self.unplaced, fixed, names, named, sweep.cases.find_digest(), self.outcomes]
-        decided += [self.experiment, passes]
+        decided += [self.experiment, passes, self.histories]
         self.digest = make_digest(decided)
 
     def find_setup(self) -> dict[str, Any]:
@@ -145,6 +148,7 @@ class Planner:
             "quantities": [quantity.name for quantity in self.quantities],
             "named_cases": [quantity.named for quantity in self.quantities],
             "outcomes": self.asked,
+            "histories": self.histories,
             "experiment": self.experiment,
         }
 
@@ -284,6 +288,7 @@ class Planner:
         job = Job(
             tuple(reported.items()),
             tuple(self.asked),
+            tuple(self.histories),
             self.experiment.get("stop"),
             self.experiment.get("step"),
             self.experiment.get("end_after_outcome"),
@@ -443,6 +448,24 @@ class Planner:
                 f"{place}: experiment.end_after_outcome needs the output 'outcome' (group phase)"
             )
         return list(dict.fromkeys(placed))
+
+    def _find_histories(self) -> list[str]:
+        """Return the outputs that are kept at every point: names, vectors, names with ``*``."""
+        outputs = [v.name for v in self.variables.values() if v.causality == "output"]
+        place = f"{shown(self._sweep.path)}: histories"
+        found: dict[str, None] = {}
+        for name in self._sweep.document.get("histories", []):
+            entry = re.compile(re.escape(name) + r"(\[\d+\])?")
+            meant = [output for output in outputs if entry.fullmatch(output)]
+            if "*" in name:
+                meant = match_names(name, outputs, place)
+            if not meant:
+                raise UsageError(
+                    f"{place} lists '{name}', which is no output of the FMU of"
+                    f" {shown(self._sweep.scene)}{did_you_mean(name, outputs)}"
+                )
+            found |= dict.fromkeys(meant)
+        return list(found)
 
 
 def _hash(content: bytes) -> str:
