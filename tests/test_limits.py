@@ -110,3 +110,67 @@ def test_limits_do_not_depend_on_communication_points_and_survive_a_restored_sta
     for limit in list_limits():
         name = f"limits.{limit.name}.time"
         assert first.get(name) == second.get(name), name
+
+
+def find_limit(run, name):
+    """Return time and value of a limit that was passed; None: it was not."""
+    return next(((r["time"], r["value"]) for r in find_exceeded(run) if r["name"] == name), None)
+
+
+@pytest.mark.parametrize(("stiffness", "is_beyond"), [(2000.0, False), (1200.0, True)])
+def test_surfaces_are_pressed_in_by_nine_tenths_of_their_rounding(stiffness, is_beyond):
+    keys = {"initial.approach_time": 0.05, "contact.stiffness": stiffness}
+    run = dl.run("probe_drogue", keys, stop=3.0, step=0.005)
+    ratio, found = run["contact.depth_ratio"], find_limit(run, "depth")
+    assert ratio.max() > 0.88
+    assert (ratio.max() > 0.9) == is_beyond == (found is not None)
+    if is_beyond:
+        before, after = find_first(run, ratio > 0.9)
+        assert before <= found[0] <= after
+        assert 0.9 < found[1] <= ratio[run.time == after][0]
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_target_is_behind_the_capture_surfaces(share):
+    """The cone misses the probe head: no contact, so the ring of the probe stays at home."""
+    start = {
+        "initial.at": "start",
+        "target.position": [0.0, 0.0, 0.0],
+        "chaser.velocity": [0.5, 0.0, 0.0],
+    }
+    document = dl.Scene("probe_drogue").document
+    arms = [document[vehicle]["interface_position"][0] for vehicle in ("chaser", "target")]
+    start["chaser.position"] = [arms[1] - arms[0] - 1.0, 0.6, 0.0]
+    stop = 1.8
+    profiles = [part["profile"] for part in document["mechanism"]["contact"]["passive"]]
+    depth = max(x for profile in profiles for x, _ in profile)  # of the socket, along x of P
+    first = dl.run("probe_drogue", start, stop=stop, step=0.02)
+    assert first["contact.depth_ratio"].max() == 0.0
+    behind = first["ring.position"][:, 0] - first["relative.axial"] - depth
+    limit = share * behind[-1]
+    run = dl.run("probe_drogue", start | {"phases.passed_depth": limit}, stop=stop, step=0.02)
+    found = find_limit(run, "passed")
+    assert (found is not None) == (share < 1.0)
+    if found:
+        before, after = find_first(first, behind > limit)
+        assert before <= found[0] <= after + 1e-9
+        assert found[1] == pytest.approx(np.interp(found[0], first.time, behind), abs=1e-6)
+        assert limit < found[1] <= behind[-1] + 1e-9
+
+
+def test_a_step_of_the_sequence_times_out():
+    base = dl.run("apda", NEAR, stop=2.0, step=0.05)
+    steps = [step["name"] for step in base.scene["mechanism"]["sequence"]["steps"]]
+    entered = {n: base[f"sequence.entered[{i}]"][-1] for i, n in enumerate(steps, 1)}
+    lasted = entered["capture"] - entered["contact"]
+    assert find_limit(base, "time_out") is None
+    for share in (0.99, 1.01):
+        keys = NEAR | {"sequence.set.contact.timeout": share * lasted}
+        run = dl.run("apda", keys, stop=2.0, step=0.05)
+        found = find_limit(run, "time_out")
+        if share > 1.0:
+            assert found is None
+            continue
+        assert found[0] == pytest.approx(entered["contact"] + share * lasted, abs=1e-6)
+        assert found[1] == pytest.approx(share * lasted, rel=1e-12)
+        assert run["sequence.entered[3]"][-1] == -1.0  # capture is not entered any more

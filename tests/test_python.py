@@ -423,6 +423,23 @@ def test_a_name_with_a_star_sets_all_that_are_like_it_and_says_how_many():
         dl.Scene("apda", {"mechanism.set.bodies.rig*.mass": 1.0})
 
 
+def test_a_key_of_the_scene_with_a_star_means_all_keys_that_are_like_it():
+    scene = dl.Scene("absorber_1d", {"*.mass": 700.0})
+    assert [scene.document[v]["mass"] for v in ("chaser", "target")] == [700.0, 700.0]
+    assert scene.notes == ["*.mass=700.0: 2 names set"]
+    members = tomllib.loads((paths.SCENES / "absorber_1d.toml").read_text())
+    members["disturbance"] = [{"vehicle": v, "duration": 1.0} for v in ("chaser", "target")]
+    disturbances = dl.Scene(members, {"disturbance.*.force.2": 5.0}).document["disturbance"]
+    assert [row["force"] for row in disturbances] == [[0.0, 5.0, 0.0]] * 2
+    del members["target"], members["disturbance"]
+    members["initial"] = {"at": "start"}
+    alone = dl.Scene(members, {"*.mass": 700.0}).document
+    assert alone["chaser"]["mass"] == 700.0
+    assert "target" not in alone
+    with pytest.raises(dl.UsageError, match=r"'solver\.rtoll\*' \(did you mean 'solver\.rtol'"):
+        dl.Scene("absorber_1d", {"solver.rtoll*": 1e-6})
+
+
 def test_a_result_is_a_mapping_with_names_of_choices():
     result = dl.run(SCENE, {"initial.approach_time": 0.2}, stop=10.0, step=0.1)
     assert len(repr(result)) < 120

@@ -227,6 +227,14 @@ def test_an_override_parses_toml_values_and_bare_words():
     assert scene == {"chaser": {"mass": 2.5e4, "motion": "fixed", "interface_position": [1, 2, 3]}}
 
 
+def test_an_override_with_a_star_sets_the_joints_that_the_scene_starts():
+    scene = {"initial": {"joints": {"inner": {"rate": 1.0}, "outer": {}}}}
+    places = apply_override(scene, "initial.joints.*.position=0.5")
+    assert [place[2] for place in places] == ["inner", "outer"]
+    joints = {"inner": {"rate": 1.0, "position": 0.5}, "outer": {"position": 0.5}}
+    assert scene == {"initial": {"joints": joints}}
+
+
 def list_numbers(node, path=()):
     """Yield the path of every number that is a member of a group, and what kind of member it is."""
     if isinstance(node, dict):

@@ -2,6 +2,8 @@
 
 import contextlib
 import copy
+import dataclasses
+import functools
 import os
 import pickle
 import signal
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
+from dockloop.summary import summarise
 
 SCENE = "idss_25t_350t"
 STIFF = {"contact.restitution": 1e-6}  # a step in contact takes long
@@ -21,6 +24,38 @@ def show(docking):
     """Time and all outputs but counters of work."""
     names = [n for n, v in docking.variables.items() if v.causality == "output"]
     return docking.time, {n: docking.get(n) for n in names if not n.startswith("solver.")}
+
+
+def test_steps_of_several_threads_are_all_counted(monkeypatch):
+    """A clock that lets other threads run would lose counts that are read before and set after."""
+    clock = time.perf_counter
+    monkeypatch.setattr("dockloop.docking.time.perf_counter", lambda: time.sleep(1e-3) or clock())
+    docking = dl.Docking("absorber_1d")
+    step = functools.partial(docking.step, 1 / 128)
+    threads = [threading.Thread(target=lambda: [step() for _ in range(10)]) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert docking.summary["communication_steps"] == 40
+
+
+def test_a_summary_has_the_first_outputs_although_no_step_reads_them(monkeypatch):
+    overrides = {"initial.closing_speed": 0.05}
+    docking = dl.Docking("absorber_1d", overrides)
+    docking.set("chaser.velocity[2]", 0.01)
+    read = []
+    monkeypatch.setattr(docking, "_read_outputs", read.append)
+    docking.step(0.1)
+    assert read == []
+    monkeypatch.undo()
+    for _ in range(4):
+        docking.step(0.1)
+    run = dl.run("absorber_1d", overrides, {"chaser.velocity[2]": 0.01}, stop=0.5, step=0.1)
+    expected = summarise(dataclasses.replace(run, values=run.values[[0, -1]]))
+    for summary in (docking.summary, copy.copy(docking).summary):
+        for name in expected.keys() - {"time", "communication_steps"}:
+            assert summary[name] == expected[name], name
 
 
 def test_steps_of_several_threads_are_all_made():

@@ -225,7 +225,7 @@ def test_one_fmu_that_is_reset_gives_the_bits_of_an_fmu_for_each_case(tmp_path, 
 
 def test_an_early_end_gives_the_bits_of_a_run_to_that_time(runs):
     fmu = LoadedFmu(runs.fmu(CAPTURED).read_bytes())
-    result = fmu.run(Job((), ENDS, 20.0, 0.25, 1.5, list_final_outcomes()))
+    result = fmu.run(Job((), ENDS, (), 20.0, 0.25, 1.5, list_final_outcomes()))
     fmu.close()
     captured_at = 3.25  # the first communication point after 3.08 s
     assert result.end_time == captured_at + 1.5

@@ -428,3 +428,63 @@ def test_names_with_a_star_set_all_that_are_like_them():
     sweep["vary"][0]["name"] = "*.mas"
     with pytest.raises(dl.UsageError, match=r"like '\*\.mas' \(did you mean 'mass'"):
         dl.sweep(sweep)
+
+
+def test_names_with_a_star_mean_keys_of_the_scene_as_well():
+    sweep = {
+        "scene": "absorber_1d",
+        "outcomes": ["relative.axial"],
+        "vary": [{"type": "grid", "name": "solver.*tol", "values": [1e-4, 1e-6]}],
+        "experiment": {"stop": 3.0, "step": 1.0},
+    }
+    for engine in ("core", "fmu"):
+        table = dl.sweep(sweep, engine=engine)
+        for tolerance, axial in zip(table["solver.*tol"], table["relative.axial"], strict=True):
+            alone = dl.run("absorber_1d", {"solver.rtol": tolerance}, stop=3.0, step=1.0)
+            assert alone["relative.axial"][-1] == axial
+    with pytest.raises(dl.UsageError, match=r"varies 'solver\.rtol', which set decides already"):
+        dl.sweep({**sweep, "set": {"solver.rtol": 1e-5}})
+
+
+HISTORIES = """
+scene = "absorber_1d"
+histories = ["relative.axial", "chaser.velocity", "capture.tens*"]
+experiment = { stop = 0.6, step = 0.1, end_after_outcome = 0.2 }
+vary = [{ type = "grid", name = "initial.closing_speed", values = [0.02, 0.1] }]
+"""
+
+
+def test_a_sweep_keeps_chosen_histories(dockloop, monkeypatch, tmp_path):
+    """They are those of a run, from every engine and after a resumed sweep."""
+    monkeypatch.chdir(tmp_path)
+    Path("own.toml").write_text(HISTORIES)
+    table = dl.sweep("own.toml")
+    kept = table.attrs["histories"]
+    assert list(kept) == [1, 2]
+    names = ["time", "relative.axial", *(f"chaser.velocity[{i}]" for i in (1, 2, 3))]
+    for case, speed in ((1, 0.02), (2, 0.1)):
+        alone = dl.run("absorber_1d", {"initial.closing_speed": speed}, stop=0.6, step=0.1)
+        result = kept[case]
+        points = len(result.time)
+        assert result.time[-1] == table["end_time"][case - 1]
+        assert result.names == [*names, "capture.tension"]
+        assert result.units["chaser.velocity[2]"] == "m/s"
+        assert np.array_equal(result.time, alone.time[:points])
+        for name in ("relative.axial", "chaser.velocity", "capture.tension"):
+            assert np.array_equal(result[name], alone[name][:points])
+    for engine in ("core", "fmu"):
+        command = ("sweep", "own.toml", "--no-plots", "-o", "own.parquet")
+        assert dockloop(*command, "--engine", engine).status == 0
+        if engine == "core":
+            first = Path("own_histories.parquet").read_bytes()
+            journal = Path("own.jsonl")
+            journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:2]))
+            assert dockloop(*command, "--resume").status == 0
+            assert Path("own_histories.parquet").read_bytes() == first
+        found = dl.read_histories("own_histories.parquet")
+        assert all(np.array_equal(found[case].values, kept[case].values) for case in kept)
+    with pytest.raises(dl.UsageError, match=r"own\.parquet: has no histories"):
+        dl.read_histories("own.parquet")
+    Path("own.toml").write_text(HISTORIES.replace("relative.axial", "relative.axia"))
+    with pytest.raises(dl.UsageError, match=r"histories lists 'relative\.axia'.*did you mean"):
+        dl.sweep("own.toml")

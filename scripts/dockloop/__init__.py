@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from dockloop.docking import Docking, Scene, run
     from dockloop.envelopes.command import Envelope, envelope
     from dockloop.errors import DockloopError, UsageError
+    from dockloop.histories import read_histories
     from dockloop.mechanism import check_mechanism as check
     from dockloop.results import Result
     from dockloop.sweep_report import read_parts
@@ -90,6 +91,7 @@ __all__ = [
     "UsageError",
     "check",
     "envelope",
+    "read_histories",
     "read_parts",
     "run",
     "sweep",
@@ -108,6 +110,7 @@ _WHERE = {  # imported when they are used, so that a command starts quickly
     "UsageError": "errors",
     "check": "mechanism",
     "envelope": "envelopes.command",
+    "read_histories": "histories",
     "read_parts": "sweep_report",
     "run": "docking",
     "sweep": "sweeps",

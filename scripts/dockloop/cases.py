@@ -8,6 +8,7 @@ result: a status and a sentence.
 import itertools
 import threading
 from collections import OrderedDict
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
@@ -34,6 +35,7 @@ class Job:
         outputs: outputs to read at the end.
         stop: end [s]; None: of the default experiment.
         step: communication step [s]; None: of the default experiment.
+        histories: outputs to read at every communication point.
         end_after_outcome: end when the outcome has been final for this long [s]; None: never.
         final: numbers of the final outcomes.
         warning: issued when the vehicles were placed.
@@ -41,6 +43,7 @@ class Job:
 
     starts: tuple[tuple[str, float | int | bool], ...]
     outputs: tuple[str, ...]
+    histories: tuple[str, ...]
     stop: float | None
     step: float | None
     end_after_outcome: float | None
@@ -58,6 +61,8 @@ class Result:
         warning: what the FMU or the placement had to say.
         end_time: where it ended [s].
         outputs: the values of the outputs there; empty unless done.
+        histories: times [s], then each output that is kept at every communication point; empty
+            unless done.
     """
 
     status: str
@@ -65,6 +70,7 @@ class Result:
     warning: str | None = None
     end_time: float | None = None
     outputs: tuple[float | int | bool, ...] = ()
+    histories: tuple[Sequence[float], ...] = ()
 
 
 def run_case(fmu: bytes, digest: str, job: Job) -> Result:
@@ -127,27 +133,43 @@ class LoadedFmu:
         starts = [(self._variables[name], value) for name, value in job.starts]
         self._instance.initialise(starts, times)
         try:
-            self._step(times.tolist(), job)
+            histories = self._step(times.tolist(), job)
             outputs = tuple(self._read(name) for name in job.outputs)
             self._instance.slave.terminate()
         except FMICallException as error:
             raise DockloopError(f"at {self.time:.9g} s: {self._instance.sentence(error)}") from None
         warning = "; ".join(self._instance.warnings) or None
-        return Result("done", warning=warning, end_time=self.time, outputs=outputs)
+        kept = tuple(histories) if job.histories else ()
+        return Result("done", None, warning, self.time, outputs, kept)
 
-    def _step(self, points: list[float], job: Job) -> None:
-        """Step through all points, or until the outcome has been final for long enough."""
+    def _step(self, points: list[float], job: Job) -> list[list[float]]:
+        """Step through all points, or until the outcome has been final for long enough.
+
+        Returns:
+            The times, and each output of ``job.histories`` at these.
+        """
+        histories: list[list[float]] = [[] for _ in range(1 + len(job.histories))]
+
+        def keep(time: float) -> None:
+            for column, value in zip(
+                histories, [time, *map(self._read, job.histories)], strict=True
+            ):
+                column.append(float(value))
+
         do_step, component = self._instance.slave.fmi2DoStep, self._instance.slave.component
         decision, since = 0, points[0]
+        keep(points[0])
         for begin, end in itertools.pairwise(points):
             do_step(component, begin, end - begin, fmi2.fmi2True)
             self.time = end
+            keep(end)
             if job.end_after_outcome is not None:
                 outcome = self._read("outcome")
                 if outcome != decision:
                     decision, since = outcome, end
                 if decision in job.final and end - since >= job.end_after_outcome:
-                    return
+                    break
+        return histories
 
     def _read(self, name: str) -> Any:
         variable = self._variables[name]

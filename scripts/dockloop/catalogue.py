@@ -20,10 +20,10 @@ from dockloop.scene import (
     disturbance_members,
     find_mechanism,
     find_scene,
+    list_keys,
     read_mechanism,
     read_toml,
     resolve_scene,
-    scene_members,
 )
 from dockloop.variables import Variable, fits, list_names, read_variables
 
@@ -160,10 +160,8 @@ def _list_keys(scene: dict, document: dict, starts: dict[str, Any]) -> Iterator[
     """
     law = {"friction_model": starts.get("friction.model")}
     law |= document["mechanism"].get("contact", {}).get("law", {})
-    for name, node in scene_members().items():
+    for name, node in list_keys(scene).items():
         section, _, member = name.partition(".")
-        if section == "target" and "target" not in scene:
-            continue
         values = [_find(scene, name.split(".")), node.get("default"), starts.get(name)]
         if section == "contact":
             values.append(law.get(member))

@@ -7,6 +7,7 @@ with generated code for its mechanism may differ by rounding: `dockloop.kernel`.
 import copy
 import math
 import re
+import threading
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -128,6 +129,7 @@ class Docking:
         if not isinstance(scene, Scene) or overrides:
             scene = Scene(scene, overrides)
         self.scene: Scene = scene
+        self._lock = threading.RLock()  # of all below but the core, which has its own
         self.reset()
         self.variables = read_variables(self._core)
         self._rows: dict[str, list[int]] = {}
@@ -145,13 +147,17 @@ class Docking:
 
     def reset(self) -> None:
         """Go back to the start of the scene: what was set, stepped and issued is forgotten."""
-        self.warnings: list[str] = list(self.scene.warnings)
-        self.notes: list[str] = list(self.scene.notes)
-        self._first: np.ndarray | None = None  # outputs before the first step
-        self._steps, self._wall = 0, 0.0
+        with self._lock:
+            self.warnings: list[str] = list(self.scene.warnings)
+            self.notes: list[str] = list(self.scene.notes)
+            self._start: bytes | None = None  # state before the first step
+            self._steps, self._wall = 0, 0.0
+            self._core = self._make_core()
+
+    def _make_core(self) -> Any:
         document, source = to_json(self.scene.document), name_source(self.scene.path)
         with core_errors() as core:
-            self._core = core.Docking(document, source)
+            return core.Docking(document, source)
 
     @property
     def time(self) -> float:
@@ -224,13 +230,13 @@ class Docking:
         """
         if not 0.0 < as_number(h) < math.inf:
             raise UsageError(f"Docking.step: h is {h!r} s: must be a positive, finite number")
-        if self._first is None:
-            self._first = self._read_outputs()
-        began = time.perf_counter()
-        with core_errors():
-            self._core.step(h)
-        self._steps, self._wall = self._steps + 1, self._wall + time.perf_counter() - began
-        self._keep_warnings()
+        with self._lock:
+            self._keep_start()
+            began = time.perf_counter()
+            with core_errors():
+                self._core.step(h)
+            self._steps, self._wall = self._steps + 1, self._wall + time.perf_counter() - began
+            self._keep_warnings()
 
     def __copy__(self) -> "Docking":
         """Return another docking in the same state."""
@@ -240,14 +246,15 @@ class Docking:
         return self.__copy__()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        seen = {
-            "warnings": list(self.warnings),
-            "notes": list(self.notes),
-            "_first": self._first,
-            "_steps": self._steps,
-            "_wall": self._wall,
-        }
-        return _revive, (self.scene, self.save(), seen)
+        with self._lock:
+            seen = {
+                "warnings": list(self.warnings),
+                "notes": list(self.notes),
+                "_start": self._start,
+                "_steps": self._steps,
+                "_wall": self._wall,
+            }
+            return _revive, (self.scene, self.save(), seen)
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -258,12 +265,18 @@ class Docking:
         """
         from dockloop.summary import summarise
 
-        now = self._read_outputs()
-        first = now if self._first is None else self._first
-        result = self._make_result(np.array([first, now]))
-        result.wall = dict.fromkeys(("loop", "do_step"), self._wall) | {"load": 0.0, "read": 0.0}
-        result.warnings, result.notes = list(self.warnings), list(self.notes)
-        return summarise(result) | {"communication_steps": self._steps}
+        with self._lock:
+            now = self._read_outputs(self._core)
+            first = now
+            if self._start is not None:
+                with core_errors():
+                    before = self._make_core()
+                    before.restore(self._start)
+                first = self._read_outputs(before)
+            result = self._make_result(np.array([first, now]))
+            result.wall = dict.fromkeys(("loop", "do_step"), self._wall) | {"load": 0, "read": 0}
+            result.warnings, result.notes = list(self.warnings), list(self.notes)
+            return summarise(result) | {"communication_steps": self._steps}
 
     def save(self) -> bytes:
         """Return all that decides the future; the FMU of the scene accepts these bytes too."""
@@ -304,25 +317,26 @@ class Docking:
             UsageError: a time is no number.
             DockloopError: a step failed.
         """
-        began = time.perf_counter()
         entries = np.array(times, dtype=object).ravel()
         times = np.array([check_number("Docking.record: a time is", entry) for entry in entries])
-        with core_errors():
-            self._core.start()
-            result = self._make_result(np.zeros((len(times), 1 + len(self._outputs))))
-            result.wall = {"load": time.perf_counter() - began}
+        with self._lock:
             began = time.perf_counter()
-            values, *wall = self._core.record(times.tolist(), self._outputs, progress=progress)
-        result.wall |= {"loop": time.perf_counter() - began, "do_step": wall[0], "read": wall[1]}
-        result.values[:, 0] = times
-        result.values[:, 1:] = values
-        if self._first is None:
-            self._first = result.values[0].copy()
-        self._steps, self._wall = self._steps + len(times) - 1, self._wall + wall[0]
-        self._core.log_left_out()
-        self._keep_warnings()
-        result.warnings, result.notes = list(self.warnings), list(self.notes)
-        return result
+            self._keep_start()
+            with core_errors():
+                self._core.start()
+                result = self._make_result(np.zeros((len(times), 1 + len(self._outputs))))
+                result.wall = {"load": time.perf_counter() - began}
+                began = time.perf_counter()
+                values, *wall = self._core.record(times.tolist(), self._outputs, progress=progress)
+            loop = time.perf_counter() - began
+            result.wall |= {"loop": loop, "do_step": wall[0], "read": wall[1]}
+            result.values[:, 0] = times
+            result.values[:, 1:] = values
+            self._steps, self._wall = self._steps + len(times) - 1, self._wall + wall[0]
+            self._core.log_left_out()
+            self._keep_warnings()
+            result.warnings, result.notes = list(self.warnings), list(self.notes)
+            return result
 
     def _make_result(self, values: np.ndarray) -> Result:
         """Return a result with rows of time and outputs."""
@@ -335,11 +349,16 @@ class Docking:
             self._read_parameters(),
         )
 
-    def _read_outputs(self) -> np.ndarray:
-        """Return the time and all outputs now, shape (1 + outputs,)."""
+    def _keep_start(self) -> None:
+        """Before the first step: keep the state, from which a summary reads the first outputs."""
+        if self._start is None:
+            self._start = self._core.save()
+
+    def _read_outputs(self, core: Any) -> np.ndarray:
+        """Return the time and all outputs of a docking of the core, shape (1 + outputs,)."""
         with core_errors():
-            self._core.start()
-            return np.array([self._core.time, *self._core.get(self._outputs)], dtype=float)
+            core.start()
+            return np.array([core.time, *core.get(self._outputs)], dtype=float)
 
     def _keep_warnings(self) -> None:
         self.warnings += self._core.take_warnings()

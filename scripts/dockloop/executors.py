@@ -79,13 +79,18 @@ class CoreThreads:
             docking.set(docking.find(list(starts)), [float(value) for value in starts.values()])
             docking.start()
             result.status = "failed"
-            rows = docking.find(planner.asked)
+            rows, kept = docking.find(planner.asked), docking.find(planner.histories)
             patience = planner.experiment.get("end_after_outcome", float("inf"))
-            values, *_ = docking.record(times, rows, patience, last_only=True, progress=self._check)
+            values, *_ = docking.record(
+                times, kept or rows, patience, last_only=not kept, progress=self._check
+            )
             result.status, result.end_time = "done", docking.time
+            outputs = docking.get(rows) if kept else values[0].tolist()
+            if kept:
+                result.histories = (times[: len(values)], *values.T.tolist())
             result.outputs = tuple(
                 value if planner.variables[name].type == "Real" else int(value)
-                for name, value in zip(planner.asked, values[0].tolist(), strict=True)
+                for name, value in zip(planner.asked, outputs, strict=True)
             )
             warnings += docking.take_warnings()
         except UsageError as error:

@@ -9,6 +9,7 @@ scene keys. Names are checked against the variables of the core: no FMU is built
 import copy
 import hashlib
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -37,6 +38,7 @@ from dockloop.variables import (
     TYPES,
     WORDS,
     find_number,
+    fits,
     is_of_type,
     list_names,
     match_names,
@@ -88,6 +90,7 @@ class Planner:
         varied: those that the sweep file names.
         outcomes: names of the outputs to collect.
         asked: these, what explains why there was no capture, and limits that were passed.
+        histories: names of the outputs whose time histories are kept.
         variables: of a docking of `base`, by name.
         model_digest: SHA-256 of `base` and of the libraries that an FMU of it would hold.
         experiment: ``stop``, ``step``, ``end_after_outcome`` [s], those that the sweep gives.
@@ -107,7 +110,7 @@ class Planner:
         fixed = sweep.document["set"]
         self._reader = SceneReader(sweep.scene)
         self.unplaced = self._reader.resolve(
-            [as_setting(n, v) for n, v in fixed.items() if self.is_scene_key(n)]
+            [as_setting(n, v) for n, v in fixed.items() for n in self._list_keys_like(n)]
         )
         self.base = copy.deepcopy(self.unplaced)
         find_placement(self.base, sweep.scene)
@@ -120,9 +123,11 @@ class Planner:
             self._check_name(name, "set", [value])
         for number, quantity in enumerate(sweep.quantities):
             self._check_quantity(quantity, sweep.cases.list_examples(number))
+        self._check_decided_once()
         self.quantities = [self.with_unit(quantity) for quantity in sweep.quantities]
         self.varied = self.quantities[: -1 if sweep.passes else None]
         self.outcomes = self._find_outcomes()
+        self.histories = self._find_histories()
         known = [v.name for v in self.variables.values() if v.causality in ("output", "parameter")]
         limits = [EXCEEDED] if EXCEEDED in known else []
         self.asked = list(dict.fromkeys([*self.outcomes, *list_needed(known), *limits]))
@@ -131,7 +136,7 @@ class Planner:
         named = [quantity.named for quantity in self.quantities]
         passes = sweep.passes and asdict(sweep.passes)
         decided = [self.unplaced, fixed, names, named, sweep.cases.find_digest(), self.outcomes]
-        decided += [self.experiment, passes]
+        decided += [self.experiment, passes, self.histories]
         self.digest = make_digest(decided)
 
     def find_setup(self) -> dict[str, Any]:
@@ -143,6 +148,7 @@ class Planner:
             "quantities": [quantity.name for quantity in self.quantities],
             "named_cases": [quantity.named for quantity in self.quantities],
             "outcomes": self.asked,
+            "histories": self.histories,
             "experiment": self.experiment,
         }
 
@@ -227,15 +233,37 @@ class Planner:
             settings |= quantity.settings(value)
         return {each: value for name, value in settings.items() for each in self._match(name)}
 
+    def _list_keys_like(self, name: str) -> list[str]:
+        """Return the keys of the scene that a name means; none: it means start values alone."""
+        if self.is_scene_key(name):
+            return [name]
+        return [key for key in self._reader.list_keys() if "*" in name and fits(key, name)]
+
     def _match(self, name: str) -> list[str]:
-        """Return the start values that a name with ``*`` means; a key of the scene is itself."""
-        if "*" not in name or self.is_scene_key(name):
+        """Return keys of the scene and start values that a name with ``*`` means."""
+        if "*" not in name or self.is_scene_key(name):  # paths expand where their scene is read
             return [name]
         if name not in self._matches:
             settable = [n for n, v in self.variables.items() if v.start is not None]
+            known = dict.fromkeys([*self._reader.list_keys(), *settable])
             place = f"{shown(self._sweep.path)}: '{name}'"
-            self._matches[name] = match_names(name, settable, place)
+            self._matches[name] = match_names(name, known, place)
         return self._matches[name]
+
+    def _check_decided_once(self) -> None:
+        """Refuse names with ``*`` that mean what another entry decides."""
+        owners = {each: "set" for name in self._sweep.document["set"] for each in self._match(name)}
+        for number, quantity in enumerate(self._sweep.quantities):
+            values = self._sweep.cases.list_examples(number)
+            decided = {name: "" for value in values for name in quantity.settings(value)}
+            for name in {each: "" for given in decided for each in self._match(given)}:
+                where = f"vary '{quantity.name}'"
+                if name in owners:
+                    raise UsageError(
+                        f"{shown(self._sweep.path)}: {where} varies '{name}', which {owners[name]}"
+                        " decides already"
+                    )
+                owners[name] = where
 
     def list_points(self, document: dict) -> np.ndarray:
         """Return the communication points of a case with this scene [s]."""
@@ -260,6 +288,7 @@ class Planner:
         job = Job(
             tuple(reported.items()),
             tuple(self.asked),
+            tuple(self.histories),
             self.experiment.get("stop"),
             self.experiment.get("step"),
             self.experiment.get("end_after_outcome"),
@@ -385,12 +414,13 @@ class Planner:
     def with_unit(self, quantity: Quantity) -> Quantity:
         """Fill in a unit that the sweep file leaves out."""
         name, unit = quantity.name, quantity.unit
-        section, _, member = name.partition(".")
-        variable = self.variables.get(_SETTABLE.get((section, member), self._match(name)[0]))
+        first = self._match(name)[0]
+        section, _, member = first.partition(".")
+        variable = self.variables.get(_SETTABLE.get((section, member), first))
         if not unit and variable is not None:
             unit = variable.unit
         if not unit:
-            unit = scene_members().get(name, {}).get("unit", "")
+            unit = scene_members().get(first, {}).get("unit", "")
         return Quantity(name, unit, quantity.named)
 
     def _find_outcomes(self) -> list[str]:
@@ -418,6 +448,24 @@ class Planner:
                 f"{place}: experiment.end_after_outcome needs the output 'outcome' (group phase)"
             )
         return list(dict.fromkeys(placed))
+
+    def _find_histories(self) -> list[str]:
+        """Return the outputs that are kept at every point: names, vectors, names with ``*``."""
+        outputs = [v.name for v in self.variables.values() if v.causality == "output"]
+        place = f"{shown(self._sweep.path)}: histories"
+        found: dict[str, None] = {}
+        for name in self._sweep.document.get("histories", []):
+            entry = re.compile(re.escape(name) + r"(\[\d+\])?")
+            meant = [output for output in outputs if entry.fullmatch(output)]
+            if "*" in name:
+                meant = match_names(name, outputs, place)
+            if not meant:
+                raise UsageError(
+                    f"{place} lists '{name}', which is no output of the FMU of"
+                    f" {shown(self._sweep.scene)}{did_you_mean(name, outputs)}"
+                )
+            found |= dict.fromkeys(meant)
+        return list(found)
 
 
 def _hash(content: bytes) -> str:

@@ -14,6 +14,7 @@ the docking axis into the target. All relative quantities are P with respect to 
 import atexit
 import copy
 import hashlib
+import itertools
 import json
 import math
 import re
@@ -161,10 +162,16 @@ class SceneReader:
             lambda text: load_mechanism(json.loads(text), path, checker)
         )
 
+    def list_keys(self) -> dict[str, dict]:
+        """Return the keys that a name with ``*`` can mean, as `list_keys`."""
+        return list_keys(self._scene)
+
     def resolve(self, overrides: list[str] | tuple[str, ...] = ()) -> dict:
         """Do the work of `resolve_scene`; documents of equal mechanisms share them."""
         scene = without_nulls(self._scene)  # a copy: TOML has no nulls
-        changes = dict(apply_override(scene, text) for text in overrides)
+        changes: dict[tuple[str | int, ...], Any] = {}
+        for text in overrides:
+            changes |= apply_override(scene, text)
         if found := self._checker.find_violation(scene, changes):
             raise UsageError(f"{shown(self._path)}: {found.sentence}")
         _number_choices(scene)
@@ -355,18 +362,18 @@ def reading(path: Path, language: str, parts: str) -> Iterator[None]:
         raise UsageError(f"{shown(path)}: lists and {parts} are nested too deeply") from None
 
 
-def apply_override(scene: dict, text: str) -> tuple[tuple[str | int, ...], Any]:
+def apply_override(scene: dict, text: str) -> dict[tuple[str | int, ...], Any]:
     """Apply one ``KEY=VALUE`` to a scene as read from its file.
 
     Args:
         scene: modified in place.
-        text: dotted key, ``=``, a TOML value; bare words are texts. What follows
-            ``mechanism.set.`` is a path into the mechanism file, and what follows
-            ``sequence.set.`` one into its steps; what follows ``initial.joints.`` begins with the
-            name of a body, and what follows ``disturbance.`` with a number from 1.
+        text: dotted key, ``=``, a TOML value; bare words are texts. A key with ``*`` means all keys
+            that are like it. What follows ``mechanism.set.`` is a path into the mechanism file, and
+            what follows ``sequence.set.`` one into its steps; what follows ``initial.joints.``
+            begins with the name of a body, and what follows ``disturbance.`` with a number from 1.
 
     Returns:
-        Where the value is in the scene, and the value.
+        The value, by each place in the scene where it is.
 
     Raises:
         UsageError: no ``=``, or a key that no scene has.
@@ -375,13 +382,32 @@ def apply_override(scene: dict, text: str) -> tuple[tuple[str | int, ...], Any]:
     if not equals or not key:
         raise UsageError(f"--scene {text}: must be KEY=VALUE, for example chaser.motion=driven")
     value = parse_value(value_text)
+    return {_set_key(scene, each, value, text): value for each in _expand_key(scene, key, text)}
+
+
+def _expand_key(scene: dict, key: str, text: str) -> list[str]:
+    """Return the keys that a key with ``*`` means; paths into a mechanism are expanded later."""
+    if "*" not in key or key.startswith(_PATHS):
+        return [key]
+    keys = [*list_keys(scene)]
+    if isinstance(listed := scene.get("disturbance"), list):
+        component = key[-2:] if key[-2:] in (".1", ".2", ".3") else ""
+        for number, member in itertools.product(range(len(listed)), disturbance_members()):
+            keys.append(f"{_DISTURBANCE}{number + 1}.{member}{component}")
+    if isinstance(joints := scene.get("initial", {}).get("joints"), dict):
+        keys += [f"initial.joints.{body}.{m}" for body in joints for m in ("position", "rate")]
+    return match_names(key, keys, f"--scene {text}")
+
+
+def _set_key(scene: dict, key: str, value: Any, text: str) -> tuple[str | int, ...]:
+    """Set one key of a scene; returns where its value is. Messages quote the override `text`."""
     for prefix in _PATHS:
         if key.startswith(prefix):
             sections, last = prefix.rstrip(".").split("."), key.removeprefix(prefix)
             _find_section(scene, sections, text)[last] = value
-            return (*sections, last), value
+            return (*sections, last)
     if key.startswith(_DISTURBANCE):
-        return _set_disturbance(scene, key, value, text), value
+        return _set_disturbance(scene, key, value, text)
     known = scene_members()
     if key not in known and not key.startswith(OPEN_KEYS):
         hint = did_you_mean(key, known)
@@ -390,7 +416,7 @@ def apply_override(scene: dict, text: str) -> tuple[tuple[str | int, ...], Any]:
         raise UsageError(f"--scene {text}: a scene has no key '{key}'{hint}")
     *sections, last = key.split(".")
     _find_section(scene, sections, text)[last] = value
-    return (*sections, last), value
+    return (*sections, last)
 
 
 def _set_disturbance(scene: dict, key: str, value: Any, text: str) -> tuple[str | int, ...]:
@@ -496,6 +522,15 @@ def scene_members() -> dict[str, dict]:
         return members
 
     return walk(root, "")
+
+
+def list_keys(scene: dict) -> dict[str, dict]:
+    """Return the `scene_members` of a scene: without those of a target that it does not have."""
+    return {
+        name: node
+        for name, node in scene_members().items()
+        if "target" in scene or not name.startswith("target.")
+    }
 
 
 @cache
@@ -606,16 +641,17 @@ def _expand(node: Any, settings: dict[str, Any], where: str) -> dict[str, Any]:
 def list_matches(path: Path, overrides: list[str] | tuple[str, ...]) -> list[str]:
     """Say of every override with ``*`` how many members it sets; `resolve_scene` accepts all."""
     scene, _ = read_toml(path)
-    for text in overrides:
-        apply_override(scene, text)
+    counts = {text: len(apply_override(scene, text)) for text in overrides}
     notes = []
     for text in overrides:
         key = text.partition("=")[0].strip()
-        prefix = next((prefix for prefix in _PATHS if key.startswith(prefix)), None)
-        if prefix and "*" in key:
+        if "*" not in key:
+            continue
+        if prefix := next((prefix for prefix in _PATHS if key.startswith(prefix)), None):
             node = read_mechanism(find_mechanism(scene["mechanism"]["name"], path))
             node = node["sequence"]["steps"] if prefix == _PATHS[1] else node
-            notes.append(say_matches(text, len(_expand(node, {key.removeprefix(prefix): 0}, ""))))
+            counts[text] = len(_expand(node, {key.removeprefix(prefix): 0}, ""))
+        notes.append(say_matches(text, counts[text]))
     return notes
 
 

@@ -29,6 +29,7 @@ from dockloop.core import list_choices, list_limits, list_loads, name_choice
 from dockloop.criteria import PEAK, has_happened
 from dockloop.errors import DockloopError, UsageError, did_you_mean
 from dockloop.figures import save_figure
+from dockloop.histories import HISTORIES, find_histories
 from dockloop.journal import journal_kind
 from dockloop.limits import EXCEEDED, name_exceeded
 from dockloop.outputs import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_csv, writing
@@ -62,16 +63,21 @@ _ENDS = ("outcome", "time_of_capture", "capture.peak.load_ratio", "explanation",
 _CSV = table_kind("table", COMMAND, "case,", ",status,reason,warning,end_time")
 
 
-def list_files(output: Path, *, as_csv: bool, plots: bool) -> list[tuple[Path, Kind]]:
+def list_files(
+    output: Path, *, as_csv: bool, plots: bool, histories: bool
+) -> list[tuple[Path, Kind]]:
     """Return every file that a sweep could write, and its kind.
 
     Args:
         output: the table.
         as_csv: as for `write_table`.
         plots: whether figures are wanted.
+        histories: whether time histories are kept.
     """
     files = [(output, TABLE), (find_journal(output), journal_kind("sweep"))]
     files.append((find_summary(output), json_kind("summary", COMMAND)))
+    if histories:
+        files.append((find_histories(output), HISTORIES))
     if as_csv:
         files.append((output.with_suffix(".csv"), _CSV))
     if plots:

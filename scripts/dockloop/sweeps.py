@@ -25,6 +25,7 @@ from dockloop.criteria import Criterion
 from dockloop.docking import Scene
 from dockloop.errors import UsageError, names_arguments, warn
 from dockloop.executors import Executor, choose_engine, open_executor
+from dockloop.histories import Histories, write_histories
 from dockloop.journal import Journal, Known, Place, find_digests, make_report
 from dockloop.number import to_plain
 from dockloop.outputs import Kind, claim, scratch
@@ -73,14 +74,15 @@ def sweep(
         One row per case: ``case``, the quantities, ``status``, ``reason``, ``warning``,
         ``end_time`` [s], the outcomes at the end; with `refine` also those of the first pass,
         ``first.NAME``. Units are in ``table.attrs["units"]``, the summary of ``dockloop sweep
-        --json`` is in ``table.attrs["summary"]``.
+        --json`` is in ``table.attrs["summary"]``. With the key ``histories`` in the sweep,
+        ``table.attrs["histories"]`` has a `Result` by the number of each case that was done.
 
     Raises:
         UsageError: the sweep, a name in it or the journal is bad.
         DockloopError: a package is missing, or the executor cannot be used.
     """
     import_optional("pandas")
-    import_optional("pyarrow")
+    pyarrow = import_optional("pyarrow")
     from dockloop import sweep_report
 
     passes = read_passes(accuracy, refine, refine_accuracy)
@@ -99,9 +101,16 @@ def sweep(
         )
         cases = ran["sweep"]
         table = sweep_report.make_table(cases, ran["planner"], ran["results"], ran["first"])
+        histories = None
+        if ran["planner"].histories:
+            file = folder / "histories.parquet"
+            write_histories(ran["planner"], ran["results"], file)
+            histories = Histories(pyarrow.BufferReader(file.read_bytes()))
     frame = table.to_pandas()
     frame.attrs["units"] = {field.name: field.metadata[b"unit"].decode() for field in table.schema}
     frame.attrs["summary"] = sweep_report.summarise_sweep(cases, ran["planner"], table, ran)
+    if histories is not None:
+        frame.attrs["histories"] = histories
     return frame
 
 

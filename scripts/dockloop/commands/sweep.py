@@ -103,6 +103,7 @@ def _run_all(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]
     """Run all cases: table, summary, plots, pages."""
     from dockloop import html_report, sweep_report
     from dockloop.figures import can_draw
+    from dockloop.histories import find_histories, write_histories
     from dockloop.journal import keeps_results
     from dockloop.outputs import claim
     from dockloop.summary import find_summary, write_summary
@@ -110,7 +111,10 @@ def _run_all(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]
     from dockloop.view.page import PAGE
 
     plots = not options.no_plots
-    for file, kind in sweep_report.list_files(output, as_csv=options.csv, plots=plots):
+    keeps = "histories" in sweep.document
+    for file, kind in sweep_report.list_files(
+        output, as_csv=options.csv, plots=plots, histories=keeps
+    ):
         claim(file, kind)
     if options.report:
         claim(html_report.find_page(output), html_report.page_kind(COMMAND))
@@ -122,6 +126,9 @@ def _run_all(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]
         files = sweep_report.write_table(
             sweep, planner, ran["results"], ran["first"], output, as_csv=options.csv
         )
+        if keeps:
+            files.append(find_histories(output))
+            write_histories(planner, ran["results"], files[-1])
         table = sweep_report.TableFile(output)
         summary = sweep_report.summarise_sweep(sweep, planner, table, ran)
         if plots and can_draw():
@@ -148,6 +155,11 @@ def _run_rare(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any
     from dockloop.outputs import claim
     from dockloop.summary import write_summary
 
+    if "histories" in sweep.document:
+        raise UsageError(
+            f"--rare: writes no table, so it keeps no histories: leave 'histories' out of"
+            f" {paths.shown(sweep.path)}"
+        )
     file, journal = rare.name_files(output)
     claim(file, rare.SUMMARY)
     samples = rare.SAMPLES if options.rare_cases is None else options.rare_cases

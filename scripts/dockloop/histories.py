@@ -1,0 +1,131 @@
+"""Time histories that a sweep keeps: a Parquet file next to its table, read as results of runs.
+
+The file has one row group per case: its number, the time, and the chosen outputs at every
+communication point. Cases that were not done have none.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dockloop.cases import Result as Outcome
+from dockloop.errors import UsageError
+from dockloop.outputs import Kind, writing
+from dockloop.paths import check_file, shown
+from dockloop.planning import Planner
+from dockloop.results import Result, import_optional
+
+COMMAND = "dockloop sweep"
+_SCENE = "dockloop.histories"  # name and title of the scene, in the metadata
+
+
+def _read_metadata(path: Path) -> dict[bytes, bytes]:
+    from pyarrow import parquet
+
+    return parquet.read_metadata(path).metadata or {}
+
+
+HISTORIES = Kind("histories", COMMAND, lambda path: _SCENE.encode() in _read_metadata(path))
+
+
+def find_histories(output: Path) -> Path:
+    """Return where the histories next to the table of a sweep are."""
+    return output.with_name(f"{output.stem}_histories.parquet")
+
+
+def write_histories(planner: Planner, results: Sequence[Outcome], path: Path) -> None:
+    """Write the histories of the cases that were done, one after the other.
+
+    Args:
+        planner: of the sweep.
+        results: one per case.
+        path: the file.
+    """
+    import pyarrow
+    from pyarrow import parquet
+
+    units = {name: planner.variables[name].unit for name in planner.histories}
+    fields = [
+        pyarrow.field("case", pyarrow.int64(), metadata={"unit": ""}),
+        *(
+            pyarrow.field(name, pyarrow.float64(), metadata={"unit": unit})
+            for name, unit in {"time": "s", **units}.items()
+        ),
+    ]
+    scene = {"name": planner.base["name"], "title": planner.base["title"]}
+    schema = pyarrow.schema(fields, metadata={_SCENE: json.dumps(scene)})
+    with writing(path, HISTORIES) as partial, parquet.ParquetWriter(partial, schema) as writer:
+        for case, result in enumerate(results, 1):
+            if not result.histories:
+                continue
+            columns = [pyarrow.array(column, pyarrow.float64()) for column in result.histories]
+            number = pyarrow.array(np.full(len(columns[0]), case), pyarrow.int64())
+            writer.write_table(pyarrow.Table.from_arrays([number, *columns], schema=schema))
+
+
+class Histories(Mapping[int, Result]):
+    """Histories of a sweep by the number of the case, each a `Result` of the chosen outputs."""
+
+    def __init__(self, source: Any) -> None:
+        """Open a file, or a buffer of pyarrow with its contents."""
+        from pyarrow import parquet
+
+        self._file = parquet.ParquetFile(source)
+        metadata = self._file.metadata
+        self._groups = {
+            metadata.row_group(group).column(0).statistics.min: group
+            for group in range(metadata.num_row_groups)
+        }
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Histories":
+        """Return the same: nothing can be changed, and pandas copies attributes of tables."""
+        return self
+
+    def __len__(self) -> int:
+        """Return the number of cases that have histories."""
+        return len(self._groups)
+
+    def __iter__(self) -> Iterator[int]:
+        """Yield the numbers of these cases."""
+        return iter(self._groups)
+
+    def __getitem__(self, case: int) -> Result:
+        """Read the histories of a case. Raises KeyError: it has none."""
+        table = self._file.read_row_group(self._groups[case]).drop_columns(["case"])
+        units = [field.metadata[b"unit"].decode() for field in table.schema]
+        values = np.column_stack([column.to_numpy() for column in table.columns])
+        scene = json.loads(table.schema.metadata[_SCENE.encode()])
+        return Result(scene, table.column_names, units, values)
+
+
+def read_histories(path: str | Path) -> Histories:
+    """Open the time histories of a sweep; one case at a time is in memory.
+
+    ::
+
+        histories = dl.read_histories("own_histories.parquet")
+        print(max(result["capture.tension"].max() for result in histories.values()))
+
+    Args:
+        path: the file ``TABLE_histories.parquet`` of a sweep with the key ``histories``.
+
+    Returns:
+        A `Result` of the chosen outputs by the number of the case. Cases that are not done have
+        none.
+
+    Raises:
+        UsageError: the file is no such file.
+        DockloopError: a package is missing.
+    """
+    import_optional("pyarrow")
+    file = Path(path)
+    check_file(file, "histories")
+    try:
+        if not HISTORIES.is_own(file):
+            raise ValueError("it has no such metadata")
+        return Histories(file)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{shown(file)}: has no histories of 'dockloop sweep' ({error})") from None
