@@ -29,6 +29,18 @@ WEIGHTS = ((1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0))  # of sixth orde
 FLOOR = 1e-4  # rows with smaller entries (in the unit of the unknown) are measured by this
 STEPS = (1e-4, 1e-6, 1e-7)  # of the nominal values
 
+# Both vehicles have an array; the chaser's mechanism and P stand on springs.
+ARRAY = "mass=150, com=[0, 3, 0], inertia=[300, 5, 300, 0, 0, 0], joint='hinge', axis=[1, 0, 0]"
+PARTS = tuple(
+    f"{vehicle}.{member}"
+    for vehicle, x in (("chaser", 3.0), ("target", -14.0))
+    for member in (
+        f"part=[{{{ARRAY}, frequency=0.3, coordinate=0.1}}]",
+        *("adapter.mass=2000", "adapter.inertia=[2000, 1500, 1500, 0, 0, 0]"),
+        *(f"adapter.position=[{x}, 0, 0]", "adapter.joint=elastic", "adapter.frequency=12"),
+        "adapter.damping_ratio=0.01",
+    )
+)
 # name: overrides, time [s], step of the way there [s], latches held
 INSTANTS = {
     "apart": ((), 0.05, 1e-3, 0),
@@ -36,6 +48,7 @@ INSTANTS = {
     "bristles": (("contact.friction_model=2",), 0.115, 0.25e-3, 0),
     "latched": ((), 1.3, 1e-3, 3),
     "thrust": (("chaser.contact_thrust=500",), 0.2, 1e-3, 0),
+    "parts": (("chaser.contact_thrust=500", *PARTS), 0.2, 1e-3, 0),
 }
 
 
@@ -179,6 +192,7 @@ VARIANTS = {
     "equal vehicles": ("idss_100t_100t", (NEAR,), {}),
     "base fixed, no target": ("hexapod_bench", (), {}),
     "absorber": ("absorber_1d", (), {}),
+    "parts of vehicles": (DEFAULT, (NEAR, *PARTS), {}),
 }
 
 

@@ -138,7 +138,7 @@ Status calc_unreduced_residual(const DockingModel& model, const UnreducedModel& 
     first += static_cast<int>(block.lambda.size());
   }
   Wrench<double> momentum;  // of all bodies
-  for (int i : tree.all) momentum += find_body_momentum(model, i, data.docking);
+  for (int i : tree.all) momentum += find_body_momentum(model.mechanism, i, tree);
   dynamics.linear_momentum = momentum.f;
   calc_vehicle_rates(model, loads, z, data.rates.data(), data.docking);
   for (int i = 0; i < unreduced.head; ++i) residual[i] = zdot[i] - data.rates[i];

@@ -16,11 +16,16 @@ namespace {
 Mechanism make_attached_mechanism(const MechanismModel& described, const VehicleBody& on_base,
                                   const VehicleParameters& chaser, bool moves,
                                   const Pose<double>& base_in_chaser,
-                                  const Pose<double>& chaser_pose, VehicleBody& bare,
-                                  VehicleBody& frozen_in_chaser) {
+                                  const Pose<double>& chaser_pose, VehicleParts parts,
+                                  VehicleBody& bare, VehicleBody& frozen_in_chaser) {
   bare.mass = chaser.mass;
   bare.inertia = make_symmetric(chaser.inertia);
   if (!moves) return Mechanism(fix_base(described, chaser_pose * base_in_chaser));
+  if (chaser.mass_includes_mechanism == 2 && parts.adapter) {
+    throw ModelError(
+        "chaser.mass_includes_mechanism is 2 (included), but an adapter carries the mechanism; set "
+        "1 and state the mass of the vehicle behind the adapter");
+  }
   if (chaser.mass_includes_mechanism == 2 && !described.bodies.empty()) {
     // The stated vehicle is the bare one plus the mechanism frozen at home: take it out again.
     const VehicleBody frozen = find_frozen_body(Mechanism(described));
@@ -45,12 +50,19 @@ Mechanism make_attached_mechanism(const MechanismModel& described, const Vehicle
     if (!is_positive_definite(bare.inertia)) {
       throw ModelError("chaser.inertia is less than that of the mechanism it is said to include");
     }
+  } else if (on_base.mass > 0.0 && parts.adapter) {
+    VehiclePart& adapter = *parts.adapter;
+    const VehicleBody whole = join({adapter.mass, adapter.com, adapter.inertia},
+                                   transform(inverse(adapter.placement) * base_in_chaser, on_base));
+    adapter.mass = whole.mass;
+    adapter.com = whole.com;
+    adapter.inertia = whole.inertia;
   } else if (on_base.mass > 0.0) {
     const VehicleBody feet = transform(base_in_chaser, on_base);
     bare = join(bare, feet);
     frozen_in_chaser = {-feet.mass, feet.com, -feet.inertia};
   }
-  Mechanism mechanism(attach_vehicle(described, bare, base_in_chaser));
+  Mechanism mechanism(attach_vehicle(described, bare, base_in_chaser, parts));
   mechanism.vehicle = 0;
   return mechanism;
 }
@@ -70,6 +82,9 @@ StateLayout make_layout(const DockingModel& model) {
   }
   layout.mechanism_q = take(layout.mechanism_nq);
   layout.mechanism_v = take(layout.mechanism_nv);
+  if (model.target) layout.target_n = model.target->model.part_forces;
+  layout.target_q = take(layout.target_n);
+  layout.target_v = take(layout.target_n);
   for (int i : {kChaser, kTarget}) {
     if (!model.present[i] || !model.moves[i]) continue;
     layout.pose[i] = take(7);
@@ -132,9 +147,9 @@ DockingModel make_docking_model(const Scene& scene,
   const MasslessLegs described = level == kMasslessLegs ? make_legs_massless(scene.mechanism)
                                                         : MasslessLegs{scene.mechanism, {}};
   VehicleBody bare, frozen;
-  DockingModel model(make_attached_mechanism(described.model, described.on_base,
-                                             parameters[kChaser], chaser_moves, base_in_chaser,
-                                             fixed_pose[kChaser], bare, frozen));
+  DockingModel model(make_attached_mechanism(
+      described.model, described.on_base, parameters[kChaser], chaser_moves, base_in_chaser,
+      fixed_pose[kChaser], scene.parts[kChaser], bare, frozen));
   model.present = {true, scene.has_target};
   model.moves = {chaser_moves, scene.has_target && scene.motion[kTarget] != Motion::kFixed};
   for (int i : {kChaser, kTarget}) {
@@ -147,11 +162,24 @@ DockingModel make_docking_model(const Scene& scene,
   model.frozen = std::move(frozen);
   model.vehicle[kTarget].mass = parameters[kTarget].mass;
   model.vehicle[kTarget].inertia = make_symmetric(parameters[kTarget].inertia);
-  model.base_in_chaser = base_in_chaser;
-  // Without a capture body G is placed in B, fixed on the chaser (or on the immobile base).
+  if (scene.parts[kTarget].count_coordinates() > 0) {
+    model.target.emplace(
+        attach_vehicle(MechanismModel(), model.vehicle[kTarget], {}, scene.parts[kTarget]));
+    model.target->vehicle = 0;
+  }
+  model.interface_on_carrier = interface_pose;
+  model.base_on_carrier = base_in_chaser;
+  for (int i : {kChaser, kTarget}) {
+    if (!scene.parts[i].adapter) continue;
+    const Pose<double> to_carrier = inverse(scene.parts[i].adapter->placement);
+    model.interface_on_carrier[i] = to_carrier * interface_pose[i];
+    if (i == kChaser) model.base_on_carrier = to_carrier * base_in_chaser;
+  }
+  // Without a capture body G is placed in B, fixed on the carrier (or on the immobile base).
   model.capture_in_body = scene.mechanism.capture_in_body;
   if (scene.mechanism.capture_body == kBase) {
-    const Pose<double> B = chaser_moves ? base_in_chaser : fixed_pose[kChaser] * base_in_chaser;
+    const Pose<double> B =
+        chaser_moves ? model.base_on_carrier : fixed_pose[kChaser] * base_in_chaser;
     model.capture_in_body = B * model.capture_in_body;
   }
   list_mechanism_bodies(model);
@@ -167,6 +195,12 @@ DockingModel make_docking_model(const Scene& scene,
   return model;
 }
 
+bool needs_other_matrix(const DockingModel& model) {
+  const bool is_on_adapter = model.mechanism.model.carrier != model.mechanism.vehicle;
+  return model.layout.bristle_count > 0 || model.target ||
+         (is_on_adapter && !model.hard_dock.empty());
+}
+
 void lock_mechanism(const DockingModel& model, DockingData<double>& data, LockedMechanism& locked) {
   calc_leg_bodies(model.mechanism, data.mechanism);
   const TreeData<double>& tree = data.mechanism.tree;
@@ -174,13 +208,20 @@ void lock_mechanism(const DockingModel& model, DockingData<double>& data, Locked
   const Pose<double> to_chaser = inverse(Pose<double>{chaser.R, chaser.p});
   locked.q = tree.q;
   locked.capture = to_chaser * Pose<double>{data.capture.R, data.capture.p};
-  locked.mechanism = VehicleBody();
+  const MechanismModel& mechanism = model.mechanism.model;
+  locked.carrier = Pose<double>();
+  if (mechanism.carrier != model.mechanism.vehicle) {
+    locked.carrier = to_chaser * Pose<double>{tree.R[mechanism.carrier], tree.p[mechanism.carrier]};
+  }
+  locked.mechanism = locked.parts = VehicleBody();
   for (int i = 0; i < static_cast<int>(tree.R.size()); ++i) {
     if (i == model.mechanism.vehicle) continue;
-    const Body& body = model.mechanism.model.bodies[i];
-    locked.mechanism =
-        join(locked.mechanism, transform(to_chaser * Pose<double>{tree.R[i], tree.p[i]},
-                                         {body.mass, body.com, body.inertia}));
+    const Body& body = mechanism.bodies[i];
+    const VehicleBody placed = transform(to_chaser * Pose<double>{tree.R[i], tree.p[i]},
+                                         {body.mass, body.com, body.inertia});
+    locked.mechanism = join(locked.mechanism, placed);
+    const bool is_adapter = i <= mechanism.carrier;
+    if (is_adapter || i >= mechanism.first_part()) locked.parts = join(locked.parts, placed);
   }
   locked.whole =
       model.moves[kChaser] ? join(model.vehicle[kChaser], locked.mechanism) : locked.mechanism;
@@ -239,6 +280,14 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
     data.vehicle[kTarget] = frame;
     data.vehicle[kTarget].v = velocity;
     data.vehicle[kTarget].w = frame.R * angular_velocity;
+    if (model.target) {
+      MechanismData<double>& target = data.target->mechanism;
+      const Status status = calc_target_position(model, y, *data.target);
+      if (!status.ok()) return status;
+      target.tree.v.head<3>() = frame.R.transpose() * velocity;
+      target.tree.v.segment<3>(3) = angular_velocity;
+      calc_velocity(*model.target, data.base, target);
+    }
   } else {
     const Status status = calc_mechanism_position(model, y, data);
     if (!status.ok()) return status;

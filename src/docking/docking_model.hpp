@@ -13,6 +13,10 @@
 // momentum balances to rounding at any tolerance. The vehicle's velocity follows from its momentum
 // with the factor of the reduced inertia that the accelerations need anyway.
 //
+// Vehicles that are not rigid have parts (model/vehicle_part.hpp). Those of the chaser are bodies
+// of the mechanism's tree, and its adapter carries the mechanism. A target with parts is a tree by
+// itself. States and equations of both are the same.
+//
 // Two right-hand sides: the mechanism moves, or it is locked (LockedMechanism, of DockingData).
 // Chaser and locked mechanism are one rigid body. Loops and inertia are not evaluated, and the
 // states of the mechanism rest. Locked or not is a property of an evaluation, not of the model.
@@ -21,6 +25,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 
 #include "contact/contact_model.hpp"
 #include "contact/latches.hpp"
@@ -53,11 +58,12 @@ int count_sums(const MechanismModel& mechanism, const HardDock& dock);
 
 /// Where things are in y; -1 = not there.
 struct StateLayout {
-  int mechanism_q = 0, mechanism_v = 0;    ///< independent coordinates, velocities
-  int mechanism_nq = 0, mechanism_nv = 0;  ///< without the vehicle's own
-  std::array<int, 2> pose{-1, -1};         ///< position (3) and quaternion (4) of a vehicle
-  std::array<int, 2> momentum{-1, -1};     ///< linear (3) and angular about O (3)
-  int bristles = 0, bristle_count = 0;     ///< of contact pairs
+  int mechanism_q = 0, mechanism_v = 0;          ///< independent coordinates, velocities
+  int mechanism_nq = 0, mechanism_nv = 0;        ///< without the vehicle's own
+  int target_q = 0, target_v = 0, target_n = 0;  ///< of parts of the target
+  std::array<int, 2> pose{-1, -1};               ///< position (3) and quaternion (4) of a vehicle
+  std::array<int, 2> momentum{-1, -1};           ///< linear (3) and angular about O (3)
+  int bristles = 0, bristle_count = 0;           ///< of contact pairs
   int element_bristles = 0, element_bristle_count = 0;  ///< of brakes; just before `bristles`
   int sums = 0, sum_count = kSumCount;                  ///< energies [J]
   int impulse = 0;  ///< external impulse (3), external angular impulse about O (3)
@@ -72,8 +78,10 @@ struct StateLayout {
 /// evaluations need nothing else of it. Axes and origin of the chaser.
 struct LockedMechanism {
   VehicleBody mechanism;  ///< all bodies but the chaser
+  VehicleBody parts;      ///< those of them that are parts of the chaser
   VehicleBody whole;      ///< chaser (if it moves) and mechanism
   Pose<double> capture;   ///< G
+  Pose<double> carrier;   ///< body on which the mechanism stands
   VecX<double> q;         ///< all coordinates, where they are held
   // With a rigid joint only
   bool has_target = false;
@@ -86,21 +94,23 @@ struct LockedMechanism {
 /// for other tunable parameters (thrust, contact law) and for other independent coordinates.
 struct DockingModel {
   explicit DockingModel(Mechanism attached) : mechanism(std::move(attached)) {}
-  Mechanism mechanism;  ///< on the chaser (or on the immobile base)
+  Mechanism mechanism;  ///< on the chaser (or on the immobile base), with parts of the chaser
+  std::optional<Mechanism> target;  ///< the target and its parts, if it has parts
   std::array<bool, 2> present{true, true};
   std::array<bool, 2> moves{true, true};
   std::array<bool, 2> driven{false, false};     ///< a host prescribes the motion at communication
                                                 ///< points; between them the equations move it
   std::array<double, 2> stated_mass{0.0, 0.0};  ///< of vehicles as their host knows them [kg]
   std::array<Pose<double>, 2> fixed_pose;       ///< in O, of a vehicle that does not move
-  std::array<Pose<double>, 2> interface_pose;   ///< A in C, P in D
-  std::array<VehicleBody, 2> vehicle;           ///< bare vehicles
-  VehicleBody frozen;                           ///< stated less bare chaser, axes of C. If the
-                                                ///< stated mass includes the mechanism: this one at
-                                                ///< home. Else minus the feet of massless legs
-  Pose<double> base_in_chaser;                  ///< B in C
-  Pose<double> capture_in_body;                 ///< G in axes of the capture body
-  std::vector<int> mechanism_bodies;            ///< independent bodies without the vehicle
+  std::array<Pose<double>, 2> interface_pose;   ///< A in C, P in D; coordinates of adapters at zero
+  std::array<Pose<double>, 2> interface_on_carrier;  ///< A, P in adapter or vehicle
+  std::array<VehicleBody, 2> vehicle;                ///< bare vehicles
+  VehicleBody frozen;                                ///< stated less bare chaser, axes of C. If the
+                       ///< stated mass includes the mechanism: this one at
+                       ///< home. Else minus the feet of massless legs
+  Pose<double> base_on_carrier;       ///< B in adapter or chaser
+  Pose<double> capture_in_body;       ///< G in axes of the capture body
+  std::vector<int> mechanism_bodies;  ///< independent bodies without the vehicle
   ContactModel contact;
   LatchSet latches;
   HardDock hard_dock;
@@ -150,14 +160,24 @@ struct FrameMotion {
   Vec3<S> p = Vec3<S>::Zero(), w = Vec3<S>::Zero(), v = Vec3<S>::Zero();
 };
 
+/// Motion and forces of a target with parts.
+template <class S>
+struct TargetData {
+  explicit TargetData(const Mechanism& target);
+  MechanismData<S> mechanism;
+  VecX<S> no_command, joint_force;  ///< per coordinate of a part [N] or [N m]
+};
+
 /// Everything computed by calc_docking().
 template <class S>
 struct DockingData {
   explicit DockingData(const DockingModel& model);
   const LockedMechanism* locked = nullptr;  ///< set by the caller; null: the mechanism moves
   MechanismData<S> mechanism;
+  std::optional<TargetData<S>> target;  ///< if the model has it
   BaseMotion<S> base;
   std::array<FrameMotion<S>, 2> vehicle;    ///< CoM frames C, D
+  std::array<FrameMotion<S>, 2> carrier;    ///< adapters, or again C, D
   std::array<FrameMotion<S>, 2> interface;  ///< A, P
   FrameMotion<S> capture;                   ///< G
   RelativeMotion<S> relative;               ///< P relative to G
@@ -168,6 +188,7 @@ struct DockingData {
   Wrench<S> on_passive;  ///< contact and latches, about G, axes of O
   HardDockResult<S> hard_dock;
   Wrench<S> on_target;  ///< hard dock or rigid joint, about A, axes of O
+  Wrench<S> on_chaser;  ///< of bodies on the chaser, about its origin, axes of O
   JointForceSums<S> joints;
   ElementData<S> elements;
   VecX<S> command;                   ///< as in ExternalLoads
@@ -186,6 +207,10 @@ DockingModel make_docking_model(const Scene& scene,
                                 const std::array<VehicleParameters, 2>& parameters,
                                 const ContactLaw& law, const Vec3<double>& origin_of_O,
                                 int level = kReduced);
+
+/// Does the structured matrix (docking/structured_matrix.hpp) not know this model? Bristles couple
+/// all points of contact; a hard dock on an adapter and parts of the target move P and A.
+bool needs_other_matrix(const DockingModel& model);
 
 /// Hold the mechanism where it is. With data.locked its coordinates and velocities in y are not
 /// read, and their rates are zero.
@@ -244,8 +269,9 @@ void calc_coordinate_rates(const Body& body, const VecX<S>& q, const VecX<S>& v,
 template <class S>
 void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads, const S* y,
                         S* ydot, DockingData<S>& data);
-/// Load of the mechanism on its base (data.mechanism.on_base), acceleration of the chaser, and cut
-/// forces unless the mechanism is locked: nothing defines them then. @pre calc_docking
+/// Load of the mechanism on its base (data.mechanism.on_base) and of all that the chaser carries on
+/// it (data.on_chaser), acceleration of the chaser, and cut forces unless the mechanism is locked:
+/// nothing defines them then. @pre calc_docking
 template <class S>
 void calc_docking_reactions(const DockingModel& model, DockingData<S>& data);
 
@@ -275,12 +301,13 @@ FrameMotion<S> find_capture_motion(const DockingModel& model, const TreeData<S>&
 template <class S>
 S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data);
 
-/// Momentum of one body of the tree, axes of O, angular part about the origin of O.
+/// Momentum of one body of a tree, axes of O, angular part about the origin of O.
 template <class S>
-Wrench<S> find_body_momentum(const DockingModel& model, int body, const DockingData<S>& data);
+Wrench<S> find_body_momentum(const Mechanism& mechanism, int body, const TreeData<S>& tree);
 
-/// Momentum of one vehicle (with the mechanism for the chaser) as a sum over bodies and legs, axes
-/// of O, angular part about the origin of O. Independent of the momentum states. @pre calc_docking
+/// Momentum of one vehicle (with its parts, and the mechanism for the chaser) as a sum over bodies
+/// and legs, axes of O, angular part about the origin of O. Independent of the momentum states.
+/// @pre calc_docking
 template <class S>
 Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data);
 

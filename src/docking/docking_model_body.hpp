@@ -83,26 +83,25 @@ void put_mechanism_state(const DockingModel& model, const S* y, TreeData<S>& tre
 
 namespace {
 
-/// Velocity of the chaser from the momentum of everything that moves with it:
-/// A_cc v_c + A_cm v_m = p, with p the momentum in body axes about the chaser's origin.
+/// Velocity of a vehicle from the momentum x of everything that moves with it:
+/// A_cc v_c + A_cm v_m = p, with p the momentum in body axes about the vehicle's origin.
 template <class S>
-void calc_chaser_velocity(const DockingModel& model, const FrameMotion<S>& chaser, const S* y,
-                          MechanismData<S>& data) {
-  const S* x = y + model.layout.momentum[kChaser];
+void calc_vehicle_velocity(const Mechanism& mechanism, const FrameMotion<S>& vehicle, const S* x,
+                           MechanismData<S>& data) {
   const Vec3<S> linear(x[0], x[1], x[2]), angular(x[3], x[4], x[5]);
   Vec6<S> p;
-  p.template head<3>() = chaser.R.transpose() * linear;
-  p.template tail<3>() = chaser.R.transpose() * (angular - chaser.p.cross(linear));
-  const std::vector<int>& ind = model.mechanism.plan.ind_v;
+  p.template head<3>() = vehicle.R.transpose() * linear;
+  p.template tail<3>() = vehicle.R.transpose() * (angular - vehicle.p.cross(linear));
+  const std::vector<int>& ind = mechanism.plan.ind_v;
   for (int j = 6; j < static_cast<int>(ind.size()); ++j) {
     p -= data.A_ind.col(j).template head<6>() * data.tree.v[ind[j]];
   }
-  if (model.mechanism.plan.is_driven) {
+  if (mechanism.plan.is_driven) {
     // Momentum of the joints that move by themselves, everything else at rest.
     TreeData<S>& tree = data.tree;
     data.scratch_v = tree.v;
     for (int j : ind) tree.v[j] = S(0);
-    calc_loop_velocity(model.mechanism.plan, tree, data.loops);
+    calc_loop_velocity(mechanism.plan, tree, data.loops);
     p -= data.A_tree.template topRows<6>().lazyProduct(tree.v);
     tree.v = data.scratch_v;
   }
@@ -147,6 +146,7 @@ void calc_locked_kinematics(const DockingModel& model, const S* y, DockingData<S
     tree.m_sum[0] = S(locked.whole.mass);
     tree.h_sum[0] = S(locked.whole.mass) * (chaser.R * cast<S>(locked.whole.com));
   }
+  data.carrier[kChaser] = find_frame_on(chaser, locked.carrier);
   data.capture = find_frame_on(chaser, locked.capture);
   calc_frames(model, y, data);
 }
@@ -160,10 +160,36 @@ Status calc_kinematics(const DockingModel& model, const S& t, const S* y, Need n
   const Status status = calc_position(model.mechanism, data.mechanism, need);
   if (!status.ok()) return status;
   if (model.mechanism.vehicle != kBase) {
-    calc_chaser_velocity(model, get_vehicle_pose(model, kChaser, y), y, data.mechanism);
+    calc_vehicle_velocity(model.mechanism, get_vehicle_pose(model, kChaser, y),
+                          y + model.layout.momentum[kChaser], data.mechanism);
   }
   calc_velocity(model.mechanism, data.base, data.mechanism);
   calc_frames(model, y, data);
+  return {};
+}
+
+/// Position and inertia of a target with parts; velocities of its parts as they are in the state.
+template <class S>
+Status calc_target_position(const DockingModel& model, const S* y, TargetData<S>& target) {
+  TreeData<S>& tree = target.mechanism.tree;
+  const StateLayout& layout = model.layout;
+  for (int j = 0; j < 7; ++j) tree.q[j] = y[layout.pose[kTarget] + j];
+  for (int j = 0; j < layout.target_n; ++j) {
+    tree.q[7 + j] = y[layout.target_q + j];
+    tree.v[6 + j] = y[layout.target_v + j];
+  }
+  return calc_position(*model.target, target.mechanism, Need::kState);
+}
+
+/// Motion of a target with parts.
+template <class S>
+Status calc_target_kinematics(const DockingModel& model, const S* y, DockingData<S>& data) {
+  if (!model.target) return {};
+  const Status status = calc_target_position(model, y, *data.target);
+  if (!status.ok()) return status;
+  calc_vehicle_velocity(*model.target, get_vehicle_pose(model, kTarget, y),
+                        y + model.layout.momentum[kTarget], data.target->mechanism);
+  calc_velocity(*model.target, data.base, data.target->mechanism);
   return {};
 }
 
@@ -184,18 +210,29 @@ void calc_frames(const DockingModel& model, const S* y, DockingData<S>& data) {
     data.vehicle[kChaser] = model.mechanism.vehicle != kBase
                                 ? get_body_motion(data.mechanism.tree, model.mechanism.vehicle)
                                 : get_vehicle_pose(model, kChaser, y);
+    data.carrier[kChaser] =
+        model.mechanism.vehicle != kBase
+            ? get_body_motion(data.mechanism.tree, model.mechanism.model.carrier)
+            : data.vehicle[kChaser];
     data.capture = find_capture_motion(model, data.mechanism.tree);
   }
-  data.interface[kChaser] = find_frame_on(data.vehicle[kChaser], model.interface_pose[kChaser]);
+  data.interface[kChaser] =
+      find_frame_on(data.carrier[kChaser], model.interface_on_carrier[kChaser]);
   if (model.present[kTarget]) {
     const bool is_joined = data.locked && data.locked->has_target;
     if (is_joined) {
       data.vehicle[kTarget] = find_frame_on(data.vehicle[kChaser], data.locked->target_pose);
+    } else if (model.target) {
+      data.vehicle[kTarget] = get_body_motion(data.target->mechanism.tree, model.target->vehicle);
     } else {
       data.vehicle[kTarget] = get_vehicle_pose(model, kTarget, y);
       if (model.moves[kTarget]) calc_target_velocity(model, y, data.vehicle[kTarget]);
     }
-    data.interface[kTarget] = find_frame_on(data.vehicle[kTarget], model.interface_pose[kTarget]);
+    data.carrier[kTarget] =
+        model.target ? get_body_motion(data.target->mechanism.tree, model.target->model.carrier)
+                     : data.vehicle[kTarget];
+    data.interface[kTarget] =
+        find_frame_on(data.carrier[kTarget], model.interface_on_carrier[kTarget]);
     if (is_joined) {
       const Pose<double> P = data.locked->target_pose * model.interface_pose[kTarget];
       data.relative = find_rest<S>(inverse(data.locked->capture) * P);
@@ -281,8 +318,14 @@ void put_vehicle_rates(const DockingModel& model, int i, const FrameMotion<S>& f
 }  // namespace
 
 template <class S>
+TargetData<S>::TargetData(const Mechanism& target) : mechanism(target) {
+  for (auto* x : {&no_command, &joint_force}) x->setZero(target.model.part_forces);
+}
+
+template <class S>
 DockingData<S>::DockingData(const DockingModel& model)
     : mechanism(model.mechanism), contact_work(model.contact), elements(model.mechanism.model) {
+  if (model.target) target.emplace(*model.target);
   command.setZero(count_commands(model.mechanism.model));
   joint_force.setZero(static_cast<int>(model.mechanism.model.forces.size()));
   bristle_rate.setZero(model.layout.bristle_count);
@@ -318,9 +361,22 @@ void calc_rigid_acceleration(const VehicleBody& whole, const FrameMotion<S>& cha
 
 template <class S>
 void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
-  const int vehicle = model.mechanism.vehicle;
+  const int vehicle = model.mechanism.vehicle, carrier = model.mechanism.model.carrier;
+  Wrench<S>& on_base = data.mechanism.on_base;
+  if (model.target) {
+    calc_reactions(*model.target, data.base, model.target->vehicle, data.target->mechanism);
+  }
   if (!data.locked) {
-    calc_reactions(model.mechanism, data.base, vehicle, data.mechanism);
+    calc_reactions(model.mechanism, data.base, carrier, data.mechanism);
+    data.on_chaser = on_base;
+    const int first_part = model.mechanism.model.first_part(),
+              count = static_cast<int>(model.mechanism.model.bodies.size());
+    if (carrier != vehicle) {
+      data.on_chaser = find_carried_load(model.mechanism, vehicle, 0, count, data.mechanism.tree);
+    } else if (first_part < count) {
+      on_base -=
+          find_carried_load(model.mechanism, vehicle, first_part, count, data.mechanism.tree);
+    }
     return;
   }
   const FrameMotion<S>& chaser = data.vehicle[kChaser];
@@ -334,10 +390,25 @@ void calc_docking_reactions(const DockingModel& model, DockingData<S>& data) {
     data.mechanism.tree.a[vehicle] = a;
     data.mechanism.tree.alpha[vehicle] = alpha;
   }
-  Wrench<S>& on_base = data.mechanism.on_base;
   on_base = S(-1) * find_inertial_load(data.locked->mechanism, chaser, a, alpha);
   if (model.mechanism.model.capture_body != vehicle) on_base += captured;
-  if (vehicle == kBase) on_base.t += chaser.p.cross(on_base.f);
+  data.on_chaser = on_base;
+  if (data.locked->parts.mass > 0.0) {
+    on_base += find_inertial_load(data.locked->parts, chaser, a, alpha);
+  }
+  if (carrier != vehicle) {
+    if (model.mechanism.model.capture_body == carrier) on_base -= captured;
+    if (!model.hard_dock.empty()) {
+      const Vec3<S> arm = data.interface[kChaser].p - chaser.p;
+      data.on_chaser.f -= data.on_target.f;
+      data.on_chaser.t -= data.on_target.t + arm.cross(data.on_target.f);
+    }
+    on_base.t += (chaser.p - data.carrier[kChaser].p).cross(on_base.f);
+  }
+  if (vehicle == kBase) {
+    on_base.t += chaser.p.cross(on_base.f);
+    data.on_chaser = on_base;
+  }
 }
 
 namespace {
@@ -394,9 +465,12 @@ void calc_load_on_target(const DockingModel& model, const DiscreteState& discret
     data.on_target.t = load.t - (A.p - chaser.p).cross(load.f);
   }
   if (model.mechanism.vehicle == kBase) return;
-  Wrench<S>& on_chaser = data.mechanism.tree.external[model.mechanism.vehicle];
+  Wrench<S>& on_chaser =
+      data.mechanism.tree
+          .external[data.locked ? model.mechanism.vehicle : model.mechanism.model.carrier];
+  const Vec3<S> arm = A.p - (data.locked ? chaser : data.carrier[kChaser]).p;
   on_chaser.f -= data.on_target.f;
-  on_chaser.t -= data.on_target.t + (A.p - chaser.p).cross(data.on_target.f);
+  on_chaser.t -= data.on_target.t + arm.cross(data.on_target.f);
 }
 
 /// Weight of the mechanism, contact and latches on the capture body, loads from outside on the
@@ -415,8 +489,10 @@ void calc_outside_loads(const DockingModel& model, const DiscreteState& discrete
     load.t -= data.on_passive.t +
               (data.capture.p - mechanism.tree.p[capture_body]).cross(data.on_passive.f);
   }
-  data.thrust = discrete.thrust_on ? data.interface[kChaser].R.col(0) * S(model.thrust)
-                                   : Vec3<S>(Vec3<S>::Zero());
+  data.thrust = discrete.thrust_on
+                    ? find_frame_on(data.vehicle[kChaser], model.interface_pose[kChaser]).R.col(0) *
+                          S(model.thrust)
+                    : Vec3<S>(Vec3<S>::Zero());
   if (model.mechanism.vehicle != kBase) {
     Wrench<S>& load = mechanism.tree.external[model.mechanism.vehicle];
     load.f += loads.force[kChaser] + data.thrust;
@@ -425,6 +501,30 @@ void calc_outside_loads(const DockingModel& model, const DiscreteState& discrete
   if (model.hard_dock.empty()) return;
   data.on_target = Wrench<S>();
   if (data.touches) calc_load_on_target(model, discrete, loads, t, data);
+}
+
+/// Loads on a target with parts. @pre calc_outside_loads; sums of the joints of the mechanism
+template <class S>
+void calc_target_loads(const DockingModel& model, const ExternalLoads<S>& loads,
+                       DockingData<S>& data) {
+  MechanismData<S>& target = data.target->mechanism;
+  for (Wrench<S>& load : target.tree.external) load = Wrench<S>();
+  const auto add = [&](const Wrench<S>& load, const Vec3<S>& at) {
+    Wrench<S>& sum = target.tree.external[model.target->model.carrier];
+    sum.f += load.f;
+    sum.t += load.t + (at - data.carrier[kTarget].p).cross(load.f);
+  };
+  add(data.on_passive, data.capture.p);
+  if (!model.hard_dock.empty()) add(data.on_target, data.interface[kChaser].p);
+  Wrench<S>& outside = target.tree.external[model.target->vehicle];
+  outside.f += loads.force[kTarget];
+  outside.t += data.vehicle[kTarget].R * loads.torque[kTarget];
+  target.tau.setZero();
+  const JointForceSums<S> sums =
+      calc_joint_forces(model.target->model, target.tree.q, target.tree.v, data.target->no_command,
+                        data.target->joint_force, target.tau);
+  data.joints.energy += sums.energy;
+  data.joints.dissipation += sums.dissipation;
 }
 
 /// The same for chaser, mechanism and target as one body. Of what acts inside, rates need only what
@@ -456,6 +556,7 @@ Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
   data.command = loads.command;
   data.joints = calc_joint_forces(model.mechanism.model, mechanism.tree.q, mechanism.tree.v,
                                   data.command, data.joint_force, mechanism.tau);
+  if (model.target) calc_target_loads(model, loads, data);
   if (!model.mechanism.model.elements.empty()) {
     calc_element_loads(model, discrete, t, y, ydot, data);
   }
@@ -489,6 +590,10 @@ void put_rates(const DockingModel& model, const ExternalLoads<S>& loads, const S
   if (model.mechanism.plan.is_driven) {
     calc_loop_forces(model.mechanism.plan, mechanism.vdot, mechanism.loops);
   }
+  for (int j = 0; j < model.layout.target_n; ++j) {
+    ydot[model.layout.target_q + j] = data.target->mechanism.tree.v[6 + j];
+    ydot[model.layout.target_v + j] = data.target->mechanism.vdot[6 + j];
+  }
   calc_vehicle_rates(model, loads, y, ydot, data);
 }
 
@@ -498,7 +603,8 @@ template <class S>
 Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
                     const ContactMemory& memory, const ExternalLoads<S>& loads, S t, const S* y,
                     S* ydot, DockingData<S>& data, Need need) {
-  Status status;
+  Status status = calc_target_kinematics(model, y, data);
+  if (!status.ok()) return status;
   if (data.locked) {
     calc_locked_kinematics(model, y, data);
     const bool is_joined = data.locked->has_target;
@@ -515,6 +621,7 @@ Status calc_docking(const DockingModel& model, const DiscreteState& discrete,
     if (!status.ok()) return status;
     calc_acceleration(model.mechanism, data.base, data.mechanism);
   }
+  if (model.target) calc_acceleration(*model.target, data.base, data.target->mechanism);
   if (ydot) put_rates(model, loads, y, ydot, data);
   return {};
 }
@@ -557,14 +664,20 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
   }
   if (model.moves[kTarget]) {
     const FrameMotion<S>& target = data.vehicle[kTarget];
-    const Vec3<S> force = loads.force[kTarget] + S(model.vehicle[kTarget].mass) * gravity;
+    Vec3<S> force = loads.force[kTarget] + S(model.vehicle[kTarget].mass) * gravity;
     const Vec3<S> moment = target.R * loads.torque[kTarget];
-    const Vec3<S> moment_about_O = moment + target.p.cross(force);
+    Vec3<S> moment_about_O = moment + target.p.cross(force);
+    power += force.dot(target.v) + moment.dot(target.w);
+    if (model.target) {
+      const LegSums<S> parts = find_motion_sums(*model.target, data.target->mechanism);
+      force += parts.mass * gravity;
+      moment_about_O += parts.first_moment.cross(gravity);
+      power += gravity.dot(parts.momentum.f);
+    }
     put_vehicle_rates<S>(model, kTarget, target, force + exchanged,
                          moment_about_O + exchanged_moment, y, ydot);
     impulse += force;
     angular_impulse += moment_about_O;
-    power += force.dot(target.v) + moment.dot(target.w);
   }
   S* sums = ydot + model.layout.sums;
   sums[kSumContact] = data.contact.contact_power;
@@ -605,6 +718,15 @@ Wrench<S> find_part_momentum(const VehicleBody& part, const FrameMotion<S>& chas
   return p;
 }
 
+/// Kinetic energy of the body of a vehicle, without what it carries.
+template <class S>
+S find_vehicle_energy(const Mechanism& mechanism, const TreeData<S>& tree) {
+  const int i = mechanism.vehicle;
+  return S(0.5 * mechanism.model.bodies[i].mass) * tree.u[i].squaredNorm() +
+         tree.u[i].dot(tree.w[i].cross(tree.h_body[i])) +
+         S(0.5) * tree.w[i].dot(tree.I_body[i] * tree.w[i]);
+}
+
 }  // namespace
 
 template <class S>
@@ -616,16 +738,14 @@ S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
     energy += S(0.5) * (chaser.v.dot(p.f) + chaser.w.dot(p.t - chaser.p.cross(p.f)));
   } else {
     energy += find_mechanism_energy(model.mechanism, data.mechanism);
-    const int vehicle = model.mechanism.vehicle;
-    if (vehicle != kBase) {
-      const TreeData<S>& tree = data.mechanism.tree;
-      energy +=
-          S(0.5 * model.mechanism.model.bodies[vehicle].mass) * tree.u[vehicle].squaredNorm() +
-          tree.u[vehicle].dot(tree.w[vehicle].cross(tree.h_body[vehicle])) +
-          S(0.5) * tree.w[vehicle].dot(tree.I_body[vehicle] * tree.w[vehicle]);
+    if (model.mechanism.vehicle != kBase) {
+      energy += find_vehicle_energy(model.mechanism, data.mechanism.tree);
     }
   }
-  if (model.moves[kTarget]) {
+  if (model.target) {
+    energy += find_mechanism_energy(*model.target, data.target->mechanism) +
+              find_vehicle_energy(*model.target, data.target->mechanism.tree);
+  } else if (model.moves[kTarget]) {
     const FrameMotion<S>& target = data.vehicle[kTarget];
     const Vec3<S> w = target.R.transpose() * target.w;
     energy += S(0.5 * model.vehicle[kTarget].mass) * target.v.squaredNorm() +
@@ -635,21 +755,33 @@ S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
 }
 
 template <class S>
-Wrench<S> find_body_momentum(const DockingModel& model, int body, const DockingData<S>& data) {
-  const TreeData<S>& tree = data.mechanism.tree;
+Wrench<S> find_body_momentum(const Mechanism& mechanism, int body, const TreeData<S>& tree) {
   Wrench<S> p;
-  p.f = S(model.mechanism.model.bodies[body].mass) * tree.u[body] +
-        tree.w[body].cross(tree.h_body[body]);
+  p.f = S(mechanism.model.bodies[body].mass) * tree.u[body] + tree.w[body].cross(tree.h_body[body]);
   p.t = tree.p[body].cross(p.f) + tree.I_body[body] * tree.w[body] +
         tree.h_body[body].cross(tree.u[body]);
   return p;
 }
+
+namespace {
+
+/// Momentum of a tree with its vehicle.
+template <class S>
+Wrench<S> find_tree_momentum(const Mechanism& mechanism, const MechanismData<S>& data) {
+  Wrench<S> sum = find_motion_sums(mechanism, data).momentum;
+  if (mechanism.vehicle != kBase)
+    sum += find_body_momentum(mechanism, mechanism.vehicle, data.tree);
+  return sum;
+}
+
+}  // namespace
 
 template <class S>
 Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingData<S>& data) {
   Wrench<S> sum;
   if (vehicle == kTarget) {
     if (!model.moves[kTarget]) return sum;
+    if (model.target) return find_tree_momentum(*model.target, data.target->mechanism);
     const FrameMotion<S>& target = data.vehicle[kTarget];
     sum.f = S(model.vehicle[kTarget].mass) * target.v;
     sum.t = target.p.cross(sum.f) + target.R * (cast<S>(model.vehicle[kTarget].inertia) *
@@ -657,10 +789,7 @@ Wrench<S> find_momentum(const DockingModel& model, int vehicle, const DockingDat
     return sum;
   }
   if (data.locked) return find_part_momentum(data.locked->whole, data.vehicle[kChaser]);
-  sum = find_motion_sums(model.mechanism, data.mechanism).momentum;
-  const int body = model.mechanism.vehicle;
-  if (body != kBase) sum += find_body_momentum(model, body, data);
-  return sum;
+  return find_tree_momentum(model.mechanism, data.mechanism);
 }
 
 template <class S>
@@ -673,6 +802,11 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
     sum = find_momentum(model, kTarget, data);
     mass = S(model.vehicle[kTarget].mass);
     first_moment = mass * data.vehicle[kTarget].p;
+    if (model.target) {
+      const LegSums<S> parts = find_motion_sums(*model.target, data.target->mechanism);
+      mass += parts.mass;
+      first_moment += parts.first_moment;
+    }
   }
   const TreeData<S>& tree = data.mechanism.tree;
   const FrameMotion<S>& chaser = data.vehicle[kChaser];
@@ -691,7 +825,7 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
     const int vehicle = model.mechanism.vehicle;
     if (vehicle != kBase && !model.driven[kChaser]) {
       const S m(model.mechanism.model.bodies[vehicle].mass);
-      sum += find_body_momentum(model, vehicle, data);
+      sum += find_body_momentum(model.mechanism, vehicle, tree);
       mass += m;
       first_moment += tree.h_body[vehicle] + m * tree.p[vehicle];
     }
@@ -709,6 +843,7 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
                                 const ExternalLoads<S>&, S, const S*, S*, DockingData<S>&);        \
   template void calc_vehicle_rates<S>(const DockingModel&, const ExternalLoads<S>&, const S*, S*,  \
                                       DockingData<S>&);                                            \
+  template struct TargetData<S>;                                                                   \
   template struct DockingData<S>;                                                                  \
   template Status calc_docking<S>(const DockingModel&, const DiscreteState&, const ContactMemory&, \
                                   const ExternalLoads<S>&, S, const S*, S*, DockingData<S>&,       \
@@ -721,7 +856,7 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
   template FrameMotion<S> get_vehicle_pose<S>(const DockingModel&, int, const S*);                 \
   template FrameMotion<S> find_capture_motion<S>(const DockingModel&, const TreeData<S>&);         \
   template S find_kinetic_energy<S>(const DockingModel&, const DockingData<S>&);                   \
-  template Wrench<S> find_body_momentum<S>(const DockingModel&, int, const DockingData<S>&);       \
+  template Wrench<S> find_body_momentum<S>(const Mechanism&, int, const TreeData<S>&);             \
   template Wrench<S> find_momentum<S>(const DockingModel&, int, const DockingData<S>&);            \
   template Wrench<S> find_inside_momentum<S>(const DockingModel&, const DockingData<S>&, S&,       \
                                              Vec3<S>&);

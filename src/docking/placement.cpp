@@ -72,7 +72,7 @@ struct FreeBody {
 };
 
 /// Vehicle with the mechanism frozen in home pose, unless the stated mass includes the mechanism.
-FreeBody make_free_body(const Scene& scene, int i) {
+FreeBody make_body_with_mechanism(const Scene& scene, int i) {
   const VehicleParameters& p = scene.vehicle[i];
   FreeBody body{p.mass, Vec3<double>::Zero(), make_symmetric(p.inertia)};
   if (i == kTarget || p.mass_includes_mechanism == 2 || scene.mechanism.bodies.empty()) return body;
@@ -90,6 +90,15 @@ FreeBody make_free_body(const Scene& scene, int i) {
   body.inertia += about(body.com, p.mass) + B.R * frozen.inertia * B.R.transpose() +
                   about(c - body.com, frozen.mass);
   return body;
+}
+
+/// The same with its parts, coordinates at zero.
+FreeBody make_free_body(const Scene& scene, int i) {
+  const FreeBody body = make_body_with_mechanism(scene, i);
+  const VehicleBody parts = find_rigid_parts(scene.parts[i]);
+  if (!(parts.mass > 0.0)) return body;
+  const VehicleBody whole = join({body.mass, body.com, body.inertia}, parts);
+  return {whole.mass, whole.com, whole.inertia};
 }
 
 }  // namespace

@@ -18,6 +18,7 @@
 #include "math/choice.hpp"
 #include "math/types.hpp"
 #include "model/mechanism_model.hpp"
+#include "model/vehicle_part.hpp"
 
 namespace dockloop {
 
@@ -124,6 +125,7 @@ struct Scene {
   std::array<Motion, 2> motion{Motion::kFree, Motion::kFree};
   bool has_target = true;  ///< false: mechanism alone (no contact, no relative states)
   std::array<VehicleParameters, 2> vehicle;
+  std::array<VehicleParts, 2> parts;
   MechanismModel mechanism;        ///< on its base B, not yet attached to the chaser
   Pose<double> base_in_interface;  ///< pose of B in A
   ContactModel contact;            ///< no pairs if the scene has no contact

@@ -8,6 +8,7 @@
 #include "docking/hardware_json.hpp"
 #include "docking/scene.hpp"
 #include "docking/sequence_json.hpp"
+#include "docking/vehicle_part_json.hpp"
 #include "math/rotation.hpp"
 #include "model/element_json.hpp"
 #include "model/json_reader.hpp"
@@ -24,7 +25,7 @@ int read_choice(const JsonReader& item, const ChoiceList& list) {
 }
 
 /// Increase it when the same document leads to other variables or other meanings.
-constexpr const char* kVariableTableVersion = "dockloop-variables/7";
+constexpr const char* kVariableTableVersion = "dockloop-variables/8";
 
 constexpr int kMaxNodes = 360;  ///< of a guide ring
 constexpr int kMaxMethod = 99;  ///< sim/solver_methods.hpp has the list
@@ -37,26 +38,16 @@ Motion read_motion(const JsonReader& vehicle) {
   vehicle.at("motion").fail("is '" + motion + "'; it must be free, driven or fixed");
 }
 
-Vec4<double> read_quaternion(const JsonReader& owner, const std::string& key) {
-  Vec4<double> q = owner.vector<4>(key, Vec4<double>(1, 0, 0, 0));
-  if (std::abs(q.norm() - 1.0) > 1e-3) {
-    owner.at(key).fail("must be a unit quaternion (w, x, y, z); its norm is " +
-                       describe_number(q.norm()));
-  }
-  // A unit quaternion within rounding keeps its bits.
-  return std::abs(q.norm() - 1.0) > 1e-15 ? Vec4<double>(q / q.norm()) : q;
-}
-
 VehicleParameters read_vehicle(const JsonReader& item) {
   VehicleParameters p;
   p.mass = item.positive("mass");
   p.inertia = item.at("inertia").vector<6>();
   p.interface_position = item.vector<3>("interface_position", p.interface_position);
-  p.interface_attitude = read_quaternion(item, "interface_attitude");
+  p.interface_attitude = item.quaternion("interface_attitude");
   p.mass_includes_mechanism = item.whole("mass_includes_mechanism", 1, 1, 2);
   p.position = item.vector<3>("position", p.position);
   p.velocity = item.vector<3>("velocity", p.velocity);
-  p.attitude = read_quaternion(item, "attitude");
+  p.attitude = item.quaternion("attitude");
   p.angular_velocity = item.vector<3>("angular_velocity", p.angular_velocity);
   return p;
 }
@@ -212,9 +203,20 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
     scene.motion[kTarget] = read_motion(root.at("target"));
     scene.vehicle[kTarget] = read_vehicle(root.at("target"));
   }
+  for (const auto& [name, i] : {std::pair{"chaser", kChaser}, std::pair{"target", kTarget}}) {
+    if (!root.has(name)) continue;
+    const JsonReader vehicle = root.at(name);
+    scene.parts[i] = read_vehicle_parts(vehicle, name);
+    const bool allowed =
+        scene.motion[i] == Motion::kFree || (i == kChaser && scene.motion[i] == Motion::kDriven);
+    if (allowed || scene.parts[i].count_coordinates() == 0) continue;
+    vehicle.at("motion").fail(std::string("is '") + vehicle.at("motion").text() +
+                              "', but the vehicle has parts; parts need a free vehicle, or a "
+                              "driven chaser");
+  }
   if (root.has("base")) {
     const JsonReader base = root.at("base");
-    scene.base_in_interface = {quat_to_matrix<double>(read_quaternion(base, "attitude")),
+    scene.base_in_interface = {quat_to_matrix<double>(base.quaternion("attitude")),
                                base.vector<3>("position", Vec3<double>::Zero())};
   }
   const JsonReader mechanism = root.at("mechanism");

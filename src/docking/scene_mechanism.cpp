@@ -16,7 +16,7 @@ Mechanism make_scene_mechanism(const Scene& scene) {
   const bool moves = scene.motion[kChaser] != Motion::kFixed;
   const Pose<double> chaser_pose{quat_to_matrix<double>(chaser.attitude),
                                  chaser.position - find_frame_origin(scene, scene.vehicle)};
-  Mechanism mechanism(moves ? attach_vehicle(described, {}, base_in_chaser)
+  Mechanism mechanism(moves ? attach_vehicle(described, {}, base_in_chaser, scene.parts[kChaser])
                             : fix_base(described, chaser_pose * base_in_chaser));
   if (moves) mechanism.vehicle = 0;
   return mechanism;

@@ -277,6 +277,7 @@ void add_sequence(Table& table, const Sequence& sequence, Inputs& in, Outputs& o
 
 void add_ring(Table& table, Outputs& out);
 void add_legs(Table& table, const MechanismModel& mechanism, Inputs& in, Outputs& out);
+void add_parts(Table& table, const Scene& scene, Outputs& out);
 void add_elements(Table& table, DockingSim& sim);
 void add_disturbances(Table& table, DockingSim& sim);
 void add_failures(Table& table, DockingSim& sim);

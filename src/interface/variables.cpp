@@ -117,6 +117,7 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   }
   if (wants("ring")) add_ring(table, outputs);
   if (wants("legs")) add_legs(table, scene.mechanism, inputs, outputs);
+  add_parts(table, scene, outputs);
   add_elements(table, sim);
   add_failures(table, sim);
   add_disturbances(table, sim);

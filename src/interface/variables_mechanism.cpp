@@ -100,6 +100,33 @@ void add_elements(Table& table, DockingSim& sim) {
   }
 }
 
+/// Parts of vehicles: coordinate, rate and force of each connection, one or one per direction.
+void add_parts(Table& table, const Scene& scene, Outputs& out) {
+  size_t part = 0, at = 0;
+  const auto add = [&](const VehiclePart& each) {
+    const size_t count = each.coordinates.size();
+    const std::string name = indexed("part", part++);
+    const auto rows = [&](const char* member, std::vector<double>& values, const Quantity& slide,
+                          const Quantity& turn, const std::string& text) {
+      for (size_t k = 0; k < count; ++k) {
+        const bool turns = each.coordinates[k].joint == JointType::kRevolute;
+        const std::string vector = name + "." + member;
+        table.output(count > 1 ? indexed(vector, k) : vector, &values[at + k], turns ? turn : slide,
+                     text + " of " + each.name);
+      }
+    };
+    rows("coordinate", out.part_coordinate, kSmallLength, kAngle, "Coordinate of the connection");
+    rows("rate", out.part_rate, kSmallVelocity, kAngularVelocity,
+         "Rate of the coordinate of the connection");
+    rows(
+        "force", out.part_force, kForce, kTorque,
+        "Force of spring and damper of the connection, positive when it increases the coordinate,");
+    at += count;
+  };
+  scene.parts[kChaser].for_each(add);
+  scene.parts[kTarget].for_each(add);
+}
+
 /// Loads of the scene on vehicles, for a while.
 void add_disturbances(Table& table, DockingSim& sim) {
   for (size_t k = 0; k < sim.parameters().disturbance.size(); ++k) {

@@ -77,6 +77,9 @@ void add_state_vector(Table& table, const Scene& scene, Outputs& out) {
        true);
   rows("ode.mechanism.v", out.state_v.size(), kCoordinate, "Integrated velocity [m/s, rad/s]",
        true);
+  const auto target_parts = static_cast<size_t>(scene.parts[kTarget].count_coordinates());
+  rows("ode.target.part_q", target_parts, kCoordinate, "Coordinate of a part [m, rad]");
+  rows("ode.target.part_v", target_parts, kCoordinate, "Rate of a part [m/s, rad/s]");
   for (const int i : {kChaser, kTarget}) {
     if (scene.motion[i] == Motion::kFixed || (i == kTarget && !scene.has_target)) continue;
     const std::string v = i == kChaser ? "ode.chaser." : "ode.target.";

@@ -86,6 +86,7 @@ std::string describe_kernel_source(const Mechanism& mechanism, KernelScope scope
     text << "block" << block.loops << block.dep << block.low;
     if (block.form()) describe(*block.form(), text);
   }
+  if (model.carrier != mechanism.vehicle) text << "carrier" << model.carrier;
   const KernelBodies bodies(mechanism, scope);
   text << "bodies" << bodies.loaded << bodies.forced << bodies.sprung;
   return text.get();
@@ -109,6 +110,7 @@ KernelBodies::KernelBodies(const Mechanism& mechanism, KernelScope scope) {
   };
   moving = mechanism.plan.ind_bodies;
   add(moving, model.capture_body);
+  add(moving, model.carrier);
   for (const JointForce& force : model.forces) add(sprung, force.body);
   for (const ForceElement& element : model.elements) {
     for (const ElementTerm& term : element.along) add(sprung, term.body);
@@ -118,6 +120,7 @@ KernelBodies::KernelBodies(const Mechanism& mechanism, KernelScope scope) {
     for (int i = 0; i < static_cast<int>(model.bodies.size()); ++i) forced.push_back(i);
   } else {
     add(loaded, mechanism.vehicle);
+    add(loaded, model.carrier);
     add(loaded, model.capture_body);
     forced = sprung;
   }

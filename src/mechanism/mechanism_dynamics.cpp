@@ -237,42 +237,101 @@ void close_home(Mechanism& mechanism, const std::string& source_name) {
   mechanism.plan = make_loop_plan(model, model.home_q, mechanism.newton_only);
 }
 
+namespace {
+
+/// Bodies of a part: massless ones but for the last, each moved by one coordinate of its
+/// connection.
+void add_part(const VehiclePart& part, int parent, std::vector<Body>& bodies) {
+  for (size_t k = 0; k < part.coordinates.size(); ++k) {
+    Body body;
+    body.name = part.name;
+    if (k + 1 < part.coordinates.size()) body.name += " (" + std::to_string(k + 1) + ")";
+    body.parent = parent;
+    body.joint = part.coordinates[k].joint;
+    body.axis = part.coordinates[k].axis;
+    if (k == 0) body.placement = part.placement;
+    parent = static_cast<int>(bodies.size());
+    bodies.push_back(body);
+  }
+  bodies.back().mass = part.mass;
+  bodies.back().com = part.com;
+  bodies.back().inertia = part.inertia;
+}
+
+/// Springs and dampers of a part whose first body is `body`.
+void add_part_forces(const VehiclePart& part, int body, std::vector<JointForce>& forces) {
+  for (const PartCoordinate& coordinate : part.coordinates) {
+    JointForce force;
+    force.body = body++;
+    force.stiffness = coordinate.stiffness;
+    force.damping = coordinate.damping;
+    force.is_stated = false;
+    forces.push_back(force);
+  }
+}
+
+}  // namespace
+
 MechanismModel attach_vehicle(const MechanismModel& mechanism, const VehicleBody& vehicle,
-                              const Pose<double>& base_in_vehicle) {
+                              const Pose<double>& base_in_vehicle, const VehicleParts& parts) {
   MechanismModel model = mechanism;
-  Body body;
-  body.name = "vehicle";
-  body.mass = vehicle.mass;
-  body.com = vehicle.com;
-  body.inertia = vehicle.inertia;
-  model.bodies.insert(model.bodies.begin(), body);
-  for (size_t i = 1; i < model.bodies.size(); ++i) {
+  std::vector<Body> carriers(1);
+  carriers[0].name = "vehicle";
+  carriers[0].mass = vehicle.mass;
+  carriers[0].com = vehicle.com;
+  carriers[0].inertia = vehicle.inertia;
+  Pose<double> base = base_in_vehicle;  // in the last carrier
+  if (parts.adapter) {
+    add_part(*parts.adapter, 0, carriers);
+    base = inverse(parts.adapter->placement) * base;
+  }
+  const int shift = static_cast<int>(carriers.size());
+  model.bodies.insert(model.bodies.begin(), carriers.begin(), carriers.end());
+  for (size_t i = carriers.size(); i < model.bodies.size(); ++i) {
     Body& b = model.bodies[i];
-    if (b.parent == kBase) b.placement = base_in_vehicle * b.placement;
-    b.parent += 1;  // kBase becomes body 0
+    if (b.parent == kBase) b.placement = base * b.placement;
+    b.parent += shift;  // kBase becomes the last carrier
   }
   for (Loop& loop : model.loops) {
-    // What was fixed on the base is now fixed on the vehicle, in vehicle axes.
+    // What was fixed on the base is now fixed on the carrier, in its axes.
     if (loop.closing == kBase) {
-      loop.point_on_closing = base_in_vehicle.R * loop.point_on_closing + base_in_vehicle.p;
-      loop.axis_on_closing = base_in_vehicle.R * loop.axis_on_closing;
+      loop.point_on_closing = base.R * loop.point_on_closing + base.p;
+      loop.axis_on_closing = base.R * loop.axis_on_closing;
     }
-    if (loop.root == kBase) {
-      loop.plane_axes_in_root = loop.plane_axes_in_root * base_in_vehicle.R.transpose();
-    }
-    for (int* index : {&loop.root, &loop.first, &loop.terminal, &loop.closing}) *index += 1;
-    for (int& index : loop.dependent) index += 1;
-    for (CouplingTerm& term : loop.terms) term.body += 1;
+    if (loop.root == kBase) loop.plane_axes_in_root = loop.plane_axes_in_root * base.R.transpose();
+    for (int* index : {&loop.root, &loop.first, &loop.terminal, &loop.closing}) *index += shift;
+    for (int& index : loop.dependent) index += shift;
+    for (CouplingTerm& term : loop.terms) term.body += shift;
   }
-  for (JointForce& force : model.forces) force.body += 1;
+  for (JointForce& force : model.forces) force.body += shift;
   for (ForceElement& element : model.elements) {
-    for (ElementTerm& term : element.along) term.body += 1;
+    for (ElementTerm& term : element.along) term.body += shift;
   }
-  for (Leg& leg : model.legs) leg.body += 1;
-  model.capture_body += 1;
-  model.home_q.insert(model.home_q.begin(), {0, 0, 0, 1, 0, 0, 0});
+  for (Leg& leg : model.legs) leg.body += shift;
+  model.capture_body += shift;
+  std::vector<double> home(static_cast<size_t>(shift + 6), 0.0);
+  home[3] = 1.0;
+  model.home_q.insert(model.home_q.begin(), home.begin(), home.end());
+  model.carrier = shift - 1;
+  const size_t first_part = model.bodies.size();
+  for (const VehiclePart& part : parts.hung) {
+    add_part_forces(part, static_cast<int>(model.bodies.size()), model.forces);
+    add_part(part, 0, model.bodies);
+  }
+  if (parts.adapter) add_part_forces(*parts.adapter, 1, model.forces);
+  model.part_bodies = static_cast<int>(model.bodies.size() - first_part);
+  model.part_forces = parts.count_coordinates();
+  model.home_q.resize(model.home_q.size() + model.bodies.size() - first_part, 0.0);
   number_coordinates(model);
   return model;
+}
+
+VehicleBody find_rigid_parts(const VehicleParts& parts) {
+  VehicleBody all;
+  parts.for_each([&](const VehiclePart& part) {
+    all = join(all, transform(part.placement, {part.mass, part.com, part.inertia}));
+  });
+  return all;
 }
 
 MechanismModel fix_base(const MechanismModel& mechanism, const Pose<double>& base_pose) {

@@ -20,6 +20,7 @@
 #include "loops/loops.hpp"
 #include "math/small_cholesky.hpp"
 #include "mechanism/mechanism_kernel.hpp"
+#include "model/vehicle_part.hpp"
 
 namespace dockloop {
 
@@ -62,7 +63,7 @@ struct MechanismData {
   VecX<S> scratch_v;                  ///< nv
   MatX<S> A_tree;     ///< nv x nv: inertia of the tree with the legs of platforms condensed, before
                       ///< other loops are eliminated
-  Wrench<S> on_base;  ///< of the mechanism on its base body, about that body's origin,
+  Wrench<S> on_base;  ///< of what the base body carries on it, about that body's origin,
                       ///< base axes of the tree (calc_reactions)
   Vec3<S> linear_momentum = Vec3<S>::Zero();   ///< of all bodies, base axes, on a base at rest
                                                ///< under gravity (calc_acceleration) [N s]
@@ -105,11 +106,18 @@ S find_mechanism_energy(const Mechanism& mechanism, const MechanismData<S>& data
 template <class S>
 LegSums<S> find_motion_sums(const Mechanism& mechanism, const MechanismData<S>& data);
 
-/// Cut forces (data.loops.block[].lambda) and the load on `base_body`.
+/// Cut forces (data.loops.block[].lambda) and the load on `base_body` (data.on_base).
 /// @pre calc_acceleration for Need::kState
 template <class S>
 void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int base_body,
                     MechanismData<S>& data);
+
+/// Load of bodies that `parent` carries on it, about its origin. @param first, end  bodies that
+/// count
+/// @pre calc_reactions
+template <class S>
+Wrench<S> find_carried_load(const Mechanism& mechanism, int parent, int first, int end,
+                            const TreeData<S>& tree);
 
 /// Full load in every joint of the tree, cut forces taken into account: data.joint_load. The load
 /// of a planar cut across its plane is not determined and counts as zero.
@@ -177,10 +185,14 @@ VehicleBody join(const VehicleBody& a, const VehicleBody& b);
 /// The same body in other axes.
 VehicleBody transform(const Pose<double>& pose, const VehicleBody& body);
 
-/// The mechanism on a free-flying vehicle: body 0 is "vehicle" with a free joint, and everything
-/// that hung on the base hangs on it. @param base_in_vehicle pose of B in the vehicle's axes.
+/// The mechanism on a free-flying vehicle: body 0 is "vehicle" with a free joint, then comes its
+/// adapter. What hung on the base hangs on the last of them. Other parts are the last bodies.
+/// @param base_in_vehicle pose of B in the vehicle's axes, coordinates of the adapter at zero.
 MechanismModel attach_vehicle(const MechanismModel& mechanism, const VehicleBody& vehicle,
-                              const Pose<double>& base_in_vehicle);
+                              const Pose<double>& base_in_vehicle, const VehicleParts& parts = {});
+
+/// All parts of a vehicle as one body, coordinates at zero, axes of the vehicle.
+VehicleBody find_rigid_parts(const VehicleParts& parts);
 
 /// The mechanism on a vehicle that does not move: base placements become `base_pose`.
 MechanismModel fix_base(const MechanismModel& mechanism, const Pose<double>& base_pose);

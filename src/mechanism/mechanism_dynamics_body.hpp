@@ -154,6 +154,19 @@ void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int b
 }
 
 template <class S>
+Wrench<S> find_carried_load(const Mechanism& mechanism, int parent, int first, int end,
+                            const TreeData<S>& tree) {
+  Wrench<S> sum;
+  for (int i = first; i < end; ++i) {
+    if (mechanism.model.bodies[i].parent != parent) continue;
+    const Wrench<S>& load = tree.transmitted[i];
+    sum.f -= load.f;
+    sum.t -= load.t + tree.r[i].cross(load.f);
+  }
+  return sum;
+}
+
+template <class S>
 void keep_reference(const Mechanism& mechanism, MechanismData<S>& data) {
   keep_reference(mechanism.model, data.tree, data.loops);
 }
@@ -311,6 +324,7 @@ bool has_passed_singular_pose(const Mechanism& mechanism, const MechanismData<S>
   template void calc_acceleration<S>(const Mechanism&, const BaseMotion<S>&, MechanismData<S>&);   \
   template void calc_joint_loads<S>(const Mechanism&, MechanismData<S>&);                          \
   template void calc_reactions<S>(const Mechanism&, const BaseMotion<S>&, int, MechanismData<S>&); \
+  template Wrench<S> find_carried_load<S>(const Mechanism&, int, int, int, const TreeData<S>&);    \
   template void keep_reference<S>(const Mechanism&, MechanismData<S>&);                            \
   template void calc_leg_bodies<S>(const Mechanism&, MechanismData<S>&);                           \
   template S find_mechanism_energy<S>(const Mechanism&, const MechanismData<S>&);                  \

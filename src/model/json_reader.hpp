@@ -146,6 +146,17 @@ class JsonReader {
     return at(key).node().get<bool>();
   }
 
+  /// Unit quaternion (w, x, y, z); no turn if the member is absent.
+  Vec4<double> quaternion(const std::string& key) const {
+    const Vec4<double> q = vector<4>(key, Vec4<double>(1, 0, 0, 0));
+    if (std::abs(q.norm() - 1.0) > 1e-3) {
+      at(key).fail("must be a unit quaternion (w, x, y, z); its norm is " +
+                   describe_number(q.norm()));
+    }
+    // A unit quaternion within rounding keeps its bits.
+    return std::abs(q.norm() - 1.0) > 1e-15 ? Vec4<double>(q / q.norm()) : q;
+  }
+
   template <int N>
   Eigen::Matrix<double, N, 1> vector() const {
     if (!node_->is_array() || node_->size() != static_cast<size_t>(N)) {

@@ -139,7 +139,7 @@ struct JointForce {
   double rest = 0.0;       ///< [m]
   double preload = 0.0;    ///< [N], positive extends
   EndStops stops;
-  bool is_stated = true;  ///< by the file; false: of the command to a leg alone
+  bool is_stated = true;  ///< by the file; false: command to a leg alone, or a part of a vehicle
 };
 
 /// Units are those of a slide or a turn.
@@ -213,6 +213,11 @@ struct MechanismModel {
   int capture_body = kBase;      ///< body that carries frame G; kBase: the chaser, at A
   Pose<double> capture_in_body;  ///< G in axes of that body, or of A
   int nq = 0, nv = 0;
+  /// Of parts of the vehicle that carries the mechanism (model/vehicle_part.hpp): bodies that hang
+  /// on it, and joint forces along coordinates; both are at the end of their lists.
+  int part_bodies = 0, part_forces = 0;
+  int carrier = kBase;  ///< body on which the mechanism stands: vehicle or adapter
+  int first_part() const { return static_cast<int>(bodies.size()) - part_bodies; }
 };
 
 /// Number the coordinates in body order (q_index, v_index, nq, nv). A missing home becomes zero.

@@ -117,7 +117,7 @@ void choose_tolerances(const Parameters& p, double tolerance, const DockingModel
                        SolverChoice& c) {
   const AccuracyTable& table = get_table(model);
   const SolverSettings defaults;
-  const size_t place = find_place(find_method(c.method, model.layout.bristle_count > 0)->method);
+  const size_t place = find_place(find_method(c.method, needs_other_matrix(model))->method);
   const bool is_measured = place < kCalibratedMethods.size() && p.model_level != kReference;
   const Column column(table, is_measured ? place : find_place(find_best(p, tolerance, table)));
   const double rtol = column.find_rtol(p.accuracy);

@@ -50,7 +50,7 @@ void DockingSim::Impl::seed(const Seed& seed, int lane) {
   const int place = seed.place;
   if (place >= kCommandInput) {
     // The last input is coupling.next_step: no output depends on it directly.
-    const MechanismModel& m = scene->mechanism;
+    const MechanismModel& m = model->mechanism.model;
     const size_t legs = m.legs.size(), at = static_cast<size_t>(place - kCommandInput);
     if (at < legs) {
       add(pass.loads.command[m.legs[at].force], m.legs[at].arm);
@@ -128,6 +128,8 @@ void DockingSim::Impl::spread_states(std::mt19937_64& random) {
   };
   vary(layout.mechanism_q, layout.mechanism_nq, 3e-3);
   vary(layout.mechanism_v, layout.mechanism_nv, 3e-2);
+  vary(layout.target_q, layout.target_n, 3e-3);
+  vary(layout.target_v, layout.target_n, 3e-2);
   for (int i : {kChaser, kTarget}) {
     if (layout.pose[i] < 0) continue;
     const double mass = parameters.vehicle[i].mass;

@@ -19,6 +19,9 @@ const char* DockingSim::Impl::find_joint_obstacle() const {
   if (model->mechanism.plan.is_driven) {
     return "a rigid joint holds the mechanism, but a coupling prescribes the motion of a joint";
   }
+  if (model->mechanism.model.part_forces > 0 || model->target) {
+    return "a rigid joint holds two rigid vehicles, but one has parts that move";
+  }
   if (unreduced || adapt_problem) {
     return "a rigid joint needs the reduced form of the equations: set model.level = 3 (reduced)";
   }

@@ -87,10 +87,10 @@ bool DockingSim::Impl::integrates_reduced_form(const RunMethod& method) const {
   return method.is_co_simulation && !method.is_reference && parameters.model_level != kReference;
 }
 
-/// Linearly implicit steps? Bristles of contacts, and forms that integrate other unknowns, need
-/// another method.
+/// Linearly implicit steps? Some models, and forms that integrate other unknowns, need another
+/// method.
 bool DockingSim::Impl::uses_structured_matrix(const RunMethod& method) const {
-  if (!integrates_reduced_form(method) || model->layout.bristle_count > 0) return false;
+  if (!integrates_reduced_form(method) || needs_other_matrix(*model)) return false;
   const int number = method.facts->method;
   return number == kRosenbrock || number == kFixedRosenbrock ||
          (number == kAuto && prefers_structured_matrix(method.rtol));
@@ -109,7 +109,7 @@ bool DockingSim::Impl::makes_own_steps(const RunMethod& method) const {
 /// booked states only.
 RunMethod DockingSim::Impl::choose_method() const {
   RunMethod method;
-  method.facts = find_method(chosen.method, model->layout.bristle_count > 0);
+  method.facts = find_method(chosen.method, needs_other_matrix(*model));
   method.rtol = find_relative_tolerance();
   method.is_co_simulation = fmi_kind == FmiKind::kCoSimulation;
   method.is_reference = static_cast<bool>(adapt_problem);
@@ -201,6 +201,7 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances(double position, 
   const StateLayout& layout = model->layout;
   std::vector<double> atol(static_cast<size_t>(layout.size), position);
   std::fill_n(atol.begin() + layout.mechanism_v, layout.mechanism_nv, velocity);
+  std::fill_n(atol.begin() + layout.target_v, layout.target_n, velocity);
   for (int i : {kChaser, kTarget}) {
     if (layout.momentum[i] < 0) continue;
     const VehicleParameters& p = parameters.vehicle[i];

@@ -65,7 +65,16 @@ void read_vehicles(const OutputSource<S>& from, OutputValues<S>& out) {
   }
 }
 
-/// Load of the docking system on each vehicle: now, and its mean over the step just made.
+/// Is the docking hardware fixed on the vehicle, without an adapter?
+inline bool carries_itself(const DockingModel& model, int vehicle) {
+  const Mechanism* tree = vehicle == kChaser ? &model.mechanism
+                          : model.target     ? &*model.target
+                                             : nullptr;
+  return !tree || tree->model.carrier == tree->vehicle;
+}
+
+/// Load of the docking system and of parts on each vehicle: now, and its mean over the step just
+/// made.
 template <class S>
 void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
   const DockingModel& model = from.model;
@@ -78,8 +87,12 @@ void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
     if (i == kTarget) {
       load.f = data.on_passive.f;
       load.t = data.on_passive.t + (data.capture.p - frame.p).cross(data.on_passive.f);
+      if (model.target) {
+        if (!carries_itself(model, kTarget)) load = Wrench<S>();
+        load += data.target->mechanism.on_base;
+      }
     } else {
-      load = data.mechanism.on_base;
+      load = data.on_chaser;
       if (chaser_body == kBase) load.t -= frame.p.cross(load.f);
       if (model.mechanism.model.capture_body == chaser_body) {
         load.f -= data.on_passive.f;
@@ -93,7 +106,7 @@ void read_vehicle_loads(const OutputSource<S>& from, OutputValues<S>& out) {
                                    data.mechanism.tree.alpha[0]);
       }
     }
-    if (!model.hard_dock.empty()) {
+    if (!model.hard_dock.empty() && carries_itself(model, i)) {
       const S sign(i == kTarget ? 1 : -1);
       const Vec3<S> arm = data.interface[kChaser].p - frame.p;
       load.f += sign * data.on_target.f;
@@ -210,6 +223,21 @@ void read_mechanism(const OutputSource<S>& from, OutputValues<S>& out) {
     out.element_force[i] = elements.force[at];
     out.element_saturation[i] = elements.saturation[at];
   }
+  size_t part = 0;
+  const auto read_parts = [&](const MechanismModel& tree, const MechanismData<S>& at,
+                              const VecX<S>& force) {
+    for (size_t k = tree.forces.size() - tree.part_forces; k < tree.forces.size(); ++k, ++part) {
+      const Body& body = tree.bodies[tree.forces[k].body];
+      out.part_coordinate[part] = at.tree.q[body.q_index];
+      out.part_rate[part] = at.tree.v[body.v_index];
+      out.part_force[part] = force[static_cast<int>(k)];
+    }
+  };
+  read_parts(model.mechanism.model, mechanism, from.data.joint_force);
+  if (model.target) {
+    const TargetData<S>& target = *from.data.target;
+    read_parts(model.target->model, target.mechanism, target.joint_force);
+  }
   int q = 0, v = 0;
   for (int i : from.state_bodies) {
     const Body& body = model.mechanism.model.bodies[i];
@@ -229,10 +257,9 @@ void read_mechanism(const OutputSource<S>& from, OutputValues<S>& out) {
     }
   }
   // Load on the base in axes and about the origin of B.
-  const FrameMotion<S> B = find_frame_on(from.data.vehicle[kChaser], model.base_in_chaser);
-  const Vec3<S> about = model.mechanism.vehicle == kBase
-                            ? Vec3<S>(Vec3<S>::Zero())
-                            : mechanism.tree.p[model.mechanism.vehicle];
+  const FrameMotion<S>& carrier = from.data.carrier[kChaser];
+  const FrameMotion<S> B = find_frame_on(carrier, model.base_on_carrier);
+  const Vec3<S> about = model.mechanism.vehicle == kBase ? Vec3<S>(Vec3<S>::Zero()) : carrier.p;
   out.base_force = B.R.transpose() * mechanism.on_base.f;
   out.base_torque =
       B.R.transpose() * (mechanism.on_base.t + (about - B.p).cross(mechanism.on_base.f));

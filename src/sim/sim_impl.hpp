@@ -69,6 +69,7 @@ struct DockingSim::Impl : SimState {
   bool can_drift() const;
   Status bring_joints_to_start();
   void set_start_state();
+  void set_start_of_parts(double* y) const;
   void warn_about_start();
 
   // method_setup.cpp

@@ -67,9 +67,10 @@ int find_used_method(int number) {
   return other > 0 ? other : number;
 }
 
-const MethodFacts* find_method(int number, bool has_bristles) {
+const MethodFacts* find_method(int number, bool needs_other) {
   const MethodFacts* stated = find_method(number);
-  return has_bristles && stated->with_bristles > 0 ? find_method(stated->with_bristles) : stated;
+  return needs_other && stated->without_structure > 0 ? find_method(stated->without_structure)
+                                                      : stated;
 }
 
 ChoiceList list_carried_methods(bool has_comparison) {

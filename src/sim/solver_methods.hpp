@@ -38,7 +38,7 @@ struct MethodFacts {
   bool needs_jacobian = false;     ///< needs the Jacobian of the rates
   bool begins_with_rates = false;  ///< a step uses the rates at the start
   int same_as = 0;                 ///< number of the method that this is another name of; 0: none
-  int with_bristles = 0;           ///< method where contacts have bristles; 0: the same
+  int without_structure = 0;       ///< method of models that needs_other_matrix(); 0: the same
 };
 
 /// All methods, in the order of their numbers, from 1.
@@ -50,8 +50,9 @@ const MethodFacts* find_method(int number);
 /// Number of the method that makes the steps; see MethodFacts::same_as. @pre find_method()
 int find_used_method(int number);
 
-/// The method whose steps a model takes. @param has_bristles  of contacts. @pre find_method()
-const MethodFacts* find_method(int number, bool has_bristles);
+/// The method whose steps a model takes. @param needs_other  needs_other_matrix(). @pre
+/// find_method()
+const MethodFacts* find_method(int number, bool needs_other);
 
 /// Choices: all methods, or the methods of a build with or without src/compare.
 const ChoiceList& get_method_choices();

@@ -141,13 +141,18 @@ void DockingSim::Impl::clear() {
     zero(*v, m.legs.size());
   const LoopPlan plan = Mechanism(m).plan;
   check_joint_starts(*scene, plan);
-  zero(outputs.state_q, plan.ind_q.size());
-  zero(outputs.state_v, plan.ind_v.size());
-  zero(outputs.state_a, plan.ind_v.size());
+  const auto chaser_parts = static_cast<size_t>(scene->parts[kChaser].count_coordinates());
+  const auto target_parts = static_cast<size_t>(scene->parts[kTarget].count_coordinates());
+  for (auto* v : {&outputs.part_coordinate, &outputs.part_rate, &outputs.part_force})
+    zero(*v, chaser_parts + target_parts);
+  zero(outputs.state_q, plan.ind_q.size() + chaser_parts);
+  zero(outputs.state_v, plan.ind_v.size() + chaser_parts);
+  zero(outputs.state_a, plan.ind_v.size() + chaser_parts);
   state_count = count_sums(m, scene->hard_dock);
   state_count +=
       6 + count_element_bristles(m.elements, m.failures) + bristle_state_count(scene->contact);
   for (int i : plan.ind_bodies) state_count += m.bodies[i].nq() + m.bodies[i].nv();
+  state_count += 2 * static_cast<int>(chaser_parts + target_parts);
   for (int i : {kChaser, kTarget}) {
     const bool moves = scene->motion[i] != Motion::kFixed && (i == kChaser || scene->has_target);
     if (moves) state_count += 7 + 6;
@@ -222,6 +227,36 @@ Status DockingSim::Impl::bring_joints_to_start() {
   return move_to(model->mechanism, target, present().mechanism);
 }
 
+/// Coordinates and rates of the parts of vehicles, as the scene states them.
+void DockingSim::Impl::set_start_of_parts(double* y) const {
+  const StateLayout& layout = model->layout;
+  const MechanismModel& mechanism = model->mechanism.model;
+  int force = static_cast<int>(mechanism.forces.size()) - mechanism.part_forces;
+  scene->parts[kChaser].for_each([&](const VehiclePart& part) {
+    for (const PartCoordinate& coordinate : part.coordinates) {
+      const int body = mechanism.forces[force++].body;
+      int q = layout.mechanism_q, v = layout.mechanism_v;
+      for (int i : model->mechanism_bodies) {
+        if (i == body) break;
+        q += mechanism.bodies[i].nq();
+        v += mechanism.bodies[i].nv();
+      }
+      y[q] = coordinate.start;
+      y[v] = coordinate.rate;
+    }
+  });
+  if (!model->target) return;
+  const MechanismModel& target = model->target->model;
+  force = 0;
+  scene->parts[kTarget].for_each([&](const VehiclePart& part) {
+    for (const PartCoordinate& coordinate : part.coordinates) {
+      const int at = target.forces[force++].body - 1;  // after the vehicle
+      y[layout.target_q + at] = coordinate.start;
+      y[layout.target_v + at] = coordinate.rate;
+    }
+  });
+}
+
 void DockingSim::Impl::set_start_state() {
   double* y = step_loop->y();
   const StateLayout& layout = model->layout;
@@ -258,6 +293,7 @@ void DockingSim::Impl::set_start_state() {
     q += body.nq();
     v += body.nv();
   }
+  set_start_of_parts(y);
   for (int i : {kChaser, kTarget}) {
     if (!model->present[i] || !model->moves[i]) continue;
     const VehicleParameters& p = parameters.vehicle[i];
@@ -441,7 +477,7 @@ bool DockingSim::Impl::can_drift() const {
 
 /// Can the mechanism become quiescent in this run?
 bool DockingSim::Impl::can_be_quiescent() const {
-  return can_drift() && !model->mechanism.plan.is_driven &&
+  return can_drift() && !model->target && !model->mechanism.plan.is_driven &&
          (!model->sequence.empty() || !acts_by_itself(model->mechanism.model));
 }
 

@@ -49,6 +49,22 @@ void check_vehicle(const VehicleParameters& p, const std::string& name) {
   check_quaternion(p.attitude, name + ".attitude");
 }
 
+/// Levels that leave bodies out, or have other unknowns, do not know parts of vehicles.
+void check_parts(const Parameters& p, const Scene& scene) {
+  const bool has_parts[] = {scene.parts[kChaser].count_coordinates() > 0,
+                            scene.parts[kTarget].count_coordinates() > 0};
+  if (p.model_level == kRigid && (has_parts[kChaser] || has_parts[kTarget])) {
+    throw ModelError(
+        "model.level is 1 (rigid), but a vehicle has parts that move; set model.level = 3 "
+        "(reduced)");
+  }
+  if (p.model_level == kReference && has_parts[kTarget]) {
+    throw ModelError(
+        "model.level is 4 (reference), which knows parts of the chaser only; set model.level = 3 "
+        "(reduced)");
+  }
+}
+
 }  // namespace
 
 void check_method(const Parameters& p, bool has_comparison) {
@@ -105,6 +121,7 @@ void check_parameters(const Parameters& p, const Scene& scene, FmiKind fmi_kind,
   check_choice(p.coupling_mode, kCouplingModes, "coupling.mode");
   check_method(p, has_comparison);
   check_level(p, fmi_kind);
+  check_parts(p, scene);
   check_choice(p.flight, kFreeDriftModels, "model.flight");
   check_choice(p.dae_form, kDaeForms, "solver.dae_form");
   if (fmi_kind == FmiKind::kModelExchange && p.friction_model != scene.contact.law.friction_model) {

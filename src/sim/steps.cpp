@@ -17,7 +17,7 @@ void DockingSim::Impl::read_inputs() {
   bool are_sloped = false;
   for_each_value(slopes, [&](double& slope) { are_sloped = are_sloped || slope != 0.0; });
   const double begin = ahead.pending ? ahead.reached : 0.0;
-  loads.read(scene->mechanism, inputs, slopes, are_sloped, begin);
+  loads.read(model->mechanism.model, inputs, slopes, are_sloped, begin);
   loads.add(events->find_disturbing_loads());
 }
 

@@ -184,7 +184,10 @@ struct OutputValues {
   // force elements: coordinate, rate, force, largest share of a limit of motors and drives
   std::vector<S> element_coordinate, element_rate, element_force, element_saturation;
 
-  // group states: independent coordinates of the mechanism (without the vehicles)
+  // coordinates of parts of vehicles: chaser, then target; of each its parts, then its adapter
+  std::vector<S> part_coordinate, part_rate, part_force;
+
+  // group states: independent coordinates of mechanism and parts of the chaser
   std::vector<S> state_q, state_v, state_a;
 
   // group loops
@@ -258,7 +261,7 @@ void for_each_value(OutputValues<S>& values, F&& f) {
         &values.latch_force, &values.leg_length, &values.leg_rate, &values.leg_force,
         &values.element_coordinate, &values.element_rate, &values.element_force,
         &values.element_saturation, &values.state_q, &values.state_v, &values.state_a,
-        &values.hook_force}) {
+        &values.hook_force, &values.part_coordinate, &values.part_rate, &values.part_force}) {
     each(*x);
   }
   for (Vec3<S>& x : values.loop_force) each(x);
@@ -280,6 +283,9 @@ void match_sizes(const OutputValues<double>& from, OutputValues<S>& to) {
   to.element_rate.resize(from.element_rate.size());
   to.element_force.resize(from.element_force.size());
   to.element_saturation.resize(from.element_saturation.size());
+  to.part_coordinate.resize(from.part_coordinate.size());
+  to.part_rate.resize(from.part_rate.size());
+  to.part_force.resize(from.part_force.size());
   to.state_q.resize(from.state_q.size());
   to.state_v.resize(from.state_v.size());
   to.state_a.resize(from.state_a.size());

@@ -1,0 +1,49 @@
+// Parts of a vehicle that is not rigid: appendages, slosh masses, a soft structure in front.
+//
+// A part hangs on the vehicle by one connection: a chain of slides and hinges, each with a spring
+// and a damper. An adapter is the part that carries the mechanism, or the passive side.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "model/mechanism_model.hpp"
+
+namespace dockloop {
+
+/// One coordinate of a connection.
+struct PartCoordinate {
+  JointType joint = JointType::kRevolute;
+  Vec3<double> axis = Vec3<double>::UnitX();  ///< unit, axes of the part
+  double stiffness = 0.0, damping = 0.0;      ///< [N/m], [N s/m]; of hinges [N m/rad], [N m s/rad]
+  double start = 0.0, rate = 0.0;             ///< at the start [m], [m/s] or [rad], [rad/s]
+};
+
+struct VehiclePart {
+  std::string name;
+  Pose<double> placement;  ///< of the part in axes of the vehicle, coordinates at zero
+  std::vector<PartCoordinate> coordinates;
+  double mass = 0.0;                            ///< [kg]
+  Vec3<double> com = Vec3<double>::Zero();      ///< axes of the part [m]
+  Mat3<double> inertia = Mat3<double>::Zero();  ///< about com, axes of the part [kg m2]
+};
+
+/// All parts of one vehicle.
+struct VehicleParts {
+  std::vector<VehiclePart> hung;
+  std::optional<VehiclePart> adapter;
+  /// In the order of the outputs: parts that hang on the vehicle, adapter.
+  template <class F>
+  void for_each(F&& f) const {
+    for (const VehiclePart& part : hung) f(part);
+    if (adapter) f(*adapter);
+  }
+  int count_coordinates() const {
+    int count = 0;
+    for_each([&](const VehiclePart& part) { count += static_cast<int>(part.coordinates.size()); });
+    return count;
+  }
+};
+
+}  // namespace dockloop

@@ -1,0 +1,316 @@
+"""Vehicles with parts: appendages on them, adapters between them and their docking hardware.
+
+Oracles: the frequency of two masses on a spring, clouds of particles (particles.py), sums of energy
+and momentum, and the rigid vehicle that a very stiff part leaves.
+"""
+
+import copy
+import math
+import tomllib
+
+import numpy as np
+import pytest
+
+import dockloop as dl
+from dockloop.errors import DockloopError
+from dockloop.paths import SCENES
+from particles import Cloud, quaternion_matrix, turn
+
+TIGHT = {"rtol": 1e-11, "atol_position": 1e-12, "atol_velocity": 1e-12}
+OUTPUTS = {"groups": ["relative", "capture", "phase", "energy", "solver"]}
+PLAIN = {"mass": 800.0, "inertia": [900, 1100, 1300, 0, 0, 0], "position": [-30, 0, 0]}
+HINGE = {
+    "mass": 120.0,
+    "com": [0.1, 2.0, 0.2],
+    "inertia": [160, 20, 170, 3, 0, 1],
+    "position": [-1, 1, 0.2],
+    "attitude": [0.8, 0.6, 0, 0],
+    "joint": "hinge",
+    "axis": [0.6, 0, 0.8],
+    "stiffness": 400.0,
+    "damping": 3.0,
+    "coordinate": 0.3,
+    "rate": 0.1,
+}
+SLIDE = {
+    "mass": 80.0,
+    "position": [0.5, 0, -0.3],
+    "joint": "slide",
+    "axis": [0, 0.6, 0.8],
+    "stiffness": 300.0,
+    "coordinate": -0.1,
+}
+BALL = {
+    "mass": 60.0,
+    "com": [0, 0, -1.2],
+    "inertia": [3, 4, 5, 0, 0, 0],
+    "position": [0.5, -1, 0],
+    "joint": "ball",
+    "stiffness": [10, 20, 5],
+    "coordinate": [0.2, -0.3, 0.1],
+    "rate": [0.1, 0.3, 0.2],
+}
+ADAPTER = {
+    "mass": 150.0,
+    "com": [0.2, 0.05, 0],
+    "inertia": [60, 50, 70, 2, 1, 3],
+    "position": [1.5, 0, 0],
+    "attitude": [0.96, 0, 0.28, 0],
+    "joint": "elastic",
+    "stiffness": [9e3, 8e3, 7e3, 6e3, 5e3, 4e3],
+    "damping": [9, 8, 7, 6, 5, 4],
+    "coordinate": [0.01, 0.02, -0.03, 0.04, 0.05, -0.06],
+    "rate": [0.1, 0, 0, 0.1, 0, 0.2],
+}
+FLEXIBLE = {
+    "mass": 1000.0,
+    "inertia": [900, 1100, 1300, 50, -40, 30],
+    "velocity": [0.1, 0, 0.02],
+    "angular_velocity": [0.02, -0.05, 0.03],
+    "part": [HINGE, SLIDE, BALL],
+    "adapter": ADAPTER,
+}
+
+
+def free(stop, **members):
+    """Scene of bodies that nothing touches."""
+    experiment = {"stop": stop, "step": 0.02}
+    return {"solver": TIGHT, "experiment": experiment, "outputs": OUTPUTS, **members}
+
+
+def read_parts(run, member, numbers=range(1, 17)):
+    """Last values of a member of all parts, in their order."""
+    names = [n for k in numbers for n in run if n.startswith(f"part[{k}].{member}")]
+    return np.array([run[n][-1] for n in names])
+
+
+def last(run, name, count):
+    return np.array([run[f"{name}[{i + 1}]"][-1] for i in range(count)])
+
+
+@pytest.mark.parametrize("frequency", [0.3, 12.0])
+def test_two_masses_on_a_spring_have_their_frequency(frequency):
+    """The frequency of a part is that with the vehicle held; free, both masses move."""
+    part = {"mass": 120.0, "joint": "slide", "axis": [1, 0, 0], "frequency": frequency}
+    vehicle = {"mass": 1000.0, "inertia": [500, 600, 700, 0, 0, 0]}
+    run = dl.run(free(20 / frequency, chaser=vehicle | {"part": [part | {"coordinate": 0.01}]}))
+    w = 2 * math.pi * frequency * math.sqrt(1 + 120 / 1000)
+    expected = 0.01 * np.cos(w * run.time)
+    assert run["part[1].coordinate"] == pytest.approx(expected, abs=3e-10)
+    assert run["part[1].rate"] == pytest.approx(-0.01 * w * np.sin(w * run.time), abs=3e-10 * w)
+    force = -120 * (2 * math.pi * frequency) ** 2 * expected
+    assert run["part[1].force"] == pytest.approx(force, abs=3e-8 * np.abs(force).max())
+    # The sum of the momenta is zero: the vehicle moves against the part.
+    moved = -120 / 1120 * (expected - 0.01)
+    assert run["chaser.position[1]"] == pytest.approx(moved, abs=3e-11)
+
+
+def test_the_damping_ratio_is_that_with_the_vehicle_held():
+    part = {"mass": 2.0, "com": [0, 0.5, 0], "joint": "hinge", "axis": [0, 0, 1]}
+    part |= {"frequency": 0.5, "damping_ratio": 0.1, "coordinate": 1e-3}
+    heavy = {"mass": 1e9, "inertia": [1e9, 1e9, 1e9, 0, 0, 0]}
+    run = dl.run(free(6.0, chaser=heavy | {"part": [part]}))
+    w, z = math.pi, 0.1
+    wd = w * math.sqrt(1 - z * z)
+    swing = np.cos(wd * run.time) + z * w / wd * np.sin(wd * run.time)
+    assert run["part[1].coordinate"] == pytest.approx(
+        1e-3 * np.exp(-z * w * run.time) * swing, abs=1e-10
+    )
+
+
+@pytest.fixture(scope="module")
+def cloud():
+    """Coordinates of the flexible vehicle after 0.3 s, from particles."""
+    model = Cloud(FLEXIBLE)
+    start = [
+        np.concatenate([np.ravel(p.get(key, [0.0] * len(k))) for p, k in each])
+        for key in ("coordinate", "rate")
+        for each in [zip(model.parts, model.kinds, strict=True)]
+    ]
+    motion = [*FLEXIBLE["velocity"], *FLEXIBLE["angular_velocity"]]
+    return model.run(np.append(np.zeros(6), start[0]), np.append(motion, start[1]), 0.3)
+
+
+@pytest.mark.parametrize("name", ["chaser", "target"])
+def test_a_vehicle_with_all_kinds_of_parts_moves_as_its_particles(cloud, name):
+    x, v = cloud
+    others = {} if name == "chaser" else {"chaser": PLAIN}
+    run = dl.run(free(0.3, **{name: FLEXIBLE}, **others))
+    assert read_parts(run, "coordinate") == pytest.approx(x[6:], abs=1e-10)
+    assert read_parts(run, "rate") == pytest.approx(v[6:], abs=1e-9)
+    assert last(run, f"{name}.position", 3) == pytest.approx(x[:3], abs=1e-11)
+    rotation = quaternion_matrix(last(run, f"{name}.attitude", 4))
+    assert np.abs(rotation - turn(x[3:6])).max() < 1e-10
+    assert np.abs(run["energy.residual"]).max() < 1e-8  # of 70 J
+    assert run["energy.dissipated"][-1] > 0.5
+    assert np.abs(run["momentum.residual"]).max() < 1e-14
+
+
+def shipped(name, **vehicles):
+    """A shipped scene with members of its vehicles changed."""
+    scene = tomllib.loads((SCENES / f"{name}.toml").read_text())
+    for vehicle, members in vehicles.items():
+        scene[vehicle] = copy.deepcopy(scene[vehicle]) | members
+    return scene
+
+
+def make_array(side):
+    part = {"mass": 150.0, "com": [0, 3 * side, 0], "inertia": [300, 5, 300, 0, 0, 0]}
+    place = {"position": [-1, 1.5 * side, 0], "joint": "hinge", "axis": [1, 0, 0]}
+    return part | place | {"frequency": 0.3, "damping_ratio": 0.005}
+
+
+def make_adapter(x):
+    body = {"mass": 2000.0, "inertia": [2000, 1500, 1500, 0, 0, 0], "position": [x, 0, 0]}
+    return body | {"joint": "elastic", "frequency": 12.0, "damping_ratio": 0.01}
+
+
+@pytest.mark.parametrize("name", ["idss_25t_350t", "apda", "probe_drogue"])
+def test_a_docking_of_flexible_vehicles_balances(name):
+    arrays = [make_array(1), make_array(-1)]
+    scene = shipped(
+        name,
+        chaser={"mass": 22.7e3, "part": arrays, "adapter": make_adapter(2.5)},
+        target={"part": arrays, "adapter": make_adapter(-14)},
+    )
+    scene["solver"] = {"rtol": 1e-8}
+    run = dl.run(scene, stop=8.0)
+    assert run["captured"][-1]
+    assert np.abs(run["energy.residual"]).max() < 1e-6 * run["energy.kinetic"][0]
+    assert run["momentum.residual"].max() < 1e-14
+    bent = np.abs(run["part[3].coordinate[1]"]).max()
+    k = 2000 * (2 * math.pi * 12) ** 2
+    assert bent > 0.2 * run["capture.peak.compression"][-1] / k  # the load goes through the spring
+
+
+@pytest.mark.parametrize("name", ["chaser", "target"])
+def test_a_stiff_adapter_leaves_the_rigid_vehicle(name):
+    """Peaks approach those of the vehicle with its adapter as one body."""
+    mass, moments, ratio = 800.0, [700.0, 600.0, 500.0], 0.3
+    scene = shipped("idss_25t_350t")
+    side = {"chaser": 1.0, "target": -1.0}[name]
+    vehicle = scene[name]
+    x = 0.95 * vehicle["interface_position"][0]
+    adapter = {"mass": mass, "inertia": [*moments, 0, 0, 0], "position": [x, 0, 0]}
+    adapter |= {"joint": "elastic", "frequency": 400.0, "damping_ratio": ratio}
+    flexible = dl.run(shipped("idss_25t_350t", **{name: {"adapter": adapter}}), stop=3.0)
+    # One body, its centre of mass shifted to the side of the adapter.
+    whole = vehicle["mass"] + mass
+    c = mass * x / whole
+    inertia = [float(i) for i in vehicle["inertia"]]
+    offset = vehicle["mass"] * c * c + mass * (x - c) ** 2
+    inertia[:3] = np.array(inertia[:3]) + moments + np.array([0, offset, offset])
+    place = (np.array(vehicle["interface_position"]) - [c, 0, 0]).tolist()
+    members = {"mass": whole, "inertia": inertia, "interface_position": place}
+    rigid = dl.run(shipped("idss_25t_350t", **{name: members}), stop=3.0)
+    assert side * c > 0.0
+    for load in ("compression", "shear", "bending"):
+        peak = [run[f"capture.peak.{load}"][-1] for run in (flexible, rigid)]
+        assert peak[0] == pytest.approx(peak[1], rel=1e-3), load
+    assert flexible["time_of_capture"][-1] == pytest.approx(rigid["time_of_capture"][-1], abs=1e-3)
+
+
+def test_a_part_that_swings_is_not_at_rest():
+    """A mechanism far from contact becomes quiescent; a vehicle with a swinging part does not."""
+    scene = shipped("idss_25t_350t", chaser={"part": [make_array(1) | {"coordinate": 0.01}]})
+    scene["initial"]["approach_time"] = 20.0
+    scene["solver"] = {"rtol": 1e-9}
+    quiescent, integrated = (
+        dl.run(scene, start_values={"model.flight": flight}, stop=15.0) for flight in (1, 2)
+    )
+    assert np.ptp(quiescent["part[1].coordinate"][-300:]) > 0.01
+    assert quiescent["part[1].coordinate"] == pytest.approx(
+        integrated["part[1].coordinate"], abs=1e-9
+    )
+
+
+def test_a_vehicle_at_rest_carries_its_adapter():
+    """Before contact the mechanism is quiescent, and the adapter with it: a rigid body."""
+    scene = shipped("idss_25t_350t", chaser={"adapter": make_adapter(2.5)})
+    scene["solver"] = {"rtol": 1e-10}
+    quiescent, integrated = (
+        dl.run(scene, start_values={"model.flight": flight}, stop=3.0) for flight in (1, 2)
+    )
+    for name in ("relative.position", "relative.attitude", "relative.velocity"):
+        assert quiescent.vector(name) == pytest.approx(integrated.vector(name), abs=2e-6), name
+    steps = [run["solver.rhs_evaluations"][100] for run in (quiescent, integrated)]
+    assert steps[0] < 0.5 * steps[1]
+
+
+def test_parts_fall_with_their_vehicle():
+    """In gravity that frame O does not follow: one vehicle is fixed."""
+    scene = free(2.0, chaser=FLEXIBLE, target=PLAIN | {"motion": "fixed"})
+    docking = dl.Docking(scene)
+    docking.set("gravity", [0.0, 0.3, -9.0])
+    plain = dl.Docking(free(2.0, chaser=FLEXIBLE))
+    for _ in range(20):
+        docking.step(0.1)
+        plain.step(0.1)
+    fallen = np.array(docking.get("chaser.position")) - plain.get("chaser.position")
+    assert fallen == pytest.approx([0, 0.6, -18.0], abs=1e-8)
+    for member in ("part[1].coordinate", "part[4].rate[5]"):
+        assert docking.get(member) == pytest.approx(plain.get(member), abs=1e-8)
+    assert abs(docking.get("energy.residual")) < 1e-6  # of 1e5 J
+
+
+def test_saved_states_hold_the_motion_of_parts():
+    scene = shipped(
+        "idss_25t_350t",
+        chaser={"part": [make_array(1)], "adapter": make_adapter(2.5)},
+        target={"part": [make_array(-1)], "adapter": make_adapter(-14)},
+    )
+    plain, twice = dl.Docking(scene), dl.Docking(scene)
+    for _ in range(30):
+        plain.step(0.1)
+        saved = twice.save()
+        twice.step(0.1)
+        twice.restore(saved)
+        twice.step(0.1)
+        for name in ("part[1].coordinate", "part[4].rate[6]", "part[2].force[3]", "gap"):
+            assert twice.get(name) == plain.get(name), name
+
+
+HANG = {"mass": 10.0, "com": [1, 0, 0], "joint": "hinge", "axis": [0, 0, 1]}
+ELASTIC = {"mass": 10.0, "inertia": [1, 1, 1, 0, 0, 0], "joint": "elastic"}
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        ({k: v for k, v in HANG.items() if k != "joint"}, ["chaser.part[1]", "joint"]),
+        (HANG | {"mass": 0.0}, ["chaser.part[1].mass", "greater than 0"]),
+        (HANG | {"mass": -2.0}, ["chaser.part[1].mass", "-2"]),
+        (HANG | {"axis": [0, 0, 2]}, ["chaser.part[1].axis", "unit vector"]),
+        (HANG | {"stiffness": 5.0, "frequency": 1.0}, ["'stiffness' and 'frequency'"]),
+        (HANG | {"damping": 5.0, "damping_ratio": 0.1}, ["'damping' and 'damping_ratio'"]),
+        (HANG | {"damping_ratio": 0.1}, ["'damping_ratio' without 'frequency'"]),
+        (HANG | {"stiffness": -5.0}, ["chaser.part[1].stiffness"]),
+        (HANG | {"axis": [1, 0, 0]}, ["no inertia about the axis of its hinge"]),
+        (HANG | {"inertia": [1, 1, 9, 0, 0, 0]}, ["chaser.part[1].inertia", "principal moments"]),
+        (HANG | {"coordinate": [1, 2]}, ["chaser.part[1].coordinate", "1"]),
+        (ELASTIC, ["is elastic", "coordinate 1", "no stiffness"]),
+        (ELASTIC | {"stiffness": [1, 1, 1, 1, 1, 0]}, ["coordinate 6", "no stiffness"]),
+        (ELASTIC | {"stiffness": 1.0}, ["chaser.part[1].stiffness", "list of 6"]),
+        (ELASTIC | {"frequency": 1.0, "inertia": [0] * 6}, ["no inertia about an axis"]),
+        (ELASTIC | {"frequency": 1.0, "axis": [0, 0, 1]}, ["chaser.part[1].axis", "hinge"]),
+    ],
+)
+def test_impossible_parts_are_refused_with_the_reason(part, words):
+    with pytest.raises(DockloopError) as error:
+        dl.run(free(0.1, chaser=PLAIN | {"part": [part]}))
+    assert all(word in str(error.value) for word in words), str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"chaser.motion": "fixed"}, ["chaser.motion", "fixed", "parts"]),
+        ({"model.level": "rigid"}, ["model.level", "rigid", "parts"]),
+        ({"chaser.mass_includes_mechanism": 2}, ["mass_includes_mechanism", "adapter"]),
+    ],
+)
+def test_what_parts_do_not_go_with_is_refused(change, words):
+    scene = shipped("idss_25t_350t", chaser={"adapter": make_adapter(2.5)})
+    with pytest.raises(DockloopError) as error:
+        dl.run(scene, change, stop=0.1)
+    assert all(word in str(error.value) for word in words), str(error.value)
