@@ -63,9 +63,9 @@ class ExplicitSolver : public OneStepSolver {
     if (known.rates) std::copy_n(known.rates, size_, get_rates(0));
     rated_ = known.rates != nullptr;
     last_error_ = known.last_error;
-    fastest_ = known.fastest_rate;
+    fastest_ = known.pace.fastest_rate;
   }
-  double fastest_rate() const override { return fastest_; }
+  Stepper::Pace pace() const override { return {fastest_}; }
   bool interpolate(double t, N_Vector y) override;
 
  private:

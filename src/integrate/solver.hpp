@@ -3,6 +3,7 @@
 //   one_step_solver.cpp   what the two methods of our own share
 //   explicit_solver.cpp   Runge-Kutta, adaptive or of fixed size (our own; runge_kutta.hpp)
 //   rosenbrock_solver.cpp linearly implicit, one matrix a step (our own)
+//   switching_solver.cpp  the one or the other, whichever makes longer steps
 //   multistep_solver.cpp  BDF (CVODE; multistep_solver.hpp)
 //
 // The folder src/compare adds others through Stepper::Problem::solver.
@@ -86,7 +87,7 @@ class Solver {
   virtual void restart(double t, N_Vector y, double h) = 0;
   /// What is known at the start; for methods that have a use for it.
   virtual void set_known(const Stepper::Known&) {}
-  virtual double fastest_rate() const { return 0.0; }
+  virtual Stepper::Pace pace() const { return {}; }
   virtual double last_error() const { return 1.0; }
   /// One step towards t_stop; on failure y and t say nothing.
   virtual StepOutcome step(double t_stop, N_Vector y, double& t) = 0;
@@ -124,6 +125,8 @@ std::unique_ptr<Solver> make_explicit_solver(System& system, const RungeKuttaTab
                                              const RungeKuttaTable& stable);
 /// @param adapts  error control chooses the steps; else every step is what restart() asks for
 std::unique_ptr<Solver> make_rosenbrock_solver(System& system, bool adapts);
+/// Both: explicit steps with both tables, linearly implicit ones where they are longer.
+std::unique_ptr<Solver> make_switching_solver(System& system);
 std::unique_ptr<Solver> make_bdf_solver(System& system);
 
 }  // namespace dockloop

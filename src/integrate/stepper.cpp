@@ -97,6 +97,8 @@ std::unique_ptr<Solver> make_solver(System& system, Stepper::Method method) {
       return make_explicit_solver(system, get_classic());
     case Stepper::Method::kRosenbrock:
       return make_rosenbrock_solver(system, true);
+    case Stepper::Method::kSwitching:
+      return make_switching_solver(system);
     case Stepper::Method::kFixedRosenbrock:
       return make_rosenbrock_solver(system, false);
     case Stepper::Method::kBdf:
@@ -332,8 +334,7 @@ StepOutcome Stepper::step(double t_stop, bool watch_roots) {
     const bool steps_on = me.system.failure == kStepOver && steps_over < kStepsOver.size();
     const double factor = steps_on ? kStepsOver[steps_over++] : std::pow(0.25, ++retry);
     std::copy(me.y_before.begin(), me.y_before.end(), y());
-    restart(t_before, std::min(factor * h_first, t_stop - t_before),
-            {nullptr, me.solver->fastest_rate()});
+    restart(t_before, std::min(factor * h_first, t_stop - t_before), {nullptr, me.solver->pace()});
     me.low_valid = watch;  // the start is where it was
   }
   return StepOutcome::kFailed;
@@ -352,7 +353,7 @@ bool Stepper::find_slope(double t, double* slope) const {
 /// the largest gap. The other methods use the same size.
 double Stepper::find_size_across(double distance) { return distance / 0.55; }
 double Stepper::next_step() const { return impl_->solver->next_step(); }
-double Stepper::fastest_rate() const { return impl_->solver->fastest_rate(); }
+Stepper::Pace Stepper::pace() const { return impl_->solver->pace(); }
 double Stepper::last_error() const { return impl_->solver->last_error(); }
 const double* Stepper::unknowns() const { return impl_->solver->unknowns(); }
 bool Stepper::root_found(int i) const { return impl_->root_info[i] != 0; }

@@ -66,14 +66,23 @@ class Stepper {
                      ///< with a long interval of stability
     kClassicRk4,     ///< as kDormandPrince of order 4; every step is what restart() asks for
     kRosenbrock,     ///< linearly implicit one-step, L-stable, order 4(3)
-    kFixedRosenbrock,  ///< the same without error control; steps as those of kClassicRk4
+    kSwitching,      ///< kStabilised, and kRosenbrock where its steps are longer
+    kFixedRosenbrock,  ///< kRosenbrock without error control; steps as those of kClassicRk4
     kBdf,              ///< multistep, stiff, order up to 5
   };
 
+  /// What a method has learned about the solution, and how it goes on.
+  struct Pace {
+    double fastest_rate = 0.0;  ///< [1/s]; 0 = not known
+    double stable = 0.0;        ///< longest explicit step where linearly implicit ones began [s]
+    bool is_implicit = false;   ///< the next step is linearly implicit (kSwitching)
+    int count = 0;              ///< steps in a row that speak for the other method
+    int made = 0, wait = 0;     ///< steps since the last trial, and before the next one
+  };
   /// What is known where the integration starts.
   struct Known {
     const double* rates = nullptr;  ///< there
-    double fastest_rate = 0.0;      ///< as fastest_rate() reported it last [1/s]
+    Pace pace;                      ///< as pace() reported it last
     double last_error = 1.0;        ///< as last_error() reported it last
     /// By columns, of a state not far away: stands for the first one that an implicit method asks
     /// for. Where Newton iteration fails with it, a new one is made.
@@ -108,8 +117,7 @@ class Stepper {
   static double find_size_across(double distance);
   /// Step size that error control proposes for the next step [s].
   double next_step() const;
-  /// Fastest rate of the solution, as far as the method knows it [1/s]; 0 = not known.
-  double fastest_rate() const;
+  Pace pace() const;
   /// Estimated error of the last step, in tolerances; 1 = not known.
   double last_error() const;  ///< kFixedRosenbrock: as estimated, of a step that is kept anyway
   /// All unknowns at the end of the last step; null where y is all.

@@ -101,7 +101,8 @@ bool DockingSim::Impl::makes_own_steps(const RunMethod& method) const {
   if (method.is_structured) return !method.is_fixed_step();
   if (!integrates_reduced_form(method) || method.facts->for_comparison) return false;
   const Stepper::Method used = find_stepper_method(method);
-  return used == Stepper::Method::kDormandPrince || used == Stepper::Method::kStabilised;
+  return used == Stepper::Method::kDormandPrince || used == Stepper::Method::kStabilised ||
+         used == Stepper::Method::kSwitching;
 }
 
 /// The method and what follows from it. Steps that pass communication points need a one-step method
@@ -114,6 +115,8 @@ RunMethod DockingSim::Impl::choose_method() const {
   method.is_co_simulation = fmi_kind == FmiKind::kCoSimulation;
   method.is_reference = static_cast<bool>(adapt_problem);
   method.is_structured = uses_structured_matrix(method);
+  method.is_switching = method.facts->method == kAuto && integrates_reduced_form(method) &&
+                        !method.is_structured && model->layout.bristle_count == 0;
   if (method.facts->method == kAuto && method.is_co_simulation && !method.is_reference) {
     method.facts = find_method(parameters.model_level == kReference ? kDae
                                : method.is_structured               ? kRosenbrock

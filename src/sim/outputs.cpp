@@ -78,7 +78,9 @@ Status DockingSim::Impl::update_main() {
   outputs.solver_rhs_evaluations = static_cast<double>(counters.rate_evaluations);
   outputs.solver_rejected_steps = static_cast<double>(counters.rejected_steps);
   outputs.solver_singularity_margin = find_singularity_margin(model->mechanism, shown().mechanism);
-  outputs.solver_chosen_method = step_loop->method().facts->method;
+  outputs.solver_chosen_method = step_loop->method().is_switching && pace.is_implicit
+                                     ? kRosenbrock
+                                     : step_loop->method().facts->method;
   outputs.solver_chosen_rtol = step_loop->method().is_fixed_step() ? 0.0 : step_loop->method().rtol;
   outputs.solver_chosen_step = step_loop->method().is_fixed_step() ? inner_step : 0.0;
   outputs.solver_error_estimate = chosen.error_estimate;

@@ -70,7 +70,7 @@ Status StepLoop::begin_ahead(double tau, double h, bool is_evaluated) {
   ahead_.farthest = tau + kFarthestAhead * h;
   ahead_.loads = loads_.at_start();
   ahead_.proposal = proposal_;
-  ahead_.fastest_rate = state_.fastest_rate;
+  ahead_.pace = state_.pace;
   ahead_.steps = find_counters().steps;
   ahead_.jacobian = kept_;
   start_ahead();
@@ -79,7 +79,7 @@ Status StepLoop::begin_ahead(double tau, double h, bool is_evaluated) {
 
 void StepLoop::start_ahead() {
   stepper_->restart(ahead_.begin, ahead_.size,
-                    {evaluator_.start_rates(), ahead_.fastest_rate, ahead_.last_error});
+                    {evaluator_.start_rates(), ahead_.pace, ahead_.last_error});
 }
 
 /// May the state at t inside the step just made be read? Stiff forces (bristles in explicit steps,
@@ -136,7 +136,7 @@ Status StepLoop::remake_pending() {
   if (!status.ok()) return status;
   margin_before_ = find_margin();
   proposal_ = ahead_.proposal;
-  state_.fastest_rate = ahead_.fastest_rate;
+  state_.pace = ahead_.pace;
   kept_ = ahead_.jacobian;
   start_ahead();
   stepper_->set_evaluation_limit(std::numeric_limits<std::int64_t>::max());
@@ -155,7 +155,7 @@ Status StepLoop::settle() {
   ahead_.pending = false;
   ahead_.reached = 0.0;
   state_.h_warm = proposal_ = ahead_.proposal;
-  state_.fastest_rate = ahead_.fastest_rate;
+  state_.pace = ahead_.pace;
   return_to(begin, std::min(proposal_, end - begin));
   Status status = quiescent_mode_.evaluate(begin, y());
   if (status.ok() && end - begin > find_clock_rounding(t_start_, state_.elapsed + end)) {
@@ -173,10 +173,10 @@ Status StepLoop::settle() {
 /// the matrix of the step just made, restores the balance and keeps momentum. @post y_shown_
 Status StepLoop::balance(double t, const std::vector<double>& y_polynomial) {
   y_shown_ = y_polynomial;
-  if (!method_.is_structured) return {};
+  if (!method_.has_matrix() || !stepper_->find_slope(t, slope_.data())) return {};
   const Status status = evaluator_.aside(t, y_polynomial.data(), scratch_.data());
-  if (!status.ok() || !stepper_->find_slope(t, y_shown_.data())) return status;
-  for (size_t i = 0; i < scratch_.size(); ++i) scratch_[i] -= y_shown_[i];
+  if (!status.ok()) return status;
+  for (size_t i = 0; i < scratch_.size(); ++i) scratch_[i] -= slope_[i];
   evaluator_.matrix().solve(scratch_.data());
   for (size_t i = 0; i < scratch_.size(); ++i) y_shown_[i] = y_polynomial[i] + scratch_[i];
   return {};
@@ -184,7 +184,7 @@ Status StepLoop::balance(double t, const std::vector<double>& y_polynomial) {
 
 Status StepLoop::balance_point() {
   if (is_balanced()) return {};
-  if (method_.is_structured) loads_.hold(ahead_.loads);
+  if (method_.has_matrix()) loads_.hold(ahead_.loads);
   const Status status = balance(ahead_.reached, y_inside_);
   is_shown_ = status.ok();
   return status;

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "docking/docking_model.hpp"
+#include "integrate/stepper.hpp"
 #include "sim/audit.hpp"
 #include "sim/coupling.hpp"
 #include "sim/limits.hpp"
@@ -77,7 +78,7 @@ struct RunAhead {
   double size = 0.0;      ///< as the solver was asked for it [s]
   double proposal = 0.0;  ///< of the error control [s]
   double last_error = 1.0;
-  double fastest_rate = 0.0;  ///< of the solution, before it [1/s]
+  Stepper::Pace pace;         ///< before it
   std::int64_t steps = 0;     ///< count of steps before it
   KeptJacobian jacobian;      ///< before it
   EvaluationContext context;  ///< of the rates at its start
@@ -98,10 +99,10 @@ struct SimState {
   /// Inner steps count their time from here [s since start]: the last communication point, or an
   /// earlier one while a step is pending.
   double elapsed = 0.0;
-  double h_warm = 0.0;        ///< step size for the next communication step [s]
-  double last_step = 0.0;     ///< [s]
-  double inner_step = 0.0;    ///< largest one of a method with fixed steps [s]
-  double fastest_rate = 0.0;  ///< of the solution, last estimate [1/s]
+  double h_warm = 0.0;      ///< step size for the next communication step [s]
+  double last_step = 0.0;   ///< [s]
+  double inner_step = 0.0;  ///< largest one of a method with fixed steps [s]
+  Stepper::Pace pace;       ///< of the integrator, after the last inner step
   Vec3<double> frame_velocity = Vec3<double>::Zero();  ///< of O in N [m/s]
   Vec3<double> frame_shift = Vec3<double>::Zero();     ///< of O in N since the start [m]
   DiscreteState discrete;
@@ -375,20 +376,26 @@ void transfer(A& archive, Loads& l) {
 }
 
 template <class A>
+void transfer(A& archive, Stepper::Pace& p) {
+  transfer_members<Stepper::Pace>(archive, p.fastest_rate, p.stable, p.is_implicit, p.count, p.made,
+                                  p.wait);
+}
+
+template <class A>
 void transfer(A& archive, RunAhead& a) {
   transfer_members<RunAhead>(archive, a.pending, a.reached, a.begin, a.farthest, a.size, a.proposal,
-                             a.last_error, a.fastest_rate, a.steps, a.jacobian, a.context, a.loads,
+                             a.last_error, a.pace, a.steps, a.jacobian, a.context, a.loads,
                              a.changes, a.is_retuned, a.is_mean_due, a.is_begin_known,
                              a.begin_point, a.y_before, a.pose_before, a.mean_known);
 }
 
 template <class A>
 void transfer(A& archive, SimState& s) {
-  transfer_members<SimState>(archive, s.elapsed, s.h_warm, s.last_step, s.inner_step,
-                             s.fastest_rate, s.frame_velocity, s.frame_shift, s.discrete, s.memory,
-                             s.peaks, s.mean_load, s.coupling, s.quiescent, s.margin_looked_at,
-                             s.limits, s.warned_step_error, s.coordinates, s.kept_jacobian, s.ahead,
-                             s.drift, s.energy_audit, s.momentum_audit);
+  transfer_members<SimState>(archive, s.elapsed, s.h_warm, s.last_step, s.inner_step, s.pace,
+                             s.frame_velocity, s.frame_shift, s.discrete, s.memory, s.peaks,
+                             s.mean_load, s.coupling, s.quiescent, s.margin_looked_at, s.limits,
+                             s.warned_step_error, s.coordinates, s.kept_jacobian, s.ahead, s.drift,
+                             s.energy_audit, s.momentum_audit);
 }
 
 template <class A>

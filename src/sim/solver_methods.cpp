@@ -10,8 +10,9 @@ namespace {
 constexpr bool kCore = false, kCompare = true, kFixed = true, kJacobian = true, kRates = true;
 constexpr std::array<MethodFacts, kMethodCount> kMethods = {{
     {kAuto, "auto",
-     "12 where surfaces may touch and tolerances are loose or friction is steep, else 11", kCore,
-     !kFixed, !kJacobian, kRates},
+     "12 where surfaces may touch and tolerances are loose or friction is steep, else 11 or 12, "
+     "whichever makes longer steps",
+     kCore, !kFixed, !kJacobian, kRates},
     {kExplicit, "explicit", "adaptive one-step", kCore, !kFixed, !kJacobian, kRates},
     {kImplicit, "implicit", "another name of 12 (rosenbrock)", kCore, !kFixed, !kJacobian, kRates,
      kRosenbrock},

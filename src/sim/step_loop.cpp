@@ -45,7 +45,8 @@ StepLoop::StepLoop(const DockingModel& model, const RunMethod& method, const Par
       y_inside_(y_accepted_),
       y_shown_(y_accepted_),
       y_polynomial_(y_accepted_),
-      scratch_(y_accepted_) {
+      scratch_(y_accepted_),
+      slope_(y_accepted_) {
   Stepper::Problem problem = make_problem();
   if (adapt) adapt(problem);
   stepper_ = std::make_unique<Stepper>(std::move(problem), find_stepper_method(method_));
@@ -119,7 +120,7 @@ double StepLoop::find_evaluation_cost() const {
 /// the largest cost for many states.
 double StepLoop::find_factor_cost() const {
   constexpr double kStructured = 1.2;  // build, factorise, solve six times; measured
-  if (method_.is_structured) return kStructured;
+  if (method_.has_matrix()) return kStructured;
   if (!method_.needs_jacobian() && !method_.unreduced) return 0.0;
   constexpr double kPerEntry = 0.5e-9;  // [s], on a slow processor
   const double n = method_.unreduced ? method_.unreduced->size() : model_->layout.size;
@@ -156,7 +157,7 @@ Status StepLoop::refuse_work(double h, std::int64_t limit, double tau) {
 
 /// Start the integrator (again) from its state. @param known_rates  there, or null
 void StepLoop::start_stepper(double tau, double h, const double* known_rates) {
-  stepper_->restart(tau, h, {known_rates, state_.fastest_rate});
+  stepper_->restart(tau, h, {known_rates, state_.pace});
 }
 
 void StepLoop::begin(double h) {
@@ -169,7 +170,7 @@ void StepLoop::begin(double h) {
   proposal_ = state_.h_warm;
   ahead_.begin = 0.0;
   stepper_->restart(0.0, std::min(proposal_, h),
-                    {evaluator_.start_rates(), state_.fastest_rate, 1.0, known});
+                    {evaluator_.start_rates(), state_.pace, 1.0, known});
 }
 
 void StepLoop::accept_state() { std::copy(y(), y() + model_->layout.size, y_accepted_.begin()); }
@@ -208,7 +209,7 @@ Status StepLoop::make_inner_step(double tau, double end, bool is_single) {
         inner_.outcome == StepOutcome::kStopped && inner_.to - inner_.from < proposal_;
     proposal_ = cut_short ? std::max(proposal_, stepper_->next_step()) : stepper_->next_step();
   }
-  state_.fastest_rate = stepper_->fastest_rate();
+  state_.pace = stepper_->pace();
   const Status status = evaluator_.at(
       inner_.to, y(), is_single ? Evaluator::Rates::kCounted : Evaluator::Rates::kNone);
   if (!status.ok()) return status;

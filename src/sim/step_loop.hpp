@@ -45,11 +45,13 @@ struct RunMethod {
   double rtol = 0.0;                   ///< the smaller of the tolerances of parameter and host
   bool is_co_simulation = true;        ///< else the host integrates
   bool is_structured = false;          ///< linearly implicit steps (docking/structured_matrix.hpp)
+  bool is_switching = false;           ///< these, or stabilised steps
   bool runs_ahead = false;             ///< inner steps may end after the communication point
   bool is_reference = false;           ///< reference solution: rates and method come from elsewhere
   UnreducedForm* unreduced = nullptr;  ///< null: the reduced form
 
   bool is_fixed_step() const { return facts->fixed_step; }
+  bool has_matrix() const { return is_structured || is_switching; }
   bool needs_jacobian() const { return facts->needs_jacobian; }
   /// Does the next communication step begin with the last Jacobian?
   bool keeps_jacobian() const { return needs_jacobian() && !is_fixed_step() && is_co_simulation; }
@@ -242,7 +244,7 @@ class StepLoop {
   std::vector<double> y_polynomial_;     ///< where it is about to be
   bool is_shown_ = false;                ///< y_shown_ is valid
   LoopReference<double> accepted_pose_;  ///< while a pending step is made again
-  std::vector<double> scratch_;          ///< size of y
+  std::vector<double> scratch_, slope_;  ///< size of y
 };
 
 }  // namespace dockloop

@@ -11,6 +11,7 @@ Stepper::Method find_stepper_method(const RunMethod& method) {
     return method.is_fixed_step() ? Stepper::Method::kFixedRosenbrock
                                   : Stepper::Method::kRosenbrock;
   }
+  if (method.is_switching) return Stepper::Method::kSwitching;
   switch (method.facts->method) {
     case kBdf:
       return Stepper::Method::kBdf;
@@ -63,7 +64,7 @@ Stepper::Problem StepLoop::make_problem() {
     };
     problem.jacobian_cost = find_jacobian_cost();
   }
-  if (method_.is_structured) enter_structured_matrix(problem);
+  if (method_.has_matrix()) enter_structured_matrix(problem);
   return problem;
 }
 

@@ -266,7 +266,7 @@ TEST(StiffProblems, are_cheaper_with_stabilised_steps_and_as_accurate) {
     ASSERT_TRUE(run_to(stepper, 3.0));
     error[i] = std::abs(stepper.y()[0] - std::cos(3.0));
     evaluations[i] = stepper.rate_evaluations();
-    EXPECT_NEAR(stepper.fastest_rate(), i == 0 ? 0.0 : 2e3, 50.0);
+    EXPECT_NEAR(stepper.pace().fastest_rate, i == 0 ? 0.0 : 2e3, 50.0);
     std::printf("error %.2e, %ld evaluations\n", error[i], evaluations[i]);
   }
   EXPECT_LT(2 * evaluations[1], evaluations[0]);
@@ -295,7 +295,7 @@ TEST(StiffProblems, that_begin_inside_a_step_leave_no_rate_of_stages_that_are_fa
     ASSERT_TRUE(run_to(stepper, 1.0));
     EXPECT_NEAR(stepper.y()[1], -1.0, 1e-5);
     evaluations[i] = stepper.rate_evaluations();
-    std::printf("%ld evaluations, fastest rate %.3g/s\n", evaluations[i], stepper.fastest_rate());
+    std::printf("%ld evaluations, fastest rate %.3g/s\n", evaluations[i], stepper.pace().fastest_rate);
   }
   EXPECT_LT(evaluations[1], 2 * evaluations[0]);
 }
