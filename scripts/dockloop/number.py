@@ -70,10 +70,12 @@ def to_plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
-def check_whole(place: str, value: Any, least: int) -> int:
-    """Return a whole number not below `least`. Raises UsageError: the value is none."""
+def check_whole(place: str, value: Any, least: int, most: int | None = None) -> int:
+    """Return a whole number within limits; `place` names it. Raises UsageError: it is none."""
     if not (is_number(value) and isinstance(value, Integral)):
         raise UsageError(f"{place} {value!r}: must be a whole number")
-    if value < least:
-        raise UsageError(f"{place} {value}: must be at least {least}")
-    return int(value)
+    number = int(value)
+    if number < least or (most is not None and number > most):
+        limits = f"at least {least}" if most is None else f"{least} to {most}"
+        raise UsageError(f"{place} {number}: must be {limits}")
+    return number

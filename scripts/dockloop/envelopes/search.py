@@ -227,11 +227,9 @@ def _prepare(order: Order, judge: Judge | None) -> Search:
     tolerance = _TOLERANCE[dimensions] if order.tolerance is None else order.tolerance
     coarse = _COARSE[dimensions] if order.coarse is None else order.coarse
     check_number("--tolerance", tolerance)
-    check_whole("--coarse", coarse, 2)
+    check_whole("--coarse", coarse, 2, _MOST_CELLS // 4)
     if not FINEST <= tolerance <= 0.25:
         raise UsageError(f"--tolerance {tolerance:g}: must be {FINEST:g} to 0.25 (of the range)")
-    if not 2 <= coarse <= _MOST_CELLS // 4:
-        raise UsageError(f"--coarse {coarse}: must be 2 to {_MOST_CELLS // 4}")
     for option, number in (("--check", order.checks), ("--seed", order.seed)):
         check_whole(option, number, 0)
     levels = max(0, math.ceil(math.log2(0.5 / tolerance / coarse) - 1e-9))
