@@ -30,6 +30,7 @@ fmi2Status fmi_status(StatusCode code) {
     case StatusCode::kRedundancyLost:
     case StatusCode::kInertiaNotPositive:
     case StatusCode::kSequenceChatters:
+    case StatusCode::kCannotJoin:
     case StatusCode::kNotFinite:
       return fmi2Error;
   }

@@ -167,24 +167,45 @@ DockingModel make_docking_model(const Scene& scene,
   return model;
 }
 
-void lock_mechanism(const DockingModel& model, DockingData<double>& data, LockedMechanism& locked) {
+namespace {
+
+/// All bodies but the chaser as one. @param to_chaser  turns a pose in O into one in C
+VehicleBody find_mechanism_body(const DockingModel& model, const Pose<double>& to_chaser,
+                                DockingData<double>& data) {
   calc_leg_bodies(model.mechanism, data.mechanism);
   const TreeData<double>& tree = data.mechanism.tree;
-  const FrameMotion<double>& chaser = data.vehicle[kChaser];
-  const Pose<double> to_chaser = inverse(Pose<double>{chaser.R, chaser.p});
-  locked.q = tree.q;
-  locked.capture = to_chaser * Pose<double>{data.capture.R, data.capture.p};
-  locked.mechanism = VehicleBody();
+  VehicleBody sum;
   for (int i = 0; i < static_cast<int>(tree.R.size()); ++i) {
     if (i == model.mechanism.vehicle) continue;
     const Body& body = model.mechanism.model.bodies[i];
-    locked.mechanism =
-        join(locked.mechanism, transform(to_chaser * Pose<double>{tree.R[i], tree.p[i]},
-                                         {body.mass, body.com, body.inertia}));
+    sum = join(sum, transform(to_chaser * Pose<double>{tree.R[i], tree.p[i]},
+                              {body.mass, body.com, body.inertia}));
   }
+  return sum;
+}
+
+}  // namespace
+
+void lock_mechanism(const DockingModel& model, DockingData<double>& data, LockedMechanism& locked) {
+  const FrameMotion<double>& chaser = data.vehicle[kChaser];
+  const Pose<double> to_chaser = inverse(Pose<double>{chaser.R, chaser.p});
+  locked.mechanism = find_mechanism_body(model, to_chaser, data);
+  locked.q = data.mechanism.tree.q;
+  locked.capture = to_chaser * Pose<double>{data.capture.R, data.capture.p};
   locked.whole =
       model.moves[kChaser] ? join(model.vehicle[kChaser], locked.mechanism) : locked.mechanism;
   data.locked = &locked;
+}
+
+VehicleBody find_stack(const DockingModel& model, DockingData<double>& data) {
+  if (data.locked && data.locked->has_target) return data.locked->joined;
+  const FrameMotion<double>&chaser = data.vehicle[kChaser], &target = data.vehicle[kTarget];
+  const Pose<double> to_chaser = inverse(Pose<double>{chaser.R, chaser.p});
+  const VehicleBody active =
+      data.locked ? data.locked->whole
+                  : join(model.vehicle[kChaser], find_mechanism_body(model, to_chaser, data));
+  return join(active,
+              transform(to_chaser * Pose<double>{target.R, target.p}, model.vehicle[kTarget]));
 }
 
 void join_target(const DockingModel& model, const RigidJoint& joint, LockedMechanism& locked) {

@@ -24,7 +24,7 @@ int read_choice(const JsonReader& item, const ChoiceList& list) {
 }
 
 /// Increase it when the same document leads to other variables or other meanings.
-constexpr const char* kVariableTableVersion = "dockloop-variables/7";
+constexpr const char* kVariableTableVersion = "dockloop-variables/8";
 
 constexpr int kMaxNodes = 360;  ///< of a guide ring
 constexpr int kMaxMethod = 99;  ///< sim/solver_methods.hpp has the list
