@@ -121,14 +121,9 @@ template <class Body>
 fmi2Status guarded(fmi2Component c, const Call& call, Body&& body) noexcept {
   if (!c) return fmi2Error;
   Instance& self = *static_cast<Instance*>(c);
-  const OneCall one(self);
-  if (!one.is_alone() && one.is_nested()) return fmi2Error;
+  const OneCall one(self, call.name);
+  if (!one.is_alone()) return fmi2Error;
   try {
-    if (!one.is_alone()) {
-      throw Refusal(std::string(call.name) +
-                    ": another thread is in a call of this instance; use an instance from one "
-                    "thread at a time");
-    }
     if (!(call.permitted & self.state) || !(call.side & self.side())) {
       throw Refusal(forbidden_text(call, self.state, self.side()));
     }
@@ -273,12 +268,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 void fmi2FreeInstance(fmi2Component c) {
   if (!c) return;
   Instance& self = *static_cast<Instance*>(c);
-  const bool is_used = !OneCall(self).is_alone();
-  if (is_used) {
-    self.logger.error("fmi2FreeInstance: a call of this instance runs; the instance is not freed");
-    return;
-  }
-  delete &self;
+  if (OneCall(self, "fmi2FreeInstance").is_alone()) delete &self;
 }
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, fmi2Real tolerance,

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <utility>
@@ -30,6 +31,7 @@ fmi2Status fmi_status(StatusCode code) {
     case StatusCode::kRedundancyLost:
     case StatusCode::kInertiaNotPositive:
     case StatusCode::kSequenceChatters:
+    case StatusCode::kCannotJoin:
     case StatusCode::kNotFinite:
       return fmi2Error;
   }
@@ -138,6 +140,17 @@ fmi2Status Instance::step(double t, double h) {
   time = t + h;
   log_events();
   return fmi2OK;
+}
+
+void Instance::log_refused() noexcept {
+  const char* name = refused.exchange(nullptr);
+  if (!name) return;
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "%s: was refused, because another call of this instance ran; use an instance from "
+                "one thread at a time, and not from its callbacks",
+                name);
+  logger.error(text);
 }
 
 void Instance::reset() {

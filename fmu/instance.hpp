@@ -78,6 +78,8 @@ struct Instance {
   void log_left_out();
   /// Log the warnings since the last call, and a change of phase (category logEvents).
   void log_events();
+  /// Log the call that was refused because another one ran, if there was one.
+  void log_refused() noexcept;
 
   bool before_start() const { return (state & kBeforeStart) != 0; }
   Side side() const {
@@ -100,6 +102,8 @@ struct Instance {
   /// Thread of the call that runs; none: no call runs. It guards this instance against a second
   /// one.
   std::atomic<std::thread::id> caller{};
+  /// FMI function that was refused last because another call ran, until that is logged; or null.
+  std::atomic<const char*> refused{nullptr};
 };
 
 /// A saved state as bytes, for another process: a header with its identity, and the contents.

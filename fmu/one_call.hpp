@@ -7,24 +7,27 @@
 
 namespace dockloop {
 
-/// One call of an instance at a time. A second one changes nothing.
+/// One call of an instance at a time. A second one changes nothing and logs nothing, as the first
+/// one may be in the logger: the first one logs the refusal when it ends.
 class OneCall {
  public:
-  explicit OneCall(Instance& self) : self_(self) {
-    is_alone_ = self.caller.compare_exchange_strong(other_, std::this_thread::get_id());
+  /// @param name  of the FMI function
+  OneCall(Instance& self, const char* name) : self_(self) {
+    std::thread::id other;
+    is_alone_ = self.caller.compare_exchange_strong(other, std::this_thread::get_id());
+    if (!is_alone_) self.refused.store(name);
   }
   ~OneCall() {
-    if (is_alone_) self_.caller.store(std::thread::id());
+    if (!is_alone_) return;
+    self_.log_refused();
+    self_.caller.store(std::thread::id());
   }
   OneCall(const OneCall&) = delete;
   OneCall& operator=(const OneCall&) = delete;
   bool is_alone() const { return is_alone_; }
-  /// The call comes from a callback of the first one: its logger must not be called again.
-  bool is_nested() const { return other_ == std::this_thread::get_id(); }
 
  private:
   Instance& self_;
-  std::thread::id other_;
   bool is_alone_;
 };
 

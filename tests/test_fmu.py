@@ -30,7 +30,7 @@ V.force_ext[1..3] V.torque_ext[1..3] V.{force,torque,force_mean,torque_mean}[1..
 V.mass V.inertia[1..6] V.interface_position[1..3] V.interface_attitude[1..4]
 V.mass_includes_mechanism gravity[1..3]
 relative.{position,velocity,angular_velocity}[1..3] relative.attitude[1..4]
-relative.{axial,lateral,pitch_yaw,roll} gap
+relative.{axial,lateral,pitch_yaw,roll} gap stack.mass stack.com[1..3] stack.inertia[1..6]
 capture.{force,torque}[1..3] capture.{tension,compression,shear,bending,torsion,load_ratio}
 capture.{peak,peak_time,peak_step}.{tension,compression,shear,bending,torsion,load_ratio}
 contact.petal[1..3].force contact.depth_ratio latch[1..3].{opening,force,lateral,state}

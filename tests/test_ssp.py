@@ -174,6 +174,12 @@ def test_the_structure_obeys_the_schema_and_fits_its_fmus(package, fmus):
             assert connector[0].get("unit") == variable.unit
             assert variable.type in ("Real", "Integer", "Boolean")
             assert variable.causality != "input" or (name, variable.name) in ends
+        listed = [c.get("name") for c in component.iter(f"{{{SSD['ssd']}}}Connector")]
+        if name != "docking":  # what an own vehicle needs, and nothing that it may lack
+            assert set(listed) == {rename(n) for n in MOTIONS} | {
+                f"chaser.{load}_ext[{i + 1}]" for load in ("force", "torque") for i in range(3)
+            }
+            assert component.find(f"{{{SSD['ssd']}}}ParameterBindings") is None
         for parameter in component.iter(f"{{{SSD['ssv']}}}Parameter"):
             variable = variables[parameter.get("name")]
             assert variable.causality == "parameter"

@@ -75,6 +75,7 @@ if TYPE_CHECKING:
     from dockloop.envelopes.command import Envelope, envelope
     from dockloop.errors import DockloopError, UsageError
     from dockloop.histories import read_histories
+    from dockloop.linear import LinearModel, linearise
     from dockloop.mechanism import check_mechanism as check
     from dockloop.results import Result
     from dockloop.sweep_report import read_parts
@@ -86,11 +87,13 @@ __all__ = [
     "Docking",
     "DockloopError",
     "Envelope",
+    "LinearModel",
     "Result",
     "Scene",
     "UsageError",
     "check",
     "envelope",
+    "linearise",
     "read_histories",
     "read_parts",
     "run",
@@ -105,11 +108,13 @@ _WHERE = {  # imported when they are used, so that a command starts quickly
     "Docking": "docking",
     "DockloopError": "errors",
     "Envelope": "envelopes.command",
+    "LinearModel": "linear",
     "Result": "results",
     "Scene": "docking",
     "UsageError": "errors",
     "check": "mechanism",
     "envelope": "envelopes.command",
+    "linearise": "linear",
     "read_histories": "histories",
     "read_parts": "sweep_report",
     "run": "docking",

@@ -228,7 +228,10 @@ def _describe_system(document: dict, fmus: dict[str, _Fmu]) -> bytes:
 
 
 def _add_component(elements: ET.Element, name: str, fmu: _Fmu, connections: list[tuple]) -> None:
-    """Add one FMU: its connectors, and the values of its parameters."""
+    """Add one FMU: its connectors, and the values of its parameters.
+
+    A vehicle has only what is connected, and no values: an FMU of the user takes its place.
+    """
     component = _add(
         elements,
         "ssd:Component",
@@ -238,11 +241,16 @@ def _add_component(elements: ET.Element, name: str, fmu: _Fmu, connections: list
         implementation="CoSimulation",
     )
     inputs = [link[3] for link in connections if link[2] == name]
+    outputs = [link[1] for link in connections if link[0] == name]
+    if name == "docking":
+        outputs = fmu.names("output")
     connectors = _add(component, "ssd:Connectors")
-    for kind, names in (("input", inputs), ("output", fmu.names("output"))):
+    for kind, names in (("input", inputs), ("output", outputs)):
         for variable in names:
             connector = _add(connectors, "ssd:Connector", name=variable, kind=kind)
             _add_value(connector, "ssc", fmu.variables[variable][0])
+    if name != "docking":
+        return
     bindings = _add(component, "ssd:ParameterBindings")
     values = _add(_add(bindings, "ssd:ParameterBinding"), "ssd:ParameterValues")
     parameter_set = _add(values, "ssv:ParameterSet", version="1.0", name=PARAMETER_SET)

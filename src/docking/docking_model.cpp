@@ -201,6 +201,27 @@ bool needs_other_matrix(const DockingModel& model) {
          (is_on_adapter && !model.hard_dock.empty());
 }
 
+namespace {
+
+/// The bodies of a tree but its vehicle as one, those that are wanted.
+/// @param to_chaser  turns a pose in O into one in C
+template <class Wanted>
+VehicleBody join_bodies(const Mechanism& mechanism, const TreeData<double>& tree,
+                        const Pose<double>& to_chaser, const Wanted& wanted) {
+  VehicleBody sum;
+  for (int i = 0; i < static_cast<int>(tree.R.size()); ++i) {
+    if (i == mechanism.vehicle || !wanted(i)) continue;
+    const Body& body = mechanism.model.bodies[i];
+    sum = join(sum, transform(to_chaser * Pose<double>{tree.R[i], tree.p[i]},
+                              {body.mass, body.com, body.inertia}));
+  }
+  return sum;
+}
+
+bool is_any(int) { return true; }
+
+}  // namespace
+
 void lock_mechanism(const DockingModel& model, DockingData<double>& data, LockedMechanism& locked) {
   calc_leg_bodies(model.mechanism, data.mechanism);
   const TreeData<double>& tree = data.mechanism.tree;
@@ -213,19 +234,28 @@ void lock_mechanism(const DockingModel& model, DockingData<double>& data, Locked
   if (mechanism.carrier != model.mechanism.vehicle) {
     locked.carrier = to_chaser * Pose<double>{tree.R[mechanism.carrier], tree.p[mechanism.carrier]};
   }
-  locked.mechanism = locked.parts = VehicleBody();
-  for (int i = 0; i < static_cast<int>(tree.R.size()); ++i) {
-    if (i == model.mechanism.vehicle) continue;
-    const Body& body = mechanism.bodies[i];
-    const VehicleBody placed = transform(to_chaser * Pose<double>{tree.R[i], tree.p[i]},
-                                         {body.mass, body.com, body.inertia});
-    locked.mechanism = join(locked.mechanism, placed);
-    const bool is_adapter = i <= mechanism.carrier;
-    if (is_adapter || i >= mechanism.first_part()) locked.parts = join(locked.parts, placed);
-  }
+  locked.mechanism = join_bodies(model.mechanism, tree, to_chaser, is_any);
+  locked.parts = join_bodies(model.mechanism, tree, to_chaser, [&](int i) {
+    return i <= mechanism.carrier || i >= mechanism.first_part();
+  });
   locked.whole =
       model.moves[kChaser] ? join(model.vehicle[kChaser], locked.mechanism) : locked.mechanism;
   data.locked = &locked;
+}
+
+VehicleBody find_stack(const DockingModel& model, DockingData<double>& data) {
+  if (data.locked && data.locked->has_target) return data.locked->joined;
+  const FrameMotion<double>&chaser = data.vehicle[kChaser], &target = data.vehicle[kTarget];
+  const Pose<double> to_chaser = inverse(Pose<double>{chaser.R, chaser.p});
+  if (!data.locked) calc_leg_bodies(model.mechanism, data.mechanism);
+  const VehicleBody active =
+      data.locked ? data.locked->whole
+                  : join(model.vehicle[kChaser], join_bodies(model.mechanism, data.mechanism.tree,
+                                                             to_chaser, is_any));
+  const VehicleBody stack = join(
+      active, transform(to_chaser * Pose<double>{target.R, target.p}, model.vehicle[kTarget]));
+  if (!data.target) return stack;
+  return join(stack, join_bodies(*model.target, data.target->mechanism.tree, to_chaser, is_any));
 }
 
 void join_target(const DockingModel& model, const RigidJoint& joint, LockedMechanism& locked) {

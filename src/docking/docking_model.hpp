@@ -218,6 +218,10 @@ bool needs_other_matrix(const DockingModel& model);
 /// rest. @post data.locked == &locked
 void lock_mechanism(const DockingModel& model, DockingData<double>& data, LockedMechanism& locked);
 
+/// Chaser, mechanism and target as one rigid body in their present poses. Axes and origin of the
+/// chaser. Finds the bodies of legs. @pre calc_docking; both vehicles move
+VehicleBody find_stack(const DockingModel& model, DockingData<double>& data);
+
 /// Join the target to the locked mechanism, or release it. @pre lock_mechanism
 void join_target(const DockingModel& model, const RigidJoint& joint, LockedMechanism& locked);
 

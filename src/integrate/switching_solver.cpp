@@ -13,9 +13,9 @@
 namespace dockloop {
 namespace {
 
-constexpr double kWorthwhile = 2.0;  ///< wanted step over the stable one, for a trial
-constexpr double kTrial = 1.5;       ///< first linearly implicit step over the stable one
-constexpr double kShort = 1.2;     ///< linearly implicit steps below so many stable ones cost more
+constexpr double kWorthTrial = 2.0;  ///< wanted step over the stable one, for a trial
+constexpr double kTrialStep = 1.5;       ///< first linearly implicit step over the stable one
+constexpr double kShortStep = 1.2;     ///< linearly implicit steps below so many stable ones cost more
 constexpr int kShortSteps = 5;     ///< in a row, before explicit steps return
 constexpr int kProvenSteps = 20;   ///< after which a trial counts as a success
 constexpr int kLongestWait = 640;  ///< [steps]
@@ -81,12 +81,12 @@ class SwitchingSolver : public Solver {
     if (pace_.is_implicit) {
       pace_.made = std::min(pace_.made + 1, kProvenSteps);
       if (pace_.made == kProvenSteps) pace_.wait = 0;
-      pace_.count = h_ < kShort * pace_.stable ? pace_.count + 1 : 0;
+      pace_.count = h_ < kShortStep * pace_.stable ? pace_.count + 1 : 0;
       if (pace_.count >= kShortSteps) change(false, pace_.stable);
       return;
     }
     pace_.fastest_rate = used_->pace().fastest_rate;
-    if (!(h_ * pace_.fastest_rate > kWorthwhile * kStabilisedInterval)) {
+    if (!(h_ * pace_.fastest_rate > kWorthTrial * kStabilisedInterval)) {
       pace_.count = 0;
       return;
     }
@@ -96,7 +96,7 @@ class SwitchingSolver : public Solver {
     pace_.wait = std::min(2 * wait, kLongestWait);
     pace_.made = 0;
     pace_.stable = kStabilisedInterval / pace_.fastest_rate;
-    change(true, kTrial * pace_.stable);
+    change(true, kTrialStep * pace_.stable);
   }
 
   std::unique_ptr<Solver> explicit_, implicit_;

@@ -267,6 +267,7 @@ class Table {
 
 void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index);
 void add_relative(Table& table, Outputs& out);
+void add_stack(Table& table, Outputs& out);
 void add_capture(Table& table, Outputs& out);
 void add_contact(Table& table, const ContactModel& contact, Parameters& parameter, Outputs& out);
 void add_progress(Table& table, Outputs& out);

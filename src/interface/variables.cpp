@@ -107,6 +107,9 @@ std::vector<Variable> make_variables(DockingSim& sim) {
                "force_ext");
   if (scene.has_target) {
     if (wants("relative")) add_relative(table, outputs);
+    const bool both_move = std::none_of(scene.motion.begin(), scene.motion.end(),
+                                        [](Motion m) { return m == Motion::kFixed; });
+    if (wants("relative") && both_move) add_stack(table, outputs);
     if (wants("capture")) add_capture(table, outputs);
     if (wants("contact")) add_contact(table, scene.contact, parameters, outputs);
     if (wants("phase")) add_phase(table, parameters, outputs);

@@ -72,6 +72,16 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
                     step);
 }
 
+void add_stack(Table& table, Outputs& out) {
+  const std::string text = " of chaser, mechanism and target as one rigid body in their poses now";
+  const auto finish = [](auto row) { row.discrete().group(OutputGroup::kBodies); };
+  finish(table.output("stack.mass", &out.stack_mass, kMass, "Mass" + text));
+  finish(table.outputs("stack.com", out.stack_com, kLength,
+                       "Centre of mass" + text + ", from the centre of mass of the chaser, C"));
+  finish(table.outputs("stack.inertia", out.stack_inertia, kInertia,
+                       "Inertia" + text + ", about stack.com, axes of C"));
+}
+
 void add_relative(Table& table, Outputs& out) {
   table.outputs("relative.position", out.relative_position, kLength,
                 "Origin of P with respect to A, axes of A");

@@ -25,6 +25,7 @@ enum class StatusCode {
   kNotFinite,           ///< NaN or infinity
   kSequenceChatters,    ///< steps of the sequence follow each other without end
   kBadInput,            ///< impossible input of the host; correct the input and repeat the step
+  kCannotJoin,          ///< a rigid joint does not fit the scene
   kInterrupted,         ///< the user stopped the step; it may be made again
 };
 

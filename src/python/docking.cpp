@@ -143,6 +143,39 @@ std::vector<double> Docking::get(const std::vector<int>& rows) {
   return values;
 }
 
+std::vector<int> Docking::list_differentiable() const {
+  std::vector<int> rows;
+  for (size_t i = 0; i < variables().size(); ++i) {
+    if (variables()[i].output >= 0) rows.push_back(static_cast<int>(i));
+  }
+  return rows;
+}
+
+std::vector<double> Docking::find_derivatives(const std::vector<int>& unknowns,
+                                              const std::vector<int>& knowns) {
+  start();
+  std::vector<double> values;
+  for (const int place : knowns) {
+    const Variable& known = row(place);
+    if (known.input < 0 && known.state < 0) {
+      throw ModelError("'" + known.name + "' is neither an input nor a continuous state");
+    }
+    const Seed seed = known.input >= 0 ? Seed{Seed::Of::kInput, known.input, 1.0}
+                                       : Seed{Seed::Of::kState, known.state, 1.0};
+    const Status status = instance_.sim.calc_directional_derivative({seed});
+    if (!status.ok()) throw StepError(instance_.sim.describe(status));
+    for (const int other : unknowns) {
+      const Variable& v = row(other);
+      if (v.rate < 0 && v.output < 0) {
+        throw ModelError("'" + v.name + "' is neither a continuous output nor the rate of a state");
+      }
+      values.push_back(v.rate >= 0 ? instance_.sim.rate_derivative(v.rate)
+                                   : instance_.sim.output_derivative(v.output));
+    }
+  }
+  return values;
+}
+
 void Docking::start() {
   if (!instance_.before_start()) return;
   instance_.initialise();

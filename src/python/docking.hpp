@@ -73,6 +73,13 @@ class Docking {
            const std::string& caller);
   /// Present values; integers and Booleans (0 or 1) as numbers.
   std::vector<double> get(const std::vector<int>& rows);
+  /// Rows of outputs that have derivatives: not what changes at events only.
+  std::vector<int> list_differentiable() const;
+  /// Exact partial derivatives at the present point. @param unknowns  rows of outputs and of rates
+  /// of states. @param knowns  rows of inputs and states
+  /// @return for each known those of all unknowns. @throws ModelError naming a row that is neither
+  std::vector<double> find_derivatives(const std::vector<int>& unknowns,
+                                       const std::vector<int>& knowns);
   /// End the phase in which start values can be set; the first step does it too.
   void start();
   /// Go back to the state after construction.

@@ -265,6 +265,9 @@ NB_MODULE(_core, m) {
       .def("set", one_at_a_time(&Docking::set), nb::arg("rows"), nb::arg("values"),
            nb::arg("caller") = "")
       .def("get", one_at_a_time(&Docking::get), nb::arg("rows"))
+      .def("differentiable", &Docking::list_differentiable)
+      .def("derivatives", one_at_a_time(&Docking::find_derivatives), nb::arg("unknowns"),
+           nb::arg("knowns"))
       .def("start", one_at_a_time(&Docking::start))
       .def("reset", one_at_a_time(&Docking::reset))
       .def(

@@ -67,6 +67,9 @@ std::string DockingSim::Impl::describe(const Status& status) const {
     case StatusCode::kBadInput:
       std::snprintf(text, sizeof text, "an input has an impossible value");
       break;
+    case StatusCode::kCannotJoin:
+      std::snprintf(text, sizeof text, "%s", find_joint_obstacle());
+      break;
     case StatusCode::kInterrupted:
       std::snprintf(text, sizeof text, "stopped by the user; the step may be made again");
       break;

@@ -67,10 +67,7 @@ Status DockingSim::Impl::update_joint(double tau) {
 Status DockingSim::Impl::join_rigidly(double tau) {
   Status status = calc_begin_point(ahead.reached);
   if (!status.ok()) return status;
-  if (const char* obstacle = find_joint_obstacle()) {
-    status_text = obstacle;
-    return {StatusCode::kBadInput, -1, 0.0, elapsed + tau};
-  }
+  if (find_joint_obstacle()) return {StatusCode::kCannotJoin, -1, 0.0, elapsed + tau};
   const double before = find_kinetic_energy(*model, present());
   const FrameMotion<double>&chaser = present().vehicle[kChaser],
         &target = present().vehicle[kTarget];

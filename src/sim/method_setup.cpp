@@ -116,7 +116,7 @@ RunMethod DockingSim::Impl::choose_method() const {
   method.is_reference = static_cast<bool>(adapt_problem);
   method.is_structured = uses_structured_matrix(method);
   method.is_switching = method.facts->method == kAuto && integrates_reduced_form(method) &&
-                        !method.is_structured && model->layout.bristle_count == 0;
+                        !method.is_structured && !needs_other_matrix(*model);
   if (method.facts->method == kAuto && method.is_co_simulation && !method.is_reference) {
     method.facts = find_method(parameters.model_level == kReference ? kDae
                                : method.is_structured               ? kRosenbrock

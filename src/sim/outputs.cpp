@@ -102,6 +102,13 @@ Status DockingSim::Impl::update_bodies() {
   outputs.momentum_residual =
       std::max(momentum_audit.residual,
                find_momentum_residual(*model, shown(), step_loop->point_y(), momentum_audit));
+  if (model->moves[kChaser] && model->moves[kTarget]) {
+    const VehicleBody stack = find_stack(*model, find_source().data);
+    const Mat3<double>& J = stack.inertia;
+    outputs.stack_mass = stack.mass;
+    outputs.stack_com = stack.com;
+    outputs.stack_inertia = {J(0, 0), J(1, 1), J(2, 2), J(0, 1), J(0, 2), J(1, 2)};
+  }
   const bool moves = !shown().locked;
   outputs.solver_closure_residual =
       std::max(moves ? find_closure_residual(model->mechanism, shown().mechanism) : 0.0, drift);

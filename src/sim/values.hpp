@@ -324,6 +324,11 @@ struct Outputs : OutputValues<double> {
   /// group energy: |p - p(0) - impulse| / momentum scale [-]; with kernels at present, else largest
   double momentum_residual = 0.0;
 
+  // group relative, if both vehicles move: chaser, mechanism and target as one rigid body
+  double stack_mass = 0.0;                        ///< [kg]
+  Vec3<double> stack_com = Vec3<double>::Zero();  ///< in C [m]
+  std::array<double, 6> stack_inertia{};          ///< about stack_com, axes of C [kg m2]
+
   // group coupling, if a vehicle is driven
   double coupling_work_residual = 0.0;                                   ///< [J]
   double coupling_mass_mismatch = 0.0;                                   ///< [-]

@@ -9,8 +9,11 @@
 #include <gtest/gtest.h>
 #include <malloc.h>
 
+#include <set>
 #include <stdexcept>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "unit/allocations.hpp"
 #include "unit/fmu_test_support.hpp"
@@ -83,8 +86,12 @@ TEST_F(Lifecycle, threads_with_an_instance_each_give_the_bits_of_one_alone) {
 struct Nosy {
   static void log(fmi2ComponentEnvironment environment, fmi2String, fmi2Status, fmi2String,
                   fmi2String text, ...) {
-    if (std::string(text).find("another thread") != std::string::npos) return;
     Nosy& self = *static_cast<Nosy*>(environment);
+    self.threads.insert(std::this_thread::get_id());
+    if (std::string(text).find("was refused") != std::string::npos) {
+      self.refusals.emplace_back(text);
+      return;
+    }
     const fmi2ValueReference first = 0;
     double value = 0.0;
     self.nested = fmi2GetReal(self.instance, &first, 1, &value);
@@ -94,6 +101,8 @@ struct Nosy {
   fmi2Component instance = nullptr;
   fmi2Status nested = fmi2OK, foreign = fmi2OK;
   int lines = 0;
+  std::set<std::thread::id> threads;  ///< that have called the logger
+  std::vector<std::string> refusals;
 };
 
 TEST_F(Lifecycle, a_second_call_of_an_instance_is_refused) {
@@ -107,7 +116,12 @@ TEST_F(Lifecycle, a_second_call_of_an_instance_is_refused) {
   EXPECT_GE(nosy.lines, 1);
   EXPECT_EQ(nosy.nested, fmi2Error);
   EXPECT_EQ(nosy.foreign, fmi2Error);
+  // The call that ran says so when it ends: the logger is entered by one thread at a time.
+  EXPECT_EQ(nosy.threads.size(), 1u);
+  ASSERT_EQ(nosy.refusals.size(), 1u);
+  EXPECT_NE(nosy.refusals[0].find("fmi2GetReal: was refused"), std::string::npos);
   fmi2FreeInstance(nosy.instance);
+  EXPECT_EQ(nosy.refusals.size(), 1u);
 }
 
 #ifdef DOCKLOOP_COUNTS_ALLOCATIONS
