@@ -270,6 +270,72 @@ def test_saved_states_hold_the_motion_of_parts():
             assert twice.get(name) == plain.get(name), name
 
 
+class RigidHost:
+    """A host that integrates one rigid vehicle with the announced loads, as in the examples."""
+
+    def __init__(self, docking, name, mass, moments):
+        self._docking, self._mass, self._moments = docking, mass, np.array(moments)
+        self._names = [
+            f"{name}.{n}" for n in ("position", "velocity", "attitude", "angular_velocity")
+        ]
+        self._loads = [f"{name}.force_mean", f"{name}.torque_mean"]
+        self._state = [np.array(docking.get(n)) for n in self._names]
+
+    def step(self, h):
+        """One communication step in which both step at once."""
+        force, torque = (np.array(self._docking.get(n)) for n in self._loads)
+        for name, value in zip(self._names, self._state, strict=True):
+            self._docking.set(name, value)
+        self._docking.step(h)
+        p, v, q, w = self._state
+
+        def rate(z):
+            q, w = z[:4], z[4:]
+            spin = np.append(-q[1:] @ w, q[0] * w + np.cross(q[1:], w)) / 2
+            return np.append(spin, (torque - np.cross(w, self._moments * w)) / self._moments)
+
+        z, n = np.append(q, w), 20
+        for _ in range(n):
+            a = rate(z)
+            b = rate(z + h / n / 2 * a)
+            c = rate(z + h / n / 2 * b)
+            z = z + h / n / 6 * (a + 2 * b + 2 * c + rate(z + h / n * c))
+        q = z[:4] / np.linalg.norm(z[:4])
+        self._state = [p + h * v + h * h / 2 / self._mass * force, v + h / self._mass * force, q]
+        self._state.append(z[4:])
+
+
+SOFT = {"mass": 300.0, "inertia": [60, 50, 50, 0, 0, 0], "joint": "slide", "axis": [1, 0, 0]}
+SOFT |= {"frequency": 8.0, "damping_ratio": 0.02}
+
+
+@pytest.mark.parametrize("step", [0.05, 0.1])
+def test_a_driven_vehicle_behind_a_soft_adapter_docks_as_one_fmu(step):
+    """The light mass in front of the spring is inside: the border lies where it is soft."""
+    name = "chaser"
+    scene = shipped("idss_25t_350t")
+    vehicle = scene[name]
+    place = [0.9 * vehicle["interface_position"][0], 0, 0]
+    vehicle |= {"adapter": SOFT | {"position": place}, "part": [make_array(1)]}
+    scene["initial"]["approach_time"] = 0.5
+    scene["solver"] = {"rtol": 1e-9, "atol_position": 1e-11, "atol_velocity": 1e-11}
+    one = dl.run(scene, stop=2.0, step=0.1)
+    scene[name] = vehicle | {"motion": "driven"}
+    coupled = dl.Docking(scene | {"coupling": {"mode": "parallel"}})
+    coupled.set("coupling.expected_step", step)
+    host = RigidHost(coupled, name, vehicle["mass"], vehicle["inertia"][:3])
+    for _ in range(round(2.0 / step)):
+        host.step(step)
+    for load in ("compression", "shear", "bending"):
+        peak = one[f"capture.peak.{load}"][-1]
+        assert coupled.get(f"capture.peak.{load}") == pytest.approx(peak, rel=1e-5), load
+    assert coupled.warnings == []
+    number = 1 + len(vehicle["part"])
+    assert np.ptp(one[f"part[{number}].coordinate"]) > 1e-4
+    swing = coupled.get("part[1].coordinate")
+    assert swing == pytest.approx(one["part[1].coordinate"][-1], rel=1e-4)
+
+
 HANG = {"mass": 10.0, "com": [1, 0, 0], "joint": "hinge", "axis": [0, 0, 1]}
 ELASTIC = {"mass": 10.0, "inertia": [1, 1, 1, 0, 0, 0], "joint": "elastic"}
 
