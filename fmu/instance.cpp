@@ -236,7 +236,7 @@ namespace {
 constexpr char kMagic[8] = {'D', 'O', 'C', 'K', 'L', 'O', 'O', 'P'};
 constexpr std::uint32_t kByteOrder = 0x01020304;
 /// Increase it when the contents change.
-constexpr std::uint32_t kStateFormat = 15;
+constexpr std::uint32_t kStateFormat = 16;
 
 struct Header {
   char magic[8];

@@ -24,7 +24,7 @@ int read_choice(const JsonReader& item, const ChoiceList& list) {
 }
 
 /// Increase it when the same document leads to other variables or other meanings.
-constexpr const char* kVariableTableVersion = "dockloop-variables/7";
+constexpr const char* kVariableTableVersion = "dockloop-variables/8";
 
 constexpr int kMaxNodes = 360;  ///< of a guide ring
 constexpr int kMaxMethod = 99;  ///< sim/solver_methods.hpp has the list
@@ -280,7 +280,7 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   }
   if (root.has("coupling")) {
     const JsonReader mode = root.at("coupling").at("mode");
-    scene.parallel_host = read_choice(mode, kCouplingModes) == kParallel;
+    scene.coupling_mode = read_choice(mode, kCouplingModes);
   }
   if (root.has("model")) {
     scene.level = read_choice(root.at("model").at("level"), kLevels);
