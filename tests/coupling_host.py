@@ -8,7 +8,8 @@ or schemes, that masters have:
 |---|---|
 | `sequential` | the FMU steps first; the vehicle makes the same step with its mean load (mode 1) |
 | `parallel` | both step at once; the vehicle holds the mean load announced at t (mode 2) |
-| `vehicle_first` | the vehicle steps first, the FMU receives its end pose: wrong for this FMU |
+| `host_first` | the vehicle steps first with the announced load; the FMU gets its end (mode 3) |
+| `vehicle_first` | the same in mode 1: wrong for this FMU |
 | `end_of_step` | both step at once; the vehicle holds `V.force`, the load at t (heavy) |
 | `iterated` | the FMU step is repeated until its load leads to the pose that it received (heavy) |
 
@@ -29,9 +30,9 @@ import numpy as np
 from extreme_cases.fmi_host import WARNING, Host
 
 VEHICLES = ("chaser", "target")
-SEQUENTIAL, PARALLEL = 1, 2  # coupling.mode
+SEQUENTIAL, PARALLEL, HOST_FIRST = 1, 2, 3  # coupling.mode
 HEAVY = 1e6
-SCHEMES = ("parallel", "sequential", "vehicle_first", "end_of_step", "iterated")
+SCHEMES = ("parallel", "sequential", "host_first", "vehicle_first", "end_of_step", "iterated")
 MOTION = {"position": 3, "velocity": 3, "attitude": 4, "angular_velocity": 3}
 ZERO = (0.0, 0.0, 0.0)
 
@@ -208,7 +209,7 @@ class Coupling:
             kind = self.host.variables[name].type
             assert self.host.set_status({name: value}, kind) <= WARNING, self.host.last_line
         if "coupling.mode" in causality:
-            own = PARALLEL if scheme == "parallel" else SEQUENTIAL
+            own = {"parallel": PARALLEL, "host_first": HOST_FIRST}.get(scheme, SEQUENTIAL)
             self.host.choose(coupling__mode=mode or own)
         if first_step and "coupling.expected_step" in causality:
             self.host.set(coupling__expected_step=first_step)
@@ -307,7 +308,7 @@ class Coupling:
             kind = "" if self.scheme == "end_of_step" else "_mean"
             loads = None if self.scheme == "sequential" else self._read_loads(kind)
             reported = {v: self.bodies[v].motion() for v in self.driven}
-            if self.scheme == "vehicle_first":
+            if self.scheme in ("host_first", "vehicle_first"):
                 reported = self._ends(loads, known, size)
             for vehicle in self.driven:
                 self._report_motion(vehicle, reported[vehicle])

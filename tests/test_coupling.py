@@ -14,7 +14,7 @@ Numbers are those of the tests of the coupling scheme:
 6. A light vehicle stays stable: mass that it must accelerate is not fed back as a load.
 7. A step saved, restored and repeated has the same bits; so has a run where each step is tried with
    another size first. Split after a restore, momentum still adds up.
-8. Both modes agree. Hosts in the wrong order are warned, once, in words that say which.
+8. All modes agree. Hosts in the wrong order are warned, once, in words that say which.
 9. A latch that catches inside a step is one event, also where the look-ahead saw another one.
 10. An orbit of 7e6 m and 7.5e3 m/s with gravity changes peaks by less than 1e-4.
 11. A host that obeys the suggested step meets the target. The frequency of the interface is right.
@@ -30,6 +30,7 @@ import numpy as np
 import pytest
 
 from coupling_host import (
+    HOST_FIRST,
     PARALLEL,
     SEQUENTIAL,
     Coupling,
@@ -52,7 +53,7 @@ from extreme_cases.fmi_host import OK, WARNING, Host
 STEP = 0.01  # s
 # Contact and capture; one swing of the oscillator [s]
 STOP = {name: 0.45 if name == "pressed" else 1.2 for name in SCENES}
-MODES = ("parallel", "sequential")
+MODES = ("parallel", "sequential", "host_first")
 NOW = "initial.approach_time=0.0"  # contact from the start
 
 
@@ -374,11 +375,11 @@ def test_momentum_adds_up_where_a_step_is_split_after_a_restore(runs, scheme):
 
 
 @pytest.mark.parametrize("name", ["default", "light", "both"])
-def test_a_parallel_and_a_sequential_host_agree(errors_of, name):
-    courses = [errors_of(name, scheme)[1] for scheme in MODES]
-    velocities = [np.array(course.velocity) for course in courses]
-    apart = float(np.abs(velocities[0] - velocities[1]).max()) / SCENES[name].speed
-    assert apart < 1e-6 * (10.0 if name == "light" else 1.0), apart
+def test_hosts_of_every_order_agree(errors_of, name):
+    parallel, *others = [np.array(errors_of(name, scheme)[1].velocity) for scheme in MODES]
+    for other in others:
+        apart = float(np.abs(parallel - other).max()) / SCENES[name].speed
+        assert apart < 1e-6 * (10.0 if name == "light" else 1.0), apart
 
 
 @pytest.mark.parametrize(
@@ -387,8 +388,18 @@ def test_a_parallel_and_a_sequential_host_agree(errors_of, name):
         ("parallel", SEQUENTIAL, "a step late"),
         ("sequential", PARALLEL, "a step early"),
         ("vehicle_first", SEQUENTIAL, "motion at the end of the step"),
+        ("parallel", HOST_FIRST, "report the motion at the end of the step"),
+        ("sequential", HOST_FIRST, "report the motion at the end of the step"),
+        ("host_first", PARALLEL, "set coupling.mode = 3 (host_first)"),
     ],
-    ids=["load a step late", "load a step early", "motion of the end"],
+    ids=[
+        "load a step late",
+        "load a step early",
+        "motion of the end",
+        "motion of the start, parallel",
+        "motion of the start, sequential",
+        "motion of the end, parallel",
+    ],
 )
 def test_hosts_in_the_wrong_order_are_warned(runs, scheme, mode, words):
     fmu = SCENES["default"].build(runs, NOW)

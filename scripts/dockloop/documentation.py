@@ -355,7 +355,9 @@ not feed the loads of the FMU back through <code>force_ext</code>. {v}force</cod
 <p>That is the sequential order, <code>coupling.mode</code> = 1. Where all models of a simulation
 step at once with the values of t, as plain masters do, set <code>coupling.mode</code> = 2: then
 {v}force_mean</code> and {v}torque_mean</code> are announced for the coming step, the first time
-after initialisation, for a step of <code>coupling.expected_step</code>. Announce a change of step
+after initialisation, for a step of <code>coupling.expected_step</code>. Where your vehicle makes
+its step before the FMU, set <code>coupling.mode</code> = 3: hold the announced loads, and set the
+motion at t + h before <code>fmi2DoStep(t, h)</code>. Announce a change of step
 beforehand in <code>coupling.next_step</code>.</p>
 <p>Connect <code>gravity</code> if your frame falls, and set every other load on the vehicle in
 {v}force_ext</code> and {v}torque_ext</code>. Then the step may be long: what the FMU cannot

@@ -177,6 +177,7 @@ def main() -> None:
     parser = make_parser(
         "A docking in orbit with the chaser moved by Basilisk, compared with one FMU for both.",
         ".venv/bin/python scripts/examples/basilisk_host.py --gravity-at target",
+        ("parallel", "sequential"),  # Basilisk moves the spacecraft after its modules
     )
     parser.add_argument(
         "--gravity-at",

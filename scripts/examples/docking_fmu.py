@@ -72,12 +72,12 @@ class Docking:
         self.count += 1
 
 
-def make_parser(description: str, example: str) -> argparse.ArgumentParser:
-    """Return a parser of the options of all examples."""
+def make_parser(description: str, example: str, modes=MODES) -> argparse.ArgumentParser:
+    """Return a parser of the options of all examples; `modes` are the orders that one can make."""
     parser = argparse.ArgumentParser(description=description, epilog=f"example: {example}")
     parser.add_argument(
         "--mode",
-        choices=MODES,
+        choices=modes,
         default="parallel",
         help="coupling.mode, and the order of exchange that belongs to it (default: %(default)s)",
     )

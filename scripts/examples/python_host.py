@@ -55,11 +55,16 @@ def main() -> None:
     docking = Docking("driven", options.step, ACCURATE | settings)
     vehicle = Vehicle(docking)
     for _ in range(steps):
-        coming = [docking.get(name) for name in LOADS]  # parallel: known before the step
-        vehicle.report(docking)  # the motion of t
+        coming = [
+            docking.get(name) for name in LOADS
+        ]  # parallel, host_first: known before the step
+        if options.mode == "host_first":
+            vehicle.advance(options.step, *coming)
+        vehicle.report(docking)  # the motion of t; host_first: of t + H
         docking.advance()  # to t + H
         made = [docking.get(name) for name in LOADS]  # sequential: known after the step
-        vehicle.advance(options.step, *(coming if options.mode == "parallel" else made))
+        if options.mode != "host_first":
+            vehicle.advance(options.step, *(coming if options.mode == "parallel" else made))
     vehicle.report(docking)  # the motion of the end, for the comparison
 
     alone = Docking("free", options.step, ACCURATE)

@@ -42,12 +42,16 @@ inline const ChoiceList kLevels = {
 };
 
 /// Values of coupling.mode: the order of exchange with hosts of driven vehicles.
-enum CouplingMode { kSequential = 1, kParallel = 2 };
+enum CouplingMode { kSequential = 1, kParallel = 2, kHostFirst = 3 };
 inline const ChoiceList kCouplingModes = {
     {kSequential, "sequential",
      "this FMU steps first, then the host makes the same step with the mean load"},
     {kParallel, "parallel",
      "both step at the same time, the mean load of the coming step is announced"},
+    {kHostFirst, "host_first",
+     "the host makes the step with the announced mean load, then this FMU receives its motion at "
+     "the "
+     "end of the step"},
 };
 
 /// Values of friction.model.
@@ -143,7 +147,7 @@ struct Scene {
   SolverSettings solver;
   double accuracy = 0.0;  ///< start value of accuracy (sim/accuracy.hpp)
   Experiment experiment;
-  bool parallel_host = false;       ///< start value of coupling.mode
+  int coupling_mode = kSequential;  ///< start value, see CouplingMode
   int level = kReduced;             ///< start value of model.level
   std::vector<std::string> groups;  ///< output groups of the FMU
   std::string fingerprint;          ///< hash of the document, 32 hex digits: the GUID

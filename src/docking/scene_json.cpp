@@ -282,7 +282,7 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   }
   if (root.has("coupling")) {
     const JsonReader mode = root.at("coupling").at("mode");
-    scene.parallel_host = read_choice(mode, kCouplingModes) == kParallel;
+    scene.coupling_mode = read_choice(mode, kCouplingModes);
   }
   if (root.has("model")) {
     scene.level = read_choice(root.at("model").at("level"), kLevels);

@@ -63,7 +63,7 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
   table.outputs(v + "torque", output.torque, kTorque,
                 "Torque of the docking system on the vehicle at the end of the step, about the "
                 "centre of mass, body axes");
-  const std::string step = " (the step just made; coupling.mode = 2: the coming step)";
+  const std::string step = " (the step just made; coupling.mode = 2 or 3: the coming step)";
   table.outputs(v + "force_mean", output.force_mean, kForce,
                 "Constant force over a step with the true impulse on the vehicle, in N" + step);
   table.outputs(v + "torque_mean", output.torque_mean, kTorque,

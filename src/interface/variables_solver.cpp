@@ -123,7 +123,7 @@ void add_coupling_parameters(Table& table, Parameters& parameter, Inputs& in) {
       .choices(kCouplingModes);
   table
       .parameter("coupling.expected_step", &parameter.coupling_expected_step, kTime,
-                 "Communication step of the first announced load (parallel)")
+                 "Communication step of the first announced load (modes 2 and 3)")
       .not_negative();
   table
       .parameter("coupling.velocity_tolerance", &parameter.coupling_velocity_tolerance,
@@ -132,7 +132,8 @@ void add_coupling_parameters(Table& table, Parameters& parameter, Inputs& in) {
       .nominal(1e-4);
   table
       .input("coupling.next_step", &in.next_step, kTime,
-             "Length of the step after the coming step, for its announced load (parallel; 0: same "
+             "Length of the step after the coming step, for its announced load (modes 2 and 3; 0: "
+             "same "
              "as the coming step)")
       .limits(0, 10);
 }

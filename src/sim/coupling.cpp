@@ -80,11 +80,13 @@ Status DockingSim::Impl::receive(double h) {
   const std::array<double, kPeakCount> loads_after = find_peak_values();
   if (!is_same_within_rounding(loads_before, loads_after)) peaks.begin(elapsed, loads_after);
   // The correction by the host counts as its work and impulse, not as an integration error.
-  energy_audit.host_work += find_total_energy(*model, present()) - energy_before;
+  const double energy_after = find_total_energy(*model, present());
+  energy_audit.host_work += energy_after - energy_before;
   for (int i : {kChaser, kTarget}) {
     momentum_audit.start[i] += find_momentum(*model, i, present()) - momentum_before[i];
   }
-  return {};
+  return host->check_energy(std::min(energy_before, energy_after), energy_audit.host_work,
+                            step_loop->y(), status_text);
 }
 
 /// Momentum of each internal vehicle = momentum of the host's vehicle + pending impulse. The

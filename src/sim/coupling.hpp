@@ -15,6 +15,8 @@
 //   sequential         the simulation steps first; the host makes the same step with the mean load
 //   parallel           both step at the same time: the load of the coming step is announced, from a
 //                      look ahead on a copy of the state
+//   host first         the host makes the step with the announced load, then the simulation
+//                      makes its step and receives the motion at the end of the step
 //
 // This file: the stored data of each driven vehicle, and functions of these data alone.
 // host_coupling.hpp: the class that keeps them; coupling_monitors.cpp: its warnings and monitors.
@@ -42,7 +44,7 @@ struct DrivenVehicle {
 };
 
 /// Warnings that are issued once.
-enum CouplingWarning { kWarnedNorm = 1, kWarnedStep = 2, kWarnedLookAhead = 4 };
+enum CouplingWarning { kWarnedNorm = 1, kWarnedEnergy = 2, kWarnedLookAhead = 4 };
 
 /// Start or end of an integration: motion, and impulses of the known loads of hosts until then.
 struct CouplingPoint {
@@ -54,6 +56,9 @@ struct CouplingState {
   std::array<DrivenVehicle, 2> vehicle;
   std::vector<ReportSums> reports;  ///< of both vehicles; empty without a host
   double work_residual = 0.0;       ///< [J]
+  double energy = 0.0;              ///< largest of everything inside so far, in frame O [J]
+  double host_work = 0.0;           ///< of corrections by hosts that count in `energy` [J]
+  std::array<double, 8> created{};  ///< changes of work_residual in the last steps, newest first
   double suggestion = 0.0;    ///< step of announced loads, if the host follows suggestions [s]
   bool follows = false;       ///< the host makes the suggested steps
   double regular_step = 0.0;  ///< longest of the last few steps [s]

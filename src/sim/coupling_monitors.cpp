@@ -18,6 +18,9 @@ constexpr double kStableMismatch = 0.1;      ///< mismatch below which no step i
 constexpr double kStableRange = 0.8;         ///< frequency x step with a mass that is not confirmed
 constexpr double kLongestSuggestion = 0.1;   ///< longest suggested step [s]
 constexpr double kShare = 0.3;               ///< of the tolerance, for the next step
+constexpr double kCreatedWarning = 0.01;     ///< created energy, of the largest energy so far
+constexpr double kCreatedError = 0.3;        ///< the same, for a refusal
+constexpr double kHeldGrowth = 0.1;          ///< growth per step that damping holds, a guess [-]
 
 }  // namespace
 
@@ -32,11 +35,15 @@ double HostCoupling::find_mass_mismatch(int i) const {
   return dockloop::find_mass_mismatch(state_.coupling.reports[static_cast<size_t>(i)]);
 }
 
-HostFinding HostCoupling::find_diagnosis() const {
-  for (const DrivenVehicle& v : state_.coupling.vehicle) {
-    if (v.finding.fault != kHostRight) return v.finding;
+int HostCoupling::find_diagnosed_vehicle() const {
+  for (int i : {kChaser, kTarget}) {
+    if (state_.coupling.vehicle[i].finding.fault != kHostRight) return i;
   }
-  return {};
+  return model_->driven[kChaser] ? kChaser : kTarget;
+}
+
+HostFinding HostCoupling::find_diagnosis() const {
+  return state_.coupling.vehicle[find_diagnosed_vehicle()].finding;
 }
 
 Inputs::Vehicle HostCoupling::find_start_report(int i) const {
@@ -49,6 +56,16 @@ Inputs::Vehicle HostCoupling::find_start_report(int i) const {
   return report;
 }
 
+HostFinding HostCoupling::judge_first_end(int i) const {
+  if (state_.elapsed > state_.last_step) return {};
+  const Inputs::Vehicle& report = inputs_.vehicle[i];
+  const double distance = state_.last_step * report.velocity.norm();
+  const Vec3<double> moved =
+      report.position - frame_origin_ - state_.coupling.vehicle[i].received.x;
+  if (distance < 1e-9 || moved.norm() > 0.1 * distance) return {};
+  return {kStartOfStep, distance};
+}
+
 void HostCoupling::look_at_innovation(int i, const VehicleState& z) {
   DrivenVehicle& v = state_.coupling.vehicle[i];
   const Mat3<double> R = quat_to_matrix<double>(z.q);
@@ -57,10 +74,12 @@ void HostCoupling::look_at_innovation(int i, const VehicleState& z) {
   const Vec3<double> turning = R * (z.w - v.predicted.w);
   v.innovation = std::max(innovation.norm(), turning.norm() * arm.norm());
 
-  // Work received by the host's vehicle, minus work of the mechanism.
+  // Work received by the host's vehicle, minus work of the mechanism: the created energy.
   const Vec3<double> turn =
       quat_log<double>(quat_multiply<double>(quat_conjugate<double>(v.received.q), z.q));
-  state_.coupling.work_residual += v.held.f.dot(z.x - v.received.x) + v.held.t.dot(turn) - v.work;
+  const double created = v.held.f.dot(z.x - v.received.x) + v.held.t.dot(turn) - v.work;
+  state_.coupling.work_residual += created;
+  state_.coupling.created[0] += created;
 
   diagnose(i, judge(i, z, innovation), state_.last_step);
 }
@@ -84,6 +103,7 @@ HostFinding HostCoupling::judge(int i, const VehicleState& z, const Vec3<double>
   step.R = quat_to_matrix<double>(v.received.q);
   step.arm = setup_->parameters.vehicle[i].interface_position;
   step.announces = announces();
+  step.is_host_first = steps_first();
   step.held = v.held;
   step.next = step.announces ? state_.mean_load[i] : v.held;
   step.change = v.predicted.v - v.received.v - v.fall;
@@ -116,6 +136,61 @@ void HostCoupling::diagnose(int i, const HostFinding& found, double h) {
     text += more;
   }
   warnings_.push_back(std::move(text));
+}
+
+/// The step at which growth of oscillations should end. Growth per step is proportional to the step
+/// in a coupling with held loads.
+double HostCoupling::find_stable_step(double frequency) const {
+  const auto& created = state_.coupling.created;
+  double late = 0.0, early = 0.0;
+  for (size_t i = 0; i < created.size(); ++i) {
+    (i < created.size() / 2 ? late : early) += std::abs(created[i]);
+  }
+  constexpr double kMostGrowth = 1e3;
+  const double steps = 0.5 * static_cast<double>(created.size());
+  const double ratio = early > 0.0 ? std::clamp(late / early, 1.0, kMostGrowth) : kMostGrowth;
+  const double growth = 0.5 * std::log(ratio) / steps;  // of amplitudes
+  double step = state_.last_step / (1.0 + std::max(1.0, growth / kHeldGrowth));
+  if (frequency > 0.0) step = std::min(step, kStableRange / frequency);
+  return step;
+}
+
+Status HostCoupling::check_energy(double energy, double host_work, const double* y,
+                                  std::string& reason) {
+  CouplingState& c = state_.coupling;
+  // An unstable coupling brings energy by corrections, too: then these count no more.
+  const int i = find_diagnosed_vehicle();
+  const bool is_warned = ((c.warned[kChaser] | c.warned[kTarget]) & kWarnedEnergy) != 0;
+  if (!(c.work_residual > kCreatedWarning * c.energy)) c.host_work = host_work;
+  c.energy = std::max({c.energy, energy - (host_work - c.host_work),
+                       1e4 * setup_->parameters.atol_energy});  // as in the energy balance
+  const double share = c.work_residual / c.energy;
+  const bool is_refused = share > kCreatedError;
+  // A cause that has been named explains the energy, too.
+  const int fault = c.vehicle[i].finding.fault;
+  const bool is_new = !is_warned && (fault == kHostRight || fault == kUnexplained);
+  if (is_refused || (share > kCreatedWarning && is_new)) {
+    const double frequency = find_interface_frequency(y), h = state_.last_step;
+    const std::string cause = describe_energy_cause(
+        c.vehicle[i].finding, c.reports[static_cast<size_t>(i)], get_vehicle_name(i));
+    char text[700];
+    std::snprintf(text, sizeof text,
+                  "the coupling creates energy%s: coupling.work_residual is %.3g J, %.3g %% of the "
+                  "largest energy so far (%.3g J, limit %.0f %%); the cause is %s; frequency of "
+                  "the docking interface times step is %.2g (%.3g rad/s, %.3g s), and a step of "
+                  "%.2g s should be stable",
+                  is_refused ? " and is unstable" : "", c.work_residual, 100.0 * share, c.energy,
+                  100.0 * kCreatedError, cause.c_str(), frequency * h, frequency, h,
+                  find_stable_step(frequency));
+    if (is_refused) {
+      reason = text;
+      return {StatusCode::kBadInput, -1, share, state_.elapsed};
+    }
+    warn_once(i, kWarnedEnergy, text);
+  }
+  std::rotate(c.created.begin(), c.created.end() - 1, c.created.end());
+  c.created[0] = 0.0;
+  return {};
 }
 
 /// After a step: store data of the step for the monitors.

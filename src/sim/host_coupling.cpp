@@ -67,7 +67,11 @@ void HostCoupling::use_coordinates(const DockingModel& model) {
 bool HostCoupling::has_host() const { return model_->driven[kChaser] || model_->driven[kTarget]; }
 
 bool HostCoupling::announces() const {
-  return has_host() && setup_->parameters.coupling_mode == kParallel;
+  return has_host() && setup_->parameters.coupling_mode != kSequential;
+}
+
+bool HostCoupling::steps_first() const {
+  return has_host() && setup_->parameters.coupling_mode == kHostFirst;
 }
 
 void HostCoupling::note_missing_inputs(int i) {
@@ -83,6 +87,7 @@ VehicleState HostCoupling::receive(int i, double h) {
   DrivenVehicle& v = state_.coupling.vehicle[i];
   const VehicleState z = find_received_state(i);
   if (state_.last_step > 0.0) {
+    if (steps_first()) diagnose(i, judge_first_end(i), state_.last_step);
     v.pending = find_pending_impulse(i, z);
     look_at_innovation(i, z);
   } else {
@@ -94,7 +99,13 @@ VehicleState HostCoupling::receive(int i, double h) {
   }
   v.received = z;
   v.input = inputs_.vehicle[i];
-  return carry_along(z, v.predicted, find_vehicle_state(*model_, evaluator_.present(), i));
+  const VehicleState moved =
+      carry_along(z, v.predicted, find_vehicle_state(*model_, evaluator_.present(), i));
+  if (steps_first()) {  // the state of the host now; no load acts after it yet
+    v.predicted = z;
+    v.held = Wrench<double>();
+  }
+  return moved;
 }
 
 Wrench<double> HostCoupling::find_internal_momentum(int i) const {

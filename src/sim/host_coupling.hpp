@@ -39,6 +39,7 @@ class HostCoupling {
 
   bool has_host() const;
   bool announces() const;
+  bool steps_first() const;  ///< the host
 
   // Receive
 
@@ -52,6 +53,10 @@ class HostCoupling {
   /// Take the received motion over, with pending impulse and monitors. @param h  of the coming step
   /// @return motion of the internal vehicle, moved by the innovation
   VehicleState receive(int vehicle, double h);
+  /// Does the coupling create energy? One warning, then a refusal. @pre receive, evaluation of y
+  /// @param energy  of everything inside [J]; @param host_work  part of it by corrections [J]
+  /// @param reason  of a refusal
+  Status check_energy(double energy, double host_work, const double* y, std::string& reason);
   /// Momentum of the internal vehicle: of the host's vehicle, plus the pending impulse.
   Wrench<double> find_internal_momentum(int vehicle) const;
 
@@ -96,10 +101,15 @@ class HostCoupling {
   void warn_once(int vehicle, CouplingWarning what, const std::string& text);
   /// The motion at the start, in N, as a host would report it.
   Inputs::Vehicle find_start_report(int vehicle) const;
+  /// The first report of a host that steps first: is it the motion at the end of the step?
+  HostFinding judge_first_end(int vehicle) const;
   /// Motion of the host's vehicle over the last step, compared with the predicted motion.
   /// @param received  now, at the end of the last step
   void look_at_innovation(int vehicle, const VehicleState& received);
   HostFinding judge(int vehicle, const VehicleState& received, const Vec3<double>& innovation);
+  /// The chaser, or the target if only the target has a diagnosis or a host.
+  int find_diagnosed_vehicle() const;
+  double find_stable_step(double frequency) const;
   void diagnose(int vehicle, const HostFinding& found, double h);
   void note_step(int vehicle, const Wrench<double>& exerted, const VehicleState& start,
                  const VehicleState& end, double h);

@@ -33,21 +33,22 @@ constexpr double kNothing = 1e-6;          ///< of squares: no motion at all
 constexpr double kPointRank = 1e-6;        ///< of squares of turns: a part of a point that shows
 
 // Loads
-constexpr int kEnoughSteps = 10;         ///< with loads
-constexpr double kDelayTime = 0.3;       ///< with loads: until then they may be late [s]
-constexpr int kUnexplainedSteps = 50;    ///< with loads, without an alternative that fits
-constexpr int kUnmodelledSteps = 5;      ///< consecutive
-constexpr double kLeastError = 1e-5;     ///< of predicted changes, for loads in another step
-constexpr double kLateExplained = 0.01;  ///< of the squares that another mass does not explain
-constexpr double kLoadError = 0.01;      ///< of predicted changes, for all other causes
-constexpr double kFlexible = 0.02;       ///< of predicted changes, without a cause
-constexpr double kLeastFelt = 0.1;       ///< of a predicted change; less counts as no change
-constexpr double kSignFelt = 0.1;        ///< around -1
-constexpr double kUnitFelt = 0.05;       ///< around 1000 or 1/1000, relative
-constexpr double kMostFelt = 10.0;       ///< of a predicted change; more has another cause
-constexpr double kMassConfirmed = 0.1;   ///< mismatch below which no step is too long [-]
-constexpr double kUnmodelled = 1e-4;     ///< acceleration that counts [m/s2], and part of gravity
-constexpr double kSilent = 1e-7;         ///< acceleration that counts as no load [m/s2], [rad/s2]
+constexpr int kEnoughSteps = 10;            ///< with loads
+constexpr double kDelayTime = 0.3;          ///< with loads: until then they may be late [s]
+constexpr int kUnexplainedSteps = 50;       ///< with loads, without an alternative that fits
+constexpr int kUnmodelledSteps = 5;         ///< consecutive
+constexpr double kUnmodelledTime = 0.0499;  ///< of these steps, with rounding [s]
+constexpr double kLeastError = 1e-5;        ///< of predicted changes, for loads in another step
+constexpr double kLateExplained = 0.01;     ///< of the squares that another mass does not explain
+constexpr double kLoadError = 0.01;         ///< of predicted changes, for all other causes
+constexpr double kFlexible = 0.02;          ///< of predicted changes, without a cause
+constexpr double kLeastFelt = 0.1;          ///< of a predicted change; less counts as no change
+constexpr double kSignFelt = 0.1;           ///< around -1
+constexpr double kUnitFelt = 0.05;          ///< around 1000 or 1/1000, relative
+constexpr double kMostFelt = 10.0;          ///< of a predicted change; more has another cause
+constexpr double kMassConfirmed = 0.1;      ///< mismatch below which no step is too long [-]
+constexpr double kUnmodelled = 1e-4;  ///< acceleration that counts [m/s2], and part of gravity
+constexpr double kSilent = 1e-7;      ///< acceleration that counts as no load [m/s2], [rad/s2]
 
 double find_angle(const Vec4<double>& a, const Vec4<double>& b) {
   return quat_log<double>(quat_multiply<double>(quat_conjugate<double>(a), b)).norm();
@@ -247,7 +248,8 @@ int find_late_steps(const ResponseSums& r) {
 
 HostFinding explain_late(const LoadStep& step, int steps) {
   if (steps < 0) return {kLoadsEarly, step.h};
-  return {steps == 1 && !step.announces ? kLoadsStepLate : kLoadsDelayed, steps * step.h};
+  const bool may_be_order = !step.announces || step.is_host_first;
+  return {steps == 1 && may_be_order ? kLoadsStepLate : kLoadsDelayed, steps * step.h};
 }
 
 struct FaultText {
@@ -297,13 +299,13 @@ const FaultText kTexts[] = {
     {kEndOfStep,
      "$v.position of the first step is $x m away from the start position. This is the distance of "
      "one step: the host passes the motion at the end of the step. Pass the motion at "
-     "currentCommunicationPoint"},
+     "currentCommunicationPoint, or set coupling.mode = 3 (host_first)"},
     {kFirstLoadMissing,
      "$v did not feel the first announced load ($x N over $h s): read $v.force_mean and "
      "$v.torque_mean after initialisation, before the first step"},
     {kLoadsEarly,
-     "$v applies the announced load a step early: the host makes each step after this FMU; set "
-     "coupling.mode = 1 (sequential)"},
+     "$v applies the announced load a step early: set coupling.mode = 1 (sequential) if the host "
+     "makes each step after this FMU, or 3 (host_first) if it makes each step before this FMU"},
     {kLoadsStepLate,
      "$v applies the mean load a step late: the host makes each step at the same time as this "
      "FMU; set coupling.mode = 2 (parallel)"},
@@ -347,6 +349,10 @@ const FaultText kTexts[] = {
     {kUnexplained,
      "$v does not move as a rigid body under the reported loads ($x of the changes of velocity): "
      "a flexible part or a load that is not in $v.force_ext"},
+    {kStartOfStep,
+     "$v.position after the first step is the start position, but the vehicle moves $x m in the "
+     "step: report the motion at the end of the step, or set coupling.mode = 2 (parallel) or 1 "
+     "(sequential)"},
 };
 
 }  // namespace
@@ -384,6 +390,36 @@ std::string describe_finding(const HostFinding& found, const char* vehicle, doub
     }
   }
   return text;
+}
+
+std::string describe_energy_cause(const HostFinding& found, const ReportSums& sums,
+                                  const char* vehicle) {
+  const std::string name = vehicle;
+  const ResponseSums& r = sums.force;
+  int fault = found.fault;
+  if (fault == kHostRight && r.loaded > 0 && r.error2 > kFlexible * kFlexible * r.change2) {
+    const bool is_mass = find_left_by_scale(r) < kExplained * r.error2 && find_felt(r) > kLeastFelt;
+    fault = is_mass ? kWrongMass : kUnexplained;
+  }
+  switch (fault) {
+    case kHostRight:
+      return "the step";
+    case kUnexplained:
+    case kUnreportedForce:
+      return "a flexible part of " + name +
+             " between its docking interface and its mass, or a load "
+             "that is not in " +
+             name + ".force_ext: the FMU takes the vehicle for rigid";
+    case kWrongMass:
+      return name + ".mass, which is not the mass that moves";
+    case kWrongInertia:
+      return name + ".inertia, which is not the inertia that turns";
+    default: {
+      const auto row = std::find_if(kHostFaults.begin(), kHostFaults.end(),
+                                    [&](const Choice& c) { return c.number == fault; });
+      return "the mistake that coupling.diagnosis names (" + std::string(row->name) + ")";
+    }
+  }
 }
 
 ReportSums make_report_sums() {
@@ -542,8 +578,23 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
                            find_left_by_scale(sums.force) < kExplained * sums.force.error2;
   const bool unmodelled =
       size > step.h * limit && size > kMostFelt * step.change.norm() && !is_response;
-  sums.unmodelled = unmodelled ? sums.unmodelled + 1 : 0;
-  if (sums.unmodelled == kUnmodelledSteps) return {kUnreportedForce, size / step.h};
+  if (unmodelled) {
+    const Vec3<double> acceleration = step.error / step.h;
+    ++sums.unmodelled;
+    sums.unmodelled_time += step.h;
+    sums.unmodelled_sum += acceleration;
+    sums.unmodelled_sum2 += acceleration.squaredNorm();
+    // Constant, unlike the oscillation of a flexible part.
+    const Vec3<double> mean = sums.unmodelled_sum / sums.unmodelled;
+    if (sums.unmodelled >= kUnmodelledSteps && sums.unmodelled_time >= kUnmodelledTime &&
+        sums.unmodelled_sum2 / sums.unmodelled < (1.0 + kExplained) * mean.squaredNorm()) {
+      return {kUnreportedForce, mean.norm()};
+    }
+  } else {
+    sums.unmodelled = 0;
+    sums.unmodelled_time = sums.unmodelled_sum2 = 0.0;
+    sums.unmodelled_sum.setZero();
+  }
 
   // The first announced load alone, or the first of many late loads?
   const Vec3<double> held = step.h / step.mass * f;

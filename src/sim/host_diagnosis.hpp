@@ -62,7 +62,8 @@ enum HostFault {
   kUnreportedTorque,
   kWrongMass,
   kWrongInertia,
-  kUnexplained
+  kUnexplained,
+  kStartOfStep
 };
 /// The meanings include those of `coupling.diagnosis_value`.
 inline const ChoiceList kHostFaults = {
@@ -88,7 +89,7 @@ inline const ChoiceList kHostFaults = {
     {kPositionUnrelated, "position", "does not follow velocity; value in m/s"},
     {kEndOfStep, "end of step", "the first report is the motion at the end of the step"},
     {kFirstLoadMissing, "first load", "the first announced load was not applied; value in N"},
-    {kLoadsEarly, "loads early", "the host makes each step after the FMU; value in s"},
+    {kLoadsEarly, "loads early", "the host applies the load of the coming step; value in s"},
     {kLoadsStepLate, "loads late", "the host makes each step with the FMU; value in s"},
     {kLoadsDelayed, "delay", "loads act late or the motion is old; value in s"},
     {kForceInBody, "force in body axes", "force_mean is in axes of N"},
@@ -107,6 +108,7 @@ inline const ChoiceList kHostFaults = {
     {kWrongMass, "mass", "value: true mass / stated mass - 1"},
     {kWrongInertia, "inertia", "value: true / stated inertia - 1 of the worst axis"},
     {kUnexplained, "unexplained", "as with a flexible part; value: part of changes of velocity"},
+    {kStartOfStep, "start of step", "coupling.mode 3, but the motion at the start of the step"},
 };
 
 struct HostFinding {
@@ -116,6 +118,11 @@ struct HostFinding {
 
 /// The sentence of a finding. @param h  last step [s]; @param mass  stated [kg]
 std::string describe_finding(const HostFinding& found, const char* vehicle, double h, double mass);
+
+struct ReportSums;
+/// Why does the coupling create energy? For a sentence.
+std::string describe_energy_cause(const HostFinding& found, const ReportSums& sums,
+                                  const char* vehicle);
 
 /// Changes of velocity (of angular velocity) and loads, of one vehicle: sums over its reports.
 struct ResponseSums {
@@ -143,9 +150,11 @@ struct ReportSums {
   double move2 = 0.0, move_velocity = 0.0, velocity2 = 0.0;  ///< [m2/s2]
   int move_errors = 0;                                       ///< consecutive, too
   ResponseSums force, torque;                                ///< [m2/s2], [rad2/s2]
-  double first_load = 0.0;           ///< the first announced load, if it did not act [N]
-  int unmodelled = 0;                ///< consecutive steps with an error that no load explains
-  std::vector<Wrench<double>> held;  ///< by earlier steps, the last one first
+  double first_load = 0.0;  ///< the first announced load, if it did not act [N]
+  int unmodelled = 0;       ///< consecutive steps with an error that no load explains
+  double unmodelled_time = 0.0, unmodelled_sum2 = 0.0;  ///< of these steps [s], [m2/s4]
+  Vec3<double> unmodelled_sum = Vec3<double>::Zero();   ///< of their accelerations [m/s2]
+  std::vector<Wrench<double>> held;                     ///< by earlier steps, the last one first
 };
 /// Sums at the start. Later steps allocate nothing.
 ReportSums make_report_sums();
@@ -174,6 +183,7 @@ struct LoadStep {
   Mat3<double> R;                  ///< body to N
   Vec3<double> arm;                ///< of the docking interface, body axes [m]
   bool announces = false;          ///< `next` is the load of the coming step
+  bool is_host_first = false;      ///< then `next` is `held`
   Wrench<double> held, next;       ///< force in N, torque in body axes
   Vec3<double> change;             ///< of velocity as predicted, gravity apart [m/s]
   Vec3<double> error, turn_error;  ///< received minus predicted

@@ -102,7 +102,7 @@ struct DockingSim::Impl : SimState {
   Status begin_step(double h);
   void read_inputs();
   void advance_inputs(double h);
-  void finish_step(double h, bool was_pending);
+  Status finish_step(double h, bool was_pending);
   void update_mean_loads(double h, const CouplingPoint& begin, const CouplingPoint& end,
                          const Loads& known);
   Status settle();

@@ -229,7 +229,8 @@ void transfer(A& archive, ReportSums& s) {
   transfer_members<ReportSums>(archive, s.turn_error2, s.turn2, s.spin2, s.turn_errors,
                                s.first_angle, s.move_error2, s.point_matrix, s.point_side, s.move2,
                                s.move_velocity, s.velocity2, s.move_errors, s.force, s.torque,
-                               s.first_load, s.unmodelled, s.held);
+                               s.first_load, s.unmodelled, s.unmodelled_time, s.unmodelled_sum2,
+                               s.unmodelled_sum, s.held);
 }
 
 template <class A>
@@ -245,9 +246,9 @@ void transfer(A& archive, CouplingPoint& p) {
 
 template <class A>
 void transfer(A& archive, CouplingState& c) {
-  transfer_members<CouplingState>(archive, c.vehicle, c.reports, c.work_residual, c.suggestion,
-                                  c.follows, c.regular_step, c.work, c.frequency, c.held_latches,
-                                  c.warned);
+  transfer_members<CouplingState>(archive, c.vehicle, c.reports, c.work_residual, c.energy,
+                                  c.host_work, c.created, c.suggestion, c.follows, c.regular_step,
+                                  c.work, c.frequency, c.held_latches, c.warned);
 }
 
 template <class A>

@@ -78,7 +78,7 @@ Parameters find_start_parameters(const Scene& scene) {
   p.atol_position = scene.solver.atol_position;
   p.atol_velocity = scene.solver.atol_velocity;
   p.atol_energy = scene.solver.atol_energy;
-  p.coupling_mode = scene.parallel_host ? kParallel : kSequential;
+  p.coupling_mode = scene.coupling_mode;
   p.coupling_expected_step = scene.experiment.step;
   p.hardware_numbers = get_hardware_numbers(scene);
   for (const Latch& latch : scene.latches.latch) {

@@ -48,10 +48,7 @@ Status DockingSim::Impl::step(double t, double h) {
   bool goes_on = !is_commanded && step_loop->can_go_on(late, h);
   if (goes_on && step_loop->covers(late, h)) {
     goes_on = step_loop->stride(late, h);
-    if (goes_on) {
-      finish_step(h, true);
-      return {};
-    }
+    if (goes_on) return finish_step(h, true);
   }
   keep(step_start, !pose_is_kept);
   pose_is_kept = true;
@@ -77,8 +74,8 @@ Status DockingSim::Impl::step(double t, double h) {
   }
   if (status.ok()) {
     coupling.work = step_loop->find_work() - work;
-    finish_step(h, was_pending);
-    return status;
+    status = finish_step(h, was_pending);
+    if (status.ok()) return status;
   }
   const Status back = restore(step_start);
   step_loop->set_counters(counters);
@@ -101,7 +98,8 @@ double DockingSim::Impl::find_lateness(double t) const {
 /// Inputs and the first evaluation of a step from a state that was reached exactly.
 Status DockingSim::Impl::begin_step(double h) {
   if (host->announces()) notice_step(h);
-  Status status = receive(h);
+  Status status;
+  if (!host->steps_first()) status = receive(h);
   if (update_outside_loads(elapsed)) kept_jacobian.valid = false;  // it may be a new input
   if (status.ok()) status = evaluate_start();
   if (status.ok()) status = update_command();
@@ -113,8 +111,9 @@ Status DockingSim::Impl::begin_step(double h) {
   return status;
 }
 
-/// Finish a successful communication step. @param was_pending  did a pending step cover its start?
-void DockingSim::Impl::finish_step(double h, bool was_pending) {
+/// Finish a successful communication step. A host that steps first may report a motion that is
+/// refused. @param was_pending  did a pending step cover its start?
+Status DockingSim::Impl::finish_step(double h, bool was_pending) {
   // O drifts with its velocity and falls with gravity, so gravity does not act relative to O.
   frame_shift += frame_velocity * h;
   if (model->falling) {
@@ -142,11 +141,16 @@ void DockingSim::Impl::finish_step(double h, bool was_pending) {
     if (host->has_host()) host->update_impulse_balance(h, ahead.begin_point, end, step_loop->y());
   }
   if (!ahead.pending) balances->update_momentum(*model, present(), step_loop->y());
+  if (host->steps_first()) {
+    const Status status = receive(h);
+    if (!status.ok()) return status;
+  }
   advance_inputs(h);
   if (host->announces()) {
     read_inputs();
     announce(update_expected_step());
   }
+  return {};
 }
 
 /// Mean loads over the step just made, on vehicles that are not driven. @param known  mean loads

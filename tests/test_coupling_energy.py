@@ -1,0 +1,79 @@
+"""A coupling that creates energy is named, then refused, before its loads leave physics.
+
+The host has a vehicle of two bodies: 300 kg with the docking interface, behind a spring the rest of
+25 t. The FMU takes it for one rigid body. With short steps that is right; they are the oracle. With
+long steps the oscillation of the small body grows.
+"""
+
+import numpy as np
+import pytest
+
+import dockloop as dl
+from coupling_host import turn
+
+MASS, INERTIA = 25e3, np.array([60.5e3, 132e3, 132e3])
+PART, FREQUENCY, DAMPING = 300.0, 2.0 * np.pi * 8.0, 0.02
+MOTION = ("position", "velocity", "attitude", "angular_velocity")
+SHOWN = ("target.velocity", "chaser.force_mean", "coupling.work_residual", "capture.compression")
+STOP = 4.0
+UNSTABLE = 0.03  # s
+
+
+def dock(step):
+    """Couple until STOP; returns the docking, and the refusal if there is one."""
+    docking = dl.Docking(
+        "probe_drogue",
+        {"chaser.motion": "driven", "initial.approach_time": 0.5, "coupling.mode": "parallel"},
+    )
+    docking.set("coupling.expected_step", step)
+    p, v, q, w = (np.array(docking.get(f"chaser.{name}")) for name in MOTION)
+    rest = MASS - PART
+    stiffness = FREQUENCY**2 * PART * rest / MASS
+    damping = 2.0 * DAMPING * stiffness / FREQUENCY
+    u = du = 0.0  # the rest relative to the part, along x of the body
+    while docking.time < STOP - step / 2:
+        force, torque = (np.array(docking.get(f"chaser.{n}_mean")) for n in ("force", "torque"))
+        for name, value in zip(MOTION, (p, v, q, w), strict=True):
+            docking.set(f"chaser.{name}", value)
+        before = np.hstack([docking.get(name) for name in SHOWN])
+        try:
+            docking.step(step)
+        except dl.DockloopError as error:
+            after = np.hstack([docking.get(name) for name in SHOWN])
+            assert np.array_equal(after, before)  # the state stays
+            return docking, str(error)
+        count = round(step / 1e-3)
+        h = step / count
+        for _ in range(count):
+            pull = stiffness * u + damping * du
+            body = turn(q * [1, -1, -1, -1], force)
+            a = body / MASS
+            a[0] = (body[0] + pull) / PART
+            du += h * (-pull / rest - a[0])
+            u += h * du
+            v = v + h * turn(q, a)
+            p = p + h * v
+            w = w + h * (torque - np.cross(w, INERTIA * w)) / INERTIA
+            q = q + h / 2 * np.array([-q[1:] @ w, *(q[0] * w + np.cross(q[1:], w))])
+            q /= np.linalg.norm(q)
+    return docking, ""
+
+
+def test_an_unstable_coupling_is_refused_with_its_cause_and_a_step_that_is_stable():
+    docking, refusal = dock(UNSTABLE)
+    assert "coupling.work_residual" in refusal
+    assert "a flexible part" in refusal
+    named = [text for text in docking.warnings if "creates energy" in text]
+    assert len(named) == 1, docking.warnings
+    assert "a flexible part" in named[0]
+    assert not any("gravity" in text for text in docking.warnings), docking.warnings
+    advice = float(refusal.split("a step of ")[1].split(" s")[0])
+    right, refused = dock(0.003)
+    assert not refused
+    assert not any("creates energy" in text for text in right.warnings)
+    peak = right.get("capture.peak.compression")
+    assert docking.get("capture.peak.compression") < 10.0 * peak
+    obeyed, refused = dock(round(advice, 3))
+    assert 0.001 < advice < UNSTABLE
+    assert not refused
+    assert obeyed.get("capture.peak.compression") == pytest.approx(peak, rel=0.1)
