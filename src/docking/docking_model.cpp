@@ -250,10 +250,10 @@ VehicleBody find_stack(const DockingModel& model, DockingData<double>& data) {
   if (!data.locked) calc_leg_bodies(model.mechanism, data.mechanism);
   const VehicleBody active =
       data.locked ? data.locked->whole
-                  : join(model.vehicle[kChaser], join_bodies(model.mechanism, data.mechanism.tree,
-                                                             to_chaser, is_any));
-  const VehicleBody stack = join(
-      active, transform(to_chaser * Pose<double>{target.R, target.p}, model.vehicle[kTarget]));
+                  : join(model.vehicle[kChaser],
+                         join_bodies(model.mechanism, data.mechanism.tree, to_chaser, is_any));
+  const VehicleBody stack =
+      join(active, transform(to_chaser * Pose<double>{target.R, target.p}, model.vehicle[kTarget]));
   if (!data.target) return stack;
   return join(stack, join_bodies(*model.target, data.target->mechanism.tree, to_chaser, is_any));
 }

@@ -14,11 +14,11 @@ namespace dockloop {
 namespace {
 
 constexpr double kWorthTrial = 2.0;  ///< wanted step over the stable one, for a trial
-constexpr double kTrialStep = 1.5;       ///< first linearly implicit step over the stable one
-constexpr double kShortStep = 1.2;     ///< linearly implicit steps below so many stable ones cost more
-constexpr int kShortSteps = 5;     ///< in a row, before explicit steps return
-constexpr int kProvenSteps = 20;   ///< after which a trial counts as a success
-constexpr int kLongestWait = 640;  ///< [steps]
+constexpr double kTrialStep = 1.5;   ///< first linearly implicit step over the stable one
+constexpr double kShortStep = 1.2;  ///< linearly implicit steps below so many stable ones cost more
+constexpr int kShortSteps = 5;      ///< in a row, before explicit steps return
+constexpr int kProvenSteps = 20;    ///< after which a trial counts as a success
+constexpr int kLongestWait = 640;   ///< [steps]
 
 class SwitchingSolver : public Solver {
  public:
