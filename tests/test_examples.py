@@ -62,7 +62,7 @@ def check_agreement(table, *, peaks, times, distance):
     assert table["distance"] < distance
 
 
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", [*MODES, "host_first"])
 def test_a_host_in_numpy_docks_as_one_fmu_does(mode):
     table = read_table("python_host.py", "--mode", mode)
     # Found: 1.3e-7 of a peak (1e-4 with other steps: impacts magnify rounding), 2.1e-9 s, 2.6e-7 m.
