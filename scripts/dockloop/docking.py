@@ -375,6 +375,8 @@ class Docking:
 
     def _find(self, name: str) -> list[int]:
         """Return the rows of a variable or a vector."""
+        if not isinstance(name, str):
+            raise UsageError(f"{self.scene.name}: the name of a variable is {name!r}: must be a text")
         if name in self._rows:
             return self._rows[name]
         hint = did_you_mean(name, self._rows)
