@@ -238,3 +238,24 @@ def test_points_inside_the_loosest_steps_are_good(name, h):
     assert worst < 0.01 * energy or any("energy audit" in text for text in docking.warnings)
     peak = right.get("capture.peak.compression")
     assert docking.get("capture.peak.compression") == pytest.approx(peak, rel=0.1)
+
+
+def test_stiff_drives_get_linearly_implicit_steps():
+    """Method 1 (auto) takes them where stability would limit it, and goes on from a saved state."""
+    auto, stable = Docking("hexapod"), Docking("hexapod", {"solver.method": "stabilised"})
+    for i in range(120):
+        if i == 80:
+            saved = auto.save()
+        auto.step(0.5)
+        stable.step(0.5)
+    assert auto.get("solver.rhs_evaluations") < 0.5 * stable.get("solver.rhs_evaluations")
+    assert auto.get("solver.chosen_method") == 12
+    assert stable.get("solver.chosen_method") == 11
+    peak = stable.get("capture.peak.compression")
+    assert auto.get("capture.peak.compression") == pytest.approx(peak, rel=1e-5)
+    again = Docking("hexapod")
+    again.restore(saved)
+    for _ in range(40):
+        again.step(0.5)
+    for name in ("relative.position", "capture.force", "element[1].force", "solver.steps"):
+        assert np.all(again.get(name) == auto.get(name)), name
