@@ -20,7 +20,7 @@ from dockloop import arguments, commands, paths
 
 COMMANDS = (
     *("new", "build", "ssp", "run", "view", "compare", "sweep", "trade", "truth", "check"),
-    "extremes",
+    *("extremes", "linearise"),
 )
 
 

@@ -1,14 +1,22 @@
-"""Linear models of a docking: ``dl.linearise``.
+"""Linear models of a docking: ``dl.linearise`` and ``dockloop linearise``.
 
 1. Poles are those of two masses with a spring and a damper, by hand.
 2. A step of the linear model is a step of the docking, up to second order.
+3. All matrices are what central differences through the FMI give (`test_derivatives.py` has the
+   same derivatives in contact, with latches and with thrust).
+4. A family in hard dock moves as one rigid body, on the springs of faces and hooks.
+5. The command writes the same matrices, and poles and Bode data that follow from them.
 """
+
+import json
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 import dockloop as dl
+from extreme_cases.fmi_host import Host
+from test_derivatives import Jacobian
 
 DAMPING = 2000.0
 DECAY = {"mechanism.set.contact.damping": DAMPING}
@@ -70,3 +78,100 @@ def test_instants_and_what_is_refused():
         dl.linearise("absorber_1d", 0.0, {"chaser.motion": "driven"})
     with pytest.raises(dl.UsageError, match=r"at is -1\.0: must be a time from 0 s on"):
         dl.linearise("absorber_1d", -1.0)
+    model = dl.linearise("absorber_1d", 0.0)
+    with pytest.raises(
+        dl.UsageError, match=r"no 'relative\.axia' \(did you mean 'relative\.axial'"
+    ):
+        model.find_response("relative.axia", "chaser.force_ext[1]", [1.0])
+
+
+GRAVITY = tuple(f"gravity[{i}]" for i in (1, 2, 3))
+APART = {"initial.approach_time": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("scene", "overrides", "left_out"),
+    [
+        ("hexapod_bench", {}, ()),
+        ("idss_25t_350t", APART, GRAVITY),  # free vehicles fall together
+        ("idss_25t_350t", APART | {"target.motion": "fixed"}, ()),
+    ],
+)
+def test_matrices_are_those_of_central_differences(runs, scene, overrides, left_out):
+    model = dl.linearise(scene, 0.0, overrides)
+    rows = [f"der({name})" for name in model.states] + model.outputs
+    columns = model.states + model.inputs
+    matrix = np.block([[model.A, model.B], [model.C, model.D]])
+    fmu = runs.fmu(scene, *(f"{name}={value}" for name, value in overrides.items()))
+    with Host(fmu, exchange=True) as host:
+        host.start_exchange()
+        jacobian = Jacobian(host, left_out)
+        assert {*rows} == {n for n in jacobian.unknowns if not n.startswith("capture.peak")}
+        assert {*columns} == {*jacobian.knowns}
+        jacobian.unknowns = rows
+        by_group, _ = jacobian.errors(matrix[:, [columns.index(n) for n in jacobian.knowns]])
+    assert max(by_group.values()) < 1e-6, by_group
+
+
+def test_a_family_in_hard_dock_is_one_body_on_faces_and_hooks():
+    later = {"experiment.stop": 200.0, "experiment.step": 0.5}
+    model = dl.linearise("apda", "hard_docked", later)
+    mass, document = model.docking.get("stack.mass"), model.docking.scene.document
+    slow = 0.01  # Hz, far below the slowest bending
+    force = "chaser.force_ext[1]"
+    (found,) = model.find_response("chaser.position[1]", force, [slow])
+    assert found == pytest.approx(-1.0 / (mass * (2 * np.pi * slow) ** 2), rel=1e-4)
+    interface = document["mechanism"]["interface"]
+    hooks, faces = interface["hooks"], interface["faces"]
+    stiffness = faces["stiffness"] + 12 * hooks["stiffness"]  # the ring adds 1 %
+    chaser, target = (model.docking.get(f"{v}.mass") for v in ("chaser", "target"))
+    (found,) = model.find_response("relative.axial", force, [1.0])
+    assert abs(found) == pytest.approx(target / (chaser + target) / stiffness, rel=0.02)
+    assert all(damping > 0.0 for _, damping in model.oscillations)
+
+
+def test_the_command_writes_matrices_poles_and_bode_data(dockloop, tmp_path, pressed):
+    order = ["linearise", "absorber_1d", "--at", "0.2", "-o", "own.json"]
+    order += [f"--scene={name}={value}" for name, value in DECAY.items()]
+    words, printed = dockloop(*order), dockloop(*order, "--json")
+    assert words.status == printed.status == 0, words.err
+    found = json.loads(printed.out)
+    assert found == json.loads((tmp_path / "own.json").read_text())
+    assert [found[name] for name in "ABCD"] == [getattr(pressed, name).tolist() for name in "ABCD"]
+    for kind in ("states", "inputs", "outputs"):
+        assert [entry["name"] for entry in found[kind]] == getattr(pressed, kind)
+    assert {"name": "chaser.torque_ext[1]", "unit": "N.m"} in found["inputs"]
+    assert found["phase"] == "contact"
+    assert found["stack"]["mass"] == 375e3
+    first = found["poles"][0]  # two masses, a spring, a damper
+    chaser, target = 25e3, 350e3
+    rate = DAMPING / (2 * chaser * target / (chaser + target))
+    assert first["time_constant"] == pytest.approx(1.0 / rate, rel=1e-9)
+    omega = 2 * np.pi * first["frequency"]
+    assert first["damping_ratio"] == pytest.approx(rate / omega, rel=1e-9)
+    bode = found["bode"]
+    assert (bode["input"], bode["output"]) == ("chaser.force_ext[1]", "relative.axial")
+    assert bode["unit"] == "m/N"
+    at = bode["frequency"].index(first["frequency"])
+    assert bode["magnitude"][at] == pytest.approx(1.0 / (chaser * 2 * rate * omega), rel=1e-9)
+    assert bode["phase"][at] % 360.0 == pytest.approx(90.0, abs=1e-6)  # 90 deg late, and shortening
+    assert max(map(len, words.out.splitlines())) <= 100
+    for text in (f"  {first['frequency']:.4g} ", "stack.mass ", " m/N", "own.json, own.png"):
+        assert text in words.out
+    assert (tmp_path / "own.png").stat().st_size > 1000
+
+
+def test_the_command_says_what_is_wrong(dockloop):
+    for more, text in (
+        (["--at", "hard_dock"], "--at is 'hard_dock': must be a time or capture, hard_docked (did"),
+        (["--at", "-1"], "--at is -1.0: must be a time from 0 s on"),
+        (
+            ["--at", "0", "--bode", "chaser.force_ext[4]", "gap"],
+            "no 'chaser.force_ext[4]' (did you mean 'chaser.force_ext[",
+        ),
+        (["--at", "capture"], "until its stop at 5 s: choose a later one (experiment.stop)"),
+        (["--at", "0", "--set", "chaser.mass"], "--set chaser.mass: must be NAME=VALUE"),
+    ):
+        outcome = dockloop("linearise", "absorber_1d", *more)
+        assert outcome.status == 2, outcome
+        assert text in outcome.err

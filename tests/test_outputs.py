@@ -59,6 +59,10 @@ COMMANDS = {
         [f"own/{name}" for name in ("trade.csv", "trade.md", "trade.jsonl", "work_precision.png")],
     ),
     "truth": ([*SOLUTION, "-o", "own.json"], ["own.json"]),
+    "linearise": (
+        ["linearise", "absorber_1d", "--at", "0.2", "-o", "own.json"],
+        ["own.json", "own.png"],
+    ),
     "build": (["build", "absorber_1d", "-o", "own.fmu"], ["own.fmu"]),
     "build reference": (
         ["build", "absorber_1d", "--reference", "-o", "own.fmu"],

@@ -176,6 +176,8 @@ class Docking:
         Raises:
             UsageError: naming variable, value and limit; nothing is changed.
         """
+        if not isinstance(name, str):
+            raise UsageError(f"Docking.set: the name of a variable is {name!r}: must be a text")
         settable = (n for n, v in self.variables.items() if v.start is not None)
         names = match_names(name, settable, "Docking.set")
         rows = [row for each in names for row in self._find(each)]
@@ -376,7 +378,9 @@ class Docking:
     def _find(self, name: str) -> list[int]:
         """Return the rows of a variable or a vector."""
         if not isinstance(name, str):
-            raise UsageError(f"{self.scene.name}: the name of a variable is {name!r}: must be a text")
+            raise UsageError(
+                f"{self.scene.name}: the name of a variable is {name!r}: must be a text"
+            )
         if name in self._rows:
             return self._rows[name]
         hint = did_you_mean(name, self._rows)

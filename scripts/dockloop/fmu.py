@@ -88,7 +88,7 @@ def build_fmu(
     Args:
         reference: name or path of the scene.
         overrides: ``KEY=VALUE`` texts that replace keys of the scene.
-        output: the FMU to write; default ``build/fmu/SCENE.fmu`` of the project.
+        output: the FMU to write; default ``build/fmu/SCENE.fmu`` below the current folder.
         kernel: with a kernel of the mechanism or without; None: with one where it can be made.
         report: receives in one line what became of the kernel.
         bare: only what is needed to run it.

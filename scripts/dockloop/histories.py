@@ -63,7 +63,8 @@ def write_histories(planner: Planner, results: Sequence[Outcome], path: Path) ->
                 continue
             columns = [pyarrow.array(column, pyarrow.float64()) for column in result.histories]
             number = pyarrow.array(np.full(len(columns[0]), case), pyarrow.int64())
-            writer.write_table(pyarrow.Table.from_arrays([number, *columns], schema=schema))
+            table = pyarrow.Table.from_arrays([number, *columns], schema=schema)
+            writer.write_table(table, row_group_size=len(number))
 
 
 class Histories(Mapping[int, Result]):

@@ -19,7 +19,7 @@ from dockloop import paths
 from dockloop.binaries import find_platform
 from dockloop.compiled import find_compiled, find_optional
 from dockloop.core import has_only_legs, to_json
-from dockloop.errors import DockloopError, UsageError, warn_once
+from dockloop.errors import DockloopError, UsageError, find_reason, warn_once
 from dockloop.outputs import scratch
 
 FLAGS = [
@@ -109,7 +109,10 @@ def _compile(compiler: list[str], source: str, library: Path) -> bytes:
     command = [*compiler, *FLAGS, "-o", "kernel.so", "kernel.c", "-lm"]
     with scratch() as folder:
         (folder / "kernel.c").write_text(source, encoding="utf-8")
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        try:
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        except OSError as error:
+            raise DockloopError(f"{compiler[0]} cannot be run ({find_reason(error)})") from None
         if done.returncode != 0:
             said = (done.stderr.strip().splitlines() or ["no message"])[-1]
             raise DockloopError(f"{compiler[0]} failed: {said}")

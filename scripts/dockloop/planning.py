@@ -252,7 +252,14 @@ class Planner:
 
     def _check_decided_once(self) -> None:
         """Refuse names with ``*`` that mean what another entry decides."""
-        owners = {each: "set" for name in self._sweep.document["set"] for each in self._match(name)}
+        owners: dict[str, str] = {}
+        for given in self._sweep.document["set"]:
+            for name in self._match(given):
+                if name in owners:
+                    raise UsageError(
+                        f"{shown(self._sweep.path)}: set decides '{name}' twice, by '{given}', too"
+                    )
+                owners[name] = "set"
         for number, quantity in enumerate(self._sweep.quantities):
             values = self._sweep.cases.list_examples(number)
             decided = {name: "" for value in values for name in quantity.settings(value)}

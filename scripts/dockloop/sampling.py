@@ -23,7 +23,7 @@ from dockloop import schema
 from dockloop.errors import UsageError
 from dockloop.number import as_number
 from dockloop.paths import SWEEPS, shown
-from dockloop.scene import find_scene, find_shipped, read_toml, to_text, write_scene
+from dockloop.scene import find_scene, find_shipped, parse_value, read_toml, to_text, write_scene
 from dockloop.variables import NAMED_NUMBERS
 
 _MAX_CASES = 10_000_000
@@ -397,3 +397,11 @@ _TRANSFORMS: dict[str, Callable[..., list[np.ndarray]]] = {
 def as_setting(name: str, value: Any) -> str:
     """Return ``NAME=VALUE`` for ``--scene`` or ``--set``."""
     return f"{name}={to_text(value)}"
+
+
+def parse_setting(option: str, text: str) -> tuple[str, Any]:
+    """Return name and value of ``NAME=VALUE``. Raises UsageError naming the option."""
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if not equals or not name:
+        raise UsageError(f"{option} {text}: must be NAME=VALUE")
+    return name, parse_value(value)

@@ -525,11 +525,11 @@ def scene_members() -> dict[str, dict]:
 
 
 def list_keys(scene: dict) -> dict[str, dict]:
-    """Return the `scene_members` of a scene: without those of a target that it does not have."""
+    """Return the `scene_members` of a scene: without those of a target and adapters it lacks."""
+    lacks = ["target."] if "target" not in scene else []
+    lacks += [f"{v}.adapter." for v in ("chaser", "target") if "adapter" not in scene.get(v, {})]
     return {
-        name: node
-        for name, node in scene_members().items()
-        if "target" in scene or not name.startswith("target.")
+        name: node for name, node in scene_members().items() if not name.startswith(tuple(lacks))
     }
 
 

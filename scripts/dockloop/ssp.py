@@ -81,7 +81,7 @@ def build_ssp(
     Args:
         reference: name or path of the scene.
         overrides: ``KEY=VALUE`` texts that replace keys of the scene.
-        output: the package to write; default ``build/ssp/SCENE.ssp`` of the project.
+        output: the package to write; default ``build/ssp/SCENE.ssp`` below the current folder.
         bare: its FMUs hold only what is needed to run them (see `dockloop.fmu`).
 
     Returns:
@@ -143,13 +143,14 @@ def take_out(document: dict, vehicle: str) -> dict:
 
     Args:
         document: a resolved scene, vehicles placed.
-        vehicle: which one.
+        vehicle: which one; its parts stay in the FMU of the docking.
     """
+    body = {k: v for k, v in document[vehicle].items() if k not in ("part", "adapter")}
     return {
         "format": document["format"],
         "name": vehicle,
         "title": f"Rigid body moved by the loads it receives: {vehicle} of {document['name']}",
-        "chaser": {**document[vehicle], "motion": "free"},
+        "chaser": {**body, "motion": "free"},
         "mechanism": {"name": "none"},
         "initial": {"at": "start"},
         "solver": document["solver"],

@@ -28,7 +28,7 @@ _LEAST_PART = 1e-3  # of the dissipated energy; smaller parts are not said
 _COLUMN = re.compile(  # outputs of FMUs by dockloop
     r"(chaser|target|relative|capture|contact|ring|base|energy|momentum|solver|coupling|state|limits"
     r"|sequence|hooks|faces|pushers|joint|stack"
-    r"|(leg|latch|loop|element|hook)\[\d+\])(\.\w+(\[\d+\])?)+"
+    r"|(leg|latch|loop|element|hook|part)\[\d+\])(\.\w+(\[\d+\])?)+"
     r"|latched\[\d+\]|gap|phase|outcome|captured|time_(to|of)_\w+"
 )
 

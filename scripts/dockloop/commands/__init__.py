@@ -11,6 +11,7 @@ COMMANDS = {  # what each does, in the order of `dockloop --help`
     "run": "run one docking through its FMU",
     "view": "write a page that shows a docking in three dimensions; it opens offline",
     "compare": "lay measured time histories over a run: time shift, peaks, energies, differences",
+    "linearise": "write the linear model at one instant: matrices, poles, Bode diagram",
     "sweep": "run many dockings: how many capture, and under which loads",
     "envelope": "find where dockings meet a criterion: its boundary in two or three quantities",
     "map": "map where a scene is right, refused or wrong over two quantities, and what that costs",

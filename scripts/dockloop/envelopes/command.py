@@ -16,7 +16,8 @@ from dockloop.journal import keeps_results
 from dockloop.number import check_number, read_number, to_plain
 from dockloop.outputs import claim, scratch
 from dockloop.results import ProgressBar, import_optional
-from dockloop.scene import find_scene, parse_value
+from dockloop.sampling import parse_setting
+from dockloop.scene import find_scene
 from dockloop.summary import write_summary
 
 if TYPE_CHECKING:
@@ -178,8 +179,8 @@ def run_command(options: argparse.Namespace) -> dict:
 
 def make_settings(options: argparse.Namespace) -> dict[str, Any]:
     """Return what all dockings have otherwise than the scene."""
-    settings = dict(_parse_setting("--scene", text) for text in options.overrides)
-    return settings | dict(_parse_setting("--set", text) for text in options.set)
+    settings = dict(parse_setting("--scene", text) for text in options.overrides)
+    return settings | dict(parse_setting("--set", text) for text in options.set)
 
 
 def parse_range(option: str, given: Sequence[str]) -> Range:
@@ -211,14 +212,6 @@ def make_experiment(stop: float | None, step: float | None) -> dict[str, float]:
     """Return what an experiment has otherwise than the scene."""
     given = {"stop": stop, "step": step}
     return {n: check_number(f"--{n}", value) for n, value in given.items() if value is not None}
-
-
-def _parse_setting(option: str, text: str) -> tuple[str, Any]:
-    """Parse ``NAME=VALUE``."""
-    name, equals, value = (part.strip() for part in text.partition("="))
-    if not equals or not name:
-        raise UsageError(f"{option} {text}: must be NAME=VALUE")
-    return name, parse_value(value)
 
 
 def make_progress(label: str, what: str = "dockings") -> Progress:

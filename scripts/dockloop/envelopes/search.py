@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -226,12 +226,14 @@ def _prepare(order: Order, judge: Judge | None) -> Search:
             raise UsageError(f"--{'xyz'[number]} {name}: this quantity is given twice")
     tolerance = _TOLERANCE[dimensions] if order.tolerance is None else order.tolerance
     coarse = _COARSE[dimensions] if order.coarse is None else order.coarse
-    check_number("--tolerance", tolerance)
-    check_whole("--coarse", coarse, 2, _MOST_CELLS // 4)
+    tolerance = check_number("--tolerance", tolerance)
+    coarse = check_whole("--coarse", coarse, 2, _MOST_CELLS // 4)
     if not FINEST <= tolerance <= 0.25:
         raise UsageError(f"--tolerance {tolerance:g}: must be {FINEST:g} to 0.25 (of the range)")
-    for option, number in (("--check", order.checks), ("--seed", order.seed)):
-        check_whole(option, number, 0)
+    checks, seed = check_whole("--check", order.checks, 0), check_whole("--seed", order.seed, 0)
+    order = replace(order, checks=checks, seed=seed)  # plain numbers
+    order = order if order.coarse is None else replace(order, coarse=coarse)
+    order = order if order.tolerance is None else replace(order, tolerance=tolerance)
     levels = max(0, math.ceil(math.log2(0.5 / tolerance / coarse) - 1e-9))
     planner = Planner(_make_sweep(order, judge.work if judge else WORK))
     if judge is not None:
