@@ -155,10 +155,17 @@ def test_the_command_writes_matrices_poles_and_bode_data(dockloop, tmp_path, pre
     at = bode["frequency"].index(first["frequency"])
     assert bode["magnitude"][at] == pytest.approx(1.0 / (chaser * 2 * rate * omega), rel=1e-9)
     assert bode["phase"][at] % 360.0 == pytest.approx(90.0, abs=1e-6)  # 90 deg late, and shortening
-    assert max(map(len, words.out.splitlines())) <= 100
     for text in (f"  {first['frequency']:.4g} ", "stack.mass ", " m/N", "own.json, own.png"):
         assert text in words.out
     assert (tmp_path / "own.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("scene", ["idss_25t_350t", "hexapod_bench"])
+def test_what_the_command_prints_fits_a_page(dockloop, scene):
+    outcome = dockloop("linearise", scene, "--at", "0.1")
+    assert outcome.status == 0, outcome.err
+    assert max(map(len, outcome.out.splitlines())) <= 100
+    assert f"build/results/{scene}/{scene}_linear.png" in outcome.out
 
 
 def test_the_command_says_what_is_wrong(dockloop):

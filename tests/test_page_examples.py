@@ -3,6 +3,7 @@
 1. Commands run block by block in a folder that has the files of which the pages speak. Long work is
    cut short by options at the end of the line (`SHORT`).
 2. A list in JSON or TOML is taken by the reader of the product, in a mechanism to which it belongs.
+   Connectors in XML are variables of a docking, with their units.
 3. Programs in Python run as they stand.
 4. Commands within sentences are parsed. Of `run` every scene, key and start value is set in a
    docking; `check` and `variables` run. With words in capitals, or without argument, a command is
@@ -16,6 +17,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import NamedTuple
 
@@ -222,6 +224,18 @@ def test_the_reader_of_sweeps_takes_what_a_page_shows(block, tmp_path):
     assert Planner(sweep).quantities
 
 
+@pytest.mark.parametrize("block", choose("xml"))
+def test_connectors_of_a_page_are_variables_of_a_docking(block):
+    root = ET.fromstring(f'<page xmlns:ssd="ssd" xmlns:ssc="ssc">{block.text}</page>')
+    variables = dl.Docking(DEFAULT).variables
+    connectors = list(root.iter("{ssd}Connector"))
+    assert connectors
+    for connector in connectors:
+        variable = variables[connector.get("name")]
+        assert variable.causality == connector.get("kind")
+        assert variable.unit == connector[0].get("unit")
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("block", choose("python"))
 def test_the_programs_of_a_page_run(block, folder):
@@ -239,4 +253,4 @@ def test_every_entry_of_what_runs_elsewhere_is_needed():
     unused = [text for text in ELSEWHERE if not any(re.match(text, line) for line in lines)]
     assert not unused
     assert len(choose("sh")) > 15
-    assert {block.language for block in BLOCKS} == {"", "sh", "json", "toml", "python"}
+    assert {block.language for block in BLOCKS} == {"", "sh", "json", "toml", "xml", "python"}

@@ -116,12 +116,11 @@ def describe(found: dict[str, Any]) -> str:
         lines.append("  a time constant below 0 is that of growth")
     bode = found["bode"]
     largest = int(np.argmax(bode["magnitude"]))
-    lines += [
-        "",
-        f"  {bode['input']} to {bode['output']}: largest at {bode['frequency'][largest]:.4g} Hz,"
-        f" {bode['magnitude'][largest]:.4g} {bode['unit']}",
-        f"  files  {', '.join(found['files'])}",
-    ]
+    text = (
+        f"{bode['input']} to {bode['output']}: largest at {bode['frequency'][largest]:.4g} Hz,"
+        f" {bode['magnitude'][largest]:.4g} {bode['unit']}"
+    )
+    lines += ["", *wrap([("Bode", text), ("files", ", ".join(found["files"]))], "  ")]
     return "\n".join(lines)
 
 
