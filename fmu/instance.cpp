@@ -32,6 +32,7 @@ fmi2Status fmi_status(StatusCode code) {
     case StatusCode::kInertiaNotPositive:
     case StatusCode::kSequenceChatters:
     case StatusCode::kCannotJoin:
+    case StatusCode::kCouplingUnstable:
     case StatusCode::kNotFinite:
       return fmi2Error;
   }

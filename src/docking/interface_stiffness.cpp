@@ -27,19 +27,32 @@ struct Interface {
   Mat6<double> L;    ///< x = L xi
 };
 
+/// Leading block of the inverse of the inertia of a free vehicle with joints, axes of the vehicle.
+Mat6<double> find_leading_inverse(const MechanismData<double>& at, VecX<double>& column) {
+  Mat6<double> inverse;
+  for (int i = 0; i < 6; ++i) {
+    column.setZero();
+    column[i] = 1.0;
+    at.factor.solveInPlace(column);
+    inverse.col(i) = column.head<6>();
+  }
+  return inverse;
+}
+
+/// A matrix of linear and angular parts in other axes.
+Mat6<double> turn(const Mat3<double>& R, const Mat6<double>& matrix) {
+  Mat6<double> both = Mat6<double>::Zero();
+  both.topLeftCorner<3, 3>() = both.bottomRightCorner<3, 3>() = R;
+  return both * matrix * both.transpose();
+}
+
 /// Inverse of the effective mass of relative motion at G.
 Mat6<double> find_mobility(const DockingModel& model, const DockingData<double>& at,
-                           const Interface& geometry, VecX<double>& column) {
+                           const Interface& geometry, std::array<VecX<double>, 2>& column) {
   Mat6<double> sum = Mat6<double>::Zero();
   if (model.moves[kChaser]) {
-    Mat6<double> inverse;  // with free joints: the leading block of the whole inverse
-    if (at.locked) inverse = make_mobility(at.locked->whole);
-    for (int i = 0; !at.locked && i < 6; ++i) {
-      column.setZero();
-      column[i] = 1.0;
-      at.mechanism.factor.solveInPlace(column);
-      inverse.col(i) = column.head<6>();
-    }
+    const Mat6<double> inverse = at.locked ? make_mobility(at.locked->whole)
+                                           : find_leading_inverse(at.mechanism, column[kChaser]);
     const Mat6<double> J = make_transfer(Mat3<double>::Identity(), geometry.arm);
     sum += J * inverse * J.transpose();
   }
@@ -48,6 +61,7 @@ Mat6<double> find_mobility(const DockingModel& model, const DockingData<double>&
     const Mat3<double> R = geometry.R.transpose() * target.R;
     Mat6<double> inverse = Mat6<double>::Identity() / model.vehicle[kTarget].mass;
     inverse.bottomRightCorner<3, 3>() = R * invert(model.vehicle[kTarget].inertia) * R.transpose();
+    if (at.target) inverse = turn(R, find_leading_inverse(at.target->mechanism, column[kTarget]));
     const Vec3<double> arm = geometry.R.transpose() * (at.capture.p - target.p);
     const Mat6<double> J = make_transfer(Mat3<double>::Identity(), arm);
     sum += J * inverse * J.transpose();
@@ -93,6 +107,13 @@ class Seeds {
       return put_chaser_momentum(inertia * body, lane);
     }
     const FrameMotion<double>& target = at_.vehicle[kTarget];
+    if (at_.target) {
+      Vec6<double> body;
+      body << target.R.transpose() * twist.v, target.R.transpose() * twist.w;
+      const Vec6<double> moved =
+          Mat6<double>(at_.target->mechanism.A_ind.topLeftCorner<6, 6>()) * body;
+      return put_momentum(kTarget, target.R * moved.head<3>(), target.R * moved.tail<3>(), lane);
+    }
     const Vec3<double> linear = model_.vehicle[kTarget].mass * twist.v;
     const Vec3<double> spin =
         model_.vehicle[kTarget].inertia * Vec3<double>(target.R.transpose() * twist.w);
@@ -317,7 +338,8 @@ InterfaceWorkspace::InterfaceWorkspace(const DockingModel& model) : pass(model) 
   capture.setZero(6, n);
   bristle_rate.setZero(model.layout.element_bristle_count + model.layout.bristle_count, n + 6);
   dynamic.setZero(n + 6, n + 6);
-  column.setZero(static_cast<int>(model.mechanism.plan.ind_v.size()));
+  column[kChaser].setZero(static_cast<int>(model.mechanism.plan.ind_v.size()));
+  if (model.target) column[kTarget].setZero(static_cast<int>(model.target->plan.ind_v.size()));
   diagonal.setZero(n);
   eliminated.assign(static_cast<size_t>(n), 0);
 }

@@ -32,6 +32,7 @@
 // Sliding bristles have no potential and can cause negative stiffness; the result then jumps.
 #pragma once
 
+#include <array>
 #include <complex>
 
 #include "docking/docking_jacobian.hpp"
@@ -48,7 +49,7 @@ struct InterfaceWorkspace {
   MatX<std::complex<double>> dynamic;  ///< (n + 6) square, condensed in place
   MatX<double> capture;                ///< 6 x n: motion of G in xi per rate of a coordinate
   MatX<double> bristle_rate;           ///< bristles x (n + 6): bristle rates for a displacement
-  VecX<double> column;                 ///< all independent velocities, the vehicle's too
+  std::array<VecX<double>, 2> column;  ///< per vehicle: all independent velocities
   VecX<double> diagonal;               ///< n: magnitudes before condensation
   std::vector<char> eliminated;        ///< n
 

@@ -26,6 +26,7 @@ enum class StatusCode {
   kSequenceChatters,    ///< steps of the sequence follow each other without end
   kBadInput,            ///< impossible input of the host; correct the input and repeat the step
   kCannotJoin,          ///< a rigid joint does not fit the scene
+  kCouplingUnstable,    ///< a coupling has created energy: its reason is in the text
   kInterrupted,         ///< the user stopped the step; it may be made again
 };
 

@@ -58,9 +58,11 @@ Status DockingSim::Impl::receive(double h) {
   }
   if (grips) {
     // The ring keeps its place on the target. The received motion may have moved the target.
+    // One with parts, whose adapter is bent, is never moved by a host.
     const FrameMotion<double> P = find_frame_on(
         get_vehicle_pose<double>(*model, kTarget, step_loop->y()), model->interface_pose[kTarget]);
-    const Pose<double> on_target = Pose<double>{P.R, P.p} * inverse(passive) * capture;
+    const Pose<double> on_target =
+        model->target ? capture : Pose<double>{P.R, P.p} * inverse(passive) * capture;
     status = hold_capture_body(*model, on_target, step_loop->y(), present(), *jump_work);
     if (!status.ok()) return status;
   }

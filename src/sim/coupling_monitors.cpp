@@ -177,14 +177,14 @@ Status HostCoupling::check_energy(double energy, double host_work, const double*
     std::snprintf(text, sizeof text,
                   "the coupling creates energy%s: coupling.work_residual is %.3g J, %.3g %% of the "
                   "largest energy so far (%.3g J, limit %.0f %%); the cause is %s; frequency of "
-                  "the docking interface times step is %.2g (%.3g rad/s, %.3g s), and a step of "
+                  "the docking interface times step is %.2g (%.3g rad/s, %.3g s); %sa step of "
                   "%.2g s should be stable",
                   is_refused ? " and is unstable" : "", c.work_residual, 100.0 * share, c.energy,
                   100.0 * kCreatedError, cause.c_str(), frequency * h, frequency, h,
-                  find_stable_step(frequency));
+                  is_refused ? "start again: " : "", find_stable_step(frequency));
     if (is_refused) {
       reason = text;
-      return {StatusCode::kBadInput, -1, share, state_.elapsed};
+      return {StatusCode::kCouplingUnstable, -1, share, state_.elapsed};
     }
     warn_once(i, kWarnedEnergy, text);
   }

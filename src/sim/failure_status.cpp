@@ -70,6 +70,9 @@ std::string DockingSim::Impl::describe(const Status& status) const {
     case StatusCode::kCannotJoin:
       std::snprintf(text, sizeof text, "%s", find_joint_obstacle());
       break;
+    case StatusCode::kCouplingUnstable:
+      std::snprintf(text, sizeof text, "the coupling is unstable");
+      break;
     case StatusCode::kInterrupted:
       std::snprintf(text, sizeof text, "stopped by the user; the step may be made again");
       break;

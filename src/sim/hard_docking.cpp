@@ -20,7 +20,8 @@ const char* DockingSim::Impl::find_joint_obstacle() const {
     return "a rigid joint holds the mechanism, but a coupling prescribes the motion of a joint";
   }
   if (model->mechanism.model.part_forces > 0 || model->target) {
-    return "a rigid joint holds two rigid vehicles, but one has parts that move";
+    return "a rigid joint holds two rigid vehicles, but one has parts that move: "
+           "let hooks hold them, or remove parts and adapters";
   }
   if (unreduced || adapt_problem) {
     return "a rigid joint needs the reduced form of the equations: set model.level = 3 (reduced)";

@@ -304,7 +304,10 @@ Status StepLoop::integrate(double tau, double end, bool passes, std::int64_t lim
       status = make_inner_step(tau, passes ? ahead_.farthest : end, passes);
       if (passes && (!status.ok() || (inner_.to > end && !show_point(end)))) {
         passes = false;  // no failure of this communication step: make it without a step ahead
+        state_.pace = ahead_.pace;
         return_to(tau, std::min(proposal_, end - tau));
+        status = quiescent_mode_.evaluate(tau, y());
+        if (!status.ok()) return status;
         continue;
       }
       if (inner_.outcome == StepOutcome::kFailed) {
