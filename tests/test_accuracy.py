@@ -213,8 +213,8 @@ def test_with_loads_all_the_time_only_outputs_and_pairs_are_left_out():
     note = docking.record(np.array([0.4, 0.5])).notes[-1]
     assert "free drift" not in note
     assert "rigid joint" not in note
-    # The start is read for Docking.summary, the last two points are recorded.
-    assert note.endswith("outputs at 7 of 10 communication points, where they were not read")
+    # The last two points are recorded.
+    assert note.endswith("outputs at 8 of 10 communication points, where they were not read")
     assert not dl.run(SCENE, NEAR, stop=0.1, step=0.1).notes
 
 

@@ -17,6 +17,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import NamedTuple
@@ -30,7 +31,7 @@ import dockloop as dl
 from dockloop import cli, paths, sampling
 from dockloop.planning import Planner
 from dockloop.sampling import read_sweep
-from dockloop.scene import parse_value
+from dockloop.scene import find_scene, parse_value
 from dockloop.view.browser import find_browser
 from test_words import list_files
 
@@ -218,6 +219,11 @@ def test_the_reader_of_mechanisms_takes_what_a_page_shows(block):
 
 @pytest.mark.parametrize("block", choose("toml"))
 def test_the_reader_of_sweeps_takes_what_a_page_shows(block, tmp_path):
+    members = tomllib.loads(block.text)
+    if "chaser" in members:  # of a scene
+        scene = tomllib.loads(find_scene(DEFAULT).read_text())
+        dl.Docking(scene | {"chaser": scene["chaser"] | members["chaser"]}).step(0.01)
+        return
     (tmp_path / "mine.toml").write_text(block.text)
     sweep = read_sweep(str(tmp_path / "mine.toml"))
     assert len(sweep.cases) == 256 * 3 * 2

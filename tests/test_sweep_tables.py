@@ -222,7 +222,7 @@ def test_critical_cases_run_again_at_another_accuracy(dockloop, tmp_path, monkey
     assert done.status == 0, done
     found = json.loads(done.out)["refined"]
     rows = parquet.read_table(table).to_pylist()
-    cheap, fine = (dl.sweep(path, accuracy=each).to_dict("records") for each in (1e-2, "1e-4"))
+    cheap, fine = (dl.sweep(path, accuracy=each).to_dict("records") for each in (1e-2, 1e-4))
     load, changes = "capture.peak.compression", []
     for row, first, second in zip(rows, cheap, fine, strict=True):
         is_again = first[load] > 900.0
@@ -264,8 +264,8 @@ def test_passes_that_make_no_sense_are_refused(dockloop, tmp_path):
     for arguments, words in (
         ((path, *PASSES[2:]), "give both, and --accuracy of that pass"),
         ((path, *PASSES[:4]), "give both, and --accuracy of that pass"),
-        ((path, "--accuracy", "2"), "--accuracy 2: must be greater than 0 and at most 1"),
-        ((path, *PASSES[:5], "0.5"), "--refine-accuracy 0.5: must be greater than 0 and less"),
+        ((path, "--accuracy", "2"), "--accuracy 2.0: must be a number above 0, at most 1"),
+        ((path, *PASSES[:5], "0.5"), "--refine-accuracy 0.5: must be a number above 0, below"),
         ((path, *PASSES[:3], "shear", *PASSES[4:]), "--refine 'shear': is a number"),
         ((path, *PASSES[:3], "", *PASSES[4:]), "--refine: is empty: must have a value"),
         ((path, *PASSES, "--rare", "miss"), "--rare and --refine: give one of them"),

@@ -15,7 +15,7 @@ import dockloop as dl
 from dockloop import catalogue
 from dockloop.planning import Planner
 from dockloop.sampling import as_setting, make_sweep
-from dockloop.scene import find_scene, resolve_scene, scene_members
+from dockloop.scene import find_scene, list_keys, resolve_scene
 
 SCENE = "idss_25t_350t"
 BDF = 6
@@ -29,7 +29,7 @@ def entries():
 def test_the_list_has_every_key_and_every_variable(entries):
     docking = dl.Docking(SCENE)
     names = {entry.name for entry in entries.values()}
-    assert set(scene_members()) <= names
+    assert set(list_keys(docking.scene.document)) <= names
     assert {n for n, v in docking.variables.items() if v.causality != "local"} <= names
     with_states = catalogue.list_entries(SCENE, has_states=True)
     assert {entry.name for entry in with_states} >= set(docking.variables)

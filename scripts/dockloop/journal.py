@@ -377,7 +377,7 @@ def _read_result(line: Any) -> tuple[tuple[Value, ...], Result] | None:
     try:
         values = tuple(line.pop("values"))
         result = Result(**line)
-        result.outputs = tuple(result.outputs)
+        result.outputs, result.histories = tuple(result.outputs), tuple(result.histories)
     except (AttributeError, KeyError, TypeError):
         return None
     return (values, result) if result.status in STATUSES else None

@@ -304,8 +304,9 @@ const FaultText kTexts[] = {
      "$v did not feel the first announced load ($x N over $h s): read $v.force_mean and "
      "$v.torque_mean after initialisation, before the first step"},
     {kLoadsEarly,
-     "$v applies the announced load a step early: set coupling.mode = 1 (sequential) if the host "
-     "makes each step after this FMU, or 3 (host_first) if it makes each step before this FMU"},
+     "$v applies the announced load a step early: if the host makes each step after this FMU, set "
+     "coupling.mode = 1; if it makes each step before this FMU, set "
+     "coupling.mode = 3 (host_first)"},
     {kLoadsStepLate,
      "$v applies the mean load a step late: the host makes each step at the same time as this "
      "FMU; set coupling.mode = 2 (parallel)"},

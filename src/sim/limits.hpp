@@ -47,7 +47,7 @@ inline constexpr std::array<WatchedLimit, kLimitCount> kLimits = {{
     {"time_out", "s", "a step of the sequence timed out",
      "the sequence goes on as on_timeout of this step states"},
     {"singular", "1", "a loop is close to singular, or has passed a singular pose",
-     "forces in the mechanism grow there, and motions that meet there are told apart by rounding"},
+     "forces in the mechanism grow there, and motions that meet there differ by rounding"},
 }};
 
 /// Values at one state, and limits, of what is not noticed at an event.
