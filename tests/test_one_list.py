@@ -65,7 +65,6 @@ ALLOWED = {
     ("types", "scripts/dockloop/simulate.py"): "the getter and the parser of each type",
     ("types", "scripts/dockloop/variables.py"): "the Python type and the words of each type",
     ("loads", "src/docking/scene_json.cpp"): "reads the rated loads into their members",
-    ("coupling.mode", "scripts/examples/masters.py"): "the mode of each master",
     ("friction.model", "src/contact/contact_model.cpp"): "lies below the list (src/README.md)",
     ("friction.model", "src/contact/laws.hpp"): "lies below the list (src/README.md)",
     ("friction.model", "src/sim/values.hpp"): "a comment on the member",
