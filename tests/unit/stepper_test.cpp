@@ -295,7 +295,8 @@ TEST(StiffProblems, that_begin_inside_a_step_leave_no_rate_of_stages_that_are_fa
     ASSERT_TRUE(run_to(stepper, 1.0));
     EXPECT_NEAR(stepper.y()[1], -1.0, 1e-5);
     evaluations[i] = stepper.rate_evaluations();
-    std::printf("%ld evaluations, fastest rate %.3g/s\n", evaluations[i], stepper.pace().fastest_rate);
+    std::printf("%ld evaluations, fastest rate %.3g/s\n", evaluations[i],
+                stepper.pace().fastest_rate);
   }
   EXPECT_LT(evaluations[1], 2 * evaluations[0]);
 }
