@@ -139,22 +139,21 @@ class LoadedFmu:
         except FMICallException as error:
             raise DockloopError(f"at {self.time:.9g} s: {self._instance.sentence(error)}") from None
         warning = "; ".join(self._instance.warnings) or None
-        kept = tuple(histories) if job.histories else ()
-        return Result("done", None, warning, self.time, outputs, kept)
+        return Result(
+            "done", None, warning, self.time, outputs, tuple(zip(*histories, strict=True))
+        )
 
-    def _step(self, points: list[float], job: Job) -> list[list[float]]:
+    def _step(self, points: list[float], job: Job) -> list[tuple[float, ...]]:
         """Step through all points, or until the outcome has been final for long enough.
 
         Returns:
-            The times, and each output of ``job.histories`` at these.
+            The time and ``job.histories`` at each point; nothing without such outputs.
         """
-        histories: list[list[float]] = [[] for _ in range(1 + len(job.histories))]
+        histories: list[tuple[float, ...]] = []
 
         def keep(time: float) -> None:
-            for column, value in zip(
-                histories, [time, *map(self._read, job.histories)], strict=True
-            ):
-                column.append(float(value))
+            if job.histories:
+                histories.append((time, *(float(self._read(name)) for name in job.histories)))
 
         do_step, component = self._instance.slave.fmi2DoStep, self._instance.slave.component
         decision, since = 0, points[0]
