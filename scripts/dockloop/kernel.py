@@ -7,7 +7,6 @@ What a kernel is and when an FMU uses it: ``src/mechanism/README.md``. The compi
 import hashlib
 import os
 import platform
-import secrets
 import shlex
 import shutil
 import subprocess
@@ -20,7 +19,7 @@ from dockloop.binaries import find_platform
 from dockloop.compiled import find_compiled, find_optional
 from dockloop.core import has_only_legs, to_json
 from dockloop.errors import DockloopError, UsageError, find_reason, warn_once
-from dockloop.outputs import scratch
+from dockloop.outputs import Kind, scratch, writing
 
 FLAGS = [
     # Vectors of two, and another order of instructions, cost more than they save here, measured.
@@ -29,6 +28,7 @@ FLAGS = [
     *("-shared", "-fPIC", "-s"),
 ]
 _STDIN = "/dev/stdin"
+_KEPT = Kind("kernel", "dockloop build", lambda path: path.is_relative_to(paths.KERNELS))
 
 
 @dataclass
@@ -117,9 +117,6 @@ def _compile(compiler: list[str], source: str, library: Path) -> bytes:
             said = (done.stderr.strip().splitlines() or ["no message"])[-1]
             raise DockloopError(f"{compiler[0]} failed: {said}")
         content = (folder / "kernel.so").read_bytes()
-    with suppress(OSError):  # a folder that cannot be written keeps nothing
-        library.parent.mkdir(parents=True, exist_ok=True)
-        partial = library.with_name(f".kernel-{secrets.token_hex(6)}")
-        partial.write_bytes(content)
-        partial.replace(library)  # at once: others may build the same
+    with suppress(DockloopError), writing(library, _KEPT) as partial:
+        partial.write_bytes(content)  # a folder that cannot be written keeps nothing
     return content
