@@ -95,7 +95,7 @@ class Seeds {
     if (direction < model_.layout.mechanism_nv) {
       if (at_.locked) return;
       seeded_[model_.layout.mechanism_v + direction].d[lane] = 1.0;
-      if (with_vehicle) put_chaser_momentum(A.col(6 + direction).head<6>(), lane);
+      if (with_vehicle) put_momentum(kChaser, A.col(6 + direction).head<6>(), lane);
       return;
     }
     const Twist<double> twist = find_twist(direction);
@@ -104,15 +104,14 @@ class Seeds {
       body << geometry_.R.transpose() * twist.v, geometry_.R.transpose() * twist.w;
       const Mat6<double> inertia =
           at_.locked ? make_inertia(at_.locked->whole) : Mat6<double>(A.topLeftCorner<6, 6>());
-      return put_chaser_momentum(inertia * body, lane);
+      return put_momentum(kChaser, inertia * body, lane);
     }
     const FrameMotion<double>& target = at_.vehicle[kTarget];
     if (at_.target) {
       Vec6<double> body;
       body << target.R.transpose() * twist.v, target.R.transpose() * twist.w;
-      const Vec6<double> moved =
-          Mat6<double>(at_.target->mechanism.A_ind.topLeftCorner<6, 6>()) * body;
-      return put_momentum(kTarget, target.R * moved.head<3>(), target.R * moved.tail<3>(), lane);
+      const Mat6<double> inertia = at_.target->mechanism.A_ind.topLeftCorner<6, 6>();
+      return put_momentum(kTarget, inertia * body, lane);
     }
     const Vec3<double> linear = model_.vehicle[kTarget].mass * twist.v;
     const Vec3<double> spin =
@@ -133,9 +132,10 @@ class Seeds {
     return {w, v + w.cross(at_.vehicle[mover()].p - at_.capture.p)};
   }
 
-  /// @param momentum  about the chaser's origin, its axes
-  void put_chaser_momentum(const Vec6<double>& momentum, int lane) {
-    put_momentum(kChaser, geometry_.R * momentum.head<3>(), geometry_.R * momentum.tail<3>(), lane);
+  /// @param momentum  about the vehicle's origin, its axes
+  void put_momentum(int vehicle, const Vec6<double>& momentum, int lane) {
+    const Mat3<double>& R = at_.vehicle[vehicle].R;
+    put_momentum(vehicle, R * momentum.head<3>(), R * momentum.tail<3>(), lane);
   }
 
   /// @param spin  about the vehicle's origin; axes of O
