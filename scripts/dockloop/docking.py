@@ -176,8 +176,7 @@ class Docking:
         Raises:
             UsageError: naming variable, value and limit; nothing is changed.
         """
-        if not isinstance(name, str):
-            raise UsageError(f"Docking.set: the name of a variable is {name!r}: must be a text")
+        _check_name("Docking.set", name)
         settable = (n for n, v in self.variables.items() if v.start is not None)
         names = match_names(name, settable, "Docking.set")
         rows = [row for each in names for row in self._find(each)]
@@ -377,16 +376,18 @@ class Docking:
 
     def _find(self, name: str) -> list[int]:
         """Return the rows of a variable or a vector."""
-        if not isinstance(name, str):
-            raise UsageError(
-                f"{self.scene.name}: the name of a variable is {name!r}: must be a text"
-            )
+        _check_name(self.scene.name, name)
         if name in self._rows:
             return self._rows[name]
         hint = did_you_mean(name, self._rows)
         if name in scene_members():
             hint = f"; it is a key of the scene: overrides={{{name!r}: ...}}"
         raise UsageError(f"{self.scene.name}: there is no variable '{name}'{hint}")
+
+
+def _check_name(place: str, name: Any) -> None:
+    if not isinstance(name, str):
+        raise UsageError(f"{place}: the name of a variable is {name!r}: must be a text")
 
 
 def _revive(scene: Scene, state: bytes, seen: dict[str, Any]) -> Docking:

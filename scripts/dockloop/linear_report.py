@@ -13,7 +13,7 @@ from dockloop.core import name_choice
 from dockloop.docking import Docking
 from dockloop.figures import can_draw, save_figure
 from dockloop.linear import LinearModel, find_linear_model
-from dockloop.number import read_number
+from dockloop.number import read_if_number
 from dockloop.outputs import MADE_BY, check_suffix, claim, figure_kind, json_kind
 from dockloop.palette import style_line
 from dockloop.sampling import parse_setting
@@ -41,7 +41,7 @@ def run_command(options: argparse.Namespace) -> dict[str, Any]:
     docking = Docking(options.scene, overrides)
     for text in options.set:
         docking.set(*parse_setting("--set", text))
-    model = find_linear_model(docking, _parse_instant(options.at))
+    model = find_linear_model(docking, read_if_number(options.at))
     found = make_document(model, *(options.bode or choose_pair(model)))
     files = [output]
     if not options.no_plots and can_draw():
@@ -71,7 +71,7 @@ def make_document(model: LinearModel, input_: str, output: str) -> dict[str, Any
         return [{"name": name, "unit": variables[name].unit} for name in names]
 
     moving = model.moving
-    stack = [name for name in ("mass", "com", "inertia") if f"stack.{name}" in _vectors(docking)]
+    stack = ("mass", "com", "inertia") if "stack.mass" in variables else ()
     return {
         MADE_BY: COMMAND,
         "scene": docking.scene.name,
@@ -159,19 +159,6 @@ def _claim(options: argparse.Namespace) -> tuple[Path, Path]:
     if not options.no_plots:
         claim(figure, figure_kind(COMMAND))
     return output, figure
-
-
-def _parse_instant(text: str) -> float | str:
-    """Return a time if the text is a number, else the name of an instant."""
-    try:
-        return read_number(text)
-    except ValueError:
-        return text
-
-
-def _vectors(docking: Docking) -> set[str]:
-    """Return the names of variables, those of vectors without their numbers."""
-    return {name.partition("[")[0] for name in docking.variables}
 
 
 def _describe_pole(pole: complex) -> dict[str, float | None]:

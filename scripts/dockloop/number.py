@@ -31,10 +31,10 @@ def read_whole(text: str) -> int:
     return int(text)
 
 
-def read_if_number(text: str | None) -> float | str | None:
+def read_if_number(text: str) -> float | str:
     """Return the finite number that a text is, or else the text."""
     try:
-        return text if text is None else read_number(text)
+        return read_number(text)
     except ValueError:
         return text
 

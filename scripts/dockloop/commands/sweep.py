@@ -75,8 +75,11 @@ def run(options: Options) -> None:
     from dockloop.results import ProgressBar
     from dockloop.sampling import read_passes, read_sweep
 
-    given = options.accuracy, options.refine, options.refine_accuracy
-    passes = read_passes(read_if_number(given[0]), given[1], read_if_number(given[2]))
+    accuracy, refined = (
+        text if text is None else read_if_number(text)
+        for text in (options.accuracy, options.refine_accuracy)
+    )
+    passes = read_passes(accuracy, options.refine, refined)
     _check_rare(options, passes)
     sweep = read_sweep(options.sweep, passes)
     name = sweep.path.stem

@@ -211,6 +211,18 @@ def find_envelope(
     return search
 
 
+def _check_numbers(order: Order) -> Order:
+    """Return the same with numbers of Python, for JSON. Raises UsageError: one is none."""
+    tolerance, coarse = order.tolerance, order.coarse
+    return replace(
+        order,
+        tolerance=None if tolerance is None else check_number("--tolerance", tolerance),
+        coarse=None if coarse is None else check_whole("--coarse", coarse, 2, _MOST_CELLS // 4),
+        checks=check_whole("--check", order.checks, 0),
+        seed=check_whole("--seed", order.seed, 0),
+    )
+
+
 def _prepare(order: Order, judge: Judge | None) -> Search:
     """Check what is asked for, before anything runs."""
     dimensions = len(order.axes)
@@ -224,16 +236,11 @@ def _prepare(order: Order, judge: Judge | None) -> Search:
     for number, name in enumerate(names):
         if name in names[:number] or name in order.settings:
             raise UsageError(f"--{'xyz'[number]} {name}: this quantity is given twice")
+    order = _check_numbers(order)
     tolerance = _TOLERANCE[dimensions] if order.tolerance is None else order.tolerance
     coarse = _COARSE[dimensions] if order.coarse is None else order.coarse
-    tolerance = check_number("--tolerance", tolerance)
-    coarse = check_whole("--coarse", coarse, 2, _MOST_CELLS // 4)
     if not FINEST <= tolerance <= 0.25:
         raise UsageError(f"--tolerance {tolerance:g}: must be {FINEST:g} to 0.25 (of the range)")
-    checks, seed = check_whole("--check", order.checks, 0), check_whole("--seed", order.seed, 0)
-    order = replace(order, checks=checks, seed=seed)  # plain numbers
-    order = order if order.coarse is None else replace(order, coarse=coarse)
-    order = order if order.tolerance is None else replace(order, tolerance=tolerance)
     levels = max(0, math.ceil(math.log2(0.5 / tolerance / coarse) - 1e-9))
     planner = Planner(_make_sweep(order, judge.work if judge else WORK))
     if judge is not None:
