@@ -145,7 +145,6 @@ def moved(monkeypatch, tmp_path):
     return generator
 
 
-@pytest.mark.skipif(paths.IS_INSTALLED, reason="there is no clone")
 def test_a_clone_that_moved_is_named_once_with_the_remedy(dockloop, moved, tmp_path):
     first, second = (dockloop("build", "absorber_1d", "-o", tmp_path / "a.fmu") for _ in range(2))
     assert first.status == second.status == 0
