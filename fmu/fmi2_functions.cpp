@@ -192,10 +192,6 @@ std::unique_ptr<Instance> make_instance(const char* name, fmi2Type type, const c
   if (!guid) throw Refusal("fmuGUID is missing");
   if (!location) throw Refusal("fmuResourceLocation is missing");
   auto scene = std::make_shared<const Scene>(read_scene_file(location));
-  if (guid != scene->fingerprint) {
-    throw Refusal(std::string("fmuGUID is '") + guid + "', but this FMU is '" + scene->fingerprint +
-                  "': modelDescription.xml and resources belong to different builds");
-  }
   if (type == fmi2ModelExchange && !offers_model_exchange(*scene)) {
     throw Refusal(
         "a vehicle of this scene is driven at communication points, so this FMU is for "
@@ -205,6 +201,10 @@ std::unique_ptr<Instance> make_instance(const char* name, fmi2Type type, const c
   const FmiKind fmi_kind =
       type == fmi2CoSimulation ? FmiKind::kCoSimulation : FmiKind::kModelExchange;
   auto instance = std::make_unique<Instance>(std::move(scene), fmi_kind, std::move(logger));
+  if (guid != instance->guid) {
+    throw Refusal(std::string("fmuGUID is '") + guid + "', but this FMU is '" + instance->guid +
+                  "': modelDescription.xml and resources belong to different builds");
+  }
   instance->load_kernel(resource_folder(location));
   return instance;
 }
@@ -474,7 +474,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     check_arrays(bytes, 1, bytes, "fmi2DeSerializeFMUstate");
     check_arrays(saved, 1, saved, "fmi2DeSerializeFMUstate");
     auto read = std::make_unique<SavedInstance>();
-    deserialise(bytes, size, self.sim.scene().fingerprint, *read);
+    deserialise(bytes, size, self.guid, *read);
     if (*saved) {
       *static_cast<SavedInstance*>(*saved) = std::move(*read);
     } else {

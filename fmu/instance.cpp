@@ -21,6 +21,8 @@ fmi2Status fmi_status(StatusCode code) {
     case StatusCode::kBranchChanged:
     case StatusCode::kLoopNotClosed:
     case StatusCode::kContactTooDeep:
+    case StatusCode::kTravelOutsideTable:
+    case StatusCode::kRateOutsideTable:
     case StatusCode::kContactFlipped:
     case StatusCode::kIntegrationFailed:
     case StatusCode::kLoopSingular:  // another step size may step over the singularity
@@ -42,7 +44,8 @@ fmi2Status fmi_status(StatusCode code) {
 Instance::Instance(std::shared_ptr<const Scene> scene, FmiKind fmi_kind, Logger log)
     : logger(std::move(log)),
       sim(std::move(scene), fmi_kind, get_fmu_comparison()),
-      variables(make_variables(sim)) {
+      variables(make_variables(sim)),
+      guid(find_guid(sim.scene(), variables)) {
   start_time = time = sim.scene().experiment.start;
 }
 
@@ -209,7 +212,7 @@ void Instance::note_change(bool tunables) {
 // ---------------------------------------------------------------- saved states
 
 void Instance::save(SavedInstance& into) const {
-  into.fingerprint = sim.scene().fingerprint;
+  into.guid = guid;
   into.fmi_kind = sim.fmi_kind();
   into.state = state;
   into.initialised = initialised;
@@ -225,9 +228,9 @@ void Instance::save(SavedInstance& into) const {
 }
 
 void Instance::load(const SavedInstance& from) {
-  if (from.fingerprint != sim.scene().fingerprint) {
-    throw Refusal("the state belongs to the FMU with GUID '" + from.fingerprint +
-                  "', this one is '" + sim.scene().fingerprint + "'");
+  if (from.guid != guid) {
+    throw Refusal("the state belongs to the FMU with GUID '" + from.guid + "', this one is '" +
+                  guid + "'");
   }
   if (from.fmi_kind != sim.fmi_kind()) {
     throw Refusal(
@@ -249,14 +252,12 @@ namespace {
 
 constexpr char kMagic[8] = {'D', 'O', 'C', 'K', 'L', 'O', 'O', 'P'};
 constexpr std::uint32_t kByteOrder = 0x01020304;
-/// Increase it when the contents change.
-constexpr std::uint32_t kStateFormat = 16;
 
 struct Header {
   char magic[8];
   std::uint32_t byte_order, format;
-  char version[16];        ///< of dockloop, zero-terminated
-  char fingerprint[32];    ///< of the scene
+  char version[16];  ///< of dockloop, zero-terminated
+  char guid[32];
   std::uint64_t size;      ///< of the contents
   std::uint64_t checksum;  ///< of header and contents
 };
@@ -286,14 +287,6 @@ std::string printable(std::string text) {
   return text;
 }
 
-/// The fingerprint is in the header.
-template <class A>
-void transfer(A& archive, SavedInstance& saved) {
-  transfer_members<SavedInstance, 1>(
-      archive, saved.fmi_kind, saved.state, saved.initialised, saved.start_time, saved.tolerance,
-      saved.has_stop_time, saved.stop_time, saved.time, saved.step_status, saved.phase, saved.sim);
-}
-
 }  // namespace
 
 std::vector<char> serialise(const SavedInstance& saved) {
@@ -303,10 +296,9 @@ std::vector<char> serialise(const SavedInstance& saved) {
   Header header{};
   std::memcpy(header.magic, kMagic, sizeof kMagic);
   header.byte_order = kByteOrder;
-  header.format = kStateFormat;
+  header.format = find_format<SavedInstance>();
   std::strncpy(header.version, DOCKLOOP_VERSION, sizeof header.version - 1);
-  std::copy_n(saved.fingerprint.begin(),
-              std::min(saved.fingerprint.size(), sizeof header.fingerprint), header.fingerprint);
+  std::copy_n(saved.guid.begin(), std::min(saved.guid.size(), sizeof header.guid), header.guid);
   header.size = contents.size();
   header.checksum = find_checksum(header, contents.data(), contents.size());
   std::vector<char> bytes(sizeof header + contents.size());
@@ -315,8 +307,7 @@ std::vector<char> serialise(const SavedInstance& saved) {
   return bytes;
 }
 
-void deserialise(const char* bytes, size_t size, const std::string& fingerprint,
-                 SavedInstance& into) {
+void deserialise(const char* bytes, size_t size, const std::string& guid, SavedInstance& into) {
   Header header;
   if (size < sizeof header) throw Refusal("too short for a saved state");
   std::memcpy(&header, bytes, sizeof header);
@@ -325,15 +316,17 @@ void deserialise(const char* bytes, size_t size, const std::string& fingerprint,
   }
   if (header.byte_order != kByteOrder) throw Refusal("saved on a machine of other byte order");
   const std::string version(header.version, strnlen(header.version, sizeof header.version));
-  if (header.format != kStateFormat || version != DOCKLOOP_VERSION) {
-    throw Refusal(
-        "saved by dockloop " + printable(version) + " in format " + std::to_string(header.format) +
-        "; this is dockloop " DOCKLOOP_VERSION " with format " + std::to_string(kStateFormat));
+  const std::uint32_t format = find_format<SavedInstance>();
+  if (header.format != format || version != DOCKLOOP_VERSION) {
+    throw Refusal("saved by dockloop " + printable(version) + " in format " +
+                  std::to_string(header.format) +
+                  "; this is dockloop " DOCKLOOP_VERSION " with format " + std::to_string(format) +
+                  ": load it with the library that saved it, or repeat the run");
   }
-  const std::string scene(header.fingerprint, sizeof header.fingerprint);
-  if (scene != fingerprint) {
-    throw Refusal("saved by the FMU with GUID '" + printable(scene) + "', this one is '" +
-                  fingerprint + "'");
+  const std::string saved_by(header.guid, sizeof header.guid);
+  if (saved_by != guid) {
+    throw Refusal("saved by the FMU with GUID '" + printable(saved_by) + "', this one is '" + guid +
+                  "'");
   }
   const char* contents = bytes + sizeof header;
   if (header.size != size - sizeof header ||
@@ -345,7 +338,6 @@ void deserialise(const char* bytes, size_t size, const std::string& fingerprint,
   const bool is_state =
       std::find(std::begin(kStates), std::end(kStates), into.state) != std::end(kStates);
   if (reader.left() != 0 || !is_state) throw Refusal("the saved state is damaged");
-  into.fingerprint = fingerprint;
 }
 
 }  // namespace dockloop

@@ -37,7 +37,7 @@ struct Discard : std::runtime_error {
 
 /// Contents of an FMU state: the simulation, and the state of the instance.
 struct SavedInstance {
-  std::string fingerprint;  ///< of its scene
+  std::string guid;
   FmiKind fmi_kind = FmiKind::kCoSimulation;
   State state = kInstantiated;
   bool initialised = false;
@@ -89,6 +89,7 @@ struct Instance {
   Logger logger;
   DockingSim sim;
   std::vector<Variable> variables;
+  const std::string guid;
   State state = kInstantiated;
   bool initialised = false;                ///< the start state fits the present parameters
   double start_time = 0.0;                 ///< [s]
@@ -109,7 +110,6 @@ struct Instance {
 /// A saved state as bytes, for another process: a header with its identity, and the contents.
 std::vector<char> serialise(const SavedInstance& saved);
 /// @throws Refusal or ModelError with the reason if these bytes are not a state of this FMU
-void deserialise(const char* bytes, size_t size, const std::string& fingerprint,
-                 SavedInstance& into);
+void deserialise(const char* bytes, size_t size, const std::string& guid, SavedInstance& into);
 
 }  // namespace dockloop

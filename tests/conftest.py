@@ -11,18 +11,19 @@ import os
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pytest
 
 # Threads of numpy's linear algebra wait for each other on small matrices, on busy cores for long.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from dockloop import cli, paths
-from dockloop.compiled import add_comparison
-from dockloop.fmu import build_fmu
-from dockloop.results import Result
-from dockloop.simulate import run_fmu
+from dockloop import cli
+from dockloop.base import paths
+from dockloop.fmu.build import build_fmu
+from dockloop.fmu.host import run_fmu
+from dockloop.native.compiled import add_comparison
+from dockloop.result.recording import Result
 
 if TYPE_CHECKING:
     from mishaps import Cluster
@@ -33,6 +34,7 @@ LONGEST = (
     *("test_cli", "test_kernel", "test_saved_states"),
 )
 FMUS = "DOCKLOOP_TEST_FMUS"  # environment variable with the folder of all FMUs
+NATIVE = "DOCKLOOP_BUILD"  # where it is set, FMUs hold the library of that folder
 SCENES = sorted(file.stem for file in paths.SCENES.glob("*.toml"))
 
 
@@ -53,17 +55,14 @@ class Runs:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    @functools.cache
     def fmu(self, scene: str, *overrides: str) -> Path:
         """Return the bare FMU of a scene with overrides: all that a run needs."""
         return self._build(scene, overrides, bare=True)
 
-    @functools.cache
     def complete_fmu(self, scene: str, *overrides: str) -> Path:
         """Return the FMU as users get it, with documentation and sources."""
         return self._build(scene, overrides, bare=False)
 
-    @functools.cache
     def comparing_fmu(self, scene: str, *overrides: str) -> Path:
         """Return a bare FMU with the library that carries the methods for comparison too."""
         return self._build(scene, overrides, bare=True, finish=add_comparison)
@@ -76,7 +75,7 @@ class Runs:
         bare: bool,
         finish: Callable[[Path], None] | None = None,
     ) -> Path:
-        kind = (scene, overrides, bare, finish is not None)
+        kind = (scene, overrides, bare, finish is not None, os.environ.get(NATIVE))
         key = hashlib.sha256(repr(kind).encode()).hexdigest()[:16]
         fmu = self._folder / key / f"{Path(scene).stem}.fmu"
         fmu.parent.mkdir(exist_ok=True)
@@ -86,7 +85,6 @@ class Runs:
                 build_fmu(scene, overrides, fmu, bare=bare, finish=finish)
             return fmu
 
-    @functools.cache
     def run(
         self,
         scene: str,
@@ -96,7 +94,11 @@ class Runs:
         step: float | None = None,
     ) -> Result:
         """Return the recording of one docking."""
-        return run_fmu(self.fmu(scene, *overrides), settings, stop, step)
+        return self._run(self.fmu(scene, *overrides), settings, stop, step)
+
+    @functools.cache
+    def _run(self, fmu: Path, *how: Any) -> Result:
+        return run_fmu(fmu, *how)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -118,6 +120,17 @@ def runs() -> Runs:
     return Runs(Path(os.environ[FMUS]))
 
 
+@pytest.fixture(scope="module")
+def native() -> Iterator[None]:
+    """FMUs hold the library that was compiled with the core: another compiler rounds otherwise.
+
+    Those that a test builds, and those of the processes that it starts.
+    """
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv(NATIVE, str(paths.COMPILED))
+        yield
+
+
 @pytest.fixture
 def permissions(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Skip a test where permissions of files do not bind this process, as those of root."""
@@ -131,12 +144,18 @@ def permissions(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 @pytest.fixture
+def own_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Work in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
 def dockloop(
-    capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, own_folder: Path
 ) -> Callable[..., Outcome]:
     """Call the command line in an empty folder; results go there too."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(paths, "BUILD", tmp_path / "build")
+    monkeypatch.setattr(paths, "BUILD", own_folder / "build")
 
     def call(*arguments: str) -> Outcome:
         try:

@@ -23,6 +23,7 @@ The masses of the host are those of the scene, the true ones; the FMU may receiv
 is the momentum of everything as an outsider sums it up, less known impulses: a constant.
 """
 
+import collections
 import math
 
 import numpy as np
@@ -170,6 +171,8 @@ class Coupling:
         settings: start values of the FMU by name.
         first_step: the step that is announced at the beginning (coupling.expected_step).
         mode: coupling.mode, if another than belongs to the scheme.
+        late, old: steps by which loads act late, and reports of the motion are old; a part of a
+            step of `late` lets loads change inside the steps.
     """
 
     def __init__(
@@ -187,6 +190,8 @@ class Coupling:
         settings=None,
         first_step=None,
         mode=None,
+        late=0.0,
+        old=0,
         **host_options,
     ):
         assert scheme in SCHEMES, scheme
@@ -200,6 +205,7 @@ class Coupling:
         self.bodies = {v: read_body(self.host, v) for v in self.driven} | (bodies or {})
         if scheme in ("end_of_step", "iterated"):
             reported *= HEAVY
+            settings = {"coupling.identify": False} | (settings or {})
         for vehicle in self.driven if reported != 1.0 else []:
             self.host.set(**{f"{vehicle}__mass": reported * self.host.value(f"{vehicle}.mass")})
             self.host.put(
@@ -219,6 +225,11 @@ class Coupling:
         self.host.start()
         self.known = np.zeros(6)  # impulse of known loads, and moment about the fixed point, so far
         self.calls = 0  # of fmi2DoStep
+        nothing = {v: (np.zeros(3), np.zeros(3)) for v in self.driven}
+        self.share = late - math.floor(late)  # of a step in which the load before still acts
+        self.queue = collections.deque([nothing] * (math.floor(late) + 1))
+        self.arrived = None  # the last report
+        self.reports = collections.deque([{v: self.bodies[v].motion() for v in self.driven}] * old)
         self.fixed_point = self._reference()
 
     def __enter__(self):
@@ -277,14 +288,30 @@ class Coupling:
         self.host.slave.doStep(self.host.time, size)
         self.calls += 1
 
-    def _ends(self, loads, known, size):
-        """Where loads would take the vehicles within a step."""
+    def _delay(self, loads):
+        """Send loads to the vehicles, and take those that arrive in this step."""
+        self.queue.append(loads)
+        before = self.queue.popleft()
+        return before, self.queue[0]
+
+    def _delay_report(self, motion):
+        """Send a report to the FMU, and take the one that arrives."""
+        self.reports.append(motion)
+        self.arrived = self.reports.popleft()
+        return self.arrived
+
+    def _ends(self, pair, known, size):
+        """Where the loads before and after a change would take the vehicles within a step."""
         ends = {}
-        for vehicle, (force, torque) in loads.items():
+        for vehicle in self.driven:
             body = self.bodies[vehicle]
             start = body.motion()
             f, t = known.get(vehicle, (ZERO, ZERO))
-            body.move(force + np.asarray(f), torque + np.asarray(t), size, self.gravity)
+            for loads, share in zip(pair, (self.share, 1.0 - self.share), strict=True):
+                force, torque = loads[vehicle]
+                if share > 0.0:
+                    total = force + np.asarray(f), torque + np.asarray(t)
+                    body.move(*total, share * size, self.gravity)
             ends[vehicle] = body.motion()
             body.put(start)
         return ends
@@ -306,14 +333,15 @@ class Coupling:
             ends = self._iterate(known, size)
         else:
             kind = "" if self.scheme == "end_of_step" else "_mean"
-            loads = None if self.scheme == "sequential" else self._read_loads(kind)
+            loads = None if self.scheme == "sequential" else self._delay(self._read_loads(kind))
             reported = {v: self.bodies[v].motion() for v in self.driven}
             if self.scheme in ("host_first", "vehicle_first"):
                 reported = self._ends(loads, known, size)
+            reported = self._delay_report(reported)
             for vehicle in self.driven:
                 self._report_motion(vehicle, reported[vehicle])
             self._do_step(size)
-            ends = self._ends(loads or self._read_loads(kind), known, size)
+            ends = self._ends(loads or self._delay(self._read_loads(kind)), known, size)
         self._count(known, ends, size)
         for vehicle, end in ends.items():
             self.bodies[vehicle].put(end)
@@ -333,7 +361,7 @@ class Coupling:
                     v, w = first[vehicle]
                 self._report_motion(vehicle, (x, v, q, w))
             self._do_step(size)
-            new = self._ends(self._read_loads(), known, size)
+            new = self._ends([self._read_loads()] * 2, known, size)
             moved = [new[v][0] - ends[v][0] for v in self.driven]
             turned = [rotation_vector(ends[v][2], new[v][2]) for v in self.driven]
             change = np.abs(moved + turned).max()
@@ -372,11 +400,13 @@ class Coupling:
     def audit(self):
         """Linear momentum, and angular about a fixed point, of everything, less known impulses.
 
-        The FMU receives the present motion first: its pending impulse depends on what its loads
-        really did. Without gravity, which acts on masses inside that the host does not know.
+        The FMU receives the motion that is due now first: its pending impulse depends on what its
+        loads really did. Without gravity, which acts on masses inside that the host does not know.
         """
         for vehicle in self.driven:
-            self._report_motion(vehicle, self.bodies[vehicle].motion())
+            due = self.reports[0][vehicle] if self.reports else self.bodies[vehicle].motion()
+            is_there = self.scheme == "host_first" and self.arrived
+            self._report_motion(vehicle, self.arrived[vehicle] if is_there else due)
         total = np.zeros(6)
         for body in self.bodies.values():
             linear, angular = body.momentum(self.fixed_point)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from dockloop import paths
+from dockloop.base import paths
 
 LINES = {  # of the scene that differ
     "mass = 25e3": "mass = 400",

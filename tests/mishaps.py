@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dockloop.journal import Journal
+from dockloop.sweeps.journal import Journal
 
 
 class Cluster:

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from dockloop import sweep_report
-from dockloop.sampling import read_sweep
-from dockloop.sweeps import run_sweep
+from dockloop.sweeps import table
+from dockloop.sweeps.run import run_sweep
+from dockloop.sweeps.sampling import read_sweep
 
 UNIFORM = 'type = "uniform"\nname = "chaser.mass"\nrange = [10.0, 20.0]'
 SPEED = 'type = "uniform"\nname = "initial.closing_speed"\nrange = [0.05, 0.1]'
@@ -78,5 +78,5 @@ def run_table(path: Path, output: Path, **options) -> Path:
     """Run a sweep and write its table, without the command line."""
     read = read_sweep(str(path))
     ran = run_sweep(read, output, **options)
-    sweep_report.write_table(read, ran["planner"], ran["results"], None, output)
+    table.write_table(read, ran["planner"], ran["results"], None, output)
     return output

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.accuracy import list_tolerances
+from dockloop.result.accuracy import list_tolerances
 
 M_EQ = 25e3 * 350e3 / 375e3
 STIFFNESS = 20e3

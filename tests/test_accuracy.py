@@ -21,12 +21,12 @@ import pytest
 from fmpy import read_model_description
 
 import dockloop as dl
-from dockloop import accuracy, run_errors
+from dockloop.base.paths import ROOT
 from dockloop.cli import main
-from dockloop.core import list_methods
-from dockloop.paths import ROOT
-from dockloop.scene import resolve_scene
-from dockloop.simulate import Instance, unpack_fmu
+from dockloop.fmu.host import Instance, unpack_fmu
+from dockloop.native.core import list_methods
+from dockloop.result import accuracy, run_errors
+from dockloop.scene.resolve import resolve_scene
 from extreme_cases.fmi_host import Host
 
 SCENE = "idss_25t_350t"
@@ -80,10 +80,9 @@ def test_the_table_of_the_core_is_what_the_command_writes(study, data):
     assert len(data["cases"]) >= 30
 
 
-@pytest.mark.parametrize("number", [548, 555])
-def test_stored_errors_repeat(study, data, number):
-    """Of dockings whose errors at 1e-5 do not hinge on rounding."""
-    case = next(case for case in data["cases"] if case["number"] == number)
+def test_stored_errors_repeat(study, data):
+    """Of a docking whose errors at 1e-5 do not hinge on rounding, as those of most dockings do."""
+    case = next(case for case in data["cases"] if case["number"] == 548)
     drawn = study.draw_case(case["number"])
     assert [drawn.scene, drawn.step] == [case["scene"], case["step"]]
     reference = study.find_reference(drawn)
@@ -180,7 +179,8 @@ def test_the_log_of_the_fmu_says_so_once_per_run(runs, tmp_path):
             instance.slave.terminate()
             assert len(instance.notes) == 2
             assert instance.notes[1].startswith("left out: inner steps for 0.05 s of free drift")
-            instance.reset()
+            instance.slave.reset()
+            instance.notes.clear()
         instance.initialise([], np.array([0.0, 1.0]))
         assert instance.notes == []
 
@@ -553,14 +553,14 @@ def test_the_command_chooses_and_estimates(tmp_path, capsys):
     assert 0.0 < summary["error_estimate"]["error"] < 1e-2
     assert main([*command, "--accuracy", "real-time", "--estimate-error"]) == 0
     printed = capsys.readouterr().out
-    assert "note         accuracy = -1 (real-time): solver.method fixed_rosenbrock" in printed
-    assert "  error        about " in printed
+    assert re.search("note +accuracy = -1 .real-time.: solver.method fixed_rosenbrock", printed)
+    assert re.search("  error +about ", printed)
     chosen = ["run", "absorber_1d", "--stop", "2", "--no-plots", "--outputs", "relative.axial"]
     assert main([*chosen, "--estimate-error", "-o", str(tmp_path / "one.csv")]) == 0
-    assert "  error        about " in capsys.readouterr().out
+    assert re.search("  error +about ", capsys.readouterr().out)
     assert (tmp_path / "one.csv").read_text(encoding="utf-8").startswith("time,relative.axial\n")
     assert main([*command, "--estimate-error", "--set", "model.level=massless_legs"]) == 0
-    assert "  level error  massless_legs: about " in capsys.readouterr().out
+    assert re.search("  level error +massless_legs: about ", capsys.readouterr().out)
     assert main([*command, "--set", "accuracy=real-time"]) == 0
     assert "fixed_rosenbrock" in capsys.readouterr().out
     assert main([*command, "--accuracy", "fast"]) == 2

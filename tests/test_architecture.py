@@ -37,14 +37,13 @@ MAY_SEE = {
 }
 # Where an outside library may be included: library header prefix -> folders.
 LIBRARIES = {
-    "arkode/": {"src/compare"},
-    "cvode/": {"src/integrate", "src/compare"},
+    "cvode/": {"src/integrate"},
     "ida/": {"src/compare"},
     "nvector/": {"src/integrate"},
     "sundials/": {"src/integrate"},
     "sunlinsol/": {"src/integrate"},
     "sunmatrix/": {"src/integrate", "src/compare"},
-    "sunnonlinsol/": {"src/integrate", "src/compare"},
+    "sunnonlinsol/": {"src/integrate"},
     "nlohmann/": {
         "src/model",
         "src/docking",
@@ -201,31 +200,107 @@ def test_an_edge_to_the_tests_is_found(text):
     assert find_test_edges(text)
 
 
-COMMANDS = {file.parent.name for file in (ROOT / "scripts" / "dockloop").glob("*/__init__.py")}
-BUILDS_UPON = {"cli": {"commands"}, "maps": {"envelopes"}, "measured": {"view"}}
+PACKAGE = ROOT / "scripts" / "dockloop"
+FACE = {"__init__", "__main__"}  # above all rooms
+# Imports of a higher floor that are meant: methods of a result draw it, for a notebook.
+UPWARDS = {("result/recording.py", "report"), ("result/recording.py", "view")}
+STUDIES = {path.parent.name for path in PACKAGE.glob("studies/*/__init__.py")}
+BUILDS_UPON = {"maps": {"envelopes"}, "fits": {"measured"}}
 
 
-def find_commands(text: str) -> set[str]:
-    """Packages of commands that a module imports as soon as it is imported."""
-    found = [node for node in ast.parse(text).body if isinstance(node, ast.Import | ast.ImportFrom)]
-    names = {
-        f"{getattr(node, 'module', '')}.{alias.name}" for node in found for alias in node.names
+def read_floors(text: str) -> dict[str, int]:
+    """Rooms and their floors, as the docstring of the package lists them."""
+    rows = re.findall(r"^ +(\d+)  (\w+) ", text, re.MULTILINE)
+    return {room: int(floor) for floor, room in rows}
+
+
+FLOORS = read_floors((PACKAGE / "__init__.py").read_text(encoding="utf-8"))
+
+
+def find_imports(text: str) -> set[str]:
+    """Names inside the package that a module with this text imports, at any depth."""
+    names = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {f"{'.' * node.level}{node.module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Call) and "import_" in ast.unparse(node.func):
+            names |= set(re.findall(r"dockloop\.[\w.]+", ast.unparse(node)))
+    return {name for name in names if name.split(".")[0] in ("dockloop", "")}
+
+
+def find_arrows(room: str, text: str) -> set[str]:
+    """Rooms that a module of a room imports; else what it imports that is in no room."""
+    arrows = set()
+    for name in find_imports(text):
+        to = name.split(".")[1] if name.startswith("dockloop.") else name
+        arrows.add(to if to in FLOORS else name)
+    return arrows - {room} - ({"dockloop._core"} if room == "native" else set())
+
+
+def list_arrows() -> dict[tuple[str, str], set[str]]:
+    """Arrows between rooms of Python, with the files that have them."""
+    arrows: dict[tuple[str, str], set[str]] = {}
+    for path in PACKAGE.rglob("*.py"):
+        file = path.relative_to(PACKAGE)
+        room = file.parts[0].removesuffix(".py")
+        for to in find_arrows(room, path.read_text(encoding="utf-8")) if room not in FACE else ():
+            arrows.setdefault((room, to), set()).add(str(file))
+    return arrows
+
+
+def test_every_room_of_python_has_a_floor():
+    rooms = {
+        path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+        for path in list_scripts()
+        if path.is_relative_to(PACKAGE)
     }
-    return {part for name in names if "dockloop." in name for part in name.split(".")} & COMMANDS
+    assert rooms - FACE == set(FLOORS)
 
 
-@pytest.mark.parametrize("room", ["", *sorted(COMMANDS)])
-def test_what_commands_share_imports_no_command(room):
-    for path in (ROOT / "scripts" / "dockloop" / room).glob("*.py"):
-        allowed = {room} | BUILDS_UPON.get(room or path.stem, set())
-        above = find_commands(path.read_text()) - allowed
-        assert not above, f"{path.relative_to(ROOT)} imports {above}"
+def test_python_imports_from_lower_floors():
+    above = {
+        (file, to)
+        for (room, to), files in list_arrows().items()
+        if FLOORS.get(to, 99) > FLOORS[room]
+        for file in files
+    }
+    assert above == UPWARDS
 
 
-def test_an_import_of_a_command_is_found():
-    for text in ("from dockloop.trades.apply import a", "from dockloop import trades"):
-        assert find_commands(text) == {"trades"}
-    assert find_commands("def do():\n    from dockloop.trades import Trade") == set()
+def test_on_one_floor_imports_go_one_way():
+    arrows = list_arrows()
+    both = {(a, b) for a, b in arrows if FLOORS[a] == FLOORS.get(b) and (b, a) in arrows}
+    assert not both
+    assert sum(FLOORS[a] == FLOORS.get(b) for a, b in arrows) == 1  # so there is no longer circle
+
+
+@pytest.mark.parametrize(
+    ("room", "text", "found"),
+    [
+        ("base", "from dockloop.scene.resolve import FORMAT", {"scene"}),
+        ("base", "def do():\n    from dockloop.scene import resolve", {"scene"}),
+        ("base", "import dockloop.scene.resolve as scene", {"scene"}),
+        ("fmu", "from dockloop import __version__", {"dockloop.__version__"}),
+        ("fmu", "from dockloop import _core", {"dockloop._core"}),
+        ("fmu", "from ..scene import resolve", {"..scene.resolve"}),
+        ("runs", "import dockloop", {"dockloop"}),
+        ("runs", "importlib.import_module('dockloop.view.page')", {"view"}),
+        ("scene", "from dockloop.scene.find import find_scene", set()),
+        ("native", "from dockloop import _core", set()),
+    ],
+)
+def test_an_arrow_of_python_is_found(room, text, found):
+    assert find_arrows(room, text) == found
+
+
+@pytest.mark.parametrize("study", sorted(STUDIES))
+def test_a_study_imports_no_other_study(study):
+    for path in (PACKAGE / "studies" / study).glob("*.py"):
+        names = find_imports(path.read_text(encoding="utf-8"))
+        used = {name.split(".")[2] for name in names if name.startswith("dockloop.studies.")}
+        assert used <= {study} | BUILDS_UPON.get(study, set()), path
 
 
 def test_outside_libraries_are_included_in_their_room_only():

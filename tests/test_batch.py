@@ -18,16 +18,18 @@ pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")
 pytest.importorskip("scipy")
 
-from dockloop import paths
-from dockloop.cases import Result, run_case
-from dockloop.errors import UsageError
-from dockloop.executors import CoreThreads
-from dockloop.journal import InterruptedWorkError
-from dockloop.planning import Planner
-from dockloop.results import ProgressBar
-from dockloop.sampling import Sweep, read_sweep
-from dockloop.sweeps import run_sweep
+from dockloop.base.errors import UsageError
+from dockloop.base.progress import ProgressBar
+from dockloop.runs.outcome import Result
+from dockloop.sweeps.cases import run_case
+from dockloop.sweeps.executors import CoreThreads
+from dockloop.sweeps.journal import InterruptedWorkError
+from dockloop.sweeps.planning import Planner
+from dockloop.sweeps.run import run_sweep
+from dockloop.sweeps.sampling import Sweep, read_sweep
 from small_sweeps import OFFSETS, write
+
+pytestmark = pytest.mark.usefixtures("native")  # the bits of FMUs are compared with the core's
 
 # Geometry, conditions and start values; a tilt and a friction that are refused, and an inner step
 # of which a communication step needs too many.
@@ -78,31 +80,20 @@ end_after_outcome = 1.5
 
 
 def run_fmus(sweep: Sweep) -> list[Result]:
-    """Run all cases as a worker does, in this process."""
+    """Run each case through an FMU, in this process."""
     planner, results = Planner(sweep), []
+    job = planner.make_job("fmu")
     for values in sweep.cases:
         try:
-            plan = planner.plan(values)
+            results.append(run_case(job, *planner.resolve(values)))
         except UsageError as error:
-            results.append(Result("refused", planner.without_folder(str(error))))
-            continue
-        digest, fmu = planner.fmu(plan.fmu)
-        results.append(run_case(fmu, digest, plan.job))
+            results.append(Result("refused", str(error)))
     return results
 
 
 def run_core(sweep: Sweep, folder: Path, threads: int, **options) -> list[Result]:
     output = folder / f"{threads}.parquet"
     return list(run_sweep(sweep, output, engine="core", workers=threads, **options)["results"])
-
-
-@pytest.fixture(scope="module", autouse=True)
-def native():
-    """FMUs hold the library that was compiled with the core: another compiler rounds otherwise."""
-    with pytest.MonkeyPatch.context() as patched:
-        for module in ("fmu", "planning"):
-            patched.setattr(f"dockloop.{module}.find_libraries", lambda: {"linux64": paths.LIBRARY})
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -164,12 +155,7 @@ def test_a_defect_of_the_planner_is_reported(mixed, tmp_path, monkeypatch):
 
 
 def test_the_core_needs_no_dask_and_no_scheduler(dockloop):
-    refused = dockloop(
-        "sweep", "absorber_1d_speeds", "--engine", "core", "--scheduler", "tcp://x:1"
-    )
-    assert refused.status == 2, refused
-    assert "a --scheduler needs --engine fmu" in refused.err
-    modules = "import sys; import dockloop.sweeps; print('distributed' in sys.modules)"
+    modules = "import sys; import dockloop.sweeps.run; print('distributed' in sys.modules)"
     assert subprocess.check_output([sys.executable, "-c", modules], text=True) == "False\n"
     done = dockloop("sweep", "absorber_1d_speeds", "--no-plots", "--json")
     assert done.status == 0, done.err

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from benchmarks import bench, families, mechanisms, report
-from dockloop import core, paths
+from dockloop.base import paths
+from dockloop.native import core
 
 BENCH = json.loads(bench.BENCH.read_text())
 START = json.loads((bench.DATA / "hexapod_bench.json").read_text())["initial"]

@@ -24,9 +24,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from dockloop.core import list_methods
-from dockloop.errors import DockloopError, UsageError
-from dockloop.mechanism import check_mechanism
+from dockloop.base.errors import DockloopError, UsageError
+from dockloop.native.core import list_methods
+from dockloop.scene.mechanism import check_mechanism
 from extreme_cases import mechanism_benchmarks as benchmarks
 from extreme_cases.own_mechanism import FIXED_BASE, turn, write_scene
 

@@ -19,9 +19,10 @@ import pytest
 from fmpy import read_model_description
 from fmpy.model_description import read_build_description
 
-from dockloop import binaries, paths
-from dockloop.fmu import build_fmu
-from dockloop.simulate import run_fmu
+from dockloop.base import paths
+from dockloop.fmu import binaries
+from dockloop.fmu.build import build_fmu
+from dockloop.fmu.host import run_fmu
 
 FUNCTIONS = 44  # of FMI 2.0, both interfaces
 REQUIRED = os.environ.get("DOCKLOOP_PLATFORMS", "linux64 win64").split()
@@ -198,7 +199,7 @@ def host(runs, tmp_path_factory):
 
 # For CMake: files of other projects, and files that name things as others do.
 ALONE = """
-file(GLOB alone ${CMAKE_SOURCE_DIR}/*/*.c ${CMAKE_SOURCE_DIR}/*/*_lanes_base.cpp
+file(GLOB alone ${CMAKE_SOURCE_DIR}/*/*.c ${CMAKE_SOURCE_DIR}/*/lanes_base.cpp
   ${CMAKE_SOURCE_DIR}/docking/interface_stiffness.cpp)
 set_source_files_properties(${alone} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
 """
@@ -306,8 +307,10 @@ def test_libraries_of_other_sources_are_left_out_with_one_warning(
 
 def test_run_loads_the_library_of_its_processor(tmp_path, monkeypatch):
     """FMPy alone would look into linux64."""
-    monkeypatch.setattr("dockloop.fmu.find_libraries", lambda: {"aarch64-linux": paths.LIBRARY})
-    monkeypatch.setattr("dockloop.binaries.machine", lambda: "aarch64")
+    monkeypatch.setattr(
+        "dockloop.fmu.build.find_libraries", lambda: {"aarch64-linux": paths.LIBRARY}
+    )
+    monkeypatch.setattr("dockloop.fmu.binaries.machine", lambda: "aarch64")
     fmu = build_fmu("absorber_1d", output=tmp_path / "absorber_1d.fmu", kernel=False, bare=True)
     assert len(run_fmu(fmu, stop=0.2).time) > 2
 

@@ -1,23 +1,30 @@
 """Work that the product does, watched: counts and sizes, which repeat, instead of seconds.
 
 ``data/budgets.json`` says what each figure is today and how far it may move, up or down. After a
-change that is meant, ``.venv/bin/python tests/test_budgets.py`` writes the new figures.
+change that is meant, ``.venv/bin/python tests/test_budgets.py`` writes the new figures (with the
+argument ``long`` also those of instructions, in some minutes). A budget may have an aim and a day:
+from that day on a figure above its aim fails.
 """
 
+import datetime
 import functools
 import json
+import shutil
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
 import pytest
 
-from dockloop import paths
-from dockloop.fmu import build_fmu
-from dockloop.simulate import run_fmu
+from dockloop.base import paths
+from dockloop.fmu.build import build_fmu
+from dockloop.fmu.host import run_fmu
 
 FILE = Path(__file__).parent / "data" / "budgets.json"
 BUDGETS = json.loads(FILE.read_text())["budgets"]
+PACKAGE = paths.ROOT / "scripts" / "dockloop"
+CODE = {".py", ".pyi", ".html", ".css", ".js"}
 PAGE = paths.ROOT / "src" / "mechanism" / "README.md"  # has a table of the operations
 COUNTED = {
     "hexapod_r2p1r3": "24 / 6",
@@ -55,22 +62,56 @@ def stripped_size(library: Path) -> int:
         return stripped.stat().st_size
 
 
+def count_instructions(scene: str, accuracy: float) -> float:
+    """Return the instructions inside ``fmi2DoStep`` for each evaluation."""
+    with pytest.MonkeyPatch.context() as patched, tempfile.TemporaryDirectory() as folder:
+        patched.syspath_prepend(str(Path(__file__).parent / "studies"))
+        import instructions
+
+        evaluations, _, functions = instructions.count(scene, accuracy, Path(folder))
+        return functions[instructions.ALL] / evaluations
+
+
+def count_lines(room: str) -> int:
+    """Return the lines of a room: code, templates, pages."""
+    files = (path for path in (paths.ROOT / room).rglob("*") if path.suffix in CODE)
+    own = (path for path in files if ".min." not in path.name)
+    return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in own)
+
+
 def measure(budget: dict) -> float | None:
     """Return the figure of today; None where it cannot be had (sanitizers, other C libraries)."""
     source = budget["source"]
     if "scene" in source:
         settings = source.get("settings", [])
         return run(source["scene"], source["stop"], source["step"], *settings)[source["output"]]
+    if "accuracy" in source:
+        return count_instructions(source["of"], source["accuracy"])
+    if "room" in source:
+        return count_lines(source["room"])
     if "test" in source:
         value = recorded(source["program"], source["test"]).get(source["property"])
         return None if value is None else float(value)
     return stripped_size(paths.COMPILED / source["library"])
 
 
-@pytest.mark.parametrize("budget", BUDGETS, ids=[budget["name"] for budget in BUDGETS])
+def is_long(budget: dict) -> bool:
+    """Return whether a figure takes a minute: instructions, which callgrind counts."""
+    return "accuracy" in budget["source"]
+
+
+@pytest.mark.parametrize(
+    "budget",
+    [
+        pytest.param(budget, id=budget["name"], marks=[pytest.mark.long] if is_long(budget) else [])
+        for budget in BUDGETS
+    ],
+)
 def test_a_figure_is_what_the_budget_says(budget):
     if "library" in budget["source"] and paths.COMPILED.name != "release":
         pytest.skip("sizes are those of a release build")
+    if is_long(budget) and (paths.COMPILED.name != "release" or not shutil.which("valgrind")):
+        pytest.skip("valgrind counts the instructions of a release build")
     figure = measure(budget)
     if figure is None:
         pytest.skip("not counted by this build")
@@ -80,6 +121,15 @@ def test_a_figure_is_what_the_budget_says(budget):
         f"{budget['tolerance']:.0%}. If that is meant, write it into tests/data/budgets.json: "
         "'.venv/bin/python tests/test_budgets.py'"
     )
+    aim = budget.get("aim")
+    if aim and datetime.date.today() >= datetime.date.fromisoformat(aim["day"]):
+        assert figure <= aim["figure"], f"{budget['name']}: the aim of {aim['day']} is missed"
+
+
+def test_every_room_of_python_has_a_budget():
+    rooms = {file.parent.relative_to(paths.ROOT) for file in PACKAGE.glob("*/__init__.py")}
+    named = {Path(b["source"]["room"]) for b in BUDGETS if "room" in b["source"]}
+    assert named == rooms
 
 
 def make_table(budgets: list[dict]) -> str:
@@ -105,6 +155,8 @@ def update() -> None:
     """Write the figures of today into the file and the page."""
     document = json.loads(FILE.read_text())
     for budget in document["budgets"]:
+        if is_long(budget) and "long" not in sys.argv[1:]:
+            continue
         figure = measure(budget)
         if figure is None:
             print(f"{budget['name']}: not counted by this build, left as it is")

@@ -6,7 +6,7 @@ import re
 import pyarrow.parquet
 import pytest
 
-from dockloop.capture import explain_capture, list_needed
+from dockloop.result.capture import explain_capture, list_needed
 from light_vehicles import write_light_scene
 
 

@@ -47,7 +47,7 @@ from coupling_scenes import (
     run_coupled,
     run_solution,
 )
-from dockloop import paths
+from dockloop.base import paths
 from extreme_cases.fmi_host import OK, WARNING, Host
 
 STEP = 0.01  # s

@@ -10,6 +10,7 @@ import pytest
 
 import dockloop as dl
 from coupling_host import turn
+from dockloop.native.core import name_choice
 
 MASS, INERTIA = 25e3, np.array([60.5e3, 132e3, 132e3])
 PART, FREQUENCY, DAMPING = 300.0, 2.0 * np.pi * 8.0, 0.02
@@ -19,8 +20,11 @@ STOP = 4.0
 UNSTABLE = 0.03  # s
 
 
-def dock(step):
-    """Couple until STOP; returns the docking, and the refusal if there is one."""
+def dock(step, seen=None):
+    """Couple until STOP; returns the docking, and the refusal if there is one.
+
+    `seen` receives time, peak and diagnosis of each step.
+    """
     docking = dl.Docking(
         "probe_drogue",
         {"chaser.motion": "driven", "initial.approach_time": 0.5, "coupling.mode": "parallel"},
@@ -42,6 +46,9 @@ def dock(step):
             after = np.hstack([docking.get(name) for name in SHOWN])
             assert np.array_equal(after, before)  # the state stays
             return docking, str(error)
+        if seen is not None:
+            shown = ("capture.peak.compression", "coupling.diagnosis")
+            seen.append((docking.time, *map(docking.get, shown)))
         count = round(step / 1e-3)
         h = step / count
         for _ in range(count):
@@ -77,3 +84,20 @@ def test_an_unstable_coupling_is_refused_with_its_cause_and_a_step_that_is_stabl
     assert 0.001 < advice < UNSTABLE
     assert not refused
     assert obeyed.get("capture.peak.compression") == pytest.approx(peak, rel=0.1)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.1])
+def test_a_flexible_part_is_named_before_loads_are_wrong(step):
+    """Reports have the mode of 8 Hz; steps of 0.1 s, four fifths of its period, fold it to 2 Hz."""
+    seen, right = [], []
+    docking, _ = dock(step, seen)
+    dock(0.003, right)
+    assert name_choice("coupling.diagnosis", docking.get("coupling.diagnosis")) == "flexible part"
+    named = [text for text in docking.warnings if "has a flexible part" in text]
+    assert len(named) == 1, docking.warnings
+    assert "[chaser.adapter]" in named[0]
+    folded = abs(8.0 - round(8.0 * step) / step)  # Hz
+    assert docking.get("coupling.diagnosis_value") == pytest.approx(folded, rel=0.01)
+    time, peak, _ = next(row for row in seen if row[2] != 1)
+    so_far = max(row[1] for row in right if row[0] < time + 1e-9)
+    assert peak == pytest.approx(so_far, rel=0.1)

@@ -17,9 +17,9 @@ import math
 import numpy as np
 import pytest
 
-from dockloop import paths
-from dockloop.errors import UsageError
-from dockloop.mechanism import check_mechanism
+from dockloop.base import paths
+from dockloop.base.errors import UsageError
+from dockloop.scene.mechanism import check_mechanism
 from extreme_cases import mechanism_benchmarks as benchmarks
 from extreme_cases.own_mechanism import FIXED_BASE, write_scene
 

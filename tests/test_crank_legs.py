@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop import core, paths
-from dockloop.drawing import find_pins
-from dockloop.errors import UsageError
-from dockloop.mechanism import check_mechanism, describe_report, draw
+from dockloop.base import paths
+from dockloop.base.errors import UsageError
+from dockloop.base.sections import write_text
+from dockloop.native import core
+from dockloop.scene.mechanism import check_mechanism, draw, report_mechanism
+from dockloop.scene.shapes import find_pins
 from dockloop.view import geometry
 from extreme_cases.fmi_host import OK, Host
 
@@ -333,7 +335,7 @@ def test_a_drawing_shows_cranks_and_gears(tmp_path):
     draw(mechanism, check_mechanism(mechanism), tmp_path / "own.svg")
     text = (tmp_path / "own.svg").read_text()
     assert "R1R2R3 from base to ring; gear of 20" in text
-    effects = describe_report(check_mechanism(mechanism))
+    effects = write_text(report_mechanism(check_mechanism(mechanism)))
     rate = check_mechanism(mechanism)["effects"][0]["legs"][0]["rate"]
     assert rate == pytest.approx(
         0.9716, abs=5e-5

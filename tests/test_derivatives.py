@@ -29,13 +29,15 @@ WEIGHTS = ((1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0))  # of sixth orde
 FLOOR = 1e-4  # rows with smaller entries (in the unit of the unknown) are measured by this
 STEPS = (1e-4, 1e-6, 1e-7)  # of the nominal values
 
-# Both vehicles have an array; the chaser's mechanism and P stand on springs.
+# Both vehicles have an array and a mode; the chaser's mechanism and P stand on springs.
 ARRAY = "mass=150, com=[0, 3, 0], inertia=[300, 5, 300, 0, 0, 0], joint='hinge', axis=[1, 0, 0]"
 PARTS = tuple(
     f"{vehicle}.{member}"
     for vehicle, x in (("chaser", 3.0), ("target", -14.0))
     for member in (
         f"part=[{{{ARRAY}, frequency=0.3, coordinate=0.1}}]",
+        *("modes.frequency=[0.5]", "modes.participation=[[3, -20, 9, 4, 8, -60]]"),
+        *("modes.damping_ratio=0.01", "modes.point=[0.5, 0.2, 0]", "modes.coordinate=[0.3]"),
         *("adapter.mass=2000", "adapter.inertia=[2000, 1500, 1500, 0, 0, 0]"),
         *(f"adapter.position=[{x}, 0, 0]", "adapter.joint=elastic", "adapter.frequency=12"),
         "adapter.damping_ratio=0.01",

@@ -23,10 +23,11 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 
 from conftest import SCENES
-from dockloop import drawing, paths
-from dockloop.fmu import build_fmu
-from dockloop.licenses import PARTS
-from dockloop.reference import FOLDER as REFERENCE
+from dockloop.base import paths
+from dockloop.fmu.build import build_fmu
+from dockloop.fmu.licenses import PARTS
+from dockloop.fmu.reference import FOLDER as REFERENCE
+from dockloop.scene import shapes
 from test_binary import FLOORS, parse
 
 DEFAULT = "idss_25t_350t"
@@ -229,7 +230,7 @@ def test_the_figures_of_the_page_are_well_formed(runs, variant):
 
 def test_the_legs_are_drawn_where_the_mechanism_has_them(runs):
     legs = runs.run(DEFAULT, stop=0.1, step=0.1)
-    drawn = drawing.find_legs(legs.scene["mechanism"])
+    drawn = shapes.find_legs(legs.scene["mechanism"])
     assert len(drawn) == 6
     for i, (_, root, end) in enumerate(drawn, start=1):
         length = float(np.linalg.norm(end - root))
@@ -249,7 +250,7 @@ def test_bodies_are_drawn_where_their_joint_coordinates_at_home_put_them():
     ]
     half = np.sqrt(0.5)  # a quarter turn about x
     home_q = [quarter, 2.0, 0.0, 0.0, 3.0, half, half, 0.0, 0.0]
-    places = drawing.find_body_places({"bodies": bodies}, home_q)
+    places = shapes.find_body_places({"bodies": bodies}, home_q)
     # The first turns x into y; the second slides 2 along it; the third is 1 + 3 above it.
     assert places["1"][1] == pytest.approx([1, 2, 0])
     assert places["2"][1] == pytest.approx([1, 2, 4])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.errors import UsageError
+from dockloop.base.errors import UsageError
 from slides import make_element, make_slide, write_slide
 
 VEHICLE = """
@@ -86,8 +86,8 @@ def test_a_key_changes_or_adds_a_disturbance(scene):
         ("disturbance.3.time", "2 adds a disturbance"),
         ("disturbance.first.time", "counted from 1"),
         ("disturbance.1.forces", "did you mean 'force'"),
-        ("disturbance.1.force.4", "force and torque have 1, 2 and 3"),
-        ("disturbance.1.duration.1", "force and torque have 1, 2 and 3"),
+        ("disturbance.1.force.4", "force and torque have numbers"),
+        ("disturbance.1.duration.1", "force and torque have numbers"),
         ("disturbance.2.duration", "lacks the member 'vehicle'"),
     ],
 )

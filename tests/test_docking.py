@@ -7,9 +7,12 @@ well inside or well outside.
 import numpy as np
 import pytest
 
+import dockloop as dl
 from conftest import SCENES
-from dockloop.core import list_loads
-from dockloop.summary import describe, relative_energy, summarise
+from dockloop.base.sections import write_text
+from dockloop.native.core import list_loads
+from dockloop.report.run import report_run
+from dockloop.result.summary import relative_energy, summarise
 
 DEFAULT = "idss_25t_350t"
 MOMENTUM_LIMIT = 1e-10  # relative
@@ -47,7 +50,7 @@ def test_energy_and_momentum_add_up_in_every_shipped_scene(runs, scene):
 def test_the_default_docking_captures_at_both_ends_of_the_speed_band(runs, speed):
     run = runs.run(DEFAULT, f"initial.closing_speed={speed}")
     summary = summarise(run)
-    assert summary["outcome"] == "captured", describe(summary)
+    assert summary["outcome"] == "captured", write_text(report_run(summary))
     assert summary["time_of_contact"] == pytest.approx(2.0, abs=2e-3)
     assert summary["time_of_capture"] > summary["time_of_contact"]
     assert_audited(run)
@@ -141,7 +144,7 @@ def test_orbital_positions_and_speeds_change_nothing_that_matters(runs):
 
 def test_the_summary_says_in_words_what_happened(runs):
     run = runs.run(DEFAULT)
-    text = describe(summarise(run))
+    text = write_text(report_run(summarise(run)))
     for word in (
         "captured at",
         "first contact at",
@@ -151,3 +154,18 @@ def test_the_summary_says_in_words_what_happened(runs):
         "times",
     ):
         assert word in text
+
+
+def test_signs_of_quaternions_in_a_spin_of_several_turns():
+    """Attitudes of vehicles are continuous; w of relative attitudes is never negative.
+
+    A host that differences attitudes needs that: github.com/gazebosim/gz-sim/pull/3834.
+    """
+    spin = {"chaser.angular_velocity": [0.5, 0.3, 0.1], "chaser.velocity": [-0.3, 0.0, 0.0]}
+    result = dl.run(DEFAULT, start_values=spin, stop=60.0, step=0.5)
+    attitude = result["chaser.attitude"]
+    half_turn = 0.5 * 0.5 * np.linalg.norm(spin["chaser.angular_velocity"])  # of one step [rad]
+    assert np.all(np.sum(attitude[1:] * attitude[:-1], axis=1) > np.cos(1.2 * half_turn))
+    assert attitude[:, 0].min() < -0.9
+    assert result["relative.attitude"][:, 0].min() >= 0.0
+    assert np.allclose(np.linalg.norm(result["relative.attitude"], axis=1), 1.0, atol=1e-15)

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.errors import UsageError
-from dockloop.fmu import build_fmu
+from dockloop.base.errors import UsageError
+from dockloop.fmu.build import build_fmu
 from extreme_cases.fmi_host import OK, Host
 from slides import make_element, make_slide, write_slide
 

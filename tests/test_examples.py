@@ -7,6 +7,8 @@
 4. Options that make no sense are refused in a sentence.
 5. The cells of the notebook run.
 6. The controller of the hexapod takes energy out of the swing, and the audit closes.
+7. A tunnel that vibrates inside the FMU, and a controller whose commands act later: as one FMU.
+8. Arrays and slosh of Basilisk dock as the parts of one FMU: two programs, other equations.
 """
 
 import importlib.util
@@ -17,7 +19,7 @@ import sys
 
 import pytest
 
-from dockloop import paths
+from dockloop.base import paths
 
 pytestmark = pytest.mark.long  # examples as users run them
 
@@ -38,11 +40,13 @@ def run_example(name, *options):
     )
 
 
-def read_table(name, *options):
+def read_table(name, *options, warns=()):
     """Run an example; returns (value with one FMU, difference) by name, outcomes, distance."""
     process = run_example(name, *options)
     assert process.returncode == 0, process.stdout + process.stderr
-    assert "WARNING" not in process.stdout
+    warnings = [line for line in process.stdout.splitlines() if "WARNING" in line]
+    assert len(warnings) == len(warns)
+    assert all(word in line for word, line in zip(warns, warnings, strict=True)), warnings
     rows = re.findall(r"^(\S+) +(?:s|N|N\.m) +\S+ +(\S+) +(\S+)$", process.stdout, re.MULTILINE)
     table = {quantity: (float(alone), float(difference)) for quantity, alone, difference in rows}
     table["outcome"] = re.search(r"^outcome +(\S+) +(\S+)$", process.stdout, re.MULTILINE).groups()
@@ -67,6 +71,29 @@ def test_a_host_in_numpy_docks_as_one_fmu_does(mode):
     table = read_table("python_host.py", "--mode", mode)
     # Found: 1.3e-7 of a peak (1e-4 with other steps: impacts magnify rounding), 2.1e-9 s, 2.6e-7 m.
     check_agreement(table, peaks=1e-3, times=2e-8, distance=2.6e-6)
+
+
+def test_a_tunnel_inside_the_fmu_vibrates_as_in_one_fmu():
+    table = read_table("python_host.py", "--adapter", "--step", "0.05")
+    # Found: 6e-7 of a peak, 6e-11 s, 8e-6 m.
+    check_agreement(table, peaks=1e-5, times=2e-8, distance=8e-5)
+
+
+def test_commands_of_a_controller_act_later_at_no_cost_of_accuracy():
+    times = []
+    for delay in ("2", "40"):
+        table = read_table("controller_host.py", "--delay", delay)
+        # Found: 2e-7 of a peak (impacts magnify rounding), 9e-10 s, 3e-7 m.
+        check_agreement(table, peaks=1e-3, times=2e-8, distance=3e-6)
+        times.append(table["time_of_contact"][0])
+    assert abs(times[0] - times[1]) > 1e-3  # the delay changes the docking
+
+
+@NEEDS_BASILISK
+def test_arrays_and_slosh_of_basilisk_dock_as_parts_of_one_fmu():
+    table = read_table("basilisk_flexible.py", warns=["inertia"])
+    # Found: 1.5e-4 of a peak, 4.7e-7 s, 3.8e-7 m.
+    check_agreement(table, peaks=1e-3, times=5e-6, distance=4e-6)
 
 
 @NEEDS_BASILISK

@@ -11,7 +11,7 @@ import math
 
 import pytest
 
-from dockloop.errors import DockloopError, UsageError
+from dockloop.base.errors import DockloopError, UsageError
 from extreme_cases import TITLES, Part, Score, describe, list_parts, run_extremes, run_part
 
 pytestmark = pytest.mark.long  # hundreds of extreme scenes

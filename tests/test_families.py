@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop import paths, summary
+from dockloop.base import paths
+from dockloop.result import summary
 
 VARIANTS = {"apda_cranks": "apda", "probe_drogue_levers": "probe_drogue"}  # of which family
 FAMILIES = ("hexapod", "apda", "probe_drogue", *VARIANTS)

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from dockloop.paths import ROOT
+from dockloop.base.paths import ROOT
 
 STUDY = ROOT / "tests" / "studies" / "families.py"
 SECTIONS = ("Cost", "Whole sequences", "Where they capture", "The brake", "What must come out")

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop import paths
+from dockloop.base import paths
 from extreme_cases.fmi_host import Host
 
 QUIESCENT, INTEGRATED = 1, 2
@@ -289,7 +289,7 @@ def test_a_slow_motion_is_not_stopped(tmp_path, case, touches, stiffness):
     assert docking.get("state.q[1]") - start == pytest.approx(moved, rel=0.01)
 
 
-@pytest.mark.parametrize("family", ["hexapod", "probe_drogue"])
+@pytest.mark.parametrize("family", ["hexapod", "probe_drogue", "apda"])
 def test_drift_after_undocking_costs_nothing(family):
     """A sequence that waits for a command leaves the mechanism quiescent; momentum stays."""
     docking = dl.Docking(family)

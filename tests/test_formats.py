@@ -11,10 +11,11 @@ import json
 import jsonschema
 import pytest
 
-from dockloop import formats, schema
-from dockloop.core import load_core, to_json
-from dockloop.paths import MECHANISMS, SCENES
-from dockloop.scene import resolve_scene
+from dockloop.base import schema
+from dockloop.base.paths import MECHANISMS, SCENES
+from dockloop.native.core import load_core, to_json
+from dockloop.scene import formats
+from dockloop.scene.resolve import resolve_scene
 
 FORMATS = ("scene", "mechanism", "sweep")
 
@@ -40,7 +41,7 @@ def is_number(node):
 
 def test_the_page_is_what_the_schemas_say():
     assert formats.PAGE.read_text(encoding="utf-8") == formats.make_page(), (
-        "run .venv/bin/python -m dockloop.formats"
+        "run .venv/bin/python -m dockloop.scene.formats"
     )
 
 

@@ -12,11 +12,10 @@ import json
 import pytest
 
 import dockloop as dl
-from dockloop.cases import LoadedFmu
-from dockloop.errors import UsageError
-from dockloop.executors import CoreThreads
-from dockloop.planning import Planner
-from dockloop.sampling import read_sweep
+from dockloop.base.errors import UsageError
+from dockloop.sweeps.cases import run_case
+from dockloop.sweeps.planning import Planner
+from dockloop.sweeps.sampling import read_sweep
 
 INTERFACE = {
     "faces": {"radius": 0.65, "stiffness": 2e8, "damping": 3.0},
@@ -141,11 +140,9 @@ def test_cases_of_a_sweep_end_after_an_outcome_that_a_sequence_states(tmp_path):
     write(tmp_path, SEQUENCE)
     (tmp_path / "sweep.toml").write_text(SWEEP)
     planner = Planner(read_sweep(str(tmp_path / "sweep.toml")))
-    plan = planner.plan((4.0,))
-    fmu = LoadedFmu(planner.fmu(plan.fmu)[1])
-    with CoreThreads(planner, 1) as threads:
-        results = [fmu.run(plan.job), threads.submit((4.0,)).result()]
-    fmu.close()
+    results = [
+        run_case(planner.make_job(engine), *planner.resolve((4.0,))) for engine in ("fmu", "core")
+    ]
     assert [result.reason for result in results] == [None, None]
     assert results[0].end_time == results[1].end_time < 30.0
 

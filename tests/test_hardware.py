@@ -11,10 +11,12 @@ import re
 import numpy as np
 import pytest
 
-from dockloop import core, hardware
-from dockloop.mechanism_drawing import draw_mechanism
-from dockloop.paths import MECHANISMS
-from dockloop.scene import convert_degrees, read_json
+from dockloop.base.paths import MECHANISMS
+from dockloop.native import core
+from dockloop.scene import hardware
+from dockloop.scene.find import read_json
+from dockloop.scene.mechanism_drawing import draw_mechanism
+from dockloop.scene.resolve import convert_degrees
 from dockloop.view import geometry
 
 PER_SMALL = 50

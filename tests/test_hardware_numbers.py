@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.errors import UsageError
-from dockloop.paths import MECHANISMS, SCENES
+from dockloop.base.errors import UsageError
+from dockloop.base.paths import MECHANISMS, SCENES
 from slides import make_slide, write_slide
 
 RING, PROBE, ABSORBER = "idss_25t_350t", "probe_drogue", "absorber_1d"

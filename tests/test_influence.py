@@ -17,9 +17,9 @@ import pytest
 
 pytest.importorskip("scipy")
 
-from dockloop.errors import DockloopError
-from dockloop.html_report import _explain_ranks, say_cut
-from dockloop.influence import can_rank, find_cut, find_influence
+from dockloop.base.errors import DockloopError
+from dockloop.report.influence import can_rank, find_cut, find_influence
+from dockloop.report.sweep_sections import _explain_ranks, say_cut
 
 A, B = 7.0, 0.1  # of Ishigami's function
 G = np.array([0.0, 1.0, 4.5, 9.0, 99.0, 99.0, 99.0, 99.0])  # of Sobol's function

@@ -21,9 +21,9 @@ import numpy as np
 import pytest
 
 from benchmarks.mechanisms import crank_hexapod
-from dockloop import paths
-from dockloop.fmu import build_fmu
-from dockloop.kernel import find_compiler
+from dockloop.base import paths
+from dockloop.fmu.build import build_fmu
+from dockloop.fmu.kernel import find_compiler
 from extreme_cases.fmi_host import WARNING, Host
 from extreme_cases.own_mechanism import FIXED_BASE, capture_body_section, write_scene
 

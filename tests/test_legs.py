@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop import paths
-from dockloop.errors import UsageError
+from dockloop.base import paths
+from dockloop.base.errors import UsageError
 from slides import make_element, make_slide, write_slide
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.core import list_limits
-from dockloop.limits import find_exceeded, name_exceeded
-from dockloop.summary import summarise
+from dockloop.native.core import list_limits
+from dockloop.result.limits import find_exceeded, name_exceeded
+from dockloop.result.summary import summarise
 
 DEFAULT = "idss_25t_350t"
 NEAR = {"initial.approach_time": 0.1}

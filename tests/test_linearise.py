@@ -5,7 +5,8 @@
 3. All matrices are what central differences through the FMI give (`test_derivatives.py` has the
    same derivatives in contact, with latches and with thrust).
 4. A family in hard dock moves as one rigid body, on the springs of faces and hooks.
-5. The command writes the same matrices, and poles and Bode data that follow from them.
+5. The interface is that of springs and dampers in closed form; slow poles stay, zeros are exact.
+6. The command writes the same matrices, and poles and Bode data that follow from them.
 """
 
 import json
@@ -113,9 +114,15 @@ def test_matrices_are_those_of_central_differences(runs, scene, overrides, left_
     assert max(by_group.values()) < 1e-6, by_group
 
 
-def test_a_family_in_hard_dock_is_one_body_on_faces_and_hooks():
+@pytest.fixture(scope="module")
+def docked():
+    """A family in hard dock."""
     later = {"experiment.stop": 200.0, "experiment.step": 0.5}
-    model = dl.linearise("apda", "hard_docked", later)
+    return dl.linearise("apda", "hard_docked", later)
+
+
+def test_a_family_in_hard_dock_is_one_body_on_faces_and_hooks(docked):
+    model = docked
     mass, document = model.docking.get("stack.mass"), model.docking.scene.document
     slow = 0.01  # Hz, far below the slowest bending
     force = "chaser.force_ext[1]"
@@ -158,6 +165,57 @@ def test_the_command_writes_matrices_poles_and_bode_data(dockloop, tmp_path, pre
     for text in (f"  {first['frequency']:.4g} ", "stack.mass ", " m/N", "own.json, own.png"):
         assert text in words.out
     assert (tmp_path / "own.png").stat().st_size > 1000
+
+
+def test_the_interface_is_that_of_spring_and_damper(pressed):
+    contact = dl.Scene("absorber_1d", DECAY).document["mechanism"]["contact"]
+    stiffness, damping = np.zeros((6, 6)), np.zeros((6, 6))
+    stiffness[0, 0], damping[0, 0] = contact["stiffness"], DAMPING
+    # The force acts at P: a displacement across gives it a moment about the place where P was.
+    force = pressed.docking.get("capture.force")[0]
+    stiffness[4, 2], stiffness[5, 1] = -force, force
+    assert pressed.stiffness == pytest.approx(stiffness, abs=1e-9 * contact["stiffness"])
+    assert pressed.damping == pytest.approx(damping, abs=1e-9 * DAMPING)
+
+
+def test_the_interface_of_a_hard_dock_is_that_of_faces_and_hooks(docked):
+    interface = docked.docking.scene.document["mechanism"]["interface"]
+    faces, hooks = interface["faces"], interface["hooks"]
+    count = sum(row["count"] for row in hooks["rows"])
+    axial = faces["stiffness"] + count * hooks["stiffness"]
+    rings = ((faces["stiffness"], faces["radius"]), (count * hooks["stiffness"], hooks["radius"]))
+    bending = sum(k * radius**2 / 2 for k, radius in rings)
+    found = np.diag(docked.stiffness)
+    # Next to them the ring: 2.2 % along the axis, 0.02 % in bending.
+    assert axial < found[0] < 1.03 * axial
+    assert found[4:] == pytest.approx([bending, bending], rel=2e-3)
+    # Nothing resists shear: each vehicle turns about its centre of mass, and the slowest poles are
+    # those of two inertias on one spring, about y and z.
+    inverse = sum(1.0 / docked.docking.get(f"{v}.inertia")[1] for v in ("chaser", "target"))
+    slowest = sorted(abs(pole) for pole in docked.moving if pole.imag > 1.0)[:2]
+    assert slowest == pytest.approx([np.sqrt(bending * inverse)] * 2, rel=5e-3)
+
+
+def test_slow_poles_stay_and_zeros_are_exact():
+    """A slow oscillator next to a fast one, and free bodies in chains of zeros."""
+    from dockloop.runs.linear import _find_poles
+
+    slow, fast, mass = 1e-4, 1e5, 3e5
+    blocks = [np.array([[0.0, 1.0 / mass], [-(rate**2) * mass, 0.0]]) for rate in (slow, fast)] + [
+        np.array([[0.0, 1.0 / mass, 0.0], [0.0, 0.0, 0.0], [7.0, 3.0, 0.0]])
+    ]
+    matrix = np.zeros((7, 7))
+    for block, at in zip(blocks, (0, 2, 4), strict=True):
+        matrix[at : at + len(block), at : at + len(block)] = block
+    mix = np.linalg.qr(np.random.default_rng(1).normal(size=(7, 7)))[0]
+    found = np.sort(np.abs(_find_poles(mix @ np.diag([1.0] * 7) @ mix.T @ matrix)))
+    assert found == pytest.approx([0, 0, 0, slow, slow, fast, fast], rel=1e-6)
+
+
+@pytest.mark.parametrize("frequency", [0.0, -1.0, np.nan, np.inf, "1"])
+def test_a_bad_frequency_is_refused(pressed, frequency):
+    with pytest.raises(dl.UsageError, match="find_response: a frequency is"):
+        pressed.find_response("chaser.position[1]", "chaser.force_ext[1]", [1.0, frequency])
 
 
 @pytest.mark.parametrize("scene", ["idss_25t_350t", "hexapod_bench"])

@@ -24,9 +24,9 @@ import pytest
 pytest.importorskip("scipy")
 
 from dockloop.cli import _make_parser
-from dockloop.crew import Crew
-from dockloop.judging import VERDICTS, Case, Verdict, find_promise, find_verdict, judge
-from dockloop.maps.command import _make_command
+from dockloop.runs.crew import Crew
+from dockloop.runs.judging import VERDICTS, Case, Verdict, find_promise, find_verdict, judge
+from dockloop.studies.maps.command import _make_command
 
 SCENE = "idss_25t_350t"
 SHORT = {"initial.approach_time": 0.1}
@@ -236,9 +236,21 @@ def test_a_point_runs_alone(dockloop, mapped, tmp_path):
     assert counted["solver"]["rhs_evaluations"] == float(row["evaluations"])
 
 
-def test_the_command_of_a_map_has_all_digits():
+@pytest.mark.parametrize("accuracy", ["1e-3", "real-time"])
+def test_the_command_of_a_map_has_all_digits_and_texts(accuracy):
     words = ["map", SCENE, "--x", "solver.rtol", "1e-9", "1e-2", "--y", "solver.step", "1e-4", "1"]
-    words += ["--error", "0.01", "--points", "9", "--stop", "4.123456789", "--limit", "20.5"]
+    words += [
+        "--accuracy",
+        accuracy,
+        "--error",
+        "0.01",
+        "--points",
+        "9",
+        "--stop",
+        "4.123456789",
+        "--limit",
+        "20.5",
+    ]
     command = _make_command(_make_parser(words).parse_args(words))
     assert shlex.split(command) == ["dockloop", *words]
 

@@ -8,15 +8,18 @@
 """
 
 import json
+import re
 
 import numpy as np
 import pytest
 
-from dockloop.measured.command import describe
-from dockloop.measured.data import Data, read_data
-from dockloop.measured.overlay import compare, find_shift
-from dockloop.paths import ROOT
-from dockloop.results import Result
+import dockloop as dl
+from dockloop.base.histories import Data, read_data
+from dockloop.base.paths import ROOT
+from dockloop.base.sections import write_text
+from dockloop.result.recording import Result
+from dockloop.studies.measured.command import report_comparison
+from dockloop.studies.measured.overlay import compare, find_shift
 
 RIG = ROOT / "tests" / "data" / "measured_mujoco.csv"
 CONTACT = 6.8 + 0.5  # s, of the clock of the rig
@@ -58,7 +61,7 @@ def test_data_of_another_engine_agree_with_the_run(dockloop, tmp_path):
     assert found["outcome"] == {"measured": "rebound", "computed": "rebound", "agrees": True}
     assert (tmp_path / "own_compared.png").stat().st_size > 1e4
     words = dockloop("compare", "own.csv", RIG).out
-    assert "time shift   -6.80" in words
+    assert re.search("time shift +-6.80", words)
     assert "measured: give --outcome" in words
 
 
@@ -100,6 +103,24 @@ def test_shift_units_and_time_of_capture_are_found(tmp_path, shift):
     assert max(row["largest_error"] for row in found["columns"].values()) < 1e-9
     assert found["captured"]["measured_time"] == pytest.approx(6.02, abs=1e-9)
     assert found["captured"]["computed_time"] == pytest.approx(6.01)
+
+
+def test_data_of_the_run_itself_that_go_on_behind_its_end_need_no_shift():
+    name = "capture.compression"
+    run, rest = dl.run("absorber_1d", stop=1.0), dl.run("absorber_1d")
+    data = Data(rest.time[::10], [name], ["N"], rest[name][::10, np.newaxis])
+    assert find_shift(run, data) == 0.0
+
+
+def test_the_shift_that_leaves_the_run_is_named(dockloop, tmp_path):
+    ran = dockloop("run", "absorber_1d", "-o", tmp_path / "own.csv", "--no-plots")
+    assert ran.status == 0, ran.err
+    rig = tmp_path / "rig.csv"
+    rig.write_text("time,capture.compression\n0,0\n0.2,900\n0.7,1750\n1.5,800\n")
+    found = dockloop("compare", tmp_path / "own.csv", rig)
+    assert "run from 0 to 5 s at the shift of 4.8001 s that was found: give" in found.err
+    given = dockloop("compare", tmp_path / "own.csv", rig, "--shift", "9")
+    assert "at the shift of 9 s that was given: give" in given.err
 
 
 def test_bands_are_parts_of_the_range_or_the_stated_accuracy(tmp_path):
@@ -148,21 +169,23 @@ def test_a_column_in_a_wrong_unit_does_not_decide_the_shift():
         "outcome": {},
         "files": [],
     }
-    words = "warning      few samples fall into the run: check units"
-    assert words in describe(found | {"shift_found": True, "overlap": 0.05})
-    assert words not in describe(found | {"shift_found": True, "overlap": 0.9})
+    words = "  warning     few samples fall into the run: check units"
+    few, many = (found | {"shift_found": True, "overlap": part} for part in (0.05, 0.9))
+    assert words in write_text(report_comparison(few))
+    assert words not in write_text(report_comparison(many))
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("time [s],relative.axal [m]\n0,1\n1,2\n", "did you mean 'relative.axial'"),
-        ("time [s],relative.axial\n0,1\n1,2\n", "must be an output and its unit"),
+        ("time [s],relative.axial\n0,1\n1,2\n", "'relative.axial' has no unit, but others have"),
         ("time [s],relative.axial [N]\n0,1\n1,2\n", "must be in m or mm"),
-        ("relative.axial [m],time [s]\n0,1\n1,2\n", "must begin with 'time [s]'"),
+        ("relative.axial [m],gap [m]\n0,1\n1,2\n", "no column is the time"),
         ("time [s],gap [m],gap [m]\n0,1,1\n1,2,2\n", "two columns 'gap'"),
-        ("time [s],gap [m]\n0,1\n0,2\n", "time must increase, but does not in line 3"),
-        ("time [s],gap [m]\n0,1\n1,nan\n", "'gap' in line 3 is 'nan'"),
+        ("time [s],gap [m]\n0,1\n0,2\n", "two rows of values at different times"),
+        ("time [s],gap [m]\n0,1\n2,1\n1,2\n", "time must not decrease, but does in line 4"),
+        ("time [s],gap [m]\n0,1\n1,inf\n", "'gap' in line 3 is 'inf'"),
         ("time [s],gap [m]\n0,1\n1\n", "line 3 has 1 values: must have 2"),
         ("time [s],gap [m]\n0,1\n", "at least two rows"),
         ("time [s],gap [m] +-0\n0,1\n1,2\n", "accuracy of 'gap' is '0': must be a finite number"),

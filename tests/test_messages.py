@@ -22,9 +22,9 @@ pytest.importorskip("pyarrow")
 pytest.importorskip("scipy")
 
 from conftest import SCENES
-from dockloop import paths
-from dockloop.errors import DockloopError
-from dockloop.mechanism import check_mechanism
+from dockloop.base import paths
+from dockloop.base.errors import DockloopError
+from dockloop.scene.mechanism import check_mechanism
 from test_outputs import snapshot
 
 GARBAGE = random.Random(1).randbytes(3000)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.measured.data import read_data
-from dockloop.number import is_number, read_number, read_whole
-from dockloop.results import Result
-from dockloop.scene import parse_value
+from dockloop.base.histories import read_data
+from dockloop.base.number import is_number, read_number, read_whole
+from dockloop.result.recording import Result
+from dockloop.scene.resolve import parse_value
 
 SCENE = "absorber_1d"
 SPEED = "initial.closing_speed"
@@ -33,6 +33,7 @@ NO_TEXTS = [
     ".",
     "\u0661",
 ]
+MISSING = ["nan", ""]  # in a table: not measured
 NUMBERS = [1, 0.25, np.float32(0.25), np.float64(0.25), np.int64(1)]
 NO_NUMBERS = ["0.25", True, np.True_, None, [0.25], "", 10**400, math.nan, math.inf]
 
@@ -54,8 +55,13 @@ def test_a_text_that_is_a_number_has_the_value_of_json(text):
 @pytest.mark.parametrize("text", NO_TEXTS)
 def test_another_text_is_refused_by_options_settings_keys_and_tables(dockloop, tmp_path, text):
     (tmp_path / "ranges.csv").write_text(f'time [s],relative.axial [m]\n0,0\n0.1,"{text}"\n')
-    with pytest.raises(dl.UsageError, match=r"'relative\.axial' in line 3 is '.*must be a finite"):
-        read_data(tmp_path / "ranges.csv", ["time", "relative.axial"], ["s", "m"])
+    if text in MISSING:
+        data = read_data(tmp_path / "ranges.csv", ["time", "relative.axial"], ["s", "m"])
+        assert np.isnan(data["relative.axial"]).tolist() == [False, True]
+    else:
+        refused = r"'relative\.axial' in line 3 is '.*must be a finite"
+        with pytest.raises(dl.UsageError, match=refused):
+            read_data(tmp_path / "ranges.csv", ["time", "relative.axial"], ["s", "m"])
     for words in (
         [f"--stop={text}"],
         ["--set", f"chaser.mass={text}"],
@@ -116,6 +122,23 @@ PLACES = {
     "start value of an envelope": envelope(start_values=lambda value: {"target.mass": value}),
     "stop of an envelope": envelope(stop=lambda value: value or 0),
 }
+
+
+def test_numbers_in_lists_and_groups_of_a_setting_follow_the_same_grammar(dockloop):
+    assert parse_value("[.5, 007, +1, 3., true, 'a, 1_0]']") == [0.5, 7, 1, 3.0, True, "a, 1_0]"]
+    assert parse_value("[[1, 2_0], {a_1 = 1_0}, 0x10]") == [[1, "2_0"], {"a_1": "1_0"}, "0x10"]
+    outcome = dockloop("variables", SCENE, "--scene", "chaser.inertia=[1, 1_0, 1, 0, 0, 0]")
+    assert outcome.status == 2
+    assert 'chaser.inertia[2] is "1_0": must be a number' in outcome.err
+
+
+def test_what_a_mask_hides_is_no_number():
+    """Of the same kind as strides that are ignored, in coupling libraries."""
+    docking = dl.Docking(SCENE)
+    docking.set("chaser.force_ext", np.arange(12.0)[5:2:-1])
+    assert docking.get("chaser.force_ext").tolist() == [5.0, 4.0, 3.0]
+    with pytest.raises(dl.UsageError, match=r"masked_array(.|\n)*must be a number"):
+        docking.set("chaser.force_ext", np.ma.array([1.0, 2.0, 3.0], mask=[0, 1, 0]))
 
 
 @pytest.mark.parametrize("place", PLACES)

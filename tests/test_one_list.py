@@ -18,11 +18,11 @@ from pathlib import Path
 import pytest
 
 import dockloop
-from dockloop import schema
-from dockloop.core import list_loads, load_core
-from dockloop.docking import Docking
-from dockloop.mechanism import check_mechanism
-from dockloop.variables import TYPES
+from dockloop.base import schema
+from dockloop.native.core import list_loads, load_core
+from dockloop.native.variables import TYPES
+from dockloop.runs.docking import Docking
+from dockloop.scene.mechanism import check_mechanism
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ("src", "fmu", "scripts", "modelDescription/*.schema.json")
@@ -60,10 +60,10 @@ ALLOWED = {
     ("model.level", "modelDescription/scene.schema.json"): _SCHEMA,
     ("solver.method", "modelDescription/scene.schema.json"): _SCHEMA,
     (GROUPS, "modelDescription/scene.schema.json"): _SCHEMA,
-    ("causalities", "scripts/dockloop/catalogue.py"): "the heading of each kind of name",
-    ("capture.reason", "scripts/dockloop/capture.py"): "a sentence for each reason",
-    ("types", "scripts/dockloop/simulate.py"): "the getter and the parser of each type",
-    ("types", "scripts/dockloop/variables.py"): "the Python type and the words of each type",
+    ("causalities", "scripts/dockloop/scene/catalogue.py"): "the heading of each kind of name",
+    ("capture.reason", "scripts/dockloop/result/capture.py"): "a sentence for each reason",
+    ("types", "scripts/dockloop/fmu/host.py"): "the getter and the parser of each type",
+    ("types", "scripts/dockloop/native/variables.py"): "the Python type and the words of each type",
     ("loads", "src/docking/scene_json.cpp"): "reads the rated loads into their members",
     ("friction.model", "src/contact/contact_model.cpp"): "lies below the list (src/README.md)",
     ("friction.model", "src/contact/laws.hpp"): "lies below the list (src/README.md)",
@@ -74,7 +74,7 @@ ALLOWED = {
     ("solver.method", "src/sim/start_checks.cpp"): "the message names two methods",
 }
 NUMBERS = {  # files in which Python has a table of a choice, and why
-    "scripts/dockloop/capture.py": "a sentence for each reason",
+    "scripts/dockloop/result/capture.py": "a sentence for each reason",
 }
 LITERAL = re.compile(r'"((?:\\.|[^"\\\n])*)"|\'((?:\\.|[^\'\\\n])*)\'')
 
@@ -329,7 +329,7 @@ def test_the_version_is_the_same_everywhere():
     patterns = {
         "CMakeLists.txt": r"project\(dockloop VERSION ([\d.]+)",
         "pyproject.toml": r'^version = "([\d.]+)"',
-        "scripts/dockloop/__init__.py": r'^__version__ = "([\d.]+)"',
+        "scripts/dockloop/base/version.py": r'^__version__ = "([\d.]+)"',
         "src/interface/model_description.hpp": r'#define DOCKLOOP_VERSION "([\d.]+)"',
         "scripts/README.md": r"dockloop-([\d.]+)-cp",
     }

@@ -25,8 +25,9 @@ import pyarrow
 from matplotlib.figure import Figure
 from pyarrow import parquet
 
-from dockloop import outputs, paths
-from dockloop.errors import DockloopError, UsageError
+from dockloop.base import files as outputs
+from dockloop.base import paths
+from dockloop.base.errors import DockloopError, UsageError
 
 SWEEP = ["sweep", "absorber_1d_speeds", "--engine", "core", "--workers", "1"]
 SOLUTION = ["truth", "absorber_1d", "--output", "gap", "--stop", "0.1", "--step", "0.1"]
@@ -169,6 +170,22 @@ def test_what_a_command_made_it_makes_again(dockloop, tmp_path, command):
     assert not list(tmp_path.rglob("*.partial"))
 
 
+@pytest.mark.parametrize("is_installed", [False, True])
+def test_only_a_clone_owns_its_build_folder(monkeypatch, tmp_path, is_installed):
+    """The build folder of an installed package is one of the user's own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(paths, "IS_INSTALLED", is_installed)
+    monkeypatch.setattr(paths, "BUILD", Path("build"))
+    file = tmp_path / "build" / "own.json"
+    file.parent.mkdir()
+    file.write_text("{}")
+    if is_installed:
+        with pytest.raises(UsageError, match="'dockloop run' did not write: choose another -o"):
+            outputs.claim(file, outputs.json_kind("summary", "dockloop run"))
+    else:
+        outputs.claim(file, outputs.json_kind("summary", "dockloop run"))
+
+
 def test_a_package_with_a_vehicle_of_another_author_stays(dockloop, tmp_path):
     command = ["ssp", "idss_25t_350t", "-o", "own.ssp"]
     assert dockloop(*command).status == 0
@@ -212,7 +229,7 @@ def test_files_of_another_command_are_foreign(dockloop, tmp_path):
 
 def test_the_shipped_results_can_be_made_again():
     """`dockloop trade -o modelDescription/trade/NAME` replaces them."""
-    from dockloop.trades.report import KINDS
+    from dockloop.studies.trades.report import KINDS
 
     for folder in sorted((paths.MODELS / "trade").iterdir()):
         for name, kind in KINDS.items():

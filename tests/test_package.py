@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 
-from dockloop import paths
+from dockloop.base import paths
 
 sys.path.append(str(paths.ROOT / "scripts" / "lib"))
 
@@ -57,7 +57,7 @@ def check_package(python: list, folder: Path, environment: dict[str, str]) -> No
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    where = call("-c", "from dockloop import paths; print(paths.ROOT)")
+    where = call("-c", "from dockloop.base import paths; print(paths.ROOT)")
     assert not Path(where.strip()).is_relative_to(paths.ROOT)
     ran = json.loads(call("-m", "dockloop", "run", "absorber_1d", "--stop", "0.2", "--json"))
     assert ran["files"][0] == "build/results/absorber_1d/absorber_1d.csv"

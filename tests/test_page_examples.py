@@ -18,20 +18,28 @@ import shutil
 import subprocess
 import sys
 import tomllib
-import xml.etree.ElementTree as ET
+import zipfile
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pytest
 
 pytest.importorskip("pyarrow")
 pytest.importorskip("scipy")
 
 import dockloop as dl
-from dockloop import cli, paths, sampling
-from dockloop.planning import Planner
-from dockloop.sampling import read_sweep
-from dockloop.scene import find_scene, parse_value
+from dockloop import cli
+from dockloop.base import paths
+from dockloop.fmu.build import write_fmu
+from dockloop.fmu.ssp import take_out
+from dockloop.fmu.vehicle_fmu import NEEDED, THRUST, UNITS, read_row
+from dockloop.scene.find import find_scene
+from dockloop.scene.resolve import parse_value
+from dockloop.studies.fits.trials import list_trials
+from dockloop.sweeps import sampling
+from dockloop.sweeps.planning import Planner
+from dockloop.sweeps.sampling import read_sweep
 from dockloop.view.browser import find_browser
 from test_words import list_files
 
@@ -46,6 +54,7 @@ ELSEWHERE = {  # beginning of a line, or what is in it: why it does not run here
     r"\.venv/bin/python (-m pytest|tests/)": "runs the tests",
     r"\.venv/bin/python scripts/examples/": "tests/test_examples.py, tests/test_ssp.py",
     r"\.venv/bin/dask ": "a server, started so by tests/mishaps.py",
+    r"\.venv/bin/dockloop live ": "a server until Ctrl-C: tests/test_live.py",
     r".* --scheduler ": "needs a cluster: tests/test_sweep.py",
     r".* --rare ": "hundreds of dockings: tests/test_rare.py",
     r".*trade idss_25t_350t( --resume)? +#": "a quarter of an hour: tests/test_trade.py",
@@ -68,6 +77,11 @@ AROUND = {  # members of a list in JSON: the mechanism that has them, members th
     "leg_defaults": ("idss_hexapod", ()),
     "capture": ("probe_drogue", ("sequence",)),
 }
+
+
+FITTED = ["slow", "fast"]  # tests of a list
+SCENARIOS = "name;initial.closing_speed [mm/s];chaser.mass;solver.method\n"
+SCENARIOS += "slow;50;20000;bdf\nlight;100;8000;\n"
 
 
 class Block(NamedTuple):
@@ -148,6 +162,23 @@ def files(tmp_path_factory, runs):
     shutil.copy(runs.fmu(DEFAULT), folder / "build" / "fmu" / f"{DEFAULT}.fmu")
     shutil.copy(runs.fmu(DEFAULT), folder / "own.fmu")
     shutil.copy(paths.SCENES / f"{DEFAULT}.toml", folder / "mine.toml")
+    measured = np.genfromtxt(
+        paths.ROOT / "tests/data/measured_mujoco.csv", delimiter=",", names=True
+    )
+    time, axial, force = (
+        measured[name] for name in ("time_s", "relativeaxial_mm", "captureforce1_N")
+    )
+    rows = np.column_stack([time, force / 4.4482216, axial / 25.4])  # s, lbf, in
+    text = "\n".join(";".join(f"{x:.6g}" for x in row) for row in rows)
+    (folder / "rig.csv").write_text("t;Fz;dx\n" + text.replace(".", ","))
+    (folder / "scenarios.csv").write_text(SCENARIOS)
+    tests = next(block.text for block in BLOCKS if block.text.startswith("[[test]]"))
+    (folder / "tests.toml").write_text(tests)
+    for name in FITTED:
+        shutil.copy(paths.ROOT / "tests/data/measured_mujoco.csv", folder / f"{name}.csv")
+    (folder / "map.toml").write_text(
+        't = "time:s"\nFz = "capture.force[1]:lbf"\ndx = "relative.axial:in"\n'
+    )
     docking = dl.Docking(DEFAULT)
     docking.step(0.1)
     (folder / "own.bin").write_bytes(docking.save())
@@ -158,7 +189,39 @@ def files(tmp_path_factory, runs):
     ):
         subprocess.run([*run, *words, "--no-plots"], cwd=folder, check=True, capture_output=True)
     (folder / "sweep" / "own.parquet").rename(folder / "own.parquet")
+    scene = dl.Scene(DEFAULT)
+    write_fmu(take_out(scene.document, "chaser"), scene.path, folder / "vehicle.fmu", bare=True)
+    (map_of_names,) = (
+        b.text for b in BLOCKS if b.language == "toml" and "[chaser.start]" in b.text
+    )
+    (folder / "names.toml").write_text(map_of_names)
+    describe_vehicle(tomllib.loads(map_of_names)["chaser"], folder / "tug.fmu")
+    moved = [f"--outputs=chaser.{name}" for name in ("position", "velocity", "attitude")]
+    moved += ["--outputs=chaser.angular_velocity", "--stop", "1", "--no-plots", "-o", "host.csv"]
+    subprocess.run([*run, "run", DEFAULT, *moved], cwd=folder, check=True, capture_output=True)
     return folder
+
+
+def describe_vehicle(rows, to):
+    """Write an FMU with the variables that a map names; it has no library."""
+    causalities = {**NEEDED, **THRUST}
+    members = [(m, causalities[m], row) for m, row in rows.items() if m != "start"]
+    members += [(m, "parameter", row) for m, row in rows["start"].items()]
+    variables = ""
+    for member, causality, row in members:
+        for name in read_row(member, member, row):
+            more = 'variability="fixed" initial="exact"' if causality == "parameter" else ""
+            start = 'start="1"' if causality != "output" else ""
+            variables += (
+                f'<ScalarVariable name="{name}" valueReference="0" causality="{causality}" {more}>'
+                f'<Real unit="{UNITS[member]}" {start}/></ScalarVariable>'
+            )
+    with zipfile.ZipFile(to, "w") as archive:
+        archive.writestr(
+            "modelDescription.xml",
+            '<fmiModelDescription fmiVersion="2.0"><CoSimulation modelIdentifier="own"/>'
+            f"<ModelVariables>{variables}</ModelVariables></fmiModelDescription>",
+        )
 
 
 @pytest.fixture
@@ -220,26 +283,20 @@ def test_the_reader_of_mechanisms_takes_what_a_page_shows(block):
 @pytest.mark.parametrize("block", choose("toml"))
 def test_the_reader_of_sweeps_takes_what_a_page_shows(block, tmp_path):
     members = tomllib.loads(block.text)
+    if "start" in members.get("chaser", {}):
+        return  # a map of names: a command of its page reads it
+    if "test" in members:  # of a fit
+        assert [trial.name for trial in list_trials(members["test"], is_plan=False)] == FITTED
+        return
     if "chaser" in members:  # of a scene
         scene = tomllib.loads(find_scene(DEFAULT).read_text())
         dl.Docking(scene | {"chaser": scene["chaser"] | members["chaser"]}).step(0.01)
         return
     (tmp_path / "mine.toml").write_text(block.text)
+    (tmp_path / "scenarios.csv").write_text(SCENARIOS)
     sweep = read_sweep(str(tmp_path / "mine.toml"))
-    assert len(sweep.cases) == 256 * 3 * 2
+    assert len(sweep.cases) == (2 if "scenarios.csv" in block.text else 256 * 3 * 2)
     assert Planner(sweep).quantities
-
-
-@pytest.mark.parametrize("block", choose("xml"))
-def test_connectors_of_a_page_are_variables_of_a_docking(block):
-    root = ET.fromstring(f'<page xmlns:ssd="ssd" xmlns:ssc="ssc">{block.text}</page>')
-    variables = dl.Docking(DEFAULT).variables
-    connectors = list(root.iter("{ssd}Connector"))
-    assert connectors
-    for connector in connectors:
-        variable = variables[connector.get("name")]
-        assert variable.causality == connector.get("kind")
-        assert variable.unit == connector[0].get("unit")
 
 
 @pytest.mark.long
@@ -259,4 +316,4 @@ def test_every_entry_of_what_runs_elsewhere_is_needed():
     unused = [text for text in ELSEWHERE if not any(re.match(text, line) for line in lines)]
     assert not unused
     assert len(choose("sh")) > 15
-    assert {block.language for block in BLOCKS} == {"", "sh", "json", "toml", "xml", "python"}
+    assert {block.language for block in BLOCKS} == {"", "sh", "json", "toml", "python"}

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from dockloop import palette, paths
-from dockloop.core import list_choices, list_loads
-from dockloop.figures import fit_ordinate
-from dockloop.plots import draw_figures
+from dockloop.base import palette, paths
+from dockloop.base.figures import fit_ordinate
+from dockloop.native.core import list_choices, list_loads
+from dockloop.report.plots import draw_figures
 
 LEAST = 20.0  # distance of colours that are used together
 

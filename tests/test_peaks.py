@@ -11,23 +11,25 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.criteria import Criterion, has_happened, parse_criterion, say_not_seen
-from dockloop.peaks import (
+from dockloop.base.sections import write_text
+from dockloop.native.variables import Variable
+from dockloop.report.run import report_run
+from dockloop.result.criteria import Criterion, has_happened, parse_criterion, say_not_seen
+from dockloop.result.peaks import (
     count_steps,
     find_sampled_peak,
     list_steps_after,
     list_with_places,
     say_place,
+    say_steps,
 )
-from dockloop.summary import describe
-from dockloop.variables import Variable
 
 SCENE = {"mechanism": {"sequence": {"steps": [{"name": "latch"}, {"name": "align"}]}}}
 
 
 def test_a_peak_load_says_where_it_arose():
     run = dl.run("hexapod", stop=12.0, step=0.02)
-    assert "step 'attenuate'" in describe(run.summary)
+    assert "step 'attenuate'" in write_text(report_run(run.summary))
     steps = set()
     for name, load in run.summary["peak_loads"].items():
         values = run[f"capture.peak.{name}"]
@@ -95,8 +97,7 @@ def test_what_ends_before_its_scene_says_what_it_has_not_seen(stop):
 
 def test_inputs_are_ranked_for_the_peaks_of_each_step_apart():
     pyarrow = pytest.importorskip("pyarrow")
-    from dockloop.html_report import _split_by_step
-    from dockloop.sweep_report import say_steps
+    from dockloop.report.sweep_sections import _split_by_step
 
     name, planner = "capture.peak.tension", SimpleNamespace(base=SCENE)
     table = pyarrow.table({"capture.peak_step.tension": [2, 1, 2, 0, None]})

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop import paths
-from dockloop.core import number_choice
+from dockloop.base import paths
+from dockloop.native.core import number_choice
 
 SCENE = """
 [chaser]

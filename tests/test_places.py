@@ -7,12 +7,14 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
-from dockloop import compiled, paths
-from dockloop.errors import DockloopError
+from dockloop.base import paths
+from dockloop.base.errors import DockloopError
+from dockloop.native import compiled
 
 DOCKLOOP = [sys.executable, "-m", "dockloop"]
 RUN = ["run", "absorber_1d", "--stop", "0.1", "--no-plots"]
@@ -79,7 +81,7 @@ def test_a_script_in_a_folder_that_is_gone_gets_the_error_of_this_package(tmp_pa
         "dl.sweep('absorber_1d_speeds', output='own.parquet')\n",
         tmp_path,
     )
-    assert done.stderr.endswith(f"dockloop.errors.UsageError: {GONE}")
+    assert done.stderr.endswith(f"dockloop.base.errors.UsageError: {GONE}")
 
 
 def test_a_script_without_a_guard_runs_worker_processes(tmp_path):
@@ -154,3 +156,77 @@ def test_a_clone_that_moved_is_named_once_with_the_remedy(dockloop, moved, tmp_p
     assert (second.err, "then moved or copied" in second.out) == ("", True)
     with pytest.raises(DockloopError, match="then moved or copied"):
         compiled.find_compiled(moved)
+
+
+def test_a_request_to_end_leaves_no_files_behind(tmp_path):
+    """As for other hosts of FMUs: github.com/CATIA-Systems/FMPy/issues/675."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    words = [*DOCKLOOP, "run", "absorber_1d", "--stop", "1e5", "--no-plots", "-o", "own.csv"]
+    process = subprocess.Popen(
+        words,
+        cwd=tmp_path,
+        env=os.environ | {"TMPDIR": str(folder)},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while not list(folder.glob("*/*")) and process.poll() is None:
+        time.sleep(0.01)
+    process.terminate()
+    assert process.communicate()[1] == "dockloop: interrupted\n"
+    assert process.returncode == 130
+    assert [file.name for file in tmp_path.rglob("*")] == ["temporary"]
+
+
+def test_a_sweep_on_workers_leaves_no_files_and_looks_at_none_of_its_folder(tmp_path):
+    """As in github.com/joblib/joblib/issues/1378: a module of Python in the current folder."""
+    pytest.importorskip("distributed")
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    for name in ("signal", "types", "copy"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit(__name__)\n")
+    program = Path(sys.executable).with_name("dockloop")
+    words = [program, "sweep", "absorber_1d_speeds", "--engine", "fmu", "--workers", "1"]
+    env = os.environ | {"TMPDIR": str(folder)}
+    done = call("", *words, "--no-plots", "-o", "own.parquet", cwd=tmp_path, env=env)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert not list(folder.iterdir())
+
+
+def test_figures_of_a_command_do_not_follow_the_settings_of_the_user(tmp_path):
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nfigure.figsize: 1, 1\n")
+    words = ["run", "absorber_1d", "--stop", "0.1", "-o", "own.csv"]
+    figures = []
+    for folder in (tmp_path, tmp_path / "other"):
+        folder.mkdir(exist_ok=True)
+        done = call("", *DOCKLOOP, *words, cwd=folder)
+        assert (done.returncode, done.stderr) == (0, "")
+        figures.append((folder / "own_loads.png").read_bytes())
+    assert figures[0] == figures[1]
+
+
+@pytest.mark.parametrize("stream", ["open('/dev/full', 'w')", "io.StringIO()"])
+def test_a_script_keeps_its_standard_error(tmp_path, stream):
+    done = run_python(
+        "import contextlib, io, sys\nfrom dockloop.base.errors import is_watched, say\n"
+        f"stream = sys.stderr = {stream}\nif 'full' not in {stream!r}: stream.close()\n"
+        "say('lost')\nassert sys.stderr is stream and not is_watched()\n"
+        "with contextlib.redirect_stderr(io.StringIO()) as other: say('heard')\n"
+        "print(other.getvalue(), end='')\n",
+        tmp_path,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "heard\n", "")
+
+
+def test_a_program_ends_while_threads_of_it_still_step(tmp_path):
+    """Python ends such threads when they want the interpreter, in the middle of C++."""
+    done = run_python(
+        "import threading, dockloop as dl\n"
+        "one, other = dl.Docking('absorber_1d'), dl.Docking('absorber_1d')\n"
+        "def step():\n    while True: other.step(0.001)\n"
+        "for work in (lambda: one.record([0.0, 1e5]), step):\n"
+        "    threading.Thread(target=work, daemon=True).start()\n"
+        "while other.time < 0.1: pass\n",
+        tmp_path,
+    )
+    assert (done.returncode, done.stderr) == (0, "")

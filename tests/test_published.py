@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from dockloop.paths import ROOT
+from dockloop.base.paths import ROOT
 
 FOLDER = ROOT / "tests" / "validation" / "published"
 

@@ -20,21 +20,15 @@ import pytest
 from fmpy import fmi2
 
 import dockloop as dl
-from dockloop import paths
-from dockloop.core import load_core, to_json
-from dockloop.simulate import Instance, unpack_fmu
+from dockloop.base import paths
+from dockloop.fmu.host import Instance, unpack_fmu
+from dockloop.native.core import load_core, to_json
+
+pytestmark = pytest.mark.usefixtures("native")  # the bits of FMUs are compared with the core's
 
 SCENE = "idss_25t_350t"
 DRIVEN = {"target.motion": "driven"}
 SLOW = {"initial.closing_speed": 0.05, "initial.approach_time": 0.2}
-
-
-@pytest.fixture(autouse=True, scope="module")
-def native() -> Iterator[None]:
-    """FMUs hold the library that was compiled with the core: another compiler rounds otherwise."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("dockloop.fmu.find_libraries", lambda: {"linux64": paths.LIBRARY})
-        yield
 
 
 @pytest.mark.parametrize(
@@ -341,6 +335,8 @@ def test_a_mechanism_is_checked_by_name_by_file_and_as_a_document():
     report = dl.check("idss_hexapod")
     assert report["degrees_of_freedom"] == 6
     assert dl.check(file) == report
+    with pytest.raises(dl.UsageError, match=r"absorber_1d\.toml: is a scene: must be a mechanism"):
+        dl.check(paths.SCENES / "absorber_1d.toml")
     assert dl.check(json.loads(file.read_text())) == report
     with pytest.raises(dl.UsageError, match="bodies"):
         dl.check({"name": "mine", "bodies": 3})
@@ -391,6 +387,7 @@ def test_a_docking_begins_anew():
 
 def test_a_docking_has_the_summary_of_a_run():
     docking = dl.Docking(SCENE, {"initial.approach_time": 0.2})
+    assert docking.summary["simulated_time"] == 0.0  # before the first step
     times = 0.1 * np.arange(101)
     expected = dl.run(docking.scene, stop=10.0, step=0.1).summary
     for t in np.diff(times):
@@ -476,13 +473,13 @@ def test_a_sweep_returns_a_table():
         dl.sweep({**SWEEP, "vary": [{**SWEEP["vary"][0], "name": "chaser.mas"}]})
 
 
-def test_a_sweep_builds_no_fmu_to_learn_names(monkeypatch):
+def test_a_sweep_builds_no_fmu(monkeypatch):
     pytest.importorskip("scipy")
 
     def fail(*_: object, **__: object) -> None:
         raise AssertionError("an FMU is built")
 
-    monkeypatch.setattr("dockloop.planning.write_fmu", fail)
+    monkeypatch.setattr("dockloop.sweeps.cases.write_fmu", fail)
     assert dl.sweep(SWEEP)["status"].tolist() == ["done", "done"]
 
 
@@ -514,7 +511,7 @@ def test_names_are_imported_when_they_are_used():
         "assert sorted([*dl.__all__, '__version__']) == dir(dl)\n"
         "[getattr(dl, name) for name in dl.__all__]\n"
         "assert not {'pandas', 'matplotlib', 'distributed'} & set(sys.modules)\n"
-        "import dockloop.sweeps, dockloop.results\n"
+        "import dockloop.sweeps.run, dockloop.result.recording\n"
         "assert callable(dl.sweep) and callable(dl.run) and callable(dl.check)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

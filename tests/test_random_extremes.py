@@ -18,14 +18,20 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from dockloop import judging
-from dockloop.core import list_methods
-from dockloop.crew import Ending
-from dockloop.extremes import random_report, random_scenes
-from dockloop.extremes.random_scenes import Drawn, Outcome, draw_scene, list_ranges, run_random
-from dockloop.judging import BAD, VERDICTS, Case, Verdict, judge
-from dockloop.results import Result
-from dockloop.run_errors import find_errors
+from dockloop.base.sections import write_markdown
+from dockloop.native.core import list_methods
+from dockloop.result.recording import Result
+from dockloop.result.run_errors import find_errors
+from dockloop.runs import judging
+from dockloop.runs.judging import BAD, VERDICTS, Case, Verdict, judge
+from dockloop.studies.extremes import random_report, random_scenes
+from dockloop.studies.extremes.random_scenes import (
+    Drawn,
+    Outcome,
+    draw_scene,
+    list_ranges,
+    run_random,
+)
 
 SEED, FEW, MANY = 11, 8, 200
 
@@ -79,24 +85,20 @@ class BadAbove:
     def __init__(self):
         self.asked = 0
 
-    def begin(self, case, _limit):
+    def ask(self, case):
         self.asked += 1
         is_bad = case.overrides.get("chaser.mass", 25e3) > 1e3
-        self.verdict = Verdict("wrong" if is_bad else "right", "mass")
-        return self
-
-    def result(self):
-        return Ending("done", self.verdict)
+        return Verdict("wrong" if is_bad else "right", "mass")
 
 
 def test_a_bad_case_is_made_simpler_and_stays_bad():
     number = next(n for n in range(1, 99) if draw_scene(1, n).overrides["chaser.mass"] > 1e5)
-    case, crew = draw_scene(1, number), BadAbove()
-    simpler, verdict = random_scenes.shrink(crew, case, Verdict("wrong", "mass"))
+    case, judges = draw_scene(1, number), BadAbove()
+    simpler, verdict = random_scenes.shrink(judges, case, Verdict("wrong", "mass"))
     assert verdict.verdict == "wrong"
     assert len(simpler.overrides) < len(case.overrides) / 2
     assert simpler.overrides.get("chaser.mass", 25e3) > 1e3
-    assert 0 < crew.asked <= 24
+    assert 0 < judges.asked <= 24
 
 
 def test_a_summary_counts_and_names_what_is_bad():
@@ -116,9 +118,10 @@ def test_a_summary_counts_and_names_what_is_bad():
     assert summary["bad"][0]["repeat"] == "dockloop extremes --random 1 --seed 5 --first 3"
     assert summary["bad"][0]["simpler"] == "dockloop run absorber_1d --scene chaser.mass=3.0"
     assert math.isclose(summary["largest_error"]["value"], 1e-4)
-    page = random_report.make_page(summary, "dockloop extremes --random 3 --seed 5")
+    page = write_markdown(random_report.complete_report(summary, "dockloop extremes"))
     assert "| crashed | 1 |" in page
-    assert "* crashed: died by SIGSEGV: `dockloop extremes --random 1 --seed 5 --first 3`" in page
+    bad = "# crashed: died by SIGSEGV\ndockloop extremes --random 1 --seed 5 --first 3\n"
+    assert bad + "# simpler: died\ndockloop run absorber_1d --scene chaser.mass=3.0\n" in page
     assert json.loads(json.dumps(summary)) == summary
 
 

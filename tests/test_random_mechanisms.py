@@ -23,8 +23,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, assume, given, seed, settings
 
-from dockloop.errors import DockloopError, UsageError
-from dockloop.paths import BUILD, shown
+from dockloop.base.errors import DockloopError, UsageError
+from dockloop.base.paths import BUILD, shown
 from extreme_cases.absolute_kkt import (
     Mechanism,
     close_states,

@@ -22,9 +22,10 @@ pytest.importorskip("pyarrow")
 from scipy.stats import norm
 
 import dockloop as dl
-from dockloop.criteria import parse_criterion
-from dockloop.errors import DockloopError
-from dockloop.rare import describe_rare, estimate_rare
+from dockloop.base.errors import DockloopError
+from dockloop.base.sections import write_text
+from dockloop.result.criteria import parse_criterion
+from dockloop.sweeps.rare import estimate_rare, report_rare
 from pawls import MEAN, SWEEP, sample_failures
 
 CLOSED = {  # limit, exact probability, dimensions
@@ -61,7 +62,7 @@ def test_the_words_state_the_bound():
     levels = [{"floor": None, "part": 0.1}, {"floor": 0.9, "part": 0.0}]
     summary = {"sweep": "mine", "title": "T", "failure": "miss", "probability": 0.0, "high": 0.128}
     summary |= {"levels": levels, "dockings": 190, "stuck": True, "not_run": 0, "examples": []}
-    words = describe_rare(summary | {"time": {"ran": 190, "wall": 1.0}})
+    words = write_text(report_rare(summary | {"time": {"ran": 190, "wall": 1.0}}))
     assert "at most 0.13 (95 % confidence): none of 190 failed" in words
 
 
@@ -167,8 +168,8 @@ def test_rare_failures_of_dockings_are_those_of_brute_force(dockloop, tmp_path):
 
 def test_frequent_failures_are_those_of_a_plain_sweep(tmp_path):
     slow = SWEEP.replace(f"mean = {MEAN}", "mean = 0.0155").replace("cases = 400", "cases = 150")
-    from dockloop.rare import run_rare
-    from dockloop.sampling import read_sweep
+    from dockloop.sweeps.rare import run_rare
+    from dockloop.sweeps.sampling import read_sweep
 
     sweep = read_sweep(write(tmp_path, slow))
     found = run_rare(sweep, "not captured", 150, tmp_path / "own.jsonl")

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dockloop.mechanism import check_mechanism
+from dockloop.scene.mechanism import check_mechanism
 from extreme_cases.own_mechanism import (
     FIXED_BASE,
     assert_quaternion,

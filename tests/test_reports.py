@@ -23,9 +23,9 @@ import pyarrow as pa
 from matplotlib.colors import to_rgba
 
 import dockloop as dl
-from dockloop import sweep_report
-from dockloop.columns import say_number
-from dockloop.palette import LATCH_STATES, PHASES
+from dockloop.base.number import say_number
+from dockloop.base.palette import LATCH_STATES, PHASES
+from dockloop.sweeps.table import has_captured
 
 SCENE = "idss_25t_350t"
 SWEEP = """
@@ -134,7 +134,7 @@ def test_a_sweep_has_a_page_with_ranked_cases_and_inputs(dockloop, tmp_path):
     first = (tmp_path / views[0]).read_text()
     assert json.dumps(summary["worst"]["command"]).replace("<", "\\u003c") in first
     assert "&lt;b&gt;friction &amp; speed" in page
-    assert f"Captured: {summary['captured']['fraction']:.1%}" in text
+    assert re.search(rf"captured\s+{summary['captured']['fraction']:.1%} \(95 %", text)
     assert summary["worst"]["command"] in text
     worst = [float(v) for v in re.findall(r"load_ratio ([\d.e+-]+)[ ,\w]*\s+dockloop run", text)]
     assert worst[:10] == sorted(worst[:10], reverse=True)
@@ -185,5 +185,5 @@ def test_numbers_of_loads_have_no_exponent():
 def test_a_docked_case_counts_as_captured():
     """A sequence releases its latches when it has docked; cases that did not run are left out."""
     table = pa.table({"outcome": ["captured", "docked", "undocked", "miss", None]})
-    assert sweep_report.has_captured(table).tolist()[:4] == [1.0, 1.0, 1.0, 0.0]
-    assert np.isnan(sweep_report.has_captured(table)[4])
+    assert has_captured(table).tolist()[:4] == [1.0, 1.0, 1.0, 0.0]
+    assert np.isnan(has_captured(table)[4])

@@ -13,7 +13,7 @@ import random
 import numpy as np
 import pytest
 
-from dockloop.docking import Docking, Scene
+from dockloop.runs.docking import Docking, Scene
 
 STOP = 6.0  # s; contact, capture, and most of the attenuation
 

@@ -11,17 +11,15 @@ import pytest
 
 import dockloop as dl
 from conftest import SCENES
-from dockloop import paths, schema
-from dockloop.copies import copy_scene
-from dockloop.errors import UsageError
-from dockloop.scene import (
+from dockloop.base import paths, schema
+from dockloop.base.errors import UsageError
+from dockloop.scene.copies import copy_scene
+from dockloop.scene.find import find_scene, read_mechanism, read_toml
+from dockloop.scene.resolve import (
     SceneReader,
     apply_override,
-    find_scene,
     load_mechanism,
     parse_value,
-    read_mechanism,
-    read_toml,
     resolve_scene,
 )
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.errors import UsageError
+from dockloop.base.errors import UsageError
 from slides import make_element, make_slide, write_slide
 
 DATA = json.loads((Path(__file__).parent / "data" / "mechanism_oracles.json").read_text())
@@ -329,7 +329,7 @@ def test_a_sequence_that_chatters_is_refused_with_the_names_of_its_steps(dock):
     docking = dock(late, a, b, laws=PUSH)
     docking.step(0.4)
     before = docking.get("element[1].coordinate")
-    with pytest.raises(dl.errors.DockloopError, match="'left', 'right'"):
+    with pytest.raises(dl.DockloopError, match="'left', 'right'"):
         docking.step(0.2)
     assert docking.get("element[1].coordinate") == before
     assert docking.get("sequence.step") == 1

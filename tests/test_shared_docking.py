@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.summary import summarise
+from dockloop.result.summary import summarise
 
 SCENE = "idss_25t_350t"
 STIFF = {"contact.restitution": 1e-6}  # a step in contact takes long
@@ -29,7 +29,9 @@ def show(docking):
 def test_steps_of_several_threads_are_all_counted(monkeypatch):
     """A clock that lets other threads run would lose counts that are read before and set after."""
     clock = time.perf_counter
-    monkeypatch.setattr("dockloop.docking.time.perf_counter", lambda: time.sleep(1e-3) or clock())
+    monkeypatch.setattr(
+        "dockloop.runs.docking.time.perf_counter", lambda: time.sleep(1e-3) or clock()
+    )
     docking = dl.Docking("absorber_1d")
     step = functools.partial(docking.step, 1 / 128)
     threads = [threading.Thread(target=lambda: [step() for _ in range(10)]) for _ in range(4)]
@@ -130,10 +132,12 @@ def test_reset_goes_back_to_the_start():
 
 
 def test_the_user_stops_a_step():
+    # A program that a shell started in the background ignores the signal.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     docking = dl.Docking(SCENE, STIFF)
     docking.step(2.0)
     before = show(docking)
-    threading.Timer(0.1, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    threading.Timer(0.02, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
         docking.step(10.0)
     assert show(docking) == before

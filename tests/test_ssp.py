@@ -29,9 +29,9 @@ from fmpy import read_model_description, simulate_fmu
 from fmpy.ssp.ssd import read_ssd
 from fmpy.validation import validate_fmu
 
-from dockloop import paths
-from dockloop.fmu import build_fmu
-from dockloop.ssp import build_ssp
+from dockloop.base import paths
+from dockloop.fmu.build import build_fmu
+from dockloop.fmu.ssp import build_ssp
 from extreme_cases.fmi_host import Host
 from importers import find_obstacle, record_importer, run_importer
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop import paths, schema
-from dockloop.catalogue import list_entries
-from dockloop.errors import UsageError
+from dockloop.base import paths, schema
+from dockloop.base.errors import UsageError
+from dockloop.scene.catalogue import list_entries
 
 PROBE = paths.MECHANISMS / "probe_drogue.json"
 GROUPS = '["relative", "capture", "contact", "phase", "ring", "energy", "solver"]'

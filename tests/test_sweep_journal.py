@@ -25,13 +25,16 @@ pytest.importorskip("scipy")
 
 from pyarrow import parquet
 
-from dockloop import paths, sweep_report
-from dockloop.cases import Result
-from dockloop.errors import UsageError
-from dockloop.journal import Journal
-from dockloop.outputs import cannot_write
+from dockloop.base import paths
+from dockloop.base.errors import UsageError
+from dockloop.base.files import cannot_write
+from dockloop.runs.outcome import Result
+from dockloop.sweeps import table as sweep_table
+from dockloop.sweeps.journal import Journal
 from mishaps import full_disk, lines_of, wait_for_lines
 from small_sweeps import MANY, NAMED, SHORT, run_table, vary, write
+
+pytestmark = pytest.mark.usefixtures("native")  # the bits of FMUs are compared with the core's
 
 SPEEDS = ["sweep", "absorber_1d_speeds", "--no-plots", "-o", "mine.parquet"]
 
@@ -45,9 +48,6 @@ def test_an_interrupted_sweep_goes_on_to_the_same_table_with_one_worker(
 ):
     """Ctrl-C, then a line torn in the middle, then --resume: nothing twice, no bit different."""
     path, whole = reference
-    if engine == "core":  # its compiler is another one than that of portable FMUs
-        whole = tmp_path / "whole.parquet"
-        dockloop("sweep", str(path), "--engine", engine, "-o", str(whole), "--no-plots")
     output, journal = tmp_path / "mine.parquet", tmp_path / "mine.jsonl"
     command = ["sweep", str(path), "--engine", engine, "--workers", "1", "-o", str(output)]
     command.append("--no-plots")
@@ -200,7 +200,7 @@ def test_a_table_that_cannot_be_written_is_reported_before_the_first_case(
     def fail(*_, **__):
         raise AssertionError("a case was run")
 
-    monkeypatch.setattr("dockloop.sweeps.run_cases", fail)
+    monkeypatch.setattr("dockloop.sweeps.campaign.Campaign.run", fail)
     (tmp_path / "mine.parquet").mkdir()
     refused = dockloop(*SPEEDS)
     assert refused.status == 2, refused
@@ -299,7 +299,7 @@ def test_a_table_without_space_comes_from_the_journal(dockloop, tmp_path, monkey
         raise cannot_write(tmp_path / "own.parquet", OSError(errno.ENOSPC, "full"))
 
     with monkeypatch.context() as full:
-        full.setattr(sweep_report, "write_table", fail)
+        full.setattr(sweep_table, "write_table", fail)
         failed = dockloop(*command)
     assert failed.status == 1, failed
     assert "no space is left on the disk); the journal has all results: the same" in failed.err

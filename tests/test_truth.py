@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dockloop.errors import UsageError
-from dockloop.solution import make_solution
+from dockloop.base.errors import UsageError
+from dockloop.runs.solution import make_solution
 
 REFERENCE = json.loads((Path(__file__).parent / "data/hexapod_bench_reference.json").read_text())
 AXES = ("1", "2", "3")

@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop import catalogue
-from dockloop.planning import Planner
-from dockloop.sampling import as_setting, make_sweep
-from dockloop.scene import find_scene, list_keys, resolve_scene
+from dockloop.scene import catalogue
+from dockloop.scene.find import find_scene
+from dockloop.scene.resolve import list_keys, resolve_scene
+from dockloop.scene.values import as_setting
+from dockloop.sweeps.planning import Planner
+from dockloop.sweeps.sampling import make_sweep
 
 SCENE = "idss_25t_350t"
 BDF = 6
@@ -153,12 +155,21 @@ REFUSED = {
         " implicit, bdf, fixed_rk4, stabilised, rosenbrock, fixed_rosenbrock (did you mean 'bdf'?)",
     ),
     "not carried": (
-        ["build", "absorber_1d", "--scene", "solver.method=adams", "-o", "{folder}/a.fmu"],
-        "solver.method is 5 (adams), a method for comparison, which this build does not carry",
+        ["build", "absorber_1d", "--scene", "solver.method=dae", "-o", "{folder}/a.fmu"],
+        "solver.method is 9 (dae), a method for comparison, which this build does not carry",
     ),
     "set what is not carried": (
-        ["run", "absorber_1d", "--set", "solver.method=adams", "-o", "{folder}/a.csv"],
-        "= 5 (adams), a method for comparison, which this build does not carry: take 1 (auto)",
+        ["run", "absorber_1d", "--set", "solver.method=dae", "-o", "{folder}/a.csv"],
+        "= 9 (dae), a method for comparison, which this build does not carry: take 1 (auto)",
+    ),
+    "no longer built": (
+        ["run", "absorber_1d", "--scene", "solver.method=adams", "-o", "{folder}/a.csv"],
+        "solver.method is 5 (adams), a method for comparison: multistep of order up to 12; no"
+        " longer built: take 11 (stabilised)",
+    ),
+    "no longer built, in a grid": (
+        ["trade", "absorber_1d", "--quick", "--methods", "bdf,imex", "-o", "{folder}"],
+        "--methods bdf,imex: imex: implicit for contact and latches only; no longer built: take 12",
     ),
 }
 

@@ -4,17 +4,17 @@ Oracles: the frequency of two masses on a spring, clouds of particles (particles
 and momentum, and the rigid vehicle that a very stiff part leaves.
 """
 
-import copy
+import json
 import math
-import tomllib
 
 import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop.errors import DockloopError
-from dockloop.paths import SCENES
+from dockloop.base.errors import DockloopError
+from dockloop.base.paths import MECHANISMS
 from particles import Cloud, quaternion_matrix, turn
+from vehicles import check_saved_states, shipped
 
 TIGHT = {"rtol": 1e-11, "atol_position": 1e-12, "atol_velocity": 1e-12}
 OUTPUTS = {"groups": ["relative", "capture", "phase", "energy", "solver"]}
@@ -146,14 +146,6 @@ def test_a_vehicle_with_all_kinds_of_parts_moves_as_its_particles(cloud, name):
     assert np.abs(run["momentum.residual"]).max() < 1e-14
 
 
-def shipped(name, **vehicles):
-    """A shipped scene with members of its vehicles changed."""
-    scene = tomllib.loads((SCENES / f"{name}.toml").read_text())
-    for vehicle, members in vehicles.items():
-        scene[vehicle] = copy.deepcopy(scene[vehicle]) | members
-    return scene
-
-
 def make_array(side):
     part = {"mass": 150.0, "com": [0, 3 * side, 0], "inertia": [300, 5, 300, 0, 0, 0]}
     place = {"position": [-1, 1.5 * side, 0], "joint": "hinge", "axis": [1, 0, 0]}
@@ -259,15 +251,7 @@ def test_saved_states_hold_the_motion_of_parts():
         chaser={"part": [make_array(1)], "adapter": make_adapter(2.5)},
         target={"part": [make_array(-1)], "adapter": make_adapter(-14)},
     )
-    plain, twice = dl.Docking(scene), dl.Docking(scene)
-    for _ in range(30):
-        plain.step(0.1)
-        saved = twice.save()
-        twice.step(0.1)
-        twice.restore(saved)
-        twice.step(0.1)
-        for name in ("part[1].coordinate", "part[4].rate[6]", "part[2].force[3]", "gap"):
-            assert twice.get(name) == plain.get(name), name
+    check_saved_states(scene, ("part[1].coordinate", "part[4].rate[6]", "part[2].force[3]", "gap"))
 
 
 class RigidHost:
@@ -281,12 +265,16 @@ class RigidHost:
         self._loads = [f"{name}.force_mean", f"{name}.torque_mean"]
         self._state = [np.array(docking.get(n)) for n in self._names]
 
-    def step(self, h):
-        """One communication step in which both step at once."""
-        force, torque = (np.array(self._docking.get(n)) for n in self._loads)
+    def report(self):
+        """Report the motion; returns the load that is announced for the step."""
+        loads = [np.array(self._docking.get(n)) for n in self._loads]
         for name, value in zip(self._names, self._state, strict=True):
             self._docking.set(name, value)
-        self._docking.step(h)
+        return loads
+
+    def move(self, load, h):
+        """The same step of the vehicle, under the announced load."""
+        force, torque = load
         p, v, q, w = self._state
 
         def rate(z):
@@ -309,9 +297,10 @@ SOFT = {"mass": 300.0, "inertia": [60, 50, 50, 0, 0, 0], "joint": "slide", "axis
 SOFT |= {"frequency": 8.0, "damping_ratio": 0.02}
 
 
+@pytest.mark.parametrize("driven", [("chaser",), ("target",), ("chaser", "target")])
 @pytest.mark.parametrize("soft", ["chaser", "target"])
 @pytest.mark.parametrize("step", [0.05, 0.1])
-def test_a_driven_chaser_docks_with_a_soft_adapter_as_one_fmu(soft, step):
+def test_driven_vehicles_dock_with_a_soft_adapter_as_one_fmu(driven, soft, step):
     """The light mass in front of the spring is inside: the border lies where it is soft."""
     scene = shipped("idss_25t_350t")
     place = [0.9 * scene[soft].get("interface_position", [0.0])[0], 0, 0]
@@ -319,13 +308,18 @@ def test_a_driven_chaser_docks_with_a_soft_adapter_as_one_fmu(soft, step):
     scene["initial"]["approach_time"] = 0.5
     scene["solver"] = {"rtol": 1e-9, "atol_position": 1e-11, "atol_velocity": 1e-11}
     one = dl.run(scene, stop=2.0, step=0.1)
-    chaser = scene["chaser"]
-    scene["chaser"] = chaser | {"motion": "driven"}
+    for name in driven:
+        scene[name] = scene[name] | {"motion": "driven"}
     coupled = dl.Docking(scene | {"coupling": {"mode": "parallel"}})
     coupled.set("coupling.expected_step", step)
-    host = RigidHost(coupled, "chaser", chaser["mass"], chaser["inertia"][:3])
+    hosts = [
+        RigidHost(coupled, name, scene[name]["mass"], scene[name]["inertia"][:3]) for name in driven
+    ]
     for _ in range(round(2.0 / step)):
-        host.step(step)
+        loads = [host.report() for host in hosts]
+        coupled.step(step)
+        for host, load in zip(hosts, loads, strict=True):
+            host.move(load, step)
     for load in ("compression", "shear", "bending"):
         peak = one[f"capture.peak.{load}"][-1]
         assert coupled.get(f"capture.peak.{load}") == pytest.approx(peak, rel=1e-5), load
@@ -379,3 +373,148 @@ def test_what_parts_do_not_go_with_is_refused(change, words):
     with pytest.raises(DockloopError) as error:
         dl.run(scene, change, stop=0.1)
     assert all(word in str(error.value) for word in words), str(error.value)
+
+
+def test_the_step_for_real_time_follows_the_adapter_that_hooks_and_faces_hold():
+    """Closed hooks swing the adapter, not the vehicle behind its springs: sqrt(k/m)."""
+    mechanism = json.loads((MECHANISMS / "apda.json").read_text())["interface"]
+    hooks = mechanism["hooks"]
+    stiffness = mechanism["faces"]["stiffness"]
+    stiffness += hooks["stiffness"] * sum(row["count"] for row in hooks["rows"])
+    for mass in (5.0, 20.0):
+        soft = make_adapter(2.5) | {"mass": mass, "frequency": 1.0}
+        docking = dl.Docking(shipped("apda", chaser={"adapter": soft}))
+        docking.set("accuracy", -1)
+        step = docking.get("solver.chosen_step")
+        assert step * np.sqrt(stiffness / mass) == pytest.approx(0.25, abs=0.06), step
+
+
+def test_a_key_changes_or_adds_a_part():
+    scene = free(1.0, chaser=PLAIN | {"part": [SLIDE]})
+    part = SLIDE | {"mass": 50.0, "position": [0.5, 0.0, 0.2]}
+    keys = {"chaser.part.1.mass": 50.0, "chaser.part.1.position.3": 0.2}
+    keys |= {f"chaser.part.2.{member}": value for member, value in HINGE.items()}
+    by_keys = dl.run(scene, keys)
+    by_file = dl.run(free(1.0, chaser=PLAIN | {"part": [part, HINGE]}))
+    for name in ("part[1].coordinate", "part[2].rate", "chaser.position[3]"):
+        assert by_keys[name].tolist() == by_file[name].tolist(), name
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("chaser.part.3.mass", ["2 adds a part of the chaser"]),
+        ("chaser.part.1.masses", ["did you mean 'mass'"]),
+        ("chaser.part.1.com.4", ["has no number '4'", "com"]),
+        ("target.part.1.mass", ["part[1]", "joint"]),
+    ],
+)
+def test_a_wrong_key_of_a_part_is_refused(key, words):
+    scene = free(0.1, chaser=PLAIN | {"part": [SLIDE]}, target=PLAIN)
+    with pytest.raises(DockloopError) as error:
+        dl.run(scene, {key: 1.0})
+    assert all(word in str(error.value) for word in words), str(error.value)
+
+
+def test_a_sweep_varies_a_part(tmp_path):
+    (tmp_path / "swing.toml").write_text(
+        'outputs.groups = ["relative"]\nexperiment = {stop = 0.5, step = 0.1}\n'
+        "[chaser]\nmass = 1e9\ninertia = [1e9, 1e9, 1e9, 0, 0, 0]\n"
+        '[[chaser.part]]\nmass = 2\njoint = "slide"\naxis = [1, 0, 0]\n'
+        "frequency = 0.5\ncoordinate = 0.01\n"
+    )
+    file = tmp_path / "tune.toml"
+    file.write_text(
+        'scene = "swing.toml"\noutcomes = ["part[1].coordinate"]\n[[vary]]\n'
+        'type = "grid"\nname = "chaser.part.1.frequency"\nvalues = [0.5, 1.0]\n'
+    )
+    swing = dl.sweep(file)["part[1].coordinate"].to_numpy()
+    assert swing == pytest.approx([0.0, -0.01], abs=1e-6)  # after a quarter and half a period
+
+
+@pytest.mark.parametrize("side", ["chaser", "target"])
+def test_time_to_contact_counts_springs_that_push_the_interface(side):
+    """An adapter that starts drawn back is fastest after a quarter of its period."""
+    scene = shipped("idss_25t_350t")
+    adapter = {"mass": 300.0, "inertia": [60, 50, 50, 0, 0, 0], "joint": "slide", "frequency": 0.4}
+    sign = {"chaser": 1.0, "target": -1.0}[side]
+    place = [0.9 * scene[side]["interface_position"][0], 0, 0]
+    adapter |= {"position": place, "axis": [sign, 0, 0], "coordinate": -0.1}
+    scene[side] |= {"adapter": adapter}
+    scene["initial"] |= {"at": "first_contact", "approach_time": 2.0}
+    run = dl.run(scene, stop=5.0, step=0.02)
+    contact = run["time_of_contact"][-1]
+    before = (run.time < contact) & (run.time > 0.0)
+    assert before.sum() > 20
+    assert contact > 0.0
+    bound = run["time_to_contact"][before]
+    assert (bound <= contact - run.time[before] + 1e-9).all()
+    assert (bound > 0.0).all()
+
+
+def test_check_lists_parts_with_their_frequencies(dockloop, tmp_path):
+    """A slide of 120 kg on 1000 kg is faster by sqrt(1 + 120/1000), a hinge far away is not."""
+    (tmp_path / "parts.toml").write_text(
+        'outputs.groups = ["relative"]\nexperiment = {stop = 0.5, step = 0.1}\n'
+        "[chaser]\nmass = 1000\ninertia = [500, 600, 700, 0, 0, 0]\n"
+        '[[chaser.part]]\nmass = 120\njoint = "slide"\naxis = [1, 0, 0]\n'
+        "frequency = 0.5\ndamping_ratio = 0.01\ncoordinate = 0.2\n"
+        '[chaser.adapter]\nmass = 10\ninertia = [1, 2, 3, 0, 0, 0]\njoint = "elastic"\n'
+        "frequency = 8.0\n"
+        "[target]\nmass = 9000\ninertia = [5000, 6000, 7000, 0, 0, 0]\nposition = [40, 0, 0]\n"
+        "modes = {frequency = [2.0], participation = [[30, 0, 0, 0, 0, 0]]}\n"
+    )
+    status, out, err = dockloop("check", tmp_path / "parts.toml", "--json")
+    assert status == 0, err
+    rows = json.loads(out)["parts"]
+    names = ["chaser.part[1]", *["chaser.adapter"] * 6, "target.modes[1]"]
+    assert [row["part"] for row in rows] == names
+    assert [row["on"] for row in rows] == ["chaser"] * 7 + ["target"]
+    held = [row["held_Hz"] for row in rows]
+    assert held == pytest.approx([0.5, *[8.0] * 6, 2.0], rel=1e-6)
+    assert rows[0]["free_Hz"] == pytest.approx(0.5 * math.sqrt(1.12), rel=1e-4)
+    assert rows[0]["damping_ratio"] == pytest.approx(0.01, rel=1e-4)
+    turns = sorted(8 * math.sqrt(1 + part / of) for part, of in ((1, 500), (2, 600), (3, 700)))
+    free = sorted(row["free_Hz"] for row in rows[1:7])
+    assert free == pytest.approx(sorted([*turns, *[8 * math.sqrt(1.01)] * 3]), rel=1e-5)
+    assert rows[7]["free_Hz"] == pytest.approx(2 / math.sqrt(0.9), rel=1e-6)
+    status, out, err = dockloop("check", tmp_path / "parts.toml")
+    assert status == 0, err
+    assert max(map(len, out.splitlines())) <= 100
+    assert all(word in out for word in ("hangs on", "vehicle held", "0.5292", "adapter")), out
+
+
+PEAKS = ("tension", "compression", "shear", "bending", "torsion")
+HOOKED = 95.0  # s: the ring of apda has been retracted, and the hooks have closed
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("hertz", "step", "most"),
+    [(8, 0.1, 1e-3), (12, 0.01, 1e-5), (20, 0.1, 1e-3)],
+)
+def test_hooks_close_with_the_adapter_inside(hertz, step, most):
+    """2 t in front of 23 t, through retraction and hooks: the worst of five peaks of one FMU."""
+    mass, main = 2000.0, 23e3
+    stiffness = (2 * math.pi * hertz) ** 2 * mass * main / (mass + main)  # both ends move
+    adapter = {"mass": mass, "inertia": [2000, 1500, 1500, 0, 0, 0], "position": [3, 0, 0]}
+    adapter |= {"joint": "slide", "axis": [1, 0, 0], "stiffness": stiffness}
+    adapter["damping"] = 0.02 * stiffness / (2 * math.pi * hertz)
+    inertia = [58.5e3, 118e3, 118e3, 0, 0, 0]
+    scene = shipped("apda", chaser={"mass": main, "inertia": inertia, "adapter": adapter})
+    scene["initial"]["approach_time"] = 0.5
+    scene["solver"] = {"rtol": 1e-9, "atol_position": 1e-11, "atol_velocity": 1e-11}
+    one = dl.run(scene, stop=HOOKED, step=0.1)
+    scene["chaser"]["motion"] = "driven"
+    coupled = dl.Docking(scene | {"coupling": {"mode": "parallel"}})
+    coupled.set("coupling.expected_step", step)
+    host = RigidHost(coupled, "chaser", main, inertia[:3])
+    for _ in range(round(HOOKED / step)):
+        load = host.report()
+        coupled.step(step)
+        host.move(load, step)
+    assert coupled.get("phase") == one["phase"][-1] == 7  # hard_docked
+    for load in PEAKS:
+        peak = one[f"capture.peak.{load}"][-1]
+        assert coupled.get(f"capture.peak.{load}") == pytest.approx(peak, rel=most), load
+    assert [text for text in coupled.warnings if not text.startswith("limit")] == []

@@ -21,10 +21,10 @@ import numpy as np
 import pytest
 
 import dockloop as dl
-from dockloop import paths
-from dockloop.errors import DockloopError
-from dockloop.outputs import scratch
-from dockloop.simulate import Instance, communication_points, unpack_fmu
+from dockloop.base import paths
+from dockloop.base.errors import DockloopError
+from dockloop.base.files import scratch
+from dockloop.fmu.host import Instance, communication_points, unpack_fmu
 from dockloop.view import browser as chromium
 from dockloop.view import geometry
 from dockloop.view.browser import Browser
@@ -223,6 +223,65 @@ def test_a_box_has_mass_and_inertia_of_its_vehicle():
     assert box["pose"]["p"] == [-4.0, 0.0, 0.0]
     other = geometry.make_geometry(document, {"chaser.interface_position[1]": 6.0})
     assert other["vehicles"]["chaser"]["box"]["pose"]["p"][0] == -6.0
+
+
+def test_parts_and_vehicles_behind_adapters_stand_where_the_run_has_them(tmp_path):
+    """Bodies of the vehicles, drawn by way of adapters and interfaces, against their poses in N."""
+    elastic = {"mass": 300.0, "inertia": [90, 60, 60, 0, 0, 0], "joint": "elastic"}
+    elastic |= {"frequency": 2.0, "coordinate": [0.02, -0.01, 0.03, 0.1, -0.2, 0.15]}
+    mount = {"position": [1.5, 0.1, 0], "attitude": [0.96, 0, 0.28, 0]}
+    boom = {"mass": 60.0, "com": [0, 1, 0], "joint": "hinge", "axis": [0, 0, 1], "coordinate": 0.5}
+    tank = {"mass": 60.0, "joint": "slide", "axis": [0, 0.6, 0.8], "coordinate": 0.4}
+    inertia = [700, 800, 900, 0, 0, 0]
+    scene = {
+        "chaser": {
+            "mass": 900.0,
+            "inertia": inertia,
+            "interface_position": [2, 0.1, 0.2],
+            "interface_attitude": [0.8, 0.6, 0, 0],
+            "part": [boom | {"position": [0, 1, 0]}],
+            "adapter": elastic | mount,
+            "angular_velocity": [0.1, 0.2, -0.1],
+        },
+        "target": {
+            "mass": 900.0,
+            "inertia": inertia,
+            "position": [6, 1, 0],
+            "attitude": [0.8, 0, 0, 0.6],
+            "interface_position": [-1, 0, 0.3],
+            "part": [tank | {"position": [0, 0, -1]}],
+            "adapter": elastic | {"position": [-0.8, 0, 0]},
+        },
+        "experiment": {"stop": 1.0, "step": 0.1},
+        "outputs": {"groups": ["relative"]},
+    }
+    run = dl.run(scene)
+    write_page(run, tmp_path / "page.html")
+    data = read_page(tmp_path / "page.html")
+    columns = data["columns"]
+    assert [part["name"] for part in data["geometry"]["parts"]] == ["part 1", "adapter"] * 2
+
+    def join(a, b):
+        turned = geometry.turn(a[:, 3:], b[:, :3])
+        return np.hstack([a[:, :3] + turned, geometry.multiply(a[:, 3:], b[:, 3:])])
+
+    def invert(a):
+        back = geometry.conjugate(a[:, 3:])
+        return np.hstack([geometry.turn(back, -a[:, :3]), back])
+
+    def body(name):
+        pose = data["geometry"]["vehicles"][name]["pose"]
+        home = np.tile([*pose["p"], *pose["q"]], (len(run.time), 1))
+        return join(columns[f"pose.vehicle.{name}"], home)
+
+    drawn = join(invert(body("chaser")), join(columns["pose.target"], body("target")))
+    right = join(invert(rows(run, "chaser")), rows(run, "target"))
+    assert np.abs(drawn[:, :3] - right[:, :3]).max() < 1e-9
+    assert np.abs(np.sum(drawn[:, 3:] * right[:, 3:], axis=1)).min() > 1 - 1e-12
+    # A slide keeps its part on a line of the body of the vehicle.
+    tank = join(invert(join(columns["pose.target"], body("target"))), columns["pose.part[3]"])
+    along = np.outer(run["part[3].coordinate"], [0, 0.6, 0.8]) - np.array([0, 0, 1])
+    assert np.abs(tank[:, :3] - along).max() < 1e-9
 
 
 def test_the_library_is_the_one_that_is_stated():

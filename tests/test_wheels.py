@@ -24,8 +24,9 @@ import lief
 import pytest
 
 import dockloop as dl
-from dockloop import binaries, paths
-from dockloop.core import load_core, to_json
+from dockloop.base import paths
+from dockloop.fmu import binaries
+from dockloop.native.core import load_core, to_json
 from test_binary import FLOORS, LOADS, WINE, exports, parse, start_wine
 from test_package import use_without_a_compiler
 
@@ -93,7 +94,7 @@ def test_a_wheel_has_tag_and_files_of_its_platform(platform, pretended, tmp_path
     package = tmp_path / "site" / "dockloop"
     assert (package / find_module(platform).name).exists()
     assert (package / "view" / "web" / "view.js").exists()
-    code = "from dockloop.binaries import find_libraries as f; print(*f())"
+    code = "from dockloop.fmu.binaries import find_libraries as f; print(*f())"
     site = os.pathsep.join([str(tmp_path / "site"), *filter(None, sys.path)])
     found = subprocess.run(
         [sys.executable, "-S", "-c", code],

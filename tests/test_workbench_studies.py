@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("distributed")
 
-from dockloop.paths import ROOT
+from dockloop.base.paths import ROOT
 
 STUDIES = ROOT / "tests" / "studies"
 SAMPLES = {  # study: options, what the page must have

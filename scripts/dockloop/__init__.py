@@ -13,87 +13,69 @@ From a notebook or a script::
                         x=("initial.lateral_offset", 0.0, 0.2),
                         y=("initial.closing_speed", 0.01, 0.15))
     table = dl.trade("idss_25t_350t", quick=True)  # speed against accuracy
+    found = dl.fit("absorber_1d", "rig.csv",     # parameters from measurements
+                   {"mechanism.set.contact.damping": (2e3, 4e4)})
     report = dl.check("idss_hexapod")            # is a mechanism sound?
+    made = dl.import_mechanism("cad.sdf", "mine.json")  # from MJCF, URDF or SDF
 
-Modules, in the order in which a docking passes through them::
+Rooms by floor. A room imports from lower floors; on one floor, imports go one way::
 
-    cli        the command line; arguments in, text and exit status out
-    commands   one module a command: its options, and the calls that do its work
-    arguments  the parser of a command, with options that several commands share
-    console    what a command prints
-    scene      scene file + mechanism file + overrides -> one resolved document
-    schema     both files against their JSON Schemas, errors as one sentence
-    core       the compiled module: checks, placement, model description, dockings
-    docking    Scene, Docking and run: a docking in this process, without an FMU
-    results    what a run left behind
-    fmu        resolved document + compiled library -> NAME.fmu
-    simulate   drives an FMU with FMPy and records its outputs
-    summary    a recorded docking in words and numbers
-    plots      the same as figures
-    figures    how figures are written, and that they may be missing
-    html_report  one page about a run, a sweep or an envelope
-    outputs    which files a command may replace, and how all files are written
-
-and many of them::
-
-    sampling      sweep file -> the values of every case
-    planning      the values of a case -> scene, start values, FMU
-    executors     where cases run: threads of the core, or FMUs in Dask workers
-    sweeps        runs all cases of a sweep that are not in its journal
-    journal       results as they arrive, to go on with after an interruption
-    cases         one case of a loaded FMU, as a Dask worker runs it
-    sweep_report  the table, its summary in words and numbers, figures
-    influence     which input decides an outcome, and from which value on
-    criteria      "captured within 5 s and load_ratio < 1"
-    rare          the part of dockings that fail when few do
-    envelopes     the boundary of a criterion, with few dockings
-    maps          where a scene is right, refused or wrong, over two quantities
-    extremes      whole scenes drawn at random, each with a verdict
-    trades        speed against accuracy of many settings
-    run_errors    the error of a run against a reference result, for all commands
-    accuracy      the error of a run, estimated by a second run
-    judging       is a run right? for maps and random extremes
-    crew          processes for that, which may be killed
-
-and next to them::
-
-    mechanism  is a mechanism sound?
-    view       a docking in three dimensions
-    measured   measured time histories over a run
-
-and what has names: `variables` of a docking, and the `catalogue` of all that can be set and read.
+    11  cli       the program: arguments in, text and exit status out
+    11  commands  what the command line offers: parser, console, one module a command
+    10  live      the page of a view with sliders, from a server on this machine
+     9  api       what the function `sweep` does
+     9  studies   questions over many runs: envelopes, maps, trades, random extremes, measurements
+     9  view      a docking in three dimensions
+     8  report    pages and figures of runs and sweeps
+     7  sweeps    many dockings: samples, plan, campaign, executors, journal, table, rare events
+     6  runs      one docking in this process, its linear model, whether it is right
+     5  fmu       an FMU: made, described, driven by a host; SSP
+     4  exchange  mechanisms of other tools: MJCF, URDF, SDF
+     4  result    what a run left behind: recording, summary, criteria, errors, limits, files
+     3  scene     scene file + mechanism file + overrides -> one document; places, shapes, names
+     2  native    the compiled core: checks, placement, dockings, variables
+     1  base      paths, files, errors, numbers, words, colours, reports, JSON Schemas
 
 Nothing here computes dynamics; that is the C++ core.
 """
 
 from typing import TYPE_CHECKING, Any
 
-from dockloop import paths
+from dockloop.base import paths
+from dockloop.base.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from dockloop.docking import Docking, Scene, run
-    from dockloop.envelopes.command import Envelope, envelope
-    from dockloop.errors import DockloopError, UsageError
-    from dockloop.histories import read_histories
-    from dockloop.linear import LinearModel, linearise
-    from dockloop.mechanism import check_mechanism as check
-    from dockloop.results import Result
-    from dockloop.sweep_report import read_parts
-    from dockloop.sweeps import sweep
-    from dockloop.trades.command import trade
+    from dockloop.api import sweep
+    from dockloop.base.errors import DockloopError, UsageError
+    from dockloop.exchange.importing import import_mechanism
+    from dockloop.result.recording import Result
+    from dockloop.runs.docking import Docking, Scene, run
+    from dockloop.runs.host_judging import HostCheck, host_check
+    from dockloop.runs.linear import LinearModel, linearise
+    from dockloop.scene.mechanism import check_mechanism as check
+    from dockloop.studies.envelopes.command import Envelope, envelope
+    from dockloop.studies.fits.command import Fit, fit, plan_fit
+    from dockloop.studies.trades.command import trade
+    from dockloop.sweeps.histories import read_histories
+    from dockloop.sweeps.table import read_parts
 
-__version__ = "0.1.0"
 __all__ = [
     "Docking",
     "DockloopError",
     "Envelope",
+    "Fit",
+    "HostCheck",
     "LinearModel",
     "Result",
     "Scene",
     "UsageError",
     "check",
     "envelope",
+    "fit",
+    "host_check",
+    "import_mechanism",
     "linearise",
+    "plan_fit",
     "read_histories",
     "read_parts",
     "run",
@@ -105,21 +87,27 @@ if not paths.IS_INSTALLED:  # in a clone the compiled module is where the C++ bu
     __path__.append(str(paths.COMPILED))
 
 _WHERE = {  # imported when they are used, so that a command starts quickly
-    "Docking": "docking",
-    "DockloopError": "errors",
-    "Envelope": "envelopes.command",
-    "LinearModel": "linear",
-    "Result": "results",
-    "Scene": "docking",
-    "UsageError": "errors",
-    "check": "mechanism",
-    "envelope": "envelopes.command",
-    "linearise": "linear",
-    "read_histories": "histories",
-    "read_parts": "sweep_report",
-    "run": "docking",
-    "sweep": "sweeps",
-    "trade": "trades.command",
+    "Docking": "runs.docking",
+    "DockloopError": "base.errors",
+    "Envelope": "studies.envelopes.command",
+    "Fit": "studies.fits.command",
+    "HostCheck": "runs.host_judging",
+    "LinearModel": "runs.linear",
+    "Result": "result.recording",
+    "Scene": "runs.docking",
+    "UsageError": "base.errors",
+    "check": "scene.mechanism",
+    "envelope": "studies.envelopes.command",
+    "fit": "studies.fits.command",
+    "host_check": "runs.host_judging",
+    "import_mechanism": "exchange.importing",
+    "linearise": "runs.linear",
+    "plan_fit": "studies.fits.command",
+    "read_histories": "sweeps.histories",
+    "read_parts": "sweeps.table",
+    "run": "runs.docking",
+    "sweep": "api",
+    "trade": "studies.trades.command",
 }
 
 

@@ -6,16 +6,20 @@ only a defect of this program shows a traceback, and only with ``--debug``.
 """
 
 import os
+import signal
 import sys
+import threading
 from argparse import SUPPRESS
-from collections.abc import Sequence
-from importlib import import_module
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
-from dockloop import __version__
-from dockloop.arguments import Command
-from dockloop.commands import COMMANDS
-from dockloop.console import ReaderGoneError, write, write_failure
-from dockloop.errors import DockloopError, UsageError, explain
+from dockloop.base.errors import DockloopError, UsageError, explain
+from dockloop.base.version import __version__
+from dockloop.commands import COMMANDS, load_command
+from dockloop.commands.arguments import Command
+from dockloop.commands.console import ReaderGoneError, write, write_failure
+
+_ALONE = "PYTHONSAFEPATH"  # set: processes of a command import nothing of the current folder
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,7 +37,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if hasattr(sys.stdout, "reconfigure"):  # names of files may hold what a terminal cannot show
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        options.run(options)
+        with _ended_by_signals(), _alone():
+            options.run(options)
         write("", end="")
     except DockloopError as error:
         write_failure(str(error))
@@ -57,6 +62,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+@contextmanager
+def _alone() -> Iterator[None]:
+    """Let processes of a command import nothing of the current folder."""
+    before = os.environ.get(_ALONE)
+    os.environ[_ALONE] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_ALONE]
+        else:
+            os.environ[_ALONE] = before
+
+
 def _check_streams() -> None:
     """Refuse a closed standard output; no other file gets the number of a closed stream."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
@@ -65,6 +84,21 @@ def _check_streams() -> None:
     if sys.stdout is None:
         write_failure("standard output is closed: let it go to a file, or to /dev/null")
         sys.exit(UsageError.exit_status)
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Let a request to end, or a terminal that goes, end the work as Ctrl-C does: files go too."""
+    names = ("SIGTERM", "SIGHUP") if threading.current_thread() is threading.main_thread() else ()
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    taken = [number for number in numbers if signal.getsignal(number) is signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _make_parser(words: Sequence[str]) -> Command:
@@ -79,7 +113,7 @@ def _make_parser(words: Sequence[str]) -> Command:
     for name, text in COMMANDS.items():
         command = commands.add_parser(name, help=text, description=text + ".")
         if name in words:
-            module = import_module(f"dockloop.commands.{name}")
+            module = load_command(name)
             command.epilog = module.EXAMPLE
             command.set_defaults(run=module.run)
             command.add_argument("--debug", action="store_true", help=SUPPRESS)

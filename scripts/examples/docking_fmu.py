@@ -7,14 +7,15 @@ and a table of how far two runs are apart.
 import argparse
 import re
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 
-from dockloop.core import list_choices, list_loads, name_choice
-from dockloop.fmu import build_fmu
+from dockloop.fmu.build import build_fmu
+from dockloop.native.core import list_choices, list_loads, name_choice
 
 SCENE = "idss_25t_350t"
 MODES = {mode.name: mode.number for mode in list_choices("coupling.mode")}
@@ -26,18 +27,19 @@ RESULTS = ("time_of_contact", "time_of_capture", *PEAKS)
 class Docking:
     """One docking. Names are without index: `chaser.position` is an array, `phase` a number."""
 
-    def __init__(self, motion: str, step: float, settings: dict) -> None:
+    def __init__(self, motion: str, step: float, settings: dict, keys: Sequence = ()) -> None:
         """Build and start it.
 
         Args:
             motion: of the chaser: `free` (integrated inside) or `driven` (by the host).
             step: between communication points, s.
             settings: parameters and start values by name.
+            keys: of the scene, `KEY=VALUE`.
         """
         self.step, self.count = step, 0
         with tempfile.TemporaryDirectory() as folder:  # once it is loaded, it reads no file
             file = Path(folder) / "docking.fmu"
-            fmu = str(build_fmu(SCENE, [f"chaser.motion={motion}"], file, bare=True))
+            fmu = str(build_fmu(SCENE, [f"chaser.motion={motion}", *keys], file, bare=True))
             description = read_model_description(fmu)
             self.slave = FMU2Slave(
                 guid=description.guid,

@@ -32,9 +32,9 @@ from pathlib import Path
 
 from fmpy import read_model_description, simulate_fmu
 
-from dockloop.core import list_loads, name_choice
-from dockloop.fmu import build_fmu
-from dockloop.ssp import PARAMETER_SET, build_ssp
+from dockloop.fmu.build import build_fmu
+from dockloop.fmu.ssp import PARAMETER_SET, build_ssp
+from dockloop.native.core import list_loads, name_choice
 
 ACCURATE = ("solver.rtol=1e-9", "solver.atol_position=1e-11", "solver.atol_velocity=1e-11")
 RESULTS = {

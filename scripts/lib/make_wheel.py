@@ -24,8 +24,9 @@ import tomllib
 import zipfile
 from pathlib import Path
 
-from dockloop import binaries, paths
-from dockloop.core import load_core
+from dockloop.base import paths
+from dockloop.fmu import binaries
+from dockloop.native.core import load_core
 
 WHEELS = paths.BUILD / "wheels"
 _EXTRAS = ("tables", "sweep")  # the others are of use in a clone only

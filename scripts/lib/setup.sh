@@ -109,8 +109,8 @@ ensure_sundials() {
   quietly sundials-unpack dpkg -x "$work"/libsundials-dev_*.deb "$work/unpacked"
   (
     cd "$work/unpacked"
-    find usr/include -name '*.h*' -exec cp --parents {} "$target" \;
-    find usr/lib \( -name 'libsundials_arkode.a' -o -name 'libsundials_cvode.a' -o -name 'libsundials_ida.a' \
+    find usr/include/{cvode,ida,nvector,sun*} -name '*.h*' -exec cp --parents {} "$target" \;
+    find usr/lib \( -name 'libsundials_cvode.a' -o -name 'libsundials_ida.a' \
       -o -name 'libsundials_nvecserial.a' -o -name 'libsundials_generic.a' \) -exec cp --parents {} "$target" \;
     cp --parents usr/share/doc/libsundials-dev/copyright "$target"
   )

@@ -19,13 +19,13 @@ endforeach()
 
 file(COPY /usr/include/nlohmann DESTINATION ${TARGET})
 
-# SUNDIALS: CVODE with serial vectors, dense and band matrices and solvers. ARKODE and IDA are for
-# comparison only, which needs the installed packages. What its own build would find out about the
+# SUNDIALS: CVODE with serial vectors, dense and band matrices and solvers. IDA is for comparison
+# only, which needs the installed packages. What its own build would find out about the
 # compiler holds for every compiler of C99 and is written down here.
 file(ARCHIVE_EXTRACT INPUT ${ARCHIVE} DESTINATION ${TARGET}.unpacked)
 file(GLOB sundials ${TARGET}.unpacked/*)
 foreach(part cvode nvector/serial sundials sunmatrix/dense sunmatrix/band sunlinsol/dense sunlinsol/band
-        sunnonlinsol/newton sunnonlinsol/fixedpoint)
+        sunnonlinsol/newton)
   string(REGEX REPLACE "/.*" "" folder ${part})
   string(REPLACE "/" "_" header ${part})
   set(from ${sundials}/src/${part})

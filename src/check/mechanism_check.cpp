@@ -42,6 +42,45 @@ std::string describe_cut(CutType cut) {
   return "R3";
 }
 
+/// Of a joint in a file, where no mode is.
+const char* describe_joint(JointType joint) {
+  if (joint == JointType::kFree) return "free";
+  return joint == JointType::kRevolute ? "revolute" : "prismatic";
+}
+
+template <class Matrix>
+json to_rows(const Matrix& m) {
+  json rows = json::array();
+  for (Eigen::Index i = 0; i < m.rows(); ++i) rows.push_back(to_json(m.row(i).transpose()));
+  return rows;
+}
+
+/// Springs, dampers and stops of legs of the short form, as elements along their travel from home.
+json describe_leg_forces(const MechanismModel& model) {
+  json elements = json::array();
+  for (const Leg& leg : model.legs) {
+    if (!leg.law) continue;
+    json laws = json::array();
+    const double rest = leg.law->free_length - leg.home_length;
+    if (leg.law->stiffness > 0.0) {
+      const double balance = rest + leg.law->preload / leg.law->stiffness;
+      const json stage = {0.0, leg.law->stiffness};
+      laws.push_back({{"type", "spring"}, {"stages", {stage}}, {"rest", balance}});
+    } else if (leg.law->preload != 0.0) {
+      laws.push_back({{"type", "constant"}, {"force", leg.law->preload}});
+    }
+    if (leg.law->damping > 0.0) {
+      laws.push_back({{"type", "damper"}, {"linear", leg.law->damping}});
+    }
+    if (leg.law->stops) laws.push_back({{"type", "stops of the short form"}});
+    const json along = {{"joint", model.bodies[leg.body].name}, {"ratio", leg.arm}};
+    if (!laws.empty()) {
+      elements.push_back({{"name", leg.name}, {"along", {along}}, {"laws", laws}});
+    }
+  }
+  return elements;
+}
+
 std::string describe_solution(const LoopBlock& block) {
   if (block.form()) return describe_leg(*block.form());
   return block.is_coupling ? "linear" : "newton";
@@ -232,7 +271,6 @@ void check_sequence(const std::string& text, const std::string& source_name,
 json check_mechanism_file(const std::string& text, const std::string& source_name) {
   Mechanism mechanism(read_mechanism(text, source_name));
   check_sequence(text, source_name, mechanism.model);
-  const std::vector<double> gaps = find_home_gaps(mechanism);
   close_home(mechanism, source_name);
   const MechanismModel& model = mechanism.model;
   MechanismData<double> data(mechanism);
@@ -285,11 +323,6 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
   for (const Body& body : model.bodies) mass += body.mass;
   result["mass"] = mass;
   json warnings = json::array();
-  for (size_t k = 0; k < model.loops.size(); ++k) {
-    if (gaps[k] <= kHomeGap * mechanism.plan.loop_size[k]) continue;
-    warnings.push_back("loop '" + model.loops[k].name + "' is open by " + std::to_string(gaps[k]) +
-                       " m at the zero pose (no home_q is given); it was closed from there");
-  }
   if (find_singularity_margin(mechanism, data) < model.singularity.warning) {
     warnings.push_back("a loop is close to singular at home");
   }
@@ -304,6 +337,60 @@ json check_mechanism_file(const std::string& text, const std::string& source_nam
   result["modes"] = modes;
   result["warnings"] = warnings;
   return result;
+}
+
+json expand_mechanism(const std::string& text, const std::string& source_name) {
+  const MechanismModel model = read_mechanism(text, source_name);
+  const auto name_of = [&](int i) { return i == kBase ? "base" : model.bodies[i].name; };
+  json bodies = json::array(), loops = json::array(), couplings = json::array();
+  for (const Body& body : model.bodies) {
+    json joint = {{"type", describe_joint(body.joint)},
+                  {"position", to_json(body.placement.p)},
+                  {"rotation", to_rows(body.placement.R)}};
+    if (body.joint != JointType::kFree) joint["axis"] = to_json(body.axis);
+    bodies.push_back({{"name", body.name},
+                      {"parent", name_of(body.parent)},
+                      {"joint", joint},
+                      {"mass", body.mass},
+                      {"com", to_json(body.com)},
+                      {"inertia", to_rows(body.inertia)}});
+  }
+  for (const Loop& loop : model.loops) {
+    if (loop.cut == CutType::kCoupling) {
+      json terms = json::array();
+      for (const CouplingTerm& term : loop.terms) {
+        terms.push_back({{"joint", name_of(term.body)}, {"ratio", term.ratio}});
+      }
+      couplings.push_back({{"name", loop.name},
+                           {"dependent", name_of(loop.terminal)},
+                           {"terms", terms},
+                           {"offset", loop.offset},
+                           {"rate", loop.rate}});
+      continue;
+    }
+    json cut = {{"type", describe_cut(loop.cut)},
+                {"point_on_terminal", to_json(loop.point_on_terminal)},
+                {"point_on_closing", to_json(loop.point_on_closing)}};
+    if (loop.cut == CutType::kPlanarRevolute) {
+      cut["plane_axes_in_root"] = to_rows(loop.plane_axes_in_root);
+    } else if (loop.cut != CutType::kSpherical) {
+      cut["axis_on_terminal"] = to_json(loop.axis_on_terminal);
+      cut["axis_on_closing"] = to_json(loop.axis_on_closing);
+    }
+    json dependent = json::array();
+    for (int i : loop.dependent) dependent.push_back(name_of(i));
+    loops.push_back({{"name", loop.name},
+                     {"root", name_of(loop.root)},
+                     {"first", name_of(loop.first)},
+                     {"terminal", name_of(loop.terminal)},
+                     {"closing", name_of(loop.closing)},
+                     {"dependent", dependent},
+                     {"cut", cut}});
+  }
+  return {{"bodies", bodies},
+          {"loops", loops},
+          {"couplings", couplings},
+          {"forces", describe_leg_forces(model)}};
 }
 
 json evaluate_states(const std::string& text, const std::string& source_name,

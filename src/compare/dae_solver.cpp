@@ -4,15 +4,14 @@
 // As with the other multistep methods, a restart begins with order 1. It begins from the state y
 // alone: what the equations add to it is completed so that all of them hold, so nothing that has
 // drifted survives a communication point or an event.
+#include "compare/dae_solver.hpp"
+
 #include <ida/ida.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 #include <stdexcept>
 
-#include "compare/methods.hpp"
 #include "math/dock_assert.hpp"
 
 namespace dockloop {
@@ -67,18 +66,12 @@ class DaeSolver : public Solver {
   }
   StepOutcome step(double t_stop, N_Vector y, double& t) override {
     if (!consistent_) return StepOutcome::kFailed;
-    if (first_) {
-      // IDA refuses to begin where there is next to no room.
-      const double room = t_stop - t_restart_;
-      const double rounding =
-          std::numeric_limits<double>::epsilon() * std::max(std::abs(t_stop), std::abs(t_restart_));
-      if (room < 1e3 * rounding) {
-        N_VLinearSum(1.0, z_, room, zdot_, z_);
-        read(y);
-        begin(t_stop, 0.0);
-        t = t_stop;
-        return StepOutcome::kStopped;
-      }
+    if (first_ && is_next_to(t_restart_, t_stop)) {  // IDA refuses to begin there
+      N_VLinearSum(1.0, z_, t_stop - t_restart_, zdot_, z_);
+      read(y);
+      begin(t_stop, 0.0);
+      t = t_stop;
+      return StepOutcome::kStopped;
     }
     IDASetStopTime(ida_, t_stop);
     const int flag = IDASolve(ida_, t_stop, &t, z_, zdot_, IDA_ONE_STEP);
@@ -110,16 +103,9 @@ class DaeSolver : public Solver {
   }
   void read(N_Vector y) const { std::copy_n(NV_DATA_S(z_), NV_LENGTH_S(y), NV_DATA_S(y)); }
 
-  std::int64_t present_steps() const override {
-    long n = 0;
-    IDAGetNumSteps(ida_, &n);
-    return n;
-  }
+  std::int64_t present_steps() const override { return read_counter(IDAGetNumSteps, ida_); }
   std::int64_t present_rejected() const override {
-    long errors = 0, unsolved = 0;
-    IDAGetNumErrTestFails(ida_, &errors);
-    IDAGetNumStepSolveFails(ida_, &unsolved);
-    return errors + unsolved;
+    return read_counter(IDAGetNumErrTestFails, ida_) + read_counter(IDAGetNumStepSolveFails, ida_);
   }
   static int call_residual(realtype t, N_Vector z, N_Vector zdot, N_Vector residual, void* solver) {
     DaeSolver& me = *static_cast<DaeSolver*>(solver);

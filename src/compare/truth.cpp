@@ -5,9 +5,8 @@
 #include <cmath>
 #include <iostream>
 
-#include "compare/comparison.hpp"
+#include "compare/extended_precision.hpp"
 #include "compare/variable_access.hpp"
-#include "math/extended.hpp"
 #include "math/status.hpp"
 #include "sim/docking_sim.hpp"
 
@@ -35,10 +34,10 @@ struct Run {
 
 Run run(const std::shared_ptr<const Scene>& scene, const SolutionOrder& order, double tolerance,
         int done_before, int of) {
-  DockingSim sim(scene, FmiKind::kCoSimulation, get_comparison());
+  const ExtendedPrecision precision(tolerance);
+  DockingSim sim(scene, FmiKind::kCoSimulation, &precision);
   const std::vector<Variable> variables = make_variables(sim);
   for (const std::string& setting : order.settings) set(variables, setting);
-  sim.use_extended_precision(tolerance);
   std::vector<const Variable*> wanted;
   for (const std::string& name : order.outputs) wanted.push_back(&find_variable(variables, name));
   sim.initialise(0.0, 0.0);
@@ -50,14 +49,14 @@ Run run(const std::shared_ptr<const Scene>& scene, const SolutionOrder& order, d
     Status status;
     if (k > 0) status = sim.step((k - 1) * order.step, order.step);
     if (!status.ok()) throw std::runtime_error(sim.status_text());
-    status = sim.calc_extended_outputs(extended);
+    status = precision.calc_outputs(extended);
     if (!status.ok()) throw std::runtime_error(sim.describe(status));
     for (const Variable* v : wanted) sim.update(v->group);
     result.time.push_back(k * order.step);
     for (size_t i = 0; i < wanted.size(); ++i) {
       const int place = wanted[i]->output, state = wanted[i]->state;
       result.values[i].push_back(place >= 0   ? extended[static_cast<size_t>(place)]
-                                 : state >= 0 ? sim.extended_states()[state].high
+                                 : state >= 0 ? precision.states()[state].high
                                               : get_value(*wanted[i]));
     }
     std::cerr << "progress " << done_before + k << " " << of << std::endl;

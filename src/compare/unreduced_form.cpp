@@ -1,17 +1,16 @@
 // The equations with multipliers for IDA (solver.method 9): residual, Jacobian, tolerances, and the
 // gaps of the loops.
-#include "compare/unreduced_form.hpp"
-
 #include <algorithm>
 
-#include "compare/methods.hpp"
+#include "compare/comparison.hpp"
+#include "compare/dae_solver.hpp"
 #include "compare/unreduced_model.hpp"
 #include "sim/sim_impl.hpp"
 
 namespace dockloop {
 namespace {
 
-class Multipliers final : public UnreducedForm {
+class Multipliers final : public Equations {
  public:
   explicit Multipliers(DockingSim::Impl& sim) : sim_(sim) { update_coordinates(); }
 
@@ -70,10 +69,18 @@ class Multipliers final : public UnreducedForm {
   VecX<double> nominal_;  ///< size of the unknowns
 };
 
+class WithMultipliers final : public Comparison {
+  std::unique_ptr<Equations> make_equations(DockingSim::Impl& sim) const override {
+    if (sim.parameters.model_level != kReference) return nullptr;
+    return std::make_unique<Multipliers>(sim);
+  }
+};
+
 }  // namespace
 
-std::unique_ptr<UnreducedForm> make_unreduced_form(DockingSim::Impl& sim) {
-  return std::make_unique<Multipliers>(sim);
+const Comparison* get_comparison() {
+  static const WithMultipliers kForm;
+  return &kForm;
 }
 
 }  // namespace dockloop

@@ -1,5 +1,6 @@
 // Arithmetic of nodes in lanes; see node_lanes.hpp. Included once per instruction set, with LANES
 // (lanes in a register) and FUNCTIONS (name of the table) defined.
+#include "contact/node_lanes.hpp"
 #include "math/lane_arithmetic.hpp"
 
 namespace dockloop::nodes {

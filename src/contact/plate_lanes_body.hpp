@@ -1,5 +1,6 @@
 // Plates in SIMD lanes; see plate_lanes.hpp. Included once per instruction set, with LANES (lanes
 // in a register) and FUNCTIONS (name of the table) defined.
+#include "contact/plate_lanes.hpp"
 #include "math/lane_arithmetic.hpp"
 
 namespace dockloop::plates {

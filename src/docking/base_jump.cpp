@@ -40,41 +40,52 @@ void move_coordinates(const DockingModel& model, const VecX<double>& dq, double*
 
 }  // namespace
 
-BaseJumpWorkspace::BaseJumpWorkspace(const Mechanism& mechanism) {
+BaseJumpWorkspace::BaseJumpWorkspace(const DockingModel& model) {
+  const Mechanism& mechanism = model.mechanism;
   const int n = static_cast<int>(mechanism.plan.ind_v.size()) - count_vehicle_velocities(mechanism);
   A_qq.setIdentity(n, n);
   J_T.setZero(n, 6);
   X.setZero(n, 6);
   factor.compute(A_qq);
   dq.setZero(n);
-  dv.setZero(static_cast<int>(mechanism.plan.ind_v.size()));
+  dv[kChaser].setZero(static_cast<int>(mechanism.plan.ind_v.size()));
+  if (model.target) dv[kTarget].setZero(static_cast<int>(model.target->plan.ind_v.size()));
 }
 
-Status jump_to_momentum(const DockingModel& model, const FrameMotion<double>& before,
+Status jump_to_momentum(const DockingModel& model, int vehicle, const FrameMotion<double>& before,
                         const Wrench<double>& momentum, double* y, DockingData<double>& data,
                         BaseJumpWorkspace& work) {
-  if (data.locked) {  // carried bodies move with the vehicle
-    set_momentum(model, kChaser, momentum, y);
+  const bool is_target = vehicle == kTarget;
+  if (is_target ? !model.target : data.locked != nullptr) {  // carried bodies move with the vehicle
+    set_momentum(model, vehicle, momentum, y);
     return {};
   }
-  const Status status = calc_mechanism_position(model, y, data);
+  const Mechanism& mechanism = is_target ? *model.target : model.mechanism;
+  MechanismData<double>& at = is_target ? data.target->mechanism : data.mechanism;
+  VecX<double>& dv = work.dv[static_cast<size_t>(vehicle)];
+  const Status status =
+      is_target ? calc_parts_position(model, y, data) : calc_mechanism_position(model, y, data);
   if (!status.ok()) return status;
-  TreeData<double>& tree = data.mechanism.tree;
-  const int vehicle = model.mechanism.vehicle;
-  const Mat3<double> R = tree.R[vehicle];
+  TreeData<double>& tree = at.tree;
+  const int body = mechanism.vehicle;
+  const Mat3<double> R = tree.R[body];
   tree.v.head<3>() = R.transpose() * before.v;
   tree.v.segment<3>(3) = R.transpose() * before.w;
-  calc_velocity(model.mechanism, data.base, data.mechanism);
-  const Wrench<double> now = find_momentum(model, kChaser, data);
+  calc_velocity(mechanism, data.base, at);
+  const Wrench<double> now = find_momentum(model, vehicle, data);
   const Vec3<double> impulse = momentum.f - now.f;
-  work.dv.setZero();
-  work.dv.head<3>() = R.transpose() * impulse;
-  work.dv.segment<3>(3) = R.transpose() * (momentum.t - now.t - tree.p[vehicle].cross(impulse));
-  data.mechanism.factor.solveInPlace(work.dv);
-  const std::vector<int>& ind = model.mechanism.plan.ind_v;
-  for (size_t j = 0; j < ind.size(); ++j) tree.v[ind[j]] += work.dv[static_cast<int>(j)];
-  get_mechanism_state(model, tree, y);
-  set_momentum(model, kChaser, momentum, y);
+  dv.setZero();
+  dv.head<3>() = R.transpose() * impulse;
+  dv.segment<3>(3) = R.transpose() * (momentum.t - now.t - tree.p[body].cross(impulse));
+  at.factor.solveInPlace(dv);
+  const std::vector<int>& ind = mechanism.plan.ind_v;
+  for (size_t j = 0; j < ind.size(); ++j) tree.v[ind[j]] += dv[static_cast<int>(j)];
+  if (is_target) {
+    for (int j = 0; j < model.layout.target_n; ++j) y[model.layout.target_v + j] = tree.v[6 + j];
+  } else {
+    get_mechanism_state(model, tree, y);
+  }
+  set_momentum(model, vehicle, momentum, y);
   return {};
 }
 

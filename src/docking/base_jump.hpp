@@ -11,23 +11,26 @@
 //              a stiff contact force; all other bodies move with the vehicle
 #pragma once
 
+#include <array>
+
 #include "docking/docking_model.hpp"
 
 namespace dockloop {
 
 /// Scratch, sized once.
 struct BaseJumpWorkspace {
-  explicit BaseJumpWorkspace(const Mechanism& mechanism);
+  explicit BaseJumpWorkspace(const DockingModel& model);
   MatX<double> A_qq, J_T, X;  ///< n x n, n x 6, n x 6 for n coordinates of the mechanism
   SmallCholesky factor;
-  VecX<double> dq, dv;  ///< n; all independent velocities
+  VecX<double> dq;                 ///< n
+  std::array<VecX<double>, 2> dv;  ///< all independent velocities of each vehicle
 };
 
-/// Give the chaser, with the mechanism on it, a momentum (axes of O, about O) by one impulse on the
+/// Give a vehicle, with what moves on it, a momentum (axes of O, about O) by one impulse on the
 /// vehicle: A [dV; dv_q] = [J; 0].
-/// @param before  motion of the vehicle to which mechanism velocities in y are relative; v and w
-/// @pre its pose is in y. @post momentum and mechanism velocities in y
-Status jump_to_momentum(const DockingModel& model, const FrameMotion<double>& before,
+/// @param before  motion of the vehicle to which velocities in y are relative; v and w
+/// @pre its pose is in y. @post momentum and velocities of mechanism and parts in y
+Status jump_to_momentum(const DockingModel& model, int vehicle, const FrameMotion<double>& before,
                         const Wrench<double>& momentum, double* y, DockingData<double>& data,
                         BaseJumpWorkspace& work);
 

@@ -28,25 +28,15 @@ Mechanism make_attached_mechanism(const MechanismModel& described, const Vehicle
   }
   if (chaser.mass_includes_mechanism == 2 && !described.bodies.empty()) {
     // The stated vehicle is the bare one plus the mechanism frozen at home: take it out again.
-    const VehicleBody frozen = find_frozen_body(Mechanism(described));
-    const Vec3<double> c = base_in_chaser.R * frozen.com + base_in_chaser.p;
-    const Mat3<double> I_frozen =
-        base_in_chaser.R * frozen.inertia * base_in_chaser.R.transpose() +
-        frozen.mass * (c.squaredNorm() * Mat3<double>::Identity() - c * c.transpose());
-    frozen_in_chaser = {frozen.mass, c,
-                        base_in_chaser.R * frozen.inertia * base_in_chaser.R.transpose()};
-    bare.mass = chaser.mass - frozen.mass;
-    if (!(bare.mass > 0.0)) {
+    frozen_in_chaser = transform(base_in_chaser, find_frozen_body(Mechanism(described)));
+    if (!(chaser.mass > frozen_in_chaser.mass)) {
       char text[200];
       std::snprintf(text, sizeof text,
                     "chaser.mass is %.6g kg and includes a mechanism of %.6g kg; it must be larger",
-                    chaser.mass, frozen.mass);
+                    chaser.mass, frozen_in_chaser.mass);
       throw ModelError(text);
     }
-    bare.com = -frozen.mass * c / bare.mass;
-    bare.inertia = make_symmetric(chaser.inertia) - I_frozen -
-                   bare.mass * (bare.com.squaredNorm() * Mat3<double>::Identity() -
-                                bare.com * bare.com.transpose());
+    bare = find_bare_vehicle(bare, frozen_in_chaser);
     if (!is_positive_definite(bare.inertia)) {
       throw ModelError("chaser.inertia is less than that of the mechanism it is said to include");
     }
@@ -59,8 +49,8 @@ Mechanism make_attached_mechanism(const MechanismModel& described, const Vehicle
     adapter.inertia = whole.inertia;
   } else if (on_base.mass > 0.0) {
     const VehicleBody feet = transform(base_in_chaser, on_base);
-    bare = join(bare, feet);
     frozen_in_chaser = {-feet.mass, feet.com, -feet.inertia};
+    bare = find_bare_vehicle(bare, frozen_in_chaser);
   }
   Mechanism mechanism(attach_vehicle(described, bare, base_in_chaser, parts));
   mechanism.vehicle = 0;
@@ -119,6 +109,33 @@ int count_sums(const MechanismModel& mechanism, const HardDock& dock) {
   return mechanism.elements.empty() ? kSumCount : kSumCountWithElements;
 }
 
+VehicleBody find_bare_vehicle(const VehicleBody& of_host, const VehicleBody& frozen) {
+  if (frozen.mass == 0.0) return of_host;
+  if (frozen.mass < 0.0) return join(of_host, {-frozen.mass, frozen.com, -frozen.inertia});
+  const auto find_spread = [](const VehicleBody& body) {
+    return find_point_inertia(body.mass, body.com);
+  };
+  VehicleBody bare;
+  bare.mass = of_host.mass - frozen.mass;
+  bare.com = (of_host.mass * of_host.com - frozen.mass * frozen.com) / bare.mass;
+  const Mat3<double> frozen_about_origin = frozen.inertia + find_spread(frozen);
+  bare.inertia = of_host.inertia + find_spread(of_host) - frozen_about_origin - find_spread(bare);
+  return bare;
+}
+
+void set_host_body(DockingModel& model, int vehicle, const VehicleBody& of_host) {
+  const bool is_chaser = vehicle == kChaser;
+  model.of_host[vehicle] = of_host;
+  model.vehicle[vehicle] = is_chaser ? find_bare_vehicle(of_host, model.frozen) : of_host;
+  const VehicleBody& bare = model.vehicle[vehicle];
+  Mechanism* tree = is_chaser ? &model.mechanism : model.target ? &*model.target : nullptr;
+  if (!tree || tree->vehicle == kBase) return;
+  Body& body = tree->model.bodies[tree->vehicle];
+  body.mass = bare.mass;
+  body.com = bare.com;
+  body.inertia = bare.inertia;
+}
+
 void set_mechanism(DockingModel& model, const Mechanism& mechanism) {
   model.mechanism = mechanism;
   list_mechanism_bodies(model);
@@ -154,14 +171,14 @@ DockingModel make_docking_model(const Scene& scene,
   model.moves = {chaser_moves, scene.has_target && scene.motion[kTarget] != Motion::kFixed};
   for (int i : {kChaser, kTarget}) {
     model.driven[i] = model.present[i] && scene.motion[i] == Motion::kDriven;
-    model.stated_mass[i] = parameters[i].mass;
+    model.of_host[i].mass = parameters[i].mass;
+    model.of_host[i].inertia = make_symmetric(parameters[i].inertia);
   }
   model.fixed_pose = fixed_pose;
   model.interface_pose = interface_pose;
   model.vehicle[kChaser] = bare;
   model.frozen = std::move(frozen);
-  model.vehicle[kTarget].mass = parameters[kTarget].mass;
-  model.vehicle[kTarget].inertia = make_symmetric(parameters[kTarget].inertia);
+  model.vehicle[kTarget] = model.of_host[kTarget];
   if (scene.parts[kTarget].count_coordinates() > 0) {
     model.target.emplace(
         attach_vehicle(MechanismModel(), model.vehicle[kTarget], {}, scene.parts[kTarget]));
@@ -189,6 +206,7 @@ DockingModel make_docking_model(const Scene& scene,
   model.phase_limits = scene.phase_limits;
   model.sequence = scene.sequence;
   model.disturbances = scene.disturbances;
+  model.inputs = scene.inputs;
   model.hard_dock = scene.hard_dock;
   model.falling = chaser_moves && (!scene.has_target || model.moves[kTarget]);
   model.layout = make_layout(model);
@@ -285,6 +303,10 @@ Status calc_mechanism_position(const DockingModel& model, const double* y,
                                DockingData<double>& data) {
   put_mechanism_state(model, y, data.mechanism.tree);
   return calc_position(model.mechanism, data.mechanism, Need::kState);
+}
+
+Status calc_parts_position(const DockingModel& model, const double* y, DockingData<double>& data) {
+  return calc_target_position(model, y, *data.target);
 }
 
 void set_momentum(const DockingModel& model, int vehicle, const Wrench<double>& momentum,

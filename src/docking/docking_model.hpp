@@ -98,11 +98,12 @@ struct DockingModel {
   std::optional<Mechanism> target;  ///< the target and its parts, if it has parts
   std::array<bool, 2> present{true, true};
   std::array<bool, 2> moves{true, true};
-  std::array<bool, 2> driven{false, false};     ///< a host prescribes the motion at communication
-                                                ///< points; between them the equations move it
-  std::array<double, 2> stated_mass{0.0, 0.0};  ///< of vehicles as their host knows them [kg]
-  std::array<Pose<double>, 2> fixed_pose;       ///< in O, of a vehicle that does not move
-  std::array<Pose<double>, 2> interface_pose;   ///< A in C, P in D; coordinates of adapters at zero
+  std::array<bool, 2> driven{false, false};  ///< a host prescribes the motion at communication
+                                             ///< points; between them the equations move it
+  std::array<VehicleBody, 2> of_host;  ///< vehicles as their hosts integrate them: as stated, or as
+                                       ///< identified (sim/host_identification.hpp)
+  std::array<Pose<double>, 2> fixed_pose;      ///< in O, of a vehicle that does not move
+  std::array<Pose<double>, 2> interface_pose;  ///< A in C, P in D; coordinates of adapters at zero
   std::array<Pose<double>, 2> interface_on_carrier;  ///< A, P in adapter or vehicle
   std::array<VehicleBody, 2> vehicle;                ///< bare vehicles
   VehicleBody frozen;                                ///< stated less bare chaser, axes of C. If the
@@ -117,6 +118,7 @@ struct DockingModel {
   PhaseLimits phase_limits;
   Sequence sequence;                        ///< empty: phases follow from motion and latches
   std::vector<Disturbance> disturbances;    ///< at most kMaxDisturbances
+  std::vector<InputHistory> inputs;         ///< at most kMaxInputHistories
   double thrust = 0.0, thrust_delay = 0.0;  ///< [N] along x of A at the CoM, [s]
   bool falling = true;                      ///< O falls with gravity
   StateLayout layout;
@@ -140,6 +142,7 @@ struct DiscreteState {
   std::vector<ElementLock> lock;   ///< per element; empty without a sequence
   std::vector<double> entered;  ///< per step of the sequence: first time [s since the start], or -1
   int disturbances = 0;         ///< bit k: disturbance k acts
+  std::vector<int> input_row;   ///< per input history: see find_row()
   HardDockState hard_dock;
 };
 
@@ -230,6 +233,14 @@ void join_target(const DockingModel& model, const RigidJoint& joint, LockedMecha
 /// @param chaser  its motion
 void put_joined_target(const DockingModel& model, const LockedMechanism& locked,
                        const FrameMotion<double>& chaser, double* y);
+
+/// A vehicle as its host integrates it, less what the model has in other bodies.
+/// @param frozen  of the model, for the chaser; none for the target
+VehicleBody find_bare_vehicle(const VehicleBody& of_host, const VehicleBody& frozen);
+
+/// The host integrates another body. Allocates nothing. @pre without parts, a target has its centre
+/// of mass in its origin
+void set_host_body(DockingModel& model, int vehicle, const VehicleBody& of_host);
 
 /// Put a mechanism in other independent coordinates into the model (the same bodies and loops).
 void set_mechanism(DockingModel& model, const Mechanism& mechanism);
@@ -330,6 +341,9 @@ Status set_vehicle_velocity(const DockingModel& model, int vehicle, const Vec3<d
 /// Position, inertia and its factor of the mechanism at the coordinates in y, nothing else.
 Status calc_mechanism_position(const DockingModel& model, const double* y,
                                DockingData<double>& data);
+
+/// The same of a target with parts. @pre model.target
+Status calc_parts_position(const DockingModel& model, const double* y, DockingData<double>& data);
 
 /// Put momentum (axes of O, angular part about O) into the states of a vehicle.
 void set_momentum(const DockingModel& model, int vehicle, const Wrench<double>& momentum,

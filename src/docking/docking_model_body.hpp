@@ -415,8 +415,8 @@ namespace {
 
 /// Forces of elements, and rates of their bristles. The bristles of a locked mechanism rest.
 template <class S>
-void calc_element_loads(const DockingModel& model, const DiscreteState& discrete, const S& t,
-                        const S* y, S* ydot, DockingData<S>& data) {
+Status calc_element_loads(const DockingModel& model, const DiscreteState& discrete, const S& t,
+                          const S* y, S* ydot, DockingData<S>& data) {
   const StateLayout& layout = model.layout;
   const MechanismModel& mechanism = model.mechanism.model;
   const TreeData<S>& tree = data.mechanism.tree;
@@ -425,16 +425,18 @@ void calc_element_loads(const DockingModel& model, const DiscreteState& discrete
   if (!model.sequence.empty()) {
     switches = {discrete.law.data(), discrete.entered.data(), discrete.lock.data()};
   }
-  calc_element_forces(mechanism, tree.q, tree.v, t, data.command.data() + mechanism.forces.size(),
-                      switches, y + layout.element_bristles, elements, data.mechanism.tau);
+  const Status status = calc_element_forces(
+      mechanism, tree.q, tree.v, t, data.command.data() + mechanism.forces.size(), switches,
+      y + layout.element_bristles, elements, data.mechanism.tau);
   if (data.locked) {
     elements.z_rate.setZero();
     elements.sums.braking = S(0);
   }
-  if (!ydot) return;
+  if (!ydot) return status;
   for (int i = 0; i < layout.element_bristle_count; ++i) {
     ydot[layout.element_bristles + i] = elements.z_rate[i];
   }
+  return status;
 }
 
 /// Load across A and P: forces of the hard dock; with a rigid joint, what moves the target with the
@@ -557,10 +559,8 @@ Status calc_loads(const DockingModel& model, const DiscreteState& discrete,
   data.joints = calc_joint_forces(model.mechanism.model, mechanism.tree.q, mechanism.tree.v,
                                   data.command, data.joint_force, mechanism.tau);
   if (model.target) calc_target_loads(model, loads, data);
-  if (!model.mechanism.model.elements.empty()) {
-    calc_element_loads(model, discrete, t, y, ydot, data);
-  }
-  return {};
+  if (model.mechanism.model.elements.empty()) return {};
+  return calc_element_loads(model, discrete, t, y, ydot, data);
 }
 
 namespace {
@@ -698,10 +698,12 @@ void calc_vehicle_rates(const DockingModel& model, const ExternalLoads<S>& loads
   for (int i : {kChaser, kTarget}) {
     if (model.layout.host_impulse[i] < 0) continue;
     const FrameMotion<S>& frame = data.vehicle[i];
-    const Vec3<S> force = loads.force[i] + S(model.stated_mass[i]) * gravity;
+    const Vec3<S> weight = S(model.of_host[i].mass) * gravity;
+    const Vec3<S> force = loads.force[i] + weight;
     put<S>(ydot + model.layout.host_impulse[i], force);
     put<S>(ydot + model.layout.host_impulse[i] + 3,
-           frame.R * loads.torque[i] + frame.p.cross(force));
+           frame.R * loads.torque[i] + frame.p.cross(force) +
+               (frame.R * cast<S>(model.of_host[i].com)).cross(weight));
   }
 }
 
@@ -722,9 +724,10 @@ Wrench<S> find_part_momentum(const VehicleBody& part, const FrameMotion<S>& chas
 template <class S>
 S find_vehicle_energy(const Mechanism& mechanism, const TreeData<S>& tree) {
   const int i = mechanism.vehicle;
-  return S(0.5 * mechanism.model.bodies[i].mass) * tree.u[i].squaredNorm() +
-         tree.u[i].dot(tree.w[i].cross(tree.h_body[i])) +
-         S(0.5) * tree.w[i].dot(tree.I_body[i] * tree.w[i]);
+  const Body& body = mechanism.model.bodies[i];
+  const BodyInertia<S> of = get_body_inertia(mechanism, i, tree);
+  return S(0.5 * body.mass) * tree.u[i].squaredNorm() + tree.u[i].dot(tree.w[i].cross(of.h)) +
+         S(0.5) * tree.w[i].dot(of.I * tree.w[i]);
 }
 
 }  // namespace
@@ -756,10 +759,10 @@ S find_kinetic_energy(const DockingModel& model, const DockingData<S>& data) {
 
 template <class S>
 Wrench<S> find_body_momentum(const Mechanism& mechanism, int body, const TreeData<S>& tree) {
+  const BodyInertia<S> of = get_body_inertia(mechanism, body, tree);
   Wrench<S> p;
-  p.f = S(mechanism.model.bodies[body].mass) * tree.u[body] + tree.w[body].cross(tree.h_body[body]);
-  p.t = tree.p[body].cross(p.f) + tree.I_body[body] * tree.w[body] +
-        tree.h_body[body].cross(tree.u[body]);
+  p.f = S(mechanism.model.bodies[body].mass) * tree.u[body] + tree.w[body].cross(of.h);
+  p.t = tree.p[body].cross(p.f) + of.I * tree.w[body] + of.h.cross(tree.u[body]);
   return p;
 }
 
@@ -827,7 +830,7 @@ Wrench<S> find_inside_momentum(const DockingModel& model, const DockingData<S>& 
       const S m(model.mechanism.model.bodies[vehicle].mass);
       sum += find_body_momentum(model.mechanism, vehicle, tree);
       mass += m;
-      first_moment += tree.h_body[vehicle] + m * tree.p[vehicle];
+      first_moment += get_body_inertia(model.mechanism, vehicle, tree).h + m * tree.p[vehicle];
     }
   }
   // The host's vehicle carries the mechanism frozen at home already.

@@ -48,6 +48,17 @@ std::vector<Eigen::Vector2d> make_circle(int count, double radius, double azimut
   return points;
 }
 
+PusherTravel find_pusher_travel(const PusherLaw& law, const RelativeMotion<double>& motion) {
+  const Openings<double> openings(motion);
+  double least = kNoGap, largest = -kNoGap;
+  for (const Eigen::Vector2d& at : law.points) {
+    const double opening = openings.at(at);
+    least = std::min(least, opening);
+    largest = std::max(largest, opening);
+  }
+  return {least - law.stroke, law.stroke - law.take_up - largest};
+}
+
 double find_preloaded_end(const HardDock& dock) {
   DOCK_ASSERT(dock.face_count() > 0 && dock.hooks.count() > 0);
   const HookLaw& hooks = dock.hooks;

@@ -194,6 +194,13 @@ bool are_waiting(const HardDock& dock, const HardDockState& state);
 /// Largest opening of a hook less the play [m]: falls through zero when waiting hooks can close.
 template <class S>
 S find_hook_distance(const HardDock& dock, const RelativeMotion<S>& motion);
+/// Travel of the pushers that is left until the first one meets its surface (`to_touch`), and until
+/// the first one has only its take-up left (`to_let_go`) [m]: where their force begins to change.
+struct PusherTravel {
+  double to_touch, to_let_go;
+};
+/// @pre pushers
+PusherTravel find_pusher_travel(const PusherLaw& law, const RelativeMotion<double>& motion);
 /// Rows that can close begin to; ramps that are over end. @param can_close  by the opening
 /// @return whether a mode changed
 bool update_hooks(const HardDock& dock, bool can_close, double t, HardDockState& state);

@@ -46,15 +46,19 @@ Mat6<double> turn(const Mat3<double>& R, const Mat6<double>& matrix) {
   return both * matrix * both.transpose();
 }
 
-/// Inverse of the effective mass of relative motion at G.
+/// Inverse of the effective mass of relative motion at G. @param hosts  receives the part of driven
+/// vehicles
 Mat6<double> find_mobility(const DockingModel& model, const DockingData<double>& at,
-                           const Interface& geometry, std::array<VecX<double>, 2>& column) {
+                           const Interface& geometry, std::array<VecX<double>, 2>& column,
+                           Mat6<double>& hosts) {
   Mat6<double> sum = Mat6<double>::Zero();
+  hosts.setZero();
   if (model.moves[kChaser]) {
     const Mat6<double> inverse = at.locked ? make_mobility(at.locked->whole)
                                            : find_leading_inverse(at.mechanism, column[kChaser]);
     const Mat6<double> J = make_transfer(Mat3<double>::Identity(), geometry.arm);
     sum += J * inverse * J.transpose();
+    if (model.driven[kChaser]) hosts = sum;
   }
   if (model.moves[kTarget]) {
     const FrameMotion<double>& target = at.vehicle[kTarget];
@@ -64,7 +68,9 @@ Mat6<double> find_mobility(const DockingModel& model, const DockingData<double>&
     if (at.target) inverse = turn(R, find_leading_inverse(at.target->mechanism, column[kTarget]));
     const Vec3<double> arm = geometry.R.transpose() * (at.capture.p - target.p);
     const Mat6<double> J = make_transfer(Mat3<double>::Identity(), arm);
-    sum += J * inverse * J.transpose();
+    const Mat6<double> part = J * inverse * J.transpose();
+    sum += part;
+    if (model.driven[kTarget]) hosts += part;
   }
   return sum;
 }
@@ -350,13 +356,15 @@ double find_interface_frequency(const DockingModel& model, const DiscreteState& 
                                 InterfaceWorkspace& work) {
   work.squared_frequency.setZero();
   work.damping_rate.setZero();
+  work.hosts.setZero();
   if (!model.present[kTarget] || !(model.moves[kChaser] || model.moves[kTarget])) return 0.0;
   if (at.locked && at.locked->has_target) return 0.0;  // no relative motion
 
   Interface geometry;
   geometry.R = at.vehicle[kChaser].R;
   geometry.arm = geometry.R.transpose() * (at.capture.p - at.vehicle[kChaser].p);
-  geometry.L = find_cholesky_factor(find_mobility(model, at, geometry, work.column));
+  Mat6<double> hosts;
+  geometry.L = find_cholesky_factor(find_mobility(model, at, geometry, work.column, hosts));
   Status status = calc_damping(model, discrete, memory, at, geometry, loads, t, y, work);
   if (!status.ok()) return 0.0;
   status = calc_stiffness(model, discrete, memory, at, geometry, loads, t, y, work);
@@ -366,6 +374,10 @@ double find_interface_frequency(const DockingModel& model, const DiscreteState& 
   make_symmetric_part(work.damping);
   const double rigid =
       is_held(model, discrete, at) ? std::numeric_limits<double>::infinity() : 0.5 * add_link(work);
+  work.rigid = rigid;
+  geometry.L.triangularView<Eigen::Lower>().solveInPlace(hosts);
+  work.hosts = hosts.transpose();
+  geometry.L.triangularView<Eigen::Lower>().solveInPlace(work.hosts);
   double w = kSlow;
   for (int i = 0; i < kIterations; ++i) {
     const Mat6<Complex> condensed = condense(w, work);
@@ -381,6 +393,53 @@ double find_interface_frequency(const DockingModel& model, const DiscreteState& 
     if (settled || !(w > 0.0)) break;
   }
   return w;
+}
+
+double find_largest_delay(double k, double c, double share, double& w) {
+  // s^2 - b s + (1 - 2 share) k^2 = 0 for s = w^2
+  const double rest = 1.0 - 2.0 * share, b = 2.0 * (1.0 - share) * k - rest * c * c;
+  const double root = b * b - 4.0 * rest * k * k;
+  double least = kNoDelayLimit;
+  w = 0.0;
+  if (!(root >= 0.0)) return least;
+  for (const double sign : {1.0, -1.0}) {
+    const double s = 0.5 * (b + sign * std::sqrt(root));
+    if (!(s > 0.0)) continue;
+    const double at = std::sqrt(s);
+    double angle = -std::arg(s / Complex(k, at * c) - (1.0 - share));
+    if (angle < 0.0) angle += 2.0 * static_cast<double>(EIGEN_PI);
+    if (!(angle / at < least)) continue;
+    least = angle / at;
+    w = at;
+  }
+  return least;
+}
+
+double find_largest_delay(InterfaceWorkspace& work) {
+  if (!(work.hosts.trace() > 0.0)) return 0.0;
+  double least = kNoDelayLimit;
+  bool is_connected = false;
+  for (int mode = 0; mode < 6; ++mode) {
+    double w = kSlow;
+    for (int i = 0; i < kIterations; ++i) {
+      const Mat6<Complex> condensed = condense(w, work);
+      const Mat6<double> K = condensed.real(), C = condensed.imag() / w;
+      if (!K.allFinite() || !C.allFinite()) break;
+      const PrincipalAxes modes = find_principal_axes(Mat6<double>(0.5 * (K + K.transpose())));
+      const Vec6<double> u = modes.axis.col(mode);
+      const double k = modes.value[mode];
+      if (!(k > kSlow * kSlow) || !(k < work.rigid)) break;
+      is_connected = true;
+      double next = 0.0;
+      const double delay = find_largest_delay(k, std::max(u.dot(C * u), 0.0),
+                                              std::min(u.dot(work.hosts * u), 1.0), next);
+      const bool settled = std::abs(next - w) <= kSettled * w;
+      if (settled || !(next > 0.0) || i + 1 == kIterations) least = std::min(least, delay);
+      if (settled || !(next > 0.0)) break;
+      w = i < kFullSteps ? next : std::sqrt(w * next);
+    }
+  }
+  return is_connected ? least : 0.0;
 }
 
 }  // namespace dockloop

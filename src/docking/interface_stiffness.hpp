@@ -25,6 +25,16 @@
 // The result is an upper value for a rigid capture. Directions in which the mechanism is rigid are
 // then ignored, and so is a mechanism without springs.
 //
+// The largest delay: a host applies loads a time T late, and nothing knows this. In one mode of
+// stiffness k and damping c (its coordinate has the mass one), a share mu of M^-1 belongs to
+// vehicles of hosts, and at the limit of stability the motion has a constant amplitude:
+//
+//   w^2 = (k + i w c) (1 - mu + mu exp(-i w T))
+//
+// With mu = 1 this is w^2 = (c^2 + sqrt(c^4 + 4 k^2))/2, T = atan(w c/k)/w: for little damping
+// T = c/k. Modes are those of Re D at their own w; coupling of modes by C and mu is left out, and
+// the communication step must be short. A mode with mu < 1/2 may be stable with any delay.
+//
 // Limits: the mass of the moving parts is neglected, so they must be light compared with both
 // vehicles. Loads must be small compared with stiffness times lever arm: only their change by
 // relative motion is included, not the rotation of both vehicles. A rate c/m is up to twice the
@@ -52,6 +62,8 @@ struct InterfaceWorkspace {
   std::array<VecX<double>, 2> column;  ///< per vehicle: all independent velocities
   VecX<double> diagonal;               ///< n: magnitudes before condensation
   std::vector<char> eliminated;        ///< n
+  double rigid = 0.0;                  ///< squared frequencies from here on mean no spring
+  Mat6<double> hosts = Mat6<double>::Zero();  ///< share of M^-1 of driven vehicles, in xi
 
   // results of the last call, of all directions
   Vec6<double> squared_frequency =
@@ -66,5 +78,14 @@ double find_interface_frequency(const DockingModel& model, const DiscreteState& 
                                 const ContactMemory& memory, const DockingData<double>& at,
                                 const Loads& loads, double t, const double* y,
                                 InterfaceWorkspace& work);
+
+/// Largest delay of loads of hosts that is stable although nothing knows it [s]; 0 without a
+/// connection, kNoDelayLimit if any delay is stable. @pre find_interface_frequency
+double find_largest_delay(InterfaceWorkspace& work);
+constexpr double kNoDelayLimit = 1e3;
+
+/// The same of one mode. @param k, c  of unit mass [1/s2], [1/s]; @param share  of hosts in the
+/// inverse mass, above 0. @param w  receives the frequency there [rad/s]; 0 without a limit
+double find_largest_delay(double k, double c, double share, double& w);
 
 }  // namespace dockloop

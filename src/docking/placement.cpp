@@ -83,12 +83,8 @@ FreeBody make_body_with_mechanism(const Scene& scene, int i) {
   const Vec3<double> c = B.R * frozen.com + B.p;
   body.mass = p.mass + frozen.mass;
   body.com = frozen.mass / body.mass * c;
-  const auto about = [](const Vec3<double>& arm, double mass) {
-    return Mat3<double>(mass *
-                        (arm.squaredNorm() * Mat3<double>::Identity() - arm * arm.transpose()));
-  };
-  body.inertia += about(body.com, p.mass) + B.R * frozen.inertia * B.R.transpose() +
-                  about(c - body.com, frozen.mass);
+  body.inertia += find_point_inertia(p.mass, body.com) + B.R * frozen.inertia * B.R.transpose() +
+                  find_point_inertia<double>(frozen.mass, c - body.com);
   return body;
 }
 

@@ -1,7 +1,7 @@
 // A resolved scene: all data of a simulation, read from resources/model.json of an FMU.
 //
-// `dockloop build` (scripts/dockloop/scene.py) merges a scene file, overrides and the mechanism
-// file into this JSON document ("dockloop-scene/1"). A run reads no other file.
+// `dockloop build` (scripts/dockloop/scene/resolve.py) merges a scene file, overrides and the
+// mechanism file into this JSON document ("dockloop-scene/1"). A run reads no other file.
 #pragma once
 
 #include <array>
@@ -13,6 +13,7 @@
 #include "contact/latches.hpp"
 #include "docking/disturbance.hpp"
 #include "docking/hard_dock.hpp"
+#include "docking/input_history.hpp"
 #include "docking/phase_limits.hpp"
 #include "docking/sequence.hpp"
 #include "math/choice.hpp"
@@ -138,6 +139,7 @@ struct Scene {
   PhaseLimits phase_limits;  ///< follow from the surfaces where the file states none
   Sequence sequence;         ///< of the mechanism; empty if its file has none
   std::vector<Disturbance> disturbances;
+  std::vector<InputHistory> inputs;
   RatedLoads rated;
   CaptureBodyStart capture_body_start;
   std::vector<JointStart> joint_starts;
@@ -150,7 +152,7 @@ struct Scene {
   int coupling_mode = kSequential;  ///< start value, see CouplingMode
   int level = kReduced;             ///< start value of model.level
   std::vector<std::string> groups;  ///< output groups of the FMU
-  std::string fingerprint;          ///< hash of the document, 32 hex digits: the GUID
+  std::string fingerprint;          ///< hash of the document, 32 hex digits
   bool has_group(const std::string& group) const;
 };
 

@@ -24,9 +24,6 @@ int read_choice(const JsonReader& item, const ChoiceList& list) {
   return number;
 }
 
-/// Increase it when the same document leads to other variables or other meanings.
-constexpr const char* kVariableTableVersion = "dockloop-variables/8";
-
 constexpr int kMaxNodes = 360;  ///< of a guide ring
 constexpr int kMaxMethod = 99;  ///< sim/solver_methods.hpp has the list
 
@@ -189,6 +186,96 @@ Disturbance read_disturbance(const JsonReader& item, const Scene& scene) {
   return disturbance;
 }
 
+/// Which input of this scene has this name? @return the rest of a sentence; empty: it is there
+std::string find_input(const std::string& name, const Scene& scene, InputHistory& found) {
+  const auto is = [&](InputKind kind, int of, int component, const std::string& known) {
+    if (name != known) return false;
+    found.kind = kind;
+    found.of = of;
+    found.component = component;
+    return true;
+  };
+  const auto index = [](int k) { return "[" + std::to_string(k + 1) + "]"; };
+  const bool is_driven = scene.motion[kChaser] == Motion::kDriven ||
+                         (scene.has_target && scene.motion[kTarget] == Motion::kDriven);
+  for (int k = 0; k < 3; ++k) {
+    if (is(InputKind::kGravity, 0, k, "gravity" + index(k))) {
+      return is_driven ? "is an input of a scene with a driven vehicle, which its host moves" : "";
+    }
+    for (const auto& [vehicle, i] : {std::pair{"chaser", kChaser}, std::pair{"target", kTarget}}) {
+      if (i == kTarget && !scene.has_target) continue;
+      const std::string v = vehicle;
+      if (!is(InputKind::kForce, i, k, v + ".force_ext" + index(k)) &&
+          !is(InputKind::kTorque, i, k, v + ".torque_ext" + index(k))) {
+        continue;
+      }
+      return scene.motion[i] == Motion::kFree ? "" : "acts on a vehicle that is not free";
+    }
+  }
+  if (!scene.sequence.empty() && is(InputKind::kCommand, 0, 0, "command")) return "";
+  const MechanismModel& mechanism = scene.mechanism;
+  for (int k = 0; k < static_cast<int>(mechanism.legs.size()); ++k) {
+    if (is(InputKind::kLegCommand, k, 0, "leg" + index(k) + ".force_command")) return "";
+  }
+  for (int k = 0; k < static_cast<int>(mechanism.elements.size()); ++k) {
+    const std::vector<ForceLaw>& laws = mechanism.elements[static_cast<size_t>(k)].laws;
+    if (std::any_of(laws.begin(), laws.end(), is_commanded) &&
+        is(InputKind::kElementCommand, k, 0, "element" + index(k) + ".command")) {
+      return "";
+    }
+  }
+  return "is no input of this scene";
+}
+
+/// Rows that change nothing are left out: each row that is kept ends an inner step.
+void add_row(double time, double value, InputHistory& history) {
+  const size_t n = history.value.size();
+  const auto is_value = [&](size_t back) { return n >= back && history.value[n - back] == value; };
+  if (!history.is_linear && is_value(1)) return;
+  if (history.is_linear && is_value(1) && is_value(2)) {
+    history.time.back() = time;
+    return;
+  }
+  history.time.push_back(time);
+  history.value.push_back(value);
+}
+
+InputHistory read_input(const JsonReader& item, const Scene& scene) {
+  constexpr size_t kMaxRows = 1000000;
+  InputHistory history;
+  history.variable = item.at("variable").text();
+  const std::string fault = find_input(history.variable, scene, history);
+  if (!fault.empty()) item.at("variable").fail("is '" + history.variable + "'; it " + fault);
+  for (const InputHistory& other : scene.inputs) {
+    if (other.variable != history.variable) continue;
+    item.at("variable").fail("is '" + history.variable + "' again; an input has one table");
+  }
+  const bool is_command = history.kind == InputKind::kCommand;
+  const std::string between = item.text("interpolation", is_command ? "hold" : "linear");
+  if (between != "hold" && (between != "linear" || is_command)) {
+    item.at("interpolation")
+        .fail("is '" + between + "'; it must be hold" +
+              (is_command ? ", of a command" : " or linear"));
+  }
+  history.is_linear = between == "linear";
+  const std::vector<JsonReader> times = item.at("time").items(kMaxRows);
+  const std::vector<JsonReader> values = item.at("value").items(kMaxRows);
+  if (times.empty() || times.size() != values.size()) {
+    item.fail("has " + std::to_string(times.size()) + " times and " +
+              std::to_string(values.size()) + " values; it must have as many, and at least one");
+  }
+  double last = times.empty() ? 0.0 : times[0].number();
+  for (size_t k = 0; k < times.size(); ++k) {
+    const double time = times[k].number();
+    if (time < last) times[k].fail("is " + times[k].shown() + "; times must not decrease");
+    last = time;
+    add_row(time,
+            is_command ? values[k].whole(kNoCommand, kCommands.back().number) : values[k].number(),
+            history);
+  }
+  return history;
+}
+
 Scene read_members(const JsonReader& root, const std::string& source_name) {
   Scene scene;
   scene.name = root.at("name").text();
@@ -207,12 +294,10 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
     if (!root.has(name)) continue;
     const JsonReader vehicle = root.at(name);
     scene.parts[i] = read_vehicle_parts(vehicle, name);
-    const bool allowed =
-        scene.motion[i] == Motion::kFree || (i == kChaser && scene.motion[i] == Motion::kDriven);
-    if (allowed || scene.parts[i].count_coordinates() == 0) continue;
-    vehicle.at("motion").fail(std::string("is '") + vehicle.at("motion").text() +
-                              "', but the vehicle has parts; parts need a free vehicle, or a "
-                              "driven chaser");
+    if (scene.motion[i] != Motion::kFixed || scene.parts[i].count_coordinates() == 0) continue;
+    vehicle.at("motion").fail(
+        std::string("is '") + vehicle.at("motion").text() +
+        "', but the vehicle has parts; parts need a free or a driven vehicle");
   }
   if (root.has("base")) {
     const JsonReader base = root.at("base");
@@ -253,6 +338,9 @@ Scene read_members(const JsonReader& root, const std::string& source_name) {
   read_sequence_and_hard_dock(mechanism, scene);
   for (const JsonReader& item : root.list("disturbance", kMaxDisturbances)) {
     scene.disturbances.push_back(read_disturbance(item, scene));
+  }
+  for (const JsonReader& item : root.list("input", kMaxInputHistories)) {
+    scene.inputs.push_back(read_input(item, scene));
   }
   if (root.has("initial")) read_initial(root.at("initial"), scene);
   if (root.has("solver")) {
@@ -322,7 +410,7 @@ Scene read_scene(const std::string& json_text, const std::string& source_name) {
   }
   return read_named(source_name, [&] {
     Scene scene = read_members(root, source_name);
-    scene.fingerprint = hash_text(kVariableTableVersion + json_text);
+    scene.fingerprint = hash_text(json_text);
     return scene;
   });
 }

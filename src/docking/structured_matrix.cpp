@@ -114,7 +114,6 @@ StructuredMatrix::StructuredMatrix(const DockingModel& model)
     is_free_.push_back(mechanism.bodies[i].joint == JointType::kFree);
   }
   joint_q_.assign(is_free_.size(), Vec4<double>::Zero());
-  if (model.moves[kTarget]) target_inverse_inertia_ = invert(model.vehicle[kTarget].inertia);
   for (int i : {kChaser, kTarget}) {
     vehicle_[i].pose = layout_.pose[i];
     vehicle_[i].momentum = layout_.momentum[i];
@@ -214,7 +213,7 @@ void StructuredMatrix::build_vehicle(const DockingModel& model, int i,
   if (i == kTarget) {
     vehicle.to_motion.topRows<3>() /= model.vehicle[kTarget].mass;
     vehicle.to_motion.bottomRows<3>() =
-        (target_inverse_inertia_ * vehicle.to_motion.bottomRows<3>()).eval();
+        (invert(model.vehicle[kTarget].inertia) * vehicle.to_motion.bottomRows<3>()).eval();
   } else if (locked_) {
     vehicle.to_motion = make_mobility(at.locked->whole) * vehicle.to_motion;
   } else {

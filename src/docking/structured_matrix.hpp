@@ -92,7 +92,6 @@ class StructuredMatrix {
   bool follows_loops_ = false;
   std::vector<char> is_free_;          ///< joints of the mechanism's velocities: free, or single
   std::vector<Vec4<double>> joint_q_;  ///< attitudes of the free ones, as they stand in y
-  Mat3<double> target_inverse_inertia_ = Mat3<double>::Zero();
   // written by build()
   bool locked_ = false;     ///< the mechanism rests
   bool joined_ = false;     ///< a rigid joint holds the target

@@ -1,6 +1,7 @@
 // See vehicle_part_json.hpp.
 #include "docking/vehicle_part_json.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "math/decompositions.hpp"
@@ -9,7 +10,8 @@
 namespace dockloop {
 namespace {
 
-constexpr size_t kMaxVehicleParts = 16;  ///< of one vehicle
+constexpr size_t kMaxVehicleParts = 16, kMaxModes = 64;  ///< of one vehicle
+constexpr double kFullTurn = 2.0 * static_cast<double>(EIGEN_PI);
 
 /// Slides along, or hinges about the three axes of the part.
 void add_axes(JointType joint, VehiclePart& part) {
@@ -71,9 +73,7 @@ std::vector<double> read_sizes_of(const JsonReader& item, const char* key, size_
 
 /// About the origin of the part.
 Mat3<double> find_inertia_at_joint(const VehiclePart& part) {
-  const Vec3<double>& c = part.com;
-  return part.inertia +
-         part.mass * (c.squaredNorm() * Mat3<double>::Identity() - c * c.transpose());
+  return part.inertia + find_point_inertia(part.mass, part.com);
 }
 
 void check_inertia(const JsonReader& item, const VehiclePart& part) {
@@ -126,12 +126,11 @@ VehiclePart read_part(const JsonReader& item, const std::string& name) {
              start = read_numbers_of(item, "coordinate", count, false),
              rate = read_numbers_of(item, "rate", count, false);
   const Mat3<double> I = find_inertia_at_joint(part);
-  constexpr double kTurn = 2.0 * static_cast<double>(EIGEN_PI);
   for (size_t k = 0; k < count; ++k) {
     PartCoordinate& coordinate = part.coordinates[k];
     const bool turns = coordinate.joint == JointType::kRevolute;
     const double inertia = turns ? coordinate.axis.dot(I * coordinate.axis) : part.mass;
-    const double w = kTurn * frequency[k];
+    const double w = kFullTurn * frequency[k];
     coordinate.stiffness = stiffness[k] + w * w * inertia;
     coordinate.damping = damping[k] + 2.0 * ratio[k] * w * inertia;
     coordinate.start = start[k];
@@ -144,6 +143,74 @@ VehiclePart read_part(const JsonReader& item, const std::string& name) {
   return part;
 }
 
+/// Participation of a mode from its effective masses: their square root, whose sign is free.
+Vec6<double> read_effective_mass(const JsonReader& item) {
+  constexpr double kTyped = 2e-3;  // rounding in a table
+  const std::vector<JsonReader> rows = item.items(6);
+  if (rows.size() != 6) item.fail("must be a list of 6 rows of 6 numbers");
+  Mat6<double> mass;
+  for (int i = 0; i < 6; ++i) mass.row(i) = rows[static_cast<size_t>(i)].vector<6>().transpose();
+  int largest = 0;
+  mass.diagonal().maxCoeff(&largest);
+  if (!(mass(largest, largest) > 0.0)) item.fail("has no number above 0 on its diagonal");
+  const Vec6<double> participation = mass.col(largest) / std::sqrt(mass(largest, largest));
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) {
+      const double expected = participation[i] * participation[j];
+      const double scale = std::sqrt(std::max(0.0, mass(i, i)) * std::max(0.0, mass(j, j)));
+      if (std::abs(mass(i, j) - expected) <= kTyped * scale) continue;
+      rows[static_cast<size_t>(i)].fail(
+          "has " + describe_number(mass(i, j)) + " as number " + std::to_string(j + 1) + "; " +
+          describe_number(expected) +
+          " follows from the others, because the effective masses of one mode are products of its "
+          "participation. State two modes of one frequency as two modes");
+    }
+  }
+  return participation;
+}
+
+/// Normal modes of a vehicle, found with the vehicle held.
+void read_modes(const JsonReader& table, const std::string& name, VehicleParts& parts) {
+  const std::vector<JsonReader> frequencies = table.at("frequency").items(kMaxModes);
+  const size_t count = frequencies.size();
+  const bool has_mass = table.has("effective_mass");
+  if (has_mass == table.has("participation")) {
+    table.fail(has_mass ? "has 'participation' and 'effective_mass'; give one of them"
+                        : "lacks the member 'participation', or 'effective_mass'");
+  }
+  const std::vector<JsonReader> shares =
+      table.at(has_mass ? "effective_mass" : "participation").items(kMaxModes);
+  if (shares.size() != count) {
+    table.fail("has " + std::to_string(count) + " frequencies, but " +
+               std::to_string(shares.size()) + " rows of '" +
+               (has_mass ? "effective_mass" : "participation") + "'; give one row per mode");
+  }
+  const Vec3<double> point = table.vector<3>("point", Vec3<double>::Zero());
+  const auto ratio = read_sizes_of(table, "damping_ratio", count, true),
+             start = read_numbers_of(table, "coordinate", count, false),
+             rate = read_numbers_of(table, "rate", count, false);
+  for (size_t k = 0; k < count; ++k) {
+    const double frequency = frequencies[k].number();
+    if (!(frequency > 0.0))
+      frequencies[k].fail("is " + frequencies[k].shown() + "; it must be above 0");
+    const Vec6<double> share = has_mass ? read_effective_mass(shares[k]) : shares[k].vector<6>();
+    if (share.isZero(0.0)) shares[k].fail("has no number other than 0; leave this mode out");
+    VehiclePart mode;
+    mode.name = name + ".modes[" + std::to_string(k + 1) + "]";
+    PartCoordinate coordinate;
+    coordinate.joint = JointType::kMode;
+    coordinate.axis = share.head<3>();
+    coordinate.axis_of_rotation = share.tail<3>() + point.cross(coordinate.axis);
+    const double w = kFullTurn * frequency;
+    coordinate.stiffness = w * w;
+    coordinate.damping = 2.0 * ratio[k] * w;
+    coordinate.start = start[k];
+    coordinate.rate = rate[k];
+    mode.coordinates.push_back(coordinate);
+    parts.hung.push_back(mode);
+  }
+}
+
 }  // namespace
 
 VehicleParts read_vehicle_parts(const JsonReader& vehicle, const std::string& name) {
@@ -152,6 +219,7 @@ VehicleParts read_vehicle_parts(const JsonReader& vehicle, const std::string& na
     const std::string number = std::to_string(parts.hung.size() + 1);
     parts.hung.push_back(read_part(item, name + ".part[" + number + "]"));
   }
+  if (vehicle.has("modes")) read_modes(vehicle.at("modes"), name, parts);
   if (vehicle.has("adapter")) {
     parts.adapter = read_part(vehicle.at("adapter"), name + ".adapter");
   }

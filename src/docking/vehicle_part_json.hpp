@@ -8,7 +8,7 @@
 
 namespace dockloop {
 
-/// Members `part` and `adapter` of a vehicle. @param name  of the vehicle
+/// Members `part`, `modes` and `adapter` of a vehicle. @param name  of the vehicle
 /// @throws ModelError naming the member, its value and the limit
 VehicleParts read_vehicle_parts(const JsonReader& vehicle, const std::string& name);
 

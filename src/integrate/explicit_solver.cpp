@@ -81,7 +81,6 @@ class ExplicitSolver : public OneStepSolver {
   bool find_error(double h, double& error) override;
   double find_shrink(double error) const override;
   double find_factor(double error) override;
-  double find_norm(const double* weight, double h);
   void update_fastest_rate(double h);
   bool find_first_step(double room);
 
@@ -117,25 +116,13 @@ bool ExplicitSolver::calc_end(double h) {
   return true;
 }
 
-/// Sum of squares of an estimate, in tolerances.
-double ExplicitSolver::find_norm(const double* weight, double h) {
-  std::fill(error_.begin(), error_.end(), 0.0);
-  add_up(weight, used_->table.stages + 1, h, error_.data(), error_.data());
-  return find_square(error_.data());
-}
-
 /// Estimated error of the step (root mean square). The estimate needs the rates at the end.
 bool ExplicitSolver::find_error(double h, double& error) {
   const RungeKuttaTable& table = used_->table;
   if (!calc_rates(t_ + h, end_.data(), get_rates(table.stages))) return false;
-  const double high = find_norm(table.error, h);
-  if (!table.low_error) {
-    error = std::sqrt(high / size_);
-  } else {
-    const double low = find_norm(table.low_error, h);
-    const double both = high + 0.01 * low;  // as DOP853 has it
-    error = both > 0.0 ? high / std::sqrt(both * size_) : 0.0;
-  }
+  std::fill(error_.begin(), error_.end(), 0.0);
+  add_up(table.error, table.stages + 1, h, error_.data(), error_.data());
+  error = find_mean(error_.data());
   if (error < kFarOff) update_fastest_rate(h);
   return true;
 }

@@ -57,11 +57,9 @@ constexpr double kStableDense[] = {
 }  // namespace
 
 RungeKuttaTable get_dormand_prince() {
-  return {6, 4, kDormandPrinceA, kDormandPrinceB, kDormandPrinceE, nullptr, kDormandPrinceDense};
+  return {6, 4, kDormandPrinceA, kDormandPrinceB, kDormandPrinceE, kDormandPrinceDense};
 }
-RungeKuttaTable get_stabilised() {
-  return {8, 3, kStableA, kStableB, kStableE, nullptr, kStableDense};
-}
-RungeKuttaTable get_classic() { return {4, 0, kClassicA, kClassicB, nullptr, nullptr, nullptr}; }
+RungeKuttaTable get_stabilised() { return {8, 3, kStableA, kStableB, kStableE, kStableDense}; }
+RungeKuttaTable get_classic() { return {4, 0, kClassicA, kClassicB, nullptr, nullptr}; }
 
 }  // namespace dockloop

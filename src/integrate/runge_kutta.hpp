@@ -11,12 +11,11 @@ namespace dockloop {
 
 /// All arrays are constants. The rates at the end of the step count as one more stage, the last.
 struct RungeKuttaTable {
-  int stages = 0;                     ///< n, without the rates at the end
-  int error_order = 0;                ///< the estimate is of order h^(error_order + 1)
-  const double* a = nullptr;          ///< rows 1 to n - 1 of the lower triangle, one after another
-  const double* b = nullptr;          ///< n weights
-  const double* error = nullptr;      ///< n + 1 weights; null: no estimate
-  const double* low_error = nullptr;  ///< n + 1 weights of a second, coarser one, or null
+  int stages = 0;                 ///< n, without the rates at the end
+  int error_order = 0;            ///< the estimate is of order h^(error_order + 1)
+  const double* a = nullptr;      ///< rows 1 to n - 1 of the lower triangle, one after another
+  const double* b = nullptr;      ///< n weights
+  const double* error = nullptr;  ///< n + 1 weights; null: no estimate
   /// n + 1 weights d: at t + s h, the cubic through both ends plus h s^2 (1-s)^2 sum d_i k_i.
   const double* dense = nullptr;
 };

@@ -4,7 +4,7 @@
 //   explicit_solver.cpp   Runge-Kutta, adaptive or of fixed size (our own; runge_kutta.hpp)
 //   rosenbrock_solver.cpp linearly implicit, one matrix a step (our own)
 //   switching_solver.cpp  the one or the other, whichever makes longer steps
-//   multistep_solver.cpp  BDF (CVODE; multistep_solver.hpp)
+//   bdf_solver.cpp        multistep (CVODE)
 //
 // The folder src/compare adds others through Stepper::Problem::solver.
 //
@@ -16,6 +16,8 @@
 #include <sundials/sundials_linearsolver.h>
 #include <sundials/sundials_matrix.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -66,6 +68,20 @@ struct System {
   std::int64_t evaluations = 0;  ///< of rates; a Jacobian counts as Problem::jacobian_cost
   std::int64_t evaluation_limit = std::numeric_limits<std::int64_t>::max();
 };
+
+/// A counter of SUNDIALS. @param get  such as CVodeGetNumSteps
+inline std::int64_t read_counter(int (*get)(void*, long*), void* memory) {
+  long n = 0;
+  get(memory, &n);
+  return n;
+}
+
+/// Is there next to no room from t to t_stop, so that SUNDIALS cannot choose a first step?
+inline bool is_next_to(double t, double t_stop) {
+  const double rounding =
+      std::numeric_limits<double>::epsilon() * std::max(std::abs(t_stop), std::abs(t));
+  return t_stop - t < 1e3 * rounding;
+}
 
 /// Newton matrix of an implicit method and its factors.
 struct DenseSolver {

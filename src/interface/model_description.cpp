@@ -289,7 +289,7 @@ std::string make_model_description(DockingSim& sim, const std::string& generatio
   xml.open("fmiModelDescription",
            {{"fmiVersion", "2.0"},
             {"modelName", scene.name},
-            {"guid", scene.fingerprint},
+            {"guid", find_guid(scene, variables)},
             {"description", scene.title},
             {"generationTool", "dockloop " DOCKLOOP_VERSION},
             {"generationDateAndTime", generation_time},

@@ -176,10 +176,12 @@ class Table {
 
   /// Fixed-size vectors, one row per element.
   template <class V>
-  void parameters(const std::string& name, V& value, Quantity quantity, const std::string& text) {
+  Row parameters(const std::string& name, V& value, Quantity quantity, const std::string& text) {
+    const size_t first = rows_.size();
     each(name, value, text, [&](size_t i, std::string element, std::string description) {
       parameter(std::move(element), &value[i], quantity, std::move(description));
     });
+    return Row(rows_, first);
   }
   template <class V>
   void inputs(const std::string& name, V& value, Quantity quantity, const std::string& text) {

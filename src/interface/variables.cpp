@@ -8,6 +8,7 @@
 
 #include "interface/model_description.hpp"
 #include "interface/variable_table.hpp"
+#include "model/text_hash.hpp"
 
 namespace dockloop {
 namespace {
@@ -139,8 +140,27 @@ std::vector<Variable> make_variables(DockingSim& sim) {
   if (wants("solver")) add_solver_outputs(table, outputs, sim.has_comparison());
   if (offers_model_exchange(scene)) add_state_vector(table, scene, outputs);
   std::vector<Variable> rows = table.take();
+  for (const InputHistory& history : scene.inputs) {
+    for (Variable& row : rows) {
+      if (row.name != history.variable) continue;
+      row.causality = Causality::kOutput;
+      row.start = nullptr;
+      row.description += " (as a table of the scene prescribes)";
+    }
+  }
   number_values(rows, sim);
   return rows;
+}
+
+std::string find_guid(const Scene& scene, const std::vector<Variable>& rows) {
+  std::string text = scene.fingerprint;
+  for (const Variable& v : rows) {
+    for (const std::string& part : {v.name, v.description, std::string(v.unit)})
+      text += part + '\n';
+    for (const char* kind : {name_of(v.type), name_of(v.causality), name_of(v.variability)})
+      text += kind;
+  }
+  return hash_text(text);
 }
 
 void check_value(const Variable& v, double value, const char* function) {

@@ -90,6 +90,10 @@ const std::vector<Load>& list_loads();
 /// The rows of this instance. Pointers stay valid as long as `sim` lives.
 std::vector<Variable> make_variables(DockingSim& sim);
 
+/// GUID of the FMU, 32 hex digits: another one as soon as the document of the scene, or the name,
+/// order, type or meaning of a row changes.
+std::string find_guid(const Scene& scene, const std::vector<Variable>& rows);
+
 constexpr double kLargestValue = 1e30;  ///< in SI units; products of larger values would overflow
 
 /// Check a value for a row. @param function  name of the FMI function with this value

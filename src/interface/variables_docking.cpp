@@ -42,9 +42,13 @@ void add_vehicle(Table& table, DockingSim& sim, VehicleIndex index) {
                  "Force from outside on the centre of mass" + of + ", in N");
     table.inputs(v + "torque_ext", input.torque_ext, kTorque,
                  "Torque from outside about the centre of mass" + of + ", body axes");
-    table.parameter(v + "mass", &parameter.mass, kMass, "Mass" + of).not_negative();
-    table.parameters(v + "inertia", parameter.inertia, kInertia,
-                     "Inertia" + of + " about its centre of mass, body axes");
+    Row mass = table.parameter(v + "mass", &parameter.mass, kMass, "Mass" + of).not_negative();
+    Row inertia = table.parameters(v + "inertia", parameter.inertia, kInertia,
+                                   "Inertia" + of + " about its centre of mass, body axes");
+    if (motion == Motion::kDriven) {  // of the host, whose vehicle may lose fuel or parts
+      mass.tunable();
+      inertia.tunable();
+    }
     table
         .parameter(v + "mass_includes_mechanism", &parameter.mass_includes_mechanism, kNone,
                    "Mass and inertia" + of +

@@ -110,17 +110,17 @@ void add_parts(Table& table, const Scene& scene, Outputs& out) {
                           const Quantity& turn, const std::string& text) {
       for (size_t k = 0; k < count; ++k) {
         const bool turns = each.coordinates[k].joint == JointType::kRevolute;
+        const Quantity& quantity = is_mode(each) ? kLawNumber : turns ? turn : slide;
         const std::string vector = name + "." + member;
-        table.output(count > 1 ? indexed(vector, k) : vector, &values[at + k], turns ? turn : slide,
+        table.output(count > 1 ? indexed(vector, k) : vector, &values[at + k], quantity,
                      text + " of " + each.name);
       }
     };
-    rows("coordinate", out.part_coordinate, kSmallLength, kAngle, "Coordinate of the connection");
-    rows("rate", out.part_rate, kSmallVelocity, kAngularVelocity,
-         "Rate of the coordinate of the connection");
-    rows(
-        "force", out.part_force, kForce, kTorque,
-        "Force of spring and damper of the connection, positive when it increases the coordinate,");
+    const std::string of = is_mode(each) ? " of the mode (mass 1 kg)" : " of the connection";
+    rows("coordinate", out.part_coordinate, kSmallLength, kAngle, "Coordinate" + of);
+    rows("rate", out.part_rate, kSmallVelocity, kAngularVelocity, "Rate of the coordinate" + of);
+    rows("force", out.part_force, kForce, kTorque,
+         "Force of spring and damper" + of + ", positive when it increases the coordinate,");
     at += count;
   };
   scene.parts[kChaser].for_each(add);

@@ -1,4 +1,5 @@
 // Rows of the variable table: energy, states, coupling, model and solver.
+#include "docking/interface_stiffness.hpp"
 #include "docking/phases.hpp"
 #include "interface/variable_table.hpp"
 #include "sim/host_diagnosis.hpp"
@@ -130,12 +131,52 @@ void add_coupling_parameters(Table& table, Parameters& parameter, Inputs& in) {
                  kSmallVelocity, "Allowed velocity error per step for coupling.suggested_step")
       .not_negative()
       .nominal(1e-4);
+  table.parameter("coupling.identify", &parameter.coupling_identify, kNone,
+                  "Predict the motion of driven vehicles with identified mass, centre of mass and "
+                  "inertia, as soon as reports contradict the stated ones");
+  table
+      .parameter("coupling.delay", &parameter.coupling_delay, kTime,
+                 "Delay of the loop: of loads on their way to the vehicle of the host and of its "
+                 "motion on the way back, together")
+      .limits(0, 10);
+  table
+      .parameter("coupling.motion_delay", &parameter.coupling_motion_delay, kTime,
+                 "Part of coupling.delay: age of the reported motion")
+      .limits(0, 10);
   table
       .input("coupling.next_step", &in.next_step, kTime,
              "Length of the step after the coming step, for its announced load (modes 2 and 3; 0: "
              "same "
              "as the coming step)")
       .limits(0, 10);
+}
+
+/// Estimated mass, centre of mass and inertia, each with its deviation.
+void add_estimated_body(Table& table, Outputs& out) {
+  const std::string which =
+      " of the driven vehicle; of two: of the one that coupling.diagnosis names, else of the "
+      "chaser";
+  const auto add = [&](const std::string& name, auto& value, auto& deviation, Quantity quantity,
+                       const std::string& text) {
+    const std::string full = "coupling.estimated_" + name;
+    const auto row = [&](const std::string& n, auto& v, const std::string& description) {
+      if constexpr (std::is_same_v<std::decay_t<decltype(v)>, double>) {
+        return table.output(n, &v, quantity, description);
+      } else {
+        return table.outputs(n, v, quantity, description);
+      }
+    };
+    row(full, value, text + which).discrete().group(OutputGroup::kCoupling);
+    row(full + "_deviation", deviation, "Standard deviation of " + full)
+        .discrete()
+        .group(OutputGroup::kCoupling);
+  };
+  add("mass", out.coupling_body.mass, out.coupling_deviations.mass, kMass,
+      "Mass, estimated from the motion,");
+  add("com", out.coupling_body.com, out.coupling_deviations.com, kLength,
+      "Centre of mass, estimated from the motion, from the reported position in body axes,");
+  add("inertia", out.coupling_inertia, out.coupling_deviations.inertia, kInertia,
+      "Inertia about the centre of mass, estimated from the motion, body axes,");
 }
 
 void add_coupling_outputs(Table& table, Outputs& out) {
@@ -160,6 +201,7 @@ void add_coupling_outputs(Table& table, Outputs& out) {
               "Size of the error of coupling.diagnosis; its list states the unit")
       .discrete()
       .group(OutputGroup::kCoupling);
+  add_estimated_body(table, out);
   table
       .output("coupling.frequency", &out.coupling_frequency, kAngularVelocity,
               "Highest frequency of the mechanism and the contact between the vehicles")
@@ -170,6 +212,14 @@ void add_coupling_outputs(Table& table, Outputs& out) {
       .output("coupling.suggested_step", &out.coupling_suggested_step, kTime,
               "Communication step for an error of coupling.velocity_tolerance")
       .not_negative()
+      .discrete()
+      .group(OutputGroup::kCoupling);
+  table
+      .output(
+          "coupling.largest_delay", &out.coupling_largest_delay, kTime,
+          "Largest delay of the loop that is stable although coupling.delay does not state it; 0 "
+          "without a connection, 1000 if any delay is stable")
+      .limits(0, kNoDelayLimit)
       .discrete()
       .group(OutputGroup::kCoupling);
   table
@@ -206,7 +256,7 @@ void add_solver_parameters(Table& table, Parameters& parameter, bool has_compari
       table.parameter("solver.method", &parameter.solver_method, kNone, "Integration method")
           .choices(get_method_choices(), list_carried_methods(has_comparison));
   for (const MethodFacts& m : list_methods()) {
-    if (!m.for_comparison || has_comparison) continue;
+    if (m.is_carried(has_comparison)) continue;
     method.refuse(m.method, describe_missing_method(m.method));
   }
   if (has_comparison) {

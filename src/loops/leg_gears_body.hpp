@@ -102,8 +102,7 @@ void add_gear_inertia(const GearData<S>& gear, bool moving, S* sums) {
   add_symmetric(legs::kSumD, gear.inertia, w);
   for (int i = 0; i < 9; ++i) sums[legs::kSumK + i] += gear.inertia * w[i % 3] * v[i / 3];
   if (!moving) return;
-  const Mat3<S>& J = gear.frozen;
-  const S cells[] = {J(0, 0), J(1, 1), J(2, 2), J(0, 1), J(0, 2), J(1, 2)};
+  const Vec6<S> cells = get_components(gear.frozen);
   for (int i = 0; i < 3; ++i) sums[legs::kSumH + i] += gear.first_moment[i];
   for (int i = 0; i < 6; ++i) sums[legs::kSumJ + i] += cells[i];
   const Vec3<S> momentum = gear.inertia * gear.axis;  // per rate

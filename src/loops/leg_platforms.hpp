@@ -161,6 +161,10 @@ template <class S>
 Status calc_leg_positions(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
                           LoopData<S>& loops);
 
+/// reference.reach. @pre the rest of loops.reference
+template <class S>
+void keep_leg_reach(const LoopPlan& plan, LoopData<S>& loops);
+
 /// Coordinates of all joints of legs and gears, and joint poses. @pre calc_leg_positions
 template <class S>
 void calc_leg_coordinates(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops);
@@ -197,6 +201,19 @@ void put_leg_velocities(TreeData<S>& tree, const LoopData<S>& loops);
 template <class S>
 void add_leg_biases(const MechanismModel& model, const LoopPlan& plan, const BaseMotion<S>& base,
                     const VecX<S>& tau, TreeData<S>& tree, LoopData<S>& loops);
+
+// Where plan.is_free_platform: the reduced equations of the whole mechanism.
+
+/// The reduced inertia A; also mass and first moment of all that the root carries (tree.m_sum,
+/// h_sum). @pre calc_leg_positions, calc_tree_position
+template <class S>
+void calc_free_inertia(const MechanismModel& model, const LoopPlan& plan, const LoopData<S>& loops,
+                       TreeData<S>& tree, MatX<S>& A);
+
+/// The reduced right-hand side b. @pre calc_leg_velocities, calc_tree_acceleration
+template <class S>
+void calc_free_forces(const MechanismModel& model, const LoopPlan& plan, const BaseMotion<S>& base,
+                      const VecX<S>& tau, TreeData<S>& tree, LoopData<S>& loops, VecX<S>& b);
 
 /// h of the blocks of legs, and the accelerations of the joints of legs and gears. @pre
 /// calc_leg_maps, add_leg_biases, other accelerations

@@ -70,17 +70,24 @@ bool comes_near_singular(const LoopBlock& block, const LoopReference<S>& referen
 
 /// The branch of each leg: that of the accepted pose, unless that pose is near a singular one.
 template <class S>
-void choose_leg_branches(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
-                         LoopData<S>& loops, PlatformData<S>& at) {
+void choose_leg_branches(const MechanismModel& model, const LoopPlan& plan, size_t n,
+                         TreeData<S>& tree, LoopData<S>& loops) {
   using N = typename LegStore<S>::Constant;
   const LoopReference<S>& reference = loops.reference;
+  PlatformData<S>& at = loops.platform[n];
+  double square = 0.0;
+  for (int j : plan.platforms[n].low) {
+    const double moved = to_double(loops.moved[j]);
+    square += moved * moved;
+  }
+  const bool is_far = square < reference.reach[n] * reference.reach[n];  // from singular poses
   for (const LegPlace& leg : at.legs) {
     const size_t b = static_cast<size_t>(leg.block);
     BlockData<S>& data = loops.block[b];
     if (reference.valid) {
       data.branch = reference.branch[b];
       const LoopBlock& block = plan.blocks[b];
-      if (comes_near_singular(block, reference, b, loops.moved)) {
+      if (!is_far && comes_near_singular(block, reference, b, loops.moved)) {
         predict(model, b, block, tree, loops);
         const int k = block.loops[0];
         const Vec3<S> L = find_leg_target(leg.form, model.loops[k], plan.paths[k], tree);
@@ -167,7 +174,7 @@ Status calc_leg_positions(const MechanismModel& model, const LoopPlan& plan, Tre
     const LegPlatform& platform = plan.platforms[n];
     PlatformData<S>& at = loops.platform[n];
     calc_platform_pose(model, platform, tree, at);
-    choose_leg_branches(model, plan, tree, loops, at);
+    choose_leg_branches(model, plan, n, tree, loops);
     at.carries = platform.root != kBase;
     if (!calc_position_sums(at, at.carries, least)) {
       return find_leg_failure(model, plan, tree, loops, platform);
@@ -192,6 +199,30 @@ Status calc_leg_positions(const MechanismModel& model, const LoopPlan& plan, Tre
     }
   }
   return {};
+}
+
+template <class S>
+void keep_leg_reach(const LoopPlan& plan, LoopData<S>& loops) {
+  constexpr double kRounding = 1e-9;
+  LoopReference<S>& reference = loops.reference;
+  for (size_t n = 0; n < loops.platform.size(); ++n) {
+    double& least = reference.reach[n];
+    least = std::numeric_limits<double>::infinity();
+    for (const LegPlace& leg : loops.platform[n].legs) {
+      const size_t b = static_cast<size_t>(leg.block);
+      const LoopBlock& block = plan.blocks[b];
+      const double margin = reference.margin[b];
+      for (int i = 0; i < 3; ++i) {
+        double row = 0.0;
+        for (int j = 0; j < reference.H[b].cols(); ++j) {
+          row += to_double(reference.H[b](i, j)) * to_double(reference.H[b](i, j));
+        }
+        const double reach =
+            (1.0 - kRounding) * margin * block.dep_scale[i] / (2.0 * std::sqrt(row));
+        least = std::min(least, margin < kNearSingular ? 0.0 : reach);
+      }
+    }
+  }
 }
 
 template <class S>
@@ -494,45 +525,68 @@ LegSums<S> find_leg_sums(const LegPlatform& platform, const TreeData<S>& tree,
 
 // ---------------------------------------------------------------- acceleration
 
+namespace {
+
+/// What the legs need at zero joint accelerations.
+template <class S>
+struct LegBias {
+  Wrench<S> tip;   ///< from the platform, about its origin, C
+  Wrench<S> root;  ///< from both, about the origin of a moving root, R
+};
+
+/// @pre calc_tree_acceleration
+template <class S>
+LegBias<S> find_leg_bias(const MechanismModel& model, const LegPlatform& platform,
+                         const BaseMotion<S>& base, const VecX<S>& tau, TreeData<S>& tree,
+                         LoopData<S>& loops, PlatformData<S>& at) {
+  put_leg_forces(model, tau, tree, loops, at);
+  Vec6<S> root;  // acceleration less gravity, and angular, R
+  bool moving = true;
+  if (platform.root == kBase) {
+    root << base.a - base.gravity, base.alpha;
+    moving = !((root.array() == S(0)).all() && (base.w.array() == S(0)).all());
+    if (moving) make_carry(at);
+  } else {
+    const Mat3<S>& R = tree.R[platform.root];
+    root << R.transpose() * tree.a[platform.root], R.transpose() * tree.alpha[platform.root];
+  }
+  at.store.calc_bias(at.motion, moving, at.bias.data());
+  add_gear_biases(moving, at);
+  Vec6<S> tip;
+  tip << as_vector(&at.bias[legs::kSumTipForce]), as_vector(&at.bias[legs::kSumTipMoment]);
+  if (moving) tip += find_carried(at.sums).transpose() * root;
+  LegBias<S> bias;
+  bias.tip = {tip.template head<3>(), tip.template tail<3>()};
+  if (platform.root == kBase) return bias;
+  const Vec3<S> a = root.template head<3>(), alpha = root.template tail<3>();
+  const Vec3<S> h = as_vector(&at.sums[legs::kSumH]);
+  bias.root = {as_vector(&at.bias[legs::kSumRootForce]) + at.mass * a + alpha.cross(h),
+               as_vector(&at.bias[legs::kSumRootMoment]) + h.cross(a) +
+                   get_symmetric(&at.sums[legs::kSumJ]) * alpha};
+  return bias;
+}
+
+}  // namespace
+
 template <class S>
 void add_leg_biases(const MechanismModel& model, const LoopPlan& plan, const BaseMotion<S>& base,
                     const VecX<S>& tau, TreeData<S>& tree, LoopData<S>& loops) {
   for (size_t n = 0; n < plan.platforms.size(); ++n) {
     const LegPlatform& platform = plan.platforms[n];
     PlatformData<S>& at = loops.platform[n];
-    put_leg_forces(model, tau, tree, loops, at);
-    Vec6<S> root;  // acceleration less gravity, and angular, R
-    bool moving = true;
-    if (platform.root == kBase) {
-      root << base.a - base.gravity, base.alpha;
-      moving = !((root.array() == S(0)).all() && (base.w.array() == S(0)).all());
-      if (moving) make_carry(at);
-    } else {
-      const Mat3<S>& R = tree.R[platform.root];
-      root << R.transpose() * tree.a[platform.root], R.transpose() * tree.alpha[platform.root];
-    }
-    at.store.calc_bias(at.motion, moving, at.bias.data());
-    add_gear_biases(moving, at);
+    const LegBias<S> bias = find_leg_bias(model, platform, base, tau, tree, loops, at);
     // What the platform passes to the legs at their tips.
-    Vec6<S> tip;
-    tip << as_vector(&at.bias[legs::kSumTipForce]), as_vector(&at.bias[legs::kSumTipMoment]);
-    if (moving) tip += find_carried(at.sums).transpose() * root;
     const Mat3<S>& RC = tree.R[platform.body];
-    const Vec3<S> f = RC * tip.template head<3>(), t = RC * tip.template tail<3>();
+    const Vec3<S> f = RC * bias.tip.f, t = RC * bias.tip.t;
     tree.transmitted[platform.body].f += f;
     tree.transmitted[platform.body].t += t;
     if (platform.root == kBase) continue;
     // And the root, by the first joints: the rest of what they need.
-    const Vec3<S> a = root.template head<3>(), alpha = root.template tail<3>();
-    const Vec3<S> h = as_vector(&at.sums[legs::kSumH]);
-    const Vec3<S> force = as_vector(&at.bias[legs::kSumRootForce]) + at.mass * a + alpha.cross(h);
-    const Vec3<S> moment = as_vector(&at.bias[legs::kSumRootMoment]) + h.cross(a) +
-                           get_symmetric(&at.sums[legs::kSumJ]) * alpha;
     const Mat3<S>& R = tree.R[platform.root];
     const Vec3<S> arm = R * as_vector(at.motion.p);
     Wrench<S>& load = tree.transmitted[platform.root];
-    load.f += R * force - f;
-    load.t += R * moment - t - arm.cross(f);
+    load.f += R * bias.root.f - f;
+    load.t += R * bias.root.t - t - arm.cross(f);
     if (at.is_loaded) load -= at.external;
   }
 }
@@ -604,28 +658,39 @@ void add_leg_loads(const MechanismModel& model, const LoopPlan& plan, const Base
   }
 }
 
-#define DOCK_INSTANTIATE(S)                                                                      \
-  template class LegStore<S>;                                                                    \
-  template struct PlatformData<S>;                                                               \
-  template Status calc_leg_positions<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&,    \
-                                        LoopData<S>&);                                           \
-  template void calc_leg_coordinates<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);      \
-  template void calc_leg_maps<S>(LoopData<S>&);                                                  \
-  template void add_leg_columns<S>(const LoopPlan&, const LoopData<S>&, MatX<S>&);               \
-  template void add_leg_masses<S>(const LoopPlan&, const LoopData<S>&, TreeData<S>&);            \
-  template void add_leg_inertia<S>(const MechanismModel&, const LoopPlan&, const TreeData<S>&,   \
-                                   const LoopData<S>&, MatX<S>&);                                \
-  template void calc_leg_velocities<S>(const MechanismModel&, const LoopPlan&, const Vec3<S>&,   \
-                                       TreeData<S>&, LoopData<S>&);                              \
-  template void put_leg_velocities<S>(TreeData<S>&, const LoopData<S>&);                         \
-  template S find_leg_energy<S>(const LegPlatform&, const TreeData<S>&, const PlatformData<S>&); \
-  template LegSums<S> find_leg_sums<S>(const LegPlatform&, const TreeData<S>&,                   \
-                                       const PlatformData<S>&);                                  \
-  template void add_leg_biases<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&,  \
-                                  const VecX<S>&, TreeData<S>&, LoopData<S>&);                   \
-  template void put_leg_accelerations<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);               \
-  template void add_leg_loads<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&,   \
-                                 int, const VecX<S>&, TreeData<S>&, LoopData<S>&, Wrench<S>&);   \
+}  // namespace dockloop
+
+#include "loops/free_platform_body.hpp"
+
+namespace dockloop {
+
+#define DOCK_INSTANTIATE(S)                                                                       \
+  template class LegStore<S>;                                                                     \
+  template struct PlatformData<S>;                                                                \
+  template Status calc_leg_positions<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&,     \
+                                        LoopData<S>&);                                            \
+  template void keep_leg_reach<S>(const LoopPlan&, LoopData<S>&);                                 \
+  template void calc_leg_coordinates<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);       \
+  template void calc_leg_maps<S>(LoopData<S>&);                                                   \
+  template void add_leg_columns<S>(const LoopPlan&, const LoopData<S>&, MatX<S>&);                \
+  template void add_leg_masses<S>(const LoopPlan&, const LoopData<S>&, TreeData<S>&);             \
+  template void add_leg_inertia<S>(const MechanismModel&, const LoopPlan&, const TreeData<S>&,    \
+                                   const LoopData<S>&, MatX<S>&);                                 \
+  template void calc_leg_velocities<S>(const MechanismModel&, const LoopPlan&, const Vec3<S>&,    \
+                                       TreeData<S>&, LoopData<S>&);                               \
+  template void put_leg_velocities<S>(TreeData<S>&, const LoopData<S>&);                          \
+  template S find_leg_energy<S>(const LegPlatform&, const TreeData<S>&, const PlatformData<S>&);  \
+  template LegSums<S> find_leg_sums<S>(const LegPlatform&, const TreeData<S>&,                    \
+                                       const PlatformData<S>&);                                   \
+  template void add_leg_biases<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&,   \
+                                  const VecX<S>&, TreeData<S>&, LoopData<S>&);                    \
+  template void put_leg_accelerations<S>(const LoopPlan&, VecX<S>&, LoopData<S>&);                \
+  template void add_leg_loads<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&,    \
+                                 int, const VecX<S>&, TreeData<S>&, LoopData<S>&, Wrench<S>&);    \
+  template void calc_free_inertia<S>(const MechanismModel&, const LoopPlan&, const LoopData<S>&,  \
+                                     TreeData<S>&, MatX<S>&);                                     \
+  template void calc_free_forces<S>(const MechanismModel&, const LoopPlan&, const BaseMotion<S>&, \
+                                    const VecX<S>&, TreeData<S>&, LoopData<S>&, VecX<S>&);        \
   template double find_leg_margin<S>(const PlatformData<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)

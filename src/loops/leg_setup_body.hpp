@@ -22,8 +22,7 @@ BodyMoments<N> find_moments(const Body& body, const Pose<N>& pose) {
   const Vec3<N> c = pose.R * cast<N>(body.com) + pose.p;
   const N mass(body.mass);
   return {mass, mass * c,
-          pose.R * cast<N>(body.inertia) * pose.R.transpose() +
-              mass * (c.squaredNorm() * Mat3<N>::Identity() - c * c.transpose())};
+          pose.R * cast<N>(body.inertia) * pose.R.transpose() + find_point_inertia(mass, c)};
 }
 
 /// A rotation matrix to the digits of its numbers. @param R  one to rounding of doubles
@@ -54,8 +53,7 @@ void put_leg_constants(const MechanismModel& model, const LegPlatform& platform,
     for (int i = 0; i < 3; ++i) put(row + i, x[i]);
   };
   const auto put_moments = [&](int row, const BodyMoments<N>& of) {
-    const Mat3<N>& m = of.inertia;
-    const N cells[] = {m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2)};
+    const Vec6<N> cells = get_components(of.inertia);
     put(row, of.mass);
     put_vector(row + 1, of.first);
     for (int i = 0; i < 6; ++i) put(row + 4 + i, cells[i]);

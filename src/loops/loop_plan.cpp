@@ -368,14 +368,16 @@ LoopPlan make_loop_plan(const MechanismModel& model, const std::vector<double>& 
   }
   find_platforms(model, home, plan);
   find_touched(model, plan);
-  std::vector<char> dependent(model.nv, 0);
+  std::vector<char> dependent(model.nv, 0), followed(model.nv, 0);
   for (const LoopBlock& block : plan.blocks) {
     for (int d : block.dep) dependent[d] = 1;
+    for (int l : block.low) followed[l] = 1;
   }
   for (size_t i = 0; i < model.bodies.size(); ++i) {
     const Body& body = model.bodies[i];
     if (dependent[body.v_index]) continue;
     plan.ind_bodies.push_back(static_cast<int>(i));
+    if (followed[body.v_index]) plan.followed.push_back(static_cast<int>(i));
     for (int j = 0; j < body.nv(); ++j) plan.ind_v.push_back(body.v_index + j);
     for (int j = 0; j < body.nq(); ++j) plan.ind_q.push_back(body.q_index + j);
   }

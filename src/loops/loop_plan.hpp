@@ -67,14 +67,18 @@ struct LoopPlan {
                                                       ///< stay square to the closing body's axis
   std::vector<int> block_of_loop;  ///< per loop, -1 if all its equations are redundant
   std::vector<LoopBlock> blocks;   ///< in order of evaluation
+  size_t reduced_blocks = 0;       ///< the others, which come last, are condensed
   std::vector<int> ind_v;          ///< independent velocities, ascending
   std::vector<int> ind_q;          ///< independent coordinates, ascending
   std::vector<int> ind_bodies;     ///< bodies with independent joints
+  std::vector<int> followed;       ///< those of them on which loops depend
   std::vector<LegPlatform> platforms;
-  std::vector<int> tree_bodies;  ///< bodies that are neither legs nor gears, ascending
-  std::vector<int> leg_bodies;   ///< the others, ascending
-  bool iterates = false;         ///< some block is solved by Newton iteration
-  bool is_driven = false;        ///< some joint moves with time by itself
+  std::vector<int> tree_bodies;   ///< bodies that are neither legs nor gears, ascending
+  std::vector<int> leg_bodies;    ///< the others, ascending
+  bool is_free_platform = false;  ///< the tree is one platform on a free joint, on the base or on
+                                  ///< one free body; there are no other loops than its legs
+  bool iterates = false;          ///< some block is solved by Newton iteration
+  bool is_driven = false;         ///< some joint moves with time by itself
 };
 
 /// @param q  pose at which closed forms choose their branch (all coordinates)

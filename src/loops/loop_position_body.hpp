@@ -259,11 +259,10 @@ Status solve_blocks(const MechanismModel& model, const LoopPlan& plan, bool from
                     TreeData<S>& tree, LoopData<S>& loops) {
   for (int i : plan.ind_bodies) calc_joint_pose(model, i, tree);
   if (from_reference) {
-    for (int i : plan.ind_bodies) calc_moved(model, i, tree, loops);
+    for (int i : plan.followed) calc_moved(model, i, tree, loops);
   }
-  for (size_t b = 0; b < plan.blocks.size(); ++b) {
+  for (size_t b = 0; b < plan.reduced_blocks; ++b) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_condensed()) break;  // they come last
     BlockData<S>& data = loops.block[b];
     Status status;
     if (from_reference && !block.is_coupling) predict(model, b, block, tree, loops);
@@ -318,11 +317,9 @@ Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, Tre
     status = solve_blocks(model, plan, false, tree, loops);
     if (!status.ok()) return status;
   }
-  for (int i : plan.ind_bodies) calc_moved(model, i, tree, loops);
-  for (size_t b = 0; b < plan.blocks.size(); ++b) {
-    for (int i : plan.blocks[b].dep_bodies) {
-      if (!plan.blocks[b].is_condensed()) calc_moved(model, i, tree, loops);
-    }
+  for (int i : plan.followed) calc_moved(model, i, tree, loops);
+  for (size_t b = 0; b < plan.reduced_blocks; ++b) {
+    for (int i : plan.blocks[b].dep_bodies) calc_moved(model, i, tree, loops);
   }
   return calc_leg_positions(model, plan, tree, loops);
 }
@@ -330,15 +327,14 @@ Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, Tre
 template <class S>
 void calc_leg_cuts(const MechanismModel& model, const LoopPlan& plan, const TreeData<S>& tree,
                    LoopData<S>& loops) {
-  for (size_t b = 0; b < plan.blocks.size(); ++b) {
-    if (plan.blocks[b].is_condensed()) {
-      calc_block_position(model, plan, plan.blocks[b], tree, loops, loops.block[b]);
-    }
+  for (size_t b = plan.reduced_blocks; b < plan.blocks.size(); ++b) {
+    calc_block_position(model, plan, plan.blocks[b], tree, loops, loops.block[b]);
   }
 }
 
 template <class S>
-void keep_reference(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops) {
+void keep_reference(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
+                    LoopData<S>& loops) {
   LoopReference<S>& reference = loops.reference;
   calc_leg_coordinates(model, tree, loops);
   calc_leg_maps(loops);
@@ -351,12 +347,14 @@ void keep_reference(const MechanismModel& model, TreeData<S>& tree, LoopData<S>&
     reference.spin_branch[b] = loops.block[b].spin_branch;
     reference.sign[b] = loops.block[b].sign;
   }
+  keep_leg_reach(plan, loops);
 }
 
 #define DOCK_INSTANTIATE(S)                                                                   \
   template Status calc_loop_position<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&, \
                                         LoopData<S>&);                                        \
-  template void keep_reference<S>(const MechanismModel&, TreeData<S>&, LoopData<S>&);         \
+  template void keep_reference<S>(const MechanismModel&, const LoopPlan&, TreeData<S>&,       \
+                                  LoopData<S>&);                                              \
   template void calc_leg_cuts<S>(const MechanismModel&, const LoopPlan&, const TreeData<S>&,  \
                                  LoopData<S>&);
 

@@ -57,15 +57,15 @@ LoopData<S>::LoopData(const MechanismModel& model, const LoopPlan& plan) {
   reference.margin.assign(plan.blocks.size(), 1.0);
   reference.branch.resize(plan.blocks.size());
   reference.spin_branch.assign(plan.blocks.size(), 1);
+  reference.reach.assign(plan.platforms.size(), 0.0);
   moved.setZero(model.nv);
   target.setZero(model.nq);
 }
 
 template <class S>
 void calc_velocity_maps(const MechanismModel& model, const LoopPlan& plan, LoopData<S>& loops) {
-  for (size_t b = 0; b < plan.blocks.size(); ++b) {
+  for (size_t b = 0; b < plan.reduced_blocks; ++b) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_condensed()) continue;
     BlockData<S>& data = loops.block[b];
     calc_block_map(block, data);
     if (!block.is_driven) continue;
@@ -90,9 +90,8 @@ S find_drive_power(const MechanismModel& model, const LoopPlan& plan, const Loop
 
 template <class S>
 void calc_loop_velocity(const LoopPlan& plan, TreeData<S>& tree, const LoopData<S>& loops) {
-  for (size_t b = 0; b < plan.blocks.size(); ++b) {
+  for (size_t b = 0; b < plan.reduced_blocks; ++b) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_condensed()) continue;
     const BlockData<S>& data = loops.block[b];
     for (int i = 0; i < block.size(); ++i) {
       S sum = data.g[i];
@@ -105,9 +104,8 @@ void calc_loop_velocity(const LoopPlan& plan, TreeData<S>& tree, const LoopData<
 template <class S>
 void calc_loop_bias(const MechanismModel& model, const LoopPlan& plan, const TreeData<S>& tree,
                     LoopData<S>& loops) {
-  for (size_t b = 0; b < plan.blocks.size(); ++b) {
+  for (size_t b = 0; b < plan.reduced_blocks; ++b) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_condensed()) continue;
     BlockData<S>& data = loops.block[b];
     const BlockData<S>* leg = has_leg_bias(block.form()) ? &data : nullptr;
     for (size_t i = 0; i < block.loops.size(); ++i) {
@@ -121,9 +119,8 @@ void calc_loop_bias(const MechanismModel& model, const LoopPlan& plan, const Tre
 
 template <class S>
 void reduce_inertia(const LoopPlan& plan, MatX<S>& A, LoopData<S>& loops) {
-  for (size_t b = plan.blocks.size(); b-- > 0;) {
+  for (size_t b = plan.reduced_blocks; b-- > 0;) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_condensed()) continue;
     BlockData<S>& data = loops.block[b];
     const int m = block.size();
     const int n_low = static_cast<int>(block.low.size());
@@ -153,9 +150,8 @@ void reduce_inertia(const LoopPlan& plan, MatX<S>& A, LoopData<S>& loops) {
 
 template <class S>
 void reduce_forces(const LoopPlan& plan, VecX<S>& b, LoopData<S>& loops) {
-  for (size_t k = plan.blocks.size(); k-- > 0;) {
+  for (size_t k = plan.reduced_blocks; k-- > 0;) {
     const LoopBlock& block = plan.blocks[k];
-    if (block.is_condensed()) continue;
     BlockData<S>& data = loops.block[k];
     const int m = block.size();
     for (int i = 0; i < m; ++i) data.b_d[i] = b[block.dep[i]];
@@ -177,9 +173,8 @@ void reduce_forces(const LoopPlan& plan, VecX<S>& b, LoopData<S>& loops) {
 
 template <class S>
 void calc_loop_acceleration(const LoopPlan& plan, VecX<S>& vdot, const LoopData<S>& loops) {
-  for (size_t b = 0; b < plan.blocks.size(); ++b) {
+  for (size_t b = 0; b < plan.reduced_blocks; ++b) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_condensed()) continue;
     const BlockData<S>& data = loops.block[b];
     for (int i = 0; i < block.size(); ++i) {
       S sum = data.h[i];
@@ -191,9 +186,8 @@ void calc_loop_acceleration(const LoopPlan& plan, VecX<S>& vdot, const LoopData<
 
 template <class S>
 void calc_loop_forces(const LoopPlan& plan, const VecX<S>& vdot, LoopData<S>& loops) {
-  for (size_t b = 0; b < plan.blocks.size(); ++b) {
+  for (size_t b = 0; b < plan.reduced_blocks; ++b) {
     const LoopBlock& block = plan.blocks[b];
-    if (block.is_condensed()) continue;
     BlockData<S>& data = loops.block[b];
     // Force the cuts must exert on the dependent joints: Q = A_dl vdot_l + A_dd vdot_d - b_d, with
     // A and b as they were when this block was eliminated.

@@ -68,6 +68,8 @@ struct LoopReference {
   std::vector<double> margin;     ///< per block
   std::vector<LegBranch> branch;  ///< per block with a closed form
   std::vector<int> spin_branch;   ///< per block with a closed form and a spin
+  std::vector<double> reach;      ///< per platform: motion, norm of its coordinates, that brings no
+                                  ///< leg near a singular pose
 };
 
 template <class S>
@@ -94,7 +96,8 @@ Status calc_loop_position(const MechanismModel& model, const LoopPlan& plan, Tre
 /// The present pose is accepted: continue from it. Out: also coordinates of all joints.
 /// @pre calc_velocity_maps
 template <class S>
-void keep_reference(const MechanismModel& model, TreeData<S>& tree, LoopData<S>& loops);
+void keep_reference(const MechanismModel& model, const LoopPlan& plan, TreeData<S>& tree,
+                    LoopData<S>& loops);
 
 /// Residual and G of the legs of platforms. @pre calc_leg_coordinates
 template <class S>

@@ -48,6 +48,8 @@ PathBias<S> calc_path_bias(const MechanismModel& model, const TreeData<S>& tree,
         m.w += w_rel;
         break;
       }
+      case JointType::kMode:
+        break;
     }
   }
   const Vec3<S> arm = point - origin;

@@ -227,6 +227,18 @@ void add_gear(const MechanismModel& model, LoopPlan& plan, int b) {
   platform->gears.push_back(gear);
 }
 
+bool is_free_platform(const MechanismModel& model, const LoopPlan& plan) {
+  if (plan.platforms.size() != 1 || !plan.platforms[0].is_free) return false;
+  const LegPlatform& platform = plan.platforms[0];
+  const size_t carriers = platform.root == kBase ? 0 : 1;
+  const auto is_free = [&](int i) {
+    return model.bodies[i].joint == JointType::kFree &&
+           (i == platform.body || model.bodies[i].parent == kBase);
+  };
+  return plan.tree_bodies.size() == 1 + carriers && plan.reduced_blocks == 0 &&
+         std::all_of(plan.tree_bodies.begin(), plan.tree_bodies.end(), is_free);
+}
+
 }  // namespace
 
 void find_platforms(const MechanismModel& model, const std::vector<Pose<double>>& home,
@@ -241,7 +253,10 @@ void find_platforms(const MechanismModel& model, const std::vector<Pose<double>>
   for (int b = 0; b < static_cast<int>(plan.blocks.size()); ++b) {
     const LoopBlock& block = plan.blocks[b];
     for (int k : block.loops) plan.block_of_loop[k] = b;
-    if (!block.is_condensed()) continue;
+    if (!block.is_condensed()) {
+      ++plan.reduced_blocks;
+      continue;
+    }
     for (int body : block.dep_bodies) is_condensed[body] = 1;
     if (block.is_leg) find_platform(model, plan, block).blocks.push_back(b);
     if (block.is_gear) add_gear(model, plan, b);
@@ -249,6 +264,7 @@ void find_platforms(const MechanismModel& model, const std::vector<Pose<double>>
   for (int i = 0; i < static_cast<int>(model.bodies.size()); ++i) {
     (is_condensed[i] ? plan.leg_bodies : plan.tree_bodies).push_back(i);
   }
+  plan.is_free_platform = is_free_platform(model, plan);
 }
 
 }  // namespace dockloop

@@ -21,6 +21,8 @@ enum class StatusCode {
   kInertiaNotPositive,  ///< reduced inertia is not positive definite
   kContactTooDeep,      ///< rounded cores nearly touch: a smaller step is needed
   kContactFlipped,      ///< contact normal reversed: a surface was passed unseen
+  kTravelOutsideTable,  ///< a force element is beyond the travel of its table
+  kRateOutsideTable,    ///< the same, of its rates
   kIntegrationFailed,   ///< integrator could not meet its tolerance
   kNotFinite,           ///< NaN or infinity
   kSequenceChatters,    ///< steps of the sequence follow each other without end
@@ -30,8 +32,9 @@ enum class StatusCode {
   kInterrupted,         ///< the user stopped the step; it may be made again
 };
 
-/// Outcome of an evaluation or a step. `index` is the loop or contact pair, `margin` the normalised
-/// distance to the limit [-], `time` the time since the start [s] if known, else 0.
+/// Outcome of an evaluation or a step. `index` is the loop, contact pair or element, `margin` the
+/// normalised distance to the limit [-] (of a table: the travel or rate), `time` the time since the
+/// start [s] if known, else 0.
 struct Status {
   StatusCode code = StatusCode::kOk;
   int index = -1;

@@ -90,6 +90,20 @@ inline Mat3<double> make_symmetric(const Vec6<double>& i) {
   return m;
 }
 
+/// The components of a symmetric matrix, in the same order.
+template <class S>
+Vec6<S> get_components(const Mat3<S>& m) {
+  Vec6<S> i;
+  i << m(0, 0), m(1, 1), m(2, 2), m(0, 1), m(0, 2), m(1, 2);
+  return i;
+}
+
+/// Inertia of a mass at a point, about the origin. @param c  the point [m]
+template <class S>
+Mat3<S> find_point_inertia(const S& mass, const Vec3<S>& c) {
+  return mass * (c.squaredNorm() * Mat3<S>::Identity() - c * c.transpose());
+}
+
 /// pose_AC = pose_AB * pose_BC.
 template <class S>
 Pose<S> operator*(const Pose<S>& AB, const Pose<S>& BC) {

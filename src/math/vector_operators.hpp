@@ -22,6 +22,9 @@ namespace dockloop {
 template <class S, int R, int C>
 using Fixed = std::enable_if_t<(R > 0 && C > 0), Eigen::Matrix<S, R, C>>;
 
+/// Numbers of the largest matrix that is unrolled; clang takes at most 256.
+constexpr int kUnrolled = 144;
+
 /// Coefficients find(0), find(1) and so on, column by column. Without a loop, so that compilers
 /// keep them in registers.
 template <class S, int R, int C, class Find, std::size_t... i>
@@ -32,7 +35,13 @@ DOCK_INLINE Eigen::Matrix<S, R, C> make_each(const Find& find, std::index_sequen
 }
 template <class S, int R, int C, class Find>
 DOCK_INLINE Eigen::Matrix<S, R, C> make_each(const Find& find) {
-  return make_each<S, R, C>(find, std::make_index_sequence<R * C>());
+  if constexpr (R * C <= kUnrolled) {
+    return make_each<S, R, C>(find, std::make_index_sequence<R * C>());
+  } else {
+    Eigen::Matrix<S, R, C> made;
+    for (int i = 0; i < R * C; ++i) made.data()[i] = find(i);
+    return made;
+  }
 }
 
 /// The same numbers as another scalar.

@@ -1,6 +1,7 @@
 // Force elements of a mechanism: coordinate, laws, generalised forces, energies, bristles.
 #pragma once
 
+#include "math/status.hpp"
 #include "math/types.hpp"
 #include "model/mechanism_model.hpp"
 
@@ -61,9 +62,10 @@ struct ElementSwitches {
 /// @param[in]  command  per element; null: 0
 /// @param[in]  z        bristles (count_element_bristles); null: 0
 /// @param[out] tau      joint forces (nv), added to
+/// @return a table is left that is not to be left; the forces are those of an extended table
 template <class S>
-void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const VecX<S>& v,
-                         const S& time, const S* command, const ElementSwitches& switches,
-                         const S* z, ElementData<S>& data, VecX<S>& tau);
+Status calc_element_forces(const MechanismModel& model, const VecX<S>& q, const VecX<S>& v,
+                           const S& time, const S* command, const ElementSwitches& switches,
+                           const S* z, ElementData<S>& data, VecX<S>& tau);
 
 }  // namespace dockloop

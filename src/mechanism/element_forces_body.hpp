@@ -136,9 +136,10 @@ void add_terms(const ForceLaw& law, const LawTerms<S>& terms, ElementSums<S>& su
 }  // namespace
 
 template <class S>
-void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const VecX<S>& v,
-                         const S& time, const S* command, const ElementSwitches& switches,
-                         const S* z, ElementData<S>& data, VecX<S>& tau) {
+Status calc_element_forces(const MechanismModel& model, const VecX<S>& q, const VecX<S>& v,
+                           const S& time, const S* command, const ElementSwitches& switches,
+                           const S* z, ElementData<S>& data, VecX<S>& tau) {
+  Status found;
   data.sums = ElementSums<S>();
   int bristle = 0;
   size_t first_law = 0;  // of the element, among all laws
@@ -163,6 +164,10 @@ void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const Ve
       force += terms.force;
       saturation = std::max<S>(saturation, terms.saturation);
       add_terms(law, terms, data.sums);
+      if (terms.outside != StatusCode::kOk) {
+        const bool is_rate = terms.outside == StatusCode::kRateOutsideTable;
+        found = {terms.outside, i, to_double(is_rate ? in.v : in.s), 0.0};
+      }
       return terms.z_rate;
     };
     // The level of a brake may depend on the load of the other laws: brakes come last.
@@ -193,13 +198,14 @@ void calc_element_forces(const MechanismModel& model, const VecX<S>& q, const Ve
     data.saturation[i] = saturation;
   }
   add_locks(model, time, switches.entered, z, bristle, data, tau);
+  return found;
 }
 
-#define DOCK_INSTANTIATE(S)                                                                   \
-  template struct ElementData<S>;                                                             \
-  template void calc_element_forces<S>(const MechanismModel&, const VecX<S>&, const VecX<S>&, \
-                                       const S&, const S*, const ElementSwitches&, const S*,  \
-                                       ElementData<S>&, VecX<S>&);
+#define DOCK_INSTANTIATE(S)                                                                     \
+  template struct ElementData<S>;                                                               \
+  template Status calc_element_forces<S>(const MechanismModel&, const VecX<S>&, const VecX<S>&, \
+                                         const S&, const S*, const ElementSwitches&, const S*,  \
+                                         ElementData<S>&, VecX<S>&);
 
 DOCK_INSTANTIATE_FOR_SCALARS(DOCK_INSTANTIATE)
 #undef DOCK_INSTANTIATE

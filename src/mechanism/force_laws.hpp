@@ -37,6 +37,8 @@ struct LawTerms {
   S work = S(0);         ///< of a drive [W]
   S z_rate = S(0);       ///< of the bristle
   S saturation = S(0);   ///< force or current as a share of its limit
+  /// kOk, or where a table is left that is not to be left
+  StatusCode outside = StatusCode::kOk;
 };
 
 /// max(0, u) with a parabola for |u| < eps; and its integral.
@@ -272,6 +274,49 @@ LawTerms<S> calc_law(const StopLaw& law, const LawInput<S>& in) {
                             out.dissipation);
   };
   out.force = stop(S(law.lower) - in.s, -in.v) - stop(in.s - S(law.upper), in.v);
+  return out;
+}
+
+/// Share of a force that a table has at each rate, linear between the rates. Beyond the last one
+/// the force is held, or it grows in proportion to the rate: it stays one that dissipates.
+template <class S>
+S find_viscous(const TableLaw& law, const S& x, const S& v) {
+  const std::vector<double>& rates = law.rates;
+  const auto at = [&](size_t j) { return law.viscous[j].template at<S>(x, false).value; };
+  const auto beyond = [&](size_t j) {
+    const bool is_held = law.outside_rate == Outside::kHold || rates[j] == 0.0;
+    return is_held ? at(j) : S(at(j) * (v / S(rates[j])));
+  };
+  if (!(v > S(rates.front()))) return beyond(0);
+  if (!(v < S(rates.back()))) return beyond(rates.size() - 1);
+  size_t j = 1;
+  while (!(v < S(rates[j]))) ++j;
+  const S share = (v - S(rates[j - 1])) / S(rates[j] - rates[j - 1]);
+  return (S(1) - share) * at(j - 1) + share * at(j);
+}
+
+template <class S>
+LawTerms<S> calc_law(const TableLaw& law, const LawInput<S>& in) {
+  LawTerms<S> out;
+  const S x = in.s - S(law.rest);
+  const bool extends = law.outside != Outside::kHold;
+  const auto elastic = law.elastic.at<S>(x, extends);
+  const S slack(std::clamp(0.0, law.elastic.front(), law.elastic.back()));
+  const S factor(law.factor);
+  out.force = factor * elastic.value;
+  out.energy = -factor * (elastic.integral - law.elastic.at<S>(slack, extends).integral);
+  if (law.outside == Outside::kRefuse &&
+      (x < S(law.elastic.front()) || x > S(law.elastic.back()))) {
+    out.outside = StatusCode::kTravelOutsideTable;
+  }
+  if (law.rates.size() == 1) return out;
+  const S viscous = factor * find_viscous<S>(law, x, in.v);
+  out.force += viscous;
+  out.dissipation = -viscous * in.v;
+  if (law.outside_rate == Outside::kRefuse &&
+      (in.v < S(law.rates.front()) || in.v > S(law.rates.back()))) {
+    out.outside = StatusCode::kRateOutsideTable;
+  }
   return out;
 }
 

@@ -79,6 +79,7 @@ std::string describe_kernel_source(const Mechanism& mechanism, KernelScope scope
   for (size_t i = 0; i < model.bodies.size(); ++i) {
     const Body& body = model.bodies[i];
     text << "body" << body.parent << static_cast<int>(body.joint) << body.axis << body.placement;
+    if (body.joint == JointType::kMode) text << body.axis_of_rotation;
     if (static_cast<int>(i) != mechanism.vehicle) text << body.mass << body.com << body.inertia;
   }
   for (const Loop& loop : model.loops) describe(loop, text);
@@ -201,11 +202,13 @@ GeneratedKernel::GeneratedKernel(const Mechanism& mechanism,
     }
   }
   if (mechanism.vehicle != kBase) {
-    const Body& body = mechanism.model.bodies[mechanism.vehicle];
-    const Mat3<double>& I = body.inertia;
-    vehicle_ = {body.mass, body.com.x(), body.com.y(), body.com.z(), I(0, 0),
-                I(1, 1),   I(2, 2),      I(0, 1),      I(0, 2),      I(1, 2)};
+    set_vehicle(mechanism.model.bodies[mechanism.vehicle]);
   }
+}
+
+void GeneratedKernel::set_vehicle(const Body& vehicle) {
+  Eigen::Map<Eigen::Matrix<double, 10, 1>>(vehicle_.data()) << vehicle.mass, vehicle.com,
+      get_components(vehicle.inertia);
 }
 
 /// Is the accepted pose far from every singular one, on the branch that the kernel was made for,

@@ -108,6 +108,7 @@ class GeneratedKernel : public MechanismKernel {
   bool calc_position(MechanismData<double>& data) override;
   void calc_velocity(const BaseMotion<double>& base, MechanismData<double>& data) override;
   void calc_acceleration(const BaseMotion<double>& base, MechanismData<double>& data) override;
+  void set_vehicle(const Body& vehicle) override;
 
  private:
   struct Block {

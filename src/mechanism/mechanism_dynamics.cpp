@@ -183,6 +183,48 @@ std::string describe_home_failure(const Mechanism& mechanism, const MechanismDat
          describe_missing_inertia(mechanism, data.A_ind);
 }
 
+constexpr double kAssembleGap = 0.01;  // of a stated home, part of the loop size
+
+/// Note for each loop that was open by how much it was, and which joint moved farthest to close it;
+/// then the closed pose, if the file states another. @param data  closed
+void describe_assembly(const std::vector<double>& gaps, const MechanismData<double>& data,
+                       Mechanism& mechanism) {
+  const MechanismModel& model = mechanism.model;
+  char text[256];
+  bool was_open = false;
+  for (size_t k = 0; k < model.loops.size(); ++k) {
+    if (gaps[k] <= kHomeGap * mechanism.plan.loop_size[k]) continue;
+    was_open = true;
+    std::snprintf(text, sizeof text, "is open by %.6g%s at the %s; it was closed from there",
+                  gaps[k], model.loops[k].cut == CutType::kCoupling ? "" : " m",
+                  model.home_given ? "stated home" : "zero pose (no home_q is given)");
+    std::string note = "loop '" + model.loops[k].name + "' " + text;
+    const Body* farthest = nullptr;
+    double most = 0.0;
+    for (int i : model.loops[k].dependent) {
+      const int q = model.bodies[i].q_index;
+      const double moved = data.tree.q[q] - model.home_q[q];
+      if (std::abs(moved) <= std::abs(most)) continue;
+      most = moved;
+      farthest = &model.bodies[i];
+    }
+    if (farthest) {
+      std::snprintf(text, sizeof text, "' moved by %.3g %s", most,
+                    farthest->joint == JointType::kPrismatic ? "m" : "rad");
+      note += ": '" + farthest->name + text;
+    }
+    mechanism.notes.push_back(note);
+  }
+  if (!was_open || !model.home_given) return;
+  std::string pose;
+  for (int i = 0; i < model.nq; ++i) {
+    std::snprintf(text, sizeof text, "%s%.17g", i > 0 ? ", " : "", data.tree.q[i]);
+    pose += text;
+  }
+  mechanism.notes.push_back("home_q was a first guess; the closed pose is \"home_q\": [" + pose +
+                            "]");
+}
+
 }  // namespace
 
 void calc_home_position(const Mechanism& mechanism, const std::string& source,
@@ -195,24 +237,23 @@ void calc_home_position(const Mechanism& mechanism, const std::string& source,
 void close_home(Mechanism& mechanism, const std::string& source_name) {
   MechanismModel& model = mechanism.model;
   char text[256];
-  if (model.home_given) {
-    // A stated home must be closed as it stands.
-    const std::vector<double> gaps = find_home_gaps(mechanism);
-    for (size_t k = 0; k < model.loops.size(); ++k) {
-      const double limit = kHomeGap * mechanism.plan.loop_size[k];
-      if (gaps[k] <= limit) continue;
-      if (model.loops[k].cut == CutType::kCoupling) {
-        std::snprintf(text, sizeof text,
-                      "(a coupling) is open by %.6g at the stated home; correct home_q or 'offset'",
-                      gaps[k]);
-      } else {
-        std::snprintf(text, sizeof text,
-                      "is open by %.6g m at the stated home (limit %.1g m); correct home_q or the "
-                      "cut points",
-                      gaps[k], limit);
-      }
-      throw ModelError(source_name + ": loop '" + model.loops[k].name + "' " + text);
+  const std::vector<double> gaps = find_home_gaps(mechanism);
+  for (size_t k = 0; model.home_given && k < model.loops.size(); ++k) {
+    // A stated home may be a first guess, as read off a drawing.
+    const double limit = kAssembleGap * mechanism.plan.loop_size[k];
+    if (gaps[k] <= limit) continue;
+    if (model.loops[k].cut == CutType::kCoupling) {
+      std::snprintf(text, sizeof text,
+                    "(a coupling) is open by %.6g at the stated home (limit %.2g); correct home_q "
+                    "or 'offset'",
+                    gaps[k], limit);
+    } else {
+      std::snprintf(text, sizeof text,
+                    "is open by %.6g m at the stated home (limit %.2g m); correct home_q or the "
+                    "cut points",
+                    gaps[k], limit);
     }
+    throw ModelError(source_name + ": loop '" + model.loops[k].name + "' " + text);
   }
   MechanismData<double> data(mechanism);
   calc_home_position(mechanism, source_name, data);
@@ -231,6 +272,7 @@ void close_home(Mechanism& mechanism, const std::string& source_name) {
       throw ModelError(source_name + ": loop '" + model.loops[block.loops[0]].name + "' " + text);
     }
   }
+  describe_assembly(gaps, data, mechanism);
   for (int i = 0; i < model.nq; ++i) model.home_q[i] = data.tree.q[i];
   // Closed forms take their branch from the closed pose.
   model.home_given = true;
@@ -249,6 +291,7 @@ void add_part(const VehiclePart& part, int parent, std::vector<Body>& bodies) {
     body.parent = parent;
     body.joint = part.coordinates[k].joint;
     body.axis = part.coordinates[k].axis;
+    body.axis_of_rotation = part.coordinates[k].axis_of_rotation;
     if (k == 0) body.placement = part.placement;
     parent = static_cast<int>(bodies.size());
     bodies.push_back(body);
@@ -334,6 +377,25 @@ VehicleBody find_rigid_parts(const VehicleParts& parts) {
   return all;
 }
 
+double find_share_without_modes(const VehicleBody& vehicle, const VehicleParts& parts) {
+  if (!parts.has_modes()) return 1.0;
+  const Mat3<double> h = skew<double>(vehicle.mass * vehicle.com);
+  Mat6<double> rigid;
+  rigid << vehicle.mass * Mat3<double>::Identity(), -h, h,
+      vehicle.inertia - h * skew<double>(vehicle.com);
+  const Mat6<double> factor = find_cholesky_factor(rigid);
+  Mat6<double> taken = Mat6<double>::Zero();
+  parts.for_each([&](const VehiclePart& part) {
+    if (!is_mode(part)) return;
+    const PartCoordinate& mode = part.coordinates.front();
+    Vec6<double> share;
+    share << mode.axis, mode.axis_of_rotation;
+    factor.triangularView<Eigen::Lower>().solveInPlace(share);
+    taken += share * share.transpose();
+  });
+  return 1.0 - find_eigenvalues(taken)[5];
+}
+
 MechanismModel fix_base(const MechanismModel& mechanism, const Pose<double>& base_pose) {
   MechanismModel model = mechanism;
   for (Body& body : model.bodies) {
@@ -357,9 +419,7 @@ VehicleBody join(const VehicleBody& a, const VehicleBody& b) {
   both.inertia = a.inertia + b.inertia;
   if (!(both.mass > 0.0)) return both;
   both.com = (a.mass * a.com + b.mass * b.com) / both.mass;
-  const Vec3<double> d = b.com - a.com;
-  both.inertia += a.mass * b.mass / both.mass *
-                  (d.squaredNorm() * Mat3<double>::Identity() - d * d.transpose());
+  both.inertia += find_point_inertia<double>(a.mass * b.mass / both.mass, b.com - a.com);
   return both;
 }
 
@@ -381,8 +441,7 @@ VehicleBody find_frozen_body(const Mechanism& mechanism) {
     const Body& body = mechanism.model.bodies[i];
     const Mat3<double>& R = data.tree.R[i];
     const Vec3<double> c = data.tree.p[i] + R * body.com - frozen.com;
-    frozen.inertia += R * body.inertia * R.transpose() +
-                      body.mass * (c.squaredNorm() * Mat3<double>::Identity() - c * c.transpose());
+    frozen.inertia += R * body.inertia * R.transpose() + find_point_inertia(body.mass, c);
   }
   return frozen;
 }

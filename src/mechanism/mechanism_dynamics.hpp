@@ -98,6 +98,14 @@ void keep_reference(const Mechanism& mechanism, MechanismData<S>& data);
 template <class S>
 void calc_leg_bodies(const Mechanism& mechanism, MechanismData<S>& data);
 
+/// First moment and inertia of a body alone. @pre calc_position
+template <class S>
+BodyInertia<S> get_body_inertia(const Mechanism& mechanism, int i, const TreeData<S>& tree) {
+  if (mechanism.plan.is_free_platform)
+    return find_body_inertia(mechanism.model.bodies[i], tree.R[i]);
+  return {tree.h_body[i], tree.I_body[i]};
+}
+
 /// Kinetic energy of all bodies but a vehicle; and their other sums, momentum about the base
 /// origin, base axes.
 /// @pre calc_velocity for Need::kState, on a base at rest
@@ -166,10 +174,11 @@ std::vector<double> find_home_gaps(const Mechanism& mechanism);
 void calc_home_position(const Mechanism& mechanism, const std::string& source,
                         MechanismData<double>& data);
 
-constexpr double kHomeGap = 1e-6;  ///< a stated home is closed to this part of the loop size [-]
+constexpr double kHomeGap = 1e-6;  ///< a loop is closed at home to this part of its size [-]
 
-/// Close the home pose: replaces the dependent entries of home_q by a solution.
-/// @throws ModelError when a loop is open at the home that the file states, or cannot be closed.
+/// Close the home pose: replaces the dependent entries of home_q by a solution, and notes how far
+/// loops were open. A stated home may be a first guess: the independent entries are held.
+/// @throws ModelError when a stated home is open by more than 1 % of a loop, or cannot be closed.
 void close_home(Mechanism& mechanism, const std::string& source_name);
 
 /// Rigid body onto which a mechanism is put.
@@ -193,6 +202,14 @@ MechanismModel attach_vehicle(const MechanismModel& mechanism, const VehicleBody
 
 /// All parts of a vehicle as one body, coordinates at zero, axes of the vehicle.
 VehicleBody find_rigid_parts(const VehicleParts& parts);
+
+/// Share of its mass and inertia that a vehicle has left without its modes, in the direction in
+/// which modes take part most: 1 without modes; 0 or less for modes that no body has.
+double find_share_without_modes(const VehicleBody& vehicle, const VehicleParts& parts);
+constexpr double kLeastShareWithoutModes = 1e-4;
+inline bool can_carry_modes(const VehicleBody& vehicle, const VehicleParts& parts) {
+  return find_share_without_modes(vehicle, parts) >= kLeastShareWithoutModes;
+}
 
 /// The mechanism on a vehicle that does not move: base placements become `base_pose`.
 MechanismModel fix_base(const MechanismModel& mechanism, const Pose<double>& base_pose);

@@ -31,6 +31,34 @@ MechanismData<S>::MechanismData(const Mechanism& mechanism)
   A_tree.setZero(nv, nv);
 }
 
+namespace {
+
+/// Joint-space inertia of what remains in the tree, and of the legs at their tips, reduced.
+template <class S>
+void calc_reduced_inertia(const Mechanism& mechanism, Need need, MechanismData<S>& data) {
+  const MechanismModel& model = mechanism.model;
+  const LoopPlan& plan = mechanism.plan;
+  const std::vector<int>& ind = plan.ind_v;
+  calc_body_inertia(model, plan.tree_bodies, data.tree);
+  add_leg_masses(plan, data.loops, data.tree);
+  calc_composite_inertia(model, plan.tree_bodies, data.tree, data.A_tree);
+  add_leg_inertia(model, plan, data.tree, data.loops, data.A_tree);
+  if (need == Need::kEverything && plan.platforms.empty()) data.tree.A = data.A_tree;
+  // Reduce it and gather what is left.                                              [Y2 (10)]
+  const bool reduces = plan.reduced_blocks > 0;
+  if (reduces) {
+    data.A = data.A_tree;
+    reduce_inertia(plan, data.A, data.loops);
+  }
+  const MatX<S>& A = reduces ? data.A : data.A_tree;
+  const int n = static_cast<int>(ind.size());
+  for (int j = 0; j < n; ++j) {
+    for (int i = 0; i < n; ++i) data.A_ind(i, j) = A(ind[i], ind[j]);
+  }
+}
+
+}  // namespace
+
 template <class S>
 Status calc_position(const Mechanism& mechanism, MechanismData<S>& data, Need need) {
   if constexpr (std::is_same_v<S, double>) {
@@ -54,23 +82,10 @@ Status calc_position(const Mechanism& mechanism, MechanismData<S>& data, Need ne
   } else {
     calc_tree_position(model, plan.tree_bodies, data.tree);
   }
-  // Joint-space inertia of what remains in the tree, and of the legs at their tips.
-  calc_body_inertia(model, plan.tree_bodies, data.tree);
-  add_leg_masses(plan, data.loops, data.tree);
-  calc_composite_inertia(model, plan.tree_bodies, data.tree, data.A_tree);
-  add_leg_inertia(model, plan, data.tree, data.loops, data.A_tree);
-  if (need == Need::kEverything && plan.platforms.empty()) data.tree.A = data.A_tree;
-  // Reduce it and gather what is left. Blocks of legs come last: if the first is one, all are, and
-  // nothing is to be reduced.                                                        [Y2 (10)]
-  const bool reduces = !plan.blocks.empty() && !plan.blocks[0].is_condensed();
-  if (reduces) {
-    data.A = data.A_tree;
-    reduce_inertia(plan, data.A, data.loops);
-  }
-  const MatX<S>& A = reduces ? data.A : data.A_tree;
-  const int n = static_cast<int>(ind.size());
-  for (int j = 0; j < n; ++j) {
-    for (int i = 0; i < n; ++i) data.A_ind(i, j) = A(ind[i], ind[j]);
+  if (plan.is_free_platform) {
+    calc_free_inertia(model, plan, data.loops, data.tree, data.A_ind);
+  } else {
+    calc_reduced_inertia(mechanism, need, data);
   }
   if (ind.empty()) return {};
   data.factor.compute(data.A_ind);
@@ -105,14 +120,18 @@ void calc_acceleration(const Mechanism& mechanism, const BaseMotion<S>& base,
   // Right-hand side: applied less what zero joint accelerations would require.
   const VecX<S>* none = nullptr;
   calc_tree_acceleration(model, plan.tree_bodies, base, none, data.tree);
-  calc_body_forces(model, plan.tree_bodies, data.tree);
-  add_leg_biases(model, plan, base, data.tau, data.tree, data.loops);
-  calc_transmitted(model, plan.tree_bodies, data.tree);
-  data.b = data.tau - data.tree.tau_required;
-  // Reduce it and solve for the independent accelerations.                      [Y2 (10), (11)]
-  calc_loop_bias(model, plan, data.tree, data.loops);
-  reduce_forces(plan, data.b, data.loops);
-  for (size_t i = 0; i < ind.size(); ++i) data.b_ind[static_cast<int>(i)] = data.b[ind[i]];
+  if (plan.is_free_platform) {
+    calc_free_forces(model, plan, base, data.tau, data.tree, data.loops, data.b_ind);
+  } else {
+    calc_body_forces(model, plan.tree_bodies, data.tree);
+    add_leg_biases(model, plan, base, data.tau, data.tree, data.loops);
+    calc_transmitted(model, plan.tree_bodies, data.tree);
+    data.b = data.tau - data.tree.tau_required;
+    // Reduce it and solve for the independent accelerations.                    [Y2 (10), (11)]
+    calc_loop_bias(model, plan, data.tree, data.loops);
+    reduce_forces(plan, data.b, data.loops);
+    for (size_t i = 0; i < ind.size(); ++i) data.b_ind[static_cast<int>(i)] = data.b[ind[i]];
+  }
   VecX<S>& x = data.a_ind;
   x = data.b_ind;
   if (!ind.empty()) data.factor.solveInPlace(x);
@@ -138,6 +157,7 @@ void calc_reactions(const Mechanism& mechanism, const BaseMotion<S>& base, int b
   // need in total. Cut forces between moving bodies cancel in the sum, those on the base itself
   // are part of what the base must supply.
   calc_tree_acceleration(model, plan.tree_bodies, base, &data.vdot, tree);
+  if (plan.is_free_platform) calc_body_inertia(model, plan.tree_bodies, tree);
   calc_body_forces(model, plan.tree_bodies, tree);
   data.on_base = Wrench<S>();
   add_leg_loads(model, plan, base, base_body, data.vdot, tree, data.loops, data.on_base);
@@ -168,7 +188,7 @@ Wrench<S> find_carried_load(const Mechanism& mechanism, int parent, int first, i
 
 template <class S>
 void keep_reference(const Mechanism& mechanism, MechanismData<S>& data) {
-  keep_reference(mechanism.model, data.tree, data.loops);
+  keep_reference(mechanism.model, mechanism.plan, data.tree, data.loops);
 }
 
 template <class S>
@@ -183,9 +203,14 @@ namespace {
 
 /// Momentum of one body, angular part about its origin, base axes.
 template <class S>
-Wrench<S> find_own_momentum(const Body& body, int i, const TreeData<S>& tree) {
-  const Vec3<S>&w = tree.w[i], &u = tree.u[i], &h = tree.h_body[i];
-  return {S(body.mass) * u + w.cross(h), tree.I_body[i] * w + h.cross(u)};
+Wrench<S> find_own_momentum(const Mechanism& mechanism, int i, const TreeData<S>& tree) {
+  const Vec3<S>&w = tree.w[i], &u = tree.u[i];
+  const BodyInertia<S> of = get_body_inertia(mechanism, i, tree);
+  const Body& body = mechanism.model.bodies[i];
+  Wrench<S> own{S(body.mass) * u + w.cross(of.h), of.I * w + of.h.cross(u)};
+  if (body.joint == JointType::kMode)
+    own += tree.v[body.v_index] * find_mode_momentum(body, tree.R[i]);
+  return own;
 }
 
 }  // namespace
@@ -197,8 +222,13 @@ S find_mechanism_energy(const Mechanism& mechanism, const MechanismData<S>& data
   S energy(0);
   for (int i : mechanism.plan.tree_bodies) {
     if (i == mechanism.vehicle) continue;
-    const Wrench<S> own = find_own_momentum(mechanism.model.bodies[i], i, tree);
+    const Wrench<S> own = find_own_momentum(mechanism, i, tree);
     energy += S(0.5) * (tree.u[i].dot(own.f) + tree.w[i].dot(own.t));
+    const Body& body = mechanism.model.bodies[i];
+    if (body.joint != JointType::kMode) continue;
+    const Wrench<S> momentum = find_mode_momentum(body, tree.R[i]);
+    const S& rate = tree.v[body.v_index];
+    energy += S(0.5) * rate * (tree.u[i].dot(momentum.f) + tree.w[i].dot(momentum.t) + rate);
   }
   for (size_t n = 0; n < mechanism.plan.platforms.size(); ++n) {
     energy += find_leg_energy(mechanism.plan.platforms[n], tree, data.loops.platform[n]);
@@ -214,9 +244,9 @@ LegSums<S> find_motion_sums(const Mechanism& mechanism, const MechanismData<S>& 
   for (int i : mechanism.plan.tree_bodies) {
     if (i == mechanism.vehicle) continue;
     const S m(mechanism.model.bodies[i].mass);
-    const Wrench<S> own = find_own_momentum(mechanism.model.bodies[i], i, tree);
+    const Wrench<S> own = find_own_momentum(mechanism, i, tree);
     sum.mass += m;
-    sum.first_moment += tree.h_body[i] + m * tree.p[i];
+    sum.first_moment += get_body_inertia(mechanism, i, tree).h + m * tree.p[i];
     sum.momentum.f += own.f;
     sum.momentum.t += own.t + tree.p[i].cross(own.f);
   }
@@ -296,8 +326,7 @@ double find_closure_residual(const Mechanism& mechanism, MechanismData<S>& data)
 template <class S>
 double find_singularity_margin(const Mechanism& mechanism, const MechanismData<S>& data) {
   double margin = 1.0;
-  for (size_t b = 0; b < data.loops.block.size(); ++b) {
-    if (mechanism.plan.blocks[b].is_condensed()) continue;
+  for (size_t b = 0; b < mechanism.plan.reduced_blocks; ++b) {
     margin = std::min(margin, data.loops.block[b].margin);
   }
   for (const PlatformData<S>& at : data.loops.platform) {
@@ -310,8 +339,7 @@ template <class S>
 bool has_passed_singular_pose(const Mechanism& mechanism, const MechanismData<S>& data) {
   const LoopReference<S>& reference = data.loops.reference;
   if (!reference.valid) return false;
-  for (size_t b = 0; b < data.loops.block.size(); ++b) {
-    if (mechanism.plan.blocks[b].is_condensed()) continue;
+  for (size_t b = 0; b < mechanism.plan.reduced_blocks; ++b) {
     if (data.loops.block[b].sign != reference.sign[b]) return true;
   }
   return false;

@@ -22,6 +22,8 @@ class MechanismKernel {
   virtual bool calc_position(MechanismData<double>& data) = 0;
   virtual void calc_velocity(const BaseMotion<double>& base, MechanismData<double>& data) = 0;
   virtual void calc_acceleration(const BaseMotion<double>& base, MechanismData<double>& data) = 0;
+  /// The vehicle that carries the mechanism has another mass, centre of mass or inertia.
+  virtual void set_vehicle(const Body& vehicle) = 0;
 };
 
 }  // namespace dockloop

@@ -5,6 +5,7 @@ namespace dockloop {
 namespace {
 
 constexpr size_t kMaxLaws = 16, kMaxTerms = 100, kMaxTableRows = 100;  ///< of one element or law
+constexpr size_t kMaxMeasuredRows = 10000, kMaxRates = 100;
 
 std::vector<TableRow> read_table(const JsonReader& item, const char* key) {
   std::vector<TableRow> rows;
@@ -50,6 +51,35 @@ void read_rest(const JsonReader& item, MotorLaw& law) {
 void read_rest(const JsonReader& item, DriveLaw& law) {
   law.commanded = item.flag("commanded", false);
   if (!item.has("deceleration")) law.deceleration = law.acceleration;
+}
+
+std::vector<double> read_numbers(const JsonReader& list, size_t most) {
+  std::vector<double> numbers;
+  for (const JsonReader& item : list.items(most)) numbers.push_back(item.number());
+  return numbers;
+}
+
+Outside read_outside(const JsonReader& item, const char* key) {
+  const std::string text = item.text(key, "refuse");
+  if (text != "refuse" && text != "hold" && text != "extend") {
+    item.at(key).fail("is '" + text + "'; it must be refuse, hold or extend");
+  }
+  return text == "refuse" ? Outside::kRefuse : text == "hold" ? Outside::kHold : Outside::kExtend;
+}
+
+void read_rest(const JsonReader& item, TableLaw& law) {
+  law.outside = read_outside(item, "outside");
+  law.outside_rate = read_outside(item, "outside_rate");
+  law.travel = read_numbers(item.at("travel"), kMaxMeasuredRows);
+  const JsonReader force = item.at("force");
+  if (!item.has("rates")) {
+    law.force = {read_numbers(force, kMaxMeasuredRows)};
+    return;
+  }
+  law.rates = read_numbers(item.at("rates"), kMaxRates);
+  for (const JsonReader& list : force.items(kMaxRates)) {
+    law.force.push_back(read_numbers(list, kMaxMeasuredRows));
+  }
 }
 
 template <class Law>
@@ -113,6 +143,7 @@ ForceElement read_element(const JsonReader& item, const MechanismModel& model) {
       law.fail(std::string("(") + describe_type(element.laws.back()) + " of element '" +
                element.name + "'): " + fault);
     }
+    if (TableLaw* table = std::get_if<TableLaw>(&element.laws.back())) table->interpolate();
     commanded += is_commanded(element.laws.back()) ? 1 : 0;
   }
   if (element.along.empty()) item.at("along").fail("is empty; an element needs a joint");

@@ -88,6 +88,48 @@ std::string find_own_fault(const StopLaw& law) {
          describe_number(law.upper);
 }
 
+std::string find_row_fault(const std::vector<double>& list, const char* name) {
+  for (size_t i = 1; i < list.size(); ++i) {
+    if (list[i] > list[i - 1]) continue;
+    return std::string(name) + "[" + std::to_string(i + 1) + "] is " + describe_number(list[i]) +
+           "; it must be above " + name + "[" + std::to_string(i) + "], " +
+           describe_number(list[i - 1]);
+  }
+  return "";
+}
+
+std::string find_own_fault(const TableLaw& law) {
+  const size_t rows = law.travel.size();
+  if (rows < 2) return "travel has " + std::to_string(rows) + " rows; a table needs 2 or more";
+  for (const std::string& fault :
+       {find_row_fault(law.travel, "travel"), find_row_fault(law.rates, "rates")}) {
+    if (!fault.empty()) return fault;
+  }
+  const auto zero = std::find(law.rates.begin(), law.rates.end(), 0.0);
+  if (zero == law.rates.end()) {
+    return "rates lack 0; the force at rest is the elastic one, from which the energy follows";
+  }
+  if (law.force.size() != law.rates.size()) {
+    return "force has " + std::to_string(law.force.size()) + " lists; it must have " +
+           std::to_string(law.rates.size()) + ", one per rate";
+  }
+  for (const std::vector<double>& list : law.force) {
+    if (list.size() == rows) continue;
+    return "force has " + std::to_string(list.size()) + " rows; travel has " + std::to_string(rows);
+  }
+  const std::vector<double>& elastic = law.force[static_cast<size_t>(zero - law.rates.begin())];
+  for (size_t j = 0; j < law.rates.size(); ++j) {
+    for (size_t i = 0; i < rows; ++i) {
+      if (!(law.factor * (law.force[j][i] - elastic[i]) * law.rates[j] > 0.0)) continue;
+      return "the force at the travel " + describe_number(law.travel[i]) + " is " +
+             describe_number(law.force[j][i]) + " at the rate " + describe_number(law.rates[j]) +
+             " and " + describe_number(elastic[i]) +
+             " at rest; it must not drive the motion: check signs, or set factor to -1";
+    }
+  }
+  return "";
+}
+
 template <class Law>
 std::string find_own_fault(const Law&) {
   return "";
@@ -105,6 +147,16 @@ void for_each_number(std::vector<ForceElement>& elements, F&& f) {
 }
 
 }  // namespace
+
+void TableLaw::interpolate() {
+  const auto zero = std::find(rates.begin(), rates.end(), 0.0);
+  const std::vector<double> at_rest = force[static_cast<size_t>(zero - rates.begin())];
+  elastic = MonotoneCubic(travel, at_rest);
+  for (std::vector<double> list : force) {
+    for (size_t i = 0; i < list.size(); ++i) list[i] -= at_rest[i];
+    viscous.push_back(MonotoneCubic(travel, list));
+  }
+}
 
 std::string find_fault(const ForceLaw& law) {
   std::string fault;

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "math/law_number.hpp"
+#include "math/monotone_cubic.hpp"
 #include "model/onset.hpp"
 
 namespace dockloop {
@@ -92,8 +93,27 @@ struct StopLaw {
   double lower = 0.0, upper = 0.0, stiffness = 0.0, damping = 0.0, toe = 0.0;
 };
 
-using ForceLaw =
-    std::variant<SpringLaw, ConstantLaw, DamperLaw, EddyLaw, BrakeLaw, MotorLaw, DriveLaw, StopLaw>;
+/// What a table says outside of its rows.
+enum class Outside { kRefuse, kHold, kExtend };
+
+/// Measured force over travel, and over rate: `factor` times the table at s - rest and v. Its rows
+/// are no numbers of a list: they are as in the file during all runs.
+struct TableLaw {
+  static constexpr const char* kType = "table";
+  double factor = 1.0, rest = 0.0;
+  Outside outside = Outside::kRefuse, outside_rate = Outside::kRefuse;
+  std::vector<double> travel;              ///< increases
+  std::vector<double> rates{0.0};          ///< increase; one is 0
+  std::vector<std::vector<double>> force;  ///< per rate, over the travel
+
+  // Of the rows, by interpolate():
+  MonotoneCubic elastic;               ///< at the rate 0: its integral is the energy
+  std::vector<MonotoneCubic> viscous;  ///< per rate, less the elastic force
+  void interpolate();
+};
+
+using ForceLaw = std::variant<SpringLaw, ConstantLaw, DamperLaw, EddyLaw, BrakeLaw, MotorLaw,
+                              DriveLaw, StopLaw, TableLaw>;
 
 /// f(name, number, rule, is_required, text) for every member of a law that is one number.
 template <class F>
@@ -171,6 +191,11 @@ void for_each_member(StopLaw& law, F&& f) {
   f("stiffness", law.stiffness, Rule::kPositive, true, "Stiffness of the stop");
   f("damping", law.damping, Rule::kNotNegative, false, "Factor of the rate on the elastic force");
   f("toe", law.toe, Rule::kPositive, true, "Depth over which the stiffness builds up");
+}
+template <class F>
+void for_each_member(TableLaw& law, F&& f) {
+  f("factor", law.factor, Rule::kAny, false, "Factor of the force of the table");
+  f("rest", law.rest, Rule::kAny, false, "Coordinate at which the travel is 0");
 }
 
 /// f(name, number, rule, text) for every number of the table of a law.

@@ -18,14 +18,19 @@ namespace dockloop {
 constexpr int kBase =
     -1;  ///< body index of the base (frame B, or the body that carries the mechanism)
 
-enum class JointType { kRevolute, kPrismatic, kFree };
+/// A mode is no joint: its coordinate is the amplitude of a normal mode of the parent, found with
+/// the parent held, with a modal mass of 1. It moves no frame.
+enum class JointType { kRevolute, kPrismatic, kFree, kMode };
 
 /// A body and the joint that connects it to its parent (parent index < own index, or kBase).
 struct Body {
   std::string name;
   int parent = kBase;
   JointType joint = JointType::kFree;
-  Vec3<double> axis = Vec3<double>::UnitZ();    ///< unit, joint axes; unused for free joints
+  Vec3<double> axis = Vec3<double>::UnitZ();  ///< unit, joint axes; unused for free joints. Of a
+                                              ///< mode: its participation in translation [kg^(1/2)]
+  /// Of a mode, its participation in rotation about the origin [kg^(1/2) m]
+  Vec3<double> axis_of_rotation = Vec3<double>::Zero();
   Pose<double> placement;                       ///< joint axes in parent axes at zero coordinate
   double mass = 0.0;                            ///< [kg]
   Vec3<double> com = Vec3<double>::Zero();      ///< body axes [m]

@@ -1,5 +1,5 @@
-// Hash of a text, as identity of scene documents (the GUID of an FMU) and kernels. The hash does
-// not protect against intended changes.
+// Hash of a text, as identity of kernels and FMUs (scene document and rows of variables). The hash
+// does not protect against intended changes.
 #pragma once
 
 #include <cstdint>

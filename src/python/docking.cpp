@@ -239,7 +239,7 @@ std::vector<char> Docking::save() const {
 
 void Docking::restore(const char* bytes, size_t size) {
   SavedInstance saved;
-  deserialise(bytes, size, instance_.sim.scene().fingerprint, saved);
+  deserialise(bytes, size, instance_.guid, saved);
   instance_.load(saved);
 }
 

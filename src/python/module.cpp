@@ -8,8 +8,11 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <atomic>
+#include <chrono>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "check/mechanism_check.hpp"
 #include "docking/phases.hpp"
@@ -21,16 +24,41 @@
 
 namespace nb = nanobind;
 using namespace dockloop;
-using FreeThreads = nb::call_guard<nb::gil_scoped_release>;
-
 namespace {
+
+std::atomic<std::thread::id> ending;  // the thread that ends the program, once it does
+
+/// At the end of the program a thread that takes the interpreter waits for ever, as in Python 3.14.
+/// Earlier versions end this thread instead, and C++ then ends the process by std::terminate.
+void wait_if_ended() {
+  const std::thread::id none, own = std::this_thread::get_id();
+  for (std::thread::id end = ending; end != none && end != own; end = ending) {
+    std::this_thread::sleep_for(std::chrono::hours(1));
+  }
+}
+
+/// Lets other threads have the interpreter.
+struct Released {
+  ~Released() { wait_if_ended(); }
+  nb::gil_scoped_release released;
+};
+
+/// Takes the interpreter.
+struct Taken {
+  struct Wait {
+    Wait() { wait_if_ended(); }
+  } wait;
+  nb::gil_scoped_acquire taken;
+};
+
+using FreeThreads = nb::call_guard<Released>;
 
 /// Holds the docking, and not the interpreter while it waits: the thread that steps may need the
 /// interpreter before it lets go.
 class Held {
  public:
   explicit Held(Docking& docking) : lock_(docking.mutex, std::defer_lock) {
-    nb::gil_scoped_release free;
+    const Released free;
     lock_.lock();
   }
 
@@ -42,13 +70,13 @@ class Held {
 template <class Body>
 auto make_steps(Docking& docking, Body&& body) {
   docking.interruption = [] {
-    nb::gil_scoped_acquire held;
+    const Taken held;
     return PyErr_CheckSignals() != 0;
   };
   try {
     return body();
   } catch (const StepError&) {
-    nb::gil_scoped_acquire held;
+    const Taken held;
     if (PyErr_Occurred()) throw nb::python_error();
     throw;
   }
@@ -58,13 +86,14 @@ auto make_steps(Docking& docking, Body&& body) {
 template <class Result, class... Arguments>
 auto one_at_a_time(Result (Docking::*method)(Arguments...)) {
   return [method](Docking& self, Arguments... arguments) -> Result {
-    nb::gil_scoped_release free;
+    const Released free;
     const std::lock_guard lock(self.mutex);
     return (self.*method)(std::forward<Arguments>(arguments)...);
   };
 }
 
-/// The rows of the variable table, as the constructor of dockloop.variables.Variable takes them.
+/// The rows of the variable table, as the constructor of dockloop.native.variables.Variable takes
+/// them.
 nb::list list_variables(Docking& self) {
   const Held held(self);
   nb::list rows;
@@ -96,7 +125,7 @@ nb::dict start_state(const VehicleParameters& p) {
 nb::dict place(const std::string& document, const std::string& source) {
   Placement placement;
   {
-    nb::gil_scoped_release free;
+    const Released free;
     placement =
         place_vehicles(naming(source, [&] { return read_scene(document, source); }), source);
   }
@@ -123,14 +152,14 @@ nb::tuple record(Docking& self, std::vector<double> times, std::vector<int> rows
   const size_t columns = rows.size();
   RecordOrder order{std::move(times), std::move(rows), end_after_outcome, last_only, {}};
   order.progress = [&](double part) {
-    nb::gil_scoped_acquire held;
+    const Taken held;
     if (PyErr_CheckSignals() != 0) throw nb::python_error();
     if (!progress.is_none()) progress(part);
   };
   auto* done = new Record;
   nb::capsule owner(done, [](void* p) noexcept { delete static_cast<Record*>(p); });
   {
-    nb::gil_scoped_release free;
+    const Released free;
     const std::lock_guard lock(self.mutex);
     *done = make_steps(self, [&] { return self.record(order); });
   }
@@ -146,7 +175,8 @@ std::string list_method_facts() {
     list.push_back({{"number", m.method},
                     {"name", m.name},
                     {"meaning", m.meaning},
-                    {"for_comparison", m.for_comparison},
+                    {"for_comparison", m.carried != Carried::kAlways},
+                    {"is_built", m.carried != Carried::kNoLonger},
                     {"fixed_step", m.fixed_step},
                     {"same_as", m.same_as}});
   }
@@ -212,6 +242,12 @@ bool has_only_legs(const std::string& document, const std::string& source) {
 }  // namespace
 
 NB_MODULE(_core, m) {
+  nb::module_::import_("atexit").attr("register")(nb::cpp_function([] {
+    ending = std::this_thread::get_id();
+    // Threads that wait for the interpreter already take it now, and wait for ever later.
+    const nb::gil_scoped_release free;
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+  }));
   nb::set_leak_warnings(false);
   auto model_error = nb::exception<ModelError>(m, "ModelError");
   nb::exception<StepError>(m, "StepError");
@@ -240,6 +276,12 @@ NB_MODULE(_core, m) {
       "check",
       [](const std::string& mechanism, const std::string& source) {
         return naming(source, [&] { return check_mechanism_file(mechanism, source); }).dump();
+      },
+      nb::arg("mechanism"), nb::arg("source"), FreeThreads());
+  m.def(
+      "expand",
+      [](const std::string& mechanism, const std::string& source) {
+        return naming(source, [&] { return expand_mechanism(mechanism, source); }).dump();
       },
       nb::arg("mechanism"), nb::arg("source"), FreeThreads());
   m.def(
@@ -273,7 +315,7 @@ NB_MODULE(_core, m) {
       .def(
           "step",
           [](Docking& self, double h) {
-            nb::gil_scoped_release free;
+            const Released free;
             const std::lock_guard lock(self.mutex);
             make_steps(self, [&] { self.step(h); });
           },

@@ -1,21 +1,26 @@
-// Plain data to bytes and back, with one function per struct for both directions.
+// Plain data to bytes and back, and the number of their format.
 //
-// A struct needs a function `transfer(archive, value)` that lists its members once, with
-// transfer_members<T>(). A missing member is a compile error. ByteWriter appends the members.
-// ByteReader fills them from bytes that may be damaged: it does not read beyond the end, and
-// refuses impossible lengths. The byte order is the order of the machine (little-endian on all
-// supported platforms; the header of a saved state contains it).
+// transfer(archive, value) works for both directions, and for any struct: it visits all members
+// (math/members.hpp). ByteWriter appends the members. ByteReader fills them from bytes that may be
+// damaged: it does not read beyond the end, and refuses impossible lengths. The byte order is the
+// order of the machine (little-endian on all supported platforms; the header of a saved state
+// contains it).
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <limits>
+#include <memory>
+#include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "math/members.hpp"
 #include "math/status.hpp"
 
 namespace dockloop {
@@ -23,11 +28,12 @@ namespace dockloop {
 class ByteWriter {
  public:
   static constexpr bool kReads = false;
-  void raw(const void* from, size_t size) {
-    const char* bytes = static_cast<const char*>(from);
-    bytes_.insert(bytes_.end(), bytes, bytes + size);
+  template <class T>
+  void raw(const T* from, size_t count) {
+    const char* bytes = reinterpret_cast<const char*>(from);
+    bytes_.insert(bytes_.end(), bytes, bytes + count * sizeof(T));
   }
-  void numbers(const double* from, size_t count) { raw(from, count * sizeof(double)); }
+  void numbers(const double* from, size_t count) { raw(from, count); }
   std::vector<char> take() { return std::move(bytes_); }
 
  private:
@@ -39,17 +45,18 @@ class ByteReader {
   static constexpr bool kReads = true;
   ByteReader(const char* bytes, size_t size) : at_(bytes), left_(size) {}
   /// @throws ModelError at the end of the bytes
-  void raw(void* to, size_t size) {
-    if (size > left_) throw ModelError("the saved state ends too early");
-    if (size == 0) return;  // then `to` may be null
-    std::memcpy(to, at_, size);
-    at_ += size;
-    left_ -= size;
+  template <class T>
+  void raw(T* to, size_t count) {
+    if (count > left_ / sizeof(T)) throw ModelError("the saved state ends too early");
+    if (count == 0) return;  // then `to` may be null
+    std::memcpy(to, at_, count * sizeof(T));
+    at_ += count * sizeof(T);
+    left_ -= count * sizeof(T);
   }
   /// The same for numbers that must be finite and have a finite square.
   /// @throws ModelError if a number is not
   void numbers(double* to, size_t count) {
-    raw(to, count * sizeof(double));
+    raw(to, count);
     for (size_t i = 0; i < count; ++i) {
       if (!(std::abs(to[i]) <= kLargest)) {
         throw ModelError("the saved state holds a number that is not finite or beyond 1e100");
@@ -64,11 +71,35 @@ class ByteReader {
   size_t left_;
 };
 
+/// Reads ones, also as lengths, and hashes (FNV-1a) types and numbers of what is read.
+class FormatReader {
+ public:
+  static constexpr bool kReads = true;
+  template <class T>
+  void raw(T* to, size_t count) {
+    std::fill_n(to, count, static_cast<T>(1));
+    const size_t kind = std::is_enum_v<T> ? 1 : std::is_floating_point_v<T> ? 2 : 3;
+    // Plain char has a sign on some platforms only.
+    const bool is_unsigned = std::is_unsigned_v<T> && !std::is_same_v<T, char>;
+    for (const size_t word : {kind + 3 * is_unsigned, sizeof(T), count}) {
+      hash_ = (hash_ ^ static_cast<std::uint32_t>(word)) * 16777619u;
+    }
+  }
+  void numbers(double* to, size_t count) { raw(to, count); }
+  size_t left() const { return std::numeric_limits<size_t>::max(); }
+  std::uint32_t format() const { return hash_; }
+
+ private:
+  /// Types do not show it where a member has another meaning or unit: then take another number.
+  static constexpr std::uint32_t kMeaning = 1;
+  std::uint32_t hash_ = 2166136261u ^ kMeaning;
+};
+
 /// A length, checked against the remaining bytes: every element takes at least one byte.
 template <class A>
 size_t transfer_size(A& archive, size_t size) {
   std::uint64_t count = size;
-  archive.raw(&count, sizeof count);
+  archive.raw(&count, 1);
   if constexpr (A::kReads) {
     if (count > archive.left()) throw ModelError("the saved state has an impossible length");
   }
@@ -79,13 +110,14 @@ size_t transfer_size(A& archive, size_t size) {
 template <class A, class T>
 std::enable_if_t<std::is_arithmetic_v<T> || std::is_enum_v<T>> transfer(A& archive, T& value) {
   if constexpr (std::is_same_v<T, bool>) {
-    unsigned char byte = value ? 1 : 0;
+    unsigned char byte = 0;
+    if constexpr (!A::kReads) byte = value ? 1 : 0;
     archive.raw(&byte, 1);
     value = byte != 0;
   } else if constexpr (std::is_same_v<T, double>) {
     archive.numbers(&value, 1);
   } else {
-    archive.raw(&value, sizeof value);
+    archive.raw(&value, 1);
   }
 }
 
@@ -99,6 +131,12 @@ void transfer(A& archive, std::vector<T>& values) {
   const size_t count = transfer_size(archive, values.size());
   if constexpr (A::kReads) values.resize(count);
   for (T& value : values) transfer(archive, value);
+}
+
+template <class A>
+void transfer(A& archive, std::string& text) {
+  text.resize(transfer_size(archive, text.size()));
+  archive.raw(text.data(), text.size());
 }
 
 template <class A, class T, int rows, int cols, int options, int max_rows, int max_cols>
@@ -122,39 +160,38 @@ void transfer(A& archive, Eigen::Matrix<T, rows, cols, options, max_rows, max_co
   if constexpr (std::is_same_v<T, double>) {
     archive.numbers(m.data(), static_cast<size_t>(m.size()));
   } else {
-    archive.raw(m.data(), static_cast<size_t>(m.size()) * sizeof(T));
+    archive.raw(m.data(), static_cast<size_t>(m.size()));
   }
 }
 
-/// Converts to the type of any member.
-struct AnyMember {
-  template <class T>
-  operator T() const;
-};
-
-template <class T, class Index, class = void>
-struct TakesMembers : std::false_type {};
-template <class T, size_t... i>
-struct TakesMembers<T, std::index_sequence<i...>,
-                    std::void_t<decltype(T{(static_cast<void>(i), AnyMember())...})>>
-    : std::true_type {};
-
-/// Number of members of an aggregate: the largest number of values for its construction.
-template <class T, size_t count = 0>
-constexpr size_t count_members() {
-  if constexpr (TakesMembers<T, std::make_index_sequence<count + 1>>::value) {
-    return count_members<T, count + 1>();
-  } else {
-    return count;
+/// An optional object.
+template <class A, class T>
+void transfer(A& archive, std::shared_ptr<const T>& pointer) {
+  bool there = pointer != nullptr;
+  transfer(archive, there);
+  if (!there) {
+    pointer.reset();
+    return;
   }
+  T value = pointer ? *pointer : T();
+  transfer(archive, value);
+  if constexpr (A::kReads) pointer = std::make_shared<const T>(std::move(value));
 }
 
-/// All members of a T, one after the other. @tparam elsewhere  number of members stored elsewhere
-template <class T, size_t elsewhere = 0, class A, class... Members>
-void transfer_members(A& archive, Members&... members) {
-  static_assert(count_members<T>() == sizeof...(Members) + elsewhere,
-                "a member of T is missing, or is new");
-  (transfer(archive, members), ...);
+/// A struct: all its members.
+template <class A, class T>
+std::enable_if_t<std::is_class_v<T>> transfer(A& archive, T& value) {
+  visit_members(value, [&](auto&... members) { (transfer(archive, members), ...); });
+}
+
+/// Number of the format of the bytes of a T: another one as soon as a member is added, removed, of
+/// another type, or moved among members of other types.
+template <class T>
+std::uint32_t find_format() {
+  FormatReader reader;
+  T value{};
+  transfer(reader, value);
+  return reader.format();
 }
 
 }  // namespace dockloop

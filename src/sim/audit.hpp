@@ -10,7 +10,6 @@
 #include <string>
 
 #include "docking/docking_model.hpp"
-#include "sim/archive.hpp"
 
 namespace dockloop {
 
@@ -68,15 +67,5 @@ void update_momentum_scales(const DockingModel& model, const double* y, Momentum
 /// @pre all of `data` was evaluated
 double find_momentum_residual(const DockingModel& model, const DockingData<double>& data,
                               const double* y, const MomentumAudit& audit);
-
-template <class A>
-void transfer(A& archive, EnergyAudit& a) {
-  transfer_members<EnergyAudit>(archive, a.start, a.in_play, a.residual, a.warnings, a.host_work);
-}
-
-template <class A>
-void transfer(A& archive, MomentumAudit& a) {
-  transfer_members<MomentumAudit>(archive, a.start, a.residual, a.scale, a.angular_scale);
-}
 
 }  // namespace dockloop

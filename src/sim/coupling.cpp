@@ -6,7 +6,9 @@
 #include <cmath>
 
 #include "docking/base_jump.hpp"
+#include "math/decompositions.hpp"
 #include "sim/sim_impl.hpp"
+#include "sim/start_checks.hpp"
 
 namespace dockloop {
 namespace {
@@ -35,10 +37,10 @@ Status DockingSim::Impl::receive(double h) {
   const double energy_before = find_total_energy(*model, present());
   const Pose<double> capture{present().capture.R, present().capture.p};
   const Pose<double> passive{present().interface[kTarget].R, present().interface[kTarget].p};
-  const FrameMotion<double> chaser_before = present().vehicle[kChaser];
+  const std::array<FrameMotion<double>, 2> before = present().vehicle;
   std::array<Wrench<double>, 2> momentum_before;
   for (int i : {kChaser, kTarget}) momentum_before[i] = find_momentum(*model, i, present());
-  const Wrench<double> mechanism_before = find_mechanism_momentum();
+  const std::array<Wrench<double>, 2> carried_before = find_carried_momenta();
   const std::array<double, kPeakCount> loads_before = find_peak_values();
   const bool grips =
       (has_surfaces() && present().contact.gap <= 0.0) || events->count_held_latches() > 0;
@@ -56,22 +58,26 @@ Status DockingSim::Impl::receive(double h) {
     const VehicleState moved = host->receive(i, h);
     set_vehicle_pose(*model, i, moved.x, moved.q, step_loop->y());
   }
+  if (use_host_bodies()) kept_jacobian.valid = false;
   if (grips) {
     // The ring keeps its place on the target. The received motion may have moved the target.
-    // One with parts, whose adapter is bent, is never moved by a host.
-    const FrameMotion<double> P = find_frame_on(
-        get_vehicle_pose<double>(*model, kTarget, step_loop->y()), model->interface_pose[kTarget]);
-    const Pose<double> on_target =
-        model->target ? capture : Pose<double>{P.R, P.p} * inverse(passive) * capture;
+    Pose<double> P_in_D = model->interface_pose[kTarget];
+    if (model->target) {
+      P_in_D = inverse(Pose<double>{before[kTarget].R, before[kTarget].p}) * passive;
+    }
+    const FrameMotion<double> P =
+        find_frame_on(get_vehicle_pose<double>(*model, kTarget, step_loop->y()), P_in_D);
+    const Pose<double> on_target = Pose<double>{P.R, P.p} * inverse(passive) * capture;
     status = hold_capture_body(*model, on_target, step_loop->y(), present(), *jump_work);
     if (!status.ok()) return status;
   }
-  status = match_momenta(received, chaser_before, mechanism_before);
+  status = match_momenta(received, before, carried_before);
   if (!status.ok()) return status;
   status = evaluate(0.0);
   if (!status.ok()) return status;
-  if (received[kChaser]) {
-    coupling.vehicle[kChaser].pending += mechanism_before - find_mechanism_momentum();
+  const std::array<Wrench<double>, 2> carried = find_carried_momenta();
+  for (int i : {kChaser, kTarget}) {
+    if (received[i]) coupling.vehicle[i].pending += carried_before[i] - carried[i];
   }
   // The jump may begin a contact, and its forces count as peaks.
   update_memory();
@@ -91,61 +97,140 @@ Status DockingSim::Impl::receive(double h) {
                             step_loop->y(), status_text);
 }
 
-/// Momentum of each internal vehicle = momentum of the host's vehicle + pending impulse. The
-/// mechanism follows the new motion of the chaser. The change of its momentum becomes pending, too
-/// (receive). Chaser with mechanism therefore get: host + pending + mechanism before.
+/// Momentum of each internal vehicle = momentum of the host's vehicle + pending impulse. Mechanism
+/// and parts follow the new motion of their vehicle. The change of their momentum becomes pending,
+/// too (receive). A vehicle with what it carries therefore gets: host + pending + carried before.
 Status DockingSim::Impl::match_momenta(const std::array<bool, 2>& received,
-                                       const FrameMotion<double>& chaser_before,
-                                       const Wrench<double>& mechanism_before) {
+                                       const std::array<FrameMotion<double>, 2>& before,
+                                       const std::array<Wrench<double>, 2>& carried_before) {
   for (int i : {kChaser, kTarget}) {
     if (!received[i]) continue;
-    const Wrench<double> momentum = host->find_internal_momentum(i);
-    if (i == kTarget) {
-      set_momentum(*model, i, momentum, step_loop->y());
-      continue;
-    }
-    const Status status = jump_to_momentum(*model, chaser_before, momentum + mechanism_before,
-                                           step_loop->y(), present(), *jump_work);
+    const Wrench<double> momentum = host->find_internal_momentum(i) + carried_before[i];
+    const Status status =
+        jump_to_momentum(*model, i, before[i], momentum, step_loop->y(), present(), *jump_work);
     if (!status.ok()) return status;
   }
   return {};
 }
 
-/// Momentum that moves with the chaser, without the vehicle of the host. @pre evaluate
-Wrench<double> DockingSim::Impl::find_mechanism_momentum() const {
-  return find_momentum(*model, kChaser, present()) -
-         host->find_stated_momentum(kChaser, find_vehicle_state(*model, present(), kChaser));
+/// Does a parameter state another mass of a driven vehicle than before?
+bool DockingSim::Impl::is_mass_new(int i) const {
+  return model->driven[i] &&
+         !is_same_body(host->find_stated_body(i, parameters), coupling.vehicle[i].stated);
+}
+
+/// Another stated mass of a driven vehicle is a fact: the vehicle keeps its motion.
+/// @throws ModelError if it cannot be used
+void DockingSim::Impl::use_stated_masses() {
+  if (!is_mass_new(kChaser) && !is_mass_new(kTarget)) return;
+  for (int i : {kChaser, kTarget}) {
+    if (!is_mass_new(i)) continue;
+    const std::string name = get_vehicle_name(i);
+    check_mass(parameters.vehicle[i], name);
+    const VehicleBody stated = host->find_stated_body(i, parameters);
+    check_modes(stated, scene->parts[i], name);
+    if (i == kChaser && !can_be_rigid(find_bare_vehicle(stated, model->frozen))) {
+      throw ModelError(name + ".mass or " + name +
+                       ".inertia is less than that of the mechanism it is said to include "
+                       "(chaser.mass_includes_mechanism = 2)");
+    }
+  }
+  if (!evaluate(0.0).ok()) throw ModelError("mass and inertia cannot be changed here");
+  const double energy_before = find_total_energy(*model, present());
+  std::array<Wrench<double>, 2> before;
+  std::array<VehicleState, 2> vehicle;
+  for (int i : {kChaser, kTarget}) {
+    vehicle[i] = find_vehicle_state(*model, present(), i);
+    before[i] = host->find_host_momentum(i, vehicle[i]);
+    if (is_mass_new(i)) host->restate(i, host->find_stated_body(i, parameters));
+  }
+  use_host_bodies();
+  for (int i : {kChaser, kTarget}) {
+    if (!model->driven[i]) continue;
+    const Wrench<double> added = host->find_host_momentum(i, vehicle[i]) - before[i];
+    double* momentum = step_loop->y() + model->layout.momentum[i];
+    Eigen::Map<Vec3<double>>(momentum) += added.f;
+    Eigen::Map<Vec3<double>>(momentum + 3) += added.t;
+    momentum_audit.start[i] += added;
+  }
+  if (!evaluate(0.0).ok()) throw ModelError("mass and inertia cannot be changed here");
+  energy_audit.host_work += find_total_energy(*model, present()) - energy_before;
+}
+
+/// Bodies of driven vehicles of the state, into the model. @return whether one is another
+bool DockingSim::Impl::use_host_bodies() {
+  bool changed = false;
+  for (int i : {kChaser, kTarget}) {
+    if (!model->driven[i]) continue;
+    const VehicleBody& body = coupling.vehicle[i].body;
+    if (is_same_body(body, model->of_host[i])) continue;
+    set_host_body(*model, i, body);
+    note_body(i, body);
+    changed = true;
+  }
+  if (!changed) return false;
+  evaluator->use_vehicle_bodies();
+  quiescent_mode->use_vehicle_bodies();
+  return true;
+}
+
+/// Momentum that moves with each vehicle, without the vehicle of the host. @pre evaluate
+std::array<Wrench<double>, 2> DockingSim::Impl::find_carried_momenta() const {
+  std::array<Wrench<double>, 2> carried;
+  for (int i : {kChaser, kTarget}) {
+    if (i == kTarget && !model->target) continue;
+    carried[i] = find_momentum(*model, i, present()) -
+                 host->find_host_momentum(i, find_vehicle_state(*model, present(), i));
+  }
+  return carried;
 }
 
 /// Announce the loads of the coming step, which is expected to be h: future loads over the step,
 /// and the pending impulse. @pre inputs are read
 void DockingSim::Impl::announce(double h) {
-  CouplingPoint begin, end;
-  Status status = look_ahead(h, begin, end);
+  CouplingPoint now, begin, end;
+  Status status = look_ahead(h, now, begin, end);
   if (!status.ok() && last_step > 0.0 && h > last_step) {
     h = last_step;
-    status = look_ahead(h, begin, end);
+    status = look_ahead(h, now, begin, end);
   }
   if (!status.ok()) host->warn_of_look_ahead(h, describe(status));
-  host->announce(h, begin, end);
+  host->announce(h, now, begin, end);
 }
 
-/// Integrate over h and drop the result; only the arguments change.
-/// @param begin, end  of the integration; the same if it failed
-Status DockingSim::Impl::look_ahead(double h, CouplingPoint& begin, CouplingPoint& end) {
+/// Integrate until announced loads act, then over h, and drop the result; only the arguments
+/// change. @param now, begin, end  of both integrations; the same if they failed
+Status DockingSim::Impl::look_ahead(double h, CouplingPoint& now, CouplingPoint& begin,
+                                    CouplingPoint& end) {
   keep(*look_ahead_start);
   const Counters counters = step_loop->find_counters();
   const size_t warned = warnings.size();
   Status status = evaluate_start();
-  begin = end = find_coupling_point(*model, present(), step_loop->y());
-  // Not much more work than the step that was just made.
-  std::int64_t limit = step_loop->find_work_limit(h);
-  if (coupling.work > 0) limit = std::min(limit, kWorkAhead * (1000 + coupling.work));
-  if (status.ok()) {
-    step_loop->begin(h);
-    status = step_loop->advance(h, limit, false);
+  now = find_coupling_point(*model, present(), step_loop->y());
+  const auto advance = [&](double length, CouplingPoint& point) {
+    // Not much more work than the step that was just made.
+    std::int64_t limit = step_loop->find_work_limit(length);
+    const double steps = last_step > 0.0 ? std::max(1.0, std::ceil(length / last_step)) : 1.0;
+    if (coupling.work > 0) {
+      limit =
+          std::min(limit, static_cast<std::int64_t>(steps) * kWorkAhead * (1000 + coupling.work));
+    }
+    step_loop->begin(length);
+    Status made = step_loop->advance(length, limit, false);
+    if (made.ok()) point = find_coupling_point(*model, present(), step_loop->y());
+    return made;
+  };
+  begin = now;
+  const double lead = host->find_lead();
+  if (status.ok() && lead > 0.0) {
+    status = advance(lead, begin);
+    elapsed += lead;
+    evaluator->forget_present();
+    if (status.ok()) status = evaluate_start();
   }
-  if (status.ok()) end = find_coupling_point(*model, present(), step_loop->y());
+  end = begin;
+  if (status.ok()) status = advance(h, end);
+  if (!status.ok()) begin = end = now;
   restore(*look_ahead_start);
   step_loop->set_counters(counters);
   warnings.resize(warned);
@@ -196,10 +281,14 @@ void DockingSim::Impl::update_coupling() {
       outputs.coupling_mass_mismatch = mismatch;
     }
   }
-  const HostFinding finding = host->find_diagnosis();
-  outputs.coupling_diagnosis = finding.fault;
-  outputs.coupling_diagnosis_value = finding.value;
+  const DrivenVehicle& shown = coupling.vehicle[host->find_shown_vehicle()];
+  outputs.coupling_diagnosis = shown.finding.fault;
+  outputs.coupling_diagnosis_value = shown.finding.value;
+  outputs.coupling_body = find_estimated_body(shown.stated, shown.estimate);
+  outputs.coupling_inertia = get_components(outputs.coupling_body.inertia);
+  outputs.coupling_deviations = find_mass_deviations(shown.stated, shown.estimate);
   outputs.coupling_frequency = host->find_interface_frequency(step_loop->y());
+  outputs.coupling_largest_delay = host->find_largest_delay();
   outputs.coupling_suggested_step =
       coupling.follows ? coupling.suggestion
                        : host->find_suggested_step(outputs.coupling_frequency, find_contact_time());

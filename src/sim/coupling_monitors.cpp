@@ -20,7 +20,24 @@ constexpr double kLongestSuggestion = 0.1;   ///< longest suggested step [s]
 constexpr double kShare = 0.3;               ///< of the tolerance, for the next step
 constexpr double kCreatedWarning = 0.01;     ///< created energy, of the largest energy so far
 constexpr double kCreatedError = 0.3;        ///< the same, for a refusal
+constexpr int kLoadedSteps = 10;             ///< until identified numbers are a diagnosis
+constexpr double kModeTime = 2.0;            ///< with loads: until then a mode may show [s]
+constexpr double kCentreShare = 0.01;        ///< of the radius of gyration, for a wrong centre
 constexpr double kHeldGrowth = 0.1;          ///< growth per step that damping holds, a guess [-]
+
+/// Is a fault one of the ten numbers?
+bool is_body(int fault) {
+  return fault == kWrongMass || fault == kWrongInertia || fault == kWrongCentre;
+}
+
+/// The model of a target without parts has its centre of mass in its origin.
+void hold_centre(MassEstimate& estimate) {
+  constexpr double kHeld = 1e-12;  // variance, in units of the first deviations
+  estimate.number.segment<3>(1).setZero();
+  estimate.covariance.middleRows<3>(1).setZero();
+  estimate.covariance.middleCols<3>(1).setZero();
+  estimate.covariance.diagonal().segment<3>(1).setConstant(kHeld);
+}
 
 }  // namespace
 
@@ -35,15 +52,59 @@ double HostCoupling::find_mass_mismatch(int i) const {
   return dockloop::find_mass_mismatch(state_.coupling.reports[static_cast<size_t>(i)]);
 }
 
-int HostCoupling::find_diagnosed_vehicle() const {
-  for (int i : {kChaser, kTarget}) {
-    if (state_.coupling.vehicle[i].finding.fault != kHostRight) return i;
+int HostCoupling::find_worse_vehicle() const {
+  if (!(model_->driven[kChaser] && model_->driven[kTarget])) {
+    return model_->driven[kChaser] ? kChaser : kTarget;
   }
-  return model_->driven[kChaser] ? kChaser : kTarget;
+  const std::vector<ReportSums>& reports = state_.coupling.reports;
+  return find_scaled_error(reports[kTarget]) > find_scaled_error(reports[kChaser]) ? kTarget
+                                                                                   : kChaser;
 }
 
-HostFinding HostCoupling::find_diagnosis() const {
-  return state_.coupling.vehicle[find_diagnosed_vehicle()].finding;
+int HostCoupling::find_shown_vehicle() const {
+  const auto is_wrong = [&](int i) {
+    return state_.coupling.vehicle[i].finding.fault != kHostRight;
+  };
+  if (is_wrong(kChaser) && is_wrong(kTarget)) return find_worse_vehicle();
+  return is_wrong(kTarget) || !model_->driven[kChaser] ? kTarget : kChaser;
+}
+
+bool HostCoupling::is_identified(int i) const {
+  const DrivenVehicle& v = state_.coupling.vehicle[i];
+  return !is_same_body(v.body, v.stated);
+}
+
+void HostCoupling::restate(int i, const VehicleBody& stated) {
+  DrivenVehicle& v = state_.coupling.vehicle[i];
+  v.stated = v.body = stated;
+  v.estimate = MassEstimate();
+  v.restated = state_.elapsed;
+  if (is_body(v.finding.fault)) v.finding = HostFinding();
+  forget_responses(state_.coupling.reports[static_cast<size_t>(i)]);
+}
+
+void HostCoupling::identify(int i, const VehicleState& z, double rounding, double keep) {
+  DrivenVehicle& v = state_.coupling.vehicle[i];
+  if (count_held_loads(i, v.since, find_report_time()) > 1) return;  // a mean has another moment
+  const ReportedStep step{v.received, z, v.held + v.mean_known, v.fall, v.interval, rounding};
+  const bool is_held = i == kTarget && !model_->target;
+  if (is_held) hold_centre(v.estimate);
+  update_mass_estimate(v.stated, step, keep, v.estimate);
+  if (is_held) hold_centre(v.estimate);
+  // Another mistake of the host would show as a wrong mass, too.
+  const int fault = v.finding.fault;
+  const bool may_be_body = fault == kHostRight || is_body(fault);
+  if (!setup_->parameters.coupling_identify || !may_be_body || !explains_reports(v.estimate)) {
+    v.body = v.stated;
+    return;
+  }
+  if (!contradicts(v.stated, v.estimate, v.body)) return;
+  const VehicleBody body = find_estimated_body(v.stated, v.estimate);
+  const bool is_possible =
+      can_be_rigid(body) &&
+      (i == kTarget || can_be_rigid(find_bare_vehicle(body, model_->frozen))) &&
+      can_carry_modes(body, parts_[i]);
+  if (is_possible) v.body = body;
 }
 
 Inputs::Vehicle HostCoupling::find_start_report(int i) const {
@@ -57,7 +118,7 @@ Inputs::Vehicle HostCoupling::find_start_report(int i) const {
 }
 
 HostFinding HostCoupling::judge_first_end(int i) const {
-  if (state_.elapsed > state_.last_step) return {};
+  if (state_.elapsed > state_.last_step || is_delayed()) return {};  // a late motion stays
   const Inputs::Vehicle& report = inputs_.vehicle[i];
   const double distance = state_.last_step * report.velocity.norm();
   const Vec3<double> moved =
@@ -66,7 +127,7 @@ HostFinding HostCoupling::judge_first_end(int i) const {
   return {kStartOfStep, distance};
 }
 
-void HostCoupling::look_at_innovation(int i, const VehicleState& z) {
+void HostCoupling::look_at_innovation(int i, const VehicleState& z, const VehicleState& now) {
   DrivenVehicle& v = state_.coupling.vehicle[i];
   const Mat3<double> R = quat_to_matrix<double>(z.q);
   const Vec3<double> arm = R * setup_->parameters.vehicle[i].interface_position;
@@ -76,19 +137,21 @@ void HostCoupling::look_at_innovation(int i, const VehicleState& z) {
 
   // Work received by the host's vehicle, minus work of the mechanism: the created energy.
   const Vec3<double> turn =
-      quat_log<double>(quat_multiply<double>(quat_conjugate<double>(v.received.q), z.q));
-  const double created = v.held.f.dot(z.x - v.received.x) + v.held.t.dot(turn) - v.work;
+      quat_log<double>(quat_multiply<double>(quat_conjugate<double>(v.before.q), now.q));
+  const double created = v.load.f.dot(now.x - v.before.x) + v.load.t.dot(turn) - v.work;
   state_.coupling.work_residual += created;
   state_.coupling.created[0] += created;
 
-  diagnose(i, judge(i, z, innovation), state_.last_step);
+  // A late motion stays at the start first.
+  if (find_report_time() - v.since < 0.5 * state_.last_step) return;
+  diagnose(i, judge(i, z), state_.last_step);
 }
 
 /// @param z  motion received now, at the end of the last step
-HostFinding HostCoupling::judge(int i, const VehicleState& z, const Vec3<double>& innovation) {
+HostFinding HostCoupling::judge(int i, const VehicleState& z) {
   const DrivenVehicle& v = state_.coupling.vehicle[i];
   ReportSums& sums = state_.coupling.reports[static_cast<size_t>(i)];
-  const double h = state_.last_step, keep = std::pow(kForget, h / kForgetTime);
+  const double h = v.interval, keep = std::pow(kForget, h / kForgetTime);
   HostFinding found;
   if (!is_same_motion(inputs_.vehicle[i], v.input)) {  // a report that stays is an old one
     const ReportPair pair{v.input,    inputs_.vehicle[i],
@@ -96,26 +159,64 @@ HostFinding HostCoupling::judge(int i, const VehicleState& z, const Vec3<double>
                           z.v.norm(), setup_->parameters.vehicle[i].interface_position};
     found = judge_motion(pair, keep, sums);
   }
+  if (v.since < v.restated) return found;  // a report of the mass before
   LoadStep step;
   step.h = h;
-  step.mass = model_->stated_mass[i];
-  step.inertia = find_stated_inertia(i);
+  step.mass = v.stated.mass;
+  step.inertia = v.stated.inertia;
   step.R = quat_to_matrix<double>(v.received.q);
   step.arm = setup_->parameters.vehicle[i].interface_position;
   step.announces = announces();
   step.is_host_first = steps_first();
   step.held = v.held;
-  step.next = step.announces ? state_.mean_load[i] : v.held;
-  step.change = v.predicted.v - v.received.v - v.fall;
-  step.error = innovation;
-  step.turn_error = z.w - v.predicted.w;
+  find_other_loads(i, step);
+  step.change = v.by_stated.v - v.received.v - v.fall;
+  step.error = z.v - v.by_stated.v;
+  step.turn_error = z.w - v.by_stated.w;
   step.gravity = loads_.at_start().gravity.norm();
   // Gravity as a constant over the step has at least this error.
   step.rounding = kSilentChange + kRelativeRounding * inputs_.vehicle[i].velocity.norm() +
                   h * kGravityError * step.gravity;
   const HostFinding by_loads = judge_loads(step, keep, sums);
+  identify(i, z, step.rounding, keep);
   if (found.fault != kHostRight) return found;
-  return sums.turn_errors + sums.move_errors > 0 ? HostFinding() : by_loads;
+  if (sums.turn_errors + sums.move_errors > 0) return {};
+  const bool may_be_body =
+      by_loads.fault == kHostRight || by_loads.fault == kUnexplained || is_body(by_loads.fault);
+  const bool is_known = is_identified(i) && sums.force.loaded >= kLoadedSteps;
+  if (may_be_body && is_known) return explain_by_body(i, by_loads);
+  // A part that swings on after a load is an unreported load, too.
+  const bool may_be_mode =
+      may_be_body || by_loads.fault == kUnreportedForce || by_loads.fault == kUnreportedTorque;
+  if (!may_be_mode || fits_reports(v.estimate)) return by_loads;
+  if (const HostFinding mode = explain_by_mode(h, sums); mode.fault != kHostRight) return mode;
+  // At first a flexible part moves as another mass or inertia, but not as ten numbers.
+  const bool is_open = v.estimate.count > 0.0 && sums.force.loaded * h < kModeTime;
+  return may_be_body && is_open ? HostFinding() : by_loads;
+}
+
+/// The ten numbers explain the reports: which of them is most wrong?
+/// @param by_loads  cause that responses to loads show
+HostFinding HostCoupling::explain_by_body(int i, const HostFinding& by_loads) const {
+  const DrivenVehicle& v = state_.coupling.vehicle[i];
+  const double radius = std::sqrt(v.stated.inertia.trace() / (3.0 * v.stated.mass));
+  const double distance = (v.body.com - v.stated.com).norm();
+  const HostFinding mass{kWrongMass, v.body.mass / v.stated.mass - 1.0};
+  HostFinding inertia{kWrongInertia, 0.0};
+  const MassDeviations deviation = find_mass_deviations(v.stated, v.estimate);
+  constexpr double kKnown = 0.1;  // deviation of a number that loads have excited
+  if (!(deviation.mass < kKnown * v.body.mass)) return by_loads;
+  for (int k = 0; k < 3; ++k) {
+    const double moment = v.stated.inertia(k, k), share = v.body.inertia(k, k) / moment - 1.0;
+    const bool is_known = deviation.inertia[k] < kKnown * moment;
+    if (is_known && std::abs(share) > std::abs(inertia.value)) inertia.value = share;
+  }
+  const double body = std::max(std::abs(mass.value), std::abs(inertia.value));
+  if (distance > kCentreShare * radius && distance > body * radius) {
+    return {kWrongCentre, distance};
+  }
+  if (by_loads.fault == kHostRight || by_loads.fault == kWrongInertia) return by_loads;
+  return by_loads.fault == kWrongMass || std::abs(mass.value) == body ? mass : inertia;
 }
 
 /// The first cause is named; later ones may be its consequences.
@@ -123,10 +224,17 @@ void HostCoupling::diagnose(int i, const HostFinding& found, double h) {
   DrivenVehicle& v = state_.coupling.vehicle[i];
   if (v.finding.fault != kHostRight || found.fault == kHostRight) return;
   v.finding = found;
-  const double mass = model_->stated_mass[i];
-  std::string text = describe_finding(found, get_vehicle_name(i), h, mass);
+  const double mass = v.stated.mass;
+  std::string text =
+      describe_finding(found, get_vehicle_name(i), h, mass,
+                       found.fault == kMotionAge ? setup_->parameters.coupling_motion_delay
+                                                 : setup_->parameters.coupling_delay);
+  if (is_body(found.fault)) {
+    text += is_identified(i) ? "; the prediction uses the identified value (coupling.identify)"
+                             : "; loads are right to first order of the step only";
+  }
   const double product = state_.coupling.frequency * h;
-  if (found.fault == kWrongMass && product > kStableRange &&
+  if (found.fault == kWrongMass && !is_identified(i) && product > kStableRange &&
       std::abs(found.value) > kStableMismatch) {
     char more[200];
     std::snprintf(more, sizeof more,
@@ -159,7 +267,8 @@ Status HostCoupling::check_energy(double energy, double host_work, const double*
                                   std::string& reason) {
   CouplingState& c = state_.coupling;
   // An unstable coupling brings energy by corrections, too: then these count no more.
-  const int i = find_diagnosed_vehicle();
+  const bool is_found = c.vehicle[find_shown_vehicle()].finding.fault != kHostRight;
+  const int i = is_found ? find_shown_vehicle() : find_worse_vehicle();
   const bool is_warned = ((c.warned[kChaser] | c.warned[kTarget]) & kWarnedEnergy) != 0;
   if (!(c.work_residual > kCreatedWarning * c.energy)) c.host_work = host_work;
   c.energy = std::max({c.energy, energy - (host_work - c.host_work),
@@ -168,7 +277,8 @@ Status HostCoupling::check_energy(double energy, double host_work, const double*
   const bool is_refused = share > kCreatedError;
   // A cause that has been named explains the energy, too.
   const int fault = c.vehicle[i].finding.fault;
-  const bool is_new = !is_warned && (fault == kHostRight || fault == kUnexplained);
+  const bool is_new =
+      !is_warned && (fault == kHostRight || fault == kUnexplained || fault == kFlexiblePart);
   if (is_refused || (share > kCreatedWarning && is_new)) {
     const double frequency = find_interface_frequency(y), h = state_.last_step;
     const std::string cause = describe_energy_cause(
@@ -198,20 +308,29 @@ Status HostCoupling::check_energy(double energy, double host_work, const double*
 void HostCoupling::note_step(int i, const Wrench<double>& exerted, const VehicleState& start,
                              const VehicleState& end, double h) {
   DrivenVehicle& v = state_.coupling.vehicle[i];
-  const double mass = model_->stated_mass[i];
-  const Mat3<double> I = find_stated_inertia(i);
   const Vec3<double> distance = end.x - start.x;
   const Vec3<double> turn =
       quat_log<double>(quat_multiply<double>(quat_conjugate<double>(start.q), end.q));
   const Loads& known = loads_.at(0.5 * h);
-  v.fall.setZero();
-  if (!model_->falling) v.fall = h * known.gravity;
-  const Vec3<double> force = known.force[i] + mass / h * v.fall;
-  v.work = find_rigid_energy(mass, I, end) - find_rigid_energy(mass, I, start) -
-           force.dot(distance) - known.torque[i].dot(turn);
+  Vec3<double> fall = Vec3<double>::Zero();
+  if (!model_->falling) fall = h * known.gravity;
+  v.interval = h;
+  v.fall = fall;
+  v.mean_known = {known.force[i], known.torque[i]};
+  if (setup_->parameters.coupling_motion_delay > 0.0) {
+    v.interval = find_report_time() - v.since;
+    v.fall = v.interval / h * fall;
+    v.mean_known = find_mean_of_loads(v.known, v.since, find_report_time());
+  }
+  const double mass = v.body.mass;
+  const Vec3<double> weight = mass / h * fall, force = known.force[i] + weight;
+  const Vec3<double> swing = (move_origin(end, v.body.com).x - end.x) -
+                             (move_origin(start, v.body.com).x - start.x);  // of the centre of mass
+  v.work = find_rigid_energy(v.body, end) - find_rigid_energy(v.body, start) - force.dot(distance) -
+           known.torque[i].dot(turn) - weight.dot(swing);
   // Announced load compared with exerted load; first moment of the load, from the position.
-  const double impulse = (exerted.f - h * v.held.f).norm() / mass;
-  const double moment = (distance - (v.predicted.x - v.received.x)).norm() / h;
+  const double impulse = (exerted.f - h * v.load.f).norm() / mass;
+  const double moment = (distance - (v.now.x - v.before.x)).norm() / h;
   v.error = std::max({v.innovation, impulse, moment});
 }
 
@@ -223,7 +342,8 @@ double HostCoupling::find_suggested_step(double frequency, double contact_time) 
   for (int i : {kChaser, kTarget}) {
     if (!model_->driven[i]) continue;
     error = std::max(error, state_.coupling.vehicle[i].error);
-    confirmed = confirmed && is_mass_confirmed(state_.coupling.reports[static_cast<size_t>(i)]);
+    confirmed = confirmed && (is_identified(i) ||
+                              is_mass_confirmed(state_.coupling.reports[static_cast<size_t>(i)]));
   }
   constexpr double kLeastGrowth = 0.3, kMostGrowth = 1.5;
   const double growth = error > 0.0 ? std::clamp(kShare * p.coupling_velocity_tolerance / error,

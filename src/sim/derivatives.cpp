@@ -9,10 +9,36 @@
 namespace dockloop {
 namespace {
 
-/// Places of inputs as for_each_value() counts them.
-constexpr int kInputsPerVehicle = 19;  ///< position, velocity, angular velocity, force_ext, ...
-constexpr int kForceInput = 9, kTorqueInput = 12, kAttitudeInput = 15;
-constexpr int kGravityInput = 2 * kInputsPerVehicle, kCommandInput = kGravityInput + 3;
+/// The motion of a driven vehicle takes effect at the next step, and coupling.next_step in the one
+/// after: no output depends on these inputs yet.
+std::vector<DerivativePass::Cell> link_inputs(const Inputs& inputs, const MechanismModel& mechanism,
+                                              ExternalLoads<Derivative>& loads) {
+  std::vector<DerivativePass::Cell> cells;
+  Inputs place = inputs;  // every value becomes its place
+  for_each_value(place, [&](double& value) {
+    value = static_cast<double>(cells.size());
+    cells.emplace_back();
+  });
+  const auto link = [&](double at, Derivative& value, double factor = 1.0) {
+    cells[static_cast<size_t>(at)] = {&value, factor};
+  };
+  for (int j = 0; j < 3; ++j) {
+    for (int i : {kChaser, kTarget}) {
+      link(place.vehicle[i].force_ext[j], loads.force[i][j]);
+      link(place.vehicle[i].torque_ext[j], loads.torque[i][j]);
+    }
+    link(place.gravity[j], loads.gravity[j]);
+  }
+  for (size_t k = 0; k < mechanism.legs.size(); ++k) {
+    const Leg& leg = mechanism.legs[k];
+    link(place.leg_force_command[k], loads.command[leg.force], leg.arm);
+  }
+  for (size_t k = 0; k < mechanism.elements.size(); ++k) {
+    link(place.element_command[k],
+         loads.command[static_cast<Eigen::Index>(mechanism.forces.size() + k)]);
+  }
+  return cells;
+}
 
 }  // namespace
 
@@ -24,8 +50,10 @@ Status DockingSim::Impl::start_pass() {
   if (!derivative_pass || derivative_pass->coordinates != coordinates) {
     derivative_pass = std::make_unique<DerivativePass>(*model);
     derivative_pass->coordinates = coordinates;
+    derivative_pass->input_cells =
+        link_inputs(inputs, model->mechanism.model, derivative_pass->docking.loads);
     OutputValues<Derivative>& out = derivative_pass->output;
-    match_sizes(outputs, out);
+    set_sizes(list_sizes, out);
     for_each_value(out, [this](Derivative& cell) {
       cell = Derivative(0.0);
       derivative_pass->output_cells.push_back(&cell);
@@ -47,25 +75,8 @@ void DockingSim::Impl::seed(const Seed& seed, int lane) {
       add(pass.y[static_cast<size_t>(seed.place)]);
     return;
   }
-  const int place = seed.place;
-  if (place >= kCommandInput) {
-    // The last input is coupling.next_step: no output depends on it directly.
-    const MechanismModel& m = model->mechanism.model;
-    const size_t legs = m.legs.size(), at = static_cast<size_t>(place - kCommandInput);
-    if (at < legs) {
-      add(pass.loads.command[m.legs[at].force], m.legs[at].arm);
-    } else if (at < legs + m.elements.size()) {
-      add(pass.loads.command[static_cast<int>(m.forces.size() + at - legs)]);
-    }
-  } else if (place >= kGravityInput) {
-    add(pass.loads.gravity[place - kGravityInput]);
-  } else {
-    const int vehicle = place / kInputsPerVehicle, at = place % kInputsPerVehicle;
-    if (at >= kForceInput && at < kTorqueInput) add(pass.loads.force[vehicle][at - kForceInput]);
-    if (at >= kTorqueInput && at < kAttitudeInput)
-      add(pass.loads.torque[vehicle][at - kTorqueInput]);
-    // The motion of a driven vehicle takes effect at the next step: no output depends on it yet.
-  }
+  const DerivativePass::Cell& cell = derivative_pass->input_cells[static_cast<size_t>(seed.place)];
+  if (cell.value) add(*cell.value, cell.factor);
 }
 
 Status DockingSim::Impl::finish_pass() {

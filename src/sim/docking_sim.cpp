@@ -87,6 +87,7 @@ void DockingSim::Impl::keep(Snapshot& into, bool with_pose) const {
 Status DockingSim::Impl::restore(const Snapshot& from) {
   if (coordinates != from.state.coordinates) use_coordinates(from.state.coordinates);
   static_cast<SimState&>(*this) = from.state;
+  use_host_bodies();
   std::copy(from.y.begin(), from.y.end(), step_loop->y());
   evaluator->use_reference(from.reference);
   quiescent_mode->restore(step_loop->y());
@@ -110,13 +111,7 @@ namespace {
 
 /// Equal sizes: the saved state was made by the same model.
 bool have_same_shape(const LoopReference<double>& r, const LoopReference<double>& s) {
-  bool same = r.valid == s.valid && r.q.size() == s.q.size() && r.H.size() == s.H.size() &&
-              r.sign.size() == s.sign.size() && r.margin.size() == s.margin.size() &&
-              r.branch.size() == s.branch.size() && r.spin_branch.size() == s.spin_branch.size();
-  for (size_t k = 0; same && k < r.H.size(); ++k) {
-    same = r.H[k].rows() == s.H[k].rows() && r.H[k].cols() == s.H[k].cols();
-  }
-  return same;
+  return r.valid == s.valid && have_same_sizes(r, s);
 }
 
 bool have_same_shape(const Snapshot& a, const Snapshot& b) {
@@ -153,6 +148,15 @@ bool are_modes(const DiscreteState& discrete) {
          });
 }
 
+bool are_rows(const DiscreteState& discrete, const DockingModel& model) {
+  const std::vector<int>& row = discrete.input_row;
+  bool fine = row.size() == model.inputs.size();
+  for (size_t k = 0; fine && k < row.size(); ++k) {
+    fine = row[k] >= -1 && row[k] < static_cast<int>(model.inputs[k].time.size());
+  }
+  return fine;
+}
+
 /// Steps and settings exist, and the command has a meaning.
 bool fits(const DiscreteState& discrete, int command, const DockingModel& model) {
   const SequenceState& s = discrete.sequence;
@@ -176,8 +180,29 @@ bool fits(const DiscreteState& discrete, int command, const DockingModel& model)
          discrete.entered.size() == model.sequence.steps.size() && discrete.disturbances >= 0 &&
          discrete.disturbances < known && is_step(s.step) && is_command(s.command) &&
          is_command(command) && s.outcome >= 0 && s.outcome <= kOutcomes.back().number &&
-         s.changes >= 0 && s.changes <= kMaxChanges &&
+         s.changes >= 0 && s.changes <= kMaxChanges && are_rows(discrete, model) &&
          std::all_of(s.visited.begin(), s.visited.end(), is_step);
+}
+
+/// Queues of loads are as long as those of this model, and hold no more than fits.
+bool fits(const CouplingState& coupling, const CouplingState& fresh, const Scene& scene) {
+  const auto is_queue = [](const LoadQueue& a, const LoadQueue& b) {
+    const int size = static_cast<int>(a.entry.size());
+    return a.entry.size() == b.entry.size() && a.count >= std::min(size, 1) && a.count <= size;
+  };
+  const auto have_places = [](const ReportSums& a, const ReportSums& b) {
+    return a.held.size() == b.held.size() && a.force.late2.size() == b.force.late2.size() &&
+           a.torque.late2.size() == b.torque.late2.size();
+  };
+  bool fine = coupling.reports.size() == fresh.reports.size();
+  for (size_t i = 0; fine && i < coupling.vehicle.size(); ++i) {
+    const DrivenVehicle &a = coupling.vehicle[i], &b = fresh.vehicle[i];
+    fine =
+        is_queue(a.queue, b.queue) && is_queue(a.known, b.known) &&
+        (fresh.reports.empty() || have_places(coupling.reports[i], fresh.reports[i])) &&
+        (b.body.mass == 0.0 || (can_be_rigid(a.body) && can_carry_modes(a.body, scene.parts[i])));
+  }
+  return fine;
 }
 
 /// Assembly branches are signs.
@@ -219,8 +244,10 @@ void DockingSim::Impl::build_for(const SavedSim& from) {
   keep(fresh);
   fresh.reference.valid = from.snapshot.reference.valid;
   if (!have_same_shape(fresh, from.snapshot) || !fits(from.snapshot.state.memory, model->contact) ||
-      !(from.snapshot.state.inner_step > 0.0) || !are_modes(from.snapshot.state.discrete) ||
+      !from.snapshot.state.peaks.is_valid() || !(from.snapshot.state.inner_step > 0.0) ||
+      !are_modes(from.snapshot.state.discrete) ||
       !fits(from.snapshot.state.discrete, from.inputs.command, *model) ||
+      !fits(from.snapshot.state.coupling, fresh.state.coupling, *scene) ||
       !are_branches(from.snapshot.reference) ||
       !fits(from.snapshot.state.ahead, from.snapshot, *model) ||
       (from.snapshot.state.ahead.pending && !step_loop->method().runs_ahead)) {
@@ -276,18 +303,9 @@ void DockingSim::Impl::take(const SavedSim& from) {
 }
 
 void DockingSim::Impl::load(const SavedSim& from) {
-  const auto fits_lists = [this](const Inputs& in, const Parameters& p) {
-    return in.leg_force_command.size() == inputs.leg_force_command.size() &&
-           in.element_command.size() == inputs.element_command.size() &&
-           p.hardware_numbers.size() == parameters.hardware_numbers.size() &&
-           p.latch_overload.size() == parameters.latch_overload.size() &&
-           p.element_numbers.size() == parameters.element_numbers.size() &&
-           p.failure_active.size() == parameters.failure_active.size() &&
-           p.failure_numbers.size() == parameters.failure_numbers.size() &&
-           p.disturbance.size() == parameters.disturbance.size();
-  };
-  if (!fits_lists(from.inputs, from.parameters) || !fits_lists(from.slopes, from.parameters) ||
-      (from.setup && !fits_lists(from.inputs, from.setup->parameters))) {
+  if (!have_same_sizes(from.inputs, inputs) || !have_same_sizes(from.slopes, inputs) ||
+      !have_same_sizes(from.parameters, parameters) ||
+      (from.setup && !have_same_sizes(from.setup->parameters, parameters))) {
     throw ModelError("the saved state does not fit this model");
   }
   const bool rebuild = from.setup && from.setup != setup;
@@ -323,17 +341,17 @@ bool DockingSim::Impl::are_tunables_new() const {
 /// Take over these parameters. The step to the communication point still has their last values.
 void DockingSim::Impl::adopt_tunables() {
   if (ahead.pending && !are_tunables_new()) return;
-  if (ahead.pending) {
+  if (are_tunables_new() && !model->contact.empty()) {
     ContactModel tried = model->contact;
-    if (!tried.empty())
-      set_law(tried, make_contact_law(tried.law));  // may throw, before anything changes
-    settle_for_parameters();
+    set_law(tried, make_contact_law(tried.law));  // may throw, before anything changes
   }
+  if (ahead.pending) settle_for_parameters();
   use_tunables();
 }
 
 /// Other values make a new model.
 void DockingSim::Impl::use_tunables() {
+  use_stated_masses();
   if (are_tunables_new()) {
     const auto changed = std::make_shared<DockingModel>(*model);
     if (!changed->contact.empty()) {
@@ -345,12 +363,12 @@ void DockingSim::Impl::use_tunables() {
   }
   evaluator->forget_present();
   kept_jacobian.valid = false;
-  update_outside_loads(elapsed);
+  update_outside_loads(0.0);
 }
 
 /// From now on the equations are those of a changed copy of the model. The layout of the state is
 /// the same.
-void DockingSim::Impl::use_model(std::shared_ptr<const DockingModel> changed) {
+void DockingSim::Impl::use_model(std::shared_ptr<DockingModel> changed) {
   events->use_model(*changed);
   evaluator->use_model(changed);
   quiescent_mode->use_model(*changed);

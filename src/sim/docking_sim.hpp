@@ -58,13 +58,12 @@ struct Dependencies {
 };
 
 struct SavedSim;
-struct Extended;
 class Comparison;
 class KernelLibrary;
 
 class DockingSim {
  public:
-  /// @param comparison  methods beyond those of the core (sim/comparison.hpp); outlives this object
+  /// @param comparison  methods beyond those of the core (sim/equations.hpp); outlives this object
   explicit DockingSim(std::shared_ptr<const Scene> scene, FmiKind fmi_kind = FmiKind::kCoSimulation,
                       const Comparison* comparison = nullptr);
   ~DockingSim();
@@ -109,8 +108,9 @@ class DockingSim {
   /// The meaning of a Status, in one sentence.
   std::string describe(const Status& status) const;
 
-  /// Take over parameters that may be changed during a run: thrust, friction coefficient and
-  /// restitution. @throws ModelError if they cannot be used
+  /// Take over parameters that may be changed during a run: thrust, friction coefficient,
+  /// restitution, and mass and inertia of driven vehicles. @throws ModelError if they cannot be
+  /// used
   void adopt_tunables();
 
   /// Back to the state after construction: parameters and inputs have the scene's values again.
@@ -162,17 +162,6 @@ class DockingSim {
   /// The present state is accepted. @return whether an event is due
   Status complete_step(bool& event_due);
   Status update_discrete_states(EventUpdate& update);
-
-  // Extended precision: defined in src/compare, which is not part of the FMU
-
-  /// Integrate with 32 digits and steps of high order from the next initialise() on, for every
-  /// solver.method. @param tolerance  of steps, in units of the scene's tolerances per rtol
-  void use_extended_precision(double tolerance);
-  /// The state with all its digits, in the order of StateLayout. @pre use_extended_precision()
-  const Extended* extended_states() const;
-  /// Continuous outputs, computed with all digits and rounded once, as for_each_value() counts
-  /// them.
-  Status calc_extended_outputs(std::vector<double>& output);
 
   struct Impl;  ///< sim/sim_impl.hpp
 

@@ -18,6 +18,17 @@ Evaluator::Evaluator(std::shared_ptr<const DockingModel> model, const SimState& 
   key_.rates = key_.y;
 }
 
+void Evaluator::use_vehicle_bodies() {
+  forget();
+  forget_present();
+  forget_trial();
+  const Mechanism& mechanism = model_->mechanism;
+  for (DockingData<double>* each : {present_.get(), trial_.get()}) {
+    if (!each->mechanism.generated || mechanism.vehicle == kBase) continue;
+    each->mechanism.generated->set_vehicle(mechanism.model.bodies[mechanism.vehicle]);
+  }
+}
+
 void Evaluator::use_coordinates(std::shared_ptr<const DockingModel> model) {
   use_model(std::move(model));
   present_->mechanism = MechanismData<double>(model_->mechanism);

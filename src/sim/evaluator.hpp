@@ -31,6 +31,8 @@ class Evaluator {
 
   /// A changed copy of the model, with the same coordinates.
   void use_model(std::shared_ptr<const DockingModel> model) { model_ = std::move(model); }
+  /// The model has another body of a vehicle.
+  void use_vehicle_bodies();
   /// A changed copy of the model, in other independent coordinates.
   void use_coordinates(std::shared_ptr<const DockingModel> model);
   /// Generated code evaluates trial states, if the code applies; null: the core evaluates them.

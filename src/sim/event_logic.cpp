@@ -28,6 +28,12 @@ void EventLogic::calc_functions(DockingData<double>& at, double* roots) const {
         are_waiting(dock, discrete_.hard_dock) ? find_hook_distance(dock, at.across) : 1.0;
   }
   if (sequence_.exists()) sequence_.calc_functions(at, roots + first_row());
+  if (pusher_root() == root_count()) return;
+  const PusherTravel travel = discrete_.hard_dock.pushers.on
+                                  ? find_pusher_travel(dock.pushers, at.across)
+                                  : PusherTravel{1.0, 1.0};
+  roots[pusher_root()] = travel.to_touch;
+  roots[pusher_root() + 1] = travel.to_let_go;
 }
 
 /// Contact and release.
@@ -60,6 +66,7 @@ void EventLogic::calc_speeds(const DockingData<double>& at, double* speeds) cons
   }
   std::fill(speeds + hook_root(), speeds + first_row(), 0.0);
   sequence_.calc_speeds(at, speeds + first_row());
+  std::fill(speeds + pusher_root(), speeds + root_count(), 0.0);
 }
 
 void EventLogic::set_due_below(DockingData<double>& at, double limit) {
@@ -191,6 +198,25 @@ double EventLogic::find_next_disturbance(double now) const {
   return next;
 }
 
+bool EventLogic::update_inputs(double now, double clock_rounding) {
+  bool changed = false;
+  for (size_t k = 0; k < model_->inputs.size(); ++k) {
+    const int row = find_row(model_->inputs[k], now + clock_rounding);
+    if (std::exchange(discrete_.input_row[k], row) != row) changed = true;
+  }
+  return changed;
+}
+
+double EventLogic::find_next_input() const {
+  double next = std::numeric_limits<double>::infinity();
+  for (size_t k = 0; k < model_->inputs.size(); ++k) {
+    const std::vector<double>& time = model_->inputs[k].time;
+    const size_t row = static_cast<size_t>(discrete_.input_row[k] + 1);
+    if (row < time.size()) next = std::min(next, time[row]);
+  }
+  return next;
+}
+
 DisturbingLoads EventLogic::find_disturbing_loads() const {
   return add_disturbances(
       [this](size_t k) { return discrete_.disturbances & (1 << k) ? 1.0 : 0.0; });
@@ -242,6 +268,7 @@ bool EventLogic::is_change_due(DockingData<double>& at, double now, double clock
   if (touched || latch || ramp) return true;
   if (is_thrust_due(now, clock_rounding) != discrete_.thrust_on) return true;
   if (find_acting(now, clock_rounding) != discrete_.disturbances) return true;
+  if (now + clock_rounding >= find_next_input()) return true;
   if (sequence_.exists()) return sequence_.is_change_due(at, now, clock_rounding);
   DiscreteState next = discrete_;
   update_phase(find_phase_inputs(at, find_near_gap(at)), next);

@@ -17,9 +17,10 @@
 
 namespace dockloop {
 
-/// Event functions before those of latches, waiting hooks and the sequence.
+/// Event functions before those of latches, waiting hooks, the sequence and pushers.
 constexpr int kFixedRoots = 3;
-constexpr int kMaxRoots = kFixedRoots + kMaxLatches + 1 + kMaxRows;
+constexpr int kPusherRoots = 2;
+constexpr int kMaxRoots = kFixedRoots + kMaxLatches + 1 + kMaxRows + kPusherRoots;
 constexpr double kTouching = 1e-9;  ///< gap that counts as contact at the start [m]
 
 class EventLogic {
@@ -37,7 +38,10 @@ class EventLogic {
 
   int hook_root() const { return kFixedRoots + model_->latches.count(); }
   int first_row() const { return hook_root() + (model_->hard_dock.hooks.rows.empty() ? 0 : 1); }
-  int root_count() const { return first_row() + sequence_.root_count(); }
+  int pusher_root() const { return first_row() + sequence_.root_count(); }
+  int root_count() const {
+    return pusher_root() + (model_->hard_dock.pusher_count() > 0 ? kPusherRoots : 0);
+  }
   bool has_surfaces() const { return model_->present[kTarget] && !model_->contact.empty(); }
   bool is_absorber() const { return model_->contact.kind == ContactModel::Kind::kAbsorber; }
   int count_held_latches() const;
@@ -45,8 +49,9 @@ class EventLogic {
   // Event functions between accepted states
 
   /// First contact (for an absorber every onset), release of an absorber, surfaces that open as far
-  /// as a rebound, latches, waiting hooks, rows of the sequence. @param at  its workspace of the
-  /// contact search is used
+  /// as a rebound, latches, waiting hooks, rows of the sequence; last, where the force of pushers
+  /// begins to change within millimetres: nothing is decided there, but no step passes over it.
+  /// @param at  its workspace of the contact search is used
   void calc_functions(DockingData<double>& at, double* roots) const;
   /// A released absorber is not released again, and one in contact meets no contact. A multistep
   /// method needs this: its steps to an event start again and end a little before it, again and
@@ -94,6 +99,8 @@ class EventLogic {
   bool update_thrust(double now, double clock_rounding);
   /// Disturbances that act from now on. @return whether others did before
   bool update_disturbances(double now, double clock_rounding);
+  /// Rows of input histories that act from now on. @return whether others did before
+  bool update_inputs(double now, double clock_rounding);
   void update_phases(DockingData<double>& at, double now);
   /// The same for a copy of the discrete state, but for the phase of a sequence: it follows from
   /// events only. For a state that is read before it is booked.
@@ -107,6 +114,8 @@ class EventLogic {
   bool is_thrust_due(double now, double clock_rounding) const;
   /// When the next one begins or ends; infinite: none is known. @param now  [s since the start]
   double find_next_disturbance(double now) const;
+  /// When the next row of an input history begins to act; infinite: none is left.
+  double find_next_input() const;
   DisturbingLoads find_disturbing_loads() const;
   /// Their means over a step of h that has been made. @param from  [s since the start]
   DisturbingLoads find_mean_disturbing_loads(double from, double h) const;

@@ -12,7 +12,7 @@ namespace dockloop {
 /// @param changed  set if the state or the equations changed, so that the integrator must
 /// restart.
 Status DockingSim::Impl::accept(double tau, bool& changed) {
-  if (unreduced) drift = std::max(drift, unreduced->find_cut_gap(tau));
+  if (equations) drift = std::max(drift, equations->find_cut_gap(tau));
   const std::shared_ptr<const Coordinates> before = coordinates;
   const Status moved = update_coordinates(tau, changed);
   if (!moved.ok()) return moved;
@@ -25,9 +25,10 @@ Status DockingSim::Impl::accept(double tau, bool& changed) {
   if (update_latches(now)) jumped = true;
   events->update_capture(now);
   if (update_hooks(now)) jumped = true;
+  if (update_table_command(now)) jumped = true;
   const Status switched = update_sequence(tau, changed, jumped);
   if (!switched.ok()) return switched;
-  if (update_outside_loads(now)) jumped = true;
+  if (update_outside_loads(tau)) jumped = true;
   changed = changed || jumped;
   // Equal steps take equal work: a block of the mechanism that is old by an event will do.
   if (changed && (!step_loop->method().is_fixed_step() || coordinates != before))
@@ -130,10 +131,13 @@ void DockingSim::Impl::use_coordinates(std::shared_ptr<const Coordinates> choice
   if (!start_mechanism) start_mechanism = std::make_unique<Mechanism>(model->mechanism);
   const auto changed = std::make_shared<DockingModel>(*model);
   set_mechanism(*changed, choice ? with_coordinates(*start_mechanism, *choice) : *start_mechanism);
+  for (int i : {kChaser, kTarget}) {
+    if (changed->driven[i]) set_host_body(*changed, i, changed->of_host[i]);
+  }
   use_model(changed);
   evaluator->use_coordinates(model);
   host->use_coordinates(*model);
-  if (unreduced) unreduced->update_coordinates();
+  if (equations) equations->update_coordinates();
   attach_kernel();
   coordinates = std::move(choice);
 }
@@ -161,12 +165,15 @@ double DockingSim::Impl::find_clock_rounding(double now) const {
   return dockloop::find_clock_rounding(setup->t_start, now);
 }
 
-/// Contact thrust and disturbances that begin or end. @return whether they do
-bool DockingSim::Impl::update_outside_loads(double now) {
-  const double rounding = find_clock_rounding(now);
+/// Contact thrust and disturbances that begin or end, rows of input histories. @return whether they
+/// change
+bool DockingSim::Impl::update_outside_loads(double tau) {
+  const double now = elapsed + tau, rounding = find_clock_rounding(now);
+  const bool turned = events->update_inputs(now, rounding);
   const bool disturbed = events->update_disturbances(now, rounding);
-  if (disturbed) loads.add(events->find_disturbing_loads());
-  return events->update_thrust(now, rounding) || disturbed;
+  if (turned) read_tables(tau);
+  if (turned || disturbed) loads.add(events->find_disturbing_loads());
+  return events->update_thrust(now, rounding) || disturbed || turned;
 }
 
 bool DockingSim::Impl::update_latches(double now) {
@@ -209,9 +216,20 @@ Status DockingSim::Impl::update_command() {
   const Status status = update_sequence(0.0, changed, jumped);
   if (!status.ok()) return status;
   peaks.enter(find_sequence_step());
-  update_outside_loads(elapsed);
+  update_outside_loads(0.0);
   events->update_phases(present(), elapsed);
   return evaluate_start();
+}
+
+/// The same of a table, at any accepted state.
+bool DockingSim::Impl::update_table_command(double now) {
+  for (const InputHistory& history : model->inputs) {
+    if (history.kind != InputKind::kCommand) continue;
+    const int row = find_row(history, now + find_clock_rounding(now));
+    inputs.command = static_cast<int>(find_line(history, row, now).value);
+    return events->sequence().update_command(inputs.command, now);
+  }
+  return false;
 }
 
 /// Evaluate the state of the integrator, tau after the last communication point.

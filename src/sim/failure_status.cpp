@@ -53,6 +53,27 @@ std::string DockingSim::Impl::describe(const Status& status) const {
     case StatusCode::kContactFlipped:
       std::snprintf(text, sizeof text, "%s would pass through each other", surfaces().c_str());
       break;
+    case StatusCode::kTravelOutsideTable:
+    case StatusCode::kRateOutsideTable: {
+      const bool is_rate = status.code == StatusCode::kRateOutsideTable;
+      const ForceElement& element = mechanism.elements[static_cast<size_t>(status.index)];
+      double least = 0.0, most = 0.0;
+      for (const ForceLaw& law : element.laws) {
+        const TableLaw* table = std::get_if<TableLaw>(&law);
+        if (!table) continue;
+        const std::vector<double>& range = is_rate ? table->rates : table->travel;
+        const double rest = is_rate ? 0.0 : table->rest;
+        least = rest + range.front();
+        most = rest + range.back();
+        if (status.margin < least || status.margin > most) break;
+      }
+      std::snprintf(text, sizeof text,
+                    "element '%s' leaves its table: %s %.6g is not between %.6g and %.6g; measure "
+                    "more rows, or state %s = 'hold' or 'extend' of the law",
+                    element.name.c_str(), is_rate ? "the rate" : "the coordinate", status.margin,
+                    least, most, is_rate ? "outside_rate" : "outside");
+      break;
+    }
     case StatusCode::kIntegrationFailed:
       std::snprintf(text, sizeof text,
                     "the integrator cannot meet its tolerance: increase solver.rtol, or "

@@ -23,7 +23,7 @@ const char* DockingSim::Impl::find_joint_obstacle() const {
     return "a rigid joint holds two rigid vehicles, but one has parts that move: "
            "let hooks hold them, or remove parts and adapters";
   }
-  if (unreduced || adapt_problem) {
+  if (equations) {
     return "a rigid joint needs the reduced form of the equations: set model.level = 3 (reduced)";
   }
   return nullptr;

@@ -44,11 +44,13 @@ CouplingPoint find_coupling_point(const DockingModel& model, const DockingData<d
 }
 
 HostCoupling::HostCoupling(const DockingModel& model, std::shared_ptr<const Setup> setup,
+                           const std::array<VehicleParts, 2>& parts,
                            const Vec3<double>& frame_origin, const Inputs& inputs,
                            const StepLoads& loads, const EventLogic& events, Evaluator& evaluator,
                            SimState& state, std::vector<std::string>& warnings)
     : model_(&model),
       setup_(std::move(setup)),
+      parts_(parts),
       frame_origin_(frame_origin),
       inputs_(inputs),
       loads_(loads),
@@ -67,7 +69,9 @@ void HostCoupling::use_coordinates(const DockingModel& model) {
 bool HostCoupling::has_host() const { return model_->driven[kChaser] || model_->driven[kTarget]; }
 
 bool HostCoupling::announces() const {
-  return has_host() && setup_->parameters.coupling_mode != kSequential;
+  const Parameters& p = setup_->parameters;
+  return has_host() &&
+         (p.coupling_mode != kSequential || p.coupling_delay > p.coupling_motion_delay);
 }
 
 bool HostCoupling::steps_first() const {
@@ -77,6 +81,8 @@ bool HostCoupling::steps_first() const {
 void HostCoupling::note_missing_inputs(int i) {
   state_.coupling.vehicle[i].input = inputs_.vehicle[i];
   state_.mean_load[i] = Wrench<double>();  // a host without results holds no load
+  LoadQueue& queue = state_.coupling.vehicle[i].queue;
+  if (queue.count > 1) --queue.count;
   warnings_.push_back(std::string(get_vehicle_name(i)) +
                       " is driven, but all its motion inputs are zero in the first step: the"
                       " step begins at the start values. Connect position, velocity, attitude"
@@ -86,10 +92,15 @@ void HostCoupling::note_missing_inputs(int i) {
 VehicleState HostCoupling::receive(int i, double h) {
   DrivenVehicle& v = state_.coupling.vehicle[i];
   const VehicleState z = find_received_state(i);
+  const double at = find_report_time();
+  VehicleState now = advance_host(i, z, at, state_.elapsed);
   if (state_.last_step > 0.0) {
     if (steps_first()) diagnose(i, judge_first_end(i), state_.last_step);
-    v.pending = find_pending_impulse(i, z);
-    look_at_innovation(i, z);
+    diagnose(i, judge_age(i), state_.last_step);
+    v.pending = v.pending - find_delivered_impulse(i, z, at);
+    const VehicleBody body = v.body;
+    look_at_innovation(i, z, now);
+    if (!is_same_body(body, v.body)) now = advance_host(i, z, at, state_.elapsed);
   } else {
     diagnose(i,
              judge_first_report(inputs_.vehicle[i], find_start_report(i),
@@ -98,9 +109,12 @@ VehicleState HostCoupling::receive(int i, double h) {
              h);
   }
   v.received = z;
+  v.since = at;
   v.input = inputs_.vehicle[i];
+  forget_old_loads(v);
   const VehicleState moved =
-      carry_along(z, v.predicted, find_vehicle_state(*model_, evaluator_.present(), i));
+      carry_along(now, v.now, find_vehicle_state(*model_, evaluator_.present(), i));
+  v.now = now;
   if (steps_first()) {  // the state of the host now; no load acts after it yet
     v.predicted = z;
     v.held = Wrench<double>();
@@ -110,19 +124,29 @@ VehicleState HostCoupling::receive(int i, double h) {
 
 Wrench<double> HostCoupling::find_internal_momentum(int i) const {
   const DrivenVehicle& v = state_.coupling.vehicle[i];
-  return find_stated_momentum(i, v.received) + v.pending;
+  return find_host_momentum(i, v.now) + find_pending_impulse(i, v.received, state_.elapsed);
 }
 
-void HostCoupling::announce(double h, const CouplingPoint& begin, const CouplingPoint& end) {
+VehicleBody HostCoupling::find_stated_body(int i, const Parameters& parameters) const {
+  const VehicleParameters& p = parameters.vehicle[i];
+  return {p.mass, Vec3<double>::Zero(), make_symmetric(p.inertia)};
+}
+
+void HostCoupling::announce(double h, const CouplingPoint& now, const CouplingPoint& begin,
+                            const CouplingPoint& end) {
   // After a step much shorter than the others, only a share of the pending impulse is returned.
   const double share = h / std::max(h, state_.coupling.regular_step);
   for (int i : {kChaser, kTarget}) {
     if (!model_->driven[i]) continue;
-    const DrivenVehicle& v = state_.coupling.vehicle[i];
-    const Wrench<double> impulse =
-        share * find_pending_impulse(i, v.predicted) + find_exerted_impulse(i, begin, end);
-    state_.mean_load[i] = find_mean_load(
-        impulse, v.predicted, carry_along(v.predicted, begin.vehicle[i], end.vehicle[i]), h);
+    DrivenVehicle& v = state_.coupling.vehicle[i];
+    const double time = state_.elapsed + find_lead();  // when the load begins to act
+    Wrench<double> pending = find_pending_impulse(i, v.predicted, time);
+    if (is_delayed()) pending += find_exerted_impulse(i, now, begin);
+    const Wrench<double> impulse = share * pending + find_exerted_impulse(i, begin, end);
+    const VehicleState start = advance_host(i, v.now, state_.elapsed, time);
+    state_.mean_load[i] =
+        find_mean_load(impulse, start, carry_along(start, begin.vehicle[i], end.vehicle[i]), h);
+    if (is_delayed()) add_load(v.queue, time, state_.mean_load[i]);
   }
 }
 
@@ -138,20 +162,22 @@ void HostCoupling::warn_of_look_ahead(double h, const std::string& reason) {
   }
 }
 
-Mat3<double> HostCoupling::find_stated_inertia(int i) const {
-  return make_symmetric(setup_->parameters.vehicle[i].inertia);
+Wrench<double> HostCoupling::find_host_momentum(int i, const VehicleState& s) const {
+  return find_rigid_momentum(model_->of_host[i], s);
 }
 
-Wrench<double> HostCoupling::find_stated_momentum(int i, const VehicleState& s) const {
-  return find_rigid_momentum(model_->stated_mass[i], find_stated_inertia(i), s);
-}
-
-/// Motion received through the inputs, in frame O.
+/// Motion received through the inputs, in frame O as it was then.
 VehicleState HostCoupling::find_received_state(int i) const {
   const Inputs::Vehicle& in = inputs_.vehicle[i];
   VehicleState z;
   z.x = in.position - frame_origin_ - state_.frame_shift;
   z.v = in.velocity - state_.frame_velocity;
+  if (const double late = state_.elapsed - find_report_time(); late > 0.0) {
+    Vec3<double> fall = Vec3<double>::Zero();  // change of the velocity of O
+    if (model_->falling) fall = late * loads_.at_start().gravity;
+    z.x += late * (state_.frame_velocity - 0.5 * fall);
+    z.v += fall;
+  }
   z.q = in.attitude.normalized();
   z.w = in.angular_velocity;
   return z;
@@ -178,35 +204,46 @@ Status HostCoupling::check_received_attitude(int i, std::string& reason) {
   return {};
 }
 
-/// Motion of the host's vehicle under a load over h, if the stated mass and loads are right.
-VehicleState HostCoupling::predict_host(int i, const VehicleState& z, const Wrench<double>& load,
-                                        double h) {
-  const Loads& known = loads_.at(0.5 * h);
-  const double mass = model_->stated_mass[i];
-  Vec3<double> force = load.f + known.force[i];
-  if (!model_->falling) force += mass * known.gravity;
-  VehicleState next = z;
-  next.x += h * z.v + (0.5 * h * h / mass) * force;
-  next.v += (h / mass) * force;
+/// Motion of the host's vehicle under a load over h, if the body and the loads are right.
+/// @param begin  time of `z` [s since start]
+VehicleState HostCoupling::predict_host(int i, const VehicleBody& body, const VehicleState& z,
+                                        const Wrench<double>& load, double begin, double h) const {
+  const Loads& present = loads_.at(0.5 * h);
+  const bool is_past = begin < find_past_end();
+  const Wrench<double> known =
+      is_past ? find_mean_of_loads(state_.coupling.vehicle[i].known, begin, begin + h)
+              : Wrench<double>{present.force[i], present.torque[i]};
+  Vec3<double> force = load.f + known.f;
+  // The host applies forces at the reported point.
+  const Vec4<double> middle = quat_multiply<double>(z.q, quat_exp<double>(0.5 * h * z.w));
+  const Vec3<double> torque =
+      load.t + known.t - body.com.cross(quat_to_matrix<double>(middle).transpose() * force);
+  if (!model_->falling) force += body.mass * present.gravity;
+  VehicleState next = move_origin(z, body.com);
+  next.x += h * next.v + (0.5 * h * h / body.mass) * force;
+  next.v += (h / body.mass) * force;
   const int count = std::clamp(static_cast<int>(std::ceil(h / kHostStep)), 1, kMaxHostSteps);
-  turn_rigid_body(find_stated_inertia(i), load.t + known.torque[i], h, count, next.q, next.w);
-  return next;
+  turn_rigid_body(body.inertia, torque, h, count, next.q, next.w);
+  return move_origin(next, -body.com);
 }
 
 void HostCoupling::start() {
   state_.coupling = CouplingState();
-  if (has_host()) state_.coupling.reports.assign(2, make_report_sums());
+  if (has_host()) state_.coupling.reports.assign(2, make_report_sums(is_delayed()));
   for (int i : {kChaser, kTarget}) {
     if (!model_->driven[i]) continue;
-    state_.coupling.vehicle[i].received = state_.coupling.vehicle[i].predicted =
+    DrivenVehicle& v = state_.coupling.vehicle[i];
+    v.received = v.predicted = v.before = v.now =
         find_vehicle_state(*model_, evaluator_.present(), i);
-    state_.coupling.vehicle[i].input = inputs_.vehicle[i];
+    v.input = inputs_.vehicle[i];
+    if (is_delayed()) v.queue = v.known = make_load_queue();
+    v.stated = v.body = model_->of_host[i];
   }
 }
 
 Wrench<double> HostCoupling::find_exerted_impulse(int i, const CouplingPoint& from,
                                                   const CouplingPoint& to) const {
-  return (find_stated_momentum(i, to.vehicle[i]) - find_stated_momentum(i, from.vehicle[i])) -
+  return (find_host_momentum(i, to.vehicle[i]) - find_host_momentum(i, from.vehicle[i])) -
          (to.known[i] - from.known[i]);
 }
 
@@ -217,13 +254,30 @@ void HostCoupling::update_impulse_balance(double h, const CouplingPoint& begin,
     DrivenVehicle& v = state_.coupling.vehicle[i];
     const Wrench<double> exerted = find_exerted_impulse(i, begin, end);
     v.pending += exerted;
-    if (announces()) {
-      v.held = state_.mean_load[i];  // announced for this step
-    } else {
-      const VehicleState host_end = carry_along(v.received, begin.vehicle[i], end.vehicle[i]);
-      v.held = state_.mean_load[i] = find_mean_load(v.pending, v.received, host_end, h);
+    const double start = state_.elapsed - h, at = find_report_time();
+    if (setup_->parameters.coupling_motion_delay > 0.0) {
+      const Loads& known = loads_.at(0.5 * h);
+      add_load(v.known, start, {known.force[i], known.torque[i]});
     }
-    v.predicted = predict_host(i, v.received, v.held, h);
+    if (!announces()) {
+      const VehicleState host_end = carry_along(v.now, begin.vehicle[i], end.vehicle[i]);
+      Wrench<double> pending = v.pending;
+      if (is_delayed()) {
+        Wrench<double> delivered;
+        advance_host(i, v.received, v.since, start, &delivered);
+        pending -= delivered;
+      }
+      state_.mean_load[i] = find_mean_load(pending, v.now, host_end, h);
+      if (is_delayed()) add_load(v.queue, start, state_.mean_load[i]);
+    }
+    v.load = is_delayed() ? find_mean_of_loads(v.queue, start, state_.elapsed)
+                          : state_.mean_load[i];  // of this step, or announced for it
+    v.held = is_delayed() ? find_mean_of_loads(v.queue, v.since, at) : v.load;
+    v.predicted = advance_host(i, v.received, v.since, at);
+    v.by_stated =
+        is_identified(i) ? advance_body(i, v.stated, v.received, v.since, at) : v.predicted;
+    v.before = v.now;
+    v.now = advance_host(i, v.predicted, at, state_.elapsed);
     note_step(i, exerted, begin.vehicle[i], end.vehicle[i], h);
   }
   const int held = events_.count_held_latches();
@@ -231,20 +285,6 @@ void HostCoupling::update_impulse_balance(double h, const CouplingPoint& begin,
     state_.coupling.held_latches = held;
     state_.coupling.frequency = find_interface_frequency(y);
   }
-}
-
-/// Pending impulse if the host's vehicle is at a given state, after the last step.
-Wrench<double> HostCoupling::find_pending_impulse(int i, const VehicleState& host) const {
-  const DrivenVehicle& v = state_.coupling.vehicle[i];
-  if (!(state_.last_step > 0.0)) return v.pending;
-  return v.pending - find_delivered_impulse(v.held, v.received, host, state_.last_step);
-}
-
-Wrench<double> HostCoupling::find_pending_impulse(int i) const {
-  const DrivenVehicle& v = state_.coupling.vehicle[i];
-  const bool is_received =
-      !is_same_motion(inputs_.vehicle[i], v.input) && is_attitude(inputs_.vehicle[i].attitude);
-  return find_pending_impulse(i, is_received ? find_received_state(i) : v.predicted);
 }
 
 }  // namespace dockloop

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <iterator>
 
 #include "math/decompositions.hpp"
@@ -12,7 +11,6 @@
 namespace dockloop {
 namespace {
 
-constexpr int kLateLoads = 24;                     ///< longest delay that is recognised, in steps
 constexpr double kDegrees = 0.017453292519943295;  ///< [rad]
 
 // First report
@@ -42,13 +40,14 @@ constexpr double kLeastError = 1e-5;        ///< of predicted changes, for loads
 constexpr double kLateExplained = 0.01;     ///< of the squares that another mass does not explain
 constexpr double kLoadError = 0.01;         ///< of predicted changes, for all other causes
 constexpr double kFlexible = 0.02;          ///< of predicted changes, without a cause
-constexpr double kLeastFelt = 0.1;          ///< of a predicted change; less counts as no change
-constexpr double kSignFelt = 0.1;           ///< around -1
-constexpr double kUnitFelt = 0.05;          ///< around 1000 or 1/1000, relative
-constexpr double kMostFelt = 10.0;          ///< of a predicted change; more has another cause
-constexpr double kMassConfirmed = 0.1;      ///< mismatch below which no step is too long [-]
-constexpr double kUnmodelled = 1e-4;  ///< acceleration that counts [m/s2], and part of gravity
-constexpr double kSilent = 1e-7;      ///< acceleration that counts as no load [m/s2], [rad/s2]
+constexpr double kConstant = 1e-3;      ///< of the squares, by a constant: slow swings leave more
+constexpr double kLeastPeriods = 0.25;  ///< with loads: a shorter swing has no frequency
+constexpr double kLeastFelt = 0.1;      ///< of a predicted change; less counts as no change
+constexpr double kUnitFelt = 0.05;      ///< around 1000 or 1/1000, relative
+constexpr double kMostFelt = 10.0;      ///< of a predicted change; more has another cause
+constexpr double kMassConfirmed = 0.1;  ///< mismatch below which no step is too long [-]
+constexpr double kUnmodelled = 1e-4;    ///< acceleration that counts [m/s2], and part of gravity
+constexpr double kSilent = 1e-7;        ///< acceleration that counts as no load [m/s2], [rad/s2]
 
 double find_angle(const Vec4<double>& a, const Vec4<double>& b) {
   return quat_log<double>(quat_multiply<double>(quat_conjugate<double>(a), b)).norm();
@@ -121,7 +120,7 @@ double find_felt(const ResponseSums& r) {
 
 /// Adds a step to the sums.
 /// @param effects  change of the response if the load acts in another way
-/// @param late_effects  the same for the load of the coming step, and of earlier steps
+/// @param late_effect  the same for the load of another step (find_late_steps)
 template <size_t count, class Late>
 void add_response(ResponseSums& r, const Vec3<double>& change, const Vec3<double>& error, double h,
                   double keep, bool is_loaded, const std::array<Vec3<double>, count>& effects,
@@ -156,7 +155,8 @@ class Search {
   void consider_constant(int fault) {
     if (!(sums_.time2 > 0.0)) return;
     const Vec3<double> mean = sums_.constant / sums_.time2;
-    consider(sums_.error2 - mean.dot(sums_.constant), fault, mean.norm());
+    const double left = sums_.error2 - mean.dot(sums_.constant);
+    if (left < kConstant * sums_.error2) consider(left, fault, mean.norm());
   }
   const HostFinding& found() const { return found_; }
 
@@ -235,7 +235,8 @@ HostFinding explain_torque(double h, const ResponseSums& r) {
   return search.found();
 }
 
-/// Loads of another step: the number of steps by which they act late, -1 for early, 0 for neither.
+/// Loads of another step: the number of steps by which they act late; negative for early loads, 0
+/// for neither. Places of sums: the next step, earlier steps, further steps ahead.
 int find_late_steps(const ResponseSums& r) {
   if (r.loaded < kEnoughSteps || !(r.error2 > kLeastError * kLeastError * r.change2)) return 0;
   const auto least = std::min_element(r.late2.begin(), r.late2.end());
@@ -243,155 +244,18 @@ int find_late_steps(const ResponseSums& r) {
   // Before a delay is over, a late load is a missing one.
   if (left < kExplained * r.error2 || !(*least < kLateExplained * left)) return 0;
   const int place = static_cast<int>(least - r.late2.begin());
-  return place == 0 ? -1 : place;
+  return place == 0 ? -1 : place <= kLateLoads ? place : kLateLoads - 1 - place;
 }
 
 HostFinding explain_late(const LoadStep& step, int steps) {
+  const double delay = (steps < 0 ? step.shorter : step.longer) + steps * step.h;
+  if (step.delay > 0.0 && delay > -0.5 * step.h) return {kLoadsDelayed, std::max(delay, 0.0)};
   if (steps < 0) return {kLoadsEarly, step.h};
   const bool may_be_order = !step.announces || step.is_host_first;
   return {steps == 1 && may_be_order ? kLoadsStepLate : kLoadsDelayed, steps * step.h};
 }
 
-struct FaultText {
-  int fault;
-  const char* text;  ///< $v: vehicle, $x: value, $h: step, $s: stated mass, $m: from both
-};
-const FaultText kTexts[] = {
-    {kQuaternionOrder, "$v.attitude has the order x, y, z, w: report the attitude as w, x, y, z"},
-    {kQuaternionInverse,
-     "$v.attitude is the attitude of N in the body: report the attitude of the body in N (the "
-     "conjugate quaternion)"},
-    {kQuaternionOrderInverse,
-     "$v.attitude has the order x, y, z, w, and is the attitude of N in the body: report the "
-     "attitude of the body in N as w, x, y, z"},
-    {kAttitudeConstant,
-     "$v.attitude does not change, but $v.angular_velocity is $x rad/s: connect the attitude"},
-    {kSpinInDegrees, "$v.angular_velocity is in deg/s: report rad/s"},
-    {kSpinInN, "$v.angular_velocity is in axes of N: report body axes"},
-    {kSpinSign,
-     "$v.angular_velocity has the wrong sign: report the angular velocity of the body in N"},
-    {kSpinMissing,
-     "$v.attitude turns at $x rad/s, but $v.angular_velocity is 0: connect the angular velocity"},
-    {kAttitudeUnrelated,
-     "$v.attitude does not follow $v.angular_velocity (difference $x rad/s): report attitude (w, "
-     "x, y, z, body in N) and angular velocity (rad/s, body axes) of the same body and time"},
-    {kFirstAttitude,
-     "$v.attitude of the first step differs from the start attitude by $x rad: set the start "
-     "attitude, or report it in the first step"},
-    {kPositionUnit, "$v.position is in units of $x m (if $v.velocity is in m/s): report m and m/s"},
-    {kPositionConstant,
-     "$v.position does not change, but $v.velocity is $x m/s: connect the position"},
-    {kInterfacePoint,
-     "$v.position is the position of the docking interface, $x m from the centre of mass: report "
-     "position and velocity of the centre of mass"},
-    {kOtherPoint,
-     "$v.position is the position of a point $x m or more from the centre of mass: report position "
-     "and velocity of the centre of mass"},
-    {kFirstPosition,
-     "$v.position of the first step is $x m away from the start position: report the centre of "
-     "mass in the same frame N as the start position, or set the start position"},
-    {kVelocityInBody, "$v.velocity is in body axes: report axes of N"},
-    {kVelocityTurned, "$v.velocity is turned by the attitude: report axes of N"},
-    {kVelocityMissing, "$v.position moves at $x m/s, but $v.velocity is 0: connect the velocity"},
-    {kPositionUnrelated,
-     "$v.position does not follow $v.velocity (difference $x m/s): report both of the centre of "
-     "mass, in N, at the same time"},
-    {kEndOfStep,
-     "$v.position of the first step is $x m away from the start position. This is the distance of "
-     "one step: the host passes the motion at the end of the step. Pass the motion at "
-     "currentCommunicationPoint, or set coupling.mode = 3 (host_first)"},
-    {kFirstLoadMissing,
-     "$v did not feel the first announced load ($x N over $h s): read $v.force_mean and "
-     "$v.torque_mean after initialisation, before the first step"},
-    {kLoadsEarly,
-     "$v applies the announced load a step early: if the host makes each step after this FMU, set "
-     "coupling.mode = 1; if it makes each step before this FMU, set "
-     "coupling.mode = 3 (host_first)"},
-    {kLoadsStepLate,
-     "$v applies the mean load a step late: the host makes each step at the same time as this "
-     "FMU; set coupling.mode = 2 (parallel)"},
-    {kLoadsDelayed,
-     "$v feels loads $x s too late, or reports its motion this much too late: take the delay out "
-     "of the loop, or make it shorter"},
-    {kForceInBody, "$v applies force_mean in body axes: the force is in axes of N"},
-    {kForceTurned,
-     "$v applies force_mean turned by the inverse of its attitude: the force is in axes of N"},
-    {kForceSign,
-     "$v moves against the force ($x of the predicted change of velocity): connect "
-     "$v.force_mean with its sign"},
-    {kForceMissing,
-     "$v does not move as predicted ($x of the predicted change of velocity): connect "
-     "$v.force_mean, in N, with its sign"},
-    {kForceUnit, "$v feels $x times the force: $v.force_mean is in N, or $v.mass is not in kg"},
-    {kTorqueInN, "$v applies torque_mean in axes of N: the torque is in body axes"},
-    {kTorqueTurned, "$v applies torque_mean turned by its attitude: the torque is in body axes"},
-    {kTorqueSign,
-     "$v turns against the torque ($x of the predicted turn): connect $v.torque_mean with its "
-     "sign"},
-    {kTorqueMissing,
-     "$v does not turn as predicted ($x of the predicted turn): connect $v.torque_mean, about the "
-     "centre of mass, in body axes, with its sign"},
-    {kTorqueUnit, "$v feels $x times the torque: $v.torque_mean is in N m, $v.inertia in kg m2"},
-    {kTorquePoint,
-     "$v applies force_mean at the docking interface: apply the force at the centre of mass, "
-     "because torque_mean contains its moment"},
-    {kUnreportedForce,
-     "$v has an unmodelled acceleration of $x m/s2 ($m N): connect 'gravity', and report every "
-     "other load in $v.force_ext"},
-    {kUnreportedTorque,
-     "$v has an unmodelled angular acceleration of $x rad/s2: report every other torque in "
-     "$v.torque_ext, about the centre of mass, in body axes"},
-    {kWrongMass,
-     "$v moves as if its mass were $m kg, but $v.mass is $s kg (mismatch $x): loads are right to "
-     "first order of the step only; see also $v.mass_includes_mechanism"},
-    {kWrongInertia,
-     "$v turns as if its inertia were another than $v.inertia (mismatch $x about the worst axis): "
-     "loads are right to first order of the step only"},
-    {kUnexplained,
-     "$v does not move as a rigid body under the reported loads ($x of the changes of velocity): "
-     "a flexible part or a load that is not in $v.force_ext"},
-    {kStartOfStep,
-     "$v.position after the first step is the start position, but the vehicle moves $x m in the "
-     "step: report the motion at the end of the step, or set coupling.mode = 2 (parallel) or 1 "
-     "(sequential)"},
-};
-
 }  // namespace
-
-std::string describe_finding(const HostFinding& found, const char* vehicle, double h, double mass) {
-  const auto row = std::find_if(std::begin(kTexts), std::end(kTexts),
-                                [&](const FaultText& t) { return t.fault == found.fault; });
-  const auto number = [](double x, int digits = 3) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.*g", digits, x);
-    return std::string(text);
-  };
-  std::string text;
-  for (const char* c = row->text; *c; ++c) {
-    if (*c != '$') {
-      text += *c;
-      continue;
-    }
-    switch (*++c) {
-      case 'v':
-        text += vehicle;
-        break;
-      case 'h':
-        text += number(h);
-        break;
-      case 's':
-        text += number(mass, 6);
-        break;
-      case 'm':
-        text += found.fault == kWrongMass ? number(mass * (1.0 + found.value), 6)
-                                          : number(mass * found.value);
-        break;
-      default:
-        text += number(found.value);
-    }
-  }
-  return text;
-}
 
 std::string describe_energy_cause(const HostFinding& found, const ReportSums& sums,
                                   const char* vehicle) {
@@ -406,6 +270,7 @@ std::string describe_energy_cause(const HostFinding& found, const ReportSums& su
     case kHostRight:
       return "the step";
     case kUnexplained:
+    case kFlexiblePart:
     case kUnreportedForce:
       return "a flexible part of " + name +
              " between its docking interface and its mass, or a load "
@@ -423,12 +288,24 @@ std::string describe_energy_cause(const HostFinding& found, const ReportSums& su
   }
 }
 
-ReportSums make_report_sums() {
+ReportSums make_report_sums(bool is_delayed) {
   ReportSums sums;
-  sums.force.late2.assign(kLateLoads + 1, 0.0);
-  sums.torque.late2.assign(kLateLoads + 1, 0.0);
+  const size_t places = kLateLoads + (is_delayed ? kLateLoads : 1);
+  sums.force.late2.assign(places, 0.0);
+  sums.torque.late2.assign(places, 0.0);
   sums.held.assign(kLateLoads, Wrench<double>());
   return sums;
+}
+
+void forget_responses(ReportSums& sums) {
+  for (ResponseSums* each : {&sums.force, &sums.torque}) {
+    std::vector<double> late2 = std::move(each->late2);
+    std::fill(late2.begin(), late2.end(), 0.0);
+    *each = ResponseSums();
+    each->late2 = std::move(late2);
+  }
+  sums.first_load = 0.0;
+  sums.mode = ModeSums();
 }
 
 HostFinding judge_first_report(const Inputs::Vehicle& report, const Inputs::Vehicle& start,
@@ -556,7 +433,10 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
     return step.h * (inverse * (torque - step.held.t));
   };
   const auto find_load = [&](size_t i) -> const Wrench<double>& {
-    return i == 0 ? step.next : sums.held[i - 1];
+    if (i == 0) return step.next[0];
+    if (i <= kLateLoads) return step.delay > 0.0 ? step.earlier[i - 1] : sums.held[i - 1];
+    const size_t ahead = i - kLateLoads;
+    return step.next[ahead < static_cast<size_t>(step.next_count) ? ahead : 0];
   };
   const Vec3<double>& f = step.held.f;
   const Vec3<double>& t = step.held.t;
@@ -572,6 +452,11 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
                [&](size_t i) { return turn(find_load(i).t); });
   std::rotate(sums.held.begin(), sums.held.end() - 1, sums.held.end());
   sums.held.front() = step.held;
+  const double radius = std::sqrt(step.inertia.trace() / (3.0 * step.mass));
+  Vec6<double> error, change;
+  error << step.R.transpose() * step.error, radius * step.turn_error;
+  change << step.R.transpose() * f, t / radius;
+  add_to_mode(error, step.h / step.mass * change, step.h, keep, sums.mode);
 
   const double limit = kUnmodelled * std::max(1.0, step.gravity), size = step.error.norm();
   // Errors that begin without a load are no wrong response to loads.
@@ -628,6 +513,28 @@ HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums) {
   if (smaller.fault != kHostRight) return smaller;
   if (force_size > kFlexible) return {kUnexplained, force_size};
   return {};
+}
+
+HostFinding explain_by_mode(double h, const ReportSums& sums) {
+  const ResponseSums &f = sums.force, &t = sums.torque;
+  if (std::max(find_error_size(f), find_error_size(t)) < kLoadError) return {};
+  for (const ResponseSums* r : {&f, &t}) {
+    if (find_felt(*r) < kLeastFelt && may_be_late(*r, h)) return {};
+  }
+  const double frequency = find_mode_frequency(sums.mode, h);
+  const double time = h * std::max(f.loaded, t.loaded);
+  return frequency * time > kLeastPeriods ? HostFinding{kFlexiblePart, frequency} : HostFinding();
+}
+
+double find_scaled_error(const ReportSums& sums) {
+  double largest2 = 0.0;
+  const auto consider = [&](double error2, double size2) {
+    if (size2 > 0.0) largest2 = std::max(largest2, error2 / size2);
+  };
+  consider(sums.turn_error2[0], sums.turn2 + sums.spin2);
+  consider(sums.move_error2[0], sums.move2 + sums.velocity2);
+  for (const ResponseSums* r : {&sums.force, &sums.torque}) consider(r->error2, r->change2);
+  return std::sqrt(largest2);
 }
 
 double find_mass_mismatch(const ReportSums& sums) {

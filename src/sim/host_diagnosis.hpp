@@ -15,10 +15,13 @@
 #include <vector>
 
 #include "math/choice.hpp"
+#include "sim/host_mode.hpp"
 #include "sim/mean_load.hpp"
 #include "sim/values.hpp"
 
 namespace dockloop {
+
+constexpr int kLateLoads = 24;  ///< longest delay that is recognised, in steps
 
 /// Values of `coupling.diagnosis`.
 enum HostFault {
@@ -63,7 +66,10 @@ enum HostFault {
   kWrongMass,
   kWrongInertia,
   kUnexplained,
-  kStartOfStep
+  kStartOfStep,
+  kMotionAge,
+  kWrongCentre,
+  kFlexiblePart
 };
 /// The meanings include those of `coupling.diagnosis_value`.
 inline const ChoiceList kHostFaults = {
@@ -107,8 +113,11 @@ inline const ChoiceList kHostFaults = {
     {kUnreportedTorque, "unreported torque", "not in torque_ext; value in rad/s2"},
     {kWrongMass, "mass", "value: true mass / stated mass - 1"},
     {kWrongInertia, "inertia", "value: true / stated inertia - 1 of the worst axis"},
-    {kUnexplained, "unexplained", "as with a flexible part; value: part of changes of velocity"},
+    {kUnexplained, "unexplained", "by any other cause; value: part of changes of velocity"},
     {kStartOfStep, "start of step", "coupling.mode 3, but the motion at the start of the step"},
+    {kMotionAge, "age of motion", "not coupling.motion_delay; value in s"},
+    {kWrongCentre, "centre of mass", "value: its distance from the reported position in m"},
+    {kFlexiblePart, "flexible part", "one mode explains the reports; value: frequency in Hz"},
 };
 
 struct HostFinding {
@@ -116,8 +125,9 @@ struct HostFinding {
   double value = 0.0;      ///< see kHostFaults
 };
 
-/// The sentence of a finding. @param h  last step [s]; @param mass  stated [kg]
-std::string describe_finding(const HostFinding& found, const char* vehicle, double h, double mass);
+/// The sentence of a finding. @param h  last step [s]; @param mass, delay  stated [kg], [s]
+std::string describe_finding(const HostFinding& found, const char* vehicle, double h, double mass,
+                             double delay);
 
 struct ReportSums;
 /// Why does the coupling create energy? For a sentence.
@@ -127,7 +137,7 @@ std::string describe_energy_cause(const HostFinding& found, const ReportSums& su
 /// Changes of velocity (of angular velocity) and loads, of one vehicle: sums over its reports.
 struct ResponseSums {
   std::array<double, 3> left2{};  ///< errors that are left if the load acts in another way
-  std::vector<double> late2;      ///< the same, if the load of an earlier step acts
+  std::vector<double> late2;      ///< the same, if the load of another step acts
   double change2 = 0.0;           ///< predicted changes
   Vec3<double> axis_change2 = Vec3<double>::Zero(), axis_product = Vec3<double>::Zero();
   double product = 0.0;  ///< errors times predicted changes
@@ -154,10 +164,14 @@ struct ReportSums {
   int unmodelled = 0;       ///< consecutive steps with an error that no load explains
   double unmodelled_time = 0.0, unmodelled_sum2 = 0.0;  ///< of these steps [s], [m2/s4]
   Vec3<double> unmodelled_sum = Vec3<double>::Zero();   ///< of their accelerations [m/s2]
-  std::vector<Wrench<double>> held;                     ///< by earlier steps, the last one first
+  ModeSums mode;
+  std::vector<Wrench<double>> held;  ///< by earlier steps, the last one first
 };
-/// Sums at the start. Later steps allocate nothing.
-ReportSums make_report_sums();
+/// Sums at the start. Later steps allocate nothing. @param is_delayed  loads are under way
+ReportSums make_report_sums(bool is_delayed);
+
+/// Forget how velocities followed loads: another mass is stated.
+void forget_responses(ReportSums& sums);
 
 /// First report of a vehicle. @param start  in N; @param h  step that begins there [s]
 HostFinding judge_first_report(const Inputs::Vehicle& report, const Inputs::Vehicle& start,
@@ -178,13 +192,19 @@ HostFinding judge_motion(const ReportPair& pair, double keep, ReportSums& sums);
 
 /// What a vehicle did over a step with a load of its host.
 struct LoadStep {
-  double h = 0.0, mass = 0.0;      ///< [s], stated [kg]
-  Mat3<double> inertia;            ///< stated, about the centre of mass [kg m2]
-  Mat3<double> R;                  ///< body to N
-  Vec3<double> arm;                ///< of the docking interface, body axes [m]
-  bool announces = false;          ///< `next` is the load of the coming step
-  bool is_host_first = false;      ///< then `next` is `held`
-  Wrench<double> held, next;       ///< force in N, torque in body axes
+  double h = 0.0, mass = 0.0;  ///< [s], stated [kg]
+  Mat3<double> inertia;        ///< stated, about the centre of mass [kg m2]
+  Mat3<double> R;              ///< body to N
+  Vec3<double> arm;            ///< of the docking interface, body axes [m]
+  bool announces = false;      ///< `next` are loads of coming steps
+  bool is_host_first = false;  ///< then `next` is `held`
+  double delay = 0.0;          ///< as stated [s]
+  double shorter = 0.0;        ///< the same in whole steps; `next` act with shorter delays [s]
+  double longer = 0.0;         ///< the same; `earlier` act with longer delays [s]
+  Wrench<double> held;         ///< force in N, torque in body axes
+  std::array<Wrench<double>, kLateLoads> next;     ///< of later steps, the next one first
+  std::array<Wrench<double>, kLateLoads> earlier;  ///< of earlier steps, with a stated delay
+  int next_count = 1;
   Vec3<double> change;             ///< of velocity as predicted, gravity apart [m/s]
   Vec3<double> error, turn_error;  ///< received minus predicted
   double rounding = 0.0;           ///< changes of velocity that are ignored [m/s]
@@ -193,6 +213,12 @@ struct LoadStep {
 
 /// Do changes of velocity follow loads? @param keep  factor of older sums
 HostFinding judge_loads(const LoadStep& step, double keep, ReportSums& sums);
+
+/// Does a flexible mode explain the responses to loads? @param h  last step [s]
+HostFinding explain_by_mode(double h, const ReportSums& sums);
+
+/// Errors of motion and of responses to loads, relative to both; the largest [-].
+double find_scaled_error(const ReportSums& sums);
 
 /// True / stated mass - 1; 0 without an estimate.
 double find_mass_mismatch(const ReportSums& sums);

@@ -58,10 +58,6 @@ struct LimitValues {
 
 /// First time beyond each limit [s since the start], -1 before, and the value then.
 struct LimitRecord {
-  LimitRecord() {
-    time.fill(-1.0);
-    value.fill(0.0);
-  }
   bool has(Limit which) const { return time[which] >= 0.0; }
   void add(Limit which, double now, double at) {
     time[which] = now;
@@ -77,7 +73,12 @@ struct LimitRecord {
   }
   /// Sum of 2^k over the limits k of the table.
   int find_bits() const;
-  std::array<double, kLimitCount> time, value;
+  std::array<double, kLimitCount> time = [] {
+    std::array<double, kLimitCount> never{};
+    never.fill(-1.0);
+    return never;
+  }();
+  std::array<double, kLimitCount> value{};
 };
 
 /// @param load_ratio  largest so far. @param data  after calc_docking()
@@ -87,12 +88,5 @@ LimitValues find_limit_values(const DockingModel& model, const DockingData<doubl
 /// Sentence of one limit. @param t  [s]. @param part  that it concerns; may be null
 std::string describe_limit(Limit which, double t, double value, double limit,
                            const std::string* part);
-
-/// For saved states (sim/archive.hpp).
-template <class A>
-void transfer(A& archive, LimitRecord& record) {
-  transfer(archive, record.time);
-  transfer(archive, record.value);
-}
 
 }  // namespace dockloop

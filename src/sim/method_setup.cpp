@@ -64,6 +64,13 @@ double find_spectral_radius(MatX<double>& matrix) {
   return std::exp(logarithm);
 }
 
+/// Mass on which a docking interface stands: springs let the vehicle behind an adapter move later,
+/// and above their frequencies modes do not take part.
+double find_interface_mass(const VehicleParts& parts, const VehicleParameters& vehicle,
+                           double share_without_modes) {
+  return parts.adapter ? parts.adapter->mass : share_without_modes * vehicle.mass;
+}
+
 }  // namespace
 
 /// The smaller of the tolerances of parameter and host.
@@ -82,24 +89,18 @@ bool DockingSim::Impl::prefers_structured_matrix(double rtol) const {
   return model->contact.has_surfaces() && (is_loose || is_steep);
 }
 
-/// Does the integrator make the steps, of the reduced form in doubles?
-bool DockingSim::Impl::integrates_reduced_form(const RunMethod& method) const {
-  return method.is_co_simulation && !method.is_reference && parameters.model_level != kReference;
-}
-
-/// Linearly implicit steps? Some models, and forms that integrate other unknowns, need another
-/// method.
+/// Linearly implicit steps? Some models and other equations need another method.
 bool DockingSim::Impl::uses_structured_matrix(const RunMethod& method) const {
-  if (!integrates_reduced_form(method) || needs_other_matrix(*model)) return false;
+  if (!method.integrates_core() || needs_other_matrix(*model)) return false;
   const int number = method.facts->method;
   return number == kRosenbrock || number == kFixedRosenbrock ||
          (number == kAuto && prefers_structured_matrix(method.rtol));
 }
 
-/// One-step methods of our own with error control? Methods and forms for comparison are others.
+/// One-step methods of our own with error control?
 bool DockingSim::Impl::makes_own_steps(const RunMethod& method) const {
   if (method.is_structured) return !method.is_fixed_step();
-  if (!integrates_reduced_form(method) || method.facts->for_comparison) return false;
+  if (!method.integrates_core()) return false;
   const Stepper::Method used = find_stepper_method(method);
   return used == Stepper::Method::kDormandPrince || used == Stepper::Method::kStabilised ||
          used == Stepper::Method::kSwitching;
@@ -113,37 +114,21 @@ RunMethod DockingSim::Impl::choose_method() const {
   method.facts = find_method(chosen.method, needs_other_matrix(*model));
   method.rtol = find_relative_tolerance();
   method.is_co_simulation = fmi_kind == FmiKind::kCoSimulation;
-  method.is_reference = static_cast<bool>(adapt_problem);
+  method.equations = equations.get();
   method.is_structured = uses_structured_matrix(method);
-  method.is_switching = method.facts->method == kAuto && integrates_reduced_form(method) &&
+  method.is_switching = method.facts->method == kAuto && method.integrates_core() &&
                         !method.is_structured && !needs_other_matrix(*model);
-  if (method.facts->method == kAuto && method.is_co_simulation && !method.is_reference) {
-    method.facts = find_method(parameters.model_level == kReference ? kDae
-                               : method.is_structured               ? kRosenbrock
-                                                                    : kStabilised);
+  if (method.facts->method == kAuto && method.is_co_simulation && !method.is_reference()) {
+    method.facts = find_method(method.equations       ? kDae
+                               : method.is_structured ? kRosenbrock
+                                                      : kStabilised);
   }
   method.runs_ahead = makes_own_steps(method) && !host->has_host();
   return method;
 }
 
-/// Methods and forms of src/compare.
-void DockingSim::Impl::enter_comparison(Stepper::Problem& problem) {
-  if (adapt_problem) {
-    adapt_problem(problem);
-  } else if (unreduced) {
-    unreduced->enter(problem);
-  } else if (fmi_kind == FmiKind::kCoSimulation && find_method(chosen.method)->for_comparison) {
-    comparison->enter(chosen.method, *this, problem);
-  }
-}
-
 void DockingSim::Impl::make_loop() {
-  RunMethod method = choose_method();
-  unreduced.reset();
-  if (parameters.model_level == kReference && method.is_co_simulation && !adapt_problem) {
-    unreduced = comparison->make_unreduced_form(*this);
-    method.unreduced = unreduced.get();
-  }
+  const RunMethod method = choose_method();
   if (method.facts->method == kBdf) events->guard_absorber();
   balances = std::make_unique<BalanceWatch>(
       *this, chosen.atol_energy, setup->t_start,
@@ -155,8 +140,7 @@ void DockingSim::Impl::make_loop() {
       *model, method,
       StepLoop::Parts{*this, loads, *events, *evaluator, *quiescent_mode, *balances, status_text},
       scene->rated, setup->t_start,
-      [this](double tau, bool& changed) { return accept(tau, changed); },
-      [this](Stepper::Problem& problem) { enter_comparison(problem); });
+      [this](double tau, bool& changed) { return accept(tau, changed); });
   step_loop->use_interruption(interruption);
 
   if (method.is_fixed_step()) {
@@ -172,16 +156,16 @@ void DockingSim::Impl::make_loop() {
   if (!method.is_fixed_step()) {
     step_loop->set_tolerances(method.rtol * std::sqrt(find_share_of_norm()), atol);
   }
-  if (unreduced) {
-    unreduced->set_nominals(Eigen::Map<VecX<double>>(atol.data(), unreduced->size()) / method.rtol);
+  if (equations) {
+    equations->set_nominals(Eigen::Map<VecX<double>>(atol.data(), equations->size()) / method.rtol);
   }
   rates.assign(static_cast<size_t>(model->layout.size), 0.0);
 }
 
-/// Generated code evaluates trial states, if the FMU has such code and the code applies. The form
-/// with multipliers and the reference solution use no generated code.
+/// Generated code evaluates trial states, if the FMU has such code and the code applies. Equations
+/// of others use no generated code.
 void DockingSim::Impl::attach_kernel() {
-  const bool serves = !unreduced && !adapt_problem && parameters.model_level != kRigid;
+  const bool serves = !equations && parameters.model_level != kRigid;
   evaluator->use_kernels(serves ? kernels : nullptr);
 }
 
@@ -218,7 +202,7 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances(double position, 
     }
   }
   std::fill_n(atol.begin() + layout.sums, layout.sum_count, energy);
-  if (unreduced) unreduced->add_tolerances(atol);
+  if (equations) equations->add_tolerances(atol);
   for (int i : {kChaser, kTarget}) {
     if (layout.host_impulse[i] < 0) continue;
     std::copy_n(atol.begin() + layout.momentum[i], 6, atol.begin() + layout.host_impulse[i]);
@@ -229,8 +213,8 @@ std::vector<double> DockingSim::Impl::find_absolute_tolerances(double position, 
 
 /// Error norms are means over unknowns: idle bristles and multipliers must not reduce the norm.
 double DockingSim::Impl::find_share_of_norm() const {
-  const int all = unreduced ? unreduced->size() : model->layout.size;
-  const int counted = unreduced ? unreduced->controlled_size() : all;
+  const int all = equations ? equations->size() : model->layout.size;
+  const int counted = equations ? equations->controlled_size() : all;
   return static_cast<double>(counted - model->layout.bristle_count) / all;
 }
 
@@ -265,7 +249,9 @@ double DockingSim::Impl::find_real_time_step(bool is_implicit) {
   const HardDock& dock = model->hard_dock;
   double inverse_mass = 0.0;
   for (int i : {kChaser, kTarget}) {
-    if (model->moves[i]) inverse_mass += 1.0 / parameters.vehicle[i].mass;
+    if (model->moves[i])
+      inverse_mass +=
+          1.0 / find_interface_mass(scene->parts[i], parameters.vehicle[i], share_without_modes[i]);
   }
   const double docked = dock.faces.stiffness + dock.hooks.stiffness * dock.hooks.count();
   limit(std::sqrt(docked * inverse_mass), per_oscillation);
@@ -296,7 +282,8 @@ double DockingSim::Impl::find_struck_mass() const {
   double mass = find_impacting_mass();
   if (mass > 0.0) return mass;
   for (int i : {kChaser, kTarget}) {
-    const double other = parameters.vehicle[i].mass;
+    const double other =
+        find_interface_mass(scene->parts[i], parameters.vehicle[i], share_without_modes[i]);
     if (model->moves[i]) mass = mass > 0.0 ? std::min(mass, other) : other;
   }
   return mass;
@@ -313,14 +300,30 @@ double DockingSim::Impl::find_impacting_mass() const {
   return inverse_mass > 0.0 ? 1.0 / inverse_mass : 0.0;
 }
 
-/// Explicit equal steps that are long for the scene show nothing but wrong loads.
-void DockingSim::Impl::warn_about_inner_step() {
+/// Explicit equal steps that are long for the scene show nothing but wrong loads. Modes of vehicles
+/// that equal steps do not follow are refused.
+void DockingSim::Impl::check_inner_step() {
   // Measured with the default docking: four times the step for real time costs some percent.
   constexpr double kLong = 4.0;
+  constexpr double kResolved = 1.0;  // angle of a mode per step [rad]
+  constexpr double kTurn = 2.0 * static_cast<double>(EIGEN_PI);
   if (fmi_kind != FmiKind::kCoSimulation || !step_loop->method().is_fixed_step() ||
       chosen.needs_step)
     return;
-  if (step_loop->method().needs_jacobian() || step_loop->method().is_structured) return;
+  for (int i : {kChaser, kTarget}) {
+    for (const VehiclePart& part : scene->parts[i].hung) {
+      if (!is_mode(part)) continue;
+      const double rate =  // with the vehicle free: the rest of it moves against the mode
+          std::sqrt(part.coordinates.front().stiffness / share_without_modes[i]);
+      if (rate * inner_step <= kResolved) continue;
+      throw ModelError(
+          part.name + " has up to " + describe_number(rate / kTurn) +
+          " Hz on the free vehicle, which solver.step = " + describe_number(inner_step) +
+          " s does not resolve; take at most " + describe_number(kResolved / rate) +
+          " s or solver.method = 1 (auto), or leave this mode out");
+    }
+  }
+  if (step_loop->method().is_structured) return;
   const double suggested = find_real_time_step(false);
   if (inner_step <= kLong * suggested || suggested >= kLongestRealTimeStep) return;
   char text[300];

@@ -16,7 +16,8 @@ int DockingSim::state_count() const { return impl_->state_count; }
 int DockingSim::indicator_count() const {
   const Scene& scene = *impl_->scene;
   const int hooks = scene.hard_dock.hooks.rows.empty() ? 0 : 1;
-  return kFixedRoots + 2 * scene.latches.count() + hooks + count_rows(scene.sequence);
+  const int pushers = scene.hard_dock.pusher_count() > 0 ? kPusherRoots : 0;
+  return kFixedRoots + 2 * scene.latches.count() + hooks + count_rows(scene.sequence) + pushers;
 }
 
 void DockingSim::set_time(double t) {
@@ -147,6 +148,7 @@ Status DockingSim::update_discrete_states(EventUpdate& update) {
     next = std::min(next, *onset);
   }
   next = std::min(next, me.events->find_next_disturbance(me.elapsed));
+  next = std::min(next, me.events->find_next_input());
   next = std::min(next, find_next_failure(me.model->mechanism.model.failures,
                                           me.discrete.entered.data(), me.elapsed));
   next = std::min(

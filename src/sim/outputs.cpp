@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/decompositions.hpp"
 #include "sim/outputs_body.hpp"
 #include "sim/sim_impl.hpp"
 
@@ -104,10 +105,9 @@ Status DockingSim::Impl::update_bodies() {
                find_momentum_residual(*model, shown(), step_loop->point_y(), momentum_audit));
   if (model->moves[kChaser] && model->moves[kTarget]) {
     const VehicleBody stack = find_stack(*model, find_source().data);
-    const Mat3<double>& J = stack.inertia;
     outputs.stack_mass = stack.mass;
     outputs.stack_com = stack.com;
-    outputs.stack_inertia = {J(0, 0), J(1, 1), J(2, 2), J(0, 1), J(0, 2), J(1, 2)};
+    outputs.stack_inertia = get_components(stack.inertia);
   }
   const bool moves = !shown().locked;
   outputs.solver_closure_residual =
@@ -127,17 +127,71 @@ Status DockingSim::Impl::update_states() {
   return {};
 }
 
+namespace {
+
+/// Energy of the springs of parts, and of all rates of a vehicle that stands still [J].
+double find_swing_energy(const Mechanism& mechanism, const MechanismData<double>& at) {
+  const MechanismModel& tree = mechanism.model;
+  double energy = 0.0;
+  for (size_t k = tree.forces.size() - tree.part_forces; k < tree.forces.size(); ++k) {
+    const double q = at.tree.q[tree.bodies[tree.forces[k].body].q_index];
+    energy += 0.5 * tree.forces[k].stiffness * q * q;
+  }
+  const std::vector<int>& ind = mechanism.plan.ind_v;
+  const int n = static_cast<int>(ind.size());
+  for (int i = 6; i < n; ++i) {
+    for (int j = 6; j < n; ++j) {
+      energy += 0.5 * at.A_ind(i, j) * at.tree.v[ind[static_cast<size_t>(i)]] *
+                at.tree.v[ind[static_cast<size_t>(j)]];
+    }
+  }
+  return energy;
+}
+
+}  // namespace
+
+/// Bound of the change of relative speed by swinging parts of vehicles, before contact [m/s]. Only
+/// loads from outside increase the energy of the swing, and the body that carries the hardware has
+/// no more than this energy. Its speed may change from one side to the other.
+double DockingSim::Impl::find_swing_bound() const {
+  double bound = 0.0;
+  for (int i : {kChaser, kTarget}) {
+    if (scene->parts[i].count_coordinates() == 0) continue;
+    const Mechanism& mechanism = i == kTarget ? *model->target : model->mechanism;
+    const double energy =
+        find_swing_energy(mechanism, i == kTarget ? shown().target->mechanism : shown().mechanism);
+    if (!(energy > 0.0)) continue;
+    const std::optional<VehiclePart>& adapter = scene->parts[i].adapter;
+    double mass = share_without_modes[i] * model->of_host[i].mass,
+           moment = share_without_modes[i] * least_inertia[i];
+    double arm = parameters.vehicle[i].interface_position.norm();
+    if (adapter) {
+      mass = adapter->mass;
+      arm = (model->interface_on_carrier[i].p - adapter->com).norm();
+      const auto turns = [](const PartCoordinate& c) { return c.joint == JointType::kRevolute; };
+      if (std::any_of(adapter->coordinates.begin(), adapter->coordinates.end(), turns))
+        moment = find_principal_moments(adapter->inertia)[0];
+    }
+    arm += model->contact.bounding_radius;
+    bound += 2.0 * std::sqrt(2.0 * energy * (1.0 / mass + arm * arm / moment));
+  }
+  return bound;
+}
+
 /// Bound of the relative acceleration that loads from outside cause between any two points of the
-/// capture hardware before contact [m/s2].
+/// capture hardware before contact [m/s2]. Parts may overshoot, to twice the acceleration.
 double DockingSim::Impl::find_acceleration_bound() const {
   double bound = model->falling ? 0.0 : loads.at_start().gravity.norm();
   for (int i : {kChaser, kTarget}) {
     if (!model->moves[i]) continue;
     const VehicleParameters& p = parameters.vehicle[i];
     const double arm = p.interface_position.norm() + model->contact.bounding_radius;
-    bound += loads.at_start().force[i].norm() / p.mass +
-             loads.at_start().torque[i].norm() * arm / least_inertia[i];
-    if (i == kChaser) bound += shown().thrust.norm() / p.mass;
+    const double overshoot =
+        (scene->parts[i].count_coordinates() > 0 ? 2.0 : 1.0) / share_without_modes[i];
+    const double mass = model->of_host[i].mass;
+    bound += overshoot * (loads.at_start().force[i].norm() / mass +
+                          loads.at_start().torque[i].norm() * arm / least_inertia[i]);
+    if (i == kChaser) bound += overshoot * (shown().thrust.norm() / mass);
   }
   const int ring = model->mechanism.model.capture_body;
   if (ring != kBase && ring != model->mechanism.vehicle) {
@@ -150,8 +204,8 @@ double DockingSim::Impl::find_acceleration_bound() const {
 
 /// Lower bound of the time until surfaces touch [s]. @param gap  of find_gap() [m]
 double DockingSim::Impl::find_earliest_contact(double gap) const {
-  return find_time_to_contact(gap, find_approach_bound(model->contact, shown().relative),
-                              find_acceleration_bound());
+  const double speed = find_approach_bound(model->contact, shown().relative) + find_swing_bound();
+  return find_time_to_contact(gap, speed, find_acceleration_bound());
 }
 
 void DockingSim::Impl::update_phase_outputs() {

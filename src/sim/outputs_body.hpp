@@ -150,8 +150,11 @@ void read_contact(const OutputSource<S>& from, OutputValues<S>& out) {
   out.gap = S(kNoGap);
   if (model.present[kTarget] && !model.contact.empty()) {
     out.gap = find_gap(model.contact, data.relative, data.contact_work);
-    std::vector<S>& force = model.contact.rings ? out.petal_force : out.surface_force;
-    for (size_t i = 0; i < force.size(); ++i) force[i] = data.contact.surface_force[i].norm();
+    const auto read = [&](auto& force) {  // one of the two is empty
+      for (size_t i = 0; i < force.size(); ++i) force[i] = data.contact.surface_force[i].norm();
+    };
+    read(out.petal_force);
+    read(out.surface_force);
     out.contact_depth_ratio = data.contact.depth_ratio;
   }
   for (int i = 0; i < model.latches.count(); ++i) {

@@ -16,8 +16,6 @@
 #include <cmath>
 #include <optional>
 
-#include "sim/archive.hpp"
-
 namespace dockloop {
 
 /// Polynomial of degree n - 1 through samples (time[k], value(k)) at time t.
@@ -65,12 +63,6 @@ struct Peak {
   double time = -1.0;  ///< [s], -1 before
   int step = 0;        ///< of the sequence, from 1; 0 without a sequence
 };
-
-/// For saved states (sim/archive.hpp).
-template <class A>
-void transfer(A& archive, Peak& peak) {
-  transfer_members<Peak>(archive, peak.value, peak.time, peak.step);
-}
 
 template <int N>
 class PeakTracker {
@@ -132,16 +124,12 @@ class PeakTracker {
   }
 
   /// For saved states (sim/archive.hpp).
-  template <class A>
-  friend void transfer(A& archive, PeakTracker& peaks) {
-    transfer(archive, peaks.count_);
-    transfer(archive, peaks.time_);
-    transfer(archive, peaks.value_);
-    transfer(archive, peaks.sample_step_);
-    transfer(archive, peaks.peak_);
-    transfer(archive, peaks.step_);
-    if (peaks.count_ < 0 || peaks.count_ > kWindow) throw ModelError("the saved state is damaged");
+  template <class Visit>
+  friend constexpr decltype(auto) visit_members(PeakTracker& p, Visit&& visit) {
+    return visit(p.count_, p.time_, p.value_, p.sample_step_, p.peak_, p.step_);
   }
+  /// Can samples be read? A restored state may be damaged.
+  bool is_valid() const { return count_ >= 0 && count_ <= kWindow; }
 
  private:
   static constexpr int kWindow = 5;

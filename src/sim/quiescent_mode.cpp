@@ -45,7 +45,7 @@ QuiescentMode::QuiescentMode(const DockingModel& model, SimState& state,
   const int n = model.layout.mechanism_nv;
   pull_.setZero(n);
   spinning_ = moving_ = pull_;
-  square_.setIdentity(n, n);
+  stiffness_ = square_.setIdentity(n, n);
   evaluator.reserve_jacobian();
 }
 
@@ -62,6 +62,11 @@ void QuiescentMode::lock_always() {
   is_always_locked_ = true;
 }
 
+void QuiescentMode::use_vehicle_bodies() {
+  if (is_always_locked_ && model_->moves[kChaser])
+    locked_.whole = join(model_->vehicle[kChaser], locked_.mechanism);
+}
+
 void QuiescentMode::restore(const double* y) {
   if (is_on() || is_joined()) lock(y);
   join_target(*model_, state_.discrete.hard_dock.joint, locked_);
@@ -75,7 +80,7 @@ const LockedMechanism* QuiescentMode::find_held(bool may_lock) const {
 /// Are vehicles and mechanism free of loads now?
 bool QuiescentMode::is_free() const {
   return (is_joined() ? can_drift_ : is_possible_) && !state_.discrete.thrust_on &&
-         !events_.find_thrust_onset() && model_->disturbances.empty() &&
+         !events_.find_thrust_onset() && model_->disturbances.empty() && model_->inputs.empty() &&
          loads_.are_absent(model_->falling);
 }
 
@@ -158,9 +163,10 @@ bool QuiescentMode::calc_pull(double tau, VecX<double>& pull) {
 }
 
 /// Is the mechanism at rest in static balance? Updates the change of spin that the balance allows.
-/// The distance from balance follows from the stiffness: J shift = -acceleration, of least norm. So
-/// does the motion that the present rates would cause: a swing of v / sqrt(J). Without stiffness
-/// the mechanism is in balance only if its acceleration is zero, and at rest only if its rates are
+/// The distance from balance follows from the stiffness: K shift = -acceleration, of least norm. So
+/// does the motion that the present rates would cause: a swing of v / sqrt(K). A shift of joints
+/// carries bristles of brakes along, which may be all that holds a joint. Without stiffness the
+/// mechanism is in balance only if its acceleration is zero, and at rest only if its rates are
 /// worth nothing over a long drift.
 bool QuiescentMode::update_balance(double tau, const double* y) {
   const StateLayout& layout = model_->layout;
@@ -193,15 +199,19 @@ bool QuiescentMode::update_balance(double tau, const double* y) {
   if (pull_.isZero(0.0) && is_slow) return true;
   if (!evaluator_.calc_jacobian(tau, y_.data()).ok()) return false;
   evaluator_.count(layout.sums);
-  const auto J = evaluator_.jacobian().block(at, layout.mechanism_q, n, layout.mechanism_nq);
-  square_ = J.lazyProduct(J.transpose());
+  const auto& J = evaluator_.jacobian();
+  const int q = layout.mechanism_q, nq = layout.mechanism_nq;
+  const int z = layout.element_bristles, nz = layout.element_bristle_count;
+  stiffness_ = J.block(at, q, n, nq).lazyProduct(J.block(q, at, nq, n));
+  stiffness_ += J.block(at, z, n, nz).lazyProduct(J.block(z, at, nz, n));
+  square_ = stiffness_.lazyProduct(stiffness_.transpose());
   factor_.compute(square_);
   if (factor_.info() != Eigen::Success) return false;
   const auto find_shift = [&](VecX<double>& x) {
     factor_.solveInPlace(x);
     double largest = 0.0;
-    for (int j = 0; j < layout.mechanism_nq; ++j) {
-      largest = std::max(largest, std::abs(J.col(j).dot(x)));
+    for (int j = 0; j < n; ++j) {
+      largest = std::max(largest, std::abs(stiffness_.col(j).dot(x)));
     }
     return largest;
   };

@@ -40,6 +40,8 @@ class QuiescentMode {
   void start(const double* y);
   /// The mechanism is locked in its present pose for the whole run (model.level 1).
   void lock_always();
+  /// The model has another body of a vehicle. @pre a host moves it, so only lock_always() locks
+  void use_vehicle_bodies();
   /// After y and state were restored, and after the rigid joint was made or released.
   void restore(const double* y);
 
@@ -89,7 +91,8 @@ class QuiescentMode {
   std::vector<double> y_, ydot_;
   VecX<double> pull_, spinning_;  ///< accelerations of the mechanism: all, of spin
   VecX<double> moving_;           ///< rates of the mechanism
-  MatX<double> square_;           ///< J J^T
+  MatX<double> stiffness_;        ///< K: minus acceleration per displacement, in rates' coordinates
+  MatX<double> square_;           ///< K K^T
   SmallCholesky factor_;
 };
 

@@ -243,12 +243,32 @@ bool SequenceLogic::is_waiting() const {
          std::none_of(discrete_.late.begin(), discrete_.late.end(), arrives);
 }
 
+namespace {
+
+/// How much later a motor or drive starts that no sequence sets [s]. @param number  of its law
+double find_start_delay(const std::vector<LawFailure>& failures, int number) {
+  double delay = 0.0;
+  for (const LawFailure& failure : failures) {
+    if (!failure.active || failure.kind != LawFailure::Kind::kDelayed) continue;
+    if (failure.number == number && failure.onset.time <= 0.0) delay = failure.value;
+  }
+  return delay;
+}
+
+}  // namespace
+
 bool SequenceLogic::are_drives_starting(double now) const {
-  const LawSetting as_stated;
-  size_t place = 0;  // among the laws of all elements
+  const std::vector<LawFailure>& failures = model_->mechanism.model.failures;
+  int place = 0;  // among the laws of all elements
   for (const ForceElement& element : model_->mechanism.model.elements) {
     for (const ForceLaw& law : element.laws) {
-      const LawSetting& setting = exists() ? discrete_.law[place++] : as_stated;
+      LawSetting setting;
+      if (exists()) {
+        setting = discrete_.law[static_cast<size_t>(place)];
+      } else {
+        setting.since = find_start_delay(failures, place);
+      }
+      ++place;
       const DriveLaw* drive = std::get_if<DriveLaw>(&law);
       if (!drive || setting.drive == LawSetting::Drive::kOff) continue;
       const bool runs = setting.drive == LawSetting::Drive::kRuns;

@@ -28,8 +28,8 @@
 #include "docking/base_jump.hpp"
 #include "docking/docking_jacobian.hpp"
 #include "sim/accuracy.hpp"
-#include "sim/comparison.hpp"
 #include "sim/docking_sim.hpp"
+#include "sim/equations.hpp"
 #include "sim/evaluator.hpp"
 #include "sim/event_logic.hpp"
 #include "sim/host_coupling.hpp"
@@ -48,11 +48,15 @@ struct DerivativePass {
   DockingPass docking;
   Vec3<Derivative> frame_velocity, frame_shift;
   OutputValues<Derivative> output;
-  std::vector<Derivative*> output_cells;           ///< as for_each_value() counts them
+  /// Where an input acts; null: no output depends on it directly.
+  struct Cell {
+    Derivative* value = nullptr;
+    double factor = 1.0;
+  };
+  std::vector<Cell> input_cells;                   ///< as for_each_value() counts them
+  std::vector<Derivative*> output_cells;           ///< the same
   std::shared_ptr<const Coordinates> coordinates;  ///< coordinates of `docking`
 };
-
-struct ExtendedEquations;  ///< of src/compare
 
 struct DockingSim::Impl : SimState {
   Impl(std::shared_ptr<const Scene> scene, FmiKind fmi_kind, const Comparison* comparison);
@@ -70,16 +74,15 @@ struct DockingSim::Impl : SimState {
   Status bring_joints_to_start();
   void set_start_state();
   void set_start_of_parts(double* y) const;
+  void note_body(int vehicle, const VehicleBody& body);
   void warn_about_start();
 
   // method_setup.cpp
   double find_relative_tolerance() const;
   bool prefers_structured_matrix(double rtol) const;
-  bool integrates_reduced_form(const RunMethod& method) const;
   bool uses_structured_matrix(const RunMethod& method) const;
   bool makes_own_steps(const RunMethod& method) const;
   RunMethod choose_method() const;
-  void enter_comparison(Stepper::Problem& problem);
   void make_loop();
   void attach_kernel();
   std::vector<double> find_absolute_tolerances() const;
@@ -91,7 +94,7 @@ struct DockingSim::Impl : SimState {
   double find_rate_at_start();
   double find_struck_mass() const;
   double find_impacting_mass() const;
-  void warn_about_inner_step();
+  void check_inner_step();
 
   // failure_status.cpp
   std::string describe(const Status& status) const;
@@ -101,6 +104,10 @@ struct DockingSim::Impl : SimState {
   double find_lateness(double t) const;
   Status begin_step(double h);
   void read_inputs();
+  void read_tables(double tau);
+  void read_loads(Inputs& from, double now, double begin);
+  const Loads& find_mean_loads(double from, double h);
+  void fall(double h);
   void advance_inputs(double h);
   Status finish_step(double h, bool was_pending);
   void update_mean_loads(double h, const CouplingPoint& begin, const CouplingPoint& end,
@@ -120,11 +127,14 @@ struct DockingSim::Impl : SimState {
   // coupling.cpp
   Status receive(double h);
   Status match_momenta(const std::array<bool, 2>& received,
-                       const FrameMotion<double>& chaser_before,
-                       const Wrench<double>& mechanism_before);
-  Wrench<double> find_mechanism_momentum() const;
+                       const std::array<FrameMotion<double>, 2>& before,
+                       const std::array<Wrench<double>, 2>& carried_before);
+  std::array<Wrench<double>, 2> find_carried_momenta() const;
+  bool is_mass_new(int vehicle) const;
+  void use_stated_masses();
+  bool use_host_bodies();
   void announce(double h);
-  Status look_ahead(double h, CouplingPoint& begin, CouplingPoint& end);
+  Status look_ahead(double h, CouplingPoint& now, CouplingPoint& begin, CouplingPoint& end);
   double find_contact_time() const;
   void notice_step(double h);
   double update_expected_step();
@@ -139,7 +149,8 @@ struct DockingSim::Impl : SimState {
   Status decide_absorber();
   bool update_latches(double now);
   double find_clock_rounding(double now) const;
-  bool update_outside_loads(double now);
+  bool update_outside_loads(double tau);
+  bool update_table_command(double now);
   Status update_sequence(double tau, bool& changed, bool& jumped);
   Status update_command();
   Status evaluate(double tau, bool may_lock = true);
@@ -176,7 +187,7 @@ struct DockingSim::Impl : SimState {
   bool are_tunables_new() const;
   void adopt_tunables();
   void use_tunables();
-  void use_model(std::shared_ptr<const DockingModel> changed);
+  void use_model(std::shared_ptr<DockingModel> changed);
 
   // outputs.cpp
   std::array<double, kPeakCount> find_peak_values(const DockingData<double>& at) const {
@@ -187,6 +198,7 @@ struct DockingSim::Impl : SimState {
   int find_sequence_step() const {
     return events->sequence().exists() ? discrete.sequence.step + 1 : 0;
   }
+  double find_swing_bound() const;
   double find_acceleration_bound() const;
   double find_earliest_contact(double gap) const;
   Status update(OutputGroup group);
@@ -240,6 +252,7 @@ struct DockingSim::Impl : SimState {
   Inputs inputs;
   Inputs slopes;  ///< rates of the inputs over the coming step
   Outputs outputs;
+  ListSizes list_sizes{};  ///< of outputs; fixed at construction
   std::array<bool, static_cast<size_t>(OutputGroup::kCount)> valid{};
   std::string status_text;
   std::vector<std::string> warnings;
@@ -248,10 +261,12 @@ struct DockingSim::Impl : SimState {
   /// Communication points since the start, and times at which outputs were computed.
   std::int64_t points = 0, read_points = 0;
 
-  // set by start(); a const model is replaced for other tunable parameters or coordinates
+  // set by start(); the model is replaced for other tunable parameters or coordinates. Only bodies
+  // of driven vehicles change in place (use_host_bodies).
   std::shared_ptr<const Setup> setup;  ///< null before start()
   SolverChoice chosen;                 ///< of the setup
-  std::shared_ptr<const DockingModel> model;
+  std::shared_ptr<DockingModel> model;
+  std::unique_ptr<Equations> equations;          ///< null: those of the core
   std::unique_ptr<Mechanism> start_mechanism;    ///< in the coordinates of the start
   std::shared_ptr<const KernelLibrary> kernels;  ///< from the FMU; may be null
   std::unique_ptr<EventLogic> events;            ///< of model, discrete and memory
@@ -264,17 +279,14 @@ struct DockingSim::Impl : SimState {
   std::vector<int> state_bodies;        ///< joints of state.*: the independent ones at the start
   Vec3<double> frame_origin = Vec3<double>::Zero();  ///< O in N at the start [m]
   std::array<double, 2> least_inertia{};             ///< of the vehicles, about any axis [kg m2]
+  std::array<double, 2> share_without_modes{1, 1};   ///< find_share_without_modes
   std::unique_ptr<DerivativePass> derivative_pass;   ///< made at the first call
-
-  // set by DockingSim::use_extended_precision() only
-  std::function<void(Stepper::Problem&)> adapt_problem;  ///< other rates, roots and method
-  std::shared_ptr<ExtendedEquations> extended;
 
   // scratch
   StepLoads loads;
+  Inputs table_inputs;                           ///< inside a step, with histories of the scene
   std::unique_ptr<BaseJumpWorkspace> jump_work;  ///< with a driven vehicle only
   std::unique_ptr<Snapshot> look_ahead_start;    ///< only if loads are announced
-  std::unique_ptr<UnreducedForm> unreduced;      ///< at model.level 4 only
   std::vector<double> rates;                     ///< for outputs
   DiscreteState discrete_inside;                 ///< with the phases inside a pending step
   bool pose_is_kept = false;  ///< step_start holds the accepted configuration of the loops

@@ -7,38 +7,42 @@ namespace dockloop {
 
 namespace {
 
-constexpr bool kCore = false, kCompare = true, kFixed = true, kJacobian = true, kRates = true;
+constexpr Carried kCore = Carried::kAlways, kCompare = Carried::kForComparison,
+                  kReserved = Carried::kNoLonger;
+constexpr bool kFixed = true, kMultistep = true;
 constexpr std::array<MethodFacts, kMethodCount> kMethods = {{
     {kAuto, "auto",
      "12 where surfaces may touch and tolerances are loose or friction is steep, else 11 or 12, "
      "whichever makes longer steps",
-     kCore, !kFixed, !kJacobian, kRates},
-    {kExplicit, "explicit", "adaptive one-step", kCore, !kFixed, !kJacobian, kRates},
-    {kImplicit, "implicit", "another name of 12 (rosenbrock)", kCore, !kFixed, !kJacobian, kRates,
+     kCore},
+    {kExplicit, "explicit", "adaptive one-step", kCore},
+    {kImplicit, "implicit", "another name of 12 (rosenbrock)", kCore, !kFixed, !kMultistep,
      kRosenbrock},
-    {kImex, "imex", "implicit for contact and latches only", kCompare, !kFixed, kJacobian},
-    {kAdams, "adams", "multistep, for long communication steps as 6", kCompare},
+    {kImex, "imex", "implicit for contact and latches only; no longer built: take 12 (rosenbrock)",
+     kReserved},
+    {kAdams, "adams", "multistep of order up to 12; no longer built: take 11 (stabilised)",
+     kReserved},
     {kBdf, "bdf",
      "multistep for stiff models; restarts at every communication point and event: for long "
      "communication steps; with bristles as 11",
-     kCore, !kFixed, kJacobian, !kRates, 0, kStabilised},
-    {kFixedRk4, "fixed_rk4", "equal steps of solver.step, bounded cost", kCore, kFixed, !kJacobian,
-     kRates},
-    {kFixedImplicit, "fixed_implicit", "as 7, for stiff models", kCompare, kFixed, kJacobian},
+     kCore, !kFixed, kMultistep, 0, kStabilised},
+    {kFixedRk4, "fixed_rk4", "equal steps of solver.step, bounded cost", kCore, kFixed},
+    {kFixedImplicit, "fixed_implicit",
+     "equal implicit steps; no longer built: take 13 (fixed_rosenbrock)", kReserved},
     {kDae, "dae",
      "all joint coordinates, loops held by multipliers: with model.level 4 only, where 1 is the "
      "same",
      kCompare},
-    {kHighOrder, "high_order", "as 2, of order 8, for smooth motion at tight tolerances", kCompare,
-     !kFixed, !kJacobian, kRates},
+    {kHighOrder, "high_order", "explicit, of order 8; no longer built: take 11 (stabilised)",
+     kReserved},
     {kStabilised, "stabilised", "as 2; longer steps of order 4 where stability limits the steps",
-     kCore, !kFixed, !kJacobian, kRates},
+     kCore},
     {kRosenbrock, "rosenbrock",
      "linearly implicit one-step, for loose tolerances and steep friction; with bristles as 11",
-     kCore, !kFixed, !kJacobian, kRates, 0, kStabilised},
+     kCore, !kFixed, !kMultistep, 0, kStabilised},
     {kFixedRosenbrock, "fixed_rosenbrock",
-     "as 7 with the steps of 12, for stiff models; with bristles as 7", kCore, kFixed, !kJacobian,
-     kRates, 0, kFixedRk4},
+     "as 7 with the steps of 12, for stiff models; with bristles as 7", kCore, kFixed, !kMultistep,
+     0, kFixedRk4},
 }};
 
 constexpr bool is_in_order() {
@@ -59,7 +63,11 @@ const MethodFacts* find_method(int number) {
 }
 
 const ChoiceList& get_method_choices() {
-  static const ChoiceList kAll = list_carried_methods(true);
+  static const ChoiceList kAll = [] {
+    ChoiceList all;
+    for (const MethodFacts& m : kMethods) all.push_back({m.method, m.name, m.meaning});
+    return all;
+  }();
   return kAll;
 }
 
@@ -77,17 +85,18 @@ const MethodFacts* find_method(int number, bool needs_other) {
 ChoiceList list_carried_methods(bool has_comparison) {
   ChoiceList carried;
   for (const MethodFacts& m : kMethods) {
-    if (m.for_comparison && !has_comparison) continue;
-    carried.push_back({m.method, m.name, m.meaning});
+    if (m.is_carried(has_comparison)) carried.push_back({m.method, m.name, m.meaning});
   }
   return carried;
 }
 
 std::string describe_missing_method(int number) {
-  return std::string(" (") + find_method(number)->name +
-         "), a method for comparison, which this build does not carry: take " +
+  const MethodFacts& m = *find_method(number);
+  const std::string name = std::string(" (") + m.name + "), a method for comparison";
+  if (m.carried == Carried::kNoLonger) return name + ": " + m.meaning;
+  return name + ", which this build does not carry: take " +
          list_names(list_carried_methods(false), true) +
-         ", or compare methods with `dockloop trade`, which carries all of them";
+         ", or compare methods with `dockloop trade`, which carries this one";
 }
 
 std::string describe_missing_reference_level() {

@@ -11,7 +11,7 @@
 
 namespace dockloop {
 
-/// Values of solver.method. A number stays reserved if a build does not contain the method.
+/// Values of solver.method. A number and its name stay reserved if no build contains the method.
 enum SolverMethod {
   kAuto = 1,
   kExplicit = 2,
@@ -29,16 +29,22 @@ enum SolverMethod {
 };
 constexpr int kMethodCount = kFixedRosenbrock;
 
+/// Builds that contain a method: all; those with src/compare; none any longer.
+enum class Carried { kAlways, kForComparison, kNoLonger };
+
 struct MethodFacts {
   SolverMethod method;
   const char* name;
-  const char* meaning;             ///< text in the description of solver.method
-  bool for_comparison;             ///< part of src/compare, not of core and FMU
-  bool fixed_step = false;         ///< equal steps of solver.step
-  bool needs_jacobian = false;     ///< needs the Jacobian of the rates
-  bool begins_with_rates = false;  ///< a step uses the rates at the start
-  int same_as = 0;                 ///< number of the method that this is another name of; 0: none
-  int without_structure = 0;       ///< method of models that needs_other_matrix(); 0: the same
+  const char* meaning;  ///< text in the description of solver.method
+  Carried carried;
+  bool fixed_step = false;    ///< equal steps of solver.step
+  bool is_multistep = false;  ///< restarts with order 1; iterates with the Jacobian of the rates
+  int same_as = 0;            ///< number of the method that this is another name of; 0: none
+  int without_structure = 0;  ///< method of models that needs_other_matrix(); 0: the same
+
+  bool is_carried(bool has_comparison) const {
+    return carried == Carried::kAlways || (has_comparison && carried == Carried::kForComparison);
+  }
 };
 
 /// All methods, in the order of their numbers, from 1.
@@ -54,7 +60,7 @@ int find_used_method(int number);
 /// find_method()
 const MethodFacts* find_method(int number, bool needs_other);
 
-/// Choices: all methods, or the methods of a build with or without src/compare.
+/// Choices: all names, or the methods of a build with or without src/compare.
 const ChoiceList& get_method_choices();
 ChoiceList list_carried_methods(bool has_comparison);
 
@@ -64,7 +70,7 @@ class Comparison;
 /// one of the two files.
 const Comparison* get_fmu_comparison();
 
-/// End of the message with which a build without src/compare refuses this method, or model.level 4.
+/// End of the message with which a build refuses a method that it does not carry, or model.level 4.
 /// The text follows the number.
 std::string describe_missing_method(int number);
 std::string describe_missing_reference_level();

@@ -103,6 +103,41 @@ Inputs find_start_inputs(const Scene& scene) {
   return in;
 }
 
+/// Entries of the state vector, see StateLayout.
+int count_states(const Scene& scene, const LoopPlan& plan) {
+  const MechanismModel& m = scene.mechanism;
+  int count = count_sums(m, scene.hard_dock) + 6 + count_element_bristles(m.elements, m.failures) +
+              bristle_state_count(scene.contact);
+  for (int i : plan.ind_bodies) count += m.bodies[i].nq() + m.bodies[i].nv();
+  for (int i : {kChaser, kTarget}) {
+    count += 2 * scene.parts[i].count_coordinates();
+    const bool moves = scene.motion[i] != Motion::kFixed && (i == kChaser || scene.has_target);
+    if (moves) count += 7 + 6;
+    if (moves && scene.motion[i] == Motion::kDriven) count += 6;
+  }
+  return count;
+}
+
+ListSizes find_list_sizes(const Scene& scene, const LoopPlan& plan, int state_count) {
+  ListSizes sizes{};
+  const auto put = [&](Per per, auto size) {
+    sizes[static_cast<size_t>(per)] = static_cast<size_t>(size);
+  };
+  const int chaser_parts = scene.parts[kChaser].count_coordinates();
+  put(scene.contact.rings ? Per::kPetal : Per::kSurfaceGroup, scene.contact.surfaces.size());
+  put(Per::kLatch, scene.latches.count());
+  put(Per::kHook, scene.hard_dock.hooks.count());
+  put(Per::kLeg, scene.mechanism.legs.size());
+  put(Per::kElement, scene.mechanism.elements.size());
+  put(Per::kPartCoordinate, chaser_parts + scene.parts[kTarget].count_coordinates());
+  put(Per::kPosition, static_cast<int>(plan.ind_q.size()) + chaser_parts);
+  put(Per::kVelocity, static_cast<int>(plan.ind_v.size()) + chaser_parts);
+  put(Per::kLoop, scene.mechanism.loops.size());
+  put(Per::kSequenceStep, scene.sequence.steps.size());
+  put(Per::kState, state_count);
+  return sizes;
+}
+
 }  // namespace
 
 DockingSim::Impl::Impl(std::shared_ptr<const Scene> s, FmiKind i, const Comparison* c)
@@ -119,48 +154,15 @@ void DockingSim::Impl::clear() {
   parameters = start_parameters;
   parameters_before = start_parameters;
   inputs = start_inputs;
-  for (Outputs::Vehicle& vehicle : outputs.vehicle) vehicle = Outputs::Vehicle();
-  const MechanismModel& m = scene->mechanism;
-  const auto zero = [](std::vector<double>& v, size_t n) { v.assign(n, 0.0); };
-  for (auto* v : {&outputs.element_coordinate, &outputs.element_rate, &outputs.element_force,
-                  &outputs.element_saturation}) {
-    zero(*v, m.elements.size());
-  }
-  const size_t surfaces = scene->contact.surfaces.size();
-  zero(outputs.petal_force, scene->contact.rings ? surfaces : 0);
-  zero(outputs.surface_force, scene->contact.rings ? 0 : surfaces);
-  outputs.surface_peak.assign(outputs.surface_force.size(), {});
-  zero(outputs.latch_opening, static_cast<size_t>(scene->latches.count()));
-  zero(outputs.latch_lateral, static_cast<size_t>(scene->latches.count()));
-  zero(outputs.latch_force, static_cast<size_t>(scene->latches.count()));
-  zero(outputs.hook_force, static_cast<size_t>(scene->hard_dock.hooks.count()));
-  outputs.latch_state.assign(static_cast<size_t>(scene->latches.count()), kFree);
-  outputs.sequence_entered.assign(scene->sequence.steps.size(), -1.0);
-  outputs.latched.assign(static_cast<size_t>(scene->latches.count()), 0);
-  for (auto* v : {&outputs.leg_length, &outputs.leg_rate, &outputs.leg_force})
-    zero(*v, m.legs.size());
-  const LoopPlan plan = Mechanism(m).plan;
+  const LoopPlan plan = Mechanism(scene->mechanism).plan;
   check_joint_starts(*scene, plan);
-  const auto chaser_parts = static_cast<size_t>(scene->parts[kChaser].count_coordinates());
-  const auto target_parts = static_cast<size_t>(scene->parts[kTarget].count_coordinates());
-  for (auto* v : {&outputs.part_coordinate, &outputs.part_rate, &outputs.part_force})
-    zero(*v, chaser_parts + target_parts);
-  zero(outputs.state_q, plan.ind_q.size() + chaser_parts);
-  zero(outputs.state_v, plan.ind_v.size() + chaser_parts);
-  zero(outputs.state_a, plan.ind_v.size() + chaser_parts);
-  state_count = count_sums(m, scene->hard_dock);
-  state_count +=
-      6 + count_element_bristles(m.elements, m.failures) + bristle_state_count(scene->contact);
-  for (int i : plan.ind_bodies) state_count += m.bodies[i].nq() + m.bodies[i].nv();
-  state_count += 2 * static_cast<int>(chaser_parts + target_parts);
-  for (int i : {kChaser, kTarget}) {
-    const bool moves = scene->motion[i] != Motion::kFixed && (i == kChaser || scene->has_target);
-    if (moves) state_count += 7 + 6;
-    if (moves && scene->motion[i] == Motion::kDriven) state_count += 6;
-  }
-  zero(outputs.states, static_cast<size_t>(state_count));
-  zero(outputs.rates, static_cast<size_t>(state_count));
-  outputs.loop_force.assign(m.loops.size(), Vec3<double>::Zero());
+  state_count = count_states(*scene, plan);
+  list_sizes = find_list_sizes(*scene, plan, state_count);
+  Outputs start_outputs;
+  set_sizes<OutputValues<double>>(list_sizes, start_outputs);
+  set_sizes<PointOutputs>(list_sizes, start_outputs);
+  for (Vec3<double>& force : start_outputs.loop_force) force.setZero();
+  outputs = start_outputs;
   slopes = inputs;
   for_each_value(slopes, [](double& slope) { slope = 0.0; });
   static_cast<SimState&>(*this) = SimState();
@@ -257,6 +259,12 @@ void DockingSim::Impl::set_start_of_parts(double* y) const {
   });
 }
 
+/// What bounds of motion use of the body of a vehicle.
+void DockingSim::Impl::note_body(int i, const VehicleBody& body) {
+  least_inertia[i] = find_principal_moments(body.inertia)[0];
+  share_without_modes[i] = find_share_without_modes(body, scene->parts[i]);
+}
+
 void DockingSim::Impl::set_start_state() {
   double* y = step_loop->y();
   const StateLayout& layout = model->layout;
@@ -322,7 +330,8 @@ void DockingSim::Impl::initialise(double t0, double tolerance) {
     const bool is_suggested = tolerance == scene->experiment.tolerance;
     const double asked = parameters.accuracy != 0.0 && is_suggested ? 0.0 : tolerance;
     start(std::make_shared<const Setup>(Setup{parameters, t0, asked}));
-    if (host->announces()) announce(parameters.coupling_expected_step);
+    if (host->announces() && parameters.coupling_mode != kSequential)
+      announce(parameters.coupling_expected_step);
   } catch (...) {
     setup.reset();
     throw;
@@ -355,30 +364,37 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   check_elements(made->mechanism.model.elements);
   put_failures(parameters, made->mechanism.model.failures);
   put_disturbances(parameters, made->disturbances);
+  for (InputHistory& history : made->inputs) {
+    for (double& time : history.time) time -= setup->t_start;
+  }
   model = made;
   chosen = choose_solver(wanted, setup->tolerance, *model);
   discrete.hard_dock = make_start(model->hard_dock);
+  step_loop.reset();  // it refers to the equations
+  equations = comparison ? comparison->make_equations(*this) : nullptr;
   events = std::make_unique<EventLogic>(*model, discrete, memory);
   start_mechanism.reset();
   state_bodies = model->mechanism_bodies;
   loads.start(count_commands(model->mechanism.model));
   evaluator = std::make_unique<Evaluator>(model, *this, loads);
-  host = std::make_unique<HostCoupling>(*model, setup, frame_origin, inputs, loads, *events,
-                                        *evaluator, *this, warnings);
+  host = std::make_unique<HostCoupling>(*model, setup, scene->parts, frame_origin, inputs, loads,
+                                        *events, *evaluator, *this, warnings);
   quiescent_mode =
       std::make_unique<QuiescentMode>(*model, *this, chosen, find_relative_tolerance(),
                                       can_be_quiescent(), can_drift(), loads, *events, *evaluator);
   derivative_pass.reset();
   jump_work.reset();
   look_ahead_start.reset();
-  if (host->has_host()) jump_work = std::make_unique<BaseJumpWorkspace>(model->mechanism);
+  if (host->has_host()) jump_work = std::make_unique<BaseJumpWorkspace>(*model);
   if (host->announces()) look_ahead_start = std::make_unique<Snapshot>();
   make_loop();
+  discrete.input_row.assign(model->inputs.size(), -1);
+  table_inputs = inputs;
+  events->update_inputs(0.0, find_clock_rounding(0.0));
   read_inputs();
   events->clear_due();
   for (int i : {kChaser, kTarget}) {
-    const Mat3<double> inertia = make_symmetric(parameters.vehicle[i].inertia);
-    least_inertia[i] = find_principal_moments(inertia)[0];
+    note_body(i, model->of_host[i]);
   }
   // At rest the scale is the motion of a vehicle within the tolerance.
   const double least_momentum = chosen.atol_velocity * parameters.vehicle[kChaser].mass;
@@ -397,7 +413,7 @@ void DockingSim::Impl::start(std::shared_ptr<const Setup> from) {
   }
   if (chosen.needs_step) chosen.step = find_real_time_step(step_loop->method().is_structured);
   inner_step = chosen.step;
-  warn_about_inner_step();
+  check_inner_step();
   if (parameters.accuracy != 0.0) {
     choice_text = fmi_kind == FmiKind::kModelExchange
                       ? "accuracy has no effect for model exchange: the host integrates"
@@ -472,7 +488,8 @@ void DockingSim::Impl::start_sequence() {
 /// Can bodies drift in this run? Reference solutions always integrate them.
 bool DockingSim::Impl::can_drift() const {
   return setup->parameters.flight == kQuiescent && fmi_kind == FmiKind::kCoSimulation &&
-         !find_method(chosen.method)->fixed_step && !host->has_host() && !adapt_problem;
+         !find_method(chosen.method)->fixed_step && !host->has_host() &&
+         !(equations && equations->is_reference());
 }
 
 /// Can the mechanism become quiescent in this run?

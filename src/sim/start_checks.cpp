@@ -16,9 +16,7 @@ void check_quaternion(const Vec4<double>& q, const std::string& name) {
   }
 }
 
-namespace {
-
-void check_vehicle(const VehicleParameters& p, const std::string& name) {
+void check_mass(const VehicleParameters& p, const std::string& name) {
   // Far below the mass of any vehicle, far above numbers with an infinite inverse.
   constexpr double kLeastMass = 1e-9, kLeastInertia = 1e-12;  // [kg], [kg m2]
   if (!(p.mass >= kLeastMass)) {
@@ -42,6 +40,12 @@ void check_vehicle(const VehicleParameters& p, const std::string& name) {
                   name.c_str(), moment[0], moment[1], moment[2]);
     throw ModelError(text);
   }
+}
+
+namespace {
+
+void check_vehicle(const VehicleParameters& p, const std::string& name) {
+  check_mass(p, name);
   if (p.mass_includes_mechanism != 1 && p.mass_includes_mechanism != 2) {
     throw ModelError(name + ".mass_includes_mechanism must be 1 (excluded) or 2 (included)");
   }
@@ -63,18 +67,38 @@ void check_parts(const Parameters& p, const Scene& scene) {
         "model.level is 4 (reference), which knows parts of the chaser only; set model.level = 3 "
         "(reduced)");
   }
+  if (p.model_level == kReference && scene.parts[kChaser].has_modes()) {
+    throw ModelError(
+        "model.level is 4 (reference), which knows no modes of a vehicle; set model.level = 3 "
+        "(reduced)");
+  }
+  for (int i : {kChaser, kTarget}) {
+    const VehicleParameters& vehicle = p.vehicle[i];
+    check_modes({vehicle.mass, Vec3<double>::Zero(), make_symmetric(vehicle.inertia)},
+                scene.parts[i], i == kChaser ? "chaser" : "target");
+  }
 }
 
 }  // namespace
 
+void check_modes(const VehicleBody& vehicle, const VehicleParts& parts, const std::string& name) {
+  if (can_carry_modes(vehicle, parts)) return;
+  const double left = find_share_without_modes(vehicle, parts);
+  throw ModelError(name + ".modes take part with " + describe_number(1.0 - left) +
+                   " times the mass and inertia of the vehicle in one direction; the sum of their "
+                   "effective masses must stay below " +
+                   name + ".mass and " + name +
+                   ".inertia (limit 0.9999): check units (kg^(1/2), kg^(1/2) m) and " + name +
+                   ".modes.point");
+}
+
 void check_method(const Parameters& p, bool has_comparison) {
   check_choice(p.solver_method, list_carried_methods(has_comparison), "solver.method");
-  if (has_comparison) return;
-  if (find_method(p.solver_method)->for_comparison) {
+  if (!find_method(p.solver_method)->is_carried(has_comparison)) {
     throw ModelError("solver.method is " + std::to_string(p.solver_method) +
                      describe_missing_method(p.solver_method));
   }
-  if (p.model_level == kReference) {
+  if (p.model_level == kReference && !has_comparison) {
     throw ModelError("model.level is 4" + describe_missing_reference_level());
   }
 }
@@ -101,6 +125,19 @@ void check_level(const Parameters& p, FmiKind fmi_kind) {
   }
 }
 
+void check_delays(const Parameters& p) {
+  constexpr double kLongest = 10.0;
+  if (!(p.coupling_delay >= 0.0 && p.coupling_delay <= kLongest)) {
+    throw ModelError("coupling.delay is " + describe_number(p.coupling_delay) +
+                     " s; it must be between 0 and " + describe_number(kLongest) + " s");
+  }
+  if (!(p.coupling_motion_delay >= 0.0 && p.coupling_motion_delay <= p.coupling_delay)) {
+    throw ModelError("coupling.motion_delay is " + describe_number(p.coupling_motion_delay) +
+                     " s; as a part of coupling.delay it must be between 0 and " +
+                     describe_number(p.coupling_delay) + " s");
+  }
+}
+
 void check_parameters(const Parameters& p, const Scene& scene, FmiKind fmi_kind,
                       bool has_comparison) {
   check_vehicle(p.vehicle[kChaser], "chaser");
@@ -119,6 +156,7 @@ void check_parameters(const Parameters& p, const Scene& scene, FmiKind fmi_kind,
   positive(p.coupling_expected_step, "coupling.expected_step");
   positive(p.coupling_velocity_tolerance, "coupling.velocity_tolerance");
   check_choice(p.coupling_mode, kCouplingModes, "coupling.mode");
+  check_delays(p);
   check_method(p, has_comparison);
   check_level(p, fmi_kind);
   check_parts(p, scene);

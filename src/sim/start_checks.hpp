@@ -9,6 +9,10 @@
 namespace dockloop {
 
 void check_quaternion(const Vec4<double>& q, const std::string& name);
+/// Mass and inertia.
+void check_mass(const VehicleParameters& p, const std::string& name);
+/// Modes of a vehicle take part with less than the whole vehicle.
+void check_modes(const VehicleBody& vehicle, const VehicleParts& parts, const std::string& name);
 /// Methods and levels of src/compare are valid only with src/compare.
 void check_method(const Parameters& p, bool has_comparison);
 /// The form with multipliers needs method 9, and method 9 needs this form.

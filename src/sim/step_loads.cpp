@@ -67,6 +67,17 @@ const Loads& StepLoads::find_mean(double h, const DisturbingLoads& disturbing) c
   return now_;
 }
 
+const Loads& StepLoads::find_mean(const MechanismModel& mechanism, const Inputs& inputs,
+                                  const DisturbingLoads& disturbing) const {
+  now_ = start_;
+  read_loads(mechanism, inputs, now_);
+  for (int i : {kChaser, kTarget}) {
+    now_.force[i] += disturbing[i].f;
+    now_.torque[i] += disturbing[i].t;
+  }
+  return now_;
+}
+
 void StepLoads::add_slopes(double tau) const {
   for (int i : {kChaser, kTarget}) {
     now_.force[i] += tau * rates_.force[i];

@@ -28,6 +28,9 @@ class StepLoads {
   const Loads& at(double tau) const;
   /// Means over a step of h; valid until the next call. @param disturbing  means of disturbances
   const Loads& find_mean(double h, const DisturbingLoads& disturbing) const;
+  /// The same of mean inputs.
+  const Loads& find_mean(const MechanismModel& mechanism, const Inputs& inputs,
+                         const DisturbingLoads& disturbing) const;
   /// No force, torque, gravity or command now and over the step? @param falling  gravity has no
   /// effect, because frame O falls
   bool are_absent(bool falling) const;

@@ -25,8 +25,7 @@ constexpr double kLongestRefusal = 1.25;  // 2 s on the slowest processor that w
 }  // namespace
 
 StepLoop::StepLoop(const DockingModel& model, const RunMethod& method, const Parts& parts,
-                   const RatedLoads& rated, double t_start, Accept accept,
-                   const std::function<void(Stepper::Problem&)>& adapt)
+                   const RatedLoads& rated, double t_start, Accept accept)
     : model_(&model),
       method_(method),
       state_(parts.state),
@@ -48,7 +47,7 @@ StepLoop::StepLoop(const DockingModel& model, const RunMethod& method, const Par
       scratch_(y_accepted_),
       slope_(y_accepted_) {
   Stepper::Problem problem = make_problem();
-  if (adapt) adapt(problem);
+  if (method_.equations) method_.equations->enter(problem);
   stepper_ = std::make_unique<Stepper>(std::move(problem), find_stepper_method(method_));
 }
 
@@ -110,8 +109,8 @@ double StepLoop::find_evaluation_cost() const {
   const LoopPlan& plan = model_->mechanism.plan;
   const double tree = kPerBody * static_cast<double>(plan.tree_bodies.size());
   const double legs = static_cast<double>(plan.leg_bodies.size());
-  const double mechanism = tree + (method_.unreduced ? kPerBody : kPerLegBody) * legs;
-  return (method_.unreduced ? 4.0 : 1.0) * (kBasic + mechanism) +
+  const double mechanism = tree + (method_.equations ? kPerBody : kPerLegBody) * legs;
+  return (method_.equations ? 4.0 : 1.0) * (kBasic + mechanism) +
          kPerBristle * model_->layout.bristle_count +
          kPerLegBody * static_cast<double>(model_->mechanism.model.elements.size());
 }
@@ -121,15 +120,15 @@ double StepLoop::find_evaluation_cost() const {
 double StepLoop::find_factor_cost() const {
   constexpr double kStructured = 1.2;  // build, factorise, solve six times; measured
   if (method_.has_matrix()) return kStructured;
-  if (!method_.needs_jacobian() && !method_.unreduced) return 0.0;
+  if (!method_.needs_jacobian() && !method_.equations) return 0.0;
   constexpr double kPerEntry = 0.5e-9;  // [s], on a slow processor
-  const double n = method_.unreduced ? method_.unreduced->size() : model_->layout.size;
+  const double n = method_.equations ? method_.equations->size() : model_->layout.size;
   return kPerEntry * n * n * n / 3.0 / find_evaluation_cost();
 }
 
 /// A minimum number of steps is allowed for models with expensive steps.
 std::int64_t StepLoop::find_work_limit(double h) const {
-  if (method_.is_reference) return std::numeric_limits<std::int64_t>::max();
+  if (method_.is_reference()) return std::numeric_limits<std::int64_t>::max();
   constexpr double kLeastSteps = 200.0, kEvaluationsPerStep = 10.0;
   const double time = std::min(kRefusalTime + kRefusalTimePerSecond * h, kLongestRefusal);
   const double factor = find_factor_cost(), derivatives = factor > 0.0 ? find_jacobian_cost() : 0.0;
@@ -294,8 +293,8 @@ Status StepLoop::integrate(double tau, double end, bool passes, std::int64_t lim
         ask_for_proposal();
         continue;
       }
-      if (passes &&
-          state_.discrete.hard_dock.joint.on) {  // it begins inside this communication step
+      // A rigid joint, or slopes of an input, may begin inside this communication step.
+      if (passes && (state_.discrete.hard_dock.joint.on || loads_.are_sloped())) {
         passes = false;
         return_to(tau, std::min(proposal_, end - tau));
       }
@@ -342,7 +341,7 @@ Status StepLoop::integrate(double tau, double end, bool passes, std::int64_t lim
       ahead_.size = size > 0.0 ? size : proposal_;
       ahead_.last_error = changed || size > 0.0 ? 1.0 : stepper_->last_error();
     } else if (size > 0.0) {
-      stepper_->restart(tau, std::min(size, end - tau));
+      start_stepper(tau, std::min(size, end - tau));
     } else if (changed) {
       start_stepper(tau, std::min(proposal_, end - tau));
     }
@@ -355,10 +354,8 @@ Status StepLoop::integrate(double tau, double end, bool passes, std::int64_t lim
 /// @pre evaluation at tau = 0
 Status StepLoop::integrate_fixed(double h, std::int64_t limit) {
   const double wanted = std::ceil(h / state_.inner_step * (1.0 - 1e-9));
-  constexpr int kRk4 = 4, kRosenbrock = 8, kSdirk = 7;  // evaluations; the last: and a Jacobian
-  const double each = method_.needs_jacobian() ? kSdirk + find_jacobian_cost()
-                      : method_.is_structured  ? kRosenbrock
-                                               : kRk4;
+  constexpr double kRk4 = 4.0, kRosenbrock = 8.0;  // evaluations
+  const double each = method_.is_structured ? kRosenbrock : kRk4;
   if (wanted * each > static_cast<double>(limit)) {
     char text[200];
     std::snprintf(
@@ -372,12 +369,18 @@ Status StepLoop::integrate_fixed(double h, std::int64_t limit) {
   const int count = std::max(1, static_cast<int>(wanted));
   kept_.valid = false;  // made anew at the same places in every communication step
   double tau = 0.0;
-  for (int k = 1; k <= count; ++k) {
+  for (int k = 1; k <= count;) {
     if (is_interrupted()) return {StatusCode::kInterrupted, -1, 0.0, state_.elapsed + tau};
-    const double end = k == count ? h : h * k / count;
+    double end = k == count ? h : h * k / count;
+    const double next = events_.find_next_input() - state_.elapsed;
+    if (next > tau && next < end) {
+      end = next;  // of an input: an additional step
+    } else {
+      ++k;
+    }
     last_failure_ = Status();
     events_.note_latches(present());
-    start_stepper(tau, end - tau, k == 1 ? evaluator_.start_rates() : nullptr);
+    start_stepper(tau, end - tau, tau == 0.0 ? evaluator_.start_rates() : nullptr);
     if (make_solver_step(end, false) == StepOutcome::kFailed) return find_failure(tau);
     const double made = end - tau;
     tau = end;
@@ -459,6 +462,7 @@ double StepLoop::find_next_stop(double tau, double end) const {
   stop_at(events_.sequence().find_next_time(now));
   stop_at(find_next_failure(model_->mechanism.model.failures, state_.discrete.entered.data(), now));
   stop_at(events_.find_next_disturbance(now));
+  stop_at(events_.find_next_input());
   if (const auto ramp = find_next_ramp(model_->hard_dock, state_.discrete.hard_dock, now))
     stop_at(*ramp);
   if (events_.has_surfaces() && model_->contact.has_surfaces() &&

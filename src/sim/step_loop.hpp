@@ -21,7 +21,7 @@
 #include "docking/scene.hpp"
 #include "integrate/stepper.hpp"
 #include "sim/balance_watch.hpp"
-#include "sim/comparison.hpp"
+#include "sim/equations.hpp"
 #include "sim/evaluator.hpp"
 #include "sim/event_logic.hpp"
 #include "sim/quiescent_mode.hpp"
@@ -42,21 +42,23 @@ inline double find_clock_rounding(double t_start, double now) {
 /// The method of a run, and what follows from it. Fixed at the start.
 struct RunMethod {
   const MethodFacts* facts = nullptr;
-  double rtol = 0.0;                   ///< the smaller of the tolerances of parameter and host
-  bool is_co_simulation = true;        ///< else the host integrates
-  bool is_structured = false;          ///< linearly implicit steps (docking/structured_matrix.hpp)
-  bool is_switching = false;           ///< these, or stabilised steps
-  bool runs_ahead = false;             ///< inner steps may end after the communication point
-  bool is_reference = false;           ///< reference solution: rates and method come from elsewhere
-  UnreducedForm* unreduced = nullptr;  ///< null: the reduced form
+  double rtol = 0.0;               ///< the smaller of the tolerances of parameter and host
+  bool is_co_simulation = true;    ///< else the host integrates
+  bool is_structured = false;      ///< linearly implicit steps (docking/structured_matrix.hpp)
+  bool is_switching = false;       ///< these, or stabilised steps
+  bool runs_ahead = false;         ///< inner steps may end after the communication point
+  Equations* equations = nullptr;  ///< null: those of the core
 
+  /// Does the integrator make the steps, of the equations of the core?
+  bool integrates_core() const { return is_co_simulation && !equations; }
+  bool is_reference() const { return equations && equations->is_reference(); }
   bool is_fixed_step() const { return facts->fixed_step; }
   bool has_matrix() const { return is_structured || is_switching; }
-  bool needs_jacobian() const { return facts->needs_jacobian; }
+  bool needs_jacobian() const { return facts->is_multistep; }
   /// Does the next communication step begin with the last Jacobian?
-  bool keeps_jacobian() const { return needs_jacobian() && !is_fixed_step() && is_co_simulation; }
+  bool keeps_jacobian() const { return needs_jacobian() && is_co_simulation; }
   /// Does the method begin a step with the rates there?
-  bool begins_with_rates() const { return facts->begins_with_rates && !unreduced && !is_reference; }
+  bool begins_with_rates() const { return !facts->is_multistep && !equations; }
   /// Does an inner step end at an event?
   bool locates_events() const { return is_co_simulation && !is_fixed_step(); }
 };
@@ -80,11 +82,9 @@ class StepLoop {
   /// @param changed  set if the integration must start again
   using Accept = std::function<Status(double tau, bool& changed)>;
 
-  /// Keeps references to all parts and to `rated`. @param adapt  may replace rates, event functions
-  /// and method; may be empty
+  /// Keeps references to all parts and to `rated`.
   StepLoop(const DockingModel& model, const RunMethod& method, const Parts& parts,
-           const RatedLoads& rated, double t_start, Accept accept,
-           const std::function<void(Stepper::Problem&)>& adapt);
+           const RatedLoads& rated, double t_start, Accept accept);
   /// A changed copy of the model.
   void use_model(const DockingModel& model) { model_ = &model; }
   /// Asked before every inner step whether the user stops the step; empty: never.
@@ -93,7 +93,7 @@ class StepLoop {
   void set_tolerances(double rtol, const std::vector<double>& atol);
   const RunMethod& method() const { return method_; }
   /// Are steps searched for peaks? Else peaks are interpolated.
-  bool searches_peaks() const { return !method_.is_reference && !method_.is_fixed_step(); }
+  bool searches_peaks() const { return !method_.is_reference() && !method_.is_fixed_step(); }
 
   /// Estimated error of the last step, in tolerances; 1 without an estimate.
   double last_error() const { return stepper_->last_error(); }

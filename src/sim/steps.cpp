@@ -11,20 +11,8 @@ namespace {
 constexpr double kLongestStep = 1e9;  ///< [s]
 constexpr double kFade = 0.7;         ///< per step, of the regular step after a long step
 
-}  // namespace
-
-void DockingSim::Impl::read_inputs() {
-  bool are_sloped = false;
-  for_each_value(slopes, [&](double& slope) { are_sloped = are_sloped || slope != 0.0; });
-  const double begin = ahead.pending ? ahead.reached : 0.0;
-  loads.read(model->mechanism.model, inputs, slopes, are_sloped, begin);
-  loads.add(events->find_disturbing_loads());
-}
-
-/// A slope holds for one step; the input then keeps its final value. The equations of motion
-/// predict driven vehicles, not slopes.
-void DockingSim::Impl::advance_inputs(double h) {
-  if (!loads.are_sloped()) return;
+/// Inputs after a time with constant slopes.
+void advance(const Inputs& slopes, double h, Inputs& inputs) {
   for (int i : {kChaser, kTarget}) {
     inputs.vehicle[i].force_ext += h * slopes.vehicle[i].force_ext;
     inputs.vehicle[i].torque_ext += h * slopes.vehicle[i].torque_ext;
@@ -36,6 +24,100 @@ void DockingSim::Impl::advance_inputs(double h) {
   for (size_t i = 0; i < inputs.element_command.size(); ++i) {
     inputs.element_command[i] += h * slopes.element_command[i];
   }
+}
+
+/// The member of the inputs that a history prescribes.
+double& find_member(const InputHistory& history, Inputs& inputs) {
+  const size_t of = static_cast<size_t>(history.of);
+  switch (history.kind) {
+    case InputKind::kForce:
+      return inputs.vehicle[of].force_ext[history.component];
+    case InputKind::kTorque:
+      return inputs.vehicle[of].torque_ext[history.component];
+    case InputKind::kGravity:
+      return inputs.gravity[history.component];
+    case InputKind::kLegCommand:
+      return inputs.leg_force_command[of];
+    default:
+      return inputs.element_command[of];
+  }
+}
+
+/// f(history, row) for every history of a Real input.
+template <class F>
+void for_each_history(const DockingModel& model, const DiscreteState& discrete, F&& f) {
+  for (size_t k = 0; k < model.inputs.size(); ++k) {
+    if (model.inputs[k].kind != InputKind::kCommand) f(model.inputs[k], discrete.input_row[k]);
+  }
+}
+
+}  // namespace
+
+void DockingSim::Impl::read_inputs() {
+  read_loads(inputs, find_point_time(), ahead.pending ? ahead.reached : 0.0);
+  for (size_t k = 0; k < model->inputs.size(); ++k) {
+    const InputHistory& history = model->inputs[k];
+    if (history.kind == InputKind::kCommand) {
+      inputs.command = static_cast<int>(find_line(history, discrete.input_row[k], 0.0).value);
+    }
+  }
+}
+
+/// @param from  inputs of the host; histories are put into them. @param now  [s since the start]
+/// @param begin  the same, in the time of the solver
+void DockingSim::Impl::read_loads(Inputs& from, double now, double begin) {
+  for_each_history(*model, discrete, [&](const InputHistory& history, int row) {
+    const InputLine line = find_line(history, row, now);
+    find_member(history, from) = line.value;
+    find_member(history, slopes) = line.rate;
+  });
+  bool are_sloped = false;
+  for_each_value(slopes, [&](double& slope) { are_sloped = are_sloped || slope != 0.0; });
+  loads.read(model->mechanism.model, from, slopes, are_sloped, begin);
+  loads.add(events->find_disturbing_loads());
+}
+
+/// Means over the communication step that has been made. @param from  its start [s since the start]
+const Loads& DockingSim::Impl::find_mean_loads(double from, double h) {
+  const DisturbingLoads disturbing = events->find_mean_disturbing_loads(from, h);
+  if (model->inputs.empty()) return loads.find_mean(h, disturbing);
+  table_inputs = inputs;
+  advance(slopes, 0.5 * h, table_inputs);
+  for_each_history(*model, discrete, [&](const InputHistory& history, int) {
+    find_member(history, table_inputs) = find_integrals(history, from, h).once / h;
+  });
+  return loads.find_mean(model->mechanism.model, table_inputs, disturbing);
+}
+
+/// O falls with gravity, so gravity does not act relative to O.
+void DockingSim::Impl::fall(double h) {
+  Vec3<double> g = inputs.gravity, slope = slopes.gravity;
+  for_each_history(*model, discrete, [&](const InputHistory& history, int) {
+    if (history.kind != InputKind::kGravity) return;
+    const InputIntegrals fallen = find_integrals(history, find_point_time(), h);
+    frame_shift[history.component] += fallen.twice;
+    frame_velocity[history.component] += fallen.once;
+    g[history.component] = slope[history.component] = 0.0;
+  });
+  frame_shift += 0.5 * h * h * g;
+  frame_velocity += h * g;
+  if (slope.isZero(0.0)) return;
+  frame_shift += h * h * h / 6.0 * slope;
+  frame_velocity += 0.5 * h * h * slope;
+}
+
+/// Rows of input histories begin to act inside a communication step: inputs from there on.
+void DockingSim::Impl::read_tables(double tau) {
+  table_inputs = inputs;
+  advance(slopes, tau - ahead.reached, table_inputs);
+  read_loads(table_inputs, elapsed + tau, tau);
+}
+
+/// A slope holds for one step; the input then keeps its final value. The equations of motion
+/// predict driven vehicles, not slopes.
+void DockingSim::Impl::advance_inputs(double h) {
+  if (!loads.are_sloped()) return;
+  advance(slopes, h, inputs);
   for_each_value(slopes, [](double& slope) { slope = 0.0; });
 }
 
@@ -63,6 +145,7 @@ Status DockingSim::Impl::step(double t, double h) {
       ahead.reached += late;
     } else if (late != 0.0) {
       elapsed = t - setup->t_start;
+      read_inputs();
       evaluator->forget_present();
     }
     const std::int64_t limit = step_loop->find_work_limit(h);
@@ -97,10 +180,11 @@ double DockingSim::Impl::find_lateness(double t) const {
 
 /// Inputs and the first evaluation of a step from a state that was reached exactly.
 Status DockingSim::Impl::begin_step(double h) {
+  Status status = host->check_delay(h, status_text);
+  if (!status.ok()) return status;
   if (host->announces()) notice_step(h);
-  Status status;
   if (!host->steps_first()) status = receive(h);
-  if (update_outside_loads(elapsed)) kept_jacobian.valid = false;  // it may be a new input
+  if (update_outside_loads(0.0)) kept_jacobian.valid = false;  // it may be a new input
   if (status.ok()) status = evaluate_start();
   if (status.ok()) status = update_command();
   if (status.ok()) status = update_hard_dock_command();
@@ -114,17 +198,9 @@ Status DockingSim::Impl::begin_step(double h) {
 /// Finish a successful communication step. A host that steps first may report a motion that is
 /// refused. @param was_pending  did a pending step cover its start?
 Status DockingSim::Impl::finish_step(double h, bool was_pending) {
-  // O drifts with its velocity and falls with gravity, so gravity does not act relative to O.
   frame_shift += frame_velocity * h;
-  if (model->falling) {
-    frame_shift += 0.5 * h * h * loads.at_start().gravity;
-    frame_velocity += h * loads.at_start().gravity;
-    if (loads.are_sloped()) {
-      frame_shift += h * h * h / 6.0 * loads.rates().gravity;
-      frame_velocity += 0.5 * h * h * loads.rates().gravity;
-    }
-  }
-  const DisturbingLoads disturbing = events->find_mean_disturbing_loads(find_point_time(), h);
+  if (model->falling) fall(h);
+  const double from = find_point_time();
   if (!ahead.pending) elapsed += ahead.reached + h;
   ahead.reached = ahead.pending ? ahead.reached + h : 0.0;
   coupling.regular_step = std::max(h, kFade * coupling.regular_step);
@@ -134,10 +210,10 @@ Status DockingSim::Impl::finish_step(double h, bool was_pending) {
   put_joined_target();
   ahead.is_mean_due = was_pending || ahead.pending;
   if (ahead.is_mean_due) {
-    ahead.mean_known = loads.find_mean(h, disturbing);
+    ahead.mean_known = find_mean_loads(from, h);
   } else {
     const CouplingPoint end = find_coupling_point(*model, present(), step_loop->y());
-    update_mean_loads(h, ahead.begin_point, end, loads.find_mean(h, disturbing));
+    update_mean_loads(h, ahead.begin_point, end, find_mean_loads(from, h));
     if (host->has_host()) host->update_impulse_balance(h, ahead.begin_point, end, step_loop->y());
   }
   if (!ahead.pending) balances->update_momentum(*model, present(), step_loop->y());
@@ -146,9 +222,11 @@ Status DockingSim::Impl::finish_step(double h, bool was_pending) {
     if (!status.ok()) return status;
   }
   advance_inputs(h);
+  if (!model->inputs.empty()) read_inputs();
   if (host->announces()) {
     read_inputs();
-    announce(update_expected_step());
+    // In sequential mode the load of this step acts over its length, later.
+    announce(parameters.coupling_mode == kSequential ? h : update_expected_step());
   }
   return {};
 }
@@ -161,10 +239,10 @@ void DockingSim::Impl::update_mean_loads(double h, const CouplingPoint& begin,
     if (!model->present[i] || !model->moves[i] || model->driven[i]) continue;
     const VehicleState &before = begin.vehicle[i], &after = end.vehicle[i];
     const Wrench<double> impulse =
-        host->find_stated_momentum(i, after) - host->find_stated_momentum(i, before);
+        host->find_host_momentum(i, after) - host->find_host_momentum(i, before);
     mean_load[i] = find_mean_load(impulse, before, after, h);
     mean_load[i].f -= known.force[i];
-    if (!model->falling) mean_load[i].f -= model->stated_mass[i] * known.gravity;
+    if (!model->falling) mean_load[i].f -= model->of_host[i].mass * known.gravity;
     mean_load[i].t -= known.torque[i];
   }
 }

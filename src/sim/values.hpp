@@ -8,7 +8,9 @@
 #include <vector>
 
 #include "docking/scene.hpp"
+#include "math/members.hpp"
 #include "math/types.hpp"
+#include "sim/host_identification.hpp"
 #include "sim/limits.hpp"
 #include "sim/peaks.hpp"
 #include "sim/solver_methods.hpp"
@@ -69,6 +71,9 @@ struct Parameters {
   int coupling_mode = 1;                      ///< see CouplingMode
   double coupling_expected_step = 0.0;        ///< [s] of the first announced load
   double coupling_velocity_tolerance = 1e-4;  ///< [m/s] for the suggested step
+  double coupling_delay = 0.0;                ///< [s] of loads and motion together
+  double coupling_motion_delay = 0.0;         ///< [s] part of it: of the motion
+  bool coupling_identify = true;              ///< predict with identified masses
 };
 
 /// Inputs: the host may change them at any communication point.
@@ -108,20 +113,42 @@ inline bool is_same_motion(const Inputs::Vehicle& a, const Inputs::Vehicle& b) {
 /// Calls f(double&) for every Real input, in an order that depends on the sizes only.
 template <class F>
 void for_each_value(Inputs& inputs, F&& f) {
-  const auto each = [&](auto& vector) {
-    for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(vector.size()); ++i) f(vector[i]);
-  };
-  for (Inputs::Vehicle& v : inputs.vehicle) {
-    for (Vec3<double>* x :
-         {&v.position, &v.velocity, &v.angular_velocity, &v.force_ext, &v.torque_ext}) {
-      each(*x);
-    }
-    each(v.attitude);
-  }
-  each(inputs.gravity);
-  each(inputs.leg_force_command);
-  each(inputs.element_command);
-  f(inputs.next_step);
+  for_each_number<double>(inputs, f);
+}
+
+/// What a list of outputs has one entry of.
+enum class Per {
+  kPetal,
+  kSurfaceGroup,
+  kLatch,
+  kHook,
+  kLeg,
+  kElement,
+  kPartCoordinate,
+  kPosition,  ///< independent coordinates
+  kVelocity,
+  kLoop,
+  kSequenceStep,
+  kState,
+  kCount
+};
+using ListSizes = std::array<size_t, static_cast<size_t>(Per::kCount)>;
+
+/// A list whose size follows from the scene.
+template <class T, Per per>
+struct List : std::vector<T> {};
+
+template <class T, Per per>
+void set_size(const ListSizes& sizes, List<T, per>& list) {
+  list.resize(sizes[static_cast<size_t>(per)]);
+}
+template <class T>
+void set_size(const ListSizes&, T&) {}
+
+/// Gives every list among the members its size.
+template <class T>
+void set_sizes(const ListSizes& sizes, T& values) {
+  visit_members(values, [&](auto&... members) { (set_size(sizes, members), ...); });
 }
 
 /// Outputs that follow continuously from state and inputs; with S = Derivative, their derivatives.
@@ -159,18 +186,18 @@ struct OutputValues {
   S capture_load_ratio = S(0);               ///< largest |load|/rated now [-]
 
   // group contact
-  std::vector<S> petal_force;    ///< [N] resultant on each active petal of guide rings
-  std::vector<S> surface_force;  ///< [N] resultant on each group of other hardware
-  S contact_depth_ratio = S(0);  ///< largest depth / rounding [-]
-  std::vector<S> latch_opening;  ///< [m]
-  std::vector<S> latch_lateral;  ///< [m]
-  std::vector<S> latch_force;    ///< [N]
+  List<S, Per::kPetal> petal_force;           ///< [N] resultant on each active petal of guide rings
+  List<S, Per::kSurfaceGroup> surface_force;  ///< [N] resultant on each group of other hardware
+  S contact_depth_ratio = S(0);               ///< largest depth / rounding [-]
+  List<S, Per::kLatch> latch_opening;         ///< [m]
+  List<S, Per::kLatch> latch_lateral;         ///< [m]
+  List<S, Per::kLatch> latch_force;           ///< [N]
 
   // group hard_dock: load on the target across A and P, about the origin of P, axes of P
   Vec3<S> joint_force = Vec3<S>::Zero();     ///< [N]
   Vec3<S> joint_torque = Vec3<S>::Zero();    ///< [N m]
   S face_force = S(0), pusher_force = S(0);  ///< sums [N]
-  std::vector<S> hook_force;                 ///< tension [N]
+  List<S, Per::kHook> hook_force;            ///< tension [N]
 
   // group ring: G with respect to A, axes of A (angular velocity in axes of A)
   Vec3<S> ring_position = Vec3<S>::Zero();
@@ -179,19 +206,20 @@ struct OutputValues {
   Vec3<S> ring_angular_velocity = Vec3<S>::Zero();
 
   // group legs
-  std::vector<S> leg_length, leg_rate, leg_force;  ///< [m], [m/s], [N] (+ pushes ends apart)
+  List<S, Per::kLeg> leg_length, leg_rate, leg_force;  ///< [m], [m/s], [N] (+ pushes ends apart)
 
   // force elements: coordinate, rate, force, largest share of a limit of motors and drives
-  std::vector<S> element_coordinate, element_rate, element_force, element_saturation;
+  List<S, Per::kElement> element_coordinate, element_rate, element_force, element_saturation;
 
   // coordinates of parts of vehicles: chaser, then target; of each its parts, then its adapter
-  std::vector<S> part_coordinate, part_rate, part_force;
+  List<S, Per::kPartCoordinate> part_coordinate, part_rate, part_force;
 
   // group states: independent coordinates of mechanism and parts of the chaser
-  std::vector<S> state_q, state_v, state_a;
+  List<S, Per::kPosition> state_q;
+  List<S, Per::kVelocity> state_v, state_a;
 
   // group loops
-  std::vector<Vec3<S>> loop_force;       ///< cut force on the terminal body, axes of the lca [N]
+  List<Vec3<S>, Per::kLoop> loop_force;  ///< cut force on the terminal body, axes of the lca [N]
   Vec3<S> base_force = Vec3<S>::Zero();  ///< mechanism on its base, axes and origin of B
   Vec3<S> base_torque = Vec3<S>::Zero();
 
@@ -212,108 +240,31 @@ struct OutputValues {
 /// Calls f(S&) for every number of `values`, in an order that depends on the sizes only.
 template <class S, class F>
 void for_each_value(OutputValues<S>& values, F&& f) {
-  const auto each = [&](auto& vector) {
-    for (Eigen::Index i = 0; i < static_cast<Eigen::Index>(vector.size()); ++i) f(vector[i]);
-  };
-  for (typename OutputValues<S>::Vehicle& v : values.vehicle) {
-    for (Vec3<S>* x : {&v.position, &v.velocity, &v.angular_velocity, &v.force, &v.torque,
-                       &v.force_mean, &v.torque_mean}) {
-      each(*x);
-    }
-    each(v.attitude);
-  }
-  for (Vec3<S>* x :
-       {&values.relative_position, &values.relative_velocity, &values.relative_angular_velocity,
-        &values.capture_force, &values.capture_torque, &values.ring_position, &values.ring_velocity,
-        &values.ring_angular_velocity, &values.base_force, &values.base_torque,
-        &values.momentum_linear, &values.momentum_angular, &values.momentum_reference,
-        &values.joint_force, &values.joint_torque}) {
-    each(*x);
-  }
-  each(values.relative_attitude);
-  each(values.ring_attitude);
-  each(values.capture_load);
-  for (S* x : {&values.relative_axial,
-               &values.relative_lateral,
-               &values.relative_pitch_yaw,
-               &values.relative_roll,
-               &values.gap,
-               &values.capture_load_ratio,
-               &values.contact_depth_ratio,
-               &values.energy_kinetic,
-               &values.energy_potential,
-               &values.energy_dissipated,
-               &values.energy_dissipated_contact,
-               &values.energy_dissipated_friction,
-               &values.energy_dissipated_legs,
-               &values.energy_dissipated_latches,
-               &values.energy_dissipated_brakes,
-               &values.energy_drive_work,
-               &values.energy_external,
-               &values.energy_residual,
-               &values.energy_dissipated_hard_dock,
-               &values.face_force,
-               &values.pusher_force}) {
-    f(*x);
-  }
-  for (std::vector<S>* x :
-       {&values.petal_force, &values.surface_force, &values.latch_opening, &values.latch_lateral,
-        &values.latch_force, &values.leg_length, &values.leg_rate, &values.leg_force,
-        &values.element_coordinate, &values.element_rate, &values.element_force,
-        &values.element_saturation, &values.state_q, &values.state_v, &values.state_a,
-        &values.hook_force, &values.part_coordinate, &values.part_rate, &values.part_force}) {
-    each(*x);
-  }
-  for (Vec3<S>& x : values.loop_force) each(x);
+  for_each_number<S>(values, f);
 }
 
-/// Gives `to` the numbers of legs, latches, ... of `from`.
-template <class S>
-void match_sizes(const OutputValues<double>& from, OutputValues<S>& to) {
-  to.petal_force.resize(from.petal_force.size());
-  to.surface_force.resize(from.surface_force.size());
-  to.latch_opening.resize(from.latch_opening.size());
-  to.latch_lateral.resize(from.latch_lateral.size());
-  to.latch_force.resize(from.latch_force.size());
-  to.hook_force.resize(from.hook_force.size());
-  to.leg_length.resize(from.leg_length.size());
-  to.leg_rate.resize(from.leg_rate.size());
-  to.leg_force.resize(from.leg_force.size());
-  to.element_coordinate.resize(from.element_coordinate.size());
-  to.element_rate.resize(from.element_rate.size());
-  to.element_force.resize(from.element_force.size());
-  to.element_saturation.resize(from.element_saturation.size());
-  to.part_coordinate.resize(from.part_coordinate.size());
-  to.part_rate.resize(from.part_rate.size());
-  to.part_force.resize(from.part_force.size());
-  to.state_q.resize(from.state_q.size());
-  to.state_v.resize(from.state_v.size());
-  to.state_a.resize(from.state_a.size());
-  to.loop_force.resize(from.loop_force.size());
-}
-
-/// All outputs at a communication point (and after initialise()).
-struct Outputs : OutputValues<double> {
+/// Outputs without derivatives.
+struct PointOutputs {
   double time = 0.0;  ///< [s]
 
   // group capture: largest since the start, over inner steps
-  std::array<Peak, kLoadCount> capture_peak{};
-  Peak capture_peak_load_ratio;    ///< [-]
-  std::vector<Peak> surface_peak;  ///< per group of hardware that is no guide ring [N]
+  std::array<Peak, OutputValues<double>::kLoadCount> capture_peak{};
+  Peak capture_peak_load_ratio;                 ///< [-]
+  List<Peak, Per::kSurfaceGroup> surface_peak;  ///< per group of hardware that is no guide ring [N]
 
   // group phase
   int phase = 1;                       ///< see docking/phases.hpp
   int outcome = 1;                     ///< the same
   int sequence_step = 1;               ///< place in the list of steps, from 1
   double sequence_time_in_step = 0.0;  ///< [s]
-  std::vector<double>
+  List<double, Per::kSequenceStep>
       sequence_entered;  ///< simulation time of the first entry, one per step; or -1
   bool captured = false;
-  std::vector<char> latched;     ///< 0 or 1, one per latch (char: vector<bool> has no addresses)
-  std::vector<int> latch_state;  ///< see LatchReport, one per latch
-  int capture_reason = 1;        ///< see CaptureReason
-  double seated_time = 0.0;      ///< [s] seated without capture
-  int hooks_closed = 0;          ///< with their preload
+  List<char, Per::kLatch> latched;  ///< 0 or 1, one per latch (char: vector<bool> has no addresses)
+  List<int, Per::kLatch> latch_state;  ///< see LatchReport, one per latch
+  int capture_reason = 1;              ///< see CaptureReason
+  double seated_time = 0.0;            ///< [s] seated without capture
+  int hooks_closed = 0;                ///< with their preload
   bool joint_rigid = false;
   double time_to_contact = 0.0;   ///< [s] lower bound from gap and closing speed
   double time_of_contact = -1.0;  ///< [s] simulation time, -1 before
@@ -325,22 +276,26 @@ struct Outputs : OutputValues<double> {
   double momentum_residual = 0.0;
 
   // group relative, if both vehicles move: chaser, mechanism and target as one rigid body
-  double stack_mass = 0.0;                        ///< [kg]
-  Vec3<double> stack_com = Vec3<double>::Zero();  ///< in C [m]
-  std::array<double, 6> stack_inertia{};          ///< about stack_com, axes of C [kg m2]
+  double stack_mass = 0.0;                            ///< [kg]
+  Vec3<double> stack_com = Vec3<double>::Zero();      ///< in C [m]
+  Vec6<double> stack_inertia = Vec6<double>::Zero();  ///< about stack_com, axes of C [kg m2]
 
   // group coupling, if a vehicle is driven
   double coupling_work_residual = 0.0;                                   ///< [J]
   double coupling_mass_mismatch = 0.0;                                   ///< [-]
   int coupling_diagnosis = 1;                                            ///< see HostFault
   double coupling_diagnosis_value = 0;                                   ///< see kHostFaults
+  VehicleBody coupling_body;                                             ///< estimated
+  Vec6<double> coupling_inertia = Vec6<double>::Zero();                  ///< the same [kg m2]
+  MassDeviations coupling_deviations;                                    ///< of the estimate
   double coupling_frequency = 0.0;                                       ///< [rad/s]
   double coupling_suggested_step = 0.0;                                  ///< [s]
+  double coupling_largest_delay = 0.0;                                   ///< [s]
   Vec3<double> coupling_pending_impulse = Vec3<double>::Zero();          ///< [N s]
   Vec3<double> coupling_pending_angular_impulse = Vec3<double>::Zero();  ///< [N m s]
 
   // the state vector of the integration and its rates, in the order of StateLayout
-  std::vector<double> states, rates;
+  List<double, Per::kState> states, rates;
 
   // group solver
   double solver_steps = 0, solver_rhs_evaluations = 0, solver_rejected_steps = 0;
@@ -351,5 +306,8 @@ struct Outputs : OutputValues<double> {
   double solver_chosen_step = 0.0;         ///< [s] 0 without fixed steps
   double solver_error_estimate = 0.0;      ///< [-] 0 = none
 };
+
+/// All outputs at a communication point (and after initialise()).
+struct Outputs : OutputValues<double>, PointOutputs {};
 
 }  // namespace dockloop

@@ -35,7 +35,8 @@ struct TreeData {
   std::vector<Vec3<S>> e;  ///< joint axis, base axes (not for free joints)
 
   // written by calc_body_inertia
-  std::vector<Vec3<S>> h_body;  ///< mass x com of the body alone, base axes [kg m]
+  std::vector<Vec3<S>> h_body;  ///< mass x com of the body alone, base axes [kg m]; of a mode, what
+                                ///< its amplitude adds to the first moment
   std::vector<Mat3<S>> I_body;  ///< inertia of the body alone about its origin, base axes
   // written by calc_body_inertia and calc_composite_inertia
   std::vector<S> m_sum;        ///< mass of the subtree [kg]
@@ -48,6 +49,7 @@ struct TreeData {
 
   // written by calc_tree_acceleration, for zero or for true joint accelerations
   std::vector<Vec3<S>> alpha, a;  ///< angular acceleration; acceleration of the origin less gravity
+  std::vector<S> mode_rate_dot;   ///< of modes
 
   // input of calc_body_forces, written by the caller
   std::vector<Wrench<S>> external;  ///< on each body about its origin, base axes
@@ -81,7 +83,21 @@ template <class S>
 void calc_tree_position(const MechanismModel& model, const std::vector<int>& bodies,
                         TreeData<S>& data);
 
-/// Mass properties of each body alone, also as a start of the sums.
+/// First moment and inertia of a body alone about its origin, base axes. @param R  attitude
+template <class S>
+struct BodyInertia {
+  Vec3<S> h = Vec3<S>::Zero();
+  Mat3<S> I = Mat3<S>::Zero();
+};
+template <class S>
+BodyInertia<S> find_body_inertia(const Body& body, const Mat3<S>& R) {
+  if (body.mass == 0.0 && body.inertia.isZero(0.0)) return {};
+  const S m(body.mass);
+  const Vec3<S> c = R * cast<S>(body.com);
+  return {m * c, R * cast<S>(body.inertia) * R.transpose() + find_point_inertia(m, c)};
+}
+
+/// The same of each body, also as a start of the sums.
 template <class S>
 void calc_body_inertia(const MechanismModel& model, const std::vector<int>& bodies,
                        TreeData<S>& data);
@@ -118,6 +134,12 @@ void calc_transmitted(const MechanismModel& model, const std::vector<int>& bodie
 template <class S>
 void calc_tree_forces(const MechanismModel& model, TreeData<S>& data);
 
+/// Momentum per unit rate of a mode, about the origin, base axes.
+template <class S>
+Wrench<S> find_mode_momentum(const Body& mode, const Mat3<S>& R) {
+  return {R * cast<S>(mode.axis), R * cast<S>(mode.axis_of_rotation)};
+}
+
 /// Column k of joint i at a point `r` from the body's origin: velocity of that point and angular
 /// velocity per unit joint velocity, base axes.
 template <class S>
@@ -138,6 +160,8 @@ inline void get_joint_column(const Body& body, const Mat3<S>& R, const Vec3<S>& 
       } else {
         angular = R.col(k - 3);
       }
+      break;
+    case JointType::kMode:
       break;
   }
 }

@@ -17,6 +17,7 @@ TreeData<S>::TreeData(const MechanismModel& model) {
     list->assign(n, Vec3<S>::Zero());
   }
   I_body.assign(n, Mat3<S>::Zero());
+  mode_rate_dot.assign(n, S(0));
   I_sum.assign(n, Mat3<S>::Zero());
   m_sum.assign(n, S(0));
   A.setZero(model.nv, model.nv);
@@ -47,6 +48,9 @@ void calc_joint_pose(const MechanismModel& model, int i, const S& c, const S& s,
     case JointType::kFree:
       pose.R = R0 * quat_to_matrix<S>(data.q.template segment<4>(body.q_index + 3));
       pose.p = p0 + R0 * data.q.template segment<3>(body.q_index);
+      break;
+    case JointType::kMode:
+      pose = {R0, p0};
       break;
   }
 }
@@ -90,19 +94,11 @@ void calc_body_inertia(const MechanismModel& model, const std::vector<int>& bodi
   // Bodies alone, about their own origins, in base axes.
   for (int i : bodies) {
     const Body& body = model.bodies[i];
-    if (body.mass == 0.0 && body.inertia.isZero(0.0)) {
-      data.h_body[i].setZero();
-      data.I_body[i].setZero();
-    } else {
-      const S m(body.mass);
-      const Vec3<S> c = data.R[i] * cast<S>(body.com);
-      data.h_body[i] = m * c;
-      data.I_body[i] = data.R[i] * cast<S>(body.inertia) * data.R[i].transpose() +
-                       m * (c.squaredNorm() * Mat3<S>::Identity() - c * c.transpose());
-    }
+    BodyInertia<S> own = find_body_inertia(body, data.R[i]);
+    if (body.joint == JointType::kMode) own.h = data.e[i] * data.q[body.q_index];
     data.m_sum[i] = S(body.mass);
-    data.h_sum[i] = data.h_body[i];
-    data.I_sum[i] = data.I_body[i];
+    data.h_sum[i] = data.h_body[i] = own.h;
+    data.I_sum[i] = data.I_body[i] = own.I;
   }
 }
 
@@ -148,6 +144,11 @@ void calc_composite_inertia(const MechanismModel& model, const std::vector<int>&
       Vec3<S> f = data.m_sum[i] * linear + angular.cross(data.h_sum[i]);
       Vec3<S> t = data.h_sum[i].cross(linear) + data.I_sum[i] * angular;
       const int column = body.v_index + k;
+      if (body.joint == JointType::kMode) {
+        const Wrench<S> momentum = find_mode_momentum(body, data.R[i]);
+        f = momentum.f;
+        t = momentum.t;
+      }
       if (is_free) t += data.r[i].cross(f);
       for (int j = is_free ? body.parent : i; j != kBase; j = model.bodies[j].parent) {
         const Body& ancestor = model.bodies[j];
@@ -162,6 +163,9 @@ void calc_composite_inertia(const MechanismModel& model, const std::vector<int>&
           case JointType::kFree:
             A.col(column).template segment<3>(row).noalias() = data.R[j].transpose() * f;
             A.col(column).template segment<3>(row + 3).noalias() = data.R[j].transpose() * t;
+            break;
+          case JointType::kMode:
+            A(row, column) = S(1);
             break;
         }
         t += data.r[j].cross(f);
@@ -198,6 +202,8 @@ void calc_tree_velocity(const MechanismModel& model, const std::vector<int>& bod
       case JointType::kFree:
         data.u[i] += data.R[i] * data.v.template segment<3>(body.v_index);
         data.w[i] += data.R[i] * data.v.template segment<3>(body.v_index + 3);
+        break;
+      case JointType::kMode:
         break;
     }
   }
@@ -238,6 +244,9 @@ void calc_tree_acceleration(const MechanismModel& model, const std::vector<int>&
         }
         break;
       }
+      case JointType::kMode:
+        data.mode_rate_dot[i] = vdot ? (*vdot)[body.v_index] : S(0);
+        break;
     }
   }
 }
@@ -254,6 +263,13 @@ void calc_body_forces(const MechanismModel& model, const std::vector<int>& bodie
              data.external[i].f;
     load.t = data.I_body[i] * data.alpha[i] + w.cross(data.I_body[i] * w) + h.cross(data.a[i]) -
              data.external[i].t;
+    const Body& body = model.bodies[i];
+    if (body.joint != JointType::kMode) continue;
+    // The first moment h = f q of the mode has the rate f qdot, its moment of momentum is t qdot.
+    const Wrench<S> momentum = find_mode_momentum(body, data.R[i]);
+    const S &rate = data.v[body.v_index], &rate_dot = data.mode_rate_dot[i];
+    load.f += momentum.f * rate_dot + S(2) * rate * w.cross(momentum.f);
+    load.t += momentum.t * rate_dot + rate * w.cross(momentum.t);
   }
 }
 
@@ -276,6 +292,12 @@ void calc_transmitted(const MechanismModel& model, const std::vector<int>& bodie
         data.tau_required.template segment<3>(body.v_index) = data.R[i].transpose() * load.f;
         data.tau_required.template segment<3>(body.v_index + 3) = data.R[i].transpose() * load.t;
         break;
+      case JointType::kMode: {
+        const Wrench<S> momentum = find_mode_momentum(body, data.R[i]);
+        data.tau_required[body.v_index] =
+            momentum.f.dot(data.a[i]) + momentum.t.dot(data.alpha[i]) + data.mode_rate_dot[i];
+        break;
+      }
     }
     if (body.parent != kBase) {
       data.transmitted[body.parent].f += load.f;

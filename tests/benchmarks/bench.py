@@ -19,9 +19,10 @@ from pathlib import Path
 from fmpy import fmi2, read_model_description
 
 from benchmarks import mechanisms, report
-from dockloop import core, paths
-from dockloop.fmu import build_fmu
-from dockloop.kernel import FLAGS
+from dockloop.base import paths
+from dockloop.fmu.build import build_fmu
+from dockloop.fmu.kernel import FLAGS
+from dockloop.native import core
 
 DATA = paths.ROOT / "tests" / "data"
 REFERENCE = DATA / "hexapod_bench_reference.json"

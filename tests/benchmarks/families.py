@@ -12,7 +12,7 @@ from datetime import date
 from pathlib import Path
 
 from benchmarks import bench, mechanisms, report
-from dockloop import paths
+from dockloop.base import paths
 
 FAMILIES = {
     "hexapod": "six legs with screws",

@@ -44,13 +44,16 @@ void add_phases(const std::string& name, MechanismEvaluation& at) {
   phase("2 velocity maps", [&] { calc_velocity_maps(model, plan, data.loops); });
   const std::vector<int>& bodies = plan.tree_bodies;
   phase("3 tree positions", [&] { calc_tree_position(model, bodies, data.tree); });
+  const bool is_free = plan.is_free_platform;
   phase("4 tree and leg inertia", [&] {
+    if (is_free) return calc_free_inertia(model, plan, data.loops, data.tree, data.A_ind);
     calc_body_inertia(model, bodies, data.tree);
     add_leg_masses(plan, data.loops, data.tree);
     calc_composite_inertia(model, bodies, data.tree, data.A_tree);
     add_leg_inertia(model, plan, data.tree, data.loops, data.A_tree);
   });
   phase("5 reduce the inertia", [&] {
+    if (is_free) return;
     data.A = data.A_tree;
     reduce_inertia(plan, data.A, data.loops);
   });
@@ -60,12 +63,16 @@ void add_phases(const std::string& name, MechanismEvaluation& at) {
   phase("9 bias and required forces", [&] {
     const VecX<double>* none = nullptr;
     calc_tree_acceleration(model, bodies, base, none, data.tree);
+    if (is_free) {
+      return calc_free_forces(model, plan, base, data.tau, data.tree, data.loops, data.b_ind);
+    }
     calc_body_forces(model, bodies, data.tree);
     add_leg_biases(model, plan, base, data.tau, data.tree, data.loops);
     calc_transmitted(model, bodies, data.tree);
     data.b = data.tau - data.tree.tau_required;
   });
   phase("10 reduce the forces", [&] {
+    if (is_free) return;
     calc_loop_bias(model, plan, data.tree, data.loops);
     reduce_forces(plan, data.b, data.loops);
   });

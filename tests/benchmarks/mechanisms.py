@@ -262,7 +262,8 @@ def take(document: dict) -> dict:
         document: a mechanism; its first body is free, loops and couplings give all others.
 
     Returns:
-        As `expand`. Coordinates of the other joints are zero: `dockloop.core.evaluate` closes them.
+        As `expand`. Coordinates of the other joints are zero:
+        `dockloop.native.core.evaluate` closes them.
     """
     others = [0.0] * (len(document["bodies"]) - 1)
     states = []

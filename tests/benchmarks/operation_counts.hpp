@@ -183,13 +183,16 @@ class CountedEvaluation {
     run("closing the loops", [&] { calc_loop_position(model, plan, tree, data.loops); });
     run("velocity maps", [&] { calc_velocity_maps(mechanism.model, plan, data.loops); });
     run("tree positions", [&] { calc_tree_position(model, bodies, tree); });
+    const bool is_free = plan.is_free_platform;
     run("tree and leg inertia", [&] {
+      if (is_free) return calc_free_inertia(model, plan, data.loops, tree, data.A_ind);
       calc_body_inertia(model, bodies, tree);
       add_leg_masses(plan, data.loops, tree);
       calc_composite_inertia(model, bodies, tree, data.A_tree);
       add_leg_inertia(model, plan, tree, data.loops, data.A_tree);
     });
     run("reduction of the inertia", [&] {
+      if (is_free) return;
       data.A = data.A_tree;
       reduce_inertia(plan, data.A, data.loops);
     });
@@ -197,6 +200,9 @@ class CountedEvaluation {
     run("bias and forces", [&] {
       const VecX<Counted>* none = nullptr;
       calc_tree_acceleration(model, bodies, base, none, tree);
+      if (is_free) {
+        return calc_free_forces(model, plan, base, data.tau, tree, data.loops, data.b_ind);
+      }
       calc_body_forces(model, bodies, tree);
       add_leg_biases(model, plan, base, data.tau, tree, data.loops);
       calc_transmitted(model, bodies, tree);

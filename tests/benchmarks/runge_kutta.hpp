@@ -1,26 +1,18 @@
 // Explicit Runge-Kutta steps with nothing around them, the same for every program that is measured.
 //
-// Pairs of SUNDIALS' tables, steps chosen by the usual controller on the error estimate. What a
-// motion costs here is the price of its rates and no more, so engines without an integrator of
+// The pair of Dormand and Prince, steps chosen by the usual controller on the error estimate. What
+// a motion costs here is the price of its rates and no more, so engines without an integrator of
 // their own are not charged for those of others.
 #pragma once
-
-#include <arkode/arkode_butcher_erk.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <vector>
 
-namespace dockloop {
+#include "integrate/runge_kutta.hpp"
 
-/// How a motion is integrated.
-struct Pair {
-  const char* name;
-  ARKODE_ERKTableID table;
-};
-constexpr Pair kPairs[] = {{"Dormand-Prince 5", ARKODE_DORMAND_PRINCE_7_4_5},
-                           {"Fehlberg 8", ARKODE_FEHLBERG_13_7_8}};
+namespace dockloop {
 
 /// @tparam N  number of states
 template <int N>
@@ -29,18 +21,11 @@ class RungeKutta {
   using State = std::array<double, N>;
 
   /// @param tolerance  of a step, relative to 1 + |y|
-  RungeKutta(ARKODE_ERKTableID id, double tolerance) : tolerance_(tolerance) {
-    const ARKodeButcherTable table = ARKodeButcherTable_LoadERK(id);
-    stages_ = static_cast<size_t>(table->stages);
-    order_ = std::min(table->q, table->p) + 1;
-    rate_.resize(stages_);
-    for (size_t i = 0; i < stages_; ++i) {
-      a_.emplace_back(table->A[i], table->A[i] + i);
-      b_.push_back(table->b[i]);
-      error_.push_back(table->b[i] - table->d[i]);
-    }
-    reuses_last_ = std::equal(b_.begin(), b_.end() - 1, a_.back().begin()) && b_.back() == 0.0;
-    ARKodeButcherTable_Free(table);
+  explicit RungeKutta(double tolerance) : tolerance_(tolerance) {
+    const double* a = table_.a;
+    for (size_t i = 1; i < kStages; a += i++) a_[i].assign(a, a + i);
+    a_[kStages].assign(table_.b, table_.b + kStages);
+    error_.assign(table_.error, table_.error + kStages + 1);
   }
 
   /// Advance y from t to exactly t_stop. @param rates  void(const double* y, double* dy)
@@ -51,14 +36,10 @@ class RungeKutta {
     while (t < t_stop) {
       const bool last = t + h_ * (1.0 + 1e-9) >= t_stop;
       const double h = last ? t_stop - t : h_;
-      for (size_t i = 1; i < stages_; ++i) {
+      for (size_t i = 1; i <= kStages; ++i) {  // the last one is the end
         trial_ = y;
         add(h, a_[i], trial_);
         call(rates, trial_, rate_[i]);
-      }
-      if (!reuses_last_) {
-        trial_ = y;
-        add(h, b_, trial_);
       }
       State error{};
       add(h, error_, error);
@@ -68,16 +49,12 @@ class RungeKutta {
         sum += part * part;
       }
       const double ratio = std::sqrt(sum / N);
-      const double change = 0.9 * std::pow(std::max(ratio, 1e-10), -1.0 / order_);
+      const double change = 0.9 * std::pow(std::max(ratio, 1e-10), -1.0 / kOrder);
       if (!last || ratio > 1.0 || change < 1.0) h_ = h * std::min(5.0, std::max(0.2, change));
       if (ratio > 1.0) continue;
       t = last ? t_stop : t + h;
       y = trial_;
-      if (reuses_last_) {
-        rate_[0] = rate_[stages_ - 1];
-      } else {
-        call(rates, y, rate_[0]);
-      }
+      rate_[0] = rate_[kStages];
     }
   }
 
@@ -96,14 +73,16 @@ class RungeKutta {
     }
   }
 
+  static constexpr size_t kStages = 6;
+  static constexpr double kOrder = 5.0;
+
+  const RungeKuttaTable table_ = get_dormand_prince();
   double tolerance_, h_ = 1e-3;  ///< [s]
-  size_t stages_ = 0;
-  int order_ = 0;
-  bool reuses_last_ = false, started_ = false;
+  bool started_ = false;
   long evaluations_ = 0;
-  std::vector<std::vector<double>> a_;
-  std::vector<double> b_, error_;
-  std::vector<State> rate_;
+  std::array<std::vector<double>, kStages + 1> a_;
+  std::vector<double> error_;
+  std::array<State, kStages + 1> rate_;
   State trial_;
 };
 

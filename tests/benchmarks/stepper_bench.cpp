@@ -12,7 +12,6 @@
 #include <cstdlib>
 #include <vector>
 
-#include "compare/methods.hpp"
 #include "integrate/stepper.hpp"
 
 using namespace dockloop;
@@ -52,15 +51,12 @@ int main(int argc, char** argv) {
   struct Row {
     Stepper::Method method;
     const char* name;
-    std::unique_ptr<Solver> (*solver)(System&) = nullptr;  ///< of src/compare
   };
   for (const Row& row : {Row{Stepper::Method::kDormandPrince, "Dormand-Prince 5(4)"},
-                         Row{Stepper::Method::kDormandPrince, "DOP853", make_high_order_solver},
                          Row{Stepper::Method::kStabilised, "stabilised 4(3)"}}) {
     for (const int size : {13, 45}) {
       Stepper::Problem problem;
       problem.size = size;
-      problem.solver = row.solver;
       problem.rates = [size](double, const double* y, double* ydot) {
         return calc_rates(size, y, ydot);
       };

@@ -29,7 +29,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
-from dockloop.errors import DockloopError, UsageError
+from dockloop.base.errors import DockloopError, UsageError
 
 TITLES = {
     1: "mass ratios",

@@ -33,7 +33,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dockloop import core
+from dockloop.native import core
 
 CUT_ROWS = {"R3": 3, "R2": 4, "R1": 5, "R1_planar": 2}
 FORCES = ("loop_force", "joint_load")  # what a self-stress may add to

@@ -31,7 +31,7 @@ from fmpy.fmi2 import (
     fmi2ValueReference,
 )
 
-from dockloop.binaries import find_loadable
+from dockloop.fmu.binaries import find_loadable
 
 OK, WARNING, DISCARD, ERROR = range(4)
 STEP = 0.01  # s

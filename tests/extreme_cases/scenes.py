@@ -11,11 +11,12 @@ from pathlib import Path
 import numpy as np
 from fmpy.fmi1 import FMICallException
 
-from dockloop import core
-from dockloop.binaries import find_libraries
-from dockloop.errors import UsageError
-from dockloop.fmu import place_vehicles
-from dockloop.scene import find_scene, resolve_scene
+from dockloop.base.errors import UsageError
+from dockloop.fmu.binaries import find_libraries
+from dockloop.native import core
+from dockloop.scene.find import find_scene
+from dockloop.scene.placement import place_vehicles
+from dockloop.scene.resolve import resolve_scene
 from extreme_cases.fmi_host import OK, Host
 from extreme_cases.own_mechanism import FIXED_BASE, capture_body_section, write_scene
 

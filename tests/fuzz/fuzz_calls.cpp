@@ -93,9 +93,9 @@ class Scenes {
     std::ofstream(folder + "/model.json") << text;
     made.uri = "file://" + folder;
     auto scene = std::make_shared<const Scene>(read_scene(text, "model.json"));
-    made.guid = scene->fingerprint;
     made.sim = std::make_unique<DockingSim>(std::move(scene));
     made.rows = make_variables(*made.sim);
+    made.guid = find_guid(made.sim->scene(), made.rows);
     for (size_t i = 0; i < made.rows.size(); ++i) {
       const Variable& v = made.rows[i];
       auto& list = v.type == Type::kBoolean ? made.booleans

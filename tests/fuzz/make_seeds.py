@@ -12,8 +12,8 @@ from pathlib import Path
 from hypothesis import HealthCheck, Phase, find, settings
 from hypothesis.errors import NoSuchExample
 
-from dockloop.paths import MECHANISMS, SCENES
-from dockloop.scene import resolve_scene
+from dockloop.base.paths import MECHANISMS, SCENES
+from dockloop.scene.resolve import resolve_scene
 from random_mechanisms import KINDS, build, plans
 
 TESTS = Path(__file__).resolve().parents[1]

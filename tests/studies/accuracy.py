@@ -17,7 +17,6 @@ Examples:
     .venv/bin/python tests/studies/accuracy.py check                         # half an hour
 """
 
-import argparse
 import json
 import math
 import os
@@ -31,12 +30,12 @@ from typing import NamedTuple
 import numpy as np
 
 import dockloop as dl
-from dockloop.accuracy import ATOL_PER_RTOL, estimate_error, list_tolerances
-from dockloop.errors import DockloopError
-from dockloop.paths import ROOT
-from dockloop.results import ProgressBar
-from dockloop.run_errors import find_error
-from page import find_origin, write_head, write_page, write_row
+from dockloop.base.errors import DockloopError
+from dockloop.base.paths import ROOT
+from dockloop.base.progress import ProgressBar
+from dockloop.result.accuracy import ATOL_PER_RTOL, estimate_error, list_tolerances
+from dockloop.result.run_errors import find_error
+from page import Table, make_parser, write_page
 
 DATA = ROOT / "tests" / "data" / "accuracy.json"
 TABLE = ROOT / "src" / "sim" / "accuracy_table.hpp"
@@ -448,7 +447,7 @@ def describe_errors(rows):
         {a: np.array([row[str(a)][what] for row in rows], float) for a in CHECKED}
         for what in ("evaluations", "seconds")
     )
-    lines = write_head(
+    table = Table(
         *("`accuracy`", "within it", "within 5 times", "median error", "largest error"),
         *("processor time over that of 1e-6, median (10 to 90 %)", "evaluations, median"),
         "time over the best by hand, median (10 to 90 %)",
@@ -458,35 +457,29 @@ def describe_errors(rows):
         errors = np.array([each["error"] for each in made])
         ratios = np.array([each.get("over_best", np.nan) for each in made])
         over_best = ratios[np.isfinite(ratios)]
-        lines.append(
-            write_row(
-                f"{accuracy:g}",
-                f"{np.mean(errors <= accuracy):.0%}",
-                f"{np.mean(errors <= 5.0 * accuracy):.0%}",
-                f"{np.median(errors):.0e}",
-                f"{np.max(errors):.0e}",
-                describe_spread(seconds[accuracy] / seconds[1e-6], 2),
-                f"{np.nanmedian(costs[accuracy]):.0f}",
-                f"{describe_spread(over_best, 1)}, {len(over_best)} dockings"
-                if len(over_best)
-                else "",
-            )
+        table.add(
+            f"{accuracy:g}",
+            f"{np.mean(errors <= accuracy):.0%}",
+            f"{np.mean(errors <= 5.0 * accuracy):.0%}",
+            f"{np.median(errors):.0e}",
+            f"{np.max(errors):.0e}",
+            describe_spread(seconds[accuracy] / seconds[1e-6], 2),
+            f"{np.nanmedian(costs[accuracy]):.0f}",
+            f"{describe_spread(over_best, 1)}, {len(over_best)} dockings" if len(over_best) else "",
         )
-    return lines
+    return table
 
 
 def describe_long(rows):
-    """Return the lines about long dockings: errors early and at their end."""
+    """Return the blocks about long dockings: errors early and at their end."""
     if not rows:
         return []
-    lines = [
-        "",
+    text = (
         f"{len(rows)} long dockings, {LONG_STOP:g} s, steps of"
         f" {' and '.join(f'{step:g} s' for step in LONG_STEPS)}"
-        f" ({', '.join(f'`{scene}`' for scene in LONG_SCENES)}):",
-        "",
-    ]
-    lines += write_head(
+        f" ({', '.join(f'`{scene}`' for scene in LONG_SCENES)}):"
+    )
+    table = Table(
         *("`accuracy`", f"at {EARLY:g} s: within it", "within 5 times", "largest error"),
         *(f"at {LONG_STOP:g} s: within it", "within 5 times", "largest error"),
         "estimate by a second run within a factor of 5",
@@ -500,10 +493,10 @@ def describe_long(rows):
         if accuracy in ESTIMATED:
             ratios = find_ratios([row[str(accuracy)] for row in rows])
             cells.append(f"{np.mean((ratios > 0.2) & (ratios < 5.0)):.0%}")
-        lines.append(write_row(f"{accuracy:g}", *cells, *[""] * (accuracy not in ESTIMATED)))
+        table.add(f"{accuracy:g}", *cells, *[""] * (accuracy not in ESTIMATED))
     return [
-        *lines,
-        "",
+        text,
+        table,
         "After capture surfaces can rattle in their play for minutes. Small differences then grow"
         " at the same rate at every tolerance, so the error at the end can be far above the wanted"
         " one. A second run finds such cases.",
@@ -516,64 +509,50 @@ def find_ratios(found):
 
 
 def describe_check(rows):
-    """Return the lines of the page."""
+    """Return the blocks of the page."""
     families = [row for row in rows if is_family(row["number"])]
     long = [row for row in rows if is_long(row["number"])]
     rings = [row for row in rows if row not in families and row not in long]
-    lines = [
-        f"{len(rings)} dockings with passive rings (`{RING}`):",
-        "",
-        *describe_errors(rings),
-        "",
-        f"{len(families)} dockings of the families ({', '.join(f'`{f}`' for f in FAMILIES)}):",
-        "",
-        *describe_errors(families),
-        *describe_long(long),
-    ]
     short = [row for row in rows if not is_long(row["number"])]
     real = [row["real-time"] for row in short if row["real-time"]["evaluations"]]
     errors = np.array([each["error"] for each in real])
-    lines += [
-        "",
-        f"Real time: {len(real)} of {len(short)} short dockings ran to the end. Half of them have"
-        f" an error below {np.median(errors):.0e}, and 95 % below {np.quantile(errors, 0.95):.0e}."
-        f" The median cost is {np.median([each['evaluations'] for each in real]):.0f} evaluations.",
-        "",
-        "## Error estimates",
-        "",
-        "Estimates of the errors of the same runs: by a second run (`dockloop run"
-        " --estimate-error`), and the statistical value of `solver.error_estimate`. This value is"
-        " an upper limit for 95 % of dockings, so most errors are much smaller.",
-        "",
-        *write_head(
-            *("`accuracy`", "second run: within a factor of 5", "outcome not determined"),
-            *(
-                "estimate over error: 5 %, median, 95 %",
-                "`solver.error_estimate` within a factor of 5",
-            ),
-        ),
-    ]
+    estimates = Table(
+        *("`accuracy`", "second run: within a factor of 5", "outcome not determined"),
+        *("estimate over error: 5 %, median, 95 %", "`solver.error_estimate` within a factor of 5"),
+    )
     for accuracy in ESTIMATED:
         found = [row[str(accuracy)] for row in rows if row[str(accuracy)]["evaluations"]]
         ratios = find_ratios(found)
         promises = np.array([e["promise"] / e["error"] for e in found])
         close = [np.mean((each > 0.2) & (each < 5.0)) for each in (ratios, promises)]
         quantiles = np.quantile(ratios, (0.05, 0.5, 0.95))
-        lines.append(
-            write_row(
-                f"{accuracy:g}",
-                f"{close[0]:.0%}",
-                len(found) - len(ratios),
-                ", ".join(f"{q:.2f}" for q in quantiles),
-                f"{close[1]:.0%}",
-            )
+        estimates.add(
+            f"{accuracy:g}",
+            f"{close[0]:.0%}",
+            len(found) - len(ratios),
+            ", ".join(f"{q:.2f}" for q in quantiles),
+            f"{close[1]:.0%}",
         )
-    return lines
+    return [
+        f"{len(rings)} dockings with passive rings (`{RING}`):",
+        describe_errors(rings),
+        f"{len(families)} dockings of the families ({', '.join(f'`{f}`' for f in FAMILIES)}):",
+        describe_errors(families),
+        describe_long(long),
+        f"Real time: {len(real)} of {len(short)} short dockings ran to the end. Half of them have"
+        f" an error below {np.median(errors):.0e}, and 95 % below {np.quantile(errors, 0.95):.0e}."
+        f" The median cost is {np.median([each['evaluations'] for each in real]):.0f} evaluations.",
+        "## Error estimates",
+        "Estimates of the errors of the same runs: by a second run (`dockloop run"
+        " --estimate-error`), and the statistical value of `solver.error_estimate`. This value is"
+        " an upper limit for 95 % of dockings, so most errors are much smaller.",
+        estimates,
+    ]
 
 
 def describe_calibration(data):
     """Return the table of errors by tolerance, and the choice."""
-    lines = write_head("`solver.rtol`", *(f"{m}: median, 95 %, largest" for m in data["methods"]))
+    table = Table("`solver.rtol`", *(f"{m}: median, 95 %, largest" for m in data["methods"]))
     for i, rtol in enumerate(data["rtol"]):
         cells = []
         for method in data["methods"]:
@@ -585,12 +564,12 @@ def describe_calibration(data):
             known = np.array([np.inf if e is None else e for e in errors])
             at = [np.quantile(known, q, method="higher") for q in (0.5, 0.95, 1.0)]
             cells.append(", ".join(f"{value:.0e}" for value in at))
-        lines.append(write_row(f"{rtol:g}", *cells))
+        table.add(f"{rtol:g}", *cells)
     titles = (
         f"steps of {step:g} s: method, `solver.rtol`, evaluations, processor time over that of 1e-6"
         for step in STEPS
     )
-    lines += ["", *write_head("`accuracy`", *titles)]
+    chosen = Table("`accuracy`", *titles)
     rows = list_rows(data)
     floor = [min(cost.values()) for cost in rows[-1][3]]
     for error, methods, rtols, costs in rows:
@@ -600,15 +579,13 @@ def describe_calibration(data):
             evaluations = find_cost(data, method, rtol, step, "evaluations")
             ratio = cost[method] / most
             cells.append(f"{method}, {rtol:g}, {evaluations:.0f}, {ratio:.2f}")
-        lines.append(write_row(f"{error:g}", *cells))
-    return lines
+        chosen.add(f"{error:g}", *cells)
+    return [table, chosen]
 
 
 def main():
     """Do the command."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("command", choices=("calibrate", "table", "check"))
     parser.add_argument(
         "--cases",
@@ -627,33 +604,25 @@ def main():
         data = json.loads(DATA.read_text(encoding="utf-8"))
         write_page(
             options.output or PAGE,
-            "# The parameter accuracy",
-            find_origin("tests/studies/accuracy.py check"),
-            "",
+            "The parameter accuracy",
+            "tests/studies/accuracy.py check",
             f"{len(rows)} random dockings, most of {STOP:g} s, that are not in the calibration, of"
             f" {len(numbers)} drawn. (The others start with overlapping surfaces and are refused.)"
             " The error of a run is the largest relative one of five peak loads, stroke, time of"
-            " capture and final motion (`scripts/dockloop/run_errors.py`). The reference solution"
-            f" is that of {REFERENCE[0]} at a tolerance of {REFERENCE[1]:g}. Another outcome counts"
-            " as an infinite error. The best by hand is the least time of all methods of the"
-            " calibration, at tolerances a decade apart, that has the error in this docking: a user"
-            " would have to try them all.",
-            "",
-            *describe_check(rows),
-            "",
+            " capture and final motion (`scripts/dockloop/result/run_errors.py`). The reference"
+            f" solution is that of {REFERENCE[0]} at a tolerance of {REFERENCE[1]:g}. Another"
+            " outcome counts as an infinite error. The best by hand is the least time of all"
+            " methods of the calibration, at tolerances a decade apart, that has the error in this"
+            " docking: a user would have to try them all.",
+            describe_check(rows),
             "## Calibration",
-            "",
             f"Errors of {len(data['cases'])} other dockings (`tests/data/accuracy.json`), absolute"
             " tolerances in proportion, and the settings that follow. Passive rings and other"
             " mechanisms have tables of their own.",
-            "",
             "Passive rings:",
-            "",
-            *describe_calibration(select(data, KINDS[0])),
-            "",
+            describe_calibration(select(data, KINDS[0])),
             "Families:",
-            "",
-            *describe_calibration(select(data, KINDS[1])),
+            describe_calibration(select(data, KINDS[1])),
         )
         return
     path = options.output or DATA

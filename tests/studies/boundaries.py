@@ -22,12 +22,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import dockloop as dl
-from dockloop import paths
-from dockloop.figures import save_figure
-from dockloop.rare import run_rare
-from dockloop.sampling import read_sweep
-from dockloop.sweep_report import estimate_fraction
-from page import find_origin, write_head, write_page, write_row
+from dockloop.base import paths
+from dockloop.base.figures import save_figure
+from dockloop.report.sweep import estimate_fraction
+from dockloop.sweeps.rare import run_rare
+from dockloop.sweeps.sampling import read_sweep
+from page import Block, Table, make_parser, write_page
 from pawls import FORCE, PUSH, SCENE, SPEED, STRAIGHT, SWEEP, find_area, find_speed, sample_failures
 
 COMMAND = "tests/studies/boundaries.py"
@@ -50,24 +50,20 @@ def describe_box(*axes: tuple[str, float, float]) -> str:
     return f"Box: {' and '.join(texts)}, in SI units."
 
 
-def describe_cost(envelope: Any) -> list[str]:
-    """Return the rows about the number of dockings."""
+def add_cost(table: Table, envelope: Any) -> None:
+    """Add the rows about the number of dockings."""
     found = envelope.summary
     ratio, checks = found["grid_over_dockings"], found["checks"]
     verdict = "met" if ratio >= AIM else "**missed**"
-    return [
-        write_row("boundary within", f"{found['uncertainty']:.2%} of each range"),
-        write_row("dockings", found["dockings"]),
-        write_row("dockings of a grid of the same resolution", found["grid"]),
-        write_row(f"times fewer (aim: {AIM:g})", f"{ratio:.1f}, {verdict}"),
-        write_row(
-            "checks at random away from the boundary",
-            f"{checks['points']}, {checks['differ']} differ",
-        ),
-    ]
+    differ = f"{checks['points']}, {checks['differ']} differ"
+    table.add("boundary within", f"{found['uncertainty']:.2%} of each range")
+    table.add("dockings", found["dockings"])
+    table.add("dockings of a grid of the same resolution", found["grid"])
+    table.add(f"times fewer (aim: {AIM:g})", f"{ratio:.1f}, {verdict}")
+    table.add("checks at random away from the boundary", differ)
 
 
-def list_known(options: argparse.Namespace) -> list[str]:
+def list_known(options: argparse.Namespace) -> list[Block]:
     """The boundary in closed form."""
     found = dl.envelope(
         SCENE, SPEED, FORCE, criteria="captured", overrides=STRAIGHT, stop=8.0, step=1.0,
@@ -78,21 +74,17 @@ def list_known(options: argparse.Namespace) -> list[str]:
     wrong = int((points["captured"] != known).sum())
     errors = np.abs(edge[SPEED[0]] - find_speed(edge[FORCE[0]])) / (SPEED[2] - SPEED[1])
     (criterion,) = found.summary["criteria"]
-    return [
-        *write_head("figure", "value"),
-        *describe_cost(found),
-        write_row("dockings on the wrong side of the closed form", wrong),
-        write_row(
-            "largest error of the boundary, part of the range of speeds", f"{errors.max():.2%}"
-        ),
-        write_row(
-            "captured part of the box", f"{criterion['met']:.2%} +- {criterion['unsure']:.2%}"
-        ),
-        write_row("closed form", f"{find_area():.2%}"),
-    ]
+    part = f"{criterion['met']:.2%} +- {criterion['unsure']:.2%}"
+    table = Table("figure", "value")
+    add_cost(table, found)
+    table.add("dockings on the wrong side of the closed form", wrong)
+    table.add("largest error of the boundary, part of the range of speeds", f"{errors.max():.2%}")
+    table.add("captured part of the box", part)
+    table.add("closed form", f"{find_area():.2%}")
+    return [table]
 
 
-def list_default(options: argparse.Namespace) -> list[str]:
+def list_default(options: argparse.Namespace) -> list[Block]:
     """The boundary of the default docking."""
     found = dl.envelope(
         SCENE, OFFSETS, SPEEDS, criteria=CRITERIA, stop=10.0, step=0.5,
@@ -102,12 +94,12 @@ def list_default(options: argparse.Namespace) -> list[str]:
     figure = options.output.parent / "figures" / "boundaries.png"
     figure.parent.mkdir(parents=True, exist_ok=True)
     save_figure(found.plot(), figure, COMMAND)
-    parts = [
-        write_row(f"`{each['text']}`", f"{each['met']:.2%} +- {each['unsure']:.2%} of the box")
-        for each in found.summary["criteria"]
-    ]
-    picture = f"![Where the default docking is captured](figures/{figure.name})"
-    return [*write_head("figure", "value"), *describe_cost(found), *parts, "", picture]
+    table = Table("figure", "value")
+    add_cost(table, found)
+    for each in found.summary["criteria"]:
+        part = f"{each['met']:.2%} +- {each['unsure']:.2%} of the box"
+        table.add(f"`{each['text']}`", part)
+    return [table, f"![Where the default docking is captured](figures/{figure.name})"]
 
 
 # ------------------------------------------------ rare failures
@@ -132,10 +124,10 @@ def write_box(folder: Path, cases: int, sampling: str) -> Path:
 
 def list_estimates(
     path: Path, failure: str, exact: tuple[float, float], options: argparse.Namespace
-) -> list[str]:
+) -> Table:
     """Estimate a rare failure with several seeds, next to an interval of the answer."""
     text = path.read_text(encoding="utf-8")
-    lines = write_head(
+    table = Table(
         *("seed", "part that fails", "95 % interval", "meets the answer", "dockings"),
         *("plain sampling for the same interval", "times fewer"),
     )
@@ -145,21 +137,19 @@ def list_estimates(
         level = 50 if options.quick else LEVEL
         found = run_rare(read_sweep(str(path)), failure, level, path.with_suffix(f".{seed}.jsonl"))
         meets = found["low"] <= exact[1] and exact[0] <= found["high"]
-        lines.append(
-            write_row(
-                seed,
-                f"{found['probability']:.2e}",
-                f"{found['low']:.2e} to {found['high']:.2e}",
-                "yes" if meets else "**no**",
-                found["dockings"],
-                found["plain_dockings"],
-                f"{found['plain_dockings'] / found['dockings']:.1f}",
-            )
+        table.add(
+            seed,
+            f"{found['probability']:.2e}",
+            f"{found['low']:.2e} to {found['high']:.2e}",
+            "yes" if meets else "**no**",
+            found["dockings"],
+            found["plain_dockings"],
+            f"{found['plain_dockings'] / found['dockings']:.1f}",
         )
-    return lines
+    return table
 
 
-def list_pawls(options: argparse.Namespace) -> list[str]:
+def list_pawls(options: argparse.Namespace) -> list[Block]:
     """A rare failure in closed form."""
     samples = 4_000_000
     part = sample_failures(samples)
@@ -169,10 +159,10 @@ def list_pawls(options: argparse.Namespace) -> list[str]:
         path.write_text(SWEEP, encoding="utf-8")
         lines = list_estimates(path, "not captured", (part - half, part + half), options)
     answer = f"Answer: {part:.3e} +- {half:.0e}, {samples} samples of the closed form."
-    return [answer, "", *lines]
+    return [answer, lines]
 
 
-def list_loads(options: argparse.Namespace) -> list[str]:
+def list_loads(options: argparse.Namespace) -> list[Block]:
     """A rare load of the IDSS box, next to a plain sweep."""
     cases = 64 if options.quick else PLAIN
     with tempfile.TemporaryDirectory() as name:
@@ -189,7 +179,7 @@ def list_loads(options: argparse.Namespace) -> list[str]:
         f" (95 % interval {plain['low']:.2e} to {plain['high']:.2e}). {refused.sum()} of them did"
         " not run; both methods count these as failures."
     )
-    return [answer, "", *lines]
+    return [answer, lines]
 
 
 # ------------------------------------------------ page
@@ -218,20 +208,17 @@ SECTIONS = {
 
 def main(words: list[str] | None = None) -> None:
     """Write the page."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__, PAGE)
     parser.add_argument("--quick", action="store_true", help="a small sample of each section")
-    parser.add_argument("-o", "--output", type=Path, default=PAGE, help="page to write")
     options = parser.parse_args(words)
     if options.output == PAGE and options.quick:
         parser.error("--quick needs another page: -o build/boundaries.md")
-    lines = []
+    blocks: list[Block] = []
     for title, (text, make) in SECTIONS.items():
-        lines += ["", f"## {title}", "", text, "", *make(options)]
+        blocks += [f"## {title}", text, make(options)]
         print(title, flush=True)
-    head = "# Where dockings succeed, and how rarely they fail"
-    write_page(options.output, head, find_origin(COMMAND), *lines)
+    head = "Where dockings succeed, and how rarely they fail"
+    write_page(options.output, head, COMMAND, *blocks)
 
 
 if __name__ == "__main__":

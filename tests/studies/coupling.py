@@ -11,11 +11,14 @@ from 0.1 to 100 ms against one FMU that integrates both vehicles; tests/validati
 
 "x 0.5" and "x 1.5": the FMU receives that share of the true mass and inertia of the vehicles.
 
+The section "Identified vehicles": the worst of five peak loads where the host integrates another
+body than the FMU receives (tests/identified_hosts.py), without and with coupling.identify.
+
 Example:
     .venv/bin/python tests/studies/coupling.py --scenes default pressed --steps 1 10 --stop 1
+    .venv/bin/python tests/studies/coupling.py --only-identified   # this section of the page alone
 """
 
-import argparse
 import functools
 import multiprocessing
 import sys
@@ -27,12 +30,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 
+import identified_hosts
 from coupling_host import Coupling
 from coupling_scenes import SCENES, TIGHT, compare, equal_steps, run_coupled, run_solution
-from dockloop import paths
-from dockloop.fmu import build_fmu
-from dockloop.palette import BLUE, GREY, NAVY, VERMILION
-from page import find_origin, write_page
+from dockloop.base import paths
+from dockloop.base.palette import BLUE, GREY, NAVY, VERMILION
+from dockloop.fmu.build import build_fmu
+from page import Table, make_parser, replace_section, write_page, write_table
 
 STUDIED = ("default", "light", "pressed", "both")
 STEPS = (0.1, 1.0, 3.0, 10.0, 30.0, 100.0)  # ms
@@ -117,10 +121,7 @@ def make_table(name, results, steps):
     columns = [f"{step:g} ms" for step in steps]
     next_to = SHOWN if SHOWN in steps else steps[0]
     rest = [f"{what}, {next_to:g} ms" for what in ("peak loads", "capture s", "attitude rad")]
-    lines = [
-        f"\n| {name}: velocity error | " + " | ".join([*columns, *rest, "momentum"]) + " |",
-        "|" + "---|" * (len(columns) + 5),
-    ]
+    table = Table(f"{name}: velocity error", *columns, *rest, "momentum")
     rows = dict.fromkeys((scheme, reported) for scheme, reported, _ in results)
     for row in rows:
         found = [results.get((*row, step), (None, None)) for step in steps]
@@ -130,8 +131,45 @@ def make_table(name, results, steps):
             show(errors and getattr(errors, what)) for what in ("peak", "capture", "attitude")
         ]
         cells.append(show(max((audit for e, audit in found if e), default=None)))
-        lines.append(f"| {label(*row)} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        table.add(label(*row), *cells)
+    return table
+
+
+IDENTIFIED = "Identified vehicles"
+# One case of each kind; the long test of tests/test_identification.py has all.
+STATED = ("mass and inertia x 0.5", "mass and inertia x 2", "inertia x 0.5", "centre y", "fuel")
+
+
+def find_identified_row(case):
+    """A row of the section: scene, case, and errors by step without and with identification."""
+    scene, name = case
+    errors = [
+        identified_hosts.find_error(scene, step, name, identify)[0]
+        for step in identified_hosts.AIMS
+        for identify in (False, True)
+    ]
+    return (scene, name, *(show(error) for error in errors))
+
+
+def make_identified_section(workers):
+    """Table of hosts whose vehicle is not as stated."""
+    cases = [(scene, name) for scene in identified_hosts.SCENES for name in STATED]
+    columns = [
+        f"{1e3 * step:g} ms, {used}"
+        for step in identified_hosts.AIMS
+        for used in ("as stated", "identified")
+    ]
+    rows = []
+    with multiprocessing.Pool(workers) as pool:
+        for row in pool.imap(find_identified_row, cases):
+            rows.append(row)
+            report_progress(len(rows), len(cases))
+    return [
+        "Error of the worst of five peak loads against one FMU with the right numbers, with a"
+        " parallel host. `centre`: the host reports a point 0.1 m from its centre of mass. `fuel`:"
+        " 5 % of mass and inertia leave in 4 s, against a host that reports each new mass.",
+        write_table(("scene", "stated", *columns), rows),
+    ]
 
 
 def draw(results, steps, file):
@@ -198,20 +236,26 @@ def make_cases(options, fmus):
 
 def main():
     """Run all cases, print and write tables."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__, PAGE)
     parser.add_argument("--scenes", nargs="+", choices=SCENES, default=STUDIED)
     parser.add_argument("--schemes", nargs="+", choices=OWN + OTHERS, default=OWN + OTHERS)
     parser.add_argument("--steps", nargs="+", type=float, default=STEPS, help="ms")
     parser.add_argument("--reported", nargs="+", type=float, default=(1.0, 0.5, 1.5))
     parser.add_argument("--stop", type=float, default=3.0, help="s, a multiple of all steps")
     parser.add_argument("--workers", type=int, default=1, help="processes")
-    parser.add_argument("-o", "--output", type=Path, default=PAGE, help="the page")
     parser.add_argument(
         "--figure", nargs="?", type=Path, const=FIGURE, help=f"PNG; default {paths.shown(FIGURE)}"
     )
+    parser.add_argument("--only-identified", action="store_true", help=f"section '{IDENTIFIED}'")
     options = parser.parse_args()
+    identified = make_identified_section(options.workers)
+    if options.only_identified:
+        command = "tests/studies/coupling.py --only-identified"
+        page = options.output.read_text(encoding="utf-8")
+        if f"\n## {IDENTIFIED}\n" not in page:
+            options.output.write_text(f"{page}\n## {IDENTIFIED}\n", encoding="utf-8")
+        replace_section(options.output, IDENTIFIED, command, *identified)
+        return 0
     for step in options.steps:
         count = 1e3 * options.stop / step
         if count < 1.0 or abs(count - round(count)) > 1e-6:
@@ -234,10 +278,11 @@ def main():
             f"{name} {find_cost(fmus[name][1], name, min(options.stop, 1.0)):.2f}"
             for name in options.scenes
         )
-    texts.append(f"\nTime of a step of 10 ms, parallel over sequential mode: {costs}")
+    texts.append(f"Time of a step of 10 ms, parallel over sequential mode: {costs}")
     command = f"tests/studies/coupling.py --stop {options.stop:g} --steps"
     command += "".join(f" {step:g}" for step in options.steps)
-    write_page(options.output, "# Vehicles that a host integrates", find_origin(command), *texts)
+    texts += [f"## {IDENTIFIED}", *identified]
+    write_page(options.output, "Vehicles that a host integrates", command, *texts)
     if options.figure:
         draw(results, options.steps, options.figure)
     return 0

@@ -13,7 +13,6 @@ Examples:
     .venv/bin/python tests/studies/evaluation_time.py --before ../before     # ten minutes
 """
 
-import argparse
 import json
 import re
 import resource
@@ -24,10 +23,10 @@ import zipfile
 from pathlib import Path
 from typing import NamedTuple
 
-from dockloop.kernel import FLAGS
-from dockloop.paths import COMPILED, ROOT
-from dockloop.results import ProgressBar
-from page import call, find_commit, find_origin, write_head, write_page, write_row
+from dockloop.base.paths import COMPILED, ROOT
+from dockloop.base.progress import ProgressBar
+from dockloop.fmu.kernel import FLAGS
+from page import Table, call, find_commit, make_parser, write_page
 
 PAGE = ROOT / "tests" / "validation" / "evaluation_time.md"
 SCENE = "idss_25t_350t"
@@ -153,14 +152,11 @@ def find_least(rounds: list[dict[str, float]], pattern: str) -> tuple[float, str
 
 def main() -> None:
     """Write the page."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__, PAGE)
     parser.add_argument(
         "--before", type=Path, required=True, metavar="CLONE", help="an earlier version, compiled"
     )
     parser.add_argument("--rounds", type=int, default=ROUNDS, metavar="N")
-    parser.add_argument("-o", "--output", type=Path, default=PAGE, help="the page")
     options = parser.parse_args()
     clones = (options.before.resolve(), ROOT)
     report = ProgressBar("rounds")
@@ -177,36 +173,29 @@ def main() -> None:
             for version, figures in zip(versions, rounds, strict=True):
                 figures.append(version.measure())
             report((k + 1) / options.rounds)
-    table = []
+    table = Table("what", "before [µs]", "now [µs]", "now / before", "aim", "fastest code")
     for row in ROWS:
         (before, old_code), (now, new_code) = (find_least(each, row.pattern) for each in rounds)
         codes = f"{old_code} / {new_code}" if old_code else ""
-        table.append(
-            write_row(
+        table.add(
                 row.title, f"{before / 1e3:.3g}", f"{now / 1e3:.3g}", f"{now / before:.2f}",
                 row.aim, codes,
-            )
-        )  # fmt: skip
+            )  # fmt: skip
     counts = [
         " and ".join(f"{figures[0][f'{kind}/evaluations']:,.0f}" for kind in ("driven", "free"))
         for figures in rounds
     ]
     write_page(
         options.output,
-        "# Time of an evaluation, then and now",
-        find_origin(" ".join(["tests/studies/evaluation_time.py", *sys.argv[1:]])),
-        "",
-        f"Before: commit {find_commit(clones[0])}, with special code for legs and a general",
-        f"one. Now: commit {find_commit()}, with one evaluation for all. By turns, least of"
-        f" {options.rounds} rounds.",
-        "The aims are those of the change to one evaluation: nothing slower by more than 10 %, and",
-        "what had only the general code before four times faster.",
-        "",
-        *write_head("what", "before [µs]", "now [µs]", "now / before", "aim", "fastest code"),
-        *table,
-        "",
-        f"Evaluations of 20 s with a driven and a free chaser: {counts[0]} before, {counts[1]}",
-        "now. So the times of steps also show what has changed in methods, events and outputs.",
+        "Time of an evaluation, then and now",
+        " ".join(["tests/studies/evaluation_time.py", *sys.argv[1:]]),
+        f"Before: commit {find_commit(clones[0])}, with special code for legs and a general"
+        f" one. Now: commit {find_commit()}, with one evaluation for all. By turns, least of"
+        f" {options.rounds} rounds. The aims are those of the change to one evaluation: nothing"
+        " slower by more than 10 %, and what had only the general code before four times faster.",
+        table,
+        f"Evaluations of 20 s with a driven and a free chaser: {counts[0]} before, {counts[1]}"
+        " now. So the times of steps also show what has changed in methods, events and outputs.",
     )
 
 

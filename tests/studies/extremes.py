@@ -7,17 +7,16 @@ refusals of each part, and what is bad. With ``--item`` or ``--quick`` the table
     .venv/bin/python tests/studies/extremes.py --item 10 --quick      # the shorter ranges
 """
 
-import argparse
 import re
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from dockloop.paths import ROOT
-from dockloop.results import ProgressBar
+from dockloop.base.paths import ROOT
+from dockloop.base.progress import ProgressBar
 from extreme_cases import describe, run_extremes
-from page import find_origin, write_page
+from page import make_parser, write_page
 
 REASONS = 3  # refusals shown of each part
 WORDS = """
@@ -34,9 +33,7 @@ of `--quick`, which `tests/test_extremes.py` runs.
 
 def main() -> None:
     """Write the page, or print a table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument(
         "--item", dest="items", action="append", type=int, default=[], metavar="N", help="1 to 12"
     )
@@ -58,8 +55,8 @@ def write(rows: list[dict]) -> None:
     )
     write_page(
         ROOT / "tests" / "validation" / "extremes.md",
-        "# Numerical extremes",
-        find_origin("tests/studies/extremes.py"),
+        "Numerical extremes",
+        "tests/studies/extremes.py",
         WORDS,
         table,
     )

@@ -24,11 +24,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import dockloop as dl
-from dockloop.figures import save_figure
-from dockloop.palette import BLUE, VERMILION, YELLOW
-from dockloop.paths import ROOT
+from dockloop.base.figures import save_figure
+from dockloop.base.palette import BLUE, VERMILION, YELLOW
+from dockloop.base.paths import ROOT
 from family_trends import ACCURACY, TRENDS, Row
-from page import find_origin, replace_section, write_head, write_page, write_row
+from page import Block, Table, make_parser, replace_section, write_page, write_points
 from slides import make_element, make_slide, write_slide
 
 PAGE = ROOT / "tests" / "validation" / "families.md"
@@ -157,11 +157,11 @@ def add(costs: dict[str, Cost], names: tuple[str, ...] = ()) -> Cost:
     return Cost(sum(p.seconds for p in parts), sum(p.evaluations for p in parts))
 
 
-def list_costs(options: argparse.Namespace) -> list[str]:
+def list_costs(options: argparse.Namespace) -> Block:
     """Cost of evaluations and of whole sequences."""
     duration = 200.0 if options.quick else DURATION
-    each = write_head("us per evaluation", "apart", "in contact", "hard docked", "rigid joint")
-    whole = write_head(
+    each = Table("us per evaluation", "apart", "in contact", "hard docked", "rigid joint")
+    whole = Table(
         "s of the processor", "elastic joint", "rigid joint",
         "of that hard docked: elastic", "rigid", f"rigid, steps of {LONG_STEP:g} s",
     )  # fmt: skip
@@ -169,32 +169,25 @@ def list_costs(options: argparse.Namespace) -> list[str]:
         elastic = measure(name, {}, STEP, duration)
         rigid = measure(name, RIGID, STEP, duration)
         coarse = measure(name, RIGID, LONG_STEP, duration)
-        each.append(
-            write_row(
-                name,
-                add(elastic, ("approach",)).write_each(),
-                add(elastic, ("contact",)).write_each(),
-                add(elastic, ("hard_docked",)).write_each(),
-                add(rigid, ("hard_docked",)).write_each(),
-            )
+        each.add(
+            name,
+            add(elastic, ("approach",)).write_each(),
+            add(elastic, ("contact",)).write_each(),
+            add(elastic, ("hard_docked",)).write_each(),
+            add(rigid, ("hard_docked",)).write_each(),
         )
-        whole.append(
-            write_row(
-                name,
-                *(f"{add(costs).seconds:.2f}" for costs in (elastic, rigid)),
-                *(
-                    f"{cost.seconds:.2f} ({cost.evaluations:.0f} evaluations)"
-                    for cost in (add(c, ("hard_docked",)) for c in (elastic, rigid, coarse))
-                ),
-            )
+        whole.add(
+            name,
+            *(f"{add(costs).seconds:.2f}" for costs in (elastic, rigid)),
+            *(
+                f"{cost.seconds:.2f} ({cost.evaluations:.0f} evaluations)"
+                for cost in (add(c, ("hard_docked",)) for c in (elastic, rigid, coarse))
+            ),
         )
     return [
-        *each,
-        "",
+        each,
         f"From approach to separation, {duration:.0f} s with communication steps of {STEP:g} s:",
-        "",
-        *whole,
-        "",
+        whole,
         "With a rigid joint the mechanism costs nothing, but each communication step ends a step of"
         " the method. So hard docking saves most with long communication steps.",
     ]
@@ -256,9 +249,9 @@ def audit(name: str, keys: dict[str, Any]) -> Audit:
     )
 
 
-def list_sequences(options: argparse.Namespace) -> list[str]:
+def list_sequences(options: argparse.Namespace) -> Block:
     """Energy and momentum residuals of whole sequences."""
-    lines = write_head(
+    table = Table(
         "family", "end", "energy residual", "ten times coarser", "grows most in",
         "before undocking", "momentum residual", "work of drives J", "wanted",
     )  # fmt: skip
@@ -270,23 +263,19 @@ def list_sequences(options: argparse.Namespace) -> list[str]:
             for rtol in (RTOL, COARSER)
         )
         missed += [] if fine.is_met() else [name]
-        lines.append(
-            write_row(
-                name,
-                fine.end,
-                f"{fine.energy:.1e}",
-                f"{coarse.energy:.1e}",
-                fine.worst,
-                f"{fine.docked:.1e}",
-                f"{fine.momentum:.1e}",
-                f"{fine.work:.0f}",
-                "met" if fine.is_met() else "**missed**",
-            )
+        table.add(
+            name,
+            fine.end,
+            f"{fine.energy:.1e}",
+            f"{coarse.energy:.1e}",
+            fine.worst,
+            f"{fine.docked:.1e}",
+            f"{fine.momentum:.1e}",
+            f"{fine.work:.0f}",
+            "met" if fine.is_met() else "**missed**",
         )
-    lines += ["", f"Wanted: energy {WANTED_ENERGY:g}, momentum {WANTED_MOMENTUM:g}."]
-    if missed:
-        lines += [f"Missed by: {', '.join(missed)}."]
-    return lines
+    wanted = f"Wanted: energy {WANTED_ENERGY:g}, momentum {WANTED_MOMENTUM:g}."
+    return [table, wanted + (f"\nMissed by: {', '.join(missed)}." if missed else "")]
 
 
 # ------------------------------------------------ capture
@@ -378,10 +367,10 @@ def draw(name: str, envelopes: dict[float, Any], path: Path) -> None:
     save_figure(figure, path, COMMAND)
 
 
-def list_captures(options: argparse.Namespace) -> list[str]:
+def list_captures(options: argparse.Namespace) -> Block:
     """Where the families capture, with margins along the boundary."""
     offsets = (0.0, 0.4) if options.quick else (0.0, 0.1, 0.2, 0.3, 0.4)
-    lines = write_head(
+    table = Table(
         "family", "thrust N", "captured, of the box", "with rated loads", "dockings",
         *(f"least speed at {y:g} m, mm/s" for y in offsets), "loads", "stops",
     )  # fmt: skip
@@ -411,32 +400,28 @@ def list_captures(options: argparse.Namespace) -> list[str]:
                 )
                 stops.append(find_stops(run, forces))
             share, whose = max(stops, default=(0.0, "none"))
-            lines.append(
-                write_row(
-                    name,
-                    f"{thrust:.0f}",
-                    *(f"{100 * c['met']:.0f} %" for c in envelope.summary["criteria"]),
-                    envelope.summary["dockings"],
-                    *(write_least(envelope, y) for y in offsets),
-                    f"{loads.min():.2f} to {loads.max():.2f}" if len(loads) else "-",
-                    f"{share:.2f} ({whose})",
-                )
+            table.add(
+                name,
+                f"{thrust:.0f}",
+                *(f"{100 * c['met']:.0f} %" for c in envelope.summary["criteria"]),
+                envelope.summary["dockings"],
+                *(write_least(envelope, y) for y in offsets),
+                f"{loads.min():.2f} to {loads.max():.2f}" if len(loads) else "-",
+                f"{share:.2f} ({whose})",
             )
         figure = options.output.parent / "figures" / f"families_{name}.png"
         draw(name, envelopes, figure)
-        pictures.append(f"\n![Where {name} captures](figures/{figure.name})")
+        pictures.append(f"![Where {name} captures](figures/{figure.name})")
     tolerance = envelope.summary["uncertainty"]
-    lines += ["", f"The boundary is known within {100 * tolerance:.0f} % of a range."]
+    blocks = [table, f"The boundary is known within {100 * tolerance:.0f} % of a range."]
     if failed:
         names, (_, command, reason) = sorted({name for name, *_ in failed}), failed[0]
-        lines += [
-            "",
+        blocks += [
             f"{len(failed)} dockings of {', '.join(names)} failed and count as not captured."
             " One is:",
-            "",
             f"* `{command}`: {reason}",
         ]
-    return [*lines, *pictures]
+    return [*blocks, *pictures]
 
 
 # ------------------------------------------------ brake
@@ -461,10 +446,10 @@ def make_absorber(brake: dict) -> dict:
     return make_slide(case["m"], make_element(spring, levels | brake))
 
 
-def list_brakes(options: argparse.Namespace) -> list[str]:
+def list_brakes(options: argparse.Namespace) -> Block:
     """Errors, evaluations and creep of the models of a brake."""
     case = ORACLES["absorber"][0]
-    lines = write_head(
+    table = Table(
         "model", "error x_max mm", "error v_end mm/s", "evaluations: explicit", "bdf",
         "creep in 98 s, um",
     )  # fmt: skip
@@ -487,32 +472,30 @@ def list_brakes(options: argparse.Namespace) -> list[str]:
         held = make_element({"type": "brake", "forward": block["level"], **brake}, pull)
         creep = run_slide(make_slide(block["m"], held), 0.0, 100.0, 1.0, METHODS[1])
         place = creep["element[1].coordinate"]
-        lines.append(
-            write_row(
-                name,
-                f"{1e3 * (x[top] - case['x_max']):.4f}",
-                f"{1e3 * (-v_end - case['v_end']):.4f}",
-                *(f"{count:.0f}" for count in counts),
-                f"{1e6 * (place[-1] - place[2]):.2g}",
-            )
+        table.add(
+            name,
+            f"{1e3 * (x[top] - case['x_max']):.4f}",
+            f"{1e3 * (-v_end - case['v_end']):.4f}",
+            *(f"{count:.0f}" for count in counts),
+            f"{1e6 * (place[-1] - place[2]):.2g}",
         )
-    return lines
+    return table
 
 
 # ------------------------------------------------ page
 
 
-def list_trends(options: argparse.Namespace) -> list[str]:
+def list_trends(options: argparse.Namespace) -> Block:
     """Expectations next to results."""
     names = ("central", "roll") if options.quick else TRENDS
     rows: list[Row] = [row for name in names for row in TRENDS[name]()]
-    lines = write_head("case", "expected", "found", "verdict")
+    table = Table("case", "expected", "found", "verdict")
     for row in rows:
         verdict = "agrees" if row.agrees else f"**differs**: {row.why}"
-        lines.append(write_row(row.case, row.expected, row.found, verdict))
+        table.add(row.case, row.expected, row.found, verdict)
     agree = sum(row.agrees for row in rows)
-    lines += ["", f"{agree} of {len(rows)} rows agree.", "", "Commands:", ""]
-    return [*lines, *(f"* {row.case}: `{row.command}`" for row in rows)]
+    commands = write_points(f"{row.case}: `{row.command}`" for row in rows)
+    return [table, f"{agree} of {len(rows)} rows agree.", "Commands:", commands]
 
 
 SECTIONS = {
@@ -526,36 +509,31 @@ SECTIONS = {
 
 def main(words: list[str] | None = None) -> None:
     """Write the page."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__, PAGE)
     parser.add_argument("--quick", action="store_true", help="a small sample of each section")
     parser.add_argument("--only", choices=SECTIONS, help="one section, the others stay")
-    parser.add_argument("-o", "--output", type=Path, default=PAGE, help="page to write")
     options = parser.parse_args(words)
     if options.output == PAGE and options.quick:
         parser.error("--quick needs another page: -o build/families.md")
     options.families = QUICK if options.quick else FAMILIES
     if options.only and options.output.exists():
-        title, lines = make_section(options.only, options)
-        origin = find_origin(f"{COMMAND} --only {options.only}")
-        replace_section(options.output, title, origin, *lines)
+        title, *blocks = make_section(options.only, options)
+        replace_section(options.output, title, f"{COMMAND} --only {options.only}", *blocks)
         return
     made = [make_section(name, options) for name in SECTIONS if options.only in (None, name)]
-    lines = [line for title, part in made for line in ("", f"## {title}", *part)]
-    title = "# What the families of mechanisms cost and do"
-    write_page(options.output, title, find_origin(COMMAND), *lines)
+    sections = ((f"## {title}", *blocks) for title, *blocks in made)
+    write_page(options.output, "What the families of mechanisms cost and do", COMMAND, *sections)
 
 
-def make_section(name: str, options: argparse.Namespace) -> tuple[str, list[str]]:
-    """Return title and lines of a section."""
+def make_section(name: str, options: argparse.Namespace) -> tuple[str, Block, Block]:
+    """Return title and blocks of a section."""
     title, make = SECTIONS[name]
     exact = ORACLES["absorber"][0]
     text = TEXTS[name].format(**{k: 1e3 * exact[k] for k in ("x_max", "v_end")})
     began = time.perf_counter()
-    lines = [text, *make(options)]
+    blocks = make(options)
     print(f"{title}: {time.perf_counter() - began:.0f} s", flush=True)
-    return title, lines
+    return title, text, blocks
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ Examples:
     .venv/bin/python tests/studies/family_pages.py --stills       # also the pictures
 """
 
-import argparse
 import hashlib
 import json
 import re
@@ -24,13 +23,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import dockloop as dl
-from dockloop import core, formats
-from dockloop.drawing import find_legs
-from dockloop.figures import put_legend, save_figure
-from dockloop.mechanism_drawing import draw_mechanism
-from dockloop.palette import BLUE, SOFT, cycle_lines
-from dockloop.paths import MECHANISMS, MODELS, ROOT, SCENES, shown
-from page import write_head, write_row
+from dockloop.base.figures import put_legend, save_figure
+from dockloop.base.palette import BLUE, SOFT, cycle_lines
+from dockloop.base.paths import MECHANISMS, MODELS, ROOT, SCENES, shown
+from dockloop.native import core
+from dockloop.scene import formats
+from dockloop.scene.mechanism_drawing import draw_mechanism
+from dockloop.scene.shapes import find_legs
+from page import Block, Table, list_blocks, make_parser, write_table
 
 COMMAND = "tests/studies/family_pages.py"
 FIGURES = MODELS / "figures"
@@ -264,26 +264,26 @@ def name_all(names: list[str]) -> str:
     return ", ".join(names)
 
 
-def list_numbers(name: str) -> list[str]:
+def list_numbers(name: str) -> Table:
     """Return the table of numbers of a family."""
     rows = Numbers(read_mechanism(name)).list_rows()
-    return [*write_head("part", "numbers", "source"), *(write_row(*row) for row in rows)]
+    return write_table(("part", "numbers", "source"), rows)
 
 
 # ------------------------------------------------ variables
 
 
-def list_variables(name: str) -> list[str]:
+def list_variables(name: str) -> Table:
     """Return the tables of what a host sets and reads."""
     known = dl.Docking(name).variables
-    lines = write_head("variable", "unit", "meaning")
+    table = Table("variable", "unit", "meaning")
     for kind, names in (("set", FAMILIES[name].sets), ("read", FAMILIES[name].reads)):
-        lines.append(write_row(f"*{kind}*", "", ""))
+        table.add(f"*{kind}*", "", "")
         for each in names:
             row = known[each]
             text = row.description.split(": 1 ")[0]  # without the list of a choice
-            lines.append(write_row(f"`{each}`", "" if row.unit == "1" else row.unit, text))
-    return lines
+            table.add(f"`{each}`", "" if row.unit == "1" else row.unit, text)
+    return table
 
 
 # ------------------------------------------------ a whole docking
@@ -333,18 +333,18 @@ def list_shares(name: str, run: dl.Result) -> Iterator[Share]:
                 yield Share(f"force of the drive of {force['name']}", most, law["limit"], "N")
 
 
-def list_loads(name: str, run: dl.Result) -> list[str]:
+def list_loads(name: str, run: dl.Result) -> list[Block]:
     """Return the table of the largest loads and travels next to what is rated."""
     kinds: dict[str, list[Share]] = {}
     for share in list_shares(name, run):
         kinds.setdefault(re.sub(r"\d+", "*", share.what), []).append(share)
-    lines = write_head("load or travel", "largest", "rated or limit", "share")
+    table = Table("load or travel", "largest", "rated or limit", "share")
     for kind, shares in kinds.items():
         most = max(shares, key=lambda share: share.share)
         what = most.what if len(shares) == 1 else f"{kind}, largest: {most.what.split()[-1]}"
         each = (f"{value:.0f} {most.unit}" for value in (most.largest, most.rated))
-        lines.append(write_row(what, *each, f"{100 * most.share:.0f} %"))
-    return [f"<!-- files {find_stamp(name)} -->", "", *lines]
+        table.add(what, *each, f"{100 * most.share:.0f} %")
+    return [f"<!-- files {find_stamp(name)} -->", table]
 
 
 def list_steps(name: str, run: dl.Result) -> list[tuple[float, str]]:
@@ -415,19 +415,19 @@ def draw_mechanism_of(name: str) -> str:
     return draw_mechanism(document, report["home_q"], report["independent"]) + "\n"
 
 
-def fill(text: str, blocks: dict[str, list[str]]) -> str:
+def fill(text: str, blocks: dict[str, Block]) -> str:
     """Return a page with these blocks written anew; others stay."""
 
     def put(found: re.Match) -> str:
-        made = blocks.get(found[2])
-        return found[0] if made is None else f"{found[1]}\n" + "\n".join(made) + f"\n\n{found[3]}"
+        made = "\n\n".join(list_blocks(blocks.get(found[2], ())))
+        return f"{found[1]}\n{made}\n\n{found[3]}" if made else found[0]
 
     return BLOCK.sub(put, text)
 
 
 def make_page(name: str, run: dl.Result | None = None) -> str:
     """Return the page of a family, with the loads of a docking if there is one."""
-    blocks = {"numbers": list_numbers(name), "variables": list_variables(name)}
+    blocks: dict[str, Block] = {"numbers": list_numbers(name), "variables": list_variables(name)}
     if run is not None:
         blocks["loads"] = list_loads(name, run)
     return fill(find_page(name).read_text(encoding="utf-8"), blocks)
@@ -459,9 +459,7 @@ def write_family(name: str, *, stills: bool) -> None:
 
 def main(words: list[str] | None = None) -> None:
     """Write pages and figures."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--stills", action="store_true", help="pictures, too (needs Chromium)")
     options = parser.parse_args(words)
     for name in FAMILIES:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import dockloop as dl
-from dockloop.sampling import as_setting
+from dockloop.scene.values import as_setting
 
 ACCURACY = 1e-3
 ALIGNED = {

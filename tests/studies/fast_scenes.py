@@ -10,7 +10,6 @@ Examples:
     .venv/bin/python tests/studies/fast_scenes.py --cases 64     # a minute
 """
 
-import argparse
 import collections
 import sys
 import tempfile
@@ -18,13 +17,14 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from dockloop import paths
-from dockloop.results import ProgressBar
-from dockloop.sampling import read_sweep
-from dockloop.sweeps import run_sweep
+from dockloop.base import paths
+from dockloop.base.progress import ProgressBar
+from dockloop.sweeps.run import run_sweep
+from dockloop.sweeps.sampling import read_sweep
 from light_vehicles import write_light_scene
-from page import find_origin, write_head, write_page, write_row
+from page import Table, make_parser, write_page, write_points
 
+PAGE = paths.ROOT / "tests" / "validation" / "steps.md"
 STEPS = (0.02, 0.1)
 COMPARED = ("outcome", "latched[1]", "latched[2]", "latched[3]")
 VEHICLES = {  # name: are they light, part of the scenes
@@ -86,7 +86,7 @@ def run(folder: Path, scene: str, cases: int, step: float) -> list:
     return list(run_sweep(read_sweep(str(file)), output, progress=ProgressBar(label))["results"])
 
 
-def compare(cases: int, *, light: bool) -> tuple[list[int], list[str]]:
+def compare(cases: int, *, light: bool) -> tuple[list[int], str]:
     """Run all scenes with both steps; returns counts and why scenes were not run to the end."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -103,20 +103,16 @@ def compare(cases: int, *, light: bool) -> tuple[list[int], list[str]]:
         for a in fine
         if a.status != "done"
     )
-    lines = [f"* {count}: {reason}" for reason, count in reasons.most_common()]
-    return [len(both), caught, sum(ended), apart], lines
+    points = (f"{count}: {reason}" for reason, count in reasons.most_common())
+    return [len(both), caught, sum(ended), apart], write_points(points) or "* none"
 
 
 def main() -> None:
     """Write the page."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    page = paths.ROOT / "tests" / "validation" / "steps.md"
+    parser = make_parser(__doc__, PAGE)
     parser.add_argument("--cases", type=int, default=2048, help="scenes: a power of two")
-    parser.add_argument("-o", "--output", type=Path, default=page, help="the page")
     options = parser.parse_args()
-    table = write_head(
+    table = Table(
         *("vehicles", "scenes", "run to the end with both steps", "with a latch that caught"),
         *("other outcome or latches", "run to the end with one step only"),
     )
@@ -124,23 +120,16 @@ def main() -> None:
     for name, (light, part) in VEHICLES.items():
         cases = options.cases // part
         counts, reasons = compare(cases, light=light)
-        table.append(write_row(name, cases, *counts))
-        notes += [
-            "",
-            f"Not run to the end with steps of {STEPS[0]} s, {name}:",
-            "",
-            *(reasons or ["* none"]),
-        ]
+        table.add(name, cases, *counts)
+        notes += [f"Not run to the end with steps of {STEPS[0]} s, {name}:", reasons]
     write_page(
         options.output,
-        "# Outcomes and the communication step",
-        find_origin(f"tests/studies/fast_scenes.py --cases {options.cases}"),
-        "",
+        "Outcomes and the communication step",
+        f"tests/studies/fast_scenes.py --cases {options.cases}",
         f"Random scenes of 1.2 s, default tolerances, communication steps of {STEPS[0]} and"
         f" {STEPS[1]} s: closing speed 0.5 to 2 m/s, offset up to 0.3 m, spin up to 60 rpm.",
-        "",
-        *table,
-        *notes,
+        table,
+        notes,
     )
 
 

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dockloop.core import name_choice
-from dockloop.fmu import build_fmu
-from dockloop.mechanism import check_mechanism
-from dockloop.paths import ROOT
-from dockloop.simulate import run_fmu
-from page import find_origin, write_head, write_page, write_row
+from dockloop.base.paths import ROOT
+from dockloop.fmu.build import build_fmu
+from dockloop.fmu.host import run_fmu
+from dockloop.native.core import name_choice
+from dockloop.scene.mechanism import check_mechanism
+from page import Table, write_page
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 STRAIGHT = [
@@ -33,12 +33,12 @@ STRAIGHT = [
 ]
 
 
-LINES = write_head("what", "figure")
+LINES = Table("what", "figure")
 
 
 def show(what: str, figure: str) -> None:
     """Add one line to the list."""
-    LINES.append(write_row(what, figure))
+    LINES.add(what, figure)
 
 
 def run(scene: str, *overrides: str, **options):
@@ -158,4 +158,4 @@ if __name__ == "__main__":
     for part in (vectors, bench, absorber, docking, fast, lateral):
         part()
     page = ROOT / "tests" / "validation" / "figures.md"
-    write_page(page, "# Figures", find_origin("tests/studies/figures.py"), "", *LINES)
+    write_page(page, "Figures", "tests/studies/figures.py", LINES)

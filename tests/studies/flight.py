@@ -17,11 +17,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from dockloop.core import list_loads
-from dockloop.fmu import build_fmu
-from dockloop.paths import ROOT
+from dockloop.base.paths import ROOT
+from dockloop.fmu.build import build_fmu
+from dockloop.native.core import list_loads
 from extreme_cases.fmi_host import Host
-from page import find_origin, write_head, write_page, write_row
+from page import Table, write_page
 
 DRIFT, DOCKING = 600.0, 20.0  # s
 TIGHT = {"solver__rtol": 1e-10, "solver__atol_position": 1e-12, "solver__atol_velocity": 1e-12}
@@ -50,7 +50,7 @@ def run(fmu, drift, size, **values):
 
 def main():
     """Write the page."""
-    lines = write_head(
+    table = Table(
         *("mechanism", "step s", "evaluations in free drift / all", "share", "share of time"),
         *("peak loads off by", "times s", "motion m, m/s"),
     )
@@ -67,24 +67,20 @@ def main():
         ):
             loads, times, motion, cost = run(fmu, drift, size)
             (before, seconds), (total, total_seconds) = cost
-            lines.append(
-                write_row(
-                    *(name, f"{size:g}", f"{before:.0f} / {total:.0f}", f"{before / total:.2%}"),
-                    f"{seconds / total_seconds:.1%}",
-                    f"{np.abs(loads - exact[0]).max() / exact[0].max():.0e}",
-                    f"{np.abs(times - exact[1]).max():.0e}",
-                    f"{np.abs(motion - exact[2]).max():.0e}",
-                )
+            table.add(
+                *(name, f"{size:g}", f"{before:.0f} / {total:.0f}", f"{before / total:.2%}"),
+                f"{seconds / total_seconds:.1%}",
+                f"{np.abs(loads - exact[0]).max() / exact[0].max():.0e}",
+                f"{np.abs(times - exact[1]).max():.0e}",
+                f"{np.abs(motion - exact[2]).max():.0e}",
             )
     write_page(
         ROOT / "tests" / "validation" / "flight.md",
-        "# A long approach with the mechanism at rest",
-        find_origin("tests/studies/flight.py"),
-        "",
+        "A long approach with the mechanism at rest",
+        "tests/studies/flight.py",
         "Ten minutes of approach and 20 s of the default docking; quiescent: `model.flight` 1, the"
         " default. Errors are those against a run that is always integrated, at 1e-10.",
-        "",
-        *lines,
+        table,
     )
 
 

@@ -18,16 +18,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import test_derivatives as derivatives
 import test_model_exchange as exchange
-from dockloop.fmu import build_fmu
-from dockloop.paths import ROOT
-from page import find_origin, write_head, write_page, write_row
+from dockloop.base.paths import ROOT
+from dockloop.fmu.build import build_fmu
+from page import Table, write_page
 
 TOLERANCES = (1e-5, 1e-7, 1e-9, 1e-10)
 
 
 def list_exchange(folder):
     """One row per scene and tolerance of CVODE."""
-    lines = write_head("scene", "tolerance of CVODE", "pose", "time of contact, of capture")
+    table = Table("scene", "tolerance of CVODE", "pose", "time of contact, of capture")
     for scene, (overrides, stop, pose, times, _) in exchange.SCENES.items():
         fmu = build_fmu(scene, overrides, Path(folder) / f"{scene}.fmu")
         names = [*pose, *times]
@@ -36,15 +36,15 @@ def list_exchange(folder):
             run = exchange.simulate(fmu, "ModelExchange", names, stop, 0.005, tolerance=tolerance)
             late = f"{exchange.worst(run, reference, times):.1e} s" if times else "-"
             away = exchange.worst(run, reference, pose)
-            lines.append(write_row(scene, f"{tolerance:.0e}", f"{away:.1e} m", late))
-    return lines
+            table.add(scene, f"{tolerance:.0e}", f"{away:.1e} m", late)
+    return table
 
 
 def list_derivatives(folder):
     """One row per instant of the default docking."""
-    lines = write_head("instant", "pairs declared, of", "largest error of a row", "group")
+    table = Table("instant", "pairs declared, of", "largest error of a row", "group")
     for instant, (overrides, time, size, _) in derivatives.INSTANTS.items():
-        path = Path(folder) / f"{len(instant)}.fmu"
+        path = Path(folder) / f"{instant}.fmu"
         fmu = build_fmu(derivatives.DEFAULT, (derivatives.NEAR, *overrides), path)
         with derivatives.bring_to(fmu, time, size) as host:
             bristles = [n for n in host.variables if "ode.bristle" in n]
@@ -53,23 +53,19 @@ def list_derivatives(folder):
             by_group, _ = jacobian.errors(jacobian.reported())
             worst = max(by_group, key=by_group.get)
             pairs = f"{np.count_nonzero(jacobian.declared)}, {jacobian.declared.size}"
-            lines.append(write_row(instant, pairs, f"{by_group[worst]:.1e}", worst))
-    return lines
+            table.add(instant, pairs, f"{by_group[worst]:.1e}", worst)
+    return table
 
 
 with tempfile.TemporaryDirectory() as temporary:
     write_page(
         ROOT / "tests" / "validation" / "fmi.md",
-        "# Interfaces and derivatives of the FMU",
-        find_origin("tests/studies/fmi.py"),
-        "",
+        "Interfaces and derivatives of the FMU",
+        "tests/studies/fmi.py",
         "The host integrates (CVODE of FMPy), against co-simulation at tight tolerance; largest"
         " difference at the end:",
-        "",
-        *list_exchange(temporary),
-        "",
+        list_exchange(temporary),
         "Directional derivatives against central differences of sixth order, all declared pairs in"
         " the default docking, relative to the largest entry of a row (the differences limit it):",
-        "",
-        *list_derivatives(temporary),
+        list_derivatives(temporary),
     )

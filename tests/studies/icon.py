@@ -14,8 +14,8 @@ from matplotlib import rcParams
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, FancyBboxPatch, Polygon
 
-from dockloop import paths
-from dockloop.drawing import find_legs
+from dockloop.base import paths
+from dockloop.scene.shapes import find_legs
 
 BLUE, SAND, RED, INK = "#42607f", "#a5854b", "#c2483d", "#1d2733"
 FIGURES = paths.MODELS / "figures"

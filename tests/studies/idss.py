@@ -14,7 +14,6 @@ Examples:
     .venv/bin/python tests/studies/idss.py --corners 4 --cases 16 -o build/idss.md
 """
 
-import argparse
 import os
 import random
 import sys
@@ -24,16 +23,17 @@ from multiprocessing.pool import Pool
 from pathlib import Path
 
 import numpy as np
+from pyarrow import parquet
 
-from dockloop.core import list_loads, name_choice
-from dockloop.fmu import build_fmu
-from dockloop.paths import ROOT, SWEEPS
-from dockloop.results import ProgressBar
-from dockloop.sampling import read_sweep
-from dockloop.simulate import run_fmu
-from dockloop.sweep_report import make_table
-from dockloop.sweeps import run_sweep
-from page import find_origin, write_head, write_page, write_row
+from dockloop.base.paths import ROOT, SWEEPS
+from dockloop.base.progress import ProgressBar
+from dockloop.fmu.build import build_fmu
+from dockloop.fmu.host import run_fmu
+from dockloop.native.core import list_loads, name_choice
+from dockloop.sweeps.run import run_sweep
+from dockloop.sweeps.sampling import read_sweep
+from dockloop.sweeps.table import write_table as write_rows
+from page import Block, Table, make_parser, write_page, write_table
 
 SCENE, SWEEP = "idss_25t_350t", "idss_initial_conditions"
 PAGE = ROOT / "tests" / "validation" / "idss.md"
@@ -103,11 +103,11 @@ def list_others(outcomes: list[str]) -> str:
     return ", ".join(f"{outcomes.count(name)} {name}" for name in names) or "no others"
 
 
-def describe_corners(speed: float, thrust: float, rows: list[dict]) -> str:
+def describe_corners(speed: float, thrust: float, rows: list[dict]) -> tuple[object, ...]:
     """Condense the cases of one speed and thrust to a line of the table."""
     captured = [row["capture"] for row in rows if row["outcome"] == "captured"]
     peak = {load: max(row[load] for row in rows) for load in LOADS}
-    return write_row(
+    return (
         speed,
         f"{thrust:.0f}",
         f"{len(captured)}/{len(rows)}",
@@ -121,7 +121,7 @@ def describe_corners(speed: float, thrust: float, rows: list[dict]) -> str:
     )
 
 
-def study_offsets(pool: Pool, extra: list[str]) -> list[str]:
+def study_offsets(pool: Pool, extra: list[str]) -> Table:
     """Capture over closing speed and lateral offset."""
     at_limit = ["initial.pitch_yaw_deg=4.0", "initial.roll_deg=4.0", "initial.approach_time=0.5"]
     cases = [
@@ -134,14 +134,14 @@ def study_offsets(pool: Pool, extra: list[str]) -> list[str]:
         f"{row['capture']:.1f}" if row["outcome"] == "captured" else row["outcome"] for row in rows
     ]
     n = len(OFFSETS)
-    head = write_head("closing speed m/s", *(f"{y:g} m" for y in OFFSETS))
-    return head + [write_row(v, *cells[i * n : i * n + n]) for i, v in enumerate(SPEEDS)]
+    head = ("closing speed m/s", *(f"{y:g} m" for y in OFFSETS))
+    return write_table(head, ((v, *cells[i * n : i * n + n]) for i, v in enumerate(SPEEDS)))
 
 
-def study_corners(pool: Pool, count: int, extra: list[str]) -> list[str]:
+def study_corners(pool: Pool, count: int, extra: list[str]) -> Table:
     """All limits of the standard at once."""
     corners = make_corners(count)
-    lines = write_head(
+    table = Table(
         *("closing speed m/s", "thrust N", "captured", "others", "captured after s"),
         *("compression / tension / shear N", "bending / torsion N m", "leg travel mm"),
         *("energy residual J", "momentum residual"),
@@ -155,11 +155,11 @@ def study_corners(pool: Pool, count: int, extra: list[str]) -> list[str]:
                 *extra,
             ]
             rows = pool.map(run_case, [[*corner, *more] for corner in corners], 1)
-            lines.append(describe_corners(speed, thrust, rows))
-    return lines
+            table.add(*describe_corners(speed, thrust, rows))
+    return table
 
 
-def study_box(count: int, workers: int, extra: list[str]) -> list[str]:
+def study_box(count: int, workers: int, extra: list[str]) -> list[Block]:
     """The box inside the limits: the shipped sweep, its first `count` cases."""
     source = (SWEEPS / f"{SWEEP}.toml").read_text(encoding="utf-8")
     document = tomllib.loads(source)
@@ -172,7 +172,8 @@ def study_box(count: int, workers: int, extra: list[str]) -> list[str]:
         sweep = read_sweep(str(file))
         output = Path(folder) / "box.parquet"
         ran = run_sweep(sweep, output, workers=workers, progress=ProgressBar("box"))
-        table = make_table(sweep, ran["planner"], ran["results"]).to_pydict()
+        write_rows(sweep, ran["planner"], ran["results"], None, output)
+        table = parquet.read_table(output).to_pydict()
     done = np.array(table["status"]) == "done"
     outcome = [str(name) for name in np.array(table["outcome"])[done]]
     captured = np.array([name == "captured" for name in outcome])
@@ -183,36 +184,31 @@ def study_box(count: int, workers: int, extra: list[str]) -> list[str]:
         np.array(table[f"time_of_{name}"], dtype=float)[done] for name in ("contact", "capture")
     )  # NaN where it never came
     after = capture - contact
-    lines = [
+    text = (
         f"{count} cases, {int(done.sum())} run, {int(count - done.sum())} refused or failed:"
         f" {int(captured.sum())} captured, {list_others(outcome)}. Of the quarter with the smallest"
         f" lateral offsets {int(captured[quarter[:n]].sum())} of {n} were captured, of that with"
         f" the largest {int(captured[quarter[-n:]].sum())}. Half of the captures took less than"
         f" {np.median(after[captured]):.1f} s from first contact, the longest"
-        f" {after[captured].max():.1f} s.",
-        "",
-        *write_head("peak load", "median", "95 %", "99 %", "largest"),
-    ]
+        f" {after[captured].max():.1f} s."
+    )
+    peaks = Table("peak load", "median", "95 %", "99 %", "largest")
     for load, unit in LOADS.items():
         values = np.array(table[f"capture.peak.{load}"], dtype=float)[done]
         cells = [f"{np.quantile(values, q):.0f}" for q in (0.5, 0.95, 0.99, 1.0)]
-        lines.append(write_row(f"{load} {unit}", *cells))
-    return lines
+        peaks.add(f"{load} {unit}", *cells)
+    return [text, peaks]
 
 
 def main() -> int:
     """Run all cases and write the page."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__, PAGE)
     parser.add_argument("--corners", type=int, default=32, help="random corners per row")
     parser.add_argument("--cases", type=int, default=512, help="of the sweep: a power of two")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
-    parser.add_argument("-o", "--output", type=Path, default=PAGE, help="the page")
     options = parser.parse_args()
     command = f"tests/studies/idss.py --corners {options.corners} --cases {options.cases}"
-    page = [
-        "",
+    blocks: list[Block] = [
         f"Scene `{SCENE}`, runs of 25 s. Variants are made with `--scene KEY=VALUE`; what a passive"
         " ring does not capture is reported, not tuned away. `dockloop check` says how far seated"
         " rings of a variant can play, and whether their latches can still catch then.",
@@ -221,24 +217,19 @@ def main() -> int:
         for name, extra in VARIANTS.items():
             print(name, file=sys.stderr)
             keys = " ".join(f"--scene {key}" for key in extra)
-            page += ["", f"## {name[0].upper()}{name[1:]}", ""]
-            page += [f"`{keys}`", ""] if keys else []
-            page += [
+            blocks += [
+                f"## {name[0].upper()}{name[1:]}",
+                f"`{keys}`" if keys else "",
                 "Seconds from first contact to capture over closing speed and lateral offset; tilt"
                 " and roll 4 deg:",
-                "",
-                *study_offsets(pool, extra),
-                "",
+                study_offsets(pool, extra),
                 f"{options.corners} random corners a row (every limit of the standard at once):",
-                "",
-                *study_corners(pool, options.corners, extra),
-                "",
+                study_corners(pool, options.corners, extra),
                 "Inside the limits (`dockloop sweep idss_initial_conditions`):",
-                "",
-                *study_box(options.cases, options.workers, extra),
+                study_box(options.cases, options.workers, extra),
             ]
-    title = "# Capture under the conditions of the IDSS"
-    write_page(options.output, title, find_origin(command), *page)
+    title = "Capture under the conditions of the IDSS"
+    write_page(options.output, title, command, *blocks)
     return 0
 
 

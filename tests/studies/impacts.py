@@ -20,8 +20,8 @@ import mujoco
 import numpy as np
 
 import dockloop as dl
-from dockloop.paths import ROOT
-from page import find_origin, write_head, write_page, write_row
+from dockloop.base.paths import ROOT
+from page import Table, write_page
 
 STIFFNESS, TOE = 2e6, 5e-5  # N/m, m
 STEP = 1e-4  # s, of MuJoCo; results of dockloop are recorded at the same times
@@ -64,7 +64,7 @@ other ring. The mechanism has no bodies. Contact has no friction. MuJoCo begins 
 that dockloop has recorded. MuJoCo finds contacts by its own collision code and moves its own
 bodies. At these contacts the study applies the penalty law, written a second time from the formulas
 of `src/contact/README.md`. Both programs record the force on the target every 0.1 ms.
-""".splitlines()
+"""
 DIFFERENCES = """\
 What differs between the two programs:
 
@@ -74,7 +74,7 @@ What differs between the two programs:
 * MuJoCo has a large plate in the place of the ring face; no point leaves that face.
 * MuJoCo takes Runge-Kutta steps of 0.1 ms; dockloop chooses its steps.
 * Begin and duration are counted in samples of 0.1 ms.
-* No depth is more than half of the roundings, so the barrier takes no part.""".splitlines()
+* No depth is more than half of the roundings, so the barrier takes no part."""
 
 
 @dataclass
@@ -263,8 +263,8 @@ def find_figures(forces: np.ndarray) -> list[float]:
     return [size.max(), exchange, touching[0] * STEP, duration]
 
 
-def compare(impact: Impact, damping: float) -> list[str]:
-    """Return the rows of one impact."""
+def compare(table: Table, impact: Impact, damping: float) -> None:
+    """Add the rows of one impact."""
     run = run_dockloop(impact, damping)
     names = ("position", "attitude", "velocity", "angular_velocity")
     vectors = {f"{v}.{n}": run.vector(f"{v}.{n}") for v in ("chaser", "target") for n in names}
@@ -281,33 +281,28 @@ def compare(impact: Impact, damping: float) -> list[str]:
     other = find_figures(forces)
     off = np.abs(ends - other_ends)
     case = f"{impact.name}, damping {damping:g} s/m"
-    rows = [
-        write_row(case, program, *(f"{value:.5g}" for value in figures))
-        for program, figures in (("dockloop", own), ("MuJoCo", other))
-    ]
+    for program, figures in (("dockloop", own), ("MuJoCo", other)):
+        table.add(case, program, *(f"{value:.5g}" for value in figures))
     parts = [f"{abs(a / b - 1.0):.1e}" for a, b in zip(own, other, strict=True)]
-    rows.append(write_row("", "difference, relative", *parts))
+    table.add("", "difference, relative", *parts)
     note = f"{off[:, :3].max():.1e} m/s, {off[:, 3:].max():.1e} rad/s"
-    return [*rows, write_row("", "velocities at the end differ by", note, "", "", "")]
+    table.add("", "velocities at the end differ by", note, "", "", "")
 
 
 def main() -> None:
     """Write the page."""
-    table = write_head("impact", "program", "peak N", "impulse N s", "begin s", "duration s")
+    table = Table("impact", "program", "peak N", "impulse N s", "begin s", "duration s")
     for impact in (make_head(), make_ring()):
         for damping in (0.0, 4.0):
-            table += compare(impact, damping)
+            compare(table, impact, damping)
     write_page(
         ROOT / "tests" / "validation" / "impacts.md",
-        "# Impacts against another engine",
-        find_origin("tests/studies/impacts.py"),
+        "Impacts against another engine",
+        "tests/studies/impacts.py",
         f"MuJoCo {mujoco.__version__}, {datetime.datetime.now(datetime.UTC):%Y-%m-%d}.",
-        "",
-        *TEXT,
-        "",
-        *table,
-        "",
-        *DIFFERENCES,
+        TEXT,
+        table,
+        DIFFERENCES,
     )
 
 

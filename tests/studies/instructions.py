@@ -17,12 +17,14 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
-from dockloop.fmu import build_fmu
-from dockloop.paths import ROOT
-from dockloop.results import ProgressBar
-from page import find_origin, write_head, write_page, write_row
+import pytest
 
-PAGE = ROOT / "tests" / "validation" / "instructions.md"
+from dockloop.base import paths
+from dockloop.base.progress import ProgressBar
+from dockloop.fmu.build import build_fmu
+from page import write_page, write_table
+
+PAGE = paths.ROOT / "tests" / "validation" / "instructions.md"
 STOP, STEP = 20.0, 0.01
 RUNS = (  # scene, accuracy; 0: default settings
     ("idss_25t_350t", 1e-3),
@@ -48,19 +50,22 @@ ALL = "dockloop::DockingSim::step(double, double)"  # all that takes time in fmi
 SCRIPT = """
 import sys
 from pathlib import Path
-from dockloop.simulate import run_fmu
+from dockloop.fmu.host import run_fmu
 fmu, stop, step, *settings = sys.argv[1:]
 made = run_fmu(Path(fmu), settings, float(stop), float(step), outputs=["solver.*"])
 print(*(int(made[f"solver.{name}"][-1]) for name in ("rhs_evaluations", "steps")))
 """
 
 
-def count(fmu: Path, accuracy: float, folder: Path) -> tuple[int, int, Counter[str]]:
-    """Run an FMU under callgrind.
+def count(scene: str, accuracy: float, folder: Path) -> tuple[int, int, Counter[str]]:
+    """Run the FMU of a scene under callgrind, with the library of this build: others lack names.
 
     Returns:
         Evaluations, inner steps, and the instructions of each function with all that it calls.
     """
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("DOCKLOOP_BUILD", str(paths.COMPILED))
+        fmu = build_fmu(scene, (), folder / f"{scene}.fmu", bare=True)
     out = folder / "callgrind.out"
     made = subprocess.run(
         [
@@ -83,6 +88,8 @@ def count(fmu: Path, accuracy: float, folder: Path) -> tuple[int, int, Counter[s
     functions = Counter()
     for number, name in rows:
         functions[name] += int(number.replace(",", ""))
+    if ALL not in functions:
+        raise SystemExit(f"callgrind has not seen {ALL}")
     return evaluations, steps, functions
 
 
@@ -101,8 +108,7 @@ def main() -> None:
     report = ProgressBar("runs")
     with tempfile.TemporaryDirectory() as folder:
         for i, (scene, accuracy) in enumerate(RUNS):
-            fmu = build_fmu(scene, (), Path(folder) / f"{scene}.fmu", bare=True)
-            evaluations, steps, functions = count(fmu, accuracy, Path(folder))
+            evaluations, steps, functions = count(scene, accuracy, Path(folder))
             total, whole = functions[ALL], add_up(functions, EVALUATION)
             parts = [add_up(functions, *found) for found in PARTS.values()]
             matrix = add_up(functions, *MATRIX)
@@ -116,6 +122,7 @@ def main() -> None:
                 ]
             )
             report((i + 1) / len(RUNS))
+    heads = ("part", *(f"`{scene}`, `accuracy` {wanted:g}" for scene, wanted in RUNS))
     rows = zip(
         ("evaluations", "inner steps", "thousand instructions for an evaluation, all in", *names),
         *columns,
@@ -123,14 +130,10 @@ def main() -> None:
     )
     write_page(
         PAGE,
-        "# Where the work of a docking goes",
-        find_origin("tests/studies/instructions.py"),
-        "",
+        "Where the work of a docking goes",
+        "tests/studies/instructions.py",
         f"Processor instructions inside `fmi2DoStep` by callgrind, {STOP:g} s at {STEP:g} s.",
-        "",
-        *write_head("part", *(f"`{scene}`, `accuracy` {wanted:g}" for scene, wanted in RUNS)),
-        *(write_row(*row) for row in rows),
-        "",
+        write_table(heads, rows),
         "All else: stages and error control of the solver, events, audits, peaks, the list of"
         " contact pairs that are close, and what each communication point costs.",
     )

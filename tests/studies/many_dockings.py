@@ -8,7 +8,6 @@ Examples:
     .venv/bin/python tests/studies/many_dockings.py --cases 32 -o build/many_dockings.md
 """
 
-import argparse
 import contextlib
 import hashlib
 import io
@@ -29,10 +28,12 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from dockloop import cli, executors, paths
-from dockloop.core import load_core
+from dockloop import cli
+from dockloop.base import paths
+from dockloop.native.core import load_core
+from dockloop.sweeps import cases
 from mishaps import Cluster, full_disk, lines_of, wait_for_lines
-from page import find_origin, write_head, write_page, write_row
+from page import Table, make_parser, write_page, write_table
 
 COMMAND = "tests/studies/many_dockings.py"
 PAGE = paths.ROOT / "tests" / "validation" / "many_dockings.md"
@@ -110,15 +111,15 @@ class TimedCore:
 @contextmanager
 def timed_cases() -> Iterator[Clock]:
     """Time the dockings of sweeps in this process."""
-    clock, real = Clock(), executors.load_core
-    executors.load_core = lambda: TimedCore(clock)
+    clock, real = Clock(), cases.load_core
+    cases.load_core = lambda: TimedCore(clock)
     try:
         yield clock
     finally:
-        executors.load_core = real
+        cases.load_core = real
 
 
-def measure_rate(sweep: Path, table: Path, workers: int) -> list[str]:
+def measure_rate(sweep: Path, table: Path, workers: int) -> Table:
     """Run all cases, then the report; return the rows of costs."""
     words = ("sweep", str(sweep), "--engine", "core", "--workers", str(workers), "-o", str(table))
     with timed_cases() as clock:
@@ -133,18 +134,17 @@ def measure_rate(sweep: Path, table: Path, workers: int) -> list[str]:
     assert status == 0, err
     solver, start = clock.spent["solver"], clock.spent["start"]
     rest = total - solver - start
-    return [
-        *write_head("figure", "value"),
-        write_row("cases done", cases),
-        write_row("threads", workers),
-        write_row("cases per second of wall time", f"{cases / wall:.1f}"),
-        write_row("cases per second of processor time (per core)", f"{cases / total:.1f}"),
-        write_row("processor time in the solver", f"{solver:.1f} s, {solver / total:.1%}"),
-        write_row("to read scenes and place vehicles", f"{start:.1f} s, {start / total:.1%}"),
-        write_row("to plan, keep and report cases", f"{rest:.1f} s, {rest / total:.1%}"),
-        write_row("**outside the solver**", f"**{1.0 - solver / total:.1%}**"),
-        write_row("`--resume --report` afterwards: table, figures, page", f"{report:.1f} s"),
-    ]
+    table = Table("figure", "value")
+    table.add("cases done", cases)
+    table.add("threads", workers)
+    table.add("cases per second of wall time", f"{cases / wall:.1f}")
+    table.add("cases per second of processor time (per core)", f"{cases / total:.1f}")
+    table.add("processor time in the solver", f"{solver:.1f} s, {solver / total:.1%}")
+    table.add("to read scenes and place vehicles", f"{start:.1f} s, {start / total:.1%}")
+    table.add("to plan, keep and report cases", f"{rest:.1f} s, {rest / total:.1%}")
+    table.add("**outside the solver**", f"**{1.0 - solver / total:.1%}**")
+    table.add("`--resume --report` afterwards: table, figures, page", f"{report:.1f} s")
+    return table
 
 
 def disturb(sweep: Path, table: Path, cases: int, folder: Path) -> list[tuple[str, int]]:
@@ -190,11 +190,8 @@ def find_hash(table: Path) -> str:
 
 def main(words: list[str] | None = None) -> None:
     """Write the page."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__, PAGE)
     parser.add_argument("--cases", type=int, default=CASES, help="at least 16")
-    parser.add_argument("-o", "--output", type=Path, default=PAGE, help="page to write")
     options = parser.parse_args(words)
     if options.output == PAGE and options.cases != CASES:
         parser.error("--cases needs another page: -o build/many_dockings.md")
@@ -210,24 +207,16 @@ def main(words: list[str] | None = None) -> None:
     same = "identical" if hashes[0] == hashes[1] else "**different**"
     write_page(
         options.output,
-        f"# A sweep of {options.cases} dockings",
-        find_origin(COMMAND),
-        "",
+        f"A sweep of {options.cases} dockings",
+        COMMAND,
         f"The shipped sweep `{SWEEP}` with {options.cases} cases of {STOP:g} s. Processor time is"
         " that of the whole command: planning, dockings, journal, table, summary and figures. Cases"
         " that are not done were refused: no free motion leads to their first contact.",
-        "",
         "## Rate",
-        "",
-        *rates,
-        "",
+        rates,
         "## Mishaps",
-        "",
         "The same sweep began on a Dask cluster of two worker processes.",
-        "",
-        *write_head("mishap", "cases in the journal"),
-        *(write_row(*event) for event in events),
-        "",
+        write_table(("mishap", "cases in the journal"), events),
         f"The tables of both sweeps are {same}: SHA-256 {hashes[0]} and {hashes[1]}.",
     )
 

@@ -15,9 +15,9 @@ import shutil
 import sys
 
 from dockloop import cli
-from dockloop.judging import VERDICTS
-from dockloop.paths import BUILD, ROOT
-from page import find_origin, write_head, write_page, write_row
+from dockloop.base.paths import BUILD, ROOT
+from dockloop.runs.judging import VERDICTS
+from page import write_page, write_table
 
 SCENE = ("idss_25t_350t", "--scene", "initial.approach_time=0.2")
 FOLDER = ROOT / "tests" / "validation" / "maps"
@@ -92,7 +92,7 @@ def describe(name, about, summary):
     count = {verdict: summary["verdicts"][verdict] for verdict in VERDICTS}
     bad = count["wrong"] + count["hung"] + count["crashed"]
     largest = summary["largest_error_of_right"]
-    return write_row(
+    return (
         f"[{about}](maps/{name}/map.md)",
         summary["points"],
         ", ".join(parts),
@@ -116,18 +116,15 @@ def main():
     if options.only is None:
         head = ("over", "points", "part of the plane", "bad points")
         rows = [describe(n, about, read_summary(n)) for n, (about, _) in MAPS.items()]
-        pictures = [f"\n![{about}](maps/{n}/map.png)" for n, (about, _) in MAPS.items()]
+        pictures = [f"![{about}](maps/{n}/map.png)" for n, (about, _) in MAPS.items()]
         write_page(
             PAGE,
-            "# Where the default docking holds",
-            find_origin("tests/studies/maps.py"),
-            "",
+            "Where the default docking holds",
+            "tests/studies/maps.py",
             "Maps of `dockloop map`: first contact after 0.2 s, error up to 1e-2, bad: wrong, hung"
             " or crashed. Each page has reasons, commands and a table of all points.",
-            "",
-            *write_head(*head, "largest error of right points", "right by audits only"),
-            *rows,
-            *pictures,
+            write_table((*head, "largest error of right points", "right by audits only"), rows),
+            pictures,
         )
 
 

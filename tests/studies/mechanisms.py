@@ -15,12 +15,12 @@ from scipy.integrate import solve_ivp
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import test_benchmarks as cases
-from dockloop import paths
-from dockloop.fmu import build_fmu
-from dockloop.simulate import run_fmu
+from dockloop.base import paths
+from dockloop.fmu.build import build_fmu
+from dockloop.fmu.host import run_fmu
 from extreme_cases import mechanism_benchmarks as benchmarks
 from extreme_cases.own_mechanism import FIXED_BASE, write_scene
-from page import find_origin, write_head, write_page, write_row
+from page import Table, write_page
 
 WEIGHT_Y = {"gravity[2]": -cases.GRAVITY}
 WEIGHT_Z = {"gravity[3]": -cases.GRAVITY}
@@ -43,7 +43,7 @@ def row(what, run, error, rtol):
     """One row of the first table."""
     energy = np.max(np.abs(run["energy.residual"]))
     count = run["solver.rhs_evaluations"][-1]
-    return write_row(what, f"{rtol:.0e}", f"{error:.1e}", f"{energy:.1e}", f"{count:.0f}")
+    return (what, f"{rtol:.0e}", f"{error:.1e}", f"{energy:.1e}", f"{count:.0f}")
 
 
 def swing(rtol, t):
@@ -59,31 +59,31 @@ def list_near_singular():
     """Rows: error of a four-bar after 10 and 20 passages through its singular pose."""
     mechanism = benchmarks.four_bars(1)
     exact = {t: swing(1e-13, t) for t in (10.0, 20.0)}
-    lines = write_head("rtol", "10 s", "20 s", "RK45 on the exact equation, 10 s", "20 s")
+    table = Table("rtol", "10 s", "20 s", "RK45 on the exact equation, 10 s", "20 s")
     for rtol in (1e-4, 1e-6, 1e-8, 1e-10, 1e-11):
         run = move(mechanism, 20.0, 0.5, rtol, WEIGHT_Y, joint="upright0", start="rate = 1.0")
         tip = run.vector("ring.position")[:, :2]
         ours = [np.max(np.abs(tip[cases.row_at(run, t)] - exact[t])) for t in exact]
         theirs = [np.max(np.abs(swing(rtol, t) - exact[t])) for t in exact]
-        lines.append(write_row(f"{rtol:.0e}", *(f"{error:.0e}" for error in (*ours, *theirs))))
-    return lines
+        table.add(f"{rtol:.0e}", *(f"{error:.0e}" for error in (*ours, *theirs)))
+    return table
 
 
 def list_mechanisms():
     """Rows: one mechanism at one tolerance each."""
-    lines = write_head(
+    table = Table(
         "mechanism", "rtol", "position error [rad], [m]", "energy error [J]", "evaluations"
     )
     for rtol in (1e-10, 1e-12, 1e-13):
         run = move(benchmarks.andrews(), 0.03, 0.03, rtol)
         error = abs(run["state.q[1]"][-1] - cases.ANDREWS_COMPUTED.angle[0])
-        lines.append(row("squeezing mechanism, 0.03 s", run, error, rtol))
+        table.add(*row("squeezing mechanism, 0.03 s", run, error, rtol))
     for count, rtol in ((1, 1e-11), (2, 1e-11), (40, 1e-10)):
         four_bars = benchmarks.four_bars(count)
         run = move(four_bars, 10.0, 0.5, rtol, WEIGHT_Y, joint="upright0", start="rate = 1.0")
         exact = cases.FOUR_BARS_EXACT[count, 10][:2]
         error = np.max(np.abs(run.vector("ring.position")[-1, :2] - exact))
-        lines.append(row(f"chain of {count} four-bars, 10 s, 10 singular poses", run, error, rtol))
+        table.add(*row(f"chain of {count} four-bars, 10 s, 10 singular poses", run, error, rtol))
     for kind in ("R2", "R1"):
         worst = []
         for cut in range(1, 7):
@@ -93,12 +93,12 @@ def list_mechanisms():
                 for t, (_, _, hinge) in cases.BRICARD_COMPUTED.items()
             ]
         name = "universal cuts" if kind == "R2" else "hinge cuts (one equation redundant)"
-        lines.append(row(f"overconstrained 6R, 10 s, worst of six {name}", run, max(worst), 1e-12))
+        table.add(*row(f"overconstrained 6R, 10 s, worst of six {name}", run, max(worst), 1e-12))
     for variant in "ABC":
         crank = benchmarks.spatial_slider_crank(variant, "pin")
         run = move(crank, 5.0, 1.0, 1e-13, WEIGHT_Z, joint="crank", start="rate = 6.0")
         error = abs(run["state.q[1]"][-1] - cases.SPATIAL_COMPUTED[variant, 5][0])
-        lines.append(row(f"spatial slider-crank {variant}, 5 s", run, error, 1e-13))
+        table.add(*row(f"spatial slider-crank {variant}, 5 s", run, error, 1e-13))
     reference = None
     for independent, rate in (("crank", 10.0), ("slider", -1.0)):
         mechanism = benchmarks.slider_crank(independent)
@@ -106,30 +106,25 @@ def list_mechanisms():
         reference = reference or run
         error = np.max(np.abs(run["ring.position[1]"] - reference["ring.position[1]"]))
         turns = (reference["state.q[1]"][-1] - reference["state.q[1]"][0]) / (2 * math.pi)
-        lines.append(
-            row(f"slider-crank, {turns:.1f} turns, {independent} independent", run, error, 1e-12)
-        )
-    return lines
+        what = f"slider-crank, {turns:.1f} turns, {independent} independent"
+        table.add(*row(what, run, error, 1e-12))
+    return table
 
 
 def main() -> None:
     """Write the page."""
     write_page(
         paths.ROOT / "tests" / "validation" / "mechanisms.md",
-        "# Mechanisms with published or exact motions",
-        find_origin("tests/studies/mechanisms.py"),
-        "",
-        *list_mechanisms(),
-        "",
+        "Mechanisms with published or exact motions",
+        "tests/studies/mechanisms.py",
+        list_mechanisms(),
         "## What to expect near singular poses",
-        "",
         "A four-bar under its weight swings through a pose in which all bars lie on one line, once"
         " a second. Small errors grow with every passage, as for any method of this order on"
         " the equation of the exact motion (the last two columns, `scipy.integrate.solve_ivp`)."
         " Choose `solver.rtol` 100 to 1000 times smaller than the error that you can bear, and 10"
         " times smaller again for twice the time. Error of the tip in m, of 1 m:",
-        "",
-        *list_near_singular(),
+        list_near_singular(),
     )
 
 

@@ -8,21 +8,21 @@ Examples:
     .venv/bin/python tests/studies/methods.py --quick    # two communication steps of each
 """
 
-import argparse
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from dockloop import paths
-from dockloop.compiled import add_comparison
-from dockloop.core import list_different_methods
-from dockloop.errors import DockloopError
-from dockloop.fmu import build_fmu
-from dockloop.results import ProgressBar
-from dockloop.simulate import run_fmu
-from page import find_origin, write_head, write_page, write_row
+from dockloop.base import paths
+from dockloop.base.errors import DockloopError
+from dockloop.base.progress import ProgressBar
+from dockloop.fmu.build import build_fmu
+from dockloop.fmu.host import run_fmu
+from dockloop.native.compiled import add_comparison
+from dockloop.native.core import list_different_methods
+from page import Table, make_parser, write_page
 
+PAGE = paths.ROOT / "tests" / "validation" / "methods.md"
 SCENE, BENCH, STOP = "idss_25t_350t", "hexapod_bench", 20.0
 STEEP = "mechanism.set.contact.law.friction_speed=1e-5"  # 100 times as steep
 GROUPS = 'outputs.groups=["relative", "capture", "phase", "ring", "legs", "solver"]'
@@ -69,7 +69,7 @@ def list_methods(study):
     """Rows: evaluations and peaks of every method, and with steep friction."""
     scenes = {"plain": [], "steep": [STEEP]}
     exact = study.run(SCENE, [], [*TIGHT, "solver.method=2"], STOP, 0.01)[PEAK][-1]
-    lines = write_head(
+    table = Table(
         *("`solver.method`", "what it is for", "evaluations, 10 ms / 1 s"),
         *("peak load off by", "steep friction, 10 ms / 1 s"),
     )
@@ -85,16 +85,14 @@ def list_methods(study):
         off = [
             abs(run[PEAK][-1] / exact - 1) for key, run in runs.items() if run and key[0] == "plain"
         ]
-        lines.append(
-            write_row(
-                f"{method} {name}",
-                purpose,
-                " / ".join(count(runs["plain", step]) for step in (0.01, 1.0)),
-                " / ".join(f"{each:.0e}" for each in off),
-                " / ".join(count(runs["steep", step]) for step in (0.01, 1.0)),
-            )
+        table.add(
+            f"{method} {name}",
+            purpose,
+            " / ".join(count(runs["plain", step]) for step in (0.01, 1.0)),
+            " / ".join(f"{each:.0e}" for each in off),
+            " / ".join(count(runs["steep", step]) for step in (0.01, 1.0)),
         )
-    return lines
+    return table
 
 
 def list_forms(study):
@@ -104,7 +102,7 @@ def list_forms(study):
         "6 bdf": ["solver.method=6"],
         **{f"9 dae, form {i}": ["model.level=4", f"solver.dae_form={i}"] for i in (1, 2, 3)},
     }
-    lines = write_head(
+    table = Table(
         *("`solver.rtol`", "method", "hexapod: evaluations, time", "error, gap m"),
         *("docking: evaluations, time", "error, gap m"),
     )
@@ -135,13 +133,13 @@ def list_forms(study):
                     f"{np.linalg.norm(ring[0] - ring[1]):.0e},"
                     f" {run['solver.closure_residual'][-1]:.0e}",
                 ]
-            lines.append(write_row(f"{rtol:.0e}", name, *cells))
-    return lines
+            table.add(f"{rtol:.0e}", name, *cells)
+    return table
 
 
 def list_levels(study):
     """Rows: what each level leaves out and what that changes."""
-    lines = write_head(
+    table = Table(
         *("`model.level`", "compression N", "shear N", "ring travel mm", "captured at s"),
         *("evaluations", "time per evaluation"),
     )
@@ -158,27 +156,21 @@ def list_levels(study):
         run = turns[0][level]
         ring = run.vector("ring.position")
         travel = 1e3 * np.max(np.linalg.norm(ring - ring[0], axis=1))
-        lines.append(
-            write_row(
-                f"{level} {name}",
-                f"{run[PEAK][-1]:.0f}",
-                f"{run['capture.peak.shear'][-1]:.0f}",
-                f"{travel:.0f}",
-                f"{run['time_of_capture'][-1]:.3f}" if run["captured"][-1] else "not captured",
-                count(run),
-                f"{cost[level] / cost[3]:.2f}",
-            )
+        table.add(
+            f"{level} {name}",
+            f"{run[PEAK][-1]:.0f}",
+            f"{run['capture.peak.shear'][-1]:.0f}",
+            f"{travel:.0f}",
+            f"{run['time_of_capture'][-1]:.3f}" if run["captured"][-1] else "not captured",
+            count(run),
+            f"{cost[level] / cost[3]:.2f}",
         )
-    return lines
+    return table
 
 
 def main() -> None:
     """Write the page."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    page = paths.ROOT / "tests" / "validation" / "methods.md"
-    parser.add_argument("-o", "--output", type=Path, default=page, help="the page")
+    parser = make_parser(__doc__, PAGE)
     parser.add_argument("--quick", action="store_true", help="two communication steps only")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -186,35 +178,26 @@ def main() -> None:
         study = Study(Path(folder), runs, quick=options.quick)
         write_page(
             options.output,
-            "# Methods and levels in the default docking",
-            find_origin("tests/studies/methods.py"),
-            "",
+            "Methods and levels in the default docking",
+            "tests/studies/methods.py",
             "## Methods",
-            "",
             f"{STOP:g} s of `{SCENE}`, always integrated (`model.flight` 2), `solver.rtol` 1e-6,"
             " `solver.step` 1 ms, communication"
             " steps of 10 ms and of 1 s. A Jacobian counts as one evaluation per column: that is"
             " its cost. The peak load is compared with method 2 at a tolerance of 1e-11. Steep"
             f" friction: `--scene {STEEP}`.",
-            "",
-            *list_methods(study),
-            "",
+            list_methods(study),
             "## The reduced form and forms with multipliers",
-            "",
             "5 s in one communication step, absolute tolerances a hundredth of the relative one."
             " Times are in units of that of method 2, the shortest of five by turns. Error:"
             " position of the ring at the end. Gap: what the loops are open by."
             " `solver.dae_form` 1 holds them by accelerations (index 1), 2 the same with Baumgarte"
             " stabilisation, 3 by velocities and positions (stabilised index 2).",
-            "",
-            *list_forms(study),
-            "",
+            list_forms(study),
             "## Levels of the model",
-            "",
             f"{STOP:g} s of `{SCENE}` in communication steps of 10 ms; time per evaluation as a"
             " ratio to level 3.",
-            "",
-            *list_levels(study),
+            list_levels(study),
         )
 
 

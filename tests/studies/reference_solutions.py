@@ -6,9 +6,9 @@ tests/validation/reference_solutions.md: evaluations, and the largest difference
     .venv/bin/python tests/studies/reference_solutions.py            # some minutes
 """
 
-from dockloop.paths import ROOT
-from dockloop.solution import make_solution
-from page import find_origin, write_head, write_page, write_row
+from dockloop.base.paths import ROOT
+from dockloop.runs.solution import make_solution
+from page import Table, write_page
 
 RUNS = {  # scene: outputs, end and communication step [s]
     "absorber_1d": (["relative.axial", "capture.force[1]"], 5.0, 0.1),
@@ -19,7 +19,7 @@ RUNS = {  # scene: outputs, end and communication step [s]
 
 def main() -> None:
     """Write the page."""
-    lines = write_head(
+    table = Table(
         *("scene", "end s", "evaluations"),
         *("output", "difference from 1000 times the tolerance"),
     )
@@ -28,16 +28,14 @@ def main() -> None:
         for name, apart in solution["check"]["difference"].items():
             work = int(solution["work"]["evaluations"])
             cells = (scene, f"{stop:g}", work, f"`{name}`", f"{apart:.0e}")
-            lines.append(write_row(*cells))
+            table.add(*cells)
     write_page(
         ROOT / "tests" / "validation" / "reference_solutions.md",
-        "# Reference solutions",
-        find_origin("tests/studies/reference_solutions.py"),
-        "",
+        "Reference solutions",
+        "tests/studies/reference_solutions.py",
         "Runs with 32 digits at a relative tolerance of 1e-18 (`dockloop truth SCENE --check`)."
         " Kinks of the contact force need most of the evaluations.",
-        "",
-        *lines,
+        table,
     )
 
 

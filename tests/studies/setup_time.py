@@ -18,8 +18,8 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from dockloop.paths import ROOT
-from page import find_commit, find_origin, write_head, write_page, write_row
+from dockloop.base.paths import ROOT
+from page import Table, find_commit, write_page
 from structure import BEFORE
 
 _MARK = re.compile(r"\[ *(\d+) s\] (.*)")  # what scripts/demo prints before each part of its work
@@ -71,21 +71,18 @@ def main() -> None:
         ("of it compiling", "compile"),
         ("processor time of all parts", "processor"),
     )
-    table = []
+    table = Table("what", "before [s]", "now [s]", "ratio")
     for what, key in rows:
         old, new = (getattr(least[name], key) for name in commits)
-        table.append(write_row(what, f"{old:.0f}", f"{new:.0f}", f"{new / old:.2f}"))
+        table.add(what, f"{old:.0f}", f"{new:.0f}", f"{new / old:.2f}")
     write_page(
         ROOT / "tests" / "validation" / "setup_time.md",
-        "# Time of the set-up, then and now",
-        find_origin(" ".join(["tests/studies/setup_time.py", *sys.argv[1:]])),
-        "",
-        f"Before: commit {options.before}. Now: commit {find_commit()}. By turns, each in a new",
-        f"clone; least of {options.turns}. System packages were there. Seconds differ between",
-        "machines by a factor of two and more; the ratio says more.",
-        "",
-        *write_head("what", "before [s]", "now [s]", "ratio"),
-        *table,
+        "Time of the set-up, then and now",
+        " ".join(["tests/studies/setup_time.py", *sys.argv[1:]]),
+        f"Before: commit {options.before}. Now: commit {find_commit()}. By turns, each in a new"
+        f" clone; least of {options.turns}. System packages were there. Seconds differ between"
+        " machines by a factor of two and more; the ratio says more.",
+        table,
     )
 
 

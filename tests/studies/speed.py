@@ -14,7 +14,6 @@ Examples:
     .venv/bin/python tests/studies/speed.py --quick -o build/speed.md
 """
 
-import argparse
 import resource
 import tempfile
 from pathlib import Path
@@ -22,14 +21,15 @@ from typing import NamedTuple
 
 import dockloop as dl
 from accuracy import FAMILIES, RING
-from dockloop.accuracy import list_tolerances
-from dockloop.errors import DockloopError
-from dockloop.paths import ROOT, SWEEPS
-from dockloop.results import ProgressBar, Result
-from dockloop.run_errors import find_error
-from dockloop.simulate import run_fmu
+from dockloop.base.errors import DockloopError
+from dockloop.base.paths import ROOT, SWEEPS
+from dockloop.base.progress import ProgressBar
+from dockloop.fmu.host import run_fmu
+from dockloop.result.accuracy import list_tolerances
+from dockloop.result.recording import Result
+from dockloop.result.run_errors import find_error
 from idss import SWEEP, make_corners
-from page import call, find_commit, find_origin, write_head, write_page, write_row
+from page import Table, call, find_commit, make_parser, write_page
 
 PAGE = ROOT / "tests" / "validation" / "speed.md"
 STEEP = "mechanism.set.contact.law.friction_speed=1e-5"  # 100 times as steep
@@ -138,10 +138,15 @@ def compare(
     return costs, before[1]
 
 
-def compare_dockings(clones: tuple[Path, Path], *, quick: bool) -> tuple[list[str], float]:
+def compare_dockings(clones: tuple[Path, Path], *, quick: bool) -> tuple[Table, float]:
     """Return the table of dockings, and the first tolerance that was chosen by hand."""
     dockings = list_dockings(quick=quick)
-    report, lines, chosen = ProgressBar("dockings"), [], []
+    report, chosen = ProgressBar("dockings"), []
+    table = Table(
+        *("docking", "wanted error", "evaluations: before / by hand / `accuracy`"),
+        *("error: before / by hand / `accuracy`", "time before over time by hand"),
+        "time before over time with `accuracy`",
+    )
     with tempfile.TemporaryDirectory() as folder:
         for i, (docking, errors) in enumerate(dockings):
             fmus = [
@@ -154,22 +159,15 @@ def compare_dockings(clones: tuple[Path, Path], *, quick: bool) -> tuple[list[st
             for wanted in errors:
                 costs, rtol = compare(docking, fmus, references, wanted)
                 chosen.append(rtol)
-                lines.append(
-                    write_row(
-                        f"{docking.title}, {docking.stop:g} s at {docking.step:g} s",
-                        f"{wanted:g}",
-                        " / ".join(f"{cost.evaluations:,.0f}" for cost in costs),
-                        " / ".join(f"{cost.error:.0e}" for cost in costs),
-                        *(f"{costs[0].seconds / now.seconds:.1f}" for now in costs[1:]),
-                    )
+                table.add(
+                    f"{docking.title}, {docking.stop:g} s at {docking.step:g} s",
+                    f"{wanted:g}",
+                    " / ".join(f"{cost.evaluations:,.0f}" for cost in costs),
+                    " / ".join(f"{cost.error:.0e}" for cost in costs),
+                    *(f"{costs[0].seconds / now.seconds:.1f}" for now in costs[1:]),
                 )
             report((i + 1) / len(dockings))
-    head = write_head(
-        *("docking", "wanted error", "evaluations: before / by hand / `accuracy`"),
-        *("error: before / by hand / `accuracy`", "time before over time by hand"),
-        "time before over time with `accuracy`",
-    )
-    return head + lines, chosen[0]
+    return table, chosen[0]
 
 
 def time_sweep(clone: Path, keys: dict[str, float], options: list[str], cases: int) -> float:
@@ -189,39 +187,34 @@ def time_sweep(clone: Path, keys: dict[str, float], options: list[str], cases: i
     return used / cases
 
 
-def compare_sweeps(clones: tuple[Path, Path], rtol: float, cases: int) -> list[str]:
+def compare_sweeps(clones: tuple[Path, Path], rtol: float, cases: int) -> Table:
     """Return the table of sweeps."""
     before = time_sweep(clones[0], list_tolerances(rtol), [], cases)
-    lines = write_head("wanted error", "cases per second and processor, before / now", "ratio")
+    table = Table("wanted error", "cases per second and processor, before / now", "ratio")
     for wanted in (1e-3, 1e-4):
         now = time_sweep(clones[1], {}, ["--accuracy", repr(wanted)], cases)
-        lines.append(
-            write_row(f"{wanted:g}", f"{1 / before:.1f} / {1 / now:.1f}", f"{before / now:.1f}")
-        )
-    return lines
+        table.add(f"{wanted:g}", f"{1 / before:.1f} / {1 / now:.1f}", f"{before / now:.1f}")
+    return table
 
 
-def list_families(*, quick: bool) -> list[str]:
+def list_families(*, quick: bool) -> Table:
     """Return the table of the families: evaluations of 20 s."""
-    lines = write_head("scene", "default settings", "`accuracy` 1e-3", "`accuracy` 1e-4")
+    table = Table("scene", "default settings", "`accuracy` 1e-3", "`accuracy` 1e-4")
     for scene in (RING, *FAMILIES):
         cells = []
         for starts in ({}, {"accuracy": 1e-3}, {"accuracy": 1e-4}):
             made = dl.run(scene, None, starts, stop=2.0 if quick else 20.0, step=0.01)
             cells.append(f"{made['solver.rhs_evaluations'][-1]:,.0f}")
-        lines.append(write_row(f"`{scene}`", *cells))
-    return lines
+        table.add(f"`{scene}`", *cells)
+    return table
 
 
 def main() -> None:
     """Write the page."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__, PAGE)
     parser.add_argument(
         "--before", type=Path, default=ROOT, metavar="CLONE", help="an earlier version, set up"
     )
-    parser.add_argument("-o", "--output", type=Path, default=PAGE, help="the page")
     parser.add_argument("--quick", action="store_true", help="one short docking, eight cases")
     options = parser.parse_args()
     clones = (options.before.resolve(), ROOT)
@@ -229,30 +222,23 @@ def main() -> None:
     cases = 8 if options.quick else CASES
     write_page(
         options.output,
-        "# Speed that accuracy buys",
-        find_origin("tests/studies/speed.py"),
-        "",
+        "Speed that accuracy buys",
+        "tests/studies/speed.py",
         f"Before: version {find_commit(clones[0])}, method auto, with the loosest relative"
         " tolerance (two in a decade) that has the wanted error. By hand: the present version with"
         " the method auto or rosenbrock and the tolerance chosen in the same way. `accuracy`: the"
         " present version, given only the wanted error. `accuracy` is made to keep it in 95 % of"
         " all dockings, so that most dockings have a smaller error.",
-        "",
         "The error is the largest relative one of peak loads, stroke, time of capture and final"
         f" motion; the reference solution is that of the explicit method at {TIGHT:g}. Times are"
         f" the least of {TURNS} by turns.",
-        "",
-        *dockings,
-        "",
+        dockings,
         f"A sweep of {cases} dockings with the conditions of the standard (25 s each). Before: a"
         f" relative tolerance of {rtol:.0e}, chosen by hand for the default docking and an error of"
         " 1e-3. Processor time includes the start of the program, and the table.",
-        "",
-        *compare_sweeps(clones, rtol, cases),
-        "",
+        compare_sweeps(clones, rtol, cases),
         "Evaluations of 20 s at 10 ms, present version:",
-        "",
-        *list_families(quick=options.quick),
+        list_families(quick=options.quick),
     )
 
 

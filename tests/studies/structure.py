@@ -17,8 +17,8 @@ import tarfile
 from collections import Counter
 from pathlib import PurePosixPath
 
-from dockloop.paths import ROOT
-from page import find_commit, find_origin, write_head, write_page, write_row
+from dockloop.base.paths import ROOT
+from page import Block, Table, find_commit, write_page, write_table
 
 BEFORE = "3d3eb40"
 CODE = {".cpp", ".hpp", ".py", ".sh", ".c", ".h", ""}
@@ -81,28 +81,29 @@ def list_files(texts: dict[PurePosixPath, str]) -> list[tuple[int, str]]:
     return sorted(found, reverse=True)[:LARGEST]
 
 
-def compare(texts: tuple[dict[PurePosixPath, str], ...]) -> list[str]:
+def compare(texts: tuple[dict[PurePosixPath, str], ...]) -> list[Block]:
     """Return the tables of two states."""
     rooms = [count_rooms(each) for each in texts]
     names = sorted(set(rooms[0]) | set(rooms[1]))
-    lines = ["## Lines per room", "", *write_head("room", "before", "now")]
-    lines += [write_row(name, *(each.get(name, "-") for each in rooms)) for name in names]
+    counts = ((name, *(each.get(name, "-") for each in rooms)) for name in names)
+    blocks: list[Block] = ["## Lines per room", write_table(("room", "before", "now"), counts)]
     readme = [each[PurePosixPath("README.md")] for each in texts]
-    lines += ["", "## README, names", "", *write_head("what", "before", "now")]
-    lines.append(write_row("lines of the README", *map(count_lines, readme)))
-    lines.append(write_row("words", *(len(text.split()) for text in readme)))
-    lines.append(write_row("numbers", *(len(re.findall(r"\d[\d.e-]*", text)) for text in readme)))
+    named = Table("what", "before", "now")
+    named.add("lines of the README", *map(count_lines, readme))
+    named.add("words", *(len(text.split()) for text in readme))
+    named.add("numbers", *(len(re.findall(r"\d[\d.e-]*", text)) for text in readme))
     code = ["\n".join(t for p, t in each.items() if p.parts[0] == "src") for each in texts]
     for name in GONE:
         counts = [len(re.findall(rf"\b{name}\b", text)) for text in code]
-        lines.append(write_row(f"`{name}` in src", *counts))
+        named.add(f"`{name}` in src", *counts)
+    blocks += ["## README, names", named]
     for title, found in (
         ("Largest files of the product", [list_files(each) for each in texts]),
         ("Longest Python functions of the product", [list_functions(each) for each in texts]),
     ):
-        lines += ["", f"## {title}", "", *write_head("before", "lines", "now", "lines")]
-        lines += [write_row(*a[::-1], *b[::-1]) for a, b in zip(*found, strict=True)]
-    return lines
+        rows = ((*a[::-1], *b[::-1]) for a, b in zip(*found, strict=True))
+        blocks += [f"## {title}", write_table(("before", "lines", "now", "lines"), rows)]
+    return blocks
 
 
 def main() -> None:
@@ -113,12 +114,10 @@ def main() -> None:
     words = f"Before: commit {before}. Now: commit {find_commit()}. Comments and blank lines count."
     write_page(
         ROOT / "tests" / "validation" / "structure.md",
-        "# Size and structure, then and now",
-        find_origin(" ".join(["tests/studies/structure.py", *sys.argv[1:]])),
-        "",
+        "Size and structure, then and now",
+        " ".join(["tests/studies/structure.py", *sys.argv[1:]]),
         words,
-        "",
-        *compare((read_commit(before), read_commit("HEAD"))),
+        compare((read_commit(before), read_commit("HEAD"))),
     )
 
 

@@ -7,6 +7,7 @@
 // 5. momentum of hosts, inside and of the impulse balance adds up, with a wrong mass and changing
 // steps too;
 // 6. steps of a driven scene allocate nothing, looking ahead or not.
+// 7. the filter of ten numbers finds a body from its momenta, and allocates nothing.
 // Through the FMU, against many step sizes and other schemes: tests/test_coupling.py.
 #include "sim/coupling.hpp"
 
@@ -64,7 +65,7 @@ struct RingOnChaser {
       : scene(make()),
         model(make_docking_model(scene, scene.vehicle, scene.contact.law, V::Zero())),
         data(model),
-        work(model.mechanism),
+        work(model),
         y(static_cast<size_t>(model.layout.size), 0.0) {
     const MechanismModel& m = model.mechanism.model;
     int q = model.layout.mechanism_q, v = model.layout.mechanism_v;
@@ -116,7 +117,8 @@ TEST(BaseJump, leaves_the_momenta_of_free_joints_alone) {
   Wrench<double> wanted = find_momentum(at.model, kChaser, at.data);
   wanted.f += V(250.0, -500.0, 120.0);
   wanted.t += V(100.0, 200.0, -100.0);
-  ASSERT_TRUE(jump_to_momentum(at.model, motion, wanted, at.y.data(), at.data, at.work).ok());
+  ASSERT_TRUE(
+      jump_to_momentum(at.model, kChaser, motion, wanted, at.y.data(), at.data, at.work).ok());
   at.evaluate();
   EXPECT_GT((at.data.vehicle[kChaser].v - motion.v).norm(), 0.01);
   const Wrench<double> now = find_momentum(at.model, kChaser, at.data);
@@ -132,9 +134,9 @@ TEST(BaseJump, of_nothing_changes_nothing) {
   at.evaluate();
   const std::vector<double> before = at.y;
   const Wrench<double> momentum = find_momentum(at.model, kChaser, at.data);
-  ASSERT_TRUE(
-      jump_to_momentum(at.model, at.data.vehicle[kChaser], momentum, at.y.data(), at.data, at.work)
-          .ok());
+  ASSERT_TRUE(jump_to_momentum(at.model, kChaser, at.data.vehicle[kChaser], momentum, at.y.data(),
+                               at.data, at.work)
+                  .ok());
   Residual worst;
   for (size_t i = 0; i < before.size(); ++i) {
     worst.add((at.y[i] - before[i]) / (1.0 + std::abs(before[i])), std::to_string(i));
@@ -220,7 +222,7 @@ struct Host {
             out.momentum_reference.cross(V(out.momentum_linear + out.coupling_pending_impulse))};
     for (int i : {kChaser, kTarget}) {
       if (!driven[i]) continue;
-      const Wrench<double> p = find_rigid_momentum(mass[i], inertia[i], state[i]);
+      const Wrench<double> p = find_rigid_momentum({mass[i], V::Zero(), inertia[i]}, state[i]);
       sum.f += p.f;
       sum.t += p.t;
     }
@@ -360,7 +362,72 @@ TEST(Coupling, of_an_absorber_that_touches_does_not_hang_on_rounding) {
   }
 }
 
+/// Motion after a step, without an integration: momenta change by the impulse of the load.
+VehicleState find_pushed(const VehicleBody& body, const VehicleState& from,
+                         const Wrench<double>& load, double h) {
+  VehicleState to = from;
+  for (int i = 0; i < 40; ++i) {  // a contraction: the impulse depends on the end of the step
+    const Wrench<double> impulse = find_delivered_impulse(load, from, to, h);
+    const Wrench<double> goal = find_rigid_momentum(body, from) + impulse;
+    const V centre = move_origin(to, body.com).x, v = goal.f / body.mass;
+    const Mat3<double> R = quat_to_matrix<double>(to.q);
+    to.w = body.inertia.inverse() * (R.transpose() * V(goal.t - centre.cross(goal.f)));
+    to.v = v - R * V(to.w.cross(body.com));
+    to.x = from.x + 0.5 * h * (from.v + to.v);
+  }
+  return to;
+}
+
+TEST(MassEstimate, finds_a_body_from_its_momenta) {
+  VehicleBody stated, body;
+  stated.mass = 1000.0;
+  stated.inertia = V(800.0, 1200.0, 1500.0).asDiagonal();
+  body = stated;
+  body.mass *= 1.6;
+  body.com = V(0.04, -0.07, 0.1);
+  body.inertia *= 0.7;
+  VehicleState at;
+  at.x = V(30.0, -20.0, 10.0);
+  at.v = V(0.1, -0.02, 0.05);
+  at.w = V(0.01, -0.02, 0.015);
+  MassEstimate estimate;
+  const double h = 0.01;
+  const V fall = V::Zero();
+  for (int i = 0; i < 60; ++i) {
+    const double s = 0.3 * i;
+    const Wrench<double> load{V(50.0, 30.0 * std::sin(s), 20.0 * std::cos(s)),
+                              V(20.0 * std::cos(2.0 * s), 30.0, 10.0 * std::sin(2.0 * s))};
+    const VehicleState next = find_pushed(body, at, load, h);
+    update_mass_estimate(stated, {at, next, load, fall, h, 0.0}, 0.98, estimate);
+    at = next;
+  }
+  const VehicleBody found = find_estimated_body(stated, estimate);
+  EXPECT_TRUE(explains_reports(estimate));
+  EXPECT_TRUE(contradicts(stated, estimate, stated));
+  EXPECT_NEAR(found.mass, body.mass, 1e-3 * body.mass);
+  EXPECT_LE((found.com - body.com).norm(), 2e-3);
+  EXPECT_LE((found.inertia - body.inertia).norm(), 1e-2 * body.inertia.norm());
+}
+
 #ifdef DOCKLOOP_COUNTS_ALLOCATIONS
+TEST(MassEstimate, allocates_nothing) {
+  VehicleBody stated;
+  stated.mass = 1000.0;
+  stated.inertia = V(800.0, 1200.0, 1500.0).asDiagonal();
+  VehicleState from, to;
+  to.v = V(0.01, 0.0, 0.0);
+  const V fall = V::Zero();
+  MassEstimate estimate;
+  EXPECT_EQ(count_allocations([&] {
+              const ReportedStep step{from, to, {V(500.0, 0.0, 0.0), V::Zero()}, fall, 0.01, 0.0};
+              for (int i = 0; i < 10; ++i) update_mass_estimate(stated, step, 0.98, estimate);
+              if (contradicts(stated, estimate, stated)) {
+                can_be_rigid(find_estimated_body(stated, estimate));
+              }
+            }),
+            0);
+}
+
 TEST(Coupling, allocates_nothing_in_steps) {
   for (const int mode : {kSequential, kParallel}) {
     Scene scene = short_ring_scene();

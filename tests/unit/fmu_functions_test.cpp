@@ -42,7 +42,7 @@ void collect(fmi2ComponentEnvironment environment, fmi2String, fmi2Status status
 class Fmi : public ::testing::Test {
  protected:
   void SetUp() override {
-    guid_ = minimal_scene().fingerprint;
+    guid_ = find_guid(minimal_scene_text());
     c_ = instantiate();
     ASSERT_NE(c_, nullptr) << last_text();
     for (size_t i = 0; i < self().variables.size(); ++i) {

@@ -25,7 +25,7 @@ namespace {
 class Lifecycle : public ::testing::Test {
  protected:
   void use(const std::string& text) {
-    guid_ = read_scene(text, "scene").fingerprint;
+    guid_ = find_guid(text);
     resources_ = std::make_unique<Resources>("resources", text);
   }
   fmi2Component instantiate(const fmi2CallbackFunctions& callbacks,

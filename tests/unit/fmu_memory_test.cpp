@@ -14,7 +14,7 @@ namespace {
 TEST(FmuMemory, is_not_allocated_while_a_docking_is_stepped) {
   const std::string text = read_test_file("scene_ring.json");
   const Resources resources("resources", text);
-  const std::string guid = read_scene(text, "scene").fingerprint;
+  const std::string guid = find_guid(text);
   const fmi2CallbackFunctions callbacks{ignore_log, nullptr, nullptr, nullptr, nullptr};
   const fmi2Component c =
       fmi2Instantiate("one", fmi2CoSimulation, guid.c_str(), resources.uri().c_str(), &callbacks,

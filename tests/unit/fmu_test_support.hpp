@@ -9,12 +9,20 @@
 #include <string>
 
 #include "instance.hpp"
+#include "sim/solver_methods.hpp"
 #include "unit/minimal_scene.hpp"
 
 namespace dockloop {
 
 inline void ignore_log(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String,
                        ...) {}
+
+/// GUID of the FMU of a scene document.
+inline std::string find_guid(const std::string& document) {
+  DockingSim sim(std::make_shared<const Scene>(read_scene(document, "scene")),
+                 FmiKind::kCoSimulation, get_fmu_comparison());
+  return find_guid(sim.scene(), make_variables(sim));
+}
 
 /// A folder `resources` with a scene; removed at the end.
 class Resources {

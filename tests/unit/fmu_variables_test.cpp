@@ -406,11 +406,39 @@ TEST(ModelDescription, SectionsStandInTheOrderOfTheSchema) {
 TEST(ModelDescription, IdentifiesTheSceneAndIsReproducible) {
   const auto sim = make_sim();
   const std::string xml = make_model_description(*sim, kTime);
-  const std::vector<std::string> name = {sim->scene().name}, guid = {sim->scene().fingerprint};
+  const std::vector<std::string> name = {sim->scene().name},
+                                 guid = {find_guid(sim->scene(), make_variables(*sim))};
   EXPECT_EQ(attributes(xml, "fmiModelDescription", "modelName"), name);
   EXPECT_EQ(attributes(xml, "CoSimulation", "modelIdentifier"), name);
   EXPECT_EQ(attributes(xml, "fmiModelDescription", "guid"), guid);
   EXPECT_EQ(xml, make_model_description(*make_sim(), kTime));
+}
+
+TEST(Guid, ChangesWithEveryChangeOfTheTable) {
+  const auto sim = make_sim();
+  const std::vector<Variable> rows = make_variables(*sim);
+  const std::string now = find_guid(sim->scene(), rows);
+  EXPECT_EQ(now.size(), 32u);
+  EXPECT_EQ(now, find_guid(make_sim()->scene(), make_variables(*make_sim()))) << "of two instances";
+  std::set<std::string> seen = {now};
+  const auto expect_new = [&](const char* what, auto change) {
+    std::vector<Variable> changed = rows;
+    change(changed);
+    EXPECT_TRUE(seen.insert(find_guid(sim->scene(), changed)).second) << what;
+  };
+  using Rows = std::vector<Variable>;
+  expect_new("an output more", [](Rows& r) { r.insert(r.begin() + 40, r.back()); });
+  expect_new("one less", [](Rows& r) { r.pop_back(); });
+  expect_new("another order", [](Rows& r) { std::swap(r[3], r[4]); });
+  expect_new("another name", [](Rows& r) { r[5].name = "chaser.place[1]"; });
+  expect_new("another unit", [](Rows& r) { r[5].unit = "mm"; });
+  expect_new("another type", [](Rows& r) { r[5].type = Type::kInteger; });
+  expect_new("another causality", [](Rows& r) { r[5].causality = Causality::kLocal; });
+  expect_new("another variability", [](Rows& r) { r[5].variability = Variability::kTunable; });
+  expect_new("another meaning", [](Rows& r) { r[5].description += ", 3 locked"; });
+  Scene other = sim->scene();
+  other.fingerprint[7] = other.fingerprint[7] == '0' ? '1' : '0';
+  EXPECT_TRUE(seen.insert(find_guid(other, rows)).second) << "another document";
 }
 
 TEST(ModelDescription, ListsFollowTheTable) {

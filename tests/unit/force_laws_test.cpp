@@ -129,6 +129,14 @@ std::vector<json> list_laws() {
        {"stiffness", 2e6},
        {"damping", 1},
        {"toe", 1e-3}},
+      {{"type", "table"},
+       {"travel", {-0.05, -0.01, 0.0, 0.02, 0.06}},
+       {"rates", {-0.2, 0.0, 0.1}},
+       {"force", {{90, 30, 9, -5, -95}, {80, 20, 0, -15, -99}, {75, 15, -2, -45, -99}}},
+       {"factor", 2.5},
+       {"rest", 0.003},
+       {"outside", "extend"},
+       {"outside_rate", "extend"}},
   };
 }
 
@@ -163,6 +171,29 @@ TEST(ForceLaws, powers_add_up_and_nothing_is_dissipated_backwards) {
   }
   EXPECT_RESIDUAL_BELOW(worst, 1e-12);
   EXPECT_GE(least, -1e-14);
+}
+
+TEST(ForceLaws, the_energy_of_a_table_is_the_integral_of_its_force_to_32_digits) {
+  // Simpson's rule is exact for a cubic: both sides belong to the same interpolant, or they differ.
+  const json described = {{"type", "table"},
+                          {"travel", {-0.05, -0.01, 0.0, 0.02, 0.06}},
+                          {"force", {80, 20, 1, -15, -99}},
+                          {"outside", "extend"}};
+  const ForceLaw law = read_law(described);
+  const auto at = [&](const Extended& s) {
+    LawInput<Extended> in;
+    in.s = s;
+    return evaluate(law, in);
+  };
+  const Extended ends[] = {Extended(-0.07), Extended(-0.05), Extended(-0.01), Extended(0.0),
+                           Extended(0.02),  Extended(0.06),  Extended(0.1)};
+  for (int i = 0; i + 1 < 7; ++i) {
+    const Extended a = ends[i], b = ends[i + 1], middle = (a + b) / Extended(2);
+    const Extended work =
+        (b - a) / Extended(6) * (at(a).force + Extended(4) * at(middle).force + at(b).force);
+    EXPECT_LT(std::abs(to_double(work + at(b).energy - at(a).energy)), 1e-29) << i;
+  }
+  EXPECT_EQ(to_double(at(Extended(0.0)).energy), 0.0);
 }
 
 TEST(ForceLaws, a_bristle_brake_below_a_tenth_of_engagement_is_open) {
@@ -251,6 +282,16 @@ TEST(ForceLaws, impossible_laws_are_refused_with_member_value_and_limit) {
          "lacks the member 'limit'");
   expect({{"type", "stop"}, {"lower", 1}, {"upper", 0}, {"stiffness", 1}, {"toe", 1}},
          "lower is 1; it must be less than upper, 0");
+  json table = {{"type", "table"}, {"travel", {0, 0.1, 0.2}}, {"force", {0, -3, -9}}};
+  expect(table, "accepted");
+  expect(with(table, {{"travel", {0, 0.1, 0.1}}}), "travel[3] is 0.1; it must be above travel[2]");
+  expect(with(table, {{"travel", {0, 0.1}}}), "force has 3 rows; travel has 2");
+  expect(with(table, {{"travel", {0}}, {"force", {0}}}), "travel has 1 rows");
+  expect(with(table, {{"outside", "stop"}}), "is 'stop'; it must be refuse, hold or extend");
+  const json rated = with(table, {{"rates", {0, 1}}, {"force", {{0, -3, -9}, {-1, -4, -12}}}});
+  expect(rated, "accepted");
+  expect(with(rated, {{"rates", {0.5, 1}}}), "rates lack 0");
+  expect(with(rated, {{"factor", -1}}), "it must not drive the motion");
   expect({{"type", "glue"}}, "known laws are spring, constant, damper, eddy, brake, motor, drive");
   expect(
       {{"type", "motor"}, {"constant", 1}, {"resistance", 1}, {"current_limit", 8}, {"corner", 9}},

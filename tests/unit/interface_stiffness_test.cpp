@@ -299,6 +299,39 @@ TEST(InterfaceStiffness, any_state_gives_a_finite_number) {
   EXPECT_GT(positive, 100);
 }
 
+TEST(LargestDelay, is_the_first_one_with_a_motion_of_constant_amplitude) {
+  using Complex = std::complex<double>;
+  TestRandom random(17);
+  for (int i = 0; i < 200; ++i) {
+    const V draw = random.vector(1.0);
+    const double k = std::exp(4.0 * draw[0]), c = 3.0 * std::abs(draw[1]) * std::sqrt(k);
+    const double share = i % 2 ? 1.0 : 0.05 + 0.95 * std::abs(draw[2]);
+    double w = 0.0;
+    const double delay = find_largest_delay(k, c, share, w);
+    const auto residual = [&](double at, double T) {
+      const Complex z(k, at * c);
+      return at * at - z * (1.0 - share + share * std::exp(Complex(0.0, -at * T)));
+    };
+    if (w > 0.0) {
+      EXPECT_LE(std::abs(residual(w, delay)), 1e-9 * w * w) << k << " " << c << " " << share;
+    } else {
+      EXPECT_EQ(delay, kNoDelayLimit);
+    }
+    // At no frequency a shorter delay does the same: |w^2/z - (1 - share)| is not share there.
+    for (int n = 1; n < 4000; ++n) {
+      const double at = 0.002 * n * (std::sqrt(k) + c);
+      const Complex z(k, at * c), turn = (at * at / z - (1.0 - share)) / share;
+      if (std::abs(std::abs(turn) - 1.0) > 1e-4) continue;
+      double angle = -std::arg(turn);
+      if (angle < -1e-3) angle += 2.0 * M_PI;
+      EXPECT_GE(angle / at, 0.98 * delay - 1e-3 / at) << k << " " << c << " " << share;
+    }
+  }
+  double w = 0.0;
+  EXPECT_NEAR(find_largest_delay(100.0, 0.02, 1.0, w), 0.02 / 100.0, 1e-8);  // c/k
+  EXPECT_NEAR(w, 10.0, 1e-4);
+}
+
 TEST(InterfaceStiffness, a_scene_without_a_target_gives_zero) {
   EXPECT_EQ(Held(read_test_scene("scene_slider_crank.json")).find(), 0.0);
 }

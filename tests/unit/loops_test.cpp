@@ -497,9 +497,10 @@ TEST(LoopTable, planes_that_are_not_orthonormal_are_refused) {
                   {"wrong.json", "plane_axes_in_root", "orthonormal"});
 }
 
-TEST(LoopTable, a_stated_home_that_is_open_is_refused_with_its_gap) {
-  expect_mentions(refuse([](json& d) { d["home_q"][0] = 1.01; }),
-                  {"'fb1'", "open by 0.00", "home_q"});
+TEST(LoopTable, a_stated_home_that_is_far_open_is_refused_with_its_gap_and_the_limit) {
+  expect_mentions(refuse([](json& d) { d["home_q"][0] = 1.2; }),
+                  {"'fb1'", "open by 0.0", "limit 0.0085 m", "home_q"});
+  EXPECT_EQ(refuse([](json& d) { d["home_q"][0] = 1.001; }), "");  // a first guess
 }
 
 TEST(LoopTable, free_joints_cannot_be_dependent) {

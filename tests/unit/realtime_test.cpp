@@ -22,9 +22,8 @@ class RealTime : public ::testing::TestWithParam<int> {
  protected:
   void SetUp() override {
     const std::string text = read_test_file("scene_ring.json");
-    const Scene scene = read_scene(text, "scene_ring.json");
     resources_ = std::make_unique<Resources>("resources", text);
-    guid_ = scene.fingerprint;
+    guid_ = find_guid(text);
   }
   fmi2Component instantiate(fmi2Type type = fmi2CoSimulation) {
     return fmi2Instantiate("real_time", type, guid_.c_str(), resources_->uri().c_str(), &callbacks_,
@@ -165,12 +164,8 @@ TEST_P(FixedSteps, take_the_same_work_everywhere) {
   }
   EXPECT_EQ(*std::min_element(work.begin(), work.end()),
             *std::max_element(work.begin(), work.end()));
-  // Ten steps of solver.step = 1 ms: four evaluations each, or six and one mechanism block, or
-  // seven and a Jacobian of 39 columns.
-  const double expected = GetParam() == kFixedRk4          ? 40.0
-                          : GetParam() == kFixedRosenbrock ? 84.0
-                                                           : 460.0;
-  EXPECT_EQ(work.front(), expected);
+  // Ten steps of solver.step = 1 ms: four evaluations each, or six and one mechanism block.
+  EXPECT_EQ(work.front(), GetParam() == kFixedRk4 ? 40.0 : 84.0);
   fmi2FreeInstance(c);
 }
 
@@ -178,12 +173,9 @@ const auto kNameOf = [](const ::testing::TestParamInfo<int>& method) {
   return std::string(find_method(method.param)->name);
 };
 INSTANTIATE_TEST_SUITE_P(Methods, FixedSteps,
-                         ::testing::Values(int(kFixedRk4), int(kFixedImplicit),
-                                           int(kFixedRosenbrock)),
-                         kNameOf);
+                         ::testing::Values(int(kFixedRk4), int(kFixedRosenbrock)), kNameOf);
 INSTANTIATE_TEST_SUITE_P(Methods, RealTime,
-                         ::testing::Values(int(kExplicit), int(kImex), int(kAdams), int(kBdf),
-                                           int(kFixedRk4), int(kFixedImplicit), int(kDae),
+                         ::testing::Values(int(kExplicit), int(kBdf), int(kFixedRk4), int(kDae),
                                            int(kRosenbrock), int(kFixedRosenbrock)),
                          kNameOf);
 

@@ -3,6 +3,8 @@
 // 2. the last stage of adaptive tables is at the end of the step, which gives the fastest rate;
 // 3. the stabilised pair is stable as far as stated, on the real axis and where rings swing, and
 //    so are its stages.
+#include "integrate/runge_kutta.hpp"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,8 +13,6 @@
 #include <complex>
 #include <cstdio>
 #include <vector>
-
-#include "compare/methods.hpp"
 
 namespace dockloop {
 namespace {
@@ -71,7 +71,7 @@ TEST(RungeKuttaTables, have_their_orders) {
     double order, h;
   };
   for (const Case& c :
-       {Case{"Dormand-Prince", get_dormand_prince(), 5, 0.1}, Case{"DOP853", get_dop853(), 8, 0.3},
+       {Case{"Dormand-Prince", get_dormand_prince(), 5, 0.1},
         Case{"stabilised", get_stabilised(), 4, 0.2}, Case{"classic", get_classic(), 4, 0.1}}) {
     // One step: errors are of one order more.
     const State start = find_exact(0.3);
@@ -89,9 +89,7 @@ TEST(RungeKuttaTables, have_their_orders) {
                 std::log2(middle[0] / middle[1]) - 1);
     EXPECT_NEAR(std::log2(error[0] / error[1]), c.order + 1, 0.5) << c.name;
     if (!c.table.error) continue;
-    // DOP853 combines this estimate of order 5 with one of order 3 into one that goes with h^8.
-    const double stated = c.table.low_error ? 5 : c.table.error_order;
-    EXPECT_NEAR(std::log2(estimate[0] / estimate[1]), stated + 1, 0.5) << c.name;
+    EXPECT_NEAR(std::log2(estimate[0] / estimate[1]), c.table.error_order + 1, 0.5) << c.name;
     EXPECT_GT(std::log2(middle[0] / middle[1]), 4.5) << c.name;
     double end = 0.0;
     const double* last = c.table.a + (c.table.stages - 1) * (c.table.stages - 2) / 2;

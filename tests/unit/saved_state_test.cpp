@@ -65,17 +65,14 @@ std::vector<Run> make_runs() {
   runs.back().seen = "latched";
   runs.push_back({"bristles", ring, [](Parameters& p) { p.friction_model = 2; }});
   runs.push_back({"fixed_steps", ring, [](Parameters& p) { p.solver_method = kFixedRk4; }});
-  runs.push_back({"fixed_implicit", ring, [](Parameters& p) { p.solver_method = kFixedImplicit; }});
   const auto add_method = [&](const char* name, void (*choose)(Parameters&)) {
     runs.push_back({name, ring, choose});
     runs.back().steps = 100;
     runs.back().seen = "latched";
   };
-  add_method("adams", [](Parameters& p) { p.solver_method = kAdams; });
   add_method("bdf", [](Parameters& p) { p.solver_method = kBdf; });
   add_method("rosenbrock", [](Parameters& p) { p.solver_method = kRosenbrock; });
   add_method("fixed_rosenbrock", [](Parameters& p) { p.solver_method = kFixedRosenbrock; });
-  add_method("imex", [](Parameters& p) { p.solver_method = kImex; });
   add_method("dae", [](Parameters& p) { p.model_level = kReference; });
   runs.push_back({"sloped_inputs", ring, [](Parameters& p) { p.contact_thrust = 50.0; }, push});
   runs.push_back({"massless_legs", ring, [](Parameters& p) { p.model_level = kMasslessLegs; }});

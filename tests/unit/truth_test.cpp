@@ -9,6 +9,7 @@
 #include <cmath>
 #include <random>
 
+#include "compare/extended_precision.hpp"
 #include "compare/extended_solver.hpp"
 #include "unit/random_docking.hpp"
 #include "unit/sim_test_support.hpp"
@@ -108,10 +109,9 @@ TEST(ReferenceSolution, KinkCostsStepsButNoDigits) {
 }
 
 /// Depth of the absorber: how far A is beyond P.
-Extended find_depth(const DockingSim& sim, const StateLayout& layout) {
-  const Extended* y = sim.extended_states();
+Extended find_depth(const Extended* y, const Scene& scene, const StateLayout& layout) {
   const auto interface_at = [&](int i) {
-    return y[layout.pose[i]] + sim.scene().vehicle[i].interface_position.x();
+    return y[layout.pose[i]] + scene.vehicle[i].interface_position.x();
   };
   return interface_at(kChaser) - interface_at(kTarget);
 }
@@ -120,16 +120,16 @@ TEST(ReferenceSolution, AbsorberFollowsItsClosedFormThroughCommunicationSteps) {
   Scene scene = read_test_scene("scene_minimal.json");
   scene.contact = make_absorber_contact({20e3, 2000.0, true});
   const StateLayout layout = Docking(scene).model.layout;
-  ComparingSim sim(share(scene));
-  sim.use_extended_precision(1e-26);
+  const ExtendedPrecision precision(1e-26);
+  DockingSim sim(share(scene), FmiKind::kCoSimulation, &precision);
   sim.initialise(0.0, 0.0);
   constexpr double kStep = 1.0 / 64;
   constexpr int kBegin = 8, kEnd = 64;  // in contact from 0.1 s on
   for (int k = 0; k < kBegin; ++k) {
     ASSERT_TRUE(sim.step(k * kStep, kStep).ok()) << sim.status_text();
   }
-  const Extended d0 = find_depth(sim, layout);
-  const Extended* y = sim.extended_states();
+  const Extended d0 = find_depth(precision.states(), scene, layout);
+  const Extended* y = precision.states();
   const Extended mc = scene.vehicle[kChaser].mass, mt = scene.vehicle[kTarget].mass;
   const Extended v0 = y[layout.momentum[kChaser]] / mc - y[layout.momentum[kTarget]] / mt;
   ASSERT_GT(d0, 0);
@@ -140,7 +140,7 @@ TEST(ReferenceSolution, AbsorberFollowsItsClosedFormThroughCommunicationSteps) {
   const Extended m = mc * mt / (mc + mt), s = Extended(1000) / m;
   const Extended w = sqrt(Extended(20e3) / m - s * s), t = (kEnd - kBegin) * kStep;
   const Extended exact = exp(-s * t) * (d0 * cos(w * t) + (v0 + s * d0) / w * sin(w * t));
-  const Extended error = abs(find_depth(sim, layout) - exact);
+  const Extended error = abs(find_depth(precision.states(), scene, layout) - exact);
   EXPECT_LE(to_double(error), 1e-28);  // measured 3e-30
   EXPECT_GT(to_double(exact), 0.01);
 }

@@ -2,9 +2,9 @@
 
 import argparse
 
-from dockloop.arguments import Command, Options
-from dockloop.console import write
-from dockloop.paths import shown
+from dockloop.base.paths import shown
+from dockloop.commands.arguments import Command, Options
+from dockloop.commands.console import write
 
 EXAMPLE = "example: dockloop build idss_25t_350t --scene initial.closing_speed=0.05 -o slow.fmu"
 
@@ -25,8 +25,8 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Build the FMU and say where it is."""
-    from dockloop.fmu import build_fmu
-    from dockloop.reference import add_reference
+    from dockloop.fmu.build import build_fmu
+    from dockloop.fmu.reference import add_reference
 
     notes: list[str] = []  # issued when the FMU is there
     finish = add_reference if options.reference else None

@@ -1,15 +1,19 @@
-"""``dockloop check``: whether a mechanism is sound."""
+"""``dockloop check``: whether a mechanism, or the vehicles of a scene, are sound."""
 
-from dockloop.arguments import Command, Options, file_path
-from dockloop.console import write_found
-from dockloop.errors import UsageError
+from dockloop.base.errors import UsageError
+from dockloop.commands.arguments import Command, Options, file_path
+from dockloop.commands.console import write_found
 
 EXAMPLE = "example: dockloop check apda --draw apda.svg"
 
 
 def add_options(command: Command) -> None:
     """Describe the arguments of the command."""
-    command.add_argument("mechanism", metavar="MECHANISM", help="name or .json file")
+    command.add_argument(
+        "mechanism",
+        metavar="MECHANISM",
+        help="name or .json file, or a scene .toml: parts of its vehicles",
+    )
     text = "evaluate the mechanism at these states and print accelerations and forces as JSON"
     command.add_option("--states", "FILE.json", text, type=file_path)
     text = "draw bodies, joints, cuts and force elements at home"
@@ -19,14 +23,21 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Check the mechanism, and draw it."""
-    from dockloop.mechanism import check_mechanism, describe_report, draw
+    from dockloop.scene.mechanism import check_mechanism, draw, report_mechanism
 
     if options.draw and options.states:
         raise UsageError("--draw shows the mechanism at home: leave --states away")
     if options.draw and options.draw.suffix != ".svg":
         raise UsageError(f"--draw {options.draw}: must end in .svg")
+    if options.mechanism.endswith(".toml"):
+        from dockloop.runs.vehicle_check import check_vehicles, report_vehicles
+
+        if options.draw or options.states:
+            raise UsageError("--draw and --states belong to a mechanism: leave them away")
+        write_found(options, check_vehicles(options.mechanism), report_vehicles)
+        return
     report = check_mechanism(options.mechanism, options.states)
     if options.draw:
         draw(options.mechanism, report, options.draw)
     options.json |= options.states is not None
-    write_found(options, report, describe_report)
+    write_found(options, report, report_mechanism)

@@ -1,11 +1,11 @@
 """``dockloop envelope``: the boundary of a criterion."""
 
-from dockloop.arguments import Command, Options, finite, whole
-from dockloop.console import write_found
+from dockloop.commands.arguments import Command, Options, finite, whole
+from dockloop.commands.console import write_found
 
 EXAMPLE = (
-    "example: dockloop envelope idss_25t_350t --x initial.lateral_offset 0 0.2"
-    ' --y initial.closing_speed 0.01 0.15 --criterion "captured within 5 s and load_ratio < 1"'
+    "example: dockloop envelope absorber_1d --x initial.closing_speed 0.05 0.15"
+    ' --y chaser.mass 20e3 30e3 --criterion "capture.peak.compression < 1500"'
 )
 
 
@@ -39,6 +39,8 @@ def add_options(command: Command) -> None:
     command.add_option("--check", "N", text, type=whole, default=16)
     command.add_option("--seed", "N", "of these (default: 0)", type=whole, default=0)
     command.add_run()
+    command.add_accuracy()
+    command.add_assured()
     command.add_executor()
     command.add_flag(
         "--resume",
@@ -54,7 +56,7 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Find the boundary: dockings, tables, summary, figure."""
-    from dockloop.envelopes.command import run_command
-    from dockloop.envelopes.report import describe_envelope
+    from dockloop.studies.envelopes.command import run_command
+    from dockloop.studies.envelopes.report import report_envelope
 
-    write_found(options, run_command(options), describe_envelope)
+    write_found(options, run_command(options), report_envelope)

@@ -2,9 +2,10 @@
 
 import json
 
-from dockloop.arguments import Command, Options, positive, whole
-from dockloop.console import write
-from dockloop.errors import DockloopError
+from dockloop.base.errors import DockloopError
+from dockloop.base.sections import write_text
+from dockloop.commands.arguments import Command, Options, positive, whole
+from dockloop.commands.console import write
 
 EXAMPLE = "example: dockloop extremes --random 20 --seed 7"
 
@@ -24,10 +25,11 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Judge random scenes; a bad one is a failure."""
-    from dockloop.extremes.random_report import describe, run_command
+    from dockloop.studies.extremes.random_report import report_random, run_command
 
     summary = run_command(options)
-    write(json.dumps(summary) if options.json else describe(summary))
+    # The last line of the JSON is one object: programs read it after whatever came before.
+    write(json.dumps(summary) if options.json else write_text(report_random(summary)))
     if summary["bad"]:
         first = summary["bad"][0]
         raise DockloopError(

@@ -1,7 +1,7 @@
 """``dockloop linearise``: the linear model of a docking at one instant."""
 
-from dockloop.arguments import Command, Options, filled
-from dockloop.console import write_found
+from dockloop.commands.arguments import Command, Options, filled
+from dockloop.commands.console import write_found
 
 EXAMPLE = "example: dockloop linearise apda --at hard_docked --stop 200 --step 0.5"
 
@@ -27,6 +27,6 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Linearise, write matrices and figure, say poles."""
-    from dockloop.linear_report import describe, run_command
+    from dockloop.report.linear import report_linear, run_command
 
-    write_found(options, run_command(options), describe)
+    write_found(options, run_command(options), report_linear)

@@ -1,10 +1,11 @@
 """``dockloop map``: where a scene holds, over two quantities."""
 
-from dockloop.arguments import Command, Options, finite, positive
-from dockloop.console import write_found
+from dockloop.commands.arguments import Command, Options, finite, positive
+from dockloop.commands.console import write_found
 
 EXAMPLE = (
-    "example: dockloop map idss_25t_350t --x contact.stiffness 1e4 1e10 --y experiment.step 1e-4 1"
+    "example: dockloop map absorber_1d --x chaser.mass 1e2 1e6 --y experiment.step 1e-3 1"
+    " --points 5"
 )
 
 
@@ -35,6 +36,8 @@ def add_options(command: Command) -> None:
     )
     command.add_limit("a point")
     command.add_run()
+    command.add_accuracy()
+    command.add_assured()
     command.add_workers()
     command.add_flag("--resume", "go on with the points that are there")
     text = "for page, picture, table, summary and journal (default: build/maps/SCENE)"
@@ -45,7 +48,7 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Map right, refused and wrong: page, picture, table."""
-    from dockloop.maps.command import run_command
-    from dockloop.maps.report import describe_map
+    from dockloop.studies.maps.command import run_command
+    from dockloop.studies.maps.report import report_map
 
-    write_found(options, run_command(options), describe_map)
+    write_found(options, run_command(options), report_map)

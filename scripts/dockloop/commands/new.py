@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from dockloop.arguments import Command, Options
-from dockloop.console import write
+from dockloop.commands.arguments import Command, Options
+from dockloop.commands.console import write
 
 EXAMPLE = "example: dockloop new my_docking --from apda"
 
@@ -18,6 +18,6 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Copy both files and say where they are."""
-    from dockloop.copies import copy_scene, describe
+    from dockloop.scene.copies import copy_scene, describe
 
     write(describe(copy_scene(options.scene, options.name, options.output)))

@@ -1,17 +1,19 @@
 """``dockloop sweep``: many dockings."""
 
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dockloop import paths
-from dockloop.arguments import Command, Options, whole
-from dockloop.console import write_found
-from dockloop.errors import DockloopError, UsageError
-from dockloop.number import read_if_number
+from dockloop.base import paths
+from dockloop.base.errors import DockloopError, UsageError
+from dockloop.base.number import read_if_number
+from dockloop.base.system import ENGINES
+from dockloop.commands.arguments import Command, Options, whole
+from dockloop.commands.console import write_found
 
 if TYPE_CHECKING:
-    from dockloop.sampling import Passes, Sweep
+    from dockloop.sweeps.sampling import Passes, Sweep
 
 EXAMPLE = "example: dockloop sweep absorber_1d_speeds --engine core --workers 2 --csv"
 
@@ -21,10 +23,10 @@ def add_options(command: Command) -> None:
     command.add_argument("sweep", metavar="SWEEP", help="name of a shipped sweep, or a .toml file")
     command.add_argument(
         "--engine",
-        choices=("auto", "core", "fmu"),
+        choices=ENGINES,
         default="auto",
-        help="core: threads of one process; fmu: FMPy in Dask workers, for clusters;"
-        " auto (default): core, unless there is a --scheduler; results are the same",
+        help="core: in this process or its Dask workers; fmu: each case through an FMU, in Dask"
+        " workers; auto (default): core; results are the same",
     )
     command.add_executor()
     command.add_flag("--resume", "go on with a sweep that was interrupted")
@@ -35,6 +37,7 @@ def add_options(command: Command) -> None:
     )
     text = "wanted relative error of all cases, or real-time, as for dockloop run"
     command.add_option("--accuracy", "ERROR", text)
+    command.add_assured()
     command.add_option(
         "--refine",
         "TEXT",
@@ -61,8 +64,6 @@ def run(options: Options) -> None:
     """Run the sweep, or estimate how rarely its dockings fail."""
     if options.output and options.output.suffix != ".parquet":
         raise UsageError(f"-o {options.output}: must end in .parquet")
-    if options.engine == "core" and options.scheduler:
-        raise UsageError("--engine core runs on this machine; a --scheduler needs --engine fmu")
     uses_dask = options.engine == "fmu" or options.scheduler
     try:
         for package in ("pyarrow", "scipy", *(["distributed"] if uses_dask else [])):
@@ -72,8 +73,9 @@ def run(options: Options) -> None:
             f"sweeps need the package {error.name}: pip install 'dockloop[sweep]'; in a clone"
             " .venv/bin/pip install -e '.[sweep]'"
         ) from None
-    from dockloop.results import ProgressBar
-    from dockloop.sampling import read_passes, read_sweep
+    from dockloop.base.progress import ProgressBar
+    from dockloop.sweeps.campaign import read_how
+    from dockloop.sweeps.sampling import read_passes, read_sweep
 
     accuracy, refined = (
         text if text is None else read_if_number(text)
@@ -81,12 +83,11 @@ def run(options: Options) -> None:
     )
     passes = read_passes(accuracy, options.refine, refined)
     _check_rare(options, passes)
-    sweep = read_sweep(options.sweep, passes)
+    sweep = replace(read_sweep(options.sweep, passes), assured=options.assured)
     name = sweep.path.stem
     output = options.output or paths.RESULTS / "sweeps" / name / f"{name}.parquet"
-    how = {key: getattr(options, key) for key in ("engine", "workers", "scheduler", "resume")}
     work = _run_all if options.rare is None else _run_rare
-    work(options, sweep, output, how | {"progress": ProgressBar(name)})
+    work(options, sweep, output, {"progress": ProgressBar(name), **read_how(options)})
 
 
 def _check_rare(options: Options, passes: "Passes | None") -> None:
@@ -97,20 +98,24 @@ def _check_rare(options: Options, passes: "Passes | None") -> None:
         return
     if passes and passes.refine:
         raise UsageError("--rare and --refine: give one of them")
-    for name in ("csv", "report"):
+    for name in ("csv", "report", "assured"):
         if getattr(options, name):
             raise UsageError(f"--rare and --{name}: --rare writes no table: leave out --{name}")
 
 
 def _run_all(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]) -> None:
     """Run all cases: table, summary, plots, pages."""
-    from dockloop import html_report, sweep_report
-    from dockloop.figures import can_draw
-    from dockloop.histories import find_histories, write_histories
-    from dockloop.journal import keeps_results
-    from dockloop.outputs import claim
-    from dockloop.summary import find_summary, write_summary
-    from dockloop.sweeps import COMMAND, run_sweep
+    from dockloop.base.figures import can_draw
+    from dockloop.base.files import claim
+    from dockloop.base.sections import find_html, html_kind, write_html
+    from dockloop.report import sweep as sweep_report
+    from dockloop.report.sweep_sections import complete_report, report_sweep
+    from dockloop.result.summary import find_summary, write_summary
+    from dockloop.sweeps.histories import find_histories, write_histories
+    from dockloop.sweeps.journal import keeps_results
+    from dockloop.sweeps.run import run_sweep
+    from dockloop.sweeps.table import COMMAND, TableFile, write_table
+    from dockloop.view import cases
     from dockloop.view.page import PAGE
 
     plots = not options.no_plots
@@ -120,43 +125,41 @@ def _run_all(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]
     ):
         claim(file, kind)
     if options.report:
-        claim(html_report.find_page(output), html_report.page_kind(COMMAND))
-        for file in sweep_report.list_views(output):
+        claim(find_html(output), html_kind(COMMAND))
+        for file in cases.list_views(output):
             claim(file, PAGE)
     ran = run_sweep(sweep, output, **how)
     planner, sweep = ran["planner"], ran["sweep"]
     with keeps_results():
-        files = sweep_report.write_table(
+        files = write_table(
             sweep, planner, ran["results"], ran["first"], output, as_csv=options.csv
         )
         if keeps:
             files.append(find_histories(output))
             write_histories(planner, ran["results"], files[-1])
-        table = sweep_report.TableFile(output)
+        table = TableFile(output)
         summary = sweep_report.summarise_sweep(sweep, planner, table, ran)
         if plots and can_draw():
             files += sweep_report.write_sweep_plots(sweep, planner, table, output.with_suffix(""))
         if options.report:
             figures = [file for file in files if file.suffix == ".png"]
-            views = sweep_report.write_views(sweep, planner, table, output)
-            sections = html_report.report_sweep(
-                summary, sweep, planner, table, figures, views=views
-            )
-            files += [*views.values(), html_report.find_page(output)]
-            html_report.write_page(files[-1], COMMAND, summary["title"], sections)
+            views = cases.write_views(sweep, planner, table, output)
+            sections = complete_report(summary, sweep, planner, table, figures, views=views)
+            files += [*views.values(), find_html(output)]
+            write_html(files[-1], COMMAND, sections)
         files.append(find_summary(output))
         write_summary(summary, files[-1], files)
-    write_found(options, summary, sweep_report.describe_sweep)
+    write_found(options, summary, report_sweep)
     if "done" not in summary["status"]:
         raise DockloopError(f"no case was done, for example: {summary['reasons']['example']}")
 
 
 def _run_rare(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any]) -> None:
     """Estimate how rarely the dockings of a sweep fail."""
-    from dockloop import rare
-    from dockloop.journal import keeps_results
-    from dockloop.outputs import claim
-    from dockloop.summary import write_summary
+    from dockloop.base.files import claim
+    from dockloop.result.summary import write_summary
+    from dockloop.sweeps import rare
+    from dockloop.sweeps.journal import keeps_results
 
     if "histories" in sweep.document:
         raise UsageError(
@@ -169,4 +172,4 @@ def _run_rare(options: Options, sweep: "Sweep", output: Path, how: dict[str, Any
     summary = rare.run_rare(sweep, options.rare, samples, journal, **how)
     with keeps_results():
         write_summary(summary, file, [file])
-    write_found(options, summary, rare.describe_rare)
+    write_found(options, summary, rare.report_rare)

@@ -4,13 +4,14 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dockloop import paths
-from dockloop.arguments import Command, Options, finite, list_words
-from dockloop.console import write_found
-from dockloop.errors import UsageError
+from dockloop.base import paths
+from dockloop.base.errors import UsageError
+from dockloop.base.words import list_words
+from dockloop.commands.arguments import Command, Options, finite
+from dockloop.commands.console import write_found
 
 if TYPE_CHECKING:
-    from dockloop.trades.bench import Bench
+    from dockloop.studies.trades.bench import Bench
 
 EXAMPLE = "example: dockloop trade absorber_1d --methods explicit,bdf --tolerances 1e-4,1e-8"
 
@@ -46,12 +47,12 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Measure: runs, tables, figure, recommendation."""
-    from dockloop.journal import keeps_results
-    from dockloop.outputs import claim
-    from dockloop.results import ProgressBar
-    from dockloop.scene import find_scene
-    from dockloop.trades import report, run_trade
-    from dockloop.trades.command import make_bench, make_choice
+    from dockloop.base.files import claim
+    from dockloop.base.progress import ProgressBar
+    from dockloop.scene.find import find_scene
+    from dockloop.studies.trades import report, run_trade
+    from dockloop.studies.trades.command import make_bench, make_choice
+    from dockloop.sweeps.journal import keeps_results
 
     choice = make_choice(
         *(options.levels, options.methods, options.tolerances, options.steps, options.stop),
@@ -71,13 +72,13 @@ def run(options: Options) -> None:
         summary["files"] = [paths.shown(file) for file in report.write_trade(summary, folder)]
     if copy is not None:
         _apply(options, bench, summary, copy)
-    write_found(options, summary, report.describe_trade)
+    write_found(options, summary, report.report_trade)
 
 
 def _find_copy(options: Options) -> Path | None:
     """Return the copy of the scene that --apply writes, made sure that it can be; None without."""
-    from dockloop.outputs import claim
-    from dockloop.trades.apply import SCENE, name_copy, parse_error
+    from dockloop.base.files import claim
+    from dockloop.studies.trades.apply import SCENE, name_copy, parse_error
 
     if options.apply is None:
         if options.output and options.output.suffix == ".toml":
@@ -97,11 +98,13 @@ def _find_copy(options: Options) -> Path | None:
 
 def _apply(options: Options, bench: "Bench", summary: dict, copy: Path) -> None:
     """Write the copy of the scene; the summary names it."""
-    from dockloop.trades.apply import choose_row, make_keys, parse_error, write_copy
+    from dockloop.scene.copies import write_copy
+    from dockloop.studies.trades.apply import BEGIN, SCENE, choose_row, make_keys, parse_error
 
     row = choose_row(summary["rows"], parse_error(options.apply), bench.step)
     keys = make_keys(row, bench)
-    write_copy(options.scene, keys, row, summary["command"], copy)
+    note = f"error {row['error']:.1e}, measured by `{summary['command']}`"
+    write_copy(options.scene, keys, copy, SCENE, begin=BEGIN, note=note)
     summary["applied"] = {"file": paths.shown(copy), "setting": row["setting"], "keys": keys}
     summary["files"].append(paths.shown(copy))
 

@@ -2,9 +2,9 @@
 
 import json
 
-from dockloop import paths
-from dockloop.arguments import Command, Options, file_path, finite
-from dockloop.console import write
+from dockloop.base import paths
+from dockloop.commands.arguments import Command, Options, file_path, finite
+from dockloop.commands.console import write
 
 EXAMPLE = "example: dockloop truth absorber_1d --output relative.axial --stop 1 --step 0.1 --check"
 
@@ -29,10 +29,10 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """Integrate with extended precision, write the document, say what it took."""
-    from dockloop.outputs import MADE_BY, claim, write_text
-    from dockloop.results import ProgressBar
-    from dockloop.scene import find_scene
-    from dockloop.solution import FILE, make_solution
+    from dockloop.base.files import MADE_BY, claim, write_text
+    from dockloop.base.progress import ProgressBar
+    from dockloop.runs.solution import FILE, make_solution
+    from dockloop.scene.find import find_scene
 
     name = find_scene(options.scene).stem
     file = options.file or paths.RESULTS / "results" / name / f"{name}_truth.json"

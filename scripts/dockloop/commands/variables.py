@@ -1,7 +1,9 @@
 """``dockloop variables``: what can be set and read."""
 
-from dockloop.arguments import Command, Options
-from dockloop.console import write_found
+import json
+
+from dockloop.commands.arguments import Command, Options
+from dockloop.commands.console import write
 
 EXAMPLE = "example: dockloop variables idss_25t_350t --match solver --match 'latch[1].*'"
 
@@ -17,10 +19,10 @@ def add_options(command: Command) -> None:
 
 def run(options: Options) -> None:
     """List what can be set and read in the scene."""
-    from dockloop.catalogue import describe, list_entries, to_document
+    from dockloop.scene.catalogue import describe, list_entries, to_document
 
     entries = list_entries(
         options.scene, options.overrides, options.patterns, has_states=options.states
     )
     document = to_document(options.scene, entries)
-    write_found(options, document, lambda _: describe(entries))
+    write(json.dumps(document, indent=2) if options.json else describe(entries))

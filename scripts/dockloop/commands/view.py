@@ -1,7 +1,7 @@
 """``dockloop view``: the motion in three dimensions."""
 
-from dockloop.arguments import Command, Options, file_path, filled, finite, whole
-from dockloop.console import write
+from dockloop.commands.arguments import Command, Options, file_path, filled, finite, whole
+from dockloop.commands.console import write
 
 EXAMPLE = "example: dockloop view build/results/idss_25t_350t/idss_25t_350t.csv -o docking.html"
 

@@ -15,8 +15,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from dockloop.errors import DockloopError
-from dockloop.outputs import scratch
+from dockloop.base.errors import DockloopError
+from dockloop.base.files import scratch
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 _PATIENCE = 180.0  # s for one answer

@@ -9,8 +9,9 @@ Poses are pairs ``{"p": [x, y, z], "q": [w, x, y, z]}``, quaternions as in the F
 
 import numpy as np
 
-from dockloop.drawing import find_body_places, list_legs
-from dockloop.hardware import find_extent, find_quaternion, list_hooks, make_hardware
+from dockloop.base.rotations import conjugate, make_symmetric, multiply, turn
+from dockloop.scene.hardware import find_extent, find_quaternion, list_hooks, make_hardware
+from dockloop.scene.shapes import find_body_places, list_legs
 
 _PORT = 0.2  # clearance of a vehicle's box from its mating plane over the extent
 
@@ -72,8 +73,9 @@ def place_bodies(mechanism: dict, coordinates: np.ndarray) -> dict[str, np.ndarr
     """
     bodies = mechanism.get("bodies", [])
     count = sum(7 if body["joint"]["type"] == "free" else 1 for body in bodies)
-    if not bodies or count != coordinates.shape[1] or mechanism.get("loops"):
+    if not bodies or count > coordinates.shape[1] or mechanism.get("loops"):
         return None
+    coordinates = coordinates[:, :count]  # those of parts of the chaser come last
     rows: dict[str, list] = {body["name"]: [] for body in bodies}
     for q in coordinates:
         for name, (rotation, position) in find_body_places(mechanism, q.tolist()).items():
@@ -128,22 +130,17 @@ def _find_pin(crank: dict, tip: np.ndarray) -> np.ndarray:
     return (along[:, None] * flat + across[:, None] * np.cross(axis, flat)) / distance[:, None]
 
 
-def turn(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Return a vector, or one vector per row, turned by unit quaternions (rows w, x, y, z)."""
-    w, u = quaternions[:, :1], quaternions[:, 1:]
-    cross = np.cross(u, vectors)
-    return vectors + 2.0 * (w * cross + np.cross(u, cross))
-
-
-def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return products of quaternions, row by row."""
-    w = a[:, :1] * b[:, :1] - np.sum(a[:, 1:] * b[:, 1:], axis=1, keepdims=True)
-    return np.hstack([w, a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])])
-
-
-def conjugate(a: np.ndarray) -> np.ndarray:
-    """Return the inverse turns of unit quaternions."""
-    return a * np.array([1.0, -1.0, -1.0, -1.0])
+def make_box(mass: float, inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return sides [m] and attitude (a row) of the homogeneous box with these xx yy zz xy xz yz."""
+    moments, axes = np.linalg.eigh(make_symmetric(inertia))
+    order = np.argmax(np.abs(axes), axis=0)  # keep x, y, z where the axes are nearly those
+    if len(set(order)) == 3:
+        moments, axes = moments[np.argsort(order)], axes[:, np.argsort(order)]
+    axes = axes * np.where(np.diag(axes) < 0.0, -1.0, 1.0)
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 2] *= -1.0
+    squares = 6.0 * (np.sum(moments) - 2.0 * moments) / mass
+    return np.sqrt(np.maximum(squares, 0.0)), find_quaternion(axes)[None]
 
 
 def _make_vehicle(name: str, vehicle: dict, parameters: dict[str, float], front: float) -> dict:
@@ -155,21 +152,13 @@ def _make_vehicle(name: str, vehicle: dict, parameters: dict[str, float], front:
         return np.array(list(values), float)
 
     mass = float(parameters.get(f"{name}.mass", vehicle["mass"]))
-    xx, yy, zz, xy, xz, yz = read("inertia", 6)
+    inertia = read("inertia", 6)
     position, attitude = read("interface_position", 3), read("interface_attitude", 4)
     attitude /= np.linalg.norm(attitude)
     back = conjugate(attitude[None])
     origin = turn(back, -position)[0]  # centre of mass in axes of the interface
-    moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
-    order = np.argmax(np.abs(axes), axis=0)  # keep x, y, z where the axes are nearly those
-    if len(set(order)) == 3:
-        moments, axes = moments[np.argsort(order)], axes[:, np.argsort(order)]
-    axes = axes * np.where(np.diag(axes) < 0.0, -1.0, 1.0)
-    if np.linalg.det(axes) < 0.0:
-        axes[:, 2] *= -1.0
-    squares = 6.0 * (np.sum(moments) - 2.0 * moments) / mass
-    size = np.sqrt(np.maximum(squares, 0.0))
-    box = multiply(back, find_quaternion(axes)[None])
+    size, attitude = make_box(mass, inertia)
+    box = multiply(back, attitude)
     corners = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
     points = np.array([origin + turn(box, size * corner)[0] for corner in corners])
     low, high = points.min(axis=0), points.max(axis=0)

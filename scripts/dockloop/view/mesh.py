@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dockloop.errors import UsageError
-from dockloop.paths import read_bytes, shown
+from dockloop.base.errors import UsageError
+from dockloop.base.paths import read_bytes, shown
 
 _LONGEST = 1000.0  # m: what is longer is in millimetres
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])

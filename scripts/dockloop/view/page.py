@@ -5,7 +5,6 @@ page stays below 5 MB: of long results some samples are taken, those of all even
 """
 
 import base64
-import html
 import json
 import re
 from dataclasses import replace
@@ -15,16 +14,20 @@ from typing import Any
 
 import numpy as np
 
-from dockloop import __version__, palette
-from dockloop.columns import say_number
-from dockloop.core import list_choices, list_loads
-from dockloop.errors import DockloopError, UsageError
-from dockloop.outputs import Kind, read_head, writing
-from dockloop.paths import shown
-from dockloop.peaks import find_peak
-from dockloop.results import Result
-from dockloop.summary import describe, summarise
-from dockloop.view import geometry
+from dockloop.base import palette, rotations
+from dockloop.base.errors import DockloopError, UsageError
+from dockloop.base.files import Kind, read_head, writing
+from dockloop.base.number import say_number
+from dockloop.base.paths import shown
+from dockloop.base.template import fill
+from dockloop.base.version import __version__
+from dockloop.native.core import list_choices, list_loads
+from dockloop.native.variables import VEHICLES
+from dockloop.report.run import say_outcome
+from dockloop.result.peaks import find_peak
+from dockloop.result.recording import Result
+from dockloop.result.summary import summarise
+from dockloop.view import geometry, parts
 from dockloop.view.mesh import read_mesh
 
 COMMAND = "dockloop view"
@@ -38,7 +41,7 @@ _SHOWN = re.compile(
     r"relative\.(axial|lateral|pitch_yaw|roll)|gap|phase|outcome|captured"
     r"|capture\.(tension|compression|shear|bending|torsion|load_ratio|(force|torque)\[\d\])"
     r"|contact\.(petal|surface)\[\d+\]\.force|latch\[\d+\]\.(opening|lateral|force|state)|latched\[\d+\]"
-    r"|leg\[\d+\]\.(length|force)"
+    r"|leg\[\d+\]\.(length|force)|energy\.(kinetic|potential|dissipated)"
 )
 # What is missing in a result, and the group of outputs that holds it.
 _GROUPS = {
@@ -97,6 +100,7 @@ def write_page(
 def make_data(run: Result, command: str | None = None) -> dict:
     """Return all that a page holds: ``meta``, ``geometry``, ``events``, ``columns``."""
     shapes = geometry.make_geometry(run.scene, run.parameters)
+    shapes["parts"] = parts.list_parts(run.scene)
     poses, notes = _find_poses(run, shapes)
     fit = _check_fit(run, poses, shapes)
     times = run["time"]
@@ -143,6 +147,7 @@ def make_data(run: Result, command: str | None = None) -> dict:
                 **palette.EVENTS,
                 "latch": palette.LATCH_STATES,
                 "phase": palette.PHASES,
+                "outcome": palette.OUTCOMES,
                 "lines": palette.LINES,
                 "dashes": palette.DASHES,
                 **{n: getattr(palette, n.upper()) for n in ("ink", "soft", "faint", "paper")},
@@ -159,30 +164,49 @@ def make_data(run: Result, command: str | None = None) -> dict:
     }
 
 
-def fill_template(data: dict) -> str:
-    """Return the page of these data as text."""
+def fill_template(data: dict, *, style: str = "", panel: str = "", script: str = "") -> str:
+    """Return the page of these data as text.
 
-    def read(name: str) -> str:
-        return (files("dockloop.view") / "web" / name).read_text(encoding="utf-8")
+    Args:
+        data: of `make_data`.
+        style: more rules of CSS, after those of the view.
+        panel: HTML between the time line and the curves.
+        script: JavaScript that runs when the page shows the docking.
+    """
 
-    def script(name: str) -> str:
-        return read(name).replace("</script", "<\\/script")
+    def as_script(text: str) -> str:
+        return text.replace("</script", "<\\/script")
 
-    parts = {
-        "made_by": _BEGIN,
-        "title": html.escape(f"{data['meta']['name']}: {data['meta']['title']}"),
-        "style": read("view.css"),
-        "three": f"/* {' '.join(read('three.LICENSE.txt').split())} */\n{script('three.min.js')}",
-        "view": script("view.js"),
-        "data": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
-    }
-    return re.sub(r"\{\{(\w+)\}\}", lambda m: parts[m[1]], read("page.html"))
+    three = f"/* {' '.join(read_web('view', 'three.LICENSE.txt').split())} */"
+    return fill(
+        "view",
+        "web/page.html",
+        made_by=_BEGIN,
+        title=f"{data['meta']['name']}: {data['meta']['title']}",
+        style=read_web("view", "view.css") + style,
+        panel=panel,
+        scripts=[
+            as_script(text)
+            for text in (
+                f"{three}\n{read_web('view', 'three.min.js')}",
+                read_web("view", "view.js"),
+                script,
+            )
+            if text
+        ],
+        data=json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
+    )
+
+
+def read_web(room: str, name: str) -> str:
+    """Return the text of a file in the folder ``web`` of a room."""
+    return (files(f"dockloop.{room}") / "web" / name).read_text(encoding="utf-8")
 
 
 def describe_outcome(run: Result) -> str:
     """Say in one line how the docking ended."""
     timed = {"loop": 1.0, "do_step": 0.0, "read": 0.0, "load": 0.0}  # a result file has no times
-    return describe(summarise(replace(run, wall=timed))).splitlines()[1].strip()
+    return say_outcome(summarise(replace(run, wall=timed)))
 
 
 def _find_poses(run: Result, shapes: dict) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -192,7 +216,11 @@ def _find_poses(run: Result, shapes: dict) -> tuple[dict[str, np.ndarray], list[
     if "target" in run.scene:
         if "relative.position[1]" in run and "relative.attitude[1]" in run:
             poses["target"] = _rows(run, "relative")
-        elif "chaser.position[1]" in run and "target.position[1]" in run:
+        elif (
+            "chaser.position[1]" in run
+            and "target.position[1]" in run
+            and not any("adapter" in run.scene[v] for v in VEHICLES)
+        ):
             poses["target"] = _find_relative(run, shapes["vehicles"])
             notes.append(
                 "relative.* is not recorded: P in A follows from the poses of the vehicles"
@@ -221,6 +249,9 @@ def _find_poses(run: Result, shapes: dict) -> tuple[dict[str, np.ndarray], list[
             f"not drawn: {', '.join(missing[:6])}{' and others' * (len(missing) > 6)}; the poses of"
             " these bodies are no outputs, or need the group 'states' in [outputs] groups"
         )
+    poses |= parts.place_parts(run, shapes["vehicles"], poses.get("target"))
+    if lost := [i for i in range(1, len(shapes["parts"]) + 1) if f"part[{i}]" not in poses]:
+        notes.append(f"not drawn: parts {', '.join(map(str, lost))}; their poses are not recorded")
     if capture == "base" and "ring" not in poses and mechanism["name"] != "none":
         poses["ring"] = np.tile(geometry.list_base(shapes), (count, 1))
     return poses, notes
@@ -233,17 +264,17 @@ def _rows(run: Result, name: str) -> np.ndarray:
 def _find_relative(run: Result, vehicles: dict) -> np.ndarray:
     """Return P in axes of A from the poses of both vehicles."""
     frames = []
-    for name in ("chaser", "target"):
+    for name in VEHICLES:
         pose = vehicles[name]["pose"]
-        mount = geometry.conjugate(np.array([pose["q"]]))
-        offset = -geometry.turn(mount, np.array(pose["p"]))[0]
+        mount = rotations.conjugate(np.array([pose["q"]]))
+        offset = -rotations.turn(mount, np.array(pose["p"]))[0]
         attitude = run.vector(f"{name}.attitude")
-        position = run.vector(f"{name}.position") + geometry.turn(attitude, offset)
+        position = run.vector(f"{name}.position") + rotations.turn(attitude, offset)
         mounts = np.tile(mount, (len(attitude), 1))
-        frames.append((position, geometry.multiply(attitude, mounts)))
+        frames.append((position, rotations.multiply(attitude, mounts)))
     (p_a, q_a), (p_p, q_p) = frames
-    inverse = geometry.conjugate(q_a)
-    return np.hstack([geometry.turn(inverse, p_p - p_a), geometry.multiply(inverse, q_p)])
+    inverse = rotations.conjugate(q_a)
+    return np.hstack([rotations.turn(inverse, p_p - p_a), rotations.multiply(inverse, q_p)])
 
 
 def _check_fit(run: Result, poses: dict[str, np.ndarray], shapes: dict) -> float | None:

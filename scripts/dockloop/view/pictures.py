@@ -7,9 +7,9 @@ import subprocess
 import zlib
 from pathlib import Path
 
-from dockloop.errors import DockloopError
-from dockloop.outputs import Kind, figure_kind, read_head, scratch, writing
-from dockloop.results import ProgressBar
+from dockloop.base.errors import DockloopError
+from dockloop.base.files import Kind, figure_kind, read_head, scratch, writing
+from dockloop.base.progress import ProgressBar
 from dockloop.view.browser import Browser
 from dockloop.view.page import COMMAND
 

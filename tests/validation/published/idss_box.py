@@ -9,7 +9,7 @@ import numpy as np
 from case import ASSUMED, GIVEN, Case, Comparison, Input, compare_words
 
 import dockloop as dl
-from dockloop import paths
+from dockloop.base import paths
 
 COUNT, END = 16, 12.0  # dockings of a row, s
 THRUST = {"chaser.contact_thrust": 800.0, "chaser.contact_thrust_delay": 0.3}

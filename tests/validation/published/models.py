@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import dockloop as dl
-from dockloop import paths
-from dockloop.scene import to_text
+from dockloop.base import paths
+from dockloop.scene.values import to_text
 
 AXIS_GROUPS = ("relative", "capture", "phase", "ring", "legs", "energy", "solver")
 

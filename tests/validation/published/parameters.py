@@ -21,8 +21,8 @@ import json
 from models import read_mechanism
 
 import dockloop as dl
-from dockloop import paths
-from page import find_origin, write_head, write_page, write_row
+from dockloop.base import paths
+from page import Block, write_page, write_table
 
 PAGE = paths.ROOT / "tests" / "validation" / "parameters.md"
 LOW, HIGH = 0.8, 1.25
@@ -224,7 +224,7 @@ def show(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:+.2f}"
 
 
-def write_family(scene: str) -> list[str]:
+def write_family(scene: str) -> list[Block]:
     """Return the section of a family."""
     file, groups, known = FAMILIES[scene]
     base = run_variant(scene, read_mechanism(file))
@@ -233,25 +233,26 @@ def write_family(scene: str) -> list[str]:
     order = sorted(rows, key=lambda name: -max(map(find_size, rows[name].values())))
     units = {"bending": "N m", "time to capture": "s"}
     shipped = ", ".join(f"{name} {base[name]:.3g} {units.get(name, 'N')}" for name in RESULTS)
-    lines = [f"## `{scene}`", "", known, "", f"Shipped: {shipped}.", ""]
-    lines += write_head("group of numbers", *RESULTS)
-    lines += [write_row(n, *(show(rows[n][result]) for result in RESULTS)) for n in order]
+    table = ((name, *(show(rows[name][result]) for result in RESULTS)) for name in order)
     tops = [f"{result}: {name_largest(rows, result)}" for result in RESULTS]
     print(scene, file=sys.stderr)
-    return [*lines, "", f"Measure first, for {'; for '.join(tops)}.", ""]
+    return [
+        f"## `{scene}`",
+        known,
+        f"Shipped: {shipped}.",
+        write_table(("group of numbers", *RESULTS), table),
+        f"Measure first, for {'; for '.join(tops)}.",
+    ]
 
 
 def main() -> int:
     """Run all variants and write the page."""
-    sections = [line for scene in FAMILIES for line in write_family(scene)]
     write_page(
         PAGE,
-        "# Parameters: what is known, what is assumed, what to measure first",
-        find_origin("tests/validation/published/parameters.py"),
-        "",
+        "Parameters: what is known, what is assumed, what to measure first",
+        "tests/validation/published/parameters.py",
         WORDS,
-        "",
-        *sections,
+        map(write_family, FAMILIES),
     )
     return 0
 

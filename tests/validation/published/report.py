@@ -9,7 +9,6 @@ Examples:
     .venv/bin/python tests/validation/published/report.py --case A    # one case, on the terminal
 """
 
-import argparse
 import sys
 import time
 from pathlib import Path
@@ -19,8 +18,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "studies"))
 from case import Case, Comparison
 from cases import CASES
 
-from dockloop.paths import ROOT
-from page import find_origin, write_head, write_page, write_row
+from dockloop.base.paths import ROOT
+from page import Block, Table, list_blocks, make_parser, write_page, write_points, write_table
 
 PAGE, FIGURES = ROOT / "tests" / "validation" / "published.md", Path(__file__).parent / "figures"
 STRENGTHS = ("exact", "trend", "scenario")
@@ -93,14 +92,14 @@ def count_agreeing(rows: list[Comparison] | None) -> str:
     return f"{sum(row.agrees for row in rows)} of {len(rows)}" if rows else "-"
 
 
-def write_comparisons(rows: list[Comparison], strength: str) -> list[str]:
+def write_comparisons(rows: list[Comparison], strength: str) -> list[Block]:
     """Return the table of comparisons of one strength."""
-    lines = write_head(strength, "dockloop", "expected", "band", "verdict")
+    table = Table(strength, "dockloop", "expected", "band", "verdict")
     for row in rows:
         verdict = f"**{row.verdict}**" if not row.agrees else row.verdict
-        lines.append(write_row(row.what, row.found, row.expected, row.band, verdict))
-    reasons = [f"* {row.what}: {row.reason}" for row in rows if row.reason]
-    return [*lines, "", *(["Why comparisons fail:", "", *reasons, ""] if reasons else [])]
+        table.add(row.what, row.found, row.expected, row.band, verdict)
+    reasons = write_points(f"{row.what}: {row.reason}" for row in rows if row.reason)
+    return [table, *(["Why comparisons fail:", reasons] if reasons else [])]
 
 
 def draw_case(case: Case) -> Path:
@@ -117,49 +116,45 @@ def draw_case(case: Case) -> Path:
     return file
 
 
-def write_case(case: Case, found: dict[str, list[Comparison]]) -> list[str]:
+def write_case(case: Case, found: dict[str, list[Comparison]]) -> list[Block]:
     """Return the section of a case."""
-    lines = [f"## {case.letter}. {case.title}", "", f"Source: {case.source}.", "", case.words, ""]
-    lines += write_head("input", "value", "origin", "where")
-    lines += [write_row(i.name, i.value, i.origin, i.where) for i in case.inputs]
-    lines.append("")
-    for strength, rows in found.items():
-        lines += write_comparisons(rows, strength)
+    inputs = (vars(row).values() for row in case.inputs)
+    blocks: list[Block] = [
+        f"## {case.letter}. {case.title}",
+        f"Source: {case.source}.",
+        case.words,
+        write_table(("input", "value", "origin", "where"), inputs),
+        *(write_comparisons(rows, strength) for strength, rows in found.items()),
+    ]
     if case.figure is not None:
-        file = draw_case(case).relative_to(PAGE.parent)
-        lines += [f"![{case.title}]({file.as_posix()})", ""]
-    return lines
+        blocks.append(f"![{case.title}]({draw_case(case).relative_to(PAGE.parent).as_posix()})")
+    return blocks
 
 
 def main() -> int:
     """Run cases; write the page, or print one case."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = make_parser(__doc__)
     parser.add_argument("--case", choices=[case.letter for case in CASES], help="only this case")
     options = parser.parse_args()
     chosen = [case for case in CASES if options.case in (None, case.letter)]
     found = {case.letter: run_case(case) for case in chosen}
     if options.case:
         for strength, rows in found[options.case].items():
-            print("\n".join(write_comparisons(rows, strength)))
+            print(*list_blocks(write_comparisons(rows, strength)), sep="\n\n")
         return 0
-    table = write_head("case", "source", *STRENGTHS)
+    table = Table("case", "source", *STRENGTHS)
     for case in chosen:
         counts = [count_agreeing(found[case.letter].get(strength)) for strength in STRENGTHS]
-        table.append(write_row(f"{case.letter}. {case.title}", case.source, *counts))
-    sections = [line for case in chosen for line in write_case(case, found[case.letter])]
+        table.add(f"{case.letter}. {case.title}", case.source, *counts)
     write_page(
         PAGE,
-        "# Compared with what was published",
-        find_origin("tests/validation/published/report.py"),
+        "Compared with what was published",
+        "tests/validation/published/report.py",
         INTRODUCTION,
         "Comparisons that agree, of all:",
-        "",
-        *table,
-        "",
-        *sections,
-        CLOSING.strip(),
+        table,
+        (write_case(case, found[case.letter]) for case in chosen),
+        CLOSING,
     )
     return 0
 

@@ -3,20 +3,24 @@
 // else keeps the value of the sample before.
 'use strict';
 (() => {
-  const data = JSON.parse(document.getElementById('data').textContent);
-  const { meta, geometry, events } = data;
+  let data = JSON.parse(document.getElementById('data').textContent);
+  let { meta, geometry, events } = data;
   const $ = (id) => document.getElementById(id);
   const COLORS = meta.colors;
   const LOAD_NAMES = Object.keys(meta.loads);
 
   // ------------------------------------------------------------------ columns
 
-  const columns = {};
-  for (const [name, column] of Object.entries(data.columns)) {
-    const bytes = Uint8Array.from(atob(column.data), (c) => c.charCodeAt(0));
-    columns[name] = column.type === 'f8' ? new Float64Array(bytes.buffer) : new Float32Array(bytes.buffer);
+  function unpack(packed) {
+    const found = {};
+    for (const [name, column] of Object.entries(packed)) {
+      const text = atob(column.data), bytes = new Uint8Array(text.length);
+      for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i); // ten times as fast as `from`
+      found[name] = column.type === 'f8' ? new Float64Array(bytes.buffer) : new Float32Array(bytes.buffer);
+    }
+    return found;
   }
-  const times = columns.time, last = times.length - 1;
+  let columns = unpack(data.columns), times = columns.time, last = times.length - 1;
   const has = (name) => name in columns;
   const value = (name, i) => (has(name) ? columns[name][i] : NaN);
   const list = (pattern) => {
@@ -24,33 +28,40 @@
     for (let i = 1; has(pattern.replace('#', i)); i++) found.push(pattern.replace('#', i));
     return found;
   };
-  const latches = list('latch[#].state');
-  const legForces = list('leg[#].force');
-  const petalForces = list('contact.petal[#].force');
-  const surfaceForces = list('contact.surface[#].force');
+  let latches, legForces, petalForces, surfaceForces, hasTarget, hasRing;
+  function findColumns() {
+    latches = list('latch[#].state');
+    legForces = list('leg[#].force');
+    petalForces = list('contact.petal[#].force');
+    surfaceForces = list('contact.surface[#].force');
+    hasTarget = 'target' in geometry.vehicles && has('pose.target');
+    hasRing = has('pose.ring');
+  }
   const NOISE = 1e-6; // N: smaller forces are rounding
   const orNone = (force) => (force > NOISE ? force : 0);
   const largest = (names) => orNone(names.reduce((m, n) => columns[n].reduce((a, x) => Math.max(a, Math.abs(x)), m), 0));
 
+  let kept = null; // columns of another recording that is laid under this one
+
   /** Last sample at or before t. */
-  function findSample(t) {
-    let low = 0, high = last;
+  function findSample(t, of = columns) {
+    let low = 0, high = of.time.length - 1;
     while (low < high) {
       const middle = (low + high + 1) >> 1;
-      if (times[middle] <= t + 1e-12) low = middle; else high = middle - 1;
+      if (of.time[middle] <= t + 1e-12) low = middle; else high = middle - 1;
     }
     return low;
   }
 
   /** Pose of a body in axes of A at t: position p, quaternion q (w, x, y, z). */
-  function findPose(name, t) {
-    const rows = columns[`pose.${name}`];
+  function findPose(name, t, of = columns) {
+    const rows = of[`pose.${name}`];
     if (!rows) return { p: [0, 0, 0], q: [1, 0, 0, 0] };
-    const i = findSample(t), at = 7 * i;
+    const i = findSample(t, of), at = 7 * i;
     const p = [rows[at], rows[at + 1], rows[at + 2]];
     const q = [rows[at + 3], rows[at + 4], rows[at + 5], rows[at + 6]];
-    if (i < last && t > times[i] + 1e-12) {
-      const f = (t - times[i]) / (times[i + 1] - times[i]);
+    if (i + 1 < of.time.length && t > of.time[i] + 1e-12) {
+      const f = (t - of.time[i]) / (of.time[i + 1] - of.time[i]);
       for (let k = 0; k < 3; k++) p[k] += f * (rows[at + 7 + k] - p[k]);
       let dot = 0;
       for (let k = 0; k < 4; k++) dot += q[k] * rows[at + 10 + k];
@@ -65,23 +76,25 @@
 
   // ------------------------------------------------------------------ the space
 
-  const hasTarget = 'target' in geometry.vehicles && has('pose.target');
-  const hasRing = has('pose.ring');
   const space = $('space');
   const context = space.getContext('webgl2', { antialias: true, preserveDrawingBuffer: true, alpha: false });
   let view = null;
-  if (context) view = makeView(); else $('nogl').hidden = false;
 
-  function makeView() {
+  /** Build what is drawn; `before`, of the docking before, hands over renderer, camera and state. */
+  function makeView(before) {
     const T = THREE;
     const extent = geometry.extent; // sizes of symbols, frames, arrows and cameras follow it [m]
-    const renderer = new T.WebGLRenderer({ canvas: space, context, antialias: true });
+    const renderer = before?.renderer || new T.WebGLRenderer({ canvas: space, context, antialias: true });
     renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
     const scene = new T.Scene();
     scene.background = new T.Color('#f7f9fb');
     scene.add(new T.HemisphereLight('#ffffff', '#a8b2bd', 2.2));
-    const camera = new T.PerspectiveCamera(35, 1, 0.025 * extent, 2500 * extent + 100);
+    const camera = before?.camera || new T.PerspectiveCamera(35, 1);
+    camera.near = 0.025 * extent;
+    camera.far = 2500 * extent + 100;
+    camera.updateProjectionMatrix();
     camera.up.set(0, 0, 1);
+    camera.clear();
     const lamp = new T.DirectionalLight('#ffffff', 1.5);
     lamp.position.set(-0.4, 0.7, 1);
     camera.add(lamp);
@@ -89,7 +102,7 @@
     const world = new T.Group(); // axes of A
     world.matrixAutoUpdate = false;
     scene.add(world);
-    const controls = new T.OrbitControls(camera, space);
+    const controls = before?.controls || new T.OrbitControls(camera, space);
     controls.enableDamping = false;
     controls.minDistance = 0.25 * extent;
     controls.maxDistance = 500 * extent + 20;
@@ -159,10 +172,11 @@
     }
 
     // Vehicles: the equal homogeneous box, or a mesh.
-    const vehicles = [], walls = [], names = [];
+    const vehicles = [], walls = [], names = [], adapted = []; // adapted: they move behind an adapter
     function addVehicle(parent, name) {
       const vehicle = geometry.vehicles[name], holder = group(parent);
       vehicles.push(holder);
+      if (has(`pose.vehicle.${name}`)) adapted.push([holder, `vehicle.${name}`]);
       if (vehicle.mesh) {
         const unpack = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
         const shape = new T.BufferGeometry();
@@ -175,13 +189,16 @@
         names.push(addLabel(holder, name, vehicle.pose.p, COLORS[name], 0.04));
         return;
       }
-      const box = new T.BoxGeometry(...vehicle.box.size.map((x) => Math.max(x, 0.02 * extent)));
-      const inside = group(holder, vehicle.box.pose);
+      addBox(holder, vehicle.box, name);
+      names.push(addLabel(holder, name, vehicle.box.pose.p, COLORS[name], 0.04));
+    }
+    function addBox(holder, shape, name) {
+      const box = new T.BoxGeometry(...shape.size.map((x) => Math.max(x, 0.02 * extent)));
+      const inside = group(holder, shape.pose);
       const faces = new T.MeshLambertMaterial({ color: COLORS[name], transparent: true, opacity: 0.13, depthWrite: false, side: T.DoubleSide });
       walls.push(faces);
       inside.add(new T.Mesh(box, faces));
       inside.add(new T.LineSegments(new T.EdgesGeometry(box), new T.LineBasicMaterial({ color: COLORS[name] })));
-      names.push(addLabel(holder, name, vehicle.box.pose.p, COLORS[name], 0.04));
     }
 
     // Surfaces: rings, petals and other cores with their rounding, as the contact computes them.
@@ -293,6 +310,15 @@
     let absorber = null;
     if (geometry.contact === 'absorber' && hasTarget) absorber = rod(world, 0.025 * extent, solid(COLORS.leg));
 
+    // Parts of vehicles.
+    const parts = geometry.parts.map((part, i) => ({ part, pose: `part[${i + 1}]` })).filter(({ pose }) => has(`pose.${pose}`));
+    for (const made of parts) {
+      made.holder = group(world);
+      vehicles.push(made.holder);
+      addBox(made.holder, made.part.box, made.part.vehicle);
+      names.push(addLabel(made.holder, made.part.name, made.part.box.pose.p, COLORS[made.part.vehicle], 0.03));
+    }
+
     const bodies = {};
     for (const body of geometry.bodies) {
       if (!has(`pose.body.${body.name}`)) continue;
@@ -322,13 +348,24 @@
     geometry.legs.forEach((leg, k) => {
       if (!isPlaced(leg.root) || !isPlaced(leg.closing)) return;
       const home = leg.length || vector(leg.root_point).distanceTo(vector(leg.closing_point));
-      const lengths = has(`leg[${k + 1}].length`) && !leg.crank ? columns[`leg[${k + 1}].length`] : [home];
-      const shortest = lengths.reduce((a, x) => Math.min(a, x), leg.min_length || Infinity);
+      const length = leg.crank ? '' : `leg[${k + 1}].length`;
       const thick = 0.025 * extent * Math.min(1.5, Math.max(0.5, home / extent)), material = solid(COLORS.rod);
-      const made = { leg, force: `leg[${k + 1}].force`, shortest, material, cylinder: rod(world, thick, solid(COLORS.leg)), rod: rod(world, 0.6 * thick, material) };
+      const made = { leg, force: `leg[${k + 1}].force`, length, home, material, cylinder: rod(world, thick, solid(COLORS.leg)), rod: rod(world, 0.6 * thick, material) };
       made.joints = [ball(world, new T.Vector3(), 1.4 * thick, solid(COLORS.ink)), ball(world, new T.Vector3(), 1.2 * thick, solid(COLORS.ink))];
       legs.push(made);
     });
+
+    // Ghosts: ring and target of the kept recording, as glass.
+    const glass = new T.MeshBasicMaterial({ color: COLORS.soft, transparent: true, opacity: 0.18, depthWrite: false, side: T.DoubleSide });
+    const ghosts = { ring, target };
+    for (const [name, holder] of Object.entries(ghosts)) {
+      const ghost = ghosts[name] = holder.clone();
+      ghost.traverse((object) => {
+        if (object.isSprite || object.isLine || walls.includes(object.material)) object.visible = false;
+        else if (object.isMesh) object.material = glass;
+      });
+      world.add(ghost);
+    }
 
     // Latches: hook on G, striker on P, in the colour of the state.
     const marks = latches.map((_, k) => {
@@ -346,20 +383,25 @@
       if (has(`${name}[1]`)) for (let i = 0; i <= last; i++) most = Math.max(most, triple(name, i).length());
       return orNone(most);
     };
-    const most = { force: peak('capture.force'), torque: peak('capture.torque'), petal: largest(petalForces), leg: largest(legForces) };
+    const most = {};
     const arrows = {
       force: addArrow(target, COLORS.force, 0.018 * extent),
       torque: addArrow(target, COLORS.torque, 0.011 * extent),
       petals: petals.map(() => addArrow(ring, COLORS.petal, 0.0125 * extent)),
     };
     const round = (x) => Number(x.toPrecision(3));
-    $('scale').textContent = [
-      most.force && `force ${sayLength(ARROW)}: ${round(most.force)} N`,
-      most.torque && `moment ${sayLength(ARROW)}: ${round(most.torque)} N m`,
-    ].filter(Boolean).join(', ');
-    $('scale').hidden = !$('scale').textContent;
+    /** Find the scales of a recording: largest loads, shortest legs. */
+    function measure() {
+      Object.assign(most, { force: peak('capture.force'), torque: peak('capture.torque'), petal: largest(petalForces), leg: largest(legForces) });
+      for (const made of legs) made.shortest = (columns[made.length] || [made.home]).reduce((a, x) => Math.min(a, x), made.leg.min_length || Infinity);
+      $('scale').textContent = [
+        most.force && `force ${sayLength(ARROW)}: ${round(most.force)} N`,
+        most.torque && `moment ${sayLength(ARROW)}: ${round(most.torque)} N m`,
+      ].filter(Boolean).join(', ');
+      $('scale').hidden = !$('scale').textContent;
+    }
 
-    const state = { held: hasTarget ? 'target' : 'chaser', camera: '', follow: null };
+    const state = before?.state || { held: hasTarget ? 'target' : 'chaser', camera: '', follow: null };
     const inverse = new T.Matrix4();
 
     /** Put everything where it is at t. */
@@ -367,6 +409,12 @@
       const i = findSample(t);
       place(ring, findPose('ring', t));
       place(target, findPose('target', t));
+      for (const [name, ghost] of Object.entries(ghosts)) {
+        ghost.visible = Boolean(kept && kept[`pose.${name}`]);
+        if (ghost.visible) place(ghost, findPose(name, t, kept));
+      }
+      for (const [holder, pose] of adapted) place(holder, findPose(pose, t));
+      for (const { holder, pose } of parts) place(holder, findPose(pose, t));
       const inG = geometry.capture_body_in_G;
       captureBody.quaternion.copy(ring.quaternion).multiply(quaternion(inG.q));
       captureBody.position.copy(vector(inG.p)).applyQuaternion(ring.quaternion).add(ring.position);
@@ -383,12 +431,12 @@
           return vector(made.leg[`${end}_point`]).applyQuaternion(holder.quaternion).add(holder.position);
         });
         const along = ends[1].clone().sub(ends[0]), length = along.length();
-        made.length = length;
+        made.drawn = length;
         if (made.leg.crank) {
           const holder = holderOf(made.leg.root);
           const tip = along.applyQuaternion(holder.quaternion.clone().invert());
           const pin = findPin(made.leg.crank, tip);
-          made.length = findTravel(made.leg.crank, pin);
+          made.drawn = findTravel(made.leg.crank, pin);
           pin.applyQuaternion(holder.quaternion).add(ends[0]);
           span(made.cylinder, ends[0], pin);
           span(made.rod, pin, ends[1]);
@@ -490,7 +538,12 @@
       controls.update();
     }
     return {
-      update, look, resize, turn, state, controls, legs, most,
+      update, look, resize, turn, measure, renderer, camera, state, controls, legs, most,
+      dispose: () => scene.traverse((object) => {
+        object.geometry?.dispose();
+        object.material?.map?.dispose();
+        object.material?.dispose();
+      }),
       draw: () => { // boxes fade from near, where they would hide the mechanism
         const far = Math.min(1, Math.max(0, camera.position.distanceTo(controls.target) / (12 * extent) - 0.7));
         for (const faces of walls) faces.opacity = 0.04 + 0.14 * far;
@@ -572,36 +625,55 @@
     canvas.addEventListener('pointermove', (event) => { if (event.buttons) go(event); });
   }
 
-  addStrip('phase', 'phase', COLORS.phase, meta.phases);
-  const rated = meta.rated, allRated = LOAD_NAMES.every((n) => n in rated);
-  addFigure(allRated ? 'loads, part of rated' : 'loads', LOAD_NAMES.map((n) => ({
-    column: `capture.${n}`, name: n, unit: meta.loads[n], factor: allRated ? 100 / rated[n] : 1,
-    say: (x) => `${n} ${nice(x)}${n in rated ? ` of ${rated[n]}` : ''} ${meta.loads[n]}`,
-  })), { unit: allRated ? '%' : 'N', levels: allRated ? [[100, 'rated']] : [] });
-  latches.forEach((column, k) => addStrip(`latch ${k + 1}`, column, COLORS.latch, meta.latch_states));
-  addFigure('latch openings', list('latch[#].opening').map((column) => ({
-    column, factor: 1e3, say: (x) => `${name2(column)}: ${nice(1e3 * x)} mm`,
-  })), { unit: 'mm', levels: geometry.latches ? [[1e3 * geometry.latches.range, 'pawl'], [1e3 * geometry.latches.catch, 'catch']] : [] });
-  addFigure('P relative to A', [
-    { column: 'relative.axial', factor: 1e3, say: (x) => `axial ${nice(1e3 * x)} mm` },
-    { column: 'relative.lateral', factor: 1e3, say: (x) => `lateral ${nice(1e3 * x)} mm` },
-  ], { unit: 'mm', levels: [] });
-  addFigure('misalignment', [
-    { column: 'relative.pitch_yaw', factor: 180 / Math.PI, say: (x) => `pitch/yaw ${(180 / Math.PI * x).toFixed(2)}\u00b0` },
-    { column: 'relative.roll', factor: 180 / Math.PI, say: (x) => `roll ${(180 / Math.PI * x).toFixed(2)}\u00b0` },
-  ], { unit: '\u00b0', levels: [] });
-  addFigure('surface forces (size)', surfaceForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${nice(x)} N` })), { unit: 'N', levels: [] });
-  addFigure('petal forces (size)', petalForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${nice(x)} N` })), { unit: 'N', levels: [] });
-  addFigure('leg forces, + pushes apart', legForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${nice(x)} N` })), { unit: 'N', levels: [] });
-  if (!legForces.length) addFigure('leg lengths', list('leg[#].length').map((column) => ({ column, factor: 1e3, say: (x) => `${name2(column)}: ${nice(1e3 * x)} mm` })), { unit: 'mm', levels: [] });
+  function makeFigures() {
+    figures.length = 0;
+    $('curves').replaceChildren();
+    addStrip('phase', 'phase', COLORS.phase, meta.phases);
+    const rated = meta.rated, allRated = LOAD_NAMES.every((n) => n in rated);
+    addFigure(allRated ? 'loads, part of rated' : 'loads', LOAD_NAMES.map((n) => ({
+      column: `capture.${n}`, name: n, unit: meta.loads[n], factor: allRated ? 100 / rated[n] : 1,
+      say: (x) => `${n} ${nice(x)}${n in rated ? ` of ${rated[n]}` : ''} ${meta.loads[n]}`,
+    })), { unit: allRated ? '%' : 'N', levels: allRated ? [[100, 'rated']] : [] });
+    latches.forEach((column, k) => addStrip(`latch ${k + 1}`, column, COLORS.latch, meta.latch_states));
+    addFigure('latch openings', list('latch[#].opening').map((column) => ({
+      column, factor: 1e3, say: (x) => `${name2(column)}: ${nice(1e3 * x)} mm`,
+    })), { unit: 'mm', levels: geometry.latches ? [[1e3 * geometry.latches.range, 'pawl'], [1e3 * geometry.latches.catch, 'catch']] : [] });
+    addFigure('P relative to A', [
+      { column: 'relative.axial', factor: 1e3, say: (x) => `axial ${nice(1e3 * x)} mm` },
+      { column: 'relative.lateral', factor: 1e3, say: (x) => `lateral ${nice(1e3 * x)} mm` },
+    ], { unit: 'mm', levels: [] });
+    addFigure('misalignment', [
+      { column: 'relative.pitch_yaw', factor: 180 / Math.PI, say: (x) => `pitch/yaw ${(180 / Math.PI * x).toFixed(2)}\u00b0` },
+      { column: 'relative.roll', factor: 180 / Math.PI, say: (x) => `roll ${(180 / Math.PI * x).toFixed(2)}\u00b0` },
+    ], { unit: '\u00b0', levels: [] });
+    addFigure('energy', ['kinetic', 'potential', 'dissipated'].map((n) => ({ column: `energy.${n}`, say: (x) => `${n} ${nice(x)} J` })), { unit: 'J', levels: [] });
+    addFigure('surface forces (size)', surfaceForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${nice(x)} N` })), { unit: 'N', levels: [] });
+    addFigure('petal forces (size)', petalForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${nice(x)} N` })), { unit: 'N', levels: [] });
+    addFigure('leg forces, + pushes apart', legForces.map((column) => ({ column, say: (x) => `${name2(column)}: ${nice(x)} N` })), { unit: 'N', levels: [] });
+    if (!legForces.length) addFigure('leg lengths', list('leg[#].length').map((column) => ({ column, factor: 1e3, say: (x) => `${name2(column)}: ${nice(1e3 * x)} mm` })), { unit: 'mm', levels: [] });
+  }
 
-  let range = [times[0], times[last]];
+  let range = [times[0], times[last]], chosenSpan = '';
 
+  /** Lay a path through samples: lowest and highest of every pixel. */
+  function trace(pen, times, column, from, to, x, y) {
+    for (let i = from; i <= to;) {
+      const pixel = Math.floor(x(times[i]));
+      let a = column[i], b = a, j = i;
+      while (j <= to && Math.floor(x(times[j])) === pixel) { a = Math.min(a, column[j]); b = Math.max(b, column[j]); j++; }
+      if (i === from) pen.moveTo(x(times[i]), y(column[i]));
+      if (j - i > 1) { pen.lineTo(pixel, y(a)); pen.lineTo(pixel, y(b)); }
+      pen.lineTo(x(times[j - 1]), y(column[j - 1]));
+      i = j;
+    }
+  }
   /** Draw a curve or strip afresh, without the time cursor, on a sheet of its own. */
   function drawFigure(figure) {
     const { canvas } = figure, ratio = Math.min(window.devicePixelRatio || 1, 2);
     const w = canvas.clientWidth, h = canvas.clientHeight;
     if (!w) return;
+    const caption = canvas.previousSibling; // it may grow with its numbers, and never shrinks again
+    caption.style.minHeight = `${Math.max(parseFloat(caption.style.minHeight) || 0, caption.offsetHeight)}px`;
     const sheet = figure.sheet = document.createElement('canvas');
     sheet.width = canvas.width = Math.round(w * ratio);
     sheet.height = canvas.height = Math.round(h * ratio);
@@ -611,7 +683,8 @@
     pen.fillStyle = COLORS.paper;
     pen.fillRect(0, 0, w, h);
     const [ta, tb] = range, right = w - RIGHT, x = (t) => LEFT + ((t - ta) / (tb - ta || 1)) * (right - LEFT);
-    const i0 = Math.max(0, findSample(ta)), i1 = Math.min(last, findSample(tb) + 1);
+    const within = (of) => [findSample(ta, of), Math.min(of.time.length - 1, findSample(tb, of) + 1)];
+    const [i0, i1] = within(columns);
     if (figure.strip) {
       const column = columns[figure.strip];
       for (let i = i0; i <= i1;) {
@@ -624,12 +697,15 @@
       }
     } else {
       let low = Infinity, high = -Infinity;
-      for (const s of figure.series) {
-        const column = columns[s.column];
-        for (let i = i0; i <= i1; i++) {
-          const y = column[i] * s.factor;
-          if (y < low) low = y;
-          if (y > high) high = y;
+      const shown = kept ? [kept, columns] : [columns];
+      for (const of of shown) {
+        const [from, to] = within(of);
+        for (const { column, factor } of figure.series) {
+          for (let i = from; i <= to; i++) {
+            const y = (of[column] ? of[column][i] : NaN) * factor;
+            if (y < low) low = y;
+            if (y > high) high = y;
+          }
         }
       }
       for (const [level] of figure.levels) if (level < 2 * high && level > 2 * low - 1) { low = Math.min(low, level); high = Math.max(high, level); }
@@ -663,23 +739,20 @@
       pen.beginPath();
       pen.rect(LEFT, 0, right - LEFT, h);
       pen.clip();
-      for (const s of figure.series) {
-        const column = columns[s.column];
-        pen.strokeStyle = s.color;
-        pen.lineWidth = 1.3;
-        pen.setLineDash(s.dashes);
-        pen.beginPath();
-        for (let i = i0; i <= i1;) { // lowest and highest of every pixel
-          const pixel = Math.floor(x(times[i]));
-          let a = column[i], b = a, j = i;
-          while (j <= i1 && Math.floor(x(times[j])) === pixel) { a = Math.min(a, column[j]); b = Math.max(b, column[j]); j++; }
-          if (i === i0) pen.moveTo(x(times[i]), y(column[i] * s.factor));
-          if (j - i > 1) { pen.lineTo(pixel, y(a * s.factor)); pen.lineTo(pixel, y(b * s.factor)); }
-          pen.lineTo(x(times[j - 1]), y(column[j - 1] * s.factor));
-          i = j;
+      for (const of of shown) { // the kept one first, pale
+        const [from, to] = within(of);
+        pen.globalAlpha = of === columns ? 1 : 0.4;
+        for (const { column, color, dashes, factor } of figure.series) {
+          if (!of[column]) continue;
+          pen.strokeStyle = color;
+          pen.lineWidth = of === columns ? 1.3 : 2.6;
+          pen.setLineDash(dashes);
+          pen.beginPath();
+          trace(pen, of.time, of[column], from, to, x, (v) => y(v * factor));
+          pen.stroke();
         }
-        pen.stroke();
       }
+      pen.globalAlpha = 1;
       pen.restore();
       pen.fillStyle = COLORS.soft;
       pen.textAlign = 'right';
@@ -826,50 +899,56 @@
     setCamera(view.state.camera || 'oblique');
   }
 
-  $('title').textContent = `${meta.name}: ${meta.title}`;
-  $('sentence').textContent = meta.sentence;
-  if (!view) $('cameras').hidden = true;
-  else addButtons($('cameras'), CAMERAS.filter(([key]) => (key !== 'ring' || hasRing)).map(([key, hint]) => [key, hint, () => setCamera(key)]));
-  for (let k = CAMERAS.length - 1; k >= 0; k--) if (CAMERAS[k][0] === 'ring' && !hasRing) CAMERAS.splice(k, 1);
-  addButtons($('events'), events.map((e) => [e.text, `${e.time.toFixed(4)} s${e.part ? `, ${e.part}` : ''}`, () => goEventAt(e), e.index]));
-  for (const event of [...events].sort((a, b) => b.key.startsWith('peak') - a.key.startsWith('peak'))) {
-    const mark = document.createElement('span');
-    mark.style.left = `${(100 * (event.time - times[0])) / (times[last] - times[0] || 1)}%`;
-    const kind = event.key.replace(/_.*/, '');
-    if (kind === 'start' || kind === 'end') continue;
-    mark.className = kind;
-    mark.title = `${event.text}, ${event.time.toFixed(4)} s`;
-    mark.style.color = { contact: COLORS.contact, capture: COLORS.capture, limit: COLORS.limit }[kind] || COLORS.ink;
-    $('marks').append(mark);
-  }
+  if (!context) $('cameras').hidden = true;
   addOptions($('speed'), SPEEDS.map((s) => [String(s), `\u00d7 ${s}`]), '1');
-  const spans = [['all', 'whole run']];
-  if (events.some((e) => e.key === 'contact')) {
-    if (events.some((e) => e.key === 'capture')) spans.push(['near', 'contact to capture']);
-    spans.push(['contact', 'first 0.4 s of contact']);
-  }
-  addOptions($('span'), spans, spans[1] && spans[1][0] === 'near' ? 'near' : 'all');
-  addOptions($('still'), hasTarget ? [['target', 'target'], ['chaser', 'chaser']] : [['chaser', 'base']], 'target');
-  $('boxes').checked = hasTarget;
   const slider = $('slider');
-  slider.min = times[0];
-  slider.max = times[last];
   slider.step = 'any';
   slider.addEventListener('input', () => { pause(); setTime(Number(slider.value)); });
   $('play').addEventListener('click', () => (playing ? pause() : play()));
   $('back').addEventListener('click', () => step(-1));
   $('next').addEventListener('click', () => step(1));
-  $('span').addEventListener('change', (e) => setSpan(e.target.value));
+  $('span').addEventListener('change', (e) => { chosenSpan = e.target.value; setSpan(chosenSpan); });
   $('still').addEventListener('change', (e) => setHeld(e.target.value));
   $('boxes').addEventListener('change', (e) => { view?.setVehicles(e.target.checked); wanted = true; });
 
+  /** Fill everything that belongs to one recording: words, events, marks, legend, notes. */
+  function fillPage() {
+    $('title').textContent = `${meta.name}: ${meta.title}`;
+    $('sentence').textContent = meta.sentence;
+    for (const id of ['events', 'marks', 'legend', 'notes', 'span', 'still']) $(id).replaceChildren();
+    addButtons($('events'), events.map((e) => [e.text, `${e.time.toFixed(4)} s${e.part ? `, ${e.part}` : ''}`, () => goEventAt(e), e.index]));
+    for (const event of [...events].sort((a, b) => b.key.startsWith('peak') - a.key.startsWith('peak'))) {
+      const mark = document.createElement('span');
+      mark.style.left = `${(100 * (event.time - times[0])) / (times[last] - times[0] || 1)}%`;
+      const kind = event.key.replace(/_.*/, '');
+      if (kind === 'start' || kind === 'end') continue;
+      mark.className = kind;
+      mark.title = `${event.text}, ${event.time.toFixed(4)} s`;
+      mark.style.color = { contact: COLORS.contact, capture: COLORS.capture, limit: COLORS.limit }[kind] || COLORS.ink;
+      $('marks').append(mark);
+    }
+    const spans = [['all', 'whole run']];
+    if (events.some((e) => e.key === 'contact')) {
+      if (events.some((e) => e.key === 'capture')) spans.push(['near', 'contact to capture']);
+      spans.push(['contact', 'first 0.4 s of contact']);
+    }
+    chosenSpan ||= spans[1]?.[0] === 'near' ? 'near' : 'all';
+    addOptions($('span'), spans, spans.some(([key]) => key === chosenSpan) ? chosenSpan : 'all');
+    setSpan($('span').value);
+    addOptions($('still'), hasTarget ? [['target', 'target'], ['chaser', 'chaser']] : [['chaser', 'base']], view?.state.held);
+    slider.min = times[0];
+    slider.max = times[last];
+    if (view) fillLegend();
+    fillNotes();
+    document.body.classList.toggle('moment', !last); // it has no time
+  }
   function addEntry(color, text) {
     const entry = document.createElement('li'), key = document.createElement('i');
     key.style.background = color;
     entry.append(key, text);
     $('legend').append(entry);
   }
-  if (view) {
+  function fillLegend() {
     const thing = geometry.ring ? 'ring' : 'side';
     if (hasRing) addEntry(COLORS.active, `active ${thing} ${geometry.capture_body === 'base' ? 'A' : 'G'}, on the chaser`);
     const parts = Object.keys(geometry.interface);
@@ -881,29 +960,31 @@
     if (view.most.leg > 0) { addEntry(COLORS.push, 'leg pushes'); addEntry(COLORS.pull, 'leg pulls'); }
     if (latches.length) meta.latch_states.forEach((s, k) => latches.some((n) => columns[n].includes(k + 1)) && addEntry(COLORS.latch[k], `latch ${s}`));
   }
-  const notes = [
-    ...meta.notes,
-    `${meta.samples} samples; arrow keys go from sample to sample. Between samples the motion is interpolated, everything else keeps the value before.`,
-    geometry.ring || geometry.cores
-      ? 'Surfaces, hooks, strikers and legs have the dimensions of the mechanism file. Diameters of legs and joints are symbols.'
-      : 'The mechanism has no contact surfaces with a shape: circles stand for the interfaces. Diameters are symbols.',
-    meta.fit === null ? '' : `Drawn leg lengths and latch openings differ from the recorded ones by at most ${(1e3 * meta.fit).toExponential(1)} mm.`,
-    ...Object.entries(geometry.vehicles).map(([name, v]) => (v.mesh
-      ? `The ${name} is a mesh that was given.`
-      : `The box of the ${name} is the homogeneous one with its mass (${v.mass} kg) and inertia${v.is_cut ? ', cut in front of the docking interface' : ''}.`)),
-    view && view.most.force > 0 ? 'The force arrow is the load on the target through the capture interface, in P. Of petal forces only the size is recorded: their arrows stand across the petal.' : '',
-    'An event is shown at the first sample after it.',
-    meta.command ? `Made by: ${meta.command}` : '',
-    `dockloop ${meta.version}; drawn with three.js (MIT).`,
-  ];
-  for (const text of notes.filter(Boolean)) {
-    const entry = document.createElement('li');
-    entry.textContent = text;
-    $('notes').append(entry);
+  function fillNotes() {
+    const notes = [
+      ...meta.notes,
+      `${meta.samples} samples; arrow keys go from sample to sample. Between samples the motion is interpolated, everything else keeps the value before.`,
+      geometry.ring || geometry.cores
+        ? 'Surfaces, hooks, strikers and legs have the dimensions of the mechanism file. Diameters of legs and joints are symbols.'
+        : 'The mechanism has no contact surfaces with a shape: circles stand for the interfaces. Diameters are symbols.',
+      meta.fit === null ? '' : `Drawn leg lengths and latch openings differ from the recorded ones by at most ${(1e3 * meta.fit).toExponential(1)} mm.`,
+      ...Object.entries(geometry.vehicles).map(([name, v]) => (v.mesh
+        ? `The ${name} is a mesh that was given.`
+        : `The box of the ${name} is the homogeneous one with its mass (${v.mass} kg) and inertia${v.is_cut ? ', cut in front of the docking interface' : ''}.`)),
+      view && view.most.force > 0 ? 'The force arrow is the load on the target through the capture interface, in P. Of petal forces only the size is recorded: their arrows stand across the petal.' : '',
+      'An event is shown at the first sample after it.',
+      meta.command ? `Made by: ${meta.command}` : '',
+      `dockloop ${meta.version}; drawn with three.js (MIT).`,
+    ];
+    for (const text of notes.filter(Boolean)) {
+      const entry = document.createElement('li');
+      entry.textContent = text;
+      $('notes').append(entry);
+    }
   }
 
   document.addEventListener('keydown', (event) => {
-    if (event.altKey || event.metaKey || event.target.tagName === 'SELECT') return;
+    if (event.altKey || event.metaKey || event.target.closest('select, [data-keys=own]')) return;
     const isButton = ['BUTTON', 'SUMMARY'].includes(event.target.tagName) || event.target.type === 'checkbox';
     const key = event.key;
     const turns = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] };
@@ -925,21 +1006,57 @@
     if (done) { event.preventDefault(); wanted = true; }
   });
 
-  if (view) view.controls.addEventListener('change', () => { wanted = true; });
-  if (view) view.setVehicles(hasTarget);
-  if (!last) document.body.classList.add('moment'); // it has no time
+  let shape = ''; // what decides the drawn bodies and the curves there are
+  /** Show a recording; the camera, the time and the chosen span stay. */
+  function load(next) {
+    const isFirst = !shape;
+    data = next;
+    ({ meta, geometry, events } = data);
+    columns = unpack(data.columns);
+    times = columns.time;
+    last = times.length - 1;
+    findColumns();
+    time = clampTime(time);
+    const before = shape;
+    shape = JSON.stringify([geometry, meta.rated, Object.keys(columns)]);
+    if (shape !== before) {
+      const old = view;
+      if (context) view = makeView(old);
+      old?.dispose();
+      makeFigures();
+      if (isFirst) $('boxes').checked = hasTarget;
+      view?.setVehicles($('boxes').checked);
+      view?.resize();
+    }
+    view?.measure();
+    fillPage();
+    if (isFirst) {
+      CAMERAS.splice(0, CAMERAS.length, ...CAMERAS.filter(([key]) => key !== 'ring' || hasRing));
+      addButtons($('cameras'), CAMERAS.map(([key, hint]) => [key, hint, () => setCamera(key)]));
+      view?.update(time);
+      setCamera('oblique');
+      view?.controls.addEventListener('change', () => { wanted = true; });
+    }
+    curvesWanted = true;
+  }
+  $('nogl').hidden = Boolean(context);
+  load(data);
   const fit = () => { view?.resize(); curvesWanted = true; };
   new ResizeObserver(fit).observe($('stage'));
   new ResizeObserver(() => { curvesWanted = true; }).observe($('curves'));
-  setSpan($('span').value);
-  view?.resize();
-  view?.update(time);
-  setCamera('oblique');
   requestAnimationFrame(frame);
 
   // For tests, stills and films: the page driven from outside.
   window.dockloop = {
-    data, events,
+    get data() { return data; },
+    get events() { return events; },
+    get time() { return time; },
+    load,
+    /** Lay a recording under the one that is shown, or none. */
+    keep(other) {
+      kept = other && unpack(other.columns);
+      curvesWanted = true;
+    },
     /** Show a time [s] at once; words are names of events. */
     show(t) {
       const event = events.find((e) => e.key === t || (t === 'peak' && e.first));
@@ -956,7 +1073,7 @@
     cameras: CAMERAS.map(([key]) => key),
     pose: (name, t) => findPose(name, t),
     drawn: (name) => view && view.matrix(name),
-    legs: () => view && view.legs.map((made) => made.length),
+    legs: () => view && view.legs.map((made) => made.drawn),
     draws: () => Boolean(view),
   };
 })();

@@ -1,0 +1,1 @@
+"""What every room stands on: paths, files, errors, numbers, words, colours, schemas."""

@@ -1,0 +1,3 @@
+"""The version of the package; pages, tables and FMUs name it."""
+
+__version__ = "0.1.0"

@@ -1,0 +1,140 @@
+"""`import_mechanism`: a file of another tool becomes a mechanism, with a report in words."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from dockloop.base import schema
+from dockloop.base.errors import UsageError, names_arguments
+from dockloop.base.files import Kind, write_text
+from dockloop.base.number import check_number
+from dockloop.base.paths import check_file, shown
+from dockloop.exchange.constructs import FORMATS, GUESSED
+from dockloop.exchange.document import write_document
+from dockloop.exchange.mjcf import read_mjcf
+from dockloop.exchange.robot import Robot
+from dockloop.exchange.sdf import read_sdf
+from dockloop.exchange.tree import make_tree
+from dockloop.exchange.urdf import read_urdf
+from dockloop.native import core
+
+ASSEMBLE = 0.01  # m: loops that are open by less are closed
+_KIND = Kind("mechanism", "dockloop import", lambda _: False)  # never written over
+
+
+@dataclass
+class Imported:
+    """What an import makes.
+
+    Attributes:
+        document: the mechanism; its ``comment`` has the report.
+        report: lines that begin with ``mapped:``, ``guessed:`` or ``left out:``.
+        check: what `dockloop.check` says of it.
+    """
+
+    document: dict[str, Any]
+    report: list[str]
+    check: dict[str, Any]
+
+
+@names_arguments
+def import_mechanism(
+    file: str | Path,
+    output: str | Path | None = None,
+    *,
+    base: str | None = None,
+    ring: str | None = None,
+    cut: str | Sequence[str] = (),
+    assemble: float = ASSEMBLE,
+) -> Imported:
+    """Read MJCF, URDF or SDF, and return (and write) the mechanism.
+
+    Args:
+        file: the file; its root element says what it is. MJCF needs ``dockloop[import]``.
+        output: file to write, ``NAME.json``; one that is there is kept.
+        base: link that is the base; default: the world, or the root of the tree.
+        ring: link that becomes the capture body.
+        cut: joints to cut, each of one loop; default: those that leave the shortest chains.
+        assemble: largest opening of a loop [m] that is closed, at the pose of the file.
+
+    Raises:
+        UsageError: naming file, part and remedy.
+        DockloopError: MuJoCo is not installed, or `output` cannot be written.
+    """
+    return run_import(file, output, base=base, ring=ring, cut=cut, assemble=assemble)
+
+
+def run_import(
+    file: str | Path,
+    output: str | Path | None,
+    *,
+    base: str | None,
+    ring: str | None,
+    cut: str | Sequence[str] | None,
+    assemble: float,
+) -> Imported:
+    """Do what `import_mechanism` does; errors name the options of the command."""
+    if not check_number("--assemble", assemble) >= 0.0:
+        raise UsageError(f"--assemble is {assemble:g} m: must be at least 0")
+    path = Path(file)
+    if output is not None:
+        _check_output(Path(output))
+    robot = _read(path)
+    tree = make_tree(robot, base, ring, [cut] if isinstance(cut, str) else list(cut or []))
+    document = write_document(robot, tree, ring, assemble)
+    schema.check(document, "mechanism", path)
+    checked = core.check(document, path)
+    document["home_q"] = checked["home_q"]  # the same, or closed
+    for text in checked["warnings"]:
+        robot.report.say(GUESSED, text)
+    report = robot.report.describe()
+    document = {"comment": [f"dockloop import {path.name}", *report], **document}
+    if output is not None:
+        write_text(Path(output), _KIND, to_text(document))
+    return Imported(document, report, checked)
+
+
+def _check_output(output: Path) -> None:
+    if output.suffix != ".json":
+        raise UsageError(f"-o {shown(output)}: must end in .json")
+    if output.exists():
+        raise UsageError(f"{shown(output)}: is there already; choose another -o")
+
+
+def _read(path: Path) -> Robot:
+    """Read a file by the reader for its root element."""
+    check_file(path, "file of a mechanism")
+    file = shown(path)
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, ValueError) as error:
+        raise UsageError(f"{file}: is no XML ({error}): MJCF, URDF and SDF are") from None
+    if root.tag not in FORMATS:
+        known = ", ".join(f"<{tag}>" for tag in FORMATS)
+        raise UsageError(f"{file}: has the root element <{root.tag}>: an import reads {known}")
+    if root.tag == "mujoco":
+        return read_mjcf(file, path)
+    return (read_sdf if root.tag == "sdf" else read_urdf)(file, root)
+
+
+def to_text(document: dict[str, Any]) -> str:
+    """Return a document as JSON, one entry of a list per line."""
+    members = []
+    for key, value in document.items():
+        text = json.dumps(value)
+        if isinstance(value, list) and value and not isinstance(value[0], int | float):
+            text = "[\n" + ",\n".join(f"    {json.dumps(entry)}" for entry in value) + "\n  ]"
+        members.append(f"  {json.dumps(key)}: {text}")
+    return "{\n" + ",\n".join(members) + "\n}\n"
+
+
+def describe(imported: Imported) -> str:
+    """Say what was mapped, guessed and left out, and what came of it."""
+    check = imported.check
+    free = ", ".join(check["independent"])
+    result = f"{check['bodies']} bodies, {len(check['loops'])} loops and couplings"
+    degrees = f"{check['degrees_of_freedom']} degrees of freedom: {free}"
+    return "\n".join([*imported.report, f"{result}, {degrees}"])

@@ -1,0 +1,172 @@
+"""Reads MJCF through MuJoCo, which resolves includes, defaults, units and inertia of shapes."""
+
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from dockloop.base.errors import DockloopError, UsageError
+from dockloop.exchange.constructs import LEFT_OUT, MJCF
+from dockloop.exchange.robot import (
+    WORLD,
+    Coupling,
+    Dof,
+    Joint,
+    Law,
+    Link,
+    Report,
+    Robot,
+    find_row,
+    make_ball,
+    rotate_quaternion,
+)
+
+_FREE, _BALL, _SLIDE = 0, 1, 2  # kinds of joints, as compiled
+_CLOSED = 1e-6  # m or 1: a weld that is open by less holds
+
+
+def read_mjcf(file: str, path: Path) -> Robot:
+    """Read a model. Raises UsageError; DockloopError if MuJoCo is not installed."""
+    try:
+        import mujoco
+    except ImportError:
+        need = "MJCF is read by MuJoCo, which is not installed: pip install 'dockloop[import]'"
+        raise DockloopError(f"{file}: {need}") from None
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        m = spec.compile()
+        resolved = ElementTree.fromstring(spec.to_xml())
+    except ValueError as error:
+        first = " ".join(str(error).split())
+        raise UsageError(f"{file}: MuJoCo does not accept it: {first}") from None
+    robot = Robot(spec.modelname or path.stem, Report(file, MJCF), gravity=np.array(m.opt.gravity))
+    _meet_all(robot.report, resolved)
+    data = mujoco.MjData(m)
+    data.qpos = m.qpos0
+    mujoco.mj_kinematics(m, data)
+    names = [WORLD] + [m.body(i).name or f"body{i}" for i in range(1, m.nbody)]
+    for i in range(1, m.nbody):
+        turn = rotate_quaternion(m.body_iquat[i])
+        inertia = turn @ np.diag(m.body_inertia[i]) @ turn.T
+        pose = data.xmat[i].reshape(3, 3).copy(), data.xpos[i].copy()
+        robot.add_link(Link(names[i], *pose, float(m.body_mass[i]), m.body_ipos[i].copy(), inertia))
+    for i in range(1, m.nbody):
+        robot.add_joint(_read_joint(m, data, i, names, robot.report))
+    _read_equalities(mujoco, m, data, names, robot)
+    return robot
+
+
+def _meet_all(report: Report, root: Element) -> None:
+    """Count constructs; bodies are nested, and defaults are resolved in joints."""
+
+    def visit(element: Element, path: str) -> None:
+        for child in element:
+            tag = "body" if child.tag == "body" else f"{path}{child.tag}"
+            if child.tag in ("joint", "freejoint") and path == "body/":
+                kind = "free" if child.tag == "freejoint" else child.get("type", "hinge")
+                report.meet(f"joint[{kind}]")
+            elif child.tag not in ("compiler", "default"):
+                report.meet(tag, child.get("name", ""))
+                if find_row(MJCF, tag)[1].what != LEFT_OUT:
+                    visit(child, "" if child.tag == "worldbody" else f"{tag}/")
+
+    visit(root, "")
+
+
+def _read_joint(m: Any, data: Any, body: int, names: list[str], report: Report) -> Joint:
+    """Return the joints of a body as one, in their order."""
+    first, count = int(m.body_jntadr[body]), int(m.body_jntnum[body])
+    parent, child = names[m.body_parentid[body]], names[body]
+    if count == 0:
+        return Joint(f"{child}_fixed", "fixed", parent, child, data.xpos[body].copy())
+    dofs: list[Dof] = []
+    for j in range(first, first + count):
+        name = m.joint(j).name or (f"{child}_joint" + (f"{j - first + 1}" if count > 1 else ""))
+        kind, point = m.jnt_type[j], data.xanchor[j].copy()
+        if kind == _FREE:
+            return Joint(name, "free", parent, child, point)
+        law = _read_law(m, j, name, report)
+        if kind == _BALL:
+            dofs += make_ball(name, point, data.xmat[body].reshape(3, 3))
+            if not law.is_empty():
+                report.say(LEFT_OUT, f"forces of the ball joint '{name}': its turns are no vector")
+            continue
+        axis = data.xaxis[j].copy()
+        dofs.append(Dof(name, "prismatic" if kind == _SLIDE else "revolute", axis, point, law))
+    is_ball = len(dofs) == 3 and count == 1
+    kind = "ball" if is_ball else dofs[0].kind if len(dofs) == 1 else "chain"
+    name = dofs[0].name if count == 1 and not is_ball else name if is_ball else child
+    return Joint(name, kind, parent, child, dofs[0].point, dofs)
+
+
+def _read_law(m: Any, j: int, name: str, report: Report) -> Law:
+    """Return forces of a joint; coordinates count from ``ref``, where the file shows it."""
+    dof, q = int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j])
+    law = Law(damping=float(m.dof_damping[dof]), stiffness=float(m.jnt_stiffness[j]))
+    law.friction = float(m.dof_frictionloss[dof])
+    law.rest = float(m.qpos_spring[q] - m.qpos0[q])
+    if m.jnt_limited[j]:
+        law.lower, law.upper = (float(end) for end in m.jnt_range[j] - m.qpos0[q])
+        report.meet("joint/@range")
+    for key, value in (("damping", law.damping), ("stiffness", law.stiffness)):
+        if value:
+            report.meet(f"joint/@{key}")
+    if law.friction:
+        report.meet("joint/@frictionloss")
+    if m.dof_armature[dof]:
+        report.meet("joint/@armature")
+    if np.any(m.dof_dampingpoly[dof]) or np.any(m.jnt_stiffnesspoly[j]):
+        report.say(LEFT_OUT, f"joint '{name}': damping and stiffness beyond the linear term")
+    return law
+
+
+def _read_equalities(mujoco: Any, m: Any, data: Any, names: list[str], robot: Robot) -> None:
+    kinds, site = mujoco.mjtEq, mujoco.mjtObj.mjOBJ_SITE
+    file = robot.report.file
+    for i in range(m.neq):
+        kind, numbers = kinds(m.eq_type[i]), m.eq_data[i]
+        name = m.equality(i).name or f"equality{i + 1}"
+        if not m.eq_active0[i]:
+            robot.report.say(LEFT_OUT, f"equality '{name}' is not active")
+            continue
+        ends = [int(m.eq_obj1id[i]), int(m.eq_obj2id[i])]
+        if kind == kinds.mjEQ_JOINT:
+            robot.couplings.append(_read_coupling(file, name, m, ends, numbers))
+            continue
+        if kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+            raise UsageError(f"{file}: equality '{name}' cannot be mapped: write it by hand")
+        places = []
+        for side, end in enumerate(ends):
+            if m.eq_objtype[i] == site:
+                places.append((int(m.site_bodyid[end]), data.site_xpos[end].copy()))
+                continue
+            local = numbers[3 * side : 3 * side + 3]
+            if kind == kinds.mjEQ_WELD:
+                local = numbers[:3] if side else np.zeros(3)
+            places.append((end, data.xpos[end] + data.xmat[end].reshape(3, 3) @ local))
+        (a, point), (b, other) = places
+        joint = Joint(name, "ball", names[a], names[b], point)
+        if kind == kinds.mjEQ_WELD:
+            joint.kind = "fixed"
+            turn = data.xmat[a].reshape(3, 3)
+            stated = data.xpos[a] + turn @ numbers[3:6]
+            turned = turn @ rotate_quaternion(numbers[6:10]) - data.xmat[b].reshape(3, 3)
+            if max(np.abs(stated - other).max(), np.abs(turned).max()) > _CLOSED:
+                raise UsageError(f"{file}: weld '{name}' is open at the pose of the file: close it")
+        else:
+            joint.dofs, joint.point_on_child = make_ball(name, point, np.eye(3)), other
+        robot.add_joint(joint)
+
+
+def _read_coupling(file: str, name: str, m: Any, ends: list[int], numbers: np.ndarray) -> Coupling:
+    """Return q1 = a0 + a1 q2, both from the pose of the file."""
+    if np.any(numbers[2:5]):
+        raise UsageError(
+            f"{file}: equality '{name}' has the polynomial {numbers[:5].tolist()}: only the first"
+            " two coefficients can be mapped, since ratios of couplings are constant"
+        )
+    first, second = (m.joint(j).name if j >= 0 else "" for j in ends)
+    terms = [(second, float(numbers[1]))] if second and numbers[1] else []
+    return Coupling(name, first, terms, float(numbers[0]))

@@ -1,0 +1,259 @@
+"""What a file of another tool describes: links and joints at the pose of the file, and a report.
+
+All points and axes are in one frame, that of the model; all coordinates are zero at this pose.
+"""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from dockloop.base.errors import UsageError
+from dockloop.base.rotations import find_matrix
+from dockloop.exchange.constructs import GUESSED, LEFT_OUT, MAPPED, REFUSED, Row, find_row
+
+WORLD = "world"  # the link that does not move
+SIX = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")  # components of an inertia in URDF and SDF
+
+
+@dataclass
+class Law:
+    """Forces of one coordinate, counted from the pose of the file; SI units, angles in rad."""
+
+    lower: float = -np.inf
+    upper: float = np.inf
+    stop_stiffness: float | None = None
+    damping: float = 0.0
+    friction: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+
+    def is_empty(self) -> bool:
+        """Return whether there is no force at all."""
+        forces = self.damping or self.friction or self.stiffness
+        return not (forces or np.isfinite([self.lower, self.upper]).any())
+
+
+@dataclass
+class Dof:
+    """A turn (``revolute``) or a slide (``prismatic``) of the child against the parent."""
+
+    name: str
+    kind: str
+    axis: np.ndarray
+    point: np.ndarray
+    law: Law = field(default_factory=Law)
+
+
+@dataclass
+class Joint:
+    """A joint: its kind, its coordinates from parent to child, its point on either link."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    point: np.ndarray
+    dofs: list[Dof] = field(default_factory=list)
+    point_on_child: np.ndarray | None = None  # where it differs: the loop is open by that
+
+
+@dataclass
+class Link:
+    """A rigid body: rotation and origin of its axes, mass, centre of mass and inertia there."""
+
+    name: str
+    rotation: np.ndarray
+    origin: np.ndarray
+    mass: float = 0.0
+    com: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+
+
+@dataclass
+class Coupling:
+    """Coordinate of ``dependent`` = offset + sum of ratio x coordinate; names of `Dof`."""
+
+    name: str
+    dependent: str
+    terms: list[tuple[str, float]]
+    offset: float = 0.0
+
+
+class Report:
+    """What was mapped, guessed and left out, in words."""
+
+    def __init__(self, file: str, table: dict[str, Row]) -> None:
+        self.file, self.table = file, table
+        self._met: Counter[str] = Counter()
+        self.lines: list[str] = []
+
+    def meet(self, path: str, name: str = "") -> None:
+        """Count a construct of the file. Raises UsageError for one that is refused."""
+        key, row = find_row(self.table, path)
+        if row.what == REFUSED:
+            named = f" '{name}'" if name else ""
+            raise UsageError(f"{self.file}: {path}{named} cannot be mapped: {row.text}")
+        if path == key:  # what has no row of its own belongs to that row
+            self._met[key] += 1
+
+    def meet_listed(self, path: str) -> None:
+        """Count a construct that may have a row of its own."""
+        if path in self.table:
+            self.meet(path)
+
+    def say(self, what: str, text: str) -> None:
+        """Add a line about a single part."""
+        line = f"{what}: {text}"
+        if line not in self.lines:
+            self.lines.append(line)
+
+    def describe(self) -> list[str]:
+        """Return all lines: constructs of the file, then single parts; what was mapped first."""
+        lines = []
+        for key, count in self._met.items():
+            row = find_row(self.table, key)[1]
+            lines.append(f"{row.what}: {key} ({count}): {row.text}")
+        order = (MAPPED, GUESSED, LEFT_OUT)
+        lines += self.lines
+        return sorted(lines, key=lambda line: order.index(line.partition(":")[0]))
+
+
+@dataclass
+class Robot:
+    """A mechanism as another tool describes it."""
+
+    name: str
+    report: Report
+    links: dict[str, Link] = field(default_factory=dict)
+    joints: list[Joint] = field(default_factory=list)
+    couplings: list[Coupling] = field(default_factory=list)
+    gravity: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    base: str = WORLD
+
+    def add_link(self, link: Link) -> None:
+        """Add a link. Raises UsageError for a second one of its name."""
+        if link.name in self.links:
+            raise UsageError(f"{self.report.file}: the link '{link.name}' is there twice")
+        self.links[link.name] = link
+
+    def add_joint(self, joint: Joint) -> None:
+        """Add a joint between links that are there. Raises UsageError."""
+        file = self.report.file
+        if any(other.name == joint.name for other in self.joints):
+            raise UsageError(f"{file}: the joint '{joint.name}' is there twice")
+        for end in (joint.parent, joint.child):
+            if end != WORLD and end not in self.links:
+                raise UsageError(f"{file}: joint '{joint.name}' names the link '{end}', not there")
+        if joint.parent == joint.child:
+            raise UsageError(f"{file}: joint '{joint.name}' joins '{joint.child}' with itself")
+        self.joints.append(joint)
+
+
+def meet_all(report: Report, model: Element) -> None:
+    """Count all constructs of a model: elements, and attributes that a table lists."""
+
+    def visit(element: Element, path: str) -> None:
+        for child in element:
+            at = f"{path}{child.tag}"
+            report.meet(at, child.get("name", ""))
+            if at == "joint":
+                report.meet_listed(f"joint[{child.get('type')}]")
+            for key in child.attrib:
+                report.meet_listed(f"{at}/@{key}")
+            if find_row(report.table, at)[1].what != LEFT_OUT:
+                visit(child, f"{at}/")
+
+    visit(model, "")
+
+
+class Node:
+    """An element of a file, with messages that name it."""
+
+    def __init__(self, file: str | Path, element: Element, owner: str = "") -> None:
+        self.file, self.element = str(file), element
+        name = element.get("name")
+        self.place = f"{owner} {element.tag}".strip() + (f" '{name}'" if name else "")
+
+    def fail(self, text: str) -> UsageError:
+        """Return the error of this element."""
+        return UsageError(f"{self.file}: {self.place} {text}")
+
+    def find(self, path: str) -> "Node | None":
+        """Return an element below this one, if it is there."""
+        found = self.element.find(path)
+        return None if found is None else Node(self.file, found, self.place)
+
+    def all(self, tag: str) -> list["Node"]:
+        """Return all elements of a kind directly below this one."""
+        return [Node(self.file, found, self.place) for found in self.element.findall(tag)]
+
+    def name(self) -> str:
+        """Return the name. Raises UsageError if there is none."""
+        return self.attribute("name")
+
+    def attribute(self, key: str, default: str | None = None) -> str:
+        """Return an attribute. Raises UsageError if it is not there and has no default."""
+        text = self.element.get(key, default)
+        if not text:
+            raise self.fail(f"lacks the attribute '{key}'")
+        return text
+
+    def text(self, path: str, default: str | None = None) -> str:
+        """Return the text of an element below. Raises UsageError like `attribute`."""
+        text = (self.element.findtext(path) or "").strip() or default
+        if text is None:
+            raise self.fail(f"lacks the element '{path}'")
+        return text
+
+    def numbers(self, text: str, what: str, count: int) -> np.ndarray:
+        """Return finite numbers of a text. Raises UsageError."""
+        try:
+            values = np.array([float(word) for word in text.split()])
+        except ValueError:
+            values = np.array([np.nan])
+        if len(values) != count or not np.isfinite(values).all():
+            need = f"{count} finite numbers" if count > 1 else "a finite number"
+            raise self.fail(f"has '{what}' {text!r}: must be {need}")
+        return values
+
+    def vector(self, key: str, default: str | None = None) -> np.ndarray:
+        """Return three numbers of an attribute."""
+        return self.numbers(self.attribute(key, default), key, 3)
+
+    def number(self, key: str, default: float | None = None) -> float:
+        """Return a number of an attribute."""
+        text = self.attribute(key, None if default is None else repr(default))
+        return float(self.numbers(text, key, 1)[0])
+
+    def value(self, path: str, default: float) -> float:
+        """Return a number in an element below."""
+        return float(self.numbers(self.text(path, repr(default)), path, 1)[0])
+
+    def direction(self, text: str, what: str) -> np.ndarray:
+        """Return a unit vector. Raises UsageError for zero."""
+        axis = self.numbers(text, what, 3)
+        length = float(np.linalg.norm(axis))
+        if length < 1e-9:
+            raise self.fail(f"has '{what}' {text!r}: must not be zero")
+        return axis / length
+
+
+def rotate_rpy(rpy: np.ndarray) -> np.ndarray:
+    """Return the rotation of roll, pitch, yaw [rad] about fixed axes."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    return np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]]) @ about_y @ about_x
+
+
+def rotate_quaternion(quaternion: np.ndarray) -> np.ndarray:
+    """Return the rotation of a quaternion (w, x, y, z), which need not have the length 1."""
+    return find_matrix(quaternion / np.linalg.norm(quaternion))
+
+
+def make_ball(name: str, point: np.ndarray, axes: np.ndarray) -> list[Dof]:
+    """Return the three turns of a ball about the columns of `axes`."""
+    return [Dof(f"{name}_{i + 1}", "revolute", axes[:, i], point) for i in range(3)]

@@ -1,0 +1,123 @@
+"""Reads URDF: a tree of links, joints with limits, damping, friction and mimic."""
+
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from dockloop.base.rotations import find_across, make_symmetric
+from dockloop.exchange.constructs import GUESSED, URDF
+from dockloop.exchange.robot import (
+    SIX,
+    Coupling,
+    Dof,
+    Joint,
+    Law,
+    Link,
+    Node,
+    Report,
+    Robot,
+    meet_all,
+    rotate_rpy,
+)
+
+_KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
+_OTHERS = {"fixed": "fixed", "floating": "free", "planar": "planar"}
+
+
+def read_urdf(file: str, root: Element) -> Robot:
+    """Read a robot; its base is the link without parent. Raises UsageError."""
+    model = Node(file, root)
+    robot = Robot(model.name(), Report(file, URDF))
+    meet_all(robot.report, root)
+    links = {node.name(): node for node in model.all("link")}
+    above: dict[str, Node] = {}  # joint above each link
+    for node in model.all("joint"):
+        parent, child = (_end(node, tag) for tag in ("parent", "child"))
+        for end in (parent, child):
+            if end not in links:
+                raise node.fail(f"names the link '{end}', not there")
+        if child in above:
+            raise node.fail(f"makes '{child}' the child of two joints: URDF has no loops, use SDF")
+        above[child] = node
+    roots = [name for name in links if name not in above]
+    if len(roots) != 1:
+        raise model.fail(f"has {len(roots)} links without parent: a tree has one")
+    robot.base = roots[0]
+    for node in model.all("link"):
+        robot.add_link(_read_link(node, above, links))
+    for node in model.all("joint"):
+        robot.add_joint(_read_joint(node, robot))
+        if mimic := node.find("mimic"):
+            leader = mimic.attribute("joint")
+            ratio, offset = mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)
+            name = node.name()
+            robot.couplings.append(Coupling(f"{name}_mimic", name, [(leader, ratio)], offset))
+    return robot
+
+
+def _end(node: Node, tag: str) -> str:
+    found = node.find(tag)
+    if found is None:
+        raise node.fail(f"lacks the element '{tag}'")
+    return found.attribute("link")
+
+
+def _read_origin(node: Node) -> tuple[np.ndarray, np.ndarray]:
+    origin = node.find("origin")
+    if origin is None:
+        return np.eye(3), np.zeros(3)
+    return rotate_rpy(origin.vector("rpy", "0 0 0")), origin.vector("xyz", "0 0 0")
+
+
+def _read_link(node: Node, above: dict[str, Node], links: dict[str, Node]) -> Link:
+    rotation, origin, name = np.eye(3), np.zeros(3), node.name()
+    for _ in links:
+        if name not in above:
+            break
+        turn, step = _read_origin(above[name])
+        rotation, origin = turn @ rotation, turn @ origin + step
+        name = _end(above[name], "parent")
+    else:
+        raise node.fail("stands on itself: its joints make a ring")
+    link = Link(node.name(), rotation, origin)
+    if inertial := node.find("inertial"):
+        mass, inertia = inertial.find("mass"), inertial.find("inertia")
+        if mass is None or inertia is None:
+            raise inertial.fail("lacks 'mass' or 'inertia'")
+        turn, link.com = _read_origin(inertial)
+        link.mass = mass.number("value")
+        six = [inertia.number(key, None if key in SIX[:3] else 0.0) for key in SIX]
+        link.inertia = turn @ make_symmetric(six) @ turn.T
+    return link
+
+
+def _read_joint(node: Node, robot: Robot) -> Joint:
+    name, kind = node.name(), node.attribute("type")
+    if kind not in _KINDS | _OTHERS:
+        raise node.fail(f"has the type '{kind}': known are {', '.join(_KINDS | _OTHERS)}")
+    child = robot.links[_end(node, "child")]
+    point = child.origin
+    joint = Joint(name, (_KINDS | _OTHERS)[kind], _end(node, "parent"), child.name, point)
+    if kind in ("fixed", "floating"):
+        return joint
+    given = node.find("axis")
+    local = given.direction(given.attribute("xyz"), "xyz") if given else np.array([1.0, 0.0, 0.0])
+    axis = child.rotation @ local
+    if kind == "planar":
+        across = find_across(axis)
+        axes = [(across[0], "prismatic"), (across[1], "prismatic"), (axis, "revolute")]
+        dofs = [Dof(f"{name}_{i}", k, a, point) for i, (a, k) in enumerate(axes, 1)]
+        joint.dofs = dofs
+        return joint
+    law = Law()
+    if dynamics := node.find("dynamics"):
+        law.damping, law.friction = (
+            dynamics.number("damping", 0.0),
+            dynamics.number("friction", 0.0),
+        )
+    if (limit := node.find("limit")) and kind != "continuous":
+        law.lower, law.upper = limit.number("lower", 0.0), limit.number("upper", 0.0)
+    if kind != "continuous" and limit is None:
+        robot.report.say(GUESSED, f"joint '{name}' states no limit: it has no stops")
+    joint.dofs = [Dof(name, _KINDS[kind], axis, point, law)]
+    return joint

@@ -1,0 +1,1 @@
+"""An FMU: made, described, driven by a host."""

@@ -1,0 +1,229 @@
+"""The docking of a live page: settings in, data of the page out, the newest request only."""
+
+import re
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from dockloop.base.errors import DockloopError, UsageError
+from dockloop.result.recording import Result
+from dockloop.result.summary import summarise
+from dockloop.runs.docking import Scene, run
+from dockloop.scene.catalogue import Entry, list_entries
+from dockloop.scene.find import find_scene
+from dockloop.scene.resolve import SceneReader, has_contact_law, parse_value
+from dockloop.scene.values import as_setting, to_text
+from dockloop.view.page import make_data
+
+COARSE = 1e-2  # accuracy while a slider moves
+_POINTS = 400  # of a docking while a slider moves
+_MOST_POINTS = 100_000  # of any docking: some 200 MB
+# Quantities with a slider from the start, by heading.
+SLIDERS = {
+    "initial conditions": r"initial\.(closing_speed|lateral_\w+|pitch_yaw_\w+|roll_\w+)",
+    "vehicles": r"(chaser|target)\.mass|chaser\.contact_thrust",
+    "contact": r"(mechanism\.set\.)?contact\.(stiffness|damping|friction_coefficient|restitution)",
+    "legs and springs": r"mechanism\.set\.(leg_defaults\.(stiffness|damping)"
+    r"|forces\.\w+\.laws\.\d+\.(slope|stiffness|preload))",
+    "latches": r"mechanism\.set\.latches\.(range|catch|play|window|push_force|stiffness)",
+}
+_HALF_TURN = 180.0  # deg
+_NAME = r"[A-Za-z0-9_.\[\]*-]+"  # of a setting: what a value begins with must not be in it
+
+
+class DroppedError(DockloopError):
+    """The docking is not wanted any more: a newer request came, or it was stopped."""
+
+
+class RefusedError(UsageError):
+    """A setting is refused; `name` says which one, if the sentence does."""
+
+    def __init__(self, name: str, sentence: str) -> None:
+        super().__init__(sentence)
+        self.name = name
+
+
+class Bench:
+    """A scene whose dockings are computed one at a time; a newer one ends those before.
+
+    Attributes:
+        reference: name or path of the scene.
+        base: settings that the page begins with, as texts by name; its own come on top.
+        entries: everything that can be set, by name; of two things with one name the key of the
+            scene, as sweeps choose.
+        has_contact_law: whether keys ``contact.*`` of the scene can be set.
+    """
+
+    def __init__(self, reference: str, overrides: list[str] | tuple[str, ...] = ()) -> None:
+        """Read the scene.
+
+        Args:
+            reference: name or path.
+            overrides: ``KEY=VALUE`` texts, as given to ``--scene``.
+
+        Raises:
+            UsageError: naming file, member, value and limit.
+        """
+        self.reference = reference
+        pairs = (text.partition("=") for text in overrides)
+        self.base = {name.strip(): value.strip() for name, _, value in pairs}
+        self.entries = _find_entries(reference, overrides)
+        self._reader = SceneReader(find_scene(reference))
+        self._scene = Scene(reference, self.split({})[0], self._reader)
+        self.has_contact_law = has_contact_law(self._scene.document["mechanism"])
+        self._busy = threading.Lock()
+        self._counting = threading.Lock()
+        self._newest = 0
+
+    def split(self, settings: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the keys of the scene and the start values among settings, with their values.
+
+        Raises:
+            RefusedError: a setting has not the form of a name, or its value that of a path.
+        """
+        for name, text in settings.items():
+            if not re.fullmatch(_NAME, name):
+                raise RefusedError(
+                    name, f"{name!r} is no name: must be of letters, digits and _ . [ ] * -"
+                )
+            if "/" in text or "\\" in text:
+                raise RefusedError(
+                    name, f"{name} is {text}: must be without / and \\, as paths have"
+                )
+        overrides: dict[str, Any] = {}
+        starts: dict[str, Any] = {}
+        for name, text in (self.base | dict(settings)).items():
+            entry = self.entries.get(name)
+            set_by = entry.set_by if entry else "--set" if "[" in name else "--scene"
+            (overrides if set_by == "--scene" else starts)[name] = parse_value(text)
+        return overrides, starts
+
+    def find_defaults(self, settings: Mapping[str, str]) -> dict[str, str]:
+        """Return what has which value with these settings, by name, without those that are set.
+
+        Raises:
+            UsageError: a setting is bad.
+        """
+        overrides = [as_setting(*pair) for pair in self.split(settings)[0].items()]
+        entries = _find_entries(self.reference, overrides)
+        return {n: _say_default(e) for n, e in entries.items() if n not in settings}
+
+    def compute(self, settings: Mapping[str, str], *, is_coarse: bool = False) -> Result:
+        """Run the docking with these settings, unless a newer request comes.
+
+        Args:
+            settings: values as the command line takes them, by name.
+            is_coarse: whether errors of `COARSE` and a few hundred points suffice; otherwise the
+                result is that of ``dockloop run``.
+
+        Raises:
+            RefusedError: a setting is bad.
+            DroppedError: a newer request came, or `stop` was called.
+            DockloopError: a step failed.
+        """
+        overrides, starts = self.split(settings)
+        with self._turn() as check:
+            try:
+                if repr(overrides) != repr(self._scene.overrides):
+                    self._scene = Scene(self.reference, overrides, self._reader)
+                experiment = self._scene.document["experiment"]
+                span, step = experiment["stop"] - experiment["start"], experiment["step"]
+                if span > _MOST_POINTS * step:
+                    raise UsageError(
+                        f"experiment.step is {step}: gives {span / step:.3g} points, a page has"
+                        f" at most {_MOST_POINTS}: make experiment.stop smaller, or the step larger"
+                    )
+                accuracy = COARSE if is_coarse else None
+                step = max(span / _POINTS, step) if is_coarse else None
+                return run(self._scene, None, starts, accuracy=accuracy, step=step, progress=check)
+            except UsageError as error:
+                named = (name for name in settings if name in str(error))
+                raise RefusedError(max(named, key=len, default=""), str(error)) from None
+
+    def stop(self) -> int:
+        """End the docking that is computed, and those that wait; returns the next number."""
+        with self._counting:
+            self._newest += 1
+            return self._newest
+
+    @contextmanager
+    def _turn(self) -> Iterator[Any]:
+        """Wait for the docking before, which ends now; yields what raises `DroppedError`."""
+        number = self.stop()
+
+        def check(_part: float = 0.0) -> None:
+            if number != self._newest:
+                raise DroppedError("a newer request came, or this one was stopped")
+
+        with self._busy:
+            check()
+            yield check
+
+
+def _find_entries(reference: str, overrides: Sequence[str]) -> dict[str, Entry]:
+    entries: dict[str, Entry] = {}
+    for entry in list_entries(reference, overrides):
+        if entry.set_by:
+            entries.setdefault(entry.name, entry)
+    return entries
+
+
+def describe_entries(bench: Bench) -> list[dict[str, Any]]:
+    """Return what can be set, as the page shows it: texts, heading and range of a slider."""
+    found = []
+    for entry in bench.entries.values():
+        heading = next((h for h, p in SLIDERS.items() if re.fullmatch(p, entry.name)), None)
+        is_dead = entry.name.startswith("contact.") and not bench.has_contact_law
+        found.append(
+            {
+                "name": entry.name,
+                "unit": "" if entry.unit == "1" else entry.unit,
+                "default": _say_default(entry),
+                "limits": ", ".join(entry.choices) if entry.choices else entry.limits,
+                "meaning": entry.meaning,
+                "heading": None if is_dead or entry.default is None else heading,
+                "range": find_range(entry),
+            }
+        )
+    return found
+
+
+def _say_default(entry: Entry) -> str:
+    value = entry.default
+    return "" if value is None else to_text(value).strip('"').removesuffix(".0")
+
+
+def find_range(entry: Entry) -> tuple[float, float, bool] | None:
+    """Return begin and end of a slider, and whether it is logarithmic; None: there is no slider.
+
+    The range is a view of the numbers that a user is likely to try. It is no limit: a field takes
+    what the core takes.
+    """
+    value = entry.default
+    if entry.choices or isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    if "direction" in entry.name:
+        return -_HALF_TURN, _HALF_TURN, False
+    if entry.limits.startswith("> 0") and value > 0.0 and "at most" not in entry.limits:
+        return value / 10.0, value * 10.0, True
+    if low_high := re.fullmatch(r"(\S+) to (\S+)|> 0, at most (\S+)", entry.limits):
+        low, high = (
+            (float(low_high[k]) for k in (1, 2)) if low_high[1] else (0.0, float(low_high[3]))
+        )
+        return low, high, False
+    width = 2.0 * abs(value) or 1.0
+    return (0.0 if entry.limits.startswith(">") else -width), width, False
+
+
+def condense(result: Result) -> dict[str, Any]:
+    """Return what the page lays next to each other of two dockings, with the bits of the run."""
+    kept = ("outcome", "phase", "time_of_contact", "time_of_capture", "peak_loads", "energy")
+    summary = summarise(result)
+    return {name: summary[name] for name in (*kept, "legs", "limits") if name in summary}
+
+
+def make_page(result: Result, command: str) -> dict[str, Any]:
+    """Return the data of a page: those of ``dockloop view``, the summary of the run, warnings."""
+    more = {"summary": condense(result), "warnings": result.warnings}
+    return make_data(result, command) | more

@@ -1,0 +1,1 @@
+"""One docking in this process, and whether it is right."""

@@ -1,0 +1,1 @@
+"""From files to one resolved document: scenes, mechanisms, their places and shapes."""

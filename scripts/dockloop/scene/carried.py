@@ -1,0 +1,41 @@
+"""The scene that an FMU carries."""
+
+import json
+from pathlib import Path
+from typing import BinaryIO
+
+from dockloop.base.errors import UsageError, find_reason
+from dockloop.base.files import read_entry
+from dockloop.base.paths import check_file, shown
+from dockloop.scene.resolve import FORMAT
+
+MODEL = "resources/model.json"
+
+
+def read_model(path: Path | BinaryIO) -> dict:
+    """Read the resolved scene that an FMU of this program carries.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: it is no such FMU; the text says why.
+    """
+    try:
+        document = json.loads(read_entry(path, MODEL))
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError):
+        raise ValueError(f"its {MODEL} is no JSON document") from None
+    members = document if isinstance(document, dict) else {}
+    name = members.get("name")
+    if members.get("format") != FORMAT or not (isinstance(name, str) and name.isidentifier()):
+        raise ValueError(f"its {MODEL} is no scene of dockloop")
+    return document
+
+
+def read_scene(path: Path) -> dict:
+    """Return the scene of an FMU of this program. Raises UsageError: it is none."""
+    check_file(path, "FMU")
+    try:
+        return read_model(path)
+    except OSError as error:
+        raise UsageError(f"{shown(path)}: cannot be read ({find_reason(error)})") from None
+    except ValueError as error:
+        raise UsageError(f"{shown(path)}: is no FMU built by dockloop ({error})") from None

@@ -1,0 +1,161 @@
+"""Tables of users in scenes and mechanisms: the numbers take the place of the file.
+
+A force law of type ``table`` reads a force over travel, an entry of ``[[input]]`` histories of
+inputs. Columns are mapped and converted as those of measurements are (`dockloop.base.histories`).
+"""
+
+import copy
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dockloop.base.errors import UsageError
+from dockloop.base.histories import Channel, Terms, find_channels, read_data, split_column
+from dockloop.base.paths import shown
+from dockloop.base.tables import Table, parse_form, read_table
+from dockloop.base.units import find_factor
+from dockloop.native.core import core_errors, name_source, to_json
+from dockloop.native.variables import read_variables
+
+_SLIDE, _TURN = ("m", "N"), ("rad", "N.m")
+
+
+def put_law_tables(mechanism: dict, source: Path) -> None:
+    """Read the files of force laws; arrays take their place.
+
+    Args:
+        mechanism: one that its schema accepts, modified in place.
+        source: its file: next to it are those of the laws.
+
+    Raises:
+        UsageError: naming file, line or column, value, and what is expected.
+        DockloopError: a package is missing.
+    """
+    joints = {b["name"]: b.get("joint", {}).get("type") for b in mechanism.get("bodies", [])}
+    for entry in mechanism.get("forces", []):
+        for number, law in enumerate(entry.get("laws", []), 1):
+            if law["type"] != "table":
+                continue
+            what = f"law {number} of element '{entry['name']}'"
+            has_file, has_rows = "file" in law, "travel" in law and "force" in law
+            if has_file == has_rows or (has_file and ("travel" in law or "force" in law)):
+                raise UsageError(
+                    f"{shown(source)}: {what}: must have either 'file' or 'travel' and 'force'"
+                )
+            if has_file:
+                _read_law(law, source, what, joints.get(entry["along"][0]["joint"]))
+
+
+def _read_law(law: dict, source: Path, what: str, joint: str | None) -> None:
+    """Put the rows of a file into its law. @param joint: type of the joint; None: of a leg."""
+    place = f"{shown(source)}: {what}"
+    path, form, columns = _take_file(law, source.parent, place)
+    table = read_table(path, form)
+    rates = law.get("rates")
+    forces = [f"force[{i}]" for i in range(1, len(rates) + 1)] if rates else ["force"]
+    units = _TURN if joint == "revolute" else _SLIDE
+    if joint is None and any(find_factor(c.unit or "", "rad") for c in table.columns):
+        units = _TURN
+    expected = {"travel": units[0], **dict.fromkeys(forces, units[1])}
+    terms = Terms(f"{what}: columns", "a law 'table'", "quantity", f"force:{units[1]}")
+    channels = {c.name: c for c in find_channels(table, expected, columns, terms)[0]}
+    for name, unit in expected.items():
+        if name not in channels:
+            raise UsageError(
+                f"{table.place}: has no column '{name}': name it, for example"
+                f" {terms.say_map(table.columns[-1].name, f'{name}:{unit}')}"
+            )
+    values = {name: _read_full(table, channel) for name, channel in channels.items()}
+    travel, lines = values["travel"], channels["travel"].column.lines
+    if len(travel) < 2:
+        raise UsageError(f"{table.place}: has one row of values: a law needs two or more")
+    if (falls := np.flatnonzero(np.diff(travel) <= 0.0)).size:
+        row = int(falls[0]) + 1
+        raise UsageError(
+            f"{table.place}: travel must increase, but in {table.line} {lines[row]} it is"
+            f" {travel[row]:g} {units[0]} after {travel[row - 1]:g}: sort the rows, and give each"
+            " branch of a hysteresis a column of its own with a rate"
+        )
+    law["travel"] = travel.tolist()
+    lists = [values[name].tolist() for name in forces]
+    law["force"] = lists if rates else lists[0]
+
+
+def read_inputs(entries: Sequence[dict], document: dict, source: Path) -> list[dict[str, Any]]:
+    """Return the histories of inputs that the tables of a scene are.
+
+    Args:
+        entries: of ``[[input]]``, which the schema accepts.
+        document: the resolved scene without them.
+        source: the scene file: next to it are the tables.
+
+    Returns:
+        For each input ``variable``, ``interpolation``, ``time`` [s] and ``value`` in SI units.
+
+    Raises:
+        UsageError: naming file, line or column, value, and what is expected.
+        DockloopError: a package is missing.
+    """
+    with core_errors() as core:
+        variables = read_variables(core.Docking(to_json(document), name_source(source)))
+    inputs = {name: v for name, v in variables.items() if v.causality == "input"}
+    units = ["s", *(variable.unit for variable in inputs.values())]
+    terms = Terms("[[input]] columns", "the scene", "input", "chaser.force_ext[1]:N")
+    histories: dict[str, dict[str, Any]] = {}
+    for number, entry in enumerate(copy.deepcopy(entries), 1):
+        place = f"{shown(source)}: input[{number}]"
+        path, form, columns = _take_file(entry, source.parent, place)
+        data = read_data(path, ["time", *inputs], units, form, columns, terms)
+        for name, values in zip(data.names, data.values.T, strict=True):
+            if name in histories:
+                raise UsageError(f"{place}: '{name}' has a table already: leave one of them out")
+            rows = np.isfinite(values)
+            is_held = inputs[name].type != "Real" or entry.get("interpolation") == "hold"
+            histories[name] = {
+                "variable": name,
+                "interpolation": "hold" if is_held else "linear",
+                "time": data.time[rows].tolist(),
+                "value": values[rows].tolist(),
+            }
+    return list(histories.values())
+
+
+def list_files(scene: Mapping[str, Any]) -> list[dict]:
+    """Return the entries of a scene that is no file which name a table: inputs, force laws."""
+    mechanism = scene.get("mechanism", {})
+    forces = mechanism.get("forces", []) if isinstance(mechanism, Mapping) else []
+    laws = [law for force in forces for law in force.get("laws", [])]
+    return [entry for entry in [*scene.get("input", []), *laws] if "file" in entry]
+
+
+def _take_file(
+    entry: dict, folder: Path, place: str
+) -> tuple[Path, dict[str, str], dict[str, tuple[str, str]]]:
+    """Take ``file``, ``csv`` and ``columns`` out of a law or an input. Raises UsageError.
+
+    Args:
+        entry: modified in place.
+        folder: to which the file is relative.
+        place: of the entry, for messages.
+
+    Returns:
+        The path of the file, what is stated of its form, what its columns mean.
+    """
+    path = folder / entry.pop("file")
+    csv = entry.pop("csv", "")
+    form = parse_form(csv, f"{place}: csv") if csv else {}
+    columns = {name: split_column(value) for name, value in entry.pop("columns", {}).items()}
+    return path, form, columns
+
+
+def _read_full(table: Table, channel: Channel) -> np.ndarray:
+    """Return the values of a column, all of which must be there."""
+    values = table.read_numbers(channel.column) * channel.factor
+    if (missing := np.flatnonzero(np.isnan(values))).size:
+        raise UsageError(
+            f"{table.place}: '{channel.column.name}' in {table.line}"
+            f" {channel.column.lines[int(missing[0])]} is empty or no number: must have a value"
+        )
+    return values

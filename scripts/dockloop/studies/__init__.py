@@ -1,0 +1,1 @@
+"""Questions over many runs: envelopes, maps, trades, random extremes, measured histories."""

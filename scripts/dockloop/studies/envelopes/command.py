@@ -1,0 +1,240 @@
+"""The command ``dockloop envelope``, and the same in Python: `envelope`."""
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dockloop.base import paths
+from dockloop.base.errors import UsageError, is_watched, names_arguments, say
+from dockloop.base.figures import can_draw, save_figure
+from dockloop.base.files import claim, scratch
+from dockloop.base.number import check_number, read_if_number, read_number, to_plain
+from dockloop.base.paths import as_path
+from dockloop.base.progress import ProgressBar, import_optional
+from dockloop.base.sections import write_html
+from dockloop.result.summary import write_summary
+from dockloop.runs.docking import Scene
+from dockloop.scene.find import find_scene
+from dockloop.studies.envelopes import report
+from dockloop.studies.envelopes.search import COMMAND, Axis, Order, Progress, Search, find_envelope
+from dockloop.sweeps.campaign import read_how
+from dockloop.sweeps.journal import keeps_results
+from dockloop.sweeps.sampling import parse_setting
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Range = tuple[str, float, float]
+
+
+@dataclass
+class Envelope:
+    """The boundary of criteria in two or three quantities.
+
+    Attributes:
+        summary: what ``dockloop envelope --json`` prints.
+        points: a row for every docking: quantities, which criteria it meets, outcomes, command.
+        boundary: a row for every place where a criterion changes: the middle of two dockings, half
+            their distance, both of them. Units are in ``attrs["units"]`` of both tables.
+    """
+
+    summary: dict[str, Any]
+    points: "pd.DataFrame"
+    boundary: "pd.DataFrame"
+    _search: Search
+
+    def plot(self) -> Any:
+        """Draw where the criteria are met; returns a ``matplotlib.figure.Figure``."""
+        import_optional("matplotlib")
+        return report.draw_envelope(self._search)
+
+
+@names_arguments
+def envelope(
+    scene: str | Path | Scene | Mapping[str, Any],
+    x: Range,
+    y: Range,
+    z: Range | None = None,
+    *,
+    criteria: str | Sequence[str],
+    overrides: Mapping[str, Any] | None = None,
+    start_values: Mapping[str, Any] | None = None,
+    stop: float | None = None,
+    step: float | None = None,
+    log: str = "",
+    tolerance: float | None = None,
+    coarse: int | None = None,
+    checks: int = 16,
+    seed: int = 0,
+    output: str | Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    accuracy: float | str | None = None,
+    assured: bool = False,
+) -> Envelope:
+    """Find where dockings meet criteria: the boundary in two or three quantities.
+
+    Args:
+        scene: name of a shipped scene, path of a ``.toml`` file, its members, or a
+            `dockloop.Scene`.
+        x: name, low and high of a quantity: a key of the scene or a variable of the FMU.
+        y: a second one.
+        z: perhaps a third one.
+        criteria: one text or several, such as ``"captured within 5 s and load_ratio < 1"``.
+        overrides: keys of the scene that all dockings have otherwise.
+        start_values: values of variables that all dockings start with.
+        stop: end of a docking [s]; default: that of the scene.
+        step: communication step [s]; default: that of the scene.
+        log: letters of quantities that go in equal ratios, such as ``"xy"``.
+        tolerance: the boundary is found within this part of each range.
+        coarse: cells along a range at the beginning; what is smaller may be missed.
+        checks: dockings at random away from the boundary.
+        seed: of these.
+        output: folder for the journal; default: it is not kept.
+        workers: threads; default: one per processor.
+        scheduler: address of a Dask scheduler to use instead.
+        resume: go on with the journal of `output`.
+        accuracy: wanted relative error of all dockings, or ``"real-time"``.
+        assured: run each docking again with tighter settings until two runs agree within the
+            accuracy; columns of `Envelope.points` say what was found.
+
+    Raises:
+        UsageError: naming what is bad, its value and the limit.
+        DockloopError: a package is missing, or no docking could be run.
+    """
+    pd = import_optional("pandas")
+    ranges = [axis for axis in (x, y, z) if axis is not None]
+    if isinstance(scene, Mapping):
+        scene = Scene(scene)
+    if isinstance(scene, Scene):
+        overrides = scene.overrides | dict(overrides or {})
+        scene = scene.reference
+    order = Order(
+        str(scene),
+        _make_axes(ranges, log),
+        (criteria,) if isinstance(criteria, str) else tuple(criteria),
+        to_plain({**(overrides or {}), **(start_values or {})})
+        | ({} if accuracy is None else {"accuracy": accuracy}),
+        make_experiment(stop, step),
+        tolerance,
+        coarse,
+        checks,
+        seed,
+        bool(assured),
+    )
+    with scratch() as folder:
+        journal = as_path("-o", output or folder) / "journal.jsonl"
+        found = find_envelope(order, journal, workers=workers, scheduler=scheduler, resume=resume)
+    tables = []
+    for columns, rows in (report.list_points(found), report.list_boundary(found)):
+        table = pd.DataFrame(rows, columns=columns)
+        units = report.list_units(found)
+        table.attrs["units"] = {name: units[name] for name in columns if name in units}
+        tables.append(table)
+    return Envelope(report.summarise_envelope(found), tables[0], tables[1], found)
+
+
+def run_command(options: argparse.Namespace) -> dict:
+    """Find and write an envelope; returns the summary, with the files written.
+
+    Raises:
+        UsageError: an option is bad.
+        DockloopError: the work failed.
+    """
+    name = find_scene(options.scene).stem
+    ranges = [given for given in (options.x, options.y, options.z) if given]
+    numbers = [
+        parse_range(f"--{letter}", given) for letter, given in zip("xyz", ranges, strict=False)
+    ]
+    order = Order(
+        options.scene,
+        _make_axes(numbers, options.log or ""),
+        tuple(options.criteria),
+        make_settings(options),
+        make_experiment(options.stop, options.step),
+        options.tolerance,
+        options.coarse,
+        options.check,
+        options.seed,
+        options.assured,
+    )
+    folder = options.output or paths.RESULTS / "envelopes" / name
+    for file, kind in report.KINDS.items():
+        claim(folder / file, kind)
+    found = find_envelope(
+        order,
+        folder / "journal.jsonl",
+        progress=make_progress(name),
+        **read_how(options),
+    )
+    summary = report.summarise_envelope(found)
+    with keeps_results():
+        files = report.write_tables(found, folder)
+        figures = []
+        if not options.no_plots and can_draw():
+            figures.append(folder / "envelope.png")
+            save_figure(report.draw_envelope(found), figures[0], COMMAND)
+        files += figures
+        if options.report:
+            files.append(folder / "report.html")
+            sections = report.complete_report(summary, found.planner, figures)
+            write_html(files[-1], COMMAND, sections)
+        files.append(folder / "summary.json")
+        write_summary(summary, files[-1], files)
+    return summary
+
+
+def make_settings(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what all dockings have otherwise than the scene."""
+    settings = dict(parse_setting("--scene", text) for text in options.overrides)
+    settings |= dict(parse_setting("--set", text) for text in options.set)
+    if options.accuracy is not None:
+        settings["accuracy"] = read_if_number(options.accuracy)
+    return settings
+
+
+def parse_range(option: str, given: Sequence[str]) -> Range:
+    """Parse ``NAME LOW HIGH``. Raises UsageError."""
+    name, *ends = given
+    try:
+        low, high = map(read_number, ends)
+    except ValueError:
+        raise UsageError(
+            f"{option} {' '.join(given)}: must be NAME LOW HIGH, two numbers"
+        ) from None
+    return name, low, high
+
+
+def _make_axes(ranges: Sequence[Range], log: str) -> tuple[Axis, ...]:
+    letters = "xyz"[: len(ranges)]
+    if wrong := set(log) - set(letters):
+        raise UsageError(f"--log {log}: '{min(wrong)}' must be one of {', '.join(letters)}")
+    axes = []
+    for letter, (name, *ends) in zip(letters, ranges, strict=True):
+        if len(ends) != 2:
+            raise UsageError(f"--{letter} {name}: must be a name, low and high")
+        low, high = (check_number(f"--{letter} {name}", end) for end in ends)
+        axes.append(Axis(name, low, high, letter in log))
+    return tuple(axes)
+
+
+def make_experiment(stop: float | None, step: float | None) -> dict[str, float]:
+    """Return what an experiment has otherwise than the scene."""
+    given = {"stop": stop, "step": step}
+    return {n: check_number(f"--{n}", value) for n, value in given.items() if value is not None}
+
+
+def make_progress(label: str, what: str = "dockings") -> Progress:
+    """Return what shows progress: a bar at a terminal, else a line for every round."""
+    bar, rounds = ProgressBar(label), set()
+
+    def show(done: int, total: int, note: str) -> None:
+        bar(0.999 * done / max(total, 1), f"{done} of {total} {what} so far, {note}")
+        if total not in rounds and not is_watched():
+            rounds.add(total)
+            say(f"{label}: {note}, {total} {what} so far")
+
+    return show

@@ -1,0 +1,411 @@
+"""The command ``dockloop fit``, and the same in Python: `fit` and `plan_fit`."""
+
+import argparse
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dockloop.base import paths
+from dockloop.base.errors import UsageError, names_arguments
+from dockloop.base.figures import can_draw, save_figure
+from dockloop.base.files import claim, figure_kind, json_kind, scratch, table_kind, write_csv
+from dockloop.base.number import as_number, check_number, read_number, to_plain
+from dockloop.base.paths import as_path, shown
+from dockloop.base.progress import ProgressBar, import_optional
+from dockloop.base.sections import find_html, html_kind, write_html
+from dockloop.result.summary import write_summary
+from dockloop.runs.docking import Scene
+from dockloop.scene.copies import make_copy, write_copy
+from dockloop.scene.find import find_scene
+from dockloop.scene.resolve import OPEN_KEYS, scene_members
+from dockloop.studies.fits import report
+from dockloop.studies.fits.order import WORK, Fitted, Order, check_count, draw_cases, work
+from dockloop.studies.fits.problem import Sensors, Vary
+from dockloop.sweeps.campaign import read_how
+from dockloop.sweeps.journal import journal_kind, keeps_results
+from dockloop.sweeps.sampling import parse_setting
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COMMAND = "dockloop fit"
+_BEGIN = "# Fitted numbers by: dockloop fit"
+_COPY = table_kind("scene", COMMAND, _BEGIN)
+_CASES = table_kind("table", COMMAND, "name,")
+_ACCURACY = 1e-6  # of runs
+
+
+@dataclass
+class Fit:
+    """Parameters with their uncertainty.
+
+    Attributes:
+        summary: what ``dockloop fit --json`` prints.
+    """
+
+    summary: dict[str, Any]
+    _fitted: Fitted
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Fitted values by name, in the units of the quantities."""
+        return self.summary["values"]
+
+    @property
+    def deviations(self) -> dict[str, float | None]:
+        """Standard deviations by name; None: these data do not determine it."""
+        return self.summary["deviations"]
+
+    @property
+    def correlations(self) -> dict[str, dict[str, float | None]]:
+        """Correlations of every pair of parameters, by names."""
+        return self.summary["correlations"]
+
+    @property
+    def not_identified(self) -> list[dict[str, Any]]:
+        """What these data do not determine: ``parameters`` and a ``sentence``."""
+        return self.summary["not_identified"]
+
+    @property
+    def residuals(self) -> dict[str, dict[str, Any]]:
+        """How well each channel of each test is met, before and after."""
+        return self.summary["residuals"]
+
+    def plot(self) -> Any:
+        """Draw measured and computed histories; returns a ``matplotlib.figure.Figure``."""
+        import_optional("matplotlib")
+        return report.draw_fit(self._fitted)
+
+    def draw(self, count: int, seed: int = 0) -> "pd.DataFrame":
+        """Draw parameters of all tests with their covariance, within their ranges.
+
+        The table is one of cases for `dockloop.sweep`. What is not determined is anywhere.
+        """
+        columns, rows = draw_cases(self._fitted, count, seed)
+        return import_optional("pandas").DataFrame(rows, columns=columns)
+
+    def apply(self, path: str | Path) -> None:
+        """Write a copy of the scene with the fitted numbers.
+
+        Raises:
+            UsageError: the file is there and of something else, or a number is no key of the scene.
+        """
+        _apply(self._fitted, self.summary, as_path("apply", path))
+
+
+@names_arguments
+def fit(
+    scene: str | Path | Scene | Mapping[str, Any],
+    data: Any,
+    vary: Mapping[str, tuple[float, float]],
+    *,
+    vary_each: Mapping[str, tuple[float, float]] | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    start_values: Mapping[str, Any] | None = None,
+    stop: float | None = None,
+    step: float | None = None,
+    columns: str | Sequence[str] = (),
+    csv: str = "",
+    noise: Mapping[str, float] | None = None,
+    filters: Mapping[str, float] | None = None,
+    offsets: Sequence[str] = (),
+    scales: Sequence[str] = (),
+    shift: float | None = None,
+    loss: str = "linear",
+    starts: int = 8,
+    seed: int = 0,
+    accuracy: float | None = None,
+    output: str | Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+) -> Fit:
+    """Find parameters from measurements, with their uncertainty.
+
+    Args:
+        scene: name of a shipped scene, path of a ``.toml`` file, its members, or a
+            `dockloop.Scene`.
+        data: one or several tests: path of a table, path of a TOML list of tests, or the members of
+            such a test (``{"file": "slow.csv", "set": {"initial.closing_speed": 0.05}}``).
+        vary: low and high by name: a key of the scene or a variable of the FMU.
+        vary_each: the same, where each test has a value of its own.
+        overrides: keys of the scene that all tests have otherwise.
+        start_values: values of variables that all tests start with.
+        stop: end of a run [s]; default: that of the scene.
+        step: communication step [s]; default: that of the scene, or that of the data if smaller.
+        columns: what columns mean, as ``--columns``.
+        csv: form of the tables, as ``--csv``.
+        noise: standard deviations by channel, in the unit of the output; default: estimated.
+        filters: corner frequencies of first-order sensors by channel [Hz].
+        offsets: channels with an unknown offset in each test.
+        scales: channels with an unknown factor in each test.
+        shift: time of the run less time of the data [s]; default: unknown in each test.
+        loss: ``"linear"``, or ``"soft_l1"`` against outliers.
+        starts: of the search.
+        seed: of these.
+        accuracy: wanted relative error of the runs; default: 1e-6.
+        output: the journal is kept next to this file; default: it is not kept.
+        workers: threads; default: one per processor.
+        scheduler: address of a Dask scheduler to use instead.
+        resume: go on with the journal of `output`.
+
+    Raises:
+        UsageError: naming what is bad, its value and the limit.
+        DockloopError: a package is missing, or no run could be made.
+    """
+    import_optional("scipy")
+    order = _make_order(
+        scene, data, {"overrides": overrides, "start_values": start_values},
+        {"vary": vary, "vary_each": vary_each},
+        experiment=_make_experiment(stop, step), accuracy=accuracy,
+        columns=_as_names("columns", columns), form=csv, noise=_as_group("noise", noise),
+        sensors=Sensors(
+            _as_group("filters", filters), _as_names("offsets", offsets),
+            _as_names("scales", scales), shift,
+        ),
+        loss=loss, starts=starts, seed=seed,
+    )  # fmt: skip
+    with scratch() as folder:
+        journal = (as_path("-o", output) if output else folder / "fit").with_suffix(".jsonl")
+        fitted = work(order, journal, workers=workers, scheduler=scheduler, resume=resume)
+    return Fit(report.summarise_fit(fitted), fitted)
+
+
+@names_arguments
+def plan_fit(
+    scene: str | Path | Scene | Mapping[str, Any],
+    tests: Any,
+    vary: Mapping[str, tuple[float, float]],
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    start_values: Mapping[str, Any] | None = None,
+    stop: float | None = None,
+    step: float | None = None,
+    noise: Mapping[str, float] | None = None,
+    shift: float | None = None,
+    accuracy: float | None = None,
+    workers: int | None = None,
+) -> dict[str, Any]:
+    """Say before measuring which test would say most about which parameter.
+
+    Args:
+        scene: as for `fit`.
+        tests: path of a TOML list of tests, or the members of tests, with ``set`` and ``noise``.
+        vary: as for `fit`; derivatives are those at the values of the scene.
+        overrides: as for `fit`.
+        start_values: as for `fit`.
+        stop: as for `fit`.
+        step: time between two samples [s]; default: that of the scene.
+        noise: channels of all tests with their standard deviations.
+        shift: as for `fit`.
+        accuracy: as for `fit`.
+        workers: threads.
+
+    Returns:
+        What ``dockloop fit --plan --json`` prints.
+    """
+    order = _make_order(
+        scene, tests, {"overrides": overrides, "start_values": start_values}, {"vary": vary},
+        experiment=_make_experiment(stop, step), accuracy=accuracy,
+        noise=_as_group("noise", noise),
+        sensors=Sensors(shift=shift), is_plan=True,
+    )  # fmt: skip
+    with scratch() as folder:
+        return report.summarise_plan(work(order, folder / "plan.jsonl", workers=workers))
+
+
+def _make_order(
+    scene: Any,
+    data: Any,
+    settings: Mapping[str, Any],
+    ranges: Mapping[str, Any],
+    *,
+    accuracy: float | None,
+    **more: Any,
+) -> Order:
+    """Return what is asked for in Python."""
+    if isinstance(scene, Mapping):
+        scene = Scene(scene)
+    merged: dict[str, Any] = {}
+    if isinstance(scene, Scene):
+        merged |= scene.overrides
+        scene = scene.reference
+    for option, members in settings.items():
+        merged |= to_plain(_as_group(option, members))
+    tests = [data] if isinstance(data, str | Path | Mapping) else data
+    tests = list(tests) if isinstance(tests, Iterable) else [tests]
+    for test in tests:
+        if not isinstance(test, str | Path | Mapping):
+            raise UsageError(f"data has {test!r}: must be a path or the members of a test")
+    wanted = [
+        Vary(name, *_read_ends(name, ends), option == "vary_each")
+        for option, table in ranges.items()
+        for name, ends in _as_group(option, table).items()
+    ]
+    return Order(str(scene), tests, wanted, _choose_accuracy(merged, accuracy), **more)
+
+
+def _as_group(option: str, members: Any) -> dict[str, Any]:
+    """Return values by name, none for None. Raises UsageError."""
+    members = {} if members is None else members
+    if not (isinstance(members, Mapping) and all(isinstance(name, str) for name in members)):
+        raise UsageError(f"{option} is {members!r}: must be a group of names with values")
+    return dict(members)
+
+
+def _as_names(option: str, names: Any) -> tuple[str, ...]:
+    """Return a list of texts; a text is a list of one. Raises UsageError."""
+    names = (names,) if isinstance(names, str) else names
+    if not (isinstance(names, Sequence) and all(isinstance(name, str) for name in names)):
+        raise UsageError(f"{option} is {names!r}: must be a text or a list of texts")
+    return tuple(names)
+
+
+def _choose_accuracy(settings: dict[str, Any], accuracy: float | None) -> dict[str, Any]:
+    """Return the settings with the accuracy. Raises UsageError: it is given twice."""
+    given = [name for name in ("accuracy", "solver.accuracy") if name in settings]
+    if len(given) + (accuracy is not None) > 1:
+        raise UsageError(
+            f"--accuracy: is given twice, {given[0]} = {settings[given[0]]!r} too: leave one out"
+        )
+    own = settings[given[0]] if given else accuracy
+    return settings | {"accuracy": _ACCURACY if own is None else own}
+
+
+def _read_ends(name: str, ends: Any) -> tuple[float, float]:
+    if not (isinstance(ends, Sequence | np.ndarray) and len(ends) == 2):
+        raise UsageError(f"vary {name}: is {ends!r}: must be low and high")
+    low, high = map(as_number, ends)
+    return low, high
+
+
+def _make_experiment(stop: float | None, step: float | None) -> dict[str, float]:
+    given = {"stop": stop, "step": step}
+    return {n: check_number(f"--{n}", value) for n, value in given.items() if value is not None}
+
+
+# ------------------------------------------------------------------------------------ command
+
+
+def run_command(options: argparse.Namespace) -> dict[str, Any]:
+    """Fit or plan, write the files, and return the summary.
+
+    Raises:
+        UsageError: an option or a file is bad.
+        DockloopError: the work failed.
+    """
+    name = find_scene(options.scene).stem
+    output = options.output or paths.RESULTS / "fits" / name / f"{WORK}.json"
+    if output.suffix != ".json":
+        raise UsageError(f"-o {output}: must end in .json")
+    for member in ("apply", "cases"):
+        if options.plan and getattr(options, member):
+            raise UsageError(f"--{member}: a plan has no fitted numbers: leave it or --plan out")
+    figure, page, copy = output.with_suffix(".png"), find_html(output), options.apply
+    cases = output.with_name(f"{output.stem}_cases.csv")
+    claim(output, json_kind("fit", COMMAND))
+    claim(output.with_suffix(".jsonl"), journal_kind(WORK))
+    for is_written, path, kind in (
+        (not options.no_plots, figure, figure_kind(COMMAND)),
+        (options.report, page, html_kind(COMMAND)),
+        (copy, copy, _COPY),
+        (options.cases, cases, _CASES),
+    ):
+        if is_written:
+            claim(path, kind)
+    order = _read_order(options)
+    if copy:
+        make_copy(order.scene, {vary.name: vary.low for vary in _list_keys(order)}, copy)
+    if options.cases:
+        check_count(order, options.cases)
+    fitted = work(order, output.with_suffix(".jsonl"), ProgressBar(name), **read_how(options))
+    files = [output]
+    with keeps_results():
+        summary = (report.summarise_plan if options.plan else report.summarise_fit)(fitted)
+        figures = []
+        if not (options.no_plots or options.plan) and can_draw():
+            save_figure(report.draw_fit(fitted), figure, COMMAND)
+            figures.append(figure)
+        if copy:
+            _apply(fitted, summary, copy)
+            files.append(copy)
+        if options.cases:
+            write_csv(cases, _CASES, *draw_cases(fitted, options.cases, options.seed))
+            files.append(cases)
+        files += figures
+        if options.report:
+            sections = report.complete_report(summary, fitted, figures)
+            write_html(page, COMMAND, sections)
+            files.append(page)
+        write_summary(summary, output, files)
+    return summary
+
+
+def _read_order(options: argparse.Namespace) -> Order:
+    """Return what the options ask for."""
+    settings = dict(parse_setting("--scene", text) for text in options.overrides)
+    settings |= dict(parse_setting("--set", text) for text in options.set)
+    wanted = [
+        Vary(*_parse_range(option, given), option == "--vary-each")
+        for option, ranges in (("--vary", options.vary), ("--vary-each", options.vary_each))
+        for given in ranges
+    ]
+    return Order(
+        options.scene,
+        options.data,
+        wanted,
+        _choose_accuracy(settings, options.accuracy),
+        _make_experiment(options.stop, options.step),
+        tuple(options.columns),
+        options.csv or "",
+        _parse_numbers("--noise", options.noise),
+        Sensors(
+            _parse_numbers("--filter", options.filters),
+            tuple(options.offsets),
+            tuple(options.scales),
+            options.shift,
+        ),
+        options.loss,
+        options.starts,
+        options.seed,
+        options.plan,
+    )
+
+
+def _parse_range(option: str, given: Sequence[str]) -> tuple[str, float, float]:
+    name, *ends = given
+    try:
+        low, high = map(read_number, ends)
+    except ValueError:
+        text = " ".join(given)
+        raise UsageError(f"{option} {text}: must be NAME LOW HIGH, two numbers") from None
+    return name, low, high
+
+
+def _parse_numbers(option: str, texts: Sequence[str]) -> dict[str, Any]:
+    return dict(parse_setting(option, text) for text in texts)
+
+
+def _list_keys(order: Order) -> list[Vary]:
+    """Return the keys that are fitted for all tests. Raises UsageError: one is no key."""
+    shared = [vary for vary in order.vary if not vary.is_own]
+    for vary in shared:
+        if not (vary.name in scene_members() or vary.name.startswith(OPEN_KEYS)):
+            raise UsageError(
+                f"--apply: '{vary.name}' is no key of the scene, so a copy cannot have it: fit a"
+                " key, or leave out --apply and set it by --set"
+            )
+    return shared
+
+
+def _apply(fitted: Fitted, summary: dict[str, Any], path: Path) -> None:
+    """Write the copy of the scene; the summary names it."""
+    is_known = {name: by is not None for name, by in summary["deviations"].items()}
+    names = [vary.name for vary in _list_keys(fitted.order) if is_known[vary.name]]
+    keys = {name: summary["values"][name] for name in names}
+    claim(path, _COPY)
+    write_copy(fitted.order.scene, keys, path, _COPY, begin=_BEGIN, note=", ".join(keys))
+    summary["applied"] = {"file": shown(path), "keys": keys}

@@ -1,0 +1,494 @@
+"""Residuals of a fit and their derivatives, from runs of the scene.
+
+The unknowns are one vector: parameters as parts of their ranges (0 to 1), then for each test what
+is not of interest: time shift, offsets and scales of channels. Only parameters need runs. Their
+derivatives are differences of runs (`sqrt(accuracy)` of the range: between error of a run and
+curvature), which are cases of a campaign and run side by side. A difference is never taken across a
+change of the outcome.
+
+Runs are read linearly between communication points. A sample where the run bends within one step
+(contact, capture, a jump) counts less: its variance has the square of that bend.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import lfilter
+
+from dockloop.base.errors import DockloopError
+from dockloop.native.core import name_choice
+from dockloop.result.recording import Result as Recording
+from dockloop.studies.fits.trials import Trial
+from dockloop.studies.measured.overlay import check_overlap, find_shift
+from dockloop.sweeps.campaign import Campaign
+from dockloop.sweeps.planning import Planner
+
+FAILED = 1e3  # residual of a run that was not done
+_ROUNDS = 5  # of the estimate of noise with bends
+_FAR = 0.1  # deviation of a channel before anything is known, part of its range
+
+
+class Vary(NamedTuple):
+    """What is fitted.
+
+    Attributes:
+        name: a key of the scene or a start value of the FMU.
+        low: lower bound, in the unit of the quantity.
+        high: upper bound.
+        is_own: each test has a value of its own.
+    """
+
+    name: str
+    low: float
+    high: float
+    is_own: bool = False
+
+    def value(self, part: float) -> float:
+        """Return the value at a part of the range."""
+        return self.low + (self.high - self.low) * float(part)
+
+    def part(self, value: float) -> float:
+        """Return the part of the range at which a value is."""
+        return (value - self.low) / (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """What is known of sensors.
+
+    Attributes:
+        filters: corner frequencies [Hz] of first-order low-passes, by channel.
+        offsets: channels with an unknown offset in each test.
+        scales: channels with an unknown factor in each test.
+        shift: time of the run less time of the data [s]; None: unknown in each test.
+    """
+
+    filters: Mapping[str, float] = field(default_factory=dict)
+    offsets: Sequence[str] = ()
+    scales: Sequence[str] = ()
+    shift: float | None = None
+
+
+class Parameter(NamedTuple):
+    """One unknown of interest: its label, what varies, and the test (None: all tests)."""
+
+    label: str
+    vary: Vary
+    trial: int | None
+
+
+@dataclass
+class Series:
+    """One channel of one test.
+
+    Attributes:
+        trial: number of the test.
+        name: of the output.
+        time: of the data [s], shape (samples,).
+        values: in the unit of the output.
+        noise: standard deviation that is stated; None: it is estimated.
+        sigma: standard deviations of the samples; infinite: it does not count.
+        extent: largest less smallest value.
+        unknowns: which entries of the vector are its ``shift``, ``offset`` and ``scale``.
+    """
+
+    trial: int
+    name: str
+    time: np.ndarray
+    values: np.ndarray
+    noise: float | None
+    sigma: np.ndarray
+    extent: float
+    unknowns: dict[str, int]
+
+
+class Problem:
+    """What a fit minimises.
+
+    Attributes:
+        trials: the tests.
+        parameters: unknowns of interest, first in the vector.
+        series: every channel of every test.
+        size: length of the vector.
+        labels: of the entries behind the parameters: test, kind, channel (empty for a shift).
+        step: part of the range over which differences go.
+    """
+
+    def __init__(
+        self,
+        planner: Planner,
+        campaign: Campaign,
+        trials: Sequence[Trial],
+        vary: Sequence[Vary],
+        sensors: Sensors,
+        *,
+        accuracy: float,
+        report: Callable[[int], None] = lambda _: None,
+    ) -> None:
+        """Lay out the unknowns; nothing runs yet."""
+        self.planner, self.trials, self.sensors = planner, list(trials), sensors
+        self._campaign, self._report, self._vary = campaign, report, list(vary)
+        self.accuracy = accuracy
+        self.step = math.sqrt(accuracy)
+        self._runs: dict[tuple, Recording | str] = {}  # by case: a recording, or why there is none
+        self.outcomes: dict[tuple, str] = {}
+        self.parameters = list(self._list_parameters())
+        self.labels: list[tuple[int, str, str]] = []
+        self.units: list[float] = []  # of these entries: what 1 means
+        self._shifts: dict[int, float] = {}  # of tests, from which those of the vector count
+        self.series = [s for number in range(len(self.trials)) for s in self._list_series(number)]
+        self.size = len(self.parameters) + len(self.labels)
+
+    def _list_parameters(self) -> Iterator[Parameter]:
+        for vary in self._vary:
+            owners = range(len(self.trials)) if vary.is_own else [None]
+            for owner in owners:
+                label = vary.name if owner is None else f"{vary.name} @ {self.trials[owner].name}"
+                yield Parameter(label, vary, owner)
+
+    def _list_series(self, number: int) -> Iterator[Series]:
+        trial, shift = self.trials[number], {}
+        if self.sensors.shift is None:
+            data = trial.data
+            grid = self.planner.times if data is None else data.time
+            shift = {"shift": self._add(number, "shift", "", float(np.ptp(grid)))}
+        for name in trial.channels:
+            if trial.data is None:
+                time, values = self.planner.times, np.zeros(len(self.planner.times))
+            else:
+                is_there = np.isfinite(trial.data[name])
+                time, values = trial.data.time[is_there], trial.data[name][is_there]
+            extent = float(np.ptp(values)) or float(np.max(np.abs(values))) or 1.0
+            unknowns = dict(shift)
+            if name in self.sensors.offsets:
+                unknowns["offset"] = self._add(number, "offset", name, extent)
+            if name in self.sensors.scales:
+                unknowns["scale"] = self._add(number, "scale", name, 1.0)
+            noise = trial.noise.get(name)
+            sigma = np.full(len(time), _FAR * extent if noise is None else noise)
+            yield Series(number, name, time, values, noise, sigma, extent, unknowns)
+
+    def _add(self, trial: int, kind: str, channel: str, unit: float) -> int:
+        self.labels.append((trial, kind, channel))
+        self.units.append(unit)
+        return len(self.parameters) + len(self.labels) - 1
+
+    # ------------------------------------------------------------------------------------ runs
+
+    def list_trials(self, *, held: bool | None = False) -> list[int]:
+        """Return the numbers of tests: those that are fitted, held back, or all (None)."""
+        return [k for k, t in enumerate(self.trials) if held is None or t.is_held == held]
+
+    def make_case(self, x: np.ndarray, trial: int) -> tuple:
+        """Return the case of a test in the campaign."""
+        values = {
+            p.vary.name: p.vary.value(part)
+            for p, part in zip(self.parameters, x, strict=False)
+            if p.trial in (None, trial)
+        }
+        return (self.trials[trial].name, *(values[vary.name] for vary in self._vary))
+
+    def run(self, cases: Sequence[tuple]) -> None:
+        """Run cases that are not known yet, side by side."""
+        missing = [case for case in dict.fromkeys(cases) if case not in self._runs]
+        if not missing:
+            return
+        self._campaign.run(missing)
+        names = ["time", *self.planner.histories]
+        for case in missing:
+            result = self._campaign.known[case]
+            if result.status != "done":
+                self._runs[case] = result.reason or result.status
+                self.outcomes[case] = result.status
+                continue
+            values = np.array(result.histories, dtype=float).T
+            for name, corner in self.sensors.filters.items():
+                column = names.index(name)
+                values[:, column] = filter_low(values[:, 0], values[:, column], corner)
+            self._runs[case] = Recording({}, names, [""] * len(names), values)
+            ends = dict(zip(self.planner.asked, result.outputs, strict=True))
+            known = "outcome" in ends
+            self.outcomes[case] = name_choice("outcome", ends["outcome"]) if known else "done"
+        self._report(len(self._runs))
+
+    def count_runs(self) -> int:
+        """Return how many runs the fit asked for."""
+        return len(self._runs)
+
+    def get_run(self, x: np.ndarray, trial: int) -> Recording | str:
+        """Return the run of a test, or why there is none."""
+        case = self.make_case(x, trial)
+        self.run([case])
+        return self._runs[case]
+
+    # ------------------------------------------------------------------------------- residuals
+
+    def find_unknown(self, x: np.ndarray, series: Series, kind: str) -> float:
+        """Return a shift [s], an offset in the unit of the channel, or a factor."""
+        index = series.unknowns.get(kind)
+        if index is None:
+            return {"shift": self.sensors.shift or 0.0, "offset": 0.0, "scale": 1.0}[kind]
+        return self.to_unit(x, index)
+
+    def to_unit(self, x: np.ndarray, index: int) -> float:
+        """Return an entry behind the parameters in its unit: shift, offset or factor."""
+        trial, kind, _ = self.labels[index - len(self.parameters)]
+        base = {"shift": self._shifts.get(trial, 0.0), "offset": 0.0, "scale": 1.0}[kind]
+        return base + float(x[index]) * self.units[index - len(self.parameters)]
+
+    def predict(self, x: np.ndarray, series: Series, run: Recording) -> np.ndarray:
+        """Return what a channel would show at its samples."""
+        offset, scale = (self.find_unknown(x, series, kind) for kind in ("offset", "scale"))
+        return scale * self._read(x, series, run) + offset
+
+    def _read(self, x: np.ndarray, series: Series, run: Recording, later: float = 0.0) -> Any:
+        shift = self.find_unknown(x, series, "shift") + later
+        return np.interp(series.time + shift, run.time, run[series.name])
+
+    def calc_residuals(self, x: np.ndarray, trials: Sequence[int] | None = None) -> np.ndarray:
+        """Return run less data over standard deviation, shape (samples of all series,)."""
+        trials = self.list_trials() if trials is None else trials
+        self.run([self.make_case(x, trial) for trial in trials])
+        parts = []
+        for series in self._choose(trials):
+            run = self.get_run(x, series.trial)
+            if isinstance(run, str):
+                parts.append(np.full(len(series.time), FAILED))
+            else:
+                parts.append((self.predict(x, series, run) - series.values) / series.sigma)
+        return np.concatenate(parts)
+
+    def calc_jacobian(
+        self, x: np.ndarray, trials: Sequence[int] | None = None, *, is_central: bool = False
+    ) -> np.ndarray:
+        """Return the derivatives of the residuals, shape (samples of all series, unknowns).
+
+        With `is_central`, differences go both ways. Parameters without a run on either side with
+        the same outcome have zeros.
+        """
+        trials = self.list_trials() if trials is None else trials
+        sides = {(k, j): self._list_sides(x, k, j) for k in trials for j in self._find_own(k)}
+        wanted = {key: pair if is_central else pair[:1] for key, pair in sides.items()}
+        self.run([case for pair in wanted.values() for case, _ in pair])
+        for (k, j), pair in wanted.items():
+            if not any(self._is_alike(x, k, case) for case, _ in pair):
+                wanted[k, j] = sides[k, j]
+        self.run([case for pair in wanted.values() for case, _ in pair])
+        return np.vstack([self._calc_rows(x, s, wanted) for s in self._choose(trials)])
+
+    def _calc_rows(self, x: np.ndarray, series: Series, sides: Mapping) -> np.ndarray:
+        """Return the rows of one series."""
+        rows = np.zeros((len(series.time), self.size))
+        run = self.get_run(x, series.trial)
+        if isinstance(run, str):
+            return rows
+        scale, base = self.find_unknown(x, series, "scale"), self._read(x, series, run)
+        for j in self._find_own(series.trial):
+            ends: list[tuple[float, np.ndarray]] = [(0.0, base)]
+            for case, by in sides[series.trial, j]:
+                if self._is_alike(x, series.trial, case):
+                    ends.append((by, self._read(x, series, self._runs[case])))  # type: ignore
+            ends.sort(key=lambda end: end[0])
+            if len(ends) > 1:
+                rows[:, j] = scale * (ends[-1][1] - ends[0][1]) / (ends[-1][0] - ends[0][0])
+        for kind, index in series.unknowns.items():
+            unit = self.units[index - len(self.parameters)]
+            if kind == "shift":
+                half = 0.5 * float(run.time[1] - run.time[0])
+                later, sooner = (self._read(x, series, run, by) for by in (half, -half))
+                rows[:, index] = unit * scale * (later - sooner) / (2.0 * half)
+            else:
+                rows[:, index] = unit * (base if kind == "scale" else 1.0)
+        return rows / series.sigma[:, None]
+
+    def _choose(self, trials: Sequence[int]) -> list[Series]:
+        return [series for series in self.series if series.trial in trials]
+
+    def _find_own(self, trial: int) -> list[int]:
+        """Return which parameters a test has."""
+        return [j for j, p in enumerate(self.parameters) if p.trial in (None, trial)]
+
+    def _list_sides(self, x: np.ndarray, trial: int, j: int) -> list[tuple[tuple, float]]:
+        """Return the cases on either side in one parameter, and how far away they are."""
+        found = []
+        for by in (self.step, -self.step):
+            moved = x.copy()
+            moved[j] = min(max(x[j] + by, 0.0), 1.0)
+            if moved[j] != x[j]:
+                found.append((self.make_case(moved, trial), float(moved[j] - x[j])))
+        return found
+
+    def _is_alike(self, x: np.ndarray, trial: int, case: tuple) -> bool:
+        """Return whether a case was done and has the outcome of the unmoved one."""
+        same = self.outcomes[self.make_case(x, trial)]
+        return self.outcomes[case] == same and not isinstance(self._runs[case], str)
+
+    def compare_outcome(self, x: np.ndarray, trial: int) -> dict[str, Any]:
+        """Return what became of a docking here, and if measured, of that and whether both agree."""
+        computed, stated = self.outcomes[self.make_case(x, trial)], self.trials[trial].outcome
+        measured, run = self.trials[trial].is_captured, self.get_run(x, trial)
+        if stated:
+            return {"computed": computed, "measured": stated, "agrees": computed == stated}
+        if measured is None or isinstance(run, str):
+            return {"computed": computed}
+        agrees = bool((run["captured"] > 0.5).any()) == measured
+        said = "captured" if measured else "not captured"
+        return {"computed": computed, "measured": said, "agrees": agrees}
+
+    def list_changes(self, x: np.ndarray) -> list[str]:
+        """Return sentences on outcomes that change within one difference from here."""
+        found = []
+        for k in self.list_trials():
+            here = self.outcomes[self.make_case(x, k)]
+            for j in self._find_own(k):
+                sides = self._list_sides(x, k, j)
+                others = {self.outcomes.get(case, here) for case, _ in sides} - {here}
+                if others:
+                    found.append(
+                        f"'{self.trials[k].name}' is {here} here and {', '.join(sorted(others))}"
+                        f" within {self.step:.1%} of the range of {self.parameters[j].label}"
+                    )
+        return found
+
+    # --------------------------------------------------------------------- shifts and weights
+
+    def polish(self, x: np.ndarray, trials: Sequence[int] | None = None) -> np.ndarray:
+        """Return the vector with the best shifts, offsets and scales for these parameters."""
+        trials = self.list_trials() if trials is None else trials
+        first = len(self.parameters)
+        free = [first + i for i, (k, *_) in enumerate(self.labels) if k in trials]
+        self.run([self.make_case(x, k) for k in trials])
+        if not free or any(isinstance(self.get_run(x, k), str) for k in trials):
+            return x
+        moved = x.copy()
+
+        def put(part: np.ndarray) -> np.ndarray:
+            moved[free] = part
+            return moved
+
+        def calc_rows(part: np.ndarray) -> np.ndarray:
+            none: dict = {(k, j): [] for k in trials for j in self._find_own(k)}
+            rows = [self._calc_rows(put(part), s, none) for s in self._choose(trials)]
+            return np.vstack(rows)[:, free]
+
+        found = least_squares(
+            lambda part: self.calc_residuals(put(part), trials), x[free], calc_rows, max_nfev=30
+        )
+        return put(found.x).copy()
+
+    def shift(self, x: np.ndarray, trials: Sequence[int]) -> np.ndarray:
+        """Return the vector with the time shift of each test that fits all its channels best."""
+        x = x.copy()
+        for k in trials if self.sensors.shift is None else ():
+            data, run = self.trials[k].data, self.get_run(x, k)
+            if data is not None and not isinstance(run, str):
+                index = next(s.unknowns["shift"] for s in self.series if s.trial == k)
+                found = float(find_shift(run, data))
+                base = self._shifts.setdefault(
+                    k, found
+                )  # so that the vector has entries of about 1
+                x[index] = (found - base) / self.units[index - len(self.parameters)]
+        return x
+
+    def _find_inside(self, x: np.ndarray, series: Series, run: Recording) -> np.ndarray:
+        """Return which samples fall into the run. Raises UsageError: too few do."""
+        data, shift = self.trials[series.trial].data, self.find_unknown(x, series, "shift")
+        if data is not None:
+            origin = "found" if self.sensors.shift is None else "given"
+            check_overlap(Path(self.trials[series.trial].file), run, data, shift, origin)
+        time = series.time + shift
+        return (time >= run.time[0]) & (time <= run.time[-1])
+
+    def mask(self, x: np.ndarray, trials: Sequence[int]) -> None:
+        """Let samples outside of the run not count. Raises UsageError: too few are inside."""
+        for series in self._choose(trials):
+            run = self.get_run(x, series.trial)
+            if not isinstance(run, str):
+                inside = self._find_inside(x, series, run)
+                series.sigma = np.where(inside, series.sigma, np.inf)
+
+    def find_floor(self, name: str) -> float:
+        """Return the standard deviation of a channel below which errors of runs decide."""
+        return 10.0 * self.accuracy * max(s.extent for s in self.series if s.name == name)
+
+    def weigh(
+        self,
+        x: np.ndarray,
+        trials: Sequence[int],
+        *,
+        is_robust: bool,
+        noise: Mapping[str, float] = {},
+    ) -> dict[str, float]:
+        """Set the standard deviations of all samples from the run; return those of channels.
+
+        Samples outside of the run do not count.
+
+        Args:
+            x: the vector.
+            trials: numbers of tests.
+            is_robust: from the median of the residuals.
+            noise: of channels whose standard deviation is known; it follows from x elsewhere.
+
+        Raises:
+            DockloopError: a test cannot be run.
+        """
+        parts: dict[str, list[tuple[Any, ...]]] = {}  # series, error, bend, inside
+        for series in self._choose(trials):
+            run = self.get_run(x, series.trial)
+            if isinstance(run, str):
+                raise DockloopError(f"test '{self.trials[series.trial].name}': {run}")
+            inside = self._find_inside(x, series, run)
+            time = series.time + self.find_unknown(x, series, "shift")
+            scale = abs(self.find_unknown(x, series, "scale"))
+            bend = scale * find_bends(run.time, run[series.name], time)
+            error = self.predict(x, series, run) - series.values
+            parts.setdefault(series.name, []).append((series, error, bend, inside))
+        found: dict[str, float] = {}
+        for name, entries in parts.items():
+            errors, bends = (np.concatenate([e[i][e[3]] for e in entries]) for i in (1, 2))
+            own = estimate_noise(errors, bends, is_robust=is_robust)
+            found[name] = noise.get(name, max(own, self.find_floor(name)))
+            for series, _, bend, inside in entries:
+                sigma = found[name] if series.noise is None else series.noise
+                series.sigma = np.where(inside, np.hypot(sigma, bend), np.inf)
+        return found
+
+
+def filter_low(time: np.ndarray, values: np.ndarray, corner: float) -> np.ndarray:
+    """Return what a first-order low-pass makes of values at equal steps, exact between them.
+
+    Args:
+        time: [s], shape (points,).
+        values: shape (points,).
+        corner: frequency [Hz].
+    """
+    part = 2.0 * math.pi * corner * float(time[1] - time[0])
+    kept = math.exp(-part)
+    new = 1.0 - (1.0 - kept) / part
+    old = (1.0 - kept) / part - kept
+    filtered, _ = lfilter([new, old], [1.0, -kept], values, zi=[values[0] * (1.0 - new)])
+    return filtered
+
+
+def find_bends(time: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return by how much values between points may differ from a straight line: rms at a jump."""
+    second = np.zeros(len(values))
+    second[1:-1] = np.abs(np.diff(values, 2)) / math.sqrt(3.0)
+    cell = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+    return np.maximum(second[cell], second[cell + 1])
+
+
+def estimate_noise(errors: np.ndarray, bends: np.ndarray, *, is_robust: bool) -> float:
+    """Return the standard deviation of samples whose variance also has the square of a bend."""
+    if is_robust:
+        return float(1.4826 * np.median(np.abs(errors)))
+    variance = float(np.mean(errors**2))
+    for _ in range(_ROUNDS):
+        weights = variance / (variance + bends**2) if variance > 0.0 else np.ones(len(errors))
+        variance = float(np.sum(weights * errors**2) / np.sum(weights))
+    return math.sqrt(variance)

@@ -1,0 +1,1 @@
+"""Many dockings: their values, where they run, what they left behind."""

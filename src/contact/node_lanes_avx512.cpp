@@ -1,6 +1,0 @@
-// Nodes in eight lanes; compiled for AVX-512 and run only where the processor has it.
-#include "contact/node_lanes.hpp"
-
-#define LANES 8
-#define FUNCTIONS kAvx512Functions
-#include "contact/node_lanes_body.hpp"

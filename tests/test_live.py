@@ -1,0 +1,678 @@
+"""The page of ``dockloop live``: what its server answers and refuses, and its sliders in a browser.
+
+1. Values of the page are those of ``dockloop run`` with the exported command, bit for bit; so are
+   those of the exported Python lines and scene file.
+2. Only a page of this server is answered: token, host, origin, type, size and form of a request;
+   no request reaches a file.
+3. The newest request is computed; those before it end, also by `stop`. A refused setting is named.
+4. The command prints the address first. Ctrl-C ends it at once, and nothing stays.
+5. In Chromium: sliders, undo, link, refusals, the kept docking, the strip, 390 px.
+"""
+
+import _thread
+import http.client
+import json
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+import tracemalloc
+import webbrowser
+from argparse import Namespace
+from contextlib import contextmanager
+
+import pytest
+
+import dockloop as dl
+from dockloop.base.errors import UsageError
+from dockloop.commands import live
+from dockloop.live.bench import (
+    Bench,
+    DroppedError,
+    RefusedError,
+    condense,
+    describe_entries,
+    find_range,
+)
+from dockloop.live.export import make_exports
+from dockloop.live.server import LiveServer
+from dockloop.view import browser as chromium
+from dockloop.view.browser import Browser
+
+DEFAULT, SMALL = "idss_25t_350t", "absorber_1d"
+SETTINGS = {
+    "initial.closing_speed": "0.07",
+    "mechanism.set.latches.range": "0.018",
+    "friction.coefficient": "0.23",
+}
+
+needs_browser = pytest.mark.skipif(
+    chromium.find_browser() is None, reason="Chromium or Chrome is not installed"
+)
+
+
+@contextmanager
+def serve(scene):
+    with LiveServer(Bench(scene)) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+@pytest.fixture(scope="module")
+def server():
+    with serve(SMALL) as made:
+        yield made
+
+
+def ask(server, method="POST", path=None, body=None, **headers):
+    """Return status, headers and body of an answer; a header `None` is left out."""
+    sent = {"Host": server.host, "Origin": f"http://{server.host}"}
+    sent |= {"Content-Type": "application/json"}
+    sent |= {name.replace("_", "-"): value for name, value in headers.items()}
+    data = body if isinstance(body, bytes) else json.dumps(body or {}).encode()
+    if method == "POST":
+        sent.setdefault("Content-Length", str(len(data)))
+    connection = http.client.HTTPConnection(*server.server_address, timeout=60)
+    try:
+        target = f"/{server.token}/run" if path is None else path
+        connection.putrequest(method, target, skip_host=True, skip_accept_encoding=True)
+        for name, value in sent.items():
+            if value is not None:
+                connection.putheader(name, value)
+        connection.endheaders(data if method == "POST" else None)
+        answer = connection.getresponse()
+        return answer.status, dict(answer.getheaders()), answer.read()
+    finally:
+        connection.close()
+
+
+def run(server, settings, **more):
+    status, _, body = ask(server, body={"settings": settings, **more})
+    return status, json.loads(body)
+
+
+# ------------------------------------------------------------------- the same docking
+
+
+@pytest.mark.parametrize("more", [{}, SETTINGS])
+def test_the_page_has_the_bits_of_the_exported_command(dockloop, more):
+    bench = Bench(DEFAULT, ["experiment.stop=4"])
+    shown = json.loads(json.dumps(condense(bench.compute(more))))
+    words = shlex.split(make_exports(bench, more)["command"])
+    assert words[:3] == ["dockloop", "run", DEFAULT]
+    outcome = dockloop(*words[1:], "--json", "--no-plots")
+    assert outcome.status == 0, outcome.err
+    ran = json.loads(outcome.out)
+    assert shown == {name: ran[name] for name in shown}
+    assert {"outcome", "time_of_contact", "peak_loads", "energy"} <= shown.keys()
+
+
+def test_python_lines_and_scene_file_give_the_same_docking(tmp_path, monkeypatch):
+    bench = Bench(DEFAULT, ["experiment.stop=3"])
+    expected = condense(bench.compute(SETTINGS))
+    exports = make_exports(bench, SETTINGS)
+    found = {}
+    exec(exports["python"], found)
+    assert condense(found["result"]) == expected
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(exports["scene"])
+    note = exports["scene"].partition("\n")[0]
+    assert note.endswith("dockloop run FILE.toml --set friction.coefficient=0.23")
+    assert "# 0 = +y of A, turning towards +z" in exports["scene"]  # comments stay
+    mine = dl.run("mine.toml", start_values={"friction.coefficient": 0.23})
+    assert condense(mine) == expected
+
+
+def test_keys_that_no_line_of_the_file_can_hold_are_exported_too(tmp_path, monkeypatch):
+    bench = Bench(SMALL)
+    settings = {"disturbance.1.vehicle": "chaser", "disturbance.1.force": "[5, 0, 0]"}
+    settings |= {"disturbance.1.duration": "1"}
+    expected = condense(bench.compute(settings))
+    assert expected != condense(bench.compute({}))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(make_exports(bench, settings)["scene"])
+    assert condense(dl.run("mine.toml")) == expected
+
+
+def test_a_coarse_docking_is_near_the_refined_one():
+    bench = Bench(DEFAULT)
+    fine, coarse = (bench.compute({}, is_coarse=c) for c in (False, True))
+    assert len(coarse.time) == 401 < len(fine.time) == 2001
+    for name, peak in condense(fine)["peak_loads"].items():
+        scale = max(p["value"] for p in condense(fine)["peak_loads"].values())
+        assert abs(condense(coarse)["peak_loads"][name]["value"] - peak["value"]) < 0.01 * scale
+
+
+def test_sliders_have_the_ranges_of_their_quantities():
+    entries = Bench(DEFAULT).entries
+    assert find_range(entries["chaser.mass"]) == (2500.0, 250000.0, True)
+    assert find_range(entries["contact.friction_coefficient"]) == (0.0, 2.0, False)
+    assert find_range(entries["initial.lateral_direction_deg"]) == (-180.0, 180.0, False)
+    assert find_range(entries["initial.roll_rate_deg_s"]) == (-0.1, 0.1, False)
+    assert find_range(entries["solver.method"]) is None
+    assert find_range(entries["chaser.inertia"]) is None
+
+
+def test_defaults_follow_from_settings():
+    found = Bench(DEFAULT).find_defaults({"mechanism.set.contact.law.stiffness": "6e6"})
+    assert found["contact.stiffness"] == "6000000"
+    assert found["chaser.mass"] == "25000"
+    assert "mechanism.set.contact.law.stiffness" not in found
+
+
+def test_a_slider_can_be_moved():
+    for scene, contact in ((SMALL, set()), (DEFAULT, {"contact.stiffness"})):
+        bench = Bench(scene, ["experiment.stop=0.1"])
+        shown = [row for row in describe_entries(bench) if row["heading"]]
+        assert {row["name"] for row in shown} & {"contact.stiffness"} == contact
+        for row in shown:
+            bench.compute({row["name"]: row["default"]}, is_coarse=True)
+
+
+# ------------------------------------------------------------------- which requests are answered
+
+
+def test_the_page_itself(server):
+    status, headers, body = ask(server, "GET", f"/{server.token}/", Origin=None)
+    assert status == 200
+    assert headers["Referrer-Policy"] == "no-referrer"
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    assert "unsafe-inline'; img" in headers["Content-Security-Policy"]  # of styles alone
+    assert b"initial.closing_speed" in body
+    assert server.token.encode() not in body
+
+
+def test_the_address_of_the_browser_holds_once(server):
+    path = server.first_url.removeprefix(f"http://{server.host}")
+    assert server.token not in path
+    status, headers, _ = ask(server, "GET", path, Origin=None)
+    assert (status, headers["Location"]) == (303, server.url)
+    assert ask(server, "GET", path, Origin=None)[0] == 403
+
+
+@pytest.mark.parametrize(
+    ("status", "headers"),
+    [
+        (403, {"Origin": "http://evil.example"}),
+        (403, {"Origin": "null"}),
+        (403, {"Origin": None}),
+        (403, {"Origin": "http://localhost"}),
+        (403, {"Sec_Fetch_Site": "cross-site"}),
+        (403, {"Sec_Fetch_Site": "same-site"}),
+        (421, {"Host": "evil.example"}),  # DNS rebinding
+        (421, {"Host": None}),
+        (415, {"Content_Type": "text/plain"}),  # what a form of another page can send
+        (411, {"Content_Length": None}),
+        (411, {"Content_Length": "-5"}),
+        (411, {"Transfer_Encoding": "chunked"}),
+        (413, {"Content_Length": "100001"}),
+    ],
+)
+def test_a_foreign_request_is_refused(server, status, headers):
+    found, _, body = ask(server, **headers)
+    assert found == status
+    assert set(json.loads(body)) == {"error"}
+    assert server.token.encode() not in body
+
+
+@pytest.mark.parametrize("method", ["GET", "POST"])
+@pytest.mark.parametrize("token", ["", "x", "../", "%2e%2e"])
+def test_no_request_without_the_token(server, method, token):
+    assert ask(server, method, f"/{token}/")[0] == 403
+    assert ask(server, method, f"/{server.token[:-1]}/")[0] == 403
+    assert ask(server, method, f"/{server.token}x/")[0] == 403
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["../../etc/passwd", "..%2f..%2fetc%2fpasswd", "web/live.js", "live.js", "run", "?run", "%00"],
+)
+def test_no_path_leads_to_a_file(server, path):
+    status, _, body = ask(server, "GET", f"/{server.token}/{path}", Origin=None)
+    assert status in (403, 404)
+    assert len(body) < 200
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"",
+        b"{",
+        b"[]",
+        b"null",
+        b'{"other": 1}',
+        b'{"settings": []}',
+        b'{"settings": {"a": 1}}',
+        b'{"settings": {"a": ""}}',
+        b'{"settings": {}, "coarse": 1}',
+        b'{"settings": {"a": "' + b"1" * 2001 + b'"}}',
+        b"[" * 50_000,
+        b"\xff\xfe",
+    ],
+)
+def test_a_request_that_is_no_request_is_refused(server, body):
+    assert ask(server, body=body)[0] == 400
+
+
+@pytest.mark.parametrize("name", ["export", "stop"])
+def test_only_a_run_is_coarse(server, name):
+    status, _, body = ask(server, path=f"/{server.token}/{name}", body={"coarse": True})
+    assert (status, json.loads(body)) == (400, {"error": f"'{name}' takes no members but settings"})
+
+
+def test_a_setting_names_no_file(server, tmp_path):
+    (tmp_path / "other.json").write_text('{"secret": 1}')
+    for key in ("mechanism.name", "mech*.name"):
+        status, answer = run(server, {key: f"{tmp_path}/other"})
+        assert (status, answer["name"]) == (422, key)
+        assert "must be without /" in answer["error"]
+        assert "secret" not in answer["error"]
+    hidden = "mechanism.name"
+    for key in (f'{hidden}="{tmp_path}/other" #', f"{hidden}='x'#", f"{hidden}\n", "a\\b", "a/b"):
+        for path in ("run", "export"):
+            body = {"settings": {key: "1"}}
+            status, _, text = ask(server, path=f"/{server.token}/{path}", body=body)
+            assert (status, json.loads(text)["name"]) == (422, key)
+            assert "is no name: must be of letters" in json.loads(text)["error"]
+
+
+def test_a_port_that_is_taken_is_refused(server):
+    with pytest.raises(UsageError, match=r"--port \d+: cannot be taken .*name another port"):
+        LiveServer(Bench(SMALL), server.server_address[1])
+
+
+@pytest.mark.parametrize("port", [-1, 65536, 70000])
+def test_a_port_that_is_none_is_refused_before_a_docking(port):
+    with pytest.raises(UsageError, match=f"--port {port}: must be 0 to 65535"):
+        LiveServer(None, port)
+
+
+# ------------------------------------------------------------------- refused, newest, stop
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("chaser.mass", "-1", "must be greater than 0"),
+        ("friction.coefficient", "3", "above its maximum 2"),
+        ("mechanism.set.latches.range", "0", "must be greater than 0"),
+        ("initial.pitch_yaw_deg", "45", "must be less than 30"),
+        ("no.such", "1", "a scene has no key 'no.such'"),
+        ("solver.method", "bdff", "did you mean 'bdf'?"),
+        ("experiment.stop", "1e6", "a page has at most 100000"),
+    ],
+)
+def test_a_refused_setting_is_named_with_the_sentence_of_the_core(name, text, words):
+    bench = Bench(DEFAULT, ["experiment.stop=0.1"])
+    with pytest.raises(RefusedError, match=re.escape(words)) as caught:
+        bench.compute({"initial.closing_speed": "0.08", name: text})
+    assert caught.value.name == name
+    assert len(bench.compute({}).time) == 11  # the scene before still works
+
+
+def test_a_boolean_is_no_number():
+    bench = Bench(SMALL)
+    bench.compute({"chaser.mass_includes_mechanism": "1"})
+    with pytest.raises(RefusedError):
+        bench.compute({"chaser.mass_includes_mechanism": "true"})
+
+
+LONG = {"experiment.stop": "900", "solver.method": "fixed_rk4", "solver.step": "1e-4"}
+
+
+def start_long(bench):
+    """Begin a docking that takes minutes, in a thread; returns the thread and what became of it."""
+    ends = []
+
+    def work():
+        try:
+            bench.compute(LONG)
+            ends.append("done")
+        except DroppedError:
+            ends.append("dropped")
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    time.sleep(0.5)
+    assert thread.is_alive()
+    return thread, ends
+
+
+def test_the_newest_request_ends_those_before():
+    bench = Bench(DEFAULT)
+    first, ends = start_long(bench)
+    second, more = start_long(bench)
+    began = time.monotonic()
+    assert len(bench.compute({"experiment.stop": "0.1"}).time) == 11
+    assert time.monotonic() - began < 5.0
+    for thread in (first, second):
+        thread.join(5.0)
+    assert (ends, more) == (["dropped"], ["dropped"])
+
+
+def test_stop_ends_what_is_computed():
+    bench = Bench(DEFAULT)
+    thread, ends = start_long(bench)
+    bench.stop()
+    thread.join(5.0)
+    assert ends == ["dropped"]
+    assert len(bench.compute({"experiment.stop": "0.1"}).time) == 11
+
+
+def test_a_dropped_request_and_a_refused_one_have_their_status(server):
+    assert run(server, {"chaser.mass": "-1"})[0] == 422
+    status, answer = run(server, {"initial.closing_speed": "0.05"}, brief=True)
+    assert status == 200
+    assert set(answer) == {"summary"}
+    assert ask(server, path=f"/{server.token}/stop")[0] == 200
+
+
+def test_memory_stays_flat_over_many_changes(server):
+    def change(count):
+        for k in range(count):
+            settings = {"initial.closing_speed": f"{0.05 + 1e-4 * k}", "experiment.stop": "0.5"}
+            assert run(server, settings)[0] == 200
+
+    change(10)
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        change(30)
+        grown = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    assert grown < 300_000  # a recording has 66 kB, its page 35 kB
+
+
+# ------------------------------------------------------------------- the command
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_prints_the_address_and_ends_at_once(tmp_path, number):
+    own = tmp_path / "tmp"
+    own.mkdir()
+    # Where tests run in the background, Ctrl-C is ignored, and that is inherited.
+    command = (shutil.which("env"), "--default-signal=INT")
+    program = subprocess.Popen(
+        [*command, sys.executable, "-m", "dockloop", "live", SMALL, "--no-browser"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        env={"TMPDIR": str(own), "PATH": "", "HOME": str(own)},
+    )
+    with program:
+        url = program.stdout.readline().strip()
+        found = re.fullmatch(r"http://(127\.0\.0\.1):(\d+)/([\w-]{43})/", url)
+        assert found, url
+        connection = http.client.HTTPConnection(found[1], int(found[2]), timeout=60)
+        connection.request("GET", f"/{found[3]}/")
+        assert connection.getresponse().read()  # the connection stays open
+        program.send_signal(number)
+        try:
+            _, err = program.communicate(timeout=20)  # half a second on a quiet machine
+        finally:
+            program.kill()
+        connection.close()
+    assert program.returncode == 130
+    assert err == "dockloop: interrupted\n"
+    assert list(own.iterdir()) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["tmp"]
+    again = LiveServer(Bench(SMALL), int(found[2]))  # the port is free
+    again.server_close()
+
+
+def test_the_browser_opens_while_the_server_serves(monkeypatch):
+    seen = []
+
+    def browse(url):
+        try:
+            host, key = re.fullmatch(r"http://([^/]+)(/.*)", url).groups()
+            connection = http.client.HTTPConnection(host, timeout=10)
+            connection.request("GET", key)
+            seen.append(connection.getresponse().status)
+            connection.close()
+        finally:
+            _thread.interrupt_main()
+        return True
+
+    monkeypatch.setattr(webbrowser, "open", browse)
+    # Where tests run in the background, Ctrl-C is ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            live.run(Namespace(scene=SMALL, overrides=[], port=0, no_browser=False))
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert seen == [303]
+
+
+# ------------------------------------------------------------------- in a browser
+
+
+class Online(Browser):
+    """A page of this machine in Chromium, with the network of this machine only."""
+
+    def open(self, url):
+        self.call(
+            "Network.emulateNetworkConditions",
+            offline=False,
+            latency=0,
+            downloadThroughput=-1,
+            uploadThroughput=-1,
+        )
+        self.call("Page.navigate", url=url)
+        self.wait("window.live && window.dockloop")
+
+    def wait(self, code):
+        """Wait until an expression is true."""
+        end = time.monotonic() + 120.0
+        while not self.run(f"Boolean({code})"):
+            assert time.monotonic() < end, (code, self.messages)
+            time.sleep(0.05)
+
+    def read(self, name):
+        return self.run(f"document.getElementById({name!r}).textContent")
+
+    def find_bad(self):
+        noise = ("warning: [.WebGL", "warning: [GroupMarker", "request: http://127.0.0.1:")
+        refused = "the server responded with a status of 4"  # what is refused, and shown
+        return [m for m in self.messages if not m.startswith(noise) and refused not in m]
+
+
+@pytest.fixture(scope="module")
+def online():
+    with pytest.MonkeyPatch.context() as patch:
+        options = chromium._OPTIONS
+        local = [o + ", EXCLUDE 127.0.0.1" if "resolver" in o else o for o in options]
+        patch.setattr(chromium, "_OPTIONS", tuple(local))
+        yield Online
+
+
+@pytest.fixture(scope="module")
+def window(online, server):
+    with online(1280, 800) as opened:
+        opened.open(server.url)
+        yield opened
+
+
+REFINED = "document.getElementById('status').textContent.startsWith('as dockloop run')"
+ROW = "[...document.querySelectorAll('.setting')].find((e) => e.dataset.name === '{}')"
+
+
+def drag(window, name, position):
+    """Move a slider as its user does: some places, then the last."""
+    places = (
+        f"[500, {position}].forEach((k) => {{ s.value = k; s.dispatchEvent(new Event('input')); }})"
+    )
+    window.run(
+        f"(() => {{ const s = {ROW.format(name)}.querySelector('[type=range]'); {places};"
+        " s.dispatchEvent(new Event('change')); })()"
+    )
+
+
+@pytest.mark.long
+@needs_browser
+def test_a_slider_computes_the_docking_anew_and_refines_it(window):
+    window.run("live.change('initial.closing_speed', '0.1')")
+    drag(window, "initial.closing_speed", 250)
+    window.wait(f"{REFINED} && live.settings.length === 1")
+    ((name, text),) = window.run("live.settings")
+    assert name == "initial.closing_speed"
+    expected = condense(Bench(SMALL).compute({name: text}))
+    assert window.run("live.summary") == json.loads(json.dumps(expected))
+    assert window.run("dockloop.data.events.find((e) => e.key === 'contact').time") == 0.0
+    assert "compression" in window.read("figures")
+    assert window.find_bad() == []
+
+
+@pytest.mark.long
+@needs_browser
+def test_undo_redo_reset_and_the_link(window, server):
+    window.run("document.getElementById('reset').click()")
+    window.wait("live.settings.length === 0")
+    drag(window, "chaser.mass", 300)
+    window.wait(REFINED)
+    changed = window.run("live.settings")
+    link = window.run("location.href")
+    assert link.startswith(f"{server.url}#")
+    window.run("document.getElementById('undo').click()")
+    assert window.run("live.settings") == []
+    window.run("document.getElementById('redo').click()")
+    assert window.run("live.settings") == changed
+    window.run("document.getElementById('reset').click()")
+    assert window.run("live.settings") == []
+    assert window.run("location.hash") == ""
+    for key, code, expected in (("z", "KeyZ", changed), ("y", "KeyY", [])):
+        common = {"key": key, "code": code, "modifiers": 2, "windowsVirtualKeyCode": ord(key) - 32}
+        window.call("Input.dispatchKeyEvent", type="keyDown", **common)
+        window.call("Input.dispatchKeyEvent", type="keyUp", **common)
+        assert window.run("live.settings") == expected
+    for _ in range(2):
+        window.run("document.getElementById('undo').click()")
+    assert window.run("live.settings") == []
+    window.run(f"location.hash = {link.partition('#')[2]!r}")
+    window.wait(f"live.settings.length === 1 && {REFINED}")
+    assert window.run("live.settings") == changed
+    assert window.run("document.getElementById('redo').disabled")  # what followed another state
+
+
+@pytest.mark.long
+@needs_browser
+def test_a_refusal_stands_at_the_field_and_goes_again(window):
+    window.run("live.change('chaser.mass', '-1')")
+    row = ROW.format("chaser.mass")
+    window.wait(f"{row}.querySelector('.why').textContent")
+    assert "must be greater than 0" in window.run(f"{row}.querySelector('.why').textContent")
+    assert window.run(f"{row}.querySelector('[type=text]').getAttribute('aria-invalid')") == "true"
+    window.run("live.change('chaser.mass', '')")
+    window.wait(REFINED)
+    assert window.run("document.querySelectorAll('[aria-invalid]').length") == 0
+
+
+@pytest.mark.long
+@needs_browser
+def test_every_name_is_found_and_can_be_set(window):
+    find = "document.getElementById('find')"
+    window.run(f"{find}.value = 'relative tolerance'; {find}.dispatchEvent(new Event('input'))")
+    assert "solver.rtol" in window.read("found")
+    hits = "[...document.querySelectorAll('#found button')]"
+    window.run(f"{hits}.find((e) => e.textContent.startsWith('solver.rtol = 1e-')).click()")
+    assert window.run(f"Boolean({ROW.format('solver.rtol')})")
+
+
+@pytest.mark.long
+@needs_browser
+def test_kept_docking_and_strip(window):
+    window.run("document.getElementById('reset').click()")
+    window.wait(f"live.settings.length === 0 && {REFINED}")
+    window.run("document.getElementById('keep').click()")
+    drag(window, "initial.closing_speed", 250)
+    window.wait(REFINED)
+    assert "change" in window.read("figures")
+    window.wait("live.cells.filter(Boolean).length === 33")
+    cells = window.run("live.cells")
+    whole = condense(Bench(SMALL).compute({"initial.closing_speed": "1"}, is_coarse=True))
+    assert cells[32]["outcome"] == whole["outcome"]
+    window.run(
+        "(() => { const sheet = document.querySelector('.setting canvas');"
+        " const { right } = sheet.getBoundingClientRect();"
+        " sheet.dispatchEvent(new MouseEvent('click', { clientX: right - 2 })); })()"
+    )
+    assert window.run("live.settings") == [["initial.closing_speed", "1"]]
+    assert window.find_bad() == []
+
+
+@pytest.mark.long
+@needs_browser
+def test_the_layout_does_not_jump(window):
+    places = "['space', 'slider', 'curves', 'settings'].map((id) => {"
+    places += " const b = document.getElementById(id).getBoundingClientRect();"
+    places += " return [b.left, b.top, b.width]; })"
+    window.wait(REFINED)
+    before = window.run(places)
+    for position in (100, 400, 900):
+        drag(window, "initial.closing_speed", position)
+        window.wait(REFINED)
+        window.settle()
+        assert window.run(places) == before
+
+
+@pytest.mark.long
+@needs_browser
+def test_a_default_follows_and_can_be_set(window):
+    window.run("document.getElementById('reset').click()")
+    window.run("live.change('chaser.mass', '25000')")
+    assert window.run("live.settings") == [["chaser.mass", "25000"]]
+    window.run("live.change('chaser.mass', '')")
+    assert window.run("live.settings") == []
+    window.run("live.change('contact.stiffness', '')")  # the row of a name that was found
+    window.run("live.change('mechanism.set.contact.stiffness', '30000'); live.commit()")
+    window.wait(f"{ROW.format('contact.stiffness')}.querySelector('[type=text]').value === '30000'")
+    assert len(window.run("live.settings")) == 1
+    spans = f"{ROW.format('mechanism.set.contact.stiffness')}.querySelector('label span')"
+    assert window.run(f"{spans}.textContent") == "mechanism.set.contact.stiffness"
+
+
+@pytest.mark.long
+@needs_browser
+def test_the_docking_that_is_shown_is_taken_home(window):
+    window.run("document.getElementById('reset').click()")
+    window.run("live.change('initial.closing_speed', '0.07'); live.commit()")
+    window.wait(REFINED)
+    window.run("live.change('chaser.mass', '-1'); live.commit()")
+    window.wait("document.getElementById('status').textContent.startsWith('refused')")
+    window.run("document.getElementById('text').value = ''")
+    window.run("document.querySelector('#home [data-text=command]').click()")
+    text = "document.getElementById('text').value"
+    window.wait(text)
+    words = shlex.split(window.run(text))
+    assert words[:3] == ["dockloop", "run", SMALL]
+    assert words[3:] == ["--scene", "initial.closing_speed=0.07"]
+    window.run("document.getElementById('link').click()")
+    assert "chaser" not in window.run(text)
+    assert "0.07" in window.run(text)
+
+
+@pytest.mark.long
+@needs_browser
+def test_the_live_page_is_usable_at_390_px(online, server):
+    with online(390, 844, 2.0) as small:
+        small.open(server.url)
+        small.settle()
+        assert small.run("document.documentElement.scrollWidth") == 390
+        boxes = "[...document.querySelectorAll('#live button, #live input')]"
+        boxes += ".map((e) => e.getBoundingClientRect()).filter((b) => b.height)"
+        assert small.run(f"Math.min(...{boxes}.map((b) => b.height))") >= 28
+        assert small.run(f"Math.max(...{boxes}.map((b) => b.right))") <= 390
+        sizes = "[...document.querySelectorAll('body *')].filter((e) => e.textContent.trim())"
+        sizes += ".map((e) => parseFloat(getComputedStyle(e).fontSize))"
+        assert small.run(f"Math.min(...{sizes})") >= 11
