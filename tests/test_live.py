@@ -101,6 +101,7 @@ def run(server, settings, **more):
 # ------------------------------------------------------------------- the same docking
 
 
+@pytest.mark.usefixtures("native")  # the command runs an FMU, the page the core
 @pytest.mark.parametrize("more", [{}, SETTINGS])
 def test_the_page_has_the_bits_of_the_exported_command(dockloop, more):
     bench = Bench(DEFAULT, ["experiment.stop=4"])
