@@ -20,6 +20,7 @@ def sweep(
     reference: str | Path | dict,
     *,
     cases: "str | Path | pd.DataFrame | None" = None,
+    fitted: str | Path | None = None,
     output: str | Path | None = None,
     engine: str = "auto",
     workers: int | None = None,
@@ -38,6 +39,8 @@ def sweep(
         cases: a table of cases, in place of the key ``cases``: a path (CSV, Excel, Parquet) or a
             ``pandas.DataFrame``. A row is a case, a column a key of the scene or a start value;
             the column ``name`` names the cases. ``reference`` may then be ``{"scene": NAME}``.
+        fitted: the result of ``dockloop fit`` (``fit.json``): its parameters vary, too, with their
+            covariance and within their ranges; those that are not identified are uniform there.
         output: where the journal is kept (next to this file, ``.jsonl``); default: nowhere.
         engine: ``core`` (threads), ``fmu`` (Dask workers) or ``auto``: threads without scheduler.
         workers: local threads or processes; default: one per processor.
@@ -69,11 +72,12 @@ def sweep(
     from dockloop.sweeps.table import TableFile, write_table
 
     passes = read_passes(accuracy, refine, refine_accuracy)
+    fit = None if fitted is None else str(as_path("fitted", fitted))
     if isinstance(reference, dict):
         members = reference if cases is None else {**reference, "cases": cases}
-        drawn = make_sweep(to_plain(_name_scene(members)), Path("sweep"), passes=passes)
+        drawn = make_sweep(to_plain(_name_scene(members)), Path("sweep"), passes=passes, fitted=fit)
     else:
-        drawn = read_sweep(str(reference), passes, cases)
+        drawn = read_sweep(str(reference), passes, cases, fit)
     with scratch() as folder:
         ran = run_sweep(
             replace(drawn, assured=bool(assured)),

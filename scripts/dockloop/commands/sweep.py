@@ -28,6 +28,8 @@ def add_options(command: Command) -> None:
         help="core: in this process or its Dask workers; fmu: each case through an FMU, in Dask"
         " workers; auto (default): core; results are the same",
     )
+    text = "let the parameters of a fit vary, too, with their covariance (see dockloop fit)"
+    command.add_option("--from", "FIT.json", text, dest="fitted")
     command.add_executor()
     command.add_flag("--resume", "go on with a sweep that was interrupted")
     command.add_output(
@@ -83,7 +85,8 @@ def run(options: Options) -> None:
     )
     passes = read_passes(accuracy, options.refine, refined)
     _check_rare(options, passes)
-    sweep = replace(read_sweep(options.sweep, passes), assured=options.assured)
+    sweep = read_sweep(options.sweep, passes, fitted=options.fitted)
+    sweep = replace(sweep, assured=options.assured)
     name = sweep.path.stem
     output = options.output or paths.RESULTS / "sweeps" / name / f"{name}.parquet"
     work = _run_all if options.rare is None else _run_rare

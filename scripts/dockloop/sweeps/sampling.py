@@ -27,9 +27,11 @@ from dockloop.native.variables import NAMED_NUMBERS
 from dockloop.scene.find import find_scene, find_shipped, read_toml
 from dockloop.scene.resolve import parse_value, write_scene
 from dockloop.scene.values import to_text
+from dockloop.sweeps.fitted import draw_fitted, read_fitted
 
 _MAX_CASES = 10_000_000
 LISTED = ("grid", "cases")  # not drawn at random
+_SOURCES = {"cases": "the table ", "fit": "the fit "}  # what a file of an entry is
 Value = float | int | bool | str
 
 
@@ -174,13 +176,16 @@ class Sweep:
         return tuple(drawn) if self.passes is None else (*drawn, self.passes.accuracy)
 
 
-def read_sweep(reference: str, passes: Passes | None = None, table: Any = None) -> Sweep:
+def read_sweep(
+    reference: str, passes: Passes | None = None, table: Any = None, fitted: str | None = None
+) -> Sweep:
     """Read a sweep file and draw its cases.
 
     Args:
         reference: name of a shipped sweep, or path of a .toml file.
         passes: at which accuracy cases run.
         table: of cases, in place of the key ``cases``: a path or a ``pandas.DataFrame``.
+        fitted: file of a fit, whose parameters vary as well; None: none.
 
     Raises:
         UsageError: naming file, member, value and limit.
@@ -189,11 +194,17 @@ def read_sweep(reference: str, passes: Passes | None = None, table: Any = None) 
     given, text = read_toml(path)
     if "chaser" in given:
         raise UsageError(f"{shown(path)}: is a scene, no sweep: 'dockloop run' runs it")
-    return make_sweep(given if table is None else given | {"cases": table}, path, text, passes)
+    if table is not None:
+        given["cases"] = table
+    return make_sweep(given, path, text, passes, fitted)
 
 
 def make_sweep(
-    given: dict, path: Path, text: str | None = None, passes: Passes | None = None
+    given: dict,
+    path: Path,
+    text: str | None = None,
+    passes: Passes | None = None,
+    fitted: str | None = None,
 ) -> Sweep:
     """Draw the cases of the members of a sweep file. Raises UsageError like `read_sweep`.
 
@@ -202,7 +213,11 @@ def make_sweep(
         path: the file; a scene of the user's own is looked up next to it.
         text: what the file says; default: the members as TOML.
         passes: at which accuracy cases run.
+        fitted: file of a fit, whose parameters vary as well; None: none.
     """
+    if fitted is not None:
+        entry = {"type": "fit", "file": str(Path(fitted).resolve())}
+        given = {**given, "vary": [*given.get("vary", []), entry]}
     if isinstance(given.get("scene"), Mapping):
         given = {**given, "scene": str(write_scene(given["scene"]))}
     table, form = given.get("cases"), ""
@@ -213,6 +228,9 @@ def make_sweep(
         raise UsageError(
             f"{shown(path)}: lacks the member 'vary', or a table of cases (cases = \"FILE\")"
         )
+    read = [read_fitted(e, path.parent) if e["type"] == "fit" else e for e in given["vary"]]
+    if read != given["vary"]:
+        given, text = {**given, "vary": read}, None
     document = {"title": path.stem, **schema.list_defaults("sweep"), "set": {}, **given}
     _check_members(document, path)
     _check_not_drawn(document, path)
@@ -246,7 +264,7 @@ def _write_out(given: dict, folder: Path) -> tuple[dict, str]:
 def _check_not_drawn(document: dict, path: Path) -> None:
     """Refuse quantities that are drawn at random next to a table of cases."""
     drawn = [name for e in document["vary"] if e["type"] not in LISTED for name in _names(e)]
-    if drawn and any("file" in entry for entry in document["vary"]):
+    if drawn and any(_is_table(entry) for entry in document["vary"]):
         raise UsageError(
             f"{shown(path)}: vary draws '{drawn[0]}' at random, but the cases are those of a table:"
             " only grids and named cases may vary as well"
@@ -291,6 +309,10 @@ def list_quantities(document: dict) -> list[Quantity]:
     """Return what varies, in the order of the sweep file; a disc gives two."""
     quantities = []
     for entry in document["vary"]:
+        if entry["type"] == "fit":
+            both = (entry["numbers"][member] for member in ("names", "units"))
+            quantities += [Quantity(name, unit) for name, unit in zip(*both, strict=True)]
+            continue
         first, *direction = _names(entry)
         named = (entry.get(member, {}) for member in ("cases", "units"))
         more = (*named, entry.get("file", "")) if entry["type"] == "cases" else ()
@@ -307,7 +329,14 @@ def list_discs(document: dict) -> list[tuple[str, str]]:
 
 def _names(entry: dict) -> list[str]:
     """Return the names of the columns of an entry."""
-    return [entry["magnitude"], entry["direction"]] if entry["type"] == "disc" else [entry["name"]]
+    if entry["type"] == "disc":
+        return [entry["magnitude"], entry["direction"]]
+    return entry["numbers"]["names"] if entry["type"] == "fit" else [entry["name"]]
+
+
+def _is_table(entry: dict) -> bool:
+    """Return whether an entry has the cases of a table."""
+    return entry["type"] == "cases" and "file" in entry
 
 
 def _decided(entry: dict) -> list[str]:
@@ -326,9 +355,9 @@ def _check_members(document: dict, path: Path) -> None:
     """Check what a schema cannot say."""
     owners: dict[str, str] = dict.fromkeys(document.get("set", {}), "set")
     grid_points = 1
-    has_table = any("file" in entry for entry in document["vary"])  # before those of the file
+    has_table = any(_is_table(entry) for entry in document["vary"])  # before those of the file
     for number, entry in enumerate(document["vary"], 0 if has_table else 1):
-        here = f"the table {entry['file']}" if "file" in entry else f"vary[{number}]"
+        here = f"vary[{number}]" if "file" not in entry else _SOURCES[entry["type"]] + entry["file"]
         where = f"{shown(path)}: {here}"
         for name in _decided(entry):
             if name in owners:
@@ -426,10 +455,15 @@ def _disc(entry: dict, u: np.ndarray, w: np.ndarray) -> list[np.ndarray]:
     return [np.sqrt(inner**2 + (outer**2 - inner**2) * u), 360.0 * w]
 
 
+def _fit(entry: dict, *u: np.ndarray) -> list[np.ndarray]:
+    return list(draw_fitted(entry["numbers"], np.column_stack(u)).T)
+
+
 _TRANSFORMS: dict[str, Callable[..., list[np.ndarray]]] = {
     "uniform": _uniform,
     "normal": _normal,
     "disc": _disc,
+    "fit": _fit,
 }
 
 

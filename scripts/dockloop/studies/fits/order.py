@@ -8,7 +8,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from dockloop.base.errors import DockloopError, UsageError
+from dockloop.base.errors import UsageError
 from dockloop.base.number import as_number, check_number, check_whole, is_number
 from dockloop.base.progress import ProgressBar
 from dockloop.native.variables import fits
@@ -23,6 +23,7 @@ from dockloop.studies.fits.statistics import PENALTIES
 from dockloop.studies.fits.trials import Trial, check_noise, list_trials, read_trials
 from dockloop.sweeps.campaign import Campaign, How
 from dockloop.sweeps.executors import open_executor
+from dockloop.sweeps.fitted import draw_fitted, make_numbers
 from dockloop.sweeps.journal import Journal, make_digest
 from dockloop.sweeps.planning import Planner
 from dockloop.sweeps.sampling import Cases, Sweep, list_quantities
@@ -31,7 +32,6 @@ WORK = "fit"
 _TEST = "test"  # the column of the names of tests
 _MOST_POINTS = 20_000  # of a run
 _MOST_CASES = 100_000
-_MOST_DRAWS = 100  # for one that is within the ranges
 
 
 @dataclass(frozen=True)
@@ -149,38 +149,15 @@ def draw_cases(fitted: Fitted, count: int, seed: int) -> tuple[list[str], list[l
 
     Raises:
         UsageError: as `check_count`.
-        DockloopError: nearly all draws are outside of the ranges.
     """
+    from dockloop.studies.fits.report import summarise_fit
+
     check_count(fitted.order, count)
-    assert isinstance(fitted.found, Found)
-    drawn = _draw_parts(fitted.found, count, seed)
-    shared = [(j, p.vary) for j, p in enumerate(fitted.problem.parameters) if p.trial is None]
-    rows = [
-        [f"drawn {i}", *(vary.value(row[j]) for j, vary in shared)]
-        for i, row in enumerate(drawn, 1)
-    ]
-    return ["name", *(vary.name for _, vary in shared)], rows
-
-
-def _draw_parts(found: Found, count: int, seed: int) -> np.ndarray:
-    """Return draws of all parameters as parts of their ranges, shape (count, parameters).
-
-    Of each direction that is not identified one parameter is uniform in its range, and the others
-    have their covariance given that. What is outside of a range is drawn again.
-    """
-    made, draw = found.estimate, np.random.default_rng(seed)
-    size, number = len(made.deviations), max(count, 1000)
-    covariance = made.covariance[:size, :size]
-    free = [int(np.argmax(np.abs(axis))) for axis in made.directions]
-    slope = np.linalg.solve(covariance[np.ix_(free, free)], covariance[free])
-    kept = np.empty((0, size))
-    for _ in range(_MOST_DRAWS):
-        drawn = draw.multivariate_normal(found.x[:size], covariance, number)
-        drawn += (draw.random((number, len(free))) - drawn[:, free]) @ slope
-        kept = np.vstack([kept, drawn[np.all((drawn >= 0.0) & (drawn <= 1.0), axis=1)]])
-        if len(kept) >= count:
-            return kept[:count]
-    raise DockloopError("--cases: nearly all draws are outside of the ranges: widen them")
+    names = [p.label for p in fitted.problem.parameters if p.trial is None]
+    numbers = make_numbers(summarise_fit(fitted), names)
+    drawn = draw_fitted(numbers, np.random.default_rng(seed).random((count, len(names))))
+    rows = [[f"drawn {i}", *row] for i, row in enumerate(drawn.tolist(), 1)]
+    return ["name", *names], rows
 
 
 def _check(order: Order) -> None:

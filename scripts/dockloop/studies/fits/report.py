@@ -17,11 +17,11 @@ from dockloop.studies.fits.plan import Planned
 from dockloop.studies.fits.problem import Problem, Series
 from dockloop.studies.fits.search import Found
 from dockloop.studies.fits.statistics import GUESS, QUANTILE, describe_direction
+from dockloop.sweeps.fitted import COMMAND
 
 if TYPE_CHECKING:
     from dockloop.studies.fits.order import Fitted
 
-COMMAND = "dockloop fit"
 _MOST_PANELS = 12
 _STRONG = 0.9  # correlation that is said
 _AT_BOUND, _ON_BOUND = 2e-3, 1e-4  # of the range: if uncertain by that, and in any case
