@@ -76,6 +76,7 @@ AROUND = {  # members of a list in JSON: the mechanism that has them, members th
     "failures": ("apda", ()),
     "leg_defaults": ("idss_hexapod", ()),
     "capture": ("probe_drogue", ("sequence",)),
+    "patterns": ("hexapod", ("legs", "forces", "failures", "sequence")),
 }
 
 

@@ -13,6 +13,7 @@ from dockloop.exchange.constructs import LEFT_OUT, MAPPED
 from dockloop.native import core
 from dockloop.scene.find import read_mechanism
 from dockloop.scene.mechanism import check_mechanism, find_mechanism
+from dockloop.scene.patterns import expand_patterns
 
 _SIGN = "written by 'dockloop export'"
 _KIND = Kind("MJCF", "dockloop export", lambda path: _SIGN.encode() in read_head(path))
@@ -40,6 +41,7 @@ def export_mechanism(mechanism: str | Path, output: str | Path) -> list[str]:
     home = check_mechanism(mechanism)["home_q"]
     path = find_mechanism(str(mechanism))
     document = read_mechanism(path)
+    expand_patterns(document, path)
     expanded = core.expand(document, path)
     expanded["forces"] = [*document.get("forces", []), *expanded["forces"]]
     document |= expanded

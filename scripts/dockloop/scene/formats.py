@@ -128,7 +128,7 @@ def _describe_known(node: dict, known: dict[str, str], root: dict) -> str:
 
 
 def _is_group(node: dict) -> bool:
-    return "properties" in node or "if" in node
+    return "value" not in node and ("properties" in node or "if" in node)
 
 
 def _references(node: dict, root: dict) -> list[str]:
@@ -201,6 +201,8 @@ def _row(member: str, node: dict, is_required: bool) -> tuple[str, ...]:
 
 def _describe_value(node: dict) -> str:
     """Return which values a member can have."""
+    if "value" in node:
+        return node["value"]
     if "enum" in node:
         values = node["enum"]
         names = [value for value in values if not isinstance(value, int)]
@@ -234,8 +236,8 @@ def _describe_list(node: dict) -> str:
     kind = items.get("type", "")
     plural = {"number": "numbers", "string": "texts"}.get(kind if isinstance(kind, str) else "", "")
     reference = items.get("$ref", "")
-    if reference.endswith("vector"):
-        plural = "lists of 3 numbers"
+    if reference.endswith(("vector", "point")):
+        plural = "lists of 3 numbers" if reference.endswith("vector") else "points"
     count = f"{least} " if least is not None and least == most else ""
     return f"{count}{plural}".strip() if count and plural else f"list of {plural or 'entries'}"
 

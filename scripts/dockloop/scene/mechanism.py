@@ -17,6 +17,7 @@ from dockloop.base.paths import MECHANISMS, check_file, is_file, name_kind, show
 from dockloop.base.sections import Section
 from dockloop.native import core
 from dockloop.scene.find import get_mechanism, read_json, read_mechanism
+from dockloop.scene.patterns import expand_patterns
 from dockloop.scene.tables import put_law_tables
 
 
@@ -88,6 +89,7 @@ def _read(mechanism: str | Path | dict) -> tuple[Path, dict]:
         path = find_mechanism(str(mechanism))
         document = read_mechanism(path)
     schema.check(document, "mechanism", path)
+    expand_patterns(document, path)
     put_law_tables(document, path)
     return path, document
 

@@ -33,6 +33,7 @@ from dockloop.base.paths import shown
 from dockloop.native.core import number_choice
 from dockloop.native.variables import NAMED_NUMBERS, VEHICLES, match_names, say_matches
 from dockloop.scene.find import find_mechanism, get_mechanism, read_mechanism, read_toml
+from dockloop.scene.patterns import expand_patterns
 from dockloop.scene.tables import list_files, put_law_tables, read_inputs
 from dockloop.scene.values import to_text
 
@@ -251,6 +252,7 @@ def load_mechanism(
             f" {found.sentence}"
         )
     mechanism = without_nulls(mechanism)
+    expand_patterns(mechanism, path)
     put_law_tables(mechanism, path)
     return {"name": name, **convert_degrees(mechanism)}
 
