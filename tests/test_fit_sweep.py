@@ -3,7 +3,8 @@
 1. cases have the means, deviations and correlations of the fit, within its ranges; what is not
    identified is uniform;
 2. command, Python and file give the same cases; a journal keeps the numbers;
-3. bad files are one sentence.
+3. bad files are one sentence;
+4. a boundary has a band.
 """
 
 import json
@@ -153,3 +154,72 @@ def test_files_that_are_no_fit_and_names_that_meet_are_one_sentence(dockloop, tm
     (tmp_path / "s.toml").write_text(f'scene = "absorber_1d"\n{table}')
     refused = dockloop("sweep", tmp_path / "s.toml")
     assert_refused(refused, "vary[1].file")
+
+
+# ------------------------------------------------------------------------------- 4. a boundary
+
+
+BOX = {"x": ("initial.closing_speed", 0.05, 0.15), "y": ("chaser.mass", 15e3, 35e3)}
+LIMIT = 2500.0  # N
+
+
+def find_peak(speed, mass, stiffness, damping):
+    reduced = mass * 350e3 / (mass + 350e3)
+    s = 0.5 * damping / reduced
+    w = np.sqrt(stiffness / reduced - s**2)
+    t = np.linspace(0.0, np.pi / w, 2001)
+    depth = speed / w * np.exp(-s * t) * np.sin(w * t)
+    rate = speed * np.exp(-s * t) * (np.cos(w * t) - s / w * np.sin(w * t))
+    return (stiffness * depth + damping * rate).max()
+
+
+def test_a_fit_bands_the_boundary_of_an_envelope(dockloop, tmp_path):
+    """Shares of draws are those of the closed form, away from each boundary by its tolerance."""
+    both = {"values": {K: 23e3, C: 3e3}, "vary": {K: [1e4, 4e4], C: [2e3, 4e4]}}
+    both |= {"units": {K: "N/m", C: "N.s/m"}, "not_identified": []}
+    both["covariance"] = [[(6e3 / 3e4) ** 2, 0.0], [0.0, (3e2 / 3.8e4) ** 2]]
+    file = write_fit(tmp_path / "fit.json", **both)
+    words = [w for letter, axis in BOX.items() for w in (f"--{letter}", *map(str, axis))]
+    words += ["--criterion", f"capture.peak.compression < {LIMIT}", "--tolerance", "0.02"]
+    words += ["--scene", "initial.approach_time=0.1", "--stop", "3", "--check", "0"]
+    words += ["--from", file, "--draws", "4", "--json"]
+    folder = tmp_path / "made"
+    made = dockloop("envelope", "absorber_1d", *words, "-o", folder, "--report")
+    (criterion,) = json.loads(made.out)["criteria"]
+    band = criterion["band"]
+    assert band["draws"] == 4
+    assert 0.02 < band["met"]["low"] < criterion["met"] < band["met"]["high"] < 1.0
+    assert 0.1 < band["sometimes"] < 0.9
+    assert (folder / "envelope.png").stat().st_size > 10_000
+    found = dl.envelope(
+        "absorber_1d", **BOX, criteria=f"capture.peak.compression < {LIMIT}", tolerance=0.02,
+        overrides={"initial.approach_time": 0.1}, stop=3, checks=0, fitted=file, draws=4,
+        output=folder, resume=True,
+    )  # fmt: skip
+    assert found.summary["time"]["ran"] == 0  # all is in the journals
+    assert found.summary["criteria"] == json.loads(made.out)["criteria"]
+    table = found.band
+    assert len(table) == 33 * 33
+    share = table.columns[2]
+    drawn = [(draw[K], draw[C]) for draw in found.draws]
+    wrong = 0
+    for row in table.iloc[::29].itertuples(index=False):
+        peaks = [find_peak(row[0], row[1], *numbers) for numbers in drawn]
+        sure = [peak < 0.93 * LIMIT for peak in peaks], [peak < 1.07 * LIMIT for peak in peaks]
+        wrong += not np.mean(sure[0]) <= row[2] <= np.mean(sure[1])
+    assert wrong == 0, share
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (("--draws", "1"), ["--draws", "2"]),
+        (("--set", f"{K}=2e4"), [K, "--from", "decide already"]),
+        (("--from", "none.json"), ["none.json"]),
+    ],
+)
+def test_bad_words_of_a_band_are_one_sentence(dockloop, tmp_path, more, words):
+    file = write_fit(tmp_path / "fit.json")
+    axes = [w for letter, axis in BOX.items() for w in (f"--{letter}", *map(str, axis))]
+    words_ = ("envelope", "absorber_1d", *axes, "--criterion", "captured", "--from", file, *more)
+    assert_refused(dockloop(*words_), *words)

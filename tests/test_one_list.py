@@ -61,6 +61,7 @@ ALLOWED = {
     ("solver.method", "modelDescription/scene.schema.json"): _SCHEMA,
     (GROUPS, "modelDescription/scene.schema.json"): _SCHEMA,
     ("causalities", "scripts/dockloop/scene/catalogue.py"): "the heading of each kind of name",
+    ("dissipated energies", "scripts/dockloop/scene/patterns.py"): "parts of a file",
     ("capture.reason", "scripts/dockloop/result/capture.py"): "a sentence for each reason",
     ("types", "scripts/dockloop/fmu/host.py"): "the getter and the parser of each type",
     ("types", "scripts/dockloop/native/variables.py"): "the Python type and the words of each type",

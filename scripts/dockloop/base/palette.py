@@ -46,6 +46,7 @@ VERDICT_COLOURS = {
 }
 CELLS = {"met": SKY, "mixed": YELLOW, "not met": PAPER, "edge": NAVY}
 POINTS = {"met": BLUE, "not met": VERMILION}
+SHARES = "cividis"  # of draws: a map of colours made for all kinds of colour vision
 
 # Of drawings and of the space of the view: fills are pale, and have an outline or a label.
 CHASER, TARGET, ACTIVE_FILL, PASSIVE_FILL = "#dbe7f5", "#f3e7d3", "#f7dedb", "#f1e6c8"

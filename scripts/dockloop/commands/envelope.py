@@ -37,7 +37,12 @@ def add_options(command: Command) -> None:
     )
     text = "dockings at random away from the boundary, to find what was missed (default: 16)"
     command.add_option("--check", "N", text, type=whole, default=16)
-    command.add_option("--seed", "N", "of these (default: 0)", type=whole, default=0)
+    text = "of these, and of --draws (default: 0)"
+    command.add_option("--seed", "N", text, type=whole, default=0)
+    text = "find the boundary with the values of a fit, then with draws of them: its band"
+    command.add_option("--from", "FIT.json", text, dest="fitted")
+    text = "searches of the band of --from (default: 8)"
+    command.add_option("--draws", "N", text, type=whole, default=8)
     command.add_run()
     command.add_accuracy()
     command.add_assured()

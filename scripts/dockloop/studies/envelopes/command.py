@@ -18,8 +18,9 @@ from dockloop.result.summary import write_summary
 from dockloop.runs.docking import Scene
 from dockloop.scene.find import find_scene
 from dockloop.studies.envelopes import report
+from dockloop.studies.envelopes.band import Draws, find_band, list_shares, read_draws
 from dockloop.studies.envelopes.search import COMMAND, Axis, Order, Progress, Search, find_envelope
-from dockloop.sweeps.campaign import read_how
+from dockloop.sweeps.campaign import How, read_how
 from dockloop.sweeps.journal import keeps_results
 from dockloop.sweeps.sampling import parse_setting
 
@@ -37,18 +38,24 @@ class Envelope:
         summary: what ``dockloop envelope --json`` prints.
         points: a row for every docking: quantities, which criteria it meets, outcomes, command.
         boundary: a row for every place where a criterion changes: the middle of two dockings, half
-            their distance, both of them. Units are in ``attrs["units"]`` of both tables.
+            their distance, both of them. Units are in ``attrs["units"]`` of all tables.
+        band: with parameters of a fit: points of a raster, and the share of draws that meet each
+            criterion there; None without.
+        draws: the parameters of each draw, by name; empty without.
     """
 
     summary: dict[str, Any]
     points: "pd.DataFrame"
     boundary: "pd.DataFrame"
+    band: "pd.DataFrame | None"
+    draws: list[dict[str, float]]
     _search: Search
+    _shares: report.Table | None
 
     def plot(self) -> Any:
         """Draw where the criteria are met; returns a ``matplotlib.figure.Figure``."""
         import_optional("matplotlib")
-        return report.draw_envelope(self._search)
+        return report.draw_envelope(self._search, self._shares)
 
 
 @names_arguments
@@ -68,6 +75,8 @@ def envelope(
     coarse: int | None = None,
     checks: int = 16,
     seed: int = 0,
+    fitted: str | Path | None = None,
+    draws: int = 8,
     output: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -92,7 +101,10 @@ def envelope(
         tolerance: the boundary is found within this part of each range.
         coarse: cells along a range at the beginning; what is smaller may be missed.
         checks: dockings at random away from the boundary.
-        seed: of these.
+        seed: of these, and of `draws`.
+        fitted: the result of ``dockloop fit`` (``fit.json``): the boundary is found with its
+            values, and then with parameters drawn with its covariance: `Envelope.band`.
+        draws: how often.
         output: folder for the journal; default: it is not kept.
         workers: threads; default: one per processor.
         scheduler: address of a Dask scheduler to use instead.
@@ -125,16 +137,44 @@ def envelope(
         seed,
         bool(assured),
     )
+    drawn = None if fitted is None else read_draws(as_path("fitted", fitted), draws, seed)
+    how = How(workers=workers, scheduler=scheduler, resume=resume)
     with scratch() as folder:
-        journal = as_path("-o", output or folder) / "journal.jsonl"
-        found = find_envelope(order, journal, workers=workers, scheduler=scheduler, resume=resume)
-    tables = []
-    for columns, rows in (report.list_points(found), report.list_boundary(found)):
+        found, band = _find(order, drawn, as_path("-o", output or folder), None, how)
+    shares = list_shares(found, band) if band else None
+
+    def make_table(made: report.Table) -> Any:
+        columns, rows = made
         table = pd.DataFrame(rows, columns=columns)
         units = report.list_units(found)
         table.attrs["units"] = {name: units[name] for name in columns if name in units}
-        tables.append(table)
-    return Envelope(report.summarise_envelope(found), tables[0], tables[1], found)
+        return table
+
+    return Envelope(
+        report.summarise_envelope(found, band, shares),
+        make_table(report.list_points(found)),
+        make_table(report.list_boundary(found)),
+        make_table(shares) if shares else None,
+        drawn.drawn if drawn else [],
+        found,
+        shares,
+    )
+
+
+def _find(
+    order: Order, draws: Draws | None, folder: Path, progress: Progress | None, how: How
+) -> tuple[Search, list[Search]]:
+    """Find the boundary, and with draws its band."""
+    if draws:
+        order = draws.put_values(order)
+    found = find_envelope(order, folder / report.JOURNAL, progress=progress, **how)
+    if not draws:
+        return found, []
+
+    def name_journal(number: int) -> Path:
+        return folder / report.name_journal(number)
+
+    return found, find_band(order, draws, name_journal, progress=progress, **how)
 
 
 def run_command(options: argparse.Namespace) -> dict:
@@ -162,21 +202,20 @@ def run_command(options: argparse.Namespace) -> dict:
         options.assured,
     )
     folder = options.output or paths.RESULTS / "envelopes" / name
-    for file, kind in report.KINDS.items():
+    draws = None
+    if options.fitted is not None:
+        draws = read_draws(options.fitted, options.draws, options.seed)
+    for file, kind in report.list_kinds(len(draws.drawn) if draws else 0).items():
         claim(folder / file, kind)
-    found = find_envelope(
-        order,
-        folder / "journal.jsonl",
-        progress=make_progress(name),
-        **read_how(options),
-    )
-    summary = report.summarise_envelope(found)
+    found, band = _find(order, draws, folder, make_progress(name), read_how(options))
+    shares = list_shares(found, band) if band else None
+    summary = report.summarise_envelope(found, band, shares)
     with keeps_results():
-        files = report.write_tables(found, folder)
+        files = report.write_tables(found, folder, shares)
         figures = []
         if not options.no_plots and can_draw():
             figures.append(folder / "envelope.png")
-            save_figure(report.draw_envelope(found), figures[0], COMMAND)
+            save_figure(report.draw_envelope(found, shares), figures[0], COMMAND)
         files += figures
         if options.report:
             files.append(folder / "report.html")

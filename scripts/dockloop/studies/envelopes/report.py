@@ -5,6 +5,7 @@ has a row for every place where a criterion changes: a point on either side and 
 off by half their distance at most. Units of the columns are in the summary (member ``units``).
 """
 
+import math
 import shlex
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -12,12 +13,15 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from dockloop.base.files import MADE_BY, figure_kind, json_kind, table_kind, write_csv
-from dockloop.base.palette import CELLS, POINTS
+import numpy as np
+
+from dockloop.base.files import MADE_BY, Kind, figure_kind, json_kind, table_kind, write_csv
+from dockloop.base.palette import CELLS, POINTS, SHARES
 from dockloop.base.sections import FACTS, Section, html_kind, list_files
 from dockloop.report.parts import describe_base, say_value, show_figure
 from dockloop.report.sweep import estimate_fraction
 from dockloop.result.capture import explain_capture
+from dockloop.studies.envelopes.band import summarise_band
 from dockloop.studies.envelopes.mesh import Cell, Point
 from dockloop.studies.envelopes.search import COMMAND, WORK, Search
 from dockloop.sweeps.assured import COLUMNS, list_cells, summarise_cases
@@ -30,11 +34,27 @@ KINDS = {  # of the files in the folder of an envelope
     "boundary.csv": table_kind("table", COMMAND, "criterion,along,"),
     "summary.json": json_kind("summary", COMMAND),
     "envelope.png": figure_kind(COMMAND),
-    "journal.jsonl": journal_kind(WORK),
     "report.html": html_kind(COMMAND),
 }
+_BAND = "band.csv"
+JOURNAL = "journal.jsonl"
 _SLICES = 4  # panels of a figure of three quantities, for each criterion
+_FAINT = 0.75  # opacity of shares of draws
+_LEVELS = [i / 10 for i in range(11)]
 Row = list[Any]
+Table = tuple[list[str], list[Row]]
+
+
+def name_journal(draw: int) -> str:
+    """Return the file of the runs of a draw, from 1."""
+    return f"journal_{draw}.jsonl"
+
+
+def list_kinds(draws: int) -> dict[str, Kind]:
+    """Return all files in the folder of an envelope; `draws` searches make its band."""
+    journals = [JOURNAL, *(name_journal(number) for number in range(1, draws + 1))]
+    band = {_BAND: table_kind("table", COMMAND, "", ",share: ")} if draws else {}
+    return KINDS | band | dict.fromkeys(journals, journal_kind(WORK))
 
 
 def list_points(search: Search) -> tuple[list[str], list[Row]]:
@@ -83,11 +103,22 @@ def make_command(search: Search, point: Point) -> list[str]:
     return search.planner.make_command(search.values(point), stop)
 
 
-def summarise_envelope(search: Search) -> dict:
-    """Condense what was found into a dictionary that can be written as JSON."""
+def summarise_envelope(
+    search: Search, band: Sequence[Search] = (), shares: Table | None = None
+) -> dict:
+    """Condense what was found into a dictionary that can be written as JSON.
+
+    Args:
+        search: the boundary.
+        band: searches with draws of a fit.
+        shares: of `dockloop.studies.envelopes.band.list_shares`, with a band.
+    """
     planner, mesh = search.planner, search.mesh
     status = Counter(result.status for result in search.runs.values())
     criteria = [_summarise_criterion(search, number) for number in range(len(search.criteria))]
+    for number, criterion in enumerate(criteria):
+        if shares:
+            criterion["band"] = summarise_band(band, number, shares[1])
     full = (mesh.size + 1) ** mesh.dimensions
     summary: dict = {
         MADE_BY: COMMAND,
@@ -112,7 +143,10 @@ def summarise_envelope(search: Search) -> dict:
         "status": dict(status),
         "checks": {"points": len(search.checks), "differ": sum(search.checks.values())},
         "units": list_units(search),
-        "time": {"ran": search.ran, "wall": search.wall},
+        "time": {
+            "ran": sum(each.ran for each in (search, *band)),
+            "wall": sum(each.wall for each in (search, *band)),
+        },
     }
     reasons = Counter(result.reason for result in search.runs.values() if result.reason)
     if planner.assured is not None:
@@ -175,6 +209,12 @@ def report_envelope(summary: dict) -> list[Section]:
     """Return the report of an envelope; `summary` is that of `summarise_envelope`."""
     title = f"{summary['scene']}: {summary['title']}"
     heads = ("criterion", "part of the box", "boundary points")
+    bands = [
+        (c["text"], f"{b['met']['low']:.1%} to {b['met']['high']:.1%}", f"{b['always']:.1%}",
+         f"{b['sometimes']:.1%}")
+        for c in summary["criteria"] if (b := c.get("band"))
+    ]  # fmt: skip
+    band_heads = ("criterion", "part of the box, by draw", "met by all draws", "by some")
     met = (
         (c["text"], _say_part(c, summary["dockings"]), c["boundary_points"])
         for c in summary["criteria"]
@@ -187,6 +227,7 @@ def report_envelope(summary: dict) -> list[Section]:
     return [
         Section(title, table=[FACTS, *_list_facts(summary)], points=summary.get("not_seen", [])),
         Section("Where the criteria are met", table=[heads, *met]),
+        Section("With parameters drawn from the fit", table=[band_heads, *bands] if bands else []),
         Section("Quantities", table=[("quantity", "range", "boundary within +-"), *axes]),
         *(
             Section(
@@ -240,18 +281,22 @@ def complete_report(summary: dict, planner: Any, figures: Sequence[Path]) -> lis
     ]
 
 
-def write_tables(search: Search, folder: Path) -> list[Path]:
-    """Write both tables; returns the files. Raises DockloopError: one cannot be written."""
+def write_tables(search: Search, folder: Path, shares: Table | None) -> list[Path]:
+    """Write the tables; returns the files. Raises DockloopError: one cannot be written."""
     tables = {"points.csv": list_points(search), "boundary.csv": list_boundary(search)}
+    if shares:
+        tables[_BAND] = shares
+    kinds = list_kinds(int(shares is not None))
     for name, table in tables.items():
-        write_csv(folder / name, KINDS[name], *table)
+        write_csv(folder / name, kinds[name], *table)
     return [folder / name for name in tables]
 
 
-def draw_envelope(search: Search) -> Any:
+def draw_envelope(search: Search, shares: Table | None = None) -> Any:
     """Draw where every criterion is met; returns a ``matplotlib.figure.Figure``.
 
     Three quantities give slices: a row for every criterion, a panel for every value of the third.
+    In a plane `shares` of draws are shown behind the boundary.
     """
     from matplotlib.figure import Figure
 
@@ -264,6 +309,8 @@ def draw_envelope(search: Search) -> Any:
     axes = figure.subplots(rows, columns, squeeze=False)
     for (number, height), axis in zip(product(range(count), heights), axes.flat, strict=True):
         _draw_panel(axis, search, number, height)
+        if flat and shares:
+            _draw_shares(figure, axis, number, shares[1])
     figure.suptitle(search.planner.base["title"], fontsize="medium")
     return figure
 
@@ -304,6 +351,16 @@ def _draw_panel(axis: Any, search: Search, number: int, height: int) -> None:
     axis.set_title(title, fontsize="small", wrap=True)
     if axis.get_legend_handles_labels()[0]:
         axis.legend(loc="upper left", bbox_to_anchor=(0.0, -0.16), ncols=2, fontsize="x-small")
+
+
+def _draw_shares(figure: Any, axis: Any, number: int, rows: list[Row]) -> None:
+    """Draw which share of draws meets a criterion, over the cells of the boundary."""
+    side = math.isqrt(len(rows))
+    x, y, share = (
+        np.array([row[column] for row in rows]).reshape(side, side) for column in (0, 1, 2 + number)
+    )
+    filled = axis.contourf(x, y, share, levels=_LEVELS, cmap=SHARES, alpha=_FAINT, zorder=1.5)
+    figure.colorbar(filled, ax=axis, label="share of draws", shrink=0.8)
 
 
 def set_axes(axis: Any, search: Search) -> None:
